@@ -1,0 +1,7 @@
+//! Echoloop on the host: the waveform front end, registration, the optimiser, experiments and the command line.
+
+pub mod cloud;
+pub mod optimize;
+pub mod pose;
+pub mod registration;
+pub mod report;

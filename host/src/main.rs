@@ -1,0 +1,2 @@
+//! The `echoloop` command.
+fn main() {}

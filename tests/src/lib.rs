@@ -1,0 +1,1 @@
+//! Twins and vectors shared by the cross-crate tests.
