@@ -1,1 +1,3 @@
-//! The world around the sensor.
+//! The world around the sensor: scenes, ray casting, the scanner, and the boards the firmware runs on.
+
+pub mod vector;

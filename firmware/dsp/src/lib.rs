@@ -1,3 +1,48 @@
+//! Echo detection for a full-waveform LiDAR: ADC codes in, echoes out.
+//!
+//! Fixed point throughout the sample path, no allocation, no clock, no I/O. The stages, in the order they run:
+//!
+//! | stage | module | in | out |
+//! |---|---|---|---|
+//! | ambient light, noise | [`statistics`] | codes | ambient Q1.15, σ̂ Q13.19 |
+//! | saturation, baseline | [`baseline`] | codes | `x`, Q1.15 |
+//! | matched filter | [`filter`] | `x` | `y`, Q1.15 |
+//! | thresholds, peaks | [`detect`] | `y` | candidates |
+//! | sub-sample time | [`refine`] | `y` around a candidate | time Q16.16, height, width |
+//! | range, amplitude, SNR | [`echo`] | the refined peak | [`Echo`] |
+//!
+//! [`Settings`] is what a user may set, with its one table [`PARAMETERS`]; [`Config`] is what the stages read, derived
+//! from it once; [`Pipeline`] runs them. Every format and rounding rule is stated at its stage and followed, bit for bit,
+//! by an `f64` twin in the tests.
 #![no_std]
 #![forbid(unsafe_code)]
-//! x
+
+pub mod baseline;
+pub mod config;
+pub mod detect;
+pub mod echo;
+pub mod filter;
+pub mod pipeline;
+pub mod project;
+pub mod q;
+pub mod refine;
+pub mod refusal;
+pub mod settings;
+pub mod statistics;
+pub mod template;
+
+pub use config::{Config, Hardware};
+pub use echo::{Echo, Echoes, Flags};
+pub use pipeline::{Pipeline, Scratch};
+pub use project::ScanPattern;
+pub use refusal::{Reason, Refusal};
+pub use settings::{Kind, PARAMETERS, Parameter, ParameterId, Settings};
+
+/// Samples a waveform may hold: the widest waveform resolution of [`PARAMETERS`].
+pub const MAX_SAMPLES: usize = 2400;
+
+/// Taps a template may hold: 20 ns at 3.02 GS/s need 121.
+pub const MAX_TAPS: usize = 127;
+
+/// Echoes a waveform may yield.
+pub const MAX_ECHOES: usize = 4;

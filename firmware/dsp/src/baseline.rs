@@ -1,0 +1,23 @@
+//! Saturation and baseline: codes become fractions of full scale around the ambient light.
+
+/// Clips codes at the saturation level and removes the ambient light.
+///
+/// ```text
+/// x[n] = (min(code[n], S) << (15 − b)) − a
+/// ```
+///
+/// | name | meaning | format | shape |
+/// |---|---|---|---|
+/// | `code` | ADC codes, b bits | integers | `[N]` |
+/// | `S` | saturation level | code | scalar |
+/// | `a` | ambient | Q1.15 | scalar |
+/// | `x` | fraction of full scale | Q1.15, saturating | `[N]` |
+///
+/// Exact: nothing is rounded, and with b ≤ 14 nothing saturates.
+#[inline(always)]
+pub fn remove(codes: &[u16], clip_code: u16, shift: u32, ambient: i32, x: &mut [i16]) {
+    let ambient = ambient.clamp(-0x8000, 0x7fff) as i16;
+    for (x, &code) in x.iter_mut().zip(codes) {
+        *x = ((code.min(clip_code) << shift) as i16).saturating_sub(ambient);
+    }
+}

@@ -1,0 +1,197 @@
+//! From settings to what the stages read: done once, when new settings are committed.
+
+use crate::refusal::Refusal;
+use crate::settings::{Settings, TIMING_WALK_CORRECTED};
+use crate::template::Template;
+
+/// Speed of light, m/s.
+pub const SPEED_OF_LIGHT_M_S: u64 = 299_792_458;
+
+/// What the sensor's hardware fixes: no setting changes it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Hardware {
+    /// Resolution of the ADC, 8 to 14 bits.
+    pub adc_bits: u32,
+    /// Range of the first sample, mm.
+    pub range_min_mm: u32,
+    /// Range one window after it, mm.
+    pub range_max_mm: u32,
+    /// Greatest pulse energy, pJ.
+    pub energy_limit_pj: u32,
+}
+
+impl Hardware {
+    /// The reference sensor: 12 bits, 1 to 120 m, 400 nJ.
+    pub const REFERENCE: Self =
+        Self { adc_bits: 12, range_min_mm: 1_000, range_max_mm: 120_000, energy_limit_pj: 400_000 };
+
+    /// The largest code, full scale.
+    pub const fn full_scale_code(&self) -> u16 {
+        ((1 << self.adc_bits) - 1) as u16
+    }
+
+    /// Left shift that brings a code to Q1.15.
+    pub const fn code_shift(&self) -> u32 {
+        15 - self.adc_bits
+    }
+}
+
+/// Sample period that spreads `bins` over the window: 2 (R_max − R_min) / (c·N), to the nearest femtosecond.
+///
+/// The emitter's trigger, the ADC's clock divider and the range conversion all use this one integer.
+pub const fn sample_period_fs(bins: u32, hardware: &Hardware) -> u32 {
+    let round_trip_mm = 2 * (hardware.range_max_mm - hardware.range_min_mm) as u64;
+    let denominator = bins as u64 * SPEED_OF_LIGHT_M_S;
+    ((round_trip_mm * 1_000_000_000_000 + denominator / 2) / denominator) as u32
+}
+
+/// Everything the stages read, derived from one [`Settings`].
+#[derive(Clone, Debug)]
+pub struct Config {
+    pub(crate) samples: usize,
+    pub(crate) code_shift: u32,
+    /// Codes at or above it are saturated.
+    pub(crate) clip_code: u16,
+    pub(crate) template: Template,
+    /// N on the filter's output, Q1.15.
+    pub(crate) floor: i32,
+    /// k, Q8.8.
+    pub(crate) snr_threshold: u32,
+    pub(crate) upsampling_log2: u32,
+    pub(crate) walk_corrected: bool,
+    /// Smallest distance of two candidates, samples.
+    pub(crate) min_separation: u32,
+    pub(crate) echoes: usize,
+    pub(crate) echo_choice: i32,
+    /// Sample period.
+    pub(crate) sample_period_fs: u32,
+    /// Range of sample 0, 1/256 mm.
+    pub(crate) range_origin: i64,
+    /// Range per sample, 1/256 mm, 16 more fraction bits.
+    pub(crate) range_step: i64,
+}
+
+impl Config {
+    /// Derives the stages' constants.
+    ///
+    /// # Errors
+    ///
+    /// [`Refusal`] of the first field that [`Settings::check`] does not take.
+    pub fn new(settings: &Settings, hardware: &Hardware) -> Result<Self, Refusal> {
+        settings.check(hardware)?;
+        let period_fs = sample_period_fs(settings.bins as u32, hardware);
+        let template = Template::sin_squared(settings.pulse_width_ps as u32, period_fs);
+        let range_step = range_step(period_fs);
+        Ok(Self {
+            samples: settings.bins as usize,
+            code_shift: hardware.code_shift(),
+            clip_code: clip_code(settings, hardware),
+            floor: scaled_floor(settings, &template),
+            template,
+            snr_threshold: (settings.snr_threshold_milli as u32 * 256 + 500) / 1000,
+            upsampling_log2: settings.upsampling.ilog2(),
+            walk_corrected: settings.timing == TIMING_WALK_CORRECTED,
+            min_separation: min_separation(settings, range_step),
+            echoes: settings.echoes as usize,
+            echo_choice: settings.echo_choice,
+            sample_period_fs: period_fs,
+            range_origin: i64::from(hardware.range_min_mm) * 256,
+            range_step,
+        })
+    }
+
+    /// Samples of a waveform.
+    pub fn samples(&self) -> usize {
+        self.samples
+    }
+
+    /// Time between samples, femtoseconds.
+    pub fn sample_period_fs(&self) -> u32 {
+        self.sample_period_fs
+    }
+
+    /// The matched filter's taps and gains.
+    pub fn template(&self) -> &Template {
+        &self.template
+    }
+
+    /// The lowest saturated code.
+    pub fn clip_code(&self) -> u16 {
+        self.clip_code
+    }
+
+    /// Noise-floor threshold on the filter's output, Q1.15.
+    pub fn floor(&self) -> i32 {
+        self.floor
+    }
+
+    /// Smallest distance of two candidates, samples.
+    pub fn min_separation(&self) -> u32 {
+        self.min_separation
+    }
+
+    /// Range per sample, 1/256 mm with 16 more fraction bits.
+    pub fn range_step(&self) -> i64 {
+        self.range_step
+    }
+}
+
+/// S as a code: the nearest, full scale at most.
+fn clip_code(settings: &Settings, hardware: &Hardware) -> u16 {
+    let full_scale = u64::from(hardware.full_scale_code());
+    ((settings.saturation_ppm as u64 * full_scale + 500_000) / 1_000_000) as u16
+}
+
+/// N is an amplitude; the filter scales amplitudes by its peak gain.
+fn scaled_floor(settings: &Settings, template: &Template) -> i32 {
+    ((settings.noise_floor_ppm as u64 * u64::from(template.peak_gain()) + 500_000) / 1_000_000) as i32
+}
+
+/// c/2 per sample: fs × m/s = 10⁻¹² mm, times 256 × 2¹⁶ / 2.
+fn range_step(period_fs: u32) -> i64 {
+    let scaled = (u128::from(period_fs) * u128::from(SPEED_OF_LIGHT_M_S)) << 23;
+    ((scaled + 500_000_000_000) / 1_000_000_000_000) as i64
+}
+
+/// ΔR in samples, the nearest, at least 1; 1.14·cW/2 when it follows the pulse.
+fn min_separation(settings: &Settings, range_step: i64) -> u32 {
+    let separation_um = match settings.min_separation_mm {
+        Some(mm) => i64::from(mm) * 1000,
+        // 1.14 × c/2 = 170.88 µm per ps
+        None => i64::from(settings.pulse_width_ps) * 17_088 / 100,
+    };
+    let numerator = (separation_um * 256) << 16;
+    let denominator = range_step * 1000;
+    ((numerator + denominator / 2) / denominator).max(1) as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bins_give_the_sample_rate_of_the_physics() {
+        // f_s = c·N / (2 (R_max − R_min)): 794 bins are 1 GS/s, 2400 are 3.02 GS/s.
+        let rate = |bins| 1e6 / f64::from(sample_period_fs(bins, &Hardware::REFERENCE));
+        assert!((rate(794) - 1.0001).abs() < 1e-3);
+        assert!((rate(2400) - 3.023).abs() < 1e-3);
+    }
+
+    #[test]
+    fn the_last_bin_lies_one_step_before_the_far_end() {
+        for bins in [200, 800, 2400] {
+            let settings = Settings { bins, pulse_width_ps: 10_000, power_cw: 3_000, ..Settings::default() };
+            let config = Config::new(&settings, &Hardware::REFERENCE).unwrap();
+            let span_mm = (config.range_step() * i64::from(bins)) as f64 / 256.0 / 65536.0;
+            assert!((span_mm - 119_000.0).abs() < 1.0, "{bins} bins span {span_mm} mm");
+        }
+    }
+
+    #[test]
+    fn the_default_separation_is_what_a_matched_filter_can_split() {
+        let config = Config::new(&Settings::default(), &Hardware::REFERENCE).unwrap();
+        let expected = 1.14 * 0.299_792_458 * 5.0 / 2.0 / 0.14875;
+        assert!((f64::from(config.min_separation()) - expected).abs() <= 0.5);
+    }
+}

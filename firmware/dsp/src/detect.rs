@@ -1,0 +1,236 @@
+//! Thresholds and peaks.
+
+use heapless::Vec;
+
+use crate::config::Config;
+use crate::q::shift_round;
+use crate::settings::{CHOICE_FIRST, CHOICE_LAST};
+use crate::statistics::Statistics;
+use crate::{MAX_ECHOES, MAX_SAMPLES};
+
+/// Candidates held at a time; when more turn up, the weakest goes.
+pub const MAX_CANDIDATES: usize = 32;
+
+/// A local maximum of the filter's output.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Peak {
+    /// The sample, the first of a plateau.
+    pub index: u16,
+    /// The output there, Q1.15.
+    pub height: i16,
+}
+
+/// Peaks by rising index.
+pub type Peaks = Vec<Peak, MAX_CANDIDATES>;
+
+/// Detection threshold and what it rests on.
+///
+/// ```text
+/// σ_y = σ̂ · r              noise after the filter
+/// T   = max(g·N, k·σ_y, 1 LSB)
+/// ```
+///
+/// | name | meaning | format |
+/// |---|---|---|
+/// | `σ_y` | filtered noise, nearest | Q13.19 |
+/// | `k` | SNR threshold | Q8.8 |
+/// | `T` | threshold on `y`, nearest, at most 1 − 2⁻¹⁵ | Q1.15 |
+///
+/// N and k are the paper's two thresholds (Sec. 3.2): the larger rules.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Threshold {
+    /// σ_y, Q13.19.
+    pub sigma: u32,
+    /// T, Q1.15.
+    pub level: i16,
+}
+
+impl Threshold {
+    /// The threshold for a waveform with these statistics.
+    pub fn of(config: &Config, statistics: &Statistics) -> Self {
+        let noise_gain = i64::from(config.template.noise_gain());
+        let sigma = shift_round(i64::from(statistics.sigma) * noise_gain, 15);
+        let by_noise = shift_round(sigma * i64::from(config.snr_threshold), 12);
+        let level = by_noise.max(i64::from(config.floor)).clamp(1, 0x7fff);
+        Self { sigma: sigma as u32, level: level as i16 }
+    }
+}
+
+/// How far `y` must fall from a peak, or rise from a valley, to count: half the threshold and a sixteenth of the height,
+/// whichever is more.
+///
+/// Noise alone makes no second peak on an echo, shot noise included; two equal echoes split once the valley between them is
+/// a sixteenth deep.
+#[inline(always)]
+pub fn hysteresis(height: i16, threshold: i16) -> i16 {
+    (threshold >> 1).max(height >> 4)
+}
+
+enum State {
+    Idle,
+    Rising(Peak),
+    Falling(i16),
+}
+
+/// Finds the local maxima of `y` at or above the threshold, with [`hysteresis`], by rising index.
+///
+/// ```text
+/// idle     y ≥ T                         → rising
+/// rising   y > peak: the new peak;   y < peak − h(peak): a peak is found → falling
+/// falling  y < valley: the new valley;   y < T/2 → idle;   y ≥ T and y > valley + h(y) → rising
+/// ```
+#[inline(always)]
+pub fn peaks(y: &[i16], threshold: i16, found: &mut Peaks) {
+    found.clear();
+    let mut state = State::Idle;
+    for (block, values) in y.chunks(BLOCK).enumerate() {
+        if matches!(state, State::Idle) && !reaches(values, threshold) {
+            continue;
+        }
+        for (i, &value) in values.iter().enumerate() {
+            let here = Peak { index: (block * BLOCK + i) as u16, height: value };
+            state = step(state, here, threshold, found);
+        }
+    }
+    if let State::Rising(peak) = state {
+        insert(found, peak);
+    }
+}
+
+/// Whether any value reaches the threshold. Looks at all of them, which vectorises; stopping early would not.
+#[inline(always)]
+fn reaches(values: &[i16], threshold: i16) -> bool {
+    values.iter().fold(false, |any, &v| any | (v >= threshold))
+}
+
+/// Samples skipped at a time while nothing is near the threshold.
+const BLOCK: usize = 32;
+
+const _: () = assert!(MAX_SAMPLES <= u16::MAX as usize);
+
+#[inline(always)]
+fn step(state: State, here: Peak, threshold: i16, found: &mut Peaks) -> State {
+    match state {
+        State::Idle if here.height >= threshold => State::Rising(here),
+        State::Idle => State::Idle,
+        State::Rising(peak) if here.height > peak.height => State::Rising(here),
+        State::Rising(peak) if here.height < peak.height - hysteresis(peak.height, threshold) => {
+            insert(found, peak);
+            fallen(here.height, threshold)
+        }
+        State::Rising(peak) => State::Rising(peak),
+        State::Falling(valley) if here.height < valley => fallen(here.height, threshold),
+        State::Falling(valley)
+            if here.height >= threshold
+                && i32::from(here.height) > i32::from(valley) + i32::from(hysteresis(here.height, threshold)) =>
+        {
+            State::Rising(here)
+        }
+        State::Falling(valley) => State::Falling(valley),
+    }
+}
+
+#[inline(always)]
+fn fallen(valley: i16, threshold: i16) -> State {
+    if valley < threshold >> 1 { State::Idle } else { State::Falling(valley) }
+}
+
+/// Adds a peak; when there is no room, the weakest of all goes (of equals, the last).
+fn insert(found: &mut Peaks, peak: Peak) {
+    if found.push(peak).is_ok() {
+        return;
+    }
+    let weakest = found.iter().rev().min_by_key(|p| p.height).copied();
+    if let Some(weakest) = weakest.filter(|w| w.height < peak.height) {
+        found.retain(|p| *p != weakest);
+        let _ = found.push(peak); // one has just gone
+    }
+}
+
+/// Keeps, strongest first, each peak that lies at least `min_separation` samples from every stronger one kept.
+pub fn separate(found: &mut Peaks, min_separation: u32) {
+    if found.len() < 2 {
+        return;
+    }
+    let mut waiting = found.clone();
+    found.clear();
+    while let Some(strongest) = take_strongest(&mut waiting) {
+        if found.iter().all(|kept| u32::from(kept.index.abs_diff(strongest.index)) >= min_separation) {
+            let _ = found.push(strongest); // no more than were there
+        }
+    }
+    found.sort_unstable_by_key(|p| p.index);
+}
+
+/// Removes and returns the highest, of equals the first.
+fn take_strongest(peaks: &mut Peaks) -> Option<Peak> {
+    let best = peaks.iter().copied().reduce(|a, b| if b.height > a.height { b } else { a })?;
+    peaks.retain(|p| *p != best);
+    Some(best)
+}
+
+/// The peaks that become echoes: at most `count`, the strongest, first or last, in that order.
+pub fn choose(mut found: Peaks, count: usize, choice: i32) -> Vec<Peak, MAX_ECHOES> {
+    let mut chosen = Vec::new();
+    while chosen.len() < count {
+        let next = match choice {
+            CHOICE_FIRST if found.is_empty() => None,
+            CHOICE_FIRST => Some(found.remove(0)),
+            CHOICE_LAST => found.pop(),
+            _ => take_strongest(&mut found),
+        };
+        let Some(peak) = next else { break };
+        if chosen.push(peak).is_err() {
+            break;
+        }
+    }
+    chosen
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn find(y: &[i16], threshold: i16) -> Peaks {
+        let mut found = Peaks::new();
+        peaks(y, threshold, &mut found);
+        found
+    }
+
+    #[test]
+    fn a_plateau_peaks_at_its_first_sample() {
+        assert_eq!(find(&[0, 10, 50, 50, 50, 10, 0], 20)[..], [Peak { index: 2, height: 50 }]);
+    }
+
+    #[test]
+    fn ripple_smaller_than_the_hysteresis_is_one_peak() {
+        assert_eq!(find(&[0, 100, 95, 101, 96, 0], 20).len(), 1);
+        assert_eq!(find(&[0, 100, 60, 101, 96, 0], 20).len(), 2);
+    }
+
+    #[test]
+    fn an_echo_still_rising_at_the_end_is_found() {
+        assert_eq!(find(&[0, 0, 30, 40], 20)[..], [Peak { index: 3, height: 40 }]);
+    }
+
+    #[test]
+    fn the_weaker_of_two_close_peaks_goes_and_its_own_neighbour_stays() {
+        let mut found = Peaks::new();
+        for (index, height) in [(10, 5), (14, 6), (18, 7)] {
+            found.push(Peak { index, height }).unwrap();
+        }
+        separate(&mut found, 6);
+        assert_eq!(found.iter().map(|p| p.index).collect::<Vec<_, 4>>()[..], [10, 18]);
+    }
+
+    #[test]
+    fn when_there_is_no_room_the_weakest_peak_goes() {
+        let mut y = [0i16; 400];
+        for i in 0..40 {
+            y[10 * i + 5] = 100 + i as i16;
+        }
+        let found = find(&y, 20);
+        assert_eq!(found.len(), MAX_CANDIDATES);
+        assert!(found.iter().all(|p| p.height >= 108));
+    }
+}

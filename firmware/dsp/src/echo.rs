@@ -1,0 +1,154 @@
+//! What the sensor reports of a waveform.
+
+use core::ops::{BitOr, BitOrAssign};
+
+use fixed::types::{U1F15, U8F8, U12F4, U24F8};
+use heapless::Vec;
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
+use crate::MAX_ECHOES;
+use crate::config::Config;
+use crate::detect::Threshold;
+use crate::q::{divide_round, saturate_u16, shift_round};
+use crate::refine::Refined;
+
+/// One echo.
+///
+/// | field | meaning | format |
+/// |---|---|---|
+/// | range | slant range, mm | U24.8, nearest |
+/// | amplitude | height of the pulse over ambient, fraction of full scale; a lower bound when saturated | U1.15, nearest |
+/// | width | width at half height after the filter, ns | U12.4, nearest |
+/// | snr | height over σ, both after the filter: what k is compared with | U8.8, rounded down |
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct Echo {
+    /// Slant range, U24.8 mm.
+    pub range: u32,
+    /// Amplitude, U1.15 of full scale.
+    pub amplitude: u16,
+    /// Filtered width, U12.4 ns.
+    pub width: u16,
+    /// SNR, U8.8.
+    pub snr: u16,
+    /// What to know about it.
+    pub flags: Flags,
+}
+
+impl Echo {
+    /// Slant range in millimetres.
+    pub fn range_mm(&self) -> U24F8 {
+        U24F8::from_bits(self.range)
+    }
+
+    /// Slant range in metres.
+    pub fn range_m(&self) -> f64 {
+        self.range_mm().to_num::<f64>() / 1e3
+    }
+
+    /// Amplitude as a fraction of full scale.
+    pub fn amplitude_fraction(&self) -> U1F15 {
+        U1F15::from_bits(self.amplitude)
+    }
+
+    /// Filtered width in nanoseconds.
+    pub fn width_ns(&self) -> U12F4 {
+        U12F4::from_bits(self.width)
+    }
+
+    /// Height over σ after the filter.
+    pub fn snr_ratio(&self) -> U8F8 {
+        U8F8::from_bits(self.snr)
+    }
+
+    /// Turns a refined peak into an echo; `None` when it lies before range 0.
+    pub(crate) fn of(config: &Config, refined: &Refined, threshold: &Threshold) -> Option<Self> {
+        let along = shift_round(refined.time * config.range_step, 32);
+        let range = u32::try_from(config.range_origin + along).ok()?;
+        let height = refined.height.max(0);
+        let mut flags = refined.flags;
+        if 4 * height < 5 * i32::from(threshold.level) {
+            flags |= Flags::LOW_CONFIDENCE;
+        }
+        Some(Self {
+            range,
+            amplitude: saturate_u16(config.template.amplitude(height)),
+            width: width(config, refined.width),
+            snr: snr(height, threshold.sigma),
+            flags,
+        })
+    }
+}
+
+/// Q16.16 samples to U12.4 ns: `round(w · fs / 2¹⁶ · 16 / 10⁶)`.
+fn width(config: &Config, width: i64) -> u16 {
+    saturate_u16(divide_round(width * i64::from(config.sample_period_fs), 1_000_000 << 12))
+}
+
+/// Q1.15 over Q13.19 to U8.8, rounded down.
+fn snr(height: i32, sigma: u32) -> u16 {
+    saturate_u16((i64::from(height) << 12) / i64::from(sigma.max(1)))
+}
+
+/// A set of remarks on an echo. Bits are only ever appended: they are on the wire.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Flags(pub u8);
+
+impl Flags {
+    /// Nothing to remark.
+    pub const NONE: Self = Self(0);
+    /// A code of the echo reached the saturation level: the amplitude is a lower bound.
+    pub const SATURATED: Self = Self(1);
+    /// The valley to a neighbour lies above half the height: time and width are biased.
+    pub const MERGED: Self = Self(2);
+    /// Less than a quarter above the threshold.
+    pub const LOW_CONFIDENCE: Self = Self(4);
+    /// The time comes from the two edges instead of the top.
+    pub const WALK_CORRECTED: Self = Self(8);
+    /// The echo runs over the end of the window.
+    pub const TRUNCATED: Self = Self(16);
+
+    /// Names of the bits, lowest first.
+    pub const NAMES: [&str; 5] = ["saturated", "merged", "low-confidence", "walk-corrected", "truncated"];
+
+    /// Whether every flag of `other` is set.
+    pub fn contains(self, other: Self) -> bool {
+        self.0 & other.0 == other.0
+    }
+
+    /// Names of the flags that are set.
+    pub fn names(self) -> impl Iterator<Item = &'static str> {
+        Self::NAMES.into_iter().enumerate().filter(move |(bit, _)| self.0 >> bit & 1 == 1).map(|(_, name)| name)
+    }
+}
+
+impl BitOr for Flags {
+    type Output = Self;
+    fn bitor(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+}
+
+impl BitOrAssign for Flags {
+    fn bitor_assign(&mut self, other: Self) {
+        self.0 |= other.0;
+    }
+}
+
+/// The echoes of one waveform.
+pub type Echoes = Vec<Echo, MAX_ECHOES>;
+
+#[cfg(feature = "defmt")]
+impl defmt::Format for Echo {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        defmt::write!(
+            f,
+            "{} mm, amplitude {}/32768, snr {}/256, {}",
+            self.range >> 8,
+            self.amplitude,
+            self.snr,
+            self.flags
+        );
+    }
+}

@@ -1,0 +1,130 @@
+//! The stages in a row.
+
+use crate::config::{Config, Hardware};
+use crate::detect::{self, Peaks, Threshold};
+use crate::echo::{Echo, Echoes};
+use crate::filter::{self, Kernel, PADDING};
+use crate::refine;
+use crate::refusal::Refusal;
+use crate::settings::Settings;
+use crate::statistics::Statistics;
+use crate::{MAX_SAMPLES, MAX_TAPS, baseline};
+
+/// Working memory of one waveform: about 10 kB, reused for every waveform.
+///
+/// What it holds between waveforms saves time but never changes a result.
+#[derive(Clone, Debug)]
+pub struct Scratch {
+    /// x with zeros around it: `half` before, the rest behind.
+    padded: [i16; MAX_SAMPLES + MAX_TAPS + PADDING],
+    y: [i16; MAX_SAMPLES],
+    peaks: Peaks,
+    statistics: Statistics,
+    /// Samples of `padded` that are not zero: `start..end`.
+    filled: (usize, usize),
+}
+
+impl Default for Scratch {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Scratch {
+    /// Empty memory.
+    pub const fn new() -> Self {
+        Self {
+            padded: [0; MAX_SAMPLES + MAX_TAPS + PADDING],
+            y: [0; MAX_SAMPLES],
+            peaks: Peaks::new(),
+            statistics: Statistics { median: 0, deviation: 0, ambient: 0, sigma: 0 },
+            filled: (0, 0),
+        }
+    }
+
+    /// Ambient and noise of the last waveform.
+    pub fn statistics(&self) -> &Statistics {
+        &self.statistics
+    }
+
+    /// The filter's output for the last waveform of `samples` samples.
+    pub fn filtered(&self, samples: usize) -> &[i16] {
+        &self.y[..samples.min(MAX_SAMPLES)]
+    }
+}
+
+/// The echo detector: a configuration and the order of the stages.
+#[derive(Clone, Debug)]
+pub struct Pipeline {
+    config: Config,
+}
+
+impl Pipeline {
+    /// Configures the stages.
+    ///
+    /// # Errors
+    ///
+    /// [`Refusal`] of the first field that [`Settings::check`] does not take.
+    pub fn new(settings: &Settings, hardware: &Hardware) -> Result<Self, Refusal> {
+        Ok(Self { config: Config::new(settings, hardware)? })
+    }
+
+    /// What the stages read.
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// Finds the echoes of one waveform of ADC codes. Samples beyond [`MAX_SAMPLES`] are ignored; none give none.
+    ///
+    /// `kernel` is the filter's inner product ([`filter::Portable`] everywhere). Inlined into its caller, so that a board may
+    /// compile the whole for the vector unit it has found at run time.
+    #[inline(always)]
+    pub fn process(&self, kernel: impl Kernel, codes: &[u16], scratch: &mut Scratch) -> Echoes {
+        let config = &self.config;
+        let codes = &codes[..codes.len().min(MAX_SAMPLES)];
+        let statistics = Statistics::of(codes, config.code_shift, &scratch.statistics);
+        scratch.statistics = statistics;
+        self.filter(kernel, codes, &statistics, scratch);
+        let threshold = Threshold::of(config, &statistics);
+        detect::peaks(&scratch.y[..codes.len()], threshold.level, &mut scratch.peaks);
+        if scratch.peaks.is_empty() {
+            return Echoes::new();
+        }
+        self.report(codes, scratch, &threshold)
+    }
+
+    /// Baseline and matched filter: `scratch.y[..codes.len()]`.
+    #[inline(always)]
+    fn filter(&self, kernel: impl Kernel, codes: &[u16], statistics: &Statistics, scratch: &mut Scratch) {
+        let config = &self.config;
+        let start = config.template.half();
+        let end = start + codes.len();
+        let (old_start, old_end) = scratch.filled;
+        scratch.padded[old_start.min(start)..start].fill(0);
+        scratch.padded[end..old_end.max(end)].fill(0);
+        scratch.filled = (start, end);
+        let x = &mut scratch.padded[start..end];
+        baseline::remove(codes, config.clip_code, config.code_shift, statistics.ambient, x);
+        let length = codes.len().next_multiple_of(16).min(MAX_SAMPLES);
+        filter::correlate(kernel, config.template.taps_in_pairs(), &scratch.padded, &mut scratch.y[..length]);
+    }
+
+    /// From candidates to echoes. Rarely more than a few: not inlined.
+    #[inline(never)]
+    fn report(&self, codes: &[u16], scratch: &mut Scratch, threshold: &Threshold) -> Echoes {
+        let config = &self.config;
+        let y = &scratch.y[..codes.len()];
+        detect::separate(&mut scratch.peaks, config.min_separation);
+        let chosen = detect::choose(scratch.peaks.clone(), config.echoes, config.echo_choice);
+        let mut echoes = Echoes::new();
+        for peak in chosen {
+            let refined = refine::refine(config, codes, y, peak, threshold.level);
+            if let Some(echo) = Echo::of(config, &refined, threshold) {
+                let _ = echoes.push(echo); // choose() gives no more than fit
+            }
+        }
+        echoes
+    }
+}
+
+const _: () = assert!(MAX_SAMPLES.is_multiple_of(16), "the filter writes whole blocks");

@@ -1,0 +1,121 @@
+//! Why a setting was refused: the field and the bound, so that whoever asked can mend it.
+
+use core::fmt;
+
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
+use crate::settings::{Kind, Parameter, ParameterId};
+
+/// One refused field. The sensor keeps the settings it had.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Refusal {
+    /// The field at fault.
+    pub field: ParameterId,
+    /// The value that was asked for, in the field's wire unit.
+    pub value: i32,
+    /// What is wrong with it.
+    pub reason: Reason,
+}
+
+/// What is wrong with a value. Bounds are in the field's wire unit unless said otherwise.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Reason {
+    /// Below the least value.
+    BelowMinimum {
+        /// The least value.
+        minimum: i32,
+    },
+    /// Above the greatest value.
+    AboveMaximum {
+        /// The greatest value.
+        maximum: i32,
+    },
+    /// None of the values this field takes.
+    NotAChoice,
+    /// A value of the table that this firmware does not run yet.
+    NotImplemented,
+    /// Pulse energy, power × width, in picojoules.
+    EnergyAboveLimit {
+        /// Energy asked for.
+        energy_pj: u32,
+        /// The emitter's limit.
+        limit_pj: u32,
+    },
+    /// The saturation level must lie above the noise floor. Both in ppm of full scale.
+    SaturationNotAboveFloor {
+        /// The noise floor.
+        floor_ppm: i32,
+    },
+    /// Fewer than 2.5 samples per pulse width.
+    Undersampled {
+        /// The sample period the resolution gives.
+        sample_period_fs: u32,
+    },
+}
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let p = self.field.parameter();
+        write!(f, "{} {}", p.name, InUnit(p, self.value))?;
+        match self.reason {
+            Reason::BelowMinimum { minimum } => write!(f, " is below its minimum {}", InUnit(p, minimum)),
+            Reason::AboveMaximum { maximum } => write!(f, " is above its maximum {}", InUnit(p, maximum)),
+            Reason::NotAChoice => write!(f, " is none of {}", Choices(p)),
+            Reason::NotImplemented => write!(f, " is not implemented by this firmware; it runs {}", Choices(p)),
+            Reason::EnergyAboveLimit { energy_pj, limit_pj } => write!(
+                f,
+                " times pulse_width is {:.1} nJ, above the pulse energy limit of {:.1} nJ",
+                f64::from(energy_pj) / 1e3,
+                f64::from(limit_pj) / 1e3
+            ),
+            Reason::SaturationNotAboveFloor { floor_ppm } => {
+                write!(f, " is not above noise_floor {} of full scale", f64::from(floor_ppm) / 1e6)
+            }
+            Reason::Undersampled { sample_period_fs } => write!(
+                f,
+                " spans fewer than 2.5 samples of {:.3} ns (raise it or waveform_resolution)",
+                f64::from(sample_period_fs) / 1e6
+            ),
+        }
+    }
+}
+
+impl core::error::Error for Refusal {}
+
+/// A wire value as people read it: scaled, with its unit, or its choice's name.
+struct InUnit<'a>(&'a Parameter, i32);
+
+impl fmt::Display for InUnit<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(parameter, code) = *self;
+        match parameter.kind {
+            Kind::Choice { names, .. } => match usize::try_from(code).ok().and_then(|i| names.get(i)) {
+                Some(name) => write!(f, "'{name}'"),
+                None => write!(f, "{code}"),
+            },
+            _ => {
+                write!(f, "{}", parameter.to_unit(code))?;
+                if parameter.unit.is_empty() { Ok(()) } else { write!(f, " {}", parameter.unit) }
+            }
+        }
+    }
+}
+
+/// The values that work.
+struct Choices<'a>(&'a Parameter);
+
+impl fmt::Display for Choices<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut separator = "";
+        for code in self.0.min..=self.0.max {
+            if self.0.runs(code) {
+                write!(f, "{separator}{}", InUnit(self.0, code))?;
+                separator = ", ";
+            }
+        }
+        Ok(())
+    }
+}

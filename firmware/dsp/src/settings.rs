@@ -1,0 +1,470 @@
+//! Θ_lidar: what may be set, and the one table of names, units, ranges and defaults.
+//!
+//! The optimiser's unit cube, the link's checks, the command line's help and the documentation all come from
+//! [`PARAMETERS`]. Values travel as integers in a *wire unit* fine enough for every use (`codes_per_unit` of them make one
+//! unit); only [`Parameter::to_unit`] and [`Parameter::to_code`] convert.
+
+use core::fmt;
+
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
+use crate::config::{Hardware, sample_period_fs};
+use crate::refusal::{Reason, Refusal};
+
+/// One whole set of sensor settings, in wire units. It is taken or refused whole.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Settings {
+    /// Peak laser power P, 0.01 W.
+    pub power_cw: i32,
+    /// Pulse width W (FWHM), ps.
+    pub pulse_width_ps: i32,
+    /// Analog gain G, 0.01 dB.
+    pub gain_cdb: i32,
+    /// Waveform resolution N_w, bins over the range window.
+    pub bins: i32,
+    /// Accumulated shots m.
+    pub shots: i32,
+    /// Saturation level S, ppm of ADC full scale.
+    pub saturation_ppm: i32,
+    /// Noise-floor threshold N, ppm of ADC full scale, on an echo's amplitude.
+    pub noise_floor_ppm: i32,
+    /// SNR threshold k, 0.001 σ of the filtered noise.
+    pub snr_threshold_milli: i32,
+    /// Upsampling ratio o of the interpolation around a candidate.
+    pub upsampling: i32,
+    /// Denoise filter, a choice.
+    pub denoise: i32,
+    /// Ambient estimator, a choice.
+    pub ambient: i32,
+    /// Timing method, a choice.
+    pub timing: i32,
+    /// Minimum echo separation ΔR, mm; `None` follows the pulse: 1.14·cW/2.
+    pub min_separation_mm: Option<i32>,
+    /// Echoes kept per waveform.
+    pub echoes: i32,
+    /// Which echoes are kept, a choice.
+    pub echo_choice: i32,
+}
+
+/// Names one field of [`Settings`]. Variants are only ever appended: their order is on the wire.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, Schema)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[allow(missing_docs, reason = "each is the field of Settings of that name")]
+pub enum ParameterId {
+    Power,
+    PulseWidth,
+    Gain,
+    WaveformResolution,
+    Shots,
+    Saturation,
+    NoiseFloor,
+    SnrThreshold,
+    Upsampling,
+    Denoise,
+    Ambient,
+    Timing,
+    MinSeparation,
+    Echoes,
+    EchoChoice,
+}
+
+/// How a parameter's values lie.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Kind {
+    /// Any value of the range.
+    Real {
+        /// Searched on a logarithmic scale.
+        log: bool,
+    },
+    /// Whole numbers of the range.
+    Integer,
+    /// 1, 2, 4, … up to the maximum; `runs_to` is the largest this firmware runs.
+    PowerOfTwo {
+        /// The largest value that works.
+        runs_to: i32,
+    },
+    /// One of several methods; the value is the index of its name.
+    Choice {
+        /// Their names.
+        names: &'static [&'static str],
+        /// Bit i is set when method i works.
+        works: u32,
+    },
+}
+
+/// A row of [`PARAMETERS`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Parameter {
+    /// The field it describes.
+    pub id: ParameterId,
+    /// Its name in configuration files and messages.
+    pub name: &'static str,
+    /// Its symbol in the paper.
+    pub symbol: &'static str,
+    /// Its unit; empty for plain numbers.
+    pub unit: &'static str,
+    /// How its values lie.
+    pub kind: Kind,
+    /// Wire units per unit.
+    pub codes_per_unit: i32,
+    /// The least value, in wire units.
+    pub min: i32,
+    /// The greatest value, in wire units.
+    pub max: i32,
+    /// The default, in wire units; `None` where it follows other settings.
+    pub default: Option<i32>,
+    /// Where it acts, in a few words.
+    pub acts_in: &'static str,
+}
+
+const fn row(id: ParameterId, name: &'static str, symbol: &'static str, unit: &'static str, kind: Kind) -> Parameter {
+    Parameter { id, name, symbol, unit, kind, codes_per_unit: 1, min: 0, max: 0, default: None, acts_in: "" }
+}
+
+impl Parameter {
+    const fn codes(self, codes_per_unit: i32, min: i32, max: i32, default: i32) -> Self {
+        Self { codes_per_unit, min, max, default: Some(default), ..self }
+    }
+
+    const fn follows(self) -> Self {
+        Self { default: None, ..self }
+    }
+
+    const fn acts(self, acts_in: &'static str) -> Self {
+        Self { acts_in, ..self }
+    }
+
+    /// A wire value in the parameter's unit.
+    pub fn to_unit(&self, code: i32) -> f64 {
+        f64::from(code) / f64::from(self.codes_per_unit)
+    }
+
+    /// The nearest wire value; saturates, and NaN becomes `i32::MIN`, which every range refuses.
+    pub fn to_code(&self, value: f64) -> i32 {
+        if value.is_nan() {
+            return i32::MIN;
+        }
+        let scaled = value * f64::from(self.codes_per_unit);
+        let nearest = if scaled < 0.0 { scaled - 0.5 } else { scaled + 0.5 };
+        nearest as i32 // `as` saturates
+    }
+
+    /// Whether this firmware runs the value (it may be in the table and yet not built).
+    pub fn runs(&self, code: i32) -> bool {
+        match self.kind {
+            Kind::Choice { works, .. } => (0..32).contains(&code) && works >> code & 1 == 1,
+            Kind::PowerOfTwo { runs_to } => code > 0 && code & (code - 1) == 0 && code <= runs_to,
+            _ => (self.min..=self.max).contains(&code),
+        }
+    }
+
+    fn check(&self, value: i32) -> Result<(), Refusal> {
+        let refuse = |reason| Err(Refusal { field: self.id, value, reason });
+        match self.kind {
+            Kind::Choice { names, .. } if value < 0 || value as usize >= names.len() => refuse(Reason::NotAChoice),
+            _ if value < self.min => refuse(Reason::BelowMinimum { minimum: self.min }),
+            _ if value > self.max => refuse(Reason::AboveMaximum { maximum: self.max }),
+            Kind::PowerOfTwo { .. } if value & (value - 1) != 0 => refuse(Reason::NotAChoice),
+            _ if !self.runs(value) => refuse(Reason::NotImplemented),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Index of the matched filter among the denoise filters.
+pub const DENOISE_MATCHED: i32 = 2;
+/// Index of the median among the ambient estimators.
+pub const AMBIENT_MEDIAN: i32 = 0;
+/// Index of the parabola among the timing methods.
+pub const TIMING_PARABOLA: i32 = 1;
+/// Index of the walk-corrected method among the timing methods.
+pub const TIMING_WALK_CORRECTED: i32 = 3;
+/// Index of "strongest" among the echo choices.
+pub const CHOICE_STRONGEST: i32 = 0;
+/// Index of "first" among the echo choices.
+pub const CHOICE_FIRST: i32 = 1;
+/// Index of "last" among the echo choices.
+pub const CHOICE_LAST: i32 = 2;
+
+/// The parameter table: every name, unit, range and default of Θ_lidar, once.
+pub const PARAMETERS: [Parameter; 15] = {
+    use Kind::{Choice, Integer, PowerOfTwo, Real};
+    use ParameterId as Id;
+    let real = Real { log: false };
+    let log = Real { log: true };
+    [
+        row(Id::Power, "power", "P", "W", log).codes(100, 500, 10_000, 7_500).acts("front end"),
+        row(Id::PulseWidth, "pulse_width", "W", "ns", real)
+            .codes(1000, 2_000, 20_000, 5_000)
+            .acts("front end, template"),
+        row(Id::Gain, "gain", "G", "dB", real).codes(100, -1_000, 3_000, 0).acts("front end"),
+        row(Id::WaveformResolution, "waveform_resolution", "N_w", "bins", Integer)
+            .codes(1, 200, 2400, 800)
+            .acts("ADC clock"),
+        row(Id::Shots, "shots", "m", "", PowerOfTwo { runs_to: 1 }).codes(1, 1, 16, 1).acts("DSP accumulation"),
+        row(Id::Saturation, "saturation", "S", "of full scale", real)
+            .codes(1_000_000, 250_000, 1_000_000, 1_000_000)
+            .acts("DSP clip"),
+        row(Id::NoiseFloor, "noise_floor", "N", "of full scale", log)
+            .codes(1_000_000, 100, 200_000, 4_000)
+            .acts("DSP threshold"),
+        row(Id::SnrThreshold, "snr_threshold", "k", "sigma", real)
+            .codes(1000, 2_500, 8_000, 4_700)
+            .acts("DSP threshold"),
+        row(Id::Upsampling, "upsampling", "o", "", PowerOfTwo { runs_to: 8 })
+            .codes(1, 1, 8, 1)
+            .acts("DSP interpolation"),
+        row(Id::Denoise, "denoise", "", "", Choice { names: &["none", "gaussian", "matched"], works: 0b100 })
+            .codes(1, 0, 2, DENOISE_MATCHED)
+            .acts("DSP filter"),
+        row(Id::Ambient, "ambient", "", "", Choice { names: &["median", "pre-trigger", "none"], works: 0b001 })
+            .codes(1, 0, 2, AMBIENT_MEDIAN)
+            .acts("DSP baseline"),
+        row(
+            Id::Timing,
+            "timing",
+            "",
+            "",
+            Choice { names: &["rising-edge", "parabola", "cfd", "walk-corrected"], works: 0b1010 },
+        )
+        .codes(1, 0, 3, TIMING_WALK_CORRECTED)
+        .acts("DSP timing"),
+        row(Id::MinSeparation, "min_separation", "ΔR", "m", real)
+            .codes(1000, 300, 3_000, 855)
+            .follows()
+            .acts("DSP peaks"),
+        row(Id::Echoes, "echoes", "E", "", Integer).codes(1, 1, 4, 1).acts("DSP peaks"),
+        row(Id::EchoChoice, "echo_choice", "", "", Choice { names: &["strongest", "first", "last"], works: 0b111 })
+            .codes(1, 0, 2, CHOICE_STRONGEST)
+            .acts("DSP peaks"),
+    ]
+};
+
+impl ParameterId {
+    /// Its row of the table.
+    pub fn parameter(self) -> &'static Parameter {
+        &PARAMETERS[self as usize]
+    }
+
+    /// The parameter of that name.
+    pub fn by_name(name: &str) -> Option<Self> {
+        PARAMETERS.iter().find(|p| p.name == name).map(|p| p.id)
+    }
+}
+
+impl fmt::Display for ParameterId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.parameter().name)
+    }
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        let mut settings = Self {
+            power_cw: 0,
+            pulse_width_ps: 0,
+            gain_cdb: 0,
+            bins: 0,
+            shots: 0,
+            saturation_ppm: 0,
+            noise_floor_ppm: 0,
+            snr_threshold_milli: 0,
+            upsampling: 0,
+            denoise: 0,
+            ambient: 0,
+            timing: 0,
+            min_separation_mm: None,
+            echoes: 0,
+            echo_choice: 0,
+        };
+        for parameter in &PARAMETERS {
+            settings.set(parameter.id, parameter.default);
+        }
+        settings
+    }
+}
+
+impl Settings {
+    /// The value of one field, in wire units; `None` where it follows other settings.
+    pub fn get(&self, id: ParameterId) -> Option<i32> {
+        use ParameterId as Id;
+        Some(match id {
+            Id::Power => self.power_cw,
+            Id::PulseWidth => self.pulse_width_ps,
+            Id::Gain => self.gain_cdb,
+            Id::WaveformResolution => self.bins,
+            Id::Shots => self.shots,
+            Id::Saturation => self.saturation_ppm,
+            Id::NoiseFloor => self.noise_floor_ppm,
+            Id::SnrThreshold => self.snr_threshold_milli,
+            Id::Upsampling => self.upsampling,
+            Id::Denoise => self.denoise,
+            Id::Ambient => self.ambient,
+            Id::Timing => self.timing,
+            Id::MinSeparation => return self.min_separation_mm,
+            Id::Echoes => self.echoes,
+            Id::EchoChoice => self.echo_choice,
+        })
+    }
+
+    /// Sets one field, in wire units. `None` returns a field to following others; where it cannot follow, nothing happens.
+    pub fn set(&mut self, id: ParameterId, value: Option<i32>) {
+        use ParameterId as Id;
+        if id == Id::MinSeparation {
+            self.min_separation_mm = value;
+            return;
+        }
+        let Some(value) = value else { return };
+        match id {
+            Id::Power => self.power_cw = value,
+            Id::PulseWidth => self.pulse_width_ps = value,
+            Id::Gain => self.gain_cdb = value,
+            Id::WaveformResolution => self.bins = value,
+            Id::Shots => self.shots = value,
+            Id::Saturation => self.saturation_ppm = value,
+            Id::NoiseFloor => self.noise_floor_ppm = value,
+            Id::SnrThreshold => self.snr_threshold_milli = value,
+            Id::Upsampling => self.upsampling = value,
+            Id::Denoise => self.denoise = value,
+            Id::Ambient => self.ambient = value,
+            Id::Timing => self.timing = value,
+            Id::MinSeparation => {}
+            Id::Echoes => self.echoes = value,
+            Id::EchoChoice => self.echo_choice = value,
+        }
+    }
+
+    /// Checks S > N, every field against the table, then pulse energy and sampling.
+    ///
+    /// # Errors
+    ///
+    /// The first [`Refusal`], in that order.
+    pub fn check(&self, hardware: &Hardware) -> Result<(), Refusal> {
+        self.check_saturation()?; // first: it says more than either field's range
+        for parameter in &PARAMETERS {
+            if let Some(value) = self.get(parameter.id) {
+                parameter.check(value)?;
+            }
+        }
+        self.check_energy(hardware)?;
+        self.check_sampling(hardware)
+    }
+
+    fn check_energy(&self, hardware: &Hardware) -> Result<(), Refusal> {
+        // 0.01 W × 1 ps = 0.01 pJ; in range the product is below 2 × 10⁸.
+        let energy_pj = (self.power_cw as u32 * self.pulse_width_ps as u32).div_ceil(100);
+        if energy_pj <= hardware.energy_limit_pj {
+            return Ok(());
+        }
+        let reason = Reason::EnergyAboveLimit { energy_pj, limit_pj: hardware.energy_limit_pj };
+        Err(Refusal { field: ParameterId::Power, value: self.power_cw, reason })
+    }
+
+    fn check_saturation(&self) -> Result<(), Refusal> {
+        if self.saturation_ppm > self.noise_floor_ppm {
+            return Ok(());
+        }
+        let reason = Reason::SaturationNotAboveFloor { floor_ppm: self.noise_floor_ppm };
+        Err(Refusal { field: ParameterId::Saturation, value: self.saturation_ppm, reason })
+    }
+
+    fn check_sampling(&self, hardware: &Hardware) -> Result<(), Refusal> {
+        let period_fs = sample_period_fs(self.bins as u32, hardware);
+        if 2_000 * self.pulse_width_ps as u64 >= 5 * u64::from(period_fs) {
+            return Ok(());
+        }
+        let reason = Reason::Undersampled { sample_period_fs: period_fs };
+        Err(Refusal { field: ParameterId::PulseWidth, value: self.pulse_width_ps, reason })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use super::*;
+    use std::string::ToString;
+
+    #[test]
+    fn rows_stand_in_the_order_of_their_ids() {
+        for (i, parameter) in PARAMETERS.iter().enumerate() {
+            assert_eq!(parameter.id as usize, i, "{}", parameter.name);
+            assert_eq!(ParameterId::by_name(parameter.name), Some(parameter.id));
+        }
+    }
+
+    #[test]
+    fn every_field_reads_back_what_was_set() {
+        let mut settings = Settings::default();
+        for (i, parameter) in PARAMETERS.iter().enumerate() {
+            settings.set(parameter.id, Some(1000 + i as i32));
+        }
+        for (i, parameter) in PARAMETERS.iter().enumerate() {
+            assert_eq!(settings.get(parameter.id), Some(1000 + i as i32), "{}", parameter.name);
+        }
+    }
+
+    #[test]
+    fn the_defaults_are_accepted() {
+        Settings::default().check(&Hardware::REFERENCE).unwrap();
+    }
+
+    #[test]
+    fn both_ends_of_every_range_are_accepted_by_its_row_and_the_next_value_is_not() {
+        for parameter in &PARAMETERS {
+            let ends = [parameter.min, parameter.max];
+            for end in ends.into_iter().filter(|&end| parameter.runs(end)) {
+                assert_eq!(parameter.check(end), Ok(()), "{} {end}", parameter.name);
+            }
+            assert!(parameter.check(parameter.min - 1).is_err(), "{}", parameter.name);
+            assert!(parameter.check(parameter.max + 1).is_err(), "{}", parameter.name);
+        }
+    }
+
+    #[test]
+    fn a_refusal_names_the_field_the_value_and_the_bound() {
+        let refusal = |change: fn(&mut Settings)| {
+            let mut settings = Settings::default();
+            change(&mut settings);
+            settings.check(&Hardware::REFERENCE).unwrap_err().to_string()
+        };
+        let cases: [(fn(&mut Settings), &str); 9] = [
+            (|s| s.pulse_width_ps = 25_000, "pulse_width 25 ns is above its maximum 20 ns"),
+            (|s| s.gain_cdb = -1_001, "gain -10.01 dB is below its minimum -10 dB"),
+            (
+                |s| s.power_cw = 10_000,
+                "power 100 W times pulse_width is 500.0 nJ, above the pulse energy limit of 400.0 nJ",
+            ),
+            (
+                |s| (s.saturation_ppm, s.noise_floor_ppm) = (150_000, 200_000),
+                "saturation 0.15 of full scale is not above noise_floor 0.2 of full scale",
+            ),
+            (
+                |s| s.bins = 200,
+                "pulse_width 5 ns spans fewer than 2.5 samples of 3.969 ns (raise it or waveform_resolution)",
+            ),
+            (|s| s.upsampling = 3, "upsampling 3 is none of 1, 2, 4, 8"),
+            (|s| s.shots = 4, "shots 4 is not implemented by this firmware; it runs 1"),
+            (
+                |s| s.timing = 2,
+                "timing 'cfd' is not implemented by this firmware; it runs 'parabola', 'walk-corrected'",
+            ),
+            (|s| s.denoise = 9, "denoise 9 is none of 'matched'"),
+        ];
+        for (change, message) in cases {
+            assert_eq!(refusal(change), message);
+        }
+    }
+
+    #[test]
+    fn units_and_codes_convert_there_and_back() {
+        for parameter in &PARAMETERS {
+            for code in [parameter.min, parameter.max, i32::midpoint(parameter.min, parameter.max)] {
+                assert_eq!(parameter.to_code(parameter.to_unit(code)), code, "{}", parameter.name);
+            }
+            assert!(parameter.check(parameter.to_code(f64::NAN)).is_err(), "{}", parameter.name);
+            assert!(parameter.check(parameter.to_code(f64::INFINITY)).is_err(), "{}", parameter.name);
+        }
+    }
+}

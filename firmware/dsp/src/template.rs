@@ -1,0 +1,128 @@
+//! The emitted pulse as filter taps.
+
+use heapless::Vec;
+use micromath::F32Ext;
+
+use crate::MAX_TAPS;
+use crate::q::{shift_round, sqrt_floor};
+
+/// A symmetric template of the emitted pulse, and what the filter does to amplitudes and noise.
+///
+/// ```text
+/// p(t) = sin²(πt / 2τ) = (1 + cos(π u / τ)) / 2,   u = t − τ,  |u| < τ = W
+/// h[k] = ⌊ 32767 · p(k/f_s) / Σ p ⌋               k = −K..K, so Σ|h| ≤ 1 in Q1.15
+/// g    = Σ h p        height of a filtered echo over its amplitude, about 3/4
+/// r    = √Σ h²        σ of filtered white noise over σ
+/// ```
+///
+/// | name | format | shape |
+/// |---|---|---|
+/// | `h` | Q1.15 | `[2K + 1]`, at most [`MAX_TAPS`], centre at K |
+/// | `g` | Q1.15 | scalar |
+/// | `1/g` | Q2.14 | scalar |
+/// | `r` | Q1.15 | scalar |
+///
+/// The cosine is micromath's (error below 1.1 × 10⁻³), in `f32` without fused multiply-add: the same taps on every machine.
+/// (Called as `F32Ext::cos`: where std is in the build, `x.cos()` would silently be std's.) One half is computed and mirrored: the taps are symmetric to the bit, so a symmetric echo has no bias in time.
+#[derive(Clone, Debug)]
+pub struct Template {
+    /// The taps and one zero.
+    taps: Vec<i16, { MAX_TAPS + 1 }>,
+    peak_gain: u16,
+    inverse_gain: u16,
+    noise_gain: u16,
+}
+
+impl Template {
+    /// The sin² pulse of a full width at half maximum, sampled with a period. Widths that need more than [`MAX_TAPS`] taps
+    /// are cut to them; no accepted setting does.
+    pub fn sin_squared(width_ps: u32, sample_period_fs: u32) -> Self {
+        let samples_per_width = width_ps as f32 * 1000.0 / sample_period_fs as f32;
+        let half = half_length(samples_per_width);
+        let pulse = |k: usize| 0.5 + 0.5 * F32Ext::cos(core::f32::consts::PI * k as f32 / samples_per_width);
+        let mut sum = pulse(0);
+        for k in 1..=half {
+            sum += 2.0 * pulse(k);
+        }
+        let tap = |k: usize| (32767.0 * pulse(k) / sum) as i16; // towards zero: the sum stays within 1
+        let mut taps = Vec::new();
+        for i in 0..2 * half + 1 {
+            let _ = taps.push(tap(i.abs_diff(half))); // half is bounded by MAX_TAPS: never full
+        }
+        let _ = taps.push(0);
+        let height: f32 = (0..2 * half + 1).map(|i| f32::from(tap(i.abs_diff(half))) * pulse(i.abs_diff(half))).sum();
+        Self::from_taps(taps, height as u32)
+    }
+
+    /// Any symmetric taps; `height` is Σ h p in Q1.15.
+    fn from_taps(taps: Vec<i16, { MAX_TAPS + 1 }>, height: u32) -> Self {
+        let peak_gain = height.clamp(1 << 13, 0x7fff) as u16;
+        let energy: u64 = taps.iter().map(|&h| (i64::from(h) * i64::from(h)) as u64).sum();
+        Self {
+            peak_gain,
+            inverse_gain: ((1 << 29) / u32::from(peak_gain)).min(0xffff) as u16,
+            noise_gain: sqrt_floor(energy) as u16,
+            taps,
+        }
+    }
+
+    /// The taps, Q1.15, centre in the middle.
+    pub fn taps(&self) -> &[i16] {
+        self.taps.split_last().map_or(&[], |(_, taps)| taps)
+    }
+
+    /// The taps and one zero, so that they go in pairs.
+    pub fn taps_in_pairs(&self) -> &[i16] {
+        &self.taps
+    }
+
+    /// Taps on either side of the centre.
+    pub fn half(&self) -> usize {
+        self.taps().len() / 2
+    }
+
+    /// g: height of a filtered echo over its amplitude, Q1.15.
+    pub fn peak_gain(&self) -> u16 {
+        self.peak_gain
+    }
+
+    /// r: σ of filtered white noise over σ, Q1.15.
+    pub fn noise_gain(&self) -> u16 {
+        self.noise_gain
+    }
+
+    /// The amplitude whose filtered height is `height`, both Q1.15: `round(height / g)`.
+    pub fn amplitude(&self, height: i32) -> i64 {
+        shift_round(i64::from(height) * i64::from(self.inverse_gain), 14)
+    }
+}
+
+/// K: the last sample strictly inside the pulse.
+fn half_length(samples_per_width: f32) -> usize {
+    let last = F32Ext::ceil(samples_per_width) as i32 - 1;
+    last.clamp(0, (MAX_TAPS / 2) as i32) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn taps_are_symmetric_positive_and_add_up_to_at_most_one() {
+        for width_ps in (2_000..=20_000).step_by(377) {
+            for period_fs in [330_780, 500_000, 992_354, 800_000] {
+                let template = Template::sin_squared(width_ps, period_fs);
+                let taps = template.taps();
+                assert!(taps.iter().eq(taps.iter().rev()));
+                let sum: i32 = taps.iter().map(|&h| i32::from(h)).sum();
+                assert!(sum <= 0x7fff && sum > 0x7fff - taps.len() as i32, "{width_ps} ps: {sum}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_well_sampled_pulse_keeps_three_quarters_of_its_height() {
+        let template = Template::sin_squared(5_000, 330_780);
+        assert!((f64::from(template.peak_gain()) / 32768.0 - 0.75).abs() < 2e-3);
+    }
+}
