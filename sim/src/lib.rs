@@ -1,3 +1,4 @@
 //! The world around the sensor: scenes, ray casting, the scanner, and the boards the firmware runs on.
 
+pub mod board;
 pub mod vector;

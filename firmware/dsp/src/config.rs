@@ -1,5 +1,8 @@
 //! From settings to what the stages read: done once, when new settings are committed.
 
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
 use crate::refusal::Refusal;
 use crate::settings::{Settings, TIMING_WALK_CORRECTED};
 use crate::template::Template;
@@ -8,7 +11,7 @@ use crate::template::Template;
 pub const SPEED_OF_LIGHT_M_S: u64 = 299_792_458;
 
 /// What the sensor's hardware fixes: no setting changes it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Hardware {
     /// Resolution of the ADC, 8 to 14 bits.

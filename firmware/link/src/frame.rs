@@ -1,0 +1,135 @@
+//! Frames: COBS, CRC-32C, sequence numbers.
+
+use core::fmt;
+
+use crc::{CRC_32_ISCSI, Crc};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+/// CRC-32C (Castagnoli): over everything a frame carries, before any of it is believed.
+pub(crate) const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
+
+/// Bytes a frame carries at most: sequence, body and checksum.
+pub const MAX_PAYLOAD: usize = 2048;
+
+/// Bytes a frame takes on the wire at most: COBS adds one in 254, zeros stand at both ends.
+pub const MAX_FRAME: usize = MAX_PAYLOAD + MAX_PAYLOAD.div_ceil(254) + 2;
+
+/// What is wrong with a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum FrameError {
+    /// Longer than [`MAX_PAYLOAD`].
+    TooLong,
+    /// Not COBS.
+    Cobs,
+    /// The checksum does not match, or there is no room for one.
+    Crc,
+    /// Not a message of this schema, or bytes are left over.
+    Body {
+        /// The sequence number, which the checksum vouches for.
+        sequence: u16,
+    },
+}
+
+impl fmt::Display for FrameError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::TooLong => write!(f, "the frame is longer than {MAX_PAYLOAD} bytes"),
+            Self::Cobs => f.write_str("the frame is not COBS"),
+            Self::Crc => f.write_str("the frame's CRC-32C does not match"),
+            Self::Body { sequence } => write!(f, "frame {sequence} holds no message of this schema"),
+        }
+    }
+}
+
+impl core::error::Error for FrameError {}
+
+/// Writes one frame, delimiters included, and returns it.
+///
+/// # Errors
+///
+/// [`FrameError::TooLong`] when the body does not fit.
+pub fn encode<'a>(
+    sequence: u16,
+    body: &impl Serialize,
+    frame: &'a mut [u8; MAX_FRAME],
+) -> Result<&'a [u8], FrameError> {
+    let mut payload = [0; MAX_PAYLOAD];
+    payload[..2].copy_from_slice(&sequence.to_le_bytes());
+    let room = &mut payload[2..MAX_PAYLOAD - 4];
+    let end = 2 + postcard::to_slice(body, room).map_err(|_| FrameError::TooLong)?.len();
+    let checksum = CRC.checksum(&payload[..end]);
+    payload[end..end + 4].copy_from_slice(&checksum.to_le_bytes());
+    frame[0] = 0;
+    let length = cobs::encode(&payload[..end + 4], &mut frame[1..]);
+    frame[1 + length] = 0;
+    Ok(&frame[..length + 2])
+}
+
+/// Reads what stood between two delimiters, in place: sequence number and body.
+///
+/// # Errors
+///
+/// [`FrameError`]; nothing of a frame is looked at before its checksum holds, and nothing may be left over after its body.
+pub fn decode<T: DeserializeOwned>(frame: &mut [u8]) -> Result<(u16, T), FrameError> {
+    let length = cobs::decode_in_place(frame).map_err(|_| FrameError::Cobs)?;
+    let payload = frame.get(..length).ok_or(FrameError::Cobs)?;
+    let (content, checksum) = payload.split_last_chunk::<4>().ok_or(FrameError::Crc)?;
+    let (sequence, body) = content.split_first_chunk::<2>().ok_or(FrameError::Crc)?;
+    if CRC.checksum(content) != u32::from_le_bytes(*checksum) {
+        return Err(FrameError::Crc);
+    }
+    let sequence = u16::from_le_bytes(*sequence);
+    match postcard::take_from_bytes(body) {
+        Ok((message, [])) => Ok((sequence, message)),
+        _ => Err(FrameError::Body { sequence }),
+    }
+}
+
+/// Collects bytes into frames.
+///
+/// A frame ends at a zero. After an overflow everything up to the next zero is thrown away, so that the tail of an
+/// over-long frame is never taken for a frame of its own.
+#[derive(Clone, Debug)]
+pub struct Decoder {
+    buffer: [u8; MAX_FRAME],
+    length: usize,
+    skipping: bool,
+}
+
+impl Default for Decoder {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Decoder {
+    /// Nothing collected yet.
+    pub const fn new() -> Self {
+        Self { buffer: [0; MAX_FRAME], length: 0, skipping: false }
+    }
+
+    /// Takes one byte. At the end of a frame, gives its bytes to be [`decode`]d; an empty frame (two zeros in a row) is none.
+    pub fn push(&mut self, byte: u8) -> Option<Result<&mut [u8], FrameError>> {
+        if byte == 0 {
+            return self.finish();
+        }
+        match self.buffer.get_mut(self.length) {
+            Some(slot) => {
+                *slot = byte;
+                self.length += 1;
+            }
+            None => self.skipping = true,
+        }
+        None
+    }
+
+    fn finish(&mut self) -> Option<Result<&mut [u8], FrameError>> {
+        let length = core::mem::take(&mut self.length);
+        if core::mem::take(&mut self.skipping) {
+            return Some(Err(FrameError::TooLong));
+        }
+        if length == 0 { None } else { self.buffer.get_mut(..length).map(Ok) }
+    }
+}

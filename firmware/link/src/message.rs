@@ -1,0 +1,179 @@
+//! What host and sensor say to each other.
+//!
+//! Bodies are postcard, so positions are the format: variants and fields are only ever appended, and [`SCHEMA`] makes two
+//! builds that disagree refuse each other at hello.
+
+use echoloop_dsp::{Echoes, Hardware, Refusal, ScanPattern, Settings};
+use heapless::{String, Vec};
+use postcard_schema::Schema;
+use postcard_schema::key::Key;
+use serde::{Deserialize, Serialize};
+
+/// First bytes of every greeting.
+pub const MAGIC: [u8; 4] = *b"ECHO";
+
+/// Version of the conversation: what commands mean, beyond their bytes.
+pub const PROTOCOL: u16 = 1;
+
+/// Hash of the bytes' layout: FNV-1a over names and types of every message, computed when compiled.
+pub const SCHEMA: u64 = u64::from_le_bytes(Key::for_path::<(Command, Report)>("echoloop/link").to_bytes());
+
+/// Beams a [`Report::Beams`] holds at most: with four echoes each they fill a frame.
+pub const BEAMS_PER_REPORT: usize = 32;
+
+/// From host to sensor. Every command is idempotent: said twice, it answers twice and acts once.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub enum Command {
+    /// Opens a session. Everything else before it is answered with [`Nack::NotReady`].
+    Hello(Greeting),
+    /// Checks a whole set of settings and holds it ready. Nothing changes yet.
+    Stage(Settings),
+    /// Makes the staged settings the active ones, at the next frame boundary.
+    Commit {
+        /// What [`Report::Staged`] answered.
+        hash: u32,
+        /// The generation this one follows: compare and swap.
+        base_generation: u32,
+    },
+    /// Asks for the active settings.
+    ReadSettings,
+    /// Measures beams `first..first + count` of scan `frame`, at most [`BEAMS_PER_REPORT`].
+    ReadBeams {
+        /// Number of the scan; a new number is a frame boundary.
+        frame: u32,
+        /// First beam.
+        first: u32,
+        /// How many.
+        count: u16,
+    },
+    /// Asks how the link has been.
+    ReadCounters,
+}
+
+/// From sensor to host: the answer to the command of the same sequence number.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
+#[allow(clippy::large_enum_variant, reason = "lives for one frame, and there is no heap to box it on")]
+pub enum Report {
+    /// The sensor's greeting, and what it is.
+    Hello {
+        /// Its magic, protocol and schema.
+        greeting: Greeting,
+        /// Name and version of the firmware.
+        build: String<32>,
+        /// What its hardware fixes.
+        hardware: Hardware,
+        /// Where its beams point.
+        pattern: ScanPattern,
+    },
+    /// The command was understood and not carried out.
+    Nack(Nack),
+    /// The settings were not taken; the old ones stay.
+    Refused(Refusal),
+    /// The settings are held ready.
+    Staged {
+        /// Their hash, which commits them.
+        hash: u32,
+    },
+    /// The settings are active, or will be from the next frame on.
+    Committed {
+        /// Their generation.
+        generation: u32,
+        /// Their hash.
+        hash: u32,
+    },
+    /// The active settings.
+    Settings {
+        /// Their generation.
+        generation: u32,
+        /// Their hash.
+        hash: u32,
+        /// Themselves.
+        settings: Settings,
+    },
+    /// Echoes of consecutive beams.
+    Beams {
+        /// Number of the scan.
+        frame: u32,
+        /// The first beam.
+        first: u32,
+        /// Generation of the settings that made them.
+        generation: u32,
+        /// Hash of those settings.
+        hash: u32,
+        /// The echoes, beam by beam.
+        beams: Vec<Echoes, BEAMS_PER_REPORT>,
+    },
+    /// How the link has been.
+    Counters(Counters),
+}
+
+/// Who speaks, and which language. Its bytes never change: magic, then protocol and schema in fixed little endian.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Greeting {
+    /// [`MAGIC`].
+    pub magic: [u8; 4],
+    /// [`PROTOCOL`].
+    #[serde(with = "postcard::fixint::le")]
+    pub protocol: u16,
+    /// [`SCHEMA`].
+    #[serde(with = "postcard::fixint::le")]
+    pub schema: u64,
+}
+
+impl Greeting {
+    /// This build's.
+    pub const OURS: Self = Self { magic: MAGIC, protocol: PROTOCOL, schema: SCHEMA };
+}
+
+/// Why a command was not carried out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Nack {
+    /// No matching hello has been said.
+    NotReady,
+    /// The frame's checksum held but its body is no command of this schema.
+    Unintelligible,
+    /// Commit of a hash other than the staged one (0: nothing is staged).
+    NotStaged {
+        /// Hash of what is staged.
+        staged: u32,
+    },
+    /// Commit on top of a generation other than the active one.
+    WrongGeneration {
+        /// The active one.
+        generation: u32,
+    },
+    /// The beams asked for do not exist or are too many for one report.
+    NoSuchBeams {
+        /// Beams of a scan.
+        beams: u32,
+    },
+    /// The front end did not answer on its bus.
+    FrontEnd,
+}
+
+/// How the link has been since the sensor started.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Counters {
+    /// Frames that arrived whole.
+    pub frames: u32,
+    /// Frames whose checksum failed.
+    pub crc_failures: u32,
+    /// Frames that were not COBS.
+    pub cobs_failures: u32,
+    /// Frames too long to hold.
+    pub overflows: u32,
+    /// Frames whose body was no command.
+    pub unintelligible: u32,
+    /// Settings refused.
+    pub refusals: u32,
+}
+
+/// CRC-32C of the settings' postcard bytes: what a commit and every scan name them by. Never 0.
+pub fn settings_hash(settings: &Settings) -> u32 {
+    let mut bytes = [0; 96];
+    let length = postcard::to_slice(settings, &mut bytes).map_or(0, |b| b.len());
+    crate::frame::CRC.checksum(&bytes[..length]).max(1)
+}

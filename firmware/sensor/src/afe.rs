@@ -1,0 +1,129 @@
+//! Drivers of the analog front end: laser driver and converter, each behind SPI.
+//!
+//! Both speak registers: one byte of address (bit 7: write), four bytes of value, most significant first. Settings are
+//! written and read back; a register that does not hold what was written is a fault.
+
+use echoloop_dsp::config::{Hardware, SPEED_OF_LIGHT_M_S, sample_period_fs};
+use echoloop_dsp::settings::Settings;
+use embedded_hal::spi::{Operation, SpiDevice};
+
+use crate::board::Board;
+
+/// Address bit of a write.
+pub const WRITE: u8 = 0x80;
+
+/// Registers of the laser driver.
+pub mod emitter {
+    /// Reads [`ID_VALUE`].
+    pub const ID: u8 = 0;
+    /// Peak power, 0.01 W.
+    pub const POWER: u8 = 1;
+    /// Full width at half maximum, ps.
+    pub const PULSE_WIDTH: u8 = 2;
+    /// Number of the scan.
+    pub const FRAME: u8 = 3;
+    /// Beam to fire at; writing it fires.
+    pub const FIRE: u8 = 4;
+    /// What [`ID`] reads.
+    pub const ID_VALUE: u32 = 0xEC40_0001;
+}
+
+/// Registers of the amplifier and converter.
+pub mod adc {
+    /// Reads [`ID_VALUE`].
+    pub const ID: u8 = 0;
+    /// Analog gain, 0.01 dB, two's complement.
+    pub const GAIN: u8 = 1;
+    /// Clock divider: sample period, fs.
+    pub const SAMPLE_PERIOD: u8 = 2;
+    /// From the trigger to sample 0, fs.
+    pub const DELAY: u8 = 3;
+    /// Samples a shot.
+    pub const SAMPLES: u8 = 4;
+    /// What [`ID`] reads.
+    pub const ID_VALUE: u32 = 0xEC41_0001;
+}
+
+/// What can go wrong on a bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum AfeError {
+    /// The bus failed.
+    Bus,
+    /// Another device answers, or none.
+    WrongDevice {
+        /// What its ID register read.
+        id: u32,
+    },
+    /// A register does not hold what was written.
+    Verify {
+        /// Its address.
+        register: u8,
+    },
+}
+
+/// Trigger to sample 0: there and back to the first range, and half a pulse, because an echo's time is its middle.
+pub fn delay_fs(settings: &Settings, hardware: &Hardware) -> u32 {
+    // mm / (m/s) is ms; 10¹² fs are one.
+    let there_and_back = u64::from(2 * hardware.range_min_mm) * 1_000_000_000_000;
+    let flight = (there_and_back + SPEED_OF_LIGHT_M_S / 2) / SPEED_OF_LIGHT_M_S;
+    (flight + settings.pulse_width_ps as u64 * 1000) as u32
+}
+
+/// Writes a whole set of settings to both of a board's devices.
+///
+/// # Errors
+///
+/// [`AfeError`]; what was written before it stays written, so the caller should not go on with either set.
+pub fn apply(settings: &Settings, board: &mut impl Board) -> Result<(), AfeError> {
+    let hardware = board.hardware();
+    let spi = board.emitter();
+    identify(spi, emitter::ID, emitter::ID_VALUE)?;
+    write_verified(spi, emitter::POWER, settings.power_cw as u32)?;
+    write_verified(spi, emitter::PULSE_WIDTH, settings.pulse_width_ps as u32)?;
+    let spi = board.adc();
+    identify(spi, adc::ID, adc::ID_VALUE)?;
+    write_verified(spi, adc::GAIN, settings.gain_cdb as u32)?;
+    write_verified(spi, adc::SAMPLE_PERIOD, sample_period_fs(settings.bins as u32, &hardware))?;
+    write_verified(spi, adc::DELAY, delay_fs(settings, &hardware))?;
+    write_verified(spi, adc::SAMPLES, settings.bins as u32)
+}
+
+/// Tells the emitter which scan begins.
+///
+/// # Errors
+///
+/// [`AfeError`] when the bus fails or the register does not hold.
+pub fn begin_frame(emitter_spi: &mut impl SpiDevice, frame: u32) -> Result<(), AfeError> {
+    write_verified(emitter_spi, emitter::FRAME, frame)
+}
+
+/// Fires one shot.
+///
+/// # Errors
+///
+/// [`AfeError::Bus`].
+pub fn fire(emitter_spi: &mut impl SpiDevice, beam: u32) -> Result<(), AfeError> {
+    write(emitter_spi, emitter::FIRE, beam)
+}
+
+fn identify(spi: &mut impl SpiDevice, register: u8, expected: u32) -> Result<(), AfeError> {
+    let id = read(spi, register)?;
+    if id == expected { Ok(()) } else { Err(AfeError::WrongDevice { id }) }
+}
+
+fn write_verified(spi: &mut impl SpiDevice, register: u8, value: u32) -> Result<(), AfeError> {
+    write(spi, register, value)?;
+    if read(spi, register)? == value { Ok(()) } else { Err(AfeError::Verify { register }) }
+}
+
+fn write(spi: &mut impl SpiDevice, register: u8, value: u32) -> Result<(), AfeError> {
+    let [a, b, c, d] = value.to_be_bytes();
+    spi.write(&[register | WRITE, a, b, c, d]).map_err(|_| AfeError::Bus)
+}
+
+fn read(spi: &mut impl SpiDevice, register: u8) -> Result<u32, AfeError> {
+    let mut value = [0; 4];
+    spi.transaction(&mut [Operation::Write(&[register]), Operation::Read(&mut value)]).map_err(|_| AfeError::Bus)?;
+    Ok(u32::from_be_bytes(value))
+}

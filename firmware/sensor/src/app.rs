@@ -1,0 +1,178 @@
+//! The application: takes commands, drives the front end, runs the DSP, answers.
+
+use echoloop_dsp::{Echoes, MAX_SAMPLES, Pipeline, Scratch, Settings};
+use echoloop_link::{Answer, BEAMS_PER_REPORT, Command, Decoder, FrameError, MAX_FRAME, Nack, Report, Session};
+use embedded_io::{Read, ReadReady, Write};
+use heapless::Vec;
+
+use crate::afe::{self, AfeError};
+use crate::board::Board;
+
+/// Name and version of this firmware.
+pub const BUILD: &str = concat!("echoloop-sensor ", env!("CARGO_PKG_VERSION"));
+
+/// The link is gone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct LinkLost;
+
+/// What one set of settings turned into, and whose it is.
+struct Configured {
+    settings: Settings,
+    pipeline: Pipeline,
+}
+
+/// The sensor.
+pub struct App<B> {
+    board: B,
+    session: Session,
+    decoder: Decoder,
+    /// `None` until the front end has taken the active settings.
+    configured: Option<Configured>,
+    frame: Option<u32>,
+    scratch: Scratch,
+    codes: [u16; MAX_SAMPLES],
+    transmit: [u8; MAX_FRAME],
+}
+
+impl<B: Board> App<B> {
+    /// A sensor with default settings; the front end is set when it is first needed.
+    pub fn new(board: B) -> Self {
+        let session = Session::new(board.hardware(), board.pattern(), BUILD);
+        Self {
+            board,
+            session,
+            decoder: Decoder::new(),
+            configured: None,
+            frame: None,
+            scratch: Scratch::new(),
+            codes: [0; MAX_SAMPLES],
+            transmit: [0; MAX_FRAME],
+        }
+    }
+
+    /// The board, for those who put something on it.
+    pub fn board_mut(&mut self) -> &mut B {
+        &mut self.board
+    }
+
+    /// The conversation's state.
+    pub fn session(&self) -> &Session {
+        &self.session
+    }
+
+    /// Takes what has arrived and answers every whole frame. Returns when nothing is left to read.
+    ///
+    /// # Errors
+    ///
+    /// [`LinkLost`] when the link cannot be read or written; the sensor's state is as before the frame at hand.
+    pub fn poll(&mut self) -> Result<(), LinkLost> {
+        let mut chunk = [0; 64];
+        while self.board.link().read_ready().map_err(|_| LinkLost)? {
+            let length = self.board.link().read(&mut chunk).map_err(|_| LinkLost)?;
+            if length == 0 {
+                return Ok(());
+            }
+            for &byte in &chunk[..length] {
+                self.take_byte(byte)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn take_byte(&mut self, byte: u8) -> Result<(), LinkLost> {
+        let Some(frame) = self.decoder.push(byte) else { return Ok(()) };
+        match frame.and_then(echoloop_link::decode::<Command>) {
+            Ok((sequence, command)) => {
+                let report = self.answer(command);
+                self.session.counters.frames = self.session.counters.frames.wrapping_add(1);
+                self.send(sequence, &report)
+            }
+            Err(error) => self.take_bad_frame(error),
+        }
+    }
+
+    /// A broken frame is counted and never acted on; only an intact one of another schema can be answered.
+    fn take_bad_frame(&mut self, error: FrameError) -> Result<(), LinkLost> {
+        #[cfg(feature = "defmt")]
+        defmt::warn!("frame dropped: {}", error);
+        let counters = &mut self.session.counters;
+        let counter = match error {
+            FrameError::Crc => &mut counters.crc_failures,
+            FrameError::Cobs => &mut counters.cobs_failures,
+            FrameError::TooLong => &mut counters.overflows,
+            FrameError::Body { .. } => &mut counters.unintelligible,
+        };
+        *counter = counter.wrapping_add(1);
+        match error {
+            FrameError::Body { sequence } => self.send(sequence, &Report::Nack(Nack::Unintelligible)),
+            _ => Ok(()),
+        }
+    }
+
+    fn answer(&mut self, command: Command) -> Report {
+        match self.session.handle(command) {
+            Answer::Report(report) => report,
+            Answer::Measure { frame, first, count } => {
+                self.measure(frame, first, count).unwrap_or_else(|_| self.front_end_failed())
+            }
+        }
+    }
+
+    /// Fires the beams and reports their echoes under the name of the settings that made them.
+    fn measure(&mut self, frame: u32, first: u32, count: u16) -> Result<Report, AfeError> {
+        self.configure()?;
+        if self.frame != Some(frame) {
+            afe::begin_frame(self.board.emitter(), frame)?;
+            self.frame = Some(frame);
+        }
+        let mut beams: Vec<Echoes, BEAMS_PER_REPORT> = Vec::new();
+        for beam in first..first + u32::from(count) {
+            let echoes = self.shoot(beam)?;
+            let _ = beams.push(echoes); // the session grants no more than fit
+        }
+        let (generation, hash) = self.session.version();
+        Ok(Report::Beams { frame, first, generation, hash, beams })
+    }
+
+    fn shoot(&mut self, beam: u32) -> Result<Echoes, AfeError> {
+        let Some(Configured { pipeline, .. }) = &self.configured else { return Err(AfeError::Bus) };
+        let codes = self.codes.get_mut(..pipeline.config().samples()).ok_or(AfeError::Bus)?;
+        afe::fire(self.board.emitter(), beam)?;
+        if !self.board.samples(codes) {
+            return Err(AfeError::Bus);
+        }
+        Ok(self.board.detect(pipeline, codes, &mut self.scratch))
+    }
+
+    /// Brings front end and DSP to the active settings, both or neither.
+    fn configure(&mut self) -> Result<(), AfeError> {
+        let settings = *self.session.settings();
+        if self.configured.as_ref().is_some_and(|c| c.settings == settings) {
+            return Ok(());
+        }
+        self.configured = None;
+        let hardware = self.board.hardware();
+        // The session checked the settings before it let them be active.
+        let pipeline = Pipeline::new(&settings, &hardware).map_err(|_| AfeError::Bus)?;
+        afe::apply(&settings, &mut self.board)?;
+        self.configured = Some(Configured { settings, pipeline });
+        #[cfg(feature = "defmt")]
+        defmt::info!("settings {=u32:#010x} active: {}", self.session.version().1, settings);
+        Ok(())
+    }
+
+    /// Start anew next time: what the front end holds is not known.
+    fn front_end_failed(&mut self) -> Report {
+        self.configured = None;
+        self.frame = None;
+        Report::Nack(Nack::FrontEnd)
+    }
+
+    fn send(&mut self, sequence: u16, report: &Report) -> Result<(), LinkLost> {
+        // Every report fits: beams are bounded by BEAMS_PER_REPORT, which a test fills.
+        let Ok(bytes) = echoloop_link::encode(sequence, report, &mut self.transmit) else { return Ok(()) };
+        self.board.link().write_all(bytes).map_err(|_| LinkLost)?;
+        self.board.link().flush().map_err(|_| LinkLost)
+    }
+}

@@ -1,0 +1,34 @@
+//! What the application needs of the hardware under it.
+
+use echoloop_dsp::filter::Portable;
+use echoloop_dsp::{Echoes, Hardware, Pipeline, ScanPattern, Scratch};
+use embedded_hal::spi::SpiDevice;
+use embedded_io::{Read, ReadReady, Write};
+
+/// A board: two SPI devices, a sample buffer and a serial link.
+pub trait Board {
+    /// The bus the emitter and the converter sit on.
+    type Spi: SpiDevice;
+    /// The serial link to the host.
+    type Link: Read + ReadReady + Write;
+
+    /// What the hardware fixes.
+    fn hardware(&self) -> Hardware;
+    /// Where the beams point.
+    fn pattern(&self) -> ScanPattern;
+    /// The laser driver.
+    fn emitter(&mut self) -> &mut Self::Spi;
+    /// The amplifier and converter.
+    fn adc(&mut self) -> &mut Self::Spi;
+    /// The link.
+    fn link(&mut self) -> &mut Self::Link;
+
+    /// Waits for the shot fired last and copies its samples out of the converter's buffer. False: it never came.
+    fn samples(&mut self, codes: &mut [u16]) -> bool;
+
+    /// Runs the DSP, as fast as this board can; the bytes are the same on all.
+    #[inline(always)]
+    fn detect(&mut self, pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Echoes {
+        pipeline.process(Portable, codes, scratch)
+    }
+}

@@ -1,0 +1,226 @@
+//! The sensor's application in process: virtual SPI devices, a virtual sample buffer, a link of bytes.
+//!
+//! The application is the very one that runs on a microcontroller. It writes the emitter's and the converter's registers
+//! through `embedded-hal`; what they hold, and nothing else, is what the front end sees.
+
+use std::collections::VecDeque;
+
+use echoloop_dsp::{Echoes, Hardware, Pipeline, ScanPattern, Scratch};
+use echoloop_sensor::afe::{WRITE, adc, emitter};
+use echoloop_sensor::{App, Board};
+use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
+
+use crate::vector;
+
+/// What the registers ask of the analog world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Analog {
+    /// Peak laser power, W.
+    pub power_w: f64,
+    /// Full width at half maximum of the pulse, ns.
+    pub pulse_width_ns: f64,
+    /// Analog gain, dB.
+    pub gain_db: f64,
+    /// Time between samples, ns.
+    pub sample_period_ns: f64,
+    /// From the trigger, which is the beginning of the pulse, to sample 0, ns.
+    pub delay_ns: f64,
+}
+
+/// The analog world: light out, codes in.
+pub trait FrontEnd {
+    /// Resolution of its converter, bits.
+    fn adc_bits(&self) -> u32;
+
+    /// Fills `codes` with the samples of one shot. A pure function of its arguments and of what the front end was made with.
+    fn capture(&mut self, analog: &Analog, frame: u32, beam: u32, codes: &mut [u16]);
+}
+
+/// An SPI device of 32-bit registers.
+#[derive(Clone, Debug)]
+pub struct VirtualSpi {
+    registers: [u32; 8],
+    /// A write to this register counts as a shot.
+    fire: Option<u8>,
+    fired: bool,
+}
+
+impl VirtualSpi {
+    fn new(id: u32, fire: Option<u8>) -> Self {
+        let mut registers = [0; 8];
+        registers[0] = id;
+        Self { registers, fire, fired: false }
+    }
+
+    fn get(&self, register: u8) -> u32 {
+        self.registers.get(usize::from(register)).copied().unwrap_or(0)
+    }
+
+    fn write_register(&mut self, address: u8, value: [u8; 4]) {
+        let register = address & !WRITE;
+        if let Some(slot) = self.registers.get_mut(usize::from(register)).filter(|_| register != 0) {
+            *slot = u32::from_be_bytes(value);
+            self.fired |= self.fire == Some(register);
+        }
+    }
+}
+
+impl ErrorType for VirtualSpi {
+    type Error = ErrorKind;
+}
+
+impl SpiDevice for VirtualSpi {
+    fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), ErrorKind> {
+        let mut address = 0;
+        for operation in operations {
+            match operation {
+                Operation::Write(&[register]) => address = register,
+                Operation::Write(&[register, a, b, c, d]) if register & WRITE != 0 => {
+                    self.write_register(register, [a, b, c, d]);
+                }
+                Operation::Read(bytes) if bytes.len() == 4 => bytes.copy_from_slice(&self.get(address).to_be_bytes()),
+                _ => return Err(ErrorKind::Other),
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Bytes under way in both directions.
+#[derive(Clone, Debug, Default)]
+pub struct Pipe {
+    to_sensor: VecDeque<u8>,
+    to_host: VecDeque<u8>,
+}
+
+impl embedded_io::ErrorType for Pipe {
+    type Error = core::convert::Infallible;
+}
+
+impl embedded_io::Read for Pipe {
+    fn read(&mut self, buffer: &mut [u8]) -> Result<usize, Self::Error> {
+        Ok(take(&mut self.to_sensor, buffer))
+    }
+}
+
+impl embedded_io::ReadReady for Pipe {
+    fn read_ready(&mut self) -> Result<bool, Self::Error> {
+        Ok(!self.to_sensor.is_empty())
+    }
+}
+
+impl embedded_io::Write for Pipe {
+    fn write(&mut self, bytes: &[u8]) -> Result<usize, Self::Error> {
+        self.to_host.extend(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> Result<(), Self::Error> {
+        Ok(())
+    }
+}
+
+fn take(queue: &mut VecDeque<u8>, buffer: &mut [u8]) -> usize {
+    let length = queue.len().min(buffer.len());
+    for (slot, byte) in buffer.iter_mut().zip(queue.drain(..length)) {
+        *slot = byte;
+    }
+    length
+}
+
+/// The board in process.
+pub struct PcBoard<F> {
+    hardware: Hardware,
+    pattern: ScanPattern,
+    emitter: VirtualSpi,
+    adc: VirtualSpi,
+    link: Pipe,
+    front_end: F,
+}
+
+impl<F: FrontEnd> PcBoard<F> {
+    fn analog(&self) -> Analog {
+        Analog {
+            power_w: f64::from(self.emitter.get(emitter::POWER)) / 100.0,
+            pulse_width_ns: f64::from(self.emitter.get(emitter::PULSE_WIDTH)) / 1e3,
+            gain_db: f64::from(self.adc.get(adc::GAIN) as i32) / 100.0,
+            sample_period_ns: f64::from(self.adc.get(adc::SAMPLE_PERIOD)) / 1e6,
+            delay_ns: f64::from(self.adc.get(adc::DELAY)) / 1e6,
+        }
+    }
+}
+
+impl<F: FrontEnd> Board for PcBoard<F> {
+    type Spi = VirtualSpi;
+    type Link = Pipe;
+
+    fn hardware(&self) -> Hardware {
+        self.hardware
+    }
+
+    fn pattern(&self) -> ScanPattern {
+        self.pattern
+    }
+
+    fn emitter(&mut self) -> &mut VirtualSpi {
+        &mut self.emitter
+    }
+
+    fn adc(&mut self) -> &mut VirtualSpi {
+        &mut self.adc
+    }
+
+    fn link(&mut self) -> &mut Pipe {
+        &mut self.link
+    }
+
+    fn samples(&mut self, codes: &mut [u16]) -> bool {
+        let fired = std::mem::take(&mut self.emitter.fired);
+        if !fired || self.adc.get(adc::SAMPLES) as usize != codes.len() {
+            return false;
+        }
+        let analog = self.analog();
+        self.front_end.capture(&analog, self.emitter.get(emitter::FRAME), self.emitter.get(emitter::FIRE), codes);
+        true
+    }
+
+    fn detect(&mut self, pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Echoes {
+        vector::process(pipeline, codes, scratch)
+    }
+}
+
+/// A sensor in process: bytes in, bytes out.
+pub struct PcSensor<F> {
+    app: Box<App<PcBoard<F>>>,
+}
+
+impl<F: FrontEnd> PcSensor<F> {
+    /// Switches a sensor on. `hardware.adc_bits` is taken from the front end.
+    pub fn new(front_end: F, pattern: ScanPattern, hardware: Hardware) -> Self {
+        let board = PcBoard {
+            hardware: Hardware { adc_bits: front_end.adc_bits(), ..hardware },
+            pattern,
+            emitter: VirtualSpi::new(emitter::ID_VALUE, Some(emitter::FIRE)),
+            adc: VirtualSpi::new(adc::ID_VALUE, None),
+            link: Pipe::default(),
+            front_end,
+        };
+        Self { app: Box::new(App::new(board)) }
+    }
+
+    /// The front end, to look at another scene with.
+    pub fn front_end_mut(&mut self) -> &mut F {
+        &mut self.app.board_mut().front_end
+    }
+
+    /// Sends bytes to the sensor and lets it answer.
+    pub fn send(&mut self, bytes: &[u8]) {
+        self.app.board_mut().link.to_sensor.extend(bytes);
+        let _ = self.app.poll(); // a pipe in memory is never lost
+    }
+
+    /// Takes bytes that the sensor has sent.
+    pub fn receive(&mut self, buffer: &mut [u8]) -> usize {
+        take(&mut self.app.board_mut().link.to_host, buffer)
+    }
+}
