@@ -74,9 +74,9 @@ impl SpiDevice for VirtualSpi {
         let mut address = 0;
         for operation in operations {
             match operation {
-                Operation::Write(&[register]) => address = register,
-                Operation::Write(&[register, a, b, c, d]) if register & WRITE != 0 => {
-                    self.write_register(register, [a, b, c, d]);
+                Operation::Write([register]) => address = *register,
+                Operation::Write([register, a, b, c, d]) if register & WRITE != 0 => {
+                    self.write_register(*register, [*a, *b, *c, *d]);
                 }
                 Operation::Read(bytes) if bytes.len() == 4 => bytes.copy_from_slice(&self.get(address).to_be_bytes()),
                 _ => return Err(ErrorKind::Other),

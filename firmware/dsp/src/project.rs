@@ -21,6 +21,13 @@ pub struct ScanPattern {
     pub elevation_cdeg: u16,
 }
 
+impl Default for ScanPattern {
+    /// The paper's field of view (Sec. 4.1), 192 × 64 beams.
+    fn default() -> Self {
+        Self { columns: 192, rows: 64, azimuth_cdeg: 18_000, elevation_cdeg: 18_000 }
+    }
+}
+
 impl ScanPattern {
     /// Number of beams of a scan.
     pub fn beams(&self) -> u32 {
@@ -39,8 +46,13 @@ impl ScanPattern {
 
     /// The point an echo comes from, sensor frame, metres.
     pub fn point_m(&self, beam: u32, echo: &crate::Echo) -> Point3<f32> {
-        Point3::from(self.direction(beam) * (echo.range as f32 / 256e3))
+        point_m(&self.direction(beam), echo)
     }
+}
+
+/// The point an echo comes from along a beam's unit vector, metres.
+pub fn point_m(direction: &Vector3<f32>, echo: &crate::Echo) -> Point3<f32> {
+    Point3::from(direction * (echo.range as f32 / 256e3))
 }
 
 /// Middle of cell `index` of `count` over a full range centred on 0.

@@ -160,7 +160,12 @@ impl Parameter {
         }
     }
 
-    fn check(&self, value: i32) -> Result<(), Refusal> {
+    /// Whether the value is in range and runs.
+    ///
+    /// # Errors
+    ///
+    /// [`Refusal`] with the bound.
+    pub fn check(&self, value: i32) -> Result<(), Refusal> {
         let refuse = |reason| Err(Refusal { field: self.id, value, reason });
         match self.kind {
             Kind::Choice { names, .. } if value < 0 || value as usize >= names.len() => refuse(Reason::NotAChoice),
