@@ -1,0 +1,186 @@
+//! What surfaces send back at 905 nm.
+//!
+//! Diffuse reflectances are medians of measured samples: KLUM (Ilehag et al. 2019, facades and roofs), SLUM (LUMA,
+//! Kotthaus et al. 2014), earthlib 1.1 (plants, soils, roads). Where no trustworthy value exists the row says so.
+
+/// A surface: Lambert's law plus, for smooth ones, a mirror lobe.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Material {
+    /// Name, lower case.
+    pub name: &'static str,
+    /// Diffuse (hemispherical) reflectance at 905 nm, fraction; above 1 only for a retro-reflector.
+    pub reflectance_905nm: f32,
+    /// Fresnel reflectance at normal incidence of the smooth top coat, fraction; 0 = none.
+    pub specular_f0: f32,
+    /// Width α of the GGX lobe of that coat, (0, 1]; ignored without a coat.
+    pub roughness: f32,
+}
+
+impl Material {
+    const fn matt(name: &'static str, reflectance_905nm: f32) -> Self {
+        Self {
+            name,
+            reflectance_905nm,
+            specular_f0: 0.0,
+            roughness: 1.0,
+        }
+    }
+
+    const fn coated(self, specular_f0: f32, roughness: f32) -> Self {
+        Self {
+            specular_f0,
+            roughness,
+            ..self
+        }
+    }
+
+    /// The ρ of `ρ cosθ / π` for light that goes back where it came from.
+    ///
+    /// ```text
+    /// ρ(θ) = ρ_d + π · F0 · D(θ) · G(θ) / (4 cos²θ),   D = α² / (π (cos²θ (α² − 1) + 1)²)
+    /// ```
+    ///
+    /// The half vector is the view vector, so Fresnel stays at F0 and only the GGX lobe `D` and its shadowing `G`
+    /// (separable Smith) depend on the angle (Walter et al. 2007).
+    #[must_use]
+    pub fn backscatter(&self, cos_incidence: f32) -> f32 {
+        if self.specular_f0 <= 0.0 || cos_incidence <= 1e-3 {
+            return self.reflectance_905nm;
+        }
+        let (a2, c2) = (
+            self.roughness * self.roughness,
+            cos_incidence * cos_incidence,
+        );
+        let lobe = c2 * (a2 - 1.0) + 1.0;
+        let smith = 2.0 / (1.0 + (1.0 + a2 * (1.0 / c2 - 1.0)).sqrt());
+        let pi_d = a2 / (lobe * lobe);
+        self.reflectance_905nm + self.specular_f0 * pi_d * smith * smith / (4.0 * c2)
+    }
+}
+
+macro_rules! surfaces {
+    ($($variant:ident = $material:expr;)*) => {
+        /// Rows of [`MATERIALS`].
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        #[repr(u8)]
+        #[allow(missing_docs, reason = "named by the table below")]
+        pub enum Surface { $($variant,)* }
+
+        /// Every surface once; a mesh's material index is `Surface as u8`.
+        pub const MATERIALS: &[Material] = &[$($material,)*];
+    };
+}
+
+surfaces! {
+    Asphalt = Material::matt("asphalt", 0.168);                    // .073 / .168 / .305
+    Paving = Material::matt("paving", 0.314);                      // earthlib sidewalk, median of 60
+    Concrete = Material::matt("concrete", 0.320);                  // .104 / .320 / .855
+    Brick = Material::matt("brick", 0.450);                        // KLUM red brick facade
+    Plaster = Material::matt("plaster", 0.643);                    // .399 / .643 / .757
+    Stone = Material::matt("stone", 0.252);                        // KLUM weathered sandstone facade
+    RoofTile = Material::matt("roof tile", 0.376);                 // KLUM red matte ceramic roof
+    DarkTile = Material::matt("dark tile", 0.084);                 // KLUM dark matte ceramic roof
+    Metal = Material::matt("metal", 0.210).coated(0.3, 0.4);       // .056 / .210 / .653; coat ours
+    Wood = Material::matt("wood", 0.433);                          // .129 / .433 / .854
+    Glass = Material::matt("glass", 0.05).coated(0.08, 0.05);      // no trustworthy value: dust and two faces, ours
+    Soil = Material::matt("soil", 0.364);                          // earthlib, median of 4185
+    Gravel = Material::matt("gravel", 0.221);                      // earthlib bare gravel
+    Rock = Material::matt("rock", 0.268);                          // KLUM grey conglomerate
+    Grass = Material::matt("grass", 0.445);                        // earthlib canopy, median of 2000
+    Leaf = Material::matt("leaf", 0.460);                          // single leaf .42–.51; its transmission is not traced
+    Bark = Material::matt("bark", 0.370);                          // earthlib, median of 33
+    CarPaint = Material::matt("car paint", 0.30).coated(0.04, 0.1);// no trustworthy value: painted metal, clear coat, ours
+    DarkPaint = Material::matt("dark paint", 0.06).coated(0.04, 0.1);// no trustworthy value: black car, ours
+    Rubber = Material::matt("rubber", 0.05);                       // ours
+    RetroSign = Material::matt("retro-reflective sign", 50.0);     // ours: upper end of what the sensor is held to
+    Unknown = Material::matt("unknown", 0.30);                     // imported faces that say nothing
+}
+
+impl Surface {
+    /// Row of [`MATERIALS`].
+    #[must_use]
+    pub const fn index(self) -> u8 {
+        self as u8
+    }
+
+    /// The surface a loosely written name suggests, as in MTL files: "Wall_Brick.001" is brick.
+    #[must_use]
+    pub fn from_loose_name(name: &str) -> Option<Self> {
+        let name = name.to_ascii_lowercase();
+        let hit = |(words, _): &&(&[&str], Self)| words.iter().any(|w| name.contains(w));
+        LOOSE_NAMES.iter().find(hit).map(|(_, surface)| *surface)
+    }
+}
+
+/// First match wins: specific words before general ones.
+const LOOSE_NAMES: &[(&[&str], Surface)] = &[
+    (&["retro", "sign"], Surface::RetroSign),
+    (&["glass", "window", "windshield"], Surface::Glass),
+    (&["rooftile", "roof_tile", "roof"], Surface::RoofTile),
+    (&["asphalt", "road", "tarmac"], Surface::Asphalt),
+    (
+        &["sidewalk", "paving", "pavement", "curb", "kerb"],
+        Surface::Paving,
+    ),
+    (&["concrete", "cement"], Surface::Concrete),
+    (&["brick"], Surface::Brick),
+    (&["plaster", "stucco", "wall", "facade"], Surface::Plaster),
+    (&["bark", "trunk", "branch"], Surface::Bark),
+    (
+        &["leaf", "leaves", "foliage", "needle", "bush", "hedge"],
+        Surface::Leaf,
+    ),
+    (&["grass", "lawn", "vegetation"], Surface::Grass),
+    (&["wood", "door", "fence", "timber"], Surface::Wood),
+    (&["gravel"], Surface::Gravel),
+    (&["rock", "stone"], Surface::Rock),
+    (
+        &["soil", "dirt", "earth", "terrain", "ground"],
+        Surface::Soil,
+    ),
+    (&["tire", "tyre", "wheel", "rubber"], Surface::Rubber),
+    (&["car", "paint", "body"], Surface::CarPaint),
+    (
+        &["metal", "steel", "iron", "alumin", "pole"],
+        Surface::Metal,
+    ),
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_surface_names_its_own_row() {
+        assert_eq!(
+            MATERIALS[usize::from(Surface::Asphalt.index())].name,
+            "asphalt"
+        );
+        assert_eq!(MATERIALS[usize::from(Surface::Bark.index())].name, "bark");
+        assert_eq!(MATERIALS.len(), usize::from(Surface::Unknown.index()) + 1);
+    }
+
+    #[test]
+    fn a_matt_surface_sends_back_the_same_at_every_angle() {
+        let plaster = MATERIALS[usize::from(Surface::Plaster.index())];
+        assert_eq!(plaster.backscatter(1.0), 0.643);
+        assert_eq!(plaster.backscatter(0.1), 0.643);
+    }
+
+    #[test]
+    fn glass_flashes_only_when_it_faces_the_sensor() {
+        let glass = MATERIALS[usize::from(Surface::Glass.index())];
+        assert!(glass.backscatter(1.0) > 5.0);
+        assert!(glass.backscatter(0.9) < 0.06);
+    }
+
+    #[test]
+    fn loose_names_find_their_surface() {
+        assert_eq!(
+            Surface::from_loose_name("Wall_Brick.001"),
+            Some(Surface::Brick)
+        );
+        assert_eq!(Surface::from_loose_name("Oak-LEAVES"), Some(Surface::Leaf));
+        assert_eq!(Surface::from_loose_name("Material.007"), None);
+    }
+}

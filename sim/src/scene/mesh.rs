@@ -1,0 +1,168 @@
+//! A triangle soup with one material a triangle.
+
+use thiserror::Error;
+
+/// Triangles in metres, z up, right-handed.
+///
+/// Faces count from both sides, so winding carries no meaning.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mesh {
+    /// Corner positions, metres.
+    pub vertices: Vec<[f32; 3]>,
+    /// Three indices into `vertices` a triangle.
+    pub triangles: Vec<[u32; 3]>,
+    /// One index into the scene's material table a triangle.
+    pub materials: Vec<u8>,
+}
+
+/// Why a mesh cannot be scanned.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum MeshFault {
+    /// Nothing to hit.
+    #[error("it has no faces")]
+    NoFaces,
+    /// A corner is not a point.
+    #[error("vertex {vertex} is not finite: ({}, {}, {})", at[0], at[1], at[2])]
+    NotFinite {
+        /// Index of the vertex, from 0.
+        vertex: usize,
+        /// Its coordinates, metres.
+        at: [f32; 3],
+    },
+    /// A triangle names a vertex that does not exist.
+    #[error("face {face} names vertex {index}, but there are only {vertices}")]
+    IndexOutOfRange {
+        /// Index of the face, from 0.
+        face: usize,
+        /// The vertex it names.
+        index: i64,
+        /// Vertices there are.
+        vertices: usize,
+    },
+    /// A triangle names a material that does not exist, or not every triangle names one.
+    #[error("face {face} has no valid material")]
+    NoMaterial {
+        /// Index of the face, from 0.
+        face: usize,
+    },
+    /// Every triangle is a line or a point.
+    #[error("all {faces} faces have zero area")]
+    NoArea {
+        /// Faces there are.
+        faces: usize,
+    },
+    /// The mesh is larger than a place: wrong unit, or coordinates of another origin.
+    #[error(
+        "it reaches {reach_m} m from its origin, more than {max_m} m: is its unit the metre and its origin near?"
+    )]
+    TooLarge {
+        /// Largest absolute coordinate, metres.
+        reach_m: f32,
+        /// The limit, metres.
+        max_m: f32,
+    },
+}
+
+impl Mesh {
+    /// Three corners of a triangle, metres.
+    ///
+    /// # Panics
+    ///
+    /// When `triangle` or one of its indices is out of range; [`Mesh::check`] rules the latter out.
+    #[must_use]
+    pub fn corners(&self, triangle: usize) -> [[f32; 3]; 3] {
+        self.triangles[triangle].map(|i| self.vertices[i as usize])
+    }
+
+    /// Smallest and largest coordinates of all vertices, metres; `None` without vertices.
+    #[must_use]
+    pub fn bounds(&self) -> Option<([f32; 3], [f32; 3])> {
+        let first = *self.vertices.first()?;
+        Some(self.vertices.iter().fold((first, first), |(lo, hi), v| {
+            (
+                std::array::from_fn(|i| lo[i].min(v[i])),
+                std::array::from_fn(|i| hi[i].max(v[i])),
+            )
+        }))
+    }
+
+    /// Area of a triangle, m².
+    #[must_use]
+    pub fn area_m2(&self, triangle: usize) -> f64 {
+        let [a, b, c] = self.corners(triangle).map(|p| p.map(f64::from));
+        let e: [f64; 3] = std::array::from_fn(|i| b[i] - a[i]);
+        let f: [f64; 3] = std::array::from_fn(|i| c[i] - a[i]);
+        let n = [
+            e[1] * f[2] - e[2] * f[1],
+            e[2] * f[0] - e[0] * f[2],
+            e[0] * f[1] - e[1] * f[0],
+        ];
+        0.5 * (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt()
+    }
+
+    /// Adds another mesh to this one.
+    pub fn append(&mut self, other: &Self) {
+        let base = self.vertices.len() as u32;
+        self.vertices.extend_from_slice(&other.vertices);
+        let shifted = other.triangles.iter().map(|t| t.map(|i| i + base));
+        self.triangles.extend(shifted);
+        self.materials.extend_from_slice(&other.materials);
+    }
+
+    /// Says whether rays can be cast at this mesh.
+    ///
+    /// # Errors
+    ///
+    /// The first [`MeshFault`] found.
+    pub fn check(&self, materials: usize, max_m: f32) -> Result<(), MeshFault> {
+        self.check_vertices(max_m)?;
+        self.check_triangles(materials)?;
+        let faces = self.triangles.len();
+        if !(0..faces).any(|t| self.area_m2(t) > 0.0) {
+            return Err(MeshFault::NoArea { faces });
+        }
+        Ok(())
+    }
+
+    fn check_vertices(&self, max_m: f32) -> Result<(), MeshFault> {
+        if self.triangles.is_empty() {
+            return Err(MeshFault::NoFaces);
+        }
+        let bad = |v: &[f32; 3]| !v.iter().all(|x| x.is_finite());
+        if let Some(vertex) = self.vertices.iter().position(bad) {
+            let at = self.vertices[vertex];
+            return Err(MeshFault::NotFinite { vertex, at });
+        }
+        let reach_m = self
+            .vertices
+            .iter()
+            .flatten()
+            .fold(0.0, |r: f32, x| r.max(x.abs()));
+        if reach_m > max_m {
+            return Err(MeshFault::TooLarge { reach_m, max_m });
+        }
+        Ok(())
+    }
+
+    fn check_triangles(&self, materials: usize) -> Result<(), MeshFault> {
+        let vertices = self.vertices.len();
+        for (face, triangle) in self.triangles.iter().enumerate() {
+            if let Some(&index) = triangle.iter().find(|&&i| i as usize >= vertices) {
+                let index = i64::from(index);
+                return Err(MeshFault::IndexOutOfRange {
+                    face,
+                    index,
+                    vertices,
+                });
+            }
+            if self
+                .materials
+                .get(face)
+                .is_none_or(|&m| usize::from(m) >= materials)
+            {
+                return Err(MeshFault::NoMaterial { face });
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,160 @@
+//! Places to scan: made from a seed, or imported.
+
+mod material;
+mod mesh;
+mod parts;
+pub(crate) mod random;
+mod semi_structured;
+mod structured;
+mod unstructured;
+
+use std::fmt;
+use std::str::FromStr;
+
+use thiserror::Error;
+
+pub use material::{MATERIALS, Material, Surface};
+pub use mesh::{Mesh, MeshFault};
+
+/// Something to scan, and where to stand in it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scene {
+    /// What to call it in reports, as "structured-7".
+    pub name: String,
+    /// Its surfaces.
+    pub mesh: Mesh,
+    /// What the mesh's material indices mean.
+    pub materials: Vec<Material>,
+    /// Box in which viewpoints may lie: smallest and largest (x, y), metres.
+    pub area: ([f32; 2], [f32; 2]),
+}
+
+/// The three environments of the paper (Sec. 4).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum SceneKind {
+    /// Town streets: facades, kerbs, poles, parked cars, street trees.
+    Structured,
+    /// Suburb: detached houses, gardens, hedges, fences, trees.
+    SemiStructured,
+    /// Open country: rough terrain, trees, bushes, rocks, no walls.
+    Unstructured,
+}
+
+impl SceneKind {
+    /// All three, in the paper's order.
+    pub const ALL: [Self; 3] = [Self::Structured, Self::SemiStructured, Self::Unstructured];
+
+    /// The name on the command line and in reports.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Structured => "structured",
+            Self::SemiStructured => "semi-structured",
+            Self::Unstructured => "unstructured",
+        }
+    }
+}
+
+impl fmt::Display for SceneKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+/// Not the name of a [`SceneKind`].
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[error("unknown kind of scene `{0}`: expected structured, semi-structured or unstructured")]
+pub struct UnknownSceneKind(pub String);
+
+impl FromStr for SceneKind {
+    type Err = UnknownSceneKind;
+
+    fn from_str(name: &str) -> Result<Self, Self::Err> {
+        let found = Self::ALL.into_iter().find(|kind| kind.name() == name);
+        found.ok_or_else(|| UnknownSceneKind(name.to_owned()))
+    }
+}
+
+/// Makes the place of this kind and seed: the same bytes on every machine.
+#[must_use]
+pub fn generate(kind: SceneKind, seed: u64) -> Scene {
+    let (mesh, half_m) = match kind {
+        SceneKind::Structured => structured::generate(seed),
+        SceneKind::SemiStructured => semi_structured::generate(seed),
+        SceneKind::Unstructured => unstructured::generate(seed),
+    };
+    Scene {
+        name: format!("{kind}-{seed}"),
+        mesh,
+        materials: MATERIALS.to_vec(),
+        area: ([-half_m; 2], [half_m; 2]),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_kind_has_detail_and_sound_triangles() {
+        for kind in SceneKind::ALL {
+            for seed in 0..6 {
+                let scene = generate(kind, seed);
+                let count = scene.mesh.triangles.len();
+                assert!(
+                    (200_000..600_000).contains(&count),
+                    "{}: {count}",
+                    scene.name
+                );
+                scene
+                    .mesh
+                    .check(scene.materials.len(), 500.0)
+                    .expect(&scene.name);
+            }
+        }
+    }
+
+    #[test]
+    fn degenerate_triangles_are_rare() {
+        for kind in SceneKind::ALL {
+            let mesh = generate(kind, 2).mesh;
+            let flat = (0..mesh.triangles.len())
+                .filter(|&t| mesh.area_m2(t) < 1e-9)
+                .count();
+            assert!(flat * 200 < mesh.triangles.len(), "{kind}: {flat}");
+        }
+    }
+
+    #[test]
+    fn one_seed_gives_one_place_and_another_seed_another() {
+        for kind in SceneKind::ALL {
+            assert_eq!(generate(kind, 5), generate(kind, 5));
+            assert_ne!(generate(kind, 5).mesh, generate(kind, 6).mesh);
+        }
+    }
+
+    #[test]
+    fn only_unstructured_places_have_no_walls() {
+        let walls = [
+            Surface::Plaster,
+            Surface::Brick,
+            Surface::Glass,
+            Surface::Concrete,
+        ]
+        .map(Surface::index);
+        for kind in SceneKind::ALL {
+            let mesh = generate(kind, 3).mesh;
+            let has_walls = mesh.materials.iter().any(|m| walls.contains(m));
+            assert_eq!(has_walls, kind != SceneKind::Unstructured, "{kind}");
+        }
+    }
+
+    #[test]
+    fn kinds_are_read_as_they_are_written() {
+        for kind in SceneKind::ALL {
+            assert_eq!(kind.to_string().parse(), Ok(kind));
+        }
+        let error = "urban".parse::<SceneKind>().expect_err("not a kind");
+        assert!(error.to_string().contains("`urban`"));
+    }
+}

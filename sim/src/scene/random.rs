@@ -1,0 +1,138 @@
+//! Seeded randomness that gives the same bytes on every machine.
+//!
+//! Uniform numbers are made here rather than by a distribution crate, whose sampling may change between versions, and
+//! trigonometry is libm's, because the platform's own differs in the last bit.
+
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// A seeded source of uniform numbers.
+#[derive(Clone, Debug)]
+pub(crate) struct Dice {
+    rng: ChaCha8Rng,
+}
+
+impl Dice {
+    /// `stream` keeps the numbers of one purpose apart from those of another.
+    pub(crate) fn new(seed: u64, stream: u64) -> Self {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        rng.set_stream(stream);
+        Self { rng }
+    }
+
+    /// Uniform in [0, 1).
+    pub(crate) fn unit(&mut self) -> f64 {
+        (self.rng.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// Uniform in [low, high).
+    pub(crate) fn range(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.unit()
+    }
+
+    /// Uniform in [-half, half).
+    pub(crate) fn spread(&mut self, half: f64) -> f64 {
+        self.range(-half, half)
+    }
+
+    /// True with probability `p`.
+    pub(crate) fn chance(&mut self, p: f64) -> bool {
+        self.unit() < p
+    }
+
+    /// Uniform in 0..n.
+    pub(crate) fn index(&mut self, n: usize) -> usize {
+        ((self.unit() * n as f64) as usize).min(n.saturating_sub(1))
+    }
+
+    /// One of a non-empty list.
+    pub(crate) fn pick<T: Copy>(&mut self, list: &[T]) -> T {
+        list[self.index(list.len())]
+    }
+
+    /// An angle, radians.
+    pub(crate) fn turn(&mut self) -> f64 {
+        self.range(0.0, std::f64::consts::TAU)
+    }
+
+    /// A direction, uniform on the sphere.
+    pub(crate) fn direction(&mut self) -> [f64; 3] {
+        let (z, turn) = (self.spread(1.0), self.turn());
+        let r = (1.0 - z * z).sqrt();
+        [r * libm::cos(turn), r * libm::sin(turn), z]
+    }
+}
+
+/// Smooth noise over the plane: value noise, summed over octaves that halve in size and height.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Noise {
+    pub(crate) seed: u64,
+    /// Size of the largest bumps, metres.
+    pub(crate) scale_m: f64,
+    pub(crate) octaves: u32,
+}
+
+impl Noise {
+    /// About −1 to 1.
+    pub(crate) fn at(&self, x: f64, y: f64) -> f64 {
+        let (mut x, mut y) = (x / self.scale_m, y / self.scale_m);
+        let (mut sum, mut weight, mut total) = (0.0, 1.0, 0.0);
+        for octave in 0..self.octaves {
+            sum += weight * value_noise(self.seed.wrapping_add(u64::from(octave)), x, y);
+            total += weight;
+            weight *= 0.5;
+            // Doubled and turned by the 3-4-5 angle, so that no lattice direction shows.
+            (x, y) = (2.0 * (0.8 * x - 0.6 * y), 2.0 * (0.6 * x + 0.8 * y));
+        }
+        sum / total
+    }
+}
+
+fn value_noise(seed: u64, x: f64, y: f64) -> f64 {
+    let (i, j) = (x.floor(), y.floor());
+    let (u, v) = (ease(x - i), ease(y - j));
+    let corner = |di: i64, dj: i64| lattice(seed, i as i64 + di, j as i64 + dj);
+    let low = corner(0, 0) * (1.0 - u) + corner(1, 0) * u;
+    let high = corner(0, 1) * (1.0 - u) + corner(1, 1) * u;
+    low * (1.0 - v) + high * v
+}
+
+fn ease(t: f64) -> f64 {
+    t * t * t * (t * (6.0 * t - 15.0) + 10.0)
+}
+
+/// A number in [-1, 1) that depends on nothing but its arguments (SplitMix64's finalizer).
+fn lattice(seed: u64, i: i64, j: i64) -> f64 {
+    let mut h = seed
+        .wrapping_add((i as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15))
+        .wrapping_add((j as u64).wrapping_mul(0xD1B5_4A32_D192_ED03));
+    h = (h ^ (h >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    h = (h ^ (h >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    h ^= h >> 31;
+    (h >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn noise_is_smooth_and_stays_within_one() {
+        let noise = Noise {
+            seed: 3,
+            scale_m: 10.0,
+            octaves: 4,
+        };
+        for k in 0..2000 {
+            let x = f64::from(k) * 0.37 - 300.0;
+            assert!(noise.at(x, 2.0 * x).abs() <= 1.0);
+            assert!((noise.at(x + 1e-4, x) - noise.at(x, x)).abs() < 1e-3);
+        }
+    }
+
+    #[test]
+    fn dice_of_one_seed_and_other_streams_differ() {
+        assert_eq!(Dice::new(1, 0).unit(), Dice::new(1, 0).unit());
+        assert_ne!(Dice::new(1, 0).unit(), Dice::new(1, 1).unit());
+    }
+}
