@@ -1,5 +1,6 @@
 //! The world around the sensor: scenes, ray casting, the scanner, and the boards the firmware runs on.
 
 pub mod board;
+pub mod raycast;
 pub mod scene;
 pub mod vector;
