@@ -2,5 +2,6 @@
 
 pub mod board;
 pub mod raycast;
+pub mod scanner;
 pub mod scene;
 pub mod vector;

@@ -1,0 +1,377 @@
+//! What a scene sends back to a scanner's beams, before any electronics (physics.md §1).
+//!
+//! The answer holds everything about the place and nothing about the sensor's settings, so a pose is traced once and
+//! every candidate Θ_lidar renders its waveforms from it.
+
+use std::f32::consts::PI;
+
+use nalgebra::{Isometry3, Vector3};
+use rayon::prelude::*;
+
+use crate::raycast::Raycaster;
+use crate::scene::Material;
+
+/// Returns closer together than this are one, metres.
+///
+/// 3 cm of range is 0.2 ns of round trip, 1/25 of the default pulse: two equal sin² pulses at its ends sum to one
+/// whose peak is 0.1 % lower, while most beams shrink from 25 returns to one or two.
+pub const CLUSTER_SPAN_M: f64 = 0.03;
+
+/// Receiver overlap ξ: nothing below the first range, everything from the second, linear between, metres.
+pub const OVERLAP_M: [f32; 2] = [0.9, 1.0];
+
+/// The shape of a beam.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BeamOptics {
+    /// Full widths, mrad: along increasing azimuth, along increasing elevation. The outermost sub-rays lie at ± half.
+    pub divergence_mrad: [f64; 2],
+    /// Sub-rays along each width, odd; an even count means the next odd one.
+    pub subrays: u8,
+}
+
+impl Default for BeamOptics {
+    fn default() -> Self {
+        Self {
+            divergence_mrad: [3.0, 1.5],
+            subrays: 5,
+        }
+    }
+}
+
+/// A part of a beam's footprint that comes back as one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Return {
+    /// Distance, metres.
+    pub range_m: f32,
+    /// `Σ_k w_k ρ_k cosθ_k / π · ξ(R_k) / R_k²`, 1/m²: received power over `P0 η A_r` in clear air.
+    pub strength_per_m2: f32,
+}
+
+/// Returns of every beam, by increasing range within a beam.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SceneResponse {
+    /// Beam `i` owns `returns[beams[i]..beams[i + 1]]`; one entry more than there are beams.
+    pub beams: Vec<u32>,
+    /// All returns, beam after beam.
+    pub returns: Vec<Return>,
+}
+
+impl SceneResponse {
+    /// Number of beams.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.beams.len().saturating_sub(1)
+    }
+
+    /// True without beams.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Returns of one beam.
+    ///
+    /// # Panics
+    ///
+    /// When there is no such beam.
+    #[must_use]
+    pub fn of(&self, beam: usize) -> &[Return] {
+        &self.returns[self.beams[beam] as usize..self.beams[beam + 1] as usize]
+    }
+}
+
+/// Casts beams into a scene.
+#[derive(Clone, Copy, Debug)]
+pub struct Scanner;
+
+impl Scanner {
+    /// Traces every beam of a scan from one pose.
+    ///
+    /// `directions` are unit vectors in the sensor's frame (x forward, y left, z up). The result depends on the
+    /// arguments only, not on the number of threads.
+    #[must_use]
+    pub fn scan(
+        caster: &Raycaster,
+        materials: &[Material],
+        world_from_sensor: &Isometry3<f64>,
+        directions: &[[f32; 3]],
+        optics: &BeamOptics,
+    ) -> SceneResponse {
+        let grid = footprint(optics);
+        let origin = world_from_sensor.translation.vector.cast::<f32>().into();
+        let beam = |direction: &[f32; 3]| {
+            let rays = spread(direction, &grid, world_from_sensor);
+            let mut echoes: Vec<(f64, f64)> = rays
+                .filter_map(|(ray, weight)| echo(caster, materials, origin, ray, weight))
+                .collect();
+            cluster(&mut echoes)
+        };
+        collect(directions.par_iter().map(beam).collect())
+    }
+}
+
+/// A sub-ray: offsets along azimuth and elevation, radians, and its share of the power.
+type SubRay = ([f64; 2], f64);
+
+/// `w ∝ 2^(−d²)`, d the distance from the middle in grid steps, Σw = 1.
+fn footprint(optics: &BeamOptics) -> Vec<SubRay> {
+    let half = i32::from(optics.subrays / 2);
+    let offset = |k: i32, axis: usize| {
+        f64::from(k) / f64::from(2 * half.max(1)) * 1e-3 * optics.divergence_mrad[axis]
+    };
+    let cell = |i: i32, j: i32| {
+        (
+            [offset(i, 0), offset(j, 1)],
+            libm::exp2(-f64::from(i * i + j * j)),
+        )
+    };
+    let grid: Vec<SubRay> = (-half..=half)
+        .flat_map(|j| (-half..=half).map(move |i| cell(i, j)))
+        .collect();
+    let total: f64 = grid.iter().map(|(_, weight)| weight).sum();
+    grid.into_iter()
+        .map(|(at, weight)| (at, weight / total))
+        .collect()
+}
+
+/// World directions and weights of a beam's sub-rays.
+fn spread<'a>(
+    direction: &[f32; 3],
+    grid: &'a [SubRay],
+    world_from_sensor: &Isometry3<f64>,
+) -> impl Iterator<Item = ([f32; 3], f64)> + 'a {
+    let axis = Vector3::from(direction.map(f64::from));
+    // Straight up or down there is no azimuth: any two directions square to the beam will do.
+    let azimuth = Vector3::z()
+        .cross(&axis)
+        .try_normalize(1e-6)
+        .unwrap_or_else(Vector3::y);
+    let elevation = axis.cross(&azimuth);
+    let [axis, azimuth, elevation] =
+        [axis, azimuth, elevation].map(|v| world_from_sensor.rotation * v);
+    grid.iter().map(move |&([u, v], weight)| {
+        let ray = (axis + u * azimuth + v * elevation).normalize();
+        (ray.cast::<f32>().into(), weight)
+    })
+}
+
+/// Range and strength of one sub-ray; `None` when nothing comes back.
+fn echo(
+    caster: &Raycaster,
+    materials: &[Material],
+    origin: [f32; 3],
+    ray: [f32; 3],
+    weight: f64,
+) -> Option<(f64, f64)> {
+    let hit = caster.cast(origin, ray)?;
+    let albedo = materials[usize::from(hit.material)].backscatter(hit.cos_incidence);
+    let per_m2 =
+        albedo * hit.cos_incidence / PI * overlap(hit.range_m) / (hit.range_m * hit.range_m);
+    let strength = weight * f64::from(per_m2);
+    (strength > 0.0).then_some((f64::from(hit.range_m), strength))
+}
+
+/// ξ(R) of physics.md §1.
+fn overlap(range_m: f32) -> f32 {
+    ((range_m - OVERLAP_M[0]) / (OVERLAP_M[1] - OVERLAP_M[0])).clamp(0.0, 1.0)
+}
+
+/// Merges echoes within [`CLUSTER_SPAN_M`] of the nearest of their group; ranges average by strength.
+fn cluster(echoes: &mut [(f64, f64)]) -> Vec<Return> {
+    echoes.sort_by(|a, b| a.0.total_cmp(&b.0));
+    groups(echoes, CLUSTER_SPAN_M)
+        .map(merge)
+        .filter(|r| r.strength_per_m2 > 0.0)
+        .collect()
+}
+
+fn merge(group: &[(f64, f64)]) -> Return {
+    let strength: f64 = group.iter().map(|(_, s)| s).sum();
+    let moment: f64 = group.iter().map(|(r, s)| r * s).sum();
+    Return {
+        range_m: (moment / strength) as f32,
+        strength_per_m2: strength as f32,
+    }
+}
+
+/// Splits sorted echoes into groups that reach `span_m` from their first member.
+fn groups(echoes: &[(f64, f64)], span_m: f64) -> impl Iterator<Item = &[(f64, f64)]> {
+    let mut rest = echoes;
+    std::iter::from_fn(move || {
+        let (start, _) = rest.first()?;
+        let (group, after) =
+            rest.split_at(rest.partition_point(|(range, _)| range - start <= span_m));
+        rest = after;
+        Some(group)
+    })
+}
+
+fn collect(beams: Vec<Vec<Return>>) -> SceneResponse {
+    let mut offsets = Vec::with_capacity(beams.len() + 1);
+    offsets.push(0);
+    let mut end = 0;
+    for beam in &beams {
+        end += beam.len() as u32;
+        offsets.push(end);
+    }
+    SceneResponse {
+        beams: offsets,
+        returns: beams.concat(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Mesh, SceneKind, generate};
+    use nalgebra::{Translation3, UnitQuaternion};
+
+    const WALL: Material = Material {
+        name: "wall",
+        reflectance_905nm: 0.1,
+        specular_f0: 0.0,
+        roughness: 1.0,
+    };
+
+    /// Squares of ± `half` at x = `range`, turned by `turn` about z through their middle; the left edge at `left`.
+    fn walls(list: &[(f32, f32, f32)]) -> Raycaster {
+        let mut mesh = Mesh::default();
+        for &(range, left, turn) in list {
+            let n = mesh.vertices.len() as u32;
+            let (sin, cos) = (libm::sinf(turn), libm::cosf(turn));
+            for (y, z) in [(left, -40.0), (-40.0, -40.0), (-40.0, 40.0), (left, 40.0)] {
+                mesh.vertices.push([range - sin * y, cos * y, z]);
+            }
+            mesh.triangles
+                .extend([[n, n + 1, n + 2], [n, n + 2, n + 3]]);
+            mesh.materials.extend([0, 0]);
+        }
+        Raycaster::over(&mesh)
+    }
+
+    fn look(caster: &Raycaster, optics: &BeamOptics) -> SceneResponse {
+        Scanner::scan(
+            caster,
+            &[WALL],
+            &Isometry3::identity(),
+            &[[1.0, 0.0, 0.0]],
+            optics,
+        )
+    }
+
+    #[test]
+    fn a_wall_seen_squarely_gives_rho_over_pi_r_squared() {
+        for range in [2.0_f32, 10.0, 50.0, 100.0, 200.0] {
+            let response = look(&walls(&[(range, 40.0, 0.0)]), &BeamOptics::default());
+            let [echo] = response.of(0) else {
+                panic!("one return at {range}")
+            };
+            let expected = 0.1 / PI / (range * range);
+            assert!(
+                (echo.strength_per_m2 / expected - 1.0).abs() < 1e-4,
+                "{range} m"
+            );
+            assert!((echo.range_m - range).abs() < 1e-3, "{range} m");
+        }
+    }
+
+    #[test]
+    fn a_wall_seen_at_an_angle_gives_its_cosine() {
+        for degrees in [20.0_f32, 45.0, 70.0, 80.0] {
+            let response = look(
+                &walls(&[(20.0, 40.0, degrees.to_radians())]),
+                &BeamOptics::default(),
+            );
+            let strength: f32 = response.of(0).iter().map(|r| r.strength_per_m2).sum();
+            let expected = 0.1 * libm::cosf(degrees.to_radians()) / PI / 400.0;
+            assert!(
+                (strength / expected - 1.0).abs() < 0.01,
+                "{degrees} degrees: {strength} against {expected}"
+            );
+        }
+    }
+
+    #[test]
+    fn an_edge_splits_a_beam_by_weight() {
+        // The near wall covers y ≤ −1 mm: two of five columns, weights (1/16 + 1/2) of (1/8 + 1 + 1).
+        let response = look(
+            &walls(&[(10.0, -0.001, 0.0), (14.0, 40.0, 0.0)]),
+            &BeamOptics::default(),
+        );
+        let [near, far] = response.of(0) else {
+            panic!("two returns")
+        };
+        let share = 0.5625 / 2.125;
+        assert!((near.strength_per_m2 / (share * 0.1 / PI / 100.0) - 1.0).abs() < 0.01);
+        assert!((far.strength_per_m2 / ((1.0 - share) * 0.1 / PI / 196.0) - 1.0).abs() < 0.01);
+        assert!(near.range_m < far.range_m);
+    }
+
+    #[test]
+    fn returns_within_three_centimetres_are_one() {
+        for (gap, count) in [(0.02, 1), (0.04, 2)] {
+            let response = look(
+                &walls(&[(10.0, -0.001, 0.0), (10.0 + gap, 40.0, 0.0)]),
+                &BeamOptics::default(),
+            );
+            assert_eq!(response.of(0).len(), count, "{gap} m");
+        }
+    }
+
+    #[test]
+    fn the_receiver_is_blind_below_its_overlap() {
+        let one = BeamOptics {
+            subrays: 1,
+            ..BeamOptics::default()
+        };
+        assert!(look(&walls(&[(0.85, 40.0, 0.0)]), &one).of(0).is_empty());
+        let half = look(&walls(&[(0.95, 40.0, 0.0)]), &one).of(0)[0].strength_per_m2;
+        assert!((half / (0.5 * 0.1 / PI / 0.9025) - 1.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn weights_add_up_to_one_and_span_the_divergence() {
+        for subrays in [1, 3, 5, 7] {
+            let grid = footprint(&BeamOptics {
+                subrays,
+                ..BeamOptics::default()
+            });
+            assert_eq!(grid.len(), usize::from(subrays) * usize::from(subrays));
+            assert!((grid.iter().map(|(_, w)| w).sum::<f64>() - 1.0).abs() < 1e-12);
+            let reach = if subrays == 1 { 0.0 } else { 1.5e-3 };
+            assert_eq!(grid[grid.len() - 1].0[0], reach);
+        }
+    }
+
+    #[test]
+    fn one_thread_and_many_give_the_same_response() {
+        let scene = generate(SceneKind::SemiStructured, 4);
+        let caster = Raycaster::new(&scene);
+        let pose =
+            Isometry3::from_parts(Translation3::new(0.0, 0.0, 6.0), UnitQuaternion::identity());
+        let beam = |k: u32| {
+            let turn = f64::from(k) * 0.01;
+            [libm::cos(turn) as f32, libm::sin(turn) as f32, 0.0]
+        };
+        let directions: Vec<[f32; 3]> = (0..600).map(beam).collect();
+        let scan = || {
+            Scanner::scan(
+                &caster,
+                &scene.materials,
+                &pose,
+                &directions,
+                &BeamOptics::default(),
+            )
+        };
+        let single = rayon::ThreadPoolBuilder::new()
+            .num_threads(1)
+            .build()
+            .expect("a pool")
+            .install(scan);
+        assert_eq!(single, scan());
+        assert_eq!(single.len(), 600);
+        for beam in 0..600 {
+            assert!(single.of(beam).is_sorted_by(|a, b| a.range_m < b.range_m));
+        }
+    }
+}
