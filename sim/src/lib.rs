@@ -5,3 +5,4 @@ pub mod raycast;
 pub mod scanner;
 pub mod scene;
 pub mod vector;
+pub mod viewpoint;

@@ -1,0 +1,350 @@
+//! Where a surveyor could stand: pairs of sensor poses in a scene.
+
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use thiserror::Error;
+
+use crate::raycast::Raycaster;
+use crate::scene::Scene;
+use crate::scene::random::Dice;
+
+mod ground;
+mod split;
+
+use ground::GroundMap;
+pub use split::Split;
+use split::Territory;
+
+/// Free space a sensor needs to every side, metres.
+const CLEARANCE_M: f32 = 1.0;
+/// Structure counts up to this range, metres.
+const STRUCTURE_M: f32 = 60.0;
+/// Share of level rays into the field of view that must meet structure.
+const STRUCTURE_SHARE: f64 = 0.3;
+/// Candidates tried a pair before giving up.
+const ATTEMPTS_A_PAIR: usize = 2000;
+
+/// What pairs to sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PairPlan {
+    /// Pairs wanted.
+    pub count: usize,
+    /// Horizontal distance from the first sensor to the second, metres.
+    pub baseline_m: f64,
+    /// The second sensor's heading, and the way to it, lie within ± this of the first's heading, degrees.
+    pub heading_range_deg: f64,
+    /// Roll and pitch of each sensor lie within ± this, degrees.
+    pub tilt_range_deg: f64,
+    /// Height of the sensor above the ground, metres.
+    pub height_m: f64,
+    /// Same seed, same pairs.
+    pub seed: u64,
+    /// Which part of the place to stand in.
+    pub split: Split,
+}
+
+impl Default for PairPlan {
+    fn default() -> Self {
+        Self {
+            count: 10,
+            baseline_m: 5.0,
+            heading_range_deg: 20.0,
+            tilt_range_deg: 2.0,
+            height_m: 2.0,
+            seed: 0,
+            split: Split::Train,
+        }
+    }
+}
+
+/// Two poses that look at the same place; `world_from_first⁻¹ · world_from_second` is the truth of a registration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PosePair {
+    /// First pose: x forward, y left, z up.
+    pub world_from_first: Isometry3<f64>,
+    /// Second pose.
+    pub world_from_second: Isometry3<f64>,
+}
+
+/// Why candidates were turned down, and how many.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Rejections {
+    /// In the other split's part of the place, or too near it.
+    pub territory: usize,
+    /// No ground, or on a roof, a car, a slope, below a canopy.
+    pub footing: usize,
+    /// Something within a metre.
+    pub clearance: usize,
+    /// The two poses do not see each other.
+    pub sight: usize,
+    /// Too little to see.
+    pub structure: usize,
+}
+
+/// Why no pairs could be sampled.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum ViewpointError {
+    /// A plan that no place can satisfy.
+    #[error("{field} is {value}, which is no {expected}")]
+    BadPlan {
+        /// The field of [`PairPlan`].
+        field: &'static str,
+        /// Its value.
+        value: f64,
+        /// What it should be.
+        expected: &'static str,
+    },
+    /// The place has too few viewpoints.
+    #[error(
+        "{scene} has no viable viewpoint for pair {found} of {wanted} after {attempts} candidates \
+         ({} in the other split, {} without footing, {} hemmed in, {} out of sight, {} with too little to see)",
+        rejected.territory, rejected.footing, rejected.clearance, rejected.sight, rejected.structure
+    )]
+    NoViewpoint {
+        /// The scene's name.
+        scene: String,
+        /// Pairs found.
+        found: usize,
+        /// Pairs wanted.
+        wanted: usize,
+        /// Candidates tried.
+        attempts: usize,
+        /// What was wrong with them.
+        rejected: Rejections,
+    },
+}
+
+/// Samples pairs of poses.
+///
+/// # Errors
+///
+/// [`ViewpointError`] when the plan makes no sense or the place has too few viewpoints.
+pub fn sample_pairs(
+    scene: &Scene,
+    caster: &Raycaster,
+    plan: &PairPlan,
+) -> Result<Vec<PosePair>, ViewpointError> {
+    plan.check()?;
+    let mut search = Search {
+        caster,
+        plan,
+        area: scene.area,
+        ground: GroundMap::survey(scene, caster),
+        territory: Territory::new(scene.area, plan.split),
+        rejected: Rejections::default(),
+        // Train and test draw from streams of their own, so that one's count does not move the other's poses.
+        dice: Dice::new(plan.seed, 100 + plan.split as u64),
+    };
+    let attempts = plan.count * ATTEMPTS_A_PAIR;
+    let pairs: Vec<PosePair> = (0..attempts)
+        .filter_map(|_| search.candidate())
+        .take(plan.count)
+        .collect();
+    if pairs.len() < plan.count {
+        return Err(ViewpointError::NoViewpoint {
+            scene: scene.name.clone(),
+            found: pairs.len(),
+            wanted: plan.count,
+            attempts,
+            rejected: search.rejected,
+        });
+    }
+    Ok(pairs)
+}
+
+impl PairPlan {
+    fn check(&self) -> Result<(), ViewpointError> {
+        let rules = [
+            (
+                "baseline_m",
+                self.baseline_m,
+                self.baseline_m >= 0.0,
+                "distance in metres",
+            ),
+            (
+                "height_m",
+                self.height_m,
+                self.height_m > 0.0,
+                "height in metres",
+            ),
+            (
+                "heading_range_deg",
+                self.heading_range_deg,
+                (0.0..=180.0).contains(&self.heading_range_deg),
+                "angle of 0 to 180 degrees",
+            ),
+            (
+                "tilt_range_deg",
+                self.tilt_range_deg,
+                (0.0..=45.0).contains(&self.tilt_range_deg),
+                "angle of 0 to 45 degrees",
+            ),
+        ];
+        match rules
+            .into_iter()
+            .find(|(_, value, holds, _)| !holds || !value.is_finite())
+        {
+            Some((field, value, _, expected)) => Err(ViewpointError::BadPlan {
+                field,
+                value,
+                expected,
+            }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Two poses that nobody has looked at yet.
+struct Draft {
+    /// x and y, metres.
+    places: [[f64; 2]; 2],
+    /// Radians.
+    headings: [f64; 2],
+    /// Pitch and roll, radians.
+    tilts: [[f64; 2]; 2],
+}
+
+/// What speaks against a draft; see [`Rejections`].
+enum Reason {
+    Territory,
+    Footing,
+    Clearance,
+    Sight,
+    Structure,
+}
+
+struct Search<'a> {
+    caster: &'a Raycaster,
+    plan: &'a PairPlan,
+    area: ([f32; 2], [f32; 2]),
+    ground: GroundMap,
+    territory: Territory,
+    rejected: Rejections,
+    dice: Dice,
+}
+
+impl Search<'_> {
+    /// One throw: a pair, or one more rejection.
+    fn candidate(&mut self) -> Option<PosePair> {
+        let draft = self.draw();
+        let verdict = self.judge(&draft);
+        let rejected = &mut self.rejected;
+        match verdict {
+            Ok(pair) => return Some(pair),
+            Err(Reason::Territory) => rejected.territory += 1,
+            Err(Reason::Footing) => rejected.footing += 1,
+            Err(Reason::Clearance) => rejected.clearance += 1,
+            Err(Reason::Sight) => rejected.sight += 1,
+            Err(Reason::Structure) => rejected.structure += 1,
+        }
+        None
+    }
+
+    fn draw(&mut self) -> Draft {
+        let (low, high) = self.area;
+        let at = [0, 1].map(|i| self.dice.range(f64::from(low[i]), f64::from(high[i])));
+        let reach = self.plan.heading_range_deg.to_radians();
+        let tilt = self.plan.tilt_range_deg.to_radians();
+        let heading = self.dice.turn();
+        let way = heading + self.dice.spread(reach);
+        let step = [libm::cos(way), libm::sin(way)].map(|x| x * self.plan.baseline_m);
+        Draft {
+            places: [at, [at[0] + step[0], at[1] + step[1]]],
+            headings: [heading, heading + self.dice.spread(reach)],
+            tilts: [0; 2].map(|_| [0; 2].map(|_| self.dice.spread(tilt))),
+        }
+    }
+
+    /// Cheap questions first.
+    fn judge(&self, draft: &Draft) -> Result<PosePair, Reason> {
+        let require = |holds: bool, reason| if holds { Ok(()) } else { Err(reason) };
+        require(
+            draft.places.iter().all(|p| self.territory.owns(*p)),
+            Reason::Territory,
+        )?;
+        let stand = |[x, y]: [f64; 2]| {
+            let z = self
+                .ground
+                .footing(self.caster, [x, y])
+                .ok_or(Reason::Footing)?;
+            Ok([x, y, z + self.plan.height_m])
+        };
+        let eyes = [stand(draft.places[0])?, stand(draft.places[1])?];
+        let seen = eyes.map(|eye| eye.map(|x| x as f32));
+        require(
+            seen.iter().all(|eye| self.is_clear(*eye)),
+            Reason::Clearance,
+        )?;
+        require(self.are_in_sight(seen[0], seen[1]), Reason::Sight)?;
+        let enough = |k: usize| self.structure(seen[k], draft.headings[k]) >= STRUCTURE_SHARE;
+        require(enough(0) && enough(1), Reason::Structure)?;
+        let [first, second] = [0, 1].map(|k| pose(eyes[k], draft.headings[k], draft.tilts[k]));
+        Ok(PosePair {
+            world_from_first: first,
+            world_from_second: second,
+        })
+    }
+
+    /// Nothing within [`CLEARANCE_M`] sideways, at the sensor and at its carrier's hip; nothing overhead.
+    fn is_clear(&self, eye: [f32; 3]) -> bool {
+        let hip = [eye[0], eye[1], eye[2] - 0.5 * self.plan.height_m as f32];
+        let around = |from: [f32; 3]| {
+            level_rays(16, 0.0, 0.0, std::f64::consts::TAU)
+                .all(|d| self.caster.cast_within(from, d, CLEARANCE_M).is_none())
+        };
+        around(eye) && around(hip) && self.caster.cast(eye, [0.0, 0.0, 1.0]).is_none()
+    }
+
+    /// Leaves may hide a part: the middle or four points half a metre beside it, three of the five must be seen.
+    fn are_in_sight(&self, first: [f32; 3], second: [f32; 3]) -> bool {
+        let offsets = [
+            [0.0, 0.0, 0.0],
+            [0.5, 0.0, 0.0],
+            [-0.5, 0.0, 0.0],
+            [0.0, 0.5, 0.0],
+            [0.0, -0.5, 0.0],
+        ];
+        let moved = |o: [f32; 3]| {
+            self.caster
+                .sees(first, std::array::from_fn(|i| second[i] + o[i]))
+        };
+        offsets.into_iter().filter(|o| moved(*o)).count() >= 3
+    }
+
+    /// Share of rays into the front half, at and above the horizon, that return from nearer than [`STRUCTURE_M`].
+    fn structure(&self, eye: [f32; 3], heading: f64) -> f64 {
+        let quarter = std::f64::consts::FRAC_PI_2;
+        let rays: Vec<[f32; 3]> = [0.0_f64, 4.0, 8.0, 12.0]
+            .into_iter()
+            .flat_map(|e| level_rays(24, e.to_radians(), heading - quarter, heading + quarter))
+            .collect();
+        let hits = rays
+            .iter()
+            .filter(|d| self.caster.cast_within(eye, **d, STRUCTURE_M).is_some());
+        hits.count() as f64 / rays.len() as f64
+    }
+}
+
+/// Directions at one elevation, evenly from one azimuth to another, radians.
+fn level_rays(count: u32, elevation: f64, from: f64, to: f64) -> impl Iterator<Item = [f32; 3]> {
+    let (up, out) = (libm::sin(elevation), libm::cos(elevation));
+    (0..count).map(move |k| {
+        let turn = from + (to - from) * (f64::from(k) + 0.5) / f64::from(count);
+        [out * libm::cos(turn), out * libm::sin(turn), up].map(|x| x as f32)
+    })
+}
+
+/// `Rz(heading) · Ry(pitch) · Rx(roll)`, from libm's half angles so that every machine gets the same bits.
+fn pose([x, y, z]: [f64; 3], heading: f64, [pitch, roll]: [f64; 2]) -> Isometry3<f64> {
+    let half = |angle: f64| (libm::cos(0.5 * angle), libm::sin(0.5 * angle));
+    let ((cy, sy), (cp, sp), (cr, sr)) = (half(heading), half(pitch), half(roll));
+    let turn = Quaternion::new(cy, 0.0, 0.0, sy)
+        * Quaternion::new(cp, 0.0, sp, 0.0)
+        * Quaternion::new(cr, sr, 0.0, 0.0);
+    Isometry3::from_parts(
+        Translation3::new(x, y, z),
+        UnitQuaternion::from_quaternion(turn),
+    )
+}
+
+#[cfg(test)]
+mod tests;
