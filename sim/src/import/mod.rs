@@ -1,0 +1,186 @@
+//! Places made by others: PLY and OBJ files become scenes.
+
+mod ground;
+mod obj;
+mod ply;
+
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+use crate::scene::{MATERIALS, Mesh, MeshFault, Scene, Surface};
+pub use ground::Plane;
+
+/// What lies under an imported place.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Ground {
+    /// A plane fitted to the feet of the place, unless it has ground of its own.
+    #[default]
+    Auto,
+    /// Nothing is added.
+    None,
+    /// This plane is added.
+    Plane(Plane),
+}
+
+/// How to read a file.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImportOptions {
+    /// What lies under it.
+    pub ground: Ground,
+    /// Metres per unit of the file.
+    pub scale: f32,
+    /// True when the file's y axis points up; z does otherwise.
+    pub y_up: bool,
+    /// Surface of faces that say nothing.
+    pub default_surface: Surface,
+    /// Largest coordinate a place may have, metres.
+    pub max_reach_m: f32,
+}
+
+impl Default for ImportOptions {
+    fn default() -> Self {
+        Self {
+            ground: Ground::Auto,
+            scale: 1.0,
+            y_up: false,
+            default_surface: Surface::Unknown,
+            max_reach_m: 5000.0,
+        }
+    }
+}
+
+/// Why a file is not a scene.
+#[derive(Debug, Error)]
+pub enum ImportError {
+    /// It cannot be read.
+    #[error("cannot read {}: {source}", path.display())]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// Its name ends in neither `.ply` nor `.obj`.
+    #[error("{} is neither a .ply nor an .obj file", path.display())]
+    UnknownFormat {
+        /// The file.
+        path: PathBuf,
+    },
+    /// It does not follow its format.
+    #[error("{} is not a {format} mesh: {what}", path.display())]
+    Malformed {
+        /// The file.
+        path: PathBuf,
+        /// "PLY" or "OBJ".
+        format: &'static str,
+        /// What is wrong, what was expected, where.
+        what: String,
+    },
+    /// It follows its format, yet cannot be scanned.
+    #[error("{} cannot be scanned: {fault}", path.display())]
+    Unusable {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with the mesh.
+        fault: MeshFault,
+    },
+}
+
+/// What a reader has to say against a file, before it is named.
+#[derive(Debug, PartialEq)]
+enum Fault {
+    Format(String),
+    Mesh(MeshFault),
+}
+
+impl From<MeshFault> for Fault {
+    fn from(fault: MeshFault) -> Self {
+        Self::Mesh(fault)
+    }
+}
+
+/// Reads a PLY (ascii or binary) or OBJ file as a scene.
+///
+/// # Errors
+///
+/// [`ImportError`], which names the file and what is wrong with it.
+pub fn load_scene(path: &Path, options: &ImportOptions) -> Result<Scene, ImportError> {
+    let extension = path
+        .extension()
+        .and_then(|e| e.to_str())
+        .unwrap_or_default()
+        .to_ascii_lowercase();
+    let read = || {
+        std::fs::read(path).map_err(|source| ImportError::Unreadable {
+            path: path.into(),
+            source,
+        })
+    };
+    let (format, mesh) = match extension.as_str() {
+        "ply" => ("PLY", ply::read(&read()?, options.default_surface)),
+        "obj" => (
+            "OBJ",
+            obj::read(&read()?, path.parent(), options.default_surface),
+        ),
+        _ => return Err(ImportError::UnknownFormat { path: path.into() }),
+    };
+    let name = path.file_stem().map_or_else(
+        || "imported".into(),
+        |stem| stem.to_string_lossy().into_owned(),
+    );
+    mesh.and_then(|mesh| furnish(mesh, name, options))
+        .map_err(|fault| match fault {
+            Fault::Format(what) => ImportError::Malformed {
+                path: path.into(),
+                format,
+                what,
+            },
+            Fault::Mesh(fault) => ImportError::Unusable {
+                path: path.into(),
+                fault,
+            },
+        })
+}
+
+/// Metres, z up, on its ground.
+fn furnish(mut mesh: Mesh, name: String, options: &ImportOptions) -> Result<Scene, Fault> {
+    for vertex in &mut mesh.vertices {
+        let [x, y, z] = vertex.map(|v| v * options.scale);
+        *vertex = if options.y_up { [x, -z, y] } else { [x, y, z] };
+    }
+    mesh.check(MATERIALS.len(), options.max_reach_m)?;
+    let (low, high) = mesh.bounds().ok_or(MeshFault::NoFaces)?;
+    let plane = match options.ground {
+        Ground::Plane(plane) => Some(plane),
+        Ground::None => None,
+        Ground::Auto => (!ground::has_ground(&mesh)).then(|| ground::fit(&mesh)),
+    };
+    // A single house is seen from outside, a town from its streets.
+    let small = (high[0] - low[0]).min(high[1] - low[1]) < 60.0;
+    let margin = if plane.is_some() && small { 15.0 } else { 0.0 };
+    if let Some(plane) = plane {
+        mesh.append(&plane.mesh(low, high));
+    }
+    let area = (
+        [low[0] - margin, low[1] - margin],
+        [high[0] + margin, high[1] + margin],
+    );
+    Ok(Scene {
+        name,
+        mesh,
+        materials: MATERIALS.to_vec(),
+        area,
+    })
+}
+
+/// Triangles of a polygon, as a fan from its first corner.
+fn fan(corners: &[u32]) -> impl Iterator<Item = [u32; 3]> + '_ {
+    corners
+        .windows(2)
+        .skip(1)
+        .map(|pair| [corners[0], pair[0], pair[1]])
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,367 @@
+use super::*;
+use crate::raycast::Raycaster;
+use crate::scanner::{BeamOptics, Scanner};
+use crate::scene::SceneKind;
+use crate::viewpoint::{PairPlan, Split, sample_pairs};
+
+const HEADER: &str = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+                      element face 1\nproperty list uchar int vertex_indices\nend_header\n";
+const SQUARE: &str = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n";
+
+fn load(name: &str, content: &[u8]) -> Result<Scene, ImportError> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join(name);
+    std::fs::write(&path, content).expect("a file");
+    load_scene(
+        &path,
+        &ImportOptions {
+            ground: Ground::None,
+            ..ImportOptions::default()
+        },
+    )
+}
+
+#[test]
+fn a_malformed_file_is_refused_by_name_and_reason() {
+    let ply = |body: &str| format!("{HEADER}{body}");
+    let binary = HEADER.replace("ascii", "binary_little_endian");
+    let huge = binary.replace("vertex 4", "vertex 4000000000");
+    let big = binary.replace("face 1", "face 18446744073709551615");
+    let table: &[(&str, String, &str)] = &[
+        ("empty.ply", String::new(), "Unexpected end of file"),
+        ("text.ply", "hello\n".into(), "Expected magic number"),
+        ("headless.ply", "ply\nformat ascii 1.0\nelement vertex 4\n".into(), "end_header"),
+        ("pointless.ply", "ply\nformat ascii 1.0\nelement face 0\nend_header\n".into(), "`element vertex`"),
+        ("cloud.ply", "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float y\nproperty float z\nend_header\n".into(), "`element face`"),
+        ("flat.ply", HEADER.replace("property float z\n", ""), "x, y and z"),
+        ("listless.ply", HEADER.replace("list uchar int vertex_indices", "int colour"), "vertex_indices"),
+        ("faceless.ply", HEADER.replace("face 1", "face 0") + SQUARE, "no faces"),
+        ("cut.ply", ply(SQUARE), "promises at least"),
+        ("short.ply", ply("0 0 0\n"), "promises at least"),
+        ("cut_binary.ply", binary.clone() + "0123456789", "promises at least 49 bytes"),
+        ("huge.ply", huge, "promises at least"),
+        ("big.ply", big, "promises at least"),
+        ("endless.ply", binary + &"\u{7f}".repeat(60), "end of file"),
+        ("words.ply", ply("0 0 0\n1 0 0\n1 one 0\n0 1 0\n3 0 1 2\n"), "Line 12"),
+        ("two.ply", ply(&format!("{SQUARE}2 0 1\n")), "face 0 has 2 corners"),
+        ("index.ply", ply(&format!("{SQUARE}4 0 1 2 4\n")), "face 0 names vertex 4, but there are only 4"),
+        ("negative.ply", ply(&format!("{SQUARE}3 0 1 -1\n")), "face 0 names vertex -1"),
+        ("nan.ply", ply("0 0 0\n1 0 0\n1 NaN 0\n0 1 0\n3 0 1 2\n"), "1 NaN 0"),
+        ("inf.ply", ply("0 0 0\n1 0 inf\n1 1 0\n0 1 0\n3 0 1 2\n"), "1 0 inf"),
+        ("line.ply", ply("0 0 0\n1 0 0\n2 0 0\n3 0 0\n4 0 1 2 3\n"), "all 2 faces have zero area"),
+        ("far.ply", ply("0 0 0\n1 0 0\n678000 5403500 0\n0 1 0\n3 0 1 2\n"), "is its unit the metre"),
+        ("empty.obj", String::new(), "no faces"),
+        ("points.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n".into(), "no faces"),
+        ("index.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2 4\n".into(), "face 1 names vertex 3, but there are only 3"),
+        ("back.obj", "v 0 0 0\nv 1 0 0\nf -1 -2 -3\n".into(), "face 0 names vertex -1"),
+        ("zero.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n".into(), "face 0 names vertex -1"),
+        ("words.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf one two three\n".into(), "line 4"),
+        ("short.obj", "v 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n".into(), "position"),
+        ("nan.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n".into(), "not finite"),
+        ("mesh.stl", "solid\n".into(), "neither a .ply nor an .obj"),
+    ];
+    for (name, content, reason) in table {
+        let error = load(name, content.as_bytes()).expect_err(name).to_string();
+        assert!(error.contains(name), "{name}: {error}");
+        assert!(error.contains(reason), "{name}: {error}");
+        assert!(!error.contains('\n'), "{name}: {error}");
+    }
+}
+
+#[test]
+fn a_missing_file_is_named() {
+    let error =
+        load_scene(Path::new("no/such/town.ply"), &ImportOptions::default()).expect_err("missing");
+    assert!(
+        error
+            .to_string()
+            .starts_with("cannot read no/such/town.ply"),
+        "{error}"
+    );
+}
+
+#[test]
+fn bytes_that_are_not_text_are_no_obj() {
+    let error = load("noise.obj", &[0xff, 0xfe, 0x00, 0x80]).expect_err("noise");
+    assert!(error.to_string().contains("expected text"), "{error}");
+}
+
+#[test]
+fn a_vertex_that_is_no_point_is_named() {
+    for bad in [f32::NAN, f32::INFINITY] {
+        let mut bytes = HEADER.replace("ascii", "binary_little_endian").into_bytes();
+        let coordinates = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, bad, 0.0, 0.0, 1.0, 0.0];
+        bytes.extend(coordinates.into_iter().flat_map(f32::to_le_bytes));
+        bytes.push(3);
+        bytes.extend([0_i32, 1, 2].into_iter().flat_map(i32::to_le_bytes));
+        let error = load("bad.ply", &bytes)
+            .expect_err("not a point")
+            .to_string();
+        assert!(error.contains("vertex 2 is not finite"), "{error}");
+    }
+}
+
+#[test]
+fn no_prefix_of_a_file_and_no_flipped_byte_panics() {
+    let text = format!("{HEADER}{SQUARE}4 0 1 2 3\n");
+    let mut binary = HEADER.replace("ascii", "binary_big_endian").into_bytes();
+    for value in SQUARE.split_whitespace() {
+        binary.extend(value.parse::<f32>().expect("a number").to_be_bytes());
+    }
+    binary.push(4);
+    binary.extend([0_i32, 1, 2, 3].into_iter().flat_map(i32::to_be_bytes));
+    assert_eq!(
+        load("good.ply", &binary)
+            .expect("good")
+            .mesh
+            .triangles
+            .len(),
+        2
+    );
+    let obj = "mtllib x.mtl\nv 0 0 0\nv 1 0 0\nvt 0 0\nvn 0 0 1\nv 1 1 0\ng wall\nf 1/1/1 2/1/1 -1//1\nf 1 2 3\n";
+    // The readers themselves: no file for each of these.
+    let read_ply = |bytes: &[u8]| drop(ply::read(bytes, Surface::Unknown));
+    let read_obj = |bytes: &[u8]| drop(obj::read(bytes, None, Surface::Unknown));
+    for_all_damage(text.as_bytes(), read_ply);
+    for_all_damage(&binary, read_ply);
+    for_all_damage(obj.as_bytes(), read_obj);
+}
+
+/// Every prefix, and every byte changed in a few ways.
+fn for_all_damage(good: &[u8], read: impl Fn(&[u8])) {
+    for k in 0..good.len() {
+        read(&good[..k]);
+        for flip in [0x01, 0x02, 0x10, 0x20, 0x80, 0xff] {
+            let mut bad = good.to_vec();
+            bad[k] ^= flip;
+            read(&bad);
+        }
+    }
+}
+
+#[test]
+fn polygons_become_fans_and_keep_their_surface() {
+    let header = HEADER.replace("end_header", "property uchar semantic\nend_header");
+    let scene = load(
+        "square.ply",
+        format!("{header}{SQUARE}4 0 1 2 3 4\n").as_bytes(),
+    )
+    .expect("a square");
+    assert_eq!(scene.mesh.triangles, [[0, 1, 2], [0, 2, 3]]);
+    assert_eq!(scene.mesh.materials, [Surface::Glass.index(); 2]);
+    assert_eq!(scene.name, "square");
+}
+
+#[test]
+fn an_obj_names_its_surfaces_and_does_without_its_library() {
+    let text = "mtllib lost.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\no red_brick_house\nusemtl lost\nf 1 2 3 4\n";
+    let scene = load("house.obj", text.as_bytes()).expect("a house");
+    assert_eq!(scene.mesh.triangles.len(), 2);
+    assert_eq!(scene.mesh.materials, [Surface::Brick.index(); 2]);
+}
+
+#[test]
+fn y_up_files_are_turned_and_scaled() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("turned.obj");
+    std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 2 3\nf 1 2 3\n").expect("a file");
+    let options = ImportOptions {
+        ground: Ground::None,
+        scale: 2.0,
+        y_up: true,
+        ..ImportOptions::default()
+    };
+    assert_eq!(
+        load_scene(&path, &options)
+            .expect("a triangle")
+            .mesh
+            .vertices[2],
+        [0.0, -6.0, 4.0]
+    );
+}
+
+#[test]
+fn a_scene_written_as_ply_comes_back_without_new_ground() {
+    let scene = crate::scene::generate(SceneKind::Unstructured, 1);
+    let mut bytes = format!(
+        "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n\
+         element face {}\nproperty list uchar uint vertex_indices\nend_header\n",
+        scene.mesh.vertices.len(),
+        scene.mesh.triangles.len()
+    )
+    .into_bytes();
+    bytes.extend(
+        scene
+            .mesh
+            .vertices
+            .iter()
+            .flatten()
+            .flat_map(|x| x.to_le_bytes()),
+    );
+    for triangle in &scene.mesh.triangles {
+        bytes.push(3);
+        bytes.extend(triangle.iter().flat_map(|i| i.to_le_bytes()));
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("country.ply");
+    std::fs::write(&path, bytes).expect("a file");
+    let again = load_scene(&path, &ImportOptions::default()).expect("the same scene");
+    assert_eq!(again.mesh.vertices, scene.mesh.vertices);
+    assert_eq!(again.mesh.triangles, scene.mesh.triangles);
+}
+
+/// The folder of real inputs, or a word about what is left out without it.
+fn data(what: &str) -> Option<PathBuf> {
+    let folder = std::env::var_os("ECHOLOOP_DATA").map(PathBuf::from);
+    if folder.is_none() {
+        eprintln!("skipped, ECHOLOOP_DATA is not set: {what}");
+    }
+    folder
+}
+
+fn assert_scannable(scene: &Scene, split: Split) {
+    let caster = Raycaster::new(scene);
+    let plan = PairPlan {
+        count: 4,
+        split,
+        ..PairPlan::default()
+    };
+    let pairs = sample_pairs(scene, &caster, &plan).unwrap_or_else(|error| panic!("{error}"));
+    let beam = |k: u32| {
+        let (turn, up) = (
+            f64::from(k % 90) * 0.035 - 1.57,
+            f64::from(k / 90) * 0.05 - 0.3,
+        );
+        [
+            libm::cos(up) * libm::cos(turn),
+            libm::cos(up) * libm::sin(turn),
+            libm::sin(up),
+        ]
+        .map(|x| x as f32)
+    };
+    let directions: Vec<[f32; 3]> = (0..1800).map(beam).collect();
+    for pair in pairs {
+        let pose = pair.world_from_first;
+        let response = Scanner::scan(
+            &caster,
+            &scene.materials,
+            &pose,
+            &directions,
+            &BeamOptics::default(),
+        );
+        let answered = (0..response.len())
+            .filter(|&b| !response.of(b).is_empty())
+            .count();
+        assert!(
+            answered > 600,
+            "{}: {answered} of 1800 beams return",
+            scene.name
+        );
+    }
+}
+
+#[test]
+fn ingolstadt_gets_its_street_and_can_be_scanned() {
+    let Some(folder) = data("the street of Ingolstadt") else {
+        return;
+    };
+    let path = folder.join("city_ingolstadt/ingolstadt_north.ply");
+    let bare = load_scene(
+        &path,
+        &ImportOptions {
+            ground: Ground::None,
+            ..ImportOptions::default()
+        },
+    )
+    .expect("the city");
+    assert_eq!(bare.mesh.triangles.len(), 83_146);
+    assert!(!ground::has_ground(&bare.mesh));
+    // The fit that its README gives, and that fit's residual.
+    let (found, known) = (
+        ground::fit(&bare.mesh),
+        Plane {
+            a: 0.002_60,
+            b: 0.012_17,
+            c: -3.093,
+        },
+    );
+    let (low, high) = bare.area;
+    for [x, y] in [
+        [low[0], low[1]],
+        [low[0], high[1]],
+        [high[0], low[1]],
+        [high[0], high[1]],
+        [107.5, 410.3],
+    ] {
+        let apart = found.height(x.into(), y.into()) - known.height(x.into(), y.into());
+        eprintln!("Ingolstadt's ground at ({x}, {y}) is {apart:+.3} m from the known plane");
+        assert!(apart.abs() < 0.46, "{apart} m at ({x}, {y}): {found:?}");
+    }
+    let scene = load_scene(&path, &ImportOptions::default()).expect("the city on its ground");
+    let plaster = scene
+        .mesh
+        .materials
+        .iter()
+        .filter(|&&m| m == Surface::Plaster.index())
+        .count();
+    assert!(plaster > 5_000, "{plaster} faces of wall");
+    for split in [Split::Train, Split::Test] {
+        assert_scannable(&scene, split);
+    }
+}
+
+#[test]
+fn worlds_of_others_keep_their_ground_and_can_be_scanned() {
+    let Some(folder) = data("the agriculture and inspection worlds") else {
+        return;
+    };
+    for name in ["agriculture_world", "inspection_world"] {
+        let path = folder.join(format!("gazebo_scenes/{name}.ply"));
+        let scene = load_scene(&path, &ImportOptions::default()).expect(name);
+        let asphalt = scene
+            .mesh
+            .materials
+            .iter()
+            .filter(|&&m| m == Surface::Asphalt.index())
+            .count();
+        assert_eq!(asphalt, 0, "{name} got ground although it has some");
+        assert_scannable(&scene, Split::Test);
+    }
+}
+
+#[test]
+fn single_objects_get_ground_to_stand_on() {
+    let Some(folder) = data("houses, shops and trees of others") else {
+        return;
+    };
+    for (name, scale) in [
+        ("gazebo_scenes/house_1", 1.0),
+        ("gazebo_scenes/gas_station", 1.0),
+        ("trees/oak_medium", 0.2),
+    ] {
+        let path = folder.join(format!("{name}.ply"));
+        let scene = load_scene(
+            &path,
+            &ImportOptions {
+                scale,
+                ..ImportOptions::default()
+            },
+        )
+        .expect(name);
+        assert!(
+            scene.mesh.materials.contains(&Surface::Asphalt.index()),
+            "{name} hangs in the air"
+        );
+        let trees = scene
+            .mesh
+            .materials
+            .iter()
+            .filter(|&&m| m == Surface::Leaf.index())
+            .count();
+        assert_eq!(
+            trees > 1000,
+            name.starts_with("trees"),
+            "{name}: {trees} leaves"
+        );
+    }
+}
