@@ -1,1 +1,292 @@
-//! Poses.
+//! Poses: what one frame looks like from another, and how far an estimate is from the truth.
+
+use std::path::{Path, PathBuf};
+
+use nalgebra::{Isometry3, Matrix3, Matrix4, Rotation3, Translation3, UnitQuaternion};
+
+/// A rigid motion. A variable of this type says what it maps: `target_from_source`.
+pub type Pose = Isometry3<f64>;
+
+/// A rotation read from a file may miss `RᵀR = I` by this much: six printed digits, with room.
+const RIGID_TOLERANCE: f64 = 1e-3;
+
+/// Why sixteen numbers are no [`Pose`], or a file holds none.
+#[derive(Debug, thiserror::Error)]
+pub enum PoseError {
+    /// The file cannot be read.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A word is not a number.
+    #[error("{}:{line}: expected a number, found {word:?}", path.display())]
+    Number {
+        /// The file.
+        path: PathBuf,
+        /// Its line, from 1.
+        line: usize,
+        /// The word.
+        word: String,
+    },
+    /// The file does not hold sixteen numbers.
+    #[error("{}: expected a 4×4 matrix, found {found} numbers", path.display())]
+    Count {
+        /// The file.
+        path: PathBuf,
+        /// How many numbers there are.
+        found: usize,
+    },
+    /// The matrix is not a rigid motion.
+    #[error("{}: {reason}", path.display())]
+    Rigid {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with the matrix.
+        reason: NotRigid,
+    },
+}
+
+/// Why a 4×4 matrix is not a rigid motion.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum NotRigid {
+    /// An entry is infinite or not a number.
+    #[error("an entry of the matrix is not finite")]
+    NotFinite,
+    /// The last row is not 0 0 0 1.
+    #[error("the last row of the matrix is not 0 0 0 1")]
+    LastRow,
+    /// The rotation misses `RᵀR = I` by this much.
+    #[error("the rotation is not orthonormal: RᵀR is {0:.3e} from the identity")]
+    NotOrthonormal(f64),
+    /// The rotation mirrors.
+    #[error("the rotation mirrors: its determinant is negative")]
+    Mirrors,
+}
+
+/// The truth of a pair, from the poses of its scans: `first_from_second`.
+///
+/// ```text
+/// first_from_second = world_from_first⁻¹ · world_from_second
+/// ```
+///
+/// The paper writes `P_i · P_j⁻¹`. That is the same only when its `P` maps the world to the sensor
+/// (`P = world_from_sensor⁻¹`); ours map the sensor to the world.
+pub fn relative(world_from_first: &Pose, world_from_second: &Pose) -> Pose {
+    world_from_first.inv_mul(world_from_second)
+}
+
+/// Distance between the two translations, in metres.
+pub fn translation_error_m(estimate: &Pose, truth: &Pose) -> f64 {
+    (estimate.translation.vector - truth.translation.vector).norm()
+}
+
+/// Angle between the two rotations, in degrees, 0 to 180: Eq. 7.
+///
+/// ```text
+/// arccos( (tr(R_estᵀ R*) - 1) / 2 ) = 2 · atan2( |q_xyz|, |q_w| )      q of R_estᵀ R*
+/// ```
+///
+/// The arccosine loses half the digits near 0 (1e-8 rad at best) and needs a clamp; the arctangent
+/// does neither.
+pub fn rotation_error_deg(estimate: &Pose, truth: &Pose) -> f64 {
+    let between = estimate.rotation.inverse() * truth.rotation;
+    let half = between.imag().norm().atan2(between.w.abs());
+    (2.0 * half).to_degrees()
+}
+
+/// `‖T_est - T*‖_F` over the 4×4 matrices: Eq. 3. It adds metres to sines, as the paper does.
+pub fn frobenius_error(estimate: &Pose, truth: &Pose) -> f64 {
+    (estimate.to_homogeneous() - truth.to_homogeneous()).norm()
+}
+
+/// The 4×4 matrix of a pose, row by row.
+pub fn to_rows(pose: &Pose) -> [f64; 16] {
+    let matrix = pose.to_homogeneous();
+    std::array::from_fn(|i| matrix[(i / 4, i % 4)])
+}
+
+/// The pose of a 4×4 matrix, row by row. A rotation within 1e-3 of orthonormal is made exact.
+///
+/// # Errors
+///
+/// [`NotRigid`] says which property of a rigid motion is missing.
+pub fn from_rows(rows: &[f64; 16]) -> Result<Pose, NotRigid> {
+    if rows.iter().any(|v| !v.is_finite()) {
+        return Err(NotRigid::NotFinite);
+    }
+    let matrix = Matrix4::from_row_slice(rows);
+    let last = matrix.row(3) - nalgebra::RowVector4::new(0.0, 0.0, 0.0, 1.0);
+    if last.amax() > RIGID_TOLERANCE {
+        return Err(NotRigid::LastRow);
+    }
+    let rotation: Matrix3<f64> = matrix.fixed_view::<3, 3>(0, 0).into();
+    let miss = (rotation.transpose() * rotation - Matrix3::identity()).amax();
+    if miss > RIGID_TOLERANCE {
+        return Err(NotRigid::NotOrthonormal(miss));
+    }
+    if rotation.determinant() < 0.0 {
+        return Err(NotRigid::Mirrors);
+    }
+    let rotation =
+        UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
+    let translation = Translation3::new(rows[3], rows[7], rows[11]);
+    Ok(Pose::from_parts(translation, rotation))
+}
+
+/// Reads a 4×4 matrix of sixteen numbers, row by row, parted by blanks, commas or line ends.
+///
+/// # Errors
+///
+/// [`PoseError`] names the file, and the line where there is one.
+pub fn read_pose(path: &Path) -> Result<Pose, PoseError> {
+    let text = std::fs::read_to_string(path).map_err(|source| PoseError::Io {
+        path: path.into(),
+        source,
+    })?;
+    let numbers = numbers(path, &text)?;
+    let rows: &[f64; 16] = numbers
+        .as_slice()
+        .try_into()
+        .map_err(|_| PoseError::Count {
+            path: path.into(),
+            found: numbers.len(),
+        })?;
+    from_rows(rows).map_err(|reason| PoseError::Rigid {
+        path: path.into(),
+        reason,
+    })
+}
+
+fn numbers(path: &Path, text: &str) -> Result<Vec<f64>, PoseError> {
+    let words = text.lines().enumerate().flat_map(|(line, text)| {
+        text.split(|c: char| c.is_whitespace() || c == ',')
+            .filter(|word| !word.is_empty())
+            .map(move |word| (line, word))
+    });
+    words
+        .map(|(line, word)| {
+            word.parse().map_err(|_| PoseError::Number {
+                path: path.into(),
+                line: line + 1,
+                word: word.into(),
+            })
+        })
+        .collect()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use nalgebra::Vector3;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn pose(v: [f64; 6]) -> Pose {
+        Pose::new(
+            Vector3::new(v[0], v[1], v[2]),
+            Vector3::new(v[3], v[4], v[5]),
+        )
+    }
+
+    #[test]
+    fn a_sensor_that_moved_forward_sees_the_old_scan_ahead_of_nothing() {
+        // The second sensor stands 2 m ahead, both look along world y: second's origin is at x = 2 of the first.
+        let turn = Vector3::new(0.0, 0.0, std::f64::consts::FRAC_PI_2);
+        let first = Pose::new(Vector3::new(10.0, 0.0, 0.0), turn);
+        let second = Pose::new(Vector3::new(10.0, 2.0, 0.0), turn);
+        let truth = relative(&first, &second);
+        assert!((truth.translation.vector - Vector3::new(2.0, 0.0, 0.0)).norm() < 1e-12);
+    }
+
+    #[test]
+    fn the_papers_order_agrees_when_its_poses_map_the_world_to_the_sensor() {
+        let (first, second) = (
+            pose([1.0, 2.0, 3.0, 0.1, 0.2, 0.3]),
+            pose([-4.0, 1.0, 0.0, -0.3, 0.0, 1.0]),
+        );
+        let paper = first.inverse() * second.inverse().inverse();
+        assert!(frobenius_error(&relative(&first, &second), &paper) < 1e-12);
+    }
+
+    #[test]
+    fn the_rotation_error_keeps_its_digits_where_the_arccosine_loses_them() {
+        for angle in [0.0, 1e-12, 1e-9, 1e-4, 1.0, 3.0, std::f64::consts::PI] {
+            let turned = pose([0.0, 0.0, 0.0, 0.0, 0.0, angle]);
+            let error = rotation_error_deg(&Pose::identity(), &turned).to_radians();
+            assert!(
+                (error - angle).abs() <= 1e-14 * (1.0 + angle / 1e-14 * 1e-15),
+                "{angle} gave {error}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_frobenius_error_of_a_shift_is_its_length() {
+        let shifted = pose([3.0, 4.0, 0.0, 0.0, 0.0, 0.0]);
+        assert!((frobenius_error(&Pose::identity(), &shifted) - 5.0).abs() < 1e-15);
+        assert!((translation_error_m(&Pose::identity(), &shifted) - 5.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_matrix_that_is_not_rigid_is_refused_with_its_reason() {
+        let identity = to_rows(&Pose::identity());
+        let with = |at: usize, value: f64| {
+            let mut rows = identity;
+            rows[at] = value;
+            from_rows(&rows)
+        };
+        assert_eq!(with(3, f64::NAN), Err(NotRigid::NotFinite));
+        assert_eq!(with(12, 0.5), Err(NotRigid::LastRow));
+        assert_eq!(with(0, -1.0), Err(NotRigid::Mirrors));
+        assert_eq!(with(0, 2.0), Err(NotRigid::NotOrthonormal(3.0)));
+    }
+
+    #[test]
+    fn a_pose_file_error_names_the_file_and_the_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let table = [
+            (
+                "short.txt",
+                "1 0 0 0\n0 1 0 0\n",
+                "expected a 4×4 matrix, found 8 numbers",
+            ),
+            (
+                "word.txt",
+                "1 0 0 0\n0 one 0 0\n",
+                ":2: expected a number, found \"one\"",
+            ),
+            (
+                "scale.txt",
+                "2 0 0 0 0 2 0 0 0 0 2 0 0 0 0 1",
+                "not orthonormal",
+            ),
+        ];
+        for (name, text, expected) in table {
+            let path = folder.path().join(name);
+            std::fs::write(&path, text).unwrap();
+            let message = read_pose(&path).unwrap_err().to_string();
+            assert!(
+                message.contains(name) && message.contains(expected),
+                "{message}"
+            );
+        }
+        assert!(
+            read_pose(&folder.path().join("absent.txt"))
+                .unwrap_err()
+                .to_string()
+                .contains("absent.txt")
+        );
+    }
+
+    proptest! {
+        #[test]
+        fn rows_and_back_is_the_same_pose(v in prop::array::uniform6(-3.0f64..3.0)) {
+            let pose = pose(v);
+            prop_assert!(frobenius_error(&from_rows(&to_rows(&pose)).unwrap(), &pose) < 1e-12);
+        }
+    }
+}
