@@ -1,0 +1,79 @@
+//! KITTI's binary scans, and points as text.
+
+use nalgebra::Point3;
+
+/// The points of a KITTI scan: x, y, z, intensity as little-endian `f32`, 16 bytes a point.
+pub(super) fn parse_kitti(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
+    let (records, rest) = bytes.as_chunks::<16>();
+    if !rest.is_empty() {
+        return Err(format!(
+            "expected a size that is a multiple of 16 bytes (KITTI), found {}",
+            bytes.len()
+        ));
+    }
+    Ok(records.iter().map(kitti_point).collect())
+}
+
+fn kitti_point(record: &[u8; 16]) -> Point3<f32> {
+    let (words, _) = record.as_chunks::<4>();
+    Point3::new(
+        f32::from_le_bytes(words[0]),
+        f32::from_le_bytes(words[1]),
+        f32::from_le_bytes(words[2]),
+    )
+}
+
+/// The points of a text file: a point a line, parted by blanks, commas or semicolons.
+///
+/// Lines that are empty or begin with `#` or `//` are skipped. The first line may name the columns, then x, y, z are
+/// taken from there; else they are the first three.
+pub(super) fn parse_text(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
+    let text =
+        std::str::from_utf8(bytes).map_err(|error| format!("expected text in UTF-8: {error}"))?;
+    let mut lines = text
+        .lines()
+        .enumerate()
+        .map(|(i, line)| (i + 1, line.trim()))
+        .filter(|(_, line)| !(line.is_empty() || line.starts_with('#') || line.starts_with("//")))
+        .peekable();
+    let mut axes = [0, 1, 2];
+    if let Some(&(number, line)) = lines.peek()
+        && words(line)
+            .next()
+            .is_some_and(|word| word.parse::<f32>().is_err())
+    {
+        axes = columns(line).ok_or(format!(
+            "line {number}: expected numbers or the column names x, y, z"
+        ))?;
+        lines.next();
+    }
+    lines
+        .map(|(number, line)| {
+            point(line, axes).ok_or(format!(
+                "line {number}: expected x y z, found {:?}",
+                start(line)
+            ))
+        })
+        .collect()
+}
+
+fn words(line: &str) -> impl Iterator<Item = &str> {
+    line.split(|c: char| c.is_whitespace() || c == ',' || c == ';')
+        .filter(|word| !word.is_empty())
+}
+
+/// Enough of a line to recognise it.
+fn start(line: &str) -> String {
+    line.chars().take(60).collect()
+}
+
+fn columns(line: &str) -> Option<[usize; 3]> {
+    let place =
+        |axis| words(line).position(|word| word.trim_matches('"').eq_ignore_ascii_case(axis));
+    Some([place("x")?, place("y")?, place("z")?])
+}
+
+fn point(line: &str, axes: [usize; 3]) -> Option<Point3<f32>> {
+    let value = |axis: usize| words(line).nth(axes[axis])?.parse().ok();
+    Some(Point3::new(value(0)?, value(1)?, value(2)?))
+}

@@ -1,0 +1,236 @@
+//! One point a voxel.
+
+use nalgebra::{Point3, Vector3};
+
+use super::{Cloud, is_finite};
+
+/// Why a cloud cannot be cut into voxels.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum VoxelError {
+    /// The edge is not a positive number.
+    #[error("a voxel of {0} m is not larger than 0")]
+    Size(f64),
+    /// The cells of the box around the cloud do not fit 64 bits.
+    #[error("a voxel of {voxel_m} m is too small for a cloud {extent_m:.0} m wide")]
+    TooSmall {
+        /// The edge, m.
+        voxel_m: f64,
+        /// The longest side of the box around the cloud, m.
+        extent_m: f64,
+    },
+}
+
+/// Replaces the points of each voxel by their mean. Normals are dropped: estimate them anew.
+///
+/// ```text
+/// cell = ⌊p / voxel⌋ per axis, in f64      mean = Σ p / n, in f64, in the order of the input
+/// ```
+///
+/// The grid starts at the frame's origin, so that equal settings cut each scan alike (Open3D starts half a voxel
+/// below the least point). The output is ordered by cell, x fastest: the same input gives the same bytes, and another
+/// order of the input the same points up to rounding. Non-finite points are skipped.
+///
+/// # Errors
+///
+/// [`VoxelError`] when the edge is not positive, or so small that 64 bits cannot number the cells.
+pub fn downsample(cloud: &Cloud, voxel_m: f64) -> Result<Cloud, VoxelError> {
+    means(&cloud.points, voxel_m).map(Cloud::new)
+}
+
+fn means(points: &[Point3<f32>], voxel_m: f64) -> Result<Vec<Point3<f32>>, VoxelError> {
+    if !(voxel_m > 0.0 && voxel_m.is_finite()) {
+        return Err(VoxelError::Size(voxel_m));
+    }
+    let finite: Vec<u32> = (0..)
+        .zip(points)
+        .filter(|(_, p)| is_finite(p))
+        .map(|(i, _)| i)
+        .collect();
+    if finite.is_empty() {
+        return Ok(Vec::new());
+    }
+    let grid = Grid::around(finite.iter().map(|&i| &points[i as usize]), voxel_m)?;
+    let keyed = finite
+        .iter()
+        .map(|&i| (grid.key(&points[i as usize]), i))
+        .collect();
+    let sorted = sort_by_key(keyed, grid.last_key);
+    Ok(sorted
+        .chunk_by(|a, b| a.0 == b.0)
+        .map(|cell| mean(points, cell))
+        .collect())
+}
+
+fn mean(points: &[Point3<f32>], cell: &[(u64, u32)]) -> Point3<f32> {
+    let sum: Vector3<f64> = cell
+        .iter()
+        .map(|&(_, i)| points[i as usize].coords.cast::<f64>())
+        .sum();
+    (sum / cell.len() as f64).cast::<f32>().into()
+}
+
+/// Numbers the cells of the box around a cloud, x fastest.
+struct Grid {
+    voxels_per_m: f64,
+    /// The least cell of each axis.
+    first: [f64; 3],
+    /// How far the next cell of each axis is.
+    stride: [u64; 3],
+    last_key: u64,
+}
+
+impl Grid {
+    fn around<'a>(
+        points: impl Iterator<Item = &'a Point3<f32>>,
+        voxel_m: f64,
+    ) -> Result<Self, VoxelError> {
+        let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+        for point in points {
+            for axis in 0..3 {
+                low[axis] = low[axis].min(point[axis]);
+                high[axis] = high[axis].max(point[axis]);
+            }
+        }
+        let voxels_per_m = voxel_m.recip();
+        let cell = |v: f32| (f64::from(v) * voxels_per_m).floor();
+        let extent = |axis: usize| f64::from(high[axis]) - f64::from(low[axis]);
+        let too_small = || VoxelError::TooSmall {
+            voxel_m,
+            extent_m: (0..3).map(extent).fold(0.0, f64::max),
+        };
+        let first = low.map(cell);
+        let (mut stride, mut cells) = ([0; 3], 1u64);
+        for axis in 0..3 {
+            let count = cell(high[axis]) - first[axis] + 1.0;
+            // Beyond 2⁵³ neighbouring cells are no longer distinct numbers.
+            if !(count < 2f64.powi(53) && first[axis].abs() < 2f64.powi(53)) {
+                return Err(too_small());
+            }
+            stride[axis] = cells;
+            cells = cells.checked_mul(count as u64).ok_or_else(too_small)?;
+        }
+        Ok(Self {
+            voxels_per_m,
+            first,
+            stride,
+            last_key: cells - 1,
+        })
+    }
+
+    fn key(&self, point: &Point3<f32>) -> u64 {
+        (0..3)
+            .map(|axis| {
+                let cell = (f64::from(point[axis]) * self.voxels_per_m).floor() - self.first[axis];
+                cell as u64 * self.stride[axis]
+            })
+            .sum()
+    }
+}
+
+/// Sorts by key, equal keys in the order they came: one counting pass for every 11 bits that `last_key` has.
+fn sort_by_key(mut pairs: Vec<(u64, u32)>, last_key: u64) -> Vec<(u64, u32)> {
+    const BITS: u32 = 11;
+    const DIGITS: usize = 1 << BITS;
+    let mut sorted = vec![(0, 0); pairs.len()];
+    for pass in 0..(u64::BITS - last_key.leading_zeros()).div_ceil(BITS) {
+        let digit = |key: u64| (key >> (pass * BITS)) as usize % DIGITS;
+        let mut starts = [0usize; DIGITS + 1];
+        for &(key, _) in &pairs {
+            starts[digit(key) + 1] += 1;
+        }
+        for i in 0..DIGITS {
+            starts[i + 1] += starts[i];
+        }
+        for &pair in &pairs {
+            let at = &mut starts[digit(pair.0)];
+            sorted[*at] = pair;
+            *at += 1;
+        }
+        std::mem::swap(&mut pairs, &mut sorted);
+    }
+    pairs
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn cloud(points: &[[f32; 3]]) -> Cloud {
+        Cloud::new(points.iter().map(|&p| p.into()).collect())
+    }
+
+    #[test]
+    fn each_voxel_gives_the_mean_of_its_points_ordered_by_cell() {
+        let points = [
+            [1.5, 0.25, 0.25],
+            [0.25, 0.5, 0.75],
+            [0.75, 0.5, 0.25],
+            [-0.5, 0.0, 0.0],
+            [0.0, 0.0, -0.25],
+        ];
+        let expected = [
+            [0.0, 0.0, -0.25],
+            [-0.5, 0.0, 0.0],
+            [0.5, 0.5, 0.5],
+            [1.5, 0.25, 0.25],
+        ];
+        assert_eq!(downsample(&cloud(&points), 1.0), Ok(cloud(&expected)));
+    }
+
+    #[test]
+    fn a_voxel_too_small_to_number_the_cells_is_an_error_and_not_an_overflow() {
+        let wide = cloud(&[[-1e6, -1e6, -1e6], [1e6, 1e6, 1e6]]);
+        assert!(matches!(
+            downsample(&wide, 1e-3),
+            Err(VoxelError::TooSmall { .. })
+        ));
+        assert!(matches!(
+            downsample(&cloud(&[[f32::MAX; 3], [f32::MIN; 3]]), 0.1),
+            Err(VoxelError::TooSmall { .. })
+        ));
+        assert_eq!(downsample(&wide, 1.0).unwrap().points.len(), 2);
+    }
+
+    #[test]
+    fn an_edge_that_is_not_positive_is_refused() {
+        for edge in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert!(
+                matches!(
+                    downsample(&cloud(&[[1.0; 3]]), edge),
+                    Err(VoxelError::Size(_))
+                ),
+                "{edge}"
+            );
+        }
+    }
+
+    #[test]
+    fn non_finite_points_are_skipped_and_no_points_give_no_points() {
+        assert_eq!(downsample(&cloud(&[[f32::NAN; 3]]), 1.0), Ok(cloud(&[])));
+        let mixed = cloud(&[[f32::INFINITY, 0.0, 0.0], [1.0, 1.0, 1.0]]);
+        assert_eq!(downsample(&mixed, 1.0), Ok(cloud(&[[1.0; 3]])));
+    }
+
+    proptest! {
+        #[test]
+        fn the_counting_sort_equals_a_map_of_cells(
+            points in prop::collection::vec(prop::array::uniform3(-50.0f32..50.0), 1..300),
+            voxel_m in 0.001f64..20.0,
+        ) {
+            let mut cells = BTreeMap::<[i64; 3], (Vector3<f64>, f64)>::new();
+            for p in &points {
+                let cell = [2, 1, 0].map(|k| (f64::from(p[k]) * voxel_m.recip()).floor() as i64);
+                let (sum, count) = cells.entry(cell).or_default();
+                *sum += Vector3::from(*p).cast::<f64>();
+                *count += 1.0;
+            }
+            let expected: Vec<Point3<f32>> = cells.values().map(|(sum, n)| (sum / *n).cast::<f32>().into()).collect();
+            prop_assert_eq!(downsample(&cloud(&points), voxel_m).unwrap().points, expected);
+        }
+    }
+}
