@@ -88,7 +88,7 @@ impl std::fmt::Display for Dropped {
 }
 
 /// Whether all coordinates are finite.
-fn is_finite(point: &Point3<f32>) -> bool {
+pub(crate) fn is_finite(point: &Point3<f32>) -> bool {
     point.coords.iter().all(|v| v.is_finite())
 }
 

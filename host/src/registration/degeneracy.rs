@@ -1,0 +1,72 @@
+//! Which motions a set of pairs determines.
+
+use nalgebra::{Matrix6, Vector6};
+
+/// The eigenvalues and directions of the information that the pairs hold about a small motion.
+///
+/// ```text
+/// I = Σ j jᵀ / pairs      j = [ (s - c) × n / L ; n ]      c = mean s, L² = mean |s - c|²
+/// ```
+///
+/// Rotations turn about the centroid `c` of the pairs and are scaled by their spread `L`, so that all six are shares
+/// of one: an eigenvalue is the mean squared residual that a unit motion causes. Two walls and a floor seen evenly give
+/// a translation 1/3 in each direction; a plane gives 0 for the two shifts within it and the turn about its normal.
+/// The test on eigenvalues follows Zhang, Kaess and Singh, "On degeneracy of optimization-based state estimation
+/// problems", 2016; the scaling is ours.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Observability {
+    /// Ascending.
+    pub information: [f64; 6],
+    /// One a column, in the order of `information`: turns about x y z (times `L`), then shifts along x y z.
+    pub directions: Matrix6<f64>,
+    /// How many of them, from the first, are below the threshold: motions the pairs leave open.
+    pub unobservable: usize,
+}
+
+impl Observability {
+    /// Of an information matrix scaled as above.
+    pub(super) fn of(information: &Matrix6<f64>, least: f64) -> Self {
+        let eigen = information.symmetric_eigen();
+        let mut order = [0, 1, 2, 3, 4, 5];
+        order.sort_by(|a, b| eigen.eigenvalues[*a].total_cmp(&eigen.eigenvalues[*b]));
+        let information = order.map(|i| eigen.eigenvalues[i]);
+        Self {
+            information,
+            directions: Matrix6::from_columns(
+                &order.map(|i| eigen.eigenvectors.column(i).into_owned()),
+            ),
+            unobservable: information
+                .iter()
+                .filter(|value| value.is_nan() || **value <= least)
+                .count(),
+        }
+    }
+
+    /// Whether a direction is left open.
+    pub fn is_degenerate(&self) -> bool {
+        self.unobservable > 0
+    }
+
+    /// Solves `I x = b` in the directions that are observable; `x` is zero along the others.
+    pub(super) fn solve(&self, b: &Vector6<f64>) -> Vector6<f64> {
+        (self.unobservable..6)
+            .map(|i| {
+                self.directions.column(i) * (self.directions.column(i).dot(b) / self.information[i])
+            })
+            .sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_solution_has_no_part_along_an_open_direction() {
+        let information = Matrix6::from_diagonal(&Vector6::new(0.5, 0.2, 0.1, 0.5, 1e-9, 0.3));
+        let seen = Observability::of(&information, 1e-3);
+        assert_eq!(seen.unobservable, 1);
+        let x = seen.solve(&Vector6::new(0.5, 0.2, 0.1, 0.5, 1.0, 0.3));
+        assert!((x - Vector6::new(1.0, 1.0, 1.0, 1.0, 0.0, 1.0)).norm() < 1e-12);
+    }
+}
