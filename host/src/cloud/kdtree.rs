@@ -91,14 +91,31 @@ impl KdTree {
 
     /// The nearest point strictly within `radius_m`, and how near any other can be.
     pub fn nearest(&self, query: &Point3<f32>, radius_m: f32) -> Nearest {
+        self.nearest_beside(query, radius_m, f32::INFINITY, None)
+    }
+
+    /// As [`KdTree::nearest`], but of the others it only tells that they are at least `slack_m` farther: with little
+    /// slack it looks at fewer points. A `hint`, a place in tree order, spares more the nearer it is.
+    pub fn nearest_beside(
+        &self,
+        query: &Point3<f32>,
+        radius_m: f32,
+        slack_m: f32,
+        hint: Option<u32>,
+    ) -> Nearest {
         let squared = radius_m * radius_m;
-        let mut nearest = Nearest {
+        let nearest = Nearest {
             index: None,
             squared_m2: squared,
             others_squared_m2: squared,
         };
-        self.walk(query, &mut nearest);
-        nearest
+        let mut beside = Beside { nearest, slack_m };
+        if let Some(index) = hint {
+            let squared = squared_norm((self.point(index as usize) - query).into());
+            beside.offer(squared, index);
+        }
+        self.walk(query, &mut beside);
+        beside.nearest
     }
 
     /// The nearest points strictly within `radius_m`, `max` at most, in no order: pairs of squared distance and place
@@ -223,18 +240,29 @@ fn widest_axis(items: &[([f32; 3], u32)]) -> usize {
         .unwrap_or(0)
 }
 
-impl Collect for Nearest {
+/// The nearest, and others up to a slack beyond it.
+struct Beside {
+    nearest: Nearest,
+    slack_m: f32,
+}
+
+impl Collect for Beside {
     fn bound(&self) -> f32 {
-        self.others_squared_m2
+        self.nearest.others_squared_m2
     }
 
     fn offer(&mut self, squared: f32, index: u32) {
-        if squared < self.squared_m2 {
-            self.others_squared_m2 = self.squared_m2;
-            self.squared_m2 = squared;
-            self.index = Some(index);
+        let nearest = &mut self.nearest;
+        if nearest.index == Some(index) {
+            return; // the hint, met on the way
+        }
+        if squared < nearest.squared_m2 {
+            let reach_m = squared.sqrt() + self.slack_m;
+            nearest.others_squared_m2 = nearest.squared_m2.min(reach_m * reach_m);
+            nearest.squared_m2 = squared;
+            nearest.index = Some(index);
         } else {
-            self.others_squared_m2 = self.others_squared_m2.min(squared);
+            nearest.others_squared_m2 = nearest.others_squared_m2.min(squared);
         }
     }
 }
@@ -312,6 +340,20 @@ mod tests {
             prop_assert_eq!(found.index.is_some(), !all.is_empty());
             prop_assert_eq!(found.squared_m2, all.first().map_or(radius * radius, |p| p.0));
             prop_assert_eq!(found.others_squared_m2, all.get(1).map_or(radius * radius, |p| p.0));
+        }
+
+        #[test]
+        fn slack_and_hint_change_only_what_is_known_of_the_others(
+            raw in prop::collection::vec(prop::array::uniform3(-9.0f32..9.0), 1..400),
+            query in prop::array::uniform3(-10.0f32..10.0), radius in 0.1f32..20.0, slack in 0.0f32..3.0, hint in 0u32..400,
+        ) {
+            let tree = KdTree::new(&points(&raw));
+            let (full, hint) = (tree.nearest(&query.into(), radius), hint % raw.len() as u32);
+            let beside = tree.nearest_beside(&query.into(), radius, slack, Some(hint));
+            prop_assert_eq!((beside.index, beside.squared_m2), (full.index, full.squared_m2));
+            let reach = full.squared_m2.sqrt() + slack;
+            let expected = if full.index.is_some() { full.others_squared_m2.min(reach * reach) } else { radius * radius };
+            prop_assert_eq!(beside.others_squared_m2, expected);
         }
 
         #[test]

@@ -23,7 +23,7 @@ const SHRINK: f64 = 0.7;
 /// A search looks this much farther than a pair may be, so that its result outlives small steps.
 const REACH: f32 = 1.25;
 
-/// Rounding of `f32` coordinates and distances, m a metre: a result within this of a tie is searched anew.
+/// Rounding of `f32` distances, relative, with room: a match within this of a tie is searched anew.
 const ROUNDING: f32 = 1e-6;
 
 /// Point-to-plane ICP: pair each point with the nearest, step to the least squares, repeat.
@@ -156,8 +156,13 @@ impl Match {
         at: Point3::new(0.0, 0.0, 0.0),
     };
 
-    fn search(target: &Target, at: Point3<f32>, reach_m: f32) -> Self {
-        let nearest = target.tree.nearest(&at, reach_m * REACH);
+    /// Searches from here. Steps shrink, so the last one's length is slack enough to outlive the next ones.
+    fn search(&self, target: &Target, at: Point3<f32>, reach_m: f32) -> Self {
+        let known = self.others_m > 0.0;
+        let slack_m = if known { (at - self.at).norm() } else { 0.0 };
+        let nearest = target
+            .tree
+            .nearest_beside(&at, reach_m * REACH, slack_m, self.index);
         Self {
             index: nearest.index,
             others_m: nearest.others_squared_m2.sqrt(),
@@ -170,14 +175,14 @@ impl Match {
         let distance_m = self.index.map_or(reach_m, |index| {
             (target.tree.point(index as usize) - at).norm()
         });
-        let others_m = self.others_m - (at - self.at).norm() - ROUNDING * at.coords.norm();
-        (distance_m.min(reach_m) < others_m).then_some(distance_m)
+        let others_m = self.others_m * (1.0 - ROUNDING) - (at - self.at).norm();
+        (distance_m.min(reach_m) * (1.0 + ROUNDING) < others_m).then_some(distance_m)
     }
 
     /// The nearest target point strictly within reach of `at`: the same as a search would find.
     fn update(&mut self, target: &Target, at: Point3<f32>, reach_m: f32) -> Option<usize> {
         let distance_m = self.distance_m(target, &at, reach_m).or_else(|| {
-            *self = Self::search(target, at, reach_m);
+            *self = self.search(target, at, reach_m);
             self.index
                 .map(|index| (target.tree.point(index as usize) - at).norm())
         });
