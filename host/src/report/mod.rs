@@ -1,1 +1,113 @@
-//! Reports.
+//! One run as one HTML file: what was tuned, what it gained, and two clouds to look at.
+//!
+//! Plain data in, one string out. The file refers to nothing outside itself (a content security policy in its head
+//! forbids it), so it opens from disk, by mail and in ten years. Plots are SVG text whose colours come from the style
+//! sheet, so that dark mode and print follow; only the 3D viewer is a script. The same data gives the same bytes.
+
+mod axis;
+mod chart;
+mod clouds;
+mod convergence;
+mod correlation;
+mod data;
+mod evaluation;
+mod format;
+mod page;
+mod pairs;
+mod svg;
+mod trajectories;
+
+pub use clouds::MAX_LAYER_POINTS;
+pub use data::{
+    CloudLayer, Convergence, Correlation, EvaluationRow, EvaluationTable, PairClouds, PairError,
+    ParameterTrace, PoseError, Report, RowKind,
+};
+
+/// Why a [`Report`] cannot be drawn: its parts do not fit together.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ReportError {
+    /// A series must hold one value for each generation (or none, where its documentation says so).
+    #[error("{series} holds {found} values, not one for each of {expected}")]
+    Length {
+        /// Which series.
+        series: String,
+        /// What the values belong to, and how many there are of it.
+        expected: String,
+        /// How many values there are.
+        found: usize,
+    },
+}
+
+impl Report {
+    /// The page, complete.
+    ///
+    /// Values that are not finite are shown as a dash, gaps or marks at the edge of the plot; empty parts are left out.
+    ///
+    /// # Errors
+    ///
+    /// [`ReportError::Length`] when series that belong together differ in length.
+    pub fn to_html(&self) -> Result<String, ReportError> {
+        self.check()?;
+        Ok(page::page(self))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_empty_report_is_still_a_page() {
+        let html = Report::default().to_html().expect("nothing to contradict");
+        assert!(html.starts_with("<!doctype html>") && html.ends_with("</html>\n"));
+        assert!(!html.contains("NaN") && !html.contains("inf<"));
+    }
+
+    #[test]
+    fn series_of_unequal_length_are_refused_by_name() {
+        let report = Report {
+            convergence: Convergence {
+                generation: vec![0, 1],
+                best: vec![1.0],
+                ..Convergence::default()
+            },
+            ..Report::default()
+        };
+        let error = report.to_html().expect_err("one value for two generations");
+        assert_eq!(
+            error.to_string(),
+            "best fitness holds 1 values, not one for each of 2 generations"
+        );
+    }
+
+    #[test]
+    fn text_is_escaped_wherever_it_stands() {
+        let evil = "<script>\"&'".to_owned();
+        let trace = ParameterTrace {
+            name: evil.clone(),
+            unit: evil.clone(),
+            ..ParameterTrace::default()
+        };
+        let pair = PairError {
+            label: evil.clone(),
+            ..PairError::default()
+        };
+        let report = Report {
+            title: evil.clone(),
+            subtitle: evil.clone(),
+            facts: vec![(evil.clone(), evil.clone())],
+            parameters: vec![trace],
+            pair_errors: vec![pair],
+            notes: vec![evil.clone()],
+            correlation: Some(Correlation {
+                names: vec![evil.clone()],
+                matrix: vec![vec![1.0]],
+                learned: None,
+            }),
+            ..Report::default()
+        };
+        let html = report.to_html().expect("consistent");
+        assert!(!html.contains(&evil));
+        assert!(html.contains("&lt;script&gt;&quot;&amp;&#39;"));
+    }
+}

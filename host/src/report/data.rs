@@ -1,0 +1,305 @@
+//! What a report is made of. Values that are not finite mean "unknown" or "nothing found" everywhere.
+
+use super::ReportError;
+
+/// Everything the page shows.
+#[derive(Clone, Debug, Default)]
+pub struct Report {
+    /// The page's heading.
+    pub title: String,
+    /// One line under the heading.
+    pub subtitle: String,
+    /// Name and value of what identifies the run: scene, seed, method, protocol, generations…
+    pub facts: Vec<(String, String)>,
+    /// Default against tuned on the test pairs.
+    pub table: EvaluationTable,
+    /// Fitness and step size by generation.
+    pub convergence: Convergence,
+    /// One trace for each tuned parameter.
+    pub parameters: Vec<ParameterTrace>,
+    /// Correlations of the search distribution at the end.
+    pub correlation: Option<Correlation>,
+    /// Errors of each test pair, default against tuned.
+    pub pair_errors: Vec<PairError>,
+    /// One pair's clouds in their estimated poses.
+    pub clouds: Option<PairClouds>,
+    /// Remarks, a paragraph each.
+    pub notes: Vec<String>,
+}
+
+/// How far an estimated pose is from the truth. Not finite when registration found nothing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PoseError {
+    /// Length of the difference of translations.
+    pub translation_m: f64,
+    /// Angle of the difference of rotations.
+    pub rotation_deg: f64,
+}
+
+impl Default for PoseError {
+    /// Unknown.
+    fn default() -> Self {
+        Self {
+            translation_m: f64::NAN,
+            rotation_deg: f64::NAN,
+        }
+    }
+}
+
+impl PoseError {
+    /// Whether both parts are within `bound`. An unknown error is not, nor is any when the bound is unknown.
+    #[must_use]
+    pub fn is_within(&self, bound: &Self) -> bool {
+        self.translation_m <= bound.translation_m && self.rotation_deg <= bound.rotation_deg
+    }
+}
+
+/// Figures for each way to set the parameters, on the same test pairs.
+#[derive(Clone, Debug, Default)]
+pub struct EvaluationTable {
+    /// The first [`RowKind::Default`] row is what others are compared with; the first [`RowKind::Tuned`] row is the
+    /// headline's.
+    pub rows: Vec<EvaluationRow>,
+    /// A registration counts as a success when both errors are within this.
+    pub success_within: PoseError,
+}
+
+impl EvaluationTable {
+    pub(super) fn first(&self, kind: RowKind) -> Option<&EvaluationRow> {
+        self.rows.iter().find(|row| row.kind == kind)
+    }
+}
+
+/// What a row of the table stands for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum RowKind {
+    /// The parameters before tuning.
+    #[default]
+    Default,
+    /// After tuning; differences from the default row are shown.
+    Tuned,
+    /// Figures from elsewhere, such as the paper's; shown without differences.
+    Reference,
+}
+
+/// One row of the [`EvaluationTable`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct EvaluationRow {
+    /// Name of the row, such as "tuned, joint".
+    pub label: String,
+    /// What the row stands for.
+    pub kind: RowKind,
+    /// Number of test pairs, if known.
+    pub pairs: Option<usize>,
+    /// Share of pairs that succeeded, 0 to 100.
+    pub recall_pct: f64,
+    /// Mean translation error over the successes.
+    pub mean_translation_cm: f64,
+    /// Mean rotation error over the successes.
+    pub mean_rotation_deg: f64,
+    /// Median translation error over all pairs.
+    pub median_translation_cm: f64,
+    /// Median rotation error over all pairs.
+    pub median_rotation_deg: f64,
+}
+
+impl Default for EvaluationRow {
+    /// A row about which nothing is known.
+    fn default() -> Self {
+        Self {
+            label: String::new(),
+            kind: RowKind::Default,
+            pairs: None,
+            recall_pct: f64::NAN,
+            mean_translation_cm: f64::NAN,
+            mean_rotation_deg: f64::NAN,
+            median_translation_cm: f64::NAN,
+            median_rotation_deg: f64::NAN,
+        }
+    }
+}
+
+/// Fitness (lower is better) and step size by generation. Each series is as long as `generation`, or empty.
+#[derive(Clone, Debug, Default)]
+pub struct Convergence {
+    /// Numbers of the generations, rising.
+    pub generation: Vec<u32>,
+    /// Best candidate of the generation.
+    pub best: Vec<f64>,
+    /// Lower quartile of the population.
+    pub lower_quartile: Vec<f64>,
+    /// Median of the population.
+    pub median: Vec<f64>,
+    /// Upper quartile of the population.
+    pub upper_quartile: Vec<f64>,
+    /// Fitness at the distribution's mean; not finite where it was not evaluated.
+    pub mean_point: Vec<f64>,
+    /// Fitness on held-out pairs that steer nothing; not finite where it was not evaluated.
+    pub held_out: Vec<f64>,
+    /// Step size σ of the search, in widths of the unit cube.
+    pub sigma: Vec<f64>,
+    /// Fitness of the default parameters on the training pairs.
+    pub default_fitness: Option<f64>,
+    /// What fitness is and its unit, such as "mean ‖T − T*‖ over 10 training pairs".
+    pub fitness_name: String,
+}
+
+/// One parameter over the generations, in real units.
+#[derive(Clone, Debug, Default)]
+pub struct ParameterTrace {
+    /// Its name, such as `voxel`.
+    pub name: String,
+    /// Its unit, such as `m`; empty when it has none.
+    pub unit: String,
+    /// Lower bound.
+    pub min: f64,
+    /// Upper bound.
+    pub max: f64,
+    /// Whether it was searched, and is drawn, on a logarithmic axis.
+    pub log: bool,
+    /// Value before tuning.
+    pub default: f64,
+    /// Value after tuning.
+    pub tuned: f64,
+    /// The distribution's mean, one for each of [`Convergence::generation`].
+    pub mean: Vec<f64>,
+    /// Mean minus one standard deviation, mapped to real units after the subtraction (the search may be logarithmic).
+    pub low: Vec<f64>,
+    /// Mean plus one standard deviation, likewise.
+    pub high: Vec<f64>,
+}
+
+/// Correlations of the search distribution, `D^-1/2 C D^-1/2`.
+#[derive(Clone, Debug, Default)]
+pub struct Correlation {
+    /// One name for each row and column.
+    pub names: Vec<String>,
+    /// Square and symmetric; only the lower triangle is drawn.
+    pub matrix: Vec<Vec<f64>>,
+    /// Share of the covariance the run can have replaced at most, `1 − (1 − c_1 − c_µ)^generations`, if known.
+    pub learned: Option<f64>,
+}
+
+/// Errors of one test pair under both settings.
+#[derive(Clone, Debug, Default)]
+pub struct PairError {
+    /// Name of the pair.
+    pub label: String,
+    /// With the default parameters.
+    pub default: PoseError,
+    /// With the tuned parameters.
+    pub tuned: PoseError,
+}
+
+/// One pair twice: as the default and as the tuned parameters measure and align it.
+#[derive(Clone, Debug, Default)]
+pub struct PairClouds {
+    /// Name of the pair.
+    pub label: String,
+    /// Target and source under the default parameters, both in the target's frame, the source in its estimated pose.
+    pub before: [CloudLayer; 2],
+    /// The same under the tuned parameters.
+    pub after: [CloudLayer; 2],
+    /// Error of the pose in `before`.
+    pub before_error: PoseError,
+    /// Error of the pose in `after`.
+    pub after_error: PoseError,
+}
+
+/// A cloud in the target's frame, metres, z up. Points that are not finite are left out, and of more than
+/// [`MAX_LAYER_POINTS`](super::MAX_LAYER_POINTS) an even selection is shown.
+#[derive(Clone, Debug, Default)]
+pub struct CloudLayer {
+    /// Points x, y, z.
+    pub points: Vec<[f32; 3]>,
+    /// Intensity of each point, 0 to 1; may be empty.
+    pub intensity: Vec<f32>,
+}
+
+impl Report {
+    /// Refuses series that do not fit together.
+    pub(super) fn check(&self) -> Result<(), ReportError> {
+        self.convergence.check()?;
+        let generations = self.convergence.generation.len();
+        for trace in &self.parameters {
+            trace.check(generations)?;
+        }
+        if let Some(correlation) = &self.correlation {
+            correlation.check()?;
+        }
+        self.clouds.as_ref().map_or(Ok(()), PairClouds::check)
+    }
+}
+
+impl Convergence {
+    fn check(&self) -> Result<(), ReportError> {
+        let series = [
+            ("best fitness", &self.best),
+            ("lower quartile", &self.lower_quartile),
+            ("median fitness", &self.median),
+            ("upper quartile", &self.upper_quartile),
+            ("fitness at the mean", &self.mean_point),
+            ("held-out fitness", &self.held_out),
+            ("sigma", &self.sigma),
+        ];
+        series.iter().try_for_each(|(name, values)| {
+            optional_length(name, values.len(), self.generation.len(), "generations")
+        })
+    }
+}
+
+impl ParameterTrace {
+    fn check(&self, generations: usize) -> Result<(), ReportError> {
+        [
+            ("mean", &self.mean),
+            ("low", &self.low),
+            ("high", &self.high),
+        ]
+        .iter()
+        .try_for_each(|(name, values)| {
+            let series = format!("{name} of {}", self.name);
+            optional_length(&series, values.len(), generations, "generations")
+        })
+    }
+}
+
+impl Correlation {
+    fn check(&self) -> Result<(), ReportError> {
+        let names = self.names.len();
+        length("correlation matrix", self.matrix.len(), names, "names")?;
+        self.matrix
+            .iter()
+            .try_for_each(|row| length("row of the correlation matrix", row.len(), names, "names"))
+    }
+}
+
+impl PairClouds {
+    fn check(&self) -> Result<(), ReportError> {
+        self.before.iter().chain(&self.after).try_for_each(|layer| {
+            optional_length(
+                "intensity",
+                layer.intensity.len(),
+                layer.points.len(),
+                "points",
+            )
+        })
+    }
+}
+
+fn optional_length(series: &str, found: usize, count: usize, of: &str) -> Result<(), ReportError> {
+    if found == 0 {
+        return Ok(());
+    }
+    length(series, found, count, of)
+}
+
+fn length(series: &str, found: usize, count: usize, of: &str) -> Result<(), ReportError> {
+    if found == count {
+        return Ok(());
+    }
+    Err(ReportError::Length {
+        series: series.to_owned(),
+        expected: format!("{count} {of}"),
+        found,
+    })
+}

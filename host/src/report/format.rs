@@ -1,0 +1,117 @@
+//! Numbers and text as the page writes them.
+
+/// What stands for a value that is not finite.
+pub(super) const NONE: &str = "–";
+
+/// No-break space between a number and its unit.
+const GAP: char = '\u{a0}';
+
+/// Text for HTML, also inside quoted attributes.
+pub(super) fn escape(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            '\'' => out.push_str("&#39;"),
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+/// `value` with a fixed number of decimals and a true minus sign.
+pub(super) fn fixed(value: f64, decimals: usize) -> String {
+    if !value.is_finite() {
+        return NONE.to_owned();
+    }
+    let text = format!("{value:.decimals$}");
+    match text.strip_prefix('-') {
+        Some(zero) if zero.chars().all(|c| c == '0' || c == '.') => zero.to_owned(),
+        Some(digits) => format!("−{digits}"),
+        None => text,
+    }
+}
+
+/// As [`fixed`], with a sign also when positive.
+pub(super) fn signed(value: f64, decimals: usize) -> String {
+    let text = fixed(value, decimals);
+    let is_zero = text.chars().all(|c| c == '0' || c == '.');
+    if value > 0.0 && value.is_finite() && !is_zero {
+        return format!("+{text}");
+    }
+    text
+}
+
+/// Three significant digits without trailing zeros; powers of ten only far from one.
+pub(super) fn significant(value: f64) -> String {
+    if !value.is_finite() || value == 0.0 {
+        return fixed(value, 0);
+    }
+    let exponent = libm::log10(value.abs()).floor() as i32;
+    if !(-4..6).contains(&exponent) {
+        return scientific(value);
+    }
+    trimmed(&fixed(value, (2 - exponent).max(0) as usize))
+}
+
+fn scientific(value: f64) -> String {
+    let text = format!("{value:.1e}").replace('-', "−");
+    match text.split_once('e') {
+        Some((digits, exponent)) => format!("{}e{exponent}", trimmed(digits)),
+        None => text,
+    }
+}
+
+fn trimmed(text: &str) -> String {
+    if !text.contains('.') {
+        return text.to_owned();
+    }
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+/// A number with its unit, set apart except for degrees; a missing number has none.
+pub(super) fn with_unit(number: &str, unit: &str) -> String {
+    if unit.is_empty() || number == NONE {
+        return number.to_owned();
+    }
+    if unit == "°" {
+        return format!("{number}{unit}");
+    }
+    format!("{number}{GAP}{unit}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_keep_three_digits_and_a_true_minus() {
+        let cases = [
+            (0.05, "0.05"),
+            (0.043_21, "0.0432"),
+            (12.0, "12"),
+            (123_456.0, "123456"),
+            (1.5e-7, "1.5e−7"),
+            (-2.5, "−2.5"),
+            (0.0, "0"),
+            (f64::NAN, NONE),
+            (f64::INFINITY, NONE),
+        ];
+        for (value, text) in cases {
+            assert_eq!(significant(value), text);
+        }
+        assert_eq!(fixed(-0.01, 1), "0.0");
+        assert_eq!(signed(1.25, 1), "+1.2");
+        assert_eq!(signed(0.01, 1), "0.0");
+    }
+
+    #[test]
+    fn a_missing_number_has_no_unit() {
+        assert_eq!(with_unit(&fixed(f64::NAN, 1), "cm"), NONE);
+        assert_eq!(with_unit("3.0", "cm"), "3.0\u{a0}cm");
+        assert_eq!(with_unit("3.0", "°"), "3.0°");
+    }
+}

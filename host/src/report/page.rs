@@ -1,0 +1,76 @@
+//! The parts in order, with the style and the script they need.
+
+use super::data::Report;
+use super::format::escape;
+use super::{clouds, convergence, correlation, evaluation, pairs, trajectories};
+
+const STYLE: &str = include_str!("report.css");
+const VIEWER: &str = include_str!("viewer.js");
+
+/// Nothing may be fetched: the browser enforces what the report promises.
+const POLICY: &str =
+    "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:";
+
+pub(super) fn page(report: &Report) -> String {
+    let sections = [
+        header(report),
+        evaluation::section(&report.table),
+        convergence::section(&report.convergence),
+        trajectories::section(report),
+        correlation::section(
+            report.correlation.as_ref(),
+            report.convergence.generation.len(),
+        ),
+        pairs::section(report),
+        clouds::section(report.clouds.as_ref()),
+        notes(&report.notes),
+    ]
+    .concat();
+    format!(
+        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\n\
+         <meta name=\"color-scheme\" content=\"light dark\">\n<link rel=\"icon\" href=\"data:,\">\n\
+         <title>{}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n{sections}</main>\n\
+         <script>\n{VIEWER}</script>\n</body>\n</html>\n",
+        escape(&report.title)
+    )
+}
+
+fn header(report: &Report) -> String {
+    let facts: String = report
+        .facts
+        .iter()
+        .map(|(name, value)| {
+            format!(
+                "<div><dt>{}</dt><dd>{}</dd></div>",
+                escape(name),
+                escape(value)
+            )
+        })
+        .collect();
+    let facts = if facts.is_empty() {
+        facts
+    } else {
+        format!("<dl class=\"facts\">{facts}</dl>\n")
+    };
+    format!(
+        "<header><p class=\"eyebrow\">Echoloop</p><h1>{}</h1><p class=\"subtitle\">{}</p>\
+         <p class=\"headline\">{}</p>{}{facts}</header>\n",
+        escape(&report.title),
+        escape(&report.subtitle),
+        evaluation::headline(report),
+        evaluation::tiles(&report.table)
+    )
+}
+
+fn notes(notes: &[String]) -> String {
+    if notes.is_empty() {
+        return String::new();
+    }
+    let items: String = notes
+        .iter()
+        .map(|note| format!("<li>{}</li>", escape(note)))
+        .collect();
+    format!("<section id=\"notes\"><h2>Notes</h2><ul class=\"notes\">{items}</ul></section>\n")
+}

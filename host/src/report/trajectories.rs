@@ -1,0 +1,125 @@
+//! Each parameter's way from default to tuned, in its own unit and within its bounds.
+
+use super::axis::Axis;
+use super::chart::{Chart, Margins, Sample, legend};
+use super::convergence::{generation_axis, generations};
+use super::data::{ParameterTrace, Report};
+use super::format::{escape, significant, with_unit};
+use super::svg::{Px, Svg};
+
+const SIZE: Px = [240.0, 132.0];
+const MARGINS: Margins = Margins {
+    left: 42.0,
+    right: 10.0,
+    top: 8.0,
+    bottom: 20.0,
+};
+
+/// The small multiples and the same figures as a table, or nothing without parameters.
+pub(super) fn section(report: &Report) -> String {
+    if report.parameters.is_empty() {
+        return String::new();
+    }
+    let xs = generations(&report.convergence);
+    let plots: String = report.parameters.iter().map(|p| plot(p, &xs)).collect();
+    let keys = [
+        ("mean", Sample::Line, "mean of the search"),
+        ("spread", Sample::Area, "± one standard deviation"),
+        ("default", Sample::Line, "default"),
+        ("tuned", Sample::Dot, "tuned"),
+    ];
+    format!(
+        "<section id=\"parameters\"><h2>Parameters</h2>\
+         <p class=\"lead\">Each plot spans the parameter’s bounds, bottom to top. A band that stays wide means the \
+         parameter hardly matters to the fitness, or that the search was too short to tell; a value at a bound asks \
+         for a wider range.</p>{}<div class=\"multiples\">{plots}</div>{}</section>\n",
+        legend(&keys),
+        table(&report.parameters)
+    )
+}
+
+fn plot(p: &ParameterTrace, xs: &[f64]) -> String {
+    let is_outside = p.default < p.min || p.default > p.max;
+    let tags: String = [(p.log, "log"), (is_outside, "default out of bounds")]
+        .iter()
+        .filter(|(shown, _)| *shown)
+        .map(|(_, text)| format!(" <small class=\"tag\">{text}</small>"))
+        .collect();
+    format!(
+        "<figure class=\"trace\"><figcaption><b>{}</b>{tags}<span>{}</span></figcaption>{}</figure>",
+        escape(&p.name),
+        escape(&change(p)),
+        drawing(p, xs)
+    )
+}
+
+fn change(p: &ParameterTrace) -> String {
+    let tuned = with_unit(&significant(p.tuned), &p.unit);
+    format!("{} → {tuned}", significant(p.default))
+}
+
+fn drawing(p: &ParameterTrace, xs: &[f64]) -> String {
+    let label = format!(
+        "{} by generation, {}, bounds {}",
+        p.name,
+        change(p),
+        bounds(p)
+    );
+    let x = generation_axis(xs, MARGINS.across(SIZE));
+    let y = Axis::between(p.min, p.max, p.log, MARGINS.up(SIZE));
+    let mut chart = Chart::new(Svg::new(SIZE, &label), x, y);
+    frame(&mut chart, p);
+    chart.band("spread", xs, &p.low, &p.high);
+    chart.level("default", p.default);
+    chart.line("mean", xs, &p.mean);
+    if p.tuned.is_finite() {
+        let end = [x.ends()[1], y.at(p.tuned)];
+        chart.svg.dot("tuned", end, 4.0);
+    }
+    chart.svg.finish()
+}
+
+/// The bounds as two lines with their values, and the first and last generation.
+fn frame(chart: &mut Chart, p: &ParameterTrace) {
+    let ([left, right], [bottom, top]) = (chart.x.ends(), chart.y.ends());
+    for (y, value) in [(bottom, p.min), (top, p.max)] {
+        chart.svg.line("grid", [left, y], [right, y]);
+        chart
+            .svg
+            .text("tick end", [left - 6.0, y + 4.0], &significant(value));
+    }
+    let (first, last) = (significant(chart.x.low()), significant(chart.x.high()));
+    chart.svg.text("tick", [left, bottom + 15.0], &first);
+    chart.svg.text("tick end", [right, bottom + 15.0], &last);
+}
+
+fn bounds(p: &ParameterTrace) -> String {
+    with_unit(
+        &format!("{} to {}", significant(p.min), significant(p.max)),
+        &p.unit,
+    )
+}
+
+fn table(parameters: &[ParameterTrace]) -> String {
+    let rows: String = parameters
+        .iter()
+        .map(|p| {
+            format!(
+                "<tr><th scope=\"row\">{}</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
+                escape(&p.name),
+                significant(p.default),
+                significant(p.tuned),
+                significant(p.min),
+                significant(p.max),
+                escape(&p.unit),
+            )
+        })
+        .collect();
+    format!(
+        "<details><summary>The same as a table</summary><div class=\"scroll\" tabindex=\"0\" role=\"region\" \
+         aria-label=\"Parameter values\"><table class=\"plain\"><thead><tr><th scope=\"col\">parameter</th>\
+         <th scope=\"col\">default</th><th scope=\"col\">tuned</th><th scope=\"col\">lowest</th>\
+         <th scope=\"col\">highest</th><th scope=\"col\">unit</th></tr></thead><tbody>{rows}</tbody></table></div>\
+         </details>"
+    )
+}

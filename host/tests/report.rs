@@ -1,0 +1,278 @@
+//! The page as a browser sees it. Without Chromium only the text is checked, loudly; with `CI` set, that is a failure.
+
+#[path = "report/synthetic.rs"]
+mod synthetic;
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use echoloop_host::report::{CloudLayer, PoseError, Report};
+
+/// A view that works lights some ten thousand pixels; a camera that looks past the clouds lights none.
+const LIT_AT_LEAST: u32 = 5_000;
+
+fn chromium() -> Option<PathBuf> {
+    let found = [
+        "chromium",
+        "chromium-browser",
+        "google-chrome",
+        "google-chrome-stable",
+    ]
+    .iter()
+    .flat_map(|name| {
+        let paths = std::env::var_os("PATH").unwrap_or_default();
+        std::env::split_paths(&paths)
+            .map(|dir| dir.join(name))
+            .collect::<Vec<_>>()
+    })
+    .find(|path| path.is_file());
+    if found.is_none() {
+        assert!(
+            std::env::var_os("CI").is_none(),
+            "CI needs Chromium to check the report"
+        );
+        eprintln!("SKIPPED: no Chromium on the PATH, so nobody looked at the report");
+    }
+    found
+}
+
+/// What a page became after its scripts ran, and what the browser said about it.
+struct Opened {
+    dom: String,
+    log: String,
+}
+
+/// Opens `html` in a browser with an empty profile; nothing without a browser.
+fn open(name: &str, html: &str, flags: &[&str]) -> Option<Opened> {
+    let page = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    std::fs::write(&page, html).expect("the page is written");
+    let browser = chromium()?;
+    let profile = tempfile::tempdir().expect("a directory for the profile");
+    let output = Command::new(browser)
+        .args([
+            "--headless",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--disable-quic",
+            "--no-first-run",
+        ])
+        .args([
+            "--disable-background-networking",
+            "--disable-component-update",
+            "--disable-sync",
+        ])
+        .args([
+            "--enable-logging=stderr",
+            "--window-size=1280,900",
+            "--virtual-time-budget=10000",
+        ])
+        .args(flags)
+        .arg(format!("--user-data-dir={}", profile.path().display()))
+        .arg("--dump-dom")
+        .arg(format!("file://{}", page.display()))
+        .output()
+        .expect("the browser starts");
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    Some(Opened {
+        dom: text(&output.stdout),
+        log: text(&output.stderr),
+    })
+}
+
+impl Opened {
+    /// The value of `name` in the tag that opens the body.
+    fn body(&self, name: &str) -> Option<&str> {
+        let body = self.dom.split_once("<body")?.1.split_once('>')?.0;
+        Some(body.split_once(&format!("{name}=\""))?.1.split_once('"')?.0)
+    }
+
+    fn pixels(&self, name: &str) -> u32 {
+        let text = self
+            .body(name)
+            .unwrap_or_else(|| panic!("no {name}: {}", self.log));
+        text.parse().expect("a number of pixels")
+    }
+
+    /// The script reached its end without a complaint.
+    fn assert_silent(&self) {
+        let complaints: Vec<_> = self.log.lines().filter(|line| is_complaint(line)).collect();
+        assert!(complaints.is_empty(), "the console says: {complaints:#?}");
+        assert_eq!(self.body("data-error"), None);
+        assert_eq!(self.body("data-ready"), Some("1"), "{}", self.log);
+    }
+}
+
+/// Whether the console says something about the page, not about drawing without a graphics card.
+fn is_complaint(line: &str) -> bool {
+    let is_driver = line.contains("software WebGL") || line.contains("GL Driver Message");
+    line.contains("CONSOLE") && !is_driver
+}
+
+#[test]
+fn both_views_show_points_and_the_console_stays_silent() {
+    let html = synthetic::report(1).to_html().expect("consistent data");
+    let Some(page) = open("report.html", &html, &[]) else {
+        return;
+    };
+    page.assert_silent();
+    for name in ["data-lit-before", "data-lit-after"] {
+        let lit = page.pixels(name);
+        eprintln!("{name}: {lit} pixels");
+        assert!(lit > LIT_AT_LEAST, "{name} is {lit}");
+    }
+}
+
+/// Presses, drags and clicks, and notes after each step whether each view changed.
+const HANDS: &str = r#"<script>
+const views = ["before", "after"].map((name) => document.getElementById("view-" + name));
+const seen = () => views.map((view) => view.toDataURL());
+window.requestAnimationFrame = (draw) => setTimeout(draw, 1); // a headless browser stops drawing frames by itself
+const frame = () => new Promise((done) => setTimeout(done, 5));
+const key = (key, shiftKey) => views[0].dispatchEvent(new KeyboardEvent("keydown", { key, shiftKey }));
+const drag = (buttons) => {
+  views[1].setPointerCapture = () => {};
+  const move = (type, clientX) => views[1].dispatchEvent(new PointerEvent(type, { pointerId: 1, clientX, buttons }));
+  move("pointerdown", 10), move("pointermove", 60), move("pointerup", 60);
+};
+const set = (id, value) => {
+  const input = document.getElementById(id);
+  if (input.type === "checkbox") input.checked = value; else input.value = value;
+  input.dispatchEvent(new Event("input"));
+};
+const steps = {
+  orbit: () => key("ArrowLeft"), pan: () => key("ArrowUp", true), zoom: () => key("+"), drag: () => drag(1),
+  slide: () => drag(2), toggle: () => set("show-source", false), height: () => set("colour-by", "1"),
+  intensity: () => set("colour-by", "2"), size: () => set("point-size", "2"),
+  above: () => document.getElementById("view-top").click(), reset: () => key("0"),
+};
+(async () => {
+  const start = seen();
+  for (const [name, step] of Object.entries(steps)) {
+    const before = seen();
+    step();
+    await frame();
+    const changed = seen().filter((view, k) => view !== before[k]).length;
+    document.body.dataset[name] = changed;
+  }
+  set("show-source", true), set("colour-by", "0"), set("point-size", "1");
+  await frame();
+  document.body.dataset.back = seen().filter((view, k) => view === start[k]).length;
+})();
+</script></body>"#;
+
+#[test]
+fn whatever_moves_one_view_moves_both() {
+    let html = synthetic::report(1).to_html().expect("consistent data");
+    let html = html.replace("</body>", HANDS);
+    let Some(page) = open("hands.html", &html, &[]) else {
+        return;
+    };
+    page.assert_silent();
+    let steps = [
+        "orbit",
+        "pan",
+        "zoom",
+        "drag",
+        "slide",
+        "toggle",
+        "height",
+        "intensity",
+        "size",
+        "above",
+        "reset",
+        "back",
+    ];
+    for step in steps {
+        assert_eq!(page.body(&format!("data-{step}")), Some("2"), "{step}");
+    }
+}
+
+#[test]
+fn without_webgl_a_text_takes_the_place_of_the_views() {
+    let html = synthetic::report(1).to_html().expect("consistent data");
+    let Some(page) = open("fallback.html", &html, &["--disable-3d-apis"]) else {
+        return;
+    };
+    assert_eq!(
+        (page.body("data-webgl"), page.body("data-ready")),
+        (Some("0"), Some("1"))
+    );
+    assert_eq!(
+        page.dom
+            .matches("<p class=\"fallback\">This view needs WebGL2")
+            .count(),
+        2
+    );
+}
+
+#[test]
+fn the_page_refers_to_nothing_outside_itself() {
+    let html = synthetic::report(1).to_html().expect("consistent data");
+    for reference in [
+        "http://", "https://", "src=", "url(", "@import", "import(", "fetch(", "XMLHttp",
+    ] {
+        assert!(!html.contains(reference), "the page holds {reference}");
+    }
+    assert_eq!(html.matches("href=").count(), 1, "only the empty icon");
+}
+
+#[test]
+fn the_same_data_give_the_same_bytes() {
+    let [a, b] = [1, 1].map(|seed| synthetic::report(seed).to_html().expect("consistent data"));
+    assert!(a == b);
+    eprintln!(
+        "a report of 30 generations, 12 parameters, 20 pairs and 48,000 points: {} bytes",
+        a.len()
+    );
+}
+
+#[test]
+fn a_report_of_nothing_but_gaps_is_drawn() {
+    let mut report = synthetic::report(2);
+    blank(&mut report);
+    let html = report.to_html().expect("gaps are no contradiction");
+    for text in ["NaN", "inf\"", "inf "] {
+        assert!(!html.contains(text), "the page holds {text}");
+    }
+    let Some(page) = open("gaps.html", &html, &[]) else {
+        return;
+    };
+    page.assert_silent();
+}
+
+/// Replaces every number by one that is not finite.
+fn blank(report: &mut Report) {
+    let c = &mut report.convergence;
+    let series = [
+        &mut c.best,
+        &mut c.median,
+        &mut c.upper_quartile,
+        &mut c.mean_point,
+        &mut c.sigma,
+    ];
+    series
+        .into_iter()
+        .for_each(|values| values.fill(f64::INFINITY));
+    c.default_fitness = Some(f64::NAN);
+    for row in &mut report.table.rows {
+        row.recall_pct = f64::NAN;
+        row.mean_translation_cm = f64::INFINITY;
+    }
+    for p in &mut report.parameters {
+        (p.min, p.max, p.default, p.tuned) = (f64::NAN, f64::INFINITY, f64::NAN, f64::NEG_INFINITY);
+        p.mean.fill(f64::NAN);
+    }
+    for pair in &mut report.pair_errors {
+        (pair.default, pair.tuned) = (PoseError::default(), PoseError::default());
+    }
+    if let Some(correlation) = &mut report.correlation {
+        correlation
+            .matrix
+            .iter_mut()
+            .for_each(|row| row.fill(f64::NAN));
+    }
+    if let Some(clouds) = &mut report.clouds {
+        clouds.before[0].points.fill([f32::NAN; 3]);
+        clouds.after = [CloudLayer::default(), CloudLayer::default()];
+    }
+}
