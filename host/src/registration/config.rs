@@ -43,7 +43,7 @@ pub struct ConfigError {
 
 impl IcpConfig {
     /// For scans of a street or a field, some tens of metres wide, that nearly overlap: a motion below about half a
-    /// metre and 5°. [`super::suggest`] fits it to the clouds at hand.
+    /// metre and 5°. [`super::suggest()`] fits it to the clouds at hand.
     ///
     /// Normals reach over 3 voxels, as KISS-Matcher has it: rings of a scan lie far apart. Stillness is 0.5 mm and
     /// 0.1 mrad, far below the error of such scans (small_gicp stops at 1 mm and 1.7 mrad).
