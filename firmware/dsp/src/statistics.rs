@@ -115,7 +115,20 @@ fn order_statistic(cumulative: impl Fn(i32) -> u32, rank: u32, guess: i32, top: 
         } else {
             i32::midpoint(low, high)
         };
-        stride *= 2;
+        stride = (2 * stride).min(0x10000); // no code lies further
     }
     (high, below, up_to - below)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_beyond_the_adc_s_range_are_ranked_like_any_other() {
+        for code in [0x8000, 40_000, u16::MAX] {
+            let statistics = Statistics::of(&[code; 9], 3, &Statistics::default());
+            assert_eq!((statistics.median, statistics.deviation), (code, 0));
+        }
+    }
 }
