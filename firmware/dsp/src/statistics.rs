@@ -17,7 +17,8 @@ use crate::q::shift_round;
 /// |---|---|---|
 /// | `x` | ADC codes, b bits | integers, `[N]` |
 /// | `a` | ambient | Q1.15: codes · 2^(15−b), the quotient rounded down |
-/// | `mad` | median absolute deviation | as `a` |
+/// | `mad` | median absolute deviation | Q13.19: codes · 2^(19−b), the quotient rounded down |
+/// | 1.4826 | σ of a normal distribution over its mad | Q2.14, nearest: 24 291 |
 /// | `σ̂` | noise of one sample | Q13.19, nearest |
 ///
 /// Half of the samples may be echoes before either gives way. A constant waveform still has σ̂ = 0.37 codes: the ADC's own
@@ -37,8 +38,11 @@ pub struct Statistics {
 /// 1.4826 in Q2.14.
 const MAD_TO_SIGMA: u64 = 24_291;
 
+/// Bits of the deviation below Q1.15. Without them a quiet 14-bit waveform would have no noise at all.
+const MAD_EXTRA_BITS: u32 = 4;
+
 impl Statistics {
-    /// Measures a waveform of codes that fit `15 − shift` bits. `guess` only saves time: where the last waveform's
+    /// Measures a waveform of codes, of which an ADC gives `15 − shift` bits. `guess` only saves time: where the last waveform's
     /// statistics lay, these lie nearby.
     #[inline(always)]
     pub fn of(codes: &[u16], shift: u32, guess: &Self) -> Self {
@@ -54,13 +58,13 @@ impl Statistics {
         let (deviation, inside, on) = order_statistic(near, half, i32::from(guess.deviation), top);
         let n = codes.len() as u32;
         let ambient = grouped(median, below, at, n, shift);
-        let mad =
-            if deviation == 0 { (n << shift) / (4 * on) } else { grouped(deviation, inside, on, n, shift) as u32 };
+        let fine = shift + MAD_EXTRA_BITS;
+        let mad = if deviation == 0 { (n << fine) / (4 * on) } else { grouped(deviation, inside, on, n, fine) as u32 };
         Self {
             median: median as u16,
             deviation: deviation as u16,
             ambient,
-            sigma: shift_round((u64::from(mad) * MAD_TO_SIGMA) as i64, 10) as u32,
+            sigma: shift_round((u64::from(mad) * MAD_TO_SIGMA) as i64, 14) as u32,
         }
     }
 }
@@ -129,6 +133,15 @@ mod tests {
         for code in [0x8000, 40_000, u16::MAX] {
             let statistics = Statistics::of(&[code; 9], 3, &Statistics::default());
             assert_eq!((statistics.median, statistics.deviation), (code, 0));
+        }
+    }
+
+    #[test]
+    fn a_constant_waveform_has_the_noise_of_quantisation_at_every_resolution() {
+        for shift in 1..=7 {
+            let statistics = Statistics::of(&[100; 800], shift, &Statistics::default());
+            let sigma_codes = f64::from(statistics.sigma) / f64::from(1 << (shift + 4));
+            assert!((sigma_codes - 0.3706).abs() < 0.02, "shift {shift}: {sigma_codes} codes");
         }
     }
 }
