@@ -10,7 +10,7 @@
 /// |---|---|---|---|
 /// | `code` | ADC codes, b bits | integers | `[N]` |
 /// | `S` | saturation level | code | scalar |
-/// | `a` | ambient | Q1.15 | scalar |
+/// | `a` | ambient | Q1.15, saturating | scalar |
 /// | `x` | fraction of full scale | Q1.15, saturating | `[N]` |
 ///
 /// Exact: nothing is rounded, and with b ≤ 14 nothing saturates.

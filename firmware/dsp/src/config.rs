@@ -50,6 +50,17 @@ pub const fn sample_period_fs(bins: u32, hardware: &Hardware) -> u32 {
 }
 
 /// Everything the stages read, derived from one [`Settings`].
+///
+/// | constant | value | format |
+/// |---|---|---|
+/// | sample period | 2 (R_max − R_min) / (c·N_w) | fs, nearest |
+/// | clip code | S · full-scale code | code, nearest |
+/// | floor | g·N | Q1.15, nearest |
+/// | k | SNR threshold | Q8.8, nearest |
+/// | range origin | R_min | 1/256 mm |
+/// | range step | c/2 · sample period | 2⁻²⁴ mm, nearest |
+/// | ΔR, follows the pulse | W · 170.88 µm/ps | µm, rounded down |
+/// | minimum separation | ΔR over the range step | samples, nearest, at least 1 |
 #[derive(Clone, Debug)]
 pub struct Config {
     pub(crate) samples: usize,

@@ -57,7 +57,7 @@ impl Threshold {
 }
 
 /// How far `y` must fall from a peak, or rise from a valley, to count: half the threshold and a sixteenth of the height,
-/// whichever is more.
+/// whichever is more, both rounded down to whole LSB.
 ///
 /// Noise alone makes no second peak on an echo, shot noise included; two equal echoes split once the valley between them is
 /// a sixteenth deep.
@@ -79,6 +79,9 @@ enum State {
 /// rising   y > peak: the new peak;   y < peak − h(peak): a peak is found → falling
 /// falling  y < valley: the new valley;   y < T/2 → idle;   y ≥ T and y > valley + h(y) → rising
 /// ```
+///
+/// T/2 is rounded down. The sample that ends a climb is the first valley, or idle at once. A climb that the waveform cuts
+/// off counts. Of more than [`MAX_CANDIDATES`] peaks the strongest stay, of equals the first.
 #[inline(always)]
 pub fn peaks(y: &[i16], threshold: i16, found: &mut Peaks) {
     found.clear();

@@ -17,10 +17,12 @@ use crate::refine::Refined;
 ///
 /// | field | meaning | format |
 /// |---|---|---|
-/// | range | slant range, mm | U24.8, nearest |
-/// | amplitude | height of the pulse over ambient, fraction of full scale; a lower bound when saturated | U1.15, nearest |
-/// | width | width at half height after the filter, ns | U12.4, nearest |
-/// | snr | height over σ, both after the filter: what k is compared with | U8.8, rounded down |
+/// | range | slant range, mm: origin + time · step | U24.8, nearest |
+/// | amplitude | height of the pulse over ambient, fraction of full scale: height · 1/g; a lower bound when saturated | U1.15, nearest, saturating |
+/// | width | width at half height after the filter, ns | U12.4, nearest, saturating |
+/// | snr | height over σ_y (at least 1 LSB), both after the filter: what k is compared with | U8.8, rounded down, saturating |
+///
+/// A negative height counts as 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct Echo {
     /// Slant range, U24.8 mm.
@@ -62,7 +64,7 @@ impl Echo {
     }
 
     /// Turns a refined peak into an echo; `None` when it lies before range 0.
-    pub(crate) fn of(config: &Config, refined: &Refined, threshold: &Threshold) -> Option<Self> {
+    pub fn of(config: &Config, refined: &Refined, threshold: &Threshold) -> Option<Self> {
         let along = shift_round(refined.time * config.range_step, 32);
         let range = u32::try_from(config.range_origin + along).ok()?;
         let height = refined.height.max(0);

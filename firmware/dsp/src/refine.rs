@@ -22,13 +22,21 @@ pub struct Refined {
 ///
 /// ```text
 /// z[j]  = y interpolated at index + j/o, j = −o−1..o+1          Q9.23, nearest; y = 0 outside
-/// δ     = (z₋ − z₊) / (2 (z₋ − 2 z₀ + z₊))   around the highest z[j], j = −o..o     Q16.16, nearest
-/// time  = index + (j + δ)/o                                     unless clipped and walk-corrected:
-/// time  = (left + right) / 2                                    crossings of half the height, rounded down
+/// δ     = (z₋ − z₊) / (2 (z₋ − 2 z₀ + z₊))   around the highest z[j], j = −o..o     Q16.16, nearest, within ±½
+/// height = z₀ − (z₋ − z₊)·δ/4                                   Q9.23, nearest; then Q1.15, nearest
+/// time  = index + (j + δ)/o                                     Q16.16, nearest; unless clipped and walk-corrected:
+/// time  = (left + right) / 2                                    crossings of half the height; Q16.16, rounded down
+/// width = right − left                                          Q16.16
 /// ```
+///
+/// Of equally high `z[j]` the sample itself (j = 0) counts, else the first. A denominator of 0 makes δ 0. With o = 1, j is 0.
+/// Clipped is an echo of which a code, no further from the index than ⌈K/2⌉, reached the saturation level.
 ///
 /// The filter's output of a clipped echo is as symmetric as that of a whole one, so the middle of its half-height crossings
 /// does not walk with the amplitude, and its flat top does not matter. The width is the filtered one: 1.44 W for a whole echo.
+///
+/// Accuracy, against the same method in real numbers, 12 bits, noise of 4 codes or more: 75, 20 and 5 mm at SNR 5, 20 and 100
+/// (`tolerance.rs` of the tests has the whole table). In less noise the steps of `y`, 2⁻¹⁵, flatten the top of a weak echo.
 pub fn refine(config: &Config, codes: &[u16], y: &[i16], peak: Peak, threshold: i16) -> Refined {
     let vertex = vertex(y, peak, config.upsampling_log2);
     let left = crossing(y, peak, threshold, -1);
@@ -93,8 +101,8 @@ fn interpolate(y: &[i16], index: i64, j: i64, log2: u32) -> i64 {
     shift_round(sum, 7)
 }
 
-/// Row p − 1 interpolates at p/8 after a sample, taps at −3..=4: the Lagrange polynomial of degree 7 in Q1.15, the tap
-/// nearest to the point adjusted so that a row adds up to 2¹⁵ exactly.
+/// Row p − 1 interpolates at p/8 after a sample, taps at −3..=4: the Lagrange polynomial of degree 7 in Q1.15, nearest, the
+/// tap nearest to the point adjusted so that a row adds up to 2¹⁵ exactly.
 ///
 /// Maximally flat at low frequencies, where the output of a matched filter lies: a windowed sinc of this length was 30 times
 /// worse there.
@@ -113,9 +121,11 @@ struct Crossing {
     flags: Flags,
 }
 
-/// Where `y` falls through half the peak's height, going `direction` from it: linear between samples, Q16.16 (rounded down).
+/// Where `y` falls below half the peak's height (rounded down), going `direction` from it: linear between samples, Q16.16,
+/// the fraction of a sample rounded down, towards the peak.
 ///
-/// Ends early in the valley before a neighbour ([`Flags::MERGED`]) or at the end of the waveform ([`Flags::TRUNCATED`]).
+/// Ends early in the valley (of equals the one nearest to the peak) before a neighbour that rises by more than the peak's
+/// [`hysteresis`] ([`Flags::MERGED`]) or at the last sample ([`Flags::TRUNCATED`]).
 fn crossing(y: &[i16], peak: Peak, threshold: i16, direction: i64) -> Crossing {
     let half = i32::from(peak.height) >> 1;
     let rise = i32::from(hysteresis(peak.height, threshold));

@@ -42,8 +42,8 @@ const MAD_TO_SIGMA: u64 = 24_291;
 const MAD_EXTRA_BITS: u32 = 4;
 
 impl Statistics {
-    /// Measures a waveform of codes, of which an ADC gives `15 − shift` bits. `guess` only saves time: where the last waveform's
-    /// statistics lay, these lie nearby.
+    /// Measures a waveform of codes, of which an ADC gives `15 − shift` bits. `guess` only saves time: where the last
+    /// waveform's statistics lay, these lie nearby.
     #[inline(always)]
     pub fn of(codes: &[u16], shift: u32, guess: &Self) -> Self {
         let codes = &codes[..codes.len().min(MAX_SAMPLES)];

@@ -18,9 +18,9 @@ use crate::q::{shift_round, sqrt_floor};
 /// | name | format | shape |
 /// |---|---|---|
 /// | `h` | Q1.15 | `[2K + 1]`, at most [`MAX_TAPS`], centre at K |
-/// | `g` | Q1.15 | scalar |
-/// | `1/g` | Q2.14 | scalar |
-/// | `r` | Q1.15 | scalar |
+/// | `g` | Q1.15, rounded down, at least ¼ | scalar |
+/// | `1/g` | Q2.14, rounded down, of the `g` in Q1.15 | scalar |
+/// | `r` | Q1.15, rounded down, of the `h` in Q1.15 | scalar |
 ///
 /// The cosine is micromath's (error below 1.1 × 10⁻³), in `f32` without fused multiply-add: the same taps on every machine.
 /// (Called as `F32Ext::cos`: where std is in the build, `x.cos()` would silently be std's.) One half is computed and mirrored: the taps are symmetric to the bit, so a symmetric echo has no bias in time.
