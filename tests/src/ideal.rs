@@ -1,0 +1,191 @@
+//! The twin that never rounds: the same algorithm in real numbers, with the true sin² template.
+//!
+//! What the integer code loses against it is bounded by [`crate::tolerance`].
+
+use std::f64::consts::PI;
+
+use echoloop_dsp::settings::TIMING_WALK_CORRECTED;
+use echoloop_dsp::{Hardware, Settings};
+
+use crate::quantised::{LIGHT, Order, Peak, choose, climbs, lagrange, separate};
+use crate::vectors::pulse;
+
+/// An echo in units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Echo {
+    /// Slant range, mm.
+    pub range_mm: f64,
+    /// Fraction of full scale.
+    pub amplitude: f64,
+    /// Filtered width, ns.
+    pub width_ns: f64,
+    /// Height over σ after the filter.
+    pub snr: f64,
+    /// Whether a code of it reached the saturation level.
+    pub saturated: bool,
+}
+
+/// The whole detector, constants first. Amplitudes are fractions of full scale, times are in samples.
+#[derive(Clone, Debug)]
+pub struct Ideal {
+    code: f64,
+    /// Pulse width.
+    width: f64,
+    clip: f64,
+    taps: Vec<f64>,
+    noise_gain: f64,
+    peak_gain: f64,
+    floor: f64,
+    snr_threshold: f64,
+    upsampling: i32,
+    walk_corrected: bool,
+    min_separation: f64,
+    echoes: usize,
+    choice: i32,
+    period_ns: f64,
+    range_min_mm: f64,
+}
+
+impl Ideal {
+    /// Everything the stages read.
+    pub fn new(settings: &Settings, hardware: &Hardware) -> Self {
+        let window_mm = f64::from(hardware.range_max_mm - hardware.range_min_mm);
+        let period_ns = 2.0 * window_mm * 1e6 / (f64::from(settings.bins) * LIGHT);
+        let width = f64::from(settings.pulse_width_ps) / 1e3 / period_ns;
+        let half = width.ceil() as i32 - 1;
+        let shape: Vec<f64> = (-half..=half).map(|k| pulse(k.into(), width)).collect();
+        let sum: f64 = shape.iter().sum();
+        let energy: f64 = shape.iter().map(|p| p * p).sum();
+        let peak_gain = energy / sum;
+        let follows_mm = 1.14 * LIGHT * f64::from(settings.pulse_width_ps) * 1e-9 / 2.0;
+        let separation_mm = settings.min_separation_mm.map_or(follows_mm, f64::from);
+        Self {
+            width,
+            code: 1.0 / f64::from(1 << hardware.adc_bits),
+            clip: f64::from(settings.saturation_ppm) / 1e6 * f64::from(hardware.full_scale_code()),
+            taps: shape.iter().map(|p| p / sum).collect(),
+            noise_gain: energy.sqrt() / sum,
+            peak_gain,
+            floor: f64::from(settings.noise_floor_ppm) / 1e6 * peak_gain,
+            snr_threshold: f64::from(settings.snr_threshold_milli) / 1e3,
+            upsampling: settings.upsampling,
+            walk_corrected: settings.timing == TIMING_WALK_CORRECTED,
+            min_separation: separation_mm * f64::from(settings.bins) / window_mm,
+            echoes: settings.echoes as usize,
+            choice: settings.echo_choice,
+            period_ns,
+            range_min_mm: hardware.range_min_mm.into(),
+        }
+    }
+
+    /// The Cramér–Rao bound of the range in white noise, mm: `(cτ/π) / (S·√(f_s·τ))`, S the amplitude over σ of one sample.
+    pub fn range_crlb_mm(&self, snr: f64) -> f64 {
+        LIGHT * 1e-6 * self.width * self.period_ns / PI / (snr * self.width.sqrt())
+    }
+
+    /// Pulse width, samples.
+    pub fn width(&self) -> f64 {
+        self.width
+    }
+
+    /// True range of an echo centred at a sample, mm.
+    pub fn range_mm(&self, sample: f64) -> f64 {
+        self.range_min_mm + sample * self.period_ns * LIGHT * 1e-6 / 2.0
+    }
+
+    /// Ambient and σ, fractions of full scale.
+    pub fn statistics(&self, codes: &[u16]) -> (f64, f64) {
+        let values: Vec<f64> = codes.iter().map(|&c| f64::from(c)).collect();
+        let half = values.len() as f64 / 2.0;
+        let median = Order::of(values.clone());
+        let deviation = Order::of(values.iter().map(|v| (v - median.middle).abs()).collect());
+        let grouped = |order: &Order| order.middle - 0.5 + (half - order.below) / order.at;
+        let mad = if deviation.middle == 0.0 { half / deviation.at / 2.0 } else { grouped(&deviation) };
+        (grouped(&median) * self.code, mad * self.code * MAD_TO_SIGMA)
+    }
+
+    /// All stages.
+    pub fn process(&self, codes: &[u16]) -> Vec<Echo> {
+        let (ambient, sigma) = self.statistics(codes);
+        let y =
+            self.filter(&codes.iter().map(|&c| f64::from(c).min(self.clip) * self.code - ambient).collect::<Vec<_>>());
+        let sigma = sigma * self.noise_gain;
+        let threshold = self.floor.max(self.snr_threshold * sigma);
+        let hysteresis = |height: f64| (threshold / 2.0).max(height / 16.0);
+        let peaks = separate(&climbs(&y, threshold, threshold / 2.0, hysteresis), self.min_separation);
+        let echo = |peak| self.refine(codes, &y, peak, hysteresis(peak.height), sigma);
+        choose(&peaks, self.echoes, self.choice).into_iter().map(echo).collect()
+    }
+
+    fn filter(&self, x: &[f64]) -> Vec<f64> {
+        let half = self.taps.len() / 2;
+        let mut padded = vec![0.0; half];
+        padded.extend(x);
+        padded.extend(vec![0.0; half]);
+        let sum = |window: &[f64]| window.iter().zip(&self.taps).map(|(x, h)| x * h).sum();
+        padded.windows(self.taps.len()).map(sum).collect()
+    }
+
+    fn refine(&self, codes: &[u16], y: &[f64], peak: Peak, rise: f64, sigma: f64) -> Echo {
+        let (mut time, height) = self.vertex(y, peak.index);
+        let left = edge(y[..peak.index].iter().rev(), peak.height, rise);
+        let right = edge(y[peak.index + 1..].iter(), peak.height, rise);
+        let reach = (self.taps.len() / 2).div_ceil(2);
+        let near = |n: usize| n.abs_diff(peak.index) <= reach;
+        let saturated = codes.iter().enumerate().any(|(n, &code)| near(n) && f64::from(code) >= self.clip.round());
+        if saturated && self.walk_corrected {
+            time = peak.index as f64 + (right - left) / 2.0;
+        }
+        Echo {
+            range_mm: self.range_mm(time),
+            amplitude: height / self.peak_gain,
+            width_ns: (left + right) * self.period_ns,
+            snr: height / sigma,
+            saturated,
+        }
+    }
+
+    /// Time and height of the parabola through the highest interpolated value and its neighbours.
+    fn vertex(&self, y: &[f64], index: usize) -> (f64, f64) {
+        let o = self.upsampling;
+        let z = |j: i32| {
+            interpolate(y, index as i64 + i64::from(j.div_euclid(o)), f64::from(j.rem_euclid(o)) / f64::from(o))
+        };
+        let reach = if o > 1 { o } else { 0 };
+        let top = (-reach..=reach).max_by(|&a, &b| z(a).total_cmp(&z(b))).unwrap_or(0);
+        let (before, at, after) = (z(top - 1), z(top), z(top + 1));
+        let delta = ((before - after) / (2.0 * (before - 2.0 * at + after))).clamp(-0.5, 0.5);
+        (index as f64 + (f64::from(top) + delta) / f64::from(o), at - (before - after) * delta / 4.0)
+    }
+}
+
+/// σ of a normal distribution over its median absolute deviation: 1 / Φ⁻¹(¾).
+const MAD_TO_SIGMA: f64 = 1.482_602_218_505_602;
+
+fn interpolate(y: &[f64], whole: i64, phase: f64) -> f64 {
+    let at = |n: i64| if (0..y.len() as i64).contains(&n) { y[n as usize] } else { 0.0 };
+    if phase == 0.0 {
+        return at(whole);
+    }
+    lagrange(phase).iter().zip(-3..).map(|(weight, k)| weight * at(whole + k)).sum()
+}
+
+/// Distance from a peak to half its height, or to the valley before a rise, or to the end of the waveform.
+fn edge<'a>(outwards: impl Iterator<Item = &'a f64>, height: f64, rise: f64) -> f64 {
+    let (mut inner, mut valley) = (height, (height, 0.0));
+    let mut distance = 0.0;
+    for &value in outwards {
+        if value < height / 2.0 {
+            return distance + (inner - height / 2.0) / (inner - value);
+        }
+        if value > valley.0 + rise {
+            return valley.1;
+        }
+        distance += 1.0;
+        inner = value;
+        if value < valley.0 {
+            valley = (value, distance);
+        }
+    }
+    distance
+}

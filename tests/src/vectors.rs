@@ -1,0 +1,496 @@
+//! Seeded waveforms and settings: the ordinary, the extreme, and the ties.
+//!
+//! [`case`] draws settings over the whole accepted table and a waveform of one [`Kind`]; [`output`] draws what a filter
+//! could give, with far more ties and plateaus than one does. The same seed gives the same vector on every machine.
+
+use std::f64::consts::PI;
+
+use echoloop_dsp::config::sample_period_fs;
+use echoloop_dsp::{Hardware, MAX_SAMPLES, Settings};
+use rand::{Rng, RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// What a waveform looks like.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs, reason = "the names say it; `Drawing::codes` draws them")]
+pub enum Kind {
+    Noise,
+    Short,
+    Constant,
+    SingleEcho,
+    ClippedEcho,
+    ClipEdge,
+    MergedPair,
+    ManyEchoes,
+    EqualEchoes,
+    WindowEdges,
+    Sawtooth,
+    Square,
+    RandomCodes,
+    WildCodes,
+    Plateaus,
+    TwoLevels,
+}
+
+/// Every kind; seed `s` draws kind `s % KINDS.len()`.
+pub const KINDS: [Kind; 16] = [
+    Kind::Noise,
+    Kind::Short,
+    Kind::Constant,
+    Kind::SingleEcho,
+    Kind::ClippedEcho,
+    Kind::ClipEdge,
+    Kind::MergedPair,
+    Kind::ManyEchoes,
+    Kind::EqualEchoes,
+    Kind::WindowEdges,
+    Kind::Sawtooth,
+    Kind::Square,
+    Kind::RandomCodes,
+    Kind::WildCodes,
+    Kind::Plateaus,
+    Kind::TwoLevels,
+];
+
+/// One waveform and the sensor that sees it.
+#[derive(Clone, Debug)]
+pub struct Case {
+    /// Accepted by [`Settings::check`].
+    pub settings: Settings,
+    /// The sensor.
+    pub hardware: Hardware,
+    /// What the waveform looks like.
+    pub kind: Kind,
+    /// ADC codes.
+    pub codes: Vec<u16>,
+}
+
+/// The case of a seed.
+pub fn case(seed: u64) -> Case {
+    let mut rng = rng(seed);
+    let kind = KINDS[(seed % KINDS.len() as u64) as usize];
+    let hardware = hardware(&mut rng);
+    let settings = settings(&mut rng, &hardware);
+    let codes = Drawing::new(&settings, &hardware).codes(kind, &mut rng);
+    Case { settings, hardware, kind, codes }
+}
+
+/// The generator of a seed.
+pub fn rng(seed: u64) -> ChaCha8Rng {
+    ChaCha8Rng::seed_from_u64(seed)
+}
+
+/// Half of them the reference sensor; the others have 8 to 14 bits and other windows, which may begin at 0.
+pub fn hardware(rng: &mut impl Rng) -> Hardware {
+    if rng.random() {
+        return Hardware::REFERENCE;
+    }
+    let range_min_mm = pick(rng, &[0, 0, 100, 1_000, 2_500]);
+    let window_mm = rng.random_range(119_000..=200_000); // shorter ones would need more taps than there are
+    Hardware {
+        adc_bits: rng.random_range(8..=14),
+        range_min_mm,
+        range_max_mm: range_min_mm + window_mm,
+        ..Hardware::REFERENCE
+    }
+}
+
+/// Settings anywhere in the accepted table, its ends more often.
+pub fn settings(rng: &mut impl Rng, hardware: &Hardware) -> Settings {
+    loop {
+        let settings = Settings {
+            power_cw: rng.random_range(500..=2_000), // any width stays below the energy limit
+            pulse_width_ps: with_ends(rng, 2_000, 20_000),
+            bins: with_ends(rng, 200, 2_400),
+            saturation_ppm: if rng.random() { 1_000_000 } else { with_ends(rng, 250_000, 1_000_000) },
+            noise_floor_ppm: log_uniform(rng, 100.0, 200_000.0).round() as i32,
+            snr_threshold_milli: with_ends(rng, 2_500, 8_000),
+            upsampling: pick(rng, &[1, 2, 4, 8]),
+            timing: pick(rng, &[1, 3]),
+            min_separation_mm: if rng.random() { None } else { Some(with_ends(rng, 300, 3_000)) },
+            echoes: rng.random_range(1..=4),
+            echo_choice: rng.random_range(0..=2),
+            ..Settings::default()
+        };
+        if settings.check(hardware).is_ok() {
+            return settings; // else undersampled: draw again
+        }
+    }
+}
+
+fn with_ends(rng: &mut impl Rng, min: i32, max: i32) -> i32 {
+    match rng.random_range(0..16) {
+        0 => min,
+        1 => max,
+        _ => rng.random_range(min..=max),
+    }
+}
+
+fn log_uniform(rng: &mut impl Rng, min: f64, max: f64) -> f64 {
+    min * libm::pow(max / min, rng.random::<f64>())
+}
+
+fn pick<T: Copy>(rng: &mut impl Rng, of: &[T]) -> T {
+    of[rng.random_range(0..of.len())]
+}
+
+/// A normal variate of mean 0 and variance 1 (Box–Muller).
+pub fn normal(rng: &mut impl Rng) -> f64 {
+    let radius = libm::sqrt(-2.0 * libm::log(1.0 - rng.random::<f64>()));
+    radius * libm::cos(2.0 * PI * rng.random::<f64>())
+}
+
+/// sin² of full width at half maximum `width`, centred at 0, height 1.
+pub fn pulse(t: f64, width: f64) -> f64 {
+    if t.abs() < width { 0.5 + 0.5 * libm::cos(PI * t / width) } else { 0.0 }
+}
+
+/// Adds an echo to a waveform in codes: `width` and the centre `at` are in samples.
+pub fn add_echo(wave: &mut [f64], at: f64, amplitude: f64, width: f64) {
+    let first = (at - width).floor().max(0.0) as usize;
+    let last = ((at + width).ceil().max(0.0) as usize).min(wave.len());
+    for (n, value) in wave.iter_mut().enumerate().take(last).skip(first) {
+        *value += amplitude * pulse(n as f64 - at, width);
+    }
+}
+
+/// White noise around an ambient level.
+pub fn noise(rng: &mut impl Rng, samples: usize, ambient: f64, sigma: f64) -> Vec<f64> {
+    (0..samples).map(|_| ambient + sigma * normal(rng)).collect()
+}
+
+/// The ADC: nearest code, 0 to full scale.
+pub fn digitise(wave: &[f64], hardware: &Hardware) -> Vec<u16> {
+    let full_scale = f64::from(hardware.full_scale_code());
+    wave.iter().map(|v| v.round().clamp(0.0, full_scale) as u16).collect()
+}
+
+/// Draws waveforms for one sensor.
+struct Drawing<'a> {
+    hardware: &'a Hardware,
+    samples: usize,
+    /// Pulse width, samples.
+    width: f64,
+    full_scale: f64,
+    clip: f64,
+}
+
+impl<'a> Drawing<'a> {
+    fn new(settings: &Settings, hardware: &'a Hardware) -> Self {
+        let period_fs = sample_period_fs(settings.bins as u32, hardware);
+        let full_scale = f64::from(hardware.full_scale_code());
+        Self {
+            hardware,
+            samples: settings.bins as usize,
+            width: f64::from(settings.pulse_width_ps) * 1e3 / f64::from(period_fs),
+            full_scale,
+            clip: (f64::from(settings.saturation_ppm) * full_scale / 1e6).round(),
+        }
+    }
+
+    fn codes(&self, kind: Kind, rng: &mut impl Rng) -> Vec<u16> {
+        match kind {
+            Kind::Noise => self.digitised(self.background(rng)),
+            Kind::Short => self.short(rng),
+            Kind::Constant => self.constant(rng),
+            Kind::SingleEcho => self.single(rng),
+            Kind::ClippedEcho => self.clipped(rng),
+            Kind::ClipEdge => self.clip_edge(rng),
+            Kind::MergedPair => self.pair(rng),
+            Kind::ManyEchoes => self.many(rng),
+            Kind::EqualEchoes => self.equal(rng),
+            Kind::WindowEdges => self.edges(rng),
+            Kind::Sawtooth => self.sawtooth(rng),
+            Kind::Square => self.square(rng),
+            Kind::RandomCodes => self.random(rng, self.full_scale as u16),
+            Kind::WildCodes => self.wild(rng),
+            Kind::Plateaus => self.plateaus(rng),
+            Kind::TwoLevels => self.two_levels(rng),
+        }
+    }
+
+    fn digitised(&self, wave: Vec<f64>) -> Vec<u16> {
+        digitise(&wave, self.hardware)
+    }
+
+    /// Ambient anywhere, noise from far below one code to clipping at both ends.
+    fn background(&self, rng: &mut impl Rng) -> Vec<f64> {
+        let sigma = pick(rng, &[0.0, 0.05, 0.2, 0.4, 0.7, 1.0, 3.0, 10.0, 60.0]);
+        self.background_of(rng, sigma)
+    }
+
+    fn background_of(&self, rng: &mut impl Rng, sigma: f64) -> Vec<f64> {
+        let ambient = match rng.random_range(0..8) {
+            0 => 0.0,
+            1 => self.full_scale * rng.random::<f64>(),
+            _ => 0.1 * self.full_scale * rng.random::<f64>(),
+        };
+        noise(rng, self.samples, ambient, sigma)
+    }
+
+    fn quiet(&self, rng: &mut impl Rng) -> Vec<f64> {
+        let sigma = pick(rng, &[0.0, 0.3, 0.6, 1.0, 3.0]);
+        self.background_of(rng, sigma)
+    }
+
+    /// Anywhere, at sub-sample phases that are often binary fractions.
+    fn place(&self, rng: &mut impl Rng) -> f64 {
+        let sample = rng.random_range(0..self.samples) as f64;
+        let phase = if rng.random() { f64::from(rng.random_range(0..16u8)) / 16.0 } else { rng.random() };
+        sample + phase
+    }
+
+    fn short(&self, rng: &mut impl Rng) -> Vec<u16> {
+        let longest = (3.0 * self.width) as usize;
+        let length = if rng.random() { rng.random_range(0..4) } else { rng.random_range(0..=longest) };
+        let mut wave = self.quiet(rng);
+        wave.truncate(length);
+        if rng.random() {
+            add_echo(
+                &mut wave,
+                longest as f64 * rng.random::<f64>(),
+                self.full_scale * rng.random::<f64>(),
+                self.width,
+            );
+            return self.digitised(wave);
+        }
+        (0..length).map(|_| rng.random_range(0..=self.full_scale as u16)).collect()
+    }
+
+    fn constant(&self, rng: &mut impl Rng) -> Vec<u16> {
+        let any = rng.random_range(0..=self.full_scale as u16);
+        let clip = self.clip as u16;
+        let code = pick(rng, &[0, 1, any, clip - 1, clip, self.full_scale as u16, u16::MAX]);
+        vec![code; self.samples]
+    }
+
+    /// From one code to all of the scale.
+    fn single(&self, rng: &mut impl Rng) -> Vec<u16> {
+        let mut wave = self.quiet(rng);
+        let amplitude = log_uniform(rng, 1.0, self.full_scale);
+        add_echo(&mut wave, self.place(rng), amplitude, self.width);
+        self.digitised(wave)
+    }
+
+    /// One to sixty times what the saturation level or the ADC takes.
+    fn clipped(&self, rng: &mut impl Rng) -> Vec<u16> {
+        let mut wave = self.quiet(rng);
+        let amplitude = self.clip * log_uniform(rng, 1.0, 60.0);
+        add_echo(&mut wave, self.place(rng), amplitude, self.width);
+        self.digitised(wave)
+    }
+
+    /// An echo, and near its top one code at the saturation level or one below.
+    fn clip_edge(&self, rng: &mut impl Rng) -> Vec<u16> {
+        let mut wave = vec![0.0; self.samples];
+        let at = self.place(rng).floor();
+        add_echo(&mut wave, at, self.clip * 0.8 * rng.random::<f64>(), self.width);
+        let mut codes = self.digitised(wave);
+        let reach = (0.5 * self.width) as i64 + 2;
+        let near = at as i64 + rng.random_range(-reach..=reach);
+        if let Some(code) = usize::try_from(near).ok().and_then(|n| codes.get_mut(n)) {
+            *code = self.clip as u16 - u16::from(rng.random::<bool>());
+        }
+        codes
+    }
+
+    /// From wholly merged to well apart.
+    fn pair(&self, rng: &mut impl Rng) -> Vec<u16> {
+        let mut wave = self.quiet(rng);
+        let at = self.place(rng);
+        let amplitude = log_uniform(rng, 4.0, self.full_scale);
+        let ratio = if rng.random() { 1.0 } else { log_uniform(rng, 0.05, 1.0) };
+        add_echo(&mut wave, at, amplitude, self.width);
+        add_echo(&mut wave, at + 3.0 * self.width * rng.random::<f64>(), ratio * amplitude, self.width);
+        self.digitised(wave)
+    }
+
+    /// As many as fit: more than the candidates held where the window is long enough.
+    fn many(&self, rng: &mut impl Rng) -> Vec<u16> {
+        let mut wave = self.quiet(rng);
+        let amplitude = log_uniform(rng, 8.0, self.full_scale);
+        let width = self.width.min(8.0); // shorter than the template where it is long
+        let mut at = 0.0;
+        while at < self.samples as f64 {
+            add_echo(&mut wave, at, amplitude * rng.random_range(0.2..1.0), width);
+            at += width * rng.random_range(1.0..4.0);
+        }
+        self.digitised(wave)
+    }
+
+    /// Echoes equal to the last bit, whole numbers of samples apart: every comparison of heights is a tie.
+    fn equal(&self, rng: &mut impl Rng) -> Vec<u16> {
+        let phase = f64::from(rng.random_range(0..4u8)) / 4.0;
+        let amplitude = log_uniform(rng, 8.0, 0.9 * self.full_scale).round();
+        let ambient = (0.1 * self.full_scale * rng.random::<f64>()).round();
+        let mut wave = vec![ambient; self.samples];
+        let gap = rng.random_range(1..=(6.0 * self.width) as usize);
+        let count = rng.random_range(2..50);
+        let first = rng.random_range(0..self.samples);
+        for i in 0..count {
+            let mut echo = vec![0.0; self.samples];
+            add_echo(&mut echo, (first + i * gap) as f64 + phase, amplitude, self.width);
+            for (wave, echo) in wave.iter_mut().zip(echo) {
+                *wave = wave.max(ambient + echo);
+            }
+        }
+        self.digitised(wave)
+    }
+
+    /// At both ends, in and out of the window.
+    fn edges(&self, rng: &mut impl Rng) -> Vec<u16> {
+        let mut wave = self.quiet(rng);
+        let amplitude = log_uniform(rng, 8.0, 2.0 * self.full_scale);
+        let [begin, end] = [0; 2].map(|_| self.width * rng.random_range(-1.0..1.2));
+        add_echo(&mut wave, begin, amplitude, self.width);
+        add_echo(&mut wave, self.samples as f64 - 1.0 - end, amplitude, self.width);
+        self.digitised(wave)
+    }
+
+    fn sawtooth(&self, rng: &mut impl Rng) -> Vec<u16> {
+        let period = rng.random_range(2..(8.0 * self.width) as usize + 4);
+        let height = log_uniform(rng, 1.0, self.full_scale);
+        let falling = rng.random::<bool>();
+        let tooth = |n: usize| if falling { period - 1 - n % period } else { n % period };
+        (0..self.samples).map(|n| (height * tooth(n) as f64 / period as f64) as u16).collect()
+    }
+
+    fn square(&self, rng: &mut impl Rng) -> Vec<u16> {
+        let period = rng.random_range(2..(8.0 * self.width) as usize + 4);
+        let on = rng.random_range(1..period);
+        let [low, high] = [0; 2].map(|_: i32| rng.random_range(0..=self.full_scale as u16));
+        (0..self.samples).map(|n| if n % period < on { high } else { low }).collect()
+    }
+
+    fn random(&self, rng: &mut impl Rng, top: u16) -> Vec<u16> {
+        (0..self.samples).map(|_| rng.random_range(0..=top)).collect()
+    }
+
+    /// Codes no ADC of this sensor gives; sometimes more of them than a waveform may hold.
+    fn wild(&self, rng: &mut impl Rng) -> Vec<u16> {
+        match rng.random_range(0..4) {
+            0 => self.random(rng, u16::MAX),
+            1 => (0..MAX_SAMPLES + rng.random_range(1..100)).map(|_| rng.random()).collect(),
+            2 => {
+                let high = rng.random_range(30_000..=u16::MAX);
+                (0..self.samples).map(|_| high.saturating_add(rng.random_range(0..4))).collect()
+            }
+            _ => {
+                let mut codes = self.random(rng, self.full_scale as u16);
+                for _ in 0..10 {
+                    codes[rng.random_range(0..self.samples)] = u16::MAX;
+                }
+                codes
+            }
+        }
+    }
+
+    fn plateaus(&self, rng: &mut impl Rng) -> Vec<u16> {
+        let mut codes = Vec::with_capacity(self.samples);
+        let top = log_uniform(rng, 2.0, self.full_scale) as u16;
+        while codes.len() < self.samples {
+            let length = rng.random_range(1..=(6.0 * self.width) as usize);
+            codes.extend(vec![rng.random_range(0..=top); length]);
+        }
+        codes.truncate(self.samples);
+        codes
+    }
+
+    /// Two codes, about half of the samples each: the median hangs on one sample.
+    fn two_levels(&self, rng: &mut impl Rng) -> Vec<u16> {
+        let low = rng.random_range(0..self.full_scale as u16 - 20);
+        let high = low + pick(rng, &[1, 2, 3, 20]);
+        let length = self.samples - rng.random_range(0..2);
+        let lows = length / 2 + rng.random_range(0..3) - 1;
+        let mut codes: Vec<u16> = (0..length).map(|n| if n < lows { low } else { high }).collect();
+        for n in (1..length).rev() {
+            codes.swap(n, rng.random_range(0..=n));
+        }
+        codes
+    }
+}
+
+/// What a filter could give, and a threshold: steps of a few LSB, plateaus, ties, whole-scale jumps.
+pub fn output(seed: u64) -> (Vec<i16>, i16) {
+    let mut rng = rng(seed ^ 0x6f75_7470_7574);
+    let length = if rng.random_range(0..8) == 0 { rng.random_range(0..40) } else { rng.random_range(40..600) };
+    let random = rng.random_range(1..=0x7fff);
+    let threshold = pick(&mut rng, &[1, 2, 3, 4, 5, 8, 15, 16, 40, 41, 200, 2_000, random, 0x7fff]);
+    let level = i32::from(threshold);
+    let y: Vec<i32> = match seed % 7 {
+        0 => walk(&mut rng, length, 3),
+        1 => walk(&mut rng, length, 1 + level / 2),
+        2 => (0..length).map(|_| i32::from(rng.random::<i16>())).collect(),
+        3 => (0..length).map(|_| rng.random_range(level / 2 - 2..=level + 3)).collect(),
+        4 => staircase(&mut rng, length, level),
+        5 => comb(&mut rng, length, level),
+        _ => bumps(&mut rng, length, level),
+    };
+    (y.into_iter().map(|v| v.clamp(-0x8000, 0x7fff) as i16).collect(), threshold)
+}
+
+fn walk(rng: &mut impl Rng, length: usize, step: i32) -> Vec<i32> {
+    let mut value = 0;
+    let mut next = || {
+        value += rng.random_range(-step..=step);
+        value
+    };
+    (0..length).map(|_| next()).collect()
+}
+
+/// Up and down by just what counts as a peak or a valley, one more or one less.
+fn staircase(rng: &mut impl Rng, length: usize, threshold: i32) -> Vec<i32> {
+    let mut value: i32 = threshold + rng.random_range(0..4 * threshold + 40);
+    let mut next = || {
+        let size = (threshold / 2).max(value / 16) + rng.random_range(-1..=2);
+        let sign = if value > 0x7000 || value > 12 * threshold + 400 {
+            -1
+        } else if value < threshold / 2 {
+            1
+        } else {
+            rng.random_range(-1..=1)
+        };
+        value += sign * size;
+        value
+    };
+    (0..length).map(|_| next()).collect()
+}
+
+/// Narrow spikes, many of one height.
+fn comb(rng: &mut impl Rng, length: usize, threshold: i32) -> Vec<i32> {
+    let gap = rng.random_range(2..12);
+    let spread = pick(rng, &[0, 1, 2, 100]);
+    (0..length).map(|n| if n % gap == 0 { threshold + rng.random_range(-1..=spread) } else { 0 }).collect()
+}
+
+/// Filtered echoes of random height and width, their tops often flat.
+fn bumps(rng: &mut impl Rng, length: usize, threshold: i32) -> Vec<i32> {
+    let mut wave = vec![0.0; length];
+    let width = rng.random_range(2.0..30.0);
+    for _ in 0..rng.random_range(1..12) {
+        let amplitude = f64::from(threshold) * log_uniform(rng, 0.5, 40.0);
+        add_echo(&mut wave, rng.random::<f64>() * (length as f64 + 20.0) - 10.0, amplitude.min(40_000.0), width);
+    }
+    let flat = if rng.random() { 2.0 * f64::from(threshold) } else { 32_767.0 };
+    wave.into_iter().map(|v| v.min(flat).round() as i32).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_seed_draws_the_same_case_twice() {
+        for seed in 0..32 {
+            assert_eq!(case(seed).codes, case(seed).codes);
+        }
+    }
+
+    #[test]
+    fn every_case_has_accepted_settings() {
+        for seed in 0..2_000 {
+            let case = case(seed);
+            assert_eq!(case.settings.check(&case.hardware), Ok(()), "seed {seed}");
+        }
+    }
+}
