@@ -1,7 +1,9 @@
 //! Echoloop on the host: the waveform front end, registration, the optimiser, experiments and the command line.
 
 pub mod cloud;
+pub mod frontend;
 pub mod optimize;
 pub mod pose;
 pub mod registration;
 pub mod report;
+pub mod seed;
