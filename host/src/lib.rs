@@ -1,5 +1,6 @@
 //! Echoloop on the host: the waveform front end, registration, the optimiser, experiments and the command line.
 
+pub mod client;
 pub mod cloud;
 pub mod frontend;
 pub mod optimize;
@@ -7,3 +8,4 @@ pub mod pose;
 pub mod registration;
 pub mod report;
 pub mod seed;
+pub mod transport;

@@ -1,0 +1,273 @@
+//! The host's side of the link: asks, waits, asks again, and never mixes settings.
+
+use std::io;
+use std::time::{Duration, Instant};
+
+use echoloop_dsp::{Echoes, Hardware, Refusal, ScanPattern, Settings};
+use echoloop_link::{BEAMS_PER_REPORT, Command, Counters, Decoder, Greeting, MAX_FRAME, Nack, Report, settings_hash};
+use thiserror::Error;
+
+use crate::transport::Transport;
+
+/// Why a sensor did not do what it was asked.
+#[derive(Debug, Error)]
+pub enum ClientError {
+    /// It refused the settings and kept its old ones.
+    #[error("the sensor refused the settings: {0}")]
+    Refused(#[from] Refusal),
+    /// It understood and could not.
+    #[error("the sensor answered {0:?}")]
+    Nack(Nack),
+    /// It did not answer.
+    #[error("no answer from the sensor to {command} after {tries} tries of {timeout:?}")]
+    Silent {
+        /// What was asked.
+        command: &'static str,
+        /// How often.
+        tries: u32,
+        /// How long each.
+        timeout: Duration,
+    },
+    /// It speaks another version.
+    #[error(
+        "the sensor ({build}) speaks protocol {}, schema {:#018x}; this program protocol {}, schema {:#018x}",
+        theirs.protocol, theirs.schema, Greeting::OURS.protocol, Greeting::OURS.schema
+    )]
+    Version {
+        /// Its greeting.
+        theirs: Greeting,
+        /// Its firmware.
+        build: String,
+    },
+    /// It answered something else.
+    #[error("the sensor answered {command} with an unexpected report")]
+    Unexpected {
+        /// What was asked.
+        command: &'static str,
+    },
+    /// The settings changed under a scan.
+    #[error("scan {frame} was made with settings {got:#010x}, not {expected:#010x}")]
+    Mixed {
+        /// The scan.
+        frame: u32,
+        /// Hash of the settings that were asked for.
+        expected: u32,
+        /// Hash of those it was made with.
+        got: u32,
+    },
+    /// The line is gone.
+    #[error("the link is lost: {0}")]
+    Line(#[from] io::Error),
+}
+
+/// What a sensor says of itself.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Identity {
+    /// Name and version of its firmware.
+    pub build: String,
+    /// What its hardware fixes.
+    pub hardware: Hardware,
+    /// Where its beams point.
+    pub pattern: ScanPattern,
+}
+
+/// Patience with the link.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Patience {
+    /// How long to wait for an answer.
+    pub timeout: Duration,
+    /// How often to ask.
+    pub tries: u32,
+}
+
+impl Default for Patience {
+    fn default() -> Self {
+        Self { timeout: Duration::from_millis(200), tries: 8 }
+    }
+}
+
+/// A conversation with one sensor.
+pub struct Client<T> {
+    transport: T,
+    decoder: Box<Decoder>,
+    patience: Patience,
+    sequence: u16,
+    identity: Identity,
+    generation: u32,
+    hash: u32,
+}
+
+impl<T: Transport> Client<T> {
+    /// Says hello and learns who is there.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError`]; of a sensor of another version, [`ClientError::Version`] with both.
+    pub fn connect(transport: T, patience: Patience) -> Result<Self, ClientError> {
+        let identity =
+            Identity { build: String::new(), hardware: Hardware::REFERENCE, pattern: ScanPattern::default() };
+        let decoder = Box::new(Decoder::new());
+        let mut client = Self { transport, decoder, patience, sequence: 0, identity, generation: 0, hash: 0 };
+        client.greet()?;
+        client.read_settings()?;
+        Ok(client)
+    }
+
+    fn greet(&mut self) -> Result<(), ClientError> {
+        let Report::Hello { greeting, build, hardware, pattern } = self.ask(&Command::Hello(Greeting::OURS))? else {
+            return Err(ClientError::Unexpected { command: "hello" });
+        };
+        let build = build.to_string();
+        if greeting != Greeting::OURS {
+            return Err(ClientError::Version { theirs: greeting, build });
+        }
+        self.identity = Identity { build, hardware, pattern };
+        Ok(())
+    }
+
+    /// What the sensor said of itself.
+    pub fn identity(&self) -> &Identity {
+        &self.identity
+    }
+
+    /// The line, for those who own its other end.
+    pub fn transport_mut(&mut self) -> &mut T {
+        &mut self.transport
+    }
+
+    /// The active settings.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError`].
+    pub fn read_settings(&mut self) -> Result<Settings, ClientError> {
+        let Report::Settings { generation, hash, settings } = self.ask(&Command::ReadSettings)? else {
+            return Err(ClientError::Unexpected { command: "read settings" });
+        };
+        (self.generation, self.hash) = (generation, hash);
+        Ok(settings)
+    }
+
+    /// How the link has been, as the sensor counts.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError`].
+    pub fn read_counters(&mut self) -> Result<Counters, ClientError> {
+        match self.ask(&Command::ReadCounters)? {
+            Report::Counters(counters) => Ok(counters),
+            _ => Err(ClientError::Unexpected { command: "read counters" }),
+        }
+    }
+
+    /// Stages a whole set of settings, commits it, and returns the hash it now goes by.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError::Refused`] with field and bound, and the sensor keeps what it had; else [`ClientError`].
+    pub fn configure(&mut self, settings: &Settings) -> Result<u32, ClientError> {
+        let Report::Staged { hash } = self.ask(&Command::Stage(*settings))? else {
+            return Err(ClientError::Unexpected { command: "stage" });
+        };
+        if hash != settings_hash(settings) {
+            return Err(ClientError::Unexpected { command: "stage" });
+        }
+        let commit = Command::Commit { hash, base_generation: self.generation };
+        let Report::Committed { generation, hash } = self.ask(&commit)? else {
+            return Err(ClientError::Unexpected { command: "commit" });
+        };
+        (self.generation, self.hash) = (generation, hash);
+        Ok(hash)
+    }
+
+    /// Measures all beams as scan `frame`; the echoes, beam by beam.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError::Mixed`] when any beam was made with other settings than those committed last; else [`ClientError`].
+    pub fn scan(&mut self, frame: u32) -> Result<Vec<Echoes>, ClientError> {
+        let total = self.identity.pattern.beams();
+        let mut scan = Vec::with_capacity(total as usize);
+        while (scan.len() as u32) < total {
+            let first = scan.len() as u32;
+            let count = (total - first).min(BEAMS_PER_REPORT as u32) as u16;
+            scan.extend(self.read_beams(frame, first, count)?);
+        }
+        Ok(scan)
+    }
+
+    fn read_beams(
+        &mut self,
+        frame: u32,
+        first: u32,
+        count: u16,
+    ) -> Result<heapless::Vec<Echoes, BEAMS_PER_REPORT>, ClientError> {
+        let report = self.ask(&Command::ReadBeams { frame, first, count })?;
+        let Report::Beams { frame: of, first: from, generation, hash, beams } = report else {
+            return Err(ClientError::Unexpected { command: "read beams" });
+        };
+        if (of, from, beams.len()) != (frame, first, usize::from(count)) {
+            return Err(ClientError::Unexpected { command: "read beams" });
+        }
+        if (generation, hash) != (self.generation, self.hash) {
+            return Err(ClientError::Mixed { frame, expected: self.hash, got: hash });
+        }
+        Ok(beams)
+    }
+
+    /// Sends a command and waits for its own answer, asking again when it does not come. Refusals become errors.
+    fn ask(&mut self, command: &Command) -> Result<Report, ClientError> {
+        self.sequence = self.sequence.wrapping_add(1);
+        let mut frame = [0; MAX_FRAME];
+        let name = name(command);
+        let bytes = echoloop_link::encode(self.sequence, command, &mut frame)
+            .map_err(|error| io::Error::new(io::ErrorKind::InvalidInput, error))?;
+        for _ in 0..self.patience.tries {
+            self.transport.send(bytes)?;
+            match self.wait()? {
+                Some(Report::Refused(refusal)) => return Err(refusal.into()),
+                Some(Report::Nack(reason)) => return Err(ClientError::Nack(reason)),
+                Some(report) => return Ok(report),
+                None => {}
+            }
+        }
+        Err(ClientError::Silent { command: name, tries: self.patience.tries, timeout: self.patience.timeout })
+    }
+
+    /// The report of the current sequence number, if it comes in time. Broken frames and answers to older questions are
+    /// dropped.
+    fn wait(&mut self) -> Result<Option<Report>, ClientError> {
+        let deadline = Instant::now() + self.patience.timeout;
+        let mut chunk = [0; 1024];
+        loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            let length = self.transport.receive(&mut chunk, left)?;
+            if length == 0 {
+                return Ok(None);
+            }
+            let mut answer = None;
+            for &byte in &chunk[..length] {
+                if let Some(Ok(frame)) = self.decoder.push(byte)
+                    && let Ok((sequence, report)) = echoloop_link::decode::<Report>(frame)
+                    && sequence == self.sequence
+                {
+                    answer = Some(report);
+                }
+            }
+            if answer.is_some() {
+                return Ok(answer);
+            }
+        }
+    }
+}
+
+fn name(command: &Command) -> &'static str {
+    match command {
+        Command::Hello(_) => "hello",
+        Command::Stage(_) => "stage",
+        Command::Commit { .. } => "commit",
+        Command::ReadSettings => "read settings",
+        Command::ReadBeams { .. } => "read beams",
+        Command::ReadCounters => "read counters",
+    }
+}
