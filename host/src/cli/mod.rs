@@ -1,0 +1,165 @@
+//! The command line.
+
+mod evaluate;
+mod exit;
+mod figures;
+mod progress;
+mod register;
+mod scan;
+mod sensor;
+mod tune;
+
+use std::path::PathBuf;
+
+use clap::{Args, CommandFactory, Parser, Subcommand};
+use clap_complete::Shell;
+
+use crate::config::{Config, Override, load};
+
+pub use exit::{Failure, report_failure};
+
+/// A LiDAR that tunes itself: sensor and registration parameters, searched together through the sensor's own link.
+///
+/// Without a command: `tune`.
+#[derive(Debug, Parser)]
+#[command(name = "echoloop", version, args_conflicts_with_subcommands = true, after_help = EXIT_CODES)]
+pub struct Cli {
+    #[command(subcommand)]
+    command: Option<Command>,
+    #[command(flatten)]
+    tune: tune::TuneArgs,
+}
+
+const EXIT_CODES: &str = "Exit codes: 0 done, 1 the run failed, 2 usage, configuration or a file, 3 the link or the sensor, \
+    4 finished below --require-recall, 130 interrupted.";
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Tune parameters in the closed loop, then judge them on held-out pairs.
+    Tune(tune::TuneArgs),
+    /// Judge one set of parameters; `--candidate -` reads it as JSON from standard input.
+    Evaluate(evaluate::EvaluateArgs),
+    /// Scan a scene through the sensor and write the cloud.
+    Scan(scan::ScanArgs),
+    /// Register two clouds: PLY, PCD, KITTI .bin or XYZ.
+    Register(register::RegisterArgs),
+    /// Ask a sensor who it is, read its settings, set them.
+    Sensor(sensor::SensorArgs),
+    /// Print the effective configuration, or every parameter with unit and range.
+    Config(ConfigArgs),
+    /// Print shell completions.
+    Completions {
+        /// The shell.
+        shell: Shell,
+    },
+}
+
+/// What every command takes.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct Common {
+    /// Print one JSON document to standard output instead of text.
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// No progress, no remarks.
+    #[arg(short, long)]
+    pub(crate) quiet: bool,
+    /// Threads; 0: as many as there are processors. Results do not depend on it.
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    pub(crate) threads: usize,
+}
+
+/// Where a configuration comes from. Later ones win: file, --set, flags.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct ConfigSource {
+    /// Configuration file (TOML).
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
+    /// Set one value, as lidar.power=50; may be repeated.
+    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = parse_override)]
+    pub(crate) set: Vec<Override>,
+    /// structured, semi-structured, unstructured, or a mesh: PLY or OBJ, metres, z up.
+    #[arg(long, value_name = "KIND|FILE")]
+    pub(crate) scene: Option<String>,
+    /// Decides every random choice.
+    #[arg(long, value_name = "N")]
+    pub(crate) seed: Option<u64>,
+}
+
+fn parse_override(text: &str) -> Result<Override, String> {
+    text.parse()
+}
+
+impl ConfigSource {
+    /// File, then `--set`, then the flags given (and only those), with a command's own flags last.
+    pub(crate) fn load(&self, own: Vec<Override>) -> Result<Config, Failure> {
+        let mut overrides = self.set.clone();
+        overrides.extend(self.scene.clone().map(|scene| Override::flag("scene.source", scene)));
+        if let Some(seed) = self.seed {
+            let seed = i64::try_from(seed).map_err(|_| Failure::usage("--seed must be below 2^63"))?;
+            overrides.push(Override::flag("seed", seed));
+        }
+        overrides.extend(own);
+        load(self.config.as_deref(), &overrides).map_err(Failure::usage)
+    }
+}
+
+#[derive(Clone, Debug, Args)]
+struct ConfigArgs {
+    #[command(flatten)]
+    source: ConfigSource,
+    #[command(flatten)]
+    common: Common,
+    /// List every tunable parameter with unit, range and default.
+    #[arg(long)]
+    parameters: bool,
+}
+
+impl Cli {
+    /// Does what was asked.
+    ///
+    /// # Errors
+    ///
+    /// [`Failure`] with the exit code.
+    pub fn run(self) -> Result<(), Failure> {
+        match self.command.unwrap_or(Command::Tune(self.tune)) {
+            Command::Tune(args) => tune::run(&args),
+            Command::Evaluate(args) => evaluate::run(&args),
+            Command::Scan(args) => scan::run(&args),
+            Command::Register(args) => register::run(&args),
+            Command::Sensor(args) => sensor::run(&args),
+            Command::Config(args) => show_config(&args),
+            Command::Completions { shell } => {
+                clap_complete::generate(shell, &mut Self::command(), "echoloop", &mut std::io::stdout());
+                Ok(())
+            }
+        }
+    }
+}
+
+fn show_config(args: &ConfigArgs) -> Result<(), Failure> {
+    let config = args.source.load(Vec::new())?;
+    if args.parameters {
+        figures::print_parameters(&config, args.common.json);
+    } else if args.common.json {
+        println!("{}", serde_json::to_string_pretty(&config).map_err(Failure::run)?);
+    } else {
+        print!("{}", toml::to_string(&config).map_err(Failure::run)?);
+    }
+    Ok(())
+}
+
+/// Runs `work` on the asked number of threads.
+fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Result<T, Failure> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    Ok(pool.map_err(|e| Failure::usage(format!("--threads {threads}: {e}")))?.install(work))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_well_formed() {
+        Cli::command().debug_assert();
+    }
+}

@@ -1,0 +1,189 @@
+//! Reading configuration, and saying exactly what is wrong with it.
+
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use thiserror::Error;
+
+use super::{Config, ConfigError};
+
+/// Why there is no configuration.
+#[derive(Debug, Error)]
+pub enum LoadError {
+    /// The file cannot be read.
+    #[error("cannot read {}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The file is no configuration; the text has line and caret.
+    #[error("{}: {message}", path.display())]
+    Parse {
+        /// The file.
+        path: PathBuf,
+        /// What, where.
+        message: String,
+    },
+    /// A `--set` is none.
+    #[error("in --set {text}: {message}")]
+    Override {
+        /// As given.
+        text: String,
+        /// What.
+        message: String,
+    },
+    /// A value makes no sense.
+    #[error("{0}")]
+    Value(#[from] ConfigError),
+}
+
+/// One `a.b=v` of the command line.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Override {
+    text: String,
+    keys: Vec<String>,
+    value: toml::Value,
+}
+
+impl FromStr for Override {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (path, value) = text.split_once('=').ok_or("expected a.b=value")?;
+        let keys: Vec<String> = path.trim().split('.').map(str::to_owned).collect();
+        if keys.iter().any(String::is_empty) {
+            return Err("expected a.b=value, with a name before and after each dot".into());
+        }
+        Ok(Self { text: text.to_owned(), keys, value: parse_value(value.trim()) })
+    }
+}
+
+impl Override {
+    /// An override made by a flag.
+    pub fn flag(path: &str, value: impl Into<toml::Value>) -> Self {
+        let value = value.into();
+        Self { text: format!("{path}={value}"), keys: path.split('.').map(str::to_owned).collect(), value }
+    }
+
+    fn insert(&self, table: &mut toml::Table) -> Result<(), String> {
+        let Some((last, parents)) = self.keys.split_last() else { return Ok(()) };
+        let mut table = table;
+        for key in parents {
+            let entry = table.entry(key.clone()).or_insert_with(|| toml::Value::Table(toml::Table::new()));
+            table = entry.as_table_mut().ok_or_else(|| format!("`{key}` is a value, not a section"))?;
+        }
+        table.insert(last.clone(), self.value.clone());
+        Ok(())
+    }
+}
+
+/// A TOML value where it is one, else a string: `--set scene.source=structured` needs no quotes.
+fn parse_value(text: &str) -> toml::Value {
+    toml::from_str::<toml::Table>(&format!("v = {text}"))
+        .ok()
+        .and_then(|mut table| table.remove("v"))
+        .unwrap_or_else(|| toml::Value::String(text.to_owned()))
+}
+
+/// Reads a file, if given, and lays the overrides over it, one by one.
+///
+/// # Errors
+///
+/// [`LoadError`] names file, line and key, or the override at fault.
+pub fn load(path: Option<&Path>, overrides: &[Override]) -> Result<Config, LoadError> {
+    let mut table = match path {
+        Some(path) => read(path)?,
+        None => toml::Table::new(),
+    };
+    for change in overrides {
+        let fail = |message: String| LoadError::Override { text: change.text.clone(), message };
+        change.insert(&mut table).map_err(fail)?;
+        // Each is checked as it is laid down, so that the error is its own.
+        table.clone().try_into::<Config>().map_err(|error| fail(error.message().trim().to_owned()))?;
+    }
+    let config: Config = table.try_into().map_err(|error: toml::de::Error| LoadError::Override {
+        text: String::new(),
+        message: error.message().to_owned(),
+    })?;
+    config.check()?;
+    Ok(config)
+}
+
+/// The file's table, after its text has been taken for a [`Config`]: errors then show the line.
+fn read(path: &Path) -> Result<toml::Table, LoadError> {
+    let text =
+        std::fs::read_to_string(path).map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
+    let fail = |error: toml::de::Error| LoadError::Parse { path: path.to_owned(), message: error.to_string() };
+    toml::from_str::<Config>(&text).map_err(fail)?;
+    toml::from_str(&text).map_err(fail)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn set(texts: &[&str]) -> Result<Config, LoadError> {
+        let overrides: Vec<Override> = texts.iter().map(|t| t.parse().unwrap()).collect();
+        load(None, &overrides)
+    }
+
+    fn file(text: &str) -> Result<Config, String> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.toml");
+        std::fs::write(&path, text).unwrap();
+        load(Some(&path), &[]).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn the_effective_configuration_reads_back_as_itself() {
+        let config = set(&["lidar.power=50", "scene.source=unstructured", "registration.voxel_m=0.2"]).unwrap();
+        let text = toml::to_string(&config).unwrap();
+        assert_eq!(file(&text).unwrap(), config);
+    }
+
+    #[test]
+    fn a_misspelt_key_is_shown_with_its_line_and_a_caret() {
+        let error = file("seed = 1\n[lidar]\npowr = 3\n").unwrap_err();
+        assert!(error.contains("line 3") && error.contains("^^^^") && error.contains("unknown field `powr`"), "{error}");
+        let error = file("[tune]\ngeneration = 3\n").unwrap_err();
+        assert!(error.contains("line 2") && error.contains("unknown field `generation`"), "{error}");
+    }
+
+    #[test]
+    fn a_value_out_of_range_is_shown_where_it_stands() {
+        let error = file("[lidar]\npower = 500\n").unwrap_err();
+        assert!(error.contains("line 2") && error.contains("above its maximum 100 W"), "{error}");
+        for (text, part) in [
+            ("[lidar]\npower = nan", "must be finite"),
+            ("[lidar]\npower = -3", "below its minimum 5 W"),
+            ("[lidar]\ntiming = \"cfd\"", "not implemented"),
+            ("[lidar]\ntiming = 3", "invalid type"),
+            ("[data]\ntrain_pairs = -1", "line 2"),
+            ("[data]\nbaseline_m = nan", "data.baseline_m = NaN must be 0 to 100"),
+            ("[receiver]\nadc_bits = 99", "receiver.adc_bits = 99 must be 8 to 14"),
+            ("[tune]\nsigma = 0", "tune.sigma = 0 must be above 0"),
+        ] {
+            let error = file(text).unwrap_err();
+            assert!(error.contains(part), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    fn an_override_at_fault_is_named() {
+        let error = set(&["tune.generations=5", "lidar.powr=1"]).unwrap_err().to_string();
+        assert!(error.starts_with("in --set lidar.powr=1: unknown field `powr`"), "{error}");
+        assert!("lidar.power".parse::<Override>().is_err());
+        assert!("a..b=1".parse::<Override>().is_err());
+    }
+
+    #[test]
+    fn an_override_leaves_the_rest_of_the_file_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.toml");
+        std::fs::write(&path, "seed = 9\n[lidar]\npower = 20\ngain = 3\n").unwrap();
+        let config = load(Some(&path), &["lidar.power=30".parse().unwrap()]).unwrap();
+        assert_eq!((config.seed, config.lidar.0.power_cw, config.lidar.0.gain_cdb), (9, 3000, 300));
+    }
+}

@@ -1,0 +1,299 @@
+//! The configuration of a run: TOML file, then `--set a.b=v`, then flags; unknown keys are errors.
+
+mod lidar;
+mod load;
+
+use std::path::PathBuf;
+
+use echoloop_dsp::ScanPattern;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::frontend::{OpticsError, Receiver};
+use crate::params::{Preset, Protocol};
+
+pub use lidar::Lidar;
+pub use load::{LoadError, Override, load};
+
+/// Everything a run depends on. The same configuration gives the same result, on any number of threads.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Config {
+    /// Decides every random choice.
+    pub seed: u64,
+    /// Where to scan.
+    pub scene: SceneConfig,
+    /// How the sensor looks around.
+    pub scanner: ScannerConfig,
+    /// Which pairs of scans to register.
+    pub data: DataConfig,
+    /// Θ_lidar to start from.
+    pub lidar: Lidar,
+    /// Θ_reg to start from.
+    pub registration: RegistrationConfig,
+    /// How to search.
+    pub tune: TuneConfig,
+    /// Optics, detector and converter.
+    pub receiver: Receiver,
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self {
+            seed: 1,
+            scene: SceneConfig::default(),
+            scanner: ScannerConfig::default(),
+            data: DataConfig::default(),
+            lidar: Lidar::default(),
+            registration: RegistrationConfig::default(),
+            tune: TuneConfig::default(),
+            receiver: Receiver::default(),
+        }
+    }
+}
+
+/// Where to scan.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SceneConfig {
+    /// `structured`, `semi-structured`, `unstructured`, or a mesh: PLY or OBJ, metres, z up.
+    pub source: String,
+    /// Seeds of the generated towns; the pairs are shared out among them.
+    pub towns: Vec<u64>,
+    /// Ground below a mesh: `auto` (fitted when the mesh has none), `none`, or the plane z = a·x + b·y + c as `a,b,c`.
+    pub ground: String,
+}
+
+impl Default for SceneConfig {
+    fn default() -> Self {
+        Self { source: "structured".into(), towns: vec![1, 2, 3], ground: "auto".into() }
+    }
+}
+
+/// How the sensor looks around.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ScannerConfig {
+    /// Beams along azimuth.
+    pub columns: u16,
+    /// Beams along elevation.
+    pub rows: u16,
+    /// Full azimuth range, degrees.
+    pub azimuth_deg: f64,
+    /// Full elevation range, degrees.
+    pub elevation_deg: f64,
+    /// Height above the ground, m.
+    pub height_m: f64,
+}
+
+impl Default for ScannerConfig {
+    fn default() -> Self {
+        Self { columns: 192, rows: 64, azimuth_deg: 180.0, elevation_deg: 180.0, height_m: 2.0 }
+    }
+}
+
+impl ScannerConfig {
+    /// The firmware's form.
+    pub fn pattern(&self) -> ScanPattern {
+        let centi = |degrees: f64| (degrees * 100.0).round() as u16;
+        ScanPattern {
+            columns: self.columns,
+            rows: self.rows,
+            azimuth_cdeg: centi(self.azimuth_deg),
+            elevation_cdeg: centi(self.elevation_deg),
+        }
+    }
+}
+
+/// Which pairs of scans to register.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct DataConfig {
+    /// Pairs to tune on.
+    pub train_pairs: usize,
+    /// Pairs to judge on, in other places.
+    pub test_pairs: usize,
+    /// Distance of a pair's scans, m: the paper's 2 for local methods.
+    pub baseline_m: f64,
+    /// The second scan's heading differs by at most this, degrees.
+    pub heading_range_deg: f64,
+    /// Roll and pitch of each scan, at most, degrees.
+    pub tilt_range_deg: f64,
+    /// A registration succeeds within this translation, m, …
+    pub success_translation_m: f64,
+    /// … and this rotation, degrees.
+    pub success_rotation_deg: f64,
+}
+
+impl Default for DataConfig {
+    fn default() -> Self {
+        Self {
+            train_pairs: 30,
+            test_pairs: 40,
+            baseline_m: 2.0,
+            heading_range_deg: 10.0,
+            tilt_range_deg: 2.0,
+            success_translation_m: 0.5,
+            success_rotation_deg: 2.5,
+        }
+    }
+}
+
+/// Θ_reg to start from. What is left out is the preset's default.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RegistrationConfig {
+    /// The method.
+    pub method: Method,
+    /// Ranges and defaults: `outdoor`, or `paper` (Sec. 3.3, made for indoor spacing).
+    pub preset: Preset,
+    /// Edge of the voxels, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub voxel_m: Option<f64>,
+    /// Radius of the normals' neighbourhood, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub normal_radius_m: Option<f64>,
+    /// Neighbours of a normal at most.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub normal_neighbours: Option<f64>,
+    /// Greatest distance of a pair, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_pair_distance_m: Option<f64>,
+    /// Iterations at most.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_iterations: Option<f64>,
+}
+
+/// A registration method.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Method {
+    /// Point-to-plane ICP.
+    #[default]
+    Icp,
+}
+
+/// How to search.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TuneConfig {
+    /// What is tuned.
+    pub protocol: Protocol,
+    /// Generations.
+    pub generations: u32,
+    /// Candidates a generation; 0: as many as there are parameters, as in the paper.
+    pub population: usize,
+    /// Training pairs a generation sees, drawn anew each time and shared by its candidates; 0: all, as in the paper.
+    pub pairs_per_generation: usize,
+    /// No pair counts for more than this, ‖T_est − T*‖_F; 0: no cap, as in the paper.
+    pub error_cap: f64,
+    /// Whether the candidates of a generation meet the same noise.
+    pub common_noise: bool,
+    /// Start of the step size, in the unit cube.
+    pub sigma: f64,
+    /// Candidates judged again on all training pairs at the end, besides the mean and the start.
+    pub shortlist: usize,
+}
+
+impl Default for TuneConfig {
+    fn default() -> Self {
+        Self {
+            protocol: Protocol::Joint,
+            generations: 30,
+            population: 0,
+            pairs_per_generation: 3,
+            error_cap: 1.0,
+            common_noise: true,
+            sigma: 0.2,
+            shortlist: 4,
+        }
+    }
+}
+
+/// A value of the configuration that makes no sense.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum ConfigError {
+    /// Out of bounds.
+    #[error("{field} = {value} must be {expected}")]
+    Bound {
+        /// The key.
+        field: &'static str,
+        /// Its value.
+        value: String,
+        /// What it must be.
+        expected: &'static str,
+    },
+    /// In the receiver.
+    #[error(transparent)]
+    Optics(#[from] OpticsError),
+}
+
+impl Config {
+    /// Checks every value that its own type does not.
+    ///
+    /// # Errors
+    ///
+    /// [`ConfigError`] names the first key out of bounds.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        self.receiver.check()?;
+        self.scanner.check()?;
+        self.data.check()?;
+        self.tune.check()?;
+        let towns = &self.scene.towns;
+        require("scene.towns", format!("{towns:?}"), !towns.is_empty() && towns.len() <= 100, "1 to 100 seeds")
+    }
+}
+
+fn require(
+    field: &'static str,
+    value: impl ToString,
+    holds: bool,
+    expected: &'static str,
+) -> Result<(), ConfigError> {
+    if holds { Ok(()) } else { Err(ConfigError::Bound { field, value: value.to_string(), expected }) }
+}
+
+impl ScannerConfig {
+    fn check(&self) -> Result<(), ConfigError> {
+        let within = |v: u16, max| (1..=max).contains(&v);
+        require("scanner.columns", self.columns, within(self.columns, 4096), "1 to 4096")?;
+        require("scanner.rows", self.rows, within(self.rows, 1024), "1 to 1024")?;
+        let full = |v: f64, max: f64| v >= 0.01 && v <= max;
+        require("scanner.azimuth_deg", self.azimuth_deg, full(self.azimuth_deg, 360.0), "0.01 to 360")?;
+        require("scanner.elevation_deg", self.elevation_deg, full(self.elevation_deg, 180.0), "0.01 to 180")?;
+        require("scanner.height_m", self.height_m, (0.1..=100.0).contains(&self.height_m), "0.1 to 100")
+    }
+}
+
+impl DataConfig {
+    fn check(&self) -> Result<(), ConfigError> {
+        let some = |n: usize| (1..=10_000).contains(&n);
+        require("data.train_pairs", self.train_pairs, some(self.train_pairs), "1 to 10000")?;
+        require("data.test_pairs", self.test_pairs, some(self.test_pairs), "1 to 10000")?;
+        require("data.baseline_m", self.baseline_m, (0.0..=100.0).contains(&self.baseline_m), "0 to 100")?;
+        let angle = |v: f64| (0.0..=180.0).contains(&v);
+        require("data.heading_range_deg", self.heading_range_deg, angle(self.heading_range_deg), "0 to 180")?;
+        require("data.tilt_range_deg", self.tilt_range_deg, (0.0..=45.0).contains(&self.tilt_range_deg), "0 to 45")?;
+        let success = self.success_translation_m;
+        require("data.success_translation_m", success, success > 0.0 && success <= 100.0, "above 0, at most 100")?;
+        let success = self.success_rotation_deg;
+        require("data.success_rotation_deg", success, success > 0.0 && success <= 180.0, "above 0, at most 180")
+    }
+}
+
+impl TuneConfig {
+    fn check(&self) -> Result<(), ConfigError> {
+        let generations = self.generations;
+        require("tune.generations", generations, (1..=100_000).contains(&generations), "1 to 100000")?;
+        let population = self.population;
+        require("tune.population", population, population != 1 && population <= 10_000, "0 (automatic) or 2 to 10000")?;
+        require("tune.error_cap", self.error_cap, self.error_cap >= 0.0 && self.error_cap.is_finite(), "0 or more")?;
+        require("tune.sigma", self.sigma, self.sigma > 0.0 && self.sigma <= 1.0, "above 0, at most 1")?;
+        require("tune.shortlist", self.shortlist, self.shortlist <= 1000, "at most 1000")
+    }
+}
+
+/// Where a run's files go.
+pub fn default_runs_folder() -> PathBuf {
+    PathBuf::from("runs")
+}

@@ -1,0 +1,134 @@
+//! What a candidate is worth: two scans through the sensor, a registration, an error.
+
+use std::sync::Arc;
+
+use echoloop_dsp::project::point_m;
+use echoloop_dsp::{Echoes, Hardware};
+use echoloop_sim::board::PcSensor;
+use echoloop_sim::scanner::SceneResponse;
+use serde::{Deserialize, Serialize};
+
+use crate::client::{Client, ClientError, Patience};
+use crate::cloud::Cloud;
+use crate::dataset::{Dataset, ScanPair};
+use crate::frontend::{Receiver, WaveformFrontEnd};
+use crate::params::Parameters;
+use crate::pose::{Pose, frobenius_error, rotation_error_deg, translation_error_m};
+use crate::registration::{Icp, Outcome, Registration};
+use crate::transport::InProcess;
+
+/// How one pair came out.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PairError {
+    /// Index of the pair in its set.
+    pub pair: usize,
+    /// e_t of Eq. 7, m.
+    pub translation_m: f64,
+    /// e_R of Eq. 7, degrees.
+    pub rotation_deg: f64,
+    /// ‖T_est − T*‖_F of Eq. 3.
+    pub frobenius: f64,
+    /// Points of both clouds.
+    pub points: [usize; 2],
+    /// Why the registration ended.
+    pub stop: String,
+    /// Its iterations.
+    pub iterations: usize,
+}
+
+/// A pair's clouds and the motion found, for those who want to look.
+#[derive(Clone, Debug)]
+pub struct Registered {
+    /// How it came out.
+    pub error: PairError,
+    /// First and second cloud, each in its sensor's frame.
+    pub clouds: [Cloud; 2],
+    /// The motion found.
+    pub first_from_second: Pose,
+}
+
+/// What every evaluation shares.
+#[derive(Clone, Copy, Debug)]
+pub struct Bench<'a> {
+    /// The pairs and the scan pattern.
+    pub dataset: &'a Dataset,
+    /// Optics, detector, converter.
+    pub receiver: &'a Receiver,
+    /// What the sensor's hardware fixes.
+    pub hardware: Hardware,
+}
+
+impl Bench<'_> {
+    /// f_opt of Eq. 4: both scans of a pair with one set of parameters, registered from the identity.
+    ///
+    /// The settings reach the sensor over the link, and every echo comes back over it. A registration that finds nothing
+    /// counts as the identity, its initial guess.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError`] when the sensor does not do its part.
+    pub fn register(
+        &self,
+        parameters: &Parameters,
+        index: usize,
+        pair: &ScanPair,
+        noise_seed: u64,
+    ) -> Result<Registered, ClientError> {
+        let mut client = self.sensor(&pair.first, noise_seed)?;
+        client.configure(&parameters.settings)?;
+        let first = self.cloud(&client.scan(1)?);
+        client.transport_mut().0.front_end_mut().look_at(Arc::clone(&pair.second), noise_seed);
+        let second = self.cloud(&client.scan(2)?);
+        let initial = Pose::identity();
+        let outcome = match Icp::new(parameters.icp) {
+            Ok(icp) => icp.register(&first, &second, &initial),
+            Err(_) => Outcome::nothing(&initial, crate::registration::StopReason::BadSettings),
+        };
+        let error = pair_error(index, &outcome, &pair.truth, [first.points.len(), second.points.len()]);
+        Ok(Registered { error, clouds: [first, second], first_from_second: outcome.target_from_source })
+    }
+
+    /// A sensor in process, looking at a scene.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError`].
+    pub fn sensor(
+        &self,
+        scene: &Arc<SceneResponse>,
+        noise_seed: u64,
+    ) -> Result<Client<InProcess<WaveformFrontEnd>>, ClientError> {
+        let front_end = WaveformFrontEnd::new(self.receiver.clone(), Arc::clone(scene), noise_seed);
+        let sensor = PcSensor::new(front_end, self.dataset.pattern, self.hardware);
+        Client::connect(InProcess(sensor), Patience::default())
+    }
+
+    /// The points of a scan, sensor frame.
+    pub fn cloud(&self, scan: &[Echoes]) -> Cloud {
+        let points = scan
+            .iter()
+            .zip(&self.dataset.directions)
+            .flat_map(|(echoes, direction)| echoes.iter().map(move |echo| point_m(direction, echo)));
+        Cloud::new(points.collect())
+    }
+}
+
+fn pair_error(pair: usize, outcome: &Outcome, truth: &Pose, points: [usize; 2]) -> PairError {
+    let estimate = &outcome.target_from_source;
+    PairError {
+        pair,
+        translation_m: translation_error_m(estimate, truth),
+        rotation_deg: rotation_error_deg(estimate, truth),
+        frobenius: frobenius_error(estimate, truth),
+        points,
+        stop: format!("{:?}", outcome.stop),
+        iterations: outcome.iterations,
+    }
+}
+
+/// Fitness: the mean of ‖T_est − T*‖_F, each at most `cap` (0: no cap, Eq. 3).
+pub fn fitness(errors: &[PairError], cap: f64) -> f64 {
+    let capped = |e: &PairError| if cap > 0.0 { e.frobenius.min(cap) } else { e.frobenius };
+    errors.iter().map(capped).sum::<f64>() / errors.len() as f64
+}

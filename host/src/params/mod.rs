@@ -1,0 +1,372 @@
+//! Parameters as the optimiser sees them: axes of a unit cube.
+//!
+//! The optimiser sees the cube, the code sees metres, the sensor sees codes. Only this module converts.
+
+mod axis;
+mod repair;
+
+use std::collections::BTreeMap;
+
+use echoloop_dsp::{Hardware, Kind, PARAMETERS, ParameterId, Settings};
+use serde::{Deserialize, Serialize};
+
+use crate::config::{Config, RegistrationConfig};
+use crate::registration::IcpConfig;
+
+pub use axis::{Axis, Scale};
+pub use repair::repair;
+
+/// What a search may change (Sec. 4.4).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Protocol {
+    /// Nothing: the defaults are judged.
+    Default,
+    /// Θ_lidar.
+    Lidar,
+    /// Θ_reg.
+    Registration,
+    /// Both together.
+    #[default]
+    Joint,
+}
+
+impl Protocol {
+    /// Name on the command line and in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Default => "default",
+            Self::Lidar => "lidar",
+            Self::Registration => "registration",
+            Self::Joint => "joint",
+        }
+    }
+}
+
+/// Ranges and defaults of Θ_reg.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Preset {
+    /// What outdoor spacing needs.
+    #[default]
+    Outdoor,
+    /// The paper's ranges (Sec. 3.3), made for indoor spacing.
+    Paper,
+}
+
+/// The eight of Θ_lidar that the paper names.
+pub const PAPER_LIDAR: [ParameterId; 8] = [
+    ParameterId::Power,
+    ParameterId::Gain,
+    ParameterId::NoiseFloor,
+    ParameterId::SnrThreshold,
+    ParameterId::Saturation,
+    ParameterId::PulseWidth,
+    ParameterId::WaveformResolution,
+    ParameterId::Upsampling,
+];
+
+/// Θ_reg of point-to-plane ICP: every axis once, ranges from Sec. 3.3 or for outdoor spacing.
+///
+/// Defaults of `paper`: Open3D's examples, φ_d the middle of its range (Open3D has no default for it). The iterations' range
+/// is ours.
+pub fn icp_axes(preset: Preset) -> [Axis; 5] {
+    match preset {
+        Preset::Outdoor => [
+            Axis::log("registration.voxel_m", "m", 0.05, 1.0, 0.3),             // φ_v
+            Axis::log("registration.normal_radius_m", "m", 0.1, 3.0, 0.9),      // φ_rad1
+            Axis::integer("registration.normal_neighbours", "", 10.0, 100.0, 30.0), // φ_knn
+            Axis::log("registration.max_pair_distance_m", "m", 0.05, 3.0, 1.0), // φ_d
+            Axis::integer("registration.max_iterations", "", 8.0, 128.0, 30.0), // φ_icp
+        ],
+        Preset::Paper => [
+            Axis::linear("registration.voxel_m", "m", 0.01, 0.1, 0.05),
+            Axis::linear("registration.normal_radius_m", "m", 0.01, 0.1, 0.1),
+            Axis::integer("registration.normal_neighbours", "", 10.0, 100.0, 30.0),
+            Axis::linear("registration.max_pair_distance_m", "m", 0.1, 2.0, 1.0),
+            Axis::integer("registration.max_iterations", "", 8.0, 128.0, 30.0),
+        ],
+    }
+}
+
+/// One whole set of parameters, sensor and registration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Parameters {
+    /// Θ_lidar.
+    pub settings: Settings,
+    /// Θ_reg.
+    pub icp: IcpConfig,
+}
+
+/// Parameters by name in their units, as files and reports have them.
+pub type Values = BTreeMap<String, f64>;
+
+/// A parameter value that is none.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ValueError {
+    /// No such parameter.
+    #[error("unknown parameter `{0}`; expected one of {1}")]
+    Unknown(String, String),
+    /// Out of its range.
+    #[error("{name} = {value} is outside {min} to {max}{unit}")]
+    Range {
+        /// The parameter.
+        name: String,
+        /// Its value.
+        value: f64,
+        /// Least.
+        min: f64,
+        /// Greatest.
+        max: f64,
+        /// Unit, with a blank before it.
+        unit: String,
+    },
+    /// Refused by the sensor's own rules.
+    #[error("lidar.{0}")]
+    Refused(#[from] echoloop_dsp::Refusal),
+}
+
+impl Parameters {
+    /// Where a configuration starts.
+    ///
+    /// # Errors
+    ///
+    /// [`ValueError`] of the first registration parameter outside the preset's range, or of the joint constraints.
+    pub fn start(config: &Config, hardware: &Hardware) -> Result<Self, ValueError> {
+        let mut parameters = Self { settings: config.lidar.0, icp: IcpConfig::outdoor() };
+        for (axis, chosen) in icp_axes(config.registration.preset).iter().zip(chosen(&config.registration)) {
+            let value = chosen.unwrap_or(axis.default);
+            axis.require(value)?;
+            parameters.set(axis.name, value);
+        }
+        parameters.settings.check(hardware)?;
+        Ok(parameters)
+    }
+
+    /// The value of a named axis, in its unit.
+    pub fn get(&self, name: &str) -> Option<f64> {
+        if let Some(id) = name.strip_prefix("lidar.").and_then(ParameterId::by_name) {
+            return self.settings.get(id).map(|code| id.parameter().to_unit(code));
+        }
+        Some(match name {
+            "registration.voxel_m" => self.icp.voxel_m,
+            "registration.normal_radius_m" => self.icp.normal_radius_m,
+            "registration.normal_neighbours" => self.icp.normal_neighbours as f64,
+            "registration.max_pair_distance_m" => self.icp.max_pair_distance_m,
+            "registration.max_iterations" => self.icp.max_iterations as f64,
+            _ => return None,
+        })
+    }
+
+    /// Sets a named axis; false when there is none.
+    pub fn set(&mut self, name: &str, value: f64) -> bool {
+        if let Some(id) = name.strip_prefix("lidar.").and_then(ParameterId::by_name) {
+            self.settings.set(id, Some(id.parameter().to_code(value)));
+            return true;
+        }
+        match name {
+            "registration.voxel_m" => self.icp.voxel_m = value,
+            "registration.normal_radius_m" => self.icp.normal_radius_m = value,
+            "registration.normal_neighbours" => self.icp.normal_neighbours = value.max(0.0) as usize,
+            "registration.max_pair_distance_m" => self.icp.max_pair_distance_m = value,
+            "registration.max_iterations" => self.icp.max_iterations = value.max(0.0) as usize,
+            _ => return false,
+        }
+        true
+    }
+
+    /// Every parameter by name, in its unit.
+    pub fn values(&self, preset: Preset) -> Values {
+        let lidar = PARAMETERS.iter().map(|p| format!("lidar.{}", p.name));
+        let registration = icp_axes(preset).map(|axis| axis.name.to_owned());
+        let names = lidar.chain(registration);
+        names.filter_map(|name| self.get(&name).map(|value| (name, value))).collect()
+    }
+
+    /// Lays named values over these parameters, checking each.
+    ///
+    /// # Errors
+    ///
+    /// [`ValueError`] names the first that is unknown, out of range or refused by the joint constraints.
+    pub fn with_values(mut self, values: &Values, preset: Preset, hardware: &Hardware) -> Result<Self, ValueError> {
+        let axes = icp_axes(preset);
+        for (name, &value) in values {
+            if let Some(axis) = axes.iter().find(|axis| axis.name == name) {
+                axis.require(value)?;
+            }
+            let is_finite_lidar = name.starts_with("lidar.") && value.is_finite();
+            if !(is_finite_lidar || axes.iter().any(|axis| axis.name == name)) || !self.set(name, value) {
+                let known: Vec<String> = self.values(preset).into_keys().collect();
+                return Err(ValueError::Unknown(name.clone(), known.join(", ")));
+            }
+        }
+        self.settings.check(hardware)?;
+        Ok(self)
+    }
+}
+
+fn chosen(config: &RegistrationConfig) -> [Option<f64>; 5] {
+    [
+        config.voxel_m,
+        config.normal_radius_m,
+        config.normal_neighbours,
+        config.max_pair_distance_m,
+        config.max_iterations,
+    ]
+}
+
+/// The cube a search moves in.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Space {
+    axes: Vec<Axis>,
+    start: Parameters,
+    hardware: Hardware,
+}
+
+impl Space {
+    /// The axes of a protocol around a start.
+    pub fn new(protocol: Protocol, preset: Preset, start: Parameters, hardware: Hardware) -> Self {
+        let mut axes = Vec::new();
+        if matches!(protocol, Protocol::Lidar | Protocol::Joint) {
+            axes.extend(PAPER_LIDAR.map(lidar_axis));
+        }
+        if matches!(protocol, Protocol::Registration | Protocol::Joint) {
+            axes.extend(icp_axes(preset));
+        }
+        Self { axes, start, hardware }
+    }
+
+    /// The axes, in the order of the cube's coordinates.
+    pub fn axes(&self) -> &[Axis] {
+        &self.axes
+    }
+
+    /// The start as a point of the cube.
+    pub fn start_point(&self) -> Vec<f64> {
+        self.point(&self.start)
+    }
+
+    /// Parameters as a point of the cube.
+    pub fn point(&self, parameters: &Parameters) -> Vec<f64> {
+        self.axes.iter().map(|axis| axis.to_cube(parameters.get(axis.name).unwrap_or(axis.default))).collect()
+    }
+
+    /// A point of the cube as parameters that every constraint accepts, and the names of those that had to be mended.
+    pub fn parameters(&self, point: &[f64]) -> (Parameters, Vec<&'static str>) {
+        let mut parameters = self.start;
+        for (axis, &coordinate) in self.axes.iter().zip(point) {
+            parameters.set(axis.name, axis.from_cube(coordinate));
+        }
+        let mended = repair(&mut parameters.settings, &self.hardware);
+        (parameters, mended)
+    }
+}
+
+/// An axis of Θ_lidar, from the firmware's table.
+fn lidar_axis(id: ParameterId) -> Axis {
+    let p = id.parameter();
+    let scale = match p.kind {
+        Kind::Real { log: true } => Scale::Log,
+        Kind::Real { log: false } => Scale::Linear,
+        Kind::Integer => Scale::Integer,
+        Kind::PowerOfTwo { .. } => Scale::PowerOfTwo,
+        Kind::Choice { .. } => Scale::Integer,
+    };
+    let names = const { lidar_names() };
+    let default = p.to_unit(p.default.unwrap_or(p.min));
+    Axis { name: names[id as usize], unit: p.unit, scale, min: p.to_unit(p.min), max: p.to_unit(p.max), default }
+}
+
+/// `lidar.` and the table's names, in its order.
+const fn lidar_names() -> [&'static str; PARAMETERS.len()] {
+    [
+        "lidar.power",
+        "lidar.pulse_width",
+        "lidar.gain",
+        "lidar.waveform_resolution",
+        "lidar.shots",
+        "lidar.saturation",
+        "lidar.noise_floor",
+        "lidar.snr_threshold",
+        "lidar.upsampling",
+        "lidar.denoise",
+        "lidar.ambient",
+        "lidar.timing",
+        "lidar.min_separation",
+        "lidar.echoes",
+        "lidar.echo_choice",
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn space(protocol: Protocol) -> Space {
+        let start = Parameters::start(&Config::default(), &Hardware::REFERENCE).unwrap();
+        Space::new(protocol, Preset::Outdoor, start, Hardware::REFERENCE)
+    }
+
+    #[test]
+    fn names_are_those_of_the_firmware_s_table() {
+        for (name, parameter) in lidar_names().iter().zip(&PARAMETERS) {
+            assert_eq!(name.strip_prefix("lidar."), Some(parameter.name));
+        }
+    }
+
+    #[test]
+    fn the_protocols_open_eight_five_and_thirteen_axes() {
+        let count = |protocol| space(protocol).axes().len();
+        assert_eq!(count(Protocol::Default), 0);
+        assert_eq!(count(Protocol::Lidar), 8);
+        assert_eq!(count(Protocol::Registration), 5);
+        assert_eq!(count(Protocol::Joint), 13);
+    }
+
+    #[test]
+    fn the_start_comes_back_from_the_cube_unchanged() {
+        let space = space(Protocol::Joint);
+        let (parameters, mended) = space.parameters(&space.start_point());
+        assert!(mended.is_empty());
+        assert_eq!(parameters.settings, space.start.settings);
+        let close = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-12;
+        assert!(close(parameters.icp.voxel_m, 0.3) && close(parameters.icp.max_pair_distance_m, 1.0));
+        assert_eq!(parameters.icp.normal_neighbours, 30);
+    }
+
+    #[test]
+    fn every_point_of_the_cube_is_accepted_by_the_sensor() {
+        let space = space(Protocol::Joint);
+        let mut state = 1u64;
+        for _ in 0..20_000 {
+            let point: Vec<f64> = (0..13)
+                .map(|_| {
+                    state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                    // Corners and faces too.
+                    (((state >> 33) as f64 / (1u64 << 31) as f64) * 1.4 - 0.2).clamp(0.0, 1.0)
+                })
+                .collect();
+            let (parameters, _) = space.parameters(&point);
+            assert_eq!(parameters.settings.check(&Hardware::REFERENCE), Ok(()), "{point:?}");
+            parameters.icp.check().unwrap();
+        }
+    }
+
+    #[test]
+    fn named_values_are_checked_and_laid_over() {
+        let start = space(Protocol::Joint).start;
+        let with = |name: &str, value: f64| {
+            let values = Values::from([(name.to_owned(), value)]);
+            start.with_values(&values, Preset::Outdoor, &Hardware::REFERENCE).map_err(|e| e.to_string())
+        };
+        assert_eq!(with("lidar.power", 20.0).unwrap().settings.power_cw, 2000);
+        assert_eq!(with("lidar.power", 500.0).unwrap_err(), "lidar.power 500 W is above its maximum 100 W");
+        assert!(with("lidar.powr", 5.0).unwrap_err().starts_with("unknown parameter `lidar.powr`"));
+        assert_eq!(
+            with("registration.voxel_m", 9.0).unwrap_err(),
+            "registration.voxel_m = 9 is outside 0.05 to 1 m"
+        );
+        assert!(with("registration.voxel_m", f64::NAN).is_err());
+        assert!(with("lidar.power", f64::NAN).is_err());
+    }
+}

@@ -1,0 +1,51 @@
+//! Joint constraints: a candidate that breaks one is mended, and says so; the sensor would refuse it.
+
+use echoloop_dsp::config::sample_period_fs;
+use echoloop_dsp::{Hardware, ParameterId, Settings};
+
+/// Brings settings whose fields are each in range within the joint constraints; names what was changed.
+///
+/// Too few samples a pulse: the pulse is widened. Too much energy: the power is lowered. (S > N holds by the ranges.)
+pub fn repair(settings: &mut Settings, hardware: &Hardware) -> Vec<&'static str> {
+    let mut mended = Vec::new();
+    let shortest_ps = (5 * u64::from(sample_period_fs(settings.bins as u32, hardware))).div_ceil(2_000) as i32;
+    if settings.pulse_width_ps < shortest_ps {
+        settings.pulse_width_ps = shortest_ps;
+        mended.push(ParameterId::PulseWidth.parameter().name);
+    }
+    let strongest_cw = 100 * i64::from(hardware.energy_limit_pj) / i64::from(settings.pulse_width_ps.max(1));
+    if i64::from(settings.power_cw) > strongest_cw {
+        settings.power_cw = strongest_cw as i32;
+        mended.push(ParameterId::Power.parameter().name);
+    }
+    mended
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn too_much_energy_lowers_the_power_to_the_limit() {
+        let mut settings = Settings { power_cw: 10_000, pulse_width_ps: 20_000, ..Settings::default() };
+        assert_eq!(repair(&mut settings, &Hardware::REFERENCE), ["power"]);
+        assert_eq!((settings.power_cw, settings.pulse_width_ps), (2_000, 20_000));
+        settings.check(&Hardware::REFERENCE).unwrap();
+    }
+
+    #[test]
+    fn too_few_samples_widen_the_pulse_and_no_more_than_needed() {
+        let mut settings = Settings { bins: 200, pulse_width_ps: 2_000, ..Settings::default() };
+        assert_eq!(repair(&mut settings, &Hardware::REFERENCE), ["pulse_width", "power"]);
+        settings.check(&Hardware::REFERENCE).unwrap();
+        let shorter = Settings { pulse_width_ps: settings.pulse_width_ps - 1, ..settings };
+        assert!(shorter.check(&Hardware::REFERENCE).is_err());
+    }
+
+    #[test]
+    fn settings_within_the_constraints_stay_as_they_are() {
+        let mut settings = Settings::default();
+        assert!(repair(&mut settings, &Hardware::REFERENCE).is_empty());
+        assert_eq!(settings, Settings::default());
+    }
+}
