@@ -18,30 +18,10 @@ use rand_chacha::ChaCha8Rng;
 fn yard(seed: u64, world_from_sensor: &Pose) -> Cloud {
     let rng = &mut ChaCha8Rng::seed_from_u64(seed);
     let patches = [
-        (
-            40_000,
-            [-30.0, -30.0, -1.8],
-            [60.0, 0.0, 0.0],
-            [0.0, 60.0, 0.0],
-        ),
-        (
-            10_000,
-            [-30.0, 15.0, -1.8],
-            [60.0, 0.0, 0.0],
-            [0.0, 0.0, 8.0],
-        ),
-        (
-            10_000,
-            [25.0, -30.0, -1.8],
-            [3.0, 45.0, 0.0],
-            [0.0, 0.0, 8.0],
-        ),
-        (
-            5000,
-            [-25.0, -20.0, -1.8],
-            [0.0, 30.0, 0.0],
-            [0.0, 0.0, 8.0],
-        ),
+        (40_000, [-30.0, -30.0, -1.8], [60.0, 0.0, 0.0], [0.0, 60.0, 0.0]),
+        (10_000, [-30.0, 15.0, -1.8], [60.0, 0.0, 0.0], [0.0, 0.0, 8.0]),
+        (10_000, [25.0, -30.0, -1.8], [3.0, 45.0, 0.0], [0.0, 0.0, 8.0]),
+        (5000, [-25.0, -20.0, -1.8], [0.0, 30.0, 0.0], [0.0, 0.0, 8.0]),
         (5000, [-6.0, -5.0, -1.8], [4.0, 0.5, 0.0], [0.0, 0.0, 1.5]),
     ];
     let mut points = Vec::new();
@@ -64,37 +44,17 @@ fn stages(criterion: &mut Criterion, name: &str, target: &Cloud, source: &Cloud)
     let (Ok(icp), Ok(coarse)) = (Icp::new(config), Icp::new(suggest(target, source))) else {
         return;
     };
-    let (Ok(to), Ok(from)) = (
-        Target::prepare(target, &config),
-        Source::prepare(source, &config),
-    ) else {
+    let (Ok(to), Ok(from)) = (Target::prepare(target, &config), Source::prepare(source, &config)) else {
         return;
     };
     let start = Pose::identity();
-    println!(
-        "{name}: {} points become {}, source {}",
-        target.points.len(),
-        to.len(),
-        from.len()
-    );
-    criterion.bench_function(&format!("voxel/{name}"), |b| {
-        b.iter(|| voxel::downsample(black_box(target), 0.3))
-    });
-    criterion.bench_function(&format!("tree/{name}"), |b| {
-        b.iter(|| KdTree::new(black_box(&thin.points)))
-    });
+    println!("{name}: {} points become {}, source {}", target.points.len(), to.len(), from.len());
+    criterion.bench_function(&format!("voxel/{name}"), |b| b.iter(|| voxel::downsample(black_box(target), 0.3)));
+    criterion.bench_function(&format!("tree/{name}"), |b| b.iter(|| KdTree::new(black_box(&thin.points))));
     criterion.bench_function(&format!("normals/{name}"), |b| {
-        b.iter(|| {
-            normals::in_tree_order(
-                black_box(&tree),
-                config.normal_radius_m,
-                config.normal_neighbours,
-            )
-        });
+        b.iter(|| normals::in_tree_order(black_box(&tree), config.normal_radius_m, config.normal_neighbours));
     });
-    criterion.bench_function(&format!("icp/{name}"), |b| {
-        b.iter(|| icp.align(black_box(&to), &from, &start))
-    });
+    criterion.bench_function(&format!("icp/{name}"), |b| b.iter(|| icp.align(black_box(&to), &from, &start)));
     criterion.bench_function(&format!("register/{name}"), |b| {
         b.iter(|| icp.register(black_box(target), source, &start));
     });
@@ -105,16 +65,9 @@ fn stages(criterion: &mut Criterion, name: &str, target: &Cloud, source: &Cloud)
 
 fn registration(criterion: &mut Criterion) {
     // Fails only when a pool exists already; then the figures are for that one.
-    let _ = rayon::ThreadPoolBuilder::new()
-        .num_threads(1)
-        .build_global();
+    let _ = rayon::ThreadPoolBuilder::new().num_threads(1).build_global();
     let motion = Pose::new(Vector3::new(0.4, 0.2, 0.0), Vector3::new(0.0, 0.0, 0.02));
-    stages(
-        criterion,
-        "synthetic/70k",
-        &yard(1, &Pose::identity()),
-        &yard(2, &motion),
-    );
+    stages(criterion, "synthetic/70k", &yard(1, &Pose::identity()), &yard(2, &motion));
     let Some(data) = std::env::var_os("ECHOLOOP_DATA").map(PathBuf::from) else {
         eprintln!("skipped: ECHOLOOP_DATA is unset, so no real pair is timed");
         return;

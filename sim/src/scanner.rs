@@ -31,10 +31,7 @@ pub struct BeamOptics {
 
 impl Default for BeamOptics {
     fn default() -> Self {
-        Self {
-            divergence_mrad: [3.0, 1.5],
-            subrays: 5,
-        }
+        Self { divergence_mrad: [3.0, 1.5], subrays: 5 }
     }
 }
 
@@ -101,9 +98,8 @@ impl Scanner {
         let origin = world_from_sensor.translation.vector.cast::<f32>().into();
         let beam = |direction: &[f32; 3]| {
             let rays = spread(direction, &grid, world_from_sensor);
-            let mut echoes: Vec<(f64, f64)> = rays
-                .filter_map(|(ray, weight)| echo(caster, materials, origin, ray, weight))
-                .collect();
+            let mut echoes: Vec<(f64, f64)> =
+                rays.filter_map(|(ray, weight)| echo(caster, materials, origin, ray, weight)).collect();
             cluster(&mut echoes)
         };
         collect(directions.par_iter().map(beam).collect())
@@ -116,22 +112,11 @@ type SubRay = ([f64; 2], f64);
 /// `w ∝ 2^(−d²)`, d the distance from the middle in grid steps, Σw = 1.
 fn footprint(optics: &BeamOptics) -> Vec<SubRay> {
     let half = i32::from(optics.subrays / 2);
-    let offset = |k: i32, axis: usize| {
-        f64::from(k) / f64::from(2 * half.max(1)) * 1e-3 * optics.divergence_mrad[axis]
-    };
-    let cell = |i: i32, j: i32| {
-        (
-            [offset(i, 0), offset(j, 1)],
-            libm::exp2(-f64::from(i * i + j * j)),
-        )
-    };
-    let grid: Vec<SubRay> = (-half..=half)
-        .flat_map(|j| (-half..=half).map(move |i| cell(i, j)))
-        .collect();
+    let offset = |k: i32, axis: usize| f64::from(k) / f64::from(2 * half.max(1)) * 1e-3 * optics.divergence_mrad[axis];
+    let cell = |i: i32, j: i32| ([offset(i, 0), offset(j, 1)], libm::exp2(-f64::from(i * i + j * j)));
+    let grid: Vec<SubRay> = (-half..=half).flat_map(|j| (-half..=half).map(move |i| cell(i, j))).collect();
     let total: f64 = grid.iter().map(|(_, weight)| weight).sum();
-    grid.into_iter()
-        .map(|(at, weight)| (at, weight / total))
-        .collect()
+    grid.into_iter().map(|(at, weight)| (at, weight / total)).collect()
 }
 
 /// World directions and weights of a beam's sub-rays.
@@ -142,13 +127,9 @@ fn spread<'a>(
 ) -> impl Iterator<Item = ([f32; 3], f64)> + 'a {
     let axis = Vector3::from(direction.map(f64::from));
     // Straight up or down there is no azimuth: any two directions square to the beam will do.
-    let azimuth = Vector3::z()
-        .cross(&axis)
-        .try_normalize(1e-6)
-        .unwrap_or_else(Vector3::y);
+    let azimuth = Vector3::z().cross(&axis).try_normalize(1e-6).unwrap_or_else(Vector3::y);
     let elevation = axis.cross(&azimuth);
-    let [axis, azimuth, elevation] =
-        [axis, azimuth, elevation].map(|v| world_from_sensor.rotation * v);
+    let [axis, azimuth, elevation] = [axis, azimuth, elevation].map(|v| world_from_sensor.rotation * v);
     grid.iter().map(move |&([u, v], weight)| {
         let ray = (axis + u * azimuth + v * elevation).normalize();
         (ray.cast::<f32>().into(), weight)
@@ -165,8 +146,7 @@ fn echo(
 ) -> Option<(f64, f64)> {
     let hit = caster.cast(origin, ray)?;
     let albedo = materials[usize::from(hit.material)].backscatter(hit.cos_incidence);
-    let per_m2 =
-        albedo * hit.cos_incidence / PI * overlap(hit.range_m) / (hit.range_m * hit.range_m);
+    let per_m2 = albedo * hit.cos_incidence / PI * overlap(hit.range_m) / (hit.range_m * hit.range_m);
     let strength = weight * f64::from(per_m2);
     (strength > 0.0).then_some((f64::from(hit.range_m), strength))
 }
@@ -179,19 +159,13 @@ fn overlap(range_m: f32) -> f32 {
 /// Merges echoes within [`CLUSTER_SPAN_M`] of the nearest of their group; ranges average by strength.
 fn cluster(echoes: &mut [(f64, f64)]) -> Vec<Return> {
     echoes.sort_by(|a, b| a.0.total_cmp(&b.0));
-    groups(echoes, CLUSTER_SPAN_M)
-        .map(merge)
-        .filter(|r| r.strength_per_m2 > 0.0)
-        .collect()
+    groups(echoes, CLUSTER_SPAN_M).map(merge).filter(|r| r.strength_per_m2 > 0.0).collect()
 }
 
 fn merge(group: &[(f64, f64)]) -> Return {
     let strength: f64 = group.iter().map(|(_, s)| s).sum();
     let moment: f64 = group.iter().map(|(r, s)| r * s).sum();
-    Return {
-        range_m: (moment / strength) as f32,
-        strength_per_m2: strength as f32,
-    }
+    Return { range_m: (moment / strength) as f32, strength_per_m2: strength as f32 }
 }
 
 /// Splits sorted echoes into groups that reach `span_m` from their first member.
@@ -199,8 +173,7 @@ fn groups(echoes: &[(f64, f64)], span_m: f64) -> impl Iterator<Item = &[(f64, f6
     let mut rest = echoes;
     std::iter::from_fn(move || {
         let (start, _) = rest.first()?;
-        let (group, after) =
-            rest.split_at(rest.partition_point(|(range, _)| range - start <= span_m));
+        let (group, after) = rest.split_at(rest.partition_point(|(range, _)| range - start <= span_m));
         rest = after;
         Some(group)
     })
@@ -214,10 +187,7 @@ fn collect(beams: Vec<Vec<Return>>) -> SceneResponse {
         end += beam.len() as u32;
         offsets.push(end);
     }
-    SceneResponse {
-        beams: offsets,
-        returns: beams.concat(),
-    }
+    SceneResponse { beams: offsets, returns: beams.concat() }
 }
 
 #[cfg(test)]
@@ -226,12 +196,7 @@ mod tests {
     use crate::scene::{Mesh, SceneKind, generate};
     use nalgebra::{Translation3, UnitQuaternion};
 
-    const WALL: Material = Material {
-        name: "wall",
-        reflectance_905nm: 0.1,
-        specular_f0: 0.0,
-        roughness: 1.0,
-    };
+    const WALL: Material = Material { name: "wall", reflectance_905nm: 0.1, specular_f0: 0.0, roughness: 1.0 };
 
     /// Squares of ± `half` at x = `range`, turned by `turn` about z through their middle; the left edge at `left`.
     fn walls(list: &[(f32, f32, f32)]) -> Raycaster {
@@ -242,35 +207,23 @@ mod tests {
             for (y, z) in [(left, -40.0), (-40.0, -40.0), (-40.0, 40.0), (left, 40.0)] {
                 mesh.vertices.push([range - sin * y, cos * y, z]);
             }
-            mesh.triangles
-                .extend([[n, n + 1, n + 2], [n, n + 2, n + 3]]);
+            mesh.triangles.extend([[n, n + 1, n + 2], [n, n + 2, n + 3]]);
             mesh.materials.extend([0, 0]);
         }
         Raycaster::over(&mesh)
     }
 
     fn look(caster: &Raycaster, optics: &BeamOptics) -> SceneResponse {
-        Scanner::scan(
-            caster,
-            &[WALL],
-            &Isometry3::identity(),
-            &[[1.0, 0.0, 0.0]],
-            optics,
-        )
+        Scanner::scan(caster, &[WALL], &Isometry3::identity(), &[[1.0, 0.0, 0.0]], optics)
     }
 
     #[test]
     fn a_wall_seen_squarely_gives_rho_over_pi_r_squared() {
         for range in [2.0_f32, 10.0, 50.0, 100.0, 200.0] {
             let response = look(&walls(&[(range, 40.0, 0.0)]), &BeamOptics::default());
-            let [echo] = response.of(0) else {
-                panic!("one return at {range}")
-            };
+            let [echo] = response.of(0) else { panic!("one return at {range}") };
             let expected = 0.1 / PI / (range * range);
-            assert!(
-                (echo.strength_per_m2 / expected - 1.0).abs() < 1e-4,
-                "{range} m"
-            );
+            assert!((echo.strength_per_m2 / expected - 1.0).abs() < 1e-4, "{range} m");
             assert!((echo.range_m - range).abs() < 1e-3, "{range} m");
         }
     }
@@ -278,29 +231,18 @@ mod tests {
     #[test]
     fn a_wall_seen_at_an_angle_gives_its_cosine() {
         for degrees in [20.0_f32, 45.0, 70.0, 80.0] {
-            let response = look(
-                &walls(&[(20.0, 40.0, degrees.to_radians())]),
-                &BeamOptics::default(),
-            );
+            let response = look(&walls(&[(20.0, 40.0, degrees.to_radians())]), &BeamOptics::default());
             let strength: f32 = response.of(0).iter().map(|r| r.strength_per_m2).sum();
             let expected = 0.1 * libm::cosf(degrees.to_radians()) / PI / 400.0;
-            assert!(
-                (strength / expected - 1.0).abs() < 0.01,
-                "{degrees} degrees: {strength} against {expected}"
-            );
+            assert!((strength / expected - 1.0).abs() < 0.01, "{degrees} degrees: {strength} against {expected}");
         }
     }
 
     #[test]
     fn an_edge_splits_a_beam_by_weight() {
         // The near wall covers y ≤ −1 mm: two of five columns, weights (1/16 + 1/2) of (1/8 + 1 + 1).
-        let response = look(
-            &walls(&[(10.0, -0.001, 0.0), (14.0, 40.0, 0.0)]),
-            &BeamOptics::default(),
-        );
-        let [near, far] = response.of(0) else {
-            panic!("two returns")
-        };
+        let response = look(&walls(&[(10.0, -0.001, 0.0), (14.0, 40.0, 0.0)]), &BeamOptics::default());
+        let [near, far] = response.of(0) else { panic!("two returns") };
         let share = 0.5625 / 2.125;
         assert!((near.strength_per_m2 / (share * 0.1 / PI / 100.0) - 1.0).abs() < 0.01);
         assert!((far.strength_per_m2 / ((1.0 - share) * 0.1 / PI / 196.0) - 1.0).abs() < 0.01);
@@ -310,20 +252,14 @@ mod tests {
     #[test]
     fn returns_within_three_centimetres_are_one() {
         for (gap, count) in [(0.02, 1), (0.04, 2)] {
-            let response = look(
-                &walls(&[(10.0, -0.001, 0.0), (10.0 + gap, 40.0, 0.0)]),
-                &BeamOptics::default(),
-            );
+            let response = look(&walls(&[(10.0, -0.001, 0.0), (10.0 + gap, 40.0, 0.0)]), &BeamOptics::default());
             assert_eq!(response.of(0).len(), count, "{gap} m");
         }
     }
 
     #[test]
     fn the_receiver_is_blind_below_its_overlap() {
-        let one = BeamOptics {
-            subrays: 1,
-            ..BeamOptics::default()
-        };
+        let one = BeamOptics { subrays: 1, ..BeamOptics::default() };
         assert!(look(&walls(&[(0.85, 40.0, 0.0)]), &one).of(0).is_empty());
         let half = look(&walls(&[(0.95, 40.0, 0.0)]), &one).of(0)[0].strength_per_m2;
         assert!((half / (0.5 * 0.1 / PI / 0.9025) - 1.0).abs() < 1e-3);
@@ -332,10 +268,7 @@ mod tests {
     #[test]
     fn weights_add_up_to_one_and_span_the_divergence() {
         for subrays in [1, 3, 5, 7] {
-            let grid = footprint(&BeamOptics {
-                subrays,
-                ..BeamOptics::default()
-            });
+            let grid = footprint(&BeamOptics { subrays, ..BeamOptics::default() });
             assert_eq!(grid.len(), usize::from(subrays) * usize::from(subrays));
             assert!((grid.iter().map(|(_, w)| w).sum::<f64>() - 1.0).abs() < 1e-12);
             let reach = if subrays == 1 { 0.0 } else { 1.5e-3 };
@@ -347,27 +280,14 @@ mod tests {
     fn one_thread_and_many_give_the_same_response() {
         let scene = generate(SceneKind::SemiStructured, 4);
         let caster = Raycaster::new(&scene);
-        let pose =
-            Isometry3::from_parts(Translation3::new(0.0, 0.0, 6.0), UnitQuaternion::identity());
+        let pose = Isometry3::from_parts(Translation3::new(0.0, 0.0, 6.0), UnitQuaternion::identity());
         let beam = |k: u32| {
             let turn = f64::from(k) * 0.01;
             [libm::cos(turn) as f32, libm::sin(turn) as f32, 0.0]
         };
         let directions: Vec<[f32; 3]> = (0..600).map(beam).collect();
-        let scan = || {
-            Scanner::scan(
-                &caster,
-                &scene.materials,
-                &pose,
-                &directions,
-                &BeamOptics::default(),
-            )
-        };
-        let single = rayon::ThreadPoolBuilder::new()
-            .num_threads(1)
-            .build()
-            .expect("a pool")
-            .install(scan);
+        let scan = || Scanner::scan(&caster, &scene.materials, &pose, &directions, &BeamOptics::default());
+        let single = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool").install(scan);
         assert_eq!(single, scan());
         assert_eq!(single.len(), 600);
         for beam in 0..600 {

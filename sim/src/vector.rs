@@ -1,7 +1,7 @@
 //! The DSP compiled for the vector unit found at run time.
 //!
 //! The same source twice: for the baseline processor and for x86-64-v3 (AVX2). LLVM vectorises all stages but one: it does
-//! not find the multiply-add of pairs in the matched filter, which is 3 to 5 times faster, so [`V3`] says it. The tests check
+//! not find the multiply-add of pairs in the matched filter, so that one is said by hand. The tests check
 //! that both give the same bytes. AVX-512 is left alone on purpose: LLVM's code for it has been slower on kernels like these.
 
 use echoloop_dsp::filter::Portable;
@@ -32,6 +32,18 @@ pub fn process(pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Ech
     process_baseline(pipeline, codes, scratch)
 }
 
+/// [`Pipeline::process`] without the kernel written by hand: x86-64-v3 as the compiler vectorises it; the baseline where there is none.
+///
+/// For benchmarks and tests: slower than [`process`], same bytes.
+pub fn process_compiled(pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Echoes {
+    #[cfg(target_arch = "x86_64")]
+    if has_v3() {
+        // SAFETY: the features that process_compiled is compiled for have just been found on this processor.
+        return unsafe { v3::process_compiled(pipeline, codes, scratch) };
+    }
+    process_baseline(pipeline, codes, scratch)
+}
+
 /// [`Pipeline::process`] as compiled for the target's baseline.
 pub fn process_baseline(pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Echoes {
     pipeline.process(Portable, codes, scratch)
@@ -44,12 +56,17 @@ mod v3 {
         _mm256_setzero_si256, _mm256_storeu_si256, _mm256_unpackhi_epi32, _mm256_unpacklo_epi32,
     };
 
-    use echoloop_dsp::filter::{BLOCK, Kernel};
+    use echoloop_dsp::filter::{BLOCK, Kernel, Portable};
     use echoloop_dsp::{Echoes, Pipeline, Scratch};
 
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
     pub(super) fn process(pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Echoes {
         pipeline.process(MultiplyAddPairs(()), codes, scratch)
+    }
+
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
+    pub(super) fn process_compiled(pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Echoes {
+        pipeline.process(Portable, codes, scratch)
     }
 
     /// Sixteen outputs at a time with `vpmaddwd`. Made only where the processor has it.

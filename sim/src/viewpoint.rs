@@ -118,11 +118,7 @@ pub enum ViewpointError {
 /// # Errors
 ///
 /// [`ViewpointError`] when the plan makes no sense or the place has too few viewpoints.
-pub fn sample_pairs(
-    scene: &Scene,
-    caster: &Raycaster,
-    plan: &PairPlan,
-) -> Result<Vec<PosePair>, ViewpointError> {
+pub fn sample_pairs(scene: &Scene, caster: &Raycaster, plan: &PairPlan) -> Result<Vec<PosePair>, ViewpointError> {
     plan.check()?;
     let mut search = Search {
         caster,
@@ -135,10 +131,7 @@ pub fn sample_pairs(
         dice: Dice::new(plan.seed, 100 + plan.split as u64),
     };
     let attempts = plan.count * ATTEMPTS_A_PAIR;
-    let pairs: Vec<PosePair> = (0..attempts)
-        .filter_map(|_| search.candidate())
-        .take(plan.count)
-        .collect();
+    let pairs: Vec<PosePair> = (0..attempts).filter_map(|_| search.candidate()).take(plan.count).collect();
     if pairs.len() < plan.count {
         return Err(ViewpointError::NoViewpoint {
             scene: scene.name.clone(),
@@ -154,18 +147,8 @@ pub fn sample_pairs(
 impl PairPlan {
     fn check(&self) -> Result<(), ViewpointError> {
         let rules = [
-            (
-                "baseline_m",
-                self.baseline_m,
-                self.baseline_m >= 0.0,
-                "distance in metres",
-            ),
-            (
-                "height_m",
-                self.height_m,
-                self.height_m > 0.0,
-                "height in metres",
-            ),
+            ("baseline_m", self.baseline_m, self.baseline_m >= 0.0, "distance in metres"),
+            ("height_m", self.height_m, self.height_m > 0.0, "height in metres"),
             (
                 "heading_range_deg",
                 self.heading_range_deg,
@@ -179,15 +162,8 @@ impl PairPlan {
                 "angle of 0 to 45 degrees",
             ),
         ];
-        match rules
-            .into_iter()
-            .find(|(_, value, holds, _)| !holds || !value.is_finite())
-        {
-            Some((field, value, _, expected)) => Err(ViewpointError::BadPlan {
-                field,
-                value,
-                expected,
-            }),
+        match rules.into_iter().find(|(_, value, holds, _)| !holds || !value.is_finite()) {
+            Some((field, value, _, expected)) => Err(ViewpointError::BadPlan { field, value, expected }),
             None => Ok(()),
         }
     }
@@ -257,31 +233,19 @@ impl Search<'_> {
     /// Cheap questions first.
     fn judge(&self, draft: &Draft) -> Result<PosePair, Reason> {
         let require = |holds: bool, reason| if holds { Ok(()) } else { Err(reason) };
-        require(
-            draft.places.iter().all(|p| self.territory.owns(*p)),
-            Reason::Territory,
-        )?;
+        require(draft.places.iter().all(|p| self.territory.owns(*p)), Reason::Territory)?;
         let stand = |[x, y]: [f64; 2]| {
-            let z = self
-                .ground
-                .footing(self.caster, [x, y])
-                .ok_or(Reason::Footing)?;
+            let z = self.ground.footing(self.caster, [x, y]).ok_or(Reason::Footing)?;
             Ok([x, y, z + self.plan.height_m])
         };
         let eyes = [stand(draft.places[0])?, stand(draft.places[1])?];
         let seen = eyes.map(|eye| eye.map(|x| x as f32));
-        require(
-            seen.iter().all(|eye| self.is_clear(*eye)),
-            Reason::Clearance,
-        )?;
+        require(seen.iter().all(|eye| self.is_clear(*eye)), Reason::Clearance)?;
         require(self.are_in_sight(seen[0], seen[1]), Reason::Sight)?;
         let enough = |k: usize| self.structure(seen[k], draft.headings[k]) >= STRUCTURE_SHARE;
         require(enough(0) && enough(1), Reason::Structure)?;
         let [first, second] = [0, 1].map(|k| pose(eyes[k], draft.headings[k], draft.tilts[k]));
-        Ok(PosePair {
-            world_from_first: first,
-            world_from_second: second,
-        })
+        Ok(PosePair { world_from_first: first, world_from_second: second })
     }
 
     /// Nothing within [`CLEARANCE_M`] sideways, at the sensor and at its carrier's hip; nothing overhead.
@@ -296,17 +260,8 @@ impl Search<'_> {
 
     /// Leaves may hide a part: the middle or four points half a metre beside it, three of the five must be seen.
     fn are_in_sight(&self, first: [f32; 3], second: [f32; 3]) -> bool {
-        let offsets = [
-            [0.0, 0.0, 0.0],
-            [0.5, 0.0, 0.0],
-            [-0.5, 0.0, 0.0],
-            [0.0, 0.5, 0.0],
-            [0.0, -0.5, 0.0],
-        ];
-        let moved = |o: [f32; 3]| {
-            self.caster
-                .sees(first, std::array::from_fn(|i| second[i] + o[i]))
-        };
+        let offsets = [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [-0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, -0.5, 0.0]];
+        let moved = |o: [f32; 3]| self.caster.sees(first, std::array::from_fn(|i| second[i] + o[i]));
         offsets.into_iter().filter(|o| moved(*o)).count() >= 3
     }
 
@@ -317,9 +272,7 @@ impl Search<'_> {
             .into_iter()
             .flat_map(|e| level_rays(24, e.to_radians(), heading - quarter, heading + quarter))
             .collect();
-        let hits = rays
-            .iter()
-            .filter(|d| self.caster.cast_within(eye, **d, STRUCTURE_M).is_some());
+        let hits = rays.iter().filter(|d| self.caster.cast_within(eye, **d, STRUCTURE_M).is_some());
         hits.count() as f64 / rays.len() as f64
     }
 }
@@ -337,13 +290,9 @@ fn level_rays(count: u32, elevation: f64, from: f64, to: f64) -> impl Iterator<I
 fn pose([x, y, z]: [f64; 3], heading: f64, [pitch, roll]: [f64; 2]) -> Isometry3<f64> {
     let half = |angle: f64| (libm::cos(0.5 * angle), libm::sin(0.5 * angle));
     let ((cy, sy), (cp, sp), (cr, sr)) = (half(heading), half(pitch), half(roll));
-    let turn = Quaternion::new(cy, 0.0, 0.0, sy)
-        * Quaternion::new(cp, 0.0, sp, 0.0)
-        * Quaternion::new(cr, sr, 0.0, 0.0);
-    Isometry3::from_parts(
-        Translation3::new(x, y, z),
-        UnitQuaternion::from_quaternion(turn),
-    )
+    let turn =
+        Quaternion::new(cy, 0.0, 0.0, sy) * Quaternion::new(cp, 0.0, sp, 0.0) * Quaternion::new(cr, sr, 0.0, 0.0);
+    Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_quaternion(turn))
 }
 
 #[cfg(test)]

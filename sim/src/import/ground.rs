@@ -30,21 +30,14 @@ impl Plane {
 
     /// Asphalt under a mesh of these bounds and well past them.
     pub(super) fn mesh(&self, low: [f32; 3], high: [f32; 3]) -> Mesh {
-        let count = |i: usize| {
-            ((high[i] - low[i] + 2.0 * APRON_M) / TILE_M)
-                .ceil()
-                .min(400.0) as u32
-        };
+        let count = |i: usize| ((high[i] - low[i] + 2.0 * APRON_M) / TILE_M).ceil().min(400.0) as u32;
         let size = [count(0), count(1)];
-        let line = |i: usize, k: u32| {
-            low[i] - APRON_M + (high[i] - low[i] + 2.0 * APRON_M) * k as f32 / size[i] as f32
-        };
+        let line = |i: usize, k: u32| low[i] - APRON_M + (high[i] - low[i] + 2.0 * APRON_M) * k as f32 / size[i] as f32;
         let mut mesh = Mesh::default();
         for j in 0..=size[1] {
             for i in 0..=size[0] {
                 let (x, y) = (line(0, i), line(1, j));
-                mesh.vertices
-                    .push([x, y, self.height(x.into(), y.into()) as f32]);
+                mesh.vertices.push([x, y, self.height(x.into(), y.into()) as f32]);
             }
         }
         let row = size[0] + 1;
@@ -73,17 +66,10 @@ pub(super) fn has_ground(mesh: &Mesh) -> bool {
     let floor = Floor::new(mesh, 0.5 * CELL_M);
     let surface = |k: u32| {
         let t = [(k % SIDE) as f32 + 0.5, (k / SIDE) as f32 + 0.5].map(|x| x / SIDE as f32);
-        let at = [
-            low[0] + t[0] * (high[0] - low[0]),
-            low[1] + t[1] * (high[1] - low[1]),
-        ];
+        let at = [low[0] + t[0] * (high[0] - low[0]), low[1] + t[1] * (high[1] - low[1])];
         let (top, bottom) = (high[2] + 1.0, low[2] - 1.0);
-        let down = caster
-            .cast([at[0], at[1], top], [0.0, 0.0, -1.0])
-            .map(|hit| top - hit.range_m);
-        let up = caster
-            .cast([at[0], at[1], bottom], [0.0, 0.0, 1.0])
-            .map(|hit| bottom + hit.range_m);
+        let down = caster.cast([at[0], at[1], top], [0.0, 0.0, -1.0]).map(|hit| top - hit.range_m);
+        let up = caster.cast([at[0], at[1], bottom], [0.0, 0.0, 1.0]).map(|hit| bottom + hit.range_m);
         let (down, up) = (down?, up?);
         Some(down - up < SHEET_M && down - floor.around(at) < RISE_M)
     };
@@ -99,26 +85,17 @@ pub(super) fn has_ground(mesh: &Mesh) -> bool {
 pub(super) fn fit(mesh: &Mesh) -> Plane {
     let feet = Floor::new(mesh, CELL_M).feet();
     let lowest = feet.iter().map(|p| p[2]).fold(f64::INFINITY, f64::min);
-    let level = Plane {
-        a: 0.0,
-        b: 0.0,
-        c: if lowest.is_finite() { lowest } else { 0.0 },
-    };
+    let level = Plane { a: 0.0, b: 0.0, c: if lowest.is_finite() { lowest } else { 0.0 } };
     // Fewer cells cannot tell a slope from an overhang.
     if feet.len() < 12 {
         return level;
     }
-    let mut plane = Plane {
-        c: median(feet.iter().map(|p| p[2]).collect()),
-        ..level
-    };
+    let mut plane = Plane { c: median(feet.iter().map(|p| p[2]).collect()), ..level };
     for _ in 0..30 {
         let residual = |p: &[f64; 3]| p[2] - plane.height(p[0], p[1]);
         let scale = median(feet.iter().map(|p| residual(p).abs()).collect()).max(0.05);
-        let weights: Vec<f64> = feet
-            .iter()
-            .map(|p| 1.0 / (1.0 + (residual(p) / scale) * (residual(p) / scale)))
-            .collect();
+        let weights: Vec<f64> =
+            feet.iter().map(|p| 1.0 / (1.0 + (residual(p) / scale) * (residual(p) / scale))).collect();
         match weighted_fit(&feet, &weights) {
             Some(better) => plane = better,
             None => return level,
@@ -136,10 +113,7 @@ fn weighted_fit(points: &[[f64; 3]], weights: &[f64]) -> Option<Plane> {
         right += *w * p[2] * row;
     }
     let [a, b, c] = normal.cholesky()?.solve(&right).into();
-    [a, b, c]
-        .iter()
-        .all(|x: &f64| x.is_finite())
-        .then_some(Plane { a, b, c })
+    [a, b, c].iter().all(|x: &f64| x.is_finite()).then_some(Plane { a, b, c })
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
@@ -159,12 +133,7 @@ impl Floor {
     fn new(mesh: &Mesh, cell_m: f32) -> Self {
         let (low, high) = mesh.bounds().unwrap_or_default();
         let size = [0, 1].map(|i| ((high[i] - low[i]) / cell_m) as usize + 1);
-        let mut floor = Self {
-            low: [low[0], low[1]],
-            cell_m,
-            size,
-            lowest: vec![None; size[0] * size[1]],
-        };
+        let mut floor = Self { low: [low[0], low[1]], cell_m, size, lowest: vec![None; size[0] * size[1]] };
         for v in &mesh.vertices {
             let [i, j] = floor.cell([v[0], v[1]]);
             let cell = &mut floor.lowest[j * size[0] + i];
@@ -176,17 +145,11 @@ impl Floor {
     }
 
     fn cell(&self, at: [f32; 2]) -> [usize; 2] {
-        [0, 1].map(|i| {
-            (((at[i] - self.low[i]) / self.cell_m).max(0.0) as usize).min(self.size[i] - 1)
-        })
+        [0, 1].map(|i| (((at[i] - self.low[i]) / self.cell_m).max(0.0) as usize).min(self.size[i] - 1))
     }
 
     fn feet(&self) -> Vec<[f64; 3]> {
-        self.lowest
-            .iter()
-            .flatten()
-            .map(|p| p.map(f64::from))
-            .collect()
+        self.lowest.iter().flatten().map(|p| p.map(f64::from)).collect()
     }
 
     /// Lowest vertex in the cell of a point and its neighbours.
@@ -194,9 +157,7 @@ impl Floor {
         let [i, j] = self.cell(at);
         let near = |k: usize, end: usize| k.saturating_sub(1)..(k + 2).min(end);
         let cells = near(j, self.size[1]).flat_map(|j| near(i, self.size[0]).map(move |i| (i, j)));
-        cells
-            .filter_map(|(i, j)| self.lowest[j * self.size[0] + i])
-            .fold(f32::INFINITY, |low, p| low.min(p[2]))
+        cells.filter_map(|(i, j)| self.lowest[j * self.size[0] + i]).fold(f32::INFINITY, |low, p| low.min(p[2]))
     }
 }
 
@@ -214,42 +175,21 @@ mod tests {
 
     #[test]
     fn a_plane_is_found_under_overhanging_roofs() {
-        let truth = Plane {
-            a: 0.01,
-            b: -0.02,
-            c: 3.0,
-        };
+        let truth = Plane { a: 0.01, b: -0.02, c: 3.0 };
         let mut mesh = Mesh::default();
         for k in 0..400 {
             let (x, y) = (f64::from(k % 20) * 10.0, f64::from(k / 20) * 10.0);
             let roof = if k % 5 == 0 { 8.0 } else { 0.0 };
-            mesh.vertices
-                .push([x, y, truth.height(x, y) + roof].map(|v| v as f32));
+            mesh.vertices.push([x, y, truth.height(x, y) + roof].map(|v| v as f32));
         }
         let found = fit(&mesh);
-        assert!(
-            (found.a - truth.a).abs() < 1e-3 && (found.b - truth.b).abs() < 1e-3,
-            "{found:?}"
-        );
-        assert!(
-            (found.height(95.0, 95.0) - truth.height(95.0, 95.0)).abs() < 0.05,
-            "{found:?}"
-        );
+        assert!((found.a - truth.a).abs() < 1e-3 && (found.b - truth.b).abs() < 1e-3, "{found:?}");
+        assert!((found.height(95.0, 95.0) - truth.height(95.0, 95.0)).abs() < 0.05, "{found:?}");
     }
 
     #[test]
     fn a_single_box_stands_on_a_level_plane_at_its_foot() {
-        let mesh = Mesh {
-            vertices: vec![[0.0, 0.0, 1.0], [4.0, 0.0, 1.0], [0.0, 4.0, 5.0]],
-            ..Mesh::default()
-        };
-        assert_eq!(
-            fit(&mesh),
-            Plane {
-                a: 0.0,
-                b: 0.0,
-                c: 1.0
-            }
-        );
+        let mesh = Mesh { vertices: vec![[0.0, 0.0, 1.0], [4.0, 0.0, 1.0], [0.0, 4.0, 5.0]], ..Mesh::default() };
+        assert_eq!(fit(&mesh), Plane { a: 0.0, b: 0.0, c: 1.0 });
     }
 }

@@ -12,13 +12,7 @@ fn load(name: &str, content: &[u8]) -> Result<Scene, ImportError> {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join(name);
     std::fs::write(&path, content).expect("a file");
-    load_scene(
-        &path,
-        &ImportOptions {
-            ground: Ground::None,
-            ..ImportOptions::default()
-        },
-    )
+    load_scene(&path, &ImportOptions { ground: Ground::None, ..ImportOptions::default() })
 }
 
 #[test]
@@ -70,14 +64,8 @@ fn a_malformed_file_is_refused_by_name_and_reason() {
 
 #[test]
 fn a_missing_file_is_named() {
-    let error =
-        load_scene(Path::new("no/such/town.ply"), &ImportOptions::default()).expect_err("missing");
-    assert!(
-        error
-            .to_string()
-            .starts_with("cannot read no/such/town.ply"),
-        "{error}"
-    );
+    let error = load_scene(Path::new("no/such/town.ply"), &ImportOptions::default()).expect_err("missing");
+    assert!(error.to_string().starts_with("cannot read no/such/town.ply"), "{error}");
 }
 
 #[test]
@@ -94,9 +82,7 @@ fn a_vertex_that_is_no_point_is_named() {
         bytes.extend(coordinates.into_iter().flat_map(f32::to_le_bytes));
         bytes.push(3);
         bytes.extend([0_i32, 1, 2].into_iter().flat_map(i32::to_le_bytes));
-        let error = load("bad.ply", &bytes)
-            .expect_err("not a point")
-            .to_string();
+        let error = load("bad.ply", &bytes).expect_err("not a point").to_string();
         assert!(error.contains("vertex 2 is not finite"), "{error}");
     }
 }
@@ -110,14 +96,7 @@ fn no_prefix_of_a_file_and_no_flipped_byte_panics() {
     }
     binary.push(4);
     binary.extend([0_i32, 1, 2, 3].into_iter().flat_map(i32::to_be_bytes));
-    assert_eq!(
-        load("good.ply", &binary)
-            .expect("good")
-            .mesh
-            .triangles
-            .len(),
-        2
-    );
+    assert_eq!(load("good.ply", &binary).expect("good").mesh.triangles.len(), 2);
     let obj = "mtllib x.mtl\nv 0 0 0\nv 1 0 0\nvt 0 0\nvn 0 0 1\nv 1 1 0\ng wall\nf 1/1/1 2/1/1 -1//1\nf 1 2 3\n";
     // The readers themselves: no file for each of these.
     let read_ply = |bytes: &[u8]| drop(ply::read(bytes, Surface::Unknown));
@@ -142,11 +121,7 @@ fn for_all_damage(good: &[u8], read: impl Fn(&[u8])) {
 #[test]
 fn polygons_become_fans_and_keep_their_surface() {
     let header = HEADER.replace("end_header", "property uchar semantic\nend_header");
-    let scene = load(
-        "square.ply",
-        format!("{header}{SQUARE}4 0 1 2 3 4\n").as_bytes(),
-    )
-    .expect("a square");
+    let scene = load("square.ply", format!("{header}{SQUARE}4 0 1 2 3 4\n").as_bytes()).expect("a square");
     assert_eq!(scene.mesh.triangles, [[0, 1, 2], [0, 2, 3]]);
     assert_eq!(scene.mesh.materials, [Surface::Glass.index(); 2]);
     assert_eq!(scene.name, "square");
@@ -165,19 +140,8 @@ fn y_up_files_are_turned_and_scaled() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("turned.obj");
     std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 2 3\nf 1 2 3\n").expect("a file");
-    let options = ImportOptions {
-        ground: Ground::None,
-        scale: 2.0,
-        y_up: true,
-        ..ImportOptions::default()
-    };
-    assert_eq!(
-        load_scene(&path, &options)
-            .expect("a triangle")
-            .mesh
-            .vertices[2],
-        [0.0, -6.0, 4.0]
-    );
+    let options = ImportOptions { ground: Ground::None, scale: 2.0, y_up: true, ..ImportOptions::default() };
+    assert_eq!(load_scene(&path, &options).expect("a triangle").mesh.vertices[2], [0.0, -6.0, 4.0]);
 }
 
 #[test]
@@ -190,14 +154,7 @@ fn a_scene_written_as_ply_comes_back_without_new_ground() {
         scene.mesh.triangles.len()
     )
     .into_bytes();
-    bytes.extend(
-        scene
-            .mesh
-            .vertices
-            .iter()
-            .flatten()
-            .flat_map(|x| x.to_le_bytes()),
-    );
+    bytes.extend(scene.mesh.vertices.iter().flatten().flat_map(|x| x.to_le_bytes()));
     for triangle in &scene.mesh.triangles {
         bytes.push(3);
         bytes.extend(triangle.iter().flat_map(|i| i.to_le_bytes()));
@@ -221,42 +178,18 @@ fn data(what: &str) -> Option<PathBuf> {
 
 fn assert_scannable(scene: &Scene, split: Split) {
     let caster = Raycaster::new(scene);
-    let plan = PairPlan {
-        count: 4,
-        split,
-        ..PairPlan::default()
-    };
+    let plan = PairPlan { count: 4, split, ..PairPlan::default() };
     let pairs = sample_pairs(scene, &caster, &plan).unwrap_or_else(|error| panic!("{error}"));
     let beam = |k: u32| {
-        let (turn, up) = (
-            f64::from(k % 90) * 0.035 - 1.57,
-            f64::from(k / 90) * 0.05 - 0.3,
-        );
-        [
-            libm::cos(up) * libm::cos(turn),
-            libm::cos(up) * libm::sin(turn),
-            libm::sin(up),
-        ]
-        .map(|x| x as f32)
+        let (turn, up) = (f64::from(k % 90) * 0.035 - 1.57, f64::from(k / 90) * 0.05 - 0.3);
+        [libm::cos(up) * libm::cos(turn), libm::cos(up) * libm::sin(turn), libm::sin(up)].map(|x| x as f32)
     };
     let directions: Vec<[f32; 3]> = (0..1800).map(beam).collect();
     for pair in pairs {
         let pose = pair.world_from_first;
-        let response = Scanner::scan(
-            &caster,
-            &scene.materials,
-            &pose,
-            &directions,
-            &BeamOptics::default(),
-        );
-        let answered = (0..response.len())
-            .filter(|&b| !response.of(b).is_empty())
-            .count();
-        assert!(
-            answered > 600,
-            "{}: {answered} of 1800 beams return",
-            scene.name
-        );
+        let response = Scanner::scan(&caster, &scene.materials, &pose, &directions, &BeamOptics::default());
+        let answered = (0..response.len()).filter(|&b| !response.of(b).is_empty()).count();
+        assert!(answered > 600, "{}: {answered} of 1800 beams return", scene.name);
     }
 }
 
@@ -266,44 +199,20 @@ fn ingolstadt_gets_its_street_and_can_be_scanned() {
         return;
     };
     let path = folder.join("city_ingolstadt/ingolstadt_north.ply");
-    let bare = load_scene(
-        &path,
-        &ImportOptions {
-            ground: Ground::None,
-            ..ImportOptions::default()
-        },
-    )
-    .expect("the city");
+    let bare =
+        load_scene(&path, &ImportOptions { ground: Ground::None, ..ImportOptions::default() }).expect("the city");
     assert_eq!(bare.mesh.triangles.len(), 83_146);
     assert!(!ground::has_ground(&bare.mesh));
     // The fit that its README gives, and that fit's residual.
-    let (found, known) = (
-        ground::fit(&bare.mesh),
-        Plane {
-            a: 0.002_60,
-            b: 0.012_17,
-            c: -3.093,
-        },
-    );
+    let (found, known) = (ground::fit(&bare.mesh), Plane { a: 0.002_60, b: 0.012_17, c: -3.093 });
     let (low, high) = bare.area;
-    for [x, y] in [
-        [low[0], low[1]],
-        [low[0], high[1]],
-        [high[0], low[1]],
-        [high[0], high[1]],
-        [107.5, 410.3],
-    ] {
+    for [x, y] in [[low[0], low[1]], [low[0], high[1]], [high[0], low[1]], [high[0], high[1]], [107.5, 410.3]] {
         let apart = found.height(x.into(), y.into()) - known.height(x.into(), y.into());
         eprintln!("Ingolstadt's ground at ({x}, {y}) is {apart:+.3} m from the known plane");
         assert!(apart.abs() < 0.46, "{apart} m at ({x}, {y}): {found:?}");
     }
     let scene = load_scene(&path, &ImportOptions::default()).expect("the city on its ground");
-    let plaster = scene
-        .mesh
-        .materials
-        .iter()
-        .filter(|&&m| m == Surface::Plaster.index())
-        .count();
+    let plaster = scene.mesh.materials.iter().filter(|&&m| m == Surface::Plaster.index()).count();
     assert!(plaster > 5_000, "{plaster} faces of wall");
     for split in [Split::Train, Split::Test] {
         assert_scannable(&scene, split);
@@ -318,12 +227,7 @@ fn worlds_of_others_keep_their_ground_and_can_be_scanned() {
     for name in ["agriculture_world", "inspection_world"] {
         let path = folder.join(format!("gazebo_scenes/{name}.ply"));
         let scene = load_scene(&path, &ImportOptions::default()).expect(name);
-        let asphalt = scene
-            .mesh
-            .materials
-            .iter()
-            .filter(|&&m| m == Surface::Asphalt.index())
-            .count();
+        let asphalt = scene.mesh.materials.iter().filter(|&&m| m == Surface::Asphalt.index()).count();
         assert_eq!(asphalt, 0, "{name} got ground although it has some");
         assert_scannable(&scene, Split::Test);
     }
@@ -334,34 +238,12 @@ fn single_objects_get_ground_to_stand_on() {
     let Some(folder) = data("houses, shops and trees of others") else {
         return;
     };
-    for (name, scale) in [
-        ("gazebo_scenes/house_1", 1.0),
-        ("gazebo_scenes/gas_station", 1.0),
-        ("trees/oak_medium", 0.2),
-    ] {
+    for (name, scale) in [("gazebo_scenes/house_1", 1.0), ("gazebo_scenes/gas_station", 1.0), ("trees/oak_medium", 0.2)]
+    {
         let path = folder.join(format!("{name}.ply"));
-        let scene = load_scene(
-            &path,
-            &ImportOptions {
-                scale,
-                ..ImportOptions::default()
-            },
-        )
-        .expect(name);
-        assert!(
-            scene.mesh.materials.contains(&Surface::Asphalt.index()),
-            "{name} hangs in the air"
-        );
-        let trees = scene
-            .mesh
-            .materials
-            .iter()
-            .filter(|&&m| m == Surface::Leaf.index())
-            .count();
-        assert_eq!(
-            trees > 1000,
-            name.starts_with("trees"),
-            "{name}: {trees} leaves"
-        );
+        let scene = load_scene(&path, &ImportOptions { scale, ..ImportOptions::default() }).expect(name);
+        assert!(scene.mesh.materials.contains(&Surface::Asphalt.index()), "{name} hangs in the air");
+        let trees = scene.mesh.materials.iter().filter(|&&m| m == Surface::Leaf.index()).count();
+        assert_eq!(trees > 1000, name.starts_with("trees"), "{name}: {trees} leaves");
     }
 }

@@ -18,20 +18,11 @@ pub struct Material {
 
 impl Material {
     const fn matt(name: &'static str, reflectance_905nm: f32) -> Self {
-        Self {
-            name,
-            reflectance_905nm,
-            specular_f0: 0.0,
-            roughness: 1.0,
-        }
+        Self { name, reflectance_905nm, specular_f0: 0.0, roughness: 1.0 }
     }
 
     const fn coated(self, specular_f0: f32, roughness: f32) -> Self {
-        Self {
-            specular_f0,
-            roughness,
-            ..self
-        }
+        Self { specular_f0, roughness, ..self }
     }
 
     /// The ρ of `ρ cosθ / π` for light that goes back where it came from.
@@ -47,10 +38,7 @@ impl Material {
         if self.specular_f0 <= 0.0 || cos_incidence <= 1e-3 {
             return self.reflectance_905nm;
         }
-        let (a2, c2) = (
-            self.roughness * self.roughness,
-            cos_incidence * cos_incidence,
-        );
+        let (a2, c2) = (self.roughness * self.roughness, cos_incidence * cos_incidence);
         let lobe = c2 * (a2 - 1.0) + 1.0;
         let smith = 2.0 / (1.0 + (1.0 + a2 * (1.0 / c2 - 1.0)).sqrt());
         let pi_d = a2 / (lobe * lobe);
@@ -118,32 +106,20 @@ const LOOSE_NAMES: &[(&[&str], Surface)] = &[
     (&["glass", "window", "windshield"], Surface::Glass),
     (&["rooftile", "roof_tile", "roof"], Surface::RoofTile),
     (&["asphalt", "road", "tarmac"], Surface::Asphalt),
-    (
-        &["sidewalk", "paving", "pavement", "curb", "kerb"],
-        Surface::Paving,
-    ),
+    (&["sidewalk", "paving", "pavement", "curb", "kerb"], Surface::Paving),
     (&["concrete", "cement"], Surface::Concrete),
     (&["brick"], Surface::Brick),
     (&["plaster", "stucco", "wall", "facade"], Surface::Plaster),
     (&["bark", "trunk", "branch"], Surface::Bark),
-    (
-        &["leaf", "leaves", "foliage", "needle", "bush", "hedge"],
-        Surface::Leaf,
-    ),
+    (&["leaf", "leaves", "foliage", "needle", "bush", "hedge"], Surface::Leaf),
     (&["grass", "lawn", "vegetation"], Surface::Grass),
     (&["wood", "door", "fence", "timber"], Surface::Wood),
     (&["gravel"], Surface::Gravel),
     (&["rock", "stone"], Surface::Rock),
-    (
-        &["soil", "dirt", "earth", "terrain", "ground"],
-        Surface::Soil,
-    ),
+    (&["soil", "dirt", "earth", "terrain", "ground"], Surface::Soil),
     (&["tire", "tyre", "wheel", "rubber"], Surface::Rubber),
     (&["car", "paint", "body"], Surface::CarPaint),
-    (
-        &["metal", "steel", "iron", "alumin", "pole"],
-        Surface::Metal,
-    ),
+    (&["metal", "steel", "iron", "alumin", "pole"], Surface::Metal),
 ];
 
 #[cfg(test)]
@@ -152,10 +128,7 @@ mod tests {
 
     #[test]
     fn each_surface_names_its_own_row() {
-        assert_eq!(
-            MATERIALS[usize::from(Surface::Asphalt.index())].name,
-            "asphalt"
-        );
+        assert_eq!(MATERIALS[usize::from(Surface::Asphalt.index())].name, "asphalt");
         assert_eq!(MATERIALS[usize::from(Surface::Bark.index())].name, "bark");
         assert_eq!(MATERIALS.len(), usize::from(Surface::Unknown.index()) + 1);
     }
@@ -176,10 +149,7 @@ mod tests {
 
     #[test]
     fn loose_names_find_their_surface() {
-        assert_eq!(
-            Surface::from_loose_name("Wall_Brick.001"),
-            Some(Surface::Brick)
-        );
+        assert_eq!(Surface::from_loose_name("Wall_Brick.001"), Some(Surface::Brick));
         assert_eq!(Surface::from_loose_name("Oak-LEAVES"), Some(Surface::Leaf));
         assert_eq!(Surface::from_loose_name("Material.007"), None);
     }

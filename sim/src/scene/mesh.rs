@@ -52,9 +52,7 @@ pub enum MeshFault {
         faces: usize,
     },
     /// The mesh is larger than a place: wrong unit, or coordinates of another origin.
-    #[error(
-        "it reaches {reach_m} m from its origin, more than {max_m} m: is its unit the metre and its origin near?"
-    )]
+    #[error("it reaches {reach_m} m from its origin, more than {max_m} m: is its unit the metre and its origin near?")]
     TooLarge {
         /// Largest absolute coordinate, metres.
         reach_m: f32,
@@ -79,10 +77,7 @@ impl Mesh {
     pub fn bounds(&self) -> Option<([f32; 3], [f32; 3])> {
         let first = *self.vertices.first()?;
         Some(self.vertices.iter().fold((first, first), |(lo, hi), v| {
-            (
-                std::array::from_fn(|i| lo[i].min(v[i])),
-                std::array::from_fn(|i| hi[i].max(v[i])),
-            )
+            (std::array::from_fn(|i| lo[i].min(v[i])), std::array::from_fn(|i| hi[i].max(v[i])))
         }))
     }
 
@@ -92,11 +87,7 @@ impl Mesh {
         let [a, b, c] = self.corners(triangle).map(|p| p.map(f64::from));
         let e: [f64; 3] = std::array::from_fn(|i| b[i] - a[i]);
         let f: [f64; 3] = std::array::from_fn(|i| c[i] - a[i]);
-        let n = [
-            e[1] * f[2] - e[2] * f[1],
-            e[2] * f[0] - e[0] * f[2],
-            e[0] * f[1] - e[1] * f[0],
-        ];
+        let n = [e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]];
         0.5 * (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt()
     }
 
@@ -133,11 +124,7 @@ impl Mesh {
             let at = self.vertices[vertex];
             return Err(MeshFault::NotFinite { vertex, at });
         }
-        let reach_m = self
-            .vertices
-            .iter()
-            .flatten()
-            .fold(0.0, |r: f32, x| r.max(x.abs()));
+        let reach_m = self.vertices.iter().flatten().fold(0.0, |r: f32, x| r.max(x.abs()));
         if reach_m > max_m {
             return Err(MeshFault::TooLarge { reach_m, max_m });
         }
@@ -149,17 +136,9 @@ impl Mesh {
         for (face, triangle) in self.triangles.iter().enumerate() {
             if let Some(&index) = triangle.iter().find(|&&i| i as usize >= vertices) {
                 let index = i64::from(index);
-                return Err(MeshFault::IndexOutOfRange {
-                    face,
-                    index,
-                    vertices,
-                });
+                return Err(MeshFault::IndexOutOfRange { face, index, vertices });
             }
-            if self
-                .materials
-                .get(face)
-                .is_none_or(|&m| usize::from(m) >= materials)
-            {
+            if self.materials.get(face).is_none_or(|&m| usize::from(m) >= materials) {
                 return Err(MeshFault::NoMaterial { face });
             }
         }

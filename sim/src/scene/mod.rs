@@ -83,12 +83,7 @@ pub fn generate(kind: SceneKind, seed: u64) -> Scene {
         SceneKind::SemiStructured => semi_structured::generate(seed),
         SceneKind::Unstructured => unstructured::generate(seed),
     };
-    Scene {
-        name: format!("{kind}-{seed}"),
-        mesh,
-        materials: MATERIALS.to_vec(),
-        area: ([-half_m; 2], [half_m; 2]),
-    }
+    Scene { name: format!("{kind}-{seed}"), mesh, materials: MATERIALS.to_vec(), area: ([-half_m; 2], [half_m; 2]) }
 }
 
 #[cfg(test)]
@@ -101,15 +96,8 @@ mod tests {
             for seed in 0..6 {
                 let scene = generate(kind, seed);
                 let count = scene.mesh.triangles.len();
-                assert!(
-                    (200_000..600_000).contains(&count),
-                    "{}: {count}",
-                    scene.name
-                );
-                scene
-                    .mesh
-                    .check(scene.materials.len(), 500.0)
-                    .expect(&scene.name);
+                assert!((200_000..600_000).contains(&count), "{}: {count}", scene.name);
+                scene.mesh.check(scene.materials.len(), 500.0).expect(&scene.name);
             }
         }
     }
@@ -118,9 +106,7 @@ mod tests {
     fn degenerate_triangles_are_rare() {
         for kind in SceneKind::ALL {
             let mesh = generate(kind, 2).mesh;
-            let flat = (0..mesh.triangles.len())
-                .filter(|&t| mesh.area_m2(t) < 1e-9)
-                .count();
+            let flat = (0..mesh.triangles.len()).filter(|&t| mesh.area_m2(t) < 1e-9).count();
             assert!(flat * 200 < mesh.triangles.len(), "{kind}: {flat}");
         }
     }
@@ -135,13 +121,7 @@ mod tests {
 
     #[test]
     fn only_unstructured_places_have_no_walls() {
-        let walls = [
-            Surface::Plaster,
-            Surface::Brick,
-            Surface::Glass,
-            Surface::Concrete,
-        ]
-        .map(Surface::index);
+        let walls = [Surface::Plaster, Surface::Brick, Surface::Glass, Surface::Concrete].map(Surface::index);
         for kind in SceneKind::ALL {
             let mesh = generate(kind, 3).mesh;
             let has_walls = mesh.materials.iter().any(|m| walls.contains(m));

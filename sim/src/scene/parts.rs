@@ -26,30 +26,18 @@ pub(crate) fn scale(a: Point, s: f64) -> Point {
 }
 
 pub(crate) fn cross(a: Point, b: Point) -> Point {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// Unit length; x for the zero vector.
 pub(crate) fn unit(a: Point) -> Point {
     let length = (a[0] * a[0] + a[1] * a[1] + a[2] * a[2]).sqrt();
-    if length > 0.0 {
-        scale(a, 1.0 / length)
-    } else {
-        [1.0, 0.0, 0.0]
-    }
+    if length > 0.0 { scale(a, 1.0 / length) } else { [1.0, 0.0, 0.0] }
 }
 
 /// Two unit vectors square to `axis` and to each other.
 pub(crate) fn square_to(axis: Point) -> (Point, Point) {
-    let helper = if axis[2].abs() < 0.9 {
-        [0.0, 0.0, 1.0]
-    } else {
-        [1.0, 0.0, 0.0]
-    };
+    let helper = if axis[2].abs() < 0.9 { [0.0, 0.0, 1.0] } else { [1.0, 0.0, 0.0] };
     let u = unit(cross(axis, helper));
     (u, cross(unit(axis), u))
 }
@@ -82,11 +70,7 @@ impl Frame {
         let turn = Self::new(self.at(origin), yaw_rad);
         let cos = self.cos * turn.cos - self.sin * turn.sin;
         let sin = self.sin * turn.cos + self.cos * turn.sin;
-        Self {
-            origin: turn.origin,
-            cos,
-            sin,
-        }
+        Self { origin: turn.origin, cos, sin }
     }
 }
 
@@ -157,37 +141,18 @@ impl Builder {
     pub(crate) fn cuboid(&mut self, frame: &Frame, low: Point, high: Point, surface: Surface) {
         let corner: [u32; 8] = std::array::from_fn(|i| {
             let side = |axis: usize| {
-                if i >> axis & 1 == 0 {
-                    low[axis]
-                } else {
-                    high[axis]
-                }
+                if i >> axis & 1 == 0 { low[axis] } else { high[axis] }
             };
             self.vertex(frame.at([side(0), side(1), side(2)]))
         });
-        for [a, b, c, d] in [
-            [0, 1, 3, 2],
-            [4, 5, 7, 6],
-            [0, 1, 5, 4],
-            [2, 3, 7, 6],
-            [0, 2, 6, 4],
-            [1, 3, 7, 5],
-        ] {
+        for [a, b, c, d] in [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]] {
             self.face([corner[a], corner[b], corner[c]], surface);
             self.face([corner[a], corner[c], corner[d]], surface);
         }
     }
 
     /// A round bar from `a` to `b` with closed ends, radii in metres.
-    pub(crate) fn tube(
-        &mut self,
-        a: Point,
-        radius_a: f64,
-        b: Point,
-        radius_b: f64,
-        sides: usize,
-        surface: Surface,
-    ) {
+    pub(crate) fn tube(&mut self, a: Point, radius_a: f64, b: Point, radius_b: f64, sides: usize, surface: Surface) {
         let rim = self.branch(a, radius_a, b, radius_b, sides, surface);
         let (tip_a, tip_b) = (self.vertex(a), self.vertex(b));
         for side in 0..sides as u32 {
@@ -224,22 +189,10 @@ impl Builder {
     }
 
     /// A lens-shaped leaf: a rhombus `length_m` long.
-    pub(crate) fn leaf(
-        &mut self,
-        centre: Point,
-        along: Point,
-        normal: Point,
-        length_m: f64,
-        surface: Surface,
-    ) {
+    pub(crate) fn leaf(&mut self, centre: Point, along: Point, normal: Point, length_m: f64, surface: Surface) {
         let side = scale(unit(cross(along, normal)), 0.3 * length_m);
         let half = scale(unit(along), 0.5 * length_m);
-        let corners = [
-            sub(centre, half),
-            add(centre, side),
-            add(centre, half),
-            sub(centre, side),
-        ];
+        let corners = [sub(centre, half), add(centre, side), add(centre, half), sub(centre, side)];
         self.quad(corners, surface);
     }
 }

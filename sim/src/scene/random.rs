@@ -118,11 +118,7 @@ mod tests {
 
     #[test]
     fn noise_is_smooth_and_stays_within_one() {
-        let noise = Noise {
-            seed: 3,
-            scale_m: 10.0,
-            octaves: 4,
-        };
+        let noise = Noise { seed: 3, scale_m: 10.0, octaves: 4 };
         for k in 0..2000 {
             let x = f64::from(k) * 0.37 - 300.0;
             assert!(noise.at(x, 2.0 * x).abs() <= 1.0);

@@ -35,9 +35,7 @@ pub(crate) fn generate(seed: u64) -> (Mesh, f32) {
     let suburb = Suburb::new(seed, &mut dice);
     let mut b = Builder::default();
     let height = |x: f64, y: f64| suburb.height(x, y);
-    ground(&mut b, HALF_M, 1.1, 64.0, &height, |x, y| {
-        suburb.surface(x, y)
-    });
+    ground(&mut b, HALF_M, 1.1, 64.0, &height, |x, y| suburb.surface(x, y));
     for lane in 0..suburb.lanes.len() {
         for side in [-1.0, 1.0] {
             suburb.plots(&mut b, lane, side, &mut dice);
@@ -53,11 +51,7 @@ impl Suburb {
     fn new(seed: u64, dice: &mut Dice) -> Self {
         let first = -40.0 + dice.spread(5.0);
         Self {
-            relief: Noise {
-                seed,
-                scale_m: 70.0,
-                octaves: 4,
-            },
+            relief: Noise { seed, scale_m: 70.0, octaves: 4 },
             slope: [dice.spread(0.04), dice.spread(0.04)],
             lanes: vec![first, first + dice.range(76.0, 84.0)],
             swing: dice.range(2.0, 5.0),
@@ -80,8 +74,7 @@ impl Suburb {
     }
 
     fn on_lane(&self, x: f64, y: f64, margin: f64) -> bool {
-        let along =
-            (0..self.lanes.len()).any(|lane| (y - self.lane_y(lane, x)).abs() < LANE_M + margin);
+        let along = (0..self.lanes.len()).any(|lane| (y - self.lane_y(lane, x)).abs() < LANE_M + margin);
         along || (x - self.cross_x).abs() < LANE_M + margin
     }
 
@@ -107,15 +100,7 @@ impl Suburb {
     }
 
     /// One plot. Its frame: x along the lane, y away from it, origin in the middle of its front.
-    fn plot(
-        &self,
-        b: &mut Builder,
-        lane: usize,
-        side: f64,
-        middle: f64,
-        width: f64,
-        dice: &mut Dice,
-    ) {
+    fn plot(&self, b: &mut Builder, lane: usize, side: f64, middle: f64, width: f64, dice: &mut Dice) {
         let front = self.lane_y(lane, middle) + side * (LANE_M + 2.2 + 0.1 * self.swing);
         let plot = Frame::new([middle, front, 0.0], if side > 0.0 { 0.0 } else { PI });
         let depth = dice.range(26.0, 31.0);
@@ -129,45 +114,20 @@ impl Suburb {
         house.build(b, &stand(1.5, set_back, dice.spread(0.12)), dice);
         let drive = -0.5 * width + 2.6;
         if dice.chance(0.75) {
-            car(
-                b,
-                &stand(drive, dice.range(2.8, 6.0), 0.5 * PI + dice.spread(0.1)),
-                dice,
-            );
+            car(b, &stand(drive, dice.range(2.8, 6.0), 0.5 * PI + dice.spread(0.1)), dice);
         }
         if dice.chance(0.5) {
             garage(dice).build(b, &stand(drive, set_back + 4.0, 0.0), dice);
         }
         self.borders(b, &plot, width, depth, dice);
-        self.garden(
-            b,
-            &plot,
-            width,
-            [set_back + 0.5 * house.depth_m + 2.0, depth - 1.5],
-            dice,
-        );
+        self.garden(b, &plot, width, [set_back + 0.5 * house.depth_m + 2.0, depth - 1.5], dice);
         if dice.chance(0.6) {
-            let at = plot.at([
-                dice.range(1.0, 0.5 * width - 2.0),
-                dice.range(1.5, 3.0),
-                0.0,
-            ]);
+            let at = plot.at([dice.range(1.0, 0.5 * width - 2.0), dice.range(1.5, 3.0), 0.0]);
             garden_tree(b, self.point(at[0], at[1]), dice);
         }
         for _ in 0..2 {
-            let at = plot.at([
-                dice.range(0.0, 0.5 * width - 2.0),
-                dice.range(1.5, 3.5),
-                0.0,
-            ]);
-            bush(
-                b,
-                self.point(at[0], at[1]),
-                dice.range(0.5, 0.9),
-                dice.range(0.8, 1.4),
-                200,
-                dice,
-            );
+            let at = plot.at([dice.range(0.0, 0.5 * width - 2.0), dice.range(1.5, 3.5), 0.0]);
+            bush(b, self.point(at[0], at[1]), dice.range(0.5, 0.9), dice.range(0.8, 1.4), 200, dice);
         }
     }
 
@@ -218,14 +178,7 @@ impl Suburb {
         }
         for _ in 0..2 {
             let foot = spot(dice);
-            bush(
-                b,
-                foot,
-                dice.range(0.6, 1.2),
-                dice.range(0.8, 1.8),
-                220,
-                dice,
-            );
+            bush(b, foot, dice.range(0.6, 1.2), dice.range(0.8, 1.8), 220, dice);
         }
         if dice.chance(0.4) {
             bench(b, &Frame::new(spot(dice), dice.turn()));
@@ -240,11 +193,7 @@ impl Suburb {
             let x = -HALF_M + 26.0 * (f64::from(k) + 0.5);
             let y = self.lane_y(lane, x) - LANE_M - 0.8;
             if (x - self.cross_x).abs() > LANE_M + 1.0 {
-                lamp(
-                    b,
-                    &Frame::new(self.point(x, y), 0.5 * PI),
-                    5.5 + dice.unit(),
-                );
+                lamp(b, &Frame::new(self.point(x, y), 0.5 * PI), 5.5 + dice.unit());
                 if dice.chance(0.4) {
                     sign(b, &Frame::new(self.point(x + 6.0, y), 0.0));
                 }
@@ -263,14 +212,7 @@ impl Suburb {
             if dice.chance(0.3) {
                 garden_tree(b, self.point(x, y), dice);
             } else {
-                bush(
-                    b,
-                    self.point(x, y),
-                    dice.range(0.6, 1.4),
-                    dice.range(0.8, 2.0),
-                    210,
-                    dice,
-                );
+                bush(b, self.point(x, y), dice.range(0.6, 1.4), dice.range(0.8, 2.0), 210, dice);
             }
         }
     }
@@ -291,13 +233,7 @@ fn garden_tree(b: &mut Builder, foot: Point, dice: &mut Dice) {
     }
     let height_m = dice.range(4.0, 8.0);
     let leaves = 360 + (48.0 * height_m) as usize;
-    Broadleaf {
-        height_m,
-        clear_m: dice.range(1.0, 1.8),
-        spread_m: 0.35 * height_m,
-        leaves,
-    }
-    .build(b, foot, dice);
+    Broadleaf { height_m, clear_m: dice.range(1.0, 1.8), spread_m: 0.35 * height_m, leaves }.build(b, foot, dice);
 }
 
 fn cottage(plot_width: f64, dice: &mut Dice) -> House {
@@ -308,17 +244,8 @@ fn cottage(plot_width: f64, dice: &mut Dice) -> House {
         floors: 1 + dice.index(2),
         floor_m: dice.range(2.6, 2.9),
         bay_m: dice.range(2.4, 3.4),
-        roof: if dice.chance(0.7) {
-            Roof::Gable(pitch)
-        } else {
-            Roof::Hip(0.8 * pitch)
-        },
-        wall: dice.pick(&[
-            Surface::Plaster,
-            Surface::Brick,
-            Surface::Plaster,
-            Surface::Wood,
-        ]),
+        roof: if dice.chance(0.7) { Roof::Gable(pitch) } else { Roof::Hip(0.8 * pitch) },
+        wall: dice.pick(&[Surface::Plaster, Surface::Brick, Surface::Plaster, Surface::Wood]),
         roof_surface: dice.pick(&[Surface::RoofTile, Surface::DarkTile]),
         open: [true; 4],
         balconies: false,
@@ -333,11 +260,7 @@ fn garage(dice: &mut Dice) -> House {
         floors: 1,
         floor_m: 2.5,
         bay_m: 3.6,
-        roof: if dice.chance(0.5) {
-            Roof::Flat
-        } else {
-            Roof::Gable(0.5)
-        },
+        roof: if dice.chance(0.5) { Roof::Flat } else { Roof::Gable(0.5) },
         wall: Surface::Concrete,
         roof_surface: Surface::RoofTile,
         open: [true, false, false, false],

@@ -76,20 +76,10 @@ impl Town {
         let streets = [0, 1].map(|axis| {
             let count = if axis == longer { 3 } else { 2 + dice.index(2) };
             let pitch = 2.0 * HALF_M / count as f64;
-            (0..count)
-                .map(|k| Street::new(-HALF_M + (k as f64 + 0.5) * pitch + dice.spread(6.0), dice))
-                .collect()
+            (0..count).map(|k| Street::new(-HALF_M + (k as f64 + 0.5) * pitch + dice.spread(6.0), dice)).collect()
         });
         let tilt = [dice.spread(0.012), dice.spread(0.012)];
-        Self {
-            streets,
-            relief: Noise {
-                seed,
-                scale_m: 60.0,
-                octaves: 2,
-            },
-            tilt,
-        }
+        Self { streets, relief: Noise { seed, scale_m: 60.0, octaves: 2 }, tilt }
     }
 
     /// Height of the carriageway's level; the town lies on a slight slope.
@@ -100,11 +90,7 @@ impl Town {
     fn kind(&self, x: f64, y: f64) -> Ground {
         let within = |half: fn(&Street) -> f64| {
             let across = [x, y];
-            (0..2).any(|a| {
-                self.streets[a]
-                    .iter()
-                    .any(|s| (across[a] - s.centre).abs() < half(s))
-            })
+            (0..2).any(|a| self.streets[a].iter().any(|s| (across[a] - s.centre).abs() < half(s)))
         };
         if within(|s| s.road) {
             Ground::Road
@@ -116,12 +102,7 @@ impl Town {
     }
 
     fn height(&self, x: f64, y: f64) -> f64 {
-        self.level(x, y)
-            + if self.kind(x, y) == Ground::Road {
-                0.0
-            } else {
-                KERB_M
-            }
+        self.level(x, y) + if self.kind(x, y) == Ground::Road { 0.0 } else { KERB_M }
     }
 
     fn point(&self, x: f64, y: f64) -> Point {
@@ -132,25 +113,14 @@ impl Town {
     fn lines(&self, axis: usize) -> Vec<f64> {
         let mut cuts = vec![-HALF_M - 60.0, -HALF_M, HALF_M, HALF_M + 60.0];
         for s in &self.streets[axis] {
-            cuts.extend([
-                s.centre - s.front,
-                s.centre - s.road,
-                s.centre + s.road,
-                s.centre + s.front,
-            ]);
+            cuts.extend([s.centre - s.front, s.centre - s.road, s.centre + s.road, s.centre + s.front]);
         }
         cuts.sort_by(f64::total_cmp);
         let mut lines = vec![cuts[0]];
         for pair in cuts.windows(2) {
-            let cell = if pair[0] < -HALF_M || pair[1] > HALF_M {
-                8.0
-            } else {
-                1.4
-            };
+            let cell = if pair[0] < -HALF_M || pair[1] > HALF_M { 8.0 } else { 1.4 };
             let count = ((pair[1] - pair[0]) / cell).ceil().max(1.0);
-            lines.extend(
-                (1..=count as usize).map(|k| pair[0] + (pair[1] - pair[0]) * k as f64 / count),
-            );
+            lines.extend((1..=count as usize).map(|k| pair[0] + (pair[1] - pair[0]) * k as f64 / count));
         }
         lines
     }
@@ -166,29 +136,14 @@ impl Town {
             for i in 0..xs.len() - 1 {
                 let (here, [x0, x1, y0, y1]) = (kind(i, j), [xs[i], xs[i + 1], ys[j], ys[j + 1]]);
                 let up = raise(here);
-                let corners = [
-                    at(x0, y0, up),
-                    at(x1, y0, up),
-                    at(x1, y1, up),
-                    at(x0, y1, up),
-                ];
+                let corners = [at(x0, y0, up), at(x1, y0, up), at(x1, y1, up), at(x0, y1, up)];
                 b.quad(corners, surface(here));
                 if i + 2 < xs.len() && raise(kind(i + 1, j)) != up {
-                    let riser = [
-                        at(x1, y0, 0.0),
-                        at(x1, y1, 0.0),
-                        at(x1, y1, KERB_M),
-                        at(x1, y0, KERB_M),
-                    ];
+                    let riser = [at(x1, y0, 0.0), at(x1, y1, 0.0), at(x1, y1, KERB_M), at(x1, y0, KERB_M)];
                     b.quad(riser, Surface::Stone);
                 }
                 if j + 2 < ys.len() && raise(kind(i, j + 1)) != up {
-                    let riser = [
-                        at(x0, y1, 0.0),
-                        at(x1, y1, 0.0),
-                        at(x1, y1, KERB_M),
-                        at(x0, y1, KERB_M),
-                    ];
+                    let riser = [at(x0, y1, 0.0), at(x1, y1, 0.0), at(x1, y1, KERB_M), at(x0, y1, KERB_M)];
                     b.quad(riser, Surface::Stone);
                 }
             }
@@ -201,10 +156,7 @@ impl Town {
             let s = &self.streets[axis];
             let starts = std::iter::once(-HALF_M).chain(s.iter().map(|s| s.centre + s.front));
             let ends = s.iter().map(|s| s.centre - s.front).chain([HALF_M]);
-            starts
-                .zip(ends)
-                .filter(|(low, high)| high - low > 12.0)
-                .collect::<Vec<_>>()
+            starts.zip(ends).filter(|(low, high)| high - low > 12.0).collect::<Vec<_>>()
         };
         for &(x0, x1) in &gaps(0) {
             for &(y0, y1) in &gaps(1) {
@@ -218,36 +170,15 @@ impl Town {
         let depth = dice.range(9.0, 12.0).min(0.5 * wide).min(0.5 * deep);
         let inner = deep - 2.0 * depth;
         let rows = [
-            Row {
-                start: low,
-                yaw: 0.0,
-                length: wide,
-            },
-            Row {
-                start: high,
-                yaw: PI,
-                length: wide,
-            },
-            Row {
-                start: [high[0], low[1] + depth],
-                yaw: FRAC_PI_2,
-                length: inner,
-            },
-            Row {
-                start: [low[0], high[1] - depth],
-                yaw: -FRAC_PI_2,
-                length: inner,
-            },
+            Row { start: low, yaw: 0.0, length: wide },
+            Row { start: high, yaw: PI, length: wide },
+            Row { start: [high[0], low[1] + depth], yaw: FRAC_PI_2, length: inner },
+            Row { start: [low[0], high[1] - depth], yaw: -FRAC_PI_2, length: inner },
         ];
         for row in rows.into_iter().filter(|row| row.length > 6.0) {
             self.terrace(b, row, depth, dice);
         }
-        self.yard(
-            b,
-            low.map(|x| x + depth + 2.5),
-            high.map(|x| x - depth - 2.5),
-            dice,
-        );
+        self.yard(b, low.map(|x| x + depth + 2.5), high.map(|x| x - depth - 2.5), dice);
     }
 
     /// What is behind the houses: walls from plot to plot, sheds, trees, a car.
@@ -255,48 +186,21 @@ impl Town {
         if high[0] - low[0] < 3.0 || high[1] - low[1] < 3.0 {
             return;
         }
-        let spot =
-            |dice: &mut Dice| self.point(dice.range(low[0], high[0]), dice.range(low[1], high[1]));
+        let spot = |dice: &mut Dice| self.point(dice.range(low[0], high[0]), dice.range(low[1], high[1]));
         let walls = ((high[0] - low[0]) / 13.0) as usize;
         for k in 0..walls {
-            let x =
-                low[0] + (high[0] - low[0]) * (k as f64 + 0.5 + dice.spread(0.2)) / walls as f64;
+            let x = low[0] + (high[0] - low[0]) * (k as f64 + 0.5 + dice.spread(0.2)) / walls as f64;
             let reach = dice.range(0.45, 0.8) * (high[1] - low[1]);
-            let foot = if dice.chance(0.5) {
-                low[1]
-            } else {
-                high[1] - reach
-            };
+            let foot = if dice.chance(0.5) { low[1] } else { high[1] - reach };
             let wall = Frame::new(self.point(x, foot), FRAC_PI_2);
-            b.cuboid(
-                &wall,
-                [0.0, -0.12, -1.0],
-                [reach, 0.12, 1.8],
-                Surface::Brick,
-            );
-            b.cuboid(
-                &wall,
-                [-0.05, -0.16, 1.8],
-                [reach + 0.05, 0.16, 1.88],
-                Surface::Stone,
-            );
-            shed(dice).build(
-                b,
-                &Frame::new(self.point(x + 2.6, foot + 0.5 * reach), FRAC_PI_2),
-                dice,
-            );
+            b.cuboid(&wall, [0.0, -0.12, -1.0], [reach, 0.12, 1.8], Surface::Brick);
+            b.cuboid(&wall, [-0.05, -0.16, 1.8], [reach + 0.05, 0.16, 1.88], Surface::Stone);
+            shed(dice).build(b, &Frame::new(self.point(x + 2.6, foot + 0.5 * reach), FRAC_PI_2), dice);
         }
         for _ in 0..2 {
             street_tree(b, spot(dice), dice);
             let foot = spot(dice);
-            bush(
-                b,
-                foot,
-                dice.range(0.6, 1.2),
-                dice.range(0.9, 1.7),
-                300,
-                dice,
-            );
+            bush(b, foot, dice.range(0.6, 1.2), dice.range(0.9, 1.7), 300, dice);
         }
         car(b, &Frame::new(spot(dice), dice.turn()), dice);
     }
@@ -326,11 +230,7 @@ impl Town {
 impl Street {
     fn new(centre: f64, dice: &mut Dice) -> Self {
         let road = dice.range(4.2, 5.6);
-        Self {
-            centre,
-            road,
-            front: road + dice.range(2.6, 4.5),
-        }
+        Self { centre, road, front: road + dice.range(2.6, 4.5) }
     }
 }
 
@@ -361,18 +261,8 @@ fn town_house(width_m: f64, depth_m: f64, dice: &mut Dice) -> House {
         floors: 2 + dice.index(4),
         floor_m: dice.range(2.9, 3.5),
         bay_m: dice.range(2.2, 3.2),
-        roof: if dice.chance(0.6) {
-            Roof::Gable(pitch)
-        } else {
-            Roof::Flat
-        },
-        wall: dice.pick(&[
-            Surface::Plaster,
-            Surface::Plaster,
-            Surface::Brick,
-            Surface::Stone,
-            Surface::Concrete,
-        ]),
+        roof: if dice.chance(0.6) { Roof::Gable(pitch) } else { Roof::Flat },
+        wall: dice.pick(&[Surface::Plaster, Surface::Plaster, Surface::Brick, Surface::Stone, Surface::Concrete]),
         roof_surface: dice.pick(&[Surface::RoofTile, Surface::RoofTile, Surface::DarkTile]),
         open: [true, dice.chance(0.3), true, dice.chance(0.3)],
         balconies: dice.chance(0.35),

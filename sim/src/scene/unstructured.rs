@@ -26,9 +26,7 @@ pub(crate) fn generate(seed: u64) -> (Mesh, f32) {
     let country = Country::new(seed, &mut dice);
     let mut b = Builder::default();
     let height = |x: f64, y: f64| country.height(x, y);
-    ground(&mut b, HALF_M, 0.85, 80.0, &height, |x, y| {
-        country.surface(x, y)
-    });
+    ground(&mut b, HALF_M, 0.85, 80.0, &height, |x, y| country.surface(x, y));
     country.trees(&mut b, &mut dice);
     country.fallen(&mut b, &mut dice);
     country.scatter(&mut b, &mut dice);
@@ -74,8 +72,7 @@ impl Country {
                 break;
             }
             let p = [dice.spread(HALF_M), dice.spread(HALF_M)];
-            let apart =
-                |q: &[f64; 2]| (p[0] - q[0]) * (p[0] - q[0]) + (p[1] - q[1]) * (p[1] - q[1]) > 20.0;
+            let apart = |q: &[f64; 2]| (p[0] - q[0]) * (p[0] - q[0]) + (p[1] - q[1]) * (p[1] - q[1]) > 20.0;
             if self.woods.at(p[0], p[1]) + dice.spread(0.35) < 0.05 || !feet.iter().all(apart) {
                 continue;
             }
@@ -104,48 +101,21 @@ impl Country {
             let foot = self.point(dice.spread(HALF_M), dice.spread(HALF_M));
             let radius = dice.range(0.12, 0.3);
             if dice.chance(0.5) {
-                let top = add(
-                    foot,
-                    [dice.spread(0.1), dice.spread(0.1), dice.range(0.3, 1.2)],
-                );
-                b.tube(
-                    add(foot, [0.0, 0.0, -0.3]),
-                    1.4 * radius,
-                    top,
-                    radius,
-                    12,
-                    Surface::Bark,
-                );
+                let top = add(foot, [dice.spread(0.1), dice.spread(0.1), dice.range(0.3, 1.2)]);
+                b.tube(add(foot, [0.0, 0.0, -0.3]), 1.4 * radius, top, radius, 12, Surface::Bark);
                 continue;
             }
             let turn = dice.turn();
             let length = dice.range(3.0, 8.0);
-            let end = self.point(
-                foot[0] + length * libm::cos(turn),
-                foot[1] + length * libm::sin(turn),
-            );
+            let end = self.point(foot[0] + length * libm::cos(turn), foot[1] + length * libm::sin(turn));
             let lift = [0.0, 0.0, radius];
-            b.tube(
-                add(foot, lift),
-                radius,
-                add(end, lift),
-                0.6 * radius,
-                12,
-                Surface::Bark,
-            );
+            b.tube(add(foot, lift), radius, add(end, lift), 0.6 * radius, 12, Surface::Bark);
             for k in 1..6 {
                 let t = f64::from(k) / 6.0;
                 let at: Point = std::array::from_fn(|i| foot[i] + t * (end[i] - foot[i]) + lift[i]);
                 let up = dice.direction();
                 let twig = unit([up[0], up[1], up[2].abs() + 0.2]);
-                b.tube(
-                    at,
-                    0.05,
-                    add(at, twig.map(|x| x * dice.range(0.4, 1.2))),
-                    0.02,
-                    5,
-                    Surface::Bark,
-                );
+                b.tube(at, 0.05, add(at, twig.map(|x| x * dice.range(0.4, 1.2))), 0.02, 5, Surface::Bark);
             }
         }
     }
@@ -154,14 +124,7 @@ impl Country {
         let spot = |dice: &mut Dice| self.point(dice.spread(HALF_M), dice.spread(HALF_M));
         for _ in 0..150 {
             let foot = spot(dice);
-            bush(
-                b,
-                foot,
-                dice.range(0.4, 1.3),
-                dice.range(0.5, 1.9),
-                260,
-                dice,
-            );
+            bush(b, foot, dice.range(0.4, 1.3), dice.range(0.5, 1.9), 260, dice);
         }
         for _ in 0..130 {
             // Many small ones, few boulders.

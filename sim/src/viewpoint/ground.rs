@@ -29,30 +29,18 @@ impl GroundMap {
         let sky_m = scene.mesh.bounds().map_or(0.0, |(_, top)| top[2]) + 1.0;
         let low = low.map(|x| f64::from(x) - REACH_M);
         let size = [0, 1].map(|i| ((f64::from(high[i]) + REACH_M - low[i]) / STEP_M) as usize + 1);
-        let at = |k: usize| {
-            [0, 1]
-                .map(|i| low[i] + STEP_M * (if i == 0 { k % size[0] } else { k / size[0] }) as f64)
-        };
-        let heights = (0..size[0] * size[1])
-            .map(|k| from_the_sky(caster, at(k), sky_m))
-            .collect();
-        Self {
-            low,
-            size,
-            heights,
-            sky_m,
-        }
+        let at = |k: usize| [0, 1].map(|i| low[i] + STEP_M * (if i == 0 { k % size[0] } else { k / size[0] }) as f64);
+        let heights = (0..size[0] * size[1]).map(|k| from_the_sky(caster, at(k), sky_m)).collect();
+        Self { low, size, heights, sky_m }
     }
 
     /// Height of the ground at a point where one can stand, metres.
     pub(super) fn footing(&self, caster: &Raycaster, at: [f64; 2]) -> Option<f64> {
         let z = from_the_sky(caster, at, self.sky_m)?;
-        let level = [[0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]]
-            .iter()
-            .all(|d| {
-                let beside = from_the_sky(caster, [at[0] + d[0], at[1] + d[1]], self.sky_m);
-                beside.is_some_and(|b| (b - z).abs() < 0.5 * MAX_SLOPE + ROUGH_M)
-            });
+        let level = [[0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]].iter().all(|d| {
+            let beside = from_the_sky(caster, [at[0] + d[0], at[1] + d[1]], self.sky_m);
+            beside.is_some_and(|b| (b - z).abs() < 0.5 * MAX_SLOPE + ROUGH_M)
+        });
         (level && self.is_lowest(at, z)).then_some(z)
     }
 
@@ -64,10 +52,7 @@ impl GroundMap {
         };
         range(1).all(|j| {
             range(0).all(|i| {
-                let (dx, dy) = (
-                    self.low[0] + STEP_M * i as f64 - at[0],
-                    self.low[1] + STEP_M * j as f64 - at[1],
-                );
+                let (dx, dy) = (self.low[0] + STEP_M * i as f64 - at[0], self.low[1] + STEP_M * j as f64 - at[1]);
                 let fall = ROUGH_M + MAX_SLOPE * (dx * dx + dy * dy).sqrt();
                 self.heights[j * self.size[0] + i].is_none_or(|low| z - low <= fall)
             })

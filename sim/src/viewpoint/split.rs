@@ -48,12 +48,7 @@ impl Territory {
     pub(super) fn new((low, high): ([f32; 2], [f32; 2]), split: Split) -> Self {
         let side = f64::from((high[0] - low[0]).min(high[1] - low[1])).max(1.0);
         let cell_m = (side / 4.0).min(34.0);
-        Self {
-            low: low.map(f64::from),
-            cell_m,
-            gap_m: (0.4 * cell_m).min(10.0),
-            split,
-        }
+        Self { low: low.map(f64::from), cell_m, gap_m: (0.4 * cell_m).min(10.0), split }
     }
 
     /// Least distance between viewpoints of different splits: 10 m, less where the place is under 100 m wide.
@@ -66,10 +61,7 @@ impl Territory {
     pub(super) fn owns(&self, at: [f64; 2]) -> bool {
         let half = 0.5 * self.gap_m;
         let corners = [-half, half].map(|dx| [-half, half].map(|dy| [at[0] + dx, at[1] + dy]));
-        corners
-            .as_flattened()
-            .iter()
-            .all(|p| self.trains(*p) == (self.split == Split::Train))
+        corners.as_flattened().iter().all(|p| self.trains(*p) == (self.split == Split::Train))
     }
 
     fn trains(&self, at: [f64; 2]) -> bool {

@@ -19,14 +19,7 @@ impl Broadleaf {
         let fork = self.trunk(b, foot, radius, dice);
         let mut tips = Vec::new();
         let crown = self.height_m - self.clear_m;
-        let top = add(
-            fork,
-            [
-                dice.spread(0.1) * crown,
-                dice.spread(0.1) * crown,
-                0.8 * crown,
-            ],
-        );
+        let top = add(fork, [dice.spread(0.1) * crown, dice.spread(0.1) * crown, 0.8 * crown]);
         b.branch(fork, 0.7 * radius, top, 0.15 * radius, 6, Surface::Bark);
         tips.push((top, 0.2 * crown));
         let limbs = 7 + dice.index(3);
@@ -37,13 +30,7 @@ impl Broadleaf {
             let from = add(scale(fork, 1.0 - 0.9 * up), scale(top, 0.9 * up));
             let out = unit([libm::cos(turn), libm::sin(turn), 0.35 + 0.5 * dice.unit()]);
             let length = self.spread_m * (1.0 - 0.55 * up) * dice.range(0.7, 1.0);
-            let limb = Limb {
-                from,
-                out,
-                length,
-                radius: (0.5 - 0.3 * up) * radius,
-                level: 2,
-            };
+            let limb = Limb { from, out, length, radius: (0.5 - 0.3 * up) * radius, level: 2 };
             limb.grow(b, &mut tips, dice);
         }
         self.foliage(b, &tips, dice);
@@ -56,14 +43,7 @@ impl Broadleaf {
         let mut wide = 1.6 * radius;
         for k in 1..=4 {
             let z = self.clear_m * f64::from(k) / 4.0;
-            let to = add(
-                foot,
-                [
-                    lean[0] * z + dice.spread(0.04),
-                    lean[1] * z + dice.spread(0.04),
-                    z,
-                ],
-            );
+            let to = add(foot, [lean[0] * z + dice.spread(0.04), lean[1] * z + dice.spread(0.04), z]);
             let narrow = radius * (1.1 - 0.1 * f64::from(k));
             b.branch(from, wide, to, narrow, 10, Surface::Bark);
             (from, wide) = (to, narrow);
@@ -130,14 +110,7 @@ pub(crate) fn conifer(b: &mut Builder, foot: Point, height_m: f64, dice: &mut Di
     let radius = 0.018 * height_m + 0.03;
     let top = add(foot, [dice.spread(0.2), dice.spread(0.2), height_m]);
     let stem = |t: f64| add(scale(foot, 1.0 - t), scale(top, t));
-    b.branch(
-        add(foot, [0.0, 0.0, -0.3]),
-        1.3 * radius,
-        stem(0.3),
-        0.8 * radius,
-        10,
-        Surface::Bark,
-    );
+    b.branch(add(foot, [0.0, 0.0, -0.3]), 1.3 * radius, stem(0.3), 0.8 * radius, 10, Surface::Bark);
     b.branch(stem(0.3), 0.8 * radius, top, 0.1 * radius, 8, Surface::Bark);
     let bare = dice.range(0.08, 0.25);
     let whorls = (height_m * 2.0) as usize;
@@ -146,11 +119,7 @@ pub(crate) fn conifer(b: &mut Builder, foot: Point, height_m: f64, dice: &mut Di
         let reach = (0.24 * height_m * (1.0 - t) / (1.0 - bare)).clamp(0.15, 3.5);
         for k in 0..6 {
             let turn = std::f64::consts::TAU * (f64::from(k) + dice.spread(0.4)) / 6.0;
-            let out = unit([
-                libm::cos(turn),
-                libm::sin(turn),
-                -0.25 + 0.4 * t + dice.spread(0.1),
-            ]);
+            let out = unit([libm::cos(turn), libm::sin(turn), -0.25 + 0.4 * t + dice.spread(0.1)]);
             bough(b, stem(t), out, reach * dice.range(0.75, 1.1), dice);
         }
     }
@@ -165,78 +134,35 @@ fn bough(b: &mut Builder, from: Point, out: Point, length: f64, dice: &mut Dice)
     for k in 0..twigs {
         let t = (k as f64 + dice.unit()) / twigs as f64;
         let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
-        let along = unit(add(
-            scale(side, sign),
-            add(scale(out, 0.8), [0.0, 0.0, dice.spread(0.4)]),
-        ));
+        let along = unit(add(scale(side, sign), add(scale(out, 0.8), [0.0, 0.0, dice.spread(0.4)])));
         let length_m = 0.45 * (1.2 - t) * length.min(1.2) + 0.15;
-        let centre = add(
-            add(from, scale(out, t * length)),
-            scale(along, 0.4 * length_m),
-        );
+        let centre = add(add(from, scale(out, t * length)), scale(along, 0.4 * length_m));
         let normal = add([0.0, 0.0, 1.0], scale(dice.direction(), 0.5));
         b.leaf(centre, along, normal, length_m, Surface::Leaf);
     }
 }
 
 /// A bush: a few stems in an ellipsoid of leaves.
-pub(crate) fn bush(
-    b: &mut Builder,
-    foot: Point,
-    radius_m: f64,
-    height_m: f64,
-    leaves: usize,
-    dice: &mut Dice,
-) {
+pub(crate) fn bush(b: &mut Builder, foot: Point, radius_m: f64, height_m: f64, leaves: usize, dice: &mut Dice) {
     for _ in 0..5 {
         let lean = dice.direction();
-        let tip = add(
-            foot,
-            [
-                0.7 * radius_m * lean[0],
-                0.7 * radius_m * lean[1],
-                0.8 * height_m,
-            ],
-        );
-        b.branch(
-            add(foot, [0.0, 0.0, -0.1]),
-            0.03,
-            tip,
-            0.01,
-            5,
-            Surface::Bark,
-        );
+        let tip = add(foot, [0.7 * radius_m * lean[0], 0.7 * radius_m * lean[1], 0.8 * height_m]);
+        b.branch(add(foot, [0.0, 0.0, -0.1]), 0.03, tip, 0.01, 5, Surface::Bark);
     }
     for _ in 0..leaves {
         let d = dice.direction();
         let shell = 0.55 + 0.45 * dice.unit().sqrt();
         let lumpy = shell * (0.85 + 0.15 * libm::sin(5.0 * d[0] + 3.0 * d[1] + 4.0 * d[2]));
         let z = 0.5 * height_m * (1.0 + lumpy * d[2]);
-        leaf(
-            b,
-            add(foot, [radius_m * lumpy * d[0], radius_m * lumpy * d[1], z]),
-            dice.range(0.1, 0.2),
-            dice,
-        );
+        leaf(b, add(foot, [radius_m * lumpy * d[0], radius_m * lumpy * d[1], z]), dice.range(0.1, 0.2), dice);
     }
 }
 
 /// A clipped hedge along the frame's x: a dark core behind a skin of leaves.
-pub(crate) fn hedge(
-    b: &mut Builder,
-    frame: &Frame,
-    length_m: f64,
-    size: [f64; 2],
-    dice: &mut Dice,
-) {
+pub(crate) fn hedge(b: &mut Builder, frame: &Frame, length_m: f64, size: [f64; 2], dice: &mut Dice) {
     let [thick, height] = size;
     let core = [0.5 * thick - 0.14, height - 0.14];
-    b.cuboid(
-        frame,
-        [0.0, -core[0], -0.5],
-        [length_m, core[0], core[1]],
-        Surface::Leaf,
-    );
+    b.cuboid(frame, [0.0, -core[0], -0.5], [length_m, core[0], core[1]], Surface::Leaf);
     let leaves = (length_m * (2.0 * height + thick) * 23.0) as usize;
     for _ in 0..leaves {
         let x = dice.range(0.0, length_m);
@@ -257,20 +183,10 @@ pub(crate) fn hedge(
 pub(crate) fn tuft(b: &mut Builder, foot: Point, height_m: f64, blades: usize, dice: &mut Dice) {
     for _ in 0..blades {
         let lean = dice.direction();
-        let tip = add(
-            foot,
-            [
-                0.4 * height_m * lean[0],
-                0.4 * height_m * lean[1],
-                height_m * dice.range(0.7, 1.0),
-            ],
-        );
+        let tip = add(foot, [0.4 * height_m * lean[0], 0.4 * height_m * lean[1], height_m * dice.range(0.7, 1.0)]);
         let (side, _) = square_to(unit([lean[0], lean[1], 0.05]));
         let root = add(foot, scale([lean[1], lean[0], 0.0], 0.1));
         let half = scale(side, 0.012 + 0.02 * height_m);
-        b.triangle(
-            [super::sub(root, half), add(root, half), tip],
-            Surface::Grass,
-        );
+        b.triangle([super::sub(root, half), add(root, half), tip], Surface::Grass);
     }
 }

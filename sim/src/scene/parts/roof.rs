@@ -18,24 +18,11 @@ impl House {
     }
 
     fn chimney(&self, b: &mut Builder, frame: &Frame, dice: &mut Dice) {
-        let (x, y) = (
-            dice.spread(0.3 * self.width_m),
-            dice.spread(0.15 * self.depth_m),
-        );
+        let (x, y) = (dice.spread(0.3 * self.width_m), dice.spread(0.15 * self.depth_m));
         let low = self.height_m();
         let top = low + self.rise_m() + 0.9;
-        b.cuboid(
-            frame,
-            [x - 0.35, y - 0.35, low],
-            [x + 0.35, y + 0.35, top],
-            Surface::Brick,
-        );
-        b.cuboid(
-            frame,
-            [x - 0.42, y - 0.42, top],
-            [x + 0.42, y + 0.42, top + 0.1],
-            Surface::Concrete,
-        );
+        b.cuboid(frame, [x - 0.35, y - 0.35, low], [x + 0.35, y + 0.35, top], Surface::Brick);
+        b.cuboid(frame, [x - 0.42, y - 0.42, top], [x + 0.42, y + 0.42, top + 0.1], Surface::Concrete);
     }
 
     /// Height of the ridge above the eaves.
@@ -55,21 +42,11 @@ impl House {
             ([-w - 0.1, -d + 0.2], [-w + 0.2, d - 0.2]),
             ([w - 0.2, -d + 0.2], [w + 0.1, d - 0.2]),
         ] {
-            b.cuboid(
-                frame,
-                [low[0], low[1], z - 0.2],
-                [high[0], high[1], z + 0.6],
-                self.wall,
-            );
+            b.cuboid(frame, [low[0], low[1], z - 0.2], [high[0], high[1], z + 0.6], self.wall);
         }
         for _ in 0..3 {
             let (x, y) = (dice.spread(0.6 * w), dice.spread(0.6 * d));
-            b.cuboid(
-                frame,
-                [x - 0.8, y - 0.6, z],
-                [x + 0.8, y + 0.6, z + dice.range(0.6, 1.8)],
-                Surface::Metal,
-            );
+            b.cuboid(frame, [x - 0.8, y - 0.6, z], [x + 0.8, y + 0.6, z + dice.range(0.6, 1.8)], Surface::Metal);
         }
     }
 
@@ -86,14 +63,7 @@ impl House {
             let (eaves, ridge) = (z - over * pitch, z + rise);
             self.courses(b, &slope, [w + over; 2], [-d - over, 0.0], [eaves, ridge]);
             let gutter = |x: f64| slope.at([x, -d - over - 0.05, z - over * pitch]);
-            b.tube(
-                gutter(-w - over),
-                0.07,
-                gutter(w + over),
-                0.07,
-                8,
-                Surface::Metal,
-            );
+            b.tube(gutter(-w - over), 0.07, gutter(w + over), 0.07, 8, Surface::Metal);
         }
     }
 

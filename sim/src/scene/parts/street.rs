@@ -6,42 +6,16 @@ use super::{Builder, Frame, Surface};
 pub(crate) fn lamp(b: &mut Builder, frame: &Frame, height_m: f64) {
     let at = |x: f64, z: f64| frame.at([x, 0.0, z]);
     b.tube(at(0.0, -0.3), 0.12, at(0.0, 1.0), 0.11, 12, Surface::Metal);
-    b.tube(
-        at(0.0, 1.0),
-        0.07,
-        at(0.0, height_m),
-        0.05,
-        12,
-        Surface::Metal,
-    );
-    b.tube(
-        at(0.0, height_m),
-        0.04,
-        at(1.4, height_m + 0.25),
-        0.035,
-        8,
-        Surface::Metal,
-    );
-    b.cuboid(
-        frame,
-        [1.2, -0.13, height_m + 0.18],
-        [1.9, 0.13, height_m + 0.30],
-        Surface::Metal,
-    );
+    b.tube(at(0.0, 1.0), 0.07, at(0.0, height_m), 0.05, 12, Surface::Metal);
+    b.tube(at(0.0, height_m), 0.04, at(1.4, height_m + 0.25), 0.035, 8, Surface::Metal);
+    b.cuboid(frame, [1.2, -0.13, height_m + 0.18], [1.9, 0.13, height_m + 0.30], Surface::Metal);
 }
 
 /// A round traffic sign facing the frame's x.
 pub(crate) fn sign(b: &mut Builder, frame: &Frame) {
     let at = |x: f64, z: f64| frame.at([x, 0.0, z]);
     b.tube(at(0.0, -0.3), 0.03, at(0.0, 2.9), 0.03, 8, Surface::Metal);
-    b.tube(
-        at(0.035, 2.5),
-        0.3,
-        at(0.055, 2.5),
-        0.3,
-        20,
-        Surface::RetroSign,
-    );
+    b.tube(at(0.035, 2.5), 0.3, at(0.055, 2.5), 0.3, 20, Surface::RetroSign);
 }
 
 /// A waste bin.
@@ -53,25 +27,13 @@ pub(crate) fn bin(b: &mut Builder, frame: &Frame) {
 
 /// A bollard.
 pub(crate) fn bollard(b: &mut Builder, frame: &Frame) {
-    b.tube(
-        frame.at([0.0, 0.0, -0.2]),
-        0.07,
-        frame.at([0.0, 0.0, 0.9]),
-        0.07,
-        10,
-        Surface::Metal,
-    );
+    b.tube(frame.at([0.0, 0.0, -0.2]), 0.07, frame.at([0.0, 0.0, 0.9]), 0.07, 10, Surface::Metal);
 }
 
 /// A bench along the frame's x, facing −y.
 pub(crate) fn bench(b: &mut Builder, frame: &Frame) {
     for x in [-0.7, 0.6] {
-        b.cuboid(
-            frame,
-            [x, -0.25, -0.2],
-            [x + 0.1, 0.25, 0.42],
-            Surface::Concrete,
-        );
+        b.cuboid(frame, [x, -0.25, -0.2], [x + 0.1, 0.25, 0.42], Surface::Concrete);
     }
     for k in 0..4 {
         let y = -0.25 + 0.13 * f64::from(k);
@@ -82,41 +44,20 @@ pub(crate) fn bench(b: &mut Builder, frame: &Frame) {
 }
 
 /// A picket fence along the frame's x; `ground` gives the height of the ground under a point of the fence.
-pub(crate) fn pickets(
-    b: &mut Builder,
-    frame: &Frame,
-    length_m: f64,
-    height_m: f64,
-    ground: impl Fn(f64) -> f64,
-) {
+pub(crate) fn pickets(b: &mut Builder, frame: &Frame, length_m: f64, height_m: f64, ground: impl Fn(f64) -> f64) {
     let bays = (length_m / 2.0).ceil() as usize;
     let step = length_m / bays as f64;
     for bay in 0..bays {
         let (x, z) = (bay as f64 * step, ground((bay as f64 + 0.5) * step));
         let panel = frame.child([x, 0.0, z], 0.0);
-        b.cuboid(
-            &panel,
-            [-0.05, -0.05, -0.5],
-            [0.05, 0.05, height_m + 0.05],
-            Surface::Wood,
-        );
+        b.cuboid(&panel, [-0.05, -0.05, -0.5], [0.05, 0.05, height_m + 0.05], Surface::Wood);
         for rail in [0.25, height_m - 0.3] {
-            b.cuboid(
-                &panel,
-                [0.0, 0.02, rail],
-                [step, 0.05, rail + 0.08],
-                Surface::Wood,
-            );
+            b.cuboid(&panel, [0.0, 0.02, rail], [step, 0.05, rail + 0.08], Surface::Wood);
         }
         let pickets = (step / 0.18) as usize;
         for k in 0..pickets {
             let x = 0.18 * (k as f64 + 0.5);
-            b.cuboid(
-                &panel,
-                [x - 0.05, -0.01, 0.06],
-                [x + 0.05, 0.02, height_m],
-                Surface::Wood,
-            );
+            b.cuboid(&panel, [x - 0.05, -0.01, 0.06], [x + 0.05, 0.02, height_m], Surface::Wood);
         }
     }
 }

@@ -36,26 +36,14 @@ fn grid_lines(half_m: f64, fine_m: f64, apron_m: f64) -> Vec<f64> {
 
 /// A boulder of about `radius_m` round a point.
 pub(crate) fn rock(b: &mut Builder, at: Point, radius_m: f64, dice: &mut Dice) {
-    let noise = Noise {
-        seed: (dice.unit() * 1e15) as u64,
-        scale_m: 0.9,
-        octaves: 3,
-    };
-    let squash = [
-        dice.range(0.8, 1.3),
-        dice.range(0.7, 1.1),
-        dice.range(0.6, 1.0),
-    ];
+    let noise = Noise { seed: (dice.unit() * 1e15) as u64, scale_m: 0.9, octaves: 3 };
+    let squash = [dice.range(0.8, 1.3), dice.range(0.7, 1.1), dice.range(0.6, 1.0)];
     let (columns, rows) = (18, 10);
     let point = |i: usize, j: usize| {
         let turn = std::f64::consts::TAU * (i % columns) as f64 / columns as f64;
         let polar = std::f64::consts::PI * j as f64 / rows as f64;
         let ring = libm::sin(polar);
-        let d = [
-            ring * libm::cos(turn),
-            ring * libm::sin(turn),
-            libm::cos(polar),
-        ];
+        let d = [ring * libm::cos(turn), ring * libm::sin(turn), libm::cos(polar)];
         let bump = radius_m * (1.0 + 0.35 * noise.at(d[0] + 0.7 * d[2], d[1] - 0.7 * d[2]));
         add(at, std::array::from_fn(|k| bump * squash[k] * d[k]))
     };

@@ -59,11 +59,7 @@ pub(crate) fn car(b: &mut Builder, frame: &Frame, dice: &mut Dice) {
         _ => (VAN, [5.3, 1.00, 2.10]),
     };
     size = size.map(|x| x * dice.range(0.95, 1.06));
-    let paint = if dice.chance(0.35) {
-        Surface::DarkPaint
-    } else {
-        Surface::CarPaint
-    };
+    let paint = if dice.chance(0.35) { Surface::DarkPaint } else { Surface::CarPaint };
     body(b, frame, sections, size, paint);
     let [length, half, height] = size;
     for (x, side) in [(-0.30, -1.0), (-0.30, 1.0), (0.31, -1.0), (0.31, 1.0)] {
@@ -71,21 +67,11 @@ pub(crate) fn car(b: &mut Builder, frame: &Frame, dice: &mut Dice) {
     }
     for side in [-1.0, 1.0] {
         let mirror: Point = [0.17 * length, side * (half + 0.09), 0.66 * height];
-        b.cuboid(
-            frame,
-            mirror.map(|x| x - 0.07),
-            mirror.map(|x| x + 0.07),
-            paint,
-        );
+        b.cuboid(frame, mirror.map(|x| x - 0.07), mirror.map(|x| x + 0.07), paint);
     }
     for (x, z) in [(0.5, 0.30), (-0.5, 0.42)] {
         let at: Point = [x * length, 0.0, z * height];
-        b.cuboid(
-            frame,
-            [at[0] - 0.02, -0.26, at[2] - 0.055],
-            [at[0] + 0.02, 0.26, at[2] + 0.055],
-            Surface::RetroSign,
-        );
+        b.cuboid(frame, [at[0] - 0.02, -0.26, at[2] - 0.055], [at[0] + 0.02, 0.26, at[2] + 0.055], Surface::RetroSign);
     }
 }
 
@@ -103,13 +89,7 @@ fn body(b: &mut Builder, frame: &Frame, sections: &[Section], size: [f64; 3], pa
         let p = outline(&sections[row], if mirrored { columns - k } else { k }, size);
         frame.at([p[0], if mirrored { -p[1] } else { p[1] }, p[2]])
     };
-    b.sheet(columns, rows, point, |k, row| {
-        if glazed(k, row) {
-            Surface::Glass
-        } else {
-            paint
-        }
-    });
+    b.sheet(columns, rows, point, |k, row| if glazed(k, row) { Surface::Glass } else { paint });
     let floor = |row: usize| [point(0, row), point(columns, row)];
     for row in 0..rows {
         let ([a, c], [d, e]) = (floor(row), floor(row + 1));
@@ -117,12 +97,7 @@ fn body(b: &mut Builder, frame: &Frame, sections: &[Section], size: [f64; 3], pa
     }
     for row in [0, rows] {
         for k in 0..HALF - 1 {
-            let corners = [
-                point(k, row),
-                point(k + 1, row),
-                point(columns - k - 1, row),
-                point(columns - k, row),
-            ];
+            let corners = [point(k, row), point(k + 1, row), point(columns - k - 1, row), point(columns - k, row)];
             b.quad(corners, paint);
         }
     }

@@ -20,22 +20,13 @@ pub(super) struct Kerb<'a> {
 
 impl<'a> Kerb<'a> {
     pub(super) fn new(town: &'a Town, axis: usize, street: &'a Street, side: f64) -> Self {
-        Self {
-            town,
-            street,
-            axis,
-            side,
-        }
+        Self { town, street, axis, side }
     }
 
     /// A frame on the ground, if the ground there is of the wanted kind.
     fn stand(&self, along: f64, across: f64, yaw: f64, wanted: Ground) -> Option<Frame> {
         let offset = self.street.centre + self.side * across;
-        let [x, y] = if self.axis == 0 {
-            [offset, along]
-        } else {
-            [along, offset]
-        };
+        let [x, y] = if self.axis == 0 { [offset, along] } else { [along, offset] };
         (self.town.kind(x, y) == wanted).then(|| Frame::new(self.town.point(x, y), yaw))
     }
 
