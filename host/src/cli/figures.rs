@@ -2,13 +2,15 @@
 
 use std::path::Path;
 
+use echoloop_dsp::{Kind, Parameter};
+
 use super::exit::Failure;
 use super::tune::Prepared;
 use crate::cloud::{Cloud, write_ply};
 use crate::config::Config;
 use crate::evaluate::{Summary, median};
 use crate::objective::Registered;
-use crate::params::{Parameters, Space, icp_axes};
+use crate::params::{Parameters, Preset, Space, icp_axes};
 use crate::report::{
     CloudLayer, Convergence, Correlation, EvaluationRow, EvaluationTable, PairClouds, PairError, ParameterTrace,
     PoseError, Report, RowKind,
@@ -53,30 +55,69 @@ fn row(summary: &Summary) -> String {
     )
 }
 
-/// Every tunable parameter: name, unit, range, default, where it acts.
-pub(super) fn print_parameters(config: &Config, json: bool) {
-    let lidar = echoloop_dsp::PARAMETERS.iter().map(|p| {
-        let default = p.default.map(|code| p.to_unit(code));
-        (format!("lidar.{}", p.name), p.unit, p.to_unit(p.min), p.to_unit(p.max), default, p.acts_in)
+/// A row of the parameter table, in units.
+struct Row {
+    name: String,
+    unit: &'static str,
+    min: f64,
+    max: f64,
+    default: Option<f64>,
+    acts_in: &'static str,
+    /// What a choice chooses from: the methods that work.
+    choices: Vec<&'static str>,
+}
+
+/// The methods of a choice that this firmware runs.
+pub(super) fn choices(parameter: &Parameter) -> Vec<&'static str> {
+    let Kind::Choice { names, .. } = parameter.kind else { return Vec::new() };
+    names.iter().zip(0..).filter(|(_, code)| parameter.runs(*code)).map(|(name, _)| *name).collect()
+}
+
+/// Every parameter: the firmware's table, then the registration's.
+fn parameter_rows(preset: Preset) -> Vec<Row> {
+    let lidar = echoloop_dsp::PARAMETERS.iter().map(|p| Row {
+        name: format!("lidar.{}", p.name),
+        unit: p.unit,
+        min: p.to_unit(p.min),
+        max: p.to_unit(p.max),
+        default: p.default.map(|code| p.to_unit(code)),
+        acts_in: p.acts_in,
+        choices: choices(p),
     });
-    let axes = icp_axes(config.registration.preset);
-    let registration = axes.iter().map(|a| (a.name.to_owned(), a.unit, a.min, a.max, Some(a.default), "ICP"));
-    let rows: Vec<_> = lidar.chain(registration).collect();
-    if json {
-        let rows: Vec<_> = rows
-            .iter()
-            .map(|(name, unit, min, max, default, acts_in)| {
-                serde_json::json!({"name": name, "unit": unit, "min": min, "max": max, "default": default, "acts_in": acts_in})
-            })
-            .collect();
-        println!("{}", serde_json::Value::from(rows));
-        return;
-    }
-    println!("{:<34} {:>10} {:>10} {:>10}  {:<14} acts in", "parameter", "min", "max", "default", "unit");
-    for (name, unit, min, max, default, acts_in) in rows {
+    let registration = icp_axes(preset).map(|a| Row {
+        name: a.name.to_owned(),
+        unit: a.unit,
+        min: a.min,
+        max: a.max,
+        default: Some(a.default),
+        acts_in: "ICP",
+        choices: Vec::new(),
+    });
+    lidar.chain(registration).collect()
+}
+
+/// The parameter table as text: name, range, default, unit, where it acts.
+pub(super) fn parameter_table(preset: Preset) -> String {
+    let mut text = format!("{:<34} {:>8} {:>8} {:>8}  {:<14} acts in\n", "parameter", "min", "max", "default", "unit");
+    for Row { name, unit, min, max, default, acts_in, choices } in parameter_rows(preset) {
+        if !choices.is_empty() {
+            text += &format!("{name:<34} {:<42}  {acts_in}\n", choices.join(" | "));
+            continue;
+        }
         let default = default.map_or_else(|| "follows".into(), |v| v.to_string());
-        println!("{name:<34} {min:>10} {max:>10} {default:>10}  {unit:<14} {acts_in}");
+        text += &format!("{name:<34} {min:>8} {max:>8} {default:>8}  {unit:<14} {acts_in}\n");
     }
+    text
+}
+
+/// The parameter table as JSON.
+pub(super) fn parameter_json(preset: Preset) -> serde_json::Value {
+    let row = |Row { name, unit, min, max, default, acts_in, choices }: Row| {
+        serde_json::json!({
+            "name": name, "unit": unit, "min": min, "max": max, "default": default, "acts_in": acts_in, "choices": choices,
+        })
+    };
+    parameter_rows(preset).into_iter().map(row).collect::<Vec<_>>().into()
 }
 
 /// The held-out pair to show: the one the default parameters did worst on.

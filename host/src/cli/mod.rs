@@ -11,10 +11,11 @@ mod tune;
 
 use std::path::PathBuf;
 
-use clap::{Args, CommandFactory, Parser, Subcommand};
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
 
 use crate::config::{Config, Override, load};
+use crate::params::Preset;
 
 pub use exit::{Failure, report_failure};
 
@@ -114,7 +115,24 @@ struct ConfigArgs {
     parameters: bool,
 }
 
+/// The command line with the parameter table in its help: it comes from the firmware, so it is put in here.
+pub fn command() -> clap::Command {
+    let help = format!(
+        "Parameters, set with --set KEY=VALUE or in a file ([lidar], [registration]):\n\n{}",
+        figures::parameter_table(Preset::Outdoor)
+    );
+    let with_parameters = |c: clap::Command| c.after_long_help(help.clone());
+    let command = Cli::command().mut_subcommand("tune", with_parameters);
+    command.mut_subcommand("evaluate", with_parameters).mut_subcommand("scan", with_parameters)
+}
+
 impl Cli {
+    /// Reads the command line; with a message for people, ends the process when it makes no sense or asks for help.
+    pub fn from_command_line() -> Self {
+        let matches = command().get_matches();
+        Self::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
+    }
+
     /// Does what was asked.
     ///
     /// # Errors
@@ -129,7 +147,7 @@ impl Cli {
             Command::Sensor(args) => sensor::run(&args),
             Command::Config(args) => show_config(&args),
             Command::Completions { shell } => {
-                clap_complete::generate(shell, &mut Self::command(), "echoloop", &mut std::io::stdout());
+                clap_complete::generate(shell, &mut command(), "echoloop", &mut std::io::stdout());
                 Ok(())
             }
         }
@@ -138,8 +156,11 @@ impl Cli {
 
 fn show_config(args: &ConfigArgs) -> Result<(), Failure> {
     let config = args.source.load(Vec::new())?;
-    if args.parameters {
-        figures::print_parameters(&config, args.common.json);
+    let preset = config.registration.preset;
+    if args.parameters && args.common.json {
+        println!("{}", figures::parameter_json(preset));
+    } else if args.parameters {
+        print!("{}", figures::parameter_table(preset));
     } else if args.common.json {
         println!("{}", serde_json::to_string_pretty(&config).map_err(Failure::run)?);
     } else {
@@ -160,6 +181,6 @@ mod tests {
 
     #[test]
     fn the_command_line_is_well_formed() {
-        Cli::command().debug_assert();
+        command().debug_assert();
     }
 }

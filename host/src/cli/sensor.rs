@@ -9,6 +9,7 @@ use echoloop_sim::board::PcSensor;
 use echoloop_sim::scanner::SceneResponse;
 
 use super::exit::Failure;
+use super::figures::choices;
 use super::{Common, ConfigSource};
 use crate::client::{Client, Patience};
 use crate::config::Lidar;
@@ -73,10 +74,7 @@ fn shown(parameter: &Parameter, code: Option<i32>) -> String {
 
 fn range(parameter: &Parameter) -> String {
     match parameter.kind {
-        Kind::Choice { names, .. } => {
-            let working = names.iter().zip(0..).filter(|(_, i)| parameter.runs(*i)).map(|(name, _)| *name);
-            working.collect::<Vec<_>>().join(", ")
-        }
+        Kind::Choice { .. } => choices(parameter).join(", "),
         Kind::PowerOfTwo { runs_to } => format!("1 to {runs_to}, powers of two"),
         _ => format!(
             "{} to {} {}",
