@@ -12,25 +12,15 @@ use echoloop_host::report::{CloudLayer, PoseError, Report};
 const LIT_AT_LEAST: u32 = 5_000;
 
 fn chromium() -> Option<PathBuf> {
-    let found = [
-        "chromium",
-        "chromium-browser",
-        "google-chrome",
-        "google-chrome-stable",
-    ]
-    .iter()
-    .flat_map(|name| {
-        let paths = std::env::var_os("PATH").unwrap_or_default();
-        std::env::split_paths(&paths)
-            .map(|dir| dir.join(name))
-            .collect::<Vec<_>>()
-    })
-    .find(|path| path.is_file());
+    let found = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"]
+        .iter()
+        .flat_map(|name| {
+            let paths = std::env::var_os("PATH").unwrap_or_default();
+            std::env::split_paths(&paths).map(|dir| dir.join(name)).collect::<Vec<_>>()
+        })
+        .find(|path| path.is_file());
     if found.is_none() {
-        assert!(
-            std::env::var_os("CI").is_none(),
-            "CI needs Chromium to check the report"
-        );
+        assert!(std::env::var_os("CI").is_none(), "CI needs Chromium to check the report");
         eprintln!("SKIPPED: no Chromium on the PATH, so nobody looked at the report");
     }
     found
@@ -49,23 +39,9 @@ fn open(name: &str, html: &str, flags: &[&str]) -> Option<Opened> {
     let browser = chromium()?;
     let profile = tempfile::tempdir().expect("a directory for the profile");
     let output = Command::new(browser)
-        .args([
-            "--headless",
-            "--no-sandbox",
-            "--disable-gpu",
-            "--disable-quic",
-            "--no-first-run",
-        ])
-        .args([
-            "--disable-background-networking",
-            "--disable-component-update",
-            "--disable-sync",
-        ])
-        .args([
-            "--enable-logging=stderr",
-            "--window-size=1280,900",
-            "--virtual-time-budget=10000",
-        ])
+        .args(["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"])
+        .args(["--disable-background-networking", "--disable-component-update", "--disable-sync"])
+        .args(["--enable-logging=stderr", "--window-size=1280,900", "--virtual-time-budget=10000"])
         .args(flags)
         .arg(format!("--user-data-dir={}", profile.path().display()))
         .arg("--dump-dom")
@@ -73,10 +49,7 @@ fn open(name: &str, html: &str, flags: &[&str]) -> Option<Opened> {
         .output()
         .expect("the browser starts");
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    Some(Opened {
-        dom: text(&output.stdout),
-        log: text(&output.stderr),
-    })
+    Some(Opened { dom: text(&output.stdout), log: text(&output.stderr) })
 }
 
 impl Opened {
@@ -87,9 +60,7 @@ impl Opened {
     }
 
     fn pixels(&self, name: &str) -> u32 {
-        let text = self
-            .body(name)
-            .unwrap_or_else(|| panic!("no {name}: {}", self.log));
+        let text = self.body(name).unwrap_or_else(|| panic!("no {name}: {}", self.log));
         text.parse().expect("a number of pixels")
     }
 
@@ -168,20 +139,8 @@ fn whatever_moves_one_view_moves_both() {
         return;
     };
     page.assert_silent();
-    let steps = [
-        "orbit",
-        "pan",
-        "zoom",
-        "drag",
-        "slide",
-        "toggle",
-        "height",
-        "intensity",
-        "size",
-        "above",
-        "reset",
-        "back",
-    ];
+    let steps =
+        ["orbit", "pan", "zoom", "drag", "slide", "toggle", "height", "intensity", "size", "above", "reset", "back"];
     for step in steps {
         assert_eq!(page.body(&format!("data-{step}")), Some("2"), "{step}");
     }
@@ -193,37 +152,33 @@ fn without_webgl_a_text_takes_the_place_of_the_views() {
     let Some(page) = open("fallback.html", &html, &["--disable-3d-apis"]) else {
         return;
     };
-    assert_eq!(
-        (page.body("data-webgl"), page.body("data-ready")),
-        (Some("0"), Some("1"))
-    );
-    assert_eq!(
-        page.dom
-            .matches("<p class=\"fallback\">This view needs WebGL2")
-            .count(),
-        2
-    );
+    assert_eq!((page.body("data-webgl"), page.body("data-ready")), (Some("0"), Some("1")));
+    assert_eq!(page.dom.matches("<p class=\"fallback\">This view needs WebGL2").count(), 2);
 }
 
 #[test]
 fn the_page_refers_to_nothing_outside_itself() {
     let html = synthetic::report(1).to_html().expect("consistent data");
-    for reference in [
-        "http://", "https://", "src=", "url(", "@import", "import(", "fetch(", "XMLHttp",
-    ] {
+    for reference in ["http://", "https://", "src=", "url(", "@import", "import(", "fetch(", "XMLHttp"] {
         assert!(!html.contains(reference), "the page holds {reference}");
     }
     assert_eq!(html.matches("href=").count(), 1, "only the empty icon");
 }
 
 #[test]
+fn every_colour_is_the_style_sheets() {
+    let html = synthetic::report(1).to_html().expect("consistent data");
+    let (_, body) = html.split_once("<body>").expect("a body");
+    for colour in ["#EC40", "fill=\"#", "stroke=\"#", "font-family", "font-size"] {
+        assert!(!body.contains(colour), "a drawing holds {colour}");
+    }
+}
+
+#[test]
 fn the_same_data_give_the_same_bytes() {
     let [a, b] = [1, 1].map(|seed| synthetic::report(seed).to_html().expect("consistent data"));
     assert!(a == b);
-    eprintln!(
-        "a report of 30 generations, 12 parameters, 20 pairs and 48,000 points: {} bytes",
-        a.len()
-    );
+    eprintln!("a report of 30 generations, 12 parameters, 20 pairs and 48,000 points: {} bytes", a.len());
 }
 
 #[test]
@@ -243,16 +198,8 @@ fn a_report_of_nothing_but_gaps_is_drawn() {
 /// Replaces every number by one that is not finite.
 fn blank(report: &mut Report) {
     let c = &mut report.convergence;
-    let series = [
-        &mut c.best,
-        &mut c.median,
-        &mut c.upper_quartile,
-        &mut c.mean_point,
-        &mut c.sigma,
-    ];
-    series
-        .into_iter()
-        .for_each(|values| values.fill(f64::INFINITY));
+    let series = [&mut c.best, &mut c.median, &mut c.upper_quartile, &mut c.mean_point, &mut c.sigma];
+    series.into_iter().for_each(|values| values.fill(f64::INFINITY));
     c.default_fitness = Some(f64::NAN);
     for row in &mut report.table.rows {
         row.recall_pct = f64::NAN;
@@ -266,10 +213,7 @@ fn blank(report: &mut Report) {
         (pair.default, pair.tuned) = (PoseError::default(), PoseError::default());
     }
     if let Some(correlation) = &mut report.correlation {
-        correlation
-            .matrix
-            .iter_mut()
-            .for_each(|row| row.fill(f64::NAN));
+        correlation.matrix.iter_mut().for_each(|row| row.fill(f64::NAN));
     }
     if let Some(clouds) = &mut report.clouds {
         clouds.before[0].points.fill([f32::NAN; 3]);

@@ -1,172 +1,118 @@
-//! From values to places on the paper, and the round numbers along the way.
+//! Axes that bear any data: bounds around the finite values, marks at round numbers, everything else at the edge.
 
-use libm::{exp10, log, log10};
+use std::ops::Range;
+
+use plotters::coord::combinators::{IntoLogRange, LogCoord};
+use plotters::coord::ranged1d::{BoldPoints, KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
+use plotters::coord::types::RangedCoordf64;
 
 use super::format::{fixed, significant};
 
 /// Values that span more than this factor are easier to read on a logarithmic axis.
 const LOG_RATIO: f64 = 20.0;
 
-/// A linear or logarithmic axis from `low` at `start` to `high` at `end`.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Below this factor powers of ten alone are too few marks.
+const FEW_DECADES: f64 = 200.0;
+
+/// A linear or logarithmic axis.
+#[derive(Clone, Debug)]
 pub(super) struct Axis {
-    log: bool,
     low: f64,
     high: f64,
-    start: f64,
-    end: f64,
+    log: bool,
+    ticks: Vec<f64>,
+    decimals: Option<usize>,
 }
 
 impl Axis {
     /// Exactly these bounds, made usable if they are not.
-    pub(super) fn between(low: f64, high: f64, log: bool, [start, end]: [f64; 2]) -> Self {
-        let usable = low.is_finite() && high.is_finite() && low < high;
-        let (low, high) = match usable {
-            true => (low, high),
-            false if low.is_finite() && low == high => (low - 0.5, high + 0.5),
-            false => (0.0, 1.0),
+    pub(super) fn between(low: f64, high: f64, log: bool) -> Self {
+        let (low, high) = match (high - low).is_finite() {
+            true if low < high => (low, high),
+            true if low == high => (low - 0.5, high + 0.5),
+            _ => (0.0, 1.0),
         };
-        Self {
-            log: log && low > 0.0,
-            low,
-            high,
-            start,
-            end,
-        }
+        let axis = Self { low, high, log: log && low > 0.0, ticks: vec![], decimals: None };
+        if axis.log { axis.with_log_ticks() } else { axis.with_linear_ticks() }
     }
 
-    /// Round bounds around all finite values; logarithmic when they are positive and span much.
-    pub(super) fn around(values: impl Iterator<Item = f64>, ends: [f64; 2]) -> Self {
+    /// Bounds a little beyond the finite values; logarithmic when they are positive and span much.
+    pub(super) fn around(values: impl Iterator<Item = f64>) -> Self {
         let (low, high) = range(values);
         if low > 0.0 && high / low > LOG_RATIO {
-            return Self::between(round_down(low), round_up(high), true, ends);
+            return Self::between(low / 1.2, high * 1.2, true);
         }
-        let step = step(high - low);
-        let (down, up) = ((low / step).floor() * step, (high / step).ceil() * step);
-        Self::between(down, up, false, ends)
+        let margin = 0.06 * (high - low);
+        let least = if low >= 0.0 { 0.0 } else { f64::NEG_INFINITY };
+        Self::between((low - margin).max(least), high + margin, false)
     }
 
-    /// Round bounds around the finite positive values, logarithmic, and never under `floor`.
-    pub(super) fn log_around(
-        values: impl Iterator<Item = f64>,
-        floor: f64,
-        ends: [f64; 2],
-    ) -> Self {
-        let (low, high) = range(values.filter(|v| *v > 0.0).map(|v| v.max(floor)));
-        if !low.is_finite() {
-            return Self::between(floor, floor * 100.0, true, ends);
+    /// Logarithmic bounds a little beyond the finite positive values, and never under `floor`.
+    pub(super) fn log_around(values: impl Iterator<Item = f64>, floor: f64) -> Self {
+        match range(values.filter(|v| *v > 0.0).map(|v| v.max(floor))) {
+            (low, high) if low.is_finite() => Self::between(low / 1.3, high.max(low * 5.0) * 1.3, true),
+            _ => Self::between(floor, floor * 100.0, true),
         }
-        let high = round_up(high).max(round_down(low) * 10.0);
-        Self::between(round_down(low), high, true, ends)
     }
 
-    /// Where `value` stands; beyond the bounds, at the nearer end; unknown, at the far end.
-    pub(super) fn at(&self, value: f64) -> f64 {
-        if value.is_nan() {
-            return self.end;
-        }
-        let value = value.clamp(self.low, self.high);
-        let share = match self.log {
-            true => log(value / self.low) / log(self.high / self.low),
-            false => (value - self.low) / (self.high - self.low),
-        };
-        self.start + share * (self.end - self.start)
+    /// Marks at the finite ones of these values instead of at round numbers.
+    pub(super) fn with_ticks(self, ticks: &[f64]) -> Self {
+        let ticks = ticks.iter().copied().filter(|tick| tick.is_finite()).collect();
+        Self { ticks, decimals: None, ..self }
+    }
+
+    fn with_linear_ticks(mut self) -> Self {
+        self.ticks = RangedCoordf64::from(self.range()).key_points(BoldPoints(8));
+        let decimals = |tick: &f64| significant(*tick).split_once('.').map_or(0, |(_, digits)| digits.len());
+        self.decimals = self.ticks.iter().map(decimals).max().filter(|decimals| *decimals > 0);
+        self
+    }
+
+    fn with_log_ticks(mut self) -> Self {
+        let decades = LogCoord::from((self.low / 10.0..self.high).log_scale()).key_points(BoldPoints(8));
+        let digits: &[f64] = if self.high / self.low < FEW_DECADES { &[1.0, 2.0, 5.0] } else { &[1.0] };
+        self.ticks = decades.iter().flat_map(|decade| digits.iter().map(move |digit| digit * decade)).collect();
+        self.ticks.retain(|tick| (self.low..=self.high).contains(tick));
+        self
     }
 
     pub(super) fn is_log(&self) -> bool {
         self.log
     }
+}
 
-    pub(super) fn low(&self) -> f64 {
-        self.low
-    }
+impl Ranged for Axis {
+    type FormatOption = NoDefaultFormatting;
+    type ValueType = f64;
 
-    pub(super) fn high(&self) -> f64 {
-        self.high
-    }
-
-    pub(super) fn ends(&self) -> [f64; 2] {
-        [self.start, self.end]
-    }
-
-    /// Round values with their labels, from low to high.
-    pub(super) fn ticks(&self) -> Vec<(f64, String)> {
-        if self.log {
-            self.log_ticks()
-        } else {
-            self.linear_ticks()
+    /// Beyond the bounds: at the nearer end; unknown: at the far end.
+    fn map(&self, value: &f64, limit: (i32, i32)) -> i32 {
+        let value = if value.is_nan() { self.high } else { value.clamp(self.low, self.high) };
+        match self.log {
+            true => LogCoord::from(self.range().log_scale()).map(&value, limit),
+            false => RangedCoordf64::from(self.range()).map(&value, limit),
         }
     }
 
-    fn linear_ticks(&self) -> Vec<(f64, String)> {
-        let step = step(self.high - self.low);
-        let decimals = (-log10(step).floor()).max(0.0) as usize;
-        let first = (self.low / step - 1e-9).ceil() as i64;
-        let last = (self.high / step + 1e-9).floor() as i64;
-        (first..=last)
-            .map(|k| k as f64 * step)
-            .map(|value| (value, fixed(value, decimals)))
-            .collect()
+    fn key_points<Hint: KeyPointHint>(&self, _: Hint) -> Vec<f64> {
+        self.ticks.clone()
     }
 
-    fn log_ticks(&self) -> Vec<(f64, String)> {
-        let decades = log10(self.high / self.low);
-        let steps: &[f64] = match decades {
-            d if d < 1.5 => &[1.0, 2.0, 5.0],
-            d if d < 3.0 => &[1.0, 3.0],
-            _ => &[1.0],
-        };
-        let first = log10(self.low).floor() as i32;
-        let last = log10(self.high).ceil() as i32;
-        (first..=last)
-            .flat_map(|decade| steps.iter().map(move |m| m * exp10(f64::from(decade))))
-            .filter(|v| (self.low * 0.999..=self.high * 1.001).contains(v))
-            .map(|value| (value, significant(value)))
-            .collect()
+    fn range(&self) -> Range<f64> {
+        self.low..self.high
+    }
+}
+
+impl ValueFormatter<f64> for Axis {
+    fn format_ext(&self, value: &f64) -> String {
+        self.decimals.map_or_else(|| significant(*value), |decimals| fixed(*value, decimals))
     }
 }
 
 fn range(values: impl Iterator<Item = f64>) -> (f64, f64) {
     values
         .filter(|v| v.is_finite())
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
-            (low.min(v), high.max(v))
-        })
-}
-
-/// 1, 2 or 5 times a power of ten, so that four to nine fit into `span`.
-fn step(span: f64) -> f64 {
-    if !(span.is_finite() && span > 0.0) {
-        return 1.0;
-    }
-    let power = exp10(log10(span / 5.0).floor());
-    let digit = span / 5.0 / power;
-    power
-        * [1.0, 2.0, 5.0]
-            .into_iter()
-            .rfind(|d| *d <= digit)
-            .unwrap_or(1.0)
-}
-
-/// The largest 1, 2 or 5 times a power of ten that is not above `value`.
-fn round_down(value: f64) -> f64 {
-    let power = exp10(log10(value).floor());
-    let digit = value / power * (1.0 + 1e-9);
-    power
-        * [1.0, 2.0, 5.0]
-            .into_iter()
-            .rfind(|d| *d <= digit)
-            .unwrap_or(1.0)
-}
-
-fn round_up(value: f64) -> f64 {
-    let power = exp10(log10(value).floor());
-    let digit = value / power * (1.0 - 1e-9);
-    power
-        * [1.0, 2.0, 5.0]
-            .into_iter()
-            .find(|d| *d >= digit)
-            .unwrap_or(10.0)
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
 }
 
 #[cfg(test)]
@@ -174,43 +120,33 @@ mod tests {
     use super::*;
 
     fn labels(axis: &Axis) -> Vec<String> {
-        axis.ticks().into_iter().map(|(_, label)| label).collect()
+        axis.ticks.iter().map(|tick| axis.format_ext(tick)).collect()
     }
 
     #[test]
     fn a_wide_span_turns_logarithmic() {
-        let axis = Axis::around([0.03, f64::NAN, 4.0].into_iter(), [100.0, 0.0]);
+        let axis = Axis::around([0.03, f64::NAN, 4.0].into_iter());
         assert!(axis.is_log());
-        assert_eq!((axis.low(), axis.high()), (0.02, 5.0));
-        assert_eq!(labels(&axis), ["0.03", "0.1", "0.3", "1", "3"]);
+        assert_eq!(labels(&axis), ["0.05", "0.1", "0.2", "0.5", "1", "2"]);
+        assert_eq!(labels(&Axis::between(1e-3, 1e3, true)), ["0.001", "0.01", "0.1", "1", "10", "100", "1000"]);
     }
 
     #[test]
-    fn a_narrow_span_stays_linear_with_round_bounds() {
-        let axis = Axis::around([0.31, 1.12].into_iter(), [100.0, 0.0]);
+    fn a_narrow_span_stays_linear_with_equal_decimals() {
+        let axis = Axis::around([0.31, 1.12].into_iter());
         assert!(!axis.is_log());
-        assert_eq!(
-            labels(&axis),
-            [
-                "0.3", "0.4", "0.5", "0.6", "0.7", "0.8", "0.9", "1.0", "1.1", "1.2"
-            ]
-        );
+        assert_eq!(labels(&axis), ["0.4", "0.6", "0.8", "1.0"]);
     }
 
     #[test]
     fn useless_values_still_give_an_axis() {
-        for values in [
-            vec![],
-            vec![f64::NAN],
-            vec![f64::INFINITY],
-            vec![2.0],
-            vec![-1.0, 0.0],
-        ] {
-            let axis = Axis::around(values.iter().copied(), [0.0, 100.0]);
-            assert!(axis.at(1.0).is_finite() && axis.at(f64::NAN) == 100.0);
-            assert!(!axis.ticks().is_empty(), "{values:?}");
-            let log = Axis::log_around(values.iter().copied(), 1e-3, [0.0, 100.0]);
-            assert!(log.at(0.0).is_finite() && !log.ticks().is_empty());
+        let pairs = [[-1.0, 0.0], [-1e308, 1e308], [1e16, 1e16 + 2.0], [1.0, 1.0 + 1e-15], [1e-12, 1e-2]];
+        let lone = [vec![], vec![f64::NAN], vec![f64::INFINITY], vec![2.0]];
+        for values in lone.into_iter().chain(pairs.map(Vec::from)) {
+            for axis in [Axis::around(values.iter().copied()), Axis::log_around(values.iter().copied(), 1e-3)] {
+                assert!(!axis.ticks.is_empty(), "{values:?}");
+                assert_eq!([f64::NAN, f64::NEG_INFINITY].map(|v| axis.map(&v, (0, 100))), [100, 0]);
+            }
         }
     }
 }

@@ -22,21 +22,10 @@ pub(super) fn section(clouds: Option<&PairClouds>) -> String {
     let Some(clouds) = clouds else {
         return String::new();
     };
-    let layers = [
-        &clouds.before[0],
-        &clouds.before[1],
-        &clouds.after[0],
-        &clouds.after[1],
-    ]
-    .map(shown);
-    let has_intensity = layers
-        .iter()
-        .any(|layer| layer.iter().any(|(_, i)| *i > 0.0));
+    let layers = [&clouds.before[0], &clouds.before[1], &clouds.after[0], &clouds.after[1]].map(shown);
+    let has_intensity = layers.iter().any(|layer| layer.iter().any(|(_, i)| *i > 0.0));
     let view = view(&layers);
-    let data: String = layers
-        .iter()
-        .map(|layer| layer_data(layer, &view))
-        .collect();
+    let data: String = layers.iter().map(|layer| layer_data(layer, &view)).collect();
     format!(
         "<section id=\"clouds\"><h2>One pair in three dimensions</h2>\
          <p class=\"lead\">{}: the target stands still, the source lies where registration put it. Both views \
@@ -52,11 +41,7 @@ pub(super) fn section(clouds: Option<&PairClouds>) -> String {
 }
 
 fn controls(has_intensity: bool) -> String {
-    let intensity = if has_intensity {
-        "<option value=\"2\">intensity</option>"
-    } else {
-        ""
-    };
+    let intensity = if has_intensity { "<option value=\"2\">intensity</option>" } else { "" };
     format!(
         "<div class=\"controls\">\
          <label><input type=\"checkbox\" id=\"show-target\" checked><i class=\"swatch target\"></i>target</label>\
@@ -95,18 +80,12 @@ fn hint() -> &'static str {
 
 /// The finite points, thinned evenly to [`MAX_LAYER_POINTS`], each with its intensity.
 fn shown(layer: &CloudLayer) -> Vec<([f32; 3], f32)> {
-    let finite: Vec<usize> = (0..layer.points.len())
-        .filter(|i| layer.points[*i].iter().all(|c| c.is_finite()))
-        .collect();
+    let finite: Vec<usize> =
+        (0..layer.points.len()).filter(|i| layer.points[*i].iter().all(|c| c.is_finite())).collect();
     let count = finite.len().min(MAX_LAYER_POINTS);
     (0..count)
         .map(|i| finite[i * finite.len() / count])
-        .map(|i| {
-            (
-                layer.points[i],
-                layer.intensity.get(i).copied().unwrap_or(0.0),
-            )
-        })
+        .map(|i| (layer.points[i], layer.intensity.get(i).copied().unwrap_or(0.0)))
         .collect()
 }
 
@@ -115,10 +94,7 @@ fn shown(layer: &CloudLayer) -> Vec<([f32; 3], f32)> {
 fn view(layers: &[Vec<([f32; 3], f32)>; 4]) -> Bounds {
     let [target, _, tuned_target, tuned_source] = layers;
     let all = || target.iter().chain(tuned_target).chain(tuned_source);
-    let mut view = Bounds {
-        low: [-1.0; 3],
-        high: [1.0; 3],
-    };
+    let mut view = Bounds { low: [-1.0; 3], high: [1.0; 3] };
     for axis in 0..3 {
         let mut values: Vec<f32> = all().map(|(p, _)| p[axis]).collect();
         if values.is_empty() {
@@ -140,12 +116,8 @@ fn view_text(view: &Bounds) -> String {
 fn layer_data(layer: &[([f32; 3], f32)], view: &Bounds) -> String {
     let bounds = bounds(layer);
     let centre = [0, 1, 2].map(|k| f64::midpoint(view.low[k], view.high[k]));
-    let origin = [0, 1, 2]
-        .map(|k| format!("{:.5}", bounds.low[k] - centre[k]))
-        .join(" ");
-    let extent = [0, 1, 2]
-        .map(|k| format!("{:.5}", bounds.high[k] - bounds.low[k]))
-        .join(" ");
+    let origin = [0, 1, 2].map(|k| format!("{:.5}", bounds.low[k] - centre[k])).join(" ");
+    let extent = [0, 1, 2].map(|k| format!("{:.5}", bounds.high[k] - bounds.low[k])).join(" ");
     format!(
         "<script type=\"text/plain\" data-origin=\"{origin}\" data-extent=\"{extent}\">{}</script>",
         base64(&quantise(layer, &bounds))
@@ -153,20 +125,14 @@ fn layer_data(layer: &[([f32; 3], f32)], view: &Bounds) -> String {
 }
 
 fn bounds(layer: &[([f32; 3], f32)]) -> Bounds {
-    let mut bounds = Bounds {
-        low: [f64::INFINITY; 3],
-        high: [f64::NEG_INFINITY; 3],
-    };
+    let mut bounds = Bounds { low: [f64::INFINITY; 3], high: [f64::NEG_INFINITY; 3] };
     for (point, _) in layer {
         let point = point.map(f64::from);
         bounds.low = from_fn(|k| bounds.low[k].min(point[k]));
         bounds.high = from_fn(|k| bounds.high[k].max(point[k]));
     }
     match layer.is_empty() {
-        true => Bounds {
-            low: [0.0; 3],
-            high: [0.0; 3],
-        },
+        true => Bounds { low: [0.0; 3], high: [0.0; 3] },
         false => bounds,
     }
 }
@@ -196,11 +162,7 @@ fn base64(bytes: &[u8]) -> String {
         for digit in 0..4 {
             let index = bits >> (18 - 6 * digit) & 63;
             let is_padding = digit > chunk.len();
-            text.push(if is_padding {
-                '='
-            } else {
-                char::from(DIGITS[index as usize])
-            });
+            text.push(if is_padding { '=' } else { char::from(DIGITS[index as usize]) });
         }
     }
     text
@@ -212,23 +174,15 @@ mod tests {
 
     #[test]
     fn base64_matches_the_vectors_of_rfc_4648() {
-        for (plain, text) in [
-            ("", ""),
-            ("f", "Zg=="),
-            ("fo", "Zm8="),
-            ("foo", "Zm9v"),
-            ("foobar", "Zm9vYmFy"),
-        ] {
+        for (plain, text) in [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")] {
             assert_eq!(base64(plain.as_bytes()), text);
         }
     }
 
     #[test]
     fn quantised_points_return_within_half_a_step() {
-        let layer: Vec<_> = (0..100)
-            .map(|i| i as f32)
-            .map(|t| ([t * 0.37 - 9.0, (t * 0.7).sin() * 40.0, t * t * 0.01], 0.5))
-            .collect();
+        let layer: Vec<_> =
+            (0..100).map(|i| i as f32).map(|t| ([t * 0.37 - 9.0, (t * 0.7).sin() * 40.0, t * t * 0.01], 0.5)).collect();
         let bounds = bounds(&layer);
         let bytes = quantise(&layer, &bounds);
         for ((point, _), packed) in layer.iter().zip(bytes.chunks(8)) {
@@ -245,17 +199,10 @@ mod tests {
     fn a_large_layer_is_thinned_evenly_and_loses_what_is_not_finite() {
         let mut points: Vec<[f32; 3]> = (0..100_000).map(|i| [i as f32, 0.0, 0.0]).collect();
         points[0] = [f32::NAN, 0.0, 0.0];
-        let layer = CloudLayer {
-            points,
-            intensity: vec![],
-        };
+        let layer = CloudLayer { points, intensity: vec![] };
         let shown = shown(&layer);
         assert_eq!(shown.len(), MAX_LAYER_POINTS);
         assert_eq!(shown[0].0[0], 1.0);
-        assert!(
-            shown
-                .windows(2)
-                .all(|w| (2.0..=3.0).contains(&(w[1].0[0] - w[0].0[0])))
-        );
+        assert!(shown.windows(2).all(|w| (2.0..=3.0).contains(&(w[1].0[0] - w[0].0[0]))));
     }
 }

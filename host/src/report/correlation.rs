@@ -1,8 +1,14 @@
 //! Which parameters the search moved together, with the caution this needs.
 
+use plotters::element::Rectangle;
+use plotters::style::Color;
+use plotters::style::FontTransform;
+use plotters::style::text_anchor::{HPos, VPos};
+
 use super::data::Correlation;
 use super::format::{escape, fixed};
-use super::svg::{Px, Svg};
+use super::plot::{Canvas, Drawn, Px, at, drawing, hint, text};
+use super::theme::ink;
 
 const CELL: f64 = 34.0;
 
@@ -27,10 +33,7 @@ pub(super) fn section(correlation: Option<&Correlation>, generations: usize) -> 
 
 fn caution(c: &Correlation, generations: usize) -> String {
     let share = match c.learned.filter(|share| share.is_finite()) {
-        Some(share) => format!(
-            "this run can have replaced at most {}\u{a0}% of it",
-            fixed(share * 100.0, 0)
-        ),
+        Some(share) => format!("this run can have replaced at most {}\u{a0}% of it", fixed(share * 100.0, 0)),
         None => "a short run replaces only part of it".to_owned(),
     };
     format!(
@@ -42,9 +45,7 @@ fn caution(c: &Correlation, generations: usize) -> String {
 
 /// The pair with the largest correlation, in words.
 fn strongest(c: &Correlation) -> String {
-    let best = pairs(c)
-        .filter(|(_, _, r)| r.is_finite())
-        .max_by(|a, b| a.2.abs().total_cmp(&b.2.abs()));
+    let best = pairs(c).filter(|(_, _, r)| r.is_finite()).max_by(|a, b| a.2.abs().total_cmp(&b.2.abs()));
     let Some((row, column, r)) = best else {
         return "No correlation is known.".to_owned();
     };
@@ -58,8 +59,7 @@ fn strongest(c: &Correlation) -> String {
 
 /// The lower triangle: row, column, value.
 fn pairs(c: &Correlation) -> impl Iterator<Item = (usize, usize, f64)> {
-    (1..c.names.len())
-        .flat_map(move |row| (0..row).map(move |column| (row, column, c.matrix[row][column])))
+    (1..c.names.len()).flat_map(move |row| (0..row).map(move |column| (row, column, c.matrix[row][column])))
 }
 
 /// Where the triangle begins and how large the drawing is, so that every slanted name has room.
@@ -87,49 +87,45 @@ impl Layout {
 
 fn heat_map(c: &Correlation) -> String {
     let Layout { left, top, size } = Layout::of(&c.names);
-    let label = format!(
-        "Heat map of the correlations between {} parameters.",
-        c.names.len()
-    );
-    let mut svg = Svg::new(size, &label);
-    for (row, column, r) in pairs(c) {
-        let corner = [left + column as f64 * CELL, top + (row - 1) as f64 * CELL];
-        let hint = format!("{} · {}: {}", c.names[row], c.names[column], fixed(r, 2));
-        cell(&mut svg, corner, r, &hint);
-    }
-    for (row, name) in c.names.iter().enumerate().skip(1) {
-        svg.text(
-            "name end",
-            [left - 8.0, top + (row as f64 - 0.5) * CELL + 4.0],
-            name,
-        );
-    }
-    for (column, name) in c.names.iter().enumerate().take(c.names.len() - 1) {
-        let along = column as f64 * CELL;
-        svg.slanted_text("name", [left + along + CELL / 2.0, top + along - 5.0], name);
-    }
+    let label = format!("Heat map of the correlations between {} parameters.", c.names.len());
+    let corner = |column: usize, row: usize| [left + column as f64 * CELL, top + row as f64 * CELL];
+    let svg = drawing(size, &label, |canvas, hints| {
+        for (row, column, r) in pairs(c) {
+            let [x, y] = corner(column, row - 1);
+            cell(canvas, [x, y], r)?;
+            let words = format!("{} · {}: {}", c.names[row], c.names[column], fixed(r, 2));
+            *hints += &hint(at([x, y]), at([x + CELL, y + CELL]), &words);
+        }
+        let beside = text("name", HPos::Right, VPos::Center);
+        let above = text("name", HPos::Left, VPos::Center).transform(FontTransform::Rotate270);
+        for (k, name) in c.names.iter().enumerate() {
+            let [x, y] = corner(k, k);
+            if k > 0 {
+                canvas.draw_text(name, &beside, at([left - 8.0, y - CELL / 2.0]))?;
+            }
+            if k + 1 < c.names.len() {
+                canvas.draw_text(name, &above, at([x + CELL / 2.0, y - 5.0]))?;
+            }
+        }
+        Ok(())
+    });
+    // plotters knows only right angles; names that climb at half of one are easier to read.
     let style = format!("<svg style=\"width:{}px\" ", size[0].round());
-    svg.finish().replacen("<svg ", &style, 1)
+    svg.replacen("<svg ", &style, 1).replace("rotate(270,", "rotate(-45,")
 }
 
-fn cell(svg: &mut Svg, [x, y]: Px, r: f64, hint: &str) {
+fn cell(canvas: &Canvas<'_>, [x, y]: Px, r: f64) -> Drawn {
     let strength = if r.is_finite() { r.abs().min(1.0) } else { 0.0 };
     let inner = CELL - 2.0;
-    svg.hinted(hint, |svg| {
-        svg.rect("cell", [x, y], [inner, inner], 1.0);
-        if strength > 0.0 {
-            let class = if r > 0.0 { "plus" } else { "minus" };
-            svg.rect(class, [x, y], [inner, inner], strength);
-        }
-        if strength >= WORTH_A_NUMBER {
-            let class = if strength > 0.6 {
-                "value strong middle"
-            } else {
-                "value middle"
-            };
-            svg.text(class, [x + inner / 2.0, y + inner / 2.0 + 4.0], &short(r));
-        }
-    });
+    let square = [at([x, y]), at([x + inner, y + inner])];
+    canvas.draw(&Rectangle::new(square, ink("cell").filled()))?;
+    let colour = ink(if r > 0.0 { "plus" } else { "minus" }).mix((strength * 100.0).round() / 100.0);
+    canvas.draw(&Rectangle::new(square, colour.filled()))?;
+    if strength < WORTH_A_NUMBER {
+        return Ok(());
+    }
+    let class = if strength > 0.6 { "value strong" } else { "value" };
+    canvas.draw_text(&short(r), &text(class, HPos::Center, VPos::Center), at([x + inner / 2.0, y + inner / 2.0]))
 }
 
 /// Two digits without the leading zero, as fits a cell.
@@ -138,20 +134,7 @@ fn short(r: f64) -> String {
 }
 
 /// The colour scale from −1 to 1.
-fn scale() -> String {
-    let mut svg = Svg::new([264.0, 44.0], "Colour scale from minus one to one");
-    for k in -5..=5_i32 {
-        let at = [f64::from(k + 5) * 24.0, 2.0];
-        let class = if k > 0 { "plus" } else { "minus" };
-        svg.rect("cell", at, [23.0, 18.0], 1.0);
-        svg.rect(class, at, [23.0, 18.0], f64::from(k.abs()) / 5.0);
-    }
-    for (x, class, text) in [
-        (0.0, "tick", "−1"),
-        (131.5, "tick middle", "0"),
-        (263.0, "tick end", "+1"),
-    ] {
-        svg.text(class, [x, 36.0], text);
-    }
-    svg.finish().replacen("<svg ", "<svg class=\"scale\" ", 1)
+fn scale() -> &'static str {
+    "<div class=\"scale\" role=\"img\" aria-label=\"Colour scale from minus one to one\"><i></i><span>−1</span>\
+     <span>0</span><span>+1</span></div>"
 }

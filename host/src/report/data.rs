@@ -39,10 +39,7 @@ pub struct PoseError {
 impl Default for PoseError {
     /// Unknown.
     fn default() -> Self {
-        Self {
-            translation_m: f64::NAN,
-            rotation_deg: f64::NAN,
-        }
+        Self { translation_m: f64::NAN, rotation_deg: f64::NAN }
     }
 }
 
@@ -242,21 +239,15 @@ impl Convergence {
             ("held-out fitness", &self.held_out),
             ("sigma", &self.sigma),
         ];
-        series.iter().try_for_each(|(name, values)| {
-            optional_length(name, values.len(), self.generation.len(), "generations")
-        })
+        series
+            .iter()
+            .try_for_each(|(name, values)| optional_length(name, values.len(), self.generation.len(), "generations"))
     }
 }
 
 impl ParameterTrace {
     fn check(&self, generations: usize) -> Result<(), ReportError> {
-        [
-            ("mean", &self.mean),
-            ("low", &self.low),
-            ("high", &self.high),
-        ]
-        .iter()
-        .try_for_each(|(name, values)| {
+        [("mean", &self.mean), ("low", &self.low), ("high", &self.high)].iter().try_for_each(|(name, values)| {
             let series = format!("{name} of {}", self.name);
             optional_length(&series, values.len(), generations, "generations")
         })
@@ -267,22 +258,16 @@ impl Correlation {
     fn check(&self) -> Result<(), ReportError> {
         let names = self.names.len();
         length("correlation matrix", self.matrix.len(), names, "names")?;
-        self.matrix
-            .iter()
-            .try_for_each(|row| length("row of the correlation matrix", row.len(), names, "names"))
+        self.matrix.iter().try_for_each(|row| length("row of the correlation matrix", row.len(), names, "names"))
     }
 }
 
 impl PairClouds {
     fn check(&self) -> Result<(), ReportError> {
-        self.before.iter().chain(&self.after).try_for_each(|layer| {
-            optional_length(
-                "intensity",
-                layer.intensity.len(),
-                layer.points.len(),
-                "points",
-            )
-        })
+        self.before
+            .iter()
+            .chain(&self.after)
+            .try_for_each(|layer| optional_length("intensity", layer.intensity.len(), layer.points.len(), "points"))
     }
 }
 
@@ -297,9 +282,5 @@ fn length(series: &str, found: usize, count: usize, of: &str) -> Result<(), Repo
     if found == count {
         return Ok(());
     }
-    Err(ReportError::Length {
-        series: series.to_owned(),
-        expected: format!("{count} {of}"),
-        found,
-    })
+    Err(ReportError::Length { series: series.to_owned(), expected: format!("{count} {of}"), found })
 }

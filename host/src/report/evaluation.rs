@@ -1,8 +1,12 @@
 //! The headline, its three figures and the table of default against tuned.
 
+use plotters::element::{PathElement, Rectangle};
+use plotters::style::Color;
+
 use super::data::{EvaluationRow, EvaluationTable, Report, RowKind};
 use super::format::{escape, fixed, signed, significant, with_unit};
-use super::svg::Svg;
+use super::plot::{at, drawing};
+use super::theme::ink;
 
 /// A column of figures: how to read it and which way is better.
 struct Column {
@@ -22,15 +26,7 @@ const fn error(
     decimals: usize,
     read: fn(&EvaluationRow) -> f64,
 ) -> Column {
-    Column {
-        head,
-        over,
-        unit,
-        difference_unit: unit,
-        decimals,
-        more_is_better: false,
-        read,
-    }
+    Column { head, over, unit, difference_unit: unit, decimals, more_is_better: false, read }
 }
 
 const RECALL: Column = Column {
@@ -44,22 +40,10 @@ const RECALL: Column = Column {
 };
 const COLUMNS: [Column; 5] = [
     RECALL,
-    error("Mean translation error", "over successes", "cm", 1, |row| {
-        row.mean_translation_cm
-    }),
-    error("Mean rotation error", "over successes", "°", 2, |row| {
-        row.mean_rotation_deg
-    }),
-    error(
-        "Median translation error",
-        "over all pairs",
-        "cm",
-        1,
-        |row| row.median_translation_cm,
-    ),
-    error("Median rotation error", "over all pairs", "°", 2, |row| {
-        row.median_rotation_deg
-    }),
+    error("Mean translation error", "over successes", "cm", 1, |row| row.mean_translation_cm),
+    error("Mean rotation error", "over successes", "°", 2, |row| row.mean_rotation_deg),
+    error("Median translation error", "over all pairs", "cm", 1, |row| row.median_translation_cm),
+    error("Median rotation error", "over all pairs", "°", 2, |row| row.median_rotation_deg),
 ];
 
 impl Column {
@@ -94,17 +78,11 @@ pub(super) fn headline(report: &Report) -> String {
         count => format!(" over {count} generations"),
     };
     let table = &report.table;
-    let rows = table
-        .first(RowKind::Default)
-        .zip(table.first(RowKind::Tuned));
+    let rows = table.first(RowKind::Default).zip(table.first(RowKind::Tuned));
     let Some((default, tuned)) = rows else {
         return format!("{parameters}{generations}: not yet evaluated against the defaults.");
     };
-    format!(
-        "{parameters}{generations} {}{}.",
-        recall_change(default, tuned),
-        on_pairs(tuned)
-    )
+    format!("{parameters}{generations} {}{}.", recall_change(default, tuned), on_pairs(tuned))
 }
 
 fn recall_change(default: &EvaluationRow, tuned: &EvaluationRow) -> String {
@@ -119,15 +97,12 @@ fn recall_change(default: &EvaluationRow, tuned: &EvaluationRow) -> String {
 }
 
 fn on_pairs(row: &EvaluationRow) -> String {
-    row.pairs
-        .map_or(String::new(), |pairs| format!(" on {pairs} test pairs"))
+    row.pairs.map_or(String::new(), |pairs| format!(" on {pairs} test pairs"))
 }
 
 /// Recall and both medians, large, from default to tuned.
 pub(super) fn tiles(table: &EvaluationTable) -> String {
-    let rows = table
-        .first(RowKind::Default)
-        .zip(table.first(RowKind::Tuned));
+    let rows = table.first(RowKind::Default).zip(table.first(RowKind::Tuned));
     let Some((default, tuned)) = rows else {
         return String::new();
     };
@@ -152,16 +127,10 @@ pub(super) fn section(table: &EvaluationTable) -> String {
     if table.rows.is_empty() {
         return String::new();
     }
-    let heads: String = COLUMNS
-        .iter()
-        .map(|c| format!("<th scope=\"col\">{}<small>{}</small></th>", c.head, c.over))
-        .collect();
+    let heads: String =
+        COLUMNS.iter().map(|c| format!("<th scope=\"col\">{}<small>{}</small></th>", c.head, c.over)).collect();
     let default = table.first(RowKind::Default);
-    let rows: String = table
-        .rows
-        .iter()
-        .map(|row| table_row(row, default))
-        .collect();
+    let rows: String = table.rows.iter().map(|row| table_row(row, default)).collect();
     format!(
         "<section id=\"evaluation\"><h2>Default against tuned</h2><p class=\"lead\">{}</p>\
          <div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"Evaluation\"><table class=\"figures\">\
@@ -198,24 +167,12 @@ fn table_row(row: &EvaluationRow, default: Option<&EvaluationRow>) -> String {
         .enumerate()
         .map(|(i, column)| {
             let change = base.map_or(String::new(), |base| difference(column, row, base));
-            let bar = if i == 0 {
-                recall_bar(row)
-            } else {
-                String::new()
-            };
-            format!(
-                "<td><span class=\"value\">{}</span>{bar}{change}</td>",
-                column.value(row)
-            )
+            let bar = if i == 0 { recall_bar(row) } else { String::new() };
+            format!("<td><span class=\"value\">{}</span>{bar}{change}</td>", column.value(row))
         })
         .collect();
-    let pairs = row
-        .pairs
-        .map_or(String::new(), |n| format!("<small>{n} pairs</small>"));
-    format!(
-        "<tr class=\"{class}\"><th scope=\"row\">{}{pairs}</th>{cells}</tr>",
-        escape(&row.label)
-    )
+    let pairs = row.pairs.map_or(String::new(), |n| format!("<small>{n} pairs</small>"));
+    format!("<tr class=\"{class}\"><th scope=\"row\">{}{pairs}</th>{cells}</tr>", escape(&row.label))
 }
 
 fn difference(column: &Column, row: &EvaluationRow, base: &EvaluationRow) -> String {
@@ -233,29 +190,24 @@ fn recall_bar(row: &EvaluationRow) -> String {
         return String::new();
     }
     let recall = (row.recall_pct / 100.0).clamp(0.0, 1.0);
-    let interval = row
-        .pairs
-        .filter(|pairs| *pairs > 0)
-        .map(|pairs| wilson(recall, pairs as f64));
-    let mut svg = Svg::new([104.0, 12.0], &bar_label(interval));
-    svg.rect("bar-back", [2.0, 3.0], [100.0, 6.0], 1.0);
-    svg.rect("bar", [2.0, 3.0], [100.0 * recall, 6.0], 1.0);
-    if let Some((low, high)) = interval {
-        let [left, right] = [2.0 + 100.0 * low, 2.0 + 100.0 * high];
-        svg.line("whisker", [left, 6.0], [right, 6.0]);
-        svg.line("whisker", [left, 3.5], [left, 8.5]);
-        svg.line("whisker", [right, 3.5], [right, 8.5]);
-    }
-    svg.finish()
+    let interval = row.pairs.filter(|pairs| *pairs > 0).map(|pairs| wilson(recall, pairs as f64));
+    let across = |share: f64| 2.0 + 100.0 * share;
+    drawing([104.0, 12.0], &bar_label(interval), |canvas, _| {
+        let bar = |class, share| Rectangle::new([at([2.0, 3.0]), at([across(share), 9.0])], ink(class).filled());
+        canvas.draw(&bar("bar-back", 1.0))?;
+        canvas.draw(&bar("bar", recall))?;
+        let Some(ends) = interval else { return Ok(()) };
+        let [left, right] = [ends.0, ends.1].map(across);
+        for ends in [[[left, 6.0], [right, 6.0]], [[left, 3.5], [left, 8.5]], [[right, 3.5], [right, 8.5]]] {
+            canvas.draw(&PathElement::new(ends.map(at), ink("whisker")))?;
+        }
+        Ok(())
+    })
 }
 
 fn bar_label(interval: Option<(f64, f64)>) -> String {
     interval.map_or("recall".to_owned(), |(low, high)| {
-        format!(
-            "95 % interval {} to {} %",
-            fixed(low * 100.0, 0),
-            fixed(high * 100.0, 0)
-        )
+        format!("95 % interval {} to {} %", fixed(low * 100.0, 0), fixed(high * 100.0, 0))
     })
 }
 

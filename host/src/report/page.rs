@@ -8,8 +8,7 @@ const STYLE: &str = include_str!("report.css");
 const VIEWER: &str = include_str!("viewer.js");
 
 /// Nothing may be fetched: the browser enforces what the report promises.
-const POLICY: &str =
-    "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:";
+const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:";
 
 pub(super) fn page(report: &Report) -> String {
     let sections = [
@@ -17,10 +16,7 @@ pub(super) fn page(report: &Report) -> String {
         evaluation::section(&report.table),
         convergence::section(&report.convergence),
         trajectories::section(report),
-        correlation::section(
-            report.correlation.as_ref(),
-            report.convergence.generation.len(),
-        ),
+        correlation::section(report.correlation.as_ref(), report.convergence.generation.len()),
         pairs::section(report),
         clouds::section(report.clouds.as_ref()),
         notes(&report.notes),
@@ -41,19 +37,9 @@ fn header(report: &Report) -> String {
     let facts: String = report
         .facts
         .iter()
-        .map(|(name, value)| {
-            format!(
-                "<div><dt>{}</dt><dd>{}</dd></div>",
-                escape(name),
-                escape(value)
-            )
-        })
+        .map(|(name, value)| format!("<div><dt>{}</dt><dd>{}</dd></div>", escape(name), escape(value)))
         .collect();
-    let facts = if facts.is_empty() {
-        facts
-    } else {
-        format!("<dl class=\"facts\">{facts}</dl>\n")
-    };
+    let facts = if facts.is_empty() { facts } else { format!("<dl class=\"facts\">{facts}</dl>\n") };
     format!(
         "<header><p class=\"eyebrow\">Echoloop</p><h1>{}</h1><p class=\"subtitle\">{}</p>\
          <p class=\"headline\">{}</p>{}{facts}</header>\n",
@@ -68,9 +54,6 @@ fn notes(notes: &[String]) -> String {
     if notes.is_empty() {
         return String::new();
     }
-    let items: String = notes
-        .iter()
-        .map(|note| format!("<li>{}</li>", escape(note)))
-        .collect();
+    let items: String = notes.iter().map(|note| format!("<li>{}</li>", escape(note))).collect();
     format!("<section id=\"notes\"><h2>Notes</h2><ul class=\"notes\">{items}</ul></section>\n")
 }

@@ -2,20 +2,18 @@
 
 use std::f64::consts::LN_2;
 
+use plotters::element::{Circle, Cross, PathElement};
+use plotters::series::LineSeries;
+use plotters::style::Color;
+
 use super::axis::Axis;
-use super::chart::{Chart, Margins, Sample, legend};
 use super::data::{PairError, PoseError, Report};
 use super::format::{fixed, with_unit};
-use super::svg::{Px, Svg};
+use super::plot::{Chart, Drawn, Frame, Px, Sample, chart, fine, legend};
+use super::theme::ink;
 
 const SLOPES: Px = [900.0, 300.0];
 const CURVE: Px = [440.0, 270.0];
-const MARGINS: Margins = Margins {
-    left: 48.0,
-    right: 14.0,
-    top: 34.0,
-    bottom: 46.0,
-};
 
 /// Errors below this are drawn here: a tenth of a millimetre, a ten-thousandth of a degree.
 const FLOOR: f64 = 1e-4;
@@ -27,16 +25,8 @@ struct Part {
     read: fn(&PoseError) -> f64,
 }
 
-const TRANSLATION: Part = Part {
-    name: "translation error",
-    unit: "m",
-    read: |error| error.translation_m,
-};
-const ROTATION: Part = Part {
-    name: "rotation error",
-    unit: "°",
-    read: |error| error.rotation_deg,
-};
+const TRANSLATION: Part = Part { name: "translation error", unit: "m", read: |error| error.translation_m };
+const ROTATION: Part = Part { name: "rotation error", unit: "°", read: |error| error.rotation_deg };
 
 /// The three plots, or nothing without pairs.
 pub(super) fn section(report: &Report) -> String {
@@ -61,9 +51,7 @@ pub(super) fn section(report: &Report) -> String {
 /// How many pairs tuning won and lost, and whether that could be a coin's doing.
 fn gains(pairs: &[PairError], within: &PoseError) -> String {
     let count = |before: bool, after: bool| {
-        let same = |p: &&PairError| {
-            p.default.is_within(within) == before && p.tuned.is_within(within) == after
-        };
+        let same = |p: &&PairError| p.default.is_within(within) == before && p.tuned.is_within(within) == after;
         pairs.iter().filter(same).count()
     };
     let (won, lost) = (count(false, true), count(true, false));
@@ -91,126 +79,80 @@ fn coin(a: usize, b: usize) -> f64 {
 fn slopes(pairs: &[PairError], within: &PoseError) -> String {
     let mut sorted: Vec<&PairError> = pairs.iter().collect();
     sorted.sort_by(|a, b| b.default.translation_m.total_cmp(&a.default.translation_m));
-    let bounds = [MARGINS.left + 8.0, SLOPES[0] - MARGINS.right];
-    let x = Axis::between(0.5, sorted.len() as f64 + 0.5, false, bounds);
-    let y = part_axis(&TRANSLATION, pairs, within, MARGINS.up(SLOPES));
-    let label = format!(
-        "Translation error of {} pairs with default and tuned parameters.",
-        pairs.len()
-    );
-    let mut chart = Chart::new(Svg::new(SLOPES, &label), x, y)
-        .with_y_grid("translation error, m, log axis; ✕ at the top: nothing found");
-    chart.level("limit", within.translation_m);
-    for (rank, pair) in sorted.iter().enumerate() {
-        slope(&mut chart, pair, rank as f64 + 1.0, within, sorted.len());
-    }
-    let [bottom, _] = y.ends();
-    let middle = f64::midpoint(bounds[0], bounds[1]);
-    let title = "test pairs, largest default error first (hover for names)";
-    chart
-        .svg
-        .text("axis middle", [middle, bottom + 24.0], title);
-    chart.svg.finish()
+    let label = format!("Translation error of {} pairs with default and tuned parameters.", pairs.len());
+    let frame = Frame {
+        size: SLOPES,
+        label: &label,
+        y_title: "translation error, m, log axis; ✕ at the top: nothing found",
+        x_title: "test pairs, largest default error first (hover for names)",
+    };
+    let x = Axis::between(0.5, sorted.len() as f64 + 0.5, false).with_ticks(&[]);
+    chart(&frame, x, part_axis(&TRANSLATION, pairs, within), |chart| {
+        chart.level("limit", within.translation_m)?;
+        let radius = if sorted.len() > 60 { 2.8 } else { 4.5 };
+        sorted.iter().enumerate().try_for_each(|(rank, pair)| slope(chart, pair, rank as f64 + 1.0, within, radius))
+    })
 }
 
-fn slope(chart: &mut Chart, pair: &PairError, rank: f64, within: &PoseError, count: usize) {
-    let x = chart.x.at(rank);
-    let [before, after] = [&pair.default, &pair.tuned].map(|e| [x, chart.y.at(e.translation_m)]);
-    let radius = if count > 60 { 2.8 } else { 4.5 };
-    let class = if after[1] > before[1] {
-        "slope good"
-    } else {
-        "slope bad"
-    };
-    chart.svg.hinted(&hint(pair), |svg| {
-        svg.line(class, before, after);
-        mark(svg, "dot-default", before, &pair.default, within, radius);
-        mark(svg, "dot-tuned", after, &pair.tuned, within, radius);
-    });
+fn slope(chart: &mut Chart<'_, '_>, pair: &PairError, x: f64, within: &PoseError, radius: f64) -> Drawn {
+    let reach = |error: &PoseError| if error.translation_m.is_finite() { error.translation_m } else { f64::INFINITY };
+    let [before, after] = [&pair.default, &pair.tuned].map(reach);
+    let class = if after < before { "slope good" } else { "slope bad" };
+    chart.draw([PathElement::new([(x, before), (x, after)], ink(class))])?;
+    mark(chart, "dot-default", (x, before), &pair.default, within, radius)?;
+    mark(chart, "dot-tuned", (x, after), &pair.tuned, within, radius)?;
+    chart.hint(x - 0.5, x + 0.5, &hint(pair));
+    Ok(())
 }
 
 /// Filled when the pair succeeds, hollow when it does not, a cross when nothing was found.
-fn mark(svg: &mut Svg, class: &str, at: Px, error: &PoseError, within: &PoseError, radius: f64) {
-    if !error.translation_m.is_finite() {
-        let [x, y] = at;
-        let class = format!("{class} cross");
-        svg.line(&class, [x - radius, y - radius], [x + radius, y + radius]);
-        svg.line(&class, [x - radius, y + radius], [x + radius, y - radius]);
-        return;
+fn mark(
+    chart: &mut Chart<'_, '_>,
+    class: &str,
+    at: (f64, f64),
+    error: &PoseError,
+    within: &PoseError,
+    radius: f64,
+) -> Drawn {
+    if at.1.is_infinite() {
+        return chart.draw([Cross::new(at, fine(radius), ink(class))]);
     }
-    let hollow = if error.is_within(within) {
-        ""
-    } else {
-        " hollow"
-    };
-    svg.dot(&format!("{class}{hollow}"), at, radius);
+    let class = if error.is_within(within) { class.to_owned() } else { format!("{class} hollow") };
+    chart.draw([Circle::new(at, fine(radius), ink(&class).filled())])
 }
 
 fn hint(pair: &PairError) -> String {
     let text = |e: &PoseError| {
-        format!(
-            "{}, {}",
-            with_unit(&fixed(e.translation_m, 3), "m"),
-            with_unit(&fixed(e.rotation_deg, 2), "°")
-        )
+        format!("{}, {}", with_unit(&fixed(e.translation_m, 3), "m"), with_unit(&fixed(e.rotation_deg, 2), "°"))
     };
-    format!(
-        "{}: default {}; tuned {}",
-        pair.label,
-        text(&pair.default),
-        text(&pair.tuned)
-    )
+    format!("{}: default {}; tuned {}", pair.label, text(&pair.default), text(&pair.tuned))
 }
 
 /// Share of pairs whose error is at most x, for both settings.
 fn curve(part: &Part, pairs: &[PairError], within: &PoseError) -> String {
-    let x = part_axis(part, pairs, within, MARGINS.across(CURVE));
-    let y = Axis::between(0.0, 100.0, false, MARGINS.up(CURVE));
-    let label = format!(
-        "Cumulative distribution of the {} with default and tuned parameters.",
-        part.name
-    );
-    let mut chart = Chart::new(Svg::new(CURVE, &label), x, y)
-        .with_y_grid("% of pairs with at most this error")
-        .with_x_ticks(&format!("{}, {}, log axis", part.name, part.unit));
-    chart.upright("limit", (part.read)(within));
-    for (class, errors) in [
-        (
-            "curve-default",
-            pairs.iter().map(|p| (part.read)(&p.default)).collect(),
-        ),
-        (
-            "curve-tuned",
-            pairs.iter().map(|p| (part.read)(&p.tuned)).collect(),
-        ),
-    ] {
-        let steps = steps(&chart, errors);
-        chart.svg.path(class, &steps, false);
-    }
-    chart.svg.finish()
+    let label = format!("Cumulative distribution of the {} with default and tuned parameters.", part.name);
+    let x_title = format!("{}, {}, log axis", part.name, part.unit);
+    let frame = Frame { size: CURVE, label: &label, y_title: "% of pairs with at most this error", x_title: &x_title };
+    let curve = |read: fn(&PairError) -> &PoseError| steps(pairs.iter().map(|pair| (part.read)(read(pair))).collect());
+    chart(&frame, part_axis(part, pairs, within), Axis::between(0.0, 100.0, false), |chart| {
+        chart.upright("limit", (part.read)(within))?;
+        chart.draw(LineSeries::new(curve(|pair| &pair.default), ink("curve-default")))?;
+        chart.draw(LineSeries::new(curve(|pair| &pair.tuned), ink("curve-tuned")))
+    })
 }
 
 /// The outline of the staircase; pairs without an error never arrive.
-fn steps(chart: &Chart, mut errors: Vec<f64>) -> Vec<Px> {
-    let count = errors.len() as f64;
+fn steps(mut errors: Vec<f64>) -> Vec<(f64, f64)> {
+    let share = 100.0 / errors.len() as f64;
     errors.retain(|e| e.is_finite());
     errors.sort_by(f64::total_cmp);
-    let mut outline = vec![[chart.x.at(0.0), chart.y.at(0.0)]];
-    for (i, error) in errors.iter().enumerate() {
-        let x = chart.x.at(*error);
-        outline.push([x, chart.y.at(100.0 * i as f64 / count)]);
-        outline.push([x, chart.y.at(100.0 * (i + 1) as f64 / count)]);
-    }
-    let height = chart.y.at(100.0 * errors.len() as f64 / count);
-    outline.push([chart.x.at(f64::INFINITY), height]);
-    outline
+    let stairs = errors.iter().enumerate().flat_map(|(i, e)| [(*e, share * i as f64), (*e, share * (i + 1) as f64)]);
+    [(0.0, 0.0)].into_iter().chain(stairs).chain([(f64::INFINITY, share * errors.len() as f64)]).collect()
 }
 
-fn part_axis(part: &Part, pairs: &[PairError], within: &PoseError, ends: [f64; 2]) -> Axis {
-    let errors = pairs
-        .iter()
-        .flat_map(|p| [(part.read)(&p.default), (part.read)(&p.tuned)]);
-    Axis::log_around(errors.chain([(part.read)(within)]), FLOOR, ends)
+fn part_axis(part: &Part, pairs: &[PairError], within: &PoseError) -> Axis {
+    let errors = pairs.iter().flat_map(|p| [(part.read)(&p.default), (part.read)(&p.tuned)]);
+    Axis::log_around(errors.chain([(part.read)(within)]), FLOOR)
 }
 
 fn slope_legend() -> String {
@@ -239,13 +181,7 @@ mod tests {
 
     #[test]
     fn the_coin_is_fair() {
-        for (a, b, p) in [
-            (0, 0, 1.0),
-            (3, 3, 1.0),
-            (5, 0, 2.0 / 32.0),
-            (1, 7, 18.0 / 256.0),
-            (999, 999, 1.0),
-        ] {
+        for (a, b, p) in [(0, 0, 1.0), (3, 3, 1.0), (5, 0, 2.0 / 32.0), (1, 7, 18.0 / 256.0), (999, 999, 1.0)] {
             assert!((coin(a, b) - p).abs() < 1e-9, "{a} to {b}");
         }
     }

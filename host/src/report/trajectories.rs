@@ -1,19 +1,12 @@
 //! Each parameter's way from default to tuned, in its own unit and within its bounds.
 
 use super::axis::Axis;
-use super::chart::{Chart, Margins, Sample, legend};
 use super::convergence::{generation_axis, generations};
 use super::data::{ParameterTrace, Report};
 use super::format::{escape, significant, with_unit};
-use super::svg::{Px, Svg};
+use super::plot::{Frame, Px, Sample, chart, legend};
 
 const SIZE: Px = [240.0, 132.0];
-const MARGINS: Margins = Margins {
-    left: 42.0,
-    right: 10.0,
-    top: 8.0,
-    bottom: 20.0,
-};
 
 /// The small multiples and the same figures as a table, or nothing without parameters.
 pub(super) fn section(report: &Report) -> String {
@@ -59,45 +52,20 @@ fn change(p: &ParameterTrace) -> String {
 }
 
 fn drawing(p: &ParameterTrace, xs: &[f64]) -> String {
-    let label = format!(
-        "{} by generation, {}, bounds {}",
-        p.name,
-        change(p),
-        bounds(p)
-    );
-    let x = generation_axis(xs, MARGINS.across(SIZE));
-    let y = Axis::between(p.min, p.max, p.log, MARGINS.up(SIZE));
-    let mut chart = Chart::new(Svg::new(SIZE, &label), x, y);
-    frame(&mut chart, p);
-    chart.band("spread", xs, &p.low, &p.high);
-    chart.level("default", p.default);
-    chart.line("mean", xs, &p.mean);
-    if p.tuned.is_finite() {
-        let end = [x.ends()[1], y.at(p.tuned)];
-        chart.svg.dot("tuned", end, 4.0);
-    }
-    chart.svg.finish()
-}
-
-/// The bounds as two lines with their values, and the first and last generation.
-fn frame(chart: &mut Chart, p: &ParameterTrace) {
-    let ([left, right], [bottom, top]) = (chart.x.ends(), chart.y.ends());
-    for (y, value) in [(bottom, p.min), (top, p.max)] {
-        chart.svg.line("grid", [left, y], [right, y]);
-        chart
-            .svg
-            .text("tick end", [left - 6.0, y + 4.0], &significant(value));
-    }
-    let (first, last) = (significant(chart.x.low()), significant(chart.x.high()));
-    chart.svg.text("tick", [left, bottom + 15.0], &first);
-    chart.svg.text("tick end", [right, bottom + 15.0], &last);
+    let label = format!("{} by generation, {}, bounds {}", p.name, change(p), bounds(p));
+    let frame = Frame { size: SIZE, label: &label, y_title: "", x_title: "" };
+    let y = Axis::between(p.min, p.max, p.log).with_ticks(&[p.min, p.max]);
+    let ends: Vec<f64> = xs.first().into_iter().chain(xs.last()).copied().collect();
+    chart(&frame, generation_axis(xs).with_ticks(&ends), y, |chart| {
+        chart.band("spread", xs, &p.low, &p.high)?;
+        chart.level("default", p.default)?;
+        chart.line("mean", xs, &p.mean)?;
+        chart.dots("tuned", &[f64::INFINITY], &[p.tuned], 4.0)
+    })
 }
 
 fn bounds(p: &ParameterTrace) -> String {
-    with_unit(
-        &format!("{} to {}", significant(p.min), significant(p.max)),
-        &p.unit,
-    )
+    with_unit(&format!("{} to {}", significant(p.min), significant(p.max)), &p.unit)
 }
 
 fn table(parameters: &[ParameterTrace]) -> String {

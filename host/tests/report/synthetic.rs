@@ -3,8 +3,8 @@
 use std::cmp::Ordering;
 
 use echoloop_host::report::{
-    CloudLayer, Convergence, Correlation, EvaluationRow, EvaluationTable, PairClouds, PairError,
-    ParameterTrace, PoseError, Report, RowKind,
+    CloudLayer, Convergence, Correlation, EvaluationRow, EvaluationTable, PairClouds, PairError, ParameterTrace,
+    PoseError, Report, RowKind,
 };
 
 const GENERATIONS: usize = 30;
@@ -77,47 +77,14 @@ fn table() -> EvaluationTable {
     let nan = f64::NAN;
     EvaluationTable {
         rows: vec![
-            row(
-                "Default",
-                RowKind::Default,
-                Some(20),
-                [25.0, 63.4, 2.61, 318.2, 14.31],
-            ),
-            row(
-                "Tuned, joint",
-                RowKind::Tuned,
-                Some(20),
-                [75.0, 41.7, 1.48, 47.0, 1.92],
-            ),
-            row(
-                "Tuned, LiDAR only",
-                RowKind::Tuned,
-                Some(20),
-                [30.0, 66.0, 2.50, 290.4, 12.70],
-            ),
-            row(
-                "Tuned, registration only",
-                RowKind::Tuned,
-                Some(20),
-                [55.0, 48.9, 1.77, 88.6, 3.40],
-            ),
-            row(
-                "Paper, default",
-                RowKind::Reference,
-                Some(100),
-                [18.1, 67.0, 2.64, nan, nan],
-            ),
-            row(
-                "Paper, joint",
-                RowKind::Reference,
-                Some(100),
-                [60.0, 71.0, 1.71, nan, nan],
-            ),
+            row("Default", RowKind::Default, Some(20), [25.0, 63.4, 2.61, 318.2, 14.31]),
+            row("Tuned, joint", RowKind::Tuned, Some(20), [75.0, 41.7, 1.48, 47.0, 1.92]),
+            row("Tuned, LiDAR only", RowKind::Tuned, Some(20), [30.0, 66.0, 2.50, 290.4, 12.70]),
+            row("Tuned, registration only", RowKind::Tuned, Some(20), [55.0, 48.9, 1.77, 88.6, 3.40]),
+            row("Paper, default", RowKind::Reference, Some(100), [18.1, 67.0, 2.64, nan, nan]),
+            row("Paper, joint", RowKind::Reference, Some(100), [60.0, 71.0, 1.71, nan, nan]),
         ],
-        success_within: PoseError {
-            translation_m: 1.0,
-            rotation_deg: 5.0,
-        },
+        success_within: PoseError { translation_m: 1.0, rotation_deg: 5.0 },
     }
 }
 
@@ -136,18 +103,9 @@ fn convergence(dice: &mut Dice) -> Convergence {
         c.lower_quartile.push(median * (0.72 + 0.08 * dice.next()));
         c.median.push(median);
         c.upper_quartile.push(median * (1.3 + 0.5 * dice.next()));
-        c.mean_point.push(if g == 12 {
-            f64::NAN
-        } else {
-            level * (0.75 + 0.1 * dice.next())
-        });
-        c.held_out.push(if g % 5 == 4 {
-            level * (0.95 + 0.2 * dice.next())
-        } else {
-            f64::NAN
-        });
-        c.sigma
-            .push(0.3 * (-t / 18.0).exp() * (1.0 + 0.06 * dice.normal()));
+        c.mean_point.push(if g == 12 { f64::NAN } else { level * (0.75 + 0.1 * dice.next()) });
+        c.held_out.push(if g % 5 == 4 { level * (0.95 + 0.2 * dice.next()) } else { f64::NAN });
+        c.sigma.push(0.3 * (-t / 18.0).exp() * (1.0 + 0.06 * dice.normal()));
     }
     c
 }
@@ -155,12 +113,7 @@ fn convergence(dice: &mut Dice) -> Convergence {
 fn parameters(dice: &mut Dice) -> Vec<ParameterTrace> {
     let axes: [(&str, &str, [f64; 4], bool); 12] = [
         ("noise_floor", "codes", [20.0, 800.0, 200.0, 92.0], true),
-        (
-            "saturation",
-            "codes",
-            [2000.0, 4095.0, 3900.0, 3610.0],
-            false,
-        ),
+        ("saturation", "codes", [2000.0, 4095.0, 3900.0, 3610.0], false),
         ("min_width", "ns", [1.0, 20.0, 4.0, 6.3], false),
         ("max_echoes", "", [1.0, 5.0, 3.0, 2.0], false),
         ("threshold_decay", "1/m", [0.0001, 0.1, 0.01, 0.0021], true),
@@ -172,32 +125,16 @@ fn parameters(dice: &mut Dice) -> Vec<ParameterTrace> {
         ("max_pair_distance", "m", [0.05, 3.0, 0.025, 0.71], true),
         ("iterations", "", [8.0, 128.0, 64.0, 128.0], false),
     ];
-    axes.iter()
-        .map(|(name, unit, v, log)| trace(dice, name, unit, *v, *log))
-        .collect()
+    axes.iter().map(|(name, unit, v, log)| trace(dice, name, unit, *v, *log)).collect()
 }
 
-fn trace(
-    dice: &mut Dice,
-    name: &str,
-    unit: &str,
-    [min, max, default, tuned]: [f64; 4],
-    log: bool,
-) -> ParameterTrace {
+fn trace(dice: &mut Dice, name: &str, unit: &str, [min, max, default, tuned]: [f64; 4], log: bool) -> ParameterTrace {
     let real = |u: f64| {
         let u = u.clamp(0.0, 1.0);
-        if log {
-            min * (max / min).powf(u)
-        } else {
-            min + u * (max - min)
-        }
+        if log { min * (max / min).powf(u) } else { min + u * (max - min) }
     };
     let unit_of = |v: f64| {
-        if log {
-            (v / min).ln() / (max / min).ln()
-        } else {
-            (v - min) / (max - min)
-        }
+        if log { (v / min).ln() / (max / min).ln() } else { (v - min) / (max - min) }
     };
     let (from, to) = (unit_of(default.clamp(min, max)), unit_of(tuned));
     let pace = 3.0 + 9.0 * dice.next();
@@ -227,42 +164,23 @@ fn correlation(dice: &mut Dice, parameters: &[ParameterTrace]) -> Correlation {
     let n = parameters.len();
     let mut lower = |row: usize, column: usize| {
         let strong = (row, column) == (8, 7) || (row, column) == (7, 6);
-        let r: f64 = if strong {
-            0.61 + 0.1 * dice.next()
-        } else {
-            0.16 * dice.normal()
-        };
+        let r: f64 = if strong { 0.61 + 0.1 * dice.next() } else { 0.16 * dice.normal() };
         r.clamp(-0.9, 0.9)
     };
-    let rows: Vec<Vec<f64>> = (0..n)
-        .map(|row| (0..row).map(|c| lower(row, c)).collect())
-        .collect();
+    let rows: Vec<Vec<f64>> = (0..n).map(|row| (0..row).map(|c| lower(row, c)).collect()).collect();
     let entry = |row: usize, column: usize| match row.cmp(&column) {
         Ordering::Equal => 1.0,
         Ordering::Greater => rows[row][column],
         Ordering::Less => rows[column][row],
     };
-    let matrix = (0..n)
-        .map(|row| (0..n).map(|column| entry(row, column)).collect())
-        .collect();
-    Correlation {
-        names: parameters.iter().map(|p| p.name.clone()).collect(),
-        matrix,
-        learned: Some(0.56),
-    }
+    let matrix = (0..n).map(|row| (0..n).map(|column| entry(row, column)).collect()).collect();
+    Correlation { names: parameters.iter().map(|p| p.name.clone()).collect(), matrix, learned: Some(0.56) }
 }
 
 fn pair_errors(dice: &mut Dice) -> Vec<PairError> {
     let error = |dice: &mut Dice, fails: bool| {
-        let t: f64 = if fails {
-            1.2 + 5.0 * dice.next()
-        } else {
-            0.2 + 0.6 * dice.next()
-        };
-        PoseError {
-            translation_m: t,
-            rotation_deg: t * (2.0 + 4.0 * dice.next()),
-        }
+        let t: f64 = if fails { 1.2 + 5.0 * dice.next() } else { 0.2 + 0.6 * dice.next() };
+        PoseError { translation_m: t, rotation_deg: t * (2.0 + 4.0 * dice.next()) }
     };
     (0..20)
         .map(|i| {
@@ -296,22 +214,10 @@ fn clouds(dice: &mut Dice) -> PairClouds {
     let source = scan(dice, [4.6, 1.9], 0.06);
     PairClouds {
         label: "town 2 pair 07".into(),
-        before: [
-            scan(dice, [0.0, 0.0], 0.06),
-            moved(source, 0.21, [2.4, -2.2]),
-        ],
-        after: [
-            scan(dice, [0.0, 0.0], 0.02),
-            moved(scan(dice, [4.6, 1.9], 0.02), 0.012, [0.2, 0.1]),
-        ],
-        before_error: PoseError {
-            translation_m: 3.252,
-            rotation_deg: 12.03,
-        },
-        after_error: PoseError {
-            translation_m: 0.224,
-            rotation_deg: 0.69,
-        },
+        before: [scan(dice, [0.0, 0.0], 0.06), moved(source, 0.21, [2.4, -2.2])],
+        after: [scan(dice, [0.0, 0.0], 0.02), moved(scan(dice, [4.6, 1.9], 0.02), 0.012, [0.2, 0.1])],
+        before_error: PoseError { translation_m: 3.252, rotation_deg: 12.03 },
+        after_error: PoseError { translation_m: 0.224, rotation_deg: 0.69 },
     }
 }
 
@@ -337,17 +243,9 @@ fn scan(dice: &mut Dice, [sx, sy]: [f64; 2], noise: f64) -> CloudLayer {
         push(dice, [x + dx, y + dy, ground(x, y) + height * up], 0.7);
     }
     for i in 0..1400 {
-        let (cx, cy) = if i % 2 == 0 {
-            (14.0, -7.0)
-        } else {
-            (22.0, 9.0)
-        };
+        let (cx, cy) = if i % 2 == 0 { (14.0, -7.0) } else { (22.0, 9.0) };
         let along = (dice.next() - 0.5) * 6.0;
-        let (x, y) = if i % 3 == 0 {
-            (cx + along, cy)
-        } else {
-            (cx - 3.0, cy + along)
-        };
+        let (x, y) = if i % 3 == 0 { (cx + along, cy) } else { (cx - 3.0, cy + along) };
         let z = ground(cx, cy) + 3.2 * dice.next();
         push(dice, [x, y, z], 0.9);
     }
@@ -360,9 +258,5 @@ fn ground(x: f64, y: f64) -> f64 {
 
 fn tree(k: u64) -> [f64; 3] {
     let mut dice = Dice(k * 7919 + 13);
-    [
-        4.0 + 32.0 * dice.next(),
-        (dice.next() - 0.5) * 46.0,
-        3.0 + 5.0 * dice.next(),
-    ]
+    [4.0 + 32.0 * dice.next(), (dice.next() - 0.5) * 46.0, 3.0 + 5.0 * dice.next()]
 }

@@ -1,0 +1,181 @@
+//! Drawings by plotters: a canvas whose colours are the style sheet's, and charts with two axes on it.
+
+use std::io;
+
+use plotters::coord::Shift;
+use plotters::coord::cartesian::Cartesian2d;
+use plotters::element::{Drawable, PointCollection};
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+use super::axis::Axis;
+use super::format::escape;
+use super::theme::{ink, themed};
+
+/// plotters places things on whole units; this many of them make one of ours, a pixel at the natural size.
+const FINE: f64 = 10.0;
+
+/// A point on the drawing, y down.
+pub(super) type Px = [f64; 2];
+pub(super) type Canvas<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+pub(super) type Drawn = Result<(), DrawingAreaErrorKind<io::Error>>;
+
+/// Whole units of plotters.
+pub(super) fn fine(pixels: f64) -> i32 {
+    (pixels * FINE).round() as i32
+}
+
+pub(super) fn at([x, y]: Px) -> (i32, i32) {
+    (fine(x), fine(y))
+}
+
+/// An SVG element of this size; `label` is what a screen reader says. What `draw` puts into the string lies on top.
+pub(super) fn drawing(size: Px, label: &str, draw: impl FnOnce(&Canvas<'_>, &mut String) -> Drawn) -> String {
+    let (width, height) = at(size);
+    let (mut svg, mut top) = (String::new(), String::new());
+    let canvas = SVGBackend::with_string(&mut svg, (width as u32, height as u32)).into_drawing_area();
+    draw(&canvas, &mut top).and_then(|()| canvas.present()).expect("a string takes every drawing");
+    drop(canvas);
+    let content = themed(&svg).replace("</svg>", &top);
+    format!("<svg role=\"img\" aria-label=\"{}\" viewBox=\"0 0 {width} {height}\">{content}</svg>", escape(label))
+}
+
+/// Text of a class, placed by `h` and `v`. Font and size are the style sheet's.
+pub(super) fn text(class: &str, h: HPos, v: VPos) -> TextStyle<'static> {
+    TextStyle {
+        color: ink(class).to_backend_color(),
+        pos: Pos::new(h, v),
+        ..TextStyle::from(("sans-serif", 124.0).into_font())
+    }
+}
+
+/// An area that shows `hint` under the pointer.
+pub(super) fn hint((left, top): (i32, i32), (right, bottom): (i32, i32), hint: &str) -> String {
+    let (width, height) = (right - left, bottom - top);
+    let area = format!("x=\"{left}\" y=\"{top}\" width=\"{width}\" height=\"{height}\"");
+    format!("<rect class=\"hint-area\" {area}><title>{}</title></rect>", escape(hint))
+}
+
+/// What stands around a chart.
+pub(super) struct Frame<'a> {
+    pub(super) size: Px,
+    pub(super) label: &'a str,
+    /// Above the left axis; none leaves no room.
+    pub(super) y_title: &'a str,
+    /// Under the bottom axis; none leaves no room.
+    pub(super) x_title: &'a str,
+}
+
+/// A chart under way.
+pub(super) struct Chart<'a, 'b> {
+    chart: ChartContext<'a, SVGBackend<'b>, Cartesian2d<Axis, Axis>>,
+    top: &'a mut String,
+}
+
+/// A chart with its grid; `draw` adds the data.
+pub(super) fn chart(frame: &Frame<'_>, x: Axis, y: Axis, draw: impl FnOnce(&mut Chart<'_, '_>) -> Drawn) -> String {
+    drawing(frame.size, frame.label, |canvas, top| {
+        let room = |title: &str, with, without| fine(if title.is_empty() { without } else { with });
+        canvas.draw_text(frame.y_title, &text("axis", HPos::Left, VPos::Bottom), at([4.0, 23.0]))?;
+        let mut chart = ChartBuilder::on(canvas)
+            .margin_top(room(frame.y_title, 34.0, 8.0))
+            .margin_right(fine(13.0))
+            .x_label_area_size(room(frame.x_title, 41.0, 20.0))
+            .y_label_area_size(fine(48.0))
+            .build_cartesian_2d(x, y)?;
+        let tick = text("tick", HPos::Left, VPos::Top);
+        let mut levels = chart.configure_mesh();
+        levels.disable_x_mesh().disable_x_axis().bold_line_style(ink("grid")).light_line_style(TRANSPARENT);
+        levels.axis_style(TRANSPARENT).y_label_style(tick.clone());
+        levels.set_tick_mark_size(LabelAreaPosition::Left, fine(3.5)).draw()?;
+        let mut foot = chart.configure_mesh();
+        foot.disable_mesh().disable_y_axis().axis_style(ink("frame")).x_label_style(tick);
+        foot.x_desc(frame.x_title).axis_desc_style(text("axis", HPos::Center, VPos::Bottom));
+        foot.set_tick_mark_size(LabelAreaPosition::Bottom, fine(4.0)).draw()?;
+        draw(&mut Chart { chart, top })
+    })
+}
+
+impl<'b> Chart<'_, 'b> {
+    /// Adds elements of plotters.
+    pub(super) fn draw<E>(&mut self, elements: impl IntoIterator<Item = E>) -> Drawn
+    where
+        E: Drawable<SVGBackend<'b>>,
+        for<'e> &'e E: PointCollection<'e, (f64, f64)>,
+    {
+        self.chart.draw_series(elements).map(|_| ())
+    }
+
+    /// A line through the finite values; it breaks at others, and a value alone becomes a dot.
+    pub(super) fn line(&mut self, class: &str, xs: &[f64], ys: &[f64]) -> Drawn {
+        let points: Vec<_> = xs.iter().copied().zip(ys.iter().copied()).collect();
+        for run in points.split(|(_, y)| !y.is_finite()) {
+            match run {
+                [alone] => self.draw([Circle::new(*alone, fine(2.5), ink(class).filled())])?,
+                run => self.draw(LineSeries::new(run.iter().copied(), ink(class)))?,
+            }
+        }
+        Ok(())
+    }
+
+    /// The area between two series where both are finite.
+    pub(super) fn band(&mut self, class: &str, xs: &[f64], low: &[f64], high: &[f64]) -> Drawn {
+        let points: Vec<_> = xs.iter().zip(low).zip(high).map(|((x, l), h)| (*x, *l, *h)).collect();
+        for run in points.split(|(_, l, h)| !(l.is_finite() && h.is_finite())).filter(|run| run.len() > 1) {
+            let under = run.iter().map(|(x, l, _)| (*x, *l));
+            let over = run.iter().rev().map(|(x, _, h)| (*x, *h));
+            self.draw([Polygon::new(under.chain(over).collect::<Vec<_>>(), ink(class))])?;
+        }
+        Ok(())
+    }
+
+    /// A dot at each finite value.
+    pub(super) fn dots(&mut self, class: &str, xs: &[f64], ys: &[f64], radius: f64) -> Drawn {
+        let points = xs.iter().copied().zip(ys.iter().copied()).filter(|(_, y)| y.is_finite());
+        self.draw(PointSeries::<_, _, Circle<_, _>, _>::new(points, fine(radius), ink(class).filled()))
+    }
+
+    /// A line from left to right at `y`, if that is a number.
+    pub(super) fn level(&mut self, class: &str, y: f64) -> Drawn {
+        let ends = [f64::NEG_INFINITY, f64::INFINITY].map(|x| (x, y));
+        self.draw(y.is_finite().then(|| PathElement::new(ends, ink(class))))
+    }
+
+    /// A line from bottom to top at `x`, if that is a number.
+    pub(super) fn upright(&mut self, class: &str, x: f64) -> Drawn {
+        let ends = [f64::NEG_INFINITY, f64::INFINITY].map(|y| (x, y));
+        self.draw(x.is_finite().then(|| PathElement::new(ends, ink(class))))
+    }
+
+    /// The chart from `left` to `right` shows `text` under the pointer.
+    pub(super) fn hint(&mut self, left: f64, right: f64, text: &str) {
+        let corners = [(left, f64::INFINITY), (right, f64::NEG_INFINITY)].map(|c| self.chart.backend_coord(&c));
+        *self.top += &hint(corners[0], corners[1], text);
+    }
+}
+
+/// One key of a legend: the class of its sample, the sample's shape, what it means.
+pub(super) type Key<'a> = (&'a str, Sample, &'a str);
+
+/// How a key is drawn.
+#[derive(Clone, Copy)]
+pub(super) enum Sample {
+    Line,
+    Area,
+    Dot,
+}
+
+/// A legend as a list, in the page's text size whatever the plot's scale.
+pub(super) fn legend(keys: &[Key<'_>]) -> String {
+    let items: String = keys.iter().map(|(class, sample, text)| key(class, *sample, text)).collect();
+    format!("<ul class=\"legend\">{items}</ul>")
+}
+
+fn key(class: &str, sample: Sample, text: &str) -> String {
+    let shape = match sample {
+        Sample::Line => format!("<path class=\"{class}\" d=\"M1 6L23 6\"/>"),
+        Sample::Area => format!("<path class=\"{class}\" d=\"M1 1L23 1L23 11L1 11Z\"/>"),
+        Sample::Dot => format!("<circle class=\"{class}\" cx=\"12\" cy=\"6\" r=\"4\"/>"),
+    };
+    format!("<li><svg viewBox=\"0 0 24 12\" aria-hidden=\"true\">{shape}</svg>{text}</li>")
+}

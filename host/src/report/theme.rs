@@ -1,0 +1,51 @@
+//! From the colours plotters knows to classes of the style sheet, so that dark mode and print follow.
+
+use plotters::style::RGBColor;
+
+/// Every class a plot may use. Each has a colour of its own while plotters draws, and none after.
+#[rustfmt::skip]
+const CLASSES: [&str; 32] = [
+    "grid", "frame", "tick", "axis", "limit", "default", "best", "median", "mean-point", "band", "held-out", "sigma",
+    "mean", "spread", "tuned", "slope good", "slope bad", "dot-default", "dot-default hollow", "dot-tuned",
+    "dot-tuned hollow", "curve-default", "curve-tuned", "cell", "plus", "minus", "value", "value strong", "name",
+    "bar-back", "bar", "whisker",
+];
+
+/// The colour that stands for `class` until [`themed`] has seen it.
+pub(super) fn ink(class: &str) -> RGBColor {
+    let index = CLASSES.iter().position(|known| *known == class);
+    RGBColor(0xEC, 0x40, index.expect("plots use classes of the theme only") as u8)
+}
+
+/// The content of an SVG by plotters with classes in place of colours and without what the style sheet says anyway.
+pub(super) fn themed(svg: &str) -> String {
+    let content = svg.split_once('>').map_or(svg, |(_, content)| content).replace('\n', "");
+    let plain = [" opacity=\"1\"", " stroke-width=\"1\"", " font-family=\"sans-serif\"", " font-size=\"100\""]
+        .iter()
+        .fold(content, |text, attribute| text.replace(attribute, ""));
+    CLASSES.iter().fold(plain, |text, class| {
+        let RGBColor(r, g, b) = ink(class);
+        ["fill", "stroke"].iter().fold(text, |text, attribute| {
+            text.replace(&format!("{attribute}=\"#{r:02X}{g:02X}{b:02X}\""), &format!("class=\"{class}\""))
+        })
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_style_sheet_knows_every_class() {
+        let style = include_str!("report.css");
+        for class in CLASSES.iter().flat_map(|classes| classes.split(' ')) {
+            assert!(style.contains(&format!(".{class}")), "{class}");
+        }
+    }
+
+    #[test]
+    fn attributes_become_classes_but_text_stays() {
+        let svg = "<svg width=\"1\">\n<line opacity=\"1\" stroke=\"#EC4001\" x1=\"0\"/>\n<text>#EC4001</text></svg>\n";
+        assert_eq!(themed(svg), "<line class=\"frame\" x1=\"0\"/><text>#EC4001</text></svg>");
+    }
+}
