@@ -82,20 +82,19 @@ impl RunFolder {
     /// [`FileError`] when a folder cannot be made.
     pub fn create(runs: &Path, name: &str) -> Result<Self, FileError> {
         fs::create_dir_all(runs).map_err(file_error("make the folder", runs))?;
-        for number in next_number(runs)?.. {
+        let mut number = next_number(runs)?;
+        let folder = loop {
             let path = runs.join(format!("{number:04}-{name}"));
             match fs::create_dir(&path) {
-                Ok(()) => {
-                    let folder = Self { path };
-                    folder.become_latest(runs)?;
-                    folder.write("README.txt", README)?;
-                    return Ok(folder);
-                }
-                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+                Ok(()) => break Self { path },
+                // Another run has just taken it.
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists && number < u32::MAX => number += 1,
                 Err(source) => return Err(FileError { verb: "make the folder", path, source }),
             }
-        }
-        unreachable!("u32 numbers do not run out before the disk does")
+        };
+        folder.become_latest(runs)?;
+        folder.write("README.txt", README)?;
+        Ok(folder)
     }
 
     /// Opens a folder that a run has made.

@@ -128,17 +128,12 @@ fn stop_on_interrupt() -> Arc<AtomicBool> {
 
 fn tune(args: &TuneArgs, config: Config, stop: &AtomicBool) -> Result<(), Failure> {
     let progress = Progress::new(args.common.quiet);
-    let folder = match &args.resume {
-        Some(run) => RunFolder::open(run)?,
-        None => {
-            let runs = args.runs.clone().unwrap_or_else(default_runs_folder);
-            RunFolder::create(&runs, &run_name(&config))?
-        }
-    };
-    if args.resume.is_none() {
-        folder.write_config(&config)?;
-    }
+    let resumed = args.resume.as_deref().map(RunFolder::open).transpose()?;
     let prepared = Prepared::new(config, &progress)?;
+    let folder = match resumed {
+        Some(folder) => folder,
+        None => new_folder(args, &prepared.config)?,
+    };
     let search = prepared.search(stop);
     let (mut journal, done) = open_journal(args, &folder, &search)?;
     let left = search.registrations().saturating_sub(done.len() * search.population() * search.batch_size());
@@ -158,6 +153,14 @@ fn tune(args: &TuneArgs, config: Config, stop: &AtomicBool) -> Result<(), Failur
     let shown = write_clouds(&folder, &prepared, &tuned, &result)?;
     write_report(&folder, &prepared, &search, &tuned, &result, shown)?;
     finish(args, &folder, &prepared, &result)
+}
+
+/// Made only once the scene has proved usable: a mistake leaves no empty run behind.
+fn new_folder(args: &TuneArgs, config: &Config) -> Result<RunFolder, Failure> {
+    let runs = args.runs.clone().unwrap_or_else(default_runs_folder);
+    let folder = RunFolder::create(&runs, &run_name(config))?;
+    folder.write_config(config)?;
+    Ok(folder)
 }
 
 fn run_name(config: &Config) -> String {
