@@ -251,13 +251,23 @@ impl Twin {
 
     /// y, Q1.15: as long as x.
     pub fn filter(&self, x: &[f64]) -> Vec<f64> {
+        let round = |sum: &f64| nearest(sum / two_to(15)).clamp(-32_768.0, 32_767.0);
+        self.sums(x).iter().map(round).collect()
+    }
+
+    /// f, Q9.23: as long as x.
+    pub fn exact(&self, x: &[f64]) -> Vec<f64> {
+        self.sums(x).iter().map(|sum| nearest(sum / two_to(7))).collect()
+    }
+
+    /// The filter's sums, Q2.30.
+    fn sums(&self, x: &[f64]) -> Vec<f64> {
         let half = self.taps.len() / 2;
         let mut padded = vec![0.0; half];
         padded.extend(x);
         padded.extend(vec![0.0; half]);
         let sum = |window: &[f64]| window.iter().zip(&self.taps).map(|(x, h)| x * h).sum::<f64>();
-        let round = |sum: f64| nearest(sum / two_to(15)).clamp(-32_768.0, 32_767.0);
-        padded.windows(self.taps.len()).map(|window| round(sum(window))).collect()
+        padded.windows(self.taps.len()).map(sum).collect()
     }
 
     /// σ_y and T.
@@ -268,8 +278,8 @@ impl Twin {
     }
 
     /// Sub-sample time, height and width of a peak.
-    pub fn refine(&self, codes: &[u16], y: &[f64], peak: Peak, threshold: f64) -> Refined {
-        let (vertex_time, height) = self.vertex(y, peak.index);
+    pub fn refine(&self, codes: &[u16], y: &[f64], f: &[f64], peak: Peak, threshold: f64) -> Refined {
+        let (vertex_time, height) = self.vertex(f, self.summit(f, peak.index));
         let half = (peak.height / 2.0).floor();
         let rise = hysteresis(peak.height, threshold);
         let (left, left_flag) = edge(y[..peak.index].iter().rev(), peak.height, half, rise);
@@ -292,10 +302,18 @@ impl Twin {
         codes.iter().enumerate().any(|(n, &code)| n.abs_diff(index) <= reach && f64::from(code) >= self.clip_code)
     }
 
+    /// The end of a rising run of f: later, and if there is none, earlier; K samples at most.
+    fn summit(&self, f: &[f64], index: usize) -> usize {
+        let reach = self.taps.len() / 2;
+        let later = f[index..].windows(2).take(reach).take_while(|w| w[1] > w[0]).count();
+        let f: Vec<f64> = f[..=index + later].iter().rev().copied().collect();
+        index + later - f.windows(2).take(reach).take_while(|w| w[1] > w[0]).count()
+    }
+
     /// Time (Q16.16) and height (Q1.15) of the parabola's top.
-    fn vertex(&self, y: &[f64], index: usize) -> (f64, f64) {
+    fn vertex(&self, f: &[f64], index: usize) -> (f64, f64) {
         let o = self.upsampling as i64;
-        let z = |j: i64| interpolate(y, index, j, o);
+        let z = |j: i64| interpolate(f, index, j, o);
         let mut offsets: Vec<i64> = (-o..=o).collect();
         if o == 1 {
             offsets = vec![0];
@@ -338,12 +356,13 @@ impl Twin {
     pub fn process(&self, codes: &[u16]) -> Vec<Echo> {
         let codes = &codes[..codes.len().min(MAX_SAMPLES)];
         let statistics = self.statistics(codes);
-        let y = self.filter(&self.baseline(codes, statistics.ambient));
+        let x = self.baseline(codes, statistics.ambient);
+        let (y, f) = (self.filter(&x), self.exact(&x));
         let threshold = self.threshold(&statistics);
         let separate = separate(&peaks(&y, threshold.level), self.min_separation);
         choose(&separate, self.echoes, self.choice)
             .into_iter()
-            .filter_map(|peak| self.echo(&self.refine(codes, &y, peak, threshold.level), &threshold))
+            .filter_map(|peak| self.echo(&self.refine(codes, &y, &f, peak, threshold.level), &threshold))
             .collect()
     }
 }
@@ -461,16 +480,16 @@ pub fn rounded_lagrange(t: f64) -> [f64; 8] {
 }
 
 /// y at `index + j/o`, Q9.23; zero outside.
-fn interpolate(y: &[f64], index: usize, j: i64, o: i64) -> f64 {
+fn interpolate(f: &[f64], index: usize, j: i64, o: i64) -> f64 {
     let whole = index as i64 + j.div_euclid(o);
     let phase = j.rem_euclid(o);
-    let at = |n: i64| if (0..y.len() as i64).contains(&n) { y[n as usize] } else { 0.0 };
+    let at = |n: i64| if (0..f.len() as i64).contains(&n) { f[n as usize] } else { 0.0 };
     if phase == 0 {
-        return at(whole) * two_to(8);
+        return at(whole);
     }
     let weights = rounded_lagrange(phase as f64 / o as f64);
     let sum: f64 = weights.iter().zip(-3..).map(|(weight, k)| weight * at(whole + k)).sum();
-    nearest(sum / two_to(7))
+    nearest(sum / two_to(15))
 }
 
 /// Distance (Q16.16) from a peak to where the samples beside it, nearest first, fall below `half`; or to the valley before

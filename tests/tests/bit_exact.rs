@@ -182,10 +182,14 @@ fn refined_peaks_equal_their_twins() {
         // one code in fifty at the saturation level, the others one below: clipped or not by one sample
         let clip = config.clip_code();
         let codes: Vec<u16> = y.iter().map(|_| clip - u16::from(rng.random_range(0..50) > 0)).collect();
+        // f rounds to y: plateaus of y have slopes and ripples
+        let f: Vec<i64> = y.iter().map(|&v| (i64::from(v) << 8) + rng.random_range(-128..128)).collect();
+        let at = |f: &[i64], n: i64| usize::try_from(n).ok().and_then(|n| f.get(n)).copied().unwrap_or(0);
         detect::peaks(&y, threshold, &mut found);
         for &peak in found.iter().take(8) {
-            let ours = refine::refine(&config, &codes, &y, peak, threshold);
-            let expected = twin.refine(&codes, &reals(&y), peak.into(), threshold.into());
+            let ours = refine::refine(&config, &codes, &y, |n| at(&f, n), peak, threshold);
+            let reals_f: Vec<f64> = f.iter().map(|&v| v as f64).collect();
+            let expected = twin.refine(&codes, &reals(&y), &reals_f, peak.into(), threshold.into());
             assert_eq!(quantised::Refined::from(ours), expected, "seed {seed}, {peak:?}");
         }
     }

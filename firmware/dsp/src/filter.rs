@@ -2,6 +2,8 @@
 
 use fixed::types::I1F15;
 
+use crate::q::shift_round;
+
 /// Outputs computed at a time.
 pub const BLOCK: usize = 16;
 
@@ -58,6 +60,14 @@ pub fn correlate(kernel: impl Kernel, taps: &[i16], padded: &[i16], y: &mut [i16
             *y = round(sum);
         }
     }
+}
+
+/// Output `n` of [`correlate`] before it is rounded to Q1.15: Q9.23, nearest; 0 outside `samples`.
+pub fn exact(taps: &[i16], padded: &[i16], samples: usize, n: i64) -> i64 {
+    let start = usize::try_from(n).ok().filter(|&n| n < samples);
+    let Some(window) = start.and_then(|n| padded.get(n..n + taps.len())) else { return 0 };
+    let sum: i32 = taps.iter().zip(window).map(|(&h, &x)| i32::from(h) * i32::from(x)).sum();
+    shift_round(sum.into(), 7)
 }
 
 /// Q2.30 to Q1.15: nearest, ties up, saturating.

@@ -116,9 +116,11 @@ impl Pipeline {
         let y = &scratch.y[..codes.len()];
         detect::separate(&mut scratch.peaks, config.min_separation);
         let chosen = detect::choose(scratch.peaks.clone(), config.echoes, config.echo_choice);
+        let (taps, padded) = (config.template.taps(), &scratch.padded);
+        let exact = |n| filter::exact(taps, padded, codes.len(), n);
         let mut echoes = Echoes::new();
         for peak in chosen {
-            let refined = refine::refine(config, codes, y, peak, threshold.level);
+            let refined = refine::refine(config, codes, y, exact, peak, threshold.level);
             if let Some(echo) = Echo::of(config, &refined, threshold) {
                 let _ = echoes.push(echo); // choose() gives no more than fit
             }
