@@ -6,7 +6,7 @@ use std::sync::Arc;
 use echoloop_dsp::ScanPattern;
 use echoloop_sim::import::{Ground, ImportError, ImportOptions, Plane, load_scene};
 use echoloop_sim::raycast::Raycaster;
-use echoloop_sim::scanner::{BeamOptics, SceneResponse, Scanner};
+use echoloop_sim::scanner::{BeamOptics, Scanner, SceneResponse};
 use echoloop_sim::scene::{Scene, SceneKind, generate};
 use echoloop_sim::viewpoint::{PairPlan, PosePair, Split, ViewpointError, sample_pairs};
 use nalgebra::Vector3;
@@ -193,14 +193,8 @@ fn trace(config: &Config, place: &Place, pair: &PosePair, directions: &[Vector3<
 }
 
 /// What a scan from a pose sees.
-pub fn respond(
-    config: &Config,
-    place: &Place,
-    world_from_sensor: &Pose,
-    directions: &[Vector3<f32>],
-) -> SceneResponse {
-    let optics =
-        BeamOptics { divergence_mrad: config.receiver.divergence_mrad, subrays: config.receiver.subrays };
+pub fn respond(config: &Config, place: &Place, world_from_sensor: &Pose, directions: &[Vector3<f32>]) -> SceneResponse {
+    let optics = BeamOptics { divergence_mrad: config.receiver.divergence_mrad, subrays: config.receiver.subrays };
     let directions: Vec<[f32; 3]> = directions.iter().map(|&d| d.into()).collect();
     Scanner::scan(&place.caster, &place.scene.materials, world_from_sensor, &directions, &optics)
 }

@@ -130,8 +130,7 @@ pub fn from_rows(rows: &[f64; 16]) -> Result<Pose, NotRigid> {
     if rotation.determinant() < 0.0 {
         return Err(NotRigid::Mirrors);
     }
-    let rotation =
-        UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
     let translation = Translation3::new(rows[3], rows[7], rows[11]);
     Ok(Pose::from_parts(translation, rotation))
 }
@@ -142,22 +141,11 @@ pub fn from_rows(rows: &[f64; 16]) -> Result<Pose, NotRigid> {
 ///
 /// [`PoseError`] names the file, and the line where there is one.
 pub fn read_pose(path: &Path) -> Result<Pose, PoseError> {
-    let text = std::fs::read_to_string(path).map_err(|source| PoseError::Io {
-        path: path.into(),
-        source,
-    })?;
+    let text = std::fs::read_to_string(path).map_err(|source| PoseError::Io { path: path.into(), source })?;
     let numbers = numbers(path, &text)?;
-    let rows: &[f64; 16] = numbers
-        .as_slice()
-        .try_into()
-        .map_err(|_| PoseError::Count {
-            path: path.into(),
-            found: numbers.len(),
-        })?;
-    from_rows(rows).map_err(|reason| PoseError::Rigid {
-        path: path.into(),
-        reason,
-    })
+    let rows: &[f64; 16] =
+        numbers.as_slice().try_into().map_err(|_| PoseError::Count { path: path.into(), found: numbers.len() })?;
+    from_rows(rows).map_err(|reason| PoseError::Rigid { path: path.into(), reason })
 }
 
 fn numbers(path: &Path, text: &str) -> Result<Vec<f64>, PoseError> {
@@ -168,11 +156,7 @@ fn numbers(path: &Path, text: &str) -> Result<Vec<f64>, PoseError> {
     });
     words
         .map(|(line, word)| {
-            word.parse().map_err(|_| PoseError::Number {
-                path: path.into(),
-                line: line + 1,
-                word: word.into(),
-            })
+            word.parse().map_err(|_| PoseError::Number { path: path.into(), line: line + 1, word: word.into() })
         })
         .collect()
 }
@@ -186,10 +170,7 @@ mod tests {
     use super::*;
 
     fn pose(v: [f64; 6]) -> Pose {
-        Pose::new(
-            Vector3::new(v[0], v[1], v[2]),
-            Vector3::new(v[3], v[4], v[5]),
-        )
+        Pose::new(Vector3::new(v[0], v[1], v[2]), Vector3::new(v[3], v[4], v[5]))
     }
 
     #[test]
@@ -204,10 +185,7 @@ mod tests {
 
     #[test]
     fn the_papers_order_agrees_when_its_poses_map_the_world_to_the_sensor() {
-        let (first, second) = (
-            pose([1.0, 2.0, 3.0, 0.1, 0.2, 0.3]),
-            pose([-4.0, 1.0, 0.0, -0.3, 0.0, 1.0]),
-        );
+        let (first, second) = (pose([1.0, 2.0, 3.0, 0.1, 0.2, 0.3]), pose([-4.0, 1.0, 0.0, -0.3, 0.0, 1.0]));
         let paper = first.inverse() * second.inverse().inverse();
         assert!(frobenius_error(&relative(&first, &second), &paper) < 1e-12);
     }
@@ -217,10 +195,7 @@ mod tests {
         for angle in [0.0, 1e-12, 1e-9, 1e-4, 1.0, 3.0, std::f64::consts::PI] {
             let turned = pose([0.0, 0.0, 0.0, 0.0, 0.0, angle]);
             let error = rotation_error_deg(&Pose::identity(), &turned).to_radians();
-            assert!(
-                (error - angle).abs() <= 1e-14 * (1.0 + angle / 1e-14 * 1e-15),
-                "{angle} gave {error}"
-            );
+            assert!((error - angle).abs() <= 1e-14 * (1.0 + angle / 1e-14 * 1e-15), "{angle} gave {error}");
         }
     }
 
@@ -249,37 +224,17 @@ mod tests {
     fn a_pose_file_error_names_the_file_and_the_line() {
         let folder = tempfile::tempdir().unwrap();
         let table = [
-            (
-                "short.txt",
-                "1 0 0 0\n0 1 0 0\n",
-                "expected a 4×4 matrix, found 8 numbers",
-            ),
-            (
-                "word.txt",
-                "1 0 0 0\n0 one 0 0\n",
-                ":2: expected a number, found \"one\"",
-            ),
-            (
-                "scale.txt",
-                "2 0 0 0 0 2 0 0 0 0 2 0 0 0 0 1",
-                "not orthonormal",
-            ),
+            ("short.txt", "1 0 0 0\n0 1 0 0\n", "expected a 4×4 matrix, found 8 numbers"),
+            ("word.txt", "1 0 0 0\n0 one 0 0\n", ":2: expected a number, found \"one\""),
+            ("scale.txt", "2 0 0 0 0 2 0 0 0 0 2 0 0 0 0 1", "not orthonormal"),
         ];
         for (name, text, expected) in table {
             let path = folder.path().join(name);
             std::fs::write(&path, text).unwrap();
             let message = read_pose(&path).unwrap_err().to_string();
-            assert!(
-                message.contains(name) && message.contains(expected),
-                "{message}"
-            );
+            assert!(message.contains(name) && message.contains(expected), "{message}");
         }
-        assert!(
-            read_pose(&folder.path().join("absent.txt"))
-                .unwrap_err()
-                .to_string()
-                .contains("absent.txt")
-        );
+        assert!(read_pose(&folder.path().join("absent.txt")).unwrap_err().to_string().contains("absent.txt"));
     }
 
     proptest! {

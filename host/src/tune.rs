@@ -282,8 +282,7 @@ impl Search<'_> {
                 return Err(TuneError::Interrupted { generations: generations.len() });
             }
             let done = || watcher.evaluated();
-            let errors =
-                evaluate(&self.bench, &parameters, pairs, self.config.seed, Purpose::ShortlistNoise, &done)?;
+            let errors = evaluate(&self.bench, &parameters, pairs, self.config.seed, Purpose::ShortlistNoise, &done)?;
             let worth = fitness(&errors, self.config.tune.error_cap);
             finalists.push((worth, origin, parameters));
         }

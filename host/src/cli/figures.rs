@@ -26,7 +26,10 @@ pub(super) fn print_table(config: &Config, result: &RunResult, space: &Space) {
         "\n{} held-out pairs, {:.1} m apart, success within {} m and {}°\n",
         result.tuned_summary.pairs, data.baseline_m, data.success_translation_m, data.success_rotation_deg
     );
-    println!("{:<10} {:>9} {:>12} {:>11} {:>12} {:>12} {:>8}", "", "recall", "mean e_t", "mean e_R", "median e_t", "median e_R", "points");
+    println!(
+        "{:<10} {:>9} {:>12} {:>11} {:>12} {:>12} {:>8}",
+        "", "recall", "mean e_t", "mean e_R", "median e_t", "median e_R", "points"
+    );
     for (name, summary) in [("default", &result.default_summary), ("tuned", &result.tuned_summary)] {
         println!("{name:<10} {}", row(summary));
     }
@@ -288,10 +291,8 @@ fn correlation(search: &Search<'_>, tuned: &Tuned) -> Option<Correlation> {
 }
 
 fn pair_errors(prepared: &Prepared, result: &RunResult) -> Vec<PairError> {
-    let pose = |e: &crate::objective::PairError| PoseError {
-        translation_m: e.translation_m,
-        rotation_deg: e.rotation_deg,
-    };
+    let pose =
+        |e: &crate::objective::PairError| PoseError { translation_m: e.translation_m, rotation_deg: e.rotation_deg };
     let both = result.default_summary.errors.iter().zip(&result.tuned_summary.errors);
     both.map(|(before, after)| PairError {
         label: format!("{} pair {}", prepared.dataset.test[before.pair].place, before.pair),
@@ -307,8 +308,7 @@ fn pair_clouds(shown: Shown, result: &RunResult) -> PairClouds {
         let source = laid_on(registered).map(|p| p.coords.into()).collect();
         [target, source].map(|points| CloudLayer { points, intensity: Vec::new() })
     };
-    let error =
-        |r: &Registered| PoseError { translation_m: r.error.translation_m, rotation_deg: r.error.rotation_deg };
+    let error = |r: &Registered| PoseError { translation_m: r.error.translation_m, rotation_deg: r.error.rotation_deg };
     PairClouds {
         label: format!("{} pair {}: the held-out pair the default did worst on", shown.place, shown_pair(result)),
         before: layers(&shown.before),

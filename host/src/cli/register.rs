@@ -13,6 +13,7 @@ use crate::registration::{Icp, IcpConfig, Outcome, Registration, suggest};
 
 /// Flags of `register`. Without any, they are chosen from the clouds.
 #[derive(Clone, Debug, Args)]
+#[command(allow_negative_numbers = true)]
 pub(crate) struct RegisterArgs {
     /// The cloud that stays: PLY, PCD, KITTI .bin or XYZ, m.
     target: PathBuf,

@@ -53,14 +53,14 @@ fn scan(args: &ScanArgs, config: &Config) -> Result<(), Failure> {
     let pattern = config.scanner.pattern();
     let directions: Vec<Vector3<f32>> = (0..pattern.beams()).map(|beam| pattern.direction(beam)).collect();
     let response = Arc::new(respond(config, &place, &pose, &directions));
-    let front_end = WaveformFrontEnd::new(config.receiver.clone(), response, derive(config.seed, Purpose::TestNoise, 0));
+    let front_end =
+        WaveformFrontEnd::new(config.receiver.clone(), response, derive(config.seed, Purpose::TestNoise, 0));
     let sensor = PcSensor::new(front_end, pattern, hardware);
     let mut client = Client::connect(InProcess(sensor), Patience::default())?;
     let hash = client.configure(&parameters.settings)?;
     let scan = client.scan(1)?;
     let echoes = scan.iter().zip(&directions);
-    let points =
-        echoes.flat_map(|(echoes, d)| echoes.iter().map(move |echo| echoloop_dsp::project::point_m(d, echo)));
+    let points = echoes.flat_map(|(echoes, d)| echoes.iter().map(move |echo| echoloop_dsp::project::point_m(d, echo)));
     let cloud = Cloud::new(points.collect());
     if cloud.points.is_empty() {
         return Err(Failure::run("detection: no beam returned an echo (is the sensor inside something, or too weak?)"));
@@ -95,14 +95,7 @@ fn first_viewpoint(config: &Config, place: &crate::dataset::Place, town: u64) ->
     pairs.first().map(|pair| pair.world_from_first).ok_or_else(|| Failure::run("no viewpoint found"))
 }
 
-fn print(
-    args: &ScanArgs,
-    scene: &str,
-    pose: &Pose,
-    hash: u32,
-    beams: u32,
-    cloud: &Cloud,
-) -> Result<(), Failure> {
+fn print(args: &ScanArgs, scene: &str, pose: &Pose, hash: u32, beams: u32, cloud: &Cloud) -> Result<(), Failure> {
     let ranges: Vec<f64> = cloud.points.iter().map(|p| f64::from(p.coords.norm())).collect();
     let median_m = crate::evaluate::median(ranges.iter().copied());
     let farthest_m = ranges.iter().copied().fold(0.0, f64::max);
@@ -118,7 +111,10 @@ fn print(
     }
     let at = pose.translation.vector;
     println!("{scene} from ({:.2}, {:.2}, {:.2}) m, settings {hash:#010x}", at.x, at.y, at.z);
-    println!("{} points of {beams} beams, median range {median_m:.1} m, farthest {farthest_m:.1} m", cloud.points.len());
+    println!(
+        "{} points of {beams} beams, median range {median_m:.1} m, farthest {farthest_m:.1} m",
+        cloud.points.len()
+    );
     if let Some(path) = &args.output {
         println!("wrote {}", path.display());
     }

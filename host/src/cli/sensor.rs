@@ -76,11 +76,6 @@ fn range(parameter: &Parameter) -> String {
     match parameter.kind {
         Kind::Choice { .. } => choices(parameter).join(", "),
         Kind::PowerOfTwo { runs_to } => format!("1 to {runs_to}, powers of two"),
-        _ => format!(
-            "{} to {} {}",
-            parameter.to_unit(parameter.min),
-            parameter.to_unit(parameter.max),
-            parameter.unit
-        ),
+        _ => format!("{} to {} {}", parameter.to_unit(parameter.min), parameter.to_unit(parameter.max), parameter.unit),
     }
 }

@@ -26,9 +26,7 @@ pub fn eigenvector(a: &Matrix3<f64>, value: f64) -> Option<Vector3<f64>> {
     let shifted = a - Matrix3::from_diagonal_element(value);
     let [x, y, z] = [0, 1, 2].map(|i| shifted.column(i).into_owned());
     let crosses = [x.cross(&y), y.cross(&z), z.cross(&x)];
-    let longest = crosses
-        .iter()
-        .max_by(|a, b| a.norm_squared().total_cmp(&b.norm_squared()))?;
+    let longest = crosses.iter().max_by(|a, b| a.norm_squared().total_cmp(&b.norm_squared()))?;
     longest.try_normalize(0.0)
 }
 

@@ -50,19 +50,11 @@ trait Collect {
 impl KdTree {
     /// Builds the tree. Points must be finite and fewer than 2³².
     pub fn new(points: &[Point3<f32>]) -> Self {
-        let mut items: Vec<([f32; 3], u32)> = points
-            .iter()
-            .zip(0..)
-            .map(|(p, id)| (p.coords.into(), id))
-            .collect();
+        let mut items: Vec<([f32; 3], u32)> = points.iter().zip(0..).map(|(p, id)| (p.coords.into(), id)).collect();
         let mut nodes = Vec::new();
         build(&mut items, &mut nodes);
         let axes = [0, 1, 2].map(|axis| items.iter().map(|(p, _)| p[axis]).collect());
-        Self {
-            axes,
-            ids: items.iter().map(|(_, id)| *id).collect(),
-            nodes,
-        }
+        Self { axes, ids: items.iter().map(|(_, id)| *id).collect(), nodes }
     }
 
     /// How many points there are.
@@ -77,11 +69,7 @@ impl KdTree {
 
     /// A point, by its place in tree order.
     pub fn point(&self, index: usize) -> Point3<f32> {
-        Point3::new(
-            self.axes[0][index],
-            self.axes[1][index],
-            self.axes[2][index],
-        )
+        Point3::new(self.axes[0][index], self.axes[1][index], self.axes[2][index])
     }
 
     /// The place in the input of each point in tree order.
@@ -96,19 +84,9 @@ impl KdTree {
 
     /// As [`KdTree::nearest`], but of the others it only tells that they are at least `slack_m` farther: with little
     /// slack it looks at fewer points. A `hint`, a place in tree order, spares more the nearer it is.
-    pub fn nearest_beside(
-        &self,
-        query: &Point3<f32>,
-        radius_m: f32,
-        slack_m: f32,
-        hint: Option<u32>,
-    ) -> Nearest {
+    pub fn nearest_beside(&self, query: &Point3<f32>, radius_m: f32, slack_m: f32, hint: Option<u32>) -> Nearest {
         let squared = radius_m * radius_m;
-        let nearest = Nearest {
-            index: None,
-            squared_m2: squared,
-            others_squared_m2: squared,
-        };
+        let nearest = Nearest { index: None, squared_m2: squared, others_squared_m2: squared };
         let mut beside = Beside { nearest, slack_m };
         if let Some(index) = hint {
             let squared = squared_norm((self.point(index as usize) - query).into());
@@ -121,20 +99,10 @@ impl KdTree {
     /// The nearest points strictly within `radius_m`, `max` at most, in no order: pairs of squared distance and place
     /// in tree order. Of equally far points the one with the lower place counts as nearer. A point of the tree finds
     /// itself. `found` is emptied first.
-    pub fn within(
-        &self,
-        query: &Point3<f32>,
-        radius_m: f32,
-        max: usize,
-        found: &mut Vec<(f32, u32)>,
-    ) {
+    pub fn within(&self, query: &Point3<f32>, radius_m: f32, max: usize, found: &mut Vec<(f32, u32)>) {
         found.clear();
         if max > 0 && radius_m > 0.0 {
-            let mut best = Best {
-                found,
-                max,
-                bound: (radius_m * radius_m).next_down(),
-            };
+            let mut best = Best { found, max, bound: (radius_m * radius_m).next_down() };
             self.walk(query, &mut best);
             best.cut();
         }
@@ -156,12 +124,7 @@ impl KdTree {
         if range.len() <= LEAF {
             return self.scan(query, collect, range);
         }
-        let Node {
-            axis,
-            right,
-            left_max,
-            right_min,
-        } = self.nodes[node];
+        let Node { axis, right, left_max, right_min } = self.nodes[node];
         let axis = axis as usize;
         let middle = range.start + range.len() / 2;
         let (mut left_gap, mut right_gap) = (gap, gap);
@@ -169,11 +132,7 @@ impl KdTree {
         right_gap[axis] = gap[axis].max(right_min - query[axis]);
         let left = (node + 1, range.start..middle, left_gap);
         let right = (right as usize, middle..range.end, right_gap);
-        let (near, far) = if left_gap[axis] <= right_gap[axis] {
-            (left, right)
-        } else {
-            (right, left)
-        };
+        let (near, far) = if left_gap[axis] <= right_gap[axis] { (left, right) } else { (right, left) };
         for (node, range, gap) in [near, far] {
             if squared_norm(gap) <= collect.bound() {
                 self.visit(query, collect, node, range, gap);
@@ -206,20 +165,11 @@ fn build(items: &mut [([f32; 3], u32)], nodes: &mut Vec<Node>) {
     }
     let axis = widest_axis(items);
     let middle = items.len() / 2;
-    let (left, pivot, _) = items.select_nth_unstable_by(middle, |a, b| {
-        a.0[axis].total_cmp(&b.0[axis]).then(a.1.cmp(&b.1))
-    });
-    let left_max = left
-        .iter()
-        .map(|(p, _)| p[axis])
-        .fold(f32::NEG_INFINITY, f32::max);
+    let (left, pivot, _) =
+        items.select_nth_unstable_by(middle, |a, b| a.0[axis].total_cmp(&b.0[axis]).then(a.1.cmp(&b.1)));
+    let left_max = left.iter().map(|(p, _)| p[axis]).fold(f32::NEG_INFINITY, f32::max);
     let node = nodes.len();
-    nodes.push(Node {
-        axis: axis as u32,
-        right: 0,
-        left_max,
-        right_min: pivot.0[axis],
-    });
+    nodes.push(Node { axis: axis as u32, right: 0, left_max, right_min: pivot.0[axis] });
     let (left, right) = items.split_at_mut(middle);
     build(left, nodes);
     nodes[node].right = nodes.len() as u32;
@@ -235,9 +185,7 @@ fn widest_axis(items: &[([f32; 3], u32)]) -> usize {
         }
     }
     let width = |axis: &usize| high[*axis] - low[*axis];
-    (0..3)
-        .max_by(|a, b| width(a).total_cmp(&width(b)))
-        .unwrap_or(0)
+    (0..3).max_by(|a, b| width(a).total_cmp(&width(b))).unwrap_or(0)
 }
 
 /// The nearest, and others up to a slack beyond it.
@@ -312,18 +260,13 @@ mod tests {
 
     /// Coordinates on a coarse lattice: many ties and duplicates.
     fn lattice() -> impl Strategy<Value = Vec<[f32; 3]>> {
-        prop::collection::vec(
-            prop::array::uniform3((-8i8..8).prop_map(|v| f32::from(v) * 0.5)),
-            0..400,
-        )
+        prop::collection::vec(prop::array::uniform3((-8i8..8).prop_map(|v| f32::from(v) * 0.5)), 0..400)
     }
 
     fn brute(tree: &KdTree, query: &Point3<f32>, radius: f32) -> Vec<(f32, u32)> {
         let squared = |i: u32| squared_norm((tree.point(i as usize) - query).into());
-        let mut all: Vec<_> = (0..tree.len() as u32)
-            .map(|i| (squared(i), i))
-            .filter(|p| p.0 < radius * radius)
-            .collect();
+        let mut all: Vec<_> =
+            (0..tree.len() as u32).map(|i| (squared(i), i)).filter(|p| p.0 < radius * radius).collect();
         all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         all
     }
@@ -393,9 +336,7 @@ mod tests {
 
     #[test]
     fn ids_lead_back_to_the_input() {
-        let raw: Vec<[f32; 3]> = (0..100)
-            .map(|i| [(i * 37 % 100) as f32, 0.0, 0.0])
-            .collect();
+        let raw: Vec<[f32; 3]> = (0..100).map(|i| [(i * 37 % 100) as f32, 0.0, 0.0]).collect();
         let tree = KdTree::new(&points(&raw));
         for (place, &id) in tree.ids().iter().enumerate() {
             assert_eq!(tree.point(place), Point3::from(raw[id as usize]));
@@ -405,9 +346,6 @@ mod tests {
     #[test]
     fn a_query_that_is_not_a_number_finds_nothing() {
         let tree = KdTree::new(&points(&[[1.0; 3]; 50]));
-        assert_eq!(
-            tree.nearest(&Point3::new(f32::NAN, 0.0, 0.0), 10.0).index,
-            None
-        );
+        assert_eq!(tree.nearest(&Point3::new(f32::NAN, 0.0, 0.0), 10.0).index, None);
     }
 }

@@ -26,20 +26,13 @@ pub struct Cloud {
 impl Cloud {
     /// A cloud without normals.
     pub fn new(points: Vec<Point3<f32>>) -> Self {
-        Self {
-            points,
-            normals: None,
-        }
+        Self { points, normals: None }
     }
 
     /// Removes points that are no echo, and says how many.
     pub fn drop_invalid(&mut self) -> Dropped {
         let mut dropped = Dropped::default();
-        let keep: Vec<bool> = self
-            .points
-            .iter()
-            .map(|point| dropped.keeps(point))
-            .collect();
+        let keep: Vec<bool> = self.points.iter().map(|point| dropped.keeps(point)).collect();
         if dropped.total() > 0 {
             let mut kept = keep.iter().copied();
             self.points.retain(|_| kept.next().unwrap_or(true));
@@ -79,11 +72,7 @@ impl Dropped {
 
 impl std::fmt::Display for Dropped {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(
-            f,
-            "{} non-finite and {} at range 0 left out",
-            self.non_finite, self.at_origin
-        )
+        write!(f, "{} non-finite and {} at range 0 left out", self.non_finite, self.at_origin)
     }
 }
 
@@ -106,24 +95,9 @@ mod tests {
             Point3::new(0.0, 0.0, 4.0),
         ];
         let normals = (0..5).map(|i| Vector3::new(i as f32, 0.0, 0.0)).collect();
-        let mut cloud = Cloud {
-            points,
-            normals: Some(normals),
-        };
-        assert_eq!(
-            cloud.drop_invalid(),
-            Dropped {
-                non_finite: 2,
-                at_origin: 1
-            }
-        );
-        assert_eq!(
-            cloud.points,
-            [Point3::new(1.0, 2.0, 3.0), Point3::new(0.0, 0.0, 4.0)]
-        );
-        assert_eq!(
-            cloud.normals,
-            Some(vec![Vector3::zeros(), Vector3::new(4.0, 0.0, 0.0)])
-        );
+        let mut cloud = Cloud { points, normals: Some(normals) };
+        assert_eq!(cloud.drop_invalid(), Dropped { non_finite: 2, at_origin: 1 });
+        assert_eq!(cloud.points, [Point3::new(1.0, 2.0, 3.0), Point3::new(0.0, 0.0, 4.0)]);
+        assert_eq!(cloud.normals, Some(vec![Vector3::zeros(), Vector3::new(4.0, 0.0, 0.0)]));
     }
 }

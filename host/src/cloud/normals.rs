@@ -29,22 +29,10 @@ const CHUNK: usize = 512;
 /// neighbours on a line, give no normal. The same input gives the same bytes on any number of threads.
 pub fn estimate(cloud: &mut Cloud, radius_m: f64, max_neighbours: usize) {
     // A tree wants finite points: the others get no normal.
-    let valid: Vec<u32> = (0..)
-        .zip(&cloud.points)
-        .filter(|(_, p)| is_finite(p))
-        .map(|(i, _)| i)
-        .collect();
-    let tree = KdTree::new(
-        &valid
-            .iter()
-            .map(|&i| cloud.points[i as usize])
-            .collect::<Vec<_>>(),
-    );
+    let valid: Vec<u32> = (0..).zip(&cloud.points).filter(|(_, p)| is_finite(p)).map(|(i, _)| i).collect();
+    let tree = KdTree::new(&valid.iter().map(|&i| cloud.points[i as usize]).collect::<Vec<_>>());
     let mut normals = vec![Vector3::zeros(); cloud.points.len()];
-    for (normal, &id) in in_tree_order(&tree, radius_m, max_neighbours)
-        .iter()
-        .zip(tree.ids())
-    {
+    for (normal, &id) in in_tree_order(&tree, radius_m, max_neighbours).iter().zip(tree.ids()) {
         normals[valid[id as usize] as usize] = *normal;
     }
     cloud.normals = Some(normals);
@@ -53,17 +41,14 @@ pub fn estimate(cloud: &mut Cloud, radius_m: f64, max_neighbours: usize) {
 /// The normals of a tree's points, in tree order: see [`estimate`].
 pub fn in_tree_order(tree: &KdTree, radius_m: f64, max_neighbours: usize) -> Vec<Vector3<f32>> {
     let mut normals = vec![Vector3::zeros(); tree.len()];
-    normals
-        .par_chunks_mut(CHUNK)
-        .enumerate()
-        .for_each(|(chunk, normals)| {
-            let mut found = Vec::with_capacity(4 * max_neighbours.min(1024));
-            for (i, normal) in normals.iter_mut().enumerate() {
-                let point = tree.point(chunk * CHUNK + i);
-                tree.within(&point, radius_m as f32, max_neighbours, &mut found);
-                *normal = normal_at(tree, &point, &found).unwrap_or_default();
-            }
-        });
+    normals.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, normals)| {
+        let mut found = Vec::with_capacity(4 * max_neighbours.min(1024));
+        for (i, normal) in normals.iter_mut().enumerate() {
+            let point = tree.point(chunk * CHUNK + i);
+            tree.within(&point, radius_m as f32, max_neighbours, &mut found);
+            *normal = normal_at(tree, &point, &found).unwrap_or_default();
+        }
+    });
     normals
 }
 
@@ -77,17 +62,12 @@ fn normal_at(tree: &KdTree, query: &Point3<f32>, found: &[(f32, u32)]) -> Option
         return None;
     }
     let normal = eigenvector(&covariance, low)?.cast::<f32>();
-    Some(if normal.dot(&query.coords) > 0.0 {
-        -normal
-    } else {
-        normal
-    })
+    Some(if normal.dot(&query.coords) > 0.0 { -normal } else { normal })
 }
 
 /// Centred on the query, so that `f32` coordinates far from the origin lose nothing.
 fn covariance(tree: &KdTree, query: &Point3<f32>, found: &[(f32, u32)]) -> Matrix3<f64> {
-    let (mut sum, mut xx, mut xy, mut xz, mut yy, mut yz, mut zz) =
-        (Vector3::zeros(), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+    let (mut sum, mut xx, mut xy, mut xz, mut yy, mut yz, mut zz) = (Vector3::zeros(), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
     for &(_, index) in found {
         let d = (tree.point(index as usize) - query).cast::<f64>();
         sum += d;
@@ -115,9 +95,7 @@ mod tests {
     }
 
     fn patch(point: impl Fn(f32, f32) -> Point3<f32>) -> Vec<Point3<f32>> {
-        (0..100)
-            .map(|i| point((i % 10) as f32 * 0.1, (i / 10) as f32 * 0.1))
-            .collect()
+        (0..100).map(|i| point((i % 10) as f32 * 0.1, (i / 10) as f32 * 0.1)).collect()
     }
 
     #[test]
@@ -126,39 +104,21 @@ mod tests {
             (patch(|a, b| Point3::new(a, b, -2.0)), Vector3::z()),
             (patch(|a, b| Point3::new(a, b, 2.0)), -Vector3::z()),
             (patch(|a, b| Point3::new(300.0, a, b)), -Vector3::x()),
-            (
-                patch(|a, b| Point3::new(a, a - 3.0, b)),
-                Vector3::new(-1.0, 1.0, 0.0).normalize(),
-            ),
+            (patch(|a, b| Point3::new(a, a - 3.0, b)), Vector3::new(-1.0, 1.0, 0.0).normalize()),
         ];
         for (points, expected) in table {
             for normal in normals(points, 0.35, 30) {
-                assert!(
-                    (normal - expected).norm() < 1e-4,
-                    "{normal} is not {expected}"
-                );
+                assert!((normal - expected).norm() < 1e-4, "{normal} is not {expected}");
             }
         }
     }
 
     #[test]
     fn lines_pairs_duplicates_and_lone_points_have_no_normal() {
-        let line: Vec<_> = (0..20)
-            .map(|i| Point3::new(i as f32 * 0.1, 5.0, i as f32 * 0.2))
-            .collect();
+        let line: Vec<_> = (0..20).map(|i| Point3::new(i as f32 * 0.1, 5.0, i as f32 * 0.2)).collect();
         let pair = vec![Point3::new(1.0, 2.0, 3.0), Point3::new(1.1, 2.0, 3.0)];
-        for points in [
-            line,
-            pair,
-            vec![Point3::new(1.0, 1.0, 1.0); 40],
-            vec![Point3::new(1.0, 1.0, 1.0)],
-            vec![],
-        ] {
-            assert!(
-                normals(points, 1.0, 30)
-                    .iter()
-                    .all(|n| *n == Vector3::zeros())
-            );
+        for points in [line, pair, vec![Point3::new(1.0, 1.0, 1.0); 40], vec![Point3::new(1.0, 1.0, 1.0)], vec![]] {
+            assert!(normals(points, 1.0, 30).iter().all(|n| *n == Vector3::zeros()));
         }
     }
 
@@ -182,10 +142,7 @@ mod tests {
                 .collect()
         };
         let on = |threads| {
-            let pool = rayon::ThreadPoolBuilder::new()
-                .num_threads(threads)
-                .build()
-                .unwrap();
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| normals(points(), 0.8, 20))
         };
         assert_eq!(on(1), on(2));

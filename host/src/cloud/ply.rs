@@ -5,9 +5,7 @@ use std::path::Path;
 
 use nalgebra::Point3;
 use ply_rs_bw::parser::{Parser, Reader};
-use ply_rs_bw::ply::{
-    ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
-};
+use ply_rs_bw::ply::{ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType};
 
 use super::{Cloud, CloudError};
 
@@ -38,17 +36,12 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
     let mut reader = Reader::new(Cursor::new(bytes));
     let expected = |error| format!("expected a PLY file: {error}");
     let header = parser.read_header(&mut reader).map_err(expected)?;
-    let vertex = header
-        .elements
-        .get("vertex")
-        .ok_or("expected an element \"vertex\" in the PLY header")?;
+    let vertex = header.elements.get("vertex").ok_or("expected an element \"vertex\" in the PLY header")?;
     check_axes(vertex)?;
     for element in header.elements.values() {
         let left = bytes.len() as u64 - reader.get_ref().position();
         check_size(element, header.encoding, left)?;
-        let elements = parser
-            .read_payload_for_element(&mut reader, element, &header)
-            .map_err(expected)?;
+        let elements = parser.read_payload_for_element(&mut reader, element, &header).map_err(expected)?;
         if element.name == "vertex" {
             return Ok(elements.into_iter().map(|vertex| vertex.0).collect());
         }
@@ -60,9 +53,7 @@ fn check_axes(vertex: &ElementDef) -> Result<(), String> {
     for axis in ["x", "y", "z"] {
         let property = vertex.properties.get(axis);
         if !property.is_some_and(|p| matches!(p.data_type, PropertyType::Scalar(_))) {
-            return Err(format!(
-                "expected a numeric property {axis:?} of the PLY vertices"
-            ));
+            return Err(format!("expected a numeric property {axis:?} of the PLY vertices"));
         }
     }
     Ok(())
@@ -70,12 +61,7 @@ fn check_axes(vertex: &ElementDef) -> Result<(), String> {
 
 /// A header may ask for any number of elements; the file's size says how many there can be.
 fn check_size(element: &ElementDef, encoding: Encoding, left: u64) -> Result<(), String> {
-    let ElementDef {
-        name,
-        count,
-        properties,
-        ..
-    } = element;
+    let ElementDef { name, count, properties, .. } = element;
     if properties.is_empty() && *count > 0 {
         return Err(format!("expected properties of the PLY element {name:?}"));
     }
@@ -83,18 +69,10 @@ fn check_size(element: &ElementDef, encoding: Encoding, left: u64) -> Result<(),
         (Encoding::Ascii, _) => 2, // a digit and a blank or line end; the last may lack it
         (_, PropertyType::Scalar(scalar) | PropertyType::List(scalar, _)) => size(scalar),
     };
-    let each: u64 = properties
-        .values()
-        .map(|property| least(&property.data_type))
-        .sum();
+    let each: u64 = properties.values().map(|property| least(&property.data_type)).sum();
     let slack = u64::from(encoding == Encoding::Ascii);
-    if (*count as u64)
-        .checked_mul(each)
-        .is_none_or(|needed| needed > left + slack)
-    {
-        return Err(format!(
-            "expected {count} elements {name:?} of {each} bytes or more, found {left} bytes"
-        ));
+    if (*count as u64).checked_mul(each).is_none_or(|needed| needed > left + slack) {
+        return Err(format!("expected {count} elements {name:?} of {each} bytes or more, found {left} bytes"));
     }
     Ok(())
 }
@@ -114,38 +92,21 @@ fn size(scalar: &ScalarType) -> u64 {
 ///
 /// [`CloudError::Io`] when the file cannot be written.
 pub fn write_ply(path: &Path, cloud: &Cloud) -> Result<(), CloudError> {
-    let io = |source| CloudError::Io {
-        path: path.into(),
-        source,
-    };
+    let io = |source| CloudError::Io { path: path.into(), source };
     let mut file = std::io::BufWriter::new(std::fs::File::create(path).map_err(io)?);
-    write(&mut file, cloud)
-        .and_then(|()| file.flush())
-        .map_err(io)
+    write(&mut file, cloud).and_then(|()| file.flush()).map_err(io)
 }
 
 fn write(file: &mut impl Write, cloud: &Cloud) -> std::io::Result<()> {
-    let axes: &[&str] = if cloud.normals.is_some() {
-        &["x", "y", "z", "nx", "ny", "nz"]
-    } else {
-        &["x", "y", "z"]
-    };
-    write!(
-        file,
-        "ply\nformat binary_little_endian 1.0\nelement vertex {}\n",
-        cloud.points.len()
-    )?;
+    let axes: &[&str] = if cloud.normals.is_some() { &["x", "y", "z", "nx", "ny", "nz"] } else { &["x", "y", "z"] };
+    write!(file, "ply\nformat binary_little_endian 1.0\nelement vertex {}\n", cloud.points.len())?;
     for axis in axes {
         writeln!(file, "property float {axis}")?;
     }
     writeln!(file, "end_header")?;
     for (i, point) in cloud.points.iter().enumerate() {
         let normal = cloud.normals.as_ref().and_then(|normals| normals.get(i));
-        for value in point
-            .coords
-            .iter()
-            .chain(normal.into_iter().flat_map(|normal| normal.iter()))
-        {
+        for value in point.coords.iter().chain(normal.into_iter().flat_map(|normal| normal.iter())) {
             file.write_all(&value.to_le_bytes())?;
         }
     }

@@ -49,11 +49,7 @@ pub enum CloudError {
 ///
 /// [`CloudError`] names the file and what was expected of it; a file without echoes is an error too.
 pub fn read_cloud(path: &Path) -> Result<(Cloud, Dropped), CloudError> {
-    let extension = path
-        .extension()
-        .and_then(|e| e.to_str())
-        .unwrap_or_default()
-        .to_ascii_lowercase();
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     let parse = match extension.as_str() {
         "ply" => ply::parse,
         "pcd" => pcd::parse,
@@ -61,21 +57,12 @@ pub fn read_cloud(path: &Path) -> Result<(Cloud, Dropped), CloudError> {
         "xyz" | "txt" | "asc" | "csv" => text::parse_text,
         _ => return Err(CloudError::Extension { path: path.into() }),
     };
-    let bytes = std::fs::read(path).map_err(|source| CloudError::Io {
-        path: path.into(),
-        source,
-    })?;
-    let points = parse(&bytes).map_err(|problem| CloudError::Format {
-        path: path.into(),
-        problem,
-    })?;
+    let bytes = std::fs::read(path).map_err(|source| CloudError::Io { path: path.into(), source })?;
+    let points = parse(&bytes).map_err(|problem| CloudError::Format { path: path.into(), problem })?;
     let mut cloud = Cloud::new(points);
     let dropped = cloud.drop_invalid();
     if cloud.points.is_empty() {
-        return Err(CloudError::Empty {
-            path: path.into(),
-            dropped,
-        });
+        return Err(CloudError::Empty { path: path.into(), dropped });
     }
     Ok((cloud, dropped))
 }
@@ -111,67 +98,22 @@ mod tests {
                  property float x\nproperty short y\nend_header\n"
             )
         };
-        let big = [
-            &[0, 7][..],
-            &3f64.to_be_bytes(),
-            &1f32.to_be_bytes(),
-            &2i16.to_be_bytes(),
-        ];
-        let big = [
-            big.concat(),
-            [
-                &[0, 7][..],
-                &6f64.to_be_bytes(),
-                &4f32.to_be_bytes(),
-                &5i16.to_be_bytes(),
-            ]
-            .concat(),
-        ];
-        let little = [
-            &[7, 0][..],
-            &3f64.to_le_bytes(),
-            &1f32.to_le_bytes(),
-            &2i16.to_le_bytes(),
-        ];
-        let little = [
-            little.concat(),
-            [
-                &[7, 0][..],
-                &6f64.to_le_bytes(),
-                &4f32.to_le_bytes(),
-                &5i16.to_le_bytes(),
-            ]
-            .concat(),
-        ];
+        let big = [&[0, 7][..], &3f64.to_be_bytes(), &1f32.to_be_bytes(), &2i16.to_be_bytes()];
+        let big = [big.concat(), [&[0, 7][..], &6f64.to_be_bytes(), &4f32.to_be_bytes(), &5i16.to_be_bytes()].concat()];
+        let little = [&[7, 0][..], &3f64.to_le_bytes(), &1f32.to_le_bytes(), &2i16.to_le_bytes()];
+        let little =
+            [little.concat(), [&[7, 0][..], &6f64.to_le_bytes(), &4f32.to_le_bytes(), &5i16.to_le_bytes()].concat()];
         let pcd = le(&[1.0, 2.0, 3.0, 0.5, 4.0, 5.0, 6.0, 0.5]);
         // One literal run of 32 bytes: column by column.
         let columns = le(&[1.0, 4.0, 2.0, 5.0, 3.0, 6.0, 0.5, 0.5]);
-        let packed = [
-            &33u32.to_le_bytes()[..],
-            &32u32.to_le_bytes(),
-            &[31],
-            &columns,
-        ]
-        .concat();
+        let packed = [&33u32.to_le_bytes()[..], &32u32.to_le_bytes(), &[31], &columns].concat();
         let table = [
             ("a.ply", bytes(&ply("ascii"), b"7 3 1 2\n7 6 4 5\n")),
             ("b.PLY", bytes(&ply("binary_big_endian"), &big.concat())),
-            (
-                "c.ply",
-                bytes(&ply("binary_little_endian"), &little.concat()),
-            ),
-            (
-                "a.pcd",
-                bytes(PCD, b"POINTS 2\nDATA ascii\n1 2 3 0.5\n4 5 6 0.5\n"),
-            ),
-            (
-                "b.pcd",
-                bytes(&format!("{PCD}POINTS 2\nDATA binary\n"), &pcd),
-            ),
-            (
-                "c.pcd",
-                bytes(&format!("{PCD}POINTS 2\nDATA binary_compressed\n"), &packed),
-            ),
+            ("c.ply", bytes(&ply("binary_little_endian"), &little.concat())),
+            ("a.pcd", bytes(PCD, b"POINTS 2\nDATA ascii\n1 2 3 0.5\n4 5 6 0.5\n")),
+            ("b.pcd", bytes(&format!("{PCD}POINTS 2\nDATA binary\n"), &pcd)),
+            ("c.pcd", bytes(&format!("{PCD}POINTS 2\nDATA binary_compressed\n"), &packed)),
             ("a.bin", pcd.clone()),
             ("a.xyz", b"# x y z\n1 2 3 9\n\n4\t5 6\n".to_vec()),
             ("a.csv", b"time,X,Y,Z\n0,1,2,3\n1,4,5,6\n".to_vec()),
@@ -179,11 +121,7 @@ mod tests {
         ];
         for (name, content) in table {
             let (cloud, dropped) = read(name, &content).unwrap();
-            assert_eq!(
-                cloud.points,
-                [[1.0, 2.0, 3.0].into(), [4.0, 5.0, 6.0].into()],
-                "{name}"
-            );
+            assert_eq!(cloud.points, [[1.0, 2.0, 3.0].into(), [4.0, 5.0, 6.0].into()], "{name}");
             assert_eq!(dropped, Dropped::default(), "{name}");
         }
     }
@@ -200,118 +138,43 @@ mod tests {
             ("empty.ply", vec![], "PLY"),
             ("magic.ply", b"plx\n".to_vec(), "ply"),
             ("utf8.ply", vec![0xff; 100], "PLY"),
-            (
-                "faces.ply",
-                b"ply\nformat ascii 1.0\nelement face 0\nend_header\n".to_vec(),
-                "vertex",
-            ),
-            (
-                "noz.ply",
-                format!("{vertex}1\nproperty float x\nend_header\n1234").into_bytes(),
-                "\"y\"",
-            ),
-            (
-                "short.ply",
-                bytes(&format!("{vertex}2{xyz}"), &[0; 12]),
-                "2 elements",
-            ),
-            (
-                "huge.ply",
-                bytes(&format!("{vertex}{huge}{xyz}"), &[0; 12]),
-                "elements",
-            ),
-            (
-                "giant.ply",
-                bytes(&format!("{vertex}4000000000{xyz}"), &[0; 12]),
-                "elements",
-            ),
-            (
-                "void.ply",
-                bytes(&format!("{vertex}{huge}\nend_header\n"), &[]),
-                "\"x\"",
-            ),
+            ("faces.ply", b"ply\nformat ascii 1.0\nelement face 0\nend_header\n".to_vec(), "vertex"),
+            ("noz.ply", format!("{vertex}1\nproperty float x\nend_header\n1234").into_bytes(), "\"y\""),
+            ("short.ply", bytes(&format!("{vertex}2{xyz}"), &[0; 12]), "2 elements"),
+            ("huge.ply", bytes(&format!("{vertex}{huge}{xyz}"), &[0; 12]), "elements"),
+            ("giant.ply", bytes(&format!("{vertex}4000000000{xyz}"), &[0; 12]), "elements"),
+            ("void.ply", bytes(&format!("{vertex}{huge}\nend_header\n"), &[]), "\"x\""),
             (
                 "hollow.ply",
-                bytes(
-                    &format!("ply\nformat ascii 1.0\nelement hollow {huge}\nelement vertex 1{xyz}"),
-                    b"1 1 1\n",
-                ),
+                bytes(&format!("ply\nformat ascii 1.0\nelement hollow {huge}\nelement vertex 1{xyz}"), b"1 1 1\n"),
                 "propert",
             ),
-            (
-                "list.ply",
-                bytes(&format!("{vertex}1{list}"), &[0xff; 12]),
-                "\"x\"",
-            ),
-            (
-                "word.ply",
-                format!("ply\nformat ascii 1.0\nelement vertex 1{xyz}1 two 3\n").into_bytes(),
-                "ine 8",
-            ),
-            (
-                "novertex.ply",
-                format!("{vertex}0{xyz}").into_bytes(),
-                "at least one point",
-            ),
+            ("list.ply", bytes(&format!("{vertex}1{list}"), &[0xff; 12]), "\"x\""),
+            ("word.ply", format!("ply\nformat ascii 1.0\nelement vertex 1{xyz}1 two 3\n").into_bytes(), "ine 8"),
+            ("novertex.ply", format!("{vertex}0{xyz}").into_bytes(), "at least one point"),
             ("empty.pcd", vec![], "PCD"),
             ("noz.pcd", PCD.replace(" z", " w").into_bytes(), "PCD"),
-            (
-                "field.pcd",
-                bytes(&PCD.replace(" z", " w"), b"POINTS 1\nDATA ascii\n1 2 3 4\n"),
-                "\"z\"",
-            ),
-            (
-                "short.pcd",
-                bytes(&format!("{PCD}POINTS 2\nDATA binary\n"), &[0; 16]),
-                "2 points",
-            ),
-            (
-                "shorttext.pcd",
-                bytes(PCD, b"POINTS 2\nDATA ascii\n1 2 3 4\n"),
-                "PCD",
-            ),
-            (
-                "huge.pcd",
-                bytes(&format!("{PCD}POINTS {huge}\nDATA binary\n"), &[0; 16]),
-                "points",
-            ),
+            ("field.pcd", bytes(&PCD.replace(" z", " w"), b"POINTS 1\nDATA ascii\n1 2 3 4\n"), "\"z\""),
+            ("short.pcd", bytes(&format!("{PCD}POINTS 2\nDATA binary\n"), &[0; 16]), "2 points"),
+            ("shorttext.pcd", bytes(PCD, b"POINTS 2\nDATA ascii\n1 2 3 4\n"), "PCD"),
+            ("huge.pcd", bytes(&format!("{PCD}POINTS {huge}\nDATA binary\n"), &[0; 16]), "points"),
             (
                 "count.pcd",
-                bytes(
-                    &PCD.replace("COUNT 1 1 1 1", &format!("COUNT {huge} {huge} 1 1")),
-                    b"POINTS 1\nDATA ascii\n1\n",
-                ),
+                bytes(&PCD.replace("COUNT 1 1 1 1", &format!("COUNT {huge} {huge} 1 1")), b"POINTS 1\nDATA ascii\n1\n"),
                 "points",
             ),
             (
                 "two.pcd",
-                bytes(
-                    &PCD.replace("COUNT 1 1", "COUNT 2 1"),
-                    b"POINTS 1\nDATA ascii\n1 1 2 3 4\n",
-                ),
+                bytes(&PCD.replace("COUNT 1 1", "COUNT 2 1"), b"POINTS 1\nDATA ascii\n1 1 2 3 4\n"),
                 "one number",
             ),
-            (
-                "packed.pcd",
-                bytes(
-                    &format!("{PCD}POINTS 2\nDATA binary_compressed\n"),
-                    &[0xff; 8],
-                ),
-                "compressed",
-            ),
+            ("packed.pcd", bytes(&format!("{PCD}POINTS 2\nDATA binary_compressed\n"), &[0xff; 8]), "compressed"),
             (
                 "unpacked.pcd",
-                bytes(
-                    &format!("{PCD}POINTS 2\nDATA binary_compressed\n"),
-                    &[2, 0, 0, 0, 1, 0, 0, 0, 0, 9],
-                ),
+                bytes(&format!("{PCD}POINTS 2\nDATA binary_compressed\n"), &[2, 0, 0, 0, 1, 0, 0, 0, 0, 9]),
                 "compressed",
             ),
-            (
-                "nosize.pcd",
-                bytes(&format!("{PCD}POINTS 2\nDATA binary_compressed\n"), &[1]),
-                "compressed",
-            ),
+            ("nosize.pcd", bytes(&format!("{PCD}POINTS 2\nDATA binary_compressed\n"), &[1]), "compressed"),
             ("odd.bin", vec![0; 17], "multiple of 16"),
             ("empty.bin", vec![], "at least one point"),
             ("zeros.bin", vec![0; 32], "2 at range 0"),
@@ -320,18 +183,11 @@ mod tests {
             ("word.txt", b"1 2 3\n4 five 6\n".to_vec(), "line 2"),
             ("header.csv", b"a,b,c\n1,2,3\n".to_vec(), "line 1"),
             ("binary.xyz", vec![0xff; 40], "text"),
-            (
-                "comments.txt",
-                b"# nothing\n".to_vec(),
-                "at least one point",
-            ),
+            ("comments.txt", b"# nothing\n".to_vec(), "at least one point"),
         ];
         for (name, content, expected) in table {
             let message = read(name, &content).expect_err(name).to_string();
-            assert!(
-                message.contains(name) && message.contains(expected),
-                "{message}"
-            );
+            assert!(message.contains(name) && message.contains(expected), "{message}");
         }
     }
 
@@ -339,32 +195,13 @@ mod tests {
     fn a_file_cut_short_or_with_a_byte_changed_never_panics() {
         let ply = "ply\nformat binary_little_endian 1.0\nelement vertex 2\nproperty float x\nproperty list uchar int l\n\
                    property float y\nproperty float z\nend_header\n";
-        let body = [
-            &le(&[1.0])[..],
-            &[1, 9, 0, 0, 0],
-            &le(&[2.0, 3.0, 4.0]),
-            &[0],
-            &le(&[5.0, 6.0]),
-        ]
-        .concat();
+        let body = [&le(&[1.0])[..], &[1, 9, 0, 0, 0], &le(&[2.0, 3.0, 4.0]), &[0], &le(&[5.0, 6.0])].concat();
         let columns = le(&[1.0, 4.0, 2.0, 5.0, 3.0, 6.0, 0.5, 0.5]);
-        let packed = [
-            &33u32.to_le_bytes()[..],
-            &32u32.to_le_bytes(),
-            &[31],
-            &columns,
-        ]
-        .concat();
+        let packed = [&33u32.to_le_bytes()[..], &32u32.to_le_bytes(), &[31], &columns].concat();
         let files = [
             ("f.ply", bytes(ply, &body)),
-            (
-                "f.pcd",
-                bytes(&format!("{PCD}POINTS 2\nDATA binary_compressed\n"), &packed),
-            ),
-            (
-                "g.pcd",
-                bytes(PCD, b"POINTS 2\nDATA ascii\n1 2 3 0.5\n4 5 6 0.5\n"),
-            ),
+            ("f.pcd", bytes(&format!("{PCD}POINTS 2\nDATA binary_compressed\n"), &packed)),
+            ("g.pcd", bytes(PCD, b"POINTS 2\nDATA ascii\n1 2 3 0.5\n4 5 6 0.5\n")),
         ];
         for (name, content) in files {
             assert!(read(name, &content).is_ok(), "{name}");
@@ -381,12 +218,7 @@ mod tests {
 
     #[test]
     fn an_absent_file_is_an_error_that_names_it() {
-        assert!(
-            read_cloud(Path::new("absent.ply"))
-                .unwrap_err()
-                .to_string()
-                .contains("absent.ply")
-        );
+        assert!(read_cloud(Path::new("absent.ply")).unwrap_err().to_string().contains("absent.ply"));
     }
 
     #[test]
@@ -395,10 +227,7 @@ mod tests {
         let path = folder.path().join("cloud.ply");
         let mut cloud = Cloud::new(vec![[0.1, -2.0, 3e7].into(), [1.0, 0.0, -0.0].into()]);
         write_ply(&path, &cloud).unwrap();
-        assert_eq!(
-            read_cloud(&path).unwrap(),
-            (cloud.clone(), Dropped::default())
-        );
+        assert_eq!(read_cloud(&path).unwrap(), (cloud.clone(), Dropped::default()));
         cloud.normals = Some(vec![[0.0, 0.0, 1.0].into(); 2]);
         write_ply(&path, &cloud).unwrap();
         assert_eq!(read_cloud(&path).unwrap().0.points, cloud.points);

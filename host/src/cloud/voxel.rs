@@ -41,31 +41,18 @@ fn means(points: &[Point3<f32>], voxel_m: f64) -> Result<Vec<Point3<f32>>, Voxel
     if !(voxel_m > 0.0 && voxel_m.is_finite()) {
         return Err(VoxelError::Size(voxel_m));
     }
-    let finite: Vec<u32> = (0..)
-        .zip(points)
-        .filter(|(_, p)| is_finite(p))
-        .map(|(i, _)| i)
-        .collect();
+    let finite: Vec<u32> = (0..).zip(points).filter(|(_, p)| is_finite(p)).map(|(i, _)| i).collect();
     if finite.is_empty() {
         return Ok(Vec::new());
     }
     let grid = Grid::around(finite.iter().map(|&i| &points[i as usize]), voxel_m)?;
-    let keyed = finite
-        .iter()
-        .map(|&i| (grid.key(&points[i as usize]), i))
-        .collect();
+    let keyed = finite.iter().map(|&i| (grid.key(&points[i as usize]), i)).collect();
     let sorted = sort_by_key(keyed, grid.last_key);
-    Ok(sorted
-        .chunk_by(|a, b| a.0 == b.0)
-        .map(|cell| mean(points, cell))
-        .collect())
+    Ok(sorted.chunk_by(|a, b| a.0 == b.0).map(|cell| mean(points, cell)).collect())
 }
 
 fn mean(points: &[Point3<f32>], cell: &[(u64, u32)]) -> Point3<f32> {
-    let sum: Vector3<f64> = cell
-        .iter()
-        .map(|&(_, i)| points[i as usize].coords.cast::<f64>())
-        .sum();
+    let sum: Vector3<f64> = cell.iter().map(|&(_, i)| points[i as usize].coords.cast::<f64>()).sum();
     (sum / cell.len() as f64).cast::<f32>().into()
 }
 
@@ -80,10 +67,7 @@ struct Grid {
 }
 
 impl Grid {
-    fn around<'a>(
-        points: impl Iterator<Item = &'a Point3<f32>>,
-        voxel_m: f64,
-    ) -> Result<Self, VoxelError> {
+    fn around<'a>(points: impl Iterator<Item = &'a Point3<f32>>, voxel_m: f64) -> Result<Self, VoxelError> {
         let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
         for point in points {
             for axis in 0..3 {
@@ -94,10 +78,7 @@ impl Grid {
         let voxels_per_m = voxel_m.recip();
         let cell = |v: f32| (f64::from(v) * voxels_per_m).floor();
         let extent = |axis: usize| f64::from(high[axis]) - f64::from(low[axis]);
-        let too_small = || VoxelError::TooSmall {
-            voxel_m,
-            extent_m: (0..3).map(extent).fold(0.0, f64::max),
-        };
+        let too_small = || VoxelError::TooSmall { voxel_m, extent_m: (0..3).map(extent).fold(0.0, f64::max) };
         let first = low.map(cell);
         let (mut stride, mut cells) = ([0; 3], 1u64);
         for axis in 0..3 {
@@ -109,12 +90,7 @@ impl Grid {
             stride[axis] = cells;
             cells = cells.checked_mul(count as u64).ok_or_else(too_small)?;
         }
-        Ok(Self {
-            voxels_per_m,
-            first,
-            stride,
-            last_key: cells - 1,
-        })
+        Ok(Self { voxels_per_m, first, stride, last_key: cells - 1 })
     }
 
     fn key(&self, point: &Point3<f32>) -> u64 {
@@ -166,46 +142,23 @@ mod tests {
 
     #[test]
     fn each_voxel_gives_the_mean_of_its_points_ordered_by_cell() {
-        let points = [
-            [1.5, 0.25, 0.25],
-            [0.25, 0.5, 0.75],
-            [0.75, 0.5, 0.25],
-            [-0.5, 0.0, 0.0],
-            [0.0, 0.0, -0.25],
-        ];
-        let expected = [
-            [0.0, 0.0, -0.25],
-            [-0.5, 0.0, 0.0],
-            [0.5, 0.5, 0.5],
-            [1.5, 0.25, 0.25],
-        ];
+        let points = [[1.5, 0.25, 0.25], [0.25, 0.5, 0.75], [0.75, 0.5, 0.25], [-0.5, 0.0, 0.0], [0.0, 0.0, -0.25]];
+        let expected = [[0.0, 0.0, -0.25], [-0.5, 0.0, 0.0], [0.5, 0.5, 0.5], [1.5, 0.25, 0.25]];
         assert_eq!(downsample(&cloud(&points), 1.0), Ok(cloud(&expected)));
     }
 
     #[test]
     fn a_voxel_too_small_to_number_the_cells_is_an_error_and_not_an_overflow() {
         let wide = cloud(&[[-1e6, -1e6, -1e6], [1e6, 1e6, 1e6]]);
-        assert!(matches!(
-            downsample(&wide, 1e-3),
-            Err(VoxelError::TooSmall { .. })
-        ));
-        assert!(matches!(
-            downsample(&cloud(&[[f32::MAX; 3], [f32::MIN; 3]]), 0.1),
-            Err(VoxelError::TooSmall { .. })
-        ));
+        assert!(matches!(downsample(&wide, 1e-3), Err(VoxelError::TooSmall { .. })));
+        assert!(matches!(downsample(&cloud(&[[f32::MAX; 3], [f32::MIN; 3]]), 0.1), Err(VoxelError::TooSmall { .. })));
         assert_eq!(downsample(&wide, 1.0).unwrap().points.len(), 2);
     }
 
     #[test]
     fn an_edge_that_is_not_positive_is_refused() {
         for edge in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            assert!(
-                matches!(
-                    downsample(&cloud(&[[1.0; 3]]), edge),
-                    Err(VoxelError::Size(_))
-                ),
-                "{edge}"
-            );
+            assert!(matches!(downsample(&cloud(&[[1.0; 3]]), edge), Err(VoxelError::Size(_))), "{edge}");
         }
     }
 

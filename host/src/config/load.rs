@@ -113,8 +113,7 @@ pub fn load(path: Option<&Path>, overrides: &[Override]) -> Result<Config, LoadE
 
 /// The file's table, after its text has been taken for a [`Config`]: errors then show the line.
 fn read(path: &Path) -> Result<toml::Table, LoadError> {
-    let text =
-        std::fs::read_to_string(path).map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
+    let text = std::fs::read_to_string(path).map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
     let fail = |error: toml::de::Error| LoadError::Parse { path: path.to_owned(), message: error.to_string() };
     toml::from_str::<Config>(&text).map_err(fail)?;
     toml::from_str(&text).map_err(fail)
@@ -146,7 +145,10 @@ mod tests {
     #[test]
     fn a_misspelt_key_is_shown_with_its_line_and_a_caret() {
         let error = file("seed = 1\n[lidar]\npowr = 3\n").unwrap_err();
-        assert!(error.contains("line 3") && error.contains("^^^^") && error.contains("unknown field `powr`"), "{error}");
+        assert!(
+            error.contains("line 3") && error.contains("^^^^") && error.contains("unknown field `powr`"),
+            "{error}"
+        );
         let error = file("[tune]\ngeneration = 3\n").unwrap_err();
         assert!(error.contains("line 2") && error.contains("unknown field `generation`"), "{error}");
     }

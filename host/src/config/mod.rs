@@ -244,12 +244,7 @@ impl Config {
     }
 }
 
-fn require(
-    field: &'static str,
-    value: impl ToString,
-    holds: bool,
-    expected: &'static str,
-) -> Result<(), ConfigError> {
+fn require(field: &'static str, value: impl ToString, holds: bool, expected: &'static str) -> Result<(), ConfigError> {
     if holds { Ok(()) } else { Err(ConfigError::Bound { field, value: value.to_string(), expected }) }
 }
 

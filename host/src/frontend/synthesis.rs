@@ -161,7 +161,8 @@ mod tests {
 
     #[test]
     fn both_builds_give_the_same_codes() {
-        let returns = [Return { range_m: 40.0, strength_per_m2: 4e-5 }, Return { range_m: 90.0, strength_per_m2: 1e-5 }];
+        let returns =
+            [Return { range_m: 40.0, strength_per_m2: 4e-5 }, Return { range_m: 90.0, strength_per_m2: 1e-5 }];
         for beam in 0..64 {
             let mut plain = vec![0; 801];
             let mut fast = vec![0; 801];

@@ -164,7 +164,8 @@ impl CmaEs {
             .map(|i| {
                 let genotype = &self.mean + self.sigma * self.y(i);
                 let genotype = genotype.as_slice().to_vec();
-                let phenotype = if self.bounded { genotype.iter().map(|&x| reflect(x)).collect() } else { genotype.clone() };
+                let phenotype =
+                    if self.bounded { genotype.iter().map(|&x| reflect(x)).collect() } else { genotype.clone() };
                 Candidate { genotype, phenotype }
             })
             .collect()
@@ -218,8 +219,7 @@ impl CmaEs {
         let still = self.is_path_short(length);
         let s = &self.strategy;
         let h = f64::from(u8::from(still));
-        self.path_c =
-            (1.0 - s.c_c) * &self.path_c + h * libm::sqrt(s.c_c * (2.0 - s.c_c) * s.mu_eff) * &y_w; // Eq. 45
+        self.path_c = (1.0 - s.c_c) * &self.path_c + h * libm::sqrt(s.c_c * (2.0 - s.c_c) * s.mu_eff) * &y_w; // Eq. 45
         let weights: Vec<f64> = s.weights.iter().zip(steps).map(|(&w, y)| self.bounded_weight(w, y, n)).collect(); // Eq. 46
         let s = &self.strategy;
         let total: f64 = s.weights.iter().sum();

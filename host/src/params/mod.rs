@@ -73,8 +73,8 @@ pub const PAPER_LIDAR: [ParameterId; 8] = [
 pub fn icp_axes(preset: Preset) -> [Axis; 5] {
     match preset {
         Preset::Outdoor => [
-            Axis::log("registration.voxel_m", "m", 0.05, 1.0, 0.3),             // φ_v
-            Axis::log("registration.normal_radius_m", "m", 0.1, 3.0, 0.9),      // φ_rad1
+            Axis::log("registration.voxel_m", "m", 0.05, 1.0, 0.3), // φ_v
+            Axis::log("registration.normal_radius_m", "m", 0.1, 3.0, 0.9), // φ_rad1
             Axis::integer("registration.normal_neighbours", "", 10.0, 100.0, 30.0), // φ_knn
             Axis::log("registration.max_pair_distance_m", "m", 0.05, 3.0, 1.0), // φ_d
             Axis::integer("registration.max_iterations", "", 8.0, 128.0, 30.0), // φ_icp
@@ -362,10 +362,7 @@ mod tests {
         assert_eq!(with("lidar.power", 20.0).unwrap().settings.power_cw, 2000);
         assert_eq!(with("lidar.power", 500.0).unwrap_err(), "lidar.power 500 W is above its maximum 100 W");
         assert!(with("lidar.powr", 5.0).unwrap_err().starts_with("unknown parameter `lidar.powr`"));
-        assert_eq!(
-            with("registration.voxel_m", 9.0).unwrap_err(),
-            "registration.voxel_m = 9 is outside 0.05 to 1 m"
-        );
+        assert_eq!(with("registration.voxel_m", 9.0).unwrap_err(), "registration.voxel_m = 9 is outside 0.05 to 1 m");
         assert!(with("registration.voxel_m", f64::NAN).is_err());
         assert!(with("lidar.power", f64::NAN).is_err());
     }

@@ -88,29 +88,17 @@ impl IcpConfig {
     ///
     /// [`ConfigError`] names the first field that cannot, and its bound.
     pub fn check(&self) -> Result<(), ConfigError> {
-        let first = self
-            .first_pair_distance_m
-            .unwrap_or(self.max_pair_distance_m);
+        let first = self.first_pair_distance_m.unwrap_or(self.max_pair_distance_m);
         let lengths = [
             ("voxel_m", self.voxel_m),
             ("normal_radius_m", self.normal_radius_m),
             ("max_pair_distance_m", self.max_pair_distance_m),
         ];
         for (field, value) in lengths {
-            require(
-                field,
-                value,
-                value > 0.0 && value <= 1e6,
-                "a length above 0 m, at most 1e6 m",
-            )?;
+            require(field, value, value > 0.0 && value <= 1e6, "a length above 0 m, at most 1e6 m")?;
         }
         let far_enough = first >= self.max_pair_distance_m && first <= 1e6;
-        require(
-            "first_pair_distance_m",
-            first,
-            far_enough,
-            "max_pair_distance_m or more, at most 1e6 m",
-        )?;
+        require("first_pair_distance_m", first, far_enough, "max_pair_distance_m or more, at most 1e6 m")?;
         let thresholds = [
             ("still_m", self.still_m),
             ("still_rad", self.still_rad),
@@ -121,43 +109,15 @@ impl IcpConfig {
             require(field, value, value >= 0.0 && value.is_finite(), "0 or more")?;
         }
         let neighbours = self.normal_neighbours as f64;
-        require(
-            "normal_neighbours",
-            neighbours,
-            self.normal_neighbours >= 3,
-            "3 or more",
-        )?;
-        require(
-            "max_iterations",
-            self.max_iterations as f64,
-            self.max_iterations >= 1,
-            "1 or more",
-        )?;
+        require("normal_neighbours", neighbours, self.normal_neighbours >= 3, "3 or more")?;
+        require("max_iterations", self.max_iterations as f64, self.max_iterations >= 1, "1 or more")?;
         let least = self.least_information;
-        require(
-            "least_information",
-            least,
-            (0.0..1.0 / 3.0).contains(&least),
-            "0 or more, below 1/3",
-        )
+        require("least_information", least, (0.0..1.0 / 3.0).contains(&least), "0 or more, below 1/3")
     }
 }
 
-fn require(
-    field: &'static str,
-    value: f64,
-    holds: bool,
-    bound: &'static str,
-) -> Result<(), ConfigError> {
-    if holds {
-        Ok(())
-    } else {
-        Err(ConfigError {
-            field,
-            value,
-            bound,
-        })
-    }
+fn require(field: &'static str, value: f64, holds: bool, bound: &'static str) -> Result<(), ConfigError> {
+    if holds { Ok(()) } else { Err(ConfigError { field, value, bound }) }
 }
 
 #[cfg(test)]
@@ -179,38 +139,17 @@ mod tests {
         };
         type Change = fn(&mut IcpConfig);
         let table: [(Change, &str); 8] = [
-            (
-                |c| c.voxel_m = 0.0,
-                "voxel_m is 0, expected a length above 0 m, at most 1e6 m",
-            ),
-            (
-                |c| c.normal_radius_m = f64::NAN,
-                "normal_radius_m is NaN, expected a length above 0 m, at most 1e6 m",
-            ),
-            (
-                |c| c.max_pair_distance_m = -1.0,
-                "max_pair_distance_m is -1, expected a length above 0 m, at most 1e6 m",
-            ),
+            (|c| c.voxel_m = 0.0, "voxel_m is 0, expected a length above 0 m, at most 1e6 m"),
+            (|c| c.normal_radius_m = f64::NAN, "normal_radius_m is NaN, expected a length above 0 m, at most 1e6 m"),
+            (|c| c.max_pair_distance_m = -1.0, "max_pair_distance_m is -1, expected a length above 0 m, at most 1e6 m"),
             (
                 |c| c.first_pair_distance_m = Some(0.5),
                 "first_pair_distance_m is 0.5, expected max_pair_distance_m or more, at most 1e6 m",
             ),
-            (
-                |c| c.still_rad = -1e-9,
-                "still_rad is -0.000000001, expected 0 or more",
-            ),
-            (
-                |c| c.normal_neighbours = 2,
-                "normal_neighbours is 2, expected 3 or more",
-            ),
-            (
-                |c| c.max_iterations = 0,
-                "max_iterations is 0, expected 1 or more",
-            ),
-            (
-                |c| c.least_information = 0.5,
-                "least_information is 0.5, expected 0 or more, below 1/3",
-            ),
+            (|c| c.still_rad = -1e-9, "still_rad is -0.000000001, expected 0 or more"),
+            (|c| c.normal_neighbours = 2, "normal_neighbours is 2, expected 3 or more"),
+            (|c| c.max_iterations = 0, "max_iterations is 0, expected 1 or more"),
+            (|c| c.least_information = 0.5, "least_information is 0.5, expected 0 or more, below 1/3"),
         ];
         for (change, expected) in table {
             assert_eq!(with(change), Err(expected.to_string()));

@@ -32,13 +32,8 @@ impl Observability {
         let information = order.map(|i| eigen.eigenvalues[i]);
         Self {
             information,
-            directions: Matrix6::from_columns(
-                &order.map(|i| eigen.eigenvectors.column(i).into_owned()),
-            ),
-            unobservable: information
-                .iter()
-                .filter(|value| value.is_nan() || **value <= least)
-                .count(),
+            directions: Matrix6::from_columns(&order.map(|i| eigen.eigenvectors.column(i).into_owned())),
+            unobservable: information.iter().filter(|value| value.is_nan() || **value <= least).count(),
         }
     }
 
@@ -50,9 +45,7 @@ impl Observability {
     /// Solves `I x = b` in the directions that are observable; `x` is zero along the others.
     pub(super) fn solve(&self, b: &Vector6<f64>) -> Vector6<f64> {
         (self.unobservable..6)
-            .map(|i| {
-                self.directions.column(i) * (self.directions.column(i).dot(b) / self.information[i])
-            })
+            .map(|i| self.directions.column(i) * (self.directions.column(i).dot(b) / self.information[i]))
             .sum()
     }
 }

@@ -4,10 +4,7 @@ use nalgebra::{Matrix3, Point3, Vector3};
 use rayon::prelude::*;
 
 use super::normal_equations::{NormalEquations, Step};
-use super::{
-    ConfigError, IcpConfig, Observability, Outcome, PrepareError, Registration, Source, StopReason,
-    Target,
-};
+use super::{ConfigError, IcpConfig, Observability, Outcome, PrepareError, Registration, Source, StopReason, Target};
 use crate::cloud::Cloud;
 use crate::pose::Pose;
 
@@ -53,18 +50,9 @@ impl Icp {
     pub fn align(&self, target: &Target, source: &Source, initial: &Pose) -> Outcome {
         let mut outcome = Outcome::nothing(initial, StopReason::MaxIterations);
         let mut matches = vec![Match::UNKNOWN; source.len()];
-        let mut reach_m = self
-            .config
-            .first_pair_distance_m
-            .unwrap_or(self.config.max_pair_distance_m);
+        let mut reach_m = self.config.first_pair_distance_m.unwrap_or(self.config.max_pair_distance_m);
         while outcome.iterations < self.config.max_iterations {
-            let sums = sum_pairs(
-                target,
-                source,
-                &outcome.target_from_source,
-                reach_m as f32,
-                &mut matches,
-            );
+            let sums = sum_pairs(target, source, &outcome.target_from_source, reach_m as f32, &mut matches);
             if sums.pairs < UNKNOWNS {
                 return Outcome {
                     pairs: sums.pairs,
@@ -76,10 +64,7 @@ impl Icp {
             let fine = reach_m <= self.config.max_pair_distance_m;
             let before = (outcome.inlier_fraction, outcome.rmse_m);
             outcome.advance(&step, &sums, seen, source.len());
-            let change = (
-                outcome.inlier_fraction - before.0,
-                outcome.rmse_m - before.1,
-            );
+            let change = (outcome.inlier_fraction - before.0, outcome.rmse_m - before.1);
             if fine && (self.is_still(&step) || outcome.iterations > 1 && self.is_settled(change)) {
                 outcome.stop = StopReason::Still;
                 break;
@@ -117,9 +102,7 @@ impl Registration for Icp {
 }
 
 fn seen_degenerate(outcome: &Outcome) -> bool {
-    outcome
-        .observability
-        .is_some_and(|seen| seen.is_degenerate())
+    outcome.observability.is_some_and(|seen| seen.is_degenerate())
 }
 
 impl Outcome {
@@ -150,31 +133,19 @@ struct Match {
 
 impl Match {
     /// Never holds.
-    const UNKNOWN: Self = Self {
-        index: None,
-        others_m: f32::NEG_INFINITY,
-        at: Point3::new(0.0, 0.0, 0.0),
-    };
+    const UNKNOWN: Self = Self { index: None, others_m: f32::NEG_INFINITY, at: Point3::new(0.0, 0.0, 0.0) };
 
     /// Searches from here. Steps shrink, so the last one's length is slack enough to outlive the next ones.
     fn search(&self, target: &Target, at: Point3<f32>, reach_m: f32) -> Self {
         let known = self.others_m > 0.0;
         let slack_m = if known { (at - self.at).norm() } else { 0.0 };
-        let nearest = target
-            .tree
-            .nearest_beside(&at, reach_m * REACH, slack_m, self.index);
-        Self {
-            index: nearest.index,
-            others_m: nearest.others_squared_m2.sqrt(),
-            at,
-        }
+        let nearest = target.tree.nearest_beside(&at, reach_m * REACH, slack_m, self.index);
+        Self { index: nearest.index, others_m: nearest.others_squared_m2.sqrt(), at }
     }
 
     /// How far the match is now; absent when there is none within reach, or another may be nearer.
     fn distance_m(&self, target: &Target, at: &Point3<f32>, reach_m: f32) -> Option<f32> {
-        let distance_m = self.index.map_or(reach_m, |index| {
-            (target.tree.point(index as usize) - at).norm()
-        });
+        let distance_m = self.index.map_or(reach_m, |index| (target.tree.point(index as usize) - at).norm());
         let others_m = self.others_m * (1.0 - ROUNDING) - (at - self.at).norm();
         (distance_m.min(reach_m) * (1.0 + ROUNDING) < others_m).then_some(distance_m)
     }
@@ -183,8 +154,7 @@ impl Match {
     fn update(&mut self, target: &Target, at: Point3<f32>, reach_m: f32) -> Option<usize> {
         let distance_m = self.distance_m(target, &at, reach_m).or_else(|| {
             *self = self.search(target, at, reach_m);
-            self.index
-                .map(|index| (target.tree.point(index as usize) - at).norm())
+            self.index.map(|index| (target.tree.point(index as usize) - at).norm())
         });
         let index = self.index?;
         (distance_m? < reach_m).then_some(index as usize)
@@ -199,18 +169,14 @@ fn sum_pairs(
     reach_m: f32,
     matches: &mut [Match],
 ) -> NormalEquations {
-    let rotation = target_from_source
-        .rotation
-        .to_rotation_matrix()
-        .into_inner();
+    let rotation = target_from_source.rotation.to_rotation_matrix().into_inner();
     let motion = (rotation, target_from_source.translation.vector);
     let sums: Vec<NormalEquations> = matches
         .par_chunks_mut(CHUNK)
         .zip(source.points.par_chunks(CHUNK))
         .map(|(matches, points)| sum_chunk(target, points, &motion, reach_m, matches))
         .collect();
-    sums.iter()
-        .fold(NormalEquations::default(), NormalEquations::merge)
+    sums.iter().fold(NormalEquations::default(), NormalEquations::merge)
 }
 
 fn sum_chunk(

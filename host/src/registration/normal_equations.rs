@@ -1,8 +1,6 @@
 //! Point-to-plane least squares: from pairs to a step.
 
-use nalgebra::{
-    Isometry3, Matrix3, Matrix6, Point3, Translation3, UnitQuaternion, Vector3, Vector6,
-};
+use nalgebra::{Isometry3, Matrix3, Matrix6, Point3, Translation3, UnitQuaternion, Vector3, Vector6};
 
 use super::Observability;
 use crate::pose::Pose;
@@ -103,11 +101,7 @@ impl NormalEquations {
         let information = scale.transpose() * jj * scale / n;
         let right = -(scale.transpose() * Vector6::from(self.jr)) / n;
         let seen = Observability::of(&information, least_information);
-        let solved = if seen.is_degenerate() {
-            None
-        } else {
-            information.cholesky().map(|c| c.solve(&right))
-        };
+        let solved = if seen.is_degenerate() { None } else { information.cholesky().map(|c| c.solve(&right)) };
         let x = solved.unwrap_or_else(|| seen.solve(&right));
         let turn = Vector3::new(x[0], x[1], x[2]) / spread;
         let shift = Vector3::new(x[3], x[4], x[5]);
@@ -121,9 +115,7 @@ fn centring(centre: &Vector3<f64>, spread: f64) -> Matrix6<f64> {
     let turns = Matrix3::identity() / spread;
     scale.fixed_view_mut::<3, 3>(0, 0).copy_from(&turns);
     // A turn about the centroid is the same turn about the origin and a shift of centre × ω.
-    scale
-        .fixed_view_mut::<3, 3>(3, 0)
-        .copy_from(&(centre.cross_matrix() / spread));
+    scale.fixed_view_mut::<3, 3>(3, 0).copy_from(&(centre.cross_matrix() / spread));
     scale
 }
 
@@ -169,13 +161,7 @@ mod tests {
     const PAIRS: [usize; 13] = [10, 10, 10, 8, 10, 2, 7, 7, 3, 6, 7, 0, 8];
 
     fn pairs() -> impl Iterator<Item = (Point3<f64>, Point3<f64>, Vector3<f64>)> {
-        SOURCE.iter().zip(PAIRS).map(|(s, q)| {
-            (
-                Point3::from(*s),
-                Point3::from(TARGET[q]),
-                Vector3::from(NORMALS[q]),
-            )
-        })
+        SOURCE.iter().zip(PAIRS).map(|(s, q)| (Point3::from(*s), Point3::from(TARGET[q]), Vector3::from(NORMALS[q])))
     }
 
     fn sums(motion: &Pose) -> NormalEquations {
@@ -191,11 +177,8 @@ mod tests {
         let sums = sums(&Pose::identity());
         let parts = pairs().map(|(s, q, n)| (s - q).component_mul(&n).norm_squared());
         let component_wise = (parts.sum::<f64>() / 13.0).sqrt();
-        for (ours, expected) in [
-            (sums.rmse_m(), 0.746223),
-            (sums.plane_rmse_m(), 0.366238),
-            (component_wise, 0.319101),
-        ] {
+        for (ours, expected) in [(sums.rmse_m(), 0.746223), (sums.plane_rmse_m(), 0.366238), (component_wise, 0.319101)]
+        {
             assert!((ours - expected).abs() < 1e-6, "{ours} is not {expected}");
         }
     }
@@ -222,8 +205,7 @@ mod tests {
             sums
         };
         let merged = chunk(&all[..5]).merge(&chunk(&all[5..]));
-        let difference = merged.solve(0.0).0.motion.to_homogeneous()
-            - chunk(&all).solve(0.0).0.motion.to_homogeneous();
+        let difference = merged.solve(0.0).0.motion.to_homogeneous() - chunk(&all).solve(0.0).0.motion.to_homogeneous();
         assert!(difference.amax() < 1e-12 && merged.pairs == 13);
     }
 }

@@ -35,8 +35,7 @@ impl Target {
     /// [`PrepareError`] when there is no point, or the voxel is too small for the cloud.
     pub fn prepare(cloud: &Cloud, config: &IcpConfig) -> Result<Self, PrepareError> {
         let tree = KdTree::new(&thin(cloud, config)?);
-        let normals =
-            normals::in_tree_order(&tree, config.normal_radius_m, config.normal_neighbours);
+        let normals = normals::in_tree_order(&tree, config.normal_radius_m, config.normal_neighbours);
         Ok(Self { tree, normals })
     }
 
@@ -64,9 +63,7 @@ impl Source {
     ///
     /// As [`Target::prepare`].
     pub fn prepare(cloud: &Cloud, config: &IcpConfig) -> Result<Self, PrepareError> {
-        Ok(Self {
-            points: thin(cloud, config)?,
-        })
+        Ok(Self { points: thin(cloud, config)? })
     }
 
     /// How many points are left.
@@ -89,9 +86,5 @@ fn thin(cloud: &Cloud, config: &IcpConfig) -> Result<Vec<Point3<f32>>, PrepareEr
     } else {
         voxel::downsample(cloud, config.voxel_m)?
     };
-    if thinned.points.is_empty() {
-        Err(PrepareError::Empty)
-    } else {
-        Ok(thinned.points)
-    }
+    if thinned.points.is_empty() { Err(PrepareError::Empty) } else { Ok(thinned.points) }
 }

@@ -24,11 +24,7 @@ const VOXELS_A_RADIUS: f64 = 80.0;
 pub fn suggest(target: &Cloud, source: &Cloud) -> IcpConfig {
     let radius_m = radius_m(target).max(radius_m(source));
     let config = scaled(radius_m);
-    if config.check().is_ok() {
-        config
-    } else {
-        IcpConfig::outdoor()
-    }
+    if config.check().is_ok() { config } else { IcpConfig::outdoor() }
 }
 
 fn scaled(radius_m: f64) -> IcpConfig {
@@ -45,11 +41,7 @@ fn scaled(radius_m: f64) -> IcpConfig {
 
 /// Of the ball around the median point that holds 9 of 10 points; 0 for a cloud without points.
 fn radius_m(cloud: &Cloud) -> f64 {
-    let echoes: Vec<&Point3<f32>> = cloud
-        .points
-        .iter()
-        .filter(|p| is_finite(p) && p.coords.norm() > 0.0)
-        .collect();
+    let echoes: Vec<&Point3<f32>> = cloud.points.iter().filter(|p| is_finite(p) && p.coords.norm() > 0.0).collect();
     let middle = Point3::from([0, 1, 2].map(|axis| quantile(echoes.iter().map(|p| p[axis]), 0.5)));
     f64::from(quantile(echoes.iter().map(|p| (*p - middle).norm()), 0.9))
 }
@@ -57,9 +49,5 @@ fn radius_m(cloud: &Cloud) -> f64 {
 fn quantile(values: impl Iterator<Item = f32>, share: f64) -> f32 {
     let mut values: Vec<f32> = values.collect();
     let at = ((values.len() as f64 * share) as usize).min(values.len().saturating_sub(1));
-    if values.is_empty() {
-        0.0
-    } else {
-        *values.select_nth_unstable_by(at, f32::total_cmp).1
-    }
+    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(at, f32::total_cmp).1 }
 }

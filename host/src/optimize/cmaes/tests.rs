@@ -24,8 +24,7 @@ fn evaluations(config: Config, f: impl Fn(&[f64]) -> f64) -> f64 {
 }
 
 fn median(n: usize, constants: Constants, f: impl Fn(&[f64]) -> f64) -> f64 {
-    let mut all: Vec<f64> =
-        (0..31).map(|seed| evaluations(Config { constants, ..free(n, seed) }, &f)).collect();
+    let mut all: Vec<f64> = (0..31).map(|seed| evaluations(Config { constants, ..free(n, seed) }, &f)).collect();
     all.sort_by(f64::total_cmp);
     all[15]
 }
@@ -62,8 +61,11 @@ fn rotated(x: &[f64]) -> Vec<f64> {
 #[test]
 fn evaluations_to_the_optimum_are_those_of_published_implementations() {
     type Function = fn(&[f64]) -> f64;
-    let table: [(&str, Function, [f64; 2]); 3] =
-        [("sphere", sphere, [708.0, 1483.0]), ("ellipsoid", ellipsoid, [1570.0, 4309.0]), ("cigar", cigar, [1856.0, 4073.0])];
+    let table: [(&str, Function, [f64; 2]); 3] = [
+        ("sphere", sphere, [708.0, 1483.0]),
+        ("ellipsoid", ellipsoid, [1570.0, 4309.0]),
+        ("cigar", cigar, [1856.0, 4073.0]),
+    ];
     for (name, f, published) in table {
         for (n, published) in [5, 10].into_iter().zip(published) {
             let ours = median(n, Constants::Tutorial, f);
