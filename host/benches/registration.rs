@@ -52,7 +52,7 @@ fn stages(criterion: &mut Criterion, name: &str, target: &Cloud, source: &Cloud)
     criterion.bench_function(&format!("voxel/{name}"), |b| b.iter(|| voxel::downsample(black_box(target), 0.3)));
     criterion.bench_function(&format!("tree/{name}"), |b| b.iter(|| KdTree::new(black_box(&thin.points))));
     criterion.bench_function(&format!("normals/{name}"), |b| {
-        b.iter(|| normals::in_tree_order(black_box(&tree), config.normal_radius_m, config.normal_neighbours));
+        b.iter(|| normals::of_tree(black_box(&tree), config.normal_radius_m, config.normal_neighbours));
     });
     criterion.bench_function(&format!("icp/{name}"), |b| b.iter(|| icp.align(black_box(&to), &from, &start)));
     criterion.bench_function(&format!("register/{name}"), |b| {

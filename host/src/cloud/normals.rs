@@ -32,21 +32,20 @@ pub fn estimate(cloud: &mut Cloud, radius_m: f64, max_neighbours: usize) {
     let valid: Vec<u32> = (0..).zip(&cloud.points).filter(|(_, p)| is_finite(p)).map(|(i, _)| i).collect();
     let tree = KdTree::new(&valid.iter().map(|&i| cloud.points[i as usize]).collect::<Vec<_>>());
     let mut normals = vec![Vector3::zeros(); cloud.points.len()];
-    for (normal, &id) in in_tree_order(&tree, radius_m, max_neighbours).iter().zip(tree.ids()) {
-        normals[valid[id as usize] as usize] = *normal;
+    for (normal, &index) in of_tree(&tree, radius_m, max_neighbours).iter().zip(&valid) {
+        normals[index as usize] = *normal;
     }
     cloud.normals = Some(normals);
 }
 
-/// The normals of a tree's points, in tree order: see [`estimate`].
-pub fn in_tree_order(tree: &KdTree, radius_m: f64, max_neighbours: usize) -> Vec<Vector3<f32>> {
+/// The normals of a tree's points: see [`estimate`].
+pub fn of_tree(tree: &KdTree, radius_m: f64, max_neighbours: usize) -> Vec<Vector3<f32>> {
     let mut normals = vec![Vector3::zeros(); tree.len()];
-    normals.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, normals)| {
-        let mut found = Vec::with_capacity(4 * max_neighbours.min(1024));
-        for (i, normal) in normals.iter_mut().enumerate() {
-            let point = tree.point(chunk * CHUNK + i);
-            tree.within(&point, radius_m as f32, max_neighbours, &mut found);
-            *normal = normal_at(tree, &point, &found).unwrap_or_default();
+    normals.par_chunks_mut(CHUNK).zip(tree.points().par_chunks(CHUNK)).for_each(|(normals, points)| {
+        let mut found = Vec::new();
+        for (normal, point) in normals.iter_mut().zip(points) {
+            tree.within(point, radius_m as f32, max_neighbours, &mut found);
+            *normal = normal_at(tree, point, &found).unwrap_or_default();
         }
     });
     normals
@@ -69,7 +68,7 @@ fn normal_at(tree: &KdTree, query: &Point3<f32>, found: &[(f32, u32)]) -> Option
 fn covariance(tree: &KdTree, query: &Point3<f32>, found: &[(f32, u32)]) -> Matrix3<f64> {
     let (mut sum, mut xx, mut xy, mut xz, mut yy, mut yz, mut zz) = (Vector3::zeros(), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
     for &(_, index) in found {
-        let d = (tree.point(index as usize) - query).cast::<f64>();
+        let d = (tree.points()[index as usize] - query).cast::<f64>();
         sum += d;
         xx += d.x * d.x;
         xy += d.x * d.y;

@@ -123,7 +123,7 @@ impl Outcome {
 /// point to be nearer, which the triangle inequality tells without a search.
 #[derive(Clone, Copy, Debug)]
 struct Match {
-    /// The nearest target point, in tree order.
+    /// The nearest target point.
     index: Option<u32>,
     /// All others were at least this far, m.
     others_m: f32,
@@ -135,17 +135,15 @@ impl Match {
     /// Never holds.
     const UNKNOWN: Self = Self { index: None, others_m: f32::NEG_INFINITY, at: Point3::new(0.0, 0.0, 0.0) };
 
-    /// Searches from here. Steps shrink, so the last one's length is slack enough to outlive the next ones.
-    fn search(&self, target: &Target, at: Point3<f32>, reach_m: f32) -> Self {
-        let known = self.others_m > 0.0;
-        let slack_m = if known { (at - self.at).norm() } else { 0.0 };
-        let nearest = target.tree.nearest_beside(&at, reach_m * REACH, slack_m, self.index);
+    /// Searches from here.
+    fn search(target: &Target, at: Point3<f32>, reach_m: f32) -> Self {
+        let nearest = target.tree.nearest(&at, reach_m * REACH);
         Self { index: nearest.index, others_m: nearest.others_squared_m2.sqrt(), at }
     }
 
     /// How far the match is now; absent when there is none within reach, or another may be nearer.
     fn distance_m(&self, target: &Target, at: &Point3<f32>, reach_m: f32) -> Option<f32> {
-        let distance_m = self.index.map_or(reach_m, |index| (target.tree.point(index as usize) - at).norm());
+        let distance_m = self.index.map_or(reach_m, |index| (target.tree.points()[index as usize] - at).norm());
         let others_m = self.others_m * (1.0 - ROUNDING) - (at - self.at).norm();
         (distance_m.min(reach_m) * (1.0 + ROUNDING) < others_m).then_some(distance_m)
     }
@@ -153,8 +151,8 @@ impl Match {
     /// The nearest target point strictly within reach of `at`: the same as a search would find.
     fn update(&mut self, target: &Target, at: Point3<f32>, reach_m: f32) -> Option<usize> {
         let distance_m = self.distance_m(target, &at, reach_m).or_else(|| {
-            *self = self.search(target, at, reach_m);
-            self.index.map(|index| (target.tree.point(index as usize) - at).norm())
+            *self = Self::search(target, at, reach_m);
+            self.index.map(|index| (target.tree.points()[index as usize] - at).norm())
         });
         let index = self.index?;
         (distance_m? < reach_m).then_some(index as usize)
@@ -194,7 +192,7 @@ fn sum_chunk(
         };
         let normal = target.normals[index];
         if normal != Vector3::zeros() {
-            sums.add(&moved, &target.tree.point(index).cast(), &normal.cast());
+            sums.add(&moved, &target.tree.points()[index].cast(), &normal.cast());
         }
     }
     sums

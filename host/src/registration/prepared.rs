@@ -23,7 +23,7 @@ pub enum PrepareError {
 #[derive(Clone, Debug)]
 pub struct Target {
     pub(super) tree: KdTree,
-    /// In tree order; zero where there is none.
+    /// One a point of the tree; zero where there is none.
     pub(super) normals: Vec<Vector3<f32>>,
 }
 
@@ -35,7 +35,7 @@ impl Target {
     /// [`PrepareError`] when there is no point, or the voxel is too small for the cloud.
     pub fn prepare(cloud: &Cloud, config: &IcpConfig) -> Result<Self, PrepareError> {
         let tree = KdTree::new(&thin(cloud, config)?);
-        let normals = normals::in_tree_order(&tree, config.normal_radius_m, config.normal_neighbours);
+        let normals = normals::of_tree(&tree, config.normal_radius_m, config.normal_neighbours);
         Ok(Self { tree, normals })
     }
 
