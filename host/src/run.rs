@@ -75,6 +75,20 @@ pub struct RunFolder {
 }
 
 impl RunFolder {
+    /// Whether run folders can be made there, as far as can be seen without making one: tracing comes first and takes long.
+    ///
+    /// # Errors
+    ///
+    /// [`FileError`] when a file is in the way.
+    pub fn check(runs: &Path) -> Result<(), FileError> {
+        match runs.ancestors().find(|path| path.exists()) {
+            Some(path) if !path.is_dir() => {
+                Err(file_error("make the folder", runs)(io::Error::from(io::ErrorKind::NotADirectory)))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Makes the next free folder `runs/NNNN-name` and points `runs/latest` at it.
     ///
     /// # Errors
@@ -207,6 +221,19 @@ mod tests {
         let second = RunFolder::create(runs.path(), "b").unwrap();
         assert!(first.path().ends_with("0001-a") && second.path().ends_with("0002-b"));
         assert_eq!(fs::read_link(runs.path().join("latest")).unwrap(), Path::new("0002-b"));
+    }
+
+    #[test]
+    fn a_file_in_the_way_is_noticed_before_anything_is_made() {
+        let runs = tempfile::tempdir().unwrap();
+        let file = runs.path().join("file");
+        fs::write(&file, "").unwrap();
+        for path in [file.clone(), file.join("below")] {
+            assert!(RunFolder::check(&path).unwrap_err().to_string().contains(&path.display().to_string()));
+        }
+        let free = runs.path().join("a/b");
+        RunFolder::check(&free).unwrap();
+        assert!(!free.exists());
     }
 
     #[test]

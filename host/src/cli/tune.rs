@@ -128,12 +128,19 @@ fn stop_on_interrupt() -> Arc<AtomicBool> {
 
 fn tune(args: &TuneArgs, config: Config, stop: &AtomicBool) -> Result<(), Failure> {
     let progress = Progress::new(args.common.quiet);
-    let resumed = args.resume.as_deref().map(RunFolder::open).transpose()?;
+    let runs = args.runs.clone().unwrap_or_else(default_runs_folder);
+    if args.resume.is_none() {
+        RunFolder::check(&runs)?;
+    }
+    // What cannot run leaves no folder, and `latest` where it was.
     let prepared = Prepared::new(config, &progress)?;
-    let folder = match resumed {
-        Some(folder) => folder,
-        None => new_folder(args, &prepared.config)?,
+    let folder = match &args.resume {
+        Some(run) => RunFolder::open(run)?,
+        None => RunFolder::create(&runs, &run_name(&prepared.config))?,
     };
+    if args.resume.is_none() {
+        folder.write_config(&prepared.config)?;
+    }
     let search = prepared.search(stop);
     let (mut journal, done) = open_journal(args, &folder, &search)?;
     let left = search.registrations().saturating_sub(done.len() * search.population() * search.batch_size());
