@@ -170,10 +170,20 @@ fn io_error(path: &Path, source: io::Error) -> JournalError {
     JournalError::Io { path: path.to_owned(), source }
 }
 
+/// Copies a damaged journal to `.damaged`, or `.damaged-2` and so on: a second repair keeps the copy of the first.
 fn keep_copy(path: &Path) -> Result<(), JournalError> {
     let mut copy = path.as_os_str().to_owned();
     copy.push(".damaged");
-    std::fs::copy(path, copy).map(|_| ()).map_err(|e| io_error(path, e))
+    let mut free = PathBuf::from(&copy);
+    for number in 2.. {
+        if !free.exists() {
+            break;
+        }
+        let mut next = copy.clone();
+        next.push(format!("-{number}"));
+        free = next.into();
+    }
+    std::fs::copy(path, free).map(|_| ()).map_err(|e| io_error(path, e))
 }
 
 type Damage = Option<(JournalError, usize)>;
@@ -189,9 +199,9 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<(Header, Vec<Generation>, Damage),
     let mut lines = bytes.split_inclusive(|&b| b == b'\n').enumerate();
     let header = match lines.next().map(|(_, line)| (line.ends_with(b"\n"), serde_json::from_slice(line))) {
         Some((true, Ok(header))) => header,
-        Some((true, Err(error))) => return Err(damaged(1, format!("no journal header ({error})"))),
-        Some((false, _)) => return Err(damaged(1, "cut off".into())),
-        None => return Err(damaged(1, "missing: the file is empty".into())),
+        Some((true, Err(error))) => return Err(headless(path, &format!("no journal header ({error})"))),
+        Some((false, _)) => return Err(headless(path, "cut off")),
+        None => return Err(headless(path, "missing: the file is empty")),
     };
     let mut generations: Vec<Generation> = Vec::new();
     let mut whole_bytes = bytes.iter().position(|&b| b == b'\n').map_or(0, |i| i + 1);
@@ -211,6 +221,12 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<(Header, Vec<Generation>, Damage),
         return Ok((header, generations, Some((damaged(index + 1, what), whole_bytes))));
     }
     Ok((header, generations, None))
+}
+
+/// Without its first line a journal tells nothing, and there is nothing to repair.
+fn headless(path: &Path, what: &str) -> JournalError {
+    let what = format!("line 1 is {what}; begin anew with `echoloop tune --config` and the run's config.toml");
+    JournalError::Other { path: path.to_owned(), what }
 }
 
 /// A search may only go on as it began.
