@@ -147,7 +147,9 @@ impl Cli {
             Command::Sensor(args) => sensor::run(&args),
             Command::Config(args) => show_config(&args),
             Command::Completions { shell } => {
-                clap_complete::generate(shell, &mut command(), "echoloop", &mut std::io::stdout());
+                let mut script = Vec::new();
+                clap_complete::generate(shell, &mut Self::command(), "echoloop", &mut script);
+                print!("{}", String::from_utf8_lossy(&script));
                 Ok(())
             }
         }
