@@ -1,0 +1,478 @@
+//! The closed loop as a library: settings go out over the link, echoes come back over it, a motion is found, better
+//! settings are chosen. Everything is small: what is asked is whether it hangs together, not how well it tunes.
+
+use std::collections::BTreeSet;
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, LazyLock};
+
+use echoloop_dsp::config::sample_period_fs;
+use echoloop_dsp::{Echo, Echoes, Flags, Hardware, ParameterId, ScanPattern, Settings};
+use echoloop_host::client::{Client, ClientError, Patience};
+use echoloop_host::config::{Config, load};
+use echoloop_host::dataset::{Dataset, Place, ScanPair, respond};
+use echoloop_host::evaluate::evaluate;
+use echoloop_host::frontend::Receiver;
+use echoloop_host::journal::Journal;
+use echoloop_host::objective::{Bench, fitness};
+use echoloop_host::params::{PAPER_LIDAR, Parameters, Preset, Protocol, Space};
+use echoloop_host::pose::{Pose, relative};
+use echoloop_host::seed::Purpose;
+use echoloop_host::transport::InProcess;
+use echoloop_host::tune::{Search, Silent, Tuned};
+use echoloop_link::settings_hash;
+use echoloop_sim::board::{Analog, FrontEnd, PcSensor};
+use echoloop_sim::raycast::Raycaster;
+use echoloop_sim::scanner::{Return, SceneResponse};
+use echoloop_sim::scene::{Material, Mesh, Scene};
+use nalgebra::Vector3;
+
+const HARDWARE: Hardware = Hardware::REFERENCE;
+
+fn config(more: &[&str]) -> Config {
+    let small = [
+        "scene.towns=[1]",
+        "scanner.columns=48",
+        "scanner.rows=16",
+        "data.train_pairs=4",
+        "data.test_pairs=3",
+        "data.baseline_m=0.5",
+        "tune.generations=3",
+        "tune.population=6",
+        "tune.pairs_per_generation=2",
+        "tune.shortlist=2",
+    ];
+    let overrides = small.iter().chain(more).map(|text| text.parse().expect("an override"));
+    load(None, &overrides.collect::<Vec<_>>()).expect("a configuration")
+}
+
+/// One town, traced once: the scanner and the pairs are the same in every test of the search.
+static TOWN: LazyLock<Dataset> = LazyLock::new(|| Dataset::build(&config(&[]), &|_, _| ()).expect("a town"));
+
+static NEVER: AtomicBool = AtomicBool::new(false);
+
+fn search(config: &Config) -> Search<'_> {
+    let start = Parameters::start(config, &HARDWARE).expect("a start");
+    let space = Space::new(config.tune.protocol, config.registration.preset, start, HARDWARE);
+    let bench = Bench { dataset: &TOWN, receiver: &config.receiver, hardware: HARDWARE };
+    Search { config, bench, space, start, stop: &NEVER }
+}
+
+/// A whole search on so many threads: its journal's bytes, and what it chose.
+fn tuned(config: &Config, threads: usize) -> (Vec<u8>, Tuned) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("history.jsonl");
+    let search = search(config);
+    let mut journal = Journal::create(&path, &search.header()).expect("a journal");
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+    let tuned = pool.install(|| search.run(&mut journal, Vec::new(), &Silent)).expect("a search");
+    (std::fs::read(path).expect("a journal"), tuned)
+}
+
+#[test]
+fn one_thread_and_two_write_the_same_journal_and_choose_the_same() {
+    let config = config(&[]);
+    let [(one, chosen_by_one), (two, chosen_by_two)] = [1, 2].map(|threads| tuned(&config, threads));
+    assert!(one == two, "the journals differ");
+    assert_eq!(chosen_by_one, chosen_by_two);
+    assert_eq!(one.iter().filter(|&&byte| byte == b'\n').count(), 1 + 3, "a header and three generations");
+}
+
+#[test]
+fn another_seed_searches_elsewhere() {
+    let (one, _) = tuned(&config(&["tune.generations=1"]), 2);
+    let (other, _) = tuned(&config(&["tune.generations=1", "seed=2"]), 2);
+    assert!(one != other);
+}
+
+#[test]
+fn every_candidate_is_recorded_under_the_hash_by_which_the_sensor_calls_its_settings() {
+    let config = config(&["tune.generations=2"]);
+    let (_, tuned) = tuned(&config, 2);
+    let search = search(&config);
+    let mut client = search.bench.sensor(&TOWN.train[0].first, 1).expect("a sensor");
+    let candidates: Vec<_> = tuned.generations.iter().flat_map(|g| &g.candidates).collect();
+    assert_eq!(candidates.len(), 2 * search.population());
+    for candidate in &candidates {
+        let mut by_name = search.start;
+        for (name, value) in &candidate.values {
+            assert!(by_name.set(name, *value), "{name}");
+        }
+        assert_eq!(by_name, search.space.parameters(&candidate.point).0);
+        assert_eq!(candidate.settings, settings_hash(&by_name.settings));
+        assert_eq!(client.configure(&by_name.settings).expect("accepted"), candidate.settings);
+        assert_eq!(client.read_settings().expect("settings"), by_name.settings);
+        assert_eq!(candidate.fitness, fitness(&candidate.errors, config.tune.error_cap));
+    }
+    let different: BTreeSet<u32> = candidates.iter().map(|c| c.settings).collect();
+    assert!(different.len() > candidates.len() / 2, "the search varies the sensor");
+}
+
+#[test]
+fn the_choice_is_never_worse_than_the_start_on_the_training_pairs() {
+    for seed in ["seed=1", "seed=2"] {
+        let config = config(&[seed]);
+        let (_, tuned) = tuned(&config, 2);
+        let search = search(&config);
+        let worth = |parameters: &Parameters| {
+            let pairs = &TOWN.train;
+            let errors = evaluate(&search.bench, parameters, pairs, config.seed, Purpose::ShortlistNoise, &|| ());
+            fitness(&errors.expect("errors"), config.tune.error_cap)
+        };
+        let (start, chosen) = (worth(&search.start), worth(&tuned.parameters));
+        assert!(chosen <= start, "{seed}: {chosen} after {start}");
+        assert_eq!(tuned.finalists[0].fitness, chosen);
+        let of_start = tuned.finalists.iter().find(|f| f.origin == "start").expect("the start is a finalist");
+        assert_eq!(of_start.fitness, start);
+        assert!(tuned.finalists.is_sorted_by(|a, b| a.fitness <= b.fitness));
+    }
+}
+
+#[test]
+fn the_default_protocol_searches_nothing() {
+    let config = config(&["tune.protocol=default"]);
+    let (journal, tuned) = tuned(&config, 2);
+    assert_eq!(journal.iter().filter(|&&byte| byte == b'\n').count(), 1, "only a header");
+    assert_eq!(tuned.parameters, search(&config).start);
+    assert!(tuned.generations.is_empty() && tuned.finalists.is_empty());
+}
+
+#[test]
+fn each_protocol_changes_its_own_axes_and_no_others() {
+    let start = Parameters::start(&config(&[]), &HARDWARE).expect("a start");
+    let lidar: BTreeSet<String> = PAPER_LIDAR.iter().map(|id| format!("lidar.{}", id.parameter().name)).collect();
+    let registration: BTreeSet<String> =
+        start.values(Preset::Outdoor).into_keys().filter(|name| name.starts_with("registration.")).collect();
+    let table = [
+        (Protocol::Default, BTreeSet::new()),
+        (Protocol::Lidar, lidar.clone()),
+        (Protocol::Registration, registration.clone()),
+        (Protocol::Joint, &lidar | &registration),
+    ];
+    for (protocol, own) in table {
+        let space = Space::new(protocol, Preset::Outdoor, start, HARDWARE);
+        assert_eq!(space.axes().iter().map(|axis| axis.name.to_owned()).collect::<BTreeSet<_>>(), own);
+        let mut changed = BTreeSet::new();
+        for corner in [0.0, 0.25, 0.75, 1.0] {
+            let (parameters, _) = space.parameters(&vec![corner; space.axes().len()]);
+            parameters.settings.check(&HARDWARE).expect("every constraint holds");
+            let both = parameters.values(Preset::Outdoor).into_iter().zip(start.values(Preset::Outdoor));
+            changed.extend(both.filter(|(after, before)| after != before).map(|((name, _), _)| name));
+        }
+        assert_eq!(changed, own, "{}", protocol.name());
+    }
+}
+
+/// Targets at known ranges and of known echo heights, one a beam, seen by a sensor in process.
+struct Targets {
+    dataset: Dataset,
+    receiver: Receiver,
+    response: Arc<SceneResponse>,
+    ranges_m: Vec<f64>,
+}
+
+const COLUMNS: u16 = 32;
+const ROWS: u16 = 16;
+
+impl Targets {
+    /// Beam i's echo fills `height(i / beams)` of full scale at the default power and gain.
+    fn new(height: impl Fn(f64) -> f64) -> Self {
+        let pattern = ScanPattern { columns: COLUMNS, rows: ROWS, ..ScanPattern::default() };
+        let receiver = Receiver::default();
+        let beams = pattern.beams();
+        // 17 mm apart: every phase between two samples occurs.
+        let ranges_m: Vec<f64> = (0..beams).map(|i| 20.0 + 0.017 * f64::from(i)).collect();
+        let power_w = f64::from(Settings::default().power_cw) / 100.0;
+        let returns = ranges_m.iter().zip(0..).map(|(&range_m, i)| {
+            let full_scale = receiver.peak_current_ua(power_w, range_m, 1.0) / receiver.full_scale_ua;
+            let strength = height(f64::from(i) / f64::from(beams)) / full_scale;
+            Return { range_m: range_m as f32, strength_per_m2: strength as f32 }
+        });
+        let response = SceneResponse { beams: (0..=beams).collect(), returns: returns.collect() };
+        let directions = (0..beams).map(|beam| pattern.direction(beam)).collect();
+        let dataset = Dataset { pattern, directions, train: Vec::new(), test: Vec::new(), triangles: 0 };
+        Self { dataset, receiver, response: Arc::new(response), ranges_m }
+    }
+
+    fn scan(&self, settings: &Settings) -> Vec<Echoes> {
+        let bench = Bench { dataset: &self.dataset, receiver: &self.receiver, hardware: HARDWARE };
+        let mut client = bench.sensor(&self.response, 5).expect("a sensor");
+        client.configure(settings).expect("accepted settings");
+        client.scan(1).expect("a scan")
+    }
+
+    /// Range errors of the echoes within a metre of their target, m.
+    fn errors_m(&self, scan: &[Echoes]) -> Vec<f64> {
+        let pairs = scan.iter().zip(&self.ranges_m).flat_map(|(echoes, range)| echoes.iter().zip([range]));
+        pairs.map(|(echo, range)| echo.range_m() - range).filter(|error| error.abs() < 1.0).collect()
+    }
+}
+
+fn count(scan: &[Echoes]) -> usize {
+    scan.iter().map(|echoes| echoes.len()).sum()
+}
+
+fn mean(scan: &[Echoes], what: impl Fn(&Echo) -> f64) -> f64 {
+    scan.iter().flatten().map(what).sum::<f64>() / count(scan) as f64
+}
+
+fn rms(values: &[f64]) -> f64 {
+    (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt()
+}
+
+fn amplitude(scan: &[Echoes]) -> f64 {
+    mean(scan, |echo| echo.amplitude_fraction().to_num())
+}
+
+#[test]
+fn twice_the_power_or_six_decibels_double_every_amplitude() {
+    let targets = Targets::new(|_| 0.2);
+    let half = Settings { power_cw: 3_750, ..Settings::default() };
+    let louder = Settings { gain_cdb: 602, ..half };
+    let [half, full, louder] = [half, Settings::default(), louder].map(|s| amplitude(&targets.scan(&s)));
+    assert!((half - 0.1).abs() < 0.002, "{half}");
+    assert!((full / half - 2.0).abs() < 0.03, "power: {full} after {half}");
+    assert!((louder / half - 2.0).abs() < 0.03, "gain: {louder} after {half}");
+}
+
+#[test]
+fn a_pulse_twice_as_wide_makes_echoes_twice_as_wide() {
+    let targets = Targets::new(|_| 0.4);
+    let width = |pulse_width_ps| {
+        let settings = Settings { power_cw: 4_000, pulse_width_ps, ..Settings::default() };
+        mean(&targets.scan(&settings), |echo| echo.width_ns().to_num())
+    };
+    let (narrow, wide) = (width(5_000), width(10_000));
+    assert!((wide / narrow - 2.0).abs() < 0.1, "{wide} ns after {narrow} ns");
+}
+
+#[test]
+fn a_higher_noise_floor_or_snr_threshold_lets_fewer_echoes_pass() {
+    let targets = Targets::new(|share| 0.2 * share);
+    let beams = targets.ranges_m.len() as f64;
+    let low = Settings { noise_floor_ppm: 20_000, ..Settings::default() };
+    let high = Settings { noise_floor_ppm: 100_000, ..low };
+    let [low, high] = [low, high].map(|s| count(&targets.scan(&s)) as f64 / beams);
+    // The floor is compared with the amplitude, whose noise is under 1 % of full scale.
+    assert!((low - 0.9).abs() < 0.05 && (high - 0.5).abs() < 0.05, "{low} and {high} of all echoes");
+
+    let targets = Targets::new(|share| 0.02 * share);
+    let bold = Settings { noise_floor_ppm: 100, snr_threshold_milli: 4_000, ..Settings::default() };
+    let shy = Settings { snr_threshold_milli: 8_000, ..bold };
+    let [bold, shy] = [bold, shy].map(|s| targets.scan(&s));
+    assert!(count(&shy) + 20 < count(&bold), "{} after {}", count(&shy), count(&bold));
+    assert!(shy.iter().flatten().all(|echo| echo.snr_ratio().to_num::<f64>() > 7.9));
+}
+
+#[test]
+fn a_lower_saturation_level_flags_echoes_that_were_whole() {
+    let targets = Targets::new(|_| 0.5);
+    let saturated = |saturation_ppm| {
+        let scan = targets.scan(&Settings { saturation_ppm, ..Settings::default() });
+        mean(&scan, |echo| f64::from(u8::from(echo.flags.contains(Flags::SATURATED))))
+    };
+    assert_eq!((saturated(1_000_000), saturated(300_000)), (0.0, 1.0));
+}
+
+#[test]
+fn more_bins_or_upsampling_keep_or_better_the_range() {
+    let targets = Targets::new(|_| 0.02);
+    let half_gs = Settings { bins: 397, ..Settings::default() };
+    let error = |settings: &Settings| {
+        let errors = targets.errors_m(&targets.scan(settings));
+        assert!(errors.len() * 10 > targets.ranges_m.len() * 9, "{} echoes", errors.len());
+        rms(&errors)
+    };
+    let (plain, upsampled) = (error(&half_gs), error(&Settings { upsampling: 8, ..half_gs }));
+    let finer = error(&Settings { bins: 1_588, ..Settings::default() });
+    println!("weak echoes, 0.5 GS/s: {plain:.4} m, upsampled by 8: {upsampled:.4} m; 2 GS/s: {finer:.4} m");
+    assert!(upsampled <= 1.02 * plain, "{upsampled} m after {plain} m");
+    assert!(finer < plain, "{finer} m after {plain} m");
+}
+
+/// A front end that sees no light and notes what it was asked for.
+#[derive(Default)]
+struct Spy(Vec<(Analog, usize)>);
+
+impl FrontEnd for Spy {
+    fn adc_bits(&self) -> u32 {
+        12
+    }
+
+    fn capture(&mut self, analog: &Analog, _frame: u32, _beam: u32, codes: &mut [u16]) {
+        self.0.push((*analog, codes.len()));
+        codes.fill(100);
+    }
+}
+
+#[test]
+fn power_width_gain_and_clock_reach_the_front_end_when_committed_and_not_before() {
+    let pattern = ScanPattern { columns: 1, rows: 1, ..ScanPattern::default() };
+    let sensor = PcSensor::new(Spy::default(), pattern, HARDWARE);
+    let mut client = Client::connect(InProcess(sensor), Patience::default()).expect("a sensor");
+    let mut seen = |settings: Option<Settings>| {
+        let refused = settings.map(|s| client.configure(&s).is_err());
+        client.scan(1).expect("a scan");
+        let (analog, samples) = client.transport_mut().0.front_end_mut().0.pop().expect("a shot");
+        (refused, analog, samples)
+    };
+    let asked = Settings { power_cw: 2_000, pulse_width_ps: 8_000, gain_cdb: -550, bins: 1_000, ..Settings::default() };
+    let period_ns = f64::from(sample_period_fs(1_000, &HARDWARE)) / 1e6;
+    let (_, before, samples) = seen(None);
+    assert_eq!((before.power_w, before.pulse_width_ns, before.gain_db, samples), (75.0, 5.0, 0.0, 800));
+    let (refused, analog, samples) = seen(Some(asked));
+    assert_eq!((refused, samples), (Some(false), 1_000));
+    assert_eq!((analog.power_w, analog.pulse_width_ns, analog.gain_db), (20.0, 8.0, -5.5));
+    assert_eq!(analog.sample_period_ns, period_ns);
+    let too_strong = Settings { power_cw: 10_000, pulse_width_ps: 20_000, ..asked };
+    assert_eq!(seen(Some(too_strong)), (Some(true), analog, samples), "a refusal changes nothing");
+}
+
+/// A value of a parameter that is not its default and that the other defaults allow.
+fn other(id: ParameterId) -> f64 {
+    match id {
+        ParameterId::Power => 50.0,
+        ParameterId::Gain => 6.0,
+        ParameterId::NoiseFloor => 0.02,
+        ParameterId::SnrThreshold => 6.0,
+        ParameterId::Saturation => 0.5,
+        ParameterId::PulseWidth => 4.0,
+        ParameterId::WaveformResolution => 1600.0,
+        _ => 4.0,
+    }
+}
+
+#[test]
+fn what_only_the_dsp_needs_leaves_the_front_end_alone() {
+    let pattern = ScanPattern { columns: 1, rows: 1, ..ScanPattern::default() };
+    let sensor = PcSensor::new(Spy::default(), pattern, HARDWARE);
+    let mut client = Client::connect(InProcess(sensor), Patience::default()).expect("a sensor");
+    let mut seen = |settings: &Settings| {
+        client.configure(settings).expect("accepted");
+        client.scan(1).expect("a scan");
+        client.transport_mut().0.front_end_mut().0.pop().expect("a shot")
+    };
+    let usual = seen(&Settings::default());
+    for id in PAPER_LIDAR {
+        let mut settings = Settings::default();
+        settings.set(id, Some(id.parameter().to_code(other(id))));
+        let is_analog = id.parameter().acts_in.contains("front end") || id.parameter().acts_in.contains("clock");
+        assert_eq!(seen(&settings) != usual, is_analog, "{id}");
+    }
+}
+
+#[test]
+fn a_refused_setting_changes_no_echo() {
+    let targets = Targets::new(|_| 0.3);
+    let bench = Bench { dataset: &targets.dataset, receiver: &targets.receiver, hardware: HARDWARE };
+    let mut client = bench.sensor(&targets.response, 5).expect("a sensor");
+    client.configure(&Settings { gain_cdb: 300, ..Settings::default() }).expect("accepted");
+    let before = client.scan(1).expect("a scan");
+    let bad = Settings { upsampling: 3, ..Settings::default() };
+    let error = client.configure(&bad).expect_err("three is no power of two");
+    assert!(matches!(error, ClientError::Refused(_)) && error.to_string().contains("upsampling 3"), "{error}");
+    assert_eq!(client.scan(1).expect("a scan"), before);
+}
+
+/// A scene of rectangles, each from three corners (the fourth follows), with one material of this reflectance.
+fn rectangles(corners: &[[[f32; 3]; 3]], reflectance_905nm: f32) -> Place {
+    let mut mesh = Mesh::default();
+    for &[a, b, c] in corners {
+        let first = mesh.vertices.len() as u32;
+        let d = std::array::from_fn(|i| a[i] + c[i] - b[i]);
+        mesh.vertices.extend([a, b, c, d]);
+        mesh.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+        mesh.materials.extend([0, 0]);
+    }
+    let material = Material { name: "test", reflectance_905nm, specular_f0: 0.0, roughness: 1.0 };
+    let scene = Scene { name: "test".into(), mesh, materials: vec![material], area: ([-30.0; 2], [30.0; 2]) };
+    let caster = Raycaster::new(&scene);
+    Place { scene, caster }
+}
+
+fn directions(pattern: ScanPattern) -> Vec<Vector3<f32>> {
+    (0..pattern.beams()).map(|beam| pattern.direction(beam)).collect()
+}
+
+#[test]
+fn a_wall_is_scanned_where_it_stands_whatever_its_albedo() {
+    const WALL_M: f64 = 18.0;
+    let pattern = ScanPattern { columns: 48, rows: 16, azimuth_cdeg: 5_000, elevation_cdeg: 2_000 };
+    let config = config(&[]);
+    let directions = directions(pattern);
+    let x = WALL_M as f32;
+    println!("albedo    yaw     bias      rms   points");
+    for albedo in [0.05, 0.1, 0.3, 0.6, 0.9] {
+        let place = rectangles(&[[[x, -60.0, -20.0], [x, 60.0, -20.0], [x, 60.0, 20.0]]], albedo);
+        for yaw_deg in [0.0_f64, 25.0] {
+            let pose = Pose::new(Vector3::zeros(), Vector3::new(0.0, 0.0, yaw_deg.to_radians()));
+            let response = Arc::new(respond(&config, &place, &pose, &directions));
+            let dataset =
+                Dataset { pattern, directions: directions.clone(), train: Vec::new(), test: Vec::new(), triangles: 0 };
+            let bench = Bench { dataset: &dataset, receiver: &config.receiver, hardware: HARDWARE };
+            let mut client = bench.sensor(&response, 3).expect("a sensor");
+            client.configure(&Settings::default()).expect("accepted");
+            let cloud = bench.cloud(&client.scan(1).expect("a scan"));
+            let off: Vec<f64> = cloud.points.iter().map(|p| (pose * p.cast::<f64>()).x - WALL_M).collect();
+            let (bias, rms) = (off.iter().sum::<f64>() / off.len() as f64, rms(&off));
+            println!("{albedo:>6} {yaw_deg:>5}° {:>6.1} mm {:>5.1} mm {:>7}", 1e3 * bias, 1e3 * rms, off.len());
+            assert!(off.len() * 100 >= directions.len() * 99, "albedo {albedo}, {yaw_deg}°: {} points", off.len());
+            assert!(bias.abs() < 5e-3 && rms < 0.03, "albedo {albedo}, {yaw_deg}°: bias {bias} m, rms {rms} m");
+            assert!(off.iter().all(|d| d.abs() < 0.15), "albedo {albedo}, {yaw_deg}°");
+        }
+    }
+}
+
+/// The five sides of a box that are seen from above the ground.
+fn block([x, y]: [f32; 2], [dx, dy, dz]: [f32; 3]) -> [[[f32; 3]; 3]; 5] {
+    let (u, v) = (x + dx, y + dy);
+    [
+        [[x, y, 0.0], [u, y, 0.0], [u, y, dz]],
+        [[x, v, 0.0], [u, v, 0.0], [u, v, dz]],
+        [[x, y, 0.0], [x, v, 0.0], [x, v, dz]],
+        [[u, y, 0.0], [u, v, 0.0], [u, v, dz]],
+        [[x, y, dz], [u, y, dz], [u, v, dz]],
+    ]
+}
+
+#[test]
+fn two_scans_of_a_yard_are_registered_to_the_motion_between_them() {
+    let ground = [[-40.0, -40.0, 0.0], [40.0, -40.0, 0.0], [40.0, 40.0, 0.0]];
+    let blocks = [
+        block([-20.0, 14.0], [44.0, 8.0, 9.0]),
+        block([22.0, -18.0], [6.0, 30.0, 7.0]),
+        block([8.0, -9.0], [4.0, 3.0, 2.5]),
+        block([12.0, 5.0], [2.0, 5.0, 3.5]),
+        block([-6.0, -20.0], [20.0, 5.0, 6.0]),
+    ];
+    let mut sides = vec![ground];
+    sides.extend(blocks.iter().flatten());
+    let place = rectangles(&sides, 0.3);
+    let pattern = ScanPattern { columns: 128, rows: 64, azimuth_cdeg: 18_000, elevation_cdeg: 6_000 };
+    let directions = directions(pattern);
+    let config = config(&[]);
+    let start = Parameters::start(&config, &HARDWARE).expect("a start");
+    let pose =
+        |v: [f64; 3], turn_deg: [f64; 3]| Pose::new(Vector3::from(v), Vector3::from(turn_deg.map(f64::to_radians)));
+    let first = pose([0.0, 0.0, 2.0], [0.5, -0.5, 10.0]);
+    let look = |pose: &Pose| Arc::new(respond(&config, &place, pose, &directions));
+    let dataset =
+        Dataset { pattern, directions: directions.clone(), train: Vec::new(), test: Vec::new(), triangles: 0 };
+    let bench = Bench { dataset: &dataset, receiver: &config.receiver, hardware: HARDWARE };
+    for (shift, turn) in [([0.3, -0.2, 0.05], [0.0, 0.5, 13.0]), ([0.0, 0.5, -0.05], [0.0, 0.0, 7.0])] {
+        let second = pose([shift[0], shift[1], 2.0 + shift[2]], turn);
+        let truth = relative(&first, &second);
+        let pair = ScanPair { place: "yard".into(), truth, first: look(&first), second: look(&second) };
+        let back = ScanPair {
+            place: "yard".into(),
+            truth: truth.inverse(),
+            first: Arc::clone(&pair.second),
+            second: Arc::clone(&pair.first),
+        };
+        for pair in [pair, back] {
+            let error = bench.register(&start, 0, &pair, 9).expect("a registration").error;
+            println!("{:.1} mm, {:.3}°, {}", 1e3 * error.translation_m, error.rotation_deg, error.stop);
+            assert!(error.translation_m < 0.05 && error.rotation_deg < 0.3, "{error:?}");
+            assert_eq!(error.stop, "Still");
+        }
+    }
+}

@@ -1,0 +1,107 @@
+//! The architecture as the build sees it: dsp ← link ← sensor ← sim ← host, and no `std` below the sensor.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// The order of the crates: each may use those before it and none after it.
+const ORDER: [&str; 5] = ["echoloop-dsp", "echoloop-link", "echoloop-sensor", "echoloop-sim", "echoloop-host"];
+
+/// Crates of which another dependency brings an older version too, and which one that is.
+const BROUGHT_TWICE: [(&str, &str); 2] = [("thiserror", "pcd-rs"), ("criterion", "rdst")];
+
+fn workspace() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// What is built into a crate, itself included, one line `name vX.Y.Z|feature,feature` each. Procedural macros run at
+/// build time only and do not count.
+fn built_into(package: &str) -> BTreeSet<String> {
+    let output = Command::new(env!("CARGO"))
+        .current_dir(workspace())
+        .args(["tree", "--offline", "--locked", "--package", package, "--edges", "normal,no-proc-macro"])
+        .args(["--prefix", "none", "--no-dedupe", "--format", "{p}|{f}"])
+        .output()
+        .expect("cargo runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = String::from_utf8(output.stdout).expect("cargo writes UTF-8");
+    text.lines().filter(|line| !line.is_empty()).map(str::to_owned).collect()
+}
+
+fn name(line: &str) -> &str {
+    line.split(' ').next().unwrap_or_default()
+}
+
+fn table(path: &str) -> toml::Table {
+    let text = std::fs::read_to_string(workspace().join(path)).expect("the workspace has it");
+    text.parse().expect("TOML")
+}
+
+#[test]
+fn every_crate_uses_only_those_before_it() {
+    for (place, package) in ORDER.iter().enumerate() {
+        let built = built_into(package);
+        let ours: BTreeSet<&str> = built.iter().map(|line| name(line)).filter(|n| ORDER.contains(n)).collect();
+        let before: BTreeSet<&str> = ORDER[..=place].iter().copied().collect();
+        assert!(ours.is_subset(&before), "{package} is built with {ours:?}");
+        assert_eq!(ours, before, "each uses all before it, as the chain says");
+    }
+}
+
+#[test]
+fn the_firmware_is_built_without_std_and_without_an_allocator() {
+    for package in &ORDER[..3] {
+        for line in built_into(package) {
+            let (crate_name, features) = line.split_once('|').expect("as formatted");
+            let wrong = features.split(',').find(|f| ["std", "alloc", "use-std", "use_std"].contains(f));
+            assert_eq!(wrong, None, "{package} builds {crate_name} with it");
+        }
+    }
+}
+
+#[test]
+fn every_firmware_crate_says_no_std() {
+    for package in ["dsp", "link", "sensor"] {
+        let source = workspace().join("firmware").join(package).join("src/lib.rs");
+        let text = std::fs::read_to_string(&source).expect("a library");
+        assert!(text.lines().any(|line| line.starts_with("#![") && line.contains("no_std")), "{package}");
+        assert!(!text.contains("extern crate alloc"), "{package}");
+    }
+}
+
+#[test]
+fn every_dependency_is_locked_in_one_version() {
+    let lock = table("Cargo.lock");
+    let packages = lock["package"].as_array().expect("packages");
+    let mut versions: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    for package in packages {
+        let text = |key: &str| package[key].as_str().expect("a string");
+        versions.entry(text("name")).or_default().push(text("version"));
+    }
+    let manifest = table("Cargo.toml");
+    let direct = manifest["workspace"]["dependencies"].as_table().expect("dependencies");
+    for dependency in direct.keys() {
+        let found = versions.get(dependency.as_str()).map_or(0, Vec::len);
+        let brought = BROUGHT_TWICE.iter().any(|(twice, _)| twice == dependency);
+        assert_eq!(found, 1 + usize::from(brought), "{dependency}: {:?}", versions.get(dependency.as_str()));
+    }
+    for (twice, by) in BROUGHT_TWICE {
+        let package = packages.iter().find(|p| p["name"].as_str() == Some(by)).expect(by);
+        let uses = package["dependencies"].as_array().expect(by).iter().filter_map(toml::Value::as_str);
+        assert!(uses.into_iter().any(|used| name(used) == twice), "{by} does not bring {twice} any more");
+    }
+}
+
+#[test]
+fn every_crate_takes_its_dependencies_from_the_workspace() {
+    for folder in ["firmware/dsp", "firmware/link", "firmware/sensor", "sim", "host", "tests", "xtask"] {
+        let manifest = table(&format!("{folder}/Cargo.toml"));
+        for section in ["dependencies", "dev-dependencies", "build-dependencies"] {
+            let Some(entries) = manifest.get(section).and_then(toml::Value::as_table) else { continue };
+            for (dependency, how) in entries {
+                let shared = how.get("workspace").and_then(toml::Value::as_bool);
+                assert_eq!(shared, Some(true), "{folder}: {dependency} has a version of its own");
+            }
+        }
+    }
+}
