@@ -429,12 +429,13 @@ mod tests {
 
     #[test]
     fn a_refusal_names_the_field_the_value_and_the_bound() {
-        let refusal = |change: fn(&mut Settings)| {
+        type Change = fn(&mut Settings);
+        let refusal = |change: Change| {
             let mut settings = Settings::default();
             change(&mut settings);
             settings.check(&Hardware::REFERENCE).unwrap_err().to_string()
         };
-        let cases: [(fn(&mut Settings), &str); 9] = [
+        let cases: [(Change, &str); 9] = [
             (|s| s.pulse_width_ps = 25_000, "pulse_width 25 ns is above its maximum 20 ns"),
             (|s| s.gain_cdb = -1_001, "gain -10.01 dB is below its minimum -10 dB"),
             (

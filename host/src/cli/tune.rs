@@ -162,14 +162,6 @@ fn tune(args: &TuneArgs, config: Config, stop: &AtomicBool) -> Result<(), Failur
     finish(args, &folder, &prepared, &result)
 }
 
-/// Made only once the scene has proved usable: a mistake leaves no empty run behind.
-fn new_folder(args: &TuneArgs, config: &Config) -> Result<RunFolder, Failure> {
-    let runs = args.runs.clone().unwrap_or_else(default_runs_folder);
-    let folder = RunFolder::create(&runs, &run_name(config))?;
-    folder.write_config(config)?;
-    Ok(folder)
-}
-
 fn run_name(config: &Config) -> String {
     let source = std::path::Path::new(&config.scene.source);
     let scene = source.file_stem().map_or_else(|| config.scene.source.clone(), |s| s.to_string_lossy().into_owned());
