@@ -95,6 +95,8 @@ pub struct Client<T> {
     identity: Identity,
     generation: u32,
     hash: u32,
+    /// The answer to a commit was lost: which settings are active is not known.
+    unsure: bool,
 }
 
 impl<T: Transport> Client<T> {
@@ -107,7 +109,8 @@ impl<T: Transport> Client<T> {
         let identity =
             Identity { build: String::new(), hardware: Hardware::REFERENCE, pattern: ScanPattern::default() };
         let decoder = Box::new(Decoder::new());
-        let mut client = Self { transport, decoder, patience, sequence: 0, identity, generation: 0, hash: 0 };
+        let mut client =
+            Self { transport, decoder, patience, sequence: 0, identity, generation: 0, hash: 0, unsure: true };
         client.greet()?;
         client.read_settings()?;
         Ok(client)
@@ -144,7 +147,7 @@ impl<T: Transport> Client<T> {
         let Report::Settings { generation, hash, settings } = self.ask(&Command::ReadSettings)? else {
             return Err(ClientError::Unexpected { command: "read settings" });
         };
-        (self.generation, self.hash) = (generation, hash);
+        (self.generation, self.hash, self.unsure) = (generation, hash, false);
         Ok(settings)
     }
 
@@ -164,8 +167,12 @@ impl<T: Transport> Client<T> {
     ///
     /// # Errors
     ///
-    /// [`ClientError::Refused`] with field and bound, and the sensor keeps what it had; else [`ClientError`].
+    /// [`ClientError::Refused`] with field and bound, and the sensor keeps what it had. After [`ClientError::Silent`] it has
+    /// the old settings or the new, and the next call finds out which before it goes on.
     pub fn configure(&mut self, settings: &Settings) -> Result<u32, ClientError> {
+        if self.unsure {
+            self.read_settings()?;
+        }
         let Report::Staged { hash } = self.ask(&Command::Stage(*settings))? else {
             return Err(ClientError::Unexpected { command: "stage" });
         };
@@ -173,10 +180,11 @@ impl<T: Transport> Client<T> {
             return Err(ClientError::Unexpected { command: "stage" });
         }
         let commit = Command::Commit { hash, base_generation: self.generation };
+        self.unsure = true; // until the answer is here
         let Report::Committed { generation, hash } = self.ask(&commit)? else {
             return Err(ClientError::Unexpected { command: "commit" });
         };
-        (self.generation, self.hash) = (generation, hash);
+        (self.generation, self.hash, self.unsure) = (generation, hash, false);
         Ok(hash)
     }
 

@@ -169,6 +169,8 @@ pub struct Counters {
     pub unintelligible: u32,
     /// Settings refused.
     pub refusals: u32,
+    /// Commands older than one already taken.
+    pub stale: u32,
 }
 
 /// CRC-32C of the settings' postcard bytes: what a commit and every scan name them by. Never 0.

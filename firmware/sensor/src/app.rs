@@ -27,6 +27,8 @@ pub struct App<B> {
     board: B,
     session: Session,
     decoder: Decoder,
+    /// Of the newest command taken.
+    sequence: u16,
     /// `None` until the front end has taken the active settings.
     configured: Option<Configured>,
     frame: Option<u32>,
@@ -43,6 +45,7 @@ impl<B: Board> App<B> {
             board,
             session,
             decoder: Decoder::new(),
+            sequence: 0,
             configured: None,
             frame: None,
             scratch: Scratch::new(),
@@ -83,13 +86,24 @@ impl<B: Board> App<B> {
     fn take_byte(&mut self, byte: u8) -> Result<(), LinkLost> {
         let Some(frame) = self.decoder.push(byte) else { return Ok(()) };
         match frame.and_then(echoloop_link::decode::<Command>) {
+            Ok((sequence, command)) if self.is_stale(sequence, &command) => {
+                self.session.counters.stale = self.session.counters.stale.wrapping_add(1);
+                Ok(())
+            }
             Ok((sequence, command)) => {
+                self.sequence = sequence;
                 let report = self.answer(command);
                 self.session.counters.frames = self.session.counters.frames.wrapping_add(1);
                 self.send(sequence, &report)
             }
             Err(error) => self.take_bad_frame(error),
         }
+    }
+
+    /// A command overtaken by a later one: the host has given it up, so it must not act now. A hello begins anew.
+    fn is_stale(&self, sequence: u16, command: &Command) -> bool {
+        let ahead = sequence.wrapping_sub(self.sequence) as i16;
+        ahead < 0 && !matches!(command, Command::Hello(_))
     }
 
     /// A broken frame is counted and never acted on; only an intact one of another schema can be answered.
