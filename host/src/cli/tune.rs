@@ -18,7 +18,7 @@ use crate::journal::{Generation, Journal};
 use crate::objective::Bench;
 use crate::params::{Parameters, Preset, Protocol, Space};
 use crate::run::{CONFIG, HISTORY, REPORT, RESULT, RunFolder, RunResult};
-use crate::tune::{Search, Tuned};
+use crate::tune::{Search, TuneError, Tuned};
 
 /// Flags of `tune`.
 #[derive(Clone, Debug, Args)]
@@ -145,21 +145,34 @@ fn tune(args: &TuneArgs, config: Config, stop: &AtomicBool) -> Result<(), Failur
     let (mut journal, done) = open_journal(args, &folder, &search)?;
     let left = search.registrations().saturating_sub(done.len() * search.population() * search.batch_size());
     progress.begin("tuning", left as u64);
-    let outcome = search.run(&mut journal, done, &progress);
-    if let Err(crate::tune::TuneError::Interrupted { .. }) = &outcome {
-        progress.end();
+    let outcome = search_and_judge(&search, &mut journal, done, &progress);
+    progress.end();
+    if let Err(TuneError::Interrupted { .. }) = &outcome {
         eprintln!("go on with: echoloop tune --resume {}", folder.path().display());
     }
-    let tuned = outcome?;
-    progress.begin("judging", 2 * prepared.dataset.test.len() as u64);
-    let before = search.judge(&prepared.start, &progress)?;
-    let after = search.judge(&tuned.parameters, &progress)?;
-    progress.end();
+    let (tuned, before, after) = outcome?;
     let result = result(&prepared, &search, &tuned, before, after);
     folder.write_result(&result)?;
     let shown = write_clouds(&folder, &prepared, &tuned, &result)?;
     write_report(&folder, &prepared, &search, &tuned, &result, shown)?;
     finish(args, &folder, &prepared, &result)
+}
+
+/// The search, then start and choice on the held-out pairs.
+fn search_and_judge(
+    search: &Search<'_>,
+    journal: &mut Journal,
+    done: Vec<Generation>,
+    progress: &Progress,
+) -> Result<(Tuned, Summary, Summary), TuneError> {
+    let tuned = search.run(journal, done, progress)?;
+    progress.begin("judging", 2 * search.bench.dataset.test.len() as u64);
+    let before = search.judge(&search.start, progress)?;
+    let after = search.judge(&tuned.parameters, progress)?;
+    match search.stop.load(Ordering::Relaxed) {
+        true => Err(TuneError::Interrupted { generations: tuned.generations.len() }),
+        false => Ok((tuned, before, after)),
+    }
 }
 
 fn run_name(config: &Config) -> String {

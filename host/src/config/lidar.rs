@@ -121,6 +121,9 @@ impl Visitor<'_> for Code {
         if !value.is_finite() {
             return Err(E::custom(format_args!("{} must be finite, not {value}", parameter.name)));
         }
+        if matches!(parameter.kind, Kind::Integer | Kind::PowerOfTwo { .. }) && value.fract() != 0.0 {
+            return Err(E::custom(format_args!("{} must be a whole number, not {value}", parameter.name)));
+        }
         self.checked(parameter.to_code(value))
     }
 

@@ -160,6 +160,7 @@ mod tests {
         for (text, part) in [
             ("[lidar]\npower = nan", "must be finite"),
             ("[lidar]\npower = -3", "below its minimum 5 W"),
+            ("[lidar]\nwaveform_resolution = 800.5", "must be a whole number"),
             ("[lidar]\ntiming = \"cfd\"", "not implemented"),
             ("[lidar]\ntiming = 3", "invalid type"),
             ("[data]\ntrain_pairs = -1", "line 2"),

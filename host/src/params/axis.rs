@@ -79,6 +79,9 @@ impl Axis {
     }
 
     pub(super) fn require(&self, value: f64) -> Result<(), ValueError> {
+        if self.cells().is_some() && value.is_finite() && value.fract() != 0.0 {
+            return Err(ValueError::Fraction { name: self.name.to_owned(), value });
+        }
         if (self.min..=self.max).contains(&value) {
             return Ok(());
         }

@@ -121,6 +121,14 @@ pub enum ValueError {
         /// Unit, with a blank before it.
         unit: String,
     },
+    /// A fraction where whole numbers go.
+    #[error("{name} = {value} must be a whole number")]
+    Fraction {
+        /// The parameter.
+        name: String,
+        /// Its value.
+        value: f64,
+    },
     /// Refused by the sensor's own rules.
     #[error("lidar.{0}")]
     Refused(#[from] echoloop_dsp::Refusal),
@@ -363,6 +371,8 @@ mod tests {
         assert_eq!(with("lidar.power", 500.0).unwrap_err(), "lidar.power 500 W is above its maximum 100 W");
         assert!(with("lidar.powr", 5.0).unwrap_err().starts_with("unknown parameter `lidar.powr`"));
         assert_eq!(with("registration.voxel_m", 9.0).unwrap_err(), "registration.voxel_m = 9 is outside 0.05 to 1 m");
+        let fraction = with("registration.normal_neighbours", 10.5).unwrap_err();
+        assert_eq!(fraction, "registration.normal_neighbours = 10.5 must be a whole number");
         assert!(with("registration.voxel_m", f64::NAN).is_err());
         assert!(with("lidar.power", f64::NAN).is_err());
     }
