@@ -1,96 +1,12 @@
 //! The search itself.
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
-use thiserror::Error;
 
 use super::bounds::{is_mirrored, reflect};
+use super::config::{Config, ConfigError, StopReason, Stops, TellError, check};
+use super::margin::Margin;
 use super::random::normals;
 use super::strategy::{Constants, Strategy};
-
-/// How to search.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Config {
-    /// Where to start; its length is the dimension.
-    pub mean: Vec<f64>,
-    /// Step size to start with.
-    pub sigma: f64,
-    /// Candidates a generation; `None`: 4 + ⌊3 ln n⌋.
-    pub lambda: Option<usize>,
-    /// Decides every sample.
-    pub seed: u64,
-    /// Which constants.
-    pub constants: Constants,
-    /// Whether the search stays in the unit cube, by reflection. Standard deviations then stay below 1/3.
-    pub bounded: bool,
-    /// When to stop.
-    pub stops: Stops,
-}
-
-impl Config {
-    /// A search in the unit cube.
-    pub fn unit_cube(mean: Vec<f64>, sigma: f64, seed: u64) -> Self {
-        let stops = Stops::default();
-        Self { mean, sigma, lambda: None, seed, constants: Constants::default(), bounded: true, stops }
-    }
-}
-
-/// When to stop. Tolerances of the function value are left out on purpose: ours is noisy.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stops {
-    /// After so many generations.
-    pub generations: Option<u64>,
-    /// When a value at or below this was told.
-    pub target: Option<f64>,
-    /// When every standard deviation is below this times the initial step size.
-    pub tol_x: f64,
-    /// When the largest standard deviation is above this times the initial step size.
-    pub tol_x_up: f64,
-    /// When the condition number of C is above this.
-    pub condition: f64,
-}
-
-impl Default for Stops {
-    fn default() -> Self {
-        Self { generations: None, target: None, tol_x: 1e-12, tol_x_up: 1e4, condition: 1e14 }
-    }
-}
-
-/// Why a search stopped.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum StopReason {
-    /// The generations are used up.
-    Generations,
-    /// The target was reached.
-    Target,
-    /// Nothing moves any more.
-    TolX,
-    /// The steps grow without end: the step size was far too small, or the function has no minimum.
-    TolXUp,
-    /// C can no longer be told from a singular matrix.
-    Condition,
-}
-
-/// A setting that cannot run.
-#[derive(Clone, Debug, PartialEq, Error)]
-#[error("{field} = {value} must be {expected}")]
-pub struct ConfigError {
-    /// The field of [`Config`].
-    pub field: &'static str,
-    /// Its value.
-    pub value: String,
-    /// What it must be.
-    pub expected: &'static str,
-}
-
-/// Values that do not fit the candidates.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-#[error("told {told} values for {asked} candidates")]
-pub struct TellError {
-    /// Values told.
-    pub told: usize,
-    /// Candidates a generation.
-    pub asked: usize,
-}
 
 /// One candidate: where it was drawn, and where it is evaluated.
 #[derive(Clone, Debug, PartialEq)]
@@ -110,6 +26,7 @@ pub struct CmaEs {
     strategy: Strategy,
     seed: u64,
     bounded: bool,
+    margin: Margin,
     stops: Stops,
     initial_sigma: f64,
     generation: u64,
@@ -143,6 +60,7 @@ impl CmaEs {
             strategy: Strategy::new(n, lambda, config.constants),
             seed: config.seed,
             bounded: config.bounded,
+            margin: Margin::new(config.cells, n, lambda),
             stops: config.stops,
             initial_sigma: config.sigma,
             generation: 0,
@@ -163,12 +81,17 @@ impl CmaEs {
         (0..self.strategy.lambda)
             .map(|i| {
                 let genotype = &self.mean + self.sigma * self.y(i);
-                let genotype = genotype.as_slice().to_vec();
-                let phenotype =
-                    if self.bounded { genotype.iter().map(|&x| reflect(x)).collect() } else { genotype.clone() };
-                Candidate { genotype, phenotype }
+                let phenotype = genotype.iter().enumerate().map(|(i, &x)| self.express(i, x)).collect();
+                Candidate { genotype: genotype.as_slice().to_vec(), phenotype }
             })
             .collect()
+    }
+
+    /// Where a coordinate is evaluated.
+    fn express(&self, i: usize, x: f64) -> f64 {
+        let wide = self.margin.widen(i, self.mean[i], x);
+        let inside = if self.bounded { reflect(wide) } else { wide };
+        self.margin.snap(i, inside)
     }
 
     /// y_i = B D z_i ~ N(0, C) (Eqs. 39–40).
@@ -235,6 +158,8 @@ impl CmaEs {
             self.fold_mean();
             self.cap_deviations();
         }
+        let spread = self.spread();
+        self.margin.correct(self.mean.as_mut_slice(), &spread);
     }
 
     /// C^(−1/2) v.
@@ -321,9 +246,8 @@ impl CmaEs {
     /// Whether to stop, and why.
     pub fn stop(&self) -> Option<StopReason> {
         let stops = &self.stops;
-        let deviations = self.deviations();
         let (least, largest) = (self.d.min(), self.d.max());
-        let widest = deviations.iter().copied().fold(0.0, f64::max) / self.initial_sigma;
+        let widest = self.spread().into_iter().fold(0.0, f64::max) / self.initial_sigma;
         let checks = [
             (stops.generations.is_some_and(|g| self.generation >= g), StopReason::Generations),
             (stops.target.is_some_and(|t| self.best <= t), StopReason::Target),
@@ -354,8 +278,13 @@ impl CmaEs {
         self.sigma
     }
 
-    /// Standard deviation of each coordinate, σ√C_ii.
+    /// Standard deviation each coordinate is drawn with: σ√C_ii, of whole numbers widened by the margin.
     pub fn deviations(&self) -> Vec<f64> {
+        self.spread().into_iter().enumerate().map(|(i, deviation)| self.margin.widen(i, 0.0, deviation)).collect()
+    }
+
+    /// σ√C_ii.
+    fn spread(&self) -> Vec<f64> {
         self.c.diagonal().iter().map(|c| self.sigma * c.max(0.0).sqrt()).collect()
     }
 
@@ -374,23 +303,6 @@ impl CmaEs {
     /// How much of the first covariance has been replaced so far, 0 to 1: what the correlations can be worth at most.
     pub fn learned(&self) -> f64 {
         1.0 - libm::pow(1.0 - self.strategy.c_1 - self.strategy.c_mu, self.generation as f64)
-    }
-}
-
-fn check(config: &Config) -> Result<(), ConfigError> {
-    let fail = |field, value: String, expected| Err(ConfigError { field, value, expected });
-    if config.mean.is_empty() || config.mean.iter().any(|m| !m.is_finite()) {
-        return fail("mean", format!("{:?}", config.mean), "at least one finite number");
-    }
-    if config.bounded && config.mean.iter().any(|m| !(0.0..=1.0).contains(m)) {
-        return fail("mean", format!("{:?}", config.mean), "in the unit cube");
-    }
-    if !(config.sigma > 0.0 && config.sigma.is_finite()) {
-        return fail("sigma", config.sigma.to_string(), "above 0");
-    }
-    match config.lambda {
-        Some(lambda) if lambda < 2 => fail("lambda", lambda.to_string(), "at least 2"),
-        _ => Ok(()),
     }
 }
 

@@ -5,9 +5,12 @@
 
 mod bounds;
 mod cmaes;
+mod config;
+mod margin;
 mod random;
 mod strategy;
 
 pub use bounds::reflect;
-pub use cmaes::{Candidate, CmaEs, Config, ConfigError, StopReason, Stops, TellError};
+pub use cmaes::{Candidate, CmaEs};
+pub use config::{Config, ConfigError, StopReason, Stops, TellError};
 pub use strategy::{Constants, Strategy};

@@ -1,4 +1,5 @@
 use super::*;
+use crate::optimize::Constants;
 
 fn free(n: usize, seed: u64) -> Config {
     Config {
@@ -8,6 +9,7 @@ fn free(n: usize, seed: u64) -> Config {
         seed,
         constants: Constants::Tutorial,
         bounded: false,
+        cells: Vec::new(),
         stops: Stops { target: Some(1e-8), ..Stops::default() },
     }
 }
@@ -180,6 +182,8 @@ fn settings_that_cannot_run_are_named() {
     assert_eq!(error(|c| c.mean[0] = 1.5), "mean");
     assert_eq!(error(|c| c.sigma = f64::NAN), "sigma");
     assert_eq!(error(|c| c.lambda = Some(1)), "lambda");
+    assert_eq!(error(|c| c.cells = vec![Some(3)]), "cells");
+    assert_eq!(error(|c| c.cells = vec![None, Some(0)]), "cells");
     let mut search = CmaEs::new(Config::unit_cube(vec![0.5; 2], 0.2, 1)).unwrap();
     assert_eq!(search.tell(&[1.0]), Err(TellError { told: 1, asked: 6 }));
 }
@@ -189,4 +193,81 @@ fn correlated_parameters_show_as_correlated() {
     let valley = |x: &[f64]| 1e4 * (x[0] - x[1]).powi(2) + (x[0] + x[1] - 1.0).powi(2);
     let search = run(CmaEs::new(Config::unit_cube(vec![0.3, 0.6], 0.2, 2)).unwrap(), 60, valley);
     assert!(search.correlations()[0][1] > 0.9, "{:?}", search.correlations());
+}
+
+/// Evaluations to 1e-10 on half real, half whole numbers, n = 20; the scale makes one whole number one real unit.
+fn mixed(count: usize, cells: bool, seed: u64, f: fn(&[f64], &[f64]) -> f64) -> Option<f64> {
+    let (n, width) = (20, count as f64);
+    let first = if count == 2 { -0.5 } else { -width / 2.0 };
+    let start = normals(seed, 0, u64::MAX, n);
+    let uniform = start.iter().map(|z| 2.0 + libm::erf(z / std::f64::consts::SQRT_2));
+    let mean = uniform.enumerate().map(|(i, x)| if count == 2 && i >= n / 2 { 0.5 } else { (x - first) / width });
+    let config = Config {
+        mean: mean.collect(),
+        sigma: 1.0 / width,
+        cells: (0..n).map(|i| (cells && i >= n / 2).then_some(count)).collect(),
+        stops: Stops { target: Some(1e-10), ..Stops::default() },
+        ..free(n, seed)
+    };
+    let mut search = CmaEs::new(config).unwrap();
+    let value = |x: &[f64]| {
+        let real: Vec<f64> = x.iter().map(|u| first + u * width).collect();
+        let whole: Vec<f64> = real[n / 2..].iter().map(|v| v.round().clamp(first + 0.5, first + width - 0.5)).collect();
+        f(&real[..n / 2], &whole)
+    };
+    while search.stop().is_none() && search.generation() < 2000 {
+        let values: Vec<f64> = search.ask().iter().map(|c| value(&c.phenotype)).collect();
+        search.tell(&values).unwrap();
+    }
+    (search.stop() == Some(StopReason::Target)).then_some(search.generation() as f64 * 12.0)
+}
+
+fn zeros(whole: &[f64]) -> f64 {
+    whole.iter().map(|b| 1.0 - b).sum()
+}
+
+fn steep(real: &[f64]) -> f64 {
+    let last = real.len() as f64 - 1.0;
+    real.iter().enumerate().map(|(i, x)| 1e6f64.powf(i as f64 / last) * x * x).sum()
+}
+
+/// Medians of CyberAgent's CMAwM over 15 seeds.
+#[test]
+fn whole_numbers_take_as_long_as_published() {
+    type Function = fn(&[f64], &[f64]) -> f64;
+    let table: [(&str, usize, Function, f64); 3] = [
+        ("SphereInt", 21, |real, whole| sphere(real) + sphere(whole), 3777.0),
+        ("SphereOneMax", 2, |real, whole| sphere(real) + zeros(whole), 3811.0),
+        ("EllipsoidOneMax", 2, |real, whole| steep(real) + zeros(whole), 11130.0),
+    ];
+    for (name, count, f, published) in table {
+        let mut all: Vec<f64> = (0..15).filter_map(|seed| mixed(count, true, seed, f)).collect();
+        assert_eq!(all.len(), 15, "{name}: every run succeeds");
+        all.sort_by(f64::total_cmp);
+        let ours = all[7];
+        assert!((ours / published - 1.0).abs() < 0.15, "{name}: {ours} against {published}");
+    }
+}
+
+#[test]
+fn without_the_margin_two_values_settle_too_early() {
+    let f: fn(&[f64], &[f64]) -> f64 = |real, whole| sphere(real) + zeros(whole);
+    let successes = (0..15).filter(|&seed| mixed(2, false, seed, f).is_some()).count();
+    assert!(successes < 12, "{successes} of 15");
+}
+
+#[test]
+fn whole_numbers_at_the_ends_of_the_cube_are_reached() {
+    for goal in [[0.125, 0.875, 0.375], [0.875, 0.125, 0.625]] {
+        let f = |x: &[f64]| x[3].powi(2) + x.iter().zip(goal).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+        let config = Config {
+            cells: vec![Some(4), Some(4), Some(4), None],
+            ..Config::unit_cube(vec![0.375, 0.375, 0.875, 0.5], 0.2, 4)
+        };
+        let search = run(CmaEs::new(config).unwrap(), 150, f);
+        let cell = |u: f64| ((u * 4.0).floor().min(3.0) + 0.5) / 4.0;
+        let found: Vec<f64> = search.mean()[..3].iter().map(|&m| cell(m)).collect();
+        assert_eq!(found, goal);
+        assert!(search.mean().iter().all(|m| (0.0..=1.0).contains(m)));
+    }
 }

@@ -1,0 +1,117 @@
+//! What a search is given, and what it says.
+
+use thiserror::Error;
+
+use super::strategy::Constants;
+
+/// How to search.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Config {
+    /// Where to start; its length is the dimension.
+    pub mean: Vec<f64>,
+    /// Step size to start with.
+    pub sigma: f64,
+    /// Candidates a generation; `None`: 4 + ⌊3 ln n⌋.
+    pub lambda: Option<usize>,
+    /// Decides every sample.
+    pub seed: u64,
+    /// Which constants.
+    pub constants: Constants,
+    /// Whether the search stays in the unit cube, by reflection. Standard deviations then stay below 1/3.
+    pub bounded: bool,
+    /// Of each coordinate that stands for whole numbers, how many: equal cells of 0 to 1. Empty: none does.
+    pub cells: Vec<Option<usize>>,
+    /// When to stop.
+    pub stops: Stops,
+}
+
+impl Config {
+    /// A search in the unit cube.
+    pub fn unit_cube(mean: Vec<f64>, sigma: f64, seed: u64) -> Self {
+        let stops = Stops::default();
+        let constants = Constants::default();
+        Self { mean, sigma, lambda: None, seed, constants, bounded: true, cells: Vec::new(), stops }
+    }
+}
+
+/// When to stop. Tolerances of the function value are left out on purpose: ours is noisy.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stops {
+    /// After so many generations.
+    pub generations: Option<u64>,
+    /// When a value at or below this was told.
+    pub target: Option<f64>,
+    /// When every standard deviation is below this times the initial step size.
+    pub tol_x: f64,
+    /// When the largest standard deviation is above this times the initial step size.
+    pub tol_x_up: f64,
+    /// When the condition number of C is above this.
+    pub condition: f64,
+}
+
+impl Default for Stops {
+    fn default() -> Self {
+        Self { generations: None, target: None, tol_x: 1e-12, tol_x_up: 1e4, condition: 1e14 }
+    }
+}
+
+/// Why a search stopped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StopReason {
+    /// The generations are used up.
+    Generations,
+    /// The target was reached.
+    Target,
+    /// Nothing moves any more.
+    TolX,
+    /// The steps grow without end: the step size was far too small, or the function has no minimum.
+    TolXUp,
+    /// C can no longer be told from a singular matrix.
+    Condition,
+}
+
+/// A setting that cannot run.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[error("{field} = {value} must be {expected}")]
+pub struct ConfigError {
+    /// The field of [`Config`].
+    pub field: &'static str,
+    /// Its value.
+    pub value: String,
+    /// What it must be.
+    pub expected: &'static str,
+}
+
+/// Values that do not fit the candidates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[error("told {told} values for {asked} candidates")]
+pub struct TellError {
+    /// Values told.
+    pub told: usize,
+    /// Candidates a generation.
+    pub asked: usize,
+}
+
+/// Names the first field that cannot run.
+pub(super) fn check(config: &Config) -> Result<(), ConfigError> {
+    let fail = |field, value: String, expected| Err(ConfigError { field, value, expected });
+    if config.mean.is_empty() || config.mean.iter().any(|m| !m.is_finite()) {
+        return fail("mean", format!("{:?}", config.mean), "at least one finite number");
+    }
+    if config.bounded && config.mean.iter().any(|m| !(0.0..=1.0).contains(m)) {
+        return fail("mean", format!("{:?}", config.mean), "in the unit cube");
+    }
+    if !(config.sigma > 0.0 && config.sigma.is_finite()) {
+        return fail("sigma", config.sigma.to_string(), "above 0");
+    }
+    if !config.cells.is_empty() && config.cells.len() != config.mean.len() {
+        return fail("cells", format!("{:?}", config.cells), "empty or as many as there are coordinates");
+    }
+    if config.cells.contains(&Some(0)) {
+        return fail("cells", format!("{:?}", config.cells), "at least 1 where given");
+    }
+    match config.lambda {
+        Some(lambda) if lambda < 2 => fail("lambda", lambda.to_string(), "at least 2"),
+        _ => Ok(()),
+    }
+}
