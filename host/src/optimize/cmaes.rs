@@ -226,13 +226,13 @@ impl CmaEs {
 
     fn decompose(&mut self) {
         self.c = 0.5 * (&self.c + self.c.transpose());
-        let Some(eigen) = SymmetricEigen::try_new(self.c.clone(), 1e-14, 1000 * self.strategy.dimension) else {
-            return; // keep the last one
+        let eigen = SymmetricEigen::try_new(self.c.clone(), 1e-14, 1000 * self.strategy.dimension);
+        let Some(eigen) = eigen.filter(|e| e.eigenvalues.iter().all(|v| v.is_finite()) && e.eigenvalues.max() > 0.0)
+        else {
+            self.c = self.recomposed();
+            return;
         };
         let largest = eigen.eigenvalues.max();
-        if !largest.is_finite() || largest <= 0.0 {
-            return;
-        }
         // Rounding may leave an eigenvalue at or below zero.
         let least = largest * 1e-15;
         if eigen.eigenvalues.min() < least {
@@ -241,6 +241,15 @@ impl CmaEs {
         }
         self.d = eigen.eigenvalues.map(|v| v.max(least).sqrt());
         self.b = eigen.eigenvectors;
+    }
+
+    /// B D² Bᵀ: the last C that could be decomposed.
+    fn recomposed(&self) -> DMatrix<f64> {
+        let mut c = DMatrix::zeros(self.d.len(), self.d.len());
+        for (axis, length) in self.b.column_iter().zip(&self.d) {
+            c.ger(length * length, &axis, &axis, 1.0);
+        }
+        c
     }
 
     /// Whether to stop, and why.

@@ -271,3 +271,13 @@ fn whole_numbers_at_the_ends_of_the_cube_are_reached() {
         assert!(search.mean().iter().all(|m| (0.0..=1.0).contains(m)));
     }
 }
+
+#[test]
+fn a_covariance_that_cannot_be_decomposed_is_replaced_by_the_last_one_that_could() {
+    let mut search = run(CmaEs::new(Config::unit_cube(vec![0.5; 3], 0.2, 1)).unwrap(), 20, sphere);
+    let (before, basis) = (search.c.clone(), search.b.clone());
+    search.c[(1, 0)] = f64::NAN;
+    search.decompose();
+    assert!((&search.c - before).amax() < 1e-12);
+    assert_eq!(search.b, basis);
+}
