@@ -125,9 +125,12 @@ fn d_sigma(n: f64, mu_eff: f64, c_sigma: f64, constants: Constants) -> f64 {
 }
 
 fn chi(n: f64, constants: Constants) -> f64 {
+    if constants == Constants::Pycma && n <= 4.0 {
+        return std::f64::consts::SQRT_2 * libm::tgamma((n + 1.0) / 2.0) / libm::tgamma(n / 2.0);
+    }
     let last = match constants {
-        Constants::Pycma if n > 4.0 => 26.0,
-        _ => 21.0,
+        Constants::Tutorial => 21.0,
+        Constants::Pycma => 26.0,
     };
     libm::sqrt(n) * (1.0 - 1.0 / (4.0 * n) + 1.0 / (last * n * n))
 }
@@ -200,5 +203,13 @@ mod tests {
     #[test]
     fn the_default_population_grows_with_the_logarithm() {
         assert_eq!([5, 10, 16, 100].map(Strategy::default_lambda), [8, 10, 12, 17]);
+    }
+
+    #[test]
+    fn the_mean_length_is_exact_where_pycma_has_it_exact() {
+        use std::f64::consts::{FRAC_2_PI, FRAC_PI_2};
+        let chi = |n| Strategy::new(n, 6, Constants::Pycma).chi_n;
+        assert!((chi(1) - FRAC_2_PI.sqrt()).abs() < 1e-14 && (chi(2) - FRAC_PI_2.sqrt()).abs() < 1e-14);
+        assert!((chi(4) - chi(2) * 1.5).abs() < 1e-14, "Γ(5/2)/Γ(2) = 3/2 · Γ(3/2)/Γ(1)");
     }
 }
