@@ -69,7 +69,7 @@ impl Axis {
         u.clamp(0.0, 1.0)
     }
 
-    /// The distance of two neighbouring values in the cube; `None` where every value is allowed.
+    /// How many values there are, each with an equal share of the axis; `None` where every value is allowed.
     pub fn cells(&self) -> Option<usize> {
         match self.scale {
             Scale::Linear | Scale::Log => None,
