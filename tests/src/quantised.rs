@@ -302,12 +302,10 @@ impl Twin {
         codes.iter().enumerate().any(|(n, &code)| n.abs_diff(index) <= reach && f64::from(code) >= self.clip_code)
     }
 
-    /// The end of a rising run of f: later, and if there is none, earlier; K samples at most.
+    /// The end of a rising run of f, K samples later at most.
     fn summit(&self, f: &[f64], index: usize) -> usize {
         let reach = self.taps.len() / 2;
-        let later = f[index..].windows(2).take(reach).take_while(|w| w[1] > w[0]).count();
-        let f: Vec<f64> = f[..=index + later].iter().rev().copied().collect();
-        index + later - f.windows(2).take(reach).take_while(|w| w[1] > w[0]).count()
+        index + f[index..].windows(2).take(reach).take_while(|w| w[1] > w[0]).count()
     }
 
     /// Time (Q16.16) and height (Q1.15) of the parabola's top.
