@@ -1,5 +1,6 @@
 //! The host's side of the link: asks, waits, asks again, and never mixes settings.
 
+use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io;
 use std::time::{Duration, Instant};
 
@@ -95,7 +96,7 @@ pub struct Client<T> {
     identity: Identity,
     generation: u32,
     hash: u32,
-    /// The answer to a commit was lost: which settings are active is not known.
+    /// An answer was lost, or the sensor knows nothing of a session: say hello and read back before going on.
     unsure: bool,
 }
 
@@ -106,13 +107,22 @@ impl<T: Transport> Client<T> {
     ///
     /// [`ClientError`]; of a sensor of another version, [`ClientError::Version`] with both.
     pub fn connect(transport: T, patience: Patience) -> Result<Self, ClientError> {
+        // Anywhere, so that late answers to an earlier program are not taken for ours.
+        Self::connect_from(transport, patience, RandomState::new().build_hasher().finish() as u16)
+    }
+
+    /// As [`Client::connect`], numbering commands from the one after `sequence`: the same bytes every time.
+    ///
+    /// # Errors
+    ///
+    /// As [`Client::connect`].
+    pub fn connect_from(transport: T, patience: Patience, sequence: u16) -> Result<Self, ClientError> {
         let identity =
             Identity { build: String::new(), hardware: Hardware::REFERENCE, pattern: ScanPattern::default() };
         let decoder = Box::new(Decoder::new());
         let mut client =
-            Self { transport, decoder, patience, sequence: 0, identity, generation: 0, hash: 0, unsure: true };
-        client.greet()?;
-        client.read_settings()?;
+            Self { transport, decoder, patience, sequence, identity, generation: 0, hash: 0, unsure: true };
+        client.read_settings()?; // unsure, it says hello first
         Ok(client)
     }
 
@@ -138,12 +148,15 @@ impl<T: Transport> Client<T> {
         &mut self.transport
     }
 
-    /// The active settings.
+    /// The active settings. After an error it opens the session anew.
     ///
     /// # Errors
     ///
     /// [`ClientError`].
     pub fn read_settings(&mut self) -> Result<Settings, ClientError> {
+        if self.unsure {
+            self.greet()?;
+        }
         let Report::Settings { generation, hash, settings } = self.ask(&Command::ReadSettings)? else {
             return Err(ClientError::Unexpected { command: "read settings" });
         };
@@ -173,6 +186,14 @@ impl<T: Transport> Client<T> {
         if self.unsure {
             self.read_settings()?;
         }
+        match self.stage_and_commit(settings) {
+            // A hello that came late dropped what was staged; the commit did not happen.
+            Err(ClientError::Nack(Nack::NotStaged { .. })) => self.stage_and_commit(settings),
+            done => done,
+        }
+    }
+
+    fn stage_and_commit(&mut self, settings: &Settings) -> Result<u32, ClientError> {
         let Report::Staged { hash } = self.ask(&Command::Stage(*settings))? else {
             return Err(ClientError::Unexpected { command: "stage" });
         };
@@ -234,16 +255,20 @@ impl<T: Transport> Client<T> {
             self.transport.send(bytes)?;
             match self.wait()? {
                 Some(Report::Refused(refusal)) => return Err(refusal.into()),
-                Some(Report::Nack(reason)) => return Err(ClientError::Nack(reason)),
+                Some(Report::Nack(reason)) => {
+                    self.unsure |= reason == Nack::NotReady;
+                    return Err(ClientError::Nack(reason));
+                }
                 Some(report) => return Ok(report),
                 None => {}
             }
         }
+        self.unsure = true;
         Err(ClientError::Silent { command: name, tries: self.patience.tries, timeout: self.patience.timeout })
     }
 
     /// The report of the current sequence number, if it comes in time. Broken frames and answers to older questions are
-    /// dropped.
+    /// dropped; a line that never falls quiet is not listened to for longer.
     fn wait(&mut self) -> Result<Option<Report>, ClientError> {
         let deadline = Instant::now() + self.patience.timeout;
         let mut chunk = [0; 1024];
@@ -262,7 +287,7 @@ impl<T: Transport> Client<T> {
                     answer = Some(report);
                 }
             }
-            if answer.is_some() {
+            if answer.is_some() || left.is_zero() {
                 return Ok(answer);
             }
         }

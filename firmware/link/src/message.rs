@@ -169,7 +169,7 @@ pub struct Counters {
     pub unintelligible: u32,
     /// Settings refused.
     pub refusals: u32,
-    /// Commands older than one already taken.
+    /// Commands older than one already taken, or of another session.
     pub stale: u32,
 }
 

@@ -105,10 +105,12 @@ impl Session {
         }
     }
 
-    /// Our greeting in any case; the session opens only when theirs is the same.
+    /// Our greeting in any case; the session opens only when theirs is the same. Whatever scan was open is over, so that what
+    /// was committed during it is what the new session reads.
     fn hello(&mut self, theirs: Greeting) -> Report {
         self.ready = theirs == Greeting::OURS;
         self.staged = None;
+        self.end_frame();
         Report::Hello {
             greeting: Greeting { magic: MAGIC, protocol: PROTOCOL, schema: SCHEMA },
             build: self.build.chars().take(32).fold(String::new(), |mut text, c| {
@@ -176,9 +178,13 @@ impl Session {
             _ => open.complete,
         };
         if ends {
-            self.frame = None;
-            self.active = self.pending.take().unwrap_or(self.active);
+            self.end_frame();
         }
+    }
+
+    fn end_frame(&mut self) {
+        self.frame = None;
+        self.active = self.pending.take().unwrap_or(self.active);
     }
 }
 
@@ -277,6 +283,17 @@ mod tests {
         session.handle(Command::ReadBeams { frame: 1, first: 80, count: 20 });
         let hash = stage(&mut session, 100);
         report(&mut session, Command::Commit { hash, base_generation: 0 });
+        assert_eq!(session.version(), (1, hash));
+    }
+
+    #[test]
+    fn a_hello_ends_the_frame_that_another_session_left_open() {
+        let mut session = opened();
+        session.handle(Command::ReadBeams { frame: 1, first: 0, count: 20 });
+        let hash = stage(&mut session, 100);
+        report(&mut session, Command::Commit { hash, base_generation: 0 });
+        assert_eq!(session.version().0, 0, "the frame is open");
+        report(&mut session, Command::Hello(Greeting::OURS));
         assert_eq!(session.version(), (1, hash));
     }
 

@@ -11,6 +11,10 @@ use crate::board::Board;
 /// Name and version of this firmware.
 pub const BUILD: &str = concat!("echoloop-sensor ", env!("CARGO_PKG_VERSION"));
 
+/// How far ahead of the newest command the next may be numbered. A host counts on when it gives a command up; after so many it
+/// has to say hello.
+pub const MAX_SKIPPED: u16 = 256;
+
 /// The link is gone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -27,8 +31,8 @@ pub struct App<B> {
     board: B,
     session: Session,
     decoder: Decoder,
-    /// Of the newest command taken.
-    sequence: u16,
+    /// Of the newest command taken; `None` until there is one.
+    sequence: Option<u16>,
     /// `None` until the front end has taken the active settings.
     configured: Option<Configured>,
     frame: Option<u32>,
@@ -45,7 +49,7 @@ impl<B: Board> App<B> {
             board,
             session,
             decoder: Decoder::new(),
-            sequence: 0,
+            sequence: None,
             configured: None,
             frame: None,
             scratch: Scratch::new(),
@@ -91,7 +95,7 @@ impl<B: Board> App<B> {
                 Ok(())
             }
             Ok((sequence, command)) => {
-                self.sequence = sequence;
+                self.sequence = Some(sequence);
                 let report = self.answer(command);
                 self.session.counters.frames = self.session.counters.frames.wrapping_add(1);
                 self.send(sequence, &report)
@@ -100,10 +104,11 @@ impl<B: Board> App<B> {
         }
     }
 
-    /// A command overtaken by a later one: the host has given it up, so it must not act now. A hello begins anew.
+    /// A command overtaken by a later one, or of an earlier session: its host has given it up, so it must not act now, nor make
+    /// what follows look old. A hello begins anew.
     fn is_stale(&self, sequence: u16, command: &Command) -> bool {
-        let ahead = sequence.wrapping_sub(self.sequence) as i16;
-        ahead < 0 && !matches!(command, Command::Hello(_))
+        let foreign = self.sequence.is_some_and(|newest| sequence.wrapping_sub(newest) > MAX_SKIPPED);
+        foreign && !matches!(command, Command::Hello(_))
     }
 
     /// A broken frame is counted and never acted on; only an intact one of another schema can be answered.
