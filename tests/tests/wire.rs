@@ -1,12 +1,15 @@
 //! The bytes on the link: frozen, documented, and distrusted until their checksum holds.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+use echoloop_dsp::settings::PARAMETERS;
 use echoloop_dsp::{Echo, Echoes, Flags, Hardware, ParameterId, Reason, Refusal, ScanPattern, Settings};
 use echoloop_link::{
     BEAMS_PER_REPORT, Command, Counters, Decoder, FrameError, Greeting, MAX_FRAME, Nack, PROTOCOL, Report, SCHEMA,
     decode, encode, settings_hash,
 };
 use echoloop_tests::vectors;
+use proptest::collection::vec;
+use proptest::prelude::{any, prop_assert, prop_assert_eq, prop_oneof, proptest};
 use rand::RngExt;
 use serde::Serialize;
 
@@ -73,6 +76,22 @@ fn the_document_s_worked_bytes_are_those_of_the_code() {
         let line = format!("`{name}`: `{}`", hex(&bytes));
         assert!(document.contains(&line), "WIRE.md should have\n{line}");
     }
+}
+
+#[test]
+fn the_document_works_through_nothing_that_is_not_so() {
+    let document = include_str!("../../firmware/link/WIRE.md");
+    let worked = document.split("## Worked bytes").nth(1).unwrap();
+    let examples = examples();
+    let lines = worked.lines().filter_map(|line| line.strip_prefix('`')?.strip_suffix('`')?.split_once("`: `"));
+    assert_eq!(lines.clone().count(), examples.len());
+    for (name, bytes) in lines {
+        let (_, made) = examples.iter().find(|(known, _)| *known == name).unwrap();
+        assert_eq!(bytes, hex(made), "{name}");
+    }
+    let annotated = worked.split("```").nth(1).unwrap().lines().skip(1);
+    let bytes: Vec<&str> = annotated.flat_map(|l| l.get(..30).unwrap_or(l).split_whitespace()).collect();
+    assert_eq!(bytes.join(" "), hex(&examples[0].1), "hello, line by line");
 }
 
 #[test]
@@ -233,4 +252,182 @@ fn nothing_may_follow_a_body() {
     let mut bytes = vec![0; 64];
     let length = cobs::encode(&payload, &mut bytes);
     assert_eq!(decode::<Command>(&mut bytes[..length]), Err(FrameError::Body { sequence: 0x1234 }));
+}
+
+/// Every variant with its body, worked out by hand from WIRE.md's rules.
+#[test]
+fn every_variant_has_these_bytes() {
+    let hash = 0x1234_5678;
+    let commands = [
+        (Command::Commit { hash, base_generation: 300 }, "02 f8 ac d1 91 01 ac 02"),
+        (Command::ReadSettings, "03"),
+        (Command::ReadBeams { frame: 70_000, first: 200, count: 32 }, "04 f0 a2 04 c8 01 20"),
+        (Command::ReadCounters, "05"),
+    ];
+    for (command, bytes) in commands {
+        assert_eq!(hex(&payload(&command)[2..]), bytes, "{command:?}");
+    }
+    let refused = |field, value, reason| Report::Refused(Refusal { field, value, reason });
+    let settings = Settings { min_separation_mm: Some(855), ..Settings::default() };
+    let counters = Counters {
+        frames: 1,
+        crc_failures: 2,
+        cobs_failures: 3,
+        overflows: 4,
+        unintelligible: 5,
+        refusals: 6,
+        stale: 300,
+    };
+    use ParameterId as Id;
+    let reports = [
+        (Report::Nack(Nack::NotReady), "01 00"),
+        (Report::Nack(Nack::Unintelligible), "01 01"),
+        (Report::Nack(Nack::NotStaged { staged: hash }), "01 02 f8 ac d1 91 01"),
+        (Report::Nack(Nack::WrongGeneration { generation: 300 }), "01 03 ac 02"),
+        (Report::Nack(Nack::NoSuchBeams { beams: 12_288 }), "01 04 80 60"),
+        (Report::Nack(Nack::FrontEnd), "01 05"),
+        (refused(Id::Gain, -1_001, Reason::BelowMinimum { minimum: -1_000 }), "02 02 d1 0f 00 cf 0f"),
+        (refused(Id::PulseWidth, 25_000, Reason::AboveMaximum { maximum: 20_000 }), "02 01 d0 86 03 01 c0 b8 02"),
+        (refused(Id::Upsampling, 3, Reason::NotAChoice), "02 08 06 02"),
+        (refused(Id::Shots, 4, Reason::NotImplemented), "02 04 08 03"),
+        (
+            refused(Id::Power, 10_000, Reason::EnergyAboveLimit { energy_pj: 500_000, limit_pj: 400_000 }),
+            "02 00 a0 9c 01 04 a0 c2 1e 80 b5 18",
+        ),
+        (
+            refused(Id::Saturation, 150_000, Reason::SaturationNotAboveFloor { floor_ppm: 200_000 }),
+            "02 05 e0 a7 12 05 80 b5 18",
+        ),
+        (
+            refused(Id::PulseWidth, 5_000, Reason::Undersampled { sample_period_fs: 3_969_413 }),
+            "02 01 90 4e 06 85 a3 f2 01",
+        ),
+        (Report::Staged { hash }, "03 f8 ac d1 91 01"),
+        (Report::Committed { generation: 300, hash }, "04 ac 02 f8 ac d1 91 01"),
+        (
+            Report::Settings { generation: 300, hash, settings },
+            "05 ac 02 f8 ac d1 91 01 98 75 90 4e 00 c0 0c 02 80 89 7a c0 3e b8 49 02 04 00 06 01 ae 0d 02 00",
+        ),
+        (
+            Report::Beams { frame: 1, first: 2, generation: 3, hash: 4, beams: heapless::Vec::new() },
+            "06 01 02 03 04 00",
+        ),
+        (Report::Counters(counters), "07 01 02 03 04 05 06 ac 02"),
+    ];
+    for (report, bytes) in reports {
+        assert_eq!(hex(&payload(&report)[2..]), bytes, "{report:?}");
+    }
+}
+
+#[test]
+fn fields_and_flags_keep_their_numbers() {
+    let names = [
+        "power",
+        "pulse_width",
+        "gain",
+        "waveform_resolution",
+        "shots",
+        "saturation",
+        "noise_floor",
+        "snr_threshold",
+        "upsampling",
+        "denoise",
+        "ambient",
+        "timing",
+        "min_separation",
+        "echoes",
+        "echo_choice",
+    ];
+    assert_eq!(PARAMETERS.map(|p| p.name), names);
+    for (number, parameter) in PARAMETERS.iter().enumerate() {
+        let refusal = Refusal { field: parameter.id, value: 0, reason: Reason::NotAChoice };
+        assert_eq!(payload(&Report::Refused(refusal))[3], number as u8, "{}", parameter.name);
+    }
+    let flags = [Flags::SATURATED, Flags::MERGED, Flags::LOW_CONFIDENCE, Flags::WALK_CORRECTED, Flags::TRUNCATED];
+    assert_eq!(flags.map(|f| f.0), [1, 2, 4, 8, 16]);
+}
+
+#[test]
+fn a_hash_covers_settings_of_any_width() {
+    assert_eq!(settings_hash(&Settings::default()), 0x9d7a_69dc);
+    let mut settings = Settings::default();
+    PARAMETERS.iter().for_each(|p| settings.set(p.id, Some(i32::MIN)));
+    let widest = settings_hash(&settings);
+    for parameter in &PARAMETERS {
+        let mut other = settings;
+        other.set(parameter.id, Some(i32::MIN + 1));
+        assert_ne!(settings_hash(&other), widest, "{}", parameter.name);
+    }
+}
+
+/// Cuts, joins, swaps and overwrites what stands between delimiters, as a receiver meets it.
+#[test]
+fn no_joined_or_torn_frames_are_taken_for_another() {
+    let mut rng = vectors::rng(7);
+    let examples = examples();
+    let whole: Vec<&[u8]> = examples.iter().map(|(_, bytes)| &bytes[1..bytes.len() - 1]).collect();
+    let mut decoder = Decoder::new();
+    let mut tried = 0;
+    while tried < 200_000 {
+        let one = whole[rng.random_range(0..whole.len())];
+        let other = whole[rng.random_range(0..whole.len())];
+        let mut bytes = match rng.random_range(0..3) {
+            0 => [one, other].concat(),
+            1 => [&one[..rng.random_range(0..one.len())], &other[rng.random_range(0..other.len())..]].concat(),
+            _ => one.to_vec(),
+        };
+        for _ in 0..rng.random_range(0..6) {
+            let at = rng.random_range(0..bytes.len().max(1));
+            if let Some(byte) = bytes.get_mut(at) {
+                *byte = rng.random();
+            }
+        }
+        bytes.push(0);
+        for frame in feed(&mut decoder, &bytes) {
+            let mut frame = frame.unwrap();
+            if whole.contains(&&frame[..]) {
+                continue; // a zero fell on a seam, or nothing changed
+            }
+            tried += 1;
+            let mut again = frame.clone();
+            assert!(decode::<Command>(&mut frame).is_err(), "{frame:02x?}");
+            assert!(decode::<Report>(&mut again).is_err(), "{again:02x?}");
+        }
+    }
+}
+
+proptest! {
+    #[test]
+    fn no_bytes_at_all_upset_the_decoder(bytes in vec(any::<u8>(), 0..5_000)) {
+        let mut decoder = Decoder::new();
+        for &byte in &bytes {
+            if let Some(Ok(frame)) = decoder.push(byte) {
+                let mut copy = frame.to_vec();
+                prop_assert!(decode::<Command>(frame).is_err());
+                prop_assert!(decode::<Report>(&mut copy).is_err());
+            }
+        }
+    }
+
+    /// What a faulty sender could say: any body under a right checksum.
+    #[test]
+    fn a_body_is_read_back_as_it_stands_or_not_at_all(body in vec(prop_oneof![0..9u8, any::<u8>()], 0..200)) {
+        let mut payload = [&[7, 0], &body[..]].concat();
+        payload.extend(crc::Crc::<u32>::new(&crc::CRC_32_ISCSI).checksum(&payload).to_le_bytes());
+        let mut bytes = vec![0; 300];
+        let length = cobs::encode(&payload, &mut bytes);
+        let mut copy = bytes.clone();
+        match decode::<Command>(&mut bytes[..length]) {
+            Ok((sequence, command)) => {
+                prop_assert_eq!(sequence, 7);
+                let mut made = frame(7, &command);
+                let inner = made.len() - 1;
+                prop_assert_eq!(decode::<Command>(&mut made[1..inner]), Ok((7, command)));
+            }
+            Err(error) => prop_assert_eq!(error, FrameError::Body { sequence: 7 }),
+        }
+        if let Err(error) = decode::<Report>(&mut copy[..length]) {
+            prop_assert_eq!(error, FrameError::Body { sequence: 7 });
+        }
+    }
 }

@@ -1,0 +1,380 @@
+//! A front end that fails: the sensor says so, never fires with half a set of settings, and recovers at the next request.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use std::cell::RefCell;
+use std::collections::VecDeque;
+use std::convert::Infallible;
+use std::rc::Rc;
+
+use echoloop_dsp::config::sample_period_fs;
+use echoloop_dsp::{Hardware, ScanPattern, Settings};
+use echoloop_link::{Command, Decoder, Greeting, MAX_FRAME, Nack, Report, decode, encode, settings_hash};
+use echoloop_sensor::afe::{WRITE, adc, delay_fs, emitter};
+use echoloop_sensor::{App, Board};
+use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
+use proptest::collection::vec;
+use proptest::prelude::{Strategy, any, prop_assert, prop_assert_eq, prop_oneof, proptest};
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Device {
+    Emitter,
+    Adc,
+}
+
+/// What is wrong with the front end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Fault {
+    None,
+    /// The bus fails at the transaction that many from now.
+    Bus(usize),
+    WrongId(Device, u32),
+    /// The register keeps what it holds.
+    Stuck(Device, u8),
+    /// Shots are fired and no samples come.
+    NoSamples,
+}
+
+/// Both devices' registers, and what they held at every shot.
+struct Analog {
+    emitter: [u32; 8],
+    adc: [u32; 8],
+    fault: Fault,
+    transactions: usize,
+    shots: Vec<([u32; 8], [u32; 8])>,
+}
+
+struct Spi {
+    device: Device,
+    analog: Rc<RefCell<Analog>>,
+}
+
+impl ErrorType for Spi {
+    type Error = ErrorKind;
+}
+
+impl SpiDevice for Spi {
+    fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), ErrorKind> {
+        let analog = &mut *self.analog.borrow_mut();
+        analog.transactions += 1;
+        if let Fault::Bus(left) = &mut analog.fault {
+            if *left == 0 {
+                return Err(ErrorKind::Other);
+            }
+            *left -= 1;
+        }
+        let registers = if self.device == Device::Emitter { &mut analog.emitter } else { &mut analog.adc };
+        match operations {
+            [Operation::Write([address, a, b, c, d])] => {
+                let register = address & !WRITE;
+                if analog.fault != Fault::Stuck(self.device, register) {
+                    registers[usize::from(register)] = u32::from_be_bytes([*a, *b, *c, *d]);
+                }
+                if (self.device, register) == (Device::Emitter, emitter::FIRE) {
+                    analog.shots.push((analog.emitter, analog.adc));
+                }
+            }
+            [Operation::Write([register]), Operation::Read(bytes)] => {
+                let value = match analog.fault {
+                    Fault::WrongId(device, id) if device == self.device && *register == 0 => id,
+                    _ => registers[usize::from(*register)],
+                };
+                bytes.copy_from_slice(&value.to_be_bytes());
+            }
+            other => panic!("{other:?}"),
+        }
+        Ok(())
+    }
+}
+
+#[derive(Default)]
+struct Link {
+    to_sensor: VecDeque<u8>,
+    to_host: Vec<u8>,
+}
+
+impl embedded_io::ErrorType for Link {
+    type Error = Infallible;
+}
+
+impl embedded_io::Read for Link {
+    fn read(&mut self, buffer: &mut [u8]) -> Result<usize, Infallible> {
+        let length = buffer.len().min(self.to_sensor.len());
+        buffer.iter_mut().zip(self.to_sensor.drain(..length)).for_each(|(slot, byte)| *slot = byte);
+        Ok(length)
+    }
+}
+
+impl embedded_io::ReadReady for Link {
+    fn read_ready(&mut self) -> Result<bool, Infallible> {
+        Ok(!self.to_sensor.is_empty())
+    }
+}
+
+impl embedded_io::Write for Link {
+    fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
+        self.to_host.extend(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> Result<(), Infallible> {
+        Ok(())
+    }
+}
+
+struct Bench {
+    emitter: Spi,
+    adc: Spi,
+    link: Link,
+    analog: Rc<RefCell<Analog>>,
+}
+
+impl Board for Bench {
+    type Spi = Spi;
+    type Link = Link;
+
+    fn hardware(&self) -> Hardware {
+        Hardware::REFERENCE
+    }
+
+    fn pattern(&self) -> ScanPattern {
+        ScanPattern { columns: 4, rows: 2, ..ScanPattern::default() }
+    }
+
+    fn emitter(&mut self) -> &mut Spi {
+        &mut self.emitter
+    }
+
+    fn adc(&mut self) -> &mut Spi {
+        &mut self.adc
+    }
+
+    fn link(&mut self) -> &mut Link {
+        &mut self.link
+    }
+
+    fn samples(&mut self, codes: &mut [u16]) -> bool {
+        codes.fill(200);
+        self.analog.borrow().fault != Fault::NoSamples
+    }
+}
+
+struct Sensor {
+    app: Box<App<Bench>>,
+    analog: Rc<RefCell<Analog>>,
+    sequence: u16,
+}
+
+impl Sensor {
+    fn new() -> Self {
+        let (mut emitter, mut adc) = ([0; 8], [0; 8]);
+        (emitter[0], adc[0]) = (emitter::ID_VALUE, adc::ID_VALUE);
+        let fault = Fault::None;
+        let analog = Rc::new(RefCell::new(Analog { emitter, adc, fault, transactions: 0, shots: Vec::new() }));
+        let spi = |device| Spi { device, analog: Rc::clone(&analog) };
+        let bench = Bench {
+            emitter: spi(Device::Emitter),
+            adc: spi(Device::Adc),
+            link: Link::default(),
+            analog: Rc::clone(&analog),
+        };
+        Self { app: Box::new(App::new(bench)), analog, sequence: 0 }
+    }
+
+    fn opened() -> Self {
+        let mut sensor = Self::new();
+        assert!(matches!(sensor.ask(&Command::Hello(Greeting::OURS)), Report::Hello { .. }));
+        sensor
+    }
+
+    fn hear(&mut self, bytes: &[u8]) -> Vec<(u16, Report)> {
+        self.app.board_mut().link.to_sensor.extend(bytes);
+        self.app.poll().unwrap();
+        let mut decoder = Decoder::new();
+        let said = std::mem::take(&mut self.app.board_mut().link.to_host);
+        said.iter().filter_map(|&b| decoder.push(b).map(|f| decode(f.unwrap()).unwrap())).collect()
+    }
+
+    fn ask(&mut self, command: &Command) -> Report {
+        self.sequence += 1;
+        let answers = self.hear(encode(self.sequence, command, &mut [0; MAX_FRAME]).unwrap());
+        let [(sequence, report)] = <[_; 1]>::try_from(answers).unwrap();
+        assert_eq!(sequence, self.sequence);
+        report
+    }
+
+    fn configure(&mut self, settings: &Settings) {
+        let hash = settings_hash(settings);
+        assert_eq!(self.ask(&Command::Stage(*settings)), Report::Staged { hash });
+        let base_generation = self.app.session().version().0;
+        let committed = Report::Committed { generation: base_generation + 1, hash };
+        assert_eq!(self.ask(&Command::Commit { hash, base_generation }), committed);
+    }
+
+    fn measure(&mut self, frame: u32) -> Report {
+        self.ask(&Command::ReadBeams { frame, first: 6, count: 2 })
+    }
+
+    fn fail(&mut self, fault: Fault) {
+        self.analog.borrow_mut().fault = fault;
+    }
+
+    /// Every shot since the last call was fired with these settings, whole, and for this scan.
+    fn assert_shots(&mut self, count: usize, settings: &Settings, frame: u32) {
+        let shots = std::mem::take(&mut self.analog.borrow_mut().shots);
+        assert_eq!(shots.len(), count);
+        let (hardware, bins) = (Hardware::REFERENCE, settings.bins as u32);
+        for (laser, converter) in shots {
+            assert_eq!(laser[1..4], [settings.power_cw as u32, settings.pulse_width_ps as u32, frame]);
+            let period = sample_period_fs(bins, &hardware);
+            assert_eq!(converter[1..5], [settings.gain_cdb as u32, period, delay_fs(settings, &hardware), bins]);
+        }
+    }
+}
+
+/// Differs from the default in every register.
+fn other() -> Settings {
+    Settings { power_cw: 5_000, pulse_width_ps: 6_000, gain_cdb: -300, bins: 1_000, ..Settings::default() }
+}
+
+/// Scans, changes the settings, meets the fault and asks for the next scan.
+fn after(fault: Fault) -> (Sensor, Report) {
+    let mut sensor = Sensor::opened();
+    assert!(matches!(sensor.measure(1), Report::Beams { .. }));
+    sensor.assert_shots(2, &Settings::default(), 1);
+    sensor.configure(&other());
+    sensor.fail(fault);
+    let report = sensor.measure(2);
+    (sensor, report)
+}
+
+fn assert_recovers(mut sensor: Sensor) {
+    let version = sensor.app.session().version();
+    assert_eq!(version, (1, settings_hash(&other())));
+    sensor.analog.borrow_mut().shots.clear();
+    sensor.fail(Fault::None);
+    let Report::Beams { generation, hash, beams, .. } = sensor.measure(2) else { panic!("no recovery") };
+    assert_eq!(((generation, hash), beams.len()), (version, 2));
+    sensor.assert_shots(2, &other(), 2);
+}
+
+/// Transactions of one request after new settings: the emitter's identity and 2 registers, written and read; the
+/// converter's and 4; the scan's number; two shots.
+const TRANSACTIONS: usize = 5 + 9 + 2 + 2;
+
+#[test]
+fn a_bus_that_fails_anywhere_is_reported_and_the_next_request_starts_anew() {
+    for at in 0..TRANSACTIONS {
+        let (mut sensor, report) = after(Fault::Bus(at));
+        assert_eq!(report, Report::Nack(Nack::FrontEnd), "transaction {at}");
+        sensor.assert_shots(usize::from(at == TRANSACTIONS - 1), &other(), 2);
+        assert_recovers(sensor);
+    }
+    let (mut sensor, report) = after(Fault::Bus(TRANSACTIONS));
+    assert!(matches!(report, Report::Beams { .. }));
+    sensor.assert_shots(2, &other(), 2);
+}
+
+#[test]
+fn another_device_on_the_bus_is_never_written_to() {
+    for device in [Device::Emitter, Device::Adc] {
+        for id in [0, u32::MAX, emitter::ID_VALUE ^ 1] {
+            let mut sensor = Sensor::opened();
+            sensor.fail(Fault::WrongId(device, id));
+            assert_eq!(sensor.measure(1), Report::Nack(Nack::FrontEnd), "{device:?} {id:#x}");
+            sensor.assert_shots(0, &other(), 1);
+            let written =
+                if device == Device::Emitter { sensor.analog.borrow().emitter } else { sensor.analog.borrow().adc };
+            assert_eq!(written[1..], [0; 7], "{device:?}");
+            sensor.configure(&other());
+            assert_recovers(sensor);
+        }
+    }
+}
+
+#[test]
+fn a_register_that_does_not_hold_is_reported_before_a_shot() {
+    let emitter = [emitter::POWER, emitter::PULSE_WIDTH, emitter::FRAME].map(|r| (Device::Emitter, r));
+    let adc = [adc::GAIN, adc::SAMPLE_PERIOD, adc::DELAY, adc::SAMPLES].map(|r| (Device::Adc, r));
+    for (device, register) in emitter.into_iter().chain(adc) {
+        let (mut sensor, report) = after(Fault::Stuck(device, register));
+        assert_eq!(report, Report::Nack(Nack::FrontEnd), "{device:?} {register}");
+        assert_eq!(sensor.measure(2), Report::Nack(Nack::FrontEnd), "as long as it does not hold");
+        sensor.assert_shots(0, &other(), 2);
+        assert_recovers(sensor);
+    }
+}
+
+#[test]
+fn samples_that_never_come_are_reported() {
+    let (sensor, report) = after(Fault::NoSamples);
+    assert_eq!(report, Report::Nack(Nack::FrontEnd));
+    // It was a brown-out: the registers are empty, so all of them have to be written again.
+    sensor.analog.borrow_mut().emitter[1..].fill(0);
+    sensor.analog.borrow_mut().adc[1..].fill(0);
+    assert_recovers(sensor);
+}
+
+#[test]
+fn settings_go_to_the_front_end_once() {
+    let mut sensor = Sensor::opened();
+    let spent = |sensor: &mut Sensor, frame| {
+        let before = sensor.analog.borrow().transactions;
+        assert!(matches!(sensor.measure(frame), Report::Beams { .. }));
+        sensor.analog.borrow().transactions - before
+    };
+    assert_eq!(spent(&mut sensor, 1), TRANSACTIONS);
+    assert_eq!(spent(&mut sensor, 1), 2, "two shots");
+    assert_eq!(spent(&mut sensor, 2), 2 + 2, "and the scan's number");
+}
+
+#[test]
+fn a_broken_front_end_does_not_stop_the_conversation() {
+    let mut sensor = Sensor::opened();
+    sensor.fail(Fault::Bus(0));
+    assert_eq!(sensor.measure(1), Report::Nack(Nack::FrontEnd));
+    sensor.configure(&other());
+    let Report::Settings { generation, settings, .. } = sensor.ask(&Command::ReadSettings) else { panic!() };
+    assert_eq!((generation, settings), (1, other()));
+}
+
+fn commands() -> impl Strategy<Value = Command> {
+    let value = || prop_oneof![-2..12i32, any::<i32>()];
+    let settings = (vec(value(), 15), 0..16usize).prop_map(|(values, changed)| {
+        let mut settings = Settings::default();
+        for (parameter, value) in echoloop_dsp::PARAMETERS.iter().zip(values).skip(changed) {
+            settings.set(parameter.id, Some(value));
+        }
+        settings
+    });
+    let hash = prop_oneof![any::<u32>(), proptest::prelude::Just(settings_hash(&Settings::default()))];
+    prop_oneof![
+        1 => proptest::prelude::Just(Command::Hello(Greeting::OURS)),
+        3 => settings.prop_map(Command::Stage),
+        3 => (hash, prop_oneof![0..4u32, any::<u32>()])
+            .prop_map(|(hash, base_generation)| Command::Commit { hash, base_generation }),
+        1 => proptest::prelude::Just(Command::ReadSettings),
+        1 => proptest::prelude::Just(Command::ReadCounters),
+        3 => (0..3u32, prop_oneof![0..9u32, any::<u32>()], prop_oneof![0..4u16, any::<u16>()])
+            .prop_map(|(frame, first, count)| Command::ReadBeams { frame, first, count }),
+    ]
+}
+
+proptest! {
+    /// And what runs has always passed the check.
+    #[test]
+    fn every_command_in_any_order_gets_one_answer(commands in vec(commands(), 1..40)) {
+        let mut sensor = Sensor::new();
+        for command in &commands {
+            sensor.ask(command);
+            prop_assert!(sensor.app.session().settings().check(&Hardware::REFERENCE).is_ok());
+        }
+    }
+
+    #[test]
+    fn noise_on_the_line_gets_no_answer_and_moves_nothing(noise in vec(any::<u8>(), 0..6_000)) {
+        let mut sensor = Sensor::opened();
+        prop_assert_eq!(sensor.hear(&noise), vec![]);
+        sensor.configure(&other());
+        assert_recovers(sensor);
+    }
+}
