@@ -4,7 +4,7 @@
 //! not find the multiply-add of pairs in the matched filter, so that one is said by hand. The tests check
 //! that both give the same bytes. AVX-512 is left alone on purpose: LLVM's code for it has been slower on kernels like these.
 
-use echoloop_dsp::filter::Portable;
+use echoloop_dsp::kernel::Portable;
 use echoloop_dsp::{Echoes, Pipeline, Scratch};
 
 /// Whether this processor runs the x86-64-v3 build.
@@ -52,11 +52,12 @@ pub fn process_baseline(pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratc
 #[cfg(target_arch = "x86_64")]
 mod v3 {
     use std::arch::x86_64::{
-        __m256i, _mm256_add_epi32, _mm256_loadu_si256, _mm256_madd_epi16, _mm256_permute2x128_si256, _mm256_set1_epi32,
-        _mm256_setzero_si256, _mm256_storeu_si256, _mm256_unpackhi_epi32, _mm256_unpacklo_epi32,
+        __m256i, _mm256_add_epi32, _mm256_loadu_si256, _mm256_madd_epi16, _mm256_packs_epi32, _mm256_set1_epi32,
+        _mm256_srai_epi32, _mm256_storeu_si256, _mm256_unpackhi_epi32, _mm256_unpacklo_epi32,
     };
 
-    use echoloop_dsp::filter::{BLOCK, Kernel, Portable};
+    use echoloop_dsp::filter::BLOCK;
+    use echoloop_dsp::kernel::{Kernel, Portable};
     use echoloop_dsp::{Echoes, Pipeline, Scratch};
 
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
@@ -69,31 +70,44 @@ mod v3 {
         pipeline.process(Portable, codes, scratch)
     }
 
-    /// Sixteen outputs at a time with `vpmaddwd`. Made only where the processor has it.
+    /// The filter sixteen outputs at a time with `vpmaddwd`. Made only where the processor has it.
     #[derive(Clone, Copy)]
     struct MultiplyAddPairs(());
 
     impl Kernel for MultiplyAddPairs {
         #[inline(always)]
-        fn dot_block(self, taps: &[i16], window: &[i16]) -> [i32; BLOCK] {
-            let mut sums = [0; BLOCK];
+        fn correlate(self, taps: &[i16], padded: &[i16], y: &mut [i16]) {
             // SAFETY: only `process` makes a MultiplyAddPairs, and it runs only where AVX2 has been found.
-            unsafe { dot_block(taps, window, &mut sums) };
-            sums
+            unsafe { correlate(taps, padded, y) };
+        }
+    }
+
+    /// [`echoloop_dsp::filter::correlate`].
+    #[inline]
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
+    fn correlate(taps: &[i16], padded: &[i16], y: &mut [i16]) {
+        let windows = padded.windows(taps.len() + BLOCK).step_by(BLOCK);
+        for (y, window) in y.as_chunks_mut().0.iter_mut().zip(windows) {
+            block(taps, window, y);
         }
     }
 
     /// For each pair of taps, `h0·x[n] + h1·x[n+1]` of the even outputs, then of the odd.
     #[inline]
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-    fn dot_block(taps: &[i16], window: &[i16], sums: &mut [i32; BLOCK]) {
-        let (mut even, mut odd) = (_mm256_setzero_si256(), _mm256_setzero_si256());
+    fn block(taps: &[i16], window: &[i16], y: &mut [i16; BLOCK]) {
+        let half_lsb = _mm256_set1_epi32(1 << 14);
+        let (mut even, mut odd) = (half_lsb, half_lsb);
         for (pair, x) in taps.chunks_exact(2).zip(window.windows(BLOCK + 1).step_by(2)) {
             let taps = _mm256_set1_epi32(i32::from(pair[1]) << 16 | i32::from(pair[0] as u16));
             even = _mm256_add_epi32(even, _mm256_madd_epi16(load(x), taps));
             odd = _mm256_add_epi32(odd, _mm256_madd_epi16(load(&x[1..]), taps));
         }
-        store_interleaved(even, odd, sums);
+        // Unpacking and packing work within 128-bit lanes and so undo each other: even and odd interleave in order.
+        let (even, odd) = (_mm256_srai_epi32(even, 15), _mm256_srai_epi32(odd, 15));
+        let rounded = _mm256_packs_epi32(_mm256_unpacklo_epi32(even, odd), _mm256_unpackhi_epi32(even, odd));
+        // SAFETY: sixteen i16 are the 32 bytes that are written; no alignment is asked for.
+        unsafe { _mm256_storeu_si256(y.as_mut_ptr().cast(), rounded) };
     }
 
     /// The first sixteen of `x`; the caller's windows are never shorter.
@@ -103,18 +117,5 @@ mod v3 {
         let x: &[i16; BLOCK] = x.first_chunk().unwrap_or(&[0; BLOCK]);
         // SAFETY: sixteen i16 are the 32 bytes that are read; no alignment is asked for.
         unsafe { _mm256_loadu_si256(x.as_ptr().cast()) }
-    }
-
-    /// `even[0], odd[0], even[1], …`
-    #[inline]
-    #[target_feature(enable = "avx2")]
-    fn store_interleaved(even: __m256i, odd: __m256i, sums: &mut [i32; BLOCK]) {
-        // Unpacking works within 128-bit lanes: low holds outputs 0–3 and 8–11, high 4–7 and 12–15.
-        let (low, high) = (_mm256_unpacklo_epi32(even, odd), _mm256_unpackhi_epi32(even, odd));
-        let halves = [_mm256_permute2x128_si256(low, high, 0x20), _mm256_permute2x128_si256(low, high, 0x31)];
-        for (sums, lanes) in sums.chunks_exact_mut(8).zip(halves) {
-            // SAFETY: eight i32 are the 32 bytes that are written; no alignment is asked for.
-            unsafe { _mm256_storeu_si256(sums.as_mut_ptr().cast(), lanes) };
-        }
     }
 }

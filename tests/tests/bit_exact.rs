@@ -3,7 +3,8 @@
 use echoloop_dsp::config::sample_period_fs;
 use echoloop_dsp::detect::{self, Peaks, Threshold};
 use echoloop_dsp::echo::Echo;
-use echoloop_dsp::filter::{self, PADDING, Portable};
+use echoloop_dsp::filter::{self, PADDING};
+use echoloop_dsp::kernel::{Portable, Scalar};
 use echoloop_dsp::refine::{self, Refined};
 use echoloop_dsp::statistics::Statistics;
 use echoloop_dsp::template::Template;
@@ -67,8 +68,10 @@ fn statistics_equal_their_twin_whatever_the_guess() {
         let random = Statistics { median: rng.random(), deviation: rng.random(), ..Statistics::default() };
         let expected = twin.statistics(&case.codes);
         for guess in [Statistics::default(), last, random] {
-            last = Statistics::of(&case.codes, shift, &guess);
+            last = Statistics::of(Portable, &case.codes, shift, &guess);
             assert_eq!(quantised::Statistics::from(last), expected, "seed {seed} from {guess:?}");
+            let in_one_pass = Statistics::of(Scalar, &case.codes, shift, &guess);
+            assert_eq!(in_one_pass, last, "seed {seed} from {guess:?}");
         }
     }
 }
@@ -79,10 +82,11 @@ fn the_baseline_equals_its_twin() {
         let (case, config, twin) = set_up(seed);
         let ambient = match seed % 3 {
             0 => vectors::rng(seed).random_range(-40_000..=40_000), // saturates
-            _ => Statistics::of(&case.codes, case.hardware.code_shift(), &Statistics::default()).ambient,
+            _ => Statistics::of(Portable, &case.codes, case.hardware.code_shift(), &Statistics::default()).ambient,
         };
+        let saturated = Statistics { ambient, ..Statistics::default() }.ambient_q15();
         let mut x = vec![0; case.codes.len()];
-        baseline::remove(&case.codes, config.clip_code(), case.hardware.code_shift(), ambient, &mut x);
+        baseline::remove(&case.codes, config.clip_code(), case.hardware.code_shift(), saturated, &mut x);
         assert_eq!(reals(&x), twin.baseline(&case.codes, ambient.into()), "seed {seed}");
     }
 }
@@ -103,7 +107,7 @@ fn the_filter_equals_its_twin_over_the_whole_scale_of_samples() {
         padded.extend(&x);
         padded.resize(padded.len() + template.half() + PADDING, 0);
         let mut y = vec![0; length.next_multiple_of(16)];
-        filter::correlate(Portable, template.taps_in_pairs(), &padded, &mut y);
+        filter::correlate(template.taps_in_pairs(), &padded, &mut y);
         assert_eq!(reals(&y[..length]), twin.filter(&reals(&x)), "seed {seed}");
     }
 }
@@ -130,7 +134,7 @@ fn thresholds_equal_their_twin() {
     for seed in 0..SEEDS {
         let (case, config, twin) = set_up(seed);
         let mut rng = vectors::rng(seed);
-        let measured = Statistics::of(&case.codes, case.hardware.code_shift(), &Statistics::default());
+        let measured = Statistics::of(Portable, &case.codes, case.hardware.code_shift(), &Statistics::default());
         let any = Statistics { sigma: rng.random::<u32>() >> rng.random_range(4..32), ..measured };
         for statistics in [measured, any, Statistics::default()] {
             let ours = Threshold::of(&config, &statistics);
@@ -144,7 +148,7 @@ fn peaks_equal_their_twin() {
     let mut found = Peaks::new();
     for seed in 0..SEEDS {
         let (y, threshold) = vectors::output(seed);
-        detect::peaks(&y, threshold, &mut found);
+        detect::peaks(Portable, &y, threshold, &mut found);
         assert_eq!(twin_peaks(&found), quantised::peaks(&reals(&y), threshold.into()), "seed {seed}");
     }
 }
@@ -156,7 +160,7 @@ fn separation_and_choice_equal_their_twins() {
         let (y, threshold) = vectors::output(seed);
         let mut rng = vectors::rng(seed);
         let min_separation = rng.random_range(1..60);
-        detect::peaks(&y, threshold, &mut found);
+        detect::peaks(Portable, &y, threshold, &mut found);
         let before = twin_peaks(&found);
         detect::separate(&mut found, min_separation);
         let expected = quantised::separate(&before, min_separation.into());
@@ -185,7 +189,7 @@ fn refined_peaks_equal_their_twins() {
         // f rounds to y: plateaus of y have slopes and ripples
         let f: Vec<i64> = y.iter().map(|&v| (i64::from(v) << 8) + rng.random_range(-128..128)).collect();
         let at = |f: &[i64], n: i64| usize::try_from(n).ok().and_then(|n| f.get(n)).copied().unwrap_or(0);
-        detect::peaks(&y, threshold, &mut found);
+        detect::peaks(Portable, &y, threshold, &mut found);
         for &peak in found.iter().take(8) {
             let ours = refine::refine(&config, &codes, &y, |n| at(&f, n), peak, threshold);
             let reals_f: Vec<f64> = f.iter().map(|&v| v as f64).collect();

@@ -13,10 +13,10 @@
 /// | `a` | ambient | Q1.15, saturating | scalar |
 /// | `x` | fraction of full scale | Q1.15, saturating | `[N]` |
 ///
-/// Exact: nothing is rounded, and with b ≤ 14 nothing saturates.
+/// Exact: nothing is rounded, and with b ≤ 14 nothing saturates. The portable twin of
+/// [`Kernel::remove_baseline`](crate::Kernel::remove_baseline).
 #[inline(always)]
-pub fn remove(codes: &[u16], clip_code: u16, shift: u32, ambient: i32, x: &mut [i16]) {
-    let ambient = ambient.clamp(-0x8000, 0x7fff) as i16;
+pub fn remove(codes: &[u16], clip_code: u16, shift: u32, ambient: i16, x: &mut [i16]) {
     for (x, &code) in x.iter_mut().zip(codes) {
         *x = ((code.min(clip_code) << shift) as i16).saturating_sub(ambient);
     }

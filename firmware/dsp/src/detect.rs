@@ -3,6 +3,7 @@
 use heapless::Vec;
 
 use crate::config::Config;
+use crate::kernel::Kernel;
 use crate::q::shift_round;
 use crate::settings::{CHOICE_FIRST, CHOICE_LAST};
 use crate::statistics::Statistics;
@@ -83,11 +84,11 @@ enum State {
 /// T/2 is rounded down. The sample that ends a climb is the first valley, or idle at once. A climb that the waveform cuts
 /// off counts. Of more than [`MAX_CANDIDATES`] peaks the strongest stay, of equals the first.
 #[inline(always)]
-pub fn peaks(y: &[i16], threshold: i16, found: &mut Peaks) {
+pub fn peaks(kernel: impl Kernel, y: &[i16], threshold: i16, found: &mut Peaks) {
     found.clear();
     let mut state = State::Idle;
     for (block, values) in y.chunks(BLOCK).enumerate() {
-        if matches!(state, State::Idle) && !reaches(values, threshold) {
+        if matches!(state, State::Idle) && !kernel.reaches(values, threshold) {
             continue;
         }
         for (i, &value) in values.iter().enumerate() {
@@ -100,9 +101,10 @@ pub fn peaks(y: &[i16], threshold: i16, found: &mut Peaks) {
     }
 }
 
-/// Whether any value reaches the threshold. Looks at all of them, which vectorises; stopping early would not.
+/// Whether any value reaches the threshold. Looks at all of them, which vectorises; stopping early would not. The portable
+/// twin of [`Kernel::reaches`].
 #[inline(always)]
-fn reaches(values: &[i16], threshold: i16) -> bool {
+pub fn reaches(values: &[i16], threshold: i16) -> bool {
     values.iter().fold(false, |any, &v| any | (v >= threshold))
 }
 
@@ -193,10 +195,11 @@ pub fn choose(mut found: Peaks, count: usize, choice: i32) -> Vec<Peak, MAX_ECHO
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::kernel::Portable;
 
     fn find(y: &[i16], threshold: i16) -> Peaks {
         let mut found = Peaks::new();
-        peaks(y, threshold, &mut found);
+        peaks(Portable, y, threshold, &mut found);
         found
     }
 

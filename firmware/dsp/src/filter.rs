@@ -10,33 +10,6 @@ pub const BLOCK: usize = 16;
 /// Zeros the last block may read past the end of the waveform and its template.
 pub const PADDING: usize = 2 * BLOCK;
 
-/// The inner product of the filter, which processors with a dual multiply do in their own way.
-///
-/// Every implementation must equal [`Portable`] bit for bit: the sums are exact, so only speed can differ.
-pub trait Kernel: Copy {
-    /// Adds `Σ h[k] · window[n + k]` up for outputs n = 0..16, Q2.30.
-    ///
-    /// `taps` are the template's with one zero added: an even number; `window` holds `taps.len() + 16` samples.
-    fn dot_block(self, taps: &[i16], window: &[i16]) -> [i32; BLOCK];
-}
-
-/// Plain Rust, for every processor.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Portable;
-
-impl Kernel for Portable {
-    #[inline(always)]
-    fn dot_block(self, taps: &[i16], window: &[i16]) -> [i32; BLOCK] {
-        let mut sums = [0i32; BLOCK];
-        for (&tap, window) in taps.iter().zip(window.windows(BLOCK)) {
-            for (sum, &x) in sums.iter_mut().zip(window) {
-                *sum += i32::from(x) * i32::from(tap);
-            }
-        }
-        sums
-    }
-}
-
 /// Correlates a waveform with a symmetric template of the emitted pulse.
 ///
 /// ```text
@@ -52,14 +25,28 @@ impl Kernel for Portable {
 ///
 /// `y` peaks at the centre of an echo. It stays within ±1 because the taps add up to at most one. The paper leaves the
 /// denoiser open (Sec. 3.2); this is the correlation receiver, which for white noise has the best SNR of all linear filters.
+///
+/// `taps` come with their last zero: an even number. The portable twin of [`Kernel::correlate`](crate::Kernel::correlate).
 #[inline(always)]
-pub fn correlate(kernel: impl Kernel, taps: &[i16], padded: &[i16], y: &mut [i16]) {
-    for (block, y) in y.chunks_exact_mut(BLOCK).enumerate() {
-        let Some(window) = padded.get(block * BLOCK..block * BLOCK + taps.len() + BLOCK) else { return };
-        for (y, sum) in y.iter_mut().zip(kernel.dot_block(taps, window)) {
+pub fn correlate(taps: &[i16], padded: &[i16], y: &mut [i16]) {
+    let windows = padded.windows(taps.len() + BLOCK).step_by(BLOCK);
+    for (y, window) in y.chunks_exact_mut(BLOCK).zip(windows) {
+        for (y, sum) in y.iter_mut().zip(dot_block(taps, window)) {
             *y = round(sum);
         }
     }
+}
+
+/// `Σ h[k] · window[n + k]` for outputs n = 0..16, Q2.30.
+#[inline(always)]
+fn dot_block(taps: &[i16], window: &[i16]) -> [i32; BLOCK] {
+    let mut sums = [0i32; BLOCK];
+    for (&tap, window) in taps.iter().zip(window.windows(BLOCK)) {
+        for (sum, &x) in sums.iter_mut().zip(window) {
+            *sum += i32::from(x) * i32::from(tap);
+        }
+    }
+    sums
 }
 
 /// Output `n` of [`correlate`] before it is rounded to Q1.15: Q9.23, nearest; 0 outside `samples`.
@@ -72,6 +59,6 @@ pub fn exact(taps: &[i16], padded: &[i16], samples: usize, n: i64) -> i64 {
 
 /// Q2.30 to Q1.15: nearest, ties up, saturating.
 #[inline(always)]
-fn round(sum: i32) -> i16 {
+pub fn round(sum: i32) -> i16 {
     ((sum + (1 << 14)) >> 15).clamp(i32::from(I1F15::MIN.to_bits()), i32::from(I1F15::MAX.to_bits())) as i16
 }

@@ -12,7 +12,7 @@
 //! | range, amplitude, SNR | [`echo`] | the refined peak | [`Echo`] |
 //!
 //! [`Settings`] is what a user may set, with its one table [`PARAMETERS`]; [`Config`] is what the stages read, derived
-//! from it once; [`Pipeline`] runs them. Every format and rounding rule is stated at its stage and followed, bit for bit,
+//! from it once; [`Pipeline`] runs them, with the loops over every sample behind [`Kernel`]. Every format and rounding rule is stated at its stage and followed, bit for bit,
 //! by an `f64` twin in the tests.
 #![no_std]
 #![forbid(unsafe_code)]
@@ -22,6 +22,7 @@ pub mod config;
 pub mod detect;
 pub mod echo;
 pub mod filter;
+pub mod kernel;
 pub mod pipeline;
 pub mod project;
 pub mod q;
@@ -33,6 +34,7 @@ pub mod template;
 
 pub use config::{Config, Hardware};
 pub use echo::{Echo, Echoes, Flags};
+pub use kernel::Kernel;
 pub use pipeline::{Pipeline, Scratch};
 pub use project::ScanPattern;
 pub use refusal::{Reason, Refusal};

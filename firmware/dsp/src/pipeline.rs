@@ -3,12 +3,13 @@
 use crate::config::{Config, Hardware};
 use crate::detect::{self, Peaks, Threshold};
 use crate::echo::{Echo, Echoes};
-use crate::filter::{self, Kernel, PADDING};
+use crate::filter::{self, PADDING};
+use crate::kernel::Kernel;
 use crate::refine;
 use crate::refusal::Refusal;
 use crate::settings::Settings;
 use crate::statistics::Statistics;
-use crate::{MAX_SAMPLES, MAX_TAPS, baseline};
+use crate::{MAX_SAMPLES, MAX_TAPS};
 
 /// Working memory of one waveform: about 10 kB, reused for every waveform.
 ///
@@ -76,17 +77,17 @@ impl Pipeline {
 
     /// Finds the echoes of one waveform of ADC codes. Samples beyond [`MAX_SAMPLES`] are ignored; none give none.
     ///
-    /// `kernel` is the filter's inner product ([`filter::Portable`] everywhere). Inlined into its caller, so that a board may
+    /// `kernel` does the loops over every sample ([`Portable`](crate::kernel::Portable) everywhere). Inlined into its caller, so that a board may
     /// compile the whole for the vector unit it has found at run time.
     #[inline(always)]
     pub fn process(&self, kernel: impl Kernel, codes: &[u16], scratch: &mut Scratch) -> Echoes {
         let config = &self.config;
         let codes = &codes[..codes.len().min(MAX_SAMPLES)];
-        let statistics = Statistics::of(codes, config.code_shift, &scratch.statistics);
+        let statistics = Statistics::of(kernel, codes, config.code_shift, &scratch.statistics);
         scratch.statistics = statistics;
         self.filter(kernel, codes, &statistics, scratch);
         let threshold = Threshold::of(config, &statistics);
-        detect::peaks(&scratch.y[..codes.len()], threshold.level, &mut scratch.peaks);
+        detect::peaks(kernel, &scratch.y[..codes.len()], threshold.level, &mut scratch.peaks);
         if scratch.peaks.is_empty() {
             return Echoes::new();
         }
@@ -104,9 +105,9 @@ impl Pipeline {
         scratch.padded[end..old_end.max(end)].fill(0);
         scratch.filled = (start, end);
         let x = &mut scratch.padded[start..end];
-        baseline::remove(codes, config.clip_code, config.code_shift, statistics.ambient, x);
+        kernel.remove_baseline(codes, config.clip_code, config.code_shift, statistics.ambient_q15(), x);
         let length = codes.len().next_multiple_of(16).min(MAX_SAMPLES);
-        filter::correlate(kernel, config.template.taps_in_pairs(), &scratch.padded, &mut scratch.y[..length]);
+        kernel.correlate(config.template.taps_in_pairs(), &scratch.padded, &mut scratch.y[..length]);
     }
 
     /// From candidates to echoes. Rarely more than a few: not inlined.

@@ -1,6 +1,7 @@
 //! Ambient light and noise, from the order statistics of the codes.
 
 use crate::MAX_SAMPLES;
+use crate::kernel::Kernel;
 use crate::q::shift_round;
 
 /// Where a waveform rests and how much it trembles.
@@ -45,35 +46,119 @@ impl Statistics {
     /// Measures a waveform of codes, of which an ADC gives `15 − shift` bits. `guess` only saves time: where the last
     /// waveform's statistics lay, these lie nearby.
     #[inline(always)]
-    pub fn of(codes: &[u16], shift: u32, guess: &Self) -> Self {
+    pub fn of(kernel: impl Kernel, codes: &[u16], shift: u32, guess: &Self) -> Self {
         let codes = &codes[..codes.len().min(MAX_SAMPLES)];
         if codes.is_empty() {
             return Self::default();
         }
-        let top = (1 << (15 - shift)) - 1;
-        let half = codes.len().div_ceil(2) as u32;
-        let at_most = |bound: i32| count_within(codes, 0, bound);
-        let (median, below, at) = order_statistic(at_most, half, i32::from(guess.median), top);
-        let near = |d: i32| count_within(codes, (median - d).max(0), median + d);
-        let (deviation, inside, on) = order_statistic(near, half, i32::from(guess.deviation), top);
-        let n = codes.len() as u32;
-        let ambient = grouped(median, below, at, n, shift);
+        let top = ((1u32 << (15 - shift)) - 1) as u16;
+        Self::from_ranks(&kernel.ranks(codes, top, guess), codes.len() as u32, shift)
+    }
+
+    fn from_ranks(ranks: &Ranks, n: u32, shift: u32) -> Self {
+        let Ranks { median, deviation } = ranks;
+        let ambient = grouped(median, n, shift);
         let fine = shift + MAD_EXTRA_BITS;
-        let mad = if deviation == 0 { (n << fine) / (4 * on) } else { grouped(deviation, inside, on, n, fine) as u32 };
+        let mad = if deviation.value == 0 {
+            (n << fine) / (4 * deviation.at).max(1)
+        } else {
+            grouped(deviation, n, fine) as u32
+        };
         Self {
-            median: median as u16,
-            deviation: deviation as u16,
+            median: median.value,
+            deviation: deviation.value,
             ambient,
             sigma: shift_round((u64::from(mad) * MAD_TO_SIGMA) as i64, 14) as u32,
         }
     }
+
+    /// The ambient as the baseline removes it: Q1.15, saturating.
+    pub fn ambient_q15(&self) -> i16 {
+        self.ambient.clamp(-0x8000, 0x7fff) as i16
+    }
+}
+
+/// Median and median absolute deviation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Ranks {
+    /// m among the codes.
+    pub median: Rank,
+    /// d among the distances |x − m|.
+    pub deviation: Rank,
+}
+
+/// The smallest value v with `#{≤ v} ≥ ⌈N/2⌉`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rank {
+    /// v.
+    pub value: u16,
+    /// #{< v}.
+    pub below: u32,
+    /// #{= v}, at least 1.
+    pub at: u32,
+}
+
+/// Both by counting how many codes lie in an interval, over and over: the counts vectorise.
+///
+/// `codes` hold 1 to [`MAX_SAMPLES`] samples; `top` is the largest code of the ADC, where the search first looks no further.
+#[inline(always)]
+pub fn by_counting(codes: &[u16], top: u16, guess: &Statistics) -> Ranks {
+    let half = codes.len().div_ceil(2) as u32;
+    let at_most = |bound: i32| count_within(codes, 0, bound);
+    let median = order_statistic(at_most, half, guess.median, top);
+    let m = i32::from(median.value);
+    let near = |d: i32| count_within(codes, (m - d).max(0), m + d);
+    Ranks { median, deviation: order_statistic(near, half, guess.deviation, top) }
+}
+
+/// Codes the histogram spans, the guess in its middle.
+const BINS: usize = 128;
+
+/// Both from one pass, while median and deviation lie within a histogram around the guess; else [`by_counting`].
+#[inline(always)]
+pub fn by_histogram(codes: &[u16], top: u16, guess: &Statistics) -> Ranks {
+    let first = guess.median.saturating_sub(BINS as u16 / 2).min(u16::MAX - BINS as u16);
+    let mut counts = [0u16; BINS];
+    let mut below = 0;
+    for &code in codes {
+        match counts.get_mut(usize::from(code.wrapping_sub(first))) {
+            Some(count) => *count += 1,
+            None => below += u32::from(code < first),
+        }
+    }
+    read_histogram(&counts, first, below, codes.len().div_ceil(2) as u32)
+        .unwrap_or_else(|| by_counting(codes, top, guess))
+}
+
+/// The ranks, if they lie inside. `below` codes lie below `first`, the code of bin 0.
+fn read_histogram(counts: &[u16; BINS], first: u16, below: u32, half: u32) -> Option<Ranks> {
+    if below >= half {
+        return None;
+    }
+    let mut up_to = below;
+    let middle = counts.iter().position(|&count| {
+        up_to += u32::from(count);
+        up_to >= half
+    })?;
+    let at = u32::from(*counts.get(middle)?);
+    let median = Rank { value: first + middle as u16, below: up_to - at, at };
+    let mut inside = 0;
+    let mut on = at;
+    let mut distance = 0;
+    while inside + on < half {
+        distance += 1;
+        inside += on;
+        let (left, right) = (counts.get(middle.checked_sub(distance)?)?, counts.get(middle + distance)?);
+        on = u32::from(*left) + u32::from(*right);
+    }
+    Some(Ranks { median, deviation: Rank { value: distance as u16, below: inside, at: on } })
 }
 
 /// `(v − ½ + (N/2 − below) / at) · 2^shift`, the quotient rounded down.
 #[inline(always)]
-fn grouped(value: i32, below: u32, at: u32, n: u32, shift: u32) -> i32 {
-    let offset = ((n - 2 * below) << (shift - 1)) / at;
-    (value << shift) - (1 << (shift - 1)) + offset as i32
+fn grouped(rank: &Rank, n: u32, shift: u32) -> i32 {
+    let offset = ((n - 2 * rank.below) << (shift - 1)) / rank.at.max(1);
+    (i32::from(rank.value) << shift) - (1 << (shift - 1)) + offset as i32
 }
 
 /// Samples whose code lies in `low..=high`, at most [`MAX_SAMPLES`] of them.
@@ -97,11 +182,11 @@ fn count_within(codes: &[u16], low: i32, high: i32) -> u32 {
 ///
 /// Gallops out from the guess, then bisects: with a good guess two or three counts, with none twelve.
 #[inline(always)]
-fn order_statistic(cumulative: impl Fn(i32) -> u32, rank: u32, guess: i32, top: i32) -> (i32, u32, u32) {
+fn order_statistic(cumulative: impl Fn(i32) -> u32, rank: u32, guess: u16, top: u16) -> Rank {
     // Invariant: cumulative(low) < rank ≤ cumulative(high), low = −1 standing for "nothing".
     let (mut low, mut below) = (-1, 0);
     let (mut high, mut up_to) = (0x10000, u32::MAX);
-    let mut probe = guess.clamp(0, top);
+    let mut probe = i32::from(guess.min(top));
     let mut stride = 1;
     while high - low > 1 {
         let count = cumulative(probe);
@@ -121,17 +206,18 @@ fn order_statistic(cumulative: impl Fn(i32) -> u32, rank: u32, guess: i32, top: 
         };
         stride = (2 * stride).min(0x10000); // no code lies further
     }
-    (high, below, up_to - below)
+    Rank { value: high as u16, below, at: up_to - below }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::kernel::Portable;
 
     #[test]
     fn codes_beyond_the_adc_s_range_are_ranked_like_any_other() {
         for code in [0x8000, 40_000, u16::MAX] {
-            let statistics = Statistics::of(&[code; 9], 3, &Statistics::default());
+            let statistics = Statistics::of(Portable, &[code; 9], 3, &Statistics::default());
             assert_eq!((statistics.median, statistics.deviation), (code, 0));
         }
     }
@@ -139,7 +225,7 @@ mod tests {
     #[test]
     fn a_constant_waveform_has_the_noise_of_quantisation_at_every_resolution() {
         for shift in 1..=7 {
-            let statistics = Statistics::of(&[100; 800], shift, &Statistics::default());
+            let statistics = Statistics::of(Portable, &[100; 800], shift, &Statistics::default());
             let sigma_codes = f64::from(statistics.sigma) / f64::from(1 << (shift + 4));
             assert!((sigma_codes - 0.3706).abs() < 0.02, "shift {shift}: {sigma_codes} codes");
         }

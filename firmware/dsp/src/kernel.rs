@@ -1,0 +1,50 @@
+//! The loops over every sample, which processors do in their own ways.
+
+use crate::statistics::{Ranks, Statistics};
+use crate::{baseline, detect, filter, statistics};
+
+/// The four loops that take nearly all of the time. Every method is plain Rust unless a processor knows better.
+///
+/// Every implementation must equal [`Portable`] bit for bit, whatever the input: sums are exact, so only speed can differ.
+pub trait Kernel: Copy {
+    /// Median and median absolute deviation: [`statistics::by_counting`] or anything that gives the same.
+    #[inline(always)]
+    fn ranks(self, codes: &[u16], top: u16, guess: &Statistics) -> Ranks {
+        statistics::by_counting(codes, top, guess)
+    }
+
+    /// [`baseline::remove`].
+    #[inline(always)]
+    fn remove_baseline(self, codes: &[u16], clip_code: u16, shift: u32, ambient: i16, x: &mut [i16]) {
+        baseline::remove(codes, clip_code, shift, ambient, x);
+    }
+
+    /// [`filter::correlate`].
+    #[inline(always)]
+    fn correlate(self, taps: &[i16], padded: &[i16], y: &mut [i16]) {
+        filter::correlate(taps, padded, y);
+    }
+
+    /// [`detect::reaches`].
+    #[inline(always)]
+    fn reaches(self, values: &[i16], threshold: i16) -> bool {
+        detect::reaches(values, threshold)
+    }
+}
+
+/// Plain Rust, for every processor.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Portable;
+
+impl Kernel for Portable {}
+
+/// Plain Rust for processors that take one sample at a time: one pass for both order statistics instead of several.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Scalar;
+
+impl Kernel for Scalar {
+    #[inline(always)]
+    fn ranks(self, codes: &[u16], top: u16, guess: &Statistics) -> Ranks {
+        statistics::by_histogram(codes, top, guess)
+    }
+}
