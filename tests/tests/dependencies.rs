@@ -61,7 +61,7 @@ fn the_firmware_is_built_without_std_and_without_an_allocator() {
 
 #[test]
 fn every_firmware_crate_says_no_std() {
-    for package in ["dsp", "link", "sensor"] {
+    for package in ["dsp", "link", "sensor", "image"] {
         let source = workspace().join("firmware").join(package).join("src/lib.rs");
         let text = std::fs::read_to_string(&source).expect("a library");
         assert!(text.lines().any(|line| line.starts_with("#![") && line.contains("no_std")), "{package}");
@@ -94,7 +94,9 @@ fn every_dependency_is_locked_in_one_version() {
 
 #[test]
 fn every_crate_takes_its_dependencies_from_the_workspace() {
-    for folder in ["firmware/dsp", "firmware/link", "firmware/sensor", "sim", "host", "tests", "xtask"] {
+    for folder in
+        ["firmware/dsp", "firmware/link", "firmware/sensor", "firmware/image", "sim", "host", "tests", "xtask"]
+    {
         let manifest = table(&format!("{folder}/Cargo.toml"));
         for section in ["dependencies", "dev-dependencies", "build-dependencies"] {
             let Some(entries) = manifest.get(section).and_then(toml::Value::as_table) else { continue };

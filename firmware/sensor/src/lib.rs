@@ -6,6 +6,7 @@
 pub mod afe;
 pub mod app;
 pub mod board;
+pub mod mailbox;
 
 pub use app::{App, BUILD};
 pub use board::Board;

@@ -1,0 +1,53 @@
+//! Chooses board, linker script and inner loops from the target.
+//!
+//! The linker looks for `memory.x` in the folder it is started in before all others, and cargo starts it in the workspace's
+//! root: the root's `memory.x`, the reference board's, always wins. So boards with another memory map get a whole script of
+//! their own under another name, and never include a `memory.x`.
+
+use std::env;
+use std::path::Path;
+
+/// Boards, and what builds for them.
+const BOARDS: [(&str, &[&str]); 3] = [
+    ("mps2", &["thumbv6m-none-eabi", "thumbv7m-none-eabi", "thumbv7em-none-eabi", "thumbv7em-none-eabihf"]),
+    ("an505", &["thumbv8m.main-none-eabi", "thumbv8m.main-none-eabihf"]),
+    ("virt", &["riscv32imac-unknown-none-elf", "riscv32imc-unknown-none-elf"]),
+];
+
+fn main() {
+    println!("cargo:rerun-if-changed=build.rs");
+    println!("cargo:rerun-if-changed=link");
+    println!("cargo:rustc-check-cfg=cfg(dual_multiply)");
+    println!("cargo:rustc-check-cfg=cfg(board, values(\"mps2\", \"an505\", \"virt\"))");
+    let variable = |name: &str| env::var(name).unwrap_or_default();
+    if variable("CARGO_CFG_TARGET_OS") != "none" {
+        return; // on a PC the image is a program that says how to build it
+    }
+    let target = variable("TARGET");
+    let Some((board, _)) = BOARDS.iter().find(|(_, targets)| targets.contains(&target.as_str())) else {
+        println!("cargo::error=no board of this image runs {target}; there are boards for {BOARDS:?}");
+        return;
+    };
+    println!("cargo:rustc-cfg=board=\"{board}\"");
+    // Stable hides target_feature = "dsp", so the target's name has to say it.
+    if target.starts_with("thumbv7em") || target.starts_with("thumbv8m.main") {
+        println!("cargo:rustc-cfg=dual_multiply");
+    }
+    let here = variable("CARGO_MANIFEST_DIR");
+    let here = Path::new(&here);
+    let scripts: &[&str] = match *board {
+        "mps2" => {
+            println!("cargo:rustc-link-search={}", here.join("../..").display());
+            println!("cargo:rerun-if-changed=../../memory.x");
+            &["link.x"]
+        }
+        "an505" => &["link/an505.x"],
+        _ => &["link/virt.x", "link.x"],
+    };
+    for script in scripts.iter().chain(&["defmt.x"]) {
+        let own = here.join(script);
+        let script = if own.exists() { own.display().to_string() } else { (*script).to_owned() };
+        println!("cargo:rustc-link-arg-bins=-T{script}");
+    }
+    println!("cargo:rustc-link-arg-bins=--nmagic"); // no page alignment: there are no pages
+}

@@ -1,0 +1,138 @@
+//! The boards: where things lie, and the sensor's [`Board`] over them.
+
+use echoloop_dsp::{Echoes, Hardware, Pipeline, ScanPattern, Scratch};
+use echoloop_sensor::{Board, mailbox};
+
+use crate::front_end::{FrontEnd, Registers};
+use crate::uart::Uart;
+use crate::watchdog::{Watchdog, count_restarts};
+
+/// Arm MPS2 with application note 385 (Cortex-M3), 386 (Cortex-M4F) or 500 (Cortex-M7): one map but for the PSRAM.
+#[cfg(board = "mps2")]
+mod map {
+    use crate::mmio::Block;
+
+    pub(super) type Link = crate::uart::Cmsdk;
+    pub(super) type Log = crate::uart::Cmsdk;
+
+    // SAFETY: UART0, and nothing of Rust's.
+    pub(super) const LINK: Block = unsafe { Block::new(0x4000_4000, 0x1000) };
+    // SAFETY: UART1, and nothing of Rust's.
+    pub(super) const LOG: Block = unsafe { Block::new(0x4000_5000, 0x1000) };
+    // SAFETY: the watchdog, and nothing of Rust's.
+    pub(super) const WATCHDOG: Option<Block> = Some(unsafe { Block::new(0x4000_8000, 0x1000) });
+    // SAFETY: the processor's identity register.
+    const CPU_ID: Block = unsafe { Block::new(0xE000_ED00, 4) };
+    const CORTEX_M7: u32 = 0xC27;
+
+    pub(super) fn psram(bytes: usize) -> Block {
+        let part = CPU_ID.read(0) >> 4 & 0xfff;
+        let base = if part == CORTEX_M7 { 0x6000_0000 } else { 0x2100_0000 };
+        // SAFETY: 16 MB of PSRAM, where the linker puts nothing.
+        unsafe { Block::new(base, bytes) }
+    }
+}
+
+/// Arm MPS2 with application note 505 (Cortex-M33), at the secure addresses.
+#[cfg(board = "an505")]
+mod map {
+    use crate::mmio::Block;
+
+    pub(super) type Link = crate::uart::Cmsdk;
+    pub(super) type Log = crate::uart::Cmsdk;
+
+    // SAFETY: UART0, and nothing of Rust's.
+    pub(super) const LINK: Block = unsafe { Block::new(0x5020_0000, 0x1000) };
+    // SAFETY: UART1, and nothing of Rust's.
+    pub(super) const LOG: Block = unsafe { Block::new(0x5020_1000, 0x1000) };
+    // SAFETY: the secure watchdog, and nothing of Rust's.
+    pub(super) const WATCHDOG: Option<Block> = Some(unsafe { Block::new(0x5008_1000, 0x1000) });
+
+    pub(super) fn psram(bytes: usize) -> Block {
+        // SAFETY: 16 MB of PSRAM, where the linker puts nothing.
+        unsafe { Block::new(0x8000_0000, bytes) }
+    }
+}
+
+/// QEMU's virt machine, 32-bit RISC-V. It has one serial port, so the log goes into the void, and no watchdog.
+#[cfg(board = "virt")]
+mod map {
+    use crate::mmio::Block;
+
+    pub(super) type Link = crate::uart::Ns16550;
+    pub(super) type Log = crate::uart::Void;
+
+    // SAFETY: the serial port, and nothing of Rust's.
+    pub(super) const LINK: Block = unsafe { Block::new(0x1000_0000, 8) };
+    pub(super) const LOG: Block = LINK;
+    pub(super) const WATCHDOG: Option<Block> = None;
+
+    pub(super) fn psram(bytes: usize) -> Block {
+        // SAFETY: the second 16 MB of RAM, where the linker puts nothing (link/virt.x).
+        unsafe { Block::new(0x8100_0000, bytes) }
+    }
+}
+
+/// Where the log goes.
+pub fn log_port() -> impl crate::uart::Port {
+    map::Log::new(map::LOG)
+}
+
+/// Watchdog period, ticks of 25 MHz (20 MHz on the AN505): 2 s. An emulator's clock runs on while the emulator is not run.
+const WATCHDOG_TICKS: u32 = 50_000_000;
+
+/// An emulated board: real serial ports and watchdog, and a front end in shared memory.
+pub struct EmulatedBoard {
+    hardware: Hardware,
+    pattern: ScanPattern,
+    front_end: FrontEnd,
+    link: Uart<map::Link>,
+    #[expect(dead_code, reason = "fed by the application, next")]
+    watchdog: Option<Watchdog>,
+    #[expect(dead_code, reason = "counted by the application, next")]
+    restarts: u32,
+}
+
+impl EmulatedBoard {
+    /// The board this runs on; `None` without a front end or straps. To be called once.
+    pub fn take() -> Option<Self> {
+        let restarts = count_restarts();
+        let front_end = FrontEnd::new(map::psram(mailbox::BYTES))?;
+        let (hardware, pattern) = front_end.straps()?;
+        let watchdog = map::WATCHDOG.map(|block| Watchdog::start(block, WATCHDOG_TICKS));
+        Some(Self { hardware, pattern, front_end, link: Uart(map::Link::new(map::LINK)), watchdog, restarts })
+    }
+}
+
+impl Board for EmulatedBoard {
+    type Spi = Registers;
+    type Link = Uart<map::Link>;
+
+    fn hardware(&self) -> Hardware {
+        self.hardware
+    }
+
+    fn pattern(&self) -> ScanPattern {
+        self.pattern
+    }
+
+    fn emitter(&mut self) -> &mut Registers {
+        &mut self.front_end.emitter
+    }
+
+    fn adc(&mut self) -> &mut Registers {
+        &mut self.front_end.adc
+    }
+
+    fn link(&mut self) -> &mut Self::Link {
+        &mut self.link
+    }
+
+    fn samples(&mut self, codes: &mut [u16]) -> bool {
+        self.front_end.samples(codes)
+    }
+
+    fn detect(&mut self, pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Echoes {
+        pipeline.process(crate::kernel::FASTEST, codes, scratch)
+    }
+}

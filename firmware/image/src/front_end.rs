@@ -1,0 +1,93 @@
+//! The front end of an emulated board, behind the traits of a real one: SPI devices, a converter's buffer, flash.
+
+use echoloop_dsp::{Hardware, ScanPattern};
+use echoloop_sensor::afe::WRITE;
+use echoloop_sensor::mailbox;
+use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
+
+use crate::mmio::Block;
+
+/// A device of 32-bit registers: one byte of address (bit 7: write), four of value.
+pub struct Registers(Block);
+
+impl ErrorType for Registers {
+    type Error = ErrorKind;
+}
+
+impl SpiDevice for Registers {
+    fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), ErrorKind> {
+        let mut register = 0;
+        for operation in operations {
+            match operation {
+                Operation::Write([address]) => register = *address,
+                Operation::Write([address, a, b, c, d]) if address & WRITE != 0 => {
+                    self.0.write(offset(address & !WRITE), u32::from_be_bytes([*a, *b, *c, *d]));
+                }
+                Operation::Read(bytes) => {
+                    let Ok(bytes) = <&mut [u8; 4]>::try_from(&mut **bytes) else { return Err(ErrorKind::Other) };
+                    *bytes = self.0.read(offset(register)).to_be_bytes();
+                }
+                _ => return Err(ErrorKind::Other),
+            }
+        }
+        Ok(())
+    }
+}
+
+fn offset(register: u8) -> usize {
+    usize::from(register) << 2
+}
+
+/// The mailbox of [`echoloop_sensor::mailbox`].
+pub struct FrontEnd {
+    page: Block,
+    /// The laser driver.
+    pub emitter: Registers,
+    /// The amplifier and converter.
+    pub adc: Registers,
+    fired: u32,
+}
+
+/// Turns of the waiting loop before a shot counts as lost: some seconds, far beyond what any front end takes.
+const PATIENCE: u32 = 400_000_000;
+
+impl FrontEnd {
+    /// The front end in a page of memory; `None` where nobody put one.
+    pub fn new(page: Block) -> Option<Self> {
+        if page.read(0) != mailbox::MAGIC {
+            return None;
+        }
+        let device = |offset| Registers(page.part(offset, 4 * mailbox::REGISTERS));
+        let (emitter, adc) = (device(mailbox::EMITTER), device(mailbox::ADC));
+        Some(Self { page, emitter, adc, fired: page.read(mailbox::DOORBELL) })
+    }
+
+    /// What the board's maker set.
+    pub fn straps(&self) -> Option<(Hardware, ScanPattern)> {
+        let straps = self.page.part(mailbox::STRAPS, 4 * 8);
+        mailbox::read_straps(core::array::from_fn(|i| straps.read(i << 2)))
+    }
+
+    /// The flash.
+    pub fn flash(&self) -> Block {
+        self.page.part(mailbox::FLASH, mailbox::FLASH_BYTES)
+    }
+
+    /// Rings for the shot whose registers are written, waits, and copies its samples out. False: nobody answered.
+    pub fn samples(&mut self, codes: &mut [u16]) -> bool {
+        self.fired = self.fired.wrapping_add(1);
+        publish();
+        self.page.write(mailbox::DOORBELL, self.fired);
+        let answered = (0..PATIENCE).any(|_| self.page.read(mailbox::ANSWER) == self.fired);
+        publish();
+        if answered {
+            self.page.part(mailbox::CODES, mailbox::FLASH - mailbox::CODES).copy_halfwords(codes);
+        }
+        answered
+    }
+}
+
+/// What was written before is seen before what is written after.
+fn publish() {
+    core::sync::atomic::fence(core::sync::atomic::Ordering::SeqCst);
+}

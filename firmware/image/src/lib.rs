@@ -1,0 +1,28 @@
+//! What images for microcontrollers share: start-up, drivers, and the DSP's inner loops in their instructions.
+//!
+//! Unsafe code lives here and nowhere else in the firmware: in accesses to registers, in the log, and in the inner loops.
+#![cfg(target_os = "none")]
+#![no_std]
+#![warn(clippy::indexing_slicing, clippy::arithmetic_side_effects, clippy::panic, clippy::undocumented_unsafe_blocks)]
+
+pub mod board;
+pub mod front_end;
+pub mod kernel;
+mod log;
+pub mod mmio;
+pub mod uart;
+pub mod watchdog;
+
+/// Says why and does nothing more; where there is a watchdog, it restarts the board.
+pub fn stop(why: &str) -> ! {
+    defmt::error!("{=str}", why);
+    loop {
+        core::hint::spin_loop();
+    }
+}
+
+/// Nothing in an image reaches it: `cargo xtask firmware` looks for it there and fails when it finds it.
+#[panic_handler]
+fn panicked(_: &core::panic::PanicInfo<'_>) -> ! {
+    stop("panic")
+}

@@ -1,0 +1,134 @@
+//! Serial ports, polled.
+
+use core::convert::Infallible;
+
+use embedded_io::{ErrorType, Read, ReadReady, Write};
+
+use crate::mmio::Block;
+
+/// One byte at a time, either way.
+pub trait Port {
+    /// A byte, if one has come.
+    fn receive(&mut self) -> Option<u8>;
+    /// Whether one has come.
+    fn has_received(&mut self) -> bool;
+    /// Waits for room and sends a byte.
+    fn send(&mut self, byte: u8);
+}
+
+/// A port as `embedded-io` sees it. A real board would receive by interrupt or DMA: here the emulator holds bytes back.
+pub struct Uart<P>(pub P);
+
+impl<P> ErrorType for Uart<P> {
+    type Error = Infallible;
+}
+
+impl<P: Port> ReadReady for Uart<P> {
+    fn read_ready(&mut self) -> Result<bool, Infallible> {
+        Ok(self.0.has_received())
+    }
+}
+
+impl<P: Port> Read for Uart<P> {
+    fn read(&mut self, buffer: &mut [u8]) -> Result<usize, Infallible> {
+        let bytes = core::iter::from_fn(|| self.0.receive());
+        Ok(buffer.iter_mut().zip(bytes).map(|(slot, byte)| *slot = byte).count())
+    }
+}
+
+impl<P: Port> Write for Uart<P> {
+    fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
+        for &byte in bytes {
+            self.0.send(byte);
+        }
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> Result<(), Infallible> {
+        Ok(())
+    }
+}
+
+/// The serial port of Arm's Cortex-M system design kit.
+#[derive(Clone, Copy)]
+pub struct Cmsdk(Block);
+
+impl Cmsdk {
+    const DATA: usize = 0x00;
+    const STATE: usize = 0x04;
+    const CONTROL: usize = 0x08;
+    const DIVIDER: usize = 0x10;
+
+    /// The port, on, at the fastest rate.
+    pub fn new(block: Block) -> Self {
+        block.write(Self::DIVIDER, 16);
+        block.write(Self::CONTROL, 0b11); // transmitter and receiver
+        Self(block)
+    }
+}
+
+impl Port for Cmsdk {
+    fn receive(&mut self) -> Option<u8> {
+        self.has_received().then(|| self.0.read(Self::DATA) as u8)
+    }
+
+    fn has_received(&mut self) -> bool {
+        self.0.read(Self::STATE) & 0b10 != 0
+    }
+
+    fn send(&mut self, byte: u8) {
+        while self.0.read(Self::STATE) & 0b01 != 0 {}
+        self.0.write(Self::DATA, byte.into());
+    }
+}
+
+/// The 16550, with byte-wide registers read as parts of words.
+#[derive(Clone, Copy)]
+pub struct Ns16550(Block);
+
+impl Ns16550 {
+    const LINE_STATUS: usize = 5;
+
+    /// The port, as the emulator starts it.
+    pub fn new(block: Block) -> Self {
+        Self(block)
+    }
+}
+
+impl Port for Ns16550 {
+    fn receive(&mut self) -> Option<u8> {
+        self.has_received().then(|| self.0.read_byte(0))
+    }
+
+    fn has_received(&mut self) -> bool {
+        self.0.read_byte(Self::LINE_STATUS) & 0x01 != 0
+    }
+
+    fn send(&mut self, byte: u8) {
+        while self.0.read_byte(Self::LINE_STATUS) & 0x20 == 0 {}
+        self.0.write_byte(0, byte);
+    }
+}
+
+/// A port to which nothing is connected.
+#[derive(Clone, Copy)]
+pub struct Void;
+
+impl Void {
+    /// The port that is none.
+    pub fn new(_: Block) -> Self {
+        Self
+    }
+}
+
+impl Port for Void {
+    fn receive(&mut self) -> Option<u8> {
+        None
+    }
+
+    fn has_received(&mut self) -> bool {
+        false
+    }
+
+    fn send(&mut self, _byte: u8) {}
+}

@@ -1,0 +1,94 @@
+//! The front end of an emulated board: a page of memory that the sensor and the world share.
+//!
+//! Where a real board has a laser driver and a converter behind SPI, a converter's DMA buffer and a flash chip, an
+//! emulator maps one file into the sensor's memory. This is its layout; all words are little endian.
+//!
+//! | offset | what | written by |
+//! |---|---|---|
+//! | 0x000 | [`MAGIC`] | world, before the sensor starts |
+//! | 0x004 | doorbell: shots fired so far, wrapping | sensor |
+//! | 0x008 | shots whose samples are in the buffer | world |
+//! | 0x00C | run: what the world asks a measuring image to do | world |
+//! | 0x040 | straps: [`Hardware`] and [`ScanPattern`], eight words | world, before the sensor starts |
+//! | 0x080 | laser driver, eight registers | sensor; register 0 by the world |
+//! | 0x0A0 | amplifier and converter, eight registers | sensor; register 0 by the world |
+//! | 0x1000 | DMA buffer: codes, u16 | world |
+//! | 0x4000 | flash, [`FLASH_BYTES`] | sensor |
+//!
+//! A shot: the sensor writes the registers, then the doorbell; the world fills the buffer, then answers with the doorbell's
+//! number. Each side writes its own words only, so no lock is needed.
+
+use echoloop_dsp::{Hardware, ScanPattern};
+
+/// First word: "ECMB".
+pub const MAGIC: u32 = u32::from_le_bytes(*b"ECMB");
+/// Offset of the doorbell.
+pub const DOORBELL: usize = 0x004;
+/// Offset of the answer to the doorbell.
+pub const ANSWER: usize = 0x008;
+/// Offset of the word that tells a measuring image what to do.
+pub const RUN: usize = 0x00C;
+/// Offset of the straps.
+pub const STRAPS: usize = 0x040;
+/// Offset of the laser driver's registers.
+pub const EMITTER: usize = 0x080;
+/// Offset of the amplifier's and converter's registers.
+pub const ADC: usize = 0x0A0;
+/// Registers of a device.
+pub const REGISTERS: usize = 8;
+/// Offset of the DMA buffer.
+pub const CODES: usize = 0x1000;
+/// Offset of the flash.
+pub const FLASH: usize = 0x4000;
+/// Bytes of the flash: two blocks.
+pub const FLASH_BYTES: usize = 2 * FLASH_BLOCK;
+/// Bytes that are erased at a time.
+pub const FLASH_BLOCK: usize = 4096;
+/// Bytes of the whole mailbox.
+pub const BYTES: usize = 0x8000;
+
+/// What a board's maker sets once: eight words at [`STRAPS`].
+pub fn straps(hardware: &Hardware, pattern: &ScanPattern) -> [u32; 8] {
+    [
+        hardware.adc_bits,
+        hardware.range_min_mm,
+        hardware.range_max_mm,
+        hardware.energy_limit_pj,
+        pattern.columns.into(),
+        pattern.rows.into(),
+        pattern.azimuth_cdeg.into(),
+        pattern.elevation_cdeg.into(),
+    ]
+}
+
+/// The straps read back; `None` when they make no sensor.
+pub fn read_straps(words: [u32; 8]) -> Option<(Hardware, ScanPattern)> {
+    let [adc_bits, range_min_mm, range_max_mm, energy_limit_pj, columns, rows, azimuth, elevation] = words;
+    let hardware = Hardware { adc_bits, range_min_mm, range_max_mm, energy_limit_pj };
+    let pattern = ScanPattern {
+        columns: columns.try_into().ok()?,
+        rows: rows.try_into().ok()?,
+        azimuth_cdeg: azimuth.try_into().ok()?,
+        elevation_cdeg: elevation.try_into().ok()?,
+    };
+    let works = (8..=14).contains(&adc_bits) && range_min_mm < range_max_mm && range_max_mm < 1_000_000;
+    works.then_some((hardware, pattern))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn straps_come_back_as_they_were_set() {
+        let pattern = ScanPattern { columns: 7, rows: 5, azimuth_cdeg: 18_000, elevation_cdeg: 9_000 };
+        let words = straps(&Hardware::REFERENCE, &pattern);
+        assert_eq!(read_straps(words), Some((Hardware::REFERENCE, pattern)));
+    }
+
+    #[test]
+    fn memory_that_nobody_strapped_makes_no_sensor() {
+        assert_eq!(read_straps([0; 8]), None);
+        assert_eq!(read_straps([u32::MAX; 8]), None);
+    }
+}
