@@ -1,8 +1,13 @@
 //! Project commands: `cargo xtask test`.
 
+mod firmware;
+mod image;
+mod thumb;
+mod toolchain;
+
 use std::env;
 use std::ffi::OsStr;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result, bail};
@@ -18,6 +23,15 @@ enum Task {
         #[arg(long)]
         only_tests: bool,
     },
+    /// The sensor's images for microcontrollers, with flash, RAM and worst-case stack; fails when one can panic.
+    Firmware {
+        /// Only for this target; may be repeated.
+        #[arg(long, value_name = "TRIPLE")]
+        target: Vec<String>,
+        /// Also print the deepest path of calls.
+        #[arg(short, long)]
+        verbose: bool,
+    },
     /// The speed record: every criterion bench.
     Bench,
 }
@@ -28,6 +42,7 @@ const MICROCONTROLLER: &str = "thumbv7em-none-eabihf";
 fn main() -> Result<()> {
     match Task::parse() {
         Task::Test { only_tests } => test(only_tests),
+        Task::Firmware { target, verbose } => firmware::run(&target, verbose),
         Task::Bench => cargo(["bench", "--workspace"]),
     }
 }
@@ -89,7 +104,7 @@ fn target_is_installed() -> Result<bool> {
 
 /// Runs cargo in the workspace's root, and fails when it does.
 fn cargo<A: AsRef<OsStr>>(arguments: impl IntoIterator<Item = A>) -> Result<()> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().context("xtask lies in the workspace")?;
+    let root = workspace()?;
     let mut command = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command.current_dir(root).args(arguments);
     let shown = format!("{command:?}");
@@ -98,4 +113,9 @@ fn cargo<A: AsRef<OsStr>>(arguments: impl IntoIterator<Item = A>) -> Result<()> 
         bail!("failed: {shown}");
     }
     Ok(())
+}
+
+/// The workspace's root.
+fn workspace() -> Result<PathBuf> {
+    Ok(Path::new(env!("CARGO_MANIFEST_DIR")).parent().context("xtask lies in the workspace")?.to_owned())
 }

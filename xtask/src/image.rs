@@ -1,0 +1,355 @@
+//! What an image takes, and what it must not hold: read from its ELF file.
+//!
+//! The worst-case stack is that of the deepest path through the graph of calls. Frame sizes come from the instructions on Arm
+//! ([`thumb`]) and from `.eh_frame` on RISC-V. The graph comes from the relocations that the linker was
+//! asked to keep: a function has an edge to every function it names, called or only pointed to, so the bound can only be
+//! too large.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use anyhow::{Context, Result, bail};
+use gimli::{BaseAddresses, CfaRule, CieOrFde, EhFrame, EndianSlice, LittleEndian, UnwindContext, UnwindSection};
+
+use object::{Object, ObjectSection, ObjectSymbol, RelocationTarget, SectionFlags, SectionKind, SymbolKind};
+
+use crate::thumb;
+
+/// What an image takes of its board.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Size {
+    /// Bytes of code, constants and initial values.
+    pub(crate) flash: u64,
+    /// Bytes of statics.
+    pub(crate) statics: u64,
+    /// Worst-case stack, exception entry and handler included.
+    pub(crate) stack: u64,
+    /// The path that takes it, outermost first, with each frame.
+    pub(crate) deepest: Vec<(String, u64)>,
+    /// Functions without frame information, which count as [`UNKNOWN_FRAME`].
+    pub(crate) unknown: Vec<String>,
+}
+
+/// A region of a memory map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Region {
+    pub(crate) origin: u64,
+    pub(crate) length: u64,
+}
+
+/// Flash and RAM of a memory map (`memory.x` or a script that begins with one).
+///
+/// # Errors
+///
+/// When it does not say.
+pub(crate) fn regions(script: &str) -> Result<(Region, Region)> {
+    let region = |name: &str| -> Option<Region> {
+        let line = script.lines().find(|line| line.trim_start().starts_with(name) && line.contains("ORIGIN"))?;
+        let value = |key: &str| {
+            let text = line.split_once(key)?.1.split_once('=')?.1;
+            number(text.split(',').next()?.trim())
+        };
+        Some(Region { origin: value("ORIGIN")?, length: value("LENGTH")? })
+    };
+    let both = region("FLASH").zip(region("RAM"));
+    both.context("the memory map names no FLASH and RAM with ORIGIN and LENGTH")
+}
+
+/// As linkers write them: hexadecimal, or with K or M.
+fn number(text: &str) -> Option<u64> {
+    if let Some(digits) = text.strip_prefix("0x") {
+        return u64::from_str_radix(digits, 16).ok();
+    }
+    let (digits, unit) = match text.strip_suffix(['K', 'M']) {
+        Some(digits) if text.ends_with('K') => (digits, 1 << 10),
+        Some(digits) => (digits, 1 << 20),
+        None => (text, 1),
+    };
+    digits.parse::<u64>().ok()?.checked_mul(unit)
+}
+
+/// Symbols of an image that belong to panics. None: no input reaches one, because there is none to reach.
+pub(crate) fn panics(elf: &[u8]) -> Result<Vec<String>> {
+    let file = object::File::parse(elf)?;
+    let names = file.symbols().filter(|s| s.kind() == SymbolKind::Text).filter_map(|s| s.name().ok());
+    let is_panic =
+        |name: &&str| name.contains("panicking") || name.contains("rust_begin_unwind") || name.contains("panic_");
+    Ok(names.filter(is_panic).map(|name| format!("{:#}", rustc_demangle::demangle(name))).collect())
+}
+
+struct Function {
+    name: String,
+    start: u64,
+    end: u64,
+    frame: Option<u64>,
+    calls: BTreeSet<usize>,
+}
+
+/// Counted for a function without frame information: those are a few lines of assembly.
+const UNKNOWN_FRAME: u64 = 64;
+
+/// What exception entry pushes at most: 26 words with the floating-point registers, and a word to align.
+const EXCEPTION_FRAME: u64 = 4 * 27;
+
+const HANDLERS: [&str; 5] =
+    ["DefaultHandler_", "HardFault_", "HardFaultTrampoline", "_start_trap", "_default_start_trap"];
+
+/// Measures an image.
+///
+/// # Errors
+///
+/// When the file is no such image, or a function calls itself: then there is no bound.
+pub(crate) fn measure(elf: &[u8], (flash, ram): (Region, Region)) -> Result<Size> {
+    let file = object::File::parse(elf)?;
+    let in_region = |address: u64, r: Region| (r.origin..r.origin + r.length).contains(&address);
+    let allocated = file.sections().filter(|s| match s.flags() {
+        SectionFlags::Elf { sh_flags } => sh_flags & u64::from(object::elf::SHF_ALLOC) != 0 && s.size() > 0,
+        _ => false,
+    });
+    let (mut in_flash, mut statics) = (0, 0);
+    for section in allocated {
+        let stored = section.file_range().is_some_and(|(_, size)| size > 0);
+        let name = section.name().unwrap_or("?").to_owned();
+        if in_region(section.address(), ram) {
+            if name != ".stack" && name != ".heap" {
+                statics += section.size();
+            }
+            if stored {
+                in_flash += section.size(); // initial values
+            }
+        } else if in_region(section.address(), flash) {
+            in_flash += section.size();
+        } else {
+            bail!("section {name} at {:#x} lies outside flash and RAM of the memory map", section.address());
+        }
+    }
+    let functions = functions(&file)?;
+    let entry = holder(&functions, file.entry() & !1).context("the entry point is no function")?;
+    let (program, path) = deepest(&functions, &[entry])?;
+    let handlers: Vec<usize> =
+        functions.iter().enumerate().filter(|(_, f)| HANDLERS.contains(&f.name.as_str())).map(|(i, _)| i).collect();
+    let (handler, _) = deepest(&functions, &handlers)?;
+    let mut deepest: Vec<(String, u64)> =
+        path.iter().map(|&i| (functions[i].name.clone(), functions[i].frame.unwrap_or(UNKNOWN_FRAME))).collect();
+    deepest.push(("exception entry and handler".into(), EXCEPTION_FRAME + handler));
+    let unknown = functions.iter().filter(|f| f.frame.is_none()).map(|f| f.name.clone()).collect();
+    Ok(Size { flash: in_flash, statics, stack: program + EXCEPTION_FRAME + handler, deepest, unknown })
+}
+
+fn functions(file: &object::File<'_>) -> Result<Vec<Function>> {
+    let thumb = matches!(file.architecture(), object::Architecture::Arm);
+    let clean = |address: u64| if thumb { address & !1 } else { address };
+    let mut by_start: BTreeMap<u64, (String, u64)> = BTreeMap::new();
+    // Start-up is assembly, whose labels have no type.
+    let is_code = |s: &object::Symbol<'_, '_>| {
+        let section = s.section_index().and_then(|index| file.section_by_index(index).ok());
+        section.is_some_and(|text| text.kind() == SectionKind::Text && s.address() < text.address() + text.size())
+    };
+    let is_function = |s: &object::Symbol<'_, '_>| s.kind() == SymbolKind::Text || (s.is_global() && is_code(s));
+    for symbol in file.symbols().filter(|s| !s.is_undefined() && is_function(s)) {
+        let name = format!("{:#}", rustc_demangle::demangle(symbol.name().unwrap_or("?")));
+        let entry = by_start.entry(clean(symbol.address())).or_insert((name, 0));
+        entry.1 = entry.1.max(symbol.size());
+    }
+    let ends: Vec<u64> = by_start.keys().copied().skip(1).chain([u64::MAX]).collect();
+    let mut functions: Vec<Function> = by_start
+        .into_iter()
+        .zip(ends)
+        .map(|((start, (name, size)), next)| {
+            let end = if size == 0 { next } else { (start + size).min(next) };
+            Function { name, start, end, frame: None, calls: BTreeSet::new() }
+        })
+        .collect();
+    if thumb {
+        thumb_frames(file, &mut functions)
+    } else {
+        tabled_frames(file, &mut functions)?
+    }
+    for (from, to) in references(file, clean)? {
+        let (Some(from), Some(to)) = (holder(&functions, from), holder(&functions, to)) else { continue };
+        if from != to || functions[to].start == functions[from].start {
+            functions[from].calls.insert(to);
+        }
+    }
+    // A jump within a function is no call of itself; a call of its own start would be, and shows as an edge to itself.
+    for (i, function) in functions.iter_mut().enumerate() {
+        function.calls.remove(&i);
+    }
+    Ok(functions)
+}
+
+/// The function that holds an address.
+fn holder(functions: &[Function], address: u64) -> Option<usize> {
+    let after = functions.partition_point(|f| f.start <= address);
+    let index = after.checked_sub(1)?;
+    (address < functions[index].end).then_some(index)
+}
+
+/// Places in code that name other places in code.
+fn references(file: &object::File<'_>, clean: impl Fn(u64) -> u64) -> Result<Vec<(u64, u64)>> {
+    let mut found = Vec::new();
+    let text = file.sections().filter(|s| s.kind() == SectionKind::Text);
+    for section in text {
+        for (at, relocation) in section.relocations() {
+            let RelocationTarget::Symbol(index) = relocation.target() else { continue };
+            let symbol = file.symbol_by_index(index)?;
+            let target = match symbol.kind() {
+                SymbolKind::Section if relocation.has_implicit_addend() => word(&section, at)?,
+                SymbolKind::Section => symbol.address().wrapping_add_signed(relocation.addend()),
+                _ => symbol.address(),
+            };
+            found.push((at, clean(target)));
+        }
+    }
+    if found.is_empty() {
+        bail!("the image holds no relocations: link it with --emit-relocs");
+    }
+    Ok(found)
+}
+
+/// The word at an address: an address in a constant pool, already linked.
+fn word(section: &object::Section<'_, '_>, at: u64) -> Result<u64> {
+    let bytes = section.data_range(at, 4)?.and_then(|bytes| bytes.try_into().ok());
+    Ok(bytes.map_or(0, u32::from_le_bytes).into())
+}
+
+/// Frames of Thumb code, from its instructions.
+fn thumb_frames(file: &object::File<'_>, functions: &mut [Function]) {
+    // Mapping symbols: where constants begin ($d) and code goes on ($t).
+    let marks: BTreeMap<u64, bool> = file
+        .symbols()
+        .filter_map(|s| match s.name().ok()?.get(..2)? {
+            "$d" => Some((s.address(), true)),
+            "$t" => Some((s.address(), false)),
+            _ => None,
+        })
+        .collect();
+    let is_data = |at: u64| marks.range(..=at).next_back().is_some_and(|(_, &data)| data);
+    let bytes = |at: u64, length: u64| {
+        let mut text = file.sections().filter(|s| s.kind() == SectionKind::Text);
+        text.find_map(|section| section.data_range(at, length).ok().flatten())
+    };
+    let word_at = |at| bytes(at, 4).and_then(|b| b.try_into().ok()).map(u32::from_le_bytes);
+    for function in functions {
+        let code = bytes(function.start, function.end.saturating_sub(function.start));
+        function.frame = code.and_then(|code| thumb::frame(code, function.start, is_data, word_at));
+    }
+}
+
+/// Frames of other code, from its tables: the largest distance between a function's stack pointer and its caller's.
+fn tabled_frames(file: &object::File<'_>, functions: &mut [Function]) -> Result<()> {
+    let section = file.section_by_name(".eh_frame").context("no .eh_frame")?;
+    let data = section.uncompressed_data()?;
+    let mut frames = EhFrame::new(&data, LittleEndian);
+    frames.set_address_size(4);
+    let frames = deepest_rows(&frames, &BaseAddresses::default().set_eh_frame(section.address()))?;
+    for function in functions {
+        function.frame = frames.get(&function.start).copied();
+    }
+    Ok(())
+}
+
+fn deepest_rows(section: &EhFrame<EndianSlice<'_, LittleEndian>>, bases: &BaseAddresses) -> Result<BTreeMap<u64, u64>> {
+    let mut context = UnwindContext::new();
+    let mut frames = BTreeMap::new();
+    let mut entries = section.entries(bases);
+    while let Some(entry) = entries.next()? {
+        let CieOrFde::Fde(partial) = entry else { continue };
+        let fde = partial.parse(EhFrame::cie_from_offset)?;
+        let mut rows = fde.rows(section, bases, &mut context)?;
+        let mut deepest = 0;
+        while let Some(row) = rows.next_row()? {
+            if let CfaRule::RegisterAndOffset { offset, .. } = row.cfa() {
+                deepest = deepest.max(u64::try_from(*offset).unwrap_or(0));
+            }
+        }
+        let frame: &mut u64 = frames.entry(fde.initial_address()).or_default();
+        *frame = (*frame).max(deepest);
+    }
+    Ok(frames)
+}
+
+/// The most stack below any of the roots, and the path there.
+fn deepest(functions: &[Function], roots: &[usize]) -> Result<(u64, Vec<usize>)> {
+    let mut known: Vec<Option<(u64, Option<usize>)>> = vec![None; functions.len()];
+    let mut best: Option<(u64, usize)> = None;
+    for &index in roots {
+        let depth = descend(functions, index, &mut known, &mut Vec::new())?;
+        best = best.max(Some((depth, index)));
+    }
+    let Some((depth, mut at)) = best else { return Ok((0, Vec::new())) };
+    let mut path = vec![at];
+    while let Some((_, Some(next))) = known[at] {
+        path.push(next);
+        at = next;
+    }
+    Ok((depth, path))
+}
+
+fn descend(
+    functions: &[Function],
+    at: usize,
+    known: &mut [Option<(u64, Option<usize>)>],
+    above: &mut Vec<usize>,
+) -> Result<u64> {
+    if let Some((depth, _)) = known[at] {
+        return Ok(depth);
+    }
+    if above.contains(&at) {
+        let names: Vec<&str> = above.iter().map(|&i| functions[i].name.as_str()).collect();
+        bail!("there is no bound on the stack: {} calls itself, by way of {names:?}", functions[at].name);
+    }
+    above.push(at);
+    let mut below = (0, None);
+    for &callee in &functions[at].calls {
+        let depth = descend(functions, callee, known, above)?;
+        if depth > below.0 {
+            below = (depth, Some(callee));
+        }
+    }
+    above.pop();
+    let depth = functions[at].frame.unwrap_or(UNKNOWN_FRAME) + below.0;
+    known[at] = Some((depth, below.1));
+    Ok(depth)
+}
+
+/// Reads and measures an image.
+///
+/// # Errors
+///
+/// As [`measure`].
+pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
+    std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn memory_maps_are_read_as_linkers_write_them() {
+        let map =
+            "MEMORY\n{\n  FLASH : ORIGIN = 0x10000000, LENGTH = 4M\n  RAM   : ORIGIN = 0x38000000, LENGTH = 16K\n}";
+        let (flash, ram) = regions(map).unwrap();
+        assert_eq!((flash.origin, flash.length), (0x1000_0000, 4 << 20));
+        assert_eq!((ram.origin, ram.length), (0x3800_0000, 16 << 10));
+        assert!(regions("RAM : ORIGIN = 0, LENGTH = 1K").is_err());
+    }
+
+    fn function(name: &str, frame: u64, calls: &[usize]) -> Function {
+        Function { name: name.into(), start: 0, end: 0, frame: Some(frame), calls: calls.iter().copied().collect() }
+    }
+
+    #[test]
+    fn the_deepest_path_counts_not_the_longest() {
+        let functions =
+            [function("Reset", 8, &[1, 2]), function("a", 16, &[3]), function("b", 200, &[]), function("c", 16, &[])];
+        assert_eq!(deepest(&functions, &[0]).unwrap(), (208, vec![0, 2]));
+    }
+
+    #[test]
+    fn a_function_that_calls_itself_has_no_bound() {
+        let functions = [function("Reset", 8, &[1]), function("a", 8, &[2]), function("b", 8, &[1])];
+        assert!(deepest(&functions, &[0]).unwrap_err().to_string().contains("a calls itself"));
+    }
+}

@@ -1,0 +1,121 @@
+//! How much stack a Thumb function takes, from its instructions.
+//!
+//! Rust keeps a frame pointer on these targets, so the frame tables say nothing of what lies below it. The instructions
+//! that lower the stack pointer are few; their sum over a function bounds its frame, whichever of its paths is taken.
+
+/// Sum of everything a function's code subtracts from the stack pointer.
+///
+/// `code` is the function's, `address` where it lies; `is_data` says which of its halfwords are constants; `word_at` reads the
+/// image's memory. `None`: the stack pointer is moved by an amount that the code does not tell.
+pub(crate) fn frame(
+    code: &[u8],
+    address: u64,
+    is_data: impl Fn(u64) -> bool,
+    word_at: impl Fn(u64) -> Option<u32>,
+) -> Option<u64> {
+    let halfwords: Vec<u32> =
+        code.chunks_exact(2).map(|pair| u32::from(u16::from_le_bytes([pair[0], pair[1]]))).collect();
+    let mut constants = [None; 8];
+    let mut total = 0;
+    let mut at = 0;
+    while let Some(&first) = halfwords.get(at) {
+        let here = address + 2 * at as u64;
+        at += 1;
+        if is_data(here) {
+            continue;
+        }
+        if first >> 11 < 0b11101 {
+            total += short(first, here, &mut constants, &word_at)?;
+        } else {
+            let second = halfwords.get(at).copied().unwrap_or(0);
+            at += 1;
+            total += long(first, second)?;
+        }
+    }
+    Some(total)
+}
+
+/// 16-bit instructions: PUSH, SUB SP, LDR literal and ADD SP of it.
+fn short(code: u32, here: u64, constants: &mut [Option<u32>; 8], word_at: &impl Fn(u64) -> Option<u32>) -> Option<u64> {
+    match code {
+        c if c & 0xfe00 == 0xb400 => Some(4 * u64::from((c & 0x1ff).count_ones())),
+        c if c & 0xff80 == 0xb080 => Some(4 * u64::from(c & 0x7f)),
+        c if c & 0xf800 == 0x4800 => {
+            let literal = ((here + 4) & !3) + 4 * u64::from(c & 0xff);
+            constants[(c >> 8 & 7) as usize] = word_at(literal);
+            Some(0)
+        }
+        c if c & 0xff87 == 0x4485 => {
+            let by = (*constants.get((c >> 3 & 15) as usize)?)? as i32;
+            Some(u64::from(by.min(0).unsigned_abs())) // positive ones take the frame down again
+        }
+        _ => Some(0),
+    }
+}
+
+/// 32-bit instructions: PUSH.W, STR with pre-decrement, VPUSH, SUB.W and SUBW of SP.
+fn long(first: u32, second: u32) -> Option<u64> {
+    let to_sp = second >> 8 & 0xf == 13;
+    let immediate = (first >> 10 & 1) << 11 | (second >> 12 & 7) << 8 | second & 0xff;
+    match first {
+        0xe92d => Some(4 * u64::from(second.count_ones())),
+        0xf84d if second & 0xfff == 0xd04 => Some(4),
+        c if c & 0xffbf == 0xed2d && second >> 9 & 7 == 5 => Some(4 * u64::from(second & 0xff)),
+        c if c & 0xfbef == 0xf1ad && to_sp => Some(expand(immediate).into()),
+        c if c & 0xfbff == 0xf2ad && to_sp => Some(immediate.into()),
+        c if c & 0xffef == 0xebad && to_sp => None, // by a register
+        _ => Some(0),
+    }
+}
+
+/// A modified constant (Armv7-M manual, A5.3.2), of the kinds that sizes are written in.
+fn expand(immediate: u32) -> u32 {
+    let (kind, byte) = (immediate >> 8, immediate & 0xff);
+    match kind {
+        0 => byte,
+        1 => byte << 16 | byte,
+        2 => byte << 24 | byte << 8,
+        3 => byte << 24 | byte << 16 | byte << 8 | byte,
+        _ => (0x80 | immediate & 0x7f).rotate_right(immediate >> 7),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(halfwords: &[u16]) -> Option<u64> {
+        let code: Vec<u8> = halfwords.iter().flat_map(|h| h.to_le_bytes()).collect();
+        let word = |at: u64| code.get(at as usize..at as usize + 4).map(|b| u32::from_le_bytes(b.try_into().unwrap()));
+        let data = (halfwords.len() as u64 * 2).saturating_sub(4);
+        frame(&code, 0, |at| halfwords.contains(&0x4800) && at >= data, word)
+    }
+
+    #[test]
+    fn each_instruction_that_takes_stack_counts_what_it_takes() {
+        for (halfwords, bytes) in [
+            (&[0xb5f0][..], 20),            // push {r4-r7, lr}
+            (&[0xb082], 8),                 // sub sp, #8
+            (&[0xe92d, 0x0f00], 16),        // push.w {r8-r11}
+            (&[0xf84d, 0xbd04], 4),         // str r11, [sp, #-4]!
+            (&[0xed2d, 0x8b04], 16),        // vpush {d8, d9}
+            (&[0xf5ad, 0x5d00], 8192),      // sub.w sp, sp, #8192
+            (&[0xf5ad, 0x7d02], 520),       // sub.w sp, sp, #520
+            (&[0xf6ad, 0x5d4c], 3404),      // subw sp, sp, #3404
+            (&[0xb002, 0xbdf0, 0x4770], 0), // add sp, #8; pop; bx lr
+        ] {
+            assert_eq!(of(halfwords), Some(bytes), "{halfwords:04x?}");
+        }
+    }
+
+    #[test]
+    fn a_frame_from_a_constant_is_read_there() {
+        // ldr r0, [pc, #0]; add sp, r0; −1024 as a word
+        assert_eq!(of(&[0x4800, 0x4485, 0xfc00, 0xffff]), Some(1024));
+    }
+
+    #[test]
+    fn a_frame_of_unknown_size_is_none() {
+        assert_eq!(of(&[0xebad, 0x0d00]), None); // sub.w sp, sp, r0
+    }
+}
