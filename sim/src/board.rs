@@ -27,6 +27,19 @@ pub struct Analog {
     pub delay_ns: f64,
 }
 
+impl Analog {
+    /// As the laser driver's and the converter's registers say.
+    pub fn of_registers(emitter: &impl Fn(u8) -> u32, adc: &impl Fn(u8) -> u32) -> Self {
+        Self {
+            power_w: f64::from(emitter(emitter::POWER)) / 100.0,
+            pulse_width_ns: f64::from(emitter(emitter::PULSE_WIDTH)) / 1e3,
+            gain_db: f64::from(adc(adc::GAIN) as i32) / 100.0,
+            sample_period_ns: f64::from(adc(adc::SAMPLE_PERIOD)) / 1e6,
+            delay_ns: f64::from(adc(adc::DELAY)) / 1e6,
+        }
+    }
+}
+
 /// The analog world: light out, codes in.
 pub trait FrontEnd {
     /// Resolution of its converter, bits.
@@ -140,13 +153,7 @@ pub struct PcBoard<F> {
 
 impl<F: FrontEnd> PcBoard<F> {
     fn analog(&self) -> Analog {
-        Analog {
-            power_w: f64::from(self.emitter.get(emitter::POWER)) / 100.0,
-            pulse_width_ns: f64::from(self.emitter.get(emitter::PULSE_WIDTH)) / 1e3,
-            gain_db: f64::from(self.adc.get(adc::GAIN) as i32) / 100.0,
-            sample_period_ns: f64::from(self.adc.get(adc::SAMPLE_PERIOD)) / 1e6,
-            delay_ns: f64::from(self.adc.get(adc::DELAY)) / 1e6,
-        }
+        Analog::of_registers(&|register| self.emitter.get(register), &|register| self.adc.get(register))
     }
 }
 

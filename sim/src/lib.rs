@@ -2,6 +2,8 @@
 
 pub mod board;
 pub mod import;
+#[cfg(unix)]
+pub mod qemu;
 pub mod raycast;
 pub mod scanner;
 pub mod scene;

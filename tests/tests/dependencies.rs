@@ -8,7 +8,7 @@ use std::process::Command;
 const ORDER: [&str; 5] = ["echoloop-dsp", "echoloop-link", "echoloop-sensor", "echoloop-sim", "echoloop-host"];
 
 /// Crates of which another dependency brings an older version too, and which one that is.
-const BROUGHT_TWICE: [(&str, &str); 2] = [("thiserror", "pcd-rs"), ("criterion", "rdst")];
+const BROUGHT_TWICE: [(&str, &str); 3] = [("thiserror", "pcd-rs"), ("criterion", "rdst"), ("embedded-hal", "cortex-m")];
 
 fn workspace() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")

@@ -87,7 +87,6 @@ pub struct EmulatedBoard {
     pattern: ScanPattern,
     front_end: FrontEnd,
     link: Uart<map::Link>,
-    #[expect(dead_code, reason = "fed by the application, next")]
     watchdog: Option<Watchdog>,
     #[expect(dead_code, reason = "counted by the application, next")]
     restarts: u32,
@@ -125,6 +124,9 @@ impl Board for EmulatedBoard {
     }
 
     fn link(&mut self) -> &mut Self::Link {
+        if let Some(w) = &self.watchdog {
+            w.feed()
+        }
         &mut self.link
     }
 

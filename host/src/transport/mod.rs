@@ -1,6 +1,8 @@
 //! Ways to carry the link's bytes.
 
 mod in_process;
+#[cfg(unix)]
+mod qemu;
 
 use std::io;
 use std::time::Duration;

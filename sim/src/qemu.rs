@@ -1,0 +1,495 @@
+//! The sensor's image in QEMU: the program of a microcontroller, its serial link, and the analog world in shared memory.
+//!
+//! The emulator maps a file as the board's PSRAM; [`mailbox`] says what lies there. This side plays the world: when the
+//! sensor rings for a shot, the front end's samples go into the converter's buffer. It does so while it waits for the
+//! sensor's answer, in the caller's thread, so that nothing runs behind its back.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Read, Write};
+use std::os::unix::net::UnixStream;
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use echoloop_dsp::{Hardware, MAX_SAMPLES, ScanPattern};
+use echoloop_sensor::afe::{adc, emitter};
+use echoloop_sensor::mailbox;
+use memmap2::{MmapOptions, MmapRaw};
+use tempfile::TempDir;
+use thiserror::Error;
+
+use crate::board::{Analog, FrontEnd};
+
+/// Boards that QEMU emulates and there is an image for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Machine {
+    /// Arm MPS2 AN385, Cortex-M3: runs the image for the Cortex-M0.
+    An385,
+    /// Arm MPS2 AN386, Cortex-M4F: the reference board.
+    An386,
+    /// Arm MPS2 AN500, Cortex-M7.
+    An500,
+    /// Arm MPS2 AN505, Cortex-M33.
+    An505,
+    /// RISC-V virt, RV32IMAC.
+    Virt,
+}
+
+impl Machine {
+    /// All of them, the reference board first.
+    pub const ALL: [Self; 5] = [Self::An386, Self::An500, Self::An505, Self::An385, Self::Virt];
+
+    /// QEMU's name for it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::An385 => "mps2-an385",
+            Self::An386 => "mps2-an386",
+            Self::An500 => "mps2-an500",
+            Self::An505 => "mps2-an505",
+            Self::Virt => "virt",
+        }
+    }
+
+    /// The machine of a name.
+    pub fn of_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|machine| machine.name() == name)
+    }
+
+    /// The target its image is built for.
+    pub const fn target(self) -> &'static str {
+        match self {
+            Self::An385 => "thumbv6m-none-eabi",
+            Self::An386 | Self::An500 => "thumbv7em-none-eabihf",
+            Self::An505 => "thumbv8m.main-none-eabihf",
+            Self::Virt => "riscv32imac-unknown-none-elf",
+        }
+    }
+
+    /// The emulator's program.
+    pub const fn emulator(self) -> &'static str {
+        match self {
+            Self::Virt => "qemu-system-riscv32",
+            _ => "qemu-system-arm",
+        }
+    }
+
+    /// Where `cargo xtask firmware` puts its image, below the workspace's root.
+    pub fn image(self) -> PathBuf {
+        Path::new("target/firmware").join(self.target()).join("firmware/echoloop-sensor")
+    }
+
+    /// Bytes of the shared memory, and where in it the mailbox begins.
+    const fn memory(self) -> (u64, u64) {
+        match self {
+            Self::Virt => (32 << 20, 16 << 20), // all of its RAM
+            _ => (16 << 20, 0),
+        }
+    }
+}
+
+/// Why there is no emulated sensor.
+#[derive(Debug, Error)]
+pub enum QemuError {
+    /// The emulator is not installed.
+    #[error("{program} is not on the PATH (Debian: apt-get install {package})")]
+    NotInstalled {
+        /// Its program.
+        program: &'static str,
+        /// Debian's package.
+        package: &'static str,
+    },
+    /// There is no image.
+    #[error("no image {}: build it with `cargo xtask firmware --target {target}`", path.display())]
+    NoImage {
+        /// Where it was looked for.
+        path: PathBuf,
+        /// The target it is built for.
+        target: &'static str,
+    },
+    /// The emulator ended or did not start in time.
+    #[error("{machine} in QEMU: {what}")]
+    Failed {
+        /// The machine.
+        machine: &'static str,
+        /// What happened, with what it said.
+        what: String,
+    },
+    /// Memory or folder could not be had.
+    #[error("cannot {what}: {source}")]
+    Io {
+        /// What was tried.
+        what: String,
+        /// Why not.
+        source: io::Error,
+    },
+}
+
+/// What to emulate.
+#[derive(Clone, Debug)]
+pub struct QemuOptions {
+    /// The machine.
+    pub machine: Machine,
+    /// The image, an ELF file.
+    pub image: PathBuf,
+    /// Where memory, log and socket lie: kept, so that the sensor finds its flash again. `None`: a new folder that goes away.
+    pub folder: Option<PathBuf>,
+    /// More arguments for the emulator.
+    pub arguments: Vec<String>,
+}
+
+impl QemuOptions {
+    /// A machine with the image that `cargo xtask firmware` has built below `workspace`.
+    pub fn new(machine: Machine, workspace: &Path) -> Self {
+        Self { machine, image: workspace.join(machine.image()), folder: None, arguments: Vec::new() }
+    }
+}
+
+/// A sensor in QEMU: bytes in, bytes out.
+pub struct Qemu<F> {
+    child: Child,
+    link: UnixStream,
+    page: Page,
+    front_end: F,
+    shots: u32,
+    codes: Vec<u16>,
+    machine: Machine,
+    folder: PathBuf,
+    /// Removes the folder when it was made for this sensor.
+    _own: Option<TempDir>,
+}
+
+impl<F: FrontEnd> Qemu<F> {
+    /// Switches a sensor on. `hardware.adc_bits` is taken from the front end.
+    ///
+    /// # Errors
+    ///
+    /// [`QemuError`].
+    pub fn start(
+        options: &QemuOptions,
+        front_end: F,
+        pattern: ScanPattern,
+        hardware: Hardware,
+    ) -> Result<Self, QemuError> {
+        let QemuOptions { machine, image, .. } = options;
+        check_installed(*machine)?;
+        if !image.is_file() {
+            return Err(QemuError::NoImage { path: image.clone(), target: machine.target() });
+        }
+        let (folder, own) = folder(options)?;
+        let hardware = Hardware { adc_bits: front_end.adc_bits(), ..hardware };
+        let page = Page::make(*machine, &folder.join(MEMORY), &mailbox::straps(&hardware, &pattern))?;
+        let mut child = spawn(options, &folder)?;
+        let link = match connect(&mut child, *machine, &folder) {
+            Ok(link) => link,
+            Err(error) => {
+                stop(&mut child);
+                return Err(error);
+            }
+        };
+        let codes = vec![0; MAX_SAMPLES];
+        Ok(Self { child, link, page, front_end, shots: 0, codes, machine: *machine, folder, _own: own })
+    }
+
+    /// The front end, to look at another scene with.
+    pub fn front_end_mut(&mut self) -> &mut F {
+        &mut self.front_end
+    }
+
+    /// The machine.
+    pub fn machine(&self) -> Machine {
+        self.machine
+    }
+
+    /// The log's bytes so far: defmt's frames.
+    pub fn log_file(&self) -> PathBuf {
+        self.folder.join(LOG)
+    }
+
+    /// Sends bytes to the sensor.
+    ///
+    /// # Errors
+    ///
+    /// When the emulator has ended, or takes nothing for seconds.
+    pub fn send(&mut self, mut bytes: &[u8]) -> io::Result<()> {
+        let deadline = Instant::now() + STARTING;
+        let mut idle = Idle::default();
+        while !bytes.is_empty() {
+            match self.link.write(bytes) {
+                Ok(0) => return Err(self.ended(io::ErrorKind::WriteZero.into())),
+                Ok(sent) => bytes = &bytes[sent..],
+                Err(error) if may_go_on(&error) && Instant::now() < deadline => {
+                    self.serve();
+                    idle.wait();
+                }
+                Err(error) => return Err(self.ended(error)),
+            }
+        }
+        Ok(())
+    }
+
+    /// Receives some bytes, serving shots meanwhile; none when the time is up.
+    ///
+    /// # Errors
+    ///
+    /// When the emulator has ended.
+    pub fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
+        let deadline = Instant::now() + timeout;
+        let mut idle = Idle::default();
+        loop {
+            if self.serve() {
+                idle = Idle::default();
+                continue; // it will ring again before it answers
+            }
+            match self.link.read(buffer) {
+                Ok(0) => return Err(self.ended(io::ErrorKind::UnexpectedEof.into())),
+                Ok(length) => return Ok(length),
+                Err(error) if may_go_on(&error) => {}
+                Err(error) => return Err(self.ended(error)),
+            }
+            if Instant::now() >= deadline {
+                return Ok(0);
+            }
+            idle.wait();
+        }
+    }
+
+    /// Answers the doorbell. False: nobody rang.
+    fn serve(&mut self) -> bool {
+        let shots = self.page.read(mailbox::DOORBELL);
+        if shots == self.shots {
+            return false;
+        }
+        let register = |device: usize, register: u8| self.page.read(device + 4 * usize::from(register));
+        let emitter = |number| register(mailbox::EMITTER, number);
+        let adc = |number| register(mailbox::ADC, number);
+        let analog = Analog::of_registers(&emitter, &adc);
+        let samples = (adc(adc::SAMPLES) as usize).min(MAX_SAMPLES);
+        let (frame, beam) = (emitter(emitter::FRAME), emitter(emitter::FIRE));
+        self.front_end.capture(&analog, frame, beam, &mut self.codes[..samples]);
+        self.page.write_codes(&self.codes[..samples]);
+        self.shots = shots;
+        self.page.write(mailbox::ANSWER, shots);
+        true
+    }
+
+    /// Why the line broke, if the emulator knows.
+    fn ended(&mut self, error: io::Error) -> io::Error {
+        match failure(&mut self.child, self.machine, &self.folder) {
+            Some(what) => io::Error::new(error.kind(), what),
+            None => error,
+        }
+    }
+}
+
+impl<F> Qemu<F> {
+    /// The emulator's process, for tests that do things to it.
+    pub fn process_id(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// The folder with memory, log and sockets.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+}
+
+impl<F> Drop for Qemu<F> {
+    fn drop(&mut self) {
+        stop(&mut self.child);
+    }
+}
+
+const MEMORY: &str = "memory.bin";
+const LOG: &str = "log.bin";
+const LINK: &str = "link";
+const ERRORS: &str = "errors.txt";
+
+/// How long the emulator may take to listen.
+const STARTING: Duration = Duration::from_secs(20);
+
+/// Whether the emulator for a machine is there.
+///
+/// # Errors
+///
+/// [`QemuError::NotInstalled`] with the package that brings it.
+pub fn check_installed(machine: Machine) -> Result<(), QemuError> {
+    let program = machine.emulator();
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    if std::env::split_paths(&path).any(|folder| folder.join(program).is_file()) {
+        return Ok(());
+    }
+    let package = if machine == Machine::Virt { "qemu-system-misc" } else { "qemu-system-arm" };
+    Err(QemuError::NotInstalled { program, package })
+}
+
+/// In memory where there is such a place: the emulator's RAM should not be written to a disk.
+fn folder(options: &QemuOptions) -> Result<(PathBuf, Option<TempDir>), QemuError> {
+    if let Some(folder) = &options.folder {
+        fs::create_dir_all(folder).map_err(io_error("make", folder))?;
+        return Ok((folder.clone(), None));
+    }
+    let shared = Path::new("/dev/shm");
+    let parent = if shared.is_dir() { shared.to_owned() } else { std::env::temp_dir() };
+    let own = tempfile::Builder::new().prefix("echoloop-").tempdir_in(&parent);
+    let own = own.map_err(io_error("make a folder in", &parent))?;
+    Ok((own.path().to_owned(), Some(own)))
+}
+
+fn io_error(verb: &str, path: &Path) -> impl FnOnce(io::Error) -> QemuError {
+    let what = format!("{verb} {}", path.display());
+    move |source| QemuError::Io { what, source }
+}
+
+fn spawn(options: &QemuOptions, folder: &Path) -> Result<Child, QemuError> {
+    let machine = options.machine;
+    let at = |name: &str| folder.join(name).display().to_string();
+    let _ = fs::remove_file(folder.join(LINK)); // of an earlier run in the same folder
+    let errors = File::create(folder.join(ERRORS)).map_err(io_error("write in", folder))?;
+    let (bytes, _) = machine.memory();
+    let mut command = Command::new(machine.emulator());
+    command
+        .args(["-M", &format!("{},memory-backend=shared", machine.name()), "-m", &format!("{}M", bytes >> 20)])
+        .args(["-object", &format!("memory-backend-file,id=shared,size={bytes},mem-path={},share=on", at(MEMORY))])
+        .args(["-display", "none", "-monitor", "none", "-nodefaults"])
+        .args(["-chardev", &format!("socket,id=link,path={},server=on,wait=on", at(LINK)), "-serial", "chardev:link"])
+        .args(["-serial", &format!("file:{}", at(LOG))])
+        .args(&options.arguments)
+        .arg("-kernel")
+        .arg(&options.image);
+    if machine == Machine::Virt {
+        command.args(["-bios", "none"]);
+    }
+    // A group of its own: a ^C in the terminal is for this program, which then ends the emulator.
+    command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(errors).process_group(0);
+    command.spawn().map_err(io_error("run", Path::new(machine.emulator())))
+}
+
+fn connect(child: &mut Child, machine: Machine, folder: &Path) -> Result<UnixStream, QemuError> {
+    let deadline = Instant::now() + STARTING;
+    let failed = |what| QemuError::Failed { machine: machine.name(), what };
+    loop {
+        if let Ok(link) = UnixStream::connect(folder.join(LINK)) {
+            link.set_nonblocking(true).map_err(io_error("use", &folder.join(LINK)))?;
+            return Ok(link);
+        }
+        if let Some(what) = failure(child, machine, folder) {
+            return Err(failed(what));
+        }
+        if Instant::now() > deadline {
+            return Err(failed(format!("did not listen within {STARTING:?}")));
+        }
+        thread::sleep(Duration::from_millis(2));
+    }
+}
+
+/// Says how the emulator ended, if it has.
+fn failure(child: &mut Child, machine: Machine, folder: &Path) -> Option<String> {
+    let status = child.try_wait().ok()??;
+    let said = fs::read_to_string(folder.join(ERRORS)).unwrap_or_default();
+    let said = said.trim();
+    Some(format!("{} ended ({status}){}{said}", machine.emulator(), if said.is_empty() { "" } else { ": " }))
+}
+
+fn stop(child: &mut Child) {
+    let _ = child.kill();
+    let _ = child.wait();
+}
+
+fn may_go_on(error: &io::Error) -> bool {
+    matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted)
+}
+
+/// Waits a little longer each time: a doorbell is answered in a microsecond, an idle link costs nothing.
+#[derive(Default)]
+struct Idle(u32);
+
+impl Idle {
+    fn wait(&mut self) {
+        self.0 += 1;
+        match self.0 {
+            0..200 => std::hint::spin_loop(),
+            200..2_000 => thread::yield_now(),
+            _ => thread::sleep(Duration::from_micros(50)),
+        }
+    }
+}
+
+/// The mailbox, as this side sees it.
+struct Page {
+    memory: MmapRaw,
+}
+
+impl Page {
+    fn make(machine: Machine, path: &Path, straps: &[u32; 8]) -> Result<Self, QemuError> {
+        let (bytes, offset) = machine.memory();
+        let open = || -> io::Result<MmapRaw> {
+            let file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path)?;
+            if file.metadata()?.len() != bytes {
+                file.set_len(0)?;
+                file.set_len(bytes)?;
+            }
+            MmapOptions::new().offset(offset).len(mailbox::BYTES).map_raw(&file)
+        };
+        let page = Self { memory: open().map_err(io_error("map", path))? };
+        for (word, &strap) in straps.iter().enumerate() {
+            page.write(mailbox::STRAPS + 4 * word, strap);
+        }
+        let blank = (mailbox::EMITTER..mailbox::ADC + 4 * mailbox::REGISTERS).step_by(4);
+        for offset in [mailbox::DOORBELL, mailbox::ANSWER, mailbox::RUN].into_iter().chain(blank) {
+            page.write(offset, 0);
+        }
+        page.write(mailbox::EMITTER, emitter::ID_VALUE);
+        page.write(mailbox::ADC, adc::ID_VALUE);
+        page.write(0, mailbox::MAGIC);
+        Ok(page)
+    }
+
+    fn words(&self) -> &[AtomicU32] {
+        // SAFETY: the mapping is as long as the mailbox, page aligned, lives as long as `self`, and is only ever accessed as
+        // atomic words here; the other side is another process.
+        unsafe { std::slice::from_raw_parts(self.memory.as_ptr().cast::<AtomicU32>(), mailbox::BYTES / 4) }
+    }
+
+    fn read(&self, offset: usize) -> u32 {
+        u32::from_le(self.words()[offset / 4].load(Ordering::Acquire))
+    }
+
+    fn write(&self, offset: usize, value: u32) {
+        self.words()[offset / 4].store(value.to_le(), Ordering::Release);
+    }
+
+    fn write_codes(&self, codes: &[u16]) {
+        let words = &self.words()[mailbox::CODES / 4..];
+        for (word, pair) in words.iter().zip(codes.chunks(2)) {
+            let high = pair.get(1).copied().unwrap_or(0);
+            word.store((u32::from(pair[0]) | u32::from(high) << 16).to_le(), Ordering::Relaxed);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_machine_is_found_by_its_name_and_no_other_is() {
+        for machine in Machine::ALL {
+            assert_eq!(Machine::of_name(machine.name()), Some(machine));
+        }
+        assert_eq!(Machine::of_name("mps2-an999"), None);
+    }
+
+    #[test]
+    fn samples_lie_in_the_buffer_as_the_sensor_reads_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let page = Page::make(Machine::Virt, &folder.path().join("m"), &[1; 8]).unwrap();
+        page.write_codes(&[1, 2, 3]);
+        let bytes = fs::read(folder.path().join("m")).unwrap();
+        let buffer = (16 << 20) + mailbox::CODES;
+        assert_eq!(bytes[buffer..buffer + 8], [1, 0, 2, 0, 3, 0, 0, 0]);
+        assert_eq!(page.read(mailbox::STRAPS + 28), 1);
+    }
+}
