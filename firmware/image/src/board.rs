@@ -4,7 +4,8 @@ use echoloop_dsp::{Echoes, Hardware, Pipeline, ScanPattern, Scratch};
 use echoloop_sensor::{Board, mailbox};
 
 use crate::front_end::{FrontEnd, Registers};
-use crate::uart::Uart;
+use crate::idle::Idle;
+use crate::uart::{Port, Uart};
 use crate::watchdog::{Watchdog, count_restarts};
 
 /// Arm MPS2 with application note 385 (Cortex-M3), 386 (Cortex-M4F) or 500 (Cortex-M7): one map but for the PSRAM.
@@ -21,6 +22,8 @@ mod map {
     pub(super) const LOG: Block = unsafe { Block::new(0x4000_5000, 0x1000) };
     // SAFETY: the watchdog, and nothing of Rust's.
     pub(super) const WATCHDOG: Option<Block> = Some(unsafe { Block::new(0x4000_8000, 0x1000) });
+    /// A byte has come on UART0.
+    pub(super) const LINK_INTERRUPT: u16 = 0;
     // SAFETY: the processor's identity register.
     const CPU_ID: Block = unsafe { Block::new(0xE000_ED00, 4) };
     const CORTEX_M7: u32 = 0xC27;
@@ -47,6 +50,8 @@ mod map {
     pub(super) const LOG: Block = unsafe { Block::new(0x5020_1000, 0x1000) };
     // SAFETY: the secure watchdog, and nothing of Rust's.
     pub(super) const WATCHDOG: Option<Block> = Some(unsafe { Block::new(0x5008_1000, 0x1000) });
+    /// A byte has come on UART0.
+    pub(super) const LINK_INTERRUPT: u16 = 32;
 
     pub(super) fn psram(bytes: usize) -> Block {
         // SAFETY: 16 MB of PSRAM, where the linker puts nothing.
@@ -66,6 +71,7 @@ mod map {
     pub(super) const LINK: Block = unsafe { Block::new(0x1000_0000, 8) };
     pub(super) const LOG: Block = LINK;
     pub(super) const WATCHDOG: Option<Block> = None;
+    pub(super) const LINK_INTERRUPT: u16 = 10;
 
     pub(super) fn psram(bytes: usize) -> Block {
         // SAFETY: the second 16 MB of RAM, where the linker puts nothing (link/virt.x).
@@ -74,7 +80,7 @@ mod map {
 }
 
 /// Where the log goes.
-pub fn log_port() -> impl crate::uart::Port {
+pub fn log_port() -> impl Port {
     map::Log::new(map::LOG)
 }
 
@@ -90,6 +96,7 @@ pub struct EmulatedBoard {
     watchdog: Option<Watchdog>,
     #[expect(dead_code, reason = "counted by the application, next")]
     restarts: u32,
+    idle: Idle,
 }
 
 impl EmulatedBoard {
@@ -99,7 +106,14 @@ impl EmulatedBoard {
         let front_end = FrontEnd::new(map::psram(mailbox::BYTES))?;
         let (hardware, pattern) = front_end.straps()?;
         let watchdog = map::WATCHDOG.map(|block| Watchdog::start(block, WATCHDOG_TICKS));
-        Some(Self { hardware, pattern, front_end, link: Uart(map::Link::new(map::LINK)), watchdog, restarts })
+        let idle = Idle::new(map::LINK_INTERRUPT)?;
+        Some(Self { hardware, pattern, front_end, link: Uart(map::Link::new(map::LINK)), watchdog, restarts, idle })
+    }
+
+    /// Sleeps until a byte comes on the link, or some milliseconds.
+    pub fn idle(&mut self) {
+        let link = &mut self.link.0;
+        self.idle.sleep(|| link.clear_interrupt());
     }
 }
 

@@ -7,6 +7,7 @@
 
 pub mod board;
 pub mod front_end;
+pub mod idle;
 pub mod kernel;
 mod log;
 pub mod mmio;

@@ -1,6 +1,7 @@
 //! The log: defmt's frames on a serial port of their own, never the link's.
 
 use core::cell::UnsafeCell;
+use core::sync::atomic::{AtomicU32, Ordering};
 
 use crate::board::log_port;
 use crate::uart::Port;
@@ -15,6 +16,15 @@ struct Encoder(UnsafeCell<defmt::Encoder>);
 unsafe impl Sync for Encoder {}
 
 static ENCODER: Encoder = Encoder(UnsafeCell::new(defmt::Encoder::new()));
+
+/// Messages so far, in place of a clock: the same conversation writes the same log.
+static MESSAGES: AtomicU32 = AtomicU32::new(0);
+
+defmt::timestamp!("{=u32}", {
+    let number = MESSAGES.load(Ordering::Relaxed);
+    MESSAGES.store(number.wrapping_add(1), Ordering::Relaxed); // one core, no handlers: nobody comes in between
+    number
+});
 
 fn send(bytes: &[u8]) {
     let mut port = log_port();

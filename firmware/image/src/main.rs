@@ -17,6 +17,7 @@ fn start() -> ! {
     let mut app = App::new(board);
     loop {
         let _ = app.poll(); // a UART is never lost
+        app.board_mut().idle();
     }
 }
 

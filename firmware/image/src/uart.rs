@@ -14,6 +14,8 @@ pub trait Port {
     fn has_received(&mut self) -> bool;
     /// Waits for room and sends a byte.
     fn send(&mut self, byte: u8);
+    /// Takes the interrupt back that a received byte has raised.
+    fn clear_interrupt(&mut self) {}
 }
 
 /// A port as `embedded-io` sees it. A real board would receive by interrupt or DMA: here the emulator holds bytes back.
@@ -57,12 +59,14 @@ impl Cmsdk {
     const DATA: usize = 0x00;
     const STATE: usize = 0x04;
     const CONTROL: usize = 0x08;
+    const INTERRUPT_CLEAR: usize = 0x0C;
     const DIVIDER: usize = 0x10;
+    const RECEIVED: u32 = 0b10;
 
     /// The port, on, at the fastest rate.
     pub fn new(block: Block) -> Self {
         block.write(Self::DIVIDER, 16);
-        block.write(Self::CONTROL, 0b11); // transmitter and receiver
+        block.write(Self::CONTROL, 0b1011); // transmitter, receiver and its interrupt
         Self(block)
     }
 }
@@ -79,6 +83,10 @@ impl Port for Cmsdk {
     fn send(&mut self, byte: u8) {
         while self.0.read(Self::STATE) & 0b01 != 0 {}
         self.0.write(Self::DATA, byte.into());
+    }
+
+    fn clear_interrupt(&mut self) {
+        self.0.write(Self::INTERRUPT_CLEAR, Self::RECEIVED);
     }
 }
 
