@@ -5,8 +5,13 @@
 //! | [`vectors`] | which waveforms? |
 //! | [`quantised`] | is the integer code what its tables say? Rounds where they say; compared with `==` |
 //! | [`ideal`] | is what the tables say good enough? Never rounds; compared within [`tolerance`] |
+//! | [`target`], [`gdb`] | does the microcontroller say the same? Boards in QEMU, and a hand inside them |
 
+#[cfg(unix)]
+pub mod gdb;
 pub mod ideal;
 pub mod quantised;
+#[cfg(unix)]
+pub mod target;
 pub mod tolerance;
 pub mod vectors;

@@ -75,6 +75,11 @@ pub fn case(seed: u64) -> Case {
     Case { settings, hardware, kind, codes }
 }
 
+/// A waveform of one kind for a sensor with these settings.
+pub fn waveform(settings: &Settings, hardware: &Hardware, kind: Kind, rng: &mut impl Rng) -> Vec<u16> {
+    Drawing::new(settings, hardware).codes(kind, rng)
+}
+
 /// The generator of a seed.
 pub fn rng(seed: u64) -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(seed)

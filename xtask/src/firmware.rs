@@ -93,6 +93,9 @@ fn check(elf: &Path, map: &str) -> Result<(Size, u64, u64)> {
     let script = std::fs::read_to_string(workspace()?.join(map)).with_context(|| format!("cannot read {map}"))?;
     let (flash, ram) = image::regions(&script).with_context(|| map.to_owned())?;
     let size = image::measure(&bytes, (flash, ram)).with_context(|| elf.display().to_string())?;
+    // For the test that measures it on a board.
+    let record = elf.with_extension("stack");
+    std::fs::write(&record, size.stack.to_string()).with_context(|| format!("cannot write {}", record.display()))?;
     if size.flash > flash.length || size.statics + size.stack > ram.length {
         bail!("{} does not fit {map}: {size:?}", elf.display());
     }

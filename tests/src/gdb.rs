@@ -1,0 +1,125 @@
+//! A debugger's end of QEMU's gdb socket: stop, look, change, go on.
+
+use std::fmt::Write as _;
+use std::io::{self, Read, Write};
+use std::os::unix::net::UnixStream;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// A debugger; the processor stands still while it is connected.
+pub struct Gdb(UnixStream);
+
+impl Gdb {
+    /// The emulator's arguments that open a socket for it.
+    pub fn arguments(socket: &Path) -> [String; 2] {
+        ["-gdb".into(), format!("unix:{},server=on,wait=off", socket.display())]
+    }
+
+    /// Connects, which stops the processor.
+    ///
+    /// # Errors
+    ///
+    /// When nobody listens, for seconds.
+    pub fn connect(socket: &Path) -> io::Result<Self> {
+        let deadline = Instant::now() + Duration::from_secs(10);
+        let stream = loop {
+            match UnixStream::connect(socket) {
+                Err(_) if Instant::now() < deadline => std::thread::sleep(Duration::from_millis(5)),
+                connected => break connected?,
+            }
+        };
+        stream.set_read_timeout(Some(Duration::from_secs(10)))?;
+        let mut gdb = Self(stream);
+        gdb.ask("?")?;
+        Ok(gdb)
+    }
+
+    /// Reads memory.
+    ///
+    /// # Errors
+    ///
+    /// When the emulator refuses.
+    pub fn read(&mut self, address: u32, length: usize) -> io::Result<Vec<u8>> {
+        let mut memory = Vec::with_capacity(length);
+        while memory.len() < length {
+            let part = (length - memory.len()).min(1024);
+            let hex = self.ask(&format!("m{:x},{part:x}", address as usize + memory.len()))?;
+            let bytes = (0..hex.len() / 2).map(|i| u8::from_str_radix(&hex[2 * i..2 * i + 2], 16));
+            memory.extend(bytes.collect::<Result<Vec<u8>, _>>().map_err(io::Error::other)?);
+        }
+        Ok(memory)
+    }
+
+    /// Fills memory.
+    ///
+    /// # Errors
+    ///
+    /// When the emulator refuses.
+    pub fn fill(&mut self, address: u32, length: usize, byte: u8) -> io::Result<()> {
+        for offset in (0..length).step_by(1024) {
+            let part = (length - offset).min(1024);
+            let hex = (0..part).fold(String::new(), |mut hex, _| {
+                let _ = write!(hex, "{byte:02x}");
+                hex
+            });
+            let answer = self.ask(&format!("M{:x},{part:x}:{hex}", address as usize + offset))?;
+            if answer != "OK" {
+                return Err(io::Error::other(format!("memory at {address:#x}: {answer}")));
+            }
+        }
+        Ok(())
+    }
+
+    /// Sends the processor elsewhere.
+    ///
+    /// # Errors
+    ///
+    /// When the emulator refuses.
+    pub fn jump(&mut self, address: u32) -> io::Result<()> {
+        const PROGRAM_COUNTER: u8 = 15;
+        let little_endian: String = address.to_le_bytes().iter().map(|byte| format!("{byte:02x}")).collect();
+        match self.ask(&format!("P{PROGRAM_COUNTER:x}={little_endian}"))?.as_str() {
+            "OK" => Ok(()),
+            answer => Err(io::Error::other(format!("jump to {address:#x}: {answer}"))),
+        }
+    }
+
+    /// Lets the processor run and goes.
+    ///
+    /// # Errors
+    ///
+    /// When the emulator is gone.
+    pub fn detach(mut self) -> io::Result<()> {
+        self.ask("D").map(drop)
+    }
+
+    fn ask(&mut self, command: &str) -> io::Result<String> {
+        let sum = command.bytes().fold(0u8, u8::wrapping_add);
+        self.0.write_all(format!("${command}#{sum:02x}").as_bytes())?;
+        loop {
+            let answer = self.packet()?;
+            // That the processor has stopped is said unasked, too.
+            if command == "?" || !answer.starts_with('T') {
+                return Ok(answer);
+            }
+        }
+    }
+
+    fn packet(&mut self) -> io::Result<String> {
+        let mut text = String::new();
+        let mut within = false;
+        loop {
+            let mut byte = [0];
+            self.0.read_exact(&mut byte)?;
+            match byte[0] {
+                b'$' => within = true,
+                b'#' => break,
+                other if within => text.push(other.into()),
+                _ => {} // acknowledgements
+            }
+        }
+        self.0.read_exact(&mut [0; 2])?; // its sum: the socket loses nothing
+        self.0.write_all(b"+")?;
+        Ok(text)
+    }
+}
