@@ -16,5 +16,6 @@ pub mod registration;
 pub mod report;
 pub mod run;
 pub mod seed;
+pub mod sensor_log;
 pub mod transport;
 pub mod tune;
