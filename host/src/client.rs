@@ -56,6 +56,14 @@ pub enum ClientError {
         /// Hash of those it was made with.
         got: u32,
     },
+    /// Other settings are active than those to be confirmed or saved: their trial is over, or the sensor started anew.
+    #[error("the sensor's settings are {got:#010x}, not {expected:#010x}")]
+    Changed {
+        /// Hash of the settings that were to be kept.
+        expected: u32,
+        /// Hash of the active ones.
+        got: u32,
+    },
     /// The line is gone.
     #[error("the link is lost: {0}")]
     Line(#[from] io::Error),
@@ -87,6 +95,9 @@ impl Default for Patience {
     }
 }
 
+/// A step between sequence numbers after which none is taken for overtaken.
+const FAR: u16 = 1 << 12;
+
 /// A conversation with one sensor.
 pub struct Client<T> {
     transport: T,
@@ -96,6 +107,8 @@ pub struct Client<T> {
     identity: Identity,
     generation: u32,
     hash: u32,
+    /// The settings committed last are on trial: at any frame boundary they may be replaced, and the generation rise.
+    on_trial: bool,
     /// An answer was lost, or the sensor knows nothing of a session: say hello and read back before going on.
     unsure: bool,
 }
@@ -120,14 +133,26 @@ impl<T: Transport> Client<T> {
         let identity =
             Identity { build: String::new(), hardware: Hardware::REFERENCE, pattern: ScanPattern::default() };
         let decoder = Box::new(Decoder::new());
-        let mut client =
-            Self { transport, decoder, patience, sequence, identity, generation: 0, hash: 0, unsure: true };
+        let (generation, hash, on_trial, unsure) = (0, 0, false, true);
+        let mut client = Self { transport, decoder, patience, sequence, identity, generation, hash, on_trial, unsure };
         client.read_settings()?; // unsure, it says hello first
         Ok(client)
     }
 
+    /// A sensor that takes our first number for an overtaken one does not answer; far from it, it does.
+    fn say_hello(&mut self) -> Result<Report, ClientError> {
+        let hello = Command::Hello(Greeting::OURS);
+        match self.ask(&hello) {
+            Err(ClientError::Silent { .. }) => {
+                self.sequence = self.sequence.wrapping_add(FAR);
+                self.ask(&hello)
+            }
+            answered => answered,
+        }
+    }
+
     fn greet(&mut self) -> Result<(), ClientError> {
-        let Report::Hello { greeting, build, hardware, pattern } = self.ask(&Command::Hello(Greeting::OURS))? else {
+        let Report::Hello { greeting, build, hardware, pattern } = self.say_hello()? else {
             return Err(ClientError::Unexpected { command: "hello" });
         };
         let build = build.to_string();
@@ -160,6 +185,7 @@ impl<T: Transport> Client<T> {
         let Report::Settings { generation, hash, settings } = self.ask(&Command::ReadSettings)? else {
             return Err(ClientError::Unexpected { command: "read settings" });
         };
+        self.on_trial &= (generation, hash) == (self.generation, self.hash);
         (self.generation, self.hash, self.unsure) = (generation, hash, false);
         Ok(settings)
     }
@@ -183,30 +209,115 @@ impl<T: Transport> Client<T> {
     /// [`ClientError::Refused`] with field and bound, and the sensor keeps what it had. After [`ClientError::Silent`] it has
     /// the old settings or the new, and the next call finds out which before it goes on.
     pub fn configure(&mut self, settings: &Settings) -> Result<u32, ClientError> {
+        self.configure_on_trial(settings, 0)
+    }
+
+    /// As [`Client::configure`], on trial: unless [`Client::confirm`] comes before `frames` frames have ended, or when one whole
+    /// frame has no echo, or when this program ends and another says hello, the sensor goes back to the settings it had before
+    /// that were not on trial. The scan after that is [`ClientError::Mixed`]. A frame ends when anything but a confirmation
+    /// follows its last beam. `0` frames: no trial.
+    ///
+    /// # Errors
+    ///
+    /// As [`Client::configure`].
+    pub fn configure_on_trial(&mut self, settings: &Settings, frames: u16) -> Result<u32, ClientError> {
         if self.unsure {
             self.read_settings()?;
         }
-        match self.stage_and_commit(settings) {
+        let was_on_trial = self.on_trial;
+        match self.stage_and_commit(settings, frames) {
             // A hello that came late dropped what was staged; the commit did not happen.
-            Err(ClientError::Nack(Nack::NotStaged { .. })) => self.stage_and_commit(settings),
+            Err(ClientError::Nack(Nack::NotStaged { .. })) => self.stage_and_commit(settings, frames),
+            // The trial before this ended, and with it the generation that this one was to follow.
+            Err(ClientError::Nack(Nack::WrongGeneration { .. })) if was_on_trial => {
+                self.read_settings()?;
+                self.stage_and_commit(settings, frames)
+            }
             done => done,
         }
     }
 
-    fn stage_and_commit(&mut self, settings: &Settings) -> Result<u32, ClientError> {
+    fn stage_and_commit(&mut self, settings: &Settings, frames: u16) -> Result<u32, ClientError> {
         let Report::Staged { hash } = self.ask(&Command::Stage(*settings))? else {
             return Err(ClientError::Unexpected { command: "stage" });
         };
         if hash != settings_hash(settings) {
             return Err(ClientError::Unexpected { command: "stage" });
         }
-        let commit = Command::Commit { hash, base_generation: self.generation };
+        let commit = Command::Commit { hash, base_generation: self.generation, confirm_within: frames };
         self.unsure = true; // until the answer is here
         let Report::Committed { generation, hash } = self.ask(&commit)? else {
             return Err(ClientError::Unexpected { command: "commit" });
         };
-        (self.generation, self.hash, self.unsure) = (generation, hash, false);
+        (self.generation, self.hash, self.on_trial, self.unsure) = (generation, hash, frames > 0, false);
         Ok(hash)
+    }
+
+    /// Ends the trial of the settings committed last: they stay. Said again, it is true again.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError::Nack`] with [`Nack::WrongGeneration`] or [`ClientError::Changed`] when their trial is over already. After
+    /// [`ClientError::Silent`], another call finds out.
+    pub fn confirm(&mut self) -> Result<(), ClientError> {
+        self.be_sure_of_settings()?;
+        let generation = self.generation;
+        self.unsure = true; // until the answer is here
+        match self.ask(&Command::Confirm { generation })? {
+            Report::Confirmed { generation: of } if of == generation => {
+                (self.on_trial, self.unsure) = (false, false);
+                Ok(())
+            }
+            _ => Err(ClientError::Unexpected { command: "confirm" }),
+        }
+    }
+
+    /// Makes the settings committed last those that the sensor starts with; their revision. What is saved already is not
+    /// written again.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError::Nack`] with [`Nack::OnTrial`] before they are confirmed, with [`Nack::Storage`] when the flash failed;
+    /// [`ClientError::Changed`] when they are active no longer. After [`ClientError::Silent`] the sensor starts with the
+    /// settings saved before or with these; another call makes it these.
+    pub fn save(&mut self) -> Result<u32, ClientError> {
+        self.be_sure_of_settings()?;
+        let hash = self.hash;
+        match self.ask(&Command::Save { hash })? {
+            Report::Saved { hash: of, revision } if of == hash => Ok(revision),
+            _ => Err(ClientError::Unexpected { command: "save" }),
+        }
+    }
+
+    /// Makes the sensor start with its defaults. The active settings stay.
+    ///
+    /// # Errors
+    ///
+    /// As [`Client::save`].
+    pub fn forget(&mut self) -> Result<(), ClientError> {
+        if self.unsure {
+            self.read_settings()?;
+        }
+        match self.ask(&Command::Forget)? {
+            Report::Forgotten => Ok(()),
+            _ => Err(ClientError::Unexpected { command: "forget" }),
+        }
+    }
+
+    /// Opens the session anew when an answer was lost, and sees whether the settings are still those it knew. A hello ends a
+    /// trial, so what is still there is not on trial.
+    fn be_sure_of_settings(&mut self) -> Result<(), ClientError> {
+        if !self.unsure {
+            return Ok(());
+        }
+        let (generation, expected) = (self.generation, self.hash);
+        self.read_settings()?;
+        if (self.generation, self.hash) == (generation, expected) {
+            return Ok(());
+        }
+        let got = self.hash;
+        (self.generation, self.hash, self.unsure) = (generation, expected, true); // asked again, it is as wrong
+        Err(ClientError::Changed { expected, got })
     }
 
     /// Measures all beams as scan `frame`; the echoes, beam by beam.
@@ -239,6 +350,7 @@ impl<T: Transport> Client<T> {
             return Err(ClientError::Unexpected { command: "read beams" });
         }
         if (generation, hash) != (self.generation, self.hash) {
+            self.unsure = true; // a trial ended, or the sensor is another's
             return Err(ClientError::Mixed { frame, expected: self.hash, got: hash });
         }
         Ok(beams)
@@ -302,5 +414,8 @@ fn name(command: &Command) -> &'static str {
         Command::ReadSettings => "read settings",
         Command::ReadBeams { .. } => "read beams",
         Command::ReadCounters => "read counters",
+        Command::Confirm { .. } => "confirm",
+        Command::Save { .. } => "save",
+        Command::Forget => "forget",
     }
 }

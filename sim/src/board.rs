@@ -1,4 +1,4 @@
-//! The sensor's application in process: virtual SPI devices, a virtual sample buffer, a link of bytes.
+//! The sensor's application in process: virtual SPI devices, a virtual sample buffer, a flash in memory, a link of bytes.
 //!
 //! The application is the very one that runs on a microcontroller. It writes the emitter's and the converter's registers
 //! through `embedded-hal`; what they hold, and nothing else, is what the front end sees.
@@ -6,10 +6,12 @@
 use std::collections::VecDeque;
 
 use echoloop_dsp::{Echoes, Hardware, Pipeline, ScanPattern, Scratch};
+use echoloop_link::Session;
 use echoloop_sensor::afe::{WRITE, adc, emitter};
 use echoloop_sensor::{App, Board};
 use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
 
+use crate::nor::NorRam;
 use crate::vector;
 
 /// What the registers ask of the analog world.
@@ -148,6 +150,7 @@ pub struct PcBoard<F> {
     emitter: VirtualSpi,
     adc: VirtualSpi,
     link: Pipe,
+    store: NorRam,
     front_end: F,
 }
 
@@ -160,6 +163,7 @@ impl<F: FrontEnd> PcBoard<F> {
 impl<F: FrontEnd> Board for PcBoard<F> {
     type Spi = VirtualSpi;
     type Link = Pipe;
+    type Store = NorRam;
 
     fn hardware(&self) -> Hardware {
         self.hardware
@@ -179,6 +183,10 @@ impl<F: FrontEnd> Board for PcBoard<F> {
 
     fn link(&mut self) -> &mut Pipe {
         &mut self.link
+    }
+
+    fn store(&mut self) -> &mut NorRam {
+        &mut self.store
     }
 
     fn samples(&mut self, codes: &mut [u16]) -> bool {
@@ -202,14 +210,20 @@ pub struct PcSensor<F> {
 }
 
 impl<F: FrontEnd> PcSensor<F> {
-    /// Switches a sensor on. `hardware.adc_bits` is taken from the front end.
+    /// Switches a sensor on that never was. `hardware.adc_bits` is taken from the front end.
     pub fn new(front_end: F, pattern: ScanPattern, hardware: Hardware) -> Self {
+        Self::with_store(front_end, pattern, hardware, NorRam::default())
+    }
+
+    /// Switches a sensor on whose flash holds what an earlier life left there.
+    pub fn with_store(front_end: F, pattern: ScanPattern, hardware: Hardware, store: NorRam) -> Self {
         let board = PcBoard {
             hardware: Hardware { adc_bits: front_end.adc_bits(), ..hardware },
             pattern,
             emitter: VirtualSpi::new(emitter::ID_VALUE, Some(emitter::FIRE)),
             adc: VirtualSpi::new(adc::ID_VALUE, None),
             link: Pipe::default(),
+            store,
             front_end,
         };
         Self { app: Box::new(App::new(board)) }
@@ -218,6 +232,16 @@ impl<F: FrontEnd> PcSensor<F> {
     /// The front end, to look at another scene with.
     pub fn front_end_mut(&mut self) -> &mut F {
         &mut self.app.board_mut().front_end
+    }
+
+    /// Its flash, to take along into the next life or to cut its power.
+    pub fn store_mut(&mut self) -> &mut NorRam {
+        &mut self.app.board_mut().store
+    }
+
+    /// The state of its conversation, as nobody on the line can see it.
+    pub fn session(&self) -> &Session {
+        self.app.session()
     }
 
     /// Sends bytes to the sensor and lets it answer.

@@ -2,6 +2,7 @@
 
 pub mod board;
 pub mod import;
+pub mod nor;
 #[cfg(unix)]
 pub mod qemu;
 pub mod raycast;

@@ -11,6 +11,7 @@ use echoloop_dsp::{Hardware, ScanPattern, Settings};
 use echoloop_link::{Command, Decoder, Greeting, MAX_FRAME, Nack, Report, decode, encode, settings_hash};
 use echoloop_sensor::afe::{WRITE, adc, delay_fs, emitter};
 use echoloop_sensor::{App, Board};
+use echoloop_sim::nor::NorRam;
 use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
 use proptest::collection::vec;
 use proptest::prelude::{Strategy, any, prop_assert, prop_assert_eq, prop_oneof, proptest};
@@ -125,12 +126,15 @@ struct Bench {
     emitter: Spi,
     adc: Spi,
     link: Link,
+    store: NorRam,
+    fed: usize,
     analog: Rc<RefCell<Analog>>,
 }
 
 impl Board for Bench {
     type Spi = Spi;
     type Link = Link;
+    type Store = NorRam;
 
     fn hardware(&self) -> Hardware {
         Hardware::REFERENCE
@@ -150,6 +154,18 @@ impl Board for Bench {
 
     fn link(&mut self) -> &mut Link {
         &mut self.link
+    }
+
+    fn store(&mut self) -> &mut NorRam {
+        &mut self.store
+    }
+
+    fn feed_watchdog(&mut self) {
+        self.fed += 1;
+    }
+
+    fn restarts(&self) -> u32 {
+        3
     }
 
     fn samples(&mut self, codes: &mut [u16]) -> bool {
@@ -175,6 +191,8 @@ impl Sensor {
             emitter: spi(Device::Emitter),
             adc: spi(Device::Adc),
             link: Link::default(),
+            store: NorRam::default(),
+            fed: 0,
             analog: Rc::clone(&analog),
         };
         Self { app: Box::new(App::new(bench)), analog, sequence: 0 }
@@ -207,7 +225,7 @@ impl Sensor {
         assert_eq!(self.ask(&Command::Stage(*settings)), Report::Staged { hash });
         let base_generation = self.app.session().version().0;
         let committed = Report::Committed { generation: base_generation + 1, hash };
-        assert_eq!(self.ask(&Command::Commit { hash, base_generation }), committed);
+        assert_eq!(self.ask(&Command::Commit { hash, base_generation, confirm_within: 0 }), committed);
     }
 
     fn measure(&mut self, frame: u32) -> Report {
@@ -337,6 +355,38 @@ fn a_broken_front_end_does_not_stop_the_conversation() {
     assert_eq!((generation, settings), (1, other()));
 }
 
+#[test]
+fn the_watchdog_is_fed_at_every_turn_and_every_beam() {
+    let mut sensor = Sensor::opened();
+    let fed = |sensor: &mut Sensor| std::mem::take(&mut sensor.app.board_mut().fed);
+    fed(&mut sensor);
+    sensor.app.poll().unwrap();
+    assert_eq!(fed(&mut sensor), 1, "idle");
+    assert!(matches!(sensor.measure(1), Report::Beams { .. }));
+    assert_eq!(fed(&mut sensor), 1 + 2 + 1, "a turn, two beams, and what was read");
+}
+
+#[test]
+fn restarts_are_told_with_the_counters() {
+    let mut sensor = Sensor::opened();
+    let Report::Counters(counters) = sensor.ask(&Command::ReadCounters) else { panic!() };
+    assert_eq!(counters.restarts, 3);
+}
+
+#[test]
+fn a_front_end_that_fails_through_a_trial_does_not_prolong_it() {
+    let mut sensor = Sensor::opened();
+    let hash = settings_hash(&other());
+    sensor.ask(&Command::Stage(other()));
+    sensor.ask(&Command::Commit { hash, base_generation: 0, confirm_within: 2 });
+    sensor.fail(Fault::Bus(0));
+    for frame in 1..=3 {
+        assert_eq!(sensor.app.session().version(), (1, hash), "before frame {frame}");
+        assert_eq!(sensor.measure(frame), Report::Nack(Nack::FrontEnd));
+    }
+    assert_eq!(*sensor.app.session().settings(), Settings::default());
+}
+
 fn commands() -> impl Strategy<Value = Command> {
     let value = || prop_oneof![-2..12i32, any::<i32>()];
     let settings = (vec(value(), 15), 0..16usize).prop_map(|(values, changed)| {
@@ -350,8 +400,12 @@ fn commands() -> impl Strategy<Value = Command> {
     prop_oneof![
         1 => proptest::prelude::Just(Command::Hello(Greeting::OURS)),
         3 => settings.prop_map(Command::Stage),
-        3 => (hash, prop_oneof![0..4u32, any::<u32>()])
-            .prop_map(|(hash, base_generation)| Command::Commit { hash, base_generation }),
+        3 => (hash.clone(), prop_oneof![0..4u32, any::<u32>()], 0..3u16).prop_map(
+            |(hash, base_generation, confirm_within)| Command::Commit { hash, base_generation, confirm_within }
+        ),
+        1 => (0..4u32).prop_map(|generation| Command::Confirm { generation }),
+        1 => hash.prop_map(|hash| Command::Save { hash }),
+        1 => proptest::prelude::Just(Command::Forget),
         1 => proptest::prelude::Just(Command::ReadSettings),
         1 => proptest::prelude::Just(Command::ReadCounters),
         3 => (0..3u32, prop_oneof![0..9u32, any::<u32>()], prop_oneof![0..4u16, any::<u16>()])

@@ -264,7 +264,7 @@ fn a_commit_that_a_dead_program_left_pending_is_what_the_next_one_finds() {
     let half = [
         Command::ReadBeams { frame: 1, first: 0, count: 32 },
         Command::Stage(left),
-        Command::Commit { hash: echoloop_link::settings_hash(&left), base_generation: 0 },
+        Command::Commit { hash: echoloop_link::settings_hash(&left), base_generation: 0, confirm_within: 0 },
     ];
     for (sequence, command) in (100..).zip(&half) {
         first.transport_mut().send(encode(sequence, command, &mut [0; MAX_FRAME]).unwrap()).unwrap();

@@ -25,6 +25,13 @@ fn payload(body: &impl Serialize) -> Vec<u8> {
     bytes[1..1 + length - 4].to_vec()
 }
 
+/// A byte string: its length as a varint, and itself.
+fn postcard_bytes(body: &[u8]) -> Vec<u8> {
+    let length = body.len() as u8;
+    let head = if body.len() < 128 { vec![length] } else { vec![length | 0x80, (body.len() >> 7) as u8] };
+    [head, body.to_vec()].concat()
+}
+
 fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|b| format!("{b:02x}")).collect::<Vec<_>>().join(" ")
 }
@@ -52,11 +59,17 @@ fn examples() -> Vec<(&'static str, Vec<u8>)> {
         ("hello-reply", frame(1, &hello_reply())),
         ("stage", frame(2, &Command::Stage(Settings::default()))),
         ("staged", frame(2, &Report::Staged { hash })),
-        ("commit", frame(3, &Command::Commit { hash, base_generation: 0 })),
+        ("commit", frame(3, &Command::Commit { hash, base_generation: 0, confirm_within: 3 })),
         ("committed", frame(3, &Report::Committed { generation: 1, hash })),
         ("refused", frame(4, &Report::Refused(refusal))),
         ("read-beams", frame(5, &Command::ReadBeams { frame: 1, first: 32, count: 2 })),
         ("beams", frame(5, &beams)),
+        ("confirm", frame(6, &Command::Confirm { generation: 1 })),
+        ("confirmed", frame(6, &Report::Confirmed { generation: 1 })),
+        ("save", frame(7, &Command::Save { hash })),
+        ("saved", frame(7, &Report::Saved { hash, revision: 5 })),
+        ("forget", frame(8, &Command::Forget)),
+        ("forgotten", frame(8, &Report::Forgotten)),
     ]
 }
 
@@ -97,7 +110,7 @@ fn the_document_works_through_nothing_that_is_not_so() {
 #[test]
 fn a_changed_schema_needs_a_changed_protocol() {
     // To change a message: append, raise PROTOCOL, and write both new values here and in WIRE.md.
-    assert_eq!((PROTOCOL, SCHEMA), (1, 0x1396_8d79_a2b0_b7a3), "the schema is {SCHEMA:#018x}");
+    assert_eq!((PROTOCOL, SCHEMA), (2, 0xc06a_46fc_ea9d_db06), "the schema is {SCHEMA:#018x}");
     let document = include_str!("../../firmware/link/WIRE.md");
     assert!(document.contains(&format!("{SCHEMA:#018x}")));
 }
@@ -113,10 +126,13 @@ fn every_message_keeps_its_number() {
     let commands = [
         Command::Hello(Greeting::OURS),
         Command::Stage(Settings::default()),
-        Command::Commit { hash: 0, base_generation: 0 },
+        Command::Commit { hash: 0, base_generation: 0, confirm_within: 0 },
         Command::ReadSettings,
         Command::ReadBeams { frame: 0, first: 0, count: 0 },
         Command::ReadCounters,
+        Command::Confirm { generation: 0 },
+        Command::Save { hash: 0 },
+        Command::Forget,
     ];
     for (number, command) in commands.iter().enumerate() {
         assert_eq!(payload(command)[2], number as u8, "{command:?}");
@@ -131,6 +147,9 @@ fn every_message_keeps_its_number() {
         Report::Settings { generation: 0, hash: 0, settings: Settings::default() },
         Report::Beams { frame: 0, first: 0, generation: 0, hash: 0, beams: heapless::Vec::new() },
         Report::Counters(Counters::default()),
+        Report::Confirmed { generation: 0 },
+        Report::Saved { hash: 0, revision: 0 },
+        Report::Forgotten,
     ];
     for (number, report) in reports.iter().enumerate() {
         assert_eq!(payload(report)[2], number as u8, "{report:?}");
@@ -142,6 +161,9 @@ fn every_message_keeps_its_number() {
         Nack::WrongGeneration { generation: 0 },
         Nack::NoSuchBeams { beams: 0 },
         Nack::FrontEnd,
+        Nack::NotActive { hash: 0 },
+        Nack::OnTrial,
+        Nack::Storage,
     ];
     for (number, nack) in nacks.into_iter().enumerate() {
         assert_eq!(payload(&Report::Nack(nack))[3], number as u8, "{nack:?}");
@@ -259,10 +281,13 @@ fn nothing_may_follow_a_body() {
 fn every_variant_has_these_bytes() {
     let hash = 0x1234_5678;
     let commands = [
-        (Command::Commit { hash, base_generation: 300 }, "02 f8 ac d1 91 01 ac 02"),
+        (Command::Commit { hash, base_generation: 300, confirm_within: 129 }, "02 f8 ac d1 91 01 ac 02 81 01"),
         (Command::ReadSettings, "03"),
         (Command::ReadBeams { frame: 70_000, first: 200, count: 32 }, "04 f0 a2 04 c8 01 20"),
         (Command::ReadCounters, "05"),
+        (Command::Confirm { generation: 300 }, "06 ac 02"),
+        (Command::Save { hash }, "07 f8 ac d1 91 01"),
+        (Command::Forget, "08"),
     ];
     for (command, bytes) in commands {
         assert_eq!(hex(&payload(&command)[2..]), bytes, "{command:?}");
@@ -277,6 +302,8 @@ fn every_variant_has_these_bytes() {
         unintelligible: 5,
         refusals: 6,
         stale: 300,
+        rollbacks: 7,
+        restarts: 8,
     };
     use ParameterId as Id;
     let reports = [
@@ -286,6 +313,9 @@ fn every_variant_has_these_bytes() {
         (Report::Nack(Nack::WrongGeneration { generation: 300 }), "01 03 ac 02"),
         (Report::Nack(Nack::NoSuchBeams { beams: 12_288 }), "01 04 80 60"),
         (Report::Nack(Nack::FrontEnd), "01 05"),
+        (Report::Nack(Nack::NotActive { hash }), "01 06 f8 ac d1 91 01"),
+        (Report::Nack(Nack::OnTrial), "01 07"),
+        (Report::Nack(Nack::Storage), "01 08"),
         (refused(Id::Gain, -1_001, Reason::BelowMinimum { minimum: -1_000 }), "02 02 d1 0f 00 cf 0f"),
         (refused(Id::PulseWidth, 25_000, Reason::AboveMaximum { maximum: 20_000 }), "02 01 d0 86 03 01 c0 b8 02"),
         (refused(Id::Upsampling, 3, Reason::NotAChoice), "02 08 06 02"),
@@ -312,7 +342,10 @@ fn every_variant_has_these_bytes() {
             Report::Beams { frame: 1, first: 2, generation: 3, hash: 4, beams: heapless::Vec::new() },
             "06 01 02 03 04 00",
         ),
-        (Report::Counters(counters), "07 01 02 03 04 05 06 ac 02"),
+        (Report::Counters(counters), "07 01 02 03 04 05 06 ac 02 07 08"),
+        (Report::Confirmed { generation: 300 }, "08 ac 02"),
+        (Report::Saved { hash, revision: 129 }, "09 f8 ac d1 91 01 81 01"),
+        (Report::Forgotten, "0a"),
     ];
     for (report, bytes) in reports {
         assert_eq!(hex(&payload(&report)[2..]), bytes, "{report:?}");
@@ -397,6 +430,23 @@ fn no_joined_or_torn_frames_are_taken_for_another() {
 }
 
 proptest! {
+    /// The crate that postcard uses stuffs and unstuffs as we do.
+    #[test]
+    fn our_stuffing_is_that_of_the_cobs_crate(zeros in 0..4u8, bytes in vec(any::<u8>(), 0..1_000)) {
+        let body: Vec<u8> = bytes.iter().map(|&b| if zeros == 0 { b | 1 } else if b < zeros * 8 { 0 } else { b }).collect();
+        let mut made = frame(0x0101, &&body[..]);
+        let mut payload = [&[1, 1][..], &postcard_bytes(&body)].concat();
+        payload.extend(crc::Crc::<u32>::new(&crc::CRC_32_ISCSI).checksum(&payload).to_le_bytes());
+        let mut twin = vec![0; 1_100];
+        let length = cobs::encode(&payload, &mut twin);
+        prop_assert_eq!(&made[1..made.len() - 1], &twin[..length]);
+        let inner = made.len() - 1;
+        let cut = usize::from(zeros).min(inner - 1);
+        let torn = &mut made[1..inner - cut];
+        let theirs = cobs::decode_in_place(&mut torn.to_vec()).is_ok();
+        prop_assert_eq!(decode::<Command>(torn) != Err(FrameError::Cobs), theirs, "{} bytes cut", cut);
+    }
+
     #[test]
     fn no_bytes_at_all_upset_the_decoder(bytes in vec(any::<u8>(), 0..5_000)) {
         let mut decoder = Decoder::new();
@@ -411,7 +461,7 @@ proptest! {
 
     /// What a faulty sender could say: any body under a right checksum.
     #[test]
-    fn a_body_is_read_back_as_it_stands_or_not_at_all(body in vec(prop_oneof![0..9u8, any::<u8>()], 0..200)) {
+    fn a_body_is_read_back_as_it_stands_or_not_at_all(body in vec(prop_oneof![0..11u8, any::<u8>()], 0..200)) {
         let mut payload = [&[7, 0], &body[..]].concat();
         payload.extend(crc::Crc::<u32>::new(&crc::CRC_32_ISCSI).checksum(&payload).to_le_bytes());
         let mut bytes = vec![0; 300];

@@ -6,8 +6,9 @@ use crc::{CRC_32_ISCSI, Crc};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-/// CRC-32C (Castagnoli): over everything a frame carries, before any of it is believed.
-pub(crate) const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
+use crate::cobs;
+
+const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 
 /// Bytes a frame carries at most: sequence, body and checksum.
 pub const MAX_PAYLOAD: usize = 2048;
@@ -45,6 +46,11 @@ impl fmt::Display for FrameError {
 
 impl core::error::Error for FrameError {}
 
+/// CRC-32C (Castagnoli): over everything a frame carries, before any of it is believed.
+pub fn checksum(bytes: &[u8]) -> u32 {
+    CRC.checksum(bytes)
+}
+
 /// Writes one frame, delimiters included, and returns it.
 ///
 /// # Errors
@@ -56,15 +62,22 @@ pub fn encode<'a>(
     frame: &'a mut [u8; MAX_FRAME],
 ) -> Result<&'a [u8], FrameError> {
     let mut payload = [0; MAX_PAYLOAD];
-    payload[..2].copy_from_slice(&sequence.to_le_bytes());
-    let room = &mut payload[2..MAX_PAYLOAD - 4];
-    let end = 2 + postcard::to_slice(body, room).map_err(|_| FrameError::TooLong)?.len();
-    let checksum = CRC.checksum(&payload[..end]);
-    payload[end..end + 4].copy_from_slice(&checksum.to_le_bytes());
-    frame[0] = 0;
-    let length = cobs::encode(&payload[..end + 4], &mut frame[1..]);
-    frame[1 + length] = 0;
-    Ok(&frame[..length + 2])
+    let payload = fill(sequence, body, &mut payload).ok_or(FrameError::TooLong)?;
+    let (first, rest) = frame.split_first_mut().ok_or(FrameError::TooLong)?;
+    *first = 0;
+    let inner = cobs::encode(payload, rest).ok_or(FrameError::TooLong)?;
+    *rest.get_mut(inner).ok_or(FrameError::TooLong)? = 0;
+    frame.get(..inner.saturating_add(2)).ok_or(FrameError::TooLong)
+}
+
+/// Sequence, body and checksum, one after the other.
+fn fill<'a>(sequence: u16, body: &impl Serialize, payload: &'a mut [u8; MAX_PAYLOAD]) -> Option<&'a [u8]> {
+    let (head, room) = payload.split_first_chunk_mut::<2>()?;
+    *head = sequence.to_le_bytes();
+    let end = postcard::to_slice(body, room).ok()?.len().checked_add(2)?;
+    let checksum = checksum(payload.get(..end)?);
+    *payload.get_mut(end..)?.first_chunk_mut::<4>()? = checksum.to_le_bytes();
+    payload.get(..end.checked_add(4)?)
 }
 
 /// Reads what stood between two delimiters, in place: sequence number and body.
@@ -73,11 +86,11 @@ pub fn encode<'a>(
 ///
 /// [`FrameError`]; nothing of a frame is looked at before its checksum holds, and nothing may be left over after its body.
 pub fn decode<T: DeserializeOwned>(frame: &mut [u8]) -> Result<(u16, T), FrameError> {
-    let length = cobs::decode_in_place(frame).map_err(|_| FrameError::Cobs)?;
+    let length = cobs::decode_in_place(frame).ok_or(FrameError::Cobs)?;
     let payload = frame.get(..length).ok_or(FrameError::Cobs)?;
-    let (content, checksum) = payload.split_last_chunk::<4>().ok_or(FrameError::Crc)?;
+    let (content, expected) = payload.split_last_chunk::<4>().ok_or(FrameError::Crc)?;
     let (sequence, body) = content.split_first_chunk::<2>().ok_or(FrameError::Crc)?;
-    if CRC.checksum(content) != u32::from_le_bytes(*checksum) {
+    if checksum(content) != u32::from_le_bytes(*expected) {
         return Err(FrameError::Crc);
     }
     let sequence = u16::from_le_bytes(*sequence);
@@ -118,7 +131,7 @@ impl Decoder {
         match self.buffer.get_mut(self.length) {
             Some(slot) => {
                 *slot = byte;
-                self.length += 1;
+                self.length = self.length.wrapping_add(1); // at most MAX_FRAME
             }
             None => self.skipping = true,
         }

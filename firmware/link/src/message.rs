@@ -9,14 +9,19 @@ use postcard_schema::Schema;
 use postcard_schema::key::Key;
 use serde::{Deserialize, Serialize};
 
+use crate::frame::checksum;
+
 /// First bytes of every greeting.
 pub const MAGIC: [u8; 4] = *b"ECHO";
 
 /// Version of the conversation: what commands mean, beyond their bytes.
-pub const PROTOCOL: u16 = 1;
+pub const PROTOCOL: u16 = 2;
 
 /// Hash of the bytes' layout: FNV-1a over names and types of every message, computed when compiled.
 pub const SCHEMA: u64 = u64::from_le_bytes(Key::for_path::<(Command, Report)>("echoloop/link").to_bytes());
+
+/// Hash of the layout of [`Settings`] alone, as [`SCHEMA`]: what is stored is only read by firmware that lays it out the same.
+pub const SETTINGS_SCHEMA: u64 = u64::from_le_bytes(Key::for_path::<Settings>("echoloop/settings").to_bytes());
 
 /// Beams a [`Report::Beams`] holds at most: with four echoes each they fill a frame.
 pub const BEAMS_PER_REPORT: usize = 32;
@@ -34,6 +39,8 @@ pub enum Command {
         hash: u32,
         /// The generation this one follows: compare and swap.
         base_generation: u32,
+        /// Frames within which a [`Command::Confirm`] has to come, or the settings before it return; 0: none has to.
+        confirm_within: u16,
     },
     /// Asks for the active settings.
     ReadSettings,
@@ -48,6 +55,18 @@ pub enum Command {
     },
     /// Asks how the link has been.
     ReadCounters,
+    /// Ends the trial of the active settings: they stay.
+    Confirm {
+        /// Their generation.
+        generation: u32,
+    },
+    /// Makes the active settings those of the next start. Apart from commit, because flash wears.
+    Save {
+        /// Their hash.
+        hash: u32,
+    },
+    /// Drops what is saved: the next start has the defaults.
+    Forget,
 }
 
 /// From sensor to host: the answer to the command of the same sequence number.
@@ -105,6 +124,20 @@ pub enum Report {
     },
     /// How the link has been.
     Counters(Counters),
+    /// The active settings stay.
+    Confirmed {
+        /// Their generation.
+        generation: u32,
+    },
+    /// The active settings are those of the next start.
+    Saved {
+        /// Their hash.
+        hash: u32,
+        /// How many sets have been saved since there were none, modulo 2³².
+        revision: u32,
+    },
+    /// Nothing is saved.
+    Forgotten,
 }
 
 /// Who speaks, and which language. Its bytes never change: magic, then protocol and schema in fixed little endian.
@@ -139,9 +172,9 @@ pub enum Nack {
         /// Hash of what is staged.
         staged: u32,
     },
-    /// Commit on top of a generation other than the active one.
+    /// Commit on top of a generation other than the newest, or confirmation of one other than the active.
     WrongGeneration {
-        /// The active one.
+        /// That one.
         generation: u32,
     },
     /// The beams asked for do not exist or are too many for one report.
@@ -151,9 +184,18 @@ pub enum Nack {
     },
     /// The front end did not answer on its bus.
     FrontEnd,
+    /// Save of settings other than the active ones.
+    NotActive {
+        /// Hash of the active ones.
+        hash: u32,
+    },
+    /// Save of settings that are on trial.
+    OnTrial,
+    /// The settings could not be stored; what was saved before still is.
+    Storage,
 }
 
-/// How the link has been since the sensor started.
+/// How the link and the sensor have been since the sensor started.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Counters {
@@ -171,11 +213,15 @@ pub struct Counters {
     pub refusals: u32,
     /// Commands older than one already taken, or of another session.
     pub stale: u32,
+    /// Trials that ended with the settings before them.
+    pub rollbacks: u32,
+    /// Starts since power came on, but for the first: by the watchdog.
+    pub restarts: u32,
 }
 
 /// CRC-32C of the settings' postcard bytes: what a commit and every scan name them by. Never 0.
 pub fn settings_hash(settings: &Settings) -> u32 {
     let mut bytes = [0; 96];
-    let length = postcard::to_slice(settings, &mut bytes).map_or(0, |b| b.len());
-    crate::frame::CRC.checksum(&bytes[..length]).max(1)
+    let bytes = postcard::to_slice(settings, &mut bytes).map_or(&[][..], |bytes| bytes); // 15 fields of 5 bytes, and 1
+    checksum(bytes).max(1)
 }

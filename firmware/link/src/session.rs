@@ -1,11 +1,9 @@
-//! The sensor's side of the conversation: hello, stage → check → commit, frame boundaries.
+//! The sensor's side of the conversation: hello, stage → check → commit → confirm, frame boundaries.
 
-use echoloop_dsp::{Hardware, ScanPattern, Settings};
+use echoloop_dsp::{Echoes, Hardware, ScanPattern, Settings};
 use heapless::String;
 
-use crate::message::{
-    BEAMS_PER_REPORT, Command, Counters, Greeting, MAGIC, Nack, PROTOCOL, Report, SCHEMA, settings_hash,
-};
+use crate::message::{BEAMS_PER_REPORT, Command, Counters, Greeting, Nack, Report, settings_hash};
 
 /// Settings with the name they go by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,6 +11,17 @@ struct Version {
     generation: u32,
     hash: u32,
     settings: Settings,
+    /// As committed: how many frames their trial lasts, 0 without.
+    confirm_within: u16,
+}
+
+/// A trial of the active settings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Trial {
+    /// Frames left to confirm in; never 0.
+    left: u16,
+    /// What returns otherwise.
+    good: Settings,
 }
 
 /// The scan being read. It stays open until its last beam has been sent and something else is asked, so that the last beams
@@ -21,6 +30,10 @@ struct Version {
 struct Frame {
     number: u32,
     complete: bool,
+    /// Beams measured from the first on, without a gap.
+    measured: u32,
+    /// Whether any beam had an echo.
+    seen: bool,
 }
 
 /// What a command asks of the sensor.
@@ -29,7 +42,7 @@ struct Frame {
 pub enum Answer {
     /// Send this.
     Report(Report),
-    /// Measure these beams with the active settings and send them.
+    /// Measure these beams with the active settings, tell [`Session::measured`], and send them.
     Measure {
         /// Number of the scan.
         frame: u32,
@@ -38,12 +51,25 @@ pub enum Answer {
         /// How many, 1 to [`BEAMS_PER_REPORT`].
         count: u16,
     },
+    /// Store these settings, which go by this hash, unless they are what is stored.
+    Save {
+        /// The active settings.
+        settings: Settings,
+        /// Their hash.
+        hash: u32,
+    },
+    /// Drop what is stored.
+    Forget,
 }
 
 /// State of the conversation. Settings are whole in it: staged, active, or waiting for the frame to end.
 ///
-/// Invariants: the active settings passed [`Settings::check`]; they change only between frames; a generation names one set of
-/// settings for ever.
+/// Invariants, from start to start:
+///
+/// * the active settings passed [`Settings::check`];
+/// * they change only between frames;
+/// * a generation names one set of settings for ever: those that return from a trial get a new one;
+/// * what is saved is active and not on trial.
 #[derive(Clone, Debug)]
 pub struct Session {
     hardware: Hardware,
@@ -52,6 +78,8 @@ pub struct Session {
     ready: bool,
     staged: Option<Settings>,
     active: Version,
+    /// Whether, and for how long, the active settings are on trial.
+    trial: Option<Trial>,
     /// Committed while a frame was open; takes its place when the frame ends.
     pending: Option<Version>,
     frame: Option<Frame>,
@@ -60,16 +88,17 @@ pub struct Session {
 }
 
 impl Session {
-    /// A sensor with its default settings, generation 0.
-    pub fn new(hardware: Hardware, pattern: ScanPattern, build: &'static str) -> Self {
-        let settings = Settings::default();
+    /// A sensor that starts with these settings, or the defaults when they do not pass; generation 0.
+    pub fn new(hardware: Hardware, pattern: ScanPattern, build: &'static str, settings: Settings) -> Self {
+        let settings = if settings.check(&hardware).is_ok() { settings } else { Settings::default() };
         Self {
             hardware,
             pattern,
             build,
             ready: false,
             staged: None,
-            active: Version { generation: 0, hash: settings_hash(&settings), settings },
+            active: Version { generation: 0, hash: settings_hash(&settings), settings, confirm_within: 0 },
+            trial: None,
             pending: None,
             frame: None,
             counters: Counters::default(),
@@ -86,6 +115,11 @@ impl Session {
         (self.active.generation, self.active.hash)
     }
 
+    /// Whether the active settings are on trial.
+    pub fn on_trial(&self) -> bool {
+        self.trial.is_some()
+    }
+
     /// Takes one command.
     pub fn handle(&mut self, command: Command) -> Answer {
         if let Command::Hello(greeting) = command {
@@ -98,21 +132,36 @@ impl Session {
         match command {
             Command::Hello(_) => nack(Nack::NotReady), // answered above
             Command::Stage(settings) => Answer::Report(self.stage(settings)),
-            Command::Commit { hash, base_generation } => Answer::Report(self.commit(hash, base_generation)),
+            Command::Commit { hash, base_generation, confirm_within } => {
+                Answer::Report(self.commit(hash, base_generation, confirm_within))
+            }
             Command::ReadSettings => Answer::Report(self.read_settings()),
             Command::ReadBeams { frame, first, count } => self.read_beams(frame, first, count),
             Command::ReadCounters => Answer::Report(Report::Counters(self.counters)),
+            Command::Confirm { generation } => Answer::Report(self.confirm(generation)),
+            Command::Save { hash } => self.save(hash),
+            Command::Forget => Answer::Forget,
+        }
+    }
+
+    /// Hears what was measured for an [`Answer::Measure`]: a trial needs echoes.
+    pub fn measured(&mut self, first: u32, beams: &[Echoes]) {
+        let Some(frame) = &mut self.frame else { return };
+        frame.seen |= beams.iter().any(|echoes| !echoes.is_empty());
+        if first <= frame.measured {
+            frame.measured = frame.measured.max(first.saturating_add(beams.len() as u32));
         }
     }
 
     /// Our greeting in any case; the session opens only when theirs is the same. Whatever scan was open is over, so that what
-    /// was committed during it is what the new session reads.
+    /// was committed during it is what the new session reads; whatever was on trial has nobody left to confirm it.
     fn hello(&mut self, theirs: Greeting) -> Report {
         self.ready = theirs == Greeting::OURS;
         self.staged = None;
         self.end_frame();
+        self.roll_back();
         Report::Hello {
-            greeting: Greeting { magic: MAGIC, protocol: PROTOCOL, schema: SCHEMA },
+            greeting: Greeting::OURS,
             build: self.build.chars().take(32).fold(String::new(), |mut text, c| {
                 let _ = text.push(c); // a longer name is cut
                 text
@@ -136,10 +185,11 @@ impl Session {
     }
 
     /// Compare and swap. A commit that has already happened is answered again, so that a host may repeat it.
-    fn commit(&mut self, hash: u32, base_generation: u32) -> Report {
+    fn commit(&mut self, hash: u32, base_generation: u32, confirm_within: u16) -> Report {
         let newest = self.pending.unwrap_or(self.active);
-        if newest.generation == base_generation.wrapping_add(1) && newest.hash == hash {
-            return Report::Committed { generation: newest.generation, hash };
+        let generation = base_generation.wrapping_add(1);
+        if (newest.generation, newest.hash, newest.confirm_within) == (generation, hash, confirm_within) {
+            return Report::Committed { generation, hash };
         }
         if newest.generation != base_generation {
             return Report::Nack(Nack::WrongGeneration { generation: newest.generation });
@@ -147,34 +197,58 @@ impl Session {
         let Some(settings) = self.staged.filter(|s| settings_hash(s) == hash) else {
             return Report::Nack(Nack::NotStaged { staged: self.staged.map_or(0, |s| settings_hash(&s)) });
         };
-        let version = Version { generation: base_generation.wrapping_add(1), hash, settings };
+        let version = Version { generation, hash, settings, confirm_within };
         self.staged = None;
         match self.frame {
             Some(_) => self.pending = Some(version),
-            None => self.active = version,
+            None => self.activate(version),
         }
-        Report::Committed { generation: version.generation, hash }
+        Report::Committed { generation, hash }
+    }
+
+    /// The host's word that the active settings work. Said again it is answered again, and of settings that are not on trial
+    /// it is true already.
+    fn confirm(&mut self, generation: u32) -> Report {
+        if generation != self.active.generation {
+            return Report::Nack(Nack::WrongGeneration { generation: self.active.generation });
+        }
+        self.trial = None;
+        Report::Confirmed { generation }
+    }
+
+    fn save(&self, hash: u32) -> Answer {
+        let active = self.active;
+        if hash != active.hash {
+            return nack(Nack::NotActive { hash: active.hash });
+        }
+        if self.on_trial() {
+            return nack(Nack::OnTrial);
+        }
+        Answer::Save { settings: active.settings, hash }
     }
 
     fn read_settings(&self) -> Report {
-        let Version { generation, hash, settings } = self.active;
+        let Version { generation, hash, settings, .. } = self.active;
         Report::Settings { generation, hash, settings }
     }
 
-    fn read_beams(&mut self, frame: u32, first: u32, count: u16) -> Answer {
+    fn read_beams(&mut self, number: u32, first: u32, count: u16) -> Answer {
         let beams = self.pattern.beams();
         let fits = (1..=BEAMS_PER_REPORT).contains(&usize::from(count));
         let end = first.checked_add(u32::from(count)).filter(|&end| fits && end <= beams);
         let Some(end) = end else { return nack(Nack::NoSuchBeams { beams }) };
-        self.frame = Some(Frame { number: frame, complete: end == beams });
-        Answer::Measure { frame, first, count }
+        let open = self.frame.unwrap_or(Frame { number, complete: false, measured: 0, seen: false });
+        self.frame = Some(Frame { complete: end == beams, ..open });
+        Answer::Measure { frame: number, first, count }
     }
 
-    /// A frame boundary: what was committed during the frame takes its place.
+    /// A frame boundary: what was committed during the frame takes its place, and a trial is judged. A confirmation is heard
+    /// before the frame it follows is.
     fn end_frame_before(&mut self, command: &Command) {
         let Some(open) = self.frame else { return };
         let ends = match command {
             Command::ReadBeams { frame, .. } => *frame != open.number,
+            Command::Confirm { .. } => false,
             _ => open.complete,
         };
         if ends {
@@ -183,8 +257,36 @@ impl Session {
     }
 
     fn end_frame(&mut self) {
-        self.frame = None;
-        self.active = self.pending.take().unwrap_or(self.active);
+        let Some(frame) = self.frame.take() else { return };
+        match self.pending.take() {
+            Some(version) => self.activate(version),
+            None => self.judge(frame),
+        }
+    }
+
+    /// Settings on trial that another commit replaces are never the good ones.
+    fn activate(&mut self, version: Version) {
+        let good = self.trial.map_or(self.active.settings, |trial| trial.good);
+        self.active = version;
+        self.trial = (version.confirm_within > 0).then_some(Trial { left: version.confirm_within, good });
+    }
+
+    /// A trial is over when its frames are, or when one whole frame has no echo.
+    fn judge(&mut self, frame: Frame) {
+        let Some(trial) = &mut self.trial else { return };
+        trial.left = trial.left.saturating_sub(1);
+        let blind = frame.measured == self.pattern.beams() && !frame.seen;
+        if trial.left == 0 || blind {
+            self.roll_back();
+        }
+    }
+
+    /// Back to the last good settings, under a name of their own.
+    fn roll_back(&mut self) {
+        let Some(Trial { good: settings, .. }) = self.trial.take() else { return };
+        let generation = self.active.generation.wrapping_add(1);
+        self.active = Version { generation, hash: settings_hash(&settings), settings, confirm_within: 0 };
+        self.counters.rollbacks = self.counters.rollbacks.wrapping_add(1);
     }
 }
 
@@ -195,11 +297,12 @@ fn nack(reason: Nack) -> Answer {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::message::SCHEMA;
 
     const PATTERN: ScanPattern = ScanPattern { columns: 10, rows: 10, azimuth_cdeg: 18_000, elevation_cdeg: 9_000 };
 
     fn opened() -> Session {
-        let mut session = Session::new(Hardware::REFERENCE, PATTERN, "test");
+        let mut session = Session::new(Hardware::REFERENCE, PATTERN, "test", Settings::default());
         session.handle(Command::Hello(Greeting::OURS));
         session
     }
@@ -207,7 +310,7 @@ mod tests {
     fn report(session: &mut Session, command: Command) -> Report {
         match session.handle(command) {
             Answer::Report(report) => report,
-            Answer::Measure { .. } => panic!("a report was expected"),
+            other => panic!("a report was expected, not {other:?}"),
         }
     }
 
@@ -220,7 +323,7 @@ mod tests {
 
     #[test]
     fn nothing_is_answered_before_a_matching_hello() {
-        let mut session = Session::new(Hardware::REFERENCE, PATTERN, "test");
+        let mut session = Session::new(Hardware::REFERENCE, PATTERN, "test", Settings::default());
         assert_eq!(report(&mut session, Command::ReadSettings), Report::Nack(Nack::NotReady));
         let other = Greeting { schema: SCHEMA ^ 1, ..Greeting::OURS };
         let Report::Hello { greeting, .. } = report(&mut session, Command::Hello(other)) else { panic!() };
@@ -233,7 +336,7 @@ mod tests {
         let mut session = opened();
         let hash = stage(&mut session, 100);
         for _ in 0..2 {
-            let answer = report(&mut session, Command::Commit { hash, base_generation: 0 });
+            let answer = report(&mut session, Command::Commit { hash, base_generation: 0, confirm_within: 0 });
             assert_eq!(answer, Report::Committed { generation: 1, hash });
         }
         assert_eq!(session.settings().gain_cdb, 100);
@@ -243,9 +346,9 @@ mod tests {
     fn a_commit_on_another_generation_changes_nothing() {
         let mut session = opened();
         let hash = stage(&mut session, 100);
-        let answer = report(&mut session, Command::Commit { hash, base_generation: 7 });
+        let answer = report(&mut session, Command::Commit { hash, base_generation: 7, confirm_within: 0 });
         assert_eq!(answer, Report::Nack(Nack::WrongGeneration { generation: 0 }));
-        let answer = report(&mut session, Command::Commit { hash: hash ^ 1, base_generation: 0 });
+        let answer = report(&mut session, Command::Commit { hash: hash ^ 1, base_generation: 0, confirm_within: 0 });
         assert_eq!(answer, Report::Nack(Nack::NotStaged { staged: hash }));
         assert_eq!(*session.settings(), Settings::default());
     }
@@ -257,7 +360,7 @@ mod tests {
         let refused = report(&mut session, Command::Stage(Settings { gain_cdb: 9_999, ..Settings::default() }));
         assert!(matches!(refused, Report::Refused(_)));
         assert_eq!(*session.settings(), Settings::default());
-        let answer = report(&mut session, Command::Commit { hash, base_generation: 0 });
+        let answer = report(&mut session, Command::Commit { hash, base_generation: 0, confirm_within: 0 });
         assert_eq!(answer, Report::Committed { generation: 1, hash });
     }
 
@@ -270,7 +373,7 @@ mod tests {
         };
         assert_eq!(read(&mut session, 1, 0), 0);
         let hash = stage(&mut session, 100);
-        report(&mut session, Command::Commit { hash, base_generation: 0 });
+        report(&mut session, Command::Commit { hash, base_generation: 0, confirm_within: 0 });
         for first in [20, 40, 60, 80, 80] {
             assert_eq!(read(&mut session, 1, first), 0, "in the frame, its last beams asked again too");
         }
@@ -282,7 +385,7 @@ mod tests {
         let mut session = opened();
         session.handle(Command::ReadBeams { frame: 1, first: 80, count: 20 });
         let hash = stage(&mut session, 100);
-        report(&mut session, Command::Commit { hash, base_generation: 0 });
+        report(&mut session, Command::Commit { hash, base_generation: 0, confirm_within: 0 });
         assert_eq!(session.version(), (1, hash));
     }
 
@@ -291,7 +394,7 @@ mod tests {
         let mut session = opened();
         session.handle(Command::ReadBeams { frame: 1, first: 0, count: 20 });
         let hash = stage(&mut session, 100);
-        report(&mut session, Command::Commit { hash, base_generation: 0 });
+        report(&mut session, Command::Commit { hash, base_generation: 0, confirm_within: 0 });
         assert_eq!(session.version().0, 0, "the frame is open");
         report(&mut session, Command::Hello(Greeting::OURS));
         assert_eq!(session.version(), (1, hash));
@@ -304,5 +407,152 @@ mod tests {
             let answer = report(&mut session, Command::ReadBeams { frame: 1, first, count });
             assert_eq!(answer, Report::Nack(Nack::NoSuchBeams { beams: 100 }), "{first} {count}");
         }
+    }
+
+    /// Commits gain 1.00 dB on trial, as generation 1.
+    fn on_trial(confirm_within: u16) -> (Session, u32) {
+        let mut session = opened();
+        let hash = stage(&mut session, 100);
+        let answer = report(&mut session, Command::Commit { hash, base_generation: 0, confirm_within });
+        assert_eq!(answer, Report::Committed { generation: 1, hash });
+        (session, hash)
+    }
+
+    /// Reads a whole frame; every beam has that many echoes.
+    fn scan(session: &mut Session, number: u32, echoes: usize) {
+        for first in (0..100).step_by(20) {
+            session.handle(Command::ReadBeams { frame: number, first, count: 20 });
+            let beam: Echoes = (0..echoes).map(|_| echoloop_dsp::Echo::default()).collect();
+            session.measured(first, &core::array::from_fn::<_, 20, _>(|_| beam.clone()));
+        }
+    }
+
+    fn gain(session: &Session) -> (u32, i32) {
+        (session.version().0, session.settings().gain_cdb)
+    }
+
+    #[test]
+    fn a_trial_that_nobody_confirms_ends_after_its_frames_under_a_new_name() {
+        let (mut session, _) = on_trial(3);
+        for number in 1..=3 {
+            scan(&mut session, number, 1);
+            assert_eq!(gain(&session), (1, 100), "frame {number}");
+        }
+        report(&mut session, Command::ReadSettings);
+        assert_eq!(gain(&session), (2, 0));
+        assert_eq!(session.counters.rollbacks, 1);
+    }
+
+    #[test]
+    fn a_confirmed_trial_stays() {
+        for frames in 0..=2 {
+            let (mut session, _) = on_trial(2);
+            (1..=frames).for_each(|number| scan(&mut session, number, 1));
+            for _ in 0..2 {
+                let answer = report(&mut session, Command::Confirm { generation: 1 });
+                assert_eq!(answer, Report::Confirmed { generation: 1 }, "after {frames} frames");
+            }
+            (11..15).for_each(|number| scan(&mut session, number, 0));
+            report(&mut session, Command::Hello(Greeting::OURS));
+            assert_eq!(gain(&session), (1, 100));
+            assert_eq!(session.counters.rollbacks, 0);
+        }
+    }
+
+    #[test]
+    fn a_confirmation_that_comes_too_late_changes_nothing() {
+        let (mut session, _) = on_trial(1);
+        scan(&mut session, 1, 1);
+        scan(&mut session, 2, 1);
+        let answer = report(&mut session, Command::Confirm { generation: 1 });
+        assert_eq!(answer, Report::Nack(Nack::WrongGeneration { generation: 2 }));
+        assert_eq!(gain(&session), (2, 0));
+    }
+
+    #[test]
+    fn a_trial_without_a_single_echo_in_a_frame_ends_with_it() {
+        let (mut session, _) = on_trial(100);
+        scan(&mut session, 1, 1);
+        scan(&mut session, 2, 0);
+        assert_eq!(gain(&session), (1, 100), "in the frame");
+        scan(&mut session, 3, 1);
+        assert_eq!(gain(&session), (2, 0));
+    }
+
+    #[test]
+    fn half_a_frame_without_an_echo_proves_nothing() {
+        let (mut session, _) = on_trial(100);
+        for number in 1..9 {
+            session.handle(Command::ReadBeams { frame: number, first: 80, count: 20 });
+            session.measured(80, &core::array::from_fn::<_, 20, _>(|_| Echoes::new()));
+        }
+        assert_eq!(gain(&session), (1, 100));
+    }
+
+    #[test]
+    fn settings_that_are_not_on_trial_may_see_nothing() {
+        let (mut session, _) = on_trial(0);
+        (1..9).for_each(|number| scan(&mut session, number, 0));
+        assert_eq!(gain(&session), (1, 100));
+    }
+
+    #[test]
+    fn a_new_session_ends_a_trial() {
+        let (mut session, _) = on_trial(100);
+        report(&mut session, Command::Hello(Greeting::OURS));
+        assert_eq!(gain(&session), (2, 0));
+    }
+
+    #[test]
+    fn a_trial_after_a_trial_falls_back_behind_both() {
+        let (mut session, _) = on_trial(100);
+        let hash = stage(&mut session, 200);
+        report(&mut session, Command::Commit { hash, base_generation: 1, confirm_within: 1 });
+        assert_eq!(gain(&session), (2, 200));
+        scan(&mut session, 1, 1);
+        report(&mut session, Command::ReadCounters);
+        assert_eq!(gain(&session), (3, 0));
+    }
+
+    #[test]
+    fn a_commit_in_a_trial_s_last_frame_takes_its_place() {
+        let (mut session, _) = on_trial(1);
+        session.handle(Command::ReadBeams { frame: 1, first: 0, count: 20 });
+        let hash = stage(&mut session, 200);
+        report(&mut session, Command::Commit { hash, base_generation: 1, confirm_within: 0 });
+        report(&mut session, Command::Hello(Greeting::OURS));
+        assert_eq!(gain(&session), (2, 200));
+        assert_eq!(session.counters.rollbacks, 0);
+    }
+
+    #[test]
+    fn a_trial_said_twice_is_one_trial_and_no_other_commit() {
+        let (mut session, hash) = on_trial(2);
+        scan(&mut session, 1, 1);
+        let again = report(&mut session, Command::Commit { hash, base_generation: 0, confirm_within: 2 });
+        assert_eq!(again, Report::Committed { generation: 1, hash });
+        let plain = report(&mut session, Command::Commit { hash, base_generation: 0, confirm_within: 0 });
+        assert_eq!(plain, Report::Nack(Nack::WrongGeneration { generation: 1 }), "it would be no trial");
+        scan(&mut session, 2, 1);
+        scan(&mut session, 3, 1);
+        assert_eq!(gain(&session), (2, 0), "the repetition gave it no more frames");
+    }
+
+    #[test]
+    fn only_what_is_active_and_not_on_trial_is_saved() {
+        let (mut session, hash) = on_trial(100);
+        let before = settings_hash(&Settings::default());
+        assert_eq!(report(&mut session, Command::Save { hash: before }), Report::Nack(Nack::NotActive { hash }));
+        assert_eq!(report(&mut session, Command::Save { hash }), Report::Nack(Nack::OnTrial));
+        report(&mut session, Command::Confirm { generation: 1 });
+        let settings = *session.settings();
+        assert_eq!(session.handle(Command::Save { hash }), Answer::Save { settings, hash });
+    }
+
+    #[test]
+    fn a_start_with_settings_that_do_not_pass_is_one_with_the_defaults() {
+        let settings = Settings { gain_cdb: 9_999, ..Settings::default() };
+        let session = Session::new(Hardware::REFERENCE, PATTERN, "test", settings);
+        assert_eq!(*session.settings(), Settings::default());
     }
 }

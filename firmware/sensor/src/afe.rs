@@ -64,10 +64,10 @@ pub enum AfeError {
 
 /// Trigger to sample 0: there and back to the first range, and half a pulse, because an echo's time is its middle.
 pub fn delay_fs(settings: &Settings, hardware: &Hardware) -> u32 {
-    // mm / (m/s) is ms; 10¹² fs are one.
-    let there_and_back = u64::from(2 * hardware.range_min_mm) * 1_000_000_000_000;
-    let flight = (there_and_back + SPEED_OF_LIGHT_M_S / 2) / SPEED_OF_LIGHT_M_S;
-    (flight + settings.pulse_width_ps as u64 * 1000) as u32
+    // mm / (m/s) is ms; 10¹² fs are one. The register holds it up to 600 m; what saturates is far beyond.
+    let there_and_back = u64::from(hardware.range_min_mm).saturating_mul(2_000_000_000_000);
+    let flight = there_and_back.saturating_add(SPEED_OF_LIGHT_M_S / 2) / SPEED_OF_LIGHT_M_S;
+    flight.saturating_add((settings.pulse_width_ps as u64).saturating_mul(1000)) as u32
 }
 
 /// Writes a whole set of settings to both of a board's devices.

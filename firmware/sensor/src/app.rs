@@ -7,6 +7,7 @@ use heapless::Vec;
 
 use crate::afe::{self, AfeError};
 use crate::board::Board;
+use crate::store;
 
 /// Name and version of this firmware.
 pub const BUILD: &str = concat!("echoloop-sensor ", env!("CARGO_PKG_VERSION"));
@@ -14,6 +15,10 @@ pub const BUILD: &str = concat!("echoloop-sensor ", env!("CARGO_PKG_VERSION"));
 /// How far ahead of the newest command the next may be numbered. A host counts on when it gives a command up; after so many it
 /// has to say hello.
 pub const MAX_SKIPPED: u16 = 256;
+
+/// How far behind the newest command a hello counts as overtaken: were it taken, other overtaken commands could act after it.
+/// A new host that begins there by chance has to begin elsewhere.
+pub const MAX_LATE_HELLO: u16 = 32;
 
 /// The link is gone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,9 +47,12 @@ pub struct App<B> {
 }
 
 impl<B: Board> App<B> {
-    /// A sensor with default settings; the front end is set when it is first needed.
-    pub fn new(board: B) -> Self {
-        let session = Session::new(board.hardware(), board.pattern(), BUILD);
+    /// A sensor with the settings that were saved, or the defaults; the front end is set when it is first needed.
+    pub fn new(mut board: B) -> Self {
+        let hardware = board.hardware();
+        let settings = store::load(board.store(), &hardware).map_or_else(Settings::default, |saved| saved.settings);
+        let mut session = Session::new(hardware, board.pattern(), BUILD, settings);
+        session.counters.restarts = board.restarts();
         Self {
             board,
             session,
@@ -68,21 +76,24 @@ impl<B: Board> App<B> {
         &self.session
     }
 
-    /// Takes what has arrived and answers every whole frame. Returns when nothing is left to read.
+    /// Takes what has arrived and answers every whole frame. Returns when nothing is left to read. Feeds the watchdog at every
+    /// turn, even when nothing has arrived.
     ///
     /// # Errors
     ///
     /// [`LinkLost`] when the link cannot be read or written; the sensor's state is as before the frame at hand.
     pub fn poll(&mut self) -> Result<(), LinkLost> {
         let mut chunk = [0; 64];
+        self.board.feed_watchdog();
         while self.board.link().read_ready().map_err(|_| LinkLost)? {
             let length = self.board.link().read(&mut chunk).map_err(|_| LinkLost)?;
             if length == 0 {
                 return Ok(());
             }
-            for &byte in &chunk[..length] {
+            for &byte in chunk.iter().take(length) {
                 self.take_byte(byte)?;
             }
+            self.board.feed_watchdog();
         }
         Ok(())
     }
@@ -105,10 +116,13 @@ impl<B: Board> App<B> {
     }
 
     /// A command overtaken by a later one, or of an earlier session: its host has given it up, so it must not act now, nor make
-    /// what follows look old. A hello begins anew.
+    /// what follows look old. A hello begins anew, unless it is one of those just overtaken.
     fn is_stale(&self, sequence: u16, command: &Command) -> bool {
-        let foreign = self.sequence.is_some_and(|newest| sequence.wrapping_sub(newest) > MAX_SKIPPED);
-        foreign && !matches!(command, Command::Hello(_))
+        let Some(newest) = self.sequence else { return false };
+        match command {
+            Command::Hello(_) => (1..=MAX_LATE_HELLO).contains(&newest.wrapping_sub(sequence)),
+            _ => sequence.wrapping_sub(newest) > MAX_SKIPPED,
+        }
     }
 
     /// A broken frame is counted and never acted on; only an intact one of another schema can be answered.
@@ -135,7 +149,22 @@ impl<B: Board> App<B> {
             Answer::Measure { frame, first, count } => {
                 self.measure(frame, first, count).unwrap_or_else(|_| self.front_end_failed())
             }
+            Answer::Save { settings, hash } => self.save(&settings, hash),
+            Answer::Forget => self.forget(),
         }
+    }
+
+    fn save(&mut self, settings: &Settings, hash: u32) -> Report {
+        let hardware = self.board.hardware();
+        match store::save(self.board.store(), &hardware, settings) {
+            Ok(revision) => Report::Saved { hash, revision },
+            Err(error) => storage_failed(error),
+        }
+    }
+
+    fn forget(&mut self) -> Report {
+        let hardware = self.board.hardware();
+        store::forget(self.board.store(), &hardware).map_or_else(storage_failed, |()| Report::Forgotten)
     }
 
     /// Fires the beams and reports their echoes under the name of the settings that made them.
@@ -146,10 +175,12 @@ impl<B: Board> App<B> {
             self.frame = Some(frame);
         }
         let mut beams: Vec<Echoes, BEAMS_PER_REPORT> = Vec::new();
-        for beam in first..first + u32::from(count) {
+        for beam in first..first.saturating_add(u32::from(count)) {
+            self.board.feed_watchdog();
             let echoes = self.shoot(beam)?;
             let _ = beams.push(echoes); // the session grants no more than fit
         }
+        self.session.measured(first, &beams);
         let (generation, hash) = self.session.version();
         Ok(Report::Beams { frame, first, generation, hash, beams })
     }
@@ -194,4 +225,11 @@ impl<B: Board> App<B> {
         self.board.link().write_all(bytes).map_err(|_| LinkLost)?;
         self.board.link().flush().map_err(|_| LinkLost)
     }
+}
+
+#[cfg_attr(not(feature = "defmt"), allow(unused_variables, reason = "only the log says it"))]
+fn storage_failed(error: store::StoreError) -> Report {
+    #[cfg(feature = "defmt")]
+    defmt::warn!("settings not stored: {}", error);
+    Report::Nack(Nack::Storage)
 }

@@ -4,13 +4,16 @@ use echoloop_dsp::kernel::Portable;
 use echoloop_dsp::{Echoes, Hardware, Pipeline, ScanPattern, Scratch};
 use embedded_hal::spi::SpiDevice;
 use embedded_io::{Read, ReadReady, Write};
+use embedded_storage::nor_flash::NorFlash;
 
-/// A board: two SPI devices, a sample buffer and a serial link.
+/// A board: two SPI devices, a sample buffer, a serial link, a little flash and a watchdog.
 pub trait Board {
     /// The bus the emitter and the converter sit on.
     type Spi: SpiDevice;
     /// The serial link to the host.
     type Link: Read + ReadReady + Write;
+    /// The flash that settings are saved in: all of it is [`crate::store`]'s.
+    type Store: NorFlash;
 
     /// What the hardware fixes.
     fn hardware(&self) -> Hardware;
@@ -22,6 +25,16 @@ pub trait Board {
     fn adc(&mut self) -> &mut Self::Spi;
     /// The link.
     fn link(&mut self) -> &mut Self::Link;
+    /// The flash.
+    fn store(&mut self) -> &mut Self::Store;
+
+    /// Says that the program still runs. The longest time without is one beam, one answer sent, or one slot erased and written.
+    fn feed_watchdog(&mut self) {}
+
+    /// Starts since power came on, but for the first: by the watchdog.
+    fn restarts(&self) -> u32 {
+        0
+    }
 
     /// Waits for the shot fired last and copies its samples out of the converter's buffer. False: it never came.
     fn samples(&mut self, codes: &mut [u16]) -> bool;

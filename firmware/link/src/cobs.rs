@@ -1,0 +1,48 @@
+//! Consistent overhead byte stuffing, without an index: what cannot go out of bounds needs no check that panics.
+//!
+//! A code byte n stands for the n − 1 bytes that follow it and a zero; but n = 255 stands for no zero, and neither does the
+//! last code.
+
+use core::cell::Cell;
+
+/// Writes `source` to `target` without zeros; how many bytes. `None` when it does not fit.
+pub(crate) fn encode(source: &[u8], target: &mut [u8]) -> Option<usize> {
+    let room = target.len();
+    let mut target = target.iter_mut();
+    let mut code = target.next()?;
+    *code = 1;
+    for &byte in source {
+        if *code == u8::MAX {
+            code = target.next()?;
+            *code = 1;
+        }
+        if byte == 0 {
+            code = target.next()?;
+            *code = 1;
+        } else {
+            *target.next()? = byte;
+            *code = code.wrapping_add(1); // full at 255, above
+        }
+    }
+    Some(room.wrapping_sub(target.len()))
+}
+
+/// Undoes [`encode`] in place; how many bytes are left. `None` of bytes that it never makes, a zero among them.
+pub(crate) fn decode_in_place(bytes: &mut [u8]) -> Option<usize> {
+    let cells = Cell::from_mut(bytes).as_slice_of_cells();
+    let mut source = cells.iter().map(Cell::get);
+    let mut target = cells.iter();
+    while let Some(code) = source.next() {
+        if code == 0 {
+            return None;
+        }
+        for _ in 1..code {
+            let byte = source.next().filter(|&byte| byte != 0)?;
+            target.next()?.set(byte);
+        }
+        if code != u8::MAX && source.len() > 0 {
+            target.next()?.set(0);
+        }
+    }
+    Some(cells.len().wrapping_sub(target.len()))
+}

@@ -1,0 +1,152 @@
+//! A NOR flash in memory: bits go from one to zero until they are erased, and the power may go at any moment.
+
+use embedded_storage::nor_flash::{
+    ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash, check_erase, check_read, check_write,
+};
+use rand::{Rng, RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// A flash of two erase blocks of `ERASE` bytes, written in words of `WRITE`.
+///
+/// A word is written once between erasures; writing it again is refused, as flash with error correction does. When the power
+/// goes, the word under way holds anything between what it held and what it was to hold, the block being erased likewise, bit by
+/// bit; what was done before stays, and nothing works until [`NorRam::switch_on`].
+#[derive(Clone, Debug)]
+pub struct NorRam<const WRITE: usize = 4, const ERASE: usize = 256> {
+    bytes: Vec<u8>,
+    written: Vec<bool>,
+    /// Words and blocks until the power goes.
+    left: Option<usize>,
+    tear: ChaCha8Rng,
+    /// Blocks erased and words written.
+    erased: usize,
+    programmed: usize,
+}
+
+impl<const WRITE: usize, const ERASE: usize> Default for NorRam<WRITE, ERASE> {
+    fn default() -> Self {
+        Self::holding(vec![0xFF; 2 * ERASE])
+    }
+}
+
+impl<const WRITE: usize, const ERASE: usize> NorRam<WRITE, ERASE> {
+    /// A flash that holds these bytes, whole blocks.
+    pub fn holding(bytes: Vec<u8>) -> Self {
+        let written = bytes.chunks(WRITE).map(|word| word.iter().any(|&byte| byte != 0xFF)).collect();
+        Self { bytes, written, left: None, tear: ChaCha8Rng::seed_from_u64(0), erased: 0, programmed: 0 }
+    }
+
+    /// What it holds.
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// What it holds, for those who flip bits.
+    pub fn bytes_mut(&mut self) -> &mut [u8] {
+        &mut self.bytes
+    }
+
+    /// Blocks erased since it was new.
+    pub fn blocks_erased(&self) -> usize {
+        self.erased
+    }
+
+    /// Words written since it was new.
+    pub fn words_written(&self) -> usize {
+        self.programmed
+    }
+
+    /// The power goes after that many more words and blocks, in the middle of the next; `seed` draws what that one then holds.
+    pub fn cut_after(&mut self, steps: usize, seed: u64) {
+        self.left = Some(steps);
+        self.tear = ChaCha8Rng::seed_from_u64(seed);
+    }
+
+    /// The power is back, for good.
+    pub fn switch_on(&mut self) {
+        self.left = None;
+    }
+
+    /// Whether the power is gone.
+    pub fn is_off(&self) -> bool {
+        self.left == Some(usize::MAX)
+    }
+
+    /// One word or block: whether it is done whole, or torn.
+    fn step(&mut self) -> bool {
+        match &mut self.left {
+            None => true,
+            Some(0) => {
+                self.left = Some(usize::MAX);
+                false
+            }
+            Some(left) => {
+                *left -= 1;
+                true
+            }
+        }
+    }
+
+    fn powered(&self) -> Result<(), NorFlashErrorKind> {
+        if self.is_off() { Err(NorFlashErrorKind::Other) } else { Ok(()) }
+    }
+
+    fn erase_block(&mut self, from: usize) -> Result<(), NorFlashErrorKind> {
+        self.powered()?;
+        let whole = self.step();
+        for byte in &mut self.bytes[from..from + ERASE] {
+            *byte |= if whole { 0xFF } else { self.tear.random::<u8>() };
+        }
+        let written = if whole { false } else { self.tear.random() };
+        self.written[from / WRITE..(from + ERASE) / WRITE].fill(written);
+        self.erased += 1;
+        if whole { Ok(()) } else { Err(NorFlashErrorKind::Other) }
+    }
+
+    fn write_word(&mut self, at: usize, word: &[u8]) -> Result<(), NorFlashErrorKind> {
+        self.powered()?;
+        if std::mem::replace(&mut self.written[at / WRITE], true) {
+            return Err(NorFlashErrorKind::Other);
+        }
+        let whole = self.step();
+        for (byte, new) in self.bytes[at..at + WRITE].iter_mut().zip(word) {
+            *byte &= if whole { *new } else { *new | self.tear.next_u32() as u8 };
+        }
+        self.programmed += 1;
+        if whole { Ok(()) } else { Err(NorFlashErrorKind::Other) }
+    }
+}
+
+impl<const WRITE: usize, const ERASE: usize> ErrorType for NorRam<WRITE, ERASE> {
+    type Error = NorFlashErrorKind;
+}
+
+impl<const WRITE: usize, const ERASE: usize> ReadNorFlash for NorRam<WRITE, ERASE> {
+    const READ_SIZE: usize = 1;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
+        check_read(self, offset, bytes.len())?;
+        self.powered()?;
+        bytes.copy_from_slice(&self.bytes[offset as usize..][..bytes.len()]);
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        self.bytes.len()
+    }
+}
+
+impl<const WRITE: usize, const ERASE: usize> NorFlash for NorRam<WRITE, ERASE> {
+    const WRITE_SIZE: usize = WRITE;
+    const ERASE_SIZE: usize = ERASE;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
+        check_erase(self, from, to)?;
+        (from as usize..to as usize).step_by(ERASE).try_for_each(|block| self.erase_block(block))
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
+        check_write(self, offset, bytes.len())?;
+        bytes.chunks(WRITE).enumerate().try_for_each(|(i, word)| self.write_word(offset as usize + i * WRITE, word))
+    }
+}
