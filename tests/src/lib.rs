@@ -6,7 +6,9 @@
 //! | [`quantised`] | is the integer code what its tables say? Rounds where they say; compared with `==` |
 //! | [`ideal`] | is what the tables say good enough? Never rounds; compared within [`tolerance`] |
 //! | [`target`], [`gdb`] | does the microcontroller say the same? Boards in QEMU, and a hand inside them |
+//! | [`faults`] | what if the line is bad?
 
+pub mod faults;
 #[cfg(unix)]
 pub mod gdb;
 pub mod ideal;

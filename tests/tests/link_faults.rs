@@ -11,62 +11,13 @@ use echoloop_dsp::{Hardware, ScanPattern, Settings};
 use echoloop_host::client::{Client, ClientError, Patience};
 use echoloop_host::frontend::{Receiver, WaveformFrontEnd};
 use echoloop_host::transport::{InProcess, Transport};
-use echoloop_link::{Command, Decoder, MAX_FRAME, Nack, decode, encode};
+use echoloop_link::{Command, Decoder, Greeting, MAX_FRAME, Nack, decode, encode};
+use echoloop_sensor::store;
 use echoloop_sim::board::PcSensor;
 use echoloop_sim::scanner::SceneResponse;
+use echoloop_tests::faults::{Faulty, Rates};
 use echoloop_tests::vectors;
 use rand::RngExt;
-use rand_chacha::ChaCha8Rng;
-
-/// Does each of five harms to a message, either way, with one probability.
-struct Faulty<T> {
-    inner: T,
-    rng: ChaCha8Rng,
-    rate: f64,
-    /// What was held back, to come after the next: to the sensor, to the host.
-    late: [Vec<u8>; 2],
-    harmed: usize,
-}
-
-impl<T> Faulty<T> {
-    fn harm(&mut self, bytes: &[u8], way: usize) -> Vec<u8> {
-        let mut bytes = bytes.to_vec();
-        for harm in 0..5 {
-            if bytes.is_empty() || !self.rng.random_bool(self.rate) {
-                continue;
-            }
-            self.harmed += 1;
-            match harm {
-                0 => bytes.clear(),
-                1 => {
-                    let at = self.rng.random_range(0..bytes.len());
-                    bytes[at] ^= 1 << self.rng.random_range(0..8);
-                }
-                2 => bytes.extend(bytes.clone()),
-                3 => bytes.truncate(self.rng.random_range(0..bytes.len())),
-                _ => return std::mem::replace(&mut self.late[way], bytes),
-            }
-        }
-        bytes.extend(std::mem::take(&mut self.late[way]));
-        bytes
-    }
-}
-
-impl<T: Transport> Transport for Faulty<T> {
-    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
-        let bytes = self.harm(bytes, 0);
-        self.inner.send(&bytes)
-    }
-
-    fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
-        let mut whole = vec![0; buffer.len() / 4];
-        let length = self.inner.receive(&mut whole, timeout)?;
-        let bytes = self.harm(&whole[..length], 1);
-        let length = bytes.len().min(buffer.len());
-        buffer[..length].copy_from_slice(&bytes[..length]);
-        Ok(length)
-    }
-}
 
 fn sensor() -> InProcess<WaveformFrontEnd> {
     let scene = SceneResponse { beams: vec![0; 9], returns: Vec::new() };
@@ -77,20 +28,20 @@ fn sensor() -> InProcess<WaveformFrontEnd> {
 
 /// A harmless reader's view of what is active, past the faults.
 fn active(client: &mut Client<Faulty<InProcess<WaveformFrontEnd>>>) -> Settings {
-    let rate = std::mem::replace(&mut client.transport_mut().rate, 0.0);
+    let rates = std::mem::replace(&mut client.transport_mut().rates, Rates::NONE);
     let settings = client.read_settings().unwrap();
-    client.transport_mut().rate = rate;
+    client.transport_mut().rates = rates;
     settings
 }
 
 #[test]
 fn a_bad_line_never_commits_what_was_not_asked_for() {
-    for (rate, patience, at_least) in [(0.01, 8, 499), (0.05, 8, 490), (0.2, 8, 300), (0.05, 1, 200)] {
+    for (rate, patience, at_least) in [(0.01, 8, 499), (0.05, 8, 490), (0.2, 8, 300), (0.05, 1, 180)] {
         let mut rng = vectors::rng(11);
-        let line = Faulty { inner: sensor(), rng: vectors::rng(12), rate: 0.0, late: Default::default(), harmed: 0 };
+        let line = Faulty::new(sensor(), 12);
         let patience = Patience { timeout: Duration::from_secs(1), tries: patience };
         let mut client = Client::connect_from(line, patience, 0).unwrap();
-        client.transport_mut().rate = rate;
+        client.transport_mut().rates = Rates::all(rate);
         let (mut done, mut reported) = (0, 0);
         let mut before = Settings::default();
         for _ in 0..500 {
@@ -121,15 +72,15 @@ fn a_bad_line_never_commits_what_was_not_asked_for() {
 
 #[test]
 fn a_client_that_lost_the_answer_to_its_commit_finds_out_and_goes_on() {
-    let line = Faulty { inner: sensor(), rng: vectors::rng(1), rate: 0.0, late: Default::default(), harmed: 0 };
+    let line = Faulty::new(sensor(), 1);
     let patience = Patience { timeout: Duration::from_secs(1), tries: 1 };
     let mut client = Client::connect_from(line, patience, 0).unwrap();
     let mut lost = 0;
     for step in 0..200 {
         let wanted = Settings { gain_cdb: step, ..Settings::default() };
-        client.transport_mut().rate = 0.3;
+        client.transport_mut().rates = Rates::all(0.3);
         lost += usize::from(client.configure(&wanted).is_err());
-        client.transport_mut().rate = 0.0;
+        client.transport_mut().rates = Rates::all(0.0);
         client.configure(&wanted).unwrap();
         assert_eq!(client.read_settings().unwrap(), wanted);
     }
@@ -138,11 +89,11 @@ fn a_client_that_lost_the_answer_to_its_commit_finds_out_and_goes_on() {
 
 #[test]
 fn scans_over_a_bad_line_are_whole_or_reported() {
-    let line = Faulty { inner: sensor(), rng: vectors::rng(3), rate: 0.0, late: Default::default(), harmed: 0 };
+    let line = Faulty::new(sensor(), 3);
     let patience = Patience { timeout: Duration::from_secs(1), tries: 6 };
     let mut client = Client::connect_from(line, patience, 0).unwrap();
     let expected = client.scan(1).unwrap();
-    client.transport_mut().rate = 0.1;
+    client.transport_mut().rates = Rates::all(0.1);
     let mut whole = 0;
     for _ in 0..300 {
         match client.scan(1) {
@@ -180,7 +131,8 @@ impl<T: Transport> Transport for Shared<T> {
 fn programs_that_start_and_fail_on_a_bad_line_leave_no_sensor_behind_that_the_next_cannot_use() {
     for (rate, at_least) in [(0.01, 390), (0.05, 380), (0.2, 200)] {
         let mut rng = vectors::rng(21);
-        let line = Faulty { inner: sensor(), rng: vectors::rng(22), rate, late: Default::default(), harmed: 0 };
+        let mut line = Faulty::new(sensor(), 22);
+        line.rates = Rates::all(rate);
         let line = Shared(Rc::new(RefCell::new(line)));
         let patience = Patience { timeout: Duration::from_secs(1), tries: 8 };
         let mut before = Settings::default();
@@ -194,10 +146,10 @@ fn programs_that_start_and_fail_on_a_bad_line_leave_no_sensor_behind_that_the_ne
                 }
                 client.configure(&wanted)
             });
-            let rate = std::mem::replace(&mut line.0.borrow_mut().rate, 0.0);
+            let rates = std::mem::replace(&mut line.0.borrow_mut().rates, Rates::NONE);
             let mut read = || Client::connect_from(line.clone(), patience, rng.random())?.read_settings();
             let now = read().or_else(|_| read()).unwrap(); // what was held back comes during the first
-            line.0.borrow_mut().rate = rate;
+            line.0.borrow_mut().rates = rates;
             match configured {
                 Ok(_) => {
                     done += 1;
@@ -310,7 +262,7 @@ impl<T: Transport> Transport for Intruder<T> {
 }
 
 #[test]
-fn a_hello_that_comes_late_costs_a_second_staging_and_nothing_else() {
+fn a_hello_that_comes_late_costs_nothing() {
     let patience = Patience { timeout: Duration::from_secs(1), tries: 1 };
     let wanted = Settings { gain_cdb: 7, ..Settings::default() };
     for before in 1..6 {
@@ -318,7 +270,36 @@ fn a_hello_that_comes_late_costs_a_second_staging_and_nothing_else() {
         let mut client = Client::connect_from(line, patience, 0).unwrap();
         client.configure(&wanted).unwrap();
         assert_eq!(client.read_settings().unwrap(), wanted, "before message {before}");
+        assert_eq!(client.read_counters().unwrap().stale, u32::from(before > 1));
     }
+}
+
+#[test]
+fn a_program_that_begins_just_behind_another_is_heard_all_the_same() {
+    let patience = Patience { timeout: Duration::from_secs(1), tries: 1 };
+    let line = Shared(Rc::new(RefCell::new(sensor())));
+    for behind in 0..300 {
+        let mut first = Client::connect_from(line.clone(), patience, 1_000).unwrap();
+        first.read_counters().unwrap();
+        let mut second = Client::connect_from(line.clone(), patience, 1_003 - behind).unwrap();
+        let wanted = Settings { gain_cdb: i32::from(behind), ..Settings::default() };
+        second.configure(&wanted).unwrap();
+        assert_eq!(second.read_settings().unwrap(), wanted, "{behind} behind");
+    }
+}
+
+#[test]
+fn a_hello_and_a_forget_that_come_late_do_not_forget_what_was_saved_since() {
+    let patience = Patience { timeout: Duration::from_secs(1), tries: 1 };
+    let mut client = Client::connect_from(sensor(), patience, 0).unwrap(); // hello is number 1
+    client.forget().unwrap(); // number 3
+    client.save().unwrap();
+    for (sequence, command) in [(1, Command::Hello(Greeting::OURS)), (3, Command::Forget)] {
+        client.transport_mut().send(encode(sequence, &command, &mut [0; MAX_FRAME]).unwrap()).unwrap();
+    }
+    let flash = client.transport_mut().0.store_mut();
+    assert!(store::load(flash, &Hardware::REFERENCE).is_some());
+    assert_eq!(client.read_counters().unwrap().stale, 2);
 }
 
 #[test]

@@ -1,0 +1,221 @@
+//! A line that harms what it carries, and a scene that is cheap to look at.
+
+use std::collections::VecDeque;
+use std::io;
+use std::time::Duration;
+
+use echoloop_host::transport::Transport;
+use echoloop_sim::board::{Analog, FrontEnd};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+/// How probable each harm is to each message.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Rates {
+    /// It never comes.
+    pub drop: f64,
+    /// One bit of it is another.
+    pub flip: f64,
+    /// It comes twice.
+    pub duplicate: f64,
+    /// It comes after the next.
+    pub reorder: f64,
+    /// Its end is missing.
+    pub truncate: f64,
+    /// It comes after one to [`LATEST`] others.
+    pub delay: f64,
+}
+
+/// Messages that overtake a delayed one at most.
+pub const LATEST: u64 = 8;
+
+impl Rates {
+    /// Nothing happens.
+    pub const NONE: Self = Self::all(0.0);
+
+    /// Each harm with the same probability.
+    pub const fn all(rate: f64) -> Self {
+        Self { drop: rate, flip: rate, duplicate: rate, reorder: rate, truncate: rate, delay: rate }
+    }
+}
+
+/// One way of a line: what goes in comes out, or not, or later.
+#[derive(Debug, Default)]
+struct Way {
+    /// Messages that went in.
+    passed: u64,
+    /// Held back, each until so many have gone in.
+    late: Vec<(u64, Vec<u8>)>,
+}
+
+impl Way {
+    /// Takes one message and gives what comes out; the number of harms done.
+    fn carry(&mut self, message: &[u8], rates: &Rates, rng: &mut ChaCha8Rng) -> (Vec<u8>, usize) {
+        let mut bytes = message.to_vec();
+        let mut harms = 0;
+        let mut happens = |rate: f64, rng: &mut ChaCha8Rng| {
+            let so = rate > 0.0 && rng.random_bool(rate);
+            harms += usize::from(so);
+            so
+        };
+        self.passed += 1;
+        if happens(rates.drop, rng) {
+            bytes.clear();
+        }
+        if happens(rates.flip, rng) && !bytes.is_empty() {
+            let at = rng.random_range(0..bytes.len());
+            bytes[at] ^= 1 << rng.random_range(0..8);
+        }
+        if happens(rates.truncate, rng) && !bytes.is_empty() {
+            bytes.truncate(rng.random_range(0..bytes.len()));
+        }
+        if happens(rates.duplicate, rng) {
+            bytes.extend_from_within(..);
+        }
+        let reordered = happens(rates.reorder, rng);
+        let delayed = happens(rates.delay, rng);
+        if reordered || delayed {
+            let by = if delayed { rng.random_range(1..=LATEST) } else { 1 };
+            self.late.push((self.passed + by, std::mem::take(&mut bytes)));
+        }
+        for (_, late) in self.late.extract_if(.., |(due, _)| *due <= self.passed) {
+            bytes.extend(late);
+        }
+        (bytes, harms)
+    }
+}
+
+/// How often the host had to ask.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Tries {
+    /// Commands that were answered, or given up, after so many tries; number 0 counts none.
+    pub commands: Vec<u64>,
+    last: Vec<u8>,
+    tries: usize,
+}
+
+impl Tries {
+    /// A repetition is the same bytes again: every command has a number of its own.
+    fn sent(&mut self, frame: &[u8]) {
+        if self.last == frame {
+            self.tries += 1;
+            return;
+        }
+        self.end();
+        self.last = frame.to_vec();
+        self.tries = 1;
+    }
+
+    fn end(&mut self) {
+        if self.tries > 0 {
+            self.commands.resize(self.commands.len().max(self.tries + 1), 0);
+            self.commands[self.tries] += 1;
+        }
+        self.tries = 0;
+    }
+}
+
+/// Does harm to messages, either way, each kind at its own rate. The same seed does the same.
+///
+/// A message is what the host sends at once, and a frame of what the sensor answers.
+pub struct Faulty<T> {
+    /// The line that harms nothing.
+    pub inner: T,
+    /// How much harm is done from now on.
+    pub rates: Rates,
+    /// Messages harmed so far; one may have been twice.
+    pub harmed: usize,
+    /// Messages carried so far: to the sensor, to the host.
+    pub carried: [u64; 2],
+    /// What the host did about it.
+    pub tries: Tries,
+    rng: ChaCha8Rng,
+    ways: [Way; 2],
+    /// Came out, not yet fetched.
+    out: VecDeque<u8>,
+}
+
+impl<T> Faulty<T> {
+    /// A line that does as yet no harm.
+    pub fn new(inner: T, seed: u64) -> Self {
+        Self {
+            inner,
+            rates: Rates::NONE,
+            harmed: 0,
+            carried: [0; 2],
+            tries: Tries::default(),
+            rng: crate::vectors::rng(seed),
+            ways: Default::default(),
+            out: VecDeque::new(),
+        }
+    }
+
+    fn carry(&mut self, message: &[u8], way: usize) -> Vec<u8> {
+        let (bytes, harms) = self.ways[way].carry(message, &self.rates, &mut self.rng);
+        self.harmed += harms;
+        self.carried[way] += 1;
+        bytes
+    }
+}
+
+impl<T: Transport> Transport for Faulty<T> {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.tries.sent(bytes);
+        let bytes = self.carry(bytes, 0);
+        self.inner.send(&bytes)
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
+        if self.out.is_empty() {
+            let mut chunk = vec![0; 8192];
+            let length = self.inner.receive(&mut chunk, timeout)?;
+            for message in messages(&chunk[..length]) {
+                let bytes = self.carry(message, 1);
+                self.out.extend(bytes);
+            }
+        }
+        let length = self.out.len().min(buffer.len());
+        buffer.iter_mut().zip(self.out.drain(..length)).for_each(|(slot, byte)| *slot = byte);
+        Ok(length)
+    }
+}
+
+/// Frames with their zeros at both ends; what is none stays whole.
+fn messages(mut bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
+    std::iter::from_fn(move || {
+        let end = bytes.windows(2).position(|pair| pair == [0, 0]).map_or(bytes.len(), |at| at + 1);
+        let (message, rest) = bytes.split_at(end);
+        bytes = rest;
+        (!message.is_empty()).then_some(message)
+    })
+}
+
+/// A wall: every beam has one echo, at beam-dependent range, whatever the settings; but for gains below −9 dB, which see nothing.
+#[derive(Clone, Debug, Default)]
+pub struct Target {
+    /// Shots so far.
+    pub shots: u64,
+}
+
+impl FrontEnd for Target {
+    fn adc_bits(&self) -> u32 {
+        12
+    }
+
+    fn capture(&mut self, analog: &Analog, frame: u32, beam: u32, codes: &mut [u16]) {
+        self.shots += 1;
+        let noise = |i: usize| ((i * 7_919 + frame as usize * 31 + beam as usize) % 5) as u16;
+        codes.iter_mut().enumerate().for_each(|(i, code)| *code = 200 + noise(i));
+        if analog.gain_db < -9.0 {
+            return;
+        }
+        let half = analog.pulse_width_ns / analog.sample_period_ns;
+        let middle = 100.0 + 10.0 * f64::from(beam % 16);
+        for (i, code) in codes.iter_mut().enumerate().skip(80).take(200) {
+            let x = (i as f64 - middle) / half;
+            if x.abs() < 1.0 {
+                *code += (1_000.0 * (1.0 - x.abs())) as u16;
+            }
+        }
+    }
+}
