@@ -3,11 +3,13 @@
 mod in_process;
 #[cfg(unix)]
 mod qemu;
+mod recording;
 
 use std::io;
 use std::time::Duration;
 
 pub use in_process::InProcess;
+pub use recording::{Conversation, Direction, Recording};
 
 /// A line of bytes to a sensor. Bytes may be lost, changed or late: the client above copes.
 pub trait Transport {

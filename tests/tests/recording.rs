@@ -1,0 +1,48 @@
+//! A conversation that was recorded is the same bytes when it is said again.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use std::time::Duration;
+
+use echoloop_dsp::{Hardware, ScanPattern, Settings};
+use echoloop_host::client::{Client, Patience};
+use echoloop_host::transport::{Conversation, Direction, InProcess, Recording};
+use echoloop_sim::board::PcSensor;
+use echoloop_tests::faults::Target;
+
+fn sensor() -> InProcess<Target> {
+    let pattern = ScanPattern { columns: 12, rows: 8, ..ScanPattern::default() };
+    InProcess(PcSensor::new(Target::default(), pattern, Hardware::REFERENCE))
+}
+
+/// Everything that may be said.
+fn talk() -> Conversation {
+    let patience = Patience { timeout: Duration::from_secs(1), tries: 1 };
+    let mut client = Client::connect_from(Recording::new(sensor()), patience, 100).unwrap();
+    client.scan(1).unwrap();
+    client.configure(&Settings { gain_cdb: 100, ..Settings::default() }).unwrap();
+    client.configure_on_trial(&Settings { gain_cdb: 200, ..Settings::default() }, 2).unwrap();
+    client.scan(2).unwrap();
+    client.confirm().unwrap();
+    client.save().unwrap();
+    client.configure(&Settings { gain_cdb: 9_999, ..Settings::default() }).unwrap_err();
+    client.forget().unwrap();
+    client.read_counters().unwrap();
+    client.transport_mut().conversation().clone()
+}
+
+#[test]
+fn a_recorded_conversation_said_again_to_a_new_sensor_has_the_same_answers() {
+    let recorded = talk();
+    let again = recorded.replay(sensor(), Duration::ZERO).unwrap();
+    assert_eq!(again.bytes(Direction::ToHost), recorded.bytes(Direction::ToHost));
+    assert_eq!(again, recorded);
+    assert!(recorded.pieces().count() > 20);
+}
+
+#[test]
+fn a_sensor_that_does_something_else_is_found_out() {
+    let recorded = talk();
+    let pattern = ScanPattern { columns: 12, rows: 9, ..ScanPattern::default() };
+    let other = InProcess(PcSensor::new(Target::default(), pattern, Hardware::REFERENCE));
+    assert_ne!(recorded.replay(other, Duration::ZERO).unwrap(), recorded);
+}
