@@ -3,6 +3,7 @@
 use echoloop_dsp::{Echoes, Hardware, Pipeline, ScanPattern, Scratch};
 use echoloop_sensor::{Board, mailbox};
 
+use crate::flash::Flash;
 use crate::front_end::{FrontEnd, Registers};
 use crate::idle::Idle;
 use crate::uart::{Port, Uart};
@@ -92,9 +93,9 @@ pub struct EmulatedBoard {
     hardware: Hardware,
     pattern: ScanPattern,
     front_end: FrontEnd,
+    flash: Flash,
     link: Uart<map::Link>,
     watchdog: Option<Watchdog>,
-    #[expect(dead_code, reason = "counted by the application, next")]
     restarts: u32,
     idle: Idle,
 }
@@ -106,8 +107,10 @@ impl EmulatedBoard {
         let front_end = FrontEnd::new(map::psram(mailbox::BYTES))?;
         let (hardware, pattern) = front_end.straps()?;
         let watchdog = map::WATCHDOG.map(|block| Watchdog::start(block, WATCHDOG_TICKS));
+        let flash = Flash::new(front_end.flash());
         let idle = Idle::new(map::LINK_INTERRUPT)?;
-        Some(Self { hardware, pattern, front_end, link: Uart(map::Link::new(map::LINK)), watchdog, restarts, idle })
+        let link = Uart(map::Link::new(map::LINK));
+        Some(Self { hardware, pattern, front_end, flash, link, watchdog, restarts, idle })
     }
 
     /// Sleeps until a byte comes on the link, or some milliseconds.
@@ -120,6 +123,7 @@ impl EmulatedBoard {
 impl Board for EmulatedBoard {
     type Spi = Registers;
     type Link = Uart<map::Link>;
+    type Store = Flash;
 
     fn hardware(&self) -> Hardware {
         self.hardware
@@ -138,10 +142,21 @@ impl Board for EmulatedBoard {
     }
 
     fn link(&mut self) -> &mut Self::Link {
-        if let Some(w) = &self.watchdog {
-            w.feed()
-        }
         &mut self.link
+    }
+
+    fn store(&mut self) -> &mut Flash {
+        &mut self.flash
+    }
+
+    fn feed_watchdog(&mut self) {
+        if let Some(watchdog) = &self.watchdog {
+            watchdog.feed();
+        }
+    }
+
+    fn restarts(&self) -> u32 {
+        self.restarts
     }
 
     fn samples(&mut self, codes: &mut [u16]) -> bool {

@@ -6,6 +6,7 @@
 #![warn(clippy::indexing_slicing, clippy::arithmetic_side_effects, clippy::panic, clippy::undocumented_unsafe_blocks)]
 
 pub mod board;
+pub mod flash;
 pub mod front_end;
 pub mod idle;
 pub mod kernel;
