@@ -9,10 +9,13 @@ use std::time::Duration;
 
 use echoloop_dsp::{Echoes, Hardware, Pipeline, ScanPattern, Scratch, Settings};
 use echoloop_host::client::{Client, Patience};
-use echoloop_host::transport::{InProcess, Transport};
+use echoloop_host::sensor_log;
+use echoloop_host::transport::{Direction, InProcess, Recording, Transport};
+use echoloop_link::{Command, MAX_FRAME, encode, settings_hash};
 use echoloop_sim::board::{Analog, FrontEnd, PcSensor};
 use echoloop_sim::qemu::{Machine, Qemu, QemuOptions};
 use echoloop_sim::vector::process_baseline;
+use echoloop_tests::faults::{Faulty, Rates};
 use echoloop_tests::gdb::Gdb;
 use echoloop_tests::target::{machine, machines};
 use echoloop_tests::vectors::{self, KINDS};
@@ -140,4 +143,141 @@ fn the_stack_stays_within_the_bound_that_the_image_is_built_with() {
         assert!(used <= bound, "{used} bytes were used, the bound is {bound}");
         assert!(2 * used > bound, "a bound of {bound} for {used} bytes bounds little");
     }
+}
+
+/// Everything a host may say to a sensor.
+fn talk<T: Transport>(client: &mut Client<T>) {
+    client.scan(1).unwrap();
+    client.configure(&gain(100)).unwrap();
+    client.configure_on_trial(&gain(200), 1).unwrap();
+    client.scan(2).unwrap();
+    client.configure_on_trial(&gain(300), 2).unwrap();
+    client.scan(3).unwrap();
+    client.confirm().unwrap();
+    client.save().unwrap();
+    client.configure(&gain(9_999)).unwrap_err();
+    client.forget().unwrap();
+    client.read_counters().unwrap();
+}
+
+fn gain(gain_cdb: i32) -> Settings {
+    Settings { gain_cdb, ..Settings::default() }
+}
+
+#[test]
+fn a_conversation_with_a_board_said_again_in_process_has_the_same_answers() {
+    for options in machines() {
+        let front_end = Waveforms { adc_bits: 12, beams: case(1, &Hardware::REFERENCE).1 };
+        let qemu = Qemu::start(&options, front_end.clone(), PATTERN, Hardware::REFERENCE).unwrap();
+        let mut client = Client::connect_from(Recording::new(qemu), PATIENCE, 7).unwrap();
+        talk(&mut client);
+        let recorded = client.transport_mut().conversation().clone();
+        let pc = InProcess(PcSensor::new(front_end, PATTERN, Hardware::REFERENCE));
+        let again = recorded.replay(pc, Duration::ZERO).unwrap();
+        let (board, pc) = (recorded.bytes(Direction::ToHost), again.bytes(Direction::ToHost));
+        assert!(board.len() > 500, "{} bytes compare little", board.len());
+        assert_eq!(board, pc, "{}", options.machine.name());
+    }
+}
+
+#[test]
+fn a_program_that_hangs_is_restarted_by_the_watchdog_and_begins_with_what_was_saved() {
+    for kind in [Machine::An386, Machine::An500, Machine::An505] {
+        let Some(mut options) = machine(kind) else { continue };
+        let folder = tempfile::tempdir().unwrap();
+        options.folder = Some(folder.path().to_owned());
+        let socket = folder.path().join("gdb");
+        options.arguments = Gdb::arguments(&socket).into();
+        let mut client = start(&options, Hardware::REFERENCE);
+        let (saved, active) = (gain(1_100), gain(1_200));
+        client.configure(&saved).unwrap();
+        client.save().unwrap();
+        client.configure(&active).unwrap();
+        assert_eq!(client.read_counters().unwrap().restarts, 0);
+        let mut gdb = Gdb::connect(&socket).unwrap();
+        gdb.jump(symbol(&options, "DefaultHandler_") & !1).unwrap(); // turns for ever
+        gdb.detach().unwrap();
+        // Unanswered at first; then the sensor knows of no session, and the client says hello and reads back.
+        let after = (0..8).find_map(|_| client.read_settings().ok()).unwrap();
+        assert_eq!(after, saved, "{}", kind.name());
+        assert_eq!(client.read_counters().unwrap().restarts, 1, "{}", kind.name());
+        assert_eq!(client.configure(&active).map_err(|e| e.to_string()), Ok(settings_hash(&active)));
+        client.scan(9).unwrap();
+    }
+}
+
+#[test]
+fn a_board_whose_power_goes_while_it_saves_has_the_old_settings_or_the_new() {
+    let Some(mut options) = machine(Machine::An386) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    options.folder = Some(folder.path().to_owned());
+    let mut before = Settings::default();
+    let (mut old, mut new) = (0, 0);
+    for round in 0..30 {
+        let mut client = start(&options, Hardware::REFERENCE);
+        assert_eq!(client.read_settings().unwrap(), before, "round {round}");
+        let wanted = gain(round + 1);
+        let hash = client.configure(&wanted).unwrap();
+        let save = Command::Save { hash };
+        client.transport_mut().send(encode(100, &save, &mut [0; MAX_FRAME]).unwrap()).unwrap();
+        std::thread::sleep(Duration::from_micros(150 * round as u64));
+        drop(client); // the emulator is killed
+        let mut after = start(&options, Hardware::REFERENCE);
+        let found = after.read_settings().unwrap();
+        assert!(found == before || found == wanted, "round {round}: {found:?}");
+        if found == wanted {
+            new += 1
+        } else {
+            old += 1
+        }
+        before = found;
+    }
+    println!("{old} times the old settings, {new} times the new");
+    assert!(new > 0, "no save was ever done");
+}
+
+#[test]
+fn a_board_behind_a_bad_line_never_has_settings_that_nobody_asked_for() {
+    let Some(options) = machine(Machine::An386) else { return };
+    let front_end = Waveforms { adc_bits: 12, ..Waveforms::default() };
+    let qemu = Qemu::start(&options, front_end, PATTERN, Hardware::REFERENCE).unwrap();
+    let patience = Patience { timeout: Duration::from_millis(40), tries: 12 };
+    let mut client = Client::connect_from(Faulty::new(qemu, 5), patience, 0).unwrap();
+    let mut before = Settings::default();
+    let (mut done, mut reported) = (0, 0);
+    for step in 0..150 {
+        let wanted = gain(step + 1);
+        client.transport_mut().rates = Rates::all(0.03);
+        let configured = client.configure(&wanted);
+        client.transport_mut().rates = Rates::NONE;
+        let now = (0..4).find_map(|_| client.read_settings().ok()).unwrap();
+        match configured {
+            Ok(_) => {
+                done += 1;
+                assert_eq!(now, wanted, "step {step}");
+            }
+            Err(_) => {
+                reported += 1;
+                assert!(now == before || now == wanted, "step {step}: {now:?}");
+            }
+        }
+        before = now;
+    }
+    println!("{done} done, {reported} reported");
+    assert!(done > 100, "{done} of 150 were done");
+}
+
+#[test]
+fn the_board_s_log_says_which_settings_became_active() {
+    let Some(options) = machine(Machine::An386) else { return };
+    let mut client = start(&options, Hardware::REFERENCE);
+    let hash = client.configure(&gain(700)).unwrap();
+    client.scan(1).unwrap();
+    let frames = fs::read(client.transport_mut().log_file()).unwrap();
+    let lines = sensor_log::decode(&fs::read(&options.image).unwrap(), &frames).unwrap();
+    assert!(lines[0].contains("echoloop-sensor"), "{lines:?}");
+    assert!(
+        lines.iter().any(|l| l.contains(&format!("settings {hash:#010x} active")) && l.contains("700")),
+        "{lines:?}"
+    );
 }
