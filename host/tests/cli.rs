@@ -296,9 +296,15 @@ fn a_cloud_that_is_none_is_refused_by_name() {
         desk.refuses(&["register", "good.xyz", name], &[name]);
         desk.refuses(&["register", name, "good.xyz"], &[name]);
     }
-    for (flag, value) in
-        [("--voxel-m", "0"), ("--voxel-m", "nan"), ("--max-pair-distance-m", "-1"), ("--max-iterations", "0")]
-    {
+    let flags = [
+        ("--voxel-m", "0"),
+        ("--voxel-m", "nan"),
+        ("--max-pair-distance-m", "-1"),
+        ("--max-iterations", "0"),
+        ("--normal-neighbours", "2"),
+        ("--normal-neighbours", "18446744073709551615"),
+    ];
+    for (flag, value) in flags {
         let option = format!("{flag}={value}");
         desk.refuses(&["register", "good.xyz", "good.xyz", &option], &[&flag[2..].replace('-', "_")]);
     }
@@ -467,7 +473,7 @@ fn help_names_units_and_completions_exist_for_every_shell() {
     }
     desk.refuses(&["completions", "tcsh-ish"], &["tcsh-ish"]);
     let register = desk.succeed(&["register", "--help"]).out;
-    for part in ["m, above 0", "3 or more", "target_from_source"] {
+    for part in ["m, above 0", "3 to 10000", "target_from_source"] {
         assert!(register.contains(part), "{part}: {register}");
     }
     let scan = desk.succeed(&["scan", "--help"]).out;

@@ -33,7 +33,7 @@ pub(crate) struct RegisterArgs {
     /// Radius of the normals' neighbourhood, m, above 0.
     #[arg(long, value_name = "M")]
     normal_radius_m: Option<f64>,
-    /// Neighbours of a normal at most, 3 or more.
+    /// Neighbours of a normal at most, 3 to 10000.
     #[arg(long, value_name = "N")]
     normal_neighbours: Option<usize>,
     /// Points farther apart are no pair, m, above 0.

@@ -71,7 +71,8 @@ impl KdTree {
     }
 
     fn search(&self, query: &Point3<f32>, radius_m: f32, max: usize) -> impl IntoIterator<Item = (f32, u32)> {
-        let within = match (&self.tree, NonZero::new(max)) {
+        // Room for `max` is reserved for every query: no more than there can be.
+        let within = match (&self.tree, NonZero::new(max.min(self.len()))) {
             (Some(tree), Some(max)) if radius_m > 0.0 => {
                 let query: [f32; 3] = query.coords.into();
                 tree.nearest_n_within_exclusive::<SquaredEuclidean>(&query, radius_m * radius_m, max, true, false)
@@ -153,6 +154,14 @@ mod tests {
             assert!(!found.is_empty() && found[0].0 == 0.0);
             assert_eq!(tree.nearest(&raw[77].into(), 0.5).squared_m2, 0.0);
         }
+    }
+
+    #[test]
+    fn all_neighbours_may_be_asked_for_and_take_no_more_room_than_there_are_points() {
+        let tree = KdTree::new(&points(&[[0.0; 3], [1.0, 0.0, 0.0]]));
+        let mut found = Vec::new();
+        tree.within(&Point3::origin(), 2.0, usize::MAX, &mut found);
+        assert_eq!(found, [(0.0, 0), (1.0, 1)]);
     }
 
     #[test]

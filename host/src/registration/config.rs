@@ -1,5 +1,8 @@
 //! How ICP runs: Θ_reg.
 
+/// More neighbours make no better normal, and take their time: some tens are usual.
+const MAX_NEIGHBOURS: usize = 10_000;
+
 /// Settings of [`super::Icp`]. Lengths in metres, angles in radians.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct IcpConfig {
@@ -109,7 +112,7 @@ impl IcpConfig {
             require(field, value, value >= 0.0 && value.is_finite(), "0 or more")?;
         }
         let neighbours = self.normal_neighbours as f64;
-        require("normal_neighbours", neighbours, self.normal_neighbours >= 3, "3 or more")?;
+        require("normal_neighbours", neighbours, (3..=MAX_NEIGHBOURS).contains(&self.normal_neighbours), "3 to 10000")?;
         require("max_iterations", self.max_iterations as f64, self.max_iterations >= 1, "1 or more")?;
         let least = self.least_information;
         require("least_information", least, (0.0..1.0 / 3.0).contains(&least), "0 or more, below 1/3")
@@ -138,7 +141,7 @@ mod tests {
             config.check().map_err(|error| error.to_string())
         };
         type Change = fn(&mut IcpConfig);
-        let table: [(Change, &str); 8] = [
+        let table: [(Change, &str); 9] = [
             (|c| c.voxel_m = 0.0, "voxel_m is 0, expected a length above 0 m, at most 1e6 m"),
             (|c| c.normal_radius_m = f64::NAN, "normal_radius_m is NaN, expected a length above 0 m, at most 1e6 m"),
             (|c| c.max_pair_distance_m = -1.0, "max_pair_distance_m is -1, expected a length above 0 m, at most 1e6 m"),
@@ -147,7 +150,8 @@ mod tests {
                 "first_pair_distance_m is 0.5, expected max_pair_distance_m or more, at most 1e6 m",
             ),
             (|c| c.still_rad = -1e-9, "still_rad is -0.000000001, expected 0 or more"),
-            (|c| c.normal_neighbours = 2, "normal_neighbours is 2, expected 3 or more"),
+            (|c| c.normal_neighbours = 2, "normal_neighbours is 2, expected 3 to 10000"),
+            (|c| c.normal_neighbours = 10_001, "normal_neighbours is 10001, expected 3 to 10000"),
             (|c| c.max_iterations = 0, "max_iterations is 0, expected 1 or more"),
             (|c| c.least_information = 0.5, "least_information is 0.5, expected 0 or more, below 1/3"),
         ];
