@@ -49,6 +49,19 @@ pub struct ScanPair {
     pub first: Arc<SceneResponse>,
     /// What the second scan sees.
     pub second: Arc<SceneResponse>,
+    /// Numbers of the two viewpoints, for a sensor that somebody else turns: see [`viewpoints`].
+    pub viewpoints: [u32; 2],
+}
+
+/// Numbers of a pair's viewpoints, from 1: those of the training pairs, two each, then those of the pairs to judge on. A scan
+/// alone is of viewpoint 1.
+///
+/// ```text
+/// training pair p   2p + 1                 2p + 2                 p = 0..
+/// held-out pair p   2·train_pairs + 2p + 1   2·train_pairs + 2p + 2
+/// ```
+pub fn viewpoints(place: usize) -> [u32; 2] {
+    [1, 2].map(|scan| 2 * place as u32 + scan)
 }
 
 /// The pairs of a run.
@@ -102,8 +115,21 @@ impl Dataset {
                 }
             }
         }
+        dataset.number();
         progress(1.0, "");
         Ok(dataset)
+    }
+
+    /// Gives every viewpoint its number.
+    fn number(&mut self) {
+        for (place, pair) in self.train.iter_mut().chain(&mut self.test).enumerate() {
+            pair.viewpoints = viewpoints(place);
+        }
+    }
+
+    /// What is seen from every viewpoint, in the order of their numbers.
+    pub fn views(&self) -> impl Iterator<Item = &Arc<SceneResponse>> {
+        self.train.iter().chain(&self.test).flat_map(|pair| [&pair.first, &pair.second])
     }
 }
 
@@ -189,6 +215,7 @@ fn trace(config: &Config, place: &Place, pair: &PosePair, directions: &[Vector3<
         truth,
         first: look(&pair.world_from_first),
         second: look(&pair.world_from_second),
+        viewpoints: [0, 0], // until all are known
     }
 }
 

@@ -3,12 +3,12 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::client::ClientError;
 use crate::config::DataConfig;
 use crate::dataset::ScanPair;
 use crate::objective::{Bench, PairError};
 use crate::params::Parameters;
 use crate::seed::{Purpose, derive};
+use crate::sensor::SensorError;
 
 /// How parameters did on a set of pairs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -76,7 +76,7 @@ pub fn median(values: impl Iterator<Item = f64>) -> f64 {
 ///
 /// # Errors
 ///
-/// [`ClientError`] of the first pair whose sensor failed.
+/// [`SensorError`] of the first pair whose sensor failed.
 pub fn evaluate(
     bench: &Bench<'_>,
     parameters: &Parameters,
@@ -84,7 +84,7 @@ pub fn evaluate(
     seed: u64,
     purpose: Purpose,
     done: &(dyn Fn() + Sync),
-) -> Result<Vec<PairError>, ClientError> {
+) -> Result<Vec<PairError>, SensorError> {
     pairs
         .par_iter()
         .enumerate()

@@ -17,5 +17,7 @@ pub mod report;
 pub mod run;
 pub mod seed;
 pub mod sensor_log;
+pub mod sensor;
+pub mod serve;
 pub mod transport;
 pub mod tune;

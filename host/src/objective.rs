@@ -1,21 +1,15 @@
 //! What a candidate is worth: two scans through the sensor, a registration, an error.
 
-use std::sync::Arc;
-
-use echoloop_dsp::project::point_m;
-use echoloop_dsp::{Echoes, Hardware};
-use echoloop_sim::board::PcSensor;
-use echoloop_sim::scanner::SceneResponse;
+use echoloop_dsp::{Echoes, Settings};
 use serde::{Deserialize, Serialize};
 
-use crate::client::{Client, ClientError, Patience};
+use crate::client::ClientError;
 use crate::cloud::Cloud;
 use crate::dataset::{Dataset, ScanPair};
-use crate::frontend::{Receiver, WaveformFrontEnd};
 use crate::params::Parameters;
 use crate::pose::{Pose, frobenius_error, rotation_error_deg, translation_error_m};
 use crate::registration::{Icp, Outcome, Registration};
-use crate::transport::InProcess;
+use crate::sensor::{Sensor, SensorError, Sensors, View};
 
 /// How one pair came out.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -49,14 +43,12 @@ pub struct Registered {
 }
 
 /// What every evaluation shares.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub struct Bench<'a> {
     /// The pairs and the scan pattern.
     pub dataset: &'a Dataset,
-    /// Optics, detector, converter.
-    pub receiver: &'a Receiver,
-    /// What the sensor's hardware fixes.
-    pub hardware: Hardware,
+    /// The sensors to scan with.
+    pub sensors: &'a Sensors,
 }
 
 impl Bench<'_> {
@@ -67,19 +59,17 @@ impl Bench<'_> {
     ///
     /// # Errors
     ///
-    /// [`ClientError`] when the sensor does not do its part.
+    /// [`SensorError`] when the sensor does not do its part.
     pub fn register(
         &self,
         parameters: &Parameters,
         index: usize,
         pair: &ScanPair,
         noise_seed: u64,
-    ) -> Result<Registered, ClientError> {
-        let mut client = self.sensor(&pair.first, noise_seed)?;
-        client.configure(&parameters.settings)?;
-        let first = self.cloud(&client.scan(1)?);
-        client.transport_mut().0.front_end_mut().look_at(Arc::clone(&pair.second), noise_seed);
-        let second = self.cloud(&client.scan(2)?);
+    ) -> Result<Registered, SensorError> {
+        // Given back before the registration: others can scan meanwhile.
+        let scans = self.sensors.with(|sensor| scan_pair(sensor, &parameters.settings, pair, noise_seed))?;
+        let [first, second] = scans.map(|scan| self.cloud(&scan));
         let initial = Pose::identity();
         let outcome = match Icp::new(parameters.icp) {
             Ok(icp) => icp.register(&first, &second, &initial),
@@ -89,29 +79,25 @@ impl Bench<'_> {
         Ok(Registered { error, clouds: [first, second], first_from_second: outcome.target_from_source })
     }
 
-    /// A sensor in process, looking at a scene.
-    ///
-    /// # Errors
-    ///
-    /// [`ClientError`].
-    pub fn sensor(
-        &self,
-        scene: &Arc<SceneResponse>,
-        noise_seed: u64,
-    ) -> Result<Client<InProcess<WaveformFrontEnd>>, ClientError> {
-        let front_end = WaveformFrontEnd::new(self.receiver.clone(), Arc::clone(scene), noise_seed);
-        let sensor = PcSensor::new(front_end, self.dataset.pattern, self.hardware);
-        Client::connect(InProcess(sensor), Patience::default())
-    }
-
     /// The points of a scan, sensor frame.
     pub fn cloud(&self, scan: &[Echoes]) -> Cloud {
-        let points = scan
-            .iter()
-            .zip(&self.dataset.directions)
-            .flat_map(|(echoes, direction)| echoes.iter().map(move |echo| point_m(direction, echo)));
-        Cloud::new(points.collect())
+        Cloud::of_scan(scan, &self.dataset.directions)
     }
+}
+
+/// Both scans of a pair with one set of settings.
+fn scan_pair(
+    sensor: &mut Sensor,
+    settings: &Settings,
+    pair: &ScanPair,
+    noise_seed: u64,
+) -> Result<[Vec<Echoes>; 2], ClientError> {
+    let [first, second] = pair.viewpoints;
+    sensor.configure(settings)?;
+    Ok([
+        sensor.scan(&View { scene: &pair.first, noise_seed, scan: 1, viewpoint: first })?,
+        sensor.scan(&View { scene: &pair.second, noise_seed, scan: 2, viewpoint: second })?,
+    ])
 }
 
 fn pair_error(pair: usize, outcome: &Outcome, truth: &Pose, points: [usize; 2]) -> PairError {

@@ -8,7 +8,6 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::client::ClientError;
 use crate::config::Config;
 use crate::evaluate::{Summary, evaluate};
 use crate::journal::{CandidateRecord, FORMAT, Generation, Header, Journal, JournalError};
@@ -16,13 +15,14 @@ use crate::objective::{Bench, PairError, fitness};
 use crate::optimize::{self, CmaEs};
 use crate::params::{Parameters, Space, Values};
 use crate::seed::{Purpose, derive};
+use crate::sensor::SensorError;
 
 /// Why a search did not end.
 #[derive(Debug, Error)]
 pub enum TuneError {
     /// The sensor failed.
     #[error(transparent)]
-    Client(#[from] ClientError),
+    Sensor(#[from] SensorError),
     /// The journal failed.
     #[error(transparent)]
     Journal(#[from] JournalError),
@@ -196,7 +196,7 @@ impl Search<'_> {
         let errors: Option<Vec<PairError>> = tasks
             .par_iter()
             .map(|&(candidate, pair)| self.task(&candidates[candidate].0, number, candidate, pair, watcher))
-            .collect::<Result<_, ClientError>>()?;
+            .collect::<Result<_, SensorError>>()?;
         let Some(errors) = errors else { return Ok(None) };
         let records = points.into_iter().zip(&candidates).zip(errors.chunks(pairs.len()));
         let candidates = records.map(|((point, (p, mended)), errors)| self.record(point, p, mended, errors)).collect();
@@ -218,7 +218,7 @@ impl Search<'_> {
         candidate: usize,
         pair: usize,
         watcher: &dyn Watcher,
-    ) -> Result<Option<PairError>, ClientError> {
+    ) -> Result<Option<PairError>, SensorError> {
         if self.stop.load(Ordering::Relaxed) {
             return Ok(None);
         }
@@ -334,8 +334,8 @@ impl Search<'_> {
     ///
     /// # Errors
     ///
-    /// [`ClientError`].
-    pub fn judge(&self, parameters: &Parameters, watcher: &dyn Watcher) -> Result<Summary, ClientError> {
+    /// [`SensorError`].
+    pub fn judge(&self, parameters: &Parameters, watcher: &dyn Watcher) -> Result<Summary, SensorError> {
         let done = || watcher.evaluated();
         let test = &self.bench.dataset.test;
         let errors = evaluate(&self.bench, parameters, test, self.config.seed, Purpose::TestNoise, &done)?;

@@ -4,6 +4,7 @@
 //! through `embedded-hal`; what they hold, and nothing else, is what the front end sees.
 
 use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use echoloop_dsp::{Echoes, Hardware, Pipeline, ScanPattern, Scratch};
 use echoloop_link::Session;
@@ -49,6 +50,22 @@ pub trait FrontEnd {
 
     /// Fills `codes` with the samples of one shot. A pure function of its arguments and of what the front end was made with.
     fn capture(&mut self, analog: &Analog, frame: u32, beam: u32, codes: &mut [u16]);
+}
+
+/// A front end that others can reach while a board has it, to look at another scene with.
+impl<F: FrontEnd> FrontEnd for Arc<Mutex<F>> {
+    fn adc_bits(&self) -> u32 {
+        locked(self).adc_bits()
+    }
+
+    fn capture(&mut self, analog: &Analog, frame: u32, beam: u32, codes: &mut [u16]) {
+        locked(self).capture(analog, frame, beam, codes);
+    }
+}
+
+/// A front end has no state that a panic could leave half done.
+fn locked<F>(front_end: &Mutex<F>) -> MutexGuard<'_, F> {
+    front_end.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// An SPI device of 32-bit registers.

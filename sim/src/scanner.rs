@@ -54,6 +54,12 @@ pub struct SceneResponse {
 }
 
 impl SceneResponse {
+    /// Nothing comes back to any beam.
+    #[must_use]
+    pub fn empty(beams: u32) -> Self {
+        Self { beams: vec![0; beams as usize + 1], returns: Vec::new() }
+    }
+
     /// Number of beams.
     #[must_use]
     pub fn len(&self) -> usize {

@@ -8,6 +8,7 @@ use std::sync::{Arc, LazyLock};
 use echoloop_dsp::config::sample_period_fs;
 use echoloop_dsp::{Echo, Echoes, Flags, Hardware, ParameterId, ScanPattern, Settings};
 use echoloop_host::client::{Client, ClientError, Patience};
+use echoloop_host::cloud::Cloud;
 use echoloop_host::config::{Config, load};
 use echoloop_host::dataset::{Dataset, Place, ScanPair, respond};
 use echoloop_host::evaluate::evaluate;
@@ -17,6 +18,7 @@ use echoloop_host::objective::{Bench, fitness};
 use echoloop_host::params::{PAPER_LIDAR, Parameters, Preset, Protocol, Space};
 use echoloop_host::pose::{Pose, relative};
 use echoloop_host::seed::Purpose;
+use echoloop_host::sensor::{Model, Sensor, Sensors, View};
 use echoloop_host::transport::InProcess;
 use echoloop_host::tune::{Search, Silent, Tuned};
 use echoloop_link::settings_hash;
@@ -50,10 +52,13 @@ static TOWN: LazyLock<Dataset> = LazyLock::new(|| Dataset::build(&config(&[]), &
 
 static NEVER: AtomicBool = AtomicBool::new(false);
 
+/// Sensors in process, for all tests together: which one serves whom must not matter.
+static SENSORS: LazyLock<Sensors> = LazyLock::new(|| Sensors::in_process(Model::of(&config(&[]))));
+
 fn search(config: &Config) -> Search<'_> {
     let start = Parameters::start(config, &HARDWARE).expect("a start");
     let space = Space::new(config.tune.protocol, config.registration.preset, start, HARDWARE);
-    let bench = Bench { dataset: &TOWN, receiver: &config.receiver, hardware: HARDWARE };
+    let bench = Bench { dataset: &TOWN, sensors: &SENSORS };
     Search { config, bench, space, start, stop: &NEVER }
 }
 
@@ -89,7 +94,7 @@ fn every_candidate_is_recorded_under_the_hash_by_which_the_sensor_calls_its_sett
     let config = config(&["tune.generations=2"]);
     let (_, tuned) = tuned(&config, 2);
     let search = search(&config);
-    let mut client = search.bench.sensor(&TOWN.train[0].first, 1).expect("a sensor");
+    let mut sensor = Sensor::in_process(&Model::of(&config)).expect("a sensor");
     let candidates: Vec<_> = tuned.generations.iter().flat_map(|g| &g.candidates).collect();
     assert_eq!(candidates.len(), 2 * search.population());
     for candidate in &candidates {
@@ -99,8 +104,8 @@ fn every_candidate_is_recorded_under_the_hash_by_which_the_sensor_calls_its_sett
         }
         assert_eq!(by_name, search.space.parameters(&candidate.point).0);
         assert_eq!(candidate.settings, settings_hash(&by_name.settings));
-        assert_eq!(client.configure(&by_name.settings).expect("accepted"), candidate.settings);
-        assert_eq!(client.read_settings().expect("settings"), by_name.settings);
+        assert_eq!(sensor.configure(&by_name.settings).expect("accepted"), candidate.settings);
+        assert_eq!(sensor.client().read_settings().expect("settings"), by_name.settings);
         assert_eq!(candidate.fitness, fitness(&candidate.errors, config.tune.error_cap));
     }
     let different: BTreeSet<u32> = candidates.iter().map(|c| c.settings).collect();
@@ -164,7 +169,7 @@ fn each_protocol_changes_its_own_axes_and_no_others() {
 
 /// Targets at known ranges and of known echo heights, one a beam, seen by a sensor in process.
 struct Targets {
-    dataset: Dataset,
+    pattern: ScanPattern,
     receiver: Receiver,
     response: Arc<SceneResponse>,
     ranges_m: Vec<f64>,
@@ -188,16 +193,21 @@ impl Targets {
             Return { range_m: range_m as f32, strength_per_m2: strength as f32 }
         });
         let response = SceneResponse { beams: (0..=beams).collect(), returns: returns.collect() };
-        let directions = (0..beams).map(|beam| pattern.direction(beam)).collect();
-        let dataset = Dataset { pattern, directions, train: Vec::new(), test: Vec::new(), triangles: 0 };
-        Self { dataset, receiver, response: Arc::new(response), ranges_m }
+        Self { pattern, receiver, response: Arc::new(response), ranges_m }
+    }
+
+    fn sensor(&self) -> Sensor {
+        sensor(&self.receiver, self.pattern)
+    }
+
+    fn view(&self) -> View<'_> {
+        View { scene: &self.response, noise_seed: 5, scan: 1, viewpoint: 1 }
     }
 
     fn scan(&self, settings: &Settings) -> Vec<Echoes> {
-        let bench = Bench { dataset: &self.dataset, receiver: &self.receiver, hardware: HARDWARE };
-        let mut client = bench.sensor(&self.response, 5).expect("a sensor");
-        client.configure(settings).expect("accepted settings");
-        client.scan(1).expect("a scan")
+        let mut sensor = self.sensor();
+        sensor.configure(settings).expect("accepted settings");
+        sensor.scan(&self.view()).expect("a scan")
     }
 
     /// Range errors of the echoes within a metre of their target, m.
@@ -205,6 +215,14 @@ impl Targets {
         let pairs = scan.iter().zip(&self.ranges_m).flat_map(|(echoes, range)| echoes.iter().zip([range]));
         pairs.map(|(echo, range)| echo.range_m() - range).filter(|error| error.abs() < 1.0).collect()
     }
+}
+
+fn model(receiver: &Receiver, pattern: ScanPattern) -> Model {
+    Model { receiver: receiver.clone(), pattern, hardware: HARDWARE }
+}
+
+fn sensor(receiver: &Receiver, pattern: ScanPattern) -> Sensor {
+    Sensor::in_process(&model(receiver, pattern)).expect("a sensor")
 }
 
 fn count(scan: &[Echoes]) -> usize {
@@ -363,14 +381,13 @@ fn what_only_the_dsp_needs_leaves_the_front_end_alone() {
 #[test]
 fn a_refused_setting_changes_no_echo() {
     let targets = Targets::new(|_| 0.3);
-    let bench = Bench { dataset: &targets.dataset, receiver: &targets.receiver, hardware: HARDWARE };
-    let mut client = bench.sensor(&targets.response, 5).expect("a sensor");
-    client.configure(&Settings { gain_cdb: 300, ..Settings::default() }).expect("accepted");
-    let before = client.scan(1).expect("a scan");
+    let mut sensor = targets.sensor();
+    sensor.configure(&Settings { gain_cdb: 300, ..Settings::default() }).expect("accepted");
+    let before = sensor.scan(&targets.view()).expect("a scan");
     let bad = Settings { upsampling: 3, ..Settings::default() };
-    let error = client.configure(&bad).expect_err("three is no power of two");
+    let error = sensor.configure(&bad).expect_err("three is no power of two");
     assert!(matches!(error, ClientError::Refused(_)) && error.to_string().contains("upsampling 3"), "{error}");
-    assert_eq!(client.scan(1).expect("a scan"), before);
+    assert_eq!(sensor.scan(&targets.view()).expect("a scan"), before);
 }
 
 /// A scene of rectangles, each from three corners (the fourth follows), with one material of this reflectance.
@@ -406,12 +423,10 @@ fn a_wall_is_scanned_where_it_stands_whatever_its_albedo() {
         for yaw_deg in [0.0_f64, 25.0] {
             let pose = Pose::new(Vector3::zeros(), Vector3::new(0.0, 0.0, yaw_deg.to_radians()));
             let response = Arc::new(respond(&config, &place, &pose, &directions));
-            let dataset =
-                Dataset { pattern, directions: directions.clone(), train: Vec::new(), test: Vec::new(), triangles: 0 };
-            let bench = Bench { dataset: &dataset, receiver: &config.receiver, hardware: HARDWARE };
-            let mut client = bench.sensor(&response, 3).expect("a sensor");
-            client.configure(&Settings::default()).expect("accepted");
-            let cloud = bench.cloud(&client.scan(1).expect("a scan"));
+            let mut sensor = sensor(&config.receiver, pattern);
+            sensor.configure(&Settings::default()).expect("accepted");
+            let view = View { scene: &response, noise_seed: 3, scan: 1, viewpoint: 1 };
+            let cloud = Cloud::of_scan(&sensor.scan(&view).expect("a scan"), &directions);
             let off: Vec<f64> = cloud.points.iter().map(|p| (pose * p.cast::<f64>()).x - WALL_M).collect();
             let (bias, rms) = (off.iter().sum::<f64>() / off.len() as f64, rms(&off));
             println!("{albedo:>6} {yaw_deg:>5}° {:>6.1} mm {:>5.1} mm {:>7}", 1e3 * bias, 1e3 * rms, off.len());
@@ -457,16 +472,19 @@ fn two_scans_of_a_yard_are_registered_to_the_motion_between_them() {
     let look = |pose: &Pose| Arc::new(respond(&config, &place, pose, &directions));
     let dataset =
         Dataset { pattern, directions: directions.clone(), train: Vec::new(), test: Vec::new(), triangles: 0 };
-    let bench = Bench { dataset: &dataset, receiver: &config.receiver, hardware: HARDWARE };
+    let sensors = Sensors::in_process(model(&config.receiver, pattern));
+    let bench = Bench { dataset: &dataset, sensors: &sensors };
     for (shift, turn) in [([0.3, -0.2, 0.05], [0.0, 0.5, 13.0]), ([0.0, 0.5, -0.05], [0.0, 0.0, 7.0])] {
         let second = pose([shift[0], shift[1], 2.0 + shift[2]], turn);
         let truth = relative(&first, &second);
-        let pair = ScanPair { place: "yard".into(), truth, first: look(&first), second: look(&second) };
+        let pair =
+            ScanPair { place: "yard".into(), truth, first: look(&first), second: look(&second), viewpoints: [1, 2] };
         let back = ScanPair {
             place: "yard".into(),
             truth: truth.inverse(),
             first: Arc::clone(&pair.second),
             second: Arc::clone(&pair.first),
+            viewpoints: [2, 1],
         };
         for pair in [pair, back] {
             let error = bench.register(&start, 0, &pair, 9).expect("a registration").error;

@@ -7,6 +7,7 @@ use std::sync::atomic::AtomicBool;
 use clap::{Args, ValueEnum};
 use serde::Deserialize;
 
+use super::choice::SensorChoice;
 use super::exit::Failure;
 use super::progress::Progress;
 use super::tune::Prepared;
@@ -24,6 +25,8 @@ pub(crate) struct EvaluateArgs {
     source: ConfigSource,
     #[command(flatten)]
     common: Common,
+    #[command(flatten)]
+    sensor: SensorChoice,
     /// Judge the tuned parameters of a run, with its configuration.
     #[arg(long, value_name = "RUN", conflicts_with_all = ["config", "candidate"])]
     run: Option<PathBuf>,
@@ -96,7 +99,7 @@ fn parse<'a, T: Deserialize<'a>>(path: &Path, text: &'a str) -> Result<T, Failur
 
 fn judge(args: &EvaluateArgs, config: Config, values: &Values) -> Result<(), Failure> {
     let progress = Progress::new(args.common.quiet);
-    let prepared = Prepared::new(config, &progress)?;
+    let prepared = Prepared::new(config, &args.sensor, &progress)?;
     let preset = prepared.config.registration.preset;
     let parameters = prepared.start.with_values(values, preset, &prepared.hardware).map_err(Failure::usage)?;
     let (pairs, purpose) = match args.pairs {
@@ -110,7 +113,7 @@ fn judge(args: &EvaluateArgs, config: Config, values: &Values) -> Result<(), Fai
     let errors = evaluate(&search.bench, &parameters, pairs, prepared.config.seed, purpose, &done)?;
     progress.end();
     let summary = Summary::of(errors, &prepared.config.data);
-    print(args, &parameters.values(preset), &summary)?;
+    print(args, &prepared.sensor, &parameters.values(preset), &summary)?;
     match args.require_recall {
         Some(asked) if summary.recall_pct < asked => {
             Err(Failure::new(4, format!("recall {:.1} % is below the {asked} % asked", summary.recall_pct)))
@@ -119,9 +122,9 @@ fn judge(args: &EvaluateArgs, config: Config, values: &Values) -> Result<(), Fai
     }
 }
 
-fn print(args: &EvaluateArgs, values: &Values, summary: &Summary) -> Result<(), Failure> {
+fn print(args: &EvaluateArgs, sensor: &str, values: &Values, summary: &Summary) -> Result<(), Failure> {
     if args.common.json {
-        let document = serde_json::json!({"format": 1, "parameters": values, "summary": summary});
+        let document = serde_json::json!({"format": 1, "sensor": sensor, "parameters": values, "summary": summary});
         println!("{}", serde_json::to_string_pretty(&document).map_err(Failure::run)?);
         return Ok(());
     }

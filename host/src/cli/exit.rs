@@ -6,6 +6,7 @@ use crate::client::ClientError;
 use crate::dataset::DatasetError;
 use crate::journal::JournalError;
 use crate::run::FileError;
+use crate::sensor::SensorError;
 use crate::tune::TuneError;
 
 /// A message for people, and an exit code for scripts.
@@ -33,9 +34,11 @@ impl Failure {
     }
 }
 
-impl From<ClientError> for Failure {
-    fn from(error: ClientError) -> Self {
-        Self::new(if matches!(error, ClientError::Refused(_)) { 2 } else { 3 }, error)
+impl From<SensorError> for Failure {
+    fn from(error: SensorError) -> Self {
+        let asked_wrong =
+            matches!(error, SensorError::Open { .. } | SensorError::Client { source: ClientError::Refused(_), .. });
+        Self::new(if asked_wrong { 2 } else { 3 }, error)
     }
 }
 
@@ -60,7 +63,7 @@ impl From<FileError> for Failure {
 impl From<TuneError> for Failure {
     fn from(error: TuneError) -> Self {
         match error {
-            TuneError::Client(error) => error.into(),
+            TuneError::Sensor(error) => error.into(),
             TuneError::Journal(error) => error.into(),
             TuneError::Optimizer(_) => Self::usage(error),
             TuneError::Interrupted { .. } => Self::new(130, error),

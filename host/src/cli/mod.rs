@@ -1,5 +1,6 @@
 //! The command line.
 
+mod choice;
 mod evaluate;
 mod exit;
 mod figures;
@@ -7,6 +8,7 @@ mod progress;
 mod register;
 mod scan;
 mod sensor;
+mod serve;
 mod tune;
 
 use std::path::PathBuf;
@@ -45,7 +47,16 @@ enum Command {
     /// Register two clouds: PLY, PCD, KITTI .bin or XYZ.
     Register(register::RegisterArgs),
     /// Ask a sensor who it is, read its settings, set them.
+    ///
+    /// `--set lidar.power=50` and the like are laid over the sensor's own settings and sent to it, which checks them itself; of a
+    /// configuration file, all of [lidar] is sent. With neither, nothing is changed.
     Sensor(sensor::SensorArgs),
+    /// Be a sensor on a serial port, to rehearse `--sensor serial:` with.
+    ///
+    /// The sensor shows viewpoint n for scan n: those of the configuration's pairs, numbered as `--sensor serial:` asks for them.
+    /// To rehearse without a board, run `socat -d -d pty,raw,echo=0 pty,raw,echo=0`, serve the one terminal it names, and give the
+    /// other to `tune --sensor serial:`, with the same configuration.
+    Serve(serve::ServeArgs),
     /// Print the effective configuration, or every parameter with unit and range.
     Config(ConfigArgs),
     /// Print shell completions.
@@ -145,6 +156,7 @@ impl Cli {
             Command::Scan(args) => scan::run(&args),
             Command::Register(args) => register::run(&args),
             Command::Sensor(args) => sensor::run(&args),
+            Command::Serve(args) => serve::run(&args),
             Command::Config(args) => show_config(&args),
             Command::Completions { shell } => {
                 let mut script = Vec::new();

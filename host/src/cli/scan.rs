@@ -4,22 +4,20 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use clap::Args;
-use echoloop_dsp::Hardware;
-use echoloop_sim::board::PcSensor;
+use echoloop_sim::scanner::SceneResponse;
 use echoloop_sim::viewpoint::{PairPlan, Split, sample_pairs};
 use nalgebra::{Translation3, UnitQuaternion, Vector3};
 
+use super::choice::{SensorChoice, described};
 use super::exit::Failure;
 use super::{Common, ConfigSource, on_threads};
-use crate::client::{Client, Patience};
 use crate::cloud::{Cloud, write_ply};
 use crate::config::Config;
 use crate::dataset::{DatasetError, place, respond};
-use crate::frontend::WaveformFrontEnd;
 use crate::params::Parameters;
 use crate::pose::Pose;
-use crate::seed::{Purpose, derive};
-use crate::transport::InProcess;
+use crate::seed::{Purpose, derive, scan_noise};
+use crate::sensor::{Model, View};
 
 /// Flags of `scan`.
 #[derive(Clone, Debug, Args)]
@@ -28,6 +26,8 @@ pub(crate) struct ScanArgs {
     source: ConfigSource,
     #[command(flatten)]
     common: Common,
+    #[command(flatten)]
+    sensor: SensorChoice,
     /// Where to write the cloud (PLY, sensor frame, m).
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -41,34 +41,61 @@ pub(super) fn run(args: &ScanArgs) -> Result<(), Failure> {
     on_threads(args.common.threads, || scan(args, &config))?
 }
 
+/// What came back, and from where.
+struct Scan {
+    /// Which sensor, and its firmware.
+    sensor: String,
+    /// The scene and the sensor's pose in it; of a sensor that somebody else turns, nothing is known.
+    seen: Option<Seen>,
+    settings: u32,
+    beams: u32,
+    cloud: Cloud,
+}
+
+/// A place to look at.
+struct Seen {
+    scene: String,
+    world_from_sensor: Pose,
+    response: Arc<SceneResponse>,
+}
+
 fn scan(args: &ScanArgs, config: &Config) -> Result<(), Failure> {
-    let hardware = Hardware { adc_bits: config.receiver.adc_bits, ..Hardware::REFERENCE };
-    let parameters = Parameters::start(config, &hardware).map_err(Failure::usage)?;
-    let town = config.scene.towns[0];
-    let place = place(config, town)?;
-    let pose = match &args.pose {
-        Some(numbers) => pose(numbers)?,
-        None => first_viewpoint(config, &place, town)?,
-    };
-    let pattern = config.scanner.pattern();
+    let sensors = args.sensor.sensors(Model::of(config))?;
+    let identity = sensors.identity()?;
+    let settings = Parameters::start(config, &identity.hardware).map_err(Failure::usage)?.settings;
+    let pattern = identity.pattern;
     let directions: Vec<Vector3<f32>> = (0..pattern.beams()).map(|beam| pattern.direction(beam)).collect();
-    let response = Arc::new(respond(config, &place, &pose, &directions));
-    let front_end =
-        WaveformFrontEnd::new(config.receiver.clone(), response, derive(config.seed, Purpose::TestNoise, 0));
-    let sensor = PcSensor::new(front_end, pattern, hardware);
-    let mut client = Client::connect(InProcess(sensor), Patience::default())?;
-    let hash = client.configure(&parameters.settings)?;
-    let scan = client.scan(1)?;
-    let echoes = scan.iter().zip(&directions);
-    let points = echoes.flat_map(|(echoes, d)| echoes.iter().map(move |echo| echoloop_dsp::project::point_m(d, echo)));
-    let cloud = Cloud::new(points.collect());
+    let seen = seen(args, config, &directions)?;
+    let response = seen.as_ref().map_or_else(Arc::default, |seen| Arc::clone(&seen.response));
+    let view = View { scene: &response, noise_seed: scan_noise(config.seed), scan: 1, viewpoint: 1 };
+    let (hash, scan) = sensors.with(|sensor| Ok((sensor.configure(&settings)?, sensor.scan(&view)?)))?;
+    let cloud = Cloud::of_scan(&scan, &directions);
     if cloud.points.is_empty() {
         return Err(Failure::run("detection: no beam returned an echo (is the sensor inside something, or too weak?)"));
     }
     if let Some(path) = &args.output {
         write_ply(path, &cloud).map_err(Failure::usage)?;
     }
-    print(args, &place.scene.name, &pose, hash, pattern.beams(), &cloud)
+    let sensor = described(&sensors, &identity);
+    print(args, &Scan { sensor, seen, settings: hash, beams: pattern.beams(), cloud })
+}
+
+/// What a sensor is to look at, when that is for us to say.
+fn seen(args: &ScanArgs, config: &Config, directions: &[Vector3<f32>]) -> Result<Option<Seen>, Failure> {
+    if args.sensor.is_turned_by_others() {
+        return match args.pose {
+            Some(_) => Err(Failure::usage("--pose: a sensor on a serial line looks where it stands")),
+            None => Ok(None),
+        };
+    }
+    let town = config.scene.towns[0];
+    let place = place(config, town)?;
+    let world_from_sensor = match &args.pose {
+        Some(numbers) => pose(numbers)?,
+        None => first_viewpoint(config, &place, town)?,
+    };
+    let response = Arc::new(respond(config, &place, &world_from_sensor, directions));
+    Ok(Some(Seen { scene: place.scene.name, world_from_sensor, response }))
 }
 
 fn pose(numbers: &[f64]) -> Result<Pose, Failure> {
@@ -95,26 +122,31 @@ fn first_viewpoint(config: &Config, place: &crate::dataset::Place, town: u64) ->
     pairs.first().map(|pair| pair.world_from_first).ok_or_else(|| Failure::run("no viewpoint found"))
 }
 
-fn print(args: &ScanArgs, scene: &str, pose: &Pose, hash: u32, beams: u32, cloud: &Cloud) -> Result<(), Failure> {
-    let ranges: Vec<f64> = cloud.points.iter().map(|p| f64::from(p.coords.norm())).collect();
+fn print(args: &ScanArgs, scan: &Scan) -> Result<(), Failure> {
+    let ranges: Vec<f64> = scan.cloud.points.iter().map(|p| f64::from(p.coords.norm())).collect();
     let median_m = crate::evaluate::median(ranges.iter().copied());
     let farthest_m = ranges.iter().copied().fold(0.0, f64::max);
+    let (settings, beams, points) = (format!("{:#010x}", scan.settings), scan.beams, ranges.len());
     if args.common.json {
-        let rows = crate::pose::to_rows(pose);
-        let rows: Vec<&[f64]> = rows.chunks(4).collect();
+        let rows = |seen: &Seen| -> Vec<Vec<f64>> {
+            crate::pose::to_rows(&seen.world_from_sensor).chunks(4).map(<[f64]>::to_vec).collect()
+        };
         let document = serde_json::json!({
-            "format": 1, "scene": scene, "world_from_sensor": rows, "settings": format!("{hash:#010x}"),
-            "beams": beams, "points": cloud.points.len(), "median_range_m": median_m, "farthest_m": farthest_m,
+            "format": 1, "sensor": scan.sensor, "scene": scan.seen.as_ref().map(|seen| &seen.scene),
+            "world_from_sensor": scan.seen.as_ref().map(rows), "settings": settings, "beams": beams, "points": points,
+            "median_range_m": median_m, "farthest_m": farthest_m,
         });
         println!("{}", serde_json::to_string_pretty(&document).map_err(Failure::run)?);
         return Ok(());
     }
-    let at = pose.translation.vector;
-    println!("{scene} from ({:.2}, {:.2}, {:.2}) m, settings {hash:#010x}", at.x, at.y, at.z);
-    println!(
-        "{} points of {beams} beams, median range {median_m:.1} m, farthest {farthest_m:.1} m",
-        cloud.points.len()
-    );
+    match &scan.seen {
+        Some(Seen { scene, world_from_sensor, .. }) => {
+            let at = world_from_sensor.translation.vector;
+            println!("{scene} from ({:.2}, {:.2}, {:.2}) m, settings {settings}", at.x, at.y, at.z);
+        }
+        None => println!("viewpoint 1 of {}, settings {settings}", scan.sensor),
+    }
+    println!("{points} points of {beams} beams, median range {median_m:.1} m, farthest {farthest_m:.1} m");
     if let Some(path) = &args.output {
         println!("wrote {}", path.display());
     }

@@ -1,44 +1,43 @@
 //! `echoloop sensor`.
 
-use std::sync::Arc;
-
 use clap::Args;
-use echoloop_dsp::{Hardware, Kind, PARAMETERS, Parameter};
-use echoloop_link::Greeting;
-use echoloop_sim::board::PcSensor;
-use echoloop_sim::scanner::SceneResponse;
+use echoloop_dsp::{Kind, PARAMETERS, Parameter, ParameterId, Settings};
+use echoloop_link::{Greeting, settings_hash};
 
+use super::choice::{SensorChoice, described};
 use super::exit::Failure;
 use super::figures::choices;
 use super::{Common, ConfigSource};
-use crate::client::{Client, Patience};
-use crate::config::Lidar;
-use crate::frontend::WaveformFrontEnd;
-use crate::transport::InProcess;
+use crate::config::{Config, Lidar};
+use crate::sensor::Model;
 
-/// Flags of `sensor`. `--set lidar.power=50` and the like are sent to the sensor, which checks them itself.
+/// Flags of `sensor`.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct SensorArgs {
     #[command(flatten)]
     source: ConfigSource,
     #[command(flatten)]
     common: Common,
+    #[command(flatten)]
+    sensor: SensorChoice,
 }
 
 pub(super) fn run(args: &SensorArgs) -> Result<(), Failure> {
     let config = args.source.load(Vec::new())?;
-    let hardware = Hardware { adc_bits: config.receiver.adc_bits, ..Hardware::REFERENCE };
-    let nothing = Arc::new(SceneResponse::default());
-    let front_end = WaveformFrontEnd::new(config.receiver.clone(), nothing, config.seed);
-    let sensor = PcSensor::new(front_end, config.scanner.pattern(), hardware);
-    let mut client = Client::connect(InProcess(sensor), Patience::default())?;
-    let hash = client.configure(&config.lidar.0)?;
-    let settings = client.read_settings()?;
-    let counters = client.read_counters()?;
-    let identity = client.identity();
+    let sensors = args.sensor.sensors(Model::of(&config))?;
+    let identity = sensors.identity()?;
+    let (settings, counters) = sensors.with(|sensor| {
+        let own = sensor.client().read_settings()?;
+        let settings = asked(&args.source, &config, own);
+        if settings != own {
+            sensor.configure(&settings)?;
+        }
+        Ok((sensor.client().read_settings()?, sensor.client().read_counters()?))
+    })?;
+    let hash = settings_hash(&settings);
     if args.common.json {
         let document = serde_json::json!({
-            "format": 1, "build": identity.build, "protocol": Greeting::OURS.protocol,
+            "format": 1, "sensor": described(&sensors, &identity), "build": identity.build, "protocol": Greeting::OURS.protocol,
             "schema": format!("{:#018x}", Greeting::OURS.schema), "hardware": identity.hardware,
             "pattern": identity.pattern, "hash": format!("{hash:#010x}"), "settings": Lidar(settings),
             "counters": counters,
@@ -46,7 +45,12 @@ pub(super) fn run(args: &SensorArgs) -> Result<(), Failure> {
         println!("{}", serde_json::to_string_pretty(&document).map_err(Failure::run)?);
         return Ok(());
     }
-    println!("{}, protocol {}, schema {:#018x}", identity.build, Greeting::OURS.protocol, Greeting::OURS.schema);
+    println!(
+        "{}, protocol {}, schema {:#018x}",
+        described(&sensors, &identity),
+        Greeting::OURS.protocol,
+        Greeting::OURS.schema
+    );
     let h = identity.hardware;
     println!(
         "{} bits, {} to {} m, pulses up to {} nJ",
@@ -62,6 +66,18 @@ pub(super) fn run(args: &SensorArgs) -> Result<(), Failure> {
     }
     println!("\n{} frames, {} refused", counters.frames, counters.refusals);
     Ok(())
+}
+
+/// The sensor's own settings with what was asked for laid over.
+fn asked(source: &ConfigSource, config: &Config, own: Settings) -> Settings {
+    if source.config.is_some() {
+        return config.lidar.0;
+    }
+    let mut settings = own;
+    for id in source.set.iter().filter_map(|set| set.key("lidar")).filter_map(ParameterId::by_name) {
+        settings.set(id, config.lidar.0.get(id));
+    }
+    settings
 }
 
 fn shown(parameter: &Parameter, code: Option<i32>) -> String {

@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use clap::Args;
 use echoloop_dsp::Hardware;
 
+use super::choice::{SensorChoice, described, introduce};
 use super::exit::Failure;
 use super::figures::{print_table, write_clouds, write_report};
 use super::progress::Progress;
@@ -18,6 +19,7 @@ use crate::journal::{Generation, Journal};
 use crate::objective::Bench;
 use crate::params::{Parameters, Preset, Protocol, Space};
 use crate::run::{CONFIG, HISTORY, REPORT, RESULT, RunFolder, RunResult};
+use crate::sensor::{Model, Sensors};
 use crate::tune::{Search, TuneError, Tuned};
 
 /// Flags of `tune`.
@@ -27,6 +29,8 @@ pub(crate) struct TuneArgs {
     source: ConfigSource,
     #[command(flatten)]
     common: Common,
+    #[command(flatten)]
+    sensor: SensorChoice,
     /// Registration method.
     #[arg(long)]
     method: Option<Method>,
@@ -83,21 +87,28 @@ pub(super) struct Prepared {
     pub(super) config: Config,
     pub(super) dataset: Dataset,
     pub(super) start: Parameters,
+    /// As the sensor says.
     pub(super) hardware: Hardware,
+    pub(super) sensors: Sensors,
+    /// Which sensor, and its firmware.
+    pub(super) sensor: String,
 }
 
 impl Prepared {
-    /// Checks the start, then traces the scans.
-    pub(super) fn new(config: Config, progress: &Progress) -> Result<Self, Failure> {
-        let hardware = Hardware { adc_bits: config.receiver.adc_bits, ..Hardware::REFERENCE };
+    /// Meets the sensor, checks the start against its hardware, then traces the scans.
+    pub(super) fn new(config: Config, choice: &SensorChoice, progress: &Progress) -> Result<Self, Failure> {
+        let model = Model::of(&config);
+        let sensors = choice.sensors(model.clone())?;
+        let identity = introduce(&sensors, &model, progress)?;
+        let (hardware, sensor) = (identity.hardware, described(&sensors, &identity));
         let start = Parameters::start(&config, &hardware).map_err(Failure::usage)?;
         progress.begin("scanning", 1000);
         let dataset = Dataset::build(&config, &|fraction, _| progress.at((fraction * 1000.0) as u64))?;
-        Ok(Self { config, dataset, start, hardware })
+        Ok(Self { config, dataset, start, hardware, sensors, sensor })
     }
 
     pub(super) fn bench(&self) -> Bench<'_> {
-        Bench { dataset: &self.dataset, receiver: &self.config.receiver, hardware: self.hardware }
+        Bench { dataset: &self.dataset, sensors: &self.sensors }
     }
 
     pub(super) fn search<'a>(&'a self, stop: &'a AtomicBool) -> Search<'a> {
@@ -114,7 +125,7 @@ pub(super) fn run(args: &TuneArgs) -> Result<(), Failure> {
 }
 
 /// ^C asks the search to stop after what it is at; a second ^C ends the process.
-fn stop_on_interrupt() -> Arc<AtomicBool> {
+pub(super) fn stop_on_interrupt() -> Arc<AtomicBool> {
     let stop = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&stop);
     // Without a handler ^C just ends the process; the journal holds every whole generation either way.
@@ -133,7 +144,7 @@ fn tune(args: &TuneArgs, config: Config, stop: &AtomicBool) -> Result<(), Failur
         RunFolder::check(&runs)?;
     }
     // What cannot run leaves no folder, and `latest` where it was.
-    let prepared = Prepared::new(config, &progress)?;
+    let prepared = Prepared::new(config, &args.sensor, &progress)?;
     let folder = match &args.resume {
         Some(run) => RunFolder::open(run)?,
         None => RunFolder::create(&runs, &run_name(&prepared.config))?,

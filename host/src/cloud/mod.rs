@@ -9,6 +9,8 @@ mod read;
 mod text;
 pub mod voxel;
 
+use echoloop_dsp::Echoes;
+use echoloop_dsp::project::point_m;
 use nalgebra::{Point3, Vector3};
 
 pub use ply::write_ply;
@@ -27,6 +29,12 @@ impl Cloud {
     /// A cloud without normals.
     pub fn new(points: Vec<Point3<f32>>) -> Self {
         Self { points, normals: None }
+    }
+
+    /// The points of a scan, sensor frame: one for each echo of each beam.
+    pub fn of_scan(scan: &[Echoes], directions: &[Vector3<f32>]) -> Self {
+        let beams = scan.iter().zip(directions);
+        Self::new(beams.flat_map(|(echoes, d)| echoes.iter().map(move |echo| point_m(d, echo))).collect())
     }
 
     /// Removes points that are no echo, and says how many.

@@ -67,6 +67,14 @@ impl Override {
         Self { text: format!("{path}={value}"), keys: path.split('.').map(str::to_owned).collect(), value }
     }
 
+    /// The key it sets in a section.
+    pub fn key(&self, section: &str) -> Option<&str> {
+        match self.keys.as_slice() {
+            [first, key] if first == section => Some(key),
+            _ => None,
+        }
+    }
+
     fn insert(&self, table: &mut toml::Table) -> Result<(), String> {
         let Some((last, parents)) = self.keys.split_last() else { return Ok(()) };
         let mut table = table;

@@ -4,12 +4,14 @@ mod in_process;
 #[cfg(unix)]
 mod qemu;
 mod recording;
+mod serial;
 
 use std::io;
 use std::time::Duration;
 
 pub use in_process::InProcess;
 pub use recording::{Conversation, Direction, Recording};
+pub use serial::Serial;
 
 /// A line of bytes to a sensor. Bytes may be lost, changed or late: the client above copes.
 pub trait Transport {

@@ -1,0 +1,74 @@
+//! `--sensor`: which sensor a command speaks to.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueHint};
+
+use super::exit::Failure;
+use super::progress::Progress;
+use crate::client::Identity;
+use crate::sensor::{Model, QemuOptions, SensorSpec, Sensors};
+
+/// Flags of every command that speaks to a sensor.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct SensorChoice {
+    /// Sensor to use: in-process, qemu[:BOARD], or serial:PORT[@BAUD], as serial:/dev/ttyACM0@115200.
+    ///
+    /// in-process: the firmware in this program, looking at the configuration's scene. qemu: its image in an emulated
+    /// microcontroller, looking at the same. serial: a board on a serial line, at 921600 baud unless it says otherwise. What a
+    /// board sees is up to whoever turns it: the number of the scan, which the firmware writes to the emitter's FRAME register,
+    /// is that of the viewpoint, 2p+1 and 2p+2 for training pair p = 0, 1, …, then the held-out pairs in the same way; `scan`
+    /// asks for 1. `echoloop serve` is the other end, to rehearse with.
+    #[arg(long, value_name = "SENSOR", default_value = "in-process")]
+    sensor: SensorSpec,
+    /// With --sensor qemu: the firmware's image.
+    #[arg(long, value_name = "ELF", value_hint = ValueHint::FilePath)]
+    firmware: Option<PathBuf>,
+    /// With --sensor qemu: where the firmware's log goes; - is standard error.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    sensor_log: Option<PathBuf>,
+}
+
+impl SensorChoice {
+    /// The sensors asked for; none is opened yet.
+    pub(super) fn sensors(&self, model: Model) -> Result<Sensors, Failure> {
+        let is_qemu = matches!(self.sensor, SensorSpec::Qemu(_));
+        for (flag, given) in [("--firmware", self.firmware.is_some()), ("--sensor-log", self.sensor_log.is_some())] {
+            if given && !is_qemu {
+                return Err(Failure::usage(format!("{flag} is for --sensor qemu, not {}", self.sensor)));
+            }
+        }
+        let qemu = QemuOptions { firmware: self.firmware.clone(), log: self.sensor_log.clone() };
+        Ok(Sensors::new(&self.sensor, model, qemu))
+    }
+
+    /// Whether what the sensor sees is not ours to choose.
+    pub(super) fn is_turned_by_others(&self) -> bool {
+        matches!(self.sensor, SensorSpec::Serial(_))
+    }
+}
+
+/// A sensor and its firmware, as in `serial:/dev/ttyACM0@115200, echoloop-sensor 0.1.0`.
+pub(super) fn described(sensors: &Sensors, identity: &Identity) -> String {
+    format!("{}, {}", sensors.name(), identity.build)
+}
+
+/// Opens the first sensor, says which it is, and holds it to the configuration: its beams must point where the pairs were traced.
+pub(super) fn introduce(sensors: &Sensors, model: &Model, progress: &Progress) -> Result<Identity, Failure> {
+    let identity = sensors.identity()?;
+    progress.say(&format!("sensor {}", described(sensors, &identity)));
+    let (theirs, ours) = (identity.pattern, model.pattern);
+    if theirs == ours {
+        return Ok(identity);
+    }
+    let shown = |p: echoloop_dsp::ScanPattern| {
+        let [azimuth, elevation] = [p.azimuth_cdeg, p.elevation_cdeg].map(|c| f64::from(c) / 100.0);
+        format!("{} × {} over {azimuth}° × {elevation}°", p.columns, p.rows)
+    };
+    Err(Failure::usage(format!(
+        "{}: its beams are {}, the configuration's [scanner] has {}",
+        sensors.name(),
+        shown(theirs),
+        shown(ours)
+    )))
+}
