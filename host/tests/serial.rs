@@ -213,12 +213,14 @@ fn a_board_of_other_beams_is_refused_to_a_run_and_scans_as_it_is() {
 #[test]
 fn a_line_cut_in_the_middle_is_a_lost_link_with_the_port_s_name() {
     let desk = Desk::new();
-    for command in ["scan", "evaluate"] {
+    for command in ["scan", "evaluate", "tune"] {
         let board = Board::cut_after(&desk, 12);
         let said = run(&desk, &[command, "-c", "small.toml", "--threads", "2", "--sensor", &board.spec]);
         assert_eq!(said.code, Some(3), "{command}: {}", said.err);
         let line = said.err.lines().find(|line| line.starts_with("error:")).expect("an error");
         assert!(line.contains(&board.port.path) && line.contains("the link is lost"), "{line}");
+        let hint = format!("--resume runs/0001-yard-icp-joint --sensor {}", board.spec);
+        assert_eq!(said.err.contains(&hint), command == "tune", "{}", said.err);
     }
 }
 

@@ -18,7 +18,7 @@ use echoloop_host::objective::{Bench, fitness};
 use echoloop_host::params::{PAPER_LIDAR, Parameters, Preset, Protocol, Space};
 use echoloop_host::pose::{Pose, relative};
 use echoloop_host::seed::Purpose;
-use echoloop_host::sensor::{Model, Sensor, Sensors, View};
+use echoloop_host::sensor::{Model, Sensor, SensorError, Sensors, View};
 use echoloop_host::transport::InProcess;
 use echoloop_host::tune::{Search, Silent, Tuned};
 use echoloop_link::settings_hash;
@@ -80,6 +80,32 @@ fn one_thread_and_two_write_the_same_journal_and_choose_the_same() {
     assert!(one == two, "the journals differ");
     assert_eq!(chosen_by_one, chosen_by_two);
     assert_eq!(one.iter().filter(|&&byte| byte == b'\n').count(), 1 + 3, "a header and three generations");
+}
+
+#[test]
+fn every_viewpoint_has_its_number_training_pairs_first() {
+    let pairs = TOWN.train.iter().chain(&TOWN.test);
+    let numbers: Vec<u32> = pairs.flat_map(|pair| pair.viewpoints).collect();
+    assert_eq!(numbers, (1..=14).collect::<Vec<_>>());
+    assert_eq!(TOWN.test[0].viewpoints, [2 * 4 + 1, 2 * 4 + 2]);
+    for (number, scene) in numbers.iter().zip(TOWN.views()) {
+        let pair = TOWN.train.iter().chain(&TOWN.test).find(|pair| pair.viewpoints.contains(number)).expect("a pair");
+        assert!(Arc::ptr_eq(scene, if number % 2 == 1 { &pair.first } else { &pair.second }));
+    }
+}
+
+#[test]
+fn one_sensor_for_all_threads_finds_what_one_for_each_finds() {
+    let config = config(&[]);
+    let model = Model::of(&config);
+    let one = Sensors::opened_by("one", 1, move || Sensor::in_process(&model).map_err(SensorError::client("one")));
+    let of = |sensors: &Sensors| {
+        let bench = Bench { dataset: &TOWN, sensors };
+        let start = search(&config).start;
+        evaluate(&bench, &start, &TOWN.train, config.seed, Purpose::ShortlistNoise, &|| ()).expect("errors")
+    };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(4).build().expect("threads");
+    pool.install(|| assert_eq!(of(&one), of(&SENSORS)));
 }
 
 #[test]

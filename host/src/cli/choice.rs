@@ -42,6 +42,16 @@ impl SensorChoice {
         Ok(Sensors::new(&self.sensor, model, qemu))
     }
 
+    /// The flags again, to go on with; nothing for the usual sensor.
+    pub(super) fn again(&self) -> String {
+        let file = |flag: &str, path: &Option<PathBuf>| path.as_ref().map(|path| format!(" {flag} {}", path.display()));
+        let files = file("--firmware", &self.firmware).into_iter().chain(file("--sensor-log", &self.sensor_log));
+        match self.sensor {
+            SensorSpec::InProcess => String::new(),
+            _ => format!(" --sensor {}", self.sensor) + &files.collect::<String>(),
+        }
+    }
+
     /// Whether what the sensor sees is not ours to choose.
     pub(super) fn is_turned_by_others(&self) -> bool {
         matches!(self.sensor, SensorSpec::Serial(_))

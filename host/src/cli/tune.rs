@@ -158,8 +158,8 @@ fn tune(args: &TuneArgs, config: Config, stop: &AtomicBool) -> Result<(), Failur
     progress.begin("tuning", left as u64);
     let outcome = search_and_judge(&search, &mut journal, done, &progress);
     progress.end();
-    if let Err(TuneError::Interrupted { .. }) = &outcome {
-        eprintln!("go on with: echoloop tune --resume {}", folder.path().display());
+    if let Err(TuneError::Interrupted { .. } | TuneError::Sensor(_)) = &outcome {
+        eprintln!("go on with: echoloop tune --resume {}{}", folder.path().display(), args.sensor.again());
     }
     let (tuned, before, after) = outcome?;
     let result = result(&prepared, &search, &tuned, before, after);

@@ -95,6 +95,14 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_port_without_permission_or_in_use_says_what_to_do() {
+        let said = |kind| why_not(&serialport::Error::new(kind, "denied"));
+        assert!(said(ErrorKind::Io(io::ErrorKind::PermissionDenied)).contains("dialout"));
+        assert!(said(ErrorKind::NoDevice).contains("another program"));
+        assert_eq!(said(ErrorKind::Unknown), "the port cannot be opened: denied");
+    }
+
+    #[test]
     fn patience_grows_as_the_line_slows() {
         let timeout = |baud| Serial::patience(baud).timeout.as_millis();
         assert_eq!([timeout(921_600), timeout(115_200), timeout(9_600)], [344, 657, 4589]);
