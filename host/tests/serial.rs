@@ -225,6 +225,27 @@ fn a_line_cut_in_the_middle_is_a_lost_link_with_the_port_s_name() {
 }
 
 #[test]
+fn a_run_that_lost_its_board_goes_on_with_another_to_the_same_end() {
+    let desk = Desk::new();
+    let tune = |board: &Board, more: &[&str]| run(&desk, &[&["tune", "-q", "--sensor", &board.spec], more].concat());
+    let tiny = ["-c", "small.toml", "--generations", "2", "--population", "2", "--set", "tune.shortlist=1"];
+    let whole = tune(&Board::new(&desk), &tiny);
+    assert_eq!(whole.code, Some(0), "{}", whole.err);
+    // 50 answers a registration, 4 registrations a generation: lost in the second.
+    assert_eq!(tune(&Board::cut_after(&desk, 300), &tiny).code, Some(3));
+    let lost = "runs/0002-yard-icp-joint";
+    assert_eq!(desk.read(&format!("{lost}/history.jsonl")).lines().count(), 2, "a header and a generation");
+    let resumed = tune(&Board::new(&desk), &["--resume", lost]);
+    assert_eq!(resumed.code, Some(0), "{}", resumed.err);
+    for name in ["history.jsonl", "result.json", "report.html"] {
+        assert!(
+            desk.bytes(&format!("{lost}/{name}")) == desk.bytes(&format!("runs/0001-yard-icp-joint/{name}")),
+            "{name}"
+        );
+    }
+}
+
+#[test]
 fn a_port_that_answers_nothing_is_given_up_in_bounded_time() {
     let desk = Desk::new();
     let (_here, _there, path) = terminals();
