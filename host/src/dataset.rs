@@ -57,7 +57,7 @@ pub struct ScanPair {
 /// alone is of viewpoint 1.
 ///
 /// ```text
-/// training pair p   2p + 1                 2p + 2                 p = 0..
+/// training pair p   2p + 1                   2p + 2                     p = 0..
 /// held-out pair p   2·train_pairs + 2p + 1   2·train_pairs + 2p + 2
 /// ```
 pub fn viewpoints(place: usize) -> [u32; 2] {
