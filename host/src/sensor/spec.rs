@@ -37,7 +37,7 @@ pub enum SpecError {
     #[error("expected in-process, qemu[:BOARD] or serial:PORT[@BAUD]")]
     Kind,
     /// QEMU has no such board.
-    #[error("qemu has no board '{0}' here, only {boards}", boards = qemu::BOARDS.join(", "))]
+    #[error("qemu has no board '{0}' here, only {boards}", boards = qemu::boards().join(", "))]
     Board(String),
     /// A serial line without a port.
     #[error("a serial line needs its port, as serial:/dev/ttyACM0 or serial:/dev/ttyUSB0@115200")]
@@ -53,9 +53,11 @@ impl FromStr for SensorSpec {
     fn from_str(text: &str) -> Result<Self, SpecError> {
         match text.split_once(':') {
             None if text == "in-process" => Ok(Self::InProcess),
-            None if text == "qemu" => Ok(Self::Qemu(qemu::BOARDS[0].to_owned())),
+            None if text == "qemu" => {
+                qemu::boards().first().map(|board| Self::Qemu((*board).to_owned())).ok_or(SpecError::Kind)
+            }
             None if text == "serial" => Err(SpecError::NoPort),
-            Some(("qemu", board)) if qemu::BOARDS.contains(&board) => Ok(Self::Qemu(board.to_owned())),
+            Some(("qemu", board)) if qemu::boards().contains(&board) => Ok(Self::Qemu(board.to_owned())),
             Some(("qemu", board)) => Err(SpecError::Board(board.to_owned())),
             Some(("serial", port)) => port.parse().map(Self::Serial),
             _ => Err(SpecError::Kind),
@@ -122,7 +124,7 @@ mod tests {
             ("", "expected in-process"),
             ("in-process:2", "expected in-process"),
             ("uart:/dev/ttyS0", "expected in-process"),
-            ("qemu:virt", "no board 'virt'"),
+            ("qemu:toaster", "no board 'toaster'"),
             ("qemu:", "no board ''"),
             ("serial", "needs its port"),
             ("serial:", "needs its port"),
