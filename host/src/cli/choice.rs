@@ -1,6 +1,7 @@
 //! `--sensor`: which sensor a command speaks to.
 
-use std::path::PathBuf;
+use std::fs::File;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueHint};
 
@@ -37,6 +38,10 @@ impl SensorChoice {
             if given && !is_qemu {
                 return Err(Failure::usage(format!("{flag} is for --sensor qemu, not {}", self.sensor)));
             }
+        }
+        if let Some(log) = self.sensor_log.as_deref().filter(|log| *log != Path::new("-")) {
+            let made = File::create(log); // now, not when the sensors are switched off
+            made.map_err(|error| Failure::usage(format!("--sensor-log {}: {error}", log.display())))?;
         }
         let qemu = QemuOptions { firmware: self.firmware.clone(), log: self.sensor_log.clone() };
         Ok(Sensors::new(&self.sensor, model, qemu))

@@ -20,6 +20,12 @@ pub(crate) struct SensorArgs {
     common: Common,
     #[command(flatten)]
     sensor: SensorChoice,
+    /// Also save the settings: the sensor begins with them from its next start on.
+    #[arg(long, conflicts_with = "forget")]
+    save: bool,
+    /// Drop what the sensor has saved: it begins with its defaults from its next start on.
+    #[arg(long)]
+    forget: bool,
 }
 
 pub(super) fn run(args: &SensorArgs) -> Result<(), Failure> {
@@ -31,6 +37,11 @@ pub(super) fn run(args: &SensorArgs) -> Result<(), Failure> {
         let settings = asked(&args.source, &config, own);
         if settings != own {
             sensor.configure(&settings)?;
+        }
+        match (args.save, args.forget) {
+            (true, _) => drop(sensor.client().save()?),
+            (_, true) => sensor.client().forget()?,
+            _ => {}
         }
         Ok((sensor.client().read_settings()?, sensor.client().read_counters()?))
     })?;
@@ -64,7 +75,7 @@ pub(super) fn run(args: &SensorArgs) -> Result<(), Failure> {
     for parameter in &PARAMETERS {
         println!("{:<22} {:>14}  {}", parameter.name, shown(parameter, settings.get(parameter.id)), range(parameter));
     }
-    println!("\n{} frames, {} refused", counters.frames, counters.refusals);
+    println!("\n{} frames, {} refused, {} restarts", counters.frames, counters.refusals, counters.restarts);
     Ok(())
 }
 
