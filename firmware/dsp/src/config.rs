@@ -3,6 +3,7 @@
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
+use crate::q::divide_round;
 use crate::refusal::Refusal;
 use crate::settings::{Settings, TIMING_WALK_CORRECTED};
 use crate::template::Template;
@@ -14,7 +15,7 @@ pub const SPEED_OF_LIGHT_M_S: u64 = 299_792_458;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Hardware {
-    /// Resolution of the ADC, 8 to 14 bits.
+    /// Resolution of the ADC, 8 to 14 bits; any other counts as the nearest.
     pub adc_bits: u32,
     /// Range of the first sample, mm.
     pub range_min_mm: u32,
@@ -31,22 +32,31 @@ impl Hardware {
 
     /// The largest code, full scale.
     pub const fn full_scale_code(&self) -> u16 {
-        ((1 << self.adc_bits) - 1) as u16
+        0x7fff >> self.code_shift()
     }
 
-    /// Left shift that brings a code to Q1.15.
+    /// Left shift that brings a code to Q1.15: 1 to 7.
     pub const fn code_shift(&self) -> u32 {
-        15 - self.adc_bits
+        match 15u32.saturating_sub(self.adc_bits) {
+            0 => 1,
+            shift @ 1..=7 => shift,
+            8.. => 7,
+        }
     }
 }
 
 /// Sample period that spreads `bins` over the window: 2 (R_max − R_min) / (c·N), to the nearest femtosecond.
 ///
-/// The emitter's trigger, the ADC's clock divider and the range conversion all use this one integer.
+/// The emitter's trigger, the ADC's clock divider and the range conversion all use this one integer. It saturates; a window
+/// that ends before it begins is empty.
 pub const fn sample_period_fs(bins: u32, hardware: &Hardware) -> u32 {
-    let round_trip_mm = 2 * (hardware.range_max_mm - hardware.range_min_mm) as u64;
-    let denominator = bins as u64 * SPEED_OF_LIGHT_M_S;
-    ((round_trip_mm * 1_000_000_000_000 + denominator / 2) / denominator) as u32
+    let window_mm = hardware.range_max_mm.saturating_sub(hardware.range_min_mm) as u64;
+    let numerator = window_mm.saturating_mul(2_000_000_000_000);
+    let denominator = (bins as u64).saturating_mul(SPEED_OF_LIGHT_M_S);
+    match numerator.saturating_add(denominator / 2).checked_div(denominator) {
+        Some(period) if period <= u32::MAX as u64 => period as u32,
+        _ => u32::MAX,
+    }
 }
 
 /// Everything the stages read, derived from one [`Settings`].
@@ -92,6 +102,7 @@ impl Config {
     /// # Errors
     ///
     /// [`Refusal`] of the first field that [`Settings::check`] does not take.
+    #[expect(clippy::arithmetic_side_effects, reason = "k is checked: below 2¹³; 2³² mm are below 2⁴⁰ / 256")]
     pub fn new(settings: &Settings, hardware: &Hardware) -> Result<Self, Refusal> {
         settings.check(hardware)?;
         let period_fs = sample_period_fs(settings.bins as u32, hardware);
@@ -104,7 +115,7 @@ impl Config {
             floor: scaled_floor(settings, &template),
             template,
             snr_threshold: (settings.snr_threshold_milli as u32 * 256 + 500) / 1000,
-            upsampling_log2: settings.upsampling.ilog2(),
+            upsampling_log2: settings.upsampling.trailing_zeros(), // a power of two
             walk_corrected: settings.timing == TIMING_WALK_CORRECTED,
             min_separation: min_separation(settings, range_step),
             echoes: settings.echoes as usize,
@@ -152,32 +163,37 @@ impl Config {
 }
 
 /// S as a code: the nearest, full scale at most.
+#[expect(clippy::arithmetic_side_effects, reason = "S is checked: 10⁶ ppm of a code below 2¹⁵")]
 fn clip_code(settings: &Settings, hardware: &Hardware) -> u16 {
     let full_scale = u64::from(hardware.full_scale_code());
     ((settings.saturation_ppm as u64 * full_scale + 500_000) / 1_000_000) as u16
 }
 
 /// N is an amplitude; the filter scales amplitudes by its peak gain.
+#[expect(clippy::arithmetic_side_effects, reason = "N is checked: below 10⁶ ppm of a gain below 2¹⁵")]
 fn scaled_floor(settings: &Settings, template: &Template) -> i32 {
     ((settings.noise_floor_ppm as u64 * u64::from(template.peak_gain()) + 500_000) / 1_000_000) as i32
 }
 
 /// c/2 per sample: fs × m/s = 10⁻¹² mm, times 256 × 2¹⁶ / 2.
+#[expect(clippy::arithmetic_side_effects, reason = "2³² · 2²⁹ · 2²³ is below 2¹²⁸")]
 fn range_step(period_fs: u32) -> i64 {
     let scaled = (u128::from(period_fs) * u128::from(SPEED_OF_LIGHT_M_S)) << 23;
     ((scaled + 500_000_000_000) / 1_000_000_000_000) as i64
 }
 
 /// ΔR in samples, the nearest, at least 1; 1.14·cW/2 when it follows the pulse.
+#[expect(
+    clippy::arithmetic_side_effects,
+    reason = "ΔR and W are checked: below 4 m; so is a step, 1.2 m at most: W spans 2.5 samples"
+)]
 fn min_separation(settings: &Settings, range_step: i64) -> u32 {
     let separation_um = match settings.min_separation_mm {
         Some(mm) => i64::from(mm) * 1000,
         // 1.14 × c/2 = 170.88 µm per ps
         None => i64::from(settings.pulse_width_ps) * 17_088 / 100,
     };
-    let numerator = (separation_um * 256) << 16;
-    let denominator = range_step * 1000;
-    ((numerator + denominator / 2) / denominator).max(1) as u32
+    divide_round((separation_um * 256) << 16, range_step * 1000).max(1) as u32
 }
 
 #[cfg(test)]

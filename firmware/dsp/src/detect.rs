@@ -48,6 +48,7 @@ pub struct Threshold {
 
 impl Threshold {
     /// The threshold for a waveform with these statistics.
+    #[expect(clippy::arithmetic_side_effects, reason = "σ below 2³², r at most 2¹⁵, k below 2¹¹: products below 2⁴⁷")]
     pub fn of(config: &Config, statistics: &Statistics) -> Self {
         let noise_gain = i64::from(config.template.noise_gain());
         let sigma = shift_round(i64::from(statistics.sigma) * noise_gain, 15);
@@ -84,6 +85,7 @@ enum State {
 /// T/2 is rounded down. The sample that ends a climb is the first valley, or idle at once. A climb that the waveform cuts
 /// off counts. Of more than [`MAX_CANDIDATES`] peaks the strongest stay, of equals the first.
 #[inline(always)]
+#[expect(clippy::arithmetic_side_effects, reason = "the index of a value of y, which lies in memory")]
 pub fn peaks(kernel: impl Kernel, y: &[i16], threshold: i16, found: &mut Peaks) {
     found.clear();
     let mut state = State::Idle;
@@ -114,6 +116,7 @@ const BLOCK: usize = 32;
 const _: () = assert!(MAX_SAMPLES <= u16::MAX as usize);
 
 #[inline(always)]
+#[expect(clippy::arithmetic_side_effects, reason = "below a peak's height by a sixteenth or half of it; sums in i32")]
 fn step(state: State, here: Peak, threshold: i16, found: &mut Peaks) -> State {
     match state {
         State::Idle if here.height >= threshold => State::Rising(here),
@@ -158,36 +161,39 @@ pub fn separate(found: &mut Peaks, min_separation: u32) {
         return;
     }
     let mut waiting = found.clone();
-    found.clear();
-    while let Some(strongest) = take_strongest(&mut waiting) {
-        if found.iter().all(|kept| u32::from(kept.index.abs_diff(strongest.index)) >= min_separation) {
-            let _ = found.push(strongest); // no more than were there
+    let mut kept = Peaks::new();
+    while let Some(strongest) = take(&mut waiting, strongest) {
+        if kept.iter().all(|k| u32::from(k.index.abs_diff(strongest.index)) >= min_separation) {
+            let _ = kept.push(strongest); // no more than were found
         }
     }
-    found.sort_unstable_by_key(|p| p.index);
+    found.retain(|p| kept.contains(p));
 }
 
-/// Removes and returns the highest, of equals the first.
-fn take_strongest(peaks: &mut Peaks) -> Option<Peak> {
-    let best = peaks.iter().copied().reduce(|a, b| if b.height > a.height { b } else { a })?;
-    peaks.retain(|p| *p != best);
-    Some(best)
+/// The highest, of equals the first.
+fn strongest(peaks: &[Peak]) -> Option<Peak> {
+    peaks.iter().copied().reduce(|a, b| if b.height > a.height { b } else { a })
+}
+
+/// Removes and returns the one that is picked.
+fn take(peaks: &mut Peaks, pick: impl Fn(&[Peak]) -> Option<Peak>) -> Option<Peak> {
+    let picked = pick(peaks)?;
+    peaks.retain(|p| *p != picked);
+    Some(picked)
 }
 
 /// The peaks that become echoes: at most `count`, the strongest, first or last, in that order.
 pub fn choose(mut found: Peaks, count: usize, choice: i32) -> Vec<Peak, MAX_ECHOES> {
+    let pick = |peaks: &[Peak]| match choice {
+        CHOICE_FIRST => peaks.first().copied(),
+        CHOICE_LAST => peaks.last().copied(),
+        _ => strongest(peaks),
+    };
     let mut chosen = Vec::new();
-    while chosen.len() < count {
-        let next = match choice {
-            CHOICE_FIRST if found.is_empty() => None,
-            CHOICE_FIRST => Some(found.remove(0)),
-            CHOICE_LAST => found.pop(),
-            _ => take_strongest(&mut found),
-        };
-        let Some(peak) = next else { break };
-        if chosen.push(peak).is_err() {
-            break;
-        }
+    while chosen.len() < count.min(MAX_ECHOES)
+        && let Some(peak) = take(&mut found, pick)
+    {
+        let _ = chosen.push(peak); // fewer than MAX_ECHOES
     }
     chosen
 }

@@ -64,6 +64,10 @@ impl Echo {
     }
 
     /// Turns a refined peak into an echo; `None` when it lies before range 0.
+    #[expect(
+        clippy::arithmetic_side_effects,
+        reason = "time is below 2²⁸, 2400 samples, a step below 2³⁵, 1.2 m: W spans 2.5 samples; heights are Q1.15"
+    )]
     pub fn of(config: &Config, refined: &Refined, threshold: &Threshold) -> Option<Self> {
         let along = shift_round(refined.time * config.range_step, 32);
         let range = u32::try_from(config.range_origin + along).ok()?;
@@ -83,11 +87,13 @@ impl Echo {
 }
 
 /// Q16.16 samples to U12.4 ns: `round(w · fs / 2¹⁶ · 16 / 10⁶)`.
+#[expect(clippy::arithmetic_side_effects, reason = "a width is at most 2400 samples, 2²⁸, a period below 2³²")]
 fn width(config: &Config, width: i64) -> u16 {
     saturate_u16(divide_round(width * i64::from(config.sample_period_fs), 1_000_000 << 12))
 }
 
 /// Q1.15 over Q13.19 to U8.8, rounded down.
+#[expect(clippy::arithmetic_side_effects, reason = "the divisor is at least 1")]
 fn snr(height: i32, sigma: u32) -> u16 {
     saturate_u16((i64::from(height) << 12) / i64::from(sigma.max(1)))
 }

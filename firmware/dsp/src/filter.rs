@@ -29,8 +29,8 @@ pub const PADDING: usize = 2 * BLOCK;
 /// `taps` come with their last zero: an even number. The portable twin of [`Kernel::correlate`](crate::Kernel::correlate).
 #[inline(always)]
 pub fn correlate(taps: &[i16], padded: &[i16], y: &mut [i16]) {
-    let windows = padded.windows(taps.len() + BLOCK).step_by(BLOCK);
-    for (y, window) in y.chunks_exact_mut(BLOCK).zip(windows) {
+    let windows = padded.windows(taps.len().saturating_add(BLOCK)).step_by(BLOCK);
+    for (y, window) in y.as_chunks_mut::<BLOCK>().0.iter_mut().zip(windows) {
         for (y, sum) in y.iter_mut().zip(dot_block(taps, window)) {
             *y = round(sum);
         }
@@ -39,6 +39,7 @@ pub fn correlate(taps: &[i16], padded: &[i16], y: &mut [i16]) {
 
 /// `Σ h[k] · window[n + k]` for outputs n = 0..16, Q2.30.
 #[inline(always)]
+#[expect(clippy::arithmetic_side_effects, reason = "Σ abs(h) ≤ 1 in Q1.15, abs(x) ≤ 1: sums stay within 2³⁰")]
 fn dot_block(taps: &[i16], window: &[i16]) -> [i32; BLOCK] {
     let mut sums = [0i32; BLOCK];
     for (&tap, window) in taps.iter().zip(window.windows(BLOCK)) {
@@ -50,6 +51,10 @@ fn dot_block(taps: &[i16], window: &[i16]) -> [i32; BLOCK] {
 }
 
 /// Output `n` of [`correlate`] before it is rounded to Q1.15: Q9.23, nearest; 0 outside `samples`.
+#[expect(
+    clippy::arithmetic_side_effects,
+    reason = "Σ abs(h) ≤ 1 in Q1.15, abs(x) ≤ 1: the sum stays within 2³⁰; lengths are of memory"
+)]
 pub fn exact(taps: &[i16], padded: &[i16], samples: usize, n: i64) -> i64 {
     let start = usize::try_from(n).ok().filter(|&n| n < samples);
     let Some(window) = start.and_then(|n| padded.get(n..n + taps.len())) else { return 0 };
@@ -59,6 +64,7 @@ pub fn exact(taps: &[i16], padded: &[i16], samples: usize, n: i64) -> i64 {
 
 /// Q2.30 to Q1.15: nearest, ties up, saturating.
 #[inline(always)]
+#[expect(clippy::arithmetic_side_effects, reason = "a sum stays within 2³⁰")]
 pub fn round(sum: i32) -> i16 {
     ((sum + (1 << 14)) >> 15).clamp(i32::from(I1F15::MIN.to_bits()), i32::from(I1F15::MAX.to_bits())) as i16
 }

@@ -16,6 +16,15 @@
 //! by an `f64` twin in the tests.
 #![no_std]
 #![forbid(unsafe_code)]
+// No input reaches a panic, in any build: what cannot be proven by a type is proven by a bound, next to it.
+#![warn(
+    clippy::arithmetic_side_effects,
+    clippy::expect_used,
+    clippy::indexing_slicing,
+    clippy::panic,
+    clippy::unreachable
+)]
+#![cfg_attr(test, allow(clippy::arithmetic_side_effects, clippy::indexing_slicing))]
 
 pub mod baseline;
 pub mod config;

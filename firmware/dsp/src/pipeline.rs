@@ -50,7 +50,7 @@ impl Scratch {
 
     /// The filter's output for the last waveform of `samples` samples.
     pub fn filtered(&self, samples: usize) -> &[i16] {
-        &self.y[..samples.min(MAX_SAMPLES)]
+        self.y.get(..samples).unwrap_or(&self.y)
     }
 }
 
@@ -82,12 +82,13 @@ impl Pipeline {
     #[inline(always)]
     pub fn process(&self, kernel: impl Kernel, codes: &[u16], scratch: &mut Scratch) -> Echoes {
         let config = &self.config;
-        let codes = &codes[..codes.len().min(MAX_SAMPLES)];
+        let codes = codes.get(..MAX_SAMPLES).unwrap_or(codes);
         let statistics = Statistics::of(kernel, codes, config.code_shift, &scratch.statistics);
         scratch.statistics = statistics;
         self.filter(kernel, codes, &statistics, scratch);
         let threshold = Threshold::of(config, &statistics);
-        detect::peaks(kernel, &scratch.y[..codes.len()], threshold.level, &mut scratch.peaks);
+        let y = scratch.y.get(..codes.len()).unwrap_or_default();
+        detect::peaks(kernel, y, threshold.level, &mut scratch.peaks);
         if scratch.peaks.is_empty() {
             return Echoes::new();
         }
@@ -99,22 +100,22 @@ impl Pipeline {
     fn filter(&self, kernel: impl Kernel, codes: &[u16], statistics: &Statistics, scratch: &mut Scratch) {
         let config = &self.config;
         let start = config.template.half();
-        let end = start + codes.len();
+        let end = start.saturating_add(codes.len());
         let (old_start, old_end) = scratch.filled;
-        scratch.padded[old_start.min(start)..start].fill(0);
-        scratch.padded[end..old_end.max(end)].fill(0);
+        scratch.padded.get_mut(old_start.min(start)..start).unwrap_or_default().fill(0);
+        scratch.padded.get_mut(end..old_end.max(end)).unwrap_or_default().fill(0);
         scratch.filled = (start, end);
-        let x = &mut scratch.padded[start..end];
+        let x = scratch.padded.get_mut(start..end).unwrap_or_default();
         kernel.remove_baseline(codes, config.clip_code, config.code_shift, statistics.ambient_q15(), x);
-        let length = codes.len().next_multiple_of(16).min(MAX_SAMPLES);
-        kernel.correlate(config.template.taps_in_pairs(), &scratch.padded, &mut scratch.y[..length]);
+        let y = scratch.y.get_mut(..codes.len().next_multiple_of(16)).unwrap_or_default();
+        kernel.correlate(config.template.taps_in_pairs(), &scratch.padded, y);
     }
 
     /// From candidates to echoes. Rarely more than a few: not inlined.
     #[inline(never)]
     fn report(&self, codes: &[u16], scratch: &mut Scratch, threshold: &Threshold) -> Echoes {
         let config = &self.config;
-        let y = &scratch.y[..codes.len()];
+        let y = scratch.y.get(..codes.len()).unwrap_or_default();
         detect::separate(&mut scratch.peaks, config.min_separation);
         let chosen = detect::choose(scratch.peaks.clone(), config.echoes, config.echo_choice);
         let (taps, padded) = (config.template.taps(), &scratch.padded);
@@ -131,3 +132,49 @@ impl Pipeline {
 }
 
 const _: () = assert!(MAX_SAMPLES.is_multiple_of(16), "the filter writes whole blocks");
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernel::{Portable, Scalar};
+    use crate::settings::PARAMETERS;
+
+    /// Darkness, saturation, a step, spikes and a ramp, whatever the ADC's resolution.
+    fn waveforms() -> [[u16; MAX_SAMPLES + 1]; 5] {
+        let step = core::array::from_fn(|n| if n < MAX_SAMPLES / 2 { 0 } else { u16::MAX });
+        let spikes = core::array::from_fn(|n| if n % 40 == 7 { 0x3fff } else { 100 });
+        let ramp = core::array::from_fn(|n| (27 * n) as u16);
+        [[0; MAX_SAMPLES + 1], [u16::MAX; MAX_SAMPLES + 1], step, spikes, ramp]
+    }
+
+    #[test]
+    fn no_hardware_and_no_codes_panic_or_overflow() {
+        let mut scratch = Scratch::new();
+        for adc_bits in [0, 7, 8, 14, 15, 16, 31, 32, u32::MAX] {
+            for (range_min_mm, range_max_mm) in [(1_000, 120_000), (0, 0), (9, 2), (u32::MAX, u32::MAX), (0, u32::MAX)]
+            {
+                let hardware = Hardware { adc_bits, range_min_mm, range_max_mm, energy_limit_pj: u32::MAX };
+                let Ok(pipeline) = Pipeline::new(&Settings::default(), &hardware) else { continue };
+                for codes in waveforms() {
+                    for length in [0, 1, 2, 3, 17, 800, MAX_SAMPLES + 1] {
+                        let portable = pipeline.process(Portable, &codes[..length], &mut scratch);
+                        assert_eq!(pipeline.process(Scalar, &codes[..length], &mut scratch), portable);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn no_value_of_a_setting_panics_or_overflows() {
+        for parameter in &PARAMETERS {
+            for value in [i32::MIN, -1, 0, parameter.min, parameter.max, 3, 31, 32, i32::MAX] {
+                let mut settings = Settings::default();
+                settings.set(parameter.id, Some(value));
+                if let Ok(pipeline) = Pipeline::new(&settings, &Hardware::REFERENCE) {
+                    pipeline.process(Portable, &waveforms()[3], &mut Scratch::new());
+                }
+            }
+        }
+    }
+}

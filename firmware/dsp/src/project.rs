@@ -1,5 +1,7 @@
 //! Where beams point, and where an echo lies in space.
 
+use core::num::NonZero;
+
 use nalgebra::{Point3, Vector3};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
@@ -31,12 +33,12 @@ impl Default for ScanPattern {
 impl ScanPattern {
     /// Number of beams of a scan.
     pub fn beams(&self) -> u32 {
-        u32::from(self.columns) * u32::from(self.rows)
+        u32::from(self.columns).saturating_mul(self.rows.into())
     }
 
     /// Unit vector of a beam, sensor frame. Beams past the last wrap in azimuth.
     pub fn direction(&self, beam: u32) -> Vector3<f32> {
-        let rows = u32::from(self.rows).max(1);
+        let rows = NonZero::new(u32::from(self.rows)).unwrap_or(NonZero::<u32>::MIN);
         let azimuth = angle_rad(beam / rows, self.columns, self.azimuth_cdeg);
         let elevation = angle_rad(beam % rows, self.rows, self.elevation_cdeg);
         let (sin_azimuth, cos_azimuth) = libm::sincosf(azimuth);
@@ -51,6 +53,7 @@ impl ScanPattern {
 }
 
 /// The point an echo comes from along a beam's unit vector, metres.
+#[expect(clippy::arithmetic_side_effects, reason = "floats")]
 pub fn point_m(direction: &Vector3<f32>, echo: &crate::Echo) -> Point3<f32> {
     Point3::from(direction * (echo.range as f32 / 256e3))
 }

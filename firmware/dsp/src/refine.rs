@@ -1,4 +1,8 @@
 //! Sub-sample time, height and width of a peak.
+#![expect(
+    clippy::arithmetic_side_effects,
+    reason = "times are Q16.16 within 2400 samples, 2²⁸; outputs Q9.23 within ±2²⁴, times a fraction or a tap 2⁴¹; divisors are at least 1"
+)]
 
 use crate::config::Config;
 use crate::detect::{Peak, hysteresis};
@@ -70,7 +74,8 @@ fn is_clipped(config: &Config, codes: &[u16], peak: Peak) -> bool {
     let reach = config.template.half().div_ceil(2);
     let index = usize::from(peak.index);
     let end = (index + reach + 1).min(codes.len());
-    codes[index.saturating_sub(reach).min(end)..end].iter().any(|&code| code >= config.clip_code)
+    let around = codes.get(index.saturating_sub(reach)..end).unwrap_or_default();
+    around.iter().any(|&code| code >= config.clip_code)
 }
 
 struct Vertex {
@@ -165,8 +170,8 @@ fn crossing(y: &[i16], peak: Peak, threshold: i16, direction: i64) -> Crossing {
         };
         let value = i32::from(value);
         if value < half {
-            let fraction = (i64::from(inner.1 - half) << 16) / i64::from(inner.1 - value);
-            return Crossing { time: (inner.0 << 16) + direction * fraction, flags: Flags::NONE };
+            let fraction = (((inner.1 - half) as u32) << 16) / (inner.1 - value).max(1) as u32;
+            return Crossing { time: (inner.0 << 16) + direction * i64::from(fraction), flags: Flags::NONE };
         }
         if value > valley.1 + rise {
             return Crossing { time: valley.0 << 16, flags: Flags::MERGED };

@@ -154,8 +154,8 @@ impl Parameter {
     /// Whether this firmware runs the value (it may be in the table and yet not built).
     pub fn runs(&self, code: i32) -> bool {
         match self.kind {
-            Kind::Choice { works, .. } => (0..32).contains(&code) && works >> code & 1 == 1,
-            Kind::PowerOfTwo { runs_to } => code > 0 && code & (code - 1) == 0 && code <= runs_to,
+            Kind::Choice { works, .. } => works.checked_shr(code as u32).is_some_and(|bits| bits & 1 == 1),
+            Kind::PowerOfTwo { runs_to } => is_power_of_two(code) && code <= runs_to,
             _ => (self.min..=self.max).contains(&code),
         }
     }
@@ -171,11 +171,15 @@ impl Parameter {
             Kind::Choice { names, .. } if value < 0 || value as usize >= names.len() => refuse(Reason::NotAChoice),
             _ if value < self.min => refuse(Reason::BelowMinimum { minimum: self.min }),
             _ if value > self.max => refuse(Reason::AboveMaximum { maximum: self.max }),
-            Kind::PowerOfTwo { .. } if value & (value - 1) != 0 => refuse(Reason::NotAChoice),
+            Kind::PowerOfTwo { .. } if !is_power_of_two(value) => refuse(Reason::NotAChoice),
             _ if !self.runs(value) => refuse(Reason::NotImplemented),
             _ => Ok(()),
         }
     }
+}
+
+fn is_power_of_two(value: i32) -> bool {
+    u32::try_from(value).is_ok_and(u32::is_power_of_two)
 }
 
 /// Index of the matched filter among the denoise filters.
@@ -250,7 +254,8 @@ pub const PARAMETERS: [Parameter; 15] = {
 impl ParameterId {
     /// Its row of the table.
     pub fn parameter(self) -> &'static Parameter {
-        &PARAMETERS[self as usize]
+        const { assert!(PARAMETERS.len() == Self::EchoChoice as usize + 1) };
+        PARAMETERS.get(self as usize).unwrap_or(&PARAMETERS[0]) // a row each: never out of bounds
     }
 
     /// The parameter of that name.
@@ -359,7 +364,7 @@ impl Settings {
 
     fn check_energy(&self, hardware: &Hardware) -> Result<(), Refusal> {
         // 0.01 W × 1 ps = 0.01 pJ; in range the product is below 2 × 10⁸.
-        let energy_pj = (self.power_cw as u32 * self.pulse_width_ps as u32).div_ceil(100);
+        let energy_pj = (self.power_cw as u32).saturating_mul(self.pulse_width_ps as u32).div_ceil(100);
         if energy_pj <= hardware.energy_limit_pj {
             return Ok(());
         }
@@ -377,7 +382,8 @@ impl Settings {
 
     fn check_sampling(&self, hardware: &Hardware) -> Result<(), Refusal> {
         let period_fs = sample_period_fs(self.bins as u32, hardware);
-        if 2_000 * self.pulse_width_ps as u64 >= 5 * u64::from(period_fs) {
+        // W ≥ 2.5 samples, 1000 fs a ps; in range the product is at most 8 × 10⁶.
+        if (self.pulse_width_ps as u32).saturating_mul(400) >= period_fs {
             return Ok(());
         }
         let reason = Reason::Undersampled { sample_period_fs: period_fs };

@@ -1,4 +1,8 @@
 //! Ambient light and noise, from the order statistics of the codes.
+#![expect(
+    clippy::arithmetic_side_effects,
+    reason = "counts are at most 2400, codes and distances below 2¹⁷, shifts at most 11: all stays below 2²⁹; divisors are at least 1"
+)]
 
 use crate::MAX_SAMPLES;
 use crate::kernel::Kernel;
@@ -47,11 +51,11 @@ impl Statistics {
     /// waveform's statistics lay, these lie nearby.
     #[inline(always)]
     pub fn of(kernel: impl Kernel, codes: &[u16], shift: u32, guess: &Self) -> Self {
-        let codes = &codes[..codes.len().min(MAX_SAMPLES)];
+        let codes = codes.get(..MAX_SAMPLES).unwrap_or(codes);
         if codes.is_empty() {
             return Self::default();
         }
-        let top = ((1u32 << (15 - shift)) - 1) as u16;
+        let top = 0x7fff >> shift;
         Self::from_ranks(&kernel.ranks(codes, top, guess), codes.len() as u32, shift)
     }
 

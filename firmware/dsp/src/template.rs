@@ -36,6 +36,7 @@ pub struct Template {
 impl Template {
     /// The sin² pulse of a full width at half maximum, sampled with a period. Widths that need more than [`MAX_TAPS`] taps
     /// are cut to them; no accepted setting does.
+    #[expect(clippy::arithmetic_side_effects, reason = "half is at most half of MAX_TAPS")]
     pub fn sin_squared(width_ps: u32, sample_period_fs: u32) -> Self {
         let samples_per_width = width_ps as f32 * 1000.0 / sample_period_fs as f32;
         let half = half_length(samples_per_width);
@@ -45,19 +46,21 @@ impl Template {
             sum += 2.0 * pulse(k);
         }
         let tap = |k: usize| (32767.0 * pulse(k) / sum) as i16; // towards zero: the sum stays within 1
+        let distances = (0..2 * half + 1).map(|i| i.abs_diff(half));
         let mut taps = Vec::new();
-        for i in 0..2 * half + 1 {
-            let _ = taps.push(tap(i.abs_diff(half))); // half is bounded by MAX_TAPS: never full
+        for k in distances.clone() {
+            let _ = taps.push(tap(k)); // half is bounded by MAX_TAPS: never full
         }
         let _ = taps.push(0);
-        let height: f32 = (0..2 * half + 1).map(|i| f32::from(tap(i.abs_diff(half))) * pulse(i.abs_diff(half))).sum();
+        let height: f32 = distances.map(|k| f32::from(tap(k)) * pulse(k)).sum();
         Self::from_taps(taps, height as u32)
     }
 
     /// Any symmetric taps; `height` is Σ h p in Q1.15.
+    #[expect(clippy::arithmetic_side_effects, reason = "the divisor, g, is at least ¼")]
     fn from_taps(taps: Vec<i16, { MAX_TAPS + 1 }>, height: u32) -> Self {
         let peak_gain = height.clamp(1 << 13, 0x7fff) as u16;
-        let energy: u64 = taps.iter().map(|&h| (i64::from(h) * i64::from(h)) as u64).sum();
+        let energy: u64 = taps.iter().map(|&h| u64::from(h.unsigned_abs()).pow(2)).sum();
         Self {
             peak_gain,
             inverse_gain: ((1 << 29) / u32::from(peak_gain)).min(0xffff) as u16,
@@ -92,6 +95,7 @@ impl Template {
     }
 
     /// The amplitude whose filtered height is `height`, both Q1.15: `round(height / g)`.
+    #[expect(clippy::arithmetic_side_effects, reason = "2³¹ · 2¹⁶ is below 2⁶²")]
     pub fn amplitude(&self, height: i32) -> i64 {
         shift_round(i64::from(height) * i64::from(self.inverse_gain), 14)
     }
@@ -99,8 +103,8 @@ impl Template {
 
 /// K: the last sample strictly inside the pulse.
 fn half_length(samples_per_width: f32) -> usize {
-    let last = F32Ext::ceil(samples_per_width) as i32 - 1;
-    last.clamp(0, (MAX_TAPS / 2) as i32) as usize
+    let end = F32Ext::ceil(samples_per_width) as i32;
+    end.saturating_sub(1).clamp(0, (MAX_TAPS / 2) as i32) as usize
 }
 
 #[cfg(test)]
