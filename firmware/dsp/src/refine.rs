@@ -96,7 +96,8 @@ fn vertex(f: impl Fn(i64) -> i64, peak: Peak, reach: usize, upsampling_log2: u32
     let around: Around = core::array::from_fn(|i| f(summit - MARGIN + i as i64));
     let at = |j: i64| interpolate(&around, j, upsampling_log2);
     let mut best = (at(0), 0);
-    for j in (-ratio..=ratio).filter(|_| ratio > 1) {
+    let others = if ratio > 1 { -ratio..ratio + 1 } else { 0..0 };
+    for j in others {
         let z = at(j);
         if z > best.0 {
             best = (z, j);
