@@ -95,9 +95,6 @@ impl Default for Patience {
     }
 }
 
-/// A step between sequence numbers after which none is taken for overtaken.
-const FAR: u16 = 1 << 12;
-
 /// A conversation with one sensor.
 pub struct Client<T> {
     transport: T,
@@ -139,12 +136,12 @@ impl<T: Transport> Client<T> {
         Ok(client)
     }
 
-    /// A sensor that takes our first number for an overtaken one does not answer; far from it, it does.
+    /// A sensor that takes our first number for an overtaken one says after which to begin.
     fn say_hello(&mut self) -> Result<Report, ClientError> {
         let hello = Command::Hello(Greeting::OURS);
         match self.ask(&hello) {
-            Err(ClientError::Silent { .. }) => {
-                self.sequence = self.sequence.wrapping_add(FAR);
+            Err(ClientError::Nack(Nack::Overtaken { newest })) => {
+                self.sequence = newest;
                 self.ask(&hello)
             }
             answered => answered,

@@ -129,7 +129,7 @@ impl<T: Transport> Transport for Shared<T> {
 
 #[test]
 fn programs_that_start_and_fail_on_a_bad_line_leave_no_sensor_behind_that_the_next_cannot_use() {
-    for (rate, at_least) in [(0.01, 390), (0.05, 380), (0.2, 200)] {
+    for (rate, at_least) in [(0.01, 390), (0.05, 380), (0.2, 180)] {
         let mut rng = vectors::rng(21);
         let mut line = Faulty::new(sensor(), 22);
         line.rates = Rates::all(rate);

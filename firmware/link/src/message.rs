@@ -193,6 +193,12 @@ pub enum Nack {
     OnTrial,
     /// The settings could not be stored; what was saved before still is.
     Storage,
+    /// Hello that was numbered just behind the newest command, as one that other commands have overtaken is. A new session
+    /// begins with a number after it.
+    Overtaken {
+        /// Of the newest command.
+        newest: u16,
+    },
 }
 
 /// How the link and the sensor have been since the sensor started.

@@ -1,7 +1,9 @@
 //! The application: takes commands, drives the front end, runs the DSP, answers.
 
 use echoloop_dsp::{Echoes, MAX_SAMPLES, Pipeline, Scratch, Settings};
-use echoloop_link::{Answer, BEAMS_PER_REPORT, Command, Decoder, FrameError, MAX_FRAME, Nack, Report, Session};
+use echoloop_link::{
+    Answer, BEAMS_PER_REPORT, Command, Decoder, FrameError, Greeting, MAX_FRAME, Nack, Report, Session,
+};
 use embedded_io::{Read, ReadReady, Write};
 use heapless::Vec;
 
@@ -16,9 +18,9 @@ pub const BUILD: &str = concat!("echoloop-sensor ", env!("CARGO_PKG_VERSION"));
 /// has to say hello.
 pub const MAX_SKIPPED: u16 = 256;
 
-/// How far behind the newest command a hello counts as overtaken: were it taken, other overtaken commands could act after it.
-/// A new host that begins there by chance has to begin elsewhere.
-pub const MAX_LATE_HELLO: u16 = 32;
+/// How far behind the newest command a hello counts as overtaken: were it taken, it would end a trial, and other overtaken
+/// commands could act after it. A new host that begins there by chance is told so.
+pub const MAX_LATE_HELLO: u16 = 64;
 
 /// The link is gone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -101,11 +103,10 @@ impl<B: Board> App<B> {
     fn take_byte(&mut self, byte: u8) -> Result<(), LinkLost> {
         let Some(frame) = self.decoder.push(byte) else { return Ok(()) };
         match frame.and_then(echoloop_link::decode::<Command>) {
-            Ok((sequence, command)) if self.is_stale(sequence, &command) => {
-                self.session.counters.stale = self.session.counters.stale.wrapping_add(1);
-                Ok(())
-            }
             Ok((sequence, command)) => {
+                if let Some(newest) = self.overtaken(sequence, &command) {
+                    return self.take_stale(sequence, &command, newest);
+                }
                 self.sequence = Some(sequence);
                 let report = self.answer(command);
                 self.session.counters.frames = self.session.counters.frames.wrapping_add(1);
@@ -115,13 +116,22 @@ impl<B: Board> App<B> {
         }
     }
 
-    /// A command overtaken by a later one, or of an earlier session: its host has given it up, so it must not act now, nor make
-    /// what follows look old. A hello begins anew, unless it is one of those just overtaken.
-    fn is_stale(&self, sequence: u16, command: &Command) -> bool {
-        let Some(newest) = self.sequence else { return false };
+    /// The number of the newest command, when this one was overtaken by it or is of an earlier session: its host has given it up,
+    /// so it must not act now, nor make what follows look old. A hello begins anew, unless it is one of those just overtaken.
+    fn overtaken(&self, sequence: u16, command: &Command) -> Option<u16> {
+        self.sequence.filter(|newest| match command {
+            Command::Hello(Greeting::OURS) => (1..=MAX_LATE_HELLO).contains(&newest.wrapping_sub(sequence)),
+            Command::Hello(_) => false,
+            _ => sequence.wrapping_sub(*newest) > MAX_SKIPPED,
+        })
+    }
+
+    /// It is counted; only a hello is answered, which may be a new host's.
+    fn take_stale(&mut self, sequence: u16, command: &Command, newest: u16) -> Result<(), LinkLost> {
+        self.session.counters.stale = self.session.counters.stale.wrapping_add(1);
         match command {
-            Command::Hello(_) => (1..=MAX_LATE_HELLO).contains(&newest.wrapping_sub(sequence)),
-            _ => sequence.wrapping_sub(newest) > MAX_SKIPPED,
+            Command::Hello(_) => self.send(sequence, &Report::Nack(Nack::Overtaken { newest })),
+            _ => Ok(()),
         }
     }
 
