@@ -1,0 +1,317 @@
+//! A million frames over a line that does every harm to one in twenty: nothing wrong is committed, confirmed or saved, nothing
+//! hangs, and the next good frame is understood.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use std::collections::HashMap;
+use std::time::{Duration, Instant};
+
+use echoloop_dsp::{Hardware, ScanPattern, Settings};
+use echoloop_host::client::{Client, ClientError, Patience};
+use echoloop_host::transport::InProcess;
+use echoloop_link::Nack;
+use echoloop_sensor::store;
+use echoloop_sim::board::PcSensor;
+use echoloop_sim::nor::NorRam;
+use echoloop_tests::faults::{Faulty, Rates, Target};
+use echoloop_tests::vectors;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+type Line = Faulty<InProcess<Target>>;
+
+const HARDWARE: Hardware = Hardware::REFERENCE;
+const PATIENCE: Patience = Patience { timeout: Duration::from_secs(1), tries: 8 };
+
+/// Frames to send and answers to get.
+const FRAMES: u64 = 1_000_000;
+
+fn sensor(store: NorRam) -> InProcess<Target> {
+    let pattern = ScanPattern { columns: 2, rows: 1, ..ScanPattern::default() };
+    InProcess(PcSensor::with_store(Target::default(), pattern, HARDWARE, store))
+}
+
+/// A program that tunes a sensor, and a witness who sees what the program cannot.
+///
+/// A command that was given up may still be under way, and act until a later one has been answered; so what it asked for stays
+/// possible until then.
+struct Storm {
+    client: Client<Line>,
+    rng: ChaCha8Rng,
+    /// What is active.
+    active: Settings,
+    /// What may be active next without being asked for: a trial ends, or a command comes late.
+    returning: Vec<Settings>,
+    /// What the next start may begin with.
+    saved: Vec<Option<Settings>>,
+    /// What each generation since the last start named.
+    names: HashMap<u32, Settings>,
+    frame: u32,
+    count: Count,
+}
+
+/// What became of the operations.
+#[derive(Debug, Default)]
+struct Count {
+    done: u64,
+    /// No answer in time.
+    silent: u64,
+    /// Answered with a reason, all of which the line can bring about.
+    nacked: u64,
+    starts: u64,
+    rollbacks: u64,
+}
+
+/// Whether an operation was done; `None`: it says it was not.
+type Done<T> = Option<T>;
+
+impl Storm {
+    fn new(seed: u64, rates: Rates) -> Self {
+        let mut line = Faulty::new(sensor(NorRam::default()), seed);
+        line.rates = Rates::NONE;
+        let mut client = Client::connect_from(line, PATIENCE, 0).unwrap();
+        client.transport_mut().rates = rates;
+        let settings = Settings::default();
+        Self {
+            client,
+            rng: vectors::rng(seed ^ 0xFFFF),
+            active: settings,
+            returning: vec![settings],
+            saved: vec![None],
+            names: HashMap::new(),
+            frame: 0,
+            count: Count::default(),
+        }
+    }
+
+    fn sensor(&mut self) -> &mut PcSensor<Target> {
+        &mut self.client.transport_mut().inner.0
+    }
+
+    /// What is active now, checked against everything that may not be.
+    fn look(&mut self) -> (Settings, Option<Settings>) {
+        let session = self.sensor().session();
+        let (settings, (generation, hash)) = (*session.settings(), session.version());
+        assert_eq!(hash, echoloop_link::settings_hash(&settings));
+        assert_eq!(settings.check(&HARDWARE), Ok(()));
+        let named = *self.names.entry(generation).or_insert(settings);
+        assert_eq!(named, settings, "generation {generation} named other settings before");
+        let saved = store::load(self.sensor().store_mut(), &HARDWARE).map(|saved| saved.settings);
+        (settings, saved)
+    }
+
+    /// Counts what an operation came to; anything the line cannot bring about ends the test.
+    fn judge<T>(&mut self, what: &str, result: Result<T, ClientError>) -> Done<T> {
+        match result {
+            Ok(value) => {
+                self.count.done += 1;
+                return Some(value);
+            }
+            Err(ClientError::Silent { .. }) => self.count.silent += 1,
+            Err(ClientError::Changed { .. } | ClientError::Mixed { .. }) => self.count.nacked += 1,
+            Err(ClientError::Nack(
+                Nack::NotReady
+                | Nack::Overtaken { .. }
+                | Nack::NotStaged { .. }
+                | Nack::WrongGeneration { .. }
+                | Nack::NotActive { .. }
+                | Nack::OnTrial,
+            )) => self.count.nacked += 1,
+            Err(other) => panic!("{what}: {other}"),
+        }
+        None
+    }
+
+    /// After an operation: what is active was so, or may return, or was wanted. Once it is answered nothing else is possible
+    /// any more, but for what a trial returns to.
+    fn settle(&mut self, what: &str, done: bool, wanted: Option<Settings>) {
+        let (active, saved) = self.look();
+        self.returning.extend(wanted);
+        let asked = done && what == "configure";
+        assert!(asked || active == self.active || self.returning.contains(&active), "{what}: {active:?}");
+        assert!(self.saved.contains(&saved), "{what}: {saved:?}");
+        self.active = active;
+        if done {
+            self.saved = vec![saved];
+        }
+        if done && !self.sensor().session().on_trial() {
+            self.returning = vec![active];
+        }
+    }
+
+    fn draw(&mut self) -> Settings {
+        Settings {
+            gain_cdb: self.rng.random_range(-900..=3_000),
+            noise_floor_ppm: self.rng.random_range(4_000..5_000),
+            ..Settings::default()
+        }
+    }
+
+    fn configure(&mut self, wanted: Settings, frames: u16) -> bool {
+        let result = self.client.configure_on_trial(&wanted, frames);
+        let done = self.judge("configure", result).is_some();
+        if done {
+            assert_eq!(self.look().0, wanted, "configure was answered");
+        }
+        // Answered, it returns from no trial but its own; that it was wanted matters when it comes late.
+        self.settle("configure", done, (!done).then_some(wanted));
+        done
+    }
+
+    fn scan(&mut self) -> bool {
+        self.frame += 1;
+        let result = self.client.scan(self.frame);
+        let beams = self.judge("scan", result);
+        // A scan begins with the boundary at which a trial may end; it says whose echoes it holds.
+        if let Some(beams) = &beams {
+            let seen = beams.iter().all(|beam| beam.len() == 1);
+            assert_eq!(seen, self.look().0.gain_cdb >= -900, "{:?}", self.active);
+        }
+        self.settle("scan", beams.is_some(), None);
+        beams.is_some()
+    }
+
+    fn confirm(&mut self) {
+        let wanted = self.active;
+        let result = self.client.confirm();
+        let done = self.judge("confirm", result).is_some();
+        if done {
+            assert_eq!(self.look().0, wanted, "confirm was answered");
+            assert!(!self.sensor().session().on_trial());
+        }
+        self.settle("confirm", done, Some(wanted));
+    }
+
+    fn save(&mut self) {
+        let wanted = self.active;
+        let result = self.client.save();
+        let done = self.judge("save", result).is_some();
+        if done {
+            assert_eq!(self.look().1, Some(wanted), "save was answered");
+        }
+        self.saved.push(Some(wanted));
+        self.settle("save", done, None);
+    }
+
+    fn forget(&mut self) {
+        let result = self.client.forget();
+        let done = self.judge("forget", result).is_some();
+        if done {
+            assert_eq!(self.look().1, None, "forget was answered");
+        }
+        self.saved.push(None);
+        self.settle("forget", done, None);
+    }
+
+    /// The sensor's power goes and comes back; the program does not know.
+    fn restart(&mut self) {
+        self.count.rollbacks += u64::from(self.sensor().session().counters.rollbacks);
+        let store = self.sensor().store_mut().clone();
+        self.client.transport_mut().inner = sensor(store);
+        self.names.clear();
+        let (active, _) = self.look();
+        assert!(self.saved.iter().any(|saved| saved.unwrap_or_default() == active), "a start with {active:?}");
+        (self.active, self.returning) = (active, vec![active]);
+        self.count.starts += 1;
+    }
+
+    /// Sees whether settings are any good before it keeps them.
+    fn trial(&mut self) {
+        let blind = self.rng.random_bool(0.1);
+        let mut wanted = self.draw();
+        if blind {
+            wanted.gain_cdb = -1_000;
+        }
+        let frames = self.rng.random_range(1..=3);
+        if !self.configure(wanted, frames) {
+            return;
+        }
+        for _ in 0..self.rng.random_range(0..4) {
+            if !self.scan() {
+                return;
+            }
+        }
+        if self.rng.random_bool(0.6) {
+            self.confirm();
+        }
+    }
+
+    fn step(&mut self) {
+        match self.rng.random_range(0..100) {
+            0..50 => {
+                let wanted = self.draw();
+                self.configure(wanted, 0);
+            }
+            50..60 => self.trial(),
+            60..70 => {
+                self.scan();
+            }
+            70..80 => {
+                let result = self.client.read_settings();
+                let read = self.judge("read settings", result);
+                assert!(read.is_none_or(|read| read == self.look().0), "what is read is active");
+                self.settle("read settings", read.is_some(), None);
+            }
+            80..90 => {
+                let result = self.client.read_counters();
+                let done = self.judge("read counters", result).is_some();
+                self.settle("read counters", done, None);
+            }
+            90..95 => self.save(),
+            95..97 => self.forget(),
+            97..99 => self.confirm(),
+            _ if self.rng.random_bool(0.1) => self.restart(),
+            _ => {}
+        }
+    }
+}
+
+/// A storm of so many frames, and what became of it; its tries are those of whole commands.
+fn storm(seed: u64, rates: Rates, frames: u64) -> Storm {
+    let mut storm = Storm::new(seed, rates);
+    let began = Instant::now();
+    while storm.client.transport_mut().carried.iter().sum::<u64>() < frames {
+        storm.step();
+    }
+    let seconds = began.elapsed().as_secs_f64();
+    storm.restart(); // adds up the last life
+    let line = storm.client.transport_mut();
+    let [sent, answered] = line.carried;
+    println!("{rates:?}, seed {seed}");
+    println!("  {sent} frames sent, {answered} answered, {} harms", line.harmed);
+    println!("  {:.0} frames/s; {:?}", (sent + answered) as f64 / seconds, storm.count);
+    println!("  commands by tries, from 1: {:?}", &storm.client.transport_mut().tries.commands[1..]);
+    storm
+}
+
+#[test]
+fn a_million_frames_over_a_bad_line_do_nothing_wrong_and_are_all_answered_or_reported() {
+    let mut storm = storm(41, Rates::all(0.05), FRAMES);
+    let tries = std::mem::take(&mut storm.client.transport_mut().tries.commands);
+    let count = &storm.count;
+    assert!(count.rollbacks > 1_000 && count.starts > 100, "{count:?}");
+    assert!(count.done > 1_000 * count.silent, "{count:?}");
+    assert!(tries.len() <= 1 + PATIENCE.tries as usize, "{tries:?}");
+    // Nine of ten commands that were harmed are answered by the third repetition: one good frame each way is enough.
+    let repeated: u64 = tries[2..].iter().sum();
+    assert!(10 * tries[2..5].iter().sum::<u64>() > 9 * repeated, "{tries:?}");
+}
+
+#[test]
+fn every_harm_alone_and_all_of_them_at_their_worst_do_nothing_wrong() {
+    let none = Rates::NONE;
+    let table = [
+        Rates { drop: 0.3, ..none },
+        Rates { flip: 0.3, ..none },
+        Rates { duplicate: 0.5, ..none },
+        Rates { reorder: 0.3, ..none },
+        Rates { truncate: 0.3, ..none },
+        Rates { delay: 0.3, ..none },
+        Rates { reorder: 0.1, delay: 0.2, duplicate: 0.2, ..none },
+        Rates::all(0.1),
+        Rates::all(0.2),
+    ];
+    for (seed, rates) in (50..).zip(table) {
+        let storm = storm(seed, rates, FRAMES / 20);
+        assert!(storm.count.done > 500, "{rates:?}: {:?}", storm.count);
+    }
+}
