@@ -10,6 +10,7 @@ use echoloop_dsp::config::sample_period_fs;
 use echoloop_dsp::{Hardware, ScanPattern, Settings};
 use echoloop_link::{Command, Decoder, Greeting, MAX_FRAME, Nack, Report, decode, encode, settings_hash};
 use echoloop_sensor::afe::{WRITE, adc, delay_fs, emitter};
+use echoloop_sensor::app::LinkLost;
 use echoloop_sensor::{App, Board};
 use echoloop_sim::nor::NorRam;
 use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
@@ -87,10 +88,11 @@ impl SpiDevice for Spi {
     }
 }
 
-#[derive(Default)]
 struct Link {
     to_sensor: VecDeque<u8>,
     to_host: Vec<u8>,
+    /// Bytes it takes at once.
+    takes: usize,
 }
 
 impl embedded_io::ErrorType for Link {
@@ -113,8 +115,9 @@ impl embedded_io::ReadReady for Link {
 
 impl embedded_io::Write for Link {
     fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
-        self.to_host.extend(bytes);
-        Ok(bytes.len())
+        let taken = bytes.len().min(self.takes);
+        self.to_host.extend(&bytes[..taken]);
+        Ok(taken)
     }
 
     fn flush(&mut self) -> Result<(), Infallible> {
@@ -190,7 +193,7 @@ impl Sensor {
         let bench = Bench {
             emitter: spi(Device::Emitter),
             adc: spi(Device::Adc),
-            link: Link::default(),
+            link: Link { to_sensor: VecDeque::new(), to_host: Vec::new(), takes: usize::MAX },
             store: NorRam::default(),
             fed: 0,
             analog: Rc::clone(&analog),
@@ -364,6 +367,17 @@ fn the_watchdog_is_fed_at_every_turn_and_every_beam() {
     assert_eq!(fed(&mut sensor), 1, "idle");
     assert!(matches!(sensor.measure(1), Report::Beams { .. }));
     assert_eq!(fed(&mut sensor), 1 + 2 + 1, "a turn, two beams, and what was read");
+}
+
+#[test]
+fn a_link_that_takes_little_gets_all_and_one_that_takes_nothing_is_lost() {
+    let mut sensor = Sensor::opened();
+    sensor.app.board_mut().link.takes = 3;
+    assert!(matches!(sensor.measure(1), Report::Beams { .. }));
+    sensor.app.board_mut().link.takes = 0;
+    let command = encode(9, &Command::ReadSettings, &mut [0; MAX_FRAME]).unwrap().to_vec();
+    sensor.app.board_mut().link.to_sensor.extend(command);
+    assert_eq!(sensor.app.poll(), Err(LinkLost));
 }
 
 #[test]

@@ -232,9 +232,19 @@ impl<B: Board> App<B> {
     fn send(&mut self, sequence: u16, report: &Report) -> Result<(), LinkLost> {
         // Every report fits: beams are bounded by BEAMS_PER_REPORT, which a test fills.
         let Ok(bytes) = echoloop_link::encode(sequence, report, &mut self.transmit) else { return Ok(()) };
-        self.board.link().write_all(bytes).map_err(|_| LinkLost)?;
-        self.board.link().flush().map_err(|_| LinkLost)
+        let link = self.board.link();
+        write_all(link, bytes)?;
+        link.flush().map_err(|_| LinkLost)
     }
+}
+
+/// [`Write::write_all`], but for its panic when the link takes nothing.
+fn write_all(link: &mut impl Write, mut bytes: &[u8]) -> Result<(), LinkLost> {
+    while !bytes.is_empty() {
+        let taken = link.write(bytes).map_err(|_| LinkLost)?;
+        bytes = bytes.get(taken..).filter(|_| taken > 0).ok_or(LinkLost)?;
+    }
+    Ok(())
 }
 
 #[cfg_attr(not(feature = "defmt"), allow(unused_variables, reason = "only the log says it"))]
