@@ -526,6 +526,19 @@ mod tests {
     }
 
     #[test]
+    fn what_waits_for_a_frame_to_end_cannot_be_confirmed_yet() {
+        let mut session = opened();
+        session.handle(Command::ReadBeams { frame: 1, first: 80, count: 20 });
+        session.handle(Command::ReadBeams { frame: 1, first: 0, count: 20 });
+        let hash = stage(&mut session, 100);
+        report(&mut session, Command::Commit { hash, base_generation: 0, confirm_within: 1 });
+        let answer = report(&mut session, Command::Confirm { generation: 1 });
+        assert_eq!(answer, Report::Nack(Nack::WrongGeneration { generation: 0 }));
+        scan(&mut session, 2, 1);
+        assert_eq!(gain(&session), (1, 100));
+    }
+
+    #[test]
     fn a_trial_said_twice_is_one_trial_and_no_other_commit() {
         let (mut session, hash) = on_trial(2);
         scan(&mut session, 1, 1);
