@@ -7,10 +7,12 @@
 //! | [`ideal`] | is what the tables say good enough? Never rounds; compared within [`tolerance`] |
 //! | [`target`], [`gdb`] | does the microcontroller say the same? Boards in QEMU, and a hand inside them |
 //! | [`faults`] | what if the line is bad?
+//! | [`harness`] | what if the bytes are any?
 
 pub mod faults;
 #[cfg(unix)]
 pub mod gdb;
+pub mod harness;
 pub mod ideal;
 pub mod quantised;
 #[cfg(unix)]

@@ -1,6 +1,7 @@
 //! Project commands: `cargo xtask test`.
 
 mod firmware;
+mod fuzz;
 mod image;
 mod thumb;
 mod toolchain;
@@ -34,6 +35,12 @@ enum Task {
     },
     /// The speed record: every criterion bench.
     Bench,
+    /// Bytes nobody chose, on the link and in the flash: every fuzz target for a while.
+    Fuzz {
+        /// How long each target runs.
+        #[arg(long, default_value_t = 60)]
+        seconds: u32,
+    },
 }
 
 /// The target whose build shows that the firmware needs no std.
@@ -44,6 +51,7 @@ fn main() -> Result<()> {
         Task::Test { only_tests } => test(only_tests),
         Task::Firmware { target, verbose } => firmware::run(&target, verbose),
         Task::Bench => cargo(["bench", "--workspace"]),
+        Task::Fuzz { seconds } => fuzz::run(seconds),
     }
 }
 

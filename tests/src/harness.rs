@@ -1,0 +1,256 @@
+//! What must hold whatever bytes arrive or are stored: the bodies of the fuzz targets in `fuzz/`, which the ordinary tests run too.
+//!
+//! | function | bytes are | must hold |
+//! |---|---|---|
+//! | [`frame_decoder`] | a line's, or a payload's | nothing panics; what is accepted is accepted again as it was understood |
+//! | [`session`] | a program of commands, noise, restarts and power cuts | settings pass the check; a generation names one set; what is saved has been active |
+//! | [`store`] | a flash's | nothing panics; what is loaded passes the check; what is saved is loaded |
+
+use std::collections::HashMap;
+use std::fmt::Debug;
+
+use echoloop_dsp::settings::PARAMETERS;
+use echoloop_dsp::{Hardware, ScanPattern, Settings};
+use echoloop_link::{
+    Command, Decoder, Greeting, MAX_FRAME, Report, SETTINGS_SCHEMA, checksum, decode, encode, settings_hash,
+};
+use echoloop_sensor::store::{MAGIC, forget, load, save};
+use echoloop_sim::board::PcSensor;
+use echoloop_sim::nor::NorRam;
+use serde::de::DeserializeOwned;
+use serde::ser::SerializeTuple;
+use serde::{Serialize, Serializer};
+
+use crate::faults::Target;
+
+const HARDWARE: Hardware = Hardware::REFERENCE;
+
+/// A body of any bytes: a frame of it has a right checksum.
+struct Raw<'a>(&'a [u8]);
+
+impl Serialize for Raw<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut tuple = serializer.serialize_tuple(self.0.len())?;
+        self.0.iter().try_for_each(|byte| tuple.serialize_element(byte))?;
+        tuple.end()
+    }
+}
+
+/// What is accepted, said again, is understood the same.
+fn said_again<T: Serialize + DeserializeOwned + PartialEq + Debug>(frame: &[u8]) {
+    let Ok((sequence, message)) = decode::<T>(&mut frame.to_vec()) else { return };
+    let mut again = [0; MAX_FRAME];
+    let again = encode(sequence, &message, &mut again).expect("what came in a frame fits one").to_vec();
+    let mut decoder = Decoder::new();
+    let mut frames = again.iter().filter_map(|&byte| decoder.push(byte).map(|frame| frame.map(|f| f.to_vec())));
+    let mut frame = frames.next().expect("a frame ends").expect("it is not too long");
+    assert_eq!(decode::<T>(&mut frame), Ok((sequence, message)));
+}
+
+/// Any bytes, on the line as they are and as the body of a frame.
+pub fn frame_decoder(bytes: &[u8]) {
+    let mut decoder = Decoder::new();
+    let mut framed = [0; MAX_FRAME];
+    let framed = encode(7, &Raw(bytes), &mut framed).unwrap_or_default();
+    for &byte in bytes.iter().chain(framed) {
+        if let Some(Ok(frame)) = decoder.push(byte) {
+            said_again::<Command>(frame);
+            said_again::<Report>(frame);
+        }
+    }
+}
+
+/// After any bytes the next whole frame is understood.
+pub fn resynchronises(garbage: &[u8]) {
+    let mut decoder = Decoder::new();
+    for &byte in garbage {
+        let _ = decoder.push(byte);
+    }
+    let mut frame = [0; MAX_FRAME];
+    let frame = encode(9, &Command::ReadSettings, &mut frame).expect("it fits");
+    let mut last = None;
+    for &byte in frame {
+        if let Some(Ok(frame)) = decoder.push(byte) {
+            last = Some(decode::<Command>(frame));
+        }
+    }
+    assert_eq!(last, Some(Ok((9, Command::ReadSettings))));
+}
+
+/// Bytes to draw from; zeros when they are used up.
+struct Draw<'a>(&'a [u8]);
+
+impl Draw<'_> {
+    fn byte(&mut self) -> u8 {
+        let Some((first, rest)) = self.0.split_first() else { return 0 };
+        self.0 = rest;
+        *first
+    }
+
+    fn below(&mut self, end: u8) -> u8 {
+        self.byte() % end
+    }
+
+    fn word(&mut self) -> u32 {
+        u32::from_le_bytes([self.byte(), self.byte(), self.byte(), self.byte()])
+    }
+
+    fn bytes(&mut self) -> Vec<u8> {
+        (0..self.byte()).map(|_| self.byte()).collect()
+    }
+
+    /// Mostly near the default and in range.
+    fn settings(&mut self) -> Settings {
+        let mut settings = Settings::default();
+        for _ in 0..self.below(4) {
+            let parameter = &PARAMETERS[usize::from(self.below(15))];
+            let value = match self.below(4) {
+                0 => parameter.min,
+                1 => parameter.max,
+                2 => self.word().cast_signed(),
+                _ => settings.get(parameter.id).unwrap_or(0).wrapping_add(i32::from(self.byte())),
+            };
+            settings.set(parameter.id, Some(value));
+        }
+        settings
+    }
+}
+
+/// A sensor, and what is known of it.
+struct Witness {
+    sensor: PcSensor<Target>,
+    /// What each generation of this start named.
+    names: HashMap<u32, Settings>,
+    /// Everything that was ever active.
+    active: Vec<Settings>,
+    staged: u32,
+    sequence: u16,
+}
+
+impl Witness {
+    fn switch_on(store: NorRam) -> Self {
+        let pattern = ScanPattern { columns: 2, rows: 2, ..ScanPattern::default() };
+        let sensor = PcSensor::with_store(Target::default(), pattern, HARDWARE, store);
+        Self { sensor, names: HashMap::new(), active: vec![Settings::default()], staged: 0, sequence: 0 }
+    }
+
+    /// The power goes and comes back; the flash and this witness remember.
+    fn restart(&mut self) {
+        let mut store = self.sensor.store_mut().clone();
+        store.switch_on();
+        let active = std::mem::take(&mut self.active);
+        *self = Self { active, ..Self::switch_on(store) };
+    }
+
+    fn hear(&mut self, bytes: &[u8]) {
+        self.sensor.send(bytes);
+        while self.sensor.receive(&mut [0; 256]) > 0 {}
+        self.look();
+    }
+
+    fn say(&mut self, body: &impl Serialize) {
+        self.sequence = self.sequence.wrapping_add(1);
+        let mut frame = [0; MAX_FRAME];
+        if let Ok(frame) = encode(self.sequence, body, &mut frame) {
+            self.hear(frame);
+        }
+    }
+
+    fn look(&mut self) {
+        let session = self.sensor.session();
+        let (settings, (generation, hash)) = (*session.settings(), session.version());
+        assert_eq!(settings.check(&HARDWARE), Ok(()));
+        assert_eq!(hash, settings_hash(&settings));
+        assert_eq!(*self.names.entry(generation).or_insert(settings), settings, "generation {generation}");
+        if !self.active.contains(&settings) {
+            self.active.push(settings);
+        }
+        if let Some(saved) = load(self.sensor.store_mut(), &HARDWARE) {
+            assert!(self.active.contains(&saved.settings), "what is saved was never active");
+        }
+    }
+
+    fn command(&mut self, draw: &mut Draw<'_>) -> Command {
+        let (generation, active) = self.sensor.session().version();
+        let hash = match draw.below(4) {
+            0 => active,
+            1 => draw.word(),
+            _ => self.staged,
+        };
+        let near = generation.wrapping_add(u32::from(draw.below(4))).wrapping_sub(u32::from(draw.below(3)));
+        match draw.below(9) {
+            0 => Command::Hello(Greeting { protocol: draw.word() as u16, ..Greeting::OURS }),
+            1 => {
+                let settings = draw.settings();
+                self.staged = settings_hash(&settings);
+                Command::Stage(settings)
+            }
+            2 => Command::Commit { hash, base_generation: near, confirm_within: u16::from(draw.below(4)) },
+            3 => Command::ReadSettings,
+            4 => Command::ReadBeams { frame: draw.word() % 4, first: draw.word() % 6, count: u16::from(draw.below(6)) },
+            5 => Command::ReadCounters,
+            6 => Command::Confirm { generation: near },
+            7 => Command::Save { hash },
+            _ => Command::Forget,
+        }
+    }
+}
+
+/// A program of at most 64 steps, run by a whole sensor.
+pub fn session(bytes: &[u8]) {
+    let mut draw = Draw(bytes);
+    let mut witness = Witness::switch_on(NorRam::default());
+    for _ in 0..64 {
+        if draw.0.is_empty() {
+            return;
+        }
+        match draw.below(16) {
+            0..9 => {
+                let command = witness.command(&mut draw);
+                witness.say(&command);
+            }
+            9 | 10 => witness.say(&Command::Hello(Greeting::OURS)),
+            11 => witness.hear(&draw.bytes()),
+            12 => witness.say(&Raw(&draw.bytes())),
+            13 => witness.sequence = draw.word() as u16,
+            14 => witness.sensor.store_mut().cut_after(usize::from(draw.below(40)), u64::from(draw.byte())),
+            _ => witness.restart(),
+        }
+    }
+}
+
+/// A flash that holds any bytes; with a first byte of 1 to 3, either slot or both are made to look right to their checksum.
+pub fn store(bytes: &[u8]) {
+    let (forged, rest) = bytes.split_first().map_or((0, bytes), |(first, rest)| (*first, rest));
+    let mut image: Vec<u8> = rest.iter().copied().chain(std::iter::repeat(0xFF)).take(512).collect();
+    image
+        .chunks_mut(256)
+        .enumerate()
+        .filter(|(i, _)| forged < 4 && forged >> i & 1 == 1)
+        .for_each(|(_, slot)| forge(slot));
+    let mut flash = NorRam::<4, 256>::holding(image);
+    let found = load(&mut flash, &HARDWARE);
+    assert!(found.is_none_or(|saved| saved.settings.check(&HARDWARE).is_ok()));
+    let new = Settings { gain_cdb: 123, ..Settings::default() };
+    let revision = save(&mut flash, &HARDWARE, &new).expect("a flash that works");
+    let expected = match found {
+        None => 1,
+        Some(saved) if saved.settings == new => saved.revision,
+        Some(saved) => saved.revision.wrapping_add(1),
+    };
+    assert_eq!(revision, expected);
+    assert_eq!(load(&mut flash, &HARDWARE).map(|saved| saved.settings), Some(new));
+    forget(&mut flash, &HARDWARE).expect("a flash that works");
+    assert_eq!(load(&mut flash, &HARDWARE), None);
+}
+
+/// Gives a slot magic, schema and, as far as its length says, checksum.
+fn forge(slot: &mut [u8]) {
+    slot[..4].copy_from_slice(&MAGIC);
+    slot[4..12].copy_from_slice(&SETTINGS_SCHEMA.to_le_bytes());
+    slot[17..20].fill(0);
+    let end = 20 + usize::from(slot[16] % 110);
+    slot[16] = (end - 20) as u8;
+    let sum = checksum(&slot[..end]);
+    slot[end..end + 4].copy_from_slice(&sum.to_le_bytes());
+}

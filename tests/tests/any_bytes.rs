@@ -1,0 +1,47 @@
+//! The fuzz targets' bodies, on bytes that nobody chose and on every input that fuzzing kept.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use std::fs;
+use std::path::Path;
+
+use echoloop_tests::harness;
+use proptest::collection::vec;
+use proptest::prelude::{any, prop_oneof, proptest};
+
+proptest! {
+    #[test]
+    fn what_a_decoder_accepts_it_accepts_again(bytes in vec(prop_oneof![0..11u8, any::<u8>()], 0..300)) {
+        harness::frame_decoder(&bytes);
+    }
+
+    #[test]
+    fn after_any_garbage_the_next_whole_frame_is_understood(bytes in vec(prop_oneof![0..2u8, any::<u8>()], 0..5_000)) {
+        harness::resynchronises(&bytes);
+    }
+
+    #[test]
+    fn a_sensor_bears_any_program(bytes in vec(any::<u8>(), 0..600)) {
+        harness::session(&bytes);
+    }
+
+    #[test]
+    fn a_flash_may_hold_anything(forged in 0..5u8, bytes in vec(prop_oneof![0..4u8, any::<u8>()], 0..520)) {
+        harness::store(&[&[forged], &bytes[..]].concat());
+    }
+}
+
+#[test]
+fn every_input_that_fuzzing_kept_still_holds() {
+    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus");
+    type Target = fn(&[u8]);
+    let targets: [(&str, Target); 3] =
+        [("frame_decoder", harness::frame_decoder), ("session", harness::session), ("store", harness::store)];
+    for (name, target) in targets {
+        let kept = fs::read_to_string(corpus.join(name).with_extension("hex")).unwrap();
+        assert!(kept.lines().count() > 50, "{name}");
+        for line in kept.lines() {
+            let digits = line.as_bytes().chunks(2).map(|pair| str::from_utf8(pair).unwrap());
+            target(&digits.map(|pair| u8::from_str_radix(pair, 16).unwrap()).collect::<Vec<_>>());
+        }
+    }
+}

@@ -1,0 +1,63 @@
+//! `cargo xtask fuzz`: cargo-fuzz on the stable toolchain.
+
+use std::env;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use anyhow::{Context, Result, bail};
+
+/// Targets in `fuzz/fuzz_targets`, and how long an input is worth trying.
+const TARGETS: [(&str, u32); 3] = [("frame_decoder", 2_048), ("session", 1_024), ("store", 513)];
+
+/// Runs every target for so many seconds, from the inputs that were kept: a line of hexadecimal digits each in
+/// `fuzz/corpus/TARGET.hex`. All inputs lie in `fuzz/target/corpus`.
+pub(crate) fn run(seconds: u32) -> Result<()> {
+    if !is_installed() {
+        bail!("cargo-fuzz is not installed; run: cargo install cargo-fuzz (it needs a C++ compiler)");
+    }
+    for (target, length) in TARGETS {
+        let inputs = root()?.join("fuzz/target/corpus").join(target);
+        unpack(target, &inputs).with_context(|| format!("cannot fill {}", inputs.display()))?;
+        let mut command = cargo_fuzz()?;
+        command.args(["run", "--sanitizer", "none", target]).arg(&inputs);
+        command.args([
+            "--",
+            &format!("-max_total_time={seconds}"),
+            &format!("-max_len={length}"),
+            "-print_final_stats=1",
+        ]);
+        eprintln!("+ {command:?}");
+        if !command.status().context("cannot run cargo fuzz")?.success() {
+            bail!("{target} failed; its input lies in fuzz/artifacts/{target}");
+        }
+    }
+    Ok(())
+}
+
+fn unpack(target: &str, inputs: &Path) -> Result<()> {
+    fs::create_dir_all(inputs)?;
+    let kept = fs::read_to_string(root()?.join("fuzz/corpus").join(target).with_extension("hex"))?;
+    for (number, line) in kept.lines().enumerate() {
+        let digits = line.as_bytes().chunks(2).map(str::from_utf8);
+        let bytes: Vec<u8> = digits.map(|pair| Ok(u8::from_str_radix(pair?, 16)?)).collect::<Result<_>>()?;
+        fs::write(inputs.join(format!("kept-{number}")), bytes)?;
+    }
+    Ok(())
+}
+
+fn is_installed() -> bool {
+    let asked = cargo_fuzz().map(|mut c| c.arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status());
+    matches!(asked, Ok(Ok(status)) if status.success())
+}
+
+/// Coverage and its counters are unstable flags of the compiler; no sanitizer is needed where nothing is unsafe.
+fn cargo_fuzz() -> Result<Command> {
+    let mut command = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    command.current_dir(root()?).env("RUSTC_BOOTSTRAP", "1").arg("fuzz");
+    Ok(command)
+}
+
+fn root() -> Result<&'static Path> {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().context("xtask lies in the workspace")
+}
