@@ -1,12 +1,13 @@
 //! `cargo xtask firmware`: the images, what they take, and that they cannot panic.
 
+use std::env;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 
 use crate::image::{self, Size};
 use crate::toolchain::Toolchain;
-use crate::workspace;
+use crate::{succeed, workspace};
 
 /// Targets there are images for, the reference board's first, and the memory map of each.
 pub(crate) const TARGETS: [(&str, &str); 4] = [
@@ -25,6 +26,42 @@ pub(crate) const TARGET_DIR: &str = "target/firmware";
 /// `rust-version` of the workspace.
 const AT_LEAST: (u32, u32) = (1, 93);
 
+/// Builds the images for the tests that run them, having linted what only they compile. A target that nothing here builds for is
+/// skipped aloud; where `CI` is set, that is a failure.
+///
+/// # Errors
+///
+/// As [`run`].
+pub(crate) fn for_tests(lint: bool) -> Result<()> {
+    let mut found = Vec::new();
+    for (target, _) in TARGETS {
+        match Toolchain::find(target, AT_LEAST) {
+            Ok(toolchain) => {
+                found.push(target.to_owned());
+                if lint && toolchain.is_prebuilt() {
+                    // Without the log, which the images below have.
+                    cargo(&toolchain, target, &["build", "--package", "echoloop-sensor"])?;
+                    cargo(&toolchain, target, &["clippy", "--package", "echoloop-image"])?;
+                }
+            }
+            Err(error) if env::var_os("CI").is_some() => return Err(error),
+            Err(error) => eprintln!("SKIPPED: {error:#}"),
+        }
+    }
+    if found.is_empty() { Ok(()) } else { run(&found, false) }
+}
+
+/// Runs cargo for a target; a warning is an error.
+fn cargo(toolchain: &Toolchain, target: &str, what: &[&str]) -> Result<()> {
+    let mut command = toolchain.cargo(target);
+    command.current_dir(workspace()?).args(what).args(["--quiet", "--profile", PROFILE, "--target", target]);
+    command.args(["--target-dir", TARGET_DIR]);
+    if what.first() == Some(&"clippy") {
+        command.args(["--", "-D", "warnings"]);
+    }
+    succeed(&mut command)
+}
+
 /// Builds one of the image crate's programs for a target.
 ///
 /// # Errors
@@ -38,10 +75,7 @@ pub(crate) fn build(target: &str, program: &str) -> Result<PathBuf> {
     command.current_dir(&root).args(["build", "--quiet", "--package", "echoloop-image", "--bin", program]);
     command.args(["--profile", PROFILE, "--target", target, "--target-dir", TARGET_DIR]);
     command.env("DEFMT_LOG", "info");
-    let status = toolchain.finish(&mut command).status().with_context(|| format!("cannot run {command:?}"))?;
-    if !status.success() {
-        bail!("failed: {command:?}");
-    }
+    succeed(toolchain.finish(&mut command))?;
     Ok(root.join(TARGET_DIR).join(target).join(PROFILE).join(program))
 }
 

@@ -68,13 +68,14 @@ fn number(text: &str) -> Option<u64> {
     digits.parse::<u64>().ok()?.checked_mul(unit)
 }
 
-/// Symbols of an image that belong to panics. None: no input reaches one, because there is none to reach.
+/// Symbols of an image that belong to panics. Their handler must be there for the compiler, but the linker keeps only what something
+/// reachable names. None: no input reaches one, because there is none to reach.
 pub(crate) fn panics(elf: &[u8]) -> Result<Vec<String>> {
     let file = object::File::parse(elf)?;
     let names = file.symbols().filter(|s| s.kind() == SymbolKind::Text).filter_map(|s| s.name().ok());
     let is_panic =
         |name: &&str| name.contains("panicking") || name.contains("rust_begin_unwind") || name.contains("panic_");
-    Ok(names.filter(is_panic).map(|name| format!("{:#}", rustc_demangle::demangle(name))).collect())
+    Ok(names.into_iter().filter(is_panic).map(|name| format!("{:#}", rustc_demangle::demangle(name))).collect())
 }
 
 struct Function {

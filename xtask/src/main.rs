@@ -35,6 +35,12 @@ enum Task {
     },
     /// The speed record: every criterion bench.
     Bench,
+    /// The long comparison: every board in QEMU against the PC, waveform by waveform.
+    OnTarget {
+        /// Waveforms for each board.
+        #[arg(long, default_value_t = 100_000)]
+        waveforms: u32,
+    },
     /// Bytes nobody chose, on the link and in the flash: every fuzz target for a while.
     Fuzz {
         /// How long each target runs.
@@ -43,14 +49,12 @@ enum Task {
     },
 }
 
-/// The target whose build shows that the firmware needs no std.
-const MICROCONTROLLER: &str = "thumbv7em-none-eabihf";
-
 fn main() -> Result<()> {
     match Task::parse() {
         Task::Test { only_tests } => test(only_tests),
         Task::Firmware { target, verbose } => firmware::run(&target, verbose),
         Task::Bench => cargo(["bench", "--workspace"]),
+        Task::OnTarget { waveforms } => on_target(waveforms),
         Task::Fuzz { seconds } => fuzz::run(seconds),
     }
 }
@@ -60,9 +64,16 @@ fn test(only_tests: bool) -> Result<()> {
     if !only_tests {
         cargo(["fmt", "--all", "--check"])?;
         cargo(["clippy", "--workspace", "--all-targets", "--quiet", "--", "-D", "warnings"])?;
-        build_firmware()?;
     }
+    firmware::for_tests(!only_tests)?;
     cargo(["test", "--workspace"])
+}
+
+fn on_target(waveforms: u32) -> Result<()> {
+    firmware::for_tests(false)?;
+    let mut command = cargo_command()?;
+    command.args(["test", "--package", "echoloop-tests", "--test", "on_target", "every_board", "--", "--nocapture"]);
+    succeed(command.env("ECHOLOOP_WAVEFORMS", waveforms.to_string()))
 }
 
 /// Tests skip what they cannot do, aloud; this says it before they begin.
@@ -73,6 +84,11 @@ fn say_what_is_missing() {
         );
     }
     let browser = ["chromium", "chromium-browser", "google-chrome"].into_iter().any(on_path);
+    for (emulator, package) in [("qemu-system-arm", "qemu-system-arm"), ("qemu-system-riscv32", "qemu-system-misc")] {
+        if !on_path(emulator) {
+            eprintln!("note: no {emulator}: the image will not be run on its boards (apt-get install {package})");
+        }
+    }
     if !browser {
         eprintln!("note: no Chromium: the report will not be looked at (apt-get install chromium)");
     }
@@ -83,38 +99,19 @@ fn on_path(name: &str) -> bool {
     env::split_paths(&path).any(|folder| folder.join(name).is_file())
 }
 
-/// Builds the firmware crates alone, so that no feature of the host's leaks in, for a target without std.
-fn build_firmware() -> Result<()> {
-    if !target_is_installed()? {
-        let how = format!("run: rustup target add {MICROCONTROLLER}");
-        if env::var_os("CI").is_some() {
-            bail!("no core library for {MICROCONTROLLER}; {how}");
-        }
-        eprintln!("SKIPPED: the firmware was not built for {MICROCONTROLLER}; {how}");
-        return Ok(());
-    }
-    for features in ["", "defmt"] {
-        let arguments = ["--features", features, "--target", MICROCONTROLLER, "--target-dir", "target/firmware"];
-        cargo(["build", "--quiet", "--release", "--package", "echoloop-sensor"].into_iter().chain(arguments))?;
-    }
-    Ok(())
-}
-
-fn target_is_installed() -> Result<bool> {
-    let rustc = env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
-    let output = Command::new(rustc)
-        .args(["--print", "target-libdir", "--target", MICROCONTROLLER])
-        .output()
-        .context("cannot run rustc")?;
-    let folder = String::from_utf8_lossy(&output.stdout);
-    Ok(output.status.success() && Path::new(folder.trim()).is_dir())
-}
-
 /// Runs cargo in the workspace's root, and fails when it does.
 fn cargo<A: AsRef<OsStr>>(arguments: impl IntoIterator<Item = A>) -> Result<()> {
-    let root = workspace()?;
+    succeed(cargo_command()?.args(arguments))
+}
+
+fn cargo_command() -> Result<Command> {
     let mut command = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
-    command.current_dir(root).args(arguments);
+    command.current_dir(workspace()?);
+    Ok(command)
+}
+
+/// Shows a command, runs it, and fails when it does.
+fn succeed(command: &mut Command) -> Result<()> {
     let shown = format!("{command:?}");
     eprintln!("+ {shown}");
     if !command.status().with_context(|| format!("cannot run {shown}"))?.success() {

@@ -74,6 +74,11 @@ impl Toolchain {
         Ok(Self { cargo: cargo.to_owned(), rustc: rustc.to_owned(), version, core, linker })
     }
 
+    /// Whether core comes built, as with rustup; then there is a clippy, too.
+    pub(crate) fn is_prebuilt(&self) -> bool {
+        self.core == Core::Prebuilt
+    }
+
     /// One line: what builds, and with which core and linker.
     pub(crate) fn describe(&self) -> String {
         let core = if self.core == Core::Prebuilt { "prebuilt core" } else { "core from source" };
