@@ -83,7 +83,7 @@ struct Vertex {
     height: i32,
 }
 
-/// Samples of `f` on each side of the summit that interpolation reads.
+/// Samples of `f` on each side of the summit that interpolation reads; without upsampling, one.
 const MARGIN: i64 = 5;
 
 /// `f` around the summit, the summit in the middle.
@@ -93,7 +93,11 @@ type Around = [i64; 2 * MARGIN as usize + 1];
 fn vertex(f: impl Fn(i64) -> i64, peak: Peak, reach: usize, upsampling_log2: u32) -> Vertex {
     let ratio = 1i64 << upsampling_log2;
     let summit = climb(&f, i64::from(peak.index), reach);
-    let around: Around = core::array::from_fn(|i| f(summit - MARGIN + i as i64));
+    let margin = if ratio > 1 { MARGIN } else { 1 };
+    let around: Around = core::array::from_fn(|i| {
+        let offset = i as i64 - MARGIN;
+        if offset.abs() <= margin { f(summit + offset) } else { 0 }
+    });
     let at = |j: i64| interpolate(&around, j, upsampling_log2);
     let mut best = (at(0), 0);
     let others = if ratio > 1 { -ratio..ratio + 1 } else { 0..0 };

@@ -116,13 +116,32 @@ pub fn by_counting(codes: &[u16], top: u16, guess: &Statistics) -> Ranks {
 }
 
 /// Codes the histogram spans, the guess in its middle.
-const BINS: usize = 128;
+pub const BINS: usize = 128;
 
 /// Both from one pass, while median and deviation lie within a histogram around the guess; else [`by_counting`].
 #[inline(always)]
 pub fn by_histogram(codes: &[u16], top: u16, guess: &Statistics) -> Ranks {
+    by_histogram_of(codes, top, guess, count)
+}
+
+/// [`by_histogram`] with another way to [`count`].
+#[inline(always)]
+pub fn by_histogram_of(
+    codes: &[u16],
+    top: u16,
+    guess: &Statistics,
+    count: impl FnOnce(&[u16], u16, &mut [u16; BINS]) -> u32,
+) -> Ranks {
     let first = guess.median.saturating_sub(BINS as u16 / 2).min(u16::MAX - BINS as u16);
     let mut counts = [0u16; BINS];
+    let below = count(codes, first, &mut counts);
+    read_histogram(&counts, first, below, codes.len().div_ceil(2) as u32)
+        .unwrap_or_else(|| by_counting(codes, top, guess))
+}
+
+/// Adds one to `counts[code − first]` for every code within; returns how many lie below `first`.
+#[inline(always)]
+pub fn count(codes: &[u16], first: u16, counts: &mut [u16; BINS]) -> u32 {
     let mut below = 0;
     for &code in codes {
         match counts.get_mut(usize::from(code.wrapping_sub(first))) {
@@ -130,8 +149,7 @@ pub fn by_histogram(codes: &[u16], top: u16, guess: &Statistics) -> Ranks {
             None => below += u32::from(code < first),
         }
     }
-    read_histogram(&counts, first, below, codes.len().div_ceil(2) as u32)
-        .unwrap_or_else(|| by_counting(codes, top, guess))
+    below
 }
 
 /// The ranks, if they lie inside. `below` codes lie below `first`, the code of bin 0.
@@ -139,11 +157,7 @@ fn read_histogram(counts: &[u16; BINS], first: u16, below: u32, half: u32) -> Op
     if below >= half {
         return None;
     }
-    let mut up_to = below;
-    let middle = counts.iter().position(|&count| {
-        up_to += u32::from(count);
-        up_to >= half
-    })?;
+    let (middle, up_to) = middle(counts, below, half)?;
     let at = u32::from(*counts.get(middle)?);
     let median = Rank { value: first + middle as u16, below: up_to - at, at };
     let mut inside = 0;
@@ -156,6 +170,25 @@ fn read_histogram(counts: &[u16; BINS], first: u16, below: u32, half: u32) -> Op
         on = u32::from(*left) + u32::from(*right);
     }
     Some(Ranks { median, deviation: Rank { value: distance as u16, below: inside, at: on } })
+}
+
+/// The bin in which the count reaches `half`, and the count up to its end. Whole eights first, which is faster.
+fn middle(counts: &[u16; BINS], below: u32, half: u32) -> Option<(usize, u32)> {
+    let (mut first, mut up_to) = (0, below);
+    for eight in counts.chunks_exact(8) {
+        let next = up_to + eight.iter().map(|&count| u32::from(count)).sum::<u32>();
+        if next >= half {
+            break;
+        }
+        (first, up_to) = (first + 8, next);
+    }
+    for (bin, &count) in counts.iter().enumerate().skip(first) {
+        up_to += u32::from(count);
+        if up_to >= half {
+            return Some((bin, up_to));
+        }
+    }
+    None
 }
 
 /// `(v − ½ + (N/2 − below) / at) · 2^shift`, the quotient rounded down.
