@@ -91,10 +91,15 @@ impl Toolchain {
         let mut command = Command::new(&self.cargo);
         // What an outer cargo set for its own toolchain must not reach this one.
         command.env_remove("RUSTUP_TOOLCHAIN").env_remove("CARGO").env("RUSTC", &self.rustc);
+        let mut flags = Vec::new();
         if let Some(linker) = &self.linker {
-            let flags =
-                format!("target.{target}.rustflags=[\"-Clinker={}\",\"-Clinker-flavor=ld.lld\"]", linker.display());
-            command.args(["--config", &flags]);
+            flags.extend([format!("-Clinker={}", linker.display()), "-Clinker-flavor=ld.lld".into()]);
+        }
+        if target.starts_with("riscv") {
+            flags.push("-Cforce-unwind-tables=yes".into()); // the bound on the stack is read from them
+        }
+        if !flags.is_empty() {
+            command.args(["--config", &format!("target.{target}.rustflags={flags:?}")]);
         }
         command
     }
