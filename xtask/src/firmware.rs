@@ -109,7 +109,7 @@ pub(crate) fn run(targets: &[String], verbose: bool) -> Result<()> {
         }
     }
     if !panics.is_empty() {
-        bail!("an input may reach a panic; the images hold\n  {}", panics.join("\n  "));
+        bail!("an input may reach a panic:\n  {}", panics.join("\n  "));
     }
     println!("no panic in any of them");
     Ok(())

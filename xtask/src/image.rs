@@ -5,6 +5,7 @@
 //! asked to keep: a function has an edge to every function it names, called or only pointed to, so the bound can only be
 //! too large.
 
+use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
@@ -68,14 +69,57 @@ fn number(text: &str) -> Option<u64> {
     digits.parse::<u64>().ok()?.checked_mul(unit)
 }
 
-/// Symbols of an image that belong to panics. Their handler must be there for the compiler, but the linker keeps only what something
-/// reachable names. None: no input reaches one, because there is none to reach.
+/// Panics that an image can reach, each with the calls that lead to it. None: no input reaches one.
+///
+/// A function is reached from the entry point, from the vectors, and from any table of constants that names it.
+///
+/// # Errors
+///
+/// When the file is no such image.
 pub(crate) fn panics(elf: &[u8]) -> Result<Vec<String>> {
     let file = object::File::parse(elf)?;
-    let names = file.symbols().filter(|s| s.kind() == SymbolKind::Text).filter_map(|s| s.name().ok());
-    let is_panic =
-        |name: &&str| name.contains("panicking") || name.contains("rust_begin_unwind") || name.contains("panic_");
-    Ok(names.into_iter().filter(is_panic).map(|name| format!("{:#}", rustc_demangle::demangle(name))).collect())
+    let functions = functions(&file)?;
+    let clean = |address: u64| if is_thumb(&file) { address & !1 } else { address };
+    let constants = file.sections().filter(|s| s.kind() != SectionKind::Text && is_allocated(s));
+    let named = references(&file, constants, clean)?;
+    let roots = named.iter().map(|(_, to)| *to).chain([clean(file.entry())]).filter_map(|to| holder(&functions, to));
+    let callers = reached(&functions, roots);
+    let found = callers.keys().filter(|&&index| is_panic(&functions[index].name));
+    Ok(found.map(|&index| path_to(&functions, &callers, index)).collect())
+}
+
+fn is_panic(name: &str) -> bool {
+    name.contains("panicking") || name.contains("rust_begin_unwind")
+}
+
+/// Every function reached from the roots, and whose call reaches it first.
+fn reached(functions: &[Function], roots: impl Iterator<Item = usize>) -> BTreeMap<usize, Option<usize>> {
+    let mut callers = BTreeMap::new();
+    let mut ahead: Vec<(usize, Option<usize>)> = roots.map(|root| (root, None)).collect();
+    while let Some((index, caller)) = ahead.pop() {
+        if let Entry::Vacant(place) = callers.entry(index) {
+            place.insert(caller);
+            ahead.extend(functions[index].calls.iter().map(|&callee| (callee, Some(index))));
+        }
+    }
+    callers
+}
+
+fn path_to(functions: &[Function], callers: &BTreeMap<usize, Option<usize>>, index: usize) -> String {
+    let up = std::iter::successors(Some(index), |at| callers.get(at).copied().flatten());
+    let names: Vec<&str> = up.map(|at| functions[at].name.as_str()).collect();
+    names.join(" ← ")
+}
+
+fn is_thumb(file: &object::File<'_>) -> bool {
+    matches!(file.architecture(), object::Architecture::Arm)
+}
+
+fn is_allocated(section: &object::Section<'_, '_>) -> bool {
+    match section.flags() {
+        SectionFlags::Elf { sh_flags } => sh_flags & u64::from(object::elf::SHF_ALLOC) != 0 && section.size() > 0,
+        _ => false,
+    }
 }
 
 struct Function {
@@ -103,10 +147,7 @@ const HANDLERS: [&str; 5] =
 pub(crate) fn measure(elf: &[u8], (flash, ram): (Region, Region)) -> Result<Size> {
     let file = object::File::parse(elf)?;
     let in_region = |address: u64, r: Region| (r.origin..r.origin + r.length).contains(&address);
-    let allocated = file.sections().filter(|s| match s.flags() {
-        SectionFlags::Elf { sh_flags } => sh_flags & u64::from(object::elf::SHF_ALLOC) != 0 && s.size() > 0,
-        _ => false,
-    });
+    let allocated = file.sections().filter(is_allocated);
     let (mut in_flash, mut statics) = (0, 0);
     for section in allocated {
         let stored = section.file_range().is_some_and(|(_, size)| size > 0);
@@ -138,7 +179,7 @@ pub(crate) fn measure(elf: &[u8], (flash, ram): (Region, Region)) -> Result<Size
 }
 
 fn functions(file: &object::File<'_>) -> Result<Vec<Function>> {
-    let thumb = matches!(file.architecture(), object::Architecture::Arm);
+    let thumb = is_thumb(file);
     let clean = |address: u64| if thumb { address & !1 } else { address };
     let mut by_start: BTreeMap<u64, (String, u64)> = BTreeMap::new();
     // Start-up is assembly, whose labels have no type.
@@ -166,7 +207,12 @@ fn functions(file: &object::File<'_>) -> Result<Vec<Function>> {
     } else {
         tabled_frames(file, &mut functions)?
     }
-    for (from, to) in references(file, clean)? {
+    let text = file.sections().filter(|s| s.kind() == SectionKind::Text);
+    let calls = references(file, text, clean)?;
+    if calls.is_empty() {
+        bail!("the image holds no relocations: link it with --emit-relocs");
+    }
+    for (from, to) in calls {
         let (Some(from), Some(to)) = (holder(&functions, from), holder(&functions, to)) else { continue };
         if from != to || functions[to].start == functions[from].start {
             functions[from].calls.insert(to);
@@ -186,11 +232,14 @@ fn holder(functions: &[Function], address: u64) -> Option<usize> {
     (address < functions[index].end).then_some(index)
 }
 
-/// Places in code that name other places in code.
-fn references(file: &object::File<'_>, clean: impl Fn(u64) -> u64) -> Result<Vec<(u64, u64)>> {
+/// Places in sections that name other places.
+fn references<'data, 'file>(
+    file: &'file object::File<'data>,
+    sections: impl Iterator<Item = object::Section<'data, 'file>>,
+    clean: impl Fn(u64) -> u64,
+) -> Result<Vec<(u64, u64)>> {
     let mut found = Vec::new();
-    let text = file.sections().filter(|s| s.kind() == SectionKind::Text);
-    for section in text {
+    for section in sections {
         for (at, relocation) in section.relocations() {
             let RelocationTarget::Symbol(index) = relocation.target() else { continue };
             let symbol = file.symbol_by_index(index)?;
@@ -201,9 +250,6 @@ fn references(file: &object::File<'_>, clean: impl Fn(u64) -> u64) -> Result<Vec
             };
             found.push((at, clean(target)));
         }
-    }
-    if found.is_empty() {
-        bail!("the image holds no relocations: link it with --emit-relocs");
     }
     Ok(found)
 }
@@ -346,6 +392,19 @@ mod tests {
         let functions =
             [function("Reset", 8, &[1, 2]), function("a", 16, &[3]), function("b", 200, &[]), function("c", 16, &[])];
         assert_eq!(deepest(&functions, &[0]).unwrap(), (208, vec![0, 2]));
+    }
+
+    #[test]
+    fn a_panic_is_found_with_the_calls_that_lead_to_it_and_one_that_nothing_calls_is_not() {
+        let functions = [
+            function("Reset", 0, &[1]),
+            function("a", 0, &[2]),
+            function("core::panicking::panic", 0, &[]),
+            function("b", 0, &[2]),
+        ];
+        let callers = reached(&functions, [0].into_iter());
+        assert!(is_panic(&functions[2].name) && callers.contains_key(&2) && !callers.contains_key(&3));
+        assert_eq!(path_to(&functions, &callers, 2), "core::panicking::panic ← a ← Reset");
     }
 
     #[test]
