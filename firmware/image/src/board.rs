@@ -85,6 +85,11 @@ pub fn log_port() -> impl Port {
     map::Log::new(map::LOG)
 }
 
+/// The link's port, for an image that has no link.
+pub fn text_port() -> impl crate::uart::Port {
+    map::Link::new(map::LINK)
+}
+
 /// Watchdog period, ticks of 25 MHz (20 MHz on the AN505): 2 s. An emulator's clock runs on while the emulator is not run.
 const WATCHDOG_TICKS: u32 = 50_000_000;
 

@@ -11,6 +11,7 @@ pub mod front_end;
 pub mod idle;
 pub mod kernel;
 mod log;
+pub mod measure;
 pub mod mmio;
 pub mod uart;
 pub mod watchdog;

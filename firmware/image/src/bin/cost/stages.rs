@@ -1,0 +1,93 @@
+//! Instructions of every stage, one after the other, as the pipeline calls them.
+
+use core::fmt::Write;
+use core::hint::black_box;
+
+use echoloop_dsp::detect::{self, Peaks, Threshold};
+use echoloop_dsp::filter::{self, PADDING};
+use echoloop_dsp::kernel::{Portable, Scalar};
+use echoloop_dsp::refine;
+use echoloop_dsp::statistics::Statistics;
+use echoloop_dsp::{Echo, Echoes, Kernel, MAX_SAMPLES, MAX_TAPS, Pipeline, Scratch};
+use echoloop_image::kernel::FASTEST;
+use echoloop_image::measure::{Text, instructions};
+
+use crate::waveforms::{CASES, Case};
+
+/// Runs that are counted together.
+const RUNS: u32 = 8;
+
+pub(crate) fn count(text: &mut Text) -> Result<(), &'static str> {
+    for case in &CASES {
+        count_with("portable", Portable, case, text)?;
+        count_with("scalar", Scalar, case, text)?;
+        if cfg!(dual_multiply) {
+            count_with("dual_multiply", FASTEST, case, text)?;
+        }
+    }
+    Ok(())
+}
+
+/// Not inlined: each kernel's code is compiled for it alone, as in the sensor's image.
+#[inline(never)]
+fn count_with(name: &str, kernel: impl Kernel, case: &Case, text: &mut Text) -> Result<(), &'static str> {
+    let settings = case.settings();
+    let pipeline = Pipeline::new(&settings, &case.hardware()).map_err(|_| "settings refused")?;
+    let config = pipeline.config();
+    let template = config.template();
+    let shift = case.hardware().code_shift();
+    let waveform = case.waveform(template.half());
+    let codes = waveform.get(..case.samples).ok_or("waveform too long")?;
+    let mut line = |stage, instructions| {
+        writeln!(text, "cost\t{name}\t{}\t{stage}\t{instructions}", case.name).map_err(|_| "no text")
+    };
+
+    let mut statistics = Statistics::default();
+    line("statistics", per_run(|| statistics = Statistics::of(kernel, black_box(codes), shift, &statistics)))?;
+
+    let mut padded = [0; MAX_SAMPLES + MAX_TAPS + PADDING];
+    let ambient = statistics.ambient_q15();
+    let x = padded.get_mut(template.half()..template.half() + codes.len()).ok_or("template too long")?;
+    line(
+        "baseline",
+        per_run(|| kernel.remove_baseline(black_box(codes), config.clip_code(), shift, ambient, black_box(x))),
+    )?;
+
+    let mut y = [0; MAX_SAMPLES];
+    let y = y.get_mut(..codes.len()).ok_or("waveform too long")?;
+    let taps = template.taps_in_pairs();
+    line("filter", per_run(|| kernel.correlate(black_box(taps), black_box(&padded), black_box(y))))?;
+
+    let threshold = Threshold::of(config, &statistics);
+    let mut peaks = Peaks::new();
+    line("peaks", per_run(|| detect::peaks(kernel, black_box(y), threshold.level, black_box(&mut peaks))))?;
+
+    let report = || {
+        let mut peaks = peaks.clone();
+        detect::separate(&mut peaks, config.min_separation());
+        let chosen = detect::choose(peaks, settings.echoes as usize, settings.echo_choice);
+        let exact = |n| filter::exact(template.taps(), &padded, codes.len(), n);
+        let mut echoes = Echoes::new();
+        for peak in chosen {
+            let refined = refine::refine(config, codes, y, exact, peak, threshold.level);
+            echoes.extend(Echo::of(config, &refined, &threshold));
+        }
+        echoes
+    };
+    line("report", if peaks.is_empty() { 0 } else { per_run(|| drop(black_box(report()))) })?;
+
+    let mut scratch = Scratch::new();
+    line("pipeline", per_run(|| drop(black_box(pipeline.process(kernel, black_box(codes), black_box(&mut scratch))))))?;
+    let echoes = pipeline.process(kernel, codes, &mut scratch);
+    let same = echoes == report() && scratch.statistics() == &statistics && scratch.filtered(codes.len()) == y;
+    if same { Ok(()) } else { Err("the stages are not the pipeline") }
+}
+
+/// Instructions of a run after the first, without the loop around it. (The first finds where the statistics lie.)
+#[inline(always)]
+fn per_run(mut run: impl FnMut()) -> u32 {
+    run();
+    let all = instructions(|| (0..RUNS).for_each(|_| run()));
+    let none = instructions(|| (0..RUNS).for_each(|_| black_box(())));
+    (all.saturating_sub(none) + RUNS / 2) / RUNS
+}

@@ -1,0 +1,171 @@
+//! The fastest kernel against its portable twin, on what they should expect and on what they should not.
+
+use echoloop_dsp::kernel::{Portable, Scalar};
+use echoloop_dsp::statistics::Statistics;
+use echoloop_dsp::{Hardware, Kernel, MAX_TAPS, Pipeline, Scratch, Settings};
+use echoloop_image::kernel::FASTEST;
+
+use crate::waveforms::{CASES, Case, Random};
+
+const LOOPS: u32 = 4_000;
+const PIPELINES: u32 = 60;
+
+/// How many comparisons were equal: all of them, or what differed.
+pub(crate) fn agree() -> Result<u32, &'static str> {
+    for seed in 0..LOOPS {
+        let mut random = Random::new(seed);
+        baselines_agree(&mut random).then_some(()).ok_or("remove_baseline differs")?;
+        filters_agree(&mut random).then_some(()).ok_or("correlate differs")?;
+        thresholds_agree(&mut random).then_some(()).ok_or("reaches differs")?;
+        ranks_agree(&mut random).then_some(()).ok_or("ranks differ")?;
+    }
+    let mut waveforms = 0;
+    for seed in 0..PIPELINES {
+        waveforms += pipelines_agree(&mut Random::new(seed))?;
+    }
+    for case in &CASES {
+        waveforms += echoes_agree(case)?;
+    }
+    Ok(4 * LOOPS + waveforms)
+}
+
+/// Codes of one kind: any, all extreme, narrow, or narrow with a few wild ones.
+fn fill(codes: &mut [u16], random: &mut Random) {
+    let kind = random.below(5);
+    let base = random.below(0x10000);
+    let width = 1 << random.below(10);
+    for code in codes {
+        let near = (base + random.below(width)) as u16;
+        *code = match kind {
+            0 => random.next() as u16,
+            1 => [0, 1, 0x7fff, 0x8000, 0xffff][random.below(5) as usize],
+            2 => (random.next() & 0xfff) as u16,
+            3 if random.below(16) == 0 => random.next() as u16,
+            _ => near,
+        };
+    }
+}
+
+/// Q1.15 of one kind: any, or all extreme.
+fn fill_q15(values: &mut [i16], random: &mut Random) {
+    let kind = random.below(3);
+    for value in values {
+        *value = match kind {
+            0 => [i16::MIN, i16::MAX][random.below(2) as usize],
+            1 => (random.below(41) as i16) - 20,
+            _ => random.next() as i16,
+        };
+    }
+}
+
+fn baselines_agree(random: &mut Random) -> bool {
+    let mut codes = [0; 90];
+    fill(&mut codes, random);
+    let start = random.below(4) as usize;
+    let codes = &codes[start..start + random.below(80) as usize];
+    let shift = random.below(16);
+    let clip = if random.below(2) == 0 { random.next() as u16 } else { ((1u32 << (15 - shift)) - 1) as u16 };
+    let ambient =
+        if random.below(2) == 0 { random.next() as i16 } else { [i16::MIN, i16::MAX][random.below(2) as usize] };
+    let (from, to) = (random.below(4) as usize, 80 + random.below(10) as usize);
+    let (mut ours, mut twin) = ([99; 90], [99; 90]);
+    FASTEST.remove_baseline(codes, clip, shift, ambient, &mut ours[from..to]);
+    Portable.remove_baseline(codes, clip, shift, ambient, &mut twin[from..to]);
+    ours == twin
+}
+
+fn filters_agree(random: &mut Random) -> bool {
+    let mut taps = [0i16; MAX_TAPS + 2];
+    let start = random.below(2) as usize;
+    let count = random.below(MAX_TAPS as u32 + 2) as usize;
+    let taps = &mut taps[start..(start + count).min(MAX_TAPS + 2)];
+    fill_taps(taps, random);
+    let mut padded = [0; 300];
+    fill_q15(&mut padded, random);
+    let padded = &padded[random.below(2) as usize..150 + random.below(150) as usize];
+    let (from, to) = (random.below(4) as usize, 10 + random.below(90) as usize);
+    let (mut ours, mut twin) = ([99; 100], [99; 100]);
+    FASTEST.correlate(taps, padded, &mut ours[from..to]);
+    Portable.correlate(taps, padded, &mut twin[from..to]);
+    ours == twin
+}
+
+/// Any taps with Σ|h| ≤ 1: spread out, or all in one.
+fn fill_taps(taps: &mut [i16], random: &mut Random) {
+    let mut left = 0x7fff;
+    let share = if random.below(4) == 0 { 0x8000 } else { 0x10000 / (taps.len() as u32 + 1) };
+    for _ in 0..taps.len() {
+        let size = random.below(share.min(left + 1)) as i16;
+        let tap = random.below(taps.len() as u32) as usize;
+        left += u32::from(taps[tap].unsigned_abs());
+        taps[tap] = if random.below(2) == 0 { size } else { -size };
+        left -= u32::from(taps[tap].unsigned_abs()).min(left);
+    }
+    if random.below(4) == 0 && !taps.is_empty() {
+        taps.fill(0);
+        taps[random.below(taps.len() as u32) as usize] = [i16::MAX, -i16::MAX][random.below(2) as usize];
+    }
+}
+
+fn thresholds_agree(random: &mut Random) -> bool {
+    let mut values = [0; 70];
+    fill_q15(&mut values, random);
+    let start = random.below(4) as usize;
+    let values = &values[start..start + random.below(66) as usize];
+    let highest = values.iter().copied().max().unwrap_or(0);
+    [highest, highest.saturating_add(1), random.next() as i16, i16::MIN, i16::MAX]
+        .into_iter()
+        .all(|threshold| FASTEST.reaches(values, threshold) == Portable.reaches(values, threshold))
+}
+
+fn ranks_agree(random: &mut Random) -> bool {
+    let mut codes = [0; 104];
+    fill(&mut codes, random);
+    let start = random.below(4) as usize;
+    let codes = &codes[start..start + 1 + random.below(100) as usize];
+    let near = codes[0].wrapping_add(random.below(100) as u16);
+    let median = if random.below(2) == 0 { near } else { random.next() as u16 };
+    let guess = Statistics { median, deviation: random.below(100) as u16, ..Statistics::default() };
+    let twin = Portable.ranks(codes, 0xfff, &guess);
+    FASTEST.ranks(codes, 0xfff, &guess) == twin && Scalar.ranks(codes, 0xfff, &guess) == twin
+}
+
+/// Waveforms that some settings gave the same echoes of.
+fn pipelines_agree(random: &mut Random) -> Result<u32, &'static str> {
+    let settings = Settings {
+        power_cw: 500,
+        pulse_width_ps: 2_000 + random.below(18_001) as i32,
+        bins: 200 + random.below(600) as i32,
+        saturation_ppm: 250_000 + random.below(750_001) as i32,
+        snr_threshold_milli: 2_500 + random.below(5_501) as i32,
+        upsampling: 1 << random.below(4),
+        echoes: 1 + random.below(4) as i32,
+        echo_choice: random.below(3) as i32,
+        ..Settings::default()
+    };
+    let hardware = Hardware { adc_bits: 8 + random.below(7), ..Hardware::REFERENCE };
+    let Ok(pipeline) = Pipeline::new(&settings, &hardware) else { return Ok(0) };
+    let (mut ours, mut twin) = (Scratch::new(), Scratch::new());
+    let mut codes = [0; 800];
+    for _ in 0..8 {
+        fill(&mut codes, random);
+        let codes = &codes[..random.below(801) as usize];
+        let same = pipeline.process(FASTEST, codes, &mut ours) == pipeline.process(Portable, codes, &mut twin)
+            && ours.statistics() == twin.statistics()
+            && ours.filtered(codes.len()) == twin.filtered(codes.len());
+        if !same {
+            return Err("pipelines differ");
+        }
+    }
+    Ok(8)
+}
+
+/// One, when a waveform with echoes, near noise as the sensor sees it, gives the same ones.
+fn echoes_agree(case: &Case) -> Result<u32, &'static str> {
+    let pipeline = Pipeline::new(&case.settings(), &case.hardware()).map_err(|_| "settings refused")?;
+    let waveform = case.waveform(pipeline.config().template().half());
+    let codes = &waveform[..case.samples];
+    let ours = pipeline.process(FASTEST, codes, &mut Scratch::new());
+    let twin = pipeline.process(Portable, codes, &mut Scratch::new());
+    if ours == twin && ours.len() == case.echoes.len() { Ok(1) } else { Err("echoes differ") }
+}

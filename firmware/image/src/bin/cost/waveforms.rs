@@ -1,0 +1,94 @@
+//! Waveforms and settings to measure with, in integers: the same everywhere.
+
+use echoloop_dsp::{Hardware, MAX_SAMPLES, Settings};
+
+/// xorshift32.
+#[derive(Clone)]
+pub(crate) struct Random(u32);
+
+impl Random {
+    pub(crate) fn new(seed: u32) -> Self {
+        Self(seed.wrapping_mul(0x9E37_79B9) | 1)
+    }
+
+    pub(crate) fn next(&mut self) -> u32 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 17;
+        self.0 ^= self.0 << 5;
+        self.0
+    }
+
+    /// 0 to `end` − 1.
+    pub(crate) fn below(&mut self, end: u32) -> u32 {
+        ((u64::from(self.next()) * u64::from(end)) >> 32) as u32
+    }
+
+    /// About normal: σ = 4, the sum of three of 0..8.
+    fn noise(&mut self) -> i32 {
+        (0..3).map(|_| self.below(8) as i32).sum::<i32>() - 10
+    }
+}
+
+/// What is measured: settings, and the echoes of the waveform.
+pub(crate) struct Case {
+    pub(crate) name: &'static str,
+    pub(crate) samples: usize,
+    range_mm: u32,
+    pulse_width_ps: i32,
+    /// Amplitudes in codes; they lie evenly over the waveform.
+    pub(crate) echoes: &'static [i32],
+}
+
+/// A sample is a nanosecond, to within 1 %; in the last case a third of one. Some echoes reach full scale.
+pub(crate) const CASES: [Case; 6] = [
+    Case { name: "800x12 noise", samples: 800, range_mm: 119_000, pulse_width_ps: 5_000, echoes: &[] },
+    Case { name: "800x12 one echo", samples: 800, range_mm: 119_000, pulse_width_ps: 5_000, echoes: &[900] },
+    Case {
+        name: "800x12 four echoes",
+        samples: 800,
+        range_mm: 119_000,
+        pulse_width_ps: 5_000,
+        echoes: &[900, 300, 6000, 150],
+    },
+    Case { name: "256x16 one echo", samples: 256, range_mm: 38_373, pulse_width_ps: 7_500, echoes: &[900] },
+    Case { name: "1024x16 one echo", samples: 1024, range_mm: 153_494, pulse_width_ps: 7_500, echoes: &[900] },
+    Case { name: "2400x62 one echo", samples: 2400, range_mm: 119_000, pulse_width_ps: 10_100, echoes: &[900] },
+];
+
+const AMBIENT: i32 = 200;
+
+impl Case {
+    pub(crate) fn hardware(&self) -> Hardware {
+        let reference = Hardware::REFERENCE;
+        Hardware { range_max_mm: reference.range_min_mm + self.range_mm, ..reference }
+    }
+
+    /// The default settings but for size and pulse, and room for four echoes.
+    pub(crate) fn settings(&self) -> Settings {
+        Settings {
+            power_cw: 3_000,
+            pulse_width_ps: self.pulse_width_ps,
+            bins: self.samples as i32,
+            echoes: 4,
+            ..Settings::default()
+        }
+    }
+
+    /// Codes of 12 bits: ambient light, noise, and echoes `half` + 1 samples wide.
+    pub(crate) fn waveform(&self, half: usize) -> [u16; MAX_SAMPLES] {
+        let mut random = Random::new(1);
+        let spacing = self.samples / (self.echoes.len() + 1);
+        let square = |samples: usize| samples as i64 * samples as i64;
+        core::array::from_fn(|n| {
+            let echoes: i64 = (1..)
+                .zip(self.echoes)
+                .map(|(i, &amplitude)| {
+                    let (width, from) = (square(half + 1), square(n.abs_diff(i * spacing)));
+                    let shape = (width - from).max(0);
+                    i64::from(amplitude) * shape * shape / (width * width)
+                })
+                .sum();
+            (i64::from(AMBIENT + random.noise()) + echoes).clamp(0, 4095) as u16
+        })
+    }
+}
