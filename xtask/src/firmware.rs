@@ -26,6 +26,15 @@ pub(crate) const TARGET_DIR: &str = "target/firmware";
 /// `rust-version` of the workspace.
 const AT_LEAST: (u32, u32) = (1, 93);
 
+/// What builds for a target.
+///
+/// # Errors
+///
+/// When nothing here does.
+pub(crate) fn toolchain(target: &str) -> Result<Toolchain> {
+    Toolchain::find(target, AT_LEAST)
+}
+
 /// Builds the images for the tests that run them, having linted what only they compile. A target that nothing here builds for is
 /// skipped aloud; where `CI` is set, that is a failure.
 ///
@@ -35,7 +44,7 @@ const AT_LEAST: (u32, u32) = (1, 93);
 pub(crate) fn for_tests(lint: bool) -> Result<()> {
     let mut found = Vec::new();
     for (target, _) in TARGETS {
-        match Toolchain::find(target, AT_LEAST) {
+        match toolchain(target) {
             Ok(toolchain) => {
                 found.push(target.to_owned());
                 if lint && toolchain.is_prebuilt() {
@@ -68,7 +77,7 @@ fn cargo(toolchain: &Toolchain, target: &str, what: &[&str]) -> Result<()> {
 ///
 /// When there is no toolchain for it, or the build fails.
 pub(crate) fn build(target: &str, program: &str) -> Result<PathBuf> {
-    let toolchain = Toolchain::find(target, AT_LEAST)?;
+    let toolchain = toolchain(target)?;
     eprintln!("{target}: {}", toolchain.describe());
     let root = workspace()?;
     let mut command = toolchain.cargo(target);

@@ -1,5 +1,6 @@
 //! Project commands: `cargo xtask test`.
 
+mod cost;
 mod firmware;
 mod fuzz;
 mod image;
@@ -47,6 +48,12 @@ enum Task {
         #[arg(long, default_value_t = 60)]
         seconds: u32,
     },
+    /// Counts the instructions of every stage on microcontrollers, in QEMU; fails when one grew by more than 2 %.
+    Cost {
+        /// Writes the table anew instead.
+        #[arg(long)]
+        update: bool,
+    },
 }
 
 fn main() -> Result<()> {
@@ -56,6 +63,7 @@ fn main() -> Result<()> {
         Task::Bench => cargo(["bench", "--workspace"]),
         Task::OnTarget { waveforms } => on_target(waveforms),
         Task::Fuzz { seconds } => fuzz::run(seconds),
+        Task::Cost { update } => cost::run(update),
     }
 }
 
@@ -66,7 +74,8 @@ fn test(only_tests: bool) -> Result<()> {
         cargo(["clippy", "--workspace", "--all-targets", "--quiet", "--", "-D", "warnings"])?;
     }
     firmware::for_tests(!only_tests)?;
-    cargo(["test", "--workspace"])
+    cargo(["test", "--workspace"])?;
+    if only_tests { Ok(()) } else { cost::run(false) }
 }
 
 fn on_target(waveforms: u32) -> Result<()> {
