@@ -5,7 +5,7 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::fs;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use echoloop_dsp::{Echoes, Hardware, Pipeline, ScanPattern, Scratch, Settings};
 use echoloop_host::client::{Client, Patience};
@@ -80,6 +80,7 @@ fn every_board_says_of_every_waveform_what_the_pc_says() {
     let sensors = [Hardware::REFERENCE, Hardware { adc_bits: 14, range_min_mm: 0, ..Hardware::REFERENCE }];
     for options in machines() {
         let mut echoes = 0;
+        let begun = Instant::now();
         for (hardware, first) in sensors.into_iter().zip([0, 1_000_000]) {
             let front_end = Waveforms { adc_bits: hardware.adc_bits, ..Waveforms::default() };
             let mut pc =
@@ -99,7 +100,8 @@ fn every_board_says_of_every_waveform_what_the_pc_says() {
                 echoes += scalar.iter().map(|e| e.len()).sum::<usize>();
             }
         }
-        println!("{}: {waveforms} waveforms, {echoes} echoes", options.machine.name());
+        let rate = waveforms as f64 / begun.elapsed().as_secs_f64();
+        println!("{}: {waveforms} waveforms, {echoes} echoes, {rate:.0} waveforms/s", options.machine.name());
         assert!(echoes > waveforms / 4, "{echoes} echoes of {waveforms} waveforms compare little");
     }
 }
@@ -245,10 +247,13 @@ fn a_board_behind_a_bad_line_never_has_settings_that_nobody_asked_for() {
     let mut client = Client::connect_from(Faulty::new(qemu, 5), patience, 0).unwrap();
     let mut before = Settings::default();
     let (mut done, mut reported) = (0, 0);
+    let mut times = Vec::new();
     for step in 0..150 {
         let wanted = gain(step + 1);
         client.transport_mut().rates = Rates::all(0.03);
+        let begun = Instant::now();
         let configured = client.configure(&wanted);
+        times.push(begun.elapsed());
         client.transport_mut().rates = Rates::NONE;
         let now = (0..4).find_map(|_| client.read_settings().ok()).unwrap();
         match configured {
@@ -263,7 +268,13 @@ fn a_board_behind_a_bad_line_never_has_settings_that_nobody_asked_for() {
         }
         before = now;
     }
-    println!("{done} done, {reported} reported");
+    times.sort_unstable();
+    println!(
+        "{done} done, {reported} reported, {} messages harmed; stage and commit take {:.1?}, the slowest of all {:.1?}",
+        client.transport_mut().harmed,
+        times[times.len() / 2],
+        times[times.len() - 1]
+    );
     assert!(done > 100, "{done} of 150 were done");
 }
 

@@ -90,8 +90,9 @@ pub fn text_port() -> impl crate::uart::Port {
     map::Link::new(map::LINK)
 }
 
-/// Watchdog period, ticks of 25 MHz (20 MHz on the AN505): 2 s. An emulator's clock runs on while the emulator is not run.
-const WATCHDOG_TICKS: u32 = 50_000_000;
+/// Watchdog period, ticks of 25 MHz (20 MHz on the AN505): 4 s, because an emulator's clock runs on while the emulator is kept
+/// from running. After one period the board hangs in its interrupt, after two it restarts.
+const WATCHDOG_TICKS: u32 = 100_000_000;
 
 /// An emulated board: real serial ports and watchdog, and a front end in shared memory.
 pub struct EmulatedBoard {
@@ -165,7 +166,12 @@ impl Board for EmulatedBoard {
     }
 
     fn samples(&mut self, codes: &mut [u16]) -> bool {
-        self.front_end.samples(codes)
+        let watchdog = self.watchdog;
+        self.front_end.samples(codes, || {
+            if let Some(watchdog) = &watchdog {
+                watchdog.feed();
+            }
+        })
     }
 
     fn detect(&mut self, pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Echoes {

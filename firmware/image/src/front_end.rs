@@ -48,8 +48,9 @@ pub struct FrontEnd {
     fired: u32,
 }
 
-/// Turns of the waiting loop before a shot counts as lost: some seconds, far beyond what any front end takes.
-const PATIENCE: u32 = 400_000_000;
+/// How long a shot is waited for before it counts as lost: some seconds in an emulator, whose front end is a program that may be
+/// kept from running; a converter takes microseconds.
+const PATIENCE: (u32, u32) = (400, 1_000_000);
 
 impl FrontEnd {
     /// The front end in a page of memory; `None` where nobody put one.
@@ -74,14 +75,20 @@ impl FrontEnd {
     }
 
     /// Rings for the shot whose registers are written, waits, and copies its samples out. False: nobody answered.
-    pub fn samples(&mut self, codes: &mut [u16]) -> bool {
+    ///
+    /// The wait has an end, so `waiting` may feed the watchdog meanwhile.
+    pub fn samples(&mut self, codes: &mut [u16], waiting: impl Fn()) -> bool {
         self.fired = self.fired.wrapping_add(1);
         publish();
         self.page.write(mailbox::DOORBELL, self.fired);
-        let answered = (0..PATIENCE).any(|_| self.page.read(mailbox::ANSWER) == self.fired);
+        let (spells, turns) = PATIENCE;
+        let answered = (0..spells).any(|_| {
+            waiting();
+            (0..turns).any(|_| self.page.read(mailbox::ANSWER) == self.fired)
+        });
         publish();
         if answered {
-            self.page.part(mailbox::CODES, mailbox::FLASH - mailbox::CODES).copy_halfwords(codes);
+            self.page.part(mailbox::CODES, mailbox::FLASH.wrapping_sub(mailbox::CODES)).copy_halfwords(codes);
         }
         answered
     }
