@@ -8,7 +8,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use echoloop_dsp::{Echoes, Hardware, Pipeline, ScanPattern, Scratch};
 use echoloop_link::Session;
-use echoloop_sensor::afe::{WRITE, adc, emitter};
+use echoloop_sensor::afe::{adc, emitter};
+use echoloop_sensor::mailbox::{self, Registers};
 use echoloop_sensor::{App, Board};
 use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
 
@@ -83,15 +84,16 @@ impl VirtualSpi {
         registers[0] = id;
         Self { registers, fire, fired: false }
     }
+}
 
+impl Registers for VirtualSpi {
     fn get(&self, register: u8) -> u32 {
         self.registers.get(usize::from(register)).copied().unwrap_or(0)
     }
 
-    fn write_register(&mut self, address: u8, value: [u8; 4]) {
-        let register = address & !WRITE;
-        if let Some(slot) = self.registers.get_mut(usize::from(register)).filter(|_| register != 0) {
-            *slot = u32::from_be_bytes(value);
+    fn set(&mut self, register: u8, value: u32) {
+        if let Some(slot) = self.registers.get_mut(usize::from(register)) {
+            *slot = value;
             self.fired |= self.fire == Some(register);
         }
     }
@@ -103,18 +105,7 @@ impl ErrorType for VirtualSpi {
 
 impl SpiDevice for VirtualSpi {
     fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), ErrorKind> {
-        let mut address = 0;
-        for operation in operations {
-            match operation {
-                Operation::Write([register]) => address = *register,
-                Operation::Write([register, a, b, c, d]) if register & WRITE != 0 => {
-                    self.write_register(*register, [*a, *b, *c, *d]);
-                }
-                Operation::Read(bytes) if bytes.len() == 4 => bytes.copy_from_slice(&self.get(address).to_be_bytes()),
-                _ => return Err(ErrorKind::Other),
-            }
-        }
-        Ok(())
+        mailbox::serve(self, operations)
     }
 }
 

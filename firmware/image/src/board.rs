@@ -4,7 +4,7 @@ use echoloop_dsp::{Echoes, Hardware, Pipeline, ScanPattern, Scratch};
 use echoloop_sensor::{Board, mailbox};
 
 use crate::flash::Flash;
-use crate::front_end::{FrontEnd, Registers};
+use crate::front_end::{Device, FrontEnd};
 use crate::idle::Idle;
 use crate::uart::{Port, Uart};
 use crate::watchdog::{Watchdog, count_restarts};
@@ -127,7 +127,7 @@ impl EmulatedBoard {
 }
 
 impl Board for EmulatedBoard {
-    type Spi = Registers;
+    type Spi = Device;
     type Link = Uart<map::Link>;
     type Store = Flash;
 
@@ -139,11 +139,11 @@ impl Board for EmulatedBoard {
         self.pattern
     }
 
-    fn emitter(&mut self) -> &mut Registers {
+    fn emitter(&mut self) -> &mut Device {
         &mut self.front_end.emitter
     }
 
-    fn adc(&mut self) -> &mut Registers {
+    fn adc(&mut self) -> &mut Device {
         &mut self.front_end.adc
     }
 

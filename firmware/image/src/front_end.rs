@@ -1,50 +1,41 @@
 //! The front end of an emulated board, behind the traits of a real one: SPI devices, a converter's buffer, flash.
 
 use echoloop_dsp::{Hardware, ScanPattern};
-use echoloop_sensor::afe::WRITE;
 use echoloop_sensor::mailbox;
 use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
 
 use crate::mmio::Block;
 
-/// A device of 32-bit registers: one byte of address (bit 7: write), four of value.
-pub struct Registers(Block);
+/// An SPI device whose registers lie in the mailbox.
+pub struct Device(Block);
 
-impl ErrorType for Registers {
-    type Error = ErrorKind;
-}
+impl mailbox::Registers for Device {
+    fn get(&self, register: u8) -> u32 {
+        self.0.read(usize::from(register) << 2)
+    }
 
-impl SpiDevice for Registers {
-    fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), ErrorKind> {
-        let mut register = 0;
-        for operation in operations {
-            match operation {
-                Operation::Write([address]) => register = *address,
-                Operation::Write([address, a, b, c, d]) if address & WRITE != 0 => {
-                    self.0.write(offset(address & !WRITE), u32::from_be_bytes([*a, *b, *c, *d]));
-                }
-                Operation::Read(bytes) => {
-                    let Ok(bytes) = <&mut [u8; 4]>::try_from(&mut **bytes) else { return Err(ErrorKind::Other) };
-                    *bytes = self.0.read(offset(register)).to_be_bytes();
-                }
-                _ => return Err(ErrorKind::Other),
-            }
-        }
-        Ok(())
+    fn set(&mut self, register: u8, value: u32) {
+        self.0.write(usize::from(register) << 2, value);
     }
 }
 
-fn offset(register: u8) -> usize {
-    usize::from(register) << 2
+impl ErrorType for Device {
+    type Error = ErrorKind;
+}
+
+impl SpiDevice for Device {
+    fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), ErrorKind> {
+        mailbox::serve(self, operations)
+    }
 }
 
 /// The mailbox of [`echoloop_sensor::mailbox`].
 pub struct FrontEnd {
     page: Block,
     /// The laser driver.
-    pub emitter: Registers,
+    pub emitter: Device,
     /// The amplifier and converter.
-    pub adc: Registers,
+    pub adc: Device,
     fired: u32,
 }
 
@@ -58,7 +49,7 @@ impl FrontEnd {
         if page.read(0) != mailbox::MAGIC {
             return None;
         }
-        let device = |offset| Registers(page.part(offset, 4 * mailbox::REGISTERS));
+        let device = |offset| Device(page.part(offset, 4 * mailbox::REGISTERS));
         let (emitter, adc) = (device(mailbox::EMITTER), device(mailbox::ADC));
         Some(Self { page, emitter, adc, fired: page.read(mailbox::DOORBELL) })
     }

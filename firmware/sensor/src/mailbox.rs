@@ -19,6 +19,9 @@
 //! number. Each side writes its own words only, so no lock is needed.
 
 use echoloop_dsp::{Hardware, ScanPattern};
+use embedded_hal::spi::{ErrorKind, Operation};
+
+use crate::afe::WRITE;
 
 /// First word: "ECMB".
 pub const MAGIC: u32 = u32::from_le_bytes(*b"ECMB");
@@ -73,6 +76,38 @@ pub fn read_straps(words: [u32; 8]) -> Option<(Hardware, ScanPattern)> {
     };
     let works = (8..=14).contains(&adc_bits) && range_min_mm < range_max_mm && range_max_mm < 1_000_000;
     works.then_some((hardware, pattern))
+}
+
+/// The registers of an emulated SPI device.
+pub trait Registers {
+    /// What a register holds; 0 where there is none.
+    fn get(&self, register: u8) -> u32;
+    /// Sets a register; nothing where there is none. Register 0, the device's identity, is never set.
+    fn set(&mut self, register: u8, value: u32);
+}
+
+/// Does what a transaction of [`crate::afe`] asks of a device: one byte of address (bit 7: write), four of value.
+///
+/// # Errors
+///
+/// What the driver never says.
+pub fn serve(device: &mut impl Registers, operations: &mut [Operation<'_, u8>]) -> Result<(), ErrorKind> {
+    let mut register = 0;
+    for operation in operations {
+        match operation {
+            Operation::Write([address]) => register = *address,
+            Operation::Write([address, a, b, c, d]) if address & WRITE != 0 => match address & !WRITE {
+                0 => {}
+                register => device.set(register, u32::from_be_bytes([*a, *b, *c, *d])),
+            },
+            Operation::Read(bytes) => {
+                let Ok(bytes) = <&mut [u8; 4]>::try_from(&mut **bytes) else { return Err(ErrorKind::Other) };
+                *bytes = device.get(register).to_be_bytes();
+            }
+            _ => return Err(ErrorKind::Other),
+        }
+    }
+    Ok(())
 }
 
 #[cfg(test)]
