@@ -64,9 +64,9 @@ impl Kernel for DualMultiply {
     }
 }
 
-/// Counts codes from `first` up into bins, and returns how many lie below.
+/// [`statistics::count`]: codes from `first` up into bins; returns how many lie below. `first` is at most 2^16 − 128.
 #[inline(always)]
-fn count(codes: &[u16], first: u16, counts: &mut [u16; BINS]) -> u32 {
+pub fn count(codes: &[u16], first: u16, counts: &mut [u16; BINS]) -> u32 {
     const { assert!(BINS == 128) };
     let (eights, codes) = codes.as_chunks::<8>();
     let mut below = 0;

@@ -4,7 +4,7 @@
 mod dual_multiply;
 
 #[cfg(dual_multiply)]
-pub use dual_multiply::DualMultiply;
+pub use dual_multiply::{DualMultiply, count};
 
 /// The fastest kernel of this processor.
 #[cfg(dual_multiply)]

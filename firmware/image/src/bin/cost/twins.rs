@@ -17,6 +17,7 @@ pub(crate) fn agree() -> Result<u32, &'static str> {
         baselines_agree(&mut random).then_some(()).ok_or("remove_baseline differs")?;
         filters_agree(&mut random).then_some(()).ok_or("correlate differs")?;
         thresholds_agree(&mut random).then_some(()).ok_or("reaches differs")?;
+        counts_agree(&mut random).then_some(()).ok_or("count differs")?;
         ranks_agree(&mut random).then_some(()).ok_or("ranks differ")?;
     }
     let mut waveforms = 0;
@@ -26,7 +27,7 @@ pub(crate) fn agree() -> Result<u32, &'static str> {
     for case in &CASES {
         waveforms += echoes_agree(case)?;
     }
-    Ok(4 * LOOPS + waveforms)
+    Ok(5 * LOOPS + waveforms)
 }
 
 /// Codes of one kind: any, all extreme, narrow, or narrow with a few wild ones.
@@ -103,7 +104,7 @@ fn fill_taps(taps: &mut [i16], random: &mut Random) {
     }
     if random.below(4) == 0 && !taps.is_empty() {
         taps.fill(0);
-        taps[random.below(taps.len() as u32) as usize] = [i16::MAX, -i16::MAX][random.below(2) as usize];
+        taps[random.below(taps.len() as u32) as usize] = [i16::MAX, -i16::MAX, i16::MIN][random.below(3) as usize];
     }
 }
 
@@ -116,6 +117,33 @@ fn thresholds_agree(random: &mut Random) -> bool {
     [highest, highest.saturating_add(1), random.next() as i16, i16::MIN, i16::MAX]
         .into_iter()
         .all(|threshold| FASTEST.reaches(values, threshold) == Portable.reaches(values, threshold))
+}
+
+/// Bins and what lies behind them.
+#[cfg(dual_multiply)]
+fn counts_agree(random: &mut Random) -> bool {
+    use echoloop_dsp::statistics::{self, BINS};
+    let first = random.below(0x10000 - BINS as u32) as u16;
+    let mut codes = [0; 104];
+    for code in &mut codes {
+        let near = first.wrapping_add(random.below(BINS as u32) as u16);
+        let edges = [0, 1, BINS as u16 - 1, BINS as u16, u16::MAX, 0u16.wrapping_sub(first)];
+        let edge = first.wrapping_add(edges[random.below(6) as usize]);
+        *code = if random.below(4) == 0 { edge } else { near };
+    }
+    let start = random.below(4) as usize;
+    let codes = &codes[start..start + random.below(100) as usize];
+    let (mut ours, mut twin) = ([7; BINS + 8], [7; BINS + 8]);
+    let (Some(our_bins), Some(twin_bins)) = (ours.first_chunk_mut(), twin.first_chunk_mut()) else { return false };
+    let (our_below, twin_below) =
+        (echoloop_image::kernel::count(codes, first, our_bins), statistics::count(codes, first, twin_bins));
+    our_below == twin_below && ours == twin
+}
+
+/// There is but one way to count.
+#[cfg(not(dual_multiply))]
+fn counts_agree(_: &mut Random) -> bool {
+    true
 }
 
 fn ranks_agree(random: &mut Random) -> bool {
