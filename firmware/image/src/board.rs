@@ -86,7 +86,7 @@ pub fn log_port() -> impl Port {
 }
 
 /// The link's port, for an image that has no link.
-pub fn text_port() -> impl crate::uart::Port {
+pub fn text_port() -> impl Port {
     map::Link::new(map::LINK)
 }
 
