@@ -5,7 +5,9 @@ use std::io;
 use std::time::{Duration, Instant};
 
 use echoloop_dsp::{Echoes, Hardware, Refusal, ScanPattern, Settings};
-use echoloop_link::{BEAMS_PER_REPORT, Command, Counters, Decoder, Greeting, MAX_FRAME, Nack, Report, settings_hash};
+use echoloop_link::{
+    BEAMS_PER_REPORT, Command, Counters, Decoder, Greeting, MAX_FRAME, Nack, Report, frame, settings_hash,
+};
 use thiserror::Error;
 
 use crate::transport::Transport;
@@ -204,7 +206,7 @@ impl<T: Transport> Client<T> {
     /// # Errors
     ///
     /// [`ClientError::Refused`] with field and bound, and the sensor keeps what it had. After [`ClientError::Silent`] it has
-    /// the old settings or the new, and the next call finds out which before it goes on.
+    /// the old settings or the new, and the next call of this or of [`Client::read_settings`] finds out which before it goes on.
     pub fn configure(&mut self, settings: &Settings) -> Result<u32, ClientError> {
         self.configure_on_trial(settings, 0)
     }
@@ -390,16 +392,27 @@ impl<T: Transport> Client<T> {
             let mut answer = None;
             for &byte in &chunk[..length] {
                 if let Some(Ok(frame)) = self.decoder.push(byte)
-                    && let Ok((sequence, report)) = echoloop_link::decode::<Report>(frame)
+                    && let Ok((sequence, body)) = echoloop_link::open(frame)
                     && sequence == self.sequence
                 {
-                    answer = Some(report);
+                    answer = read(body)?.or(answer);
                 }
             }
             if answer.is_some() || left.is_zero() {
                 return Ok(answer);
             }
         }
+    }
+}
+
+/// A report of this schema; `None` of another. A greeting is understood whatever follows it.
+fn read(body: &[u8]) -> Result<Option<Report>, ClientError> {
+    match (frame::message(body), Greeting::of_answer(body)) {
+        (Some(report), _) => Ok(Some(report)),
+        (None, Some(theirs)) if theirs != Greeting::OURS => {
+            Err(ClientError::Version { theirs, build: "of another build".into() })
+        }
+        _ => Ok(None),
     }
 }
 

@@ -6,6 +6,7 @@
 mod desk;
 
 use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::time::{Duration, Instant};
@@ -23,7 +24,7 @@ fn image() -> Option<String> {
         Ok(()) => return Some(image.canonicalize().expect("it is there").display().to_string()),
     };
     assert!(std::env::var_os("CI").is_none(), "{missing}");
-    eprintln!("SKIPPED: {missing}");
+    let _ = writeln!(std::io::stderr(), "SKIPPED: {missing}"); // past the harness, which keeps what passing tests print
     None
 }
 
@@ -72,12 +73,20 @@ fn an_emulator_that_dies_is_a_lost_sensor_and_one_that_is_interrupted_leaves_non
     let Some(image) = image() else { return };
     let desk = Desk::new();
     let long = ["tune", "-c", "small.toml", "--generations", "500", "--sensor", "qemu", "--firmware", &image];
-    for (signal, to_child, code, says) in [("-KILL", true, 3, "qemu"), ("-INT", false, 130, "--resume")] {
-        let child = desk.command(&long).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("echoloop starts");
+    let judge =
+        ["evaluate", "-c", "small.toml", "--set", "data.test_pairs=40", "--sensor", "qemu", "--firmware", &image];
+    let ends = [
+        (&long[..], "-KILL", true, 3, "qemu"),
+        (&long, "-INT", false, 130, "--resume"),
+        (&judge, "-TERM", false, 130, ""),
+    ];
+    for (command, signal, to_child, code, says) in ends {
+        let child =
+            desk.command(command).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("echoloop starts");
         let deadline = Instant::now() + Duration::from_secs(60);
         let emulators = loop {
             let found = children(child.id());
-            if !found.is_empty() && desk.path("runs/latest/history.jsonl").exists() {
+            if !found.is_empty() && (command[0] != "tune" || desk.path("runs/latest/history.jsonl").exists()) {
                 break found;
             }
             assert!(Instant::now() < deadline, "no emulator was started");
@@ -93,19 +102,24 @@ fn an_emulator_that_dies_is_a_lost_sensor_and_one_that_is_interrupted_leaves_non
         for id in emulators {
             assert!(!Path::new(&format!("/proc/{id}")).exists(), "emulator {id} lives on");
         }
-        fs::remove_dir_all(desk.path("runs")).expect("a run was begun");
+        let _ = fs::remove_dir_all(desk.path("runs"));
     }
 }
 
 #[test]
 fn an_image_that_is_not_there_is_named_with_what_builds_it() {
-    if image().is_none() {
-        return;
-    }
+    let Some(image) = image() else { return };
     let desk = Desk::new();
     desk.refuses(
         &["scan", "-c", "small.toml", "--sensor", "qemu", "--firmware", "nothing.elf"],
         &["nothing.elf", "cargo xtask firmware --target thumbv7em-none-eabihf"],
+    );
+    let scan = |board, file| ["scan", "-c", "small.toml", "--sensor", board, "--firmware", file];
+    desk.refuses(&scan("qemu", "small.toml"), &["small.toml", "not an ELF file"]);
+    desk.refuses(&scan("qemu", env!("CARGO_BIN_EXE_echoloop")), &["echoloop", "for X86_64", "runs Arm code at 0x0"]);
+    desk.refuses(
+        &scan("qemu:mps2-an505", &image),
+        &["echoloop-sensor", "runs Arm code at 0x10000000", "thumbv8m.main"],
     );
     desk.refuses(&["scan", "-c", "small.toml", "--sensor", "qemu:mps3"], &["mps3", "mps2-an386"]);
 }

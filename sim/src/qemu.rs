@@ -11,6 +11,7 @@ use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -18,6 +19,7 @@ use echoloop_dsp::{Hardware, MAX_SAMPLES, ScanPattern};
 use echoloop_sensor::afe::{adc, emitter};
 use echoloop_sensor::mailbox;
 use memmap2::{MmapOptions, MmapRaw};
+use object::{Architecture, Object, ObjectSegment};
 use tempfile::TempDir;
 use thiserror::Error;
 
@@ -81,6 +83,15 @@ impl Machine {
         Path::new("target/firmware").join(self.target()).join("firmware/echoloop-sensor")
     }
 
+    /// What its processor's ELF files say, and where its flash begins.
+    const fn code(self) -> (Architecture, u64) {
+        match self {
+            Self::An385 | Self::An386 | Self::An500 => (Architecture::Arm, 0),
+            Self::An505 => (Architecture::Arm, 0x1000_0000),
+            Self::Virt => (Architecture::Riscv32, 0x8000_0000),
+        }
+    }
+
     /// Bytes of the shared memory, and where in it the mailbox begins.
     const fn memory(self) -> (u64, u64) {
         match self {
@@ -108,6 +119,14 @@ pub enum QemuError {
         path: PathBuf,
         /// The target it is built for.
         target: &'static str,
+    },
+    /// The image is not one for the machine.
+    #[error("{}: {what}", path.display())]
+    BadImage {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        what: String,
     },
     /// The emulator ended or did not start in time.
     #[error("{machine} in QEMU: {what}")]
@@ -149,7 +168,7 @@ impl QemuOptions {
 
 /// A sensor in QEMU: bytes in, bytes out.
 pub struct Qemu<F> {
-    child: Child,
+    emulator: Arc<Mutex<Emulator>>,
     link: UnixStream,
     page: Page,
     front_end: F,
@@ -157,8 +176,33 @@ pub struct Qemu<F> {
     codes: Vec<u16>,
     machine: Machine,
     folder: PathBuf,
-    /// Removes the folder when it was made for this sensor.
-    _own: Option<TempDir>,
+}
+
+/// The process, and the folder that was made for it.
+struct Emulator {
+    child: Child,
+    own: Option<TempDir>,
+}
+
+impl Emulator {
+    fn stop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+        drop(self.own.take());
+    }
+}
+
+/// Emulators of this process, for [`stop_all`].
+static RUNNING: Mutex<Vec<Weak<Mutex<Emulator>>>> = Mutex::new(Vec::new());
+
+/// Ends every emulator of this process and removes their folders: for those who are about to exit without dropping anything.
+pub fn stop_all() {
+    let running = std::mem::take(&mut *lock(&RUNNING));
+    running.iter().filter_map(Weak::upgrade).for_each(|emulator| lock(&emulator).stop());
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl<F: FrontEnd> Qemu<F> {
@@ -175,22 +219,15 @@ impl<F: FrontEnd> Qemu<F> {
     ) -> Result<Self, QemuError> {
         let QemuOptions { machine, image, .. } = options;
         check_installed(*machine)?;
-        if !image.is_file() {
-            return Err(QemuError::NoImage { path: image.clone(), target: machine.target() });
-        }
+        check_image(*machine, image)?;
         let (folder, own) = folder(options)?;
         let hardware = Hardware { adc_bits: front_end.adc_bits(), ..hardware };
         let page = Page::make(*machine, &folder.join(MEMORY), &mailbox::straps(&hardware, &pattern))?;
-        let mut child = spawn(options, &folder)?;
-        let link = match connect(&mut child, *machine, &folder) {
-            Ok(link) => link,
-            Err(error) => {
-                stop(&mut child);
-                return Err(error);
-            }
-        };
+        let emulator = Arc::new(Mutex::new(Emulator { child: spawn(options, &folder)?, own }));
+        lock(&RUNNING).push(Arc::downgrade(&emulator));
+        let link = connect(&emulator, *machine, &folder).inspect_err(|_| lock(&emulator).stop())?;
         let codes = vec![0; MAX_SAMPLES];
-        Ok(Self { child, link, page, front_end, shots: 0, codes, machine: *machine, folder, _own: own })
+        Ok(Self { emulator, link, page, front_end, shots: 0, codes, machine: *machine, folder })
     }
 
     /// The front end, to look at another scene with.
@@ -277,19 +314,20 @@ impl<F: FrontEnd> Qemu<F> {
 
     /// Why the line broke, if the emulator knows.
     fn ended(&mut self, error: io::Error) -> io::Error {
-        match failure(&mut self.child, self.machine, &self.folder) {
-            Some(what) => io::Error::new(error.kind(), what),
-            None => error,
+        let deadline = Instant::now() + Duration::from_secs(1); // its socket closes before it has ended
+        loop {
+            if let Some(what) = failure(&self.emulator, self.machine, &self.folder) {
+                return io::Error::new(error.kind(), what);
+            }
+            if Instant::now() > deadline {
+                return error;
+            }
+            thread::sleep(Duration::from_millis(5));
         }
     }
 }
 
 impl<F> Qemu<F> {
-    /// The emulator's process, for tests that do things to it.
-    pub fn process_id(&self) -> u32 {
-        self.child.id()
-    }
-
     /// The folder with memory, log and sockets.
     pub fn folder(&self) -> &Path {
         &self.folder
@@ -298,7 +336,9 @@ impl<F> Qemu<F> {
 
 impl<F> Drop for Qemu<F> {
     fn drop(&mut self) {
-        stop(&mut self.child);
+        lock(&self.emulator).stop();
+        lock(&RUNNING)
+            .retain(|emulator| emulator.strong_count() > 0 && !emulator.ptr_eq(&Arc::downgrade(&self.emulator)));
     }
 }
 
@@ -323,6 +363,28 @@ pub fn check_installed(machine: Machine) -> Result<(), QemuError> {
     }
     let package = if machine == Machine::Virt { "qemu-system-misc" } else { "qemu-system-arm" };
     Err(QemuError::NotInstalled { program, package })
+}
+
+/// The emulator runs anything, and what it says of what is no program is no help.
+fn check_image(machine: Machine, path: &Path) -> Result<(), QemuError> {
+    if !path.is_file() {
+        return Err(QemuError::NoImage { path: path.to_owned(), target: machine.target() });
+    }
+    let bad = |what: String| QemuError::BadImage { path: path.to_owned(), what };
+    let bytes = fs::read(path).map_err(io_error("read", path))?;
+    let file = object::File::parse(&*bytes).map_err(|_| bad("not an ELF file".into()))?;
+    let (architecture, flash) = machine.code();
+    let start = file.segments().map(|segment| segment.address()).min();
+    if file.architecture() != architecture || start != Some(flash) {
+        let start = start.map_or("nowhere".into(), |address| format!("at {address:#x}"));
+        return Err(bad(format!(
+            "for {:?}, loaded {start}; {} runs {architecture:?} code at {flash:#x} (cargo xtask firmware --target {})",
+            file.architecture(),
+            machine.name(),
+            machine.target()
+        )));
+    }
+    Ok(())
 }
 
 /// In memory where there is such a place: the emulator's RAM should not be written to a disk.
@@ -367,7 +429,7 @@ fn spawn(options: &QemuOptions, folder: &Path) -> Result<Child, QemuError> {
     command.spawn().map_err(io_error("run", Path::new(machine.emulator())))
 }
 
-fn connect(child: &mut Child, machine: Machine, folder: &Path) -> Result<UnixStream, QemuError> {
+fn connect(emulator: &Mutex<Emulator>, machine: Machine, folder: &Path) -> Result<UnixStream, QemuError> {
     let deadline = Instant::now() + STARTING;
     let failed = |what| QemuError::Failed { machine: machine.name(), what };
     loop {
@@ -375,7 +437,7 @@ fn connect(child: &mut Child, machine: Machine, folder: &Path) -> Result<UnixStr
             link.set_nonblocking(true).map_err(io_error("use", &folder.join(LINK)))?;
             return Ok(link);
         }
-        if let Some(what) = failure(child, machine, folder) {
+        if let Some(what) = failure(emulator, machine, folder) {
             return Err(failed(what));
         }
         if Instant::now() > deadline {
@@ -385,17 +447,12 @@ fn connect(child: &mut Child, machine: Machine, folder: &Path) -> Result<UnixStr
     }
 }
 
-/// Says how the emulator ended, if it has.
-fn failure(child: &mut Child, machine: Machine, folder: &Path) -> Option<String> {
-    let status = child.try_wait().ok()??;
+/// Says how the emulator ended, if it has, and its first line: a dump of registers may follow.
+fn failure(emulator: &Mutex<Emulator>, machine: Machine, folder: &Path) -> Option<String> {
+    let status = lock(emulator).child.try_wait().ok()??;
     let said = fs::read_to_string(folder.join(ERRORS)).unwrap_or_default();
-    let said = said.trim();
+    let said = said.trim().lines().next().unwrap_or_default();
     Some(format!("{} ended ({status}){}{said}", machine.emulator(), if said.is_empty() { "" } else { ": " }))
-}
-
-fn stop(child: &mut Child) {
-    let _ = child.kill();
-    let _ = child.wait();
 }
 
 fn may_go_on(error: &io::Error) -> bool {

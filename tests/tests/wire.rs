@@ -1,8 +1,13 @@
 //! The bytes on the link: frozen, documented, and distrusted until their checksum holds.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+use std::io;
+use std::time::Duration;
+
 use echoloop_dsp::settings::PARAMETERS;
 use echoloop_dsp::{Echo, Echoes, Flags, Hardware, ParameterId, Reason, Refusal, ScanPattern, Settings};
+use echoloop_host::client::{Client, ClientError, Patience};
+use echoloop_host::transport::Transport;
 use echoloop_link::{
     BEAMS_PER_REPORT, Command, Counters, Decoder, FrameError, Greeting, MAX_FRAME, Nack, PROTOCOL, Report, SCHEMA,
     decode, encode, settings_hash,
@@ -480,6 +485,55 @@ proptest! {
         }
         if let Err(error) = decode::<Report>(&mut copy[..length]) {
             prop_assert_eq!(error, FrameError::Body { sequence: 7 });
+        }
+    }
+}
+
+/// A sensor that answers every hello with the same body.
+struct Foreign {
+    body: Vec<u8>,
+    heard: Decoder,
+    said: Vec<u8>,
+}
+
+impl Transport for Foreign {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+        for &byte in bytes {
+            if let Some(Ok(frame)) = self.heard.push(byte) {
+                let (sequence, _) = echoloop_link::open(frame).unwrap();
+                let payload = [&sequence.to_le_bytes()[..], &self.body].concat();
+                let checksum = crc::Crc::<u32>::new(&crc::CRC_32_ISCSI).checksum(&payload);
+                let whole = [payload, checksum.to_le_bytes().to_vec()].concat();
+                let mut inner = vec![0; whole.len() + 2];
+                let length = cobs::encode(&whole, &mut inner);
+                self.said = [&[0], &inner[..length], &[0]].concat();
+            }
+        }
+        Ok(())
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], _timeout: Duration) -> io::Result<usize> {
+        let said = std::mem::take(&mut self.said);
+        buffer[..said.len()].copy_from_slice(&said);
+        Ok(said.len())
+    }
+}
+
+#[test]
+fn a_sensor_of_another_version_is_refused_with_both_versions_whatever_follows_its_greeting() {
+    let theirs = Greeting { protocol: PROTOCOL + 1, schema: SCHEMA ^ 1, ..Greeting::OURS };
+    let Report::Hello { build, hardware, pattern, .. } = hello_reply() else { panic!() };
+    let same = payload(&Report::Hello { greeting: theirs, build, hardware, pattern })[2..].to_vec();
+    let longer = [&same[..], &[7; 5]].concat();
+    let shorter = same[..1 + 14].to_vec();
+    for body in [same, longer, shorter] {
+        let sensor = Foreign { body: body.clone(), heard: Decoder::new(), said: Vec::new() };
+        let patience = Patience { timeout: Duration::from_millis(10), tries: 2 };
+        let error = Client::connect(sensor, patience).err().unwrap();
+        assert!(matches!(error, ClientError::Version { theirs: found, .. } if found == theirs), "{body:x?}: {error}");
+        let text = error.to_string();
+        for version in [PROTOCOL.to_string(), theirs.protocol.to_string(), format!("{SCHEMA:#018x}")] {
+            assert!(text.contains(&version), "{text}");
         }
     }
 }

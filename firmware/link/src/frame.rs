@@ -80,12 +80,27 @@ fn fill<'a>(sequence: u16, body: &impl Serialize, payload: &'a mut [u8; MAX_PAYL
     payload.get(..end.checked_add(4)?)
 }
 
-/// Reads what stood between two delimiters, in place: sequence number and body.
+/// Reads what stood between two delimiters, in place: sequence number and message.
 ///
 /// # Errors
 ///
 /// [`FrameError`]; nothing of a frame is looked at before its checksum holds, and nothing may be left over after its body.
 pub fn decode<T: DeserializeOwned>(frame: &mut [u8]) -> Result<(u16, T), FrameError> {
+    let (sequence, body) = open(frame)?;
+    message(body).map(|message| (sequence, message)).ok_or(FrameError::Body { sequence })
+}
+
+/// The message that a body is, and nothing more.
+pub fn message<T: DeserializeOwned>(body: &[u8]) -> Option<T> {
+    postcard::take_from_bytes(body).ok().filter(|(_, rest)| rest.is_empty()).map(|(message, _)| message)
+}
+
+/// Reads what stood between two delimiters, in place: sequence number and body, of whatever schema.
+///
+/// # Errors
+///
+/// [`FrameError`]; nothing of a frame is looked at before its checksum holds.
+pub fn open(frame: &mut [u8]) -> Result<(u16, &[u8]), FrameError> {
     let length = cobs::decode_in_place(frame).ok_or(FrameError::Cobs)?;
     let payload = frame.get(..length).ok_or(FrameError::Cobs)?;
     let (content, expected) = payload.split_last_chunk::<4>().ok_or(FrameError::Crc)?;
@@ -93,11 +108,7 @@ pub fn decode<T: DeserializeOwned>(frame: &mut [u8]) -> Result<(u16, T), FrameEr
     if checksum(content) != u32::from_le_bytes(*expected) {
         return Err(FrameError::Crc);
     }
-    let sequence = u16::from_le_bytes(*sequence);
-    match postcard::take_from_bytes(body) {
-        Ok((message, [])) => Ok((sequence, message)),
-        _ => Err(FrameError::Body { sequence }),
-    }
+    Ok((u16::from_le_bytes(*sequence), body))
 }
 
 /// Collects bytes into frames.

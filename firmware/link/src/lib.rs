@@ -17,7 +17,7 @@ pub mod frame;
 pub mod message;
 pub mod session;
 
-pub use frame::{Decoder, FrameError, MAX_FRAME, MAX_PAYLOAD, checksum, decode, encode};
+pub use frame::{Decoder, FrameError, MAX_FRAME, MAX_PAYLOAD, checksum, decode, encode, open};
 pub use message::{
     BEAMS_PER_REPORT, Command, Counters, Greeting, MAGIC, Nack, PROTOCOL, Report, SCHEMA, SETTINGS_SCHEMA,
     settings_hash,

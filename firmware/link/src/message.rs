@@ -157,6 +157,14 @@ pub struct Greeting {
 impl Greeting {
     /// This build's.
     pub const OURS: Self = Self { magic: MAGIC, protocol: PROTOCOL, schema: SCHEMA };
+
+    /// The greeting at the head of a hello's answer, of whatever schema the rest is. `None`: the body is no such answer.
+    pub fn of_answer(body: &[u8]) -> Option<Self> {
+        const HELLO: u8 = 0;
+        let rest = body.split_first().filter(|(variant, _)| **variant == HELLO)?.1;
+        let (greeting, _) = postcard::take_from_bytes::<Self>(rest).ok()?;
+        (greeting.magic == MAGIC).then_some(greeting)
+    }
 }
 
 /// Why a command was not carried out.

@@ -8,7 +8,7 @@ use clap::{Args, ValueHint};
 use super::exit::Failure;
 use super::progress::Progress;
 use crate::client::Identity;
-use crate::sensor::{Model, QemuOptions, SensorSpec, Sensors};
+use crate::sensor::{Model, QemuOptions, SensorSpec, Sensors, end_emulators};
 
 /// Flags of every command that speaks to a sensor.
 #[derive(Clone, Debug, Args)]
@@ -42,6 +42,13 @@ impl SensorChoice {
         if let Some(log) = self.sensor_log.as_deref().filter(|log| *log != Path::new("-")) {
             let made = File::create(log); // now, not when the sensors are switched off
             made.map_err(|error| Failure::usage(format!("--sensor-log {}: {error}", log.display())))?;
+        }
+        if is_qemu {
+            // Where nobody else waits for ^C: a process that just ends would leave its emulators behind.
+            let _ = ctrlc::set_handler(|| {
+                end_emulators();
+                std::process::exit(130);
+            });
         }
         let qemu = QemuOptions { firmware: self.firmware.clone(), log: self.sensor_log.clone() };
         Ok(Sensors::new(&self.sensor, model, qemu))

@@ -131,6 +131,7 @@ pub(super) fn stop_on_interrupt() -> Arc<AtomicBool> {
     // Without a handler ^C just ends the process; the journal holds every whole generation either way.
     let _ = ctrlc::set_handler(move || {
         if flag.swap(true, Ordering::Relaxed) {
+            crate::sensor::end_emulators();
             std::process::exit(130);
         }
     });

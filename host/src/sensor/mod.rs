@@ -24,6 +24,7 @@ use crate::transport::{InProcess, Serial, Transport};
 
 pub use pool::Sensors;
 pub use qemu::QemuOptions;
+pub(crate) use qemu::end_emulators;
 pub use spec::{Port, SensorSpec, SpecError};
 
 /// A line to a sensor, whichever.

@@ -15,6 +15,8 @@ pub struct QemuOptions {
 }
 
 #[cfg(unix)]
+pub(crate) use here::end_emulators;
+#[cfg(unix)]
 pub(super) use here::{boards, open_qemu};
 
 #[cfg(unix)]
@@ -26,7 +28,7 @@ mod here {
     use std::sync::{Arc, Mutex};
     use std::time::Duration;
 
-    use echoloop_sim::qemu::{self, Machine, Qemu};
+    use echoloop_sim::qemu::{self, Machine, Qemu, QemuError};
 
     use super::super::{Line, Model, Sensor, SensorError, SensorSpec, SharedFrontEnd};
     use super::QemuOptions;
@@ -54,12 +56,20 @@ mod here {
         how.image = options.firmware.clone().unwrap_or(how.image);
         let front_end = Arc::new(Mutex::new(model.front_end()));
         let started = Qemu::start(&how, Arc::clone(&front_end), model.pattern, model.hardware);
-        let line = started.map_err(|error| SensorError::open(&name, error))?;
+        let line = started.map_err(|error| match error {
+            QemuError::Failed { what, .. } => SensorError::client(&name)(io::Error::other(what).into()),
+            unusable => SensorError::open(&name, unusable),
+        })?;
         let line: Line = match &options.log {
             None => Box::new(line),
             Some(log) => Box::new(Logged::new(line, how.image, log.clone())),
         };
         Sensor::simulated(line, front_end, PATIENCE).map_err(SensorError::client(&name))
+    }
+
+    /// Ends what a process that is about to exit would leave running.
+    pub(crate) fn end_emulators() {
+        qemu::stop_all();
     }
 
     /// Writes the sensor's log down when the sensor is switched off.
@@ -109,6 +119,9 @@ mod here {
         }
     }
 }
+
+#[cfg(not(unix))]
+pub(crate) fn end_emulators() {}
 
 #[cfg(not(unix))]
 pub(super) fn boards() -> Vec<&'static str> {
