@@ -2,8 +2,8 @@
 //!
 //! The worst-case stack is that of the deepest path through the graph of calls. Frame sizes come from the instructions on Arm
 //! ([`thumb`]) and from `.eh_frame` on RISC-V. The graph comes from the relocations that the linker was
-//! asked to keep: a function has an edge to every function it names, called or only pointed to, so the bound can only be
-//! too large.
+//! asked to keep: a function has an edge to every function its code names, called or only pointed to. Where that would not
+//! do, for a table of constants that names a function or a frame of unknown size, there is an error and no bound.
 
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
@@ -12,7 +12,9 @@ use std::path::Path;
 use anyhow::{Context, Result, bail};
 use gimli::{BaseAddresses, CfaRule, CieOrFde, EhFrame, EndianSlice, LittleEndian, UnwindContext, UnwindSection};
 
-use object::{Object, ObjectSection, ObjectSymbol, RelocationTarget, SectionFlags, SectionKind, SymbolKind};
+use object::{
+    Object, ObjectSection, ObjectSymbol, RelocationFlags, RelocationTarget, SectionFlags, SectionKind, SymbolKind,
+};
 
 use crate::thumb;
 
@@ -27,7 +29,7 @@ pub(crate) struct Size {
     pub(crate) stack: u64,
     /// The path that takes it, outermost first, with each frame.
     pub(crate) deepest: Vec<(String, u64)>,
-    /// Functions without frame information, which count as [`UNKNOWN_FRAME`].
+    /// Labels of assembly, which count as [`LABEL_FRAME`].
     pub(crate) unknown: Vec<String>,
 }
 
@@ -79,10 +81,10 @@ fn number(text: &str) -> Option<u64> {
 pub(crate) fn panics(elf: &[u8]) -> Result<Vec<String>> {
     let file = object::File::parse(elf)?;
     let functions = functions(&file)?;
-    let clean = |address: u64| if is_thumb(&file) { address & !1 } else { address };
     let constants = file.sections().filter(|s| s.kind() != SectionKind::Text && is_allocated(s));
-    let named = references(&file, constants, clean)?;
-    let roots = named.iter().map(|(_, to)| *to).chain([clean(file.entry())]).filter_map(|to| holder(&functions, to));
+    let named = references(&file, constants)?;
+    let entry = clean(&file, file.entry());
+    let roots = named.iter().map(|reference| reference.to).chain([entry]).filter_map(|to| holder(&functions, to));
     let callers = reached(&functions, roots);
     let found = callers.keys().filter(|&&index| is_panic(&functions[index].name));
     Ok(found.map(|&index| path_to(&functions, &callers, index)).collect())
@@ -126,18 +128,23 @@ struct Function {
     name: String,
     start: u64,
     end: u64,
+    /// A label of hand-written assembly: start-up and traps.
+    is_label: bool,
     frame: Option<u64>,
     calls: BTreeSet<usize>,
 }
 
-/// Counted for a function without frame information: those are a few lines of assembly.
-const UNKNOWN_FRAME: u64 = 64;
+/// Counted for a label of assembly, of which frame tables know nothing: a few lines that save registers.
+const LABEL_FRAME: u64 = 64;
 
 /// What exception entry pushes at most: 26 words with the floating-point registers, and a word to align.
 const EXCEPTION_FRAME: u64 = 4 * 27;
 
-const HANDLERS: [&str; 5] =
-    ["DefaultHandler_", "HardFault_", "HardFaultTrampoline", "_start_trap", "_default_start_trap"];
+/// RISC-V's trap handlers; Arm's are in its vectors.
+const TRAPS: [&str; 2] = ["_start_trap", "_default_start_trap"];
+
+/// Exceptions that can interrupt each other on Arm: an NMI in a hard fault. Everything else stays masked.
+const NESTED: u64 = 2;
 
 /// Measures an image.
 ///
@@ -166,63 +173,99 @@ pub(crate) fn measure(elf: &[u8], (flash, ram): (Region, Region)) -> Result<Size
         }
     }
     let functions = functions(&file)?;
-    let entry = holder(&functions, file.entry() & !1).context("the entry point is no function")?;
+    check_bounded(&file, &functions)?;
+    let entry = holder(&functions, clean(&file, file.entry())).context("the entry point is no function")?;
     let (program, path) = deepest(&functions, &[entry])?;
-    let handlers: Vec<usize> =
-        functions.iter().enumerate().filter(|(_, f)| HANDLERS.contains(&f.name.as_str())).map(|(i, _)| i).collect();
-    let (handler, _) = deepest(&functions, &handlers)?;
+    let (handler, _) = deepest(&functions, &handlers(&file, &functions, entry)?)?;
+    let exceptions = (EXCEPTION_FRAME + handler) * if is_thumb(&file) { NESTED } else { 1 };
+    let frame = |f: &Function| f.frame.unwrap_or(LABEL_FRAME);
     let mut deepest: Vec<(String, u64)> =
-        path.iter().map(|&i| (functions[i].name.clone(), functions[i].frame.unwrap_or(UNKNOWN_FRAME))).collect();
-    deepest.push(("exception entry and handler".into(), EXCEPTION_FRAME + handler));
+        path.iter().map(|&i| (functions[i].name.clone(), frame(&functions[i]))).collect();
+    deepest.push(("exceptions and their handlers".into(), exceptions));
     let unknown = functions.iter().filter(|f| f.frame.is_none()).map(|f| f.name.clone()).collect();
-    Ok(Size { flash: in_flash, statics, stack: program + EXCEPTION_FRAME + handler, deepest, unknown })
+    Ok(Size { flash: in_flash, statics, stack: program + exceptions, deepest, unknown })
 }
 
-fn functions(file: &object::File<'_>) -> Result<Vec<Function>> {
-    let thumb = is_thumb(file);
-    let clean = |address: u64| if thumb { address & !1 } else { address };
-    let mut by_start: BTreeMap<u64, (String, u64)> = BTreeMap::new();
-    // Start-up is assembly, whose labels have no type.
-    let is_code = |s: &object::Symbol<'_, '_>| {
-        let section = s.section_index().and_then(|index| file.section_by_index(index).ok());
-        section.is_some_and(|text| text.kind() == SectionKind::Text && s.address() < text.address() + text.size())
-    };
-    let is_function = |s: &object::Symbol<'_, '_>| s.kind() == SymbolKind::Text || (s.is_global() && is_code(s));
-    for symbol in file.symbols().filter(|s| !s.is_undefined() && is_function(s)) {
-        let name = format!("{:#}", rustc_demangle::demangle(symbol.name().unwrap_or("?")));
-        let entry = by_start.entry(clean(symbol.address())).or_insert((name, 0));
-        entry.1 = entry.1.max(symbol.size());
+/// What would make the bound no bound: frames of unknown size, and calls that no relocation shows.
+fn check_bounded(file: &object::File<'_>, functions: &[Function]) -> Result<()> {
+    if let Some(function) = functions.iter().find(|f| f.frame.is_none() && !f.is_label) {
+        bail!("there is no bound on the stack: the frame of {} has no known size", function.name);
     }
-    let ends: Vec<u64> = by_start.keys().copied().skip(1).chain([u64::MAX]).collect();
-    let mut functions: Vec<Function> = by_start
-        .into_iter()
-        .zip(ends)
-        .map(|((start, (name, size)), next)| {
-            let end = if size == 0 { next } else { (start + size).min(next) };
-            Function { name, start, end, frame: None, calls: BTreeSet::new() }
-        })
-        .collect();
-    if thumb {
+    let constants = file.sections().filter(|s| s.kind() != SectionKind::Text && is_allocated(s) && !is_vectors(s));
+    for reference in references(file, constants)? {
+        // RISC-V's trap handler calls its labels through tables; the frame that Arm's hardware pushes makes up for theirs.
+        if let Some(function) = functions.iter().find(|f| f.start == reference.to && !f.is_label) {
+            bail!("there is no bound on the stack: a table of constants names {}", function.name);
+        }
+    }
+    Ok(())
+}
+
+fn handlers(file: &object::File<'_>, functions: &[Function], entry: usize) -> Result<Vec<usize>> {
+    let vectors = references(file, file.sections().filter(is_vectors))?;
+    let named = vectors.iter().filter_map(|reference| holder(functions, reference.to)).filter(|&index| index != entry);
+    let traps = functions.iter().enumerate().filter(|(_, f)| TRAPS.contains(&f.name.as_str())).map(|(index, _)| index);
+    Ok(named.chain(traps).collect())
+}
+
+fn is_vectors(section: &object::Section<'_, '_>) -> bool {
+    section.name() == Ok(".vector_table")
+}
+
+/// An address of code, without the bit that says Thumb.
+fn clean(file: &object::File<'_>, address: u64) -> u64 {
+    if is_thumb(file) { address & !1 } else { address }
+}
+
+/// Every function, with its frame and what it calls.
+fn functions(file: &object::File<'_>) -> Result<Vec<Function>> {
+    let mut functions = named_functions(file);
+    if is_thumb(file) {
         thumb_frames(file, &mut functions)
     } else {
         tabled_frames(file, &mut functions)?
     }
-    let text = file.sections().filter(|s| s.kind() == SectionKind::Text);
-    let calls = references(file, text, clean)?;
+    let calls = references(file, file.sections().filter(|s| s.kind() == SectionKind::Text))?;
     if calls.is_empty() {
         bail!("the image holds no relocations: link it with --emit-relocs");
     }
-    for (from, to) in calls {
-        let (Some(from), Some(to)) = (holder(&functions, from), holder(&functions, to)) else { continue };
-        if from != to || functions[to].start == functions[from].start {
-            functions[from].calls.insert(to);
+    for Reference { from, to, is_call } in calls {
+        let (Some(caller), Some(callee)) = (holder(&functions, from), holder(&functions, to)) else { continue };
+        // Jumps within a function are no calls of it.
+        if caller != callee || (is_call && to == functions[callee].start) {
+            functions[caller].calls.insert(callee);
         }
     }
-    // A jump within a function is no call of itself; a call of its own start would be, and shows as an edge to itself.
-    for (i, function) in functions.iter_mut().enumerate() {
-        function.calls.remove(&i);
-    }
     Ok(functions)
+}
+
+fn named_functions(file: &object::File<'_>) -> Vec<Function> {
+    let is_code = |s: &object::Symbol<'_, '_>| {
+        let section = s.section_index().and_then(|index| file.section_by_index(index).ok());
+        section.is_some_and(|text| text.kind() == SectionKind::Text && s.address() < text.address() + text.size())
+    };
+    let is_label = |s: &object::Symbol<'_, '_>| s.kind() != SymbolKind::Text && s.is_global() && is_code(s);
+    let mut by_start: BTreeMap<u64, Function> = BTreeMap::new();
+    for symbol in file.symbols().filter(|s| !s.is_undefined() && (s.kind() == SymbolKind::Text || is_label(s))) {
+        let start = clean(file, symbol.address());
+        let function = by_start.entry(start).or_insert_with(|| Function {
+            name: format!("{:#}", rustc_demangle::demangle(symbol.name().unwrap_or("?"))),
+            start,
+            end: start,
+            is_label: true,
+            frame: None,
+            calls: BTreeSet::new(),
+        });
+        function.end = function.end.max(start + symbol.size());
+        function.is_label &= is_label(&symbol);
+    }
+    let mut functions: Vec<Function> = by_start.into_values().collect();
+    let mut next = u64::MAX;
+    for function in functions.iter_mut().rev() {
+        function.end = if function.end == function.start { next } else { function.end.min(next) };
+        next = function.start;
+    }
+    functions
 }
 
 /// The function that holds an address.
@@ -232,26 +275,37 @@ fn holder(functions: &[Function], address: u64) -> Option<usize> {
     (address < functions[index].end).then_some(index)
 }
 
-/// Places in sections that name other places.
+/// A place that names another.
+struct Reference {
+    from: u64,
+    to: u64,
+    is_call: bool,
+}
+
+/// Everything that sections name.
 fn references<'data, 'file>(
     file: &'file object::File<'data>,
     sections: impl Iterator<Item = object::Section<'data, 'file>>,
-    clean: impl Fn(u64) -> u64,
-) -> Result<Vec<(u64, u64)>> {
+) -> Result<Vec<Reference>> {
     let mut found = Vec::new();
     for section in sections {
-        for (at, relocation) in section.relocations() {
+        for (from, relocation) in section.relocations() {
             let RelocationTarget::Symbol(index) = relocation.target() else { continue };
             let symbol = file.symbol_by_index(index)?;
-            let target = match symbol.kind() {
-                SymbolKind::Section if relocation.has_implicit_addend() => word(&section, at)?,
+            let to = match symbol.kind() {
+                SymbolKind::Section if relocation.has_implicit_addend() => word(&section, from)?,
                 SymbolKind::Section => symbol.address().wrapping_add_signed(relocation.addend()),
                 _ => symbol.address(),
             };
-            found.push((at, clean(target)));
+            found.push(Reference { from, to: clean(file, to), is_call: is_call(&relocation) });
         }
     }
     Ok(found)
+}
+
+fn is_call(relocation: &object::Relocation) -> bool {
+    const CALLS: [u32; 3] = [object::elf::R_ARM_THM_PC22, object::elf::R_RISCV_CALL, object::elf::R_RISCV_CALL_PLT];
+    matches!(relocation.flags(), RelocationFlags::Elf { r_type } if CALLS.contains(&r_type))
 }
 
 /// The word at an address: an address in a constant pool, already linked.
@@ -355,7 +409,7 @@ fn descend(
         }
     }
     above.pop();
-    let depth = functions[at].frame.unwrap_or(UNKNOWN_FRAME) + below.0;
+    let depth = functions[at].frame.unwrap_or(LABEL_FRAME) + below.0;
     known[at] = Some((depth, below.1));
     Ok(depth)
 }
@@ -384,7 +438,8 @@ mod tests {
     }
 
     fn function(name: &str, frame: u64, calls: &[usize]) -> Function {
-        Function { name: name.into(), start: 0, end: 0, frame: Some(frame), calls: calls.iter().copied().collect() }
+        let calls = calls.iter().copied().collect();
+        Function { name: name.into(), start: 0, end: 0, is_label: false, frame: Some(frame), calls }
     }
 
     #[test]
@@ -411,5 +466,7 @@ mod tests {
     fn a_function_that_calls_itself_has_no_bound() {
         let functions = [function("Reset", 8, &[1]), function("a", 8, &[2]), function("b", 8, &[1])];
         assert!(deepest(&functions, &[0]).unwrap_err().to_string().contains("a calls itself"));
+        let directly = [function("Reset", 8, &[1]), function("a", 8, &[1])];
+        assert!(deepest(&directly, &[0]).unwrap_err().to_string().contains("a calls itself"));
     }
 }
