@@ -13,7 +13,7 @@ use std::{env, fs, thread};
 
 use anyhow::{Context, Result, bail, ensure};
 
-use crate::firmware;
+use crate::{firmware, workspace};
 
 /// A processor, and how QEMU runs an image on it.
 struct Machine {
@@ -86,7 +86,7 @@ struct Table {
 ///
 /// When the image finds a kernel that differs from its twin, or a figure grew.
 pub(crate) fn run(update: bool) -> Result<()> {
-    let root = root()?;
+    let root = workspace()?;
     if !can_build()? || !can_emulate()? {
         return Ok(());
     }
@@ -101,6 +101,12 @@ pub(crate) fn run(update: bool) -> Result<()> {
     let committed = Table::of_text(&text)?;
     let compiler = |table: &Table| table.measured_with.split(", ").next().unwrap_or_default().to_owned();
     if compiler(&counted) != compiler(&committed) {
+        ensure!(
+            env::var_os("CI").is_none(),
+            "counted with {}, the table with {}: cargo xtask cost --update",
+            counted.measured_with,
+            committed.measured_with
+        );
         println!(
             "{} against {}: not compared; the kernels equal their twins",
             counted.measured_with, committed.measured_with
@@ -122,12 +128,12 @@ pub(crate) fn run(update: bool) -> Result<()> {
     }
     let drawn = fs::read_to_string(root.join(DOCUMENT)).unwrap_or_default();
     ensure!(drawn == document(&committed)?, "{DOCUMENT} is not what {TABLE} says: cargo xtask cost --update");
+    let [filter, pipeline] = aims(&counted)?;
+    ensure!(filter <= CMSIS_FAST, "the filter takes {filter:.1} instructions a sample, the aim is {CMSIS_FAST}");
+    let aim = PIPELINE_AIM * CMSIS_FAST;
+    ensure!(pipeline <= aim, "the pipeline takes {pipeline:.2} instructions a sample, the aim is {aim:.2}");
     println!("{} figures, none grew by more than {TOLERANCE_PERCENT} %", counted.figures.len());
     Ok(())
-}
-
-fn root() -> Result<&'static Path> {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().context("xtask lies in the workspace")
 }
 
 /// Whether there is a toolchain for every processor; where nobody would see that there is none, that is an error.
@@ -218,8 +224,7 @@ fn measured_with() -> Result<String> {
         let output = Command::new(program).arg(argument).output().with_context(|| format!("cannot run {program}"))?;
         Ok(String::from_utf8_lossy(&output.stdout).lines().next().unwrap_or_default().to_owned())
     };
-    let rustc = first_line(&env::var("RUSTC").unwrap_or_else(|_| "rustc".to_owned()), "--version")?;
-    let rustc = rustc.split(" (").next().unwrap_or_default().to_owned();
+    let rustc = firmware::toolchain(MACHINES[0].target)?.version().to_owned();
     let qemu = first_line("qemu-system-arm", "--version")?.replace("QEMU emulator version", "QEMU");
     let qemu = qemu.split(" (").next().unwrap_or_default().to_owned();
     Ok(format!("{rustc}, {qemu}, {}", first_line("date", "+%F")?))
@@ -289,16 +294,23 @@ fn samples(case: &str) -> Result<f64> {
     digits.parse().with_context(|| format!("no samples in the name of case {case:?}"))
 }
 
+/// Instructions a sample of the compared case.
+fn per_sample(table: &Table, kernel: &str, stage: &str) -> Result<f64> {
+    let (processor, _, case) = COMPARED;
+    let instructions = table.get(processor, kernel, case, stage).context("the compared case is not in the table")?;
+    Ok(instructions as f64 / samples(case)?)
+}
+
+/// What the aims are about: filter and pipeline.
+fn aims(table: &Table) -> Result<[f64; 2]> {
+    let (_, kernel, _) = COMPARED;
+    Ok([per_sample(table, kernel, "filter")?, per_sample(table, kernel, "pipeline")?])
+}
+
 /// The table as a page to read, per sample.
 fn document(table: &Table) -> Result<String> {
-    let (processor, kernel, case) = COMPARED;
-    let per_sample = |kernel, stage| -> Result<f64> {
-        let instructions =
-            table.get(processor, kernel, case, stage).context("the compared case is not in the table")?;
-        Ok(instructions as f64 / samples(case)?)
-    };
-    let filter = per_sample(kernel, "filter")?;
-    let pipeline = per_sample(kernel, "pipeline")?;
+    let (_, kernel, _) = COMPARED;
+    let [filter, pipeline] = aims(table)?;
     let mut text = format!(
         "# Cost on the microcontroller\n\n\
          Drawn by `cargo xtask cost --update` from `{TABLE}`; `cargo xtask cost` counts again and fails when a figure grew by\n\
@@ -315,7 +327,7 @@ fn document(table: &Table) -> Result<String> {
     writeln!(
         text,
         "| ours, `{kernel}` | {filter:.1} |\n| ours, `portable` | {:.1} |",
-        per_sample("portable", "filter")?
+        per_sample(table, "portable", "filter")?
     )?;
     for (name, instructions) in CMSIS {
         writeln!(text, "| {name} | {instructions} |")?;

@@ -7,6 +7,8 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, bail};
 
+use crate::workspace;
+
 /// Targets in `fuzz/fuzz_targets`, and how long an input is worth trying.
 const TARGETS: [(&str, u32); 3] = [("frame_decoder", 2_048), ("session", 1_024), ("store", 513)];
 
@@ -17,7 +19,7 @@ pub(crate) fn run(seconds: u32) -> Result<()> {
         bail!("cargo-fuzz is not installed; run: cargo install cargo-fuzz (it needs a C++ compiler)");
     }
     for (target, length) in TARGETS {
-        let inputs = root()?.join("fuzz/target/corpus").join(target);
+        let inputs = workspace()?.join("fuzz/target/corpus").join(target);
         unpack(target, &inputs).with_context(|| format!("cannot fill {}", inputs.display()))?;
         let mut command = cargo_fuzz()?;
         command.args(["run", "--sanitizer", "none", target]).arg(&inputs);
@@ -37,7 +39,7 @@ pub(crate) fn run(seconds: u32) -> Result<()> {
 
 fn unpack(target: &str, inputs: &Path) -> Result<()> {
     fs::create_dir_all(inputs)?;
-    let kept = fs::read_to_string(root()?.join("fuzz/corpus").join(target).with_extension("hex"))?;
+    let kept = fs::read_to_string(workspace()?.join("fuzz/corpus").join(target).with_extension("hex"))?;
     for (number, line) in kept.lines().enumerate() {
         let digits = line.as_bytes().chunks(2).map(str::from_utf8);
         let bytes: Vec<u8> = digits.map(|pair| Ok(u8::from_str_radix(pair?, 16)?)).collect::<Result<_>>()?;
@@ -54,10 +56,6 @@ fn is_installed() -> bool {
 /// Coverage and its counters are unstable flags of the compiler; no sanitizer is needed where nothing is unsafe.
 fn cargo_fuzz() -> Result<Command> {
     let mut command = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
-    command.current_dir(root()?).env("RUSTC_BOOTSTRAP", "1").arg("fuzz");
+    command.current_dir(workspace()?).env("RUSTC_BOOTSTRAP", "1").arg("fuzz");
     Ok(command)
-}
-
-fn root() -> Result<&'static Path> {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().context("xtask lies in the workspace")
 }

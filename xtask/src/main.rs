@@ -19,7 +19,7 @@ use clap::Parser;
 #[derive(Parser)]
 #[command(name = "cargo xtask")]
 enum Task {
-    /// Everything that must hold before a change lands: format, lints, firmware for a microcontroller, all tests.
+    /// Everything that must hold before a change lands: format, lints, images, all tests, cost on microcontrollers.
     Test {
         /// Only the tests.
         #[arg(long)]

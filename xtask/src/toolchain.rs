@@ -74,6 +74,11 @@ impl Toolchain {
         Ok(Self { cargo: cargo.to_owned(), rustc: rustc.to_owned(), version, core, linker })
     }
 
+    /// Its compiler's version, as "rustc 1.95.0".
+    pub(crate) fn version(&self) -> &str {
+        self.version.split(" (").next().unwrap_or(&self.version)
+    }
+
     /// Whether core comes built, as with rustup; then there is a clippy, too.
     pub(crate) fn is_prebuilt(&self) -> bool {
         self.core == Core::Prebuilt

@@ -1,6 +1,7 @@
 //! What images for microcontrollers share: start-up, drivers, and the DSP's inner loops in their instructions.
 //!
-//! Unsafe code lives here and nowhere else in the firmware: in accesses to registers, in the log, and in the inner loops.
+//! Unsafe code lives here and nowhere else in the firmware: in accesses to registers and to what survives a restart, in the log,
+//! in the sleep, in the inner loops, and in the exit of the program that counts.
 #![cfg(target_os = "none")]
 #![no_std]
 #![warn(clippy::indexing_slicing, clippy::arithmetic_side_effects, clippy::panic, clippy::undocumented_unsafe_blocks)]
@@ -16,7 +17,7 @@ pub mod mmio;
 pub mod uart;
 pub mod watchdog;
 
-/// Says why and does nothing more; where there is a watchdog, it restarts the board.
+/// Says why and does nothing more; a watchdog that runs restarts the board.
 pub fn stop(why: &str) -> ! {
     defmt::error!("{=str}", why);
     loop {

@@ -99,7 +99,7 @@ pub fn end(success: bool) -> ! {
     const APPLICATION_EXIT: u32 = 0x2_0026;
     let reason = [APPLICATION_EXIT, u32::from(!success)];
     // SAFETY: semihosting reads the two words and does not return. Without a host it is a fault, which ends the program too.
-    unsafe { core::arch::asm!("bkpt 0xab", in("r0") EXIT_EXTENDED, in("r1") &reason, options(nostack)) };
+    unsafe { core::arch::asm!("bkpt 0xab", inout("r0") EXIT_EXTENDED => _, in("r1") &reason, options(nostack)) };
     loop {
         core::hint::spin_loop();
     }

@@ -115,7 +115,7 @@ echoloop_correlate:
 
 @ void echoloop_remove_baseline(const u16 *codes, i16 *x, usize eights, u32 clips, u32 ambients, u32 shift)
 @
-@ x[n] = saturate((min(codes[n], clip) << shift) − ambient)    n = 0..8·eights − 1
+@ x[n] = saturate(((min(codes[n], clip) << shift) as i16) − ambient)    n = 0..8·eights − 1
 @
 @ eights ≥ 1, clip << shift < 2^16; `clips` and `ambients` hold theirs twice. Reads codes[0 .. 8·eights], writes x of as many.
 
