@@ -2,12 +2,13 @@
 
 use clap::Args;
 use echoloop_dsp::{Kind, PARAMETERS, Parameter, ParameterId, Settings};
-use echoloop_link::{Greeting, settings_hash};
+use echoloop_link::{Counters, Greeting, settings_hash};
 
 use super::choice::{SensorChoice, described};
 use super::exit::Failure;
 use super::figures::choices;
 use super::{Common, ConfigSource};
+use crate::client::Identity;
 use crate::config::{Config, Lidar};
 use crate::sensor::Model;
 
@@ -45,38 +46,38 @@ pub(super) fn run(args: &SensorArgs) -> Result<(), Failure> {
         }
         Ok((sensor.client().read_settings()?, sensor.client().read_counters()?))
     })?;
-    let hash = settings_hash(&settings);
-    if args.common.json {
-        let document = serde_json::json!({
-            "format": 1, "sensor": described(&sensors, &identity), "build": identity.build, "protocol": Greeting::OURS.protocol,
-            "schema": format!("{:#018x}", Greeting::OURS.schema), "hardware": identity.hardware,
-            "pattern": identity.pattern, "hash": format!("{hash:#010x}"), "settings": Lidar(settings),
-            "counters": counters,
-        });
-        println!("{}", serde_json::to_string_pretty(&document).map_err(Failure::run)?);
-        return Ok(());
+    let name = described(&sensors, &identity);
+    match args.common.json {
+        true => print_json(&name, &identity, &settings, &counters),
+        false => {
+            print_text(&name, &identity, &settings, &counters);
+            Ok(())
+        }
     }
-    println!(
-        "{}, protocol {}, schema {:#018x}",
-        described(&sensors, &identity),
-        Greeting::OURS.protocol,
-        Greeting::OURS.schema
-    );
+}
+
+fn print_json(name: &str, identity: &Identity, settings: &Settings, counters: &Counters) -> Result<(), Failure> {
+    let document = serde_json::json!({
+        "format": 1, "sensor": name, "build": identity.build, "protocol": Greeting::OURS.protocol,
+        "schema": format!("{:#018x}", Greeting::OURS.schema), "hardware": identity.hardware, "pattern": identity.pattern,
+        "hash": format!("{:#010x}", settings_hash(settings)), "settings": Lidar(*settings), "counters": counters,
+    });
+    println!("{}", serde_json::to_string_pretty(&document).map_err(Failure::run)?);
+    Ok(())
+}
+
+fn print_text(name: &str, identity: &Identity, settings: &Settings, counters: &Counters) {
+    let Greeting { protocol, schema, .. } = Greeting::OURS;
+    println!("{name}, protocol {protocol}, schema {schema:#018x}");
     let h = identity.hardware;
-    println!(
-        "{} bits, {} to {} m, pulses up to {} nJ",
-        h.adc_bits,
-        f64::from(h.range_min_mm) / 1e3,
-        f64::from(h.range_max_mm) / 1e3,
-        f64::from(h.energy_limit_pj) / 1e3
-    );
+    let [from_m, to_m, limit_nj] = [h.range_min_mm, h.range_max_mm, h.energy_limit_pj].map(|v| f64::from(v) / 1e3);
+    println!("{} bits, {from_m} to {to_m} m, pulses up to {limit_nj} nJ", h.adc_bits);
     println!("{} × {} beams", identity.pattern.columns, identity.pattern.rows);
-    println!("\nsettings {hash:#010x}");
+    println!("\nsettings {:#010x}", settings_hash(settings));
     for parameter in &PARAMETERS {
         println!("{:<22} {:>14}  {}", parameter.name, shown(parameter, settings.get(parameter.id)), range(parameter));
     }
     println!("\n{} frames, {} refused, {} restarts", counters.frames, counters.refusals, counters.restarts);
-    Ok(())
 }
 
 /// The sensor's own settings with what was asked for laid over.
