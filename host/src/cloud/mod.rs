@@ -8,6 +8,7 @@ mod ply;
 mod read;
 mod text;
 pub mod voxel;
+mod vtk;
 
 use echoloop_dsp::Echoes;
 use echoloop_dsp::project::point_m;

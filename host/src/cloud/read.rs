@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Cloud, Dropped, pcd, ply, text};
+use super::{Cloud, Dropped, pcd, ply, text, vtk};
 
 /// Why a file gives no cloud.
 #[derive(Debug, thiserror::Error)]
@@ -16,7 +16,7 @@ pub enum CloudError {
         source: std::io::Error,
     },
     /// The extension names no format we read.
-    #[error("{}: expected a .ply, .pcd, .bin (KITTI), .xyz, .txt, .asc or .csv file", path.display())]
+    #[error("{}: expected a .ply, .pcd, .vtk, .bin (KITTI), .xyz, .txt, .asc or .csv file", path.display())]
     Extension {
         /// The file.
         path: PathBuf,
@@ -39,8 +39,9 @@ pub enum CloudError {
     },
 }
 
-/// Reads points in metres from PLY (ASCII or binary, any numeric type), PCD (all three encodings), KITTI `.bin`
-/// (x y z intensity, little-endian `f32`) or text (x y z first, or where a header line names them).
+/// Reads points in metres from PLY (ASCII or binary, any numeric type), PCD (all three encodings), legacy VTK polydata
+/// (ASCII or binary), KITTI `.bin` (x y z intensity, little-endian `f32`) or text (x y z first, or where a header line
+/// names them).
 ///
 /// Other properties are ignored, a PCD viewpoint too. Coordinates become `f32`: shift map coordinates before, for at
 /// 500 km that is 3 cm. Points that are no echo are left out and counted.
@@ -53,6 +54,7 @@ pub fn read_cloud(path: &Path) -> Result<(Cloud, Dropped), CloudError> {
     let parse = match extension.as_str() {
         "ply" => ply::parse,
         "pcd" => pcd::parse,
+        "vtk" => vtk::parse,
         "bin" => text::parse_kitti,
         "xyz" | "txt" | "asc" | "csv" => text::parse_text,
         _ => return Err(CloudError::Extension { path: path.into() }),
@@ -115,6 +117,10 @@ mod tests {
             ("b.pcd", bytes(&format!("{PCD}POINTS 2\nDATA binary\n"), &pcd)),
             ("c.pcd", bytes(&format!("{PCD}POINTS 2\nDATA binary_compressed\n"), &packed)),
             ("a.bin", pcd.clone()),
+            (
+                "a.vtk",
+                b"# vtk DataFile Version 3.0\nt\nASCII\nDATASET POLYDATA\nPOINTS 2 float\n1 2 3 4 5 6\n".to_vec(),
+            ),
             ("a.xyz", b"# x y z\n1 2 3 9\n\n4\t5 6\n".to_vec()),
             ("a.csv", b"time,X,Y,Z\n0,1,2,3\n1,4,5,6\n".to_vec()),
             ("b.csv", b"1,2,3\n4;5;6\n".to_vec()),
@@ -175,6 +181,7 @@ mod tests {
                 "compressed",
             ),
             ("nosize.pcd", bytes(&format!("{PCD}POINTS 2\nDATA binary_compressed\n"), &[1]), "compressed"),
+            ("short.vtk", b"# vtk DataFile Version 3.0\n".to_vec(), "VTK"),
             ("odd.bin", vec![0; 17], "multiple of 16"),
             ("empty.bin", vec![], "at least one point"),
             ("zeros.bin", vec![0; 32], "2 at range 0"),
@@ -243,6 +250,7 @@ mod tests {
             ("pair_small_gicp/source.ply", 69_792),
             ("pair_ouster/scan_0.ply", 107_647),
             ("pairs_carla/scan_4188.ply", 70_998),
+            ("pair_libpointmatcher/cloud.00000.vtk", 24_989),
         ];
         for (file, count) in table {
             let (cloud, dropped) = read_cloud(&data.join(file)).unwrap();
