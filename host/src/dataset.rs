@@ -45,6 +45,8 @@ pub struct ScanPair {
     pub place: String,
     /// T*: `first_from_second`.
     pub truth: Pose,
+    /// Where the sensor stood, first and second.
+    pub world_from_sensor: [Pose; 2],
     /// What the first scan sees.
     pub first: Arc<SceneResponse>,
     /// What the second scan sees.
@@ -213,6 +215,7 @@ fn trace(config: &Config, place: &Place, pair: &PosePair, directions: &[Vector3<
     ScanPair {
         place: place.scene.name.clone(),
         truth,
+        world_from_sensor: [pair.world_from_first, pair.world_from_second],
         first: look(&pair.world_from_first),
         second: look(&pair.world_from_second),
         viewpoints: [0, 0], // until all are known

@@ -503,11 +503,18 @@ fn two_scans_of_a_yard_are_registered_to_the_motion_between_them() {
     for (shift, turn) in [([0.3, -0.2, 0.05], [0.0, 0.5, 13.0]), ([0.0, 0.5, -0.05], [0.0, 0.0, 7.0])] {
         let second = pose([shift[0], shift[1], 2.0 + shift[2]], turn);
         let truth = relative(&first, &second);
-        let pair =
-            ScanPair { place: "yard".into(), truth, first: look(&first), second: look(&second), viewpoints: [1, 2] };
+        let pair = ScanPair {
+            place: "yard".into(),
+            truth,
+            world_from_sensor: [first, second],
+            first: look(&first),
+            second: look(&second),
+            viewpoints: [1, 2],
+        };
         let back = ScanPair {
             place: "yard".into(),
             truth: truth.inverse(),
+            world_from_sensor: [second, first],
             first: Arc::clone(&pair.second),
             second: Arc::clone(&pair.first),
             viewpoints: [2, 1],

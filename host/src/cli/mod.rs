@@ -4,6 +4,7 @@ mod choice;
 mod evaluate;
 mod exit;
 mod figures;
+mod pairs;
 mod progress;
 mod register;
 mod scan;
@@ -44,7 +45,12 @@ enum Command {
     Evaluate(evaluate::EvaluateArgs),
     /// Scan a scene through the sensor and write the cloud.
     Scan(scan::ScanArgs),
-    /// Register two clouds: PLY, PCD, KITTI .bin or XYZ.
+    /// Scan the configured pairs through the sensor and write them as files: clouds, true motions, poses.
+    ///
+    /// The scans are the ones that `evaluate` registers with the same configuration. Pairs that are hard for every method:
+    /// `--set data.baseline_m=15 --set data.heading_range_deg=180 --set scanner.azimuth_deg=360`.
+    Pairs(pairs::PairsArgs),
+    /// Register two clouds: PLY, PCD, VTK, KITTI .bin or XYZ.
     Register(register::RegisterArgs),
     /// Ask a sensor who it is, read its settings, set them.
     ///
@@ -134,7 +140,8 @@ pub fn command() -> clap::Command {
     );
     let with_parameters = |c: clap::Command| c.after_long_help(help.clone());
     let command = Cli::command().mut_subcommand("tune", with_parameters);
-    command.mut_subcommand("evaluate", with_parameters).mut_subcommand("scan", with_parameters)
+    let command = command.mut_subcommand("evaluate", with_parameters).mut_subcommand("pairs", with_parameters);
+    command.mut_subcommand("scan", with_parameters)
 }
 
 impl Cli {
@@ -154,6 +161,7 @@ impl Cli {
             Command::Tune(args) => tune::run(&args),
             Command::Evaluate(args) => evaluate::run(&args),
             Command::Scan(args) => scan::run(&args),
+            Command::Pairs(args) => pairs::run(&args),
             Command::Register(args) => register::run(&args),
             Command::Sensor(args) => sensor::run(&args),
             Command::Serve(args) => serve::run(&args),
