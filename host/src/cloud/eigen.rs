@@ -30,6 +30,96 @@ pub fn eigenvector(a: &Matrix3<f64>, value: f64) -> Option<Vector3<f64>> {
     longest.try_normalize(0.0)
 }
 
+/// The least eigenvector with a sign that only its way of working it out decides.
+pub(super) mod eberly {
+    use nalgebra::{Matrix3, Vector3};
+
+    /// The eigenvector of the least eigenvalue of a symmetric matrix, zero for the zero matrix.
+    ///
+    /// As D. Eberly, "A robust eigensolver for 3 × 3 symmetric matrices" (2014), orders the work, which Open3D follows: from
+    /// the eigenvalue farthest from the middle one its vector, then the middle one's in the plane across it, then their
+    /// product. Vectors come with the sign that this leaves.
+    pub(in crate::cloud) fn least(a: &Matrix3<f64>) -> Vector3<f64> {
+        let scale = a.max();
+        if scale == 0.0 || !scale.is_finite() {
+            return Vector3::zeros();
+        }
+        let a = a / scale;
+        let norm = a.m12 * a.m12 + a.m13 * a.m13 + a.m23 * a.m23;
+        if norm > 0.0 { of_full(&a, norm) } else { of_diagonal(&a) }
+    }
+
+    fn of_diagonal(a: &Matrix3<f64>) -> Vector3<f64> {
+        match () {
+            () if a.m11 < a.m22 && a.m11 < a.m33 => Vector3::x(),
+            () if a.m22 < a.m11 && a.m22 < a.m33 => Vector3::y(),
+            () => Vector3::z(),
+        }
+    }
+
+    fn of_full(a: &Matrix3<f64>, norm: f64) -> Vector3<f64> {
+        let q = a.trace() / 3.0;
+        let (b11, b22, b33) = (a.m11 - q, a.m22 - q, a.m33 - q);
+        let p = ((b11 * b11 + b22 * b22 + b33 * b33 + norm * 2.0) / 6.0).sqrt();
+        let c11 = b22 * b33 - a.m23 * a.m23;
+        let c12 = a.m12 * b33 - a.m23 * a.m13;
+        let c13 = a.m12 * a.m23 - b22 * a.m13;
+        let half = ((b11 * c11 - a.m12 * c12 + a.m13 * c13) / (p * p * p) * 0.5).clamp(-1.0, 1.0);
+        let angle = half.acos() / 3.0;
+        let high = angle.cos() * 2.0;
+        let low = (angle + std::f64::consts::TAU / 3.0).cos() * 2.0;
+        let [low, middle, high] = [low, -(low + high), high].map(|beta| q + p * beta);
+        // Far from the middle one is where its vector is well determined.
+        if half >= 0.0 {
+            let third = alone(a, high);
+            if high < low && high < middle {
+                return third;
+            }
+            let second = across(a, &third, middle);
+            if middle < low && middle < high { second } else { second.cross(&third) }
+        } else {
+            alone(a, low)
+        }
+    }
+
+    /// The vector that `a - value` maps to zero: the longest product of two of its rows.
+    fn alone(a: &Matrix3<f64>, value: f64) -> Vector3<f64> {
+        let shifted = a - Matrix3::from_diagonal_element(value);
+        let [r0, r1, r2] = [0, 1, 2].map(|row| shifted.row(row).transpose());
+        let products = [r0.cross(&r1), r0.cross(&r2), r1.cross(&r2)];
+        let longest = products[1..].iter().fold(products[0], |best, product| {
+            if product.norm_squared() > best.norm_squared() { *product } else { best }
+        });
+        longest / longest.norm()
+    }
+
+    /// The vector of `value` in the plane across another eigenvector.
+    fn across(a: &Matrix3<f64>, other: &Vector3<f64>, value: f64) -> Vector3<f64> {
+        let u = if other.x.abs() > other.y.abs() {
+            Vector3::new(-other.z, 0.0, other.x) / other.x.hypot(other.z)
+        } else {
+            Vector3::new(0.0, other.z, -other.y) / other.y.hypot(other.z)
+        };
+        let v = other.cross(&u);
+        let (m11, m12, m22) = (u.dot(&(a * u)) - value, u.dot(&(a * v)), v.dot(&(a * v)) - value);
+        // The null vector of [m11 m12; m12 m22], from its larger row.
+        let (large, of_u) = if m11.abs() >= m22.abs() { (m11, true) } else { (m22, false) };
+        if large == 0.0 && m12 == 0.0 {
+            return u;
+        }
+        let (cos, sin) = if large.abs() >= m12.abs() {
+            let ratio = m12 / large;
+            let cos = 1.0 / (1.0 + ratio * ratio).sqrt();
+            (cos, ratio * cos)
+        } else {
+            let ratio = large / m12;
+            let sin = 1.0 / (1.0 + ratio * ratio).sqrt();
+            (ratio * sin, sin)
+        };
+        if of_u { u * sin - v * cos } else { u * cos - v * sin }
+    }
+}
+
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {

@@ -2,6 +2,7 @@
 
 pub mod eigen;
 pub mod kdtree;
+pub mod neighbours;
 pub mod normals;
 mod pcd;
 mod ply;

@@ -3,8 +3,8 @@
 use nalgebra::{Matrix3, Point3, Vector3};
 use rayon::prelude::*;
 
-use super::eigen::{eigenvalues, eigenvector};
-use super::kdtree::KdTree;
+use super::eigen::{eberly, eigenvalues, eigenvector};
+use super::neighbours::Neighbours;
 use super::{Cloud, is_finite};
 
 /// Neighbours on a line have no normal: the middle eigenvalue must exceed the largest times this (1 % in length).
@@ -16,7 +16,19 @@ const LEAST_NEIGHBOURS: usize = 3;
 /// How many points a thread takes at a time.
 const CHUNK: usize = 512;
 
-/// Sets the normals of a cloud, one a point; a zero normal where there is none. Points must be finite.
+/// Sets the normals of a cloud, one a point; a zero normal where there is none. See [`of_points`].
+pub fn estimate(cloud: &mut Cloud, radius_m: f64, max_neighbours: usize) {
+    // A search wants finite points: the others get no normal.
+    let valid: Vec<u32> = (0..).zip(&cloud.points).filter(|(_, p)| is_finite(p)).map(|(i, _)| i).collect();
+    let points: Vec<Point3<f32>> = valid.iter().map(|&i| cloud.points[i as usize]).collect();
+    let mut normals = vec![Vector3::zeros(); cloud.points.len()];
+    for (normal, &index) in of_points(&points, radius_m, max_neighbours).iter().zip(&valid) {
+        normals[index as usize] = *normal;
+    }
+    cloud.normals = Some(normals);
+}
+
+/// The normals of points, which must be finite; zero where there is none.
 ///
 /// Neighbours are the nearest `max_neighbours` strictly within `radius_m`, the point itself included (Open3D's hybrid
 /// search). The normal is the eigenvector of the least eigenvalue of
@@ -27,35 +39,87 @@ const CHUNK: usize = 512;
 ///
 /// turned towards the sensor at the origin: without that its sign depends on the frame. Fewer than 3 neighbours, or
 /// neighbours on a line, give no normal. The same input gives the same bytes on any number of threads.
-pub fn estimate(cloud: &mut Cloud, radius_m: f64, max_neighbours: usize) {
-    // A tree wants finite points: the others get no normal.
-    let valid: Vec<u32> = (0..).zip(&cloud.points).filter(|(_, p)| is_finite(p)).map(|(i, _)| i).collect();
-    let tree = KdTree::new(&valid.iter().map(|&i| cloud.points[i as usize]).collect::<Vec<_>>());
-    let mut normals = vec![Vector3::zeros(); cloud.points.len()];
-    for (normal, &index) in of_tree(&tree, radius_m, max_neighbours).iter().zip(&valid) {
-        normals[index as usize] = *normal;
-    }
-    cloud.normals = Some(normals);
+pub fn of_points(points: &[Point3<f32>], radius_m: f64, max_neighbours: usize) -> Vec<Vector3<f32>> {
+    of_neighbours(points, &Neighbours::within(points, radius_m, max_neighbours), radius_m, max_neighbours)
 }
 
-/// The normals of a tree's points: see [`estimate`].
-pub fn of_tree(tree: &KdTree, radius_m: f64, max_neighbours: usize) -> Vec<Vector3<f32>> {
-    let mut normals = vec![Vector3::zeros(); tree.len()];
-    normals.par_chunks_mut(CHUNK).zip(tree.points().par_chunks(CHUNK)).for_each(|(normals, points)| {
-        let mut found = Vec::new();
-        for (normal, point) in normals.iter_mut().zip(points) {
-            tree.within(point, radius_m as f32, max_neighbours, &mut found);
-            *normal = normal_at(tree, point, &found).unwrap_or_default();
+/// As [`of_points`], from neighbourhoods that are known: as wide as `radius_m` at least, as many as `max_neighbours`.
+pub fn of_neighbours(
+    points: &[Point3<f32>],
+    neighbours: &Neighbours,
+    radius_m: f64,
+    max_neighbours: usize,
+) -> Vec<Vector3<f32>> {
+    each(points, neighbours, radius_m, max_neighbours, |query, found| sensor_normal(points, query, found))
+}
+
+/// Normals as Open3D 0.20 estimates them: with the sign that its solver leaves, (0, 0, 1) where there are too few
+/// neighbours or none has a direction.
+pub fn as_open3d(
+    points: &[Point3<f32>],
+    neighbours: &Neighbours,
+    radius_m: f64,
+    max_neighbours: usize,
+) -> Vec<Vector3<f32>> {
+    each(points, neighbours, radius_m, max_neighbours, |query, found| {
+        let normal = match found.len() < LEAST_NEIGHBOURS {
+            true => Vector3::z(),
+            false => eberly::least(&covariance(points, query, found)),
+        };
+        if normal == Vector3::zeros() { Vector3::z() } else { normal.cast() }
+    })
+}
+
+/// Works out something for every point from its nearest neighbours.
+fn each(
+    points: &[Point3<f32>],
+    neighbours: &Neighbours,
+    radius_m: f64,
+    max_neighbours: usize,
+    normal_of: impl Fn(&Point3<f32>, &[u32]) -> Vector3<f32> + Sync,
+) -> Vec<Vector3<f32>> {
+    let mut normals = vec![Vector3::zeros(); points.len()];
+    let squared = (radius_m as f32) * (radius_m as f32);
+    normals.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, normals)| {
+        let mut nearest = Nearest::default();
+        for (i, normal) in (chunk * CHUNK..).zip(normals) {
+            *normal = normal_of(&points[i], nearest.of(neighbours.of(i), squared, max_neighbours));
         }
     });
     normals
 }
 
-fn normal_at(tree: &KdTree, query: &Point3<f32>, found: &[(f32, u32)]) -> Option<Vector3<f32>> {
+/// The nearest of a neighbourhood.
+#[derive(Default)]
+struct Nearest {
+    order: Vec<(f32, u32)>,
+    indices: Vec<u32>,
+}
+
+impl Nearest {
+    /// The nearest `max` strictly within a radius, in the order of the neighbourhood unless there are more.
+    fn of(&mut self, (indices, squares): (&[u32], &[f32]), squared: f32, max: usize) -> &[u32] {
+        self.order.clear();
+        self.order.extend(squares.iter().copied().zip(indices.iter().copied()).filter(|(d, _)| *d < squared));
+        if self.order.len() > max {
+            self.order.select_nth_unstable_by(max, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            self.order.truncate(max);
+        }
+        self.indices.clear();
+        self.indices.extend(self.order.iter().map(|(_, index)| index));
+        &self.indices
+    }
+}
+
+fn sensor_normal(points: &[Point3<f32>], query: &Point3<f32>, found: &[u32]) -> Vector3<f32> {
+    normal_at(points, query, found).unwrap_or_default()
+}
+
+fn normal_at(points: &[Point3<f32>], query: &Point3<f32>, found: &[u32]) -> Option<Vector3<f32>> {
     if found.len() < LEAST_NEIGHBOURS {
         return None;
     }
-    let covariance = covariance(tree, query, found);
+    let covariance = covariance(points, query, found);
     let [low, middle, high] = eigenvalues(&covariance);
     if middle <= high * FLAT_OVER_LONG {
         return None;
@@ -65,10 +129,10 @@ fn normal_at(tree: &KdTree, query: &Point3<f32>, found: &[(f32, u32)]) -> Option
 }
 
 /// Centred on the query, so that `f32` coordinates far from the origin lose nothing.
-fn covariance(tree: &KdTree, query: &Point3<f32>, found: &[(f32, u32)]) -> Matrix3<f64> {
+fn covariance(points: &[Point3<f32>], query: &Point3<f32>, found: &[u32]) -> Matrix3<f64> {
     let (mut sum, mut xx, mut xy, mut xz, mut yy, mut yz, mut zz) = (Vector3::zeros(), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-    for &(_, index) in found {
-        let d = (tree.points()[index as usize] - query).cast::<f64>();
+    for &index in found {
+        let d = (points[index as usize] - query).cast::<f64>();
         sum += d;
         xx += d.x * d.x;
         xy += d.x * d.y;
@@ -110,6 +174,28 @@ mod tests {
                 assert!((normal - expected).norm() < 1e-4, "{normal} is not {expected}");
             }
         }
+    }
+
+    // Literals of Open3D (MIT), cpp/tests/geometry/PointCloud.cpp, EstimateNormals: the corners of a cube, 4 neighbours.
+    #[test]
+    fn open3ds_normals_of_a_cube_come_with_its_signs() {
+        let corner = |i: usize| Point3::new((i / 4) as f32, (i / 2 % 2) as f32, (i % 2) as f32);
+        let points: Vec<_> = (0..8).map(corner).collect();
+        let signs = [
+            [1.0, 1.0, 1.0],
+            [-1.0, -1.0, 1.0],
+            [1.0, -1.0, 1.0],
+            [-1.0, 1.0, 1.0],
+            [-1.0, 1.0, 1.0],
+            [1.0, -1.0, 1.0],
+            [-1.0, -1.0, 1.0],
+            [1.0, 1.0, 1.0],
+        ];
+        let found = as_open3d(&points, &Neighbours::within(&points, 1.2, 4), 1.2, 4);
+        for (normal, sign) in found.iter().zip(signs) {
+            assert!((normal - Vector3::from(sign) / 3f32.sqrt()).norm() < 1e-6, "{normal} {sign:?}");
+        }
+        assert_eq!(as_open3d(&points[..2], &Neighbours::within(&points[..2], 1.2, 4), 1.2, 4), [Vector3::z(); 2]);
     }
 
     #[test]

@@ -34,10 +34,22 @@ pub enum VoxelError {
 ///
 /// [`VoxelError`] when the edge is not positive, or so small that 64 bits cannot number the cells.
 pub fn downsample(cloud: &Cloud, voxel_m: f64) -> Result<Cloud, VoxelError> {
-    means(&cloud.points, voxel_m).map(Cloud::new)
+    means(&cloud.points, voxel_m, [0.0; 3]).map(Cloud::new)
 }
 
-fn means(points: &[Point3<f32>], voxel_m: f64) -> Result<Vec<Point3<f32>>, VoxelError> {
+/// As [`downsample`], on Open3D's grid, which starts half a voxel below the least coordinates.
+///
+/// # Errors
+///
+/// As [`downsample`].
+pub fn downsample_open3d(cloud: &Cloud, voxel_m: f64) -> Result<Cloud, VoxelError> {
+    let finite = cloud.points.iter().filter(|p| is_finite(p));
+    let least = finite.fold([f64::INFINITY; 3], |least, p| [0, 1, 2].map(|axis| least[axis].min(f64::from(p[axis]))));
+    let start = least.map(|v| if v.is_finite() { v - 0.5 * voxel_m } else { 0.0 });
+    means(&cloud.points, voxel_m, start).map(Cloud::new)
+}
+
+fn means(points: &[Point3<f32>], voxel_m: f64, start_m: [f64; 3]) -> Result<Vec<Point3<f32>>, VoxelError> {
     if !(voxel_m > 0.0 && voxel_m.is_finite()) {
         return Err(VoxelError::Size(voxel_m));
     }
@@ -45,7 +57,7 @@ fn means(points: &[Point3<f32>], voxel_m: f64) -> Result<Vec<Point3<f32>>, Voxel
     if finite.is_empty() {
         return Ok(Vec::new());
     }
-    let grid = Grid::around(finite.iter().map(|&i| &points[i as usize]), voxel_m)?;
+    let grid = Grid::around(finite.iter().map(|&i| &points[i as usize]), voxel_m, start_m)?;
     let keyed = finite.iter().map(|&i| (grid.key(&points[i as usize]), i)).collect();
     let sorted = sort_by_key(keyed, grid.last_key);
     Ok(sorted.chunk_by(|a, b| a.0 == b.0).map(|cell| mean(points, cell)).collect())
@@ -59,6 +71,8 @@ fn mean(points: &[Point3<f32>], cell: &[(u64, u32)]) -> Point3<f32> {
 /// Numbers the cells of the box around a cloud, x fastest.
 struct Grid {
     voxels_per_m: f64,
+    /// Where cell 0 begins.
+    start_m: [f64; 3],
     /// The least cell of each axis.
     first: [f64; 3],
     /// How far the next cell of each axis is.
@@ -67,7 +81,11 @@ struct Grid {
 }
 
 impl Grid {
-    fn around<'a>(points: impl Iterator<Item = &'a Point3<f32>>, voxel_m: f64) -> Result<Self, VoxelError> {
+    fn around<'a>(
+        points: impl Iterator<Item = &'a Point3<f32>>,
+        voxel_m: f64,
+        start_m: [f64; 3],
+    ) -> Result<Self, VoxelError> {
         let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
         for point in points {
             for axis in 0..3 {
@@ -76,13 +94,13 @@ impl Grid {
             }
         }
         let voxels_per_m = voxel_m.recip();
-        let cell = |v: f32| (f64::from(v) * voxels_per_m).floor();
+        let cell = |axis: usize, v: f32| ((f64::from(v) - start_m[axis]) * voxels_per_m).floor();
         let extent = |axis: usize| f64::from(high[axis]) - f64::from(low[axis]);
         let too_small = || VoxelError::TooSmall { voxel_m, extent_m: (0..3).map(extent).fold(0.0, f64::max) };
-        let first = low.map(cell);
+        let first = [0, 1, 2].map(|axis| cell(axis, low[axis]));
         let (mut stride, mut cells) = ([0; 3], 1u64);
         for axis in 0..3 {
-            let count = cell(high[axis]) - first[axis] + 1.0;
+            let count = cell(axis, high[axis]) - first[axis] + 1.0;
             // Beyond 2⁵³ neighbouring cells are no longer distinct numbers.
             if !(count < 2f64.powi(53) && first[axis].abs() < 2f64.powi(53)) {
                 return Err(too_small());
@@ -90,13 +108,14 @@ impl Grid {
             stride[axis] = cells;
             cells = cells.checked_mul(count as u64).ok_or_else(too_small)?;
         }
-        Ok(Self { voxels_per_m, first, stride, last_key: cells - 1 })
+        Ok(Self { voxels_per_m, start_m, first, stride, last_key: cells - 1 })
     }
 
     fn key(&self, point: &Point3<f32>) -> u64 {
         (0..3)
             .map(|axis| {
-                let cell = (f64::from(point[axis]) * self.voxels_per_m).floor() - self.first[axis];
+                let cell =
+                    ((f64::from(point[axis]) - self.start_m[axis]) * self.voxels_per_m).floor() - self.first[axis];
                 cell as u64 * self.stride[axis]
             })
             .sum()
@@ -145,6 +164,24 @@ mod tests {
         let points = [[1.5, 0.25, 0.25], [0.25, 0.5, 0.75], [0.75, 0.5, 0.25], [-0.5, 0.0, 0.0], [0.0, 0.0, -0.25]];
         let expected = [[0.0, 0.0, -0.25], [-0.5, 0.0, 0.0], [0.5, 0.5, 0.5], [1.5, 0.25, 0.25]];
         assert_eq!(downsample(&cloud(&points), 1.0), Ok(cloud(&expected)));
+    }
+
+    // Literals of Open3D (MIT), cpp/tests/geometry/PointCloud.cpp, VoxelDownSample.
+    #[test]
+    fn open3ds_grid_starts_half_a_voxel_below_the_least_point() {
+        let points =
+            [[0.5, 0.7, 0.6], [0.6, 0.5, 0.7], [0.7, 0.6, 0.5], [0.8, 0.8, 0.8], [0.5, 1.6, 2.4], [0.6, 1.5, 2.3]];
+        let means = |points: &[[f32; 3]]| downsample_open3d(&cloud(points), 1.0).unwrap().points;
+        for (mean, expected) in means(&points).iter().zip([[0.65, 0.65, 0.65], [0.55, 1.55, 2.35]]) {
+            assert!((mean.coords - Vector3::from(expected)).norm() < 1e-6, "{mean}");
+        }
+        // On the frame's own grid 0.9 and 1.2 lie apart; on this one, which starts at 0.4, they do not.
+        assert_eq!(means(&[[0.9; 3], [1.2; 3]]).len(), 1);
+        assert_eq!(downsample(&cloud(&[[0.9; 3], [1.2; 3]]), 1.0).unwrap().points.len(), 2);
+        assert!(matches!(
+            downsample_open3d(&cloud(&[[f32::MAX; 3], [f32::MIN; 3]]), 0.1),
+            Err(VoxelError::TooSmall { .. })
+        ));
     }
 
     #[test]

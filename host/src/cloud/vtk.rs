@@ -87,9 +87,10 @@ fn ascii(rest: &[u8], count: usize) -> Result<Vec<Point3<f32>>, String> {
     let mut points = Vec::new();
     for index in 0..count {
         let mut value = || {
-            let word = words.next().ok_or(format!("expected the {count} points of the VTK header, found {index}"))?;
+            let word =
+                words.next().ok_or_else(|| format!("expected the {count} points of the VTK header, found {index}"))?;
             let text = std::str::from_utf8(word).ok();
-            text.and_then(|text| text.parse().ok()).ok_or(format!("point {index}: expected three numbers"))
+            text.and_then(|text| text.parse().ok()).ok_or_else(|| format!("point {index}: expected three numbers"))
         };
         points.push(Point3::new(value()?, value()?, value()?));
     }

@@ -48,6 +48,15 @@ impl Observability {
             .map(|i| self.directions.column(i) * (self.directions.column(i).dot(b) / self.information[i]))
             .sum()
     }
+
+    /// Solves `A x = b` for another matrix among the motions that are observable; `x` is zero along the others.
+    pub(super) fn solve_within(&self, a: &Matrix6<f64>, b: &Vector6<f64>) -> Vector6<f64> {
+        let along = |i: usize| self.directions.column(i) * self.directions.column(i).transpose();
+        let open: Matrix6<f64> = (0..self.unobservable).map(along).sum();
+        let seen = Matrix6::identity() - open;
+        // Along the open directions it solves x = 0.
+        (seen * a * seen + open).cholesky().map_or_else(Vector6::zeros, |whole| whole.solve(&(seen * b)))
+    }
 }
 
 #[cfg(test)]
@@ -61,5 +70,15 @@ mod tests {
         assert_eq!(seen.unobservable, 1);
         let x = seen.solve(&Vector6::new(0.5, 0.2, 0.1, 0.5, 1.0, 0.3));
         assert!((x - Vector6::new(1.0, 1.0, 1.0, 1.0, 0.0, 1.0)).norm() < 1e-12);
+    }
+
+    #[test]
+    fn another_matrix_is_solved_within_the_observable_directions() {
+        let information = Matrix6::from_diagonal(&Vector6::new(0.5, 0.2, 0.1, 0.5, 1e-9, 0.3));
+        let seen = Observability::of(&information, 1e-3);
+        let mut whole = Matrix6::from_diagonal(&Vector6::new(1.0, 2.0, 3.0, 4.0, 5.0, 6.0));
+        (whole[(0, 4)], whole[(4, 0)], whole[(0, 1)], whole[(1, 0)]) = (0.7, 0.7, 0.5, 0.5);
+        let x = seen.solve_within(&whole, &Vector6::new(1.5, 2.5, 3.0, 4.0, 5.0, 6.0));
+        assert!((x - Vector6::new(1.0, 1.0, 1.0, 1.0, 0.0, 1.0)).norm() < 1e-12, "{x}");
     }
 }

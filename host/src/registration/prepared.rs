@@ -1,9 +1,11 @@
 //! What registration needs of a cloud, worked out once.
 
+pub(super) mod box_tree;
+
 use nalgebra::{Point3, Vector3};
 
-use super::IcpConfig;
-use crate::cloud::kdtree::KdTree;
+use self::box_tree::BoxTree;
+use super::{GicpConfig, IcpConfig};
 use crate::cloud::voxel::VoxelError;
 use crate::cloud::{Cloud, normals, voxel};
 
@@ -18,11 +20,36 @@ pub enum PrepareError {
     Voxel(#[from] VoxelError),
 }
 
+/// How a cloud is thinned, and how its normals are estimated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Surface {
+    /// Edge of the voxels, m.
+    pub voxel_m: f64,
+    /// Neighbours within this make a normal, m.
+    pub normal_radius_m: f64,
+    /// At most so many neighbours, the point included.
+    pub normal_neighbours: usize,
+}
+
+impl From<&IcpConfig> for Surface {
+    fn from(config: &IcpConfig) -> Self {
+        let IcpConfig { voxel_m, normal_radius_m, normal_neighbours, .. } = *config;
+        Self { voxel_m, normal_radius_m, normal_neighbours }
+    }
+}
+
+impl From<&GicpConfig> for Surface {
+    fn from(config: &GicpConfig) -> Self {
+        let GicpConfig { voxel_m, normal_radius_m, normal_neighbours, .. } = *config;
+        Self { voxel_m, normal_radius_m, normal_neighbours }
+    }
+}
+
 /// A cloud to register to: thinned, with normals and a tree. Preparing it is half the work of a registration, so keep
-/// it as long as `voxel_m`, `normal_radius_m` and `normal_neighbours` stay.
+/// it as long as `voxel_m`, `normal_radius_m` and `normal_neighbours` stay. Generalised ICP wants its source so, too.
 #[derive(Clone, Debug)]
 pub struct Target {
-    pub(super) tree: KdTree,
+    pub(super) tree: BoxTree,
     /// One a point of the tree; zero where there is none.
     pub(super) normals: Vec<Vector3<f32>>,
 }
@@ -33,20 +60,21 @@ impl Target {
     /// # Errors
     ///
     /// [`PrepareError`] when there is no point, or the voxel is too small for the cloud.
-    pub fn prepare(cloud: &Cloud, config: &IcpConfig) -> Result<Self, PrepareError> {
-        let tree = KdTree::new(&thin(cloud, config)?);
-        let normals = normals::of_tree(&tree, config.normal_radius_m, config.normal_neighbours);
-        Ok(Self { tree, normals })
+    pub fn prepare(cloud: &Cloud, surface: impl Into<Surface>) -> Result<Self, PrepareError> {
+        let surface = surface.into();
+        let points = thin(cloud, surface.voxel_m)?;
+        let normals = normals::of_points(&points, surface.normal_radius_m, surface.normal_neighbours);
+        Ok(Self { tree: BoxTree::new(points), normals })
     }
 
     /// How many points are left.
     pub fn len(&self) -> usize {
-        self.tree.len()
+        self.tree.points().len()
     }
 
     /// Whether none is left; [`Target::prepare`] never returns such a one.
     pub fn is_empty(&self) -> bool {
-        self.tree.is_empty()
+        self.tree.points().is_empty()
     }
 }
 
@@ -62,8 +90,8 @@ impl Source {
     /// # Errors
     ///
     /// As [`Target::prepare`].
-    pub fn prepare(cloud: &Cloud, config: &IcpConfig) -> Result<Self, PrepareError> {
-        Ok(Self { points: thin(cloud, config)? })
+    pub fn prepare(cloud: &Cloud, surface: impl Into<Surface>) -> Result<Self, PrepareError> {
+        Ok(Self { points: thin(cloud, surface.into().voxel_m)? })
     }
 
     /// How many points are left.
@@ -77,14 +105,17 @@ impl Source {
     }
 }
 
-/// The means of the voxels, without points that are no echo.
-fn thin(cloud: &Cloud, config: &IcpConfig) -> Result<Vec<Point3<f32>>, PrepareError> {
+/// The means of the voxels in the order of a tree, without points that are no echo.
+fn thin(cloud: &Cloud, voxel_m: f64) -> Result<Vec<Point3<f32>>, PrepareError> {
     let thinned = if cloud.points.iter().any(|p| p.coords == Vector3::zeros()) {
         let mut echoes = Cloud::new(cloud.points.clone());
         echoes.drop_invalid();
-        voxel::downsample(&echoes, config.voxel_m)?
+        voxel::downsample(&echoes, voxel_m)?
     } else {
-        voxel::downsample(cloud, config.voxel_m)?
+        voxel::downsample(cloud, voxel_m)?
     };
-    if thinned.points.is_empty() { Err(PrepareError::Empty) } else { Ok(thinned.points) }
+    if thinned.points.is_empty() {
+        return Err(PrepareError::Empty);
+    }
+    Ok(box_tree::order(&thinned.points).iter().map(|&index| thinned.points[index as usize]).collect())
 }

@@ -1,9 +1,9 @@
-//! How ICP runs: Θ_reg.
+//! How point-to-plane ICP runs.
 
-/// More neighbours make no better normal, and take their time: some tens are usual.
-const MAX_NEIGHBOURS: usize = 10_000;
+use super::method::Slot;
+use super::{ConfigError, require, require_lengths, require_neighbours};
 
-/// Settings of [`super::Icp`]. Lengths in metres, angles in radians.
+/// Settings of [`crate::registration::Icp`]. Lengths in metres, angles in radians.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct IcpConfig {
     /// Edge of the voxels that thin both clouds, φ_v.
@@ -27,26 +27,47 @@ pub struct IcpConfig {
     pub still_fraction: f64,
     /// …and the root mean square distance of the pairs by less than this.
     pub still_rmse_m: f64,
-    /// A direction whose share of the information is below this is unobservable: see [`super::Observability`].
+    /// A direction whose share of the information is below this is unobservable: see [`crate::registration::Observability`].
     /// Normals at the edges of a bare corridor leave up to 2e-3 along it; real streets have 0.04 to 0.12.
     pub least_information: f64,
 }
 
-/// A setting that cannot run: which one, what it is, what it must be.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("{field} is {value}, expected {bound}")]
-pub struct ConfigError {
-    /// The field of [`IcpConfig`].
-    pub field: &'static str,
-    /// Its value.
-    pub value: f64,
-    /// What it must be.
-    pub bound: &'static str,
-}
-
 impl IcpConfig {
+    /// The settings that have a name on the command line and in files, in the order of their use.
+    pub const KEYS: &[&str] = &[
+        "voxel_m",
+        "normal_radius_m",
+        "normal_neighbours",
+        "max_pair_distance_m",
+        "first_pair_distance_m",
+        "max_iterations",
+        "still_m",
+        "still_rad",
+        "still_fraction",
+        "still_rmse_m",
+        "least_information",
+    ];
+
+    /// Where the setting of that name is kept.
+    pub(super) fn slot(&mut self, key: &str) -> Option<Slot<'_>> {
+        Some(match key {
+            "voxel_m" => Slot::Real(&mut self.voxel_m),
+            "normal_radius_m" => Slot::Real(&mut self.normal_radius_m),
+            "normal_neighbours" => Slot::Count(&mut self.normal_neighbours),
+            "max_pair_distance_m" => Slot::Real(&mut self.max_pair_distance_m),
+            "first_pair_distance_m" => Slot::Optional(&mut self.first_pair_distance_m),
+            "max_iterations" => Slot::Count(&mut self.max_iterations),
+            "still_m" => Slot::Real(&mut self.still_m),
+            "still_rad" => Slot::Real(&mut self.still_rad),
+            "still_fraction" => Slot::Real(&mut self.still_fraction),
+            "still_rmse_m" => Slot::Real(&mut self.still_rmse_m),
+            "least_information" => Slot::Real(&mut self.least_information),
+            _ => return None,
+        })
+    }
+
     /// For scans of a street or a field, some tens of metres wide, that nearly overlap: a motion below about half a
-    /// metre and 5°. [`super::suggest()`] fits it to the clouds at hand.
+    /// metre and 5°. [`crate::registration::suggest()`] fits it to the clouds at hand.
     ///
     /// Normals reach over 3 voxels, as KISS-Matcher has it: rings of a scan lie far apart. Stillness is 0.5 mm and
     /// 0.1 mrad, far below the error of such scans (small_gicp stops at 1 mm and 1.7 mrad).
@@ -63,6 +84,19 @@ impl IcpConfig {
             still_fraction: 1e-6,
             still_rmse_m: 1e-6,
             least_information: 3e-3,
+        }
+    }
+
+    /// What finishes a global method's motion: the first pairs are four voxels apart at most, which covers that method's
+    /// error of about one, and its turn's at the rim; the last two.
+    pub fn finishing(voxel_m: f64) -> Self {
+        Self {
+            voxel_m,
+            normal_radius_m: 3.0 * voxel_m,
+            max_pair_distance_m: 2.0 * voxel_m,
+            first_pair_distance_m: Some(4.0 * voxel_m),
+            still_m: voxel_m / 600.0,
+            ..Self::outdoor()
         }
     }
 
@@ -97,9 +131,7 @@ impl IcpConfig {
             ("normal_radius_m", self.normal_radius_m),
             ("max_pair_distance_m", self.max_pair_distance_m),
         ];
-        for (field, value) in lengths {
-            require(field, value, value > 0.0 && value <= 1e6, "a length above 0 m, at most 1e6 m")?;
-        }
+        require_lengths(&lengths)?;
         let far_enough = first >= self.max_pair_distance_m && first <= 1e6;
         require("first_pair_distance_m", first, far_enough, "max_pair_distance_m or more, at most 1e6 m")?;
         let thresholds = [
@@ -111,16 +143,11 @@ impl IcpConfig {
         for (field, value) in thresholds {
             require(field, value, value >= 0.0 && value.is_finite(), "0 or more")?;
         }
-        let neighbours = self.normal_neighbours as f64;
-        require("normal_neighbours", neighbours, (3..=MAX_NEIGHBOURS).contains(&self.normal_neighbours), "3 to 10000")?;
+        require_neighbours("normal_neighbours", self.normal_neighbours)?;
         require("max_iterations", self.max_iterations as f64, self.max_iterations >= 1, "1 or more")?;
         let least = self.least_information;
         require("least_information", least, (0.0..1.0 / 3.0).contains(&least), "0 or more, below 1/3")
     }
-}
-
-fn require(field: &'static str, value: f64, holds: bool, bound: &'static str) -> Result<(), ConfigError> {
-    if holds { Ok(()) } else { Err(ConfigError { field, value, bound }) }
 }
 
 #[cfg(test)]
@@ -150,8 +177,8 @@ mod tests {
                 "first_pair_distance_m is 0.5, expected max_pair_distance_m or more, at most 1e6 m",
             ),
             (|c| c.still_rad = -1e-9, "still_rad is -0.000000001, expected 0 or more"),
-            (|c| c.normal_neighbours = 2, "normal_neighbours is 2, expected 3 to 10000"),
-            (|c| c.normal_neighbours = 10_001, "normal_neighbours is 10001, expected 3 to 10000"),
+            (|c| c.normal_neighbours = 2, "normal_neighbours is 2, expected 3 to 1000"),
+            (|c| c.normal_neighbours = 10_001, "normal_neighbours is 10001, expected 3 to 1000"),
             (|c| c.max_iterations = 0, "max_iterations is 0, expected 1 or more"),
             (|c| c.least_information = 0.5, "least_information is 0.5, expected 0 or more, below 1/3"),
         ];

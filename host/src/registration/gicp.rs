@@ -1,0 +1,73 @@
+//! Generalised ICP.
+
+mod plane_to_plane;
+
+use self::plane_to_plane::PlaneToPlane;
+use super::icp::descent::Descent;
+use super::icp::pairing::Moving;
+use super::{ConfigError, GicpConfig, Outcome, Registration, Target};
+use crate::cloud::Cloud;
+use crate::pose::Pose;
+
+/// Generalised ICP (Segal, Haehnel and Thrun, "Generalized-ICP", RSS 2009): both clouds are surfaces, and a pair weighs
+/// by the uncertainty of its two planes.
+///
+/// ```text
+/// E(T) = Σ dᵀ (C_q + R C_s Rᵀ)⁻¹ d      d = T s - q      C = I - (1 - ε) n nᵀ,  ε = 1e-3
+/// ```
+///
+/// A plane's covariance is ε along its normal and 1 within, as there (small_gicp has the same values). Steps are
+/// Gauss-Newton's with the weights of the last pose. Points without a normal form no pair.
+#[derive(Clone, Debug)]
+pub struct Gicp {
+    config: GicpConfig,
+}
+
+impl Gicp {
+    /// # Errors
+    ///
+    /// [`ConfigError`] names the field that cannot run.
+    pub fn new(config: GicpConfig) -> Result<Self, ConfigError> {
+        config.check()?;
+        Ok(Self { config })
+    }
+
+    /// The settings.
+    pub fn config(&self) -> &GicpConfig {
+        &self.config
+    }
+
+    /// Finds the motion that lays `source` on `target`, both prepared with these settings, from `initial`. The source
+    /// of one pair can be the target of the next as it is.
+    ///
+    /// With too few pairs the outcome carries `initial`; with a direction left open it moves in the others.
+    pub fn align(&self, target: &Target, source: &Target, initial: &Pose) -> Outcome {
+        let moving = Moving { points: source.tree.points(), normals: &source.normals };
+        self.descent().run::<PlaneToPlane>(target, &moving, initial)
+    }
+
+    fn descent(&self) -> Descent {
+        let config = &self.config;
+        Descent {
+            max_pair_distance_m: config.max_pair_distance_m,
+            first_pair_distance_m: config.first_pair_distance_m,
+            max_iterations: config.max_iterations,
+            still_m: config.still_m,
+            still_rad: config.still_rad,
+            still_fraction: 0.0,
+            still_rmse_m: 0.0,
+            least_information: config.least_information,
+        }
+    }
+}
+
+impl Registration for Gicp {
+    fn register(&self, target: &Cloud, source: &Cloud, initial: &Pose) -> Outcome {
+        let target = Target::prepare(target, &self.config);
+        let source = Target::prepare(source, &self.config);
+        match (target, source) {
+            (Ok(target), Ok(source)) => self.align(&target, &source, initial),
+            (target, source) => Outcome::unprepared(initial, target.err().into_iter().chain(source.err())),
+        }
+    }
+}

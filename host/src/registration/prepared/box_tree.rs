@@ -1,0 +1,434 @@
+//! The nearest point of a cloud, eight boxes at a time.
+
+use nalgebra::Point3;
+
+/// Children of a node, and points of a leaf: as many as a vector of AVX2 holds.
+const WIDE: usize = 8;
+
+/// Enough for 2³² points: 8 · 8¹⁰ is more.
+const MOST_LEVELS: usize = 11;
+
+/// Halves longer than this are arranged on two threads.
+const PARALLEL: usize = 8192;
+
+/// Points in a tree of boxes around boxes, eight in each, that does not change.
+///
+/// A complete tree: each leaf but the last holds eight points, each node but the last of its level eight children, so
+/// that places follow from counting and there are no pointers. Points are split at the median of the widest side of
+/// their box, over and over; what is near in space is near in memory. The point of index `i` is `points()[i]`: the order
+/// is the tree's, not the input's.
+#[derive(Clone, Debug)]
+pub(crate) struct BoxTree {
+    points: Vec<Point3<f32>>,
+    leaves: Vec<Lanes>,
+    /// From the one above the leaves to the root, which is alone.
+    levels: Vec<Vec<Boxes>>,
+}
+
+/// Eight points, one a lane; lanes without a point are at infinity.
+#[derive(Clone, Copy, Debug)]
+struct Lanes([[f32; WIDE]; 3]);
+
+/// Eight boxes, one a lane; lanes without a box are empty ones at infinity.
+#[derive(Clone, Copy, Debug)]
+struct Boxes {
+    low: Lanes,
+    high: Lanes,
+}
+
+/// The nearest point, and a bound on all others.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Found {
+    /// The nearest point strictly within the radius, of equally near ones the first; absent when there is none.
+    pub(crate) index: Option<u32>,
+    /// No other point is nearer than this, squared, m².
+    pub(crate) others_squared_m2: f32,
+}
+
+/// What a processor compares eight numbers with.
+pub(crate) trait Kernel: Copy {
+    /// One bit a lane: whether it is at most `limit`.
+    fn at_most(self, lanes: &[f32; WIDE], limit: f32) -> u32;
+
+    /// The least lane, which is replaced by [`u32::MAX`]; all lanes below that differ.
+    fn take_least(self, lanes: &mut [u32; WIDE]) -> u32;
+}
+
+/// [`Kernel`] for every processor.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Portable;
+
+impl Kernel for Portable {
+    #[inline(always)]
+    fn at_most(self, lanes: &[f32; WIDE], limit: f32) -> u32 {
+        lanes.iter().enumerate().fold(0, |bits, (lane, value)| bits | u32::from(*value <= limit) << lane)
+    }
+
+    #[inline(always)]
+    fn take_least(self, lanes: &mut [u32; WIDE]) -> u32 {
+        let least = lanes.iter().fold(u32::MAX, |a, &b| a.min(b));
+        *lanes = lanes.map(|lane| if lane == least { u32::MAX } else { lane });
+        least
+    }
+}
+
+/// The order in which a tree holds `points`: a walk through space that stays near itself. Points must be finite.
+pub(crate) fn order(points: &[Point3<f32>]) -> Vec<u32> {
+    let mut places: Vec<Place> = (0..).zip(points).map(|(index, p)| ([p.x, p.y, p.z], index)).collect();
+    arrange(&mut places, WIDE.pow(MOST_LEVELS as u32 - 1));
+    places.iter().map(|place| place.1).collect()
+}
+
+/// Where a point is, and its index in the input.
+type Place = ([f32; 3], u32);
+
+/// Brings the points of each node together: all nodes but the last hold `capacity` points.
+fn arrange(places: &mut [Place], mut capacity: usize) {
+    if places.len() <= WIDE {
+        return;
+    }
+    while capacity >= places.len() {
+        capacity /= WIDE;
+    }
+    let middle = places.len().div_ceil(capacity) / 2 * capacity;
+    let axis = widest(places);
+    places.select_nth_unstable_by(middle, |a, b| a.0[axis].total_cmp(&b.0[axis]).then(a.1.cmp(&b.1)));
+    let (first, last) = places.split_at_mut(middle);
+    if first.len() > PARALLEL {
+        rayon::join(|| arrange(first, capacity), || arrange(last, capacity));
+    } else {
+        arrange(first, capacity);
+        arrange(last, capacity);
+    }
+}
+
+/// The axis along which the points extend farthest.
+fn widest(places: &[Place]) -> usize {
+    let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+    for (at, _) in places {
+        for axis in 0..3 {
+            low[axis] = low[axis].min(at[axis]);
+            high[axis] = high[axis].max(at[axis]);
+        }
+    }
+    let side = |axis: usize| high[axis] - low[axis];
+    (1..3).fold(0, |best, axis| if side(axis) > side(best) { axis } else { best })
+}
+
+impl BoxTree {
+    /// Builds the tree over points in the order of [`order`].
+    pub(crate) fn new(points: Vec<Point3<f32>>) -> Self {
+        let leaves: Vec<Lanes> = points.chunks(WIDE).map(Lanes::of).collect();
+        let around: Vec<_> = points.chunks(WIDE).map(box_around).collect();
+        let mut levels: Vec<Vec<Boxes>> = Vec::new();
+        let mut inner = around;
+        while inner.len() > 1 || levels.is_empty() && !inner.is_empty() {
+            let nodes: Vec<Boxes> = inner.chunks(WIDE).map(Boxes::of).collect();
+            inner = nodes.iter().map(Boxes::around).collect();
+            levels.push(nodes);
+        }
+        Self { points, leaves, levels }
+    }
+
+    /// The points, in the tree's order.
+    pub(crate) fn points(&self) -> &[Point3<f32>] {
+        &self.points
+    }
+
+    /// The nearest point strictly within `radius_m`. No other is nearer than the bound it comes with, which is the
+    /// second's distance, but no more than `radius_m` and no more than the nearest's and `slack_m`: the search goes no
+    /// farther.
+    ///
+    /// Distances are those of `f32`, `dx² + dy² + dz²` from the left: the same as a full scan's, bit for bit, since
+    /// rounding keeps the order of a box's side and the points behind it.
+    #[inline(always)]
+    pub(crate) fn nearest(&self, kernel: impl Kernel, query: &Point3<f32>, radius_m: f32, slack_m: f32) -> Found {
+        let query = [query.x, query.y, query.z];
+        let mut best = Best::within(radius_m, slack_m);
+        let root = self.levels.last().and_then(|level| level.first());
+        // What is not a number compares with nothing, and so would find everything.
+        let Some(root) = root.filter(|_| query.iter().all(|v| v.is_finite())) else { return best.found() };
+        let top = self.levels.len() - 1;
+        let mut path = [Node::NONE; MOST_LEVELS];
+        path[top] = Node::open(0, root, &query);
+        let mut level = top;
+        while let Some(node) = path.get_mut(level).filter(|_| level <= top) {
+            let Some(lane) = node.next(kernel, best.limit) else {
+                level += 1;
+                continue;
+            };
+            let child = node.index * WIDE + lane;
+            if level == 0 {
+                if let Some(leaf) = self.leaves.get(child) {
+                    best.scan(kernel, child, &leaf.squared_to(&query));
+                }
+            } else if let Some(boxes) = self.levels[level - 1].get(child) {
+                level -= 1;
+                path[level] = Node::open(child, boxes, &query);
+            }
+        }
+        best.found()
+    }
+}
+
+/// A node on the way from the root, and which of its children are still to be seen.
+#[derive(Clone, Copy)]
+struct Node {
+    index: usize,
+    /// The children's squared distances as bits, which order numbers above 0 as the numbers do; the last three bits give
+    /// way to the lane. That rounds down: no child is taken for farther than it is. [`Node::SEEN`] when it has been.
+    children: [u32; WIDE],
+}
+
+/// The bits that number the lanes.
+const LANE: u32 = WIDE as u32 - 1;
+
+impl Node {
+    /// Not a number, so beyond every limit.
+    const SEEN: u32 = u32::MAX;
+    const NONE: Self = Self { index: 0, children: [Self::SEEN; WIDE] };
+
+    #[inline(always)]
+    fn open(index: usize, boxes: &Boxes, query: &[f32; 3]) -> Self {
+        let squared = boxes.squared_to(query);
+        Self { index, children: std::array::from_fn(|lane| squared[lane].to_bits() & !LANE | lane as u32) }
+    }
+
+    /// The nearest child within the limit that has not been seen: without a branch that depends on which.
+    #[inline(always)]
+    fn next(&mut self, kernel: impl Kernel, limit: f32) -> Option<usize> {
+        let least = kernel.take_least(&mut self.children);
+        (f32::from_bits(least & !LANE) <= limit && least != Self::SEEN).then_some((least & LANE) as usize)
+    }
+}
+
+/// The nearest point so far.
+struct Best {
+    index: Option<u32>,
+    squared: f32,
+    /// What is farther, squared, changes nothing any more.
+    limit: f32,
+    slack_m: f32,
+}
+
+impl Best {
+    #[inline(always)]
+    fn within(radius_m: f32, slack_m: f32) -> Self {
+        let squared = radius_m * radius_m;
+        Self { index: None, squared, limit: squared, slack_m }
+    }
+
+    /// Takes the points of a leaf.
+    #[inline(always)]
+    fn scan(&mut self, kernel: impl Kernel, leaf: usize, squared: &[f32; WIDE]) {
+        let mut near = kernel.at_most(squared, self.limit);
+        let before = self.squared;
+        while near != 0 {
+            let lane = near.trailing_zeros() as usize % WIDE;
+            near &= near - 1;
+            self.take((leaf * WIDE + lane) as u32, squared[lane]);
+        }
+        if self.squared < before {
+            let reach = self.squared.sqrt() + self.slack_m;
+            self.limit = smaller(self.limit, reach * reach);
+        }
+    }
+
+    #[inline(always)]
+    fn take(&mut self, index: u32, squared: f32) {
+        let nearer = squared < self.squared || squared == self.squared && self.index.is_some_and(|best| index < best);
+        let others = if nearer { self.squared } else { squared };
+        if nearer {
+            (self.index, self.squared) = (Some(index), squared);
+        }
+        self.limit = smaller(self.limit, others);
+    }
+
+    fn found(&self) -> Found {
+        Found { index: self.index, others_squared_m2: self.limit }
+    }
+}
+
+impl Lanes {
+    const FAR: Self = Self([[f32::INFINITY; WIDE]; 3]);
+
+    /// At most eight points.
+    fn of(points: &[Point3<f32>]) -> Self {
+        let mut lanes = Self::FAR;
+        for (lane, point) in points.iter().enumerate().take(WIDE) {
+            lanes.set(lane, (*point).into());
+        }
+        lanes
+    }
+
+    fn set(&mut self, lane: usize, at: [f32; 3]) {
+        for (axis, at) in self.0.iter_mut().zip(at) {
+            axis[lane] = at;
+        }
+    }
+
+    #[inline(always)]
+    fn squared_to(&self, query: &[f32; 3]) -> [f32; WIDE] {
+        let [x, y, z] = &self.0;
+        std::array::from_fn(|lane| {
+            let (dx, dy, dz) = (x[lane] - query[0], y[lane] - query[1], z[lane] - query[2]);
+            dx * dx + dy * dy + dz * dz
+        })
+    }
+}
+
+/// The least and the greatest corner.
+type Corners = ([f32; 3], [f32; 3]);
+
+fn join(a: Corners, b: Corners) -> Corners {
+    (std::array::from_fn(|k| a.0[k].min(b.0[k])), std::array::from_fn(|k| a.1[k].max(b.1[k])))
+}
+
+const EMPTY: Corners = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+
+fn box_around(points: &[Point3<f32>]) -> Corners {
+    points.iter().map(|p| ((*p).into(), (*p).into())).fold(EMPTY, join)
+}
+
+impl Boxes {
+    /// At most eight boxes.
+    fn of(corners: &[Corners]) -> Self {
+        let mut boxes = Self { low: Lanes::FAR, high: Lanes([[f32::NEG_INFINITY; WIDE]; 3]) };
+        for (lane, (low, high)) in corners.iter().enumerate().take(WIDE) {
+            boxes.low.set(lane, *low);
+            boxes.high.set(lane, *high);
+        }
+        boxes
+    }
+
+    fn around(&self) -> Corners {
+        let fold =
+            |lanes: &Lanes, of: fn(f32, f32) -> f32, start: f32| lanes.0.map(|axis| axis.into_iter().fold(start, of));
+        (fold(&self.low, f32::min, f32::INFINITY), fold(&self.high, f32::max, f32::NEG_INFINITY))
+    }
+
+    /// To the nearest point of each box: 0 within.
+    #[inline(always)]
+    fn squared_to(&self, query: &[f32; 3]) -> [f32; WIDE] {
+        let outside = |axis: usize, lane: usize| {
+            let (below, above) = (self.low.0[axis][lane] - query[axis], query[axis] - self.high.0[axis][lane]);
+            larger(larger(below, above), 0.0)
+        };
+        std::array::from_fn(|lane| {
+            let (dx, dy, dz) = (outside(0, lane), outside(1, lane), outside(2, lane));
+            dx * dx + dy * dy + dz * dz
+        })
+    }
+}
+
+/// `f32::max` without its care for NaN: one instruction.
+#[inline(always)]
+fn larger(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+/// `f32::min` without its care for NaN: one instruction.
+#[inline(always)]
+fn smaller(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::cloud::kdtree::KdTree;
+
+    fn tree(raw: &[[f32; 3]]) -> BoxTree {
+        let points: Vec<Point3<f32>> = raw.iter().map(|&p| p.into()).collect();
+        BoxTree::new(order(&points).iter().map(|&i| points[i as usize]).collect())
+    }
+
+    /// A full scan: the nearest, of equally near ones the first, and the squared distance of the second.
+    fn scan(tree: &BoxTree, query: &Point3<f32>, radius_m: f32) -> (Option<u32>, f32) {
+        let squared = |p: &Point3<f32>| {
+            let d = p - query;
+            d.x * d.x + d.y * d.y + d.z * d.z
+        };
+        let mut all: Vec<(f32, u32)> = tree.points().iter().map(squared).zip(0..).collect();
+        all.retain(|near| near.0 < radius_m * radius_m);
+        all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        (all.first().map(|near| near.1), all.get(1).map_or(radius_m * radius_m, |near| near.0))
+    }
+
+    /// Coordinates on a coarse lattice: many ties and duplicates.
+    fn lattice() -> impl Strategy<Value = Vec<[f32; 3]>> {
+        prop::collection::vec(prop::array::uniform3((-8i8..8).prop_map(|v| f32::from(v) * 0.5)), 0..700)
+    }
+
+    fn cloud() -> impl Strategy<Value = Vec<[f32; 3]>> {
+        prop_oneof![lattice(), prop::collection::vec(prop::array::uniform3(-9.0f32..9.0), 0..700)]
+    }
+
+    proptest! {
+        #[test]
+        fn the_nearest_is_a_full_scan_s_bit_for_bit(
+            raw in cloud(), query in prop::array::uniform3(-40i8..40), radius_m in 0.1f32..20.0, slack_m in 0.0f32..3.0,
+        ) {
+            let tree = tree(&raw);
+            let query = query.map(|v| f32::from(v) * 0.25).into();
+            let (index, second) = scan(&tree, &query, radius_m);
+            let found = tree.nearest(Portable, &query, radius_m, slack_m);
+            prop_assert_eq!(found.index, index);
+            prop_assert!(found.others_squared_m2 <= second);
+            let nearest = index.map(|index| (tree.points()[index as usize] - query).norm());
+            let least = nearest.map_or(radius_m, |m| (m + slack_m).min(radius_m));
+            prop_assert!(found.others_squared_m2.sqrt() >= least.min(second.sqrt()) * 0.999_999);
+        }
+
+        #[test]
+        fn the_nearest_is_as_near_as_the_k_d_tree_s(
+            raw in cloud(), query in prop::array::uniform3(-9.0f32..9.0), radius_m in 0.1f32..20.0,
+        ) {
+            let (tree, query) = (tree(&raw), query.into());
+            let theirs = KdTree::new(tree.points()).nearest(&query, radius_m);
+            let ours = tree.nearest(Portable, &query, radius_m, 0.0).index;
+            let distance = |index: Option<u32>| index.map(|index| (tree.points()[index as usize] - query).norm());
+            match (distance(ours), distance(theirs.index)) {
+                (Some(a), Some(b)) => prop_assert!((a - b).abs() <= 1e-5 * (1.0 + a)),
+                (a, b) => prop_assert_eq!(a.is_some(), b.is_some()),
+            }
+        }
+
+        #[test]
+        fn the_order_holds_each_point_once(raw in cloud()) {
+            let points: Vec<Point3<f32>> = raw.iter().map(|&p| p.into()).collect();
+            let mut order = order(&points);
+            order.sort_unstable();
+            prop_assert_eq!(order, (0..points.len() as u32).collect::<Vec<_>>());
+        }
+    }
+
+    #[test]
+    fn a_query_that_is_not_a_number_finds_nothing() {
+        let tree = tree(&[[1.0; 3], [2.0; 3]]);
+        for query in [[f32::NAN; 3], [f32::INFINITY; 3], [f32::NAN, 1.0, 1.0]] {
+            assert_eq!(tree.nearest(Portable, &query.into(), 5.0, 0.5).index, None);
+        }
+    }
+
+    #[test]
+    fn thousands_of_equal_points_are_no_trouble() {
+        let tree = tree(&[[1.0, 2.0, 3.0]; 10_000]);
+        let found = tree.nearest(Portable, &Point3::new(1.0, 2.0, 3.0), 1.0, 0.1);
+        assert_eq!(found, Found { index: Some(0), others_squared_m2: 0.0 });
+    }
+
+    #[test]
+    fn the_order_is_the_same_on_any_number_of_threads() {
+        let points: Vec<Point3<f32>> =
+            (0..40_000).map(|i| Point3::new((i as f32).sin(), (i as f32 * 0.7).cos(), (i % 7) as f32)).collect();
+        let on = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| order(&points))
+        };
+        assert_eq!(on(1), on(3));
+    }
+}
