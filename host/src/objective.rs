@@ -8,7 +8,7 @@ use crate::cloud::Cloud;
 use crate::dataset::{Dataset, ScanPair};
 use crate::params::Parameters;
 use crate::pose::{Pose, frobenius_error, rotation_error_deg, translation_error_m};
-use crate::registration::{Icp, Outcome, Registration};
+use crate::registration::{Outcome, StopReason};
 use crate::sensor::{Sensor, SensorError, Sensors, View};
 
 /// How one pair came out.
@@ -52,7 +52,8 @@ pub struct Bench<'a> {
 }
 
 impl Bench<'_> {
-    /// f_opt of Eq. 4: both scans of a pair with one set of parameters, registered from the identity.
+    /// f_opt of Eq. 4: both scans of a pair with one set of parameters, registered from the identity
+    /// (which global methods do not look at).
     ///
     /// The settings reach the sensor over the link, and every echo comes back over it. A registration that finds nothing
     /// counts as the identity, its initial guess.
@@ -71,9 +72,9 @@ impl Bench<'_> {
         let scans = self.sensors.with(|sensor| scan_pair(sensor, &parameters.settings, pair, noise_seed))?;
         let [first, second] = scans.map(|scan| self.cloud(&scan));
         let initial = Pose::identity();
-        let outcome = match Icp::new(parameters.icp) {
-            Ok(icp) => icp.register(&first, &second, &initial),
-            Err(_) => Outcome::nothing(&initial, crate::registration::StopReason::BadSettings),
+        let outcome = match parameters.registration.build() {
+            Ok(method) => method.register(&first, &second, &initial),
+            Err(_) => Outcome::nothing(&initial, StopReason::BadSettings),
         };
         let error = pair_error(index, &outcome, &pair.truth, [first.points.len(), second.points.len()]);
         Ok(Registered { error, clouds: [first, second], first_from_second: outcome.target_from_source })

@@ -437,13 +437,23 @@ fn register_recovers_a_known_motion_and_prints_the_documented_keys() {
         "iterations",
         "inlier_fraction",
         "unobservable_directions",
+        "matches",
+        "searched",
+        "inliers",
+        "margin",
         "method",
+        "refine",
         "voxel_m",
         "normal_radius_m",
         "normal_neighbours",
         "max_pair_distance_m",
         "first_pair_distance_m",
         "max_iterations",
+        "still_m",
+        "still_rad",
+        "still_fraction",
+        "still_rmse_m",
+        "least_information",
     ];
     assert_eq!(keys, expected);
     assert_eq!((&document["stop"], &document["method"]), (&"Still".into(), &"icp".into()));

@@ -3,6 +3,8 @@
 mod desk;
 
 use std::fs;
+use std::io::{BufRead, BufReader};
+use std::process::{Command, Stdio};
 
 use desk::Desk;
 use echoloop_host::cloud::read_cloud;
@@ -113,4 +115,21 @@ fn what_cannot_be_scanned_leaves_no_folder() {
     desk.refuses(&with("data.baseline_m=99"), &["no viable viewpoint"]);
     desk.refuses(&with("lidar.power=900"), &["power"]);
     desk.refuses(&["pairs", "-c", "small.toml"], &["--output"]);
+}
+
+#[test]
+#[cfg(unix)]
+fn an_interrupted_run_leaves_no_folder() {
+    let desk = Desk::new();
+    let before = desk.snapshot();
+    let many = ["pairs", "-c", "small.toml", "-o", "hard", "--threads", "1", "--set", "data.test_pairs=200"];
+    let mut child = desk.command(&many).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("echoloop starts");
+    let mut lines = BufReader::new(child.stderr.take().expect("a pipe")).lines();
+    assert!(lines.any(|line| line.expect("a line").contains("listening")), "it says when the scans begin");
+    let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill runs");
+    assert!(killed.success());
+    let said: Vec<String> = lines.map(|line| line.expect("a line")).collect();
+    assert_eq!(child.wait().expect("it ends").code(), Some(130), "{said:?}");
+    assert!(said.iter().any(|line| line.contains("nothing is written")), "{said:?}");
+    assert!(desk.snapshot() == before, "something was left behind");
 }

@@ -9,6 +9,7 @@ use serde::Deserialize;
 
 use super::choice::SensorChoice;
 use super::exit::Failure;
+use super::method_choice::MethodChoice;
 use super::progress::Progress;
 use super::tune::Prepared;
 use super::{Common, ConfigSource, on_threads};
@@ -27,8 +28,10 @@ pub(crate) struct EvaluateArgs {
     common: Common,
     #[command(flatten)]
     sensor: SensorChoice,
+    #[command(flatten)]
+    method: MethodChoice,
     /// Judge the tuned parameters of a run, with its configuration.
-    #[arg(long, value_name = "RUN", conflicts_with_all = ["config", "candidate"])]
+    #[arg(long, value_name = "RUN", conflicts_with_all = ["config", "candidate", "method", "mode", "refine"])]
     run: Option<PathBuf>,
     /// JSON file with {"parameters": {"lidar.power": 50, …}} laid over the configuration's; - is standard input.
     #[arg(long, value_name = "FILE")]
@@ -68,7 +71,7 @@ pub(super) fn run(args: &EvaluateArgs) -> Result<(), Failure> {
 fn config(args: &EvaluateArgs) -> Result<Config, Failure> {
     match &args.run {
         Some(run) => load(Some(&run.join(CONFIG)), &args.source.set).map_err(Failure::usage),
-        None => args.source.load(Vec::new()),
+        None => args.source.load(args.method.overrides()),
     }
 }
 

@@ -10,7 +10,8 @@ use crate::cloud::{Cloud, write_ply};
 use crate::config::Config;
 use crate::evaluate::{Summary, median};
 use crate::objective::Registered;
-use crate::params::{Parameters, Preset, Space, icp_axes};
+use crate::params::{Parameters, Preset, Space, axes};
+use crate::registration::{FgrMode, Method};
 use crate::report::{
     CloudLayer, Convergence, Correlation, EvaluationRow, EvaluationTable, PairClouds, PairError, ParameterTrace,
     PoseError, Report, RowKind,
@@ -23,8 +24,12 @@ use crate::tune::{Search, Tuned};
 pub(super) fn print_table(config: &Config, result: &RunResult, space: &Space) {
     let data = &config.data;
     println!(
-        "\n{} held-out pairs, {:.1} m apart, success within {} m and {}°\n",
-        result.tuned_summary.pairs, data.baseline_m, data.success_translation_m, data.success_rotation_deg
+        "\n{}: {} held-out pairs, {:.1} m apart, success within {} m and {}°\n",
+        result.method,
+        result.tuned_summary.pairs,
+        data.baseline_m,
+        data.success_translation_m,
+        data.success_rotation_deg
     );
     println!(
         "{:<10} {:>9} {:>12} {:>11} {:>12} {:>12} {:>8}",
@@ -76,8 +81,8 @@ pub(super) fn choices(parameter: &Parameter) -> Vec<&'static str> {
     names.iter().zip(0..).filter(|(_, code)| parameter.runs(*code)).map(|(name, _)| *name).collect()
 }
 
-/// Every parameter: the firmware's table, then the registration's.
-fn parameter_rows(preset: Preset) -> Vec<Row> {
+/// Every parameter: the firmware's table, then the registration method's.
+fn parameter_rows(method: Method, preset: Preset) -> Vec<Row> {
     let lidar = echoloop_dsp::PARAMETERS.iter().map(|p| Row {
         name: format!("lidar.{}", p.name),
         unit: p.unit,
@@ -87,22 +92,22 @@ fn parameter_rows(preset: Preset) -> Vec<Row> {
         acts_in: p.acts_in,
         choices: choices(p),
     });
-    let registration = icp_axes(preset).map(|a| Row {
+    let registration = axes(method, preset).into_iter().map(|a| Row {
         name: a.name.to_owned(),
         unit: a.unit,
         min: a.min,
         max: a.max,
         default: Some(a.default),
-        acts_in: "ICP",
+        acts_in: method.name(),
         choices: Vec::new(),
     });
     lidar.chain(registration).collect()
 }
 
 /// The parameter table as text: name, range, default, unit, where it acts.
-pub(super) fn parameter_table(preset: Preset) -> String {
+pub(super) fn parameter_table(method: Method, preset: Preset) -> String {
     let mut text = format!("{:<34} {:>8} {:>8} {:>8}  {:<14} acts in\n", "parameter", "min", "max", "default", "unit");
-    for Row { name, unit, min, max, default, acts_in, choices } in parameter_rows(preset) {
+    for Row { name, unit, min, max, default, acts_in, choices } in parameter_rows(method, preset) {
         if !choices.is_empty() {
             text += &format!("{name:<34} {:<42}  {acts_in}\n", choices.join(" | "));
             continue;
@@ -114,13 +119,13 @@ pub(super) fn parameter_table(preset: Preset) -> String {
 }
 
 /// The parameter table as JSON.
-pub(super) fn parameter_json(preset: Preset) -> serde_json::Value {
+pub(super) fn parameter_json(method: Method, preset: Preset) -> serde_json::Value {
     let row = |Row { name, unit, min, max, default, acts_in, choices }: Row| {
         serde_json::json!({
             "name": name, "unit": unit, "min": min, "max": max, "default": default, "acts_in": acts_in, "choices": choices,
         })
     };
-    parameter_rows(preset).into_iter().map(row).collect::<Vec<_>>().into()
+    parameter_rows(method, preset).into_iter().map(row).collect::<Vec<_>>().into()
 }
 
 /// The held-out pair to show: the one the default parameters did worst on.
@@ -325,6 +330,13 @@ fn notes(config: &Config) -> Vec<String> {
             .to_owned(),
         "A registration that finds nothing counts as its initial guess, the identity.".to_owned(),
     ];
+    if config.registration.mode == FgrMode::Open3d {
+        notes.push(
+            "FGR as Open3D 0.20 runs it from Python with its defaults: without graduated non-convexity, from a wrong start. It is \
+             the paper's baseline, not the published method; that is mode annealed."
+                .to_owned(),
+        );
+    }
     if config.tune.error_cap > 0.0 {
         notes.push(format!(
             "The search caps a pair's error at {} (the paper does not; tune.error_cap = 0 is its way). The tables do not.",

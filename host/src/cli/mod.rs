@@ -4,6 +4,8 @@ mod choice;
 mod evaluate;
 mod exit;
 mod figures;
+mod method_choice;
+mod method_flags;
 mod pairs;
 mod progress;
 mod register;
@@ -19,6 +21,7 @@ use clap_complete::Shell;
 
 use crate::config::{Config, Override, load};
 use crate::params::Preset;
+use crate::registration::Method;
 
 pub use exit::{Failure, report_failure};
 
@@ -135,8 +138,9 @@ struct ConfigArgs {
 /// The command line with the parameter table in its help: it comes from the firmware, so it is put in here.
 pub fn command() -> clap::Command {
     let help = format!(
-        "Parameters, set with --set KEY=VALUE or in a file ([lidar], [registration]):\n\n{}",
-        figures::parameter_table(Preset::Outdoor)
+        "Parameters, set with --set KEY=VALUE or in a file ([lidar], [registration]); those of another method: \
+         `echoloop config --parameters --set registration.method=fgr`.\n\n{}",
+        figures::parameter_table(Method::Icp, Preset::Outdoor)
     );
     let with_parameters = |c: clap::Command| c.after_long_help(help.clone());
     let command = Cli::command().mut_subcommand("tune", with_parameters);
@@ -178,11 +182,11 @@ impl Cli {
 
 fn show_config(args: &ConfigArgs) -> Result<(), Failure> {
     let config = args.source.load(Vec::new())?;
-    let preset = config.registration.preset;
+    let (method, preset) = (config.registration.method, config.registration.preset);
     if args.parameters && args.common.json {
-        println!("{}", figures::parameter_json(preset));
+        println!("{}", figures::parameter_json(method, preset));
     } else if args.parameters {
-        print!("{}", figures::parameter_table(preset));
+        print!("{}", figures::parameter_table(method, preset));
     } else if args.common.json {
         println!("{}", serde_json::to_string_pretty(&config).map_err(Failure::run)?);
     } else {

@@ -5,17 +5,17 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::exit::Failure;
+use super::method_flags::MethodFlags;
 use super::{Common, on_threads};
 use crate::cloud::{Cloud, read_cloud};
-use crate::config::Method;
 use crate::pose::{Pose, read_pose, to_rows};
-use crate::registration::{Icp, IcpConfig, Outcome, Registration, suggest};
+use crate::registration::{Method, MethodConfig, Outcome, build, suggest_refinement};
 
 /// Flags of `register`. Without any, they are chosen from the clouds.
 #[derive(Clone, Debug, Args)]
 #[command(allow_negative_numbers = true)]
 pub(crate) struct RegisterArgs {
-    /// The cloud that stays: PLY, PCD, KITTI .bin or XYZ, m.
+    /// The cloud that stays: PLY, PCD, VTK, KITTI .bin or XYZ, m.
     target: PathBuf,
     /// The cloud that moves.
     source: PathBuf,
@@ -24,30 +24,18 @@ pub(crate) struct RegisterArgs {
     /// The method.
     #[arg(long, default_value = "icp")]
     method: Method,
-    /// Where to start: a file with the 4 × 4 matrix target_from_source [default: identity].
+    /// Finish what a global method finds with point-to-plane ICP.
+    #[arg(long)]
+    refine: bool,
+    /// Of ICP and GICP, where to start: a file with the 4 × 4 matrix target_from_source [default: identity].
     #[arg(long, value_name = "FILE")]
     initial: Option<PathBuf>,
-    /// Edge of the voxels that thin both clouds, m, above 0.
-    #[arg(long, value_name = "M")]
-    voxel_m: Option<f64>,
-    /// Radius of the normals' neighbourhood, m, above 0.
-    #[arg(long, value_name = "M")]
-    normal_radius_m: Option<f64>,
-    /// Neighbours of a normal at most, 3 to 10000.
-    #[arg(long, value_name = "N")]
-    normal_neighbours: Option<usize>,
-    /// Points farther apart are no pair, m, above 0.
-    #[arg(long, value_name = "M")]
-    max_pair_distance_m: Option<f64>,
-    /// Pairs may be this far apart at first, then less and less, m.
-    #[arg(long, value_name = "M")]
-    first_pair_distance_m: Option<f64>,
-    /// Iterations at most, 1 or more.
-    #[arg(long, value_name = "N")]
-    max_iterations: Option<usize>,
+    #[command(flatten)]
+    settings: MethodFlags,
 }
 
 pub(super) fn run(args: &RegisterArgs) -> Result<(), Failure> {
+    check(args)?;
     let target = read(args, &args.target)?;
     let source = read(args, &args.source)?;
     let initial = match &args.initial {
@@ -55,6 +43,20 @@ pub(super) fn run(args: &RegisterArgs) -> Result<(), Failure> {
         None => Pose::identity(),
     };
     on_threads(args.common.threads, || register(args, &target, &source, &initial))?
+}
+
+/// Flags that do not go together, before anything is read.
+fn check(args: &RegisterArgs) -> Result<(), Failure> {
+    let (global, name) = (args.method.is_global(), args.method.name());
+    if args.refine && !global {
+        return Err(Failure::usage(format!("--refine goes with a global method (fgr, mac), not with {name}")));
+    }
+    if args.initial.is_some() && global {
+        return Err(Failure::usage(format!(
+            "--initial goes with a local method (icp, gicp): {name} searches everywhere"
+        )));
+    }
+    args.settings.check(args.method)
 }
 
 fn read(args: &RegisterArgs, path: &Path) -> Result<Cloud, Failure> {
@@ -70,35 +72,24 @@ fn read(args: &RegisterArgs, path: &Path) -> Result<Cloud, Failure> {
     Ok(cloud)
 }
 
-impl RegisterArgs {
-    fn config(&self, target: &Cloud, source: &Cloud) -> IcpConfig {
-        let mut config = suggest(target, source);
-        let lengths = [
-            (&mut config.voxel_m, self.voxel_m),
-            (&mut config.normal_radius_m, self.normal_radius_m),
-            (&mut config.max_pair_distance_m, self.max_pair_distance_m),
-        ];
-        for (slot, given) in lengths {
-            *slot = given.unwrap_or(*slot);
-        }
-        config.first_pair_distance_m = match (self.first_pair_distance_m, self.max_pair_distance_m) {
-            (Some(first), _) => Some(first),
-            // A distance of one's own is meant as it stands.
-            (None, Some(_)) => None,
-            (None, None) => config.first_pair_distance_m,
-        };
-        config.normal_neighbours = self.normal_neighbours.unwrap_or(config.normal_neighbours);
-        config.max_iterations = self.max_iterations.unwrap_or(config.max_iterations);
-        config
-    }
-}
-
 fn register(args: &RegisterArgs, target: &Cloud, source: &Cloud, initial: &Pose) -> Result<(), Failure> {
     let began = cpu_s();
-    let Method::Icp = args.method;
-    let icp = Icp::new(args.config(target, source)).map_err(Failure::usage)?;
-    let outcome = icp.register(target, source, initial);
-    print(args, &icp, &outcome, cpu_s() - began)
+    let config = args.settings.config(args.method, target, source)?;
+    let finish = args.refine.then(|| suggest_refinement(target, source));
+    let method = build(&config, finish).map_err(Failure::usage)?;
+    let outcome = method.register(target, source, initial);
+    warn(args, &outcome);
+    print(args, &config, &outcome, cpu_s() - began)
+}
+
+/// Says when matches were left out.
+fn warn(args: &RegisterArgs, outcome: &Outcome) {
+    if let Some(consensus) = outcome.consensus.filter(|c| c.searched < c.matches && !args.common.quiet) {
+        eprintln!(
+            "warning: {} of {} matches were searched: all would take too much time and memory",
+            consensus.searched, consensus.matches
+        );
+    }
 }
 
 /// Processor time of this process, all threads, s.
@@ -106,45 +97,61 @@ fn cpu_s() -> f64 {
     cpu_time::ProcessTime::try_now().map_or(f64::NAN, |t| t.as_duration().as_secs_f64())
 }
 
-fn print(args: &RegisterArgs, icp: &Icp, outcome: &Outcome, cpu_s: f64) -> Result<(), Failure> {
-    let rows = to_rows(&outcome.target_from_source);
+fn print(args: &RegisterArgs, config: &MethodConfig, outcome: &Outcome, cpu_s: f64) -> Result<(), Failure> {
     if args.common.json {
-        let rows: Vec<&[f64]> = rows.chunks(4).collect();
-        let config = icp.config();
-        let document = serde_json::json!({
-            "target_from_source": rows,
-            "stop": format!("{:?}", outcome.stop),
-            "pairs": outcome.pairs,
-            "rmse_m": outcome.rmse_m,
-            "cpu_s": cpu_s,
-            "iterations": outcome.iterations,
-            "inlier_fraction": outcome.inlier_fraction,
-            "unobservable_directions": outcome.observability.as_ref().map(|o| o.unobservable),
-            "method": "icp",
-            "voxel_m": config.voxel_m,
-            "normal_radius_m": config.normal_radius_m,
-            "normal_neighbours": config.normal_neighbours,
-            "max_pair_distance_m": config.max_pair_distance_m,
-            "first_pair_distance_m": config.first_pair_distance_m,
-            "max_iterations": config.max_iterations,
-        });
-        println!("{}", serde_json::to_string(&document).map_err(Failure::run)?);
+        println!("{}", serde_json::to_string(&document(args, config, outcome, cpu_s)).map_err(Failure::run)?);
     } else {
-        println!("target_from_source");
-        for row in rows.chunks(4) {
-            println!("{:>12.6} {:>12.6} {:>12.6} {:>12.6}", row[0], row[1], row[2], row[3]);
-        }
-        println!(
-            "{}; {} iterations, {} pairs, {:.1} mm rms, {:.3} s CPU",
-            outcome.stop,
-            outcome.iterations,
-            outcome.pairs,
-            1e3 * outcome.rmse_m,
-            cpu_s
-        );
+        print_text(outcome, cpu_s);
     }
     match outcome.stop.is_success() {
         true => Ok(()),
         false => Err(Failure::run(format!("not registered: {}", outcome.stop))),
+    }
+}
+
+fn document(args: &RegisterArgs, config: &MethodConfig, outcome: &Outcome, cpu_s: f64) -> serde_json::Value {
+    let rows = to_rows(&outcome.target_from_source);
+    let rows: Vec<&[f64]> = rows.chunks(4).collect();
+    let mut document = serde_json::json!({
+        "target_from_source": rows,
+        "stop": format!("{:?}", outcome.stop),
+        "pairs": outcome.pairs,
+        "rmse_m": outcome.rmse_m,
+        "cpu_s": cpu_s,
+        "iterations": outcome.iterations,
+        "inlier_fraction": outcome.inlier_fraction,
+        "unobservable_directions": outcome.observability.as_ref().map(|o| o.unobservable),
+        "matches": outcome.consensus.map(|c| c.matches),
+        "searched": outcome.consensus.map(|c| c.searched),
+        "inliers": outcome.consensus.map(|c| c.inliers),
+        "margin": outcome.consensus.and_then(|c| c.margin),
+        "method": args.method.name(),
+        "refine": args.refine,
+    });
+    if let MethodConfig::Fgr(config) = config {
+        document["mode"] = serde_json::json!(config.mode);
+    }
+    for key in config.keys() {
+        document[*key] = serde_json::json!(config.get(key));
+    }
+    document
+}
+
+fn print_text(outcome: &Outcome, cpu_s: f64) {
+    println!("target_from_source");
+    for row in to_rows(&outcome.target_from_source).chunks(4) {
+        println!("{:>12.6} {:>12.6} {:>12.6} {:>12.6}", row[0], row[1], row[2], row[3]);
+    }
+    println!(
+        "{}; {} iterations, {} pairs, {:.1} mm rms, {:.3} s CPU",
+        outcome.stop,
+        outcome.iterations,
+        outcome.pairs,
+        1e3 * outcome.rmse_m,
+        cpu_s
+    );
+    if let Some(consensus) = &outcome.consensus {
+        let margin = consensus.margin.map_or_else(String::new, |margin| format!(", {margin:.2} times the next best"));
+        println!("{} of {} matches agree{margin}", consensus.inliers, consensus.matches);
     }
 }

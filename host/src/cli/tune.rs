@@ -10,9 +10,10 @@ use echoloop_dsp::Hardware;
 use super::choice::{SensorChoice, described, introduce};
 use super::exit::Failure;
 use super::figures::{print_table, write_clouds, write_report};
+use super::method_choice::{MethodChoice, name_of};
 use super::progress::Progress;
 use super::{Common, ConfigSource, on_threads};
-use crate::config::{Config, Method, Override, default_runs_folder, load};
+use crate::config::{Config, Override, default_runs_folder, load};
 use crate::dataset::Dataset;
 use crate::evaluate::Summary;
 use crate::journal::{Generation, Journal};
@@ -31,9 +32,8 @@ pub(crate) struct TuneArgs {
     common: Common,
     #[command(flatten)]
     sensor: SensorChoice,
-    /// Registration method.
-    #[arg(long)]
-    method: Option<Method>,
+    #[command(flatten)]
+    method: MethodChoice,
     /// What is tuned.
     #[arg(long)]
     protocol: Option<Protocol>,
@@ -50,7 +50,7 @@ pub(crate) struct TuneArgs {
     #[arg(long, value_name = "FOLDER")]
     runs: Option<PathBuf>,
     /// Go on with an interrupted run.
-    #[arg(long, value_name = "RUN", conflicts_with_all = ["config", "set", "scene", "seed", "method", "protocol", "preset",
+    #[arg(long, value_name = "RUN", conflicts_with_all = ["config", "set", "scene", "seed", "method", "mode", "refine", "protocol", "preset",
         "generations", "population", "runs"])]
     resume: Option<PathBuf>,
     /// With --resume: drop the damaged end of a journal, after copying it.
@@ -66,20 +66,14 @@ impl TuneArgs {
         if let Some(run) = &self.resume {
             return load(Some(&run.join(CONFIG)), &[]).map_err(Failure::usage);
         }
-        let mut own = Vec::new();
+        let mut own = self.method.overrides();
         let mut flag = |path: &str, value: Option<toml::Value>| own.extend(value.map(|v| Override::flag(path, v)));
-        flag("registration.method", self.method.map(name_of));
         flag("tune.protocol", self.protocol.map(name_of));
         flag("registration.preset", self.preset.map(name_of));
         flag("tune.generations", self.generations.map(|n| i64::from(n).into()));
         flag("tune.population", self.population.map(|n| i64::from(n).into()));
         self.source.load(own)
     }
-}
-
-/// A value's name on the command line, which is also its name in the file.
-fn name_of(value: impl clap::ValueEnum) -> toml::Value {
-    value.to_possible_value().map(|v| v.get_name().to_owned()).unwrap_or_default().into()
 }
 
 /// Everything a search needs, made from a configuration.
@@ -190,7 +184,7 @@ fn search_and_judge(
 fn run_name(config: &Config) -> String {
     let source = std::path::Path::new(&config.scene.source);
     let scene = source.file_stem().map_or_else(|| config.scene.source.clone(), |s| s.to_string_lossy().into_owned());
-    let method = format!("{:?}", config.registration.method).to_lowercase();
+    let method = config.registration.method.name();
     format!("{scene}-{method}-{}", config.tune.protocol.name())
 }
 
@@ -211,7 +205,7 @@ fn result(prepared: &Prepared, search: &Search<'_>, tuned: &Tuned, before: Summa
     RunResult {
         format: 1,
         protocol: prepared.config.tune.protocol.name().into(),
-        method: format!("{:?}", prepared.config.registration.method).to_lowercase(),
+        method: prepared.config.registration.name(),
         scene: prepared.config.scene.source.clone(),
         seed: prepared.config.seed,
         generations: tuned.generations.len(),

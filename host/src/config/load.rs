@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use thiserror::Error;
 
-use super::{Config, ConfigError};
+use super::{Config, ConfigError, DataConfig};
 
 /// Why there is no configuration.
 #[derive(Debug, Error)]
@@ -111,12 +111,29 @@ pub fn load(path: Option<&Path>, overrides: &[Override]) -> Result<Config, LoadE
         // Each is checked as it is laid down, so that the error is its own.
         table.clone().try_into::<Config>().map_err(|error| fail(error.message().trim().to_owned()))?;
     }
-    let config: Config = table.try_into().map_err(|error: toml::de::Error| LoadError::Override {
+    let data = table.get("data").and_then(toml::Value::as_table).cloned().unwrap_or_default();
+    let mut config: Config = table.try_into().map_err(|error: toml::de::Error| LoadError::Override {
         text: String::new(),
         message: error.message().to_owned(),
     })?;
+    follow_method(&mut config, &data);
     config.check()?;
     Ok(config)
+}
+
+/// What is left out of `[data]` and hangs on the method: see [`DataConfig::of_method`].
+fn follow_method(config: &mut Config, given: &toml::Table) {
+    let usual = DataConfig::of_method(config.registration.method);
+    let data = &mut config.data;
+    for (key, slot, value) in [
+        ("baseline_m", &mut data.baseline_m, usual.baseline_m),
+        ("success_translation_m", &mut data.success_translation_m, usual.success_translation_m),
+        ("success_rotation_deg", &mut data.success_rotation_deg, usual.success_rotation_deg),
+    ] {
+        if !given.contains_key(key) {
+            *slot = value;
+        }
+    }
 }
 
 /// The file's table, after its text has been taken for a [`Config`]: errors then show the line.
@@ -130,6 +147,16 @@ fn read(path: &Path) -> Result<toml::Table, LoadError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn global_methods_get_scans_farther_apart_unless_told_otherwise() {
+        let data = |texts: &[&str]| set(texts).unwrap().data;
+        assert_eq!(data(&["registration.method=icp"]), DataConfig::default());
+        let global = data(&["registration.method=mac"]);
+        assert_eq!((global.baseline_m, global.success_translation_m, global.success_rotation_deg), (5.0, 1.0, 5.0));
+        let own = data(&["data.baseline_m=3", "registration.method=fgr"]);
+        assert_eq!((own.baseline_m, own.success_translation_m), (3.0, 1.0));
+    }
 
     fn set(texts: &[&str]) -> Result<Config, LoadError> {
         let overrides: Vec<Override> = texts.iter().map(|t| t.parse().unwrap()).collect();

@@ -11,6 +11,7 @@ use thiserror::Error;
 
 use crate::frontend::{OpticsError, Receiver};
 use crate::params::{Preset, Protocol};
+pub use crate::registration::{FgrMode, Method};
 
 pub use lidar::Lidar;
 pub use load::{LoadError, Override, load};
@@ -113,7 +114,7 @@ pub struct DataConfig {
     pub train_pairs: usize,
     /// Pairs to judge on, in other places.
     pub test_pairs: usize,
-    /// Distance of a pair's scans, m: the paper's 2 for local methods.
+    /// Distance of a pair's scans, m: the paper's 2 for local methods, 5 for global ones.
     pub baseline_m: f64,
     /// The second scan's heading differs by at most this, degrees.
     pub heading_range_deg: f64,
@@ -139,6 +140,17 @@ impl Default for DataConfig {
     }
 }
 
+impl DataConfig {
+    /// As in the paper: local methods get scans 2 m apart and succeed within 0.5 m and 2.5°, global ones 5 m, 1 m and 5°.
+    pub fn of_method(method: Method) -> Self {
+        let local = Self::default();
+        match method.is_global() {
+            true => Self { baseline_m: 5.0, success_translation_m: 1.0, success_rotation_deg: 5.0, ..local },
+            false => local,
+        }
+    }
+}
+
 /// Θ_reg to start from. What is left out is the preset's default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -147,6 +159,12 @@ pub struct RegistrationConfig {
     pub method: Method,
     /// Ranges and defaults: `outdoor`, or `paper` (Sec. 3.3, made for indoor spacing).
     pub preset: Preset,
+    /// Of FGR: `annealed`, or `open3d` (as Open3D 0.20 runs it, the paper's baseline).
+    #[serde(skip_serializing_if = "is_default")]
+    pub mode: FgrMode,
+    /// Whether point-to-plane ICP finishes what a global method finds.
+    #[serde(skip_serializing_if = "is_default")]
+    pub refine: bool,
     /// Edge of the voxels, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub voxel_m: Option<f64>,
@@ -156,21 +174,49 @@ pub struct RegistrationConfig {
     /// Neighbours of a normal at most.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub normal_neighbours: Option<f64>,
+    /// Radius of the features' neighbourhood, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub feature_radius_m: Option<f64>,
+    /// Neighbours of a feature at most.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub feature_neighbours: Option<f64>,
     /// Greatest distance of a pair, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_pair_distance_m: Option<f64>,
+    /// Of MAC: matches agree when their distances differ by less than this, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_stretch_m: Option<f64>,
     /// Iterations at most.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_iterations: Option<f64>,
 }
 
-/// A registration method.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "lowercase")]
-pub enum Method {
-    /// Point-to-plane ICP.
-    #[default]
-    Icp,
+impl RegistrationConfig {
+    /// What reports call it: the method, Open3D's way of it, ICP at its end.
+    pub fn name(&self) -> String {
+        let mode = if self.mode == FgrMode::Open3d { " as Open3D runs it" } else { "" };
+        let refine = if self.refine { ", then icp" } else { "" };
+        format!("{}{mode}{refine}", self.method.name())
+    }
+
+    /// The values that are given, by key.
+    pub fn chosen(&self) -> impl Iterator<Item = (&'static str, f64)> {
+        let all = [
+            ("voxel_m", self.voxel_m),
+            ("normal_radius_m", self.normal_radius_m),
+            ("normal_neighbours", self.normal_neighbours),
+            ("feature_radius_m", self.feature_radius_m),
+            ("feature_neighbours", self.feature_neighbours),
+            ("max_pair_distance_m", self.max_pair_distance_m),
+            ("max_stretch_m", self.max_stretch_m),
+            ("max_iterations", self.max_iterations),
+        ];
+        all.into_iter().filter_map(|(key, value)| value.map(|value| (key, value)))
+    }
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 /// How to search.

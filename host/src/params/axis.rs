@@ -33,15 +33,15 @@ pub struct Axis {
 }
 
 impl Axis {
-    pub(super) fn linear(name: &'static str, unit: &'static str, min: f64, max: f64, default: f64) -> Self {
+    pub(super) const fn linear(name: &'static str, unit: &'static str, min: f64, max: f64, default: f64) -> Self {
         Self { name, unit, scale: Scale::Linear, min, max, default }
     }
 
-    pub(super) fn log(name: &'static str, unit: &'static str, min: f64, max: f64, default: f64) -> Self {
+    pub(super) const fn log(name: &'static str, unit: &'static str, min: f64, max: f64, default: f64) -> Self {
         Self { name, unit, scale: Scale::Log, min, max, default }
     }
 
-    pub(super) fn integer(name: &'static str, unit: &'static str, min: f64, max: f64, default: f64) -> Self {
+    pub(super) const fn integer(name: &'static str, unit: &'static str, min: f64, max: f64, default: f64) -> Self {
         Self { name, unit, scale: Scale::Integer, min, max, default }
     }
 

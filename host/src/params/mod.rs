@@ -4,17 +4,19 @@
 
 mod axis;
 mod repair;
+mod theta_reg;
 
 use std::collections::BTreeMap;
 
 use echoloop_dsp::{Hardware, Kind, PARAMETERS, ParameterId, Settings};
 use serde::{Deserialize, Serialize};
 
-use crate::config::{Config, RegistrationConfig};
-use crate::registration::IcpConfig;
+use crate::config::Config;
+use crate::registration::ConfigError;
 
 pub use axis::{Axis, Scale};
 pub use repair::repair;
+pub use theta_reg::{ThetaReg, axes};
 
 /// What a search may change (Sec. 4.4).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
@@ -66,36 +68,13 @@ pub const PAPER_LIDAR: [ParameterId; 8] = [
     ParameterId::Upsampling,
 ];
 
-/// Θ_reg of point-to-plane ICP: every axis once, ranges from Sec. 3.3 or for outdoor spacing.
-///
-/// Defaults of `paper`: Open3D's examples, φ_d the middle of its range (Open3D has no default for it). The iterations' range
-/// is ours.
-pub fn icp_axes(preset: Preset) -> [Axis; 5] {
-    match preset {
-        Preset::Outdoor => [
-            Axis::log("registration.voxel_m", "m", 0.05, 1.0, 0.3), // φ_v
-            Axis::log("registration.normal_radius_m", "m", 0.1, 3.0, 0.9), // φ_rad1
-            Axis::integer("registration.normal_neighbours", "", 10.0, 100.0, 30.0), // φ_knn
-            Axis::log("registration.max_pair_distance_m", "m", 0.05, 3.0, 1.0), // φ_d
-            Axis::integer("registration.max_iterations", "", 8.0, 128.0, 30.0), // φ_icp
-        ],
-        Preset::Paper => [
-            Axis::linear("registration.voxel_m", "m", 0.01, 0.1, 0.05),
-            Axis::linear("registration.normal_radius_m", "m", 0.01, 0.1, 0.1),
-            Axis::integer("registration.normal_neighbours", "", 10.0, 100.0, 30.0),
-            Axis::linear("registration.max_pair_distance_m", "m", 0.1, 2.0, 1.0),
-            Axis::integer("registration.max_iterations", "", 8.0, 128.0, 30.0),
-        ],
-    }
-}
-
 /// One whole set of parameters, sensor and registration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parameters {
     /// Θ_lidar.
     pub settings: Settings,
     /// Θ_reg.
-    pub icp: IcpConfig,
+    pub registration: ThetaReg,
 }
 
 /// Parameters by name in their units, as files and reports have them.
@@ -129,6 +108,20 @@ pub enum ValueError {
         /// Its value.
         value: f64,
     },
+    /// Not a setting of the chosen method.
+    #[error("registration.{key} is no setting of {method}")]
+    NotOfMethod {
+        /// The key.
+        key: String,
+        /// The method's name.
+        method: &'static str,
+    },
+    /// A local method ends where refinement would.
+    #[error("registration.refine goes with a global method, not with {0}")]
+    NotRefined(&'static str),
+    /// Refused by the method's own rules.
+    #[error("registration.{0}")]
+    Method(#[from] ConfigError),
     /// Refused by the sensor's own rules.
     #[error("lidar.{0}")]
     Refused(#[from] echoloop_dsp::Refusal),
@@ -141,12 +134,7 @@ impl Parameters {
     ///
     /// [`ValueError`] of the first registration parameter outside the preset's range, or of the joint constraints.
     pub fn start(config: &Config, hardware: &Hardware) -> Result<Self, ValueError> {
-        let mut parameters = Self { settings: config.lidar.0, icp: IcpConfig::outdoor() };
-        for (axis, chosen) in icp_axes(config.registration.preset).iter().zip(chosen(&config.registration)) {
-            let value = chosen.unwrap_or(axis.default);
-            axis.require(value)?;
-            parameters.set(axis.name, value);
-        }
+        let parameters = Self { settings: config.lidar.0, registration: ThetaReg::start(&config.registration)? };
         parameters.settings.check(hardware)?;
         Ok(parameters)
     }
@@ -156,14 +144,7 @@ impl Parameters {
         if let Some(id) = name.strip_prefix("lidar.").and_then(ParameterId::by_name) {
             return self.settings.get(id).map(|code| id.parameter().to_unit(code));
         }
-        Some(match name {
-            "registration.voxel_m" => self.icp.voxel_m,
-            "registration.normal_radius_m" => self.icp.normal_radius_m,
-            "registration.normal_neighbours" => self.icp.normal_neighbours as f64,
-            "registration.max_pair_distance_m" => self.icp.max_pair_distance_m,
-            "registration.max_iterations" => self.icp.max_iterations as f64,
-            _ => return None,
-        })
+        self.registration.get(name)
     }
 
     /// Sets a named axis; false when there is none.
@@ -172,23 +153,20 @@ impl Parameters {
             self.settings.set(id, Some(id.parameter().to_code(value)));
             return true;
         }
-        match name {
-            "registration.voxel_m" => self.icp.voxel_m = value,
-            "registration.normal_radius_m" => self.icp.normal_radius_m = value,
-            "registration.normal_neighbours" => self.icp.normal_neighbours = value.max(0.0) as usize,
-            "registration.max_pair_distance_m" => self.icp.max_pair_distance_m = value,
-            "registration.max_iterations" => self.icp.max_iterations = value.max(0.0) as usize,
-            _ => return false,
-        }
-        true
+        self.registration.set(name, value)
     }
 
     /// Every parameter by name, in its unit.
     pub fn values(&self, preset: Preset) -> Values {
         let lidar = PARAMETERS.iter().map(|p| format!("lidar.{}", p.name));
-        let registration = icp_axes(preset).map(|axis| axis.name.to_owned());
+        let registration = self.registration_axes(preset).into_iter().map(|axis| axis.name.to_owned());
         let names = lidar.chain(registration);
         names.filter_map(|name| self.get(&name).map(|value| (name, value))).collect()
+    }
+
+    /// The axes of the method these parameters are for.
+    pub fn registration_axes(&self, preset: Preset) -> Vec<Axis> {
+        axes(self.registration.method.method(), preset)
     }
 
     /// Lays named values over these parameters, checking each.
@@ -197,7 +175,7 @@ impl Parameters {
     ///
     /// [`ValueError`] names the first that is unknown, out of range or refused by the joint constraints.
     pub fn with_values(mut self, values: &Values, preset: Preset, hardware: &Hardware) -> Result<Self, ValueError> {
-        let axes = icp_axes(preset);
+        let axes = self.registration_axes(preset);
         for (name, &value) in values {
             if let Some(axis) = axes.iter().find(|axis| axis.name == name) {
                 axis.require(value)?;
@@ -209,18 +187,9 @@ impl Parameters {
             }
         }
         self.settings.check(hardware)?;
+        self.registration.check()?;
         Ok(self)
     }
-}
-
-fn chosen(config: &RegistrationConfig) -> [Option<f64>; 5] {
-    [
-        config.voxel_m,
-        config.normal_radius_m,
-        config.normal_neighbours,
-        config.max_pair_distance_m,
-        config.max_iterations,
-    ]
 }
 
 /// The cube a search moves in.
@@ -239,7 +208,7 @@ impl Space {
             axes.extend(PAPER_LIDAR.map(lidar_axis));
         }
         if matches!(protocol, Protocol::Registration | Protocol::Joint) {
-            axes.extend(icp_axes(preset));
+            axes.extend(start.registration_axes(preset));
         }
         Self { axes, start, hardware }
     }
@@ -265,7 +234,8 @@ impl Space {
         for (axis, &coordinate) in self.axes.iter().zip(point) {
             parameters.set(axis.name, axis.from_cube(coordinate));
         }
-        let mended = repair(&mut parameters.settings, &self.hardware);
+        let mut mended = repair(&mut parameters.settings, &self.hardware);
+        mended.extend(parameters.registration.repair());
         (parameters, mended)
     }
 }
@@ -309,9 +279,16 @@ const fn lidar_names() -> [&'static str; PARAMETERS.len()] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::registration::Method;
 
     fn space(protocol: Protocol) -> Space {
-        let start = Parameters::start(&Config::default(), &Hardware::REFERENCE).unwrap();
+        space_of(Method::Icp, protocol)
+    }
+
+    fn space_of(method: Method, protocol: Protocol) -> Space {
+        let mut config = Config::default();
+        config.registration.method = method;
+        let start = Parameters::start(&config, &Hardware::REFERENCE).unwrap();
         Space::new(protocol, Preset::Outdoor, start, Hardware::REFERENCE)
     }
 
@@ -338,16 +315,17 @@ mod tests {
         assert!(mended.is_empty());
         assert_eq!(parameters.settings, space.start.settings);
         let close = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-12;
-        assert!(close(parameters.icp.voxel_m, 0.3) && close(parameters.icp.max_pair_distance_m, 1.0));
-        assert_eq!(parameters.icp.normal_neighbours, 30);
+        assert!(close(parameters.get("registration.voxel_m").unwrap(), 0.3));
+        assert!(close(parameters.get("registration.max_pair_distance_m").unwrap(), 1.0));
+        assert_eq!(parameters.get("registration.normal_neighbours"), Some(30.0));
     }
 
     #[test]
-    fn every_point_of_the_cube_is_accepted_by_the_sensor() {
-        let space = space(Protocol::Joint);
+    fn every_point_of_the_cube_is_accepted_by_the_sensor_and_the_method() {
         let mut state = 1u64;
-        for _ in 0..20_000 {
-            let point: Vec<f64> = (0..13)
+        for i in 0..20_000 {
+            let space = space_of([Method::Icp, Method::Gicp, Method::Fgr, Method::Mac][i % 4], Protocol::Joint);
+            let point: Vec<f64> = (0..space.axes().len())
                 .map(|_| {
                     state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
                     // Corners and faces too.
@@ -356,7 +334,7 @@ mod tests {
                 .collect();
             let (parameters, _) = space.parameters(&point);
             assert_eq!(parameters.settings.check(&Hardware::REFERENCE), Ok(()), "{point:?}");
-            parameters.icp.check().unwrap();
+            parameters.registration.check().unwrap();
         }
     }
 
