@@ -4,6 +4,7 @@ mod cost;
 mod firmware;
 mod fuzz;
 mod image;
+mod peers;
 mod thumb;
 mod toolchain;
 
@@ -54,6 +55,8 @@ enum Task {
         #[arg(long)]
         update: bool,
     },
+    /// Registration against Open3D, small_gicp and KISS-Matcher on the same files; needs python3 and the Python registry.
+    Peers(peers::Peers),
 }
 
 fn main() -> Result<()> {
@@ -64,6 +67,7 @@ fn main() -> Result<()> {
         Task::OnTarget { waveforms } => on_target(waveforms),
         Task::Fuzz { seconds } => fuzz::run(seconds),
         Task::Cost { update } => cost::run(update),
+        Task::Peers(asked) => peers::run(asked),
     }
 }
 

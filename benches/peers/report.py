@@ -1,0 +1,177 @@
+"""Tables from the measurements: Markdown, with machine, date and command."""
+
+import os
+import platform
+from pathlib import Path
+
+from common import median
+from recall import LEAST_OVERLAP, SUCCESS_DEG, SUCCESS_M
+from speed import OURS, STAGES
+
+TITLES = {
+    "voxel": "voxels",
+    "tree": "tree",
+    "normals": "normals, with the tree",
+    "fpfh": "FPFH from normals",
+    "describe": "voxels to FPFH, one cloud",
+    "match": "mutual matching",
+    "icp_align": "ICP to plane, prepared",
+    "icp": "ICP to plane, from clouds",
+    "gicp_align": "GICP, prepared",
+    "gicp": "GICP, from clouds",
+    "fgr_solve": "FGR from matches",
+    "mac_solve": "MAC from matches",
+    "fgr": "global, from clouds: FGR",
+    "mac": "global, from clouds: MAC",
+    "fgr_refined": "FGR, then ICP",
+    "mac_refined": "MAC, then ICP",
+}
+
+
+def number(value, digits):
+    """Figures that mean something; a dash for none."""
+    return "–" if value is None or value != value else f"{value:,.{digits}f}"
+
+
+def milliseconds(value):
+    """Three figures."""
+    return number(value, 0 if value >= 100 else 1 if value >= 10 else 2)
+
+
+def table(head, rows):
+    """Markdown."""
+    lines = [head, *rows]
+    text = ["| " + " | ".join(map(str, line)) + " |" for line in lines]
+    return "\n".join([text[0], "|" + "---|" * len(head), *text[1:]]) + "\n"
+
+
+def machine():
+    """Processor, cores, system, load."""
+    model = platform.processor() or platform.machine()
+    info = Path("/proc/cpuinfo")
+    if info.is_file():
+        named = [line.split(":")[1].strip() for line in info.read_text().splitlines() if line.startswith("model name")]
+        model = named[0] if named else model
+    load = f", load average {os.getloadavg()[0]:.1f} at the start" if hasattr(os, "getloadavg") else ""
+    return f"{model}, {os.cpu_count()} cores, {platform.system()}{load}"
+
+
+def with_mac(rows):
+    """The peers of our MAC are those of our FGR: their rows once more, where we have it."""
+    theirs = [row for row in rows if row["stage"] == "fgr" and row["who"] != OURS]
+    ours = [row for row in rows if row["stage"] == "mac"]
+    return [row for row in rows if row["stage"] != "mac"] + [{**row, "stage": "mac"} for row in theirs if ours] + ours
+
+
+def speed_tables(result):
+    """A table for each pair, voxel and number of threads."""
+    rows = with_mac(result["rows"])
+    keys = dict.fromkeys((row["pair"], row["voxel_m"], row["threads"]) for row in rows)
+    for pair, voxel_m, threads in keys:
+        chosen = [row for row in rows if (row["pair"], row["voxel_m"], row["threads"]) == (pair, voxel_m, threads)]
+        plural = "thread" if threads == 1 else "threads"
+        yield f"### {pair}, voxel {voxel_m} m, {threads} {plural}\n\n{speed_table(chosen)}"
+
+
+def speed_table(rows):
+    """Stage by stage; the ratio is theirs over ours, above 1 where we are faster."""
+    ours = {row["stage"]: row for row in rows if row["who"] == OURS}
+    lines = []
+    for stage in STAGES:
+        measured = [row for row in rows if row["stage"] == stage]
+        lines += [speed_line(row, ours.get(stage) if row["who"] != OURS else None) for row in measured]
+    head = ["stage", "who", "in → out", "CPU ms", "wall ms", "CPU theirs/ours", "wall", "error cm", "error °"]
+    return table(head, lines)
+
+
+def speed_line(row, ours):
+    ratios = [f"**{row[key] / ours[key]:.2f}**" if ours else "" for key in ("cpu_ms", "wall_ms")]
+    translation = row["translation_m"]
+    return [
+        TITLES[row["stage"]],
+        row["who"],
+        f"{row['n_in']:,} → {row['n_out']:,}" if row["n_out"] else f"{row['n_in']:,}",
+        milliseconds(row["cpu_ms"]),
+        milliseconds(row["wall_ms"]),
+        *ratios,
+        number(None if translation is None else 100 * translation, 1),
+        number(row["rotation_deg"], 2),
+    ]
+
+
+def losses(result):
+    """Every row in which a peer is faster or nearer to the truth than ours of the same stage."""
+    rows, found = with_mac(result["rows"]), []
+    key = lambda row: (row["pair"], row["voxel_m"], row["threads"], row["stage"])  # noqa: E731
+    ours = {key(row): row for row in rows if row["who"] == OURS}
+    for row in rows:
+        mine = ours.get(key(row))
+        if mine is None or row["who"] == OURS:
+            continue
+        where = f"{TITLES[row['stage']]}, {row['pair']}, {row['voxel_m']} m, {row['threads']} thread(s): {row['who']}"
+        if row["cpu_ms"] < mine["cpu_ms"]:
+            found.append(f"- {where} takes {row['cpu_ms'] / mine['cpu_ms']:.2f} of our CPU time")
+        if row["translation_m"] is not None and mine["translation_m"] is not None:
+            if row["translation_m"] < mine["translation_m"]:
+                both = f"{100 * row['translation_m']:.1f} against our {100 * mine['translation_m']:.1f} cm"
+                found.append(f"- {where} ends nearer to the truth, {both}")
+    return "\n".join(found) + "\n" if found else "Nowhere in these tables.\n"
+
+
+def recall_tables(result):
+    """Recall by method and voxel, then by distance, then by kind of place."""
+    pairs = {identity(row): row for row in result["rows"]}
+    counted = [row for row in result["rows"] if "who" in row]
+    judged = len({identity(row) for row in counted})
+    yield (
+        f"{judged} of {len(pairs)} pairs overlap by {LEAST_OVERLAP:.0%}. Success is {SUCCESS_M:g} m and {SUCCESS_DEG:g}°; errors "
+        "are over successes. CPU is the median of a pair.\n"
+    )
+    methods = list(dict.fromkeys(row["who"] for row in counted))
+    voxels = sorted({row["voxel_m"] for row in counted})
+    of = lambda who, voxel_m: [row for row in counted if (row["who"], row["voxel_m"]) == (who, voxel_m)]  # noqa: E731
+    head = ["method", "voxel m", "recall", "mean error", "median error", "CPU ms"]
+    yield table(head, [recall_line(who, voxel_m, of(who, voxel_m)) for who in methods for voxel_m in voxels])
+    best = {who: max(voxels, key=lambda voxel_m: share(of(who, voxel_m))) for who in methods}
+    yield "Each at the voxel of its best recall:\n"
+    for key, title in (("baseline_m", "{:g} m apart"), ("kind", "{}"), ("heading_deg", "±{:g}°"), ("scanner", "{}")):
+        values = list(dict.fromkeys(row[key] for row in counted))
+        lines = []
+        for who in methods:
+            rows = of(who, best[who])
+            parts = [[row for row in rows if row[key] == value] for value in values]
+            lines.append([f"{who}, {best[who]} m", *(f"{share(part):.1f} %" if part else "–" for part in parts)])
+        yield table(["method", *map(title.format, values)], lines)
+
+
+def identity(row):
+    return row["kind"], row["baseline_m"], row["heading_deg"], row["scanner"], row["pair"]
+
+
+def share(rows):
+    """Recall, percent."""
+    return 100 * sum(row["success"] for row in rows) / len(rows) if rows else float("nan")
+
+
+def recall_line(who, voxel_m, rows):
+    good = [row for row in rows if row["success"]]
+    metres, degrees = [row["translation_m"] for row in good], [row["rotation_deg"] for row in good]
+    mean = f"{100 * sum(metres) / len(good):.1f} cm, {sum(degrees) / len(good):.2f}°" if good else "–"
+    middle = f"{100 * median(metres):.1f} cm, {median(degrees):.2f}°" if good else "–"
+    return [who, voxel_m, f"{share(rows):.1f} %", mean, middle, milliseconds(median(row["cpu_ms"] for row in rows))]
+
+
+def scaling_table(result):
+    """CPU ms by points, and how the cost grows from the least to the most: the exponent p of nᵖ."""
+    from math import log
+
+    rows = result["rows"]
+    sizes = sorted({row["size"] for row in rows})
+    lines = []
+    for stage, who in dict.fromkeys((row["stage"], row["who"]) for row in rows):
+        at = {row["size"]: row["cpu_ms"] for row in rows if (row["stage"], row["who"]) == (stage, who)}
+        least, most = min(at), max(at)
+        power = log(at[most] / at[least]) / log(most / least) if most > least else float("nan")
+        costs = [milliseconds(at[size]) if size in at else "–" for size in sizes]
+        lines.append([TITLES[stage], who, *costs, number(power, 2)])
+    return table(["stage", "who", *(f"{size:,}" for size in sizes), "grows as nᵖ, p ="], lines)

@@ -1,0 +1,70 @@
+"""How costs grow from 5,000 to 200,000 points: one street scanned densely, thinned by ever finer voxels, one thread.
+
+Radii are multiples of the voxel, so that neighbourhoods hold as many points at every size.
+"""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from speed import measure, pin
+
+SIZES = [5_000, 10_000, 20_000, 50_000, 100_000, 200_000]
+STAGES = ["voxel", "normals", "describe", "match", "icp", "fgr", "mac"]
+WITHOUT = {("fgr", "Open3D"), ("voxel", "Open3D tensor"), ("normals", "Open3D tensor")}
+ONCE_FROM = 50_000  # a round takes minutes, and its noise is small beside it
+
+
+def dense_town(folder):
+    """The town pair under a sensor of 128 rings of 8192 beams."""
+    from common import PairFiles, offset, write_ply
+    from scenes import beams, make_pair
+
+    source, target, truth = make_pair("structured", directions=beams(8192, 128))
+    folder.mkdir(parents=True, exist_ok=True)
+    files = PairFiles("dense town", folder / "dense_target.ply", folder / "dense_source.ply", truth, truth @ offset())
+    write_ply(files.target, target)
+    write_ply(files.source, source)
+    return files
+
+
+def voxel_for(points, size):
+    """The edge, m, that leaves about so many points."""
+    low, high = 0.005, 5.0
+    for _ in range(20):
+        edge = np.sqrt(low * high)
+        cells = np.floor(points / edge).astype(np.int64) + (1 << 20)
+        many = len(np.unique(cells[:, 0] << 42 | cells[:, 1] << 21 | cells[:, 2]))
+        low, high = (edge, high) if many > size else (low, edge)
+    return float(np.sqrt(low * high))
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--stages", required=True, help="our example, built")
+    parser.add_argument("--work", type=Path, required=True, help="folder for the clouds")
+    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--sizes", type=int, nargs="+", default=SIZES)
+    parser.add_argument("--out", type=Path, required=True)
+    args = parser.parse_args()
+    pin(1)
+    from ours import Ours
+
+    files = dense_town(args.work)
+    points, _ = files.clouds()
+    ours, rows = Ours(args.stages, 1), []
+    for size in args.sizes:
+        voxel_m = voxel_for(points, size)
+        print(f"{size} points, voxel {voxel_m:.3f} m", file=sys.stderr)
+        rounds = (args.repeats, 1) if size < ONCE_FROM else (1, 0)
+        measured = measure(ours, files, voxel_m, 1, rounds[0], STAGES, WITHOUT, warm_up=rounds[1])
+        rows += [{**row, "size": size} for row in measured]
+    ours.close()
+    args.out.write_text(json.dumps({"repeats": args.repeats, "points": len(points), "rows": rows}, indent=1))
+
+
+if __name__ == "__main__":
+    main()

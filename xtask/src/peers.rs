@@ -1,0 +1,83 @@
+//! Registration against its peers: a Python environment with them, our side built, both on the same files.
+
+use std::env;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::{Context, Result, bail};
+
+use crate::{cargo, succeed, workspace};
+
+/// What to measure besides speed.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub(crate) struct Peers {
+    /// A minute, to see that all runs; the tables go to target/peers.
+    #[arg(long)]
+    quick: bool,
+    /// Recall on hard pairs instead of speed.
+    #[arg(long)]
+    recall: bool,
+    /// Cost from 5,000 to 200,000 points instead of speed.
+    #[arg(long)]
+    scaling: bool,
+    /// All three.
+    #[arg(long)]
+    all: bool,
+}
+
+/// Measures, and writes docs/registration-peers.md.
+pub(crate) fn run(peers: Peers) -> Result<()> {
+    let root = workspace()?;
+    let work = root.join("target/peers");
+    let scripts = root.join("benches/peers");
+    let python = environment(&work.join("venv"), &scripts.join("requirements.txt"))?;
+    cargo(["build", "--release", "--package", "echoloop-host", "--bin", "echoloop", "--example", "stages"])?;
+    let built = env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), PathBuf::from).join("release");
+    let page = if peers.quick { work.join("quick.md") } else { root.join("docs/registration-peers.md") };
+    let mut command = Command::new(python);
+    command.arg(scripts.join("run.py")).arg("--work").arg(&work).arg("--out").arg(page);
+    command.arg("--stages").arg(built.join("examples/stages")).arg("--echoloop").arg(built.join("echoloop"));
+    command.args(peers.quick.then_some("--quick")).arg("--parts").args(peers.parts());
+    succeed(&mut command)
+}
+
+impl Peers {
+    fn parts(self) -> Vec<&'static str> {
+        let asked = [("recall", self.recall), ("scaling", self.scaling)];
+        let mut parts: Vec<_> = asked.iter().filter(|(_, asked)| *asked || self.all).map(|(part, _)| *part).collect();
+        if self.all || parts.is_empty() {
+            parts.insert(0, "speed");
+        }
+        parts
+    }
+}
+
+/// The Python of an environment that holds exactly these packages; made where there is none, and again when they change.
+fn environment(folder: &Path, requirements: &Path) -> Result<PathBuf> {
+    let python = folder.join(if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" });
+    let installed = folder.join("requirements.txt");
+    let wanted = std::fs::read(requirements).with_context(|| format!("cannot read {}", requirements.display()))?;
+    if std::fs::read(&installed).is_ok_and(|found| found == wanted) {
+        return Ok(python);
+    }
+    let outer = ["python3", "python"].into_iter().find(|name| crate::on_path(name));
+    let Some(outer) = outer else { bail!("there is no python3 on the PATH, which the peers need") };
+    succeed(Command::new(outer).args(["-m", "venv"]).arg(folder))?;
+    succeed(Command::new(&python).args(["-m", "pip", "install", "--quiet", "--requirement"]).arg(requirements))?;
+    std::fs::write(&installed, wanted).with_context(|| format!("cannot write {}", installed.display()))?;
+    Ok(python)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn speed_is_measured_unless_something_else_is_asked_and_all_is_all() {
+        let parts = |recall, scaling, all| Peers { quick: false, recall, scaling, all }.parts();
+        assert_eq!(parts(false, false, false), ["speed"]);
+        assert_eq!(parts(true, false, false), ["recall"]);
+        assert_eq!(parts(true, true, false), ["recall", "scaling"]);
+        assert_eq!(parts(false, false, true), ["speed", "recall", "scaling"]);
+    }
+}
