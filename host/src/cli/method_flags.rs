@@ -125,8 +125,18 @@ impl MethodFlags {
         for (key, value) in self.given() {
             config.set(key, value);
         }
+        self.widen_features(&mut config);
         config.check().map_err(Failure::usage)?;
         Ok(config)
+    }
+
+    /// A normal radius of one's own widens the features' when that was left to us.
+    fn widen_features(&self, config: &mut MethodConfig) {
+        if let (Some(normal_m), None) = (self.normal_radius_m, self.feature_radius_m)
+            && config.get("feature_radius_m").is_some_and(|feature_m| feature_m < normal_m)
+        {
+            config.set("feature_radius_m", normal_m);
+        }
     }
 
     /// A pair distance of one's own is meant as it stands: no coarse start above it.

@@ -12,6 +12,7 @@ use serde_json::{Value, json};
 
 use super::choice::SensorChoice;
 use super::exit::Failure;
+use super::method_choice::MethodChoice;
 use super::progress::Progress;
 use super::tune::{Prepared, stop_on_interrupt};
 use super::{Common, ConfigSource, on_threads};
@@ -33,6 +34,8 @@ pub(crate) struct PairsArgs {
     common: Common,
     #[command(flatten)]
     sensor: SensorChoice,
+    #[command(flatten)]
+    method: MethodChoice,
     /// Folder to make: NNN_target.ply, NNN_source.ply (sensor frame, m), the 4 × 4 matrices NNN_target_from_source.txt,
     /// NNN_world_from_target.txt and NNN_world_from_source.txt for pair NNN = 000, 001, …; pairs.json, which lists them
     /// with the scans' numbers; config.toml.
@@ -57,7 +60,7 @@ struct Scanned<'a> {
 }
 
 pub(super) fn run(args: &PairsArgs) -> Result<(), Failure> {
-    let config = args.source.load(Vec::new())?;
+    let config = args.source.load(args.method.overrides())?;
     check_free(&args.output)?; // now: the scans take long
     let stop = stop_on_interrupt();
     on_threads(args.common.threads, || scan_and_write(args, config, &stop))?

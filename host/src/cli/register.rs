@@ -7,9 +7,9 @@ use clap::Args;
 use super::exit::Failure;
 use super::method_flags::MethodFlags;
 use super::{Common, on_threads};
-use crate::cloud::{Cloud, read_cloud};
+use crate::cloud::{Cloud, read_cloud, voxel};
 use crate::pose::{Pose, read_pose, to_rows};
-use crate::registration::{Method, MethodConfig, Outcome, build, suggest_refinement};
+use crate::registration::{Method, MethodConfig, Outcome, StopReason, build, suggest_refinement};
 
 /// Flags of `register`. Without any, they are chosen from the clouds.
 #[derive(Clone, Debug, Args)]
@@ -75,18 +75,31 @@ fn read(args: &RegisterArgs, path: &Path) -> Result<Cloud, Failure> {
 fn register(args: &RegisterArgs, target: &Cloud, source: &Cloud, initial: &Pose) -> Result<(), Failure> {
     let began = cpu_s();
     let config = args.settings.config(args.method, target, source)?;
-    let finish = args.refine.then(|| suggest_refinement(target, source));
+    let global_voxel_m = config.get("voxel_m").unwrap_or_default();
+    let finish = args.refine.then(|| suggest_refinement(target, source, global_voxel_m));
     let method = build(&config, finish).map_err(Failure::usage)?;
     let outcome = method.register(target, source, initial);
     warn(args, &outcome);
-    print(args, &config, &outcome, cpu_s() - began)
+    let cpu_s = cpu_s() - began;
+    if outcome.stop == StopReason::BadSettings {
+        name_what_cannot_run(&[(&args.target, target), (&args.source, source)], global_voxel_m)?;
+    }
+    print(args, &config, &outcome, cpu_s)
+}
+
+/// The settings were checked, so it is the voxel that does not go with a cloud: says which.
+fn name_what_cannot_run(clouds: &[(&PathBuf, &Cloud)], voxel_m: f64) -> Result<(), Failure> {
+    for (path, cloud) in clouds {
+        voxel::downsample(cloud, voxel_m).map_err(|error| Failure::usage(format!("{}: {error}", path.display())))?;
+    }
+    Ok(())
 }
 
 /// Says when matches were left out.
 fn warn(args: &RegisterArgs, outcome: &Outcome) {
     if let Some(consensus) = outcome.consensus.filter(|c| c.searched < c.matches && !args.common.quiet) {
         eprintln!(
-            "warning: {} of {} matches were searched: all would take too much time and memory",
+            "warning: {} of {} matches were searched: the others are too far out, or all would take too much time and memory",
             consensus.searched, consensus.matches
         );
     }

@@ -286,10 +286,14 @@ mod tests {
     }
 
     fn space_of(method: Method, protocol: Protocol) -> Space {
+        space_in(Preset::Outdoor, method, protocol)
+    }
+
+    fn space_in(preset: Preset, method: Method, protocol: Protocol) -> Space {
         let mut config = Config::default();
-        config.registration.method = method;
+        (config.registration.method, config.registration.preset) = (method, preset);
         let start = Parameters::start(&config, &Hardware::REFERENCE).unwrap();
-        Space::new(protocol, Preset::Outdoor, start, Hardware::REFERENCE)
+        Space::new(protocol, preset, start, Hardware::REFERENCE)
     }
 
     #[test]
@@ -324,7 +328,8 @@ mod tests {
     fn every_point_of_the_cube_is_accepted_by_the_sensor_and_the_method() {
         let mut state = 1u64;
         for i in 0..20_000 {
-            let space = space_of([Method::Icp, Method::Gicp, Method::Fgr, Method::Mac][i % 4], Protocol::Joint);
+            let method = [Method::Icp, Method::Gicp, Method::Fgr, Method::Mac][i % 4];
+            let space = space_in([Preset::Outdoor, Preset::Paper][i / 4 % 2], method, Protocol::Joint);
             let point: Vec<f64> = (0..space.axes().len())
                 .map(|_| {
                     state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);

@@ -33,8 +33,13 @@ impl ThetaReg {
         if config.mode != FgrMode::Annealed && config.method != Method::Fgr {
             return Err(ValueError::NotOfMethod { key: "mode".into(), method: config.method.name() });
         }
-        for axis in &axes {
+        // Open3D's own example has its own radii and counts; only the voxel is the preset's.
+        let own = |axis: &&Axis| config.mode == FgrMode::Annealed || axis.name == "registration.voxel_m";
+        for axis in axes.iter().filter(own) {
             theta.set(axis.name, axis.default);
+            if let (FgrMode::Open3d, MethodConfig::Fgr(fgr)) = (config.mode, &mut theta.method) {
+                *fgr = FgrConfig::open3d(axis.default);
+            }
         }
         for (key, value) in config.chosen() {
             let Some(axis) = axes.iter().find(|axis| axis.name.strip_prefix(SECTION) == Some(key)) else {
@@ -196,6 +201,12 @@ mod tests {
                 theta.check().unwrap();
             }
         }
+    }
+
+    #[test]
+    fn open3ds_way_starts_at_its_own_example() {
+        let open3d = RegistrationConfig { mode: FgrMode::Open3d, ..config(Method::Fgr, Preset::Paper) };
+        assert_eq!(ThetaReg::start(&open3d).unwrap().method, MethodConfig::Fgr(FgrConfig::open3d(0.05)));
     }
 
     #[test]

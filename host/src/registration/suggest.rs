@@ -91,7 +91,7 @@ fn icp_of_voxel(voxel_m: f64, radius_m: f64) -> IcpConfig {
         voxel_m,
         normal_radius_m: 3.0 * voxel_m,
         max_pair_distance_m,
-        first_pair_distance_m: Some(max_pair_distance_m.max(radius_m / 4.0)),
+        first_pair_distance_m: Some(max_pair_distance_m.max(radius_m / 4.0).min(1e6)),
         still_m: voxel_m / 600.0,
         ..IcpConfig::outdoor()
     }
@@ -113,10 +113,21 @@ fn gicp_like(icp: &IcpConfig) -> GicpConfig {
     }
 }
 
-/// Settings that finish what a global method found: as [`suggest()`], but the first pairs are four voxels apart at most,
-/// which covers that method's error of about one, and its turn's at the rim.
-pub fn suggest_refinement(target: &Cloud, source: &Cloud) -> IcpConfig {
-    IcpConfig::finishing(suggest(target, source).voxel_m)
+/// Settings that finish what a global method found with a voxel of `global_voxel_m`: the voxel is that of [`suggest()`], or the
+/// larger one whose normals have neighbours enough; the first pairs are as far apart as the global method may be off, two of
+/// its voxels, or four of ours.
+pub fn suggest_refinement(target: &Cloud, source: &Cloud, global_voxel_m: f64) -> IcpConfig {
+    let voxel_m = suggest(target, source).voxel_m.max(normal_voxel_m(target)).min(global_voxel_m);
+    let config = IcpConfig::finishing(voxel_m);
+    let first_m = (2.0 * global_voxel_m).max(config.first_pair_distance_m.unwrap_or_default());
+    IcpConfig { first_pair_distance_m: Some(first_m), ..config }
+}
+
+/// The voxel whose normals' radius holds neighbours enough of half of the points of a cloud; 0 where there are too few.
+fn normal_voxel_m(cloud: &Cloud) -> f64 {
+    let mut echoes = cloud.clone();
+    echoes.drop_invalid();
+    filling_voxels_m(&echoes)[0]
 }
 
 /// Settings of features that fit both clouds.
@@ -132,7 +143,11 @@ pub fn suggest_refinement(target: &Cloud, source: &Cloud) -> IcpConfig {
 pub fn suggest_features(target: &Cloud, source: &Cloud) -> FeatureConfig {
     let radius_m = radius_m(target).max(radius_m(source));
     let voxel_m = FEATURE_VOXEL_M * (radius_m / FEATURE_RADIUS_M).powf(FEATURE_EXPONENT);
-    let voxel_m = [target, source].iter().fold(voxel_m, |voxel_m, cloud| widened(cloud, voxel_m));
+    let voxel_m = [target, source].iter().fold(voxel_m, |voxel_m, cloud| {
+        let mut echoes = (*cloud).clone();
+        echoes.drop_invalid();
+        widened(&echoes, voxel_m)
+    });
     let config = FeatureConfig::of_voxel(voxel_m);
     if config.check().is_ok() { config } else { FgrConfig::outdoor().features }
 }
@@ -155,6 +170,11 @@ fn widened(cloud: &Cloud, mut voxel_m: f64) -> f64 {
 
 /// The voxel whose radii hold neighbours enough; 0 where there are too few points.
 fn filling_voxel_m(thinned: &Cloud) -> f64 {
+    filling_voxels_m(thinned).into_iter().fold(0.0, f64::max)
+}
+
+/// The same for the normals' radius alone, and for the features'.
+fn filling_voxels_m(thinned: &Cloud) -> [f64; 2] {
     let tree = KdTree::new(&thinned.points);
     let stride = thinned.points.len().div_ceil(SAMPLES).max(1);
     let mut found = Vec::new();
@@ -167,7 +187,7 @@ fn filling_voxel_m(thinned: &Cloud) -> f64 {
     }
     let [normal_m, feature_m] = farthest;
     let normal_m = f64::from(quantile(normal_m.into_iter(), 0.5)) / NORMAL_VOXELS;
-    normal_m.max(f64::from(quantile(feature_m.into_iter(), 0.75)) / FEATURE_VOXELS)
+    [normal_m, f64::from(quantile(feature_m.into_iter(), 0.75)) / FEATURE_VOXELS]
 }
 
 /// Of the ball around the median point that holds 9 of 10 points; 0 for a cloud without points.
@@ -232,7 +252,8 @@ mod tests {
         for (a, b) in table.iter().flat_map(|a| table.iter().map(move |b| (a, b))) {
             assert_eq!(suggest(a, b).check(), Ok(()));
             assert_eq!(suggest_gicp(a, b).check(), Ok(()));
-            assert_eq!(suggest_refinement(a, b).check(), Ok(()));
+            let voxel_m = suggest_features(a, b).voxel_m;
+            assert_eq!(suggest_refinement(a, b, voxel_m).check(), Ok(()));
             assert_eq!(suggest_features(a, b).check(), Ok(()));
             for method in [Method::Icp, Method::Gicp, Method::Fgr, Method::Mac] {
                 for mode in [FgrMode::Annealed, FgrMode::Open3d] {

@@ -122,7 +122,9 @@ fn global_methods_recover_any_yaw() {
         let second = pose([3.0, -2.0, 0.1], [0.0, 0.0, degrees.to_radians()]);
         let (a, b) = (seen(&yard(1), &Pose::identity()), seen(&yard(2), &second));
         for method in methods().iter().filter(|method| method.global) {
-            let found = method.outdoor.register(&a, &b, &Pose::identity()).target_from_source;
+            let outcome = method.outdoor.register(&a, &b, &Pose::identity());
+            assert_eq!(outcome.stop, StopReason::Still, "{} at {degrees}°", method.name);
+            let found = outcome.target_from_source;
             let errors = (translation_error_m(&found, &second), rotation_error_deg(&found, &second));
             assert!(errors.0 < 0.3 && errors.1 < 1.0, "{} at {degrees}°: {errors:?}", method.name);
         }
@@ -236,6 +238,15 @@ fn the_order_of_the_points_does_not_matter() {
     }
 }
 
+/// Mostly near, often on a lattice (duplicates, planes, lines), sometimes no number or nowhere.
+fn coordinate() -> impl Strategy<Value = f32> {
+    prop_oneof![
+        100 => -20.0f32..20.0,
+        100 => (-6i8..6).prop_map(|v| f32::from(v) * 0.5),
+        1 => prop::sample::select(vec![f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0, -0.0, 1e30, -1e30]),
+    ]
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
@@ -258,9 +269,9 @@ proptest! {
 
     #[test]
     fn no_cloud_makes_it_panic(
-        a in prop::collection::vec(prop::array::uniform3(any::<f32>()), 0..60),
-        b in prop::collection::vec(prop::array::uniform3(-2.0f32..2.0), 0..60),
-        shift in prop::array::uniform3(any::<f64>()),
+        a in prop::collection::vec(prop::array::uniform3(coordinate()), 0..200),
+        b in prop::collection::vec(prop::array::uniform3(-2.0f32..2.0), 0..200),
+        shift in prop::array::uniform3(prop_oneof![9 => -2.0f64..2.0, 1 => any::<f64>()]),
     ) {
         for (target, source) in [(&a, &b), (&b, &a), (&b, &b)] {
             for method in methods() {
@@ -332,7 +343,8 @@ fn real_pairs_come_within_the_tolerance_of_their_truth_from_the_identity() {
                 let outcome = (method.suggested)(target, source).register(target, source, &Pose::identity());
                 pair.holds(method.name, &outcome, &truth, if method.global { (0.3, 1.5) } else { pair.most });
                 if method.global {
-                    let finish = Icp::new(suggest_refinement(target, source)).unwrap();
+                    let finish =
+                        Icp::new(suggest_refinement(target, source, suggest_features(target, source).voxel_m)).unwrap();
                     let outcome = finish.register(target, source, &outcome.target_from_source);
                     pair.holds(&format!("{} finished", method.name), &outcome, &truth, pair.most);
                 }
@@ -352,7 +364,8 @@ fn a_rough_motion_is_finished_within_the_tolerance() {
     for pair in real_pairs() {
         for (target, source, truth) in pair.directions() {
             for error in &rough {
-                let icp = Icp::new(suggest_refinement(target, source)).unwrap();
+                let icp =
+                    Icp::new(suggest_refinement(target, source, suggest_features(target, source).voxel_m)).unwrap();
                 let outcome = icp.register(target, source, &(truth * error));
                 pair.holds("finishing", &outcome, &truth, pair.most);
             }

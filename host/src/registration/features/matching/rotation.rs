@@ -125,7 +125,12 @@ fn principal_axes(rows: &[Row]) -> Option<DMatrix<f64>> {
     let eigen = SymmetricEigen::try_new(data.tr_mul(&data), f64::EPSILON, 10_000)?;
     let mut order: Vec<usize> = (0..DIMENSIONS).collect();
     order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
-    let vectors = DMatrix::from_fn(DIMENSIONS, AXES, |row, axis| eigen.eigenvectors[(row, order[axis])]);
-    let orthonormal = (vectors.tr_mul(&vectors) - DMatrix::identity(AXES, AXES)).amax() < 1e-9;
+    // Where rows span fewer axes than there are, the solver may leave an axis that is no number: zero bounds as well.
+    let sound = order.iter().map(|&axis| eigen.eigenvectors.column(axis).iter().all(|v| v.is_finite()));
+    let sound: Vec<bool> = sound.take(AXES).collect();
+    let entry = |row, axis: usize| if sound[axis] { eigen.eigenvectors[(row, order[axis])] } else { 0.0 };
+    let vectors = DMatrix::from_fn(DIMENSIONS, AXES, entry);
+    let expected = DMatrix::from_fn(AXES, AXES, |i, j| if i == j && sound[i] { 1.0 } else { 0.0 });
+    let orthonormal = (vectors.tr_mul(&vectors) - expected).amax() < 1e-9;
     orthonormal.then_some(vectors)
 }
