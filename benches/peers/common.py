@@ -16,6 +16,7 @@ class Took(NamedTuple):
     n_in: int
     n_out: int
     pose: object  # target_from_source, 4 × 4, or None
+    stop: object = None  # why ours ended
 
 
 def clocked(work, n_in):

@@ -96,6 +96,22 @@ def kiss(source, target, voxel_m):
     return matcher.get_num_final_inliers(), pose
 
 
+def kiss_gicp(source, target, voxel_m):
+    """The same, and small_gicp's GICP from there, with pairs within two voxels."""
+    _, pose = kiss(source, target, voxel_m)
+    found = small_gicp.align(
+        target,
+        source,
+        pose,
+        registration_type="GICP",
+        downsampling_resolution=voxel_m,
+        max_correspondence_distance=2 * voxel_m,
+        num_threads=1,
+        max_iterations=LOCAL_ITERATIONS,
+    )
+    return found.num_inliers, found.T_target_source
+
+
 class Others:
     """Stages of a pair; what they start from is worked out here, before any clock runs."""
 
@@ -126,7 +142,7 @@ class Others:
 
     def _rows(self):
         points, thin = len(self.source), len(self.thin.points)
-        counts = {"voxel": points, "tree": thin, "normals": thin, "fpfh": thin, "describe": points, "match": thin}
+        counts = {"voxel": points, "normals": thin, "fpfh": thin, "describe": points, "match": thin}
         table = {
             "voxel": {"Open3D": self.voxel, "Open3D tensor": self.voxel_tensor, "small_gicp": self.voxel_gicp},
             "normals": {"Open3D": self.normals, "Open3D tensor": self.normals_tensor, "small_gicp": self.normals_gicp},

@@ -54,7 +54,7 @@ class Ours:
             return None
         pose = answer.get("target_from_source")
         pose = None if pose is None else np.array(pose).reshape(4, 4)
-        return Took(answer["cpu_ms"], answer["wall_ms"], answer["n_in"], answer["n_out"], pose)
+        return Took(answer["cpu_ms"], answer["wall_ms"], answer["n_in"], answer["n_out"], pose, answer.get("stop"))
 
     def close(self):
         """Ends the process."""

@@ -10,9 +10,8 @@ from speed import OURS, STAGES
 
 TITLES = {
     "voxel": "voxels",
-    "tree": "tree",
-    "normals": "normals, with the tree",
-    "fpfh": "FPFH from normals",
+    "normals": "normals, with the search",
+    "fpfh": "FPFH from normals, with the search",
     "describe": "voxels to FPFH, one cloud",
     "match": "mutual matching",
     "icp_align": "ICP to plane, prepared",
@@ -25,6 +24,10 @@ TITLES = {
     "mac": "global, from clouds: MAC",
     "fgr_refined": "FGR, then ICP",
     "mac_refined": "MAC, then ICP",
+    "fgr_gicp": "FGR, then GICP",
+    "mac_gicp": "MAC, then GICP",
+    "fgr_suggested": "FGR, then ICP, suggested settings",
+    "mac_suggested": "MAC, then ICP, suggested settings",
 }
 
 
@@ -120,19 +123,22 @@ def losses(result):
 
 def recall_tables(result):
     """Recall by method and voxel, then by distance, then by kind of place."""
-    pairs = {identity(row): row for row in result["rows"]}
-    counted = [row for row in result["rows"] if "who" in row]
+    unrelated = [row for row in result["rows"] if "unrelated" in row]
+    related = [row for row in result["rows"] if "unrelated" not in row]
+    pairs = {identity(row): row for row in related}
+    counted = [row for row in related if "who" in row]
     judged = len({identity(row) for row in counted})
     yield (
         f"{judged} of {len(pairs)} pairs overlap by {LEAST_OVERLAP:.0%}. Success is {SUCCESS_M:g} m and {SUCCESS_DEG:g}°; errors "
         "are over successes. CPU is the median of a pair.\n"
     )
     methods = list(dict.fromkeys(row["who"] for row in counted))
-    voxels = sorted({row["voxel_m"] for row in counted})
+    voxels = sorted({row["voxel_m"] for row in counted}, key=lambda voxel: (isinstance(voxel, str), voxel))
     of = lambda who, voxel_m: [row for row in counted if (row["who"], row["voxel_m"]) == (who, voxel_m)]  # noqa: E731
     head = ["method", "voxel m", "recall", "mean error", "median error", "CPU ms"]
-    yield table(head, [recall_line(who, voxel_m, of(who, voxel_m)) for who in methods for voxel_m in voxels])
-    best = {who: max(voxels, key=lambda voxel_m: share(of(who, voxel_m))) for who in methods}
+    runs = [(who, voxel_m) for who in methods for voxel_m in voxels if of(who, voxel_m)]
+    yield table(head, [recall_line(*run, of(*run)) for run in runs])
+    best = {who: max((v for w, v in runs if w == who), key=lambda voxel_m: share(of(who, voxel_m))) for who in methods}
     yield "Each at the voxel of its best recall:\n"
     for key, title in (("baseline_m", "{:g} m apart"), ("kind", "{}"), ("heading_deg", "±{:g}°"), ("scanner", "{}")):
         values = list(dict.fromkeys(row[key] for row in counted))
@@ -140,8 +146,37 @@ def recall_tables(result):
         for who in methods:
             rows = of(who, best[who])
             parts = [[row for row in rows if row[key] == value] for value in values]
-            lines.append([f"{who}, {best[who]} m", *(f"{share(part):.1f} %" if part else "–" for part in parts)])
+            lines.append([f"{who}, {voxel_name(best[who])}", *(f"{share(part):.1f} %" if part else "–" for part in parts)])
         yield table(["method", *map(title.format, values)], lines)
+    yield "### What ours say\n"
+    count = len({identity(row) for row in unrelated})
+    yield (
+        f"Of right motions (within {SUCCESS_M:g} m and {SUCCESS_DEG:g}°), how many were called no consensus; of wrong ones, and of "
+        f"{count} pairs from two towns, how many were called found (still).\n"
+    )
+    spoken = [run for run in runs if any(row["stop"] for row in of(*run))]
+    strangers = lambda who, voxel_m: [r for r in unrelated if (r["who"], r["voxel_m"]) == (who, voxel_m)]  # noqa: E731
+    head = ["method", "voxel m", "right, refused", "right, other stops", "wrong, called found", "unrelated, called found"]
+    yield table(head, [said_line(*run, of(*run), strangers(*run)) for run in spoken])
+
+
+def voxel_name(voxel_m):
+    return voxel_m if isinstance(voxel_m, str) else f"{voxel_m:g} m"
+
+
+def said_line(who, voxel_m, rows, strangers):
+    """How often a method's own word was wrong."""
+    right, wrong = ([row for row in rows if row["success"] == good] for good in (True, False))
+    said = lambda rows, *stops: f"{sum(row['stop'] in stops for row in rows)} of {len(rows)}"  # noqa: E731
+    others = {row["stop"] for row in rows} - {"Still", "NoConsensus"}
+    return [
+        who,
+        voxel_m,
+        said(right, "NoConsensus"),
+        said(right, *others),
+        said(wrong, "Still"),
+        said(strangers, "Still"),
+    ]
 
 
 def identity(row):

@@ -27,11 +27,13 @@ def script(name, out, *arguments, threads=1):
 
 def measure_speed(args):
     """Both numbers of threads."""
-    short = ["--repeats", 1, "--voxels", 0.3] if args.quick else []
+    voxels = {1: [0.3] if args.quick else [0.3, 0.1], 2: [0.3]}
+    short = ["--repeats", 1] if args.quick else []
     data = ["--data", args.data] if args.data else []
     results = []
     for threads in [1] if args.quick else [1, 2]:
         arguments = ["--stages", args.stages, "--work", args.work / "clouds", "--threads", threads, *data, *short]
+        arguments += ["--voxels", *voxels[threads]]
         results.append(script("speed.py", args.work / f"speed-{threads}.json", *arguments, threads=threads))
     result = {**results[0], "rows": [row for part in results for row in part["rows"]]}
     text = f"Rounds: {result['repeats']}, medians. Ratios above 1: we are faster.\n\n"

@@ -13,7 +13,7 @@ import numpy as np
 from speed import measure, pin
 
 SIZES = [5_000, 10_000, 20_000, 50_000, 100_000, 200_000]
-STAGES = ["voxel", "normals", "describe", "match", "icp", "fgr", "mac"]
+STAGES = ["voxel", "normals", "fpfh", "describe", "match", "icp", "gicp", "fgr_solve", "mac_solve", "fgr", "mac"]
 WITHOUT = {("fgr", "Open3D"), ("voxel", "Open3D tensor"), ("normals", "Open3D tensor")}
 ONCE_FROM = 50_000  # a round takes minutes, and its noise is small beside it
 

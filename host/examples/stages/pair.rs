@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use echoloop_host::cloud::kdtree::KdTree;
-use echoloop_host::cloud::{Cloud, read_cloud, voxel};
+use echoloop_host::cloud::{Cloud, read_cloud};
 use echoloop_host::pose::Pose;
-use echoloop_host::registration::features::Described;
+use echoloop_host::registration::features::{Described, PointPair, matching, pairs};
+use echoloop_host::registration::global::described;
 use echoloop_host::registration::{FeatureConfig, FgrConfig, GicpConfig, IcpConfig, MacConfig, Source, Target};
 
 use crate::Result;
@@ -22,15 +22,16 @@ pub(crate) struct Pair {
     pub(crate) source: Cloud,
     pub(crate) initial: Pose,
     voxel_m: f64,
-    thinned: Option<Cloud>,
-    described: Option<[Described; 2]>,
+    described: Option<(Described, Described)>,
+    matches: Option<Vec<PointPair>>,
     icp: Option<(Target, Source)>,
+    gicp: Option<(Target, Target)>,
 }
 
 impl Pair {
     pub(crate) fn load(target: &Path, source: &Path, voxel_m: f64, initial: Pose) -> Result<Self> {
         let (target, source) = (read_cloud(target)?.0, read_cloud(source)?.0);
-        Ok(Self { target, source, initial, voxel_m, thinned: None, described: None, icp: None })
+        Ok(Self { target, source, initial, voxel_m, described: None, matches: None, icp: None, gicp: None })
     }
 
     pub(crate) fn features(&self) -> FeatureConfig {
@@ -38,17 +39,11 @@ impl Pair {
     }
 
     pub(crate) fn fgr(&self) -> FgrConfig {
-        FgrConfig { features: self.features(), max_pair_distance_m: self.voxel_m, ..FgrConfig::outdoor() }
+        FgrConfig::of_features(self.features())
     }
 
     pub(crate) fn mac(&self) -> MacConfig {
-        let scale = self.voxel_m / MacConfig::outdoor().features.voxel_m;
-        MacConfig {
-            features: self.features(),
-            max_pair_distance_m: scale * MacConfig::outdoor().max_pair_distance_m,
-            max_stretch_m: scale * MacConfig::outdoor().max_stretch_m,
-            ..MacConfig::outdoor()
-        }
+        MacConfig::of_features(self.features())
     }
 
     pub(crate) fn icp(&self) -> IcpConfig {
@@ -71,26 +66,41 @@ impl Pair {
         }
     }
 
+    /// What finishes a global method with GICP, with the distances that ICP would have.
+    pub(crate) fn finishing_gicp(&self) -> GicpConfig {
+        let IcpConfig { voxel_m, normal_radius_m, max_pair_distance_m, first_pair_distance_m, still_m, .. } =
+            IcpConfig::finishing(self.voxel_m);
+        GicpConfig {
+            voxel_m,
+            normal_radius_m,
+            max_pair_distance_m,
+            first_pair_distance_m,
+            still_m,
+            ..GicpConfig::outdoor()
+        }
+    }
+
     pub(crate) fn voxel_m(&self) -> f64 {
         self.voxel_m
     }
 
-    /// The thinned source.
-    pub(crate) fn thinned(&mut self) -> Result<&Cloud> {
-        if self.thinned.is_none() {
-            self.thinned = Some(voxel::downsample(&self.source, self.voxel_m)?);
-        }
-        self.thinned.as_ref().ok_or_else(|| "no cloud".into())
-    }
-
-    /// Source and target with features.
-    pub(crate) fn described(&mut self) -> Result<&[Described; 2]> {
+    /// Target and source with features.
+    pub(crate) fn described(&mut self) -> Result<&(Described, Described)> {
         if self.described.is_none() {
-            let config = self.features();
-            let both = [Described::prepare(&self.source, &config)?, Described::prepare(&self.target, &config)?];
-            self.described = Some(both);
+            let both = described(&self.target, &self.source, &self.features());
+            self.described = Some(both.map_err(|stop| stop.to_string())?);
         }
         self.described.as_ref().ok_or_else(|| "no features".into())
+    }
+
+    /// The matches of both.
+    pub(crate) fn matches(&mut self) -> Result<&[PointPair]> {
+        if self.matches.is_none() {
+            let (target, source) = self.described()?;
+            let found = matching::mutual(&source.features, &target.features);
+            self.matches = Some(pairs(&found, source, target));
+        }
+        self.matches.as_deref().ok_or_else(|| "no matches".into())
     }
 
     /// Both clouds prepared for ICP.
@@ -102,8 +112,12 @@ impl Pair {
         self.icp.as_ref().ok_or_else(|| "not prepared".into())
     }
 
-    /// A tree of the thinned source.
-    pub(crate) fn tree(&mut self) -> Result<KdTree> {
-        Ok(KdTree::new(&self.thinned()?.points))
+    /// Both clouds prepared for GICP.
+    pub(crate) fn prepared_gicp(&mut self) -> Result<&(Target, Target)> {
+        if self.gicp.is_none() {
+            let config = self.gicp();
+            self.gicp = Some((Target::prepare(&self.target, &config)?, Target::prepare(&self.source, &config)?));
+        }
+        self.gicp.as_ref().ok_or_else(|| "not prepared".into())
     }
 }

@@ -3,29 +3,40 @@
 use std::time::Instant;
 
 use cpu_time::ProcessTime;
-use echoloop_host::cloud::{Cloud, normals, voxel};
+use echoloop_host::cloud::neighbours::Neighbours;
+use echoloop_host::cloud::{normals, voxel};
 use echoloop_host::pose::{Pose, to_rows};
-use echoloop_host::registration::features::{Described, matching};
-use echoloop_host::registration::{Fgr, Gicp, Icp, Mac, Outcome, Registration};
+use echoloop_host::registration::features::{Described, fpfh, matching};
+use echoloop_host::registration::{
+    Fgr, FgrMode, Gicp, Icp, IcpConfig, Mac, Method, MethodConfig, Outcome, Refined, Registration, StopReason, build,
+    suggest_method, suggest_refinement,
+};
 use serde::{Serialize, Serializer};
 
 use crate::Result;
 use crate::pair::Pair;
 
 /// Parts first, then whole methods from the clouds as they were read to the pose.
-pub(crate) const STAGES: [&str; 12] = [
+pub(crate) const STAGES: [&str; 19] = [
     "voxel",
-    "tree",
     "normals",
+    "fpfh",
     "describe",
     "match",
     "icp_align",
     "icp",
+    "gicp_align",
     "gicp",
+    "fgr_solve",
+    "mac_solve",
     "fgr",
     "mac",
     "fgr_refined",
     "mac_refined",
+    "fgr_gicp",
+    "mac_gicp",
+    "fgr_suggested",
+    "mac_suggested",
 ];
 
 /// How long a stage took, and what came of it.
@@ -56,16 +67,19 @@ pub(crate) fn run(pair: &mut Pair, name: &str) -> Result<Measured> {
             let (cloud, voxel_m) = (&pair.source, pair.voxel_m());
             counted(name, cloud.points.len(), || Ok(voxel::downsample(cloud, voxel_m)?.points.len()))
         }
-        "tree" => {
-            let n = pair.thinned()?.points.len();
-            counted(name, n, || Ok(pair.tree()?.len()))
-        }
         "normals" => {
             let config = pair.features();
-            let mut cloud = pair.thinned()?.clone();
-            counted(name, cloud.points.len(), || {
-                normals::estimate(&mut cloud, config.normal_radius_m, config.normal_neighbours);
-                Ok(cloud.points.len())
+            let points = &pair.described()?.1.points;
+            counted(name, points.len(), || {
+                Ok(normals::of_points(points, config.normal_radius_m, config.normal_neighbours).len())
+            })
+        }
+        "fpfh" => {
+            let config = pair.features();
+            let Described { points, normals, .. } = &pair.described()?.1;
+            counted(name, points.len(), || {
+                let neighbours = Neighbours::within(points, config.feature_radius_m, config.feature_neighbours);
+                Ok(fpfh::describe(points, normals, &neighbours).rows.len())
             })
         }
         "describe" => {
@@ -73,7 +87,7 @@ pub(crate) fn run(pair: &mut Pair, name: &str) -> Result<Measured> {
             counted(name, cloud.points.len(), || Ok(Described::prepare(cloud, &config)?.points.len()))
         }
         "match" => {
-            let [source, target] = pair.described()?;
+            let (target, source) = pair.described()?;
             counted(name, source.points.len(), || Ok(matching::mutual(&source.features, &target.features).len()))
         }
         "icp_align" => {
@@ -81,24 +95,53 @@ pub(crate) fn run(pair: &mut Pair, name: &str) -> Result<Measured> {
             let (target, source) = pair.prepared()?;
             posed(name, source.len(), || icp.align(target, source, &initial))
         }
-        "icp" => whole(name, pair, &Icp::new(pair.icp())?),
-        "gicp" => whole(name, pair, &Gicp::new(pair.gicp())?),
-        "fgr" => whole(name, pair, &Fgr::new(pair.fgr())?),
-        "mac" => whole(name, pair, &Mac::new(pair.mac())?),
-        "fgr_refined" => whole(name, pair, &Refined(Fgr::new(pair.fgr())?, Icp::new(pair.icp())?)),
-        "mac_refined" => whole(name, pair, &Refined(Mac::new(pair.mac())?, Icp::new(pair.icp())?)),
-        _ => Err(format!("there is no stage {name:?}").into()),
+        "gicp_align" => {
+            let (gicp, initial) = (Gicp::new(pair.gicp())?, pair.initial);
+            let (target, source) = pair.prepared_gicp()?;
+            posed(name, source.len(), || gicp.align(target, source, &initial))
+        }
+        "fgr_solve" => {
+            let fgr = Fgr::new(pair.fgr())?;
+            let matches = pair.matches()?;
+            posed(name, matches.len(), || fgr.solve(matches))
+        }
+        "mac_solve" => {
+            let mac = Mac::new(pair.mac())?;
+            let matches = pair.matches()?;
+            posed(name, matches.len(), || mac.solve(matches))
+        }
+        "fgr_suggested" => suggested(name, pair, Method::Fgr),
+        "mac_suggested" => suggested(name, pair, Method::Mac),
+        _ => whole(name, pair, method(name, pair)?.as_ref()),
     }
 }
 
-/// A global method, then a local one from there.
-struct Refined<G>(G, Icp);
+/// A method that goes from clouds to a pose.
+fn method(name: &str, pair: &Pair) -> Result<Box<dyn Registration>> {
+    let finish = Some(IcpConfig::finishing(pair.voxel_m()));
+    Ok(match name {
+        "icp" => build(&MethodConfig::Icp(pair.icp()), None)?,
+        "gicp" => build(&MethodConfig::Gicp(pair.gicp()), None)?,
+        "fgr" => build(&MethodConfig::Fgr(pair.fgr()), None)?,
+        "mac" => build(&MethodConfig::Mac(pair.mac()), None)?,
+        "fgr_refined" => build(&MethodConfig::Fgr(pair.fgr()), finish)?,
+        "mac_refined" => build(&MethodConfig::Mac(pair.mac()), finish)?,
+        "fgr_gicp" => Box::new(Refined { global: Fgr::new(pair.fgr())?, local: Gicp::new(pair.finishing_gicp())? }),
+        "mac_gicp" => Box::new(Refined { global: Mac::new(pair.mac())?, local: Gicp::new(pair.finishing_gicp())? }),
+        _ => return Err(format!("there is no stage {name:?}").into()),
+    })
+}
 
-impl<G: Registration> Registration for Refined<G> {
-    fn register(&self, target: &Cloud, source: &Cloud, initial: &Pose) -> Outcome {
-        let found = self.0.register(target, source, initial);
-        self.1.register(target, source, &found.target_from_source)
-    }
+/// A global method with settings worked out from the clouds, and ICP after it; the clock runs from the clouds.
+fn suggested(name: &str, pair: &Pair, method: Method) -> Result<Measured> {
+    let (target, source) = (&pair.target, &pair.source);
+    posed(name, source.points.len(), || {
+        let config = suggest_method(method, FgrMode::Annealed, None, target, source);
+        match build(&config, Some(suggest_refinement(target, source))) {
+            Ok(method) => method.register(target, source, &pair.initial),
+            Err(_) => Outcome::nothing(&pair.initial, StopReason::BadSettings),
+        }
+    })
 }
 
 fn whole(name: &str, pair: &Pair, method: &dyn Registration) -> Result<Measured> {
