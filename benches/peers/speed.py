@@ -2,6 +2,9 @@
 
 A round runs each stage once for everybody, so that what else the machine does falls on all alike. The first round warms up;
 what takes more than ten seconds in it runs but once more. One thread stays on the last core.
+
+The street's truth is good to 5 cm and 0.5°, and is small_gicp's own: its GICP at 0.1 m comes within 0.2 mm of it. Errors below
+that say nothing there. The town's truth is exact.
 """
 
 import argparse
@@ -15,6 +18,7 @@ import numpy as np
 STAGES = ["voxel", "normals", "fpfh", "describe", "match", "icp_align", "icp", "gicp_align", "gicp"]
 STAGES += ["fgr_solve", "mac_solve", "fgr", "mac", "fgr_refined", "mac_refined", "fgr_gicp", "mac_gicp", "fgr_suggested", "mac_suggested"]
 OURS = "Echoloop"
+STREET = "street (small_gicp's)"
 LONG_MS = 10_000
 
 
@@ -47,7 +51,7 @@ def street(data):
         print(f"skipped: small_gicp's pair: {where}", file=sys.stderr)
         return None
     truth = np.loadtxt(folder / "T_target_source.txt")
-    return PairFiles("street (small_gicp's)", folder / "target.ply", folder / "source.ply", truth, np.eye(4))
+    return PairFiles(STREET, folder / "target.ply", folder / "source.ply", truth, np.eye(4))
 
 
 def measure(ours, files, voxel_m, threads, repeats, stages=STAGES, without=(), warm_up=1):
