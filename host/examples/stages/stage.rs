@@ -137,7 +137,7 @@ fn suggested(name: &str, pair: &Pair, method: Method) -> Result<Measured> {
     let (target, source) = (&pair.target, &pair.source);
     posed(name, source.points.len(), || {
         let config = suggest_method(method, FgrMode::Annealed, None, target, source);
-        match build(&config, Some(suggest_refinement(target, source))) {
+        match build(&config, Some(suggest_refinement(target, source, config.get("voxel_m").unwrap_or_default()))) {
             Ok(method) => method.register(target, source, &pair.initial),
             Err(_) => Outcome::nothing(&pair.initial, StopReason::BadSettings),
         }
