@@ -101,12 +101,8 @@ def overlap(target, source, truth):
     return float(np.mean([share.mean() for share in shares]))
 
 
-def contestants(ours, files):
-    """Every method as something to run at a voxel, which gives a `Took` or None."""
-    import others
-    from common import clocked
-
-    source, target = files.clouds()
+def contestants(ours, files, alone):
+    """Every method as something to run at a voxel, which gives a `Took` or None; ours alone if asked."""
 
     def run_ours(stage, voxel_m):
         ours.load(files.target, files.source, voxel_m)
@@ -114,6 +110,12 @@ def contestants(ours, files):
 
     for stage, name in OURS.items():
         yield name, lambda voxel_m, stage=stage: run_ours(stage, voxel_m)
+    if alone:
+        return
+    import others
+    from common import clocked
+
+    source, target = files.clouds()
     theirs = {
         "KISS-Matcher": lambda voxel_m: others.kiss(source, target, voxel_m),
         "KISS-Matcher + GICP": lambda voxel_m: others.kiss_gicp(source, target, voxel_m),
@@ -143,6 +145,11 @@ def registered(pair, who, voxel_m, took, truth):
     return [row]
 
 
+def is_theirs(row):
+    """Whether it is a peer's run."""
+    return "who" in row and not row["who"].startswith("Echoloop")
+
+
 def judge(task):
     """Rows of one cell."""
     from common import PairFiles, read_ply
@@ -160,7 +167,7 @@ def judge(task):
             if pair["overlap"] < LEAST_OVERLAP:
                 rows.append(pair)
                 continue
-            for voxel_m, (who, work) in itertools.product(args.voxels, contestants(ours, files)):
+            for voxel_m, (who, work) in itertools.product(args.voxels, contestants(ours, files, args.ours)):
                 rows += registered(pair, who, voxel_m, work(voxel_m), files.truth)
             ours.load(files.target, files.source, args.voxels[0])
             for stage, who in SUGGESTED.items():
@@ -189,13 +196,14 @@ def main():
     parser.add_argument("--baselines", type=float, nargs="+", default=BASELINES_M)
     parser.add_argument("--headings", type=float, nargs="+", default=HEADINGS_DEG)
     parser.add_argument("--voxels", type=float, nargs="+", default=VOXELS_M)
+    parser.add_argument("--ours", action="store_true", help="ours anew; the peers' rows stay as they were measured")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out", type=Path, required=True)
     args = parser.parse_args()
     # The kinds take turns, and what is done is kept: a run that is stopped is a smaller one, not a lost one.
     cells = itertools.product(args.baselines, args.headings, args.kinds)
     tasks = [(args, kind, baseline_m, heading_deg) for baseline_m, heading_deg, kind in cells]
-    done = []
+    done = [row for row in json.loads(args.out.read_text())["rows"] if is_theirs(row)] if args.ours else []
     with multiprocessing.get_context("spawn").Pool(args.jobs) as pool:
         for rows in pool.imap(judge, tasks):
             done += rows

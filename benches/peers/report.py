@@ -139,15 +139,24 @@ def recall_tables(result):
     counted = [row for row in related if "who" in row]
     judged = len({identity(row) for row in counted})
     yield (
-        f"{judged} of {len(pairs)} pairs overlap by {LEAST_OVERLAP:.0%}. Success is {SUCCESS_M:g} m and {SUCCESS_DEG:g}°; errors "
-        "are over successes. CPU is the median of a pair.\n"
+        f"{judged} of {len(pairs)} pairs of scans overlap by {LEAST_OVERLAP:.0%}, {len({i[:3] + i[4:] for i in pairs})} pairs of "
+        f"places at two densities. Success is {SUCCESS_M:g} m and {SUCCESS_DEG:g}°; errors "
+        "are over successes, so that whoever succeeds on harder pairs has larger ones: the last errors are those of the pairs on "
+        "which all refined methods succeed at that voxel. CPU is the median of a pair.\n"
     )
     methods = list(dict.fromkeys(row["who"] for row in counted))
     voxels = sorted({row["voxel_m"] for row in counted}, key=lambda voxel: (isinstance(voxel, str), voxel))
     of = lambda who, voxel_m: [row for row in counted if (row["who"], row["voxel_m"]) == (who, voxel_m)]  # noqa: E731
-    head = ["method", "voxel m", "recall", "mean error", "median error", "CPU ms"]
+    head = ["method", "voxel m", "recall", "mean error", "median error", "median error, common pairs", "CPU ms"]
     runs = [(who, voxel_m) for who in methods for voxel_m in voxels if of(who, voxel_m)]
-    yield table(head, [recall_line(*run, of(*run)) for run in runs])
+    good = lambda who, voxel_m: {identity(row) for row in of(who, voxel_m) if row["success"]}  # noqa: E731
+    common = {v: set.intersection(*(good(who, w) for who, w in runs if w == v and "+" in who)) for v in voxels}
+    yield table(head, [recall_line(*run, of(*run), common[run[1]]) for run in runs])
+    mine, theirs = "Echoloop FGR + ICP", "KISS-Matcher + GICP"
+    lead = lambda v: (v, len(good(mine, v) - good(theirs, v)), len(good(theirs, v) - good(mine, v)), len(common[v]))  # noqa: E731
+    yield f"Pair by pair, {mine} against {theirs}:\n"
+    head = ["voxel m", "only ours is right", "only theirs is right", "pairs common to all refined"]
+    yield table(head, [lead(v) for w, v in runs if w == theirs])
     best = {who: max((v for w, v in runs if w == who), key=lambda voxel_m: share(of(who, voxel_m))) for who in methods}
     yield "Each at the voxel of its best recall:\n"
     for key, title in (("baseline_m", "{:g} m apart"), ("kind", "{}"), ("heading_deg", "±{:g}°"), ("scanner", "{}")):
@@ -198,12 +207,15 @@ def share(rows):
     return 100 * sum(row["success"] for row in rows) / len(rows) if rows else float("nan")
 
 
-def recall_line(who, voxel_m, rows):
+def recall_line(who, voxel_m, rows, common):
     good = [row for row in rows if row["success"]]
     metres, degrees = [row["translation_m"] for row in good], [row["rotation_deg"] for row in good]
+    shared = [row for row in good if identity(row) in common]
+    shared = median(row["translation_m"] for row in shared), median(row["rotation_deg"] for row in shared)
+    shared = f"{100 * shared[0]:.1f} cm, {shared[1]:.2f}°" if common and "+" in who else "–"
     mean = f"{100 * sum(metres) / len(good):.1f} cm, {sum(degrees) / len(good):.2f}°" if good else "–"
     middle = f"{100 * median(metres):.1f} cm, {median(degrees):.2f}°" if good else "–"
-    return [who, voxel_m, f"{share(rows):.1f} %", mean, middle, milliseconds(median(row["cpu_ms"] for row in rows))]
+    return [who, voxel_m, f"{share(rows):.1f} %", mean, middle, shared, milliseconds(median(row["cpu_ms"] for row in rows))]
 
 
 def scaling_table(result):
