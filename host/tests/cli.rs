@@ -336,7 +336,7 @@ fn help_names_units_and_completions_exist_for_every_shell() {
     }
     desk.refuses(&["completions", "tcsh-ish"], &["tcsh-ish"]);
     let register = desk.succeed(&["register", "--help"]).out;
-    for part in ["m, above 0", "3 to 10000", "target_from_source"] {
+    for part in ["m, above 0", "3 to 1000", "target_from_source"] {
         assert!(register.contains(part), "{part}: {register}");
     }
     let scan = desk.succeed(&["scan", "--help"]).out;
