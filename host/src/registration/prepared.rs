@@ -5,7 +5,7 @@ pub(super) mod box_tree;
 use nalgebra::{Point3, Vector3};
 
 use self::box_tree::BoxTree;
-use super::{GicpConfig, IcpConfig};
+use super::{Convention, GicpConfig, IcpConfig};
 use crate::cloud::voxel::VoxelError;
 use crate::cloud::{Cloud, normals, voxel};
 
@@ -107,15 +107,27 @@ impl Source {
 
 /// The means of the voxels in the order of a tree, without points that are no echo.
 fn thin(cloud: &Cloud, voxel_m: f64) -> Result<Vec<Point3<f32>>, PrepareError> {
+    let points = thinned(cloud, voxel_m, Convention::Sensor)?;
+    Ok(box_tree::order(&points).iter().map(|&index| points[index as usize]).collect())
+}
+
+/// The means of the voxels, without points that are no echo.
+///
+/// # Errors
+///
+/// [`PrepareError`] when there is no echo, or the voxel is too small for the cloud.
+pub(super) fn thinned(cloud: &Cloud, voxel_m: f64, convention: Convention) -> Result<Vec<Point3<f32>>, PrepareError> {
+    let downsample = match convention {
+        Convention::Sensor => voxel::downsample,
+        Convention::Open3d => voxel::downsample_open3d,
+    };
+    // Voxels skip what is not finite; only points at the origin are worth a copy without them.
     let thinned = if cloud.points.iter().any(|p| p.coords == Vector3::zeros()) {
         let mut echoes = Cloud::new(cloud.points.clone());
         echoes.drop_invalid();
-        voxel::downsample(&echoes, voxel_m)?
+        downsample(&echoes, voxel_m)?
     } else {
-        voxel::downsample(cloud, voxel_m)?
+        downsample(cloud, voxel_m)?
     };
-    if thinned.points.is_empty() {
-        return Err(PrepareError::Empty);
-    }
-    Ok(box_tree::order(&thinned.points).iter().map(|&index| thinned.points[index as usize]).collect())
+    if thinned.points.is_empty() { Err(PrepareError::Empty) } else { Ok(thinned.points) }
 }

@@ -5,9 +5,10 @@ pub mod matching;
 
 use nalgebra::{Point3, Vector3};
 
+use super::prepared::thinned;
 use super::{Convention, FeatureConfig, PrepareError};
 use crate::cloud::neighbours::Neighbours;
-use crate::cloud::{Cloud, normals, voxel};
+use crate::cloud::{Cloud, normals};
 
 /// Numbers of a feature: three histograms of eleven bins.
 pub const DIMENSIONS: usize = 33;
@@ -37,25 +38,13 @@ impl Described {
     ///
     /// [`PrepareError`] when there is no point, or the voxel is too small for the cloud.
     pub fn prepare(cloud: &Cloud, config: &FeatureConfig) -> Result<Self, PrepareError> {
-        let points = thin(cloud, config)?;
+        let points = thinned(cloud, config.voxel_m, config.convention)?;
         let (radius_m, most) = (config.feature_radius_m, config.feature_neighbours);
         let neighbours = Neighbours::within(&points, radius_m, most);
         let normals = normals_of(&points, &neighbours, config);
         let features = fpfh::describe(&points, &normals, &neighbours);
         Ok(Self { points, normals, features })
     }
-}
-
-/// The means of the voxels, without points that are no echo.
-fn thin(cloud: &Cloud, config: &FeatureConfig) -> Result<Vec<Point3<f32>>, PrepareError> {
-    let downsample = match config.convention {
-        Convention::Sensor => voxel::downsample,
-        Convention::Open3d => voxel::downsample_open3d,
-    };
-    let mut echoes = Cloud::new(cloud.points.clone());
-    echoes.drop_invalid();
-    let points = downsample(&echoes, config.voxel_m)?.points;
-    if points.is_empty() { Err(PrepareError::Empty) } else { Ok(points) }
 }
 
 /// Normals from the features' neighbourhoods where these hold the normals', else from a search of their own.
