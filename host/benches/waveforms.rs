@@ -1,7 +1,7 @@
 //! Speed of the waveform path: `cargo bench -p echoloop-host --bench waveforms`. Throughput is in samples.
 //!
 //! `pipeline/…`: ADC codes to echoes, 1,024 samples and 15 taps (16 with the filter's zero): as compiled for the baseline
-//! processor, as the compiler vectorises it for x86-64-v3, and with the filter's multiply-add of pairs. `front_end/…`: returns to
+//! processor, as the compiler vectorises it for x86-64-v3, and with the loops said by hand. `front_end/…`: returns to
 //! ADC codes. `scan/…`: a whole scan through the sensor, link included, on one core.
 
 use std::hint::black_box;
@@ -12,14 +12,20 @@ use echoloop_dsp::{Echoes, Hardware, Pipeline, ScanPattern, Scratch, Settings};
 use echoloop_host::client::{Client, Patience};
 use echoloop_host::frontend::{NoiseKey, Receiver, Shot, WaveformFrontEnd, synthesise, synthesise_baseline};
 use echoloop_host::transport::InProcess;
-use echoloop_sim::board::{Analog, PcSensor};
+use echoloop_sim::board::{Analog, PcSensor, Trigger};
 use echoloop_sim::scanner::{Return, SceneResponse};
 use echoloop_sim::vector::{process, process_baseline, process_compiled};
 
 const SAMPLES: usize = 1024;
 
-const ANALOG: Analog =
-    Analog { power_w: 60.0, pulse_width_ns: 6.2, gain_db: 0.0, sample_period_ns: 0.775, delay_ns: 12.87 };
+const ANALOG: Analog = Analog {
+    power_w: 60.0,
+    pulse_width_ns: 6.2,
+    gain_db: 0.0,
+    sample_period_ns: 0.775,
+    delay_ns: 12.87,
+    pre_trigger: 0,
+};
 
 /// Two returns a beam, from strong to none.
 fn returns(beam: u32) -> [Return; 2] {
@@ -33,7 +39,7 @@ fn waveforms() -> Vec<Vec<u16>> {
     (0..256)
         .map(|beam| {
             let mut codes = vec![0; SAMPLES];
-            let key = NoiseKey::new(1, 0, beam);
+            let key = NoiseKey::new(1, Trigger { frame: 0, beam, shot: 0 });
             synthesise(&Receiver::default(), &ANALOG, &returns(beam), key, &mut shot, &mut codes);
             codes
         })
@@ -67,7 +73,14 @@ fn front_end(c: &mut Criterion) {
         group.bench_function(name, |b| {
             b.iter(|| {
                 beam += 1;
-                build(&receiver, &ANALOG, &returns(beam), NoiseKey::new(1, 0, beam), &mut shot, black_box(&mut codes));
+                build(
+                    &receiver,
+                    &ANALOG,
+                    &returns(beam),
+                    NoiseKey::new(1, Trigger { frame: 0, beam, shot: 0 }),
+                    &mut shot,
+                    black_box(&mut codes),
+                );
             });
         });
     }

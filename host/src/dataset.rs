@@ -1,5 +1,7 @@
 //! Pairs of scans to register: scene responses and true motions, traced once for every candidate to come.
 
+mod motion;
+
 use std::path::Path;
 use std::sync::Arc;
 
@@ -15,6 +17,7 @@ use thiserror::Error;
 use crate::config::Config;
 use crate::pose::{Pose, relative};
 use crate::seed::{Purpose, derive};
+use motion::Path as MotionPath;
 
 /// Why there are no pairs.
 #[derive(Debug, Error)]
@@ -45,7 +48,7 @@ pub struct ScanPair {
     pub place: String,
     /// T*: `first_from_second`.
     pub truth: Pose,
-    /// Where the sensor stood, first and second.
+    /// Where the sensor stood, first and second; of one that moved, in the middle of each scan.
     pub world_from_sensor: [Pose; 2],
     /// What the first scan sees.
     pub first: Arc<SceneResponse>,
@@ -109,7 +112,11 @@ impl Dataset {
                 for pair in poses {
                     let done = (dataset.train.len() + dataset.test.len()) as f64 / total;
                     progress(done, &place.scene.name);
-                    let pair = trace(config, &place, &pair, &dataset.directions);
+                    let number = match split {
+                        Split::Train => dataset.train.len(),
+                        Split::Test => config.data.train_pairs + dataset.test.len(),
+                    };
+                    let pair = trace(config, &place, &pair, viewpoints(number), &dataset.directions);
                     match split {
                         Split::Train => dataset.train.push(pair),
                         Split::Test => dataset.test.push(pair),
@@ -117,16 +124,8 @@ impl Dataset {
                 }
             }
         }
-        dataset.number();
         progress(1.0, "");
         Ok(dataset)
-    }
-
-    /// Gives every viewpoint its number.
-    fn number(&mut self) {
-        for (place, pair) in self.train.iter_mut().chain(&mut self.test).enumerate() {
-            pair.viewpoints = viewpoints(place);
-        }
     }
 
     /// What is seen from every viewpoint, in the order of their numbers.
@@ -209,22 +208,45 @@ fn poses(
         .map_err(|source| DatasetError::Viewpoints { scene: place.scene.name.clone(), source })
 }
 
-fn trace(config: &Config, place: &Place, pair: &PosePair, directions: &[Vector3<f32>]) -> ScanPair {
+fn trace(
+    config: &Config,
+    place: &Place,
+    pair: &PosePair,
+    viewpoints: [u32; 2],
+    directions: &[Vector3<f32>],
+) -> ScanPair {
     let truth = relative(&pair.world_from_first, &pair.world_from_second);
-    let look = |pose| Arc::new(respond(config, place, pose, directions));
+    let look = |pose, viewpoint| Arc::new(respond_at(config, place, pose, viewpoint, directions));
     ScanPair {
         place: place.scene.name.clone(),
         truth,
         world_from_sensor: [pair.world_from_first, pair.world_from_second],
-        first: look(&pair.world_from_first),
-        second: look(&pair.world_from_second),
-        viewpoints: [0, 0], // until all are known
+        first: look(&pair.world_from_first, viewpoints[0]),
+        second: look(&pair.world_from_second, viewpoints[1]),
+        viewpoints,
     }
 }
 
-/// What a scan from a pose sees.
+/// What a scan alone sees from a pose: of viewpoint 1.
 pub fn respond(config: &Config, place: &Place, world_from_sensor: &Pose, directions: &[Vector3<f32>]) -> SceneResponse {
+    respond_at(config, place, world_from_sensor, 1, directions)
+}
+
+/// What the scan of a viewpoint sees; of a sensor that moves, the pose is that of the middle of the scan.
+pub fn respond_at(
+    config: &Config,
+    place: &Place,
+    world_from_sensor: &Pose,
+    viewpoint: u32,
+    directions: &[Vector3<f32>],
+) -> SceneResponse {
     let optics = BeamOptics { divergence_mrad: config.receiver.divergence_mrad, subrays: config.receiver.subrays };
     let directions: Vec<[f32; 3]> = directions.iter().map(|&d| d.into()).collect();
-    Scanner::scan(&place.caster, &place.scene.materials, world_from_sensor, &directions, &optics)
+    let (caster, materials) = (&place.caster, &place.scene.materials);
+    if config.motion.is_still() {
+        return Scanner::scan(caster, materials, world_from_sensor, &directions, &optics);
+    }
+    let seed = derive(config.seed, Purpose::Motion, viewpoint.into());
+    let path = MotionPath::new(&config.motion, config.scanner.pattern(), *world_from_sensor, seed);
+    Scanner::scan_moving(caster, materials, |beam| path.world_from_sensor(beam), &directions, &optics)
 }

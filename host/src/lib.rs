@@ -21,3 +21,4 @@ pub mod sensor_log;
 pub mod serve;
 pub mod transport;
 pub mod tune;
+pub mod waveforms;

@@ -2,25 +2,26 @@
 
 use std::process::ExitCode;
 
-use echoloop_host::cli::{Cli, report_failure};
+use echoloop_host::cli::{Cli, READER_GONE, report_failure};
 
-/// What a shell says of a command that wrote to a closed pipe: 128 + SIGPIPE.
-const READER_GONE: i32 = 141;
-
-/// `echoloop config | head -1` ends quietly, as other commands do: printing to a closed pipe panics in Rust.
-fn end_with_the_reader() {
+/// `println!` panics where it cannot write. To a closed pipe, `echoloop config | head -1`, the command ends quietly, as others do;
+/// elsewhere, as on a full disk, it says so and fails.
+fn end_with_the_output() {
     let usual = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {
-        let is_pipe = |text: &str| text.starts_with("failed printing to stdout: Broken pipe");
-        if panic.payload_as_str().is_some_and(is_pipe) {
-            std::process::exit(READER_GONE);
+        match panic.payload_as_str().and_then(|text| text.strip_prefix("failed printing to stdout: ")) {
+            Some(error) if error.starts_with("Broken pipe") => std::process::exit(READER_GONE.into()),
+            Some(error) => {
+                eprintln!("error: cannot write to standard output: {error}");
+                std::process::exit(1);
+            }
+            None => usual(panic),
         }
-        usual(panic);
     }));
 }
 
 fn main() -> ExitCode {
-    end_with_the_reader();
+    end_with_the_output();
     match Cli::from_command_line().run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => report_failure(&failure),

@@ -4,6 +4,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use echoloop_dsp::{Kind, PARAMETERS, Parameter};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -107,7 +108,7 @@ impl RunFolder {
             }
         };
         folder.become_latest(runs)?;
-        folder.write("README.txt", README)?;
+        folder.write("README.txt", &readme())?;
         Ok(folder)
     }
 
@@ -194,7 +195,7 @@ fn next_number(runs: &Path) -> Result<u32, FileError> {
     Ok(numbers.max().unwrap_or(0).saturating_add(1))
 }
 
-const README: &str = "\
+const FILES: &str = "\
 What is in this folder
 ======================
 
@@ -205,10 +206,29 @@ report.html    the same to look at: one file, no network needed
 before.ply     one held-out pair with the default parameters: target, and source laid on it (target's frame, metres)
 after.ply      the same pair with the tuned parameters
 
-Units are in the names: _m metres, _deg degrees, _pct percent. lidar.power W, lidar.pulse_width ns, lidar.gain dB,
-lidar.waveform_resolution bins, lidar.saturation and lidar.noise_floor fractions of full scale, lidar.snr_threshold sigma.
 Poses: first_from_second maps points of the second scan into the frame of the first; x ahead, y left, z up.
+Units are in the names: _m metres, _deg degrees, _pct percent. Those of the sensor's parameters, and the numbers of choices in
+result.json and history.jsonl:
+
 ";
+
+/// What the files are, and the unit of every parameter of the sensor.
+fn readme() -> String {
+    let line = |p: &Parameter| {
+        let unit = match p.kind {
+            Kind::Choice { names } => {
+                let numbered: Vec<String> =
+                    names.iter().zip(0..).map(|(name, code)| format!("{code} {name}")).collect();
+                numbered.join(", ")
+            }
+            _ if p.unit.is_empty() => "a number".into(),
+            _ => p.unit.into(),
+        };
+        let follows = if p.default.is_none() { "; left out, it follows the pulse width" } else { "" };
+        format!("lidar.{:<20} {unit}{follows}\n", p.name)
+    };
+    FILES.to_owned() + &PARAMETERS.iter().map(line).collect::<String>()
+}
 
 #[cfg(test)]
 mod tests {
@@ -221,6 +241,17 @@ mod tests {
         let second = RunFolder::create(runs.path(), "b").unwrap();
         assert!(first.path().ends_with("0001-a") && second.path().ends_with("0002-b"));
         assert_eq!(fs::read_link(runs.path().join("latest")).unwrap(), Path::new("0002-b"));
+    }
+
+    #[test]
+    fn the_readme_says_the_unit_of_every_parameter_and_the_numbers_of_choices() {
+        let text = readme();
+        for p in &PARAMETERS {
+            let line = text.lines().find(|line| line.starts_with(&format!("lidar.{} ", p.name))).expect(p.name);
+            assert!(line.contains(p.unit) && line.len() > 27, "{line}");
+        }
+        assert!(text.contains("lidar.denoise              0 none, 1 gaussian, 2 matched\n"), "{text}");
+        assert!(text.contains("lidar.min_separation       m; left out, it follows the pulse width\n"), "{text}");
     }
 
     #[test]

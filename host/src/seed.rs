@@ -19,6 +19,8 @@ pub enum Purpose {
     Search = 6,
     /// Which pairs a generation sees.
     Batch = 7,
+    /// How the sensor shakes while it scans.
+    Motion = 8,
 }
 
 /// A seed for one purpose and one index of it.

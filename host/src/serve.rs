@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use echoloop_dsp::{Hardware, ScanPattern};
-use echoloop_sim::board::{Analog, FrontEnd, PcSensor};
+use echoloop_sim::board::{Analog, FrontEnd, PcSensor, Trigger};
 use echoloop_sim::scanner::SceneResponse;
 
 use crate::frontend::WaveformFrontEnd;
@@ -55,11 +55,11 @@ impl FrontEnd for Viewpoints {
         self.front_end.adc_bits()
     }
 
-    fn capture(&mut self, analog: &Analog, frame: u32, beam: u32, codes: &mut [u16]) {
-        if frame != self.showing {
-            self.show(frame);
+    fn capture(&mut self, analog: &Analog, trigger: Trigger, codes: &mut [u16]) {
+        if trigger.frame != self.showing {
+            self.show(trigger.frame);
         }
-        self.front_end.capture(analog, frame, beam, codes);
+        self.front_end.capture(analog, trigger, codes);
     }
 }
 

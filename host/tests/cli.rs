@@ -22,7 +22,7 @@ fn a_bad_configuration_file_is_refused_with_file_line_and_caret() {
         ("[lidar]\npower = -3\n", "line 2", "power -3 W is below its minimum 5 W"),
         ("[lidar]\npower = 500\n", "line 2", "above its maximum 100 W"),
         ("[lidar]\nupsampling = 3\n", "line 2", "upsampling 3 is none of 1, 2, 4, 8"),
-        ("[lidar]\ntiming = \"cfd\"\n", "line 2", "timing 'cfd' is not implemented"),
+        ("[lidar]\ntiming = \"late\"\n", "line 2", "rising-edge"),
         ("[lidar]\npower = \"much\"\n", "line 2", "much"),
         ("[data]\ntest_pairs = -1\n", "line 2", "-1"),
         ("[tune]\nprotocol = \"all\"\n", "line 2", "unknown variant `all`"),
@@ -39,7 +39,7 @@ fn a_bad_configuration_file_is_refused_with_file_line_and_caret() {
 #[test]
 fn a_value_that_makes_no_sense_is_refused_by_name_everywhere() {
     let desk = Desk::new();
-    let table: [(&str, &[&str]); 22] = [
+    let table: [(&str, &[&str]); 25] = [
         ("lidar.powr=1", &["--set lidar.powr=1", "unknown field `powr`"]),
         ("optics.power=1", &["unknown field `optics`"]),
         ("lidar.power", &["a.b=value"]),
@@ -48,11 +48,14 @@ fn a_value_that_makes_no_sense_is_refused_by_name_everywhere() {
         ("lidar.saturation=0.1", &["saturation 0.1 of full scale is below its minimum"]),
         ("lidar.noise_floor=0.5", &["noise_floor 0.5 of full scale is above its maximum"]),
         ("lidar.upsampling=3", &["upsampling 3"]),
-        ("lidar.timing=cfd", &["timing 'cfd' is not implemented"]),
+        ("lidar.timing=late", &["rising-edge"]),
         ("lidar.pulse_width=20", &["pulse energy limit"]),
         ("lidar.waveform_resolution=200", &["pulse_width", "fewer than 2.5 samples"]),
         ("receiver.adc_bits=30", &["receiver.adc_bits = 30 must be 8 to 14"]),
         ("receiver.bandwidth_mhz=nan", &["receiver.bandwidth_mhz = NaN"]),
+        ("emitter.energy_limit_nj=374.9", &["power", "pulse energy limit of 374.9 nJ"]),
+        ("emitter.energy_limit_nj=99", &["emitter.energy_limit_nj = 99 must be 100 to 2000"]),
+        ("emitter.energy_limit_nj=nan", &["emitter.energy_limit_nj = NaN"]),
         ("data.baseline_m=-2", &["data.baseline_m = -2 must be 0 to 100"]),
         ("data.baseline_m=nan", &["data.baseline_m = NaN"]),
         ("data.train_pairs=0", &["data.train_pairs = 0"]),
@@ -83,6 +86,19 @@ fn a_value_that_makes_no_sense_is_refused_by_name_everywhere() {
     desk.refuses(&["tune", "--generations", "0"], &["tune.generations = 0"]);
     desk.refuses(&["tune", "--repair"], &["--resume"]);
     desk.refuses(&["conjure"], &["conjure"]);
+}
+
+#[test]
+fn a_higher_energy_limit_lets_a_stronger_pulse_through_and_no_more() {
+    let desk = Desk::new();
+    let limit = ["sensor", "--json", "--set", "emitter.energy_limit_nj=600", "--set", "lidar.power=60"];
+    let with = |width: &'static str| [&limit[..], &["--set", width]].concat();
+    let said = desk.succeed(&with("lidar.pulse_width=10")).json();
+    assert_eq!(said["hardware"]["energy_limit_pj"], 600_000);
+    assert_eq!(said["settings"]["pulse_width"], 10.0);
+    desk.refuses(&with("lidar.pulse_width=10.01"), &["pulse energy limit of 600.0 nJ"]);
+    let usual = ["sensor", "--set", "lidar.power=60", "--set", "lidar.pulse_width=10"];
+    desk.refuses(&usual, &["pulse energy limit of 400.0 nJ"]);
 }
 
 #[test]
@@ -210,7 +226,16 @@ fn a_candidate_that_is_none_is_refused_by_name() {
         (r#"{"parameters": {"lidar.power": 500}}"#, "lidar.power 500 W is above its maximum 100 W"),
         (r#"{"parameters": {"lidar.upsampling": 3}}"#, "lidar.upsampling 3"),
         (r#"{"parameters": {"registration.voxel_m": 0}}"#, "registration.voxel_m = 0 is outside 0.05 to 1 m"),
-        (r#"{"parameters": {"lidar.power": "much"}}"#, "bad.json"),
+        (r#"{"parameters": {"lidar.power": "much"}}"#, "lidar.power = \"much\" must be a number"),
+        (r#"{"parameters": {"lidar.powr": "much"}}"#, "lidar.powr"),
+        (
+            r#"{"parameters": {"lidar.denoise": "box"}}"#,
+            "lidar.denoise = \"box\" must be one of none, gaussian, matched",
+        ),
+        (r#"{"parameters": {"lidar.denoise": 1.5}}"#, "lidar.denoise = 1.5 must be a whole number"),
+        (r#"{"parameters": {"lidar.denoise": 3}}"#, "lidar.denoise"),
+        (r#"{"parameters": {"lidar.echoes": 1.2}}"#, "lidar.echoes = 1.2 must be a whole number"),
+        (r#"{"parameters": {"lidar.denoise": [1]}}"#, "lidar.denoise = [1] must be one of none, gaussian, matched"),
         (r#"{"parameters": {"lidar.power": null}}"#, "bad.json"),
         (r#"{"parameters": {"lidar.power": 1e999}}"#, "bad.json"),
         (r#"{"lidar.power": 50}"#, "bad.json"),
@@ -258,6 +283,32 @@ fn a_run_leaves_everything_to_look_at_and_repeats_itself() {
     let resumed = desk.succeed(&["tune", "-q", "--json", "--resume", folder]);
     assert_eq!(resumed.json(), result, "resuming a finished run says the same again");
     look_at(&desk.read(&format!("{folder}/report.html")));
+}
+
+#[test]
+fn a_search_of_all_fifteen_is_shown_with_the_names_of_choices_and_the_value_of_what_follows() {
+    let desk = Desk::new();
+    let said = desk.tune(&["--set", "tune.protocol=lidar", "--set", "tune.lidar=full", "--generations", "1"]);
+    let line = |name: &str| said.out.lines().find(|line| line.starts_with(name)).expect(name).to_owned();
+    assert!(!said.out.contains("NaN"), "{}", said.out);
+    let separation = line("lidar.min_separation");
+    assert!(separation.contains(" 0.8540 "), "1.14 of half the way that light goes in 5 ns: {separation}");
+    let report = desk.read("runs/latest/report.html");
+    for (name, default, range) in [
+        ("lidar.denoise", "matched", "none, gaussian, matched"),
+        ("lidar.timing", "walk-corrected", "rising-edge, parabola, cfd, walk-corrected"),
+        ("lidar.echo_choice", "strongest", "strongest, first, last"),
+    ] {
+        assert!(line(name).contains(default) && line(name).ends_with(range), "{}", line(name));
+        assert!(report.contains(&format!("<th scope=\"row\">{name}</th><td>{default}</td>")), "{name}");
+    }
+    assert!(report.contains("<th scope=\"row\">lidar.min_separation</th><td>0.854</td>"));
+    let readme = desk.read("runs/latest/README.txt");
+    for parameter in &echoloop_dsp::PARAMETERS {
+        assert!(readme.contains(&format!("lidar.{} ", parameter.name)), "{}", parameter.name);
+    }
+    let result: Value = serde_json::from_str(&desk.read("runs/latest/result.json")).expect("JSON");
+    assert_eq!(result["default"]["lidar.denoise"], 2.0);
 }
 
 /// Opens a run's report: both views show points, and the console stays silent.
@@ -308,11 +359,17 @@ fn a_candidate_comes_from_standard_input_too() {
         .spawn()
         .expect("echoloop starts");
     let mut stdin = child.stdin.take().expect("a pipe");
-    std::io::Write::write_all(&mut stdin, br#"{"parameters": {"lidar.power": 50}}"#).expect("written");
+    std::io::Write::write_all(
+        &mut stdin,
+        br#"{"parameters": {"lidar.power": 50, "lidar.timing": "cfd", "lidar.gain": 1.5}}"#,
+    )
+    .expect("written");
     drop(stdin);
     let said = Said::of(child.wait_with_output().expect("it ends"));
     assert_eq!(said.code, Some(0), "{}", said.err);
     assert_eq!(said.json()["parameters"]["lidar.power"], 50.0);
+    assert_eq!(said.json()["parameters"]["lidar.gain"], 1.5);
+    assert_eq!(said.json()["parameters"]["lidar.timing"], f64::from(echoloop_dsp::settings::TIMING_CFD));
 }
 
 #[test]
@@ -339,7 +396,11 @@ fn help_names_units_and_completions_exist_for_every_shell() {
     for part in ["m, above 0", "3 to 1000", "target_from_source"] {
         assert!(register.contains(part), "{part}: {register}");
     }
+    let echoes = desk.succeed(&["echoes", "--help"]).out.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(echoes.contains("Print a JSON document a waveform, each a line,"), "{echoes}");
+    assert!(!echoes.contains("one JSON document"), "{echoes}");
     let scan = desk.succeed(&["scan", "--help"]).out;
+    assert!(scan.contains("Print one JSON document"), "{scan}");
     assert!(scan.contains("in m") && scan.contains("degrees"), "{scan}");
     assert!(desk.succeed(&["tune", "--help"]).out.contains("percent"));
     let help = desk.succeed(&["--help"]).out;
@@ -362,6 +423,32 @@ fn a_reader_that_leaves_early_ends_the_command_quietly() {
 }
 
 #[test]
+#[cfg(target_os = "linux")]
+fn output_that_cannot_be_written_is_a_failure_with_a_message() {
+    let desk = Desk::new();
+    desk.write("waves.csv", "0,0,0,0,9,40,9,0,0,0,0,0\n");
+    let waves = ["echoes", "waves.csv", "--sample-ns", "1"];
+    let waves_json = [&waves[..], &["--json"]].concat();
+    let table: [&[&str]; 6] = [
+        &waves,
+        &waves_json,
+        &["completions", "bash"],
+        &["config"],
+        &["config", "--parameters"],
+        &["scan", "-q", "-c", "small.toml"],
+    ];
+    for arguments in table {
+        let full = fs::OpenOptions::new().write(true).open("/dev/full").expect("a full disk");
+        let mut command = desk.command(arguments);
+        let child = command.stdout(full).stderr(Stdio::piped()).spawn().expect("echoloop starts");
+        let said = Said::of(child.wait_with_output().expect("it ends"));
+        assert_eq!(said.code, Some(1), "{arguments:?}: {}", said.err);
+        assert!(said.err.starts_with("error: cannot write to standard output: "), "{arguments:?}: {}", said.err);
+        assert_eq!(said.err.lines().count(), 1, "{arguments:?}: {}", said.err);
+    }
+}
+
+#[test]
 fn every_parameter_is_listed_with_its_unit_and_range() {
     let desk = Desk::new();
     let listed = desk.succeed(&["config", "--parameters"]).out;
@@ -373,6 +460,13 @@ fn every_parameter_is_listed_with_its_unit_and_range() {
         assert!(names.contains(&name.as_str()), "{name}");
         let line = listed.lines().find(|line| line.starts_with(&name)).expect(&name);
         assert!(line.contains(parameter.unit) && line.contains(parameter.acts_in), "{line}");
+        let default = match (parameter.kind, parameter.default) {
+            (echoloop_dsp::Kind::Choice { names }, Some(code)) => names[code as usize].to_owned(),
+            (_, Some(code)) => parameter.to_unit(code).to_string(),
+            (_, None) => "follows".to_owned(),
+        };
+        let columns = line.split(parameter.acts_in).next().expect("what is before it");
+        assert!(columns.split_whitespace().skip(1).any(|word| word == default), "{default}: {line}");
     }
     // What the sensor accepted is what was set, as the sensor reads it back.
     let sensor = desk.succeed(&["sensor", "--json", "--set", "lidar.power=33.33"]).json();

@@ -43,6 +43,23 @@ fn a_scan_through_the_emulated_board_is_that_of_the_sensor_in_process() {
 }
 
 #[test]
+fn the_emulated_board_has_the_configured_energy_limit() {
+    let Some(image) = image() else { return };
+    let desk = Desk::new();
+    let ask = |width: &str| {
+        let limit = ["--set", "emitter.energy_limit_nj=600", "--set", "lidar.power=60"];
+        let board = ["sensor", "--json", "--sensor", "qemu", "--firmware", &image];
+        desk.run(&[&board[..], &limit, &["--set", width]].concat())
+    };
+    let said = ask("lidar.pulse_width=10");
+    assert_eq!(said.code, Some(0), "{}", said.err);
+    assert_eq!(said.json()["hardware"]["energy_limit_pj"], 600_000);
+    let refused = ask("lidar.pulse_width=10.01");
+    assert_eq!(refused.code, Some(2), "{}", refused.err);
+    assert!(refused.err.contains("pulse energy limit of 600.0 nJ"), "{}", refused.err);
+}
+
+#[test]
 fn a_run_through_the_emulated_board_ends_with_the_numbers_of_the_run_in_process() {
     let Some(image) = image() else { return };
     let desk = Desk::new();

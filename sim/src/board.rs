@@ -27,8 +27,28 @@ pub struct Analog {
     pub gain_db: f64,
     /// Time between samples, ns.
     pub sample_period_ns: f64,
-    /// From the trigger, which is the beginning of the pulse, to sample 0, ns.
+    /// From the trigger, which is the beginning of the pulse, to sample 0 of the window, ns.
     pub delay_ns: f64,
+    /// Samples taken just before the trigger, in front of those of the window.
+    pub pre_trigger: usize,
+}
+
+/// Which shot is fired.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Trigger {
+    /// Number of the scan.
+    pub frame: u32,
+    /// The beam.
+    pub beam: u32,
+    /// Of the shots that are added up for one beam, the how manieth, from 0.
+    pub shot: u32,
+}
+
+impl Trigger {
+    /// As the laser driver's registers say.
+    pub fn of_registers(emitter: &impl Fn(u8) -> u32) -> Self {
+        Self { frame: emitter(emitter::FRAME), beam: emitter(emitter::FIRE), shot: emitter(emitter::SHOT) }
+    }
 }
 
 impl Analog {
@@ -40,6 +60,7 @@ impl Analog {
             gain_db: f64::from(adc(adc::GAIN) as i32) / 100.0,
             sample_period_ns: f64::from(adc(adc::SAMPLE_PERIOD)) / 1e6,
             delay_ns: f64::from(adc(adc::DELAY)) / 1e6,
+            pre_trigger: adc(adc::PRE_TRIGGER) as usize,
         }
     }
 }
@@ -49,8 +70,9 @@ pub trait FrontEnd {
     /// Resolution of its converter, bits.
     fn adc_bits(&self) -> u32;
 
-    /// Fills `codes` with the samples of one shot. A pure function of its arguments and of what the front end was made with.
-    fn capture(&mut self, analog: &Analog, frame: u32, beam: u32, codes: &mut [u16]);
+    /// Fills `codes` with the samples of one shot: [`Analog::pre_trigger`] from before it, then the window's. A pure function of
+    /// its arguments and of what the front end was made with.
+    fn capture(&mut self, analog: &Analog, trigger: Trigger, codes: &mut [u16]);
 }
 
 /// A front end that others can reach while a board has it, to look at another scene with.
@@ -59,8 +81,8 @@ impl<F: FrontEnd> FrontEnd for Arc<Mutex<F>> {
         locked(self).adc_bits()
     }
 
-    fn capture(&mut self, analog: &Analog, frame: u32, beam: u32, codes: &mut [u16]) {
-        locked(self).capture(analog, frame, beam, codes);
+    fn capture(&mut self, analog: &Analog, trigger: Trigger, codes: &mut [u16]) {
+        locked(self).capture(analog, trigger, codes);
     }
 }
 
@@ -199,11 +221,12 @@ impl<F: FrontEnd> Board for PcBoard<F> {
 
     fn samples(&mut self, codes: &mut [u16]) -> bool {
         let fired = std::mem::take(&mut self.emitter.fired);
-        if !fired || self.adc.get(adc::SAMPLES) as usize != codes.len() {
+        let analog = self.analog();
+        if !fired || (self.adc.get(adc::SAMPLES) as usize).saturating_add(analog.pre_trigger) != codes.len() {
             return false;
         }
-        let analog = self.analog();
-        self.front_end.capture(&analog, self.emitter.get(emitter::FRAME), self.emitter.get(emitter::FIRE), codes);
+        let trigger = Trigger::of_registers(&|register| self.emitter.get(register));
+        self.front_end.capture(&analog, trigger, codes);
         true
     }
 

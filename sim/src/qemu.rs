@@ -15,7 +15,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use echoloop_dsp::{Hardware, MAX_SAMPLES, ScanPattern};
+use echoloop_dsp::{Hardware, MAX_CODES, ScanPattern};
 use echoloop_sensor::afe::{adc, emitter};
 use echoloop_sensor::mailbox;
 use memmap2::{MmapOptions, MmapRaw};
@@ -23,7 +23,7 @@ use object::{Architecture, Object, ObjectSegment};
 use tempfile::TempDir;
 use thiserror::Error;
 
-use crate::board::{Analog, FrontEnd};
+use crate::board::{Analog, FrontEnd, Trigger};
 
 /// Boards that QEMU emulates and there is an image for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -226,7 +226,7 @@ impl<F: FrontEnd> Qemu<F> {
         let emulator = Arc::new(Mutex::new(Emulator { child: spawn(options, &folder)?, own }));
         lock(&RUNNING).push(Arc::downgrade(&emulator));
         let link = connect(&emulator, *machine, &folder).inspect_err(|_| lock(&emulator).stop())?;
-        let codes = vec![0; MAX_SAMPLES];
+        let codes = vec![0; MAX_CODES];
         Ok(Self { emulator, link, page, front_end, shots: 0, codes, machine: *machine, folder })
     }
 
@@ -303,9 +303,8 @@ impl<F: FrontEnd> Qemu<F> {
         let emitter = |number| register(mailbox::EMITTER, number);
         let adc = |number| register(mailbox::ADC, number);
         let analog = Analog::of_registers(&emitter, &adc);
-        let samples = (adc(adc::SAMPLES) as usize).min(MAX_SAMPLES);
-        let (frame, beam) = (emitter(emitter::FRAME), emitter(emitter::FIRE));
-        self.front_end.capture(&analog, frame, beam, &mut self.codes[..samples]);
+        let samples = (adc(adc::SAMPLES) as usize).saturating_add(analog.pre_trigger).min(MAX_CODES);
+        self.front_end.capture(&analog, Trigger::of_registers(&emitter), &mut self.codes[..samples]);
         self.page.write_codes(&self.codes[..samples]);
         self.shots = shots;
         self.page.write(mailbox::ANSWER, shots);
@@ -480,7 +479,7 @@ struct Page {
 }
 
 impl Page {
-    fn make(machine: Machine, path: &Path, straps: &[u32; 8]) -> Result<Self, QemuError> {
+    fn make(machine: Machine, path: &Path, straps: &[u32; mailbox::STRAP_WORDS]) -> Result<Self, QemuError> {
         let (bytes, offset) = machine.memory();
         let open = || -> io::Result<MmapRaw> {
             let file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path)?;
@@ -542,7 +541,7 @@ mod tests {
     #[test]
     fn samples_lie_in_the_buffer_as_the_sensor_reads_them() {
         let folder = tempfile::tempdir().unwrap();
-        let page = Page::make(Machine::Virt, &folder.path().join("m"), &[1; 8]).unwrap();
+        let page = Page::make(Machine::Virt, &folder.path().join("m"), &[1; mailbox::STRAP_WORDS]).unwrap();
         page.write_codes(&[1, 2, 3]);
         let bytes = fs::read(folder.path().join("m")).unwrap();
         let buffer = (16 << 20) + mailbox::CODES;

@@ -100,15 +100,28 @@ impl Scanner {
         directions: &[[f32; 3]],
         optics: &BeamOptics,
     ) -> SceneResponse {
+        Self::scan_moving(caster, materials, |_| *world_from_sensor, directions, optics)
+    }
+
+    /// As [`Scanner::scan`], from a pose of its own for each beam, by its index: a sensor that moves while it scans.
+    #[must_use]
+    pub fn scan_moving(
+        caster: &Raycaster,
+        materials: &[Material],
+        world_from_sensor: impl Fn(usize) -> Isometry3<f64> + Sync,
+        directions: &[[f32; 3]],
+        optics: &BeamOptics,
+    ) -> SceneResponse {
         let grid = footprint(optics);
-        let origin = world_from_sensor.translation.vector.cast::<f32>().into();
-        let beam = |direction: &[f32; 3]| {
-            let rays = spread(direction, &grid, world_from_sensor);
+        let beam = |(index, direction): (usize, &[f32; 3])| {
+            let world_from_sensor = world_from_sensor(index);
+            let origin = world_from_sensor.translation.vector.cast::<f32>().into();
+            let rays = spread(direction, &grid, &world_from_sensor);
             let mut echoes: Vec<(f64, f64)> =
                 rays.filter_map(|(ray, weight)| echo(caster, materials, origin, ray, weight)).collect();
             cluster(&mut echoes)
         };
-        collect(directions.par_iter().map(beam).collect())
+        collect(directions.par_iter().enumerate().map(beam).collect())
     }
 }
 
@@ -279,6 +292,19 @@ mod tests {
             assert!((grid.iter().map(|(_, w)| w).sum::<f64>() - 1.0).abs() < 1e-12);
             let reach = if subrays == 1 { 0.0 } else { 1.5e-3 };
             assert_eq!(grid[grid.len() - 1].0[0], reach);
+        }
+    }
+
+    #[test]
+    fn a_sensor_that_moves_sees_each_beam_from_where_it_was() {
+        let caster = walls(&[(20.0, 40.0, 0.0)]);
+        let pose = |beam: usize| Isometry3::translation(0.5 * beam as f64, 0.0, 0.0);
+        let optics = BeamOptics::default();
+        let response = Scanner::scan_moving(&caster, &[WALL], pose, &[[1.0, 0.0, 0.0]; 9], &optics);
+        for beam in 0..9 {
+            let alone = Scanner::scan(&caster, &[WALL], &pose(beam), &[[1.0, 0.0, 0.0]], &optics);
+            assert_eq!(response.of(beam), alone.of(0));
+            assert!((response.of(beam)[0].range_m - (20.0 - 0.5 * beam as f32)).abs() < 1e-3);
         }
     }
 

@@ -1,11 +1,19 @@
 //! The DSP compiled for the vector unit found at run time.
 //!
-//! The same source twice: for the baseline processor and for x86-64-v3 (AVX2). LLVM vectorises all stages but one: it does
-//! not find the multiply-add of pairs in the matched filter, so that one is said by hand. The tests check
-//! that both give the same bytes. AVX-512 is left alone on purpose: LLVM's code for it has been slower on kernels like these.
+//! The same source twice: for the baseline processor and for x86-64-v3 (AVX2). LLVM vectorises the loops over the samples as they
+//! stand; what a vector unit does better in another way is said by hand: the filter in multiply-adds of pairs (`filter`), the
+//! order statistics in bytes, four counts a pass (`ranks`), the search for peaks from hill to hill (`peaks`). The tests check
+//! that all give the same bytes. AVX-512 is left alone on purpose: LLVM's code for it has been slower on kernels like these.
 
 use echoloop_dsp::kernel::Portable;
 use echoloop_dsp::{Echoes, Pipeline, Scratch};
+
+#[cfg(target_arch = "x86_64")]
+mod filter;
+#[cfg(target_arch = "x86_64")]
+mod peaks;
+#[cfg(target_arch = "x86_64")]
+mod ranks;
 
 /// Whether this processor runs the x86-64-v3 build.
 pub fn has_v3() -> bool {
@@ -32,7 +40,7 @@ pub fn process(pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Ech
     process_baseline(pipeline, codes, scratch)
 }
 
-/// [`Pipeline::process`] without the kernel written by hand: x86-64-v3 as the compiler vectorises it; the baseline where there is none.
+/// [`Pipeline::process`] without the kernels written by hand: x86-64-v3 as the compiler vectorises it; the baseline where there is none.
 ///
 /// For benchmarks and tests: slower than [`process`], same bytes.
 pub fn process_compiled(pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Echoes {
@@ -51,18 +59,16 @@ pub fn process_baseline(pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratc
 
 #[cfg(target_arch = "x86_64")]
 mod v3 {
-    use std::arch::x86_64::{
-        __m256i, _mm256_add_epi32, _mm256_loadu_si256, _mm256_madd_epi16, _mm256_packs_epi32, _mm256_set1_epi32,
-        _mm256_srai_epi32, _mm256_storeu_si256, _mm256_unpackhi_epi32, _mm256_unpacklo_epi32,
-    };
-
-    use echoloop_dsp::filter::BLOCK;
+    use echoloop_dsp::detect::{self, Peaks};
     use echoloop_dsp::kernel::{Kernel, Portable};
+    use echoloop_dsp::statistics::{Ranks, Statistics};
     use echoloop_dsp::{Echoes, Pipeline, Scratch};
+
+    use super::{filter, peaks, ranks};
 
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
     pub(super) fn process(pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Echoes {
-        pipeline.process(MultiplyAddPairs(()), codes, scratch)
+        pipeline.process(Avx2(()), codes, scratch)
     }
 
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
@@ -70,52 +76,28 @@ mod v3 {
         pipeline.process(Portable, codes, scratch)
     }
 
-    /// The filter sixteen outputs at a time with `vpmaddwd`. Made only where the processor has it.
+    /// The loops that are said by hand. Made only where the processor has AVX2.
     #[derive(Clone, Copy)]
-    struct MultiplyAddPairs(());
+    struct Avx2(());
 
-    impl Kernel for MultiplyAddPairs {
+    impl Kernel for Avx2 {
+        #[inline(always)]
+        fn ranks(self, codes: &[u16], _top: u16, guess: &Statistics) -> Ranks {
+            // SAFETY: only `process` makes an Avx2, and it runs only where AVX2 has been found.
+            unsafe { ranks::ranks(codes, guess) }
+        }
+
         #[inline(always)]
         fn correlate(self, taps: &[i16], padded: &[i16], y: &mut [i16]) {
-            // SAFETY: only `process` makes a MultiplyAddPairs, and it runs only where AVX2 has been found.
-            unsafe { correlate(taps, padded, y) };
+            // SAFETY: as above.
+            unsafe { filter::correlate(taps, padded, y) };
         }
-    }
 
-    /// [`echoloop_dsp::filter::correlate`].
-    #[inline]
-    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-    fn correlate(taps: &[i16], padded: &[i16], y: &mut [i16]) {
-        let windows = padded.windows(taps.len() + BLOCK).step_by(BLOCK);
-        for (y, window) in y.as_chunks_mut().0.iter_mut().zip(windows) {
-            block(taps, window, y);
+        #[inline(always)]
+        fn peaks(self, y: &[i16], threshold: i16, found: &mut Peaks) {
+            // SAFETY: as above.
+            let first_reaching = |values: &[i16]| unsafe { peaks::first_reaching(values, threshold) };
+            detect::peaks_of_hills(first_reaching, y, threshold, found);
         }
-    }
-
-    /// For each pair of taps, `h0·x[n] + h1·x[n+1]` of the even outputs, then of the odd.
-    #[inline]
-    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-    fn block(taps: &[i16], window: &[i16], y: &mut [i16; BLOCK]) {
-        let half_lsb = _mm256_set1_epi32(1 << 14);
-        let (mut even, mut odd) = (half_lsb, half_lsb);
-        for (pair, x) in taps.chunks_exact(2).zip(window.windows(BLOCK + 1).step_by(2)) {
-            let taps = _mm256_set1_epi32(i32::from(pair[1]) << 16 | i32::from(pair[0] as u16));
-            even = _mm256_add_epi32(even, _mm256_madd_epi16(load(x), taps));
-            odd = _mm256_add_epi32(odd, _mm256_madd_epi16(load(&x[1..]), taps));
-        }
-        // Unpacking and packing work within 128-bit lanes and so undo each other: even and odd interleave in order.
-        let (even, odd) = (_mm256_srai_epi32(even, 15), _mm256_srai_epi32(odd, 15));
-        let rounded = _mm256_packs_epi32(_mm256_unpacklo_epi32(even, odd), _mm256_unpackhi_epi32(even, odd));
-        // SAFETY: sixteen i16 are the 32 bytes that are written; no alignment is asked for.
-        unsafe { _mm256_storeu_si256(y.as_mut_ptr().cast(), rounded) };
-    }
-
-    /// The first sixteen of `x`; the caller's windows are never shorter.
-    #[inline]
-    #[target_feature(enable = "avx2")]
-    fn load(x: &[i16]) -> __m256i {
-        let x: &[i16; BLOCK] = x.first_chunk().unwrap_or(&[0; BLOCK]);
-        // SAFETY: sixteen i16 are the 32 bytes that are read; no alignment is asked for.
-        unsafe { _mm256_loadu_si256(x.as_ptr().cast()) }
     }
 }

@@ -5,7 +5,7 @@ use std::io;
 use std::time::Duration;
 
 use echoloop_host::transport::Transport;
-use echoloop_sim::board::{Analog, FrontEnd};
+use echoloop_sim::board::{Analog, FrontEnd, Trigger};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
@@ -202,8 +202,9 @@ impl FrontEnd for Target {
         12
     }
 
-    fn capture(&mut self, analog: &Analog, frame: u32, beam: u32, codes: &mut [u16]) {
+    fn capture(&mut self, analog: &Analog, trigger: Trigger, codes: &mut [u16]) {
         self.shots += 1;
+        let Trigger { frame, beam, .. } = trigger;
         let noise = |i: usize| ((i * 7_919 + frame as usize * 31 + beam as usize) % 5) as u16;
         codes.iter_mut().enumerate().for_each(|(i, code)| *code = 200 + noise(i));
         if analog.gain_db < -9.0 {

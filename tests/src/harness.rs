@@ -5,12 +5,16 @@
 //! | [`frame_decoder`] | a line's, or a payload's | nothing panics; what is accepted is accepted again as it was understood |
 //! | [`session`] | a program of commands, noise, restarts and power cuts | settings pass the check; a generation names one set; what is saved has been active |
 //! | [`store`] | a flash's | nothing panics; what is loaded passes the check; what is saved is loaded |
+//! | [`waveforms`] | settings, hardware and codes; a record; a file of records | nothing panics; both kernels agree; echoes lie within the record, in order |
 
 use std::collections::HashMap;
 use std::fmt::Debug;
 
+use echoloop_dsp::kernel::{Portable, Scalar};
+use echoloop_dsp::recording::{Pulse, Recorder, Search};
 use echoloop_dsp::settings::PARAMETERS;
-use echoloop_dsp::{Hardware, ScanPattern, Settings};
+use echoloop_dsp::{Hardware, Pipeline, ScanPattern, Scratch, Settings};
+use echoloop_host::waveforms::{Finder, Options, parse_waveforms};
 use echoloop_link::{
     Command, Decoder, Greeting, MAX_FRAME, Report, SETTINGS_SCHEMA, checksum, decode, encode, settings_hash,
 };
@@ -253,4 +257,74 @@ fn forge(slot: &mut [u8]) {
     slot[16] = (end - 20) as u8;
     let sum = checksum(&slot[..end]);
     slot[end..end + 4].copy_from_slice(&sum.to_le_bytes());
+}
+
+/// A waveform for the sensor's pipeline, one for the search in records, or a file of records.
+pub fn waveforms(bytes: &[u8]) {
+    let mut draw = Draw(bytes);
+    match draw.below(3) {
+        0 => pipeline(&mut draw),
+        1 => record(&mut draw),
+        _ => file(draw.0),
+    }
+}
+
+impl Draw<'_> {
+    /// All that is left as codes, each as often as the first byte says.
+    fn codes(&mut self) -> Vec<u16> {
+        let times = 1 + usize::from(self.below(16));
+        let pairs = self.0.as_chunks::<2>().0.iter().map(|&pair| u16::from_le_bytes(pair));
+        pairs.flat_map(|code| std::iter::repeat_n(code, times)).collect()
+    }
+}
+
+fn pipeline(draw: &mut Draw<'_>) {
+    let settings = draw.settings();
+    let hardware = match draw.below(3) {
+        0 => HARDWARE,
+        1 => Hardware { adc_bits: u32::from(draw.below(18)), ..HARDWARE },
+        _ => Hardware {
+            adc_bits: 12,
+            range_min_mm: draw.word(),
+            range_max_mm: draw.word(),
+            energy_limit_pj: draw.word(),
+            unit_echo_milli: draw.word(),
+            shot_noise_ppm: draw.word(),
+        },
+    };
+    let Ok(pipeline) = Pipeline::new(&settings, &hardware) else { return };
+    let codes = draw.codes();
+    let echoes = pipeline.process(Portable, &codes, &mut Scratch::new());
+    assert!(echoes.len() <= settings.echoes as usize);
+    assert_eq!(pipeline.process(Scalar, &codes, &mut Scratch::new()), echoes);
+}
+
+fn record(draw: &mut Draw<'_>) {
+    let mut recorder = Box::new(Recorder::new());
+    let code_shift = u32::from(draw.below(9));
+    let (threshold, floor) = (draw.word(), draw.word());
+    let (min_separation, echoes) = (u32::from(draw.byte()), usize::from(draw.below(40)));
+    let outgoing: Vec<u16> = draw.bytes().into_iter().map(u16::from).collect();
+    let pulse = Pulse::of(&mut recorder, &outgoing, code_shift);
+    let search = Search { code_shift, snr_threshold: threshold, floor, min_separation, echoes, pulse };
+    let codes = draw.codes();
+    let found = recorder.echoes(&codes, &search);
+    let end = (codes.len() as i64) << 16;
+    assert!(found.len() <= echoes);
+    let apart = i64::from(min_separation.max(1)) << 16;
+    assert!(found.windows(2).all(|pair| pair[0].time + apart <= pair[1].time), "each echo once");
+
+    assert!(found.iter().all(|e| (0..end).contains(&e.time) && (0..end).contains(&e.crest) && e.width >= 0));
+    assert_eq!(recorder.echoes(&codes, &search), found, "what the memory held changes nothing");
+}
+
+fn file(bytes: &[u8]) {
+    let Ok(rows) = parse_waveforms("any".as_ref(), bytes) else { return };
+    let options = Options { sample_ns: 1.0, snr: 5.0, floor: 0.05, max_echoes: 100, min_separation_ns: 0.0 };
+    for (waveform, row) in Finder::new(options).find(&rows, &rows).iter().zip(&rows) {
+        let times: Vec<f64> = waveform.echoes.iter().map(|echo| echo.time_ns).collect();
+        assert!(times.is_sorted_by(|a, b| a < b) && times.iter().all(|&t| t >= 0.0 && t < row.len() as f64));
+        let finite = |echo: &echoloop_host::waveforms::Echo| echo.amplitude.is_finite() && echo.width_ns.is_finite();
+        assert!(waveform.echoes.iter().all(finite));
+    }
 }

@@ -15,19 +15,21 @@ pub struct Tolerance {
     pub width_ns: f64,
     /// SNR, fraction of itself.
     pub snr: f64,
+    /// σ of the range, fraction of itself.
+    pub deviation: f64,
 }
 
 /// 12 bits, 5 ns, 0.5 to 3 GS/s, noise of at least [`LEAST_NOISE_CODES`].
 ///
-/// What remains is the filter's output in Q1.15: an echo of SNR 5 in noise of 4 codes is 25 to 75 LSB high. With less noise
-/// than that, or more bits, weak echoes are timed worse than the light would allow.
+/// What remains is the filter's output in Q1.15: an echo of SNR 5 in noise of 4 codes is 25 to 75 LSB high. Height, width and
+/// SNR are read from it; the time comes from eight bits more.
 #[rustfmt::skip]
 pub const TOLERANCES: [Tolerance; 5] = [
-    Tolerance { from_snr:   5.0, range_mm: 75.0, amplitude: 1.2e-4, width_ns: 0.45, snr: 0.040 },
-    Tolerance { from_snr:  10.0, range_mm: 40.0, amplitude: 1.4e-4, width_ns: 0.16, snr: 0.030 },
-    Tolerance { from_snr:  20.0, range_mm: 20.0, amplitude: 1.7e-4, width_ns: 0.11, snr: 0.020 },
-    Tolerance { from_snr:  50.0, range_mm:  9.0, amplitude: 2.2e-4, width_ns: 0.07, snr: 0.012 },
-    Tolerance { from_snr: 100.0, range_mm:  5.0, amplitude: 5.4e-4, width_ns: 0.06, snr: 0.010 },
+    Tolerance { from_snr:   5.0, range_mm: 4.0, amplitude: 1.2e-4, width_ns: 0.45, snr: 0.040, deviation: 0.040 },
+    Tolerance { from_snr:  10.0, range_mm: 2.0, amplitude: 1.4e-4, width_ns: 0.16, snr: 0.030, deviation: 0.030 },
+    Tolerance { from_snr:  20.0, range_mm: 1.0, amplitude: 1.7e-4, width_ns: 0.11, snr: 0.020, deviation: 0.020 },
+    Tolerance { from_snr:  50.0, range_mm: 0.6, amplitude: 2.2e-4, width_ns: 0.07, snr: 0.012, deviation: 0.012 },
+    Tolerance { from_snr: 100.0, range_mm: 0.6, amplitude: 5.4e-4, width_ns: 0.06, snr: 0.010, deviation: 0.010 },
 ];
 
 /// Least σ of one sample for which [`TOLERANCES`] hold, ADC codes. The reference receiver's amplifier alone has 6.7.
@@ -39,13 +41,14 @@ pub fn at(snr: f64) -> Option<&'static Tolerance> {
 }
 
 impl Tolerance {
-    /// How much of each bound the difference of two echoes takes: range, amplitude, width, SNR. Within it at most 1.
-    pub fn taken(&self, a: &Echo, b: &Echo) -> [f64; 4] {
+    /// How much of each bound the difference of two echoes takes: range, amplitude, width, SNR, σ. Within it at most 1.
+    pub fn taken(&self, a: &Echo, b: &Echo) -> [f64; 5] {
         [
             (a.range_mm - b.range_mm).abs() / self.range_mm,
             (a.amplitude - b.amplitude).abs() / self.amplitude,
             (a.width_ns - b.width_ns).abs() / self.width_ns,
             (a.snr / b.snr - 1.0).abs() / self.snr,
+            (a.deviation_mm / b.deviation_mm - 1.0).abs() / self.deviation,
         ]
     }
 }

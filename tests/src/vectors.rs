@@ -1,7 +1,8 @@
 //! Seeded waveforms and settings: the ordinary, the extreme, and the ties.
 //!
 //! [`case`] draws settings over the whole accepted table and a waveform of one [`Kind`]; [`output`] draws what a filter
-//! could give, with far more ties and plateaus than one does. The same seed gives the same vector on every machine.
+//! could give, with far more ties and plateaus than one does; [`clipped_run`] a pulse between clipped samples, at every
+//! depth. The same seed gives the same vector on every machine.
 
 use std::f64::consts::PI;
 
@@ -61,8 +62,16 @@ pub struct Case {
     pub hardware: Hardware,
     /// What the waveform looks like.
     pub kind: Kind,
-    /// ADC codes.
+    /// What the pipeline takes: the codes before the trigger, if the settings ask for them, then the waveform's; of several
+    /// shots their sum, as [`Accumulator`](echoloop_dsp::accumulate::Accumulator) gives it.
     pub codes: Vec<u16>,
+}
+
+impl Case {
+    /// The codes of before the trigger, and the waveform's.
+    pub fn split(&self) -> (&[u16], &[u16]) {
+        self.codes.split_at(self.codes.len().min(self.settings.pre_trigger_samples() as usize))
+    }
 }
 
 /// The case of a seed.
@@ -71,13 +80,23 @@ pub fn case(seed: u64) -> Case {
     let kind = KINDS[(seed % KINDS.len() as u64) as usize];
     let hardware = hardware(&mut rng);
     let settings = settings(&mut rng, &hardware);
-    let codes = Drawing::new(&settings, &hardware).codes(kind, &mut rng);
+    let codes = Drawing::new(&settings, &hardware, settings.shots).codes(kind, &mut rng);
     Case { settings, hardware, kind, codes }
 }
 
-/// A waveform of one kind for a sensor with these settings.
+/// One shot of one kind for a sensor with these settings, with the samples before the trigger that they ask for.
 pub fn waveform(settings: &Settings, hardware: &Hardware, kind: Kind, rng: &mut impl Rng) -> Vec<u16> {
-    Drawing::new(settings, hardware).codes(kind, rng)
+    Drawing::new(settings, hardware, 1).codes(kind, rng)
+}
+
+/// As many shots as the settings ask for, all as long: ordinary ones, all at full scale, or of any codes.
+pub fn shots(case: &Case, rng: &mut impl Rng) -> Vec<Vec<u16>> {
+    let full_scale = case.hardware.full_scale_code();
+    let top = pick(rng, &[1, full_scale, full_scale, u16::MAX]);
+    let full = rng.random_range(0..8) == 0;
+    let length = rng.random_range(0..200);
+    let mut code = || if full { top } else { rng.random_range(0..=top) };
+    (0..case.settings.shots).map(|_| (0..length).map(|_| code()).collect()).collect()
 }
 
 /// The generator of a seed.
@@ -85,17 +104,20 @@ pub fn rng(seed: u64) -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(seed)
 }
 
-/// Half of them the reference sensor; the others have 8 to 14 bits and other windows, which may begin at 0.
+/// Half of them the reference sensor; the others have 8 to 14 bits, other windows, which may begin at 0 or at 10 km, and receivers from
+/// none to absurd.
 pub fn hardware(rng: &mut impl Rng) -> Hardware {
     if rng.random() {
         return Hardware::REFERENCE;
     }
-    let range_min_mm = pick(rng, &[0, 0, 100, 1_000, 2_500]);
+    let range_min_mm = pick(rng, &[0, 0, 100, 1_000, 2_500, 10_000_000]);
     let window_mm = rng.random_range(119_000..=200_000); // shorter ones would need more taps than there are
     Hardware {
         adc_bits: rng.random_range(8..=14),
         range_min_mm,
         range_max_mm: range_min_mm + window_mm,
+        unit_echo_milli: any_size(rng, Hardware::REFERENCE.unit_echo_milli),
+        shot_noise_ppm: any_size(rng, Hardware::REFERENCE.shot_noise_ppm),
         ..Hardware::REFERENCE
     }
 }
@@ -106,16 +128,19 @@ pub fn settings(rng: &mut impl Rng, hardware: &Hardware) -> Settings {
         let settings = Settings {
             power_cw: rng.random_range(500..=2_000), // any width stays below the energy limit
             pulse_width_ps: with_ends(rng, 2_000, 20_000),
+            gain_cdb: with_ends(rng, -1_000, 3_000),
             bins: with_ends(rng, 200, 2_400),
+            shots: pick(rng, &[1, 1, 2, 4, 8, 16]),
             saturation_ppm: if rng.random() { 1_000_000 } else { with_ends(rng, 250_000, 1_000_000) },
             noise_floor_ppm: log_uniform(rng, 100.0, 200_000.0).round() as i32,
             snr_threshold_milli: with_ends(rng, 2_500, 8_000),
             upsampling: pick(rng, &[1, 2, 4, 8]),
-            timing: pick(rng, &[1, 3]),
+            denoise: pick(rng, &[0, 1, 2, 2]),
+            ambient: rng.random_range(0..=2),
+            timing: pick(rng, &[0, 1, 2, 3, 3]),
             min_separation_mm: if rng.random() { None } else { Some(with_ends(rng, 300, 3_000)) },
             echoes: rng.random_range(1..=4),
             echo_choice: rng.random_range(0..=2),
-            ..Settings::default()
         };
         if settings.check(hardware).is_ok() {
             return settings; // else undersampled: draw again
@@ -128,6 +153,16 @@ fn with_ends(rng: &mut impl Rng, min: i32, max: i32) -> i32 {
         0 => min,
         1 => max,
         _ => rng.random_range(min..=max),
+    }
+}
+
+/// A quarter each: nothing, the usual, about as much, anything.
+fn any_size(rng: &mut impl Rng, usual: u32) -> u32 {
+    match rng.random_range(0..4) {
+        0 => pick(rng, &[0, 1, u32::MAX]),
+        1 => usual,
+        2 => (f64::from(usual) * log_uniform(rng, 0.1, 10.0)) as u32,
+        _ => log_uniform(rng, 1.0, f64::from(u32::MAX)) as u32,
     }
 }
 
@@ -166,13 +201,16 @@ pub fn noise(rng: &mut impl Rng, samples: usize, ambient: f64, sigma: f64) -> Ve
 
 /// The ADC: nearest code, 0 to full scale.
 pub fn digitise(wave: &[f64], hardware: &Hardware) -> Vec<u16> {
-    let full_scale = f64::from(hardware.full_scale_code());
+    clamped(wave, f64::from(hardware.full_scale_code()))
+}
+
+fn clamped(wave: &[f64], full_scale: f64) -> Vec<u16> {
     wave.iter().map(|v| v.round().clamp(0.0, full_scale) as u16).collect()
 }
 
 /// Draws waveforms for one sensor.
-struct Drawing<'a> {
-    hardware: &'a Hardware,
+struct Drawing {
+    before: usize,
     samples: usize,
     /// Pulse width, samples.
     width: f64,
@@ -180,12 +218,14 @@ struct Drawing<'a> {
     clip: f64,
 }
 
-impl<'a> Drawing<'a> {
-    fn new(settings: &Settings, hardware: &'a Hardware) -> Self {
+impl Drawing {
+    /// Of the codes of so many shots, added up.
+    fn new(settings: &Settings, hardware: &Hardware, shots: i32) -> Self {
         let period_fs = sample_period_fs(settings.bins as u32, hardware);
-        let full_scale = f64::from(hardware.full_scale_code());
+        let sum = f64::from(shots) * f64::from(hardware.full_scale_code());
+        let full_scale = (sum / f64::powi(2.0, sum.log2().ceil() as i32 - 14).max(1.0)).round();
         Self {
-            hardware,
+            before: settings.pre_trigger_samples() as usize,
             samples: settings.bins as usize,
             width: f64::from(settings.pulse_width_ps) * 1e3 / f64::from(period_fs),
             full_scale,
@@ -194,6 +234,33 @@ impl<'a> Drawing<'a> {
     }
 
     fn codes(&self, kind: Kind, rng: &mut impl Rng) -> Vec<u16> {
+        let codes = self.window(kind, rng);
+        if self.before == 0 {
+            return codes;
+        }
+        let mut all = self.before(&codes, rng);
+        if kind == Kind::Short && rng.random_range(0..4) == 0 {
+            all.truncate(rng.random_range(0..=self.before));
+            return all;
+        }
+        all.extend(codes);
+        all
+    }
+
+    /// Before the trigger: mostly as dark as the waveform, else all the same or anything.
+    fn before(&self, codes: &[u16], rng: &mut impl Rng) -> Vec<u16> {
+        let dark = codes.iter().copied().min().unwrap_or(0);
+        let any = rng.random_range(0..=self.full_scale as u16);
+        let width = pick(rng, &[1, 3, 20, any]);
+        let top = pick(rng, &[self.full_scale as u16, u16::MAX]);
+        match rng.random_range(0..6) {
+            0 => vec![any; self.before],
+            1 => (0..self.before).map(|_| rng.random_range(0..=top)).collect(),
+            _ => (0..self.before).map(|_| dark.saturating_add(rng.random_range(0..=width))).collect(),
+        }
+    }
+
+    fn window(&self, kind: Kind, rng: &mut impl Rng) -> Vec<u16> {
         match kind {
             Kind::Noise => self.digitised(self.background(rng)),
             Kind::Short => self.short(rng),
@@ -215,7 +282,7 @@ impl<'a> Drawing<'a> {
     }
 
     fn digitised(&self, wave: Vec<f64>) -> Vec<u16> {
-        digitise(&wave, self.hardware)
+        clamped(&wave, self.full_scale)
     }
 
     /// Ambient anywhere, noise from far below one code to clipping at both ends.
@@ -277,11 +344,20 @@ impl<'a> Drawing<'a> {
         self.digitised(wave)
     }
 
-    /// One to sixty times what the saturation level or the ADC takes.
+    /// One to 10⁵ times what the saturation level or the ADC takes; sometimes two, or at an end of the window.
     fn clipped(&self, rng: &mut impl Rng) -> Vec<u16> {
         let mut wave = self.quiet(rng);
-        let amplitude = self.clip * log_uniform(rng, 1.0, 60.0);
-        add_echo(&mut wave, self.place(rng), amplitude, self.width);
+        let deepest = pick(rng, &[3.0, 60.0, 1e5]);
+        let at = match rng.random_range(0..6) {
+            0 => 2.0 * self.width * rng.random::<f64>(),
+            1 => self.samples as f64 - 2.0 * self.width * rng.random::<f64>(),
+            _ => self.place(rng),
+        };
+        add_echo(&mut wave, at, self.clip * log_uniform(rng, 1.0, deepest), self.width);
+        if rng.random_range(0..4) == 0 {
+            let other = at + self.width * rng.random_range(-3.0..3.0);
+            add_echo(&mut wave, other, self.clip * log_uniform(rng, 0.1, 10.0), self.width);
+        }
         self.digitised(wave)
     }
 
@@ -413,6 +489,83 @@ impl<'a> Drawing<'a> {
         }
         codes
     }
+}
+
+/// A run of clipped samples and what is known of the pulse around it.
+#[derive(Clone, Debug)]
+pub struct ClippedRun {
+    /// Full width at half maximum, ps.
+    pub width_ps: u32,
+    /// Sample period, fs.
+    pub period_fs: u32,
+    /// Q1.15, without baseline.
+    pub x: Vec<i16>,
+    /// What the run is clipped at, Q1.15.
+    pub level: i64,
+    /// The run.
+    pub first: usize,
+    /// Its last sample.
+    pub last: usize,
+    /// σ̂, Q13.19.
+    pub sigma: u32,
+    /// κ, Q0.32.
+    pub shot: u32,
+}
+
+/// A pulse from just clipped to far beyond, of 1/16 to 130 samples a width, in no noise to noise that hides it; a run of any
+/// length where nothing like a pulse lies; runs at the ends.
+pub fn clipped_run(seed: u64) -> ClippedRun {
+    let mut rng = rng(seed ^ 0x0063_6c69_7070_6564);
+    let rng = &mut rng;
+    let period_fs = log_uniform(rng, 300_000.0, 4e6);
+    let longest = pick(rng, &[3.0, 12.0, 130.0]);
+    let samples = log_uniform(rng, 2.0, longest);
+    let width_ps =
+        if rng.random_range(0..64) == 0 { rng.random_range(0..60) } else { (samples * period_fs / 1e3) as u32 };
+    let level = match rng.random_range(0..4) {
+        0 => rng.random_range(1..200),
+        1 => 65_535 >> rng.random_range(0..4),
+        _ => rng.random_range(1..=32_767),
+    };
+    let sigma = (16.0 * log_uniform(rng, 0.01, 1e4)) as u32 * rng.random_range(0..=1);
+    let shot = any_size(rng, 1 << 22);
+    let deepest = pick(rng, &[1.5, 10.0, 1e5]);
+    let depth = log_uniform(rng, 1.0, deepest);
+    let length = 8 + (3.0 * samples) as usize;
+    let at = length as f64 / 2.0 + f64::from(rng.random_range(0..16u8)) / 16.0;
+    let mut wave = noise(rng, length, 0.0, f64::from(sigma) / 16.0);
+    add_echo(&mut wave, at, depth * level as f64, samples);
+    if rng.random_range(0..3) == 0 {
+        let clutter = pick(rng, &[1.5, 20.0, level as f64]);
+        wave.iter_mut().for_each(|v| *v += clutter * (2.0 * rng.random::<f64>() - 0.5));
+    }
+    let clipped = |v: &f64| *v >= level as f64;
+    let summit = (at as usize).min(length - 1);
+    let (mut first, mut last) = (summit, summit);
+    while first > 0 && clipped(&wave[first - 1]) {
+        first -= 1;
+    }
+    while last + 1 < length && clipped(&wave[last + 1]) {
+        last += 1;
+    }
+    if rng.random_range(0..8) == 0 {
+        first = rng.random_range(0..=first);
+        last = rng.random_range(last..length);
+    }
+    if rng.random_range(0..32) == 0 {
+        return flat_top(rng, level, shot);
+    }
+    let x = wave.iter().map(|v| v.round().min(level as f64).clamp(-32_768.0, 32_767.0) as i16).collect();
+    ClippedRun { width_ps, period_fs: period_fs as u32, x, level, first, last, sigma, shot }
+}
+
+/// One clipped sample of the longest pulses, in noise that its neighbours just exceed: an edge as uncertain as one can be.
+fn flat_top(rng: &mut impl Rng, level: i64, shot: u32) -> ClippedRun {
+    let width_ps = rng.random_range(100_000..=140_000);
+    let x = (0..9).map(|_| (level - rng.random_range(0..2)).min(0x7fff) as i16).collect();
+    let sigma = (level as f64 * 16.0 / rng.random_range(2.9..6.0)) as u32;
+    let first = rng.random_range(1..8); // beside an end there is but one pair
+    ClippedRun { width_ps, period_fs: 1_000_000, x, level, first, last: first, sigma, shot: shot % 4 }
 }
 
 /// What a filter could give, and a threshold: steps of a few LSB, plateaus, ties, whole-scale jumps.

@@ -28,14 +28,28 @@ proptest! {
     fn a_flash_may_hold_anything(forged in 0..5u8, bytes in vec(prop_oneof![0..4u8, any::<u8>()], 0..520)) {
         harness::store(&[&[forged], &bytes[..]].concat());
     }
+
+    #[test]
+    fn any_waveform_and_any_file_of_them_is_borne(kind in 0..2u8, bytes in vec(prop_oneof![0..4u8, any::<u8>()], 0..600)) {
+        harness::waveforms(&[&[kind], &bytes[..]].concat());
+    }
+
+    #[test]
+    fn any_text_of_numbers_is_borne(text in "([-0-9.e]{0,6},{0,2}){0,60}(\\n([0-9]{1,4},){0,80}){0,4}") {
+        harness::waveforms(&[&[2], text.as_bytes()].concat());
+    }
 }
 
 #[test]
 fn every_input_that_fuzzing_kept_still_holds() {
     let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus");
     type Target = fn(&[u8]);
-    let targets: [(&str, Target); 3] =
-        [("frame_decoder", harness::frame_decoder), ("session", harness::session), ("store", harness::store)];
+    let targets: [(&str, Target); 4] = [
+        ("frame_decoder", harness::frame_decoder),
+        ("session", harness::session),
+        ("store", harness::store),
+        ("waveforms", harness::waveforms),
+    ];
     for (name, target) in targets {
         let kept = fs::read_to_string(corpus.join(name).with_extension("hex")).unwrap();
         assert!(kept.lines().count() > 50, "{name}");

@@ -15,14 +15,14 @@ use echoloop_host::evaluate::evaluate;
 use echoloop_host::frontend::Receiver;
 use echoloop_host::journal::Journal;
 use echoloop_host::objective::{Bench, fitness};
-use echoloop_host::params::{PAPER_LIDAR, Parameters, Preset, Protocol, Space};
+use echoloop_host::params::{LidarPreset, PAPER_LIDAR, Parameters, Preset, Protocol, Space};
 use echoloop_host::pose::{Pose, relative};
 use echoloop_host::seed::Purpose;
 use echoloop_host::sensor::{Model, Sensor, SensorError, Sensors, View};
 use echoloop_host::transport::InProcess;
 use echoloop_host::tune::{Search, Silent, Tuned};
 use echoloop_link::settings_hash;
-use echoloop_sim::board::{Analog, FrontEnd, PcSensor};
+use echoloop_sim::board::{Analog, FrontEnd, PcSensor, Trigger};
 use echoloop_sim::raycast::Raycaster;
 use echoloop_sim::scanner::{Return, SceneResponse};
 use echoloop_sim::scene::{Material, Mesh, Scene};
@@ -57,7 +57,7 @@ static SENSORS: LazyLock<Sensors> = LazyLock::new(|| Sensors::in_process(Model::
 
 fn search(config: &Config) -> Search<'_> {
     let start = Parameters::start(config, &HARDWARE).expect("a start");
-    let space = Space::new(config.tune.protocol, config.registration.preset, start, HARDWARE);
+    let space = Space::new(config.tune.protocol, config.tune.lidar, config.registration.preset, start, HARDWARE);
     let bench = Bench { dataset: &TOWN, sensors: &SENSORS };
     Search { config, bench, space, start, stop: &NEVER }
 }
@@ -180,7 +180,7 @@ fn each_protocol_changes_its_own_axes_and_no_others() {
         (Protocol::Joint, &lidar | &registration),
     ];
     for (protocol, own) in table {
-        let space = Space::new(protocol, Preset::Outdoor, start, HARDWARE);
+        let space = Space::new(protocol, LidarPreset::Paper, Preset::Outdoor, start, HARDWARE);
         assert_eq!(space.axes().iter().map(|axis| axis.name.to_owned()).collect::<BTreeSet<_>>(), own);
         let mut changed = BTreeSet::new();
         for corner in [0.0, 0.25, 0.75, 1.0] {
@@ -342,7 +342,7 @@ impl FrontEnd for Spy {
         12
     }
 
-    fn capture(&mut self, analog: &Analog, _frame: u32, _beam: u32, codes: &mut [u16]) {
+    fn capture(&mut self, analog: &Analog, _: Trigger, codes: &mut [u16]) {
         self.0.push((*analog, codes.len()));
         codes.fill(100);
     }

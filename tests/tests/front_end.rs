@@ -7,6 +7,7 @@ use std::convert::Infallible;
 use std::rc::Rc;
 
 use echoloop_dsp::config::sample_period_fs;
+use echoloop_dsp::settings::AMBIENT_PRE_TRIGGER;
 use echoloop_dsp::{Hardware, ScanPattern, Settings};
 use echoloop_link::{Command, Decoder, Greeting, MAX_FRAME, Nack, Report, decode, encode, settings_hash};
 use echoloop_sensor::afe::{WRITE, adc, delay_fs, emitter};
@@ -247,14 +248,18 @@ impl Sensor {
         for (laser, converter) in shots {
             assert_eq!(laser[1..4], [settings.power_cw as u32, settings.pulse_width_ps as u32, frame]);
             let period = sample_period_fs(bins, &hardware);
-            assert_eq!(converter[1..5], [settings.gain_cdb as u32, period, delay_fs(settings, &hardware), bins]);
+            let before = settings.pre_trigger_samples();
+            let expected = [settings.gain_cdb as u32, period, delay_fs(settings, &hardware), bins, before];
+            assert_eq!(converter[1..6], expected);
+            assert_eq!(laser[usize::from(emitter::SHOT)], 0);
         }
     }
 }
 
 /// Differs from the default in every register.
 fn other() -> Settings {
-    Settings { power_cw: 5_000, pulse_width_ps: 6_000, gain_cdb: -300, bins: 1_000, ..Settings::default() }
+    let ambient = AMBIENT_PRE_TRIGGER;
+    Settings { power_cw: 5_000, pulse_width_ps: 6_000, gain_cdb: -300, bins: 1_000, ambient, ..Settings::default() }
 }
 
 /// Scans, changes the settings, meets the fault and asks for the next scan.
@@ -278,9 +283,9 @@ fn assert_recovers(mut sensor: Sensor) {
     sensor.assert_shots(2, &other(), 2);
 }
 
-/// Transactions of one request after new settings: the emitter's identity and 2 registers, written and read; the
-/// converter's and 4; the scan's number; two shots.
-const TRANSACTIONS: usize = 5 + 9 + 2 + 2;
+/// Transactions of one request after new settings: the emitter's identity and 3 registers, written and read; the
+/// converter's and 5; the scan's number; two shots.
+const TRANSACTIONS: usize = 7 + 11 + 2 + 2;
 
 #[test]
 fn a_bus_that_fails_anywhere_is_reported_and_the_next_request_starts_anew() {
@@ -346,6 +351,21 @@ fn settings_go_to_the_front_end_once() {
     assert_eq!(spent(&mut sensor, 1), TRANSACTIONS);
     assert_eq!(spent(&mut sensor, 1), 2, "two shots");
     assert_eq!(spent(&mut sensor, 2), 2 + 2, "and the scan's number");
+}
+
+#[test]
+fn shots_of_a_beam_are_numbered_and_the_next_beam_begins_anew() {
+    let mut sensor = Sensor::opened();
+    sensor.configure(&Settings { shots: 4, ..Settings::default() });
+    assert!(matches!(sensor.measure(1), Report::Beams { .. }));
+    let shots = std::mem::take(&mut sensor.analog.borrow_mut().shots);
+    let fired: Vec<(u32, u32)> =
+        shots.iter().map(|(laser, _)| (laser[usize::from(emitter::FIRE)], laser[usize::from(emitter::SHOT)])).collect();
+    assert_eq!(fired, [(6, 0), (6, 1), (6, 2), (6, 3), (7, 0), (7, 1), (7, 2), (7, 3)]);
+    // One shot again: its number is 0, as the noise of a beam's first shot is the beam's own.
+    sensor.configure(&Settings::default());
+    assert!(matches!(sensor.measure(2), Report::Beams { .. }));
+    sensor.assert_shots(2, &Settings::default(), 2);
 }
 
 #[test]

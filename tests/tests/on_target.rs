@@ -7,13 +7,14 @@
 use std::fs;
 use std::time::{Duration, Instant};
 
+use echoloop_dsp::accumulate::Accumulator;
 use echoloop_dsp::kernel::Scalar;
 use echoloop_dsp::{Echoes, Hardware, Pipeline, ScanPattern, Scratch, Settings};
 use echoloop_host::client::{Client, Patience};
 use echoloop_host::sensor_log;
 use echoloop_host::transport::{Direction, InProcess, Recording, Transport};
 use echoloop_link::{Command, MAX_FRAME, encode, settings_hash};
-use echoloop_sim::board::{Analog, FrontEnd, PcSensor};
+use echoloop_sim::board::{Analog, FrontEnd, PcSensor, Trigger};
 use echoloop_sim::qemu::{Machine, Qemu, QemuOptions};
 use echoloop_sim::vector::process_baseline;
 use echoloop_tests::faults::{Faulty, Rates};
@@ -41,9 +42,9 @@ impl FrontEnd for Waveforms {
         self.adc_bits
     }
 
-    fn capture(&mut self, _: &Analog, _frame: u32, beam: u32, codes: &mut [u16]) {
+    fn capture(&mut self, _: &Analog, trigger: Trigger, codes: &mut [u16]) {
         codes.fill(0);
-        if let Some(wave) = self.beams.get(beam as usize) {
+        if let Some(wave) = self.beams.get(trigger.beam as usize) {
             let length = wave.len().min(codes.len());
             codes[..length].copy_from_slice(&wave[..length]);
         }
@@ -63,10 +64,20 @@ fn case(seed: u64, hardware: &Hardware) -> (Settings, Vec<Vec<u16>>) {
     let kinds = KINDS.iter().cycle().take(BEAMS);
     let beams = kinds.map(|&kind| {
         let mut wave = vectors::waveform(&settings, hardware, kind, &mut rng);
-        wave.resize(settings.bins as usize, 0); // a front end gives all samples
+        wave.resize((settings.pre_trigger_samples() + settings.bins as u32) as usize, 0); // a front end gives all samples
         wave
     });
     (settings, beams.collect())
+}
+
+/// What the pipeline reads when every shot of a beam has the same waveform.
+fn summed(pipeline: &Pipeline, wave: &[u16]) -> Vec<u16> {
+    let config = pipeline.config();
+    let mut shots = Accumulator::new();
+    (0..config.shots()).for_each(|shot| shots.add(shot, wave));
+    let mut codes = vec![0; wave.len()];
+    shots.read(config.sum_shift(), &mut codes);
+    codes
 }
 
 /// What a sensor says of a case.
@@ -96,6 +107,7 @@ fn every_board_says_of_every_waveform_what_the_pc_says() {
                 let on_board = measure(&mut board, &settings);
                 assert_eq!(on_board, vectorised, "{}, seed {seed}: {settings:?}", options.machine.name());
                 let pipeline = Pipeline::new(&settings, &hardware).unwrap();
+                let beams: Vec<Vec<u16>> = beams.iter().map(|wave| summed(&pipeline, wave)).collect();
                 let portable: Vec<Echoes> =
                     beams.iter().map(|w| process_baseline(&pipeline, w, &mut scratch)).collect();
                 assert_eq!(portable, vectorised, "seed {seed}: {settings:?}");

@@ -10,15 +10,19 @@ use anyhow::{Context, Result, bail};
 use crate::workspace;
 
 /// Targets in `fuzz/fuzz_targets`, and how long an input is worth trying.
-const TARGETS: [(&str, u32); 3] = [("frame_decoder", 2_048), ("session", 1_024), ("store", 513)];
+const TARGETS: [(&str, u32); 4] = [("frame_decoder", 2_048), ("session", 1_024), ("store", 513), ("waveforms", 1_024)];
 
-/// Runs every target for so many seconds, from the inputs that were kept: a line of hexadecimal digits each in
+/// Runs every target, or only one, for so many seconds, from the inputs that were kept: a line of hexadecimal digits each in
 /// `fuzz/corpus/TARGET.hex`. All inputs lie in `fuzz/target/corpus`.
-pub(crate) fn run(seconds: u32) -> Result<()> {
+pub(crate) fn run(only: Option<&str>, seconds: u32) -> Result<()> {
     if !is_installed() {
         bail!("cargo-fuzz is not installed; run: cargo install cargo-fuzz (it needs a C++ compiler)");
     }
-    for (target, length) in TARGETS {
+    let names = TARGETS.map(|(name, _)| name);
+    if let Some(unknown) = only.filter(|only| !names.contains(only)) {
+        bail!("there is no fuzz target {unknown}; there are {}", names.join(", "));
+    }
+    for (target, length) in TARGETS.into_iter().filter(|(name, _)| only.is_none_or(|only| only == *name)) {
         let inputs = workspace()?.join("fuzz/target/corpus").join(target);
         unpack(target, &inputs).with_context(|| format!("cannot fill {}", inputs.display()))?;
         let mut command = cargo_fuzz()?;

@@ -43,8 +43,11 @@ enum Task {
         #[arg(long, default_value_t = 100_000)]
         waveforms: u32,
     },
-    /// Bytes nobody chose, on the link and in the flash: every fuzz target for a while.
+    /// Bytes nobody chose, on the link, in the flash and as waveforms: every fuzz target for a while.
     Fuzz {
+        /// Only this one: frame_decoder, session, store or waveforms.
+        #[arg(long)]
+        target: Option<String>,
         /// How long each target runs.
         #[arg(long, default_value_t = 60)]
         seconds: u32,
@@ -55,7 +58,8 @@ enum Task {
         #[arg(long)]
         update: bool,
     },
-    /// Registration against Open3D, small_gicp and KISS-Matcher on the same files; needs python3 and the Python registry.
+    /// Registration against Open3D, small_gicp and KISS-Matcher on the same files, or the waveform path against numpy and scipy;
+    /// needs python3 and the Python registry.
     Peers(peers::Peers),
 }
 
@@ -65,7 +69,7 @@ fn main() -> Result<()> {
         Task::Firmware { target, verbose } => firmware::run(&target, verbose),
         Task::Bench => cargo(["bench", "--workspace"]),
         Task::OnTarget { waveforms } => on_target(waveforms),
-        Task::Fuzz { seconds } => fuzz::run(seconds),
+        Task::Fuzz { target, seconds } => fuzz::run(target.as_deref(), seconds),
         Task::Cost { update } => cost::run(update),
         Task::Peers(asked) => peers::run(asked),
     }

@@ -1,4 +1,4 @@
-//! Registration against its peers: a Python environment with them, our side built, both on the same files.
+//! Registration and the waveform path against their peers: a Python environment with them, our side built, both on the same files.
 
 use std::env;
 use std::path::{Path, PathBuf};
@@ -23,22 +23,48 @@ pub(crate) struct Peers {
     /// All three.
     #[arg(long)]
     all: bool,
+    /// The waveform path beside numpy and scipy instead of registration, and how its cost grows.
+    #[arg(long, conflicts_with_all = ["recall", "scaling", "all"])]
+    waveforms: bool,
 }
 
-/// Measures, and writes docs/registration-peers.md.
+/// Measures, and writes docs/registration-peers.md or docs/waveform-cost.md.
 pub(crate) fn run(peers: Peers) -> Result<()> {
+    if peers.waveforms { waveforms(peers.quick) } else { registration(peers) }
+}
+
+fn registration(peers: Peers) -> Result<()> {
     let root = workspace()?;
     let work = root.join("target/peers");
     let scripts = root.join("benches/peers");
     let python = environment(&work.join("venv"), &scripts.join("requirements.txt"))?;
     cargo(["build", "--release", "--package", "echoloop-host", "--bin", "echoloop", "--example", "stages"])?;
-    let built = env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), PathBuf::from).join("release");
+    let built = built(&root);
     let page = if peers.quick { work.join("quick.md") } else { root.join("docs/registration-peers.md") };
     let mut command = Command::new(python);
     command.arg(scripts.join("run.py")).arg("--work").arg(&work).arg("--out").arg(page);
     command.arg("--stages").arg(built.join("examples/stages")).arg("--echoloop").arg(built.join("echoloop"));
     command.args(peers.quick.then_some("--quick")).arg("--parts").args(peers.parts());
     succeed(&mut command)
+}
+
+fn waveforms(quick: bool) -> Result<()> {
+    let root = workspace()?;
+    let work = root.join("target/peers");
+    let scripts = root.join("benches/peers");
+    let python = environment(&work.join("venv-waveforms"), &scripts.join("requirements-waveforms.txt"))?;
+    cargo(["build", "--release", "--package", "echoloop-host", "--example", "waveforms"])?;
+    let page = if quick { work.join("quick-waveforms.md") } else { root.join("docs/waveform-cost.md") };
+    let mut command = Command::new(python);
+    command.arg(scripts.join("waveforms.py")).arg("--work").arg(&work).arg("--out").arg(page);
+    command.arg("--waveforms").arg(built(&root).join("examples/waveforms")).args(quick.then_some("--quick"));
+    // One thread each, whatever numpy was built with.
+    succeed(command.env("OMP_NUM_THREADS", "1").env("OPENBLAS_NUM_THREADS", "1"))
+}
+
+/// Where release builds lie.
+fn built(root: &Path) -> PathBuf {
+    env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), PathBuf::from).join("release")
 }
 
 impl Peers {
@@ -74,7 +100,7 @@ mod tests {
 
     #[test]
     fn speed_is_measured_unless_something_else_is_asked_and_all_is_all() {
-        let parts = |recall, scaling, all| Peers { quick: false, recall, scaling, all }.parts();
+        let parts = |recall, scaling, all| Peers { quick: false, recall, scaling, all, waveforms: false }.parts();
         assert_eq!(parts(false, false, false), ["speed"]);
         assert_eq!(parts(true, false, false), ["recall"]);
         assert_eq!(parts(true, true, false), ["recall", "scaling"]);

@@ -3,10 +3,12 @@
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use crate::q::divide_round;
+use crate::pulse::Pulse;
 use crate::refusal::Refusal;
-use crate::settings::{Settings, TIMING_WALK_CORRECTED};
-use crate::template::Template;
+use crate::settings::Settings;
+use crate::split::Sharpener;
+use crate::template::{Template, half_length, samples_per_width};
+use crate::timing::Timing;
 
 /// Speed of light, m/s.
 pub const SPEED_OF_LIGHT_M_S: u64 = 299_792_458;
@@ -23,12 +25,23 @@ pub struct Hardware {
     pub range_max_mm: u32,
     /// Greatest pulse energy, pJ.
     pub energy_limit_pj: u32,
+    /// Amplitude of the echo of a white Lambertian surface square to the beam at 1 m, at 1 W and 0 dB: 1/1000 of full scale.
+    /// What reflectivity is measured with.
+    pub unit_echo_milli: u32,
+    /// Variance that a signal of full scale adds to the noise at 0 dB: ppm of full scale squared. Shot noise.
+    pub shot_noise_ppm: u32,
 }
 
 impl Hardware {
-    /// The reference sensor: 12 bits, 1 to 120 m, 400 nJ.
-    pub const REFERENCE: Self =
-        Self { adc_bits: 12, range_min_mm: 1_000, range_max_mm: 120_000, energy_limit_pj: 400_000 };
+    /// The reference sensor: 12 bits, 1 to 120 m, 400 nJ, and the receiver of the link budget.
+    pub const REFERENCE: Self = Self {
+        adc_bits: 12,
+        range_min_mm: 1_000,
+        range_max_mm: 120_000,
+        energy_limit_pj: 400_000,
+        unit_echo_milli: 199_591,
+        shot_noise_ppm: 928,
+    };
 
     /// The largest code, full scale.
     pub const fn full_scale_code(&self) -> u16 {
@@ -64,26 +77,47 @@ pub const fn sample_period_fs(bins: u32, hardware: &Hardware) -> u32 {
 /// | constant | value | format |
 /// |---|---|---|
 /// | sample period | 2 (R_max − R_min) / (c·N_w) | fs, nearest |
-/// | clip code | S · full-scale code | code, nearest |
+/// | clip code | S · full-scale code, that of as many shots at full scale | code, nearest |
 /// | floor | g·N | Q1.15, nearest |
 /// | k | SNR threshold | Q8.8, nearest |
+/// | κ, shot noise | shot noise at 0 dB · 10^(G/20) / m | Q0.32, in `f32`: within 3 × 10⁻⁶, saturating |
+/// | reflectivity scale | 1 / (U · P · 10^(G/20)), U the unit echo, at least 1/1000 | ρ in Q6.10 per Q1.15 and mm², 2⁻⁶⁴ more, in `f32`: within 3 × 10⁻⁶, saturating |
 /// | range origin | R_min | 1/256 mm |
 /// | range step | c/2 · sample period | 2⁻²⁴ mm, nearest |
 /// | ΔR, follows the pulse | W · 170.88 µm/ps | µm, rounded down |
-/// | minimum separation | ΔR over the range step | samples, nearest, at least 1 |
+/// | minimum separation | ΔR over the range step | samples, rounded down, at least 1 |
 #[derive(Clone, Debug)]
 pub struct Config {
     pub(crate) samples: usize,
+    pub(crate) pre_trigger: usize,
+    pub(crate) shots: u32,
+    /// Right shift of the sum of shots.
+    pub(crate) sum_shift: u32,
+    /// Left shift that brings a code, after the shots are added up, to Q1.15.
     pub(crate) code_shift: u32,
     /// Codes at or above it are saturated.
     pub(crate) clip_code: u16,
     pub(crate) template: Template,
+    /// The emitted pulse; `None` where it is not known to be sin².
+    pub(crate) pulse: Option<Pulse>,
+    /// Samples on either side of a pulse's middle, strictly inside it.
+    pub(crate) reach: usize,
+    /// Which ambient estimator.
+    pub(crate) ambient: i32,
+    /// Which timing method.
+    pub(crate) method: i32,
+    pub(crate) timing: Timing,
+    /// Finds echoes that hide in others; `None` where one is asked for.
+    pub(crate) sharpener: Option<Sharpener>,
+    /// κ, Q0.32.
+    pub(crate) shot_noise: u32,
+    /// Reflectivity per Q1.15 of amplitude and mm² of range: Q6.10, 64 more fraction bits.
+    pub(crate) reflectivity_scale: u64,
     /// N on the filter's output, Q1.15.
     pub(crate) floor: i32,
     /// k, Q8.8.
     pub(crate) snr_threshold: u32,
     pub(crate) upsampling_log2: u32,
-    pub(crate) walk_corrected: bool,
     /// Smallest distance of two candidates, samples.
     pub(crate) min_separation: u32,
     pub(crate) echoes: usize,
@@ -106,17 +140,31 @@ impl Config {
     pub fn new(settings: &Settings, hardware: &Hardware) -> Result<Self, Refusal> {
         settings.check(hardware)?;
         let period_fs = sample_period_fs(settings.bins as u32, hardware);
-        let template = Template::sin_squared(settings.pulse_width_ps as u32, period_fs);
+        let width_ps = settings.pulse_width_ps as u32;
+        let template = Template::of(settings.denoise, width_ps, period_fs);
+        let samples_per_width = samples_per_width(width_ps, period_fs);
+        let upsampling_log2 = settings.upsampling.trailing_zeros(); // a power of two
         let range_step = range_step(period_fs);
+        let sum = Sum::of(settings, hardware);
         Ok(Self {
             samples: settings.bins as usize,
-            code_shift: hardware.code_shift(),
-            clip_code: clip_code(settings, hardware),
+            pre_trigger: settings.pre_trigger_samples() as usize,
+            shots: sum.shots,
+            sum_shift: sum.shift,
+            code_shift: sum.code_shift,
+            clip_code: clip_code(settings, sum.full_scale),
             floor: scaled_floor(settings, &template),
+            timing: Timing::of(&template, samples_per_width, upsampling_log2, settings.timing),
+            sharpener: (settings.echoes > 1).then(|| Sharpener::for_pulse(width_ps, period_fs)),
             template,
+            pulse: Some(Pulse::new(width_ps, period_fs)),
+            reach: half_length(samples_per_width),
+            ambient: settings.ambient,
+            method: settings.timing,
+            shot_noise: shot_noise(settings, hardware),
+            reflectivity_scale: reflectivity_scale(settings, hardware),
             snr_threshold: (settings.snr_threshold_milli as u32 * 256 + 500) / 1000,
-            upsampling_log2: settings.upsampling.trailing_zeros(), // a power of two
-            walk_corrected: settings.timing == TIMING_WALK_CORRECTED,
+            upsampling_log2,
             min_separation: min_separation(settings, range_step),
             echoes: settings.echoes as usize,
             echo_choice: settings.echo_choice,
@@ -129,6 +177,26 @@ impl Config {
     /// Samples of a waveform.
     pub fn samples(&self) -> usize {
         self.samples
+    }
+
+    /// Samples of a shot: those before the trigger, then the waveform's.
+    pub fn codes(&self) -> usize {
+        self.pre_trigger.saturating_add(self.samples)
+    }
+
+    /// Shots that are added up for one waveform.
+    pub fn shots(&self) -> u32 {
+        self.shots
+    }
+
+    /// Right shift of the sum of shots.
+    pub fn sum_shift(&self) -> u32 {
+        self.sum_shift
+    }
+
+    /// Left shift that brings a code, after the shots are added up, to Q1.15.
+    pub fn code_shift(&self) -> u32 {
+        self.code_shift
     }
 
     /// Time between samples, femtoseconds.
@@ -156,17 +224,74 @@ impl Config {
         self.min_separation
     }
 
+    /// The timing stage's constants.
+    pub fn timing(&self) -> &Timing {
+        &self.timing
+    }
+
+    /// What finds echoes that hide in others; `None` where one is asked for.
+    pub fn sharpener(&self) -> Option<&Sharpener> {
+        self.sharpener.as_ref()
+    }
+
+    /// κ, Q0.32: see [`Noise`](crate::noise::Noise).
+    pub fn shot_noise(&self) -> u32 {
+        self.shot_noise
+    }
+
+    /// Reflectivity per Q1.15 of amplitude and mm² of range: Q6.10, 64 more fraction bits.
+    pub fn reflectivity_scale(&self) -> u64 {
+        self.reflectivity_scale
+    }
+
     /// Range per sample, 1/256 mm with 16 more fraction bits.
     pub fn range_step(&self) -> i64 {
         self.range_step
     }
 }
 
+/// How the codes of several shots become those of one waveform: [`crate::accumulate`].
+struct Sum {
+    shots: u32,
+    shift: u32,
+    code_shift: u32,
+    /// The code of as many shots at full scale.
+    full_scale: u32,
+}
+
+impl Sum {
+    #[expect(clippy::arithmetic_side_effects, reason = "16 shots of 14 bits at most: all below 2¹⁸, shifts at most 4")]
+    fn of(settings: &Settings, hardware: &Hardware) -> Self {
+        let shots = settings.shots as u32; // a power of two, at most 16
+        let bits = 15 - hardware.code_shift() + shots.trailing_zeros();
+        let shift = bits.saturating_sub(14);
+        let full_scale = (shots * u32::from(hardware.full_scale_code()) + ((1 << shift) >> 1)) >> shift;
+        Self { shots, shift, code_shift: 15 - (bits - shift), full_scale }
+    }
+}
+
 /// S as a code: the nearest, full scale at most.
 #[expect(clippy::arithmetic_side_effects, reason = "S is checked: 10⁶ ppm of a code below 2¹⁵")]
-fn clip_code(settings: &Settings, hardware: &Hardware) -> u16 {
-    let full_scale = u64::from(hardware.full_scale_code());
-    ((settings.saturation_ppm as u64 * full_scale + 500_000) / 1_000_000) as u16
+fn clip_code(settings: &Settings, full_scale: u32) -> u16 {
+    ((settings.saturation_ppm as u64 * u64::from(full_scale) + 500_000) / 1_000_000) as u16
+}
+
+/// 10^(G/20), in `f32`.
+fn gain(settings: &Settings) -> f32 {
+    libm::exp2f(settings.gain_cdb as f32 * (core::f32::consts::LOG2_10 / 2_000.0))
+}
+
+/// κ: gain scales a current's variance by its square and full scale in that current by itself; m shots share it.
+fn shot_noise(settings: &Settings, hardware: &Hardware) -> u32 {
+    let kappa = hardware.shot_noise_ppm as f32 * 1e-6 * gain(settings) / settings.shots as f32;
+    libm::roundf(kappa * 4_294_967_296.0) as u32 // `as` saturates
+}
+
+/// ρ = A R² / (U P G): 2¹⁰ of ρ per 2⁻¹⁵ of full scale and 10⁻⁶ m², 0.01 W, 1/1000 of the unit echo; times 2⁶⁴.
+fn reflectivity_scale(settings: &Settings, hardware: &Hardware) -> u64 {
+    let unit = hardware.unit_echo_milli.max(1) as f32 * 1e-3;
+    let per_square_m = 1.0 / (unit * settings.power_cw as f32 * 0.01 * gain(settings));
+    libm::roundf(per_square_m * (1e-6 / 32.0) * 18_446_744_073_709_551_616.0) as u64 // `as` saturates
 }
 
 /// N is an amplitude; the filter scales amplitudes by its peak gain.
@@ -182,7 +307,7 @@ fn range_step(period_fs: u32) -> i64 {
     ((scaled + 500_000_000_000) / 1_000_000_000_000) as i64
 }
 
-/// ΔR in samples, the nearest, at least 1; 1.14·cW/2 when it follows the pulse.
+/// ΔR in samples, rounded down, so that echoes ΔR apart stay two, at least 1; 1.14·cW/2 when it follows the pulse.
 #[expect(
     clippy::arithmetic_side_effects,
     reason = "ΔR and W are checked: below 4 m; so is a step, 1.2 m at most: W spans 2.5 samples"
@@ -193,7 +318,7 @@ fn min_separation(settings: &Settings, range_step: i64) -> u32 {
         // 1.14 × c/2 = 170.88 µm per ps
         None => i64::from(settings.pulse_width_ps) * 17_088 / 100,
     };
-    divide_round((separation_um * 256) << 16, range_step * 1000).max(1) as u32
+    (((separation_um * 256) << 16) / (range_step * 1000).max(1)).max(1) as u32
 }
 
 #[cfg(test)]
@@ -221,7 +346,7 @@ mod tests {
     #[test]
     fn the_default_separation_is_what_a_matched_filter_can_split() {
         let config = Config::new(&Settings::default(), &Hardware::REFERENCE).unwrap();
-        let expected = 1.14 * 0.299_792_458 * 5.0 / 2.0 / 0.14875;
-        assert!((f64::from(config.min_separation()) - expected).abs() <= 0.5);
+        let expected: f64 = 1.14 * 0.299_792_458 * 5.0 / 2.0 / 0.14875;
+        assert_eq!(f64::from(config.min_separation()), expected.floor());
     }
 }

@@ -44,6 +44,8 @@ pub struct Threshold {
     pub sigma: u32,
     /// T, Q1.15.
     pub level: i16,
+    /// What the baseline removed, Q1.15.
+    pub ambient: i16,
 }
 
 impl Threshold {
@@ -54,7 +56,7 @@ impl Threshold {
         let sigma = shift_round(i64::from(statistics.sigma) * noise_gain, 15);
         let by_noise = shift_round(sigma * i64::from(config.snr_threshold), 12);
         let level = by_noise.max(i64::from(config.floor)).clamp(1, 0x7fff);
-        Self { sigma: sigma as u32, level: level as i16 }
+        Self { sigma: sigma as u32, level: level as i16, ambient: statistics.ambient_q15() }
     }
 }
 
@@ -101,6 +103,36 @@ pub fn peaks(kernel: impl Kernel, y: &[i16], threshold: i16, found: &mut Peaks) 
     if let State::Rising(peak) = state {
         insert(found, peak);
     }
+}
+
+/// [`peaks`] from hill to hill, for processors that find the next sample that reaches the threshold faster than they step there:
+/// `first_reaching` gives its index among the values, if there is one.
+#[inline(always)]
+#[expect(clippy::arithmetic_side_effects, reason = "indices of values of y, which lies in memory")]
+pub fn peaks_of_hills(first_reaching: impl Fn(&[i16]) -> Option<usize>, y: &[i16], threshold: i16, found: &mut Peaks) {
+    found.clear();
+    let mut end = 0;
+    while let Some(skipped) = y.get(end..).and_then(&first_reaching) {
+        end = hill(y, end + skipped, threshold, found);
+    }
+}
+
+/// Finds the peaks of one hill: from `first`, a value at or above the threshold, until [`peaks`] would be idle again. Returns where
+/// that is.
+#[inline(always)]
+#[expect(clippy::arithmetic_side_effects, reason = "indices of values of y, which lies in memory")]
+fn hill(y: &[i16], first: usize, threshold: i16, found: &mut Peaks) -> usize {
+    let mut state = State::Idle;
+    for (index, &height) in y.iter().enumerate().skip(first) {
+        state = step(state, Peak { index: index as u16, height }, threshold, found);
+        if matches!(state, State::Idle) {
+            return index + 1;
+        }
+    }
+    if let State::Rising(peak) = state {
+        insert(found, peak);
+    }
+    y.len()
 }
 
 /// Whether any value reaches the threshold. Looks at all of them, which vectorises; stopping early would not. The portable

@@ -2,7 +2,7 @@
 
 use core::ops::{BitOr, BitOrAssign};
 
-use fixed::types::{U1F15, U8F8, U12F4, U24F8};
+use fixed::types::{U1F15, U6F10, U8F8, U12F4, U24F8};
 use heapless::Vec;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::MAX_ECHOES;
 use crate::config::Config;
 use crate::detect::Threshold;
+use crate::edges;
 use crate::q::{divide_round, saturate_u16, shift_round};
 use crate::refine::Refined;
 
@@ -20,6 +21,8 @@ use crate::refine::Refined;
 /// | range | slant range, mm: origin + time · step | U24.8, nearest |
 /// | amplitude | height of the pulse over ambient, fraction of full scale: height · 1/g; a lower bound when saturated | U1.15, nearest, saturating |
 /// | width | width at half height after the filter, ns | U12.4, nearest, saturating |
+/// | deviation | σ of the range, mm: σ of the time · step, the step rounded down to 2⁻¹⁶ mm | U8.8, rounded down, saturating |
+/// | reflectivity | ρ of a Lambertian surface square to the beam, in clear air, that would send as much: A R² / (U P G), R in whole mm, rounded down, A R² at most 2⁶⁴ − 1 | U6.10, nearest, saturating |
 /// | snr | height over σ_y (at least 1 LSB), both after the filter: what k is compared with | U8.8, rounded down, saturating |
 ///
 /// A negative height counts as 0.
@@ -33,6 +36,10 @@ pub struct Echo {
     pub width: u16,
     /// SNR, U8.8.
     pub snr: u16,
+    /// σ of the range, U8.8 mm.
+    pub deviation: u16,
+    /// Reflectivity, U6.10.
+    pub reflectivity: u16,
     /// What to know about it.
     pub flags: Flags,
 }
@@ -63,6 +70,17 @@ impl Echo {
         U8F8::from_bits(self.snr)
     }
 
+    /// σ of the range in millimetres, as the noise and the method allow; 255.996 means at least that.
+    pub fn deviation_mm(&self) -> U8F8 {
+        U8F8::from_bits(self.deviation)
+    }
+
+    /// Reflectivity: 1 is white and square to the beam. Of a saturated echo it is told by the edges when these time it
+    /// (walk-corrected), else a lower bound.
+    pub fn reflectivity_ratio(&self) -> U6F10 {
+        U6F10::from_bits(self.reflectivity)
+    }
+
     /// Turns a refined peak into an echo; `None` when it lies before range 0.
     #[expect(
         clippy::arithmetic_side_effects,
@@ -81,6 +99,8 @@ impl Echo {
             amplitude: saturate_u16(config.template.amplitude(height)),
             width: width(config, refined.width),
             snr: snr(height, threshold.sigma),
+            deviation: saturate_u16((i64::from(refined.sigma) * (config.range_step >> 8)) >> 24),
+            reflectivity: reflectivity(config, refined.amplitude, range),
             flags,
         })
     }
@@ -90,6 +110,15 @@ impl Echo {
 #[expect(clippy::arithmetic_side_effects, reason = "a width is at most 2400 samples, 2²⁸, a period below 2³²")]
 fn width(config: &Config, width: i64) -> u16 {
     saturate_u16(divide_round(width * i64::from(config.sample_period_fs), 1_000_000 << 12))
+}
+
+/// A R² / (U P G), R in whole mm, rounded down.
+#[expect(clippy::arithmetic_side_effects, reason = "R² is below 2⁴⁸, the product of two u64 below 2¹²⁸ − 2⁶⁴")]
+fn reflectivity(config: &Config, amplitude: i64, range: u32) -> u16 {
+    let range_mm = u64::from(range >> 8);
+    let light = (amplitude.clamp(0, edges::MAX_AMPLITUDE) as u64).saturating_mul(range_mm * range_mm);
+    let ratio = (u128::from(light) * u128::from(config.reflectivity_scale) + (1 << 63)) >> 64;
+    ratio.min(u16::MAX.into()) as u16
 }
 
 /// Q1.15 over Q13.19 to U8.8, rounded down.
@@ -108,7 +137,7 @@ impl Flags {
     pub const NONE: Self = Self(0);
     /// A code of the echo reached the saturation level: the amplitude is a lower bound.
     pub const SATURATED: Self = Self(1);
-    /// The valley to a neighbour lies above half the height: time and width are biased.
+    /// The valley to a neighbour lies above half the height, or the neighbour leaves none: time and width are biased.
     pub const MERGED: Self = Self(2);
     /// Less than a quarter above the threshold.
     pub const LOW_CONFIDENCE: Self = Self(4);

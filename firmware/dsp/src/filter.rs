@@ -55,6 +55,7 @@ fn dot_block(taps: &[i16], window: &[i16]) -> [i32; BLOCK] {
     clippy::arithmetic_side_effects,
     reason = "Σ abs(h) ≤ 1 in Q1.15, abs(x) ≤ 1: the sum stays within 2³⁰; lengths are of memory"
 )]
+#[inline(never)]
 pub fn exact(taps: &[i16], padded: &[i16], samples: usize, n: i64) -> i64 {
     let start = usize::try_from(n).ok().filter(|&n| n < samples);
     let Some(window) = start.and_then(|n| padded.get(n..n + taps.len())) else { return 0 };

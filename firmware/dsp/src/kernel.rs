@@ -1,5 +1,6 @@
 //! The loops over every sample, which processors do in their own ways.
 
+use crate::detect::Peaks;
 use crate::statistics::{Ranks, Statistics};
 use crate::{baseline, detect, filter, statistics};
 
@@ -29,6 +30,12 @@ pub trait Kernel: Copy {
     #[inline(always)]
     fn reaches(self, values: &[i16], threshold: i16) -> bool {
         detect::reaches(values, threshold)
+    }
+
+    /// [`detect::peaks`], for processors that know more than [`Self::reaches`].
+    #[inline(always)]
+    fn peaks(self, y: &[i16], threshold: i16, found: &mut Peaks) {
+        detect::peaks(self, y, threshold, found);
     }
 }
 

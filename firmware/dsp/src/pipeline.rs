@@ -1,13 +1,15 @@
 //! The stages in a row.
 
 use crate::config::{Config, Hardware};
-use crate::detect::{self, Peaks, Threshold};
+use crate::detect::{self, Peak, Peaks, Threshold};
 use crate::echo::{Echo, Echoes};
 use crate::filter::{self, PADDING};
 use crate::kernel::Kernel;
-use crate::refine;
+use crate::noise::Noise;
+use crate::refine::{self, Refined, Waveform};
 use crate::refusal::Refusal;
 use crate::settings::Settings;
+use crate::split::{self, Hidden, Sharpener};
 use crate::statistics::Statistics;
 use crate::{MAX_SAMPLES, MAX_TAPS};
 
@@ -75,20 +77,26 @@ impl Pipeline {
         &self.config
     }
 
-    /// Finds the echoes of one waveform of ADC codes. Samples beyond [`MAX_SAMPLES`] are ignored; none give none.
+    /// Finds the echoes of one waveform of ADC codes, which come after [`Config::codes`] − [`Config::samples`] of before the
+    /// trigger and are, with several shots, those of [`Accumulator::read`](crate::accumulate::Accumulator::read). Samples beyond [`MAX_SAMPLES`] are ignored; none give none.
     ///
     /// `kernel` does the loops over every sample ([`Portable`](crate::kernel::Portable) everywhere). Inlined into its caller, so that a board may
     /// compile the whole for the vector unit it has found at run time.
     #[inline(always)]
     pub fn process(&self, kernel: impl Kernel, codes: &[u16], scratch: &mut Scratch) -> Echoes {
         let config = &self.config;
+        let (before, codes) = codes.split_at_checked(config.pre_trigger).unwrap_or((codes, &[]));
         let codes = codes.get(..MAX_SAMPLES).unwrap_or(codes);
-        let statistics = Statistics::of(kernel, codes, config.code_shift, &scratch.statistics);
+        let statistics = Statistics::of(kernel, codes, config.code_shift, &scratch.statistics).with_ambient(
+            config.ambient,
+            before,
+            config.code_shift,
+        );
         scratch.statistics = statistics;
         self.filter(kernel, codes, &statistics, scratch);
         let threshold = Threshold::of(config, &statistics);
         let y = scratch.y.get(..codes.len()).unwrap_or_default();
-        detect::peaks(kernel, y, threshold.level, &mut scratch.peaks);
+        kernel.peaks(y, threshold.level, &mut scratch.peaks);
         if scratch.peaks.is_empty() {
             return Echoes::new();
         }
@@ -116,18 +124,53 @@ impl Pipeline {
     fn report(&self, codes: &[u16], scratch: &mut Scratch, threshold: &Threshold) -> Echoes {
         let config = &self.config;
         let y = scratch.y.get(..codes.len()).unwrap_or_default();
+        let (taps, padded) = (config.template.taps(), &scratch.padded);
+        let (start, end) = scratch.filled;
+        let waveform = Waveform { codes, x: padded.get(start..end).unwrap_or_default(), y };
+        let noise = Noise::new(&scratch.statistics, config.shot_noise);
+        let hidden = match &config.sharpener {
+            Some(sharpener) => self.split(sharpener, &waveform, &noise, threshold, &mut scratch.peaks),
+            None => Hidden::new(),
+        };
         detect::separate(&mut scratch.peaks, config.min_separation);
         let chosen = detect::choose(scratch.peaks.clone(), config.echoes, config.echo_choice);
-        let (taps, padded) = (config.template.taps(), &scratch.padded);
         let exact = |n| filter::exact(taps, padded, codes.len(), n);
         let mut echoes = Echoes::new();
         for peak in chosen {
-            let refined = refine::refine(config, codes, y, exact, peak, threshold.level);
+            let mut refined = refine::refine(config, &waveform, exact, peak, threshold, &noise);
+            if hidden.contains(&peak.index) {
+                self.sharpen(&waveform, peak, &mut refined);
+            }
             if let Some(echo) = Echo::of(config, &refined, threshold) {
                 let _ = echoes.push(echo); // choose() gives no more than fit
             }
         }
         echoes
+    }
+
+    /// Adds the peaks that broad ones hide; returns which those are. A sharpened sample costs as much as a filtered one, so
+    /// narrow echoes are left alone; so are clipped ones, whose flat tops have horns behind the sharpener.
+    #[inline(never)]
+    fn split(
+        &self,
+        sharpener: &Sharpener,
+        waveform: &Waveform<'_>,
+        noise: &Noise,
+        threshold: &Threshold,
+        peaks: &mut Peaks,
+    ) -> Hidden {
+        let Waveform { x, y, .. } = *waveform;
+        let may_hide = |peak| refine::may_hide(&self.config, waveform, peak, threshold);
+        let mut hidden = Hidden::new();
+        *peaks = split::shoulders(sharpener, x, y, noise.sigma, threshold.level, peaks, may_hide, &mut hidden);
+        hidden
+    }
+
+    #[inline(never)]
+    fn sharpen(&self, waveform: &Waveform<'_>, peak: Peak, refined: &mut Refined) {
+        if let Some(sharpener) = &self.config.sharpener {
+            refine::sharpen(&self.config, |n| sharpener.exact(waveform.x, n), peak, refined);
+        }
     }
 }
 
@@ -153,7 +196,14 @@ mod tests {
         for adc_bits in [0, 7, 8, 14, 15, 16, 31, 32, u32::MAX] {
             for (range_min_mm, range_max_mm) in [(1_000, 120_000), (0, 0), (9, 2), (u32::MAX, u32::MAX), (0, u32::MAX)]
             {
-                let hardware = Hardware { adc_bits, range_min_mm, range_max_mm, energy_limit_pj: u32::MAX };
+                let hardware = Hardware {
+                    adc_bits,
+                    range_min_mm,
+                    range_max_mm,
+                    energy_limit_pj: u32::MAX,
+                    unit_echo_milli: adc_bits,
+                    shot_noise_ppm: range_min_mm,
+                };
                 let Ok(pipeline) = Pipeline::new(&Settings::default(), &hardware) else { continue };
                 for codes in waveforms() {
                     for length in [0, 1, 2, 3, 17, 800, MAX_SAMPLES + 1] {

@@ -1,13 +1,16 @@
 //! Sub-sample time, height and width of a peak.
 #![expect(
     clippy::arithmetic_side_effects,
-    reason = "times are Q16.16 within 2400 samples, 2²⁸; outputs Q9.23 within ±2²⁴, times a fraction or a tap 2⁴¹; divisors are at least 1"
+    reason = "times are Q16.16 within 2400 samples, 2²⁸; outputs Q9.23 within ±2²⁴, times a fraction or a tap 2⁴¹; σ below 2³²; divisors are at least 1"
 )]
 
 use crate::config::Config;
-use crate::detect::{Peak, hysteresis};
+use crate::detect::{Peak, Threshold, hysteresis};
 use crate::echo::Flags;
+use crate::edges::{self, Edges};
+use crate::noise::Noise;
 use crate::q::{divide_round, shift_round};
+use crate::settings::{TIMING_CFD, TIMING_RISING_EDGE, TIMING_WALK_CORRECTED};
 
 /// A peak between samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,11 +21,26 @@ pub struct Refined {
     pub height: i32,
     /// Width at half height, Q16.16 samples.
     pub width: i64,
+    /// Amplitude of the pulse over ambient, as if nothing had clipped it, Q1.15; at least 1.
+    pub amplitude: i64,
+    /// σ of the time, Q16.16 samples.
+    pub sigma: u32,
     /// [`Flags::SATURATED`], [`Flags::MERGED`], [`Flags::TRUNCATED`], [`Flags::WALK_CORRECTED`].
     pub flags: Flags,
 }
 
-/// Refines one peak of `y`; `codes` are the waveform's raw codes, to see whether it was clipped.
+/// A waveform in its three forms, all as long.
+#[derive(Clone, Copy, Debug)]
+pub struct Waveform<'a> {
+    /// Codes.
+    pub codes: &'a [u16],
+    /// Clipped, without baseline, Q1.15.
+    pub x: &'a [i16],
+    /// Filtered, Q1.15.
+    pub y: &'a [i16],
+}
+
+/// Refines one peak of `y`.
 ///
 /// ```text
 /// f[n]  = the filter's output before it was rounded to y         Q9.23; f = 0 outside
@@ -30,52 +48,160 @@ pub struct Refined {
 /// z[j]  = f interpolated at s + j/o, j = −o−1..o+1               Q9.23, nearest
 /// δ     = (z₋ − z₊) / (2 (z₋ − 2 z₀ + z₊))   around the highest z[j], j = −o..o     Q16.16, nearest, within ±½
 /// height = z₀ − (z₋ − z₊)·δ/4                                    Q9.23, nearest; then Q1.15, nearest
-/// time  = s + (j + δ)/o                                          Q16.16, nearest; unless clipped and walk-corrected:
-/// time  = (left + right) / 2                                     crossings of half the height; Q16.16, rounded down
-/// width = right − left                                           Q16.16
+/// width = right − left: crossings of half of y[index]            Q16.16
 /// ```
 ///
 /// Of equally high `z[j]` the sample itself (j = 0) counts, else the first. A denominator of 0 makes δ 0. With o = 1, j is 0.
-/// Clipped is an echo of which a code, no further from the index than ⌈K/2⌉, reached the saturation level.
+/// K is the last sample inside the pulse on either side of its middle. Clipped is an echo of which a code, no further from the
+/// index than ⌈K/2⌉, reached the saturation level; [`edges`] are those of the run of clipped samples around the nearest such code,
+/// of two as near the earlier. Their level is the clip code in Q1.15 less the ambient, at least 2⁻¹⁵.
+///
+/// | method | time, Q16.16 | σ of the time, Q16.16, rounded down |
+/// |---|---|---|
+/// | parabola | s + (j + δ)/o, nearest | gain · σ(A) / A, with the share q of the shot noise |
+/// | walk-corrected | as parabola with δ − β·⌊δ (1 − 4δ²)⌋ (product nearest) for δ; clipped: [`edges`], and where they fail the middle of left and right, rounded down | as parabola; clipped: [`edges`], else of the parabola |
+/// | CFD | where f rises to half of the height, plus [`Timing`](crate::timing::Timing)'s z | as parabola |
+/// | rising edge | where f rises to the threshold T, plus z | σ(level/g) · r over the slope of f there |
+///
+/// f is said to rise to a level between the samples where `y`, seen from the index on earlier samples, falls below it (level
+/// rounded to Q1.15, no higher than the peak): at the first of them plus (level − f)/(rise of f), a fraction of 0 to 1 in Q16.16,
+/// rounded down, the rise at least 2⁻²³. Where that meets a valley or the end, the time is there plus z, and σ that of the parabola; its
+/// flags are the echo's. σ(level/g) · r is rounded down to Q13.19 before it is divided by the rise.
+///
+/// σ is the greatest there is, for it is not known, of an echo that the window cuts off, and of a clipped one by a method that
+/// lets it walk.
+///
+/// A top whose codes are clipped has the amplitude that its edges tell when the time comes from them; else `height/g`.
 ///
 /// The steps of `y`, 2⁻¹⁵, would flatten the top of a weak echo in little noise; `f` has 256 times finer ones, for the few
-/// samples that need them. The filter's output of a clipped echo is as symmetric as that of a whole one, so the middle of its
-/// half-height crossings does not walk with the amplitude, and its flat top does not matter. The width is the filtered one:
-/// 1.44 W for a whole echo.
+/// samples that need them. The width is the filtered one: 1.44 W for a whole echo behind the matched filter.
 ///
-/// Accuracy, against the same method in real numbers, 12 bits, noise of 4 codes or more: 75, 20 and 5 mm at SNR 5, 20 and 100
+/// Accuracy, against the same method in real numbers, 12 bits, noise of 4 codes or more: 4, 1 and 0.6 mm at SNR 5, 20 and 100
 /// (`tolerance.rs` of the tests has the whole table).
+#[inline(never)]
 pub fn refine(
     config: &Config,
-    codes: &[u16],
-    y: &[i16],
+    waveform: &Waveform<'_>,
     f: impl Fn(i64) -> i64,
     peak: Peak,
-    threshold: i16,
+    threshold: &Threshold,
+    noise: &Noise,
 ) -> Refined {
-    let vertex = vertex(f, peak, config.template.half(), config.upsampling_log2);
-    let left = crossing(y, peak, threshold, -1);
-    let right = crossing(y, peak, threshold, 1);
-    let mut flags = left.flags | right.flags;
-    let saturated = is_clipped(config, codes, peak);
-    let mut time = vertex.time;
-    if saturated {
-        flags |= Flags::SATURATED;
-        if config.walk_corrected {
-            flags |= Flags::WALK_CORRECTED;
-            time = (left.time + right.time) >> 1;
+    let Waveform { codes, x, y } = *waveform;
+    let half = i32::from(peak.height) >> 1;
+    let left = crossing(y, peak, half, threshold.level, -1);
+    let right = crossing(y, peak, half, threshold.level, 1);
+    let clipped = clipped_run(config, codes, peak);
+    let correct = config.method == TIMING_WALK_CORRECTED;
+    let bias = if correct && clipped.is_none() { i64::from(config.timing.bias()) } else { 0 };
+    let vertex = vertex(&f, peak, config.reach, config.upsampling_log2, bias);
+    let amplitude = config.template.amplitude(vertex.height).max(1);
+    let mut refined = Refined {
+        time: vertex.time,
+        height: vertex.height,
+        width: right.time - left.time,
+        amplitude,
+        sigma: sigma_of_top(config, amplitude, noise),
+        flags: left.flags | right.flags,
+    };
+    match config.method {
+        TIMING_WALK_CORRECTED => {
+            if let Some((first, last)) = clipped {
+                refined.flags |= Flags::WALK_CORRECTED;
+                let level = (i64::from(config.clip_code) << config.code_shift) - i64::from(threshold.ambient);
+                match config.pulse.as_ref().and_then(|p| edges::fit(p, x, level.max(1), first, last, noise)) {
+                    Some(Edges { time, amplitude, sigma }) => {
+                        (refined.time, refined.amplitude, refined.sigma) = (time, amplitude, sigma);
+                    }
+                    None => refined.time = (left.time + right.time) >> 1,
+                }
+            }
         }
+        TIMING_CFD => to_edge(config, y, &f, peak, i64::from(vertex.height) << 7, threshold, noise, &mut refined),
+        TIMING_RISING_EDGE => {
+            to_edge(config, y, &f, peak, i64::from(threshold.level) << 8, threshold, noise, &mut refined);
+        }
+        _ => {}
     }
-    Refined { time, height: vertex.height, width: right.time - left.time, flags }
+    if clipped.is_some() {
+        refined.flags |= Flags::SATURATED;
+    }
+    let walks = clipped.is_some() && config.method != TIMING_WALK_CORRECTED;
+    if walks || refined.flags.contains(Flags::TRUNCATED) {
+        refined.sigma = u32::MAX;
+    }
+    refined
 }
 
-/// Whether a code within the template's half width at half maximum of the peak reached the saturation level.
-fn is_clipped(config: &Config, codes: &[u16], peak: Peak) -> bool {
-    let reach = config.template.half().div_ceil(2);
+/// Whether a peak may hide others: it is not clipped, and its width at half height exceeds [`Timing`](crate::timing::Timing)'s w or
+/// ends in a valley.
+pub fn may_hide(config: &Config, waveform: &Waveform<'_>, peak: Peak, threshold: &Threshold) -> bool {
+    let half = i32::from(peak.height) >> 1;
+    let [left, right] = [-1, 1].map(|direction| crossing(waveform.y, peak, half, threshold.level, direction));
+    let merged = (left.flags | right.flags).contains(Flags::MERGED);
+    (merged || right.time - left.time > config.timing.broad()) && clipped_run(config, waveform.codes, peak).is_none()
+}
+
+/// Times a peak that another hid by the parabola through the sharper filter's output `f` (Q9.23) instead, without correction for
+/// bias; it is merged. A clipped one stays as it was. σ is twice as great, for the sharper filter's noise, and W f_s/32 (rounded
+/// down) more, for what the other shifts it by: saturating.
+pub fn sharpen(config: &Config, f: impl Fn(i64) -> i64, peak: Peak, refined: &mut Refined) {
+    refined.flags |= Flags::MERGED;
+    let overlap = config.pulse.as_ref().map_or(0, |pulse| pulse.width() >> 5) as u32;
+    refined.sigma = refined.sigma.saturating_mul(2).saturating_add(overlap);
+    if !refined.flags.contains(Flags::SATURATED) {
+        refined.time = vertex(f, peak, config.reach, config.upsampling_log2, 0).time;
+    }
+}
+
+/// σ of the time of a top: gain · σ(A) / A.
+fn sigma_of_top(config: &Config, amplitude: i64, noise: &Noise) -> u32 {
+    let sigma = noise.with(amplitude, config.timing.shot_share());
+    let scaled = (u64::from(config.timing.gain()) * u64::from(sigma)) >> 4; // Q1.15 of σ
+    (scaled / amplitude.max(1) as u64).min(u32::MAX.into()) as u32
+}
+
+/// Takes the time from where `f` rises to `level` (Q9.23).
+#[expect(clippy::too_many_arguments, reason = "one step of refine, with what it has at hand")]
+#[inline(never)]
+fn to_edge(
+    config: &Config,
+    y: &[i16],
+    f: &impl Fn(i64) -> i64,
+    peak: Peak,
+    level: i64,
+    threshold: &Threshold,
+    noise: &Noise,
+    refined: &mut Refined,
+) {
+    let coarse = shift_round(level, 8).min(peak.height.into()) as i32;
+    let crossing = crossing(y, peak, coarse, threshold.level, -1);
+    refined.time = crossing.time + config.timing.offset();
+    refined.flags |= crossing.flags;
+    let Some(below) = crossing.below else { return };
+    let (low, high) = (f(below), f(below + 1));
+    let rise = (high - low).max(1);
+    let fraction = (((level - low) << 16).div_euclid(rise)).clamp(0, 1 << 16);
+    refined.time = (below << 16) + fraction + config.timing.offset();
+    if config.method == TIMING_CFD {
+        return; // its σ is the timing constants'
+    }
+    let at_level = noise.of(config.template.amplitude(shift_round(level, 8) as i32));
+    let filtered = (u64::from(at_level) * u64::from(config.template.noise_gain())) >> 15; // Q13.19
+    refined.sigma = ((filtered << 20) / rise as u64).min(u32::MAX.into()) as u32;
+}
+
+/// The run of clipped samples that holds the clipped one nearest to the peak, if one lies within ⌈K/2⌉; of two as near the first.
+fn clipped_run(config: &Config, codes: &[u16], peak: Peak) -> Option<(usize, usize)> {
+    let reach = config.reach.div_ceil(2);
     let index = usize::from(peak.index);
-    let end = (index + reach + 1).min(codes.len());
-    let around = codes.get(index.saturating_sub(reach)..end).unwrap_or_default();
-    around.iter().any(|&code| code >= config.clip_code)
+    let is_clipped = |n: &usize| codes.get(*n).is_some_and(|&code| code >= config.clip_code);
+    let nearest = (0..reach + 1).find_map(|step| {
+        index.checked_sub(step).filter(is_clipped).or_else(|| Some(index + step).filter(is_clipped))
+    })?;
+    let first = (0..nearest).rev().take_while(is_clipped).last().unwrap_or(nearest);
+    let last = (nearest + 1..codes.len()).take_while(is_clipped).last().unwrap_or(nearest);
+    Some((first, last))
 }
 
 struct Vertex {
@@ -90,13 +216,15 @@ const MARGIN: i64 = 5;
 type Around = [i64; 2 * MARGIN as usize + 1];
 
 /// Parabola through the highest interpolated value and its neighbours.
-fn vertex(f: impl Fn(i64) -> i64, peak: Peak, reach: usize, upsampling_log2: u32) -> Vertex {
+fn vertex(f: impl Fn(i64) -> i64, peak: Peak, reach: usize, upsampling_log2: u32, bias: i64) -> Vertex {
     let ratio = 1i64 << upsampling_log2;
-    let summit = climb(&f, i64::from(peak.index), reach);
+    let Climb { summit, height, next } = climb(&f, i64::from(peak.index), reach);
     let margin = if ratio > 1 { MARGIN } else { 1 };
-    let around: Around = core::array::from_fn(|i| {
-        let offset = i as i64 - MARGIN;
-        if offset.abs() <= margin { f(summit + offset) } else { 0 }
+    let around: Around = core::array::from_fn(|i| match i as i64 - MARGIN {
+        0 => height,
+        1 => next,
+        offset if offset.abs() <= margin => f(summit + offset),
+        _ => 0,
     });
     let at = |j: i64| interpolate(&around, j, upsampling_log2);
     let mut best = (at(0), 0);
@@ -111,31 +239,47 @@ fn vertex(f: impl Fn(i64) -> i64, peak: Peak, reach: usize, upsampling_log2: u32
     let (before, after) = (at(j - 1), at(j + 1));
     let slope = before - after;
     let delta = divide_round(slope << 15, before - 2 * z0 + after).clamp(-0x8000, 0x8000);
-    let fine = (j << 16) + delta;
+    let unbiased = delta - shift_round(bias * ((delta * ((1 << 32) - 4 * delta * delta)) >> 32), 15);
+    let fine = (j << 16) + unbiased;
     let time = (summit << 16) + if ratio > 1 { shift_round(fine, upsampling_log2) } else { fine };
     // The parabola's height is z₀ − (z₋ − z₊)·δ/4, in Q9.23.
     let height = z0 - shift_round(slope * delta, 18);
     Vertex { time, height: shift_round(height, 8) as i32 }
 }
 
+/// A summit of `f`, its height and that of the sample after it.
+struct Climb {
+    summit: i64,
+    height: i64,
+    next: i64,
+}
+
 /// Up `f` from `start`, at most `reach` samples. Only later: a peak is the first sample of its plateau of `y`, so `f` is lower
 /// before it.
-fn climb(f: impl Fn(i64) -> i64, start: i64, reach: usize) -> i64 {
-    let rises = |n: &i64| f(n + 1) > f(*n);
-    let steps = (start..).take(reach).take_while(rises).count();
-    start + steps as i64
+fn climb(f: impl Fn(i64) -> i64, start: i64, reach: usize) -> Climb {
+    let mut at = Climb { summit: start, height: f(start), next: f(start + 1) };
+    for _ in 0..reach {
+        if at.next <= at.height {
+            break;
+        }
+        at = Climb { summit: at.summit + 1, height: at.next, next: f(at.summit + 2) };
+    }
+    at
 }
 
 /// `f` at `j / 2^log2` from the summit, Q9.23: a polynomial through the eight samples around.
 fn interpolate(around: &Around, j: i64, log2: u32) -> i64 {
     let sample = |offset: i64| usize::try_from(MARGIN + offset).ok().and_then(|i| around.get(i)).map_or(0, |&v| v);
     let whole = j >> log2;
-    let phase = (j & ((1 << log2) - 1)) << (3 - log2);
-    let Some(taps) = (phase as usize).checked_sub(1).and_then(|row| LAGRANGE.get(row)) else {
-        return sample(whole);
-    };
+    let Some(taps) = interpolation(j, log2) else { return sample(whole) };
     let sum: i64 = taps.iter().zip(-3..).map(|(&tap, t)| i64::from(tap) * sample(whole + t)).sum();
     shift_round(sum, 15)
+}
+
+/// The weights of samples −3..=4 that interpolate at `j / 2^log2` after a sample; `None` on a sample. `log2` is at most 3.
+pub fn interpolation(j: i64, log2: u32) -> Option<&'static [i16; 8]> {
+    let phase = (j & ((1 << log2) - 1)) << (3 - log2);
+    (phase as usize).checked_sub(1).and_then(|row| LAGRANGE.get(row))
 }
 
 /// Row p − 1 interpolates at p/8 after a sample, taps at −3..=4: the Lagrange polynomial of degree 7 in Q1.15, nearest, the
@@ -155,31 +299,33 @@ pub const LAGRANGE: [[i16; 8]; 7] = [
 
 struct Crossing {
     time: i64,
+    /// The sample below the level, if there is one.
+    below: Option<i64>,
     flags: Flags,
 }
 
-/// Where `y` falls below half the peak's height (rounded down), going `direction` from it: linear between samples, Q16.16,
-/// the fraction of a sample rounded down, towards the peak.
+/// Where `y` falls below a level, going `direction` from the peak: linear between samples, Q16.16, the fraction of a sample
+/// rounded down, towards the peak.
 ///
 /// Ends early in the valley (of equals the one nearest to the peak) before a neighbour that rises by more than the peak's
 /// [`hysteresis`] ([`Flags::MERGED`]) or at the last sample ([`Flags::TRUNCATED`]).
-fn crossing(y: &[i16], peak: Peak, threshold: i16, direction: i64) -> Crossing {
-    let half = i32::from(peak.height) >> 1;
+fn crossing(y: &[i16], peak: Peak, level: i32, threshold: i16, direction: i64) -> Crossing {
     let rise = i32::from(hysteresis(peak.height, threshold));
     let mut inner = (i64::from(peak.index), i32::from(peak.height));
     let mut valley = inner;
     loop {
         let index = inner.0 + direction;
         let Some(&value) = usize::try_from(index).ok().and_then(|i| y.get(i)) else {
-            return Crossing { time: inner.0 << 16, flags: Flags::TRUNCATED };
+            return Crossing { time: inner.0 << 16, below: None, flags: Flags::TRUNCATED };
         };
         let value = i32::from(value);
-        if value < half {
-            let fraction = (((inner.1 - half) as u32) << 16) / (inner.1 - value).max(1) as u32;
-            return Crossing { time: (inner.0 << 16) + direction * i64::from(fraction), flags: Flags::NONE };
+        if value < level {
+            let fraction = (((inner.1 - level) as u32) << 16) / (inner.1 - value).max(1) as u32;
+            let time = (inner.0 << 16) + direction * i64::from(fraction);
+            return Crossing { time, below: Some(index), flags: Flags::NONE };
         }
         if value > valley.1 + rise {
-            return Crossing { time: valley.0 << 16, flags: Flags::MERGED };
+            return Crossing { time: valley.0 << 16, below: None, flags: Flags::MERGED };
         }
         inner = (index, value);
         if value < valley.1 {
@@ -215,8 +361,8 @@ mod tests {
     #[test]
     fn a_plateau_is_climbed_to_its_summit_and_no_further_than_the_reach() {
         let hill = |n: i64| 100 - (n - 7).abs();
-        assert_eq!(climb(hill, 4, 10), 7);
-        assert_eq!(climb(hill, 0, 3), 3);
-        assert_eq!(climb(|_| 5, 4, 10), 4, "a flat top stays where it was found");
+        assert_eq!(climb(hill, 4, 10).summit, 7);
+        assert_eq!(climb(hill, 0, 3).summit, 3);
+        assert_eq!(climb(|_| 5, 4, 10).summit, 4, "a flat top stays where it was found");
     }
 }

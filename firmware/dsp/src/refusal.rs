@@ -35,8 +35,6 @@ pub enum Reason {
     },
     /// None of the values this field takes.
     NotAChoice,
-    /// A value of the table that this firmware does not run yet.
-    NotImplemented,
     /// Pulse energy, power × width, in picojoules.
     EnergyAboveLimit {
         /// Energy asked for.
@@ -64,7 +62,6 @@ impl fmt::Display for Refusal {
             Reason::BelowMinimum { minimum } => write!(f, " is below its minimum {}", InUnit(p, minimum)),
             Reason::AboveMaximum { maximum } => write!(f, " is above its maximum {}", InUnit(p, maximum)),
             Reason::NotAChoice => write!(f, " is none of {}", Choices(p)),
-            Reason::NotImplemented => write!(f, " is not implemented by this firmware; it runs {}", Choices(p)),
             Reason::EnergyAboveLimit { energy_pj, limit_pj } => write!(
                 f,
                 " times pulse_width is {:.1} nJ, above the pulse energy limit of {:.1} nJ",
@@ -92,7 +89,7 @@ impl fmt::Display for InUnit<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self(parameter, code) = *self;
         match parameter.kind {
-            Kind::Choice { names, .. } => match usize::try_from(code).ok().and_then(|i| names.get(i)) {
+            Kind::Choice { names } => match usize::try_from(code).ok().and_then(|i| names.get(i)) {
                 Some(name) => write!(f, "'{name}'"),
                 None => write!(f, "{code}"),
             },
@@ -104,14 +101,14 @@ impl fmt::Display for InUnit<'_> {
     }
 }
 
-/// The values that work.
+/// The values there are.
 struct Choices<'a>(&'a Parameter);
 
 impl fmt::Display for Choices<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut separator = "";
         for code in self.0.min..=self.0.max {
-            if self.0.runs(code) {
+            if self.0.check(code).is_ok() {
                 write!(f, "{separator}{}", InUnit(self.0, code))?;
                 separator = ", ";
             }

@@ -9,6 +9,7 @@ use core::fmt;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
+use crate::PRE_TRIGGER;
 use crate::config::{Hardware, sample_period_fs};
 use crate::refusal::{Reason, Refusal};
 
@@ -80,17 +81,12 @@ pub enum Kind {
     },
     /// Whole numbers of the range.
     Integer,
-    /// 1, 2, 4, … up to the maximum; `runs_to` is the largest this firmware runs.
-    PowerOfTwo {
-        /// The largest value that works.
-        runs_to: i32,
-    },
+    /// 1, 2, 4, … up to the maximum.
+    PowerOfTwo,
     /// One of several methods; the value is the index of its name.
     Choice {
         /// Their names.
         names: &'static [&'static str],
-        /// Bit i is set when method i works.
-        works: u32,
     },
 }
 
@@ -151,16 +147,7 @@ impl Parameter {
         nearest as i32 // `as` saturates
     }
 
-    /// Whether this firmware runs the value (it may be in the table and yet not built).
-    pub fn runs(&self, code: i32) -> bool {
-        match self.kind {
-            Kind::Choice { works, .. } => works.checked_shr(code as u32).is_some_and(|bits| bits & 1 == 1),
-            Kind::PowerOfTwo { runs_to } => is_power_of_two(code) && code <= runs_to,
-            _ => (self.min..=self.max).contains(&code),
-        }
-    }
-
-    /// Whether the value is in range and runs.
+    /// Whether the value is in range.
     ///
     /// # Errors
     ///
@@ -168,11 +155,10 @@ impl Parameter {
     pub fn check(&self, value: i32) -> Result<(), Refusal> {
         let refuse = |reason| Err(Refusal { field: self.id, value, reason });
         match self.kind {
-            Kind::Choice { names, .. } if value < 0 || value as usize >= names.len() => refuse(Reason::NotAChoice),
+            Kind::Choice { names } if value < 0 || value as usize >= names.len() => refuse(Reason::NotAChoice),
             _ if value < self.min => refuse(Reason::BelowMinimum { minimum: self.min }),
             _ if value > self.max => refuse(Reason::AboveMaximum { maximum: self.max }),
-            Kind::PowerOfTwo { .. } if !is_power_of_two(value) => refuse(Reason::NotAChoice),
-            _ if !self.runs(value) => refuse(Reason::NotImplemented),
+            Kind::PowerOfTwo if !is_power_of_two(value) => refuse(Reason::NotAChoice),
             _ => Ok(()),
         }
     }
@@ -184,8 +170,20 @@ fn is_power_of_two(value: i32) -> bool {
 
 /// Index of the matched filter among the denoise filters.
 pub const DENOISE_MATCHED: i32 = 2;
+/// Index of "none" among the denoise filters.
+pub const DENOISE_NONE: i32 = 0;
+/// Index of the Gaussian among the denoise filters.
+pub const DENOISE_GAUSSIAN: i32 = 1;
 /// Index of the median among the ambient estimators.
 pub const AMBIENT_MEDIAN: i32 = 0;
+/// Index of the mean before the trigger among the ambient estimators.
+pub const AMBIENT_PRE_TRIGGER: i32 = 1;
+/// Index of "none" among the ambient estimators.
+pub const AMBIENT_NONE: i32 = 2;
+/// Index of the rising edge among the timing methods.
+pub const TIMING_RISING_EDGE: i32 = 0;
+/// Index of the constant fraction among the timing methods.
+pub const TIMING_CFD: i32 = 2;
 /// Index of the parabola among the timing methods.
 pub const TIMING_PARABOLA: i32 = 1;
 /// Index of the walk-corrected method among the timing methods.
@@ -212,7 +210,7 @@ pub const PARAMETERS: [Parameter; 15] = {
         row(Id::WaveformResolution, "waveform_resolution", "N_w", "bins", Integer)
             .codes(1, 200, 2400, 800)
             .acts("ADC clock"),
-        row(Id::Shots, "shots", "m", "", PowerOfTwo { runs_to: 1 }).codes(1, 1, 16, 1).acts("DSP accumulation"),
+        row(Id::Shots, "shots", "m", "", PowerOfTwo).codes(1, 1, 16, 1).acts("DSP accumulation"),
         row(Id::Saturation, "saturation", "S", "of full scale", real)
             .codes(1_000_000, 250_000, 1_000_000, 1_000_000)
             .acts("DSP clip"),
@@ -222,30 +220,22 @@ pub const PARAMETERS: [Parameter; 15] = {
         row(Id::SnrThreshold, "snr_threshold", "k", "sigma", real)
             .codes(1000, 2_500, 8_000, 4_700)
             .acts("DSP threshold"),
-        row(Id::Upsampling, "upsampling", "o", "", PowerOfTwo { runs_to: 8 })
-            .codes(1, 1, 8, 1)
-            .acts("DSP interpolation"),
-        row(Id::Denoise, "denoise", "", "", Choice { names: &["none", "gaussian", "matched"], works: 0b100 })
+        row(Id::Upsampling, "upsampling", "o", "", PowerOfTwo).codes(1, 1, 8, 1).acts("DSP interpolation"),
+        row(Id::Denoise, "denoise", "", "", Choice { names: &["none", "gaussian", "matched"] })
             .codes(1, 0, 2, DENOISE_MATCHED)
             .acts("DSP filter"),
-        row(Id::Ambient, "ambient", "", "", Choice { names: &["median", "pre-trigger", "none"], works: 0b001 })
+        row(Id::Ambient, "ambient", "", "", Choice { names: &["median", "pre-trigger", "none"] })
             .codes(1, 0, 2, AMBIENT_MEDIAN)
             .acts("DSP baseline"),
-        row(
-            Id::Timing,
-            "timing",
-            "",
-            "",
-            Choice { names: &["rising-edge", "parabola", "cfd", "walk-corrected"], works: 0b1010 },
-        )
-        .codes(1, 0, 3, TIMING_WALK_CORRECTED)
-        .acts("DSP timing"),
+        row(Id::Timing, "timing", "", "", Choice { names: &["rising-edge", "parabola", "cfd", "walk-corrected"] })
+            .codes(1, 0, 3, TIMING_WALK_CORRECTED)
+            .acts("DSP timing"),
         row(Id::MinSeparation, "min_separation", "ΔR", "m", real)
             .codes(1000, 300, 3_000, 855)
             .follows()
             .acts("DSP peaks"),
         row(Id::Echoes, "echoes", "E", "", Integer).codes(1, 1, 4, 1).acts("DSP peaks"),
-        row(Id::EchoChoice, "echo_choice", "", "", Choice { names: &["strongest", "first", "last"], works: 0b111 })
+        row(Id::EchoChoice, "echo_choice", "", "", Choice { names: &["strongest", "first", "last"] })
             .codes(1, 0, 2, CHOICE_STRONGEST)
             .acts("DSP peaks"),
     ]
@@ -346,6 +336,18 @@ impl Settings {
         }
     }
 
+    /// ΔR in mm; 1.14·cW/2, rounded down, when it follows the pulse.
+    pub fn separation_mm(&self) -> i32 {
+        // 1.14 × c/2 = 170.88 µm per ps
+        let following = i64::from(self.pulse_width_ps).saturating_mul(17_088) / 100_000;
+        self.min_separation_mm.unwrap_or(i32::try_from(following).unwrap_or(i32::MAX))
+    }
+
+    /// Samples before the trigger that the ambient estimator reads.
+    pub fn pre_trigger_samples(&self) -> u32 {
+        if self.ambient == AMBIENT_PRE_TRIGGER { PRE_TRIGGER as u32 } else { 0 }
+    }
+
     /// Checks S > N, every field against the table, then pulse energy and sampling.
     ///
     /// # Errors
@@ -424,8 +426,7 @@ mod tests {
     #[test]
     fn both_ends_of_every_range_are_accepted_by_its_row_and_the_next_value_is_not() {
         for parameter in &PARAMETERS {
-            let ends = [parameter.min, parameter.max];
-            for end in ends.into_iter().filter(|&end| parameter.runs(end)) {
+            for end in [parameter.min, parameter.max] {
                 assert_eq!(parameter.check(end), Ok(()), "{} {end}", parameter.name);
             }
             assert!(parameter.check(parameter.min - 1).is_err(), "{}", parameter.name);
@@ -441,7 +442,7 @@ mod tests {
             change(&mut settings);
             settings.check(&Hardware::REFERENCE).unwrap_err().to_string()
         };
-        let cases: [(Change, &str); 9] = [
+        let cases: [(Change, &str); 8] = [
             (|s| s.pulse_width_ps = 25_000, "pulse_width 25 ns is above its maximum 20 ns"),
             (|s| s.gain_cdb = -1_001, "gain -10.01 dB is below its minimum -10 dB"),
             (
@@ -457,12 +458,8 @@ mod tests {
                 "pulse_width 5 ns spans fewer than 2.5 samples of 3.969 ns (raise it or waveform_resolution)",
             ),
             (|s| s.upsampling = 3, "upsampling 3 is none of 1, 2, 4, 8"),
-            (|s| s.shots = 4, "shots 4 is not implemented by this firmware; it runs 1"),
-            (
-                |s| s.timing = 2,
-                "timing 'cfd' is not implemented by this firmware; it runs 'parabola', 'walk-corrected'",
-            ),
-            (|s| s.denoise = 9, "denoise 9 is none of 'matched'"),
+            (|s| s.shots = 3, "shots 3 is none of 1, 2, 4, 8, 16"),
+            (|s| s.denoise = 9, "denoise 9 is none of 'none', 'gaussian', 'matched'"),
         ];
         for (change, message) in cases {
             assert_eq!(refusal(change), message);

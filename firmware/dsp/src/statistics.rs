@@ -7,6 +7,7 @@
 use crate::MAX_SAMPLES;
 use crate::kernel::Kernel;
 use crate::q::shift_round;
+use crate::settings::{AMBIENT_NONE, AMBIENT_PRE_TRIGGER};
 
 /// Where a waveform rests and how much it trembles.
 ///
@@ -57,6 +58,27 @@ impl Statistics {
         }
         let top = 0x7fff >> shift;
         Self::from_ranks(&kernel.ranks(codes, top, guess), codes.len() as u32, shift)
+    }
+
+    /// With the ambient of another estimator.
+    ///
+    /// ```text
+    /// a = Σ x / n over the n samples before the trigger        Q1.15, rounded down; without any, the median's
+    ///   = 0                                                    none
+    /// ```
+    ///
+    /// σ̂ stays that of the waveform, around its median.
+    #[must_use]
+    pub fn with_ambient(self, estimator: i32, before: &[u16], shift: u32) -> Self {
+        let ambient = match (estimator, before.len() as u32) {
+            (AMBIENT_PRE_TRIGGER, n @ 1..) => {
+                let sum: u32 = before.iter().map(|&code| u32::from(code)).sum();
+                ((u64::from(sum) << shift) / u64::from(n)) as i32
+            }
+            (AMBIENT_NONE, _) => 0,
+            _ => self.ambient,
+        };
+        Self { ambient, ..self }
     }
 
     fn from_ranks(ranks: &Ranks, n: u32, shift: u32) -> Self {

@@ -1,25 +1,29 @@
-//! The emitted pulse as filter taps.
+//! The denoise filter's taps.
 
 use heapless::Vec;
 use micromath::F32Ext;
 
 use crate::MAX_TAPS;
 use crate::q::{shift_round, sqrt_floor};
+use crate::settings::{DENOISE_GAUSSIAN, DENOISE_NONE};
 
-/// A symmetric template of the emitted pulse, and what the filter does to amplitudes and noise.
+/// A symmetric filter, and what it does to amplitudes and noise.
 ///
 /// ```text
-/// p(t) = sin²(πt / 2τ) = (1 + cos(π u / τ)) / 2,   u = t − τ,  |u| < τ = W
-/// h[k] = ⌊ 32767 · p(k/f_s) / Σ p ⌋               k = −K..K, so Σ|h| ≤ 1 in Q1.15
-/// g    = Σ h p        height of a filtered echo over its amplitude, about 3/4
-/// r    = √Σ h²        σ of filtered white noise over σ
+/// p(t) = sin²(πt / 2τ) = (1 + cos(π u / τ)) / 2,   u = t − τ,  |u| < τ = W      the emitted pulse
+/// s(t) = p(t)                matched: the pulse itself
+///      = 2^(−16 (t/W)²)      Gaussian: half as wide as the pulse
+///      = 1 at 0, else 0      none
+/// h[k] = ⌊ 32767 · s(k/f_s) / Σ s ⌋               k = −K..K, so Σ|h| ≤ 1 in Q1.15; K = 0 for none
+/// g    = Σ h p        height of a filtered echo over its amplitude: 3/4 matched, 0.9 Gaussian, 1 none
+/// r    = √Σh²         σ of filtered white noise over σ
 /// ```
 ///
 /// | name | format | shape |
 /// |---|---|---|
 /// | `h` | Q1.15 | `[2K + 1]`, at most [`MAX_TAPS`], centre at K |
 /// | `g` | Q1.15, rounded down, at least ¼ | scalar |
-/// | `1/g` | Q2.14, rounded down, of the `g` in Q1.15 | scalar |
+/// | `1/g` | Q2.14, rounded down, of the `g` in Q1.15 | scalar; an amplitude is `height · 1/g`, nearest |
 /// | `r` | Q1.15, rounded down, of the `h` in Q1.15 | scalar |
 ///
 /// The cosine is micromath's (error below 1.1 × 10⁻³), in `f32` without fused multiply-add: the same taps on every machine.
@@ -34,25 +38,41 @@ pub struct Template {
 }
 
 impl Template {
-    /// The sin² pulse of a full width at half maximum, sampled with a period. Widths that need more than [`MAX_TAPS`] taps
-    /// are cut to them; no accepted setting does.
-    #[expect(clippy::arithmetic_side_effects, reason = "half is at most half of MAX_TAPS")]
+    /// The matched filter: the sin² pulse of a full width at half maximum, sampled with a period. Widths that need more than
+    /// [`MAX_TAPS`] taps are cut to them; no accepted setting does.
     pub fn sin_squared(width_ps: u32, sample_period_fs: u32) -> Self {
-        let samples_per_width = width_ps as f32 * 1000.0 / sample_period_fs as f32;
-        let half = half_length(samples_per_width);
-        let pulse = |k: usize| 0.5 + 0.5 * F32Ext::cos(core::f32::consts::PI * k as f32 / samples_per_width);
-        let mut sum = pulse(0);
-        for k in 1..=half {
-            sum += 2.0 * pulse(k);
+        let width = samples_per_width(width_ps, sample_period_fs);
+        Self::sampled(width, half_length(width), |k| pulse(k, width))
+    }
+
+    /// The filter of a choice of [`Settings::denoise`](crate::Settings::denoise), for that pulse. What is no choice is matched.
+    pub fn of(denoise: i32, width_ps: u32, sample_period_fs: u32) -> Self {
+        let width = samples_per_width(width_ps, sample_period_fs);
+        match denoise {
+            DENOISE_NONE => Self::sampled(width, 0, |_| 1.0),
+            DENOISE_GAUSSIAN => Self::sampled(width, half_length(width), |k| {
+                let t = k as f32 / width;
+                libm::exp2f(-16.0 * t * t)
+            }),
+            _ => Self::sin_squared(width_ps, sample_period_fs),
         }
-        let tap = |k: usize| (32767.0 * pulse(k) / sum) as i16; // towards zero: the sum stays within 1
+    }
+
+    /// `shape` at −half..=half samples from its middle, scaled to add up to 1.
+    #[expect(clippy::arithmetic_side_effects, reason = "half is at most half of MAX_TAPS")]
+    fn sampled(width: f32, half: usize, shape: impl Fn(usize) -> f32) -> Self {
+        let mut sum = shape(0);
+        for k in 1..=half {
+            sum += 2.0 * shape(k);
+        }
+        let tap = |k: usize| (32767.0 * shape(k) / sum) as i16; // towards zero: the sum stays within 1
         let distances = (0..2 * half + 1).map(|i| i.abs_diff(half));
         let mut taps = Vec::new();
         for k in distances.clone() {
             let _ = taps.push(tap(k)); // half is bounded by MAX_TAPS: never full
         }
         let _ = taps.push(0);
-        let height: f32 = distances.map(|k| f32::from(tap(k)) * pulse(k)).sum();
+        let height: f32 = distances.map(|k| f32::from(tap(k)) * pulse(k, width)).sum();
         Self::from_taps(taps, height as u32)
     }
 
@@ -101,8 +121,18 @@ impl Template {
     }
 }
 
+/// W f_s.
+pub fn samples_per_width(width_ps: u32, sample_period_fs: u32) -> f32 {
+    width_ps as f32 * 1000.0 / sample_period_fs as f32
+}
+
+/// The pulse, `k` samples from its middle, |k| ≤ [`half_length`].
+fn pulse(k: usize, width: f32) -> f32 {
+    0.5 + 0.5 * F32Ext::cos(core::f32::consts::PI * k as f32 / width)
+}
+
 /// K: the last sample strictly inside the pulse.
-fn half_length(samples_per_width: f32) -> usize {
+pub fn half_length(samples_per_width: f32) -> usize {
     let end = F32Ext::ceil(samples_per_width) as i32;
     end.saturating_sub(1).clamp(0, (MAX_TAPS / 2) as i32) as usize
 }

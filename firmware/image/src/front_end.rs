@@ -56,7 +56,7 @@ impl FrontEnd {
 
     /// What the board's maker set.
     pub fn straps(&self) -> Option<(Hardware, ScanPattern)> {
-        let straps = self.page.part(mailbox::STRAPS, 4 * 8);
+        let straps = self.page.part(mailbox::STRAPS, 4 * mailbox::STRAP_WORDS);
         mailbox::read_straps(core::array::from_fn(|i| straps.read(i << 2)))
     }
 

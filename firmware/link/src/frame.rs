@@ -11,7 +11,7 @@ use crate::cobs;
 const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 
 /// Bytes a frame carries at most: sequence, body and checksum.
-pub const MAX_PAYLOAD: usize = 2048;
+pub const MAX_PAYLOAD: usize = 2816;
 
 /// Bytes a frame takes on the wire at most: COBS adds one in 254, zeros stand at both ends.
 pub const MAX_FRAME: usize = MAX_PAYLOAD + MAX_PAYLOAD.div_ceil(254) + 2;

@@ -24,6 +24,8 @@ pub mod emitter {
     pub const FRAME: u8 = 3;
     /// Beam to fire at; writing it fires.
     pub const FIRE: u8 = 4;
+    /// Of the shots that are added up for one beam, the one that fires next, from 0.
+    pub const SHOT: u8 = 5;
     /// What [`ID`] reads.
     pub const ID_VALUE: u32 = 0xEC40_0001;
 }
@@ -38,8 +40,10 @@ pub mod adc {
     pub const SAMPLE_PERIOD: u8 = 2;
     /// From the trigger to sample 0, fs.
     pub const DELAY: u8 = 3;
-    /// Samples a shot.
+    /// Samples of the window.
     pub const SAMPLES: u8 = 4;
+    /// Samples taken just before the trigger, which come before the window's.
+    pub const PRE_TRIGGER: u8 = 5;
     /// What [`ID`] reads.
     pub const ID_VALUE: u32 = 0xEC41_0001;
 }
@@ -81,11 +85,13 @@ pub fn apply(settings: &Settings, board: &mut impl Board) -> Result<(), AfeError
     identify(spi, emitter::ID, emitter::ID_VALUE)?;
     write_verified(spi, emitter::POWER, settings.power_cw as u32)?;
     write_verified(spi, emitter::PULSE_WIDTH, settings.pulse_width_ps as u32)?;
+    write_verified(spi, emitter::SHOT, 0)?;
     let spi = board.adc();
     identify(spi, adc::ID, adc::ID_VALUE)?;
     write_verified(spi, adc::GAIN, settings.gain_cdb as u32)?;
     write_verified(spi, adc::SAMPLE_PERIOD, sample_period_fs(settings.bins as u32, &hardware))?;
     write_verified(spi, adc::DELAY, delay_fs(settings, &hardware))?;
+    write_verified(spi, adc::PRE_TRIGGER, settings.pre_trigger_samples())?;
     write_verified(spi, adc::SAMPLES, settings.bins as u32)
 }
 
@@ -96,6 +102,15 @@ pub fn apply(settings: &Settings, board: &mut impl Board) -> Result<(), AfeError
 /// [`AfeError`] when the bus fails or the register does not hold.
 pub fn begin_frame(emitter_spi: &mut impl SpiDevice, frame: u32) -> Result<(), AfeError> {
     write_verified(emitter_spi, emitter::FRAME, frame)
+}
+
+/// Numbers the next shot of a beam.
+///
+/// # Errors
+///
+/// [`AfeError::Bus`].
+pub fn number_shot(emitter_spi: &mut impl SpiDevice, shot: u32) -> Result<(), AfeError> {
+    write(emitter_spi, emitter::SHOT, shot)
 }
 
 /// Fires one shot.

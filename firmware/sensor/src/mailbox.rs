@@ -9,7 +9,7 @@
 //! | 0x004 | doorbell: shots fired so far, wrapping | sensor |
 //! | 0x008 | shots whose samples are in the buffer | world |
 //! | 0x00C | run: what the world asks a measuring image to do | world |
-//! | 0x040 | straps: [`Hardware`] and [`ScanPattern`], eight words | world, before the sensor starts |
+//! | 0x040 | straps: [`Hardware`] and [`ScanPattern`], ten words | world, before the sensor starts |
 //! | 0x080 | laser driver, eight registers | sensor; register 0 by the world |
 //! | 0x0A0 | amplifier and converter, eight registers | sensor; register 0 by the world |
 //! | 0x1000 | DMA buffer: codes, u16 | world |
@@ -50,13 +50,18 @@ pub const FLASH_BLOCK: usize = 4096;
 /// Bytes of the whole mailbox.
 pub const BYTES: usize = 0x8000;
 
-/// What a board's maker sets once: eight words at [`STRAPS`].
-pub fn straps(hardware: &Hardware, pattern: &ScanPattern) -> [u32; 8] {
+/// Words of the straps.
+pub const STRAP_WORDS: usize = 10;
+
+/// What a board's maker sets once: the words at [`STRAPS`].
+pub fn straps(hardware: &Hardware, pattern: &ScanPattern) -> [u32; STRAP_WORDS] {
     [
         hardware.adc_bits,
         hardware.range_min_mm,
         hardware.range_max_mm,
         hardware.energy_limit_pj,
+        hardware.unit_echo_milli,
+        hardware.shot_noise_ppm,
         pattern.columns.into(),
         pattern.rows.into(),
         pattern.azimuth_cdeg.into(),
@@ -65,9 +70,10 @@ pub fn straps(hardware: &Hardware, pattern: &ScanPattern) -> [u32; 8] {
 }
 
 /// The straps read back; `None` when they make no sensor.
-pub fn read_straps(words: [u32; 8]) -> Option<(Hardware, ScanPattern)> {
-    let [adc_bits, range_min_mm, range_max_mm, energy_limit_pj, columns, rows, azimuth, elevation] = words;
-    let hardware = Hardware { adc_bits, range_min_mm, range_max_mm, energy_limit_pj };
+pub fn read_straps(words: [u32; STRAP_WORDS]) -> Option<(Hardware, ScanPattern)> {
+    let [adc_bits, range_min_mm, range_max_mm, energy_limit_pj, unit_echo_milli, shot_noise_ppm, view @ ..] = words;
+    let [columns, rows, azimuth, elevation] = view;
+    let hardware = Hardware { adc_bits, range_min_mm, range_max_mm, energy_limit_pj, unit_echo_milli, shot_noise_ppm };
     let pattern = ScanPattern {
         columns: columns.try_into().ok()?,
         rows: rows.try_into().ok()?,
@@ -123,7 +129,7 @@ mod tests {
 
     #[test]
     fn memory_that_nobody_strapped_makes_no_sensor() {
-        assert_eq!(read_straps([0; 8]), None);
-        assert_eq!(read_straps([u32::MAX; 8]), None);
+        assert_eq!(read_straps([0; STRAP_WORDS]), None);
+        assert_eq!(read_straps([u32::MAX; STRAP_WORDS]), None);
     }
 }

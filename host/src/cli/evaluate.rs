@@ -1,11 +1,13 @@
 //! `echoloop evaluate`.
 
+use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use clap::{Args, ValueEnum};
 use serde::Deserialize;
+use serde_json::Value;
 
 use super::choice::SensorChoice;
 use super::exit::Failure;
@@ -15,7 +17,7 @@ use super::tune::Prepared;
 use super::{Common, ConfigSource, on_threads};
 use crate::config::{Config, load};
 use crate::evaluate::{Summary, evaluate};
-use crate::params::Values;
+use crate::params::{Values, choices};
 use crate::run::{CONFIG, RESULT};
 use crate::seed::Purpose;
 
@@ -33,7 +35,7 @@ pub(crate) struct EvaluateArgs {
     /// Judge the tuned parameters of a run, with its configuration.
     #[arg(long, value_name = "RUN", conflicts_with_all = ["config", "candidate", "method", "mode", "refine"])]
     run: Option<PathBuf>,
-    /// JSON file with {"parameters": {"lidar.power": 50, …}} laid over the configuration's; - is standard input.
+    /// JSON file with {"parameters": {"lidar.power": 50, "lidar.timing": "cfd", …}} laid over the configuration's; - is standard input.
     #[arg(long, value_name = "FILE")]
     candidate: Option<PathBuf>,
     /// Which pairs.
@@ -53,7 +55,19 @@ enum Pairs {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Candidate {
-    parameters: Values,
+    parameters: BTreeMap<String, Value>,
+}
+
+/// The number that a candidate gives a named parameter: itself or, of a choice, its name.
+fn number(name: &str, given: &Value) -> Result<f64, String> {
+    let names = choices(name);
+    let index = names.iter().zip(0u32..).find(|(choice, _)| given.as_str() == Some(**choice));
+    match index {
+        Some((_, index)) => Ok(f64::from(index)),
+        None if given.is_number() => given.as_f64().ok_or_else(|| format!("{name} = {given} must be finite")),
+        None if names.is_empty() => Err(format!("{name} = {given} must be a number")),
+        None => Err(format!("{name} = {given} must be one of {}", names.join(", "))),
+    }
 }
 
 /// The part of a run's result that is evaluated again.
@@ -83,7 +97,9 @@ fn values(args: &EvaluateArgs) -> Result<Values, Failure> {
     }
     let Some(path) = &args.candidate else { return Ok(Values::new()) };
     let candidate: Candidate = parse(path, &read(path)?)?;
-    Ok(candidate.parameters)
+    let fail = |problem| Failure::usage(format!("{}: {problem}", path.display()));
+    let value = |(name, given): (String, Value)| number(&name, &given).map(|value| (name, value)).map_err(fail);
+    candidate.parameters.into_iter().map(value).collect()
 }
 
 fn read(path: &Path) -> Result<String, Failure> {

@@ -10,7 +10,7 @@ use crate::cloud::{Cloud, write_ply};
 use crate::config::Config;
 use crate::evaluate::{Summary, median};
 use crate::objective::Registered;
-use crate::params::{Parameters, Preset, Space, axes};
+use crate::params::{self, Axis, Parameters, Preset, Space, axes, effective};
 use crate::registration::{FgrMode, Method};
 use crate::report::{
     CloudLayer, Convergence, Correlation, EvaluationRow, EvaluationTable, PairClouds, PairError, ParameterTrace,
@@ -43,9 +43,23 @@ pub(super) fn print_table(config: &Config, result: &RunResult, space: &Space) {
     }
     println!("\n{:<34} {:>12} {:>12}  {:<14} range", "parameter", "default", "tuned", "unit");
     for axis in space.axes() {
-        let value = |values: &crate::params::Values| values.get(axis.name).copied().unwrap_or(f64::NAN);
-        let (before, after) = (value(&result.default), value(&result.tuned));
-        println!("{:<34} {before:>12.4} {after:>12.4}  {:<14} {} to {}", axis.name, axis.unit, axis.min, axis.max);
+        let [before, after] =
+            [&result.default, &result.tuned].map(|values| shown(axis.name, effective(values, axis.name)));
+        println!("{:<34} {before:>12} {after:>12}  {:<14} {}", axis.name, axis.unit, range(axis));
+    }
+}
+
+/// A value as the table has it: a choice by name.
+fn shown(name: &str, value: Option<f64>) -> String {
+    let Some(value) = value else { return "–".into() };
+    let choice = params::choices(name).get(value as usize);
+    choice.map_or_else(|| format!("{value:.4}"), |&choice| choice.to_owned())
+}
+
+fn range(axis: &Axis) -> String {
+    match params::choices(axis.name) {
+        [] => format!("{} to {}", axis.min, axis.max),
+        names => names.join(", "),
     }
 }
 
@@ -71,14 +85,14 @@ struct Row {
     max: f64,
     default: Option<f64>,
     acts_in: &'static str,
-    /// What a choice chooses from: the methods that work.
+    /// What a choice chooses from.
     choices: Vec<&'static str>,
 }
 
-/// The methods of a choice that this firmware runs.
+/// The methods of a choice.
 pub(super) fn choices(parameter: &Parameter) -> Vec<&'static str> {
-    let Kind::Choice { names, .. } = parameter.kind else { return Vec::new() };
-    names.iter().zip(0..).filter(|(_, code)| parameter.runs(*code)).map(|(name, _)| *name).collect()
+    let Kind::Choice { names } = parameter.kind else { return Vec::new() };
+    names.to_vec()
 }
 
 /// Every parameter: the firmware's table, then the registration method's.
@@ -109,7 +123,8 @@ pub(super) fn parameter_table(method: Method, preset: Preset) -> String {
     let mut text = format!("{:<34} {:>8} {:>8} {:>8}  {:<14} acts in\n", "parameter", "min", "max", "default", "unit");
     for Row { name, unit, min, max, default, acts_in, choices } in parameter_rows(method, preset) {
         if !choices.is_empty() {
-            text += &format!("{name:<34} {:<42}  {acts_in}\n", choices.join(" | "));
+            let chosen = default.and_then(|code| choices.get(code as usize)).unwrap_or(&"follows");
+            text += &format!("{name:<34} {chosen:>26}  {unit:<14} {acts_in}: {}\n", choices.join(" | "));
             continue;
         }
         let default = default.map_or_else(|| "follows".into(), |v| v.to_string());
@@ -264,7 +279,7 @@ fn convergence(config: &Config, tuned: &Tuned) -> Convergence {
 }
 
 fn traces(search: &Search<'_>, tuned: &Tuned, result: &RunResult) -> Vec<ParameterTrace> {
-    let value = |values: &crate::params::Values, name: &str| values.get(name).copied().unwrap_or(f64::NAN);
+    let value = |values: &params::Values, name: &str| effective(values, name).unwrap_or(f64::NAN);
     let axes = search.space.axes().iter().enumerate();
     axes.map(|(i, axis)| {
         let at = |offset: f64| -> Vec<f64> {
@@ -275,7 +290,8 @@ fn traces(search: &Search<'_>, tuned: &Tuned, result: &RunResult) -> Vec<Paramet
             unit: axis.unit.into(),
             min: axis.min,
             max: axis.max,
-            log: axis.scale == crate::params::Scale::Log,
+            log: axis.scale == params::Scale::Log,
+            choices: params::choices(axis.name),
             default: value(&result.default, axis.name),
             tuned: value(&result.tuned, axis.name),
             mean: at(0.0),

@@ -1,6 +1,7 @@
 //! The command line.
 
 mod choice;
+mod echoes;
 mod evaluate;
 mod exit;
 mod figures;
@@ -23,7 +24,7 @@ use crate::config::{Config, Override, load};
 use crate::params::Preset;
 use crate::registration::Method;
 
-pub use exit::{Failure, report_failure};
+pub use exit::{Failure, READER_GONE, report_failure};
 
 /// A LiDAR that tunes itself: sensor and registration parameters, searched together through the sensor's own link.
 ///
@@ -55,6 +56,11 @@ enum Command {
     Pairs(pairs::PairsArgs),
     /// Register two clouds: PLY, PCD, VTK, KITTI .bin or XYZ.
     Register(register::RegisterArgs),
+    /// Find the echoes of waveforms that another instrument recorded.
+    ///
+    /// With --json, one line a waveform: {"waveform": i, "outgoing_peak_ns": …, "echoes": [{"time_ns": …, "amplitude": …,
+    /// "width_ns": …, "snr": …, "flags": […]}]}, times from the row's first sample, amplitudes above ambient in the input's units.
+    Echoes(echoes::EchoesArgs),
     /// Ask a sensor who it is, read its settings, set them.
     ///
     /// `--set lidar.power=50` and the like are laid over the sensor's own settings and sent to it, which checks them itself; of a
@@ -135,6 +141,9 @@ struct ConfigArgs {
     parameters: bool,
 }
 
+/// What --json prints of `echoes`, where all other commands print one document.
+const JSON_LINES: &str = "Print a JSON document a waveform, each a line, to standard output instead of text";
+
 /// The command line with the parameter table in its help: it comes from the firmware, so it is put in here.
 pub fn command() -> clap::Command {
     let help = format!(
@@ -145,7 +154,8 @@ pub fn command() -> clap::Command {
     let with_parameters = |c: clap::Command| c.after_long_help(help.clone());
     let command = Cli::command().mut_subcommand("tune", with_parameters);
     let command = command.mut_subcommand("evaluate", with_parameters).mut_subcommand("pairs", with_parameters);
-    command.mut_subcommand("scan", with_parameters)
+    let command = command.mut_subcommand("scan", with_parameters);
+    command.mut_subcommand("echoes", |c| c.mut_arg("json", |json| json.help(JSON_LINES)))
 }
 
 impl Cli {
@@ -167,14 +177,14 @@ impl Cli {
             Command::Scan(args) => scan::run(&args),
             Command::Pairs(args) => pairs::run(&args),
             Command::Register(args) => register::run(&args),
+            Command::Echoes(args) => echoes::run(&args),
             Command::Sensor(args) => sensor::run(&args),
             Command::Serve(args) => serve::run(&args),
             Command::Config(args) => show_config(&args),
             Command::Completions { shell } => {
                 let mut script = Vec::new();
                 clap_complete::generate(shell, &mut Self::command(), "echoloop", &mut script);
-                print!("{}", String::from_utf8_lossy(&script));
-                Ok(())
+                exit::print(&String::from_utf8_lossy(&script))
             }
         }
     }
@@ -183,16 +193,12 @@ impl Cli {
 fn show_config(args: &ConfigArgs) -> Result<(), Failure> {
     let config = args.source.load(Vec::new())?;
     let (method, preset) = (config.registration.method, config.registration.preset);
-    if args.parameters && args.common.json {
-        println!("{}", figures::parameter_json(method, preset));
-    } else if args.parameters {
-        print!("{}", figures::parameter_table(method, preset));
-    } else if args.common.json {
-        println!("{}", serde_json::to_string_pretty(&config).map_err(Failure::run)?);
-    } else {
-        print!("{}", toml::to_string(&config).map_err(Failure::run)?);
-    }
-    Ok(())
+    exit::print(&match (args.parameters, args.common.json) {
+        (true, true) => format!("{}\n", figures::parameter_json(method, preset)),
+        (true, false) => figures::parameter_table(method, preset),
+        (false, true) => serde_json::to_string_pretty(&config).map_err(Failure::run)? + "\n",
+        (false, false) => toml::to_string(&config).map_err(Failure::run)?,
+    })
 }
 
 /// Runs `work` on the asked number of threads.

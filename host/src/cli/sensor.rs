@@ -103,7 +103,7 @@ fn shown(parameter: &Parameter, code: Option<i32>) -> String {
 fn range(parameter: &Parameter) -> String {
     match parameter.kind {
         Kind::Choice { .. } => choices(parameter).join(", "),
-        Kind::PowerOfTwo { runs_to } => format!("1 to {runs_to}, powers of two"),
+        Kind::PowerOfTwo => format!("1 to {}, powers of two", parameter.max),
         _ => format!("{} to {} {}", parameter.to_unit(parameter.min), parameter.to_unit(parameter.max), parameter.unit),
     }
 }

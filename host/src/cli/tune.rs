@@ -18,7 +18,7 @@ use crate::dataset::Dataset;
 use crate::evaluate::Summary;
 use crate::journal::{Generation, Journal};
 use crate::objective::Bench;
-use crate::params::{Parameters, Preset, Protocol, Space};
+use crate::params::{LidarPreset, Parameters, Preset, Protocol, Space};
 use crate::run::{CONFIG, HISTORY, REPORT, RESULT, RunFolder, RunResult};
 use crate::sensor::{Model, Sensors};
 use crate::tune::{Search, TuneError, Tuned};
@@ -37,6 +37,9 @@ pub(crate) struct TuneArgs {
     /// What is tuned.
     #[arg(long)]
     protocol: Option<Protocol>,
+    /// Which of the sensor's parameters are tuned.
+    #[arg(long)]
+    lidar: Option<LidarPreset>,
     /// Ranges and defaults of the registration parameters.
     #[arg(long)]
     preset: Option<Preset>,
@@ -50,7 +53,8 @@ pub(crate) struct TuneArgs {
     #[arg(long, value_name = "FOLDER")]
     runs: Option<PathBuf>,
     /// Go on with an interrupted run.
-    #[arg(long, value_name = "RUN", conflicts_with_all = ["config", "set", "scene", "seed", "method", "mode", "refine", "protocol", "preset",
+    #[arg(long, value_name = "RUN", conflicts_with_all = ["config", "set", "scene", "seed", "method", "mode", "refine", "protocol", "lidar",
+        "preset",
         "generations", "population", "runs"])]
     resume: Option<PathBuf>,
     /// With --resume: drop the damaged end of a journal, after copying it.
@@ -69,6 +73,7 @@ impl TuneArgs {
         let mut own = self.method.overrides();
         let mut flag = |path: &str, value: Option<toml::Value>| own.extend(value.map(|v| Override::flag(path, v)));
         flag("tune.protocol", self.protocol.map(name_of));
+        flag("tune.lidar", self.lidar.map(name_of));
         flag("registration.preset", self.preset.map(name_of));
         flag("tune.generations", self.generations.map(|n| i64::from(n).into()));
         flag("tune.population", self.population.map(|n| i64::from(n).into()));
@@ -107,7 +112,7 @@ impl Prepared {
 
     pub(super) fn search<'a>(&'a self, stop: &'a AtomicBool) -> Search<'a> {
         let (protocol, preset) = (self.config.tune.protocol, self.config.registration.preset);
-        let space = Space::new(protocol, preset, self.start, self.hardware);
+        let space = Space::new(protocol, self.config.tune.lidar, preset, self.start, self.hardware);
         Search { config: &self.config, bench: self.bench(), space, start: self.start, stop }
     }
 }

@@ -33,7 +33,7 @@ impl Serialize for Lidar {
                 Kind::Choice { names, .. } => {
                     map.serialize_entry(parameter.name, names.get(code as usize).unwrap_or(&"?"))?;
                 }
-                Kind::Integer | Kind::PowerOfTwo { .. } => map.serialize_entry(parameter.name, &code)?,
+                Kind::Integer | Kind::PowerOfTwo => map.serialize_entry(parameter.name, &code)?,
                 Kind::Real { .. } => map.serialize_entry(parameter.name, &parameter.to_unit(code))?,
             }
         }
@@ -121,7 +121,7 @@ impl Visitor<'_> for Code {
         if !value.is_finite() {
             return Err(E::custom(format_args!("{} must be finite, not {value}", parameter.name)));
         }
-        if matches!(parameter.kind, Kind::Integer | Kind::PowerOfTwo { .. }) && value.fract() != 0.0 {
+        if matches!(parameter.kind, Kind::Integer | Kind::PowerOfTwo) && value.fract() != 0.0 {
             return Err(E::custom(format_args!("{} must be a whole number, not {value}", parameter.name)));
         }
         self.checked(parameter.to_code(value))

@@ -196,7 +196,7 @@ mod tests {
             ("[lidar]\npower = nan", "must be finite"),
             ("[lidar]\npower = -3", "below its minimum 5 W"),
             ("[lidar]\nwaveform_resolution = 800.5", "must be a whole number"),
-            ("[lidar]\ntiming = \"cfd\"", "not implemented"),
+            ("[lidar]\ntiming = \"late\"", "rising-edge"),
             ("[lidar]\ntiming = 3", "invalid type"),
             ("[data]\ntrain_pairs = -1", "line 2"),
             ("[data]\nbaseline_m = nan", "data.baseline_m = NaN must be 0 to 100"),

@@ -2,19 +2,21 @@
 
 mod lidar;
 mod load;
+mod motion;
 
 use std::path::PathBuf;
 
-use echoloop_dsp::ScanPattern;
+use echoloop_dsp::{Hardware, ScanPattern};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::frontend::{OpticsError, Receiver};
-use crate::params::{Preset, Protocol};
+use crate::frontend::{OpticsError, Receiver, Weather};
+use crate::params::{LidarPreset, Preset, Protocol};
 pub use crate::registration::{FgrMode, Method};
 
 pub use lidar::Lidar;
 pub use load::{LoadError, Override, load};
+pub use motion::{JitterPer, Motion};
 
 /// Everything a run depends on. The same configuration gives the same result, on any number of threads.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -26,6 +28,8 @@ pub struct Config {
     pub scene: SceneConfig,
     /// How the sensor looks around.
     pub scanner: ScannerConfig,
+    /// What the laser may emit.
+    pub emitter: EmitterConfig,
     /// Which pairs of scans to register.
     pub data: DataConfig,
     /// Θ_lidar to start from.
@@ -36,6 +40,10 @@ pub struct Config {
     pub tune: TuneConfig,
     /// Optics, detector and converter.
     pub receiver: Receiver,
+    /// What is in the air.
+    pub weather: Weather,
+    /// How the sensor moves while it scans.
+    pub motion: Motion,
 }
 
 impl Default for Config {
@@ -44,11 +52,14 @@ impl Default for Config {
             seed: 1,
             scene: SceneConfig::default(),
             scanner: ScannerConfig::default(),
+            emitter: EmitterConfig::default(),
             data: DataConfig::default(),
             lidar: Lidar::default(),
             registration: RegistrationConfig::default(),
             tune: TuneConfig::default(),
             receiver: Receiver::default(),
+            weather: Weather::default(),
+            motion: Motion::default(),
         }
     }
 }
@@ -103,6 +114,29 @@ impl ScannerConfig {
             azimuth_cdeg: centi(self.azimuth_deg),
             elevation_cdeg: centi(self.elevation_deg),
         }
+    }
+}
+
+/// What the laser may emit.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct EmitterConfig {
+    /// Greatest energy of a pulse, power times width, nJ: the sensor refuses settings above it. It keeps a search from
+    /// buying signal with power. A board on a serial line has a limit of its own.
+    pub energy_limit_nj: f64,
+}
+
+impl Default for EmitterConfig {
+    fn default() -> Self {
+        Self { energy_limit_nj: f64::from(Hardware::REFERENCE.energy_limit_pj) / 1e3 }
+    }
+}
+
+impl EmitterConfig {
+    fn check(&self) -> Result<(), ConfigError> {
+        // 100 nJ is the least power, 5 W, in the longest pulse, 20 ns; 2000 nJ the greatest, 100 W.
+        let limit_nj = self.energy_limit_nj;
+        require("emitter.energy_limit_nj", limit_nj, (100.0..=2000.0).contains(&limit_nj), "100 to 2000")
     }
 }
 
@@ -225,6 +259,9 @@ fn is_default<T: Default + PartialEq>(value: &T) -> bool {
 pub struct TuneConfig {
     /// What is tuned.
     pub protocol: Protocol,
+    /// Which of the sensor's parameters are tuned: the paper's eight, or `full`, all fifteen.
+    #[serde(skip_serializing_if = "is_default")]
+    pub lidar: LidarPreset,
     /// Generations.
     pub generations: u32,
     /// Candidates a generation; 0: as many as there are parameters, as in the paper.
@@ -245,6 +282,7 @@ impl Default for TuneConfig {
     fn default() -> Self {
         Self {
             protocol: Protocol::Joint,
+            lidar: LidarPreset::Paper,
             generations: 30,
             population: 0,
             pairs_per_generation: 3,
@@ -275,6 +313,17 @@ pub enum ConfigError {
 }
 
 impl Config {
+    /// The receiver in this weather and with this scanner's rows: all that a front end is made of.
+    pub fn front_end(&self) -> Receiver {
+        Receiver { weather: self.weather, rows: self.scanner.rows, ..self.receiver.clone() }
+    }
+
+    /// What the hardware of a sensor of this configuration fixes.
+    pub fn hardware(&self) -> Hardware {
+        let energy_limit_pj = (self.emitter.energy_limit_nj * 1e3).round() as u32; // `as` saturates
+        Hardware { energy_limit_pj, ..self.receiver.hardware() }
+    }
+
     /// Checks every value that its own type does not.
     ///
     /// # Errors
@@ -282,7 +331,12 @@ impl Config {
     /// [`ConfigError`] names the first key out of bounds.
     pub fn check(&self) -> Result<(), ConfigError> {
         self.receiver.check()?;
+        if let Some((field, value, expected)) = self.weather.fault() {
+            return Err(ConfigError::Bound { field, value: value.to_string(), expected });
+        }
+        self.motion.check()?;
         self.scanner.check()?;
+        self.emitter.check()?;
         self.data.check()?;
         self.tune.check()?;
         let towns = &self.scene.towns;
@@ -337,4 +391,35 @@ impl TuneConfig {
 /// Where a run's files go.
 pub fn default_runs_folder() -> PathBuf {
     PathBuf::from("runs")
+}
+
+#[cfg(test)]
+mod tests {
+    use echoloop_dsp::{PARAMETERS, ParameterId};
+
+    use super::*;
+
+    #[test]
+    fn the_energy_limit_of_the_hardware_is_the_configured_one() {
+        let mut config = Config::default();
+        assert_eq!(config.hardware(), Hardware::REFERENCE);
+        config.emitter.energy_limit_nj = 512.5;
+        assert_eq!(config.hardware(), Hardware { energy_limit_pj: 512_500, ..Hardware::REFERENCE });
+    }
+
+    #[test]
+    fn every_energy_limit_leaves_each_pulse_width_a_power_and_the_greatest_all() {
+        let of = |id: ParameterId| &PARAMETERS[id as usize];
+        let (power, width) = (of(ParameterId::Power), of(ParameterId::PulseWidth));
+        let with = |energy_limit_nj| Config { emitter: EmitterConfig { energy_limit_nj }, ..Config::default() };
+        let bounds = [power.min, power.max].map(|code| power.to_unit(code) * width.to_unit(width.max));
+        assert_eq!(bounds, [100.0, 2000.0]);
+        for limit_nj in bounds {
+            with(limit_nj).check().unwrap();
+        }
+        for limit_nj in [0.0, -1.0, 99.9, 2000.1, f64::NAN, f64::INFINITY] {
+            let problem = with(limit_nj).check().unwrap_err().to_string();
+            assert_eq!(problem, format!("emitter.energy_limit_nj = {limit_nj} must be 100 to 2000"));
+        }
+    }
 }

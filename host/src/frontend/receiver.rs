@@ -2,8 +2,12 @@
 
 use std::f64::consts::{FRAC_PI_4, PI};
 
+use echoloop_dsp::Hardware;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
+
+use super::litl::{self, Mode};
+use super::weather::{Air, Weather};
 
 const ELEMENTARY_CHARGE_C: f64 = 1.602_176_634e-19;
 const PLANCK_J_S: f64 = 6.626_070_15e-34;
@@ -57,8 +61,30 @@ pub struct Receiver {
     pub analog_limit: f64,
     /// b, bits of the converter.
     pub adc_bits: u32,
-    /// α, extinction of the air, 1/m.
+    /// α of clear air, 1/m; that of the weather comes on top.
     pub extinction_per_m: f64,
+    /// What waveforms are made of: `physical`, or `litl-compat`, arbitrary units with Poisson noise.
+    pub mode: Mode,
+    /// Spread of the moment at which the pulse leaves, from shot to shot, ns rms.
+    pub timing_jitter_ns: f64,
+    /// Fraction of the channels that are dead: their converter reads 0. A channel is a row of beams.
+    pub dead_channels: f64,
+    /// Fraction of the channels that are weak, …
+    pub weak_channels: f64,
+    /// … and how much of the light they lose, dB of optical power.
+    pub weak_channel_db: f64,
+    /// Decides which channels; the same in every scan.
+    pub channel_seed: u64,
+    /// Tail of an amplifier that was overloaded, as a fraction of what it could not follow; 0: it recovers at once.
+    pub overload_tail: f64,
+    /// Time constant with which that tail decays, ns.
+    pub overload_tail_ns: f64,
+    /// The weather before it: the configuration's `[weather]`.
+    #[serde(skip)]
+    pub weather: Weather,
+    /// Rows of its scan pattern, from `[scanner]`; 0: not known, every beam has a channel of its own.
+    #[serde(skip)]
+    pub rows: u16,
 }
 
 impl Default for Receiver {
@@ -83,6 +109,16 @@ impl Default for Receiver {
             analog_limit: 1.0,
             adc_bits: 12,
             extinction_per_m: 0.0,
+            mode: Mode::Physical,
+            timing_jitter_ns: 0.0,
+            dead_channels: 0.0,
+            weak_channels: 0.0,
+            weak_channel_db: 6.0,
+            channel_seed: 1,
+            overload_tail: 0.0,
+            overload_tail_ns: 20.0,
+            weather: Weather::default(),
+            rows: 0,
         }
     }
 }
@@ -110,7 +146,7 @@ impl Receiver {
     /// [`OpticsError`] names the first that is out of bounds.
     pub fn check(&self) -> Result<(), OpticsError> {
         let tiny = f64::MIN_POSITIVE;
-        let bounds: [Bound; 20] = [
+        let bounds: [Bound; 26] = [
             ("aperture_mm", self.aperture_mm, tiny..=1e3, "above 0 and at most 1000"),
             ("transmission", self.transmission, tiny..=1.0, "above 0 and at most 1"),
             ("quantum_efficiency", self.quantum_efficiency, tiny..=1.0, "above 0 and at most 1"),
@@ -131,6 +167,12 @@ impl Receiver {
             ("analog_limit", self.analog_limit, tiny..=10.0, "above 0 and at most 10"),
             ("adc_bits", f64::from(self.adc_bits), 8.0..=14.0, "8 to 14"),
             ("extinction_per_m", self.extinction_per_m, 0.0..=10.0, "0 to 10"),
+            ("timing_jitter_ns", self.timing_jitter_ns, 0.0..=10.0, "0 to 10"),
+            ("dead_channels", self.dead_channels, 0.0..=1.0, "0 to 1"),
+            ("weak_channels", self.weak_channels, 0.0..=1.0 - self.dead_channels, "0 to 1 less dead_channels"),
+            ("weak_channel_db", self.weak_channel_db, 0.0..=60.0, "0 to 60"),
+            ("overload_tail", self.overload_tail, 0.0..=1.0, "0 to 1"),
+            ("overload_tail_ns", self.overload_tail_ns, 0.1..=1e4, "0.1 to 10^4"),
         ];
         for (field, value, limits, expected) in bounds {
             if !limits.contains(&value) || (field == "subrays" && self.subrays.is_multiple_of(2)) {
@@ -138,6 +180,38 @@ impl Receiver {
             }
         }
         Ok(())
+    }
+
+    /// What a sensor with this receiver has to know of it; what the receiver does not decide is as in the reference sensor.
+    pub fn hardware(&self) -> Hardware {
+        let (unit_echo, shot_noise) = match self.mode {
+            Mode::Physical => (
+                self.peak_current_ua(1.0, 0.0, 1.0 / PI) / self.full_scale_ua,
+                self.shot_variance_ua() / self.full_scale_ua,
+            ),
+            Mode::LitlCompat => (litl::units(1.0) / PI / litl::SATURATION, 1.0 / litl::SATURATION),
+        };
+        Hardware {
+            adc_bits: self.adc_bits,
+            unit_echo_milli: (unit_echo * 1e3).round() as u32, // `as` saturates
+            shot_noise_ppm: (shot_noise * 1e6).round() as u32,
+            ..Hardware::REFERENCE
+        }
+    }
+
+    /// The air before it.
+    pub fn air(&self) -> Air {
+        self.weather.air(self.wavelength_nm)
+    }
+
+    /// α: clear air and weather, 1/m.
+    pub fn extinction_per_m(&self) -> f64 {
+        self.extinction_per_m + self.air().extinction_per_m
+    }
+
+    /// e^(−2αR).
+    pub fn through_air(&self, range_m: f64) -> f64 {
+        (-2.0 * self.extinction_per_m() * range_m).exp()
     }
 
     /// R0, photocurrent per optical power before multiplication, A/W.
@@ -159,8 +233,7 @@ impl Receiver {
 
     /// Peak signal current of a return, µA: M·R0·P_s at p = 1.
     pub fn peak_current_ua(&self, power_w: f64, range_m: f64, strength_per_m2: f64) -> f64 {
-        let through_air = (-2.0 * self.extinction_per_m * range_m).exp();
-        let received_w = power_w * self.transmission * self.aperture_m2() * strength_per_m2 * through_air;
+        let received_w = power_w * self.transmission * self.aperture_m2() * strength_per_m2 * self.through_air(range_m);
         self.multiplication * self.responsivity_a_w() * received_w * 1e6
     }
 
@@ -203,6 +276,11 @@ mod tests {
         // The table's 17.8, 4.4 and 1.08 µA include air of about 9e-5 /m; its A/σ is 12.6.
         let sigma_ua = receiver.quiescent_variance_ua2().sqrt();
         assert!(near(1.08 / sigma_ua, 12.6), "{sigma_ua}");
+    }
+
+    #[test]
+    fn the_reference_sensor_has_the_reference_receiver() {
+        assert_eq!(Receiver::default().hardware(), Hardware::REFERENCE);
     }
 
     #[test]

@@ -9,6 +9,7 @@ use echoloop_sim::scanner::Return;
 use echoloop_sim::vector::has_v3;
 
 use super::noise::{NoiseKey, normals};
+use super::overload;
 use super::receiver::{Receiver, SPEED_OF_LIGHT_M_NS};
 
 /// Working memory of one shot.
@@ -23,6 +24,18 @@ pub struct Shot {
 impl Default for Shot {
     fn default() -> Self {
         Self { signal_ua: [0.0; MAX_SAMPLES], normal: [0.0; MAX_SAMPLES] }
+    }
+}
+
+impl Shot {
+    /// Memory for this many samples, no more than [`MAX_SAMPLES`]: signal, which is `background` to begin with, and normals.
+    #[inline(always)]
+    pub(super) fn begin(&mut self, samples: usize, background: &[f32]) -> (&mut [f32], &mut [f32]) {
+        let signal_ua = &mut self.signal_ua[..samples];
+        let (lit, dark) = signal_ua.split_at_mut(background.len().min(samples));
+        lit.copy_from_slice(&background[..lit.len()]);
+        dark.fill(0.0);
+        (signal_ua, &mut self.normal[..samples])
     }
 }
 
@@ -42,12 +55,25 @@ pub fn synthesise(
     shot: &mut Shot,
     codes: &mut [u16],
 ) {
+    synthesise_over(receiver, analog, returns, &[], key, shot, codes);
+}
+
+/// [`synthesise`] where `background` flows besides, µA of signal current a sample; beyond its end, none.
+pub(super) fn synthesise_over(
+    receiver: &Receiver,
+    analog: &Analog,
+    returns: &[Return],
+    background: &[f32],
+    key: NoiseKey,
+    shot: &mut Shot,
+    codes: &mut [u16],
+) {
     #[cfg(target_arch = "x86_64")]
     if has_v3() {
         // SAFETY: the features that it is compiled for have just been found on this processor.
-        return unsafe { synthesise_v3(receiver, analog, returns, key, shot, codes) };
+        return unsafe { synthesise_v3(receiver, analog, returns, background, key, shot, codes) };
     }
-    synthesise_inline(receiver, analog, returns, key, shot, codes);
+    synthesise_inline(receiver, analog, returns, background, key, shot, codes);
 }
 
 /// [`synthesise`] as compiled for the target's baseline.
@@ -59,7 +85,7 @@ pub fn synthesise_baseline(
     shot: &mut Shot,
     codes: &mut [u16],
 ) {
-    synthesise_inline(receiver, analog, returns, key, shot, codes);
+    synthesise_inline(receiver, analog, returns, &[], key, shot, codes);
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -68,11 +94,12 @@ fn synthesise_v3(
     receiver: &Receiver,
     analog: &Analog,
     returns: &[Return],
+    background: &[f32],
     key: NoiseKey,
     shot: &mut Shot,
     codes: &mut [u16],
 ) {
-    synthesise_inline(receiver, analog, returns, key, shot, codes);
+    synthesise_inline(receiver, analog, returns, background, key, shot, codes);
 }
 
 #[inline(always)]
@@ -80,25 +107,27 @@ fn synthesise_inline(
     receiver: &Receiver,
     analog: &Analog,
     returns: &[Return],
+    background: &[f32],
     key: NoiseKey,
     shot: &mut Shot,
     codes: &mut [u16],
 ) {
     let samples = codes.len().min(MAX_SAMPLES);
-    let signal_ua = &mut shot.signal_ua[..samples];
-    let normal = &mut shot.normal[..samples];
-    signal_ua.fill(0.0);
+    let (signal_ua, normal) = shot.begin(samples, background);
     for echo in returns {
         let current_ua =
             receiver.peak_current_ua(analog.power_w, f64::from(echo.range_m), f64::from(echo.strength_per_m2));
         add_pulse(analog, f64::from(echo.range_m), current_ua, signal_ua);
     }
     normals(key, normal);
-    convert(receiver, analog, signal_ua, normal, codes);
+    match receiver.overload_tail > 0.0 {
+        true => overload::convert(receiver, analog, signal_ua, normal, codes),
+        false => convert(receiver, analog, signal_ua, normal, codes),
+    }
 }
 
 /// Adds `current · sin²(π(t − 2R/c) / 2W)`; the cosine by Chebyshev's recurrence, two evaluations a pulse.
-fn add_pulse(analog: &Analog, range_m: f64, current_ua: f64, signal_ua: &mut [f32]) {
+pub(super) fn add_pulse(analog: &Analog, range_m: f64, current_ua: f64, signal_ua: &mut [f32]) {
     let begin = (2.0 * range_m / SPEED_OF_LIGHT_M_NS - analog.delay_ns) / analog.sample_period_ns;
     let length = 2.0 * analog.pulse_width_ns / analog.sample_period_ns;
     let first = (begin.ceil().max(0.0)) as usize;
@@ -116,7 +145,7 @@ fn add_pulse(analog: &Analog, range_m: f64, current_ua: f64, signal_ua: &mut [f3
 }
 
 /// 1.5 · 2²³: adding it to 0 ≤ x < 2²² leaves `round(x)`, ties to even, in the low bits.
-const ROUND: f32 = 12_582_912.0;
+pub(super) const ROUND: f32 = 12_582_912.0;
 
 /// Noise, gain, clip and quantisation.
 #[inline(always)]
@@ -137,14 +166,22 @@ fn convert(receiver: &Receiver, analog: &Analog, signal_ua: &[f32], normal: &[f3
 
 #[cfg(test)]
 mod tests {
+    use echoloop_sim::board::Trigger;
+
     use super::*;
 
-    const ANALOG: Analog =
-        Analog { power_w: 75.0, pulse_width_ns: 5.0, gain_db: 0.0, sample_period_ns: 1.0, delay_ns: 11.0 };
+    const ANALOG: Analog = Analog {
+        power_w: 75.0,
+        pulse_width_ns: 5.0,
+        gain_db: 0.0,
+        sample_period_ns: 1.0,
+        delay_ns: 11.0,
+        pre_trigger: 0,
+    };
 
     fn shot(analog: &Analog, returns: &[Return], beam: u32) -> Vec<u16> {
         let mut codes = vec![0; 800];
-        let key = NoiseKey::new(3, 0, beam);
+        let key = NoiseKey::new(3, Trigger { frame: 0, beam, shot: 0 });
         synthesise(&Receiver::default(), analog, returns, key, &mut Shot::default(), &mut codes);
         codes
     }
@@ -166,7 +203,7 @@ mod tests {
         for beam in 0..64 {
             let mut plain = vec![0; 801];
             let mut fast = vec![0; 801];
-            let key = NoiseKey::new(3, 0, beam);
+            let key = NoiseKey::new(3, Trigger { frame: 0, beam, shot: 0 });
             synthesise_baseline(&Receiver::default(), &ANALOG, &returns, key, &mut Shot::default(), &mut plain);
             synthesise(&Receiver::default(), &ANALOG, &returns, key, &mut Shot::default(), &mut fast);
             assert_eq!(plain, fast);

@@ -56,6 +56,27 @@ pub enum Preset {
     Paper,
 }
 
+/// Which of Θ_lidar a search may change.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum LidarPreset {
+    /// The eight that the paper names.
+    #[default]
+    Paper,
+    /// All fifteen.
+    Full,
+}
+
+impl LidarPreset {
+    /// Its parameters.
+    pub fn parameters(self) -> Vec<ParameterId> {
+        match self {
+            Self::Paper => PAPER_LIDAR.to_vec(),
+            Self::Full => PARAMETERS.iter().map(|p| p.id).collect(),
+        }
+    }
+}
+
 /// The eight of Θ_lidar that the paper names.
 pub const PAPER_LIDAR: [ParameterId; 8] = [
     ParameterId::Power,
@@ -79,6 +100,28 @@ pub struct Parameters {
 
 /// Parameters by name in their units, as files and reports have them.
 pub type Values = BTreeMap<String, f64>;
+
+/// The value that a named parameter has, given or following others, in its unit; `None` when there is none of that name.
+pub fn effective(values: &Values, name: &str) -> Option<f64> {
+    let [separation, width] = [ParameterId::MinSeparation, ParameterId::PulseWidth].map(ParameterId::parameter);
+    let follow = |width_ns: f64| {
+        let pulse =
+            Settings { pulse_width_ps: width.to_code(width_ns), min_separation_mm: None, ..Settings::default() };
+        separation.to_unit(pulse.separation_mm())
+    };
+    values.get(name).copied().or_else(|| {
+        let is_separation = name.strip_prefix("lidar.") == Some(separation.name);
+        is_separation.then(|| values.get("lidar.pulse_width").map(|&width_ns| follow(width_ns))).flatten()
+    })
+}
+
+/// The names that a named parameter chooses from, by number from 0; none when it is no choice.
+pub fn choices(name: &str) -> &'static [&'static str] {
+    match name.strip_prefix("lidar.").and_then(ParameterId::by_name).map(|id| id.parameter().kind) {
+        Some(Kind::Choice { names }) => names,
+        _ => &[],
+    }
+}
 
 /// A parameter value that is none.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -181,6 +224,9 @@ impl Parameters {
                 axis.require(value)?;
             }
             let is_finite_lidar = name.starts_with("lidar.") && value.is_finite();
+            if is_finite_lidar && value.fract() != 0.0 && is_whole(name) {
+                return Err(ValueError::Fraction { name: name.clone(), value });
+            }
             if !(is_finite_lidar || axes.iter().any(|axis| axis.name == name)) || !self.set(name, value) {
                 let known: Vec<String> = self.values(preset).into_keys().collect();
                 return Err(ValueError::Unknown(name.clone(), known.join(", ")));
@@ -190,6 +236,12 @@ impl Parameters {
         self.registration.check()?;
         Ok(self)
     }
+}
+
+/// Whether a sensor's parameter of that name takes whole numbers only.
+fn is_whole(name: &str) -> bool {
+    let id = name.strip_prefix("lidar.").and_then(ParameterId::by_name);
+    id.is_some_and(|id| !matches!(id.parameter().kind, Kind::Real { .. }))
 }
 
 /// The cube a search moves in.
@@ -202,10 +254,10 @@ pub struct Space {
 
 impl Space {
     /// The axes of a protocol around a start.
-    pub fn new(protocol: Protocol, preset: Preset, start: Parameters, hardware: Hardware) -> Self {
+    pub fn new(protocol: Protocol, lidar: LidarPreset, preset: Preset, start: Parameters, hardware: Hardware) -> Self {
         let mut axes = Vec::new();
         if matches!(protocol, Protocol::Lidar | Protocol::Joint) {
-            axes.extend(PAPER_LIDAR.map(lidar_axis));
+            axes.extend(lidar.parameters().into_iter().map(|id| lidar_axis(id, &start.settings)));
         }
         if matches!(protocol, Protocol::Registration | Protocol::Joint) {
             axes.extend(start.registration_axes(preset));
@@ -241,17 +293,17 @@ impl Space {
 }
 
 /// An axis of Θ_lidar, from the firmware's table.
-fn lidar_axis(id: ParameterId) -> Axis {
+fn lidar_axis(id: ParameterId, start: &Settings) -> Axis {
     let p = id.parameter();
     let scale = match p.kind {
         Kind::Real { log: true } => Scale::Log,
         Kind::Real { log: false } => Scale::Linear,
         Kind::Integer => Scale::Integer,
-        Kind::PowerOfTwo { .. } => Scale::PowerOfTwo,
+        Kind::PowerOfTwo => Scale::PowerOfTwo,
         Kind::Choice { .. } => Scale::Integer,
     };
     let names = const { lidar_names() };
-    let default = p.to_unit(p.default.unwrap_or(p.min));
+    let default = p.to_unit(p.default.unwrap_or_else(|| start.separation_mm().clamp(p.min, p.max)));
     Axis { name: names[id as usize], unit: p.unit, scale, min: p.to_unit(p.min), max: p.to_unit(p.max), default }
 }
 
@@ -293,7 +345,7 @@ mod tests {
         let mut config = Config::default();
         (config.registration.method, config.registration.preset) = (method, preset);
         let start = Parameters::start(&config, &Hardware::REFERENCE).unwrap();
-        Space::new(protocol, preset, start, Hardware::REFERENCE)
+        Space::new(protocol, LidarPreset::Paper, preset, start, Hardware::REFERENCE)
     }
 
     #[test]
@@ -310,6 +362,18 @@ mod tests {
         assert_eq!(count(Protocol::Lidar), 8);
         assert_eq!(count(Protocol::Registration), 5);
         assert_eq!(count(Protocol::Joint), 13);
+    }
+
+    #[test]
+    fn the_full_preset_opens_the_whole_table_and_starts_where_it_should() {
+        let start = Parameters::start(&Config::default(), &Hardware::REFERENCE).unwrap();
+        let space = Space::new(Protocol::Lidar, LidarPreset::Full, Preset::Outdoor, start, Hardware::REFERENCE);
+        assert_eq!(space.axes().len(), PARAMETERS.len());
+        let (parameters, mended) = space.parameters(&space.start_point());
+        assert!(mended.is_empty());
+        // 1.14 · cW/2 of 5 ns, which the start leaves to follow the pulse.
+        let expected = Settings { min_separation_mm: Some(854), ..start.settings };
+        assert_eq!(parameters.settings, expected);
     }
 
     #[test]
@@ -344,6 +408,21 @@ mod tests {
     }
 
     #[test]
+    fn what_follows_the_pulse_has_the_value_that_the_sensor_uses() {
+        for pulse_width_ps in [2_000, 5_000, 20_000] {
+            let settings = Settings { pulse_width_ps, ..Settings::default() };
+            let values = Parameters { settings, ..space(Protocol::Joint).start }.values(Preset::Outdoor);
+            assert_eq!(values.get("lidar.min_separation"), None);
+            let expected = f64::from(settings.separation_mm()) / 1e3;
+            assert_eq!(effective(&values, "lidar.min_separation"), Some(expected));
+            assert_eq!(effective(&values, "lidar.pulse_width"), Some(f64::from(pulse_width_ps) / 1e3));
+        }
+        let given = Values::from([("lidar.min_separation".into(), 2.5), ("lidar.pulse_width".into(), 5.0)]);
+        assert_eq!(effective(&given, "lidar.min_separation"), Some(2.5));
+        assert_eq!(effective(&given, "lidar.powr"), None);
+    }
+
+    #[test]
     fn named_values_are_checked_and_laid_over() {
         let start = space(Protocol::Joint).start;
         let with = |name: &str, value: f64| {
@@ -356,6 +435,13 @@ mod tests {
         assert_eq!(with("registration.voxel_m", 9.0).unwrap_err(), "registration.voxel_m = 9 is outside 0.05 to 1 m");
         let fraction = with("registration.normal_neighbours", 10.5).unwrap_err();
         assert_eq!(fraction, "registration.normal_neighbours = 10.5 must be a whole number");
+        for parameter in &PARAMETERS {
+            let name = format!("lidar.{}", parameter.name);
+            let half = with(&name, parameter.to_unit(parameter.min) + 0.5);
+            let is_real = matches!(parameter.kind, Kind::Real { .. });
+            let fraction = format!("{name} = {} must be a whole number", parameter.to_unit(parameter.min) + 0.5);
+            assert_eq!(half.err() == Some(fraction), !is_real, "{name}");
+        }
         assert!(with("registration.voxel_m", f64::NAN).is_err());
         assert!(with("lidar.power", f64::NAN).is_err());
     }

@@ -154,6 +154,8 @@ pub struct ParameterTrace {
     pub max: f64,
     /// Whether it was searched, and is drawn, on a logarithmic axis.
     pub log: bool,
+    /// Names of its values, from 0, when it is a choice; else none.
+    pub choices: &'static [&'static str],
     /// Value before tuning.
     pub default: f64,
     /// Value after tuning.

@@ -47,8 +47,14 @@ fn plot(p: &ParameterTrace, xs: &[f64]) -> String {
 }
 
 fn change(p: &ParameterTrace) -> String {
-    let tuned = with_unit(&significant(p.tuned), &p.unit);
-    format!("{} → {tuned}", significant(p.default))
+    let tuned = with_unit(&value(p, p.tuned), &p.unit);
+    format!("{} → {tuned}", value(p, p.default))
+}
+
+/// A value, a choice by name.
+fn value(p: &ParameterTrace, value: f64) -> String {
+    let choice = p.choices.get(value as usize).filter(|_| value.is_finite());
+    choice.map_or_else(|| significant(value), |&choice| choice.to_owned())
 }
 
 fn drawing(p: &ParameterTrace, xs: &[f64]) -> String {
@@ -65,7 +71,7 @@ fn drawing(p: &ParameterTrace, xs: &[f64]) -> String {
 }
 
 fn bounds(p: &ParameterTrace) -> String {
-    with_unit(&format!("{} to {}", significant(p.min), significant(p.max)), &p.unit)
+    with_unit(&format!("{} to {}", value(p, p.min), value(p, p.max)), &p.unit)
 }
 
 fn table(parameters: &[ParameterTrace]) -> String {
@@ -75,10 +81,10 @@ fn table(parameters: &[ParameterTrace]) -> String {
             format!(
                 "<tr><th scope=\"row\">{}</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
                 escape(&p.name),
-                significant(p.default),
-                significant(p.tuned),
-                significant(p.min),
-                significant(p.max),
+                escape(&value(p, p.default)),
+                escape(&value(p, p.tuned)),
+                escape(&value(p, p.min)),
+                escape(&value(p, p.max)),
                 escape(&p.unit),
             )
         })

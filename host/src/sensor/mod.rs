@@ -88,11 +88,7 @@ pub struct Model {
 impl Model {
     /// The sensor of a configuration.
     pub fn of(config: &Config) -> Self {
-        Self {
-            receiver: config.receiver.clone(),
-            pattern: config.scanner.pattern(),
-            hardware: Hardware { adc_bits: config.receiver.adc_bits, ..Hardware::REFERENCE },
-        }
+        Self { receiver: config.front_end(), pattern: config.scanner.pattern(), hardware: config.hardware() }
     }
 
     /// Its front end, which sees nothing yet.

@@ -38,8 +38,8 @@ impl Serial {
         Self { port, name: name.to_owned() }
     }
 
-    /// Patience with a line of this speed: 300 ms for the board, and the longest frame's time once each way, because 2 kB take
-    /// 180 ms at 115,200 baud.
+    /// Patience with a line of this speed: 300 ms for the board, and the longest frame's time once each way, because 2.8 kB take
+    /// 246 ms at 115,200 baud.
     pub fn patience(baud: u32) -> Patience {
         let frame = Duration::from_secs_f64(MAX_FRAME as f64 * BITS_PER_BYTE / f64::from(baud.max(1)));
         Patience { timeout: BOARD + 2 * frame, ..Patience::default() }
@@ -105,6 +105,6 @@ mod tests {
     #[test]
     fn patience_grows_as_the_line_slows() {
         let timeout = |baud| Serial::patience(baud).timeout.as_millis();
-        assert_eq!([timeout(921_600), timeout(115_200), timeout(9_600)], [344, 657, 4589]);
+        assert_eq!([timeout(921_600), timeout(115_200), timeout(9_600)], [361, 791, 6195]);
     }
 }

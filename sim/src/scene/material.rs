@@ -148,6 +148,25 @@ mod tests {
     }
 
     #[test]
+    fn a_retro_reflector_sends_fifty_times_white_at_every_angle() {
+        let sign = MATERIALS[usize::from(Surface::RetroSign.index())];
+        for cos_incidence in [1.0, 0.7, 0.2] {
+            assert_eq!(sign.backscatter(cos_incidence), 50.0);
+        }
+    }
+
+    #[test]
+    fn a_rougher_coat_flashes_less_and_over_a_wider_angle() {
+        let coat = |roughness| Material::matt("coat", 0.1).coated(0.3, roughness);
+        let (smooth, rough) = (coat(0.1), coat(0.4));
+        // F0 / (4 α²) over the diffuse part, square to it: D = 1 / (π α²), G = 1.
+        for (coat, flash) in [(smooth, 7.5), (rough, 0.46875)] {
+            assert!((coat.backscatter(1.0) - 0.1 - flash).abs() < 1e-4, "{coat:?}");
+        }
+        assert!(smooth.backscatter(0.9) < rough.backscatter(0.9));
+    }
+
+    #[test]
     fn loose_names_find_their_surface() {
         assert_eq!(Surface::from_loose_name("Wall_Brick.001"), Some(Surface::Brick));
         assert_eq!(Surface::from_loose_name("Oak-LEAVES"), Some(Surface::Leaf));

@@ -6,7 +6,8 @@ use core::hint::black_box;
 use echoloop_dsp::detect::{self, Peaks, Threshold};
 use echoloop_dsp::filter::{self, PADDING};
 use echoloop_dsp::kernel::{Portable, Scalar};
-use echoloop_dsp::refine;
+use echoloop_dsp::noise::Noise;
+use echoloop_dsp::refine::{self, Waveform};
 use echoloop_dsp::statistics::Statistics;
 use echoloop_dsp::{Echo, Echoes, Kernel, MAX_SAMPLES, MAX_TAPS, Pipeline, Scratch};
 use echoloop_image::kernel::FASTEST;
@@ -67,9 +68,12 @@ fn count_with(name: &str, kernel: impl Kernel, case: &Case, text: &mut Text) -> 
         detect::separate(&mut peaks, config.min_separation());
         let chosen = detect::choose(peaks, settings.echoes as usize, settings.echo_choice);
         let exact = |n| filter::exact(template.taps(), &padded, codes.len(), n);
+        let x = padded.get(template.half()..template.half() + codes.len()).unwrap_or_default();
+        let waveform = Waveform { codes, x, y };
+        let noise = Noise::new(&statistics, config.shot_noise());
         let mut echoes = Echoes::new();
         for peak in chosen {
-            let refined = refine::refine(config, codes, y, exact, peak, threshold.level);
+            let refined = refine::refine(config, &waveform, exact, peak, &threshold, &noise);
             echoes.extend(Echo::of(config, &refined, &threshold));
         }
         echoes

@@ -63,13 +63,13 @@ impl Case {
         Hardware { range_max_mm: reference.range_min_mm + self.range_mm, ..reference }
     }
 
-    /// The default settings but for size and pulse, and room for four echoes.
+    /// The default settings but for size and pulse, and as many echoes as there are: one, the default, or four.
     pub(crate) fn settings(&self) -> Settings {
         Settings {
             power_cw: 3_000,
             pulse_width_ps: self.pulse_width_ps,
             bins: self.samples as i32,
-            echoes: 4,
+            echoes: self.echoes.len().max(1) as i32,
             ..Settings::default()
         }
     }

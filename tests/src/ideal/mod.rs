@@ -1,14 +1,21 @@
-//! The twin that never rounds: the same algorithm in real numbers, with the true sin² template.
+//! The twin that never rounds: the same algorithm in real numbers, with the true sin² template, for the parabola with and
+//! without walk correction and the edges of clipped echoes.
 //!
 //! What the integer code loses against it is bounded by [`crate::tolerance`].
 
 use std::f64::consts::PI;
 
-use echoloop_dsp::settings::TIMING_WALK_CORRECTED;
+use echoloop_dsp::settings::{TIMING_PARABOLA, TIMING_WALK_CORRECTED};
 use echoloop_dsp::{Hardware, Settings};
+
+use edges::Clipped;
+pub use filtered::Filtered;
 
 use crate::quantised::{LIGHT, Order, Peak, choose, climbs, lagrange, separate};
 use crate::vectors::pulse;
+
+mod edges;
+mod filtered;
 
 /// An echo in units.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,6 +28,8 @@ pub struct Echo {
     pub width_ns: f64,
     /// Height over σ after the filter.
     pub snr: f64,
+    /// σ of the range, mm.
+    pub deviation_mm: f64,
     /// Whether a code of it reached the saturation level.
     pub saturated: bool,
 }
@@ -39,6 +48,12 @@ pub struct Ideal {
     snr_threshold: f64,
     upsampling: i32,
     walk_corrected: bool,
+    /// β.
+    bias: f64,
+    /// σ of the time of a top over σ/A, samples, and the share of its shot noise that counts.
+    gain_and_share: (f64, f64),
+    /// κ.
+    shot: f64,
     min_separation: f64,
     echoes: usize,
     choice: i32,
@@ -58,18 +73,24 @@ impl Ideal {
         let energy: f64 = shape.iter().map(|p| p * p).sum();
         let peak_gain = energy / sum;
         let follows_mm = 1.14 * LIGHT * f64::from(settings.pulse_width_ps) * 1e-9 / 2.0;
+        let taps: Vec<f64> = shape.iter().map(|p| p / sum).collect();
+        let filtered = Filtered::new(taps.clone(), width, settings.upsampling);
+        let gain = f64::powf(10.0, f64::from(settings.gain_cdb) / 2_000.0);
         let separation_mm = settings.min_separation_mm.map_or(follows_mm, f64::from);
         Self {
             width,
             code: 1.0 / f64::from(1 << hardware.adc_bits),
             clip: f64::from(settings.saturation_ppm) / 1e6 * f64::from(hardware.full_scale_code()),
-            taps: shape.iter().map(|p| p / sum).collect(),
+            taps,
             noise_gain: energy.sqrt() / sum,
             peak_gain,
             floor: f64::from(settings.noise_floor_ppm) / 1e6 * peak_gain,
             snr_threshold: f64::from(settings.snr_threshold_milli) / 1e3,
             upsampling: settings.upsampling,
             walk_corrected: settings.timing == TIMING_WALK_CORRECTED,
+            bias: filtered.bias(),
+            gain_and_share: filtered.gain_and_share(TIMING_PARABOLA),
+            shot: f64::from(hardware.shot_noise_ppm) / 1e6 * gain,
             min_separation: separation_mm * f64::from(settings.bins) / window_mm,
             echoes: settings.echoes as usize,
             choice: settings.echo_choice,
@@ -107,13 +128,14 @@ impl Ideal {
     /// All stages.
     pub fn process(&self, codes: &[u16]) -> Vec<Echo> {
         let (ambient, sigma) = self.statistics(codes);
-        let y =
-            self.filter(&codes.iter().map(|&c| f64::from(c).min(self.clip) * self.code - ambient).collect::<Vec<_>>());
-        let sigma = sigma * self.noise_gain;
-        let threshold = self.floor.max(self.snr_threshold * sigma);
+        let x: Vec<f64> = codes.iter().map(|&c| f64::from(c).min(self.clip) * self.code - ambient).collect();
+        let y = self.filter(&x);
+        let filtered_sigma = sigma * self.noise_gain;
+        let threshold = self.floor.max(self.snr_threshold * filtered_sigma);
         let hysteresis = |height: f64| (threshold / 2.0).max(height / 16.0);
         let peaks = separate(&climbs(&y, threshold, threshold / 2.0, hysteresis), self.min_separation);
-        let echo = |peak| self.refine(codes, &y, peak, hysteresis(peak.height), sigma);
+        let wave = Waveform { codes, x: &x, y: &y, ambient, sigma };
+        let echo = |peak: Peak| self.refine(&wave, peak, hysteresis(peak.height));
         choose(&peaks, self.echoes, self.choice).into_iter().map(echo).collect()
     }
 
@@ -126,27 +148,41 @@ impl Ideal {
         padded.windows(self.taps.len()).map(sum).collect()
     }
 
-    fn refine(&self, codes: &[u16], y: &[f64], peak: Peak, rise: f64, sigma: f64) -> Echo {
-        let (mut time, height) = self.vertex(y, peak.index);
-        let left = edge(y[..peak.index].iter().rev(), peak.height, rise);
-        let right = edge(y[peak.index + 1..].iter(), peak.height, rise);
-        let reach = (self.taps.len() / 2).div_ceil(2);
-        let near = |n: usize| n.abs_diff(peak.index) <= reach;
-        let saturated = codes.iter().enumerate().any(|(n, &code)| near(n) && f64::from(code) >= self.clip.round());
-        if saturated && self.walk_corrected {
-            time = peak.index as f64 + (right - left) / 2.0;
+    fn refine(&self, wave: &Waveform<'_>, peak: Peak, rise: f64) -> Echo {
+        let run = self.clipped_run(wave.codes, peak.index);
+        let (mut time, height) = self.vertex(wave.y, peak.index, self.walk_corrected && run.is_none());
+        let left = edge(wave.y[..peak.index].iter().rev(), peak.height, rise);
+        let right = edge(wave.y[peak.index + 1..].iter(), peak.height, rise);
+        let amplitude = height / self.peak_gain;
+        let (gain, share) = self.gain_and_share;
+        let mut sigma = gain * (wave.sigma.powi(2) + share * self.shot * amplitude).sqrt() / amplitude;
+        if let Some((first, last)) = run.filter(|_| self.walk_corrected) {
+            let (width, x, level) = (self.width, wave.x, self.clip * self.code - wave.ambient);
+            let clipped = Clipped { width, x, level, first, last, sigma: wave.sigma, shot: self.shot };
+            (time, sigma) = clipped.fit().unwrap_or((peak.index as f64 + (right - left) / 2.0, sigma));
         }
         Echo {
             range_mm: self.range_mm(time),
-            amplitude: height / self.peak_gain,
+            amplitude,
             width_ns: (left + right) * self.period_ns,
-            snr: height / sigma,
-            saturated,
+            snr: height / (wave.sigma * self.noise_gain),
+            deviation_mm: sigma * self.period_ns * LIGHT * 1e-6 / 2.0,
+            saturated: run.is_some(),
         }
     }
 
+    /// The clipped samples around the nearest one.
+    fn clipped_run(&self, codes: &[u16], index: usize) -> Option<(usize, usize)> {
+        let clipped = |n: &usize| f64::from(codes[*n]) >= self.clip.round();
+        let reach = (self.taps.len() / 2).div_ceil(2);
+        let near = (0..codes.len()).filter(|n| n.abs_diff(index) <= reach && clipped(n));
+        let nearest = near.min_by_key(|n| n.abs_diff(index))?;
+        let first = (0..nearest).rev().take_while(clipped).last().unwrap_or(nearest);
+        Some((first, (nearest..codes.len()).take_while(clipped).last().unwrap_or(nearest)))
+    }
+
     /// Time and height of the parabola through the highest interpolated value and its neighbours.
-    fn vertex(&self, y: &[f64], index: usize) -> (f64, f64) {
+    fn vertex(&self, y: &[f64], index: usize, corrected: bool) -> (f64, f64) {
         let o = self.upsampling;
         let z = |j: i32| {
             interpolate(y, index as i64 + i64::from(j.div_euclid(o)), f64::from(j.rem_euclid(o)) / f64::from(o))
@@ -155,8 +191,18 @@ impl Ideal {
         let top = (-reach..=reach).max_by(|&a, &b| z(a).total_cmp(&z(b))).unwrap_or(0);
         let (before, at, after) = (z(top - 1), z(top), z(top + 1));
         let delta = ((before - after) / (2.0 * (before - 2.0 * at + after))).clamp(-0.5, 0.5);
-        (index as f64 + (f64::from(top) + delta) / f64::from(o), at - (before - after) * delta / 4.0)
+        let bias = if corrected { self.bias * delta * (1.0 - 4.0 * delta * delta) } else { 0.0 };
+        (index as f64 + (f64::from(top) + delta - bias) / f64::from(o), at - (before - after) * delta / 4.0)
     }
+}
+
+/// A waveform, its ambient and the σ of its samples, fractions of full scale.
+struct Waveform<'a> {
+    codes: &'a [u16],
+    x: &'a [f64],
+    y: &'a [f64],
+    ambient: f64,
+    sigma: f64,
 }
 
 /// σ of a normal distribution over its median absolute deviation: 1 / Φ⁻¹(¾).

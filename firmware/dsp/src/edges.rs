@@ -1,0 +1,273 @@
+//! When a clipped echo came, and how high it would have been: from what its edges still show.
+#![expect(
+    clippy::arithmetic_side_effects,
+    reason = "samples are Q1.15, times within 2400 samples 2²⁸, of a pulse 2²³, p and its slope at most 2³¹, σ at most 2¹⁹; divisors are at least 1"
+)]
+
+use crate::noise::Noise;
+use crate::pulse::Pulse;
+
+/// What the edges of a clipped pulse say.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Edges {
+    /// Its middle, Q16.16 samples since sample 0.
+    pub time: i64,
+    /// Its amplitude as if nothing had clipped it, Q1.15, at most [`MAX_AMPLITUDE`].
+    pub amplitude: i64,
+    /// σ of the time, Q16.16 samples.
+    pub sigma: u32,
+}
+
+/// Amplitudes are told up to 1024 of full scale.
+pub const MAX_AMPLITUDE: i64 = 1 << 25;
+
+/// Pairs of samples, nearest first, that the edges are read from.
+const EDGE: usize = 3;
+
+/// Bisection stops at this width, 2⁻⁵ samples; within it a straight line is good to 2⁻¹².
+const RESOLUTION: i64 = 1 << 11;
+
+/// No time is told better than to 2⁻¹⁰ samples.
+const LEAST_SIGMA: i64 = 1 << 6;
+
+/// Fits the emitted pulse to the edges of a run of clipped samples.
+///
+/// ```text
+/// p(u) = sin²(πu/L)                       u samples after the pulse began, L = 2 W f_s
+/// n_l = first − i, n_r = last + i         a sample of each edge, i = 1, 2, 3; v_l and v_r their values
+/// x_l = n_l − begin, x_r = end − n_r
+/// D   = L − (n_r − n_l) = x_l + x_r       known, whatever the amplitude
+/// v_l p(x_r) = v_r p(x_l)                 both are of one height A: solved for x_l by bisection
+/// A   = (v_l + v_r) / (p(x_l) + p(x_r))
+/// time = (n_l + n_r)/2 + (x_r − x_l)/2
+/// ```
+///
+/// | name | meaning | format |
+/// |---|---|---|
+/// | `x` | samples without baseline | Q1.15 |
+/// | `level` | S without baseline, at least 1 | Q1.15 |
+/// | `first..=last` | the clipped run | indices |
+/// | shows | v > 3 σ(v) | |
+/// | `x_l` | F(x) = v_l p(D − x) − v_r p(x) falls: its root, bisected in max(0, D − ⌊L/2⌋) ..= min(D, ⌊L/2⌋) by halves rounded down to 2⁻⁵ samples, then by a line: low + (high − low) a / (a − b), rounded down, a = max(F(low), 0), b = min(F(high), 0), a and a − b shifted right by 15, a − b then at least 1 | Q16.16, F Q17.45 |
+/// | σ of a pair | from σ(v_l) and σ(v_r): δx = (p(x_r) δv_l − p(x_l) δv_r) / (v_l p′(x_r) + v_r p′(x_l)): p there in Q1.15, rounded down, σ² in Q2.30, rounded down, at most 4; root, denominator (Q2.30) and quotient rounded down, the denominator at least 2⁻³⁰; 2⁻¹⁰ to 256 samples | Q16.16 |
+/// | `time` | of each pair rounded down; all pairs, from the nearest to the last before one of which not both show, averaged with weights w = ⌊2⁴⁰/σ²⌋, at least 1: that of the nearest plus ⌊Σ w (time − that) / Σ w⌋ | Q16.16 |
+/// | σ of the time | of the nearest alone its own; else ⌊√⌊2⁴⁰/Σ w⌋⌋, at least 2⁻¹⁰ samples | Q16.16 |
+/// | `A` | of the nearest pair, the sum of both p at least 2⁻³⁰: rounded down, at least `level` | Q1.15 |
+///
+/// Where an edge falls between two samples, one below the noise and the next already clipped, only bounds are left; with h the
+/// highest value that noise hides. The edge that shows, if one does, has an `x` of D / (1 + √(h/v)) (of D ≤ 0: 0) to
+/// (D + 1) / (1 + √(level/v)): the other edge's sample is below h, and the one after it is clipped. A height A whose edge is k times
+/// as long shows between dark and clipped k times as often, so the density rises in proportion: `x` is two thirds of the way, and σ
+/// 1/√18 of it (15 447/2¹⁶), and a sixth of the time that the other edge's sample lies within the pulse (max(D, 0) less the least x),
+/// because h is three σ and a time goes with the root of a value. With neither, t = √(h/level) · (1 + D/2) is how long a sample may lie within the pulse and yet below
+/// h, and `x_l` lies in max(−1, D − t) ..= min(t, D + 1): D/2 is taken, and the σ of a uniform distribution, 1/√12 of the width
+/// (18 919/2¹⁶), a sixth of t and what D/2 exceeds t by. Every σ is at least 2⁻¹⁰ samples. A run longer than the pulse (D ≤ 0 and both show) has its middle as its time, the
+/// higher sample as its A and ¼ − ⌊D/4⌋ as its σ.
+///
+/// Of the edge that shows A = v / p(x); of neither A = level / p((1 + D/2) / 2): p at least 2⁻³⁰. There 1 + D/2 is at least 1/16
+/// and at most 2. h is [`Noise::hidden`]; roots are Q16.16, at most 2⁸; these, and every product, quotient and half, are rounded
+/// down.
+///
+/// `None`: the run touches an end of the waveform.
+#[inline(never)]
+pub fn fit(pulse: &Pulse, x: &[i16], level: i64, first: usize, last: usize, noise: &Noise) -> Option<Edges> {
+    let pair = |i: usize| {
+        let (left, right) = (first.checked_sub(i)?, last.checked_add(i)?);
+        let value = |n: usize| x.get(n).map(|&v| if noise.hides(v.into()) { 0 } else { i64::from(v) });
+        Some(Pair { left: left as i64, right: right as i64, values: (value(left)?, value(right)?) })
+    };
+    let nearest = pair(1)?;
+    let solved = nearest.solve(pulse, level, noise);
+    let (mut sum, mut weights) = (0, weight(&solved));
+    let farther = (2..=EDGE).map_while(pair).take_while(Pair::both_show);
+    for pair in farther.take(if nearest.both_show() { EDGE } else { 0 }) {
+        let farther = pair.solve(pulse, level, noise);
+        sum += weight(&farther) * (pair.time(pulse, farther.x) - nearest.time(pulse, solved.x));
+        weights += weight(&farther);
+    }
+    let alone = weights == weight(&solved);
+    let sigma = if alone { solved.sigma as u64 } else { ((1u64 << 40) / weights.max(1) as u64).isqrt() };
+    Some(Edges {
+        time: nearest.time(pulse, solved.x) + sum.div_euclid(weights.max(1)),
+        amplitude: solved.amplitude.max(level).min(MAX_AMPLITUDE),
+        sigma: sigma.clamp(LEAST_SIGMA as u64, u32::MAX.into()) as u32,
+    })
+}
+
+/// ⌊2⁴⁰/σ²⌋, at least 1.
+fn weight(solved: &Solved) -> i64 {
+    ((1 << 40) / (solved.sigma * solved.sigma).max(1)).max(1)
+}
+
+/// A sample of each edge: their indices and values, 0 where noise hides them.
+struct Pair {
+    left: i64,
+    right: i64,
+    values: (i64, i64),
+}
+
+/// x of the left sample, A, σ of x.
+struct Solved {
+    x: i64,
+    amplitude: i64,
+    sigma: i64,
+}
+
+impl Pair {
+    fn both_show(&self) -> bool {
+        self.values.0 > 0 && self.values.1 > 0
+    }
+
+    /// D.
+    fn slack(&self, pulse: &Pulse) -> i64 {
+        2 * pulse.width() - ((self.right - self.left) << 16)
+    }
+
+    fn time(&self, pulse: &Pulse, x: i64) -> i64 {
+        (((self.left + self.right) << 16) + self.slack(pulse) - 2 * x) >> 1
+    }
+
+    fn solve(&self, pulse: &Pulse, level: i64, noise: &Noise) -> Solved {
+        let slack = self.slack(pulse);
+        let mut solved = match self.values {
+            (0, 0) => neither(pulse, level, slack, noise),
+            (left, 0) => one(pulse, left, level, slack, noise),
+            (0, right) => {
+                let mirrored = one(pulse, right, level, slack, noise);
+                Solved { x: slack - mirrored.x, ..mirrored }
+            }
+            (left, right) => both(pulse, left, right, slack, noise),
+        };
+        solved.sigma = solved.sigma.max(LEAST_SIGMA);
+        solved
+    }
+}
+
+fn both(pulse: &Pulse, left: i64, right: i64, slack: i64, noise: &Noise) -> Solved {
+    if slack <= 0 {
+        return Solved { x: slack >> 1, amplitude: left.max(right), sigma: (1 << 14) - (slack >> 2) };
+    }
+    let uneven = |x: i64| left * pulse.at(slack - x) - right * pulse.at(x);
+    let (mut low, mut high) = ((slack - pulse.width()).max(0), slack.min(pulse.width()));
+    while high - low > RESOLUTION {
+        let middle = (low + high) >> 1;
+        if uneven(middle) > 0 { low = middle } else { high = middle }
+    }
+    let (above, below) = (uneven(low).max(0), uneven(high).min(0));
+    let x = low + (high - low) * (above >> 15) / ((above - below) >> 15).max(1);
+    let (at_left, at_right) = (pulse.at(x), pulse.at(slack - x));
+    let amplitude = ((left + right) << 30) / (at_left + at_right).max(1);
+    // p² Q30 · σ² Q38 >> 8, its root Q30; v Q15 · p′ Q30 >> 15.
+    let part = |p: i64, value: i64| {
+        let p = (p >> 15) as u64;
+        p * p * (noise.variance(value, 1 << 15) >> 8).min(1 << 32)
+    };
+    let shift = (part(at_right, left) + part(at_left, right)).isqrt();
+    let stiffness = (left * pulse.slope(slack - x) + right * pulse.slope(x)) >> 15;
+    let sigma = (shift << 16) / (stiffness.max(1) as u64);
+    Solved { x, amplitude, sigma: sigma.min(1 << 24) as i64 }
+}
+
+/// The edge that shows; the other is only bounded.
+fn one(pulse: &Pulse, value: i64, level: i64, slack: i64, noise: &Noise) -> Solved {
+    let least = (slack.max(0) << 16) / ((1 << 16) + root_of_ratio(noise.hidden(), value));
+    let most = least.max(((slack + (1 << 16)) << 16) / ((1 << 16) + root_of_ratio(level, value)));
+    let x = least + 2 * (most - least) / 3;
+    Solved {
+        x,
+        amplitude: (value << 30) / pulse.at(x).max(1),
+        sigma: rising(most - least) + (slack.max(0) - least) / 6,
+    }
+}
+
+/// Both edges fall between two samples.
+fn neither(pulse: &Pulse, level: i64, slack: i64, noise: &Noise) -> Solved {
+    let reach = ((1 << 16) + (slack >> 1)).clamp(1 << 12, 1 << 17);
+    let hidden = (root_of_ratio(noise.hidden(), level) * reach) >> 16;
+    let least = (slack - hidden).max(-1 << 16);
+    let most = hidden.min(slack + (1 << 16)).max(least);
+    let doubt = hidden / 6 + ((slack >> 1) - hidden).max(0);
+    let amplitude = (level << 30) / pulse.at(reach >> 1).max(1);
+    Solved { x: slack >> 1, amplitude, sigma: uniform(most - least) + doubt }
+}
+
+/// √(a/b), Q16.16, rounded down, at most 2⁸: `b` at least 1.
+fn root_of_ratio(a: i64, b: i64) -> i64 {
+    (((a << 32) / b.max(1)) as u64).isqrt().min(1 << 24) as i64
+}
+
+/// σ of a distribution that rises from 0 in proportion, width / √18.
+fn rising(width: i64) -> i64 {
+    (width * 15_447) >> 16
+}
+
+/// σ of a uniform distribution, width / √12.
+fn uniform(width: i64) -> i64 {
+    (width * 18_919) >> 16
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use std::vec::Vec;
+
+    use super::*;
+
+    const QUIET: Noise = Noise { sigma: 100, shot: 0 }; // 6 LSB of Q1.15
+
+    /// Q1.15 samples of a pulse of 5 samples a width around `middle`, clipped at half of full scale.
+    fn clipped(middle: f64, amplitude: f64) -> (Vec<i16>, usize, usize) {
+        let value = |n: usize| {
+            let u = n as f64 - middle;
+            let p = if u.abs() < 5.0 { 0.5 + 0.5 * libm::cos(core::f64::consts::PI * u / 5.0) } else { 0.0 };
+            (amplitude * p * 32768.0).min(16_384.0) as i16
+        };
+        let x: Vec<i16> = (0..60).map(value).collect();
+        let first = x.iter().position(|&v| v == 16_384).unwrap();
+        let last = x.iter().rposition(|&v| v == 16_384).unwrap();
+        (x, first, last)
+    }
+
+    #[test]
+    fn edges_give_the_time_and_the_height_of_what_was_clipped() {
+        let pulse = Pulse::new(5_000, 1_000_000);
+        for amplitude in [0.55, 1.0, 3.0, 6.0] {
+            for phase in 0..32 {
+                let middle = 30.0 + f64::from(phase) / 32.0;
+                let (x, first, last) = clipped(middle, amplitude);
+                let edges = fit(&pulse, &x, 16_384, first, last, &QUIET).unwrap();
+                let shows = x[first - 1].min(x[last + 1]) > 100; // else an edge fell between two samples
+                let error = edges.time as f64 / 65536.0 - middle;
+                let bound = if shows { 0.01 } else { 0.05 };
+                assert!(error.abs() < bound, "amplitude {amplitude}, middle {middle}: {error} samples");
+                let height = edges.amplitude as f64 / 32768.0;
+                if !shows {
+                    continue;
+                }
+                assert!((height / amplitude - 1.0).abs() < 0.03, "amplitude {amplitude}, middle {middle}: {height}");
+            }
+        }
+    }
+
+    #[test]
+    fn an_edge_between_two_samples_is_only_bounded_and_sigma_says_so() {
+        let pulse = Pulse::new(5_000, 1_000_000);
+        for phase in 0..64 {
+            let middle = 30.0 + f64::from(phase) / 64.0;
+            let (x, first, last) = clipped(middle, 1_000.0);
+            let edges = fit(&pulse, &x, 16_384, first, last, &QUIET).unwrap();
+            let error = (edges.time as f64 / 65536.0 - middle).abs();
+            let sigma = f64::from(edges.sigma) / 65536.0;
+            assert!(error < 0.5 && error < 3.0 * sigma + 0.02, "middle {middle}: {error} samples, σ {sigma}");
+        }
+    }
+
+    #[test]
+    fn a_run_at_an_end_of_the_waveform_has_no_edges() {
+        let pulse = Pulse::new(5_000, 1_000_000);
+        let (x, first, last) = clipped(30.0, 2.0);
+        assert_eq!(fit(&pulse, &x[first..], 16_384, 0, last - first, &QUIET), None);
+        assert_eq!(fit(&pulse, &x[..=last], 16_384, first, last, &QUIET), None);
+        assert_eq!(fit(&pulse, &[], 16_384, 0, 0, &QUIET), None);
+    }
+}

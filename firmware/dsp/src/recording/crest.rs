@@ -1,0 +1,199 @@
+//! The place, height and width of one crest of a waveform.
+#![expect(
+    clippy::arithmetic_side_effects,
+    reason = "samples are Q1.15, times Q16.16 within 2400 samples, 2²⁸; divisors are at least 1; indices of memory"
+)]
+
+use crate::echo::Flags;
+use crate::q::divide_round;
+
+/// A waveform, as far as its noise lets one look at it.
+#[derive(Clone, Copy, Debug)]
+pub struct View<'a> {
+    /// The waveform without ambient, or the filter's output, Q1.15.
+    pub y: &'a [i16],
+    /// What a valley must rise by to be one, Q1.15: twice the noise, at least 1 (a sixteenth of the crest is asked as well).
+    pub grain: i32,
+    /// Least drop that a parabola of the same edges would have inside a plateau for it to be flat, Q1.15.
+    pub flat: i32,
+    /// The highest value of the record, Q1.15.
+    pub top: i16,
+}
+
+/// The top of an echo.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Crest {
+    /// Time since sample 0, Q16.16 samples.
+    pub time: i64,
+    /// Its sample, the first of a plateau.
+    pub index: usize,
+    /// The value there, Q1.15.
+    pub height: i16,
+    /// Whether it ends before the record does, on both sides.
+    pub inside: bool,
+    /// Whether it is flat as nothing but a limit makes it.
+    pub flat: bool,
+    /// Whether the limit is the record's highest value.
+    pub clipped: bool,
+}
+
+/// How wide an echo is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Width {
+    /// Full width at half maximum, Q16.16 samples; `None` when neither side falls to half.
+    pub samples: Option<i64>,
+    /// [`Flags::MERGED`], [`Flags::TRUNCATED`].
+    pub flags: Flags,
+}
+
+impl View<'_> {
+    fn value(&self, index: usize) -> Option<i64> {
+        self.y.get(index).map(|&v| i64::from(v))
+    }
+
+    /// Climbs from a sample to the crest above it.
+    ///
+    /// ```text
+    /// climb    towards the higher neighbour (of equals the earlier) while one is higher, at most `reach` samples
+    /// run      a..b, the equal samples around where it ends; L = b − a + 1
+    /// time     L = 1: index + δ, δ the vertex of the parabola through its neighbours; else (a + b)/2      Q16.16
+    /// drop     D = (y[a] − y[a − 1]) + (y[b] − y[b + 1]), of the inner neighbours
+    /// flat     L ≥ 3 and D·(L − 1)² > 2·flat·(L + 1)²
+    /// ```
+    ///
+    /// `δ = (y₋ − y₊) / (2 (y₋ − 2y₀ + y₊))`, Q16.16, nearest, within ±½; 0 at an end of the record. A run at an end of the
+    /// record is not flat. The last line: a parabola through the samples beside the plateau would drop by D/2·(L − 1)²/(L + 1)²
+    /// inside it.
+    pub fn climb(&self, start: usize, reach: usize) -> Crest {
+        let mut index = start.min(self.y.len().saturating_sub(1));
+        for _ in 0..reach {
+            let at = |i: Option<usize>| i.and_then(|i| self.value(i)).unwrap_or(i64::MIN);
+            let (before, here, after) = (at(index.checked_sub(1)), at(Some(index)), at(Some(index + 1)));
+            index = match () {
+                () if before > here && before >= after => index - 1,
+                () if after > here => index + 1,
+                () => break,
+            };
+        }
+        self.crest(index)
+    }
+
+    /// The crest at a sample, wherever it is.
+    fn crest(&self, index: usize) -> Crest {
+        let height = self.y.get(index).copied().unwrap_or_default();
+        let equal = |v: &&i16| **v == height;
+        let before = self.y.get(..index).unwrap_or_default().iter().rev().take_while(equal).count();
+        let after = self.y.get(index..).unwrap_or_default().iter().skip(1).take_while(equal).count();
+        let (first, last) = (index - before, index + after);
+        let flat = self.is_flat(first, last, i64::from(height));
+        let time = match last - first {
+            0 => ((index as i64) << 16) + self.vertex(index),
+            _ => ((first + last) as i64) << 15,
+        };
+        let inside = first > 0 && last + 1 < self.y.len();
+        Crest { time, index: first, height, inside, flat, clipped: flat && height == self.top }
+    }
+
+    fn vertex(&self, index: usize) -> i64 {
+        let around = index.checked_sub(1).and_then(|first| self.y.get(first..first + 3));
+        let Some(&[before, here, after]) = around else { return 0 };
+        let (before, here, after) = (i64::from(before), i64::from(here), i64::from(after));
+        divide_round((before - after) << 15, before - 2 * here + after).clamp(-0x8000, 0x8000)
+    }
+
+    fn is_flat(&self, first: usize, last: usize, height: i64) -> bool {
+        let length = (last - first + 1) as i64;
+        let (Some(before), Some(after)) = (first.checked_sub(1).and_then(|i| self.value(i)), self.value(last + 1))
+        else {
+            return false;
+        };
+        let drop = 2 * height - before - after;
+        length >= 3 && drop * (length - 1).pow(2) > 2 * i64::from(self.flat) * (length + 1).pow(2)
+    }
+
+    /// Full width at half of a crest's height (rounded down), linear between samples.
+    ///
+    /// A side ends at its crossing; or without one in a valley before a rise of more than the grain and a sixteenth of
+    /// the height ([`Flags::MERGED`]), or with the record ([`Flags::TRUNCATED`]). With one crossing the width is twice the distance from the crest to
+    /// it; with none it is `None`. Crossings are Q16.16, the fraction of a sample rounded down, towards the crest.
+    pub fn width(&self, crest: &Crest) -> Width {
+        let (left, left_flag) = self.crossing(crest, -1);
+        let (right, right_flag) = self.crossing(crest, 1);
+        let samples = match (left, right) {
+            (Some(left), Some(right)) => Some(right - left),
+            (Some(side), None) | (None, Some(side)) => Some(2 * (side - crest.time).abs()),
+            (None, None) => None,
+        };
+        Width { samples, flags: left_flag | right_flag }
+    }
+
+    fn crossing(&self, crest: &Crest, direction: isize) -> (Option<i64>, Flags) {
+        let height = i64::from(crest.height);
+        let (half, rise) = (height >> 1, i64::from(self.grain).max(height >> 4));
+        let (mut index, mut inner, mut valley) = (crest.index, height, height);
+        loop {
+            let next = index.checked_add_signed(direction);
+            let Some((next, value)) = next.and_then(|next| Some((next, self.value(next)?))) else {
+                return (None, Flags::TRUNCATED);
+            };
+            if value < half {
+                let fraction = ((inner - half) << 16) / (inner - value).max(1);
+                return (Some(((index as i64) << 16) + direction as i64 * fraction), Flags::NONE);
+            }
+            if value > valley + rise {
+                return (None, Flags::MERGED);
+            }
+            valley = valley.min(value);
+            (index, inner) = (next, value);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn view(y: &[i16]) -> View<'_> {
+        View { y, grain: 1, flat: 2, top: y.iter().copied().max().unwrap_or_default() }
+    }
+
+    #[test]
+    fn a_plateau_s_time_is_its_middle() {
+        let crest = view(&[0, 50, 90, 90, 60, 0]).climb(1, 9);
+        assert_eq!((crest.time, crest.flat), (5 << 15, false));
+    }
+
+    #[test]
+    fn a_clipped_top_is_told_from_a_broad_one() {
+        assert!(view(&[0, 10, 60, 90, 90, 90, 50, 0]).climb(3, 9).clipped);
+        assert!(!view(&[0, 60, 85, 89, 90, 90, 90, 89, 84, 50, 0]).climb(3, 9).flat);
+        let low = View { top: 200, ..view(&[0, 10, 60, 90, 90, 90, 50, 0]) }.climb(3, 9);
+        assert!(low.flat && !low.clipped);
+    }
+
+    #[test]
+    fn the_width_is_that_at_half_height() {
+        let y = view(&[0, 0, 40, 80, 40, 0, 0]);
+        let crest = y.climb(2, 9);
+        assert_eq!(y.width(&crest), Width { samples: Some(2 << 16), flags: Flags::NONE });
+    }
+
+    #[test]
+    fn a_side_without_a_crossing_is_told_why() {
+        let merged = view(&[0, 40, 80, 60, 70, 90, 0]);
+        assert_eq!(merged.width(&merged.climb(2, 9)).flags, Flags::MERGED);
+        let cut = view(&[0, 40, 80, 60]);
+        let crest = cut.climb(2, 9);
+        assert_eq!(cut.width(&crest), Width { samples: Some(2 * (crest.time - (1 << 16))), flags: Flags::TRUNCATED });
+    }
+
+    #[test]
+    fn nothing_panics() {
+        for y in [&[] as &[i16], &[5], &[5; 9], &[i16::MIN, i16::MAX]] {
+            for start in [0, 1, usize::MAX] {
+                let view = view(y);
+                view.width(&view.climb(start, 3));
+            }
+        }
+    }
+}

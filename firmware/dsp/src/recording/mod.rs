@@ -1,0 +1,368 @@
+//! Echoes of records that other instruments made: short, of unknown pulse, hardly any rest.
+//!
+//! The sensor knows its pulse and sees a window of mostly darkness; a record may be 20 samples of echo. The stages are
+//! the sensor's where they can be ([`Statistics`](crate::statistics), [`filter`], [`Peaks`]) and others where they cannot:
+//!
+//! | stage | module | in | out |
+//! |---|---|---|---|
+//! | ambient, noise | [`rest`] | codes | a Q1.15, σ Q13.19 |
+//! | baseline | [`baseline`] | codes | `x`, Q1.15 |
+//! | width of the pulse | [`scale`] | `x` | pulse and view, samples |
+//! | sharpening, crests | [`split`](crate::split) | `x` | peaks |
+//! | overlapping echoes apart | [`components`] | `x`, the strong peaks | centres, σ |
+//! | place, height, width | [`crest`] | `x` or the view | [`Recorded`] |
+//!
+//! For the host: nothing here is in the sensor's image.
+#![expect(
+    clippy::arithmetic_side_effects,
+    reason = "heights are Q1.15, noise below 2³² times k below 2¹⁶, times Q16.16 within 2400 samples, 2²⁸"
+)]
+
+pub mod components;
+pub mod crest;
+pub mod gaussian;
+pub mod rest;
+pub mod scale;
+
+use core::cmp::Reverse;
+
+use heapless::Vec;
+
+use crate::detect::{MAX_CANDIDATES, Peak, Peaks};
+use crate::echo::Flags;
+use crate::q::{divide_round, shift_round};
+use crate::split::{Sharpener, crests};
+use crate::template::Template;
+use crate::{MAX_SAMPLES, baseline, filter};
+use components::{Component, Components, Fit};
+use crest::{Crest, View};
+use rest::Rest;
+use scale::{Bank, MARGIN, Padded, Scale};
+
+/// Share of the second difference that is taken off, 64ths.
+pub const SHARPNESS: i32 = 3;
+
+/// What to look for.
+#[derive(Clone, Copy, Debug)]
+pub struct Search {
+    /// Left shift that brings a code to Q1.15: 1 to 7.
+    pub code_shift: u32,
+    /// k: least height over σ after the sharpener, Q8.8.
+    pub snr_threshold: u32,
+    /// Least height over that of the record's highest crest, Q1.15.
+    pub floor: u32,
+    /// Smallest distance of two echoes, samples; 0 counts as 1.
+    pub min_separation: u32,
+    /// Echoes at most, the strongest.
+    pub echoes: usize,
+    /// The emitted pulse, when it is known.
+    pub pulse: Option<Pulse>,
+}
+
+impl Search {
+    /// k = 5, a twentieth of the highest, every echo: 5 % is what receivers ring after a strong echo.
+    pub const DEFAULT: Self = Self {
+        code_shift: 1,
+        snr_threshold: 5 << 8,
+        floor: 1638,
+        min_separation: 1,
+        echoes: MAX_CANDIDATES,
+        pulse: None,
+    };
+}
+
+/// What is known of the emitted pulse, from a record of it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Pulse {
+    /// When it peaks, Q16.16 samples.
+    pub time: i64,
+    /// Its width at half maximum, Q16.16 samples.
+    pub width: i64,
+    /// How much later than its crest the fitted Gaussian lies, Q16.16 samples.
+    pub skew: i64,
+    /// What comes after the crest: (delay, Q16.16 samples; height over that of the crest, Q1.15).
+    pub ringing: [(i64, i32); RINGS],
+}
+
+/// Later crests of a pulse that are remembered.
+pub const RINGS: usize = 12;
+
+/// An echo of a record.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Recorded {
+    /// Time of its peak since sample 0, Q16.16 samples.
+    pub time: i64,
+    /// Height above ambient, Q1.15.
+    pub amplitude: i64,
+    /// Full width at half maximum, Q16.16 samples.
+    pub width: i64,
+    /// Height over σ after the sharpener, Q.8, rounded down.
+    pub snr: u32,
+    /// What to know about it.
+    pub flags: Flags,
+    /// When the waveform is highest, Q16.16 samples.
+    pub crest: i64,
+    /// The centre of its fitted component, Q16.16 samples; the crest of an echo too weak to have one.
+    pub centre: i64,
+}
+
+/// Echoes by rising time.
+pub type Recordeds = Vec<Recorded, MAX_CANDIDATES>;
+
+/// Finds echoes in records; with working memory for one.
+#[derive(Clone, Debug)]
+pub struct Recorder {
+    bank: Bank,
+    padded: Padded,
+    /// The view through the narrowest filter that noise allows.
+    view: [i16; MAX_SAMPLES],
+    /// The sharpened waveform.
+    sharp: [i16; MAX_SAMPLES],
+    order: [u16; MAX_SAMPLES],
+    model: [i32; MAX_SAMPLES],
+}
+
+impl Default for Recorder {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Recorder {
+    /// Prepares the filters.
+    pub fn new() -> Self {
+        Self {
+            bank: Bank::new(),
+            padded: Padded::new(),
+            view: [0; MAX_SAMPLES],
+            sharp: [0; MAX_SAMPLES],
+            order: [0; MAX_SAMPLES],
+            model: [0; MAX_SAMPLES],
+        }
+    }
+
+    /// Finds the echoes of one record of codes of at most 15 − shift bits. Samples beyond [`MAX_SAMPLES`] are ignored; fewer
+    /// than three hold none.
+    ///
+    /// ```text
+    /// a, σ      as of Rest;  x = code − a
+    /// pulse, view  as of Bank;  h = the view's filter
+    /// z         = x through Sharpener(h, lag = max(1, ⌊2/3 · pulse⌋), SHARPNESS);   σ_z = σ·r
+    /// T         = max(k·σ_z, floor · max z, 1)                   Q1.15, nearest
+    /// peaks     = crests of z at or above T that stand out by rise(z); without ringing
+    /// rise(z)   = max(2·σ_z, ⌊3/512 · max z⌋, and where 5z < max z also ⌊5/32 · z⌋)
+    /// strong    = peaks with 5z ≥ max z: fitted together, see Fit
+    /// ```
+    ///
+    /// `k·σ_z` and `2·σ_z` are nearest; [`place`](Self::place) says what becomes of a peak. Of the echoes that are placed the
+    /// highest stay, of equals the first, each at least min_separation from every one that stays: two peaks that climb to one clipped top are one echo.
+    pub fn echoes(&mut self, codes: &[u16], search: &Search) -> Recordeds {
+        let codes = codes.get(..MAX_SAMPLES).unwrap_or(codes);
+        let shift = search.code_shift.clamp(1, 7);
+        if codes.len() < 3 {
+            return Recordeds::new();
+        }
+        let rest = Rest::of(codes, shift, &mut self.order);
+        self.padded.fill(codes.len(), |x| baseline::remove(codes, 0x7fff >> shift, shift, rest.ambient, x));
+        let pulse = search.pulse.map(|pulse| shift_round(pulse.width, 16).clamp(1, MARGIN as i64) as u32);
+        let scale = self.bank.scale(&self.padded, rest.sigma, pulse, &mut self.view);
+        let Some(narrow) = self.bank.template(scale.view).cloned() else { return Recordeds::new() };
+        self.padded.filter(narrow.taps_in_pairs(), &mut self.view);
+        let sharpener = Sharpener::new(&narrow, (2 * scale.pulse / 3).max(1) as usize, SHARPNESS);
+        self.padded.filter(sharpener.taps_in_pairs(), &mut self.sharp);
+        let sigma = sharpener.sigma(rest.sigma);
+        let (peaks, level) = self.peaks(sigma, scale.pulse, search);
+        let mut found = self.place(&peaks, &Looked { search, scale, narrow: &narrow, rest, sigma, level });
+        keep_strongest(&mut found, search);
+        found
+    }
+
+    /// The crests of the sharpened waveform that become echoes, and T.
+    fn peaks(&self, sigma: u32, pulse: u32, search: &Search) -> (Peaks, i16) {
+        let z = self.sharp.get(..self.padded.x().len()).unwrap_or_default();
+        let top = i64::from(z.iter().copied().max().unwrap_or_default());
+        let by_noise = shift_round(i64::from(sigma) * i64::from(search.snr_threshold.min(0xffff)), 12);
+        let by_floor = shift_round(top.max(0) * i64::from(search.floor.min(0x8000)), 15);
+        let level = by_noise.max(by_floor).clamp(1, 0x7fff) as i16;
+        let least = shift_round(i64::from(sigma), 3).max((3 * top) >> 9);
+        let rise = |z: i16| {
+            let z = i64::from(z);
+            let of_weak = if 5 * z < top { (5 * z) >> 5 } else { 0 };
+            least.max(of_weak).min(0xffff) as i32
+        };
+        let mut found = Peaks::new();
+        crests(z.iter().copied(), 0, level, rise, &mut found);
+        without_ringing(&mut found, z, pulse, search.pulse.as_ref());
+        (found, level)
+    }
+
+    /// Places each peak, if its top lies inside the record.
+    ///
+    /// ```text
+    /// no echo  whose crest, plateau and all, touches the record's first or last sample: its top may lie outside; or lies no higher than
+    ///          the ambient
+    /// crest  = climbed from the peak by at most max(1, ⌊pulse/2⌋) samples, on x if the view is the bank's first, else on the view
+    /// time   = the crest's, if it is flat or cut off or the peak is not strong; else within  u − max(X, skew + ε) .. u + max(X, −skew + ε), within the record
+    /// X      = max(0, 18·σ_u − J) on x, 0 on the view;   ε = 2⁻⁴ samples     Q16.16 of Q8: 18·σ_u is 3 % of the width at half maximum
+    /// J      = 23·σ·(σ_u² >> 8) / A        Q16.16, nearest: twice what noise moves the top of a Gaussian of height A by
+    /// height = on x, or of a flat crest or one that is not strong, the crest's; else the component's
+    /// width  = on x, or of a flat crest or one that is not strong, that of View::width; else 2.355 σ_u (603 of 2⁸, rounded down to 2⁻⁸)
+    /// ```
+    ///
+    /// A peak is where the waveform peaks. A lobe of several surfaces peaks at the brightest of them, or where quantisation has
+    /// it, while its component lies in the middle of all: then the time is what is nearest to the crest, 3 %
+    /// of a width from the middle, and as far as the emitted pulse's own crest when it is known. In more noise a crest says less than the
+    /// component. A view as wide as the pulse lowers a crest: its height counts over the filter's gain. A width that
+    /// View::width does not know is 2.355 σ_u or, without a component, the pulse's. Low confidence: the peak is less than a quarter above T.
+    fn place(&mut self, peaks: &[Peak], looked: &Looked) -> Recordeds {
+        let x = self.padded.x();
+        let z = self.sharp.get(..x.len()).unwrap_or_default();
+        let top = z.iter().copied().max().unwrap_or_default();
+        let is_strong = |peak: &Peak| 5 * i64::from(peak.height) >= i64::from(top);
+        let strong: Peaks = peaks.iter().copied().filter(is_strong).collect();
+        let components: Components = Fit { x }.run(&strong, &mut self.model);
+        let view = looked.view(x, self.view.get(..x.len()).unwrap_or_default());
+        let mut components = components.into_iter();
+        let place = |peak: &Peak| {
+            let component = if is_strong(peak) { components.next() } else { None };
+            looked.echo(&view, peak, component.as_ref())
+        };
+        peaks.iter().filter_map(place).collect()
+    }
+}
+
+/// What the stages before said of a record.
+struct Looked<'a> {
+    search: &'a Search,
+    scale: Scale,
+    narrow: &'a Template,
+    rest: Rest,
+    sigma: u32,
+    level: i16,
+}
+
+impl Looked<'_> {
+    /// x itself in little noise, else the view through the filter. Noise is that of what is looked at; two codes are no step.
+    fn view<'y>(&self, x: &'y [i16], filtered: &'y [i16]) -> View<'y> {
+        let (y, gain) = match self.scale.view {
+            0 => (x, 1 << 15),
+            _ => (filtered, i64::from(self.narrow.noise_gain())),
+        };
+        let two_sigma = shift_round(i64::from(self.rest.sigma) * gain, 18).max(1) as i32;
+        let top = y.iter().copied().max().unwrap_or_default();
+        View { y, grain: two_sigma, flat: two_sigma.max(2 << self.search.code_shift.clamp(1, 7)), top }
+    }
+
+    fn echo(&self, view: &View, peak: &Peak, component: Option<&Component>) -> Option<Recorded> {
+        let crest = view.climb(usize::from(peak.index), (self.scale.pulse / 2).max(1) as usize);
+        if !crest.inside || crest.height <= 0 {
+            return None;
+        }
+        let width = view.width(&crest);
+        let mut flags = width.flags;
+        let cut = flags.contains(Flags::TRUNCATED);
+        if crest.clipped {
+            flags |= Flags::SATURATED;
+        }
+        if 4 * i64::from(peak.height) < 5 * i64::from(self.level) {
+            flags |= Flags::LOW_CONFIDENCE;
+        }
+        let fitted = component.filter(|_| self.scale.view > 0 && !crest.flat);
+        let of_component = |c: &Component| (603 * c.shape.sigma()) & !0xff;
+        let without = component.map_or(i64::from(self.scale.pulse) << 16, of_component);
+        let last = (view.y.len().saturating_sub(1) as i64) << 16;
+        let within = |time: i64| time.max(0).min(last);
+        Some(Recorded {
+            time: component.filter(|_| !crest.flat && !cut).map_or(crest.time, |c| within(self.limited(&crest, c))),
+            amplitude: fitted.map_or(self.amplitude(&crest), |c| c.height),
+            width: fitted.map_or(width.samples.unwrap_or(without), of_component),
+            snr: ((i64::from(peak.height.max(0)) << 12) / i64::from(self.sigma.max(1))) as u32,
+            flags,
+            crest: crest.time,
+            centre: component.map_or(crest.time, |c| c.time),
+        })
+    }
+
+    fn amplitude(&self, crest: &Crest) -> i64 {
+        let matched = self.scale.view > 0 && scale::WIDTHS.get(self.scale.view).is_some_and(|&w| w >= self.scale.pulse);
+        if matched { self.narrow.amplitude(crest.height.into()) } else { crest.height.into() }
+    }
+
+    /// The crest's time, no further from the component's centre than it may be.
+    fn limited(&self, crest: &Crest, component: &Component) -> i64 {
+        let sigma = component.shape.sigma();
+        let jitter = divide_round(23 * i64::from(self.rest.sigma) * ((sigma * sigma) >> 8), component.height.max(1));
+        let reach = if self.scale.view == 0 { (18 * sigma - jitter).max(0) } else { 0 };
+        let skew = self.search.pulse.map_or(0, |pulse| pulse.skew.clamp(-pulse.width.abs(), pulse.width.abs()));
+        let early = component.time - reach.max(skew + SLACK);
+        let late = component.time + reach.max(SLACK - skew);
+        crest.time.clamp(early, late)
+    }
+}
+
+/// ε, Q16.16 samples.
+const SLACK: i64 = 1 << 12;
+
+/// Widths of the pulse that an undershoot comes before its swing back.
+const SWING: u32 = 3;
+
+/// Drops what a receiver adds after a strong echo.
+///
+/// A crest rings if the nearest one before it that is more than four times as high is followed by an undershoot, at most
+/// [`SWING`] widths of the pulse before the crest, of at least three quarters of its height: a receiver that swings below the ambient swings
+/// back less far. Or if the emitted pulse has later crests of its own at the delays from the echoes before, within a quarter of
+/// its width, and this one is at most half as high again as all of them together.
+fn without_ringing(found: &mut Peaks, z: &[i16], width: u32, pulse: Option<&Pulse>) {
+    let all = core::mem::take(found);
+    for peak in &all {
+        let mut stronger =
+            all.iter().rev().filter(|b| b.index < peak.index && i32::from(b.height) > 4 * i32::from(peak.height));
+        let swings = stronger.next().is_some_and(|strong| {
+            let recent = usize::from(peak.index).saturating_sub((SWING * width) as usize);
+            let between = z.get(recent.max(strong.index.into())..usize::from(peak.index)).unwrap_or_default();
+            let lowest = between.iter().copied().min().unwrap_or_default();
+            4 * i32::from(lowest) <= -3 * i32::from(peak.height)
+        });
+        let expected = pulse.map_or(0, |pulse| found.iter().map(|b| pulse.ringing_at(b, peak)).sum());
+        if !swings && 2 * i64::from(peak.height) > 3 * expected {
+            let _ = found.push(*peak); // as many as there were
+        }
+    }
+}
+
+impl Pulse {
+    /// What a record of the emitted pulse says: its strongest echo, and what follows it. `None` without any.
+    pub fn of(recorder: &mut Recorder, codes: &[u16], code_shift: u32) -> Option<Self> {
+        let echoes = recorder.echoes(codes, &Search { code_shift, floor: 328, ..Search::DEFAULT });
+        let main = echoes.iter().copied().reduce(|a, b| if b.amplitude > a.amplitude { b } else { a })?;
+        let mut ringing = [(0, 0); RINGS];
+        for (ring, echo) in ringing.iter_mut().zip(echoes.iter().filter(|e| e.crest > main.crest)) {
+            let height = divide_round(echo.amplitude << 15, main.amplitude.max(1));
+            *ring = (echo.crest - main.crest, height.clamp(0, 1 << 15) as i32);
+        }
+        Some(Self { time: main.crest, width: main.width, skew: main.centre - main.crest, ringing })
+    }
+
+    /// How high the pulse's own later crests are at a peak, if `before` is an echo.
+    fn ringing_at(&self, before: &Peak, peak: &Peak) -> i64 {
+        let delay = (i64::from(peak.index) - i64::from(before.index)) << 16;
+        let near = self.ringing.iter().filter(|(ring, _)| 4 * (delay - ring).abs() <= self.width);
+        near.map(|&(_, height)| (i64::from(before.height) * i64::from(height)) >> 15).sum()
+    }
+}
+
+/// Keeps the highest, of equals the first, as many as asked for, each far enough from those above it; by rising time.
+fn keep_strongest(found: &mut Recordeds, search: &Search) {
+    let apart = i64::from(search.min_separation.max(1)) << 16;
+    let mut order: Vec<Recorded, MAX_CANDIDATES> = found.clone();
+    order.sort_unstable_by_key(|echo| (Reverse(echo.amplitude), echo.time));
+    found.clear();
+    for echo in order {
+        if found.len() < search.echoes && found.iter().all(|kept| (kept.time - echo.time).abs() >= apart) {
+            let _ = found.push(echo); // as many as there were
+        }
+    }
+    found.sort_unstable_by_key(|echo| echo.time);
+}
+
+const _: () = assert!(MAX_SAMPLES.is_multiple_of(filter::BLOCK), "the filter writes whole blocks");

@@ -1,0 +1,150 @@
+//! Where a short record rests, and its noise.
+#![expect(
+    clippy::arithmetic_side_effects,
+    reason = "codes are below 2¹⁵, shifts at most 7, noise below 2³² times a constant below 2¹⁵; counts of memory, at least 1 where divided by"
+)]
+
+use crate::kernel::Portable;
+use crate::q::shift_round;
+use crate::statistics::Statistics;
+
+/// Ambient and noise of a record that may be echo for the most part.
+///
+/// ```text
+/// l    = the code of rank ⌊(N − 1)/20⌋ among the N codes in order
+/// m    = v − ½ + (N/2 − #{x < v}) / #{x = v}                v of rank ⌊(N − 1)/2⌋: the grouped median, as the sensor's
+/// d[n] = 2¹⁵ + code[n − 1] − 2·code[n] + code[n + 1]       n = 1..N−2
+/// q    = the value of rank ⌊(n − 1)/4⌋ among the n = N − 2 values |d − median d|
+/// σ    = max(σ̂(d) / √6, 1/√12)                              σ̂ as of Statistics; at least the noise of quantisation
+///        of n < 48: max(min(σ̂(d) / √6, q / (0.3186·√6)), 1/√12)
+/// c    = middle of the narrowest range from one code in order to the ⌊N/6⌋-th after it, of equals the lowest,
+///        among those that end in the lower half of the codes' span; if it is no wider than max(2·σ, one code)
+/// b    = max(l + 1.645·σ, c − σ)                            of normal noise, 1/20 lies 1.645 σ below the middle
+/// a    = m if m ≤ b + σ, else b
+/// ```
+///
+/// | name | meaning | format |
+/// |---|---|---|
+/// | 1/√6 | σ of one sample over that of a second difference | Q0.16, nearest: 26 755 |
+/// | 1/(0.3186·√6) | σ of one sample over q | Q0.16, nearest: 83 977 |
+/// | 1/√12 | noise of rounding to a code | codes in Q.15, nearest: 9 459 |
+/// | `σ` | noise of one sample | Q13.19, nearest |
+/// | `m` | codes · 2^shift, the quotient rounded down | Q1.15 |
+/// | 1.645 | | Q.10, rounded down: 1 684 |
+/// | `a` | ambient, at most the largest Q1.15 | Q1.15; 1.645·σ nearest |
+///
+/// The sensor's median would lie on the echoes of a record of 60 samples; where it does not, it is the better of the two. The second difference of a sampled echo is small
+/// against the echo, and half of the record may be steep before it counts as noise, three quarters of a
+/// short one. A receiver may swing below the ambient for longer than 1/20 of a record: then c, where a sixth of it
+/// rests, is the better of the two.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rest {
+    /// a, Q1.15.
+    pub ambient: i16,
+    /// σ, Q13.19.
+    pub sigma: u32,
+}
+
+/// 1/√6 in Q0.16.
+const SECOND_DIFFERENCE_TO_SIGMA: i64 = 26_755;
+
+/// 1.645 in Q.10.
+const TWENTIETH_TO_MIDDLE: i64 = 1_684;
+
+/// 1/(0.3186·√6) in Q.16.
+const QUARTER_TO_SIGMA: i64 = 83_977;
+
+/// Differences from which on half of them are enough.
+const SHORT: usize = 48;
+
+/// 1/√12 in Q.15.
+const QUANTISATION: i64 = 9_459;
+
+impl Rest {
+    /// Measures codes of at most 15 − `shift` bits. `order` and `differences` are memory of at least as many.
+    pub fn of(codes: &[u16], shift: u32, order: &mut [u16]) -> Self {
+        let sigma = noise(codes, shift, order);
+        let order = order.get_mut(..codes.len()).unwrap_or_default();
+        order.copy_from_slice(codes);
+        order.sort_unstable();
+        let low = order.get(order.len().saturating_sub(1) / 20).map_or(0, |&code| i64::from(code) << shift);
+        let one_sigma = shift_round(i64::from(sigma), 4);
+        let foot = (low + shift_round(i64::from(sigma) * TWENTIETH_TO_MIDDLE, 14))
+            .max(densest(order, shift, one_sigma).map_or(0, |dense| dense - one_sigma));
+        let median = grouped_median(order, shift);
+        let ambient = if median <= foot + one_sigma { median } else { foot };
+        Self { ambient: ambient.clamp(-0x8000, 0x7fff) as i16, sigma }
+    }
+}
+
+/// c of codes in order, Q1.15.
+fn densest(order: &[u16], shift: u32, sigma: i64) -> Option<i64> {
+    let (least, most) = (i64::from(*order.first()?), i64::from(*order.last()?));
+    let ranges = order.iter().zip(order.iter().skip(order.len() / 6)).map(|(&a, &b)| (i64::from(a), i64::from(b)));
+    let (a, b) = ranges.filter(|(_, b)| 2 * b <= least + most).min_by_key(|(a, b)| b - a)?;
+    ((b - a) << shift <= (2 * sigma).max(1 << shift)).then_some(((a + b) << shift) >> 1)
+}
+
+/// m of codes in order, Q1.15.
+fn grouped_median(order: &[u16], shift: u32) -> i64 {
+    let Some(&code) = order.get(order.len().saturating_sub(1) / 2) else { return 0 };
+    let below = order.partition_point(|&c| c < code);
+    let at = order.partition_point(|&c| c <= code) - below;
+    let offset = ((order.len() as i64 - 2 * below as i64) << shift) / (2 * at as i64).max(1);
+    (i64::from(code) << shift) - (1 << (shift - 1)) + offset
+}
+
+fn noise(codes: &[u16], shift: u32, differences: &mut [u16]) -> u32 {
+    let mut count = 0;
+    for (d, around) in differences.iter_mut().zip(codes.windows(3)) {
+        if let &[before, here, after] = around {
+            *d = (0x8000 + i32::from(before) - 2 * i32::from(here) + i32::from(after)) as u16;
+            count += 1;
+        }
+    }
+    let differences = differences.get_mut(..count).unwrap_or_default();
+    let of_differences = Statistics::of(Portable, differences, shift, &Statistics::default());
+    let by_median = shift_round(i64::from(of_differences.sigma) * SECOND_DIFFERENCE_TO_SIGMA, 16);
+    let by_quarter = match differences.len() {
+        SHORT.. => i64::MAX,
+        _ => shift_round((quarter(differences, of_differences.median) << (shift + 4)) * QUARTER_TO_SIGMA, 16),
+    };
+    let quantisation = shift_round(QUANTISATION << (shift + 4), 15);
+    by_median.min(by_quarter).max(quantisation) as u32
+}
+
+/// q of differences, which are not needed any more.
+fn quarter(differences: &mut [u16], median: u16) -> i64 {
+    differences.iter_mut().for_each(|d| *d = d.abs_diff(median));
+    differences.sort_unstable();
+    differences.get(differences.len().saturating_sub(1) / 4).map_or(0, |&q| q.into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rest(codes: &[u16]) -> Rest {
+        Rest::of(codes, 3, &mut [0; 100])
+    }
+
+    #[test]
+    fn a_record_of_mostly_echo_rests_at_its_foot() {
+        let codes: [u16; 40] = core::array::from_fn(|n| 200 + 2 * n.min(39 - n).saturating_sub(2).pow(2) as u16);
+        let rest = rest(&codes);
+        assert!((1600..1620).contains(&rest.ambient), "{rest:?}");
+    }
+
+    #[test]
+    fn a_record_that_is_hardly_more_than_an_echo_is_not_taken_for_noise() {
+        let rest = rest(&[0, 0, 10, 20, 10, 0, 0]);
+        assert_eq!((rest.ambient, rest.sigma), (3, 37), "1.645 σ of quantisation: {rest:?}");
+    }
+
+    #[test]
+    fn a_constant_record_has_no_noise_but_its_quantisation() {
+        let rest = rest(&[77; 60]);
+        assert_eq!(rest.ambient, 77 << 3);
+        assert_eq!(rest.sigma, 37, "0.289 codes of 2³ in Q13.19");
+    }
+}

@@ -1,0 +1,134 @@
+//! How wide the pulse is, when nobody says.
+#![expect(
+    clippy::arithmetic_side_effects,
+    reason = "widths are at most 48 samples; heights Q1.15 times a gain below 2¹⁵; noise below 2³² times 2¹⁰; lengths of memory"
+)]
+
+use heapless::Vec;
+
+use crate::filter::{self, PADDING};
+use crate::q::shift_round;
+use crate::template::Template;
+use crate::{MAX_SAMPLES, MAX_TAPS};
+
+/// Widths of the bank, samples: √2 or so apart.
+pub const WIDTHS: [u32; 10] = [2, 3, 4, 6, 8, 12, 16, 24, 32, 48];
+
+/// Room on either side of a waveform for any filter.
+pub const MARGIN: usize = MAX_TAPS / 2;
+
+/// A waveform with its first and last sample repeated around it, so that a record that is cut off has no edge of its own.
+#[derive(Clone, Debug)]
+pub struct Padded {
+    samples: [i16; MAX_SAMPLES + MAX_TAPS + PADDING],
+    length: usize,
+}
+
+impl Padded {
+    /// No waveform.
+    pub const fn new() -> Self {
+        Self { samples: [0; MAX_SAMPLES + MAX_TAPS + PADDING], length: 0 }
+    }
+
+    /// Takes a waveform of at most [`MAX_SAMPLES`] samples, which `fill` writes.
+    pub fn fill(&mut self, length: usize, fill: impl FnOnce(&mut [i16])) {
+        self.length = length.min(MAX_SAMPLES);
+        let end = MARGIN + self.length;
+        fill(self.samples.get_mut(MARGIN..end).unwrap_or_default());
+        let x = self.x();
+        let (first, last) = (x.first().copied().unwrap_or_default(), x.last().copied().unwrap_or_default());
+        self.samples.get_mut(..MARGIN).unwrap_or_default().fill(first);
+        self.samples.get_mut(end..).unwrap_or_default().fill(last);
+    }
+
+    /// The waveform.
+    pub fn x(&self) -> &[i16] {
+        self.samples.get(MARGIN..MARGIN + self.length).unwrap_or_default()
+    }
+
+    /// Filters it with symmetric taps and their last zero.
+    pub fn filter<'y>(&self, taps_in_pairs: &[i16], y: &'y mut [i16; MAX_SAMPLES]) -> &'y [i16] {
+        let half = (taps_in_pairs.len().saturating_sub(1) / 2).min(MARGIN);
+        let out = y.get_mut(..self.length.next_multiple_of(filter::BLOCK)).unwrap_or_default();
+        filter::correlate(taps_in_pairs, self.samples.get(MARGIN - half..).unwrap_or_default(), out);
+        y.get(..self.length).unwrap_or_default()
+    }
+}
+
+impl Default for Padded {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Filters for pulses of many widths, to see which fits a record best and how little smoothing its noise allows.
+///
+/// ```text
+/// y_W     = x through the sin² pulse of W samples                     as of Template
+/// S_W     = max y_W / (σ·r_W)
+/// pulse   = the first W with S_W ≥ 31/32 of the greatest              2W ≤ N or W = 2
+/// view    = the first W with max(100, 8·pulse)·σ·r_W ≤ max x, but not beyond pulse
+/// ```
+///
+/// `σ·r_W` is Q13.19, nearest, `max x` Q1.15. The quotients are compared exactly. Near its best width the SNR hardly changes, and the strongest
+/// echo is as wide as the pulse or wider: hence the least width.
+/// A view's 2 σ are at most 2 % of the highest sample, so that a valley of that depth is seen, and shift a top by some pulse/70 at
+/// most.
+#[derive(Clone, Debug)]
+pub struct Bank {
+    templates: Vec<Template, { WIDTHS.len() }>,
+}
+
+/// What a bank says of a record.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Scale {
+    /// Width of the pulse, samples.
+    pub pulse: u32,
+    /// Which filter of the bank to look through.
+    pub view: usize,
+}
+
+impl Bank {
+    /// The filters of [`WIDTHS`].
+    pub fn new() -> Self {
+        Self { templates: WIDTHS.iter().map(|&width| Template::sin_squared(width * 1000, 1_000_000)).collect() }
+    }
+
+    /// The filter of an index of [`WIDTHS`].
+    pub fn template(&self, index: usize) -> Option<&Template> {
+        self.templates.get(index)
+    }
+
+    /// Looks at a record of noise `sigma`, Q13.19; `pulse`, samples, when it is known.
+    pub fn scale(&self, padded: &Padded, sigma: u32, pulse: Option<u32>, y: &mut [i16; MAX_SAMPLES]) -> Scale {
+        let pulse = pulse.unwrap_or_else(|| self.best(padded, y)).max(1);
+        let highest = padded.x().iter().copied().max().unwrap_or_default();
+        let factor = i64::from(pulse).min(MARGIN as i64) * 8;
+        let quiet = |t: &Template| factor.max(100) * shift_round(i64::from(sigma) * i64::from(t.noise_gain()), 15);
+        let enough = |(t, &width): (&Template, &u32)| width >= pulse || quiet(t) <= i64::from(highest) << 4;
+        let view = self.templates.iter().zip(&WIDTHS).position(enough).unwrap_or(WIDTHS.len() - 1);
+        Scale { pulse, view }
+    }
+
+    /// The least width whose SNR is nearly the best; noise is the same for all.
+    fn best(&self, padded: &Padded, y: &mut [i16; MAX_SAMPLES]) -> u32 {
+        let mut heights: Vec<(i64, i64, u32), { WIDTHS.len() }> = Vec::new();
+        for (template, &width) in self.templates.iter().zip(&WIDTHS) {
+            if width > 2 && 2 * width as usize > padded.x().len() {
+                break;
+            }
+            let top = padded.filter(template.taps_in_pairs(), y).iter().copied().max().unwrap_or_default();
+            let _ = heights.push((i64::from(top), i64::from(template.noise_gain()), width)); // as many as there is room for
+        }
+        let best =
+            heights.iter().copied().reduce(|a, b| if b.0 * a.1 > a.0 * b.1 { b } else { a }).unwrap_or((0, 1, 2));
+        let nearly = |&&(top, gain, _): &&(i64, i64, u32)| 32 * top * best.1 >= 31 * best.0 * gain;
+        heights.iter().find(nearly).map_or(2, |&(_, _, width)| width)
+    }
+}
+
+impl Default for Bank {
+    fn default() -> Self {
+        Self::new()
+    }
+}

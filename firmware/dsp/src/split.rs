@@ -1,0 +1,303 @@
+//! Peaks that hide in a broader one: a sharper filter, and how far a crest must stand out of it.
+#![expect(
+    clippy::arithmetic_side_effects,
+    reason = "taps and samples are Q1.15 with Σ abs(s) ≤ 1: sums within 2³⁰; 64ths below 2⁸ of taps below 2¹⁷; indices of memory"
+)]
+
+use heapless::Vec;
+
+use crate::MAX_TAPS;
+use crate::detect::{MAX_CANDIDATES, Peak, Peaks};
+use crate::filter;
+use crate::q::{shift_round, sqrt_floor};
+use crate::template::Template;
+
+/// Filter taps narrower than the pulse, less a share of their own second difference.
+///
+/// ```text
+/// s[k] = ((64 + 2L)·h[k] − L·(h[k − q] + h[k + q])) / (64 + 4L)      towards zero;  k = −(K + q)..K + q
+/// r    = √Σ s²                                                        σ of sharpened white noise over σ
+/// ```
+///
+/// | name | meaning | format |
+/// |---|---|---|
+/// | `h` | the taps of a pulse of 2K + 1 taps, narrower than the emitted one | Q1.15 |
+/// | `q` | lag, about half the emitted pulse; at most what [`MAX_TAPS`] leaves, and at least 1 | samples |
+/// | `L` | share of the second difference that is taken off | 64ths, at most 64 |
+/// | `s` | sharpener, Σ abs(s) ≤ 1 because Σ abs(h) ≤ 1 | Q1.15 |
+/// | `r` | of the `s` in Q1.15, rounded down | Q1.15 |
+///
+/// The matched filter has the best SNR and the worst resolution: after it, two equal echoes split 1.14·cτ/2 apart. Where
+/// SNR is to spare, a narrow pulse keeps the resolution of the waveform, and taking off the second difference deepens the valley
+/// between two crests by L/64 of the curvature at the pulse's own scale ("resolution sharpening", known from spectra).
+/// A broad flat echo gets horns of at most about L/200 of its height from it: less than [`rise`] asks for.
+#[derive(Clone, Debug)]
+pub struct Sharpener {
+    /// The taps and one zero.
+    taps: Vec<i16, { MAX_TAPS + 1 }>,
+    lag: usize,
+    noise_gain: u16,
+}
+
+/// L on the sensor, 64ths.
+pub const SENSOR_SHARPNESS: i32 = 8;
+
+/// Multiples of the sharpened noise that a crest must stand out by on the sensor.
+pub const SENSOR_SIGMAS: u32 = 5;
+
+impl Sharpener {
+    /// Sharpens by `strength` 64ths at a lag of `lag` samples after smoothing with `narrow`.
+    pub fn new(narrow: &Template, lag: usize, strength: i32) -> Self {
+        let strength = strength.clamp(0, 64);
+        let lag = lag.clamp(1, (MAX_TAPS / 2 - narrow.half().min(MAX_TAPS / 2)).max(1));
+        let half = (narrow.half() + lag).min(MAX_TAPS / 2);
+        let tap = |k: isize| sharpened_tap(narrow, k, lag as isize, strength);
+        let mut taps = Vec::new();
+        for k in -(half as isize)..=half as isize {
+            let _ = taps.push(tap(k)); // half is bounded by MAX_TAPS: never full
+        }
+        let _ = taps.push(0);
+        let energy: u64 = taps.iter().map(|&s| u64::from(s.unsigned_abs()).pow(2)).sum();
+        Self { taps, lag, noise_gain: sqrt_floor(energy) as u16 }
+    }
+
+    /// The sensor's: half the emitted pulse's width, half of it as the lag, [`SENSOR_SHARPNESS`].
+    pub fn for_pulse(width_ps: u32, sample_period_fs: u32) -> Self {
+        let narrow = Template::sin_squared(width_ps / 2, sample_period_fs);
+        let half_width = u64::from(width_ps) * 500 / u64::from(sample_period_fs.max(1));
+        Self::new(&narrow, half_width as usize, SENSOR_SHARPNESS)
+    }
+
+    /// The taps and one zero, so that they go in pairs.
+    pub fn taps_in_pairs(&self) -> &[i16] {
+        &self.taps
+    }
+
+    /// The taps, centre in the middle.
+    pub fn taps(&self) -> &[i16] {
+        self.taps.split_last().map_or(&[], |(_, taps)| taps)
+    }
+
+    /// Taps on either side of the centre.
+    pub fn half(&self) -> usize {
+        self.taps().len() / 2
+    }
+
+    /// q, samples.
+    pub fn lag(&self) -> usize {
+        self.lag
+    }
+
+    /// r, Q1.15.
+    pub fn noise_gain(&self) -> u16 {
+        self.noise_gain
+    }
+
+    /// σ_s = σ̂·r: noise after the sharpener, Q13.19, nearest, of a waveform's σ̂.
+    pub fn sigma(&self, sigma: u32) -> u32 {
+        shift_round(i64::from(sigma) * i64::from(self.noise_gain), 15) as u32
+    }
+
+    /// One sharpened sample before it is rounded to Q1.15: Q9.23, nearest; 0 outside `x`.
+    pub fn exact(&self, x: &[i16], n: i64) -> i64 {
+        if usize::try_from(n).ok().is_none_or(|n| n >= x.len()) {
+            return 0;
+        }
+        let taps = self.taps().iter().zip(n - self.half() as i64..);
+        let sample = |i: i64| usize::try_from(i).ok().and_then(|i| x.get(i)).map_or(0, |&x| i32::from(x));
+        let sum: i32 = taps.map(|(&s, i)| i32::from(s) * sample(i)).sum();
+        shift_round(sum.into(), 7)
+    }
+
+    /// One sharpened sample, Q1.15: `round(Σ s[k] · x[n + k])`, x = 0 outside.
+    pub fn at(&self, x: &[i16], n: usize) -> i16 {
+        let taps = self.taps().iter().zip(n as isize - self.half() as isize..);
+        let sample = |i: isize| usize::try_from(i).ok().and_then(|i| x.get(i)).map_or(0, |&x| i32::from(x));
+        filter::round(taps.map(|(&s, i)| i32::from(s) * sample(i)).sum())
+    }
+}
+
+fn sharpened_tap(narrow: &Template, k: isize, lag: isize, strength: i32) -> i16 {
+    let h = |k: isize| {
+        let index = usize::try_from(k + narrow.half() as isize).ok();
+        index.and_then(|i| narrow.taps().get(i)).map_or(0, |&h| i32::from(h))
+    };
+    (((64 + 2 * strength) * h(k) - strength * (h(k - lag) + h(k + lag))) / (64 + 4 * strength)) as i16
+}
+
+/// Finds the crests of `values`, sample `first` onwards: local maxima at or above `level` that stand out.
+///
+/// ```text
+/// rising   v > crest: the new crest;       v < crest − rise(crest): a crest is found → falling
+/// falling  v < valley: the new valley;     v > valley + rise(v) → rising
+/// ```
+///
+/// Begins rising, at the first sample. That sample and the last one are no crests, for the top may lie outside; one that
+/// the end cuts off before it fell far enough counts once it fell at all. A crest is the first sample of its plateau. Of
+/// more than [`MAX_CANDIDATES`] the highest stay, of equals the first.
+pub fn crests(
+    values: impl IntoIterator<Item = i16>,
+    first: usize,
+    level: i16,
+    rise: impl Fn(i16) -> i32,
+    found: &mut Peaks,
+) {
+    found.clear();
+    let mut samples = values.into_iter().zip(first..).map(|(height, n)| Peak { index: n as u16, height });
+    let Some(mut crest) = samples.next() else { return };
+    let (mut valley, mut last) = (None, crest);
+    for here in samples {
+        last = here;
+        match valley {
+            None if here.height > crest.height => crest = here,
+            None if i32::from(here.height) < i32::from(crest.height) - rise(crest.height) => {
+                keep(crest, first, level, found);
+                valley = Some(here.height);
+            }
+            None => {}
+            Some(lowest) if here.height < lowest => valley = Some(here.height),
+            Some(lowest) if i32::from(here.height) > i32::from(lowest) + rise(here.height) => {
+                (crest, valley) = (here, None);
+            }
+            Some(_) => {}
+        }
+    }
+    if valley.is_none() && last.height < crest.height {
+        keep(crest, first, level, found);
+    }
+}
+
+/// Adds a crest that is high enough; when there is no room, the lowest goes (of equals, the last).
+fn keep(crest: Peak, first: usize, level: i16, found: &mut Peaks) {
+    if crest.height < level || usize::from(crest.index) == first || found.push(crest).is_ok() {
+        return;
+    }
+    let lowest = found.iter().rev().min_by_key(|p| p.height).copied();
+    if let Some(lowest) = lowest.filter(|l| l.height < crest.height) {
+        found.retain(|p| *p != lowest);
+        let _ = found.push(crest); // one has just gone
+    }
+}
+
+/// How far a crest must stand out on the sensor: [`SENSOR_SIGMAS`] σ_s and a sixteenth of its height, whichever is more,
+/// both rounded down to whole LSB.
+///
+/// The sixteenth keeps an echo of a slanted or rough surface whole, however quiet the receiver.
+pub fn rise(height: i16, sigma: u32) -> i32 {
+    (i32::from(height) >> 4).max(((u64::from(sigma) * u64::from(SENSOR_SIGMAS)) >> 4) as i32)
+}
+
+/// Indices of peaks that others hid.
+pub type Hidden = Vec<u16, MAX_CANDIDATES>;
+
+/// Puts in place of each coarse peak the crests that the sharpener finds under it, if there are two or more.
+///
+/// | name | meaning | format |
+/// |---|---|---|
+/// | `x` | waveform without ambient | Q1.15 |
+/// | `y` | output of the denoise filter, which the coarse peaks are of | Q1.15 |
+/// | `sigma` | σ̂ of x | Q13.19 |
+/// | `level` | T on y | Q1.15 |
+/// | `coarse` | peaks of y by rising index | |
+///
+/// Under a peak that `may_hide` others: up to 4q + 3 samples to either side, not past the middle (rounded down) to the next coarse peak. A crest there
+/// is one of the sharpened waveform with [`rise`], of positive height; it becomes a peak of `y`'s height at its index if that
+/// reaches T. Work is bounded: 8q + 7 sharpened samples a coarse peak. Of more than [`MAX_CANDIDATES`] peaks the first stay.
+///
+/// `hidden` becomes the indices of those that came in place of another: `y` need not top out there.
+///
+/// Two equal sin² echoes of S = 50 come apart from 1.14·cτ/2 on at 0.5, 1 and 2 GS/s (`tests/tests/limits.rs`).
+#[expect(
+    clippy::too_many_arguments,
+    reason = "a waveform in two forms, its noise and threshold, the peaks and which of them"
+)]
+pub fn shoulders(
+    sharpener: &Sharpener,
+    x: &[i16],
+    y: &[i16],
+    sigma: u32,
+    level: i16,
+    coarse: &Peaks,
+    may_hide: impl Fn(Peak) -> bool,
+    hidden: &mut Hidden,
+) -> Peaks {
+    let sigma = sharpener.sigma(sigma);
+    let mut all = Peaks::new();
+    let mut under = Peaks::new();
+    hidden.clear();
+    let mut start = 0;
+    for (i, peak) in coarse.iter().enumerate() {
+        let index = usize::from(peak.index);
+        let middle = coarse.get(i + 1).map_or(x.len(), |next| usize::midpoint(index, usize::from(next.index)) + 1);
+        let reach = 4 * sharpener.lag + 3;
+        let from = index.saturating_sub(reach).max(start);
+        let to = (index + reach + 1).min(middle).min(x.len());
+        start = middle;
+        if !may_hide(*peak) {
+            let _ = all.push(*peak); // the first stay
+            continue;
+        }
+        crests((from..to).map(|n| sharpener.at(x, n)), from, 1, |height| rise(height, sigma), &mut under);
+        under.iter_mut().for_each(|p| p.height = y.get(usize::from(p.index)).copied().unwrap_or_default());
+        under.retain(|p| p.height >= level);
+        let split: &[Peak] = if under.len() > 1 { &under } else { core::slice::from_ref(peak) };
+        for &peak in split {
+            if split.len() > 1 {
+                let _ = hidden.push(peak.index); // as many as there are peaks
+            }
+            let _ = all.push(peak); // the first stay
+        }
+    }
+    all
+}
+
+const _: () = assert!(MAX_CANDIDATES >= 2, "a peak may become two");
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use super::*;
+
+    fn find(values: &[i16], level: i16, rise: i32) -> std::vec::Vec<(u16, i16)> {
+        let mut found = Peaks::new();
+        crests(values.iter().copied(), 0, level, |_| rise, &mut found);
+        found.iter().map(|p| (p.index, p.height)).collect()
+    }
+
+    #[test]
+    fn the_taps_are_symmetric_and_add_up_to_at_most_one_in_size() {
+        for (width, lag, strength) in [(2, 1, 3), (2, 12, 3), (16, 24, 64), (48, 40, 8), (1, 9, 0), (3, 0, 5)] {
+            let sharpener = Sharpener::new(&Template::sin_squared(width * 1000, 1_000_000), lag, strength);
+            let taps = sharpener.taps();
+            assert!(taps.len() % 2 == 1 && taps.iter().eq(taps.iter().rev()));
+            assert!(taps.iter().map(|&s| i32::from(s).abs()).sum::<i32>() <= 0x7fff, "{width} {lag} {strength}");
+        }
+    }
+
+    #[test]
+    fn a_crest_is_neither_the_first_nor_the_last_sample() {
+        assert_eq!(find(&[9, 8, 7, 6, 5], 1, 1), []);
+        assert_eq!(find(&[5, 6, 7, 8, 9], 1, 1), []);
+        assert_eq!(find(&[5, 6, 7, 9, 9], 1, 1), []);
+        assert_eq!(find(&[5, 6, 9, 8], 1, 4), [(2, 9)]);
+        assert_eq!(find(&[8, 9, 5, 5], 1, 4), [(1, 9)]);
+    }
+
+    #[test]
+    fn a_crest_stands_out_on_both_sides() {
+        assert_eq!(find(&[0, 50, 48, 51, 0], 1, 4), [(3, 51)]);
+        assert_eq!(find(&[0, 50, 40, 51, 0], 1, 4), [(1, 50), (3, 51)]);
+    }
+
+    #[test]
+    fn no_waveform_panics() {
+        let sharpener = Sharpener::for_pulse(5_000, 1_000_000);
+        for x in [&[] as &[i16], &[i16::MIN], &[i16::MAX; 40], &[i16::MIN, i16::MAX, i16::MIN]] {
+            let mut coarse = Peaks::new();
+            coarse.push(Peak { index: 1, height: 3 }).unwrap();
+            coarse.push(Peak { index: u16::MAX, height: 3 }).unwrap();
+            assert_eq!(shoulders(&sharpener, x, &[], u32::MAX, 1, &coarse, |_| true, &mut Hidden::new()).len(), 2);
+        }
+    }
+}

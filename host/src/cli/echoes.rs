@@ -1,0 +1,117 @@
+//! `echoloop echoes`.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use echoloop_dsp::detect::MAX_CANDIDATES;
+use echoloop_dsp::recording::Recorder;
+
+use super::exit::{Failure, print};
+use super::{Common, on_threads};
+use crate::waveforms::{Finder, Options, Waveform, echoes, read_waveforms};
+
+/// Flags of `echoes`.
+#[derive(Clone, Debug, Args)]
+#[command(allow_negative_numbers = true)]
+pub(crate) struct EchoesArgs {
+    /// Waveforms, one a row: CSV without header, rows of any length, or a NumPy array (.npy). Zeros that pad a row's end are ignored.
+    waves: PathBuf,
+    #[command(flatten)]
+    common: Common,
+    /// Time between samples, ns.
+    #[arg(long, value_name = "NS")]
+    sample_ns: f64,
+    /// The emitted pulse of each row, or one for all, in the same format. It gives the pulse's width, shape and time.
+    #[arg(long, value_name = "FILE")]
+    outgoing: Option<PathBuf>,
+    /// Least height of an echo over the noise.
+    #[arg(long, default_value_t = 5.0, value_name = "RATIO")]
+    snr: f64,
+    /// Least height of an echo over the strongest of its row: what is lower is the receiver's ringing as often as not.
+    #[arg(long, default_value_t = 0.05, value_name = "FRACTION")]
+    floor: f64,
+    /// Echoes of a row at most; the strongest are kept. No more than 32 are found in any 2400 samples.
+    #[arg(long, default_value_t = MAX_CANDIDATES, value_name = "N")]
+    max_echoes: usize,
+    /// Least distance of two echoes, ns; the stronger stays.
+    #[arg(long, default_value_t = 0.0, value_name = "NS")]
+    min_separation_ns: f64,
+}
+
+pub(super) fn run(args: &EchoesArgs) -> Result<(), Failure> {
+    let finder = Finder::new(options(args)?);
+    let rows = read_waveforms(&args.waves).map_err(Failure::usage)?;
+    let outgoing = match &args.outgoing {
+        Some(path) => outgoing(args, path, rows.len())?,
+        None => Vec::new(),
+    };
+    let found = on_threads(args.common.threads, || finder.find(&rows, &outgoing))?;
+    print(&if args.common.json { lines(&found)? } else { table(&found) })
+}
+
+fn options(args: &EchoesArgs) -> Result<Options, Failure> {
+    let checks = [
+        ("--sample-ns", args.sample_ns, (1e-6..=1e9).contains(&args.sample_ns), "0.000001 to 1000000000"),
+        ("--snr", args.snr, (1.0..=250.0).contains(&args.snr), "1 to 250"),
+        ("--floor", args.floor, (0.0..=1.0).contains(&args.floor), "0 to 1"),
+        ("--min-separation-ns", args.min_separation_ns, args.min_separation_ns >= 0.0, "0 or more"),
+    ];
+    for (flag, value, good, range) in checks {
+        if !(good && value.is_finite()) {
+            return Err(Failure::usage(format!("{flag} {value} must be {range}")));
+        }
+    }
+    Ok(Options {
+        sample_ns: args.sample_ns,
+        snr: args.snr,
+        floor: args.floor,
+        max_echoes: args.max_echoes,
+        min_separation_ns: args.min_separation_ns,
+    })
+}
+
+/// Reads the emitted pulses: as many as rows, or one. A row that shows no pulse is said and counts as absent.
+fn outgoing(args: &EchoesArgs, path: &Path, rows: usize) -> Result<Vec<Vec<f64>>, Failure> {
+    let outgoing = read_waveforms(path).map_err(Failure::usage)?;
+    if outgoing.len() != rows && outgoing.len() != 1 {
+        let (path, waves) = (path.display(), args.waves.display());
+        let found = outgoing.len();
+        return Err(Failure::usage(format!("{path}: expected 1 row or {rows}, as {waves} has, found {found}")));
+    }
+    let mut recorder = Box::new(Recorder::new());
+    for (row, number) in outgoing.iter().zip(1..) {
+        if !args.common.quiet && echoes::pulse(&mut recorder, row).is_none() {
+            eprintln!("warning: {}: row {number} shows no pulse and is left out", path.display());
+        }
+    }
+    Ok(outgoing)
+}
+
+/// One JSON document a waveform.
+fn lines(found: &[Waveform]) -> Result<String, Failure> {
+    let mut text = String::new();
+    for waveform in found {
+        text += &serde_json::to_string(waveform).map_err(Failure::run)?;
+        text.push('\n');
+    }
+    Ok(text)
+}
+
+fn table(found: &[Waveform]) -> String {
+    let mut text = String::from("waveform      time ns    amplitude   width ns       snr  flags\n");
+    for waveform in found {
+        for echo in &waveform.echoes {
+            let flags = echo.flags.join(" ");
+            // Writing to a String cannot fail.
+            let _ = writeln!(
+                text,
+                "{:>8} {:>12.3} {:>12.5} {:>10.3} {:>9.1}  {flags}",
+                waveform.waveform, echo.time_ns, echo.amplitude, echo.width_ns, echo.snr
+            );
+        }
+    }
+    let echoes: usize = found.iter().map(|waveform| waveform.echoes.len()).sum();
+    let _ = writeln!(text, "{echoes} echoes in {} waveforms", found.len());
+    text
+}

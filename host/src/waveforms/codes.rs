@@ -1,0 +1,75 @@
+//! Any numbers as codes of an ADC, which is what the DSP takes.
+
+/// Largest code: 14 bits.
+const TOP: f64 = 16_383.0;
+
+/// A waveform as codes, and the way back to its units.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Codes {
+    /// Samples over the least of them.
+    pub codes: Vec<u16>,
+    /// Left shift that brings a code to Q1.15.
+    pub shift: u32,
+    /// What one code is in the input's units.
+    pub unit: f64,
+}
+
+impl Codes {
+    /// Scales finite numbers.
+    ///
+    /// ```text
+    /// whole numbers over less than 2¹⁴:  code = v − min,                              unit = 1
+    /// others:                            code = round((v − min)/(max − min)·16383),   unit = (max − min)/16383
+    /// shift = 15 − bits of the largest code, 1 to 7
+    /// ```
+    ///
+    /// Whole numbers stay what they are, so that their step counts as noise.
+    pub fn of(samples: &[f64]) -> Self {
+        let min = samples.iter().copied().fold(f64::INFINITY, f64::min);
+        let max = samples.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        // Halves first: the range of finite numbers may be infinite.
+        let half_range = max / 2.0 - min / 2.0;
+        let whole = 2.0 * half_range <= TOP && samples.iter().all(|v| v.fract() == 0.0);
+        let unit = if whole { 1.0 } else { half_range / TOP * 2.0 };
+        let code = |&v: &f64| match whole {
+            true => (v - min) as u16,
+            false => ((v / 2.0 - min / 2.0) / half_range * TOP + 0.5) as u16,
+        };
+        let codes: Vec<u16> = samples.iter().map(code).collect();
+        let bits = 16 - codes.iter().copied().max().unwrap_or_default().leading_zeros();
+        Self { codes, shift: 15u32.saturating_sub(bits).clamp(1, 7), unit }
+    }
+
+    /// A height in Q1.15 in the input's units.
+    pub fn to_units(&self, height: i64) -> f64 {
+        (height as f64 / f64::from(1u32 << self.shift) * self.unit).min(f64::MAX)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whole_numbers_stay_what_they_are() {
+        let codes = Codes::of(&[-3.0, 0.0, 1020.0]);
+        assert_eq!(codes, Codes { codes: vec![0, 3, 1023], shift: 5, unit: 1.0 });
+        assert_eq!(codes.to_units(1023 << 5), 1023.0);
+    }
+
+    #[test]
+    fn other_numbers_fill_fourteen_bits() {
+        let codes = Codes::of(&[0.0, 0.25, 0.5]);
+        assert_eq!((&codes.codes[..], codes.shift), (&[0, 8192, 16_383][..], 1));
+        assert!((codes.to_units(16_383 << 1) - 0.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn extreme_numbers_scale_too() {
+        assert_eq!(Codes::of(&[-f64::MAX, 0.0, f64::MAX]).codes, [0, 8192, 16_383]);
+        assert_eq!(Codes::of(&[1e-300, 3e-300]).codes, [0, 16_383]);
+        assert_eq!(Codes::of(&[f64::MIN_POSITIVE; 4]).codes, [0; 4]);
+        assert_eq!(Codes::of(&[7.0; 3]).codes, [0; 3]);
+        assert!(Codes::of(&[]).codes.is_empty());
+    }
+}

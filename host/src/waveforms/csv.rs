@@ -1,0 +1,86 @@
+//! Numbers between commas, one waveform a line.
+
+use super::read::Problem;
+
+/// Rows of numbers. A line may be empty, end in commas, quote its numbers or end in CR LF; empty lines at the end are no rows.
+pub(super) fn parse(bytes: &[u8]) -> Result<Vec<Vec<f64>>, Problem> {
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let text = str::from_utf8(bytes).map_err(|error| {
+        let found = format!("bytes that are no text at offset {}", error.valid_up_to());
+        Problem::Format(format!("expected CSV (numbers between commas) or a NumPy .npy array, found {found}"))
+    })?;
+    let lines = text.trim_end().lines();
+    lines.zip(1..).map(|(line, row)| parse_row(line, row)).collect()
+}
+
+fn parse_row(line: &str, row: usize) -> Result<Vec<f64>, Problem> {
+    let line = line.trim_end_matches(|c: char| c == ',' || c.is_whitespace());
+    if line.is_empty() {
+        return Ok(Vec::new());
+    }
+    line.split(',').zip(1..).map(|(cell, column)| parse_cell(cell, row, column)).collect()
+}
+
+fn parse_cell(cell: &str, row: usize, column: usize) -> Result<f64, Problem> {
+    let cell = cell.trim().trim_matches('"');
+    match cell.parse::<f64>() {
+        Ok(value) if value.is_finite() => Ok(value),
+        _ => Err(Problem::Cell(row, column, shown(cell), hint(cell, row))),
+    }
+}
+
+/// What a cell says, cut to what a message can hold.
+fn shown(cell: &str) -> String {
+    let mut shown: String = cell.chars().take(24).collect();
+    if shown.len() < cell.len() {
+        shown.push('…');
+    }
+    if shown.is_empty() { "nothing".into() } else { format!("'{}'", shown.escape_debug()) }
+}
+
+fn hint(cell: &str, row: usize) -> &'static str {
+    let numbers =
+        |separator: char| cell.contains(separator) && cell.split(separator).all(|c| c.trim().parse::<f64>().is_ok());
+    match () {
+        () if [';', '\t', ' '].into_iter().any(numbers) => " (numbers are separated by commas)",
+        () if row == 1 && cell.starts_with(|c: char| c.is_alphabetic()) && cell.parse::<f64>().is_err() => {
+            " (the first line is a waveform: there is no header)"
+        }
+        () => "",
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_have_any_length_and_may_end_in_commas() {
+        let rows = parse(b"1,2,3\r\n\n 4.5 ,-1e2,,,\n\"7\"\n\n").unwrap();
+        assert_eq!(rows, [vec![1., 2., 3.], vec![], vec![4.5, -100.], vec![7.]]);
+    }
+
+    #[test]
+    fn what_is_no_number_is_told_by_its_place() {
+        let table = [
+            ("1,2\n3,nan\n", 2, 2, "'nan'", ""),
+            ("1,inf", 1, 2, "'inf'", ""),
+            ("1,,3", 1, 2, "nothing", ""),
+            ("V1,V2\n1,2", 1, 1, "'V1'", " (the first line is a waveform: there is no header)"),
+            ("1;2;3", 1, 1, "'1;2;3'", " (numbers are separated by commas)"),
+            ("1,2\n3 4", 2, 1, "'3 4'", " (numbers are separated by commas)"),
+        ];
+        for (text, row, column, found, hint) in table {
+            assert_eq!(parse(text.as_bytes()), Err(Problem::Cell(row, column, found.into(), hint)), "{text}");
+        }
+        assert!(matches!(parse(&[b'1', 0xff]), Err(Problem::Format(_))));
+    }
+
+    #[test]
+    fn a_file_without_lines_has_no_rows() {
+        assert!(parse(b"").unwrap().is_empty());
+        assert!(parse(b"\n\n").unwrap().is_empty());
+        assert!(parse(b"\xef\xbb\xbf").unwrap().is_empty());
+    }
+}

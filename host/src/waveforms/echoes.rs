@@ -1,0 +1,169 @@
+//! From a recorded waveform to its echoes.
+
+use echoloop_dsp::recording::{Pulse, Recorded, Recorder, Search};
+use echoloop_dsp::{Flags, MAX_SAMPLES};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::codes::Codes;
+use super::read::without_padding;
+
+/// How echoes are looked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// Time between samples, ns.
+    pub sample_ns: f64,
+    /// Least height of an echo over the noise.
+    pub snr: f64,
+    /// Least height of an echo over the strongest of its record.
+    pub floor: f64,
+    /// Echoes of a waveform at most; the strongest are kept.
+    pub max_echoes: usize,
+    /// Least distance of two echoes, ns.
+    pub min_separation_ns: f64,
+}
+
+/// One echo.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Echo {
+    /// From the row's first sample to the echo's peak.
+    pub time_ns: f64,
+    /// Height above ambient, in the input's units.
+    pub amplitude: f64,
+    /// Full width at half maximum.
+    pub width_ns: f64,
+    /// Height over the noise.
+    pub snr: f64,
+    /// Names of [`Flags`].
+    pub flags: Vec<&'static str>,
+}
+
+/// What became of one row.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Waveform {
+    /// Which row, from 0.
+    pub waveform: usize,
+    /// From the first sample of the outgoing pulse's row to its peak; `None` without one.
+    pub outgoing_peak_ns: Option<f64>,
+    /// By rising time.
+    pub echoes: Vec<Echo>,
+}
+
+/// Samples that two pieces of a long record share.
+const OVERLAP: usize = 600;
+
+/// Finds the echoes of many rows, the same on any number of threads.
+#[derive(Clone, Copy, Debug)]
+pub struct Finder {
+    options: Options,
+}
+
+impl Finder {
+    /// A finder.
+    pub fn new(options: Options) -> Self {
+        Self { options }
+    }
+
+    /// Finds the echoes of every row; `outgoing` holds the emitted pulse of each row, or one for all, or nothing.
+    ///
+    /// A row of `outgoing` without a pulse counts as absent.
+    pub fn find(&self, rows: &[Vec<f64>], outgoing: &[Vec<f64>]) -> Vec<Waveform> {
+        let pulses: Vec<Option<Pulse>> = outgoing.par_iter().map_init(recorder, |r, row| pulse(r, row)).collect();
+        let pulse = |i: usize| if pulses.len() == 1 { pulses[0] } else { pulses.get(i).copied().flatten() };
+        let found = rows.par_iter().enumerate();
+        found.map_init(recorder, |recorder, (i, row)| self.row(recorder, i, row, pulse(i))).collect()
+    }
+
+    fn row(&self, recorder: &mut Recorder, waveform: usize, row: &[f64], pulse: Option<Pulse>) -> Waveform {
+        let codes = Codes::of(without_padding(row));
+        let search = self.search(codes.shift, pulse);
+        let mut found = pieces(recorder, &codes.codes, &search);
+        let highest = found.iter().map(|echo| echo.amplitude).max().unwrap_or_default();
+        found.retain(|echo| {
+            echo.amplitude as f64 >= self.options.floor * highest as f64 || codes.codes.len() <= MAX_SAMPLES
+        });
+        found.sort_by_key(|echo| echo.amplitude);
+        found.drain(..found.len().saturating_sub(self.options.max_echoes));
+        found.sort_by_key(|echo| echo.time);
+        let echoes = found.iter().map(|echo| self.echo(echo, &codes)).collect();
+        Waveform { waveform, outgoing_peak_ns: pulse.map(|pulse| self.ns(pulse.time)), echoes }
+    }
+
+    fn search(&self, code_shift: u32, pulse: Option<Pulse>) -> Search {
+        let samples = (self.options.min_separation_ns / self.options.sample_ns).round();
+        Search {
+            code_shift,
+            snr_threshold: (self.options.snr * 256.0).round() as u32,
+            floor: (self.options.floor * 32_768.0).round() as u32,
+            min_separation: samples as u32,
+            pulse,
+            ..Search::DEFAULT
+        }
+    }
+
+    fn echo(&self, echo: &Recorded, codes: &Codes) -> Echo {
+        Echo {
+            time_ns: self.ns(echo.time),
+            amplitude: shortened(codes.to_units(echo.amplitude)),
+            width_ns: self.ns(echo.width),
+            snr: rounded(f64::from(echo.snr) / 256.0, 2),
+            flags: Flags::names(echo.flags).collect(),
+        }
+    }
+
+    /// Q16.16 samples as ns, to a thousandth of a sample or so.
+    fn ns(&self, samples: i64) -> f64 {
+        shortened(samples as f64 / 65_536.0 * self.options.sample_ns)
+    }
+}
+
+fn recorder() -> Box<Recorder> {
+    Box::new(Recorder::new())
+}
+
+/// What a row says of the emitted pulse.
+pub fn pulse(recorder: &mut Recorder, row: &[f64]) -> Option<Pulse> {
+    let codes = Codes::of(without_padding(row));
+    Pulse::of(recorder, &codes.codes, codes.shift)
+}
+
+/// The echoes of a record of any length. One longer than the DSP's memory is looked at in pieces of [`MAX_SAMPLES`] that share
+/// [`OVERLAP`] samples; an echo counts in the piece in whose inner part it lies. A piece lower than the record is not clipped.
+fn pieces(recorder: &mut Recorder, codes: &[u16], search: &Search) -> Vec<Recorded> {
+    let step = MAX_SAMPLES - OVERLAP;
+    let mut found = Vec::new();
+    let mut start = 0;
+    let highest = codes.iter().max();
+    loop {
+        let end = (start + MAX_SAMPLES).min(codes.len());
+        let is_lower = codes[start..end].iter().max() < highest;
+        let from = if start == 0 { i64::MIN } else { (OVERLAP as i64 / 2) << 16 };
+        let to = if end == codes.len() { i64::MAX } else { ((MAX_SAMPLES - OVERLAP / 2) as i64) << 16 };
+        for echo in recorder.echoes(&codes[start..end], search) {
+            if (from..to).contains(&echo.time) {
+                let clipped = if is_lower { Flags::SATURATED.0 } else { 0 };
+                let flags = Flags(echo.flags.0 & !clipped);
+                found.push(Recorded { time: echo.time + ((start as i64) << 16), flags, ..echo });
+            }
+        }
+        if end == codes.len() {
+            return found;
+        }
+        start += step;
+    }
+}
+
+/// To so many decimals.
+fn rounded(value: f64, decimals: i32) -> f64 {
+    let scale = 10f64.powi(decimals);
+    let scaled = (value * scale).round() / scale;
+    if scaled.is_finite() { scaled } else { value }
+}
+
+/// To seven digits or so: more says nothing.
+fn shortened(value: f64) -> f64 {
+    if value == 0.0 || !value.is_finite() {
+        return value;
+    }
+    rounded(value, 6 - value.abs().log10().floor() as i32)
+}

@@ -1,0 +1,14 @@
+//! Waveforms that other instruments recorded, and their echoes.
+//!
+//! ```text
+//! file ─ read ─→ rows of numbers ─ codes ─→ ADC codes ─ recording of the DSP ─→ samples ─ echoes ─→ ns, the input's units
+//! ```
+
+pub mod codes;
+mod csv;
+pub mod echoes;
+mod npy;
+pub mod read;
+
+pub use echoes::{Echo, Finder, Options, Waveform};
+pub use read::{WaveformError, parse_waveforms, read_waveforms};

@@ -1,0 +1,210 @@
+//! NumPy's `.npy`: one array of numbers.
+//!
+//! ```text
+//! magic  \x93NUMPY, major, minor    length of the header: u16 (major 1) or u32, little-endian
+//! header {'descr': '<f8', 'fortran_order': False, 'shape': (3, 4), }
+//! data   in that order
+//! ```
+//!
+//! Read here and not by a crate: those bring a parser generator and assembled code for these three entries.
+
+use super::read::Problem;
+
+const MAGIC: &[u8] = b"\x93NUMPY";
+
+/// Whether a file begins like one.
+pub(super) fn is_npy(bytes: &[u8]) -> bool {
+    bytes.starts_with(MAGIC)
+}
+
+/// Rows of an array of two dimensions, or the one row of one dimension.
+pub(super) fn parse(bytes: &[u8]) -> Result<Vec<Vec<f64>>, Problem> {
+    let (header, data) = split(bytes).ok_or_else(|| format("a header that ends within the file", "a shorter file"))?;
+    let (rows, columns) = shape(entry(header, "shape").unwrap_or_default())?;
+    let number = Number::of(entry(header, "descr").unwrap_or_default())?;
+    let by_columns = match entry(header, "fortran_order").unwrap_or_default() {
+        order if order.starts_with("False") => false,
+        order if order.starts_with("True") => true,
+        order => return Err(format("fortran_order True or False", order)),
+    };
+    let numbers = rows.checked_mul(columns);
+    if numbers.and_then(|n| n.checked_mul(number.size)) != Some(data.len()) {
+        let wanted = std::format!("{rows} × {columns} numbers of {} bytes", number.size);
+        return Err(format(&wanted, &std::format!("{} bytes", data.len())));
+    }
+    if columns == 0 && rows > 0 {
+        // Rows without a number take no room in the file: nothing bounds how many it claims.
+        return Err(format("a number or more a row", &std::format!("{rows} × 0 numbers")));
+    }
+    let at = |row: usize, column: usize| {
+        let index = if by_columns { column * rows + row } else { row * columns + column };
+        let value = number.read(&data[index * number.size..][..number.size]);
+        let found = || Problem::Cell(row + 1, column + 1, value.to_string(), "");
+        if value.is_finite() { Ok(value) } else { Err(found()) }
+    };
+    (0..rows).map(|row| (0..columns).map(|column| at(row, column)).collect()).collect()
+}
+
+fn format(expected: &str, found: &str) -> Problem {
+    Problem::Format(std::format!("not a .npy array of waveforms: expected {expected}, found {found}"))
+}
+
+/// Header and data.
+fn split(bytes: &[u8]) -> Option<(&str, &[u8])> {
+    let rest = bytes.strip_prefix(MAGIC)?;
+    let (length, rest) = match *rest {
+        [1, _, low, high, ref rest @ ..] => (usize::from(u16::from_le_bytes([low, high])), rest),
+        [2 | 3, _, a, b, c, d, ref rest @ ..] => (u32::from_le_bytes([a, b, c, d]) as usize, rest),
+        _ => return None,
+    };
+    let (header, data) = rest.split_at_checked(length)?;
+    Some((str::from_utf8(header).ok()?, data))
+}
+
+/// What follows a key of the header, to its end.
+fn entry<'h>(header: &'h str, key: &str) -> Option<&'h str> {
+    let after = ["'", "\""].iter().find_map(|quote| header.split_once(&std::format!("{quote}{key}{quote}")))?.1;
+    Some(after.trim_start().strip_prefix(':')?.trim_start())
+}
+
+/// Rows and columns of `(3, 4), …` or `(4,), …`.
+fn shape(text: &str) -> Result<(usize, usize), Problem> {
+    let inside = text.strip_prefix('(').and_then(|text| text.split_once(')')).map(|(inside, _)| inside);
+    let sizes =
+        inside.map(|inside| inside.split(',').map(str::trim).filter(|s| !s.is_empty()).map(str::parse).collect());
+    match sizes {
+        Some(Ok::<Vec<usize>, _>(sizes)) => match sizes[..] {
+            [columns] => Ok((1, columns)),
+            [rows, columns] => Ok((rows, columns)),
+            _ => Err(format("one or two dimensions", &std::format!("{}", sizes.len()))),
+        },
+        _ => Err(format("a shape", text.split(')').next().unwrap_or_default())),
+    }
+}
+
+/// How a number is stored.
+#[derive(Clone, Copy)]
+struct Number {
+    big_endian: bool,
+    kind: char,
+    size: usize,
+}
+
+impl Number {
+    /// Of `'<f8', …`.
+    fn of(text: &str) -> Result<Self, Problem> {
+        let name = text.trim_start_matches(['\'', '"']).split(['\'', '"']).next().unwrap_or_default();
+        let unknown = || format("numbers (u1 to u8, i1 to i8, f4, f8, b1)", &std::format!("'{name}'"));
+        let mut letters = name.chars();
+        let big_endian = match letters.next() {
+            Some('<' | '|') => false,
+            Some('=') => cfg!(target_endian = "big"),
+            Some('>') => true,
+            _ => return Err(unknown()),
+        };
+        match (letters.next(), letters.as_str().parse()) {
+            (Some(kind @ ('u' | 'i')), Ok(size @ (1 | 2 | 4 | 8)))
+            | (Some(kind @ 'f'), Ok(size @ (4 | 8)))
+            | (Some(kind @ 'b'), Ok(size @ 1)) => Ok(Self { big_endian, kind, size }),
+            _ => Err(unknown()),
+        }
+    }
+
+    /// One number of `size` bytes.
+    fn read(&self, bytes: &[u8]) -> f64 {
+        let mut whole = [0; 8];
+        whole[..self.size].copy_from_slice(bytes);
+        if self.big_endian {
+            whole[..self.size].reverse();
+        }
+        let bits = u64::from_le_bytes(whole);
+        let unused = 64 - 8 * self.size as u32;
+        match (self.kind, self.size) {
+            ('f', 4) => f64::from(f32::from_bits(bits as u32)),
+            ('f', _) => f64::from_bits(bits),
+            ('i', _) => ((bits << unused) as i64 >> unused) as f64,
+            _ => bits as f64,
+        }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    fn file(header: &str, data: &[u8]) -> Vec<u8> {
+        let length = (header.len() as u16).to_le_bytes();
+        [MAGIC, &[1, 0], &length, header.as_bytes(), data].concat()
+    }
+
+    #[test]
+    fn both_orders_and_both_ends_read_the_same() {
+        let c = file(
+            "{'descr': '<i2', 'fortran_order': False, 'shape': (2, 3), }  \n",
+            &[1, 0, 2, 0, 3, 0, 255, 255, 5, 0, 6, 0],
+        );
+        let fortran = file(
+            "{'descr': '>i2', 'fortran_order': True, 'shape': (2, 3), }\n",
+            &[0, 1, 255, 255, 0, 2, 0, 5, 0, 3, 0, 6],
+        );
+        let expected = [vec![1., 2., 3.], vec![-1., 5., 6.]];
+        assert_eq!(parse(&c).unwrap(), expected);
+        assert_eq!(parse(&fortran).unwrap(), expected);
+    }
+
+    #[test]
+    fn one_dimension_is_one_waveform() {
+        let data: Vec<u8> = [1.5f64, -2.0].iter().flat_map(|v| v.to_le_bytes()).collect();
+        assert_eq!(
+            parse(&file("{'descr': '<f8', 'fortran_order': False, 'shape': (2,), }", &data)).unwrap(),
+            [[1.5, -2.0]]
+        );
+        assert_eq!(
+            parse(&file("{'shape': (1,), 'descr': \"|u1\", 'fortran_order': False}", &[200])).unwrap(),
+            [[200.0]]
+        );
+    }
+
+    #[test]
+    fn a_number_that_is_not_finite_is_told_by_its_place() {
+        let data: Vec<u8> = [1f32, 2., 3., f32::NAN].iter().flat_map(|v| v.to_le_bytes()).collect();
+        let file = file("{'descr': '<f4', 'fortran_order': False, 'shape': (2, 2), }", &data);
+        assert_eq!(parse(&file), Err(Problem::Cell(2, 2, "NaN".into(), "")));
+    }
+
+    #[test]
+    fn what_is_no_array_of_waveforms_is_said() {
+        let table = [
+            (
+                file("{'descr': '<f8', 'fortran_order': False, 'shape': (2,), }", &[0; 15]),
+                "1 × 2 numbers of 8 bytes, found 15 bytes",
+            ),
+            (
+                file("{'descr': '<f8', 'fortran_order': False, 'shape': (), }", &[0; 8]),
+                "one or two dimensions, found 0",
+            ),
+            (
+                file("{'descr': '<f8', 'fortran_order': False, 'shape': (1, 1, 1), }", &[0; 8]),
+                "one or two dimensions, found 3",
+            ),
+            (file("{'descr': '<c8', 'fortran_order': False, 'shape': (1,), }", &[0; 8]), "found '<c8'"),
+            (file("{'descr': [('a', '<f4')], 'fortran_order': False, 'shape': (1,), }", &[0; 4]), "found '[('"),
+            (
+                file("{'descr': '<f4', 'fortran_order': False, 'shape': (99999999999, 99999999999), }", &[0; 4]),
+                "numbers of 4 bytes",
+            ),
+            (
+                file("{'descr': '<f8', 'fortran_order': False, 'shape': (99999999999, 0), }", &[]),
+                "a number or more a row, found 99999999999 × 0",
+            ),
+            (file("{'descr': '<f8', 'fortran_order': False, 'shape': (0,), }", &[]), "found 1 × 0"),
+            (file("{}", &[]), "a shape"),
+            (MAGIC.to_vec(), "a header that ends within the file"),
+        ];
+        for (bytes, part) in table {
+            let Err(Problem::Format(problem)) = parse(&bytes) else { panic!("{part}") };
+            assert!(problem.contains(part), "{problem}");
+        }
+    }
+}

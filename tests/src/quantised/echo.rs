@@ -1,0 +1,40 @@
+//! Wire units.
+
+use super::numbers::{floor_of, nearest, nearest_ratio, product, two_to};
+use super::refine::LOW_CONFIDENCE;
+use super::{Echo, Refined, Threshold, Twin};
+
+fn in_u16(value: f64) -> f64 {
+    value.clamp(0.0, 65_535.0)
+}
+
+impl Twin {
+    /// A refined peak in wire units; none before range 0.
+    pub fn echo(&self, refined: &Refined, threshold: &Threshold) -> Option<Echo> {
+        // time · step may take 61 bits: whole samples and the fraction apart, and floors of floors
+        let samples = (refined.time / two_to(16)).floor();
+        let fraction = refined.time - samples * two_to(16);
+        let along = samples * self.range_step + (fraction * self.range_step / two_to(16)).floor();
+        let range = self.range_origin + nearest(along / two_to(16));
+        if !(0.0..two_to(32)).contains(&range) {
+            return None;
+        }
+        let height = refined.height.max(0.0);
+        let low = if height < 1.25 * threshold.level { LOW_CONFIDENCE } else { 0 };
+        Some(Echo {
+            range,
+            amplitude: in_u16(self.amplitude(height)),
+            width: in_u16(nearest_ratio(refined.width * self.period_fs, 1e6 * two_to(12))),
+            snr: in_u16((height * two_to(12) / threshold.sigma.max(1.0)).floor()),
+            deviation: in_u16(floor_of(refined.sigma, (self.range_step / two_to(8)).floor(), two_to(24))),
+            reflectivity: self.reflectivity(refined.amplitude, (range / two_to(8)).floor()),
+            flags: refined.flags | low,
+        })
+    }
+
+    /// A R² / (U P G), U6.10.
+    fn reflectivity(&self, amplitude: f64, range_mm: f64) -> f64 {
+        let light = (product(range_mm, range_mm) * amplitude.clamp(0.0, two_to(25)) as u128).min(u64::MAX.into());
+        in_u16(((light * u128::from(self.reflectivity_scale) + (1 << 63)) >> 64) as f64)
+    }
+}

@@ -1,0 +1,52 @@
+//! Baseline, filter and threshold.
+
+use super::numbers::{nearest, two_to};
+use super::{Statistics, Threshold, Twin};
+
+/// Q1.15 holds no more.
+pub fn saturated(value: f64) -> f64 {
+    value.clamp(-32_768.0, 32_767.0)
+}
+
+/// Σ h[k] x[n + k − K], x = 0 outside.
+pub fn correlate(taps: &[f64], x: &[f64]) -> Vec<f64> {
+    let half = taps.len() / 2;
+    let mut padded = vec![0.0; half];
+    padded.extend(x);
+    padded.extend(vec![0.0; half]);
+    let sum = |window: &[f64]| window.iter().zip(taps).map(|(x, h)| x * h).sum::<f64>();
+    padded.windows(taps.len()).map(sum).collect()
+}
+
+impl Twin {
+    /// x, Q1.15.
+    pub fn baseline(&self, codes: &[u16], ambient: f64) -> Vec<f64> {
+        let ambient = saturated(ambient);
+        let fraction = |&code: &u16| f64::from(code).min(self.clip_code) * self.code;
+        codes.iter().map(|code| saturated(fraction(code) - ambient)).collect()
+    }
+
+    /// y, Q1.15: as long as x.
+    pub fn filter(&self, x: &[f64]) -> Vec<f64> {
+        let round = |sum: &f64| saturated(nearest(sum / two_to(15)));
+        self.sums(x).iter().map(round).collect()
+    }
+
+    /// f, Q9.23: as long as x.
+    pub fn exact(&self, x: &[f64]) -> Vec<f64> {
+        self.sums(x).iter().map(|sum| nearest(sum / two_to(7))).collect()
+    }
+
+    /// The filter's sums, Q2.30.
+    fn sums(&self, x: &[f64]) -> Vec<f64> {
+        correlate(&self.taps, x)
+    }
+
+    /// σ_y and T.
+    pub fn threshold(&self, statistics: &Statistics) -> Threshold {
+        let sigma = nearest(statistics.sigma * self.noise_gain / two_to(15));
+        let by_noise = nearest(sigma * self.snr_threshold / two_to(12));
+        let level = by_noise.max(self.floor).clamp(1.0, 32_767.0);
+        Threshold { sigma, level, ambient: saturated(statistics.ambient) }
+    }
+}

@@ -1,0 +1,268 @@
+//! Sub-sample time, height, width, amplitude and σ of a peak.
+
+use echoloop_dsp::settings::{TIMING_CFD, TIMING_RISING_EDGE, TIMING_WALK_CORRECTED};
+
+use super::edges::Clipped;
+use super::filter::correlate;
+use super::noise::Noise;
+use super::numbers::{nearest, nearest_ratio, product, two_to};
+use super::peaks::hysteresis;
+use super::{Peak, Refined, Threshold, Twin};
+
+/// Bits of an echo's flags, as the wire has them.
+pub(super) const SATURATED: u8 = 1;
+const MERGED: u8 = 2;
+pub(super) const LOW_CONFIDENCE: u8 = 4;
+const WALK_CORRECTED: u8 = 8;
+const TRUNCATED: u8 = 16;
+
+/// A waveform in its four forms, all as long.
+#[derive(Clone, Copy, Debug)]
+pub struct Waveform<'a> {
+    /// Codes.
+    pub codes: &'a [u16],
+    /// Q1.15.
+    pub x: &'a [f64],
+    /// Q1.15.
+    pub y: &'a [f64],
+    /// Q9.23.
+    pub f: &'a [f64],
+}
+
+/// Where a side of a peak ends: its distance (Q16.16) and why.
+#[derive(Clone, Copy, Debug)]
+struct End {
+    distance: f64,
+    flag: u8,
+}
+
+/// The parabola's top: its time (Q16.16) with and without the bias of interpolation, its height (Q1.15).
+struct Vertex {
+    time: f64,
+    unbiased: f64,
+    height: f64,
+}
+
+const SAMPLE: f64 = 65_536.0;
+
+/// The greatest σ there is.
+const MOST: f64 = 4_294_967_295.0;
+
+impl Refined {
+    fn bounded(self) -> Self {
+        Self { sigma: self.sigma.min(MOST), ..self }
+    }
+}
+
+impl Twin {
+    /// One peak by the timing method that is set.
+    pub fn refine(&self, wave: &Waveform<'_>, peak: Peak, threshold: &Threshold, noise: &Noise) -> Refined {
+        let half = (peak.height / 2.0).floor();
+        let left = falling(wave.y[..peak.index].iter().rev(), peak.height, half, threshold.level);
+        let right = falling(wave.y[peak.index + 1..].iter(), peak.height, half, threshold.level);
+        let vertex = self.vertex(wave.f, self.summit(wave.f, peak.index));
+        let amplitude = self.amplitude(vertex.height).max(1.0);
+        let run = self.clipped_run(wave.codes, peak.index);
+        let top = Refined {
+            time: vertex.time,
+            height: vertex.height,
+            width: left.distance + right.distance,
+            amplitude,
+            sigma: self.sigma_of_top(amplitude, noise),
+            flags: left.flag | right.flag | if run.is_some() { SATURATED } else { 0 },
+        };
+        let refined = match (self.timing, run) {
+            (TIMING_WALK_CORRECTED, None) => Refined { time: vertex.unbiased, ..top },
+            (TIMING_WALK_CORRECTED, Some((first, last))) => {
+                let level = (self.clip_code * self.code - threshold.ambient).max(1.0);
+                let clipped = Clipped { pulse: &self.pulse, x: wave.x, level, first, last, noise: *noise };
+                let middle = ((2.0 * peak.index as f64 * SAMPLE + right.distance - left.distance) / 2.0).floor();
+                let fitted = match clipped.fit() {
+                    Some(e) => Refined { time: e.time, amplitude: e.amplitude, sigma: e.sigma, ..top },
+                    None => Refined { time: middle, ..top },
+                };
+                Refined { flags: fitted.flags | WALK_CORRECTED, ..fitted }
+            }
+            (TIMING_CFD, _) => self.to_edge(wave, peak, vertex.height * two_to(7), threshold.level, noise, top),
+            (TIMING_RISING_EDGE, _) => {
+                self.to_edge(wave, peak, threshold.level * two_to(8), threshold.level, noise, top)
+            }
+            _ => top,
+        };
+        let walks = run.is_some() && self.timing != TIMING_WALK_CORRECTED;
+        let unknown = walks || refined.flags & TRUNCATED != 0;
+        Refined { sigma: if unknown { MOST } else { refined.sigma }, ..refined }
+    }
+
+    /// Wider than one echo, or merged with a neighbour.
+    pub(super) fn is_broad(&self, y: &[f64], peak: Peak, threshold: f64) -> bool {
+        let half = (peak.height / 2.0).floor();
+        let ends = [
+            falling(y[..peak.index].iter().rev(), peak.height, half, threshold),
+            falling(y[peak.index + 1..].iter(), peak.height, half, threshold),
+        ];
+        ends.iter().any(|end| end.flag == MERGED) || ends[0].distance + ends[1].distance > self.broad
+    }
+
+    /// A peak that another hid, timed behind the sharper filter.
+    pub fn sharpen(&self, x: &[f64], peak: Peak, refined: Refined) -> Refined {
+        let Some(sharpener) = &self.sharpener else { return refined };
+        let f: Vec<f64> = correlate(&sharpener.taps, x).iter().map(|sum| nearest(sum / two_to(7))).collect();
+        let flags = refined.flags | MERGED;
+        let time = match refined.flags & SATURATED {
+            0 => self.vertex(&f, self.summit(&f, peak.index)).time,
+            _ => refined.time,
+        };
+        let overlap = (self.pulse.width / 32.0).floor();
+        Refined { time, flags, sigma: (2.0 * refined.sigma).min(MOST) + overlap, ..refined }.bounded()
+    }
+
+    /// Amplitude of a height, both Q1.15.
+    pub(super) fn amplitude(&self, height: f64) -> f64 {
+        nearest(height * self.inverse_gain / two_to(14))
+    }
+
+    fn sigma_of_top(&self, amplitude: f64, noise: &Noise) -> f64 {
+        // Q16.16 · Q13.19 over Q1.15
+        let scaled = product(self.timing_gain, noise.with(amplitude, self.shot_share));
+        ((scaled / 16 / amplitude as u128) as f64).min(two_to(32) - 1.0)
+    }
+
+    /// With the time of where `f` rises to a level (Q9.23).
+    fn to_edge(
+        &self,
+        wave: &Waveform<'_>,
+        peak: Peak,
+        level: f64,
+        threshold: f64,
+        noise: &Noise,
+        top: Refined,
+    ) -> Refined {
+        let coarse = nearest(level / two_to(8)).min(peak.height);
+        let end = falling(wave.y[..peak.index].iter().rev(), peak.height, coarse, threshold);
+        let flags = top.flags | end.flag;
+        if end.flag != 0 {
+            let time = peak.index as f64 * SAMPLE - end.distance + self.timing_offset;
+            return Refined { time, flags, ..top };
+        }
+        let above = peak.index - (end.distance / SAMPLE).floor() as usize;
+        let (low, high) = (wave.f[above - 1], wave.f[above]);
+        let rise = (high - low).max(1.0);
+        let fraction = ((level - low) * SAMPLE / rise).floor().clamp(0.0, SAMPLE);
+        let time = (above - 1) as f64 * SAMPLE + fraction + self.timing_offset;
+        let sigma = match self.timing {
+            TIMING_CFD => top.sigma,
+            _ => {
+                let at_level = noise.of(self.amplitude(nearest(level / two_to(8))));
+                let filtered = product(at_level, self.noise_gain) >> 15;
+                // Q13.19 over Q9.23 a sample
+                (((filtered << 20) / rise as u128) as f64).min(two_to(32) - 1.0)
+            }
+        };
+        Refined { time, flags, sigma, ..top }
+    }
+
+    /// The clipped samples around the nearest clipped one, of two as near the earlier.
+    pub(super) fn clipped_run(&self, codes: &[u16], index: usize) -> Option<(usize, usize)> {
+        let clipped = |n: usize| f64::from(codes[n]) >= self.clip_code;
+        let near = (0..codes.len()).filter(|&n| clipped(n) && n.abs_diff(index) <= self.reach.div_ceil(2));
+        let nearest = near.min_by_key(|n| n.abs_diff(index))?; // of equals the first
+        let first = (0..nearest).rfind(|&n| !clipped(n)).map_or(0, |n| n + 1);
+        let last = (nearest..codes.len()).find(|&n| !clipped(n)).unwrap_or(codes.len()) - 1;
+        Some((first, last))
+    }
+
+    /// The end of a rising run of f, K samples later at most.
+    fn summit(&self, f: &[f64], index: usize) -> usize {
+        let rises = |n: &usize| f.get(n + 1).copied().unwrap_or(0.0) > f.get(*n).copied().unwrap_or(0.0);
+        index + (index..index + self.reach).take_while(rises).count()
+    }
+
+    fn vertex(&self, f: &[f64], index: usize) -> Vertex {
+        let o = self.upsampling as i64;
+        let z = |j: i64| interpolate(f, index, j, o);
+        let mut offsets: Vec<i64> = (-o..=o).collect();
+        if o == 1 {
+            offsets = vec![0];
+        }
+        offsets.sort_by_key(|&j| j != 0); // stable: the sample itself wins ties, then the earliest
+        let top = offsets.iter().map(|&j| z(j)).fold(f64::MIN, f64::max);
+        let j = offsets.into_iter().find(|&j| z(j) == top).unwrap_or(0);
+        let (before, after) = (z(j - 1), z(j + 1));
+        let slope = before - after;
+        let curvature = before - 2.0 * top + after;
+        let delta = nearest_ratio(slope * two_to(15), curvature).clamp(-32_768.0, 32_768.0);
+        let time = |delta: f64| index as f64 * SAMPLE + nearest((j as f64 * SAMPLE + delta) / o as f64);
+        // Q16.16 · Q32.32
+        let cubic = (delta * (two_to(32) - 4.0 * delta * delta) / two_to(32)).floor();
+        let height = top - nearest(slope * delta / two_to(18));
+        Vertex {
+            time: time(delta),
+            unbiased: time(delta - nearest(self.timing_bias * cubic / two_to(15))),
+            height: nearest(height / two_to(8)),
+        }
+    }
+}
+
+/// The Lagrange polynomial through samples −3..=4 at `t` in 0..1: its eight weights.
+pub fn lagrange(t: f64) -> [f64; 8] {
+    std::array::from_fn(|k| {
+        let node = k as f64 - 3.0;
+        (-3..=4).map(f64::from).filter(|&other| other != node).map(|other| (t - other) / (node - other)).product()
+    })
+}
+
+/// As [`lagrange`], in Q1.15: each to the nearest, then the one nearest to `t` takes what is missing from 2¹⁵.
+pub fn rounded_lagrange(t: f64) -> [f64; 8] {
+    let mut weights = lagrange(t).map(|w| (w * two_to(15)).round());
+    let closest = if t <= 0.5 { 3 } else { 4 };
+    weights[closest] += two_to(15) - weights.iter().sum::<f64>();
+    weights
+}
+
+/// y at `index + j/o`, Q9.23; zero outside.
+fn interpolate(f: &[f64], index: usize, j: i64, o: i64) -> f64 {
+    let whole = index as i64 + j.div_euclid(o);
+    let phase = j.rem_euclid(o);
+    let at = |n: i64| if (0..f.len() as i64).contains(&n) { f[n as usize] } else { 0.0 };
+    if phase == 0 {
+        return at(whole);
+    }
+    let weights = rounded_lagrange(phase as f64 / o as f64);
+    let sum: f64 = weights.iter().zip(-3..).map(|(weight, k)| weight * at(whole + k)).sum();
+    nearest(sum / two_to(15))
+}
+
+/// Distance from a peak to where the samples beside it, nearest first, fall below `level`; or to the valley before they rise
+/// by more than the hysteresis; or to the end of the waveform.
+fn falling<'a>(outwards: impl Iterator<Item = &'a f64>, height: f64, level: f64, threshold: f64) -> End {
+    let rise = hysteresis(height, threshold);
+    let mut walked = vec![height];
+    for &value in outwards {
+        let inner = walked[walked.len() - 1];
+        if value < level {
+            let fraction = ((inner - level) * SAMPLE / (inner - value)).floor();
+            return End { distance: (walked.len() - 1) as f64 * SAMPLE + fraction, flag: 0 };
+        }
+        let lowest = walked.iter().copied().fold(f64::MAX, f64::min);
+        if value > lowest + rise {
+            let valley = walked.iter().position(|&v| v == lowest).unwrap_or(0);
+            return End { distance: valley as f64 * SAMPLE, flag: MERGED };
+        }
+        walked.push(value);
+    }
+    End { distance: (walked.len() - 1) as f64 * SAMPLE, flag: TRUNCATED }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use echoloop_dsp::refine;
+
+    #[test]
+    fn the_interpolation_table_is_the_rounded_lagrange_polynomial() {
+        for (row, taps) in refine::LAGRANGE.iter().enumerate() {
+            assert_eq!(taps.map(f64::from), rounded_lagrange((row + 1) as f64 / 8.0), "row {row}");
+        }
+    }
+}

@@ -1,0 +1,67 @@
+//! Order statistics by sorting, and the ambient.
+
+use echoloop_dsp::MAX_SAMPLES;
+use echoloop_dsp::settings::{AMBIENT_NONE, AMBIENT_PRE_TRIGGER};
+
+use super::numbers::{nearest, two_to};
+use super::{Statistics, Twin};
+
+impl Twin {
+    /// Median and MAD, by sorting.
+    pub fn statistics(&self, codes: &[u16]) -> Statistics {
+        let values: Vec<f64> = codes.iter().take(MAX_SAMPLES).map(|&c| f64::from(c)).collect();
+        if values.is_empty() {
+            return Statistics { median: 0.0, deviation: 0.0, ambient: 0.0, sigma: 0.0 };
+        }
+        let half = values.len() as f64 / 2.0;
+        let of_codes = Order::of(values.clone());
+        let of_deviations = Order::of(values.iter().map(|v| (v - of_codes.middle).abs()).collect());
+        // v − ½ + (N/2 − below)/at in LSB of which a code has `lsb`, the quotient rounded down
+        let grouped =
+            |order: &Order, lsb: f64| (order.middle - 0.5) * lsb + ((half - order.below) * lsb / order.at).floor();
+        let fine = self.code * two_to(4);
+        let mad = if of_deviations.middle == 0.0 {
+            (half * fine / (2.0 * of_deviations.at)).floor()
+        } else {
+            grouped(&of_deviations, fine)
+        };
+        Statistics {
+            median: of_codes.middle,
+            deviation: of_deviations.middle,
+            ambient: grouped(&of_codes, self.code),
+            sigma: nearest(mad * nearest(1.4826 * two_to(14)) / two_to(14)),
+        }
+    }
+
+    /// With the ambient of the estimator that is set; `before` are the codes before the trigger.
+    pub fn with_ambient(&self, statistics: Statistics, before: &[u16]) -> Statistics {
+        let sum: f64 = before.iter().map(|&code| f64::from(code)).sum();
+        let ambient = match self.ambient {
+            AMBIENT_PRE_TRIGGER if !before.is_empty() => (sum * self.code / before.len() as f64).floor(),
+            AMBIENT_NONE => 0.0,
+            _ => statistics.ambient,
+        };
+        Statistics { ambient, ..statistics }
+    }
+}
+
+/// The middle of sorted values, and how many lie below it and at it.
+pub struct Order {
+    /// The smallest value with at least half of all at or below it.
+    pub middle: f64,
+    /// Values below.
+    pub below: f64,
+    /// Values equal.
+    pub at: f64,
+}
+
+impl Order {
+    /// Of at least one value.
+    pub fn of(mut values: Vec<f64>) -> Self {
+        values.sort_by(f64::total_cmp);
+        let middle = values[values.len().div_ceil(2) - 1];
+        let below = values.iter().filter(|&&v| v < middle).count() as f64;
+        let at = values.iter().filter(|&&v| v == middle).count() as f64;
+        Self { middle, below, at }
+    }
+}

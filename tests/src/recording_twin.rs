@@ -1,0 +1,428 @@
+//! The twin of `recording`: from its tables, in `f64`, compared with `==`.
+//!
+//! Sums stay below 2⁵³ on the waveforms of the tests, so every number is exact.
+
+use echoloop_dsp::recording::components::SWEEPS;
+use echoloop_dsp::recording::gaussian::TABLE;
+use echoloop_dsp::recording::scale::WIDTHS;
+use echoloop_dsp::recording::{Pulse, Recorded, SHARPNESS, Search};
+use echoloop_dsp::template::Template;
+
+use crate::quantised::{Peak, nearest};
+use crate::split_twin::{Sharpener, crests};
+
+const SATURATED: u8 = 1;
+const MERGED: u8 = 2;
+const LOW_CONFIDENCE: u8 = 4;
+const TRUNCATED: u8 = 16;
+
+/// An echo, as of `Recorded`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(missing_docs, reason = "each is the field of Recorded of that name")]
+pub struct Echo {
+    pub time: f64,
+    pub amplitude: f64,
+    pub width: f64,
+    pub snr: f64,
+    pub flags: u8,
+    pub crest: f64,
+    pub centre: f64,
+}
+
+impl From<Recorded> for Echo {
+    fn from(r: Recorded) -> Self {
+        Self {
+            time: r.time as f64,
+            amplitude: r.amplitude as f64,
+            width: r.width as f64,
+            snr: r.snr.into(),
+            flags: r.flags.0,
+            crest: r.crest as f64,
+            centre: r.centre as f64,
+        }
+    }
+}
+
+fn q16(samples: f64) -> f64 {
+    samples * 65_536.0
+}
+
+/// To the nearest integer, ties up, of a quotient; of zero over zero, zero.
+fn quotient(numerator: f64, denominator: f64) -> f64 {
+    if denominator == 0.0 { 0.0 } else { ((2.0 * numerator + denominator) / (2.0 * denominator)).floor() }
+}
+
+/// The value of rank ⌈N/2⌉, how many lie below it and how many on it.
+fn middle(values: &[f64]) -> (f64, f64, f64) {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let middle = sorted[sorted.len().div_ceil(2) - 1];
+    let count = |pick: fn(f64, f64) -> bool| values.iter().filter(|&&v| pick(v, middle)).count() as f64;
+    (middle, count(|v, m| v < m), count(|v, m| v == m))
+}
+
+/// Ambient (Q1.15) and noise (Q13.19).
+fn rest(codes: &[f64], code: f64) -> (f64, f64) {
+    let differences: Vec<f64> = codes.windows(3).map(|w| w[0] - 2.0 * w[1] + w[2]).collect();
+    let median = middle(&differences).0;
+    let deviations: Vec<f64> = differences.iter().map(|d| (d - median).abs()).collect();
+    let (deviation, below, at) = middle(&deviations);
+    let (half, fine) = (deviations.len() as f64 / 2.0, code * 16.0);
+    let mad = match deviation {
+        0.0 => (half * fine / (2.0 * at)).floor(),
+        _ => (deviation - 0.5) * fine + ((half - below) * fine / at).floor(),
+    };
+    let of_differences = nearest(mad * 24_291.0 / 16_384.0);
+    let quantisation = nearest(9_459.0 * 16.0 * code / 32_768.0);
+    let mut order = deviations.clone();
+    order.sort_by(f64::total_cmp);
+    let by_quarter = match order.len() {
+        48.. => f64::INFINITY,
+        n => nearest(order[(n - 1) / 4] * fine * 83_977.0 / 65_536.0),
+    };
+    let sigma = nearest(of_differences * 26_755.0 / 65_536.0).min(by_quarter).max(quantisation);
+    let mut order = codes.to_vec();
+    order.sort_by(f64::total_cmp);
+    let one_sigma = nearest(sigma / 16.0);
+    let mut foot = order[(order.len() - 1) / 20] * code + nearest(sigma * 1_684.0 / 16_384.0);
+    let mut dense: Option<(f64, f64)> = None;
+    for (&a, &b) in order.iter().zip(&order[order.len() / 6..]) {
+        let is_low = 2.0 * b <= order[0] + order[order.len() - 1];
+        if is_low && dense.is_none_or(|(lower, upper)| b - a < upper - lower) {
+            dense = Some((a, b));
+        }
+    }
+    if let Some((a, b)) = dense.filter(|(a, b)| (b - a) * code <= (2.0 * one_sigma).max(code)) {
+        foot = foot.max((a + b) * code / 2.0 - one_sigma);
+    }
+    let (v, below, at) = middle(codes);
+    let median = (v - 0.5) * code + ((codes.len() as f64 - 2.0 * below) * code / (2.0 * at)).floor();
+    let ambient = if median <= foot + one_sigma { median } else { foot };
+    (ambient.min(32_767.0), sigma)
+}
+
+/// A waveform through symmetric taps, its ends repeated.
+fn filtered(taps: &[f64], x: &[f64]) -> Vec<f64> {
+    let sharpener = Sharpener { taps: taps.to_vec(), lag: 1, noise_gain: 0.0 };
+    sharpener.sharpened(x, |n| if n < 0 { x[0] } else { x[x.len() - 1] })
+}
+
+fn taps(template: &Template) -> Vec<f64> {
+    template.taps().iter().map(|&h| f64::from(h)).collect()
+}
+
+fn highest(values: &[f64]) -> f64 {
+    values.iter().copied().fold(f64::NEG_INFINITY, f64::max)
+}
+
+/// Width of the pulse, samples, and the index of the view's filter.
+fn scale(bank: &[Template], x: &[f64], sigma: f64, pulse: Option<f64>) -> (f64, usize) {
+    let gain = |t: &Template| f64::from(t.noise_gain());
+    let pulse = pulse.unwrap_or_else(|| {
+        let fits = |&&width: &&u32| width == 2 || 2 * width as usize <= x.len();
+        let widths: Vec<u32> = WIDTHS.iter().take_while(fits).copied().collect();
+        let tops: Vec<f64> = widths.iter().zip(bank).map(|(_, t)| highest(&filtered(&taps(t), x))).collect();
+        let mut best = 0;
+        for i in 1..widths.len() {
+            if tops[i] * gain(&bank[best]) > tops[best] * gain(&bank[i]) {
+                best = i;
+            }
+        }
+        let nearly = |&i: &usize| 32.0 * tops[i] * gain(&bank[best]) >= 31.0 * tops[best] * gain(&bank[i]);
+        f64::from((0..widths.len()).find(nearly).map_or(2, |i| widths[i]))
+    });
+    let factor = (8.0 * pulse).max(100.0);
+    let quiet = |t: &Template| factor * nearest(sigma * gain(t) / 32_768.0) <= 16.0 * highest(x);
+    let view = (0..WIDTHS.len()).find(|&i| f64::from(WIDTHS[i]) >= pulse || quiet(&bank[i]));
+    (pulse, view.unwrap_or(WIDTHS.len() - 1))
+}
+
+/// g at a distance, both as of `Gaussian`.
+fn gaussian(sigma: f64, distance: f64) -> f64 {
+    let inverse = (536_870_912.0 / sigma).floor();
+    let z = (distance.abs() * inverse / 65_536.0).floor();
+    let j = (z / 256.0).floor();
+    if j + 1.0 >= TABLE.len() as f64 {
+        return 0.0;
+    }
+    let (here, next) = (f64::from(TABLE[j as usize]), f64::from(TABLE[j as usize + 1]));
+    here + (((next - here) * (z - 256.0 * j) + 128.0) / 256.0).floor()
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Component {
+    time: f64,
+    height: f64,
+    sigma: f64,
+}
+
+impl Component {
+    fn distance(&self, n: usize) -> f64 {
+        ((q16(n as f64) - self.time) / 256.0).floor()
+    }
+
+    /// Samples within 4.5 σ.
+    fn span(&self, samples: usize) -> std::ops::Range<usize> {
+        let (centre, reach) = ((self.time / 256.0).floor(), (4.5 * self.sigma).floor());
+        let first = ((centre - reach) / 256.0).floor().max(0.0) as usize;
+        let last = ((centre + reach) / 256.0).floor().max(0.0) as usize + 1;
+        first.min(samples)..last.min(samples)
+    }
+
+    fn part(&self, n: usize, samples: usize) -> f64 {
+        if !self.span(samples).contains(&n) {
+            return 0.0;
+        }
+        nearest(self.height * gaussian(self.sigma, self.distance(n)) / 32_768.0)
+    }
+}
+
+const MIN_SIGMA: f64 = 205.0;
+const MAX_SIGMA: f64 = 16_384.0;
+
+fn foot<'a>(height: f64, side: impl Iterator<Item = &'a f64>) -> f64 {
+    let mut last = height;
+    let mut count = 1.0;
+    for &x in side {
+        if 2.0 * x <= height || 50.0 * (x - last) > height {
+            break;
+        }
+        (last, count) = (x, count + 1.0);
+    }
+    count
+}
+
+fn fit(x: &[f64], peaks: &[Peak]) -> Vec<Component> {
+    let first = |peak: &Peak| {
+        let height = x[peak.index].max(1.0);
+        let width = foot(height, x[..peak.index].iter().rev()).min(foot(height, x[peak.index + 1..].iter()));
+        let sigma = (217.0 * width).max(256.0).clamp(MIN_SIGMA, MAX_SIGMA);
+        Component { time: q16(peak.index as f64), height, sigma }
+    };
+    let mut all: Vec<Component> = peaks.iter().map(first).collect();
+    for _ in 0..SWEEPS {
+        let mut moved = false;
+        for k in 0..all.len() {
+            let before = all[k];
+            let left = |n: usize, all: &[Component]| {
+                let others = all.iter().enumerate().filter(|&(j, _)| j != k);
+                x[n] - others.map(|(_, c)| c.part(n, x.len())).sum::<f64>()
+            };
+            let (mut s0, mut s1, mut s2) = (0.0, 0.0, 0.0);
+            for n in before.span(x.len()) {
+                let d = before.distance(n);
+                let w = nearest(left(n, &all) * gaussian(before.sigma, d) / 32_768.0);
+                (s0, s1, s2) = (s0 + w, s1 + w * d, s2 + w * (d * d / 256.0).floor());
+            }
+            if s0 <= 0.0 {
+                continue;
+            }
+            let step = quotient(512.0 * s1, s0).clamp(-128.0 * before.sigma, 128.0 * before.sigma);
+            all[k].time = (before.time + step).clamp(0.0, q16(x.len() as f64 - 1.0));
+            all[k].sigma = next_sigma(before.sigma, quotient(s2, s0));
+            let after = all[k];
+            let (mut rg, mut gg) = (0.0, 0.0);
+            for n in after.span(x.len()) {
+                let g = gaussian(after.sigma, after.distance(n));
+                (rg, gg) = (rg + left(n, &all) * g, gg + nearest(g * g / 32_768.0));
+            }
+            all[k].height = quotient(rg, gg).clamp(0.0, 65_536.0);
+            moved |= step.abs() >= 256.0 || after.sigma != before.sigma;
+        }
+        if !moved {
+            break;
+        }
+    }
+    all
+}
+
+fn next_sigma(sigma: f64, v: f64) -> f64 {
+    let square = (sigma * sigma / 256.0).floor();
+    let rest = square - v;
+    let next = match rest <= 16.0 {
+        true => (sigma * 333.0 / 256.0).floor(),
+        false => (256.0 * quotient(v.max(0.0) * square, rest)).sqrt().floor(),
+    };
+    let (least, most) = ((sigma * 179.0 / 256.0).floor(), (sigma * 358.0 / 256.0).floor());
+    next.clamp(least, most).clamp(MIN_SIGMA, MAX_SIGMA)
+}
+
+struct Crest {
+    time: f64,
+    first: usize,
+    height: f64,
+    flat: bool,
+    inside: bool,
+}
+
+fn climb(y: &[f64], start: usize, reach: usize, flat: f64) -> Crest {
+    let at = |i: i64| usize::try_from(i).ok().and_then(|i| y.get(i)).copied().unwrap_or(f64::NEG_INFINITY);
+    let mut i = start as i64;
+    for _ in 0..reach {
+        let (before, after) = (at(i - 1), at(i + 1));
+        if before.max(after) <= at(i) {
+            break;
+        }
+        i += if before >= after { -1 } else { 1 };
+    }
+    let height = at(i);
+    let (mut a, mut b) = (i, i);
+    while at(a - 1) == height {
+        a -= 1;
+    }
+    while at(b + 1) == height {
+        b += 1;
+    }
+    let inner = a > 0 && (b as usize) + 1 < y.len();
+    let length = (b - a + 1) as f64;
+    let drop = 2.0 * height - at(a - 1) - at(b + 1);
+    let time = match a == b {
+        false => q16((a + b) as f64 / 2.0),
+        true if inner => q16(a as f64) + vertex(at(a - 1), height, at(a + 1)),
+        true => q16(a as f64),
+    };
+    let is_flat = inner && length >= 3.0 && drop * (length - 1.0).powi(2) > 2.0 * flat * (length + 1.0).powi(2);
+    Crest { time, first: a as usize, height, flat: is_flat, inside: inner }
+}
+
+fn vertex(before: f64, here: f64, after: f64) -> f64 {
+    let (numerator, denominator) = ((before - after) * 32_768.0, before - 2.0 * here + after);
+    let sign = if denominator < 0.0 { -1.0 } else { 1.0 };
+    quotient(sign * numerator, sign * denominator).clamp(-32_768.0, 32_768.0)
+}
+
+/// A crossing of half the height: where, or why there is none.
+fn crossing(y: &[f64], crest: &Crest, grain: f64, direction: i64) -> Result<f64, u8> {
+    let (half, rise) = ((crest.height / 2.0).floor(), grain.max((crest.height / 16.0).floor()));
+    let (mut i, mut valley) = (crest.first as i64, crest.height);
+    loop {
+        let Some(&value) = usize::try_from(i + direction).ok().and_then(|i| y.get(i)) else { return Err(TRUNCATED) };
+        let inner = y[i as usize];
+        if value < half {
+            let fraction = (65_536.0 * (inner - half) / (inner - value)).trunc();
+            return Ok(q16(i as f64) + direction as f64 * fraction);
+        }
+        if value > valley + rise {
+            return Err(MERGED);
+        }
+        (i, valley) = (i + direction, valley.min(value));
+    }
+}
+
+/// All echoes of a record of codes.
+pub fn echoes(codes: &[u16], search: &Search) -> Vec<Echo> {
+    let codes: Vec<f64> = codes.iter().map(|&code| code.into()).collect();
+    if codes.len() < 3 {
+        return Vec::new();
+    }
+    let code = f64::from(1u32 << search.code_shift);
+    let (ambient, sigma) = rest(&codes, code);
+    let x: Vec<f64> = codes.iter().map(|c| c * code - ambient).collect();
+    let bank: Vec<Template> = WIDTHS.iter().map(|&width| Template::sin_squared(width * 1000, 1_000_000)).collect();
+    let known = search.pulse.map(|pulse| nearest(pulse.width as f64 / 65_536.0).clamp(1.0, 63.0));
+    let (pulse, view) = scale(&bank, &x, sigma, known);
+    let narrow = &bank[view];
+    let sharpener = Sharpener::new(narrow, (2.0 * pulse / 3.0).floor().max(1.0) as usize, f64::from(SHARPNESS));
+    let z = filtered(&sharpener.taps, &x);
+    let sigma_z = sharpener.sigma(sigma);
+    let top = highest(&z);
+    let by_noise = nearest(sigma_z * f64::from(search.snr_threshold) / 4_096.0);
+    let level = by_noise.max(nearest(top.max(0.0) * f64::from(search.floor) / 32_768.0)).clamp(1.0, 32_767.0);
+    let least = nearest(sigma_z / 8.0).max((3.0 * top / 512.0).floor());
+    let rise = |z: f64| least.max(if 5.0 * z < top { (5.0 * z / 32.0).floor() } else { 0.0 }).min(65_535.0);
+    let peaks = crests(&z, 0, level, rise);
+    let peaks = without_ringing(&peaks, &z, pulse, search.pulse.as_ref());
+    let is_strong = |peak: &Peak| 5.0 * peak.height >= top;
+    let strong: Vec<Peak> = peaks.iter().copied().filter(is_strong).collect();
+    let mut components = fit(&x, &strong).into_iter();
+    let (y, gain) = match view {
+        0 => (x, 32_768.0),
+        _ => (filtered(&taps(narrow), &x), f64::from(narrow.noise_gain())),
+    };
+    let grain = nearest(sigma * gain / 262_144.0).max(1.0);
+    let y_top = highest(&y);
+    let reach = (pulse / 2.0).floor().max(1.0) as usize;
+    let place = |peak: &Peak| {
+        let component = if is_strong(peak) { components.next() } else { None };
+        let crest = climb(&y, peak.index, reach, grain.max(2.0 * code));
+        if !crest.inside || crest.height <= 0.0 {
+            return None;
+        }
+        let (left, right) = (crossing(&y, &crest, grain, -1), crossing(&y, &crest, grain, 1));
+        let without = component.map_or(q16(pulse), |c| (603.0 * c.sigma / 256.0).floor() * 256.0);
+        let width = match (left, right) {
+            (Ok(left), Ok(right)) => right - left,
+            (Ok(side), Err(_)) | (Err(_), Ok(side)) => 2.0 * (side - crest.time).abs(),
+            (Err(_), Err(_)) => without,
+        };
+        let mut flags = left.err().unwrap_or(0) | right.err().unwrap_or(0);
+        if crest.flat && crest.height == y_top {
+            flags |= SATURATED;
+        }
+        if 4.0 * peak.height < 5.0 * level {
+            flags |= LOW_CONFIDENCE;
+        }
+        let inverse = (536_870_912.0 / f64::from(narrow.peak_gain())).floor().min(65_535.0);
+        let fitted = component.filter(|_| view > 0 && !crest.flat);
+        let lowered = view > 0 && f64::from(WIDTHS[view]) >= pulse;
+        let height = if lowered { nearest(crest.height * inverse / 16_384.0) } else { crest.height };
+        Some(Echo {
+            time: component.filter(|_| !crest.flat && flags & TRUNCATED == 0).map_or(crest.time, |c| {
+                let time = limited(crest.time, &c, (view == 0).then_some(sigma), search.pulse.as_ref());
+                time.clamp(0.0, (codes.len() as f64 - 1.0) * 65_536.0)
+            }),
+            amplitude: fitted.map_or(height, |c| c.height),
+            width: fitted.map_or(width, |c| (603.0 * c.sigma / 256.0).floor() * 256.0),
+            snr: (4_096.0 * peak.height.max(0.0) / sigma_z.max(1.0)).floor(),
+            flags,
+            crest: crest.time,
+            centre: component.map_or(crest.time, |c| c.time),
+        })
+    };
+    strongest(peaks.iter().filter_map(place).collect(), search)
+}
+
+fn limited(crest: f64, component: &Component, noise: Option<f64>, pulse: Option<&Pulse>) -> f64 {
+    let square = (component.sigma * component.sigma / 256.0).floor();
+    let jitter = |noise: f64| quotient(23.0 * noise * square, component.height.max(1.0));
+    let reach = noise.map_or(0.0, |noise| (18.0 * component.sigma - jitter(noise)).max(0.0));
+    let skew = pulse.map_or(0.0, |p| (p.skew as f64).clamp(-(p.width as f64), p.width as f64));
+    crest.clamp(component.time - reach.max(skew + 4_096.0), component.time + reach.max(4_096.0 - skew))
+}
+
+fn without_ringing(peaks: &[Peak], z: &[f64], width: f64, pulse: Option<&Pulse>) -> Vec<Peak> {
+    let mut kept: Vec<Peak> = Vec::new();
+    for peak in peaks {
+        let strong = peaks.iter().rev().find(|b| b.index < peak.index && b.height > 4.0 * peak.height);
+        let swings = strong.is_some_and(|b| {
+            let from = b.index.max(peak.index.saturating_sub(3 * width as usize));
+            4.0 * z[from..peak.index].iter().copied().fold(f64::INFINITY, f64::min) <= -3.0 * peak.height
+        });
+        let mut expected = 0.0;
+        for (pulse, b) in pulse.iter().flat_map(|&p| kept.iter().map(move |b| (p, b))) {
+            for &(ring, height) in &pulse.ringing {
+                if 4.0 * (q16((peak.index - b.index) as f64) - ring as f64).abs() <= pulse.width as f64 {
+                    expected += (b.height * f64::from(height) / 32_768.0).floor();
+                }
+            }
+        }
+        if !swings && 2.0 * peak.height > 3.0 * expected {
+            kept.push(*peak);
+        }
+    }
+    kept
+}
+
+/// Highest first, each at least so far from every higher one.
+fn strongest(mut echoes: Vec<Echo>, search: &Search) -> Vec<Echo> {
+    echoes.sort_by(|a, b| b.amplitude.total_cmp(&a.amplitude).then(a.time.total_cmp(&b.time)));
+    let apart = q16(f64::from(search.min_separation.max(1)));
+    let mut kept: Vec<Echo> = Vec::new();
+    for echo in echoes {
+        if kept.len() < search.echoes && kept.iter().all(|k| (k.time - echo.time).abs() >= apart) {
+            kept.push(echo);
+        }
+    }
+    kept.sort_by(|a, b| a.time.total_cmp(&b.time));
+    kept
+}

@@ -1,0 +1,574 @@
+//! The physical limits that the sensor is held to: physics.md §4 as tests.
+//!
+//! Every figure is a seeded Monte Carlo, so it is the same in every run; "confidence" is three standard errors of what is
+//! measured unless said otherwise. Comments give what the code reaches.
+
+use std::f64::consts::PI;
+
+use echoloop_dsp::config::sample_period_fs;
+use echoloop_dsp::settings::{
+    AMBIENT_NONE, AMBIENT_PRE_TRIGGER, DENOISE_GAUSSIAN, DENOISE_MATCHED, DENOISE_NONE, TIMING_CFD, TIMING_PARABOLA,
+    TIMING_RISING_EDGE, TIMING_WALK_CORRECTED,
+};
+use echoloop_dsp::{Echo, Flags, Hardware, PRE_TRIGGER, Pipeline, Scratch, Settings};
+use echoloop_host::client::{Client, Patience};
+use echoloop_host::frontend::{NoiseKey, Receiver, Shot, WaveformFrontEnd, synthesise};
+use echoloop_host::transport::InProcess;
+use echoloop_sensor::afe::delay_fs;
+use echoloop_sim::board::{Analog, PcSensor, Trigger};
+use echoloop_sim::scanner::{Return, SceneResponse};
+use echoloop_sim::vector;
+use echoloop_tests::vectors::{self, add_echo, digitise, noise};
+use rand::RngExt;
+
+const HALF_GS: i32 = 397;
+const ONE_GS: i32 = 794;
+const TWO_GS: i32 = 1588;
+const THREE_GS: i32 = 2382;
+
+/// c/2, mm per ns.
+const MM_PER_NS: f64 = 149.896_229;
+
+/// White noise only, as the Cramér–Rao bound has it.
+const WHITE: Hardware = Hardware { shot_noise_ppm: 0, ..Hardware::REFERENCE };
+
+fn at_rate(bins: i32) -> Settings {
+    Settings { bins, noise_floor_ppm: 100, ..Settings::default() }
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+/// Around the mean.
+fn spread(values: &[f64]) -> f64 {
+    let mean = mean(values);
+    (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt()
+}
+
+/// Three standard errors of a spread, as a fraction of it.
+fn confidence(values: &[f64]) -> f64 {
+    3.0 / (2.0 * values.len() as f64).sqrt()
+}
+
+/// The upper tail of the normal distribution.
+fn q(x: f64) -> f64 {
+    0.5 * libm::erfc(x / 2f64.sqrt())
+}
+
+/// Echoes of white noise with a pulse in it.
+struct Bench {
+    hardware: Hardware,
+    pipeline: Pipeline,
+    scratch: Scratch,
+    /// W f_s.
+    width: f64,
+    mm_per_sample: f64,
+}
+
+impl Bench {
+    fn new(settings: &Settings, hardware: Hardware) -> Self {
+        let pipeline = Pipeline::new(settings, &hardware).expect("accepted settings");
+        let period_ns = f64::from(pipeline.config().sample_period_fs()) / 1e6;
+        let width = f64::from(settings.pulse_width_ps) / 1e3 / period_ns;
+        Self { hardware, pipeline, scratch: Scratch::new(), width, mm_per_sample: MM_PER_NS * period_ns }
+    }
+
+    /// Echoes of a waveform in codes.
+    fn see(&mut self, wave: &[f64]) -> Vec<Echo> {
+        vector::process(&self.pipeline, &digitise(wave, &self.hardware), &mut self.scratch).to_vec()
+    }
+
+    /// Range error when the pulse's middle lies at a sample.
+    fn error_mm(&self, echo: &Echo, at: f64) -> f64 {
+        echo.range_m() * 1e3 - f64::from(self.hardware.range_min_mm) - at * self.mm_per_sample
+    }
+
+    /// Errors of a pulse of amplitude `snr · sigma` (codes) in noise of `sigma`, at random phases; every one is found.
+    fn errors(&mut self, snr: f64, sigma: f64, runs: usize) -> Vec<f64> {
+        let mut rng = vectors::rng(1);
+        let mut error = || {
+            let at = 150.0 + rng.random::<f64>();
+            let ambient = 200.0 + rng.random::<f64>();
+            let mut wave = noise(&mut rng, 400, ambient, sigma);
+            add_echo(&mut wave, at, snr * sigma, self.width);
+            let echo = self.see(&wave).first().copied().expect("an echo far above the threshold");
+            self.error_mm(&echo, at)
+        };
+        (0..runs).map(|_| error()).collect()
+    }
+
+    /// The Cramér–Rao bound of white noise: (cτ/π) / (S √(f_s τ)).
+    fn bound_mm(&self, snr: f64) -> f64 {
+        2.0 * self.mm_per_sample * self.width / PI / (snr * self.width.sqrt())
+    }
+}
+
+/// The reference receiver in front of a sensor with these settings.
+struct Sensor {
+    receiver: Receiver,
+    settings: Settings,
+    analog: Analog,
+    pipeline: Pipeline,
+    scratch: Scratch,
+    shot: Shot,
+    codes: Vec<u16>,
+}
+
+impl Sensor {
+    fn new(settings: Settings) -> Self {
+        let receiver = Receiver::default();
+        let hardware = receiver.hardware();
+        let analog = Analog {
+            power_w: f64::from(settings.power_cw) / 100.0,
+            pulse_width_ns: f64::from(settings.pulse_width_ps) / 1e3,
+            gain_db: f64::from(settings.gain_cdb) / 100.0,
+            sample_period_ns: f64::from(sample_period_fs(settings.bins as u32, &hardware)) / 1e6,
+            delay_ns: f64::from(delay_fs(&settings, &hardware)) / 1e6,
+            pre_trigger: 0,
+        };
+        let pipeline = Pipeline::new(&settings, &hardware).expect("accepted settings");
+        let codes = vec![0; settings.bins as usize];
+        Self { receiver, settings, analog, pipeline, scratch: Scratch::new(), shot: Shot::default(), codes }
+    }
+
+    /// The echo of a wall of one albedo, square to the beam, and its range error, mm.
+    fn see(&mut self, albedo: f64, range_m: f64, beam: u32) -> Option<(Echo, f64)> {
+        let wall = Return { range_m: range_m as f32, strength_per_m2: (albedo / PI / range_m / range_m) as f32 };
+        let key = NoiseKey::new(5, Trigger { frame: 0, beam, shot: 0 });
+        synthesise(&self.receiver, &self.analog, &[wall], key, &mut self.shot, &mut self.codes);
+        let echoes = vector::process(&self.pipeline, &self.codes, &mut self.scratch);
+        let echo = *echoes.first()?;
+        Some((echo, echo.range_m() * 1e3 - f64::from(wall.range_m) * 1e3))
+    }
+
+    /// As [`Self::see`], `count` times at one sub-sample phase around a range.
+    fn at_phase(&mut self, albedo: f64, range_m: f64, phase: f64, count: u32) -> Vec<(Echo, f64)> {
+        let step_m = MM_PER_NS * self.analog.sample_period_ns / 1e3;
+        let first_m = f64::from(self.receiver.hardware().range_min_mm) / 1e3;
+        let range_m = first_m + (((range_m - first_m) / step_m).floor() + phase) * step_m;
+        (0..count).filter_map(|beam| self.see(albedo, range_m, beam)).collect()
+    }
+}
+
+#[test]
+fn the_range_spread_lies_on_the_cramer_rao_bound() {
+    // Reached: 1.00 at 1 and 2 GS/s, 1.01 to 1.02 at 0.5 GS/s; upsampled there 1.02 to 1.05.
+    for (bins, upsampling) in [(HALF_GS, 1), (HALF_GS, 2), (ONE_GS, 1), (ONE_GS, 4), (TWO_GS, 1), (TWO_GS, 8)] {
+        let mut bench = Bench::new(&Settings { upsampling, ..at_rate(bins) }, WHITE);
+        for snr in [8.0, 10.0, 20.0, 50.0] {
+            let errors = bench.errors(snr, 16.0, 6_000);
+            let ratio = spread(&errors) / bench.bound_mm(snr);
+            let confidence = confidence(&errors); // 2.7 %
+            let case = format!("{bins} bins, upsampling {upsampling}, S {snr}");
+            assert!(ratio > 0.95 && ratio < 1.08, "{case}: {ratio} ± {confidence}");
+            assert!(ratio > 1.0 - confidence, "{case}: {ratio} beats the bound by more than {confidence}");
+            let bias = mean(&errors).abs();
+            let standard_error = spread(&errors) / (errors.len() as f64).sqrt();
+            assert!(bias < 0.05 + 4.0 * standard_error, "{case}: bias {bias} ± {standard_error} mm");
+        }
+    }
+}
+
+#[test]
+fn the_bound_itself_has_the_figures_of_the_physics() {
+    let bench = Bench::new(&at_rate(ONE_GS), WHITE);
+    for (snr, expected_mm) in [(5.0, 42.7), (10.0, 21.3), (20.0, 10.7), (50.0, 4.27)] {
+        assert!((bench.bound_mm(snr) / expected_mm - 1.0).abs() < 0.003, "S {snr}: {} mm", bench.bound_mm(snr));
+    }
+}
+
+/// Mean error at each of 32 phases, and the greatest half width that σ_R leaves it.
+fn by_phase(sensor: &mut Sensor, albedo: f64, range_m: f64, count: u32) -> Vec<(f64, f64)> {
+    let mut at = |phase: u32| {
+        let seen = sensor.at_phase(albedo, range_m, f64::from(phase) / 32.0, count);
+        assert_eq!(seen.len(), count as usize, "albedo {albedo}: every echo is found");
+        let errors: Vec<f64> = seen.iter().map(|(_, error)| *error).collect();
+        let deviations: Vec<f64> = seen.iter().map(|(echo, _)| echo.deviation_mm().to_num()).collect();
+        (mean(&errors), mean(&deviations))
+    };
+    (0..32).map(&mut at).collect()
+}
+
+#[test]
+fn range_does_not_walk_with_albedo_at_any_phase_while_the_edges_show() {
+    // 60 m: albedo 0.02 is an echo of a twelfth of full scale, 50 of two hundred times it. Reached: below 1.5 mm wherever both
+    // edges of the clipped pulse fall on samples, which at A/S they do while a sample period is shorter than an edge.
+    let cases = [(HALF_GS, 0.5), (ONE_GS, 2.0), (TWO_GS, 5.0), (THREE_GS, 20.0)];
+    for (bins, up_to) in cases {
+        let mut sensor = Sensor::new(at_rate(bins));
+        for albedo in [0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 5.0, 20.0].into_iter().filter(|&a| a <= up_to) {
+            let count = if albedo < 0.1 { 400 } else { 100 };
+            for (phase, (bias_mm, _)) in by_phase(&mut sensor, albedo, 60.0, count).into_iter().enumerate() {
+                assert!(bias_mm.abs() < 5.0, "{bins} bins, albedo {albedo}, phase {phase}/32: {bias_mm} mm");
+            }
+        }
+    }
+}
+
+#[test]
+fn deeper_in_saturation_the_mean_stays_and_sigma_tells_what_a_phase_hides() {
+    // Where an edge falls between two samples, one dark and the next clipped, no sample says where: only the mean over phases can
+    // be free of bias, and what a phase is off by is told by the σ that its echoes report.
+    for bins in [HALF_GS, ONE_GS, TWO_GS, THREE_GS] {
+        let mut sensor = Sensor::new(at_rate(bins));
+        for albedo in [5.0, 20.0, 50.0] {
+            for range_m in [25.0, 60.0] {
+                let phases = by_phase(&mut sensor, albedo, range_m, 40);
+                let case = format!("{bins} bins, albedo {albedo}, {range_m} m");
+                let biases: Vec<f64> = phases.iter().map(|(bias, _)| *bias).collect();
+                assert!(mean(&biases).abs() < 5.0, "{case}: mean {} mm", mean(&biases));
+                for (bias_mm, deviation_mm) in phases {
+                    let bound = 1.0 + 3.0 * deviation_mm;
+                    assert!(bias_mm.abs() < bound, "{case}: {bias_mm} mm, σ {deviation_mm} mm");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn sigma_r_is_honest_from_the_threshold_to_ten_times_full_scale() {
+    // Spread of error over σ_R; 1 is honest. Reached: 0.96 to 1.04.
+    for bins in [HALF_GS, ONE_GS, TWO_GS, THREE_GS] {
+        let mut sensor = Sensor::new(at_rate(bins));
+        for albedo in [0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 2.0] {
+            if bins == HALF_GS && albedo > 0.6 {
+                continue; // the edge falls between samples: an interval, not a spread
+            }
+            let normalised: Vec<f64> = (0..3_000)
+                .filter_map(|beam| sensor.see(albedo, 60.0 + 0.37 * f64::from(beam % 97) / 97.0, beam))
+                .map(|(echo, error)| error / echo.deviation_mm().to_num::<f64>())
+                .collect();
+            assert_eq!(normalised.len(), 3_000);
+            let rms = (mean(&normalised).powi(2) + spread(&normalised).powi(2)).sqrt();
+            assert!((rms - 1.0).abs() < 0.1, "{bins} bins, albedo {albedo}: {rms}");
+        }
+    }
+}
+
+#[test]
+fn sigma_r_is_honest_for_other_filters_and_methods() {
+    // With a Gaussian filter, and for a constant fraction, from 5 samples a width on.
+    for (denoise, timing) in [
+        (DENOISE_GAUSSIAN, TIMING_WALK_CORRECTED),
+        (DENOISE_GAUSSIAN, TIMING_PARABOLA),
+        (DENOISE_MATCHED, TIMING_CFD),
+        (DENOISE_GAUSSIAN, TIMING_CFD),
+    ] {
+        for bins in [ONE_GS, TWO_GS] {
+            let mut bench = Bench::new(&Settings { denoise, timing, ..at_rate(bins) }, WHITE);
+            let mut rng = vectors::rng(2);
+            let mut normalised = || {
+                let at = 300.0 + rng.random::<f64>();
+                let mut wave = noise(&mut rng, bins as usize, 200.0, 16.0);
+                add_echo(&mut wave, at, 15.0 * 16.0, bench.width);
+                let echo = bench.see(&wave).first().copied().expect("an echo");
+                bench.error_mm(&echo, at) / echo.deviation_mm().to_num::<f64>()
+            };
+            let normalised: Vec<f64> = (0..2_000).map(|_| normalised()).collect();
+            let spread = spread(&normalised);
+            assert!((spread - 1.0).abs() < 0.1, "denoise {denoise}, timing {timing}, {bins} bins: {spread}");
+        }
+    }
+}
+
+#[test]
+fn a_rising_edge_walks_as_the_physics_says_and_a_constant_fraction_does_not() {
+    // (cτ/π) asin √(T/A): 0.702 m at A/T = 1.01, 0.154 at 10, 0.048 at 100. Without noise or filter.
+    let threshold = 0.01;
+    let quiet = |timing, amplitude: f64| {
+        let settings = Settings { denoise: DENOISE_NONE, timing, noise_floor_ppm: 10_000, ..at_rate(THREE_GS) };
+        let mut bench = Bench::new(&settings, Hardware { adc_bits: 14, ..Hardware::REFERENCE });
+        let mut wave = vec![100.0; 600];
+        add_echo(&mut wave, 300.0, amplitude * 16_384.0, bench.width);
+        let echo = bench.see(&wave).first().copied().expect("an echo above the threshold");
+        bench.error_mm(&echo, 300.0) / 1e3
+    };
+    for (ratio, expected_m) in [(1.01, 0.702), (10.0, 0.154), (90.0, 0.0505)] {
+        let walk_m = quiet(TIMING_RISING_EDGE, ratio * threshold);
+        assert!((walk_m - expected_m).abs() < 0.012, "A/T {ratio}: {walk_m} m");
+        let still_m = quiet(TIMING_CFD, ratio * threshold);
+        assert!(still_m.abs() < 0.012, "A/T {ratio}: a constant fraction is {still_m} m off");
+    }
+}
+
+#[test]
+fn detection_follows_the_theory_of_the_matched_filter() {
+    // P_D = Q(k − d′), d′ = S √(¾ f_s τ). Noise moves the top to a higher sample, so a little more is found.
+    const RUNS: u32 = 3_000;
+    for bins in [HALF_GS, ONE_GS, THREE_GS] {
+        let mut bench = Bench::new(&Settings { snr_threshold_milli: 4_000, ..at_rate(bins) }, WHITE);
+        for d in [2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 6.0] {
+            let amplitude = 16.0 * d / (0.75 * bench.width).sqrt();
+            let mut rng = vectors::rng(9);
+            let mut found = || {
+                let at = 150.0 + rng.random::<f64>();
+                let mut wave = noise(&mut rng, bins as usize, 200.0, 16.0);
+                add_echo(&mut wave, at, amplitude, bench.width);
+                bench.see(&wave).iter().any(|echo| bench.error_mm(echo, at).abs() < MM_PER_NS * 5.0)
+            };
+            let rate = f64::from((0..RUNS).map(|_| u32::from(found())).sum::<u32>()) / f64::from(RUNS);
+            let expected = q(4.0 - d);
+            let confidence = 3.0 * (expected * (1.0 - expected) / f64::from(RUNS)).sqrt();
+            let excess = rate - expected;
+            assert!(excess > -confidence - 0.02, "{bins} bins, d′ {d}: {rate} against {expected} ± {confidence}");
+            assert!(excess < confidence + 0.045, "{bins} bins, d′ {d}: {rate} against {expected} ± {confidence}");
+        }
+    }
+}
+
+#[test]
+fn false_alarms_follow_the_theory_when_sigma_is_measured_from_the_same_window() {
+    // Monte Carlo with σ known at k = 4, per 800 ns: 0.0106, 0.0133, 0.0167. A σ̂ that scatters by ε raises a rate of e^(−k²/2) by
+    // e^(k⁴ε²/2), and 1.4826·MAD of N samples has ε = 1.167/√N.
+    const WINDOWS: u32 = 30_000;
+    for (bins, known_sigma) in [(HALF_GS, 0.0106), (ONE_GS, 0.0133), (THREE_GS, 0.0167)] {
+        let mut bench = Bench::new(&Settings { snr_threshold_milli: 4_000, ..at_rate(bins) }, WHITE);
+        let mut rng = vectors::rng(7);
+        let mut alarm = || !bench.see(&noise(&mut rng, bins as usize, 200.0, 16.0)).is_empty();
+        let alarms = f64::from((0..WINDOWS).map(|_| u32::from(alarm())).sum::<u32>());
+        let expected = known_sigma * libm::exp(128.0 * 1.167f64.powi(2) / f64::from(bins));
+        let (rate, confidence) = (alarms / f64::from(WINDOWS), 3.0 * alarms.sqrt() / f64::from(WINDOWS));
+        assert!((rate - expected).abs() < confidence + 0.06 * expected, "{bins} bins: {rate} against {expected}");
+    }
+}
+
+#[test]
+fn quantisation_costs_what_the_table_says() {
+    // S = 10 at 1 GS/s: 8 bits suffice from 5 % of full scale on; at 0.5 % they cost a factor of two, 12 bits nothing.
+    for (adc_bits, share, expected_mm) in [(8, 0.05, 21.6), (12, 0.05, 21.3), (8, 0.005, 45.8), (12, 0.005, 21.7)] {
+        let hardware = Hardware { adc_bits, ..WHITE };
+        let amplitude = share * f64::from(hardware.full_scale_code());
+        let settings = Settings { snr_threshold_milli: 3_000, ..at_rate(ONE_GS) };
+        let mut bench = Bench::new(&settings, hardware);
+        let errors = {
+            let mut rng = vectors::rng(4);
+            let mut error = || {
+                let at = 150.0 + rng.random::<f64>();
+                let ambient = 20.0 + rng.random::<f64>();
+                let mut wave = noise(&mut rng, 400, ambient, amplitude / 10.0);
+                add_echo(&mut wave, at, amplitude, bench.width);
+                let echo = bench.see(&wave).first().copied()?;
+                Some(bench.error_mm(&echo, at))
+            };
+            (0..6_000).filter_map(|_| error()).collect::<Vec<_>>()
+        };
+        assert!(errors.len() > 5_800, "{adc_bits} bits, {share}: {} found", errors.len());
+        let spread = spread(&errors);
+        let within = if adc_bits == 8 && share < 0.01 { 0.25 } else { 0.05 }; // with σ = 0.13 code the ambient's fraction rules
+        assert!(
+            (spread / expected_mm - 1.0).abs() < within,
+            "{adc_bits} bits, {share}: {spread} against {expected_mm} mm"
+        );
+    }
+}
+
+#[test]
+fn reflectivity_is_that_of_the_wall_from_its_amplitude_and_clipped_from_its_edges() {
+    // (albedo, range, relative error of the mean, and of a single echo)
+    let mut sensor = Sensor::new(at_rate(TWO_GS));
+    for (albedo, range_m, bias, single) in [
+        (0.1, 90.0, 0.02, 0.08),
+        (0.5, 100.0, 0.02, 0.06),
+        (0.1, 60.0, 0.02, 0.05),
+        (0.5, 30.0, 0.02, 0.06),
+        (2.0, 60.0, 0.02, 0.06),
+        (5.0, 60.0, 0.03, 0.1),
+    ] {
+        let seen: Vec<f64> = (0..800)
+            .filter_map(|beam| sensor.see(albedo, range_m + 0.01 * f64::from(beam % 31), beam))
+            .map(|(echo, _)| echo.reflectivity_ratio().to_num::<f64>() / albedo)
+            .collect();
+        assert!((mean(&seen) - 1.0).abs() < bias, "albedo {albedo} at {range_m} m: {}", mean(&seen));
+        assert!(spread(&seen) < single, "albedo {albedo} at {range_m} m: spread {}", spread(&seen));
+    }
+}
+
+#[test]
+fn reflectivity_does_not_depend_on_power_gain_width_or_rate() {
+    let settings = [
+        at_rate(ONE_GS),
+        Settings { power_cw: 1_500, ..at_rate(ONE_GS) },
+        Settings { gain_cdb: 1_000, ..at_rate(ONE_GS) },
+        Settings { gain_cdb: -600, pulse_width_ps: 8_000, power_cw: 5_000, ..at_rate(TWO_GS) },
+        Settings { denoise: DENOISE_NONE, ..at_rate(ONE_GS) },
+        Settings { denoise: DENOISE_GAUSSIAN, ..at_rate(ONE_GS) },
+    ];
+    for settings in settings {
+        let mut sensor = Sensor::new(settings);
+        let seen: Vec<f64> = (0..400)
+            .filter_map(|beam| sensor.see(0.2, 80.0 + 0.003 * f64::from(beam), beam))
+            .map(|(echo, _)| echo.reflectivity_ratio().to_num::<f64>())
+            .collect();
+        assert!((mean(&seen) / 0.2 - 1.0).abs() < 0.04, "{:?}: {}", sensor.settings, mean(&seen));
+    }
+}
+
+/// What a client of a sensor that looks at one wall hears of it, `beams` times.
+fn through_the_link(settings: &Settings, albedo: f64, range_m: f64, beams: u32) -> Vec<(Echo, f64)> {
+    let wall = Return { range_m: range_m as f32, strength_per_m2: (albedo / PI / range_m / range_m) as f32 };
+    let scene = SceneResponse { beams: (0..=beams).collect(), returns: vec![wall; beams as usize] };
+    let pattern = echoloop_dsp::ScanPattern { columns: beams as u16, rows: 1, ..Default::default() };
+    let front_end = WaveformFrontEnd::new(Receiver::default(), scene.into(), 3);
+    let sensor = PcSensor::new(front_end, pattern, Hardware::REFERENCE);
+    let mut client = Client::connect(InProcess(sensor), Patience::default()).expect("a sensor");
+    client.configure(settings).expect("accepted settings");
+    let scan = client.scan(1).expect("a scan");
+    let error = |echo: &Echo| echo.range_m() * 1e3 - f64::from(wall.range_m) * 1e3;
+    scan.iter().flat_map(|echoes| echoes.iter().map(|echo| (*echo, error(echo)))).collect()
+}
+
+#[test]
+fn shots_that_are_added_up_sharpen_range_and_threshold_by_their_root() {
+    let of = |shots| {
+        let seen = through_the_link(&Settings { shots, ..at_rate(ONE_GS) }, 0.01, 60.0, 1_500);
+        let errors: Vec<f64> = seen.iter().map(|(_, error)| *error).collect();
+        let deviation = mean(&seen.iter().map(|(e, _)| e.deviation_mm().to_num()).collect::<Vec<_>>());
+        let snr = mean(&seen.iter().map(|(e, _)| e.snr_ratio().to_num()).collect::<Vec<_>>());
+        (spread(&errors), deviation, snr)
+    };
+    let (spread_mm, deviation_mm, snr) = of(1);
+    for shots in [2, 4, 8, 16] {
+        let root = f64::from(shots).sqrt();
+        let (spread_m, deviation_m, snr_m) = of(shots);
+        assert!((spread_mm / spread_m / root - 1.0).abs() < 0.08, "{shots} shots: {spread_mm} to {spread_m} mm");
+        assert!((deviation_mm / deviation_m / root - 1.0).abs() < 0.05, "{shots}: {deviation_mm} to {deviation_m} mm");
+        assert!((snr_m / snr / root - 1.0).abs() < 0.05, "{shots} shots: SNR {snr} to {snr_m}");
+    }
+}
+
+#[test]
+fn filters_rank_by_their_gain_in_signal_over_noise() {
+    // The matched filter gains √(¾ f_s τ) = 1.94 at 5 samples a width; the Gaussian, half as wide, 1.75; none 1.
+    let of = |denoise| {
+        let seen = through_the_link(&Settings { denoise, ..at_rate(ONE_GS) }, 0.05, 60.0, 800);
+        mean(&seen.iter().map(|(echo, _)| echo.snr_ratio().to_num()).collect::<Vec<_>>())
+    };
+    let (none, gaussian, matched) = (of(DENOISE_NONE), of(DENOISE_GAUSSIAN), of(DENOISE_MATCHED));
+    assert!((matched / none / 1.94 - 1.0).abs() < 0.08, "{matched} over {none}"); // a top of bare noise is a little higher
+    assert!((gaussian / none / 1.75 - 1.0).abs() < 0.08, "{gaussian} over {none}");
+}
+
+#[test]
+fn the_pre_trigger_ambient_holds_where_half_of_the_window_is_light() {
+    // A haze that fills 55 % of the window lifts the median; before the trigger there is none.
+    let amplitude = |ambient: i32| {
+        let settings = Settings { ambient, ..at_rate(ONE_GS) };
+        let mut bench = Bench::new(&settings, Hardware::REFERENCE);
+        let mut rng = vectors::rng(8);
+        let before = if ambient == AMBIENT_PRE_TRIGGER { PRE_TRIGGER } else { 0 };
+        let mut wave = noise(&mut rng, before + ONE_GS as usize, 200.0, 4.0);
+        for value in &mut wave[before + 100..before + 100 + 437] {
+            *value += 300.0;
+        }
+        add_echo(&mut wave, (before + 650) as f64, 1_000.0, bench.width);
+        let echoes = bench.see(&wave);
+        let far = echoes.iter().find(|echo| (bench.error_mm(echo, 650.0)).abs() < 100.0).expect("the wall");
+        far.amplitude_fraction().to_num::<f64>() * 4096.0
+    };
+    let (median, before, none) = (amplitude(0), amplitude(AMBIENT_PRE_TRIGGER), amplitude(AMBIENT_NONE));
+    assert!((before - 1_000.0).abs() < 20.0, "before the trigger: {before}");
+    // What lies below the baseline passes the filter whole, the pulse by three quarters: 1000 ± level · 4/3.
+    assert!((median - 600.0).abs() < 20.0, "the median takes the haze for ambient: {median}");
+    assert!((none - 1_267.0).abs() < 20.0, "with none removed the ambient counts as signal: {none}");
+}
+
+#[test]
+fn through_the_link_the_pre_trigger_samples_are_dark_even_before_a_near_wall() {
+    for range_m in [3.0, 60.0] {
+        let settings = Settings { ambient: AMBIENT_PRE_TRIGGER, ..at_rate(ONE_GS) };
+        let seen = through_the_link(&settings, 0.1, range_m, 200);
+        assert_eq!(seen.len(), 200);
+        let biases: Vec<f64> = seen.iter().map(|(_, error)| *error).collect();
+        assert!(mean(&biases).abs() < 40.0, "{range_m} m: {} mm", mean(&biases));
+    }
+}
+
+#[test]
+fn equal_echoes_split_where_a_matched_filter_can_split_them() {
+    // ΔR = 1.14 · cτ/2 = 0.854 m: from there on two, each near where it is and told to overlap; well within it one.
+    const RUNS: usize = 200;
+    let near_mm = 1.14 * MM_PER_NS * 5.0;
+    for bins in [HALF_GS, ONE_GS, 800, TWO_GS] {
+        let mut bench = Bench::new(&Settings { echoes: 4, ..at_rate(bins) }, WHITE);
+        let mut rng = vectors::rng(6);
+        for apart in [0.75, 1.02, 1.06, 1.1, 1.2, 1.3, 1.5] {
+            let gap = apart * near_mm / bench.mm_per_sample;
+            let (mut two, mut errors) = (0, Vec::new());
+            for _ in 0..RUNS {
+                let at = 150.0 + rng.random::<f64>();
+                let mut wave = noise(&mut rng, bins as usize, 200.0, 20.0);
+                add_echo(&mut wave, at, 1_500.0, bench.width);
+                add_echo(&mut wave, at + gap, 1_500.0, bench.width);
+                let echoes = bench.see(&wave);
+                if echoes.len() == 2 {
+                    two += 1;
+                    let near = |echo: &Echo| bench.error_mm(echo, at).abs().min(bench.error_mm(echo, at + gap).abs());
+                    errors.extend(echoes.iter().map(near));
+                    let merged = echoes.iter().any(|echo| echo.flags.contains(Flags::MERGED));
+                    assert!(merged || !(1.0..1.25).contains(&apart), "{bins} bins, {apart}: overlapping echoes say so");
+                }
+            }
+            let case = format!("{bins} bins, {apart} of the limit: {two} of {RUNS} split");
+            if apart < 1.0 {
+                assert!(two < RUNS / 20, "{case}");
+            } else {
+                assert!(two > RUNS * 95 / 100, "{case}");
+                let beside_mm = if bins == HALF_GS { 120.0 } else { 60.0 };
+                assert!(mean(&errors) < beside_mm, "{case}, {} mm beside the truth", mean(&errors));
+            }
+        }
+    }
+}
+
+#[test]
+fn a_bright_or_clipped_wall_is_one_echo_however_many_are_asked_for() {
+    for bins in [ONE_GS, TWO_GS, THREE_GS] {
+        let mut sensor = Sensor::new(Settings { echoes: 4, ..at_rate(bins) });
+        for albedo in [0.05, 0.2, 1.0, 20.0, 300.0, 3_000.0] {
+            for beam in 0..200 {
+                let wall = Return { range_m: 60.0, strength_per_m2: (albedo / PI / 3_600.0) as f32 };
+                let key = NoiseKey::new(5, Trigger { frame: 0, beam, shot: 0 });
+                synthesise(&sensor.receiver, &sensor.analog, &[wall], key, &mut sensor.shot, &mut sensor.codes);
+                let echoes = vector::process(&sensor.pipeline, &sensor.codes, &mut sensor.scratch);
+                let near = echoes.iter().filter(|echo| (echo.range_m() - 60.0).abs() < 5.0); // one in 800 ns is noise
+                assert_eq!(near.count(), 1, "{bins} bins, albedo {albedo}, beam {beam}");
+            }
+        }
+    }
+}
+
+#[test]
+fn what_the_window_cuts_off_and_what_walks_has_no_sigma() {
+    let mut sensor = Sensor::new(Settings { timing: TIMING_PARABOLA, ..at_rate(ONE_GS) });
+    let (echo, _) = sensor.see(5.0, 60.0, 0).expect("an echo");
+    assert_eq!(echo.deviation, u16::MAX);
+    let mut sensor = Sensor::new(at_rate(ONE_GS));
+    let (echo, _) = sensor.see(0.1, 1.1, 0).expect("an echo");
+    assert!(echo.flags.contains(Flags::TRUNCATED));
+    assert_eq!(echo.deviation, u16::MAX);
+}
+
+#[test]
+fn a_slanted_surface_is_one_echo_however_many_are_asked_for() {
+    // A footprint that spreads over a metre: one broad echo, not several, and its middle is its range.
+    let settings = Settings { echoes: 4, ..at_rate(TWO_GS) };
+    let mut bench = Bench::new(&settings, WHITE);
+    let mut rng = vectors::rng(6);
+    for depth_mm in [200.0, 500.0, 1_000.0] {
+        let mut several = 0;
+        for _ in 0..300 {
+            let at = 400.0 + rng.random::<f64>();
+            let mut wave = noise(&mut rng, TWO_GS as usize, 200.0, 10.0);
+            for slice in 0..41 {
+                let offset = (f64::from(slice) / 40.0 - 0.5) * depth_mm / bench.mm_per_sample;
+                add_echo(&mut wave, at + offset, 1_500.0 / 41.0, bench.width);
+            }
+            let echoes = bench.see(&wave);
+            several += u32::from(echoes.len() != 1);
+            assert!(bench.error_mm(&echoes[0], at).abs() < 60.0 + 0.3 * depth_mm);
+        }
+        assert!(several <= 3, "{depth_mm} mm deep: {several} of 300 fall apart");
+    }
+}

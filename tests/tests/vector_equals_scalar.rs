@@ -1,0 +1,84 @@
+//! The pipeline for AVX2 against the plain one, bit for bit, on a million waveforms.
+//!
+//! Every 64th is drawn by [`vectors::case`] with settings of its own; the others are pieces of it, mostly short, bent in ways that no
+//! echo bends: reversed, trembling, with other levels, cut in two, wild. What is compared is all there is: echoes, statistics, `y`.
+
+use echoloop_dsp::detect::{self, Peaks};
+use echoloop_dsp::kernel::Portable;
+use echoloop_dsp::{MAX_SAMPLES, Pipeline, Scratch};
+use echoloop_sim::vector;
+use echoloop_tests::vectors;
+use rand::{Rng, RngExt};
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
+
+const WAVEFORMS: u64 = 1_000_000;
+
+/// Waveforms made of each drawn one, itself among them.
+const PIECES: u64 = 64;
+
+/// A piece of a waveform, one in 32 as long as it gets, bent in one of several ways.
+fn piece(codes: &[u16], rng: &mut impl Rng, out: &mut Vec<u16>) {
+    let longest = if rng.random_range(0..32) == 0 { MAX_SAMPLES } else { 160 };
+    let length = rng.random_range(0..=longest.min(codes.len()));
+    let start = rng.random_range(0..=codes.len() - length);
+    out.clear();
+    out.extend(&codes[start..start + length]);
+    let shift: u32 = rng.random_range(0..16);
+    match rng.random_range(0..8) {
+        0 => out.reverse(),
+        1 => out.iter_mut().for_each(|code| *code = code.wrapping_add(u16::from(rng.random::<u8>()) >> (shift / 2))),
+        2 => out.iter_mut().for_each(|code| *code = (*code >> (shift / 4)).wrapping_add(1 << shift)),
+        3 => out.iter_mut().for_each(|code| *code = rng.random::<u16>() >> shift),
+        4 => out.rotate_left(length / 3),
+        5 => out.iter_mut().step_by(1 + shift as usize).for_each(|code| *code = !*code),
+        _ => {}
+    }
+}
+
+/// Memory of both builds: what they remember of the waveform before must not matter.
+#[derive(Default)]
+struct Both {
+    fast: Scratch,
+    plain: Scratch,
+}
+
+impl Both {
+    fn compare(&mut self, pipeline: &Pipeline, codes: &[u16], seed: u64, piece: u64) {
+        let fast = vector::process(pipeline, codes, &mut self.fast);
+        let plain = vector::process_baseline(pipeline, codes, &mut self.plain);
+        let place = || format!("seed {seed}, piece {piece}, {} codes", codes.len());
+        assert_eq!(fast, plain, "{}", place());
+        assert_eq!(self.fast.statistics(), self.plain.statistics(), "{}", place());
+        assert!(self.fast.filtered(codes.len()) == self.plain.filtered(codes.len()), "y, {}", place());
+    }
+}
+
+#[test]
+fn a_million_waveforms_give_the_same_bytes_from_the_vector_unit_and_from_plain_code() {
+    if !vector::has_v3() {
+        return eprintln!("skipped: this processor has no AVX2, so that both builds are one");
+    }
+    (0..WAVEFORMS / PIECES).into_par_iter().for_each_init(Both::default, |both, seed| {
+        let case = vectors::case(seed);
+        let pipeline = Pipeline::new(&case.settings, &case.hardware).unwrap();
+        both.compare(&pipeline, &case.codes, seed, 0);
+        let mut rng = vectors::rng(!seed);
+        let mut codes = Vec::with_capacity(MAX_SAMPLES);
+        for number in 1..PIECES {
+            piece(&case.codes, &mut rng, &mut codes);
+            both.compare(&pipeline, &codes, seed, number);
+        }
+    });
+}
+
+#[test]
+fn peaks_from_hill_to_hill_are_those_sample_by_sample() {
+    let (mut by_sample, mut by_hill) = (Peaks::new(), Peaks::new());
+    for seed in 0..20_000 {
+        let (y, threshold) = vectors::output(seed);
+        detect::peaks(Portable, &y, threshold, &mut by_sample);
+        let first_reaching = |values: &[i16]| values.iter().position(|&value| value >= threshold);
+        detect::peaks_of_hills(first_reaching, &y, threshold, &mut by_hill);
+        assert_eq!(by_sample, by_hill, "seed {seed}");
+    }
+}
