@@ -4,9 +4,9 @@
 //! through `embedded-hal`; what they hold, and nothing else, is what the front end sees.
 
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use echoloop_dsp::{Echoes, Hardware, Pipeline, ScanPattern, Scratch};
+use echoloop_frontend::{Analog, FrontEnd, Receiver, Trigger};
 use echoloop_link::Session;
 use echoloop_sensor::afe::{adc, emitter};
 use echoloop_sensor::mailbox::{self, Registers};
@@ -16,79 +16,31 @@ use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
 use crate::nor::NorRam;
 use crate::vector;
 
-/// What the registers ask of the analog world.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Analog {
-    /// Peak laser power, W.
-    pub power_w: f64,
-    /// Full width at half maximum of the pulse, ns.
-    pub pulse_width_ns: f64,
-    /// Analog gain, dB.
-    pub gain_db: f64,
-    /// Time between samples, ns.
-    pub sample_period_ns: f64,
-    /// From the trigger, which is the beginning of the pulse, to sample 0 of the window, ns.
-    pub delay_ns: f64,
-    /// Samples taken just before the trigger, in front of those of the window.
-    pub pre_trigger: usize,
+/// Which shot the laser driver's registers say.
+pub fn trigger_of(emitter: &impl Fn(u8) -> u32) -> Trigger {
+    Trigger { frame: emitter(emitter::FRAME), beam: emitter(emitter::FIRE), shot: emitter(emitter::SHOT) }
 }
 
-/// Which shot is fired.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Trigger {
-    /// Number of the scan.
-    pub frame: u32,
-    /// The beam.
-    pub beam: u32,
-    /// Of the shots that are added up for one beam, the how manieth, from 0.
-    pub shot: u32,
-}
-
-impl Trigger {
-    /// As the laser driver's registers say.
-    pub fn of_registers(emitter: &impl Fn(u8) -> u32) -> Self {
-        Self { frame: emitter(emitter::FRAME), beam: emitter(emitter::FIRE), shot: emitter(emitter::SHOT) }
+/// What the laser driver's and the converter's registers say.
+pub fn analog_of(emitter: &impl Fn(u8) -> u32, adc: &impl Fn(u8) -> u32) -> Analog {
+    Analog {
+        power_w: f64::from(emitter(emitter::POWER)) / 100.0,
+        pulse_width_ns: f64::from(emitter(emitter::PULSE_WIDTH)) / 1e3,
+        gain_db: f64::from(adc(adc::GAIN) as i32) / 100.0,
+        sample_period_ns: f64::from(adc(adc::SAMPLE_PERIOD)) / 1e6,
+        delay_ns: f64::from(adc(adc::DELAY)) / 1e6,
+        pre_trigger: adc(adc::PRE_TRIGGER) as usize,
     }
 }
 
-impl Analog {
-    /// As the laser driver's and the converter's registers say.
-    pub fn of_registers(emitter: &impl Fn(u8) -> u32, adc: &impl Fn(u8) -> u32) -> Self {
-        Self {
-            power_w: f64::from(emitter(emitter::POWER)) / 100.0,
-            pulse_width_ns: f64::from(emitter(emitter::PULSE_WIDTH)) / 1e3,
-            gain_db: f64::from(adc(adc::GAIN) as i32) / 100.0,
-            sample_period_ns: f64::from(adc(adc::SAMPLE_PERIOD)) / 1e6,
-            delay_ns: f64::from(adc(adc::DELAY)) / 1e6,
-            pre_trigger: adc(adc::PRE_TRIGGER) as usize,
-        }
+/// What a sensor with this receiver has to know of it; what the receiver does not decide is as in the reference sensor.
+pub fn hardware_of(receiver: &Receiver) -> Hardware {
+    Hardware {
+        adc_bits: receiver.adc_bits,
+        unit_echo_milli: (receiver.unit_echo() * 1e3).round() as u32, // `as` saturates
+        shot_noise_ppm: (receiver.shot_noise() * 1e6).round() as u32,
+        ..Hardware::REFERENCE
     }
-}
-
-/// The analog world: light out, codes in.
-pub trait FrontEnd {
-    /// Resolution of its converter, bits.
-    fn adc_bits(&self) -> u32;
-
-    /// Fills `codes` with the samples of one shot: [`Analog::pre_trigger`] from before it, then the window's. A pure function of
-    /// its arguments and of what the front end was made with.
-    fn capture(&mut self, analog: &Analog, trigger: Trigger, codes: &mut [u16]);
-}
-
-/// A front end that others can reach while a board has it, to look at another scene with.
-impl<F: FrontEnd> FrontEnd for Arc<Mutex<F>> {
-    fn adc_bits(&self) -> u32 {
-        locked(self).adc_bits()
-    }
-
-    fn capture(&mut self, analog: &Analog, trigger: Trigger, codes: &mut [u16]) {
-        locked(self).capture(analog, trigger, codes);
-    }
-}
-
-/// A front end has no state that a panic could leave half done.
-fn locked<F>(front_end: &Mutex<F>) -> MutexGuard<'_, F> {
-    front_end.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// An SPI device of 32-bit registers.
@@ -186,7 +138,7 @@ pub struct PcBoard<F> {
 
 impl<F: FrontEnd> PcBoard<F> {
     fn analog(&self) -> Analog {
-        Analog::of_registers(&|register| self.emitter.get(register), &|register| self.adc.get(register))
+        analog_of(&|register| self.emitter.get(register), &|register| self.adc.get(register))
     }
 }
 
@@ -225,7 +177,7 @@ impl<F: FrontEnd> Board for PcBoard<F> {
         if !fired || (self.adc.get(adc::SAMPLES) as usize).saturating_add(analog.pre_trigger) != codes.len() {
             return false;
         }
-        let trigger = Trigger::of_registers(&|register| self.emitter.get(register));
+        let trigger = trigger_of(&|register| self.emitter.get(register));
         self.front_end.capture(&analog, trigger, codes);
         true
     }
@@ -284,5 +236,15 @@ impl<F: FrontEnd> PcSensor<F> {
     /// Takes bytes that the sensor has sent.
     pub fn receive(&mut self, buffer: &mut [u8]) -> usize {
         take(&mut self.app.board_mut().link.to_host, buffer)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_reference_sensor_has_the_reference_receiver() {
+        assert_eq!(hardware_of(&Receiver::default()), Hardware::REFERENCE);
     }
 }

@@ -23,7 +23,8 @@ use object::{Architecture, Object, ObjectSegment};
 use tempfile::TempDir;
 use thiserror::Error;
 
-use crate::board::{Analog, FrontEnd, Trigger};
+use crate::board::{analog_of, trigger_of};
+use echoloop_frontend::FrontEnd;
 
 /// Boards that QEMU emulates and there is an image for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -302,9 +303,9 @@ impl<F: FrontEnd> Qemu<F> {
         let register = |device: usize, register: u8| self.page.read(device + 4 * usize::from(register));
         let emitter = |number| register(mailbox::EMITTER, number);
         let adc = |number| register(mailbox::ADC, number);
-        let analog = Analog::of_registers(&emitter, &adc);
+        let analog = analog_of(&emitter, &adc);
         let samples = (adc(adc::SAMPLES) as usize).saturating_add(analog.pre_trigger).min(MAX_CODES);
-        self.front_end.capture(&analog, Trigger::of_registers(&emitter), &mut self.codes[..samples]);
+        self.front_end.capture(&analog, trigger_of(&emitter), &mut self.codes[..samples]);
         self.page.write_codes(&self.codes[..samples]);
         self.shots = shots;
         self.page.write(mailbox::ANSWER, shots);

@@ -5,6 +5,7 @@
 
 use std::f32::consts::PI;
 
+use echoloop_frontend::{OVERLAP_M, Return, SceneResponse};
 use nalgebra::{Isometry3, Vector3};
 use rayon::prelude::*;
 
@@ -16,9 +17,6 @@ use crate::scene::Material;
 /// 3 cm of range is 0.2 ns of round trip, 1/25 of the default pulse: two equal sin² pulses at its ends sum to one
 /// whose peak is 0.1 % lower, while most beams shrink from 25 returns to one or two.
 pub const CLUSTER_SPAN_M: f64 = 0.03;
-
-/// Receiver overlap ξ: nothing below the first range, everything from the second, linear between, metres.
-pub const OVERLAP_M: [f32; 2] = [0.9, 1.0];
 
 /// The shape of a beam.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,54 +30,6 @@ pub struct BeamOptics {
 impl Default for BeamOptics {
     fn default() -> Self {
         Self { divergence_mrad: [3.0, 1.5], subrays: 5 }
-    }
-}
-
-/// A part of a beam's footprint that comes back as one.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Return {
-    /// Distance, metres.
-    pub range_m: f32,
-    /// `Σ_k w_k ρ_k cosθ_k / π · ξ(R_k) / R_k²`, 1/m²: received power over `P0 η A_r` in clear air.
-    pub strength_per_m2: f32,
-}
-
-/// Returns of every beam, by increasing range within a beam.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct SceneResponse {
-    /// Beam `i` owns `returns[beams[i]..beams[i + 1]]`; one entry more than there are beams.
-    pub beams: Vec<u32>,
-    /// All returns, beam after beam.
-    pub returns: Vec<Return>,
-}
-
-impl SceneResponse {
-    /// Nothing comes back to any beam.
-    #[must_use]
-    pub fn empty(beams: u32) -> Self {
-        Self { beams: vec![0; beams as usize + 1], returns: Vec::new() }
-    }
-
-    /// Number of beams.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.beams.len().saturating_sub(1)
-    }
-
-    /// True without beams.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// Returns of one beam.
-    ///
-    /// # Panics
-    ///
-    /// When there is no such beam.
-    #[must_use]
-    pub fn of(&self, beam: usize) -> &[Return] {
-        &self.returns[self.beams[beam] as usize..self.beams[beam + 1] as usize]
     }
 }
 

@@ -4,8 +4,8 @@ use std::collections::VecDeque;
 use std::io;
 use std::time::Duration;
 
-use echoloop_host::transport::Transport;
-use echoloop_sim::board::{Analog, FrontEnd, Trigger};
+use echoloop_frontend::{Analog, FrontEnd, Trigger};
+use echoloop_host::link::transport::Transport;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 

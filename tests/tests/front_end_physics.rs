@@ -7,15 +7,17 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use echoloop_dsp::{Echo, Hardware, Pipeline, Scratch, Settings};
-use echoloop_host::config::{Config, JitterPer, Motion};
-use echoloop_host::dataset::{Place, respond, respond_at};
-use echoloop_host::frontend::{Mode, Precipitation, Receiver, WaveformFrontEnd, Weather, litl};
-use echoloop_host::pose::Pose;
-use echoloop_host::sensor::{Model, Sensor, View};
+use echoloop_frontend::{Analog, FrontEnd, Trigger};
+use echoloop_frontend::{Mode, Precipitation, Receiver, WaveformFrontEnd, Weather, litl};
+use echoloop_frontend::{Return, SceneResponse};
+use echoloop_host::experiment::config::{Config, JitterPer, Motion};
+use echoloop_host::experiment::dataset::{Place, respond, respond_at};
+use echoloop_host::link::sensor::{Model, Sensor, View};
+use echoloop_registration::pose::Pose;
 use echoloop_sensor::afe::delay_fs;
-use echoloop_sim::board::{Analog, FrontEnd, Trigger};
+use echoloop_sim::board::hardware_of;
 use echoloop_sim::raycast::Raycaster;
-use echoloop_sim::scanner::{BeamOptics, Return, Scanner, SceneResponse};
+use echoloop_sim::scanner::{BeamOptics, Scanner};
 use echoloop_sim::scene::{MATERIALS, Material, Mesh, Scene};
 use echoloop_sim::vector;
 
@@ -82,7 +84,7 @@ struct Bench {
 impl Bench {
     fn new(receiver: &Receiver, returns: &[Return]) -> Self {
         let settings = Settings { bins: 794, upsampling: 8, ..Settings::default() };
-        let hardware = receiver.hardware();
+        let hardware = hardware_of(receiver);
         let period_fs = echoloop_dsp::config::sample_period_fs(794, &hardware);
         let analog = Analog {
             sample_period_ns: f64::from(period_fs) / 1e6,
@@ -590,7 +592,7 @@ fn shaking_spreads_the_points_of_a_wall_and_differs_from_scan_to_scan() {
 
 #[test]
 fn with_every_switch_off_the_codes_are_those_of_the_plain_front_end() {
-    use echoloop_host::frontend::{NoiseKey, Shot, synthesise};
+    use echoloop_frontend::{NoiseKey, Shot, synthesise};
     let returns = [wall(12.0, 0.1), wall(60.0, 0.3)];
     let receiver = Config::default().front_end();
     let mut front_end = WaveformFrontEnd::new(receiver, one_beam(&returns), 5);
@@ -609,7 +611,7 @@ fn with_every_switch_off_the_codes_are_those_of_the_plain_front_end() {
 
 #[test]
 fn the_reference_sensor_is_that_of_the_firmware_but_for_its_units() {
-    let litl = Receiver { mode: Mode::LitlCompat, ..Receiver::default() }.hardware();
+    let litl = hardware_of(&Receiver { mode: Mode::LitlCompat, ..Receiver::default() });
     // ρ = 1 at 1 m and 1 W: 200/75 · 720 units of 1000.
     assert_eq!(litl.unit_echo_milli, 1_920);
     assert_eq!(litl.shot_noise_ppm, 1_000);

@@ -8,13 +8,13 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use echoloop_dsp::{Hardware, ScanPattern, Settings};
-use echoloop_host::client::{Client, ClientError, Patience};
-use echoloop_host::frontend::{Receiver, WaveformFrontEnd};
-use echoloop_host::transport::{InProcess, Transport};
+use echoloop_frontend::SceneResponse;
+use echoloop_frontend::{Receiver, WaveformFrontEnd};
+use echoloop_host::link::client::{Client, ClientError, Patience};
+use echoloop_host::link::transport::{InProcess, Transport};
 use echoloop_link::{Command, Decoder, Greeting, MAX_FRAME, Nack, decode, encode};
 use echoloop_sensor::store;
 use echoloop_sim::board::PcSensor;
-use echoloop_sim::scanner::SceneResponse;
 use echoloop_tests::faults::{Faulty, Rates};
 use echoloop_tests::vectors;
 use rand::RngExt;

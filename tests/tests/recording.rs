@@ -4,8 +4,8 @@
 use std::time::Duration;
 
 use echoloop_dsp::{Hardware, ScanPattern, Settings};
-use echoloop_host::client::{Client, Patience};
-use echoloop_host::transport::{Conversation, Direction, InProcess, Recording};
+use echoloop_host::link::client::{Client, Patience};
+use echoloop_host::link::transport::{Conversation, Direction, InProcess, Recording};
 use echoloop_sim::board::PcSensor;
 use echoloop_tests::faults::Target;
 

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use echoloop_dsp::settings::PARAMETERS;
 use echoloop_dsp::{Hardware, ScanPattern, Settings};
-use echoloop_host::client::{Client, ClientError, Patience};
-use echoloop_host::transport::InProcess;
+use echoloop_host::link::client::{Client, ClientError, Patience};
+use echoloop_host::link::transport::InProcess;
 use echoloop_link::{Nack, SETTINGS_SCHEMA, checksum};
 use echoloop_sensor::store::{MAGIC, RECORD, Saved, StoreError, forget, load, save};
 use echoloop_sim::board::PcSensor;

@@ -6,8 +6,8 @@ use std::collections::HashMap;
 use std::time::{Duration, Instant};
 
 use echoloop_dsp::{Hardware, ScanPattern, Settings};
-use echoloop_host::client::{Client, ClientError, Patience};
-use echoloop_host::transport::InProcess;
+use echoloop_host::link::client::{Client, ClientError, Patience};
+use echoloop_host::link::transport::InProcess;
 use echoloop_link::Nack;
 use echoloop_sensor::store;
 use echoloop_sim::board::PcSensor;

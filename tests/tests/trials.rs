@@ -4,8 +4,8 @@
 use std::time::Duration;
 
 use echoloop_dsp::{Hardware, ScanPattern, Settings};
-use echoloop_host::client::{Client, ClientError, Patience};
-use echoloop_host::transport::InProcess;
+use echoloop_host::link::client::{Client, ClientError, Patience};
+use echoloop_host::link::transport::InProcess;
 use echoloop_sim::board::PcSensor;
 use echoloop_tests::faults::{Faulty, Rates, Target};
 

@@ -6,8 +6,8 @@ use std::time::Duration;
 
 use echoloop_dsp::settings::PARAMETERS;
 use echoloop_dsp::{Echo, Echoes, Flags, Hardware, ParameterId, Reason, Refusal, ScanPattern, Settings};
-use echoloop_host::client::{Client, ClientError, Patience};
-use echoloop_host::transport::Transport;
+use echoloop_host::link::client::{Client, ClientError, Patience};
+use echoloop_host::link::transport::Transport;
 use echoloop_link::{
     BEAMS_PER_REPORT, Command, Counters, Decoder, FrameError, Greeting, MAX_FRAME, Nack, PROTOCOL, Report, SCHEMA,
     decode, encode, settings_hash,

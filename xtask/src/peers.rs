@@ -38,12 +38,23 @@ fn registration(peers: Peers) -> Result<()> {
     let work = root.join("target/peers");
     let scripts = root.join("benches/peers");
     let python = environment(&work.join("venv"), &scripts.join("requirements.txt"))?;
-    cargo(["build", "--release", "--package", "echoloop-host", "--bin", "echoloop", "--example", "stages"])?;
+    cargo([
+        "build",
+        "--release",
+        "--package",
+        "echoloop-host",
+        "--package",
+        "echoloop-benches",
+        "--bin",
+        "echoloop",
+        "--bin",
+        "stages",
+    ])?;
     let built = built(&root);
     let page = if peers.quick { work.join("quick.md") } else { root.join("docs/registration-peers.md") };
     let mut command = Command::new(python);
     command.arg(scripts.join("run.py")).arg("--work").arg(&work).arg("--out").arg(page);
-    command.arg("--stages").arg(built.join("examples/stages")).arg("--echoloop").arg(built.join("echoloop"));
+    command.arg("--stages").arg(built.join("stages")).arg("--echoloop").arg(built.join("echoloop"));
     command.args(peers.quick.then_some("--quick")).arg("--parts").args(peers.parts());
     succeed(&mut command)
 }
@@ -53,11 +64,11 @@ fn waveforms(quick: bool) -> Result<()> {
     let work = root.join("target/peers");
     let scripts = root.join("benches/peers");
     let python = environment(&work.join("venv-waveforms"), &scripts.join("requirements-waveforms.txt"))?;
-    cargo(["build", "--release", "--package", "echoloop-host", "--example", "waveforms"])?;
+    cargo(["build", "--release", "--package", "echoloop-benches", "--bin", "waveforms"])?;
     let page = if quick { work.join("quick-waveforms.md") } else { root.join("docs/waveform-cost.md") };
     let mut command = Command::new(python);
     command.arg(scripts.join("waveforms.py")).arg("--work").arg(&work).arg("--out").arg(page);
-    command.arg("--waveforms").arg(built(&root).join("examples/waveforms")).args(quick.then_some("--quick"));
+    command.arg("--waveforms").arg(built(&root).join("waveforms")).args(quick.then_some("--quick"));
     // One thread each, whatever numpy was built with.
     succeed(command.env("OMP_NUM_THREADS", "1").env("OPENBLAS_NUM_THREADS", "1"))
 }

@@ -1,6 +1,6 @@
-"""Writes host/tests/data/fgr_open3d.txt: own synthetic matches and the motions Open3D 0.20 finds for them.
+"""Writes host/registration/tests/data/fgr_open3d.txt: own synthetic matches and the motions Open3D 0.20 finds for them.
 
-usage: python fgr.py > host/tests/data/fgr_open3d.txt          needs open3d==0.20, numpy
+usage: python fgr.py > host/registration/tests/data/fgr_open3d.txt          needs open3d==0.20, numpy
 
 Without the tuple test Open3D's fast global registration draws nothing, so its result is exact to rounding.
 """

@@ -1,6 +1,6 @@
 """Our FPFH and normals against Open3D 0.20's, on the town's clouds at a voxel of 0.3 m.
 
-usage: fpfh.py FEATURES_EXAMPLE   (target/release/examples/features; run it with the venv of `cargo xtask peers`)
+usage: fpfh.py FEATURES_EXAMPLE   (target/release/features; run it with the venv of `cargo xtask peers`)
 
 Prints how many rows of features differ by more than a count's share, and how many normals have another direction or sign
 than Open3D's own. Rows differ where two angles tie at a bin's edge: normals exactly opposed fall at +pi or -pi by a rounding.

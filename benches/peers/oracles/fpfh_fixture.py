@@ -1,6 +1,6 @@
-"""Writes host/tests/data/fpfh_open3d.txt: points of our making, their normals, and Open3D 0.20's FPFH for them.
+"""Writes host/registration/tests/data/fpfh_open3d.txt: points of our making, their normals, and Open3D 0.20's FPFH for them.
 
-usage: fpfh_fixture.py > host/tests/data/fpfh_open3d.txt
+usage: fpfh_fixture.py > host/registration/tests/data/fpfh_open3d.txt
 """
 
 import numpy as np

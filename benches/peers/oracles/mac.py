@@ -1,4 +1,4 @@
-"""The graphs of MAC as dense matrices: what host/src/registration/mac/tests.rs expects of mac_correspondences.
+"""The graphs of MAC as dense matrices: what host/registration/src/mac/tests.rs expects of mac_correspondences.
 
 usage: ECHOLOOP_DATA=... python mac.py     Prints, for each threshold of the published demonstration's score
 1 - (d / 0.1 m)^2, the edges of the first-order graph, those in a triangle, and the sum of G = W o (W W) over edges.

@@ -101,7 +101,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     use super::*;
-    use crate::vector::has_v3;
+    use echoloop_kernels::has_v3;
 
     /// Taps whose magnitudes add up to exactly `weight`, random signs, and a last zero where `closed`.
     fn taps(rng: &mut ChaCha8Rng, count: usize, weight: u32, closed: bool) -> Vec<i16> {

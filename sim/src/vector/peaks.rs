@@ -28,7 +28,7 @@ pub(super) fn first_reaching(values: &[i16], threshold: i16) -> Option<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::vector::has_v3;
+    use echoloop_kernels::has_v3;
 
     #[test]
     fn the_first_value_at_the_threshold_is_found_wherever_it_lies() {

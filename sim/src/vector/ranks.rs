@@ -197,7 +197,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     use super::*;
-    use crate::vector::has_v3;
+    use echoloop_kernels::has_v3;
 
     /// Codes of noise of any level and width, sometimes with others far away, and a guess that is good, bad or wild.
     fn case(rng: &mut ChaCha8Rng) -> (Vec<u16>, Statistics) {

@@ -1,0 +1,33 @@
+//! Time of one generation, ask and tell, in ms; what evaluations cost comes on top.
+
+use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
+use echoloop_cmaes::{CmaEs, Config};
+
+fn generation(criterion: &mut Criterion, n: usize, lambda: usize, whole: bool) {
+    let mut config = Config::unit_cube(vec![0.5; n], 0.2, 1);
+    config.lambda = Some(lambda);
+    config.cells = vec![whole.then_some(21); n];
+    let Ok(mut search) = CmaEs::new(config) else {
+        return;
+    };
+    let worth = |search: &CmaEs| search.ask().iter().map(|c| c.phenotype.iter().sum()).collect::<Vec<f64>>();
+    for _ in 0..50 {
+        // The first covariances are easier to decompose than later ones.
+        let _ = search.tell(&worth(&search));
+    }
+    let values = worth(&search);
+    let kind = if whole { "generation-whole" } else { "generation" };
+    criterion.bench_function(&format!("{kind}/{n}x{lambda}"), |b| {
+        b.iter_batched_ref(|| search.clone(), |search| (search.ask(), search.tell(&values)), BatchSize::SmallInput);
+    });
+}
+
+fn generations(criterion: &mut Criterion) {
+    for (n, lambda) in [(16, 16), (100, 17)] {
+        generation(criterion, n, lambda, false);
+        generation(criterion, n, lambda, true);
+    }
+}
+
+criterion_group!(benches, generations);
+criterion_main!(benches);

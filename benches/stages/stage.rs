@@ -1,0 +1,178 @@
+//! One stage, run once under two clocks.
+
+use std::time::Instant;
+
+use cpu_time::ProcessTime;
+use echoloop_registration::cloud::neighbours::Neighbours;
+use echoloop_registration::cloud::{normals, voxel};
+use echoloop_registration::features::{Described, fpfh, matching};
+use echoloop_registration::pose::{Pose, to_rows};
+use echoloop_registration::{
+    Fgr, FgrMode, Gicp, Icp, IcpConfig, Mac, Method, MethodConfig, Outcome, Refined, Registration, StopReason, build,
+    suggest_method, suggest_refinement,
+};
+use serde::{Serialize, Serializer};
+
+use crate::Result;
+use crate::pair::Pair;
+
+/// Parts first, then whole methods from the clouds as they were read to the pose.
+pub(crate) const STAGES: [&str; 19] = [
+    "voxel",
+    "normals",
+    "fpfh",
+    "describe",
+    "match",
+    "icp_align",
+    "icp",
+    "gicp_align",
+    "gicp",
+    "fgr_solve",
+    "mac_solve",
+    "fgr",
+    "mac",
+    "fgr_refined",
+    "mac_refined",
+    "fgr_gicp",
+    "mac_gicp",
+    "fgr_suggested",
+    "mac_suggested",
+];
+
+/// How long a stage took, and what came of it.
+#[derive(Serialize)]
+pub(crate) struct Measured {
+    pub(crate) stage: String,
+    pub(crate) cpu_ms: f64,
+    pub(crate) wall_ms: f64,
+    pub(crate) n_in: usize,
+    /// Points, matches, or the pairs that agree.
+    pub(crate) n_out: usize,
+    #[serde(serialize_with = "rows", skip_serializing_if = "Option::is_none")]
+    pub(crate) target_from_source: Option<Pose>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) stop: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) iterations: Option<usize>,
+}
+
+fn rows<S: Serializer>(pose: &Option<Pose>, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+    pose.as_ref().map(to_rows).serialize(serializer)
+}
+
+/// Runs a stage once; what it starts from is worked out before.
+pub(crate) fn run(pair: &mut Pair, name: &str) -> Result<Measured> {
+    match name {
+        "voxel" => {
+            let (cloud, voxel_m) = (&pair.source, pair.voxel_m());
+            counted(name, cloud.points.len(), || Ok(voxel::downsample(cloud, voxel_m)?.points.len()))
+        }
+        "normals" => {
+            let config = pair.features();
+            let points = &pair.described()?.1.points;
+            counted(name, points.len(), || {
+                Ok(normals::of_points(points, config.normal_radius_m, config.normal_neighbours).len())
+            })
+        }
+        "fpfh" => {
+            let config = pair.features();
+            let Described { points, normals, .. } = &pair.described()?.1;
+            counted(name, points.len(), || {
+                let neighbours = Neighbours::within(points, config.feature_radius_m, config.feature_neighbours);
+                Ok(fpfh::describe(points, normals, &neighbours).rows.len())
+            })
+        }
+        "describe" => {
+            let (cloud, config) = (&pair.source, pair.features());
+            counted(name, cloud.points.len(), || Ok(Described::prepare(cloud, &config)?.points.len()))
+        }
+        "match" => {
+            let (target, source) = pair.described()?;
+            counted(name, source.points.len(), || Ok(matching::mutual(&source.features, &target.features).len()))
+        }
+        "icp_align" => {
+            let (icp, initial) = (Icp::new(pair.icp())?, pair.initial);
+            let (target, source) = pair.prepared()?;
+            posed(name, source.len(), || icp.align(target, source, &initial))
+        }
+        "gicp_align" => {
+            let (gicp, initial) = (Gicp::new(pair.gicp())?, pair.initial);
+            let (target, source) = pair.prepared_gicp()?;
+            posed(name, source.len(), || gicp.align(target, source, &initial))
+        }
+        "fgr_solve" => {
+            let fgr = Fgr::new(pair.fgr())?;
+            let matches = pair.matches()?;
+            posed(name, matches.len(), || fgr.solve(matches))
+        }
+        "mac_solve" => {
+            let mac = Mac::new(pair.mac())?;
+            let matches = pair.matches()?;
+            posed(name, matches.len(), || mac.solve(matches))
+        }
+        "fgr_suggested" => suggested(name, pair, Method::Fgr),
+        "mac_suggested" => suggested(name, pair, Method::Mac),
+        _ => whole(name, pair, method(name, pair)?.as_ref()),
+    }
+}
+
+/// A method that goes from clouds to a pose.
+fn method(name: &str, pair: &Pair) -> Result<Box<dyn Registration>> {
+    let finish = Some(IcpConfig::finishing(pair.voxel_m()));
+    Ok(match name {
+        "icp" => build(&MethodConfig::Icp(pair.icp()), None)?,
+        "gicp" => build(&MethodConfig::Gicp(pair.gicp()), None)?,
+        "fgr" => build(&MethodConfig::Fgr(pair.fgr()), None)?,
+        "mac" => build(&MethodConfig::Mac(pair.mac()), None)?,
+        "fgr_refined" => build(&MethodConfig::Fgr(pair.fgr()), finish)?,
+        "mac_refined" => build(&MethodConfig::Mac(pair.mac()), finish)?,
+        "fgr_gicp" => Box::new(Refined { global: Fgr::new(pair.fgr())?, local: Gicp::new(pair.finishing_gicp())? }),
+        "mac_gicp" => Box::new(Refined { global: Mac::new(pair.mac())?, local: Gicp::new(pair.finishing_gicp())? }),
+        _ => return Err(format!("there is no stage {name:?}").into()),
+    })
+}
+
+/// A global method with settings worked out from the clouds, and ICP after it; the clock runs from the clouds.
+fn suggested(name: &str, pair: &Pair, method: Method) -> Result<Measured> {
+    let (target, source) = (&pair.target, &pair.source);
+    posed(name, source.points.len(), || {
+        let config = suggest_method(method, FgrMode::Annealed, None, target, source);
+        match build(&config, Some(suggest_refinement(target, source, config.get("voxel_m").unwrap_or_default()))) {
+            Ok(method) => method.register(target, source, &pair.initial),
+            Err(_) => Outcome::nothing(&pair.initial, StopReason::BadSettings),
+        }
+    })
+}
+
+fn whole(name: &str, pair: &Pair, method: &dyn Registration) -> Result<Measured> {
+    posed(name, pair.source.points.len(), || method.register(&pair.target, &pair.source, &pair.initial))
+}
+
+fn counted(name: &str, n_in: usize, work: impl FnOnce() -> Result<usize>) -> Result<Measured> {
+    let (n_out, cpu_ms, wall_ms) = timed(work)?;
+    let n_out = n_out?;
+    let stage = name.to_owned();
+    Ok(Measured { stage, cpu_ms, wall_ms, n_in, n_out, target_from_source: None, stop: None, iterations: None })
+}
+
+fn posed(name: &str, n_in: usize, work: impl FnOnce() -> Outcome) -> Result<Measured> {
+    let (outcome, cpu_ms, wall_ms) = timed(work)?;
+    Ok(Measured {
+        stage: name.to_owned(),
+        cpu_ms,
+        wall_ms,
+        n_in,
+        n_out: outcome.pairs,
+        target_from_source: Some(outcome.target_from_source),
+        stop: Some(format!("{:?}", outcome.stop)),
+        iterations: Some(outcome.iterations),
+    })
+}
+
+/// The result, CPU time of the process and wall time, ms.
+fn timed<T>(work: impl FnOnce() -> T) -> Result<(T, f64, f64)> {
+    let (wall, cpu) = (Instant::now(), ProcessTime::try_now()?);
+    let result = work();
+    let cpu_ms = 1e3 * cpu.try_elapsed()?.as_secs_f64();
+    Ok((result, cpu_ms, 1e3 * wall.elapsed().as_secs_f64()))
+}

@@ -1,0 +1,100 @@
+//! How cost grows: with one thing at a time.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use echoloop_dsp::{Hardware, ScanPattern, Settings};
+use echoloop_frontend::SceneResponse;
+use echoloop_frontend::{Receiver, WaveformFrontEnd};
+use echoloop_host::link::client::{Client, Patience};
+use echoloop_host::link::transport::InProcess;
+use echoloop_sim::board::PcSensor;
+
+use crate::Result;
+use crate::work::{BATCH, Stage, returns, settings};
+
+/// A row of a table.
+struct Row {
+    name: String,
+    stage: Stage,
+}
+
+impl Row {
+    fn new(name: String, settings: Settings, echoes: usize) -> Result<Self> {
+        let stage = Stage::with_returns(Settings { echoes: echoes.clamp(1, 4) as i32, ..settings }, echoes)?;
+        Ok(Self { name, stage })
+    }
+}
+
+pub(crate) fn print(quick: bool) -> Result<()> {
+    let rounds = if quick { 20 } else { 100 };
+    println!("### Samples, at 13 taps and one echo\n");
+    let sizes = [300, 600, 1_200, 2_400].map(|samples| (samples, 4_900_000 / samples as i32));
+    let rows = sizes.map(|(samples, width)| Row::new(format!("{samples} samples"), settings(samples, width), 1));
+    table(rows.into_iter().collect::<Result<_>>()?, rounds);
+
+    println!("\n### Taps, at 2,400 samples and one echo\n");
+    let mut rows = Vec::new();
+    for width_ps in [2_000, 4_000, 8_000, 16_000, 20_000] {
+        let mut row = Row::new(String::new(), settings(2_400, width_ps), 1)?;
+        row.name = format!("{} taps", row.stage.pipeline().config().template().taps().len());
+        rows.push(row);
+    }
+    table(rows, rounds);
+
+    println!("\n### Echoes, at 800 samples and 13 taps, all of them wanted\n");
+    let rows = [0, 1, 2, 3, 4].map(|echoes| Row::new(format!("{echoes} echoes"), settings(800, 6_200), echoes));
+    table(rows.into_iter().collect::<Result<_>>()?, rounds);
+
+    println!("\n### Beams, at 800 samples and two echoes, through sensor and link\n");
+    beams(if quick { 3 } else { 10 })
+}
+
+/// Rows take turns; of each the fastest round counts, for what else runs on the machine only adds to it.
+fn table(mut rows: Vec<Row>, rounds: usize) {
+    const STAGES: [&str; 4] = ["pipeline v3", "pipeline baseline", "front end v3", "front end baseline"];
+    let mut best = vec![[f64::INFINITY; STAGES.len()]; rows.len()];
+    for _ in 0..rounds {
+        for (row, best) in rows.iter_mut().zip(&mut best) {
+            for (name, best) in STAGES.iter().zip(best) {
+                let clock = Instant::now();
+                if row.stage.run(name).is_ok() {
+                    *best = best.min(clock.elapsed().as_secs_f64() * 1e9 / BATCH as f64);
+                }
+            }
+        }
+    }
+    println!("| | {} |\n|---|{}", STAGES.join(" | "), "---|".repeat(STAGES.len()));
+    for (row, cost) in rows.iter().zip(&best) {
+        let cells = cost.iter().zip(&best[0]).map(|(ns, first)| format!("{ns:.0} ns, {:.2}", ns / first));
+        println!("| {} | {} |", row.name, cells.collect::<Vec<_>>().join(" | "));
+    }
+}
+
+fn beams(rounds: usize) -> Result<()> {
+    let mut clients = Vec::new();
+    for columns in [8, 32, 128, 250] {
+        let pattern = ScanPattern { columns, rows: 128, ..ScanPattern::default() };
+        let beams = pattern.beams();
+        let scene = SceneResponse {
+            beams: (0..=beams).map(|beam| 2 * beam).collect(),
+            returns: (0..beams).flat_map(|beam| returns(beam, 2)).collect(),
+        };
+        let front_end = WaveformFrontEnd::new(Receiver::default(), Arc::new(scene), 1);
+        let sensor = PcSensor::new(front_end, pattern, Hardware::REFERENCE);
+        clients.push((beams, Client::connect(InProcess(sensor), Patience::default())?, f64::INFINITY));
+    }
+    for frame in 0..rounds as u32 {
+        for (_, client, best) in &mut clients {
+            let clock = Instant::now();
+            client.scan(frame)?;
+            *best = best.min(clock.elapsed().as_secs_f64() * 1e3);
+        }
+    }
+    println!("| | a scan | a beam |\n|---|---|---|");
+    let first = clients[0].2;
+    for (beams, _, ms) in &clients {
+        println!("| {beams} beams | {ms:.1} ms, {:.2} | {:.2} µs |", ms / first, 1e3 * ms / f64::from(*beams));
+    }
+    Ok(())
+}

@@ -1,0 +1,132 @@
+//! What is timed: waveforms made, and waveforms read.
+
+use std::hint::black_box;
+
+use echoloop_dsp::config::sample_period_fs;
+use echoloop_dsp::{Echoes, Hardware, Pipeline, Scratch, Settings};
+use echoloop_frontend::Return;
+use echoloop_frontend::{Analog, Trigger};
+use echoloop_frontend::{NoiseKey, Receiver, Shot, synthesise, synthesise_baseline};
+use echoloop_sim::vector::{process, process_baseline};
+
+use crate::Result;
+
+pub(crate) const SAMPLES: usize = 1024;
+
+/// Waveforms processed one after the other.
+pub(crate) const BATCH: usize = 256;
+
+/// Settings of so many samples and such a pulse: 119 m in all.
+pub(crate) fn settings(samples: usize, pulse_width_ps: i32) -> Settings {
+    // 372 nJ a pulse, below what is allowed.
+    let power_cw = (37_200_000 / pulse_width_ps).clamp(500, 6_000);
+    Settings { bins: samples as i32, pulse_width_ps, power_cw, ..Settings::default() }
+}
+
+/// A beam's returns, 13 m apart, a white wall's each: from far beyond saturation to a hundredth of the scale.
+pub(crate) fn returns(beam: u32, count: usize) -> impl Iterator<Item = Return> {
+    (0..count).map(move |i| {
+        let range_m = 8.0 + f64::from(beam % 64) + 13.0 * i as f64;
+        Return { range_m: range_m as f32, strength_per_m2: (0.1 / range_m.powi(2)) as f32 }
+    })
+}
+
+/// The key of a beam's noise.
+fn key(beam: u32) -> NoiseKey {
+    NoiseKey::new(1, Trigger { frame: 0, beam, shot: 0 })
+}
+
+/// What the registers of a sensor with these settings hold.
+fn analog(settings: &Settings) -> Analog {
+    let period_fs = sample_period_fs(settings.bins as u32, &Hardware::REFERENCE);
+    let pulse_width_ns = f64::from(settings.pulse_width_ps) / 1e3;
+    Analog {
+        power_w: f64::from(settings.power_cw) / 100.0,
+        pulse_width_ns,
+        gain_db: 0.0,
+        sample_period_ns: f64::from(period_fs) / 1e6,
+        delay_ns: 6.671 + pulse_width_ns, // to 1 m and back, and to the middle of the pulse
+        pre_trigger: 0,
+    }
+}
+
+/// A pipeline, the waveforms it reads, and memory.
+pub(crate) struct Stage {
+    pipeline: Pipeline,
+    analog: Analog,
+    receiver: Receiver,
+    waveforms: Vec<Vec<u16>>,
+    returns: Vec<Vec<Return>>,
+    scratch: Scratch,
+    shot: Shot,
+    codes: Vec<u16>,
+}
+
+impl Stage {
+    /// Two returns a beam.
+    pub(crate) fn new(settings: Settings) -> Result<Self> {
+        Self::with_returns(settings, 2)
+    }
+
+    pub(crate) fn with_returns(settings: Settings, count: usize) -> Result<Self> {
+        let pipeline = Pipeline::new(&settings, &Hardware::REFERENCE).map_err(|refusal| format!("{refusal:?}"))?;
+        let mut stage = Self {
+            pipeline,
+            analog: analog(&settings),
+            receiver: Receiver::default(),
+            waveforms: Vec::new(),
+            returns: (0..BATCH as u32).map(|beam| returns(beam, count).collect()).collect(),
+            scratch: Scratch::new(),
+            shot: Shot::default(),
+            codes: vec![0; settings.bins as usize],
+        };
+        for beam in 0..BATCH {
+            stage.synthesise(synthesise, beam);
+            stage.waveforms.push(stage.codes.clone());
+        }
+        Ok(stage)
+    }
+
+    pub(crate) fn pipeline(&self) -> &Pipeline {
+        &self.pipeline
+    }
+
+    pub(crate) fn analog(&self) -> Analog {
+        self.analog
+    }
+
+    pub(crate) fn waveforms(&self) -> &[Vec<u16>] {
+        &self.waveforms
+    }
+
+    /// All waveforms once.
+    pub(crate) fn run(&mut self, name: &str) -> Result<()> {
+        match name {
+            "pipeline v3" => self.process_all(process),
+            "pipeline baseline" => self.process_all(process_baseline),
+            "front end v3" => (0..BATCH).for_each(|beam| self.synthesise(synthesise, beam)),
+            "front end baseline" => (0..BATCH).for_each(|beam| self.synthesise(synthesise_baseline, beam)),
+            _ => return Err(format!("no stage {name}").into()),
+        }
+        Ok(())
+    }
+
+    /// The strongest echo's range in every waveform, m.
+    pub(crate) fn ranges_m(&mut self) -> Vec<Option<f64>> {
+        let Self { pipeline, waveforms, scratch, .. } = self;
+        waveforms.iter().map(|codes| process(pipeline, codes, scratch).first().map(|echo| echo.range_m())).collect()
+    }
+
+    fn process_all(&mut self, build: fn(&Pipeline, &[u16], &mut Scratch) -> Echoes) {
+        for codes in &self.waveforms {
+            black_box(build(&self.pipeline, black_box(codes), &mut self.scratch));
+        }
+    }
+
+    fn synthesise(&mut self, build: Synthesise, beam: usize) {
+        let returns = self.returns.get(beam).map_or(&[][..], Vec::as_slice);
+        build(&self.receiver, &self.analog, returns, key(beam as u32), &mut self.shot, black_box(&mut self.codes));
+    }
+}
+
+type Synthesise = fn(&Receiver, &Analog, &[Return], NoiseKey, &mut Shot, &mut [u16]);

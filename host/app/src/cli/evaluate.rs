@@ -1,0 +1,161 @@
+//! `echoloop evaluate`.
+
+use std::collections::BTreeMap;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+use clap::{Args, ValueEnum};
+use serde::Deserialize;
+use serde_json::Value;
+
+use super::choice::SensorChoice;
+use super::exit::Failure;
+use super::method_choice::MethodChoice;
+use super::progress::Progress;
+use super::tune::Prepared;
+use super::{Common, ConfigSource, on_threads};
+use crate::experiment::config::{Config, load};
+use crate::experiment::evaluate::{Summary, evaluate};
+use crate::experiment::params::{Values, choices};
+use crate::experiment::run::{CONFIG, RESULT};
+use crate::experiment::seed::Purpose;
+
+/// Flags of `evaluate`.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct EvaluateArgs {
+    #[command(flatten)]
+    source: ConfigSource,
+    #[command(flatten)]
+    common: Common,
+    #[command(flatten)]
+    sensor: SensorChoice,
+    #[command(flatten)]
+    method: MethodChoice,
+    /// Judge the tuned parameters of a run, with its configuration.
+    #[arg(long, value_name = "RUN", conflicts_with_all = ["config", "candidate", "method", "mode", "refine"])]
+    run: Option<PathBuf>,
+    /// JSON file with {"parameters": {"lidar.power": 50, "lidar.timing": "cfd", …}} laid over the configuration's; - is standard input.
+    #[arg(long, value_name = "FILE")]
+    candidate: Option<PathBuf>,
+    /// Which pairs.
+    #[arg(long, default_value = "test")]
+    pairs: Pairs,
+    /// Exit with 4 when the recall is below this, percent.
+    #[arg(long, value_name = "PERCENT")]
+    require_recall: Option<f64>,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Pairs {
+    Train,
+    Test,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Candidate {
+    parameters: BTreeMap<String, Value>,
+}
+
+/// The number that a candidate gives a named parameter: itself or, of a choice, its name.
+fn number(name: &str, given: &Value) -> Result<f64, String> {
+    let names = choices(name);
+    let index = names.iter().zip(0u32..).find(|(choice, _)| given.as_str() == Some(**choice));
+    match index {
+        Some((_, index)) => Ok(f64::from(index)),
+        None if given.is_number() => given.as_f64().ok_or_else(|| format!("{name} = {given} must be finite")),
+        None if names.is_empty() => Err(format!("{name} = {given} must be a number")),
+        None => Err(format!("{name} = {given} must be one of {}", names.join(", "))),
+    }
+}
+
+/// The part of a run's result that is evaluated again.
+#[derive(Deserialize)]
+struct Earlier {
+    tuned: Values,
+}
+
+pub(super) fn run(args: &EvaluateArgs) -> Result<(), Failure> {
+    let config = config(args)?;
+    let values = values(args)?;
+    on_threads(args.common.threads, || judge(args, config, &values))?
+}
+
+fn config(args: &EvaluateArgs) -> Result<Config, Failure> {
+    match &args.run {
+        Some(run) => load(Some(&run.join(CONFIG)), &args.source.set).map_err(Failure::usage),
+        None => args.source.load(args.method.overrides()),
+    }
+}
+
+fn values(args: &EvaluateArgs) -> Result<Values, Failure> {
+    if let Some(run) = &args.run {
+        let path = run.join(RESULT);
+        let earlier: Earlier = parse(&path, &read(&path)?)?;
+        return Ok(earlier.tuned);
+    }
+    let Some(path) = &args.candidate else { return Ok(Values::new()) };
+    let candidate: Candidate = parse(path, &read(path)?)?;
+    let fail = |problem| Failure::usage(format!("{}: {problem}", path.display()));
+    let value = |(name, given): (String, Value)| number(&name, &given).map(|value| (name, value)).map_err(fail);
+    candidate.parameters.into_iter().map(value).collect()
+}
+
+fn read(path: &Path) -> Result<String, Failure> {
+    let fail = |error| Failure::usage(format!("cannot read {}: {error}", path.display()));
+    if path == Path::new("-") {
+        let mut text = String::new();
+        std::io::stdin().read_to_string(&mut text).map_err(fail)?;
+        return Ok(text);
+    }
+    std::fs::read_to_string(path).map_err(fail)
+}
+
+fn parse<'a, T: Deserialize<'a>>(path: &Path, text: &'a str) -> Result<T, Failure> {
+    serde_json::from_str(text).map_err(|error| Failure::usage(format!("{}: {error}", path.display())))
+}
+
+fn judge(args: &EvaluateArgs, config: Config, values: &Values) -> Result<(), Failure> {
+    let progress = Progress::new(args.common.quiet);
+    let prepared = Prepared::new(config, &args.sensor, &progress)?;
+    let preset = prepared.config.registration.preset;
+    let parameters = prepared.start.with_values(values, preset, &prepared.hardware).map_err(Failure::usage)?;
+    let (pairs, purpose) = match args.pairs {
+        Pairs::Train => (&prepared.dataset.train, Purpose::ShortlistNoise),
+        Pairs::Test => (&prepared.dataset.test, Purpose::TestNoise),
+    };
+    progress.begin("judging", pairs.len() as u64);
+    let stop = AtomicBool::new(false);
+    let search = prepared.search(&stop);
+    let done = || crate::experiment::tune::Watcher::evaluated(&progress);
+    let errors = evaluate(&search.bench, &parameters, pairs, prepared.config.seed, purpose, &done)?;
+    progress.end();
+    let summary = Summary::of(errors, &prepared.config.data);
+    print(args, &prepared.sensor, &parameters.values(preset), &summary)?;
+    match args.require_recall {
+        Some(asked) if summary.recall_pct < asked => {
+            Err(Failure::new(4, format!("recall {:.1} % is below the {asked} % asked", summary.recall_pct)))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn print(args: &EvaluateArgs, sensor: &str, values: &Values, summary: &Summary) -> Result<(), Failure> {
+    if args.common.json {
+        let document = serde_json::json!({"format": 1, "sensor": sensor, "parameters": values, "summary": summary});
+        println!("{}", serde_json::to_string_pretty(&document).map_err(Failure::run)?);
+        return Ok(());
+    }
+    println!("recall        {:.1} % of {} pairs", summary.recall_pct, summary.pairs);
+    if let (Some(translation), Some(rotation)) = (summary.mean_translation_m, summary.mean_rotation_deg) {
+        println!("mean error    {:.2} cm, {rotation:.3}° over the successes", 100.0 * translation);
+    }
+    println!(
+        "median error  {:.2} cm, {:.3}° over all",
+        100.0 * summary.median_translation_m,
+        summary.median_rotation_deg
+    );
+    println!("points        {:.0} a scan", summary.mean_points);
+    Ok(())
+}

@@ -1,0 +1,365 @@
+//! Tables, clouds and the report of a run.
+
+use std::path::Path;
+
+use echoloop_dsp::{Kind, Parameter};
+
+use super::exit::Failure;
+use super::tune::Prepared;
+use crate::experiment::config::Config;
+use crate::experiment::evaluate::{Summary, median};
+use crate::experiment::objective::Registered;
+use crate::experiment::params::{self, Axis, Parameters, Preset, Space, axes, effective};
+use crate::experiment::run::{REPORT, RunFolder, RunResult};
+use crate::experiment::seed::{Purpose, derive};
+use crate::experiment::tune::{Search, Tuned};
+use crate::report::{
+    CloudLayer, Convergence, Correlation, EvaluationRow, EvaluationTable, PairClouds, PairError, ParameterTrace,
+    PoseError, Report, RowKind,
+};
+use echoloop_registration::cloud::{Cloud, write_ply};
+use echoloop_registration::{FgrMode, Method};
+
+/// Default against tuned, and what was changed.
+pub(super) fn print_table(config: &Config, result: &RunResult, space: &Space) {
+    let data = &config.data;
+    println!(
+        "\n{}: {} held-out pairs, {:.1} m apart, success within {} m and {}°\n",
+        result.method,
+        result.tuned_summary.pairs,
+        data.baseline_m,
+        data.success_translation_m,
+        data.success_rotation_deg
+    );
+    println!(
+        "{:<10} {:>9} {:>12} {:>11} {:>12} {:>12} {:>8}",
+        "", "recall", "mean e_t", "mean e_R", "median e_t", "median e_R", "points"
+    );
+    for (name, summary) in [("default", &result.default_summary), ("tuned", &result.tuned_summary)] {
+        println!("{name:<10} {}", row(summary));
+    }
+    if space.axes().is_empty() {
+        return;
+    }
+    println!("\n{:<34} {:>12} {:>12}  {:<14} range", "parameter", "default", "tuned", "unit");
+    for axis in space.axes() {
+        let [before, after] =
+            [&result.default, &result.tuned].map(|values| shown(axis.name, effective(values, axis.name)));
+        println!("{:<34} {before:>12} {after:>12}  {:<14} {}", axis.name, axis.unit, range(axis));
+    }
+}
+
+/// A value as the table has it: a choice by name.
+fn shown(name: &str, value: Option<f64>) -> String {
+    let Some(value) = value else { return "–".into() };
+    let choice = params::choices(name).get(value as usize);
+    choice.map_or_else(|| format!("{value:.4}"), |&choice| choice.to_owned())
+}
+
+fn range(axis: &Axis) -> String {
+    match params::choices(axis.name) {
+        [] => format!("{} to {}", axis.min, axis.max),
+        names => names.join(", "),
+    }
+}
+
+fn row(summary: &Summary) -> String {
+    let centimetres = |m: Option<f64>| m.map_or_else(|| "–".into(), |m| format!("{:.2} cm", 100.0 * m));
+    let degrees = |d: Option<f64>| d.map_or_else(|| "–".into(), |d| format!("{d:.3}°"));
+    format!(
+        "{:>7.1} % {:>12} {:>11} {:>12} {:>12} {:>8.0}",
+        summary.recall_pct,
+        centimetres(summary.mean_translation_m),
+        degrees(summary.mean_rotation_deg),
+        centimetres(Some(summary.median_translation_m)),
+        degrees(Some(summary.median_rotation_deg)),
+        summary.mean_points
+    )
+}
+
+/// A row of the parameter table, in units.
+struct Row {
+    name: String,
+    unit: &'static str,
+    min: f64,
+    max: f64,
+    default: Option<f64>,
+    acts_in: &'static str,
+    /// What a choice chooses from.
+    choices: Vec<&'static str>,
+}
+
+/// The methods of a choice.
+pub(super) fn choices(parameter: &Parameter) -> Vec<&'static str> {
+    let Kind::Choice { names } = parameter.kind else { return Vec::new() };
+    names.to_vec()
+}
+
+/// Every parameter: the firmware's table, then the registration method's.
+fn parameter_rows(method: Method, preset: Preset) -> Vec<Row> {
+    let lidar = echoloop_dsp::PARAMETERS.iter().map(|p| Row {
+        name: format!("lidar.{}", p.name),
+        unit: p.unit,
+        min: p.to_unit(p.min),
+        max: p.to_unit(p.max),
+        default: p.default.map(|code| p.to_unit(code)),
+        acts_in: p.acts_in,
+        choices: choices(p),
+    });
+    let registration = axes(method, preset).into_iter().map(|a| Row {
+        name: a.name.to_owned(),
+        unit: a.unit,
+        min: a.min,
+        max: a.max,
+        default: Some(a.default),
+        acts_in: method.name(),
+        choices: Vec::new(),
+    });
+    lidar.chain(registration).collect()
+}
+
+/// The parameter table as text: name, range, default, unit, where it acts.
+pub(super) fn parameter_table(method: Method, preset: Preset) -> String {
+    let mut text = format!("{:<34} {:>8} {:>8} {:>8}  {:<14} acts in\n", "parameter", "min", "max", "default", "unit");
+    for Row { name, unit, min, max, default, acts_in, choices } in parameter_rows(method, preset) {
+        if !choices.is_empty() {
+            let chosen = default.and_then(|code| choices.get(code as usize)).unwrap_or(&"follows");
+            text += &format!("{name:<34} {chosen:>26}  {unit:<14} {acts_in}: {}\n", choices.join(" | "));
+            continue;
+        }
+        let default = default.map_or_else(|| "follows".into(), |v| v.to_string());
+        text += &format!("{name:<34} {min:>8} {max:>8} {default:>8}  {unit:<14} {acts_in}\n");
+    }
+    text
+}
+
+/// The parameter table as JSON.
+pub(super) fn parameter_json(method: Method, preset: Preset) -> serde_json::Value {
+    let row = |Row { name, unit, min, max, default, acts_in, choices }: Row| {
+        serde_json::json!({
+            "name": name, "unit": unit, "min": min, "max": max, "default": default, "acts_in": acts_in, "choices": choices,
+        })
+    };
+    parameter_rows(method, preset).into_iter().map(row).collect::<Vec<_>>().into()
+}
+
+/// The held-out pair to show: the one the default parameters did worst on.
+fn shown_pair(result: &RunResult) -> usize {
+    let errors = &result.default_summary.errors;
+    let worst = errors.iter().max_by(|a, b| a.frobenius.total_cmp(&b.frobenius));
+    worst.map_or(0, |error| error.pair)
+}
+
+/// The shown pair with default and with tuned parameters.
+pub(super) struct Shown {
+    place: String,
+    before: Registered,
+    after: Registered,
+}
+
+/// Registers the shown pair both ways, and writes both as PLY.
+pub(super) fn write_clouds(
+    folder: &RunFolder,
+    prepared: &Prepared,
+    tuned: &Tuned,
+    result: &RunResult,
+) -> Result<Shown, Failure> {
+    let index = shown_pair(result);
+    let pair = &prepared.dataset.test[index];
+    let noise = derive(prepared.config.seed, Purpose::TestNoise, index as u64);
+    let register = |parameters: &Parameters| prepared.bench().register(parameters, index, pair, noise);
+    let shown =
+        Shown { place: pair.place.clone(), before: register(&prepared.start)?, after: register(&tuned.parameters)? };
+    write_pair(&folder.file("before.ply"), &shown.before)?;
+    write_pair(&folder.file("after.ply"), &shown.after)?;
+    Ok(shown)
+}
+
+/// Both clouds in the first one's frame, as registered.
+fn write_pair(path: &Path, registered: &Registered) -> Result<(), Failure> {
+    let [first, _] = &registered.clouds;
+    let mut points = first.points.clone();
+    points.extend(laid_on(registered));
+    write_ply(path, &Cloud::new(points)).map_err(Failure::usage)
+}
+
+fn laid_on(registered: &Registered) -> impl Iterator<Item = nalgebra::Point3<f32>> + '_ {
+    let pose = registered.first_from_second.cast::<f32>();
+    registered.clouds[1].points.iter().map(move |p| pose * p)
+}
+
+/// Writes the report.
+pub(super) fn write_report(
+    folder: &RunFolder,
+    prepared: &Prepared,
+    search: &Search<'_>,
+    tuned: &Tuned,
+    result: &RunResult,
+    shown: Shown,
+) -> Result<(), Failure> {
+    let config = &prepared.config;
+    let data = &config.data;
+    let success_within =
+        PoseError { translation_m: data.success_translation_m, rotation_deg: data.success_rotation_deg };
+    let report = Report {
+        title: format!("Echoloop: {} tuned for {}", config.tune.protocol.name(), result.scene),
+        subtitle: format!("{} registrations in {} generations", result.registrations, result.generations),
+        facts: facts(prepared, search, result),
+        table: EvaluationTable {
+            rows: vec![
+                table_row("default", RowKind::Default, &result.default_summary),
+                table_row("tuned", RowKind::Tuned, &result.tuned_summary),
+            ],
+            success_within,
+        },
+        convergence: convergence(config, tuned),
+        parameters: traces(search, tuned, result),
+        correlation: correlation(search, tuned),
+        pair_errors: pair_errors(prepared, result),
+        clouds: Some(pair_clouds(shown, result)),
+        notes: notes(config),
+    };
+    let html = report.to_html().map_err(Failure::run)?;
+    Ok(folder.write(REPORT, &html)?)
+}
+
+fn facts(prepared: &Prepared, search: &Search<'_>, result: &RunResult) -> Vec<(String, String)> {
+    let config = &prepared.config;
+    let pattern = prepared.dataset.pattern;
+    [
+        ("Scene", format!("{}, {} triangles", result.scene, prepared.dataset.triangles)),
+        ("Beams", format!("{} × {}", pattern.columns, pattern.rows)),
+        ("Protocol", result.protocol.clone()),
+        ("Method", result.method.clone()),
+        ("Training pairs", format!("{}, {} a generation", config.data.train_pairs, search.batch_size())),
+        ("Held-out pairs", result.tuned_summary.pairs.to_string()),
+        ("Distance of a pair", format!("{} m", config.data.baseline_m)),
+        ("Population", search.population().to_string()),
+        ("Seed", config.seed.to_string()),
+        ("Chosen", result.origin.clone()),
+    ]
+    .map(|(name, value)| (name.to_owned(), value))
+    .to_vec()
+}
+
+fn table_row(label: &str, kind: RowKind, summary: &Summary) -> EvaluationRow {
+    EvaluationRow {
+        label: label.into(),
+        kind,
+        pairs: Some(summary.pairs),
+        recall_pct: summary.recall_pct,
+        mean_translation_cm: summary.mean_translation_m.map_or(f64::NAN, |m| 100.0 * m),
+        mean_rotation_deg: summary.mean_rotation_deg.unwrap_or(f64::NAN),
+        median_translation_cm: 100.0 * summary.median_translation_m,
+        median_rotation_deg: summary.median_rotation_deg,
+    }
+}
+
+fn convergence(config: &Config, tuned: &Tuned) -> Convergence {
+    let mut series = Convergence {
+        default_fitness: tuned.finalists.iter().find(|f| f.origin == "start").map(|f| f.fitness),
+        fitness_name: match config.tune.error_cap {
+            cap if cap > 0.0 => format!("mean ‖T − T*‖_F, capped at {cap}"),
+            _ => "mean ‖T − T*‖_F".into(),
+        },
+        ..Convergence::default()
+    };
+    for generation in &tuned.generations {
+        let mut fitness: Vec<f64> = generation.candidates.iter().map(|c| c.fitness).collect();
+        fitness.sort_by(f64::total_cmp);
+        let quantile = |q: f64| fitness[((fitness.len() - 1) as f64 * q).round() as usize];
+        series.generation.push(generation.generation + 1);
+        series.best.push(fitness[0]);
+        series.lower_quartile.push(quantile(0.25));
+        series.median.push(median(fitness.iter().copied()));
+        series.upper_quartile.push(quantile(0.75));
+        series.sigma.push(generation.sigma);
+    }
+    series
+}
+
+fn traces(search: &Search<'_>, tuned: &Tuned, result: &RunResult) -> Vec<ParameterTrace> {
+    let value = |values: &params::Values, name: &str| effective(values, name).unwrap_or(f64::NAN);
+    let axes = search.space.axes().iter().enumerate();
+    axes.map(|(i, axis)| {
+        let at = |offset: f64| -> Vec<f64> {
+            tuned.generations.iter().map(|g| axis.from_cube(g.mean[i] + offset * g.deviations[i])).collect()
+        };
+        ParameterTrace {
+            name: axis.name.into(),
+            unit: axis.unit.into(),
+            min: axis.min,
+            max: axis.max,
+            log: axis.scale == params::Scale::Log,
+            choices: params::choices(axis.name),
+            default: value(&result.default, axis.name),
+            tuned: value(&result.tuned, axis.name),
+            mean: at(0.0),
+            low: at(-1.0),
+            high: at(1.0),
+        }
+    })
+    .collect()
+}
+
+fn correlation(search: &Search<'_>, tuned: &Tuned) -> Option<Correlation> {
+    let short = |name: &str| name.rsplit('.').next().unwrap_or(name).to_owned();
+    (!tuned.correlations.is_empty()).then(|| Correlation {
+        names: search.space.axes().iter().map(|axis| short(axis.name)).collect(),
+        matrix: tuned.correlations.clone(),
+        learned: Some(tuned.learned),
+    })
+}
+
+fn pair_errors(prepared: &Prepared, result: &RunResult) -> Vec<PairError> {
+    let pose = |e: &crate::experiment::objective::PairError| PoseError {
+        translation_m: e.translation_m,
+        rotation_deg: e.rotation_deg,
+    };
+    let both = result.default_summary.errors.iter().zip(&result.tuned_summary.errors);
+    both.map(|(before, after)| PairError {
+        label: format!("{} pair {}", prepared.dataset.test[before.pair].place, before.pair),
+        default: pose(before),
+        tuned: pose(after),
+    })
+    .collect()
+}
+
+fn pair_clouds(shown: Shown, result: &RunResult) -> PairClouds {
+    let layers = |registered: &Registered| {
+        let target = registered.clouds[0].points.iter().map(|p| p.coords.into()).collect();
+        let source = laid_on(registered).map(|p| p.coords.into()).collect();
+        [target, source].map(|points| CloudLayer { points, intensity: Vec::new() })
+    };
+    let error = |r: &Registered| PoseError { translation_m: r.error.translation_m, rotation_deg: r.error.rotation_deg };
+    PairClouds {
+        label: format!("{} pair {}: the held-out pair the default did worst on", shown.place, shown_pair(result)),
+        before: layers(&shown.before),
+        after: layers(&shown.after),
+        before_error: error(&shown.before),
+        after_error: error(&shown.after),
+    }
+}
+
+fn notes(config: &Config) -> Vec<String> {
+    let mut notes = vec![
+        "Every scan went through the sensor's firmware: settings and echoes as frames of its link, echoes by its \
+         fixed-point detector."
+            .to_owned(),
+        "A registration that finds nothing counts as its initial guess, the identity.".to_owned(),
+    ];
+    if config.registration.mode == FgrMode::Open3d {
+        notes.push(
+            "FGR as Open3D 0.20 runs it from Python with its defaults: without graduated non-convexity, from a wrong start. It is \
+             the paper's baseline, not the published method; that is mode annealed."
+                .to_owned(),
+        );
+    }
+    if config.tune.error_cap > 0.0 {
+        notes.push(format!(
+            "The search caps a pair's error at {} (the paper does not; tune.error_cap = 0 is its way). The tables do not.",
+            config.tune.error_cap
+        ));
+    }
+    notes
+}

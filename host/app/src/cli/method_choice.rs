@@ -1,0 +1,56 @@
+//! `--method`: which registration method a run uses.
+
+use clap::Args;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+
+use crate::experiment::config::{FgrMode, Method, Override};
+
+/// Flags of every command that registers scans of its own.
+#[derive(Clone, Debug, Args)]
+pub(super) struct MethodChoice {
+    /// Registration method; global ones (fgr, mac) get scans 5 m apart unless data.baseline_m says otherwise.
+    #[arg(long, value_parser = method_parser())]
+    method: Option<Method>,
+    /// Of fgr: as published, or as Open3D 0.20 runs it from Python, the paper's baseline.
+    #[arg(long, value_parser = mode_parser())]
+    mode: Option<FgrMode>,
+    /// Finish what a global method finds with point-to-plane ICP.
+    #[arg(long)]
+    refine: bool,
+}
+
+impl MethodChoice {
+    /// As changes of the configuration.
+    pub(super) fn overrides(&self) -> Vec<Override> {
+        let method = self.method.map(|method| Override::flag("registration.method", method.name()));
+        let mode = self.mode.map(|mode| Override::flag("registration.mode", mode.name()));
+        let refine = self.refine.then(|| Override::flag("registration.refine", true));
+        method.into_iter().chain(mode).chain(refine).collect()
+    }
+}
+
+/// A value's name on the command line, which is also its name in the file.
+pub(super) fn name_of(value: impl clap::ValueEnum) -> toml::Value {
+    value.to_possible_value().map(|v| v.get_name().to_owned()).unwrap_or_default().into()
+}
+
+/// Reads `--method`.
+pub(super) fn method_parser() -> impl TypedValueParser<Value = Method> {
+    one_of(Method::ALL.map(|method| (method.name(), method.summary(), method)))
+}
+
+/// Reads `--mode`.
+pub(super) fn mode_parser() -> impl TypedValueParser<Value = FgrMode> {
+    one_of(FgrMode::ALL.map(|mode| (mode.name(), mode.summary(), mode)))
+}
+
+/// A choice by name, each with a line of help.
+fn one_of<T: Copy + Send + Sync + 'static, const N: usize>(
+    choices: [(&'static str, &'static str, T); N],
+) -> impl TypedValueParser<Value = T> {
+    let values = choices.map(|(name, summary, _)| PossibleValue::new(name).help(summary));
+    PossibleValuesParser::new(values).try_map(move |given| {
+        let found = choices.iter().find(|(name, ..)| *name == given);
+        found.map(|(.., choice)| *choice).ok_or_else(|| format!("no choice is called {given}"))
+    })
+}

@@ -1,0 +1,218 @@
+//! The command line.
+
+mod choice;
+mod echoes;
+mod evaluate;
+mod exit;
+mod figures;
+mod method_choice;
+mod method_flags;
+mod pairs;
+mod progress;
+mod register;
+mod scan;
+mod sensor;
+mod serve;
+mod tune;
+
+use std::path::PathBuf;
+
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap_complete::Shell;
+
+use crate::experiment::config::{Config, Override, load};
+use crate::experiment::params::Preset;
+use echoloop_registration::Method;
+
+pub use exit::{Failure, READER_GONE, report_failure};
+
+/// A LiDAR that tunes itself: sensor and registration parameters, searched together through the sensor's own link.
+///
+/// Without a command: `tune`.
+#[derive(Debug, Parser)]
+#[command(name = "echoloop", version, args_conflicts_with_subcommands = true, after_help = EXIT_CODES)]
+pub struct Cli {
+    #[command(subcommand)]
+    command: Option<Command>,
+    #[command(flatten)]
+    tune: tune::TuneArgs,
+}
+
+const EXIT_CODES: &str = "Exit codes: 0 done, 1 the run failed, 2 usage, configuration or a file, 3 the link or the sensor, \
+    4 finished below --require-recall, 130 interrupted.";
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Tune parameters in the closed loop, then judge them on held-out pairs.
+    Tune(tune::TuneArgs),
+    /// Judge one set of parameters; `--candidate -` reads it as JSON from standard input.
+    Evaluate(evaluate::EvaluateArgs),
+    /// Scan a scene through the sensor and write the cloud.
+    Scan(scan::ScanArgs),
+    /// Scan the configured pairs through the sensor and write them as files: clouds, true motions, poses.
+    ///
+    /// The scans are the ones that `evaluate` registers with the same configuration. Pairs that are hard for every method:
+    /// `--set data.baseline_m=15 --set data.heading_range_deg=180 --set scanner.azimuth_deg=360`.
+    Pairs(pairs::PairsArgs),
+    /// Register two clouds: PLY, PCD, VTK, KITTI .bin or XYZ.
+    Register(register::RegisterArgs),
+    /// Find the echoes of waveforms that another instrument recorded.
+    ///
+    /// With --json, one line a waveform: {"waveform": i, "outgoing_peak_ns": …, "echoes": [{"time_ns": …, "amplitude": …,
+    /// "width_ns": …, "snr": …, "flags": […]}]}, times from the row's first sample, amplitudes above ambient in the input's units.
+    Echoes(echoes::EchoesArgs),
+    /// Ask a sensor who it is, read its settings, set them.
+    ///
+    /// `--set lidar.power=50` and the like are laid over the sensor's own settings and sent to it, which checks them itself; of a
+    /// configuration file, all of [lidar] is sent. With neither, nothing is changed.
+    Sensor(sensor::SensorArgs),
+    /// Be a sensor on a serial port, to rehearse `--sensor serial:` with.
+    ///
+    /// The sensor shows viewpoint n for scan n: those of the configuration's pairs, numbered as `--sensor serial:` asks for them.
+    /// To rehearse without a board, run `socat -d -d pty,raw,echo=0 pty,raw,echo=0`, serve the one terminal it names, and give the
+    /// other to `tune --sensor serial:`, with the same configuration.
+    Serve(serve::ServeArgs),
+    /// Print the effective configuration, or every parameter with unit and range.
+    Config(ConfigArgs),
+    /// Print shell completions.
+    Completions {
+        /// The shell.
+        shell: Shell,
+    },
+}
+
+/// What every command takes.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct Common {
+    /// Print one JSON document to standard output instead of text.
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// No progress, no remarks.
+    #[arg(short, long)]
+    pub(crate) quiet: bool,
+    /// Threads; 0: as many as there are processors. Results do not depend on it.
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    pub(crate) threads: usize,
+}
+
+/// Where a configuration comes from. Later ones win: file, --set, flags.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct ConfigSource {
+    /// Configuration file (TOML).
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
+    /// Set one value, as lidar.power=50; may be repeated.
+    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = parse_override)]
+    pub(crate) set: Vec<Override>,
+    /// structured, semi-structured, unstructured, or a mesh: PLY or OBJ, metres, z up.
+    #[arg(long, value_name = "KIND|FILE")]
+    pub(crate) scene: Option<String>,
+    /// Decides every random choice.
+    #[arg(long, value_name = "N")]
+    pub(crate) seed: Option<u64>,
+}
+
+fn parse_override(text: &str) -> Result<Override, String> {
+    text.parse()
+}
+
+impl ConfigSource {
+    /// File, then `--set`, then the flags given (and only those), with a command's own flags last.
+    pub(crate) fn load(&self, own: Vec<Override>) -> Result<Config, Failure> {
+        let mut overrides = self.set.clone();
+        overrides.extend(self.scene.clone().map(|scene| Override::flag("scene.source", scene)));
+        if let Some(seed) = self.seed {
+            let seed = i64::try_from(seed).map_err(|_| Failure::usage("--seed must be below 2^63"))?;
+            overrides.push(Override::flag("seed", seed));
+        }
+        overrides.extend(own);
+        load(self.config.as_deref(), &overrides).map_err(Failure::usage)
+    }
+}
+
+#[derive(Clone, Debug, Args)]
+struct ConfigArgs {
+    #[command(flatten)]
+    source: ConfigSource,
+    #[command(flatten)]
+    common: Common,
+    /// List every tunable parameter with unit, range and default.
+    #[arg(long)]
+    parameters: bool,
+}
+
+/// What --json prints of `echoes`, where all other commands print one document.
+const JSON_LINES: &str = "Print a JSON document a waveform, each a line, to standard output instead of text";
+
+/// The command line with the parameter table in its help: it comes from the firmware, so it is put in here.
+pub fn command() -> clap::Command {
+    let help = format!(
+        "Parameters, set with --set KEY=VALUE or in a file ([lidar], [registration]); those of another method: \
+         `echoloop config --parameters --set registration.method=fgr`.\n\n{}",
+        figures::parameter_table(Method::Icp, Preset::Outdoor)
+    );
+    let with_parameters = |c: clap::Command| c.after_long_help(help.clone());
+    let command = Cli::command().mut_subcommand("tune", with_parameters);
+    let command = command.mut_subcommand("evaluate", with_parameters).mut_subcommand("pairs", with_parameters);
+    let command = command.mut_subcommand("scan", with_parameters);
+    command.mut_subcommand("echoes", |c| c.mut_arg("json", |json| json.help(JSON_LINES)))
+}
+
+impl Cli {
+    /// Reads the command line; with a message for people, ends the process when it makes no sense or asks for help.
+    pub fn from_command_line() -> Self {
+        let matches = command().get_matches();
+        Self::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
+    }
+
+    /// Does what was asked.
+    ///
+    /// # Errors
+    ///
+    /// [`Failure`] with the exit code.
+    pub fn run(self) -> Result<(), Failure> {
+        match self.command.unwrap_or(Command::Tune(self.tune)) {
+            Command::Tune(args) => tune::run(&args),
+            Command::Evaluate(args) => evaluate::run(&args),
+            Command::Scan(args) => scan::run(&args),
+            Command::Pairs(args) => pairs::run(&args),
+            Command::Register(args) => register::run(&args),
+            Command::Echoes(args) => echoes::run(&args),
+            Command::Sensor(args) => sensor::run(&args),
+            Command::Serve(args) => serve::run(&args),
+            Command::Config(args) => show_config(&args),
+            Command::Completions { shell } => {
+                let mut script = Vec::new();
+                clap_complete::generate(shell, &mut Self::command(), "echoloop", &mut script);
+                exit::print(&String::from_utf8_lossy(&script))
+            }
+        }
+    }
+}
+
+fn show_config(args: &ConfigArgs) -> Result<(), Failure> {
+    let config = args.source.load(Vec::new())?;
+    let (method, preset) = (config.registration.method, config.registration.preset);
+    exit::print(&match (args.parameters, args.common.json) {
+        (true, true) => format!("{}\n", figures::parameter_json(method, preset)),
+        (true, false) => figures::parameter_table(method, preset),
+        (false, true) => serde_json::to_string_pretty(&config).map_err(Failure::run)? + "\n",
+        (false, false) => toml::to_string(&config).map_err(Failure::run)?,
+    })
+}
+
+/// Runs `work` on the asked number of threads.
+fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Result<T, Failure> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    Ok(pool.map_err(|e| Failure::usage(format!("--threads {threads}: {e}")))?.install(work))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_well_formed() {
+        command().debug_assert();
+    }
+}

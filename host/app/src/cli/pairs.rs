@@ -1,0 +1,235 @@
+//! `echoloop pairs`.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use clap::{Args, ValueEnum, ValueHint};
+use rayon::prelude::*;
+use serde_json::{Value, json};
+
+use super::choice::SensorChoice;
+use super::exit::Failure;
+use super::method_choice::MethodChoice;
+use super::progress::Progress;
+use super::tune::{Prepared, stop_on_interrupt};
+use super::{Common, ConfigSource, on_threads};
+use crate::experiment::config::Config;
+use crate::experiment::dataset::ScanPair;
+use crate::experiment::run::FileError;
+use crate::experiment::seed::{Purpose, derive};
+use crate::experiment::tune::Watcher;
+use crate::link::sensor::View;
+use echoloop_registration::cloud::{Cloud, write_ply};
+use echoloop_registration::pose::{Pose, to_rows};
+
+/// Flags of `pairs`.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct PairsArgs {
+    #[command(flatten)]
+    source: ConfigSource,
+    #[command(flatten)]
+    common: Common,
+    #[command(flatten)]
+    sensor: SensorChoice,
+    #[command(flatten)]
+    method: MethodChoice,
+    /// Folder to make: NNN_target.ply, NNN_source.ply (sensor frame, m), the 4 × 4 matrices NNN_target_from_source.txt,
+    /// NNN_world_from_target.txt and NNN_world_from_source.txt for pair NNN = 000, 001, …; pairs.json, which lists them
+    /// with the scans' numbers; config.toml.
+    #[arg(short, long, value_name = "FOLDER", value_hint = ValueHint::DirPath)]
+    output: PathBuf,
+    /// Which pairs.
+    #[arg(long, default_value = "test")]
+    pairs: Set,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Set {
+    Train,
+    Test,
+}
+
+/// A pair as it came back.
+struct Scanned<'a> {
+    pair: &'a ScanPair,
+    /// First and second, which a registration calls target and source.
+    clouds: [Cloud; 2],
+}
+
+pub(super) fn run(args: &PairsArgs) -> Result<(), Failure> {
+    let config = args.source.load(args.method.overrides())?;
+    check_free(&args.output)?; // now: the scans take long
+    let stop = stop_on_interrupt();
+    on_threads(args.common.threads, || scan_and_write(args, config, &stop))?
+}
+
+fn scan_and_write(args: &PairsArgs, config: Config, stop: &AtomicBool) -> Result<(), Failure> {
+    let progress = Progress::new(args.common.quiet);
+    let prepared = Prepared::new(config, &args.sensor, &progress)?;
+    // The noise that `evaluate` gives them.
+    let (pairs, purpose) = match args.pairs {
+        Set::Train => (&prepared.dataset.train, Purpose::ShortlistNoise),
+        Set::Test => (&prepared.dataset.test, Purpose::TestNoise),
+    };
+    progress.begin("listening", pairs.len() as u64);
+    let scanned: Result<Vec<Scanned<'_>>, Failure> = pairs
+        .par_iter()
+        .enumerate()
+        .map(|(index, pair)| {
+            go_on(stop)?;
+            let scanned = scan(&prepared, pair, derive(prepared.config.seed, purpose, index as u64));
+            progress.evaluated();
+            scanned
+        })
+        .collect();
+    progress.end();
+    let scanned = scanned?;
+    write(&args.output, &prepared, &scanned, stop)?;
+    print(args, &scanned)
+}
+
+fn go_on(stop: &AtomicBool) -> Result<(), Failure> {
+    if stop.load(Ordering::Relaxed) { Err(Failure::new(130, "interrupted; nothing is written")) } else { Ok(()) }
+}
+
+/// Both scans with the configured settings.
+fn scan<'a>(prepared: &Prepared, pair: &'a ScanPair, noise_seed: u64) -> Result<Scanned<'a>, Failure> {
+    let views = [(&pair.first, 1), (&pair.second, 2)];
+    let scans = prepared.sensors.with(|sensor| {
+        sensor.configure(&prepared.start.settings)?;
+        let mut look = |at: usize| {
+            let (scene, scan) = views[at];
+            sensor.scan(&View { scene, noise_seed, scan, viewpoint: pair.viewpoints[at] })
+        };
+        Ok([look(0)?, look(1)?])
+    })?;
+    let clouds = scans.map(|scan| prepared.bench().cloud(&scan));
+    match clouds.iter().position(|cloud| cloud.points.is_empty()) {
+        Some(at) => Err(Failure::run(format!(
+            "scan {}: no beam returned an echo (is the sensor inside something, or too weak?)",
+            pair.viewpoints[at]
+        ))),
+        None => Ok(Scanned { pair, clouds }),
+    }
+}
+
+fn failed(verb: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Failure {
+    move |source| FileError { verb, path: path.to_owned(), source }.into()
+}
+
+/// Whether the folder can be made; one that holds something stays as it is.
+fn check_free(folder: &Path) -> Result<(), Failure> {
+    let refused = |why: &str| Failure::usage(format!("--output {}: {why}", folder.display()));
+    if folder.file_name().is_none() {
+        return Err(refused("expected the name of a folder to make"));
+    }
+    match fs::read_dir(folder).map(|mut entries| entries.next().is_none()) {
+        Ok(true) => Ok(()),
+        Ok(false) => Err(refused("the folder is not empty")),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
+        Err(error) => Err(refused(&error.to_string())),
+    }
+}
+
+/// A folder beside the one wanted, which becomes that one when it is complete; else it goes.
+struct Draft {
+    path: PathBuf,
+}
+
+impl Draft {
+    fn beside(folder: &Path) -> Result<Self, Failure> {
+        let mut name =
+            folder.file_name().ok_or_else(|| Failure::usage("--output needs the name of a folder"))?.to_owned();
+        name.push(format!(".part{}", std::process::id()));
+        let path = folder.with_file_name(name);
+        fs::create_dir_all(&path).map_err(failed("make the folder", &path))?;
+        Ok(Self { path })
+    }
+
+    fn write(&self, name: &str, content: impl AsRef<[u8]>) -> Result<(), Failure> {
+        let path = self.path.join(name);
+        fs::write(&path, content).map_err(failed("write", &path))
+    }
+
+    fn become_folder(self, folder: &Path) -> Result<(), Failure> {
+        if folder.exists() {
+            fs::remove_dir(folder).map_err(failed("replace", folder))?; // empty, else this fails
+        }
+        fs::rename(&self.path, folder).map_err(failed("make the folder", folder))
+    }
+}
+
+impl Drop for Draft {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.path); // gone already when it became the folder
+    }
+}
+
+fn write(folder: &Path, prepared: &Prepared, scanned: &[Scanned<'_>], stop: &AtomicBool) -> Result<(), Failure> {
+    let draft = Draft::beside(folder)?;
+    for (index, scanned) in scanned.iter().enumerate() {
+        go_on(stop)?;
+        write_pair(&draft, index, scanned)?;
+    }
+    draft.write("config.toml", toml::to_string(&prepared.config).map_err(Failure::run)?)?;
+    let list = json!({
+        "format": 1,
+        "sensor": prepared.sensor,
+        "pairs": scanned.iter().enumerate().map(|(index, scanned)| listed(index, scanned)).collect::<Vec<_>>(),
+    });
+    draft.write("pairs.json", serde_json::to_string_pretty(&list).map_err(Failure::run)? + "\n")?;
+    draft.become_folder(folder)
+}
+
+fn write_pair(draft: &Draft, index: usize, scanned: &Scanned<'_>) -> Result<(), Failure> {
+    let name = name(index);
+    let [world_from_target, world_from_source] = &scanned.pair.world_from_sensor;
+    for (end, cloud) in ["target", "source"].into_iter().zip(&scanned.clouds) {
+        write_ply(&draft.path.join(format!("{name}_{end}.ply")), cloud).map_err(Failure::usage)?;
+    }
+    draft.write(&format!("{name}_target_from_source.txt"), matrix(&scanned.pair.truth))?;
+    draft.write(&format!("{name}_world_from_target.txt"), matrix(world_from_target))?;
+    draft.write(&format!("{name}_world_from_source.txt"), matrix(world_from_source))
+}
+
+fn name(index: usize) -> String {
+    format!("{index:03}")
+}
+
+/// Four rows of four, every digit: what `register --initial` reads.
+fn matrix(pose: &Pose) -> String {
+    to_rows(pose).chunks(4).fold(String::new(), |mut text, row| {
+        let _ = writeln!(text, "{} {} {} {}", row[0], row[1], row[2], row[3]);
+        text
+    })
+}
+
+/// The entry of a pair in the list. The frame is the number that the firmware writes to the emitter's FRAME register.
+fn listed(index: usize, Scanned { pair, clouds }: &Scanned<'_>) -> Value {
+    json!({
+        "name": name(index),
+        "place": pair.place,
+        "frames": pair.viewpoints,
+        "points": clouds.each_ref().map(|cloud| cloud.points.len()),
+        "baseline_m": pair.truth.translation.vector.norm(),
+        "turn_deg": pair.truth.rotation.angle().to_degrees(),
+    })
+}
+
+fn print(args: &PairsArgs, scanned: &[Scanned<'_>]) -> Result<(), Failure> {
+    let points: usize = scanned.iter().flat_map(|scanned| &scanned.clouds).map(|cloud| cloud.points.len()).sum();
+    let a_scan = points / (2 * scanned.len()).max(1);
+    let folder = args.output.display();
+    if args.common.json {
+        let document = json!({
+            "format": 1, "folder": folder.to_string(), "pairs": scanned.len(), "mean_points": a_scan,
+        });
+        println!("{}", serde_json::to_string_pretty(&document).map_err(Failure::run)?);
+    } else {
+        println!("wrote {} pairs to {folder}, {a_scan} points a scan", scanned.len());
+    }
+    Ok(())
+}

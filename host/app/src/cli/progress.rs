@@ -1,0 +1,80 @@
+//! Progress on standard error: a bar on a terminal, a line a generation elsewhere, nothing when quiet.
+
+use std::io::IsTerminal;
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use crate::experiment::evaluate::median;
+use crate::experiment::journal::Generation;
+use crate::experiment::tune::Watcher;
+
+/// Shows how far the work is.
+pub(super) struct Progress {
+    bar: ProgressBar,
+    /// Lines instead of a bar.
+    lines: bool,
+}
+
+impl Progress {
+    pub(super) fn new(quiet: bool) -> Self {
+        let terminal = std::io::stderr().is_terminal();
+        let target = if terminal && !quiet { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+        Self { bar: ProgressBar::with_draw_target(None, target), lines: !terminal && !quiet }
+    }
+
+    /// Begins a part of the work of so many steps.
+    pub(super) fn begin(&self, name: &str, steps: u64) {
+        self.bar.reset();
+        self.bar.set_length(steps);
+        let template = "{msg:14} {wide_bar} {percent:>3} %  {elapsed} gone, {eta} to go";
+        if let Ok(style) = ProgressStyle::with_template(template) {
+            self.bar.set_style(style);
+        }
+        self.bar.set_message(name.to_owned());
+        self.bar.enable_steady_tick(Duration::from_millis(250));
+        if self.lines {
+            eprintln!("{name} …");
+        }
+    }
+
+    /// How far the part is.
+    pub(super) fn at(&self, step: u64) {
+        self.bar.set_position(step);
+    }
+
+    /// A remark.
+    pub(super) fn say(&self, text: &str) {
+        if self.lines {
+            eprintln!("{text}");
+        } else {
+            self.bar.println(text);
+        }
+    }
+
+    /// No more.
+    pub(super) fn end(&self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+impl Watcher for Progress {
+    fn evaluated(&self) {
+        self.bar.inc(1);
+    }
+
+    fn generation(&self, generation: &Generation, of: u32) {
+        let fitness = || generation.candidates.iter().map(|c| c.fitness);
+        let best = fitness().fold(f64::INFINITY, f64::min);
+        self.say(&format!(
+            "generation {:>2}/{of}  best {best:.4}  median {:.4}  sigma {:.3}",
+            generation.generation + 1,
+            median(fitness()),
+            generation.sigma
+        ));
+    }
+
+    fn stage(&self, name: &str, registrations: usize) {
+        self.begin(name, registrations as u64);
+    }
+}

@@ -1,0 +1,171 @@
+//! `echoloop register`.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use super::exit::Failure;
+use super::method_choice::method_parser;
+use super::method_flags::MethodFlags;
+use super::{Common, on_threads};
+use echoloop_registration::cloud::{Cloud, read_cloud, voxel};
+use echoloop_registration::pose::{Pose, read_pose, to_rows};
+use echoloop_registration::{Method, MethodConfig, Outcome, StopReason, build, suggest_refinement};
+
+/// Flags of `register`. Without any, they are chosen from the clouds.
+#[derive(Clone, Debug, Args)]
+#[command(allow_negative_numbers = true)]
+pub(crate) struct RegisterArgs {
+    /// The cloud that stays: PLY, PCD, VTK, KITTI .bin or XYZ, m.
+    target: PathBuf,
+    /// The cloud that moves.
+    source: PathBuf,
+    #[command(flatten)]
+    common: Common,
+    /// The method.
+    #[arg(long, default_value = "icp", value_parser = method_parser())]
+    method: Method,
+    /// Finish what a global method finds with point-to-plane ICP.
+    #[arg(long)]
+    refine: bool,
+    /// Of ICP and GICP, where to start: a file with the 4 × 4 matrix target_from_source [default: identity].
+    #[arg(long, value_name = "FILE")]
+    initial: Option<PathBuf>,
+    #[command(flatten)]
+    settings: MethodFlags,
+}
+
+pub(super) fn run(args: &RegisterArgs) -> Result<(), Failure> {
+    check(args)?;
+    let target = read(args, &args.target)?;
+    let source = read(args, &args.source)?;
+    let initial = match &args.initial {
+        Some(path) => read_pose(path).map_err(Failure::usage)?,
+        None => Pose::identity(),
+    };
+    on_threads(args.common.threads, || register(args, &target, &source, &initial))?
+}
+
+/// Flags that do not go together, before anything is read.
+fn check(args: &RegisterArgs) -> Result<(), Failure> {
+    let (global, name) = (args.method.is_global(), args.method.name());
+    if args.refine && !global {
+        return Err(Failure::usage(format!("--refine goes with a global method (fgr, mac), not with {name}")));
+    }
+    if args.initial.is_some() && global {
+        return Err(Failure::usage(format!(
+            "--initial goes with a local method (icp, gicp): {name} searches everywhere"
+        )));
+    }
+    args.settings.check(args.method)
+}
+
+fn read(args: &RegisterArgs, path: &Path) -> Result<Cloud, Failure> {
+    let (cloud, dropped) = read_cloud(path).map_err(Failure::usage)?;
+    if dropped.total() > 0 && !args.common.quiet {
+        eprintln!(
+            "{}: left out {} points that are not finite and {} at range 0",
+            path.display(),
+            dropped.non_finite,
+            dropped.at_origin
+        );
+    }
+    Ok(cloud)
+}
+
+fn register(args: &RegisterArgs, target: &Cloud, source: &Cloud, initial: &Pose) -> Result<(), Failure> {
+    let began = cpu_s();
+    let config = args.settings.config(args.method, target, source)?;
+    let global_voxel_m = config.get("voxel_m").unwrap_or_default();
+    let finish = args.refine.then(|| suggest_refinement(target, source, global_voxel_m));
+    let method = build(&config, finish).map_err(Failure::usage)?;
+    let outcome = method.register(target, source, initial);
+    warn(args, &outcome);
+    let cpu_s = cpu_s() - began;
+    if outcome.stop == StopReason::BadSettings {
+        name_what_cannot_run(&[(&args.target, target), (&args.source, source)], global_voxel_m)?;
+    }
+    print(args, &config, &outcome, cpu_s)
+}
+
+/// The settings were checked, so it is the voxel that does not go with a cloud: says which.
+fn name_what_cannot_run(clouds: &[(&PathBuf, &Cloud)], voxel_m: f64) -> Result<(), Failure> {
+    for (path, cloud) in clouds {
+        voxel::downsample(cloud, voxel_m).map_err(|error| Failure::usage(format!("{}: {error}", path.display())))?;
+    }
+    Ok(())
+}
+
+/// Says when matches were left out.
+fn warn(args: &RegisterArgs, outcome: &Outcome) {
+    if let Some(consensus) = outcome.consensus.filter(|c| c.searched < c.matches && !args.common.quiet) {
+        eprintln!(
+            "warning: {} of {} matches were searched: the others are too far out, or all would take too much time and memory",
+            consensus.searched, consensus.matches
+        );
+    }
+}
+
+/// Processor time of this process, all threads, s.
+fn cpu_s() -> f64 {
+    cpu_time::ProcessTime::try_now().map_or(f64::NAN, |t| t.as_duration().as_secs_f64())
+}
+
+fn print(args: &RegisterArgs, config: &MethodConfig, outcome: &Outcome, cpu_s: f64) -> Result<(), Failure> {
+    if args.common.json {
+        println!("{}", serde_json::to_string(&document(args, config, outcome, cpu_s)).map_err(Failure::run)?);
+    } else {
+        print_text(outcome, cpu_s);
+    }
+    match outcome.stop.is_success() {
+        true => Ok(()),
+        false => Err(Failure::run(format!("not registered: {}", outcome.stop))),
+    }
+}
+
+fn document(args: &RegisterArgs, config: &MethodConfig, outcome: &Outcome, cpu_s: f64) -> serde_json::Value {
+    let rows = to_rows(&outcome.target_from_source);
+    let rows: Vec<&[f64]> = rows.chunks(4).collect();
+    let mut document = serde_json::json!({
+        "target_from_source": rows,
+        "stop": format!("{:?}", outcome.stop),
+        "pairs": outcome.pairs,
+        "rmse_m": outcome.rmse_m,
+        "cpu_s": cpu_s,
+        "iterations": outcome.iterations,
+        "inlier_fraction": outcome.inlier_fraction,
+        "unobservable_directions": outcome.observability.as_ref().map(|o| o.unobservable),
+        "matches": outcome.consensus.map(|c| c.matches),
+        "searched": outcome.consensus.map(|c| c.searched),
+        "inliers": outcome.consensus.map(|c| c.inliers),
+        "margin": outcome.consensus.and_then(|c| c.margin),
+        "method": args.method.name(),
+        "refine": args.refine,
+    });
+    if let MethodConfig::Fgr(config) = config {
+        document["mode"] = serde_json::json!(config.mode);
+    }
+    for key in config.keys() {
+        document[*key] = serde_json::json!(config.get(key));
+    }
+    document
+}
+
+fn print_text(outcome: &Outcome, cpu_s: f64) {
+    println!("target_from_source");
+    for row in to_rows(&outcome.target_from_source).chunks(4) {
+        println!("{:>12.6} {:>12.6} {:>12.6} {:>12.6}", row[0], row[1], row[2], row[3]);
+    }
+    println!(
+        "{}; {} iterations, {} pairs, {:.1} mm rms, {:.3} s CPU",
+        outcome.stop,
+        outcome.iterations,
+        outcome.pairs,
+        1e3 * outcome.rmse_m,
+        cpu_s
+    );
+    if let Some(consensus) = &outcome.consensus {
+        let margin = consensus.margin.map_or_else(String::new, |margin| format!(", {margin:.2} times the next best"));
+        println!("{} of {} matches agree{margin}", consensus.inliers, consensus.matches);
+    }
+}

@@ -1,0 +1,155 @@
+//! `echoloop scan`.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use clap::Args;
+use echoloop_frontend::SceneResponse;
+use echoloop_sim::viewpoint::{PairPlan, Split, sample_pairs};
+use nalgebra::{Translation3, UnitQuaternion, Vector3};
+
+use super::choice::{SensorChoice, described};
+use super::exit::Failure;
+use super::{Common, ConfigSource, on_threads};
+use crate::experiment::config::Config;
+use crate::experiment::dataset::{DatasetError, place, respond};
+use crate::experiment::params::Parameters;
+use crate::experiment::scan_cloud::cloud_from_scan;
+use crate::experiment::seed::{Purpose, derive, scan_noise};
+use crate::link::sensor::{Model, View};
+use echoloop_registration::cloud::{Cloud, write_ply};
+use echoloop_registration::pose::Pose;
+
+/// Flags of `scan`.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct ScanArgs {
+    #[command(flatten)]
+    source: ConfigSource,
+    #[command(flatten)]
+    common: Common,
+    #[command(flatten)]
+    sensor: SensorChoice,
+    /// Where to write the cloud (PLY, sensor frame, m).
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Pose of the sensor: x y z in m, yaw pitch roll in degrees [default: the first training viewpoint].
+    #[arg(long, num_args = 6, allow_negative_numbers = true, value_names = ["X", "Y", "Z", "YAW", "PITCH", "ROLL"])]
+    pose: Option<Vec<f64>>,
+}
+
+pub(super) fn run(args: &ScanArgs) -> Result<(), Failure> {
+    let config = args.source.load(Vec::new())?;
+    on_threads(args.common.threads, || scan(args, &config))?
+}
+
+/// What came back, and from where.
+struct Scan {
+    /// Which sensor, and its firmware.
+    sensor: String,
+    /// The scene and the sensor's pose in it; of a sensor that somebody else turns, nothing is known.
+    seen: Option<Seen>,
+    settings: u32,
+    beams: u32,
+    cloud: Cloud,
+}
+
+/// A place to look at.
+struct Seen {
+    scene: String,
+    world_from_sensor: Pose,
+    response: Arc<SceneResponse>,
+}
+
+fn scan(args: &ScanArgs, config: &Config) -> Result<(), Failure> {
+    let sensors = args.sensor.sensors(Model::of(config))?;
+    let identity = sensors.identity()?;
+    let settings = Parameters::start(config, &identity.hardware).map_err(Failure::usage)?.settings;
+    let pattern = identity.pattern;
+    let directions: Vec<Vector3<f32>> = (0..pattern.beams()).map(|beam| pattern.direction(beam)).collect();
+    let seen = seen(args, config, &directions)?;
+    let response = seen.as_ref().map_or_else(Arc::default, |seen| Arc::clone(&seen.response));
+    let view = View { scene: &response, noise_seed: scan_noise(config.seed), scan: 1, viewpoint: 1 };
+    let (hash, scan) = sensors.with(|sensor| Ok((sensor.configure(&settings)?, sensor.scan(&view)?)))?;
+    let cloud = cloud_from_scan(&scan, &directions);
+    if cloud.points.is_empty() {
+        return Err(Failure::run("detection: no beam returned an echo (is the sensor inside something, or too weak?)"));
+    }
+    if let Some(path) = &args.output {
+        write_ply(path, &cloud).map_err(Failure::usage)?;
+    }
+    let sensor = described(&sensors, &identity);
+    print(args, &Scan { sensor, seen, settings: hash, beams: pattern.beams(), cloud })
+}
+
+/// What a sensor is to look at, when that is for us to say.
+fn seen(args: &ScanArgs, config: &Config, directions: &[Vector3<f32>]) -> Result<Option<Seen>, Failure> {
+    if args.sensor.is_turned_by_others() {
+        return match args.pose {
+            Some(_) => Err(Failure::usage("--pose: a sensor on a serial line looks where it stands")),
+            None => Ok(None),
+        };
+    }
+    let town = config.scene.towns[0];
+    let place = place(config, town)?;
+    let world_from_sensor = match &args.pose {
+        Some(numbers) => pose(numbers)?,
+        None => first_viewpoint(config, &place, town)?,
+    };
+    let response = Arc::new(respond(config, &place, &world_from_sensor, directions));
+    Ok(Some(Seen { scene: place.scene.name, world_from_sensor, response }))
+}
+
+fn pose(numbers: &[f64]) -> Result<Pose, Failure> {
+    let &[x, y, z, yaw, pitch, roll] = numbers else { return Err(Failure::usage("--pose takes six numbers")) };
+    if numbers.iter().any(|v| !v.is_finite()) {
+        return Err(Failure::usage(format!("--pose {numbers:?}: every number must be finite")));
+    }
+    let rotation = UnitQuaternion::from_euler_angles(roll.to_radians(), pitch.to_radians(), yaw.to_radians());
+    Ok(Pose::from_parts(Translation3::new(x, y, z), rotation))
+}
+
+fn first_viewpoint(config: &Config, place: &crate::experiment::dataset::Place, town: u64) -> Result<Pose, Failure> {
+    let plan = PairPlan {
+        count: 1,
+        baseline_m: config.data.baseline_m,
+        heading_range_deg: config.data.heading_range_deg,
+        tilt_range_deg: config.data.tilt_range_deg,
+        height_m: config.scanner.height_m,
+        seed: derive(config.seed, Purpose::TrainPoses, town),
+        split: Split::Train,
+    };
+    let pairs = sample_pairs(&place.scene, &place.caster, &plan);
+    let pairs = pairs.map_err(|source| DatasetError::Viewpoints { scene: place.scene.name.clone(), source })?;
+    pairs.first().map(|pair| pair.world_from_first).ok_or_else(|| Failure::run("no viewpoint found"))
+}
+
+fn print(args: &ScanArgs, scan: &Scan) -> Result<(), Failure> {
+    let ranges: Vec<f64> = scan.cloud.points.iter().map(|p| f64::from(p.coords.norm())).collect();
+    let median_m = crate::experiment::evaluate::median(ranges.iter().copied());
+    let farthest_m = ranges.iter().copied().fold(0.0, f64::max);
+    let (settings, beams, points) = (format!("{:#010x}", scan.settings), scan.beams, ranges.len());
+    if args.common.json {
+        let rows = |seen: &Seen| -> Vec<Vec<f64>> {
+            echoloop_registration::pose::to_rows(&seen.world_from_sensor).chunks(4).map(<[f64]>::to_vec).collect()
+        };
+        let document = serde_json::json!({
+            "format": 1, "sensor": scan.sensor, "scene": scan.seen.as_ref().map(|seen| &seen.scene),
+            "world_from_sensor": scan.seen.as_ref().map(rows), "settings": settings, "beams": beams, "points": points,
+            "median_range_m": median_m, "farthest_m": farthest_m,
+        });
+        println!("{}", serde_json::to_string_pretty(&document).map_err(Failure::run)?);
+        return Ok(());
+    }
+    match &scan.seen {
+        Some(Seen { scene, world_from_sensor, .. }) => {
+            let at = world_from_sensor.translation.vector;
+            println!("{scene} from ({:.2}, {:.2}, {:.2}) m, settings {settings}", at.x, at.y, at.z);
+        }
+        None => println!("viewpoint 1 of {}, settings {settings}", scan.sensor),
+    }
+    println!("{points} points of {beams} beams, median range {median_m:.1} m, farthest {farthest_m:.1} m");
+    if let Some(path) = &args.output {
+        println!("wrote {}", path.display());
+    }
+    Ok(())
+}

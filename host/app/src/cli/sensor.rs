@@ -1,0 +1,109 @@
+//! `echoloop sensor`.
+
+use clap::Args;
+use echoloop_dsp::{Kind, PARAMETERS, Parameter, ParameterId, Settings};
+use echoloop_link::{Counters, Greeting, settings_hash};
+
+use super::choice::{SensorChoice, described};
+use super::exit::Failure;
+use super::figures::choices;
+use super::{Common, ConfigSource};
+use crate::experiment::config::{Config, Lidar};
+use crate::link::client::Identity;
+use crate::link::sensor::Model;
+
+/// Flags of `sensor`.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct SensorArgs {
+    #[command(flatten)]
+    source: ConfigSource,
+    #[command(flatten)]
+    common: Common,
+    #[command(flatten)]
+    sensor: SensorChoice,
+    /// Also save the settings: the sensor begins with them from its next start on.
+    #[arg(long, conflicts_with = "forget")]
+    save: bool,
+    /// Drop what the sensor has saved: it begins with its defaults from its next start on.
+    #[arg(long)]
+    forget: bool,
+}
+
+pub(super) fn run(args: &SensorArgs) -> Result<(), Failure> {
+    let config = args.source.load(Vec::new())?;
+    let sensors = args.sensor.sensors(Model::of(&config))?;
+    let identity = sensors.identity()?;
+    let (settings, counters) = sensors.with(|sensor| {
+        let own = sensor.client().read_settings()?;
+        let settings = asked(&args.source, &config, own);
+        if settings != own {
+            sensor.configure(&settings)?;
+        }
+        match (args.save, args.forget) {
+            (true, _) => drop(sensor.client().save()?),
+            (_, true) => sensor.client().forget()?,
+            _ => {}
+        }
+        Ok((sensor.client().read_settings()?, sensor.client().read_counters()?))
+    })?;
+    let name = described(&sensors, &identity);
+    match args.common.json {
+        true => print_json(&name, &identity, &settings, &counters),
+        false => {
+            print_text(&name, &identity, &settings, &counters);
+            Ok(())
+        }
+    }
+}
+
+fn print_json(name: &str, identity: &Identity, settings: &Settings, counters: &Counters) -> Result<(), Failure> {
+    let document = serde_json::json!({
+        "format": 1, "sensor": name, "build": identity.build, "protocol": Greeting::OURS.protocol,
+        "schema": format!("{:#018x}", Greeting::OURS.schema), "hardware": identity.hardware, "pattern": identity.pattern,
+        "hash": format!("{:#010x}", settings_hash(settings)), "settings": Lidar(*settings), "counters": counters,
+    });
+    println!("{}", serde_json::to_string_pretty(&document).map_err(Failure::run)?);
+    Ok(())
+}
+
+fn print_text(name: &str, identity: &Identity, settings: &Settings, counters: &Counters) {
+    let Greeting { protocol, schema, .. } = Greeting::OURS;
+    println!("{name}, protocol {protocol}, schema {schema:#018x}");
+    let h = identity.hardware;
+    let [from_m, to_m, limit_nj] = [h.range_min_mm, h.range_max_mm, h.energy_limit_pj].map(|v| f64::from(v) / 1e3);
+    println!("{} bits, {from_m} to {to_m} m, pulses up to {limit_nj} nJ", h.adc_bits);
+    println!("{} × {} beams", identity.pattern.columns, identity.pattern.rows);
+    println!("\nsettings {:#010x}", settings_hash(settings));
+    for parameter in &PARAMETERS {
+        println!("{:<22} {:>14}  {}", parameter.name, shown(parameter, settings.get(parameter.id)), range(parameter));
+    }
+    println!("\n{} frames, {} refused, {} restarts", counters.frames, counters.refusals, counters.restarts);
+}
+
+/// The sensor's own settings with what was asked for laid over.
+fn asked(source: &ConfigSource, config: &Config, own: Settings) -> Settings {
+    if source.config.is_some() {
+        return config.lidar.0;
+    }
+    let mut settings = own;
+    for id in source.set.iter().filter_map(|set| set.key("lidar")).filter_map(ParameterId::by_name) {
+        settings.set(id, config.lidar.0.get(id));
+    }
+    settings
+}
+
+fn shown(parameter: &Parameter, code: Option<i32>) -> String {
+    match (code, parameter.kind) {
+        (None, _) => "follows".into(),
+        (Some(code), Kind::Choice { names, .. }) => names.get(code as usize).unwrap_or(&"?").to_string(),
+        (Some(code), _) => parameter.to_unit(code).to_string(),
+    }
+}
+
+fn range(parameter: &Parameter) -> String {
+    match parameter.kind {
+        Kind::Choice { .. } => choices(parameter).join(", "),
+        Kind::PowerOfTwo => format!("1 to {}, powers of two", parameter.max),
+        _ => format!("{} to {} {}", parameter.to_unit(parameter.min), parameter.to_unit(parameter.max), parameter.unit),
+    }
+}

@@ -1,0 +1,53 @@
+//! `echoloop serve`.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use clap::{Args, ValueHint};
+
+use super::exit::Failure;
+use super::progress::Progress;
+use super::tune::stop_on_interrupt;
+use super::{ConfigSource, on_threads};
+use crate::experiment::config::Config;
+use crate::experiment::dataset::Dataset;
+use crate::experiment::seed::scan_noise;
+use crate::link::sensor::{Model, Port, SensorError};
+use crate::link::serve::{Viewpoints, serve};
+use crate::link::transport::Serial;
+
+/// Flags of `serve`.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct ServeArgs {
+    #[command(flatten)]
+    source: ConfigSource,
+    /// No progress, no remarks.
+    #[arg(short, long)]
+    quiet: bool,
+    /// Threads to trace the viewpoints with; 0: as many as there are processors.
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    threads: usize,
+    /// Serial port or pseudo-terminal to answer on, as /dev/pts/5 or /dev/ttyUSB0@115200.
+    #[arg(value_name = "PORT[@BAUD]", value_hint = ValueHint::FilePath)]
+    port: Port,
+}
+
+pub(super) fn run(args: &ServeArgs) -> Result<(), Failure> {
+    let config = args.source.load(Vec::new())?;
+    on_threads(args.threads, || answer(args, &config))?
+}
+
+fn answer(args: &ServeArgs, config: &Config) -> Result<(), Failure> {
+    let stop = stop_on_interrupt();
+    let port = Serial::open(&args.port.path, args.port.baud);
+    let mut port = port.map_err(|reason| SensorError::open(&args.port, reason))?;
+    let progress = Progress::new(args.quiet);
+    progress.begin("scanning", 1000);
+    let dataset = Dataset::build(config, &|fraction, _| progress.at((fraction * 1000.0) as u64))?;
+    progress.end();
+    let views: Vec<_> = dataset.views().map(Arc::clone).collect();
+    progress.say(&format!("serving {} viewpoints on {} until ^C", views.len(), args.port));
+    let mut sensor = Viewpoints::new(&Model::of(config), views, scan_noise(config.seed)).sensor();
+    serve(&mut port, &mut sensor, &|| stop.load(Ordering::Relaxed))
+        .map_err(|error| SensorError::client(&args.port)(error.into()).into())
+}

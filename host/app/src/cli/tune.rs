@@ -1,0 +1,243 @@
+//! `echoloop tune`.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use clap::Args;
+use echoloop_dsp::Hardware;
+
+use super::choice::{SensorChoice, described, introduce};
+use super::exit::Failure;
+use super::figures::{print_table, write_clouds, write_report};
+use super::method_choice::{MethodChoice, name_of};
+use super::progress::Progress;
+use super::{Common, ConfigSource, on_threads};
+use crate::experiment::config::{Config, Override, default_runs_folder, load};
+use crate::experiment::dataset::Dataset;
+use crate::experiment::evaluate::Summary;
+use crate::experiment::journal::{Generation, Journal};
+use crate::experiment::objective::Bench;
+use crate::experiment::params::{LidarPreset, Parameters, Preset, Protocol, Space};
+use crate::experiment::run::{CONFIG, HISTORY, REPORT, RESULT, RunFolder, RunResult};
+use crate::experiment::tune::{Search, TuneError, Tuned};
+use crate::link::sensor::{Model, Sensors};
+
+/// Flags of `tune`.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct TuneArgs {
+    #[command(flatten)]
+    source: ConfigSource,
+    #[command(flatten)]
+    common: Common,
+    #[command(flatten)]
+    sensor: SensorChoice,
+    #[command(flatten)]
+    method: MethodChoice,
+    /// What is tuned.
+    #[arg(long)]
+    protocol: Option<Protocol>,
+    /// Which of the sensor's parameters are tuned.
+    #[arg(long)]
+    lidar: Option<LidarPreset>,
+    /// Ranges and defaults of the registration parameters.
+    #[arg(long)]
+    preset: Option<Preset>,
+    /// Generations, 1 to 100000.
+    #[arg(long, value_name = "N")]
+    generations: Option<u32>,
+    /// Candidates a generation; 0: as many as there are parameters.
+    #[arg(long, value_name = "N")]
+    population: Option<u32>,
+    /// Folder for run folders [default: runs].
+    #[arg(long, value_name = "FOLDER")]
+    runs: Option<PathBuf>,
+    /// Go on with an interrupted run.
+    #[arg(long, value_name = "RUN", conflicts_with_all = ["config", "set", "scene", "seed", "method", "mode", "refine", "protocol", "lidar",
+        "preset",
+        "generations", "population", "runs"])]
+    resume: Option<PathBuf>,
+    /// With --resume: drop the damaged end of a journal, after copying it.
+    #[arg(long, requires = "resume")]
+    repair: bool,
+    /// Exit with 4 when the tuned recall on held-out pairs is below this, percent.
+    #[arg(long, value_name = "PERCENT")]
+    require_recall: Option<f64>,
+}
+
+impl TuneArgs {
+    fn config(&self) -> Result<Config, Failure> {
+        if let Some(run) = &self.resume {
+            return load(Some(&run.join(CONFIG)), &[]).map_err(Failure::usage);
+        }
+        let mut own = self.method.overrides();
+        let mut flag = |path: &str, value: Option<toml::Value>| own.extend(value.map(|v| Override::flag(path, v)));
+        flag("tune.protocol", self.protocol.map(name_of));
+        flag("tune.lidar", self.lidar.map(name_of));
+        flag("registration.preset", self.preset.map(name_of));
+        flag("tune.generations", self.generations.map(|n| i64::from(n).into()));
+        flag("tune.population", self.population.map(|n| i64::from(n).into()));
+        self.source.load(own)
+    }
+}
+
+/// Everything a search needs, made from a configuration.
+pub(super) struct Prepared {
+    pub(super) config: Config,
+    pub(super) dataset: Dataset,
+    pub(super) start: Parameters,
+    /// As the sensor says.
+    pub(super) hardware: Hardware,
+    pub(super) sensors: Sensors,
+    /// Which sensor, and its firmware.
+    pub(super) sensor: String,
+}
+
+impl Prepared {
+    /// Meets the sensor, checks the start against its hardware, then traces the scans.
+    pub(super) fn new(config: Config, choice: &SensorChoice, progress: &Progress) -> Result<Self, Failure> {
+        let model = Model::of(&config);
+        let sensors = choice.sensors(model.clone())?;
+        let identity = introduce(&sensors, &model, progress)?;
+        let (hardware, sensor) = (identity.hardware, described(&sensors, &identity));
+        let start = Parameters::start(&config, &hardware).map_err(Failure::usage)?;
+        progress.begin("scanning", 1000);
+        let dataset = Dataset::build(&config, &|fraction, _| progress.at((fraction * 1000.0) as u64))?;
+        Ok(Self { config, dataset, start, hardware, sensors, sensor })
+    }
+
+    pub(super) fn bench(&self) -> Bench<'_> {
+        Bench { dataset: &self.dataset, sensors: &self.sensors }
+    }
+
+    pub(super) fn search<'a>(&'a self, stop: &'a AtomicBool) -> Search<'a> {
+        let (protocol, preset) = (self.config.tune.protocol, self.config.registration.preset);
+        let space = Space::new(protocol, self.config.tune.lidar, preset, self.start, self.hardware);
+        Search { config: &self.config, bench: self.bench(), space, start: self.start, stop }
+    }
+}
+
+pub(super) fn run(args: &TuneArgs) -> Result<(), Failure> {
+    let config = args.config()?;
+    let stop = stop_on_interrupt();
+    on_threads(args.common.threads, || tune(args, config, &stop))?
+}
+
+/// ^C asks the search to stop after what it is at; a second ^C ends the process.
+pub(super) fn stop_on_interrupt() -> Arc<AtomicBool> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&stop);
+    // Without a handler ^C just ends the process; the journal holds every whole generation either way.
+    let _ = ctrlc::set_handler(move || {
+        if flag.swap(true, Ordering::Relaxed) {
+            crate::link::sensor::end_emulators();
+            std::process::exit(130);
+        }
+    });
+    stop
+}
+
+fn tune(args: &TuneArgs, config: Config, stop: &AtomicBool) -> Result<(), Failure> {
+    let progress = Progress::new(args.common.quiet);
+    let runs = args.runs.clone().unwrap_or_else(default_runs_folder);
+    if args.resume.is_none() {
+        RunFolder::check(&runs)?;
+    }
+    // What cannot run leaves no folder, and `latest` where it was.
+    let prepared = Prepared::new(config, &args.sensor, &progress)?;
+    let folder = match &args.resume {
+        Some(run) => RunFolder::open(run)?,
+        None => RunFolder::create(&runs, &run_name(&prepared.config))?,
+    };
+    if args.resume.is_none() {
+        folder.write_config(&prepared.config)?;
+    }
+    let search = prepared.search(stop);
+    let (mut journal, done) = open_journal(args, &folder, &search)?;
+    let left = search.registrations().saturating_sub(done.len() * search.population() * search.batch_size());
+    progress.begin("tuning", left as u64);
+    let outcome = search_and_judge(&search, &mut journal, done, &progress);
+    progress.end();
+    if let Err(TuneError::Interrupted { .. } | TuneError::Sensor(_)) = &outcome {
+        eprintln!("go on with: echoloop tune --resume {}{}", folder.path().display(), args.sensor.again());
+    }
+    let (tuned, before, after) = outcome?;
+    let result = result(&prepared, &search, &tuned, before, after);
+    folder.write_result(&result)?;
+    let shown = write_clouds(&folder, &prepared, &tuned, &result)?;
+    write_report(&folder, &prepared, &search, &tuned, &result, shown)?;
+    finish(args, &folder, &prepared, &result)
+}
+
+/// The search, then start and choice on the held-out pairs.
+fn search_and_judge(
+    search: &Search<'_>,
+    journal: &mut Journal,
+    done: Vec<Generation>,
+    progress: &Progress,
+) -> Result<(Tuned, Summary, Summary), TuneError> {
+    let tuned = search.run(journal, done, progress)?;
+    progress.begin("judging", 2 * search.bench.dataset.test.len() as u64);
+    let before = search.judge(&search.start, progress)?;
+    let after = search.judge(&tuned.parameters, progress)?;
+    match search.stop.load(Ordering::Relaxed) {
+        true => Err(TuneError::Interrupted { generations: tuned.generations.len() }),
+        false => Ok((tuned, before, after)),
+    }
+}
+
+fn run_name(config: &Config) -> String {
+    let source = std::path::Path::new(&config.scene.source);
+    let scene = source.file_stem().map_or_else(|| config.scene.source.clone(), |s| s.to_string_lossy().into_owned());
+    let method = config.registration.method.name();
+    format!("{scene}-{method}-{}", config.tune.protocol.name())
+}
+
+fn open_journal(
+    args: &TuneArgs,
+    folder: &RunFolder,
+    search: &Search<'_>,
+) -> Result<(Journal, Vec<Generation>), Failure> {
+    let (path, header) = (folder.file(HISTORY), search.header());
+    if args.resume.is_some() && path.exists() {
+        return Ok(Journal::resume(&path, &header, args.repair)?);
+    }
+    Ok((Journal::create(&path, &header)?, Vec::new()))
+}
+
+fn result(prepared: &Prepared, search: &Search<'_>, tuned: &Tuned, before: Summary, after: Summary) -> RunResult {
+    let preset = prepared.config.registration.preset;
+    RunResult {
+        format: 1,
+        protocol: prepared.config.tune.protocol.name().into(),
+        method: prepared.config.registration.name(),
+        scene: prepared.config.scene.source.clone(),
+        seed: prepared.config.seed,
+        generations: tuned.generations.len(),
+        registrations: tuned.generations.iter().map(|g| g.candidates.len() * g.pairs.len()).sum::<usize>()
+            + tuned.finalists.len() * search.bench.dataset.train.len(),
+        origin: tuned.origin.clone(),
+        default: prepared.start.values(preset),
+        tuned: tuned.parameters.values(preset),
+        finalists: tuned.finalists.clone(),
+        default_summary: before,
+        tuned_summary: after,
+    }
+}
+
+/// Says what came out, and where it is.
+fn finish(args: &TuneArgs, folder: &RunFolder, prepared: &Prepared, result: &RunResult) -> Result<(), Failure> {
+    if args.common.json {
+        println!("{}", serde_json::to_string_pretty(result).map_err(Failure::run)?);
+    } else {
+        print_table(&prepared.config, result, &prepared.search(&AtomicBool::new(false)).space);
+        println!("\nreport  {}\nresult  {}", folder.file(REPORT).display(), folder.file(RESULT).display());
+    }
+    match args.require_recall {
+        Some(asked) if result.tuned_summary.recall_pct < asked => Err(Failure::new(
+            4,
+            format!("recall {:.1} % is below the {asked} % asked", result.tuned_summary.recall_pct),
+        )),
+        _ => Ok(()),
+    }
+}

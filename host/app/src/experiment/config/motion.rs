@@ -1,0 +1,127 @@
+//! The `[motion]` section: a sensor that moves and shakes while it scans.
+
+use serde::{Deserialize, Serialize};
+
+use super::{ConfigError, require};
+
+/// How the sensor moves during a scan. Off: it stands still, and a scan is taken at once.
+///
+/// Beams are fired one after the other, column by column; beam `b` of `n` at `t = ((b + ½)/n − ½) · duration`. The pose of a
+/// scan, and so the truth of a pair, is that of its middle, t = 0; points are laid out as if all were measured from there.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Motion {
+    /// Time from a scan's first beam to its last, s; 0: all at once.
+    pub duration_s: f64,
+    /// Velocity in the sensor's frame (x forward, y left, z up), m/s.
+    pub linear_m_s: [f64; 3],
+    /// Angular velocity about the sensor's axes, degrees/s.
+    pub angular_deg_s: [f64; 3],
+    /// Spread of the shaking about each axis, mrad.
+    pub jitter_mrad: f64,
+    /// Spread of the shaking along each axis, mm.
+    pub jitter_mm: f64,
+    /// What shakes as one: `column` or `beam`.
+    pub jitter_per: JitterPer,
+}
+
+/// What shakes as one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum JitterPer {
+    /// The beams of a column.
+    #[default]
+    Column,
+    /// Each beam for itself.
+    Beam,
+}
+
+impl Default for Motion {
+    fn default() -> Self {
+        Self {
+            duration_s: 0.0,
+            linear_m_s: [0.0; 3],
+            angular_deg_s: [0.0; 3],
+            jitter_mrad: 0.0,
+            jitter_mm: 0.0,
+            jitter_per: JitterPer::Column,
+        }
+    }
+}
+
+impl Motion {
+    /// Every beam has the same pose.
+    pub fn is_still(&self) -> bool {
+        let steady = self.duration_s == 0.0 || (self.linear_m_s == [0.0; 3] && self.angular_deg_s == [0.0; 3]);
+        steady && self.jitter_mrad == 0.0 && self.jitter_mm == 0.0
+    }
+
+    pub(super) fn check(&self) -> Result<(), ConfigError> {
+        let within = |values: &[f64; 3], limit: f64| values.iter().all(|v| v.abs() <= limit);
+        require("motion.duration_s", self.duration_s, (0.0..=10.0).contains(&self.duration_s), "0 to 10")?;
+        let (linear, angular) = (&self.linear_m_s, &self.angular_deg_s);
+        require("motion.linear_m_s", format!("{linear:?}"), within(linear, 100.0), "three numbers, -100 to 100")?;
+        require(
+            "motion.angular_deg_s",
+            format!("{angular:?}"),
+            within(angular, 3600.0),
+            "three numbers, -3600 to 3600",
+        )?;
+        require("motion.jitter_mrad", self.jitter_mrad, (0.0..=100.0).contains(&self.jitter_mrad), "0 to 100")?;
+        require("motion.jitter_mm", self.jitter_mm, (0.0..=1000.0).contains(&self.jitter_mm), "0 to 1000")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Config;
+
+    fn fault(text: &str) -> String {
+        let config: Config = toml::from_str(text).unwrap();
+        config.check().unwrap_err().to_string()
+    }
+
+    #[test]
+    fn a_switch_out_of_bounds_is_named() {
+        for (text, message) in [
+            ("[motion]\nduration_s = -1.0", "motion.duration_s = -1 must be 0 to 10"),
+            (
+                "[motion]\nlinear_m_s = [0.0, nan, 0.0]",
+                "motion.linear_m_s = [0.0, NaN, 0.0] must be three numbers, -100 to 100",
+            ),
+            (
+                "[motion]\nangular_deg_s = [0.0, 0.0, 1e4]",
+                "motion.angular_deg_s = [0.0, 0.0, 10000.0] must be three numbers",
+            ),
+            ("[motion]\njitter_mrad = nan", "motion.jitter_mrad = NaN must be 0 to 100"),
+            ("[motion]\njitter_mm = 1e9", "motion.jitter_mm = 1000000000 must be 0 to 1000"),
+            ("[weather]\nkind = \"fog\"\nvisibility_m = 3.0", "weather.visibility_m = 3 must be 6 to 998"),
+            ("[weather]\nkind = \"snow\"\nrate_mm_h = 99.0", "weather.rate_mm_h = 99 must be 0.1 to 50 in snow"),
+            ("[receiver]\ntiming_jitter_ns = inf", "receiver.timing_jitter_ns = inf must be 0 to 10"),
+            ("[receiver]\ndead_channels = 1.5", "receiver.dead_channels = 1.5 must be 0 to 1"),
+            (
+                "[receiver]\ndead_channels = 0.6\nweak_channels = 0.5",
+                "receiver.weak_channels = 0.5 must be 0 to 1 less",
+            ),
+            ("[receiver]\noverload_tail_ns = 0.0", "receiver.overload_tail_ns = 0 must be 0.1 to 10^4"),
+        ] {
+            let fault = fault(text);
+            assert!(fault.starts_with(message), "{text}: {fault}");
+        }
+    }
+
+    #[test]
+    fn every_switch_is_off_by_default_and_a_choice_is_made_by_name() {
+        let plain = Config::default();
+        assert!(plain.motion.is_still());
+        assert_eq!(plain.front_end().air(), echoloop_frontend::Air::CLEAR);
+        let text =
+            "[weather]\nkind = \"wet-snow\"\n[motion]\njitter_per = \"beam\"\n[receiver]\nmode = \"litl-compat\"";
+        let config: Config = toml::from_str(text).unwrap();
+        let again: Config = toml::from_str(&toml::to_string(&config).unwrap()).unwrap();
+        assert_eq!(config, again);
+        assert_ne!(config, plain);
+        let unknown = toml::from_str::<Config>("[weather]\nkind = \"hail\"").unwrap_err().to_string();
+        assert!(unknown.contains("unknown variant `hail`"), "{unknown}");
+    }
+}

@@ -1,0 +1,448 @@
+//! Parameters as the optimiser sees them: axes of a unit cube.
+//!
+//! The optimiser sees the cube, the code sees metres, the sensor sees codes. Only this module converts.
+
+mod axis;
+mod repair;
+mod theta_reg;
+
+use std::collections::BTreeMap;
+
+use echoloop_dsp::{Hardware, Kind, PARAMETERS, ParameterId, Settings};
+use serde::{Deserialize, Serialize};
+
+use crate::experiment::config::Config;
+use echoloop_registration::ConfigError;
+
+pub use axis::{Axis, Scale};
+pub use repair::repair;
+pub use theta_reg::{ThetaReg, axes};
+
+/// What a search may change (Sec. 4.4).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Protocol {
+    /// Nothing: the defaults are judged.
+    Default,
+    /// Θ_lidar.
+    Lidar,
+    /// Θ_reg.
+    Registration,
+    /// Both together.
+    #[default]
+    Joint,
+}
+
+impl Protocol {
+    /// Name on the command line and in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Default => "default",
+            Self::Lidar => "lidar",
+            Self::Registration => "registration",
+            Self::Joint => "joint",
+        }
+    }
+}
+
+/// Ranges and defaults of Θ_reg.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Preset {
+    /// What outdoor spacing needs.
+    #[default]
+    Outdoor,
+    /// The paper's ranges (Sec. 3.3), made for indoor spacing.
+    Paper,
+}
+
+/// Which of Θ_lidar a search may change.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum LidarPreset {
+    /// The eight that the paper names.
+    #[default]
+    Paper,
+    /// All fifteen.
+    Full,
+}
+
+impl LidarPreset {
+    /// Its parameters.
+    pub fn parameters(self) -> Vec<ParameterId> {
+        match self {
+            Self::Paper => PAPER_LIDAR.to_vec(),
+            Self::Full => PARAMETERS.iter().map(|p| p.id).collect(),
+        }
+    }
+}
+
+/// The eight of Θ_lidar that the paper names.
+pub const PAPER_LIDAR: [ParameterId; 8] = [
+    ParameterId::Power,
+    ParameterId::Gain,
+    ParameterId::NoiseFloor,
+    ParameterId::SnrThreshold,
+    ParameterId::Saturation,
+    ParameterId::PulseWidth,
+    ParameterId::WaveformResolution,
+    ParameterId::Upsampling,
+];
+
+/// One whole set of parameters, sensor and registration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Parameters {
+    /// Θ_lidar.
+    pub settings: Settings,
+    /// Θ_reg.
+    pub registration: ThetaReg,
+}
+
+/// Parameters by name in their units, as files and reports have them.
+pub type Values = BTreeMap<String, f64>;
+
+/// The value that a named parameter has, given or following others, in its unit; `None` when there is none of that name.
+pub fn effective(values: &Values, name: &str) -> Option<f64> {
+    let [separation, width] = [ParameterId::MinSeparation, ParameterId::PulseWidth].map(ParameterId::parameter);
+    let follow = |width_ns: f64| {
+        let pulse =
+            Settings { pulse_width_ps: width.to_code(width_ns), min_separation_mm: None, ..Settings::default() };
+        separation.to_unit(pulse.separation_mm())
+    };
+    values.get(name).copied().or_else(|| {
+        let is_separation = name.strip_prefix("lidar.") == Some(separation.name);
+        is_separation.then(|| values.get("lidar.pulse_width").map(|&width_ns| follow(width_ns))).flatten()
+    })
+}
+
+/// The names that a named parameter chooses from, by number from 0; none when it is no choice.
+pub fn choices(name: &str) -> &'static [&'static str] {
+    match name.strip_prefix("lidar.").and_then(ParameterId::by_name).map(|id| id.parameter().kind) {
+        Some(Kind::Choice { names }) => names,
+        _ => &[],
+    }
+}
+
+/// A parameter value that is none.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ValueError {
+    /// No such parameter.
+    #[error("unknown parameter `{0}`; expected one of {1}")]
+    Unknown(String, String),
+    /// Out of its range.
+    #[error("{name} = {value} is outside {min} to {max}{unit}")]
+    Range {
+        /// The parameter.
+        name: String,
+        /// Its value.
+        value: f64,
+        /// Least.
+        min: f64,
+        /// Greatest.
+        max: f64,
+        /// Unit, with a blank before it.
+        unit: String,
+    },
+    /// A fraction where whole numbers go.
+    #[error("{name} = {value} must be a whole number")]
+    Fraction {
+        /// The parameter.
+        name: String,
+        /// Its value.
+        value: f64,
+    },
+    /// Not a setting of the chosen method.
+    #[error("registration.{key} is no setting of {method}")]
+    NotOfMethod {
+        /// The key.
+        key: String,
+        /// The method's name.
+        method: &'static str,
+    },
+    /// A local method ends where refinement would.
+    #[error("registration.refine goes with a global method, not with {0}")]
+    NotRefined(&'static str),
+    /// Refused by the method's own rules.
+    #[error("registration.{0}")]
+    Method(#[from] ConfigError),
+    /// Refused by the sensor's own rules.
+    #[error("lidar.{0}")]
+    Refused(#[from] echoloop_dsp::Refusal),
+}
+
+impl Parameters {
+    /// Where a configuration starts.
+    ///
+    /// # Errors
+    ///
+    /// [`ValueError`] of the first registration parameter outside the preset's range, or of the joint constraints.
+    pub fn start(config: &Config, hardware: &Hardware) -> Result<Self, ValueError> {
+        let parameters = Self { settings: config.lidar.0, registration: ThetaReg::start(&config.registration)? };
+        parameters.settings.check(hardware)?;
+        Ok(parameters)
+    }
+
+    /// The value of a named axis, in its unit.
+    pub fn get(&self, name: &str) -> Option<f64> {
+        if let Some(id) = name.strip_prefix("lidar.").and_then(ParameterId::by_name) {
+            return self.settings.get(id).map(|code| id.parameter().to_unit(code));
+        }
+        self.registration.get(name)
+    }
+
+    /// Sets a named axis; false when there is none.
+    pub fn set(&mut self, name: &str, value: f64) -> bool {
+        if let Some(id) = name.strip_prefix("lidar.").and_then(ParameterId::by_name) {
+            self.settings.set(id, Some(id.parameter().to_code(value)));
+            return true;
+        }
+        self.registration.set(name, value)
+    }
+
+    /// Every parameter by name, in its unit.
+    pub fn values(&self, preset: Preset) -> Values {
+        let lidar = PARAMETERS.iter().map(|p| format!("lidar.{}", p.name));
+        let registration = self.registration_axes(preset).into_iter().map(|axis| axis.name.to_owned());
+        let names = lidar.chain(registration);
+        names.filter_map(|name| self.get(&name).map(|value| (name, value))).collect()
+    }
+
+    /// The axes of the method these parameters are for.
+    pub fn registration_axes(&self, preset: Preset) -> Vec<Axis> {
+        axes(self.registration.method.method(), preset)
+    }
+
+    /// Lays named values over these parameters, checking each.
+    ///
+    /// # Errors
+    ///
+    /// [`ValueError`] names the first that is unknown, out of range or refused by the joint constraints.
+    pub fn with_values(mut self, values: &Values, preset: Preset, hardware: &Hardware) -> Result<Self, ValueError> {
+        let axes = self.registration_axes(preset);
+        for (name, &value) in values {
+            if let Some(axis) = axes.iter().find(|axis| axis.name == name) {
+                axis.require(value)?;
+            }
+            let is_finite_lidar = name.starts_with("lidar.") && value.is_finite();
+            if is_finite_lidar && value.fract() != 0.0 && is_whole(name) {
+                return Err(ValueError::Fraction { name: name.clone(), value });
+            }
+            if !(is_finite_lidar || axes.iter().any(|axis| axis.name == name)) || !self.set(name, value) {
+                let known: Vec<String> = self.values(preset).into_keys().collect();
+                return Err(ValueError::Unknown(name.clone(), known.join(", ")));
+            }
+        }
+        self.settings.check(hardware)?;
+        self.registration.check()?;
+        Ok(self)
+    }
+}
+
+/// Whether a sensor's parameter of that name takes whole numbers only.
+fn is_whole(name: &str) -> bool {
+    let id = name.strip_prefix("lidar.").and_then(ParameterId::by_name);
+    id.is_some_and(|id| !matches!(id.parameter().kind, Kind::Real { .. }))
+}
+
+/// The cube a search moves in.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Space {
+    axes: Vec<Axis>,
+    start: Parameters,
+    hardware: Hardware,
+}
+
+impl Space {
+    /// The axes of a protocol around a start.
+    pub fn new(protocol: Protocol, lidar: LidarPreset, preset: Preset, start: Parameters, hardware: Hardware) -> Self {
+        let mut axes = Vec::new();
+        if matches!(protocol, Protocol::Lidar | Protocol::Joint) {
+            axes.extend(lidar.parameters().into_iter().map(|id| lidar_axis(id, &start.settings)));
+        }
+        if matches!(protocol, Protocol::Registration | Protocol::Joint) {
+            axes.extend(start.registration_axes(preset));
+        }
+        Self { axes, start, hardware }
+    }
+
+    /// The axes, in the order of the cube's coordinates.
+    pub fn axes(&self) -> &[Axis] {
+        &self.axes
+    }
+
+    /// The start as a point of the cube.
+    pub fn start_point(&self) -> Vec<f64> {
+        self.point(&self.start)
+    }
+
+    /// Parameters as a point of the cube.
+    pub fn point(&self, parameters: &Parameters) -> Vec<f64> {
+        self.axes.iter().map(|axis| axis.to_cube(parameters.get(axis.name).unwrap_or(axis.default))).collect()
+    }
+
+    /// A point of the cube as parameters that every constraint accepts, and the names of those that had to be mended.
+    pub fn parameters(&self, point: &[f64]) -> (Parameters, Vec<&'static str>) {
+        let mut parameters = self.start;
+        for (axis, &coordinate) in self.axes.iter().zip(point) {
+            parameters.set(axis.name, axis.from_cube(coordinate));
+        }
+        let mut mended = repair(&mut parameters.settings, &self.hardware);
+        mended.extend(parameters.registration.repair());
+        (parameters, mended)
+    }
+}
+
+/// An axis of Θ_lidar, from the firmware's table.
+fn lidar_axis(id: ParameterId, start: &Settings) -> Axis {
+    let p = id.parameter();
+    let scale = match p.kind {
+        Kind::Real { log: true } => Scale::Log,
+        Kind::Real { log: false } => Scale::Linear,
+        Kind::Integer => Scale::Integer,
+        Kind::PowerOfTwo => Scale::PowerOfTwo,
+        Kind::Choice { .. } => Scale::Integer,
+    };
+    let names = const { lidar_names() };
+    let default = p.to_unit(p.default.unwrap_or_else(|| start.separation_mm().clamp(p.min, p.max)));
+    Axis { name: names[id as usize], unit: p.unit, scale, min: p.to_unit(p.min), max: p.to_unit(p.max), default }
+}
+
+/// `lidar.` and the table's names, in its order.
+const fn lidar_names() -> [&'static str; PARAMETERS.len()] {
+    [
+        "lidar.power",
+        "lidar.pulse_width",
+        "lidar.gain",
+        "lidar.waveform_resolution",
+        "lidar.shots",
+        "lidar.saturation",
+        "lidar.noise_floor",
+        "lidar.snr_threshold",
+        "lidar.upsampling",
+        "lidar.denoise",
+        "lidar.ambient",
+        "lidar.timing",
+        "lidar.min_separation",
+        "lidar.echoes",
+        "lidar.echo_choice",
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use echoloop_registration::Method;
+
+    fn space(protocol: Protocol) -> Space {
+        space_of(Method::Icp, protocol)
+    }
+
+    fn space_of(method: Method, protocol: Protocol) -> Space {
+        space_in(Preset::Outdoor, method, protocol)
+    }
+
+    fn space_in(preset: Preset, method: Method, protocol: Protocol) -> Space {
+        let mut config = Config::default();
+        (config.registration.method, config.registration.preset) = (method, preset);
+        let start = Parameters::start(&config, &Hardware::REFERENCE).unwrap();
+        Space::new(protocol, LidarPreset::Paper, preset, start, Hardware::REFERENCE)
+    }
+
+    #[test]
+    fn names_are_those_of_the_firmware_s_table() {
+        for (name, parameter) in lidar_names().iter().zip(&PARAMETERS) {
+            assert_eq!(name.strip_prefix("lidar."), Some(parameter.name));
+        }
+    }
+
+    #[test]
+    fn the_protocols_open_eight_five_and_thirteen_axes() {
+        let count = |protocol| space(protocol).axes().len();
+        assert_eq!(count(Protocol::Default), 0);
+        assert_eq!(count(Protocol::Lidar), 8);
+        assert_eq!(count(Protocol::Registration), 5);
+        assert_eq!(count(Protocol::Joint), 13);
+    }
+
+    #[test]
+    fn the_full_preset_opens_the_whole_table_and_starts_where_it_should() {
+        let start = Parameters::start(&Config::default(), &Hardware::REFERENCE).unwrap();
+        let space = Space::new(Protocol::Lidar, LidarPreset::Full, Preset::Outdoor, start, Hardware::REFERENCE);
+        assert_eq!(space.axes().len(), PARAMETERS.len());
+        let (parameters, mended) = space.parameters(&space.start_point());
+        assert!(mended.is_empty());
+        // 1.14 · cW/2 of 5 ns, which the start leaves to follow the pulse.
+        let expected = Settings { min_separation_mm: Some(854), ..start.settings };
+        assert_eq!(parameters.settings, expected);
+    }
+
+    #[test]
+    fn the_start_comes_back_from_the_cube_unchanged() {
+        let space = space(Protocol::Joint);
+        let (parameters, mended) = space.parameters(&space.start_point());
+        assert!(mended.is_empty());
+        assert_eq!(parameters.settings, space.start.settings);
+        let close = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-12;
+        assert!(close(parameters.get("registration.voxel_m").unwrap(), 0.3));
+        assert!(close(parameters.get("registration.max_pair_distance_m").unwrap(), 1.0));
+        assert_eq!(parameters.get("registration.normal_neighbours"), Some(30.0));
+    }
+
+    #[test]
+    fn every_point_of_the_cube_is_accepted_by_the_sensor_and_the_method() {
+        let mut state = 1u64;
+        for i in 0..20_000 {
+            let method = [Method::Icp, Method::Gicp, Method::Fgr, Method::Mac][i % 4];
+            let space = space_in([Preset::Outdoor, Preset::Paper][i / 4 % 2], method, Protocol::Joint);
+            let point: Vec<f64> = (0..space.axes().len())
+                .map(|_| {
+                    state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                    // Corners and faces too.
+                    (((state >> 33) as f64 / (1u64 << 31) as f64) * 1.4 - 0.2).clamp(0.0, 1.0)
+                })
+                .collect();
+            let (parameters, _) = space.parameters(&point);
+            assert_eq!(parameters.settings.check(&Hardware::REFERENCE), Ok(()), "{point:?}");
+            parameters.registration.check().unwrap();
+        }
+    }
+
+    #[test]
+    fn what_follows_the_pulse_has_the_value_that_the_sensor_uses() {
+        for pulse_width_ps in [2_000, 5_000, 20_000] {
+            let settings = Settings { pulse_width_ps, ..Settings::default() };
+            let values = Parameters { settings, ..space(Protocol::Joint).start }.values(Preset::Outdoor);
+            assert_eq!(values.get("lidar.min_separation"), None);
+            let expected = f64::from(settings.separation_mm()) / 1e3;
+            assert_eq!(effective(&values, "lidar.min_separation"), Some(expected));
+            assert_eq!(effective(&values, "lidar.pulse_width"), Some(f64::from(pulse_width_ps) / 1e3));
+        }
+        let given = Values::from([("lidar.min_separation".into(), 2.5), ("lidar.pulse_width".into(), 5.0)]);
+        assert_eq!(effective(&given, "lidar.min_separation"), Some(2.5));
+        assert_eq!(effective(&given, "lidar.powr"), None);
+    }
+
+    #[test]
+    fn named_values_are_checked_and_laid_over() {
+        let start = space(Protocol::Joint).start;
+        let with = |name: &str, value: f64| {
+            let values = Values::from([(name.to_owned(), value)]);
+            start.with_values(&values, Preset::Outdoor, &Hardware::REFERENCE).map_err(|e| e.to_string())
+        };
+        assert_eq!(with("lidar.power", 20.0).unwrap().settings.power_cw, 2000);
+        assert_eq!(with("lidar.power", 500.0).unwrap_err(), "lidar.power 500 W is above its maximum 100 W");
+        assert!(with("lidar.powr", 5.0).unwrap_err().starts_with("unknown parameter `lidar.powr`"));
+        assert_eq!(with("registration.voxel_m", 9.0).unwrap_err(), "registration.voxel_m = 9 is outside 0.05 to 1 m");
+        let fraction = with("registration.normal_neighbours", 10.5).unwrap_err();
+        assert_eq!(fraction, "registration.normal_neighbours = 10.5 must be a whole number");
+        for parameter in &PARAMETERS {
+            let name = format!("lidar.{}", parameter.name);
+            let half = with(&name, parameter.to_unit(parameter.min) + 0.5);
+            let is_real = matches!(parameter.kind, Kind::Real { .. });
+            let fraction = format!("{name} = {} must be a whole number", parameter.to_unit(parameter.min) + 0.5);
+            assert_eq!(half.err() == Some(fraction), !is_real, "{name}");
+        }
+        assert!(with("registration.voxel_m", f64::NAN).is_err());
+        assert!(with("lidar.power", f64::NAN).is_err());
+    }
+}

@@ -1,0 +1,278 @@
+//! A run's folder: everything to look at, to repeat it from, or to go on with.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use echoloop_dsp::{Kind, PARAMETERS, Parameter};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::experiment::config::Config;
+use crate::experiment::evaluate::Summary;
+use crate::experiment::params::Values;
+use crate::experiment::tune::Finalist;
+
+/// Configuration of the run, every value.
+pub const CONFIG: &str = "config.toml";
+/// The journal.
+pub const HISTORY: &str = "history.jsonl";
+/// What came out.
+pub const RESULT: &str = "result.json";
+/// To look at.
+pub const REPORT: &str = "report.html";
+
+/// A file that cannot be written or read.
+#[derive(Debug, Error)]
+#[error("cannot {verb} {}: {source}", path.display())]
+pub struct FileError {
+    /// What was tried.
+    pub verb: &'static str,
+    /// The file.
+    pub path: PathBuf,
+    /// Why not.
+    pub source: io::Error,
+}
+
+fn file_error(verb: &'static str, path: &Path) -> impl FnOnce(io::Error) -> FileError {
+    move |source| FileError { verb, path: path.to_owned(), source }
+}
+
+/// What came out of a run. No times, no paths: the same configuration gives the same bytes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RunResult {
+    /// Version of this format.
+    pub format: u32,
+    /// What was tuned.
+    pub protocol: String,
+    /// The registration method.
+    pub method: String,
+    /// The scene.
+    pub scene: String,
+    /// The seed.
+    pub seed: u64,
+    /// Generations searched.
+    pub generations: usize,
+    /// Registrations the search made.
+    pub registrations: usize,
+    /// Where the tuned parameters come from.
+    pub origin: String,
+    /// All parameters at the start.
+    pub default: Values,
+    /// All parameters after tuning.
+    pub tuned: Values,
+    /// The last choice, best first.
+    pub finalists: Vec<Finalist>,
+    /// The start on held-out pairs.
+    pub default_summary: Summary,
+    /// The tuned parameters on held-out pairs.
+    pub tuned_summary: Summary,
+}
+
+/// A run's folder.
+#[derive(Clone, Debug)]
+pub struct RunFolder {
+    path: PathBuf,
+}
+
+impl RunFolder {
+    /// Whether run folders can be made there, as far as can be seen without making one: tracing comes first and takes long.
+    ///
+    /// # Errors
+    ///
+    /// [`FileError`] when a file is in the way.
+    pub fn check(runs: &Path) -> Result<(), FileError> {
+        match runs.ancestors().find(|path| path.exists()) {
+            Some(path) if !path.is_dir() => {
+                Err(file_error("make the folder", runs)(io::Error::from(io::ErrorKind::NotADirectory)))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Makes the next free folder `runs/NNNN-name` and points `runs/latest` at it.
+    ///
+    /// # Errors
+    ///
+    /// [`FileError`] when a folder cannot be made.
+    pub fn create(runs: &Path, name: &str) -> Result<Self, FileError> {
+        fs::create_dir_all(runs).map_err(file_error("make the folder", runs))?;
+        let mut number = next_number(runs)?;
+        let folder = loop {
+            let path = runs.join(format!("{number:04}-{name}"));
+            match fs::create_dir(&path) {
+                Ok(()) => break Self { path },
+                // Another run has just taken it.
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists && number < u32::MAX => number += 1,
+                Err(source) => return Err(FileError { verb: "make the folder", path, source }),
+            }
+        };
+        folder.become_latest(runs)?;
+        folder.write("README.txt", &readme())?;
+        Ok(folder)
+    }
+
+    /// Opens a folder that a run has made.
+    ///
+    /// # Errors
+    ///
+    /// [`FileError`] when it holds no configuration.
+    pub fn open(path: &Path) -> Result<Self, FileError> {
+        let config = path.join(CONFIG);
+        fs::metadata(&config).map_err(file_error("resume without", &config))?;
+        Ok(Self { path: path.to_owned() })
+    }
+
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// A file in it.
+    pub fn file(&self, name: &str) -> PathBuf {
+        self.path.join(name)
+    }
+
+    /// Writes a whole file: first beside it, then in its place.
+    ///
+    /// # Errors
+    ///
+    /// [`FileError`].
+    pub fn write(&self, name: &str, text: &str) -> Result<(), FileError> {
+        let path = self.file(name);
+        let beside = self.file(&format!("{name}.part"));
+        fs::write(&beside, text).map_err(file_error("write", &beside))?;
+        fs::rename(&beside, &path).map_err(file_error("write", &path))
+    }
+
+    /// Writes the configuration, every value.
+    ///
+    /// # Errors
+    ///
+    /// [`FileError`].
+    pub fn write_config(&self, config: &Config) -> Result<(), FileError> {
+        let path = self.file(CONFIG);
+        let text = toml::to_string(config).map_err(io::Error::other).map_err(file_error("write", &path))?;
+        self.write(CONFIG, &text)
+    }
+
+    /// Writes the result.
+    ///
+    /// # Errors
+    ///
+    /// [`FileError`].
+    pub fn write_result(&self, result: &RunResult) -> Result<(), FileError> {
+        let path = self.file(RESULT);
+        let text = serde_json::to_string_pretty(result).map_err(io::Error::from).map_err(file_error("write", &path))?;
+        self.write(RESULT, &(text + "\n"))
+    }
+
+    /// Points `latest` here. Where there are no links, a file holds the name.
+    fn become_latest(&self, runs: &Path) -> Result<(), FileError> {
+        let latest = runs.join("latest");
+        let Some(name) = self.path.file_name() else { return Ok(()) };
+        match fs::remove_file(&latest) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                return Err(FileError { verb: "replace", path: latest, source: error });
+            }
+            _ => {}
+        }
+        #[cfg(unix)]
+        let made = std::os::unix::fs::symlink(name, &latest);
+        #[cfg(not(unix))]
+        let made = fs::write(&latest, name.to_string_lossy().as_bytes());
+        made.map_err(file_error("link", &latest))
+    }
+}
+
+/// One more than the highest number of a run there.
+fn next_number(runs: &Path) -> Result<u32, FileError> {
+    let entries = fs::read_dir(runs).map_err(file_error("read the folder", runs))?;
+    let numbers = entries.filter_map(|entry| {
+        let name = entry.ok()?.file_name();
+        name.to_str()?.split('-').next()?.parse::<u32>().ok()
+    });
+    Ok(numbers.max().unwrap_or(0).saturating_add(1))
+}
+
+const FILES: &str = "\
+What is in this folder
+======================
+
+config.toml    every value the run depends on; `echoloop tune --config config.toml` repeats it
+history.jsonl  the journal: one JSON line a generation, flushed as it is made; `echoloop tune --resume .` goes on from it
+result.json    parameters before and after, the final choice, and every held-out pair; no times, so equal runs are equal
+report.html    the same to look at: one file, no network needed
+before.ply     one held-out pair with the default parameters: target, and source laid on it (target's frame, metres)
+after.ply      the same pair with the tuned parameters
+
+Poses: first_from_second maps points of the second scan into the frame of the first; x ahead, y left, z up.
+Units are in the names: _m metres, _deg degrees, _pct percent. Those of the sensor's parameters, and the numbers of choices in
+result.json and history.jsonl:
+
+";
+
+/// What the files are, and the unit of every parameter of the sensor.
+fn readme() -> String {
+    let line = |p: &Parameter| {
+        let unit = match p.kind {
+            Kind::Choice { names } => {
+                let numbered: Vec<String> =
+                    names.iter().zip(0..).map(|(name, code)| format!("{code} {name}")).collect();
+                numbered.join(", ")
+            }
+            _ if p.unit.is_empty() => "a number".into(),
+            _ => p.unit.into(),
+        };
+        let follows = if p.default.is_none() { "; left out, it follows the pulse width" } else { "" };
+        format!("lidar.{:<20} {unit}{follows}\n", p.name)
+    };
+    FILES.to_owned() + &PARAMETERS.iter().map(line).collect::<String>()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn folders_are_numbered_and_the_last_is_the_latest() {
+        let runs = tempfile::tempdir().unwrap();
+        let first = RunFolder::create(runs.path(), "a").unwrap();
+        let second = RunFolder::create(runs.path(), "b").unwrap();
+        assert!(first.path().ends_with("0001-a") && second.path().ends_with("0002-b"));
+        assert_eq!(fs::read_link(runs.path().join("latest")).unwrap(), Path::new("0002-b"));
+    }
+
+    #[test]
+    fn the_readme_says_the_unit_of_every_parameter_and_the_numbers_of_choices() {
+        let text = readme();
+        for p in &PARAMETERS {
+            let line = text.lines().find(|line| line.starts_with(&format!("lidar.{} ", p.name))).expect(p.name);
+            assert!(line.contains(p.unit) && line.len() > 27, "{line}");
+        }
+        assert!(text.contains("lidar.denoise              0 none, 1 gaussian, 2 matched\n"), "{text}");
+        assert!(text.contains("lidar.min_separation       m; left out, it follows the pulse width\n"), "{text}");
+    }
+
+    #[test]
+    fn a_file_in_the_way_is_noticed_before_anything_is_made() {
+        let runs = tempfile::tempdir().unwrap();
+        let file = runs.path().join("file");
+        fs::write(&file, "").unwrap();
+        for path in [file.clone(), file.join("below")] {
+            assert!(RunFolder::check(&path).unwrap_err().to_string().contains(&path.display().to_string()));
+        }
+        let free = runs.path().join("a/b");
+        RunFolder::check(&free).unwrap();
+        assert!(!free.exists());
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_made_is_named() {
+        let runs = tempfile::tempdir().unwrap();
+        let file = runs.path().join("file");
+        fs::write(&file, "").unwrap();
+        let error = RunFolder::create(&file.join("below"), "a").unwrap_err().to_string();
+        assert!(error.contains("file/below"), "{error}");
+    }
+}

@@ -1,0 +1,344 @@
+//! The closed loop: candidates go to the sensor, scans come back, errors go to the optimiser.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use echoloop_link::settings_hash;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::experiment::config::Config;
+use crate::experiment::evaluate::{Summary, evaluate};
+use crate::experiment::journal::{CandidateRecord, FORMAT, Generation, Header, Journal, JournalError};
+use crate::experiment::objective::{Bench, PairError, fitness};
+use crate::experiment::params::{Parameters, Space, Values};
+use crate::experiment::seed::{Purpose, derive};
+use crate::link::sensor::SensorError;
+use echoloop_cmaes::CmaEs;
+
+/// Why a search did not end.
+#[derive(Debug, Error)]
+pub enum TuneError {
+    /// The sensor failed.
+    #[error(transparent)]
+    Sensor(#[from] SensorError),
+    /// The journal failed.
+    #[error(transparent)]
+    Journal(#[from] JournalError),
+    /// The optimiser cannot run.
+    #[error("the optimiser: {0}")]
+    Optimizer(#[from] echoloop_cmaes::ConfigError),
+    /// Someone asked to stop. What was done is in the journal.
+    #[error("interrupted after {generations} generations")]
+    Interrupted {
+        /// Whole generations in the journal.
+        generations: usize,
+    },
+}
+
+/// What a search hears on its way.
+pub trait Watcher: Sync {
+    /// A registration is done.
+    fn evaluated(&self) {}
+    /// A generation is done.
+    fn generation(&self, _generation: &Generation, _of: u32) {}
+    /// Another part of the work begins, with so many registrations.
+    fn stage(&self, _name: &str, _registrations: usize) {}
+}
+
+/// Hears nothing.
+pub struct Silent;
+impl Watcher for Silent {}
+
+/// One of those that were judged on all training pairs at the end.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Finalist {
+    /// Where it comes from: `start`, `mean`, or generation and candidate.
+    pub origin: String,
+    /// Its parameters.
+    pub values: Values,
+    /// Its fitness on all training pairs.
+    pub fitness: f64,
+}
+
+/// The end of a search.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tuned {
+    /// The parameters chosen.
+    pub parameters: Parameters,
+    /// Where they come from.
+    pub origin: String,
+    /// All that were in the choice, best first.
+    pub finalists: Vec<Finalist>,
+    /// Every generation.
+    pub generations: Vec<Generation>,
+    /// Correlations of the axes at the end.
+    pub correlations: Vec<Vec<f64>>,
+    /// How much of them can have been learned, 0 to 1.
+    pub learned: f64,
+}
+
+/// A search, ready to run.
+pub struct Search<'a> {
+    /// The configuration.
+    pub config: &'a Config,
+    /// Pairs, receiver, hardware.
+    pub bench: Bench<'a>,
+    /// The axes.
+    pub space: Space,
+    /// Where it starts.
+    pub start: Parameters,
+    /// Set from outside to stop.
+    pub stop: &'a AtomicBool,
+}
+
+impl Search<'_> {
+    /// λ: as configured, or as many as there are parameters (Sec. 4.2).
+    pub fn population(&self) -> usize {
+        match self.config.tune.population {
+            0 => self.space.axes().len().max(2),
+            population => population,
+        }
+    }
+
+    /// Training pairs a generation sees.
+    pub fn batch_size(&self) -> usize {
+        let all = self.bench.dataset.train.len();
+        match self.config.tune.pairs_per_generation {
+            0 => all,
+            some => some.min(all),
+        }
+    }
+
+    /// The first line of this search's journal.
+    pub fn header(&self) -> Header {
+        Header {
+            journal: FORMAT,
+            program: format!("echoloop {}", env!("CARGO_PKG_VERSION")),
+            link_schema: format!("{:#018x}", echoloop_link::SCHEMA),
+            axes: self.space.axes().iter().map(|axis| axis.name.to_owned()).collect(),
+            population: self.population(),
+            config: serde_json::to_value(self.config).unwrap_or_default(),
+        }
+    }
+
+    /// Registrations the search takes, its choice included.
+    pub fn registrations(&self) -> usize {
+        let finalists = (self.config.tune.shortlist + 2) * self.bench.dataset.train.len();
+        self.config.tune.generations as usize * self.population() * self.batch_size() + finalists
+    }
+
+    /// Searches, writing each generation to the journal. `done` are generations that the journal already has.
+    ///
+    /// # Errors
+    ///
+    /// [`TuneError`]; whatever happens, the journal holds every whole generation.
+    pub fn run(&self, journal: &mut Journal, done: Vec<Generation>, watcher: &dyn Watcher) -> Result<Tuned, TuneError> {
+        if self.space.axes().is_empty() {
+            return Ok(self.untuned());
+        }
+        let mut optimizer = self.optimizer()?;
+        let mut generations = done;
+        let total = self.config.tune.generations;
+        for generation in &generations {
+            self.replay(&mut optimizer, generation);
+            watcher.generation(generation, total);
+        }
+        while optimizer.stop().is_none() {
+            let generation = self.generation(&optimizer, watcher)?;
+            let Some(generation) = generation else {
+                return Err(TuneError::Interrupted { generations: generations.len() });
+            };
+            journal.add(&generation)?;
+            self.replay(&mut optimizer, &generation);
+            watcher.generation(&generation, total);
+            generations.push(generation);
+        }
+        self.choose(&optimizer, generations, watcher)
+    }
+
+    /// The default protocol: nothing to search.
+    fn untuned(&self) -> Tuned {
+        Tuned {
+            parameters: self.start,
+            origin: "start".into(),
+            finalists: Vec::new(),
+            generations: Vec::new(),
+            correlations: Vec::new(),
+            learned: 0.0,
+        }
+    }
+
+    fn optimizer(&self) -> Result<CmaEs, TuneError> {
+        let seed = derive(self.config.seed, Purpose::Search, 0);
+        let mut config = echoloop_cmaes::Config::unit_cube(self.space.start_point(), self.config.tune.sigma, seed);
+        config.lambda = Some(self.population());
+        config.stops.generations = Some(u64::from(self.config.tune.generations));
+        Ok(CmaEs::new(config)?)
+    }
+
+    /// Tells the optimiser what a generation was worth.
+    fn replay(&self, optimizer: &mut CmaEs, generation: &Generation) {
+        let values: Vec<f64> = generation.candidates.iter().map(|c| c.fitness).collect();
+        // The header's population and the journal's reader see to it that the numbers agree; if not, nothing is told.
+        let _ = optimizer.tell(&values);
+    }
+
+    /// Evaluates one generation: every candidate on the same pairs. `None`: interrupted.
+    fn generation(&self, optimizer: &CmaEs, watcher: &dyn Watcher) -> Result<Option<Generation>, TuneError> {
+        let number = optimizer.generation();
+        let pairs = self.batch(number);
+        let points: Vec<Vec<f64>> = optimizer.ask().into_iter().map(|c| c.phenotype).collect();
+        let candidates: Vec<_> = points.iter().map(|point| self.space.parameters(point)).collect();
+        let tasks: Vec<(usize, usize)> =
+            (0..points.len()).flat_map(|candidate| pairs.iter().map(move |&pair| (candidate, pair))).collect();
+        let errors: Option<Vec<PairError>> = tasks
+            .par_iter()
+            .map(|&(candidate, pair)| self.task(&candidates[candidate].0, number, candidate, pair, watcher))
+            .collect::<Result<_, SensorError>>()?;
+        let Some(errors) = errors else { return Ok(None) };
+        let records = points.into_iter().zip(&candidates).zip(errors.chunks(pairs.len()));
+        let candidates = records.map(|((point, (p, mended)), errors)| self.record(point, p, mended, errors)).collect();
+        Ok(Some(Generation {
+            generation: number as u32,
+            mean: optimizer.mean().to_vec(),
+            deviations: optimizer.deviations(),
+            sigma: optimizer.sigma(),
+            pairs,
+            candidates,
+        }))
+    }
+
+    /// One registration; `None` when the search is to stop.
+    fn task(
+        &self,
+        parameters: &Parameters,
+        generation: u64,
+        candidate: usize,
+        pair: usize,
+        watcher: &dyn Watcher,
+    ) -> Result<Option<PairError>, SensorError> {
+        if self.stop.load(Ordering::Relaxed) {
+            return Ok(None);
+        }
+        let stranger = if self.config.tune.common_noise { 0 } else { candidate as u64 + 1 };
+        let index = (generation << 32) | (pair as u64) << 16 | stranger;
+        let noise = derive(self.config.seed, Purpose::TrainNoise, index);
+        let registered = self.bench.register(parameters, pair, &self.bench.dataset.train[pair], noise)?;
+        watcher.evaluated();
+        Ok(Some(registered.error))
+    }
+
+    fn record(
+        &self,
+        point: Vec<f64>,
+        parameters: &Parameters,
+        mended: &[&'static str],
+        errors: &[PairError],
+    ) -> CandidateRecord {
+        CandidateRecord {
+            point,
+            values: self.searched_values(parameters),
+            mended: mended.iter().map(|&name| name.to_owned()).collect(),
+            settings: settings_hash(&parameters.settings),
+            errors: errors.to_vec(),
+            fitness: fitness(errors, self.config.tune.error_cap),
+        }
+    }
+
+    /// The searched parameters by name.
+    pub fn searched_values(&self, parameters: &Parameters) -> Values {
+        let axes = self.space.axes().iter();
+        axes.filter_map(|axis| parameters.get(axis.name).map(|value| (axis.name.to_owned(), value))).collect()
+    }
+
+    /// The pairs of a generation: some of all, drawn without repetition, ascending.
+    fn batch(&self, generation: u64) -> Vec<usize> {
+        let all = self.bench.dataset.train.len();
+        let mut indices: Vec<usize> = (0..all).collect();
+        let seed = derive(self.config.seed, Purpose::Batch, generation);
+        indices.sort_by_key(|&i| derive(seed, Purpose::Batch, i as u64));
+        indices.truncate(self.batch_size());
+        indices.sort_unstable();
+        indices
+    }
+
+    /// Judges start, final mean and the best candidates on all training pairs with one noise, and takes the best.
+    ///
+    /// A candidate's own fitness saw few pairs and was picked for being low, so it flatters: it only makes the shortlist.
+    fn choose(
+        &self,
+        optimizer: &CmaEs,
+        generations: Vec<Generation>,
+        watcher: &dyn Watcher,
+    ) -> Result<Tuned, TuneError> {
+        let entrants = self.shortlist(optimizer, &generations);
+        let pairs = &self.bench.dataset.train;
+        watcher.stage("choosing", entrants.len() * pairs.len());
+        let mut finalists = Vec::new();
+        for (origin, parameters) in entrants {
+            if self.stop.load(Ordering::Relaxed) {
+                return Err(TuneError::Interrupted { generations: generations.len() });
+            }
+            let done = || watcher.evaluated();
+            let errors = evaluate(&self.bench, &parameters, pairs, self.config.seed, Purpose::ShortlistNoise, &done)?;
+            let worth = fitness(&errors, self.config.tune.error_cap);
+            finalists.push((worth, origin, parameters));
+        }
+        finalists.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (_, origin, parameters) = finalists[0].clone();
+        let finalists = finalists.into_iter().map(|(fitness, origin, p)| Finalist {
+            origin,
+            values: self.searched_values(&p),
+            fitness,
+        });
+        Ok(Tuned {
+            parameters,
+            origin,
+            finalists: finalists.collect(),
+            correlations: optimizer.correlations(),
+            learned: optimizer.learned(),
+            generations,
+        })
+    }
+
+    /// Start, final mean, and the best candidates: of each generation its best, the later generations first among equals.
+    fn shortlist(&self, optimizer: &CmaEs, generations: &[Generation]) -> Vec<(String, Parameters)> {
+        let mut best: BTreeMap<usize, (f64, usize)> = BTreeMap::new();
+        for (g, generation) in generations.iter().enumerate() {
+            // Compared with its generation's median: pairs differ in difficulty from batch to batch.
+            let median = crate::experiment::evaluate::median(generation.candidates.iter().map(|c| c.fitness));
+            for (i, candidate) in generation.candidates.iter().enumerate() {
+                let relative = candidate.fitness / median.max(f64::MIN_POSITIVE);
+                if best.get(&g).is_none_or(|(worth, _)| relative < *worth) {
+                    best.insert(g, (relative, i));
+                }
+            }
+        }
+        let mut order: Vec<(usize, f64, usize)> = best.into_iter().map(|(g, (worth, i))| (g, worth, i)).collect();
+        let half = generations.len() / 2;
+        order.retain(|(g, ..)| *g >= half);
+        order.sort_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
+        order.truncate(self.config.tune.shortlist);
+        let mut entrants = vec![("start".to_owned(), self.start)];
+        entrants.push(("mean".to_owned(), self.space.parameters(optimizer.mean()).0));
+        entrants.extend(order.into_iter().map(|(g, _, i)| {
+            let point = &generations[g].candidates[i].point;
+            (format!("generation {g}, candidate {i}"), self.space.parameters(point).0)
+        }));
+        entrants
+    }
+
+    /// Judges parameters on the held-out pairs.
+    ///
+    /// # Errors
+    ///
+    /// [`SensorError`].
+    pub fn judge(&self, parameters: &Parameters, watcher: &dyn Watcher) -> Result<Summary, SensorError> {
+        let done = || watcher.evaluated();
+        let test = &self.bench.dataset.test;
+        let errors = evaluate(&self.bench, parameters, test, self.config.seed, Purpose::TestNoise, &done)?;
+        Ok(Summary::of(errors, &self.config.data))
+    }
+}

@@ -1,0 +1,431 @@
+//! The host's side of the link: asks, waits, asks again, and never mixes settings.
+
+use std::hash::{BuildHasher, Hasher, RandomState};
+use std::io;
+use std::time::{Duration, Instant};
+
+use echoloop_dsp::{Echoes, Hardware, Refusal, ScanPattern, Settings};
+use echoloop_link::{
+    BEAMS_PER_REPORT, Command, Counters, Decoder, Greeting, MAX_FRAME, Nack, Report, frame, settings_hash,
+};
+use thiserror::Error;
+
+use crate::link::transport::Transport;
+
+/// Why a sensor did not do what it was asked.
+#[derive(Debug, Error)]
+pub enum ClientError {
+    /// It refused the settings and kept its old ones.
+    #[error("the sensor refused the settings: {0}")]
+    Refused(#[from] Refusal),
+    /// It understood and could not.
+    #[error("the sensor answered {0:?}")]
+    Nack(Nack),
+    /// It did not answer.
+    #[error("no answer from the sensor to {command} after {tries} tries of {timeout:?}")]
+    Silent {
+        /// What was asked.
+        command: &'static str,
+        /// How often.
+        tries: u32,
+        /// How long each.
+        timeout: Duration,
+    },
+    /// It speaks another version.
+    #[error(
+        "the sensor ({build}) speaks protocol {}, schema {:#018x}; this program protocol {}, schema {:#018x}",
+        theirs.protocol, theirs.schema, Greeting::OURS.protocol, Greeting::OURS.schema
+    )]
+    Version {
+        /// Its greeting.
+        theirs: Greeting,
+        /// Its firmware.
+        build: String,
+    },
+    /// It answered something else.
+    #[error("the sensor answered {command} with an unexpected report")]
+    Unexpected {
+        /// What was asked.
+        command: &'static str,
+    },
+    /// The settings changed under a scan.
+    #[error("scan {frame} was made with settings {got:#010x}, not {expected:#010x}")]
+    Mixed {
+        /// The scan.
+        frame: u32,
+        /// Hash of the settings that were asked for.
+        expected: u32,
+        /// Hash of those it was made with.
+        got: u32,
+    },
+    /// Other settings are active than those to be confirmed or saved: their trial is over, or the sensor started anew.
+    #[error("the sensor's settings are {got:#010x}, not {expected:#010x}")]
+    Changed {
+        /// Hash of the settings that were to be kept.
+        expected: u32,
+        /// Hash of the active ones.
+        got: u32,
+    },
+    /// The line is gone.
+    #[error("the link is lost: {0}")]
+    Line(#[from] io::Error),
+}
+
+/// What a sensor says of itself.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Identity {
+    /// Name and version of its firmware.
+    pub build: String,
+    /// What its hardware fixes.
+    pub hardware: Hardware,
+    /// Where its beams point.
+    pub pattern: ScanPattern,
+}
+
+/// Patience with the link.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Patience {
+    /// How long to wait for an answer.
+    pub timeout: Duration,
+    /// How often to ask.
+    pub tries: u32,
+}
+
+impl Default for Patience {
+    fn default() -> Self {
+        Self { timeout: Duration::from_millis(200), tries: 8 }
+    }
+}
+
+/// A conversation with one sensor.
+pub struct Client<T> {
+    transport: T,
+    decoder: Box<Decoder>,
+    patience: Patience,
+    sequence: u16,
+    identity: Identity,
+    generation: u32,
+    hash: u32,
+    /// The settings committed last are on trial: at any frame boundary they may be replaced, and the generation rise.
+    on_trial: bool,
+    /// An answer was lost, or the sensor knows nothing of a session: say hello and read back before going on.
+    unsure: bool,
+}
+
+impl<T: Transport> Client<T> {
+    /// Says hello and learns who is there.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError`]; of a sensor of another version, [`ClientError::Version`] with both.
+    pub fn connect(transport: T, patience: Patience) -> Result<Self, ClientError> {
+        // Anywhere, so that late answers to an earlier program are not taken for ours.
+        Self::connect_from(transport, patience, RandomState::new().build_hasher().finish() as u16)
+    }
+
+    /// As [`Client::connect`], numbering commands from the one after `sequence`: the same bytes every time.
+    ///
+    /// # Errors
+    ///
+    /// As [`Client::connect`].
+    pub fn connect_from(transport: T, patience: Patience, sequence: u16) -> Result<Self, ClientError> {
+        let identity =
+            Identity { build: String::new(), hardware: Hardware::REFERENCE, pattern: ScanPattern::default() };
+        let decoder = Box::new(Decoder::new());
+        let (generation, hash, on_trial, unsure) = (0, 0, false, true);
+        let mut client = Self { transport, decoder, patience, sequence, identity, generation, hash, on_trial, unsure };
+        client.read_settings()?; // unsure, it says hello first
+        Ok(client)
+    }
+
+    /// A sensor that takes our first number for an overtaken one says after which to begin.
+    fn say_hello(&mut self) -> Result<Report, ClientError> {
+        let hello = Command::Hello(Greeting::OURS);
+        match self.ask(&hello) {
+            Err(ClientError::Nack(Nack::Overtaken { newest })) => {
+                self.sequence = newest;
+                self.ask(&hello)
+            }
+            answered => answered,
+        }
+    }
+
+    fn greet(&mut self) -> Result<(), ClientError> {
+        let Report::Hello { greeting, build, hardware, pattern } = self.say_hello()? else {
+            return Err(ClientError::Unexpected { command: "hello" });
+        };
+        let build = build.to_string();
+        if greeting != Greeting::OURS {
+            return Err(ClientError::Version { theirs: greeting, build });
+        }
+        self.identity = Identity { build, hardware, pattern };
+        Ok(())
+    }
+
+    /// What the sensor said of itself.
+    pub fn identity(&self) -> &Identity {
+        &self.identity
+    }
+
+    /// The line, for those who own its other end.
+    pub fn transport_mut(&mut self) -> &mut T {
+        &mut self.transport
+    }
+
+    /// The active settings. After an error it opens the session anew.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError`].
+    pub fn read_settings(&mut self) -> Result<Settings, ClientError> {
+        if self.unsure {
+            self.greet()?;
+        }
+        let Report::Settings { generation, hash, settings } = self.ask(&Command::ReadSettings)? else {
+            return Err(ClientError::Unexpected { command: "read settings" });
+        };
+        self.on_trial &= (generation, hash) == (self.generation, self.hash);
+        (self.generation, self.hash, self.unsure) = (generation, hash, false);
+        Ok(settings)
+    }
+
+    /// How the link has been, as the sensor counts.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError`].
+    pub fn read_counters(&mut self) -> Result<Counters, ClientError> {
+        match self.ask(&Command::ReadCounters)? {
+            Report::Counters(counters) => Ok(counters),
+            _ => Err(ClientError::Unexpected { command: "read counters" }),
+        }
+    }
+
+    /// Stages a whole set of settings, commits it, and returns the hash it now goes by.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError::Refused`] with field and bound, and the sensor keeps what it had. After [`ClientError::Silent`] it has
+    /// the old settings or the new, and the next call of this or of [`Client::read_settings`] finds out which before it goes on.
+    pub fn configure(&mut self, settings: &Settings) -> Result<u32, ClientError> {
+        self.configure_on_trial(settings, 0)
+    }
+
+    /// As [`Client::configure`], on trial: unless [`Client::confirm`] comes before `frames` frames have ended, or when one whole
+    /// frame has no echo, or when this program ends and another says hello, the sensor goes back to the settings it had before
+    /// that were not on trial. The scan after that is [`ClientError::Mixed`]. A frame ends when anything but a confirmation
+    /// follows its last beam. `0` frames: no trial.
+    ///
+    /// # Errors
+    ///
+    /// As [`Client::configure`].
+    pub fn configure_on_trial(&mut self, settings: &Settings, frames: u16) -> Result<u32, ClientError> {
+        if self.unsure {
+            self.read_settings()?;
+        }
+        let was_on_trial = self.on_trial;
+        match self.stage_and_commit(settings, frames) {
+            // A hello that came late dropped what was staged; the commit did not happen.
+            Err(ClientError::Nack(Nack::NotStaged { .. })) => self.stage_and_commit(settings, frames),
+            // The trial before this ended, and with it the generation that this one was to follow.
+            Err(ClientError::Nack(Nack::WrongGeneration { .. })) if was_on_trial => {
+                self.read_settings()?;
+                self.stage_and_commit(settings, frames)
+            }
+            done => done,
+        }
+    }
+
+    fn stage_and_commit(&mut self, settings: &Settings, frames: u16) -> Result<u32, ClientError> {
+        let Report::Staged { hash } = self.ask(&Command::Stage(*settings))? else {
+            return Err(ClientError::Unexpected { command: "stage" });
+        };
+        if hash != settings_hash(settings) {
+            return Err(ClientError::Unexpected { command: "stage" });
+        }
+        let commit = Command::Commit { hash, base_generation: self.generation, confirm_within: frames };
+        self.unsure = true; // until the answer is here
+        let Report::Committed { generation, hash } = self.ask(&commit)? else {
+            return Err(ClientError::Unexpected { command: "commit" });
+        };
+        (self.generation, self.hash, self.on_trial, self.unsure) = (generation, hash, frames > 0, false);
+        Ok(hash)
+    }
+
+    /// Ends the trial of the settings committed last: they stay. Said again, it is true again.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError::Nack`] with [`Nack::WrongGeneration`] or [`ClientError::Changed`] when their trial is over already. After
+    /// [`ClientError::Silent`], another call finds out.
+    pub fn confirm(&mut self) -> Result<(), ClientError> {
+        self.be_sure_of_settings()?;
+        let generation = self.generation;
+        self.unsure = true; // until the answer is here
+        match self.ask(&Command::Confirm { generation })? {
+            Report::Confirmed { generation: of } if of == generation => {
+                (self.on_trial, self.unsure) = (false, false);
+                Ok(())
+            }
+            _ => Err(ClientError::Unexpected { command: "confirm" }),
+        }
+    }
+
+    /// Makes the settings committed last those that the sensor starts with; their revision. What is saved already is not
+    /// written again.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError::Nack`] with [`Nack::OnTrial`] before they are confirmed, with [`Nack::Storage`] when the flash failed;
+    /// [`ClientError::Changed`] when they are active no longer. After [`ClientError::Silent`] the sensor starts with the
+    /// settings saved before or with these; another call makes it these.
+    pub fn save(&mut self) -> Result<u32, ClientError> {
+        self.be_sure_of_settings()?;
+        let hash = self.hash;
+        match self.ask(&Command::Save { hash })? {
+            Report::Saved { hash: of, revision } if of == hash => Ok(revision),
+            _ => Err(ClientError::Unexpected { command: "save" }),
+        }
+    }
+
+    /// Makes the sensor start with its defaults. The active settings stay.
+    ///
+    /// # Errors
+    ///
+    /// As [`Client::save`].
+    pub fn forget(&mut self) -> Result<(), ClientError> {
+        if self.unsure {
+            self.read_settings()?;
+        }
+        match self.ask(&Command::Forget)? {
+            Report::Forgotten => Ok(()),
+            _ => Err(ClientError::Unexpected { command: "forget" }),
+        }
+    }
+
+    /// Opens the session anew when an answer was lost, and sees whether the settings are still those it knew. A hello ends a
+    /// trial, so what is still there is not on trial.
+    fn be_sure_of_settings(&mut self) -> Result<(), ClientError> {
+        if !self.unsure {
+            return Ok(());
+        }
+        let (generation, expected) = (self.generation, self.hash);
+        self.read_settings()?;
+        if (self.generation, self.hash) == (generation, expected) {
+            return Ok(());
+        }
+        let got = self.hash;
+        (self.generation, self.hash, self.unsure) = (generation, expected, true); // asked again, it is as wrong
+        Err(ClientError::Changed { expected, got })
+    }
+
+    /// Measures all beams as scan `frame`; the echoes, beam by beam.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError::Mixed`] when any beam was made with other settings than those committed last; else [`ClientError`].
+    pub fn scan(&mut self, frame: u32) -> Result<Vec<Echoes>, ClientError> {
+        let total = self.identity.pattern.beams();
+        let mut scan = Vec::with_capacity(total as usize);
+        while (scan.len() as u32) < total {
+            let first = scan.len() as u32;
+            let count = (total - first).min(BEAMS_PER_REPORT as u32) as u16;
+            scan.extend(self.read_beams(frame, first, count)?);
+        }
+        Ok(scan)
+    }
+
+    fn read_beams(
+        &mut self,
+        frame: u32,
+        first: u32,
+        count: u16,
+    ) -> Result<heapless::Vec<Echoes, BEAMS_PER_REPORT>, ClientError> {
+        let report = self.ask(&Command::ReadBeams { frame, first, count })?;
+        let Report::Beams { frame: of, first: from, generation, hash, beams } = report else {
+            return Err(ClientError::Unexpected { command: "read beams" });
+        };
+        if (of, from, beams.len()) != (frame, first, usize::from(count)) {
+            return Err(ClientError::Unexpected { command: "read beams" });
+        }
+        if (generation, hash) != (self.generation, self.hash) {
+            self.unsure = true; // a trial ended, or the sensor is another's
+            return Err(ClientError::Mixed { frame, expected: self.hash, got: hash });
+        }
+        Ok(beams)
+    }
+
+    /// Sends a command and waits for its own answer, asking again when it does not come. Refusals become errors.
+    fn ask(&mut self, command: &Command) -> Result<Report, ClientError> {
+        self.sequence = self.sequence.wrapping_add(1);
+        let mut frame = [0; MAX_FRAME];
+        let name = name(command);
+        let bytes = echoloop_link::encode(self.sequence, command, &mut frame)
+            .map_err(|error| io::Error::new(io::ErrorKind::InvalidInput, error))?;
+        for _ in 0..self.patience.tries {
+            self.transport.send(bytes)?;
+            match self.wait()? {
+                Some(Report::Refused(refusal)) => return Err(refusal.into()),
+                Some(Report::Nack(reason)) => {
+                    self.unsure |= reason == Nack::NotReady;
+                    return Err(ClientError::Nack(reason));
+                }
+                Some(report) => return Ok(report),
+                None => {}
+            }
+        }
+        self.unsure = true;
+        Err(ClientError::Silent { command: name, tries: self.patience.tries, timeout: self.patience.timeout })
+    }
+
+    /// The report of the current sequence number, if it comes in time. Broken frames and answers to older questions are
+    /// dropped; a line that never falls quiet is not listened to for longer.
+    fn wait(&mut self) -> Result<Option<Report>, ClientError> {
+        let deadline = Instant::now() + self.patience.timeout;
+        let mut chunk = [0; 1024];
+        loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            let length = self.transport.receive(&mut chunk, left)?;
+            if length == 0 {
+                return Ok(None);
+            }
+            let mut answer = None;
+            for &byte in &chunk[..length] {
+                if let Some(Ok(frame)) = self.decoder.push(byte)
+                    && let Ok((sequence, body)) = echoloop_link::open(frame)
+                    && sequence == self.sequence
+                {
+                    answer = read(body)?.or(answer);
+                }
+            }
+            if answer.is_some() || left.is_zero() {
+                return Ok(answer);
+            }
+        }
+    }
+}
+
+/// A report of this schema; `None` of another. A greeting is understood whatever follows it.
+fn read(body: &[u8]) -> Result<Option<Report>, ClientError> {
+    match (frame::message(body), Greeting::of_answer(body)) {
+        (Some(report), _) => Ok(Some(report)),
+        (None, Some(theirs)) if theirs != Greeting::OURS => {
+            Err(ClientError::Version { theirs, build: "of another build".into() })
+        }
+        _ => Ok(None),
+    }
+}
+
+fn name(command: &Command) -> &'static str {
+    match command {
+        Command::Hello(_) => "hello",
+        Command::Stage(_) => "stage",
+        Command::Commit { .. } => "commit",
+        Command::ReadSettings => "read settings",
+        Command::ReadBeams { .. } => "read beams",
+        Command::ReadCounters => "read counters",
+        Command::Confirm { .. } => "confirm",
+        Command::Save { .. } => "save",
+        Command::Forget => "forget",
+    }
+}

@@ -1,0 +1,208 @@
+//! A sensor that can be made to look at a scene: in process, in an emulated microcontroller, or on a serial line.
+//!
+//! The client is the same for all. What differs is how a sensor comes to look somewhere. A simulated one is given the scene.
+//! What a board on a serial line sees is not ours to choose: it is asked for the scan of a numbered viewpoint, and whoever turns
+//! it reads the number off the emitter's FRAME register. See [`crate::experiment::dataset::ScanPair::viewpoints`].
+
+mod pool;
+mod qemu;
+mod spec;
+
+use std::fmt::Display;
+use std::io;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use echoloop_dsp::{Echoes, Hardware, ScanPattern, Settings};
+use echoloop_frontend::SceneResponse;
+use echoloop_sim::board::PcSensor;
+use thiserror::Error;
+
+use crate::experiment::config::Config;
+use crate::link::client::{Client, ClientError, Identity, Patience};
+use crate::link::transport::{InProcess, Serial, Transport};
+use echoloop_frontend::{Receiver, WaveformFrontEnd};
+
+pub use pool::Sensors;
+pub use qemu::QemuOptions;
+pub(crate) use qemu::end_emulators;
+pub use spec::{Port, SensorSpec, SpecError};
+
+/// A line to a sensor, whichever.
+pub type Line = Box<dyn Transport + Send>;
+
+/// A front end that can be reached while a sensor has it.
+pub type SharedFrontEnd = Arc<Mutex<WaveformFrontEnd>>;
+
+/// Why there is no sensor, or none any more.
+#[derive(Debug, Error)]
+pub enum SensorError {
+    /// It cannot be had.
+    #[error("{sensor}: {reason}")]
+    Open {
+        /// Which, as in `--sensor`.
+        sensor: String,
+        /// Why not.
+        reason: String,
+    },
+    /// It did not do its part.
+    #[error("{sensor}: {source}")]
+    Client {
+        /// Which, as in `--sensor`.
+        sensor: String,
+        /// What went wrong.
+        source: ClientError,
+    },
+}
+
+impl SensorError {
+    /// It cannot be had.
+    pub fn open(sensor: impl Display, reason: impl Display) -> Self {
+        Self::Open { sensor: sensor.to_string(), reason: reason.to_string() }
+    }
+
+    /// It did not do its part.
+    pub fn client(sensor: impl Display) -> impl FnOnce(ClientError) -> Self {
+        move |source| Self::Client { sensor: sensor.to_string(), source }
+    }
+
+    /// Of a sensor that was there before: what cannot be had again is lost.
+    fn again(self) -> Self {
+        match self {
+            Self::Open { sensor, reason } => Self::Client { sensor, source: io::Error::other(reason).into() },
+            lost => lost,
+        }
+    }
+}
+
+/// What a simulated sensor is made of.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Model {
+    /// Optics, detector, converter.
+    pub receiver: Receiver,
+    /// Where its beams point.
+    pub pattern: ScanPattern,
+    /// What its hardware fixes.
+    pub hardware: Hardware,
+}
+
+impl Model {
+    /// The sensor of a configuration.
+    pub fn of(config: &Config) -> Self {
+        Self { receiver: config.front_end(), pattern: config.scanner.pattern(), hardware: config.hardware() }
+    }
+
+    /// Its front end, which sees nothing yet.
+    pub fn front_end(&self) -> WaveformFrontEnd {
+        WaveformFrontEnd::new(self.receiver.clone(), Arc::new(SceneResponse::empty(self.pattern.beams())), 0)
+    }
+}
+
+/// Something to look at.
+#[derive(Clone, Copy, Debug)]
+pub struct View<'a> {
+    /// What is there to see.
+    pub scene: &'a Arc<SceneResponse>,
+    /// Decides the noise of a simulated front end, together with the scan's number.
+    pub noise_seed: u64,
+    /// Number of the scan where the scene comes with the view: the first or the second of a pair.
+    pub scan: u32,
+    /// Number of the viewpoint, for a sensor that somebody else turns.
+    pub viewpoint: u32,
+}
+
+/// How a sensor comes to look somewhere.
+enum Gaze {
+    /// Its front end is simulated and takes the scene.
+    Simulated(SharedFrontEnd),
+    /// It is asked for scans by the number of the viewpoint.
+    Numbered,
+}
+
+/// One sensor, and what it looks at.
+pub struct Sensor {
+    client: Client<Line>,
+    gaze: Gaze,
+}
+
+impl Sensor {
+    /// A sensor in this process.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError`].
+    pub fn in_process(model: &Model) -> Result<Self, ClientError> {
+        let front_end = Arc::new(Mutex::new(model.front_end()));
+        let sensor = PcSensor::new(Arc::clone(&front_end), model.pattern, model.hardware);
+        Self::simulated(Box::new(InProcess(sensor)), front_end, Patience::default())
+    }
+
+    /// A sensor behind a line whose front end is simulated here.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError`].
+    pub fn simulated(line: Line, front_end: SharedFrontEnd, patience: Patience) -> Result<Self, ClientError> {
+        Ok(Self { client: Client::connect(line, patience)?, gaze: Gaze::Simulated(front_end) })
+    }
+
+    /// A sensor behind a line that somebody else turns.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError`].
+    pub fn numbered(line: Line, patience: Patience) -> Result<Self, ClientError> {
+        Ok(Self { client: Client::connect(line, patience)?, gaze: Gaze::Numbered })
+    }
+
+    /// A board on a serial port.
+    ///
+    /// # Errors
+    ///
+    /// [`SensorError::Open`] names the port and says why it cannot be opened.
+    pub fn serial(port: &Port) -> Result<Self, SensorError> {
+        let name = || SensorSpec::Serial(port.clone());
+        let line = Serial::open(&port.path, port.baud).map_err(|reason| SensorError::open(name(), reason))?;
+        Self::numbered(Box::new(line), Serial::patience(port.baud)).map_err(SensorError::client(name()))
+    }
+
+    /// Turns to a view; the number of the scan to ask for.
+    pub fn look_at(&mut self, view: &View<'_>) -> u32 {
+        match &self.gaze {
+            Gaze::Simulated(front_end) => {
+                let mut front_end = front_end.lock().unwrap_or_else(PoisonError::into_inner);
+                front_end.look_at(Arc::clone(view.scene), view.noise_seed);
+                view.scan
+            }
+            Gaze::Numbered => view.viewpoint,
+        }
+    }
+
+    /// Turns to a view and scans it.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError`].
+    pub fn scan(&mut self, view: &View<'_>) -> Result<Vec<Echoes>, ClientError> {
+        let frame = self.look_at(view);
+        self.client.scan(frame)
+    }
+
+    /// Sets it; the hash its settings now go by.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError`].
+    pub fn configure(&mut self, settings: &Settings) -> Result<u32, ClientError> {
+        self.client.configure(settings)
+    }
+
+    /// What it says of itself.
+    pub fn identity(&self) -> &Identity {
+        self.client.identity()
+    }
+
+    /// The conversation with it.
+    pub fn client(&mut self) -> &mut Client<Line> {
+        &mut self.client
+    }
+}

@@ -1,0 +1,204 @@
+//! Sensors to take from and give back.
+
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+
+use super::qemu::open_qemu;
+use super::{Model, QemuOptions, Sensor, SensorError, SensorSpec};
+use crate::link::client::{ClientError, Identity};
+
+type Open = dyn Fn() -> Result<Sensor, SensorError> + Send + Sync;
+
+/// Sensors to take from and give back. Simulated ones are opened as they are needed, one for each thread that has use for it;
+/// of a board on a serial line there is one, and the others wait.
+pub struct Sensors {
+    name: String,
+    open: Box<Open>,
+    limit: usize,
+    state: Mutex<State>,
+    freed: Condvar,
+}
+
+#[derive(Default)]
+struct State {
+    idle: Vec<Sensor>,
+    /// Idle, in use or being opened.
+    there: usize,
+    /// Some sensor has been open before.
+    opened: bool,
+}
+
+impl Sensors {
+    /// Sensors as `--sensor` names them.
+    pub fn new(spec: &SensorSpec, model: Model, qemu: QemuOptions) -> Self {
+        let name = spec.to_string();
+        match spec.clone() {
+            SensorSpec::InProcess => {
+                let named = SensorSpec::InProcess;
+                let open = move || Sensor::in_process(&model).map_err(SensorError::client(&named));
+                Self::opened_by(name, usize::MAX, open)
+            }
+            SensorSpec::Qemu(board) => Self::opened_by(name, usize::MAX, move || open_qemu(&model, &board, &qemu)),
+            SensorSpec::Serial(port) => Self::opened_by(name, 1, move || Sensor::serial(&port)),
+        }
+    }
+
+    /// Sensors in this process.
+    pub fn in_process(model: Model) -> Self {
+        Self::new(&SensorSpec::InProcess, model, QemuOptions::default())
+    }
+
+    /// At most `limit` sensors at a time, each opened by `open`.
+    pub fn opened_by(
+        name: impl Into<String>,
+        limit: usize,
+        open: impl Fn() -> Result<Sensor, SensorError> + Send + Sync + 'static,
+    ) -> Self {
+        let (open, limit) = (Box::new(open), limit.max(1));
+        Self { name: name.into(), open, limit, state: Mutex::default(), freed: Condvar::new() }
+    }
+
+    /// Which they are, as in `--sensor`.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// What the sensors say of themselves; opens the first.
+    ///
+    /// # Errors
+    ///
+    /// [`SensorError`].
+    pub fn identity(&self) -> Result<Identity, SensorError> {
+        self.with(|sensor| Ok(sensor.identity().clone()))
+    }
+
+    /// Takes a sensor, or waits for one, has `work` done with it, and gives it back. One that failed is closed instead, and the
+    /// next to come opens another. `work` must not wait for other threads: it may have the only sensor.
+    ///
+    /// # Errors
+    ///
+    /// [`SensorError`] when no sensor can be opened, or from `work`.
+    pub fn with<T>(&self, work: impl FnOnce(&mut Sensor) -> Result<T, ClientError>) -> Result<T, SensorError> {
+        let mut seat = self.take()?;
+        let done = work(&mut seat.sensor).map_err(SensorError::client(&self.name))?;
+        seat.give_back();
+        Ok(done)
+    }
+
+    fn take(&self) -> Result<Seat<'_>, SensorError> {
+        let full = |state: &mut State| state.idle.is_empty() && state.there >= self.limit;
+        let mut state = self.freed.wait_while(self.state(), full).unwrap_or_else(PoisonError::into_inner);
+        if let Some(sensor) = state.idle.pop() {
+            return Ok(Seat { sensor, place: Place(self) });
+        }
+        state.there += 1;
+        let opened = state.opened;
+        drop(state); // opening takes long, and the others may go on
+        let place = Place(self);
+        let sensor = (self.open)().map_err(|error| if opened { error.again() } else { error })?;
+        self.state().opened = true;
+        Ok(Seat { sensor, place })
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A sensor in use. Whatever happens to its user, its place is free again afterwards; the sensor is closed first, because a
+/// port has to be closed before it can be opened again.
+struct Seat<'a> {
+    sensor: Sensor,
+    place: Place<'a>,
+}
+
+impl Seat<'_> {
+    fn give_back(self) {
+        let Self { sensor, place } = self;
+        let sensors = place.0;
+        std::mem::forget(place); // still taken, by an idle sensor
+        sensors.state().idle.push(sensor);
+        sensors.freed.notify_one();
+    }
+}
+
+/// One of as many sensors as there may be.
+struct Place<'a>(&'a Sensors);
+
+impl Drop for Place<'_> {
+    fn drop(&mut self) {
+        self.0.state().there -= 1;
+        self.0.freed.notify_one();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io;
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    use super::*;
+    use crate::experiment::config::Config;
+
+    /// Sensors of which `limit` may be open, and a count of those that have been.
+    fn counted(limit: usize) -> (Sensors, Arc<AtomicUsize>) {
+        let (model, opened) = (Model::of(&Config::default()), Arc::new(AtomicUsize::new(0)));
+        let count = Arc::clone(&opened);
+        let open = move || match count.fetch_add(1, Ordering::SeqCst) {
+            9 => Err(SensorError::open("test", "unplugged")),
+            _ => Sensor::in_process(&model).map_err(SensorError::client("test")),
+        };
+        (Sensors::opened_by("test", limit, open), opened)
+    }
+
+    fn fail(sensors: &Sensors) -> String {
+        let lost = || Err::<(), _>(ClientError::Line(io::Error::other("gone")));
+        sensors.with(|_| lost()).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn one_sensor_serves_many_threads_and_is_opened_once() {
+        let (sensors, opened) = counted(1);
+        let inside = AtomicUsize::new(0);
+        let work = || {
+            for _ in 0..20 {
+                let alone = |_: &mut Sensor| {
+                    assert_eq!(inside.fetch_add(1, Ordering::SeqCst), 0);
+                    inside.fetch_sub(1, Ordering::SeqCst);
+                    Ok(())
+                };
+                sensors.with(alone).unwrap();
+            }
+        };
+        std::thread::scope(|scope| (0..4).for_each(|_| drop(scope.spawn(work))));
+        assert_eq!(opened.load(Ordering::SeqCst), 1);
+    }
+
+    #[test]
+    fn a_sensor_that_failed_is_replaced() {
+        let (sensors, opened) = counted(1);
+        sensors.identity().unwrap();
+        assert_eq!(fail(&sensors), "test: the link is lost: gone");
+        sensors.identity().unwrap();
+        assert_eq!(opened.load(Ordering::SeqCst), 2);
+    }
+
+    #[test]
+    fn one_that_cannot_be_opened_again_is_lost_and_not_misnamed() {
+        let (sensors, _) = counted(1);
+        (0..9).for_each(|_| drop(fail(&sensors)));
+        let error = sensors.identity().unwrap_err();
+        assert!(matches!(error, SensorError::Client { source: ClientError::Line(_), .. }), "{error}");
+        assert_eq!(error.to_string(), "test: the link is lost: unplugged");
+        sensors.identity().unwrap();
+    }
+
+    #[test]
+    fn a_user_that_panics_frees_its_place() {
+        let (sensors, _) = counted(1);
+        let sensors = Arc::new(sensors);
+        let other = Arc::clone(&sensors);
+        std::thread::spawn(move || other.with(|_| -> Result<(), _> { panic!("on purpose") })).join().unwrap_err();
+        sensors.identity().unwrap();
+    }
+}

@@ -1,0 +1,134 @@
+//! The sensor's image in QEMU.
+
+use std::path::PathBuf;
+
+#[cfg(not(unix))]
+use super::{Model, Sensor, SensorError, SensorSpec};
+
+/// How to run it.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct QemuOptions {
+    /// The image (ELF); absent: where `cargo xtask firmware` puts it, below the current folder.
+    pub firmware: Option<PathBuf>,
+    /// Where its log goes, decoded; `-` is standard error.
+    pub log: Option<PathBuf>,
+}
+
+#[cfg(unix)]
+pub(crate) use here::end_emulators;
+#[cfg(unix)]
+pub(super) use here::{boards, open_qemu};
+
+#[cfg(unix)]
+mod here {
+    use std::fs::{self, OpenOptions};
+    use std::io::{self, Write};
+    use std::path::{Path, PathBuf};
+    use std::sync::atomic::{AtomicUsize, Ordering};
+    use std::sync::{Arc, Mutex};
+    use std::time::Duration;
+
+    use echoloop_sim::qemu::{self, Machine, Qemu, QemuError};
+
+    use super::super::{Line, Model, Sensor, SensorError, SensorSpec, SharedFrontEnd};
+    use super::QemuOptions;
+    use crate::link::client::Patience;
+    use crate::link::sensor_log;
+    use crate::link::transport::Transport;
+
+    /// An emulated processor may be slow when others need this one.
+    const PATIENCE: Patience = Patience { timeout: Duration::from_secs(2), tries: 8 };
+
+    /// Boards the image runs on; the first is the usual one.
+    pub(crate) fn boards() -> Vec<&'static str> {
+        Machine::ALL.map(Machine::name).to_vec()
+    }
+
+    /// Starts an emulated board with the image, looking through a front end in this process.
+    ///
+    /// # Errors
+    ///
+    /// [`SensorError::Open`] when it cannot be started, [`SensorError::Client`] when it does not answer.
+    pub(crate) fn open_qemu(model: &Model, board: &str, options: &QemuOptions) -> Result<Sensor, SensorError> {
+        let name = SensorSpec::Qemu(board.to_owned());
+        let machine = Machine::of_name(board).ok_or_else(|| SensorError::open(&name, "no such board"))?;
+        let mut how = qemu::QemuOptions::new(machine, Path::new(""));
+        how.image = options.firmware.clone().unwrap_or(how.image);
+        let front_end = Arc::new(Mutex::new(model.front_end()));
+        let started = Qemu::start(&how, Arc::clone(&front_end), model.pattern, model.hardware);
+        let line = started.map_err(|error| match error {
+            QemuError::Failed { what, .. } => SensorError::client(&name)(io::Error::other(what).into()),
+            unusable => SensorError::open(&name, unusable),
+        })?;
+        let line: Line = match &options.log {
+            None => Box::new(line),
+            Some(log) => Box::new(Logged::new(line, how.image, log.clone())),
+        };
+        Sensor::simulated(line, front_end, PATIENCE).map_err(SensorError::client(&name))
+    }
+
+    /// Ends what a process that is about to exit would leave running.
+    pub(crate) fn end_emulators() {
+        qemu::stop_all();
+    }
+
+    /// Writes the sensor's log down when the sensor is switched off.
+    struct Logged {
+        line: Qemu<SharedFrontEnd>,
+        image: PathBuf,
+        to: PathBuf,
+        number: usize,
+    }
+
+    /// Sensors so far: each writes under its own number.
+    static SENSORS: AtomicUsize = AtomicUsize::new(0);
+
+    impl Logged {
+        fn new(line: Qemu<SharedFrontEnd>, image: PathBuf, to: PathBuf) -> Self {
+            Self { line, image, to, number: 1 + SENSORS.fetch_add(1, Ordering::Relaxed) }
+        }
+
+        /// All lines at once: sensors that are switched off at the same time do not mix theirs.
+        fn write(&self) -> io::Result<()> {
+            let frames = fs::read(self.line.log_file())?;
+            let lines = sensor_log::decode(&fs::read(&self.image)?, &frames).map_err(io::Error::other)?;
+            let numbered = |line: &String| format!("sensor {} {line}\n", self.number);
+            let text: String = lines.iter().map(numbered).collect();
+            if self.to == Path::new("-") {
+                return io::stderr().write_all(text.as_bytes());
+            }
+            OpenOptions::new().create(true).append(true).open(&self.to)?.write_all(text.as_bytes())
+        }
+    }
+
+    impl Transport for Logged {
+        fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+            self.line.send(bytes)
+        }
+
+        fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
+            self.line.receive(buffer, timeout)
+        }
+    }
+
+    impl Drop for Logged {
+        fn drop(&mut self) {
+            if let Err(error) = self.write() {
+                eprintln!("warning: cannot write the sensor's log to {}: {error}", self.to.display());
+            }
+        }
+    }
+}
+
+#[cfg(not(unix))]
+pub(crate) fn end_emulators() {}
+
+#[cfg(not(unix))]
+pub(super) fn boards() -> Vec<&'static str> {
+    Vec::new()
+}
+
+#[cfg(not(unix))]
+pub(super) fn open_qemu(_model: &Model, board: &str, _options: &QemuOptions) -> Result<Sensor, SensorError> {
+    Err(SensorError::open(SensorSpec::Qemu(board.to_owned()), "QEMU is reached over Unix sockets"))
+}

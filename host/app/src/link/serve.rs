@@ -1,0 +1,90 @@
+//! The other end of a serial line: a sensor that shows a viewpoint for each number of a scan, as a turntable would.
+
+use std::io;
+use std::sync::Arc;
+use std::time::Duration;
+
+use echoloop_dsp::{Hardware, ScanPattern};
+use echoloop_frontend::SceneResponse;
+use echoloop_frontend::{Analog, FrontEnd, Trigger};
+use echoloop_sim::board::PcSensor;
+
+use crate::link::sensor::Model;
+use crate::link::transport::Transport;
+use echoloop_frontend::WaveformFrontEnd;
+
+/// How often to look whether to stop.
+const LOOK_UP: Duration = Duration::from_millis(100);
+
+/// A front end that shows viewpoint n for scan n, n from 1, and nothing for other numbers. Its noise depends on seed, scan and
+/// beam only, so a viewpoint looks the same to every candidate.
+#[derive(Clone, Debug)]
+pub struct Viewpoints {
+    front_end: WaveformFrontEnd,
+    pattern: ScanPattern,
+    hardware: Hardware,
+    views: Vec<Arc<SceneResponse>>,
+    nothing: Arc<SceneResponse>,
+    seed: u64,
+    showing: u32,
+}
+
+impl Viewpoints {
+    /// A front end that has these viewpoints.
+    pub fn new(model: &Model, views: Vec<Arc<SceneResponse>>, seed: u64) -> Self {
+        let nothing = Arc::new(SceneResponse::empty(model.pattern.beams()));
+        let Model { pattern, hardware, .. } = *model;
+        Self { front_end: model.front_end(), pattern, hardware, views, nothing, seed, showing: 0 }
+    }
+
+    /// The sensor with this front end.
+    pub fn sensor(self) -> PcSensor<Self> {
+        let (pattern, hardware) = (self.pattern, self.hardware);
+        PcSensor::new(self, pattern, hardware)
+    }
+
+    fn show(&mut self, number: u32) {
+        let place = (number as usize).checked_sub(1);
+        let view = place.and_then(|place| self.views.get(place)).unwrap_or(&self.nothing);
+        self.front_end.look_at(Arc::clone(view), self.seed);
+        self.showing = number;
+    }
+}
+
+impl FrontEnd for Viewpoints {
+    fn adc_bits(&self) -> u32 {
+        self.front_end.adc_bits()
+    }
+
+    fn capture(&mut self, analog: &Analog, trigger: Trigger, codes: &mut [u16]) {
+        if trigger.frame != self.showing {
+            self.show(trigger.frame);
+        }
+        self.front_end.capture(analog, trigger, codes);
+    }
+}
+
+/// Answers on a line until told to stop.
+///
+/// # Errors
+///
+/// When the line is gone.
+pub fn serve<F: FrontEnd>(
+    line: &mut dyn Transport,
+    sensor: &mut PcSensor<F>,
+    stop: &dyn Fn() -> bool,
+) -> io::Result<()> {
+    let mut buffer = [0; 4096];
+    while !stop() {
+        let length = line.receive(&mut buffer, LOOK_UP)?;
+        sensor.send(&buffer[..length]);
+        loop {
+            let length = sensor.receive(&mut buffer);
+            if length == 0 {
+                break;
+            }
+            line.send(&buffer[..length])?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,19 @@
+//! The sensor's image in QEMU.
+
+use std::io;
+use std::time::Duration;
+
+use echoloop_frontend::FrontEnd;
+use echoloop_sim::qemu::Qemu;
+
+use super::Transport;
+
+impl<F: FrontEnd> Transport for Qemu<F> {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+        Qemu::send(self, bytes)
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
+        Qemu::receive(self, buffer, timeout)
+    }
+}

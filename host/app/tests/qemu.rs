@@ -1,0 +1,142 @@
+//! `--sensor qemu`: the loop through the image in an emulated microcontroller.
+//!
+//! `cargo xtask firmware` builds the image. Without it or QEMU these tests are skipped aloud; where `CI` is set, they fail.
+#![cfg(unix)]
+
+mod desk;
+
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+use std::time::{Duration, Instant};
+
+use desk::{Desk, Said};
+use echoloop_sim::qemu::{Machine, QemuOptions, check_installed};
+
+/// The image, if it can be run.
+fn image() -> Option<String> {
+    let machine = Machine::An386;
+    let image = QemuOptions::new(machine, &Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")).image;
+    let missing = match check_installed(machine) {
+        Err(error) => error.to_string(),
+        Ok(()) if !image.is_file() => format!("no image {}: cargo xtask firmware", image.display()),
+        Ok(()) => return Some(image.canonicalize().expect("it is there").display().to_string()),
+    };
+    assert!(std::env::var_os("CI").is_none(), "{missing}");
+    let _ = writeln!(std::io::stderr(), "SKIPPED: {missing}"); // past the harness, which keeps what passing tests print
+    None
+}
+
+#[test]
+fn a_scan_through_the_emulated_board_is_that_of_the_sensor_in_process() {
+    let Some(image) = image() else { return };
+    let desk = Desk::new();
+    let scan = ["scan", "-c", "small.toml", "--json"];
+    desk.succeed(&[&scan[..], &["-o", "pc.ply"]].concat());
+    let on_board = ["--sensor", "qemu", "--firmware", &image, "--sensor-log", "log.txt", "-o", "board.ply"];
+    let said = desk.succeed(&[&scan[..], &on_board].concat()).json();
+    assert!(said["sensor"].as_str().is_some_and(|name| name.starts_with("qemu:mps2-an386, echoloop-sensor")), "{said}");
+    assert!(desk.bytes("board.ply") == desk.bytes("pc.ply"), "the clouds differ");
+    let (log, hash) = (desk.read("log.txt"), said["settings"].as_str().unwrap_or("?").to_owned());
+    assert!(log.contains(&format!("settings {hash} active")), "{hash}: {log}");
+}
+
+#[test]
+fn the_emulated_board_has_the_configured_energy_limit() {
+    let Some(image) = image() else { return };
+    let desk = Desk::new();
+    let ask = |width: &str| {
+        let limit = ["--set", "emitter.energy_limit_nj=600", "--set", "lidar.power=60"];
+        let board = ["sensor", "--json", "--sensor", "qemu", "--firmware", &image];
+        desk.run(&[&board[..], &limit, &["--set", width]].concat())
+    };
+    let said = ask("lidar.pulse_width=10");
+    assert_eq!(said.code, Some(0), "{}", said.err);
+    assert_eq!(said.json()["hardware"]["energy_limit_pj"], 600_000);
+    let refused = ask("lidar.pulse_width=10.01");
+    assert_eq!(refused.code, Some(2), "{}", refused.err);
+    assert!(refused.err.contains("pulse energy limit of 600.0 nJ"), "{}", refused.err);
+}
+
+#[test]
+fn a_run_through_the_emulated_board_ends_with_the_numbers_of_the_run_in_process() {
+    let Some(image) = image() else { return };
+    let desk = Desk::new();
+    let few = ["--set", "scanner.columns=24", "--set", "data.train_pairs=2", "--set", "data.test_pairs=1"];
+    let tiny = [&["--generations", "1", "--population", "2", "--set", "tune.shortlist=1"], &few[..]].concat();
+    desk.tune(&[&tiny[..], &["--runs", "pc"]].concat());
+    desk.tune(&[&tiny[..], &["--runs", "board", "--sensor", "qemu", "--firmware", &image, "--threads", "2"]].concat());
+    for file in ["history.jsonl", "result.json", "report.html"] {
+        let [pc, board] = ["pc", "board"].map(|runs| desk.read(&format!("{runs}/latest/{file}")));
+        assert!(pc == board, "{file} differs");
+    }
+    let again = ["evaluate", "--run", "board/latest", "--json", "-q"];
+    let on_board = desk.succeed(&[&again[..], &["--sensor", "qemu:mps2-an386", "--firmware", &image]].concat()).json();
+    assert_eq!(on_board["summary"], desk.succeed(&again).json()["summary"]);
+}
+
+/// Processes that another has started.
+fn children(parent: u32) -> Vec<u32> {
+    let list = |task: PathBuf| fs::read_to_string(task.join("children")).unwrap_or_default();
+    let tasks = fs::read_dir(format!("/proc/{parent}/task")).into_iter().flatten().flatten();
+    tasks
+        .flat_map(|task| list(task.path()).split_whitespace().filter_map(|id| id.parse().ok()).collect::<Vec<_>>())
+        .collect()
+}
+
+#[test]
+fn an_emulator_that_dies_is_a_lost_sensor_and_one_that_is_interrupted_leaves_none_behind() {
+    let Some(image) = image() else { return };
+    let desk = Desk::new();
+    let long = ["tune", "-c", "small.toml", "--generations", "500", "--sensor", "qemu", "--firmware", &image];
+    let judge =
+        ["evaluate", "-c", "small.toml", "--set", "data.test_pairs=40", "--sensor", "qemu", "--firmware", &image];
+    let ends = [
+        (&long[..], "-KILL", true, 3, "qemu"),
+        (&long, "-INT", false, 130, "--resume"),
+        (&judge, "-TERM", false, 130, ""),
+    ];
+    for (command, signal, to_child, code, says) in ends {
+        let child =
+            desk.command(command).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("echoloop starts");
+        let deadline = Instant::now() + Duration::from_secs(60);
+        let emulators = loop {
+            let found = children(child.id());
+            if !found.is_empty() && (command[0] != "tune" || desk.path("runs/latest/history.jsonl").exists()) {
+                break found;
+            }
+            assert!(Instant::now() < deadline, "no emulator was started");
+            std::thread::sleep(Duration::from_millis(20));
+        };
+        let whom = if to_child { emulators.clone() } else { vec![child.id()] };
+        for id in whom {
+            let _ = std::process::Command::new("kill").args([signal, &id.to_string()]).status();
+        }
+        let said = Said::of(child.wait_with_output().expect("it ends"));
+        assert_eq!(said.code, Some(code), "{}", said.err);
+        assert!(said.err.contains(says), "{}", said.err);
+        for id in emulators {
+            assert!(!Path::new(&format!("/proc/{id}")).exists(), "emulator {id} lives on");
+        }
+        let _ = fs::remove_dir_all(desk.path("runs"));
+    }
+}
+
+#[test]
+fn an_image_that_is_not_there_is_named_with_what_builds_it() {
+    let Some(image) = image() else { return };
+    let desk = Desk::new();
+    desk.refuses(
+        &["scan", "-c", "small.toml", "--sensor", "qemu", "--firmware", "nothing.elf"],
+        &["nothing.elf", "cargo xtask firmware --target thumbv7em-none-eabihf"],
+    );
+    let scan = |board, file| ["scan", "-c", "small.toml", "--sensor", board, "--firmware", file];
+    desk.refuses(&scan("qemu", "small.toml"), &["small.toml", "not an ELF file"]);
+    desk.refuses(&scan("qemu", env!("CARGO_BIN_EXE_echoloop")), &["echoloop", "for X86_64", "runs Arm code at 0x0"]);
+    desk.refuses(
+        &scan("qemu:mps2-an505", &image),
+        &["echoloop-sensor", "runs Arm code at 0x10000000", "thumbv8m.main"],
+    );
+    desk.refuses(&["scan", "-c", "small.toml", "--sensor", "qemu:mps3"], &["mps3", "mps2-an386"]);
+}

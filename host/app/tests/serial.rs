@@ -1,0 +1,325 @@
+//! A sensor on a serial line, over pairs of pseudo-terminals: the same echoes as in process, and an end in bounded time
+//! whatever becomes of the line.
+#![cfg(unix)]
+
+mod desk;
+
+use std::io;
+use std::process::{Child, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use desk::{Desk, Said};
+use echoloop_dsp::Settings;
+use echoloop_host::experiment::config::{Config, load};
+use echoloop_host::experiment::dataset::Dataset;
+use echoloop_host::experiment::seed::scan_noise;
+use echoloop_host::link::sensor::{Model, Port, Sensor, SensorError, View};
+use echoloop_host::link::serve::{Viewpoints, serve};
+use echoloop_host::link::transport::{Serial, Transport};
+use serialport::{SerialPort, TTYPort};
+
+/// Held while terminals are made and while commands start: a new terminal is inherited until it is marked.
+static STARTING: Mutex<()> = Mutex::new(());
+
+fn starting() -> MutexGuard<'static, ()> {
+    STARTING.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Two connected terminals that no command inherits, and the second one's path.
+fn terminals() -> (TTYPort, TTYPort, String) {
+    let _alone = starting();
+    let (here, there) = TTYPort::pair().expect("terminals");
+    let path = there.name().expect("a path");
+    let marked = |port: &TTYPort| port.try_clone_native().expect("a copy is closed on exec");
+    (marked(&here), marked(&there), path)
+}
+
+fn start(desk: &Desk, arguments: &[&str]) -> Child {
+    let _alone = starting();
+    let mut command = desk.command(arguments);
+    command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("echoloop starts")
+}
+
+fn end(child: Child) -> Said {
+    Said::of(child.wait_with_output().expect("it ends"))
+}
+
+fn run(desk: &Desk, arguments: &[&str]) -> Said {
+    end(start(desk, arguments))
+}
+
+fn succeed(desk: &Desk, arguments: &[&str]) -> Said {
+    let said = run(desk, arguments);
+    assert_eq!(said.code, Some(0), "{arguments:?}: {}", said.err);
+    said
+}
+
+/// A line that is cut after so many answers.
+struct Cut {
+    line: Serial,
+    answers_left: usize,
+}
+
+impl Transport for Cut {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.answers_left = self.answers_left.checked_sub(1).ok_or(io::ErrorKind::BrokenPipe)?;
+        self.line.send(bytes)
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
+        self.line.receive(buffer, timeout)
+    }
+}
+
+/// A board on a terminal, looking at the desk's yard.
+struct Board {
+    /// As `--sensor` takes it.
+    spec: String,
+    port: Port,
+    config: Config,
+    dataset: Dataset,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+    /// Open between commands too, so that the line is not hung up when one ends.
+    _plug: TTYPort,
+}
+
+impl Board {
+    fn new(desk: &Desk) -> Self {
+        Self::cut_after(desk, usize::MAX)
+    }
+
+    fn cut_after(desk: &Desk, answers_left: usize) -> Self {
+        let yard = format!("scene.source={}", desk.path("yard.obj").display()).parse().expect("an override");
+        let config = load(Some(&desk.path("small.toml")), &[yard]).expect("a configuration");
+        let dataset = Dataset::build(&config, &|_, _| ()).expect("a yard");
+        let views = dataset.views().map(Arc::clone).collect();
+        let mut sensor = Viewpoints::new(&Model::of(&config), views, scan_noise(config.seed)).sensor();
+        let (here, _plug, path) = terminals();
+        let stop = Arc::new(AtomicBool::new(false));
+        let flag = Arc::clone(&stop);
+        let mut line = Cut { line: Serial::over(Box::new(here), "board"), answers_left };
+        let answer = move || drop(serve(&mut line, &mut sensor, &|| flag.load(Ordering::Relaxed)));
+        let thread = Some(std::thread::spawn(answer));
+        let port = Port { path, baud: 4_000_000 };
+        Self { spec: format!("serial:{port}"), port, config, dataset, stop, thread, _plug }
+    }
+}
+
+impl Drop for Board {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        self.thread.take().map(JoinHandle::join);
+    }
+}
+
+#[test]
+fn over_a_line_a_sensor_gives_the_echoes_it_gives_in_process() {
+    let desk = Desk::new();
+    let board = Board::new(&desk);
+    let settings = Settings { power_cw: 5_000, upsampling: 2, ..Settings::default() };
+    let mut far = Sensor::serial(&board.port).expect("a sensor");
+    let mut near = Sensor::in_process(&Model::of(&board.config)).expect("a sensor");
+    assert_eq!(far.identity(), near.identity());
+    assert_eq!(far.configure(&settings).expect("accepted"), near.configure(&settings).expect("accepted"));
+    for (scene, number) in board.dataset.views().zip(1..).take(3) {
+        let noise_seed = scan_noise(board.config.seed);
+        let view = View { scene, noise_seed, scan: number, viewpoint: number };
+        let echoes = far.scan(&view).expect("a scan");
+        assert_eq!(echoes, near.scan(&view).expect("a scan"), "viewpoint {number}");
+        assert!(echoes.iter().flatten().count() > 300);
+    }
+    let nowhere = board.dataset.views().next().expect("a view");
+    let view = View { scene: nowhere, noise_seed: 0, scan: 1, viewpoint: 1_000 };
+    assert_eq!(far.scan(&view).expect("a scan").iter().flatten().count(), 0, "there is no such viewpoint");
+}
+
+#[test]
+fn scan_writes_the_cloud_it_writes_in_process() {
+    let desk = Desk::new();
+    let board = Board::new(&desk);
+    let scan = |sensor: &str, name: &str| {
+        succeed(&desk, &["scan", "--json", "-c", "small.toml", "--sensor", sensor, "-o", name]).json()
+    };
+    let [near, far] = [scan("in-process", "near.ply"), scan(&board.spec, "far.ply")];
+    assert!(desk.bytes("near.ply") == desk.bytes("far.ply"), "the clouds differ");
+    assert_eq!(near["settings"], far["settings"]);
+    assert_eq!(far["sensor"], format!("{}, echoloop-sensor 0.1.0", board.spec));
+    assert_eq!((&far["scene"], &far["world_from_sensor"]), (&().into(), &().into()), "not ours to know");
+    let said =
+        run(&desk, &["scan", "-c", "small.toml", "--sensor", &board.spec, "--pose", "0", "0", "2", "0", "0", "0"]);
+    assert_eq!(said.code, Some(2), "{}", said.err);
+    assert!(said.err.contains("--pose"), "{}", said.err);
+}
+
+#[test]
+fn a_run_over_a_line_ends_with_a_report_and_is_the_same_on_one_thread_and_two() {
+    let desk = Desk::new();
+    let board = Board::new(&desk);
+    let tiny = ["-c", "small.toml", "--generations", "1", "--population", "2", "--set", "tune.shortlist=1"];
+    for threads in ["1", "2"] {
+        let said = succeed(&desk, &[&["tune", "--sensor", &board.spec, "--threads", threads], &tiny[..]].concat());
+        assert!(said.err.contains(&format!("sensor {}, echoloop-sensor", board.spec)), "{}", said.err);
+    }
+    for name in ["config.toml", "history.jsonl", "result.json", "report.html", "after.ply"] {
+        let [one, two] = [1, 2].map(|run| desk.bytes(&format!("runs/000{run}-yard-icp-joint/{name}")));
+        assert!(one.len() > 100 && one == two, "{name}");
+    }
+    let judged = ["evaluate", "-q", "--json", "--run", "runs/latest", "--sensor", &board.spec];
+    let judged = succeed(&desk, &judged).json();
+    let result: serde_json::Value = serde_json::from_str(&desk.read("runs/latest/result.json")).expect("JSON");
+    assert_eq!(judged["summary"], result["tuned_summary"]);
+}
+
+#[test]
+fn a_board_keeps_its_settings_until_others_are_asked_for() {
+    let desk = Desk::new();
+    let board = Board::new(&desk);
+    let sensor =
+        |more: &[&str]| succeed(&desk, &[&["sensor", "--json", "--sensor", &board.spec], more].concat()).json();
+    assert_eq!(sensor(&["--set", "lidar.power=33.33"])["settings"]["power"], 33.33);
+    let other = sensor(&["--set", "lidar.gain=3"]);
+    assert_eq!((&other["settings"]["power"], &other["settings"]["gain"]), (&33.33.into(), &3.0.into()));
+    let read = sensor(&[]);
+    assert_eq!((&read["settings"], &read["hash"]), (&other["settings"], &other["hash"]));
+    assert!(read["counters"]["frames"].as_u64() > other["counters"]["frames"].as_u64(), "{read}");
+    let said =
+        run(&desk, &["sensor", "--sensor", &board.spec, "--set", "lidar.pulse_width=20", "--set", "lidar.power=75"]);
+    assert_eq!(said.code, Some(2), "{}", said.err);
+    assert!(said.err.contains("refused") && said.err.contains(&board.port.path), "{}", said.err);
+    assert_eq!(sensor(&[])["hash"], other["hash"]);
+}
+
+#[test]
+fn a_board_of_other_beams_is_refused_to_a_run_and_scans_as_it_is() {
+    let desk = Desk::new();
+    let board = Board::new(&desk);
+    let other = ["-c", "small.toml", "--set", "scanner.columns=64", "--sensor", &board.spec];
+    for command in ["tune", "evaluate"] {
+        let said = run(&desk, &[&[command], &other[..]].concat());
+        assert_eq!(said.code, Some(2), "{}", said.err);
+        for part in [&board.port.path, "48 × 16 over 180° × 60°", "64 × 16 over 180° × 60°"] {
+            assert!(said.err.contains(part), "{part}: {}", said.err);
+        }
+    }
+    assert!(!desk.path("runs").exists());
+    let said = succeed(&desk, &[&["scan", "--json"], &other[..]].concat()).json();
+    assert_eq!(said["beams"], 48 * 16);
+}
+
+#[test]
+fn a_line_cut_in_the_middle_is_a_lost_link_with_the_port_s_name() {
+    let desk = Desk::new();
+    for command in ["scan", "evaluate", "tune"] {
+        let board = Board::cut_after(&desk, 12);
+        let said = run(&desk, &[command, "-c", "small.toml", "--threads", "2", "--sensor", &board.spec]);
+        assert_eq!(said.code, Some(3), "{command}: {}", said.err);
+        let line = said.err.lines().find(|line| line.starts_with("error:")).expect("an error");
+        assert!(line.contains(&board.port.path) && line.contains("the link is lost"), "{line}");
+        let hint = format!("--resume runs/0001-yard-icp-joint --sensor {}", board.spec);
+        assert_eq!(said.err.contains(&hint), command == "tune", "{}", said.err);
+    }
+}
+
+#[test]
+fn a_run_that_lost_its_board_goes_on_with_another_to_the_same_end() {
+    let desk = Desk::new();
+    let tune = |board: &Board, more: &[&str]| run(&desk, &[&["tune", "-q", "--sensor", &board.spec], more].concat());
+    let tiny = ["-c", "small.toml", "--generations", "2", "--population", "2", "--set", "tune.shortlist=1"];
+    let whole = tune(&Board::new(&desk), &tiny);
+    assert_eq!(whole.code, Some(0), "{}", whole.err);
+    // 50 answers a registration, 4 registrations a generation: lost in the second.
+    assert_eq!(tune(&Board::cut_after(&desk, 300), &tiny).code, Some(3));
+    let lost = "runs/0002-yard-icp-joint";
+    assert_eq!(desk.read(&format!("{lost}/history.jsonl")).lines().count(), 2, "a header and a generation");
+    let resumed = tune(&Board::new(&desk), &["--resume", lost]);
+    assert_eq!(resumed.code, Some(0), "{}", resumed.err);
+    for name in ["history.jsonl", "result.json", "report.html"] {
+        assert!(
+            desk.bytes(&format!("{lost}/{name}")) == desk.bytes(&format!("runs/0001-yard-icp-joint/{name}")),
+            "{name}"
+        );
+    }
+}
+
+#[test]
+fn a_port_that_answers_nothing_is_given_up_in_bounded_time() {
+    let desk = Desk::new();
+    let (_here, _there, path) = terminals();
+    let begun = Instant::now();
+    let said = run(&desk, &["sensor", "--sensor", &format!("serial:{path}@4000000")]);
+    assert_eq!(said.code, Some(3), "{}", said.err);
+    assert!(said.err.contains(&path) && said.err.contains("no answer from the sensor to hello"), "{}", said.err);
+    assert!(begun.elapsed() < Duration::from_secs(30));
+}
+
+#[test]
+fn a_port_that_is_none_is_refused_by_name() {
+    let desk = Desk::new();
+    for name in ["/dev/no-such-port", "yard.obj", "."] {
+        for command in ["tune", "evaluate", "scan", "sensor"] {
+            desk.refuses(&[command, "--sensor", &format!("serial:{name}")], &[name, "cannot be opened"]);
+        }
+        desk.refuses(&["serve", "-c", "small.toml", name], &[name, "cannot be opened"]);
+    }
+    let error =
+        Sensor::serial(&Port { path: "/dev/no-such-port".into(), baud: 9_600 }).map(|_| ()).expect_err("no port");
+    assert!(matches!(error, SensorError::Open { .. }), "{error}");
+}
+
+#[test]
+fn a_sensor_that_is_none_is_refused_by_name() {
+    let desk = Desk::new();
+    let table = [
+        ("uart:/dev/ttyS0", "expected in-process, qemu[:BOARD] or serial:PORT[@BAUD]"),
+        ("serial", "needs its port"),
+        ("serial:/dev/ttyS0@fast", "'fast' is no speed"),
+        ("qemu:toaster", "no board 'toaster'"),
+    ];
+    for (sensor, problem) in table {
+        for command in ["tune", "evaluate", "scan", "sensor"] {
+            desk.refuses(&[command, "--sensor", sensor], &["--sensor", problem]);
+        }
+    }
+    for flag in ["--firmware", "--sensor-log"] {
+        desk.refuses(&["scan", flag, "file"], &[flag, "in-process"]);
+    }
+    desk.refuses(&["serve", "/dev/ttyS0@fast"], &["'fast' is no speed"]);
+}
+
+/// Carries bytes both ways between two terminals until told to stop.
+fn bridge(one: TTYPort, other: TTYPort, stop: &Arc<AtomicBool>) -> JoinHandle<()> {
+    let mut lines = [one, other].map(|port| Serial::over(Box::new(port), "bridge"));
+    let stop = Arc::clone(stop);
+    std::thread::spawn(move || {
+        let mut buffer = [0; 4096];
+        while !stop.load(Ordering::Relaxed) {
+            for (from, to) in [(0, 1), (1, 0)] {
+                let length = lines[from].receive(&mut buffer, Duration::from_millis(1)).expect("a line");
+                lines[to].send(&buffer[..length]).expect("a line");
+            }
+        }
+    })
+}
+
+#[test]
+fn serve_is_the_other_end_until_interrupted() {
+    let desk = Desk::new();
+    let ((one, _plug, served), (other, _other_plug, used)) = (terminals(), terminals());
+    let stop = Arc::new(AtomicBool::new(false));
+    let bridge = bridge(one, other, &stop);
+    let server = start(&desk, &["serve", "-c", "small.toml", &served]);
+    succeed(&desk, &["scan", "-q", "-c", "small.toml", "--sensor", &format!("serial:{used}"), "-o", "far.ply"]);
+    desk.succeed(&["scan", "-q", "-c", "small.toml", "-o", "near.ply"]);
+    assert!(desk.bytes("near.ply") == desk.bytes("far.ply"), "the clouds differ");
+    let pid = server.id().to_string();
+    assert!(std::process::Command::new("kill").args(["-INT", &pid]).status().expect("kill runs").success());
+    let said = end(server);
+    assert_eq!(said.code, Some(0), "{}", said.err);
+    assert!(said.err.contains(&format!("serving 14 viewpoints on {served}@921600 until ^C")), "{}", said.err);
+    stop.store(true, Ordering::Relaxed);
+    bridge.join().expect("a bridge");
+}

@@ -1,0 +1,57 @@
+//! What a front end is asked, and answers.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// What the registers ask of the analog world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Analog {
+    /// Peak laser power, W.
+    pub power_w: f64,
+    /// Full width at half maximum of the pulse, ns.
+    pub pulse_width_ns: f64,
+    /// Analog gain, dB.
+    pub gain_db: f64,
+    /// Time between samples, ns.
+    pub sample_period_ns: f64,
+    /// From the trigger, which is the beginning of the pulse, to sample 0 of the window, ns.
+    pub delay_ns: f64,
+    /// Samples taken just before the trigger, in front of those of the window.
+    pub pre_trigger: usize,
+}
+
+/// Which shot is fired.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Trigger {
+    /// Number of the scan.
+    pub frame: u32,
+    /// The beam.
+    pub beam: u32,
+    /// Of the shots that are added up for one beam, the how manieth, from 0.
+    pub shot: u32,
+}
+
+/// The analog world: light out, codes in.
+pub trait FrontEnd {
+    /// Resolution of its converter, bits.
+    fn adc_bits(&self) -> u32;
+
+    /// Fills `codes` with the samples of one shot: [`Analog::pre_trigger`] from before it, then the window's. A pure function of
+    /// its arguments and of what the front end was made with.
+    fn capture(&mut self, analog: &Analog, trigger: Trigger, codes: &mut [u16]);
+}
+
+/// A front end that others can reach while a board has it, to look at another scene with.
+impl<F: FrontEnd> FrontEnd for Arc<Mutex<F>> {
+    fn adc_bits(&self) -> u32 {
+        locked(self).adc_bits()
+    }
+
+    fn capture(&mut self, analog: &Analog, trigger: Trigger, codes: &mut [u16]) {
+        locked(self).capture(analog, trigger, codes);
+    }
+}
+
+/// A front end has no state that a panic could leave half done.
+fn locked<F>(front_end: &Mutex<F>) -> MutexGuard<'_, F> {
+    front_end.lock().unwrap_or_else(PoisonError::into_inner)
+}

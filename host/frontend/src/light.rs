@@ -1,0 +1,52 @@
+//! What a scene sends back to a scanner's beams, before any electronics.
+
+/// Receiver overlap ξ: nothing below the first range, everything from the second, linear between, metres.
+pub const OVERLAP_M: [f32; 2] = [0.9, 1.0];
+
+/// A part of a beam's footprint that comes back as one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Return {
+    /// Distance, metres.
+    pub range_m: f32,
+    /// `Σ_k w_k ρ_k cosθ_k / π · ξ(R_k) / R_k²`, 1/m²: received power over `P0 η A_r` in clear air.
+    pub strength_per_m2: f32,
+}
+
+/// Returns of every beam, by increasing range within a beam.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SceneResponse {
+    /// Beam `i` owns `returns[beams[i]..beams[i + 1]]`; one entry more than there are beams.
+    pub beams: Vec<u32>,
+    /// All returns, beam after beam.
+    pub returns: Vec<Return>,
+}
+
+impl SceneResponse {
+    /// Nothing comes back to any beam.
+    #[must_use]
+    pub fn empty(beams: u32) -> Self {
+        Self { beams: vec![0; beams as usize + 1], returns: Vec::new() }
+    }
+
+    /// Number of beams.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.beams.len().saturating_sub(1)
+    }
+
+    /// True without beams.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Returns of one beam.
+    ///
+    /// # Panics
+    ///
+    /// When there is no such beam.
+    #[must_use]
+    pub fn of(&self, beam: usize) -> &[Return] {
+        &self.returns[self.beams[beam] as usize..self.beams[beam + 1] as usize]
+    }
+}

@@ -1,0 +1,99 @@
+//! What differs from shot to shot and from channel to channel: when the pulse leaves, and who hears it.
+
+use crate::{Analog, Trigger};
+
+use super::counter::{Purpose, Stream};
+use super::receiver::Receiver;
+
+/// A channel of the detector.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Channel {
+    /// Its converter reads 0.
+    Dead,
+    /// It gets this fraction of the light; 1: sound.
+    Alive(f64),
+}
+
+impl Receiver {
+    /// The channel that hears a beam: that of the beam's row, where rows are known, else one of the beam's own.
+    ///
+    /// Each is dead or weak by a draw of its own, the same in every scan.
+    pub fn channel(&self, beam: u32) -> Channel {
+        if self.dead_channels == 0.0 && self.weak_channels == 0.0 {
+            return Channel::Alive(1.0);
+        }
+        let row = beam.checked_rem(self.rows.into()).unwrap_or(beam);
+        let lot = Stream::of(self.channel_seed, Purpose::Channels, row.into()).uniform(0);
+        if lot < self.dead_channels {
+            Channel::Dead
+        } else if lot < self.dead_channels + self.weak_channels {
+            Channel::Alive(libm::pow(10.0, -self.weak_channel_db / 10.0))
+        } else {
+            Channel::Alive(1.0)
+        }
+    }
+
+    /// The shot as this channel hears it: a weak one as less power, a late pulse as a window that opens earlier; `None` when
+    /// nothing is heard.
+    pub(super) fn hear(&self, analog: &Analog, seed: u64, trigger: Trigger) -> Option<Analog> {
+        let Channel::Alive(light) = self.channel(trigger.beam) else { return None };
+        let mut heard = Analog { power_w: analog.power_w * light, ..*analog };
+        if self.timing_jitter_ns > 0.0 {
+            let late = Stream::of_shot(seed, Purpose::Timing, trigger).normal(0);
+            heard.delay_ns -= self.timing_jitter_ns * late;
+        }
+        Some(heard)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ANALOG: Analog = Analog {
+        power_w: 75.0,
+        pulse_width_ns: 5.0,
+        gain_db: 0.0,
+        sample_period_ns: 1.0,
+        delay_ns: 11.0,
+        pre_trigger: 0,
+    };
+
+    #[test]
+    fn as_many_channels_are_dead_and_weak_as_asked_for() {
+        let receiver = Receiver { dead_channels: 0.1, weak_channels: 0.2, weak_channel_db: 3.0, ..Receiver::default() };
+        let count = |channel: Channel| (0..20_000).filter(|&beam| receiver.channel(beam) == channel).count();
+        let weak = Channel::Alive(libm::pow(10.0, -0.3));
+        for (channel, expected) in [(Channel::Dead, 2_000.0), (weak, 4_000.0), (Channel::Alive(1.0), 14_000.0)] {
+            let got = count(channel) as f64;
+            assert!((got - expected).abs() < 4.0 * expected.sqrt(), "{channel:?}: {got}");
+        }
+    }
+
+    #[test]
+    fn where_rows_are_known_a_channel_is_a_row() {
+        let receiver = Receiver { dead_channels: 0.3, rows: 16, ..Receiver::default() };
+        assert!((0..16).any(|row| receiver.channel(row) == Channel::Dead));
+        for beam in 0..16 * 20 {
+            assert_eq!(receiver.channel(beam), receiver.channel(beam % 16), "beam {beam}");
+        }
+    }
+
+    #[test]
+    fn a_sound_sensor_hears_the_very_shot() {
+        let trigger = Trigger { frame: 3, beam: 4, shot: 1 };
+        assert_eq!(Receiver::default().hear(&ANALOG, 9, trigger), Some(ANALOG));
+    }
+
+    #[test]
+    fn every_shot_has_a_delay_of_its_own_with_the_spread_asked_for() {
+        let receiver = Receiver { timing_jitter_ns: 0.25, ..Receiver::default() };
+        let late = |beam, shot| {
+            let trigger = Trigger { frame: 0, beam, shot };
+            receiver.hear(&ANALOG, 9, trigger).unwrap().delay_ns - 11.0
+        };
+        assert!(late(0, 0) != late(0, 1));
+        let rms = ((0..40_000).map(|beam| late(beam, 0).powi(2)).sum::<f64>() / 40_000.0).sqrt();
+        assert!((rms / 0.25 - 1.0).abs() < 0.015, "{rms}"); // four standard errors of 0.35 %
+    }
+}

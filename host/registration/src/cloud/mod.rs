@@ -1,0 +1,105 @@
+//! Point clouds: files, voxels, neighbours, normals.
+
+pub mod eigen;
+pub mod kdtree;
+pub mod neighbours;
+pub mod normals;
+mod pcd;
+mod ply;
+mod read;
+mod text;
+pub mod voxel;
+mod vtk;
+
+use nalgebra::{Point3, Vector3};
+
+pub use ply::write_ply;
+pub use read::{CloudError, read_cloud};
+
+/// Points in metres, in the frame of the sensor that saw them: the sensor is at the origin.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Cloud {
+    /// Where the echoes are, `[n]`.
+    pub points: Vec<Point3<f32>>,
+    /// One normal a point, `[n]`: of length 1, or zero where the surface has no direction. Absent until estimated.
+    pub normals: Option<Vec<Vector3<f32>>>,
+}
+
+impl Cloud {
+    /// A cloud without normals.
+    pub fn new(points: Vec<Point3<f32>>) -> Self {
+        Self { points, normals: None }
+    }
+
+    /// Removes points that are no echo, and says how many.
+    pub fn drop_invalid(&mut self) -> Dropped {
+        let mut dropped = Dropped::default();
+        let keep: Vec<bool> = self.points.iter().map(|point| dropped.keeps(point)).collect();
+        if dropped.total() > 0 {
+            let mut kept = keep.iter().copied();
+            self.points.retain(|_| kept.next().unwrap_or(true));
+            if let Some(normals) = &mut self.normals {
+                let mut kept = keep.iter().copied();
+                normals.retain(|_| kept.next().unwrap_or(true));
+            }
+        }
+        dropped
+    }
+}
+
+/// How many points were left out because they are no echo.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Dropped {
+    /// A coordinate was infinite or not a number.
+    pub non_finite: usize,
+    /// The range was zero, which sensors write where nothing came back.
+    pub at_origin: usize,
+}
+
+impl Dropped {
+    /// All points left out.
+    pub fn total(&self) -> usize {
+        self.non_finite + self.at_origin
+    }
+
+    /// Counts the point if it is no echo; true when it is one.
+    fn keeps(&mut self, point: &Point3<f32>) -> bool {
+        let finite = is_finite(point);
+        let at_origin = point.coords == Vector3::zeros();
+        self.non_finite += usize::from(!finite);
+        self.at_origin += usize::from(at_origin);
+        finite && !at_origin
+    }
+}
+
+impl std::fmt::Display for Dropped {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} non-finite and {} at range 0 left out", self.non_finite, self.at_origin)
+    }
+}
+
+/// Whether all coordinates are finite.
+pub(crate) fn is_finite(point: &Point3<f32>) -> bool {
+    point.coords.iter().all(|v| v.is_finite())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_that_are_no_echo_are_counted_and_removed_with_their_normals() {
+        let points = vec![
+            Point3::new(1.0, 2.0, 3.0),
+            Point3::new(f32::NAN, 0.0, 0.0),
+            Point3::new(0.0, -0.0, 0.0),
+            Point3::new(0.0, f32::INFINITY, 0.0),
+            Point3::new(0.0, 0.0, 4.0),
+        ];
+        let normals = (0..5).map(|i| Vector3::new(i as f32, 0.0, 0.0)).collect();
+        let mut cloud = Cloud { points, normals: Some(normals) };
+        assert_eq!(cloud.drop_invalid(), Dropped { non_finite: 2, at_origin: 1 });
+        assert_eq!(cloud.points, [Point3::new(1.0, 2.0, 3.0), Point3::new(0.0, 0.0, 4.0)]);
+        assert_eq!(cloud.normals, Some(vec![Vector3::zeros(), Vector3::new(4.0, 0.0, 0.0)]));
+    }
+}

@@ -1,0 +1,157 @@
+//! Exact mutual nearest neighbours among features.
+//!
+//! ```text
+//! M = { (s, t) : t = argmin over targets of d(s, ·)  and  s = argmin over sources of d(·, t) },   d(a, b) = Σ (a_i − b_i)²
+//! ```
+//!
+//! The result is that of the double loop over all pairs, to the last bit; the work is not. The pairs of one scan against
+//! another are half a billion, of which some hundred a point need their distance:
+//!
+//! 1. An orthonormal [`rotation`] onto the principal axes of the targets: its first [`AXES`](rotation::AXES) hold nearly
+//!    all of a distance, and never more than it.
+//! 2. A [`tree`] of boxes over the rotated rows, of the targets and of the sources.
+//! 3. [`search`]: eight neighbouring sources go down the targets' tree together, and give up a box or a row when even the
+//!    rotated axes are too far apart. What remains is decided by the distance itself.
+//! 4. The way back only asks what is open: of the sources that chose a target the closest is the only one that can be its
+//!    nearest, and one source that is closer refutes it. So only targets that were chosen are searched, within a known
+//!    distance, until the first counterexample.
+//!
+//! Of equal rows only the first can be anybody's mutual nearest, so the others are left out before: a flat floor without noise
+//! has thousands of them, and none could be told from another by a bound. Where very many rows differ by no more than rounding,
+//! little is given up, and the work nears that of the double loop.
+//!
+//! Rounding never loses a pair: [`rotation::Rotation::limit`] has the slack and why it is enough. Memory is linear.
+
+mod distinct;
+mod kernel;
+mod rotation;
+mod search;
+#[cfg(test)]
+mod tests;
+mod tree;
+
+use rayon::prelude::*;
+
+use super::{DIMENSIONS, Features, Match};
+use distinct::distinct;
+use rotation::Rotation;
+use search::{Group, Wanted};
+use tree::{NONE, Tree, WIDTH};
+
+/// One feature.
+type Row = [f32; DIMENSIONS];
+
+/// The fastest code that this processor runs; all give the same bytes.
+#[derive(Clone, Copy, Debug)]
+enum Build {
+    /// The target's baseline.
+    Baseline,
+    /// x86-64-v3, found on this processor.
+    #[cfg(target_arch = "x86_64")]
+    V3(V3),
+}
+
+/// Exists only where x86-64-v3 has been found.
+#[cfg(target_arch = "x86_64")]
+#[derive(Clone, Copy, Debug)]
+struct V3(());
+
+impl Build {
+    fn found() -> Self {
+        #[cfg(target_arch = "x86_64")]
+        if echoloop_kernels::has_v3() {
+            return Self::V3(V3(()));
+        }
+        Self::Baseline
+    }
+}
+
+/// The pairs that are each other's nearest, ordered by source index; the lower index where distances are equal.
+///
+/// Rows that are all zero or not finite take no part, nor do distances beyond `f32`. The same bytes on any number of
+/// threads and on any processor.
+pub fn mutual(source: &Features, target: &Features) -> Vec<Match> {
+    mutual_by(Build::found(), source, target)
+}
+
+/// [`mutual`] as compiled for the target's baseline: for benchmarks and tests.
+pub fn mutual_baseline(source: &Features, target: &Features) -> Vec<Match> {
+    mutual_by(Build::Baseline, source, target)
+}
+
+fn mutual_by(build: Build, source: &Features, target: &Features) -> Vec<Match> {
+    let (source, target) = rayon::join(|| distinct(&source.rows), || distinct(&target.rows));
+    let rotation = Rotation::principal(&target, &source);
+    let (sources, targets) =
+        rayon::join(|| Tree::new(build, &rotation, &source), || Tree::new(build, &rotation, &target));
+    let choices = chosen(build, &rotation, &sources, &targets);
+    let claims = claimed(choices, target.len());
+    let mut matches = unrefuted(build, &rotation, &sources, &targets, &claims);
+    matches.par_sort_unstable_by_key(|m| m.source);
+    matches
+}
+
+/// Each source with its nearest target.
+fn chosen(build: Build, rotation: &Rotation, sources: &Tree, targets: &Tree) -> Vec<Match> {
+    let block = |block: usize| {
+        let mut group = Group::unbounded(sources, block);
+        group.search(build, rotation, targets, Wanted::Nearest);
+        group.matches().collect::<Vec<_>>()
+    };
+    (0..sources.blocks.len()).into_par_iter().with_min_len(16).flat_map_iter(block).collect()
+}
+
+/// By target index, of the sources that chose it the closest.
+fn claimed(choices: Vec<Match>, targets: usize) -> Vec<Option<Match>> {
+    let mut claims: Vec<Option<Match>> = vec![None; targets];
+    for choice in choices {
+        let Some(claim) = claims.get_mut(choice.target as usize) else {
+            continue;
+        };
+        if claim.is_none_or(|held| (choice.squared, choice.source) < (held.squared, held.source)) {
+            *claim = Some(choice);
+        }
+    }
+    claims
+}
+
+/// The claims of which no other source is closer to the target.
+fn unrefuted(
+    build: Build,
+    rotation: &Rotation,
+    sources: &Tree,
+    targets: &Tree,
+    claims: &[Option<Match>],
+) -> Vec<Match> {
+    // In the order of the tree, so that eight in a row are neighbours.
+    let slots = |slot: usize| targets.index[slot] != NONE && claims[targets.index[slot] as usize].is_some();
+    let asked: Vec<usize> = (0..targets.index.len()).filter(|&slot| slots(slot)).collect();
+    let eight = |slots: &[usize]| {
+        let mut group = Group::claimed(targets, slots, claims, rotation);
+        group.search(build, rotation, sources, Wanted::Counterexample);
+        let held = slots.iter().zip(group.nearest).filter_map(|(&slot, source)| {
+            let claim = claims[targets.index[slot] as usize]?;
+            (claim.source == source).then_some(claim)
+        });
+        held.collect::<Vec<_>>()
+    };
+    asked.par_chunks(WIDTH).with_min_len(16).flat_map_iter(eight).collect()
+}
+
+/// `Σ (a_i − b_i)²` in the one order of sums that decides: lane l = 0..7 adds i = l, l + 8, l + 16, l + 24; the lanes add
+/// as halves, `l + (l + 4)`, then `l + (l + 2)`, then `0 + 1`; then i = 32. No multiply-add is fused.
+#[inline(always)]
+fn squared_distance(a: &Row, b: &Row) -> f32 {
+    let mut lanes = [0.0; WIDTH];
+    let ((a, a_last), (b, b_last)) = (a.as_chunks::<WIDTH>(), b.as_chunks::<WIDTH>());
+    for (a, b) in a.iter().zip(b) {
+        for lane in 0..WIDTH {
+            let difference = a[lane] - b[lane];
+            lanes[lane] += difference * difference;
+        }
+    }
+    let four: [f32; 4] = std::array::from_fn(|lane| lanes[lane] + lanes[lane + 4]);
+    let two = [four[0] + four[2], four[1] + four[3]];
+    let rest = a_last.iter().zip(b_last).map(|(a, b)| (a - b) * (a - b));
+    rest.fold(two[0] + two[1], |sum, square| sum + square)
+}

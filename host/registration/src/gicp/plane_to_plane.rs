@@ -1,0 +1,243 @@
+//! The least squares of generalised ICP: from pairs of planes to a step.
+
+use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
+
+use crate::Observability;
+use crate::icp::equations::{Equations, Group, LANES, Lane, Pairs, add_product, cross, dot, total};
+use crate::normal_equations::{Centred, MomentSums, NormalEquations, RowSums, Step};
+
+/// Variance along a plane's normal, of that within it.
+const ACROSS: f64 = 1e-3;
+
+/// Sums over pairs of a moved source point `s` with normal `m` (turned as it is) and a target point `q` with normal `n`.
+///
+/// ```text
+/// M = (C_q + R C_s Rᵀ)⁻¹ = (2 I - (1 - ε)(n nᵀ + m mᵀ))⁻¹
+///   = I / 2 + u uᵀ / 4(g - c) + v vᵀ / 4(g + c)
+/// u = n + m,  v = n - m,  c = n · m,  g = 2 / (1 - ε) - 1
+/// ```
+///
+/// The inverse is Woodbury's, written in the eigenvectors `u` and `v` of its part of rank two: a weak distance from point
+/// to point and two distances from point to plane, so that no 3×3 matrix is kept or inverted. Planes that agree have
+/// `c = 1` and weigh 1/(2 ε) along their normal. With `j(u) = [s × u ; u]`, `d = s - q`:
+///
+/// ```text
+/// E(ω, t) = Σ dᵀ M d      H = Σ J M Jᵀ      J = [j(x) j(y) j(z)]
+/// ```
+#[derive(Clone, Debug, Default)]
+pub(crate) struct PlaneToPlane {
+    /// Of the two planes: `Σ w j jᵀ`, `Σ w j r`; and the moments of the pairs.
+    planes: NormalEquations,
+    /// The trace of the planes' part, `Σ w u · u`.
+    weight: f64,
+    /// Σ s sᵀ without ½: xx, xy, xz, yy, yz, zz.
+    ss: [f64; 6],
+    /// Σ d.
+    d: Vector3<f64>,
+    /// Σ s × d.
+    sd: Vector3<f64>,
+}
+
+impl Equations for PlaneToPlane {
+    const SOURCE_NORMALS: bool = true;
+
+    #[inline(always)]
+    fn add_all(&mut self, pairs: &Pairs) {
+        let (mut rows, mut moments, mut points) = (RowSums::default(), MomentSums::default(), PointSums::default());
+        let mut weight = [0.0; LANES];
+        for group in pairs.groups() {
+            let Group { s, d, n, m } = &group;
+            for (w, u) in planes(n, m) {
+                rows.add(&w, s, &u, &dot(&u, d));
+                add_product(&mut weight, &w, &dot(&u, &u));
+            }
+            moments.add(s, d, &dot(n, d));
+            points.add(s, d);
+        }
+        rows.add_to(&mut self.planes);
+        moments.add_to(&mut self.planes, pairs.len());
+        points.add_to(self);
+        self.weight += total(&weight);
+    }
+
+    fn merge(mut self, other: &Self) -> Self {
+        self.planes = self.planes.merge(&other.planes);
+        self.weight += other.weight;
+        for (ours, theirs) in self.ss.iter_mut().zip(&other.ss) {
+            *ours += theirs;
+        }
+        self.d += other.d;
+        self.sd += other.sd;
+        self
+    }
+
+    /// What the pairs determine is told by their planes alone, as a share of one as for [`NormalEquations`]: the distance
+    /// from point to point draws every direction to where the sampling of the surfaces happens to agree.
+    fn solve(&self, least_information: f64) -> (Step, Observability) {
+        let centred = Centred::of(&self.planes);
+        let weight = if self.weight > 0.0 { self.weight } else { 1.0 };
+        let planes = self.planes.information();
+        let seen = Observability::of(&(centred.square(&planes) / weight), least_information);
+        let whole = centred.square(&(planes + self.points_information())) / weight;
+        let right = -centred.right(&(Vector6::from(self.planes.jr) + self.points_right())) / weight;
+        (centred.step(&seen.solve_within(&whole, &right)), seen)
+    }
+
+    fn pairs(&self) -> usize {
+        self.planes.pairs
+    }
+
+    fn rmse_m(&self) -> f64 {
+        self.planes.rmse_m()
+    }
+
+    fn plane_rmse_m(&self) -> f64 {
+        self.planes.plane_rmse_m()
+    }
+}
+
+impl PlaneToPlane {
+    /// Σ J Jᵀ / 2, the part of `H` from point to point.
+    fn points_information(&self) -> Matrix6<f64> {
+        let [xx, xy, xz, yy, yz, zz] = self.ss;
+        let ss = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+        let turns = Matrix3::from_diagonal_element(ss.trace()) - ss;
+        let across = self.planes.s.cross_matrix();
+        let mut sum = Matrix6::zeros();
+        sum.fixed_view_mut::<3, 3>(0, 0).copy_from(&turns);
+        sum.fixed_view_mut::<3, 3>(0, 3).copy_from(&across);
+        sum.fixed_view_mut::<3, 3>(3, 0).copy_from(&across.transpose());
+        sum.fixed_view_mut::<3, 3>(3, 3).copy_from(&Matrix3::from_diagonal_element(self.planes.pairs as f64));
+        sum / 2.0
+    }
+
+    /// Σ J d / 2.
+    fn points_right(&self) -> Vector6<f64> {
+        Vector6::new(self.sd.x, self.sd.y, self.sd.z, self.d.x, self.d.y, self.d.z) / 2.0
+    }
+}
+
+/// The weights and directions of the two planes of each pair. Lanes without a pair have directions of length 0.
+#[inline(always)]
+fn planes(n: &[Lane; 3], m: &[Lane; 3]) -> [(Lane, [Lane; 3]); 2] {
+    const G: f64 = 2.0 / (1.0 - ACROSS) - 1.0;
+    let c = dot(n, m);
+    let sum = |sign: f64| std::array::from_fn(|axis| std::array::from_fn(|k| n[axis][k] + sign * m[axis][k]));
+    let weight = |sign: f64| std::array::from_fn(|k| 0.25 / (G - sign * c[k]));
+    [(weight(1.0), sum(1.0)), (weight(-1.0), sum(-1.0))]
+}
+
+/// The sums from point to point, four pairs at a time.
+#[derive(Default)]
+struct PointSums {
+    ss: [Lane; 6],
+    d: [Lane; 3],
+    sd: [Lane; 3],
+}
+
+impl PointSums {
+    #[inline(always)]
+    fn add(&mut self, s: &[Lane; 3], d: &[Lane; 3]) {
+        for (sum, (a, b)) in self.ss.iter_mut().zip([(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]) {
+            add_product(sum, &s[a], &s[b]);
+        }
+        let turn = cross(s, d);
+        for axis in 0..3 {
+            add_product(&mut self.d[axis], &d[axis], &[1.0; LANES]);
+            add_product(&mut self.sd[axis], &turn[axis], &[1.0; LANES]);
+        }
+    }
+
+    fn add_to(&self, sums: &mut PlaneToPlane) {
+        for (sum, lane) in sums.ss.iter_mut().zip(&self.ss) {
+            *sum += total(lane);
+        }
+        for axis in 0..3 {
+            sums.d[axis] += total(&self.d[axis]);
+            sums.sd[axis] += total(&self.sd[axis]);
+        }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use nalgebra::{Matrix3x6, Point3};
+    use proptest::prelude::*;
+
+    use super::*;
+
+    type Pair = (Vector3<f64>, Point3<f32>, Vector3<f32>, Vector3<f64>);
+
+    fn unit(v: [f64; 3]) -> Vector3<f64> {
+        Vector3::from(v).try_normalize(1e-3).unwrap_or_else(Vector3::z)
+    }
+
+    fn pair() -> impl Strategy<Value = Pair> {
+        let numbers = || prop::array::uniform3(-1.0f64..1.0);
+        (numbers(), numbers(), numbers(), numbers()).prop_map(|(s, d, n, m)| {
+            let s = Vector3::from(s) * 30.0;
+            (s, Point3::from((s - Vector3::from(d)).cast::<f32>()), unit(n).cast(), unit(m))
+        })
+    }
+
+    fn sums(pairs: &[Pair]) -> PlaneToPlane {
+        let mut chunk = Pairs::default();
+        pairs.iter().for_each(|(s, q, n, m)| chunk.push(s, q, n, m));
+        let mut sums = PlaneToPlane::default();
+        sums.add_all(&chunk);
+        sums
+    }
+
+    /// `H` and `b` of one pair, as the papers write them: with covariances, and an inverse.
+    fn plainly((s, q, n, m): &Pair) -> (Matrix6<f64>, Vector6<f64>) {
+        let covariance = |n: &Vector3<f64>| Matrix3::identity() - n * n.transpose() * (1.0 - ACROSS);
+        let n: Vector3<f64> = n.cast();
+        let weight = (covariance(&n) + covariance(m)).try_inverse().unwrap();
+        let mut jacobian = Matrix3x6::zeros();
+        jacobian.fixed_view_mut::<3, 3>(0, 0).copy_from(&-s.cross_matrix());
+        jacobian.fixed_view_mut::<3, 3>(0, 3).copy_from(&Matrix3::identity());
+        let d = s - q.coords.cast::<f64>();
+        (jacobian.transpose() * weight * jacobian, jacobian.transpose() * weight * d)
+    }
+
+    proptest! {
+        #[test]
+        fn the_sums_are_those_of_the_covariances_inverted(pairs in prop::collection::vec(pair(), 1..40)) {
+            let ours = sums(&pairs);
+            let (mut h, mut b) = (Matrix6::zeros(), Vector6::zeros());
+            for pair in &pairs {
+                let (one_h, one_b) = plainly(pair);
+                h += one_h;
+                b += one_b;
+            }
+            let our_h = ours.planes.information() + ours.points_information();
+            let our_b = Vector6::from(ours.planes.jr) + ours.points_right();
+            // Normals of the target are rounded to f32, and weights reach 500.
+            prop_assert!((our_h - h).norm() < 1e-4 * h.norm(), "{}{}", our_h, h);
+            prop_assert!((our_b - b).norm() < 1e-4 * (1.0 + b.norm()), "{}{}", our_b, b);
+        }
+    }
+
+    #[test]
+    fn planes_that_agree_weigh_500_along_their_normal_and_half_within() {
+        let pair = (Vector3::zeros(), Point3::origin(), Vector3::z(), Vector3::z());
+        let sums = sums(&[pair]);
+        let shifts = (sums.planes.information() + sums.points_information()).fixed_view::<3, 3>(3, 3).into_owned();
+        let expected = Matrix3::from_diagonal(&Vector3::new(0.5, 0.5, 500.0));
+        assert!((shifts - expected).norm() < 1e-9, "{shifts}");
+    }
+
+    #[test]
+    fn a_plane_leaves_its_two_shifts_and_its_turn_open() {
+        let pairs: Vec<Pair> = (0..25)
+            .map(|i| {
+                let s = Vector3::new((i % 5) as f64, (i / 5) as f64, 0.1);
+                (s, Point3::new(s.x as f32, s.y as f32 + 0.01, 0.0), Vector3::z(), Vector3::z())
+            })
+            .collect();
+        let (step, seen) = sums(&pairs).solve(3e-3);
+        assert_eq!(seen.unobservable, 3);
+        assert!((step.motion.translation.vector - Vector3::new(0.0, 0.0, -0.1)).norm() < 1e-9, "{step:?}");
+    }
+}

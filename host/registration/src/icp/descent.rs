@@ -1,0 +1,84 @@
+//! The loop that every variant of ICP runs: pair, step, look whether it moved.
+
+use super::super::{Observability, Outcome, StopReason, Target};
+use super::equations::Equations;
+use super::pairing::{Match, Moving, sum_pairs};
+use crate::normal_equations::Step;
+use crate::pose::Pose;
+
+/// Unknowns of a motion: fewer pairs cannot determine it.
+const UNKNOWNS: usize = 6;
+
+/// What the pair distance of a coarse start shrinks by, an iteration.
+const SHRINK: f64 = 0.7;
+
+/// When the loop ends, and how far it pairs: see [`crate::IcpConfig`] for the fields.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Descent {
+    pub(crate) max_pair_distance_m: f64,
+    pub(crate) first_pair_distance_m: Option<f64>,
+    pub(crate) max_iterations: usize,
+    pub(crate) still_m: f64,
+    pub(crate) still_rad: f64,
+    /// Open3D's end: neither the share of paired points nor their RMSE changes by more. 0 turns it off.
+    pub(crate) still_fraction: f64,
+    pub(crate) still_rmse_m: f64,
+    pub(crate) least_information: f64,
+}
+
+impl Descent {
+    /// Runs from `initial`. With too few pairs the outcome carries `initial`; with a direction left open it moves in the
+    /// others.
+    pub(crate) fn run<E: Equations>(&self, target: &Target, source: &Moving, initial: &Pose) -> Outcome {
+        let mut outcome = Outcome::nothing(initial, StopReason::MaxIterations);
+        let mut matches = vec![Match::UNKNOWN; source.points.len()];
+        let mut reach_m = self.first_pair_distance_m.unwrap_or(self.max_pair_distance_m);
+        while outcome.iterations < self.max_iterations {
+            let sums: E = sum_pairs(target, source, &outcome.target_from_source, reach_m, &mut matches);
+            if sums.pairs() < UNKNOWNS {
+                let nothing = Outcome::nothing(initial, StopReason::TooFewPairs);
+                return Outcome { pairs: sums.pairs(), iterations: outcome.iterations, ..nothing };
+            }
+            let (step, seen) = sums.solve(self.least_information);
+            let before = (outcome.inlier_fraction, outcome.rmse_m);
+            outcome.advance(&step, &sums, seen, source.points.len());
+            let change = (outcome.inlier_fraction - before.0, outcome.rmse_m - before.1);
+            let fine = reach_m <= self.max_pair_distance_m;
+            if fine && (self.is_still(&step) || outcome.iterations > 1 && self.is_settled(change)) {
+                outcome.stop = StopReason::Still;
+                break;
+            }
+            reach_m = (reach_m * SHRINK).max(self.max_pair_distance_m);
+        }
+        if seen_degenerate(&outcome) {
+            outcome.stop = StopReason::Degenerate;
+        }
+        outcome
+    }
+
+    fn is_still(&self, step: &Step) -> bool {
+        step.shift_m < self.still_m && step.angle_rad < self.still_rad
+    }
+
+    fn is_settled(&self, (fraction, rmse_m): (f64, f64)) -> bool {
+        fraction.abs() < self.still_fraction && rmse_m.abs() < self.still_rmse_m
+    }
+}
+
+fn seen_degenerate(outcome: &Outcome) -> bool {
+    outcome.observability.is_some_and(|seen| seen.is_degenerate())
+}
+
+impl Outcome {
+    /// Takes a step, and remembers the pairs it came from.
+    fn advance(&mut self, step: &Step, sums: &impl Equations, seen: Observability, points: usize) {
+        self.target_from_source = step.motion * self.target_from_source;
+        self.target_from_source.rotation.renormalize();
+        self.iterations += 1;
+        self.pairs = sums.pairs();
+        self.inlier_fraction = sums.pairs() as f64 / points.max(1) as f64;
+        self.rmse_m = sums.rmse_m();
+        self.plane_rmse_m = sums.plane_rmse_m();
+        self.observability = Some(seen);
+    }
+}

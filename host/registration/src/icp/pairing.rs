@@ -1,0 +1,268 @@
+//! Pairs each source point with the nearest target point, searching only where the last answer may have changed.
+
+use nalgebra::{Point3, Vector3};
+use rayon::prelude::*;
+
+use super::super::Target;
+use super::super::prepared::box_tree::{BoxTree, Kernel, Portable};
+use super::equations::{Equations, Pairs};
+use crate::pose::Pose;
+
+/// Points a thread takes at a time. Sums are per chunk and added in order: the same bytes on any number of threads.
+pub(crate) const CHUNK: usize = 256;
+
+/// Rounding of `f32` distances, relative, with room: a match within this of a tie is searched anew.
+const ROUNDING: f32 = 1e-6;
+
+/// A search looks this much farther than it must, as a share of the pair distance, so that its result outlives small
+/// steps.
+const SLACK: f32 = 0.125;
+
+/// The points to be moved, and their normals where the method wants them.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Moving<'a> {
+    /// Sensor frame, m; neighbours in the list should be neighbours in space.
+    pub(crate) points: &'a [Point3<f32>],
+    /// One a point, or none at all.
+    pub(crate) normals: &'a [Vector3<f32>],
+}
+
+/// What the last search for a source point found. It holds until the point has moved far enough for another target
+/// point to be nearer, which the triangle inequality tells without a search.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Match {
+    /// The nearest target point.
+    index: Option<u32>,
+    /// All others were at least this far, m.
+    others_m: f32,
+    /// Where the search was made.
+    at: Point3<f32>,
+}
+
+/// How far pairs may be apart, and how much farther to look, m.
+#[derive(Clone, Copy, Debug)]
+struct Reach {
+    pair_m: f32,
+    slack_m: f32,
+}
+
+impl Reach {
+    fn of(pair_m: f64) -> Self {
+        Self { pair_m: pair_m as f32, slack_m: SLACK * pair_m as f32 }
+    }
+}
+
+impl Match {
+    /// Never holds.
+    pub(crate) const UNKNOWN: Self = Self { index: None, others_m: f32::NEG_INFINITY, at: Point3::new(0.0, 0.0, 0.0) };
+
+    /// Searches from here, no farther than needed when some target point is known to be `near_m` away.
+    #[inline(always)]
+    fn search(kernel: impl Kernel, tree: &BoxTree, at: Point3<f32>, reach: Reach, near_m: f32) -> Self {
+        let radius_m = reach.pair_m.min(near_m) + reach.slack_m;
+        let found = tree.nearest(kernel, &at, radius_m, reach.slack_m);
+        Self { index: found.index, others_m: found.others_squared_m2.sqrt(), at }
+    }
+
+    /// The nearest target point strictly within reach of `at`: the same as a full scan would find. `guess` is a target
+    /// point that may be near.
+    #[inline(always)]
+    fn update(
+        &mut self,
+        kernel: impl Kernel,
+        tree: &BoxTree,
+        at: Point3<f32>,
+        reach: Reach,
+        guess: Option<u32>,
+    ) -> Option<u32> {
+        let distance_m = |index: Option<u32>| {
+            index.and_then(|index| tree.points().get(index as usize)).map_or(f32::INFINITY, |point| (point - at).norm())
+        };
+        let mut now_m = distance_m(self.index);
+        let others_m = self.others_m * (1.0 - ROUNDING) - (at - self.at).norm();
+        let holds = now_m.min(reach.pair_m) * (1.0 + ROUNDING) < others_m;
+        if !holds {
+            *self = Self::search(kernel, tree, at, reach, now_m.min(distance_m(guess)));
+            now_m = distance_m(self.index);
+        }
+        self.index.filter(|_| now_m < reach.pair_m)
+    }
+}
+
+/// Pairs each source point with the nearest target point within `pair_m`, and sums what the least squares needs.
+pub(crate) fn sum_pairs<E: Equations>(
+    target: &Target,
+    source: &Moving,
+    target_from_source: &Pose,
+    pair_m: f64,
+    matches: &mut [Match],
+) -> E {
+    let chunk = |(number, matches): (usize, &mut [Match])| {
+        let chunk = Chunk { target, source, first: number * CHUNK, pose: target_from_source, reach: Reach::of(pair_m) };
+        chunk.sum(matches)
+    };
+    let sums: Vec<E> = matches.par_chunks_mut(CHUNK).enumerate().map(chunk).collect();
+    sums.iter().fold(E::default(), E::merge)
+}
+
+/// Some source points that follow each other, and where they are now.
+struct Chunk<'a> {
+    target: &'a Target,
+    source: &'a Moving<'a>,
+    first: usize,
+    pose: &'a Pose,
+    reach: Reach,
+}
+
+impl Chunk<'_> {
+    /// Compiled twice: for the baseline and for x86-64-v3. Same bytes.
+    fn sum<E: Equations>(&self, matches: &mut [Match]) -> E {
+        #[cfg(target_arch = "x86_64")]
+        if echoloop_kernels::has_v3() {
+            // SAFETY: the features that it is compiled for have just been found on this processor.
+            return unsafe { v3::sum(self, matches) };
+        }
+        self.sum_with(Portable, matches)
+    }
+
+    #[inline(always)]
+    fn sum_with<E: Equations>(&self, kernel: impl Kernel, matches: &mut [Match]) -> E {
+        let mut pairs = Pairs::default();
+        self.pair(kernel, matches, E::SOURCE_NORMALS, &mut pairs);
+        let mut sums = E::default();
+        sums.add_all(&pairs);
+        sums
+    }
+
+    #[inline(always)]
+    fn pair(&self, kernel: impl Kernel, matches: &mut [Match], source_normals: bool, pairs: &mut Pairs) {
+        let rotation = self.pose.rotation.to_rotation_matrix().into_inner();
+        let translation = self.pose.translation.vector;
+        let Some(points) = self.source.points.get(self.first..) else { return };
+        let mut guess = None;
+        for (i, (point, found)) in points.iter().zip(matches).enumerate() {
+            let moved = rotation * point.coords.cast::<f64>() + translation;
+            let index = found.update(kernel, &self.target.tree, Point3::from(moved.cast()), self.reach, guess);
+            guess = found.index;
+            let Some(index) = index.map(|index| index as usize) else { continue };
+            let (normal, to) = (self.target.normals[index], self.target.tree.points()[index]);
+            if normal == Vector3::zeros() {
+                continue;
+            }
+            if !source_normals {
+                pairs.push(&moved, &to, &normal, &Vector3::zeros());
+            } else if let Some(own) = self.source.normals.get(self.first + i).filter(|own| **own != Vector3::zeros()) {
+                pairs.push(&moved, &to, &normal, &(rotation * own.cast::<f64>()));
+            }
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+mod v3 {
+    use std::arch::x86_64::{
+        __m128i, _CMP_LE_OQ, _mm_cvtsi128_si32, _mm_min_epu32, _mm_shuffle_epi32, _mm256_castsi256_si128,
+        _mm256_cmp_ps, _mm256_cmpeq_epi32, _mm256_extracti128_si256, _mm256_loadu_ps, _mm256_loadu_si256,
+        _mm256_movemask_ps, _mm256_or_si256, _mm256_set1_epi32, _mm256_set1_ps, _mm256_storeu_si256,
+    };
+
+    use super::{Chunk, Equations, Kernel, Match};
+
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
+    pub(super) fn sum<E: Equations>(chunk: &Chunk, matches: &mut [Match]) -> E {
+        chunk.sum_with(Avx2(()), matches)
+    }
+
+    /// Made only where the processor has it.
+    #[derive(Clone, Copy)]
+    pub(super) struct Avx2(());
+
+    impl Kernel for Avx2 {
+        #[inline(always)]
+        fn at_most(self, lanes: &[f32; 8], limit: f32) -> u32 {
+            // SAFETY: only `sum` makes an Avx2, and it runs only where AVX2 has been found. Eight f32 are the 32 bytes
+            // that are read; no alignment is asked for.
+            unsafe {
+                let compared = _mm256_cmp_ps::<_CMP_LE_OQ>(_mm256_loadu_ps(lanes.as_ptr()), _mm256_set1_ps(limit));
+                _mm256_movemask_ps(compared) as u32
+            }
+        }
+
+        #[inline(always)]
+        fn take_least(self, lanes: &mut [u32; 8]) -> u32 {
+            // SAFETY: as above; the eight u32 are the 32 bytes that are read and written.
+            unsafe {
+                let all = _mm256_loadu_si256(lanes.as_ptr().cast());
+                let four = _mm_min_epu32(_mm256_castsi256_si128(all), _mm256_extracti128_si256::<1>(all));
+                let least = least_of_four(four);
+                let taken = _mm256_cmpeq_epi32(all, _mm256_set1_epi32(least as i32));
+                _mm256_storeu_si256(lanes.as_mut_ptr().cast(), _mm256_or_si256(all, taken));
+                least
+            }
+        }
+    }
+
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    fn least_of_four(lanes: __m128i) -> u32 {
+        let two = _mm_min_epu32(lanes, _mm_shuffle_epi32::<0b01_00_11_10>(lanes));
+        _mm_cvtsi128_si32(_mm_min_epu32(two, _mm_shuffle_epi32::<0b10_11_00_01>(two))) as u32
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::cloud::Cloud;
+    use crate::normal_equations::NormalEquations;
+    use crate::{IcpConfig, Source};
+
+    fn nearest(tree: &BoxTree, at: &Point3<f32>, reach_m: f32) -> Option<u32> {
+        tree.nearest(Portable, at, reach_m, 0.0).index
+    }
+
+    fn points() -> impl Strategy<Value = Vec<[f32; 3]>> {
+        prop::collection::vec(prop::array::uniform3(-5.0f32..5.0), 1..200)
+    }
+
+    fn target(points: &[[f32; 3]]) -> Target {
+        let cloud = Cloud::new(points.iter().map(|&p| p.into()).collect());
+        Target::prepare(&cloud, &IcpConfig { voxel_m: 1e-3, ..IcpConfig::outdoor() }).unwrap()
+    }
+
+    proptest! {
+        #[test]
+        fn a_kept_match_is_the_one_a_search_finds(
+            points in points(),
+            start in prop::array::uniform3(-6.0f32..6.0),
+            guess in prop::option::of(0u32..400),
+            steps in prop::collection::vec((prop::array::uniform3(-1.0f32..1.0), 0.0f32..1.0, 0.2f32..4.0), 1..40),
+        ) {
+            let target = target(&points);
+            let (mut kept, mut at) = (Match::UNKNOWN, Point3::from(start));
+            for (direction, length, reach_m) in steps {
+                at += Vector3::from(direction) * length.powi(3);
+                let found = kept.update(Portable, &target.tree, at, Reach::of(f64::from(reach_m)), guess);
+                prop_assert_eq!(found, nearest(&target.tree, &at, reach_m));
+            }
+        }
+
+        #[test]
+        fn both_builds_give_the_same_bytes(to in points(), from in points(), reach_m in 0.2f64..4.0, seed in 0u64..9) {
+            let target = target(&to);
+            let from = Cloud::new(from.iter().map(|&p| p.into()).collect());
+            let source = Source::prepare(&from, &IcpConfig { voxel_m: 1e-3, ..IcpConfig::outdoor() }).unwrap();
+            let pose = Pose::new(Vector3::repeat(seed as f64 * 0.1), Vector3::new(0.0, 0.1, seed as f64 * 0.05));
+            let moving = Moving { points: &source.points, normals: &[] };
+            let chunk = Chunk { target: &target, source: &moving, first: 0, pose: &pose, reach: Reach::of(reach_m) };
+            let mut matches = vec![Match::UNKNOWN; source.len()];
+            let portable: NormalEquations = chunk.sum_with(Portable, &mut matches);
+            let mut matches = vec![Match::UNKNOWN; source.len()];
+            let fastest: NormalEquations = chunk.sum(&mut matches);
+            prop_assert_eq!(format!("{portable:?}"), format!("{fastest:?}"));
+        }
+    }
+}
