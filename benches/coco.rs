@@ -1,4 +1,5 @@
-//! The child of a COCO bridge: proposes points by CMA-ES on standard output, reads their values from standard input.
+//! The child of a COCO bridge: proposes points by CMA-ES on standard output, reads their values
+//! from standard input.
 //!
 //! ```text
 //! bridge → child   INIT n whole seed budget | lower… | upper… | start…     the first `whole` coordinates are whole numbers
@@ -6,8 +7,8 @@
 //! bridge → child   f, or STOP
 //! ```
 //!
-//! A search that stops is followed by one of twice the population from elsewhere (IPOP). Points stay within the bounds.
-//! With PYCMA set, the constants are pycma's.
+//! A search that stops is followed by one of twice the population from elsewhere (IPOP). Points
+//! stay within the bounds. With PYCMA set, the constants are pycma's.
 
 use std::error::Error;
 use std::io::{BufRead, Lines, StdinLock, Write, stdin, stdout};
@@ -30,10 +31,15 @@ struct Problem {
 
 impl Problem {
     fn parse(line: &str) -> Result<Self> {
-        let parts: Vec<&str> = line.strip_prefix("INIT").ok_or("expected INIT")?.split('|').collect();
-        let [head, lower, upper, start] = parts[..] else { return Err("expected four parts".into()) };
+        let parts: Vec<&str> =
+            line.strip_prefix("INIT").ok_or("expected INIT")?.split('|').collect();
+        let [head, lower, upper, start] = parts[..] else {
+            return Err("expected four parts".into());
+        };
         let head: Vec<u64> = numbers(head)?;
-        let [n, whole, seed, _budget] = head[..] else { return Err("expected n, whole, seed, budget".into()) };
+        let [n, whole, seed, _budget] = head[..] else {
+            return Err("expected n, whole, seed, budget".into());
+        };
         let (lower, upper, start) = (numbers(lower)?, numbers(upper)?, numbers(start)?);
         if [&lower, &upper, &start].iter().any(|v: &&Vec<f64>| v.len() as u64 != n) {
             return Err(format!("expected {n} bounds and coordinates").into());
@@ -67,10 +73,15 @@ impl Problem {
         let n = self.start.len();
         let seed = self.seed << 16 | restart;
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let mean =
-            (0..n).map(|i| if restart == 0 { self.coordinate(i, self.start[i]) } else { rng.random() }).collect();
+        let mean = (0..n)
+            .map(|i| if restart == 0 { self.coordinate(i, self.start[i]) } else { rng.random() })
+            .collect();
         let mut config = Config::unit_cube(mean, 0.2, seed);
-        config.constants = if std::env::var_os("PYCMA").is_some() { Constants::Pycma } else { Constants::Tutorial };
+        config.constants = if std::env::var_os("PYCMA").is_some() {
+            Constants::Pycma
+        } else {
+            Constants::Tutorial
+        };
         config.lambda = Some(Strategy::default_lambda(n) << restart.min(9));
         config.cells = (0..n).map(|i| self.cells(i)).collect();
         config.stops = Stops { tol_x: 1e-11, ..Stops::default() };
@@ -100,11 +111,13 @@ struct Flatness {
 }
 
 impl Flatness {
-    /// COCO's functions have no noise: a best value that has not moved for 40 generations by 1e-12 will not.
+    /// COCO's functions have no noise: a best value that has not moved for 40 generations by 1e-12
+    /// will not.
     fn holds_after(&mut self, values: &[f64]) -> bool {
         let best = values.iter().copied().fold(f64::INFINITY, f64::min);
         let moved = (best - self.best).abs() > 1e-12 * best.abs().max(1.0);
-        (self.generations, self.best) = if moved { (0, best) } else { (self.generations + 1, self.best) };
+        (self.generations, self.best) =
+            if moved { (0, best) } else { (self.generations + 1, self.best) };
         self.generations >= 40
     }
 }
@@ -118,8 +131,12 @@ fn main() -> Result<()> {
         while search.stop().is_none() {
             let mut values = Vec::with_capacity(search.strategy().lambda);
             for candidate in search.ask() {
-                let point: Vec<f64> =
-                    candidate.phenotype.iter().enumerate().map(|(i, &u)| problem.value(i, u)).collect();
+                let point: Vec<f64> = candidate
+                    .phenotype
+                    .iter()
+                    .enumerate()
+                    .map(|(i, &u)| problem.value(i, u))
+                    .collect();
                 let Some(value) = evaluate(&point, &mut lines)? else { return Ok(()) };
                 values.push(value);
             }

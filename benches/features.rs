@@ -1,7 +1,8 @@
-//! Features and normals of given points as raw little-endian `f32`, for `benches/peers/oracles/fpfh.py`.
+//! Features and normals of given points as raw little-endian `f32`, for
+//! `benches/peers/oracles/fpfh.py`.
 //!
-//! usage: features POINTS.f32 NORMALS.f32 RADIUS_M MAX FEATURES.f32 NORMALS_AS_OPEN3D.f32; prints the CPU time of search,
-//! normals and features on one thread, ms.
+//! usage: features POINTS.f32 NORMALS.f32 RADIUS_M MAX FEATURES.f32 NORMALS_AS_OPEN3D.f32; prints
+//! the CPU time of search, normals and features on one thread, ms.
 
 use std::error::Error;
 
@@ -16,7 +17,8 @@ const REPEATS: usize = 9;
 
 fn triples(path: &str) -> Result<Vec<[f32; 3]>, Box<dyn Error>> {
     let bytes = std::fs::read(path)?;
-    let values: Vec<f32> = bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+    let values: Vec<f32> =
+        bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
     Ok(values.as_chunks::<3>().0.to_vec())
 }
 
@@ -44,11 +46,16 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut least_ms = [f64::INFINITY; 3];
     for _ in 0..REPEATS {
         let neighbours = timed(&mut least_ms[0], || Neighbours::within(&points, radius_m, max));
-        timed(&mut least_ms[1], || normals::of_neighbours(&points, &neighbours, normal_radius_m, normal_max));
+        timed(&mut least_ms[1], || {
+            normals::of_neighbours(&points, &neighbours, normal_radius_m, normal_max)
+        });
         timed(&mut least_ms[2], || fpfh::describe(&points, &given, &neighbours));
     }
     let [search, normals, features] = least_ms;
-    println!("search {search:.1} normals {normals:.1} features {features:.1} ms of {} points", points.len());
+    println!(
+        "search {search:.1} normals {normals:.1} features {features:.1} ms of {} points",
+        points.len()
+    );
     let neighbours = Neighbours::within(&points, radius_m, max);
     write(features_out, fpfh::describe(&points, &given, &neighbours).rows.into_iter().flatten())?;
     let signs = normals::as_open3d(&points, &neighbours, normal_radius_m, normal_max);

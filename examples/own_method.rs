@@ -5,10 +5,11 @@
 //! cargo run --release -p echoloop-examples --example own_method -- target.ply source.ply
 //! ```
 //!
-//! A method is a type that implements [`Registration`]: it gets two clouds and where to start, and returns an
-//! [`Outcome`] that says what it found and why it ended. Whatever does so can be finished by another method
-//! ([`Refined`]) and put into the table of `host/registration/src/tests.rs`, which tries it on known motions, both
-//! directions, several starts and every bad cloud we know of.
+//! A method is a type that implements [`Registration`]: it gets two clouds and where to start, and
+//! returns an [`Outcome`] that says what it found and why it ended. Whatever does so can be
+//! finished by another method ([`Refined`]) and put into the table of
+//! `host/registration/src/tests.rs`, which tries it on known motions, both directions, several
+//! starts and every bad cloud we know of.
 
 use std::error::Error;
 use std::path::Path;
@@ -22,7 +23,8 @@ use nalgebra::{Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Point-to-point ICP (Besl and McKay 1992): pair with the nearest, lay the pairs on each other, repeat.
+/// Point-to-point ICP (Besl and McKay 1992): pair with the nearest, lay the pairs on each other,
+/// repeat.
 struct PointToPoint {
     voxel_m: f64,
     max_pair_distance_m: f64,
@@ -38,7 +40,8 @@ impl Registration for PointToPoint {
         let tree = KdTree::new(&target.points);
         let mut outcome = Outcome::nothing(initial, StopReason::MaxIterations);
         while outcome.iterations < self.max_iterations {
-            let moved = source.points.iter().map(|point| outcome.target_from_source * point.cast::<f64>());
+            let moved =
+                source.points.iter().map(|point| outcome.target_from_source * point.cast::<f64>());
             let pairs: Vec<_> = moved.filter_map(|s| Some((s, self.nearest(&tree, &s)?))).collect();
             let Some(step) = least_squares(&pairs) else {
                 return Outcome::nothing(initial, StopReason::TooFewPairs);
@@ -70,15 +73,19 @@ fn least_squares(pairs: &[(Point3<f64>, Point3<f64>)]) -> Option<Pose> {
     let n = (pairs.len() >= 3).then_some(pairs.len() as f64)?;
     let s_mean = pairs.iter().map(|(s, _)| s.coords).sum::<Vector3<f64>>() / n;
     let q_mean = pairs.iter().map(|(_, q)| q.coords).sum::<Vector3<f64>>() / n;
-    let h: Matrix3<f64> = pairs.iter().map(|(s, q)| (q.coords - q_mean) * (s.coords - s_mean).transpose()).sum();
+    let h: Matrix3<f64> =
+        pairs.iter().map(|(s, q)| (q.coords - q_mean) * (s.coords - s_mean).transpose()).sum();
     let svd = h.svd(true, true);
     let (u, v_t) = (svd.u?, svd.v_t?);
-    let mirrored = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (u * v_t).determinant().signum()));
-    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(u * mirrored * v_t));
+    let mirrored =
+        Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (u * v_t).determinant().signum()));
+    let rotation =
+        UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(u * mirrored * v_t));
     Some(Pose::from_parts(Translation3::from(q_mean - rotation * s_mean), rotation))
 }
 
-/// A floor, two walls and a box as a sensor at `world_from_sensor` sees them; other points for each seed.
+/// A floor, two walls and a box as a sensor at `world_from_sensor` sees them; other points for each
+/// seed.
 fn yard(seed: u64, world_from_sensor: &Pose) -> Cloud {
     let rng = &mut ChaCha8Rng::seed_from_u64(seed);
     let patches = [
@@ -101,7 +108,9 @@ fn yard(seed: u64, world_from_sensor: &Pose) -> Cloud {
 fn main() -> Result<(), Box<dyn Error>> {
     let files: Vec<String> = std::env::args().skip(1).collect();
     let (target, source, truth) = match &files[..] {
-        [target, source] => (read_cloud(Path::new(target))?.0, read_cloud(Path::new(source))?.0, None),
+        [target, source] => {
+            (read_cloud(Path::new(target))?.0, read_cloud(Path::new(source))?.0, None)
+        }
         [] => {
             let truth = Pose::new(Vector3::new(0.5, -0.3, 0.05), Vector3::new(0.0, 0.01, 0.08));
             (yard(1, &Pose::identity()), yard(2, &truth), Some(truth))

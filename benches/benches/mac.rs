@@ -1,8 +1,8 @@
 //! CPU time of MAC on one thread, from matches to a motion, in ms.
 //!
-//! `synthetic/N` are N matches, 4 % of them right. `published/5678` are those of the method's own demonstration, when
-//! ECHOLOOP_DATA is set, at the two thresholds that it offers (scores above 0.999 and 0.99 at τ = 0.1 m); its C++ takes 7.8 s
-//! for the first.
+//! `synthetic/N` are N matches, 4 % of them right. `published/5678` are those of the method's own
+//! demonstration, when ECHOLOOP_DATA is set, at the two thresholds that it offers (scores above
+//! 0.999 and 0.99 at τ = 0.1 m); its C++ takes 7.8 s for the first.
 
 mod cpu;
 
@@ -22,21 +22,30 @@ use rand_chacha::ChaCha8Rng;
 fn matches(count: usize) -> Vec<PointPair> {
     let rng = &mut ChaCha8Rng::seed_from_u64(3);
     let truth = Pose::new(Vector3::new(8.0, -3.0, 0.2), Vector3::new(0.0, 0.0, 1.9));
-    let mut place = |half: f64| Point3::from([0; 3].map(|_| (rng.random::<f64>() - 0.5) * 2.0 * half));
+    let mut place =
+        |half: f64| Point3::from([0; 3].map(|_| (rng.random::<f64>() - 0.5) * 2.0 * half));
     let pair = |i: usize| {
         let source = place(40.0);
         let off = place(0.05).coords;
-        PointPair { source, target: if i.is_multiple_of(25) { truth * source + off } else { place(40.0) } }
+        PointPair {
+            source,
+            target: if i.is_multiple_of(25) { truth * source + off } else { place(40.0) },
+        }
     };
     (0..count).map(pair).collect()
 }
 
 /// Six numbers a line: where the source has the point, and the target.
 fn published() -> Option<Vec<PointPair>> {
-    let path = PathBuf::from(std::env::var_os("ECHOLOOP_DATA")?).join("mac_correspondences/corr_data.txt");
-    let numbers = |line: &str| line.split_whitespace().map(|word| word.parse().ok()).collect::<Option<Vec<f64>>>();
+    let path =
+        PathBuf::from(std::env::var_os("ECHOLOOP_DATA")?).join("mac_correspondences/corr_data.txt");
+    let numbers = |line: &str| {
+        line.split_whitespace().map(|word| word.parse().ok()).collect::<Option<Vec<f64>>>()
+    };
     let pair = |line: &str| match numbers(line)?.as_slice() {
-        &[a, b, c, d, e, f] => Some(PointPair { source: [a, b, c].into(), target: [d, e, f].into() }),
+        &[a, b, c, d, e, f] => {
+            Some(PointPair { source: [a, b, c].into(), target: [d, e, f].into() })
+        }
         _ => None,
     };
     std::fs::read_to_string(path).ok()?.lines().map(pair).collect()
@@ -45,7 +54,8 @@ fn published() -> Option<Vec<PointPair>> {
 fn mac(criterion: &mut Criterion<CpuTime>) {
     let mut run = |name: &str, config: MacConfig, pairs: &[PointPair]| {
         let Ok(mac) = Mac::new(config) else { return };
-        criterion.bench_function(&format!("mac/{name}"), |b| b.iter(|| mac.solve(black_box(pairs))));
+        criterion
+            .bench_function(&format!("mac/{name}"), |b| b.iter(|| mac.solve(black_box(pairs))));
     };
     for count in [1000, 2000, 5000, 10_000] {
         run(&format!("synthetic/{count}"), MacConfig::outdoor(), &matches(count));
@@ -54,9 +64,15 @@ fn mac(criterion: &mut Criterion<CpuTime>) {
         Some(pairs) => {
             let strict = MacConfig::indoor();
             run("published/5678", strict, &pairs);
-            run("published-0.99/5678", MacConfig { max_stretch_m: 0.1 * f64::sqrt(0.01), ..strict }, &pairs);
+            run(
+                "published-0.99/5678",
+                MacConfig { max_stretch_m: 0.1 * f64::sqrt(0.01), ..strict },
+                &pairs,
+            );
         }
-        None => eprintln!("skipped: ECHOLOOP_DATA is unset, so the published matches are not timed"),
+        None => {
+            eprintln!("skipped: ECHOLOOP_DATA is unset, so the published matches are not timed")
+        }
     }
 }
 

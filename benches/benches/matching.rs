@@ -1,6 +1,7 @@
 //! Time of mutual matching on one thread, in ms of processor time a pair of clouds.
 //!
-//! `synthetic/n` are clustered histograms. With `ECHOLOOP_FEATURES=source.f32,target.f32` (33 little-endian f32 a row) those too.
+//! `synthetic/n` are clustered histograms. With `ECHOLOOP_FEATURES=source.f32,target.f32` (33
+//! little-endian f32 a row) those too.
 
 mod cpu;
 
@@ -22,8 +23,9 @@ fn histograms(seed: u64, rows: usize, centres: usize) -> Features {
     let mut row = || {
         let [a, b] = [0, 1].map(|_| shapes[rng.random_range(0..centres)]);
         let share = rng.random::<f32>();
-        let mut row: [f32; DIMENSIONS] =
-            std::array::from_fn(|i| (a[i] * share + b[i] * (1.0 - share)) * (0.9 + 0.2 * rng.random::<f32>()));
+        let mut row: [f32; DIMENSIONS] = std::array::from_fn(|i| {
+            (a[i] * share + b[i] * (1.0 - share)) * (0.9 + 0.2 * rng.random::<f32>())
+        });
         for block in row.chunks_mut(11) {
             let scale = 200.0 / block.iter().sum::<f32>();
             block.iter_mut().for_each(|x| *x *= scale);
@@ -55,7 +57,9 @@ fn benches(criterion: &mut Criterion<CpuTime>) {
     }
     let files = std::env::var("ECHOLOOP_FEATURES").unwrap_or_default();
     match files.split_once(',').and_then(|(source, target)| Some((read(source)?, read(target)?))) {
-        Some((source, target)) => pair(criterion, &format!("given/{}", source.rows.len()), &source, &target),
+        Some((source, target)) => {
+            pair(criterion, &format!("given/{}", source.rows.len()), &source, &target)
+        }
         None => eprintln!("skipped: given features (ECHOLOOP_FEATURES is not two files)"),
     }
 }

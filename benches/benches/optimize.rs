@@ -10,7 +10,9 @@ fn generation(criterion: &mut Criterion, n: usize, lambda: usize, whole: bool) {
     let Ok(mut search) = CmaEs::new(config) else {
         return;
     };
-    let worth = |search: &CmaEs| search.ask().iter().map(|c| c.phenotype.iter().sum()).collect::<Vec<f64>>();
+    let worth = |search: &CmaEs| {
+        search.ask().iter().map(|c| c.phenotype.iter().sum()).collect::<Vec<f64>>()
+    };
     for _ in 0..50 {
         // The first covariances are easier to decompose than later ones.
         let _ = search.tell(&worth(&search));
@@ -18,7 +20,11 @@ fn generation(criterion: &mut Criterion, n: usize, lambda: usize, whole: bool) {
     let values = worth(&search);
     let kind = if whole { "generation-whole" } else { "generation" };
     criterion.bench_function(&format!("{kind}/{n}x{lambda}"), |b| {
-        b.iter_batched_ref(|| search.clone(), |search| (search.ask(), search.tell(&values)), BatchSize::SmallInput);
+        b.iter_batched_ref(
+            || search.clone(),
+            |search| (search.ask(), search.tell(&values)),
+            BatchSize::SmallInput,
+        );
     });
 }
 

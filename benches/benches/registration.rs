@@ -1,9 +1,9 @@
-//! CPU time of each stage of a registration on one thread, in ms a cloud or a pair: another program on the machine
-//! disturbs it less than it does the clock.
+//! CPU time of each stage of a registration on one thread, in ms a cloud or a pair: another program
+//! on the machine disturbs it less than it does the clock.
 //!
-//! `synthetic/70k` is a yard sampled at random; `small_gicp/70k` and `carla/71k` the pairs of those names, when
-//! ECHOLOOP_DATA is set. `icp` and `gicp` align clouds already prepared, as small_gicp's `align` does; `register` goes
-//! from points to motion.
+//! `synthetic/70k` is a yard sampled at random; `small_gicp/70k` and `carla/71k` the pairs of those
+//! names, when ECHOLOOP_DATA is set. `icp` and `gicp` align clouds already prepared, as
+//! small_gicp's `align` does; `register` goes from points to motion.
 
 mod cpu;
 
@@ -15,7 +15,9 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use echoloop_registration::cloud::{Cloud, normals, read_cloud, voxel};
 use echoloop_registration::pose::Pose;
 use echoloop_registration::suggest::suggest_gicp;
-use echoloop_registration::{Gicp, GicpConfig, Icp, IcpConfig, Registration, Source, Target, suggest};
+use echoloop_registration::{
+    Gicp, GicpConfig, Icp, IcpConfig, Registration, Source, Target, suggest,
+};
 use nalgebra::{Point3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -47,12 +49,24 @@ fn preparation(criterion: &mut Criterion<CpuTime>, name: &str, target: &Cloud) {
     let Ok(thin) = voxel::downsample(target, config.voxel_m) else {
         return;
     };
-    criterion.bench_function(&format!("voxel/{name}"), |b| b.iter(|| voxel::downsample(black_box(target), 0.3)));
-    criterion.bench_function(&format!("normals/{name}"), |b| {
-        b.iter(|| normals::of_points(black_box(&thin.points), config.normal_radius_m, config.normal_neighbours));
+    criterion.bench_function(&format!("voxel/{name}"), |b| {
+        b.iter(|| voxel::downsample(black_box(target), 0.3))
     });
-    criterion.bench_function(&format!("target/{name}"), |b| b.iter(|| Target::prepare(black_box(target), &config)));
-    criterion.bench_function(&format!("source/{name}"), |b| b.iter(|| Source::prepare(black_box(target), &config)));
+    criterion.bench_function(&format!("normals/{name}"), |b| {
+        b.iter(|| {
+            normals::of_points(
+                black_box(&thin.points),
+                config.normal_radius_m,
+                config.normal_neighbours,
+            )
+        });
+    });
+    criterion.bench_function(&format!("target/{name}"), |b| {
+        b.iter(|| Target::prepare(black_box(target), &config))
+    });
+    criterion.bench_function(&format!("source/{name}"), |b| {
+        b.iter(|| Source::prepare(black_box(target), &config))
+    });
 }
 
 fn alignment(criterion: &mut Criterion<CpuTime>, name: &str, target: &Cloud, source: &Cloud) {
@@ -60,16 +74,20 @@ fn alignment(criterion: &mut Criterion<CpuTime>, name: &str, target: &Cloud, sou
     let (Ok(icp), Ok(gicp)) = (Icp::new(config), Gicp::new(gicp_config)) else {
         return;
     };
-    let (Ok(to), Ok(from)) = (Target::prepare(target, &config), Source::prepare(source, &config)) else {
+    let (Ok(to), Ok(from)) = (Target::prepare(target, &config), Source::prepare(source, &config))
+    else {
         return;
     };
-    let (Ok(to_surface), Ok(surface)) = (Target::prepare(target, &gicp_config), Target::prepare(source, &gicp_config))
+    let (Ok(to_surface), Ok(surface)) =
+        (Target::prepare(target, &gicp_config), Target::prepare(source, &gicp_config))
     else {
         return;
     };
     let start = Pose::identity();
     println!("{name}: {} points become {}, source {}", target.points.len(), to.len(), from.len());
-    criterion.bench_function(&format!("icp/{name}"), |b| b.iter(|| icp.align(black_box(&to), &from, &start)));
+    criterion.bench_function(&format!("icp/{name}"), |b| {
+        b.iter(|| icp.align(black_box(&to), &from, &start))
+    });
     criterion.bench_function(&format!("gicp/{name}"), |b| {
         b.iter(|| gicp.align(black_box(&to_surface), &surface, &start));
     });
@@ -80,7 +98,9 @@ fn alignment(criterion: &mut Criterion<CpuTime>, name: &str, target: &Cloud, sou
 
 fn suggested(criterion: &mut Criterion<CpuTime>, name: &str, target: &Cloud, source: &Cloud) {
     let start = Pose::identity();
-    let (Ok(icp), Ok(gicp)) = (Icp::new(suggest(target, source)), Gicp::new(suggest_gicp(target, source))) else {
+    let (Ok(icp), Ok(gicp)) =
+        (Icp::new(suggest(target, source)), Gicp::new(suggest_gicp(target, source)))
+    else {
         return;
     };
     criterion.bench_function(&format!("register_suggested/{name}"), |b| {

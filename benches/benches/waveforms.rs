@@ -1,8 +1,10 @@
-//! Speed of the waveform path: `cargo bench -p echoloop-benches --bench waveforms`. Throughput is in samples.
+//! Speed of the waveform path: `cargo bench -p echoloop-benches --bench waveforms`. Throughput is
+//! in samples.
 //!
-//! `pipeline/…`: ADC codes to echoes, 1,024 samples and 15 taps (16 with the filter's zero): as compiled for the baseline
-//! processor, as the compiler vectorises it for x86-64-v3, and with the loops said by hand. `front_end/…`: returns to
-//! ADC codes. `scan/…`: a whole scan through the sensor, link included, on one core.
+//! `pipeline/…`: ADC codes to echoes, 1,024 samples and 15 taps (16 with the filter's zero): as
+//! compiled for the baseline processor, as the compiler vectorises it for x86-64-v3, and with the
+//! loops said by hand. `front_end/…`: returns to ADC codes. `scan/…`: a whole scan through the
+//! sensor, link included, on one core.
 
 use std::hint::black_box;
 use std::sync::Arc;
@@ -10,7 +12,9 @@ use std::sync::Arc;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use echoloop_dsp::{Echoes, Hardware, Pipeline, ScanPattern, Scratch, Settings};
 use echoloop_frontend::{Analog, Trigger};
-use echoloop_frontend::{NoiseKey, Receiver, Shot, WaveformFrontEnd, synthesise, synthesise_baseline};
+use echoloop_frontend::{
+    NoiseKey, Receiver, Shot, WaveformFrontEnd, synthesise, synthesise_baseline,
+};
 use echoloop_frontend::{Return, SceneResponse};
 use echoloop_host::link::client::{Client, Patience};
 use echoloop_host::link::transport::InProcess;
@@ -31,7 +35,10 @@ const ANALOG: Analog = Analog {
 /// Two returns a beam, from strong to none.
 fn returns(beam: u32) -> [Return; 2] {
     let near = 8.0 + f64::from(beam % 64);
-    let strength = |range_m: f64| Return { range_m: range_m as f32, strength_per_m2: (0.1 / range_m.powi(2)) as f32 };
+    let strength = |range_m: f64| Return {
+        range_m: range_m as f32,
+        strength_per_m2: (0.1 / range_m.powi(2)) as f32,
+    };
     [strength(near), strength(near + 13.0)]
 }
 
@@ -48,18 +55,31 @@ fn waveforms() -> Vec<Vec<u16>> {
 }
 
 fn pipeline(c: &mut Criterion) {
-    let settings = Settings { bins: SAMPLES as i32, pulse_width_ps: 6_200, power_cw: 6_000, ..Settings::default() };
+    let settings = Settings {
+        bins: SAMPLES as i32,
+        pulse_width_ps: 6_200,
+        power_cw: 6_000,
+        ..Settings::default()
+    };
     let Ok(pipeline) = Pipeline::new(&settings, &Hardware::REFERENCE) else { return };
     let waveforms = waveforms();
     let mut scratch = Scratch::new();
     let mut group = c.benchmark_group("pipeline");
     group.throughput(Throughput::Elements((SAMPLES * waveforms.len()) as u64));
     type Build = fn(&Pipeline, &[u16], &mut Scratch) -> Echoes;
-    let builds: [(&str, Build); 3] =
-        [("baseline/1024", process_baseline), ("v3 as compiled/1024", process_compiled), ("v3/1024", process)];
+    let builds: [(&str, Build); 3] = [
+        ("baseline/1024", process_baseline),
+        ("v3 as compiled/1024", process_compiled),
+        ("v3/1024", process),
+    ];
     for (name, build) in builds {
         group.bench_function(name, |b| {
-            b.iter(|| waveforms.iter().map(|w| build(&pipeline, black_box(w), &mut scratch).len()).sum::<usize>());
+            b.iter(|| {
+                waveforms
+                    .iter()
+                    .map(|w| build(&pipeline, black_box(w), &mut scratch).len())
+                    .sum::<usize>()
+            });
         });
     }
 }
@@ -69,7 +89,9 @@ fn front_end(c: &mut Criterion) {
     let (mut shot, mut codes) = (Shot::default(), vec![0; SAMPLES]);
     let mut group = c.benchmark_group("front_end");
     group.throughput(Throughput::Elements(SAMPLES as u64));
-    for (name, build) in [("baseline/1024", synthesise_baseline as Synthesise), ("v3/1024", synthesise)] {
+    for (name, build) in
+        [("baseline/1024", synthesise_baseline as Synthesise), ("v3/1024", synthesise)]
+    {
         let mut beam = 0;
         group.bench_function(name, |b| {
             b.iter(|| {

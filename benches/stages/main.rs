@@ -7,8 +7,9 @@
 //!   {"run": "normals"}
 //! ```
 //!
-//! Served, one process is asked for stage after stage, so that ours and others' take turns on the same core. What a stage
-//! starts from is worked out before the clock runs. CPU time is the process's, all threads.
+//! Served, one process is asked for stage after stage, so that ours and others' take turns on the
+//! same core. What a stage starts from is worked out before the clock runs. CPU time is the
+//! process's, all threads.
 
 mod pair;
 mod stage;
@@ -19,7 +20,9 @@ use std::path::PathBuf;
 
 use clap::Parser;
 use echoloop_host::experiment::evaluate::median;
-use echoloop_registration::pose::{Pose, from_rows, read_pose, rotation_error_deg, translation_error_m};
+use echoloop_registration::pose::{
+    Pose, from_rows, read_pose, rotation_error_deg, translation_error_m,
+};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
@@ -70,7 +73,8 @@ fn main() -> Result<()> {
     // A stage runs inside the pool, the rest outside: what waits for a line does not hold a thread.
     match (&args.target, &args.source) {
         (Some(target), Some(source)) => {
-            let initial = args.initial.as_deref().map(read_pose).transpose()?.unwrap_or_else(Pose::identity);
+            let initial =
+                args.initial.as_deref().map(read_pose).transpose()?.unwrap_or_else(Pose::identity);
             let truth = args.truth.as_deref().map(read_pose).transpose()?;
             let mut pair = Pair::load(target, source, args.voxel, initial)?;
             STAGES.iter().try_for_each(|name| {
@@ -110,7 +114,8 @@ fn median_line(
 fn serve(pool: &rayon::ThreadPool) -> Result<()> {
     let mut pair = None;
     for line in stdin().lock().lines() {
-        let answer = answer(pool, &mut pair, &line?).unwrap_or_else(|error| json!({"error": error.to_string()}));
+        let answer = answer(pool, &mut pair, &line?)
+            .unwrap_or_else(|error| json!({"error": error.to_string()}));
         println!("{answer}");
         stdout().flush()?;
     }
@@ -122,7 +127,9 @@ fn answer(pool: &rayon::ThreadPool, pair: &mut Option<Pair>, line: &str) -> Resu
         Request::Load { target, source, voxel_m, initial } => {
             let initial = initial.map_or(Ok(Pose::identity()), |rows| from_rows(&rows))?;
             let loaded = pair.insert(Pair::load(&target, &source, voxel_m, initial)?);
-            Ok(json!({"points": [loaded.target.points.len(), loaded.source.points.len()], "stages": STAGES}))
+            Ok(
+                json!({"points": [loaded.target.points.len(), loaded.source.points.len()], "stages": STAGES}),
+            )
         }
         Request::Run(name) => {
             let pair = pair.as_mut().ok_or("expected a pair to be loaded first")?;

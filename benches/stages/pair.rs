@@ -6,7 +6,9 @@ use echoloop_registration::cloud::{Cloud, read_cloud};
 use echoloop_registration::features::{Described, PointPair, matching, pairs};
 use echoloop_registration::global::described;
 use echoloop_registration::pose::Pose;
-use echoloop_registration::{FeatureConfig, FgrConfig, GicpConfig, IcpConfig, MacConfig, Source, Target};
+use echoloop_registration::{
+    FeatureConfig, FgrConfig, GicpConfig, IcpConfig, MacConfig, Source, Target,
+};
 
 use crate::Result;
 
@@ -31,7 +33,16 @@ pub(crate) struct Pair {
 impl Pair {
     pub(crate) fn load(target: &Path, source: &Path, voxel_m: f64, initial: Pose) -> Result<Self> {
         let (target, source) = (read_cloud(target)?.0, read_cloud(source)?.0);
-        Ok(Self { target, source, initial, voxel_m, described: None, matches: None, icp: None, gicp: None })
+        Ok(Self {
+            target,
+            source,
+            initial,
+            voxel_m,
+            described: None,
+            matches: None,
+            icp: None,
+            gicp: None,
+        })
     }
 
     pub(crate) fn features(&self) -> FeatureConfig {
@@ -68,8 +79,14 @@ impl Pair {
 
     /// What finishes a global method with GICP, with the distances that ICP would have.
     pub(crate) fn finishing_gicp(&self) -> GicpConfig {
-        let IcpConfig { voxel_m, normal_radius_m, max_pair_distance_m, first_pair_distance_m, still_m, .. } =
-            IcpConfig::finishing(self.voxel_m);
+        let IcpConfig {
+            voxel_m,
+            normal_radius_m,
+            max_pair_distance_m,
+            first_pair_distance_m,
+            still_m,
+            ..
+        } = IcpConfig::finishing(self.voxel_m);
         GicpConfig {
             voxel_m,
             normal_radius_m,
@@ -107,7 +124,10 @@ impl Pair {
     pub(crate) fn prepared(&mut self) -> Result<&(Target, Source)> {
         if self.icp.is_none() {
             let config = self.icp();
-            self.icp = Some((Target::prepare(&self.target, &config)?, Source::prepare(&self.source, &config)?));
+            self.icp = Some((
+                Target::prepare(&self.target, &config)?,
+                Source::prepare(&self.source, &config)?,
+            ));
         }
         self.icp.as_ref().ok_or_else(|| "not prepared".into())
     }
@@ -116,7 +136,10 @@ impl Pair {
     pub(crate) fn prepared_gicp(&mut self) -> Result<&(Target, Target)> {
         if self.gicp.is_none() {
             let config = self.gicp();
-            self.gicp = Some((Target::prepare(&self.target, &config)?, Target::prepare(&self.source, &config)?));
+            self.gicp = Some((
+                Target::prepare(&self.target, &config)?,
+                Target::prepare(&self.source, &config)?,
+            ));
         }
         self.gicp.as_ref().ok_or_else(|| "not prepared".into())
     }

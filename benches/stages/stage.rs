@@ -8,8 +8,8 @@ use echoloop_registration::cloud::{normals, voxel};
 use echoloop_registration::features::{Described, fpfh, matching};
 use echoloop_registration::pose::{Pose, to_rows};
 use echoloop_registration::{
-    Fgr, FgrMode, Gicp, Icp, IcpConfig, Mac, Method, MethodConfig, Outcome, Refined, Registration, StopReason, build,
-    suggest_method, suggest_refinement,
+    Fgr, FgrMode, Gicp, Icp, IcpConfig, Mac, Method, MethodConfig, Outcome, Refined, Registration,
+    StopReason, build, suggest_method, suggest_refinement,
 };
 use serde::{Serialize, Serializer};
 
@@ -65,30 +65,38 @@ pub(crate) fn run(pair: &mut Pair, name: &str) -> Result<Measured> {
     match name {
         "voxel" => {
             let (cloud, voxel_m) = (&pair.source, pair.voxel_m());
-            counted(name, cloud.points.len(), || Ok(voxel::downsample(cloud, voxel_m)?.points.len()))
+            counted(name, cloud.points.len(), || {
+                Ok(voxel::downsample(cloud, voxel_m)?.points.len())
+            })
         }
         "normals" => {
             let config = pair.features();
             let points = &pair.described()?.1.points;
             counted(name, points.len(), || {
-                Ok(normals::of_points(points, config.normal_radius_m, config.normal_neighbours).len())
+                Ok(normals::of_points(points, config.normal_radius_m, config.normal_neighbours)
+                    .len())
             })
         }
         "fpfh" => {
             let config = pair.features();
             let Described { points, normals, .. } = &pair.described()?.1;
             counted(name, points.len(), || {
-                let neighbours = Neighbours::within(points, config.feature_radius_m, config.feature_neighbours);
+                let neighbours =
+                    Neighbours::within(points, config.feature_radius_m, config.feature_neighbours);
                 Ok(fpfh::describe(points, normals, &neighbours).rows.len())
             })
         }
         "describe" => {
             let (cloud, config) = (&pair.source, pair.features());
-            counted(name, cloud.points.len(), || Ok(Described::prepare(cloud, &config)?.points.len()))
+            counted(name, cloud.points.len(), || {
+                Ok(Described::prepare(cloud, &config)?.points.len())
+            })
         }
         "match" => {
             let (target, source) = pair.described()?;
-            counted(name, source.points.len(), || Ok(matching::mutual(&source.features, &target.features).len()))
+            counted(name, source.points.len(), || {
+                Ok(matching::mutual(&source.features, &target.features).len())
+            })
         }
         "icp_align" => {
             let (icp, initial) = (Icp::new(pair.icp())?, pair.initial);
@@ -126,18 +134,28 @@ fn method(name: &str, pair: &Pair) -> Result<Box<dyn Registration>> {
         "mac" => build(&MethodConfig::Mac(pair.mac()), None)?,
         "fgr_refined" => build(&MethodConfig::Fgr(pair.fgr()), finish)?,
         "mac_refined" => build(&MethodConfig::Mac(pair.mac()), finish)?,
-        "fgr_gicp" => Box::new(Refined { global: Fgr::new(pair.fgr())?, local: Gicp::new(pair.finishing_gicp())? }),
-        "mac_gicp" => Box::new(Refined { global: Mac::new(pair.mac())?, local: Gicp::new(pair.finishing_gicp())? }),
+        "fgr_gicp" => Box::new(Refined {
+            global: Fgr::new(pair.fgr())?,
+            local: Gicp::new(pair.finishing_gicp())?,
+        }),
+        "mac_gicp" => Box::new(Refined {
+            global: Mac::new(pair.mac())?,
+            local: Gicp::new(pair.finishing_gicp())?,
+        }),
         _ => return Err(format!("there is no stage {name:?}").into()),
     })
 }
 
-/// A global method with settings worked out from the clouds, and ICP after it; the clock runs from the clouds.
+/// A global method with settings worked out from the clouds, and ICP after it; the clock runs from
+/// the clouds.
 fn suggested(name: &str, pair: &Pair, method: Method) -> Result<Measured> {
     let (target, source) = (&pair.target, &pair.source);
     posed(name, source.points.len(), || {
         let config = suggest_method(method, FgrMode::Annealed, None, target, source);
-        match build(&config, Some(suggest_refinement(target, source, config.get("voxel_m").unwrap_or_default()))) {
+        match build(
+            &config,
+            Some(suggest_refinement(target, source, config.get("voxel_m").unwrap_or_default())),
+        ) {
             Ok(method) => method.register(target, source, &pair.initial),
             Err(_) => Outcome::nothing(&pair.initial, StopReason::BadSettings),
         }
@@ -145,14 +163,25 @@ fn suggested(name: &str, pair: &Pair, method: Method) -> Result<Measured> {
 }
 
 fn whole(name: &str, pair: &Pair, method: &dyn Registration) -> Result<Measured> {
-    posed(name, pair.source.points.len(), || method.register(&pair.target, &pair.source, &pair.initial))
+    posed(name, pair.source.points.len(), || {
+        method.register(&pair.target, &pair.source, &pair.initial)
+    })
 }
 
 fn counted(name: &str, n_in: usize, work: impl FnOnce() -> Result<usize>) -> Result<Measured> {
     let (n_out, cpu_ms, wall_ms) = timed(work)?;
     let n_out = n_out?;
     let stage = name.to_owned();
-    Ok(Measured { stage, cpu_ms, wall_ms, n_in, n_out, target_from_source: None, stop: None, iterations: None })
+    Ok(Measured {
+        stage,
+        cpu_ms,
+        wall_ms,
+        n_in,
+        n_out,
+        target_from_source: None,
+        stop: None,
+        iterations: None,
+    })
 }
 
 fn posed(name: &str, n_in: usize, work: impl FnOnce() -> Outcome) -> Result<Measured> {

@@ -21,7 +21,10 @@ struct Row {
 
 impl Row {
     fn new(name: String, settings: Settings, echoes: usize) -> Result<Self> {
-        let stage = Stage::with_returns(Settings { echoes: echoes.clamp(1, 4) as i32, ..settings }, echoes)?;
+        let stage = Stage::with_returns(
+            Settings { echoes: echoes.clamp(1, 4) as i32, ..settings },
+            echoes,
+        )?;
         Ok(Self { name, stage })
     }
 }
@@ -30,7 +33,9 @@ pub(crate) fn print(quick: bool) -> Result<()> {
     let rounds = if quick { 20 } else { 100 };
     println!("### Samples, at 13 taps and one echo\n");
     let sizes = [300, 600, 1_200, 2_400].map(|samples| (samples, 4_900_000 / samples as i32));
-    let rows = sizes.map(|(samples, width)| Row::new(format!("{samples} samples"), settings(samples, width), 1));
+    let rows = sizes.map(|(samples, width)| {
+        Row::new(format!("{samples} samples"), settings(samples, width), 1)
+    });
     table(rows.into_iter().collect::<Result<_>>()?, rounds);
 
     println!("\n### Taps, at 2,400 samples and one echo\n");
@@ -43,16 +48,19 @@ pub(crate) fn print(quick: bool) -> Result<()> {
     table(rows, rounds);
 
     println!("\n### Echoes, at 800 samples and 13 taps, all of them wanted\n");
-    let rows = [0, 1, 2, 3, 4].map(|echoes| Row::new(format!("{echoes} echoes"), settings(800, 6_200), echoes));
+    let rows = [0, 1, 2, 3, 4]
+        .map(|echoes| Row::new(format!("{echoes} echoes"), settings(800, 6_200), echoes));
     table(rows.into_iter().collect::<Result<_>>()?, rounds);
 
     println!("\n### Beams, at 800 samples and two echoes, through sensor and link\n");
     beams(if quick { 3 } else { 10 })
 }
 
-/// Rows take turns; of each the fastest round counts, for what else runs on the machine only adds to it.
+/// Rows take turns; of each the fastest round counts, for what else runs on the machine only adds
+/// to it.
 fn table(mut rows: Vec<Row>, rounds: usize) {
-    const STAGES: [&str; 4] = ["pipeline v3", "pipeline baseline", "front end v3", "front end baseline"];
+    const STAGES: [&str; 4] =
+        ["pipeline v3", "pipeline baseline", "front end v3", "front end baseline"];
     let mut best = vec![[f64::INFINITY; STAGES.len()]; rows.len()];
     for _ in 0..rounds {
         for (row, best) in rows.iter_mut().zip(&mut best) {
@@ -66,7 +74,8 @@ fn table(mut rows: Vec<Row>, rounds: usize) {
     }
     println!("| | {} |\n|---|{}", STAGES.join(" | "), "---|".repeat(STAGES.len()));
     for (row, cost) in rows.iter().zip(&best) {
-        let cells = cost.iter().zip(&best[0]).map(|(ns, first)| format!("{ns:.0} ns, {:.2}", ns / first));
+        let cells =
+            cost.iter().zip(&best[0]).map(|(ns, first)| format!("{ns:.0} ns, {:.2}", ns / first));
         println!("| {} | {} |", row.name, cells.collect::<Vec<_>>().join(" | "));
     }
 }
@@ -82,7 +91,11 @@ fn beams(rounds: usize) -> Result<()> {
         };
         let front_end = WaveformFrontEnd::new(Receiver::default(), Arc::new(scene), 1);
         let sensor = PcSensor::new(front_end, pattern, Hardware::REFERENCE);
-        clients.push((beams, Client::connect(InProcess(sensor), Patience::default())?, f64::INFINITY));
+        clients.push((
+            beams,
+            Client::connect(InProcess(sensor), Patience::default())?,
+            f64::INFINITY,
+        ));
     }
     for frame in 0..rounds as u32 {
         for (_, client, best) in &mut clients {
@@ -94,7 +107,11 @@ fn beams(rounds: usize) -> Result<()> {
     println!("| | a scan | a beam |\n|---|---|---|");
     let first = clients[0].2;
     for (beams, _, ms) in &clients {
-        println!("| {beams} beams | {ms:.1} ms, {:.2} | {:.2} µs |", ms / first, 1e3 * ms / f64::from(*beams));
+        println!(
+            "| {beams} beams | {ms:.1} ms, {:.2} | {:.2} µs |",
+            ms / first,
+            1e3 * ms / f64::from(*beams)
+        );
     }
     Ok(())
 }

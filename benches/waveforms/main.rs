@@ -46,11 +46,15 @@ fn main() -> Result<()> {
 
 fn serve(path: &Path) -> Result<()> {
     let mut stage = Stage::new(settings(SAMPLES, 6_200))?;
-    let bytes: Vec<u8> = stage.waveforms().concat().iter().flat_map(|code| code.to_le_bytes()).collect();
+    let bytes: Vec<u8> =
+        stage.waveforms().concat().iter().flat_map(|code| code.to_le_bytes()).collect();
     std::fs::write(path, bytes)?;
     println!("{}", constants(&mut stage));
     for line in stdin().lock().lines() {
-        println!("{}", answer(&mut stage, &line?).unwrap_or_else(|error| json!({"error": error.to_string()})));
+        println!(
+            "{}",
+            answer(&mut stage, &line?).unwrap_or_else(|error| json!({"error": error.to_string()}))
+        );
         stdout().flush()?;
     }
     Ok(())
@@ -62,16 +66,20 @@ fn answer(stage: &mut Stage, name: &str) -> Result<Value> {
     Ok(json!({"cpu_ms": 1e3 * clock.try_elapsed()?.as_secs_f64()}))
 }
 
-/// What a peer needs for the same work, and what we found: the range of the strongest echo of every waveform, m.
+/// What a peer needs for the same work, and what we found: the range of the strongest echo of every
+/// waveform, m.
 fn constants(stage: &mut Stage) -> Value {
     let ranges = stage.ranges_m();
-    let (config, analog, receiver) = (stage.pipeline().config(), stage.analog(), Receiver::default());
-    let current_ua = |range_m, strength| receiver.peak_current_ua(analog.power_w, range_m, strength);
+    let (config, analog, receiver) =
+        (stage.pipeline().config(), stage.analog(), Receiver::default());
+    let current_ua =
+        |range_m, strength| receiver.peak_current_ua(analog.power_w, range_m, strength);
     let of = |echo: Return| {
         let range_m = f64::from(echo.range_m);
         [range_m, current_ua(range_m, f64::from(echo.strength_per_m2))]
     };
-    let echoes: Vec<Vec<_>> = (0..BATCH as u32).map(|beam| returns(beam, 2).map(of).collect()).collect();
+    let echoes: Vec<Vec<_>> =
+        (0..BATCH as u32).map(|beam| returns(beam, 2).map(of).collect()).collect();
     json!({
         "waveforms": BATCH, "samples": SAMPLES, "ranges_m": ranges, "full_scale_code": 4095,
         "taps": config.template().taps(), "noise_gain": f64::from(config.template().noise_gain()) / 32_768.0,

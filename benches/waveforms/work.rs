@@ -23,7 +23,8 @@ pub(crate) fn settings(samples: usize, pulse_width_ps: i32) -> Settings {
     Settings { bins: samples as i32, pulse_width_ps, power_cw, ..Settings::default() }
 }
 
-/// A beam's returns, 13 m apart, a white wall's each: from far beyond saturation to a hundredth of the scale.
+/// A beam's returns, 13 m apart, a white wall's each: from far beyond saturation to a hundredth of
+/// the scale.
 pub(crate) fn returns(beam: u32, count: usize) -> impl Iterator<Item = Return> {
     (0..count).map(move |i| {
         let range_m = 8.0 + f64::from(beam % 64) + 13.0 * i as f64;
@@ -69,7 +70,8 @@ impl Stage {
     }
 
     pub(crate) fn with_returns(settings: Settings, count: usize) -> Result<Self> {
-        let pipeline = Pipeline::new(&settings, &Hardware::REFERENCE).map_err(|refusal| format!("{refusal:?}"))?;
+        let pipeline = Pipeline::new(&settings, &Hardware::REFERENCE)
+            .map_err(|refusal| format!("{refusal:?}"))?;
         let mut stage = Self {
             pipeline,
             analog: analog(&settings),
@@ -105,7 +107,9 @@ impl Stage {
             "pipeline v3" => self.process_all(process),
             "pipeline baseline" => self.process_all(process_baseline),
             "front end v3" => (0..BATCH).for_each(|beam| self.synthesise(synthesise, beam)),
-            "front end baseline" => (0..BATCH).for_each(|beam| self.synthesise(synthesise_baseline, beam)),
+            "front end baseline" => {
+                (0..BATCH).for_each(|beam| self.synthesise(synthesise_baseline, beam))
+            }
             _ => return Err(format!("no stage {name}").into()),
         }
         Ok(())
@@ -114,7 +118,10 @@ impl Stage {
     /// The strongest echo's range in every waveform, m.
     pub(crate) fn ranges_m(&mut self) -> Vec<Option<f64>> {
         let Self { pipeline, waveforms, scratch, .. } = self;
-        waveforms.iter().map(|codes| process(pipeline, codes, scratch).first().map(|echo| echo.range_m())).collect()
+        waveforms
+            .iter()
+            .map(|codes| process(pipeline, codes, scratch).first().map(|echo| echo.range_m()))
+            .collect()
     }
 
     fn process_all(&mut self, build: fn(&Pipeline, &[u16], &mut Scratch) -> Echoes) {
@@ -125,7 +132,14 @@ impl Stage {
 
     fn synthesise(&mut self, build: Synthesise, beam: usize) {
         let returns = self.returns.get(beam).map_or(&[][..], Vec::as_slice);
-        build(&self.receiver, &self.analog, returns, key(beam as u32), &mut self.shot, black_box(&mut self.codes));
+        build(
+            &self.receiver,
+            &self.analog,
+            returns,
+            key(beam as u32),
+            &mut self.shot,
+            black_box(&mut self.codes),
+        );
     }
 }
 

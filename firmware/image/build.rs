@@ -1,15 +1,24 @@
 //! Chooses board, linker script and inner loops from the target.
 //!
-//! The linker looks for `memory.x` in the folder it is started in before all others, and cargo starts it in the workspace's
-//! root: the root's `memory.x`, the reference board's, always wins. So boards with another memory map get a whole script of
-//! their own under another name, and never include a `memory.x`.
+//! The linker looks for `memory.x` in the folder it is started in before all others, and cargo
+//! starts it in the workspace's root: the root's `memory.x`, the reference board's, always wins. So
+//! boards with another memory map get a whole script of their own under another name, and never
+//! include a `memory.x`.
 
 use std::env;
 use std::path::Path;
 
 /// Boards, and what builds for them.
 const BOARDS: [(&str, &[&str]); 3] = [
-    ("mps2", &["thumbv6m-none-eabi", "thumbv7m-none-eabi", "thumbv7em-none-eabi", "thumbv7em-none-eabihf"]),
+    (
+        "mps2",
+        &[
+            "thumbv6m-none-eabi",
+            "thumbv7m-none-eabi",
+            "thumbv7em-none-eabi",
+            "thumbv7em-none-eabihf",
+        ],
+    ),
     ("an505", &["thumbv8m.main-none-eabi", "thumbv8m.main-none-eabihf"]),
     ("virt", &["riscv32imac-unknown-none-elf", "riscv32imc-unknown-none-elf"]),
 ];
@@ -24,8 +33,11 @@ fn main() {
         return; // on a PC the image is a program that says how to build it
     }
     let target = variable("TARGET");
-    let Some((board, _)) = BOARDS.iter().find(|(_, targets)| targets.contains(&target.as_str())) else {
-        println!("cargo::error=no board of this image runs {target}; there are boards for {BOARDS:?}");
+    let Some((board, _)) = BOARDS.iter().find(|(_, targets)| targets.contains(&target.as_str()))
+    else {
+        println!(
+            "cargo::error=no board of this image runs {target}; there are boards for {BOARDS:?}"
+        );
         return;
     };
     println!("cargo:rustc-cfg=board=\"{board}\"");

@@ -1,7 +1,9 @@
-//! The sensor's application in process: virtual SPI devices, a virtual sample buffer, a flash in memory, a link of bytes.
+//! The sensor's application in process: virtual SPI devices, a virtual sample buffer, a flash in
+//! memory, a link of bytes.
 //!
-//! The application is the very one that runs on a microcontroller. It writes the emitter's and the converter's registers
-//! through `embedded-hal`; what they hold, and nothing else, is what the front end sees.
+//! The application is the very one that runs on a microcontroller. It writes the emitter's and the
+//! converter's registers through `embedded-hal`; what they hold, and nothing else, is what the
+//! front end sees.
 
 use std::collections::VecDeque;
 
@@ -18,7 +20,11 @@ use crate::vector;
 
 /// Which shot the laser driver's registers say.
 pub fn trigger_of(emitter: &impl Fn(u8) -> u32) -> Trigger {
-    Trigger { frame: emitter(emitter::FRAME), beam: emitter(emitter::FIRE), shot: emitter(emitter::SHOT) }
+    Trigger {
+        frame: emitter(emitter::FRAME),
+        beam: emitter(emitter::FIRE),
+        shot: emitter(emitter::SHOT),
+    }
 }
 
 /// What the laser driver's and the converter's registers say.
@@ -33,7 +39,8 @@ pub fn analog_of(emitter: &impl Fn(u8) -> u32, adc: &impl Fn(u8) -> u32) -> Anal
     }
 }
 
-/// What a sensor with this receiver has to know of it; what the receiver does not decide is as in the reference sensor.
+/// What a sensor with this receiver has to know of it; what the receiver does not decide is as in
+/// the reference sensor.
 pub fn hardware_of(receiver: &Receiver) -> Hardware {
     Hardware {
         adc_bits: receiver.adc_bits,
@@ -174,7 +181,10 @@ impl<F: FrontEnd> Board for PcBoard<F> {
     fn samples(&mut self, codes: &mut [u16]) -> bool {
         let fired = std::mem::take(&mut self.emitter.fired);
         let analog = self.analog();
-        if !fired || (self.adc.get(adc::SAMPLES) as usize).saturating_add(analog.pre_trigger) != codes.len() {
+        if !fired
+            || (self.adc.get(adc::SAMPLES) as usize).saturating_add(analog.pre_trigger)
+                != codes.len()
+        {
             return false;
         }
         let trigger = trigger_of(&|register| self.emitter.get(register));
@@ -199,7 +209,12 @@ impl<F: FrontEnd> PcSensor<F> {
     }
 
     /// Switches a sensor on whose flash holds what an earlier life left there.
-    pub fn with_store(front_end: F, pattern: ScanPattern, hardware: Hardware, store: NorRam) -> Self {
+    pub fn with_store(
+        front_end: F,
+        pattern: ScanPattern,
+        hardware: Hardware,
+        store: NorRam,
+    ) -> Self {
         let board = PcBoard {
             hardware: Hardware { adc_bits: front_end.adc_bits(), ..hardware },
             pattern,

@@ -1,4 +1,5 @@
-//! The world around the sensor: scenes, ray casting, the scanner, and the boards the firmware runs on.
+//! The world around the sensor: scenes, ray casting, the scanner, and the boards the firmware runs
+//! on.
 
 pub mod board;
 pub mod import;

@@ -1,4 +1,5 @@
-//! A NOR flash in memory: bits go from one to zero until they are erased, and the power may go at any moment.
+//! A NOR flash in memory: bits go from one to zero until they are erased, and the power may go at
+//! any moment.
 
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash, check_erase, check_read, check_write,
@@ -8,9 +9,10 @@ use rand_chacha::ChaCha8Rng;
 
 /// A flash of two erase blocks of `ERASE` bytes, written in words of `WRITE`.
 ///
-/// A word is written once between erasures; writing it again is refused, as flash with error correction does. When the power
-/// goes, the word under way holds anything between what it held and what it was to hold, the block being erased likewise, bit by
-/// bit; what was done before stays, and nothing works until [`NorRam::switch_on`].
+/// A word is written once between erasures; writing it again is refused, as flash with error
+/// correction does. When the power goes, the word under way holds anything between what it held and
+/// what it was to hold, the block being erased likewise, bit by bit; what was done before stays,
+/// and nothing works until [`NorRam::switch_on`].
 #[derive(Clone, Debug)]
 pub struct NorRam<const WRITE: usize = 4, const ERASE: usize = 256> {
     bytes: Vec<u8>,
@@ -32,8 +34,16 @@ impl<const WRITE: usize, const ERASE: usize> Default for NorRam<WRITE, ERASE> {
 impl<const WRITE: usize, const ERASE: usize> NorRam<WRITE, ERASE> {
     /// A flash that holds these bytes, whole blocks.
     pub fn holding(bytes: Vec<u8>) -> Self {
-        let written = bytes.chunks(WRITE).map(|word| word.iter().any(|&byte| byte != 0xFF)).collect();
-        Self { bytes, written, left: None, tear: ChaCha8Rng::seed_from_u64(0), erased: 0, programmed: 0 }
+        let written =
+            bytes.chunks(WRITE).map(|word| word.iter().any(|&byte| byte != 0xFF)).collect();
+        Self {
+            bytes,
+            written,
+            left: None,
+            tear: ChaCha8Rng::seed_from_u64(0),
+            erased: 0,
+            programmed: 0,
+        }
     }
 
     /// What it holds.
@@ -56,7 +66,8 @@ impl<const WRITE: usize, const ERASE: usize> NorRam<WRITE, ERASE> {
         self.programmed
     }
 
-    /// The power goes after that many more words and blocks, in the middle of the next; `seed` draws what that one then holds.
+    /// The power goes after that many more words and blocks, in the middle of the next; `seed`
+    /// draws what that one then holds.
     pub fn cut_after(&mut self, steps: usize, seed: u64) {
         self.left = Some(steps);
         self.tear = ChaCha8Rng::seed_from_u64(seed);
@@ -147,6 +158,9 @@ impl<const WRITE: usize, const ERASE: usize> NorFlash for NorRam<WRITE, ERASE> {
 
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
         check_write(self, offset, bytes.len())?;
-        bytes.chunks(WRITE).enumerate().try_for_each(|(i, word)| self.write_word(offset as usize + i * WRITE, word))
+        bytes
+            .chunks(WRITE)
+            .enumerate()
+            .try_for_each(|(i, word)| self.write_word(offset as usize + i * WRITE, word))
     }
 }

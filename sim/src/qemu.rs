@@ -1,8 +1,10 @@
-//! The sensor's image in QEMU: the program of a microcontroller, its serial link, and the analog world in shared memory.
+//! The sensor's image in QEMU: the program of a microcontroller, its serial link, and the analog
+//! world in shared memory.
 //!
-//! The emulator maps a file as the board's PSRAM; [`mailbox`] says what lies there. This side plays the world: when the
-//! sensor rings for a shot, the front end's samples go into the converter's buffer. It does so while it waits for the
-//! sensor's answer, in the caller's thread, so that nothing runs behind its back.
+//! The emulator maps a file as the board's PSRAM; [`mailbox`] says what lies there. This side plays
+//! the world: when the sensor rings for a shot, the front end's samples go into the converter's
+//! buffer. It does so while it waits for the sensor's answer, in the caller's thread, so that
+//! nothing runs behind its back.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Write};
@@ -154,7 +156,8 @@ pub struct QemuOptions {
     pub machine: Machine,
     /// The image, an ELF file.
     pub image: PathBuf,
-    /// Where memory, log and socket lie: kept, so that the sensor finds its flash again. `None`: a new folder that goes away.
+    /// Where memory, log and socket lie: kept, so that the sensor finds its flash again. `None`: a
+    /// new folder that goes away.
     pub folder: Option<PathBuf>,
     /// More arguments for the emulator.
     pub arguments: Vec<String>,
@@ -163,7 +166,12 @@ pub struct QemuOptions {
 impl QemuOptions {
     /// A machine with the image that `cargo xtask firmware` has built below `workspace`.
     pub fn new(machine: Machine, workspace: &Path) -> Self {
-        Self { machine, image: workspace.join(machine.image()), folder: None, arguments: Vec::new() }
+        Self {
+            machine,
+            image: workspace.join(machine.image()),
+            folder: None,
+            arguments: Vec::new(),
+        }
     }
 }
 
@@ -196,7 +204,8 @@ impl Emulator {
 /// Emulators of this process, for [`stop_all`].
 static RUNNING: Mutex<Vec<Weak<Mutex<Emulator>>>> = Mutex::new(Vec::new());
 
-/// Ends every emulator of this process and removes their folders: for those who are about to exit without dropping anything.
+/// Ends every emulator of this process and removes their folders: for those who are about to exit
+/// without dropping anything.
 pub fn stop_all() {
     let running = std::mem::take(&mut *lock(&RUNNING));
     running.iter().filter_map(Weak::upgrade).for_each(|emulator| lock(&emulator).stop());
@@ -223,7 +232,8 @@ impl<F: FrontEnd> Qemu<F> {
         check_image(*machine, image)?;
         let (folder, own) = folder(options)?;
         let hardware = Hardware { adc_bits: front_end.adc_bits(), ..hardware };
-        let page = Page::make(*machine, &folder.join(MEMORY), &mailbox::straps(&hardware, &pattern))?;
+        let page =
+            Page::make(*machine, &folder.join(MEMORY), &mailbox::straps(&hardware, &pattern))?;
         let emulator = Arc::new(Mutex::new(Emulator { child: spawn(options, &folder)?, own }));
         lock(&RUNNING).push(Arc::downgrade(&emulator));
         let link = connect(&emulator, *machine, &folder).inspect_err(|_| lock(&emulator).stop())?;
@@ -300,11 +310,13 @@ impl<F: FrontEnd> Qemu<F> {
         if shots == self.shots {
             return false;
         }
-        let register = |device: usize, register: u8| self.page.read(device + 4 * usize::from(register));
+        let register =
+            |device: usize, register: u8| self.page.read(device + 4 * usize::from(register));
         let emitter = |number| register(mailbox::EMITTER, number);
         let adc = |number| register(mailbox::ADC, number);
         let analog = analog_of(&emitter, &adc);
-        let samples = (adc(adc::SAMPLES) as usize).saturating_add(analog.pre_trigger).min(MAX_CODES);
+        let samples =
+            (adc(adc::SAMPLES) as usize).saturating_add(analog.pre_trigger).min(MAX_CODES);
         self.front_end.capture(&analog, trigger_of(&emitter), &mut self.codes[..samples]);
         self.page.write_codes(&self.codes[..samples]);
         self.shots = shots;
@@ -337,8 +349,9 @@ impl<F> Qemu<F> {
 impl<F> Drop for Qemu<F> {
     fn drop(&mut self) {
         lock(&self.emulator).stop();
-        lock(&RUNNING)
-            .retain(|emulator| emulator.strong_count() > 0 && !emulator.ptr_eq(&Arc::downgrade(&self.emulator)));
+        lock(&RUNNING).retain(|emulator| {
+            emulator.strong_count() > 0 && !emulator.ptr_eq(&Arc::downgrade(&self.emulator))
+        });
     }
 }
 
@@ -413,10 +426,23 @@ fn spawn(options: &QemuOptions, folder: &Path) -> Result<Child, QemuError> {
     let (bytes, _) = machine.memory();
     let mut command = Command::new(machine.emulator());
     command
-        .args(["-M", &format!("{},memory-backend=shared", machine.name()), "-m", &format!("{}M", bytes >> 20)])
-        .args(["-object", &format!("memory-backend-file,id=shared,size={bytes},mem-path={},share=on", at(MEMORY))])
+        .args([
+            "-M",
+            &format!("{},memory-backend=shared", machine.name()),
+            "-m",
+            &format!("{}M", bytes >> 20),
+        ])
+        .args([
+            "-object",
+            &format!("memory-backend-file,id=shared,size={bytes},mem-path={},share=on", at(MEMORY)),
+        ])
         .args(["-display", "none", "-monitor", "none", "-nodefaults"])
-        .args(["-chardev", &format!("socket,id=link,path={},server=on,wait=on", at(LINK)), "-serial", "chardev:link"])
+        .args([
+            "-chardev",
+            &format!("socket,id=link,path={},server=on,wait=on", at(LINK)),
+            "-serial",
+            "chardev:link",
+        ])
         .args(["-serial", &format!("file:{}", at(LOG))])
         .args(&options.arguments)
         .arg("-kernel")
@@ -429,7 +455,11 @@ fn spawn(options: &QemuOptions, folder: &Path) -> Result<Child, QemuError> {
     command.spawn().map_err(io_error("run", Path::new(machine.emulator())))
 }
 
-fn connect(emulator: &Mutex<Emulator>, machine: Machine, folder: &Path) -> Result<UnixStream, QemuError> {
+fn connect(
+    emulator: &Mutex<Emulator>,
+    machine: Machine,
+    folder: &Path,
+) -> Result<UnixStream, QemuError> {
     let deadline = Instant::now() + STARTING;
     let failed = |what| QemuError::Failed { machine: machine.name(), what };
     loop {
@@ -452,14 +482,19 @@ fn failure(emulator: &Mutex<Emulator>, machine: Machine, folder: &Path) -> Optio
     let status = lock(emulator).child.try_wait().ok()??;
     let said = fs::read_to_string(folder.join(ERRORS)).unwrap_or_default();
     let said = said.trim().lines().next().unwrap_or_default();
-    Some(format!("{} ended ({status}){}{said}", machine.emulator(), if said.is_empty() { "" } else { ": " }))
+    Some(format!(
+        "{} ended ({status}){}{said}",
+        machine.emulator(),
+        if said.is_empty() { "" } else { ": " }
+    ))
 }
 
 fn may_go_on(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted)
 }
 
-/// Waits a little longer each time: a doorbell is answered in a microsecond, an idle link costs nothing.
+/// Waits a little longer each time: a doorbell is answered in a microsecond, an idle link costs
+/// nothing.
 #[derive(Default)]
 struct Idle(u32);
 
@@ -480,10 +515,19 @@ struct Page {
 }
 
 impl Page {
-    fn make(machine: Machine, path: &Path, straps: &[u32; mailbox::STRAP_WORDS]) -> Result<Self, QemuError> {
+    fn make(
+        machine: Machine,
+        path: &Path,
+        straps: &[u32; mailbox::STRAP_WORDS],
+    ) -> Result<Self, QemuError> {
         let (bytes, offset) = machine.memory();
         let open = || -> io::Result<MmapRaw> {
-            let file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path)?;
+            let file = OpenOptions::new()
+                .read(true)
+                .write(true)
+                .create(true)
+                .truncate(false)
+                .open(path)?;
             if file.metadata()?.len() != bytes {
                 file.set_len(0)?;
                 file.set_len(bytes)?;
@@ -505,9 +549,11 @@ impl Page {
     }
 
     fn words(&self) -> &[AtomicU32] {
-        // SAFETY: the mapping is as long as the mailbox, page aligned, lives as long as `self`, and is only ever accessed as
-        // atomic words here; the other side is another process.
-        unsafe { std::slice::from_raw_parts(self.memory.as_ptr().cast::<AtomicU32>(), mailbox::BYTES / 4) }
+        // SAFETY: the mapping is as long as the mailbox, page aligned, lives as long as `self`, and
+        // is only ever accessed as atomic words here; the other side is another process.
+        unsafe {
+            std::slice::from_raw_parts(self.memory.as_ptr().cast::<AtomicU32>(), mailbox::BYTES / 4)
+        }
     }
 
     fn read(&self, offset: usize) -> u32 {
@@ -542,7 +588,8 @@ mod tests {
     #[test]
     fn samples_lie_in_the_buffer_as_the_sensor_reads_them() {
         let folder = tempfile::tempdir().unwrap();
-        let page = Page::make(Machine::Virt, &folder.path().join("m"), &[1; mailbox::STRAP_WORDS]).unwrap();
+        let page = Page::make(Machine::Virt, &folder.path().join("m"), &[1; mailbox::STRAP_WORDS])
+            .unwrap();
         page.write_codes(&[1, 2, 3]);
         let bytes = fs::read(folder.path().join("m")).unwrap();
         let buffer = (16 << 20) + mailbox::CODES;

@@ -24,9 +24,9 @@ pub struct Hit {
 
 /// A bounding volume hierarchy over a scene's triangles.
 ///
-/// Triangles count from both sides. Neighbours that share an edge leave no gap: the test is that of Woop, Benthin and
-/// Wald (JCGT 2013), which decides an edge with the same numbers from either side, and the boxes of the hierarchy are
-/// padded by more than their rounding.
+/// Triangles count from both sides. Neighbours that share an edge leave no gap: the test is that of
+/// Woop, Benthin and Wald (JCGT 2013), which decides an edge with the same numbers from either
+/// side, and the boxes of the hierarchy are padded by more than their rounding.
 #[derive(Clone)]
 pub struct Raycaster {
     bvh: Bvh2,
@@ -46,15 +46,18 @@ struct Padded([[f32; 3]; 3]);
 
 impl Boundable for Padded {
     fn aabb(&self) -> Aabb {
-        let low: [f32; 3] = std::array::from_fn(|i| self.0.iter().fold(f32::INFINITY, |m, p| m.min(p[i])));
-        let high: [f32; 3] = std::array::from_fn(|i| self.0.iter().fold(f32::NEG_INFINITY, |m, p| m.max(p[i])));
+        let low: [f32; 3] =
+            std::array::from_fn(|i| self.0.iter().fold(f32::INFINITY, |m, p| m.min(p[i])));
+        let high: [f32; 3] =
+            std::array::from_fn(|i| self.0.iter().fold(f32::NEG_INFINITY, |m, p| m.max(p[i])));
         let pad = |x: f32| 1e-5 + 4e-7 * x.abs();
         Aabb::new(low.map(|x| x - pad(x)).into(), high.map(|x| x + pad(x)).into())
     }
 }
 
 impl Raycaster {
-    /// Builds the hierarchy. The mesh must have passed [`Mesh::check`], as generated and imported ones have.
+    /// Builds the hierarchy. The mesh must have passed [`Mesh::check`], as generated and imported
+    /// ones have.
     #[must_use]
     pub fn new(scene: &Scene) -> Self {
         Self::over(&scene.mesh)
@@ -63,7 +66,8 @@ impl Raycaster {
     /// As [`Raycaster::new`], for a mesh that is not yet a scene.
     #[must_use]
     pub fn over(mesh: &Mesh) -> Self {
-        let boxes: Vec<Padded> = (0..mesh.triangles.len()).map(|t| Padded(mesh.corners(t))).collect();
+        let boxes: Vec<Padded> =
+            (0..mesh.triangles.len()).map(|t| Padded(mesh.corners(t))).collect();
         let bvh = build_bvh2(&boxes, BvhBuildParams::fast_build(), &mut Duration::default());
         let triangle = |&index: &u32| Triangle {
             corners: mesh.corners(index as usize),
@@ -121,14 +125,19 @@ impl Sheared {
         let magnitude = direction.map(f32::abs);
         let z = (0..3).fold(0, |best, i| if magnitude[i] > magnitude[best] { i } else { best });
         let axes = [(z + 1) % 3, (z + 2) % 3, z];
-        let shear = [direction[axes[0]] / direction[z], direction[axes[1]] / direction[z], 1.0 / direction[z]];
+        let shear = [
+            direction[axes[0]] / direction[z],
+            direction[axes[1]] / direction[z],
+            1.0 / direction[z],
+        ];
         Self { origin, axes, shear }
     }
 
     /// Distance to a triangle, infinite for a miss.
     fn meets(&self, corners: &[[f32; 3]; 3]) -> f32 {
         let [a, b, c] = corners.map(|p| self.shift(p));
-        let mut edges = [c[0] * b[1] - c[1] * b[0], a[0] * c[1] - a[1] * c[0], b[0] * a[1] - b[1] * a[0]];
+        let mut edges =
+            [c[0] * b[1] - c[1] * b[0], a[0] * c[1] - a[1] * c[0], b[0] * a[1] - b[1] * a[0]];
         if edges.contains(&0.0) {
             // On an edge, as far as f32 can tell: exact products decide for both neighbours alike.
             let exact = |p: [f32; 3], q: [f32; 3]| {
@@ -189,12 +198,16 @@ mod tests {
         let (columns, rows) = (24_u32, 12_u32);
         for j in 0..=rows {
             for i in 0..columns {
-                let (turn, polar) =
-                    (f64::from(i) / 24.0 * std::f64::consts::TAU, f64::from(j) / 12.0 * std::f64::consts::PI);
+                let (turn, polar) = (
+                    f64::from(i) / 24.0 * std::f64::consts::TAU,
+                    f64::from(j) / 12.0 * std::f64::consts::PI,
+                );
                 let ring = if j == 0 || j == rows { 0.0 } else { libm::sin(polar) };
                 let r = if ring == 0.0 { 10.0 } else { 10.0 + dice.spread(0.5) };
-                b.vertices
-                    .push([ring * libm::cos(turn), ring * libm::sin(turn), libm::cos(polar)].map(|x| (r * x) as f32));
+                b.vertices.push(
+                    [ring * libm::cos(turn), ring * libm::sin(turn), libm::cos(polar)]
+                        .map(|x| (r * x) as f32),
+                );
             }
         }
         for j in 0..rows {
@@ -244,34 +257,50 @@ mod tests {
                 dice.direction().map(|x| x as f32)
             } else {
                 let [a, b, _] = mesh.corners(dice.index(mesh.triangles.len()));
-                let target = if k % 4 == 1 { a } else { std::array::from_fn(|i| 0.5 * (a[i] + b[i])) };
+                let target =
+                    if k % 4 == 1 { a } else { std::array::from_fn(|i| 0.5 * (a[i] + b[i])) };
                 let way = difference(target, origin);
                 way.map(|x| x / dot(way, way).sqrt())
             };
-            assert!(caster.cast(origin, direction).is_some(), "ray {k} from {origin:?} along {direction:?}");
+            assert!(
+                caster.cast(origin, direction).is_some(),
+                "ray {k} from {origin:?} along {direction:?}"
+            );
         }
     }
 
     #[test]
     fn an_axis_parallel_box_is_closed_too() {
         let corner = |i: usize| [0, 1, 2].map(|axis| if i >> axis & 1 == 0 { -5.0 } else { 5.0 });
-        let mut b = Mesh { vertices: (0..8).map(corner).collect(), materials: vec![0; 12], ..Mesh::default() };
-        for [p, q, r, s] in [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]] {
+        let mut b = Mesh {
+            vertices: (0..8).map(corner).collect(),
+            materials: vec![0; 12],
+            ..Mesh::default()
+        };
+        for [p, q, r, s] in
+            [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]]
+        {
             b.triangles.extend([[p, q, r], [p, r, s]]);
         }
         let caster = Raycaster::over(&b);
         for k in 0..=200 {
             let slope = k as f32 / 100.0 - 1.0;
-            for direction in [[1.0, slope, slope], [slope, 1.0, 0.0], [0.0, slope, -1.0], [slope, -1.0, slope]] {
+            for direction in
+                [[1.0, slope, slope], [slope, 1.0, 0.0], [0.0, slope, -1.0], [slope, -1.0, slope]]
+            {
                 let length = dot(direction, direction).sqrt();
-                assert!(caster.cast([0.0; 3], direction.map(|x| x / length)).is_some(), "{direction:?}");
+                assert!(
+                    caster.cast([0.0; 3], direction.map(|x| x / length)).is_some(),
+                    "{direction:?}"
+                );
             }
         }
     }
 
     #[test]
     fn both_sides_of_a_face_are_hit_at_the_same_angle() {
-        let caster = Raycaster::over(&mesh(vec![[[5.0, -9.0, -9.0], [5.0, 9.0, -9.0], [5.0, 0.0, 9.0]]]));
+        let caster =
+            Raycaster::over(&mesh(vec![[[5.0, -9.0, -9.0], [5.0, 9.0, -9.0], [5.0, 0.0, 9.0]]]));
         for (origin, sign) in [(0.0, 1.0), (10.0, -1.0)] {
             let hit = caster.cast([origin, 0.0, 0.0], [sign * 0.8, 0.6, 0.0]).expect("a hit");
             assert!((hit.range_m - 6.25).abs() < 1e-5);

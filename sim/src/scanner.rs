@@ -1,7 +1,7 @@
 //! What a scene sends back to a scanner's beams, before any electronics (physics.md §1).
 //!
-//! The answer holds everything about the place and nothing about the sensor's settings, so a pose is traced once and
-//! every candidate Θ_lidar renders its waveforms from it.
+//! The answer holds everything about the place and nothing about the sensor's settings, so a pose
+//! is traced once and every candidate Θ_lidar renders its waveforms from it.
 
 use std::f32::consts::PI;
 
@@ -14,14 +14,16 @@ use crate::scene::Material;
 
 /// Returns closer together than this are one, metres.
 ///
-/// 3 cm of range is 0.2 ns of round trip, 1/25 of the default pulse: two equal sin² pulses at its ends sum to one
-/// whose peak is 0.1 % lower, while most beams shrink from 25 returns to one or two.
+/// 3 cm of range is 0.2 ns of round trip, 1/25 of the default pulse: two equal sin² pulses at its
+/// ends sum to one whose peak is 0.1 % lower, while most beams shrink from 25 returns to one or
+/// two.
 pub const CLUSTER_SPAN_M: f64 = 0.03;
 
 /// The shape of a beam.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BeamOptics {
-    /// Full widths, mrad: along increasing azimuth, along increasing elevation. The outermost sub-rays lie at ± half.
+    /// Full widths, mrad: along increasing azimuth, along increasing elevation. The outermost
+    /// sub-rays lie at ± half.
     pub divergence_mrad: [f64; 2],
     /// Sub-rays along each width, odd; an even count means the next odd one.
     pub subrays: u8,
@@ -40,8 +42,8 @@ pub struct Scanner;
 impl Scanner {
     /// Traces every beam of a scan from one pose.
     ///
-    /// `directions` are unit vectors in the sensor's frame (x forward, y left, z up). The result depends on the
-    /// arguments only, not on the number of threads.
+    /// `directions` are unit vectors in the sensor's frame (x forward, y left, z up). The result
+    /// depends on the arguments only, not on the number of threads.
     #[must_use]
     pub fn scan(
         caster: &Raycaster,
@@ -53,7 +55,8 @@ impl Scanner {
         Self::scan_moving(caster, materials, |_| *world_from_sensor, directions, optics)
     }
 
-    /// As [`Scanner::scan`], from a pose of its own for each beam, by its index: a sensor that moves while it scans.
+    /// As [`Scanner::scan`], from a pose of its own for each beam, by its index: a sensor that
+    /// moves while it scans.
     #[must_use]
     pub fn scan_moving(
         caster: &Raycaster,
@@ -67,8 +70,9 @@ impl Scanner {
             let world_from_sensor = world_from_sensor(index);
             let origin = world_from_sensor.translation.vector.cast::<f32>().into();
             let rays = spread(direction, &grid, &world_from_sensor);
-            let mut echoes: Vec<(f64, f64)> =
-                rays.filter_map(|(ray, weight)| echo(caster, materials, origin, ray, weight)).collect();
+            let mut echoes: Vec<(f64, f64)> = rays
+                .filter_map(|(ray, weight)| echo(caster, materials, origin, ray, weight))
+                .collect();
             cluster(&mut echoes)
         };
         collect(directions.par_iter().enumerate().map(beam).collect())
@@ -81,9 +85,13 @@ type SubRay = ([f64; 2], f64);
 /// `w ∝ 2^(−d²)`, d the distance from the middle in grid steps, Σw = 1.
 fn footprint(optics: &BeamOptics) -> Vec<SubRay> {
     let half = i32::from(optics.subrays / 2);
-    let offset = |k: i32, axis: usize| f64::from(k) / f64::from(2 * half.max(1)) * 1e-3 * optics.divergence_mrad[axis];
-    let cell = |i: i32, j: i32| ([offset(i, 0), offset(j, 1)], libm::exp2(-f64::from(i * i + j * j)));
-    let grid: Vec<SubRay> = (-half..=half).flat_map(|j| (-half..=half).map(move |i| cell(i, j))).collect();
+    let offset = |k: i32, axis: usize| {
+        f64::from(k) / f64::from(2 * half.max(1)) * 1e-3 * optics.divergence_mrad[axis]
+    };
+    let cell =
+        |i: i32, j: i32| ([offset(i, 0), offset(j, 1)], libm::exp2(-f64::from(i * i + j * j)));
+    let grid: Vec<SubRay> =
+        (-half..=half).flat_map(|j| (-half..=half).map(move |i| cell(i, j))).collect();
     let total: f64 = grid.iter().map(|(_, weight)| weight).sum();
     grid.into_iter().map(|(at, weight)| (at, weight / total)).collect()
 }
@@ -98,7 +106,8 @@ fn spread<'a>(
     // Straight up or down there is no azimuth: any two directions square to the beam will do.
     let azimuth = Vector3::z().cross(&axis).try_normalize(1e-6).unwrap_or_else(Vector3::y);
     let elevation = axis.cross(&azimuth);
-    let [axis, azimuth, elevation] = [axis, azimuth, elevation].map(|v| world_from_sensor.rotation * v);
+    let [axis, azimuth, elevation] =
+        [axis, azimuth, elevation].map(|v| world_from_sensor.rotation * v);
     grid.iter().map(move |&([u, v], weight)| {
         let ray = (axis + u * azimuth + v * elevation).normalize();
         (ray.cast::<f32>().into(), weight)
@@ -115,7 +124,8 @@ fn echo(
 ) -> Option<(f64, f64)> {
     let hit = caster.cast(origin, ray)?;
     let albedo = materials[usize::from(hit.material)].backscatter(hit.cos_incidence);
-    let per_m2 = albedo * hit.cos_incidence / PI * overlap(hit.range_m) / (hit.range_m * hit.range_m);
+    let per_m2 =
+        albedo * hit.cos_incidence / PI * overlap(hit.range_m) / (hit.range_m * hit.range_m);
     let strength = weight * f64::from(per_m2);
     (strength > 0.0).then_some((f64::from(hit.range_m), strength))
 }
@@ -125,7 +135,8 @@ fn overlap(range_m: f32) -> f32 {
     ((range_m - OVERLAP_M[0]) / (OVERLAP_M[1] - OVERLAP_M[0])).clamp(0.0, 1.0)
 }
 
-/// Merges echoes within [`CLUSTER_SPAN_M`] of the nearest of their group; ranges average by strength.
+/// Merges echoes within [`CLUSTER_SPAN_M`] of the nearest of their group; ranges average by
+/// strength.
 fn cluster(echoes: &mut [(f64, f64)]) -> Vec<Return> {
     echoes.sort_by(|a, b| a.0.total_cmp(&b.0));
     groups(echoes, CLUSTER_SPAN_M).map(merge).filter(|r| r.strength_per_m2 > 0.0).collect()
@@ -142,7 +153,8 @@ fn groups(echoes: &[(f64, f64)], span_m: f64) -> impl Iterator<Item = &[(f64, f6
     let mut rest = echoes;
     std::iter::from_fn(move || {
         let (start, _) = rest.first()?;
-        let (group, after) = rest.split_at(rest.partition_point(|(range, _)| range - start <= span_m));
+        let (group, after) =
+            rest.split_at(rest.partition_point(|(range, _)| range - start <= span_m));
         rest = after;
         Some(group)
     })
@@ -165,9 +177,11 @@ mod tests {
     use crate::scene::{Mesh, SceneKind, generate};
     use nalgebra::{Translation3, UnitQuaternion};
 
-    const WALL: Material = Material { name: "wall", reflectance_905nm: 0.1, specular_f0: 0.0, roughness: 1.0 };
+    const WALL: Material =
+        Material { name: "wall", reflectance_905nm: 0.1, specular_f0: 0.0, roughness: 1.0 };
 
-    /// Squares of ± `half` at x = `range`, turned by `turn` about z through their middle; the left edge at `left`.
+    /// Squares of ± `half` at x = `range`, turned by `turn` about z through their middle; the left
+    /// edge at `left`.
     fn walls(list: &[(f32, f32, f32)]) -> Raycaster {
         let mut mesh = Mesh::default();
         for &(range, left, turn) in list {
@@ -200,17 +214,23 @@ mod tests {
     #[test]
     fn a_wall_seen_at_an_angle_gives_its_cosine() {
         for degrees in [20.0_f32, 45.0, 70.0, 80.0] {
-            let response = look(&walls(&[(20.0, 40.0, degrees.to_radians())]), &BeamOptics::default());
+            let response =
+                look(&walls(&[(20.0, 40.0, degrees.to_radians())]), &BeamOptics::default());
             let strength: f32 = response.of(0).iter().map(|r| r.strength_per_m2).sum();
             let expected = 0.1 * libm::cosf(degrees.to_radians()) / PI / 400.0;
-            assert!((strength / expected - 1.0).abs() < 0.01, "{degrees} degrees: {strength} against {expected}");
+            assert!(
+                (strength / expected - 1.0).abs() < 0.01,
+                "{degrees} degrees: {strength} against {expected}"
+            );
         }
     }
 
     #[test]
     fn an_edge_splits_a_beam_by_weight() {
-        // The near wall covers y ≤ −1 mm: two of five columns, weights (1/16 + 1/2) of (1/8 + 1 + 1).
-        let response = look(&walls(&[(10.0, -0.001, 0.0), (14.0, 40.0, 0.0)]), &BeamOptics::default());
+        // The near wall covers y ≤ −1 mm: two of five columns, weights (1/16 + 1/2) of (1/8 + 1 +
+        // 1).
+        let response =
+            look(&walls(&[(10.0, -0.001, 0.0), (14.0, 40.0, 0.0)]), &BeamOptics::default());
         let [near, far] = response.of(0) else { panic!("two returns") };
         let share = 0.5625 / 2.125;
         assert!((near.strength_per_m2 / (share * 0.1 / PI / 100.0) - 1.0).abs() < 0.01);
@@ -221,7 +241,10 @@ mod tests {
     #[test]
     fn returns_within_three_centimetres_are_one() {
         for (gap, count) in [(0.02, 1), (0.04, 2)] {
-            let response = look(&walls(&[(10.0, -0.001, 0.0), (10.0 + gap, 40.0, 0.0)]), &BeamOptics::default());
+            let response = look(
+                &walls(&[(10.0, -0.001, 0.0), (10.0 + gap, 40.0, 0.0)]),
+                &BeamOptics::default(),
+            );
             assert_eq!(response.of(0).len(), count, "{gap} m");
         }
     }
@@ -262,14 +285,17 @@ mod tests {
     fn one_thread_and_many_give_the_same_response() {
         let scene = generate(SceneKind::SemiStructured, 4);
         let caster = Raycaster::new(&scene);
-        let pose = Isometry3::from_parts(Translation3::new(0.0, 0.0, 6.0), UnitQuaternion::identity());
+        let pose =
+            Isometry3::from_parts(Translation3::new(0.0, 0.0, 6.0), UnitQuaternion::identity());
         let beam = |k: u32| {
             let turn = f64::from(k) * 0.01;
             [libm::cos(turn) as f32, libm::sin(turn) as f32, 0.0]
         };
         let directions: Vec<[f32; 3]> = (0..600).map(beam).collect();
-        let scan = || Scanner::scan(&caster, &scene.materials, &pose, &directions, &BeamOptics::default());
-        let single = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool").install(scan);
+        let scan =
+            || Scanner::scan(&caster, &scene.materials, &pose, &directions, &BeamOptics::default());
+        let single =
+            rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool").install(scan);
         assert_eq!(single, scan());
         assert_eq!(single.len(), 600);
         for beam in 0..600 {

@@ -1,9 +1,11 @@
 //! The DSP compiled for the vector unit found at run time.
 //!
-//! The same source twice: for the baseline processor and for x86-64-v3 (AVX2). LLVM vectorises the loops over the samples as they
-//! stand; what a vector unit does better in another way is said by hand: the filter in multiply-adds of pairs (`filter`), the
-//! order statistics in bytes, four counts a pass (`ranks`), the search for peaks from hill to hill (`peaks`). The tests check
-//! that all give the same bytes. AVX-512 is left alone on purpose: LLVM's code for it has been slower on kernels like these.
+//! The same source twice: for the baseline processor and for x86-64-v3 (AVX2). LLVM vectorises the
+//! loops over the samples as they stand; what a vector unit does better in another way is said by
+//! hand: the filter in multiply-adds of pairs (`filter`), the order statistics in bytes, four
+//! counts a pass (`ranks`), the search for peaks from hill to hill (`peaks`). The tests check that
+//! all give the same bytes. AVX-512 is left alone on purpose: LLVM's code for it has been slower on
+//! kernels like these.
 
 use echoloop_dsp::kernel::Portable;
 use echoloop_dsp::{Echoes, Pipeline, Scratch};
@@ -34,19 +36,22 @@ pub fn has_v3() -> bool {
 pub fn process(pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Echoes {
     #[cfg(target_arch = "x86_64")]
     if has_v3() {
-        // SAFETY: the features that process_v3 is compiled for have just been found on this processor.
+        // SAFETY: the features that process_v3 is compiled for have just been found on this
+        // processor.
         return unsafe { v3::process(pipeline, codes, scratch) };
     }
     process_baseline(pipeline, codes, scratch)
 }
 
-/// [`Pipeline::process`] without the kernels written by hand: x86-64-v3 as the compiler vectorises it; the baseline where there is none.
+/// [`Pipeline::process`] without the kernels written by hand: x86-64-v3 as the compiler vectorises
+/// it; the baseline where there is none.
 ///
 /// For benchmarks and tests: slower than [`process`], same bytes.
 pub fn process_compiled(pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Echoes {
     #[cfg(target_arch = "x86_64")]
     if has_v3() {
-        // SAFETY: the features that process_compiled is compiled for have just been found on this processor.
+        // SAFETY: the features that process_compiled is compiled for have just been found on this
+        // processor.
         return unsafe { v3::process_compiled(pipeline, codes, scratch) };
     }
     process_baseline(pipeline, codes, scratch)
@@ -72,7 +77,11 @@ mod v3 {
     }
 
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-    pub(super) fn process_compiled(pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Echoes {
+    pub(super) fn process_compiled(
+        pipeline: &Pipeline,
+        codes: &[u16],
+        scratch: &mut Scratch,
+    ) -> Echoes {
         pipeline.process(Portable, codes, scratch)
     }
 
@@ -96,7 +105,8 @@ mod v3 {
         #[inline(always)]
         fn peaks(self, y: &[i16], threshold: i16, found: &mut Peaks) {
             // SAFETY: as above.
-            let first_reaching = |values: &[i16]| unsafe { peaks::first_reaching(values, threshold) };
+            let first_reaching =
+                |values: &[i16]| unsafe { peaks::first_reaching(values, threshold) };
             detect::peaks_of_hills(first_reaching, y, threshold, found);
         }
     }

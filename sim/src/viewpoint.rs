@@ -30,7 +30,8 @@ pub struct PairPlan {
     pub count: usize,
     /// Horizontal distance from the first sensor to the second, metres.
     pub baseline_m: f64,
-    /// The second sensor's heading, and the way to it, lie within ± this of the first's heading, degrees.
+    /// The second sensor's heading, and the way to it, lie within ± this of the first's heading,
+    /// degrees.
     pub heading_range_deg: f64,
     /// Roll and pitch of each sensor lie within ± this, degrees.
     pub tilt_range_deg: f64,
@@ -56,7 +57,8 @@ impl Default for PairPlan {
     }
 }
 
-/// Two poses that look at the same place; `world_from_first⁻¹ · world_from_second` is the truth of a registration.
+/// Two poses that look at the same place; `world_from_first⁻¹ · world_from_second` is the truth of
+/// a registration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PosePair {
     /// First pose: x forward, y left, z up.
@@ -118,7 +120,11 @@ pub enum ViewpointError {
 /// # Errors
 ///
 /// [`ViewpointError`] when the plan makes no sense or the place has too few viewpoints.
-pub fn sample_pairs(scene: &Scene, caster: &Raycaster, plan: &PairPlan) -> Result<Vec<PosePair>, ViewpointError> {
+pub fn sample_pairs(
+    scene: &Scene,
+    caster: &Raycaster,
+    plan: &PairPlan,
+) -> Result<Vec<PosePair>, ViewpointError> {
     plan.check()?;
     let mut search = Search {
         caster,
@@ -127,11 +133,13 @@ pub fn sample_pairs(scene: &Scene, caster: &Raycaster, plan: &PairPlan) -> Resul
         ground: GroundMap::survey(scene, caster),
         territory: Territory::new(scene.area, plan.split),
         rejected: Rejections::default(),
-        // Train and test draw from streams of their own, so that one's count does not move the other's poses.
+        // Train and test draw from streams of their own, so that one's count does not move the
+        // other's poses.
         dice: Dice::new(plan.seed, 100 + plan.split as u64),
     };
     let attempts = plan.count * ATTEMPTS_A_PAIR;
-    let pairs: Vec<PosePair> = (0..attempts).filter_map(|_| search.candidate()).take(plan.count).collect();
+    let pairs: Vec<PosePair> =
+        (0..attempts).filter_map(|_| search.candidate()).take(plan.count).collect();
     if pairs.len() < plan.count {
         return Err(ViewpointError::NoViewpoint {
             scene: scene.name.clone(),
@@ -163,7 +171,9 @@ impl PairPlan {
             ),
         ];
         match rules.into_iter().find(|(_, value, holds, _)| !holds || !value.is_finite()) {
-            Some((field, value, _, expected)) => Err(ViewpointError::BadPlan { field, value, expected }),
+            Some((field, value, _, expected)) => {
+                Err(ViewpointError::BadPlan { field, value, expected })
+            }
             None => Ok(()),
         }
     }
@@ -248,7 +258,8 @@ impl Search<'_> {
         Ok(PosePair { world_from_first: first, world_from_second: second })
     }
 
-    /// Nothing within [`CLEARANCE_M`] sideways, at the sensor and at its carrier's hip; nothing overhead.
+    /// Nothing within [`CLEARANCE_M`] sideways, at the sensor and at its carrier's hip; nothing
+    /// overhead.
     fn is_clear(&self, eye: [f32; 3]) -> bool {
         let hip = [eye[0], eye[1], eye[2] - 0.5 * self.plan.height_m as f32];
         let around = |from: [f32; 3]| {
@@ -258,14 +269,18 @@ impl Search<'_> {
         around(eye) && around(hip) && self.caster.cast(eye, [0.0, 0.0, 1.0]).is_none()
     }
 
-    /// Leaves may hide a part: the middle or four points half a metre beside it, three of the five must be seen.
+    /// Leaves may hide a part: the middle or four points half a metre beside it, three of the five
+    /// must be seen.
     fn are_in_sight(&self, first: [f32; 3], second: [f32; 3]) -> bool {
-        let offsets = [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [-0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, -0.5, 0.0]];
-        let moved = |o: [f32; 3]| self.caster.sees(first, std::array::from_fn(|i| second[i] + o[i]));
+        let offsets =
+            [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [-0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, -0.5, 0.0]];
+        let moved =
+            |o: [f32; 3]| self.caster.sees(first, std::array::from_fn(|i| second[i] + o[i]));
         offsets.into_iter().filter(|o| moved(*o)).count() >= 3
     }
 
-    /// Share of rays into the front half, at and above the horizon, that return from nearer than [`STRUCTURE_M`].
+    /// Share of rays into the front half, at and above the horizon, that return from nearer than
+    /// [`STRUCTURE_M`].
     fn structure(&self, eye: [f32; 3], heading: f64) -> f64 {
         let quarter = std::f64::consts::FRAC_PI_2;
         let rays: Vec<[f32; 3]> = [0.0_f64, 4.0, 8.0, 12.0]
@@ -286,12 +301,14 @@ fn level_rays(count: u32, elevation: f64, from: f64, to: f64) -> impl Iterator<I
     })
 }
 
-/// `Rz(heading) · Ry(pitch) · Rx(roll)`, from libm's half angles so that every machine gets the same bits.
+/// `Rz(heading) · Ry(pitch) · Rx(roll)`, from libm's half angles so that every machine gets the
+/// same bits.
 fn pose([x, y, z]: [f64; 3], heading: f64, [pitch, roll]: [f64; 2]) -> Isometry3<f64> {
     let half = |angle: f64| (libm::cos(0.5 * angle), libm::sin(0.5 * angle));
     let ((cy, sy), (cp, sp), (cr, sr)) = (half(heading), half(pitch), half(roll));
-    let turn =
-        Quaternion::new(cy, 0.0, 0.0, sy) * Quaternion::new(cp, 0.0, sp, 0.0) * Quaternion::new(cr, sr, 0.0, 0.0);
+    let turn = Quaternion::new(cy, 0.0, 0.0, sy)
+        * Quaternion::new(cp, 0.0, sp, 0.0)
+        * Quaternion::new(cr, sr, 0.0, 0.0);
     Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_quaternion(turn))
 }
 

@@ -190,7 +190,8 @@ fn messages(mut bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
     })
 }
 
-/// A wall: every beam has one echo, at beam-dependent range, whatever the settings; but for gains below −9 dB, which see nothing.
+/// A wall: every beam has one echo, at beam-dependent range, whatever the settings; but for gains
+/// below −9 dB, which see nothing.
 #[derive(Clone, Debug, Default)]
 pub struct Target {
     /// Shots so far.

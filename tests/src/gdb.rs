@@ -78,7 +78,8 @@ impl Gdb {
     /// When the emulator refuses.
     pub fn jump(&mut self, address: u32) -> io::Result<()> {
         const PROGRAM_COUNTER: u8 = 15;
-        let little_endian: String = address.to_le_bytes().iter().map(|byte| format!("{byte:02x}")).collect();
+        let little_endian: String =
+            address.to_le_bytes().iter().map(|byte| format!("{byte:02x}")).collect();
         match self.ask(&format!("P{PROGRAM_COUNTER:x}={little_endian}"))?.as_str() {
             "OK" => Ok(()),
             answer => Err(io::Error::other(format!("jump to {address:#x}: {answer}"))),

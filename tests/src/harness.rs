@@ -1,4 +1,5 @@
-//! What must hold whatever bytes arrive or are stored: the bodies of the fuzz targets in `fuzz/`, which the ordinary tests run too.
+//! What must hold whatever bytes arrive or are stored: the bodies of the fuzz targets in `fuzz/`,
+//! which the ordinary tests run too.
 //!
 //! | function | bytes are | must hold |
 //! |---|---|---|
@@ -16,7 +17,8 @@ use echoloop_dsp::settings::PARAMETERS;
 use echoloop_dsp::{Hardware, Pipeline, ScanPattern, Scratch, Settings};
 use echoloop_host::waveforms::{Finder, Options, parse_waveforms};
 use echoloop_link::{
-    Command, Decoder, Greeting, MAX_FRAME, Report, SETTINGS_SCHEMA, checksum, decode, encode, settings_hash,
+    Command, Decoder, Greeting, MAX_FRAME, Report, SETTINGS_SCHEMA, checksum, decode, encode,
+    settings_hash,
 };
 use echoloop_sensor::store::{MAGIC, forget, load, save};
 use echoloop_sim::board::PcSensor;
@@ -44,9 +46,11 @@ impl Serialize for Raw<'_> {
 fn said_again<T: Serialize + DeserializeOwned + PartialEq + Debug>(frame: &[u8]) {
     let Ok((sequence, message)) = decode::<T>(&mut frame.to_vec()) else { return };
     let mut again = [0; MAX_FRAME];
-    let again = encode(sequence, &message, &mut again).expect("what came in a frame fits one").to_vec();
+    let again =
+        encode(sequence, &message, &mut again).expect("what came in a frame fits one").to_vec();
     let mut decoder = Decoder::new();
-    let mut frames = again.iter().filter_map(|&byte| decoder.push(byte).map(|frame| frame.map(|f| f.to_vec())));
+    let mut frames =
+        again.iter().filter_map(|&byte| decoder.push(byte).map(|frame| frame.map(|f| f.to_vec())));
     let mut frame = frames.next().expect("a frame ends").expect("it is not too long");
     assert_eq!(decode::<T>(&mut frame), Ok((sequence, message)));
 }
@@ -135,7 +139,13 @@ impl Witness {
     fn switch_on(store: NorRam) -> Self {
         let pattern = ScanPattern { columns: 2, rows: 2, ..ScanPattern::default() };
         let sensor = PcSensor::with_store(Target::default(), pattern, HARDWARE, store);
-        Self { sensor, names: HashMap::new(), active: vec![Settings::default()], staged: 0, sequence: 0 }
+        Self {
+            sensor,
+            names: HashMap::new(),
+            active: vec![Settings::default()],
+            staged: 0,
+            sequence: 0,
+        }
     }
 
     /// The power goes and comes back; the flash and this witness remember.
@@ -165,7 +175,11 @@ impl Witness {
         let (settings, (generation, hash)) = (*session.settings(), session.version());
         assert_eq!(settings.check(&HARDWARE), Ok(()));
         assert_eq!(hash, settings_hash(&settings));
-        assert_eq!(*self.names.entry(generation).or_insert(settings), settings, "generation {generation}");
+        assert_eq!(
+            *self.names.entry(generation).or_insert(settings),
+            settings,
+            "generation {generation}"
+        );
         if !self.active.contains(&settings) {
             self.active.push(settings);
         }
@@ -181,7 +195,9 @@ impl Witness {
             1 => draw.word(),
             _ => self.staged,
         };
-        let near = generation.wrapping_add(u32::from(draw.below(4))).wrapping_sub(u32::from(draw.below(3)));
+        let near = generation
+            .wrapping_add(u32::from(draw.below(4)))
+            .wrapping_sub(u32::from(draw.below(3)));
         match draw.below(9) {
             0 => Command::Hello(Greeting { protocol: draw.word() as u16, ..Greeting::OURS }),
             1 => {
@@ -189,9 +205,17 @@ impl Witness {
                 self.staged = settings_hash(&settings);
                 Command::Stage(settings)
             }
-            2 => Command::Commit { hash, base_generation: near, confirm_within: u16::from(draw.below(4)) },
+            2 => Command::Commit {
+                hash,
+                base_generation: near,
+                confirm_within: u16::from(draw.below(4)),
+            },
             3 => Command::ReadSettings,
-            4 => Command::ReadBeams { frame: draw.word() % 4, first: draw.word() % 6, count: u16::from(draw.below(6)) },
+            4 => Command::ReadBeams {
+                frame: draw.word() % 4,
+                first: draw.word() % 6,
+                count: u16::from(draw.below(6)),
+            },
             5 => Command::ReadCounters,
             6 => Command::Confirm { generation: near },
             7 => Command::Save { hash },
@@ -217,16 +241,21 @@ pub fn session(bytes: &[u8]) {
             11 => witness.hear(&draw.bytes()),
             12 => witness.say(&Raw(&draw.bytes())),
             13 => witness.sequence = draw.word() as u16,
-            14 => witness.sensor.store_mut().cut_after(usize::from(draw.below(40)), u64::from(draw.byte())),
+            14 => witness
+                .sensor
+                .store_mut()
+                .cut_after(usize::from(draw.below(40)), u64::from(draw.byte())),
             _ => witness.restart(),
         }
     }
 }
 
-/// A flash that holds any bytes; with a first byte of 1 to 3, either slot or both are made to look right to their checksum.
+/// A flash that holds any bytes; with a first byte of 1 to 3, either slot or both are made to look
+/// right to their checksum.
 pub fn store(bytes: &[u8]) {
     let (forged, rest) = bytes.split_first().map_or((0, bytes), |(first, rest)| (*first, rest));
-    let mut image: Vec<u8> = rest.iter().copied().chain(std::iter::repeat(0xFF)).take(512).collect();
+    let mut image: Vec<u8> =
+        rest.iter().copied().chain(std::iter::repeat(0xFF)).take(512).collect();
     image
         .chunks_mut(256)
         .enumerate()
@@ -306,7 +335,8 @@ fn record(draw: &mut Draw<'_>) {
     let (min_separation, echoes) = (u32::from(draw.byte()), usize::from(draw.below(40)));
     let outgoing: Vec<u16> = draw.bytes().into_iter().map(u16::from).collect();
     let pulse = Pulse::of(&mut recorder, &outgoing, code_shift);
-    let search = Search { code_shift, snr_threshold: threshold, floor, min_separation, echoes, pulse };
+    let search =
+        Search { code_shift, snr_threshold: threshold, floor, min_separation, echoes, pulse };
     let codes = draw.codes();
     let found = recorder.echoes(&codes, &search);
     let end = (codes.len() as i64) << 16;
@@ -314,17 +344,27 @@ fn record(draw: &mut Draw<'_>) {
     let apart = i64::from(min_separation.max(1)) << 16;
     assert!(found.windows(2).all(|pair| pair[0].time + apart <= pair[1].time), "each echo once");
 
-    assert!(found.iter().all(|e| (0..end).contains(&e.time) && (0..end).contains(&e.crest) && e.width >= 0));
+    assert!(
+        found
+            .iter()
+            .all(|e| (0..end).contains(&e.time) && (0..end).contains(&e.crest) && e.width >= 0)
+    );
     assert_eq!(recorder.echoes(&codes, &search), found, "what the memory held changes nothing");
 }
 
 fn file(bytes: &[u8]) {
     let Ok(rows) = parse_waveforms("any".as_ref(), bytes) else { return };
-    let options = Options { sample_ns: 1.0, snr: 5.0, floor: 0.05, max_echoes: 100, min_separation_ns: 0.0 };
+    let options =
+        Options { sample_ns: 1.0, snr: 5.0, floor: 0.05, max_echoes: 100, min_separation_ns: 0.0 };
     for (waveform, row) in Finder::new(options).find(&rows, &rows).iter().zip(&rows) {
         let times: Vec<f64> = waveform.echoes.iter().map(|echo| echo.time_ns).collect();
-        assert!(times.is_sorted_by(|a, b| a < b) && times.iter().all(|&t| t >= 0.0 && t < row.len() as f64));
-        let finite = |echo: &echoloop_host::waveforms::Echo| echo.amplitude.is_finite() && echo.width_ns.is_finite();
+        assert!(
+            times.is_sorted_by(|a, b| a < b)
+                && times.iter().all(|&t| t >= 0.0 && t < row.len() as f64)
+        );
+        let finite = |echo: &echoloop_host::waveforms::Echo| {
+            echo.amplitude.is_finite() && echo.width_ns.is_finite()
+        };
         assert!(waveform.echoes.iter().all(finite));
     }
 }

@@ -49,7 +49,11 @@ fn q16(samples: f64) -> f64 {
 
 /// To the nearest integer, ties up, of a quotient; of zero over zero, zero.
 fn quotient(numerator: f64, denominator: f64) -> f64 {
-    if denominator == 0.0 { 0.0 } else { ((2.0 * numerator + denominator) / (2.0 * denominator)).floor() }
+    if denominator == 0.0 {
+        0.0
+    } else {
+        ((2.0 * numerator + denominator) / (2.0 * denominator)).floor()
+    }
 }
 
 /// The value of rank ⌈N/2⌉, how many lie below it and how many on it.
@@ -57,7 +61,8 @@ fn middle(values: &[f64]) -> (f64, f64, f64) {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     let middle = sorted[sorted.len().div_ceil(2) - 1];
-    let count = |pick: fn(f64, f64) -> bool| values.iter().filter(|&&v| pick(v, middle)).count() as f64;
+    let count =
+        |pick: fn(f64, f64) -> bool| values.iter().filter(|&&v| pick(v, middle)).count() as f64;
     (middle, count(|v, m| v < m), count(|v, m| v == m))
 }
 
@@ -96,7 +101,8 @@ fn rest(codes: &[f64], code: f64) -> (f64, f64) {
         foot = foot.max((a + b) * code / 2.0 - one_sigma);
     }
     let (v, below, at) = middle(codes);
-    let median = (v - 0.5) * code + ((codes.len() as f64 - 2.0 * below) * code / (2.0 * at)).floor();
+    let median =
+        (v - 0.5) * code + ((codes.len() as f64 - 2.0 * below) * code / (2.0 * at)).floor();
     let ambient = if median <= foot + one_sigma { median } else { foot };
     (ambient.min(32_767.0), sigma)
 }
@@ -121,14 +127,16 @@ fn scale(bank: &[Template], x: &[f64], sigma: f64, pulse: Option<f64>) -> (f64, 
     let pulse = pulse.unwrap_or_else(|| {
         let fits = |&&width: &&u32| width == 2 || 2 * width as usize <= x.len();
         let widths: Vec<u32> = WIDTHS.iter().take_while(fits).copied().collect();
-        let tops: Vec<f64> = widths.iter().zip(bank).map(|(_, t)| highest(&filtered(&taps(t), x))).collect();
+        let tops: Vec<f64> =
+            widths.iter().zip(bank).map(|(_, t)| highest(&filtered(&taps(t), x))).collect();
         let mut best = 0;
         for i in 1..widths.len() {
             if tops[i] * gain(&bank[best]) > tops[best] * gain(&bank[i]) {
                 best = i;
             }
         }
-        let nearly = |&i: &usize| 32.0 * tops[i] * gain(&bank[best]) >= 31.0 * tops[best] * gain(&bank[i]);
+        let nearly =
+            |&i: &usize| 32.0 * tops[i] * gain(&bank[best]) >= 31.0 * tops[best] * gain(&bank[i]);
         f64::from((0..widths.len()).find(nearly).map_or(2, |i| widths[i]))
     });
     let factor = (8.0 * pulse).max(100.0);
@@ -195,7 +203,8 @@ fn foot<'a>(height: f64, side: impl Iterator<Item = &'a f64>) -> f64 {
 fn fit(x: &[f64], peaks: &[Peak]) -> Vec<Component> {
     let first = |peak: &Peak| {
         let height = x[peak.index].max(1.0);
-        let width = foot(height, x[..peak.index].iter().rev()).min(foot(height, x[peak.index + 1..].iter()));
+        let width = foot(height, x[..peak.index].iter().rev())
+            .min(foot(height, x[peak.index + 1..].iter()));
         let sigma = (217.0 * width).max(256.0).clamp(MIN_SIGMA, MAX_SIGMA);
         Component { time: q16(peak.index as f64), height, sigma }
     };
@@ -256,7 +265,9 @@ struct Crest {
 }
 
 fn climb(y: &[f64], start: usize, reach: usize, flat: f64) -> Crest {
-    let at = |i: i64| usize::try_from(i).ok().and_then(|i| y.get(i)).copied().unwrap_or(f64::NEG_INFINITY);
+    let at = |i: i64| {
+        usize::try_from(i).ok().and_then(|i| y.get(i)).copied().unwrap_or(f64::NEG_INFINITY)
+    };
     let mut i = start as i64;
     for _ in 0..reach {
         let (before, after) = (at(i - 1), at(i + 1));
@@ -281,7 +292,9 @@ fn climb(y: &[f64], start: usize, reach: usize, flat: f64) -> Crest {
         true if inner => q16(a as f64) + vertex(at(a - 1), height, at(a + 1)),
         true => q16(a as f64),
     };
-    let is_flat = inner && length >= 3.0 && drop * (length - 1.0).powi(2) > 2.0 * flat * (length + 1.0).powi(2);
+    let is_flat = inner
+        && length >= 3.0
+        && drop * (length - 1.0).powi(2) > 2.0 * flat * (length + 1.0).powi(2);
     Crest { time, first: a as usize, height, flat: is_flat, inside: inner }
 }
 
@@ -296,7 +309,9 @@ fn crossing(y: &[f64], crest: &Crest, grain: f64, direction: i64) -> Result<f64,
     let (half, rise) = ((crest.height / 2.0).floor(), grain.max((crest.height / 16.0).floor()));
     let (mut i, mut valley) = (crest.first as i64, crest.height);
     loop {
-        let Some(&value) = usize::try_from(i + direction).ok().and_then(|i| y.get(i)) else { return Err(TRUNCATED) };
+        let Some(&value) = usize::try_from(i + direction).ok().and_then(|i| y.get(i)) else {
+            return Err(TRUNCATED);
+        };
         let inner = y[i as usize];
         if value < half {
             let fraction = (65_536.0 * (inner - half) / (inner - value)).trunc();
@@ -318,18 +333,24 @@ pub fn echoes(codes: &[u16], search: &Search) -> Vec<Echo> {
     let code = f64::from(1u32 << search.code_shift);
     let (ambient, sigma) = rest(&codes, code);
     let x: Vec<f64> = codes.iter().map(|c| c * code - ambient).collect();
-    let bank: Vec<Template> = WIDTHS.iter().map(|&width| Template::sin_squared(width * 1000, 1_000_000)).collect();
+    let bank: Vec<Template> =
+        WIDTHS.iter().map(|&width| Template::sin_squared(width * 1000, 1_000_000)).collect();
     let known = search.pulse.map(|pulse| nearest(pulse.width as f64 / 65_536.0).clamp(1.0, 63.0));
     let (pulse, view) = scale(&bank, &x, sigma, known);
     let narrow = &bank[view];
-    let sharpener = Sharpener::new(narrow, (2.0 * pulse / 3.0).floor().max(1.0) as usize, f64::from(SHARPNESS));
+    let sharpener =
+        Sharpener::new(narrow, (2.0 * pulse / 3.0).floor().max(1.0) as usize, f64::from(SHARPNESS));
     let z = filtered(&sharpener.taps, &x);
     let sigma_z = sharpener.sigma(sigma);
     let top = highest(&z);
     let by_noise = nearest(sigma_z * f64::from(search.snr_threshold) / 4_096.0);
-    let level = by_noise.max(nearest(top.max(0.0) * f64::from(search.floor) / 32_768.0)).clamp(1.0, 32_767.0);
+    let level = by_noise
+        .max(nearest(top.max(0.0) * f64::from(search.floor) / 32_768.0))
+        .clamp(1.0, 32_767.0);
     let least = nearest(sigma_z / 8.0).max((3.0 * top / 512.0).floor());
-    let rise = |z: f64| least.max(if 5.0 * z < top { (5.0 * z / 32.0).floor() } else { 0.0 }).min(65_535.0);
+    let rise = |z: f64| {
+        least.max(if 5.0 * z < top { (5.0 * z / 32.0).floor() } else { 0.0 }).min(65_535.0)
+    };
     let peaks = crests(&z, 0, level, rise);
     let peaks = without_ringing(&peaks, &z, pulse, search.pulse.as_ref());
     let is_strong = |peak: &Peak| 5.0 * peak.height >= top;
@@ -365,12 +386,21 @@ pub fn echoes(codes: &[u16], search: &Search) -> Vec<Echo> {
         let inverse = (536_870_912.0 / f64::from(narrow.peak_gain())).floor().min(65_535.0);
         let fitted = component.filter(|_| view > 0 && !crest.flat);
         let lowered = view > 0 && f64::from(WIDTHS[view]) >= pulse;
-        let height = if lowered { nearest(crest.height * inverse / 16_384.0) } else { crest.height };
+        let height =
+            if lowered { nearest(crest.height * inverse / 16_384.0) } else { crest.height };
         Some(Echo {
-            time: component.filter(|_| !crest.flat && flags & TRUNCATED == 0).map_or(crest.time, |c| {
-                let time = limited(crest.time, &c, (view == 0).then_some(sigma), search.pulse.as_ref());
-                time.clamp(0.0, (codes.len() as f64 - 1.0) * 65_536.0)
-            }),
+            time: component.filter(|_| !crest.flat && flags & TRUNCATED == 0).map_or(
+                crest.time,
+                |c| {
+                    let time = limited(
+                        crest.time,
+                        &c,
+                        (view == 0).then_some(sigma),
+                        search.pulse.as_ref(),
+                    );
+                    time.clamp(0.0, (codes.len() as f64 - 1.0) * 65_536.0)
+                },
+            ),
             amplitude: fitted.map_or(height, |c| c.height),
             width: fitted.map_or(width, |c| (603.0 * c.sigma / 256.0).floor() * 256.0),
             snr: (4_096.0 * peak.height.max(0.0) / sigma_z.max(1.0)).floor(),
@@ -387,21 +417,28 @@ fn limited(crest: f64, component: &Component, noise: Option<f64>, pulse: Option<
     let jitter = |noise: f64| quotient(23.0 * noise * square, component.height.max(1.0));
     let reach = noise.map_or(0.0, |noise| (18.0 * component.sigma - jitter(noise)).max(0.0));
     let skew = pulse.map_or(0.0, |p| (p.skew as f64).clamp(-(p.width as f64), p.width as f64));
-    crest.clamp(component.time - reach.max(skew + 4_096.0), component.time + reach.max(4_096.0 - skew))
+    crest.clamp(
+        component.time - reach.max(skew + 4_096.0),
+        component.time + reach.max(4_096.0 - skew),
+    )
 }
 
 fn without_ringing(peaks: &[Peak], z: &[f64], width: f64, pulse: Option<&Pulse>) -> Vec<Peak> {
     let mut kept: Vec<Peak> = Vec::new();
     for peak in peaks {
-        let strong = peaks.iter().rev().find(|b| b.index < peak.index && b.height > 4.0 * peak.height);
+        let strong =
+            peaks.iter().rev().find(|b| b.index < peak.index && b.height > 4.0 * peak.height);
         let swings = strong.is_some_and(|b| {
             let from = b.index.max(peak.index.saturating_sub(3 * width as usize));
-            4.0 * z[from..peak.index].iter().copied().fold(f64::INFINITY, f64::min) <= -3.0 * peak.height
+            4.0 * z[from..peak.index].iter().copied().fold(f64::INFINITY, f64::min)
+                <= -3.0 * peak.height
         });
         let mut expected = 0.0;
         for (pulse, b) in pulse.iter().flat_map(|&p| kept.iter().map(move |b| (p, b))) {
             for &(ring, height) in &pulse.ringing {
-                if 4.0 * (q16((peak.index - b.index) as f64) - ring as f64).abs() <= pulse.width as f64 {
+                if 4.0 * (q16((peak.index - b.index) as f64) - ring as f64).abs()
+                    <= pulse.width as f64
+                {
                     expected += (b.height * f64::from(height) / 32_768.0).floor();
                 }
             }

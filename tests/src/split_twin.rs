@@ -16,7 +16,8 @@ pub struct Sharpener {
 }
 
 impl Sharpener {
-    /// The sensor's: half the pulse's width, lagging by as much in whole samples, an eighth of the difference.
+    /// The sensor's: half the pulse's width, lagging by as much in whole samples, an eighth of the
+    /// difference.
     pub fn for_pulse(width_ps: u32, period_fs: f64) -> Self {
         let narrow = Template::sin_squared(width_ps / 2, period_fs as u32);
         Self::new(&narrow, (f64::from(width_ps) * 500.0 / period_fs).floor() as usize, 8.0)
@@ -28,7 +29,9 @@ impl Sharpener {
         let centre = taps.len() as i64 / 2;
         let most = echoloop_dsp::MAX_TAPS as i64 / 2 - centre;
         let q = (lag as i64).clamp(1, most.max(1));
-        let h = |k: i64| usize::try_from(k + centre).ok().and_then(|i| taps.get(i)).copied().unwrap_or(0.0);
+        let h = |k: i64| {
+            usize::try_from(k + centre).ok().and_then(|i| taps.get(i)).copied().unwrap_or(0.0)
+        };
         let tap = |k: i64| {
             let sum = (64.0 + 2.0 * strength) * h(k) - strength * (h(k - q) + h(k + q));
             (sum / (64.0 + 4.0 * strength)).trunc()
@@ -42,7 +45,9 @@ impl Sharpener {
     /// The whole waveform sharpened, x being `outside(n)` at n < 0 and n ≥ N.
     pub fn sharpened(&self, x: &[f64], outside: impl Fn(i64) -> f64) -> Vec<f64> {
         let half = self.taps.len() as i64 / 2;
-        let at = |n: i64| usize::try_from(n).ok().and_then(|n| x.get(n)).copied().unwrap_or_else(|| outside(n));
+        let at = |n: i64| {
+            usize::try_from(n).ok().and_then(|n| x.get(n)).copied().unwrap_or_else(|| outside(n))
+        };
         let sum = |n: i64| self.taps.iter().zip(-half..).map(|(s, k)| s * at(n + k)).sum::<f64>();
         (0..x.len() as i64).map(|n| nearest(sum(n) / 32_768.0).clamp(-32_768.0, 32_767.0)).collect()
     }
@@ -53,7 +58,8 @@ impl Sharpener {
     }
 }
 
-/// Crests at or above `level` that stand out by `rise`, by rising index. `values` begin at sample `first`.
+/// Crests at or above `level` that stand out by `rise`, by rising index. `values` begin at sample
+/// `first`.
 pub fn crests(values: &[f64], first: usize, level: f64, rise: impl Fn(f64) -> f64) -> Vec<Peak> {
     let mut found = Vec::new();
     let (mut top, mut n) = (0, 0);
@@ -82,7 +88,8 @@ pub fn crests(values: &[f64], first: usize, level: f64, rise: impl Fn(f64) -> f6
         top = n;
     }
     found.retain(|&top| top > 0 && values[top] >= level);
-    let mut peaks: Vec<Peak> = found.iter().map(|&top| Peak { index: first + top, height: values[top] }).collect();
+    let mut peaks: Vec<Peak> =
+        found.iter().map(|&top| Peak { index: first + top, height: values[top] }).collect();
     strongest(&mut peaks, 32);
     peaks
 }
@@ -109,12 +116,14 @@ pub fn shoulders(
     let sharp = sharpener.sharpened(x, |_| 0.0);
     let sigma = sharpener.sigma(sigma);
     let rise = |height: f64| (height / 16.0).floor().max((5.0 * sigma / 16.0).floor());
-    let middles: Vec<usize> = coarse.windows(2).map(|two| (two[0].index + two[1].index) / 2 + 1).collect();
+    let middles: Vec<usize> =
+        coarse.windows(2).map(|two| (two[0].index + two[1].index) / 2 + 1).collect();
     let mut all = Vec::new();
     for (i, peak) in coarse.iter().enumerate() {
         let reach = 4 * sharpener.lag + 3;
         let from = peak.index.saturating_sub(reach).max(if i > 0 { middles[i - 1] } else { 0 });
-        let to = (peak.index + reach + 1).min(middles.get(i).copied().unwrap_or(x.len())).min(x.len());
+        let to =
+            (peak.index + reach + 1).min(middles.get(i).copied().unwrap_or(x.len())).min(x.len());
         let mut under = crests(sharp.get(from..to).unwrap_or_default(), from, 1.0, rise);
         under.iter_mut().for_each(|p| p.height = y[p.index]);
         under.retain(|p| p.height >= level);

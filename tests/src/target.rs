@@ -10,7 +10,8 @@ pub fn workspace() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// A machine with the image built for it. Without emulator or image the test is skipped aloud, and fails where `CI` is set.
+/// A machine with the image built for it. Without emulator or image the test is skipped aloud, and
+/// fails where `CI` is set.
 ///
 /// # Panics
 ///
@@ -20,7 +21,11 @@ pub fn machine(machine: Machine) -> Option<QemuOptions> {
     let missing = match check_installed(machine) {
         Err(error) => error.to_string(),
         Ok(()) if !options.image.is_file() => {
-            format!("no image {}: cargo xtask firmware --target {}", options.image.display(), machine.target())
+            format!(
+                "no image {}: cargo xtask firmware --target {}",
+                options.image.display(),
+                machine.target()
+            )
         }
         Ok(()) => return Some(options),
     };

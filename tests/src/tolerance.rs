@@ -21,8 +21,8 @@ pub struct Tolerance {
 
 /// 12 bits, 5 ns, 0.5 to 3 GS/s, noise of at least [`LEAST_NOISE_CODES`].
 ///
-/// What remains is the filter's output in Q1.15: an echo of SNR 5 in noise of 4 codes is 25 to 75 LSB high. Height, width and
-/// SNR are read from it; the time comes from eight bits more.
+/// What remains is the filter's output in Q1.15: an echo of SNR 5 in noise of 4 codes is 25 to 75
+/// LSB high. Height, width and SNR are read from it; the time comes from eight bits more.
 #[rustfmt::skip]
 pub const TOLERANCES: [Tolerance; 5] = [
     Tolerance { from_snr:   5.0, range_mm: 4.0, amplitude: 1.2e-4, width_ns: 0.45, snr: 0.040, deviation: 0.040 },
@@ -32,7 +32,8 @@ pub const TOLERANCES: [Tolerance; 5] = [
     Tolerance { from_snr: 100.0, range_mm: 0.6, amplitude: 5.4e-4, width_ns: 0.06, snr: 0.010, deviation: 0.010 },
 ];
 
-/// Least σ of one sample for which [`TOLERANCES`] hold, ADC codes. The reference receiver's amplifier alone has 6.7.
+/// Least σ of one sample for which [`TOLERANCES`] hold, ADC codes. The reference receiver's
+/// amplifier alone has 6.7.
 pub const LEAST_NOISE_CODES: f64 = 4.0;
 
 /// The bounds for an SNR, if there are any.
@@ -41,7 +42,8 @@ pub fn at(snr: f64) -> Option<&'static Tolerance> {
 }
 
 impl Tolerance {
-    /// How much of each bound the difference of two echoes takes: range, amplitude, width, SNR, σ. Within it at most 1.
+    /// How much of each bound the difference of two echoes takes: range, amplitude, width, SNR, σ.
+    /// Within it at most 1.
     pub fn taken(&self, a: &Echo, b: &Echo) -> [f64; 5] {
         [
             (a.range_mm - b.range_mm).abs() / self.range_mm,

@@ -1,8 +1,9 @@
 //! Seeded waveforms and settings: the ordinary, the extreme, and the ties.
 //!
-//! [`case`] draws settings over the whole accepted table and a waveform of one [`Kind`]; [`output`] draws what a filter
-//! could give, with far more ties and plateaus than one does; [`clipped_run`] a pulse between clipped samples, at every
-//! depth. The same seed gives the same vector on every machine.
+//! [`case`] draws settings over the whole accepted table and a waveform of one [`Kind`]; [`output`]
+//! draws what a filter could give, with far more ties and plateaus than one does; [`clipped_run`] a
+//! pulse between clipped samples, at every depth. The same seed gives the same vector on every
+//! machine.
 
 use std::f64::consts::PI;
 
@@ -62,8 +63,9 @@ pub struct Case {
     pub hardware: Hardware,
     /// What the waveform looks like.
     pub kind: Kind,
-    /// What the pipeline takes: the codes before the trigger, if the settings ask for them, then the waveform's; of several
-    /// shots their sum, as [`Accumulator`](echoloop_dsp::accumulate::Accumulator) gives it.
+    /// What the pipeline takes: the codes before the trigger, if the settings ask for them, then
+    /// the waveform's; of several shots their sum, as
+    /// [`Accumulator`](echoloop_dsp::accumulate::Accumulator) gives it.
     pub codes: Vec<u16>,
 }
 
@@ -84,12 +86,19 @@ pub fn case(seed: u64) -> Case {
     Case { settings, hardware, kind, codes }
 }
 
-/// One shot of one kind for a sensor with these settings, with the samples before the trigger that they ask for.
-pub fn waveform(settings: &Settings, hardware: &Hardware, kind: Kind, rng: &mut impl Rng) -> Vec<u16> {
+/// One shot of one kind for a sensor with these settings, with the samples before the trigger that
+/// they ask for.
+pub fn waveform(
+    settings: &Settings,
+    hardware: &Hardware,
+    kind: Kind,
+    rng: &mut impl Rng,
+) -> Vec<u16> {
     Drawing::new(settings, hardware, 1).codes(kind, rng)
 }
 
-/// As many shots as the settings ask for, all as long: ordinary ones, all at full scale, or of any codes.
+/// As many shots as the settings ask for, all as long: ordinary ones, all at full scale, or of any
+/// codes.
 pub fn shots(case: &Case, rng: &mut impl Rng) -> Vec<Vec<u16>> {
     let full_scale = case.hardware.full_scale_code();
     let top = pick(rng, &[1, full_scale, full_scale, u16::MAX]);
@@ -104,8 +113,8 @@ pub fn rng(seed: u64) -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(seed)
 }
 
-/// Half of them the reference sensor; the others have 8 to 14 bits, other windows, which may begin at 0 or at 10 km, and receivers from
-/// none to absurd.
+/// Half of them the reference sensor; the others have 8 to 14 bits, other windows, which may begin
+/// at 0 or at 10 km, and receivers from none to absurd.
 pub fn hardware(rng: &mut impl Rng) -> Hardware {
     if rng.random() {
         return Hardware::REFERENCE;
@@ -131,7 +140,11 @@ pub fn settings(rng: &mut impl Rng, hardware: &Hardware) -> Settings {
             gain_cdb: with_ends(rng, -1_000, 3_000),
             bins: with_ends(rng, 200, 2_400),
             shots: pick(rng, &[1, 1, 2, 4, 8, 16]),
-            saturation_ppm: if rng.random() { 1_000_000 } else { with_ends(rng, 250_000, 1_000_000) },
+            saturation_ppm: if rng.random() {
+                1_000_000
+            } else {
+                with_ends(rng, 250_000, 1_000_000)
+            },
             noise_floor_ppm: log_uniform(rng, 100.0, 200_000.0).round() as i32,
             snr_threshold_milli: with_ends(rng, 2_500, 8_000),
             upsampling: pick(rng, &[1, 2, 4, 8]),
@@ -256,7 +269,9 @@ impl Drawing {
         match rng.random_range(0..6) {
             0 => vec![any; self.before],
             1 => (0..self.before).map(|_| rng.random_range(0..=top)).collect(),
-            _ => (0..self.before).map(|_| dark.saturating_add(rng.random_range(0..=width))).collect(),
+            _ => {
+                (0..self.before).map(|_| dark.saturating_add(rng.random_range(0..=width))).collect()
+            }
         }
     }
 
@@ -308,13 +323,15 @@ impl Drawing {
     /// Anywhere, at sub-sample phases that are often binary fractions.
     fn place(&self, rng: &mut impl Rng) -> f64 {
         let sample = rng.random_range(0..self.samples) as f64;
-        let phase = if rng.random() { f64::from(rng.random_range(0..16u8)) / 16.0 } else { rng.random() };
+        let phase =
+            if rng.random() { f64::from(rng.random_range(0..16u8)) / 16.0 } else { rng.random() };
         sample + phase
     }
 
     fn short(&self, rng: &mut impl Rng) -> Vec<u16> {
         let longest = (3.0 * self.width) as usize;
-        let length = if rng.random() { rng.random_range(0..4) } else { rng.random_range(0..=longest) };
+        let length =
+            if rng.random() { rng.random_range(0..4) } else { rng.random_range(0..=longest) };
         let mut wave = self.quiet(rng);
         wave.truncate(length);
         if rng.random() {
@@ -344,7 +361,8 @@ impl Drawing {
         self.digitised(wave)
     }
 
-    /// One to 10⁵ times what the saturation level or the ADC takes; sometimes two, or at an end of the window.
+    /// One to 10⁵ times what the saturation level or the ADC takes; sometimes two, or at an end of
+    /// the window.
     fn clipped(&self, rng: &mut impl Rng) -> Vec<u16> {
         let mut wave = self.quiet(rng);
         let deepest = pick(rng, &[3.0, 60.0, 1e5]);
@@ -382,7 +400,12 @@ impl Drawing {
         let amplitude = log_uniform(rng, 4.0, self.full_scale);
         let ratio = if rng.random() { 1.0 } else { log_uniform(rng, 0.05, 1.0) };
         add_echo(&mut wave, at, amplitude, self.width);
-        add_echo(&mut wave, at + 3.0 * self.width * rng.random::<f64>(), ratio * amplitude, self.width);
+        add_echo(
+            &mut wave,
+            at + 3.0 * self.width * rng.random::<f64>(),
+            ratio * amplitude,
+            self.width,
+        );
         self.digitised(wave)
     }
 
@@ -399,7 +422,8 @@ impl Drawing {
         self.digitised(wave)
     }
 
-    /// Echoes equal to the last bit, whole numbers of samples apart: every comparison of heights is a tie.
+    /// Echoes equal to the last bit, whole numbers of samples apart: every comparison of heights is
+    /// a tie.
     fn equal(&self, rng: &mut impl Rng) -> Vec<u16> {
         let phase = f64::from(rng.random_range(0..4u8)) / 4.0;
         let amplitude = log_uniform(rng, 8.0, 0.9 * self.full_scale).round();
@@ -512,16 +536,19 @@ pub struct ClippedRun {
     pub shot: u32,
 }
 
-/// A pulse from just clipped to far beyond, of 1/16 to 130 samples a width, in no noise to noise that hides it; a run of any
-/// length where nothing like a pulse lies; runs at the ends.
+/// A pulse from just clipped to far beyond, of 1/16 to 130 samples a width, in no noise to noise
+/// that hides it; a run of any length where nothing like a pulse lies; runs at the ends.
 pub fn clipped_run(seed: u64) -> ClippedRun {
     let mut rng = rng(seed ^ 0x0063_6c69_7070_6564);
     let rng = &mut rng;
     let period_fs = log_uniform(rng, 300_000.0, 4e6);
     let longest = pick(rng, &[3.0, 12.0, 130.0]);
     let samples = log_uniform(rng, 2.0, longest);
-    let width_ps =
-        if rng.random_range(0..64) == 0 { rng.random_range(0..60) } else { (samples * period_fs / 1e3) as u32 };
+    let width_ps = if rng.random_range(0..64) == 0 {
+        rng.random_range(0..60)
+    } else {
+        (samples * period_fs / 1e3) as u32
+    };
     let level = match rng.random_range(0..4) {
         0 => rng.random_range(1..200),
         1 => 65_535 >> rng.random_range(0..4),
@@ -555,23 +582,41 @@ pub fn clipped_run(seed: u64) -> ClippedRun {
     if rng.random_range(0..32) == 0 {
         return flat_top(rng, level, shot);
     }
-    let x = wave.iter().map(|v| v.round().min(level as f64).clamp(-32_768.0, 32_767.0) as i16).collect();
+    let x = wave
+        .iter()
+        .map(|v| v.round().min(level as f64).clamp(-32_768.0, 32_767.0) as i16)
+        .collect();
     ClippedRun { width_ps, period_fs: period_fs as u32, x, level, first, last, sigma, shot }
 }
 
-/// One clipped sample of the longest pulses, in noise that its neighbours just exceed: an edge as uncertain as one can be.
+/// One clipped sample of the longest pulses, in noise that its neighbours just exceed: an edge as
+/// uncertain as one can be.
 fn flat_top(rng: &mut impl Rng, level: i64, shot: u32) -> ClippedRun {
     let width_ps = rng.random_range(100_000..=140_000);
     let x = (0..9).map(|_| (level - rng.random_range(0..2)).min(0x7fff) as i16).collect();
     let sigma = (level as f64 * 16.0 / rng.random_range(2.9..6.0)) as u32;
     let first = rng.random_range(1..8); // beside an end there is but one pair
-    ClippedRun { width_ps, period_fs: 1_000_000, x, level, first, last: first, sigma, shot: shot % 4 }
+    ClippedRun {
+        width_ps,
+        period_fs: 1_000_000,
+        x,
+        level,
+        first,
+        last: first,
+        sigma,
+        shot: shot % 4,
+    }
 }
 
-/// What a filter could give, and a threshold: steps of a few LSB, plateaus, ties, whole-scale jumps.
+/// What a filter could give, and a threshold: steps of a few LSB, plateaus, ties, whole-scale
+/// jumps.
 pub fn output(seed: u64) -> (Vec<i16>, i16) {
     let mut rng = rng(seed ^ 0x6f75_7470_7574);
-    let length = if rng.random_range(0..8) == 0 { rng.random_range(0..40) } else { rng.random_range(40..600) };
+    let length = if rng.random_range(0..8) == 0 {
+        rng.random_range(0..40)
+    } else {
+        rng.random_range(40..600)
+    };
     let random = rng.random_range(1..=0x7fff);
     let threshold = pick(&mut rng, &[1, 2, 3, 4, 5, 8, 15, 16, 40, 41, 200, 2_000, random, 0x7fff]);
     let level = i32::from(threshold);
@@ -618,7 +663,9 @@ fn staircase(rng: &mut impl Rng, length: usize, threshold: i32) -> Vec<i32> {
 fn comb(rng: &mut impl Rng, length: usize, threshold: i32) -> Vec<i32> {
     let gap = rng.random_range(2..12);
     let spread = pick(rng, &[0, 1, 2, 100]);
-    (0..length).map(|n| if n % gap == 0 { threshold + rng.random_range(-1..=spread) } else { 0 }).collect()
+    (0..length)
+        .map(|n| if n % gap == 0 { threshold + rng.random_range(-1..=spread) } else { 0 })
+        .collect()
 }
 
 /// Filtered echoes of random height and width, their tops often flat.
@@ -627,7 +674,12 @@ fn bumps(rng: &mut impl Rng, length: usize, threshold: i32) -> Vec<i32> {
     let width = rng.random_range(2.0..30.0);
     for _ in 0..rng.random_range(1..12) {
         let amplitude = f64::from(threshold) * log_uniform(rng, 0.5, 40.0);
-        add_echo(&mut wave, rng.random::<f64>() * (length as f64 + 20.0) - 10.0, amplitude.min(40_000.0), width);
+        add_echo(
+            &mut wave,
+            rng.random::<f64>() * (length as f64 + 20.0) - 10.0,
+            amplitude.min(40_000.0),
+            width,
+        );
     }
     let flat = if rng.random() { 2.0 * f64::from(threshold) } else { 32_767.0 };
     wave.into_iter().map(|v| v.min(flat).round() as i32).collect()

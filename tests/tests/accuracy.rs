@@ -1,10 +1,12 @@
-//! What the tables say is good enough: against the twin that never rounds, against the truth, against the physics.
+//! What the tables say is good enough: against the twin that never rounds, against the truth,
+//! against the physics.
 //!
-//! Figures in comments are what the code reaches; the asserted bounds leave room for the Monte Carlo, which is seeded.
+//! Figures in comments are what the code reaches; the asserted bounds leave room for the Monte
+//! Carlo, which is seeded.
 
 use echoloop_dsp::settings::{
-    DENOISE_GAUSSIAN, DENOISE_MATCHED, DENOISE_NONE, TIMING_CFD, TIMING_PARABOLA, TIMING_RISING_EDGE,
-    TIMING_WALK_CORRECTED,
+    DENOISE_GAUSSIAN, DENOISE_MATCHED, DENOISE_NONE, TIMING_CFD, TIMING_PARABOLA,
+    TIMING_RISING_EDGE, TIMING_WALK_CORRECTED,
 };
 use echoloop_dsp::{Echo, Flags, Hardware, Pipeline, Scratch, Settings};
 use echoloop_sim::vector;
@@ -34,14 +36,21 @@ struct Bench {
 impl Bench {
     fn new(settings: Settings, hardware: Hardware) -> Self {
         let pipeline = Pipeline::new(&settings, &hardware).expect("accepted settings");
-        Self { hardware, pipeline, ideal: Ideal::new(&settings, &hardware), scratch: Scratch::new() }
+        Self {
+            hardware,
+            pipeline,
+            ideal: Ideal::new(&settings, &hardware),
+            scratch: Scratch::new(),
+        }
     }
 
     /// The strongest echo of a waveform to which one of this amplitude, in codes, is added.
     fn see(&mut self, mut wave: Vec<f64>, at: f64, amplitude: f64) -> Option<(Echo, Vec<u16>)> {
         add_echo(&mut wave, at, amplitude, self.ideal.width());
         let codes = digitise(&wave, &self.hardware);
-        vector::process(&self.pipeline, &codes, &mut self.scratch).first().map(|&echo| (echo, codes))
+        vector::process(&self.pipeline, &codes, &mut self.scratch)
+            .first()
+            .map(|&echo| (echo, codes))
     }
 
     fn error_mm(&self, echo: &Echo, at: f64) -> f64 {
@@ -64,7 +73,8 @@ impl Bench {
         (mean_and_std(&errors).0, errors.iter().fold(0.0, |worst: f64, v| v.abs().max(worst)))
     }
 
-    /// Mean and standard deviation of the range error in white noise of `sigma` codes, at random phases; every echo is found.
+    /// Mean and standard deviation of the range error in white noise of `sigma` codes, at random
+    /// phases; every echo is found.
     fn scatter(&mut self, snr: f64, sigma: f64, runs: u32) -> (f64, f64) {
         let mut rng = vectors::rng(1);
         let mut run = || {
@@ -113,10 +123,15 @@ fn echoes_stay_within_the_tolerance_table_of_the_twin_that_never_rounds() {
         let sigma = LEAST_NOISE_CODES * f64::from(1 << rng.random_range(0..3));
         let wave = noise(&mut rng, 200, 100.0, sigma);
         let amplitude = 2.0 * sigma * 500f64.powf(rng.random());
-        let Some((echo, codes)) = bench.see(wave, 100.0 + rng.random::<f64>(), amplitude) else { continue };
+        let Some((echo, codes)) = bench.see(wave, 100.0 + rng.random::<f64>(), amplitude) else {
+            continue;
+        };
         let (mut ours, twins) = (in_units(&echo), bench.ideal.process(&codes));
         // Near the threshold one of the two may see nothing.
-        let Some((twin, tolerance)) = twins.first().and_then(|t| Some((t, tolerance::at(t.snr)?))) else { continue };
+        let Some((twin, tolerance)) = twins.first().and_then(|t| Some((t, tolerance::at(t.snr)?)))
+        else {
+            continue;
+        };
         if twin.snr > 250.0 {
             continue; // U8.8 ends at 256
         }
@@ -129,7 +144,10 @@ fn echoes_stay_within_the_tolerance_table_of_the_twin_that_never_rounds() {
         seen[class] += 1;
         let taken = tolerance.taken(&ours, twin);
         clipped += u32::from(ours.saturated && settings.timing == TIMING_WALK_CORRECTED);
-        assert!(taken.iter().all(|&t| t <= 1.0), "seed {seed}: {taken:.2?} of {tolerance:?}\n{ours:?}\n{twin:?}");
+        assert!(
+            taken.iter().all(|&t| t <= 1.0),
+            "seed {seed}: {taken:.2?} of {tolerance:?}\n{ours:?}\n{twin:?}"
+        );
     }
     assert!(seen.iter().all(|&n| n > 500) && clipped > 80, "{seen:?}, {clipped} clipped");
 }
@@ -145,9 +163,13 @@ fn a_noise_free_echo_s_worst_bias_over_all_phases_is_that_of_the_parabola() {
         (ONE_GS, 8, 0.17, 0.05), // 0.17
         (TWO_GS, 8, 0.08, 0.04), // 0.08
     ] {
-        let settings = Settings { bins, upsampling, timing: TIMING_PARABOLA, ..Settings::default() };
+        let settings =
+            Settings { bins, upsampling, timing: TIMING_PARABOLA, ..Settings::default() };
         let (mean, worst) = Bench::new(settings, FINE).bias(15_000.0);
-        assert!((worst - expected_mm).abs() < within_mm, "{bins} bins, upsampling {upsampling}: {worst} mm");
+        assert!(
+            (worst - expected_mm).abs() < within_mm,
+            "{bins} bins, upsampling {upsampling}: {worst} mm"
+        );
         assert!(mean.abs() < 0.01, "{bins} bins, upsampling {upsampling}: mean {mean} mm");
     }
 }
@@ -156,8 +178,10 @@ fn a_noise_free_echo_s_worst_bias_over_all_phases_is_that_of_the_parabola() {
 fn walk_correction_takes_the_parabola_s_bias_away_behind_every_filter() {
     for (bins, within_mm) in [(HALF_GS, 0.55), (ONE_GS, 0.065), (TWO_GS, 0.08)] {
         for denoise in [DENOISE_NONE, DENOISE_GAUSSIAN, DENOISE_MATCHED] {
-            // at half a giga-sample 0.49, 0.48, 0.33; at one 0.057, 0.026, 0.031; at two 0.075, 0.012, 0.009
-            let (mean, worst) = Bench::new(Settings { bins, denoise, ..Settings::default() }, FINE).bias(15_000.0);
+            // at half a giga-sample 0.49, 0.48, 0.33; at one 0.057, 0.026, 0.031; at two 0.075,
+            // 0.012, 0.009
+            let (mean, worst) =
+                Bench::new(Settings { bins, denoise, ..Settings::default() }, FINE).bias(15_000.0);
             assert!(worst < within_mm, "{bins} bins, filter {denoise}: {worst} mm");
             assert!(mean.abs() < 0.01, "{bins} bins, filter {denoise}: mean {mean} mm");
         }
@@ -169,11 +193,18 @@ fn a_constant_fraction_has_a_bias_of_few_millimetres_and_a_threshold_one_that_wa
     for (bins, within_mm) in [(HALF_GS, 11.0), (ONE_GS, 1.6), (TWO_GS, 0.45)] {
         // 10.5, 1.53, 0.43: a line between samples is no parabola
         let settings = Settings { bins, timing: TIMING_CFD, ..Settings::default() };
-        let [weak, strong] = [150.0, 15_000.0].map(|amplitude| Bench::new(settings, FINE).bias(amplitude));
+        let [weak, strong] =
+            [150.0, 15_000.0].map(|amplitude| Bench::new(settings, FINE).bias(amplitude));
         assert!(strong.1 < within_mm, "{bins} bins: {} mm", strong.1);
-        assert!((weak.0 - strong.0).abs() < 0.5, "{bins} bins: the mean walks from {} to {} mm", weak.0, strong.0);
+        assert!(
+            (weak.0 - strong.0).abs() < 0.5,
+            "{bins} bins: the mean walks from {} to {} mm",
+            weak.0,
+            strong.0
+        );
         let settings = Settings { timing: TIMING_RISING_EDGE, ..settings };
-        let [weak, strong] = [150.0, 15_000.0].map(|amplitude| Bench::new(settings, FINE).bias(amplitude).0);
+        let [weak, strong] =
+            [150.0, 15_000.0].map(|amplitude| Bench::new(settings, FINE).bias(amplitude).0);
         assert!(weak - strong > 300.0, "{bins} bins: from {weak} to {strong} mm");
     }
 }
@@ -182,9 +213,9 @@ fn a_constant_fraction_has_a_bias_of_few_millimetres_and_a_threshold_one_that_wa
 fn clipped_echoes_are_timed_as_well_as_whole_ones_while_both_edges_show() {
     // (bins, the deepest A/S at which they show at every phase, worst and mean in mm)
     for (bins, deepest, worst_mm, mean_mm) in [
-        (HALF_GS, 2.0, 0.4, 0.15),   // 0.36, 0.13: bisection ends at 2⁻¹⁰ samples, on one side
-        (ONE_GS, 5.0, 0.25, 0.08),   // 0.23, 0.07
-        (TWO_GS, 10.0, 0.12, 0.04),  // 0.11, 0.03
+        (HALF_GS, 2.0, 0.4, 0.15), // 0.36, 0.13: bisection ends at 2⁻¹⁰ samples, on one side
+        (ONE_GS, 5.0, 0.25, 0.08), // 0.23, 0.07
+        (TWO_GS, 10.0, 0.12, 0.04), // 0.11, 0.03
         (THREE_GS, 50.0, 0.1, 0.03), // 0.09, 0.02
     ] {
         for (saturation_ppm, overdrive) in [1_000_000, 500_000].into_iter().flat_map(overdrives) {
@@ -217,8 +248,12 @@ fn clipped_echoes_whose_edges_fall_between_samples_are_unbiased_and_say_how_far_
             assert!(worst < ripple_mm, "{case}: {worst} mm"); // 142.9, 67.9, 30.7, 18.3, all of A/S 5000
             for phase in 0..PHASES {
                 let (echo, at) = bench.at_phase(phase, overdrive * level);
-                let (error, deviation): (f64, f64) = (bench.error_mm(&echo, at), echo.deviation_mm().to_num());
-                assert!(error.abs() < 3.0 * deviation + 0.2, "{case}: {error} mm, σ {deviation} mm");
+                let (error, deviation): (f64, f64) =
+                    (bench.error_mm(&echo, at), echo.deviation_mm().to_num());
+                assert!(
+                    error.abs() < 3.0 * deviation + 0.2,
+                    "{case}: {error} mm, σ {deviation} mm"
+                );
             }
         }
     }
@@ -233,18 +268,27 @@ fn reflectivity_is_that_of_the_surface_whole_or_clipped() {
             let mut bench = Bench::new(settings, hardware);
             let at = 150.3;
             let range_m = bench.ideal.range_mm(at) / 1e3;
-            let unit = f64::from(hardware.unit_echo_milli) / 1e3 * 60.0 * f64::powf(10.0, f64::from(gain_cdb) / 2e3);
+            let unit = f64::from(hardware.unit_echo_milli) / 1e3
+                * 60.0
+                * f64::powf(10.0, f64::from(gain_cdb) / 2e3);
             for amplitude in [0.01, 0.3, 0.7, 1.2, 2.0, 4.0] {
                 let reflectivity = amplitude * range_m * range_m / unit;
-                let (echo, _) = bench.see(vec![100.0; 300], at, amplitude * 4096.0).expect("an echo");
+                let (echo, _) =
+                    bench.see(vec![100.0; 300], at, amplitude * 4096.0).expect("an echo");
                 let got: f64 = echo.reflectivity_ratio().to_num();
                 let clipped = echo.flags.contains(Flags::SATURATED);
                 if clipped && timing == TIMING_PARABOLA {
-                    assert!(got < reflectivity, "ρ {reflectivity} at {gain_cdb} cdB: {got} is no lower bound");
+                    assert!(
+                        got < reflectivity,
+                        "ρ {reflectivity} at {gain_cdb} cdB: {got} is no lower bound"
+                    );
                     continue;
                 }
                 let bound = if clipped { 0.02 } else { 0.003 } * reflectivity + 0.002;
-                assert!((got - reflectivity).abs() < bound, "ρ {reflectivity} at {gain_cdb} cdB: {got}");
+                assert!(
+                    (got - reflectivity).abs() < bound,
+                    "ρ {reflectivity} at {gain_cdb} cdB: {got}"
+                );
             }
         }
     }
@@ -256,11 +300,15 @@ fn the_spread_in_white_noise_is_that_of_the_physics_and_near_the_cramer_rao_boun
     let confidence = 3.0 / f64::from(2 * RUNS).sqrt(); // three σ of a standard deviation: 2.7 %
     // physics.md §4, Monte Carlo in real numbers: mm at 1 GS/s
     for (snr, physics_mm) in [(10.0, 21.0), (20.0, 10.6), (50.0, 4.35)] {
-        let mut bench = Bench::new(Settings { bins: ONE_GS, ..Settings::default() }, Hardware::REFERENCE);
+        let mut bench =
+            Bench::new(Settings { bins: ONE_GS, ..Settings::default() }, Hardware::REFERENCE);
         let (mean, std) = bench.scatter(snr, 16.0, RUNS);
         let bound = bench.ideal.range_crlb_mm(snr);
         assert!(mean.abs() < 3.0 * std / f64::from(RUNS).sqrt() + 0.02, "S {snr}: mean {mean} mm");
-        assert!((std / physics_mm - 1.0).abs() < 0.03 + confidence, "S {snr}: {std} mm, physics {physics_mm}");
+        assert!(
+            (std / physics_mm - 1.0).abs() < 0.03 + confidence,
+            "S {snr}: {std} mm, physics {physics_mm}"
+        );
         assert!(std > bound * (1.0 - confidence), "S {snr}: {std} mm beats {bound}");
         assert!(std < bound * (1.06 + confidence), "S {snr}: {std} mm, bound {bound}");
     }
@@ -281,9 +329,11 @@ fn upsampling_mends_the_parabola_s_spread_at_half_a_giga_sample_and_walk_correct
 
 #[test]
 fn weak_echoes_in_little_noise_are_unbiased_at_every_rate_and_resolution() {
-    // S so that d' = S·√(¾ f_s τ) is 12; σ in codes. y alone, without f, was 42 mm off at 3 GS/s and one code.
+    // S so that d' = S·√(¾ f_s τ) is 12; σ in codes. y alone, without f, was 42 mm off at 3 GS/s
+    // and one code.
     for (bins, strength) in [(ONE_GS, 6.2), (THREE_GS, 3.57)] {
-        let settings = Settings { bins, upsampling: 8, noise_floor_ppm: 100, ..Settings::default() };
+        let settings =
+            Settings { bins, upsampling: 8, noise_floor_ppm: 100, ..Settings::default() };
         for (adc_bits, sigma) in [(12, 1.0), (12, 2.0), (14, 2.0), (14, 4.0)] {
             let mut bench = Bench::new(settings, Hardware { adc_bits, ..Hardware::REFERENCE });
             let (mean, quiet) = bench.scatter(strength, sigma, 3_000);
@@ -298,9 +348,15 @@ fn weak_echoes_in_little_noise_are_unbiased_at_every_rate_and_resolution() {
 #[test]
 fn false_alarms_are_as_rare_as_the_physics_says() {
     const WINDOWS: u32 = 30_000;
-    // per 800 ns window at k = 4, with σ known: physics.md §4. Measuring σ from the same waveform adds a fifth.
+    // per 800 ns window at k = 4, with σ known: physics.md §4. Measuring σ from the same waveform
+    // adds a fifth.
     for (bins, known_sigma) in [(HALF_GS, 0.0106), (ONE_GS, 0.0133), (THREE_GS, 0.0167)] {
-        let settings = Settings { bins, snr_threshold_milli: 4_000, noise_floor_ppm: 100, ..Settings::default() };
+        let settings = Settings {
+            bins,
+            snr_threshold_milli: 4_000,
+            noise_floor_ppm: 100,
+            ..Settings::default()
+        };
         let mut bench = Bench::new(settings, Hardware::REFERENCE);
         let mut rng = vectors::rng(7);
         let mut alarm = || {
@@ -326,7 +382,9 @@ fn measured_noise_is_unbiased_down_to_two_codes_at_every_resolution() {
                 let ambient = 100.0 + rng.random::<f64>();
                 let codes = digitise(&noise(&mut rng, 800, ambient, sigma), &hardware);
                 vector::process(&bench.pipeline, &codes, &mut bench.scratch);
-                f64::from(bench.scratch.statistics().sigma) / f64::from(1 << (19 - adc_bits)) / sigma
+                f64::from(bench.scratch.statistics().sigma)
+                    / f64::from(1 << (19 - adc_bits))
+                    / sigma
             };
             let (mean, _) = mean_and_std(&(0..1_000).map(|_| ratio()).collect::<Vec<_>>());
             assert!((0.985..1.03).contains(&mean), "{adc_bits} bits, σ {sigma}: {mean}"); // σ 2 with 1/12 code²: 1.01

@@ -1,4 +1,5 @@
-//! The integer code equals the twin that rounds where its tables say: every stage by itself, then the pipeline.
+//! The integer code equals the twin that rounds where its tables say: every stage by itself, then
+//! the pipeline.
 
 use echoloop_dsp::accumulate::Accumulator;
 use echoloop_dsp::config::sample_period_fs;
@@ -10,7 +11,9 @@ use echoloop_dsp::noise::Noise;
 use echoloop_dsp::pulse::{self, Pulse};
 use echoloop_dsp::refine::{self, Refined, Waveform};
 use echoloop_dsp::statistics::Statistics;
-use echoloop_dsp::{Config, Echoes, Flags, Hardware, MAX_CODES, Pipeline, Scratch, baseline, edges};
+use echoloop_dsp::{
+    Config, Echoes, Flags, Hardware, MAX_CODES, Pipeline, Scratch, baseline, edges,
+};
 use echoloop_sim::vector;
 use echoloop_tests::quantised::{self, Twin};
 use echoloop_tests::vectors::{self, Case, ClippedRun};
@@ -22,7 +25,8 @@ const SEEDS: u64 = 10_000;
 /// A case, the DSP's constants and the twin's.
 fn set_up(seed: u64) -> (Case, Config, Twin) {
     let case = vectors::case(seed);
-    let config = Config::new(&case.settings, &case.hardware).expect("vectors draw accepted settings");
+    let config =
+        Config::new(&case.settings, &case.hardware).expect("vectors draw accepted settings");
     let twin = Twin::new(&case.settings, &case.hardware, &config);
     (case, config, twin)
 }
@@ -43,17 +47,52 @@ fn twins(echoes: &Echoes) -> Vec<quantised::Echo> {
 fn constants_equal_their_twins() {
     for seed in 0..SEEDS {
         let (case, config, twin) = set_up(seed);
-        assert_eq!(f64::from(config.clip_code()), twin.clip_code, "seed {seed}: {:?}", case.settings);
+        assert_eq!(
+            f64::from(config.clip_code()),
+            twin.clip_code,
+            "seed {seed}: {:?}",
+            case.settings
+        );
         assert_eq!(f64::from(config.floor()), twin.floor, "seed {seed}: {:?}", case.settings);
-        assert_eq!(f64::from(config.min_separation()), twin.min_separation, "seed {seed}: {:?}", case.settings);
-        assert_eq!(f64::from(config.sample_period_fs()), twin.period_fs, "seed {seed}: {:?}", case.settings);
+        assert_eq!(
+            f64::from(config.min_separation()),
+            twin.min_separation,
+            "seed {seed}: {:?}",
+            case.settings
+        );
+        assert_eq!(
+            f64::from(config.sample_period_fs()),
+            twin.period_fs,
+            "seed {seed}: {:?}",
+            case.settings
+        );
         assert_eq!(config.range_step() as f64, twin.range_step, "seed {seed}: {:?}", case.settings);
-        assert_eq!(f64::from(config.template().noise_gain()), twin.noise_gain, "seed {seed}: {:?}", case.settings);
+        assert_eq!(
+            f64::from(config.template().noise_gain()),
+            twin.noise_gain,
+            "seed {seed}: {:?}",
+            case.settings
+        );
         assert_eq!(f64::from(config.shots()), twin.shots, "seed {seed}: {:?}", case.settings);
-        assert_eq!(f64::from(1 << config.sum_shift()), twin.sum_divisor, "seed {seed}: {:?}", case.settings);
-        assert_eq!(f64::from(1 << config.code_shift()), twin.code, "seed {seed}: {:?}", case.settings);
+        assert_eq!(
+            f64::from(1 << config.sum_shift()),
+            twin.sum_divisor,
+            "seed {seed}: {:?}",
+            case.settings
+        );
+        assert_eq!(
+            f64::from(1 << config.code_shift()),
+            twin.code,
+            "seed {seed}: {:?}",
+            case.settings
+        );
         let codes = [config.samples(), config.codes() - config.samples()];
-        assert_eq!(codes, [case.settings.bins as usize, twin.pre_trigger], "seed {seed}: {:?}", case.settings);
+        assert_eq!(
+            codes,
+            [case.settings.bins as usize, twin.pre_trigger],
+            "seed {seed}: {:?}",
+            case.settings
+        );
     }
 }
 
@@ -91,7 +130,11 @@ fn codes_beyond_the_room_for_them_are_not_summed() {
 fn every_number_of_bins_has_the_twin_s_sample_period() {
     for bins in 200..=2400 {
         let period_fs = sample_period_fs(bins as u32, &Hardware::REFERENCE);
-        assert_eq!(f64::from(period_fs), quantised::period_fs(bins, &Hardware::REFERENCE), "{bins} bins");
+        assert_eq!(
+            f64::from(period_fs),
+            quantised::period_fs(bins, &Hardware::REFERENCE),
+            "{bins} bins"
+        );
     }
 }
 
@@ -103,7 +146,8 @@ fn statistics_equal_their_twin_whatever_the_guess() {
         let shift = config.code_shift();
         let codes = case.split().1;
         let mut rng = vectors::rng(seed);
-        let random = Statistics { median: rng.random(), deviation: rng.random(), ..Statistics::default() };
+        let random =
+            Statistics { median: rng.random(), deviation: rng.random(), ..Statistics::default() };
         let expected = twin.statistics(codes);
         for guess in [Statistics::default(), last, random] {
             last = Statistics::of(Portable, codes, shift, &guess);
@@ -120,12 +164,17 @@ fn the_ambient_of_every_estimator_equals_its_twin() {
     for seed in 0..SEEDS {
         let (case, config, twin) = set_up(seed);
         let (before, codes) = case.split();
-        let statistics = Statistics::of(Portable, codes, config.code_shift(), &Statistics::default());
+        let statistics =
+            Statistics::of(Portable, codes, config.code_shift(), &Statistics::default());
         let mut rng = vectors::rng(seed);
         let fewer = &before[..rng.random_range(0..=before.len())];
         for before in [before, fewer, &[]] {
             let ours = statistics.with_ambient(case.settings.ambient, before, config.code_shift());
-            assert_eq!(quantised::Statistics::from(ours), twin.with_ambient(statistics.into(), before), "seed {seed}");
+            assert_eq!(
+                quantised::Statistics::from(ours),
+                twin.with_ambient(statistics.into(), before),
+                "seed {seed}"
+            );
         }
         estimators[case.settings.ambient as usize] += 1;
     }
@@ -138,7 +187,10 @@ fn the_baseline_equals_its_twin() {
         let (case, config, twin) = set_up(seed);
         let ambient = match seed % 3 {
             0 => vectors::rng(seed).random_range(-40_000..=40_000), // saturates
-            _ => Statistics::of(Portable, &case.codes, config.code_shift(), &Statistics::default()).ambient,
+            _ => {
+                Statistics::of(Portable, &case.codes, config.code_shift(), &Statistics::default())
+                    .ambient
+            }
         };
         let saturated = Statistics { ambient, ..Statistics::default() }.ambient_q15();
         let mut x = vec![0; case.codes.len()];
@@ -154,7 +206,8 @@ fn the_filter_equals_its_twin_over_the_whole_scale_of_samples() {
         let mut rng = vectors::rng(seed);
         let amplitude = [3, 100, 0x7fff][seed as usize % 3];
         let length = rng.random_range(0..=case.codes.len().min(500));
-        let mut x: Vec<i16> = (0..length).map(|_| rng.random_range(-amplitude..=amplitude)).collect();
+        let mut x: Vec<i16> =
+            (0..length).map(|_| rng.random_range(-amplitude..=amplitude)).collect();
         if seed % 8 == 0 {
             x.fill([i16::MIN, i16::MAX][rng.random_range(0..2)]);
         }
@@ -180,7 +233,11 @@ fn statistics_and_filter_inside_the_pipeline_equal_their_twins_in_both_builds() 
         let y = twin.filter(&twin.baseline(codes, statistics.ambient));
         for process in [vector::process, vector::process_baseline] {
             process(&pipeline, &case.codes, &mut scratch);
-            assert_eq!(quantised::Statistics::from(*scratch.statistics()), statistics, "seed {seed}");
+            assert_eq!(
+                quantised::Statistics::from(*scratch.statistics()),
+                statistics,
+                "seed {seed}"
+            );
             assert_eq!(reals(scratch.filtered(codes.len())), y, "seed {seed}");
         }
     }
@@ -191,11 +248,16 @@ fn thresholds_equal_their_twin() {
     for seed in 0..SEEDS {
         let (case, config, twin) = set_up(seed);
         let mut rng = vectors::rng(seed);
-        let measured = Statistics::of(Portable, &case.codes, config.code_shift(), &Statistics::default());
+        let measured =
+            Statistics::of(Portable, &case.codes, config.code_shift(), &Statistics::default());
         let any = Statistics { sigma: rng.random::<u32>() >> rng.random_range(4..32), ..measured };
         for statistics in [measured, any, Statistics::default()] {
             let ours = Threshold::of(&config, &statistics);
-            assert_eq!(quantised::Threshold::from(ours), twin.threshold(&statistics.into()), "seed {seed}");
+            assert_eq!(
+                quantised::Threshold::from(ours),
+                twin.threshold(&statistics.into()),
+                "seed {seed}"
+            );
         }
     }
 }
@@ -206,7 +268,11 @@ fn peaks_equal_their_twin() {
     for seed in 0..SEEDS {
         let (y, threshold) = vectors::output(seed);
         detect::peaks(Portable, &y, threshold, &mut found);
-        assert_eq!(twin_peaks(&found), quantised::peaks(&reals(&y), threshold.into()), "seed {seed}");
+        assert_eq!(
+            twin_peaks(&found),
+            quantised::peaks(&reals(&y), threshold.into()),
+            "seed {seed}"
+        );
     }
 }
 
@@ -248,11 +314,23 @@ fn the_noise_of_a_sample_equals_its_twin() {
                 _ => rng.random_range(0..=edges::MAX_AMPLITUDE),
             };
             let share = rng.random_range(0..=40_000);
-            assert_eq!(f64::from(noise.of(value)), twin.of(value as f64), "seed {seed}: {noise:?} {value}");
+            assert_eq!(
+                f64::from(noise.of(value)),
+                twin.of(value as f64),
+                "seed {seed}: {noise:?} {value}"
+            );
             assert_eq!(noise.hidden() as f64, twin.hidden(), "seed {seed}: {noise:?}");
-            assert_eq!(noise.hides(value), !twin.shows(value as f64), "seed {seed}: {noise:?} {value}");
+            assert_eq!(
+                noise.hides(value),
+                !twin.shows(value as f64),
+                "seed {seed}: {noise:?} {value}"
+            );
             let shared = f64::from(noise.with(value, share));
-            assert_eq!(shared, twin.with(value as f64, share.into()), "seed {seed}: {noise:?} {value} {share}");
+            assert_eq!(
+                shared,
+                twin.with(value as f64, share.into()),
+                "seed {seed}: {noise:?} {value} {share}"
+            );
         }
     }
 }
@@ -288,11 +366,16 @@ fn the_pulse_and_its_slope_equal_their_twins() {
         let twin = quantised::Pulse::new(width_ps.into(), period_fs.max(1).into());
         assert_eq!(pulse.width() as f64, twin.width, "seed {seed}");
         let length = 2 * pulse.width();
-        let ends = [-1, 0, 1, length / 2 - 1, length / 2, length / 2 + 1, length - 1, length, length + 1];
+        let ends =
+            [-1, 0, 1, length / 2 - 1, length / 2, length / 2 + 1, length - 1, length, length + 1];
         let inside: [i64; 40] = std::array::from_fn(|_| rng.random_range(0..=length));
         for u in ends.into_iter().chain(inside) {
             assert_eq!(pulse.at(u) as f64, twin.at(u as f64), "seed {seed}: {pulse:?} at {u}");
-            assert_eq!(pulse.slope(u) as f64, twin.slope(u as f64), "seed {seed}: {pulse:?} at {u}");
+            assert_eq!(
+                pulse.slope(u) as f64,
+                twin.slope(u as f64),
+                "seed {seed}: {pulse:?} at {u}"
+            );
         }
     }
 }
@@ -305,7 +388,8 @@ fn the_edges_of_clipped_runs_equal_their_twins() {
         let ClippedRun { level, first, last, .. } = run;
         let noise = Noise { sigma: run.sigma, shot: run.shot };
         let pulse = Pulse::new(run.width_ps, run.period_fs);
-        let ours = edges::fit(&pulse, &run.x, level, first, last, &noise).map(quantised::edges::Edges::from);
+        let ours = edges::fit(&pulse, &run.x, level, first, last, &noise)
+            .map(quantised::edges::Edges::from);
         let x = reals(&run.x);
         let twin = quantised::edges::Clipped {
             pulse: &quantised::Pulse::new(run.width_ps.into(), run.period_fs.into()),
@@ -316,7 +400,8 @@ fn the_edges_of_clipped_runs_equal_their_twins() {
             noise: noise.into(),
         };
         assert_eq!(ours, twin.fit(), "seed {seed}: {run:?}");
-        let shows = |n: Option<usize>| n.and_then(|n| run.x.get(n)).map(|&v| !noise.hides(v.into()));
+        let shows =
+            |n: Option<usize>| n.and_then(|n| run.x.get(n)).map(|&v| !noise.hides(v.into()));
         kinds[match (shows(first.checked_sub(1)), shows(Some(last + 1))) {
             (Some(true), Some(true)) => 0,
             (Some(true), Some(false)) => 1,
@@ -338,22 +423,34 @@ fn refined_peaks_equal_their_twins() {
         let codes = codes_near(config.clip_code(), &y, &mut rng);
         // f rounds to y: plateaus of y have slopes and ripples
         let steepest = rng.random_range(0..4) > 0; // else from even to odd values as little as can be
-        let mut ripple = |v: i16| if steepest { rng.random_range(-128..128) } else { 127 - 255 * i64::from(v & 1) };
+        let mut ripple = |v: i16| {
+            if steepest { rng.random_range(-128..128) } else { 127 - 255 * i64::from(v & 1) }
+        };
         let f: Vec<i64> = y.iter().map(|&v| (i64::from(v) << 8) + ripple(v)).collect();
-        let at = |f: &[i64], n: i64| usize::try_from(n).ok().and_then(|n| f.get(n)).copied().unwrap_or(0);
+        let at = |f: &[i64], n: i64| {
+            usize::try_from(n).ok().and_then(|n| f.get(n)).copied().unwrap_or(0)
+        };
         let x: Vec<i16> = match rng.random_range(0..3) {
             0 => y.clone(),
             1 => y.iter().map(|_| rng.random_range(-3..200)).collect(),
             _ => y.iter().map(|_| rng.random()).collect(),
         };
-        let noise = Noise { sigma: rng.random::<u32>() >> rng.random_range(12..32), shot: config.shot_noise() };
+        let noise = Noise {
+            sigma: rng.random::<u32>() >> rng.random_range(12..32),
+            shot: config.shot_noise(),
+        };
         detect::peaks(Portable, &y, level, &mut found);
         // now and then a threshold above the peak, which detection never gives
-        let level = if rng.random_range(0..16) == 0 { rng.random_range(level..=i16::MAX) } else { level };
-        let threshold =
-            Threshold { sigma: rng.random(), level, ambient: rng.random::<i16>() >> rng.random_range(0..16) };
+        let level =
+            if rng.random_range(0..16) == 0 { rng.random_range(level..=i16::MAX) } else { level };
+        let threshold = Threshold {
+            sigma: rng.random(),
+            level,
+            ambient: rng.random::<i16>() >> rng.random_range(0..16),
+        };
         let reals_f: Vec<f64> = f.iter().map(|&v| v as f64).collect();
-        let twin_wave = quantised::Waveform { codes: &codes, x: &reals(&x), y: &reals(&y), f: &reals_f };
+        let twin_wave =
+            quantised::Waveform { codes: &codes, x: &reals(&x), y: &reals(&y), f: &reals_f };
         for &peak in found.iter().take(8) {
             let waveform = Waveform { codes: &codes, x: &x, y: &y };
             let ours = refine::refine(&config, &waveform, |n| at(&f, n), peak, &threshold, &noise);
@@ -363,7 +460,8 @@ fn refined_peaks_equal_their_twins() {
     }
 }
 
-/// One code in fifty at the saturation level, or runs of them, or where `y` is high; the others one below.
+/// One code in fifty at the saturation level, or runs of them, or where `y` is high; the others one
+/// below.
 fn codes_near(clip: u16, y: &[i16], rng: &mut impl Rng) -> Vec<u16> {
     let kind = rng.random_range(0..3);
     let high = rng.random::<i16>().max(1);
@@ -394,16 +492,22 @@ fn echoes_equal_their_twins() {
                 _ => rng.random_range(0..45_000),
             };
             let refined = Refined {
-                time: rng.random_range(-0x20000..=(i64::from(case.settings.bins) << 16)) >> rng.random_range(0..16),
+                time: rng.random_range(-0x20000..=(i64::from(case.settings.bins) << 16))
+                    >> rng.random_range(0..16),
                 height,
-                width: rng.random_range(0..=i64::from(case.settings.bins) << 16) >> rng.random_range(0..16),
+                width: rng.random_range(0..=i64::from(case.settings.bins) << 16)
+                    >> rng.random_range(0..16),
                 amplitude: rng.random_range(-edges::MAX_AMPLITUDE / 8..=2 * edges::MAX_AMPLITUDE)
                     >> rng.random_range(0..26),
                 sigma: rng.random::<u32>() >> rng.random_range(0..32),
                 flags: Flags(rng.random_range(0..32)),
             };
             let ours = Echo::of(&config, &refined, &threshold).map(quantised::Echo::from);
-            assert_eq!(ours, twin.echo(&refined.into(), &threshold.into()), "seed {seed}: {refined:?} {threshold:?}");
+            assert_eq!(
+                ours,
+                twin.echo(&refined.into(), &threshold.into()),
+                "seed {seed}: {refined:?} {threshold:?}"
+            );
         }
     }
 }
@@ -420,7 +524,12 @@ fn the_pipeline_equals_its_twin_in_every_build() {
         let compiled = vector::process_compiled(&pipeline, &case.codes, &mut scratch);
         let plain = vector::process_baseline(&pipeline, &case.codes, &mut scratch);
         let scalar = pipeline.process(Scalar, &case.codes, &mut scratch);
-        assert_eq!([compiled, plain, scalar], [(); 3].map(|()| fastest.clone()), "seed {seed}, {:?}", case.kind);
+        assert_eq!(
+            [compiled, plain, scalar],
+            [(); 3].map(|()| fastest.clone()),
+            "seed {seed}, {:?}",
+            case.kind
+        );
     }
 }
 

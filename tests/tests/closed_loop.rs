@@ -1,5 +1,6 @@
-//! The closed loop as a library: settings go out over the link, echoes come back over it, a motion is found, better
-//! settings are chosen. Everything is small: what is asked is whether it hangs together, not how well it tunes.
+//! The closed loop as a library: settings go out over the link, echoes come back over it, a motion
+//! is found, better settings are chosen. Everything is small: what is asked is whether it hangs
+//! together, not how well it tunes.
 
 use std::collections::BTreeSet;
 use std::sync::atomic::AtomicBool;
@@ -15,7 +16,9 @@ use echoloop_host::experiment::dataset::{Dataset, Place, ScanPair, respond};
 use echoloop_host::experiment::evaluate::evaluate;
 use echoloop_host::experiment::journal::Journal;
 use echoloop_host::experiment::objective::{Bench, fitness};
-use echoloop_host::experiment::params::{LidarPreset, PAPER_LIDAR, Parameters, Preset, Protocol, Space};
+use echoloop_host::experiment::params::{
+    LidarPreset, PAPER_LIDAR, Parameters, Preset, Protocol, Space,
+};
 use echoloop_host::experiment::scan_cloud::cloud_from_scan;
 use echoloop_host::experiment::seed::Purpose;
 use echoloop_host::experiment::tune::{Search, Silent, Tuned};
@@ -49,7 +52,8 @@ fn config(more: &[&str]) -> Config {
 }
 
 /// One town, traced once: the scanner and the pairs are the same in every test of the search.
-static TOWN: LazyLock<Dataset> = LazyLock::new(|| Dataset::build(&config(&[]), &|_, _| ()).expect("a town"));
+static TOWN: LazyLock<Dataset> =
+    LazyLock::new(|| Dataset::build(&config(&[]), &|_, _| ()).expect("a town"));
 
 static NEVER: AtomicBool = AtomicBool::new(false);
 
@@ -58,7 +62,13 @@ static SENSORS: LazyLock<Sensors> = LazyLock::new(|| Sensors::in_process(Model::
 
 fn search(config: &Config) -> Search<'_> {
     let start = Parameters::start(config, &HARDWARE).expect("a start");
-    let space = Space::new(config.tune.protocol, config.tune.lidar, config.registration.preset, start, HARDWARE);
+    let space = Space::new(
+        config.tune.protocol,
+        config.tune.lidar,
+        config.registration.preset,
+        start,
+        HARDWARE,
+    );
     let bench = Bench { dataset: &TOWN, sensors: &SENSORS };
     Search { config, bench, space, start, stop: &NEVER }
 }
@@ -77,10 +87,15 @@ fn tuned(config: &Config, threads: usize) -> (Vec<u8>, Tuned) {
 #[test]
 fn one_thread_and_two_write_the_same_journal_and_choose_the_same() {
     let config = config(&[]);
-    let [(one, chosen_by_one), (two, chosen_by_two)] = [1, 2].map(|threads| tuned(&config, threads));
+    let [(one, chosen_by_one), (two, chosen_by_two)] =
+        [1, 2].map(|threads| tuned(&config, threads));
     assert!(one == two, "the journals differ");
     assert_eq!(chosen_by_one, chosen_by_two);
-    assert_eq!(one.iter().filter(|&&byte| byte == b'\n').count(), 1 + 3, "a header and three generations");
+    assert_eq!(
+        one.iter().filter(|&&byte| byte == b'\n').count(),
+        1 + 3,
+        "a header and three generations"
+    );
 }
 
 #[test]
@@ -90,7 +105,12 @@ fn every_viewpoint_has_its_number_training_pairs_first() {
     assert_eq!(numbers, (1..=14).collect::<Vec<_>>());
     assert_eq!(TOWN.test[0].viewpoints, [2 * 4 + 1, 2 * 4 + 2]);
     for (number, scene) in numbers.iter().zip(TOWN.views()) {
-        let pair = TOWN.train.iter().chain(&TOWN.test).find(|pair| pair.viewpoints.contains(number)).expect("a pair");
+        let pair = TOWN
+            .train
+            .iter()
+            .chain(&TOWN.test)
+            .find(|pair| pair.viewpoints.contains(number))
+            .expect("a pair");
         assert!(Arc::ptr_eq(scene, if number % 2 == 1 { &pair.first } else { &pair.second }));
     }
 }
@@ -99,11 +119,14 @@ fn every_viewpoint_has_its_number_training_pairs_first() {
 fn one_sensor_for_all_threads_finds_what_one_for_each_finds() {
     let config = config(&[]);
     let model = Model::of(&config);
-    let one = Sensors::opened_by("one", 1, move || Sensor::in_process(&model).map_err(SensorError::client("one")));
+    let one = Sensors::opened_by("one", 1, move || {
+        Sensor::in_process(&model).map_err(SensorError::client("one"))
+    });
     let of = |sensors: &Sensors| {
         let bench = Bench { dataset: &TOWN, sensors };
         let start = search(&config).start;
-        evaluate(&bench, &start, &TOWN.train, config.seed, Purpose::ShortlistNoise, &|| ()).expect("errors")
+        evaluate(&bench, &start, &TOWN.train, config.seed, Purpose::ShortlistNoise, &|| ())
+            .expect("errors")
     };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(4).build().expect("threads");
     pool.install(|| assert_eq!(of(&one), of(&SENSORS)));
@@ -147,13 +170,21 @@ fn the_choice_is_never_worse_than_the_start_on_the_training_pairs() {
         let search = search(&config);
         let worth = |parameters: &Parameters| {
             let pairs = &TOWN.train;
-            let errors = evaluate(&search.bench, parameters, pairs, config.seed, Purpose::ShortlistNoise, &|| ());
+            let errors = evaluate(
+                &search.bench,
+                parameters,
+                pairs,
+                config.seed,
+                Purpose::ShortlistNoise,
+                &|| (),
+            );
             fitness(&errors.expect("errors"), config.tune.error_cap)
         };
         let (start, chosen) = (worth(&search.start), worth(&tuned.parameters));
         assert!(chosen <= start, "{seed}: {chosen} after {start}");
         assert_eq!(tuned.finalists[0].fitness, chosen);
-        let of_start = tuned.finalists.iter().find(|f| f.origin == "start").expect("the start is a finalist");
+        let of_start =
+            tuned.finalists.iter().find(|f| f.origin == "start").expect("the start is a finalist");
         assert_eq!(of_start.fitness, start);
         assert!(tuned.finalists.is_sorted_by(|a, b| a.fitness <= b.fitness));
     }
@@ -171,9 +202,13 @@ fn the_default_protocol_searches_nothing() {
 #[test]
 fn each_protocol_changes_its_own_axes_and_no_others() {
     let start = Parameters::start(&config(&[]), &HARDWARE).expect("a start");
-    let lidar: BTreeSet<String> = PAPER_LIDAR.iter().map(|id| format!("lidar.{}", id.parameter().name)).collect();
-    let registration: BTreeSet<String> =
-        start.values(Preset::Outdoor).into_keys().filter(|name| name.starts_with("registration.")).collect();
+    let lidar: BTreeSet<String> =
+        PAPER_LIDAR.iter().map(|id| format!("lidar.{}", id.parameter().name)).collect();
+    let registration: BTreeSet<String> = start
+        .values(Preset::Outdoor)
+        .into_keys()
+        .filter(|name| name.starts_with("registration."))
+        .collect();
     let table = [
         (Protocol::Default, BTreeSet::new()),
         (Protocol::Lidar, lidar.clone()),
@@ -182,13 +217,18 @@ fn each_protocol_changes_its_own_axes_and_no_others() {
     ];
     for (protocol, own) in table {
         let space = Space::new(protocol, LidarPreset::Paper, Preset::Outdoor, start, HARDWARE);
-        assert_eq!(space.axes().iter().map(|axis| axis.name.to_owned()).collect::<BTreeSet<_>>(), own);
+        assert_eq!(
+            space.axes().iter().map(|axis| axis.name.to_owned()).collect::<BTreeSet<_>>(),
+            own
+        );
         let mut changed = BTreeSet::new();
         for corner in [0.0, 0.25, 0.75, 1.0] {
             let (parameters, _) = space.parameters(&vec![corner; space.axes().len()]);
             parameters.settings.check(&HARDWARE).expect("every constraint holds");
-            let both = parameters.values(Preset::Outdoor).into_iter().zip(start.values(Preset::Outdoor));
-            changed.extend(both.filter(|(after, before)| after != before).map(|((name, _), _)| name));
+            let both =
+                parameters.values(Preset::Outdoor).into_iter().zip(start.values(Preset::Outdoor));
+            changed
+                .extend(both.filter(|(after, before)| after != before).map(|((name, _), _)| name));
         }
         assert_eq!(changed, own, "{}", protocol.name());
     }
@@ -215,7 +255,8 @@ impl Targets {
         let ranges_m: Vec<f64> = (0..beams).map(|i| 20.0 + 0.017 * f64::from(i)).collect();
         let power_w = f64::from(Settings::default().power_cw) / 100.0;
         let returns = ranges_m.iter().zip(0..).map(|(&range_m, i)| {
-            let full_scale = receiver.peak_current_ua(power_w, range_m, 1.0) / receiver.full_scale_ua;
+            let full_scale =
+                receiver.peak_current_ua(power_w, range_m, 1.0) / receiver.full_scale_ua;
             let strength = height(f64::from(i) / f64::from(beams)) / full_scale;
             Return { range_m: range_m as f32, strength_per_m2: strength as f32 }
         });
@@ -239,8 +280,12 @@ impl Targets {
 
     /// Range errors of the echoes within a metre of their target, m.
     fn errors_m(&self, scan: &[Echoes]) -> Vec<f64> {
-        let pairs = scan.iter().zip(&self.ranges_m).flat_map(|(echoes, range)| echoes.iter().zip([range]));
-        pairs.map(|(echo, range)| echo.range_m() - range).filter(|error| error.abs() < 1.0).collect()
+        let pairs =
+            scan.iter().zip(&self.ranges_m).flat_map(|(echoes, range)| echoes.iter().zip([range]));
+        pairs
+            .map(|(echo, range)| echo.range_m() - range)
+            .filter(|error| error.abs() < 1.0)
+            .collect()
     }
 }
 
@@ -273,7 +318,8 @@ fn twice_the_power_or_six_decibels_double_every_amplitude() {
     let targets = Targets::new(|_| 0.2);
     let half = Settings { power_cw: 3_750, ..Settings::default() };
     let louder = Settings { gain_cdb: 602, ..half };
-    let [half, full, louder] = [half, Settings::default(), louder].map(|s| amplitude(&targets.scan(&s)));
+    let [half, full, louder] =
+        [half, Settings::default(), louder].map(|s| amplitude(&targets.scan(&s)));
     assert!((half - 0.1).abs() < 0.002, "{half}");
     assert!((full / half - 2.0).abs() < 0.03, "power: {full} after {half}");
     assert!((louder / half - 2.0).abs() < 0.03, "gain: {louder} after {half}");
@@ -298,7 +344,10 @@ fn a_higher_noise_floor_or_snr_threshold_lets_fewer_echoes_pass() {
     let high = Settings { noise_floor_ppm: 100_000, ..low };
     let [low, high] = [low, high].map(|s| count(&targets.scan(&s)) as f64 / beams);
     // The floor is compared with the amplitude, whose noise is under 1 % of full scale.
-    assert!((low - 0.9).abs() < 0.05 && (high - 0.5).abs() < 0.05, "{low} and {high} of all echoes");
+    assert!(
+        (low - 0.9).abs() < 0.05 && (high - 0.5).abs() < 0.05,
+        "{low} and {high} of all echoes"
+    );
 
     let targets = Targets::new(|share| 0.02 * share);
     let bold = Settings { noise_floor_ppm: 100, snr_threshold_milli: 4_000, ..Settings::default() };
@@ -329,7 +378,9 @@ fn more_bins_or_upsampling_keep_or_better_the_range() {
     };
     let (plain, upsampled) = (error(&half_gs), error(&Settings { upsampling: 8, ..half_gs }));
     let finer = error(&Settings { bins: 1_588, ..Settings::default() });
-    println!("weak echoes, 0.5 GS/s: {plain:.4} m, upsampled by 8: {upsampled:.4} m; 2 GS/s: {finer:.4} m");
+    println!(
+        "weak echoes, 0.5 GS/s: {plain:.4} m, upsampled by 8: {upsampled:.4} m; 2 GS/s: {finer:.4} m"
+    );
     assert!(upsampled <= 1.02 * plain, "{upsampled} m after {plain} m");
     assert!(finer < plain, "{finer} m after {plain} m");
 }
@@ -360,10 +411,19 @@ fn power_width_gain_and_clock_reach_the_front_end_when_committed_and_not_before(
         let (analog, samples) = client.transport_mut().0.front_end_mut().0.pop().expect("a shot");
         (refused, analog, samples)
     };
-    let asked = Settings { power_cw: 2_000, pulse_width_ps: 8_000, gain_cdb: -550, bins: 1_000, ..Settings::default() };
+    let asked = Settings {
+        power_cw: 2_000,
+        pulse_width_ps: 8_000,
+        gain_cdb: -550,
+        bins: 1_000,
+        ..Settings::default()
+    };
     let period_ns = f64::from(sample_period_fs(1_000, &HARDWARE)) / 1e6;
     let (_, before, samples) = seen(None);
-    assert_eq!((before.power_w, before.pulse_width_ns, before.gain_db, samples), (75.0, 5.0, 0.0, 800));
+    assert_eq!(
+        (before.power_w, before.pulse_width_ns, before.gain_db, samples),
+        (75.0, 5.0, 0.0, 800)
+    );
     let (refused, analog, samples) = seen(Some(asked));
     assert_eq!((refused, samples), (Some(false), 1_000));
     assert_eq!((analog.power_w, analog.pulse_width_ns, analog.gain_db), (20.0, 8.0, -5.5));
@@ -400,7 +460,8 @@ fn what_only_the_dsp_needs_leaves_the_front_end_alone() {
     for id in PAPER_LIDAR {
         let mut settings = Settings::default();
         settings.set(id, Some(id.parameter().to_code(other(id))));
-        let is_analog = id.parameter().acts_in.contains("front end") || id.parameter().acts_in.contains("clock");
+        let is_analog = id.parameter().acts_in.contains("front end")
+            || id.parameter().acts_in.contains("clock");
         assert_eq!(seen(&settings) != usual, is_analog, "{id}");
     }
 }
@@ -413,11 +474,15 @@ fn a_refused_setting_changes_no_echo() {
     let before = sensor.scan(&targets.view()).expect("a scan");
     let bad = Settings { upsampling: 3, ..Settings::default() };
     let error = sensor.configure(&bad).expect_err("three is no power of two");
-    assert!(matches!(error, ClientError::Refused(_)) && error.to_string().contains("upsampling 3"), "{error}");
+    assert!(
+        matches!(error, ClientError::Refused(_)) && error.to_string().contains("upsampling 3"),
+        "{error}"
+    );
     assert_eq!(sensor.scan(&targets.view()).expect("a scan"), before);
 }
 
-/// A scene of rectangles, each from three corners (the fourth follows), with one material of this reflectance.
+/// A scene of rectangles, each from three corners (the fourth follows), with one material of this
+/// reflectance.
 fn rectangles(corners: &[[[f32; 3]; 3]], reflectance_905nm: f32) -> Place {
     let mut mesh = Mesh::default();
     for &[a, b, c] in corners {
@@ -428,7 +493,12 @@ fn rectangles(corners: &[[[f32; 3]; 3]], reflectance_905nm: f32) -> Place {
         mesh.materials.extend([0, 0]);
     }
     let material = Material { name: "test", reflectance_905nm, specular_f0: 0.0, roughness: 1.0 };
-    let scene = Scene { name: "test".into(), mesh, materials: vec![material], area: ([-30.0; 2], [30.0; 2]) };
+    let scene = Scene {
+        name: "test".into(),
+        mesh,
+        materials: vec![material],
+        area: ([-30.0; 2], [30.0; 2]),
+    };
     let caster = Raycaster::new(&scene);
     Place { scene, caster }
 }
@@ -454,11 +524,24 @@ fn a_wall_is_scanned_where_it_stands_whatever_its_albedo() {
             sensor.configure(&Settings::default()).expect("accepted");
             let view = View { scene: &response, noise_seed: 3, scan: 1, viewpoint: 1 };
             let cloud = cloud_from_scan(&sensor.scan(&view).expect("a scan"), &directions);
-            let off: Vec<f64> = cloud.points.iter().map(|p| (pose * p.cast::<f64>()).x - WALL_M).collect();
+            let off: Vec<f64> =
+                cloud.points.iter().map(|p| (pose * p.cast::<f64>()).x - WALL_M).collect();
             let (bias, rms) = (off.iter().sum::<f64>() / off.len() as f64, rms(&off));
-            println!("{albedo:>6} {yaw_deg:>5}° {:>6.1} mm {:>5.1} mm {:>7}", 1e3 * bias, 1e3 * rms, off.len());
-            assert!(off.len() * 100 >= directions.len() * 99, "albedo {albedo}, {yaw_deg}°: {} points", off.len());
-            assert!(bias.abs() < 5e-3 && rms < 0.03, "albedo {albedo}, {yaw_deg}°: bias {bias} m, rms {rms} m");
+            println!(
+                "{albedo:>6} {yaw_deg:>5}° {:>6.1} mm {:>5.1} mm {:>7}",
+                1e3 * bias,
+                1e3 * rms,
+                off.len()
+            );
+            assert!(
+                off.len() * 100 >= directions.len() * 99,
+                "albedo {albedo}, {yaw_deg}°: {} points",
+                off.len()
+            );
+            assert!(
+                bias.abs() < 5e-3 && rms < 0.03,
+                "albedo {albedo}, {yaw_deg}°: bias {bias} m, rms {rms} m"
+            );
             assert!(off.iter().all(|d| d.abs() < 0.15), "albedo {albedo}, {yaw_deg}°");
         }
     }
@@ -489,19 +572,28 @@ fn two_scans_of_a_yard_are_registered_to_the_motion_between_them() {
     let mut sides = vec![ground];
     sides.extend(blocks.iter().flatten());
     let place = rectangles(&sides, 0.3);
-    let pattern = ScanPattern { columns: 128, rows: 64, azimuth_cdeg: 18_000, elevation_cdeg: 6_000 };
+    let pattern =
+        ScanPattern { columns: 128, rows: 64, azimuth_cdeg: 18_000, elevation_cdeg: 6_000 };
     let directions = directions(pattern);
     let config = config(&[]);
     let start = Parameters::start(&config, &HARDWARE).expect("a start");
-    let pose =
-        |v: [f64; 3], turn_deg: [f64; 3]| Pose::new(Vector3::from(v), Vector3::from(turn_deg.map(f64::to_radians)));
+    let pose = |v: [f64; 3], turn_deg: [f64; 3]| {
+        Pose::new(Vector3::from(v), Vector3::from(turn_deg.map(f64::to_radians)))
+    };
     let first = pose([0.0, 0.0, 2.0], [0.5, -0.5, 10.0]);
     let look = |pose: &Pose| Arc::new(respond(&config, &place, pose, &directions));
-    let dataset =
-        Dataset { pattern, directions: directions.clone(), train: Vec::new(), test: Vec::new(), triangles: 0 };
+    let dataset = Dataset {
+        pattern,
+        directions: directions.clone(),
+        train: Vec::new(),
+        test: Vec::new(),
+        triangles: 0,
+    };
     let sensors = Sensors::in_process(model(&config.receiver, pattern));
     let bench = Bench { dataset: &dataset, sensors: &sensors };
-    for (shift, turn) in [([0.3, -0.2, 0.05], [0.0, 0.5, 13.0]), ([0.0, 0.5, -0.05], [0.0, 0.0, 7.0])] {
+    for (shift, turn) in
+        [([0.3, -0.2, 0.05], [0.0, 0.5, 13.0]), ([0.0, 0.5, -0.05], [0.0, 0.0, 7.0])]
+    {
         let second = pose([shift[0], shift[1], 2.0 + shift[2]], turn);
         let truth = relative(&first, &second);
         let pair = ScanPair {
@@ -522,7 +614,12 @@ fn two_scans_of_a_yard_are_registered_to_the_motion_between_them() {
         };
         for pair in [pair, back] {
             let error = bench.register(&start, 0, &pair, 9).expect("a registration").error;
-            println!("{:.1} mm, {:.3}°, {}", 1e3 * error.translation_m, error.rotation_deg, error.stop);
+            println!(
+                "{:.1} mm, {:.3}°, {}",
+                1e3 * error.translation_m,
+                error.rotation_deg,
+                error.stop
+            );
             assert!(error.translation_m < 0.05 && error.rotation_deg < 0.3, "{error:?}");
             assert_eq!(error.stop, "Still");
         }

@@ -1,6 +1,8 @@
-//! The constants that are computed in `f32` when settings are committed: the same on every machine, and near the real ones.
+//! The constants that are computed in `f32` when settings are committed: the same on every machine,
+//! and near the real ones.
 //!
-//! The twins of [`bit_exact`](../bit_exact.rs) take them as they are; here they are held to their formulas in `f64`.
+//! The twins of [`bit_exact`](../bit_exact.rs) take them as they are; here they are held to their
+//! formulas in `f64`.
 
 use echoloop_dsp::settings::{DENOISE_GAUSSIAN, DENOISE_MATCHED, DENOISE_NONE};
 use echoloop_dsp::template::Template;
@@ -48,9 +50,13 @@ const GOLDEN: [Golden; 7] = [
 fn template_taps_are_the_committed_ones_on_every_machine() {
     for golden in &GOLDEN {
         let template = Template::sin_squared(golden.width_ps, golden.period_fs);
-        let mirrored: Vec<i16> = golden.taps.iter().chain(golden.taps.iter().rev().skip(1)).copied().collect();
+        let mirrored: Vec<i16> =
+            golden.taps.iter().chain(golden.taps.iter().rev().skip(1)).copied().collect();
         assert_eq!(template.taps(), mirrored, "{} ps", golden.width_ps);
-        assert_eq!((template.peak_gain(), template.noise_gain()), (golden.peak_gain, golden.noise_gain));
+        assert_eq!(
+            (template.peak_gain(), template.noise_gain()),
+            (golden.peak_gain, golden.noise_gain)
+        );
     }
 }
 
@@ -70,15 +76,25 @@ fn template_taps_lie_within_one_lsb_and_a_tolerance_of_the_true_shape() {
         let shapes: Vec<f64> = (-half..=half).map(shape).collect();
         let sum: f64 = shapes.iter().sum();
         assert_eq!(template.taps().len(), shapes.len(), "seed {seed}: {settings:?}");
-        let slack = if settings.denoise == DENOISE_MATCHED { OF_THE_LARGEST_TAP * 32_767.0 / sum } else { 0.02 };
+        let slack = if settings.denoise == DENOISE_MATCHED {
+            OF_THE_LARGEST_TAP * 32_767.0 / sum
+        } else {
+            0.02
+        };
         for (&tap, p) in template.taps().iter().zip(&shapes) {
             let below = 32_767.0 * p / sum - f64::from(tap); // rounded down
             assert!((-slack..=1.0 + slack).contains(&below), "seed {seed}: {tap} is {below} below");
         }
-        let height: f64 = (-half..=half).zip(&shapes).map(|(k, s)| s / sum * pulse(k.into(), width)).sum();
+        let height: f64 =
+            (-half..=half).zip(&shapes).map(|(k, s)| s / sum * pulse(k.into(), width)).sum();
         let energy: f64 = shapes.iter().map(|s| s * s).sum();
-        for (ours, ideal) in [(template.peak_gain(), height), (template.noise_gain(), energy.sqrt() / sum)] {
-            assert!((f64::from(ours) / 32_768.0 / ideal - 1.0).abs() < 2e-3, "seed {seed}: {ours} for {ideal}");
+        for (ours, ideal) in
+            [(template.peak_gain(), height), (template.noise_gain(), energy.sqrt() / sum)]
+        {
+            assert!(
+                (f64::from(ours) / 32_768.0 / ideal - 1.0).abs() < 2e-3,
+                "seed {seed}: {ours} for {ideal}"
+            );
         }
     }
 }
@@ -110,7 +126,8 @@ fn shot_noise_and_the_scale_of_reflectivity_are_those_of_real_numbers() {
         let (settings, hardware, config) = draw(seed);
         let gain = f64::powf(10.0, f64::from(settings.gain_cdb) / 2_000.0);
         let power_w = f64::from(settings.power_cw) / 100.0;
-        let kappa = f64::from(hardware.shot_noise_ppm) * 1e-6 * gain / f64::from(settings.shots) * f64::powi(2.0, 32);
+        let kappa = f64::from(hardware.shot_noise_ppm) * 1e-6 * gain / f64::from(settings.shots)
+            * f64::powi(2.0, 32);
         // A R² / (U P G): Q1.15 and mm², to Q6.10 and 64 bits more
         let unit = f64::from(hardware.unit_echo_milli.max(1)) / 1e3;
         let per_lsb = f64::powi(2.0, 10 + 64 - 15) * 1e-6 / (unit * power_w * gain);
@@ -119,7 +136,10 @@ fn shot_noise_and_the_scale_of_reflectivity_are_those_of_real_numbers() {
             (config.reflectivity_scale() as f64, per_lsb, u64::MAX as f64),
         ] {
             let real = real.min(most);
-            assert!((ours - real).abs() <= 0.5 + OF_F32 * real, "seed {seed}: {ours} for {real}, {settings:?}");
+            assert!(
+                (ours - real).abs() <= 0.5 + OF_F32 * real,
+                "seed {seed}: {ours} for {real}, {settings:?}"
+            );
         }
     }
 }

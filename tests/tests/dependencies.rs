@@ -10,14 +10,24 @@ const ALLOWED: [(&str, &str, &[&str]); 14] = [
     ("echoloop-kernels", "firmware/kernels", &[]),
     ("echoloop-link", "firmware/link", &["echoloop-dsp"]),
     ("echoloop-sensor", "firmware/sensor", &["echoloop-dsp", "echoloop-link"]),
-    ("echoloop-image", "firmware/image", &["echoloop-dsp", "echoloop-kernels", "echoloop-link", "echoloop-sensor"]),
+    (
+        "echoloop-image",
+        "firmware/image",
+        &["echoloop-dsp", "echoloop-kernels", "echoloop-link", "echoloop-sensor"],
+    ),
     ("echoloop-registration", "host/registration", &["echoloop-kernels"]),
     ("echoloop-frontend", "host/frontend", &["echoloop-kernels"]),
     ("echoloop-cmaes", "host/cmaes", &[]),
     (
         "echoloop-sim",
         "sim",
-        &["echoloop-dsp", "echoloop-frontend", "echoloop-kernels", "echoloop-link", "echoloop-sensor"],
+        &[
+            "echoloop-dsp",
+            "echoloop-frontend",
+            "echoloop-kernels",
+            "echoloop-link",
+            "echoloop-sensor",
+        ],
     ),
     ("echoloop-host", "host/app", LIBRARIES),
     ("echoloop-tests", "tests", PROGRAM),
@@ -55,18 +65,27 @@ const PROGRAM: &[&str] = &[
 const NO_STD: [&str; 3] = ["echoloop-dsp", "echoloop-link", "echoloop-sensor"];
 
 /// Crates of which another dependency brings an older version too, and which one that is.
-const BROUGHT_TWICE: [(&str, &str); 3] = [("thiserror", "pcd-rs"), ("criterion", "rdst"), ("embedded-hal", "cortex-m")];
+const BROUGHT_TWICE: [(&str, &str); 3] =
+    [("thiserror", "pcd-rs"), ("criterion", "rdst"), ("embedded-hal", "cortex-m")];
 
 fn workspace() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// What is built into a crate, itself included, one line `name vX.Y.Z|feature,feature` each. Procedural macros run at
-/// build time only and do not count.
+/// What is built into a crate, itself included, one line `name vX.Y.Z|feature,feature` each.
+/// Procedural macros run at build time only and do not count.
 fn built_into(package: &str) -> BTreeSet<String> {
     let output = Command::new(env!("CARGO"))
         .current_dir(workspace())
-        .args(["tree", "--offline", "--locked", "--package", package, "--edges", "normal,no-proc-macro"])
+        .args([
+            "tree",
+            "--offline",
+            "--locked",
+            "--package",
+            package,
+            "--edges",
+            "normal,no-proc-macro",
+        ])
         .args(["--prefix", "none", "--no-dedupe", "--format", "{p}|{f}"])
         .output()
         .expect("cargo runs");
@@ -90,8 +109,12 @@ fn every_crate_names_only_those_it_may() {
         let manifest = table(&format!("{folder}/Cargo.toml"));
         assert_eq!(manifest["package"]["name"].as_str(), Some(package), "{folder}");
         for section in ["dependencies", "dev-dependencies", "build-dependencies"] {
-            let Some(entries) = manifest.get(section).and_then(toml::Value::as_table) else { continue };
-            let wrong = entries.keys().find(|key| key.starts_with("echoloop-") && !allowed.contains(&key.as_str()));
+            let Some(entries) = manifest.get(section).and_then(toml::Value::as_table) else {
+                continue;
+            };
+            let wrong = entries
+                .keys()
+                .find(|key| key.starts_with("echoloop-") && !allowed.contains(&key.as_str()));
             assert_eq!(wrong, None, "{package} may not have it in [{section}]");
         }
     }
@@ -108,7 +131,8 @@ fn every_member_of_the_workspace_is_in_the_table() {
 #[test]
 fn the_libraries_bring_neither_the_program_nor_its_command_line() {
     for package in ["echoloop-registration", "echoloop-cmaes", "echoloop-frontend"] {
-        let unwanted = ["clap", "indicatif", "echoloop-dsp", "echoloop-link", "echoloop-sim", "echoloop-host"];
+        let unwanted =
+            ["clap", "indicatif", "echoloop-dsp", "echoloop-link", "echoloop-sim", "echoloop-host"];
         let built = built_into(package);
         let found = built.iter().map(|line| name(line)).find(|name| unwanted.contains(name));
         assert_eq!(found, None, "{package} is built with it");
@@ -120,7 +144,8 @@ fn the_firmware_is_built_without_std_and_without_an_allocator() {
     for package in NO_STD {
         for line in built_into(package) {
             let (crate_name, features) = line.split_once('|').expect("as formatted");
-            let wrong = features.split(',').find(|f| ["std", "alloc", "use-std", "use_std"].contains(f));
+            let wrong =
+                features.split(',').find(|f| ["std", "alloc", "use-std", "use_std"].contains(f));
             assert_eq!(wrong, None, "{package} builds {crate_name} with it");
         }
     }
@@ -131,7 +156,10 @@ fn every_firmware_crate_says_no_std() {
     for package in ["dsp", "link", "sensor", "image"] {
         let source = workspace().join("firmware").join(package).join("src/lib.rs");
         let text = std::fs::read_to_string(&source).expect("a library");
-        assert!(text.lines().any(|line| line.starts_with("#![") && line.contains("no_std")), "{package}");
+        assert!(
+            text.lines().any(|line| line.starts_with("#![") && line.contains("no_std")),
+            "{package}"
+        );
         assert!(!text.contains("extern crate alloc"), "{package}");
     }
 }
@@ -150,12 +178,21 @@ fn every_dependency_is_locked_in_one_version() {
     for dependency in direct.keys() {
         let found = versions.get(dependency.as_str()).map_or(0, Vec::len);
         let brought = BROUGHT_TWICE.iter().any(|(twice, _)| twice == dependency);
-        assert_eq!(found, 1 + usize::from(brought), "{dependency}: {:?}", versions.get(dependency.as_str()));
+        assert_eq!(
+            found,
+            1 + usize::from(brought),
+            "{dependency}: {:?}",
+            versions.get(dependency.as_str())
+        );
     }
     for (twice, by) in BROUGHT_TWICE {
         let package = packages.iter().find(|p| p["name"].as_str() == Some(by)).expect(by);
-        let uses = package["dependencies"].as_array().expect(by).iter().filter_map(toml::Value::as_str);
-        assert!(uses.into_iter().any(|used| name(used) == twice), "{by} does not bring {twice} any more");
+        let uses =
+            package["dependencies"].as_array().expect(by).iter().filter_map(toml::Value::as_str);
+        assert!(
+            uses.into_iter().any(|used| name(used) == twice),
+            "{by} does not bring {twice} any more"
+        );
     }
 }
 
@@ -164,7 +201,9 @@ fn every_crate_takes_its_dependencies_from_the_workspace() {
     for (_, folder, _) in ALLOWED {
         let manifest = table(&format!("{folder}/Cargo.toml"));
         for section in ["dependencies", "dev-dependencies", "build-dependencies"] {
-            let Some(entries) = manifest.get(section).and_then(toml::Value::as_table) else { continue };
+            let Some(entries) = manifest.get(section).and_then(toml::Value::as_table) else {
+                continue;
+            };
             for (dependency, how) in entries {
                 let shared = how.get("workspace").and_then(toml::Value::as_bool);
                 assert_eq!(shared, Some(true), "{folder}: {dependency} has a version of its own");

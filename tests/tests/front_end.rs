@@ -1,4 +1,5 @@
-//! A front end that fails: the sensor says so, never fires with half a set of settings, and recovers at the next request.
+//! A front end that fails: the sensor says so, never fires with half a set of settings, and
+//! recovers at the next request.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::cell::RefCell;
@@ -9,7 +10,9 @@ use std::rc::Rc;
 use echoloop_dsp::config::sample_period_fs;
 use echoloop_dsp::settings::AMBIENT_PRE_TRIGGER;
 use echoloop_dsp::{Hardware, ScanPattern, Settings};
-use echoloop_link::{Command, Decoder, Greeting, MAX_FRAME, Nack, Report, decode, encode, settings_hash};
+use echoloop_link::{
+    Command, Decoder, Greeting, MAX_FRAME, Nack, Report, decode, encode, settings_hash,
+};
 use echoloop_sensor::afe::{WRITE, adc, delay_fs, emitter};
 use echoloop_sensor::app::LinkLost;
 use echoloop_sensor::{App, Board};
@@ -65,7 +68,8 @@ impl SpiDevice for Spi {
             }
             *left -= 1;
         }
-        let registers = if self.device == Device::Emitter { &mut analog.emitter } else { &mut analog.adc };
+        let registers =
+            if self.device == Device::Emitter { &mut analog.emitter } else { &mut analog.adc };
         match operations {
             [Operation::Write([address, a, b, c, d])] => {
                 let register = address & !WRITE;
@@ -189,7 +193,13 @@ impl Sensor {
         let (mut emitter, mut adc) = ([0; 8], [0; 8]);
         (emitter[0], adc[0]) = (emitter::ID_VALUE, adc::ID_VALUE);
         let fault = Fault::None;
-        let analog = Rc::new(RefCell::new(Analog { emitter, adc, fault, transactions: 0, shots: Vec::new() }));
+        let analog = Rc::new(RefCell::new(Analog {
+            emitter,
+            adc,
+            fault,
+            transactions: 0,
+            shots: Vec::new(),
+        }));
         let spi = |device| Spi { device, analog: Rc::clone(&analog) };
         let bench = Bench {
             emitter: spi(Device::Emitter),
@@ -229,7 +239,10 @@ impl Sensor {
         assert_eq!(self.ask(&Command::Stage(*settings)), Report::Staged { hash });
         let base_generation = self.app.session().version().0;
         let committed = Report::Committed { generation: base_generation + 1, hash };
-        assert_eq!(self.ask(&Command::Commit { hash, base_generation, confirm_within: 0 }), committed);
+        assert_eq!(
+            self.ask(&Command::Commit { hash, base_generation, confirm_within: 0 }),
+            committed
+        );
     }
 
     fn measure(&mut self, frame: u32) -> Report {
@@ -246,10 +259,14 @@ impl Sensor {
         assert_eq!(shots.len(), count);
         let (hardware, bins) = (Hardware::REFERENCE, settings.bins as u32);
         for (laser, converter) in shots {
-            assert_eq!(laser[1..4], [settings.power_cw as u32, settings.pulse_width_ps as u32, frame]);
+            assert_eq!(
+                laser[1..4],
+                [settings.power_cw as u32, settings.pulse_width_ps as u32, frame]
+            );
             let period = sample_period_fs(bins, &hardware);
             let before = settings.pre_trigger_samples();
-            let expected = [settings.gain_cdb as u32, period, delay_fs(settings, &hardware), bins, before];
+            let expected =
+                [settings.gain_cdb as u32, period, delay_fs(settings, &hardware), bins, before];
             assert_eq!(converter[1..6], expected);
             assert_eq!(laser[usize::from(emitter::SHOT)], 0);
         }
@@ -259,7 +276,14 @@ impl Sensor {
 /// Differs from the default in every register.
 fn other() -> Settings {
     let ambient = AMBIENT_PRE_TRIGGER;
-    Settings { power_cw: 5_000, pulse_width_ps: 6_000, gain_cdb: -300, bins: 1_000, ambient, ..Settings::default() }
+    Settings {
+        power_cw: 5_000,
+        pulse_width_ps: 6_000,
+        gain_cdb: -300,
+        bins: 1_000,
+        ambient,
+        ..Settings::default()
+    }
 }
 
 /// Scans, changes the settings, meets the fault and asks for the next scan.
@@ -278,13 +302,15 @@ fn assert_recovers(mut sensor: Sensor) {
     assert_eq!(version, (1, settings_hash(&other())));
     sensor.analog.borrow_mut().shots.clear();
     sensor.fail(Fault::None);
-    let Report::Beams { generation, hash, beams, .. } = sensor.measure(2) else { panic!("no recovery") };
+    let Report::Beams { generation, hash, beams, .. } = sensor.measure(2) else {
+        panic!("no recovery")
+    };
     assert_eq!(((generation, hash), beams.len()), (version, 2));
     sensor.assert_shots(2, &other(), 2);
 }
 
-/// Transactions of one request after new settings: the emitter's identity and 3 registers, written and read; the
-/// converter's and 5; the scan's number; two shots.
+/// Transactions of one request after new settings: the emitter's identity and 3 registers, written
+/// and read; the converter's and 5; the scan's number; two shots.
 const TRANSACTIONS: usize = 7 + 11 + 2 + 2;
 
 #[test]
@@ -308,8 +334,11 @@ fn another_device_on_the_bus_is_never_written_to() {
             sensor.fail(Fault::WrongId(device, id));
             assert_eq!(sensor.measure(1), Report::Nack(Nack::FrontEnd), "{device:?} {id:#x}");
             sensor.assert_shots(0, &other(), 1);
-            let written =
-                if device == Device::Emitter { sensor.analog.borrow().emitter } else { sensor.analog.borrow().adc };
+            let written = if device == Device::Emitter {
+                sensor.analog.borrow().emitter
+            } else {
+                sensor.analog.borrow().adc
+            };
             assert_eq!(written[1..], [0; 7], "{device:?}");
             sensor.configure(&other());
             assert_recovers(sensor);
@@ -319,7 +348,8 @@ fn another_device_on_the_bus_is_never_written_to() {
 
 #[test]
 fn a_register_that_does_not_hold_is_reported_before_a_shot() {
-    let emitter = [emitter::POWER, emitter::PULSE_WIDTH, emitter::FRAME].map(|r| (Device::Emitter, r));
+    let emitter =
+        [emitter::POWER, emitter::PULSE_WIDTH, emitter::FRAME].map(|r| (Device::Emitter, r));
     let adc = [adc::GAIN, adc::SAMPLE_PERIOD, adc::DELAY, adc::SAMPLES].map(|r| (Device::Adc, r));
     for (device, register) in emitter.into_iter().chain(adc) {
         let (mut sensor, report) = after(Fault::Stuck(device, register));
@@ -359,8 +389,10 @@ fn shots_of_a_beam_are_numbered_and_the_next_beam_begins_anew() {
     sensor.configure(&Settings { shots: 4, ..Settings::default() });
     assert!(matches!(sensor.measure(1), Report::Beams { .. }));
     let shots = std::mem::take(&mut sensor.analog.borrow_mut().shots);
-    let fired: Vec<(u32, u32)> =
-        shots.iter().map(|(laser, _)| (laser[usize::from(emitter::FIRE)], laser[usize::from(emitter::SHOT)])).collect();
+    let fired: Vec<(u32, u32)> = shots
+        .iter()
+        .map(|(laser, _)| (laser[usize::from(emitter::FIRE)], laser[usize::from(emitter::SHOT)]))
+        .collect();
     assert_eq!(fired, [(6, 0), (6, 1), (6, 2), (6, 3), (7, 0), (7, 1), (7, 2), (7, 3)]);
     // One shot again: its number is 0, as the noise of a beam's first shot is the beam's own.
     sensor.configure(&Settings::default());
@@ -374,7 +406,9 @@ fn a_broken_front_end_does_not_stop_the_conversation() {
     sensor.fail(Fault::Bus(0));
     assert_eq!(sensor.measure(1), Report::Nack(Nack::FrontEnd));
     sensor.configure(&other());
-    let Report::Settings { generation, settings, .. } = sensor.ask(&Command::ReadSettings) else { panic!() };
+    let Report::Settings { generation, settings, .. } = sensor.ask(&Command::ReadSettings) else {
+        panic!()
+    };
     assert_eq!((generation, settings), (1, other()));
 }
 
@@ -430,7 +464,8 @@ fn commands() -> impl Strategy<Value = Command> {
         }
         settings
     });
-    let hash = prop_oneof![any::<u32>(), proptest::prelude::Just(settings_hash(&Settings::default()))];
+    let hash =
+        prop_oneof![any::<u32>(), proptest::prelude::Just(settings_hash(&Settings::default()))];
     prop_oneof![
         1 => proptest::prelude::Just(Command::Hello(Greeting::OURS)),
         3 => settings.prop_map(Command::Stage),

@@ -1,4 +1,5 @@
-//! The front end against physics: link budget, energy, noise, quantisation, sub-rays, and the effect of every switch.
+//! The front end against physics: link budget, energy, noise, quantisation, sub-rays, and the
+//! effect of every switch.
 //!
 //! All Monte Carlo is seeded; bounds say how many standard errors they are.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
@@ -25,8 +26,14 @@ use echoloop_sim::vector;
 const METRES_PER_NS: f64 = 0.299_792_458 / 2.0;
 
 /// 1 GS/s; a pulse that begins at once when the window does.
-const ANALOG: Analog =
-    Analog { power_w: 75.0, pulse_width_ns: 5.0, gain_db: 0.0, sample_period_ns: 1.0, delay_ns: 0.0, pre_trigger: 0 };
+const ANALOG: Analog = Analog {
+    power_w: 75.0,
+    pulse_width_ns: 5.0,
+    gain_db: 0.0,
+    sample_period_ns: 1.0,
+    delay_ns: 0.0,
+    pre_trigger: 0,
+};
 
 /// Nothing but signal: what is left of the shot noise is below 10⁻¹⁵⁰ µA.
 fn silent() -> Receiver {
@@ -59,7 +66,13 @@ fn waveform(receiver: &Receiver, analog: &Analog, returns: &[Return], samples: u
 }
 
 /// Mean and variance of every sample over shots, codes.
-fn ensemble(receiver: &Receiver, analog: &Analog, returns: &[Return], samples: usize, shots: u32) -> Vec<(f64, f64)> {
+fn ensemble(
+    receiver: &Receiver,
+    analog: &Analog,
+    returns: &[Return],
+    samples: usize,
+    shots: u32,
+) -> Vec<(f64, f64)> {
     let mut front_end = WaveformFrontEnd::new(receiver.clone(), one_beam(returns), 1);
     let mut sums = vec![(0.0, 0.0); samples + analog.pre_trigger];
     for frame in 0..shots {
@@ -69,7 +82,9 @@ fn ensemble(receiver: &Receiver, analog: &Analog, returns: &[Return], samples: u
         }
     }
     let n = f64::from(shots);
-    sums.into_iter().map(|(sum, squares)| (sum / n, (squares - sum * sum / n) / (n - 1.0))).collect()
+    sums.into_iter()
+        .map(|(sum, squares)| (sum / n, (squares - sum * sum / n) / (n - 1.0)))
+        .collect()
 }
 
 /// A front end and the firmware's detector behind it.
@@ -137,17 +152,28 @@ fn the_link_budget_meets_every_check_value_of_the_physics() {
 
 #[test]
 fn a_pulse_carries_exactly_its_power_times_its_width() {
-    // Σ x·Δ of a sin² pulse over a whole number of samples is A·W at every phase; what is left is rounding, below 1/A codes.
+    // Σ x·Δ of a sin² pulse over a whole number of samples is A·W at every phase; what is left is
+    // rounding, below 1/A codes.
     let receiver = silent();
     for width_ns in [2.0, 3.1, 5.0, 8.0, 13.7, 20.0] {
         for samples in [5, 8, 17, 40] {
             for (phase, power_w) in (0..16).zip([20.0, 50.0, 75.0, 100.0].into_iter().cycle()) {
                 let sample_period_ns = 2.0 * width_ns / f64::from(samples);
                 let delay_ns = -sample_period_ns * f64::from(phase) / 16.0;
-                let analog = Analog { power_w, pulse_width_ns: width_ns, sample_period_ns, delay_ns, ..ANALOG };
+                let analog = Analog {
+                    power_w,
+                    pulse_width_ns: width_ns,
+                    sample_period_ns,
+                    delay_ns,
+                    ..ANALOG
+                };
                 let echo = wall(30.0, 0.3 * 12.0 / power_w);
-                let codes =
-                    waveform(&receiver, &analog, &[echo], (200.0 / sample_period_ns) as usize + samples as usize + 3);
+                let codes = waveform(
+                    &receiver,
+                    &analog,
+                    &[echo],
+                    (200.0 / sample_period_ns) as usize + samples as usize + 3,
+                );
                 let sum_ns = codes.iter().map(|&c| f64::from(c)).sum::<f64>() * sample_period_ns;
                 let per_code_ua = receiver.full_scale_ua / 16_384.0;
                 let per_w_ua = receiver.peak_current_ua(1.0, 30.0, echo.strength_per_m2.into());
@@ -181,7 +207,8 @@ fn shot_noise_grows_linearly_with_the_signal_at_the_slope_of_the_physics() {
             (variance_ua2 / expected - 1.0).abs() < 4.5 * confidence,
             "sample {n}: {variance_ua2} against {expected}"
         );
-        products += signal_ua * (variance_ua2 - receiver.quiescent_variance_ua2()) / expected.powi(2);
+        products +=
+            signal_ua * (variance_ua2 - receiver.quiescent_variance_ua2()) / expected.powi(2);
         squares += signal_ua * signal_ua / expected.powi(2);
     }
     let slope = products / squares;
@@ -199,7 +226,8 @@ fn ambient_light_does_not_depend_on_range() {
     for range_m in [5.0, 30.0, 100.0] {
         let all = ensemble(&receiver, &analog, &[wall(range_m, 0.01)], 800, SHOTS);
         let sigma = all[0].1.sqrt();
-        // Before the shot, and in the first and last part of the window that the echo does not touch.
+        // Before the shot, and in the first and last part of the window that the echo does not
+        // touch.
         for span in [0..100, 100..130, 500..600, 820..900] {
             let count = span.len() as f64 * f64::from(SHOTS);
             let mean = all[span.clone()].iter().map(|s| s.0).sum::<f64>() / span.len() as f64;
@@ -211,7 +239,8 @@ fn ambient_light_does_not_depend_on_range() {
     }
 }
 
-/// Error of the matched filter's parabola, mm, on codes; the estimator that the table was made with.
+/// Error of the matched filter's parabola, mm, on codes; the estimator that the table was made
+/// with.
 fn filter_error_mm(codes: &[u16], centre: f64) -> f64 {
     let tap = |k: i32| 0.5 + 0.5 * (PI * f64::from(k) / 5.0).cos();
     let y = |n: i32| (-4..=4).map(|k| tap(k) * f64::from(codes[(n + k) as usize])).sum::<f64>();
@@ -219,7 +248,8 @@ fn filter_error_mm(codes: &[u16], centre: f64) -> f64 {
     let top = (near - 8..=near + 8).max_by(|&a, &b| y(a).total_cmp(&y(b))).unwrap();
     let (before, at, after) = (y(top - 1), y(top), y(top + 1));
     let curvature = before - 2.0 * at + after;
-    let delta = if curvature < 0.0 { ((before - after) / (2.0 * curvature)).clamp(-0.5, 0.5) } else { 0.0 };
+    let delta =
+        if curvature < 0.0 { ((before - after) / (2.0 * curvature)).clamp(-0.5, 0.5) } else { 0.0 };
     (f64::from(top) + delta - centre) * METRES_PER_NS * 1e3
 }
 
@@ -228,9 +258,12 @@ fn the_converter_costs_what_the_quantisation_table_says() {
     const LEVELS: u32 = 100;
     const PHASES: u32 = 60;
     // (amplitude over full scale, bits, mm): S = 10 at 1 GS/s, physics.md §4.
-    for (fraction, bits, table_mm, within) in
-        [(0.05, 8, 21.6, 0.04), (0.05, 12, 21.3, 0.04), (0.005, 8, 45.8, 0.12), (0.005, 12, 21.7, 0.04)]
-    {
+    for (fraction, bits, table_mm, within) in [
+        (0.05, 8, 21.6, 0.04),
+        (0.05, 12, 21.3, 0.04),
+        (0.005, 8, 45.8, 0.12),
+        (0.005, 12, 21.7, 0.04),
+    ] {
         let amplitude_ua = 30.0 * fraction;
         let mut squares = 0.0;
         for level in 0..LEVELS {
@@ -246,19 +279,28 @@ fn the_converter_costs_what_the_quantisation_table_says() {
                 let centre = 100.0 + f64::from(phase) / f64::from(PHASES);
                 let range_m = (centre - 5.0) * METRES_PER_NS;
                 let unit = receiver.peak_current_ua(75.0, range_m, 1.0);
-                let echo = Return { range_m: range_m as f32, strength_per_m2: (amplitude_ua / unit) as f32 };
-                let mut front_end = WaveformFrontEnd::new(receiver.clone(), one_beam(&[echo]), level.into());
-                squares += filter_error_mm(&shot(&mut front_end, &ANALOG, phase, 200), centre).powi(2);
+                let echo = Return {
+                    range_m: range_m as f32,
+                    strength_per_m2: (amplitude_ua / unit) as f32,
+                };
+                let mut front_end =
+                    WaveformFrontEnd::new(receiver.clone(), one_beam(&[echo]), level.into());
+                squares +=
+                    filter_error_mm(&shot(&mut front_end, &ANALOG, phase, 200), centre).powi(2);
             }
         }
         let std_mm = (squares / f64::from(LEVELS * PHASES)).sqrt(); // standard error 0.9 % for normal errors
-        assert!((std_mm / table_mm - 1.0).abs() < within, "{bits} bits at {fraction}: {std_mm} of {table_mm} mm");
+        assert!(
+            (std_mm / table_mm - 1.0).abs() < within,
+            "{bits} bits at {fraction}: {std_mm} of {table_mm} mm"
+        );
     }
 }
 
 // Sub-rays.
 
-const MATT: Material = Material { name: "matt", reflectance_905nm: 0.1, specular_f0: 0.0, roughness: 1.0 };
+const MATT: Material =
+    Material { name: "matt", reflectance_905nm: 0.1, specular_f0: 0.0, roughness: 1.0 };
 
 /// A square of ± 100 m through (x, 0, 0), turned about z.
 fn plane(x: f32, turn: f32) -> Mesh {
@@ -275,20 +317,23 @@ fn plane(x: f32, turn: f32) -> Mesh {
 #[test]
 fn results_do_not_depend_on_the_number_of_sub_rays() {
     const SCANS: u32 = 1_000;
-    // 95 m, ρ 0.1: an echo of about 5 µA, A/σ about 50 in quiet air; its Cramér–Rao bound is that of physics.md §4.
+    // 95 m, ρ 0.1: an echo of about 5 µA, A/σ about 50 in quiet air; its Cramér–Rao bound is that
+    // of physics.md §4.
     for turn_deg in [0.0_f32, 30.0, 60.0] {
         let caster = Raycaster::over(&plane(95.0, turn_deg.to_radians()));
         let mut means = Vec::new();
         let mut bound_mm = 0.0;
         for subrays in [1, 3, 5, 7, 9] {
             let optics = BeamOptics { subrays, ..BeamOptics::default() };
-            let response = Scanner::scan(&caster, &[MATT], &Pose::identity(), &[[1.0, 0.0, 0.0]], &optics);
+            let response =
+                Scanner::scan(&caster, &[MATT], &Pose::identity(), &[[1.0, 0.0, 0.0]], &optics);
             let receiver = Receiver { subrays, ..Receiver::default() };
             let mut bench = Bench::new(&receiver, response.of(0));
             let (mean, std) = mean_and_std(&bench.ranges_m(SCANS));
             let strength: f32 = response.of(0).iter().map(|r| r.strength_per_m2).sum();
             let amplitude_ua = receiver.peak_current_ua(75.0, 95.0, strength.into());
-            let noise_ua = receiver.quiescent_variance_ua2() + 0.5 * receiver.shot_variance_ua() * amplitude_ua;
+            let noise_ua = receiver.quiescent_variance_ua2()
+                + 0.5 * receiver.shot_variance_ua() * amplitude_ua;
             let snr = amplitude_ua / noise_ua.sqrt();
             bound_mm = 1e3 * 2.0 * METRES_PER_NS * 5.0 / PI / (snr * 5f64.sqrt());
             assert!(std * 1e3 > 0.9 * bound_mm, "{subrays}²: {std} m beats {bound_mm} mm");
@@ -341,8 +386,8 @@ fn a_target_in_fog_falls_by_the_extinction_of_the_way_there_and_back() {
 
 #[test]
 fn a_far_wall_in_rain_and_snow_falls_by_the_extinction_of_the_way_there_and_back() {
-    // Beyond every drop and flake that is met one by one (60 m at most), so bright that the medium's own light does not count.
-    // dB/km by hand from Rec. ITU-R P.1814 at 905 nm.
+    // Beyond every drop and flake that is met one by one (60 m at most), so bright that the
+    // medium's own light does not count. dB/km by hand from Rec. ITU-R P.1814 at 905 nm.
     let table = [
         (Precipitation::Rain, 10.0, 5.033),
         (Precipitation::Rain, 50.0, 14.80),
@@ -359,7 +404,9 @@ fn a_far_wall_in_rain_and_snow_falls_by_the_extinction_of_the_way_there_and_back
                 // 25 µA of 30 in clear air, at −30 dB.
                 let strength = 25.0 * 1000f64.sqrt() / silent().peak_current_ua(5.0, range_m, 1.0);
                 let echo = Return { range_m: range_m as f32, strength_per_m2: strength as f32 };
-                f64::from(waveform(receiver, &analog, &[echo], 60)[20..].iter().copied().max().unwrap())
+                f64::from(
+                    waveform(receiver, &analog, &[echo], 60)[20..].iter().copied().max().unwrap(),
+                )
             };
             let (dimmed, clear) = (peak(&in_weather(silent(), kind, rate_mm_h)), peak(&silent()));
             let expected = 10f64.powf(-2.0 * range_m * db_per_km / 1e4); // e^(−2αR), the loss of power of 10·log₁₀
@@ -390,11 +437,18 @@ fn fog_shines_at_short_range_grows_with_its_density_and_clips() {
         // In proportion to 1/MOR but for the extinction on the first metres.
         let expected = height * visibility_m / 998.0 / peak(998.0, -30.0).1;
         let alpha = 20f64.ln() / visibility_m;
-        assert!(expected < 1.01 && expected > (-2.0 * alpha * 2.0_f64).exp(), "{visibility_m} m: {expected}");
+        assert!(
+            expected < 1.01 && expected > (-2.0 * alpha * 2.0_f64).exp(),
+            "{visibility_m} m: {expected}"
+        );
         previous = height;
     }
     for visibility_m in [50.0, 100.0, Weather::default().visibility_m, 600.0] {
-        assert_eq!(peak(visibility_m, 0.0).1, 16_383.0, "{visibility_m} m: at 0 dB it fills the converter");
+        assert_eq!(
+            peak(visibility_m, 0.0).1,
+            16_383.0,
+            "{visibility_m} m: at 0 dB it fills the converter"
+        );
     }
     assert!(peak(998.0, 0.0).1 < 16_383.0, "the thinnest does not");
 }
@@ -437,12 +491,19 @@ fn timing_jitter_spreads_ranges_by_half_the_way_that_light_goes_in_it() {
         let (mean, std) = mean_and_std(&Bench::new(&receiver, &wall).ranges_m(SCANS));
         let expected = (jitter_ns * METRES_PER_NS).hypot(still);
         let confidence = 4.0 / f64::from(2 * SCANS).sqrt(); // four standard errors: 4.5 %
-        assert!((std / expected - 1.0).abs() < confidence, "{jitter_ns} ns: {std} m instead of {expected} m");
-        assert!((mean - 60.0).abs() < 4.0 * std / f64::from(SCANS).sqrt() + 0.005, "{jitter_ns} ns: {mean} m");
+        assert!(
+            (std / expected - 1.0).abs() < confidence,
+            "{jitter_ns} ns: {std} m instead of {expected} m"
+        );
+        assert!(
+            (mean - 60.0).abs() < 4.0 * std / f64::from(SCANS).sqrt() + 0.005,
+            "{jitter_ns} ns: {mean} m"
+        );
     }
 }
 
-/// The echoes of a small scanner before a wall, beam by beam; what reaches it, it got through the configuration.
+/// The echoes of a small scanner before a wall, beam by beam; what reaches it, it got through the
+/// configuration.
 fn scans(text: &str, count: u32) -> Vec<Vec<Option<f64>>> {
     let text = format!("[scanner]\ncolumns = 12\nrows = 32\n{text}");
     let config: Config = toml::from_str(&text).unwrap();
@@ -481,7 +542,12 @@ fn weak_channels_are_weaker_by_what_they_lose() {
     let weak = scans("[receiver]\nweak_channels = 0.5\nweak_channel_db = 6.0\n", 1).remove(0);
     let ratios: Vec<f64> = sound.iter().zip(&weak).map(|(a, b)| b.unwrap() / a.unwrap()).collect();
     let (low, same): (Vec<f64>, Vec<f64>) = ratios.iter().partition(|r| **r < 0.6);
-    assert!(low.len() > 100 && same.len() > 100 && low.len() % 12 == 0, "{} and {}", low.len(), same.len());
+    assert!(
+        low.len() > 100 && same.len() > 100 && low.len() % 12 == 0,
+        "{} and {}",
+        low.len(),
+        same.len()
+    );
     assert!((mean_and_std(&low).0 - 0.2512).abs() < 0.003, "{:?}", mean_and_std(&low));
     assert!(same.iter().all(|&r| r == 1.0), "sound channels keep their very codes");
 }
@@ -509,7 +575,10 @@ fn place() -> Place {
     let mesh = plane(20.0, 0.0);
     let caster = Raycaster::over(&mesh);
     let area = ([-50.0; 2], [50.0; 2]);
-    Place { scene: Scene { name: "wall".into(), mesh, materials: MATERIALS.to_vec(), area }, caster }
+    Place {
+        scene: Scene { name: "wall".into(), mesh, materials: MATERIALS.to_vec(), area },
+        caster,
+    }
 }
 
 fn moving(motion: Motion) -> Config {
@@ -579,7 +648,8 @@ fn a_sensor_that_stands_still_scans_as_ever() {
 
 #[test]
 fn shaking_spreads_the_points_of_a_wall_and_differs_from_scan_to_scan() {
-    let config = moving(Motion { jitter_mm: 20.0, jitter_per: JitterPer::Beam, ..Motion::default() });
+    let config =
+        moving(Motion { jitter_mm: 20.0, jitter_per: JitterPer::Beam, ..Motion::default() });
     let (one, again, other) = (points(&config, 1), points(&config, 1), points(&config, 2));
     assert_eq!(one, again);
     assert_ne!(one, other);
@@ -602,7 +672,14 @@ fn with_every_switch_off_the_codes_are_those_of_the_plain_front_end() {
         let key = NoiseKey::new(5, trigger);
         let (mut before, mut window) = (vec![0; 64], vec![0; 800]);
         let plain = Receiver::default();
-        synthesise(&plain, &analog, &[], key.before_the_trigger(), &mut Shot::default(), &mut before);
+        synthesise(
+            &plain,
+            &analog,
+            &[],
+            key.before_the_trigger(),
+            &mut Shot::default(),
+            &mut before,
+        );
         synthesise(&plain, &analog, &returns, key, &mut Shot::default(), &mut window);
         let codes = shot(&mut front_end, &analog, frame, 800);
         assert_eq!((&codes[..64], &codes[64..]), (&before[..], &window[..]));

@@ -1,14 +1,14 @@
 //! The physical limits that the sensor is held to: physics.md §4 as tests.
 //!
-//! Every figure is a seeded Monte Carlo, so it is the same in every run; "confidence" is three standard errors of what is
-//! measured unless said otherwise. Comments give what the code reaches.
+//! Every figure is a seeded Monte Carlo, so it is the same in every run; "confidence" is three
+//! standard errors of what is measured unless said otherwise. Comments give what the code reaches.
 
 use std::f64::consts::PI;
 
 use echoloop_dsp::config::sample_period_fs;
 use echoloop_dsp::settings::{
-    AMBIENT_NONE, AMBIENT_PRE_TRIGGER, DENOISE_GAUSSIAN, DENOISE_MATCHED, DENOISE_NONE, TIMING_CFD, TIMING_PARABOLA,
-    TIMING_RISING_EDGE, TIMING_WALK_CORRECTED,
+    AMBIENT_NONE, AMBIENT_PRE_TRIGGER, DENOISE_GAUSSIAN, DENOISE_MATCHED, DENOISE_NONE, TIMING_CFD,
+    TIMING_PARABOLA, TIMING_RISING_EDGE, TIMING_WALK_CORRECTED,
 };
 use echoloop_dsp::{Echo, Flags, Hardware, PRE_TRIGGER, Pipeline, Scratch, Settings};
 use echoloop_frontend::{Analog, Trigger};
@@ -73,7 +73,13 @@ impl Bench {
         let pipeline = Pipeline::new(settings, &hardware).expect("accepted settings");
         let period_ns = f64::from(pipeline.config().sample_period_fs()) / 1e6;
         let width = f64::from(settings.pulse_width_ps) / 1e3 / period_ns;
-        Self { hardware, pipeline, scratch: Scratch::new(), width, mm_per_sample: MM_PER_NS * period_ns }
+        Self {
+            hardware,
+            pipeline,
+            scratch: Scratch::new(),
+            width,
+            mm_per_sample: MM_PER_NS * period_ns,
+        }
     }
 
     /// Echoes of a waveform in codes.
@@ -86,7 +92,8 @@ impl Bench {
         echo.range_m() * 1e3 - f64::from(self.hardware.range_min_mm) - at * self.mm_per_sample
     }
 
-    /// Errors of a pulse of amplitude `snr · sigma` (codes) in noise of `sigma`, at random phases; every one is found.
+    /// Errors of a pulse of amplitude `snr · sigma` (codes) in noise of `sigma`, at random phases;
+    /// every one is found.
     fn errors(&mut self, snr: f64, sigma: f64, runs: usize) -> Vec<f64> {
         let mut rng = vectors::rng(1);
         let mut error = || {
@@ -131,12 +138,23 @@ impl Sensor {
         };
         let pipeline = Pipeline::new(&settings, &hardware).expect("accepted settings");
         let codes = vec![0; settings.bins as usize];
-        Self { receiver, settings, analog, pipeline, scratch: Scratch::new(), shot: Shot::default(), codes }
+        Self {
+            receiver,
+            settings,
+            analog,
+            pipeline,
+            scratch: Scratch::new(),
+            shot: Shot::default(),
+            codes,
+        }
     }
 
     /// The echo of a wall of one albedo, square to the beam, and its range error, mm.
     fn see(&mut self, albedo: f64, range_m: f64, beam: u32) -> Option<(Echo, f64)> {
-        let wall = Return { range_m: range_m as f32, strength_per_m2: (albedo / PI / range_m / range_m) as f32 };
+        let wall = Return {
+            range_m: range_m as f32,
+            strength_per_m2: (albedo / PI / range_m / range_m) as f32,
+        };
         let key = NoiseKey::new(5, Trigger { frame: 0, beam, shot: 0 });
         synthesise(&self.receiver, &self.analog, &[wall], key, &mut self.shot, &mut self.codes);
         let echoes = vector::process(&self.pipeline, &self.codes, &mut self.scratch);
@@ -156,7 +174,9 @@ impl Sensor {
 #[test]
 fn the_range_spread_lies_on_the_cramer_rao_bound() {
     // Reached: 1.00 at 1 and 2 GS/s, 1.01 to 1.02 at 0.5 GS/s; upsampled there 1.02 to 1.05.
-    for (bins, upsampling) in [(HALF_GS, 1), (HALF_GS, 2), (ONE_GS, 1), (ONE_GS, 4), (TWO_GS, 1), (TWO_GS, 8)] {
+    for (bins, upsampling) in
+        [(HALF_GS, 1), (HALF_GS, 2), (ONE_GS, 1), (ONE_GS, 4), (TWO_GS, 1), (TWO_GS, 8)]
+    {
         let mut bench = Bench::new(&Settings { upsampling, ..at_rate(bins) }, WHITE);
         for snr in [8.0, 10.0, 20.0, 50.0] {
             let errors = bench.errors(snr, 16.0, 6_000);
@@ -164,10 +184,16 @@ fn the_range_spread_lies_on_the_cramer_rao_bound() {
             let confidence = confidence(&errors); // 2.7 %
             let case = format!("{bins} bins, upsampling {upsampling}, S {snr}");
             assert!(ratio > 0.95 && ratio < 1.08, "{case}: {ratio} ± {confidence}");
-            assert!(ratio > 1.0 - confidence, "{case}: {ratio} beats the bound by more than {confidence}");
+            assert!(
+                ratio > 1.0 - confidence,
+                "{case}: {ratio} beats the bound by more than {confidence}"
+            );
             let bias = mean(&errors).abs();
             let standard_error = spread(&errors) / (errors.len() as f64).sqrt();
-            assert!(bias < 0.05 + 4.0 * standard_error, "{case}: bias {bias} ± {standard_error} mm");
+            assert!(
+                bias < 0.05 + 4.0 * standard_error,
+                "{case}: bias {bias} ± {standard_error} mm"
+            );
         }
     }
 }
@@ -176,7 +202,11 @@ fn the_range_spread_lies_on_the_cramer_rao_bound() {
 fn the_bound_itself_has_the_figures_of_the_physics() {
     let bench = Bench::new(&at_rate(ONE_GS), WHITE);
     for (snr, expected_mm) in [(5.0, 42.7), (10.0, 21.3), (20.0, 10.7), (50.0, 4.27)] {
-        assert!((bench.bound_mm(snr) / expected_mm - 1.0).abs() < 0.003, "S {snr}: {} mm", bench.bound_mm(snr));
+        assert!(
+            (bench.bound_mm(snr) / expected_mm - 1.0).abs() < 0.003,
+            "S {snr}: {} mm",
+            bench.bound_mm(snr)
+        );
     }
 }
 
@@ -186,7 +216,8 @@ fn by_phase(sensor: &mut Sensor, albedo: f64, range_m: f64, count: u32) -> Vec<(
         let seen = sensor.at_phase(albedo, range_m, f64::from(phase) / 32.0, count);
         assert_eq!(seen.len(), count as usize, "albedo {albedo}: every echo is found");
         let errors: Vec<f64> = seen.iter().map(|(_, error)| *error).collect();
-        let deviations: Vec<f64> = seen.iter().map(|(echo, _)| echo.deviation_mm().to_num()).collect();
+        let deviations: Vec<f64> =
+            seen.iter().map(|(echo, _)| echo.deviation_mm().to_num()).collect();
         (mean(&errors), mean(&deviations))
     };
     (0..32).map(&mut at).collect()
@@ -194,15 +225,24 @@ fn by_phase(sensor: &mut Sensor, albedo: f64, range_m: f64, count: u32) -> Vec<(
 
 #[test]
 fn range_does_not_walk_with_albedo_at_any_phase_while_the_edges_show() {
-    // 60 m: albedo 0.02 is an echo of a twelfth of full scale, 50 of two hundred times it. Reached: below 1.5 mm wherever both
-    // edges of the clipped pulse fall on samples, which at A/S they do while a sample period is shorter than an edge.
+    // 60 m: albedo 0.02 is an echo of a twelfth of full scale, 50 of two hundred times it. Reached:
+    // below 1.5 mm wherever both edges of the clipped pulse fall on samples, which at A/S they do
+    // while a sample period is shorter than an edge.
     let cases = [(HALF_GS, 0.5), (ONE_GS, 2.0), (TWO_GS, 5.0), (THREE_GS, 20.0)];
     for (bins, up_to) in cases {
         let mut sensor = Sensor::new(at_rate(bins));
-        for albedo in [0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 5.0, 20.0].into_iter().filter(|&a| a <= up_to) {
+        for albedo in [0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 5.0, 20.0]
+            .into_iter()
+            .filter(|&a| a <= up_to)
+        {
             let count = if albedo < 0.1 { 400 } else { 100 };
-            for (phase, (bias_mm, _)) in by_phase(&mut sensor, albedo, 60.0, count).into_iter().enumerate() {
-                assert!(bias_mm.abs() < 5.0, "{bins} bins, albedo {albedo}, phase {phase}/32: {bias_mm} mm");
+            for (phase, (bias_mm, _)) in
+                by_phase(&mut sensor, albedo, 60.0, count).into_iter().enumerate()
+            {
+                assert!(
+                    bias_mm.abs() < 5.0,
+                    "{bins} bins, albedo {albedo}, phase {phase}/32: {bias_mm} mm"
+                );
             }
         }
     }
@@ -210,8 +250,9 @@ fn range_does_not_walk_with_albedo_at_any_phase_while_the_edges_show() {
 
 #[test]
 fn deeper_in_saturation_the_mean_stays_and_sigma_tells_what_a_phase_hides() {
-    // Where an edge falls between two samples, one dark and the next clipped, no sample says where: only the mean over phases can
-    // be free of bias, and what a phase is off by is told by the σ that its echoes report.
+    // Where an edge falls between two samples, one dark and the next clipped, no sample says where:
+    // only the mean over phases can be free of bias, and what a phase is off by is told by the σ
+    // that its echoes report.
     for bins in [HALF_GS, ONE_GS, TWO_GS, THREE_GS] {
         let mut sensor = Sensor::new(at_rate(bins));
         for albedo in [5.0, 20.0, 50.0] {
@@ -239,7 +280,9 @@ fn sigma_r_is_honest_from_the_threshold_to_ten_times_full_scale() {
                 continue; // the edge falls between samples: an interval, not a spread
             }
             let normalised: Vec<f64> = (0..3_000)
-                .filter_map(|beam| sensor.see(albedo, 60.0 + 0.37 * f64::from(beam % 97) / 97.0, beam))
+                .filter_map(|beam| {
+                    sensor.see(albedo, 60.0 + 0.37 * f64::from(beam % 97) / 97.0, beam)
+                })
                 .map(|(echo, error)| error / echo.deviation_mm().to_num::<f64>())
                 .collect();
             assert_eq!(normalised.len(), 3_000);
@@ -270,17 +313,26 @@ fn sigma_r_is_honest_for_other_filters_and_methods() {
             };
             let normalised: Vec<f64> = (0..2_000).map(|_| normalised()).collect();
             let spread = spread(&normalised);
-            assert!((spread - 1.0).abs() < 0.1, "denoise {denoise}, timing {timing}, {bins} bins: {spread}");
+            assert!(
+                (spread - 1.0).abs() < 0.1,
+                "denoise {denoise}, timing {timing}, {bins} bins: {spread}"
+            );
         }
     }
 }
 
 #[test]
 fn a_rising_edge_walks_as_the_physics_says_and_a_constant_fraction_does_not() {
-    // (cτ/π) asin √(T/A): 0.702 m at A/T = 1.01, 0.154 at 10, 0.048 at 100. Without noise or filter.
+    // (cτ/π) asin √(T/A): 0.702 m at A/T = 1.01, 0.154 at 10, 0.048 at 100. Without noise or
+    // filter.
     let threshold = 0.01;
     let quiet = |timing, amplitude: f64| {
-        let settings = Settings { denoise: DENOISE_NONE, timing, noise_floor_ppm: 10_000, ..at_rate(THREE_GS) };
+        let settings = Settings {
+            denoise: DENOISE_NONE,
+            timing,
+            noise_floor_ppm: 10_000,
+            ..at_rate(THREE_GS)
+        };
         let mut bench = Bench::new(&settings, Hardware { adc_bits: 14, ..Hardware::REFERENCE });
         let mut wave = vec![100.0; 600];
         add_echo(&mut wave, 300.0, amplitude * 16_384.0, bench.width);
@@ -297,10 +349,12 @@ fn a_rising_edge_walks_as_the_physics_says_and_a_constant_fraction_does_not() {
 
 #[test]
 fn detection_follows_the_theory_of_the_matched_filter() {
-    // P_D = Q(k − d′), d′ = S √(¾ f_s τ). Noise moves the top to a higher sample, so a little more is found.
+    // P_D = Q(k − d′), d′ = S √(¾ f_s τ). Noise moves the top to a higher sample, so a little more
+    // is found.
     const RUNS: u32 = 3_000;
     for bins in [HALF_GS, ONE_GS, THREE_GS] {
-        let mut bench = Bench::new(&Settings { snr_threshold_milli: 4_000, ..at_rate(bins) }, WHITE);
+        let mut bench =
+            Bench::new(&Settings { snr_threshold_milli: 4_000, ..at_rate(bins) }, WHITE);
         for d in [2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 6.0] {
             let amplitude = 16.0 * d / (0.75 * bench.width).sqrt();
             let mut rng = vectors::rng(9);
@@ -310,36 +364,51 @@ fn detection_follows_the_theory_of_the_matched_filter() {
                 add_echo(&mut wave, at, amplitude, bench.width);
                 bench.see(&wave).iter().any(|echo| bench.error_mm(echo, at).abs() < MM_PER_NS * 5.0)
             };
-            let rate = f64::from((0..RUNS).map(|_| u32::from(found())).sum::<u32>()) / f64::from(RUNS);
+            let rate =
+                f64::from((0..RUNS).map(|_| u32::from(found())).sum::<u32>()) / f64::from(RUNS);
             let expected = q(4.0 - d);
             let confidence = 3.0 * (expected * (1.0 - expected) / f64::from(RUNS)).sqrt();
             let excess = rate - expected;
-            assert!(excess > -confidence - 0.02, "{bins} bins, d′ {d}: {rate} against {expected} ± {confidence}");
-            assert!(excess < confidence + 0.045, "{bins} bins, d′ {d}: {rate} against {expected} ± {confidence}");
+            assert!(
+                excess > -confidence - 0.02,
+                "{bins} bins, d′ {d}: {rate} against {expected} ± {confidence}"
+            );
+            assert!(
+                excess < confidence + 0.045,
+                "{bins} bins, d′ {d}: {rate} against {expected} ± {confidence}"
+            );
         }
     }
 }
 
 #[test]
 fn false_alarms_follow_the_theory_when_sigma_is_measured_from_the_same_window() {
-    // Monte Carlo with σ known at k = 4, per 800 ns: 0.0106, 0.0133, 0.0167. A σ̂ that scatters by ε raises a rate of e^(−k²/2) by
-    // e^(k⁴ε²/2), and 1.4826·MAD of N samples has ε = 1.167/√N.
+    // Monte Carlo with σ known at k = 4, per 800 ns: 0.0106, 0.0133, 0.0167. A σ̂ that scatters by
+    // ε raises a rate of e^(−k²/2) by e^(k⁴ε²/2), and 1.4826·MAD of N samples has ε = 1.167/√N.
     const WINDOWS: u32 = 30_000;
     for (bins, known_sigma) in [(HALF_GS, 0.0106), (ONE_GS, 0.0133), (THREE_GS, 0.0167)] {
-        let mut bench = Bench::new(&Settings { snr_threshold_milli: 4_000, ..at_rate(bins) }, WHITE);
+        let mut bench =
+            Bench::new(&Settings { snr_threshold_milli: 4_000, ..at_rate(bins) }, WHITE);
         let mut rng = vectors::rng(7);
         let mut alarm = || !bench.see(&noise(&mut rng, bins as usize, 200.0, 16.0)).is_empty();
         let alarms = f64::from((0..WINDOWS).map(|_| u32::from(alarm())).sum::<u32>());
         let expected = known_sigma * libm::exp(128.0 * 1.167f64.powi(2) / f64::from(bins));
-        let (rate, confidence) = (alarms / f64::from(WINDOWS), 3.0 * alarms.sqrt() / f64::from(WINDOWS));
-        assert!((rate - expected).abs() < confidence + 0.06 * expected, "{bins} bins: {rate} against {expected}");
+        let (rate, confidence) =
+            (alarms / f64::from(WINDOWS), 3.0 * alarms.sqrt() / f64::from(WINDOWS));
+        assert!(
+            (rate - expected).abs() < confidence + 0.06 * expected,
+            "{bins} bins: {rate} against {expected}"
+        );
     }
 }
 
 #[test]
 fn quantisation_costs_what_the_table_says() {
-    // S = 10 at 1 GS/s: 8 bits suffice from 5 % of full scale on; at 0.5 % they cost a factor of two, 12 bits nothing.
-    for (adc_bits, share, expected_mm) in [(8, 0.05, 21.6), (12, 0.05, 21.3), (8, 0.005, 45.8), (12, 0.005, 21.7)] {
+    // S = 10 at 1 GS/s: 8 bits suffice from 5 % of full scale on; at 0.5 % they cost a factor of
+    // two, 12 bits nothing.
+    for (adc_bits, share, expected_mm) in
+        [(8, 0.05, 21.6), (12, 0.05, 21.3), (8, 0.005, 45.8), (12, 0.005, 21.7)]
+    {
         let hardware = Hardware { adc_bits, ..WHITE };
         let amplitude = share * f64::from(hardware.full_scale_code());
         let settings = Settings { snr_threshold_milli: 3_000, ..at_rate(ONE_GS) };
@@ -382,7 +451,11 @@ fn reflectivity_is_that_of_the_wall_from_its_amplitude_and_clipped_from_its_edge
             .filter_map(|beam| sensor.see(albedo, range_m + 0.01 * f64::from(beam % 31), beam))
             .map(|(echo, _)| echo.reflectivity_ratio().to_num::<f64>() / albedo)
             .collect();
-        assert!((mean(&seen) - 1.0).abs() < bias, "albedo {albedo} at {range_m} m: {}", mean(&seen));
+        assert!(
+            (mean(&seen) - 1.0).abs() < bias,
+            "albedo {albedo} at {range_m} m: {}",
+            mean(&seen)
+        );
         assert!(spread(&seen) < single, "albedo {albedo} at {range_m} m: spread {}", spread(&seen));
     }
 }
@@ -408,10 +481,19 @@ fn reflectivity_does_not_depend_on_power_gain_width_or_rate() {
 }
 
 /// What a client of a sensor that looks at one wall hears of it, `beams` times.
-fn through_the_link(settings: &Settings, albedo: f64, range_m: f64, beams: u32) -> Vec<(Echo, f64)> {
-    let wall = Return { range_m: range_m as f32, strength_per_m2: (albedo / PI / range_m / range_m) as f32 };
+fn through_the_link(
+    settings: &Settings,
+    albedo: f64,
+    range_m: f64,
+    beams: u32,
+) -> Vec<(Echo, f64)> {
+    let wall = Return {
+        range_m: range_m as f32,
+        strength_per_m2: (albedo / PI / range_m / range_m) as f32,
+    };
     let scene = SceneResponse { beams: (0..=beams).collect(), returns: vec![wall; beams as usize] };
-    let pattern = echoloop_dsp::ScanPattern { columns: beams as u16, rows: 1, ..Default::default() };
+    let pattern =
+        echoloop_dsp::ScanPattern { columns: beams as u16, rows: 1, ..Default::default() };
     let front_end = WaveformFrontEnd::new(Receiver::default(), scene.into(), 3);
     let sensor = PcSensor::new(front_end, pattern, Hardware::REFERENCE);
     let mut client = Client::connect(InProcess(sensor), Patience::default()).expect("a sensor");
@@ -426,7 +508,8 @@ fn shots_that_are_added_up_sharpen_range_and_threshold_by_their_root() {
     let of = |shots| {
         let seen = through_the_link(&Settings { shots, ..at_rate(ONE_GS) }, 0.01, 60.0, 1_500);
         let errors: Vec<f64> = seen.iter().map(|(_, error)| *error).collect();
-        let deviation = mean(&seen.iter().map(|(e, _)| e.deviation_mm().to_num()).collect::<Vec<_>>());
+        let deviation =
+            mean(&seen.iter().map(|(e, _)| e.deviation_mm().to_num()).collect::<Vec<_>>());
         let snr = mean(&seen.iter().map(|(e, _)| e.snr_ratio().to_num()).collect::<Vec<_>>());
         (spread(&errors), deviation, snr)
     };
@@ -434,15 +517,22 @@ fn shots_that_are_added_up_sharpen_range_and_threshold_by_their_root() {
     for shots in [2, 4, 8, 16] {
         let root = f64::from(shots).sqrt();
         let (spread_m, deviation_m, snr_m) = of(shots);
-        assert!((spread_mm / spread_m / root - 1.0).abs() < 0.08, "{shots} shots: {spread_mm} to {spread_m} mm");
-        assert!((deviation_mm / deviation_m / root - 1.0).abs() < 0.05, "{shots}: {deviation_mm} to {deviation_m} mm");
+        assert!(
+            (spread_mm / spread_m / root - 1.0).abs() < 0.08,
+            "{shots} shots: {spread_mm} to {spread_m} mm"
+        );
+        assert!(
+            (deviation_mm / deviation_m / root - 1.0).abs() < 0.05,
+            "{shots}: {deviation_mm} to {deviation_m} mm"
+        );
         assert!((snr_m / snr / root - 1.0).abs() < 0.05, "{shots} shots: SNR {snr} to {snr_m}");
     }
 }
 
 #[test]
 fn filters_rank_by_their_gain_in_signal_over_noise() {
-    // The matched filter gains √(¾ f_s τ) = 1.94 at 5 samples a width; the Gaussian, half as wide, 1.75; none 1.
+    // The matched filter gains √(¾ f_s τ) = 1.94 at 5 samples a width; the Gaussian, half as wide,
+    // 1.75; none 1.
     let of = |denoise| {
         let seen = through_the_link(&Settings { denoise, ..at_rate(ONE_GS) }, 0.05, 60.0, 800);
         mean(&seen.iter().map(|(echo, _)| echo.snr_ratio().to_num()).collect::<Vec<_>>())
@@ -466,14 +556,22 @@ fn the_pre_trigger_ambient_holds_where_half_of_the_window_is_light() {
         }
         add_echo(&mut wave, (before + 650) as f64, 1_000.0, bench.width);
         let echoes = bench.see(&wave);
-        let far = echoes.iter().find(|echo| (bench.error_mm(echo, 650.0)).abs() < 100.0).expect("the wall");
+        let far = echoes
+            .iter()
+            .find(|echo| (bench.error_mm(echo, 650.0)).abs() < 100.0)
+            .expect("the wall");
         far.amplitude_fraction().to_num::<f64>() * 4096.0
     };
-    let (median, before, none) = (amplitude(0), amplitude(AMBIENT_PRE_TRIGGER), amplitude(AMBIENT_NONE));
+    let (median, before, none) =
+        (amplitude(0), amplitude(AMBIENT_PRE_TRIGGER), amplitude(AMBIENT_NONE));
     assert!((before - 1_000.0).abs() < 20.0, "before the trigger: {before}");
-    // What lies below the baseline passes the filter whole, the pulse by three quarters: 1000 ± level · 4/3.
+    // What lies below the baseline passes the filter whole, the pulse by three quarters: 1000 ±
+    // level · 4/3.
     assert!((median - 600.0).abs() < 20.0, "the median takes the haze for ambient: {median}");
-    assert!((none - 1_267.0).abs() < 20.0, "with none removed the ambient counts as signal: {none}");
+    assert!(
+        (none - 1_267.0).abs() < 20.0,
+        "with none removed the ambient counts as signal: {none}"
+    );
 }
 
 #[test]
@@ -489,7 +587,8 @@ fn through_the_link_the_pre_trigger_samples_are_dark_even_before_a_near_wall() {
 
 #[test]
 fn equal_echoes_split_where_a_matched_filter_can_split_them() {
-    // ΔR = 1.14 · cτ/2 = 0.854 m: from there on two, each near where it is and told to overlap; well within it one.
+    // ΔR = 1.14 · cτ/2 = 0.854 m: from there on two, each near where it is and told to overlap;
+    // well within it one.
     const RUNS: usize = 200;
     let near_mm = 1.14 * MM_PER_NS * 5.0;
     for bins in [HALF_GS, ONE_GS, 800, TWO_GS] {
@@ -506,10 +605,15 @@ fn equal_echoes_split_where_a_matched_filter_can_split_them() {
                 let echoes = bench.see(&wave);
                 if echoes.len() == 2 {
                     two += 1;
-                    let near = |echo: &Echo| bench.error_mm(echo, at).abs().min(bench.error_mm(echo, at + gap).abs());
+                    let near = |echo: &Echo| {
+                        bench.error_mm(echo, at).abs().min(bench.error_mm(echo, at + gap).abs())
+                    };
                     errors.extend(echoes.iter().map(near));
                     let merged = echoes.iter().any(|echo| echo.flags.contains(Flags::MERGED));
-                    assert!(merged || !(1.0..1.25).contains(&apart), "{bins} bins, {apart}: overlapping echoes say so");
+                    assert!(
+                        merged || !(1.0..1.25).contains(&apart),
+                        "{bins} bins, {apart}: overlapping echoes say so"
+                    );
                 }
             }
             let case = format!("{bins} bins, {apart} of the limit: {two} of {RUNS} split");
@@ -530,9 +634,17 @@ fn a_bright_or_clipped_wall_is_one_echo_however_many_are_asked_for() {
         let mut sensor = Sensor::new(Settings { echoes: 4, ..at_rate(bins) });
         for albedo in [0.05, 0.2, 1.0, 20.0, 300.0, 3_000.0] {
             for beam in 0..200 {
-                let wall = Return { range_m: 60.0, strength_per_m2: (albedo / PI / 3_600.0) as f32 };
+                let wall =
+                    Return { range_m: 60.0, strength_per_m2: (albedo / PI / 3_600.0) as f32 };
                 let key = NoiseKey::new(5, Trigger { frame: 0, beam, shot: 0 });
-                synthesise(&sensor.receiver, &sensor.analog, &[wall], key, &mut sensor.shot, &mut sensor.codes);
+                synthesise(
+                    &sensor.receiver,
+                    &sensor.analog,
+                    &[wall],
+                    key,
+                    &mut sensor.shot,
+                    &mut sensor.codes,
+                );
                 let echoes = vector::process(&sensor.pipeline, &sensor.codes, &mut sensor.scratch);
                 let near = echoes.iter().filter(|echo| (echo.range_m() - 60.0).abs() < 5.0); // one in 800 ns is noise
                 assert_eq!(near.count(), 1, "{bins} bins, albedo {albedo}, beam {beam}");
@@ -554,7 +666,8 @@ fn what_the_window_cuts_off_and_what_walks_has_no_sigma() {
 
 #[test]
 fn a_slanted_surface_is_one_echo_however_many_are_asked_for() {
-    // A footprint that spreads over a metre: one broad echo, not several, and its middle is its range.
+    // A footprint that spreads over a metre: one broad echo, not several, and its middle is its
+    // range.
     let settings = Settings { echoes: 4, ..at_rate(TWO_GS) };
     let mut bench = Bench::new(&settings, WHITE);
     let mut rng = vectors::rng(6);

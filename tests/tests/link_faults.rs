@@ -1,4 +1,5 @@
-//! A line that loses, changes, repeats and cuts what it carries: nothing wrong is ever committed, and nothing hangs.
+//! A line that loses, changes, repeats and cuts what it carries: nothing wrong is ever committed,
+//! and nothing hangs.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::cell::RefCell;
@@ -36,7 +37,9 @@ fn active(client: &mut Client<Faulty<InProcess<WaveformFrontEnd>>>) -> Settings 
 
 #[test]
 fn a_bad_line_never_commits_what_was_not_asked_for() {
-    for (rate, patience, at_least) in [(0.01, 8, 499), (0.05, 8, 490), (0.2, 8, 300), (0.05, 1, 180)] {
+    for (rate, patience, at_least) in
+        [(0.01, 8, 499), (0.05, 8, 490), (0.2, 8, 300), (0.05, 1, 180)]
+    {
         let mut rng = vectors::rng(11);
         let line = Faulty::new(sensor(), 12);
         let patience = Patience { timeout: Duration::from_secs(1), tries: patience };
@@ -45,7 +48,8 @@ fn a_bad_line_never_commits_what_was_not_asked_for() {
         let (mut done, mut reported) = (0, 0);
         let mut before = Settings::default();
         for _ in 0..500 {
-            let wanted = Settings { gain_cdb: rng.random_range(-1_000..=3_000), ..Settings::default() };
+            let wanted =
+                Settings { gain_cdb: rng.random_range(-1_000..=3_000), ..Settings::default() };
             match client.configure(&wanted) {
                 Ok(_) => {
                     done += 1;
@@ -54,7 +58,8 @@ fn a_bad_line_never_commits_what_was_not_asked_for() {
                 }
                 Err(ClientError::Silent { .. }) => {
                     reported += 1;
-                    // Old or new; the client was left unsure, and this test looks without its knowing better.
+                    // Old or new; the client was left unsure, and this test looks without its
+                    // knowing better.
                     let now = active(&mut client);
                     assert!(now == before || now == wanted, "at rate {rate}: {now:?}");
                     before = now;
@@ -63,7 +68,10 @@ fn a_bad_line_never_commits_what_was_not_asked_for() {
             }
         }
         let harmed = client.transport_mut().harmed;
-        println!("rate {rate}, {} tries: {done} done, {reported} reported, {harmed} messages harmed", patience.tries);
+        println!(
+            "rate {rate}, {} tries: {done} done, {reported} reported, {harmed} messages harmed",
+            patience.tries
+        );
         assert_eq!(done + reported, 500);
         assert!(harmed > 20, "at rate {rate} only {harmed} messages were harmed");
         assert!(done >= at_least, "at rate {rate} {done} of 500 were done");
@@ -138,16 +146,19 @@ fn programs_that_start_and_fail_on_a_bad_line_leave_no_sensor_behind_that_the_ne
         let mut before = Settings::default();
         let mut done = 0;
         for frame in 0..400 {
-            let wanted = Settings { gain_cdb: rng.random_range(-1_000..=3_000), ..Settings::default() };
+            let wanted =
+                Settings { gain_cdb: rng.random_range(-1_000..=3_000), ..Settings::default() };
             let sequence = rng.random();
-            let configured = Client::connect_from(line.clone(), patience, sequence).and_then(|mut client| {
-                if rng.random_bool(0.3) {
-                    let _ = client.scan(frame); // may leave a scan open
-                }
-                client.configure(&wanted)
-            });
+            let configured =
+                Client::connect_from(line.clone(), patience, sequence).and_then(|mut client| {
+                    if rng.random_bool(0.3) {
+                        let _ = client.scan(frame); // may leave a scan open
+                    }
+                    client.configure(&wanted)
+                });
             let rates = std::mem::replace(&mut line.0.borrow_mut().rates, Rates::NONE);
-            let mut read = || Client::connect_from(line.clone(), patience, rng.random())?.read_settings();
+            let mut read =
+                || Client::connect_from(line.clone(), patience, rng.random())?.read_settings();
             let now = read().or_else(|_| read()).unwrap(); // what was held back comes during the first
             line.0.borrow_mut().rates = rates;
             match configured {
@@ -156,7 +167,10 @@ fn programs_that_start_and_fail_on_a_bad_line_leave_no_sensor_behind_that_the_ne
                     assert_eq!(now, wanted, "at rate {rate}, program {frame}");
                 }
                 Err(ClientError::Silent { .. } | ClientError::Nack(_)) => {
-                    assert!(now == before || now == wanted, "at rate {rate}, program {frame}: {now:?}");
+                    assert!(
+                        now == before || now == wanted,
+                        "at rate {rate}, program {frame}: {now:?}"
+                    );
                 }
                 Err(other) => panic!("at rate {rate}: {other}"),
             }
@@ -209,17 +223,25 @@ fn an_answer_lost_in_an_open_scan_does_not_lock_the_sensor() {
 #[test]
 fn a_commit_that_a_dead_program_left_pending_is_what_the_next_one_finds() {
     let patience = Patience { timeout: Duration::from_secs(1), tries: 1 };
-    let line = Shared(Rc::new(RefCell::new(Muted { inner: wide_sensor(), answers_left: usize::MAX })));
+    let line =
+        Shared(Rc::new(RefCell::new(Muted { inner: wide_sensor(), answers_left: usize::MAX })));
     let mut first = Client::connect_from(line.clone(), patience, 0).unwrap();
     let left = Settings { gain_cdb: 1, ..Settings::default() };
     // The program dies in the middle of scan 1, having committed during it.
     let half = [
         Command::ReadBeams { frame: 1, first: 0, count: 32 },
         Command::Stage(left),
-        Command::Commit { hash: echoloop_link::settings_hash(&left), base_generation: 0, confirm_within: 0 },
+        Command::Commit {
+            hash: echoloop_link::settings_hash(&left),
+            base_generation: 0,
+            confirm_within: 0,
+        },
     ];
     for (sequence, command) in (100..).zip(&half) {
-        first.transport_mut().send(encode(sequence, command, &mut [0; MAX_FRAME]).unwrap()).unwrap();
+        first
+            .transport_mut()
+            .send(encode(sequence, command, &mut [0; MAX_FRAME]).unwrap())
+            .unwrap();
     }
     while line.clone().receive(&mut [0; 4096], Duration::ZERO).unwrap() > 0 {}
     let mut second = Client::connect_from(line, patience, 7_000).unwrap();
@@ -295,7 +317,10 @@ fn a_hello_and_a_forget_that_come_late_do_not_forget_what_was_saved_since() {
     client.forget().unwrap(); // number 3
     client.save().unwrap();
     for (sequence, command) in [(1, Command::Hello(Greeting::OURS)), (3, Command::Forget)] {
-        client.transport_mut().send(encode(sequence, &command, &mut [0; MAX_FRAME]).unwrap()).unwrap();
+        client
+            .transport_mut()
+            .send(encode(sequence, &command, &mut [0; MAX_FRAME]).unwrap())
+            .unwrap();
     }
     let flash = client.transport_mut().0.store_mut();
     assert!(store::load(flash, &Hardware::REFERENCE).is_some());
@@ -308,11 +333,22 @@ fn an_earlier_program_s_late_command_does_not_deafen_the_sensor() {
     let wanted = Settings { gain_cdb: 7, ..Settings::default() };
     for sequence in [300, 1_000, 40_000, 65_535] {
         for before in 1..4 {
-            let frame = encode(sequence, &Command::ReadCounters, &mut [0; MAX_FRAME]).unwrap().to_vec();
-            let line = Intruder { inner: sensor(), sent: 0, before, first: Vec::new(), frame: Some(frame) };
+            let frame =
+                encode(sequence, &Command::ReadCounters, &mut [0; MAX_FRAME]).unwrap().to_vec();
+            let line = Intruder {
+                inner: sensor(),
+                sent: 0,
+                before,
+                first: Vec::new(),
+                frame: Some(frame),
+            };
             let mut client = Client::connect_from(line, patience, 0).unwrap();
             client.configure(&wanted).unwrap();
-            assert_eq!(client.read_settings().unwrap(), wanted, "{sequence} before message {before}");
+            assert_eq!(
+                client.read_settings().unwrap(),
+                wanted,
+                "{sequence} before message {before}"
+            );
             assert_eq!(client.read_counters().unwrap().stale, 1);
         }
     }
@@ -324,7 +360,8 @@ fn a_late_command_that_could_be_ours_deafens_the_sensor_until_the_next_hello() {
     let wanted = Settings { gain_cdb: 7, ..Settings::default() };
     for before in 2..4 {
         let frame = encode(100, &Command::ReadCounters, &mut [0; MAX_FRAME]).unwrap().to_vec();
-        let line = Intruder { inner: sensor(), sent: 0, before, first: Vec::new(), frame: Some(frame) };
+        let line =
+            Intruder { inner: sensor(), sent: 0, before, first: Vec::new(), frame: Some(frame) };
         let mut client = Client::connect_from(line, patience, 0).unwrap();
         assert!(matches!(client.configure(&wanted), Err(ClientError::Silent { .. })));
         client.configure(&wanted).unwrap();
@@ -355,7 +392,10 @@ impl Transport for Babble {
     }
 
     fn receive(&mut self, buffer: &mut [u8], _timeout: Duration) -> io::Result<usize> {
-        buffer.iter_mut().zip([1, 2, 3, 0].into_iter().cycle()).for_each(|(slot, byte)| *slot = byte);
+        buffer
+            .iter_mut()
+            .zip([1, 2, 3, 0].into_iter().cycle())
+            .for_each(|(slot, byte)| *slot = byte);
         Ok(buffer.len())
     }
 }

@@ -1,4 +1,5 @@
-//! The image on boards in QEMU: the same bytes as in process, and a sensor that comes back from whatever happens to it.
+//! The image on boards in QEMU: the same bytes as in process, and a sensor that comes back from
+//! whatever happens to it.
 //!
 //! `cargo xtask firmware` builds the images. `ECHOLOOP_WAVEFORMS=100000` lengthens the comparison.
 #![cfg(unix)]
@@ -25,7 +26,8 @@ use echoloop_tests::vectors::{self, KINDS};
 use object::{Object, ObjectSymbol};
 
 /// As many beams as one report holds.
-const PATTERN: ScanPattern = ScanPattern { columns: 8, rows: 4, azimuth_cdeg: 18_000, elevation_cdeg: 9_000 };
+const PATTERN: ScanPattern =
+    ScanPattern { columns: 8, rows: 4, azimuth_cdeg: 18_000, elevation_cdeg: 9_000 };
 const BEAMS: usize = 32;
 
 /// An emulator may be kept waiting by everything else that the machine does.
@@ -89,15 +91,20 @@ fn measure<T: Transport>(client: &mut Client<T>, settings: &Settings) -> Vec<Ech
 
 #[test]
 fn every_board_says_of_every_waveform_what_the_pc_says() {
-    let waveforms: usize = std::env::var("ECHOLOOP_WAVEFORMS").map_or(2_048, |text| text.parse().unwrap());
-    let sensors = [Hardware::REFERENCE, Hardware { adc_bits: 14, range_min_mm: 0, ..Hardware::REFERENCE }];
+    let waveforms: usize =
+        std::env::var("ECHOLOOP_WAVEFORMS").map_or(2_048, |text| text.parse().unwrap());
+    let sensors =
+        [Hardware::REFERENCE, Hardware { adc_bits: 14, range_min_mm: 0, ..Hardware::REFERENCE }];
     for options in machines() {
         let mut echoes = 0;
         let begun = Instant::now();
         for (hardware, first) in sensors.into_iter().zip([0, 1_000_000]) {
             let front_end = Waveforms { adc_bits: hardware.adc_bits, ..Waveforms::default() };
-            let mut pc =
-                Client::connect(InProcess(PcSensor::new(front_end, PATTERN, hardware)), Patience::default()).unwrap();
+            let mut pc = Client::connect(
+                InProcess(PcSensor::new(front_end, PATTERN, hardware)),
+                Patience::default(),
+            )
+            .unwrap();
             let mut board = start(&options, hardware);
             let mut scratch = Scratch::new();
             for seed in first..first + waveforms.div_ceil(sensors.len() * BEAMS) as u64 {
@@ -106,19 +113,29 @@ fn every_board_says_of_every_waveform_what_the_pc_says() {
                 board.transport_mut().front_end_mut().beams.clone_from(&beams);
                 let vectorised = measure(&mut pc, &settings);
                 let on_board = measure(&mut board, &settings);
-                assert_eq!(on_board, vectorised, "{}, seed {seed}: {settings:?}", options.machine.name());
+                assert_eq!(
+                    on_board,
+                    vectorised,
+                    "{}, seed {seed}: {settings:?}",
+                    options.machine.name()
+                );
                 let pipeline = Pipeline::new(&settings, &hardware).unwrap();
-                let beams: Vec<Vec<u16>> = beams.iter().map(|wave| summed(&pipeline, wave)).collect();
+                let beams: Vec<Vec<u16>> =
+                    beams.iter().map(|wave| summed(&pipeline, wave)).collect();
                 let portable: Vec<Echoes> =
                     beams.iter().map(|w| process_baseline(&pipeline, w, &mut scratch)).collect();
                 assert_eq!(portable, vectorised, "seed {seed}: {settings:?}");
-                let scalar: Vec<Echoes> = beams.iter().map(|w| pipeline.process(Scalar, w, &mut scratch)).collect();
+                let scalar: Vec<Echoes> =
+                    beams.iter().map(|w| pipeline.process(Scalar, w, &mut scratch)).collect();
                 assert_eq!(scalar, vectorised, "seed {seed}: {settings:?}");
                 echoes += scalar.iter().map(|e| e.len()).sum::<usize>();
             }
         }
         let rate = waveforms as f64 / begun.elapsed().as_secs_f64();
-        println!("{}: {waveforms} waveforms, {echoes} echoes, {rate:.0} waveforms/s", options.machine.name());
+        println!(
+            "{}: {waveforms} waveforms, {echoes} echoes, {rate:.0} waveforms/s",
+            options.machine.name()
+        );
         assert!(echoes > waveforms / 4, "{echoes} echoes of {waveforms} waveforms compare little");
     }
 }
@@ -127,7 +144,8 @@ fn every_board_says_of_every_waveform_what_the_pc_says() {
 fn symbol(options: &QemuOptions, name: &str) -> u32 {
     let elf = fs::read(&options.image).unwrap();
     let file = object::File::parse(&*elf).unwrap();
-    file.symbols().find(|s| s.name() == Ok(name)).unwrap_or_else(|| panic!("no {name}")).address() as u32
+    file.symbols().find(|s| s.name() == Ok(name)).unwrap_or_else(|| panic!("no {name}")).address()
+        as u32
 }
 
 #[test]
@@ -141,8 +159,12 @@ fn the_stack_stays_within_the_bound_that_the_image_is_built_with() {
         options.arguments.push("-S".into()); // stopped before its first instruction
         let painted = 64 << 10;
         let top = symbol(&options, "_stack_start");
-        let qemu =
-            Qemu::start(&options, Waveforms { adc_bits: 12, ..Waveforms::default() }, PATTERN, Hardware::REFERENCE);
+        let qemu = Qemu::start(
+            &options,
+            Waveforms { adc_bits: 12, ..Waveforms::default() },
+            PATTERN,
+            Hardware::REFERENCE,
+        );
         let mut gdb = Gdb::connect(&socket).unwrap();
         gdb.fill(top - painted, painted as usize, PAINT).unwrap();
         gdb.detach().unwrap();
@@ -215,11 +237,15 @@ fn a_program_that_hangs_is_restarted_by_the_watchdog_and_begins_with_what_was_sa
         let mut gdb = Gdb::connect(&socket).unwrap();
         gdb.jump(symbol(&options, "DefaultHandler_") & !1).unwrap(); // turns for ever
         gdb.detach().unwrap();
-        // Unanswered at first; then the sensor knows of no session, and the client says hello and reads back.
+        // Unanswered at first; then the sensor knows of no session, and the client says hello and
+        // reads back.
         let after = (0..8).find_map(|_| client.read_settings().ok()).unwrap();
         assert_eq!(after, saved, "{}", kind.name());
         assert_eq!(client.read_counters().unwrap().restarts, 1, "{}", kind.name());
-        assert_eq!(client.configure(&active).map_err(|e| e.to_string()), Ok(settings_hash(&active)));
+        assert_eq!(
+            client.configure(&active).map_err(|e| e.to_string()),
+            Ok(settings_hash(&active))
+        );
         client.scan(9).unwrap();
     }
 }
@@ -304,7 +330,9 @@ fn the_board_s_log_says_which_settings_became_active() {
     let lines = sensor_log::decode(&fs::read(&options.image).unwrap(), &frames).unwrap();
     assert!(lines[0].contains("echoloop-sensor"), "{lines:?}");
     assert!(
-        lines.iter().any(|l| l.contains(&format!("settings {hash:#010x} active")) && l.contains("700")),
+        lines
+            .iter()
+            .any(|l| l.contains(&format!("settings {hash:#010x} active")) && l.contains("700")),
         "{lines:?}"
     );
 }

@@ -1,4 +1,5 @@
-//! Peaks under peaks, and the echoes of records: equal to their twins bit for bit, and what they tell apart.
+//! Peaks under peaks, and the echoes of records: equal to their twins bit for bit, and what they
+//! tell apart.
 
 use echoloop_dsp::detect::{self, Peaks};
 use echoloop_dsp::filter::{self, PADDING};
@@ -25,8 +26,16 @@ fn noise(rng: &mut ChaCha8Rng) -> f64 {
 }
 
 /// sin² echoes of (time, amplitude) in samples, of a width, with noise of σ.
-fn waveform(rng: &mut ChaCha8Rng, samples: usize, width: f64, echoes: &[(f64, f64)], sigma: f64) -> Vec<f64> {
-    let pulse = |t: f64| if t.abs() < width { (1.0 + (std::f64::consts::PI * t / width).cos()) / 2.0 } else { 0.0 };
+fn waveform(
+    rng: &mut ChaCha8Rng,
+    samples: usize,
+    width: f64,
+    echoes: &[(f64, f64)],
+    sigma: f64,
+) -> Vec<f64> {
+    let pulse = |t: f64| {
+        if t.abs() < width { (1.0 + (std::f64::consts::PI * t / width).cos()) / 2.0 } else { 0.0 }
+    };
     let clean = |n: usize| echoes.iter().map(|&(time, a)| a * pulse(n as f64 - time)).sum::<f64>();
     (0..samples).map(|n| clean(n) + sigma * noise(rng)).collect()
 }
@@ -35,12 +44,17 @@ fn waveform(rng: &mut ChaCha8Rng, samples: usize, width: f64, echoes: &[(f64, f6
 fn crests_equal_their_twin() {
     for seed in 0..10_000 {
         let mut rng = vectors::rng(seed);
-        let values: Vec<i16> = (0..rng.random_range(0..200)).map(|_| rng.random_range(-20..60)).collect();
+        let values: Vec<i16> =
+            (0..rng.random_range(0..200)).map(|_| rng.random_range(-20..60)).collect();
         let (level, share) = (rng.random_range(1..40), rng.random_range(1..9));
         let mut found = Peaks::new();
         crests(values.iter().copied(), 7, level, |h| i32::from(h) / share + 3, &mut found);
         let rise = |h: f64| (h / f64::from(share)).trunc() + 3.0;
-        assert_eq!(twins(&found), split_twin::crests(&reals(&values), 7, level.into(), rise), "seed {seed}");
+        assert_eq!(
+            twins(&found),
+            split_twin::crests(&reals(&values), 7, level.into(), rise),
+            "seed {seed}"
+        );
     }
 }
 
@@ -53,17 +67,32 @@ fn the_sharpener_and_the_shoulders_it_finds_equal_their_twins() {
         let sharpener = Sharpener::new(&narrow, lag, strength);
         let twin = split_twin::Sharpener::new(&narrow, lag, strength.into());
         assert_eq!(reals(sharpener.taps()), twin.taps, "seed {seed}");
-        assert_eq!((sharpener.lag(), f64::from(sharpener.noise_gain())), (twin.lag, twin.noise_gain), "seed {seed}");
+        assert_eq!(
+            (sharpener.lag(), f64::from(sharpener.noise_gain())),
+            (twin.lag, twin.noise_gain),
+            "seed {seed}"
+        );
 
-        let echoes: Vec<_> = (0..4).map(|_| (rng.random_range(0.0..300.0), rng.random_range(50.0..12_000.0))).collect();
-        let x: Vec<i16> = waveform(&mut rng, 300, 9.0, &echoes, 20.0).iter().map(|&v| v as i16).collect();
+        let echoes: Vec<_> = (0..4)
+            .map(|_| (rng.random_range(0.0..300.0), rng.random_range(50.0..12_000.0)))
+            .collect();
+        let x: Vec<i16> =
+            waveform(&mut rng, 300, 9.0, &echoes, 20.0).iter().map(|&v| v as i16).collect();
         let y: Vec<i16> = x.iter().map(|v| v / 2).collect();
         let mut coarse = Peaks::new();
         crests(y.iter().copied(), 0, 40, |h| i32::from(h >> 2), &mut coarse);
         let mut hidden = Hidden::new();
-        let found = shoulders(&sharpener, &x, &y, 300, 40, &coarse, |peak| peak.index % 3 > 0, &mut hidden);
-        let expected =
-            split_twin::shoulders(&twin, &reals(&x), &reals(&y), 300.0, 40.0, &twins(&coarse), |p| p.index % 3 > 0);
+        let found =
+            shoulders(&sharpener, &x, &y, 300, 40, &coarse, |peak| peak.index % 3 > 0, &mut hidden);
+        let expected = split_twin::shoulders(
+            &twin,
+            &reals(&x),
+            &reals(&y),
+            300.0,
+            40.0,
+            &twins(&coarse),
+            |p| p.index % 3 > 0,
+        );
         let hidden = hidden.iter().map(|&index| usize::from(index)).collect();
         assert_eq!((twins(&found), hidden), expected, "seed {seed}");
     }
@@ -77,7 +106,12 @@ fn record(seed: u64) -> (Vec<u16>, Search) {
     let samples = rng.random_range(1..260);
     let width = rng.random_range(2.0..25.0);
     let echoes: Vec<_> = (0..rng.random_range(0..6))
-        .map(|_| (rng.random_range(-5.0..samples as f64 + 5.0), top * rng.random_range(0.02f64..1.2).powi(2)))
+        .map(|_| {
+            (
+                rng.random_range(-5.0..samples as f64 + 5.0),
+                top * rng.random_range(0.02f64..1.2).powi(2),
+            )
+        })
         .collect();
     let sigma = [0.0, 0.3, top / 500.0, top / 40.0][rng.random_range(0..4)];
     let ambient = top * rng.random_range(0.0..0.2);
@@ -106,23 +140,35 @@ fn the_echoes_of_a_record_equal_their_twin() {
     let mut total = 0;
     for seed in 0..2_000 {
         let (codes, search) = record(seed);
-        let found: Vec<recording_twin::Echo> = recorder.echoes(&codes, &search).into_iter().map(Into::into).collect();
+        let found: Vec<recording_twin::Echo> =
+            recorder.echoes(&codes, &search).into_iter().map(Into::into).collect();
         assert_eq!(found, recording_twin::echoes(&codes, &search), "seed {seed}: {search:?}");
         total += found.len();
     }
     assert!(total > 2_500, "{total} echoes");
 }
 
-/// Times of the echoes of Gaussian pulses of (time, amplitude), 6 samples wide, that ring as a damped sine.
-fn of_ringing(seed: u64, samples: u32, echoes: &[(f64, f64)], [share, period, decay]: [f64; 3]) -> Vec<f64> {
+/// Times of the echoes of Gaussian pulses of (time, amplitude), 6 samples wide, that ring as a
+/// damped sine.
+fn of_ringing(
+    seed: u64,
+    samples: u32,
+    echoes: &[(f64, f64)],
+    [share, period, decay]: [f64; 3],
+) -> Vec<f64> {
     let rng = &mut vectors::rng(seed);
     let value = |t: f64| {
         let late = t - 6.0;
-        let ring = if late < 0.0 { 0.0 } else { (-late / decay).exp() * (late / period * std::f64::consts::TAU).sin() };
+        let ring = if late < 0.0 {
+            0.0
+        } else {
+            (-late / decay).exp() * (late / period * std::f64::consts::TAU).sin()
+        };
         (-4.0 * 2f64.ln() * (t / 6.0).powi(2)).exp() - share * ring
     };
     let clean = |n: u32| echoes.iter().map(|&(at, a)| a * value(f64::from(n) - at)).sum::<f64>();
-    let codes: Vec<u16> = (0..samples).map(|n| (600.0 + clean(n) + 2.0 * noise(rng)).round() as u16).collect();
+    let codes: Vec<u16> =
+        (0..samples).map(|n| (600.0 + clean(n) + 2.0 * noise(rng)).round() as u16).collect();
     let search = Search { code_shift: 4, ..Search::DEFAULT };
     let found = Recorder::new().echoes(&codes, &search);
     found.iter().map(|echo| echo.time as f64 / 65_536.0).collect()
@@ -144,7 +190,10 @@ fn an_echo_after_ringing_is_found() {
     for (seed, later) in (0..40).flat_map(|seed| [40.0, 60.0, 100.0].map(|later| (seed, later))) {
         let at = 80.0 + 0.37 * seed as f64;
         let found = of_ringing(seed, 300, &[(at, 900.0), (at + later, 80.0)], [0.15, 18.0, 20.0]);
-        assert!(found.iter().any(|time| (time - at - later).abs() < 2.0), "{at} + {later}: {found:?}");
+        assert!(
+            found.iter().any(|time| (time - at - later).abs() < 2.0),
+            "{at} + {later}: {found:?}"
+        );
     }
 }
 
@@ -158,12 +207,14 @@ fn memory_that_was_used_changes_no_echo() {
     }
 }
 
-/// Peaks of the matched filter on a waveform of 5 ns pulses at 1 GS/s, and those with shoulders; σ = 100.
+/// Peaks of the matched filter on a waveform of 5 ns pulses at 1 GS/s, and those with shoulders; σ
+/// = 100.
 fn sensor(rng: &mut ChaCha8Rng, clean: &[(f64, f64)]) -> (usize, usize) {
     const SIGMA: f64 = 100.0;
     let template = Template::sin_squared(5_000, 1_000_000);
     let sharpener = Sharpener::for_pulse(5_000, 1_000_000);
-    let x: Vec<i16> = waveform(rng, 400, 5.0, clean, SIGMA).iter().map(|&v| v.clamp(-3e4, 3e4) as i16).collect();
+    let x: Vec<i16> =
+        waveform(rng, 400, 5.0, clean, SIGMA).iter().map(|&v| v.clamp(-3e4, 3e4) as i16).collect();
     let mut padded = vec![0; template.half()];
     padded.extend(&x);
     padded.resize(padded.len() + template.half() + PADDING, 0);
@@ -173,7 +224,10 @@ fn sensor(rng: &mut ChaCha8Rng, clean: &[(f64, f64)]) -> (usize, usize) {
     let level = (4.7 * SIGMA * f64::from(template.noise_gain()) / 32_768.0) as i16;
     let mut coarse = Peaks::new();
     detect::peaks(Portable, &y, level, &mut coarse);
-    (coarse.len(), shoulders(&sharpener, &x, &y, sigma, level, &coarse, |_| true, &mut Hidden::new()).len())
+    (
+        coarse.len(),
+        shoulders(&sharpener, &x, &y, sigma, level, &coarse, |_| true, &mut Hidden::new()).len(),
+    )
 }
 
 /// Samples of 5 ns pulses at 1 GS/s apart, per metre.

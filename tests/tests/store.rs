@@ -1,4 +1,5 @@
-//! Settings that outlive the power, wherever it goes: the old ones or the new, never neither, never a mix.
+//! Settings that outlive the power, wherever it goes: the old ones or the new, never neither, never
+//! a mix.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::time::Duration;
@@ -53,13 +54,16 @@ fn forge(slot: &mut [u8], change: impl FnOnce(&mut [u8])) {
     slot[end..end + 4].copy_from_slice(&sum.to_le_bytes());
 }
 
-/// Cuts the power in the middle of every word and every erased block of a save; then of another, which has to clean up.
+/// Cuts the power in the middle of every word and every erased block of a save; then of another,
+/// which has to clean up.
 fn cut_everywhere<const W: usize, const E: usize>() -> usize {
     let mut cuts = 0;
     for times in 0..3 {
         let old = (times > 0).then(|| set(times));
         let (new, newer) = (set(100), set(200));
-        for (seed, step) in (0..16).flat_map(|seed| (0..RECORD / W + 4).map(move |step| (seed, step))) {
+        for (seed, step) in
+            (0..16).flat_map(|seed| (0..RECORD / W + 4).map(move |step| (seed, step)))
+        {
             let mut flash = worn::<W, E>(times);
             flash.cut_after(step, seed);
             if save(&mut flash, &HARDWARE, &new).is_ok() {
@@ -68,12 +72,18 @@ fn cut_everywhere<const W: usize, const E: usize>() -> usize {
             cuts += 1;
             flash.switch_on();
             let found = settings(&mut flash);
-            assert!(found == old || found == Some(new), "{times} saves, cut in step {step}, seed {seed}: {found:?}");
+            assert!(
+                found == old || found == Some(new),
+                "{times} saves, cut in step {step}, seed {seed}: {found:?}"
+            );
             flash.cut_after(step, seed + 1);
             assert_eq!(save(&mut flash, &HARDWARE, &newer), Err(StoreError::Flash));
             flash.switch_on();
             let again = settings(&mut flash);
-            assert!(again == found || again == Some(newer), "twice in step {step}, seed {seed}: {again:?}");
+            assert!(
+                again == found || again == Some(newer),
+                "twice in step {step}, seed {seed}: {again:?}"
+            );
             save(&mut flash, &HARDWARE, &newer).unwrap();
             assert_eq!(settings(&mut flash), Some(newer));
         }
@@ -99,14 +109,19 @@ fn a_power_cut_anywhere_in_a_save_leaves_the_old_settings_or_the_new() {
 
 #[test]
 fn a_power_cut_anywhere_in_a_forget_leaves_the_newest_settings_or_none() {
-    for (times, steps, seed) in (0..4).flat_map(|t| (0..4).flat_map(move |s| (0..64).map(move |seed| (t, s, seed)))) {
+    for (times, steps, seed) in
+        (0..4).flat_map(|t| (0..4).flat_map(move |s| (0..64).map(move |seed| (t, s, seed))))
+    {
         let mut flash = worn::<4, 256>(times);
         let old = settings(&mut flash);
         flash.cut_after(steps, seed);
         let done = forget(&mut flash, &HARDWARE);
         flash.switch_on();
         let found = settings(&mut flash);
-        assert!(found.is_none() || (found == old && done.is_err()), "{times} saves, cut in step {steps}: {found:?}");
+        assert!(
+            found.is_none() || (found == old && done.is_err()),
+            "{times} saves, cut in step {steps}: {found:?}"
+        );
         forget(&mut flash, &HARDWARE).unwrap();
         assert_eq!(settings(&mut flash), None);
         let erased = flash.blocks_erased();
@@ -146,7 +161,11 @@ fn any_flipped_bit_in_a_slot_leaves_the_other() {
         for bit in 8 * used..8 * 256 {
             let mut flash = whole.clone();
             flash.bytes_mut()[256 * slot + bit / 8] ^= 1 << (bit % 8);
-            assert_eq!(settings(&mut flash), Some(set(3)), "bit {bit} of slot {slot}, which says nothing");
+            assert_eq!(
+                settings(&mut flash),
+                Some(set(3)),
+                "bit {bit} of slot {slot}, which says nothing"
+            );
         }
     }
 }
@@ -192,9 +211,14 @@ fn a_thousand_saves_wear_both_slots_alike() {
     let mut last = [0; 2];
     for i in 1..=3_000 {
         save(&mut flash, &HARDWARE, &set(i)).unwrap();
-        assert_eq!(load(&mut flash, &HARDWARE), Some(Saved { revision: i as u32, settings: set(i) }));
+        assert_eq!(
+            load(&mut flash, &HARDWARE),
+            Some(Saved { revision: i as u32, settings: set(i) })
+        );
         last[(i as usize + 1) % 2] = i;
-        for (slot, expected) in flash.bytes().chunks(256).zip(last).filter(|(_, expected)| *expected > 0) {
+        for (slot, expected) in
+            flash.bytes().chunks(256).zip(last).filter(|(_, expected)| *expected > 0)
+        {
             assert_eq!(slot[12..16], expected.to_le_bytes(), "after save {i}");
         }
     }
@@ -204,8 +228,12 @@ fn a_thousand_saves_wear_both_slots_alike() {
 #[test]
 fn revisions_count_on_past_their_end() {
     let mut flash = worn::<4, 256>(2);
-    forge(&mut flash.bytes_mut()[..256], |slot| slot[12..16].copy_from_slice(&(u32::MAX - 1).to_le_bytes()));
-    forge(&mut flash.bytes_mut()[256..], |slot| slot[12..16].copy_from_slice(&u32::MAX.to_le_bytes()));
+    forge(&mut flash.bytes_mut()[..256], |slot| {
+        slot[12..16].copy_from_slice(&(u32::MAX - 1).to_le_bytes())
+    });
+    forge(&mut flash.bytes_mut()[256..], |slot| {
+        slot[12..16].copy_from_slice(&u32::MAX.to_le_bytes())
+    });
     for (i, revision) in [(10, 0), (11, 1), (12, 2)] {
         assert_eq!(save(&mut flash, &HARDWARE, &set(i)), Ok(revision));
         assert_eq!(load(&mut flash, &HARDWARE), Some(Saved { revision, settings: set(i) }));
@@ -301,7 +329,9 @@ fn a_power_cut_in_a_save_over_the_link_leaves_a_sensor_with_the_old_settings_or_
         let found = client.read_settings().unwrap();
         match saved {
             Ok(revision) => assert_eq!((revision, found), (4, set(4))),
-            Err(ClientError::Nack(Nack::Storage)) => assert!(found == set(3) || found == set(4), "step {step}"),
+            Err(ClientError::Nack(Nack::Storage)) => {
+                assert!(found == set(3) || found == set(4), "step {step}")
+            }
             Err(other) => panic!("{other}"),
         }
     }

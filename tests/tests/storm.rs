@@ -1,5 +1,5 @@
-//! A million frames over a line that does every harm to one in twenty: nothing wrong is committed, confirmed or saved, nothing
-//! hangs, and the next good frame is understood.
+//! A million frames over a line that does every harm to one in twenty: nothing wrong is committed,
+//! confirmed or saved, nothing hangs, and the next good frame is understood.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::collections::HashMap;
@@ -32,8 +32,8 @@ fn sensor(store: NorRam) -> InProcess<Target> {
 
 /// A program that tunes a sensor, and a witness who sees what the program cannot.
 ///
-/// A command that was given up may still be under way, and act until a later one has been answered; so what it asked for stays
-/// possible until then.
+/// A command that was given up may still be under way, and act until a later one has been answered;
+/// so what it asked for stays possible until then.
 struct Storm {
     client: Client<Line>,
     rng: ChaCha8Rng,
@@ -121,13 +121,16 @@ impl Storm {
         None
     }
 
-    /// After an operation: what is active was so, or may return, or was wanted. Once it is answered nothing else is possible
-    /// any more, but for what a trial returns to.
+    /// After an operation: what is active was so, or may return, or was wanted. Once it is answered
+    /// nothing else is possible any more, but for what a trial returns to.
     fn settle(&mut self, what: &str, done: bool, wanted: Option<Settings>) {
         let (active, saved) = self.look();
         self.returning.extend(wanted);
         let asked = done && what == "configure";
-        assert!(asked || active == self.active || self.returning.contains(&active), "{what}: {active:?}");
+        assert!(
+            asked || active == self.active || self.returning.contains(&active),
+            "{what}: {active:?}"
+        );
         assert!(self.saved.contains(&saved), "{what}: {saved:?}");
         self.active = active;
         if done {
@@ -152,7 +155,8 @@ impl Storm {
         if done {
             assert_eq!(self.look().0, wanted, "configure was answered");
         }
-        // Answered, it returns from no trial but its own; that it was wanted matters when it comes late.
+        // Answered, it returns from no trial but its own; that it was wanted matters when it comes
+        // late.
         self.settle("configure", done, (!done).then_some(wanted));
         done
     }
@@ -209,7 +213,10 @@ impl Storm {
         self.client.transport_mut().inner = sensor(store);
         self.names.clear();
         let (active, _) = self.look();
-        assert!(self.saved.iter().any(|saved| saved.unwrap_or_default() == active), "a start with {active:?}");
+        assert!(
+            self.saved.iter().any(|saved| saved.unwrap_or_default() == active),
+            "a start with {active:?}"
+        );
         (self.active, self.returning) = (active, vec![active]);
         self.count.starts += 1;
     }
@@ -279,7 +286,10 @@ fn storm(seed: u64, rates: Rates, frames: u64) -> Storm {
     println!("{rates:?}, seed {seed}");
     println!("  {sent} frames sent, {answered} answered, {} harms", line.harmed);
     println!("  {:.0} frames/s; {:?}", (sent + answered) as f64 / seconds, storm.count);
-    println!("  commands by tries, from 1: {:?}", &storm.client.transport_mut().tries.commands[1..]);
+    println!(
+        "  commands by tries, from 1: {:?}",
+        &storm.client.transport_mut().tries.commands[1..]
+    );
     storm
 }
 
@@ -291,7 +301,8 @@ fn a_million_frames_over_a_bad_line_do_nothing_wrong_and_are_all_answered_or_rep
     assert!(count.rollbacks > 1_000 && count.starts > 100, "{count:?}");
     assert!(count.done > 1_000 * count.silent, "{count:?}");
     assert!(tries.len() <= 1 + PATIENCE.tries as usize, "{tries:?}");
-    // Nine of ten commands that were harmed are answered by the third repetition: one good frame each way is enough.
+    // Nine of ten commands that were harmed are answered by the third repetition: one good frame
+    // each way is enough.
     let repeated: u64 = tries[2..].iter().sum();
     assert!(10 * tries[2..5].iter().sum::<u64>() > 9 * repeated, "{tries:?}");
 }

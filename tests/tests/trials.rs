@@ -48,7 +48,10 @@ fn the_scan_after_a_trial_that_ended_says_whose_settings_made_it() {
     assert!(matches!(host.scan(3), Err(ClientError::Mixed { frame: 3, .. })));
     assert_eq!(active(&mut host), 50);
     for _ in 0..2 {
-        assert!(matches!(host.confirm(), Err(ClientError::Changed { .. })), "asked again, it is as late");
+        assert!(
+            matches!(host.confirm(), Err(ClientError::Changed { .. })),
+            "asked again, it is as late"
+        );
         assert!(matches!(host.save(), Err(ClientError::Changed { .. })));
     }
     assert_eq!(host.read_settings().unwrap(), gain(50));
@@ -95,7 +98,11 @@ fn a_confirmation_that_is_lost_or_whose_answer_is_lost_is_found_out() {
         match (first, host.confirm()) {
             (_, Ok(())) => assert_eq!(active(&mut host), 100, "seed {seed}"),
             (Err(ClientError::Silent { .. }), Err(ClientError::Changed { .. })) => {
-                assert_eq!(active(&mut host), 0, "seed {seed}: it never came, and the hello ended the trial");
+                assert_eq!(
+                    active(&mut host),
+                    0,
+                    "seed {seed}: it never came, and the hello ended the trial"
+                );
             }
             other => panic!("seed {seed}: {other:?}"),
         }

@@ -1,7 +1,8 @@
 //! The pipeline for AVX2 against the plain one, bit for bit, on a million waveforms.
 //!
-//! Every 64th is drawn by [`vectors::case`] with settings of its own; the others are pieces of it, mostly short, bent in ways that no
-//! echo bends: reversed, trembling, with other levels, cut in two, wild. What is compared is all there is: echoes, statistics, `y`.
+//! Every 64th is drawn by [`vectors::case`] with settings of its own; the others are pieces of it,
+//! mostly short, bent in ways that no echo bends: reversed, trembling, with other levels, cut in
+//! two, wild. What is compared is all there is: echoes, statistics, `y`.
 
 use echoloop_dsp::detect::{self, Peaks};
 use echoloop_dsp::kernel::Portable;
@@ -26,8 +27,12 @@ fn piece(codes: &[u16], rng: &mut impl Rng, out: &mut Vec<u16>) {
     let shift: u32 = rng.random_range(0..16);
     match rng.random_range(0..8) {
         0 => out.reverse(),
-        1 => out.iter_mut().for_each(|code| *code = code.wrapping_add(u16::from(rng.random::<u8>()) >> (shift / 2))),
-        2 => out.iter_mut().for_each(|code| *code = (*code >> (shift / 4)).wrapping_add(1 << shift)),
+        1 => out.iter_mut().for_each(|code| {
+            *code = code.wrapping_add(u16::from(rng.random::<u8>()) >> (shift / 2))
+        }),
+        2 => {
+            out.iter_mut().for_each(|code| *code = (*code >> (shift / 4)).wrapping_add(1 << shift))
+        }
         3 => out.iter_mut().for_each(|code| *code = rng.random::<u16>() >> shift),
         4 => out.rotate_left(length / 3),
         5 => out.iter_mut().step_by(1 + shift as usize).for_each(|code| *code = !*code),
@@ -49,7 +54,11 @@ impl Both {
         let place = || format!("seed {seed}, piece {piece}, {} codes", codes.len());
         assert_eq!(fast, plain, "{}", place());
         assert_eq!(self.fast.statistics(), self.plain.statistics(), "{}", place());
-        assert!(self.fast.filtered(codes.len()) == self.plain.filtered(codes.len()), "y, {}", place());
+        assert!(
+            self.fast.filtered(codes.len()) == self.plain.filtered(codes.len()),
+            "y, {}",
+            place()
+        );
     }
 }
 

@@ -5,12 +5,14 @@ use std::io;
 use std::time::Duration;
 
 use echoloop_dsp::settings::PARAMETERS;
-use echoloop_dsp::{Echo, Echoes, Flags, Hardware, ParameterId, Reason, Refusal, ScanPattern, Settings};
+use echoloop_dsp::{
+    Echo, Echoes, Flags, Hardware, ParameterId, Reason, Refusal, ScanPattern, Settings,
+};
 use echoloop_host::link::client::{Client, ClientError, Patience};
 use echoloop_host::link::transport::Transport;
 use echoloop_link::{
-    BEAMS_PER_REPORT, Command, Counters, Decoder, FrameError, Greeting, MAX_FRAME, Nack, PROTOCOL, Report, SCHEMA,
-    decode, encode, settings_hash,
+    BEAMS_PER_REPORT, Command, Counters, Decoder, FrameError, Greeting, MAX_FRAME, Nack, PROTOCOL,
+    Report, SCHEMA, decode, encode, settings_hash,
 };
 use echoloop_tests::vectors;
 use proptest::collection::vec;
@@ -33,7 +35,8 @@ fn payload(body: &impl Serialize) -> Vec<u8> {
 /// A byte string: its length as a varint, and itself.
 fn postcard_bytes(body: &[u8]) -> Vec<u8> {
     let length = body.len() as u8;
-    let head = if body.len() < 128 { vec![length] } else { vec![length | 0x80, (body.len() >> 7) as u8] };
+    let head =
+        if body.len() < 128 { vec![length] } else { vec![length | 0x80, (body.len() >> 7) as u8] };
     [head, body.to_vec()].concat()
 }
 
@@ -65,8 +68,13 @@ fn examples() -> Vec<(&'static str, Vec<u8>)> {
         value: 10_000,
         reason: Reason::EnergyAboveLimit { energy_pj: 500_000, limit_pj: 400_000 },
     };
-    let beams =
-        Report::Beams { frame: 1, first: 32, generation: 1, hash, beams: [echoes(1), echoes(0)].into_iter().collect() };
+    let beams = Report::Beams {
+        frame: 1,
+        first: 32,
+        generation: 1,
+        hash,
+        beams: [echoes(1), echoes(0)].into_iter().collect(),
+    };
     vec![
         ("hello", frame(1, &Command::Hello(Greeting::OURS))),
         ("hello-reply", frame(1, &hello_reply())),
@@ -109,14 +117,17 @@ fn the_document_works_through_nothing_that_is_not_so() {
     let document = include_str!("../../firmware/link/WIRE.md");
     let worked = document.split("## Worked bytes").nth(1).unwrap();
     let examples = examples();
-    let lines = worked.lines().filter_map(|line| line.strip_prefix('`')?.strip_suffix('`')?.split_once("`: `"));
+    let lines = worked
+        .lines()
+        .filter_map(|line| line.strip_prefix('`')?.strip_suffix('`')?.split_once("`: `"));
     assert_eq!(lines.clone().count(), examples.len());
     for (name, bytes) in lines {
         let (_, made) = examples.iter().find(|(known, _)| *known == name).unwrap();
         assert_eq!(bytes, hex(made), "{name}");
     }
     let annotated = worked.split("```").nth(1).unwrap().lines().skip(1);
-    let bytes: Vec<&str> = annotated.flat_map(|l| l.get(..30).unwrap_or(l).split_whitespace()).collect();
+    let bytes: Vec<&str> =
+        annotated.flat_map(|l| l.get(..30).unwrap_or(l).split_whitespace()).collect();
     assert_eq!(bytes.join(" "), hex(&examples[0].1), "hello, line by line");
 }
 
@@ -130,7 +141,11 @@ fn a_changed_schema_needs_a_changed_protocol() {
 
 #[test]
 fn the_greeting_never_changes() {
-    let bytes = payload(&Command::Hello(Greeting { magic: *b"ECHO", protocol: 0x0102, schema: 0x0304_0506_0708_090a }));
+    let bytes = payload(&Command::Hello(Greeting {
+        magic: *b"ECHO",
+        protocol: 0x0102,
+        schema: 0x0304_0506_0708_090a,
+    }));
     assert_eq!(hex(&bytes), "34 12 00 45 43 48 4f 02 01 0a 09 08 07 06 05 04 03");
 }
 
@@ -225,7 +240,13 @@ fn the_fullest_report_fits_a_frame() {
         flags: Flags(u8::MAX),
     };
     let beams = (0..BEAMS_PER_REPORT).map(|_| (0..4).map(|_| widest).collect()).collect();
-    let report = Report::Beams { frame: u32::MAX, first: u32::MAX, generation: u32::MAX, hash: u32::MAX, beams };
+    let report = Report::Beams {
+        frame: u32::MAX,
+        first: u32::MAX,
+        generation: u32::MAX,
+        hash: u32::MAX,
+        beams,
+    };
     assert!(encode(u16::MAX, &report, &mut [0; MAX_FRAME]).is_ok());
 }
 
@@ -255,14 +276,19 @@ fn no_damaged_frame_is_taken_for_another() {
             continue; // two flips may undo each other
         }
         let mut again = bytes.clone();
-        accepted += usize::from(decode::<Command>(&mut bytes).is_ok() || decode::<Report>(&mut again).is_ok());
+        accepted += usize::from(
+            decode::<Command>(&mut bytes).is_ok() || decode::<Report>(&mut again).is_ok(),
+        );
     }
     assert_eq!(accepted, 0);
 }
 
 /// Feeds bytes to a decoder; what it gives.
 fn feed(decoder: &mut Decoder, bytes: &[u8]) -> Vec<Result<Vec<u8>, FrameError>> {
-    bytes.iter().filter_map(|&byte| decoder.push(byte).map(|frame| frame.map(|f| f.to_vec()))).collect()
+    bytes
+        .iter()
+        .filter_map(|&byte| decoder.push(byte).map(|frame| frame.map(|f| f.to_vec())))
+        .collect()
 }
 
 #[test]
@@ -303,7 +329,10 @@ fn nothing_may_follow_a_body() {
 fn every_variant_has_these_bytes() {
     let hash = 0x1234_5678;
     let commands = [
-        (Command::Commit { hash, base_generation: 300, confirm_within: 129 }, "02 f8 ac d1 91 01 ac 02 81 01"),
+        (
+            Command::Commit { hash, base_generation: 300, confirm_within: 129 },
+            "02 f8 ac d1 91 01 ac 02 81 01",
+        ),
         (Command::ReadSettings, "03"),
         (Command::ReadBeams { frame: 70_000, first: 200, count: 32 }, "04 f0 a2 04 c8 01 20"),
         (Command::ReadCounters, "05"),
@@ -339,15 +368,29 @@ fn every_variant_has_these_bytes() {
         (Report::Nack(Nack::OnTrial), "01 07"),
         (Report::Nack(Nack::Storage), "01 08"),
         (Report::Nack(Nack::Overtaken { newest: 300 }), "01 09 ac 02"),
-        (refused(Id::Gain, -1_001, Reason::BelowMinimum { minimum: -1_000 }), "02 02 d1 0f 00 cf 0f"),
-        (refused(Id::PulseWidth, 25_000, Reason::AboveMaximum { maximum: 20_000 }), "02 01 d0 86 03 01 c0 b8 02"),
+        (
+            refused(Id::Gain, -1_001, Reason::BelowMinimum { minimum: -1_000 }),
+            "02 02 d1 0f 00 cf 0f",
+        ),
+        (
+            refused(Id::PulseWidth, 25_000, Reason::AboveMaximum { maximum: 20_000 }),
+            "02 01 d0 86 03 01 c0 b8 02",
+        ),
         (refused(Id::Upsampling, 3, Reason::NotAChoice), "02 08 06 02"),
         (
-            refused(Id::Power, 10_000, Reason::EnergyAboveLimit { energy_pj: 500_000, limit_pj: 400_000 }),
+            refused(
+                Id::Power,
+                10_000,
+                Reason::EnergyAboveLimit { energy_pj: 500_000, limit_pj: 400_000 },
+            ),
             "02 00 a0 9c 01 03 a0 c2 1e 80 b5 18",
         ),
         (
-            refused(Id::Saturation, 150_000, Reason::SaturationNotAboveFloor { floor_ppm: 200_000 }),
+            refused(
+                Id::Saturation,
+                150_000,
+                Reason::SaturationNotAboveFloor { floor_ppm: 200_000 },
+            ),
             "02 05 e0 a7 12 04 80 b5 18",
         ),
         (
@@ -361,7 +404,13 @@ fn every_variant_has_these_bytes() {
             "05 ac 02 f8 ac d1 91 01 98 75 90 4e 00 c0 0c 02 80 89 7a c0 3e b8 49 02 04 00 06 01 ae 0d 02 00",
         ),
         (
-            Report::Beams { frame: 1, first: 2, generation: 3, hash: 4, beams: heapless::Vec::new() },
+            Report::Beams {
+                frame: 1,
+                first: 2,
+                generation: 3,
+                hash: 4,
+                beams: heapless::Vec::new(),
+            },
             "06 01 02 03 04 00",
         ),
         (Report::Counters(counters), "07 01 02 03 04 05 06 ac 02 07 08"),
@@ -398,7 +447,13 @@ fn fields_and_flags_keep_their_numbers() {
         let refusal = Refusal { field: parameter.id, value: 0, reason: Reason::NotAChoice };
         assert_eq!(payload(&Report::Refused(refusal))[3], number as u8, "{}", parameter.name);
     }
-    let flags = [Flags::SATURATED, Flags::MERGED, Flags::LOW_CONFIDENCE, Flags::WALK_CORRECTED, Flags::TRUNCATED];
+    let flags = [
+        Flags::SATURATED,
+        Flags::MERGED,
+        Flags::LOW_CONFIDENCE,
+        Flags::WALK_CORRECTED,
+        Flags::TRUNCATED,
+    ];
     assert_eq!(flags.map(|f| f.0), [1, 2, 4, 8, 16]);
 }
 
@@ -428,7 +483,10 @@ fn no_joined_or_torn_frames_are_taken_for_another() {
         let other = whole[rng.random_range(0..whole.len())];
         let mut bytes = match rng.random_range(0..3) {
             0 => [one, other].concat(),
-            1 => [&one[..rng.random_range(0..one.len())], &other[rng.random_range(0..other.len())..]].concat(),
+            1 => {
+                [&one[..rng.random_range(0..one.len())], &other[rng.random_range(0..other.len())..]]
+                    .concat()
+            }
             _ => one.to_vec(),
         };
         for _ in 0..rng.random_range(0..6) {
@@ -545,9 +603,14 @@ fn a_sensor_of_another_version_is_refused_with_both_versions_whatever_follows_it
         let sensor = Foreign { body: body.clone(), heard: Decoder::new(), said: Vec::new() };
         let patience = Patience { timeout: Duration::from_millis(10), tries: 2 };
         let error = Client::connect(sensor, patience).err().unwrap();
-        assert!(matches!(error, ClientError::Version { theirs: found, .. } if found == theirs), "{body:x?}: {error}");
+        assert!(
+            matches!(error, ClientError::Version { theirs: found, .. } if found == theirs),
+            "{body:x?}: {error}"
+        );
         let text = error.to_string();
-        for version in [PROTOCOL.to_string(), theirs.protocol.to_string(), format!("{SCHEMA:#018x}")] {
+        for version in
+            [PROTOCOL.to_string(), theirs.protocol.to_string(), format!("{SCHEMA:#018x}")]
+        {
             assert!(text.contains(&version), "{text}");
         }
     }

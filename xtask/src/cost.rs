@@ -1,7 +1,9 @@
-//! `cargo xtask cost`: what the stages cost on a microcontroller, in instructions, against a committed table.
+//! `cargo xtask cost`: what the stages cost on a microcontroller, in instructions, against a
+//! committed table.
 //!
-//! `firmware/image/src/bin/cost` checks the kernels and counts; QEMU runs it with a clock that advances by instructions, so
-//! every run counts the same. The table is `firmware/image/cost.tsv`; `docs/cost.md` is drawn from it.
+//! `firmware/image/src/bin/cost` checks the kernels and counts; QEMU runs it with a clock that
+//! advances by instructions, so every run counts the same. The table is `firmware/image/cost.tsv`;
+//! `docs/cost.md` is drawn from it.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -23,7 +25,8 @@ struct Machine {
     /// Debian's name of what the emulator is in.
     package: &'static str,
     machine: &'static str,
-    /// Nanoseconds an instruction takes, as a power of two: SysTick sees 64, minstret is scaled by it.
+    /// Nanoseconds an instruction takes, as a power of two: SysTick sees 64, minstret is scaled by
+    /// it.
     shift: u32,
 }
 
@@ -47,10 +50,12 @@ const MACHINES: [Machine; 4] = {
     ]
 };
 
-/// Instructions a sample of CMSIS-DSP's FIR filters: 256 samples, 16 taps, Cortex-M4, counted the same way in QEMU 7.2;
-/// gcc 12.2 -O3, ARM_MATH_LOOPUNROLL.
-const CMSIS: [(&str, f64); 2] =
-    [("CMSIS-DSP `arm_fir_fast_q15`, 32-bit sums", CMSIS_FAST), ("CMSIS-DSP `arm_fir_q15`, 64-bit sums", 42.4)];
+/// Instructions a sample of CMSIS-DSP's FIR filters: 256 samples, 16 taps, Cortex-M4, counted the
+/// same way in QEMU 7.2; gcc 12.2 -O3, ARM_MATH_LOOPUNROLL.
+const CMSIS: [(&str, f64); 2] = [
+    ("CMSIS-DSP `arm_fir_fast_q15`, 32-bit sums", CMSIS_FAST),
+    ("CMSIS-DSP `arm_fir_q15`, 64-bit sums", 42.4),
+];
 const CMSIS_FAST: f64 = 30.9;
 /// The case and the kernel that CMSIS-DSP's figures compare with.
 const COMPARED: (&str, &str, &str) = ("cortex-m4", "dual_multiply", "256x16 one echo");
@@ -97,9 +102,11 @@ pub(crate) fn run(update: bool) -> Result<()> {
         println!("wrote {TABLE} and {DOCUMENT}");
         return Ok(());
     }
-    let text = fs::read_to_string(root.join(TABLE)).with_context(|| format!("cannot read {TABLE}"))?;
+    let text =
+        fs::read_to_string(root.join(TABLE)).with_context(|| format!("cannot read {TABLE}"))?;
     let committed = Table::of_text(&text)?;
-    let compiler = |table: &Table| table.measured_with.split(", ").next().unwrap_or_default().to_owned();
+    let compiler =
+        |table: &Table| table.measured_with.split(", ").next().unwrap_or_default().to_owned();
     if compiler(&counted) != compiler(&committed) {
         ensure!(
             env::var_os("CI").is_none(),
@@ -127,16 +134,26 @@ pub(crate) fn run(update: bool) -> Result<()> {
         );
     }
     let drawn = fs::read_to_string(root.join(DOCUMENT)).unwrap_or_default();
-    ensure!(drawn == document(&committed)?, "{DOCUMENT} is not what {TABLE} says: cargo xtask cost --update");
+    ensure!(
+        drawn == document(&committed)?,
+        "{DOCUMENT} is not what {TABLE} says: cargo xtask cost --update"
+    );
     let [filter, pipeline] = aims(&counted)?;
-    ensure!(filter <= CMSIS_FAST, "the filter takes {filter:.1} instructions a sample, the aim is {CMSIS_FAST}");
+    ensure!(
+        filter <= CMSIS_FAST,
+        "the filter takes {filter:.1} instructions a sample, the aim is {CMSIS_FAST}"
+    );
     let aim = PIPELINE_AIM * CMSIS_FAST;
-    ensure!(pipeline <= aim, "the pipeline takes {pipeline:.2} instructions a sample, the aim is {aim:.2}");
+    ensure!(
+        pipeline <= aim,
+        "the pipeline takes {pipeline:.2} instructions a sample, the aim is {aim:.2}"
+    );
     println!("{} figures, none grew by more than {TOLERANCE_PERCENT} %", counted.figures.len());
     Ok(())
 }
 
-/// Whether there is a toolchain for every processor; where nobody would see that there is none, that is an error.
+/// Whether there is a toolchain for every processor; where nobody would see that there is none,
+/// that is an error.
 fn can_build() -> Result<bool> {
     for machine in &MACHINES {
         match firmware::toolchain(machine.target) {
@@ -153,7 +170,9 @@ fn can_build() -> Result<bool> {
 
 /// Whether every emulator is there; where nobody would see that one is not, that is an error.
 fn can_emulate() -> Result<bool> {
-    let Some(missing) = MACHINES.iter().find(|machine| !crate::on_path(machine.emulator)) else { return Ok(true) };
+    let Some(missing) = MACHINES.iter().find(|machine| !crate::on_path(machine.emulator)) else {
+        return Ok(true);
+    };
     let how = format!("no {}; run: apt-get install {}", missing.emulator, missing.package);
     if env::var_os("CI").is_some() {
         bail!("the cost on a microcontroller cannot be counted: {how}");
@@ -170,7 +189,8 @@ fn count_all() -> Result<Table> {
             images.insert(machine.target, firmware::build(machine.target, "echoloop-cost")?);
         }
         let image = &images[machine.target];
-        let output = emulate(machine, image).with_context(|| format!("{} in QEMU", machine.processor))?;
+        let output =
+            emulate(machine, image).with_context(|| format!("{} in QEMU", machine.processor))?;
         let figures = output.lines().filter_map(|line| line.strip_prefix("cost\t"));
         for figure in figures {
             table.figures.push(parse(&format!("{}\t{figure}", machine.processor))?);
@@ -213,7 +233,9 @@ fn emulate(machine: &Machine, image: &Path) -> Result<String> {
     let last = output.lines().last().unwrap_or("nothing");
     match status {
         None => bail!("did not end in {PATIENCE:?}; its last line: {last}"),
-        Some(status) => ensure!(status.success() && last == "end", "{status}; its last line: {last}"),
+        Some(status) => {
+            ensure!(status.success() && last == "end", "{status}; its last line: {last}")
+        }
     }
     Ok(output)
 }
@@ -221,7 +243,10 @@ fn emulate(machine: &Machine, image: &Path) -> Result<String> {
 /// Versions and date.
 fn measured_with() -> Result<String> {
     let first_line = |program: &str, argument: &str| -> Result<String> {
-        let output = Command::new(program).arg(argument).output().with_context(|| format!("cannot run {program}"))?;
+        let output = Command::new(program)
+            .arg(argument)
+            .output()
+            .with_context(|| format!("cannot run {program}"))?;
         Ok(String::from_utf8_lossy(&output.stdout).lines().next().unwrap_or_default().to_owned())
     };
     let rustc = firmware::toolchain(MACHINES[0].target)?.version().to_owned();
@@ -232,14 +257,21 @@ fn measured_with() -> Result<String> {
 
 fn parse(line: &str) -> Result<(Name, u64)> {
     let fields: Vec<&str> = line.split('\t').collect();
-    let [processor, kernel, case, stage, instructions] = fields[..] else { bail!("not a figure: {line:?}") };
+    let [processor, kernel, case, stage, instructions] = fields[..] else {
+        bail!("not a figure: {line:?}")
+    };
     Ok(([processor, kernel, case, stage].map(str::to_owned), instructions.parse()?))
 }
 
 impl Table {
     fn of_text(text: &str) -> Result<Self> {
-        let (comments, figures): (Vec<&str>, Vec<&str>) = text.lines().partition(|line| line.starts_with('#'));
-        let measured_with = comments.first().and_then(|line| line.strip_prefix("# ")).unwrap_or_default().to_owned();
+        let (comments, figures): (Vec<&str>, Vec<&str>) =
+            text.lines().partition(|line| line.starts_with('#'));
+        let measured_with = comments
+            .first()
+            .and_then(|line| line.strip_prefix("# "))
+            .unwrap_or_default()
+            .to_owned();
         Ok(Self { measured_with, figures: figures.into_iter().map(parse).collect::<Result<_>>()? })
     }
 
@@ -265,8 +297,9 @@ impl Table {
 fn compare(committed: &Table, counted: &Table) -> (Vec<String>, Vec<String>) {
     let old: BTreeMap<&Name, u64> = committed.figures.iter().map(|(name, n)| (name, *n)).collect();
     let new: BTreeMap<&Name, u64> = counted.figures.iter().map(|(name, n)| (name, *n)).collect();
-    let exceeds =
-        |more: u64, less: u64| more > (less * (100 + TOLERANCE_PERCENT) / 100).max(less + TOLERANCE_INSTRUCTIONS);
+    let exceeds = |more: u64, less: u64| {
+        more > (less * (100 + TOLERANCE_PERCENT) / 100).max(less + TOLERANCE_INSTRUCTIONS)
+    };
     let (mut grown, mut shrunk) = (Vec::new(), Vec::new());
     for (name, &before) in &old {
         let [processor, kernel, case, stage] = name;
@@ -284,7 +317,9 @@ fn compare(committed: &Table, counted: &Table) -> (Vec<String>, Vec<String>) {
         }
     }
     let unknown = new.iter().filter(|(name, _)| !old.contains_key(*name));
-    grown.extend(unknown.map(|(name, now)| format!("{}: not in the table -> {now}", name.join(" "))));
+    grown.extend(
+        unknown.map(|(name, now)| format!("{}: not in the table -> {now}", name.join(" "))),
+    );
     (grown, shrunk)
 }
 
@@ -297,7 +332,9 @@ fn samples(case: &str) -> Result<f64> {
 /// Instructions a sample of the compared case.
 fn per_sample(table: &Table, kernel: &str, stage: &str) -> Result<f64> {
     let (processor, _, case) = COMPARED;
-    let instructions = table.get(processor, kernel, case, stage).context("the compared case is not in the table")?;
+    let instructions = table
+        .get(processor, kernel, case, stage)
+        .context("the compared case is not in the table")?;
     Ok(instructions as f64 / samples(case)?)
 }
 
@@ -344,8 +381,10 @@ fn document(table: &Table) -> Result<String> {
     for Machine { processor, target, emulator, machine, .. } in &MACHINES {
         let figures = stages(table, processor)?;
         let twin = drawn.iter().find(|(_, other)| *other == figures);
-        let shown = twin
-            .map_or_else(|| figures.clone(), |(other, _)| format!("The same as {other}, which runs the same image.\n"));
+        let shown = twin.map_or_else(
+            || figures.clone(),
+            |(other, _)| format!("The same as {other}, which runs the same image.\n"),
+        );
         write!(
             text,
             "\n## {processor}\n\n`{target}` on `{emulator} -M {machine}`, instructions per sample.\n\n{shown}"
@@ -365,7 +404,9 @@ struct Row<'a> {
 /// One processor's figures: a row for each case and kernel, a column for each stage.
 fn stages(table: &Table, processor: &str) -> Result<String> {
     let mut rows: Vec<Row> = Vec::new();
-    for ([_, kernel, case, stage], instructions) in table.figures.iter().filter(|(name, _)| name[0] == processor) {
+    for ([_, kernel, case, stage], instructions) in
+        table.figures.iter().filter(|(name, _)| name[0] == processor)
+    {
         match rows.last_mut().filter(|row| row.case == case && row.kernel == kernel) {
             Some(row) => row.stages.push((stage, *instructions)),
             None => rows.push(Row { case, kernel, stages: vec![(stage, *instructions)] }),
@@ -374,11 +415,18 @@ fn stages(table: &Table, processor: &str) -> Result<String> {
     let Some(first) = rows.first() else { return Ok("Not counted.\n".to_owned()) };
     let titles: Vec<&str> = first.stages.iter().map(|(stage, _)| *stage).collect();
     let rule = "---|".repeat(titles.len());
-    let mut text = format!("| samples × taps | kernel | {} |\n|---|---|{rule}\n", titles.join(" | "));
+    let mut text =
+        format!("| samples × taps | kernel | {} |\n|---|---|{rule}\n", titles.join(" | "));
     for Row { case, kernel, stages } in rows {
         let n = samples(case)?;
-        let cells: Vec<String> = stages.iter().map(|(_, count)| format!("{:.2}", *count as f64 / n)).collect();
-        writeln!(text, "| {} | `{kernel}` | {} |", case.replacen('x', " × ", 1), cells.join(" | "))?;
+        let cells: Vec<String> =
+            stages.iter().map(|(_, count)| format!("{:.2}", *count as f64 / n)).collect();
+        writeln!(
+            text,
+            "| {} | `{kernel}` | {} |",
+            case.replacen('x', " × ", 1),
+            cells.join(" | ")
+        )?;
     }
     Ok(text)
 }

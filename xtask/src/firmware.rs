@@ -35,8 +35,8 @@ pub(crate) fn toolchain(target: &str) -> Result<Toolchain> {
     Toolchain::find(target, AT_LEAST)
 }
 
-/// Builds the images for the tests that run them, having linted what only they compile. A target that nothing here builds for is
-/// skipped aloud; where `CI` is set, that is a failure.
+/// Builds the images for the tests that run them, having linted what only they compile. A target
+/// that nothing here builds for is skipped aloud; where `CI` is set, that is a failure.
 ///
 /// # Errors
 ///
@@ -63,7 +63,13 @@ pub(crate) fn for_tests(lint: bool) -> Result<()> {
 /// Runs cargo for a target; a warning is an error.
 fn cargo(toolchain: &Toolchain, target: &str, what: &[&str]) -> Result<()> {
     let mut command = toolchain.cargo(target);
-    command.current_dir(workspace()?).args(what).args(["--quiet", "--profile", PROFILE, "--target", target]);
+    command.current_dir(workspace()?).args(what).args([
+        "--quiet",
+        "--profile",
+        PROFILE,
+        "--target",
+        target,
+    ]);
     command.args(["--target-dir", TARGET_DIR]);
     if what.first() == Some(&"clippy") {
         command.args(["--", "-D", "warnings"]);
@@ -81,7 +87,14 @@ pub(crate) fn build(target: &str, program: &str) -> Result<PathBuf> {
     eprintln!("{target}: {}", toolchain.describe());
     let root = workspace()?;
     let mut command = toolchain.cargo(target);
-    command.current_dir(&root).args(["build", "--quiet", "--package", "echoloop-image", "--bin", program]);
+    command.current_dir(&root).args([
+        "build",
+        "--quiet",
+        "--package",
+        "echoloop-image",
+        "--bin",
+        program,
+    ]);
     command.args(["--profile", PROFILE, "--target", target, "--target-dir", TARGET_DIR]);
     command.env("DEFMT_LOG", "info");
     succeed(toolchain.finish(&mut command))?;
@@ -102,14 +115,21 @@ pub(crate) fn run(targets: &[String], verbose: bool) -> Result<()> {
     for (target, map) in chosen {
         let elf = build(target, "echoloop-sensor")?;
         rows.push((target, check(&elf, map)?));
-        panics.extend(image::panics(&image::read(&elf)?)?.iter().map(|symbol| format!("{target}: {symbol}")));
+        panics.extend(
+            image::panics(&image::read(&elf)?)?.iter().map(|symbol| format!("{target}: {symbol}")),
+        );
     }
-    println!("{:<30} {:>9} {:>9} {:>9}   of flash, RAM", "image", "flash B", "statics B", "stack B");
+    println!(
+        "{:<30} {:>9} {:>9} {:>9}   of flash, RAM",
+        "image", "flash B", "statics B", "stack B"
+    );
     for (target, (size, flash, ram)) in &rows {
         let Size { flash: in_flash, statics, stack, .. } = size;
         let share = |part: u64, whole: u64| 100.0 * part as f64 / whole as f64;
         let (of_flash, of_ram) = (share(*in_flash, *flash), share(statics + stack, *ram));
-        println!("{target:<30} {in_flash:>9} {statics:>9} {stack:>9}   {of_flash:.1} %, {of_ram:.1} %");
+        println!(
+            "{target:<30} {in_flash:>9} {statics:>9} {stack:>9}   {of_flash:.1} %, {of_ram:.1} %"
+        );
         if verbose {
             for (name, frame) in &size.deepest {
                 println!("    {frame:>7}  {name}");
@@ -133,12 +153,14 @@ fn known(target: &str) -> Result<(&'static str, &'static str)> {
 /// What an image takes, with flash and RAM of its board.
 fn check(elf: &Path, map: &str) -> Result<(Size, u64, u64)> {
     let bytes = image::read(elf)?;
-    let script = std::fs::read_to_string(workspace()?.join(map)).with_context(|| format!("cannot read {map}"))?;
+    let script = std::fs::read_to_string(workspace()?.join(map))
+        .with_context(|| format!("cannot read {map}"))?;
     let (flash, ram) = image::regions(&script).with_context(|| map.to_owned())?;
     let size = image::measure(&bytes, (flash, ram)).with_context(|| elf.display().to_string())?;
     // For the test that measures it on a board.
     let record = elf.with_extension("stack");
-    std::fs::write(&record, size.stack.to_string()).with_context(|| format!("cannot write {}", record.display()))?;
+    std::fs::write(&record, size.stack.to_string())
+        .with_context(|| format!("cannot write {}", record.display()))?;
     if size.flash > flash.length || size.statics + size.stack > ram.length {
         bail!("{} does not fit {map}: {size:?}", elf.display());
     }

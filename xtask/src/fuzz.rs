@@ -10,19 +10,24 @@ use anyhow::{Context, Result, bail};
 use crate::workspace;
 
 /// Targets in `fuzz/fuzz_targets`, and how long an input is worth trying.
-const TARGETS: [(&str, u32); 4] = [("frame_decoder", 2_048), ("session", 1_024), ("store", 513), ("waveforms", 1_024)];
+const TARGETS: [(&str, u32); 4] =
+    [("frame_decoder", 2_048), ("session", 1_024), ("store", 513), ("waveforms", 1_024)];
 
-/// Runs every target, or only one, for so many seconds, from the inputs that were kept: a line of hexadecimal digits each in
-/// `fuzz/corpus/TARGET.hex`. All inputs lie in `fuzz/target/corpus`.
+/// Runs every target, or only one, for so many seconds, from the inputs that were kept: a line of
+/// hexadecimal digits each in `fuzz/corpus/TARGET.hex`. All inputs lie in `fuzz/target/corpus`.
 pub(crate) fn run(only: Option<&str>, seconds: u32) -> Result<()> {
     if !is_installed() {
-        bail!("cargo-fuzz is not installed; run: cargo install cargo-fuzz (it needs a C++ compiler)");
+        bail!(
+            "cargo-fuzz is not installed; run: cargo install cargo-fuzz (it needs a C++ compiler)"
+        );
     }
     let names = TARGETS.map(|(name, _)| name);
     if let Some(unknown) = only.filter(|only| !names.contains(only)) {
         bail!("there is no fuzz target {unknown}; there are {}", names.join(", "));
     }
-    for (target, length) in TARGETS.into_iter().filter(|(name, _)| only.is_none_or(|only| only == *name)) {
+    for (target, length) in
+        TARGETS.into_iter().filter(|(name, _)| only.is_none_or(|only| only == *name))
+    {
         let inputs = workspace()?.join("fuzz/target/corpus").join(target);
         unpack(target, &inputs).with_context(|| format!("cannot fill {}", inputs.display()))?;
         let mut command = cargo_fuzz()?;
@@ -43,21 +48,25 @@ pub(crate) fn run(only: Option<&str>, seconds: u32) -> Result<()> {
 
 fn unpack(target: &str, inputs: &Path) -> Result<()> {
     fs::create_dir_all(inputs)?;
-    let kept = fs::read_to_string(workspace()?.join("fuzz/corpus").join(target).with_extension("hex"))?;
+    let kept =
+        fs::read_to_string(workspace()?.join("fuzz/corpus").join(target).with_extension("hex"))?;
     for (number, line) in kept.lines().enumerate() {
         let digits = line.as_bytes().chunks(2).map(str::from_utf8);
-        let bytes: Vec<u8> = digits.map(|pair| Ok(u8::from_str_radix(pair?, 16)?)).collect::<Result<_>>()?;
+        let bytes: Vec<u8> =
+            digits.map(|pair| Ok(u8::from_str_radix(pair?, 16)?)).collect::<Result<_>>()?;
         fs::write(inputs.join(format!("kept-{number}")), bytes)?;
     }
     Ok(())
 }
 
 fn is_installed() -> bool {
-    let asked = cargo_fuzz().map(|mut c| c.arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status());
+    let asked = cargo_fuzz()
+        .map(|mut c| c.arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status());
     matches!(asked, Ok(Ok(status)) if status.success())
 }
 
-/// Coverage and its counters are unstable flags of the compiler; no sanitizer is needed where nothing is unsafe.
+/// Coverage and its counters are unstable flags of the compiler; no sanitizer is needed where
+/// nothing is unsafe.
 fn cargo_fuzz() -> Result<Command> {
     let mut command = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command.current_dir(workspace()?).env("RUSTC_BOOTSTRAP", "1").arg("fuzz");

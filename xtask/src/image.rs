@@ -1,19 +1,24 @@
 //! What an image takes, and what it must not hold: read from its ELF file.
 //!
-//! The worst-case stack is that of the deepest path through the graph of calls. Frame sizes come from the instructions on Arm
-//! ([`thumb`]) and from `.eh_frame` on RISC-V. The graph comes from the relocations that the linker was
-//! asked to keep: a function has an edge to every function its code names, called or only pointed to. Where that would not
-//! do, for a table of constants that names a function or a frame of unknown size, there is an error and no bound.
+//! The worst-case stack is that of the deepest path through the graph of calls. Frame sizes come
+//! from the instructions on Arm ([`thumb`]) and from `.eh_frame` on RISC-V. The graph comes from
+//! the relocations that the linker was asked to keep: a function has an edge to every function its
+//! code names, called or only pointed to. Where that would not do, for a table of constants that
+//! names a function or a frame of unknown size, there is an error and no bound.
 
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use gimli::{BaseAddresses, CfaRule, CieOrFde, EhFrame, EndianSlice, LittleEndian, UnwindContext, UnwindSection};
+use gimli::{
+    BaseAddresses, CfaRule, CieOrFde, EhFrame, EndianSlice, LittleEndian, UnwindContext,
+    UnwindSection,
+};
 
 use object::{
-    Object, ObjectSection, ObjectSymbol, RelocationFlags, RelocationTarget, SectionFlags, SectionKind, SymbolKind,
+    Object, ObjectSection, ObjectSymbol, RelocationFlags, RelocationTarget, SectionFlags,
+    SectionKind, SymbolKind,
 };
 
 use crate::thumb;
@@ -47,7 +52,9 @@ pub(crate) struct Region {
 /// When it does not say.
 pub(crate) fn regions(script: &str) -> Result<(Region, Region)> {
     let region = |name: &str| -> Option<Region> {
-        let line = script.lines().find(|line| line.trim_start().starts_with(name) && line.contains("ORIGIN"))?;
+        let line = script
+            .lines()
+            .find(|line| line.trim_start().starts_with(name) && line.contains("ORIGIN"))?;
         let value = |key: &str| {
             let text = line.split_once(key)?.1.split_once('=')?.1;
             number(text.split(',').next()?.trim())
@@ -73,7 +80,8 @@ fn number(text: &str) -> Option<u64> {
 
 /// Panics that an image can reach, each with the calls that lead to it. None: no input reaches one.
 ///
-/// A function is reached from the entry point, from the vectors, and from any table of constants that names it.
+/// A function is reached from the entry point, from the vectors, and from any table of constants
+/// that names it.
 ///
 /// # Errors
 ///
@@ -84,7 +92,11 @@ pub(crate) fn panics(elf: &[u8]) -> Result<Vec<String>> {
     let constants = file.sections().filter(|s| s.kind() != SectionKind::Text && is_allocated(s));
     let named = references(&file, constants)?;
     let entry = clean(&file, file.entry());
-    let roots = named.iter().map(|reference| reference.to).chain([entry]).filter_map(|to| holder(&functions, to));
+    let roots = named
+        .iter()
+        .map(|reference| reference.to)
+        .chain([entry])
+        .filter_map(|to| holder(&functions, to));
     let callers = reached(&functions, roots);
     let found = callers.keys().filter(|&&index| is_panic(&functions[index].name));
     Ok(found.map(|&index| path_to(&functions, &callers, index)).collect())
@@ -95,7 +107,10 @@ fn is_panic(name: &str) -> bool {
 }
 
 /// Every function reached from the roots, and whose call reaches it first.
-fn reached(functions: &[Function], roots: impl Iterator<Item = usize>) -> BTreeMap<usize, Option<usize>> {
+fn reached(
+    functions: &[Function],
+    roots: impl Iterator<Item = usize>,
+) -> BTreeMap<usize, Option<usize>> {
     let mut callers = BTreeMap::new();
     let mut ahead: Vec<(usize, Option<usize>)> = roots.map(|root| (root, None)).collect();
     while let Some((index, caller)) = ahead.pop() {
@@ -107,7 +122,11 @@ fn reached(functions: &[Function], roots: impl Iterator<Item = usize>) -> BTreeM
     callers
 }
 
-fn path_to(functions: &[Function], callers: &BTreeMap<usize, Option<usize>>, index: usize) -> String {
+fn path_to(
+    functions: &[Function],
+    callers: &BTreeMap<usize, Option<usize>>,
+    index: usize,
+) -> String {
     let up = std::iter::successors(Some(index), |at| callers.get(at).copied().flatten());
     let names: Vec<&str> = up.map(|at| functions[at].name.as_str()).collect();
     names.join(" ← ")
@@ -119,7 +138,9 @@ fn is_thumb(file: &object::File<'_>) -> bool {
 
 fn is_allocated(section: &object::Section<'_, '_>) -> bool {
     match section.flags() {
-        SectionFlags::Elf { sh_flags } => sh_flags & u64::from(object::elf::SHF_ALLOC) != 0 && section.size() > 0,
+        SectionFlags::Elf { sh_flags } => {
+            sh_flags & u64::from(object::elf::SHF_ALLOC) != 0 && section.size() > 0
+        }
         _ => false,
     }
 }
@@ -134,16 +155,19 @@ struct Function {
     calls: BTreeSet<usize>,
 }
 
-/// Counted for a label of assembly, of which frame tables know nothing: a few lines that save registers.
+/// Counted for a label of assembly, of which frame tables know nothing: a few lines that save
+/// registers.
 const LABEL_FRAME: u64 = 64;
 
-/// What exception entry pushes at most: 26 words with the floating-point registers, and a word to align.
+/// What exception entry pushes at most: 26 words with the floating-point registers, and a word to
+/// align.
 const EXCEPTION_FRAME: u64 = 4 * 27;
 
 /// RISC-V's trap handlers; Arm's are in its vectors.
 const TRAPS: [&str; 2] = ["_start_trap", "_default_start_trap"];
 
-/// Exceptions that can interrupt each other on Arm: an NMI in a hard fault. Everything else stays masked.
+/// Exceptions that can interrupt each other on Arm: an NMI in a hard fault. Everything else stays
+/// masked.
 const NESTED: u64 = 2;
 
 /// Measures an image.
@@ -169,12 +193,16 @@ pub(crate) fn measure(elf: &[u8], (flash, ram): (Region, Region)) -> Result<Size
         } else if in_region(section.address(), flash) {
             in_flash += section.size();
         } else {
-            bail!("section {name} at {:#x} lies outside flash and RAM of the memory map", section.address());
+            bail!(
+                "section {name} at {:#x} lies outside flash and RAM of the memory map",
+                section.address()
+            );
         }
     }
     let functions = functions(&file)?;
     check_bounded(&file, &functions)?;
-    let entry = holder(&functions, clean(&file, file.entry())).context("the entry point is no function")?;
+    let entry =
+        holder(&functions, clean(&file, file.entry())).context("the entry point is no function")?;
     let (program, path) = deepest(&functions, &[entry])?;
     let (handler, _) = deepest(&functions, &handlers(&file, &functions, entry)?)?;
     let exceptions = (EXCEPTION_FRAME + handler) * if is_thumb(&file) { NESTED } else { 1 };
@@ -191,9 +219,12 @@ fn check_bounded(file: &object::File<'_>, functions: &[Function]) -> Result<()> 
     if let Some(function) = functions.iter().find(|f| f.frame.is_none() && !f.is_label) {
         bail!("there is no bound on the stack: the frame of {} has no known size", function.name);
     }
-    let constants = file.sections().filter(|s| s.kind() != SectionKind::Text && is_allocated(s) && !is_vectors(s));
+    let constants = file
+        .sections()
+        .filter(|s| s.kind() != SectionKind::Text && is_allocated(s) && !is_vectors(s));
     for reference in references(file, constants)? {
-        // RISC-V's trap handler calls its labels through tables; the frame that Arm's hardware pushes makes up for theirs.
+        // RISC-V's trap handler calls its labels through tables; the frame that Arm's hardware
+        // pushes makes up for theirs.
         if let Some(function) = functions.iter().find(|f| f.start == reference.to && !f.is_label) {
             bail!("there is no bound on the stack: a table of constants names {}", function.name);
         }
@@ -203,8 +234,15 @@ fn check_bounded(file: &object::File<'_>, functions: &[Function]) -> Result<()> 
 
 fn handlers(file: &object::File<'_>, functions: &[Function], entry: usize) -> Result<Vec<usize>> {
     let vectors = references(file, file.sections().filter(is_vectors))?;
-    let named = vectors.iter().filter_map(|reference| holder(functions, reference.to)).filter(|&index| index != entry);
-    let traps = functions.iter().enumerate().filter(|(_, f)| TRAPS.contains(&f.name.as_str())).map(|(index, _)| index);
+    let named = vectors
+        .iter()
+        .filter_map(|reference| holder(functions, reference.to))
+        .filter(|&index| index != entry);
+    let traps = functions
+        .iter()
+        .enumerate()
+        .filter(|(_, f)| TRAPS.contains(&f.name.as_str()))
+        .map(|(index, _)| index);
     Ok(named.chain(traps).collect())
 }
 
@@ -230,7 +268,10 @@ fn functions(file: &object::File<'_>) -> Result<Vec<Function>> {
         bail!("the image holds no relocations: link it with --emit-relocs");
     }
     for Reference { from, to, is_call } in calls {
-        let (Some(caller), Some(callee)) = (holder(&functions, from), holder(&functions, to)) else { continue };
+        let (Some(caller), Some(callee)) = (holder(&functions, from), holder(&functions, to))
+        else {
+            continue;
+        };
         // Jumps within a function are no calls of it.
         if caller != callee || (is_call && to == functions[callee].start) {
             functions[caller].calls.insert(callee);
@@ -242,11 +283,17 @@ fn functions(file: &object::File<'_>) -> Result<Vec<Function>> {
 fn named_functions(file: &object::File<'_>) -> Vec<Function> {
     let is_code = |s: &object::Symbol<'_, '_>| {
         let section = s.section_index().and_then(|index| file.section_by_index(index).ok());
-        section.is_some_and(|text| text.kind() == SectionKind::Text && s.address() < text.address() + text.size())
+        section.is_some_and(|text| {
+            text.kind() == SectionKind::Text && s.address() < text.address() + text.size()
+        })
     };
-    let is_label = |s: &object::Symbol<'_, '_>| s.kind() != SymbolKind::Text && s.is_global() && is_code(s);
+    let is_label =
+        |s: &object::Symbol<'_, '_>| s.kind() != SymbolKind::Text && s.is_global() && is_code(s);
     let mut by_start: BTreeMap<u64, Function> = BTreeMap::new();
-    for symbol in file.symbols().filter(|s| !s.is_undefined() && (s.kind() == SymbolKind::Text || is_label(s))) {
+    for symbol in file
+        .symbols()
+        .filter(|s| !s.is_undefined() && (s.kind() == SymbolKind::Text || is_label(s)))
+    {
         let start = clean(file, symbol.address());
         let function = by_start.entry(start).or_insert_with(|| Function {
             name: format!("{:#}", rustc_demangle::demangle(symbol.name().unwrap_or("?"))),
@@ -304,7 +351,8 @@ fn references<'data, 'file>(
 }
 
 fn is_call(relocation: &object::Relocation) -> bool {
-    const CALLS: [u32; 3] = [object::elf::R_ARM_THM_PC22, object::elf::R_RISCV_CALL, object::elf::R_RISCV_CALL_PLT];
+    const CALLS: [u32; 3] =
+        [object::elf::R_ARM_THM_PC22, object::elf::R_RISCV_CALL, object::elf::R_RISCV_CALL_PLT];
     matches!(relocation.flags(), RelocationFlags::Elf { r_type } if CALLS.contains(&r_type))
 }
 
@@ -337,7 +385,8 @@ fn thumb_frames(file: &object::File<'_>, functions: &mut [Function]) {
     }
 }
 
-/// Frames of other code, from its tables: the largest distance between a function's stack pointer and its caller's.
+/// Frames of other code, from its tables: the largest distance between a function's stack pointer
+/// and its caller's.
 fn tabled_frames(file: &object::File<'_>, functions: &mut [Function]) -> Result<()> {
     let section = file.section_by_name(".eh_frame").context("no .eh_frame")?;
     let data = section.uncompressed_data()?;
@@ -350,7 +399,10 @@ fn tabled_frames(file: &object::File<'_>, functions: &mut [Function]) -> Result<
     Ok(())
 }
 
-fn deepest_rows(section: &EhFrame<EndianSlice<'_, LittleEndian>>, bases: &BaseAddresses) -> Result<BTreeMap<u64, u64>> {
+fn deepest_rows(
+    section: &EhFrame<EndianSlice<'_, LittleEndian>>,
+    bases: &BaseAddresses,
+) -> Result<BTreeMap<u64, u64>> {
     let mut context = UnwindContext::new();
     let mut frames = BTreeMap::new();
     let mut entries = section.entries(bases);
@@ -398,7 +450,10 @@ fn descend(
     }
     if above.contains(&at) {
         let names: Vec<&str> = above.iter().map(|&i| functions[i].name.as_str()).collect();
-        bail!("there is no bound on the stack: {} calls itself, by way of {names:?}", functions[at].name);
+        bail!(
+            "there is no bound on the stack: {} calls itself, by way of {names:?}",
+            functions[at].name
+        );
     }
     above.push(at);
     let mut below = (0, None);
@@ -429,8 +484,7 @@ mod tests {
 
     #[test]
     fn memory_maps_are_read_as_linkers_write_them() {
-        let map =
-            "MEMORY\n{\n  FLASH : ORIGIN = 0x10000000, LENGTH = 4M\n  RAM   : ORIGIN = 0x38000000, LENGTH = 16K\n}";
+        let map = "MEMORY\n{\n  FLASH : ORIGIN = 0x10000000, LENGTH = 4M\n  RAM   : ORIGIN = 0x38000000, LENGTH = 16K\n}";
         let (flash, ram) = regions(map).unwrap();
         assert_eq!((flash.origin, flash.length), (0x1000_0000, 4 << 20));
         assert_eq!((ram.origin, ram.length), (0x3800_0000, 16 << 10));
@@ -444,8 +498,12 @@ mod tests {
 
     #[test]
     fn the_deepest_path_counts_not_the_longest() {
-        let functions =
-            [function("Reset", 8, &[1, 2]), function("a", 16, &[3]), function("b", 200, &[]), function("c", 16, &[])];
+        let functions = [
+            function("Reset", 8, &[1, 2]),
+            function("a", 16, &[3]),
+            function("b", 200, &[]),
+            function("c", 16, &[]),
+        ];
         assert_eq!(deepest(&functions, &[0]).unwrap(), (208, vec![0, 2]));
     }
 
@@ -458,13 +516,16 @@ mod tests {
             function("b", 0, &[2]),
         ];
         let callers = reached(&functions, [0].into_iter());
-        assert!(is_panic(&functions[2].name) && callers.contains_key(&2) && !callers.contains_key(&3));
+        assert!(
+            is_panic(&functions[2].name) && callers.contains_key(&2) && !callers.contains_key(&3)
+        );
         assert_eq!(path_to(&functions, &callers, 2), "core::panicking::panic ← a ← Reset");
     }
 
     #[test]
     fn a_function_that_calls_itself_has_no_bound() {
-        let functions = [function("Reset", 8, &[1]), function("a", 8, &[2]), function("b", 8, &[1])];
+        let functions =
+            [function("Reset", 8, &[1]), function("a", 8, &[2]), function("b", 8, &[1])];
         assert!(deepest(&functions, &[0]).unwrap_err().to_string().contains("a calls itself"));
         let directly = [function("Reset", 8, &[1]), function("a", 8, &[1])];
         assert!(deepest(&directly, &[0]).unwrap_err().to_string().contains("a calls itself"));

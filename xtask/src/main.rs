@@ -20,13 +20,15 @@ use clap::Parser;
 #[derive(Parser)]
 #[command(name = "cargo xtask")]
 enum Task {
-    /// Everything that must hold before a change lands: format, lints, images, all tests, cost on microcontrollers.
+    /// Everything that must hold before a change lands: format, lints, images, all tests, cost on
+    /// microcontrollers.
     Test {
         /// Only the tests.
         #[arg(long)]
         only_tests: bool,
     },
-    /// The sensor's images for microcontrollers, with flash, RAM and worst-case stack; fails when one can panic.
+    /// The sensor's images for microcontrollers, with flash, RAM and worst-case stack; fails when
+    /// one can panic.
     Firmware {
         /// Only for this target; may be repeated.
         #[arg(long, value_name = "TRIPLE")]
@@ -43,7 +45,8 @@ enum Task {
         #[arg(long, default_value_t = 100_000)]
         waveforms: u32,
     },
-    /// Bytes nobody chose, on the link, in the flash and as waveforms: every fuzz target for a while.
+    /// Bytes nobody chose, on the link, in the flash and as waveforms: every fuzz target for a
+    /// while.
     Fuzz {
         /// Only this one: frame_decoder, session, store or waveforms.
         #[arg(long)]
@@ -52,14 +55,15 @@ enum Task {
         #[arg(long, default_value_t = 60)]
         seconds: u32,
     },
-    /// Counts the instructions of every stage on microcontrollers, in QEMU; fails when one grew by more than 2 %.
+    /// Counts the instructions of every stage on microcontrollers, in QEMU; fails when one grew by
+    /// more than 2 %.
     Cost {
         /// Writes the table anew instead.
         #[arg(long)]
         update: bool,
     },
-    /// Registration against Open3D, small_gicp and KISS-Matcher on the same files, or the waveform path against numpy and scipy;
-    /// needs python3 and the Python registry.
+    /// Registration against Open3D, small_gicp and KISS-Matcher on the same files, or the waveform
+    /// path against numpy and scipy; needs python3 and the Python registry.
     Peers(peers::Peers),
 }
 
@@ -89,7 +93,16 @@ fn test(only_tests: bool) -> Result<()> {
 fn on_target(waveforms: u32) -> Result<()> {
     firmware::for_tests(false)?;
     let mut command = cargo_command()?;
-    command.args(["test", "--package", "echoloop-tests", "--test", "on_target", "every_board", "--", "--nocapture"]);
+    command.args([
+        "test",
+        "--package",
+        "echoloop-tests",
+        "--test",
+        "on_target",
+        "every_board",
+        "--",
+        "--nocapture",
+    ]);
     succeed(command.env("ECHOLOOP_WAVEFORMS", waveforms.to_string()))
 }
 
@@ -101,9 +114,13 @@ fn say_what_is_missing() {
         );
     }
     let browser = ["chromium", "chromium-browser", "google-chrome"].into_iter().any(on_path);
-    for (emulator, package) in [("qemu-system-arm", "qemu-system-arm"), ("qemu-system-riscv32", "qemu-system-misc")] {
+    for (emulator, package) in
+        [("qemu-system-arm", "qemu-system-arm"), ("qemu-system-riscv32", "qemu-system-misc")]
+    {
         if !on_path(emulator) {
-            eprintln!("note: no {emulator}: the image will not be run on its boards (apt-get install {package})");
+            eprintln!(
+                "note: no {emulator}: the image will not be run on its boards (apt-get install {package})"
+            );
         }
     }
     if !browser {
@@ -139,5 +156,8 @@ fn succeed(command: &mut Command) -> Result<()> {
 
 /// The workspace's root.
 fn workspace() -> Result<PathBuf> {
-    Ok(Path::new(env!("CARGO_MANIFEST_DIR")).parent().context("xtask lies in the workspace")?.to_owned())
+    Ok(Path::new(env!("CARGO_MANIFEST_DIR"))
+        .parent()
+        .context("xtask lies in the workspace")?
+        .to_owned())
 }

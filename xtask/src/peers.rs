@@ -1,4 +1,5 @@
-//! Registration and the waveform path against their peers: a Python environment with them, our side built, both on the same files.
+//! Registration and the waveform path against their peers: a Python environment with them, our side
+//! built, both on the same files.
 
 use std::env;
 use std::path::{Path, PathBuf};
@@ -51,7 +52,8 @@ fn registration(peers: Peers) -> Result<()> {
         "stages",
     ])?;
     let built = built(&root);
-    let page = if peers.quick { work.join("quick.md") } else { root.join("docs/registration-peers.md") };
+    let page =
+        if peers.quick { work.join("quick.md") } else { root.join("docs/registration-peers.md") };
     let mut command = Command::new(python);
     command.arg(scripts.join("run.py")).arg("--work").arg(&work).arg("--out").arg(page);
     command.arg("--stages").arg(built.join("stages")).arg("--echoloop").arg(built.join("echoloop"));
@@ -63,9 +65,11 @@ fn waveforms(quick: bool) -> Result<()> {
     let root = workspace()?;
     let work = root.join("target/peers");
     let scripts = root.join("benches/peers");
-    let python = environment(&work.join("venv-waveforms"), &scripts.join("requirements-waveforms.txt"))?;
+    let python =
+        environment(&work.join("venv-waveforms"), &scripts.join("requirements-waveforms.txt"))?;
     cargo(["build", "--release", "--package", "echoloop-benches", "--bin", "waveforms"])?;
-    let page = if quick { work.join("quick-waveforms.md") } else { root.join("docs/waveform-cost.md") };
+    let page =
+        if quick { work.join("quick-waveforms.md") } else { root.join("docs/waveform-cost.md") };
     let mut command = Command::new(python);
     command.arg(scripts.join("waveforms.py")).arg("--work").arg(&work).arg("--out").arg(page);
     command.arg("--waveforms").arg(built(&root).join("waveforms")).args(quick.then_some("--quick"));
@@ -75,13 +79,16 @@ fn waveforms(quick: bool) -> Result<()> {
 
 /// Where release builds lie.
 fn built(root: &Path) -> PathBuf {
-    env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), PathBuf::from).join("release")
+    env::var_os("CARGO_TARGET_DIR")
+        .map_or_else(|| root.join("target"), PathBuf::from)
+        .join("release")
 }
 
 impl Peers {
     fn parts(self) -> Vec<&'static str> {
         let asked = [("recall", self.recall), ("scaling", self.scaling)];
-        let mut parts: Vec<_> = asked.iter().filter(|(_, asked)| *asked || self.all).map(|(part, _)| *part).collect();
+        let mut parts: Vec<_> =
+            asked.iter().filter(|(_, asked)| *asked || self.all).map(|(part, _)| *part).collect();
         if self.all || parts.is_empty() {
             parts.insert(0, "speed");
         }
@@ -89,19 +96,26 @@ impl Peers {
     }
 }
 
-/// The Python of an environment that holds exactly these packages; made where there is none, and again when they change.
+/// The Python of an environment that holds exactly these packages; made where there is none, and
+/// again when they change.
 fn environment(folder: &Path, requirements: &Path) -> Result<PathBuf> {
     let python = folder.join(if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" });
     let installed = folder.join("requirements.txt");
-    let wanted = std::fs::read(requirements).with_context(|| format!("cannot read {}", requirements.display()))?;
+    let wanted = std::fs::read(requirements)
+        .with_context(|| format!("cannot read {}", requirements.display()))?;
     if std::fs::read(&installed).is_ok_and(|found| found == wanted) {
         return Ok(python);
     }
     let outer = ["python3", "python"].into_iter().find(|name| crate::on_path(name));
     let Some(outer) = outer else { bail!("there is no python3 on the PATH, which the peers need") };
     succeed(Command::new(outer).args(["-m", "venv"]).arg(folder))?;
-    succeed(Command::new(&python).args(["-m", "pip", "install", "--quiet", "--requirement"]).arg(requirements))?;
-    std::fs::write(&installed, wanted).with_context(|| format!("cannot write {}", installed.display()))?;
+    succeed(
+        Command::new(&python)
+            .args(["-m", "pip", "install", "--quiet", "--requirement"])
+            .arg(requirements),
+    )?;
+    std::fs::write(&installed, wanted)
+        .with_context(|| format!("cannot write {}", installed.display()))?;
     Ok(python)
 }
 
@@ -111,7 +125,9 @@ mod tests {
 
     #[test]
     fn speed_is_measured_unless_something_else_is_asked_and_all_is_all() {
-        let parts = |recall, scaling, all| Peers { quick: false, recall, scaling, all, waveforms: false }.parts();
+        let parts = |recall, scaling, all| {
+            Peers { quick: false, recall, scaling, all, waveforms: false }.parts()
+        };
         assert_eq!(parts(false, false, false), ["speed"]);
         assert_eq!(parts(true, false, false), ["recall"]);
         assert_eq!(parts(true, true, false), ["recall", "scaling"]);

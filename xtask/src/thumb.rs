@@ -1,20 +1,24 @@
 //! How much stack a Thumb function takes, from its instructions.
 //!
-//! Rust keeps a frame pointer on these targets, so the frame tables say nothing of what lies below it. The instructions
-//! that lower the stack pointer are few; their sum over a function bounds its frame, whichever of its paths is taken.
+//! Rust keeps a frame pointer on these targets, so the frame tables say nothing of what lies below
+//! it. The instructions that lower the stack pointer are few; their sum over a function bounds its
+//! frame, whichever of its paths is taken.
 
 /// Sum of everything a function's code subtracts from the stack pointer.
 ///
-/// `code` is the function's, `address` where it lies; `is_data` says which of its halfwords are constants; `word_at` reads the
-/// image's memory. `None`: the stack pointer is moved by an amount that the code does not tell.
+/// `code` is the function's, `address` where it lies; `is_data` says which of its halfwords are
+/// constants; `word_at` reads the image's memory. `None`: the stack pointer is moved by an amount
+/// that the code does not tell.
 pub(crate) fn frame(
     code: &[u8],
     address: u64,
     is_data: impl Fn(u64) -> bool,
     word_at: impl Fn(u64) -> Option<u32>,
 ) -> Option<u64> {
-    let halfwords: Vec<u32> =
-        code.chunks_exact(2).map(|pair| u32::from(u16::from_le_bytes([pair[0], pair[1]]))).collect();
+    let halfwords: Vec<u32> = code
+        .chunks_exact(2)
+        .map(|pair| u32::from(u16::from_le_bytes([pair[0], pair[1]])))
+        .collect();
     let mut constants = [None; 8];
     let mut total = 0;
     let mut at = 0;
@@ -36,7 +40,12 @@ pub(crate) fn frame(
 }
 
 /// 16-bit instructions: PUSH, SUB SP, LDR literal and ADD SP of it.
-fn short(code: u32, here: u64, constants: &mut [Option<u32>; 8], word_at: &impl Fn(u64) -> Option<u32>) -> Option<u64> {
+fn short(
+    code: u32,
+    here: u64,
+    constants: &mut [Option<u32>; 8],
+    word_at: &impl Fn(u64) -> Option<u32>,
+) -> Option<u64> {
     match code {
         c if c & 0xfe00 == 0xb400 => Some(4 * u64::from((c & 0x1ff).count_ones())),
         c if c & 0xff80 == 0xb080 => Some(4 * u64::from(c & 0x7f)),
@@ -86,7 +95,10 @@ mod tests {
 
     fn of(halfwords: &[u16]) -> Option<u64> {
         let code: Vec<u8> = halfwords.iter().flat_map(|h| h.to_le_bytes()).collect();
-        let word = |at: u64| code.get(at as usize..at as usize + 4).map(|b| u32::from_le_bytes(b.try_into().unwrap()));
+        let word = |at: u64| {
+            code.get(at as usize..at as usize + 4)
+                .map(|b| u32::from_le_bytes(b.try_into().unwrap()))
+        };
         let data = (halfwords.len() as u64 * 2).saturating_sub(4);
         frame(&code, 0, |at| halfwords.contains(&0x4800) && at >= data, word)
     }

@@ -1,4 +1,5 @@
-//! A toolchain for a microcontroller: the active one with a prebuilt core, or one with core's source.
+//! A toolchain for a microcontroller: the active one with a prebuilt core, or one with core's
+//! source.
 
 use std::env;
 use std::ffi::OsString;
@@ -28,7 +29,8 @@ enum Core {
 type Candidate = (&'static str, PathBuf, PathBuf);
 
 impl Toolchain {
-    /// The first candidate that can build for a target: `FIRMWARE_CARGO` with `FIRMWARE_RUSTC`, the active toolchain, Debian's.
+    /// The first candidate that can build for a target: `FIRMWARE_CARGO` with `FIRMWARE_RUSTC`, the
+    /// active toolchain, Debian's.
     ///
     /// # Errors
     ///
@@ -49,7 +51,12 @@ impl Toolchain {
         )
     }
 
-    fn check(cargo: &Path, rustc: &Path, target: &str, at_least: (u32, u32)) -> Result<Self, String> {
+    fn check(
+        cargo: &Path,
+        rustc: &Path,
+        target: &str,
+        at_least: (u32, u32),
+    ) -> Result<Self, String> {
         if !cargo.is_file() {
             return Err(format!("there is no {}", cargo.display()));
         }
@@ -60,7 +67,8 @@ impl Toolchain {
         if !ask(rustc, &["--print", "target-list"])?.lines().any(|line| line == target) {
             return Err("it does not know the target".into());
         }
-        let libraries = PathBuf::from(ask(rustc, &["--print", "target-libdir", "--target", target])?);
+        let libraries =
+            PathBuf::from(ask(rustc, &["--print", "target-libdir", "--target", target])?);
         let sysroot = PathBuf::from(ask(rustc, &["--print", "sysroot"])?);
         let source = sysroot.join("lib/rustlib/src/rust/library/core/Cargo.toml");
         let core = if holds_core(&libraries) {
@@ -87,7 +95,8 @@ impl Toolchain {
     /// One line: what builds, and with which core and linker.
     pub(crate) fn describe(&self) -> String {
         let core = if self.core == Core::Prebuilt { "prebuilt core" } else { "core from source" };
-        let linker = self.linker.as_ref().map_or("bundled rust-lld".into(), |l| l.display().to_string());
+        let linker =
+            self.linker.as_ref().map_or("bundled rust-lld".into(), |l| l.display().to_string());
         format!("{} ({}), {core}, {linker}", self.version, self.cargo.display())
     }
 
@@ -98,7 +107,10 @@ impl Toolchain {
         command.env_remove("RUSTUP_TOOLCHAIN").env_remove("CARGO").env("RUSTC", &self.rustc);
         let mut flags = Vec::new();
         if let Some(linker) = &self.linker {
-            flags.extend([format!("-Clinker={}", linker.display()), "-Clinker-flavor=ld.lld".into()]);
+            flags.extend([
+                format!("-Clinker={}", linker.display()),
+                "-Clinker-flavor=ld.lld".into(),
+            ]);
         }
         if target.starts_with("riscv") {
             flags.push("-Cforce-unwind-tables=yes".into()); // the bound on the stack is read from them
@@ -109,7 +121,8 @@ impl Toolchain {
         command
     }
 
-    /// Arguments after the subcommand: core from source has to be asked for. It is unstable, so only this child may.
+    /// Arguments after the subcommand: core from source has to be asked for. It is unstable, so
+    /// only this child may.
     pub(crate) fn finish<'a>(&self, command: &'a mut Command) -> &'a mut Command {
         if self.core == Core::FromSource {
             command.env("RUSTC_BOOTSTRAP", "1").arg("-Zbuild-std=core");
@@ -120,7 +133,9 @@ impl Toolchain {
 
 fn candidates() -> Vec<Candidate> {
     let mut found = Vec::new();
-    if let (Some(cargo), Some(rustc)) = (env::var_os("FIRMWARE_CARGO"), env::var_os("FIRMWARE_RUSTC")) {
+    if let (Some(cargo), Some(rustc)) =
+        (env::var_os("FIRMWARE_CARGO"), env::var_os("FIRMWARE_RUSTC"))
+    {
         found.push(("FIRMWARE_CARGO and FIRMWARE_RUSTC", cargo.into(), rustc.into()));
     }
     let active: PathBuf = env::var_os("CARGO").unwrap_or_else(|| OsString::from("cargo")).into();
@@ -130,10 +145,17 @@ fn candidates() -> Vec<Candidate> {
 }
 
 fn ask(rustc: &Path, arguments: &[&str]) -> Result<String, String> {
-    let output = Command::new(rustc).args(arguments).output().map_err(|e| format!("it does not run: {e}"))?;
+    let output = Command::new(rustc)
+        .args(arguments)
+        .output()
+        .map_err(|e| format!("it does not run: {e}"))?;
     match output.status.success() {
         true => Ok(String::from_utf8_lossy(&output.stdout).trim().to_owned()),
-        false => Err(String::from_utf8_lossy(&output.stderr).lines().next().unwrap_or("it fails").to_owned()),
+        false => Err(String::from_utf8_lossy(&output.stderr)
+            .lines()
+            .next()
+            .unwrap_or("it fails")
+            .to_owned()),
     }
 }
 
@@ -155,8 +177,12 @@ fn linker(sysroot: &Path) -> Result<Option<PathBuf>, String> {
         return Ok(None);
     }
     let path = env::var_os("PATH").unwrap_or_default();
-    let found = env::split_paths(&path).flat_map(|f| [f.join("rust-lld"), f.join("ld.lld")]).find(|p| p.is_file());
-    found.map(Some).ok_or_else(|| "it has no linker for it: neither rust-lld nor ld.lld is there".into())
+    let found = env::split_paths(&path)
+        .flat_map(|f| [f.join("rust-lld"), f.join("ld.lld")])
+        .find(|p| p.is_file());
+    found
+        .map(Some)
+        .ok_or_else(|| "it has no linker for it: neither rust-lld nor ld.lld is there".into())
 }
 
 #[cfg(test)]
@@ -174,7 +200,10 @@ mod tests {
     fn a_target_that_nothing_builds_for_is_refused_with_every_reason_and_what_helps() {
         let error = Toolchain::find("thumbv99-none-eabi", (1, 93)).unwrap_err().to_string();
         assert!(error.contains("active") && error.contains("does not know the target"), "{error}");
-        assert!(error.contains("Debian") && error.contains("rustup target add thumbv99-none-eabi"), "{error}");
+        assert!(
+            error.contains("Debian") && error.contains("rustup target add thumbv99-none-eabi"),
+            "{error}"
+        );
     }
 
     #[test]

@@ -1,4 +1,5 @@
-//! Processor time as what criterion measures: another program on the machine disturbs it less than it does the clock.
+//! Processor time as what criterion measures: another program on the machine disturbs it less than
+//! it does the clock.
 
 use std::time::Duration;
 

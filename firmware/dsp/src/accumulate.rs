@@ -15,8 +15,8 @@ use crate::MAX_CODES;
 /// | `Σ` | exact | integers in `u32` | `[N]` |
 /// | `code` | what the other stages read as codes of b' bits: nearest, ties up, saturating | integers in `u16` | `[N]` |
 ///
-/// Signal grows with m, noise with √m, the ADC's steps stay: averaging white noise of σ ≥ ½ code gains √m to the last bit that
-/// 14 of them hold.
+/// Signal grows with m, noise with √m, the ADC's steps stay: averaging white noise of σ ≥ ½ code
+/// gains √m to the last bit that 14 of them hold.
 #[derive(Clone, Debug)]
 pub struct Accumulator {
     sums: [u32; MAX_CODES],

@@ -25,10 +25,11 @@ pub struct Hardware {
     pub range_max_mm: u32,
     /// Greatest pulse energy, pJ.
     pub energy_limit_pj: u32,
-    /// Amplitude of the echo of a white Lambertian surface square to the beam at 1 m, at 1 W and 0 dB: 1/1000 of full scale.
-    /// What reflectivity is measured with.
+    /// Amplitude of the echo of a white Lambertian surface square to the beam at 1 m, at 1 W and 0
+    /// dB: 1/1000 of full scale. What reflectivity is measured with.
     pub unit_echo_milli: u32,
-    /// Variance that a signal of full scale adds to the noise at 0 dB: ppm of full scale squared. Shot noise.
+    /// Variance that a signal of full scale adds to the noise at 0 dB: ppm of full scale squared.
+    /// Shot noise.
     pub shot_noise_ppm: u32,
 }
 
@@ -58,10 +59,11 @@ impl Hardware {
     }
 }
 
-/// Sample period that spreads `bins` over the window: 2 (R_max − R_min) / (c·N), to the nearest femtosecond.
+/// Sample period that spreads `bins` over the window: 2 (R_max − R_min) / (c·N), to the nearest
+/// femtosecond.
 ///
-/// The emitter's trigger, the ADC's clock divider and the range conversion all use this one integer. It saturates; a window
-/// that ends before it begins is empty.
+/// The emitter's trigger, the ADC's clock divider and the range conversion all use this one
+/// integer. It saturates; a window that ends before it begins is empty.
 pub const fn sample_period_fs(bins: u32, hardware: &Hardware) -> u32 {
     let window_mm = hardware.range_max_mm.saturating_sub(hardware.range_min_mm) as u64;
     let numerator = window_mm.saturating_mul(2_000_000_000_000);
@@ -136,7 +138,10 @@ impl Config {
     /// # Errors
     ///
     /// [`Refusal`] of the first field that [`Settings::check`] does not take.
-    #[expect(clippy::arithmetic_side_effects, reason = "k is checked: below 2¹³; 2³² mm are below 2⁴⁰ / 256")]
+    #[expect(
+        clippy::arithmetic_side_effects,
+        reason = "k is checked: below 2¹³; 2³² mm are below 2⁴⁰ / 256"
+    )]
     pub fn new(settings: &Settings, hardware: &Hardware) -> Result<Self, Refusal> {
         settings.check(hardware)?;
         let period_fs = sample_period_fs(settings.bins as u32, hardware);
@@ -260,12 +265,16 @@ struct Sum {
 }
 
 impl Sum {
-    #[expect(clippy::arithmetic_side_effects, reason = "16 shots of 14 bits at most: all below 2¹⁸, shifts at most 4")]
+    #[expect(
+        clippy::arithmetic_side_effects,
+        reason = "16 shots of 14 bits at most: all below 2¹⁸, shifts at most 4"
+    )]
     fn of(settings: &Settings, hardware: &Hardware) -> Self {
         let shots = settings.shots as u32; // a power of two, at most 16
         let bits = 15 - hardware.code_shift() + shots.trailing_zeros();
         let shift = bits.saturating_sub(14);
-        let full_scale = (shots * u32::from(hardware.full_scale_code()) + ((1 << shift) >> 1)) >> shift;
+        let full_scale =
+            (shots * u32::from(hardware.full_scale_code()) + ((1 << shift) >> 1)) >> shift;
         Self { shots, shift, code_shift: 15 - (bits - shift), full_scale }
     }
 }
@@ -281,13 +290,15 @@ fn gain(settings: &Settings) -> f32 {
     libm::exp2f(settings.gain_cdb as f32 * (core::f32::consts::LOG2_10 / 2_000.0))
 }
 
-/// κ: gain scales a current's variance by its square and full scale in that current by itself; m shots share it.
+/// κ: gain scales a current's variance by its square and full scale in that current by itself; m
+/// shots share it.
 fn shot_noise(settings: &Settings, hardware: &Hardware) -> u32 {
     let kappa = hardware.shot_noise_ppm as f32 * 1e-6 * gain(settings) / settings.shots as f32;
     libm::roundf(kappa * 4_294_967_296.0) as u32 // `as` saturates
 }
 
-/// ρ = A R² / (U P G): 2¹⁰ of ρ per 2⁻¹⁵ of full scale and 10⁻⁶ m², 0.01 W, 1/1000 of the unit echo; times 2⁶⁴.
+/// ρ = A R² / (U P G): 2¹⁰ of ρ per 2⁻¹⁵ of full scale and 10⁻⁶ m², 0.01 W, 1/1000 of the unit
+/// echo; times 2⁶⁴.
 fn reflectivity_scale(settings: &Settings, hardware: &Hardware) -> u64 {
     let unit = hardware.unit_echo_milli.max(1) as f32 * 1e-3;
     let per_square_m = 1.0 / (unit * settings.power_cw as f32 * 0.01 * gain(settings));
@@ -295,9 +306,13 @@ fn reflectivity_scale(settings: &Settings, hardware: &Hardware) -> u64 {
 }
 
 /// N is an amplitude; the filter scales amplitudes by its peak gain.
-#[expect(clippy::arithmetic_side_effects, reason = "N is checked: below 10⁶ ppm of a gain below 2¹⁵")]
+#[expect(
+    clippy::arithmetic_side_effects,
+    reason = "N is checked: below 10⁶ ppm of a gain below 2¹⁵"
+)]
 fn scaled_floor(settings: &Settings, template: &Template) -> i32 {
-    ((settings.noise_floor_ppm as u64 * u64::from(template.peak_gain()) + 500_000) / 1_000_000) as i32
+    ((settings.noise_floor_ppm as u64 * u64::from(template.peak_gain()) + 500_000) / 1_000_000)
+        as i32
 }
 
 /// c/2 per sample: fs × m/s = 10⁻¹² mm, times 256 × 2¹⁶ / 2.
@@ -307,7 +322,8 @@ fn range_step(period_fs: u32) -> i64 {
     ((scaled + 500_000_000_000) / 1_000_000_000_000) as i64
 }
 
-/// ΔR in samples, rounded down, so that echoes ΔR apart stay two, at least 1; 1.14·cW/2 when it follows the pulse.
+/// ΔR in samples, rounded down, so that echoes ΔR apart stay two, at least 1; 1.14·cW/2 when it
+/// follows the pulse.
 #[expect(
     clippy::arithmetic_side_effects,
     reason = "ΔR and W are checked: below 4 m; so is a step, 1.2 m at most: W spans 2.5 samples"
@@ -336,7 +352,8 @@ mod tests {
     #[test]
     fn the_last_bin_lies_one_step_before_the_far_end() {
         for bins in [200, 800, 2400] {
-            let settings = Settings { bins, pulse_width_ps: 10_000, power_cw: 3_000, ..Settings::default() };
+            let settings =
+                Settings { bins, pulse_width_ps: 10_000, power_cw: 3_000, ..Settings::default() };
             let config = Config::new(&settings, &Hardware::REFERENCE).unwrap();
             let span_mm = (config.range_step() * i64::from(bins)) as f64 / 256.0 / 65536.0;
             assert!((span_mm - 119_000.0).abs() < 1.0, "{bins} bins span {span_mm} mm");

@@ -50,7 +50,10 @@ pub struct Threshold {
 
 impl Threshold {
     /// The threshold for a waveform with these statistics.
-    #[expect(clippy::arithmetic_side_effects, reason = "σ below 2³², r at most 2¹⁵, k below 2¹¹: products below 2⁴⁷")]
+    #[expect(
+        clippy::arithmetic_side_effects,
+        reason = "σ below 2³², r at most 2¹⁵, k below 2¹¹: products below 2⁴⁷"
+    )]
     pub fn of(config: &Config, statistics: &Statistics) -> Self {
         let noise_gain = i64::from(config.template.noise_gain());
         let sigma = shift_round(i64::from(statistics.sigma) * noise_gain, 15);
@@ -60,11 +63,11 @@ impl Threshold {
     }
 }
 
-/// How far `y` must fall from a peak, or rise from a valley, to count: half the threshold and a sixteenth of the height,
-/// whichever is more, both rounded down to whole LSB.
+/// How far `y` must fall from a peak, or rise from a valley, to count: half the threshold and a
+/// sixteenth of the height, whichever is more, both rounded down to whole LSB.
 ///
-/// Noise alone makes no second peak on an echo, shot noise included; two equal echoes split once the valley between them is
-/// a sixteenth deep.
+/// Noise alone makes no second peak on an echo, shot noise included; two equal echoes split once
+/// the valley between them is a sixteenth deep.
 #[inline(always)]
 pub fn hysteresis(height: i16, threshold: i16) -> i16 {
     (threshold >> 1).max(height >> 4)
@@ -84,10 +87,14 @@ enum State {
 /// falling  y < valley: the new valley;   y < T/2 → idle;   y ≥ T and y > valley + h(y) → rising
 /// ```
 ///
-/// T/2 is rounded down. The sample that ends a climb is the first valley, or idle at once. A climb that the waveform cuts
-/// off counts. Of more than [`MAX_CANDIDATES`] peaks the strongest stay, of equals the first.
+/// T/2 is rounded down. The sample that ends a climb is the first valley, or idle at once. A climb
+/// that the waveform cuts off counts. Of more than [`MAX_CANDIDATES`] peaks the strongest stay, of
+/// equals the first.
 #[inline(always)]
-#[expect(clippy::arithmetic_side_effects, reason = "the index of a value of y, which lies in memory")]
+#[expect(
+    clippy::arithmetic_side_effects,
+    reason = "the index of a value of y, which lies in memory"
+)]
 pub fn peaks(kernel: impl Kernel, y: &[i16], threshold: i16, found: &mut Peaks) {
     found.clear();
     let mut state = State::Idle;
@@ -105,11 +112,16 @@ pub fn peaks(kernel: impl Kernel, y: &[i16], threshold: i16, found: &mut Peaks) 
     }
 }
 
-/// [`peaks`] from hill to hill, for processors that find the next sample that reaches the threshold faster than they step there:
-/// `first_reaching` gives its index among the values, if there is one.
+/// [`peaks`] from hill to hill, for processors that find the next sample that reaches the threshold
+/// faster than they step there: `first_reaching` gives its index among the values, if there is one.
 #[inline(always)]
 #[expect(clippy::arithmetic_side_effects, reason = "indices of values of y, which lies in memory")]
-pub fn peaks_of_hills(first_reaching: impl Fn(&[i16]) -> Option<usize>, y: &[i16], threshold: i16, found: &mut Peaks) {
+pub fn peaks_of_hills(
+    first_reaching: impl Fn(&[i16]) -> Option<usize>,
+    y: &[i16],
+    threshold: i16,
+    found: &mut Peaks,
+) {
     found.clear();
     let mut end = 0;
     while let Some(skipped) = y.get(end..).and_then(&first_reaching) {
@@ -117,8 +129,8 @@ pub fn peaks_of_hills(first_reaching: impl Fn(&[i16]) -> Option<usize>, y: &[i16
     }
 }
 
-/// Finds the peaks of one hill: from `first`, a value at or above the threshold, until [`peaks`] would be idle again. Returns where
-/// that is.
+/// Finds the peaks of one hill: from `first`, a value at or above the threshold, until [`peaks`]
+/// would be idle again. Returns where that is.
 #[inline(always)]
 #[expect(clippy::arithmetic_side_effects, reason = "indices of values of y, which lies in memory")]
 fn hill(y: &[i16], first: usize, threshold: i16, found: &mut Peaks) -> usize {
@@ -135,8 +147,8 @@ fn hill(y: &[i16], first: usize, threshold: i16, found: &mut Peaks) -> usize {
     y.len()
 }
 
-/// Whether any value reaches the threshold. Looks at all of them, which vectorises; stopping early would not. The portable
-/// twin of [`Kernel::reaches`].
+/// Whether any value reaches the threshold. Looks at all of them, which vectorises; stopping early
+/// would not. The portable twin of [`Kernel::reaches`].
 #[inline(always)]
 pub fn reaches(values: &[i16], threshold: i16) -> bool {
     values.iter().fold(false, |any, &v| any | (v >= threshold))
@@ -148,7 +160,10 @@ const BLOCK: usize = 32;
 const _: () = assert!(MAX_SAMPLES <= u16::MAX as usize);
 
 #[inline(always)]
-#[expect(clippy::arithmetic_side_effects, reason = "below a peak's height by a sixteenth or half of it; sums in i32")]
+#[expect(
+    clippy::arithmetic_side_effects,
+    reason = "below a peak's height by a sixteenth or half of it; sums in i32"
+)]
 fn step(state: State, here: Peak, threshold: i16, found: &mut Peaks) -> State {
     match state {
         State::Idle if here.height >= threshold => State::Rising(here),
@@ -162,7 +177,8 @@ fn step(state: State, here: Peak, threshold: i16, found: &mut Peaks) -> State {
         State::Falling(valley) if here.height < valley => fallen(here.height, threshold),
         State::Falling(valley)
             if here.height >= threshold
-                && i32::from(here.height) > i32::from(valley) + i32::from(hysteresis(here.height, threshold)) =>
+                && i32::from(here.height)
+                    > i32::from(valley) + i32::from(hysteresis(here.height, threshold)) =>
         {
             State::Rising(here)
         }
@@ -187,7 +203,8 @@ fn insert(found: &mut Peaks, peak: Peak) {
     }
 }
 
-/// Keeps, strongest first, each peak that lies at least `min_separation` samples from every stronger one kept.
+/// Keeps, strongest first, each peak that lies at least `min_separation` samples from every
+/// stronger one kept.
 pub fn separate(found: &mut Peaks, min_separation: u32) {
     if found.len() < 2 {
         return;

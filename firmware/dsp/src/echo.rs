@@ -70,13 +70,14 @@ impl Echo {
         U8F8::from_bits(self.snr)
     }
 
-    /// σ of the range in millimetres, as the noise and the method allow; 255.996 means at least that.
+    /// σ of the range in millimetres, as the noise and the method allow; 255.996 means at least
+    /// that.
     pub fn deviation_mm(&self) -> U8F8 {
         U8F8::from_bits(self.deviation)
     }
 
-    /// Reflectivity: 1 is white and square to the beam. Of a saturated echo it is told by the edges when these time it
-    /// (walk-corrected), else a lower bound.
+    /// Reflectivity: 1 is white and square to the beam. Of a saturated echo it is told by the edges
+    /// when these time it (walk-corrected), else a lower bound.
     pub fn reflectivity_ratio(&self) -> U6F10 {
         U6F10::from_bits(self.reflectivity)
     }
@@ -107,16 +108,23 @@ impl Echo {
 }
 
 /// Q16.16 samples to U12.4 ns: `round(w · fs / 2¹⁶ · 16 / 10⁶)`.
-#[expect(clippy::arithmetic_side_effects, reason = "a width is at most 2400 samples, 2²⁸, a period below 2³²")]
+#[expect(
+    clippy::arithmetic_side_effects,
+    reason = "a width is at most 2400 samples, 2²⁸, a period below 2³²"
+)]
 fn width(config: &Config, width: i64) -> u16 {
     saturate_u16(divide_round(width * i64::from(config.sample_period_fs), 1_000_000 << 12))
 }
 
 /// A R² / (U P G), R in whole mm, rounded down.
-#[expect(clippy::arithmetic_side_effects, reason = "R² is below 2⁴⁸, the product of two u64 below 2¹²⁸ − 2⁶⁴")]
+#[expect(
+    clippy::arithmetic_side_effects,
+    reason = "R² is below 2⁴⁸, the product of two u64 below 2¹²⁸ − 2⁶⁴"
+)]
 fn reflectivity(config: &Config, amplitude: i64, range: u32) -> u16 {
     let range_mm = u64::from(range >> 8);
-    let light = (amplitude.clamp(0, edges::MAX_AMPLITUDE) as u64).saturating_mul(range_mm * range_mm);
+    let light =
+        (amplitude.clamp(0, edges::MAX_AMPLITUDE) as u64).saturating_mul(range_mm * range_mm);
     let ratio = (u128::from(light) * u128::from(config.reflectivity_scale) + (1 << 63)) >> 64;
     ratio.min(u16::MAX.into()) as u16
 }
@@ -137,7 +145,8 @@ impl Flags {
     pub const NONE: Self = Self(0);
     /// A code of the echo reached the saturation level: the amplitude is a lower bound.
     pub const SATURATED: Self = Self(1);
-    /// The valley to a neighbour lies above half the height, or the neighbour leaves none: time and width are biased.
+    /// The valley to a neighbour lies above half the height, or the neighbour leaves none: time and
+    /// width are biased.
     pub const MERGED: Self = Self(2);
     /// Less than a quarter above the threshold.
     pub const LOW_CONFIDENCE: Self = Self(4);
@@ -147,7 +156,8 @@ impl Flags {
     pub const TRUNCATED: Self = Self(16);
 
     /// Names of the bits, lowest first.
-    pub const NAMES: [&str; 5] = ["saturated", "merged", "low-confidence", "walk-corrected", "truncated"];
+    pub const NAMES: [&str; 5] =
+        ["saturated", "merged", "low-confidence", "walk-corrected", "truncated"];
 
     /// Whether every flag of `other` is set.
     pub fn contains(self, other: Self) -> bool {
@@ -156,7 +166,11 @@ impl Flags {
 
     /// Names of the flags that are set.
     pub fn names(self) -> impl Iterator<Item = &'static str> {
-        Self::NAMES.into_iter().enumerate().filter(move |(bit, _)| self.0 >> bit & 1 == 1).map(|(_, name)| name)
+        Self::NAMES
+            .into_iter()
+            .enumerate()
+            .filter(move |(bit, _)| self.0 >> bit & 1 == 1)
+            .map(|(_, name)| name)
     }
 }
 

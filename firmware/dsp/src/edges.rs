@@ -54,26 +54,37 @@ const LEAST_SIGMA: i64 = 1 << 6;
 /// | σ of the time | of the nearest alone its own; else ⌊√⌊2⁴⁰/Σ w⌋⌋, at least 2⁻¹⁰ samples | Q16.16 |
 /// | `A` | of the nearest pair, the sum of both p at least 2⁻³⁰: rounded down, at least `level` | Q1.15 |
 ///
-/// Where an edge falls between two samples, one below the noise and the next already clipped, only bounds are left; with h the
-/// highest value that noise hides. The edge that shows, if one does, has an `x` of D / (1 + √(h/v)) (of D ≤ 0: 0) to
-/// (D + 1) / (1 + √(level/v)): the other edge's sample is below h, and the one after it is clipped. A height A whose edge is k times
-/// as long shows between dark and clipped k times as often, so the density rises in proportion: `x` is two thirds of the way, and σ
-/// 1/√18 of it (15 447/2¹⁶), and a sixth of the time that the other edge's sample lies within the pulse (max(D, 0) less the least x),
-/// because h is three σ and a time goes with the root of a value. With neither, t = √(h/level) · (1 + D/2) is how long a sample may lie within the pulse and yet below
-/// h, and `x_l` lies in max(−1, D − t) ..= min(t, D + 1): D/2 is taken, and the σ of a uniform distribution, 1/√12 of the width
-/// (18 919/2¹⁶), a sixth of t and what D/2 exceeds t by. Every σ is at least 2⁻¹⁰ samples. A run longer than the pulse (D ≤ 0 and both show) has its middle as its time, the
-/// higher sample as its A and ¼ − ⌊D/4⌋ as its σ.
+/// Where an edge falls between two samples, one below the noise and the next already clipped, only
+/// bounds are left; with h the highest value that noise hides. The edge that shows, if one does,
+/// has an `x` of D / (1 + √(h/v)) (of D ≤ 0: 0) to (D + 1) / (1 + √(level/v)): the other edge's
+/// sample is below h, and the one after it is clipped. A height A whose edge is k times as long
+/// shows between dark and clipped k times as often, so the density rises in proportion: `x` is two
+/// thirds of the way, and σ 1/√18 of it (15 447/2¹⁶), and a sixth of the time that the other edge's
+/// sample lies within the pulse (max(D, 0) less the least x), because h is three σ and a time goes
+/// with the root of a value. With neither, t = √(h/level) · (1 + D/2) is how long a sample may lie
+/// within the pulse and yet below h, and `x_l` lies in max(−1, D − t) ..= min(t, D + 1): D/2 is
+/// taken, and the σ of a uniform distribution, 1/√12 of the width (18 919/2¹⁶), a sixth of t and
+/// what D/2 exceeds t by. Every σ is at least 2⁻¹⁰ samples. A run longer than the pulse (D ≤ 0 and
+/// both show) has its middle as its time, the higher sample as its A and ¼ − ⌊D/4⌋ as its σ.
 ///
-/// Of the edge that shows A = v / p(x); of neither A = level / p((1 + D/2) / 2): p at least 2⁻³⁰. There 1 + D/2 is at least 1/16
-/// and at most 2. h is [`Noise::hidden`]; roots are Q16.16, at most 2⁸; these, and every product, quotient and half, are rounded
-/// down.
+/// Of the edge that shows A = v / p(x); of neither A = level / p((1 + D/2) / 2): p at least 2⁻³⁰.
+/// There 1 + D/2 is at least 1/16 and at most 2. h is [`Noise::hidden`]; roots are Q16.16, at most
+/// 2⁸; these, and every product, quotient and half, are rounded down.
 ///
 /// `None`: the run touches an end of the waveform.
 #[inline(never)]
-pub fn fit(pulse: &Pulse, x: &[i16], level: i64, first: usize, last: usize, noise: &Noise) -> Option<Edges> {
+pub fn fit(
+    pulse: &Pulse,
+    x: &[i16],
+    level: i64,
+    first: usize,
+    last: usize,
+    noise: &Noise,
+) -> Option<Edges> {
     let pair = |i: usize| {
         let (left, right) = (first.checked_sub(i)?, last.checked_add(i)?);
-        let value = |n: usize| x.get(n).map(|&v| if noise.hides(v.into()) { 0 } else { i64::from(v) });
+        let value =
+            |n: usize| x.get(n).map(|&v| if noise.hides(v.into()) { 0 } else { i64::from(v) });
         Some(Pair { left: left as i64, right: right as i64, values: (value(left)?, value(right)?) })
     };
     let nearest = pair(1)?;
@@ -86,7 +97,8 @@ pub fn fit(pulse: &Pulse, x: &[i16], level: i64, first: usize, last: usize, nois
         weights += weight(&farther);
     }
     let alone = weights == weight(&solved);
-    let sigma = if alone { solved.sigma as u64 } else { ((1u64 << 40) / weights.max(1) as u64).isqrt() };
+    let sigma =
+        if alone { solved.sigma as u64 } else { ((1u64 << 40) / weights.max(1) as u64).isqrt() };
     Some(Edges {
         time: nearest.time(pulse, solved.x) + sum.div_euclid(weights.max(1)),
         amplitude: solved.amplitude.max(level).min(MAX_AMPLITUDE),
@@ -145,7 +157,11 @@ impl Pair {
 
 fn both(pulse: &Pulse, left: i64, right: i64, slack: i64, noise: &Noise) -> Solved {
     if slack <= 0 {
-        return Solved { x: slack >> 1, amplitude: left.max(right), sigma: (1 << 14) - (slack >> 2) };
+        return Solved {
+            x: slack >> 1,
+            amplitude: left.max(right),
+            sigma: (1 << 14) - (slack >> 2),
+        };
     }
     let uneven = |x: i64| left * pulse.at(slack - x) - right * pulse.at(x);
     let (mut low, mut high) = ((slack - pulse.width()).max(0), slack.min(pulse.width()));
@@ -215,11 +231,16 @@ mod tests {
 
     const QUIET: Noise = Noise { sigma: 100, shot: 0 }; // 6 LSB of Q1.15
 
-    /// Q1.15 samples of a pulse of 5 samples a width around `middle`, clipped at half of full scale.
+    /// Q1.15 samples of a pulse of 5 samples a width around `middle`, clipped at half of full
+    /// scale.
     fn clipped(middle: f64, amplitude: f64) -> (Vec<i16>, usize, usize) {
         let value = |n: usize| {
             let u = n as f64 - middle;
-            let p = if u.abs() < 5.0 { 0.5 + 0.5 * libm::cos(core::f64::consts::PI * u / 5.0) } else { 0.0 };
+            let p = if u.abs() < 5.0 {
+                0.5 + 0.5 * libm::cos(core::f64::consts::PI * u / 5.0)
+            } else {
+                0.0
+            };
             (amplitude * p * 32768.0).min(16_384.0) as i16
         };
         let x: Vec<i16> = (0..60).map(value).collect();
@@ -239,12 +260,18 @@ mod tests {
                 let shows = x[first - 1].min(x[last + 1]) > 100; // else an edge fell between two samples
                 let error = edges.time as f64 / 65536.0 - middle;
                 let bound = if shows { 0.01 } else { 0.05 };
-                assert!(error.abs() < bound, "amplitude {amplitude}, middle {middle}: {error} samples");
+                assert!(
+                    error.abs() < bound,
+                    "amplitude {amplitude}, middle {middle}: {error} samples"
+                );
                 let height = edges.amplitude as f64 / 32768.0;
                 if !shows {
                     continue;
                 }
-                assert!((height / amplitude - 1.0).abs() < 0.03, "amplitude {amplitude}, middle {middle}: {height}");
+                assert!(
+                    (height / amplitude - 1.0).abs() < 0.03,
+                    "amplitude {amplitude}, middle {middle}: {height}"
+                );
             }
         }
     }
@@ -258,7 +285,10 @@ mod tests {
             let edges = fit(&pulse, &x, 16_384, first, last, &QUIET).unwrap();
             let error = (edges.time as f64 / 65536.0 - middle).abs();
             let sigma = f64::from(edges.sigma) / 65536.0;
-            assert!(error < 0.5 && error < 3.0 * sigma + 0.02, "middle {middle}: {error} samples, σ {sigma}");
+            assert!(
+                error < 0.5 && error < 3.0 * sigma + 0.02,
+                "middle {middle}: {error} samples, σ {sigma}"
+            );
         }
     }
 

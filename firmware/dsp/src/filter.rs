@@ -23,10 +23,12 @@ pub const PADDING: usize = 2 * BLOCK;
 /// | sum | exact | Q2.30 in `i32` | scalar |
 /// | `y` | as `x` | Q1.15, nearest, ties up, saturating | `[N]`, capacity to a multiple of 16 |
 ///
-/// `y` peaks at the centre of an echo. It stays within ±1 because the taps add up to at most one. The paper leaves the
-/// denoiser open (Sec. 3.2); this is the correlation receiver, which for white noise has the best SNR of all linear filters.
+/// `y` peaks at the centre of an echo. It stays within ±1 because the taps add up to at most one.
+/// The paper leaves the denoiser open (Sec. 3.2); this is the correlation receiver, which for white
+/// noise has the best SNR of all linear filters.
 ///
-/// `taps` come with their last zero: an even number. The portable twin of [`Kernel::correlate`](crate::Kernel::correlate).
+/// `taps` come with their last zero: an even number. The portable twin of
+/// [`Kernel::correlate`](crate::Kernel::correlate).
 #[inline(always)]
 pub fn correlate(taps: &[i16], padded: &[i16], y: &mut [i16]) {
     let windows = padded.windows(taps.len().saturating_add(BLOCK)).step_by(BLOCK);
@@ -39,7 +41,10 @@ pub fn correlate(taps: &[i16], padded: &[i16], y: &mut [i16]) {
 
 /// `Σ h[k] · window[n + k]` for outputs n = 0..16, Q2.30.
 #[inline(always)]
-#[expect(clippy::arithmetic_side_effects, reason = "Σ abs(h) ≤ 1 in Q1.15, abs(x) ≤ 1: sums stay within 2³⁰")]
+#[expect(
+    clippy::arithmetic_side_effects,
+    reason = "Σ abs(h) ≤ 1 in Q1.15, abs(x) ≤ 1: sums stay within 2³⁰"
+)]
 fn dot_block(taps: &[i16], window: &[i16]) -> [i32; BLOCK] {
     let mut sums = [0i32; BLOCK];
     for (&tap, window) in taps.iter().zip(window.windows(BLOCK)) {
@@ -67,5 +72,6 @@ pub fn exact(taps: &[i16], padded: &[i16], samples: usize, n: i64) -> i64 {
 #[inline(always)]
 #[expect(clippy::arithmetic_side_effects, reason = "a sum stays within 2³⁰")]
 pub fn round(sum: i32) -> i16 {
-    ((sum + (1 << 14)) >> 15).clamp(i32::from(I1F15::MIN.to_bits()), i32::from(I1F15::MAX.to_bits())) as i16
+    ((sum + (1 << 14)) >> 15)
+        .clamp(i32::from(I1F15::MIN.to_bits()), i32::from(I1F15::MAX.to_bits())) as i16
 }

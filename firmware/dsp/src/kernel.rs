@@ -4,11 +4,14 @@ use crate::detect::Peaks;
 use crate::statistics::{Ranks, Statistics};
 use crate::{baseline, detect, filter, statistics};
 
-/// The four loops that take nearly all of the time. Every method is plain Rust unless a processor knows better.
+/// The four loops that take nearly all of the time. Every method is plain Rust unless a processor
+/// knows better.
 ///
-/// Every implementation must equal [`Portable`] bit for bit, whatever the input: sums are exact, so only speed can differ.
+/// Every implementation must equal [`Portable`] bit for bit, whatever the input: sums are exact, so
+/// only speed can differ.
 pub trait Kernel: Copy {
-    /// Median and median absolute deviation: [`statistics::by_counting`] or anything that gives the same.
+    /// Median and median absolute deviation: [`statistics::by_counting`] or anything that gives the
+    /// same.
     #[inline(always)]
     fn ranks(self, codes: &[u16], top: u16, guess: &Statistics) -> Ranks {
         statistics::by_counting(codes, top, guess)
@@ -16,7 +19,14 @@ pub trait Kernel: Copy {
 
     /// [`baseline::remove`].
     #[inline(always)]
-    fn remove_baseline(self, codes: &[u16], clip_code: u16, shift: u32, ambient: i16, x: &mut [i16]) {
+    fn remove_baseline(
+        self,
+        codes: &[u16],
+        clip_code: u16,
+        shift: u32,
+        ambient: i16,
+        x: &mut [i16],
+    ) {
         baseline::remove(codes, clip_code, shift, ambient, x);
     }
 
@@ -45,7 +55,8 @@ pub struct Portable;
 
 impl Kernel for Portable {}
 
-/// Plain Rust for processors that take one sample at a time: one pass for both order statistics instead of several.
+/// Plain Rust for processors that take one sample at a time: one pass for both order statistics
+/// instead of several.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Scalar;
 

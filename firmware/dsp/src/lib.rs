@@ -1,6 +1,7 @@
 //! Echo detection for a full-waveform LiDAR: ADC codes in, echoes out.
 //!
-//! Fixed point throughout the sample path, no allocation, no clock, no I/O. The stages, in the order they run:
+//! Fixed point throughout the sample path, no allocation, no clock, no I/O. The stages, in the
+//! order they run:
 //!
 //! | stage | module | in | out |
 //! |---|---|---|---|
@@ -12,12 +13,14 @@
 //! | peaks under peaks | [`split`] | `x`, candidates | candidates |
 //! | range, amplitude, SNR | [`echo`] | the refined peak | [`Echo`] |
 //!
-//! [`Settings`] is what a user may set, with its one table [`PARAMETERS`]; [`Config`] is what the stages read, derived
-//! from it once; [`Pipeline`] runs them, with the loops over every sample behind [`Kernel`]. Every format and rounding rule is stated at its stage and followed, bit for bit,
-//! by an `f64` twin in the tests. [`recording`] finds echoes in other instruments' waveforms.
+//! [`Settings`] is what a user may set, with its one table [`PARAMETERS`]; [`Config`] is what the
+//! stages read, derived from it once; [`Pipeline`] runs them, with the loops over every sample
+//! behind [`Kernel`]. Every format and rounding rule is stated at its stage and followed, bit for
+//! bit, by an `f64` twin in the tests. [`recording`] finds echoes in other instruments' waveforms.
 #![no_std]
 #![forbid(unsafe_code)]
-// No input reaches a panic, in any build: what cannot be proven by a type is proven by a bound, next to it.
+// No input reaches a panic, in any build: what cannot be proven by a type is proven by a bound,
+// next to it.
 #![warn(
     clippy::arithmetic_side_effects,
     clippy::expect_used,

@@ -35,8 +35,9 @@ impl Noise {
         self.with(value, 1 << 15)
     }
 
-    /// The value that is 3 σ of itself, the highest that noise hides: v = (9κ + √(81κ² + 36σ̂²)) / 2. Q1.15, rounded down from
-    /// Q13.19; κ in Q0.19, rounded down, the root rounded down, its square saturating.
+    /// The value that is 3 σ of itself, the highest that noise hides: v = (9κ + √(81κ² + 36σ̂²)) / 2.
+    /// Q1.15, rounded down from Q13.19; κ in Q0.19, rounded down, the root rounded down, its square
+    /// saturating.
     #[expect(clippy::arithmetic_side_effects, reason = "κ in Q0.19 is below 2¹⁹, a root below 2³²")]
     pub fn hidden(&self) -> i64 {
         let shot = u64::from(self.shot >> 13);
@@ -45,7 +46,8 @@ impl Noise {
         ((9 * shot + square.isqrt()) >> 5) as i64
     }
 
-    /// Whether a value is no higher than 3 σ(v): (16 v)² ≤ 9 σ(v)², both Q13.38 and exact (a σ² of 2⁶⁴/9 or more hides all).
+    /// Whether a value is no higher than 3 σ(v): (16 v)² ≤ 9 σ(v)², both Q13.38 and exact (a σ² of
+    /// 2⁶⁴/9 or more hides all).
     pub fn hides(&self, value: i64) -> bool {
         let height = (value.clamp(0, 0xffff) as u64) << 4;
         height.saturating_mul(height) <= self.variance(value, 1 << 15).saturating_mul(9)
@@ -57,7 +59,10 @@ impl Noise {
     }
 
     /// σ² of as much, when only a share (Q1.15) of the shot noise counts: Q13.38, saturating.
-    #[expect(clippy::arithmetic_side_effects, reason = "κ 2³², v at most 2¹⁶, a share at most 2¹⁵: 2⁶³; σ̂² below 2⁶⁴")]
+    #[expect(
+        clippy::arithmetic_side_effects,
+        reason = "κ 2³², v at most 2¹⁶, a share at most 2¹⁵: 2⁶³; σ̂² below 2⁶⁴"
+    )]
     pub fn variance(&self, value: i64, share: u32) -> u64 {
         let signal = value.clamp(0, 0xffff) as u64;
         let shot = (u64::from(self.shot) * signal * u64::from(share.min(1 << 15))) >> 24;

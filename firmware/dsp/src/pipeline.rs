@@ -77,21 +77,21 @@ impl Pipeline {
         &self.config
     }
 
-    /// Finds the echoes of one waveform of ADC codes, which come after [`Config::codes`] − [`Config::samples`] of before the
-    /// trigger and are, with several shots, those of [`Accumulator::read`](crate::accumulate::Accumulator::read). Samples beyond [`MAX_SAMPLES`] are ignored; none give none.
+    /// Finds the echoes of one waveform of ADC codes, which come after [`Config::codes`] −
+    /// [`Config::samples`] of before the trigger and are, with several shots, those of
+    /// [`Accumulator::read`](crate::accumulate::Accumulator::read). Samples beyond [`MAX_SAMPLES`]
+    /// are ignored; none give none.
     ///
-    /// `kernel` does the loops over every sample ([`Portable`](crate::kernel::Portable) everywhere). Inlined into its caller, so that a board may
-    /// compile the whole for the vector unit it has found at run time.
+    /// `kernel` does the loops over every sample ([`Portable`](crate::kernel::Portable)
+    /// everywhere). Inlined into its caller, so that a board may compile the whole for the vector
+    /// unit it has found at run time.
     #[inline(always)]
     pub fn process(&self, kernel: impl Kernel, codes: &[u16], scratch: &mut Scratch) -> Echoes {
         let config = &self.config;
         let (before, codes) = codes.split_at_checked(config.pre_trigger).unwrap_or((codes, &[]));
         let codes = codes.get(..MAX_SAMPLES).unwrap_or(codes);
-        let statistics = Statistics::of(kernel, codes, config.code_shift, &scratch.statistics).with_ambient(
-            config.ambient,
-            before,
-            config.code_shift,
-        );
+        let statistics = Statistics::of(kernel, codes, config.code_shift, &scratch.statistics)
+            .with_ambient(config.ambient, before, config.code_shift);
         scratch.statistics = statistics;
         self.filter(kernel, codes, &statistics, scratch);
         let threshold = Threshold::of(config, &statistics);
@@ -105,7 +105,13 @@ impl Pipeline {
 
     /// Baseline and matched filter: `scratch.y[..codes.len()]`.
     #[inline(always)]
-    fn filter(&self, kernel: impl Kernel, codes: &[u16], statistics: &Statistics, scratch: &mut Scratch) {
+    fn filter(
+        &self,
+        kernel: impl Kernel,
+        codes: &[u16],
+        statistics: &Statistics,
+        scratch: &mut Scratch,
+    ) {
         let config = &self.config;
         let start = config.template.half();
         let end = start.saturating_add(codes.len());
@@ -114,7 +120,13 @@ impl Pipeline {
         scratch.padded.get_mut(end..old_end.max(end)).unwrap_or_default().fill(0);
         scratch.filled = (start, end);
         let x = scratch.padded.get_mut(start..end).unwrap_or_default();
-        kernel.remove_baseline(codes, config.clip_code, config.code_shift, statistics.ambient_q15(), x);
+        kernel.remove_baseline(
+            codes,
+            config.clip_code,
+            config.code_shift,
+            statistics.ambient_q15(),
+            x,
+        );
         let y = scratch.y.get_mut(..codes.len().next_multiple_of(16)).unwrap_or_default();
         kernel.correlate(config.template.taps_in_pairs(), &scratch.padded, y);
     }
@@ -129,7 +141,9 @@ impl Pipeline {
         let waveform = Waveform { codes, x: padded.get(start..end).unwrap_or_default(), y };
         let noise = Noise::new(&scratch.statistics, config.shot_noise);
         let hidden = match &config.sharpener {
-            Some(sharpener) => self.split(sharpener, &waveform, &noise, threshold, &mut scratch.peaks),
+            Some(sharpener) => {
+                self.split(sharpener, &waveform, &noise, threshold, &mut scratch.peaks)
+            }
             None => Hidden::new(),
         };
         detect::separate(&mut scratch.peaks, config.min_separation);
@@ -148,8 +162,9 @@ impl Pipeline {
         echoes
     }
 
-    /// Adds the peaks that broad ones hide; returns which those are. A sharpened sample costs as much as a filtered one, so
-    /// narrow echoes are left alone; so are clipped ones, whose flat tops have horns behind the sharpener.
+    /// Adds the peaks that broad ones hide; returns which those are. A sharpened sample costs as
+    /// much as a filtered one, so narrow echoes are left alone; so are clipped ones, whose flat
+    /// tops have horns behind the sharpener.
     #[inline(never)]
     fn split(
         &self,
@@ -162,7 +177,16 @@ impl Pipeline {
         let Waveform { x, y, .. } = *waveform;
         let may_hide = |peak| refine::may_hide(&self.config, waveform, peak, threshold);
         let mut hidden = Hidden::new();
-        *peaks = split::shoulders(sharpener, x, y, noise.sigma, threshold.level, peaks, may_hide, &mut hidden);
+        *peaks = split::shoulders(
+            sharpener,
+            x,
+            y,
+            noise.sigma,
+            threshold.level,
+            peaks,
+            may_hide,
+            &mut hidden,
+        );
         hidden
     }
 
@@ -194,7 +218,8 @@ mod tests {
     fn no_hardware_and_no_codes_panic_or_overflow() {
         let mut scratch = Scratch::new();
         for adc_bits in [0, 7, 8, 14, 15, 16, 31, 32, u32::MAX] {
-            for (range_min_mm, range_max_mm) in [(1_000, 120_000), (0, 0), (9, 2), (u32::MAX, u32::MAX), (0, u32::MAX)]
+            for (range_min_mm, range_max_mm) in
+                [(1_000, 120_000), (0, 0), (9, 2), (u32::MAX, u32::MAX), (0, u32::MAX)]
             {
                 let hardware = Hardware {
                     adc_bits,
@@ -208,7 +233,10 @@ mod tests {
                 for codes in waveforms() {
                     for length in [0, 1, 2, 3, 17, 800, MAX_SAMPLES + 1] {
                         let portable = pipeline.process(Portable, &codes[..length], &mut scratch);
-                        assert_eq!(pipeline.process(Scalar, &codes[..length], &mut scratch), portable);
+                        assert_eq!(
+                            pipeline.process(Scalar, &codes[..length], &mut scratch),
+                            portable
+                        );
                     }
                 }
             }

@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 
 /// A grid of beams, uniform in azimuth and elevation, in the sensor's frame: x ahead, y left, z up.
 ///
-/// Beam `column · rows + row` points to azimuth `(column + ½) · Δaz − az/2` (towards y positive) and elevation
-/// `(row + ½) · Δel − el/2`. The paper's sensor sees ±90° in both (Sec. 4.1).
+/// Beam `column · rows + row` points to azimuth `(column + ½) · Δaz − az/2` (towards y positive)
+/// and elevation `(row + ½) · Δel − el/2`. The paper's sensor sees ±90° in both (Sec. 4.1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ScanPattern {
@@ -68,7 +68,8 @@ fn angle_rad(index: u32, count: u16, full_cdeg: u16) -> f32 {
 mod tests {
     use super::*;
 
-    const PATTERN: ScanPattern = ScanPattern { columns: 4, rows: 2, azimuth_cdeg: 18_000, elevation_cdeg: 9_000 };
+    const PATTERN: ScanPattern =
+        ScanPattern { columns: 4, rows: 2, azimuth_cdeg: 18_000, elevation_cdeg: 9_000 };
 
     #[test]
     fn beams_are_unit_vectors_and_symmetric_about_the_axis() {

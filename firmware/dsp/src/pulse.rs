@@ -35,9 +35,11 @@ pub const ONE: i64 = 1 << 30;
 const PI: i64 = 3_373_259_426;
 
 impl Pulse {
-    /// The pulse of a full width at half maximum. Shorter than a sixteenth of a sample counts as that, longer than 127 as 127.
+    /// The pulse of a full width at half maximum. Shorter than a sixteenth of a sample counts as
+    /// that, longer than 127 as 127.
     pub fn new(width_ps: u32, sample_period_fs: u32) -> Self {
-        let samples = divide_round((i64::from(width_ps) * 1000) << 16, i64::from(sample_period_fs.max(1)));
+        let samples =
+            divide_round((i64::from(width_ps) * 1000) << 16, i64::from(sample_period_fs.max(1)));
         let width = samples.clamp(1 << 12, 127 << 16);
         let length = 2 * width as u64;
         Self { width, per_length: (1 << 40) / length, turn: divide_round(PI << 2, 2 * width) }
@@ -78,7 +80,8 @@ pub const SIN_SQUARED: [u32; 257] = {
     let mut i = 0;
     while i < table.len() {
         // sin² x = (1 − cos 2x) / 2, and 2x = π i/256
-        table[i] = ((1.0 - cosine(core::f64::consts::PI * i as f64 / 256.0)) * 536_870_912.0 + 0.5) as u32;
+        table[i] =
+            ((1.0 - cosine(core::f64::consts::PI * i as f64 / 256.0)) * 536_870_912.0 + 0.5) as u32;
         i += 1;
     }
     table
@@ -120,9 +123,16 @@ mod tests {
                 let value = pulse.at((u * 65536.0) as i64);
                 let got = value as f64 / ONE as f64;
                 assert!((got - expected).abs() < 3e-5, "{u} of {length}: {got} against {expected}");
-                let slope = if inside { (PI / length * libm::sin(2.0 * PI * u / length)).abs() } else { 0.0 };
+                let slope = if inside {
+                    (PI / length * libm::sin(2.0 * PI * u / length)).abs()
+                } else {
+                    0.0
+                };
                 let got = pulse.slope((u * 65536.0) as i64) as f64 / ONE as f64;
-                assert!((got - slope).abs() < 1e-3 * PI / length, "{u} of {length}: {got} against {slope}");
+                assert!(
+                    (got - slope).abs() < 1e-3 * PI / length,
+                    "{u} of {length}: {got} against {slope}"
+                );
             }
         }
     }

@@ -9,20 +9,27 @@
 //! | Q8.8 in `u16` | SNR, threshold multiples | 2⁻⁸ |
 //! | 1/256 mm in `u32` | range | 3.9 µm |
 //!
-//! Every right shift and division rounds to nearest, ties towards +∞, unless its stage says otherwise.
+//! Every right shift and division rounds to nearest, ties towards +∞, unless its stage says
+//! otherwise.
 
-/// `round(value / 2^shift)`, ties up. `shift` is 1 to 62, the value at most half of what `i64` holds.
+/// `round(value / 2^shift)`, ties up. `shift` is 1 to 62, the value at most half of what `i64`
+/// holds.
 #[inline(always)]
 #[expect(clippy::arithmetic_side_effects, reason = "half of i64's range and 2^61 fit in it")]
 pub const fn shift_round(value: i64, shift: u32) -> i64 {
     (value + (1 << (shift - 1))) >> shift
 }
 
-/// `round(numerator / denominator)`, ties up; zero when the denominator is zero. Both are below 2⁶¹.
+/// `round(numerator / denominator)`, ties up; zero when the denominator is zero. Both are below
+/// 2⁶¹.
 #[inline]
-#[expect(clippy::arithmetic_side_effects, reason = "2·2⁶¹ + 2⁶¹ fits in i64; the division is checked")]
+#[expect(
+    clippy::arithmetic_side_effects,
+    reason = "2·2⁶¹ + 2⁶¹ fits in i64; the division is checked"
+)]
 pub const fn divide_round(numerator: i64, denominator: i64) -> i64 {
-    let (n, d) = if denominator < 0 { (-numerator, -denominator) } else { (numerator, denominator) };
+    let (n, d) =
+        if denominator < 0 { (-numerator, -denominator) } else { (numerator, denominator) };
     match (2 * n + d).checked_div_euclid(2 * d) {
         Some(quotient) => quotient,
         None => 0,

@@ -51,10 +51,12 @@ pub struct Waveform<'a> {
 /// width = right − left: crossings of half of y[index]            Q16.16
 /// ```
 ///
-/// Of equally high `z[j]` the sample itself (j = 0) counts, else the first. A denominator of 0 makes δ 0. With o = 1, j is 0.
-/// K is the last sample inside the pulse on either side of its middle. Clipped is an echo of which a code, no further from the
-/// index than ⌈K/2⌉, reached the saturation level; [`edges`] are those of the run of clipped samples around the nearest such code,
-/// of two as near the earlier. Their level is the clip code in Q1.15 less the ambient, at least 2⁻¹⁵.
+/// Of equally high `z[j]` the sample itself (j = 0) counts, else the first. A denominator of 0
+/// makes δ 0. With o = 1, j is 0. K is the last sample inside the pulse on either side of its
+/// middle. Clipped is an echo of which a code, no further from the index than ⌈K/2⌉, reached the
+/// saturation level; [`edges`] are those of the run of clipped samples around the nearest such
+/// code, of two as near the earlier. Their level is the clip code in Q1.15 less the ambient, at
+/// least 2⁻¹⁵.
 ///
 /// | method | time, Q16.16 | σ of the time, Q16.16, rounded down |
 /// |---|---|---|
@@ -63,21 +65,25 @@ pub struct Waveform<'a> {
 /// | CFD | where f rises to half of the height, plus [`Timing`](crate::timing::Timing)'s z | as parabola |
 /// | rising edge | where f rises to the threshold T, plus z | σ(level/g) · r over the slope of f there |
 ///
-/// f is said to rise to a level between the samples where `y`, seen from the index on earlier samples, falls below it (level
-/// rounded to Q1.15, no higher than the peak): at the first of them plus (level − f)/(rise of f), a fraction of 0 to 1 in Q16.16,
-/// rounded down, the rise at least 2⁻²³. Where that meets a valley or the end, the time is there plus z, and σ that of the parabola; its
-/// flags are the echo's. σ(level/g) · r is rounded down to Q13.19 before it is divided by the rise.
+/// f is said to rise to a level between the samples where `y`, seen from the index on earlier
+/// samples, falls below it (level rounded to Q1.15, no higher than the peak): at the first of them
+/// plus (level − f)/(rise of f), a fraction of 0 to 1 in Q16.16, rounded down, the rise at least
+/// 2⁻²³. Where that meets a valley or the end, the time is there plus z, and σ that of the
+/// parabola; its flags are the echo's. σ(level/g) · r is rounded down to Q13.19 before it is
+/// divided by the rise.
 ///
-/// σ is the greatest there is, for it is not known, of an echo that the window cuts off, and of a clipped one by a method that
-/// lets it walk.
+/// σ is the greatest there is, for it is not known, of an echo that the window cuts off, and of a
+/// clipped one by a method that lets it walk.
 ///
-/// A top whose codes are clipped has the amplitude that its edges tell when the time comes from them; else `height/g`.
+/// A top whose codes are clipped has the amplitude that its edges tell when the time comes from
+/// them; else `height/g`.
 ///
-/// The steps of `y`, 2⁻¹⁵, would flatten the top of a weak echo in little noise; `f` has 256 times finer ones, for the few
-/// samples that need them. The width is the filtered one: 1.44 W for a whole echo behind the matched filter.
+/// The steps of `y`, 2⁻¹⁵, would flatten the top of a weak echo in little noise; `f` has 256 times
+/// finer ones, for the few samples that need them. The width is the filtered one: 1.44 W for a
+/// whole echo behind the matched filter.
 ///
-/// Accuracy, against the same method in real numbers, 12 bits, noise of 4 codes or more: 4, 1 and 0.6 mm at SNR 5, 20 and 100
-/// (`tolerance.rs` of the tests has the whole table).
+/// Accuracy, against the same method in real numbers, 12 bits, noise of 4 codes or more: 4, 1 and
+/// 0.6 mm at SNR 5, 20 and 100 (`tolerance.rs` of the tests has the whole table).
 #[inline(never)]
 pub fn refine(
     config: &Config,
@@ -108,8 +114,13 @@ pub fn refine(
         TIMING_WALK_CORRECTED => {
             if let Some((first, last)) = clipped {
                 refined.flags |= Flags::WALK_CORRECTED;
-                let level = (i64::from(config.clip_code) << config.code_shift) - i64::from(threshold.ambient);
-                match config.pulse.as_ref().and_then(|p| edges::fit(p, x, level.max(1), first, last, noise)) {
+                let level = (i64::from(config.clip_code) << config.code_shift)
+                    - i64::from(threshold.ambient);
+                match config
+                    .pulse
+                    .as_ref()
+                    .and_then(|p| edges::fit(p, x, level.max(1), first, last, noise))
+                {
                     Some(Edges { time, amplitude, sigma }) => {
                         (refined.time, refined.amplitude, refined.sigma) = (time, amplitude, sigma);
                     }
@@ -117,9 +128,27 @@ pub fn refine(
                 }
             }
         }
-        TIMING_CFD => to_edge(config, y, &f, peak, i64::from(vertex.height) << 7, threshold, noise, &mut refined),
+        TIMING_CFD => to_edge(
+            config,
+            y,
+            &f,
+            peak,
+            i64::from(vertex.height) << 7,
+            threshold,
+            noise,
+            &mut refined,
+        ),
         TIMING_RISING_EDGE => {
-            to_edge(config, y, &f, peak, i64::from(threshold.level) << 8, threshold, noise, &mut refined);
+            to_edge(
+                config,
+                y,
+                &f,
+                peak,
+                i64::from(threshold.level) << 8,
+                threshold,
+                noise,
+                &mut refined,
+            );
         }
         _ => {}
     }
@@ -133,18 +162,26 @@ pub fn refine(
     refined
 }
 
-/// Whether a peak may hide others: it is not clipped, and its width at half height exceeds [`Timing`](crate::timing::Timing)'s w or
-/// ends in a valley.
-pub fn may_hide(config: &Config, waveform: &Waveform<'_>, peak: Peak, threshold: &Threshold) -> bool {
+/// Whether a peak may hide others: it is not clipped, and its width at half height exceeds
+/// [`Timing`](crate::timing::Timing)'s w or ends in a valley.
+pub fn may_hide(
+    config: &Config,
+    waveform: &Waveform<'_>,
+    peak: Peak,
+    threshold: &Threshold,
+) -> bool {
     let half = i32::from(peak.height) >> 1;
-    let [left, right] = [-1, 1].map(|direction| crossing(waveform.y, peak, half, threshold.level, direction));
+    let [left, right] =
+        [-1, 1].map(|direction| crossing(waveform.y, peak, half, threshold.level, direction));
     let merged = (left.flags | right.flags).contains(Flags::MERGED);
-    (merged || right.time - left.time > config.timing.broad()) && clipped_run(config, waveform.codes, peak).is_none()
+    (merged || right.time - left.time > config.timing.broad())
+        && clipped_run(config, waveform.codes, peak).is_none()
 }
 
-/// Times a peak that another hid by the parabola through the sharper filter's output `f` (Q9.23) instead, without correction for
-/// bias; it is merged. A clipped one stays as it was. σ is twice as great, for the sharper filter's noise, and W f_s/32 (rounded
-/// down) more, for what the other shifts it by: saturating.
+/// Times a peak that another hid by the parabola through the sharper filter's output `f` (Q9.23)
+/// instead, without correction for bias; it is merged. A clipped one stays as it was. σ is twice as
+/// great, for the sharper filter's noise, and W f_s/32 (rounded down) more, for what the other
+/// shifts it by: saturating.
 pub fn sharpen(config: &Config, f: impl Fn(i64) -> i64, peak: Peak, refined: &mut Refined) {
     refined.flags |= Flags::MERGED;
     let overlap = config.pulse.as_ref().map_or(0, |pulse| pulse.width() >> 5) as u32;
@@ -191,7 +228,8 @@ fn to_edge(
     refined.sigma = ((filtered << 20) / rise as u64).min(u32::MAX.into()) as u32;
 }
 
-/// The run of clipped samples that holds the clipped one nearest to the peak, if one lies within ⌈K/2⌉; of two as near the first.
+/// The run of clipped samples that holds the clipped one nearest to the peak, if one lies within
+/// ⌈K/2⌉; of two as near the first.
 fn clipped_run(config: &Config, codes: &[u16], peak: Peak) -> Option<(usize, usize)> {
     let reach = config.reach.div_ceil(2);
     let index = usize::from(peak.index);
@@ -216,7 +254,13 @@ const MARGIN: i64 = 5;
 type Around = [i64; 2 * MARGIN as usize + 1];
 
 /// Parabola through the highest interpolated value and its neighbours.
-fn vertex(f: impl Fn(i64) -> i64, peak: Peak, reach: usize, upsampling_log2: u32, bias: i64) -> Vertex {
+fn vertex(
+    f: impl Fn(i64) -> i64,
+    peak: Peak,
+    reach: usize,
+    upsampling_log2: u32,
+    bias: i64,
+) -> Vertex {
     let ratio = 1i64 << upsampling_log2;
     let Climb { summit, height, next } = climb(&f, i64::from(peak.index), reach);
     let margin = if ratio > 1 { MARGIN } else { 1 };
@@ -239,7 +283,8 @@ fn vertex(f: impl Fn(i64) -> i64, peak: Peak, reach: usize, upsampling_log2: u32
     let (before, after) = (at(j - 1), at(j + 1));
     let slope = before - after;
     let delta = divide_round(slope << 15, before - 2 * z0 + after).clamp(-0x8000, 0x8000);
-    let unbiased = delta - shift_round(bias * ((delta * ((1 << 32) - 4 * delta * delta)) >> 32), 15);
+    let unbiased =
+        delta - shift_round(bias * ((delta * ((1 << 32) - 4 * delta * delta)) >> 32), 15);
     let fine = (j << 16) + unbiased;
     let time = (summit << 16) + if ratio > 1 { shift_round(fine, upsampling_log2) } else { fine };
     // The parabola's height is z₀ − (z₋ − z₊)·δ/4, in Q9.23.
@@ -254,8 +299,8 @@ struct Climb {
     next: i64,
 }
 
-/// Up `f` from `start`, at most `reach` samples. Only later: a peak is the first sample of its plateau of `y`, so `f` is lower
-/// before it.
+/// Up `f` from `start`, at most `reach` samples. Only later: a peak is the first sample of its
+/// plateau of `y`, so `f` is lower before it.
 fn climb(f: impl Fn(i64) -> i64, start: i64, reach: usize) -> Climb {
     let mut at = Climb { summit: start, height: f(start), next: f(start + 1) };
     for _ in 0..reach {
@@ -269,24 +314,27 @@ fn climb(f: impl Fn(i64) -> i64, start: i64, reach: usize) -> Climb {
 
 /// `f` at `j / 2^log2` from the summit, Q9.23: a polynomial through the eight samples around.
 fn interpolate(around: &Around, j: i64, log2: u32) -> i64 {
-    let sample = |offset: i64| usize::try_from(MARGIN + offset).ok().and_then(|i| around.get(i)).map_or(0, |&v| v);
+    let sample = |offset: i64| {
+        usize::try_from(MARGIN + offset).ok().and_then(|i| around.get(i)).map_or(0, |&v| v)
+    };
     let whole = j >> log2;
     let Some(taps) = interpolation(j, log2) else { return sample(whole) };
     let sum: i64 = taps.iter().zip(-3..).map(|(&tap, t)| i64::from(tap) * sample(whole + t)).sum();
     shift_round(sum, 15)
 }
 
-/// The weights of samples −3..=4 that interpolate at `j / 2^log2` after a sample; `None` on a sample. `log2` is at most 3.
+/// The weights of samples −3..=4 that interpolate at `j / 2^log2` after a sample; `None` on a
+/// sample. `log2` is at most 3.
 pub fn interpolation(j: i64, log2: u32) -> Option<&'static [i16; 8]> {
     let phase = (j & ((1 << log2) - 1)) << (3 - log2);
     (phase as usize).checked_sub(1).and_then(|row| LAGRANGE.get(row))
 }
 
-/// Row p − 1 interpolates at p/8 after a sample, taps at −3..=4: the Lagrange polynomial of degree 7 in Q1.15, nearest, the
-/// tap nearest to the point adjusted so that a row adds up to 2¹⁵ exactly.
+/// Row p − 1 interpolates at p/8 after a sample, taps at −3..=4: the Lagrange polynomial of degree
+/// 7 in Q1.15, nearest, the tap nearest to the point adjusted so that a row adds up to 2¹⁵ exactly.
 ///
-/// Maximally flat at low frequencies, where the output of a matched filter lies: a windowed sinc of this length was 30 times
-/// worse there.
+/// Maximally flat at low frequencies, where the output of a matched filter lies: a windowed sinc of
+/// this length was 30 times worse there.
 pub const LAGRANGE: [[i16; 8]; 7] = [
     [-36, 366, -2071, 31072, 4439, -1243, 270, -29],
     [-62, 626, -3378, 28153, 9384, -2413, 512, -54],
@@ -304,11 +352,12 @@ struct Crossing {
     flags: Flags,
 }
 
-/// Where `y` falls below a level, going `direction` from the peak: linear between samples, Q16.16, the fraction of a sample
-/// rounded down, towards the peak.
+/// Where `y` falls below a level, going `direction` from the peak: linear between samples, Q16.16,
+/// the fraction of a sample rounded down, towards the peak.
 ///
-/// Ends early in the valley (of equals the one nearest to the peak) before a neighbour that rises by more than the peak's
-/// [`hysteresis`] ([`Flags::MERGED`]) or at the last sample ([`Flags::TRUNCATED`]).
+/// Ends early in the valley (of equals the one nearest to the peak) before a neighbour that rises
+/// by more than the peak's [`hysteresis`] ([`Flags::MERGED`]) or at the last sample
+/// ([`Flags::TRUNCATED`]).
 fn crossing(y: &[i16], peak: Peak, level: i32, threshold: i16, direction: i64) -> Crossing {
     let rise = i32::from(hysteresis(peak.height, threshold));
     let mut inner = (i64::from(peak.index), i32::from(peak.height));
@@ -343,14 +392,18 @@ mod tests {
         for (row, taps) in LAGRANGE.iter().enumerate() {
             assert_eq!(taps.iter().map(|&t| i32::from(t)).sum::<i32>(), 1 << 15);
             let partner = &LAGRANGE[6 - row];
-            assert!(taps.iter().zip(partner.iter().rev()).all(|(a, b)| a.abs_diff(*b) <= 2), "row {row}");
+            assert!(
+                taps.iter().zip(partner.iter().rev()).all(|(a, b)| a.abs_diff(*b) <= 2),
+                "row {row}"
+            );
         }
     }
 
     #[test]
     fn interpolation_reproduces_a_slow_sine_within_two_lsb() {
         let wave = |t: f64| 20_000.0 * (0.3 * t).sin();
-        let around: Around = core::array::from_fn(|i| (256.0 * wave(25.0 + i as f64)).round() as i64);
+        let around: Around =
+            core::array::from_fn(|i| (256.0 * wave(25.0 + i as f64)).round() as i64);
         for j in 0..8 {
             let expected = wave(30.0 + j as f64 / 8.0);
             let got = interpolate(&around, j, 3) as f64 / 256.0;

@@ -59,8 +59,12 @@ impl fmt::Display for Refusal {
         let p = self.field.parameter();
         write!(f, "{} {}", p.name, InUnit(p, self.value))?;
         match self.reason {
-            Reason::BelowMinimum { minimum } => write!(f, " is below its minimum {}", InUnit(p, minimum)),
-            Reason::AboveMaximum { maximum } => write!(f, " is above its maximum {}", InUnit(p, maximum)),
+            Reason::BelowMinimum { minimum } => {
+                write!(f, " is below its minimum {}", InUnit(p, minimum))
+            }
+            Reason::AboveMaximum { maximum } => {
+                write!(f, " is above its maximum {}", InUnit(p, maximum))
+            }
             Reason::NotAChoice => write!(f, " is none of {}", Choices(p)),
             Reason::EnergyAboveLimit { energy_pj, limit_pj } => write!(
                 f,

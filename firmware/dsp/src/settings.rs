@@ -1,8 +1,9 @@
 //! Θ_lidar: what may be set, and the one table of names, units, ranges and defaults.
 //!
-//! The optimiser's unit cube, the link's checks, the command line's help and the documentation all come from
-//! [`PARAMETERS`]. Values travel as integers in a *wire unit* fine enough for every use (`codes_per_unit` of them make one
-//! unit); only [`Parameter::to_unit`] and [`Parameter::to_code`] convert.
+//! The optimiser's unit cube, the link's checks, the command line's help and the documentation all
+//! come from [`PARAMETERS`]. Values travel as integers in a *wire unit* fine enough for every use
+//! (`codes_per_unit` of them make one unit); only [`Parameter::to_unit`] and [`Parameter::to_code`]
+//! convert.
 
 use core::fmt;
 
@@ -50,7 +51,9 @@ pub struct Settings {
 }
 
 /// Names one field of [`Settings`]. Variants are only ever appended: their order is on the wire.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, Schema)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, Schema,
+)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[allow(missing_docs, reason = "each is the field of Settings of that name")]
 pub enum ParameterId {
@@ -115,8 +118,25 @@ pub struct Parameter {
     pub acts_in: &'static str,
 }
 
-const fn row(id: ParameterId, name: &'static str, symbol: &'static str, unit: &'static str, kind: Kind) -> Parameter {
-    Parameter { id, name, symbol, unit, kind, codes_per_unit: 1, min: 0, max: 0, default: None, acts_in: "" }
+const fn row(
+    id: ParameterId,
+    name: &'static str,
+    symbol: &'static str,
+    unit: &'static str,
+    kind: Kind,
+) -> Parameter {
+    Parameter {
+        id,
+        name,
+        symbol,
+        unit,
+        kind,
+        codes_per_unit: 1,
+        min: 0,
+        max: 0,
+        default: None,
+        acts_in: "",
+    }
 }
 
 impl Parameter {
@@ -155,7 +175,9 @@ impl Parameter {
     pub fn check(&self, value: i32) -> Result<(), Refusal> {
         let refuse = |reason| Err(Refusal { field: self.id, value, reason });
         match self.kind {
-            Kind::Choice { names } if value < 0 || value as usize >= names.len() => refuse(Reason::NotAChoice),
+            Kind::Choice { names } if value < 0 || value as usize >= names.len() => {
+                refuse(Reason::NotAChoice)
+            }
             _ if value < self.min => refuse(Reason::BelowMinimum { minimum: self.min }),
             _ if value > self.max => refuse(Reason::AboveMaximum { maximum: self.max }),
             Kind::PowerOfTwo if !is_power_of_two(value) => refuse(Reason::NotAChoice),
@@ -220,24 +242,38 @@ pub const PARAMETERS: [Parameter; 15] = {
         row(Id::SnrThreshold, "snr_threshold", "k", "sigma", real)
             .codes(1000, 2_500, 8_000, 4_700)
             .acts("DSP threshold"),
-        row(Id::Upsampling, "upsampling", "o", "", PowerOfTwo).codes(1, 1, 8, 1).acts("DSP interpolation"),
+        row(Id::Upsampling, "upsampling", "o", "", PowerOfTwo)
+            .codes(1, 1, 8, 1)
+            .acts("DSP interpolation"),
         row(Id::Denoise, "denoise", "", "", Choice { names: &["none", "gaussian", "matched"] })
             .codes(1, 0, 2, DENOISE_MATCHED)
             .acts("DSP filter"),
         row(Id::Ambient, "ambient", "", "", Choice { names: &["median", "pre-trigger", "none"] })
             .codes(1, 0, 2, AMBIENT_MEDIAN)
             .acts("DSP baseline"),
-        row(Id::Timing, "timing", "", "", Choice { names: &["rising-edge", "parabola", "cfd", "walk-corrected"] })
-            .codes(1, 0, 3, TIMING_WALK_CORRECTED)
-            .acts("DSP timing"),
+        row(
+            Id::Timing,
+            "timing",
+            "",
+            "",
+            Choice { names: &["rising-edge", "parabola", "cfd", "walk-corrected"] },
+        )
+        .codes(1, 0, 3, TIMING_WALK_CORRECTED)
+        .acts("DSP timing"),
         row(Id::MinSeparation, "min_separation", "ΔR", "m", real)
             .codes(1000, 300, 3_000, 855)
             .follows()
             .acts("DSP peaks"),
         row(Id::Echoes, "echoes", "E", "", Integer).codes(1, 1, 4, 1).acts("DSP peaks"),
-        row(Id::EchoChoice, "echo_choice", "", "", Choice { names: &["strongest", "first", "last"] })
-            .codes(1, 0, 2, CHOICE_STRONGEST)
-            .acts("DSP peaks"),
+        row(
+            Id::EchoChoice,
+            "echo_choice",
+            "",
+            "",
+            Choice { names: &["strongest", "first", "last"] },
+        )
+        .codes(1, 0, 2, CHOICE_STRONGEST)
+        .acts("DSP peaks"),
     ]
 };
 
@@ -309,7 +345,8 @@ impl Settings {
         })
     }
 
-    /// Sets one field, in wire units. `None` returns a field to following others; where it cannot follow, nothing happens.
+    /// Sets one field, in wire units. `None` returns a field to following others; where it cannot
+    /// follow, nothing happens.
     pub fn set(&mut self, id: ParameterId, value: Option<i32>) {
         use ParameterId as Id;
         if id == Id::MinSeparation {
@@ -366,7 +403,8 @@ impl Settings {
 
     fn check_energy(&self, hardware: &Hardware) -> Result<(), Refusal> {
         // 0.01 W × 1 ps = 0.01 pJ; in range the product is below 2 × 10⁸.
-        let energy_pj = (self.power_cw as u32).saturating_mul(self.pulse_width_ps as u32).div_ceil(100);
+        let energy_pj =
+            (self.power_cw as u32).saturating_mul(self.pulse_width_ps as u32).div_ceil(100);
         if energy_pj <= hardware.energy_limit_pj {
             return Ok(());
         }
@@ -469,11 +507,16 @@ mod tests {
     #[test]
     fn units_and_codes_convert_there_and_back() {
         for parameter in &PARAMETERS {
-            for code in [parameter.min, parameter.max, i32::midpoint(parameter.min, parameter.max)] {
+            for code in [parameter.min, parameter.max, i32::midpoint(parameter.min, parameter.max)]
+            {
                 assert_eq!(parameter.to_code(parameter.to_unit(code)), code, "{}", parameter.name);
             }
             assert!(parameter.check(parameter.to_code(f64::NAN)).is_err(), "{}", parameter.name);
-            assert!(parameter.check(parameter.to_code(f64::INFINITY)).is_err(), "{}", parameter.name);
+            assert!(
+                parameter.check(parameter.to_code(f64::INFINITY)).is_err(),
+                "{}",
+                parameter.name
+            );
         }
     }
 }

@@ -27,10 +27,11 @@ use crate::template::Template;
 /// | `s` | sharpener, Σ abs(s) ≤ 1 because Σ abs(h) ≤ 1 | Q1.15 |
 /// | `r` | of the `s` in Q1.15, rounded down | Q1.15 |
 ///
-/// The matched filter has the best SNR and the worst resolution: after it, two equal echoes split 1.14·cτ/2 apart. Where
-/// SNR is to spare, a narrow pulse keeps the resolution of the waveform, and taking off the second difference deepens the valley
-/// between two crests by L/64 of the curvature at the pulse's own scale ("resolution sharpening", known from spectra).
-/// A broad flat echo gets horns of at most about L/200 of its height from it: less than [`rise`] asks for.
+/// The matched filter has the best SNR and the worst resolution: after it, two equal echoes split
+/// 1.14·cτ/2 apart. Where SNR is to spare, a narrow pulse keeps the resolution of the waveform, and
+/// taking off the second difference deepens the valley between two crests by L/64 of the curvature
+/// at the pulse's own scale ("resolution sharpening", known from spectra). A broad flat echo gets
+/// horns of at most about L/200 of its height from it: less than [`rise`] asks for.
 #[derive(Clone, Debug)]
 pub struct Sharpener {
     /// The taps and one zero.
@@ -104,7 +105,8 @@ impl Sharpener {
             return 0;
         }
         let taps = self.taps().iter().zip(n - self.half() as i64..);
-        let sample = |i: i64| usize::try_from(i).ok().and_then(|i| x.get(i)).map_or(0, |&x| i32::from(x));
+        let sample =
+            |i: i64| usize::try_from(i).ok().and_then(|i| x.get(i)).map_or(0, |&x| i32::from(x));
         let sum: i32 = taps.map(|(&s, i)| i32::from(s) * sample(i)).sum();
         shift_round(sum.into(), 7)
     }
@@ -112,7 +114,8 @@ impl Sharpener {
     /// One sharpened sample, Q1.15: `round(Σ s[k] · x[n + k])`, x = 0 outside.
     pub fn at(&self, x: &[i16], n: usize) -> i16 {
         let taps = self.taps().iter().zip(n as isize - self.half() as isize..);
-        let sample = |i: isize| usize::try_from(i).ok().and_then(|i| x.get(i)).map_or(0, |&x| i32::from(x));
+        let sample =
+            |i: isize| usize::try_from(i).ok().and_then(|i| x.get(i)).map_or(0, |&x| i32::from(x));
         filter::round(taps.map(|(&s, i)| i32::from(s) * sample(i)).sum())
     }
 }
@@ -122,19 +125,22 @@ fn sharpened_tap(narrow: &Template, k: isize, lag: isize, strength: i32) -> i16 
         let index = usize::try_from(k + narrow.half() as isize).ok();
         index.and_then(|i| narrow.taps().get(i)).map_or(0, |&h| i32::from(h))
     };
-    (((64 + 2 * strength) * h(k) - strength * (h(k - lag) + h(k + lag))) / (64 + 4 * strength)) as i16
+    (((64 + 2 * strength) * h(k) - strength * (h(k - lag) + h(k + lag))) / (64 + 4 * strength))
+        as i16
 }
 
-/// Finds the crests of `values`, sample `first` onwards: local maxima at or above `level` that stand out.
+/// Finds the crests of `values`, sample `first` onwards: local maxima at or above `level` that
+/// stand out.
 ///
 /// ```text
 /// rising   v > crest: the new crest;       v < crest − rise(crest): a crest is found → falling
 /// falling  v < valley: the new valley;     v > valley + rise(v) → rising
 /// ```
 ///
-/// Begins rising, at the first sample. That sample and the last one are no crests, for the top may lie outside; one that
-/// the end cuts off before it fell far enough counts once it fell at all. A crest is the first sample of its plateau. Of
-/// more than [`MAX_CANDIDATES`] the highest stay, of equals the first.
+/// Begins rising, at the first sample. That sample and the last one are no crests, for the top may
+/// lie outside; one that the end cuts off before it fell far enough counts once it fell at all. A
+/// crest is the first sample of its plateau. Of more than [`MAX_CANDIDATES`] the highest stay, of
+/// equals the first.
 pub fn crests(
     values: impl IntoIterator<Item = i16>,
     first: usize,
@@ -143,7 +149,8 @@ pub fn crests(
     found: &mut Peaks,
 ) {
     found.clear();
-    let mut samples = values.into_iter().zip(first..).map(|(height, n)| Peak { index: n as u16, height });
+    let mut samples =
+        values.into_iter().zip(first..).map(|(height, n)| Peak { index: n as u16, height });
     let Some(mut crest) = samples.next() else { return };
     let (mut valley, mut last) = (None, crest);
     for here in samples {
@@ -179,8 +186,8 @@ fn keep(crest: Peak, first: usize, level: i16, found: &mut Peaks) {
     }
 }
 
-/// How far a crest must stand out on the sensor: [`SENSOR_SIGMAS`] σ_s and a sixteenth of its height, whichever is more,
-/// both rounded down to whole LSB.
+/// How far a crest must stand out on the sensor: [`SENSOR_SIGMAS`] σ_s and a sixteenth of its
+/// height, whichever is more, both rounded down to whole LSB.
 ///
 /// The sixteenth keeps an echo of a slanted or rough surface whole, however quiet the receiver.
 pub fn rise(height: i16, sigma: u32) -> i32 {
@@ -190,7 +197,8 @@ pub fn rise(height: i16, sigma: u32) -> i32 {
 /// Indices of peaks that others hid.
 pub type Hidden = Vec<u16, MAX_CANDIDATES>;
 
-/// Puts in place of each coarse peak the crests that the sharpener finds under it, if there are two or more.
+/// Puts in place of each coarse peak the crests that the sharpener finds under it, if there are two
+/// or more.
 ///
 /// | name | meaning | format |
 /// |---|---|---|
@@ -200,13 +208,16 @@ pub type Hidden = Vec<u16, MAX_CANDIDATES>;
 /// | `level` | T on y | Q1.15 |
 /// | `coarse` | peaks of y by rising index | |
 ///
-/// Under a peak that `may_hide` others: up to 4q + 3 samples to either side, not past the middle (rounded down) to the next coarse peak. A crest there
-/// is one of the sharpened waveform with [`rise`], of positive height; it becomes a peak of `y`'s height at its index if that
-/// reaches T. Work is bounded: 8q + 7 sharpened samples a coarse peak. Of more than [`MAX_CANDIDATES`] peaks the first stay.
+/// Under a peak that `may_hide` others: up to 4q + 3 samples to either side, not past the middle
+/// (rounded down) to the next coarse peak. A crest there is one of the sharpened waveform with
+/// [`rise`], of positive height; it becomes a peak of `y`'s height at its index if that reaches T.
+/// Work is bounded: 8q + 7 sharpened samples a coarse peak. Of more than [`MAX_CANDIDATES`] peaks
+/// the first stay.
 ///
 /// `hidden` becomes the indices of those that came in place of another: `y` need not top out there.
 ///
-/// Two equal sin² echoes of S = 50 come apart from 1.14·cτ/2 on at 0.5, 1 and 2 GS/s (`tests/tests/limits.rs`).
+/// Two equal sin² echoes of S = 50 come apart from 1.14·cτ/2 on at 0.5, 1 and 2 GS/s
+/// (`tests/tests/limits.rs`).
 #[expect(
     clippy::too_many_arguments,
     reason = "a waveform in two forms, its noise and threshold, the peaks and which of them"
@@ -228,7 +239,9 @@ pub fn shoulders(
     let mut start = 0;
     for (i, peak) in coarse.iter().enumerate() {
         let index = usize::from(peak.index);
-        let middle = coarse.get(i + 1).map_or(x.len(), |next| usize::midpoint(index, usize::from(next.index)) + 1);
+        let middle = coarse
+            .get(i + 1)
+            .map_or(x.len(), |next| usize::midpoint(index, usize::from(next.index)) + 1);
         let reach = 4 * sharpener.lag + 3;
         let from = index.saturating_sub(reach).max(start);
         let to = (index + reach + 1).min(middle).min(x.len());
@@ -237,8 +250,16 @@ pub fn shoulders(
             let _ = all.push(*peak); // the first stay
             continue;
         }
-        crests((from..to).map(|n| sharpener.at(x, n)), from, 1, |height| rise(height, sigma), &mut under);
-        under.iter_mut().for_each(|p| p.height = y.get(usize::from(p.index)).copied().unwrap_or_default());
+        crests(
+            (from..to).map(|n| sharpener.at(x, n)),
+            from,
+            1,
+            |height| rise(height, sigma),
+            &mut under,
+        );
+        under
+            .iter_mut()
+            .for_each(|p| p.height = y.get(usize::from(p.index)).copied().unwrap_or_default());
         under.retain(|p| p.height >= level);
         let split: &[Peak] = if under.len() > 1 { &under } else { core::slice::from_ref(peak) };
         for &peak in split {
@@ -267,11 +288,17 @@ mod tests {
 
     #[test]
     fn the_taps_are_symmetric_and_add_up_to_at_most_one_in_size() {
-        for (width, lag, strength) in [(2, 1, 3), (2, 12, 3), (16, 24, 64), (48, 40, 8), (1, 9, 0), (3, 0, 5)] {
-            let sharpener = Sharpener::new(&Template::sin_squared(width * 1000, 1_000_000), lag, strength);
+        for (width, lag, strength) in
+            [(2, 1, 3), (2, 12, 3), (16, 24, 64), (48, 40, 8), (1, 9, 0), (3, 0, 5)]
+        {
+            let sharpener =
+                Sharpener::new(&Template::sin_squared(width * 1000, 1_000_000), lag, strength);
             let taps = sharpener.taps();
             assert!(taps.len() % 2 == 1 && taps.iter().eq(taps.iter().rev()));
-            assert!(taps.iter().map(|&s| i32::from(s).abs()).sum::<i32>() <= 0x7fff, "{width} {lag} {strength}");
+            assert!(
+                taps.iter().map(|&s| i32::from(s).abs()).sum::<i32>() <= 0x7fff,
+                "{width} {lag} {strength}"
+            );
         }
     }
 
@@ -297,7 +324,11 @@ mod tests {
             let mut coarse = Peaks::new();
             coarse.push(Peak { index: 1, height: 3 }).unwrap();
             coarse.push(Peak { index: u16::MAX, height: 3 }).unwrap();
-            assert_eq!(shoulders(&sharpener, x, &[], u32::MAX, 1, &coarse, |_| true, &mut Hidden::new()).len(), 2);
+            assert_eq!(
+                shoulders(&sharpener, x, &[], u32::MAX, 1, &coarse, |_| true, &mut Hidden::new())
+                    .len(),
+                2
+            );
         }
     }
 }

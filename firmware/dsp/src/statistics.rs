@@ -27,8 +27,8 @@ use crate::settings::{AMBIENT_NONE, AMBIENT_PRE_TRIGGER};
 /// | 1.4826 | σ of a normal distribution over its mad | Q2.14, nearest: 24 291 |
 /// | `σ̂` | noise of one sample | Q13.19, nearest |
 ///
-/// Half of the samples may be echoes before either gives way. A constant waveform still has σ̂ = 0.37 codes: the ADC's own
-/// quantisation is noise too.
+/// Half of the samples may be echoes before either gives way. A constant waveform still has σ̂ =
+/// 0.37 codes: the ADC's own quantisation is noise too.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Statistics {
     /// m, the median code.
@@ -44,12 +44,13 @@ pub struct Statistics {
 /// 1.4826 in Q2.14.
 const MAD_TO_SIGMA: u64 = 24_291;
 
-/// Bits of the deviation below Q1.15. Without them a quiet 14-bit waveform would have no noise at all.
+/// Bits of the deviation below Q1.15. Without them a quiet 14-bit waveform would have no noise at
+/// all.
 const MAD_EXTRA_BITS: u32 = 4;
 
 impl Statistics {
-    /// Measures a waveform of codes, of which an ADC gives `15 − shift` bits. `guess` only saves time: where the last
-    /// waveform's statistics lay, these lie nearby.
+    /// Measures a waveform of codes, of which an ADC gives `15 − shift` bits. `guess` only saves
+    /// time: where the last waveform's statistics lay, these lie nearby.
     #[inline(always)]
     pub fn of(kernel: impl Kernel, codes: &[u16], shift: u32, guess: &Self) -> Self {
         let codes = codes.get(..MAX_SAMPLES).unwrap_or(codes);
@@ -126,7 +127,8 @@ pub struct Rank {
 
 /// Both by counting how many codes lie in an interval, over and over: the counts vectorise.
 ///
-/// `codes` hold 1 to [`MAX_SAMPLES`] samples; `top` is the largest code of the ADC, where the search first looks no further.
+/// `codes` hold 1 to [`MAX_SAMPLES`] samples; `top` is the largest code of the ADC, where the
+/// search first looks no further.
 #[inline(always)]
 pub fn by_counting(codes: &[u16], top: u16, guess: &Statistics) -> Ranks {
     let half = codes.len().div_ceil(2) as u32;
@@ -140,7 +142,8 @@ pub fn by_counting(codes: &[u16], top: u16, guess: &Statistics) -> Ranks {
 /// Codes the histogram spans, the guess in its middle.
 pub const BINS: usize = 128;
 
-/// Both from one pass, while median and deviation lie within a histogram around the guess; else [`by_counting`].
+/// Both from one pass, while median and deviation lie within a histogram around the guess; else
+/// [`by_counting`].
 #[inline(always)]
 pub fn by_histogram(codes: &[u16], top: u16, guess: &Statistics) -> Ranks {
     by_histogram_of(codes, top, guess, count)
@@ -188,13 +191,15 @@ fn read_histogram(counts: &[u16; BINS], first: u16, below: u32, half: u32) -> Op
     while inside + on < half {
         distance += 1;
         inside += on;
-        let (left, right) = (counts.get(middle.checked_sub(distance)?)?, counts.get(middle + distance)?);
+        let (left, right) =
+            (counts.get(middle.checked_sub(distance)?)?, counts.get(middle + distance)?);
         on = u32::from(*left) + u32::from(*right);
     }
     Some(Ranks { median, deviation: Rank { value: distance as u16, below: inside, at: on } })
 }
 
-/// The bin in which the count reaches `half`, and the count up to its end. Whole eights first, which is faster.
+/// The bin in which the count reaches `half`, and the count up to its end. Whole eights first,
+/// which is faster.
 fn middle(counts: &[u16; BINS], below: u32, half: u32) -> Option<(usize, u32)> {
     let (mut first, mut up_to) = (0, below);
     for eight in counts.chunks_exact(8) {
@@ -239,7 +244,8 @@ fn count_within(codes: &[u16], low: i32, high: i32) -> u32 {
 
 /// The smallest value whose cumulative count reaches `rank`, with the counts below it and at it.
 ///
-/// Gallops out from the guess, then bisects: with a good guess two or three counts, with none twelve.
+/// Gallops out from the guess, then bisects: with a good guess two or three counts, with none
+/// twelve.
 #[inline(always)]
 fn order_statistic(cumulative: impl Fn(i32) -> u32, rank: u32, guess: u16, top: u16) -> Rank {
     // Invariant: cumulative(low) < rank ≤ cumulative(high), low = −1 standing for "nothing".

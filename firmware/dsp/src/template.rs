@@ -26,8 +26,10 @@ use crate::settings::{DENOISE_GAUSSIAN, DENOISE_NONE};
 /// | `1/g` | Q2.14, rounded down, of the `g` in Q1.15 | scalar; an amplitude is `height · 1/g`, nearest |
 /// | `r` | Q1.15, rounded down, of the `h` in Q1.15 | scalar |
 ///
-/// The cosine is micromath's (error below 1.1 × 10⁻³), in `f32` without fused multiply-add: the same taps on every machine.
-/// (Called as `F32Ext::cos`: where std is in the build, `x.cos()` would silently be std's.) One half is computed and mirrored: the taps are symmetric to the bit, so a symmetric echo has no bias in time.
+/// The cosine is micromath's (error below 1.1 × 10⁻³), in `f32` without fused multiply-add: the
+/// same taps on every machine. (Called as `F32Ext::cos`: where std is in the build, `x.cos()` would
+/// silently be std's.) One half is computed and mirrored: the taps are symmetric to the bit, so a
+/// symmetric echo has no bias in time.
 #[derive(Clone, Debug)]
 pub struct Template {
     /// The taps and one zero.
@@ -38,14 +40,15 @@ pub struct Template {
 }
 
 impl Template {
-    /// The matched filter: the sin² pulse of a full width at half maximum, sampled with a period. Widths that need more than
-    /// [`MAX_TAPS`] taps are cut to them; no accepted setting does.
+    /// The matched filter: the sin² pulse of a full width at half maximum, sampled with a period.
+    /// Widths that need more than [`MAX_TAPS`] taps are cut to them; no accepted setting does.
     pub fn sin_squared(width_ps: u32, sample_period_fs: u32) -> Self {
         let width = samples_per_width(width_ps, sample_period_fs);
         Self::sampled(width, half_length(width), |k| pulse(k, width))
     }
 
-    /// The filter of a choice of [`Settings::denoise`](crate::Settings::denoise), for that pulse. What is no choice is matched.
+    /// The filter of a choice of [`Settings::denoise`](crate::Settings::denoise), for that pulse.
+    /// What is no choice is matched.
     pub fn of(denoise: i32, width_ps: u32, sample_period_fs: u32) -> Self {
         let width = samples_per_width(width_ps, sample_period_fs);
         match denoise {

@@ -1,4 +1,5 @@
-//! What a filter does to the time of an echo: how far the noise shifts it, and by how much each method is wrong.
+//! What a filter does to the time of an echo: how far the noise shifts it, and by how much each
+//! method is wrong.
 
 use crate::MAX_TAPS;
 use crate::refine;
@@ -27,11 +28,13 @@ use crate::template::Template;
 /// | `β` | Q1.15, nearest |
 /// | `w`, `z` | Q16.16 samples, nearest |
 ///
-/// Computed in `f32`: `q` and `z` are within 10⁻⁴. A top's slope and `β` are differences of nearly equal sums; what is lost of them
-/// grows to 10⁻⁶ (o W f_s)², relative to the slope and of β absolute.
+/// Computed in `f32`: `q` and `z` are within 10⁻⁴. A top's slope and `β` are differences of nearly
+/// equal sums; what is lost of them grows to 10⁻⁶ (o W f_s)², relative to the slope and of β
+/// absolute.
 ///
-/// For the matched filter and white noise `gain` of the top meets the Cramér–Rao bound, 2/π √(W f_s) (physics of the sin² pulse),
-/// to two percent from 2.5 samples a width on. Without a filter the noise itself has tops, and `gain` is only a lower bound.
+/// For the matched filter and white noise `gain` of the top meets the Cramér–Rao bound, 2/π √(W
+/// f_s) (physics of the sin² pulse), to two percent from 2.5 samples a width on. Without a filter
+/// the noise itself has tops, and `gain` is only a lower bound.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timing {
     gain: u32,
@@ -42,8 +45,14 @@ pub struct Timing {
 }
 
 impl Timing {
-    /// The constants for a filter, a pulse of so many samples a width, an upsampling ratio and a method.
-    pub fn of(template: &Template, samples_per_width: f32, upsampling_log2: u32, method: i32) -> Self {
+    /// The constants for a filter, a pulse of so many samples a width, an upsampling ratio and a
+    /// method.
+    pub fn of(
+        template: &Template,
+        samples_per_width: f32,
+        upsampling_log2: u32,
+        method: i32,
+    ) -> Self {
         let filtered = Filtered { template, width: samples_per_width };
         let log2 = upsampling_log2.min(3);
         let ratio = (1u32 << log2) as f32;
@@ -126,8 +135,8 @@ impl Filtered<'_> {
         self.taps().map(|(k, h)| h * self.pulse(t - k)).sum()
     }
 
-    /// `r(t − s) − r(t + s)` and `r(t − s) − 2 r(t) + r(t + s)`: by products of sines, because in `f32` the top's own values differ
-    /// in their last digits only.
+    /// `r(t − s) − r(t + s)` and `r(t − s) − 2 r(t) + r(t + s)`: by products of sines, because in
+    /// `f32` the top's own values differ in their last digits only.
     fn differences(&self, t: f32, s: f32) -> (f32, f32) {
         let turn = core::f32::consts::PI / self.width;
         let (sine, half) = (libm::sinf(turn * s), libm::sinf(0.5 * turn * s));
@@ -158,7 +167,10 @@ impl Filtered<'_> {
     fn slope_between(&self, k: f32, log2: u32) -> f32 {
         let rise = |t: f32| 0.5 * (self.tap(k + t) - self.tap(k - t));
         match refine::interpolation(1, log2) {
-            Some(weights) => (-3i8..).zip(weights).map(|(t, &w)| rise(f32::from(t)) * f32::from(w) / 32768.0).sum(),
+            Some(weights) => (-3i8..)
+                .zip(weights)
+                .map(|(t, &w)| rise(f32::from(t)) * f32::from(w) / 32768.0)
+                .sum(),
             None => rise(1.0),
         }
     }
@@ -210,7 +222,8 @@ mod tests {
         for period_fs in PERIODS_FS {
             let width = 5e6 / f64::from(period_fs);
             let bound = core::f64::consts::FRAC_2_PI * width.sqrt();
-            let gain = f64::from(timing(DENOISE_MATCHED, period_fs, 0, TIMING_PARABOLA).gain()) / 65536.0;
+            let gain =
+                f64::from(timing(DENOISE_MATCHED, period_fs, 0, TIMING_PARABOLA).gain()) / 65536.0;
             assert!((gain / bound - 1.0).abs() < 0.02, "{period_fs} fs: {gain} against {bound}");
         }
     }
@@ -219,7 +232,10 @@ mod tests {
     fn every_other_filter_s_time_is_less_sharp() {
         for period_fs in PERIODS_FS {
             let gain = |denoise| timing(denoise, period_fs, 0, TIMING_PARABOLA).gain();
-            assert!(gain(DENOISE_MATCHED) < gain(DENOISE_GAUSSIAN) && gain(DENOISE_GAUSSIAN) < gain(DENOISE_NONE));
+            assert!(
+                gain(DENOISE_MATCHED) < gain(DENOISE_GAUSSIAN)
+                    && gain(DENOISE_GAUSSIAN) < gain(DENOISE_NONE)
+            );
         }
     }
 
@@ -234,7 +250,10 @@ mod tests {
     fn a_constant_fraction_of_the_bare_pulse_lies_half_a_width_from_its_middle() {
         for period_fs in PERIODS_FS {
             let offset = timing(DENOISE_NONE, period_fs, 0, TIMING_CFD).offset() as f64 / 65536.0;
-            assert!((offset - 2.5e6 / f64::from(period_fs)).abs() < 1e-3, "{period_fs} fs: {offset}");
+            assert!(
+                (offset - 2.5e6 / f64::from(period_fs)).abs() < 1e-3,
+                "{period_fs} fs: {offset}"
+            );
         }
     }
 }

@@ -9,7 +9,8 @@ use crate::idle::Idle;
 use crate::uart::{Port, Uart};
 use crate::watchdog::{Watchdog, count_restarts};
 
-/// Arm MPS2 with application note 385 (Cortex-M3), 386 (Cortex-M4F) or 500 (Cortex-M7): one map but for the PSRAM.
+/// Arm MPS2 with application note 385 (Cortex-M3), 386 (Cortex-M4F) or 500 (Cortex-M7): one map but
+/// for the PSRAM.
 #[cfg(board = "mps2")]
 mod map {
     use crate::mmio::Block;
@@ -60,7 +61,8 @@ mod map {
     }
 }
 
-/// QEMU's virt machine, 32-bit RISC-V. It has one serial port, so the log goes into the void, and no watchdog.
+/// QEMU's virt machine, 32-bit RISC-V. It has one serial port, so the log goes into the void, and
+/// no watchdog.
 #[cfg(board = "virt")]
 mod map {
     use crate::mmio::Block;
@@ -90,8 +92,9 @@ pub fn text_port() -> impl Port {
     map::Link::new(map::LINK)
 }
 
-/// Watchdog period, ticks of 25 MHz (20 MHz on the AN505): 4 s, because an emulator's clock runs on while the emulator is kept
-/// from running. After one period the board hangs in its interrupt, after two it restarts.
+/// Watchdog period, ticks of 25 MHz (20 MHz on the AN505): 4 s, because an emulator's clock runs on
+/// while the emulator is kept from running. After one period the board hangs in its interrupt,
+/// after two it restarts.
 const WATCHDOG_TICKS: u32 = 100_000_000;
 
 /// An emulated board: real serial ports and watchdog, and a front end in shared memory.

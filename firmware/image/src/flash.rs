@@ -53,7 +53,8 @@ impl NorFlash for Flash {
 
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
         check_write(self, offset, bytes.len())?;
-        for (word, at) in bytes.as_chunks::<WORD>().0.iter().zip((offset as usize..).step_by(WORD)) {
+        for (word, at) in bytes.as_chunks::<WORD>().0.iter().zip((offset as usize..).step_by(WORD))
+        {
             self.0.write(at, self.0.read(at) & u32::from_le_bytes(*word));
         }
         Ok(())

@@ -1,4 +1,5 @@
-//! The front end of an emulated board, behind the traits of a real one: SPI devices, a converter's buffer, flash.
+//! The front end of an emulated board, behind the traits of a real one: SPI devices, a converter's
+//! buffer, flash.
 
 use echoloop_dsp::{Hardware, ScanPattern};
 use echoloop_sensor::mailbox;
@@ -39,8 +40,8 @@ pub struct FrontEnd {
     fired: u32,
 }
 
-/// How long a shot is waited for before it counts as lost: some seconds in an emulator, whose front end is a program that may be
-/// kept from running; a converter takes microseconds.
+/// How long a shot is waited for before it counts as lost: some seconds in an emulator, whose front
+/// end is a program that may be kept from running; a converter takes microseconds.
 const PATIENCE: (u32, u32) = (400, 1_000_000);
 
 impl FrontEnd {
@@ -65,7 +66,8 @@ impl FrontEnd {
         self.page.part(mailbox::FLASH, mailbox::FLASH_BYTES)
     }
 
-    /// Rings for the shot whose registers are written, waits, and copies its samples out. False: nobody answered.
+    /// Rings for the shot whose registers are written, waits, and copies its samples out. False:
+    /// nobody answered.
     ///
     /// The wait has an end, so `waiting` may feed the watchdog meanwhile.
     pub fn samples(&mut self, codes: &mut [u16], waiting: impl Fn()) -> bool {
@@ -79,7 +81,9 @@ impl FrontEnd {
         });
         publish();
         if answered {
-            self.page.part(mailbox::CODES, mailbox::FLASH.wrapping_sub(mailbox::CODES)).copy_halfwords(codes);
+            self.page
+                .part(mailbox::CODES, mailbox::FLASH.wrapping_sub(mailbox::CODES))
+                .copy_halfwords(codes);
         }
         answered
     }

@@ -1,4 +1,5 @@
-//! Sleep until a byte or a tick comes. Interrupts stay masked: a pending one wakes the processor, and no handler runs.
+//! Sleep until a byte or a tick comes. Interrupts stay masked: a pending one wakes the processor,
+//! and no handler runs.
 
 #[cfg(target_arch = "arm")]
 pub use arm::Idle;
@@ -30,7 +31,8 @@ mod arm {
     }
 
     impl Idle {
-        /// Masks interrupts for good, and lets the link's line and the tick wake the processor. `None` on later calls.
+        /// Masks interrupts for good, and lets the link's line and the tick wake the processor.
+        /// `None` on later calls.
         pub fn new(link_interrupt: u16) -> Option<Self> {
             cortex_m::interrupt::disable();
             let Peripherals { mut SYST, .. } = Peripherals::take()?;
@@ -41,7 +43,8 @@ mod arm {
             Some(Self { link })
         }
 
-        /// Sleeps. What woke the processor is no longer pending afterwards; whoever calls looks what has come.
+        /// Sleeps. What woke the processor is no longer pending afterwards; whoever calls looks
+        /// what has come.
         pub fn sleep(&self, clear_link: impl FnOnce()) {
             cortex_m::asm::wfi();
             SCB::clear_pendst();

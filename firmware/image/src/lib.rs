@@ -1,10 +1,17 @@
-//! What images for microcontrollers share: start-up, drivers, and the DSP's inner loops in their instructions.
+//! What images for microcontrollers share: start-up, drivers, and the DSP's inner loops in their
+//! instructions.
 //!
-//! Unsafe code lives here and nowhere else in the firmware: in accesses to registers and to what survives a restart, in the log,
-//! in the sleep, in the inner loops, and in the exit of the program that counts.
+//! Unsafe code lives here and nowhere else in the firmware: in accesses to registers and to what
+//! survives a restart, in the log, in the sleep, in the inner loops, and in the exit of the program
+//! that counts.
 #![cfg(target_os = "none")]
 #![no_std]
-#![warn(clippy::indexing_slicing, clippy::arithmetic_side_effects, clippy::panic, clippy::undocumented_unsafe_blocks)]
+#![warn(
+    clippy::indexing_slicing,
+    clippy::arithmetic_side_effects,
+    clippy::panic,
+    clippy::undocumented_unsafe_blocks
+)]
 
 pub mod board;
 pub mod flash;
@@ -25,7 +32,8 @@ pub fn stop(why: &str) -> ! {
     }
 }
 
-/// Nothing in an image reaches it: `cargo xtask firmware` looks for it there and fails when it finds it.
+/// Nothing in an image reaches it: `cargo xtask firmware` looks for it there and fails when it
+/// finds it.
 #[panic_handler]
 fn panicked(_: &core::panic::PanicInfo<'_>) -> ! {
     stop("panic")

@@ -11,8 +11,8 @@ struct Logger;
 
 struct Encoder(UnsafeCell<defmt::Encoder>);
 
-// SAFETY: defmt calls the logger's functions between `acquire` and `release` only. Nothing logs from an interrupt, and there is
-// one core, so they never overlap.
+// SAFETY: defmt calls the logger's functions between `acquire` and `release` only. Nothing logs
+// from an interrupt, and there is one core, so they never overlap.
 unsafe impl Sync for Encoder {}
 
 static ENCODER: Encoder = Encoder(UnsafeCell::new(defmt::Encoder::new()));

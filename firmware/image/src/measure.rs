@@ -4,9 +4,11 @@ use core::fmt;
 
 use crate::uart::Port;
 
-/// Instructions that `run` takes, once, while the emulator's clock counts instructions (QEMU: `-icount shift=6`).
+/// Instructions that `run` takes, once, while the emulator's clock counts instructions (QEMU:
+/// `-icount shift=6`).
 ///
-/// Exact and the same every time, but for the resolution of the clock; `run` takes less than ten million.
+/// Exact and the same every time, but for the resolution of the clock; `run` takes less than ten
+/// million.
 pub fn instructions(run: impl FnOnce()) -> u32 {
     let start = clock::now();
     run();
@@ -98,8 +100,11 @@ pub fn end(success: bool) -> ! {
     const EXIT_EXTENDED: u32 = 0x20;
     const APPLICATION_EXIT: u32 = 0x2_0026;
     let reason = [APPLICATION_EXIT, u32::from(!success)];
-    // SAFETY: semihosting reads the two words and does not return. Without a host it is a fault, which ends the program too.
-    unsafe { core::arch::asm!("bkpt 0xab", inout("r0") EXIT_EXTENDED => _, in("r1") &reason, options(nostack)) };
+    // SAFETY: semihosting reads the two words and does not return. Without a host it is a fault,
+    // which ends the program too.
+    unsafe {
+        core::arch::asm!("bkpt 0xab", inout("r0") EXIT_EXTENDED => _, in("r1") &reason, options(nostack))
+    };
     loop {
         core::hint::spin_loop();
     }

@@ -14,7 +14,8 @@ impl Block {
     ///
     /// # Safety
     ///
-    /// All of `base..base + bytes` must be such memory, word aligned, of which no Rust object is part, for as long as the program runs.
+    /// All of `base..base + bytes` must be such memory, word aligned, of which no Rust object is
+    /// part, for as long as the program runs.
     pub const unsafe fn new(base: usize, bytes: usize) -> Self {
         Self { base, bytes }
     }
@@ -44,7 +45,8 @@ impl Block {
     #[inline(always)]
     pub fn write(&self, offset: usize, value: u32) {
         if let Some(address) = self.address(offset, 4) {
-            // SAFETY: aligned and within the block, which `new` was promised is writable and nobody's object.
+            // SAFETY: aligned and within the block, which `new` was promised is writable and
+            // nobody's object.
             unsafe { ptr::write_volatile(address as *mut u32, value) };
         }
     }

@@ -18,7 +18,8 @@ pub trait Port {
     fn clear_interrupt(&mut self) {}
 }
 
-/// A port as `embedded-io` sees it. A real board would receive by interrupt or DMA: here the emulator holds bytes back.
+/// A port as `embedded-io` sees it. A real board would receive by interrupt or DMA: here the
+/// emulator holds bytes back.
 pub struct Uart<P>(pub P);
 
 impl<P> ErrorType for Uart<P> {

@@ -5,7 +5,8 @@ use core::mem::MaybeUninit;
 
 use crate::mmio::Block;
 
-/// The watchdog of Arm's Cortex-M system design kit: when it has not been fed for twice its period, it restarts the board.
+/// The watchdog of Arm's Cortex-M system design kit: when it has not been fed for twice its period,
+/// it restarts the board.
 #[derive(Clone, Copy)]
 pub struct Watchdog(Block);
 
@@ -48,7 +49,8 @@ const COUNTING: u32 = 0x5741_5443;
 /// Restarts since the power came on, this start included when it is one. To be called once.
 pub fn count_restarts() -> u32 {
     let words = SURVIVORS.0.get().cast::<u32>();
-    // SAFETY: two aligned words of a static that nothing else accesses; volatile, so that whatever they hold is a value.
+    // SAFETY: two aligned words of a static that nothing else accesses; volatile, so that whatever
+    // they hold is a value.
     unsafe {
         let restarts = match words.read_volatile() {
             COUNTING => words.add(1).read_volatile().wrapping_add(1),

@@ -1,7 +1,8 @@
-//! Consistent overhead byte stuffing, without an index: what cannot go out of bounds needs no check that panics.
+//! Consistent overhead byte stuffing, without an index: what cannot go out of bounds needs no check
+//! that panics.
 //!
-//! A code byte n stands for the n − 1 bytes that follow it and a zero; but n = 255 stands for no zero, and neither does the
-//! last code.
+//! A code byte n stands for the n − 1 bytes that follow it and a zero; but n = 255 stands for no
+//! zero, and neither does the last code.
 
 use core::cell::Cell;
 
@@ -27,7 +28,8 @@ pub(crate) fn encode(source: &[u8], target: &mut [u8]) -> Option<usize> {
     Some(room.wrapping_sub(target.len()))
 }
 
-/// Undoes [`encode`] in place; how many bytes are left. `None` of bytes that it never makes, a zero among them.
+/// Undoes [`encode`] in place; how many bytes are left. `None` of bytes that it never makes, a zero
+/// among them.
 pub(crate) fn decode_in_place(bytes: &mut [u8]) -> Option<usize> {
     let cells = Cell::from_mut(bytes).as_slice_of_cells();
     let mut source = cells.iter().map(Cell::get);

@@ -39,7 +39,9 @@ impl fmt::Display for FrameError {
             Self::TooLong => write!(f, "the frame is longer than {MAX_PAYLOAD} bytes"),
             Self::Cobs => f.write_str("the frame is not COBS"),
             Self::Crc => f.write_str("the frame's CRC-32C does not match"),
-            Self::Body { sequence } => write!(f, "frame {sequence} holds no message of this schema"),
+            Self::Body { sequence } => {
+                write!(f, "frame {sequence} holds no message of this schema")
+            }
         }
     }
 }
@@ -71,7 +73,11 @@ pub fn encode<'a>(
 }
 
 /// Sequence, body and checksum, one after the other.
-fn fill<'a>(sequence: u16, body: &impl Serialize, payload: &'a mut [u8; MAX_PAYLOAD]) -> Option<&'a [u8]> {
+fn fill<'a>(
+    sequence: u16,
+    body: &impl Serialize,
+    payload: &'a mut [u8; MAX_PAYLOAD],
+) -> Option<&'a [u8]> {
     let (head, room) = payload.split_first_chunk_mut::<2>()?;
     *head = sequence.to_le_bytes();
     let end = postcard::to_slice(body, room).ok()?.len().checked_add(2)?;
@@ -84,7 +90,8 @@ fn fill<'a>(sequence: u16, body: &impl Serialize, payload: &'a mut [u8; MAX_PAYL
 ///
 /// # Errors
 ///
-/// [`FrameError`]; nothing of a frame is looked at before its checksum holds, and nothing may be left over after its body.
+/// [`FrameError`]; nothing of a frame is looked at before its checksum holds, and nothing may be
+/// left over after its body.
 pub fn decode<T: DeserializeOwned>(frame: &mut [u8]) -> Result<(u16, T), FrameError> {
     let (sequence, body) = open(frame)?;
     message(body).map(|message| (sequence, message)).ok_or(FrameError::Body { sequence })
@@ -92,7 +99,10 @@ pub fn decode<T: DeserializeOwned>(frame: &mut [u8]) -> Result<(u16, T), FrameEr
 
 /// The message that a body is, and nothing more.
 pub fn message<T: DeserializeOwned>(body: &[u8]) -> Option<T> {
-    postcard::take_from_bytes(body).ok().filter(|(_, rest)| rest.is_empty()).map(|(message, _)| message)
+    postcard::take_from_bytes(body)
+        .ok()
+        .filter(|(_, rest)| rest.is_empty())
+        .map(|(message, _)| message)
 }
 
 /// Reads what stood between two delimiters, in place: sequence number and body, of whatever schema.
@@ -113,8 +123,8 @@ pub fn open(frame: &mut [u8]) -> Result<(u16, &[u8]), FrameError> {
 
 /// Collects bytes into frames.
 ///
-/// A frame ends at a zero. After an overflow everything up to the next zero is thrown away, so that the tail of an
-/// over-long frame is never taken for a frame of its own.
+/// A frame ends at a zero. After an overflow everything up to the next zero is thrown away, so that
+/// the tail of an over-long frame is never taken for a frame of its own.
 #[derive(Clone, Debug)]
 pub struct Decoder {
     buffer: [u8; MAX_FRAME],
@@ -134,7 +144,8 @@ impl Decoder {
         Self { buffer: [0; MAX_FRAME], length: 0, skipping: false }
     }
 
-    /// Takes one byte. At the end of a frame, gives its bytes to be [`decode`]d; an empty frame (two zeros in a row) is none.
+    /// Takes one byte. At the end of a frame, gives its bytes to be [`decode`]d; an empty frame
+    /// (two zeros in a row) is none.
     pub fn push(&mut self, byte: u8) -> Option<Result<&mut [u8], FrameError>> {
         if byte == 0 {
             return self.finish();

@@ -1,7 +1,7 @@
 //! What host and sensor say to each other.
 //!
-//! Bodies are postcard, so positions are the format: variants and fields are only ever appended, and [`SCHEMA`] makes two
-//! builds that disagree refuse each other at hello.
+//! Bodies are postcard, so positions are the format: variants and fields are only ever appended,
+//! and [`SCHEMA`] makes two builds that disagree refuse each other at hello.
 
 use echoloop_dsp::{Echoes, Hardware, Refusal, ScanPattern, Settings};
 use heapless::{String, Vec};
@@ -18,10 +18,13 @@ pub const MAGIC: [u8; 4] = *b"ECHO";
 pub const PROTOCOL: u16 = 3;
 
 /// Hash of the bytes' layout: FNV-1a over names and types of every message, computed when compiled.
-pub const SCHEMA: u64 = u64::from_le_bytes(Key::for_path::<(Command, Report)>("echoloop/link").to_bytes());
+pub const SCHEMA: u64 =
+    u64::from_le_bytes(Key::for_path::<(Command, Report)>("echoloop/link").to_bytes());
 
-/// Hash of the layout of [`Settings`] alone, as [`SCHEMA`]: what is stored is only read by firmware that lays it out the same.
-pub const SETTINGS_SCHEMA: u64 = u64::from_le_bytes(Key::for_path::<Settings>("echoloop/settings").to_bytes());
+/// Hash of the layout of [`Settings`] alone, as [`SCHEMA`]: what is stored is only read by firmware
+/// that lays it out the same.
+pub const SETTINGS_SCHEMA: u64 =
+    u64::from_le_bytes(Key::for_path::<Settings>("echoloop/settings").to_bytes());
 
 /// Beams a [`Report::Beams`] holds at most: with four echoes each they fill a frame.
 pub const BEAMS_PER_REPORT: usize = 32;
@@ -39,7 +42,8 @@ pub enum Command {
         hash: u32,
         /// The generation this one follows: compare and swap.
         base_generation: u32,
-        /// Frames within which a [`Command::Confirm`] has to come, or the settings before it return; 0: none has to.
+        /// Frames within which a [`Command::Confirm`] has to come, or the settings before it
+        /// return; 0: none has to.
         confirm_within: u16,
     },
     /// Asks for the active settings.
@@ -71,7 +75,10 @@ pub enum Command {
 
 /// From sensor to host: the answer to the command of the same sequence number.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
-#[allow(clippy::large_enum_variant, reason = "lives for one frame, and there is no heap to box it on")]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "lives for one frame, and there is no heap to box it on"
+)]
 pub enum Report {
     /// The sensor's greeting, and what it is.
     Hello {
@@ -140,7 +147,8 @@ pub enum Report {
     Forgotten,
 }
 
-/// Who speaks, and which language. Its bytes never change: magic, then protocol and schema in fixed little endian.
+/// Who speaks, and which language. Its bytes never change: magic, then protocol and schema in fixed
+/// little endian.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Greeting {
@@ -158,7 +166,8 @@ impl Greeting {
     /// This build's.
     pub const OURS: Self = Self { magic: MAGIC, protocol: PROTOCOL, schema: SCHEMA };
 
-    /// The greeting at the head of a hello's answer, of whatever schema the rest is. `None`: the body is no such answer.
+    /// The greeting at the head of a hello's answer, of whatever schema the rest is. `None`: the
+    /// body is no such answer.
     pub fn of_answer(body: &[u8]) -> Option<Self> {
         const HELLO: u8 = 0;
         let rest = body.split_first().filter(|(variant, _)| **variant == HELLO)?.1;
@@ -180,7 +189,8 @@ pub enum Nack {
         /// Hash of what is staged.
         staged: u32,
     },
-    /// Commit on top of a generation other than the newest, or confirmation of one other than the active.
+    /// Commit on top of a generation other than the newest, or confirmation of one other than the
+    /// active.
     WrongGeneration {
         /// That one.
         generation: u32,
@@ -201,8 +211,8 @@ pub enum Nack {
     OnTrial,
     /// The settings could not be stored; what was saved before still is.
     Storage,
-    /// Hello that was numbered just behind the newest command, as one that other commands have overtaken is. A new session
-    /// begins with a number after it.
+    /// Hello that was numbered just behind the newest command, as one that other commands have
+    /// overtaken is. A new session begins with a number after it.
     Overtaken {
         /// Of the newest command.
         newest: u16,

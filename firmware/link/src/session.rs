@@ -1,4 +1,5 @@
-//! The sensor's side of the conversation: hello, stage → check → commit → confirm, frame boundaries.
+//! The sensor's side of the conversation: hello, stage → check → commit → confirm, frame
+//! boundaries.
 
 use echoloop_dsp::{Echoes, Hardware, ScanPattern, Settings};
 use heapless::String;
@@ -24,8 +25,8 @@ struct Trial {
     good: Settings,
 }
 
-/// The scan being read. It stays open until its last beam has been sent and something else is asked, so that the last beams
-/// may be asked again.
+/// The scan being read. It stays open until its last beam has been sent and something else is
+/// asked, so that the last beams may be asked again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Frame {
     number: u32,
@@ -38,7 +39,10 @@ struct Frame {
 
 /// What a command asks of the sensor.
 #[derive(Clone, Debug, PartialEq)]
-#[allow(clippy::large_enum_variant, reason = "lives for one answer, and there is no heap to box it on")]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "lives for one answer, and there is no heap to box it on"
+)]
 pub enum Answer {
     /// Send this.
     Report(Report),
@@ -62,7 +66,8 @@ pub enum Answer {
     Forget,
 }
 
-/// State of the conversation. Settings are whole in it: staged, active, or waiting for the frame to end.
+/// State of the conversation. Settings are whole in it: staged, active, or waiting for the frame to
+/// end.
 ///
 /// Invariants, from start to start:
 ///
@@ -89,15 +94,26 @@ pub struct Session {
 
 impl Session {
     /// A sensor that starts with these settings, or the defaults when they do not pass; generation 0.
-    pub fn new(hardware: Hardware, pattern: ScanPattern, build: &'static str, settings: Settings) -> Self {
-        let settings = if settings.check(&hardware).is_ok() { settings } else { Settings::default() };
+    pub fn new(
+        hardware: Hardware,
+        pattern: ScanPattern,
+        build: &'static str,
+        settings: Settings,
+    ) -> Self {
+        let settings =
+            if settings.check(&hardware).is_ok() { settings } else { Settings::default() };
         Self {
             hardware,
             pattern,
             build,
             ready: false,
             staged: None,
-            active: Version { generation: 0, hash: settings_hash(&settings), settings, confirm_within: 0 },
+            active: Version {
+                generation: 0,
+                hash: settings_hash(&settings),
+                settings,
+                confirm_within: 0,
+            },
             trial: None,
             pending: None,
             frame: None,
@@ -153,8 +169,9 @@ impl Session {
         }
     }
 
-    /// Our greeting in any case; the session opens only when theirs is the same. Whatever scan was open is over, so that what
-    /// was committed during it is what the new session reads; whatever was on trial has nobody left to confirm it.
+    /// Our greeting in any case; the session opens only when theirs is the same. Whatever scan was
+    /// open is over, so that what was committed during it is what the new session reads; whatever
+    /// was on trial has nobody left to confirm it.
     fn hello(&mut self, theirs: Greeting) -> Report {
         self.ready = theirs == Greeting::OURS;
         self.staged = None;
@@ -184,18 +201,23 @@ impl Session {
         }
     }
 
-    /// Compare and swap. A commit that has already happened is answered again, so that a host may repeat it.
+    /// Compare and swap. A commit that has already happened is answered again, so that a host may
+    /// repeat it.
     fn commit(&mut self, hash: u32, base_generation: u32, confirm_within: u16) -> Report {
         let newest = self.pending.unwrap_or(self.active);
         let generation = base_generation.wrapping_add(1);
-        if (newest.generation, newest.hash, newest.confirm_within) == (generation, hash, confirm_within) {
+        if (newest.generation, newest.hash, newest.confirm_within)
+            == (generation, hash, confirm_within)
+        {
             return Report::Committed { generation, hash };
         }
         if newest.generation != base_generation {
             return Report::Nack(Nack::WrongGeneration { generation: newest.generation });
         }
         let Some(settings) = self.staged.filter(|s| settings_hash(s) == hash) else {
-            return Report::Nack(Nack::NotStaged { staged: self.staged.map_or(0, |s| settings_hash(&s)) });
+            return Report::Nack(Nack::NotStaged {
+                staged: self.staged.map_or(0, |s| settings_hash(&s)),
+            });
         };
         let version = Version { generation, hash, settings, confirm_within };
         self.staged = None;
@@ -206,8 +228,8 @@ impl Session {
         Report::Committed { generation, hash }
     }
 
-    /// The host's word that the active settings work. Said again it is answered again, and of settings that are not on trial
-    /// it is true already.
+    /// The host's word that the active settings work. Said again it is answered again, and of
+    /// settings that are not on trial it is true already.
     fn confirm(&mut self, generation: u32) -> Report {
         if generation != self.active.generation {
             return Report::Nack(Nack::WrongGeneration { generation: self.active.generation });
@@ -237,13 +259,14 @@ impl Session {
         let fits = (1..=BEAMS_PER_REPORT).contains(&usize::from(count));
         let end = first.checked_add(u32::from(count)).filter(|&end| fits && end <= beams);
         let Some(end) = end else { return nack(Nack::NoSuchBeams { beams }) };
-        let open = self.frame.unwrap_or(Frame { number, complete: false, measured: 0, seen: false });
+        let open =
+            self.frame.unwrap_or(Frame { number, complete: false, measured: 0, seen: false });
         self.frame = Some(Frame { complete: end == beams, ..open });
         Answer::Measure { frame: number, first, count }
     }
 
-    /// A frame boundary: what was committed during the frame takes its place, and a trial is judged. A confirmation is heard
-    /// before the frame it follows is.
+    /// A frame boundary: what was committed during the frame takes its place, and a trial is
+    /// judged. A confirmation is heard before the frame it follows is.
     fn end_frame_before(&mut self, command: &Command) {
         let Some(open) = self.frame else { return };
         let ends = match command {
@@ -268,7 +291,8 @@ impl Session {
     fn activate(&mut self, version: Version) {
         let good = self.trial.map_or(self.active.settings, |trial| trial.good);
         self.active = version;
-        self.trial = (version.confirm_within > 0).then_some(Trial { left: version.confirm_within, good });
+        self.trial =
+            (version.confirm_within > 0).then_some(Trial { left: version.confirm_within, good });
     }
 
     /// A trial is over when its frames are, or when one whole frame has no echo.
@@ -285,7 +309,8 @@ impl Session {
     fn roll_back(&mut self) {
         let Some(Trial { good: settings, .. }) = self.trial.take() else { return };
         let generation = self.active.generation.wrapping_add(1);
-        self.active = Version { generation, hash: settings_hash(&settings), settings, confirm_within: 0 };
+        self.active =
+            Version { generation, hash: settings_hash(&settings), settings, confirm_within: 0 };
         self.counters.rollbacks = self.counters.rollbacks.wrapping_add(1);
     }
 }
@@ -299,7 +324,8 @@ mod tests {
     use super::*;
     use crate::message::SCHEMA;
 
-    const PATTERN: ScanPattern = ScanPattern { columns: 10, rows: 10, azimuth_cdeg: 18_000, elevation_cdeg: 9_000 };
+    const PATTERN: ScanPattern =
+        ScanPattern { columns: 10, rows: 10, azimuth_cdeg: 18_000, elevation_cdeg: 9_000 };
 
     fn opened() -> Session {
         let mut session = Session::new(Hardware::REFERENCE, PATTERN, "test", Settings::default());
@@ -326,7 +352,9 @@ mod tests {
         let mut session = Session::new(Hardware::REFERENCE, PATTERN, "test", Settings::default());
         assert_eq!(report(&mut session, Command::ReadSettings), Report::Nack(Nack::NotReady));
         let other = Greeting { schema: SCHEMA ^ 1, ..Greeting::OURS };
-        let Report::Hello { greeting, .. } = report(&mut session, Command::Hello(other)) else { panic!() };
+        let Report::Hello { greeting, .. } = report(&mut session, Command::Hello(other)) else {
+            panic!()
+        };
         assert_eq!(greeting, Greeting::OURS);
         assert_eq!(report(&mut session, Command::ReadSettings), Report::Nack(Nack::NotReady));
     }
@@ -336,7 +364,10 @@ mod tests {
         let mut session = opened();
         let hash = stage(&mut session, 100);
         for _ in 0..2 {
-            let answer = report(&mut session, Command::Commit { hash, base_generation: 0, confirm_within: 0 });
+            let answer = report(
+                &mut session,
+                Command::Commit { hash, base_generation: 0, confirm_within: 0 },
+            );
             assert_eq!(answer, Report::Committed { generation: 1, hash });
         }
         assert_eq!(session.settings().gain_cdb, 100);
@@ -346,9 +377,13 @@ mod tests {
     fn a_commit_on_another_generation_changes_nothing() {
         let mut session = opened();
         let hash = stage(&mut session, 100);
-        let answer = report(&mut session, Command::Commit { hash, base_generation: 7, confirm_within: 0 });
+        let answer =
+            report(&mut session, Command::Commit { hash, base_generation: 7, confirm_within: 0 });
         assert_eq!(answer, Report::Nack(Nack::WrongGeneration { generation: 0 }));
-        let answer = report(&mut session, Command::Commit { hash: hash ^ 1, base_generation: 0, confirm_within: 0 });
+        let answer = report(
+            &mut session,
+            Command::Commit { hash: hash ^ 1, base_generation: 0, confirm_within: 0 },
+        );
         assert_eq!(answer, Report::Nack(Nack::NotStaged { staged: hash }));
         assert_eq!(*session.settings(), Settings::default());
     }
@@ -357,10 +392,14 @@ mod tests {
     fn a_refused_set_leaves_the_staged_and_the_active_one() {
         let mut session = opened();
         let hash = stage(&mut session, 100);
-        let refused = report(&mut session, Command::Stage(Settings { gain_cdb: 9_999, ..Settings::default() }));
+        let refused = report(
+            &mut session,
+            Command::Stage(Settings { gain_cdb: 9_999, ..Settings::default() }),
+        );
         assert!(matches!(refused, Report::Refused(_)));
         assert_eq!(*session.settings(), Settings::default());
-        let answer = report(&mut session, Command::Commit { hash, base_generation: 0, confirm_within: 0 });
+        let answer =
+            report(&mut session, Command::Commit { hash, base_generation: 0, confirm_within: 0 });
         assert_eq!(answer, Report::Committed { generation: 1, hash });
     }
 
@@ -375,7 +414,11 @@ mod tests {
         let hash = stage(&mut session, 100);
         report(&mut session, Command::Commit { hash, base_generation: 0, confirm_within: 0 });
         for first in [20, 40, 60, 80, 80] {
-            assert_eq!(read(&mut session, 1, first), 0, "in the frame, its last beams asked again too");
+            assert_eq!(
+                read(&mut session, 1, first),
+                0,
+                "in the frame, its last beams asked again too"
+            );
         }
         assert_eq!(read(&mut session, 2, 0), 1, "in the next");
     }
@@ -413,7 +456,8 @@ mod tests {
     fn on_trial(confirm_within: u16) -> (Session, u32) {
         let mut session = opened();
         let hash = stage(&mut session, 100);
-        let answer = report(&mut session, Command::Commit { hash, base_generation: 0, confirm_within });
+        let answer =
+            report(&mut session, Command::Commit { hash, base_generation: 0, confirm_within });
         assert_eq!(answer, Report::Committed { generation: 1, hash });
         (session, hash)
     }
@@ -542,10 +586,16 @@ mod tests {
     fn a_trial_said_twice_is_one_trial_and_no_other_commit() {
         let (mut session, hash) = on_trial(2);
         scan(&mut session, 1, 1);
-        let again = report(&mut session, Command::Commit { hash, base_generation: 0, confirm_within: 2 });
+        let again =
+            report(&mut session, Command::Commit { hash, base_generation: 0, confirm_within: 2 });
         assert_eq!(again, Report::Committed { generation: 1, hash });
-        let plain = report(&mut session, Command::Commit { hash, base_generation: 0, confirm_within: 0 });
-        assert_eq!(plain, Report::Nack(Nack::WrongGeneration { generation: 1 }), "it would be no trial");
+        let plain =
+            report(&mut session, Command::Commit { hash, base_generation: 0, confirm_within: 0 });
+        assert_eq!(
+            plain,
+            Report::Nack(Nack::WrongGeneration { generation: 1 }),
+            "it would be no trial"
+        );
         scan(&mut session, 2, 1);
         scan(&mut session, 3, 1);
         assert_eq!(gain(&session), (2, 0), "the repetition gave it no more frames");
@@ -555,7 +605,10 @@ mod tests {
     fn only_what_is_active_and_not_on_trial_is_saved() {
         let (mut session, hash) = on_trial(100);
         let before = settings_hash(&Settings::default());
-        assert_eq!(report(&mut session, Command::Save { hash: before }), Report::Nack(Nack::NotActive { hash }));
+        assert_eq!(
+            report(&mut session, Command::Save { hash: before }),
+            Report::Nack(Nack::NotActive { hash })
+        );
         assert_eq!(report(&mut session, Command::Save { hash }), Report::Nack(Nack::OnTrial));
         report(&mut session, Command::Confirm { generation: 1 });
         let settings = *session.settings();

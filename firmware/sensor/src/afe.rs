@@ -1,7 +1,8 @@
 //! Drivers of the analog front end: laser driver and converter, each behind SPI.
 //!
-//! Both speak registers: one byte of address (bit 7: write), four bytes of value, most significant first. Settings are
-//! written and read back; a register that does not hold what was written is a fault.
+//! Both speak registers: one byte of address (bit 7: write), four bytes of value, most significant
+//! first. Settings are written and read back; a register that does not hold what was written is a
+//! fault.
 
 use echoloop_dsp::config::{Hardware, SPEED_OF_LIGHT_M_S, sample_period_fs};
 use echoloop_dsp::settings::Settings;
@@ -66,9 +67,11 @@ pub enum AfeError {
     },
 }
 
-/// Trigger to sample 0: there and back to the first range, and half a pulse, because an echo's time is its middle.
+/// Trigger to sample 0: there and back to the first range, and half a pulse, because an echo's time
+/// is its middle.
 pub fn delay_fs(settings: &Settings, hardware: &Hardware) -> u32 {
-    // mm / (m/s) is ms; 10¹² fs are one. The register holds it up to 600 m; what saturates is far beyond.
+    // mm / (m/s) is ms; 10¹² fs are one. The register holds it up to 600 m; what saturates is far
+    // beyond.
     let there_and_back = u64::from(hardware.range_min_mm).saturating_mul(2_000_000_000_000);
     let flight = there_and_back.saturating_add(SPEED_OF_LIGHT_M_S / 2) / SPEED_OF_LIGHT_M_S;
     flight.saturating_add((settings.pulse_width_ps as u64).saturating_mul(1000)) as u32
@@ -78,7 +81,8 @@ pub fn delay_fs(settings: &Settings, hardware: &Hardware) -> u32 {
 ///
 /// # Errors
 ///
-/// [`AfeError`]; what was written before it stays written, so the caller should not go on with either set.
+/// [`AfeError`]; what was written before it stays written, so the caller should not go on with
+/// either set.
 pub fn apply(settings: &Settings, board: &mut impl Board) -> Result<(), AfeError> {
     let hardware = board.hardware();
     let spi = board.emitter();
@@ -139,6 +143,7 @@ fn write(spi: &mut impl SpiDevice, register: u8, value: u32) -> Result<(), AfeEr
 
 fn read(spi: &mut impl SpiDevice, register: u8) -> Result<u32, AfeError> {
     let mut value = [0; 4];
-    spi.transaction(&mut [Operation::Write(&[register]), Operation::Read(&mut value)]).map_err(|_| AfeError::Bus)?;
+    spi.transaction(&mut [Operation::Write(&[register]), Operation::Read(&mut value)])
+        .map_err(|_| AfeError::Bus)?;
     Ok(u32::from_be_bytes(value))
 }

@@ -3,7 +3,8 @@
 use echoloop_dsp::accumulate::Accumulator;
 use echoloop_dsp::{Echoes, MAX_CODES, Pipeline, Scratch, Settings};
 use echoloop_link::{
-    Answer, BEAMS_PER_REPORT, Command, Decoder, FrameError, Greeting, MAX_FRAME, Nack, Report, Session,
+    Answer, BEAMS_PER_REPORT, Command, Decoder, FrameError, Greeting, MAX_FRAME, Nack, Report,
+    Session,
 };
 use embedded_io::{Read, ReadReady, Write};
 use heapless::Vec;
@@ -15,12 +16,13 @@ use crate::store;
 /// Name and version of this firmware.
 pub const BUILD: &str = concat!("echoloop-sensor ", env!("CARGO_PKG_VERSION"));
 
-/// How far ahead of the newest command the next may be numbered. A host counts on when it gives a command up; after so many it
-/// has to say hello.
+/// How far ahead of the newest command the next may be numbered. A host counts on when it gives a
+/// command up; after so many it has to say hello.
 pub const MAX_SKIPPED: u16 = 256;
 
-/// How far behind the newest command a hello counts as overtaken: were it taken, it would end a trial, and other overtaken
-/// commands could act after it. A new host that begins there by chance is told so.
+/// How far behind the newest command a hello counts as overtaken: were it taken, it would end a
+/// trial, and other overtaken commands could act after it. A new host that begins there by chance
+/// is told so.
 pub const MAX_LATE_HELLO: u16 = 64;
 
 /// The link is gone.
@@ -51,10 +53,12 @@ pub struct App<B> {
 }
 
 impl<B: Board> App<B> {
-    /// A sensor with the settings that were saved, or the defaults; the front end is set when it is first needed.
+    /// A sensor with the settings that were saved, or the defaults; the front end is set when it is
+    /// first needed.
     pub fn new(mut board: B) -> Self {
         let hardware = board.hardware();
-        let settings = store::load(board.store(), &hardware).map_or_else(Settings::default, |saved| saved.settings);
+        let settings = store::load(board.store(), &hardware)
+            .map_or_else(Settings::default, |saved| saved.settings);
         let mut session = Session::new(hardware, board.pattern(), BUILD, settings);
         session.counters.restarts = board.restarts();
         Self {
@@ -81,12 +85,13 @@ impl<B: Board> App<B> {
         &self.session
     }
 
-    /// Takes what has arrived and answers every whole frame. Returns when nothing is left to read. Feeds the watchdog at every
-    /// turn, even when nothing has arrived.
+    /// Takes what has arrived and answers every whole frame. Returns when nothing is left to read.
+    /// Feeds the watchdog at every turn, even when nothing has arrived.
     ///
     /// # Errors
     ///
-    /// [`LinkLost`] when the link cannot be read or written; the sensor's state is as before the frame at hand.
+    /// [`LinkLost`] when the link cannot be read or written; the sensor's state is as before the
+    /// frame at hand.
     pub fn poll(&mut self) -> Result<(), LinkLost> {
         let mut chunk = [0; 64];
         self.board.feed_watchdog();
@@ -119,18 +124,26 @@ impl<B: Board> App<B> {
         }
     }
 
-    /// The number of the newest command, when this one was overtaken by it or is of an earlier session: its host has given it up,
-    /// so it must not act now, nor make what follows look old. A hello begins anew, unless it is one of those just overtaken.
+    /// The number of the newest command, when this one was overtaken by it or is of an earlier
+    /// session: its host has given it up, so it must not act now, nor make what follows look old. A
+    /// hello begins anew, unless it is one of those just overtaken.
     fn overtaken(&self, sequence: u16, command: &Command) -> Option<u16> {
         self.sequence.filter(|newest| match command {
-            Command::Hello(Greeting::OURS) => (1..=MAX_LATE_HELLO).contains(&newest.wrapping_sub(sequence)),
+            Command::Hello(Greeting::OURS) => {
+                (1..=MAX_LATE_HELLO).contains(&newest.wrapping_sub(sequence))
+            }
             Command::Hello(_) => false,
             _ => sequence.wrapping_sub(*newest) > MAX_SKIPPED,
         })
     }
 
     /// It is counted; only a hello is answered, which may be a new host's.
-    fn take_stale(&mut self, sequence: u16, command: &Command, newest: u16) -> Result<(), LinkLost> {
+    fn take_stale(
+        &mut self,
+        sequence: u16,
+        command: &Command,
+        newest: u16,
+    ) -> Result<(), LinkLost> {
         self.session.counters.stale = self.session.counters.stale.wrapping_add(1);
         match command {
             Command::Hello(_) => self.send(sequence, &Report::Nack(Nack::Overtaken { newest })),
@@ -138,7 +151,8 @@ impl<B: Board> App<B> {
         }
     }
 
-    /// A broken frame is counted and never acted on; only an intact one of another schema can be answered.
+    /// A broken frame is counted and never acted on; only an intact one of another schema can be
+    /// answered.
     fn take_bad_frame(&mut self, error: FrameError) -> Result<(), LinkLost> {
         #[cfg(feature = "defmt")]
         defmt::warn!("frame dropped: {}", error);
@@ -151,7 +165,9 @@ impl<B: Board> App<B> {
         };
         *counter = counter.wrapping_add(1);
         match error {
-            FrameError::Body { sequence } => self.send(sequence, &Report::Nack(Nack::Unintelligible)),
+            FrameError::Body { sequence } => {
+                self.send(sequence, &Report::Nack(Nack::Unintelligible))
+            }
             _ => Ok(()),
         }
     }
@@ -177,7 +193,8 @@ impl<B: Board> App<B> {
 
     fn forget(&mut self) -> Report {
         let hardware = self.board.hardware();
-        store::forget(self.board.store(), &hardware).map_or_else(storage_failed, |()| Report::Forgotten)
+        store::forget(self.board.store(), &hardware)
+            .map_or_else(storage_failed, |()| Report::Forgotten)
     }
 
     /// Fires the beams and reports their echoes under the name of the settings that made them.
@@ -247,7 +264,9 @@ impl<B: Board> App<B> {
 
     fn send(&mut self, sequence: u16, report: &Report) -> Result<(), LinkLost> {
         // Every report fits: beams are bounded by BEAMS_PER_REPORT, which a test fills.
-        let Ok(bytes) = echoloop_link::encode(sequence, report, &mut self.transmit) else { return Ok(()) };
+        let Ok(bytes) = echoloop_link::encode(sequence, report, &mut self.transmit) else {
+            return Ok(());
+        };
         let link = self.board.link();
         write_all(link, bytes)?;
         link.flush().map_err(|_| LinkLost)

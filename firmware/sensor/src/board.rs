@@ -28,7 +28,8 @@ pub trait Board {
     /// The flash.
     fn store(&mut self) -> &mut Self::Store;
 
-    /// Says that the program still runs. The longest time without is one beam, one answer sent, or one slot erased and written.
+    /// Says that the program still runs. The longest time without is one beam, one answer sent, or
+    /// one slot erased and written.
     fn feed_watchdog(&mut self) {}
 
     /// Starts since power came on, but for the first: by the watchdog.
@@ -36,7 +37,8 @@ pub trait Board {
         0
     }
 
-    /// Waits for the shot fired last and copies its samples out of the converter's buffer. False: it never came.
+    /// Waits for the shot fired last and copies its samples out of the converter's buffer. False:
+    /// it never came.
     fn samples(&mut self, codes: &mut [u16]) -> bool;
 
     /// Runs the DSP, as fast as this board can; the bytes are the same on all.

@@ -1,7 +1,8 @@
 //! The front end of an emulated board: a page of memory that the sensor and the world share.
 //!
-//! Where a real board has a laser driver and a converter behind SPI, a converter's DMA buffer and a flash chip, an
-//! emulator maps one file into the sensor's memory. This is its layout; all words are little endian.
+//! Where a real board has a laser driver and a converter behind SPI, a converter's DMA buffer and a
+//! flash chip, an emulator maps one file into the sensor's memory. This is its layout; all words
+//! are little endian.
 //!
 //! | offset | what | written by |
 //! |---|---|---|
@@ -15,8 +16,8 @@
 //! | 0x1000 | DMA buffer: codes, u16 | world |
 //! | 0x4000 | flash, [`FLASH_BYTES`] | sensor |
 //!
-//! A shot: the sensor writes the registers, then the doorbell; the world fills the buffer, then answers with the doorbell's
-//! number. Each side writes its own words only, so no lock is needed.
+//! A shot: the sensor writes the registers, then the doorbell; the world fills the buffer, then
+//! answers with the doorbell's number. Each side writes its own words only, so no lock is needed.
 
 use echoloop_dsp::{Hardware, ScanPattern};
 use embedded_hal::spi::{ErrorKind, Operation};
@@ -71,16 +72,32 @@ pub fn straps(hardware: &Hardware, pattern: &ScanPattern) -> [u32; STRAP_WORDS] 
 
 /// The straps read back; `None` when they make no sensor.
 pub fn read_straps(words: [u32; STRAP_WORDS]) -> Option<(Hardware, ScanPattern)> {
-    let [adc_bits, range_min_mm, range_max_mm, energy_limit_pj, unit_echo_milli, shot_noise_ppm, view @ ..] = words;
+    let [
+        adc_bits,
+        range_min_mm,
+        range_max_mm,
+        energy_limit_pj,
+        unit_echo_milli,
+        shot_noise_ppm,
+        view @ ..,
+    ] = words;
     let [columns, rows, azimuth, elevation] = view;
-    let hardware = Hardware { adc_bits, range_min_mm, range_max_mm, energy_limit_pj, unit_echo_milli, shot_noise_ppm };
+    let hardware = Hardware {
+        adc_bits,
+        range_min_mm,
+        range_max_mm,
+        energy_limit_pj,
+        unit_echo_milli,
+        shot_noise_ppm,
+    };
     let pattern = ScanPattern {
         columns: columns.try_into().ok()?,
         rows: rows.try_into().ok()?,
         azimuth_cdeg: azimuth.try_into().ok()?,
         elevation_cdeg: elevation.try_into().ok()?,
     };
-    let works = (8..=14).contains(&adc_bits) && range_min_mm < range_max_mm && range_max_mm < 1_000_000;
+    let works =
+        (8..=14).contains(&adc_bits) && range_min_mm < range_max_mm && range_max_mm < 1_000_000;
     works.then_some((hardware, pattern))
 }
 
@@ -88,26 +105,35 @@ pub fn read_straps(words: [u32; STRAP_WORDS]) -> Option<(Hardware, ScanPattern)>
 pub trait Registers {
     /// What a register holds; 0 where there is none.
     fn get(&self, register: u8) -> u32;
-    /// Sets a register; nothing where there is none. Register 0, the device's identity, is never set.
+    /// Sets a register; nothing where there is none. Register 0, the device's identity, is never
+    /// set.
     fn set(&mut self, register: u8, value: u32);
 }
 
-/// Does what a transaction of [`crate::afe`] asks of a device: one byte of address (bit 7: write), four of value.
+/// Does what a transaction of [`crate::afe`] asks of a device: one byte of address (bit 7: write),
+/// four of value.
 ///
 /// # Errors
 ///
 /// What the driver never says.
-pub fn serve(device: &mut impl Registers, operations: &mut [Operation<'_, u8>]) -> Result<(), ErrorKind> {
+pub fn serve(
+    device: &mut impl Registers,
+    operations: &mut [Operation<'_, u8>],
+) -> Result<(), ErrorKind> {
     let mut register = 0;
     for operation in operations {
         match operation {
             Operation::Write([address]) => register = *address,
-            Operation::Write([address, a, b, c, d]) if address & WRITE != 0 => match address & !WRITE {
-                0 => {}
-                register => device.set(register, u32::from_be_bytes([*a, *b, *c, *d])),
-            },
+            Operation::Write([address, a, b, c, d]) if address & WRITE != 0 => {
+                match address & !WRITE {
+                    0 => {}
+                    register => device.set(register, u32::from_be_bytes([*a, *b, *c, *d])),
+                }
+            }
             Operation::Read(bytes) => {
-                let Ok(bytes) = <&mut [u8; 4]>::try_from(&mut **bytes) else { return Err(ErrorKind::Other) };
+                let Ok(bytes) = <&mut [u8; 4]>::try_from(&mut **bytes) else {
+                    return Err(ErrorKind::Other);
+                };
                 *bytes = device.get(register).to_be_bytes();
             }
             _ => return Err(ErrorKind::Other),
@@ -122,7 +148,8 @@ mod tests {
 
     #[test]
     fn straps_come_back_as_they_were_set() {
-        let pattern = ScanPattern { columns: 7, rows: 5, azimuth_cdeg: 18_000, elevation_cdeg: 9_000 };
+        let pattern =
+            ScanPattern { columns: 7, rows: 5, azimuth_cdeg: 18_000, elevation_cdeg: 9_000 };
         let words = straps(&Hardware::REFERENCE, &pattern);
         assert_eq!(read_straps(words), Some((Hardware::REFERENCE, pattern)));
     }

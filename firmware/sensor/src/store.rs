@@ -1,7 +1,7 @@
 //! Settings that outlive the power: two slots in flash, one of which is whole at every moment.
 //!
-//! Each slot is as many erase blocks as a record takes; the first begins where the flash does, the second follows. Numbers are
-//! little endian.
+//! Each slot is as many erase blocks as a record takes; the first begins where the flash does, the
+//! second follows. Numbers are little endian.
 //!
 //! | offset | bytes | what |
 //! |---|---|---|
@@ -13,10 +13,12 @@
 //! | 20 + n | 4 | CRC-32C of all before it |
 //! | 24 + n | … | ones, up to 128 bytes |
 //!
-//! The *newest* slot is the one with the greater revision (modulo 2³²) of those whose magic, hash and checksum hold and whose
-//! settings pass [`Settings::check`] on this hardware. [`save`] writes the other: erase, everything but the words of the magic,
-//! those words, and then reads all of it back. Where the power goes before the last word, there is no magic; so a start finds the
-//! old settings or the new. A slot that cannot be read, as torn words with error correction cannot, counts as empty.
+//! The *newest* slot is the one with the greater revision (modulo 2³²) of those whose magic, hash
+//! and checksum hold and whose settings pass [`Settings::check`] on this hardware. [`save`] writes
+//! the other: erase, everything but the words of the magic, those words, and then reads all of it
+//! back. Where the power goes before the last word, there is no magic; so a start finds the old
+//! settings or the new. A slot that cannot be read, as torn words with error correction cannot,
+//! counts as empty.
 
 use core::fmt;
 use core::marker::PhantomData;
@@ -63,7 +65,9 @@ pub enum StoreError {
 impl fmt::Display for StoreError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::TooSmall { capacity, needed } => write!(f, "two slots take {needed} bytes of the flash's {capacity}"),
+            Self::TooSmall { capacity, needed } => {
+                write!(f, "two slots take {needed} bytes of the flash's {capacity}")
+            }
             Self::Flash => f.write_str("the flash does not work"),
             Self::Verify => f.write_str("the flash does not hold what was written"),
         }
@@ -77,28 +81,33 @@ pub fn load<S: NorFlash>(flash: &mut S, hardware: &Hardware) -> Option<Saved> {
     newest(flash, hardware).map(|(_, saved)| saved)
 }
 
-/// Makes these settings what the next start begins with; their revision. What is saved already is not written again: flash
-/// wears.
+/// Makes these settings what the next start begins with; their revision. What is saved already is
+/// not written again: flash wears.
 ///
 /// # Errors
 ///
-/// [`StoreError`]; the next start then begins with what it would have begun with before, or, when all but the check of the
-/// flash succeeded, with these.
-pub fn save<S: NorFlash>(flash: &mut S, hardware: &Hardware, settings: &Settings) -> Result<u32, StoreError> {
+/// [`StoreError`]; the next start then begins with what it would have begun with before, or, when
+/// all but the check of the flash succeeded, with these.
+pub fn save<S: NorFlash>(
+    flash: &mut S,
+    hardware: &Hardware,
+    settings: &Settings,
+) -> Result<u32, StoreError> {
     let newest = newest(flash, hardware);
     if let Some((_, saved)) = newest
         && saved.settings == *settings
     {
         return Ok(saved.revision);
     }
-    let (slot, revision) = newest.map_or((Slot::First, 1), |(slot, old)| (slot.other(), old.revision.wrapping_add(1)));
+    let (slot, revision) =
+        newest.map_or((Slot::First, 1), |(slot, old)| (slot.other(), old.revision.wrapping_add(1)));
     let bytes = record(revision, settings).ok_or(StoreError::Verify)?; // 76 bytes of settings at most: it fits
     slot.write(flash, &bytes)?;
     Ok(revision)
 }
 
-/// Makes the next start begin with nothing. The older slot goes first, so that the power going between leaves the newest, not
-/// the one before it.
+/// Makes the next start begin with nothing. The older slot goes first, so that the power going
+/// between leaves the newest, not the one before it.
 ///
 /// # Errors
 ///
@@ -131,7 +140,8 @@ fn record(revision: u32, settings: &Settings) -> Option<[u8; RECORD]> {
     let (header, room) = bytes.split_first_chunk_mut::<HEADER>()?;
     let length = postcard::to_slice(settings, room).ok()?.len();
     let numbers = [revision.to_le_bytes(), (length as u32).to_le_bytes()];
-    let fields = MAGIC.into_iter().chain(SETTINGS_SCHEMA.to_le_bytes()).chain(numbers.into_iter().flatten());
+    let fields =
+        MAGIC.into_iter().chain(SETTINGS_SCHEMA.to_le_bytes()).chain(numbers.into_iter().flatten());
     header.iter_mut().zip(fields).for_each(|(slot, byte)| *slot = byte);
     let end = length.checked_add(HEADER)?;
     let sum = checksum(bytes.get(..end)?);

@@ -4,13 +4,18 @@ use std::process::ExitCode;
 
 use echoloop_host::cli::{Cli, READER_GONE, report_failure};
 
-/// `println!` panics where it cannot write. To a closed pipe, `echoloop config | head -1`, the command ends quietly, as others do;
-/// elsewhere, as on a full disk, it says so and fails.
+/// `println!` panics where it cannot write. To a closed pipe, `echoloop config | head -1`, the
+/// command ends quietly, as others do; elsewhere, as on a full disk, it says so and fails.
 fn end_with_the_output() {
     let usual = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {
-        match panic.payload_as_str().and_then(|text| text.strip_prefix("failed printing to stdout: ")) {
-            Some(error) if error.starts_with("Broken pipe") => std::process::exit(READER_GONE.into()),
+        match panic
+            .payload_as_str()
+            .and_then(|text| text.strip_prefix("failed printing to stdout: "))
+        {
+            Some(error) if error.starts_with("Broken pipe") => {
+                std::process::exit(READER_GONE.into())
+            }
             Some(error) => {
                 eprintln!("error: cannot write to standard output: {error}");
                 std::process::exit(1);

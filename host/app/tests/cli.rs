@@ -1,5 +1,5 @@
-//! The command as a user meets it: what it refuses and how it says so, what it leaves behind, and that an interrupted run
-//! goes on as if nothing had been.
+//! The command as a user meets it: what it refuses and how it says so, what it leaves behind, and
+//! that an interrupted run goes on as if nothing had been.
 
 mod browser;
 mod desk;
@@ -76,7 +76,10 @@ fn a_value_that_makes_no_sense_is_refused_by_name_everywhere() {
             &[command, "-c", "small.toml", "--set", "registration.voxel_m=-1"],
             &["registration.voxel_m = -1"],
         );
-        desk.refuses(&[command, "-c", "small.toml", "--set", "registration.voxel_m=nan"], &["voxel_m = NaN"]);
+        desk.refuses(
+            &[command, "-c", "small.toml", "--set", "registration.voxel_m=nan"],
+            &["voxel_m = NaN"],
+        );
     }
     desk.refuses(&["sensor", "--set", "lidar.pulse_width=20"], &["refused", "pulse energy limit"]);
     desk.refuses(&["scan", "--pose", "0", "0", "nan", "0", "0", "0"], &["--pose", "finite"]);
@@ -91,7 +94,8 @@ fn a_value_that_makes_no_sense_is_refused_by_name_everywhere() {
 #[test]
 fn a_higher_energy_limit_lets_a_stronger_pulse_through_and_no_more() {
     let desk = Desk::new();
-    let limit = ["sensor", "--json", "--set", "emitter.energy_limit_nj=600", "--set", "lidar.power=60"];
+    let limit =
+        ["sensor", "--json", "--set", "emitter.energy_limit_nj=600", "--set", "lidar.power=60"];
     let with = |width: &'static str| [&limit[..], &["--set", width]].concat();
     let said = desk.succeed(&with("lidar.pulse_width=10")).json();
     assert_eq!(said["hardware"]["energy_limit_pj"], 600_000);
@@ -134,16 +138,27 @@ fn a_scene_that_is_none_is_refused_by_name() {
         desk.write(name, content);
     }
     desk.write("mesh.stl", "solid\n");
-    let names = files.iter().map(|(name, _)| *name).chain(["absent.ply", "folder.ply", "mesh.stl", "narnia"]);
+    let names = files.iter().map(|(name, _)| *name).chain([
+        "absent.ply",
+        "folder.ply",
+        "mesh.stl",
+        "narnia",
+    ]);
     for name in names {
         for command in ["tune", "evaluate", "scan"] {
             desk.refuses(&[command, "-c", "small.toml", "--scene", name], &[name]);
         }
     }
-    desk.refuses(&["scan", "-c", "small.toml", "--set", "scene.ground=lawn"], &["scene.ground", "lawn"]);
+    desk.refuses(
+        &["scan", "-c", "small.toml", "--set", "scene.ground=lawn"],
+        &["scene.ground", "lawn"],
+    );
     // A shape from which nothing can be seen: nowhere to stand.
     desk.write("speck.obj", "v 0 0 0\nv 0.01 0 0\nv 0 0.01 0\nf 1 2 3\n");
-    desk.refuses(&["tune", "-c", "small.toml", "--scene", "speck.obj"], &["speck", "no viable viewpoint"]);
+    desk.refuses(
+        &["tune", "-c", "small.toml", "--scene", "speck.obj"],
+        &["speck", "no viable viewpoint"],
+    );
 }
 
 #[test]
@@ -153,8 +168,7 @@ fn a_cloud_that_is_none_is_refused_by_name() {
     fs::create_dir(desk.path("folder.ply")).expect("a folder");
     let ply = "ply\nformat binary_little_endian 1.0\nelement vertex 99\nproperty float x\nproperty float y\n\
         property float z\nend_header\n1234";
-    let pcd =
-        "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 9\nHEIGHT 1\nPOINTS 9\nDATA binary\n12";
+    let pcd = "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 9\nHEIGHT 1\nPOINTS 9\nDATA binary\n12";
     let files: [(&str, &[u8]); 11] = [
         ("empty.ply", b""),
         ("empty.xyz", b""),
@@ -185,10 +199,16 @@ fn a_cloud_that_is_none_is_refused_by_name() {
     ];
     for (flag, value) in flags {
         let option = format!("{flag}={value}");
-        desk.refuses(&["register", "good.xyz", "good.xyz", &option], &[&flag[2..].replace('-', "_")]);
+        desk.refuses(
+            &["register", "good.xyz", "good.xyz", &option],
+            &[&flag[2..].replace('-', "_")],
+        );
     }
     desk.write("matrix.txt", "1 0 0 0\n0 1 0 0\n");
-    desk.refuses(&["register", "good.xyz", "good.xyz", "--initial", "matrix.txt"], &["matrix.txt", "4×4"]);
+    desk.refuses(
+        &["register", "good.xyz", "good.xyz", "--initial", "matrix.txt"],
+        &["matrix.txt", "4×4"],
+    );
 }
 
 #[test]
@@ -197,7 +217,8 @@ fn a_file_without_permission_is_refused_by_name() {
     use std::os::unix::fs::PermissionsExt;
     let desk = Desk::new();
     desk.write("locked.xyz", "0 0 1\n");
-    fs::set_permissions(desk.path("locked.xyz"), fs::Permissions::from_mode(0o000)).expect("permissions");
+    fs::set_permissions(desk.path("locked.xyz"), fs::Permissions::from_mode(0o000))
+        .expect("permissions");
     if fs::read(desk.path("locked.xyz")).is_ok() {
         eprintln!("SKIPPED: this user may read everything");
         return;
@@ -213,7 +234,10 @@ fn an_output_that_cannot_be_written_is_refused_by_name() {
     desk.write("file", "kept");
     desk.refuses(&["tune", "-q", "-c", "small.toml", "--runs", "file/below"], &["file/below"]);
     desk.refuses(&["tune", "-q", "-c", "small.toml", "--runs", "file"], &["file"]);
-    desk.refuses(&["scan", "-c", "small.toml", "-o", "file/below/cloud.ply"], &["file/below/cloud.ply"]);
+    desk.refuses(
+        &["scan", "-c", "small.toml", "-o", "file/below/cloud.ply"],
+        &["file/below/cloud.ply"],
+    );
     desk.refuses(&["scan", "-c", "small.toml", "-o", "absent/cloud.ply"], &["absent/cloud.ply"]);
 }
 
@@ -225,7 +249,10 @@ fn a_candidate_that_is_none_is_refused_by_name() {
         (r#"{"parameters": {"voxel_m": 1}}"#, "unknown parameter `voxel_m`"),
         (r#"{"parameters": {"lidar.power": 500}}"#, "lidar.power 500 W is above its maximum 100 W"),
         (r#"{"parameters": {"lidar.upsampling": 3}}"#, "lidar.upsampling 3"),
-        (r#"{"parameters": {"registration.voxel_m": 0}}"#, "registration.voxel_m = 0 is outside 0.05 to 1 m"),
+        (
+            r#"{"parameters": {"registration.voxel_m": 0}}"#,
+            "registration.voxel_m = 0 is outside 0.05 to 1 m",
+        ),
         (r#"{"parameters": {"lidar.power": "much"}}"#, "lidar.power = \"much\" must be a number"),
         (r#"{"parameters": {"lidar.powr": "much"}}"#, "lidar.powr"),
         (
@@ -235,7 +262,10 @@ fn a_candidate_that_is_none_is_refused_by_name() {
         (r#"{"parameters": {"lidar.denoise": 1.5}}"#, "lidar.denoise = 1.5 must be a whole number"),
         (r#"{"parameters": {"lidar.denoise": 3}}"#, "lidar.denoise"),
         (r#"{"parameters": {"lidar.echoes": 1.2}}"#, "lidar.echoes = 1.2 must be a whole number"),
-        (r#"{"parameters": {"lidar.denoise": [1]}}"#, "lidar.denoise = [1] must be one of none, gaussian, matched"),
+        (
+            r#"{"parameters": {"lidar.denoise": [1]}}"#,
+            "lidar.denoise = [1] must be one of none, gaussian, matched",
+        ),
         (r#"{"parameters": {"lidar.power": null}}"#, "bad.json"),
         (r#"{"parameters": {"lidar.power": 1e999}}"#, "bad.json"),
         (r#"{"lidar.power": 50}"#, "bad.json"),
@@ -244,7 +274,10 @@ fn a_candidate_that_is_none_is_refused_by_name() {
     ];
     for (text, problem) in table {
         desk.write("bad.json", text);
-        desk.refuses(&["evaluate", "-q", "-c", "small.toml", "--candidate", "bad.json"], &[problem]);
+        desk.refuses(
+            &["evaluate", "-q", "-c", "small.toml", "--candidate", "bad.json"],
+            &[problem],
+        );
     }
     desk.refuses(&["evaluate", "-c", "small.toml", "--candidate", "absent.json"], &["absent.json"]);
 }
@@ -255,29 +288,48 @@ fn a_run_leaves_everything_to_look_at_and_repeats_itself() {
     let said = desk.tune(&["--threads", "2"]);
     assert!(said.err.is_empty(), "quiet: {}", said.err);
     let folder = "runs/0001-yard-icp-joint";
-    let names = ["config.toml", "history.jsonl", "result.json", "report.html", "README.txt", "before.ply", "after.ply"];
+    let names = [
+        "config.toml",
+        "history.jsonl",
+        "result.json",
+        "report.html",
+        "README.txt",
+        "before.ply",
+        "after.ply",
+    ];
     for name in names {
         assert!(desk.bytes(&format!("{folder}/{name}")).len() > 100, "{name}");
     }
-    let mut found: Vec<_> =
-        fs::read_dir(desk.path(folder)).expect("a folder").map(|e| e.expect("entry").file_name()).collect();
+    let mut found: Vec<_> = fs::read_dir(desk.path(folder))
+        .expect("a folder")
+        .map(|e| e.expect("entry").file_name())
+        .collect();
     found.sort();
     let mut expected = names.map(std::ffi::OsString::from);
     expected.sort();
     assert_eq!(found, expected, "and nothing else");
     #[cfg(unix)]
-    assert_eq!(fs::read_link(desk.path("runs/latest")).expect("a link"), Path::new("0001-yard-icp-joint"));
+    assert_eq!(
+        fs::read_link(desk.path("runs/latest")).expect("a link"),
+        Path::new("0001-yard-icp-joint")
+    );
 
     let config = format!("{folder}/config.toml");
     desk.succeed(&["tune", "-q", "--threads", "1", "--config", &config]);
-    for name in ["config.toml", "history.jsonl", "result.json", "report.html", "before.ply", "after.ply"] {
+    for name in
+        ["config.toml", "history.jsonl", "result.json", "report.html", "before.ply", "after.ply"]
+    {
         let again = desk.bytes(&format!("runs/0002-yard-icp-joint/{name}"));
         assert!(again == desk.bytes(&format!("{folder}/{name}")), "{name} differs on one thread");
     }
 
     let judged = desk.succeed(&["evaluate", "-q", "--json", "--run", folder]).json();
-    let result: Value = serde_json::from_str(&desk.read(&format!("{folder}/result.json"))).expect("JSON");
-    assert_eq!(judged["summary"], result["tuned_summary"], "the tuned parameters are worth what the run said");
+    let result: Value =
+        serde_json::from_str(&desk.read(&format!("{folder}/result.json"))).expect("JSON");
+    assert_eq!(
+        judged["summary"], result["tuned_summary"],
+        "the tuned parameters are worth what the run said"
+    );
     assert_eq!(judged["parameters"], result["tuned"]);
 
     let resumed = desk.succeed(&["tune", "-q", "--json", "--resume", folder]);
@@ -288,11 +340,22 @@ fn a_run_leaves_everything_to_look_at_and_repeats_itself() {
 #[test]
 fn a_search_of_all_fifteen_is_shown_with_the_names_of_choices_and_the_value_of_what_follows() {
     let desk = Desk::new();
-    let said = desk.tune(&["--set", "tune.protocol=lidar", "--set", "tune.lidar=full", "--generations", "1"]);
-    let line = |name: &str| said.out.lines().find(|line| line.starts_with(name)).expect(name).to_owned();
+    let said = desk.tune(&[
+        "--set",
+        "tune.protocol=lidar",
+        "--set",
+        "tune.lidar=full",
+        "--generations",
+        "1",
+    ]);
+    let line =
+        |name: &str| said.out.lines().find(|line| line.starts_with(name)).expect(name).to_owned();
     assert!(!said.out.contains("NaN"), "{}", said.out);
     let separation = line("lidar.min_separation");
-    assert!(separation.contains(" 0.8540 "), "1.14 of half the way that light goes in 5 ns: {separation}");
+    assert!(
+        separation.contains(" 0.8540 "),
+        "1.14 of half the way that light goes in 5 ns: {separation}"
+    );
     let report = desk.read("runs/latest/report.html");
     for (name, default, range) in [
         ("lidar.denoise", "matched", "none, gaussian, matched"),
@@ -300,7 +363,10 @@ fn a_search_of_all_fifteen_is_shown_with_the_names_of_choices_and_the_value_of_w
         ("lidar.echo_choice", "strongest", "strongest, first, last"),
     ] {
         assert!(line(name).contains(default) && line(name).ends_with(range), "{}", line(name));
-        assert!(report.contains(&format!("<th scope=\"row\">{name}</th><td>{default}</td>")), "{name}");
+        assert!(
+            report.contains(&format!("<th scope=\"row\">{name}</th><td>{default}</td>")),
+            "{name}"
+        );
     }
     assert!(report.contains("<th scope=\"row\">lidar.min_separation</th><td>0.854</td>"));
     let readme = desk.read("runs/latest/README.txt");
@@ -326,16 +392,28 @@ fn a_flag_left_out_never_wipes_a_configured_value() {
     desk.write("five.toml", "seed = 9\n[tune]\ngenerations = 5\npopulation = 7\nprotocol = \"lidar\"\n[scene]\nsource = \"unstructured\"\n[registration]\npreset = \"paper\"\n");
     let config = desk.succeed(&["config", "--json", "-c", "five.toml"]).json();
     let tune = &config["tune"];
-    assert_eq!((&config["seed"], &tune["generations"], &tune["population"]), (&9.into(), &5.into(), &7.into()));
-    assert_eq!((&tune["protocol"], &config["scene"]["source"]), (&"lidar".into(), &"unstructured".into()));
+    assert_eq!(
+        (&config["seed"], &tune["generations"], &tune["population"]),
+        (&9.into(), &5.into(), &7.into())
+    );
+    assert_eq!(
+        (&tune["protocol"], &config["scene"]["source"]),
+        (&"lidar".into(), &"unstructured".into())
+    );
     assert_eq!(config["registration"]["preset"], "paper");
     let sets = ["--set", "tune.generations=6", "--seed", "10"];
-    let config = desk.succeed(&[&["config", "--json", "-c", "five.toml"], &sets[..]].concat()).json();
+    let config =
+        desk.succeed(&[&["config", "--json", "-c", "five.toml"], &sets[..]].concat()).json();
     assert_eq!((&config["seed"], &config["tune"]["generations"]), (&10.into(), &6.into()));
 
-    desk.write("two.toml", SMALL.replace("generations = 3", "generations = 2\nprotocol = \"registration\""));
+    desk.write(
+        "two.toml",
+        SMALL.replace("generations = 3", "generations = 2\nprotocol = \"registration\""),
+    );
     desk.succeed(&["tune", "-q", "-c", "two.toml"]);
-    let result: Value = serde_json::from_str(&desk.read("runs/0001-yard-icp-registration/result.json")).expect("JSON");
+    let result: Value =
+        serde_json::from_str(&desk.read("runs/0001-yard-icp-registration/result.json"))
+            .expect("JSON");
     assert_eq!((&result["generations"], &result["protocol"]), (&2.into(), &"registration".into()));
 }
 
@@ -369,7 +447,10 @@ fn a_candidate_comes_from_standard_input_too() {
     assert_eq!(said.code, Some(0), "{}", said.err);
     assert_eq!(said.json()["parameters"]["lidar.power"], 50.0);
     assert_eq!(said.json()["parameters"]["lidar.gain"], 1.5);
-    assert_eq!(said.json()["parameters"]["lidar.timing"], f64::from(echoloop_dsp::settings::TIMING_CFD));
+    assert_eq!(
+        said.json()["parameters"]["lidar.timing"],
+        f64::from(echoloop_dsp::settings::TIMING_CFD)
+    );
 }
 
 #[test]
@@ -379,7 +460,9 @@ fn progress_on_a_pipe_is_plain_lines_and_quiet_is_silent() {
     assert!(said.err.contains("generation  1/1"), "{}", said.err);
     assert!(!said.err.contains('\u{1b}') && !said.err.contains('\r'), "{:?}", said.err);
     assert!(!said.out.contains('\u{1b}') && said.out.contains("recall"), "{:?}", said.out);
-    for arguments in [&["scan", "-q", "-c", "small.toml"][..], &["evaluate", "-q", "-c", "small.toml"]] {
+    for arguments in
+        [&["scan", "-q", "-c", "small.toml"][..], &["evaluate", "-q", "-c", "small.toml"]]
+    {
         assert_eq!(desk.succeed(arguments).err, "", "{arguments:?}");
     }
 }
@@ -389,14 +472,18 @@ fn help_names_units_and_completions_exist_for_every_shell() {
     let desk = Desk::new();
     for shell in ["bash", "zsh", "fish"] {
         let script = desk.succeed(&["completions", shell]).out;
-        assert!(script.contains("echoloop") && script.contains("register") && script.len() > 1000, "{shell}");
+        assert!(
+            script.contains("echoloop") && script.contains("register") && script.len() > 1000,
+            "{shell}"
+        );
     }
     desk.refuses(&["completions", "tcsh-ish"], &["tcsh-ish"]);
     let register = desk.succeed(&["register", "--help"]).out;
     for part in ["m, above 0", "3 to 1000", "target_from_source"] {
         assert!(register.contains(part), "{part}: {register}");
     }
-    let echoes = desk.succeed(&["echoes", "--help"]).out.split_whitespace().collect::<Vec<_>>().join(" ");
+    let echoes =
+        desk.succeed(&["echoes", "--help"]).out.split_whitespace().collect::<Vec<_>>().join(" ");
     assert!(echoes.contains("Print a JSON document a waveform, each a line,"), "{echoes}");
     assert!(!echoes.contains("one JSON document"), "{echoes}");
     let scan = desk.succeed(&["scan", "--help"]).out;
@@ -412,9 +499,12 @@ fn help_names_units_and_completions_exist_for_every_shell() {
 #[cfg(unix)]
 fn a_reader_that_leaves_early_ends_the_command_quietly() {
     let desk = Desk::new();
-    for arguments in [&["completions", "bash"][..], &["config", "--parameters"], &["scan", "-c", "small.toml"]] {
+    for arguments in
+        [&["completions", "bash"][..], &["config", "--parameters"], &["scan", "-c", "small.toml"]]
+    {
         let mut command = desk.command(arguments);
-        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("echoloop starts");
+        let mut child =
+            command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("echoloop starts");
         drop(child.stdout.take());
         let said = Said::of(child.wait_with_output().expect("it ends"));
         assert!(!said.err.contains("panicked"), "{arguments:?}: {}", said.err);
@@ -443,7 +533,11 @@ fn output_that_cannot_be_written_is_a_failure_with_a_message() {
         let child = command.stdout(full).stderr(Stdio::piped()).spawn().expect("echoloop starts");
         let said = Said::of(child.wait_with_output().expect("it ends"));
         assert_eq!(said.code, Some(1), "{arguments:?}: {}", said.err);
-        assert!(said.err.starts_with("error: cannot write to standard output: "), "{arguments:?}: {}", said.err);
+        assert!(
+            said.err.starts_with("error: cannot write to standard output: "),
+            "{arguments:?}: {}",
+            said.err
+        );
         assert_eq!(said.err.lines().count(), 1, "{arguments:?}: {}", said.err);
     }
 }
@@ -453,7 +547,8 @@ fn every_parameter_is_listed_with_its_unit_and_range() {
     let desk = Desk::new();
     let listed = desk.succeed(&["config", "--parameters"]).out;
     let json = desk.succeed(&["config", "--parameters", "--json"]).json();
-    let names: Vec<&str> = json.as_array().expect("a list").iter().filter_map(|p| p["name"].as_str()).collect();
+    let names: Vec<&str> =
+        json.as_array().expect("a list").iter().filter_map(|p| p["name"].as_str()).collect();
     assert_eq!(names.len(), echoloop_dsp::PARAMETERS.len() + 5);
     for parameter in &echoloop_dsp::PARAMETERS {
         let name = format!("lidar.{}", parameter.name);
@@ -466,7 +561,10 @@ fn every_parameter_is_listed_with_its_unit_and_range() {
             (_, None) => "follows".to_owned(),
         };
         let columns = line.split(parameter.acts_in).next().expect("what is before it");
-        assert!(columns.split_whitespace().skip(1).any(|word| word == default), "{default}: {line}");
+        assert!(
+            columns.split_whitespace().skip(1).any(|word| word == default),
+            "{default}: {line}"
+        );
     }
     // What the sensor accepted is what was set, as the sensor reads it back.
     let sensor = desk.succeed(&["sensor", "--json", "--set", "lidar.power=33.33"]).json();
@@ -477,7 +575,8 @@ fn every_parameter_is_listed_with_its_unit_and_range() {
 fn a_scan_writes_a_cloud_that_reads_back() {
     let desk = Desk::new();
     let said = desk.succeed(&["scan", "--json", "-c", "small.toml", "-o", "cloud.ply"]).json();
-    let (cloud, _) = echoloop_registration::cloud::read_cloud(&desk.path("cloud.ply")).expect("a cloud");
+    let (cloud, _) =
+        echoloop_registration::cloud::read_cloud(&desk.path("cloud.ply")).expect("a cloud");
     assert_eq!(said["points"], cloud.points.len());
     assert!(cloud.points.len() > 300, "{}", cloud.points.len());
 }
@@ -498,7 +597,9 @@ fn synthetic_pair(desk: &Desk) -> nalgebra::Isometry3<f64> {
             points.push(Point3::new(11.0 + 0.1 * along, along, up));
         }
     }
-    let text = |points: &[Point3<f64>]| points.iter().map(|p| format!("{} {} {}\n", p.x, p.y, p.z)).collect::<String>();
+    let text = |points: &[Point3<f64>]| {
+        points.iter().map(|p| format!("{} {} {}\n", p.x, p.y, p.z)).collect::<String>()
+    };
     desk.write("target.xyz", text(&points));
     let source: Vec<_> = points.iter().map(|p| truth.inverse() * p).collect();
     desk.write("source.xyz", text(&source));
@@ -513,7 +614,8 @@ fn motion(document: &Value) -> nalgebra::Isometry3<f64> {
         .flat_map(|row| row.as_array().expect("a row"))
         .filter_map(Value::as_f64)
         .collect();
-    echoloop_registration::pose::from_rows(rows.as_slice().try_into().expect("4 × 4")).expect("rigid")
+    echoloop_registration::pose::from_rows(rows.as_slice().try_into().expect("4 × 4"))
+        .expect("rigid")
 }
 
 #[test]
@@ -551,14 +653,23 @@ fn register_recovers_a_known_motion_and_prints_the_documented_keys() {
     ];
     assert_eq!(keys, expected);
     assert_eq!((&document["stop"], &document["method"]), (&"Still".into(), &"icp".into()));
-    assert!(document["cpu_s"].as_f64().expect("a number") > 0.0 && document["pairs"].as_u64().expect("a number") > 100);
+    assert!(
+        document["cpu_s"].as_f64().expect("a number") > 0.0
+            && document["pairs"].as_u64().expect("a number") > 100
+    );
     let estimate = motion(&document);
-    assert!(echoloop_registration::pose::translation_error_m(&estimate, &truth) < 0.01, "{estimate}");
+    assert!(
+        echoloop_registration::pose::translation_error_m(&estimate, &truth) < 0.01,
+        "{estimate}"
+    );
     assert!(echoloop_registration::pose::rotation_error_deg(&estimate, &truth) < 0.1, "{estimate}");
 
     let text = desk.succeed(&["register", "target.xyz", "source.xyz"]).out;
     assert!(text.starts_with("target_from_source\n") && text.contains("pairs"), "{text}");
-    desk.write("initial.txt", echoloop_registration::pose::to_rows(&truth).map(|v| v.to_string()).join(" "));
+    desk.write(
+        "initial.txt",
+        echoloop_registration::pose::to_rows(&truth).map(|v| v.to_string()).join(" "),
+    );
     desk.succeed(&["register", "-q", "target.xyz", "source.xyz", "--initial", "initial.txt"]);
 }
 
@@ -588,11 +699,16 @@ fn data(name: &str) -> Option<PathBuf> {
 fn register_agrees_with_the_published_motion_of_a_real_pair() {
     let Some(folder) = data("pair_small_gicp") else { return };
     let desk = Desk::new();
-    let [target, source] = ["target.ply", "source.ply"].map(|n| folder.join(n).to_string_lossy().into_owned());
+    let [target, source] =
+        ["target.ply", "source.ply"].map(|n| folder.join(n).to_string_lossy().into_owned());
     let document = desk.succeed(&["register", "-q", "--json", &target, &source]).json();
-    let truth = echoloop_registration::pose::read_pose(&folder.join("T_target_source.txt")).expect("a pose");
+    let truth = echoloop_registration::pose::read_pose(&folder.join("T_target_source.txt"))
+        .expect("a pose");
     let estimate = motion(&document);
-    assert!(echoloop_registration::pose::translation_error_m(&estimate, &truth) < 0.05, "{estimate}");
+    assert!(
+        echoloop_registration::pose::translation_error_m(&estimate, &truth) < 0.05,
+        "{estimate}"
+    );
     assert!(echoloop_registration::pose::rotation_error_deg(&estimate, &truth) < 0.5, "{estimate}");
 }
 
@@ -601,7 +717,16 @@ fn a_real_city_can_be_tuned_in() {
     let Some(mesh) = data("city_ingolstadt/ingolstadt_north.ply") else { return };
     let desk = Desk::new();
     let mesh = mesh.to_string_lossy();
-    desk.tune(&["--scene", &mesh, "--generations", "1", "--set", "data.train_pairs=2", "--set", "data.test_pairs=1"]);
+    desk.tune(&[
+        "--scene",
+        &mesh,
+        "--generations",
+        "1",
+        "--set",
+        "data.train_pairs=2",
+        "--set",
+        "data.test_pairs=1",
+    ]);
     assert!(desk.path("runs/0001-ingolstadt_north-icp-joint/result.json").exists());
 }
 
@@ -617,7 +742,10 @@ fn a_damaged_journal_is_kept_until_repair_which_finishes_the_run() {
     fs::remove_file(desk.path(&result)).expect("removed");
     desk.refuses(&["tune", "--resume", folder], &["history.jsonl: line 4 is cut off", "--repair"]);
     desk.succeed(&["tune", "-q", "--resume", folder, "--repair"]);
-    assert!(desk.read(&history) == whole && desk.read(&result) == finished, "the repaired run is the whole one");
+    assert!(
+        desk.read(&history) == whole && desk.read(&result) == finished,
+        "the repaired run is the whole one"
+    );
     assert_eq!(desk.read(&format!("{folder}/history.jsonl.damaged")), cut);
 
     // A second damage does not cost the copy of the first.
@@ -626,13 +754,22 @@ fn a_damaged_journal_is_kept_until_repair_which_finishes_the_run() {
     desk.succeed(&["tune", "-q", "--resume", folder, "--repair"]);
     assert_eq!(desk.read(&format!("{folder}/history.jsonl.damaged")), cut, "the first copy");
 
-    let garbled: String =
-        whole.lines().enumerate().map(|(i, l)| if i == 2 { "{}\n".into() } else { format!("{l}\n") }).collect();
+    let garbled: String = whole
+        .lines()
+        .enumerate()
+        .map(|(i, l)| if i == 2 { "{}\n".into() } else { format!("{l}\n") })
+        .collect();
     desk.write(&history, &garbled);
-    desk.refuses(&["tune", "--resume", folder], &["history.jsonl: line 3", "the 1 generations before it"]);
+    desk.refuses(
+        &["tune", "--resume", folder],
+        &["history.jsonl: line 3", "the 1 generations before it"],
+    );
     for headless in ["", "{}\n", "{\"jour"] {
         desk.write(&history, headless);
-        desk.refuses(&["tune", "--resume", folder, "--repair"], &["history.jsonl: line 1", "begin anew"]);
+        desk.refuses(
+            &["tune", "--resume", folder, "--repair"],
+            &["history.jsonl: line 1", "begin anew"],
+        );
     }
 }
 
@@ -654,22 +791,37 @@ fn only_a_run_s_own_folder_can_be_resumed() {
 }
 
 /// Long enough to be interrupted: some fifty milliseconds a generation.
-const LONG: [&str; 8] =
-    ["tune", "-q", "-c", "small.toml", "--generations", "20", "--set", "tune.pairs_per_generation=1"];
+const LONG: [&str; 8] = [
+    "tune",
+    "-q",
+    "-c",
+    "small.toml",
+    "--generations",
+    "20",
+    "--set",
+    "tune.pairs_per_generation=1",
+];
 
 /// Starts the long run, waits for whole generations in its journal, and sends it a signal.
 #[cfg(unix)]
 fn interrupted(desk: &Desk, signal: &str) -> Said {
-    let mut child = desk.command(&LONG).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("echoloop starts");
+    let mut child = desk
+        .command(&LONG)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("echoloop starts");
     let journal = desk.path("runs/0001-yard-icp-joint/history.jsonl");
     let deadline = Instant::now() + Duration::from_secs(120);
-    let lines = || fs::read(&journal).map_or(0, |bytes| bytes.iter().filter(|&&b| b == b'\n').count());
+    let lines =
+        || fs::read(&journal).map_or(0, |bytes| bytes.iter().filter(|&&b| b == b'\n').count());
     while lines() < 3 {
         assert!(Instant::now() < deadline, "two generations take less than this");
         assert!(child.try_wait().expect("a child").is_none(), "it must not end by itself");
         std::thread::sleep(Duration::from_millis(2));
     }
-    let killed = Command::new("kill").args([signal, &child.id().to_string()]).status().expect("kill runs");
+    let killed =
+        Command::new("kill").args([signal, &child.id().to_string()]).status().expect("kill runs");
     assert!(killed.success());
     let said = Said::of(child.wait_with_output().expect("it ends"));
     assert!(lines() < 21, "it was over before the signal came: make it longer");
@@ -683,14 +835,19 @@ fn an_interrupted_or_killed_run_goes_on_to_the_very_result_of_one_that_was_not()
     let desk = Desk::new();
     desk.succeed(&LONG);
     let folder = "runs/0001-yard-icp-joint";
-    let names = ["history.jsonl", "result.json", "report.html", "after.ply"].map(|name| format!("{folder}/{name}"));
+    let names = ["history.jsonl", "result.json", "report.html", "after.ply"]
+        .map(|name| format!("{folder}/{name}"));
     let whole: Vec<_> = names.iter().map(|name| desk.bytes(name)).collect();
     for (signal, code) in [("-INT", Some(130)), ("-KILL", None)] {
         fs::remove_dir_all(desk.path("runs")).expect("removed");
         let said = interrupted(&desk, signal);
         assert_eq!(said.code, code, "{signal}: {}", said.err);
         if signal == "-INT" {
-            assert!(said.err.contains("interrupted after") && said.err.contains("--resume"), "{}", said.err);
+            assert!(
+                said.err.contains("interrupted after") && said.err.contains("--resume"),
+                "{}",
+                said.err
+            );
         }
         desk.succeed(&["tune", "-q", "--resume", "runs/latest"]);
         for (name, whole) in names.iter().zip(&whole) {

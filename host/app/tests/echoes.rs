@@ -1,4 +1,5 @@
-//! `echoloop echoes` on waveforms with known echoes, on files that are wrong, and on the records of others.
+//! `echoloop echoes` on waveforms with known echoes, on files that are wrong, and on the records of
+//! others.
 
 mod desk;
 
@@ -12,8 +13,10 @@ use serde_json::Value;
 /// Runs the command on rows and gives the lines it prints.
 fn echoes(desk: &Desk, rows: &[Vec<f64>], more: &[&str]) -> Vec<Value> {
     desk.write("waves.csv", csv(rows));
-    let said = desk.succeed(&[&["echoes", "waves.csv", "--sample-ns", "1", "--json"], more].concat());
-    let lines: Vec<Value> = said.out.lines().map(|line| serde_json::from_str(line).expect(line)).collect();
+    let said =
+        desk.succeed(&[&["echoes", "waves.csv", "--sample-ns", "1", "--json"], more].concat());
+    let lines: Vec<Value> =
+        said.out.lines().map(|line| serde_json::from_str(line).expect(line)).collect();
     assert_eq!(lines.len(), rows.len(), "one line a waveform");
     lines
 }
@@ -40,7 +43,9 @@ fn record(samples: usize, ambient: f64, echoes: &[(f64, f64, f64)]) -> Vec<f64> 
     let value = |n: usize, &(time, amplitude, width): &(f64, f64, f64)| {
         amplitude * (-4.0 * 2f64.ln() * ((n as f64 - time) / width).powi(2)).exp()
     };
-    (0..samples).map(|n| (ambient + echoes.iter().map(|echo| value(n, echo)).sum::<f64>()).round()).collect()
+    (0..samples)
+        .map(|n| (ambient + echoes.iter().map(|echo| value(n, echo)).sum::<f64>()).round())
+        .collect()
 }
 
 /// A pulse that rises fast and falls slowly, peaking at a time: amplitude 1.
@@ -55,10 +60,15 @@ fn an_echo_is_told_with_its_time_amplitude_and_width() {
     let found = echoes(&desk, &[record(80, 200.0, &[(37.3, 500.0, 8.0)])], &[]);
     assert_eq!(found[0]["waveform"], 0);
     assert_eq!(found[0]["outgoing_peak_ns"], Value::Null);
-    let (time, amplitude, width) =
-        (numbers(&found[0], "time_ns"), numbers(&found[0], "amplitude"), numbers(&found[0], "width_ns"));
+    let (time, amplitude, width) = (
+        numbers(&found[0], "time_ns"),
+        numbers(&found[0], "amplitude"),
+        numbers(&found[0], "width_ns"),
+    );
     assert!(
-        (time[0] - 37.3).abs() < 0.05 && (amplitude[0] - 500.0).abs() < 8.0 && (width[0] - 8.0).abs() < 0.2,
+        (time[0] - 37.3).abs() < 0.05
+            && (amplitude[0] - 500.0).abs() < 8.0
+            && (width[0] - 8.0).abs() < 0.2,
         "{found:?}"
     );
     assert_eq!(list(&found[0], "flags"), [&Value::Array(vec![])]);
@@ -67,7 +77,8 @@ fn an_echo_is_told_with_its_time_amplitude_and_width() {
 #[test]
 fn times_and_widths_are_in_the_samples_nanoseconds_and_amplitudes_in_the_file_s_units() {
     let desk = Desk::new();
-    let row: Vec<f64> = record(80, 200.0, &[(37.3, 5000.0, 8.0)]).iter().map(|v| v * 1e-4 - 3.0).collect();
+    let row: Vec<f64> =
+        record(80, 200.0, &[(37.3, 5000.0, 8.0)]).iter().map(|v| v * 1e-4 - 3.0).collect();
     desk.write("waves.csv", csv(&[row]));
     let said = desk.succeed(&["echoes", "waves.csv", "--sample-ns", "0.5", "--json"]);
     let found = said.json();
@@ -103,8 +114,10 @@ fn zeros_that_pad_a_row_change_nothing() {
 #[test]
 fn a_clipped_top_s_time_is_its_middle_and_it_is_flagged() {
     let desk = Desk::new();
-    let clipped: Vec<f64> = record(90, 20.0, &[(41.4, 3000.0, 12.0)]).iter().map(|v| v.min(1023.0)).collect();
-    let tailed: Vec<f64> = (0..90).map(|n| (20.0 + 3000.0 * skewed(f64::from(n), 40.0)).round().min(1023.0)).collect();
+    let clipped: Vec<f64> =
+        record(90, 20.0, &[(41.4, 3000.0, 12.0)]).iter().map(|v| v.min(1023.0)).collect();
+    let tailed: Vec<f64> =
+        (0..90).map(|n| (20.0 + 3000.0 * skewed(f64::from(n), 40.0)).round().min(1023.0)).collect();
     let edges = |row: &[f64]| {
         let top = |&(_, &v): &(usize, &f64)| v == 1023.0;
         let first = row.iter().enumerate().find(top).expect("clipped").0;
@@ -127,7 +140,10 @@ fn a_plateau_below_the_top_is_timed_by_its_middle_without_the_flag() {
     row[40..43].copy_from_slice(&[60.0, 140.0, 55.0]);
     let found = echoes(&desk, &[row], &[]);
     assert_eq!(numbers(&found[0], "time_ns")[0], 22.0);
-    assert!(!has_flag(&found[0], 0, "saturated") && !has_flag(&found[0], 1, "saturated"), "{found:?}");
+    assert!(
+        !has_flag(&found[0], 0, "saturated") && !has_flag(&found[0], 1, "saturated"),
+        "{found:?}"
+    );
 }
 
 #[test]
@@ -135,7 +151,10 @@ fn overlapping_echoes_come_apart_and_are_flagged() {
     let desk = Desk::new();
     let found = echoes(&desk, &[record(90, 10.0, &[(35.0, 800.0, 8.0), (45.5, 600.0, 8.0)])], &[]);
     let times = numbers(&found[0], "time_ns");
-    assert!(times.len() == 2 && (times[0] - 35.0).abs() < 0.3 && (times[1] - 45.5).abs() < 0.3, "{found:?}");
+    assert!(
+        times.len() == 2 && (times[0] - 35.0).abs() < 0.3 && (times[1] - 45.5).abs() < 0.3,
+        "{found:?}"
+    );
     let close = echoes(&desk, &[record(90, 10.0, &[(35.0, 800.0, 8.0), (43.6, 700.0, 8.0)])], &[]);
     assert!(has_flag(&close[0], 0, "merged") && has_flag(&close[0], 1, "merged"), "{close:?}");
 }
@@ -143,8 +162,16 @@ fn overlapping_echoes_come_apart_and_are_flagged() {
 #[test]
 fn an_echo_that_the_record_cuts_off_is_flagged_and_one_whose_top_lies_outside_is_none() {
     let desk = Desk::new();
-    let found = echoes(&desk, &[record(43, 10.0, &[(40.0, 800.0, 8.0)]), record(40, 10.0, &[(40.5, 800.0, 8.0)])], &[]);
-    assert!((numbers(&found[0], "time_ns")[0] - 40.0).abs() < 0.3 && has_flag(&found[0], 0, "truncated"), "{found:?}");
+    let found = echoes(
+        &desk,
+        &[record(43, 10.0, &[(40.0, 800.0, 8.0)]), record(40, 10.0, &[(40.5, 800.0, 8.0)])],
+        &[],
+    );
+    assert!(
+        (numbers(&found[0], "time_ns")[0] - 40.0).abs() < 0.3
+            && has_flag(&found[0], 0, "truncated"),
+        "{found:?}"
+    );
     assert_eq!(found[1]["echoes"], Value::Array(vec![]));
 }
 
@@ -152,7 +179,11 @@ fn an_echo_that_the_record_cuts_off_is_flagged_and_one_whose_top_lies_outside_is
 fn ringing_after_a_strong_echo_is_no_echo() {
     let desk = Desk::new();
     let ring = |n: f64| {
-        if n < 30.0 { 0.0 } else { -0.2 * (-(n - 30.0) / 15.0).exp() * ((n - 30.0) / 8.0 * std::f64::consts::PI).sin() }
+        if n < 30.0 {
+            0.0
+        } else {
+            -0.2 * (-(n - 30.0) / 15.0).exp() * ((n - 30.0) / 8.0 * std::f64::consts::PI).sin()
+        }
     };
     let row = |second: f64| -> Vec<f64> {
         let echo = record(160, 300.0, &[(25.0, 2000.0, 6.0), (100.0, second, 6.0)]);
@@ -173,7 +204,10 @@ fn what_the_outgoing_pulse_repeats_is_no_echo() {
     assert_eq!(numbers(&without[0], "time_ns").len(), 4);
     let found = echoes(&desk, &[row], &["--outgoing", "out.csv"]);
     let times = numbers(&found[0], "time_ns");
-    assert!(times.len() == 2 && (times[0] - 30.0).abs() < 0.1 && (times[1] - 70.0).abs() < 0.1, "{found:?}");
+    assert!(
+        times.len() == 2 && (times[0] - 30.0).abs() < 0.1 && (times[1] - 70.0).abs() < 0.1,
+        "{found:?}"
+    );
 }
 
 #[test]
@@ -186,7 +220,10 @@ fn an_asymmetric_pulse_is_timed_by_its_peak() {
     let rows: Vec<_> = [30.0, 30.3, 41.7].iter().map(|&at| row(at, 2000.0)).collect();
     let found = echoes(&desk, &rows, &["--outgoing", "out.csv"]);
     for (waveform, at) in found.iter().zip([30.0, 30.3, 41.7]) {
-        assert!((waveform["outgoing_peak_ns"].as_f64().expect("a number") - 22.0).abs() < 0.15, "{waveform}");
+        assert!(
+            (waveform["outgoing_peak_ns"].as_f64().expect("a number") - 22.0).abs() < 0.15,
+            "{waveform}"
+        );
         assert!((numbers(waveform, "time_ns")[0] - at).abs() < 0.15, "{waveform}");
     }
 }
@@ -198,9 +235,13 @@ fn outgoing_rows_are_one_each_or_one_for_all() {
     let pulse = |at: f64| record(50, 10.0, &[(at, 300.0, 6.0)]);
     desk.write("each.csv", csv(&[pulse(20.0), vec![7.0; 50], pulse(24.0)]));
     let found = echoes(&desk, &rows, &["--outgoing", "each.csv"]);
-    let peaks: Vec<_> = found.iter().map(|waveform| waveform["outgoing_peak_ns"].as_f64()).collect();
+    let peaks: Vec<_> =
+        found.iter().map(|waveform| waveform["outgoing_peak_ns"].as_f64()).collect();
     assert_eq!(peaks[1], None, "a row without a pulse counts as absent");
-    assert!((peaks[0].expect("a pulse") - 20.0).abs() < 0.1 && (peaks[2].expect("a pulse") - 24.0).abs() < 0.1);
+    assert!(
+        (peaks[0].expect("a pulse") - 20.0).abs() < 0.1
+            && (peaks[2].expect("a pulse") - 24.0).abs() < 0.1
+    );
     let said = desk.succeed(&["echoes", "waves.csv", "--sample-ns", "1", "--outgoing", "each.csv"]);
     assert!(said.err.contains("each.csv: row 2 shows no pulse"), "{}", said.err);
     desk.write("two.csv", csv(&[pulse(20.0), pulse(24.0)]));
@@ -232,22 +273,40 @@ fn waveforms_without_an_echo_give_none() {
 #[test]
 fn files_that_are_wrong_are_refused_with_their_place() {
     let desk = Desk::new();
-    let header = |shape: &str| format!("{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}, }}");
+    let header =
+        |shape: &str| format!("{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}, }}");
     let npy = |shape: &str, data: &[f32]| -> Vec<u8> {
         let header = header(shape);
         let bytes: Vec<u8> = data.iter().flat_map(|v| v.to_le_bytes()).collect();
-        [b"\x93NUMPY\x01\x00", &(header.len() as u16).to_le_bytes()[..], header.as_bytes(), &bytes].concat()
+        [b"\x93NUMPY\x01\x00", &(header.len() as u16).to_le_bytes()[..], header.as_bytes(), &bytes]
+            .concat()
     };
     let files: [(&str, Vec<u8>, &str); 10] = [
-        ("nan.csv", b"1,2,3\n4,NaN,6\n".to_vec(), "nan.csv: row 2, column 2: expected a finite number, found 'NaN'"),
-        ("inf.csv", b"1,-inf\n".to_vec(), "inf.csv: row 1, column 2: expected a finite number, found '-inf'"),
-        ("word.csv", b"1,2\n3,four\n".to_vec(), "word.csv: row 2, column 2: expected a finite number, found 'four'"),
+        (
+            "nan.csv",
+            b"1,2,3\n4,NaN,6\n".to_vec(),
+            "nan.csv: row 2, column 2: expected a finite number, found 'NaN'",
+        ),
+        (
+            "inf.csv",
+            b"1,-inf\n".to_vec(),
+            "inf.csv: row 1, column 2: expected a finite number, found '-inf'",
+        ),
+        (
+            "word.csv",
+            b"1,2\n3,four\n".to_vec(),
+            "word.csv: row 2, column 2: expected a finite number, found 'four'",
+        ),
         (
             "head.csv",
             b"V1,V2\n1,2\n".to_vec(),
             "head.csv: row 1, column 1: expected a finite number, found 'V1' (the first line",
         ),
-        ("gap.csv", b"1,,3\n".to_vec(), "gap.csv: row 1, column 2: expected a finite number, found nothing"),
+        (
+            "gap.csv",
+            b"1,,3\n".to_vec(),
+            "gap.csv: row 1, column 2: expected a finite number, found nothing",
+        ),
         ("empty.csv", Vec::new(), "empty.csv: expected at least one row, found none"),
         ("binary.csv", vec![0xff, 0xfe, 0], "binary.csv: expected CSV"),
         (
@@ -292,8 +351,14 @@ fn options_that_make_no_sense_are_refused_by_name() {
 #[test]
 fn options_choose_among_the_echoes() {
     let desk = Desk::new();
-    let row = record(200, 10.0, &[(30.0, 300.0, 6.0), (60.0, 900.0, 6.0), (90.0, 60.0, 6.0), (140.0, 20.0, 6.0)]);
-    let times = |more: &[&str]| numbers(&echoes(&desk, std::slice::from_ref(&row), more)[0], "time_ns").len();
+    let row = record(
+        200,
+        10.0,
+        &[(30.0, 300.0, 6.0), (60.0, 900.0, 6.0), (90.0, 60.0, 6.0), (140.0, 20.0, 6.0)],
+    );
+    let times = |more: &[&str]| {
+        numbers(&echoes(&desk, std::slice::from_ref(&row), more)[0], "time_ns").len()
+    };
     assert_eq!(times(&[]), 3);
     assert_eq!(times(&["--floor", "0.01"]), 4);
     assert_eq!(times(&["--floor", "0.5"]), 1);
@@ -310,7 +375,8 @@ fn a_numpy_array_reads_as_the_same_numbers_in_text_do() {
     let data: Vec<u8> = row.iter().flat_map(|&v| (v as u16).to_le_bytes()).collect();
     desk.write(
         "waves.npy",
-        [b"\x93NUMPY\x01\x00", &(header.len() as u16).to_le_bytes()[..], header.as_bytes(), &data].concat(),
+        [b"\x93NUMPY\x01\x00", &(header.len() as u16).to_le_bytes()[..], header.as_bytes(), &data]
+            .concat(),
     );
     let said = desk.succeed(&["echoes", "waves.npy", "--sample-ns", "1", "--json"]);
     assert_eq!(said.json(), echoes(&desk, &[row], &[])[0]);
@@ -330,11 +396,19 @@ fn a_record_longer_than_the_dsp_s_memory_is_found_whole() {
 #[test]
 fn the_number_of_threads_changes_nothing_and_people_get_a_table() {
     let desk = Desk::new();
-    let rows: Vec<_> =
-        (0..40).map(|i| record(90, 30.0, &[(20.0 + f64::from(i), 500.0, 6.0), (70.0, 90.0, 9.0)])).collect();
-    assert_eq!(echoes(&desk, &rows, &["--threads", "1"]), echoes(&desk, &rows, &["--threads", "3"]));
+    let rows: Vec<_> = (0..40)
+        .map(|i| record(90, 30.0, &[(20.0 + f64::from(i), 500.0, 6.0), (70.0, 90.0, 9.0)]))
+        .collect();
+    assert_eq!(
+        echoes(&desk, &rows, &["--threads", "1"]),
+        echoes(&desk, &rows, &["--threads", "3"])
+    );
     let said = desk.succeed(&["echoes", "waves.csv", "--sample-ns", "1"]);
-    assert!(said.out.starts_with("waveform") && said.out.ends_with("80 echoes in 40 waveforms\n"), "{}", said.out);
+    assert!(
+        said.out.starts_with("waveform") && said.out.ends_with("80 echoes in 40 waveforms\n"),
+        "{}",
+        said.out
+    );
 }
 
 /// A file of the shared data, or `None`, said aloud.
@@ -366,10 +440,14 @@ fn paired(found: &[f64], truth: &[f64], tolerance: f64) -> usize {
 
 /// A gzipped table without its header, by the `gzip` of the system.
 fn unzipped(path: &PathBuf) -> Vec<Vec<f64>> {
-    let output = std::process::Command::new("gzip").arg("-dc").arg(path).output().expect("gzip runs");
+    let output =
+        std::process::Command::new("gzip").arg("-dc").arg(path).output().expect("gzip runs");
     assert!(output.status.success(), "{}", path.display());
     let text = String::from_utf8(output.stdout).expect("text");
-    text.lines().skip(1).map(|line| line.split(',').map(|cell| cell.parse().expect(cell)).collect()).collect()
+    text.lines()
+        .skip(1)
+        .map(|line| line.split(',').map(|cell| cell.parse().expect(cell)).collect())
+        .collect()
 }
 
 #[test]
@@ -379,14 +457,20 @@ fn nine_of_ten_published_components_of_neon_are_found_with_few_extra_echoes() {
     let rows = unzipped(&folder.join("return_1_250.csv.gz"));
     desk.write("outgoing.csv", csv(&unzipped(&folder.join("outg_1_250.csv.gz"))));
     let mut truth = vec![Vec::new(); rows.len()];
-    for line in fs::read_to_string(folder.join("decomposition_1_250.csv")).expect("a table").lines().skip(1) {
+    for line in
+        fs::read_to_string(folder.join("decomposition_1_250.csv")).expect("a table").lines().skip(1)
+    {
         let cells: Vec<f64> = line.split(',').map(|cell| cell.parse().expect(cell)).collect();
         truth[cells[0] as usize - 1].push(cells[2] - 1.0); // its samples count from 1
     }
     let published: usize = truth.iter().map(Vec::len).sum();
-    for (name, more) in [("alone", &[] as &[&str]), ("with the outgoing pulse", &["--outgoing", "outgoing.csv"])] {
+    for (name, more) in
+        [("alone", &[] as &[&str]), ("with the outgoing pulse", &["--outgoing", "outgoing.csv"])]
+    {
         let (mut hits, mut extra) = (0, 0);
-        for (waveform, truth) in echoes(&desk, &rows, more).iter().zip(&truth).filter(|(_, truth)| !truth.is_empty()) {
+        for (waveform, truth) in
+            echoes(&desk, &rows, more).iter().zip(&truth).filter(|(_, truth)| !truth.is_empty())
+        {
             let found = numbers(waveform, "time_ns");
             let hit = paired(&found, truth, 2.0);
             (hits, extra) = (hits + hit, extra + found.len() - hit);
@@ -400,26 +484,41 @@ fn nine_of_ten_published_components_of_neon_are_found_with_few_extra_echoes() {
 #[test]
 fn hand_checked_peaks_are_found_in_their_places() {
     let Some(file) = data("waveform_peaks_adapt/waveforms_expected_peaks.json") else { return };
-    let records: Vec<Value> = serde_json::from_str(&fs::read_to_string(file).expect("a file")).expect("JSON");
-    let whole = |r: &&Value| r["expected_count"].as_u64() == r["expected_peaks"].as_array().map(|p| p.len() as u64);
-    let guesses: Vec<&Value> = records.iter().filter(|r| r["calls"] == "guess_peaks").filter(whole).collect();
+    let records: Vec<Value> =
+        serde_json::from_str(&fs::read_to_string(file).expect("a file")).expect("JSON");
+    let whole = |r: &&Value| {
+        r["expected_count"].as_u64() == r["expected_peaks"].as_array().map(|p| p.len() as u64)
+    };
+    let guesses: Vec<&Value> =
+        records.iter().filter(|r| r["calls"] == "guess_peaks").filter(whole).collect();
     let rows: Vec<Vec<f64>> = guesses
         .iter()
-        .map(|r| r["samples"].as_array().expect("samples").iter().map(|v| v.as_f64().expect("a number")).collect())
+        .map(|r| {
+            r["samples"]
+                .as_array()
+                .expect("samples")
+                .iter()
+                .map(|v| v.as_f64().expect("a number"))
+                .collect()
+        })
         .collect();
     let desk = Desk::new();
     let (mut hits, mut extra, mut strong, mut strong_hits) = (0, 0, 0, 0);
     for ((waveform, record), row) in echoes(&desk, &rows, &[]).iter().zip(&guesses).zip(&rows) {
         let place = |peak: &Value| peak["location"][0].as_f64().expect("a place");
-        let expected: Vec<f64> = record["expected_peaks"].as_array().expect("peaks").iter().map(place).collect();
+        let expected: Vec<f64> =
+            record["expected_peaks"].as_array().expect("peaks").iter().map(place).collect();
         let found = numbers(waveform, "time_ns");
         let hit = paired(&found, &expected, 2.0);
         (hits, extra) = (hits + hit, extra + found.len() - hit);
         let top = row.iter().copied().fold(0.0, f64::max);
-        let high: Vec<f64> = expected.iter().copied().filter(|&at| row[at as usize] >= top / 2.0).collect();
+        let high: Vec<f64> =
+            expected.iter().copied().filter(|&at| row[at as usize] >= top / 2.0).collect();
         (strong, strong_hits) = (strong + high.len(), strong_hits + paired(&found, &high, 2.0));
     }
-    println!("ADAPT: {hits} peaks, {extra} extra; {strong_hits} of {strong} at least half as high as the highest");
+    println!(
+        "ADAPT: {hits} peaks, {extra} extra; {strong_hits} of {strong} at least half as high as the highest"
+    );
     assert!(hits >= 60, "{hits}");
     assert!(extra <= 3, "{extra}");
     assert!(strong_hits * 100 >= strong * 85, "{strong_hits} of {strong}");

@@ -7,7 +7,8 @@ use echoloop_registration::pose::{Pose, read_pose, rotation_error_deg, translati
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use serde_json::Value;
 
-/// Two scans of a street, `target.ply` and `source.ply`, eight metres apart and of any heading, and the motion between them.
+/// Two scans of a street, `target.ply` and `source.ply`, eight metres apart and of any heading, and
+/// the motion between them.
 fn scans(desk: &Desk) -> Pose {
     let set = "data.train_pairs=1 data.test_pairs=1 data.baseline_m=8 data.heading_range_deg=180 scene.towns=[1] \
         scanner.azimuth_deg=360 scanner.columns=720 scanner.rows=64 scanner.elevation_deg=60";
@@ -24,7 +25,10 @@ fn motion(document: &Value) -> Pose {
     let rows = document["target_from_source"].as_array().expect("four rows");
     let number = |row: usize, column: usize| rows[row][column].as_f64().expect("a number");
     let rotation = Rotation3::from_matrix_unchecked(Matrix3::from_fn(number));
-    Pose::from_parts(Vector3::from_fn(|row, _| number(row, 3)).into(), UnitQuaternion::from_rotation_matrix(&rotation))
+    Pose::from_parts(
+        Vector3::from_fn(|row, _| number(row, 3)).into(),
+        UnitQuaternion::from_rotation_matrix(&rotation),
+    )
 }
 
 #[test]
@@ -33,7 +37,8 @@ fn global_methods_find_an_unknown_heading_and_refinement_sharpens_it() {
     let truth = scans(&desk);
     for method in ["fgr", "mac"] {
         let run = |more: &[&str]| {
-            let arguments = ["register", "-q", "--json", "target.ply", "source.ply", "--method", method];
+            let arguments =
+                ["register", "-q", "--json", "target.ply", "source.ply", "--method", method];
             desk.succeed(&[&arguments, more].concat()).json()
         };
         let (coarse, fine) = (run(&[]), run(&["--refine"]));
@@ -44,11 +49,15 @@ fn global_methods_find_an_unknown_heading_and_refinement_sharpens_it() {
         assert!(error(&coarse).0 < 0.3 && error(&coarse).1 < 1.5, "{method}: {:?}", error(&coarse));
         assert!(error(&fine).0 < 0.03 && error(&fine).1 < 0.1, "{method}: {:?}", error(&fine));
         for document in [&coarse, &fine] {
-            let count = |key: &str| document[key].as_u64().unwrap_or_else(|| panic!("{method} counts {key}"));
+            let count = |key: &str| {
+                document[key].as_u64().unwrap_or_else(|| panic!("{method} counts {key}"))
+            };
             assert!(count("inliers") > 20 && count("inliers") <= count("matches"), "{document}");
             assert_eq!(document["method"], method);
         }
-        assert!(fine["unobservable_directions"].is_u64() && coarse["unobservable_directions"].is_null());
+        assert!(
+            fine["unobservable_directions"].is_u64() && coarse["unobservable_directions"].is_null()
+        );
     }
 }
 
@@ -58,7 +67,8 @@ fn the_same_seed_gives_the_same_document_on_one_thread_and_two() {
     scans(&desk);
     for method in ["gicp", "fgr", "mac"] {
         let document = |threads: &str| {
-            let arguments = ["register", "-q", "--json", "target.ply", "source.ply", "--method", method];
+            let arguments =
+                ["register", "-q", "--json", "target.ply", "source.ply", "--method", method];
             let mut document = desk.run(&[&arguments[..], &["--threads", threads]].concat()).json();
             document.as_object_mut().expect("an object").remove("cpu_s");
             document
@@ -72,14 +82,40 @@ fn the_document_lists_every_setting_of_the_method_and_flags_change_them() {
     let desk = Desk::new();
     scans(&desk);
     let flags: [(&str, &[(&str, f64)]); 4] = [
-        ("icp", &[("voxel_m", 0.4), ("still_m", 0.002), ("max_pair_distance_m", 2.5), ("least_information", 0.01)]),
+        (
+            "icp",
+            &[
+                ("voxel_m", 0.4),
+                ("still_m", 0.002),
+                ("max_pair_distance_m", 2.5),
+                ("least_information", 0.01),
+            ],
+        ),
         ("gicp", &[("voxel_m", 0.4), ("normal_neighbours", 12.0), ("first_pair_distance_m", 5.0)]),
-        ("fgr", &[("voxel_m", 0.5), ("feature_radius_m", 2.25), ("feature_neighbours", 60.0), ("max_tuples", 500.0)]),
-        ("mac", &[("voxel_m", 0.6), ("normal_radius_m", 1.5), ("max_matches", 900.0), ("max_iterations", 7.0)]),
+        (
+            "fgr",
+            &[
+                ("voxel_m", 0.5),
+                ("feature_radius_m", 2.25),
+                ("feature_neighbours", 60.0),
+                ("max_tuples", 500.0),
+            ],
+        ),
+        (
+            "mac",
+            &[
+                ("voxel_m", 0.6),
+                ("normal_radius_m", 1.5),
+                ("max_matches", 900.0),
+                ("max_iterations", 7.0),
+            ],
+        ),
     ];
     for (method, given) in flags {
         let mut arguments: Vec<String> =
-            ["register", "-q", "--json", "target.ply", "source.ply", "--method", method].map(str::to_owned).to_vec();
+            ["register", "-q", "--json", "target.ply", "source.ply", "--method", method]
+                .map(str::to_owned)
+                .to_vec();
         for (key, value) in given {
             arguments.extend([format!("--{}", key.replace('_', "-")), value.to_string()]);
         }
@@ -102,20 +138,34 @@ fn flags_that_do_not_go_together_are_refused_by_name() {
         (&["--method", "mac", "--seed", "3"], &["--seed", "mac"]),
         (&["--method", "fgr", "--initial", "a.xyz"], &["--initial", "fgr"]),
         (&["--method", "fgr", "--voxel-m", "0"], &["voxel_m is 0", "above 0"]),
-        (&["--method", "fgr", "--normal-radius-m", "3", "--feature-radius-m", "1"], &["feature_radius_m", "3.3"]),
+        (
+            &["--method", "fgr", "--normal-radius-m", "3", "--feature-radius-m", "1"],
+            &["feature_radius_m", "3.3"],
+        ),
         (&["--method", "mac", "--max-matches", "2"], &["max_matches is 2"]),
     ];
     for (flags, parts) in table {
         desk.refuses(&[&["register", "a.xyz", "a.xyz"], flags].concat(), parts);
     }
     for command in ["tune", "evaluate"] {
-        let refused =
-            |more: &[&str], parts: &[&str]| desk.refuses(&[&[command, "-c", "small.toml"], more].concat(), parts);
+        let refused = |more: &[&str], parts: &[&str]| {
+            desk.refuses(&[&[command, "-c", "small.toml"], more].concat(), parts)
+        };
         refused(&["--refine"], &["registration.refine", "icp"]);
         refused(&["--method", "mac", "--mode", "open3d"], &["registration.mode", "mac"]);
-        refused(&["--set", "registration.feature_radius_m=2"], &["registration.feature_radius_m", "icp"]);
         refused(
-            &["--method", "fgr", "--set", "registration.normal_radius_m=3", "--set", "registration.feature_radius_m=2"],
+            &["--set", "registration.feature_radius_m=2"],
+            &["registration.feature_radius_m", "icp"],
+        );
+        refused(
+            &[
+                "--method",
+                "fgr",
+                "--set",
+                "registration.normal_radius_m=3",
+                "--set",
+                "registration.feature_radius_m=2",
+            ],
             &["registration.feature_radius_m", "3.3"],
         );
     }
@@ -125,7 +175,8 @@ fn flags_that_do_not_go_together_are_refused_by_name() {
 fn clouds_that_no_method_can_register_end_with_one_and_a_reason() {
     let desk = Desk::new();
     let line: String = (0..300).map(|i| format!("{} 1 0\n", f64::from(i) * 0.1)).collect();
-    let floor: String = (0..900).map(|i| format!("{} {} -1.8\n", f64::from(i % 30), f64::from(i / 30))).collect();
+    let floor: String =
+        (0..900).map(|i| format!("{} {} -1.8\n", f64::from(i % 30), f64::from(i / 30))).collect();
     desk.write("line.xyz", line);
     desk.write("floor.xyz", floor);
     desk.write("point.xyz", "1 2 3\n");
@@ -146,19 +197,38 @@ fn every_method_can_be_tuned_and_judged_again() {
     for (method, axes) in [("gicp", 5), ("fgr", 6), ("mac", 6)] {
         let own = ["--method", method, "--protocol", "registration", "--generations", "2"];
         desk.succeed(&[&["tune", "-q", "-c", "small.toml"], &own[..]].concat());
-        let result: Value = serde_json::from_str(&desk.read("runs/latest/result.json")).expect("JSON");
+        let result: Value =
+            serde_json::from_str(&desk.read("runs/latest/result.json")).expect("JSON");
         assert_eq!(result["method"], method);
         let tuned = result["tuned"].as_object().expect("values");
-        assert_eq!(tuned.keys().filter(|key| key.starts_with("registration.")).count(), axes, "{method}");
+        assert_eq!(
+            tuned.keys().filter(|key| key.starts_with("registration.")).count(),
+            axes,
+            "{method}"
+        );
         let again = desk.succeed(&["evaluate", "-q", "--json", "--run", "runs/latest"]).json();
-        assert_eq!(again["summary"]["recall_pct"], result["tuned_summary"]["recall_pct"], "{method}");
+        assert_eq!(
+            again["summary"]["recall_pct"], result["tuned_summary"]["recall_pct"],
+            "{method}"
+        );
     }
 }
 
 #[test]
 fn open3ds_way_of_fgr_is_named_in_the_result_and_the_report() {
     let desk = Desk::new();
-    desk.succeed(&["tune", "-q", "-c", "small.toml", "--method", "fgr", "--mode", "open3d", "--protocol", "default"]);
+    desk.succeed(&[
+        "tune",
+        "-q",
+        "-c",
+        "small.toml",
+        "--method",
+        "fgr",
+        "--mode",
+        "open3d",
+        "--protocol",
+        "default",
+    ]);
     let result: Value = serde_json::from_str(&desk.read("runs/latest/result.json")).expect("JSON");
     assert_eq!(result["method"], "fgr as Open3D runs it");
     assert!(desk.read("runs/latest/report.html").contains("Open3D 0.20"));

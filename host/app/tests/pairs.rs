@@ -10,8 +10,13 @@ use desk::Desk;
 use echoloop_registration::cloud::read_cloud;
 use echoloop_registration::pose::{frobenius_error, read_pose, relative};
 
-const NUMBERED: [&str; 5] =
-    ["source.ply", "target.ply", "target_from_source.txt", "world_from_source.txt", "world_from_target.txt"];
+const NUMBERED: [&str; 5] = [
+    "source.ply",
+    "target.ply",
+    "target_from_source.txt",
+    "world_from_source.txt",
+    "world_from_target.txt",
+];
 
 /// Writes the small configuration's pairs to a folder.
 fn pairs(desk: &Desk, folder: &str, more: &[&str]) {
@@ -20,8 +25,9 @@ fn pairs(desk: &Desk, folder: &str, more: &[&str]) {
 
 fn names(desk: &Desk, folder: &str) -> Vec<String> {
     let entries = fs::read_dir(desk.path(folder)).expect("a folder");
-    let mut names: Vec<String> =
-        entries.map(|entry| entry.expect("an entry").file_name().to_string_lossy().into_owned()).collect();
+    let mut names: Vec<String> = entries
+        .map(|entry| entry.expect("an entry").file_name().to_string_lossy().into_owned())
+        .collect();
     names.sort();
     names
 }
@@ -31,16 +37,21 @@ fn every_pair_is_written_whole_and_its_truth_is_that_of_its_poses() {
     let desk = Desk::new();
     pairs(&desk, "hard", &[]);
     let numbered = (0..3).flat_map(|n| NUMBERED.map(|name| format!("{n:03}_{name}")));
-    let expected: Vec<String> = numbered.chain(["config.toml".into(), "pairs.json".into()]).collect();
+    let expected: Vec<String> =
+        numbered.chain(["config.toml".into(), "pairs.json".into()]).collect();
     assert_eq!(names(&desk, "hard"), expected);
-    let list: serde_json::Value = serde_json::from_str(&desk.read("hard/pairs.json")).expect("JSON");
+    let list: serde_json::Value =
+        serde_json::from_str(&desk.read("hard/pairs.json")).expect("JSON");
     for (index, entry) in list["pairs"].as_array().expect("a list").iter().enumerate() {
         let file = |name: &str| desk.path(&format!("hard/{index:03}_{name}"));
         let pose = |name: &str| read_pose(&file(name)).expect(name);
         let truth = pose("target_from_source.txt");
         let from_poses = relative(&pose("world_from_target.txt"), &pose("world_from_source.txt"));
         assert!(frobenius_error(&truth, &from_poses) < 1e-12, "pair {index}");
-        assert!((truth.translation.vector.xy().norm() - 0.5).abs() < 0.1, "the configured baseline, pair {index}");
+        assert!(
+            (truth.translation.vector.xy().norm() - 0.5).abs() < 0.1,
+            "the configured baseline, pair {index}"
+        );
         for (end, name) in ["target.ply", "source.ply"].into_iter().enumerate() {
             let (cloud, dropped) = read_cloud(&file(name)).expect(name);
             assert_eq!(dropped.total(), 0);
@@ -56,9 +67,12 @@ fn the_clouds_are_those_that_evaluate_registers() {
     let desk = Desk::new();
     for set in ["test", "train"] {
         pairs(&desk, set, &["--pairs", set]);
-        let judged = desk.succeed(&["evaluate", "-q", "--json", "-c", "small.toml", "--pairs", set]).json();
-        let list: serde_json::Value = serde_json::from_str(&desk.read(&format!("{set}/pairs.json"))).expect("JSON");
-        let listed: Vec<_> = list["pairs"].as_array().expect("a list").iter().map(|pair| &pair["points"]).collect();
+        let judged =
+            desk.succeed(&["evaluate", "-q", "--json", "-c", "small.toml", "--pairs", set]).json();
+        let list: serde_json::Value =
+            serde_json::from_str(&desk.read(&format!("{set}/pairs.json"))).expect("JSON");
+        let listed: Vec<_> =
+            list["pairs"].as_array().expect("a list").iter().map(|pair| &pair["points"]).collect();
         let errors = judged["summary"]["errors"].as_array().expect("errors");
         let judged: Vec<_> = errors.iter().map(|error| &error["points"]).collect();
         assert_eq!(listed, judged, "{set}");
@@ -88,7 +102,9 @@ fn a_written_pair_registers_to_its_truth() {
         .as_array()
         .expect("rows")
         .iter()
-        .flat_map(|row| row.as_array().expect("a row").iter().map(|v| v.as_f64().expect("a number")))
+        .flat_map(|row| {
+            row.as_array().expect("a row").iter().map(|v| v.as_f64().expect("a number"))
+        })
         .collect();
     let rows: [f64; 16] = rows.try_into().expect("sixteen numbers");
     let found = echoloop_registration::pose::from_rows(&rows).expect("a motion");
@@ -122,11 +138,30 @@ fn what_cannot_be_scanned_leaves_no_folder() {
 fn an_interrupted_run_leaves_no_folder() {
     let desk = Desk::new();
     let before = desk.snapshot();
-    let many = ["pairs", "-c", "small.toml", "-o", "hard", "--threads", "1", "--set", "data.test_pairs=200"];
-    let mut child = desk.command(&many).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("echoloop starts");
+    let many = [
+        "pairs",
+        "-c",
+        "small.toml",
+        "-o",
+        "hard",
+        "--threads",
+        "1",
+        "--set",
+        "data.test_pairs=200",
+    ];
+    let mut child = desk
+        .command(&many)
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("echoloop starts");
     let mut lines = BufReader::new(child.stderr.take().expect("a pipe")).lines();
-    assert!(lines.any(|line| line.expect("a line").contains("listening")), "it says when the scans begin");
-    let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill runs");
+    assert!(
+        lines.any(|line| line.expect("a line").contains("listening")),
+        "it says when the scans begin"
+    );
+    let killed =
+        Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill runs");
     assert!(killed.success());
     let said: Vec<String> = lines.map(|line| line.expect("a line")).collect();
     assert_eq!(child.wait().expect("it ends").code(), Some(130), "{said:?}");

@@ -1,6 +1,7 @@
 //! `--sensor qemu`: the loop through the image in an emulated microcontroller.
 //!
-//! `cargo xtask firmware` builds the image. Without it or QEMU these tests are skipped aloud; where `CI` is set, they fail.
+//! `cargo xtask firmware` builds the image. Without it or QEMU these tests are skipped aloud; where
+//! `CI` is set, they fail.
 #![cfg(unix)]
 
 mod desk;
@@ -17,7 +18,8 @@ use echoloop_sim::qemu::{Machine, QemuOptions, check_installed};
 /// The image, if it can be run.
 fn image() -> Option<String> {
     let machine = Machine::An386;
-    let image = QemuOptions::new(machine, &Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")).image;
+    let image =
+        QemuOptions::new(machine, &Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")).image;
     let missing = match check_installed(machine) {
         Err(error) => error.to_string(),
         Ok(()) if !image.is_file() => format!("no image {}: cargo xtask firmware", image.display()),
@@ -34,9 +36,15 @@ fn a_scan_through_the_emulated_board_is_that_of_the_sensor_in_process() {
     let desk = Desk::new();
     let scan = ["scan", "-c", "small.toml", "--json"];
     desk.succeed(&[&scan[..], &["-o", "pc.ply"]].concat());
-    let on_board = ["--sensor", "qemu", "--firmware", &image, "--sensor-log", "log.txt", "-o", "board.ply"];
+    let on_board =
+        ["--sensor", "qemu", "--firmware", &image, "--sensor-log", "log.txt", "-o", "board.ply"];
     let said = desk.succeed(&[&scan[..], &on_board].concat()).json();
-    assert!(said["sensor"].as_str().is_some_and(|name| name.starts_with("qemu:mps2-an386, echoloop-sensor")), "{said}");
+    assert!(
+        said["sensor"]
+            .as_str()
+            .is_some_and(|name| name.starts_with("qemu:mps2-an386, echoloop-sensor")),
+        "{said}"
+    );
     assert!(desk.bytes("board.ply") == desk.bytes("pc.ply"), "the clouds differ");
     let (log, hash) = (desk.read("log.txt"), said["settings"].as_str().unwrap_or("?").to_owned());
     assert!(log.contains(&format!("settings {hash} active")), "{hash}: {log}");
@@ -63,16 +71,33 @@ fn the_emulated_board_has_the_configured_energy_limit() {
 fn a_run_through_the_emulated_board_ends_with_the_numbers_of_the_run_in_process() {
     let Some(image) = image() else { return };
     let desk = Desk::new();
-    let few = ["--set", "scanner.columns=24", "--set", "data.train_pairs=2", "--set", "data.test_pairs=1"];
-    let tiny = [&["--generations", "1", "--population", "2", "--set", "tune.shortlist=1"], &few[..]].concat();
+    let few = [
+        "--set",
+        "scanner.columns=24",
+        "--set",
+        "data.train_pairs=2",
+        "--set",
+        "data.test_pairs=1",
+    ];
+    let tiny =
+        [&["--generations", "1", "--population", "2", "--set", "tune.shortlist=1"], &few[..]]
+            .concat();
     desk.tune(&[&tiny[..], &["--runs", "pc"]].concat());
-    desk.tune(&[&tiny[..], &["--runs", "board", "--sensor", "qemu", "--firmware", &image, "--threads", "2"]].concat());
+    desk.tune(
+        &[
+            &tiny[..],
+            &["--runs", "board", "--sensor", "qemu", "--firmware", &image, "--threads", "2"],
+        ]
+        .concat(),
+    );
     for file in ["history.jsonl", "result.json", "report.html"] {
         let [pc, board] = ["pc", "board"].map(|runs| desk.read(&format!("{runs}/latest/{file}")));
         assert!(pc == board, "{file} differs");
     }
     let again = ["evaluate", "--run", "board/latest", "--json", "-q"];
-    let on_board = desk.succeed(&[&again[..], &["--sensor", "qemu:mps2-an386", "--firmware", &image]].concat()).json();
+    let on_board = desk
+        .succeed(&[&again[..], &["--sensor", "qemu:mps2-an386", "--firmware", &image]].concat())
+        .json();
     assert_eq!(on_board["summary"], desk.succeed(&again).json()["summary"]);
 }
 
@@ -81,7 +106,12 @@ fn children(parent: u32) -> Vec<u32> {
     let list = |task: PathBuf| fs::read_to_string(task.join("children")).unwrap_or_default();
     let tasks = fs::read_dir(format!("/proc/{parent}/task")).into_iter().flatten().flatten();
     tasks
-        .flat_map(|task| list(task.path()).split_whitespace().filter_map(|id| id.parse().ok()).collect::<Vec<_>>())
+        .flat_map(|task| {
+            list(task.path())
+                .split_whitespace()
+                .filter_map(|id| id.parse().ok())
+                .collect::<Vec<_>>()
+        })
         .collect()
 }
 
@@ -89,21 +119,46 @@ fn children(parent: u32) -> Vec<u32> {
 fn an_emulator_that_dies_is_a_lost_sensor_and_one_that_is_interrupted_leaves_none_behind() {
     let Some(image) = image() else { return };
     let desk = Desk::new();
-    let long = ["tune", "-c", "small.toml", "--generations", "500", "--sensor", "qemu", "--firmware", &image];
-    let judge =
-        ["evaluate", "-c", "small.toml", "--set", "data.test_pairs=40", "--sensor", "qemu", "--firmware", &image];
+    let long = [
+        "tune",
+        "-c",
+        "small.toml",
+        "--generations",
+        "500",
+        "--sensor",
+        "qemu",
+        "--firmware",
+        &image,
+    ];
+    let judge = [
+        "evaluate",
+        "-c",
+        "small.toml",
+        "--set",
+        "data.test_pairs=40",
+        "--sensor",
+        "qemu",
+        "--firmware",
+        &image,
+    ];
     let ends = [
         (&long[..], "-KILL", true, 3, "qemu"),
         (&long, "-INT", false, 130, "--resume"),
         (&judge, "-TERM", false, 130, ""),
     ];
     for (command, signal, to_child, code, says) in ends {
-        let child =
-            desk.command(command).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("echoloop starts");
+        let child = desk
+            .command(command)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("echoloop starts");
         let deadline = Instant::now() + Duration::from_secs(60);
         let emulators = loop {
             let found = children(child.id());
-            if !found.is_empty() && (command[0] != "tune" || desk.path("runs/latest/history.jsonl").exists()) {
+            if !found.is_empty()
+                && (command[0] != "tune" || desk.path("runs/latest/history.jsonl").exists())
+            {
                 break found;
             }
             assert!(Instant::now() < deadline, "no emulator was started");
@@ -133,7 +188,10 @@ fn an_image_that_is_not_there_is_named_with_what_builds_it() {
     );
     let scan = |board, file| ["scan", "-c", "small.toml", "--sensor", board, "--firmware", file];
     desk.refuses(&scan("qemu", "small.toml"), &["small.toml", "not an ELF file"]);
-    desk.refuses(&scan("qemu", env!("CARGO_BIN_EXE_echoloop")), &["echoloop", "for X86_64", "runs Arm code at 0x0"]);
+    desk.refuses(
+        &scan("qemu", env!("CARGO_BIN_EXE_echoloop")),
+        &["echoloop", "for X86_64", "runs Arm code at 0x0"],
+    );
     desk.refuses(
         &scan("qemu:mps2-an505", &image),
         &["echoloop-sensor", "runs Arm code at 0x10000000", "thumbv8m.main"],

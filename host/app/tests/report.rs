@@ -1,4 +1,5 @@
-//! The page as a browser sees it. Without Chromium only the text is checked, loudly; with `CI` set, that is a failure.
+//! The page as a browser sees it. Without Chromium only the text is checked, loudly; with `CI` set,
+//! that is a failure.
 
 mod browser;
 #[path = "report/synthetic.rs"]
@@ -7,7 +8,8 @@ mod synthetic;
 use browser::open;
 use echoloop_host::report::{CloudLayer, PoseError, Report};
 
-/// A view that works lights some ten thousand pixels; a camera that looks past the clouds lights none.
+/// A view that works lights some ten thousand pixels; a camera that looks past the clouds lights
+/// none.
 const LIT_AT_LEAST: u32 = 5_000;
 
 #[test]
@@ -70,8 +72,20 @@ fn whatever_moves_one_view_moves_both() {
         return;
     };
     page.assert_silent();
-    let steps =
-        ["orbit", "pan", "zoom", "drag", "slide", "toggle", "height", "intensity", "size", "above", "reset", "back"];
+    let steps = [
+        "orbit",
+        "pan",
+        "zoom",
+        "drag",
+        "slide",
+        "toggle",
+        "height",
+        "intensity",
+        "size",
+        "above",
+        "reset",
+        "back",
+    ];
     for step in steps {
         assert_eq!(page.body(&format!("data-{step}")), Some("2"), "{step}");
     }
@@ -90,7 +104,9 @@ fn without_webgl_a_text_takes_the_place_of_the_views() {
 #[test]
 fn the_page_refers_to_nothing_outside_itself() {
     let html = synthetic::report(1).to_html().expect("consistent data");
-    for reference in ["http://", "https://", "src=", "url(", "@import", "import(", "fetch(", "XMLHttp"] {
+    for reference in
+        ["http://", "https://", "src=", "url(", "@import", "import(", "fetch(", "XMLHttp"]
+    {
         assert!(!html.contains(reference), "the page holds {reference}");
     }
     assert_eq!(html.matches("href=").count(), 1, "only the empty icon");
@@ -109,7 +125,10 @@ fn every_colour_is_the_style_sheets() {
 fn the_same_data_give_the_same_bytes() {
     let [a, b] = [1, 1].map(|seed| synthetic::report(seed).to_html().expect("consistent data"));
     assert!(a == b);
-    eprintln!("a report of 30 generations, 12 parameters, 20 pairs and 48,000 points: {} bytes", a.len());
+    eprintln!(
+        "a report of 30 generations, 12 parameters, 20 pairs and 48,000 points: {} bytes",
+        a.len()
+    );
 }
 
 #[test]
@@ -129,7 +148,8 @@ fn a_report_of_nothing_but_gaps_is_drawn() {
 /// Replaces every number by one that is not finite.
 fn blank(report: &mut Report) {
     let c = &mut report.convergence;
-    let series = [&mut c.best, &mut c.median, &mut c.upper_quartile, &mut c.mean_point, &mut c.sigma];
+    let series =
+        [&mut c.best, &mut c.median, &mut c.upper_quartile, &mut c.mean_point, &mut c.sigma];
     series.into_iter().for_each(|values| values.fill(f64::INFINITY));
     c.default_fitness = Some(f64::NAN);
     for row in &mut report.table.rows {

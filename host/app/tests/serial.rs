@@ -1,5 +1,5 @@
-//! A sensor on a serial line, over pairs of pseudo-terminals: the same echoes as in process, and an end in bounded time
-//! whatever becomes of the line.
+//! A sensor on a serial line, over pairs of pseudo-terminals: the same echoes as in process, and an
+//! end in bounded time whatever becomes of the line.
 #![cfg(unix)]
 
 mod desk;
@@ -21,7 +21,8 @@ use echoloop_host::link::serve::{Viewpoints, serve};
 use echoloop_host::link::transport::{Serial, Transport};
 use serialport::{SerialPort, TTYPort};
 
-/// Held while terminals are made and while commands start: a new terminal is inherited until it is marked.
+/// Held while terminals are made and while commands start: a new terminal is inherited until it is
+/// marked.
 static STARTING: Mutex<()> = Mutex::new(());
 
 fn starting() -> MutexGuard<'static, ()> {
@@ -93,11 +94,14 @@ impl Board {
     }
 
     fn cut_after(desk: &Desk, answers_left: usize) -> Self {
-        let yard = format!("scene.source={}", desk.path("yard.obj").display()).parse().expect("an override");
+        let yard = format!("scene.source={}", desk.path("yard.obj").display())
+            .parse()
+            .expect("an override");
         let config = load(Some(&desk.path("small.toml")), &[yard]).expect("a configuration");
         let dataset = Dataset::build(&config, &|_, _| ()).expect("a yard");
         let views = dataset.views().map(Arc::clone).collect();
-        let mut sensor = Viewpoints::new(&Model::of(&config), views, scan_noise(config.seed)).sensor();
+        let mut sensor =
+            Viewpoints::new(&Model::of(&config), views, scan_noise(config.seed)).sensor();
         let (here, _plug, path) = terminals();
         let stop = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&stop);
@@ -124,7 +128,10 @@ fn over_a_line_a_sensor_gives_the_echoes_it_gives_in_process() {
     let mut far = Sensor::serial(&board.port).expect("a sensor");
     let mut near = Sensor::in_process(&Model::of(&board.config)).expect("a sensor");
     assert_eq!(far.identity(), near.identity());
-    assert_eq!(far.configure(&settings).expect("accepted"), near.configure(&settings).expect("accepted"));
+    assert_eq!(
+        far.configure(&settings).expect("accepted"),
+        near.configure(&settings).expect("accepted")
+    );
     for (scene, number) in board.dataset.views().zip(1..).take(3) {
         let noise_seed = scan_noise(board.config.seed);
         let view = View { scene, noise_seed, scan: number, viewpoint: number };
@@ -134,7 +141,11 @@ fn over_a_line_a_sensor_gives_the_echoes_it_gives_in_process() {
     }
     let nowhere = board.dataset.views().next().expect("a view");
     let view = View { scene: nowhere, noise_seed: 0, scan: 1, viewpoint: 1_000 };
-    assert_eq!(far.scan(&view).expect("a scan").iter().flatten().count(), 0, "there is no such viewpoint");
+    assert_eq!(
+        far.scan(&view).expect("a scan").iter().flatten().count(),
+        0,
+        "there is no such viewpoint"
+    );
 }
 
 #[test]
@@ -142,15 +153,35 @@ fn scan_writes_the_cloud_it_writes_in_process() {
     let desk = Desk::new();
     let board = Board::new(&desk);
     let scan = |sensor: &str, name: &str| {
-        succeed(&desk, &["scan", "--json", "-c", "small.toml", "--sensor", sensor, "-o", name]).json()
+        succeed(&desk, &["scan", "--json", "-c", "small.toml", "--sensor", sensor, "-o", name])
+            .json()
     };
     let [near, far] = [scan("in-process", "near.ply"), scan(&board.spec, "far.ply")];
     assert!(desk.bytes("near.ply") == desk.bytes("far.ply"), "the clouds differ");
     assert_eq!(near["settings"], far["settings"]);
     assert_eq!(far["sensor"], format!("{}, echoloop-sensor 0.1.0", board.spec));
-    assert_eq!((&far["scene"], &far["world_from_sensor"]), (&().into(), &().into()), "not ours to know");
-    let said =
-        run(&desk, &["scan", "-c", "small.toml", "--sensor", &board.spec, "--pose", "0", "0", "2", "0", "0", "0"]);
+    assert_eq!(
+        (&far["scene"], &far["world_from_sensor"]),
+        (&().into(), &().into()),
+        "not ours to know"
+    );
+    let said = run(
+        &desk,
+        &[
+            "scan",
+            "-c",
+            "small.toml",
+            "--sensor",
+            &board.spec,
+            "--pose",
+            "0",
+            "0",
+            "2",
+            "0",
+            "0",
+            "0",
+        ],
+    );
     assert_eq!(said.code, Some(2), "{}", said.err);
     assert!(said.err.contains("--pose"), "{}", said.err);
 }
@@ -159,18 +190,36 @@ fn scan_writes_the_cloud_it_writes_in_process() {
 fn a_run_over_a_line_ends_with_a_report_and_is_the_same_on_one_thread_and_two() {
     let desk = Desk::new();
     let board = Board::new(&desk);
-    let tiny = ["-c", "small.toml", "--generations", "1", "--population", "2", "--set", "tune.shortlist=1"];
+    let tiny = [
+        "-c",
+        "small.toml",
+        "--generations",
+        "1",
+        "--population",
+        "2",
+        "--set",
+        "tune.shortlist=1",
+    ];
     for threads in ["1", "2"] {
-        let said = succeed(&desk, &[&["tune", "--sensor", &board.spec, "--threads", threads], &tiny[..]].concat());
-        assert!(said.err.contains(&format!("sensor {}, echoloop-sensor", board.spec)), "{}", said.err);
+        let said = succeed(
+            &desk,
+            &[&["tune", "--sensor", &board.spec, "--threads", threads], &tiny[..]].concat(),
+        );
+        assert!(
+            said.err.contains(&format!("sensor {}, echoloop-sensor", board.spec)),
+            "{}",
+            said.err
+        );
     }
     for name in ["config.toml", "history.jsonl", "result.json", "report.html", "after.ply"] {
-        let [one, two] = [1, 2].map(|run| desk.bytes(&format!("runs/000{run}-yard-icp-joint/{name}")));
+        let [one, two] =
+            [1, 2].map(|run| desk.bytes(&format!("runs/000{run}-yard-icp-joint/{name}")));
         assert!(one.len() > 100 && one == two, "{name}");
     }
     let judged = ["evaluate", "-q", "--json", "--run", "runs/latest", "--sensor", &board.spec];
     let judged = succeed(&desk, &judged).json();
-    let result: serde_json::Value = serde_json::from_str(&desk.read("runs/latest/result.json")).expect("JSON");
+    let result: serde_json::Value =
+        serde_json::from_str(&desk.read("runs/latest/result.json")).expect("JSON");
     assert_eq!(judged["summary"], result["tuned_summary"]);
 }
 
@@ -178,16 +227,30 @@ fn a_run_over_a_line_ends_with_a_report_and_is_the_same_on_one_thread_and_two() 
 fn a_board_keeps_its_settings_until_others_are_asked_for() {
     let desk = Desk::new();
     let board = Board::new(&desk);
-    let sensor =
-        |more: &[&str]| succeed(&desk, &[&["sensor", "--json", "--sensor", &board.spec], more].concat()).json();
+    let sensor = |more: &[&str]| {
+        succeed(&desk, &[&["sensor", "--json", "--sensor", &board.spec], more].concat()).json()
+    };
     assert_eq!(sensor(&["--set", "lidar.power=33.33"])["settings"]["power"], 33.33);
     let other = sensor(&["--set", "lidar.gain=3"]);
-    assert_eq!((&other["settings"]["power"], &other["settings"]["gain"]), (&33.33.into(), &3.0.into()));
+    assert_eq!(
+        (&other["settings"]["power"], &other["settings"]["gain"]),
+        (&33.33.into(), &3.0.into())
+    );
     let read = sensor(&[]);
     assert_eq!((&read["settings"], &read["hash"]), (&other["settings"], &other["hash"]));
     assert!(read["counters"]["frames"].as_u64() > other["counters"]["frames"].as_u64(), "{read}");
-    let said =
-        run(&desk, &["sensor", "--sensor", &board.spec, "--set", "lidar.pulse_width=20", "--set", "lidar.power=75"]);
+    let said = run(
+        &desk,
+        &[
+            "sensor",
+            "--sensor",
+            &board.spec,
+            "--set",
+            "lidar.pulse_width=20",
+            "--set",
+            "lidar.power=75",
+        ],
+    );
     assert_eq!(said.code, Some(2), "{}", said.err);
     assert!(said.err.contains("refused") && said.err.contains(&board.port.path), "{}", said.err);
     assert_eq!(sensor(&[])["hash"], other["hash"]);
@@ -201,7 +264,8 @@ fn a_board_of_other_beams_is_refused_to_a_run_and_scans_as_it_is() {
     for command in ["tune", "evaluate"] {
         let said = run(&desk, &[&[command], &other[..]].concat());
         assert_eq!(said.code, Some(2), "{}", said.err);
-        for part in [&board.port.path, "48 × 16 over 180° × 60°", "64 × 16 over 180° × 60°"] {
+        for part in [&board.port.path, "48 × 16 over 180° × 60°", "64 × 16 over 180° × 60°"]
+        {
             assert!(said.err.contains(part), "{part}: {}", said.err);
         }
     }
@@ -215,7 +279,8 @@ fn a_line_cut_in_the_middle_is_a_lost_link_with_the_port_s_name() {
     let desk = Desk::new();
     for command in ["scan", "evaluate", "tune"] {
         let board = Board::cut_after(&desk, 12);
-        let said = run(&desk, &[command, "-c", "small.toml", "--threads", "2", "--sensor", &board.spec]);
+        let said =
+            run(&desk, &[command, "-c", "small.toml", "--threads", "2", "--sensor", &board.spec]);
         assert_eq!(said.code, Some(3), "{command}: {}", said.err);
         let line = said.err.lines().find(|line| line.starts_with("error:")).expect("an error");
         assert!(line.contains(&board.port.path) && line.contains("the link is lost"), "{line}");
@@ -227,19 +292,35 @@ fn a_line_cut_in_the_middle_is_a_lost_link_with_the_port_s_name() {
 #[test]
 fn a_run_that_lost_its_board_goes_on_with_another_to_the_same_end() {
     let desk = Desk::new();
-    let tune = |board: &Board, more: &[&str]| run(&desk, &[&["tune", "-q", "--sensor", &board.spec], more].concat());
-    let tiny = ["-c", "small.toml", "--generations", "2", "--population", "2", "--set", "tune.shortlist=1"];
+    let tune = |board: &Board, more: &[&str]| {
+        run(&desk, &[&["tune", "-q", "--sensor", &board.spec], more].concat())
+    };
+    let tiny = [
+        "-c",
+        "small.toml",
+        "--generations",
+        "2",
+        "--population",
+        "2",
+        "--set",
+        "tune.shortlist=1",
+    ];
     let whole = tune(&Board::new(&desk), &tiny);
     assert_eq!(whole.code, Some(0), "{}", whole.err);
     // 50 answers a registration, 4 registrations a generation: lost in the second.
     assert_eq!(tune(&Board::cut_after(&desk, 300), &tiny).code, Some(3));
     let lost = "runs/0002-yard-icp-joint";
-    assert_eq!(desk.read(&format!("{lost}/history.jsonl")).lines().count(), 2, "a header and a generation");
+    assert_eq!(
+        desk.read(&format!("{lost}/history.jsonl")).lines().count(),
+        2,
+        "a header and a generation"
+    );
     let resumed = tune(&Board::new(&desk), &["--resume", lost]);
     assert_eq!(resumed.code, Some(0), "{}", resumed.err);
     for name in ["history.jsonl", "result.json", "report.html"] {
         assert!(
-            desk.bytes(&format!("{lost}/{name}")) == desk.bytes(&format!("runs/0001-yard-icp-joint/{name}")),
+            desk.bytes(&format!("{lost}/{name}"))
+                == desk.bytes(&format!("runs/0001-yard-icp-joint/{name}")),
             "{name}"
         );
     }
@@ -252,7 +333,11 @@ fn a_port_that_answers_nothing_is_given_up_in_bounded_time() {
     let begun = Instant::now();
     let said = run(&desk, &["sensor", "--sensor", &format!("serial:{path}@4000000")]);
     assert_eq!(said.code, Some(3), "{}", said.err);
-    assert!(said.err.contains(&path) && said.err.contains("no answer from the sensor to hello"), "{}", said.err);
+    assert!(
+        said.err.contains(&path) && said.err.contains("no answer from the sensor to hello"),
+        "{}",
+        said.err
+    );
     assert!(begun.elapsed() < Duration::from_secs(30));
 }
 
@@ -261,12 +346,16 @@ fn a_port_that_is_none_is_refused_by_name() {
     let desk = Desk::new();
     for name in ["/dev/no-such-port", "yard.obj", "."] {
         for command in ["tune", "evaluate", "scan", "sensor"] {
-            desk.refuses(&[command, "--sensor", &format!("serial:{name}")], &[name, "cannot be opened"]);
+            desk.refuses(
+                &[command, "--sensor", &format!("serial:{name}")],
+                &[name, "cannot be opened"],
+            );
         }
         desk.refuses(&["serve", "-c", "small.toml", name], &[name, "cannot be opened"]);
     }
-    let error =
-        Sensor::serial(&Port { path: "/dev/no-such-port".into(), baud: 9_600 }).map(|_| ()).expect_err("no port");
+    let error = Sensor::serial(&Port { path: "/dev/no-such-port".into(), baud: 9_600 })
+        .map(|_| ())
+        .expect_err("no port");
     assert!(matches!(error, SensorError::Open { .. }), "{error}");
 }
 
@@ -298,7 +387,8 @@ fn bridge(one: TTYPort, other: TTYPort, stop: &Arc<AtomicBool>) -> JoinHandle<()
         let mut buffer = [0; 4096];
         while !stop.load(Ordering::Relaxed) {
             for (from, to) in [(0, 1), (1, 0)] {
-                let length = lines[from].receive(&mut buffer, Duration::from_millis(1)).expect("a line");
+                let length =
+                    lines[from].receive(&mut buffer, Duration::from_millis(1)).expect("a line");
                 lines[to].send(&buffer[..length]).expect("a line");
             }
         }
@@ -312,14 +402,27 @@ fn serve_is_the_other_end_until_interrupted() {
     let stop = Arc::new(AtomicBool::new(false));
     let bridge = bridge(one, other, &stop);
     let server = start(&desk, &["serve", "-c", "small.toml", &served]);
-    succeed(&desk, &["scan", "-q", "-c", "small.toml", "--sensor", &format!("serial:{used}"), "-o", "far.ply"]);
+    succeed(
+        &desk,
+        &["scan", "-q", "-c", "small.toml", "--sensor", &format!("serial:{used}"), "-o", "far.ply"],
+    );
     desk.succeed(&["scan", "-q", "-c", "small.toml", "-o", "near.ply"]);
     assert!(desk.bytes("near.ply") == desk.bytes("far.ply"), "the clouds differ");
     let pid = server.id().to_string();
-    assert!(std::process::Command::new("kill").args(["-INT", &pid]).status().expect("kill runs").success());
+    assert!(
+        std::process::Command::new("kill")
+            .args(["-INT", &pid])
+            .status()
+            .expect("kill runs")
+            .success()
+    );
     let said = end(server);
     assert_eq!(said.code, Some(0), "{}", said.err);
-    assert!(said.err.contains(&format!("serving 14 viewpoints on {served}@921600 until ^C")), "{}", said.err);
+    assert!(
+        said.err.contains(&format!("serving 14 viewpoints on {served}@921600 until ^C")),
+        "{}",
+        said.err
+    );
     stop.store(true, Ordering::Relaxed);
     bridge.join().expect("a bridge");
 }

@@ -17,7 +17,9 @@ mod tests {
 
     #[test]
     fn reflection_is_the_identity_inside_and_mirrors_outside() {
-        for (x, expected) in [(0.0, 0.0), (0.3, 0.3), (1.0, 1.0), (1.2, 0.8), (-0.2, 0.2), (2.3, 0.3), (-1.4, 0.6)] {
+        for (x, expected) in
+            [(0.0, 0.0), (0.3, 0.3), (1.0, 1.0), (1.2, 0.8), (-0.2, 0.2), (2.3, 0.3), (-1.4, 0.6)]
+        {
             assert!((reflect(x) - expected).abs() < 1e-12, "{x}");
         }
         assert!(is_mirrored(1.2) && is_mirrored(-0.2) && !is_mirrored(0.3) && !is_mirrored(2.3));

@@ -19,8 +19,8 @@ pub struct Candidate {
 
 /// CMA-ES with active covariance update.
 ///
-/// Candidate i of generation g depends on (seed, g, i) and the state only, and the state on the values told: to resume a
-/// search, tell it again what it was told.
+/// Candidate i of generation g depends on (seed, g, i) and the state only, and the state on the
+/// values told: to resume a search, tell it again what it was told.
 #[derive(Clone, Debug)]
 pub struct CmaEs {
     strategy: Strategy,
@@ -81,7 +81,8 @@ impl CmaEs {
         (0..self.strategy.lambda)
             .map(|i| {
                 let genotype = &self.mean + self.sigma * self.y(i);
-                let phenotype = genotype.iter().enumerate().map(|(i, &x)| self.express(i, x)).collect();
+                let phenotype =
+                    genotype.iter().enumerate().map(|(i, &x)| self.express(i, x)).collect();
                 Candidate { genotype: genotype.as_slice().to_vec(), phenotype }
             })
             .collect()
@@ -100,9 +101,11 @@ impl CmaEs {
         &self.b * self.d.component_mul(&DVector::from_vec(z))
     }
 
-    /// Takes the candidates' values, smaller is better, in the order they were asked, and moves on a generation.
+    /// Takes the candidates' values, smaller is better, in the order they were asked, and moves on
+    /// a generation.
     ///
-    /// A value that is not a number, or infinite, ranks last; of equals, the first candidate ranks first.
+    /// A value that is not a number, or infinite, ranks last; of equals, the first candidate ranks
+    /// first.
     ///
     /// # Errors
     ///
@@ -142,8 +145,10 @@ impl CmaEs {
         let still = self.is_path_short(length);
         let s = &self.strategy;
         let h = f64::from(u8::from(still));
-        self.path_c = (1.0 - s.c_c) * &self.path_c + h * libm::sqrt(s.c_c * (2.0 - s.c_c) * s.mu_eff) * &y_w; // Eq. 45
-        let weights: Vec<f64> = s.weights.iter().zip(steps).map(|(&w, y)| self.bounded_weight(w, y, n)).collect(); // Eq. 46
+        self.path_c =
+            (1.0 - s.c_c) * &self.path_c + h * libm::sqrt(s.c_c * (2.0 - s.c_c) * s.mu_eff) * &y_w; // Eq. 45
+        let weights: Vec<f64> =
+            s.weights.iter().zip(steps).map(|(&w, y)| self.bounded_weight(w, y, n)).collect(); // Eq. 46
         let s = &self.strategy;
         let total: f64 = s.weights.iter().sum();
         let forget = (1.0 - h) * s.c_c * (2.0 - s.c_c);
@@ -184,8 +189,8 @@ impl CmaEs {
         if weight >= 0.0 { weight } else { weight * n / (self.whiten(step).norm_squared() + 1e-8) }
     }
 
-    /// Brings a mean that has left the cube back. The function of the genotype is mirrored there, so the mirrored
-    /// distribution is the same search.
+    /// Brings a mean that has left the cube back. The function of the genotype is mirrored there,
+    /// so the mirrored distribution is the same search.
     fn fold_mean(&mut self) {
         for i in 0..self.mean.len() {
             if is_mirrored(self.mean[i]) {
@@ -196,7 +201,8 @@ impl CmaEs {
         }
     }
 
-    /// Keeps each standard deviation within a third of the cube: beyond it, reflection makes samples uniform anyway.
+    /// Keeps each standard deviation within a third of the cube: beyond it, reflection makes
+    /// samples uniform anyway.
     fn cap_deviations(&mut self) {
         for i in 0..self.mean.len() {
             let deviation = self.sigma * self.c[(i, i)].max(0.0).sqrt();
@@ -214,7 +220,8 @@ impl CmaEs {
         self.eigen_generation = 0; // B and D are of another C now
     }
 
-    /// Decomposes C as often as it has changed noticeably: every generation up to some 60 parameters.
+    /// Decomposes C as often as it has changed noticeably: every generation up to some 60
+    /// parameters.
     fn decompose_when_due(&mut self) {
         let s = &self.strategy;
         let gap = 1.0 / ((s.c_1 + s.c_mu) * s.dimension as f64 * 10.0);
@@ -227,7 +234,8 @@ impl CmaEs {
     fn decompose(&mut self) {
         self.c = 0.5 * (&self.c + self.c.transpose());
         let eigen = SymmetricEigen::try_new(self.c.clone(), 1e-14, 1000 * self.strategy.dimension);
-        let Some(eigen) = eigen.filter(|e| e.eigenvalues.iter().all(|v| v.is_finite()) && e.eigenvalues.max() > 0.0)
+        let Some(eigen) = eigen
+            .filter(|e| e.eigenvalues.iter().all(|v| v.is_finite()) && e.eigenvalues.max() > 0.0)
         else {
             self.c = self.recomposed();
             return;
@@ -287,9 +295,14 @@ impl CmaEs {
         self.sigma
     }
 
-    /// Standard deviation each coordinate is drawn with: σ√C_ii, of whole numbers widened by the margin.
+    /// Standard deviation each coordinate is drawn with: σ√C_ii, of whole numbers widened by the
+    /// margin.
     pub fn deviations(&self) -> Vec<f64> {
-        self.spread().into_iter().enumerate().map(|(i, deviation)| self.margin.widen(i, 0.0, deviation)).collect()
+        self.spread()
+            .into_iter()
+            .enumerate()
+            .map(|(i, deviation)| self.margin.widen(i, 0.0, deviation))
+            .collect()
     }
 
     /// σ√C_ii.
@@ -309,7 +322,8 @@ impl CmaEs {
         (0..n).map(|i| (0..n).map(|j| self.c[(i, j)] / (root(i) * root(j))).collect()).collect()
     }
 
-    /// How much of the first covariance has been replaced so far, 0 to 1: what the correlations can be worth at most.
+    /// How much of the first covariance has been replaced so far, 0 to 1: what the correlations can
+    /// be worth at most.
     pub fn learned(&self) -> f64 {
         1.0 - libm::pow(1.0 - self.strategy.c_1 - self.strategy.c_mu, self.generation as f64)
     }

@@ -17,9 +17,11 @@ pub struct Config {
     pub seed: u64,
     /// Which constants.
     pub constants: Constants,
-    /// Whether the search stays in the unit cube, by reflection. Standard deviations then stay below 1/3.
+    /// Whether the search stays in the unit cube, by reflection. Standard deviations then stay
+    /// below 1/3.
     pub bounded: bool,
-    /// Of each coordinate that stands for whole numbers, how many: equal cells of 0 to 1. Empty: none does.
+    /// Of each coordinate that stands for whole numbers, how many: equal cells of 0 to 1. Empty:
+    /// none does.
     pub cells: Vec<Option<usize>>,
     /// When to stop.
     pub stops: Stops,
@@ -105,7 +107,11 @@ pub(super) fn check(config: &Config) -> Result<(), ConfigError> {
         return fail("sigma", config.sigma.to_string(), "above 0");
     }
     if !config.cells.is_empty() && config.cells.len() != config.mean.len() {
-        return fail("cells", format!("{:?}", config.cells), "empty or as many as there are coordinates");
+        return fail(
+            "cells",
+            format!("{:?}", config.cells),
+            "empty or as many as there are coordinates",
+        );
     }
     if config.cells.contains(&Some(0)) {
         return fail("cells", format!("{:?}", config.cells), "at least 1 where given");

@@ -1,7 +1,7 @@
 //! CMA-ES: ask, tell, stop.
 //!
-//! Hansen, "The CMA Evolution Strategy: A Tutorial" (arXiv:1604.00772), with active covariance updates. Own code, because
-//! bounds, replay and what a report shows sit inside the update.
+//! Hansen, "The CMA Evolution Strategy: A Tutorial" (arXiv:1604.00772), with active covariance
+//! updates. Own code, because bounds, replay and what a report shows sit inside the update.
 
 mod bounds;
 mod cmaes;

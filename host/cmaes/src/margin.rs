@@ -1,6 +1,7 @@
 //! Whole numbers: CMA-ES with margin (Hamano et al., GECCO 2022, arXiv:2205.13482).
 
-/// Keeps a probability of at least α on the cells beside the mean's, so that no whole number settles for good.
+/// Keeps a probability of at least α on the cells beside the mean's, so that no whole number
+/// settles for good.
 ///
 /// ```text
 /// α = 1/(nλ)          v = m + A (x − m)          value = the cell v lies in
@@ -11,8 +12,9 @@
 /// | `x`  | as drawn from N(m, σ²C); the update learns from it, not from `v`      |
 /// | `A`  | diagonal, 1 at first: how much wider than C says a coordinate is drawn |
 ///
-/// Without it a parameter of two or three values soon takes the same value in every candidate, right or wrong. The paper
-/// rounds to the nearest value; equal cells of 0 to 1 are the same rule on its grid.
+/// Without it a parameter of two or three values soon takes the same value in every candidate,
+/// right or wrong. The paper rounds to the nearest value; equal cells of 0 to 1 are the same rule
+/// on its grid.
 #[derive(Clone, Debug)]
 pub(super) struct Margin {
     cells: Vec<Option<usize>>,
@@ -40,7 +42,8 @@ impl Margin {
         self.cells(i).map_or(v, |count| (cell(v, count) + 0.5) / count as f64)
     }
 
-    /// Restores the margin after an update: moves the mean of a coordinate, and widens it, as far as needed.
+    /// Restores the margin after an update: moves the mean of a coordinate, and widens it, as far
+    /// as needed.
     pub(super) fn correct(&mut self, mean: &mut [f64], spread: &[f64]) {
         for i in 0..self.cells.len() {
             let Some(count) = self.cells(i).filter(|&count| count > 1) else { continue };
@@ -53,14 +56,17 @@ impl Margin {
                 mean[i] = mean[i].max(1.0 / count - deviation * quantile(self.alpha));
             } else if k == count - 1.0 {
                 mean[i] = mean[i].min(k / count + deviation * quantile(self.alpha));
-            } else if let Some((m, a)) = self.between(mean[i], deviation, k / count, (k + 1.0) / count) {
+            } else if let Some((m, a)) =
+                self.between(mean[i], deviation, k / count, (k + 1.0) / count)
+            {
                 mean[i] = m;
                 self.a[i] = a / spread[i];
             }
         }
     }
 
-    /// The mean and the deviation that leave at least about α/2 beyond either wall; `None` when these do.
+    /// The mean and the deviation that leave at least about α/2 beyond either wall; `None` when
+    /// these do.
     fn between(&self, mean: f64, deviation: f64, low: f64, up: f64) -> Option<(f64, f64)> {
         let least = self.alpha / 2.0;
         let p = [tail((mean - low) / deviation), tail((up - mean) / deviation)];
@@ -70,7 +76,8 @@ impl Margin {
         let middle = 1.0 - p[0] - p[1];
         let raised = p.map(|p| p.max(least));
         let all = raised[0] + middle + raised[1];
-        // What was added is taken back from what lies above the least, so that all add up to 1 again.
+        // What was added is taken back from what lies above the least, so that all add up to 1
+        // again.
         let fair = raised.map(|p| p + (1.0 - all) * (p - least) / (all - 3.0 * least));
         let q = fair.map(|p| quantile(p.clamp(1e-10, 0.5 - 1e-10)));
         let sum = q[0] + q[1];
@@ -90,7 +97,8 @@ fn tail(z: f64) -> f64 {
 
 /// The z above which a standard normal lies with probability `p`, 1e-10 to 0.5; √χ²₁ of 1 − 2p.
 ///
-/// Newton on ln tail(z), which is concave: the first step from 0 overshoots, every later one comes back without passing.
+/// Newton on ln tail(z), which is concave: the first step from 0 overshoots, every later one comes
+/// back without passing.
 fn quantile(p: f64) -> f64 {
     let mut z = 0.0;
     for _ in 0..12 {
@@ -106,7 +114,13 @@ mod tests {
 
     #[test]
     fn quantiles_are_those_of_the_tables() {
-        for (p, z) in [(0.5, 0.0), (0.1, 1.281_551_6), (0.025, 1.959_964), (1e-3, 3.090_232_3), (1e-10, 6.361_340_9)] {
+        for (p, z) in [
+            (0.5, 0.0),
+            (0.1, 1.281_551_6),
+            (0.025, 1.959_964),
+            (1e-3, 3.090_232_3),
+            (1e-10, 6.361_340_9),
+        ] {
             assert!((quantile(p) - z).abs() < 1e-6, "{p}: {} against {z}", quantile(p));
         }
     }

@@ -49,8 +49,9 @@ impl Strategy {
     pub fn new(dimension: usize, lambda: usize, constants: Constants) -> Self {
         let n = dimension as f64;
         let mu = lambda / 2;
-        let raw: Vec<f64> =
-            (1..=lambda).map(|i| libm::log((lambda as f64 + 1.0) / 2.0) - libm::log(i as f64)).collect(); // Eq. 49
+        let raw: Vec<f64> = (1..=lambda)
+            .map(|i| libm::log((lambda as f64 + 1.0) / 2.0) - libm::log(i as f64))
+            .collect(); // Eq. 49
         let mu_eff = effective(&raw[..mu]);
         let mu_eff_minus = effective(&raw[mu..]);
         let c_1 = c_1(n, mu_eff, lambda, constants);
@@ -89,7 +90,9 @@ fn effective(weights: &[f64]) -> f64 {
 fn normalised(raw: &[f64], negative: f64) -> Vec<f64> {
     let positive_sum: f64 = raw.iter().filter(|w| **w > 0.0).sum();
     let negative_sum: f64 = -raw.iter().filter(|w| **w < 0.0).sum::<f64>();
-    raw.iter().map(|&w| if w >= 0.0 { w / positive_sum } else { w * negative / negative_sum }).collect()
+    raw.iter()
+        .map(|&w| if w >= 0.0 { w / positive_sum } else { w * negative / negative_sum })
+        .collect()
 }
 
 fn c_1(n: f64, mu_eff: f64, lambda: usize, constants: Constants) -> f64 {
@@ -139,49 +142,64 @@ fn chi(n: f64, constants: Constants) -> f64 {
 mod tests {
     use super::*;
 
-    /// n, λ, μ, μ_eff, c_σ T/P, d_σ T/P, c_c, c_1, c_μ T/P, Σw⁻ T/P, χ_n: computed once by CyberAgent's cmaes 0.13 and pycma 4.5.
+    /// n, λ, μ, μ_eff, c_σ T/P, d_σ T/P, c_c, c_1, c_μ T/P, Σw⁻ T/P, χ_n: computed once by
+    /// CyberAgent's cmaes 0.13 and pycma 4.5.
     const GOLDEN: [[f64; 15]; 7] = [
         [
-            5., 8., 4., 2.6002, 0.36509, 0.43397, 1.36509, 1.43397, 0.45020, 0.047292, 0.038169, 0.047859, -2.2390,
-            -1.9882, 2.128524,
+            5., 8., 4., 2.6002, 0.36509, 0.43397, 1.36509, 1.43397, 0.45020, 0.047292, 0.038169,
+            0.047859, -2.2390, -1.9882, 2.128524,
         ],
         [
-            10., 10., 5., 3.1673, 0.28443, 0.31961, 1.28443, 1.31961, 0.29499, 0.015284, 0.020154, 0.023552, -1.7583,
-            -1.6489, 3.084727,
+            10., 10., 5., 3.1673, 0.28443, 0.31961, 1.28443, 1.31961, 0.29499, 0.015284, 0.020154,
+            0.023552, -1.7583, -1.6489, 3.084727,
         ],
         [
-            14., 14., 7., 4.2871, 0.26998, 0.29535, 1.26998, 1.29535, 0.23136, 0.008390, 0.019366, 0.021287, -1.4332,
-            -1.3941, 3.675751,
+            14., 14., 7., 4.2871, 0.26998, 0.29535, 1.26998, 1.29535, 0.23136, 0.008390, 0.019366,
+            0.021287, -1.4332, -1.3941, 3.675751,
         ],
         [
-            16., 12., 6., 3.7295, 0.23169, 0.25207, 1.23169, 1.25207, 0.20683, 0.006600, 0.012191, 0.013716, -1.5414,
-            -1.4812, 3.938244,
+            16., 12., 6., 3.7295, 0.23169, 0.25207, 1.23169, 1.25207, 0.20683, 0.006600, 0.012191,
+            0.013716, -1.5414, -1.4812, 3.938244,
         ],
         [
-            16., 16., 8., 4.8409, 0.26473, 0.28694, 1.26473, 1.30718, 0.20881, 0.006576, 0.018535, 0.020055, -1.3548,
-            -1.3279, 3.938244,
+            16., 16., 8., 4.8409, 0.26473, 0.28694, 1.26473, 1.30718, 0.20881, 0.006576, 0.018535,
+            0.020055, -1.3548, -1.3279, 3.938244,
         ],
         [
-            20., 12., 6., 3.7295, 0.19943, 0.21435, 1.19943, 1.21435, 0.17177, 0.004372, 0.008191, 0.009217, -1.5338,
-            -1.4744, 4.416767,
+            20., 12., 6., 3.7295, 0.19943, 0.21435, 1.19943, 1.21435, 0.17177, 0.004372, 0.008191,
+            0.009217, -1.5338, -1.4744, 4.416767,
         ],
         [
-            100., 17., 8., 5.0962, 0.06445, 0.06565, 1.06445, 1.06565, 0.03891, 0.000195, 0.000633, 0.000681, -1.3079,
-            -1.2862, 9.975048,
+            100., 17., 8., 5.0962, 0.06445, 0.06565, 1.06445, 1.06565, 0.03891, 0.000195, 0.000633,
+            0.000681, -1.3079, -1.2862, 9.975048,
         ],
     ];
 
     #[test]
     fn the_constants_are_those_of_two_published_implementations() {
         for row in GOLDEN {
-            let both =
-                [Constants::Tutorial, Constants::Pycma].map(|c| Strategy::new(row[0] as usize, row[1] as usize, c));
+            let both = [Constants::Tutorial, Constants::Pycma]
+                .map(|c| Strategy::new(row[0] as usize, row[1] as usize, c));
             for (i, s) in both.iter().enumerate() {
                 let negative: f64 = s.weights.iter().filter(|w| **w < 0.0).sum();
-                let ours = [s.mu as f64, s.mu_eff, s.c_sigma, s.d_sigma, s.c_c, s.c_1, s.c_mu, negative];
-                let theirs = [row[2], row[3], row[4 + i], row[6 + i], row[8], row[9], row[10 + i], row[12 + i]];
+                let ours =
+                    [s.mu as f64, s.mu_eff, s.c_sigma, s.d_sigma, s.c_c, s.c_1, s.c_mu, negative];
+                let theirs = [
+                    row[2],
+                    row[3],
+                    row[4 + i],
+                    row[6 + i],
+                    row[8],
+                    row[9],
+                    row[10 + i],
+                    row[12 + i],
+                ];
                 for (ours, theirs) in ours.iter().zip(theirs) {
-                    assert!((ours - theirs).abs() < 1e-4, "n = {}: {ours} against {theirs}", row[0]);
+                    assert!(
+                        (ours - theirs).abs() < 1e-4,
+                        "n = {}: {ours} against {theirs}",
+                        row[0]
+                    );
                 }
             }
             assert!((both[0].chi_n - row[14]).abs() < 1e-6);
@@ -191,8 +209,8 @@ mod tests {
     #[test]
     fn the_weights_of_fourteen_candidates_are_the_published_ones() {
         let theirs = [
-            0.361148, 0.236909, 0.164235, 0.112671, 0.072675, 0.039996, 0.012366, -0.036108, -0.102005, -0.160951,
-            -0.214275, -0.262956, -0.307738, -0.349199,
+            0.361148, 0.236909, 0.164235, 0.112671, 0.072675, 0.039996, 0.012366, -0.036108,
+            -0.102005, -0.160951, -0.214275, -0.262956, -0.307738, -0.349199,
         ];
         let ours = Strategy::new(14, 14, Constants::Tutorial).weights;
         for (ours, theirs) in ours.iter().zip(theirs) {
@@ -209,7 +227,9 @@ mod tests {
     fn the_mean_length_is_exact_where_pycma_has_it_exact() {
         use std::f64::consts::{FRAC_2_PI, FRAC_PI_2};
         let chi = |n| Strategy::new(n, 6, Constants::Pycma).chi_n;
-        assert!((chi(1) - FRAC_2_PI.sqrt()).abs() < 1e-14 && (chi(2) - FRAC_PI_2.sqrt()).abs() < 1e-14);
+        assert!(
+            (chi(1) - FRAC_2_PI.sqrt()).abs() < 1e-14 && (chi(2) - FRAC_PI_2.sqrt()).abs() < 1e-14
+        );
         assert!((chi(4) - chi(2) * 1.5).abs() < 1e-14, "Γ(5/2)/Γ(2) = 3/2 · Γ(3/2)/Γ(1)");
     }
 }

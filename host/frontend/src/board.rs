@@ -35,8 +35,8 @@ pub trait FrontEnd {
     /// Resolution of its converter, bits.
     fn adc_bits(&self) -> u32;
 
-    /// Fills `codes` with the samples of one shot: [`Analog::pre_trigger`] from before it, then the window's. A pure function of
-    /// its arguments and of what the front end was made with.
+    /// Fills `codes` with the samples of one shot: [`Analog::pre_trigger`] from before it, then the
+    /// window's. A pure function of its arguments and of what the front end was made with.
     fn capture(&mut self, analog: &Analog, trigger: Trigger, codes: &mut [u16]);
 }
 

@@ -1,7 +1,7 @@
 //! Counter-based random numbers for what is not a sample's noise.
 //!
-//! A number is a pure function of (seed, purpose, scan, beam, shot, index): the same on any number of threads, in any order.
-//! The noise of samples has its own, wider generator in [`super::noise`].
+//! A number is a pure function of (seed, purpose, scan, beam, shot, index): the same on any number
+//! of threads, in any order. The noise of samples has its own, wider generator in [`super::noise`].
 
 use std::f64::consts::PI;
 
@@ -80,9 +80,13 @@ mod tests {
     #[test]
     fn streams_have_the_moments_of_their_distributions() {
         let stream = Stream::of(7, Purpose::Timing, 0);
-        // (draw, mean, variance); standard errors of the mean below 0.0032, of the variance below 0.009.
+        // (draw, mean, variance); standard errors of the mean below 0.0032, of the variance below
+        // 0.009.
         let close = |(mean, variance): (f64, f64), expected: (f64, f64)| {
-            assert!((mean - expected.0).abs() < 0.013 && (variance - expected.1).abs() < 0.04, "{mean} {variance}");
+            assert!(
+                (mean - expected.0).abs() < 0.013 && (variance - expected.1).abs() < 0.04,
+                "{mean} {variance}"
+            );
         };
         close(moments(|i| stream.uniform(i)), (0.5, 1.0 / 12.0));
         close(moments(|i| stream.exponential(i)), (1.0, 1.0));
@@ -92,7 +96,9 @@ mod tests {
 
     #[test]
     fn every_shot_and_every_purpose_has_a_stream_of_its_own() {
-        let at = |purpose, frame, beam, shot| Stream::of_shot(1, purpose, Trigger { frame, beam, shot }).uniform(0);
+        let at = |purpose, frame, beam, shot| {
+            Stream::of_shot(1, purpose, Trigger { frame, beam, shot }).uniform(0)
+        };
         let streams = [
             at(Purpose::Timing, 0, 0, 0),
             at(Purpose::Photons, 0, 0, 0),

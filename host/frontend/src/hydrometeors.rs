@@ -8,7 +8,8 @@ use super::weather::Air;
 
 /// A length of beam that holds more particles than this on average is a continuous medium …
 const CROWD: f64 = 4.0;
-/// … this length, m: that of the default pulse, c·5 ns/2. Not the setting's, or else every candidate would meet other drops.
+/// … this length, m: that of the default pulse, c·5 ns/2. Not the setting's, or else every
+/// candidate would meet other drops.
 const CELL_M: f64 = 0.75;
 /// Particles are not met one by one beyond this, m.
 const FARTHEST_M: f64 = 60.0;
@@ -20,8 +21,9 @@ const FARTHEST_M: f64 = 60.0;
 /// strength σ_b / (θ_az·θ_el·R²) · ξ(R) / R²,   σ_b = (β/n)·x²/2,  x exponential (diameters are)
 /// ```
 ///
-/// σ_b is a particle's back-scatter, m²/sr; its mean is β/n, so particles and medium together return β. One cannot return more
-/// than a beam that it fills. Particles behind a surface are dark; all shots of a beam in a scan meet the same.
+/// σ_b is a particle's back-scatter, m²/sr; its mean is β/n, so particles and medium together
+/// return β. One cannot return more than a beam that it fills. Particles behind a surface are dark;
+/// all shots of a beam in a scan meet the same.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Hydrometeors {
     air: Air,
@@ -36,7 +38,8 @@ impl Hydrometeors {
     pub(super) fn new(air: Air, divergence_mrad: [f64; 2]) -> Self {
         let solid_angle_sr = divergence_mrad[0] * divergence_mrad[1] * 1e-6;
         let per_m3 = air.particles_per_m3 * solid_angle_sr;
-        let reach_m = if per_m3 > 0.0 { (CROWD / (CELL_M * per_m3)).sqrt().min(FARTHEST_M) } else { 0.0 };
+        let reach_m =
+            if per_m3 > 0.0 { (CROWD / (CELL_M * per_m3)).sqrt().min(FARTHEST_M) } else { 0.0 };
         Self { air, solid_angle_sr, reach_m }
     }
 
@@ -54,9 +57,11 @@ impl Hydrometeors {
             if range_m >= self.reach_m {
                 return;
             }
-            let open = returns.get(..surfaces).map_or(1.0, |list| Shares::of(list).open_at(range_m));
+            let open =
+                returns.get(..surfaces).map_or(1.0, |list| Shares::of(list).open_at(range_m));
             if stream.uniform(index + 1) < open {
-                let strength_per_m2 = self.strength_per_m2(range_m, stream.exponential(index + 2)) as f32;
+                let strength_per_m2 =
+                    self.strength_per_m2(range_m, stream.exponential(index + 2)) as f32;
                 returns.push(Return { range_m: range_m as f32, strength_per_m2 });
             }
         }
@@ -67,7 +72,8 @@ impl Hydrometeors {
         let overlap = ((range_m - blind) / (full - blind)).clamp(0.0, 1.0);
         let mean_m2_sr = self.air.backscatter_per_m_sr / self.air.particles_per_m3;
         let footprint_m2 = self.solid_angle_sr * range_m * range_m;
-        // Extinction is twice the shadow; a shadow as large as the footprint leaves nothing to take.
+        // Extinction is twice the shadow; a shadow as large as the footprint leaves nothing to
+        // take.
         let most_per_sr = 2.0 / self.air.lidar_ratio_sr();
         let per_sr = (mean_m2_sr * diameter * diameter / 2.0 / footprint_m2).min(most_per_sr);
         per_sr * overlap / (range_m * range_m)
@@ -97,11 +103,15 @@ mod tests {
     fn as_many_are_met_as_the_density_says() {
         for rate_mm_h in [2.0, 10.0, 50.0] {
             let rain = rain(rate_mm_h);
-            let expected = rain.air.particles_per_m3 * rain.solid_angle_sr * rain.reach_m.powi(3) / 3.0;
+            let expected =
+                rain.air.particles_per_m3 * rain.solid_angle_sr * rain.reach_m.powi(3) / 3.0;
             let counts: usize = (0..2_000).map(|beam| drops(&rain, beam, &[]).len()).sum();
             let mean = counts as f64 / 2_000.0;
             let confidence = 4.0 * (expected / 2_000.0).sqrt();
-            assert!((mean - expected).abs() < confidence, "{rate_mm_h} mm/h: {mean} against {expected}");
+            assert!(
+                (mean - expected).abs() < confidence,
+                "{rate_mm_h} mm/h: {mean} against {expected}"
+            );
         }
     }
 
@@ -112,7 +122,10 @@ mod tests {
         let sum = |beam| -> f64 {
             let near = |r: &&Return| (8.0..12.0).contains(&r.range_m);
             let list = drops(&rain, beam, &[]);
-            list.iter().filter(near).map(|r| f64::from(r.strength_per_m2) * f64::from(r.range_m).powi(2)).sum()
+            list.iter()
+                .filter(near)
+                .map(|r| f64::from(r.strength_per_m2) * f64::from(r.range_m).powi(2))
+                .sum()
         };
         let mean = (0..BEAMS).map(sum).sum::<f64>() / BEAMS as f64;
         let expected = 4.0 * rain.air.backscatter_per_m_sr;

@@ -1,7 +1,8 @@
 //! The waveform front end: what the detector and the converter make of the light that comes back.
 //!
-//! Emission, receiver equation, shot and amplifier noise, analog clip and ADC. It sits behind the sensor's virtual buses: power,
-//! width, gain and clock reach it only through the registers that the firmware writes.
+//! Emission, receiver equation, shot and amplifier noise, analog clip and ADC. It sits behind the
+//! sensor's virtual buses: power, width, gain and clock reach it only through the registers that
+//! the firmware writes.
 
 mod board;
 mod counter;
@@ -60,7 +61,14 @@ impl WaveformFrontEnd {
     }
 
     /// Renders one waveform; `light` is what comes back: returns, and a background.
-    fn render(&mut self, analog: &Analog, trigger: Trigger, when: When, light: Light<'_>, codes: &mut [u16]) {
+    fn render(
+        &mut self,
+        analog: &Analog,
+        trigger: Trigger,
+        when: When,
+        light: Light<'_>,
+        codes: &mut [u16],
+    ) {
         let (receiver, shot) = (&self.receiver, &mut self.shot);
         let window = NoiseKey::new(self.seed, trigger);
         let (key, photons) = match when {
@@ -68,10 +76,21 @@ impl WaveformFrontEnd {
             When::Window => (window, Purpose::Photons),
         };
         match receiver.mode {
-            Mode::Physical => synthesise_over(receiver, analog, light.returns, light.background, key, shot, codes),
+            Mode::Physical => {
+                synthesise_over(receiver, analog, light.returns, light.background, key, shot, codes)
+            }
             Mode::LitlCompat => {
                 let photons = Stream::of_shot(self.seed, photons, trigger);
-                litl::synthesise(receiver, analog, light.returns, light.background, key, photons, shot, codes);
+                litl::synthesise(
+                    receiver,
+                    analog,
+                    light.returns,
+                    light.background,
+                    key,
+                    photons,
+                    shot,
+                    codes,
+                );
             }
         }
     }
@@ -90,14 +109,22 @@ impl FrontEnd for WaveformFrontEnd {
     }
 
     fn capture(&mut self, analog: &Analog, trigger: Trigger, codes: &mut [u16]) {
-        let Some(analog) = self.receiver.hear(analog, self.seed, trigger) else { return codes.fill(0) };
+        let Some(analog) = self.receiver.hear(analog, self.seed, trigger) else {
+            return codes.fill(0);
+        };
         let (before, window) = codes.split_at_mut(analog.pre_trigger.min(codes.len()));
         self.render(&analog, trigger, When::Before, Light::default(), before);
         let scene = Arc::clone(&self.scene);
         let returns = scene.of(trigger.beam as usize);
         // Taken out so that it can be lent beside the rest.
         let Some(mut haze) = self.haze.take() else {
-            return self.render(&analog, trigger, When::Window, Light { returns, background: &[] }, window);
+            return self.render(
+                &analog,
+                trigger,
+                When::Window,
+                Light { returns, background: &[] },
+                window,
+            );
         };
         let light = haze.fill(&self.receiver, &analog, returns, (self.seed, trigger), window.len());
         self.render(&analog, trigger, When::Window, light, window);

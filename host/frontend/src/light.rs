@@ -1,6 +1,7 @@
 //! What a scene sends back to a scanner's beams, before any electronics.
 
-/// Receiver overlap ξ: nothing below the first range, everything from the second, linear between, metres.
+/// Receiver overlap ξ: nothing below the first range, everything from the second, linear between,
+/// metres.
 pub const OVERLAP_M: [f32; 2] = [0.9, 1.0];
 
 /// A part of a beam's footprint that comes back as one.

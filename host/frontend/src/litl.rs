@@ -1,8 +1,10 @@
-//! A front end in arbitrary units with photon noise, for comparisons with the simulator that the paper used.
+//! A front end in arbitrary units with photon noise, for comparisons with the simulator that the
+//! paper used.
 //!
-//! Written from the paper and from equations alone. It keeps that simulator's pulse, its arbitrary power, its Poisson counts and its
-//! saturation; it does not keep what that simulator gets wrong: here ambient light does not grow with range, counts are
-//! quantised at the converter, and every count has a seed.
+//! Written from the paper and from equations alone. It keeps that simulator's pulse, its arbitrary
+//! power, its Poisson counts and its saturation; it does not keep what that simulator gets wrong:
+//! here ambient light does not grow with range, counts are quantised at the converter, and every
+//! count has a seed.
 
 use std::f64::consts::PI;
 
@@ -32,10 +34,12 @@ pub const POWER: f64 = 200.0;
 pub const POWER_W: f64 = 75.0;
 /// Units at which a waveform saturates: full scale of the converter.
 pub const SATURATION: f64 = 1_000.0;
-/// Units of light that is always there; also that simulator's threshold, so `lidar.noise_floor` 0.001 is its preset.
+/// Units of light that is always there; also that simulator's threshold, so `lidar.noise_floor`
+/// 0.001 is its preset.
 pub const NOISE_FLOOR: f64 = 1.0;
-/// Units of signal per unit of power and of ρ cosθ / R², m². Our choice, since no source gives it: ρ = 0.1 peaks at the noise
-/// floor at 120 m, the end of the preset's window, 2400 bins from 1 m on. ρ = 0.1 then saturates inside 3.8 m.
+/// Units of signal per unit of power and of ρ cosθ / R², m². Our choice, since no source gives it:
+/// ρ = 0.1 peaks at the noise floor at 120 m, the end of the preset's window, 2400 bins from 1 m
+/// on. ρ = 0.1 then saturates inside 3.8 m.
 pub const SCALE_M2: f64 = NOISE_FLOOR * 120.0 * 120.0 / (0.1 * POWER);
 
 /// Means from here on are drawn from a corrected normal distribution; below, counts are exact.
@@ -46,13 +50,17 @@ pub(super) fn units(power_w: f64) -> f64 {
     power_w / POWER_W * POWER * SCALE_M2 * PI
 }
 
-/// Fills `codes` with the waveform of one shot in the compatibility mode; `background` is light in units that is there besides.
+/// Fills `codes` with the waveform of one shot in the compatibility mode; `background` is light in
+/// units that is there besides.
 ///
 /// ```text
 /// λ[n] = ambient + Σ P · K · (Σ_k w_k ρ_k cosθ_k ξ / R_k²) · e^(−2αR) · sin²(π(t − 2R/c) / 2W)
 /// x[n] = clip( round( 2^b · min(G · Poisson(λ[n]), saturation) / saturation ), 0, 2^b − 1 )
 /// ```
-#[expect(clippy::too_many_arguments, reason = "as `synthesise`, with what a Poisson draw needs besides")]
+#[expect(
+    clippy::too_many_arguments,
+    reason = "as `synthesise`, with what a Poisson draw needs besides"
+)]
 pub(super) fn synthesise(
     receiver: &Receiver,
     analog: &Analog,
@@ -80,8 +88,9 @@ pub(super) fn synthesise(
     }
 }
 
-/// A Poisson count of this mean: by its distribution function from a uniform number, or for large means from a normal one,
-/// `λ + √λ z + (z² − 1)/6` (Cornish and Fisher), which has its mean, its variance to 0.06 and its skewness.
+/// A Poisson count of this mean: by its distribution function from a uniform number, or for large
+/// means from a normal one, `λ + √λ z + (z² − 1)/6` (Cornish and Fisher), which has its mean, its
+/// variance to 0.06 and its skewness.
 fn poisson(mean: f64, normal: f64, uniform: f64) -> f64 {
     if mean >= MANY {
         return (mean + mean.sqrt() * normal + (normal * normal - 1.0) / 6.0).round().max(0.0);
@@ -122,14 +131,25 @@ mod tests {
         for beam in 0..SHOTS {
             let trigger = Trigger { frame: 0, beam, shot: 0 };
             let photons = Stream::of_shot(3, Purpose::Photons, trigger);
-            synthesise(&receiver, analog, returns, &[], NoiseKey::new(3, trigger), photons, &mut shot, &mut codes);
+            synthesise(
+                &receiver,
+                analog,
+                returns,
+                &[],
+                NoiseKey::new(3, trigger),
+                photons,
+                &mut shot,
+                &mut codes,
+            );
             for (sum, &code) in sums.iter_mut().zip(&codes) {
                 let units = f64::from(code) * SATURATION / 16_384.0;
                 *sum = (sum.0 + units, sum.1 + units * units);
             }
         }
         let n = f64::from(SHOTS);
-        sums.into_iter().map(|(sum, squares)| (sum / n, (squares - sum * sum / n) / (n - 1.0))).collect()
+        sums.into_iter()
+            .map(|(sum, squares)| (sum / n, (squares - sum * sum / n) / (n - 1.0)))
+            .collect()
     }
 
     fn wall(range_m: f64, rho: f64) -> Return {
@@ -141,12 +161,17 @@ mod tests {
         for (range_m, rho) in [(8.0, 0.2), (10.0, 0.02)] {
             let peak = POWER * SCALE_M2 * rho / (range_m * range_m);
             let begin = 2.0 * range_m / 0.299_792_458 - 5.0;
-            for (n, (mean, _)) in statistics(&ANALOG, &[wall(range_m, rho)]).into_iter().enumerate() {
+            for (n, (mean, _)) in statistics(&ANALOG, &[wall(range_m, rho)]).into_iter().enumerate()
+            {
                 let t = n as f64 * 0.331 - begin;
-                let pulse = if (0.0..10.0).contains(&t) { (PI * t / 10.0).sin().powi(2) } else { 0.0 };
+                let pulse =
+                    if (0.0..10.0).contains(&t) { (PI * t / 10.0).sin().powi(2) } else { 0.0 };
                 let expected = NOISE_FLOOR + peak * pulse;
                 let confidence = 4.5 * (expected / f64::from(SHOTS)).sqrt();
-                assert!((mean - expected).abs() < confidence + 0.01, "sample {n}: {mean} against {expected}");
+                assert!(
+                    (mean - expected).abs() < confidence + 0.01,
+                    "sample {n}: {mean} against {expected}"
+                );
             }
         }
     }
@@ -154,13 +179,18 @@ mod tests {
     #[test]
     fn the_variance_of_a_count_is_its_mean() {
         for rho in [0.0, 0.01, 0.1, 0.2] {
-            for (n, (mean, variance)) in statistics(&ANALOG, &[wall(8.0, rho)]).into_iter().enumerate() {
+            for (n, (mean, variance)) in
+                statistics(&ANALOG, &[wall(8.0, rho)]).into_iter().enumerate()
+            {
                 // The sample variance of N counts errs by √(2/N + 1/(λN)).
                 let n_shots = f64::from(SHOTS);
                 let confidence = 4.5 * (2.0 / n_shots + 1.0 / (mean * n_shots)).sqrt();
                 let rounding = 0.15 / mean; // 1/12 for whole counts, 2/36 for the correction
                 let ratio = variance / mean;
-                assert!((ratio - 1.0).abs() < confidence + rounding, "ρ {rho}, sample {n}: {ratio} at {mean}");
+                assert!(
+                    (ratio - 1.0).abs() < confidence + rounding,
+                    "ρ {rho}, sample {n}: {ratio} at {mean}"
+                );
             }
         }
     }
@@ -176,7 +206,10 @@ mod tests {
             let mut probability = libm::exp(-mean);
             for (count, &seen) in seen.iter().enumerate() {
                 let expected = 1e5 * probability;
-                assert!((f64::from(seen) - expected).abs() < 5.0 * expected.sqrt() + 5.0, "{count} at {mean}: {seen}");
+                assert!(
+                    (f64::from(seen) - expected).abs() < 5.0 * expected.sqrt() + 5.0,
+                    "{count} at {mean}: {seen}"
+                );
                 probability *= mean / (count as f64 + 1.0);
             }
         }
@@ -200,6 +233,9 @@ mod tests {
         let base = at(ANALOG) - 1.0;
         let half = at(Analog { power_w: 37.5, ..ANALOG }) - 1.0;
         let twice = at(Analog { gain_db: 6.0206, ..ANALOG }) - 2.0;
-        assert!((half / base - 0.5).abs() < 0.01 && (twice / base - 2.0).abs() < 0.02, "{base} {half} {twice}");
+        assert!(
+            (half / base - 0.5).abs() < 0.01 && (twice / base - 2.0).abs() < 0.02,
+            "{base} {half} {twice}"
+        );
     }
 }

@@ -1,7 +1,8 @@
 //! Counter-based Gaussian noise.
 //!
-//! Sample n of beam b of scan f is a pure function of (seed, f, b, n): the same on any number of threads, in any order, and
-//! for every candidate that asks. A library's generator would be called once a sample; this one is eight lanes wide.
+//! Sample n of beam b of scan f is a pure function of (seed, f, b, n): the same on any number of
+//! threads, in any order, and for every candidate that asks. A library's generator would be called
+//! once a sample; this one is eight lanes wide.
 
 use crate::Trigger;
 
@@ -36,8 +37,8 @@ pub const fn splitmix64(value: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// A 32-bit mixing function of low bias (two multiplications, found by exhaustive search: C. Wellons, "prospecting for hash
-/// functions").
+/// A 32-bit mixing function of low bias (two multiplications, found by exhaustive search: C.
+/// Wellons, "prospecting for hash functions").
 #[inline(always)]
 const fn mix(mut x: u32) -> u32 {
     x ^= x >> 16;
@@ -50,8 +51,8 @@ const fn mix(mut x: u32) -> u32 {
 /// Pairs computed at a time.
 const LANES: usize = 16;
 
-/// Fills `z` with independent standard normals, |z| < 6.6: Box–Muller, sixteen pairs at a time. A rest shorter than 32 is
-/// filled too.
+/// Fills `z` with independent standard normals, |z| < 6.6: Box–Muller, sixteen pairs at a time. A
+/// rest shorter than 32 is filled too.
 #[inline(always)]
 pub fn normals(key: NoiseKey, z: &mut [f32]) {
     let (blocks, rest) = z.as_chunks_mut();
@@ -82,8 +83,9 @@ fn pairs(key: NoiseKey, first: u32, out: &mut [f32; 2 * LANES]) {
     }
 }
 
-/// `−2 ln(u / 2³¹)` of 1 ≤ u < 2³¹ to 3 × 10⁻⁶, which at 0 may be below it: the exponent by its bits, `−2 ln m` of the mantissa
-/// 1 ≤ m < 2 by the polynomial of degree 6 in m − 1.5 whose largest error is least (Remez).
+/// `−2 ln(u / 2³¹)` of 1 ≤ u < 2³¹ to 3 × 10⁻⁶, which at 0 may be below it: the exponent by its
+/// bits, `−2 ln m` of the mantissa 1 ≤ m < 2 by the polynomial of degree 6 in m − 1.5 whose largest
+/// error is least (Remez).
 #[inline(always)]
 fn minus_two_ln(u: u32) -> f32 {
     let bits = (u as i32 as f32).to_bits();
@@ -91,17 +93,20 @@ fn minus_two_ln(u: u32) -> f32 {
     let t = f32::from_bits((bits & 0x007f_ffff) | 1.0f32.to_bits()) - 1.5;
     let series = -0.810_930_97
         + t * (-1.333_367_3
-            + t * (0.444_518_47 + t * (-0.196_462_94 + t * (0.097_562_86 + t * (-0.060_898_485 + t * 0.035_615_41)))));
+            + t * (0.444_518_47
+                + t * (-0.196_462_94
+                    + t * (0.097_562_86 + t * (-0.060_898_485 + t * 0.035_615_41)))));
     octaves * (2.0 * std::f32::consts::LN_2) + series
 }
 
-/// Sine and cosine of |x| ≤ ½ turns to 3 × 10⁻⁶: those of half the angle by the odd and even polynomials of degree 7 and 8 whose
-/// largest error is least, then doubled.
+/// Sine and cosine of |x| ≤ ½ turns to 3 × 10⁻⁶: those of half the angle by the odd and even
+/// polynomials of degree 7 and 8 whose largest error is least, then doubled.
 #[inline(always)]
 fn sin_cos_turn(x: f32) -> (f32, f32) {
     let q = x * x;
     let sine = x * (3.141_582 + q * (-5.167_143 + q * (2.541_899 + q * -0.554_636_2)));
-    let cosine = 0.999_999_96 + q * (-4.934_793 + q * (4.058_414_5 + q * (-1.331_893_8 + q * 0.219_721_06)));
+    let cosine =
+        0.999_999_96 + q * (-4.934_793 + q * (4.058_414_5 + q * (-1.331_893_8 + q * 0.219_721_06)));
     (2.0 * sine * cosine, 1.0 - 2.0 * sine * sine)
 }
 
@@ -124,7 +129,9 @@ mod tests {
         let z = many();
         let moment = |p| z.iter().map(|&v| f64::from(v).powi(p)).sum::<f64>() / z.len() as f64;
         // Standard errors: 0.001, 0.0014, 0.0039, 0.0098.
-        for (p, expected, bound) in [(1, 0.0, 0.004), (2, 1.0, 0.006), (3, 0.0, 0.016), (4, 3.0, 0.04)] {
+        for (p, expected, bound) in
+            [(1, 0.0, 0.004), (2, 1.0, 0.006), (3, 0.0, 0.016), (4, 3.0, 0.04)]
+        {
             assert!((moment(p) - expected).abs() < bound, "moment {p}: {}", moment(p));
         }
     }
@@ -152,7 +159,8 @@ mod tests {
 
     #[test]
     fn radii_reach_beyond_six_sigma_and_stay_below_the_bound() {
-        let (longest, shortest) = (minus_two_ln(1).sqrt(), minus_two_ln(0x7fff_ffff).max(0.0).sqrt());
+        let (longest, shortest) =
+            (minus_two_ln(1).sqrt(), minus_two_ln(0x7fff_ffff).max(0.0).sqrt());
         assert!((6.5..6.6).contains(&longest), "{longest}");
         assert!(shortest < 2e-3, "{shortest}");
     }
@@ -167,7 +175,8 @@ mod tests {
             let (sine, cosine) = sin_cos_turn(x);
             let (exact_sine, exact_cosine) = (std::f64::consts::TAU * f64::from(x)).sin_cos();
             assert!(
-                (f64::from(sine) - exact_sine).abs() < 3e-6 && (f64::from(cosine) - exact_cosine).abs() < 3e-6,
+                (f64::from(sine) - exact_sine).abs() < 3e-6
+                    && (f64::from(cosine) - exact_cosine).abs() < 3e-6,
                 "{x}"
             );
         }
@@ -177,7 +186,8 @@ mod tests {
     fn neighbouring_samples_and_beams_are_uncorrelated() {
         let z = many();
         for lag in [1, 2, 15, 16, 31, 32, 1000, 2000] {
-            let sum: f64 = z.iter().zip(&z[lag..]).map(|(&a, &b)| f64::from(a) * f64::from(b)).sum();
+            let sum: f64 =
+                z.iter().zip(&z[lag..]).map(|(&a, &b)| f64::from(a) * f64::from(b)).sum();
             let correlation = sum / (z.len() - lag) as f64;
             assert!(correlation.abs() < 0.005, "lag {lag}: {correlation}");
         }

@@ -13,10 +13,16 @@ use super::synthesis::ROUND;
 /// T[n] = T[n−1] · e^(−Δ/τ)                     else: it recovers, the output is clip(2^b·G·i/i_fs + T)
 /// ```
 ///
-/// a is `overload_tail`, τ is `overload_tail_ns`. So n samples after the last one that clips the tail is a·e_max·e^(−nΔ/τ). The
-/// tail is the amplifier's: it brings no shot noise.
+/// a is `overload_tail`, τ is `overload_tail_ns`. So n samples after the last one that clips the
+/// tail is a·e_max·e^(−nΔ/τ). The tail is the amplifier's: it brings no shot noise.
 #[inline(always)]
-pub(super) fn convert(receiver: &Receiver, analog: &Analog, signal_ua: &[f32], normal: &[f32], codes: &mut [u16]) {
+pub(super) fn convert(
+    receiver: &Receiver,
+    analog: &Analog,
+    signal_ua: &[f32],
+    normal: &[f32],
+    codes: &mut [u16],
+) {
     let gain = libm::pow(10.0, analog.gain_db / 20.0);
     let full_scale = f64::from(1u32 << receiver.adc_bits);
     let codes_per_ua = (full_scale * gain / receiver.full_scale_ua) as f32;
@@ -49,7 +55,11 @@ impl Tail {
     /// Of a sample that exceeds the limit by this.
     #[inline(always)]
     fn after(&mut self, excess: f32) -> f32 {
-        self.value = if excess > 0.0 { self.value.max(self.fraction * excess) } else { self.value * self.decay };
+        self.value = if excess > 0.0 {
+            self.value.max(self.fraction * excess)
+        } else {
+            self.value * self.decay
+        };
         self.value
     }
 }
@@ -92,8 +102,10 @@ mod tests {
         let mut difference = vec![0.0; 400];
         const SHOTS: u32 = 200;
         for beam in 0..SHOTS {
-            for ((sum, slow), sound) in
-                difference.iter_mut().zip(shot(&receiver, beam)).zip(shot(&Receiver::default(), beam))
+            for ((sum, slow), sound) in difference
+                .iter_mut()
+                .zip(shot(&receiver, beam))
+                .zip(shot(&Receiver::default(), beam))
             {
                 *sum += (f64::from(slow) - f64::from(sound)) / f64::from(SHOTS);
             }
@@ -101,14 +113,22 @@ mod tests {
         let sound = shot(&Receiver::default(), 0);
         let first = sound.iter().position(|&code| code == 4095).unwrap();
         let last = sound.iter().rposition(|&code| code == 4095).unwrap();
-        assert!(difference[..=last].iter().all(|&d| d == 0.0), "nothing before {first}, nor while it clips");
-        // 199 µA over 30 µA of full scale: the overload is 5.64 full scales; 2 % of it is 462 codes.
-        let peak = receiver.peak_current_ua(75.0, 15.0, NEAR.strength_per_m2.into()) + receiver.quiescent_current_ua();
+        assert!(
+            difference[..=last].iter().all(|&d| d == 0.0),
+            "nothing before {first}, nor while it clips"
+        );
+        // 199 µA over 30 µA of full scale: the overload is 5.64 full scales; 2 % of it is 462
+        // codes.
+        let peak = receiver.peak_current_ua(75.0, 15.0, NEAR.strength_per_m2.into())
+            + receiver.quiescent_current_ua();
         let begin = 0.02 * (peak / 30.0 * 4096.0 - 4095.0);
         for after in [4, 10, 25, 50, 75] {
             let expected = begin * (-f64::from(after) / 25.0).exp();
             let got = difference[last + after as usize];
-            assert!((got / expected - 1.0).abs() < 0.03, "{after} ns after: {got} instead of {expected} codes");
+            assert!(
+                (got / expected - 1.0).abs() < 0.03,
+                "{after} ns after: {got} instead of {expected} codes"
+            );
         }
     }
 

@@ -12,7 +12,8 @@ const ELEMENTARY_CHARGE_C: f64 = 1.602_176_634e-19;
 const PLANCK_J_S: f64 = 6.626_070_15e-34;
 pub(crate) const SPEED_OF_LIGHT_M_NS: f64 = 0.299_792_458;
 
-/// The receiver's constants. Defaults are the reference receiver; parts from data sheets, the set our own.
+/// The receiver's constants. Defaults are the reference receiver; parts from data sheets, the set
+/// our own.
 ///
 /// ```text
 /// i(t) = M·R0·(P_s + P_b) + i_dark                 R0 = QE·q·λ/(h·c)
@@ -62,11 +63,13 @@ pub struct Receiver {
     pub adc_bits: u32,
     /// α of clear air, 1/m; that of the weather comes on top.
     pub extinction_per_m: f64,
-    /// What waveforms are made of: `physical`, or `litl-compat`, arbitrary units with Poisson noise.
+    /// What waveforms are made of: `physical`, or `litl-compat`, arbitrary units with Poisson
+    /// noise.
     pub mode: Mode,
     /// Spread of the moment at which the pulse leaves, from shot to shot, ns rms.
     pub timing_jitter_ns: f64,
-    /// Fraction of the channels that are dead: their converter reads 0. A channel is a row of beams.
+    /// Fraction of the channels that are dead: their converter reads 0. A channel is a row of
+    /// beams.
     pub dead_channels: f64,
     /// Fraction of the channels that are weak, …
     pub weak_channels: f64,
@@ -74,14 +77,16 @@ pub struct Receiver {
     pub weak_channel_db: f64,
     /// Decides which channels; the same in every scan.
     pub channel_seed: u64,
-    /// Tail of an amplifier that was overloaded, as a fraction of what it could not follow; 0: it recovers at once.
+    /// Tail of an amplifier that was overloaded, as a fraction of what it could not follow; 0: it
+    /// recovers at once.
     pub overload_tail: f64,
     /// Time constant with which that tail decays, ns.
     pub overload_tail_ns: f64,
     /// The weather before it: the configuration's `[weather]`.
     #[serde(skip)]
     pub weather: Weather,
-    /// Rows of its scan pattern, from `[scanner]`; 0: not known, every beam has a channel of its own.
+    /// Rows of its scan pattern, from `[scanner]`; 0: not known, every beam has a channel of its
+    /// own.
     #[serde(skip)]
     pub rows: u16,
 }
@@ -168,7 +173,12 @@ impl Receiver {
             ("extinction_per_m", self.extinction_per_m, 0.0..=10.0, "0 to 10"),
             ("timing_jitter_ns", self.timing_jitter_ns, 0.0..=10.0, "0 to 10"),
             ("dead_channels", self.dead_channels, 0.0..=1.0, "0 to 1"),
-            ("weak_channels", self.weak_channels, 0.0..=1.0 - self.dead_channels, "0 to 1 less dead_channels"),
+            (
+                "weak_channels",
+                self.weak_channels,
+                0.0..=1.0 - self.dead_channels,
+                "0 to 1 less dead_channels",
+            ),
             ("weak_channel_db", self.weak_channel_db, 0.0..=60.0, "0 to 60"),
             ("overload_tail", self.overload_tail, 0.0..=1.0, "0 to 1"),
             ("overload_tail_ns", self.overload_tail_ns, 0.1..=1e4, "0.1 to 10^4"),
@@ -181,7 +191,8 @@ impl Receiver {
         Ok(())
     }
 
-    /// The peak of an echo of 1 W from 1/(π m²), in clear air at 0 dB, over the converter's full scale.
+    /// The peak of an echo of 1 W from 1/(π m²), in clear air at 0 dB, over the converter's full
+    /// scale.
     pub fn unit_echo(&self) -> f64 {
         match self.mode {
             Mode::Physical => self.peak_current_ua(1.0, 0.0, 1.0 / PI) / self.full_scale_ua,
@@ -214,7 +225,8 @@ impl Receiver {
 
     /// R0, photocurrent per optical power before multiplication, A/W.
     pub fn responsivity_a_w(&self) -> f64 {
-        self.quantum_efficiency * ELEMENTARY_CHARGE_C * self.wavelength_nm * 1e-9 / (PLANCK_J_S * 299_792_458.0)
+        self.quantum_efficiency * ELEMENTARY_CHARGE_C * self.wavelength_nm * 1e-9
+            / (PLANCK_J_S * 299_792_458.0)
     }
 
     /// A_r, m².
@@ -231,19 +243,26 @@ impl Receiver {
 
     /// Peak signal current of a return, µA: M·R0·P_s at p = 1.
     pub fn peak_current_ua(&self, power_w: f64, range_m: f64, strength_per_m2: f64) -> f64 {
-        let received_w = power_w * self.transmission * self.aperture_m2() * strength_per_m2 * self.through_air(range_m);
+        let received_w = power_w
+            * self.transmission
+            * self.aperture_m2()
+            * strength_per_m2
+            * self.through_air(range_m);
         self.multiplication * self.responsivity_a_w() * received_w * 1e6
     }
 
     /// Current without a signal, µA.
     pub fn quiescent_current_ua(&self) -> f64 {
-        self.multiplication * self.responsivity_a_w() * self.ambient_w() * 1e6 + self.surface_dark_current_na * 1e-3
+        self.multiplication * self.responsivity_a_w() * self.ambient_w() * 1e6
+            + self.surface_dark_current_na * 1e-3
     }
 
     /// Variance of the current without a signal, µA².
     pub fn quiescent_variance_ua2(&self) -> f64 {
-        let primary_ua = self.responsivity_a_w() * self.ambient_w() * 1e6 + self.bulk_dark_current_na * 1e-3;
-        self.multiplication * self.shot_variance_ua() * primary_ua + (self.amplifier_noise_na * 1e-3).powi(2)
+        let primary_ua =
+            self.responsivity_a_w() * self.ambient_w() * 1e6 + self.bulk_dark_current_na * 1e-3;
+        self.multiplication * self.shot_variance_ua() * primary_ua
+            + (self.amplifier_noise_na * 1e-3).powi(2)
     }
 
     /// Shot-noise variance a microampere of multiplied signal current adds, µA²: 2·q·M·F·B.
@@ -279,7 +298,10 @@ mod tests {
     #[test]
     fn a_constant_out_of_bounds_is_named() {
         let bad = Receiver { transmission: f64::NAN, ..Receiver::default() };
-        assert_eq!(bad.check().unwrap_err().to_string(), "receiver.transmission = NaN must be above 0 and at most 1");
+        assert_eq!(
+            bad.check().unwrap_err().to_string(),
+            "receiver.transmission = NaN must be above 0 and at most 1"
+        );
         let even = Receiver { subrays: 4, ..Receiver::default() };
         assert_eq!(even.check().unwrap_err().field, "subrays");
         Receiver::default().check().unwrap();

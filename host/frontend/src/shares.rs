@@ -4,9 +4,9 @@ use crate::{OVERLAP_M, Return};
 
 /// Shares of a beam's light by where it ends.
 ///
-/// A scene's response says how strong a return is, not how much of the beam it took. The share is estimated as
-/// `strength · R² / ξ(R)`, normalised: exact where a beam's surfaces are alike. A beam without returns goes on for ever; one with
-/// returns ends at the last.
+/// A scene's response says how strong a return is, not how much of the beam it took. The share is
+/// estimated as `strength · R² / ξ(R)`, normalised: exact where a beam's surfaces are alike. A beam
+/// without returns goes on for ever; one with returns ends at the last.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shares<'a> {
     returns: &'a [Return],
@@ -58,7 +58,10 @@ mod tests {
 
     #[test]
     fn shares_of_like_surfaces_are_those_of_the_beam() {
-        let at = |range_m: f32, share: f32| Return { range_m, strength_per_m2: share * 0.1 / (range_m * range_m) };
+        let at = |range_m: f32, share: f32| Return {
+            range_m,
+            strength_per_m2: share * 0.1 / (range_m * range_m),
+        };
         let returns = [at(5.0, 0.25), at(20.0, 0.75)];
         let shares = Shares::of(&returns);
         for (range_m, open) in [(1.0, 1.0), (6.0, 0.75), (30.0, 0.0)] {

@@ -1,4 +1,5 @@
-//! What differs from shot to shot and from channel to channel: when the pulse leaves, and who hears it.
+//! What differs from shot to shot and from channel to channel: when the pulse leaves, and who hears
+//! it.
 
 use crate::{Analog, Trigger};
 
@@ -15,7 +16,8 @@ pub enum Channel {
 }
 
 impl Receiver {
-    /// The channel that hears a beam: that of the beam's row, where rows are known, else one of the beam's own.
+    /// The channel that hears a beam: that of the beam's row, where rows are known, else one of the
+    /// beam's own.
     ///
     /// Each is dead or weak by a draw of its own, the same in every scan.
     pub fn channel(&self, beam: u32) -> Channel {
@@ -33,8 +35,8 @@ impl Receiver {
         }
     }
 
-    /// The shot as this channel hears it: a weak one as less power, a late pulse as a window that opens earlier; `None` when
-    /// nothing is heard.
+    /// The shot as this channel hears it: a weak one as less power, a late pulse as a window that
+    /// opens earlier; `None` when nothing is heard.
     pub(super) fn hear(&self, analog: &Analog, seed: u64, trigger: Trigger) -> Option<Analog> {
         let Channel::Alive(light) = self.channel(trigger.beam) else { return None };
         let mut heard = Analog { power_w: analog.power_w * light, ..*analog };
@@ -61,10 +63,19 @@ mod tests {
 
     #[test]
     fn as_many_channels_are_dead_and_weak_as_asked_for() {
-        let receiver = Receiver { dead_channels: 0.1, weak_channels: 0.2, weak_channel_db: 3.0, ..Receiver::default() };
-        let count = |channel: Channel| (0..20_000).filter(|&beam| receiver.channel(beam) == channel).count();
+        let receiver = Receiver {
+            dead_channels: 0.1,
+            weak_channels: 0.2,
+            weak_channel_db: 3.0,
+            ..Receiver::default()
+        };
+        let count = |channel: Channel| {
+            (0..20_000).filter(|&beam| receiver.channel(beam) == channel).count()
+        };
         let weak = Channel::Alive(libm::pow(10.0, -0.3));
-        for (channel, expected) in [(Channel::Dead, 2_000.0), (weak, 4_000.0), (Channel::Alive(1.0), 14_000.0)] {
+        for (channel, expected) in
+            [(Channel::Dead, 2_000.0), (weak, 4_000.0), (Channel::Alive(1.0), 14_000.0)]
+        {
             let got = count(channel) as f64;
             assert!((got - expected).abs() < 4.0 * expected.sqrt(), "{channel:?}: {got}");
         }

@@ -32,8 +32,9 @@ pub(super) struct Medium {
 /// G·   = ∫ g(u) · {1, cos ωu, sin ωu} du,  u from t − 2W to the surface's 2R/c or to t,  g = (c/2) β ξ e^(−2αR) / R²
 /// ```
 ///
-/// A hard target's ρ cosθ/π stands where β dR does. The integrals are cumulative sums, so a beam that ends at a surface costs
-/// a pulse's length more than one that does not. One table serves all beams of a setting.
+/// A hard target's ρ cosθ/π stands where β dR does. The integrals are cumulative sums, so a beam
+/// that ends at a surface costs a pulse's length more than one that does not. One table serves all
+/// beams of a setting.
 #[derive(Clone, Debug, Default)]
 pub(super) struct SoftResponse {
     key: Option<(Medium, f64)>,
@@ -82,7 +83,9 @@ impl SoftResponse {
         }
         for j in self.open.len()..entries {
             let from = j.saturating_sub(PULSE);
-            self.open.push(combine(difference(self.integrals[j], self.integrals[from]), sin_cos(j)) as f32);
+            self.open.push(
+                combine(difference(self.integrals[j], self.integrals[from]), sin_cos(j)) as f32,
+            );
         }
     }
 
@@ -90,7 +93,8 @@ impl SoftResponse {
     pub(super) fn add(&self, analog: &Analog, returns: &[Return], unit: f32, signal: &mut [f32]) {
         let shares = Shares::of(returns);
         let first_ns = analog.delay_ns;
-        let sample_at = |ns: f64| ((ns - first_ns) / analog.sample_period_ns).ceil().max(0.0) as usize;
+        let sample_at =
+            |ns: f64| ((ns - first_ns) / analog.sample_period_ns).ceil().max(0.0) as usize;
         let mut begin = 0;
         for (range_m, open) in shares.steps() {
             let end = sample_at(2.0 * range_m / SPEED_OF_LIGHT_M_NS).clamp(begin, signal.len());
@@ -104,7 +108,13 @@ impl SoftResponse {
     }
 
     /// Where nothing has ended the beam yet.
-    fn add_open(&self, analog: &Analog, span: std::ops::Range<usize>, unit: f32, signal: &mut [f32]) {
+    fn add_open(
+        &self,
+        analog: &Analog,
+        span: std::ops::Range<usize>,
+        unit: f32,
+        signal: &mut [f32],
+    ) {
         if unit == 0.0 {
             return;
         }
@@ -132,7 +142,8 @@ impl SoftResponse {
                 return;
             }
             let (sin, cos) = (libm::sin(PI * t / width), libm::cos(PI * t / width));
-            *sample += unit * combine(difference(upto, self.integral(t - 2.0 * width)), (sin, cos)) as f32;
+            *sample +=
+                unit * combine(difference(upto, self.integral(t - 2.0 * width)), (sin, cos)) as f32;
         }
     }
 
@@ -140,7 +151,8 @@ impl SoftResponse {
     fn integral(&self, at_ns: f64) -> [f64; 3] {
         let at = (at_ns / self.step_ns).max(0.0);
         let (j, part) = (at as usize, at - at.floor());
-        let entry = |j: usize| self.integrals.get(j).or(self.integrals.last()).copied().unwrap_or([0.0; 3]);
+        let entry =
+            |j: usize| self.integrals.get(j).or(self.integrals.last()).copied().unwrap_or([0.0; 3]);
         let (a, b) = (entry(j), entry(j + 1));
         std::array::from_fn(|i| a[i] + (b[i] - a[i]) * part)
     }
@@ -156,7 +168,8 @@ impl Medium {
         }
         let overlap = ((range_m - blind) / (full - blind)).min(1.0);
         let through_air = libm::exp(-2.0 * self.extinction_per_m * range_m);
-        0.5 * SPEED_OF_LIGHT_M_NS * self.backscatter_per_m_sr * overlap * through_air / (range_m * range_m)
+        0.5 * SPEED_OF_LIGHT_M_NS * self.backscatter_per_m_sr * overlap * through_air
+            / (range_m * range_m)
     }
 }
 
@@ -178,7 +191,8 @@ fn difference(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 mod tests {
     use super::*;
 
-    const FOG: Medium = Medium { extinction_per_m: 0.06, backscatter_per_m_sr: 9.2e-4, from_m: 0.0 };
+    const FOG: Medium =
+        Medium { extinction_per_m: 0.06, backscatter_per_m_sr: 9.2e-4, from_m: 0.0 };
     const ANALOG: Analog = Analog {
         power_w: 75.0,
         pulse_width_ns: 5.0,
@@ -220,7 +234,11 @@ mod tests {
             let expected = by_definition(3.3 + n as f64, 1e9);
             let error = (f64::from(signal[n]) - expected).abs();
             assert!(error < 3e-4 * f64::from(peak), "sample {n}: {} against {expected}", signal[n]);
-            assert!(n < 12 || error < 2e-3 * expected, "sample {n}: {} against {expected}", signal[n]);
+            assert!(
+                n < 12 || error < 2e-3 * expected,
+                "sample {n}: {} against {expected}",
+                signal[n]
+            );
         }
     }
 
@@ -237,14 +255,18 @@ mod tests {
                 assert_eq!(ended, 0.0, "sample {n}");
             } else {
                 let expected = by_definition(t, 9.0) as f32;
-                assert!((ended - expected).abs() < 2e-3 * open, "sample {n}: {ended} against {expected}");
+                assert!(
+                    (ended - expected).abs() < 2e-3 * open,
+                    "sample {n}: {ended} against {expected}"
+                );
             }
         }
     }
 
     #[test]
     fn a_beam_that_is_split_sees_its_shares_of_air() {
-        let pair = [9.0_f32, 18.0].map(|range_m| Return { range_m, strength_per_m2: 0.01 / (range_m * range_m) });
+        let pair = [9.0_f32, 18.0]
+            .map(|range_m| Return { range_m, strength_per_m2: 0.01 / (range_m * range_m) });
         let (both, near, far) = (response(&pair), response(&pair[..1]), response(&pair[1..]));
         for n in 0..400 {
             let expected = 0.5 * (near[n] + far[n]);

@@ -21,7 +21,8 @@ pub struct Shot {
 }
 
 impl Shot {
-    /// Memory for this many samples: signal, which is `background` to begin with, and normals of an earlier shot.
+    /// Memory for this many samples: signal, which is `background` to begin with, and normals of an
+    /// earlier shot.
     #[inline(always)]
     pub(super) fn begin(&mut self, samples: usize, background: &[f32]) -> (&mut [f32], &mut [f32]) {
         if self.normal.len() < samples {
@@ -55,7 +56,8 @@ pub fn synthesise(
     synthesise_over(receiver, analog, returns, &[], key, shot, codes);
 }
 
-/// [`synthesise`] where `background` flows besides, µA of signal current a sample; beyond its end, none.
+/// [`synthesise`] where `background` flows besides, µA of signal current a sample; beyond its end,
+/// none.
 pub(super) fn synthesise_over(
     receiver: &Receiver,
     analog: &Analog,
@@ -111,8 +113,11 @@ fn synthesise_inline(
 ) {
     let (signal_ua, normal) = shot.begin(codes.len(), background);
     for echo in returns {
-        let current_ua =
-            receiver.peak_current_ua(analog.power_w, f64::from(echo.range_m), f64::from(echo.strength_per_m2));
+        let current_ua = receiver.peak_current_ua(
+            analog.power_w,
+            f64::from(echo.range_m),
+            f64::from(echo.strength_per_m2),
+        );
         add_pulse(analog, f64::from(echo.range_m), current_ua, signal_ua);
     }
     normals(key, normal);
@@ -122,7 +127,8 @@ fn synthesise_inline(
     }
 }
 
-/// Adds `current · sin²(π(t − 2R/c) / 2W)`; the cosine by Chebyshev's recurrence, two evaluations a pulse.
+/// Adds `current · sin²(π(t − 2R/c) / 2W)`; the cosine by Chebyshev's recurrence, two evaluations a
+/// pulse.
 pub(super) fn add_pulse(analog: &Analog, range_m: f64, current_ua: f64, signal_ua: &mut [f32]) {
     let begin = (2.0 * range_m / SPEED_OF_LIGHT_M_NS - analog.delay_ns) / analog.sample_period_ns;
     let length = 2.0 * analog.pulse_width_ns / analog.sample_period_ns;
@@ -145,7 +151,13 @@ pub(super) const ROUND: f32 = 12_582_912.0;
 
 /// Noise, gain, clip and quantisation.
 #[inline(always)]
-fn convert(receiver: &Receiver, analog: &Analog, signal_ua: &[f32], normal: &[f32], codes: &mut [u16]) {
+fn convert(
+    receiver: &Receiver,
+    analog: &Analog,
+    signal_ua: &[f32],
+    normal: &[f32],
+    codes: &mut [u16],
+) {
     let gain = libm::pow(10.0, analog.gain_db / 20.0);
     let full_scale = f64::from(1u32 << receiver.adc_bits);
     let codes_per_ua = (full_scale * gain / receiver.full_scale_ua) as f32;
@@ -194,14 +206,30 @@ mod tests {
 
     #[test]
     fn both_builds_give_the_same_codes() {
-        let returns =
-            [Return { range_m: 40.0, strength_per_m2: 4e-5 }, Return { range_m: 90.0, strength_per_m2: 1e-5 }];
+        let returns = [
+            Return { range_m: 40.0, strength_per_m2: 4e-5 },
+            Return { range_m: 90.0, strength_per_m2: 1e-5 },
+        ];
         for beam in 0..64 {
             let mut plain = vec![0; 801];
             let mut fast = vec![0; 801];
             let key = NoiseKey::new(3, Trigger { frame: 0, beam, shot: 0 });
-            synthesise_baseline(&Receiver::default(), &ANALOG, &returns, key, &mut Shot::default(), &mut plain);
-            synthesise(&Receiver::default(), &ANALOG, &returns, key, &mut Shot::default(), &mut fast);
+            synthesise_baseline(
+                &Receiver::default(),
+                &ANALOG,
+                &returns,
+                key,
+                &mut Shot::default(),
+                &mut plain,
+            );
+            synthesise(
+                &Receiver::default(),
+                &ANALOG,
+                &returns,
+                key,
+                &mut Shot::default(),
+                &mut fast,
+            );
             assert_eq!(plain, fast);
         }
     }
@@ -209,12 +237,22 @@ mod tests {
     #[test]
     fn an_echo_peaks_where_its_range_says_and_as_high_as_the_link_budget_says() {
         let range_m = 299_792_458e-9 / 2.0 * 306.0; // pulse middle at 306 + 5 ns, sample 300
-        let echo = Return { range_m: range_m as f32, strength_per_m2: (0.1 / PI / 50.0 / 50.0) as f32 };
+        let echo =
+            Return { range_m: range_m as f32, strength_per_m2: (0.1 / PI / 50.0 / 50.0) as f32 };
         let mean = average(&ANALOG, &[echo]);
         let quiet = mean[..250].iter().sum::<f64>() / 250.0;
-        let expected = 4096.0 * Receiver::default().peak_current_ua(75.0, 50.0, f64::from(echo.strength_per_m2)) / 30.0;
-        assert!((mean[300] - quiet - expected).abs() < 0.01 * expected, "{} against {expected}", mean[300] - quiet);
-        assert!((mean[297] - mean[303]).abs() < 0.03 * expected, "the pulse is symmetric about sample 300");
+        let expected = 4096.0
+            * Receiver::default().peak_current_ua(75.0, 50.0, f64::from(echo.strength_per_m2))
+            / 30.0;
+        assert!(
+            (mean[300] - quiet - expected).abs() < 0.01 * expected,
+            "{} against {expected}",
+            mean[300] - quiet
+        );
+        assert!(
+            (mean[297] - mean[303]).abs() < 0.03 * expected,
+            "the pulse is symmetric about sample 300"
+        );
     }
 
     #[test]

@@ -21,8 +21,8 @@ pub enum Precipitation {
 
 /// The weather between the sensor and the scene. Off unless `kind` is given.
 ///
-/// It weakens every echo by `e^(−2αR)` and adds light of its own: a continuous return, and near the sensor, in rain and snow,
-/// single drops and flakes that look like small targets.
+/// It weakens every echo by `e^(−2αR)` and adds light of its own: a continuous return, and near the
+/// sensor, in rain and snow, single drops and flakes that look like small targets.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Weather {
@@ -49,10 +49,12 @@ impl Default for Weather {
 /// | snow, dry | (5.42e-5·λ + 5.4958776)·R^1.38 dB/km | 1092·R^−0.49 | 25 |
 /// | snow, wet | (1.023e-4·λ + 3.7855466)·R^0.72 dB/km | 1092·R^−0.49 | 25 |
 ///
-/// λ in nm, R in mm/h. Sources: fog, Rasshofer, Spies and Spies 2011 (β) and Koschmieder (5 % contrast); extinction of rain and
-/// snow, Rec. ITU-R P.1814 (rain after Carbonneau and Wisely 1998); numbers from exponential sizes, N0/Λ of Marshall and Palmer
-/// 1948 (8000, 4.1·R^−0.21 /mm) and Sekhon and Srivastava 1970 (2500·R^−0.94, 2.29·R^−0.45 /mm); α/β of water droplets, O'Connor
-/// et al. 2004, for drops as well; of ice our choice, in the middle of what is reported for cirrus (20–30).
+/// λ in nm, R in mm/h. Sources: fog, Rasshofer, Spies and Spies 2011 (β) and Koschmieder (5 %
+/// contrast); extinction of rain and snow, Rec. ITU-R P.1814 (rain after Carbonneau and Wisely
+/// 1998); numbers from exponential sizes, N0/Λ of Marshall and Palmer 1948 (8000, 4.1·R^−0.21 /mm)
+/// and Sekhon and Srivastava 1970 (2500·R^−0.94, 2.29·R^−0.45 /mm); α/β of water droplets, O'Connor
+/// et al. 2004, for drops as well; of ice our choice, in the middle of what is reported for cirrus
+/// (20–30).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Air {
     /// α, extinction, 1/m.
@@ -65,7 +67,8 @@ pub struct Air {
 
 impl Air {
     /// Nothing in the air.
-    pub const CLEAR: Self = Self { extinction_per_m: 0.0, backscatter_per_m_sr: 0.0, particles_per_m3: 0.0 };
+    pub const CLEAR: Self =
+        Self { extinction_per_m: 0.0, backscatter_per_m_sr: 0.0, particles_per_m3: 0.0 };
 
     /// α/β, sr.
     pub fn lidar_ratio_sr(&self) -> f64 {
@@ -90,11 +93,19 @@ impl Weather {
             Precipitation::None => return Air::CLEAR,
             Precipitation::Fog => return fog(self.visibility_m),
             Precipitation::Rain => (power(1.076, 0.67), power(8_000.0 / 4.1, 0.21), WATER_SR),
-            Precipitation::Snow => (power(5.42e-5 * wavelength_nm + 5.495_877_6, 1.38), flakes(), ICE_SR),
-            Precipitation::WetSnow => (power(1.023e-4 * wavelength_nm + 3.785_546_6, 0.72), flakes(), ICE_SR),
+            Precipitation::Snow => {
+                (power(5.42e-5 * wavelength_nm + 5.495_877_6, 1.38), flakes(), ICE_SR)
+            }
+            Precipitation::WetSnow => {
+                (power(1.023e-4 * wavelength_nm + 3.785_546_6, 0.72), flakes(), ICE_SR)
+            }
         };
         let extinction_per_m = db_per_km * PER_M_OF_DB_PER_KM;
-        Air { extinction_per_m, backscatter_per_m_sr: extinction_per_m / ratio_sr, particles_per_m3 }
+        Air {
+            extinction_per_m,
+            backscatter_per_m_sr: extinction_per_m / ratio_sr,
+            particles_per_m3,
+        }
     }
 
     /// The first value out of bounds: key, value, what it must be.
@@ -107,7 +118,9 @@ impl Weather {
             Precipitation::Rain if (0.1..=200.0).contains(&rate) => None,
             Precipitation::Rain => Some(("weather.rate_mm_h", rate, "0.1 to 200 in rain")),
             Precipitation::Snow | Precipitation::WetSnow if (0.1..=50.0).contains(&rate) => None,
-            Precipitation::Snow | Precipitation::WetSnow => Some(("weather.rate_mm_h", rate, "0.1 to 50 in snow")),
+            Precipitation::Snow | Precipitation::WetSnow => {
+                Some(("weather.rate_mm_h", rate, "0.1 to 50 in snow"))
+            }
         }
     }
 }
@@ -155,7 +168,8 @@ mod tests {
 
     #[test]
     fn drops_are_as_large_as_drops() {
-        // Mean extinction cross-section is twice the shadow: the diameter of a drop of mean shadow, mm.
+        // Mean extinction cross-section is twice the shadow: the diameter of a drop of mean shadow,
+        // mm.
         for rate in [1.0, 10.0, 50.0] {
             let rain = air(Precipitation::Rain, rate);
             let shadow_m2 = rain.extinction_per_m / rain.particles_per_m3 / 2.0;

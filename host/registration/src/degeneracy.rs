@@ -8,16 +8,18 @@ use nalgebra::{Matrix6, Vector6};
 /// I = Σ j jᵀ / pairs      j = [ (s - c) × n / L ; n ]      c = mean s, L² = mean |s - c|²
 /// ```
 ///
-/// Rotations turn about the centroid `c` of the pairs and are scaled by their spread `L`, so that all six are shares
-/// of one: an eigenvalue is the mean squared residual that a unit motion causes. Two walls and a floor seen evenly give
-/// a translation 1/3 in each direction; a plane gives 0 for the two shifts within it and the turn about its normal.
-/// The test on eigenvalues follows Zhang, Kaess and Singh, "On degeneracy of optimization-based state estimation
-/// problems", 2016; the scaling is ours.
+/// Rotations turn about the centroid `c` of the pairs and are scaled by their spread `L`, so that
+/// all six are shares of one: an eigenvalue is the mean squared residual that a unit motion causes.
+/// Two walls and a floor seen evenly give a translation 1/3 in each direction; a plane gives 0 for
+/// the two shifts within it and the turn about its normal. The test on eigenvalues follows Zhang,
+/// Kaess and Singh, "On degeneracy of optimization-based state estimation problems", 2016; the
+/// scaling is ours.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observability {
     /// Ascending.
     pub information: [f64; 6],
-    /// One a column, in the order of `information`: turns about x y z (times `L`), then shifts along x y z.
+    /// One a column, in the order of `information`: turns about x y z (times `L`), then shifts
+    /// along x y z.
     pub directions: Matrix6<f64>,
     /// How many of them, from the first, are below the threshold: motions the pairs leave open.
     pub unobservable: usize,
@@ -32,8 +34,13 @@ impl Observability {
         let information = order.map(|i| eigen.eigenvalues[i]);
         Self {
             information,
-            directions: Matrix6::from_columns(&order.map(|i| eigen.eigenvectors.column(i).into_owned())),
-            unobservable: information.iter().filter(|value| value.is_nan() || **value <= least).count(),
+            directions: Matrix6::from_columns(
+                &order.map(|i| eigen.eigenvectors.column(i).into_owned()),
+            ),
+            unobservable: information
+                .iter()
+                .filter(|value| value.is_nan() || **value <= least)
+                .count(),
         }
     }
 
@@ -45,17 +52,22 @@ impl Observability {
     /// Solves `I x = b` in the directions that are observable; `x` is zero along the others.
     pub(super) fn solve(&self, b: &Vector6<f64>) -> Vector6<f64> {
         (self.unobservable..6)
-            .map(|i| self.directions.column(i) * (self.directions.column(i).dot(b) / self.information[i]))
+            .map(|i| {
+                self.directions.column(i) * (self.directions.column(i).dot(b) / self.information[i])
+            })
             .sum()
     }
 
-    /// Solves `A x = b` for another matrix among the motions that are observable; `x` is zero along the others.
+    /// Solves `A x = b` for another matrix among the motions that are observable; `x` is zero along
+    /// the others.
     pub(super) fn solve_within(&self, a: &Matrix6<f64>, b: &Vector6<f64>) -> Vector6<f64> {
         let along = |i: usize| self.directions.column(i) * self.directions.column(i).transpose();
         let open: Matrix6<f64> = (0..self.unobservable).map(along).sum();
         let seen = Matrix6::identity() - open;
         // Along the open directions it solves x = 0.
-        (seen * a * seen + open).cholesky().map_or_else(Vector6::zeros, |whole| whole.solve(&(seen * b)))
+        (seen * a * seen + open)
+            .cholesky()
+            .map_or_else(Vector6::zeros, |whole| whole.solve(&(seen * b)))
     }
 }
 

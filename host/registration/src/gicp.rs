@@ -9,15 +9,16 @@ use super::{ConfigError, GicpConfig, Outcome, Registration, Target};
 use crate::cloud::Cloud;
 use crate::pose::Pose;
 
-/// Generalised ICP (Segal, Haehnel and Thrun, "Generalized-ICP", RSS 2009): both clouds are surfaces, and a pair weighs
-/// by the uncertainty of its two planes.
+/// Generalised ICP (Segal, Haehnel and Thrun, "Generalized-ICP", RSS 2009): both clouds are
+/// surfaces, and a pair weighs by the uncertainty of its two planes.
 ///
 /// ```text
 /// E(T) = Σ dᵀ (C_q + R C_s Rᵀ)⁻¹ d      d = T s - q      C = I - (1 - ε) n nᵀ,  ε = 1e-3
 /// ```
 ///
-/// A plane's covariance is ε along its normal and 1 within, as there (small_gicp has the same values). Steps are
-/// Gauss-Newton's with the weights of the last pose. Points without a normal form no pair.
+/// A plane's covariance is ε along its normal and 1 within, as there (small_gicp has the same
+/// values). Steps are Gauss-Newton's with the weights of the last pose. Points without a normal
+/// form no pair.
 #[derive(Clone, Debug)]
 pub struct Gicp {
     config: GicpConfig,
@@ -37,10 +38,11 @@ impl Gicp {
         &self.config
     }
 
-    /// Finds the motion that lays `source` on `target`, both prepared with these settings, from `initial`. The source
-    /// of one pair can be the target of the next as it is.
+    /// Finds the motion that lays `source` on `target`, both prepared with these settings, from
+    /// `initial`. The source of one pair can be the target of the next as it is.
     ///
-    /// With too few pairs the outcome carries `initial`; with a direction left open it moves in the others.
+    /// With too few pairs the outcome carries `initial`; with a direction left open it moves in the
+    /// others.
     pub fn align(&self, target: &Target, source: &Target, initial: &Pose) -> Outcome {
         let moving = Moving { points: source.tree.points(), normals: &source.normals };
         self.descent().run::<PlaneToPlane>(target, &moving, initial)
@@ -67,7 +69,9 @@ impl Registration for Gicp {
         let source = Target::prepare(source, &self.config);
         match (target, source) {
             (Ok(target), Ok(source)) => self.align(&target, &source, initial),
-            (target, source) => Outcome::unprepared(initial, target.err().into_iter().chain(source.err())),
+            (target, source) => {
+                Outcome::unprepared(initial, target.err().into_iter().chain(source.err()))
+            }
         }
     }
 }

@@ -7,7 +7,9 @@ pub(super) mod pairing;
 use self::descent::Descent;
 use self::pairing::Moving;
 use super::normal_equations::NormalEquations;
-use super::{ConfigError, IcpConfig, Outcome, PrepareError, Registration, Source, StopReason, Target};
+use super::{
+    ConfigError, IcpConfig, Outcome, PrepareError, Registration, Source, StopReason, Target,
+};
 use crate::cloud::Cloud;
 use crate::pose::Pose;
 
@@ -31,10 +33,11 @@ impl Icp {
         &self.config
     }
 
-    /// Finds the motion that lays `source` on `target`, both prepared with these settings, from `initial`.
+    /// Finds the motion that lays `source` on `target`, both prepared with these settings, from
+    /// `initial`.
     ///
-    /// Points whose nearest has no normal form no pair. With too few pairs the outcome carries `initial`; with a
-    /// direction left open it moves in the others.
+    /// Points whose nearest has no normal form no pair. With too few pairs the outcome carries
+    /// `initial`; with a direction left open it moves in the others.
     pub fn align(&self, target: &Target, source: &Source, initial: &Pose) -> Outcome {
         let moving = Moving { points: &source.points, normals: &[] };
         self.descent().run::<NormalEquations>(target, &moving, initial)
@@ -61,14 +64,19 @@ impl Registration for Icp {
         let source = Source::prepare(source, &self.config);
         match (target, source) {
             (Ok(target), Ok(source)) => self.align(&target, &source, initial),
-            (target, source) => Outcome::unprepared(initial, target.err().into_iter().chain(source.err())),
+            (target, source) => {
+                Outcome::unprepared(initial, target.err().into_iter().chain(source.err()))
+            }
         }
     }
 }
 
 impl Outcome {
     /// Nothing found, since a cloud could not be prepared. An empty one is named first.
-    pub(super) fn unprepared(initial: &Pose, errors: impl IntoIterator<Item = PrepareError>) -> Self {
+    pub(super) fn unprepared(
+        initial: &Pose,
+        errors: impl IntoIterator<Item = PrepareError>,
+    ) -> Self {
         let empty = errors.into_iter().any(|error| error == PrepareError::Empty);
         Self::nothing(initial, if empty { StopReason::EmptyCloud } else { StopReason::BadSettings })
     }

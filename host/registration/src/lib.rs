@@ -21,7 +21,8 @@ pub mod suggest;
 mod tests;
 
 pub use config::{
-    ConfigError, Convention, FeatureConfig, FgrConfig, FgrMode, GicpConfig, IcpConfig, MacConfig, Method, MethodConfig,
+    ConfigError, Convention, FeatureConfig, FgrConfig, FgrMode, GicpConfig, IcpConfig, MacConfig,
+    Method, MethodConfig,
 };
 pub use degeneracy::Observability;
 pub use fgr::Fgr;
@@ -37,8 +38,9 @@ use crate::pose::Pose;
 
 /// Finds the motion that lays `source` on `target`: `f_reg` of Eq. 2.
 pub trait Registration: Send + Sync {
-    /// Never fails: a poor match is an [`Outcome`] that says why it stopped. Both clouds are in the frames of their
-    /// sensors. `initial` is where to start, `target_from_source`; methods that search the whole space ignore it.
+    /// Never fails: a poor match is an [`Outcome`] that says why it stopped. Both clouds are in the
+    /// frames of their sensors. `initial` is where to start, `target_from_source`; methods that
+    /// search the whole space ignore it.
     fn register(&self, target: &Cloud, source: &Cloud, initial: &Pose) -> Outcome;
 }
 
@@ -47,7 +49,10 @@ pub trait Registration: Send + Sync {
 /// # Errors
 ///
 /// [`ConfigError`] names the setting that cannot run.
-pub fn build(method: &MethodConfig, finish: Option<IcpConfig>) -> Result<Box<dyn Registration>, ConfigError> {
+pub fn build(
+    method: &MethodConfig,
+    finish: Option<IcpConfig>,
+) -> Result<Box<dyn Registration>, ConfigError> {
     let global: Box<dyn Registration> = match method {
         MethodConfig::Icp(config) => Box::new(Icp::new(*config)?),
         MethodConfig::Gicp(config) => Box::new(Gicp::new(*config)?),
@@ -88,12 +93,13 @@ pub struct Outcome {
 pub struct Consensus {
     /// Mutual matches of features, before any was left out.
     pub matches: usize,
-    /// Those that were searched: fewer where some are not finite, or where all would take too much time and memory.
+    /// Those that were searched: fewer where some are not finite, or where all would take too much
+    /// time and memory.
     pub searched: usize,
     /// Those of all that the motion lays within the pair distance of each other.
     pub inliers: usize,
-    /// The best score over that of the best motion that is clearly another, 1 or more: near 1, the scene repeats
-    /// itself. Absent where the method follows one motion only, or found no other.
+    /// The best score over that of the best motion that is clearly another, 1 or more: near 1, the
+    /// scene repeats itself. Absent where the method follows one motion only, or found no other.
     pub margin: Option<f64>,
 }
 
@@ -108,7 +114,8 @@ pub enum StopReason {
     TooFewPairs,
     /// Fewer matches of features than the global method can start from.
     TooFewMatches,
-    /// No more matches agree than would by chance: the motion is the best one found, and not to be trusted.
+    /// No more matches agree than would by chance: the motion is the best one found, and not to be
+    /// trusted.
     NoConsensus,
     /// The pairs leave a direction open; along it the initial guess stands.
     Degenerate,

@@ -1,6 +1,8 @@
 //! Point-to-plane least squares: from pairs to a step.
 
-use nalgebra::{Isometry3, Matrix3, Matrix6, Point3, Translation3, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{
+    Isometry3, Matrix3, Matrix6, Point3, Translation3, UnitQuaternion, Vector3, Vector6,
+};
 
 use super::Observability;
 use super::icp::equations::{Equations, Group, LANES, Lane, Pairs, add_product, cross, dot, total};
@@ -12,8 +14,9 @@ use crate::pose::Pose;
 /// r = n · (s - q)      j = [ s × n ; n ]      E(ω, t) = Σ (r + j · [ω ; t])²
 /// ```
 ///
-/// The residual is the scalar distance to the plane (Chen and Medioni, "Object modelling by registration of multiple
-/// range images", 1992), linear in a small turn `ω` about the origin and a shift `t` (Low 2004).
+/// The residual is the scalar distance to the plane (Chen and Medioni, "Object modelling by
+/// registration of multiple range images", 1992), linear in a small turn `ω` about the origin and a
+/// shift `t` (Low 2004).
 #[derive(Clone, Debug, Default)]
 pub struct NormalEquations {
     /// Σ j jᵀ, m² for turns; the lower half is not filled.
@@ -95,15 +98,19 @@ impl NormalEquations {
         Matrix6::from_fn(|row, column| self.jj[row.min(column)][row.max(column)])
     }
 
-    /// The step to the least squares, and which of its directions the pairs determine; it does not move along the
-    /// others (solution remapping, Zhang, Kaess and Singh 2016).
+    /// The step to the least squares, and which of its directions the pairs determine; it does not
+    /// move along the others (solution remapping, Zhang, Kaess and Singh 2016).
     pub fn solve(&self, least_information: f64) -> (Step, Observability) {
         let n = self.pairs.max(1) as f64;
         let centred = Centred::of(self);
         let information = centred.square(&self.information()) / n;
         let right = -centred.right(&Vector6::from(self.jr)) / n;
         let seen = Observability::of(&information, least_information);
-        let solved = if seen.is_degenerate() { None } else { information.cholesky().map(|c| c.solve(&right)) };
+        let solved = if seen.is_degenerate() {
+            None
+        } else {
+            information.cholesky().map(|c| c.solve(&right))
+        };
         (centred.step(&solved.unwrap_or_else(|| seen.solve(&right))), seen)
     }
 }
@@ -260,8 +267,8 @@ impl Centred {
 mod tests {
     use super::*;
 
-    // Literals of Open3D (MIT), cpp/tests/t/pipelines/registration/TransformationEstimation.cpp. Its normals are not of
-    // length 1.
+    // Literals of Open3D (MIT), cpp/tests/t/pipelines/registration/TransformationEstimation.cpp.
+    // Its normals are not of length 1.
     #[rustfmt::skip]
     const SOURCE: [[f64; 3]; 14] = [
         [1.15495, 2.40671, 1.15061], [1.81481, 2.06281, 1.71927], [0.888322, 2.05068, 2.04879],
@@ -284,8 +291,8 @@ mod tests {
         [0.226091, 0.258253, -0.874024], [0.43979, 0.122441, -0.574998], [0.109144, 0.180992, -0.762368],
         [0.273325, 0.292013, -0.903111], [0.385407, -0.212348, -0.277818],
     ];
-    /// The target's index of each source point: at 22a6a307b (2026), and at de5d8192 (2021), which pairs point 10 with
-    /// none.
+    /// The target's index of each source point: at 22a6a307b (2026), and at de5d8192 (2021), which
+    /// pairs point 10 with none.
     const PAIRS: [usize; 14] = [10, 1, 1, 3, 2, 5, 9, 7, 5, 8, 7, 7, 5, 8];
     const PAIRS_2021: [usize; 14] = [10, 10, 10, 8, 10, 2, 7, 7, 3, 6, usize::MAX, 7, 0, 8];
 
@@ -293,7 +300,11 @@ mod tests {
 
     fn paired(indices: &[usize]) -> Vec<Pair> {
         let pair = |(s, q): (&[f64; 3], &usize)| {
-            Some((Point3::from(*s), Point3::from(*TARGET.get(*q)?), Vector3::from(*NORMALS.get(*q)?)))
+            Some((
+                Point3::from(*s),
+                Point3::from(*TARGET.get(*q)?),
+                Vector3::from(*NORMALS.get(*q)?),
+            ))
         };
         SOURCE.iter().zip(indices).filter_map(pair).collect()
     }
@@ -312,14 +323,15 @@ mod tests {
         sums_of(pairs(), motion)
     }
 
-    /// What Open3D calls the RMSE from point to plane: √(Σ ((s - q)_k n_k)² / pairs) over the components k, not the
-    /// scalar n · (s - q).
+    /// What Open3D calls the RMSE from point to plane: √(Σ ((s - q)_k n_k)² / pairs) over the
+    /// components k, not the scalar n · (s - q).
     fn component_wise_rmse_m(pairs: &[Pair], motion: &Pose) -> f64 {
         let parts = pairs.iter().map(|(s, q, n)| (motion * s - q).component_mul(n).norm_squared());
         (parts.sum::<f64>() / pairs.len() as f64).sqrt()
     }
 
-    /// The step as Open3D takes it: `[α β γ t]` solved about the origin, turned as Rz(γ) Ry(β) Rx(α).
+    /// The step as Open3D takes it: `[α β γ t]` solved about the origin, turned as Rz(γ) Ry(β)
+    /// Rx(α).
     fn open3d_step(sums: &NormalEquations) -> Pose {
         let x = sums.information().cholesky().unwrap().solve(&-Vector6::from(sums.jr));
         let rotation = UnitQuaternion::from_euler_angles(x[0], x[1], x[2]);
@@ -339,10 +351,10 @@ mod tests {
         near(sums.plane_rmse_m(), 0.366238);
     }
 
-    /// Open3D expects 0.335499 before its step and 0.601422 after it. The sums and the linear solution are ours: that is
-    /// what they are held to. The figure rises because it is component-wise, and because a turn of 0.9 rad is no longer
-    /// linear; by the scalar residual Open3D's step goes from 0.421430 to 0.445121, ours, about the pairs' centroid, to
-    /// 0.211035.
+    /// Open3D expects 0.335499 before its step and 0.601422 after it. The sums and the linear
+    /// solution are ours: that is what they are held to. The figure rises because it is
+    /// component-wise, and because a turn of 0.9 rad is no longer linear; by the scalar residual
+    /// Open3D's step goes from 0.421430 to 0.445121, ours, about the pairs' centroid, to 0.211035.
     #[test]
     fn open3ds_step_is_the_one_these_sums_solve() {
         let pairs = paired(&PAIRS);
@@ -365,14 +377,20 @@ mod tests {
         }
         let mut together = NormalEquations::default();
         together.add_all(&chunk);
-        let alone =
-            sums_of(pairs().map(|(s, q, n)| (s, q.cast::<f32>().cast(), n.cast::<f32>().cast())), &Pose::identity());
+        let alone = sums_of(
+            pairs().map(|(s, q, n)| (s, q.cast::<f32>().cast(), n.cast::<f32>().cast())),
+            &Pose::identity(),
+        );
         let all = |sums: &NormalEquations| {
-            let parts = [sums.s.x, sums.s.y, sums.s.z, sums.ss, sums.rr, sums.dd, sums.pairs as f64];
+            let parts =
+                [sums.s.x, sums.s.y, sums.s.z, sums.ss, sums.rr, sums.dd, sums.pairs as f64];
             sums.jj.iter().flatten().chain(&sums.jr).copied().chain(parts).collect::<Vec<_>>()
         };
         for (together, alone) in all(&together).iter().zip(all(&alone)) {
-            assert!((together - alone).abs() < 1e-12 * alone.abs().max(1.0), "{together} is not {alone}");
+            assert!(
+                (together - alone).abs() < 1e-12 * alone.abs().max(1.0),
+                "{together} is not {alone}"
+            );
         }
     }
 
@@ -398,7 +416,8 @@ mod tests {
             sums
         };
         let merged = chunk(&all[..5]).merge(&chunk(&all[5..]));
-        let difference = merged.solve(0.0).0.motion.to_homogeneous() - chunk(&all).solve(0.0).0.motion.to_homogeneous();
+        let difference = merged.solve(0.0).0.motion.to_homogeneous()
+            - chunk(&all).solve(0.0).0.motion.to_homogeneous();
         assert!(difference.amax() < 1e-12 && merged.pairs == 13);
     }
 }

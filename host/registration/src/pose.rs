@@ -130,7 +130,8 @@ pub fn from_rows(rows: &[f64; 16]) -> Result<Pose, NotRigid> {
     if rotation.determinant() < 0.0 {
         return Err(NotRigid::Mirrors);
     }
-    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
+    let rotation =
+        UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
     let translation = Translation3::new(rows[3], rows[7], rows[11]);
     Ok(Pose::from_parts(translation, rotation))
 }
@@ -141,10 +142,13 @@ pub fn from_rows(rows: &[f64; 16]) -> Result<Pose, NotRigid> {
 ///
 /// [`PoseError`] names the file, and the line where there is one.
 pub fn read_pose(path: &Path) -> Result<Pose, PoseError> {
-    let text = std::fs::read_to_string(path).map_err(|source| PoseError::Io { path: path.into(), source })?;
+    let text = std::fs::read_to_string(path)
+        .map_err(|source| PoseError::Io { path: path.into(), source })?;
     let numbers = numbers(path, &text)?;
-    let rows: &[f64; 16] =
-        numbers.as_slice().try_into().map_err(|_| PoseError::Count { path: path.into(), found: numbers.len() })?;
+    let rows: &[f64; 16] = numbers
+        .as_slice()
+        .try_into()
+        .map_err(|_| PoseError::Count { path: path.into(), found: numbers.len() })?;
     from_rows(rows).map_err(|reason| PoseError::Rigid { path: path.into(), reason })
 }
 
@@ -156,7 +160,11 @@ fn numbers(path: &Path, text: &str) -> Result<Vec<f64>, PoseError> {
     });
     words
         .map(|(line, word)| {
-            word.parse().map_err(|_| PoseError::Number { path: path.into(), line: line + 1, word: word.into() })
+            word.parse().map_err(|_| PoseError::Number {
+                path: path.into(),
+                line: line + 1,
+                word: word.into(),
+            })
         })
         .collect()
 }
@@ -175,7 +183,8 @@ mod tests {
 
     #[test]
     fn a_sensor_that_moved_forward_sees_the_old_scan_ahead_of_nothing() {
-        // The second sensor stands 2 m ahead, both look along world y: second's origin is at x = 2 of the first.
+        // The second sensor stands 2 m ahead, both look along world y: second's origin is at x = 2
+        // of the first.
         let turn = Vector3::new(0.0, 0.0, std::f64::consts::FRAC_PI_2);
         let first = Pose::new(Vector3::new(10.0, 0.0, 0.0), turn);
         let second = Pose::new(Vector3::new(10.0, 2.0, 0.0), turn);
@@ -185,7 +194,8 @@ mod tests {
 
     #[test]
     fn the_papers_order_agrees_when_its_poses_map_the_world_to_the_sensor() {
-        let (first, second) = (pose([1.0, 2.0, 3.0, 0.1, 0.2, 0.3]), pose([-4.0, 1.0, 0.0, -0.3, 0.0, 1.0]));
+        let (first, second) =
+            (pose([1.0, 2.0, 3.0, 0.1, 0.2, 0.3]), pose([-4.0, 1.0, 0.0, -0.3, 0.0, 1.0]));
         let paper = first.inverse() * second.inverse().inverse();
         assert!(frobenius_error(&relative(&first, &second), &paper) < 1e-12);
     }
@@ -195,7 +205,10 @@ mod tests {
         for angle in [0.0, 1e-12, 1e-9, 1e-4, 1.0, 3.0, std::f64::consts::PI] {
             let turned = pose([0.0, 0.0, 0.0, 0.0, 0.0, angle]);
             let error = rotation_error_deg(&Pose::identity(), &turned).to_radians();
-            assert!((error - angle).abs() <= 1e-14 * (1.0 + angle / 1e-14 * 1e-15), "{angle} gave {error}");
+            assert!(
+                (error - angle).abs() <= 1e-14 * (1.0 + angle / 1e-14 * 1e-15),
+                "{angle} gave {error}"
+            );
         }
     }
 
@@ -234,7 +247,12 @@ mod tests {
             let message = read_pose(&path).unwrap_err().to_string();
             assert!(message.contains(name) && message.contains(expected), "{message}");
         }
-        assert!(read_pose(&folder.path().join("absent.txt")).unwrap_err().to_string().contains("absent.txt"));
+        assert!(
+            read_pose(&folder.path().join("absent.txt"))
+                .unwrap_err()
+                .to_string()
+                .contains("absent.txt")
+        );
     }
 
     proptest! {

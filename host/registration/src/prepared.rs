@@ -45,8 +45,9 @@ impl From<&GicpConfig> for Surface {
     }
 }
 
-/// A cloud to register to: thinned, with normals and a tree. Preparing it is half the work of a registration, so keep
-/// it as long as `voxel_m`, `normal_radius_m` and `normal_neighbours` stay. Generalised ICP wants its source so, too.
+/// A cloud to register to: thinned, with normals and a tree. Preparing it is half the work of a
+/// registration, so keep it as long as `voxel_m`, `normal_radius_m` and `normal_neighbours` stay.
+/// Generalised ICP wants its source so, too.
 #[derive(Clone, Debug)]
 pub struct Target {
     pub(super) tree: BoxTree,
@@ -63,7 +64,8 @@ impl Target {
     pub fn prepare(cloud: &Cloud, surface: impl Into<Surface>) -> Result<Self, PrepareError> {
         let surface = surface.into();
         let points = thin(cloud, surface.voxel_m)?;
-        let normals = normals::of_points(&points, surface.normal_radius_m, surface.normal_neighbours);
+        let normals =
+            normals::of_points(&points, surface.normal_radius_m, surface.normal_neighbours);
         Ok(Self { tree: BoxTree::new(points), normals })
     }
 
@@ -116,7 +118,11 @@ fn thin(cloud: &Cloud, voxel_m: f64) -> Result<Vec<Point3<f32>>, PrepareError> {
 /// # Errors
 ///
 /// [`PrepareError`] when there is no echo, or the voxel is too small for the cloud.
-pub(super) fn thinned(cloud: &Cloud, voxel_m: f64, convention: Convention) -> Result<Vec<Point3<f32>>, PrepareError> {
+pub(super) fn thinned(
+    cloud: &Cloud,
+    voxel_m: f64,
+    convention: Convention,
+) -> Result<Vec<Point3<f32>>, PrepareError> {
     let downsample = match convention {
         Convention::Sensor => voxel::downsample,
         Convention::Open3d => voxel::downsample_open3d,

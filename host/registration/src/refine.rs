@@ -14,8 +14,9 @@ use crate::pose::Pose;
 /// | any other | found nothing | global | local: the motion is as rough as the global method left it |
 /// | any other | still, iterations ran out, degenerate | local | local |
 ///
-/// The consensus is always the global method's, and `iterations` counts the steps of both. A motion without consensus
-/// stays without: that the points fit where it put them says nothing about whether that is the place.
+/// The consensus is always the global method's, and `iterations` counts the steps of both. A motion
+/// without consensus stays without: that the points fit where it put them says nothing about
+/// whether that is the place.
 #[derive(Clone, Debug)]
 pub struct Refined<G, L> {
     /// Where it is.
@@ -83,11 +84,16 @@ mod tests {
 
     const CONSENSUS: Consensus = Consensus { matches: 50, searched: 50, inliers: 20, margin: None };
 
-    /// A global method that goes 10 m on, a local one that goes 1 m: how far, how many steps, and why it ended.
+    /// A global method that goes 10 m on, a local one that goes 1 m: how far, how many steps, and
+    /// why it ended.
     fn run(global: StopReason, local: StopReason) -> (f64, usize, StopReason) {
         let global = Fake { x_m: 10.0, stop: global, consensus: Some(CONSENSUS) };
         let refined = Refined { global, local: Fake { x_m: 1.0, stop: local, consensus: None } };
-        let outcome = refined.register(&Cloud::default(), &Cloud::default(), &Pose::translation(100.0, 0.0, 0.0));
+        let outcome = refined.register(
+            &Cloud::default(),
+            &Cloud::default(),
+            &Pose::translation(100.0, 0.0, 0.0),
+        );
         assert_eq!(outcome.consensus, Some(CONSENSUS), "the consensus is the global method's");
         let x_m = outcome.target_from_source.translation.x;
         assert_eq!(outcome.pairs, if x_m == 111.0 { 1 } else { 10 }, "pairs belong to the motion");
@@ -95,7 +101,8 @@ mod tests {
     }
 
     use StopReason::{
-        BadSettings, Degenerate, EmptyCloud, MaxIterations, NoConsensus, Still, TooFewMatches, TooFewPairs,
+        BadSettings, Degenerate, EmptyCloud, MaxIterations, NoConsensus, Still, TooFewMatches,
+        TooFewPairs,
     };
 
     #[test]
@@ -131,7 +138,8 @@ mod tests {
 
     #[test]
     fn boxed_methods_combine_as_well() {
-        let boxed = |x_m| Box::new(Fake { x_m, stop: Still, consensus: None }) as Box<dyn Registration>;
+        let boxed =
+            |x_m| Box::new(Fake { x_m, stop: Still, consensus: None }) as Box<dyn Registration>;
         let refined = Refined { global: boxed(2.0), local: boxed(1.0) };
         let outcome = refined.register(&Cloud::default(), &Cloud::default(), &Pose::identity());
         assert_eq!(outcome.target_from_source.translation.x, 3.0);

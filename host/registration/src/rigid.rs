@@ -8,8 +8,9 @@ use crate::pose::Pose;
 /// Pairs determine a motion when there are so many that no two coincide and not all lie on a line.
 const LEAST_PAIRS: usize = 3;
 
-/// Points on a line leave the turn about it open: the gap of the eigenvalues, over the largest, is about the squared
-/// width over the squared length of the set. This much is a width of 0.1 mm at 10 m, the rounding of `f32` points.
+/// Points on a line leave the turn about it open: the gap of the eigenvalues, over the largest, is
+/// about the squared width over the squared length of the set. This much is a width of 0.1 mm at 10
+/// m, the rounding of `f32` points.
 const LEAST_GAP: f64 = 1e-10;
 
 /// The motion `target_from_source` of the least squares
@@ -18,11 +19,11 @@ const LEAST_GAP: f64 = 1e-10;
 /// min Σ w |q - (R p + t)|²      p of the source, q of the target, m      R ∈ SO(3)
 /// ```
 ///
-/// from pairs and their weights `w`, 0 or more. `t` takes the weighted centroid of `p` to that of `q`; `R` is the unit
-/// quaternion of the largest eigenvalue of a 4×4 matrix (Horn, "Closed-form solution of absolute orientation using unit
-/// quaternions", 1987), so it never mirrors, whatever the pairs. Absent when the pairs of positive weight are fewer
-/// than three or leave a turn open (coincident, or on a line), and when a number among them is not finite or a weight
-/// is negative.
+/// from pairs and their weights `w`, 0 or more. `t` takes the weighted centroid of `p` to that of
+/// `q`; `R` is the unit quaternion of the largest eigenvalue of a 4×4 matrix (Horn, "Closed-form
+/// solution of absolute orientation using unit quaternions", 1987), so it never mirrors, whatever
+/// the pairs. Absent when the pairs of positive weight are fewer than three or leave a turn open
+/// (coincident, or on a line), and when a number among them is not finite or a weight is negative.
 pub fn rigid(pairs: impl Iterator<Item = (PointPair, f64)> + Clone) -> Option<Pose> {
     let means = Means::of(pairs.clone())?;
     let covariance = means.covariance(pairs);
@@ -41,7 +42,8 @@ struct Means {
 
 impl Means {
     fn of(pairs: impl Iterator<Item = (PointPair, f64)>) -> Option<Self> {
-        let (mut source, mut target, mut weight, mut count) = (Vector3::zeros(), Vector3::zeros(), 0.0, 0);
+        let (mut source, mut target, mut weight, mut count) =
+            (Vector3::zeros(), Vector3::zeros(), 0.0, 0);
         for (pair, w) in pairs {
             if w.is_nan() || w < 0.0 {
                 return None;
@@ -51,8 +53,13 @@ impl Means {
             weight += w;
             count += usize::from(w > 0.0);
         }
-        let finite = source.iter().chain(target.iter()).all(|v| v.is_finite()) && weight.is_finite();
-        (count >= LEAST_PAIRS && finite).then(|| Self { source: source / weight, target: target / weight, weight })
+        let finite =
+            source.iter().chain(target.iter()).all(|v| v.is_finite()) && weight.is_finite();
+        (count >= LEAST_PAIRS && finite).then(|| Self {
+            source: source / weight,
+            target: target / weight,
+            weight,
+        })
     }
 
     /// `Σ w (p - p̄)(q - q̄)ᵀ / Σ w`, m².
@@ -73,10 +80,12 @@ fn rotation(c: &Matrix3<f64>) -> Option<UnitQuaternion<f64>> {
     let eigen = horn(&(c / scale)).symmetric_eigen();
     let largest = eigen.eigenvalues.imax();
     let value = eigen.eigenvalues[largest];
-    let others = eigen.eigenvalues.iter().enumerate().filter(|(i, _)| *i != largest).map(|(_, v)| *v);
+    let others =
+        eigen.eigenvalues.iter().enumerate().filter(|(i, _)| *i != largest).map(|(_, v)| *v);
     let gap = value - others.fold(f64::NEG_INFINITY, f64::max);
     let q = eigen.eigenvectors.column(largest);
-    (gap > LEAST_GAP * value).then(|| UnitQuaternion::new_normalize(Quaternion::new(q[0], q[1], q[2], q[3])))
+    (gap > LEAST_GAP * value)
+        .then(|| UnitQuaternion::new_normalize(Quaternion::new(q[0], q[1], q[2], q[3])))
 }
 
 /// Horn's matrix; its quadratic form at the quaternion `(w, x, y, z)` of `R` is `tr(R C)`.
@@ -100,14 +109,18 @@ mod tests {
     use crate::pose::{frobenius_error, rotation_error_deg};
 
     fn moved(points: &[[f64; 3]], truth: &Pose) -> Vec<PointPair> {
-        points.iter().map(|&p| PointPair { source: p.into(), target: truth * Point3::from(p) }).collect()
+        points
+            .iter()
+            .map(|&p| PointPair { source: p.into(), target: truth * Point3::from(p) })
+            .collect()
     }
 
     fn fit(pairs: &[PointPair]) -> Option<Pose> {
         rigid(pairs.iter().map(|&pair| (pair, 1.0)))
     }
 
-    const CORNER: [[f64; 3]; 4] = [[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 1.0]];
+    const CORNER: [[f64; 3]; 4] =
+        [[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 1.0]];
 
     proptest! {
         #[test]
@@ -157,7 +170,9 @@ mod tests {
 
     #[test]
     fn points_of_a_plane_determine_the_motion_and_half_turns_are_no_exception() {
-        for turn in [[0.0, 0.0, std::f64::consts::PI], [std::f64::consts::PI, 0.0, 0.0], [0.0, 3.1, 0.2]] {
+        for turn in
+            [[0.0, 0.0, std::f64::consts::PI], [std::f64::consts::PI, 0.0, 0.0], [0.0, 3.1, 0.2]]
+        {
             let truth = Pose::new([5.0, -3.0, 0.5].into(), turn.into());
             let found = fit(&moved(&CORNER[..3], &truth)).unwrap();
             assert!(frobenius_error(&found, &truth) < 1e-10);
@@ -166,8 +181,10 @@ mod tests {
 
     #[test]
     fn mirrored_pairs_give_a_rotation_all_the_same() {
-        let pairs: Vec<PointPair> =
-            CORNER.iter().map(|p| PointPair { source: (*p).into(), target: [p[0], p[1], -p[2]].into() }).collect();
+        let pairs: Vec<PointPair> = CORNER
+            .iter()
+            .map(|p| PointPair { source: (*p).into(), target: [p[0], p[1], -p[2]].into() })
+            .collect();
         let rotation = fit(&pairs).unwrap().rotation.to_rotation_matrix();
         assert!((rotation.matrix().determinant() - 1.0).abs() < 1e-12);
     }
@@ -175,10 +192,12 @@ mod tests {
     #[test]
     fn pairs_that_determine_no_motion_give_none() {
         let truth = Pose::new([1.0, 2.0, 3.0].into(), [0.1, 0.2, 0.3].into());
-        let line: Vec<[f64; 3]> = (0..50).map(|i| [f64::from(i) * 0.7, f64::from(i) * 0.3, 9.0]).collect();
+        let line: Vec<[f64; 3]> =
+            (0..50).map(|i| [f64::from(i) * 0.7, f64::from(i) * 0.3, 9.0]).collect();
         let rounded = |points: &[[f64; 3]]| -> Vec<PointPair> {
             let round = |p: Point3<f64>| p.cast::<f32>().cast::<f64>();
-            let pair = |p: PointPair| PointPair { source: round(p.source), target: round(p.target) };
+            let pair =
+                |p: PointPair| PointPair { source: round(p.source), target: round(p.target) };
             moved(points, &truth).into_iter().map(pair).collect()
         };
         assert_eq!(fit(&[]), None);

@@ -2,7 +2,9 @@
 
 use nalgebra::Point3;
 
-use super::{FeatureConfig, FgrConfig, FgrMode, GicpConfig, IcpConfig, MacConfig, Method, MethodConfig};
+use super::{
+    FeatureConfig, FgrConfig, FgrMode, GicpConfig, IcpConfig, MacConfig, Method, MethodConfig,
+};
 use crate::cloud::kdtree::KdTree;
 use crate::cloud::{Cloud, is_finite, voxel};
 
@@ -15,7 +17,8 @@ const FEATURE_VOXEL_M: f64 = 0.3;
 /// See [`FEATURE_VOXEL_M`].
 const FEATURE_RADIUS_M: f64 = 25.0;
 
-/// What is described does not grow with the range it is seen from: poles and corners are as large in a wide scene.
+/// What is described does not grow with the range it is seen from: poles and corners are as large
+/// in a wide scene.
 const FEATURE_EXPONENT: f64 = 0.6;
 
 /// Features of more points than this cost more than they tell.
@@ -44,10 +47,11 @@ const SAMPLES: usize = 500;
 
 /// Settings for `register` when its user gives none: scaled to the clouds, coarse to fine.
 ///
-/// The radius of a cloud is that of the ball around its median point that holds 9 of 10 points; of two clouds, the
-/// larger. On four outdoor pairs (radii 10 to 37 m, motions up to 3.4 m and 10°) this comes about 1 cm and 0.2° from the
-/// truth in both directions from the identity; plain ICP with pairs within 1 m fails one of those eight by 2.6 m. It
-/// also came there from 24 starts up to 2 m and 11° off on three of the pairs; on the fourth (radius 10 m) from 12.
+/// The radius of a cloud is that of the ball around its median point that holds 9 of 10 points; of
+/// two clouds, the larger. On four outdoor pairs (radii 10 to 37 m, motions up to 3.4 m and 10°)
+/// this comes about 1 cm and 0.2° from the truth in both directions from the identity; plain ICP
+/// with pairs within 1 m fails one of those eight by 2.6 m. It also came there from 24 starts up to
+/// 2 m and 11° off on three of the pairs; on the fourth (radius 10 m) from 12.
 ///
 /// | setting | of the radius | at 24 m |
 /// |---|---|---|
@@ -61,7 +65,8 @@ pub fn suggest(target: &Cloud, source: &Cloud) -> IcpConfig {
     if config.check().is_ok() { config } else { IcpConfig::outdoor() }
 }
 
-/// Settings of any method for these clouds. With a voxel of one's own, the lengths that go with it follow it.
+/// Settings of any method for these clouds. With a voxel of one's own, the lengths that go with it
+/// follow it.
 ///
 /// Open3D's way of FGR gets its own example's radii and distance.
 pub fn suggest_method(
@@ -71,7 +76,8 @@ pub fn suggest_method(
     target: &Cloud,
     source: &Cloud,
 ) -> MethodConfig {
-    let features = || voxel_m.map_or_else(|| suggest_features(target, source), FeatureConfig::of_voxel);
+    let features =
+        || voxel_m.map_or_else(|| suggest_features(target, source), FeatureConfig::of_voxel);
     let icp = || match voxel_m {
         Some(voxel_m) => icp_of_voxel(voxel_m, radius_m(target).max(radius_m(source))),
         None => suggest(target, source),
@@ -113,9 +119,9 @@ fn gicp_like(icp: &IcpConfig) -> GicpConfig {
     }
 }
 
-/// Settings that finish what a global method found with a voxel of `global_voxel_m`: the voxel is that of [`suggest()`], or the
-/// larger one whose normals have neighbours enough; the first pairs are as far apart as the global method may be off, two of
-/// its voxels, or four of ours.
+/// Settings that finish what a global method found with a voxel of `global_voxel_m`: the voxel is
+/// that of [`suggest()`], or the larger one whose normals have neighbours enough; the first pairs
+/// are as far apart as the global method may be off, two of its voxels, or four of ours.
 pub fn suggest_refinement(target: &Cloud, source: &Cloud, global_voxel_m: f64) -> IcpConfig {
     let voxel_m = suggest(target, source).voxel_m.max(normal_voxel_m(target)).min(global_voxel_m);
     let config = IcpConfig::finishing(voxel_m);
@@ -123,7 +129,8 @@ pub fn suggest_refinement(target: &Cloud, source: &Cloud, global_voxel_m: f64) -
     IcpConfig { first_pair_distance_m: Some(first_m), ..config }
 }
 
-/// The voxel whose normals' radius holds neighbours enough of half of the points of a cloud; 0 where there are too few.
+/// The voxel whose normals' radius holds neighbours enough of half of the points of a cloud; 0
+/// where there are too few.
 fn normal_voxel_m(cloud: &Cloud) -> f64 {
     let mut echoes = cloud.clone();
     echoes.drop_invalid();
@@ -136,9 +143,10 @@ fn normal_voxel_m(cloud: &Cloud) -> f64 {
 /// voxel = 0.3 m · (radius / 25 m)^0.6      of the larger cloud
 /// ```
 ///
-/// 0.3 m at 25 m, 0.5 m at 60 m. It is enlarged where points lie so far apart that fewer than half of them have 8 neighbours
-/// within the normals' radius of three voxels, or fewer than three quarters 15 within the features' of five; and where more
-/// than 30,000 points would be left. Simulated scans of 8000 points come to 0.3 to 0.7 m so; with 0.2 to 0.3 m, which their radius
+/// 0.3 m at 25 m, 0.5 m at 60 m. It is enlarged where points lie so far apart that fewer than half
+/// of them have 8 neighbours within the normals' radius of three voxels, or fewer than three
+/// quarters 15 within the features' of five; and where more than 30,000 points would be left.
+/// Simulated scans of 8000 points come to 0.3 to 0.7 m so; with 0.2 to 0.3 m, which their radius
 /// asks for, four of six pairs 5 m apart found no consensus; so, none.
 pub fn suggest_features(target: &Cloud, source: &Cloud) -> FeatureConfig {
     let radius_m = radius_m(target).max(radius_m(source));
@@ -152,14 +160,19 @@ pub fn suggest_features(target: &Cloud, source: &Cloud) -> FeatureConfig {
     if config.check().is_ok() { config } else { FgrConfig::outdoor().features }
 }
 
-/// The voxel, or the larger one that leaves few enough points with neighbours enough; as it came if the cloud cannot be
-/// thinned.
+/// The voxel, or the larger one that leaves few enough points with neighbours enough; as it came if
+/// the cloud cannot be thinned.
 fn widened(cloud: &Cloud, mut voxel_m: f64) -> f64 {
     for _ in 0..ROUNDS {
         let Ok(thinned) = voxel::downsample(cloud, voxel_m) else { return voxel_m };
-        // Points on surfaces: their number falls with the square of the voxel. What is left is rounding.
+        // Points on surfaces: their number falls with the square of the voxel. What is left is
+        // rounding.
         let excess = thinned.points.len() as f64 / MOST_POINTS as f64;
-        let wanted_m = if excess > 1.0 { voxel_m * excess.sqrt().max(1.05) } else { filling_voxel_m(&thinned) };
+        let wanted_m = if excess > 1.0 {
+            voxel_m * excess.sqrt().max(1.05)
+        } else {
+            filling_voxel_m(&thinned)
+        };
         if wanted_m <= voxel_m {
             return voxel_m;
         }
@@ -192,7 +205,8 @@ fn filling_voxels_m(thinned: &Cloud) -> [f64; 2] {
 
 /// Of the ball around the median point that holds 9 of 10 points; 0 for a cloud without points.
 fn radius_m(cloud: &Cloud) -> f64 {
-    let echoes: Vec<&Point3<f32>> = cloud.points.iter().filter(|p| is_finite(p) && p.coords.norm() > 0.0).collect();
+    let echoes: Vec<&Point3<f32>> =
+        cloud.points.iter().filter(|p| is_finite(p) && p.coords.norm() > 0.0).collect();
     let middle = Point3::from([0, 1, 2].map(|axis| quantile(echoes.iter().map(|p| p[axis]), 0.5)));
     f64::from(quantile(echoes.iter().map(|p| (*p - middle).norm()), 0.9))
 }
@@ -211,7 +225,9 @@ mod tests {
     fn floor(side_m: f64, spacing_m: f64) -> Cloud {
         let count = (side_m / spacing_m) as usize;
         let at = |i: usize| ((i as f64 + 0.5) * spacing_m - side_m / 2.0) as f32;
-        Cloud::new((0..count * count).map(|i| Point3::new(at(i % count), at(i / count), -2.0)).collect())
+        Cloud::new(
+            (0..count * count).map(|i| Point3::new(at(i % count), at(i / count), -2.0)).collect(),
+        )
     }
 
     #[test]
@@ -234,7 +250,10 @@ mod tests {
     fn features_are_of_30_000_points_at_most() {
         let cloud = floor(120.0, 0.25);
         let config = suggest_features(&cloud, &cloud);
-        assert!(voxel::downsample(&cloud, config.voxel_m).is_ok_and(|thin| thin.points.len() <= MOST_POINTS));
+        assert!(
+            voxel::downsample(&cloud, config.voxel_m)
+                .is_ok_and(|thin| thin.points.len() <= MOST_POINTS)
+        );
         assert!(config.voxel_m < 0.9, "and not of far fewer: {config:?}");
     }
 

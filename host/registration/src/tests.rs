@@ -17,12 +17,19 @@ fn pose(shift: [f64; 3], turn: [f64; 3]) -> Pose {
 }
 
 /// Uniform points on a parallelogram.
-fn patch(rng: &mut ChaCha8Rng, n: usize, corner: [f64; 3], a: [f64; 3], b: [f64; 3]) -> Vec<Point3<f64>> {
+fn patch(
+    rng: &mut ChaCha8Rng,
+    n: usize,
+    corner: [f64; 3],
+    a: [f64; 3],
+    b: [f64; 3],
+) -> Vec<Point3<f64>> {
     let (corner, a, b) = (Point3::from(corner), Vector3::from(a), Vector3::from(b));
     (0..n).map(|_| corner + a * rng.random::<f64>() + b * rng.random::<f64>()).collect()
 }
 
-/// A yard 20 m wide seen from 1.8 m above its floor: floor, two walls, a box and three poles, sampled anew per seed.
+/// A yard 20 m wide seen from 1.8 m above its floor: floor, two walls, a box and three poles,
+/// sampled anew per seed.
 fn yard(seed: u64) -> Vec<Point3<f64>> {
     let rng = &mut ChaCha8Rng::seed_from_u64(seed);
     let mut points = patch(rng, 16_000, [-10.0, -10.0, -1.8], [20.0, 0.0, 0.0], [0.0, 20.0, 0.0]);
@@ -33,7 +40,11 @@ fn yard(seed: u64) -> Vec<Point3<f64>> {
     for (x, y) in [(4.0, 3.0), (-4.0, 5.0), (2.0, -7.0)] {
         points.extend((0..500).map(|_| {
             let angle = rng.random::<f64>() * std::f64::consts::TAU;
-            Point3::new(x + 0.2 * angle.cos(), y + 0.2 * angle.sin(), rng.random::<f64>() * 4.0 - 1.8)
+            Point3::new(
+                x + 0.2 * angle.cos(),
+                y + 0.2 * angle.sin(),
+                rng.random::<f64>() * 4.0 - 1.8,
+            )
         }));
     }
     points
@@ -101,15 +112,22 @@ fn known_motions_are_recovered_in_both_directions_from_several_starts() {
         pose([-0.3, 0.2, 0.1], [0.02, 0.0, 0.08]),
         pose([0.4, -0.2, 0.05], [0.01, -0.01, 0.06]),
     ];
-    for (target, source, truth) in [(&a, &b, relative(&first, &second)), (&b, &a, relative(&second, &first))] {
+    for (target, source, truth) in
+        [(&a, &b, relative(&first, &second)), (&b, &a, relative(&second, &first))]
+    {
         for start in &starts {
             for method in methods() {
                 let outcome = method.outdoor.register(target, source, start);
                 assert_eq!(outcome.stop, StopReason::Still, "{}: {outcome:?}", method.name);
                 let found = outcome.target_from_source;
-                let errors = (translation_error_m(&found, &truth), rotation_error_deg(&found, &truth));
+                let errors =
+                    (translation_error_m(&found, &truth), rotation_error_deg(&found, &truth));
                 let most = if method.global { (0.1, 0.5) } else { (0.01, 0.05) };
-                assert!(errors.0 < most.0 && errors.1 < most.1, "{}: {errors:?} from {start}", method.name);
+                assert!(
+                    errors.0 < most.0 && errors.1 < most.1,
+                    "{}: {errors:?} from {start}",
+                    method.name
+                );
                 assert_eq!(outcome.consensus.is_some(), method.global, "{}", method.name);
             }
         }
@@ -125,7 +143,8 @@ fn global_methods_recover_any_yaw() {
             let outcome = method.outdoor.register(&a, &b, &Pose::identity());
             assert_eq!(outcome.stop, StopReason::Still, "{} at {degrees}°", method.name);
             let found = outcome.target_from_source;
-            let errors = (translation_error_m(&found, &second), rotation_error_deg(&found, &second));
+            let errors =
+                (translation_error_m(&found, &second), rotation_error_deg(&found, &second));
             assert!(errors.0 < 0.3 && errors.1 < 1.0, "{} at {degrees}°: {errors:?}", method.name);
         }
     }
@@ -139,7 +158,11 @@ fn a_coarse_start_recovers_a_motion_beyond_the_pair_distance() {
         let outcome = (method.suggested)(&a, &b).register(&a, &b, &Pose::identity());
         assert_eq!(outcome.stop, StopReason::Still, "{}", method.name);
         let error_m = translation_error_m(&outcome.target_from_source, &second);
-        assert!(error_m < if method.global { 0.3 } else { 0.02 }, "{}: {error_m} m, {outcome:?}", method.name);
+        assert!(
+            error_m < if method.global { 0.3 } else { 0.02 },
+            "{}: {error_m} m, {outcome:?}",
+            method.name
+        );
     }
 }
 
@@ -162,10 +185,19 @@ fn planes_leave_directions_open_and_say_so() {
         for method in local_methods() {
             let outcome = method.outdoor.register(&target, &source, &start);
             assert_eq!(outcome.stop, StopReason::Degenerate, "{}: {outcome:?}", method.name);
-            assert_eq!(outcome.observability.unwrap().unobservable, open, "{}: {outcome:?}", method.name);
+            assert_eq!(
+                outcome.observability.unwrap().unobservable,
+                open,
+                "{}: {outcome:?}",
+                method.name
+            );
             let found = outcome.target_from_source.translation.vector;
             assert!(found.z.abs() < 0.01, "{}: the floor gives the height: {found}", method.name);
-            assert!((found.x - 0.1).abs() < 0.05, "{}: nothing gives x, so the start stands: {found}", method.name);
+            assert!(
+                (found.x - 0.1).abs() < 0.05,
+                "{}: nothing gives x, so the start stands: {found}",
+                method.name
+            );
         }
     }
 }
@@ -174,7 +206,8 @@ fn planes_leave_directions_open_and_say_so() {
 fn clouds_that_cannot_be_registered_return_the_start_and_a_reason() {
     let good = seen(&yard(1), &Pose::identity());
     let line = cloud(&(0..500).map(|i| [i as f32 * 0.1, 1.0, 0.0]).collect::<Vec<_>>());
-    let (empty, few, wide) = (StopReason::EmptyCloud, StopReason::TooFewPairs, StopReason::BadSettings);
+    let (empty, few, wide) =
+        (StopReason::EmptyCloud, StopReason::TooFewPairs, StopReason::BadSettings);
     let table: [(&str, Cloud, StopReason); 8] = [
         ("empty", cloud(&[]), empty),
         ("not a number", cloud(&[[f32::NAN; 3]; 100]), empty),
@@ -193,7 +226,8 @@ fn clouds_that_cannot_be_registered_return_the_start_and_a_reason() {
                 let outcome = method.outdoor.register(target, source, &start);
                 let _ = (method.suggested)(target, source).register(target, source, &start);
                 let matched_by_features = method.global && *reason == few;
-                let expected = if matched_by_features { StopReason::TooFewMatches } else { *reason };
+                let expected =
+                    if matched_by_features { StopReason::TooFewMatches } else { *reason };
                 assert_eq!(outcome.stop, expected, "{name}");
                 assert_eq!(outcome.target_from_source, start, "{name}");
             }
@@ -202,9 +236,18 @@ fn clouds_that_cannot_be_registered_return_the_start_and_a_reason() {
     for method in local_methods() {
         let has_no_normals = method.outdoor.register(&line, &line, &start);
         assert_eq!(has_no_normals.stop, few, "{}: a line", method.name);
-        assert!(!method.outdoor.register(&good, &line, &start).stop.is_success(), "{}: a line on a yard", method.name);
+        assert!(
+            !method.outdoor.register(&good, &line, &start).stop.is_success(),
+            "{}: a line on a yard",
+            method.name
+        );
         let far = pose([1e4, 0.0, 0.0], [0.0; 3]);
-        assert_eq!(method.outdoor.register(&good, &good, &far), Outcome::nothing(&far, few), "{}", method.name);
+        assert_eq!(
+            method.outdoor.register(&good, &good, &far),
+            Outcome::nothing(&far, few),
+            "{}",
+            method.name
+        );
         let nowhere = pose([f64::NAN; 3], [0.0; 3]);
         assert_eq!(method.outdoor.register(&good, &good, &nowhere).stop, few, "{}", method.name);
     }
@@ -212,7 +255,10 @@ fn clouds_that_cannot_be_registered_return_the_start_and_a_reason() {
 
 #[test]
 fn one_thread_and_two_give_the_same_bytes() {
-    let (a, b) = (seen(&yard(1), &Pose::identity()), seen(&yard(2), &pose([0.3, 0.1, 0.0], [0.0, 0.0, 0.05])));
+    let (a, b) = (
+        seen(&yard(1), &Pose::identity()),
+        seen(&yard(2), &pose([0.3, 0.1, 0.0], [0.0, 0.0, 0.05])),
+    );
     let bits = |outcome: &Outcome| to_rows(&outcome.target_from_source).map(f64::to_bits);
     for method in methods() {
         let run = || method.outdoor.register(&a, &b, &Pose::identity());
@@ -224,7 +270,10 @@ fn one_thread_and_two_give_the_same_bytes() {
 
 #[test]
 fn the_order_of_the_points_does_not_matter() {
-    let (a, b) = (seen(&yard(1), &Pose::identity()), seen(&yard(2), &pose([0.3, 0.1, 0.0], [0.0, 0.0, 0.05])));
+    let (a, b) = (
+        seen(&yard(1), &Pose::identity()),
+        seen(&yard(2), &pose([0.3, 0.1, 0.0], [0.0, 0.0, 0.05])),
+    );
     let rng = &mut ChaCha8Rng::seed_from_u64(5);
     let (mut shuffled_a, mut shuffled_b) = (a.clone(), b.clone());
     shuffled_a.points.shuffle(rng);
@@ -254,7 +303,8 @@ proptest! {
     fn any_small_motion_of_the_same_points_is_undone_exactly(
         shift in prop::array::uniform3(-0.2f64..0.2), turn in prop::array::uniform3(-0.04f64..0.04), seed in 0u64..4,
     ) {
-        // A voxel so small that it thins nothing: then source and target are the same points and the truth is exact.
+        // A voxel so small that it thins nothing: then source and target are the same points and
+        // the truth is exact.
         let icp = Icp::new(IcpConfig { voxel_m: 1e-3, max_iterations: 100, ..IcpConfig::outdoor() }).unwrap();
         let gicp = Gicp::new(GicpConfig { voxel_m: 1e-3, max_iterations: 100, ..GicpConfig::outdoor() }).unwrap();
         let points: Vec<_> = yard(seed).into_iter().step_by(8).collect();
@@ -282,7 +332,8 @@ proptest! {
     }
 }
 
-/// Two clouds and the motion that lays the second on the first; how near a local method comes, m and degrees.
+/// Two clouds and the motion that lays the second on the first; how near a local method comes, m
+/// and degrees.
 struct RealPair {
     name: &'static str,
     clouds: [Cloud; 2],
@@ -304,13 +355,24 @@ fn real_pairs() -> Vec<RealPair> {
         RealPair { name, clouds, truth, most, near: true }
     };
     let ouster = relative(&truth("pair_ouster/T_world_0.txt"), &truth("pair_ouster/T_world_2.txt"));
-    let carla = ["pairs_carla/scan_4188.ply", "pairs_carla/scan_4255.ply", "pairs_carla/scan_4325.ply"];
+    let carla =
+        ["pairs_carla/scan_4188.ply", "pairs_carla/scan_4255.ply", "pairs_carla/scan_4325.ply"];
     let small_gicp = ["pair_small_gicp/target.ply", "pair_small_gicp/source.ply"];
-    let libpointmatcher = ["pair_libpointmatcher/cloud.00000.vtk", "pair_libpointmatcher/cloud.00001.vtk"];
-    let (first, second) = (truth("pairs_carla/T_4188_from_4255.txt"), truth("pairs_carla/T_4255_from_4325.txt"));
+    let libpointmatcher =
+        ["pair_libpointmatcher/cloud.00000.vtk", "pair_libpointmatcher/cloud.00001.vtk"];
+    let (first, second) =
+        (truth("pairs_carla/T_4188_from_4255.txt"), truth("pairs_carla/T_4255_from_4325.txt"));
     vec![
-        RealPair { near: false, ..pair("carla 1 and 3", [carla[0], carla[2]], first * second, (0.02, 0.1)) },
-        pair("libpointmatcher", libpointmatcher, truth("pair_libpointmatcher/T_cloud0_from_cloud1.txt"), (0.05, 0.5)),
+        RealPair {
+            near: false,
+            ..pair("carla 1 and 3", [carla[0], carla[2]], first * second, (0.02, 0.1))
+        },
+        pair(
+            "libpointmatcher",
+            libpointmatcher,
+            truth("pair_libpointmatcher/T_cloud0_from_cloud1.txt"),
+            (0.05, 0.5),
+        ),
         pair("small_gicp", small_gicp, truth("pair_small_gicp/T_target_source.txt"), (0.05, 0.5)),
         pair("ouster", ["pair_ouster/scan_0.ply", "pair_ouster/scan_2.ply"], ouster, (0.05, 0.2)),
         pair("carla 1", [carla[0], carla[1]], first, (0.02, 0.1)),
@@ -331,7 +393,11 @@ impl RealPair {
         let errors = (translation_error_m(&found, truth), rotation_error_deg(&found, truth));
         eprintln!("{method} on {}: {errors:.4?}", self.name);
         let near = errors.0 < most.0 && errors.1 < most.1;
-        assert!(outcome.stop.is_success() && near, "{method} on {}: {errors:?} {outcome:?}", self.name);
+        assert!(
+            outcome.stop.is_success() && near,
+            "{method} on {}: {errors:?} {outcome:?}",
+            self.name
+        );
     }
 }
 
@@ -340,11 +406,21 @@ fn real_pairs_come_within_the_tolerance_of_their_truth_from_the_identity() {
     for pair in real_pairs() {
         for (target, source, truth) in pair.directions() {
             for method in methods().iter().filter(|method| method.global || pair.near) {
-                let outcome = (method.suggested)(target, source).register(target, source, &Pose::identity());
-                pair.holds(method.name, &outcome, &truth, if method.global { (0.3, 1.5) } else { pair.most });
+                let outcome =
+                    (method.suggested)(target, source).register(target, source, &Pose::identity());
+                pair.holds(
+                    method.name,
+                    &outcome,
+                    &truth,
+                    if method.global { (0.3, 1.5) } else { pair.most },
+                );
                 if method.global {
-                    let finish =
-                        Icp::new(suggest_refinement(target, source, suggest_features(target, source).voxel_m)).unwrap();
+                    let finish = Icp::new(suggest_refinement(
+                        target,
+                        source,
+                        suggest_features(target, source).voxel_m,
+                    ))
+                    .unwrap();
                     let outcome = finish.register(target, source, &outcome.target_from_source);
                     pair.holds(&format!("{} finished", method.name), &outcome, &truth, pair.most);
                 }
@@ -364,8 +440,12 @@ fn a_rough_motion_is_finished_within_the_tolerance() {
     for pair in real_pairs() {
         for (target, source, truth) in pair.directions() {
             for error in &rough {
-                let icp =
-                    Icp::new(suggest_refinement(target, source, suggest_features(target, source).voxel_m)).unwrap();
+                let icp = Icp::new(suggest_refinement(
+                    target,
+                    source,
+                    suggest_features(target, source).voxel_m,
+                ))
+                .unwrap();
                 let outcome = icp.register(target, source, &(truth * error));
                 pair.holds("finishing", &outcome, &truth, pair.most);
             }

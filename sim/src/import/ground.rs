@@ -30,9 +30,12 @@ impl Plane {
 
     /// Asphalt under a mesh of these bounds and well past them.
     pub(super) fn mesh(&self, low: [f32; 3], high: [f32; 3]) -> Mesh {
-        let count = |i: usize| ((high[i] - low[i] + 2.0 * APRON_M) / TILE_M).ceil().min(400.0) as u32;
+        let count =
+            |i: usize| ((high[i] - low[i] + 2.0 * APRON_M) / TILE_M).ceil().min(400.0) as u32;
         let size = [count(0), count(1)];
-        let line = |i: usize, k: u32| low[i] - APRON_M + (high[i] - low[i] + 2.0 * APRON_M) * k as f32 / size[i] as f32;
+        let line = |i: usize, k: u32| {
+            low[i] - APRON_M + (high[i] - low[i] + 2.0 * APRON_M) * k as f32 / size[i] as f32
+        };
         let mut mesh = Mesh::default();
         for j in 0..=size[1] {
             for i in 0..=size[0] {
@@ -52,9 +55,9 @@ impl Plane {
 
 /// True when the mesh fills a quarter of its bounds or more, and 40 % of that is a sheet of ground.
 ///
-/// A ray down from the sky and one up from below must meet the same surface, and it must lie near the lowest point
-/// around: a street between houses meets nothing, a house meets its roof and its floor, a roof without a floor lies
-/// too high.
+/// A ray down from the sky and one up from below must meet the same surface, and it must lie near
+/// the lowest point around: a street between houses meets nothing, a house meets its roof and its
+/// floor, a roof without a floor lies too high.
 pub(super) fn has_ground(mesh: &Mesh) -> bool {
     const SIDE: u32 = 64;
     const SHEET_M: f32 = 0.3;
@@ -69,7 +72,8 @@ pub(super) fn has_ground(mesh: &Mesh) -> bool {
         let at = [low[0] + t[0] * (high[0] - low[0]), low[1] + t[1] * (high[1] - low[1])];
         let (top, bottom) = (high[2] + 1.0, low[2] - 1.0);
         let down = caster.cast([at[0], at[1], top], [0.0, 0.0, -1.0]).map(|hit| top - hit.range_m);
-        let up = caster.cast([at[0], at[1], bottom], [0.0, 0.0, 1.0]).map(|hit| bottom + hit.range_m);
+        let up =
+            caster.cast([at[0], at[1], bottom], [0.0, 0.0, 1.0]).map(|hit| bottom + hit.range_m);
         let (down, up) = (down?, up?);
         Some(down - up < SHEET_M && down - floor.around(at) < RISE_M)
     };
@@ -80,8 +84,8 @@ pub(super) fn has_ground(mesh: &Mesh) -> bool {
 
 /// The plane under the lowest points of the mesh's cells.
 ///
-/// Least squares, reweighted by Cauchy's function of the residual over its median: cells that hold nothing but an
-/// overhanging roof stand far above the plane and lose their say.
+/// Least squares, reweighted by Cauchy's function of the residual over its median: cells that hold
+/// nothing but an overhanging roof stand far above the plane and lose their say.
 pub(super) fn fit(mesh: &Mesh) -> Plane {
     let feet = Floor::new(mesh, CELL_M).feet();
     let lowest = feet.iter().map(|p| p[2]).fold(f64::INFINITY, f64::min);
@@ -94,8 +98,10 @@ pub(super) fn fit(mesh: &Mesh) -> Plane {
     for _ in 0..30 {
         let residual = |p: &[f64; 3]| p[2] - plane.height(p[0], p[1]);
         let scale = median(feet.iter().map(|p| residual(p).abs()).collect()).max(0.05);
-        let weights: Vec<f64> =
-            feet.iter().map(|p| 1.0 / (1.0 + (residual(p) / scale) * (residual(p) / scale))).collect();
+        let weights: Vec<f64> = feet
+            .iter()
+            .map(|p| 1.0 / (1.0 + (residual(p) / scale) * (residual(p) / scale)))
+            .collect();
         match weighted_fit(&feet, &weights) {
             Some(better) => plane = better,
             None => return level,
@@ -133,7 +139,8 @@ impl Floor {
     fn new(mesh: &Mesh, cell_m: f32) -> Self {
         let (low, high) = mesh.bounds().unwrap_or_default();
         let size = [0, 1].map(|i| ((high[i] - low[i]) / cell_m) as usize + 1);
-        let mut floor = Self { low: [low[0], low[1]], cell_m, size, lowest: vec![None; size[0] * size[1]] };
+        let mut floor =
+            Self { low: [low[0], low[1]], cell_m, size, lowest: vec![None; size[0] * size[1]] };
         for v in &mesh.vertices {
             let [i, j] = floor.cell([v[0], v[1]]);
             let cell = &mut floor.lowest[j * size[0] + i];
@@ -145,7 +152,9 @@ impl Floor {
     }
 
     fn cell(&self, at: [f32; 2]) -> [usize; 2] {
-        [0, 1].map(|i| (((at[i] - self.low[i]) / self.cell_m).max(0.0) as usize).min(self.size[i] - 1))
+        [0, 1].map(|i| {
+            (((at[i] - self.low[i]) / self.cell_m).max(0.0) as usize).min(self.size[i] - 1)
+        })
     }
 
     fn feet(&self) -> Vec<[f64; 3]> {
@@ -157,7 +166,9 @@ impl Floor {
         let [i, j] = self.cell(at);
         let near = |k: usize, end: usize| k.saturating_sub(1)..(k + 2).min(end);
         let cells = near(j, self.size[1]).flat_map(|j| near(i, self.size[0]).map(move |i| (i, j)));
-        cells.filter_map(|(i, j)| self.lowest[j * self.size[0] + i]).fold(f32::INFINITY, |low, p| low.min(p[2]))
+        cells
+            .filter_map(|(i, j)| self.lowest[j * self.size[0] + i])
+            .fold(f32::INFINITY, |low, p| low.min(p[2]))
     }
 }
 
@@ -189,7 +200,10 @@ mod tests {
 
     #[test]
     fn a_single_box_stands_on_a_level_plane_at_its_foot() {
-        let mesh = Mesh { vertices: vec![[0.0, 0.0, 1.0], [4.0, 0.0, 1.0], [0.0, 4.0, 5.0]], ..Mesh::default() };
+        let mesh = Mesh {
+            vertices: vec![[0.0, 0.0, 1.0], [4.0, 0.0, 1.0], [0.0, 4.0, 5.0]],
+            ..Mesh::default()
+        };
         assert_eq!(fit(&mesh), Plane { a: 0.0, b: 0.0, c: 1.0 });
     }
 }

@@ -40,7 +40,13 @@ pub struct ImportOptions {
 
 impl Default for ImportOptions {
     fn default() -> Self {
-        Self { ground: Ground::Auto, scale: 1.0, y_up: false, default_surface: Surface::Unknown, max_reach_m: 5000.0 }
+        Self {
+            ground: Ground::Auto,
+            scale: 1.0,
+            y_up: false,
+            default_surface: Surface::Unknown,
+            max_reach_m: 5000.0,
+        }
     }
 }
 
@@ -100,14 +106,19 @@ impl From<MeshFault> for Fault {
 ///
 /// [`ImportError`], which names the file and what is wrong with it.
 pub fn load_scene(path: &Path, options: &ImportOptions) -> Result<Scene, ImportError> {
-    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
-    let read = || std::fs::read(path).map_err(|source| ImportError::Unreadable { path: path.into(), source });
+    let extension =
+        path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    let read = || {
+        std::fs::read(path).map_err(|source| ImportError::Unreadable { path: path.into(), source })
+    };
     let (format, mesh) = match extension.as_str() {
         "ply" => ("PLY", ply::read(&read()?, options.default_surface)),
         "obj" => ("OBJ", obj::read(&read()?, path.parent(), options.default_surface)),
         _ => return Err(ImportError::UnknownFormat { path: path.into() }),
     };
-    let name = path.file_stem().map_or_else(|| "imported".into(), |stem| stem.to_string_lossy().into_owned());
+    let name = path
+        .file_stem()
+        .map_or_else(|| "imported".into(), |stem| stem.to_string_lossy().into_owned());
     mesh.and_then(|mesh| furnish(mesh, name, options)).map_err(|fault| match fault {
         Fault::Format(what) => ImportError::Malformed { path: path.into(), format, what },
         Fault::Mesh(fault) => ImportError::Unusable { path: path.into(), fault },

@@ -2,15 +2,15 @@
 
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{
-    DefaultElement, ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyType,
-    ScalarType,
+    DefaultElement, ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult,
+    PropertyType, ScalarType,
 };
 
 use super::{Fault, fan};
 use crate::scene::{Mesh, MeshFault, Surface};
 
-/// Surfaces of the per-face `semantic` of the Ingolstadt LoD3 models: other, roof, wall, ground, window, door,
-/// installation, outer ceiling, outer floor, closure.
+/// Surfaces of the per-face `semantic` of the Ingolstadt LoD3 models: other, roof, wall, ground,
+/// window, door, installation, outer ceiling, outer floor, closure.
 const SEMANTICS: [Surface; 10] = [
     Surface::Unknown,
     Surface::RoofTile,
@@ -103,7 +103,8 @@ fn integers(value: Property) -> Option<Vec<i64>> {
 
 pub(super) fn read(bytes: &[u8], default: Surface) -> Result<Mesh, Fault> {
     let mut reader = Reader::new(bytes);
-    let malformed = |what: ply_rs_bw::parser::ParseError| Fault::Format(one_line(&what.to_string()));
+    let malformed =
+        |what: ply_rs_bw::parser::ParseError| Fault::Format(one_line(&what.to_string()));
     let header = Parser::<DefaultElement>::new().read_header(&mut reader).map_err(malformed)?;
     check_layout(&header, reader.get_ref().len())?;
     let (mut vertices, mut faces) = (Vec::new(), Vec::new());
@@ -115,8 +116,9 @@ pub(super) fn read(bytes: &[u8], default: Surface) -> Result<Mesh, Fault> {
                     .map_err(malformed)?
             }
             "face" => {
-                faces =
-                    Parser::<Face>::new().read_payload_for_element(&mut reader, element, &header).map_err(malformed)?
+                faces = Parser::<Face>::new()
+                    .read_payload_for_element(&mut reader, element, &header)
+                    .map_err(malformed)?
             }
             _ => drop(
                 Parser::<DefaultElement>::new()
@@ -136,7 +138,8 @@ fn one_line(message: &str) -> String {
     words.chars().map(|c| if c.is_control() { '?' } else { c }).take(160).collect()
 }
 
-/// Refuses what has no mesh in it, and counts that the file is too short for: nothing is allocated for those.
+/// Refuses what has no mesh in it, and counts that the file is too short for: nothing is allocated
+/// for those.
 fn check_layout(header: &Header, length: usize) -> Result<(), Fault> {
     let expected = |what: &str| Fault::Format(format!("expected {what}"));
     let vertex = header.elements.get("vertex").ok_or_else(|| expected("an `element vertex`"))?;
@@ -147,11 +150,16 @@ fn check_layout(header: &Header, length: usize) -> Result<(), Fault> {
     if !["vertex_indices", "vertex_index"].iter().any(|&name| face.properties.contains_key(name)) {
         return Err(expected("a face property list vertex_indices"));
     }
-    let least = |element: &ElementDef| element.count.saturating_mul(least_size(element, header.encoding));
-    let needed = header.elements.iter().fold(0_usize, |sum, (_, element)| sum.saturating_add(least(element)));
+    let least =
+        |element: &ElementDef| element.count.saturating_mul(least_size(element, header.encoding));
+    let needed = header
+        .elements
+        .iter()
+        .fold(0_usize, |sum, (_, element)| sum.saturating_add(least(element)));
     // The last line of an ascii file may lack its newline.
     if needed > length + 1 {
-        let what = format!("its header promises at least {needed} bytes of data, but {length} follow");
+        let what =
+            format!("its header promises at least {needed} bytes of data, but {length} follow");
         return Err(Fault::Format(what));
     }
     Ok(())
@@ -195,18 +203,29 @@ fn part_names(comment: &str) -> Vec<(i64, Surface)> {
 
 fn face_surface(face: &Face, parts: &[(i64, Surface)], default: Surface) -> Surface {
     if let Some(semantic) = face.semantic {
-        return usize::try_from(semantic).ok().and_then(|s| SEMANTICS.get(s)).copied().unwrap_or(default);
+        return usize::try_from(semantic)
+            .ok()
+            .and_then(|s| SEMANTICS.get(s))
+            .copied()
+            .unwrap_or(default);
     }
-    let named = |part: i64| parts.iter().find(|(number, _)| *number == part).map(|(_, surface)| *surface);
+    let named =
+        |part: i64| parts.iter().find(|(number, _)| *number == part).map(|(_, surface)| *surface);
     face.part.and_then(named).unwrap_or(default)
 }
 
-fn assemble(vertices: Vec<Vertex>, faces: &[Face], surface: impl Fn(&Face) -> Surface) -> Result<Mesh, Fault> {
-    let mut mesh = Mesh { vertices: vertices.into_iter().map(|v| v.0).collect(), ..Mesh::default() };
+fn assemble(
+    vertices: Vec<Vertex>,
+    faces: &[Face],
+    surface: impl Fn(&Face) -> Surface,
+) -> Result<Mesh, Fault> {
+    let mut mesh =
+        Mesh { vertices: vertices.into_iter().map(|v| v.0).collect(), ..Mesh::default() };
     let count = mesh.vertices.len();
     for (number, face) in faces.iter().enumerate() {
         if face.corners.len() < 3 {
-            let what = format!("face {number} has {} corners, expected three or more", face.corners.len());
+            let what =
+                format!("face {number} has {} corners, expected three or more", face.corners.len());
             return Err(Fault::Format(what));
         }
         let checked = |&index: &i64| match u32::try_from(index) {
@@ -226,7 +245,10 @@ mod tests {
 
     #[test]
     fn comments_name_the_surfaces_of_parts() {
-        assert_eq!(part_names("a tree; part 0=bark 1=leaf quad"), [(0, Surface::Bark), (1, Surface::Leaf)]);
+        assert_eq!(
+            part_names("a tree; part 0=bark 1=leaf quad"),
+            [(0, Surface::Bark), (1, Surface::Leaf)]
+        );
         assert_eq!(part_names("part 12 red_brick-mesh"), [(12, Surface::Brick)]);
         assert_eq!(part_names("part 1 Cube-mesh"), []);
         assert_eq!(part_names("made by hand"), []);

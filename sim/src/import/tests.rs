@@ -64,7 +64,8 @@ fn a_malformed_file_is_refused_by_name_and_reason() {
 
 #[test]
 fn a_missing_file_is_named() {
-    let error = load_scene(Path::new("no/such/town.ply"), &ImportOptions::default()).expect_err("missing");
+    let error =
+        load_scene(Path::new("no/such/town.ply"), &ImportOptions::default()).expect_err("missing");
     assert!(error.to_string().starts_with("cannot read no/such/town.ply"), "{error}");
 }
 
@@ -121,7 +122,8 @@ fn for_all_damage(good: &[u8], read: impl Fn(&[u8])) {
 #[test]
 fn polygons_become_fans_and_keep_their_surface() {
     let header = HEADER.replace("end_header", "property uchar semantic\nend_header");
-    let scene = load("square.ply", format!("{header}{SQUARE}4 0 1 2 3 4\n").as_bytes()).expect("a square");
+    let scene =
+        load("square.ply", format!("{header}{SQUARE}4 0 1 2 3 4\n").as_bytes()).expect("a square");
     assert_eq!(scene.mesh.triangles, [[0, 1, 2], [0, 2, 3]]);
     assert_eq!(scene.mesh.materials, [Surface::Glass.index(); 2]);
     assert_eq!(scene.name, "square");
@@ -140,7 +142,8 @@ fn y_up_files_are_turned_and_scaled() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("turned.obj");
     std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 2 3\nf 1 2 3\n").expect("a file");
-    let options = ImportOptions { ground: Ground::None, scale: 2.0, y_up: true, ..ImportOptions::default() };
+    let options =
+        ImportOptions { ground: Ground::None, scale: 2.0, y_up: true, ..ImportOptions::default() };
     assert_eq!(load_scene(&path, &options).expect("a triangle").mesh.vertices[2], [0.0, -6.0, 4.0]);
 }
 
@@ -182,12 +185,14 @@ fn assert_scannable(scene: &Scene, split: Split) {
     let pairs = sample_pairs(scene, &caster, &plan).unwrap_or_else(|error| panic!("{error}"));
     let beam = |k: u32| {
         let (turn, up) = (f64::from(k % 90) * 0.035 - 1.57, f64::from(k / 90) * 0.05 - 0.3);
-        [libm::cos(up) * libm::cos(turn), libm::cos(up) * libm::sin(turn), libm::sin(up)].map(|x| x as f32)
+        [libm::cos(up) * libm::cos(turn), libm::cos(up) * libm::sin(turn), libm::sin(up)]
+            .map(|x| x as f32)
     };
     let directions: Vec<[f32; 3]> = (0..1800).map(beam).collect();
     for pair in pairs {
         let pose = pair.world_from_first;
-        let response = Scanner::scan(&caster, &scene.materials, &pose, &directions, &BeamOptics::default());
+        let response =
+            Scanner::scan(&caster, &scene.materials, &pose, &directions, &BeamOptics::default());
         let answered = (0..response.len()).filter(|&b| !response.of(b).is_empty()).count();
         assert!(answered > 600, "{}: {answered} of 1800 beams return", scene.name);
     }
@@ -200,13 +205,16 @@ fn ingolstadt_gets_its_street_and_can_be_scanned() {
     };
     let path = folder.join("city_ingolstadt/ingolstadt_north.ply");
     let bare =
-        load_scene(&path, &ImportOptions { ground: Ground::None, ..ImportOptions::default() }).expect("the city");
+        load_scene(&path, &ImportOptions { ground: Ground::None, ..ImportOptions::default() })
+            .expect("the city");
     assert_eq!(bare.mesh.triangles.len(), 83_146);
     assert!(!ground::has_ground(&bare.mesh));
     // The fit that its README gives, and that fit's residual.
     let (found, known) = (ground::fit(&bare.mesh), Plane { a: 0.002_60, b: 0.012_17, c: -3.093 });
     let (low, high) = bare.area;
-    for [x, y] in [[low[0], low[1]], [low[0], high[1]], [high[0], low[1]], [high[0], high[1]], [107.5, 410.3]] {
+    for [x, y] in
+        [[low[0], low[1]], [low[0], high[1]], [high[0], low[1]], [high[0], high[1]], [107.5, 410.3]]
+    {
         let apart = found.height(x.into(), y.into()) - known.height(x.into(), y.into());
         eprintln!("Ingolstadt's ground at ({x}, {y}) is {apart:+.3} m from the known plane");
         assert!(apart.abs() < 0.46, "{apart} m at ({x}, {y}): {found:?}");
@@ -227,7 +235,8 @@ fn worlds_of_others_keep_their_ground_and_can_be_scanned() {
     for name in ["agriculture_world", "inspection_world"] {
         let path = folder.join(format!("gazebo_scenes/{name}.ply"));
         let scene = load_scene(&path, &ImportOptions::default()).expect(name);
-        let asphalt = scene.mesh.materials.iter().filter(|&&m| m == Surface::Asphalt.index()).count();
+        let asphalt =
+            scene.mesh.materials.iter().filter(|&&m| m == Surface::Asphalt.index()).count();
         assert_eq!(asphalt, 0, "{name} got ground although it has some");
         assert_scannable(&scene, Split::Test);
     }
@@ -238,11 +247,18 @@ fn single_objects_get_ground_to_stand_on() {
     let Some(folder) = data("houses, shops and trees of others") else {
         return;
     };
-    for (name, scale) in [("gazebo_scenes/house_1", 1.0), ("gazebo_scenes/gas_station", 1.0), ("trees/oak_medium", 0.2)]
-    {
+    for (name, scale) in [
+        ("gazebo_scenes/house_1", 1.0),
+        ("gazebo_scenes/gas_station", 1.0),
+        ("trees/oak_medium", 0.2),
+    ] {
         let path = folder.join(format!("{name}.ply"));
-        let scene = load_scene(&path, &ImportOptions { scale, ..ImportOptions::default() }).expect(name);
-        assert!(scene.mesh.materials.contains(&Surface::Asphalt.index()), "{name} hangs in the air");
+        let scene =
+            load_scene(&path, &ImportOptions { scale, ..ImportOptions::default() }).expect(name);
+        assert!(
+            scene.mesh.materials.contains(&Surface::Asphalt.index()),
+            "{name} hangs in the air"
+        );
         let trees = scene.mesh.materials.iter().filter(|&&m| m == Surface::Leaf.index()).count();
         assert_eq!(trees > 1000, name.starts_with("trees"), "{name}: {trees} leaves");
     }

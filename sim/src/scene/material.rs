@@ -1,7 +1,8 @@
 //! What surfaces send back at 905 nm.
 //!
-//! Diffuse reflectances are medians of measured samples: KLUM (Ilehag et al. 2019, facades and roofs), SLUM (LUMA,
-//! Kotthaus et al. 2014), earthlib 1.1 (plants, soils, roads). Where no trustworthy value exists the row says so.
+//! Diffuse reflectances are medians of measured samples: KLUM (Ilehag et al. 2019, facades and
+//! roofs), SLUM (LUMA, Kotthaus et al. 2014), earthlib 1.1 (plants, soils, roads). Where no
+//! trustworthy value exists the row says so.
 
 /// A surface: Lambert's law plus, for smooth ones, a mirror lobe.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,8 +32,8 @@ impl Material {
     /// ρ(θ) = ρ_d + π · F0 · D(θ) · G(θ) / (4 cos²θ),   D = α² / (π (cos²θ (α² − 1) + 1)²)
     /// ```
     ///
-    /// The half vector is the view vector, so Fresnel stays at F0 and only the GGX lobe `D` and its shadowing `G`
-    /// (separable Smith) depend on the angle (Walter et al. 2007).
+    /// The half vector is the view vector, so Fresnel stays at F0 and only the GGX lobe `D` and its
+    /// shadowing `G` (separable Smith) depend on the angle (Walter et al. 2007).
     #[must_use]
     pub fn backscatter(&self, cos_incidence: f32) -> f32 {
         if self.specular_f0 <= 0.0 || cos_incidence <= 1e-3 {

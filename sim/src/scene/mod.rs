@@ -83,7 +83,12 @@ pub fn generate(kind: SceneKind, seed: u64) -> Scene {
         SceneKind::SemiStructured => semi_structured::generate(seed),
         SceneKind::Unstructured => unstructured::generate(seed),
     };
-    Scene { name: format!("{kind}-{seed}"), mesh, materials: MATERIALS.to_vec(), area: ([-half_m; 2], [half_m; 2]) }
+    Scene {
+        name: format!("{kind}-{seed}"),
+        mesh,
+        materials: MATERIALS.to_vec(),
+        area: ([-half_m; 2], [half_m; 2]),
+    }
 }
 
 #[cfg(test)]
@@ -121,7 +126,8 @@ mod tests {
 
     #[test]
     fn only_unstructured_places_have_no_walls() {
-        let walls = [Surface::Plaster, Surface::Brick, Surface::Glass, Surface::Concrete].map(Surface::index);
+        let walls = [Surface::Plaster, Surface::Brick, Surface::Glass, Surface::Concrete]
+            .map(Surface::index);
         for kind in SceneKind::ALL {
             let mesh = generate(kind, 3).mesh;
             let has_walls = mesh.materials.iter().any(|m| walls.contains(m));

@@ -145,14 +145,24 @@ impl Builder {
             };
             self.vertex(frame.at([side(0), side(1), side(2)]))
         });
-        for [a, b, c, d] in [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]] {
+        for [a, b, c, d] in
+            [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]]
+        {
             self.face([corner[a], corner[b], corner[c]], surface);
             self.face([corner[a], corner[c], corner[d]], surface);
         }
     }
 
     /// A round bar from `a` to `b` with closed ends, radii in metres.
-    pub(crate) fn tube(&mut self, a: Point, radius_a: f64, b: Point, radius_b: f64, sides: usize, surface: Surface) {
+    pub(crate) fn tube(
+        &mut self,
+        a: Point,
+        radius_a: f64,
+        b: Point,
+        radius_b: f64,
+        sides: usize,
+        surface: Surface,
+    ) {
         let rim = self.branch(a, radius_a, b, radius_b, sides, surface);
         let (tip_a, tip_b) = (self.vertex(a), self.vertex(b));
         for side in 0..sides as u32 {
@@ -162,7 +172,8 @@ impl Builder {
         }
     }
 
-    /// A round bar without ends; returns its first vertex, from which those of `a` and `b` alternate.
+    /// A round bar without ends; returns its first vertex, from which those of `a` and `b`
+    /// alternate.
     pub(crate) fn branch(
         &mut self,
         a: Point,
@@ -189,7 +200,14 @@ impl Builder {
     }
 
     /// A lens-shaped leaf: a rhombus `length_m` long.
-    pub(crate) fn leaf(&mut self, centre: Point, along: Point, normal: Point, length_m: f64, surface: Surface) {
+    pub(crate) fn leaf(
+        &mut self,
+        centre: Point,
+        along: Point,
+        normal: Point,
+        length_m: f64,
+        surface: Surface,
+    ) {
         let side = scale(unit(cross(along, normal)), 0.3 * length_m);
         let half = scale(unit(along), 0.5 * length_m);
         let corners = [sub(centre, half), add(centre, side), add(centre, half), sub(centre, side)];

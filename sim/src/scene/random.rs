@@ -1,7 +1,8 @@
 //! Seeded randomness that gives the same bytes on every machine.
 //!
-//! Uniform numbers are made here rather than by a distribution crate, whose sampling may change between versions, and
-//! trigonometry is libm's, because the platform's own differs in the last bit.
+//! Uniform numbers are made here rather than by a distribution crate, whose sampling may change
+//! between versions, and trigonometry is libm's, because the platform's own differs in the last
+//! bit.
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;

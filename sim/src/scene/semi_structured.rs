@@ -74,7 +74,8 @@ impl Suburb {
     }
 
     fn on_lane(&self, x: f64, y: f64, margin: f64) -> bool {
-        let along = (0..self.lanes.len()).any(|lane| (y - self.lane_y(lane, x)).abs() < LANE_M + margin);
+        let along =
+            (0..self.lanes.len()).any(|lane| (y - self.lane_y(lane, x)).abs() < LANE_M + margin);
         along || (x - self.cross_x).abs() < LANE_M + margin
     }
 
@@ -100,7 +101,15 @@ impl Suburb {
     }
 
     /// One plot. Its frame: x along the lane, y away from it, origin in the middle of its front.
-    fn plot(&self, b: &mut Builder, lane: usize, side: f64, middle: f64, width: f64, dice: &mut Dice) {
+    fn plot(
+        &self,
+        b: &mut Builder,
+        lane: usize,
+        side: f64,
+        middle: f64,
+        width: f64,
+        dice: &mut Dice,
+    ) {
         let front = self.lane_y(lane, middle) + side * (LANE_M + 2.2 + 0.1 * self.swing);
         let plot = Frame::new([middle, front, 0.0], if side > 0.0 { 0.0 } else { PI });
         let depth = dice.range(26.0, 31.0);
@@ -127,7 +136,14 @@ impl Suburb {
         }
         for _ in 0..2 {
             let at = plot.at([dice.range(0.0, 0.5 * width - 2.0), dice.range(1.5, 3.5), 0.0]);
-            bush(b, self.point(at[0], at[1]), dice.range(0.5, 0.9), dice.range(0.8, 1.4), 200, dice);
+            bush(
+                b,
+                self.point(at[0], at[1]),
+                dice.range(0.5, 0.9),
+                dice.range(0.8, 1.4),
+                200,
+                dice,
+            );
         }
     }
 
@@ -233,7 +249,8 @@ fn garden_tree(b: &mut Builder, foot: Point, dice: &mut Dice) {
     }
     let height_m = dice.range(4.0, 8.0);
     let leaves = 360 + (48.0 * height_m) as usize;
-    Broadleaf { height_m, clear_m: dice.range(1.0, 1.8), spread_m: 0.35 * height_m, leaves }.build(b, foot, dice);
+    Broadleaf { height_m, clear_m: dice.range(1.0, 1.8), spread_m: 0.35 * height_m, leaves }
+        .build(b, foot, dice);
 }
 
 fn cottage(plot_width: f64, dice: &mut Dice) -> House {

@@ -76,7 +76,9 @@ impl Town {
         let streets = [0, 1].map(|axis| {
             let count = if axis == longer { 3 } else { 2 + dice.index(2) };
             let pitch = 2.0 * HALF_M / count as f64;
-            (0..count).map(|k| Street::new(-HALF_M + (k as f64 + 0.5) * pitch + dice.spread(6.0), dice)).collect()
+            (0..count)
+                .map(|k| Street::new(-HALF_M + (k as f64 + 0.5) * pitch + dice.spread(6.0), dice))
+                .collect()
         });
         let tilt = [dice.spread(0.012), dice.spread(0.012)];
         Self { streets, relief: Noise { seed, scale_m: 60.0, octaves: 2 }, tilt }
@@ -113,14 +115,21 @@ impl Town {
     fn lines(&self, axis: usize) -> Vec<f64> {
         let mut cuts = vec![-HALF_M - 60.0, -HALF_M, HALF_M, HALF_M + 60.0];
         for s in &self.streets[axis] {
-            cuts.extend([s.centre - s.front, s.centre - s.road, s.centre + s.road, s.centre + s.front]);
+            cuts.extend([
+                s.centre - s.front,
+                s.centre - s.road,
+                s.centre + s.road,
+                s.centre + s.front,
+            ]);
         }
         cuts.sort_by(f64::total_cmp);
         let mut lines = vec![cuts[0]];
         for pair in cuts.windows(2) {
             let cell = if pair[0] < -HALF_M || pair[1] > HALF_M { 8.0 } else { 1.4 };
             let count = ((pair[1] - pair[0]) / cell).ceil().max(1.0);
-            lines.extend((1..=count as usize).map(|k| pair[0] + (pair[1] - pair[0]) * k as f64 / count));
+            lines.extend(
+                (1..=count as usize).map(|k| pair[0] + (pair[1] - pair[0]) * k as f64 / count),
+            );
         }
         lines
     }
@@ -139,11 +148,13 @@ impl Town {
                 let corners = [at(x0, y0, up), at(x1, y0, up), at(x1, y1, up), at(x0, y1, up)];
                 b.quad(corners, surface(here));
                 if i + 2 < xs.len() && raise(kind(i + 1, j)) != up {
-                    let riser = [at(x1, y0, 0.0), at(x1, y1, 0.0), at(x1, y1, KERB_M), at(x1, y0, KERB_M)];
+                    let riser =
+                        [at(x1, y0, 0.0), at(x1, y1, 0.0), at(x1, y1, KERB_M), at(x1, y0, KERB_M)];
                     b.quad(riser, Surface::Stone);
                 }
                 if j + 2 < ys.len() && raise(kind(i, j + 1)) != up {
-                    let riser = [at(x0, y1, 0.0), at(x1, y1, 0.0), at(x1, y1, KERB_M), at(x0, y1, KERB_M)];
+                    let riser =
+                        [at(x0, y1, 0.0), at(x1, y1, 0.0), at(x1, y1, KERB_M), at(x0, y1, KERB_M)];
                     b.quad(riser, Surface::Stone);
                 }
             }
@@ -186,16 +197,22 @@ impl Town {
         if high[0] - low[0] < 3.0 || high[1] - low[1] < 3.0 {
             return;
         }
-        let spot = |dice: &mut Dice| self.point(dice.range(low[0], high[0]), dice.range(low[1], high[1]));
+        let spot =
+            |dice: &mut Dice| self.point(dice.range(low[0], high[0]), dice.range(low[1], high[1]));
         let walls = ((high[0] - low[0]) / 13.0) as usize;
         for k in 0..walls {
-            let x = low[0] + (high[0] - low[0]) * (k as f64 + 0.5 + dice.spread(0.2)) / walls as f64;
+            let x =
+                low[0] + (high[0] - low[0]) * (k as f64 + 0.5 + dice.spread(0.2)) / walls as f64;
             let reach = dice.range(0.45, 0.8) * (high[1] - low[1]);
             let foot = if dice.chance(0.5) { low[1] } else { high[1] - reach };
             let wall = Frame::new(self.point(x, foot), FRAC_PI_2);
             b.cuboid(&wall, [0.0, -0.12, -1.0], [reach, 0.12, 1.8], Surface::Brick);
             b.cuboid(&wall, [-0.05, -0.16, 1.8], [reach + 0.05, 0.16, 1.88], Surface::Stone);
-            shed(dice).build(b, &Frame::new(self.point(x + 2.6, foot + 0.5 * reach), FRAC_PI_2), dice);
+            shed(dice).build(
+                b,
+                &Frame::new(self.point(x + 2.6, foot + 0.5 * reach), FRAC_PI_2),
+                dice,
+            );
         }
         for _ in 0..2 {
             street_tree(b, spot(dice), dice);
@@ -262,7 +279,13 @@ fn town_house(width_m: f64, depth_m: f64, dice: &mut Dice) -> House {
         floor_m: dice.range(2.9, 3.5),
         bay_m: dice.range(2.2, 3.2),
         roof: if dice.chance(0.6) { Roof::Gable(pitch) } else { Roof::Flat },
-        wall: dice.pick(&[Surface::Plaster, Surface::Plaster, Surface::Brick, Surface::Stone, Surface::Concrete]),
+        wall: dice.pick(&[
+            Surface::Plaster,
+            Surface::Plaster,
+            Surface::Brick,
+            Surface::Stone,
+            Surface::Concrete,
+        ]),
         roof_surface: dice.pick(&[Surface::RoofTile, Surface::RoofTile, Surface::DarkTile]),
         open: [true, dice.chance(0.3), true, dice.chance(0.3)],
         balconies: dice.chance(0.35),

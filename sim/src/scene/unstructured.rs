@@ -72,7 +72,8 @@ impl Country {
                 break;
             }
             let p = [dice.spread(HALF_M), dice.spread(HALF_M)];
-            let apart = |q: &[f64; 2]| (p[0] - q[0]) * (p[0] - q[0]) + (p[1] - q[1]) * (p[1] - q[1]) > 20.0;
+            let apart =
+                |q: &[f64; 2]| (p[0] - q[0]) * (p[0] - q[0]) + (p[1] - q[1]) * (p[1] - q[1]) > 20.0;
             if self.woods.at(p[0], p[1]) + dice.spread(0.35) < 0.05 || !feet.iter().all(apart) {
                 continue;
             }
@@ -107,7 +108,8 @@ impl Country {
             }
             let turn = dice.turn();
             let length = dice.range(3.0, 8.0);
-            let end = self.point(foot[0] + length * libm::cos(turn), foot[1] + length * libm::sin(turn));
+            let end =
+                self.point(foot[0] + length * libm::cos(turn), foot[1] + length * libm::sin(turn));
             let lift = [0.0, 0.0, radius];
             b.tube(add(foot, lift), radius, add(end, lift), 0.6 * radius, 12, Surface::Bark);
             for k in 1..6 {
@@ -115,7 +117,14 @@ impl Country {
                 let at: Point = std::array::from_fn(|i| foot[i] + t * (end[i] - foot[i]) + lift[i]);
                 let up = dice.direction();
                 let twig = unit([up[0], up[1], up[2].abs() + 0.2]);
-                b.tube(at, 0.05, add(at, twig.map(|x| x * dice.range(0.4, 1.2))), 0.02, 5, Surface::Bark);
+                b.tube(
+                    at,
+                    0.05,
+                    add(at, twig.map(|x| x * dice.range(0.4, 1.2))),
+                    0.02,
+                    5,
+                    Surface::Bark,
+                );
             }
         }
     }

@@ -1,8 +1,8 @@
 //! The matched filter with multiply-adds of pairs.
 
 use std::arch::x86_64::{
-    __m256i, _mm256_add_epi32, _mm256_blend_epi16, _mm256_loadu_si256, _mm256_madd_epi16, _mm256_set1_epi32,
-    _mm256_slli_epi32, _mm256_srli_epi32, _mm256_storeu_si256,
+    __m256i, _mm256_add_epi32, _mm256_blend_epi16, _mm256_loadu_si256, _mm256_madd_epi16,
+    _mm256_set1_epi32, _mm256_slli_epi32, _mm256_srli_epi32, _mm256_storeu_si256,
 };
 
 use echoloop_dsp::filter::{self, BLOCK};
@@ -19,8 +19,8 @@ const BLOCKS: usize = 4;
 /// y[n + 1] += h[2j−1]·x[n+2j] + h[2j]·x[n+2j+1]        h[−1] = 0
 /// ```
 ///
-/// The second needs the last tap to be zero. Where Σ abs(h) < 1, sums cannot round to +1, and nothing has to saturate. Other
-/// taps go to the portable twin.
+/// The second needs the last tap to be zero. Where Σ abs(h) < 1, sums cannot round to +1, and
+/// nothing has to saturate. Other taps go to the portable twin.
 #[inline]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
 pub(super) fn correlate(taps: &[i16], padded: &[i16], y: &mut [i16]) {
@@ -41,7 +41,8 @@ fn blocks<const B: usize>(taps: &[i16], padded: &[i16], y: &mut [i16]) -> usize 
     let mut done = 0;
     let windows = padded.windows(taps.len() + length).step_by(length);
     for (y, window) in y.chunks_exact_mut(length).zip(windows) {
-        // SAFETY: the window holds the taps and B blocks more, y holds B blocks; taps are an even number, the last is zero.
+        // SAFETY: the window holds the taps and B blocks more, y holds B blocks; taps are an even
+        // number, the last is zero.
         unsafe { group::<B>(taps, window.as_ptr(), y.as_mut_ptr()) };
         done += length;
     }
@@ -52,7 +53,8 @@ fn blocks<const B: usize>(taps: &[i16], padded: &[i16], y: &mut [i16]) -> usize 
 ///
 /// # Safety
 ///
-/// `x` points to `taps.len() + 16·B` samples, `y` to room for `16·B`. There are two taps or more, an even number.
+/// `x` points to `taps.len() + 16·B` samples, `y` to room for `16·B`. There are two taps or more,
+/// an even number.
 #[inline]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
 unsafe fn group<const B: usize>(taps: &[i16], x: *const i16, y: *mut i16) {
@@ -60,7 +62,8 @@ unsafe fn group<const B: usize>(taps: &[i16], x: *const i16, y: *mut i16) {
     let (mut even, mut odd) = ([half_lsb; B], [half_lsb; B]);
     let mut add = |j: usize, of_even: __m256i, of_odd: __m256i| {
         for b in 0..B {
-            // SAFETY: the last sample read is 2·(taps/2 − 1) + 16·(B − 1) + 15, below what the caller vouches for.
+            // SAFETY: the last sample read is 2·(taps/2 − 1) + 16·(B − 1) + 15, below what the
+            // caller vouches for.
             let x = unsafe { _mm256_loadu_si256(x.add(2 * j + BLOCK * b).cast()) };
             even[b] = _mm256_add_epi32(even[b], _mm256_madd_epi16(x, of_even));
             odd[b] = _mm256_add_epi32(odd[b], _mm256_madd_epi16(x, of_odd));
@@ -75,8 +78,12 @@ unsafe fn group<const B: usize>(taps: &[i16], x: *const i16, y: *mut i16) {
         }
     }
     for b in 0..B {
-        // Bits 15 to 30 are the rounded output: of the even ones into the low half of a lane, of the odd ones into the high.
-        let rounded = _mm256_blend_epi16::<0xaa>(_mm256_srli_epi32::<15>(even[b]), _mm256_slli_epi32::<1>(odd[b]));
+        // Bits 15 to 30 are the rounded output: of the even ones into the low half of a lane, of
+        // the odd ones into the high.
+        let rounded = _mm256_blend_epi16::<0xaa>(
+            _mm256_srli_epi32::<15>(even[b]),
+            _mm256_slli_epi32::<1>(odd[b]),
+        );
         // SAFETY: y has room for 16·B.
         unsafe { _mm256_storeu_si256(y.add(BLOCK * b).cast(), rounded) };
     }
@@ -103,7 +110,8 @@ mod tests {
     use super::*;
     use echoloop_kernels::has_v3;
 
-    /// Taps whose magnitudes add up to exactly `weight`, random signs, and a last zero where `closed`.
+    /// Taps whose magnitudes add up to exactly `weight`, random signs, and a last zero where
+    /// `closed`.
     fn taps(rng: &mut ChaCha8Rng, count: usize, weight: u32, closed: bool) -> Vec<i16> {
         let used = count - usize::from(closed);
         let mut magnitudes = vec![0u32; used];
@@ -112,7 +120,8 @@ mod tests {
         }
         magnitudes[0] += weight % 8;
         let sign = |rng: &mut ChaCha8Rng| if rng.random() { 1 } else { -1 };
-        let signed = magnitudes.into_iter().map(|m| (m as i32 * sign(rng)).clamp(-0x8000, 0x7fff) as i16);
+        let signed =
+            magnitudes.into_iter().map(|m| (m as i32 * sign(rng)).clamp(-0x8000, 0x7fff) as i16);
         signed.chain(std::iter::repeat_n(0, usize::from(closed))).collect()
     }
 
@@ -126,13 +135,15 @@ mod tests {
             let count = 2 * rng.random_range(1..=64);
             let weight = [0x7fff, 0x8000, 0x7ffe, 100][i % 4];
             let taps = taps(&mut rng, count, weight, i % 8 < 6);
-            let samples = if i % 2 == 0 { rng.random_range(0..200) } else { rng.random_range(0..=2400) };
+            let samples =
+                if i % 2 == 0 { rng.random_range(0..200) } else { rng.random_range(0..=2400) };
             let extremes = i % 3 == 0;
             let sample = |rng: &mut ChaCha8Rng| match extremes {
                 true => [i16::MIN, i16::MAX][usize::from(rng.random::<bool>())],
                 false => rng.random(),
             };
-            let padded: Vec<i16> = (0..samples + count + PADDING).map(|_| sample(&mut rng)).collect();
+            let padded: Vec<i16> =
+                (0..samples + count + PADDING).map(|_| sample(&mut rng)).collect();
             let mut expected = vec![7; samples.next_multiple_of(BLOCK)];
             let mut y = expected.clone();
             filter::correlate(&taps, &padded, &mut expected);

@@ -1,8 +1,8 @@
 //! Where a waveform first reaches its threshold.
 
 use std::arch::x86_64::{
-    _mm256_cmpgt_epi16, _mm256_loadu_si256, _mm256_movemask_epi8, _mm256_packs_epi16, _mm256_permute4x64_epi64,
-    _mm256_set1_epi16,
+    _mm256_cmpgt_epi16, _mm256_loadu_si256, _mm256_movemask_epi8, _mm256_packs_epi16,
+    _mm256_permute4x64_epi64, _mm256_set1_epi16,
 };
 
 /// The index of the first value that is not below `threshold`: 32 at a time.
@@ -13,9 +13,14 @@ pub(super) fn first_reaching(values: &[i16], threshold: i16) -> Option<usize> {
     let limit = _mm256_set1_epi16(threshold);
     for (i, block) in blocks.iter().enumerate() {
         // SAFETY: both halves of 32 values are read; no alignment is asked for.
-        let (first, second) =
-            unsafe { (_mm256_loadu_si256(block.as_ptr().cast()), _mm256_loadu_si256(block.as_ptr().add(16).cast())) };
-        let below = _mm256_packs_epi16(_mm256_cmpgt_epi16(limit, first), _mm256_cmpgt_epi16(limit, second));
+        let (first, second) = unsafe {
+            (
+                _mm256_loadu_si256(block.as_ptr().cast()),
+                _mm256_loadu_si256(block.as_ptr().add(16).cast()),
+            )
+        };
+        let below =
+            _mm256_packs_epi16(_mm256_cmpgt_epi16(limit, first), _mm256_cmpgt_epi16(limit, second));
         // Packing works within 128-bit lanes: the middle two quarters change places.
         let below = _mm256_movemask_epi8(_mm256_permute4x64_epi64::<0b11_01_10_00>(below)) as u32;
         if below != u32::MAX {

@@ -1,10 +1,11 @@
 //! Median and median absolute deviation, four counts a pass, over bytes.
 
 use std::arch::x86_64::{
-    __m256i, _mm_add_epi64, _mm_cvtsi128_si64, _mm_unpackhi_epi64, _mm256_abs_epi8, _mm256_castsi256_si128,
-    _mm256_cmpgt_epi8, _mm256_extracti128_si256, _mm256_loadu_si256, _mm256_min_epu8, _mm256_or_si256,
-    _mm256_packs_epi16, _mm256_sad_epu8, _mm256_set1_epi8, _mm256_set1_epi16, _mm256_setzero_si256, _mm256_slli_epi64,
-    _mm256_sub_epi8, _mm256_subs_epi8, _mm256_subs_epi16, _mm256_xor_si256,
+    __m256i, _mm_add_epi64, _mm_cvtsi128_si64, _mm_unpackhi_epi64, _mm256_abs_epi8,
+    _mm256_castsi256_si128, _mm256_cmpgt_epi8, _mm256_extracti128_si256, _mm256_loadu_si256,
+    _mm256_min_epu8, _mm256_or_si256, _mm256_packs_epi16, _mm256_sad_epu8, _mm256_set1_epi8,
+    _mm256_set1_epi16, _mm256_setzero_si256, _mm256_slli_epi64, _mm256_sub_epi8, _mm256_subs_epi8,
+    _mm256_subs_epi16, _mm256_xor_si256,
 };
 use std::mem::MaybeUninit;
 
@@ -19,18 +20,19 @@ const REGISTERS: usize = MAX_SAMPLES.div_ceil(LANES);
 
 const _: () = assert!(REGISTERS <= u8::MAX as usize, "a byte counts one sample of every register");
 
-/// What [`echoloop_dsp::statistics::by_counting`] gives, bit for bit, of 1 to [`MAX_SAMPLES`] codes.
+/// What [`echoloop_dsp::statistics::by_counting`] gives, bit for bit, of 1 to [`MAX_SAMPLES`]
+/// codes.
 ///
-/// The codes are written once as their distance from the guessed median, a byte each. Most noise fits; where it does not, or
-/// where a bound lies too far away, the codes themselves are counted. With a good guess one pass finds the median and one the
-/// deviation.
+/// The codes are written once as their distance from the guessed median, a byte each. Most noise
+/// fits; where it does not, or where a bound lies too far away, the codes themselves are counted.
+/// With a good guess one pass finds the median and one the deviation.
 #[inline]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
 pub(super) fn ranks(codes: &[u16], guess: &Statistics) -> Ranks {
     let mut room = [const { MaybeUninit::uninit() }; REGISTERS];
     let near = Near::new(codes, guess.median, &mut room);
-    // From one waveform to the next the median moves by 1.9 deviations/√N, the deviation by 1.2: from 1,024 samples up, an
-    // eighth encloses most of them.
+    // From one waveform to the next the median moves by 1.9 deviations/√N, the deviation by 1.2:
+    // from 1,024 samples up, an eighth encloses most of them.
     let stride = 1 + i32::from(guess.deviation) / 8;
     let n = codes.len() as u32;
     let median = search(|bounds| near.at_most(bounds), n, guess.median, stride);
@@ -40,7 +42,8 @@ pub(super) fn ranks(codes: &[u16], guess: &Statistics) -> Ranks {
 
 /// The smallest value whose cumulative count reaches ⌈n/2⌉, with the counts below it and at it.
 ///
-/// Four probes at a time: around the guess, then outwards in growing strides until the value is enclosed, then at fifths.
+/// Four probes at a time: around the guess, then outwards in growing strides until the value is
+/// enclosed, then at fifths.
 #[inline(always)]
 fn search(cumulative: impl Fn([i32; 4]) -> [u32; 4], n: u32, guess: u16, stride: i32) -> Rank {
     // Invariant: cumulative(low) < ⌈n/2⌉ ≤ cumulative(high).
@@ -73,7 +76,8 @@ fn search(cumulative: impl Fn([i32; 4]) -> [u32; 4], n: u32, guess: u16, stride:
 struct Near<'a> {
     codes: &'a [u16],
     centre: i32,
-    /// `code − centre`, −128 and 127 standing for all beyond. What is left of the last register holds 127.
+    /// `code − centre`, −128 and 127 standing for all beyond. What is left of the last register
+    /// holds 127.
     bytes: &'a [__m256i],
 }
 
@@ -117,9 +121,15 @@ impl<'a> Near<'a> {
         let m = i32::from(median);
         let relative = m - self.centre;
         // What stands for all beyond must be further from m than the last bound.
-        if self.fills_up() && bounds[0] >= -128 && bounds[3] >= 0 && bounds[3] + relative.abs() <= 126 {
+        if self.fills_up()
+            && bounds[0] >= -128
+            && bounds[3] >= 0
+            && bounds[3] + relative.abs() <= 126
+        {
             let (middle, most) = (_mm256_set1_epi8(relative as i8), _mm256_set1_epi8(127));
-            self.count(bounds, |byte| _mm256_min_epu8(_mm256_abs_epi8(_mm256_subs_epi8(byte, middle)), most))
+            self.count(bounds, |byte| {
+                _mm256_min_epu8(_mm256_abs_epi8(_mm256_subs_epi8(byte, middle)), most)
+            })
         } else {
             count_wide(self.codes, bounds.map(|bound| ((m - bound).max(0), m + bound)))
         }
@@ -157,9 +167,13 @@ fn narrow(codes: &[u16; LANES], centre: u16) -> __m256i {
     let centre = _mm256_set1_epi16((centre ^ 0x8000) as i16);
     // SAFETY: both halves of 32 codes are read; no alignment is asked for.
     let halves = unsafe {
-        [_mm256_loadu_si256(codes.as_ptr().cast()), _mm256_loadu_si256(codes.as_ptr().add(LANES / 2).cast())]
+        [
+            _mm256_loadu_si256(codes.as_ptr().cast()),
+            _mm256_loadu_si256(codes.as_ptr().add(LANES / 2).cast()),
+        ]
     };
-    let [first, second] = halves.map(|half| _mm256_subs_epi16(_mm256_xor_si256(half, sign), centre));
+    let [first, second] =
+        halves.map(|half| _mm256_subs_epi16(_mm256_xor_si256(half, sign), centre));
     _mm256_packs_epi16(first, second) // not in order, which does not count
 }
 
@@ -199,13 +213,19 @@ mod tests {
     use super::*;
     use echoloop_kernels::has_v3;
 
-    /// Codes of noise of any level and width, sometimes with others far away, and a guess that is good, bad or wild.
+    /// Codes of noise of any level and width, sometimes with others far away, and a guess that is
+    /// good, bad or wild.
     fn case(rng: &mut ChaCha8Rng) -> (Vec<u16>, Statistics) {
         let (level, width) = (rng.random_range(0..=0xffffu32), 1u32 << rng.random_range(0..17));
         let strays = rng.random_range(0..4) == 0;
-        let length = if rng.random() { rng.random_range(1..70) } else { rng.random_range(1..=MAX_SAMPLES) };
-        let noise = |rng: &mut ChaCha8Rng| (level + rng.random_range(0..width)).saturating_sub(width / 2).min(0xffff);
-        let code = |rng: &mut ChaCha8Rng| if strays && rng.random() { rng.random() } else { noise(rng) as u16 };
+        let length =
+            if rng.random() { rng.random_range(1..70) } else { rng.random_range(1..=MAX_SAMPLES) };
+        let noise = |rng: &mut ChaCha8Rng| {
+            (level + rng.random_range(0..width)).saturating_sub(width / 2).min(0xffff)
+        };
+        let code = |rng: &mut ChaCha8Rng| {
+            if strays && rng.random() { rng.random() } else { noise(rng) as u16 }
+        };
         let codes: Vec<u16> = (0..length).map(|_| code(rng)).collect();
         let of = by_counting(&codes, 0xffff, &Statistics::default());
         let off = |rng: &mut ChaCha8Rng, value: u16| match rng.random_range(0..3) {
@@ -227,7 +247,12 @@ mod tests {
             let (codes, guess) = case(&mut rng);
             let expected = by_counting(&codes, 0xffff, &guess);
             // SAFETY: AVX2 has been found.
-            assert_eq!(unsafe { ranks(&codes, &guess) }, expected, "case {i}: {guess:?}, {} codes", codes.len());
+            assert_eq!(
+                unsafe { ranks(&codes, &guess) },
+                expected,
+                "case {i}: {guess:?}, {} codes",
+                codes.len()
+            );
         }
     }
 }

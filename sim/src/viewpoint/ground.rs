@@ -14,8 +14,8 @@ const ROUGH_M: f64 = 0.35;
 
 /// Heights of whatever the sky sees, on a grid round the viewpoints' area.
 ///
-/// A point is ground when no neighbour lies below the cone that falls away from it with the steepest slope: the
-/// slope-based filter of airborne LiDAR (Vosselman 2000).
+/// A point is ground when no neighbour lies below the cone that falls away from it with the
+/// steepest slope: the slope-based filter of airborne LiDAR (Vosselman 2000).
 pub(super) struct GroundMap {
     low: [f64; 2],
     size: [usize; 2],
@@ -29,7 +29,10 @@ impl GroundMap {
         let sky_m = scene.mesh.bounds().map_or(0.0, |(_, top)| top[2]) + 1.0;
         let low = low.map(|x| f64::from(x) - REACH_M);
         let size = [0, 1].map(|i| ((f64::from(high[i]) + REACH_M - low[i]) / STEP_M) as usize + 1);
-        let at = |k: usize| [0, 1].map(|i| low[i] + STEP_M * (if i == 0 { k % size[0] } else { k / size[0] }) as f64);
+        let at = |k: usize| {
+            [0, 1]
+                .map(|i| low[i] + STEP_M * (if i == 0 { k % size[0] } else { k / size[0] }) as f64)
+        };
         let heights = (0..size[0] * size[1]).map(|k| from_the_sky(caster, at(k), sky_m)).collect();
         Self { low, size, heights, sky_m }
     }
@@ -52,7 +55,10 @@ impl GroundMap {
         };
         range(1).all(|j| {
             range(0).all(|i| {
-                let (dx, dy) = (self.low[0] + STEP_M * i as f64 - at[0], self.low[1] + STEP_M * j as f64 - at[1]);
+                let (dx, dy) = (
+                    self.low[0] + STEP_M * i as f64 - at[0],
+                    self.low[1] + STEP_M * j as f64 - at[1],
+                );
                 let fall = ROUGH_M + MAX_SLOPE * (dx * dx + dy * dy).sqrt();
                 self.heights[j * self.size[0] + i].is_none_or(|low| z - low <= fall)
             })

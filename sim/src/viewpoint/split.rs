@@ -35,8 +35,8 @@ impl FromStr for Split {
 
 /// Square cells; in every row of cells one in four trains, in a different column from row to row.
 ///
-/// Both splits keep half the gap from the cells' common borders, so any training viewpoint is at least
-/// [`Territory::gap_m`] from any test viewpoint.
+/// Both splits keep half the gap from the cells' common borders, so any training viewpoint is at
+/// least [`Territory::gap_m`] from any test viewpoint.
 pub(super) struct Territory {
     low: [f64; 2],
     cell_m: f64,
@@ -51,7 +51,8 @@ impl Territory {
         Self { low: low.map(f64::from), cell_m, gap_m: (0.4 * cell_m).min(10.0), split }
     }
 
-    /// Least distance between viewpoints of different splits: 10 m, less where the place is under 100 m wide.
+    /// Least distance between viewpoints of different splits: 10 m, less where the place is under
+    /// 100 m wide.
     #[cfg(test)]
     pub(super) fn gap_m(&self) -> f64 {
         self.gap_m

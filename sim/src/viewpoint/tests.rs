@@ -23,7 +23,10 @@ fn viewpoints_of_every_kind_stand_two_metres_above_open_ground() {
                 let eye = place.map(|x| x as f32);
                 let below = caster.cast(eye, [0.0, 0.0, -1.0]).expect("ground below");
                 assert!((below.range_m - 2.0).abs() < 0.01, "{kind} {place:?}: {}", below.range_m);
-                assert!(caster.cast(eye, [0.0, 0.0, 1.0]).is_none(), "{kind} {place:?} is under a roof");
+                assert!(
+                    caster.cast(eye, [0.0, 0.0, 1.0]).is_none(),
+                    "{kind} {place:?} is under a roof"
+                );
                 let (low, high) = scene.area;
                 assert!((0..2).all(|i| eye[i] > low[i] - 5.1 && eye[i] < high[i] + 5.1));
             }
@@ -54,9 +57,13 @@ fn training_and_test_viewpoints_are_ten_metres_apart() {
         let scene = generate(kind, 5);
         let caster = Raycaster::new(&scene);
         let plan = |count, split| PairPlan { count, split, ..PairPlan::default() };
-        let train = places(&sample_pairs(&scene, &caster, &plan(10, Split::Train)).expect("training"));
+        let train =
+            places(&sample_pairs(&scene, &caster, &plan(10, Split::Train)).expect("training"));
         let test = places(&sample_pairs(&scene, &caster, &plan(100, Split::Test)).expect("test"));
-        let nearest = train.iter().flat_map(|a| test.iter().map(|b| flat(*a, *b))).fold(f64::INFINITY, f64::min);
+        let nearest = train
+            .iter()
+            .flat_map(|a| test.iter().map(|b| flat(*a, *b)))
+            .fold(f64::INFINITY, f64::min);
         assert!(nearest >= 10.0, "{kind}: {nearest}");
     }
 }
@@ -66,7 +73,8 @@ fn small_places_are_split_with_a_smaller_gap() {
     let area = ([0.0; 2], [20.0; 2]);
     let [train, test] = [Split::Train, Split::Test].map(|split| Territory::new(area, split));
     assert!(train.gap_m() >= 2.0);
-    let spots: Vec<[f64; 2]> = (0..400).map(|k| [f64::from(k % 20) + 0.5, f64::from(k / 20) + 0.5]).collect();
+    let spots: Vec<[f64; 2]> =
+        (0..400).map(|k| [f64::from(k % 20) + 0.5, f64::from(k / 20) + 0.5]).collect();
     let mut both = [0, 0];
     for p in &spots {
         both[0] += usize::from(train.owns(*p));
@@ -97,11 +105,20 @@ fn an_empty_plain_has_no_viable_viewpoint_and_says_why() {
         triangles: vec![[0, 1, 2]],
         materials: vec![0],
     };
-    let scene = Scene { name: "plain".into(), mesh, materials: MATERIALS.to_vec(), area: ([-50.0; 2], [50.0; 2]) };
-    let error = sample_pairs(&scene, &Raycaster::new(&scene), &PairPlan::default()).expect_err("nothing to see");
+    let scene = Scene {
+        name: "plain".into(),
+        mesh,
+        materials: MATERIALS.to_vec(),
+        area: ([-50.0; 2], [50.0; 2]),
+    };
+    let error = sample_pairs(&scene, &Raycaster::new(&scene), &PairPlan::default())
+        .expect_err("nothing to see");
     let ViewpointError::NoViewpoint { found: 0, rejected, .. } = &error else { panic!("{error}") };
     assert!(rejected.structure > 0 && rejected.footing == 0);
-    assert!(error.to_string().starts_with("plain has no viable viewpoint for pair 0 of 10"), "{error}");
+    assert!(
+        error.to_string().starts_with("plain has no viable viewpoint for pair 0 of 10"),
+        "{error}"
+    );
 }
 
 #[test]

@@ -4,7 +4,8 @@ use std::f64::consts::PI;
 
 use crate::vectors::pulse;
 
-/// What a waveform and a clipped run in it are; amplitudes are fractions of full scale, times samples.
+/// What a waveform and a clipped run in it are; amplitudes are fractions of full scale, times
+/// samples.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Clipped<'a> {
     /// Full width at half maximum.
@@ -32,7 +33,11 @@ impl Clipped<'_> {
             let weight = pair.sigma.powi(-2);
             (weights + weight, sum + weight * pair.time)
         });
-        Some(if weights > 0.0 { (sum / weights, weights.powf(-0.5)) } else { (nearest.time, nearest.sigma) })
+        Some(if weights > 0.0 {
+            (sum / weights, weights.powf(-0.5))
+        } else {
+            (nearest.time, nearest.sigma)
+        })
     }
 
     fn noise(&self, value: f64) -> f64 {

@@ -19,7 +19,8 @@ impl Filtered {
     /// Behind these taps, of a pulse of so many samples a width, interpolated at 1/o.
     pub fn new(taps: Vec<f64>, width: f64, upsampling: i32) -> Self {
         let o = f64::from(upsampling);
-        let weights = if upsampling == 1 { vec![(1, 1.0)] } else { (-3..).zip(lagrange(1.0 / o)).collect() };
+        let weights =
+            if upsampling == 1 { vec![(1, 1.0)] } else { (-3..).zip(lagrange(1.0 / o)).collect() };
         Self { taps, width, weights, o }
     }
 
@@ -40,10 +41,13 @@ impl Filtered {
 
     /// r(t).
     pub fn at(&self, t: f64) -> f64 {
-        (-self.half()..=self.half()).map(|k| self.tap(k) * pulse(t - f64::from(k), self.width)).sum()
+        (-self.half()..=self.half())
+            .map(|k| self.tap(k) * pulse(t - f64::from(k), self.width))
+            .sum()
     }
 
-    /// β: what a parabola through r at steps of 1/o is off at a quarter of a step, in units of δ (1 − 4δ²).
+    /// β: what a parabola through r at steps of 1/o is off at a quarter of a step, in units of δ (1
+    /// − 4δ²).
     pub fn bias(&self) -> f64 {
         let z = |steps: f64| self.at((steps - 0.25) / self.o);
         let parabola = (z(-1.0) - z(1.0)) / (2.0 * (z(-1.0) - 2.0 * z(0.0) + z(1.0)));
@@ -74,7 +78,8 @@ impl Filtered {
         if method == TIMING_CFD {
             return self.between(f64::from(k) - z) - 0.5 * self.tap(k);
         }
-        let rise = |&(t, weight): &(i32, f64)| weight * (self.tap(k + t) - self.tap(k - t)) * self.o / 2.0;
+        let rise =
+            |&(t, weight): &(i32, f64)| weight * (self.tap(k + t) - self.tap(k - t)) * self.o / 2.0;
         self.weights.iter().map(rise).sum()
     }
 

@@ -1,5 +1,5 @@
-//! The twin that never rounds: the same algorithm in real numbers, with the true sin² template, for the parabola with and
-//! without walk correction and the edges of clipped echoes.
+//! The twin that never rounds: the same algorithm in real numbers, with the true sin² template, for
+//! the parabola with and without walk correction and the edges of clipped echoes.
 //!
 //! What the integer code loses against it is bounded by [`crate::tolerance`].
 
@@ -34,7 +34,8 @@ pub struct Echo {
     pub saturated: bool,
 }
 
-/// The whole detector, constants first. Amplitudes are fractions of full scale, times are in samples.
+/// The whole detector, constants first. Amplitudes are fractions of full scale, times are in
+/// samples.
 #[derive(Clone, Debug)]
 pub struct Ideal {
     code: f64,
@@ -99,7 +100,8 @@ impl Ideal {
         }
     }
 
-    /// The Cramér–Rao bound of the range in white noise, mm: `(cτ/π) / (S·√(f_s·τ))`, S the amplitude over σ of one sample.
+    /// The Cramér–Rao bound of the range in white noise, mm: `(cτ/π) / (S·√(f_s·τ))`, S the
+    /// amplitude over σ of one sample.
     pub fn range_crlb_mm(&self, snr: f64) -> f64 {
         LIGHT * 1e-6 * self.width * self.period_ns / PI / (snr * self.width.sqrt())
     }
@@ -121,19 +123,22 @@ impl Ideal {
         let median = Order::of(values.clone());
         let deviation = Order::of(values.iter().map(|v| (v - median.middle).abs()).collect());
         let grouped = |order: &Order| order.middle - 0.5 + (half - order.below) / order.at;
-        let mad = if deviation.middle == 0.0 { half / deviation.at / 2.0 } else { grouped(&deviation) };
+        let mad =
+            if deviation.middle == 0.0 { half / deviation.at / 2.0 } else { grouped(&deviation) };
         (grouped(&median) * self.code, mad * self.code * MAD_TO_SIGMA)
     }
 
     /// All stages.
     pub fn process(&self, codes: &[u16]) -> Vec<Echo> {
         let (ambient, sigma) = self.statistics(codes);
-        let x: Vec<f64> = codes.iter().map(|&c| f64::from(c).min(self.clip) * self.code - ambient).collect();
+        let x: Vec<f64> =
+            codes.iter().map(|&c| f64::from(c).min(self.clip) * self.code - ambient).collect();
         let y = self.filter(&x);
         let filtered_sigma = sigma * self.noise_gain;
         let threshold = self.floor.max(self.snr_threshold * filtered_sigma);
         let hysteresis = |height: f64| (threshold / 2.0).max(height / 16.0);
-        let peaks = separate(&climbs(&y, threshold, threshold / 2.0, hysteresis), self.min_separation);
+        let peaks =
+            separate(&climbs(&y, threshold, threshold / 2.0, hysteresis), self.min_separation);
         let wave = Waveform { codes, x: &x, y: &y, ambient, sigma };
         let echo = |peak: Peak| self.refine(&wave, peak, hysteresis(peak.height));
         choose(&peaks, self.echoes, self.choice).into_iter().map(echo).collect()
@@ -150,16 +155,20 @@ impl Ideal {
 
     fn refine(&self, wave: &Waveform<'_>, peak: Peak, rise: f64) -> Echo {
         let run = self.clipped_run(wave.codes, peak.index);
-        let (mut time, height) = self.vertex(wave.y, peak.index, self.walk_corrected && run.is_none());
+        let (mut time, height) =
+            self.vertex(wave.y, peak.index, self.walk_corrected && run.is_none());
         let left = edge(wave.y[..peak.index].iter().rev(), peak.height, rise);
         let right = edge(wave.y[peak.index + 1..].iter(), peak.height, rise);
         let amplitude = height / self.peak_gain;
         let (gain, share) = self.gain_and_share;
-        let mut sigma = gain * (wave.sigma.powi(2) + share * self.shot * amplitude).sqrt() / amplitude;
+        let mut sigma =
+            gain * (wave.sigma.powi(2) + share * self.shot * amplitude).sqrt() / amplitude;
         if let Some((first, last)) = run.filter(|_| self.walk_corrected) {
             let (width, x, level) = (self.width, wave.x, self.clip * self.code - wave.ambient);
-            let clipped = Clipped { width, x, level, first, last, sigma: wave.sigma, shot: self.shot };
-            (time, sigma) = clipped.fit().unwrap_or((peak.index as f64 + (right - left) / 2.0, sigma));
+            let clipped =
+                Clipped { width, x, level, first, last, sigma: wave.sigma, shot: self.shot };
+            (time, sigma) =
+                clipped.fit().unwrap_or((peak.index as f64 + (right - left) / 2.0, sigma));
         }
         Echo {
             range_mm: self.range_mm(time),
@@ -185,14 +194,21 @@ impl Ideal {
     fn vertex(&self, y: &[f64], index: usize, corrected: bool) -> (f64, f64) {
         let o = self.upsampling;
         let z = |j: i32| {
-            interpolate(y, index as i64 + i64::from(j.div_euclid(o)), f64::from(j.rem_euclid(o)) / f64::from(o))
+            interpolate(
+                y,
+                index as i64 + i64::from(j.div_euclid(o)),
+                f64::from(j.rem_euclid(o)) / f64::from(o),
+            )
         };
         let reach = if o > 1 { o } else { 0 };
         let top = (-reach..=reach).max_by(|&a, &b| z(a).total_cmp(&z(b))).unwrap_or(0);
         let (before, at, after) = (z(top - 1), z(top), z(top + 1));
         let delta = ((before - after) / (2.0 * (before - 2.0 * at + after))).clamp(-0.5, 0.5);
         let bias = if corrected { self.bias * delta * (1.0 - 4.0 * delta * delta) } else { 0.0 };
-        (index as f64 + (f64::from(top) + delta - bias) / f64::from(o), at - (before - after) * delta / 4.0)
+        (
+            index as f64 + (f64::from(top) + delta - bias) / f64::from(o),
+            at - (before - after) * delta / 4.0,
+        )
     }
 }
 
@@ -216,7 +232,8 @@ fn interpolate(y: &[f64], whole: i64, phase: f64) -> f64 {
     lagrange(phase).iter().zip(-3..).map(|(weight, k)| weight * at(whole + k)).sum()
 }
 
-/// Distance from a peak to half its height, or to the valley before a rise, or to the end of the waveform.
+/// Distance from a peak to half its height, or to the valley before a rise, or to the end of the
+/// waveform.
 fn edge<'a>(outwards: impl Iterator<Item = &'a f64>, height: f64, rise: f64) -> f64 {
     let (mut inner, mut valley) = (height, (height, 0.0));
     let mut distance = 0.0;

@@ -26,7 +26,11 @@ impl Twin {
             amplitude: in_u16(self.amplitude(height)),
             width: in_u16(nearest_ratio(refined.width * self.period_fs, 1e6 * two_to(12))),
             snr: in_u16((height * two_to(12) / threshold.sigma.max(1.0)).floor()),
-            deviation: in_u16(floor_of(refined.sigma, (self.range_step / two_to(8)).floor(), two_to(24))),
+            deviation: in_u16(floor_of(
+                refined.sigma,
+                (self.range_step / two_to(8)).floor(),
+                two_to(24),
+            )),
             reflectivity: self.reflectivity(refined.amplitude, (range / two_to(8)).floor()),
             flags: refined.flags | low,
         })
@@ -34,7 +38,8 @@ impl Twin {
 
     /// A R² / (U P G), U6.10.
     fn reflectivity(&self, amplitude: f64, range_mm: f64) -> f64 {
-        let light = (product(range_mm, range_mm) * amplitude.clamp(0.0, two_to(25)) as u128).min(u64::MAX.into());
+        let light = (product(range_mm, range_mm) * amplitude.clamp(0.0, two_to(25)) as u128)
+            .min(u64::MAX.into());
         in_u16(((light * u128::from(self.reflectivity_scale) + (1 << 63)) >> 64) as f64)
     }
 }

@@ -53,7 +53,8 @@ impl Clipped<'_> {
     /// None where the run touches an end.
     pub fn fit(&self) -> Option<Edges> {
         let nearest = self.pair(1)?;
-        let pairs: Vec<Pair> = (1..=3).map_while(|i| self.pair(i).filter(|pair| pair.both_show)).collect();
+        let pairs: Vec<Pair> =
+            (1..=3).map_while(|i| self.pair(i).filter(|pair| pair.both_show)).collect();
         let level_or_more = |a: f64| a.max(self.level).min(two_to(25));
         if pairs.len() < 2 {
             return Some(Edges {
@@ -98,7 +99,8 @@ impl Clipped<'_> {
         }
         let p = |x: f64| self.pulse.at(x);
         let uneven = |x: f64| left * p(slack - x) - right * p(x);
-        let (low, high) = bisect((slack - self.pulse.width).max(0.0), slack.min(self.pulse.width), &uneven);
+        let (low, high) =
+            bisect((slack - self.pulse.width).max(0.0), slack.min(self.pulse.width), &uneven);
         let (above, below) = (uneven(low).max(0.0), uneven(high).min(0.0));
         let coarse = |difference: f64| (difference / two_to(15)).floor();
         let x = low + ((high - low) * coarse(above) / coarse(above - below).max(1.0)).floor();
@@ -110,15 +112,18 @@ impl Clipped<'_> {
             p * p * (self.noise.variance(v, two_to(15)) >> 8).min(1 << 32)
         };
         let shift = floor_root(square(at_right, left) + square(at_left, right));
-        let stiffness =
-            ((left * self.pulse.slope(slack - x) + right * self.pulse.slope(x)) / two_to(15)).floor().max(1.0);
+        let stiffness = ((left * self.pulse.slope(slack - x) + right * self.pulse.slope(x))
+            / two_to(15))
+        .floor()
+        .max(1.0);
         let sigma = floor_of(shift, SAMPLE, stiffness);
         (x, amplitude, sigma.min(two_to(24)))
     }
 
     fn one(&self, value: f64, slack: f64) -> Solution {
         let least = (slack.max(0.0) * SAMPLE / (SAMPLE + root(self.noise.hidden(), value))).floor();
-        let most = ((slack + SAMPLE) * SAMPLE / (SAMPLE + root(self.level, value))).floor().max(least);
+        let most =
+            ((slack + SAMPLE) * SAMPLE / (SAMPLE + root(self.level, value))).floor().max(least);
         let x = least + (2.0 * (most - least) / 3.0).floor();
         let within = slack.max(0.0) - least;
         let sigma = rising(most - least) + (within / 6.0).trunc();
@@ -132,7 +137,11 @@ impl Clipped<'_> {
         let most = hidden.min(slack + SAMPLE).max(least);
         let top = self.pulse.at((shown / 2.0).floor()).max(1.0);
         let doubt = (hidden / 6.0).floor() + ((slack / 2.0).floor() - hidden).max(0.0);
-        ((slack / 2.0).floor(), (self.level * two_to(30) / top).floor(), uniform(most - least) + doubt)
+        (
+            (slack / 2.0).floor(),
+            (self.level * two_to(30) / top).floor(),
+            uniform(most - least) + doubt,
+        )
     }
 }
 

@@ -1,10 +1,12 @@
 //! The twin that rounds where the DSP's tables say.
 //!
-//! Written from those tables, not from the code: in `f64`, by sorting instead of counting, with sums in no particular order.
-//! `f64` holds nearly every integer here exactly, and [`numbers`] the products it does not, so the comparison is `==`. Values
-//! are in LSB of the DSP's formats. Of the DSP it takes only what is computed in `f32`: the filter's taps and their gain,
-//! the timing stage's constants, κ and the scale of reflectivity, each of which has a test of its own; and where more than one
-//! echo is asked for, which peaks hide under others, whose twin stands by itself.
+//! Written from those tables, not from the code: in `f64`, by sorting instead of counting, with
+//! sums in no particular order. `f64` holds nearly every integer here exactly, and [`numbers`] the
+//! products it does not, so the comparison is `==`. Values are in LSB of the DSP's formats. Of the
+//! DSP it takes only what is computed in `f32`: the filter's taps and their gain, the timing
+//! stage's constants, κ and the scale of reflectivity, each of which has a test of its own; and
+//! where more than one echo is asked for, which peaks hide under others, whose twin stands by
+//! itself.
 //!
 //! | module | twin of |
 //! |---|---|
@@ -330,10 +332,21 @@ impl Twin {
         threshold: &Threshold,
         noise: &Noise,
     ) -> (Vec<Peak>, Vec<usize>) {
-        let Some(sharpener) = self.sharpener.as_ref().filter(|_| !found.is_empty()) else { return (found, Vec::new()) };
-        let may_hide = |peak: Peak| {
-            self.is_broad(wave.y, peak, threshold.level) && self.clipped_run(wave.codes, peak.index).is_none()
+        let Some(sharpener) = self.sharpener.as_ref().filter(|_| !found.is_empty()) else {
+            return (found, Vec::new());
         };
-        split_twin::shoulders(sharpener, wave.x, wave.y, noise.sigma, threshold.level, &found, may_hide)
+        let may_hide = |peak: Peak| {
+            self.is_broad(wave.y, peak, threshold.level)
+                && self.clipped_run(wave.codes, peak.index).is_none()
+        };
+        split_twin::shoulders(
+            sharpener,
+            wave.x,
+            wave.y,
+            noise.sigma,
+            threshold.level,
+            &found,
+            may_hide,
+        )
     }
 }

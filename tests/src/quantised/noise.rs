@@ -22,7 +22,8 @@ impl Noise {
         floor_root(self.variance(value, share))
     }
 
-    /// σ(v)² with a share (Q1.15) of the shot noise: Q13.38, an integer that `f64` does not hold, at most 2⁶⁴ − 1.
+    /// σ(v)² with a share (Q1.15) of the shot noise: Q13.38, an integer that `f64` does not hold,
+    /// at most 2⁶⁴ − 1.
     pub fn variance(&self, value: f64, share: f64) -> u128 {
         let signal = value.clamp(0.0, 65_535.0);
         // Q0.32 · Q1.15 · Q1.15 → Q13.38
@@ -30,7 +31,8 @@ impl Noise {
         (product(self.sigma, self.sigma) + shot).min(u64::MAX.into())
     }
 
-    /// Whether a value (Q1.15) is more than three σ. Nine of the greatest variances are more than any value's square.
+    /// Whether a value (Q1.15) is more than three σ. Nine of the greatest variances are more than
+    /// any value's square.
     pub fn shows(&self, value: f64) -> bool {
         let height = value.clamp(0.0, 65_535.0) * two_to(4);
         product(height, height) > 9 * self.variance(value, two_to(15))

@@ -50,13 +50,19 @@ mod tests {
     #[test]
     fn ties_round_up_in_every_helper() {
         assert_eq!([nearest(1.5), nearest(-1.5), nearest(-0.5)], [2.0, -1.0, 0.0]);
-        assert_eq!([nearest_ratio(3.0, 2.0), nearest_ratio(-3.0, 2.0), nearest_ratio(3.0, -2.0)], [2.0, -1.0, -1.0]);
+        assert_eq!(
+            [nearest_ratio(3.0, 2.0), nearest_ratio(-3.0, 2.0), nearest_ratio(3.0, -2.0)],
+            [2.0, -1.0, -1.0]
+        );
         assert_eq!(nearest_ratio(3.0, 0.0), 0.0);
     }
 
     #[test]
     fn roots_are_exact_beyond_what_f64_holds() {
         let root = (1u128 << 32) - 1;
-        assert_eq!([floor_root(root * root), floor_root(root * root - 1)], [root as f64, (root - 1) as f64]);
+        assert_eq!(
+            [floor_root(root * root), floor_root(root * root - 1)],
+            [root as f64, (root - 1) as f64]
+        );
     }
 }

@@ -14,7 +14,8 @@ pub fn hysteresis(height: f64, threshold: f64) -> f64 {
 
 /// Local maxima by rising index, the 32 highest (of equals the first).
 pub fn peaks(y: &[f64], threshold: f64) -> Vec<Peak> {
-    let found = climbs(y, threshold, (threshold / 2.0).floor(), |height| hysteresis(height, threshold));
+    let found =
+        climbs(y, threshold, (threshold / 2.0).floor(), |height| hysteresis(height, threshold));
     let mut strongest = by_strength(&found);
     strongest.truncate(CANDIDATES);
     strongest.sort_by_key(|p| p.index);
@@ -59,7 +60,8 @@ fn by_strength(peaks: &[Peak]) -> Vec<Peak> {
     peaks
 }
 
-/// Greedily, strongest first: whatever lies nearer than `min_separation` to one kept goes. By rising index.
+/// Greedily, strongest first: whatever lies nearer than `min_separation` to one kept goes. By
+/// rising index.
 pub fn separate(peaks: &[Peak], min_separation: f64) -> Vec<Peak> {
     let mut kept: Vec<Peak> = Vec::new();
     for peak in by_strength(peaks) {

@@ -6,8 +6,9 @@ use std::sync::LazyLock;
 use super::numbers::{floor_of, nearest, nearest_ratio, two_to};
 
 /// sin² at phases i/512, Q2.30.
-pub static TABLE: LazyLock<[f64; 257]> =
-    LazyLock::new(|| std::array::from_fn(|i| nearest((PI * i as f64 / 512.0).sin().powi(2) * two_to(30))));
+pub static TABLE: LazyLock<[f64; 257]> = LazyLock::new(|| {
+    std::array::from_fn(|i| nearest((PI * i as f64 / 512.0).sin().powi(2) * two_to(30)))
+});
 
 /// The sin² pulse.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,7 +20,10 @@ pub struct Pulse {
 impl Pulse {
     /// Of a width at a sample period.
     pub fn new(width_ps: f64, period_fs: f64) -> Self {
-        Self { width: nearest_ratio(width_ps * 1e3 * two_to(16), period_fs).clamp(two_to(12), 127.0 * two_to(16)) }
+        Self {
+            width: nearest_ratio(width_ps * 1e3 * two_to(16), period_fs)
+                .clamp(two_to(12), 127.0 * two_to(16)),
+        }
     }
 
     /// L, Q16.16.

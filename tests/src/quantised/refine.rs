@@ -36,7 +36,8 @@ struct End {
     flag: u8,
 }
 
-/// The parabola's top: its time (Q16.16) with and without the bias of interpolation, its height (Q1.15).
+/// The parabola's top: its time (Q16.16) with and without the bias of interpolation, its height
+/// (Q1.15).
 struct Vertex {
     time: f64,
     unbiased: f64,
@@ -56,7 +57,13 @@ impl Refined {
 
 impl Twin {
     /// One peak by the timing method that is set.
-    pub fn refine(&self, wave: &Waveform<'_>, peak: Peak, threshold: &Threshold, noise: &Noise) -> Refined {
+    pub fn refine(
+        &self,
+        wave: &Waveform<'_>,
+        peak: Peak,
+        threshold: &Threshold,
+        noise: &Noise,
+    ) -> Refined {
         let half = (peak.height / 2.0).floor();
         let left = falling(wave.y[..peak.index].iter().rev(), peak.height, half, threshold.level);
         let right = falling(wave.y[peak.index + 1..].iter(), peak.height, half, threshold.level);
@@ -75,15 +82,22 @@ impl Twin {
             (TIMING_WALK_CORRECTED, None) => Refined { time: vertex.unbiased, ..top },
             (TIMING_WALK_CORRECTED, Some((first, last))) => {
                 let level = (self.clip_code * self.code - threshold.ambient).max(1.0);
-                let clipped = Clipped { pulse: &self.pulse, x: wave.x, level, first, last, noise: *noise };
-                let middle = ((2.0 * peak.index as f64 * SAMPLE + right.distance - left.distance) / 2.0).floor();
+                let clipped =
+                    Clipped { pulse: &self.pulse, x: wave.x, level, first, last, noise: *noise };
+                let middle = ((2.0 * peak.index as f64 * SAMPLE + right.distance - left.distance)
+                    / 2.0)
+                    .floor();
                 let fitted = match clipped.fit() {
-                    Some(e) => Refined { time: e.time, amplitude: e.amplitude, sigma: e.sigma, ..top },
+                    Some(e) => {
+                        Refined { time: e.time, amplitude: e.amplitude, sigma: e.sigma, ..top }
+                    }
                     None => Refined { time: middle, ..top },
                 };
                 Refined { flags: fitted.flags | WALK_CORRECTED, ..fitted }
             }
-            (TIMING_CFD, _) => self.to_edge(wave, peak, vertex.height * two_to(7), threshold.level, noise, top),
+            (TIMING_CFD, _) => {
+                self.to_edge(wave, peak, vertex.height * two_to(7), threshold.level, noise, top)
+            }
             (TIMING_RISING_EDGE, _) => {
                 self.to_edge(wave, peak, threshold.level * two_to(8), threshold.level, noise, top)
             }
@@ -101,20 +115,23 @@ impl Twin {
             falling(y[..peak.index].iter().rev(), peak.height, half, threshold),
             falling(y[peak.index + 1..].iter(), peak.height, half, threshold),
         ];
-        ends.iter().any(|end| end.flag == MERGED) || ends[0].distance + ends[1].distance > self.broad
+        ends.iter().any(|end| end.flag == MERGED)
+            || ends[0].distance + ends[1].distance > self.broad
     }
 
     /// A peak that another hid, timed behind the sharper filter.
     pub fn sharpen(&self, x: &[f64], peak: Peak, refined: Refined) -> Refined {
         let Some(sharpener) = &self.sharpener else { return refined };
-        let f: Vec<f64> = correlate(&sharpener.taps, x).iter().map(|sum| nearest(sum / two_to(7))).collect();
+        let f: Vec<f64> =
+            correlate(&sharpener.taps, x).iter().map(|sum| nearest(sum / two_to(7))).collect();
         let flags = refined.flags | MERGED;
         let time = match refined.flags & SATURATED {
             0 => self.vertex(&f, self.summit(&f, peak.index)).time,
             _ => refined.time,
         };
         let overlap = (self.pulse.width / 32.0).floor();
-        Refined { time, flags, sigma: (2.0 * refined.sigma).min(MOST) + overlap, ..refined }.bounded()
+        Refined { time, flags, sigma: (2.0 * refined.sigma).min(MOST) + overlap, ..refined }
+            .bounded()
     }
 
     /// Amplitude of a height, both Q1.15.
@@ -165,7 +182,8 @@ impl Twin {
     /// The clipped samples around the nearest clipped one, of two as near the earlier.
     pub(super) fn clipped_run(&self, codes: &[u16], index: usize) -> Option<(usize, usize)> {
         let clipped = |n: usize| f64::from(codes[n]) >= self.clip_code;
-        let near = (0..codes.len()).filter(|&n| clipped(n) && n.abs_diff(index) <= self.reach.div_ceil(2));
+        let near =
+            (0..codes.len()).filter(|&n| clipped(n) && n.abs_diff(index) <= self.reach.div_ceil(2));
         let nearest = near.min_by_key(|n| n.abs_diff(index))?; // of equals the first
         let first = (0..nearest).rfind(|&n| !clipped(n)).map_or(0, |n| n + 1);
         let last = (nearest..codes.len()).find(|&n| !clipped(n)).unwrap_or(codes.len()) - 1;
@@ -174,7 +192,8 @@ impl Twin {
 
     /// The end of a rising run of f, K samples later at most.
     fn summit(&self, f: &[f64], index: usize) -> usize {
-        let rises = |n: &usize| f.get(n + 1).copied().unwrap_or(0.0) > f.get(*n).copied().unwrap_or(0.0);
+        let rises =
+            |n: &usize| f.get(n + 1).copied().unwrap_or(0.0) > f.get(*n).copied().unwrap_or(0.0);
         index + (index..index + self.reach).take_while(rises).count()
     }
 
@@ -192,7 +211,8 @@ impl Twin {
         let slope = before - after;
         let curvature = before - 2.0 * top + after;
         let delta = nearest_ratio(slope * two_to(15), curvature).clamp(-32_768.0, 32_768.0);
-        let time = |delta: f64| index as f64 * SAMPLE + nearest((j as f64 * SAMPLE + delta) / o as f64);
+        let time =
+            |delta: f64| index as f64 * SAMPLE + nearest((j as f64 * SAMPLE + delta) / o as f64);
         // Q16.16 · Q32.32
         let cubic = (delta * (two_to(32) - 4.0 * delta * delta) / two_to(32)).floor();
         let height = top - nearest(slope * delta / two_to(18));
@@ -208,11 +228,16 @@ impl Twin {
 pub fn lagrange(t: f64) -> [f64; 8] {
     std::array::from_fn(|k| {
         let node = k as f64 - 3.0;
-        (-3..=4).map(f64::from).filter(|&other| other != node).map(|other| (t - other) / (node - other)).product()
+        (-3..=4)
+            .map(f64::from)
+            .filter(|&other| other != node)
+            .map(|other| (t - other) / (node - other))
+            .product()
     })
 }
 
-/// As [`lagrange`], in Q1.15: each to the nearest, then the one nearest to `t` takes what is missing from 2¹⁵.
+/// As [`lagrange`], in Q1.15: each to the nearest, then the one nearest to `t` takes what is
+/// missing from 2¹⁵.
 pub fn rounded_lagrange(t: f64) -> [f64; 8] {
     let mut weights = lagrange(t).map(|w| (w * two_to(15)).round());
     let closest = if t <= 0.5 { 3 } else { 4 };
@@ -233,9 +258,14 @@ fn interpolate(f: &[f64], index: usize, j: i64, o: i64) -> f64 {
     nearest(sum / two_to(15))
 }
 
-/// Distance from a peak to where the samples beside it, nearest first, fall below `level`; or to the valley before they rise
-/// by more than the hysteresis; or to the end of the waveform.
-fn falling<'a>(outwards: impl Iterator<Item = &'a f64>, height: f64, level: f64, threshold: f64) -> End {
+/// Distance from a peak to where the samples beside it, nearest first, fall below `level`; or to
+/// the valley before they rise by more than the hysteresis; or to the end of the waveform.
+fn falling<'a>(
+    outwards: impl Iterator<Item = &'a f64>,
+    height: f64,
+    level: f64,
+    threshold: f64,
+) -> End {
     let rise = hysteresis(height, threshold);
     let mut walked = vec![height];
     for &value in outwards {

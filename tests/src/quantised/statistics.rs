@@ -17,8 +17,9 @@ impl Twin {
         let of_codes = Order::of(values.clone());
         let of_deviations = Order::of(values.iter().map(|v| (v - of_codes.middle).abs()).collect());
         // v − ½ + (N/2 − below)/at in LSB of which a code has `lsb`, the quotient rounded down
-        let grouped =
-            |order: &Order, lsb: f64| (order.middle - 0.5) * lsb + ((half - order.below) * lsb / order.at).floor();
+        let grouped = |order: &Order, lsb: f64| {
+            (order.middle - 0.5) * lsb + ((half - order.below) * lsb / order.at).floor()
+        };
         let fine = self.code * two_to(4);
         let mad = if of_deviations.middle == 0.0 {
             (half * fine / (2.0 * of_deviations.at)).floor()
@@ -37,7 +38,9 @@ impl Twin {
     pub fn with_ambient(&self, statistics: Statistics, before: &[u16]) -> Statistics {
         let sum: f64 = before.iter().map(|&code| f64::from(code)).sum();
         let ambient = match self.ambient {
-            AMBIENT_PRE_TRIGGER if !before.is_empty() => (sum * self.code / before.len() as f64).floor(),
+            AMBIENT_PRE_TRIGGER if !before.is_empty() => {
+                (sum * self.code / before.len() as f64).floor()
+            }
             AMBIENT_NONE => 0.0,
             _ => statistics.ambient,
         };

@@ -48,12 +48,13 @@ pub type Components = Vec<Component, MAX_CANDIDATES>;
 /// | `σ²`, `v` | Q8 samples²: σ·σ >> 8; quotients nearest |
 /// | `σ` | Q8 samples: ⌊√(σ² · 2⁸)⌋, then within ⌊0.7 σ⌋, ⌊1.4 σ⌋ (179 and 358 of 2⁸) and its own bounds |
 ///
-/// With σ² ≤ v + 2⁻⁴ the component is flatter than any Gaussian: σ grows by 1.3 (333 of 2⁸). With S₀ ≤ 0 it stays as it is. The updates
-/// stand still exactly where the derivatives of the squared error vanish. It ends after [`SWEEPS`] rounds, or when one
-/// moved no centre by 2⁻⁸ samples and no σ at all.
+/// With σ² ≤ v + 2⁻⁴ the component is flatter than any Gaussian: σ grows by 1.3 (333 of 2⁸). With
+/// S₀ ≤ 0 it stays as it is. The updates stand still exactly where the derivatives of the squared
+/// error vanish. It ends after [`SWEEPS`] rounds, or when one moved no centre by 2⁻⁸ samples and no
+/// σ at all.
 ///
-/// The method of adaptive Gaussian moments (known from astronomers' centroids), made joint. It needs neither derivatives nor a
-/// matrix, and every step is one pass over a few σ.
+/// The method of adaptive Gaussian moments (known from astronomers' centroids), made joint. It
+/// needs neither derivatives nor a matrix, and every step is one pass over a few σ.
 #[derive(Clone, Copy, Debug)]
 pub struct Fit<'a> {
     /// Waveform without ambient, Q1.15.
@@ -83,8 +84,9 @@ impl Fit<'_> {
         components
     }
 
-    /// At the peak's sample, as high as it; σ = w/1.177 (217 of 2⁸, at least 1), w being the samples to the nearer side where x first
-    /// is at most half as high, or more than a fiftieth of the height above the last sample, or ends.
+    /// At the peak's sample, as high as it; σ = w/1.177 (217 of 2⁸, at least 1), w being the
+    /// samples to the nearer side where x first is at most half as high, or more than a fiftieth of
+    /// the height above the last sample, or ends.
     fn first_guess(&self, peak: &Peak) -> Component {
         let index = usize::from(peak.index);
         let height = self.x.get(index).map_or(0, |&x| i64::from(x)).max(1);
@@ -127,7 +129,9 @@ impl Fit<'_> {
         let (start, end) = span(&component, self.x.len());
         let x = self.x.get(start..end).unwrap_or_default().iter();
         let pairs = x.zip(others.get(start..end).unwrap_or_default()).zip(start as i64..);
-        pairs.map(move |((&x, &m), n)| (i64::from(x) - i64::from(m), ((n << 16) - component.time) >> 8))
+        pairs.map(move |((&x, &m), n)| {
+            (i64::from(x) - i64::from(m), ((n << 16) - component.time) >> 8)
+        })
     }
 }
 
@@ -177,7 +181,9 @@ mod tests {
     /// Gaussians of (centre, height, σ) in samples and Q1.15.
     fn waveform(echoes: &[(f64, f64, f64)]) -> [i16; 120] {
         core::array::from_fn(|n| {
-            let value = |&(u, a, s): &(f64, f64, f64)| a * libm::exp(-(n as f64 - u) * (n as f64 - u) / (2.0 * s * s));
+            let value = |&(u, a, s): &(f64, f64, f64)| {
+                a * libm::exp(-(n as f64 - u) * (n as f64 - u) / (2.0 * s * s))
+            };
             echoes.iter().map(value).sum::<f64>() as i16
         })
     }

@@ -12,9 +12,11 @@ use crate::q::divide_round;
 pub struct View<'a> {
     /// The waveform without ambient, or the filter's output, Q1.15.
     pub y: &'a [i16],
-    /// What a valley must rise by to be one, Q1.15: twice the noise, at least 1 (a sixteenth of the crest is asked as well).
+    /// What a valley must rise by to be one, Q1.15: twice the noise, at least 1 (a sixteenth of the
+    /// crest is asked as well).
     pub grain: i32,
-    /// Least drop that a parabola of the same edges would have inside a plateau for it to be flat, Q1.15.
+    /// Least drop that a parabola of the same edges would have inside a plateau for it to be flat,
+    /// Q1.15.
     pub flat: i32,
     /// The highest value of the record, Q1.15.
     pub top: i16,
@@ -61,14 +63,15 @@ impl View<'_> {
     /// flat     L ≥ 3 and D·(L − 1)² > 2·flat·(L + 1)²
     /// ```
     ///
-    /// `δ = (y₋ − y₊) / (2 (y₋ − 2y₀ + y₊))`, Q16.16, nearest, within ±½; 0 at an end of the record. A run at an end of the
-    /// record is not flat. The last line: a parabola through the samples beside the plateau would drop by D/2·(L − 1)²/(L + 1)²
-    /// inside it.
+    /// `δ = (y₋ − y₊) / (2 (y₋ − 2y₀ + y₊))`, Q16.16, nearest, within ±½; 0 at an end of the
+    /// record. A run at an end of the record is not flat. The last line: a parabola through the
+    /// samples beside the plateau would drop by D/2·(L − 1)²/(L + 1)² inside it.
     pub fn climb(&self, start: usize, reach: usize) -> Crest {
         let mut index = start.min(self.y.len().saturating_sub(1));
         for _ in 0..reach {
             let at = |i: Option<usize>| i.and_then(|i| self.value(i)).unwrap_or(i64::MIN);
-            let (before, here, after) = (at(index.checked_sub(1)), at(Some(index)), at(Some(index + 1)));
+            let (before, here, after) =
+                (at(index.checked_sub(1)), at(Some(index)), at(Some(index + 1)));
             index = match () {
                 () if before > here && before >= after => index - 1,
                 () if after > here => index + 1,
@@ -83,7 +86,8 @@ impl View<'_> {
         let height = self.y.get(index).copied().unwrap_or_default();
         let equal = |v: &&i16| **v == height;
         let before = self.y.get(..index).unwrap_or_default().iter().rev().take_while(equal).count();
-        let after = self.y.get(index..).unwrap_or_default().iter().skip(1).take_while(equal).count();
+        let after =
+            self.y.get(index..).unwrap_or_default().iter().skip(1).take_while(equal).count();
         let (first, last) = (index - before, index + after);
         let flat = self.is_flat(first, last, i64::from(height));
         let time = match last - first {
@@ -103,7 +107,8 @@ impl View<'_> {
 
     fn is_flat(&self, first: usize, last: usize, height: i64) -> bool {
         let length = (last - first + 1) as i64;
-        let (Some(before), Some(after)) = (first.checked_sub(1).and_then(|i| self.value(i)), self.value(last + 1))
+        let (Some(before), Some(after)) =
+            (first.checked_sub(1).and_then(|i| self.value(i)), self.value(last + 1))
         else {
             return false;
         };
@@ -113,9 +118,11 @@ impl View<'_> {
 
     /// Full width at half of a crest's height (rounded down), linear between samples.
     ///
-    /// A side ends at its crossing; or without one in a valley before a rise of more than the grain and a sixteenth of
-    /// the height ([`Flags::MERGED`]), or with the record ([`Flags::TRUNCATED`]). With one crossing the width is twice the distance from the crest to
-    /// it; with none it is `None`. Crossings are Q16.16, the fraction of a sample rounded down, towards the crest.
+    /// A side ends at its crossing; or without one in a valley before a rise of more than the grain
+    /// and a sixteenth of the height ([`Flags::MERGED`]), or with the record
+    /// ([`Flags::TRUNCATED`]). With one crossing the width is twice the distance from the crest to
+    /// it; with none it is `None`. Crossings are Q16.16, the fraction of a sample rounded down,
+    /// towards the crest.
     pub fn width(&self, crest: &Crest) -> Width {
         let (left, left_flag) = self.crossing(crest, -1);
         let (right, right_flag) = self.crossing(crest, 1);
@@ -184,7 +191,10 @@ mod tests {
         assert_eq!(merged.width(&merged.climb(2, 9)).flags, Flags::MERGED);
         let cut = view(&[0, 40, 80, 60]);
         let crest = cut.climb(2, 9);
-        assert_eq!(cut.width(&crest), Width { samples: Some(2 * (crest.time - (1 << 16))), flags: Flags::TRUNCATED });
+        assert_eq!(
+            cut.width(&crest),
+            Width { samples: Some(2 * (crest.time - (1 << 16))), flags: Flags::TRUNCATED }
+        );
     }
 
     #[test]

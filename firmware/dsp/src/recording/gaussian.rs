@@ -53,7 +53,9 @@ impl Gaussian {
     pub fn at(&self, distance: i64) -> i64 {
         let z = (distance.abs() * self.inverse) >> 16;
         let entry = usize::try_from(z >> 8).unwrap_or(usize::MAX);
-        let Some(&[here, next]) = entry.checked_add(2).and_then(|end| TABLE.get(entry..end)) else { return 0 };
+        let Some(&[here, next]) = entry.checked_add(2).and_then(|end| TABLE.get(entry..end)) else {
+            return 0;
+        };
         let (here, next) = (i64::from(here), i64::from(next));
         here + (((next - here) * (z & 0xff) + 128) >> 8)
     }
@@ -86,7 +88,10 @@ mod tests {
                 let z = distance as f64 / sigma as f64;
                 let expected = libm::exp(-z * z / 2.0);
                 let got = gaussian.at(-distance) as f64 / 32768.0;
-                assert!((got - expected).abs() < 2e-4, "{sigma} {distance}: {got} against {expected}");
+                assert!(
+                    (got - expected).abs() < 2e-4,
+                    "{sigma} {distance}: {got} against {expected}"
+                );
             }
         }
     }

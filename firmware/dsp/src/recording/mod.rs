@@ -1,7 +1,8 @@
 //! Echoes of records that other instruments made: short, of unknown pulse, hardly any rest.
 //!
-//! The sensor knows its pulse and sees a window of mostly darkness; a record may be 20 samples of echo. The stages are
-//! the sensor's where they can be ([`Statistics`](crate::statistics), [`filter`], [`Peaks`]) and others where they cannot:
+//! The sensor knows its pulse and sees a window of mostly darkness; a record may be 20 samples of
+//! echo. The stages are the sensor's where they can be ([`Statistics`](crate::statistics),
+//! [`filter`], [`Peaks`]) and others where they cannot:
 //!
 //! | stage | module | in | out |
 //! |---|---|---|---|
@@ -60,7 +61,8 @@ pub struct Search {
 }
 
 impl Search {
-    /// k = 5, a twentieth of the highest, every echo: 5 % is what receivers ring after a strong echo.
+    /// k = 5, a twentieth of the highest, every echo: 5 % is what receivers ring after a strong
+    /// echo.
     pub const DEFAULT: Self = Self {
         code_shift: 1,
         snr_threshold: 5 << 8,
@@ -102,7 +104,8 @@ pub struct Recorded {
     pub flags: Flags,
     /// When the waveform is highest, Q16.16 samples.
     pub crest: i64,
-    /// The centre of its fitted component, Q16.16 samples; the crest of an echo too weak to have one.
+    /// The centre of its fitted component, Q16.16 samples; the crest of an echo too weak to have
+    /// one.
     pub centre: i64,
 }
 
@@ -141,8 +144,8 @@ impl Recorder {
         }
     }
 
-    /// Finds the echoes of one record of codes of at most 15 − shift bits. Samples beyond [`MAX_SAMPLES`] are ignored; fewer
-    /// than three hold none.
+    /// Finds the echoes of one record of codes of at most 15 − shift bits. Samples beyond
+    /// [`MAX_SAMPLES`] are ignored; fewer than three hold none.
     ///
     /// ```text
     /// a, σ      as of Rest;  x = code − a
@@ -154,8 +157,9 @@ impl Recorder {
     /// strong    = peaks with 5z ≥ max z: fitted together, see Fit
     /// ```
     ///
-    /// `k·σ_z` and `2·σ_z` are nearest; [`place`](Self::place) says what becomes of a peak. Of the echoes that are placed the
-    /// highest stay, of equals the first, each at least min_separation from every one that stays: two peaks that climb to one clipped top are one echo.
+    /// `k·σ_z` and `2·σ_z` are nearest; [`place`](Self::place) says what becomes of a peak. Of the
+    /// echoes that are placed the highest stay, of equals the first, each at least min_separation
+    /// from every one that stays: two peaks that climb to one clipped top are one echo.
     pub fn echoes(&mut self, codes: &[u16], search: &Search) -> Recordeds {
         let codes = codes.get(..MAX_SAMPLES).unwrap_or(codes);
         let shift = search.code_shift.clamp(1, 7);
@@ -163,8 +167,11 @@ impl Recorder {
             return Recordeds::new();
         }
         let rest = Rest::of(codes, shift, &mut self.order);
-        self.padded.fill(codes.len(), |x| baseline::remove(codes, 0x7fff >> shift, shift, rest.ambient, x));
-        let pulse = search.pulse.map(|pulse| shift_round(pulse.width, 16).clamp(1, MARGIN as i64) as u32);
+        self.padded.fill(codes.len(), |x| {
+            baseline::remove(codes, 0x7fff >> shift, shift, rest.ambient, x)
+        });
+        let pulse =
+            search.pulse.map(|pulse| shift_round(pulse.width, 16).clamp(1, MARGIN as i64) as u32);
         let scale = self.bank.scale(&self.padded, rest.sigma, pulse, &mut self.view);
         let Some(narrow) = self.bank.template(scale.view).cloned() else { return Recordeds::new() };
         self.padded.filter(narrow.taps_in_pairs(), &mut self.view);
@@ -172,7 +179,8 @@ impl Recorder {
         self.padded.filter(sharpener.taps_in_pairs(), &mut self.sharp);
         let sigma = sharpener.sigma(rest.sigma);
         let (peaks, level) = self.peaks(sigma, scale.pulse, search);
-        let mut found = self.place(&peaks, &Looked { search, scale, narrow: &narrow, rest, sigma, level });
+        let mut found =
+            self.place(&peaks, &Looked { search, scale, narrow: &narrow, rest, sigma, level });
         keep_strongest(&mut found, search);
         found
     }
@@ -181,7 +189,8 @@ impl Recorder {
     fn peaks(&self, sigma: u32, pulse: u32, search: &Search) -> (Peaks, i16) {
         let z = self.sharp.get(..self.padded.x().len()).unwrap_or_default();
         let top = i64::from(z.iter().copied().max().unwrap_or_default());
-        let by_noise = shift_round(i64::from(sigma) * i64::from(search.snr_threshold.min(0xffff)), 12);
+        let by_noise =
+            shift_round(i64::from(sigma) * i64::from(search.snr_threshold.min(0xffff)), 12);
         let by_floor = shift_round(top.max(0) * i64::from(search.floor.min(0x8000)), 15);
         let level = by_noise.max(by_floor).clamp(1, 0x7fff) as i16;
         let least = shift_round(i64::from(sigma), 3).max((3 * top) >> 9);
@@ -209,11 +218,13 @@ impl Recorder {
     /// width  = on x, or of a flat crest or one that is not strong, that of View::width; else 2.355 σ_u (603 of 2⁸, rounded down to 2⁻⁸)
     /// ```
     ///
-    /// A peak is where the waveform peaks. A lobe of several surfaces peaks at the brightest of them, or where quantisation has
-    /// it, while its component lies in the middle of all: then the time is what is nearest to the crest, 3 %
-    /// of a width from the middle, and as far as the emitted pulse's own crest when it is known. In more noise a crest says less than the
-    /// component. A view as wide as the pulse lowers a crest: its height counts over the filter's gain. A width that
-    /// View::width does not know is 2.355 σ_u or, without a component, the pulse's. Low confidence: the peak is less than a quarter above T.
+    /// A peak is where the waveform peaks. A lobe of several surfaces peaks at the brightest of
+    /// them, or where quantisation has it, while its component lies in the middle of all: then the
+    /// time is what is nearest to the crest, 3 % of a width from the middle, and as far as the
+    /// emitted pulse's own crest when it is known. In more noise a crest says less than the
+    /// component. A view as wide as the pulse lowers a crest: its height counts over the filter's
+    /// gain. A width that View::width does not know is 2.355 σ_u or, without a component, the
+    /// pulse's. Low confidence: the peak is less than a quarter above T.
     fn place(&mut self, peaks: &[Peak], looked: &Looked) -> Recordeds {
         let x = self.padded.x();
         let z = self.sharp.get(..x.len()).unwrap_or_default();
@@ -242,7 +253,8 @@ struct Looked<'a> {
 }
 
 impl Looked<'_> {
-    /// x itself in little noise, else the view through the filter. Noise is that of what is looked at; two codes are no step.
+    /// x itself in little noise, else the view through the filter. Noise is that of what is looked
+    /// at; two codes are no step.
     fn view<'y>(&self, x: &'y [i16], filtered: &'y [i16]) -> View<'y> {
         let (y, gain) = match self.scale.view {
             0 => (x, 1 << 15),
@@ -250,7 +262,12 @@ impl Looked<'_> {
         };
         let two_sigma = shift_round(i64::from(self.rest.sigma) * gain, 18).max(1) as i32;
         let top = y.iter().copied().max().unwrap_or_default();
-        View { y, grain: two_sigma, flat: two_sigma.max(2 << self.search.code_shift.clamp(1, 7)), top }
+        View {
+            y,
+            grain: two_sigma,
+            flat: two_sigma.max(2 << self.search.code_shift.clamp(1, 7)),
+            top,
+        }
     }
 
     fn echo(&self, view: &View, peak: &Peak, component: Option<&Component>) -> Option<Recorded> {
@@ -273,7 +290,9 @@ impl Looked<'_> {
         let last = (view.y.len().saturating_sub(1) as i64) << 16;
         let within = |time: i64| time.max(0).min(last);
         Some(Recorded {
-            time: component.filter(|_| !crest.flat && !cut).map_or(crest.time, |c| within(self.limited(&crest, c))),
+            time: component
+                .filter(|_| !crest.flat && !cut)
+                .map_or(crest.time, |c| within(self.limited(&crest, c))),
             amplitude: fitted.map_or(self.amplitude(&crest), |c| c.height),
             width: fitted.map_or(width.samples.unwrap_or(without), of_component),
             snr: ((i64::from(peak.height.max(0)) << 12) / i64::from(self.sigma.max(1))) as u32,
@@ -284,16 +303,23 @@ impl Looked<'_> {
     }
 
     fn amplitude(&self, crest: &Crest) -> i64 {
-        let matched = self.scale.view > 0 && scale::WIDTHS.get(self.scale.view).is_some_and(|&w| w >= self.scale.pulse);
+        let matched = self.scale.view > 0
+            && scale::WIDTHS.get(self.scale.view).is_some_and(|&w| w >= self.scale.pulse);
         if matched { self.narrow.amplitude(crest.height.into()) } else { crest.height.into() }
     }
 
     /// The crest's time, no further from the component's centre than it may be.
     fn limited(&self, crest: &Crest, component: &Component) -> i64 {
         let sigma = component.shape.sigma();
-        let jitter = divide_round(23 * i64::from(self.rest.sigma) * ((sigma * sigma) >> 8), component.height.max(1));
+        let jitter = divide_round(
+            23 * i64::from(self.rest.sigma) * ((sigma * sigma) >> 8),
+            component.height.max(1),
+        );
         let reach = if self.scale.view == 0 { (18 * sigma - jitter).max(0) } else { 0 };
-        let skew = self.search.pulse.map_or(0, |pulse| pulse.skew.clamp(-pulse.width.abs(), pulse.width.abs()));
+        let skew = self
+            .search
+            .pulse
+            .map_or(0, |pulse| pulse.skew.clamp(-pulse.width.abs(), pulse.width.abs()));
         let early = component.time - reach.max(skew + SLACK);
         let late = component.time + reach.max(SLACK - skew);
         crest.time.clamp(early, late)
@@ -308,22 +334,27 @@ const SWING: u32 = 3;
 
 /// Drops what a receiver adds after a strong echo.
 ///
-/// A crest rings if the nearest one before it that is more than four times as high is followed by an undershoot, at most
-/// [`SWING`] widths of the pulse before the crest, of at least three quarters of its height: a receiver that swings below the ambient swings
-/// back less far. Or if the emitted pulse has later crests of its own at the delays from the echoes before, within a quarter of
-/// its width, and this one is at most half as high again as all of them together.
+/// A crest rings if the nearest one before it that is more than four times as high is followed by
+/// an undershoot, at most [`SWING`] widths of the pulse before the crest, of at least three
+/// quarters of its height: a receiver that swings below the ambient swings back less far. Or if the
+/// emitted pulse has later crests of its own at the delays from the echoes before, within a quarter
+/// of its width, and this one is at most half as high again as all of them together.
 fn without_ringing(found: &mut Peaks, z: &[i16], width: u32, pulse: Option<&Pulse>) {
     let all = core::mem::take(found);
     for peak in &all {
-        let mut stronger =
-            all.iter().rev().filter(|b| b.index < peak.index && i32::from(b.height) > 4 * i32::from(peak.height));
+        let mut stronger = all
+            .iter()
+            .rev()
+            .filter(|b| b.index < peak.index && i32::from(b.height) > 4 * i32::from(peak.height));
         let swings = stronger.next().is_some_and(|strong| {
             let recent = usize::from(peak.index).saturating_sub((SWING * width) as usize);
-            let between = z.get(recent.max(strong.index.into())..usize::from(peak.index)).unwrap_or_default();
+            let between =
+                z.get(recent.max(strong.index.into())..usize::from(peak.index)).unwrap_or_default();
             let lowest = between.iter().copied().min().unwrap_or_default();
             4 * i32::from(lowest) <= -3 * i32::from(peak.height)
         });
-        let expected = pulse.map_or(0, |pulse| found.iter().map(|b| pulse.ringing_at(b, peak)).sum());
+        let expected =
+            pulse.map_or(0, |pulse| found.iter().map(|b| pulse.ringing_at(b, peak)).sum());
         if !swings && 2 * i64::from(peak.height) > 3 * expected {
             let _ = found.push(*peak); // as many as there were
         }
@@ -331,10 +362,12 @@ fn without_ringing(found: &mut Peaks, z: &[i16], width: u32, pulse: Option<&Puls
 }
 
 impl Pulse {
-    /// What a record of the emitted pulse says: its strongest echo, and what follows it. `None` without any.
+    /// What a record of the emitted pulse says: its strongest echo, and what follows it. `None`
+    /// without any.
     pub fn of(recorder: &mut Recorder, codes: &[u16], code_shift: u32) -> Option<Self> {
         let echoes = recorder.echoes(codes, &Search { code_shift, floor: 328, ..Search::DEFAULT });
-        let main = echoes.iter().copied().reduce(|a, b| if b.amplitude > a.amplitude { b } else { a })?;
+        let main =
+            echoes.iter().copied().reduce(|a, b| if b.amplitude > a.amplitude { b } else { a })?;
         let mut ringing = [(0, 0); RINGS];
         for (ring, echo) in ringing.iter_mut().zip(echoes.iter().filter(|e| e.crest > main.crest)) {
             let height = divide_round(echo.amplitude << 15, main.amplitude.max(1));
@@ -351,14 +384,17 @@ impl Pulse {
     }
 }
 
-/// Keeps the highest, of equals the first, as many as asked for, each far enough from those above it; by rising time.
+/// Keeps the highest, of equals the first, as many as asked for, each far enough from those above
+/// it; by rising time.
 fn keep_strongest(found: &mut Recordeds, search: &Search) {
     let apart = i64::from(search.min_separation.max(1)) << 16;
     let mut order: Vec<Recorded, MAX_CANDIDATES> = found.clone();
     order.sort_unstable_by_key(|echo| (Reverse(echo.amplitude), echo.time));
     found.clear();
     for echo in order {
-        if found.len() < search.echoes && found.iter().all(|kept| (kept.time - echo.time).abs() >= apart) {
+        if found.len() < search.echoes
+            && found.iter().all(|kept| (kept.time - echo.time).abs() >= apart)
+        {
             let _ = found.push(echo); // as many as there were
         }
     }

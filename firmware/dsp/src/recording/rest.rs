@@ -33,10 +33,11 @@ use crate::statistics::Statistics;
 /// | 1.645 | | Q.10, rounded down: 1 684 |
 /// | `a` | ambient, at most the largest Q1.15 | Q1.15; 1.645·σ nearest |
 ///
-/// The sensor's median would lie on the echoes of a record of 60 samples; where it does not, it is the better of the two. The second difference of a sampled echo is small
-/// against the echo, and half of the record may be steep before it counts as noise, three quarters of a
-/// short one. A receiver may swing below the ambient for longer than 1/20 of a record: then c, where a sixth of it
-/// rests, is the better of the two.
+/// The sensor's median would lie on the echoes of a record of 60 samples; where it does not, it is
+/// the better of the two. The second difference of a sampled echo is small against the echo, and
+/// half of the record may be steep before it counts as noise, three quarters of a short one. A
+/// receiver may swing below the ambient for longer than 1/20 of a record: then c, where a sixth of
+/// it rests, is the better of the two.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rest {
     /// a, Q1.15.
@@ -61,13 +62,16 @@ const SHORT: usize = 48;
 const QUANTISATION: i64 = 9_459;
 
 impl Rest {
-    /// Measures codes of at most 15 − `shift` bits. `order` and `differences` are memory of at least as many.
+    /// Measures codes of at most 15 − `shift` bits. `order` and `differences` are memory of at
+    /// least as many.
     pub fn of(codes: &[u16], shift: u32, order: &mut [u16]) -> Self {
         let sigma = noise(codes, shift, order);
         let order = order.get_mut(..codes.len()).unwrap_or_default();
         order.copy_from_slice(codes);
         order.sort_unstable();
-        let low = order.get(order.len().saturating_sub(1) / 20).map_or(0, |&code| i64::from(code) << shift);
+        let low = order
+            .get(order.len().saturating_sub(1) / 20)
+            .map_or(0, |&code| i64::from(code) << shift);
         let one_sigma = shift_round(i64::from(sigma), 4);
         let foot = (low + shift_round(i64::from(sigma) * TWENTIETH_TO_MIDDLE, 14))
             .max(densest(order, shift, one_sigma).map_or(0, |dense| dense - one_sigma));
@@ -80,7 +84,10 @@ impl Rest {
 /// c of codes in order, Q1.15.
 fn densest(order: &[u16], shift: u32, sigma: i64) -> Option<i64> {
     let (least, most) = (i64::from(*order.first()?), i64::from(*order.last()?));
-    let ranges = order.iter().zip(order.iter().skip(order.len() / 6)).map(|(&a, &b)| (i64::from(a), i64::from(b)));
+    let ranges = order
+        .iter()
+        .zip(order.iter().skip(order.len() / 6))
+        .map(|(&a, &b)| (i64::from(a), i64::from(b)));
     let (a, b) = ranges.filter(|(_, b)| 2 * b <= least + most).min_by_key(|(a, b)| b - a)?;
     ((b - a) << shift <= (2 * sigma).max(1 << shift)).then_some(((a + b) << shift) >> 1)
 }
@@ -107,7 +114,10 @@ fn noise(codes: &[u16], shift: u32, differences: &mut [u16]) -> u32 {
     let by_median = shift_round(i64::from(of_differences.sigma) * SECOND_DIFFERENCE_TO_SIGMA, 16);
     let by_quarter = match differences.len() {
         SHORT.. => i64::MAX,
-        _ => shift_round((quarter(differences, of_differences.median) << (shift + 4)) * QUARTER_TO_SIGMA, 16),
+        _ => shift_round(
+            (quarter(differences, of_differences.median) << (shift + 4)) * QUARTER_TO_SIGMA,
+            16,
+        ),
     };
     let quantisation = shift_round(QUANTISATION << (shift + 4), 15);
     by_median.min(by_quarter).max(quantisation) as u32
@@ -130,7 +140,8 @@ mod tests {
 
     #[test]
     fn a_record_of_mostly_echo_rests_at_its_foot() {
-        let codes: [u16; 40] = core::array::from_fn(|n| 200 + 2 * n.min(39 - n).saturating_sub(2).pow(2) as u16);
+        let codes: [u16; 40] =
+            core::array::from_fn(|n| 200 + 2 * n.min(39 - n).saturating_sub(2).pow(2) as u16);
         let rest = rest(&codes);
         assert!((1600..1620).contains(&rest.ambient), "{rest:?}");
     }

@@ -17,7 +17,8 @@ pub const WIDTHS: [u32; 10] = [2, 3, 4, 6, 8, 12, 16, 24, 32, 48];
 /// Room on either side of a waveform for any filter.
 pub const MARGIN: usize = MAX_TAPS / 2;
 
-/// A waveform with its first and last sample repeated around it, so that a record that is cut off has no edge of its own.
+/// A waveform with its first and last sample repeated around it, so that a record that is cut off
+/// has no edge of its own.
 #[derive(Clone, Debug)]
 pub struct Padded {
     samples: [i16; MAX_SAMPLES + MAX_TAPS + PADDING],
@@ -36,7 +37,8 @@ impl Padded {
         let end = MARGIN + self.length;
         fill(self.samples.get_mut(MARGIN..end).unwrap_or_default());
         let x = self.x();
-        let (first, last) = (x.first().copied().unwrap_or_default(), x.last().copied().unwrap_or_default());
+        let (first, last) =
+            (x.first().copied().unwrap_or_default(), x.last().copied().unwrap_or_default());
         self.samples.get_mut(..MARGIN).unwrap_or_default().fill(first);
         self.samples.get_mut(end..).unwrap_or_default().fill(last);
     }
@@ -50,7 +52,11 @@ impl Padded {
     pub fn filter<'y>(&self, taps_in_pairs: &[i16], y: &'y mut [i16; MAX_SAMPLES]) -> &'y [i16] {
         let half = (taps_in_pairs.len().saturating_sub(1) / 2).min(MARGIN);
         let out = y.get_mut(..self.length.next_multiple_of(filter::BLOCK)).unwrap_or_default();
-        filter::correlate(taps_in_pairs, self.samples.get(MARGIN - half..).unwrap_or_default(), out);
+        filter::correlate(
+            taps_in_pairs,
+            self.samples.get(MARGIN - half..).unwrap_or_default(),
+            out,
+        );
         y.get(..self.length).unwrap_or_default()
     }
 }
@@ -61,7 +67,8 @@ impl Default for Padded {
     }
 }
 
-/// Filters for pulses of many widths, to see which fits a record best and how little smoothing its noise allows.
+/// Filters for pulses of many widths, to see which fits a record best and how little smoothing its
+/// noise allows.
 ///
 /// ```text
 /// y_W     = x through the sin² pulse of W samples                     as of Template
@@ -70,10 +77,10 @@ impl Default for Padded {
 /// view    = the first W with max(100, 8·pulse)·σ·r_W ≤ max x, but not beyond pulse
 /// ```
 ///
-/// `σ·r_W` is Q13.19, nearest, `max x` Q1.15. The quotients are compared exactly. Near its best width the SNR hardly changes, and the strongest
-/// echo is as wide as the pulse or wider: hence the least width.
-/// A view's 2 σ are at most 2 % of the highest sample, so that a valley of that depth is seen, and shift a top by some pulse/70 at
-/// most.
+/// `σ·r_W` is Q13.19, nearest, `max x` Q1.15. The quotients are compared exactly. Near its best
+/// width the SNR hardly changes, and the strongest echo is as wide as the pulse or wider: hence the
+/// least width. A view's 2 σ are at most 2 % of the highest sample, so that a valley of that depth
+/// is seen, and shift a top by some pulse/70 at most.
 #[derive(Clone, Debug)]
 pub struct Bank {
     templates: Vec<Template, { WIDTHS.len() }>,
@@ -91,7 +98,12 @@ pub struct Scale {
 impl Bank {
     /// The filters of [`WIDTHS`].
     pub fn new() -> Self {
-        Self { templates: WIDTHS.iter().map(|&width| Template::sin_squared(width * 1000, 1_000_000)).collect() }
+        Self {
+            templates: WIDTHS
+                .iter()
+                .map(|&width| Template::sin_squared(width * 1000, 1_000_000))
+                .collect(),
+        }
     }
 
     /// The filter of an index of [`WIDTHS`].
@@ -100,12 +112,21 @@ impl Bank {
     }
 
     /// Looks at a record of noise `sigma`, Q13.19; `pulse`, samples, when it is known.
-    pub fn scale(&self, padded: &Padded, sigma: u32, pulse: Option<u32>, y: &mut [i16; MAX_SAMPLES]) -> Scale {
+    pub fn scale(
+        &self,
+        padded: &Padded,
+        sigma: u32,
+        pulse: Option<u32>,
+        y: &mut [i16; MAX_SAMPLES],
+    ) -> Scale {
         let pulse = pulse.unwrap_or_else(|| self.best(padded, y)).max(1);
         let highest = padded.x().iter().copied().max().unwrap_or_default();
         let factor = i64::from(pulse).min(MARGIN as i64) * 8;
-        let quiet = |t: &Template| factor.max(100) * shift_round(i64::from(sigma) * i64::from(t.noise_gain()), 15);
-        let enough = |(t, &width): (&Template, &u32)| width >= pulse || quiet(t) <= i64::from(highest) << 4;
+        let quiet = |t: &Template| {
+            factor.max(100) * shift_round(i64::from(sigma) * i64::from(t.noise_gain()), 15)
+        };
+        let enough =
+            |(t, &width): (&Template, &u32)| width >= pulse || quiet(t) <= i64::from(highest) << 4;
         let view = self.templates.iter().zip(&WIDTHS).position(enough).unwrap_or(WIDTHS.len() - 1);
         Scale { pulse, view }
     }
@@ -117,11 +138,19 @@ impl Bank {
             if width > 2 && 2 * width as usize > padded.x().len() {
                 break;
             }
-            let top = padded.filter(template.taps_in_pairs(), y).iter().copied().max().unwrap_or_default();
+            let top = padded
+                .filter(template.taps_in_pairs(), y)
+                .iter()
+                .copied()
+                .max()
+                .unwrap_or_default();
             let _ = heights.push((i64::from(top), i64::from(template.noise_gain()), width)); // as many as there is room for
         }
-        let best =
-            heights.iter().copied().reduce(|a, b| if b.0 * a.1 > a.0 * b.1 { b } else { a }).unwrap_or((0, 1, 2));
+        let best = heights
+            .iter()
+            .copied()
+            .reduce(|a, b| if b.0 * a.1 > a.0 * b.1 { b } else { a })
+            .unwrap_or((0, 1, 2));
         let nearly = |&&(top, gain, _): &&(i64, i64, u32)| 32 * top * best.1 >= 31 * best.0 * gain;
         heights.iter().find(nearly).map_or(2, |&(_, _, width)| width)
     }

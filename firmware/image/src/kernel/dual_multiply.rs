@@ -8,15 +8,29 @@ core::arch::global_asm!(include_str!("dual_multiply.s"), options(raw));
 
 // What each reads, writes and expects is said in dual_multiply.s.
 unsafe extern "C" {
-    fn echoloop_correlate(taps: *const i16, pairs: usize, x: *const i16, y: *mut i16, sixteens: usize);
-    fn echoloop_remove_baseline(codes: *const u16, x: *mut i16, eights: usize, clips: u32, ambients: u32, shift: u32);
+    fn echoloop_correlate(
+        taps: *const i16,
+        pairs: usize,
+        x: *const i16,
+        y: *mut i16,
+        sixteens: usize,
+    );
+    fn echoloop_remove_baseline(
+        codes: *const u16,
+        x: *mut i16,
+        eights: usize,
+        clips: u32,
+        ambients: u32,
+        shift: u32,
+    );
     fn echoloop_reaches(values: *const i16, count: usize, thresholds: u32) -> u32;
     fn echoloop_count(codes: *const u16, eights: usize, firsts: u32, counts: *mut u16) -> u32;
 }
 
 /// The loops in dual multiplications and packed halfwords. Equal to [`Portable`] bit for bit.
 ///
-/// The assembly takes whole blocks; what is left, and arguments beyond what it expects, go to the portable twin.
+/// The assembly takes whole blocks; what is left, and arguments beyond what it expects, go to the
+/// portable twin.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct DualMultiply;
 
@@ -27,7 +41,14 @@ impl Kernel for DualMultiply {
     }
 
     #[inline(always)]
-    fn remove_baseline(self, codes: &[u16], clip_code: u16, shift: u32, ambient: i16, x: &mut [i16]) {
+    fn remove_baseline(
+        self,
+        codes: &[u16],
+        clip_code: u16,
+        shift: u32,
+        ambient: i16,
+        x: &mut [i16],
+    ) {
         if shift > 15 || u32::from(clip_code) << shift > 0xffff {
             return Portable.remove_baseline(codes, clip_code, shift, ambient, x);
         }
@@ -50,10 +71,20 @@ impl Kernel for DualMultiply {
         if pairs.is_empty() || !odd.is_empty() {
             return Portable.correlate(taps, padded, y);
         }
-        let sixteens = (padded.len().saturating_sub(taps.len()) / filter::BLOCK).min(y.len() / filter::BLOCK);
+        let sixteens =
+            (padded.len().saturating_sub(taps.len()) / filter::BLOCK).min(y.len() / filter::BLOCK);
         if sixteens > 0 {
-            // SAFETY: `y` holds 16·sixteens, `padded` as many and the taps', `taps` 2·pairs; pairs, sixteens ≥ 1.
-            unsafe { echoloop_correlate(taps.as_ptr(), pairs.len(), padded.as_ptr(), y.as_mut_ptr(), sixteens) };
+            // SAFETY: `y` holds 16·sixteens, `padded` as many and the taps', `taps` 2·pairs; pairs,
+            // sixteens ≥ 1.
+            unsafe {
+                echoloop_correlate(
+                    taps.as_ptr(),
+                    pairs.len(),
+                    padded.as_ptr(),
+                    y.as_mut_ptr(),
+                    sixteens,
+                )
+            };
         }
     }
 
@@ -64,7 +95,8 @@ impl Kernel for DualMultiply {
     }
 }
 
-/// [`statistics::count`]: codes from `first` up into bins; returns how many lie below. `first` is at most 2^16 − 128.
+/// [`statistics::count`]: codes from `first` up into bins; returns how many lie below. `first` is
+/// at most 2^16 − 128.
 #[inline(always)]
 pub fn count(codes: &[u16], first: u16, counts: &mut [u16; BINS]) -> u32 {
     const { assert!(BINS == 128) };
@@ -72,7 +104,9 @@ pub fn count(codes: &[u16], first: u16, counts: &mut [u16; BINS]) -> u32 {
     let mut below = 0;
     if !eights.is_empty() {
         // SAFETY: `eights` holds 8 of each, at least one; `counts` holds 128.
-        below = unsafe { echoloop_count(eights.as_ptr().cast(), eights.len(), twice(first), counts.as_mut_ptr()) };
+        below = unsafe {
+            echoloop_count(eights.as_ptr().cast(), eights.len(), twice(first), counts.as_mut_ptr())
+        };
     }
     below.wrapping_add(statistics::count(codes, first, counts))
 }

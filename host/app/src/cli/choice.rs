@@ -13,13 +13,15 @@ use crate::link::sensor::{Model, QemuOptions, SensorSpec, Sensors, end_emulators
 /// Flags of every command that speaks to a sensor.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct SensorChoice {
-    /// Sensor to use: in-process, qemu[:BOARD], or serial:PORT[@BAUD], as serial:/dev/ttyACM0@115200.
+    /// Sensor to use: in-process, qemu[:BOARD], or serial:PORT[@BAUD], as
+    /// serial:/dev/ttyACM0@115200.
     ///
-    /// in-process: the firmware in this program, looking at the configuration's scene. qemu: its image in an emulated
-    /// microcontroller, looking at the same. serial: a board on a serial line, at 921600 baud unless it says otherwise. What a
-    /// board sees is up to whoever turns it: the number of the scan, which the firmware writes to the emitter's FRAME register,
-    /// is that of the viewpoint, 2p+1 and 2p+2 for training pair p = 0, 1, …, then the held-out pairs in the same way; `scan`
-    /// asks for 1. `echoloop serve` is the other end, to rehearse with.
+    /// in-process: the firmware in this program, looking at the configuration's scene. qemu: its
+    /// image in an emulated microcontroller, looking at the same. serial: a board on a serial line,
+    /// at 921600 baud unless it says otherwise. What a board sees is up to whoever turns it: the
+    /// number of the scan, which the firmware writes to the emitter's FRAME register, is that of
+    /// the viewpoint, 2p+1 and 2p+2 for training pair p = 0, 1, …, then the held-out pairs in the
+    /// same way; `scan` asks for 1. `echoloop serve` is the other end, to rehearse with.
     #[arg(long, value_name = "SENSOR", default_value = "in-process")]
     sensor: SensorSpec,
     /// With --sensor qemu: the firmware's image.
@@ -34,17 +36,25 @@ impl SensorChoice {
     /// The sensors asked for; none is opened yet.
     pub(super) fn sensors(&self, model: Model) -> Result<Sensors, Failure> {
         let is_qemu = matches!(self.sensor, SensorSpec::Qemu(_));
-        for (flag, given) in [("--firmware", self.firmware.is_some()), ("--sensor-log", self.sensor_log.is_some())] {
+        for (flag, given) in
+            [("--firmware", self.firmware.is_some()), ("--sensor-log", self.sensor_log.is_some())]
+        {
             if given && !is_qemu {
-                return Err(Failure::usage(format!("{flag} is for --sensor qemu, not {}", self.sensor)));
+                return Err(Failure::usage(format!(
+                    "{flag} is for --sensor qemu, not {}",
+                    self.sensor
+                )));
             }
         }
         if let Some(log) = self.sensor_log.as_deref().filter(|log| *log != Path::new("-")) {
             let made = File::create(log); // now, not when the sensors are switched off
-            made.map_err(|error| Failure::usage(format!("--sensor-log {}: {error}", log.display())))?;
+            made.map_err(|error| {
+                Failure::usage(format!("--sensor-log {}: {error}", log.display()))
+            })?;
         }
         if is_qemu {
-            // Where nobody else waits for ^C: a process that just ends would leave its emulators behind.
+            // Where nobody else waits for ^C: a process that just ends would leave its emulators
+            // behind.
             let _ = ctrlc::set_handler(|| {
                 end_emulators();
                 std::process::exit(130);
@@ -56,8 +66,12 @@ impl SensorChoice {
 
     /// The flags again, to go on with; nothing for the usual sensor.
     pub(super) fn again(&self) -> String {
-        let file = |flag: &str, path: &Option<PathBuf>| path.as_ref().map(|path| format!(" {flag} {}", path.display()));
-        let files = file("--firmware", &self.firmware).into_iter().chain(file("--sensor-log", &self.sensor_log));
+        let file = |flag: &str, path: &Option<PathBuf>| {
+            path.as_ref().map(|path| format!(" {flag} {}", path.display()))
+        };
+        let files = file("--firmware", &self.firmware)
+            .into_iter()
+            .chain(file("--sensor-log", &self.sensor_log));
         match self.sensor {
             SensorSpec::InProcess => String::new(),
             _ => format!(" --sensor {}", self.sensor) + &files.collect::<String>(),
@@ -75,8 +89,13 @@ pub(super) fn described(sensors: &Sensors, identity: &Identity) -> String {
     format!("{}, {}", sensors.name(), identity.build)
 }
 
-/// Opens the first sensor, says which it is, and holds it to the configuration: its beams must point where the pairs were traced.
-pub(super) fn introduce(sensors: &Sensors, model: &Model, progress: &Progress) -> Result<Identity, Failure> {
+/// Opens the first sensor, says which it is, and holds it to the configuration: its beams must
+/// point where the pairs were traced.
+pub(super) fn introduce(
+    sensors: &Sensors,
+    model: &Model,
+    progress: &Progress,
+) -> Result<Identity, Failure> {
     let identity = sensors.identity()?;
     progress.say(&format!("sensor {}", described(sensors, &identity)));
     let (theirs, ours) = (identity.pattern, model.pattern);

@@ -15,23 +15,27 @@ use crate::waveforms::{Finder, Options, Waveform, echoes, read_waveforms};
 #[derive(Clone, Debug, Args)]
 #[command(allow_negative_numbers = true)]
 pub(crate) struct EchoesArgs {
-    /// Waveforms, one a row: CSV without header, rows of any length, or a NumPy array (.npy). Zeros that pad a row's end are ignored.
+    /// Waveforms, one a row: CSV without header, rows of any length, or a NumPy array (.npy). Zeros
+    /// that pad a row's end are ignored.
     waves: PathBuf,
     #[command(flatten)]
     common: Common,
     /// Time between samples, ns.
     #[arg(long, value_name = "NS")]
     sample_ns: f64,
-    /// The emitted pulse of each row, or one for all, in the same format. It gives the pulse's width, shape and time.
+    /// The emitted pulse of each row, or one for all, in the same format. It gives the pulse's
+    /// width, shape and time.
     #[arg(long, value_name = "FILE")]
     outgoing: Option<PathBuf>,
     /// Least height of an echo over the noise.
     #[arg(long, default_value_t = 5.0, value_name = "RATIO")]
     snr: f64,
-    /// Least height of an echo over the strongest of its row: what is lower is the receiver's ringing as often as not.
+    /// Least height of an echo over the strongest of its row: what is lower is the receiver's
+    /// ringing as often as not.
     #[arg(long, default_value_t = 0.05, value_name = "FRACTION")]
     floor: f64,
-    /// Echoes of a row at most; the strongest are kept. No more than 32 are found in any 2400 samples.
+    /// Echoes of a row at most; the strongest are kept. No more than 32 are found in any 2400
+    /// samples.
     #[arg(long, default_value_t = MAX_CANDIDATES, value_name = "N")]
     max_echoes: usize,
     /// Least distance of two echoes, ns; the stronger stays.
@@ -52,7 +56,12 @@ pub(super) fn run(args: &EchoesArgs) -> Result<(), Failure> {
 
 fn options(args: &EchoesArgs) -> Result<Options, Failure> {
     let checks = [
-        ("--sample-ns", args.sample_ns, (1e-6..=1e9).contains(&args.sample_ns), "0.000001 to 1000000000"),
+        (
+            "--sample-ns",
+            args.sample_ns,
+            (1e-6..=1e9).contains(&args.sample_ns),
+            "0.000001 to 1000000000",
+        ),
         ("--snr", args.snr, (1.0..=250.0).contains(&args.snr), "1 to 250"),
         ("--floor", args.floor, (0.0..=1.0).contains(&args.floor), "0 to 1"),
         ("--min-separation-ns", args.min_separation_ns, args.min_separation_ns >= 0.0, "0 or more"),
@@ -71,13 +80,16 @@ fn options(args: &EchoesArgs) -> Result<Options, Failure> {
     })
 }
 
-/// Reads the emitted pulses: as many as rows, or one. A row that shows no pulse is said and counts as absent.
+/// Reads the emitted pulses: as many as rows, or one. A row that shows no pulse is said and counts
+/// as absent.
 fn outgoing(args: &EchoesArgs, path: &Path, rows: usize) -> Result<Vec<Vec<f64>>, Failure> {
     let outgoing = read_waveforms(path).map_err(Failure::usage)?;
     if outgoing.len() != rows && outgoing.len() != 1 {
         let (path, waves) = (path.display(), args.waves.display());
         let found = outgoing.len();
-        return Err(Failure::usage(format!("{path}: expected 1 row or {rows}, as {waves} has, found {found}")));
+        return Err(Failure::usage(format!(
+            "{path}: expected 1 row or {rows}, as {waves} has, found {found}"
+        )));
     }
     let mut recorder = Box::new(Recorder::new());
     for (row, number) in outgoing.iter().zip(1..) {

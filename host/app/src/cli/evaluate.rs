@@ -35,7 +35,8 @@ pub(crate) struct EvaluateArgs {
     /// Judge the tuned parameters of a run, with its configuration.
     #[arg(long, value_name = "RUN", conflicts_with_all = ["config", "candidate", "method", "mode", "refine"])]
     run: Option<PathBuf>,
-    /// JSON file with {"parameters": {"lidar.power": 50, "lidar.timing": "cfd", …}} laid over the configuration's; - is standard input.
+    /// JSON file with {"parameters": {"lidar.power": 50, "lidar.timing": "cfd", …}} laid over the
+    /// configuration's; - is standard input.
     #[arg(long, value_name = "FILE")]
     candidate: Option<PathBuf>,
     /// Which pairs.
@@ -64,7 +65,9 @@ fn number(name: &str, given: &Value) -> Result<f64, String> {
     let index = names.iter().zip(0u32..).find(|(choice, _)| given.as_str() == Some(**choice));
     match index {
         Some((_, index)) => Ok(f64::from(index)),
-        None if given.is_number() => given.as_f64().ok_or_else(|| format!("{name} = {given} must be finite")),
+        None if given.is_number() => {
+            given.as_f64().ok_or_else(|| format!("{name} = {given} must be finite"))
+        }
         None if names.is_empty() => Err(format!("{name} = {given} must be a number")),
         None => Err(format!("{name} = {given} must be one of {}", names.join(", "))),
     }
@@ -98,7 +101,9 @@ fn values(args: &EvaluateArgs) -> Result<Values, Failure> {
     let Some(path) = &args.candidate else { return Ok(Values::new()) };
     let candidate: Candidate = parse(path, &read(path)?)?;
     let fail = |problem| Failure::usage(format!("{}: {problem}", path.display()));
-    let value = |(name, given): (String, Value)| number(&name, &given).map(|value| (name, value)).map_err(fail);
+    let value = |(name, given): (String, Value)| {
+        number(&name, &given).map(|value| (name, value)).map_err(fail)
+    };
     candidate.parameters.into_iter().map(value).collect()
 }
 
@@ -113,14 +118,16 @@ fn read(path: &Path) -> Result<String, Failure> {
 }
 
 fn parse<'a, T: Deserialize<'a>>(path: &Path, text: &'a str) -> Result<T, Failure> {
-    serde_json::from_str(text).map_err(|error| Failure::usage(format!("{}: {error}", path.display())))
+    serde_json::from_str(text)
+        .map_err(|error| Failure::usage(format!("{}: {error}", path.display())))
 }
 
 fn judge(args: &EvaluateArgs, config: Config, values: &Values) -> Result<(), Failure> {
     let progress = Progress::new(args.common.quiet);
     let prepared = Prepared::new(config, &args.sensor, &progress)?;
     let preset = prepared.config.registration.preset;
-    let parameters = prepared.start.with_values(values, preset, &prepared.hardware).map_err(Failure::usage)?;
+    let parameters =
+        prepared.start.with_values(values, preset, &prepared.hardware).map_err(Failure::usage)?;
     let (pairs, purpose) = match args.pairs {
         Pairs::Train => (&prepared.dataset.train, Purpose::ShortlistNoise),
         Pairs::Test => (&prepared.dataset.test, Purpose::TestNoise),
@@ -134,21 +141,29 @@ fn judge(args: &EvaluateArgs, config: Config, values: &Values) -> Result<(), Fai
     let summary = Summary::of(errors, &prepared.config.data);
     print(args, &prepared.sensor, &parameters.values(preset), &summary)?;
     match args.require_recall {
-        Some(asked) if summary.recall_pct < asked => {
-            Err(Failure::new(4, format!("recall {:.1} % is below the {asked} % asked", summary.recall_pct)))
-        }
+        Some(asked) if summary.recall_pct < asked => Err(Failure::new(
+            4,
+            format!("recall {:.1} % is below the {asked} % asked", summary.recall_pct),
+        )),
         _ => Ok(()),
     }
 }
 
-fn print(args: &EvaluateArgs, sensor: &str, values: &Values, summary: &Summary) -> Result<(), Failure> {
+fn print(
+    args: &EvaluateArgs,
+    sensor: &str,
+    values: &Values,
+    summary: &Summary,
+) -> Result<(), Failure> {
     if args.common.json {
         let document = serde_json::json!({"format": 1, "sensor": sensor, "parameters": values, "summary": summary});
         println!("{}", serde_json::to_string_pretty(&document).map_err(Failure::run)?);
         return Ok(());
     }
     println!("recall        {:.1} % of {} pairs", summary.recall_pct, summary.pairs);
-    if let (Some(translation), Some(rotation)) = (summary.mean_translation_m, summary.mean_rotation_deg) {
+    if let (Some(translation), Some(rotation)) =
+        (summary.mean_translation_m, summary.mean_rotation_deg)
+    {
         println!("mean error    {:.2} cm, {rotation:.3}° over the successes", 100.0 * translation);
     }
     println!(

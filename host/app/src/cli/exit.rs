@@ -18,8 +18,8 @@ pub const READER_GONE: u8 = 141;
 pub struct Failure {
     /// What went wrong.
     pub message: String,
-    /// 1 the run, 2 usage, configuration or a file, 3 the link or the sensor, 4 below the recall asked, 130 interrupted, 141 the reader
-    /// of standard output has gone.
+    /// 1 the run, 2 usage, configuration or a file, 3 the link or the sensor, 4 below the recall
+    /// asked, 130 interrupted, 141 the reader of standard output has gone.
     pub code: u8,
 }
 
@@ -41,8 +41,10 @@ impl Failure {
 
 impl From<SensorError> for Failure {
     fn from(error: SensorError) -> Self {
-        let asked_wrong =
-            matches!(error, SensorError::Open { .. } | SensorError::Client { source: ClientError::Refused(_), .. });
+        let asked_wrong = matches!(
+            error,
+            SensorError::Open { .. } | SensorError::Client { source: ClientError::Refused(_), .. }
+        );
         Self::new(if asked_wrong { 2 } else { 3 }, error)
     }
 }
@@ -80,7 +82,8 @@ impl From<TuneError> for Failure {
 ///
 /// # Errors
 ///
-/// [`Failure`] 1 when it cannot be written, as to a full disk; [`READER_GONE`] when nobody reads it any more.
+/// [`Failure`] 1 when it cannot be written, as to a full disk; [`READER_GONE`] when nobody reads it
+/// any more.
 pub(super) fn print(text: &str) -> Result<(), Failure> {
     write_to(&mut std::io::stdout().lock(), text)
 }
@@ -121,7 +124,8 @@ mod tests {
 
     #[test]
     fn what_cannot_be_written_is_a_failure_even_if_it_was_buffered() {
-        let failed = write_to(&mut Full(ErrorKind::StorageFull), "a\n").map_err(|f| (f.code, f.message));
+        let failed =
+            write_to(&mut Full(ErrorKind::StorageFull), "a\n").map_err(|f| (f.code, f.message));
         assert_eq!(failed, Err((1, "cannot write to standard output: no storage space".into())));
         let left = write_to(&mut Full(ErrorKind::BrokenPipe), "a\n").map_err(|f| f.code);
         assert_eq!(left, Err(READER_GONE));

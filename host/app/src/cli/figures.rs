@@ -14,8 +14,8 @@ use crate::experiment::run::{REPORT, RunFolder, RunResult};
 use crate::experiment::seed::{Purpose, derive};
 use crate::experiment::tune::{Search, Tuned};
 use crate::report::{
-    CloudLayer, Convergence, Correlation, EvaluationRow, EvaluationTable, PairClouds, PairError, ParameterTrace,
-    PoseError, Report, RowKind,
+    CloudLayer, Convergence, Correlation, EvaluationRow, EvaluationTable, PairClouds, PairError,
+    ParameterTrace, PoseError, Report, RowKind,
 };
 use echoloop_registration::cloud::{Cloud, write_ply};
 use echoloop_registration::{FgrMode, Method};
@@ -35,7 +35,8 @@ pub(super) fn print_table(config: &Config, result: &RunResult, space: &Space) {
         "{:<10} {:>9} {:>12} {:>11} {:>12} {:>12} {:>8}",
         "", "recall", "mean e_t", "mean e_R", "median e_t", "median e_R", "points"
     );
-    for (name, summary) in [("default", &result.default_summary), ("tuned", &result.tuned_summary)] {
+    for (name, summary) in [("default", &result.default_summary), ("tuned", &result.tuned_summary)]
+    {
         println!("{name:<10} {}", row(summary));
     }
     if space.axes().is_empty() {
@@ -43,8 +44,8 @@ pub(super) fn print_table(config: &Config, result: &RunResult, space: &Space) {
     }
     println!("\n{:<34} {:>12} {:>12}  {:<14} range", "parameter", "default", "tuned", "unit");
     for axis in space.axes() {
-        let [before, after] =
-            [&result.default, &result.tuned].map(|values| shown(axis.name, effective(values, axis.name)));
+        let [before, after] = [&result.default, &result.tuned]
+            .map(|values| shown(axis.name, effective(values, axis.name)));
         println!("{:<34} {before:>12} {after:>12}  {:<14} {}", axis.name, axis.unit, range(axis));
     }
 }
@@ -64,7 +65,8 @@ fn range(axis: &Axis) -> String {
 }
 
 fn row(summary: &Summary) -> String {
-    let centimetres = |m: Option<f64>| m.map_or_else(|| "–".into(), |m| format!("{:.2} cm", 100.0 * m));
+    let centimetres =
+        |m: Option<f64>| m.map_or_else(|| "–".into(), |m| format!("{:.2} cm", 100.0 * m));
     let degrees = |d: Option<f64>| d.map_or_else(|| "–".into(), |d| format!("{d:.3}°"));
     format!(
         "{:>7.1} % {:>12} {:>11} {:>12} {:>12} {:>8.0}",
@@ -120,11 +122,17 @@ fn parameter_rows(method: Method, preset: Preset) -> Vec<Row> {
 
 /// The parameter table as text: name, range, default, unit, where it acts.
 pub(super) fn parameter_table(method: Method, preset: Preset) -> String {
-    let mut text = format!("{:<34} {:>8} {:>8} {:>8}  {:<14} acts in\n", "parameter", "min", "max", "default", "unit");
+    let mut text = format!(
+        "{:<34} {:>8} {:>8} {:>8}  {:<14} acts in\n",
+        "parameter", "min", "max", "default", "unit"
+    );
     for Row { name, unit, min, max, default, acts_in, choices } in parameter_rows(method, preset) {
         if !choices.is_empty() {
             let chosen = default.and_then(|code| choices.get(code as usize)).unwrap_or(&"follows");
-            text += &format!("{name:<34} {chosen:>26}  {unit:<14} {acts_in}: {}\n", choices.join(" | "));
+            text += &format!(
+                "{name:<34} {chosen:>26}  {unit:<14} {acts_in}: {}\n",
+                choices.join(" | ")
+            );
             continue;
         }
         let default = default.map_or_else(|| "follows".into(), |v| v.to_string());
@@ -167,9 +175,13 @@ pub(super) fn write_clouds(
     let index = shown_pair(result);
     let pair = &prepared.dataset.test[index];
     let noise = derive(prepared.config.seed, Purpose::TestNoise, index as u64);
-    let register = |parameters: &Parameters| prepared.bench().register(parameters, index, pair, noise);
-    let shown =
-        Shown { place: pair.place.clone(), before: register(&prepared.start)?, after: register(&tuned.parameters)? };
+    let register =
+        |parameters: &Parameters| prepared.bench().register(parameters, index, pair, noise);
+    let shown = Shown {
+        place: pair.place.clone(),
+        before: register(&prepared.start)?,
+        after: register(&tuned.parameters)?,
+    };
     write_pair(&folder.file("before.ply"), &shown.before)?;
     write_pair(&folder.file("after.ply"), &shown.after)?;
     Ok(shown)
@@ -199,11 +211,16 @@ pub(super) fn write_report(
 ) -> Result<(), Failure> {
     let config = &prepared.config;
     let data = &config.data;
-    let success_within =
-        PoseError { translation_m: data.success_translation_m, rotation_deg: data.success_rotation_deg };
+    let success_within = PoseError {
+        translation_m: data.success_translation_m,
+        rotation_deg: data.success_rotation_deg,
+    };
     let report = Report {
         title: format!("Echoloop: {} tuned for {}", config.tune.protocol.name(), result.scene),
-        subtitle: format!("{} registrations in {} generations", result.registrations, result.generations),
+        subtitle: format!(
+            "{} registrations in {} generations",
+            result.registrations, result.generations
+        ),
         facts: facts(prepared, search, result),
         table: EvaluationTable {
             rows: vec![
@@ -231,7 +248,10 @@ fn facts(prepared: &Prepared, search: &Search<'_>, result: &RunResult) -> Vec<(S
         ("Beams", format!("{} × {}", pattern.columns, pattern.rows)),
         ("Protocol", result.protocol.clone()),
         ("Method", result.method.clone()),
-        ("Training pairs", format!("{}, {} a generation", config.data.train_pairs, search.batch_size())),
+        (
+            "Training pairs",
+            format!("{}, {} a generation", config.data.train_pairs, search.batch_size()),
+        ),
         ("Held-out pairs", result.tuned_summary.pairs.to_string()),
         ("Distance of a pair", format!("{} m", config.data.baseline_m)),
         ("Population", search.population().to_string()),
@@ -283,7 +303,11 @@ fn traces(search: &Search<'_>, tuned: &Tuned, result: &RunResult) -> Vec<Paramet
     let axes = search.space.axes().iter().enumerate();
     axes.map(|(i, axis)| {
         let at = |offset: f64| -> Vec<f64> {
-            tuned.generations.iter().map(|g| axis.from_cube(g.mean[i] + offset * g.deviations[i])).collect()
+            tuned
+                .generations
+                .iter()
+                .map(|g| axis.from_cube(g.mean[i] + offset * g.deviations[i]))
+                .collect()
         };
         ParameterTrace {
             name: axis.name.into(),
@@ -331,9 +355,16 @@ fn pair_clouds(shown: Shown, result: &RunResult) -> PairClouds {
         let source = laid_on(registered).map(|p| p.coords.into()).collect();
         [target, source].map(|points| CloudLayer { points, intensity: Vec::new() })
     };
-    let error = |r: &Registered| PoseError { translation_m: r.error.translation_m, rotation_deg: r.error.rotation_deg };
+    let error = |r: &Registered| PoseError {
+        translation_m: r.error.translation_m,
+        rotation_deg: r.error.rotation_deg,
+    };
     PairClouds {
-        label: format!("{} pair {}: the held-out pair the default did worst on", shown.place, shown_pair(result)),
+        label: format!(
+            "{} pair {}: the held-out pair the default did worst on",
+            shown.place,
+            shown_pair(result)
+        ),
         before: layers(&shown.before),
         after: layers(&shown.after),
         before_error: error(&shown.before),

@@ -8,7 +8,8 @@ use crate::experiment::config::{FgrMode, Method, Override};
 /// Flags of every command that registers scans of its own.
 #[derive(Clone, Debug, Args)]
 pub(super) struct MethodChoice {
-    /// Registration method; global ones (fgr, mac) get scans 5 m apart unless data.baseline_m says otherwise.
+    /// Registration method; global ones (fgr, mac) get scans 5 m apart unless data.baseline_m says
+    /// otherwise.
     #[arg(long, value_parser = method_parser())]
     method: Option<Method>,
     /// Of fgr: as published, or as Open3D 0.20 runs it from Python, the paper's baseline.

@@ -105,7 +105,8 @@ impl MethodFlags {
         let keys = method.keys();
         let numbers = self.given().into_iter().map(|(key, _)| key).find(|key| !keys.contains(key));
         let own = [("mode", self.mode.is_some()), ("seed", self.seed.is_some())];
-        let own = own.into_iter().find(|(_, given)| *given && method != Method::Fgr).map(|(key, _)| key);
+        let own =
+            own.into_iter().find(|(_, given)| *given && method != Method::Fgr).map(|(key, _)| key);
         match numbers.or(own) {
             Some(key) => {
                 let flag = key.replace('_', "-");
@@ -116,7 +117,12 @@ impl MethodFlags {
     }
 
     /// Settings for two clouds: chosen from them, then as given.
-    pub(super) fn config(&self, method: Method, target: &Cloud, source: &Cloud) -> Result<MethodConfig, Failure> {
+    pub(super) fn config(
+        &self,
+        method: Method,
+        target: &Cloud,
+        source: &Cloud,
+    ) -> Result<MethodConfig, Failure> {
         let mode = self.mode.unwrap_or_default();
         let mut config = suggest_method(method, mode, self.voxel_m, target, source);
         if let (MethodConfig::Fgr(fgr), Some(seed)) = (&mut config, self.seed) {

@@ -26,7 +26,8 @@ use echoloop_registration::Method;
 
 pub use exit::{Failure, READER_GONE, report_failure};
 
-/// A LiDAR that tunes itself: sensor and registration parameters, searched together through the sensor's own link.
+/// A LiDAR that tunes itself: sensor and registration parameters, searched together through the
+/// sensor's own link.
 ///
 /// Without a command: `tune`.
 #[derive(Debug, Parser)]
@@ -49,27 +50,32 @@ enum Command {
     Evaluate(evaluate::EvaluateArgs),
     /// Scan a scene through the sensor and write the cloud.
     Scan(scan::ScanArgs),
-    /// Scan the configured pairs through the sensor and write them as files: clouds, true motions, poses.
+    /// Scan the configured pairs through the sensor and write them as files: clouds, true motions,
+    /// poses.
     ///
-    /// The scans are the ones that `evaluate` registers with the same configuration. Pairs that are hard for every method:
+    /// The scans are the ones that `evaluate` registers with the same configuration. Pairs that are
+    /// hard for every method:
     /// `--set data.baseline_m=15 --set data.heading_range_deg=180 --set scanner.azimuth_deg=360`.
     Pairs(pairs::PairsArgs),
     /// Register two clouds: PLY, PCD, VTK, KITTI .bin or XYZ.
     Register(register::RegisterArgs),
     /// Find the echoes of waveforms that another instrument recorded.
     ///
-    /// With --json, one line a waveform: {"waveform": i, "outgoing_peak_ns": …, "echoes": [{"time_ns": …, "amplitude": …,
-    /// "width_ns": …, "snr": …, "flags": […]}]}, times from the row's first sample, amplitudes above ambient in the input's units.
+    /// With --json, one line a waveform: {"waveform": i, "outgoing_peak_ns": …, "echoes":
+    /// [{"time_ns": …, "amplitude": …, "width_ns": …, "snr": …, "flags": […]}]}, times from the
+    /// row's first sample, amplitudes above ambient in the input's units.
     Echoes(echoes::EchoesArgs),
     /// Ask a sensor who it is, read its settings, set them.
     ///
-    /// `--set lidar.power=50` and the like are laid over the sensor's own settings and sent to it, which checks them itself; of a
-    /// configuration file, all of [lidar] is sent. With neither, nothing is changed.
+    /// `--set lidar.power=50` and the like are laid over the sensor's own settings and sent to it,
+    /// which checks them itself; of a configuration file, all of [lidar] is sent. With neither,
+    /// nothing is changed.
     Sensor(sensor::SensorArgs),
     /// Be a sensor on a serial port, to rehearse `--sensor serial:` with.
     ///
-    /// The sensor shows viewpoint n for scan n: those of the configuration's pairs, numbered as `--sensor serial:` asks for them.
-    /// To rehearse without a board, run `socat -d -d pty,raw,echo=0 pty,raw,echo=0`, serve the one terminal it names, and give the
+    /// The sensor shows viewpoint n for scan n: those of the configuration's pairs, numbered as
+    /// `--sensor serial:` asks for them. To rehearse without a board, run
+    /// `socat -d -d pty,raw,echo=0 pty,raw,echo=0`, serve the one terminal it names, and give the
     /// other to `tune --sensor serial:`, with the same configuration.
     Serve(serve::ServeArgs),
     /// Print the effective configuration, or every parameter with unit and range.
@@ -122,7 +128,8 @@ impl ConfigSource {
         let mut overrides = self.set.clone();
         overrides.extend(self.scene.clone().map(|scene| Override::flag("scene.source", scene)));
         if let Some(seed) = self.seed {
-            let seed = i64::try_from(seed).map_err(|_| Failure::usage("--seed must be below 2^63"))?;
+            let seed =
+                i64::try_from(seed).map_err(|_| Failure::usage("--seed must be below 2^63"))?;
             overrides.push(Override::flag("seed", seed));
         }
         overrides.extend(own);
@@ -142,9 +149,11 @@ struct ConfigArgs {
 }
 
 /// What --json prints of `echoes`, where all other commands print one document.
-const JSON_LINES: &str = "Print a JSON document a waveform, each a line, to standard output instead of text";
+const JSON_LINES: &str =
+    "Print a JSON document a waveform, each a line, to standard output instead of text";
 
-/// The command line with the parameter table in its help: it comes from the firmware, so it is put in here.
+/// The command line with the parameter table in its help: it comes from the firmware, so it is put
+/// in here.
 pub fn command() -> clap::Command {
     let help = format!(
         "Parameters, set with --set KEY=VALUE or in a file ([lidar], [registration]); those of another method: \
@@ -153,13 +162,16 @@ pub fn command() -> clap::Command {
     );
     let with_parameters = |c: clap::Command| c.after_long_help(help.clone());
     let command = Cli::command().mut_subcommand("tune", with_parameters);
-    let command = command.mut_subcommand("evaluate", with_parameters).mut_subcommand("pairs", with_parameters);
+    let command = command
+        .mut_subcommand("evaluate", with_parameters)
+        .mut_subcommand("pairs", with_parameters);
     let command = command.mut_subcommand("scan", with_parameters);
     command.mut_subcommand("echoes", |c| c.mut_arg("json", |json| json.help(JSON_LINES)))
 }
 
 impl Cli {
-    /// Reads the command line; with a message for people, ends the process when it makes no sense or asks for help.
+    /// Reads the command line; with a message for people, ends the process when it makes no sense
+    /// or asks for help.
     pub fn from_command_line() -> Self {
         let matches = command().get_matches();
         Self::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())

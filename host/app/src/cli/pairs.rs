@@ -36,9 +36,9 @@ pub(crate) struct PairsArgs {
     sensor: SensorChoice,
     #[command(flatten)]
     method: MethodChoice,
-    /// Folder to make: NNN_target.ply, NNN_source.ply (sensor frame, m), the 4 × 4 matrices NNN_target_from_source.txt,
-    /// NNN_world_from_target.txt and NNN_world_from_source.txt for pair NNN = 000, 001, …; pairs.json, which lists them
-    /// with the scans' numbers; config.toml.
+    /// Folder to make: NNN_target.ply, NNN_source.ply (sensor frame, m), the 4 × 4 matrices
+    /// NNN_target_from_source.txt, NNN_world_from_target.txt and NNN_world_from_source.txt for pair
+    /// NNN = 000, 001, …; pairs.json, which lists them with the scans' numbers; config.toml.
     #[arg(short, long, value_name = "FOLDER", value_hint = ValueHint::DirPath)]
     output: PathBuf,
     /// Which pairs.
@@ -80,7 +80,8 @@ fn scan_and_write(args: &PairsArgs, config: Config, stop: &AtomicBool) -> Result
         .enumerate()
         .map(|(index, pair)| {
             go_on(stop)?;
-            let scanned = scan(&prepared, pair, derive(prepared.config.seed, purpose, index as u64));
+            let scanned =
+                scan(&prepared, pair, derive(prepared.config.seed, purpose, index as u64));
             progress.evaluated();
             scanned
         })
@@ -92,11 +93,19 @@ fn scan_and_write(args: &PairsArgs, config: Config, stop: &AtomicBool) -> Result
 }
 
 fn go_on(stop: &AtomicBool) -> Result<(), Failure> {
-    if stop.load(Ordering::Relaxed) { Err(Failure::new(130, "interrupted; nothing is written")) } else { Ok(()) }
+    if stop.load(Ordering::Relaxed) {
+        Err(Failure::new(130, "interrupted; nothing is written"))
+    } else {
+        Ok(())
+    }
 }
 
 /// Both scans with the configured settings.
-fn scan<'a>(prepared: &Prepared, pair: &'a ScanPair, noise_seed: u64) -> Result<Scanned<'a>, Failure> {
+fn scan<'a>(
+    prepared: &Prepared,
+    pair: &'a ScanPair,
+    noise_seed: u64,
+) -> Result<Scanned<'a>, Failure> {
     let views = [(&pair.first, 1), (&pair.second, 2)];
     let scans = prepared.sensors.with(|sensor| {
         sensor.configure(&prepared.start.settings)?;
@@ -141,8 +150,10 @@ struct Draft {
 
 impl Draft {
     fn beside(folder: &Path) -> Result<Self, Failure> {
-        let mut name =
-            folder.file_name().ok_or_else(|| Failure::usage("--output needs the name of a folder"))?.to_owned();
+        let mut name = folder
+            .file_name()
+            .ok_or_else(|| Failure::usage("--output needs the name of a folder"))?
+            .to_owned();
         name.push(format!(".part{}", std::process::id()));
         let path = folder.with_file_name(name);
         fs::create_dir_all(&path).map_err(failed("make the folder", &path))?;
@@ -168,7 +179,12 @@ impl Drop for Draft {
     }
 }
 
-fn write(folder: &Path, prepared: &Prepared, scanned: &[Scanned<'_>], stop: &AtomicBool) -> Result<(), Failure> {
+fn write(
+    folder: &Path,
+    prepared: &Prepared,
+    scanned: &[Scanned<'_>],
+    stop: &AtomicBool,
+) -> Result<(), Failure> {
     let draft = Draft::beside(folder)?;
     for (index, scanned) in scanned.iter().enumerate() {
         go_on(stop)?;
@@ -207,7 +223,8 @@ fn matrix(pose: &Pose) -> String {
     })
 }
 
-/// The entry of a pair in the list. The frame is the number that the firmware writes to the emitter's FRAME register.
+/// The entry of a pair in the list. The frame is the number that the firmware writes to the
+/// emitter's FRAME register.
 fn listed(index: usize, Scanned { pair, clouds }: &Scanned<'_>) -> Value {
     json!({
         "name": name(index),
@@ -220,7 +237,8 @@ fn listed(index: usize, Scanned { pair, clouds }: &Scanned<'_>) -> Value {
 }
 
 fn print(args: &PairsArgs, scanned: &[Scanned<'_>]) -> Result<(), Failure> {
-    let points: usize = scanned.iter().flat_map(|scanned| &scanned.clouds).map(|cloud| cloud.points.len()).sum();
+    let points: usize =
+        scanned.iter().flat_map(|scanned| &scanned.clouds).map(|cloud| cloud.points.len()).sum();
     let a_scan = points / (2 * scanned.len()).max(1);
     let folder = args.output.display();
     if args.common.json {

@@ -1,4 +1,5 @@
-//! Progress on standard error: a bar on a terminal, a line a generation elsewhere, nothing when quiet.
+//! Progress on standard error: a bar on a terminal, a line a generation elsewhere, nothing when
+//! quiet.
 
 use std::io::IsTerminal;
 use std::time::Duration;
@@ -19,7 +20,11 @@ pub(super) struct Progress {
 impl Progress {
     pub(super) fn new(quiet: bool) -> Self {
         let terminal = std::io::stderr().is_terminal();
-        let target = if terminal && !quiet { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+        let target = if terminal && !quiet {
+            ProgressDrawTarget::stderr()
+        } else {
+            ProgressDrawTarget::hidden()
+        };
         Self { bar: ProgressBar::with_draw_target(None, target), lines: !terminal && !quiet }
     }
 

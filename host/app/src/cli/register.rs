@@ -28,7 +28,8 @@ pub(crate) struct RegisterArgs {
     /// Finish what a global method finds with point-to-plane ICP.
     #[arg(long)]
     refine: bool,
-    /// Of ICP and GICP, where to start: a file with the 4 × 4 matrix target_from_source [default: identity].
+    /// Of ICP and GICP, where to start: a file with the 4 × 4 matrix target_from_source
+    /// [default: identity].
     #[arg(long, value_name = "FILE")]
     initial: Option<PathBuf>,
     #[command(flatten)]
@@ -50,7 +51,9 @@ pub(super) fn run(args: &RegisterArgs) -> Result<(), Failure> {
 fn check(args: &RegisterArgs) -> Result<(), Failure> {
     let (global, name) = (args.method.is_global(), args.method.name());
     if args.refine && !global {
-        return Err(Failure::usage(format!("--refine goes with a global method (fgr, mac), not with {name}")));
+        return Err(Failure::usage(format!(
+            "--refine goes with a global method (fgr, mac), not with {name}"
+        )));
     }
     if args.initial.is_some() && global {
         return Err(Failure::usage(format!(
@@ -73,7 +76,12 @@ fn read(args: &RegisterArgs, path: &Path) -> Result<Cloud, Failure> {
     Ok(cloud)
 }
 
-fn register(args: &RegisterArgs, target: &Cloud, source: &Cloud, initial: &Pose) -> Result<(), Failure> {
+fn register(
+    args: &RegisterArgs,
+    target: &Cloud,
+    source: &Cloud,
+    initial: &Pose,
+) -> Result<(), Failure> {
     let began = cpu_s();
     let config = args.settings.config(args.method, target, source)?;
     let global_voxel_m = config.get("voxel_m").unwrap_or_default();
@@ -91,14 +99,17 @@ fn register(args: &RegisterArgs, target: &Cloud, source: &Cloud, initial: &Pose)
 /// The settings were checked, so it is the voxel that does not go with a cloud: says which.
 fn name_what_cannot_run(clouds: &[(&PathBuf, &Cloud)], voxel_m: f64) -> Result<(), Failure> {
     for (path, cloud) in clouds {
-        voxel::downsample(cloud, voxel_m).map_err(|error| Failure::usage(format!("{}: {error}", path.display())))?;
+        voxel::downsample(cloud, voxel_m)
+            .map_err(|error| Failure::usage(format!("{}: {error}", path.display())))?;
     }
     Ok(())
 }
 
 /// Says when matches were left out.
 fn warn(args: &RegisterArgs, outcome: &Outcome) {
-    if let Some(consensus) = outcome.consensus.filter(|c| c.searched < c.matches && !args.common.quiet) {
+    if let Some(consensus) =
+        outcome.consensus.filter(|c| c.searched < c.matches && !args.common.quiet)
+    {
         eprintln!(
             "warning: {} of {} matches were searched: the others are too far out, or all would take too much time and memory",
             consensus.searched, consensus.matches
@@ -111,9 +122,17 @@ fn cpu_s() -> f64 {
     cpu_time::ProcessTime::try_now().map_or(f64::NAN, |t| t.as_duration().as_secs_f64())
 }
 
-fn print(args: &RegisterArgs, config: &MethodConfig, outcome: &Outcome, cpu_s: f64) -> Result<(), Failure> {
+fn print(
+    args: &RegisterArgs,
+    config: &MethodConfig,
+    outcome: &Outcome,
+    cpu_s: f64,
+) -> Result<(), Failure> {
     if args.common.json {
-        println!("{}", serde_json::to_string(&document(args, config, outcome, cpu_s)).map_err(Failure::run)?);
+        println!(
+            "{}",
+            serde_json::to_string(&document(args, config, outcome, cpu_s)).map_err(Failure::run)?
+        );
     } else {
         print_text(outcome, cpu_s);
     }
@@ -123,7 +142,12 @@ fn print(args: &RegisterArgs, config: &MethodConfig, outcome: &Outcome, cpu_s: f
     }
 }
 
-fn document(args: &RegisterArgs, config: &MethodConfig, outcome: &Outcome, cpu_s: f64) -> serde_json::Value {
+fn document(
+    args: &RegisterArgs,
+    config: &MethodConfig,
+    outcome: &Outcome,
+    cpu_s: f64,
+) -> serde_json::Value {
     let rows = to_rows(&outcome.target_from_source);
     let rows: Vec<&[f64]> = rows.chunks(4).collect();
     let mut document = serde_json::json!({
@@ -165,7 +189,9 @@ fn print_text(outcome: &Outcome, cpu_s: f64) {
         cpu_s
     );
     if let Some(consensus) = &outcome.consensus {
-        let margin = consensus.margin.map_or_else(String::new, |margin| format!(", {margin:.2} times the next best"));
+        let margin = consensus
+            .margin
+            .map_or_else(String::new, |margin| format!(", {margin:.2} times the next best"));
         println!("{} of {} matches agree{margin}", consensus.inliers, consensus.matches);
     }
 }

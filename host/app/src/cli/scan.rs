@@ -32,7 +32,8 @@ pub(crate) struct ScanArgs {
     /// Where to write the cloud (PLY, sensor frame, m).
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Pose of the sensor: x y z in m, yaw pitch roll in degrees [default: the first training viewpoint].
+    /// Pose of the sensor: x y z in m, yaw pitch roll in degrees
+    /// [default: the first training viewpoint].
     #[arg(long, num_args = 6, allow_negative_numbers = true, value_names = ["X", "Y", "Z", "YAW", "PITCH", "ROLL"])]
     pose: Option<Vec<f64>>,
 }
@@ -46,7 +47,8 @@ pub(super) fn run(args: &ScanArgs) -> Result<(), Failure> {
 struct Scan {
     /// Which sensor, and its firmware.
     sensor: String,
-    /// The scene and the sensor's pose in it; of a sensor that somebody else turns, nothing is known.
+    /// The scene and the sensor's pose in it; of a sensor that somebody else turns, nothing is
+    /// known.
     seen: Option<Seen>,
     settings: u32,
     beams: u32,
@@ -65,14 +67,19 @@ fn scan(args: &ScanArgs, config: &Config) -> Result<(), Failure> {
     let identity = sensors.identity()?;
     let settings = Parameters::start(config, &identity.hardware).map_err(Failure::usage)?.settings;
     let pattern = identity.pattern;
-    let directions: Vec<Vector3<f32>> = (0..pattern.beams()).map(|beam| pattern.direction(beam)).collect();
+    let directions: Vec<Vector3<f32>> =
+        (0..pattern.beams()).map(|beam| pattern.direction(beam)).collect();
     let seen = seen(args, config, &directions)?;
     let response = seen.as_ref().map_or_else(Arc::default, |seen| Arc::clone(&seen.response));
-    let view = View { scene: &response, noise_seed: scan_noise(config.seed), scan: 1, viewpoint: 1 };
-    let (hash, scan) = sensors.with(|sensor| Ok((sensor.configure(&settings)?, sensor.scan(&view)?)))?;
+    let view =
+        View { scene: &response, noise_seed: scan_noise(config.seed), scan: 1, viewpoint: 1 };
+    let (hash, scan) =
+        sensors.with(|sensor| Ok((sensor.configure(&settings)?, sensor.scan(&view)?)))?;
     let cloud = cloud_from_scan(&scan, &directions);
     if cloud.points.is_empty() {
-        return Err(Failure::run("detection: no beam returned an echo (is the sensor inside something, or too weak?)"));
+        return Err(Failure::run(
+            "detection: no beam returned an echo (is the sensor inside something, or too weak?)",
+        ));
     }
     if let Some(path) = &args.output {
         write_ply(path, &cloud).map_err(Failure::usage)?;
@@ -82,10 +89,16 @@ fn scan(args: &ScanArgs, config: &Config) -> Result<(), Failure> {
 }
 
 /// What a sensor is to look at, when that is for us to say.
-fn seen(args: &ScanArgs, config: &Config, directions: &[Vector3<f32>]) -> Result<Option<Seen>, Failure> {
+fn seen(
+    args: &ScanArgs,
+    config: &Config,
+    directions: &[Vector3<f32>],
+) -> Result<Option<Seen>, Failure> {
     if args.sensor.is_turned_by_others() {
         return match args.pose {
-            Some(_) => Err(Failure::usage("--pose: a sensor on a serial line looks where it stands")),
+            Some(_) => {
+                Err(Failure::usage("--pose: a sensor on a serial line looks where it stands"))
+            }
             None => Ok(None),
         };
     }
@@ -100,15 +113,22 @@ fn seen(args: &ScanArgs, config: &Config, directions: &[Vector3<f32>]) -> Result
 }
 
 fn pose(numbers: &[f64]) -> Result<Pose, Failure> {
-    let &[x, y, z, yaw, pitch, roll] = numbers else { return Err(Failure::usage("--pose takes six numbers")) };
+    let &[x, y, z, yaw, pitch, roll] = numbers else {
+        return Err(Failure::usage("--pose takes six numbers"));
+    };
     if numbers.iter().any(|v| !v.is_finite()) {
         return Err(Failure::usage(format!("--pose {numbers:?}: every number must be finite")));
     }
-    let rotation = UnitQuaternion::from_euler_angles(roll.to_radians(), pitch.to_radians(), yaw.to_radians());
+    let rotation =
+        UnitQuaternion::from_euler_angles(roll.to_radians(), pitch.to_radians(), yaw.to_radians());
     Ok(Pose::from_parts(Translation3::new(x, y, z), rotation))
 }
 
-fn first_viewpoint(config: &Config, place: &crate::experiment::dataset::Place, town: u64) -> Result<Pose, Failure> {
+fn first_viewpoint(
+    config: &Config,
+    place: &crate::experiment::dataset::Place,
+    town: u64,
+) -> Result<Pose, Failure> {
     let plan = PairPlan {
         count: 1,
         baseline_m: config.data.baseline_m,
@@ -119,8 +139,12 @@ fn first_viewpoint(config: &Config, place: &crate::experiment::dataset::Place, t
         split: Split::Train,
     };
     let pairs = sample_pairs(&place.scene, &place.caster, &plan);
-    let pairs = pairs.map_err(|source| DatasetError::Viewpoints { scene: place.scene.name.clone(), source })?;
-    pairs.first().map(|pair| pair.world_from_first).ok_or_else(|| Failure::run("no viewpoint found"))
+    let pairs = pairs
+        .map_err(|source| DatasetError::Viewpoints { scene: place.scene.name.clone(), source })?;
+    pairs
+        .first()
+        .map(|pair| pair.world_from_first)
+        .ok_or_else(|| Failure::run("no viewpoint found"))
 }
 
 fn print(args: &ScanArgs, scan: &Scan) -> Result<(), Failure> {
@@ -130,7 +154,10 @@ fn print(args: &ScanArgs, scan: &Scan) -> Result<(), Failure> {
     let (settings, beams, points) = (format!("{:#010x}", scan.settings), scan.beams, ranges.len());
     if args.common.json {
         let rows = |seen: &Seen| -> Vec<Vec<f64>> {
-            echoloop_registration::pose::to_rows(&seen.world_from_sensor).chunks(4).map(<[f64]>::to_vec).collect()
+            echoloop_registration::pose::to_rows(&seen.world_from_sensor)
+                .chunks(4)
+                .map(<[f64]>::to_vec)
+                .collect()
         };
         let document = serde_json::json!({
             "format": 1, "sensor": scan.sensor, "scene": scan.seen.as_ref().map(|seen| &seen.scene),
@@ -147,7 +174,9 @@ fn print(args: &ScanArgs, scan: &Scan) -> Result<(), Failure> {
         }
         None => println!("viewpoint 1 of {}, settings {settings}", scan.sensor),
     }
-    println!("{points} points of {beams} beams, median range {median_m:.1} m, farthest {farthest_m:.1} m");
+    println!(
+        "{points} points of {beams} beams, median range {median_m:.1} m, farthest {farthest_m:.1} m"
+    );
     if let Some(path) = &args.output {
         println!("wrote {}", path.display());
     }

@@ -56,7 +56,12 @@ pub(super) fn run(args: &SensorArgs) -> Result<(), Failure> {
     }
 }
 
-fn print_json(name: &str, identity: &Identity, settings: &Settings, counters: &Counters) -> Result<(), Failure> {
+fn print_json(
+    name: &str,
+    identity: &Identity,
+    settings: &Settings,
+    counters: &Counters,
+) -> Result<(), Failure> {
     let document = serde_json::json!({
         "format": 1, "sensor": name, "build": identity.build, "protocol": Greeting::OURS.protocol,
         "schema": format!("{:#018x}", Greeting::OURS.schema), "hardware": identity.hardware, "pattern": identity.pattern,
@@ -70,14 +75,23 @@ fn print_text(name: &str, identity: &Identity, settings: &Settings, counters: &C
     let Greeting { protocol, schema, .. } = Greeting::OURS;
     println!("{name}, protocol {protocol}, schema {schema:#018x}");
     let h = identity.hardware;
-    let [from_m, to_m, limit_nj] = [h.range_min_mm, h.range_max_mm, h.energy_limit_pj].map(|v| f64::from(v) / 1e3);
+    let [from_m, to_m, limit_nj] =
+        [h.range_min_mm, h.range_max_mm, h.energy_limit_pj].map(|v| f64::from(v) / 1e3);
     println!("{} bits, {from_m} to {to_m} m, pulses up to {limit_nj} nJ", h.adc_bits);
     println!("{} × {} beams", identity.pattern.columns, identity.pattern.rows);
     println!("\nsettings {:#010x}", settings_hash(settings));
     for parameter in &PARAMETERS {
-        println!("{:<22} {:>14}  {}", parameter.name, shown(parameter, settings.get(parameter.id)), range(parameter));
+        println!(
+            "{:<22} {:>14}  {}",
+            parameter.name,
+            shown(parameter, settings.get(parameter.id)),
+            range(parameter)
+        );
     }
-    println!("\n{} frames, {} refused, {} restarts", counters.frames, counters.refusals, counters.restarts);
+    println!(
+        "\n{} frames, {} refused, {} restarts",
+        counters.frames, counters.refusals, counters.restarts
+    );
 }
 
 /// The sensor's own settings with what was asked for laid over.
@@ -86,7 +100,8 @@ fn asked(source: &ConfigSource, config: &Config, own: Settings) -> Settings {
         return config.lidar.0;
     }
     let mut settings = own;
-    for id in source.set.iter().filter_map(|set| set.key("lidar")).filter_map(ParameterId::by_name) {
+    for id in source.set.iter().filter_map(|set| set.key("lidar")).filter_map(ParameterId::by_name)
+    {
         settings.set(id, config.lidar.0.get(id));
     }
     settings
@@ -95,7 +110,9 @@ fn asked(source: &ConfigSource, config: &Config, own: Settings) -> Settings {
 fn shown(parameter: &Parameter, code: Option<i32>) -> String {
     match (code, parameter.kind) {
         (None, _) => "follows".into(),
-        (Some(code), Kind::Choice { names, .. }) => names.get(code as usize).unwrap_or(&"?").to_string(),
+        (Some(code), Kind::Choice { names, .. }) => {
+            names.get(code as usize).unwrap_or(&"?").to_string()
+        }
         (Some(code), _) => parameter.to_unit(code).to_string(),
     }
 }
@@ -104,6 +121,11 @@ fn range(parameter: &Parameter) -> String {
     match parameter.kind {
         Kind::Choice { .. } => choices(parameter).join(", "),
         Kind::PowerOfTwo => format!("1 to {}, powers of two", parameter.max),
-        _ => format!("{} to {} {}", parameter.to_unit(parameter.min), parameter.to_unit(parameter.max), parameter.unit),
+        _ => format!(
+            "{} to {} {}",
+            parameter.to_unit(parameter.min),
+            parameter.to_unit(parameter.max),
+            parameter.unit
+        ),
     }
 }

@@ -71,7 +71,9 @@ impl TuneArgs {
             return load(Some(&run.join(CONFIG)), &[]).map_err(Failure::usage);
         }
         let mut own = self.method.overrides();
-        let mut flag = |path: &str, value: Option<toml::Value>| own.extend(value.map(|v| Override::flag(path, v)));
+        let mut flag = |path: &str, value: Option<toml::Value>| {
+            own.extend(value.map(|v| Override::flag(path, v)))
+        };
         flag("tune.protocol", self.protocol.map(name_of));
         flag("tune.lidar", self.lidar.map(name_of));
         flag("registration.preset", self.preset.map(name_of));
@@ -95,14 +97,19 @@ pub(super) struct Prepared {
 
 impl Prepared {
     /// Meets the sensor, checks the start against its hardware, then traces the scans.
-    pub(super) fn new(config: Config, choice: &SensorChoice, progress: &Progress) -> Result<Self, Failure> {
+    pub(super) fn new(
+        config: Config,
+        choice: &SensorChoice,
+        progress: &Progress,
+    ) -> Result<Self, Failure> {
         let model = Model::of(&config);
         let sensors = choice.sensors(model.clone())?;
         let identity = introduce(&sensors, &model, progress)?;
         let (hardware, sensor) = (identity.hardware, described(&sensors, &identity));
         let start = Parameters::start(&config, &hardware).map_err(Failure::usage)?;
         progress.begin("scanning", 1000);
-        let dataset = Dataset::build(&config, &|fraction, _| progress.at((fraction * 1000.0) as u64))?;
+        let dataset =
+            Dataset::build(&config, &|fraction, _| progress.at((fraction * 1000.0) as u64))?;
         Ok(Self { config, dataset, start, hardware, sensors, sensor })
     }
 
@@ -127,7 +134,8 @@ pub(super) fn run(args: &TuneArgs) -> Result<(), Failure> {
 pub(super) fn stop_on_interrupt() -> Arc<AtomicBool> {
     let stop = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&stop);
-    // Without a handler ^C just ends the process; the journal holds every whole generation either way.
+    // Without a handler ^C just ends the process; the journal holds every whole generation either
+    // way.
     let _ = ctrlc::set_handler(move || {
         if flag.swap(true, Ordering::Relaxed) {
             crate::link::sensor::end_emulators();
@@ -154,12 +162,18 @@ fn tune(args: &TuneArgs, config: Config, stop: &AtomicBool) -> Result<(), Failur
     }
     let search = prepared.search(stop);
     let (mut journal, done) = open_journal(args, &folder, &search)?;
-    let left = search.registrations().saturating_sub(done.len() * search.population() * search.batch_size());
+    let left = search
+        .registrations()
+        .saturating_sub(done.len() * search.population() * search.batch_size());
     progress.begin("tuning", left as u64);
     let outcome = search_and_judge(&search, &mut journal, done, &progress);
     progress.end();
     if let Err(TuneError::Interrupted { .. } | TuneError::Sensor(_)) = &outcome {
-        eprintln!("go on with: echoloop tune --resume {}{}", folder.path().display(), args.sensor.again());
+        eprintln!(
+            "go on with: echoloop tune --resume {}{}",
+            folder.path().display(),
+            args.sensor.again()
+        );
     }
     let (tuned, before, after) = outcome?;
     let result = result(&prepared, &search, &tuned, before, after);
@@ -188,7 +202,9 @@ fn search_and_judge(
 
 fn run_name(config: &Config) -> String {
     let source = std::path::Path::new(&config.scene.source);
-    let scene = source.file_stem().map_or_else(|| config.scene.source.clone(), |s| s.to_string_lossy().into_owned());
+    let scene = source
+        .file_stem()
+        .map_or_else(|| config.scene.source.clone(), |s| s.to_string_lossy().into_owned());
     let method = config.registration.method.name();
     format!("{scene}-{method}-{}", config.tune.protocol.name())
 }
@@ -205,7 +221,13 @@ fn open_journal(
     Ok((Journal::create(&path, &header)?, Vec::new()))
 }
 
-fn result(prepared: &Prepared, search: &Search<'_>, tuned: &Tuned, before: Summary, after: Summary) -> RunResult {
+fn result(
+    prepared: &Prepared,
+    search: &Search<'_>,
+    tuned: &Tuned,
+    before: Summary,
+    after: Summary,
+) -> RunResult {
     let preset = prepared.config.registration.preset;
     RunResult {
         format: 1,
@@ -214,7 +236,11 @@ fn result(prepared: &Prepared, search: &Search<'_>, tuned: &Tuned, before: Summa
         scene: prepared.config.scene.source.clone(),
         seed: prepared.config.seed,
         generations: tuned.generations.len(),
-        registrations: tuned.generations.iter().map(|g| g.candidates.len() * g.pairs.len()).sum::<usize>()
+        registrations: tuned
+            .generations
+            .iter()
+            .map(|g| g.candidates.len() * g.pairs.len())
+            .sum::<usize>()
             + tuned.finalists.len() * search.bench.dataset.train.len(),
         origin: tuned.origin.clone(),
         default: prepared.start.values(preset),
@@ -226,12 +252,21 @@ fn result(prepared: &Prepared, search: &Search<'_>, tuned: &Tuned, before: Summa
 }
 
 /// Says what came out, and where it is.
-fn finish(args: &TuneArgs, folder: &RunFolder, prepared: &Prepared, result: &RunResult) -> Result<(), Failure> {
+fn finish(
+    args: &TuneArgs,
+    folder: &RunFolder,
+    prepared: &Prepared,
+    result: &RunResult,
+) -> Result<(), Failure> {
     if args.common.json {
         println!("{}", serde_json::to_string_pretty(result).map_err(Failure::run)?);
     } else {
         print_table(&prepared.config, result, &prepared.search(&AtomicBool::new(false)).space);
-        println!("\nreport  {}\nresult  {}", folder.file(REPORT).display(), folder.file(RESULT).display());
+        println!(
+            "\nreport  {}\nresult  {}",
+            folder.file(REPORT).display(),
+            folder.file(RESULT).display()
+        );
     }
     match args.require_recall {
         Some(asked) if result.tuned_summary.recall_pct < asked => Err(Failure::new(

@@ -1,4 +1,5 @@
-//! Pairs of scans to register: scene responses and true motions, traced once for every candidate to come.
+//! Pairs of scans to register: scene responses and true motions, traced once for every candidate to
+//! come.
 
 mod motion;
 
@@ -27,7 +28,9 @@ pub enum DatasetError {
     #[error(transparent)]
     Import(#[from] ImportError),
     /// `scene.source` is neither a kind nor a file.
-    #[error("scene.source = {0:?} is neither structured, semi-structured, unstructured nor a mesh file that exists")]
+    #[error(
+        "scene.source = {0:?} is neither structured, semi-structured, unstructured nor a mesh file that exists"
+    )]
     Source(String),
     /// `scene.ground` is not understood.
     #[error("scene.ground = {0:?} must be auto, none, or a plane as a,b,c (z = a·x + b·y + c, m)")]
@@ -59,8 +62,8 @@ pub struct ScanPair {
     pub viewpoints: [u32; 2],
 }
 
-/// Numbers of a pair's viewpoints, from 1: those of the training pairs, two each, then those of the pairs to judge on. A scan
-/// alone is of viewpoint 1.
+/// Numbers of a pair's viewpoints, from 1: those of the training pairs, two each, then those of the
+/// pairs to judge on. A scan alone is of viewpoint 1.
 ///
 /// ```text
 /// training pair p   2p + 1                   2p + 2                     p = 0..
@@ -94,15 +97,18 @@ pub struct Place {
 }
 
 impl Dataset {
-    /// Makes or loads the scenes, finds viewpoints, traces every scan. `progress` hears a fraction of 1 and what is done.
+    /// Makes or loads the scenes, finds viewpoints, traces every scan. `progress` hears a fraction
+    /// of 1 and what is done.
     ///
     /// # Errors
     ///
     /// [`DatasetError`].
     pub fn build(config: &Config, progress: &dyn Fn(f64, &str)) -> Result<Self, DatasetError> {
         let pattern = config.scanner.pattern();
-        let directions: Vec<Vector3<f32>> = (0..pattern.beams()).map(|beam| pattern.direction(beam)).collect();
-        let mut dataset = Self { pattern, directions, train: Vec::new(), test: Vec::new(), triangles: 0 };
+        let directions: Vec<Vector3<f32>> =
+            (0..pattern.beams()).map(|beam| pattern.direction(beam)).collect();
+        let mut dataset =
+            Self { pattern, directions, train: Vec::new(), test: Vec::new(), triangles: 0 };
         let towns = towns(config);
         let total = (config.data.train_pairs + config.data.test_pairs) as f64;
         for (index, town) in towns.iter().enumerate() {
@@ -117,7 +123,8 @@ impl Dataset {
                         Split::Train => dataset.train.len(),
                         Split::Test => config.data.train_pairs + dataset.test.len(),
                     };
-                    let pair = trace(config, &place, &pair, viewpoints(number), &dataset.directions);
+                    let pair =
+                        trace(config, &place, &pair, viewpoints(number), &dataset.directions);
                     match split {
                         Split::Train => dataset.train.push(pair),
                         Split::Test => dataset.test.push(pair),
@@ -160,7 +167,13 @@ pub fn place(config: &Config, town: u64) -> Result<Place, DatasetError> {
             if !looks_like_a_file {
                 return Err(DatasetError::Source(source.clone()));
             }
-            load_scene(path, &ImportOptions { ground: ground(&config.scene.ground)?, ..ImportOptions::default() })?
+            load_scene(
+                path,
+                &ImportOptions {
+                    ground: ground(&config.scene.ground)?,
+                    ..ImportOptions::default()
+                },
+            )?
         }
     };
     let caster = Raycaster::new(&scene);
@@ -173,9 +186,12 @@ fn ground(text: &str) -> Result<Ground, DatasetError> {
         "auto" => Ok(Ground::Auto),
         "none" => Ok(Ground::None),
         _ => {
-            let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse()).collect();
+            let numbers: Result<Vec<f64>, _> =
+                text.split(',').map(|part| part.trim().parse()).collect();
             match numbers.map_err(|_| error())?.as_slice() {
-                &[a, b, c] if [a, b, c].iter().all(|v| v.is_finite()) => Ok(Ground::Plane(Plane { a, b, c })),
+                &[a, b, c] if [a, b, c].iter().all(|v| v.is_finite()) => {
+                    Ok(Ground::Plane(Plane { a, b, c }))
+                }
                 _ => Err(error()),
             }
         }
@@ -229,11 +245,17 @@ fn trace(
 }
 
 /// What a scan alone sees from a pose: of viewpoint 1.
-pub fn respond(config: &Config, place: &Place, world_from_sensor: &Pose, directions: &[Vector3<f32>]) -> SceneResponse {
+pub fn respond(
+    config: &Config,
+    place: &Place,
+    world_from_sensor: &Pose,
+    directions: &[Vector3<f32>],
+) -> SceneResponse {
     respond_at(config, place, world_from_sensor, 1, directions)
 }
 
-/// What the scan of a viewpoint sees; of a sensor that moves, the pose is that of the middle of the scan.
+/// What the scan of a viewpoint sees; of a sensor that moves, the pose is that of the middle of the
+/// scan.
 pub fn respond_at(
     config: &Config,
     place: &Place,
@@ -241,7 +263,10 @@ pub fn respond_at(
     viewpoint: u32,
     directions: &[Vector3<f32>],
 ) -> SceneResponse {
-    let optics = BeamOptics { divergence_mrad: config.receiver.divergence_mrad, subrays: config.receiver.subrays };
+    let optics = BeamOptics {
+        divergence_mrad: config.receiver.divergence_mrad,
+        subrays: config.receiver.subrays,
+    };
     let directions: Vec<[f32; 3]> = directions.iter().map(|&d| d.into()).collect();
     let (caster, materials) = (&place.caster, &place.scene.materials);
     if config.motion.is_still() {
@@ -249,5 +274,11 @@ pub fn respond_at(
     }
     let seed = derive(config.seed, Purpose::Motion, viewpoint.into());
     let path = MotionPath::new(&config.motion, config.scanner.pattern(), *world_from_sensor, seed);
-    Scanner::scan_moving(caster, materials, |beam| path.world_from_sensor(beam), &directions, &optics)
+    Scanner::scan_moving(
+        caster,
+        materials,
+        |beam| path.world_from_sensor(beam),
+        &directions,
+        &optics,
+    )
 }

@@ -35,7 +35,8 @@ pub struct Summary {
 
 /// Whether a pair is registered (Sec. 4.3).
 pub fn succeeds(error: &PairError, data: &DataConfig) -> bool {
-    error.translation_m <= data.success_translation_m && error.rotation_deg <= data.success_rotation_deg
+    error.translation_m <= data.success_translation_m
+        && error.rotation_deg <= data.success_rotation_deg
 }
 
 impl Summary {
@@ -43,7 +44,8 @@ impl Summary {
     pub fn of(errors: Vec<PairError>, data: &DataConfig) -> Self {
         let successes: Vec<&PairError> = errors.iter().filter(|e| succeeds(e, data)).collect();
         let over_successes = |value: fn(&PairError) -> f64| {
-            (!successes.is_empty()).then(|| successes.iter().map(|e| value(e)).sum::<f64>() / successes.len() as f64)
+            (!successes.is_empty())
+                .then(|| successes.iter().map(|e| value(e)).sum::<f64>() / successes.len() as f64)
         };
         let count = errors.len() as f64;
         let mean = |value: fn(&PairError) -> f64| errors.iter().map(value).sum::<f64>() / count;
@@ -89,7 +91,8 @@ pub fn evaluate(
         .par_iter()
         .enumerate()
         .map(|(index, pair)| {
-            let result = bench.register(parameters, index, pair, derive(seed, purpose, index as u64));
+            let result =
+                bench.register(parameters, index, pair, derive(seed, purpose, index as u64));
             done();
             result.map(|registered| registered.error)
         })
@@ -124,6 +127,9 @@ mod tests {
 
     #[test]
     fn without_a_success_there_is_no_mean() {
-        assert_eq!(Summary::of(vec![error(9.0, 9.0)], &DataConfig::default()).mean_translation_m, None);
+        assert_eq!(
+            Summary::of(vec![error(9.0, 9.0)], &DataConfig::default()).mean_translation_m,
+            None
+        );
     }
 }

@@ -1,7 +1,8 @@
 //! The record of a search: one JSON line a generation, enough to go on from.
 //!
-//! The first line says what the search was; each further line is a generation with every candidate, its values, its errors and
-//! its fitness. The optimiser's state is a function of what it was told, so a resumed search tells it again.
+//! The first line says what the search was; each further line is a generation with every candidate,
+//! its values, its errors and its fitness. The optimiser's state is a function of what it was told,
+//! so a resumed search tells it again.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Write};
@@ -122,7 +123,11 @@ impl Journal {
     ///
     /// [`JournalError::Io`]; an existing journal is never overwritten.
     pub fn create(path: &Path, header: &Header) -> Result<Self, JournalError> {
-        let file = OpenOptions::new().write(true).create_new(true).open(path).map_err(|e| io_error(path, e))?;
+        let file = OpenOptions::new()
+            .write(true)
+            .create_new(true)
+            .open(path)
+            .map_err(|e| io_error(path, e))?;
         let mut journal = Self { path: path.to_owned(), file };
         journal.write_line(header)?;
         Ok(journal)
@@ -132,9 +137,13 @@ impl Journal {
     ///
     /// # Errors
     ///
-    /// [`JournalError`]; of a damaged line its number. With `repair`, the damaged rest is dropped after the whole file has
-    /// been copied beside itself.
-    pub fn resume(path: &Path, header: &Header, repair: bool) -> Result<(Self, Vec<Generation>), JournalError> {
+    /// [`JournalError`]; of a damaged line its number. With `repair`, the damaged rest is dropped
+    /// after the whole file has been copied beside itself.
+    pub fn resume(
+        path: &Path,
+        header: &Header,
+        repair: bool,
+    ) -> Result<(Self, Vec<Generation>), JournalError> {
         let bytes = std::fs::read(path).map_err(|e| io_error(path, e))?;
         let (found, generations, damage) = parse(path, &bytes)?;
         agree(path, &found, header)?;
@@ -162,7 +171,10 @@ impl Journal {
     fn write_line(&mut self, value: &impl Serialize) -> Result<(), JournalError> {
         let mut line = serde_json::to_vec(value).map_err(|e| io_error(&self.path, e.into()))?;
         line.push(b'\n');
-        self.file.write_all(&line).and_then(|()| self.file.flush()).map_err(|e| io_error(&self.path, e))
+        self.file
+            .write_all(&line)
+            .and_then(|()| self.file.flush())
+            .map_err(|e| io_error(&self.path, e))
     }
 }
 
@@ -170,7 +182,8 @@ fn io_error(path: &Path, source: io::Error) -> JournalError {
     JournalError::Io { path: path.to_owned(), source }
 }
 
-/// Copies a damaged journal to `.damaged`, or `.damaged-2` and so on: a second repair keeps the copy of the first.
+/// Copies a damaged journal to `.damaged`, or `.damaged-2` and so on: a second repair keeps the
+/// copy of the first.
 fn keep_copy(path: &Path) -> Result<(), JournalError> {
     let mut copy = path.as_os_str().to_owned();
     copy.push(".damaged");
@@ -197,12 +210,15 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<(Header, Vec<Generation>, Damage),
         whole: line.saturating_sub(2),
     };
     let mut lines = bytes.split_inclusive(|&b| b == b'\n').enumerate();
-    let header = match lines.next().map(|(_, line)| (line.ends_with(b"\n"), serde_json::from_slice(line))) {
-        Some((true, Ok(header))) => header,
-        Some((true, Err(error))) => return Err(headless(path, &format!("no journal header ({error})"))),
-        Some((false, _)) => return Err(headless(path, "cut off")),
-        None => return Err(headless(path, "missing: the file is empty")),
-    };
+    let header =
+        match lines.next().map(|(_, line)| (line.ends_with(b"\n"), serde_json::from_slice(line))) {
+            Some((true, Ok(header))) => header,
+            Some((true, Err(error))) => {
+                return Err(headless(path, &format!("no journal header ({error})")));
+            }
+            Some((false, _)) => return Err(headless(path, "cut off")),
+            None => return Err(headless(path, "missing: the file is empty")),
+        };
     let mut generations: Vec<Generation> = Vec::new();
     let mut whole_bytes = bytes.iter().position(|&b| b == b'\n').map_or(0, |i| i + 1);
     for (index, line) in lines {
@@ -225,7 +241,9 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<(Header, Vec<Generation>, Damage),
 
 /// Without its first line a journal tells nothing, and there is nothing to repair.
 fn headless(path: &Path, what: &str) -> JournalError {
-    let what = format!("line 1 is {what}; begin anew with `echoloop tune --config` and the run's config.toml");
+    let what = format!(
+        "line 1 is {what}; begin anew with `echoloop tune --config` and the run's config.toml"
+    );
     JournalError::Other { path: path.to_owned(), what }
 }
 
@@ -233,7 +251,10 @@ fn headless(path: &Path, what: &str) -> JournalError {
 fn agree(path: &Path, found: &Header, expected: &Header) -> Result<(), JournalError> {
     let differ = |what: String| Err(JournalError::Other { path: path.to_owned(), what });
     if found.journal != expected.journal {
-        return differ(format!("journal format {}, this program writes {}", found.journal, expected.journal));
+        return differ(format!(
+            "journal format {}, this program writes {}",
+            found.journal, expected.journal
+        ));
     }
     if found.link_schema != expected.link_schema || found.program != expected.program {
         return differ(format!(
@@ -241,8 +262,13 @@ fn agree(path: &Path, found: &Header, expected: &Header) -> Result<(), JournalEr
             found.program, found.link_schema, expected.program, expected.link_schema
         ));
     }
-    if found.config != expected.config || found.axes != expected.axes || found.population != expected.population {
-        return differ("written with another configuration; resume with the run's own config.toml".into());
+    if found.config != expected.config
+        || found.axes != expected.axes
+        || found.population != expected.population
+    {
+        return differ(
+            "written with another configuration; resume with the run's own config.toml".into(),
+        );
     }
     Ok(())
 }
@@ -313,7 +339,10 @@ mod tests {
         let cut = &whole[..whole.len() - 20];
         std::fs::write(&path, cut).unwrap();
         let error = Journal::resume(&path, &header(), false).unwrap_err().to_string();
-        assert!(error.contains("line 4 is cut off") && error.contains("the 2 generations before it"), "{error}");
+        assert!(
+            error.contains("line 4 is cut off") && error.contains("the 2 generations before it"),
+            "{error}"
+        );
         assert_eq!(std::fs::read(&path).unwrap(), cut);
         let (_, generations) = Journal::resume(&path, &header(), true).unwrap();
         assert_eq!(generations.len(), 2);
@@ -329,6 +358,8 @@ mod tests {
         let error = Journal::resume(&path, &other, true).unwrap_err().to_string();
         assert!(error.contains("another configuration"), "{error}");
         std::fs::write(&path, b"").unwrap();
-        assert!(Journal::resume(&path, &header(), false).unwrap_err().to_string().contains("empty"));
+        assert!(
+            Journal::resume(&path, &header(), false).unwrap_err().to_string().contains("empty")
+        );
     }
 }

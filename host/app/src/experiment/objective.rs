@@ -53,11 +53,11 @@ pub struct Bench<'a> {
 }
 
 impl Bench<'_> {
-    /// f_opt of Eq. 4: both scans of a pair with one set of parameters, registered from the identity
-    /// (which global methods do not look at).
+    /// f_opt of Eq. 4: both scans of a pair with one set of parameters, registered from the
+    /// identity (which global methods do not look at).
     ///
-    /// The settings reach the sensor over the link, and every echo comes back over it. A registration that finds nothing
-    /// counts as the identity, its initial guess.
+    /// The settings reach the sensor over the link, and every echo comes back over it. A
+    /// registration that finds nothing counts as the identity, its initial guess.
     ///
     /// # Errors
     ///
@@ -70,15 +70,22 @@ impl Bench<'_> {
         noise_seed: u64,
     ) -> Result<Registered, SensorError> {
         // Given back before the registration: others can scan meanwhile.
-        let scans = self.sensors.with(|sensor| scan_pair(sensor, &parameters.settings, pair, noise_seed))?;
+        let scans = self
+            .sensors
+            .with(|sensor| scan_pair(sensor, &parameters.settings, pair, noise_seed))?;
         let [first, second] = scans.map(|scan| self.cloud(&scan));
         let initial = Pose::identity();
         let outcome = match parameters.registration.build() {
             Ok(method) => method.register(&first, &second, &initial),
             Err(_) => Outcome::nothing(&initial, StopReason::BadSettings),
         };
-        let error = pair_error(index, &outcome, &pair.truth, [first.points.len(), second.points.len()]);
-        Ok(Registered { error, clouds: [first, second], first_from_second: outcome.target_from_source })
+        let error =
+            pair_error(index, &outcome, &pair.truth, [first.points.len(), second.points.len()]);
+        Ok(Registered {
+            error,
+            clouds: [first, second],
+            first_from_second: outcome.target_from_source,
+        })
     }
 
     /// The points of a scan, sensor frame.

@@ -76,16 +76,17 @@ pub struct RunFolder {
 }
 
 impl RunFolder {
-    /// Whether run folders can be made there, as far as can be seen without making one: tracing comes first and takes long.
+    /// Whether run folders can be made there, as far as can be seen without making one: tracing
+    /// comes first and takes long.
     ///
     /// # Errors
     ///
     /// [`FileError`] when a file is in the way.
     pub fn check(runs: &Path) -> Result<(), FileError> {
         match runs.ancestors().find(|path| path.exists()) {
-            Some(path) if !path.is_dir() => {
-                Err(file_error("make the folder", runs)(io::Error::from(io::ErrorKind::NotADirectory)))
-            }
+            Some(path) if !path.is_dir() => Err(file_error("make the folder", runs)(
+                io::Error::from(io::ErrorKind::NotADirectory),
+            )),
             _ => Ok(()),
         }
     }
@@ -103,7 +104,9 @@ impl RunFolder {
             match fs::create_dir(&path) {
                 Ok(()) => break Self { path },
                 // Another run has just taken it.
-                Err(error) if error.kind() == io::ErrorKind::AlreadyExists && number < u32::MAX => number += 1,
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists && number < u32::MAX => {
+                    number += 1
+                }
                 Err(source) => return Err(FileError { verb: "make the folder", path, source }),
             }
         };
@@ -152,7 +155,9 @@ impl RunFolder {
     /// [`FileError`].
     pub fn write_config(&self, config: &Config) -> Result<(), FileError> {
         let path = self.file(CONFIG);
-        let text = toml::to_string(config).map_err(io::Error::other).map_err(file_error("write", &path))?;
+        let text = toml::to_string(config)
+            .map_err(io::Error::other)
+            .map_err(file_error("write", &path))?;
         self.write(CONFIG, &text)
     }
 
@@ -163,7 +168,9 @@ impl RunFolder {
     /// [`FileError`].
     pub fn write_result(&self, result: &RunResult) -> Result<(), FileError> {
         let path = self.file(RESULT);
-        let text = serde_json::to_string_pretty(result).map_err(io::Error::from).map_err(file_error("write", &path))?;
+        let text = serde_json::to_string_pretty(result)
+            .map_err(io::Error::from)
+            .map_err(file_error("write", &path))?;
         self.write(RESULT, &(text + "\n"))
     }
 
@@ -224,7 +231,8 @@ fn readme() -> String {
             _ if p.unit.is_empty() => "a number".into(),
             _ => p.unit.into(),
         };
-        let follows = if p.default.is_none() { "; left out, it follows the pulse width" } else { "" };
+        let follows =
+            if p.default.is_none() { "; left out, it follows the pulse width" } else { "" };
         format!("lidar.{:<20} {unit}{follows}\n", p.name)
     };
     FILES.to_owned() + &PARAMETERS.iter().map(line).collect::<String>()
@@ -247,11 +255,20 @@ mod tests {
     fn the_readme_says_the_unit_of_every_parameter_and_the_numbers_of_choices() {
         let text = readme();
         for p in &PARAMETERS {
-            let line = text.lines().find(|line| line.starts_with(&format!("lidar.{} ", p.name))).expect(p.name);
+            let line = text
+                .lines()
+                .find(|line| line.starts_with(&format!("lidar.{} ", p.name)))
+                .expect(p.name);
             assert!(line.contains(p.unit) && line.len() > 27, "{line}");
         }
-        assert!(text.contains("lidar.denoise              0 none, 1 gaussian, 2 matched\n"), "{text}");
-        assert!(text.contains("lidar.min_separation       m; left out, it follows the pulse width\n"), "{text}");
+        assert!(
+            text.contains("lidar.denoise              0 none, 1 gaussian, 2 matched\n"),
+            "{text}"
+        );
+        assert!(
+            text.contains("lidar.min_separation       m; left out, it follows the pulse width\n"),
+            "{text}"
+        );
     }
 
     #[test]
@@ -260,7 +277,12 @@ mod tests {
         let file = runs.path().join("file");
         fs::write(&file, "").unwrap();
         for path in [file.clone(), file.join("below")] {
-            assert!(RunFolder::check(&path).unwrap_err().to_string().contains(&path.display().to_string()));
+            assert!(
+                RunFolder::check(&path)
+                    .unwrap_err()
+                    .to_string()
+                    .contains(&path.display().to_string())
+            );
         }
         let free = runs.path().join("a/b");
         RunFolder::check(&free).unwrap();

@@ -28,7 +28,8 @@ pub fn derive(seed: u64, purpose: Purpose, index: u64) -> u64 {
     splitmix64(splitmix64(splitmix64(seed) ^ purpose as u64) ^ index)
 }
 
-/// The seed of the noise where there is no pair: of a scan alone, and of a sensor that serves a port.
+/// The seed of the noise where there is no pair: of a scan alone, and of a sensor that serves a
+/// port.
 pub fn scan_noise(seed: u64) -> u64 {
     derive(seed, Purpose::TestNoise, 0)
 }

@@ -10,7 +10,9 @@ use thiserror::Error;
 
 use crate::experiment::config::Config;
 use crate::experiment::evaluate::{Summary, evaluate};
-use crate::experiment::journal::{CandidateRecord, FORMAT, Generation, Header, Journal, JournalError};
+use crate::experiment::journal::{
+    CandidateRecord, FORMAT, Generation, Header, Journal, JournalError,
+};
 use crate::experiment::objective::{Bench, PairError, fitness};
 use crate::experiment::params::{Parameters, Space, Values};
 use crate::experiment::seed::{Purpose, derive};
@@ -129,12 +131,18 @@ impl Search<'_> {
         self.config.tune.generations as usize * self.population() * self.batch_size() + finalists
     }
 
-    /// Searches, writing each generation to the journal. `done` are generations that the journal already has.
+    /// Searches, writing each generation to the journal. `done` are generations that the journal
+    /// already has.
     ///
     /// # Errors
     ///
     /// [`TuneError`]; whatever happens, the journal holds every whole generation.
-    pub fn run(&self, journal: &mut Journal, done: Vec<Generation>, watcher: &dyn Watcher) -> Result<Tuned, TuneError> {
+    pub fn run(
+        &self,
+        journal: &mut Journal,
+        done: Vec<Generation>,
+        watcher: &dyn Watcher,
+    ) -> Result<Tuned, TuneError> {
         if self.space.axes().is_empty() {
             return Ok(self.untuned());
         }
@@ -172,7 +180,11 @@ impl Search<'_> {
 
     fn optimizer(&self) -> Result<CmaEs, TuneError> {
         let seed = derive(self.config.seed, Purpose::Search, 0);
-        let mut config = echoloop_cmaes::Config::unit_cube(self.space.start_point(), self.config.tune.sigma, seed);
+        let mut config = echoloop_cmaes::Config::unit_cube(
+            self.space.start_point(),
+            self.config.tune.sigma,
+            seed,
+        );
         config.lambda = Some(self.population());
         config.stops.generations = Some(u64::from(self.config.tune.generations));
         Ok(CmaEs::new(config)?)
@@ -181,25 +193,35 @@ impl Search<'_> {
     /// Tells the optimiser what a generation was worth.
     fn replay(&self, optimizer: &mut CmaEs, generation: &Generation) {
         let values: Vec<f64> = generation.candidates.iter().map(|c| c.fitness).collect();
-        // The header's population and the journal's reader see to it that the numbers agree; if not, nothing is told.
+        // The header's population and the journal's reader see to it that the numbers agree; if
+        // not, nothing is told.
         let _ = optimizer.tell(&values);
     }
 
     /// Evaluates one generation: every candidate on the same pairs. `None`: interrupted.
-    fn generation(&self, optimizer: &CmaEs, watcher: &dyn Watcher) -> Result<Option<Generation>, TuneError> {
+    fn generation(
+        &self,
+        optimizer: &CmaEs,
+        watcher: &dyn Watcher,
+    ) -> Result<Option<Generation>, TuneError> {
         let number = optimizer.generation();
         let pairs = self.batch(number);
         let points: Vec<Vec<f64>> = optimizer.ask().into_iter().map(|c| c.phenotype).collect();
         let candidates: Vec<_> = points.iter().map(|point| self.space.parameters(point)).collect();
-        let tasks: Vec<(usize, usize)> =
-            (0..points.len()).flat_map(|candidate| pairs.iter().map(move |&pair| (candidate, pair))).collect();
+        let tasks: Vec<(usize, usize)> = (0..points.len())
+            .flat_map(|candidate| pairs.iter().map(move |&pair| (candidate, pair)))
+            .collect();
         let errors: Option<Vec<PairError>> = tasks
             .par_iter()
-            .map(|&(candidate, pair)| self.task(&candidates[candidate].0, number, candidate, pair, watcher))
+            .map(|&(candidate, pair)| {
+                self.task(&candidates[candidate].0, number, candidate, pair, watcher)
+            })
             .collect::<Result<_, SensorError>>()?;
         let Some(errors) = errors else { return Ok(None) };
         let records = points.into_iter().zip(&candidates).zip(errors.chunks(pairs.len()));
-        let candidates = records.map(|((point, (p, mended)), errors)| self.record(point, p, mended, errors)).collect();
+        let candidates = records
+            .map(|((point, (p, mended)), errors)| self.record(point, p, mended, errors))
+            .collect();
         Ok(Some(Generation {
             generation: number as u32,
             mean: optimizer.mean().to_vec(),
@@ -225,7 +247,8 @@ impl Search<'_> {
         let stranger = if self.config.tune.common_noise { 0 } else { candidate as u64 + 1 };
         let index = (generation << 32) | (pair as u64) << 16 | stranger;
         let noise = derive(self.config.seed, Purpose::TrainNoise, index);
-        let registered = self.bench.register(parameters, pair, &self.bench.dataset.train[pair], noise)?;
+        let registered =
+            self.bench.register(parameters, pair, &self.bench.dataset.train[pair], noise)?;
         watcher.evaluated();
         Ok(Some(registered.error))
     }
@@ -250,7 +273,8 @@ impl Search<'_> {
     /// The searched parameters by name.
     pub fn searched_values(&self, parameters: &Parameters) -> Values {
         let axes = self.space.axes().iter();
-        axes.filter_map(|axis| parameters.get(axis.name).map(|value| (axis.name.to_owned(), value))).collect()
+        axes.filter_map(|axis| parameters.get(axis.name).map(|value| (axis.name.to_owned(), value)))
+            .collect()
     }
 
     /// The pairs of a generation: some of all, drawn without repetition, ascending.
@@ -264,9 +288,11 @@ impl Search<'_> {
         indices
     }
 
-    /// Judges start, final mean and the best candidates on all training pairs with one noise, and takes the best.
+    /// Judges start, final mean and the best candidates on all training pairs with one noise, and
+    /// takes the best.
     ///
-    /// A candidate's own fitness saw few pairs and was picked for being low, so it flatters: it only makes the shortlist.
+    /// A candidate's own fitness saw few pairs and was picked for being low, so it flatters: it
+    /// only makes the shortlist.
     fn choose(
         &self,
         optimizer: &CmaEs,
@@ -282,7 +308,14 @@ impl Search<'_> {
                 return Err(TuneError::Interrupted { generations: generations.len() });
             }
             let done = || watcher.evaluated();
-            let errors = evaluate(&self.bench, &parameters, pairs, self.config.seed, Purpose::ShortlistNoise, &done)?;
+            let errors = evaluate(
+                &self.bench,
+                &parameters,
+                pairs,
+                self.config.seed,
+                Purpose::ShortlistNoise,
+                &done,
+            )?;
             let worth = fitness(&errors, self.config.tune.error_cap);
             finalists.push((worth, origin, parameters));
         }
@@ -303,12 +336,20 @@ impl Search<'_> {
         })
     }
 
-    /// Start, final mean, and the best candidates: of each generation its best, the later generations first among equals.
-    fn shortlist(&self, optimizer: &CmaEs, generations: &[Generation]) -> Vec<(String, Parameters)> {
+    /// Start, final mean, and the best candidates: of each generation its best, the later
+    /// generations first among equals.
+    fn shortlist(
+        &self,
+        optimizer: &CmaEs,
+        generations: &[Generation],
+    ) -> Vec<(String, Parameters)> {
         let mut best: BTreeMap<usize, (f64, usize)> = BTreeMap::new();
         for (g, generation) in generations.iter().enumerate() {
-            // Compared with its generation's median: pairs differ in difficulty from batch to batch.
-            let median = crate::experiment::evaluate::median(generation.candidates.iter().map(|c| c.fitness));
+            // Compared with its generation's median: pairs differ in difficulty from batch to
+            // batch.
+            let median = crate::experiment::evaluate::median(
+                generation.candidates.iter().map(|c| c.fitness),
+            );
             for (i, candidate) in generation.candidates.iter().enumerate() {
                 let relative = candidate.fitness / median.max(f64::MIN_POSITIVE);
                 if best.get(&g).is_none_or(|(worth, _)| relative < *worth) {
@@ -316,7 +357,8 @@ impl Search<'_> {
                 }
             }
         }
-        let mut order: Vec<(usize, f64, usize)> = best.into_iter().map(|(g, (worth, i))| (g, worth, i)).collect();
+        let mut order: Vec<(usize, f64, usize)> =
+            best.into_iter().map(|(g, (worth, i))| (g, worth, i)).collect();
         let half = generations.len() / 2;
         order.retain(|(g, ..)| *g >= half);
         order.sort_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
@@ -335,10 +377,15 @@ impl Search<'_> {
     /// # Errors
     ///
     /// [`SensorError`].
-    pub fn judge(&self, parameters: &Parameters, watcher: &dyn Watcher) -> Result<Summary, SensorError> {
+    pub fn judge(
+        &self,
+        parameters: &Parameters,
+        watcher: &dyn Watcher,
+    ) -> Result<Summary, SensorError> {
         let done = || watcher.evaluated();
         let test = &self.bench.dataset.test;
-        let errors = evaluate(&self.bench, parameters, test, self.config.seed, Purpose::TestNoise, &done)?;
+        let errors =
+            evaluate(&self.bench, parameters, test, self.config.seed, Purpose::TestNoise, &done)?;
         Ok(Summary::of(errors, &self.config.data))
     }
 }

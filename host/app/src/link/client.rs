@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 
 use echoloop_dsp::{Echoes, Hardware, Refusal, ScanPattern, Settings};
 use echoloop_link::{
-    BEAMS_PER_REPORT, Command, Counters, Decoder, Greeting, MAX_FRAME, Nack, Report, frame, settings_hash,
+    BEAMS_PER_REPORT, Command, Counters, Decoder, Greeting, MAX_FRAME, Nack, Report, frame,
+    settings_hash,
 };
 use thiserror::Error;
 
@@ -58,7 +59,8 @@ pub enum ClientError {
         /// Hash of those it was made with.
         got: u32,
     },
-    /// Other settings are active than those to be confirmed or saved: their trial is over, or the sensor started anew.
+    /// Other settings are active than those to be confirmed or saved: their trial is over, or the
+    /// sensor started anew.
     #[error("the sensor's settings are {got:#010x}, not {expected:#010x}")]
     Changed {
         /// Hash of the settings that were to be kept.
@@ -106,9 +108,11 @@ pub struct Client<T> {
     identity: Identity,
     generation: u32,
     hash: u32,
-    /// The settings committed last are on trial: at any frame boundary they may be replaced, and the generation rise.
+    /// The settings committed last are on trial: at any frame boundary they may be replaced, and
+    /// the generation rise.
     on_trial: bool,
-    /// An answer was lost, or the sensor knows nothing of a session: say hello and read back before going on.
+    /// An answer was lost, or the sensor knows nothing of a session: say hello and read back before
+    /// going on.
     unsure: bool,
 }
 
@@ -123,17 +127,35 @@ impl<T: Transport> Client<T> {
         Self::connect_from(transport, patience, RandomState::new().build_hasher().finish() as u16)
     }
 
-    /// As [`Client::connect`], numbering commands from the one after `sequence`: the same bytes every time.
+    /// As [`Client::connect`], numbering commands from the one after `sequence`: the same bytes
+    /// every time.
     ///
     /// # Errors
     ///
     /// As [`Client::connect`].
-    pub fn connect_from(transport: T, patience: Patience, sequence: u16) -> Result<Self, ClientError> {
-        let identity =
-            Identity { build: String::new(), hardware: Hardware::REFERENCE, pattern: ScanPattern::default() };
+    pub fn connect_from(
+        transport: T,
+        patience: Patience,
+        sequence: u16,
+    ) -> Result<Self, ClientError> {
+        let identity = Identity {
+            build: String::new(),
+            hardware: Hardware::REFERENCE,
+            pattern: ScanPattern::default(),
+        };
         let decoder = Box::new(Decoder::new());
         let (generation, hash, on_trial, unsure) = (0, 0, false, true);
-        let mut client = Self { transport, decoder, patience, sequence, identity, generation, hash, on_trial, unsure };
+        let mut client = Self {
+            transport,
+            decoder,
+            patience,
+            sequence,
+            identity,
+            generation,
+            hash,
+            on_trial,
+            unsure,
+        };
         client.read_settings()?; // unsure, it says hello first
         Ok(client)
     }
@@ -181,7 +203,8 @@ impl<T: Transport> Client<T> {
         if self.unsure {
             self.greet()?;
         }
-        let Report::Settings { generation, hash, settings } = self.ask(&Command::ReadSettings)? else {
+        let Report::Settings { generation, hash, settings } = self.ask(&Command::ReadSettings)?
+        else {
             return Err(ClientError::Unexpected { command: "read settings" });
         };
         self.on_trial &= (generation, hash) == (self.generation, self.hash);
@@ -205,28 +228,36 @@ impl<T: Transport> Client<T> {
     ///
     /// # Errors
     ///
-    /// [`ClientError::Refused`] with field and bound, and the sensor keeps what it had. After [`ClientError::Silent`] it has
-    /// the old settings or the new, and the next call of this or of [`Client::read_settings`] finds out which before it goes on.
+    /// [`ClientError::Refused`] with field and bound, and the sensor keeps what it had. After
+    /// [`ClientError::Silent`] it has the old settings or the new, and the next call of this or of
+    /// [`Client::read_settings`] finds out which before it goes on.
     pub fn configure(&mut self, settings: &Settings) -> Result<u32, ClientError> {
         self.configure_on_trial(settings, 0)
     }
 
-    /// As [`Client::configure`], on trial: unless [`Client::confirm`] comes before `frames` frames have ended, or when one whole
-    /// frame has no echo, or when this program ends and another says hello, the sensor goes back to the settings it had before
-    /// that were not on trial. The scan after that is [`ClientError::Mixed`]. A frame ends when anything but a confirmation
-    /// follows its last beam. `0` frames: no trial.
+    /// As [`Client::configure`], on trial: unless [`Client::confirm`] comes before `frames` frames
+    /// have ended, or when one whole frame has no echo, or when this program ends and another says
+    /// hello, the sensor goes back to the settings it had before that were not on trial. The scan
+    /// after that is [`ClientError::Mixed`]. A frame ends when anything but a confirmation follows
+    /// its last beam. `0` frames: no trial.
     ///
     /// # Errors
     ///
     /// As [`Client::configure`].
-    pub fn configure_on_trial(&mut self, settings: &Settings, frames: u16) -> Result<u32, ClientError> {
+    pub fn configure_on_trial(
+        &mut self,
+        settings: &Settings,
+        frames: u16,
+    ) -> Result<u32, ClientError> {
         if self.unsure {
             self.read_settings()?;
         }
         let was_on_trial = self.on_trial;
         match self.stage_and_commit(settings, frames) {
             // A hello that came late dropped what was staged; the commit did not happen.
-            Err(ClientError::Nack(Nack::NotStaged { .. })) => self.stage_and_commit(settings, frames),
+            Err(ClientError::Nack(Nack::NotStaged { .. })) => {
+                self.stage_and_commit(settings, frames)
+            }
             // The trial before this ended, and with it the generation that this one was to follow.
             Err(ClientError::Nack(Nack::WrongGeneration { .. })) if was_on_trial => {
                 self.read_settings()?;
@@ -243,12 +274,14 @@ impl<T: Transport> Client<T> {
         if hash != settings_hash(settings) {
             return Err(ClientError::Unexpected { command: "stage" });
         }
-        let commit = Command::Commit { hash, base_generation: self.generation, confirm_within: frames };
+        let commit =
+            Command::Commit { hash, base_generation: self.generation, confirm_within: frames };
         self.unsure = true; // until the answer is here
         let Report::Committed { generation, hash } = self.ask(&commit)? else {
             return Err(ClientError::Unexpected { command: "commit" });
         };
-        (self.generation, self.hash, self.on_trial, self.unsure) = (generation, hash, frames > 0, false);
+        (self.generation, self.hash, self.on_trial, self.unsure) =
+            (generation, hash, frames > 0, false);
         Ok(hash)
     }
 
@@ -256,8 +289,8 @@ impl<T: Transport> Client<T> {
     ///
     /// # Errors
     ///
-    /// [`ClientError::Nack`] with [`Nack::WrongGeneration`] or [`ClientError::Changed`] when their trial is over already. After
-    /// [`ClientError::Silent`], another call finds out.
+    /// [`ClientError::Nack`] with [`Nack::WrongGeneration`] or [`ClientError::Changed`] when their
+    /// trial is over already. After [`ClientError::Silent`], another call finds out.
     pub fn confirm(&mut self) -> Result<(), ClientError> {
         self.be_sure_of_settings()?;
         let generation = self.generation;
@@ -271,14 +304,15 @@ impl<T: Transport> Client<T> {
         }
     }
 
-    /// Makes the settings committed last those that the sensor starts with; their revision. What is saved already is not
-    /// written again.
+    /// Makes the settings committed last those that the sensor starts with; their revision. What is
+    /// saved already is not written again.
     ///
     /// # Errors
     ///
-    /// [`ClientError::Nack`] with [`Nack::OnTrial`] before they are confirmed, with [`Nack::Storage`] when the flash failed;
-    /// [`ClientError::Changed`] when they are active no longer. After [`ClientError::Silent`] the sensor starts with the
-    /// settings saved before or with these; another call makes it these.
+    /// [`ClientError::Nack`] with [`Nack::OnTrial`] before they are confirmed, with
+    /// [`Nack::Storage`] when the flash failed; [`ClientError::Changed`] when they are active no
+    /// longer. After [`ClientError::Silent`] the sensor starts with the settings saved before or
+    /// with these; another call makes it these.
     pub fn save(&mut self) -> Result<u32, ClientError> {
         self.be_sure_of_settings()?;
         let hash = self.hash;
@@ -303,8 +337,8 @@ impl<T: Transport> Client<T> {
         }
     }
 
-    /// Opens the session anew when an answer was lost, and sees whether the settings are still those it knew. A hello ends a
-    /// trial, so what is still there is not on trial.
+    /// Opens the session anew when an answer was lost, and sees whether the settings are still
+    /// those it knew. A hello ends a trial, so what is still there is not on trial.
     fn be_sure_of_settings(&mut self) -> Result<(), ClientError> {
         if !self.unsure {
             return Ok(());
@@ -323,7 +357,8 @@ impl<T: Transport> Client<T> {
     ///
     /// # Errors
     ///
-    /// [`ClientError::Mixed`] when any beam was made with other settings than those committed last; else [`ClientError`].
+    /// [`ClientError::Mixed`] when any beam was made with other settings than those committed last;
+    /// else [`ClientError`].
     pub fn scan(&mut self, frame: u32) -> Result<Vec<Echoes>, ClientError> {
         let total = self.identity.pattern.beams();
         let mut scan = Vec::with_capacity(total as usize);
@@ -355,7 +390,8 @@ impl<T: Transport> Client<T> {
         Ok(beams)
     }
 
-    /// Sends a command and waits for its own answer, asking again when it does not come. Refusals become errors.
+    /// Sends a command and waits for its own answer, asking again when it does not come. Refusals
+    /// become errors.
     fn ask(&mut self, command: &Command) -> Result<Report, ClientError> {
         self.sequence = self.sequence.wrapping_add(1);
         let mut frame = [0; MAX_FRAME];
@@ -375,11 +411,15 @@ impl<T: Transport> Client<T> {
             }
         }
         self.unsure = true;
-        Err(ClientError::Silent { command: name, tries: self.patience.tries, timeout: self.patience.timeout })
+        Err(ClientError::Silent {
+            command: name,
+            tries: self.patience.tries,
+            timeout: self.patience.timeout,
+        })
     }
 
-    /// The report of the current sequence number, if it comes in time. Broken frames and answers to older questions are
-    /// dropped; a line that never falls quiet is not listened to for longer.
+    /// The report of the current sequence number, if it comes in time. Broken frames and answers to
+    /// older questions are dropped; a line that never falls quiet is not listened to for longer.
     fn wait(&mut self) -> Result<Option<Report>, ClientError> {
         let deadline = Instant::now() + self.patience.timeout;
         let mut chunk = [0; 1024];

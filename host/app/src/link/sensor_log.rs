@@ -1,4 +1,5 @@
-//! The sensor's log: defmt's frames, which say only which message of the image, made readable with the image.
+//! The sensor's log: defmt's frames, which say only which message of the image, made readable with
+//! the image.
 
 use defmt_decoder::{DecodeError, Table};
 use thiserror::Error;
@@ -14,13 +15,16 @@ pub enum LogError {
     Silent,
 }
 
-/// The lines of a log: number, level, text. Frames that are broken, or cut off at the end, are left out.
+/// The lines of a log: number, level, text. Frames that are broken, or cut off at the end, are left
+/// out.
 ///
 /// # Errors
 ///
 /// [`LogError`] when the image is not one that logs.
 pub fn decode(elf: &[u8], frames: &[u8]) -> Result<Vec<String>, LogError> {
-    let table = Table::parse(elf).map_err(|error| LogError::Image(error.to_string()))?.ok_or(LogError::Silent)?;
+    let table = Table::parse(elf)
+        .map_err(|error| LogError::Image(error.to_string()))?
+        .ok_or(LogError::Silent)?;
     let mut decoder = table.new_stream_decoder();
     decoder.received(frames);
     let mut lines = Vec::new();

@@ -1,4 +1,5 @@
-//! The other end of a serial line: a sensor that shows a viewpoint for each number of a scan, as a turntable would.
+//! The other end of a serial line: a sensor that shows a viewpoint for each number of a scan, as a
+//! turntable would.
 
 use std::io;
 use std::sync::Arc;
@@ -16,8 +17,8 @@ use echoloop_frontend::WaveformFrontEnd;
 /// How often to look whether to stop.
 const LOOK_UP: Duration = Duration::from_millis(100);
 
-/// A front end that shows viewpoint n for scan n, n from 1, and nothing for other numbers. Its noise depends on seed, scan and
-/// beam only, so a viewpoint looks the same to every candidate.
+/// A front end that shows viewpoint n for scan n, n from 1, and nothing for other numbers. Its
+/// noise depends on seed, scan and beam only, so a viewpoint looks the same to every candidate.
 #[derive(Clone, Debug)]
 pub struct Viewpoints {
     front_end: WaveformFrontEnd,

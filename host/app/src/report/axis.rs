@@ -1,9 +1,12 @@
-//! Axes that bear any data: bounds around the finite values, marks at round numbers, everything else at the edge.
+//! Axes that bear any data: bounds around the finite values, marks at round numbers, everything
+//! else at the edge.
 
 use std::ops::Range;
 
 use plotters::coord::combinators::{IntoLogRange, LogCoord};
-use plotters::coord::ranged1d::{BoldPoints, KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
+use plotters::coord::ranged1d::{
+    BoldPoints, KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter,
+};
 use plotters::coord::types::RangedCoordf64;
 
 use super::format::{fixed, significant};
@@ -50,7 +53,9 @@ impl Axis {
     /// Logarithmic bounds a little beyond the finite positive values, and never under `floor`.
     pub(super) fn log_around(values: impl Iterator<Item = f64>, floor: f64) -> Self {
         match range(values.filter(|v| *v > 0.0).map(|v| v.max(floor))) {
-            (low, high) if low.is_finite() => Self::between(low / 1.3, high.max(low * 5.0) * 1.3, true),
+            (low, high) if low.is_finite() => {
+                Self::between(low / 1.3, high.max(low * 5.0) * 1.3, true)
+            }
             _ => Self::between(floor, floor * 100.0, true),
         }
     }
@@ -63,15 +68,21 @@ impl Axis {
 
     fn with_linear_ticks(mut self) -> Self {
         self.ticks = RangedCoordf64::from(self.range()).key_points(BoldPoints(8));
-        let decimals = |tick: &f64| significant(*tick).split_once('.').map_or(0, |(_, digits)| digits.len());
+        let decimals =
+            |tick: &f64| significant(*tick).split_once('.').map_or(0, |(_, digits)| digits.len());
         self.decimals = self.ticks.iter().map(decimals).max().filter(|decimals| *decimals > 0);
         self
     }
 
     fn with_log_ticks(mut self) -> Self {
-        let decades = LogCoord::from((self.low / 10.0..self.high).log_scale()).key_points(BoldPoints(8));
-        let digits: &[f64] = if self.high / self.low < FEW_DECADES { &[1.0, 2.0, 5.0] } else { &[1.0] };
-        self.ticks = decades.iter().flat_map(|decade| digits.iter().map(move |digit| digit * decade)).collect();
+        let decades =
+            LogCoord::from((self.low / 10.0..self.high).log_scale()).key_points(BoldPoints(8));
+        let digits: &[f64] =
+            if self.high / self.low < FEW_DECADES { &[1.0, 2.0, 5.0] } else { &[1.0] };
+        self.ticks = decades
+            .iter()
+            .flat_map(|decade| digits.iter().map(move |digit| digit * decade))
+            .collect();
         self.ticks.retain(|tick| (self.low..=self.high).contains(tick));
         self
     }
@@ -128,7 +139,10 @@ mod tests {
         let axis = Axis::around([0.03, f64::NAN, 4.0].into_iter());
         assert!(axis.is_log());
         assert_eq!(labels(&axis), ["0.05", "0.1", "0.2", "0.5", "1", "2"]);
-        assert_eq!(labels(&Axis::between(1e-3, 1e3, true)), ["0.001", "0.01", "0.1", "1", "10", "100", "1000"]);
+        assert_eq!(
+            labels(&Axis::between(1e-3, 1e3, true)),
+            ["0.001", "0.01", "0.1", "1", "10", "100", "1000"]
+        );
     }
 
     #[test]
@@ -140,10 +154,14 @@ mod tests {
 
     #[test]
     fn useless_values_still_give_an_axis() {
-        let pairs = [[-1.0, 0.0], [-1e308, 1e308], [1e16, 1e16 + 2.0], [1.0, 1.0 + 1e-15], [1e-12, 1e-2]];
+        let pairs =
+            [[-1.0, 0.0], [-1e308, 1e308], [1e16, 1e16 + 2.0], [1.0, 1.0 + 1e-15], [1e-12, 1e-2]];
         let lone = [vec![], vec![f64::NAN], vec![f64::INFINITY], vec![2.0]];
         for values in lone.into_iter().chain(pairs.map(Vec::from)) {
-            for axis in [Axis::around(values.iter().copied()), Axis::log_around(values.iter().copied(), 1e-3)] {
+            for axis in [
+                Axis::around(values.iter().copied()),
+                Axis::log_around(values.iter().copied(), 1e-3),
+            ] {
                 assert!(!axis.ticks.is_empty(), "{values:?}");
                 assert_eq!([f64::NAN, f64::NEG_INFINITY].map(|v| axis.map(&v, (0, 100))), [100, 0]);
             }

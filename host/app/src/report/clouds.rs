@@ -22,7 +22,8 @@ pub(super) fn section(clouds: Option<&PairClouds>) -> String {
     let Some(clouds) = clouds else {
         return String::new();
     };
-    let layers = [&clouds.before[0], &clouds.before[1], &clouds.after[0], &clouds.after[1]].map(shown);
+    let layers =
+        [&clouds.before[0], &clouds.before[1], &clouds.after[0], &clouds.after[1]].map(shown);
     let has_intensity = layers.iter().any(|layer| layer.iter().any(|(_, i)| *i > 0.0));
     let view = view(&layers);
     let data: String = layers.iter().map(|layer| layer_data(layer, &view)).collect();
@@ -80,8 +81,9 @@ fn hint() -> &'static str {
 
 /// The finite points, thinned evenly to [`MAX_LAYER_POINTS`], each with its intensity.
 fn shown(layer: &CloudLayer) -> Vec<([f32; 3], f32)> {
-    let finite: Vec<usize> =
-        (0..layer.points.len()).filter(|i| layer.points[*i].iter().all(|c| c.is_finite())).collect();
+    let finite: Vec<usize> = (0..layer.points.len())
+        .filter(|i| layer.points[*i].iter().all(|c| c.is_finite()))
+        .collect();
     let count = finite.len().min(MAX_LAYER_POINTS);
     (0..count)
         .map(|i| finite[i * finite.len() / count])
@@ -89,8 +91,8 @@ fn shown(layer: &CloudLayer) -> Vec<([f32; 3], f32)> {
         .collect()
 }
 
-/// What the camera should show: all but the outermost of both targets and the tuned source, so that neither a stray
-/// echo nor a failed registration decides the view.
+/// What the camera should show: all but the outermost of both targets and the tuned source, so that
+/// neither a stray echo nor a failed registration decides the view.
 fn view(layers: &[Vec<([f32; 3], f32)>; 4]) -> Bounds {
     let [target, _, tuned_target, tuned_source] = layers;
     let all = || target.iter().chain(tuned_target).chain(tuned_source);
@@ -174,15 +176,19 @@ mod tests {
 
     #[test]
     fn base64_matches_the_vectors_of_rfc_4648() {
-        for (plain, text) in [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")] {
+        for (plain, text) in
+            [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")]
+        {
             assert_eq!(base64(plain.as_bytes()), text);
         }
     }
 
     #[test]
     fn quantised_points_return_within_half_a_step() {
-        let layer: Vec<_> =
-            (0..100).map(|i| i as f32).map(|t| ([t * 0.37 - 9.0, (t * 0.7).sin() * 40.0, t * t * 0.01], 0.5)).collect();
+        let layer: Vec<_> = (0..100)
+            .map(|i| i as f32)
+            .map(|t| ([t * 0.37 - 9.0, (t * 0.7).sin() * 40.0, t * t * 0.01], 0.5))
+            .collect();
         let bounds = bounds(&layer);
         let bytes = quantise(&layer, &bounds);
         for ((point, _), packed) in layer.iter().zip(bytes.chunks(8)) {

@@ -35,7 +35,8 @@ pub(super) fn generation_axis(xs: &[f64]) -> Axis {
 }
 
 fn fitness(c: &Convergence, xs: &[f64]) -> String {
-    let series = [&c.best, &c.lower_quartile, &c.median, &c.upper_quartile, &c.mean_point, &c.held_out];
+    let series =
+        [&c.best, &c.lower_quartile, &c.median, &c.upper_quartile, &c.mean_point, &c.held_out];
     let y = Axis::around(series.into_iter().flatten().copied().chain(c.default_fitness));
     let (label, y_title) = (fitness_label(c), fitness_title(c, y.is_log()));
     let frame = Frame { size: SIZE, label: &label, y_title: &y_title, x_title: "generation" };
@@ -79,10 +80,16 @@ fn keys(c: &Convergence) -> Vec<Key<'static>> {
     let all: [(bool, Key<'static>); 6] = [
         (has(&c.best), ("best", Sample::Line, "best candidate")),
         (has(&c.median), ("median", Sample::Line, "median candidate")),
-        (has(&c.lower_quartile) && has(&c.upper_quartile), ("band", Sample::Area, "middle half of the candidates")),
+        (
+            has(&c.lower_quartile) && has(&c.upper_quartile),
+            ("band", Sample::Area, "middle half of the candidates"),
+        ),
         (has(&c.mean_point), ("mean-point", Sample::Line, "mean point of the search")),
         (has(&c.held_out), ("held-out", Sample::Dot, "held-out pairs")),
-        (c.default_fitness.is_some_and(f64::is_finite), ("default", Sample::Line, "default parameters")),
+        (
+            c.default_fitness.is_some_and(f64::is_finite),
+            ("default", Sample::Line, "default parameters"),
+        ),
     ];
     all.into_iter().filter(|(shown, _)| *shown).map(|(_, key)| key).collect()
 }
@@ -103,5 +110,8 @@ fn sigma(c: &Convergence, xs: &[f64]) -> String {
     let frame = Frame { size: SIGMA_SIZE, label: &label, y_title, x_title: "generation" };
     let y = Axis::log_around(c.sigma.iter().copied(), 1e-9);
     let plot = chart(&frame, generation_axis(xs), y, |chart| chart.line("sigma", xs, &c.sigma));
-    format!("<figure>{plot}{}</figure>", legend(&[("sigma", Sample::Line, "step size σ of the search")]))
+    format!(
+        "<figure>{plot}{}</figure>",
+        legend(&[("sigma", Sample::Line, "step size σ of the search")])
+    )
 }

@@ -33,7 +33,9 @@ pub(super) fn section(correlation: Option<&Correlation>, generations: usize) -> 
 
 fn caution(c: &Correlation, generations: usize) -> String {
     let share = match c.learned.filter(|share| share.is_finite()) {
-        Some(share) => format!("this run can have replaced at most {}\u{a0}% of it", fixed(share * 100.0, 0)),
+        Some(share) => {
+            format!("this run can have replaced at most {}\u{a0}% of it", fixed(share * 100.0, 0))
+        }
         None => "a short run replaces only part of it".to_owned(),
     };
     format!(
@@ -45,7 +47,8 @@ fn caution(c: &Correlation, generations: usize) -> String {
 
 /// The pair with the largest correlation, in words.
 fn strongest(c: &Correlation) -> String {
-    let best = pairs(c).filter(|(_, _, r)| r.is_finite()).max_by(|a, b| a.2.abs().total_cmp(&b.2.abs()));
+    let best =
+        pairs(c).filter(|(_, _, r)| r.is_finite()).max_by(|a, b| a.2.abs().total_cmp(&b.2.abs()));
     let Some((row, column, r)) = best else {
         return "No correlation is known.".to_owned();
     };
@@ -59,7 +62,8 @@ fn strongest(c: &Correlation) -> String {
 
 /// The lower triangle: row, column, value.
 fn pairs(c: &Correlation) -> impl Iterator<Item = (usize, usize, f64)> {
-    (1..c.names.len()).flat_map(move |row| (0..row).map(move |column| (row, column, c.matrix[row][column])))
+    (1..c.names.len())
+        .flat_map(move |row| (0..row).map(move |column| (row, column, c.matrix[row][column])))
 }
 
 /// Where the triangle begins and how large the drawing is, so that every slanted name has room.
@@ -119,13 +123,18 @@ fn cell(canvas: &Canvas<'_>, [x, y]: Px, r: f64) -> Drawn {
     let inner = CELL - 2.0;
     let square = [at([x, y]), at([x + inner, y + inner])];
     canvas.draw(&Rectangle::new(square, ink("cell").filled()))?;
-    let colour = ink(if r > 0.0 { "plus" } else { "minus" }).mix((strength * 100.0).round() / 100.0);
+    let colour =
+        ink(if r > 0.0 { "plus" } else { "minus" }).mix((strength * 100.0).round() / 100.0);
     canvas.draw(&Rectangle::new(square, colour.filled()))?;
     if strength < WORTH_A_NUMBER {
         return Ok(());
     }
     let class = if strength > 0.6 { "value strong" } else { "value" };
-    canvas.draw_text(&short(r), &text(class, HPos::Center, VPos::Center), at([x + inner / 2.0, y + inner / 2.0]))
+    canvas.draw_text(
+        &short(r),
+        &text(class, HPos::Center, VPos::Center),
+        at([x + inner / 2.0, y + inner / 2.0]),
+    )
 }
 
 /// Two digits without the leading zero, as fits a cell.

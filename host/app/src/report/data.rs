@@ -1,4 +1,5 @@
-//! What a report is made of. Values that are not finite mean "unknown" or "nothing found" everywhere.
+//! What a report is made of. Values that are not finite mean "unknown" or "nothing found"
+//! everywhere.
 
 use super::ReportError;
 
@@ -44,7 +45,8 @@ impl Default for PoseError {
 }
 
 impl PoseError {
-    /// Whether both parts are within `bound`. An unknown error is not, nor is any when the bound is unknown.
+    /// Whether both parts are within `bound`. An unknown error is not, nor is any when the bound is
+    /// unknown.
     #[must_use]
     pub fn is_within(&self, bound: &Self) -> bool {
         self.translation_m <= bound.translation_m && self.rotation_deg <= bound.rotation_deg
@@ -54,8 +56,8 @@ impl PoseError {
 /// Figures for each way to set the parameters, on the same test pairs.
 #[derive(Clone, Debug, Default)]
 pub struct EvaluationTable {
-    /// The first [`RowKind::Default`] row is what others are compared with; the first [`RowKind::Tuned`] row is the
-    /// headline's.
+    /// The first [`RowKind::Default`] row is what others are compared with; the first
+    /// [`RowKind::Tuned`] row is the headline's.
     pub rows: Vec<EvaluationRow>,
     /// A registration counts as a success when both errors are within this.
     pub success_within: PoseError,
@@ -116,7 +118,8 @@ impl Default for EvaluationRow {
     }
 }
 
-/// Fitness (lower is better) and step size by generation. Each series is as long as `generation`, or empty.
+/// Fitness (lower is better) and step size by generation. Each series is as long as `generation`,
+/// or empty.
 #[derive(Clone, Debug, Default)]
 pub struct Convergence {
     /// Numbers of the generations, rising.
@@ -162,7 +165,8 @@ pub struct ParameterTrace {
     pub tuned: f64,
     /// The distribution's mean, one for each of [`Convergence::generation`].
     pub mean: Vec<f64>,
-    /// Mean minus one standard deviation, mapped to real units after the subtraction (the search may be logarithmic).
+    /// Mean minus one standard deviation, mapped to real units after the subtraction (the search
+    /// may be logarithmic).
     pub low: Vec<f64>,
     /// Mean plus one standard deviation, likewise.
     pub high: Vec<f64>,
@@ -175,7 +179,8 @@ pub struct Correlation {
     pub names: Vec<String>,
     /// Square and symmetric; only the lower triangle is drawn.
     pub matrix: Vec<Vec<f64>>,
-    /// Share of the covariance the run can have replaced at most, `1 − (1 − c_1 − c_µ)^generations`, if known.
+    /// Share of the covariance the run can have replaced at most,
+    /// `1 − (1 − c_1 − c_µ)^generations`, if known.
     pub learned: Option<f64>,
 }
 
@@ -195,7 +200,8 @@ pub struct PairError {
 pub struct PairClouds {
     /// Name of the pair.
     pub label: String,
-    /// Target and source under the default parameters, both in the target's frame, the source in its estimated pose.
+    /// Target and source under the default parameters, both in the target's frame, the source in
+    /// its estimated pose.
     pub before: [CloudLayer; 2],
     /// The same under the tuned parameters.
     pub after: [CloudLayer; 2],
@@ -205,8 +211,8 @@ pub struct PairClouds {
     pub after_error: PoseError,
 }
 
-/// A cloud in the target's frame, metres, z up. Points that are not finite are left out, and of more than
-/// [`MAX_LAYER_POINTS`](super::MAX_LAYER_POINTS) an even selection is shown.
+/// A cloud in the target's frame, metres, z up. Points that are not finite are left out, and of
+/// more than [`MAX_LAYER_POINTS`](super::MAX_LAYER_POINTS) an even selection is shown.
 #[derive(Clone, Debug, Default)]
 pub struct CloudLayer {
     /// Points x, y, z.
@@ -241,18 +247,20 @@ impl Convergence {
             ("held-out fitness", &self.held_out),
             ("sigma", &self.sigma),
         ];
-        series
-            .iter()
-            .try_for_each(|(name, values)| optional_length(name, values.len(), self.generation.len(), "generations"))
+        series.iter().try_for_each(|(name, values)| {
+            optional_length(name, values.len(), self.generation.len(), "generations")
+        })
     }
 }
 
 impl ParameterTrace {
     fn check(&self, generations: usize) -> Result<(), ReportError> {
-        [("mean", &self.mean), ("low", &self.low), ("high", &self.high)].iter().try_for_each(|(name, values)| {
-            let series = format!("{name} of {}", self.name);
-            optional_length(&series, values.len(), generations, "generations")
-        })
+        [("mean", &self.mean), ("low", &self.low), ("high", &self.high)].iter().try_for_each(
+            |(name, values)| {
+                let series = format!("{name} of {}", self.name);
+                optional_length(&series, values.len(), generations, "generations")
+            },
+        )
     }
 }
 
@@ -260,16 +268,17 @@ impl Correlation {
     fn check(&self) -> Result<(), ReportError> {
         let names = self.names.len();
         length("correlation matrix", self.matrix.len(), names, "names")?;
-        self.matrix.iter().try_for_each(|row| length("row of the correlation matrix", row.len(), names, "names"))
+        self.matrix
+            .iter()
+            .try_for_each(|row| length("row of the correlation matrix", row.len(), names, "names"))
     }
 }
 
 impl PairClouds {
     fn check(&self) -> Result<(), ReportError> {
-        self.before
-            .iter()
-            .chain(&self.after)
-            .try_for_each(|layer| optional_length("intensity", layer.intensity.len(), layer.points.len(), "points"))
+        self.before.iter().chain(&self.after).try_for_each(|layer| {
+            optional_length("intensity", layer.intensity.len(), layer.points.len(), "points")
+        })
     }
 }
 

@@ -127,8 +127,10 @@ pub(super) fn section(table: &EvaluationTable) -> String {
     if table.rows.is_empty() {
         return String::new();
     }
-    let heads: String =
-        COLUMNS.iter().map(|c| format!("<th scope=\"col\">{}<small>{}</small></th>", c.head, c.over)).collect();
+    let heads: String = COLUMNS
+        .iter()
+        .map(|c| format!("<th scope=\"col\">{}<small>{}</small></th>", c.head, c.over))
+        .collect();
     let default = table.first(RowKind::Default);
     let rows: String = table.rows.iter().map(|row| table_row(row, default)).collect();
     format!(
@@ -172,7 +174,10 @@ fn table_row(row: &EvaluationRow, default: Option<&EvaluationRow>) -> String {
         })
         .collect();
     let pairs = row.pairs.map_or(String::new(), |n| format!("<small>{n} pairs</small>"));
-    format!("<tr class=\"{class}\"><th scope=\"row\">{}{pairs}</th>{cells}</tr>", escape(&row.label))
+    format!(
+        "<tr class=\"{class}\"><th scope=\"row\">{}{pairs}</th>{cells}</tr>",
+        escape(&row.label)
+    )
 }
 
 fn difference(column: &Column, row: &EvaluationRow, base: &EvaluationRow) -> String {
@@ -193,12 +198,16 @@ fn recall_bar(row: &EvaluationRow) -> String {
     let interval = row.pairs.filter(|pairs| *pairs > 0).map(|pairs| wilson(recall, pairs as f64));
     let across = |share: f64| 2.0 + 100.0 * share;
     drawing([104.0, 12.0], &bar_label(interval), |canvas, _| {
-        let bar = |class, share| Rectangle::new([at([2.0, 3.0]), at([across(share), 9.0])], ink(class).filled());
+        let bar = |class, share| {
+            Rectangle::new([at([2.0, 3.0]), at([across(share), 9.0])], ink(class).filled())
+        };
         canvas.draw(&bar("bar-back", 1.0))?;
         canvas.draw(&bar("bar", recall))?;
         let Some(ends) = interval else { return Ok(()) };
         let [left, right] = [ends.0, ends.1].map(across);
-        for ends in [[[left, 6.0], [right, 6.0]], [[left, 3.5], [left, 8.5]], [[right, 3.5], [right, 8.5]]] {
+        for ends in
+            [[[left, 6.0], [right, 6.0]], [[left, 3.5], [left, 8.5]], [[right, 3.5], [right, 8.5]]]
+        {
             canvas.draw(&PathElement::new(ends.map(at), ink("whisker")))?;
         }
         Ok(())

@@ -1,8 +1,9 @@
 //! One run as one HTML file: what was tuned, what it gained, and two clouds to look at.
 //!
-//! Plain data in, one string out. The file refers to nothing outside itself (a content security policy in its head
-//! forbids it), so it opens from disk, by mail and in ten years. Plots are SVG whose colours come from the style sheet,
-//! so that dark mode and print follow; only the 3D viewer is a script. The same data gives the same bytes.
+//! Plain data in, one string out. The file refers to nothing outside itself (a content security
+//! policy in its head forbids it), so it opens from disk, by mail and in ten years. Plots are SVG
+//! whose colours come from the style sheet, so that dark mode and print follow; only the 3D viewer
+//! is a script. The same data gives the same bytes.
 
 mod axis;
 mod clouds;
@@ -19,8 +20,8 @@ mod trajectories;
 
 pub use clouds::MAX_LAYER_POINTS;
 pub use data::{
-    CloudLayer, Convergence, Correlation, EvaluationRow, EvaluationTable, PairClouds, PairError, ParameterTrace,
-    PoseError, Report, RowKind,
+    CloudLayer, Convergence, Correlation, EvaluationRow, EvaluationTable, PairClouds, PairError,
+    ParameterTrace, PoseError, Report, RowKind,
 };
 
 /// Why a [`Report`] cannot be drawn: its parts do not fit together.
@@ -41,7 +42,8 @@ pub enum ReportError {
 impl Report {
     /// The page, complete.
     ///
-    /// Values that are not finite are shown as a dash, gaps or marks at the edge of the plot; empty parts are left out.
+    /// Values that are not finite are shown as a dash, gaps or marks at the edge of the plot; empty
+    /// parts are left out.
     ///
     /// # Errors
     ///
@@ -66,17 +68,25 @@ mod tests {
     #[test]
     fn series_of_unequal_length_are_refused_by_name() {
         let report = Report {
-            convergence: Convergence { generation: vec![0, 1], best: vec![1.0], ..Convergence::default() },
+            convergence: Convergence {
+                generation: vec![0, 1],
+                best: vec![1.0],
+                ..Convergence::default()
+            },
             ..Report::default()
         };
         let error = report.to_html().expect_err("one value for two generations");
-        assert_eq!(error.to_string(), "best fitness holds 1 values, not one for each of 2 generations");
+        assert_eq!(
+            error.to_string(),
+            "best fitness holds 1 values, not one for each of 2 generations"
+        );
     }
 
     #[test]
     fn text_is_escaped_wherever_it_stands() {
         let evil = "<script>\"&'".to_owned();
-        let trace = ParameterTrace { name: evil.clone(), unit: evil.clone(), ..ParameterTrace::default() };
+        let trace =
+            ParameterTrace { name: evil.clone(), unit: evil.clone(), ..ParameterTrace::default() };
         let pair = PairError { label: evil.clone(), ..PairError::default() };
         let report = Report {
             title: evil.clone(),
@@ -85,7 +95,11 @@ mod tests {
             parameters: vec![trace],
             pair_errors: vec![pair],
             notes: vec![evil.clone()],
-            correlation: Some(Correlation { names: vec![evil.clone()], matrix: vec![vec![1.0]], learned: None }),
+            correlation: Some(Correlation {
+                names: vec![evil.clone()],
+                matrix: vec![vec![1.0]],
+                learned: None,
+            }),
             ..Report::default()
         };
         let html = report.to_html().expect("consistent");

@@ -8,7 +8,8 @@ const STYLE: &str = include_str!("report.css");
 const VIEWER: &str = include_str!("viewer.js");
 
 /// Nothing may be fetched: the browser enforces what the report promises.
-const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:";
+const POLICY: &str =
+    "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:";
 
 pub(super) fn page(report: &Report) -> String {
     let sections = [
@@ -37,9 +38,12 @@ fn header(report: &Report) -> String {
     let facts: String = report
         .facts
         .iter()
-        .map(|(name, value)| format!("<div><dt>{}</dt><dd>{}</dd></div>", escape(name), escape(value)))
+        .map(|(name, value)| {
+            format!("<div><dt>{}</dt><dd>{}</dd></div>", escape(name), escape(value))
+        })
         .collect();
-    let facts = if facts.is_empty() { facts } else { format!("<dl class=\"facts\">{facts}</dl>\n") };
+    let facts =
+        if facts.is_empty() { facts } else { format!("<dl class=\"facts\">{facts}</dl>\n") };
     format!(
         "<header><p class=\"eyebrow\">Echoloop</p><h1>{}</h1><p class=\"subtitle\">{}</p>\
          <p class=\"headline\">{}</p>{}{facts}</header>\n",

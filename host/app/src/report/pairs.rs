@@ -25,8 +25,10 @@ struct Part {
     read: fn(&PoseError) -> f64,
 }
 
-const TRANSLATION: Part = Part { name: "translation error", unit: "m", read: |error| error.translation_m };
-const ROTATION: Part = Part { name: "rotation error", unit: "°", read: |error| error.rotation_deg };
+const TRANSLATION: Part =
+    Part { name: "translation error", unit: "m", read: |error| error.translation_m };
+const ROTATION: Part =
+    Part { name: "rotation error", unit: "°", read: |error| error.rotation_deg };
 
 /// The three plots, or nothing without pairs.
 pub(super) fn section(report: &Report) -> String {
@@ -51,7 +53,9 @@ pub(super) fn section(report: &Report) -> String {
 /// How many pairs tuning won and lost, and whether that could be a coin's doing.
 fn gains(pairs: &[PairError], within: &PoseError) -> String {
     let count = |before: bool, after: bool| {
-        let same = |p: &&PairError| p.default.is_within(within) == before && p.tuned.is_within(within) == after;
+        let same = |p: &&PairError| {
+            p.default.is_within(within) == before && p.tuned.is_within(within) == after
+        };
         pairs.iter().filter(same).count()
     };
     let (won, lost) = (count(false, true), count(true, false));
@@ -79,7 +83,8 @@ fn coin(a: usize, b: usize) -> f64 {
 fn slopes(pairs: &[PairError], within: &PoseError) -> String {
     let mut sorted: Vec<&PairError> = pairs.iter().collect();
     sorted.sort_by(|a, b| b.default.translation_m.total_cmp(&a.default.translation_m));
-    let label = format!("Translation error of {} pairs with default and tuned parameters.", pairs.len());
+    let label =
+        format!("Translation error of {} pairs with default and tuned parameters.", pairs.len());
     let frame = Frame {
         size: SLOPES,
         label: &label,
@@ -90,12 +95,23 @@ fn slopes(pairs: &[PairError], within: &PoseError) -> String {
     chart(&frame, x, part_axis(&TRANSLATION, pairs, within), |chart| {
         chart.level("limit", within.translation_m)?;
         let radius = if sorted.len() > 60 { 2.8 } else { 4.5 };
-        sorted.iter().enumerate().try_for_each(|(rank, pair)| slope(chart, pair, rank as f64 + 1.0, within, radius))
+        sorted
+            .iter()
+            .enumerate()
+            .try_for_each(|(rank, pair)| slope(chart, pair, rank as f64 + 1.0, within, radius))
     })
 }
 
-fn slope(chart: &mut Chart<'_, '_>, pair: &PairError, x: f64, within: &PoseError, radius: f64) -> Drawn {
-    let reach = |error: &PoseError| if error.translation_m.is_finite() { error.translation_m } else { f64::INFINITY };
+fn slope(
+    chart: &mut Chart<'_, '_>,
+    pair: &PairError,
+    x: f64,
+    within: &PoseError,
+    radius: f64,
+) -> Drawn {
+    let reach = |error: &PoseError| {
+        if error.translation_m.is_finite() { error.translation_m } else { f64::INFINITY }
+    };
     let [before, after] = [&pair.default, &pair.tuned].map(reach);
     let class = if after < before { "slope good" } else { "slope bad" };
     chart.draw([PathElement::new([(x, before), (x, after)], ink(class))])?;
@@ -123,17 +139,29 @@ fn mark(
 
 fn hint(pair: &PairError) -> String {
     let text = |e: &PoseError| {
-        format!("{}, {}", with_unit(&fixed(e.translation_m, 3), "m"), with_unit(&fixed(e.rotation_deg, 2), "°"))
+        format!(
+            "{}, {}",
+            with_unit(&fixed(e.translation_m, 3), "m"),
+            with_unit(&fixed(e.rotation_deg, 2), "°")
+        )
     };
     format!("{}: default {}; tuned {}", pair.label, text(&pair.default), text(&pair.tuned))
 }
 
 /// Share of pairs whose error is at most x, for both settings.
 fn curve(part: &Part, pairs: &[PairError], within: &PoseError) -> String {
-    let label = format!("Cumulative distribution of the {} with default and tuned parameters.", part.name);
+    let label =
+        format!("Cumulative distribution of the {} with default and tuned parameters.", part.name);
     let x_title = format!("{}, {}, log axis", part.name, part.unit);
-    let frame = Frame { size: CURVE, label: &label, y_title: "% of pairs with at most this error", x_title: &x_title };
-    let curve = |read: fn(&PairError) -> &PoseError| steps(pairs.iter().map(|pair| (part.read)(read(pair))).collect());
+    let frame = Frame {
+        size: CURVE,
+        label: &label,
+        y_title: "% of pairs with at most this error",
+        x_title: &x_title,
+    };
+    let curve = |read: fn(&PairError) -> &PoseError| {
+        steps(pairs.iter().map(|pair| (part.read)(read(pair))).collect())
+    };
     chart(&frame, part_axis(part, pairs, within), Axis::between(0.0, 100.0, false), |chart| {
         chart.upright("limit", (part.read)(within))?;
         chart.draw(LineSeries::new(curve(|pair| &pair.default), ink("curve-default")))?;
@@ -146,8 +174,15 @@ fn steps(mut errors: Vec<f64>) -> Vec<(f64, f64)> {
     let share = 100.0 / errors.len() as f64;
     errors.retain(|e| e.is_finite());
     errors.sort_by(f64::total_cmp);
-    let stairs = errors.iter().enumerate().flat_map(|(i, e)| [(*e, share * i as f64), (*e, share * (i + 1) as f64)]);
-    [(0.0, 0.0)].into_iter().chain(stairs).chain([(f64::INFINITY, share * errors.len() as f64)]).collect()
+    let stairs = errors
+        .iter()
+        .enumerate()
+        .flat_map(|(i, e)| [(*e, share * i as f64), (*e, share * (i + 1) as f64)]);
+    [(0.0, 0.0)]
+        .into_iter()
+        .chain(stairs)
+        .chain([(f64::INFINITY, share * errors.len() as f64)])
+        .collect()
 }
 
 fn part_axis(part: &Part, pairs: &[PairError], within: &PoseError) -> Axis {
@@ -181,7 +216,9 @@ mod tests {
 
     #[test]
     fn the_coin_is_fair() {
-        for (a, b, p) in [(0, 0, 1.0), (3, 3, 1.0), (5, 0, 2.0 / 32.0), (1, 7, 18.0 / 256.0), (999, 999, 1.0)] {
+        for (a, b, p) in
+            [(0, 0, 1.0), (3, 3, 1.0), (5, 0, 2.0 / 32.0), (1, 7, 18.0 / 256.0), (999, 999, 1.0)]
+        {
             assert!((coin(a, b) - p).abs() < 1e-9, "{a} to {b}");
         }
     }

@@ -1,4 +1,5 @@
-//! Drawings by plotters: a canvas whose colours are the style sheet's, and charts with two axes on it.
+//! Drawings by plotters: a canvas whose colours are the style sheet's, and charts with two axes on
+//! it.
 
 use std::io;
 
@@ -12,7 +13,8 @@ use super::axis::Axis;
 use super::format::escape;
 use super::theme::{ink, themed};
 
-/// plotters places things on whole units; this many of them make one of ours, a pixel at the natural size.
+/// plotters places things on whole units; this many of them make one of ours, a pixel at the
+/// natural size.
 const FINE: f64 = 10.0;
 
 /// A point on the drawing, y down.
@@ -29,15 +31,24 @@ pub(super) fn at([x, y]: Px) -> (i32, i32) {
     (fine(x), fine(y))
 }
 
-/// An SVG element of this size; `label` is what a screen reader says. What `draw` puts into the string lies on top.
-pub(super) fn drawing(size: Px, label: &str, draw: impl FnOnce(&Canvas<'_>, &mut String) -> Drawn) -> String {
+/// An SVG element of this size; `label` is what a screen reader says. What `draw` puts into the
+/// string lies on top.
+pub(super) fn drawing(
+    size: Px,
+    label: &str,
+    draw: impl FnOnce(&Canvas<'_>, &mut String) -> Drawn,
+) -> String {
     let (width, height) = at(size);
     let (mut svg, mut top) = (String::new(), String::new());
-    let canvas = SVGBackend::with_string(&mut svg, (width as u32, height as u32)).into_drawing_area();
+    let canvas =
+        SVGBackend::with_string(&mut svg, (width as u32, height as u32)).into_drawing_area();
     draw(&canvas, &mut top).and_then(|()| canvas.present()).expect("a string takes every drawing");
     drop(canvas);
     let content = themed(&svg).replace("</svg>", &top);
-    format!("<svg role=\"img\" aria-label=\"{}\" viewBox=\"0 0 {width} {height}\">{content}</svg>", escape(label))
+    format!(
+        "<svg role=\"img\" aria-label=\"{}\" viewBox=\"0 0 {width} {height}\">{content}</svg>",
+        escape(label)
+    )
 }
 
 /// Text of a class, placed by `h` and `v`. Font and size are the style sheet's.
@@ -73,10 +84,19 @@ pub(super) struct Chart<'a, 'b> {
 }
 
 /// A chart with its grid; `draw` adds the data.
-pub(super) fn chart(frame: &Frame<'_>, x: Axis, y: Axis, draw: impl FnOnce(&mut Chart<'_, '_>) -> Drawn) -> String {
+pub(super) fn chart(
+    frame: &Frame<'_>,
+    x: Axis,
+    y: Axis,
+    draw: impl FnOnce(&mut Chart<'_, '_>) -> Drawn,
+) -> String {
     drawing(frame.size, frame.label, |canvas, top| {
         let room = |title: &str, with, without| fine(if title.is_empty() { without } else { with });
-        canvas.draw_text(frame.y_title, &text("axis", HPos::Left, VPos::Bottom), at([4.0, 23.0]))?;
+        canvas.draw_text(
+            frame.y_title,
+            &text("axis", HPos::Left, VPos::Bottom),
+            at([4.0, 23.0]),
+        )?;
         let mut chart = ChartBuilder::on(canvas)
             .margin_top(room(frame.y_title, 34.0, 8.0))
             .margin_right(fine(13.0))
@@ -85,7 +105,11 @@ pub(super) fn chart(frame: &Frame<'_>, x: Axis, y: Axis, draw: impl FnOnce(&mut 
             .build_cartesian_2d(x, y)?;
         let tick = text("tick", HPos::Left, VPos::Top);
         let mut levels = chart.configure_mesh();
-        levels.disable_x_mesh().disable_x_axis().bold_line_style(ink("grid")).light_line_style(TRANSPARENT);
+        levels
+            .disable_x_mesh()
+            .disable_x_axis()
+            .bold_line_style(ink("grid"))
+            .light_line_style(TRANSPARENT);
         levels.axis_style(TRANSPARENT).y_label_style(tick.clone());
         levels.set_tick_mark_size(LabelAreaPosition::Left, fine(3.5)).draw()?;
         let mut foot = chart.configure_mesh();
@@ -121,7 +145,9 @@ impl<'b> Chart<'_, 'b> {
     /// The area between two series where both are finite.
     pub(super) fn band(&mut self, class: &str, xs: &[f64], low: &[f64], high: &[f64]) -> Drawn {
         let points: Vec<_> = xs.iter().zip(low).zip(high).map(|((x, l), h)| (*x, *l, *h)).collect();
-        for run in points.split(|(_, l, h)| !(l.is_finite() && h.is_finite())).filter(|run| run.len() > 1) {
+        for run in
+            points.split(|(_, l, h)| !(l.is_finite() && h.is_finite())).filter(|run| run.len() > 1)
+        {
             let under = run.iter().map(|(x, l, _)| (*x, *l));
             let over = run.iter().rev().map(|(x, _, h)| (*x, *h));
             self.draw([Polygon::new(under.chain(over).collect::<Vec<_>>(), ink(class))])?;
@@ -132,7 +158,11 @@ impl<'b> Chart<'_, 'b> {
     /// A dot at each finite value.
     pub(super) fn dots(&mut self, class: &str, xs: &[f64], ys: &[f64], radius: f64) -> Drawn {
         let points = xs.iter().copied().zip(ys.iter().copied()).filter(|(_, y)| y.is_finite());
-        self.draw(PointSeries::<_, _, Circle<_, _>, _>::new(points, fine(radius), ink(class).filled()))
+        self.draw(PointSeries::<_, _, Circle<_, _>, _>::new(
+            points,
+            fine(radius),
+            ink(class).filled(),
+        ))
     }
 
     /// A line from left to right at `y`, if that is a number.
@@ -149,7 +179,8 @@ impl<'b> Chart<'_, 'b> {
 
     /// The chart from `left` to `right` shows `text` under the pointer.
     pub(super) fn hint(&mut self, left: f64, right: f64, text: &str) {
-        let corners = [(left, f64::INFINITY), (right, f64::NEG_INFINITY)].map(|c| self.chart.backend_coord(&c));
+        let corners = [(left, f64::INFINITY), (right, f64::NEG_INFINITY)]
+            .map(|c| self.chart.backend_coord(&c));
         *self.top += &hint(corners[0], corners[1], text);
     }
 }
@@ -167,7 +198,8 @@ pub(super) enum Sample {
 
 /// A legend as a list, in the page's text size whatever the plot's scale.
 pub(super) fn legend(keys: &[Key<'_>]) -> String {
-    let items: String = keys.iter().map(|(class, sample, text)| key(class, *sample, text)).collect();
+    let items: String =
+        keys.iter().map(|(class, sample, text)| key(class, *sample, text)).collect();
     format!("<ul class=\"legend\">{items}</ul>")
 }
 

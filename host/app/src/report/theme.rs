@@ -1,4 +1,5 @@
-//! From the colours plotters knows to classes of the style sheet, so that dark mode and print follow.
+//! From the colours plotters knows to classes of the style sheet, so that dark mode and print
+//! follow.
 
 use plotters::style::RGBColor;
 
@@ -17,16 +18,25 @@ pub(super) fn ink(class: &str) -> RGBColor {
     RGBColor(0xEC, 0x40, index.expect("plots use classes of the theme only") as u8)
 }
 
-/// The content of an SVG by plotters with classes in place of colours and without what the style sheet says anyway.
+/// The content of an SVG by plotters with classes in place of colours and without what the style
+/// sheet says anyway.
 pub(super) fn themed(svg: &str) -> String {
     let content = svg.split_once('>').map_or(svg, |(_, content)| content).replace('\n', "");
-    let plain = [" opacity=\"1\"", " stroke-width=\"1\"", " font-family=\"sans-serif\"", " font-size=\"100\""]
-        .iter()
-        .fold(content, |text, attribute| text.replace(attribute, ""));
+    let plain = [
+        " opacity=\"1\"",
+        " stroke-width=\"1\"",
+        " font-family=\"sans-serif\"",
+        " font-size=\"100\"",
+    ]
+    .iter()
+    .fold(content, |text, attribute| text.replace(attribute, ""));
     CLASSES.iter().fold(plain, |text, class| {
         let RGBColor(r, g, b) = ink(class);
         ["fill", "stroke"].iter().fold(text, |text, attribute| {
-            text.replace(&format!("{attribute}=\"#{r:02X}{g:02X}{b:02X}\""), &format!("class=\"{class}\""))
+            text.replace(
+                &format!("{attribute}=\"#{r:02X}{g:02X}{b:02X}\""),
+                &format!("class=\"{class}\""),
+            )
         })
     })
 }

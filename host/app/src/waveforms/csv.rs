@@ -2,12 +2,15 @@
 
 use super::read::Problem;
 
-/// Rows of numbers. A line may be empty, end in commas, quote its numbers or end in CR LF; empty lines at the end are no rows.
+/// Rows of numbers. A line may be empty, end in commas, quote its numbers or end in CR LF; empty
+/// lines at the end are no rows.
 pub(super) fn parse(bytes: &[u8]) -> Result<Vec<Vec<f64>>, Problem> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let text = str::from_utf8(bytes).map_err(|error| {
         let found = format!("bytes that are no text at offset {}", error.valid_up_to());
-        Problem::Format(format!("expected CSV (numbers between commas) or a NumPy .npy array, found {found}"))
+        Problem::Format(format!(
+            "expected CSV (numbers between commas) or a NumPy .npy array, found {found}"
+        ))
     })?;
     let lines = text.trim_end().lines();
     lines.zip(1..).map(|(line, row)| parse_row(line, row)).collect()
@@ -39,11 +42,15 @@ fn shown(cell: &str) -> String {
 }
 
 fn hint(cell: &str, row: usize) -> &'static str {
-    let numbers =
-        |separator: char| cell.contains(separator) && cell.split(separator).all(|c| c.trim().parse::<f64>().is_ok());
+    let numbers = |separator: char| {
+        cell.contains(separator) && cell.split(separator).all(|c| c.trim().parse::<f64>().is_ok())
+    };
     match () {
         () if [';', '\t', ' '].into_iter().any(numbers) => " (numbers are separated by commas)",
-        () if row == 1 && cell.starts_with(|c: char| c.is_alphabetic()) && cell.parse::<f64>().is_err() => {
+        () if row == 1
+            && cell.starts_with(|c: char| c.is_alphabetic())
+            && cell.parse::<f64>().is_err() =>
+        {
             " (the first line is a waveform: there is no header)"
         }
         () => "",
@@ -72,7 +79,11 @@ mod tests {
             ("1,2\n3 4", 2, 1, "'3 4'", " (numbers are separated by commas)"),
         ];
         for (text, row, column, found, hint) in table {
-            assert_eq!(parse(text.as_bytes()), Err(Problem::Cell(row, column, found.into(), hint)), "{text}");
+            assert_eq!(
+                parse(text.as_bytes()),
+                Err(Problem::Cell(row, column, found.into(), hint)),
+                "{text}"
+            );
         }
         assert!(matches!(parse(&[b'1', 0xff]), Err(Problem::Format(_))));
     }

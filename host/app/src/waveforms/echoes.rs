@@ -64,23 +64,35 @@ impl Finder {
         Self { options }
     }
 
-    /// Finds the echoes of every row; `outgoing` holds the emitted pulse of each row, or one for all, or nothing.
+    /// Finds the echoes of every row; `outgoing` holds the emitted pulse of each row, or one for
+    /// all, or nothing.
     ///
     /// A row of `outgoing` without a pulse counts as absent.
     pub fn find(&self, rows: &[Vec<f64>], outgoing: &[Vec<f64>]) -> Vec<Waveform> {
-        let pulses: Vec<Option<Pulse>> = outgoing.par_iter().map_init(recorder, |r, row| pulse(r, row)).collect();
-        let pulse = |i: usize| if pulses.len() == 1 { pulses[0] } else { pulses.get(i).copied().flatten() };
+        let pulses: Vec<Option<Pulse>> =
+            outgoing.par_iter().map_init(recorder, |r, row| pulse(r, row)).collect();
+        let pulse =
+            |i: usize| if pulses.len() == 1 { pulses[0] } else { pulses.get(i).copied().flatten() };
         let found = rows.par_iter().enumerate();
-        found.map_init(recorder, |recorder, (i, row)| self.row(recorder, i, row, pulse(i))).collect()
+        found
+            .map_init(recorder, |recorder, (i, row)| self.row(recorder, i, row, pulse(i)))
+            .collect()
     }
 
-    fn row(&self, recorder: &mut Recorder, waveform: usize, row: &[f64], pulse: Option<Pulse>) -> Waveform {
+    fn row(
+        &self,
+        recorder: &mut Recorder,
+        waveform: usize,
+        row: &[f64],
+        pulse: Option<Pulse>,
+    ) -> Waveform {
         let codes = Codes::of(without_padding(row));
         let search = self.search(codes.shift, pulse);
         let mut found = pieces(recorder, &codes.codes, &search);
         let highest = found.iter().map(|echo| echo.amplitude).max().unwrap_or_default();
         found.retain(|echo| {
-            echo.amplitude as f64 >= self.options.floor * highest as f64 || codes.codes.len() <= MAX_SAMPLES
+            echo.amplitude as f64 >= self.options.floor * highest as f64
+                || codes.codes.len() <= MAX_SAMPLES
         });
         found.sort_by_key(|echo| echo.amplitude);
         found.drain(..found.len().saturating_sub(self.options.max_echoes));
@@ -127,8 +139,9 @@ pub fn pulse(recorder: &mut Recorder, row: &[f64]) -> Option<Pulse> {
     Pulse::of(recorder, &codes.codes, codes.shift)
 }
 
-/// The echoes of a record of any length. One longer than the DSP's memory is looked at in pieces of [`MAX_SAMPLES`] that share
-/// [`OVERLAP`] samples; an echo counts in the piece in whose inner part it lies. A piece lower than the record is not clipped.
+/// The echoes of a record of any length. One longer than the DSP's memory is looked at in pieces of
+/// [`MAX_SAMPLES`] that share [`OVERLAP`] samples; an echo counts in the piece in whose inner part
+/// it lies. A piece lower than the record is not clipped.
 fn pieces(recorder: &mut Recorder, codes: &[u16], search: &Search) -> Vec<Recorded> {
     let step = MAX_SAMPLES - OVERLAP;
     let mut found = Vec::new();
@@ -138,7 +151,8 @@ fn pieces(recorder: &mut Recorder, codes: &[u16], search: &Search) -> Vec<Record
         let end = (start + MAX_SAMPLES).min(codes.len());
         let is_lower = codes[start..end].iter().max() < highest;
         let from = if start == 0 { i64::MIN } else { (OVERLAP as i64 / 2) << 16 };
-        let to = if end == codes.len() { i64::MAX } else { ((MAX_SAMPLES - OVERLAP / 2) as i64) << 16 };
+        let to =
+            if end == codes.len() { i64::MAX } else { ((MAX_SAMPLES - OVERLAP / 2) as i64) << 16 };
         for echo in recorder.echoes(&codes[start..end], search) {
             if (from..to).contains(&echo.time) {
                 let clipped = if is_lower { Flags::SATURATED.0 } else { 0 };

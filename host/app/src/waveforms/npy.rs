@@ -6,7 +6,8 @@
 //! data   in that order
 //! ```
 //!
-//! Read here and not by a crate: those bring a parser generator and assembled code for these three entries.
+//! Read here and not by a crate: those bring a parser generator and assembled code for these three
+//! entries.
 
 use super::read::Problem;
 
@@ -19,7 +20,8 @@ pub(super) fn is_npy(bytes: &[u8]) -> bool {
 
 /// Rows of an array of two dimensions, or the one row of one dimension.
 pub(super) fn parse(bytes: &[u8]) -> Result<Vec<Vec<f64>>, Problem> {
-    let (header, data) = split(bytes).ok_or_else(|| format("a header that ends within the file", "a shorter file"))?;
+    let (header, data) = split(bytes)
+        .ok_or_else(|| format("a header that ends within the file", "a shorter file"))?;
     let (rows, columns) = shape(entry(header, "shape").unwrap_or_default())?;
     let number = Number::of(entry(header, "descr").unwrap_or_default())?;
     let by_columns = match entry(header, "fortran_order").unwrap_or_default() {
@@ -46,7 +48,9 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Vec<Vec<f64>>, Problem> {
 }
 
 fn format(expected: &str, found: &str) -> Problem {
-    Problem::Format(std::format!("not a .npy array of waveforms: expected {expected}, found {found}"))
+    Problem::Format(std::format!(
+        "not a .npy array of waveforms: expected {expected}, found {found}"
+    ))
 }
 
 /// Header and data.
@@ -63,15 +67,20 @@ fn split(bytes: &[u8]) -> Option<(&str, &[u8])> {
 
 /// What follows a key of the header, to its end.
 fn entry<'h>(header: &'h str, key: &str) -> Option<&'h str> {
-    let after = ["'", "\""].iter().find_map(|quote| header.split_once(&std::format!("{quote}{key}{quote}")))?.1;
+    let after = ["'", "\""]
+        .iter()
+        .find_map(|quote| header.split_once(&std::format!("{quote}{key}{quote}")))?
+        .1;
     Some(after.trim_start().strip_prefix(':')?.trim_start())
 }
 
 /// Rows and columns of `(3, 4), …` or `(4,), …`.
 fn shape(text: &str) -> Result<(usize, usize), Problem> {
-    let inside = text.strip_prefix('(').and_then(|text| text.split_once(')')).map(|(inside, _)| inside);
-    let sizes =
-        inside.map(|inside| inside.split(',').map(str::trim).filter(|s| !s.is_empty()).map(str::parse).collect());
+    let inside =
+        text.strip_prefix('(').and_then(|text| text.split_once(')')).map(|(inside, _)| inside);
+    let sizes = inside.map(|inside| {
+        inside.split(',').map(str::trim).filter(|s| !s.is_empty()).map(str::parse).collect()
+    });
     match sizes {
         Some(Ok::<Vec<usize>, _>(sizes)) => match sizes[..] {
             [columns] => Ok((1, columns)),
@@ -93,8 +102,10 @@ struct Number {
 impl Number {
     /// Of `'<f8', …`.
     fn of(text: &str) -> Result<Self, Problem> {
-        let name = text.trim_start_matches(['\'', '"']).split(['\'', '"']).next().unwrap_or_default();
-        let unknown = || format("numbers (u1 to u8, i1 to i8, f4, f8, b1)", &std::format!("'{name}'"));
+        let name =
+            text.trim_start_matches(['\'', '"']).split(['\'', '"']).next().unwrap_or_default();
+        let unknown =
+            || format("numbers (u1 to u8, i1 to i8, f4, f8, b1)", &std::format!("'{name}'"));
         let mut letters = name.chars();
         let big_endian = match letters.next() {
             Some('<' | '|') => false,
@@ -157,11 +168,13 @@ mod tests {
     fn one_dimension_is_one_waveform() {
         let data: Vec<u8> = [1.5f64, -2.0].iter().flat_map(|v| v.to_le_bytes()).collect();
         assert_eq!(
-            parse(&file("{'descr': '<f8', 'fortran_order': False, 'shape': (2,), }", &data)).unwrap(),
+            parse(&file("{'descr': '<f8', 'fortran_order': False, 'shape': (2,), }", &data))
+                .unwrap(),
             [[1.5, -2.0]]
         );
         assert_eq!(
-            parse(&file("{'shape': (1,), 'descr': \"|u1\", 'fortran_order': False}", &[200])).unwrap(),
+            parse(&file("{'shape': (1,), 'descr': \"|u1\", 'fortran_order': False}", &[200]))
+                .unwrap(),
             [[200.0]]
         );
     }
@@ -188,10 +201,19 @@ mod tests {
                 file("{'descr': '<f8', 'fortran_order': False, 'shape': (1, 1, 1), }", &[0; 8]),
                 "one or two dimensions, found 3",
             ),
-            (file("{'descr': '<c8', 'fortran_order': False, 'shape': (1,), }", &[0; 8]), "found '<c8'"),
-            (file("{'descr': [('a', '<f4')], 'fortran_order': False, 'shape': (1,), }", &[0; 4]), "found '[('"),
             (
-                file("{'descr': '<f4', 'fortran_order': False, 'shape': (99999999999, 99999999999), }", &[0; 4]),
+                file("{'descr': '<c8', 'fortran_order': False, 'shape': (1,), }", &[0; 8]),
+                "found '<c8'",
+            ),
+            (
+                file("{'descr': [('a', '<f4')], 'fortran_order': False, 'shape': (1,), }", &[0; 4]),
+                "found '[('",
+            ),
+            (
+                file(
+                    "{'descr': '<f4', 'fortran_order': False, 'shape': (99999999999, 99999999999), }",
+                    &[0; 4],
+                ),
                 "numbers of 4 bytes",
             ),
             (

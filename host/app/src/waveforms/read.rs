@@ -48,16 +48,19 @@ pub(super) enum Problem {
     Format(String),
 }
 
-/// Reads one waveform a row: CSV without a header, rows of any length, or a NumPy `.npy` array of one or two dimensions
-/// (told by its first bytes, not by its name).
+/// Reads one waveform a row: CSV without a header, rows of any length, or a NumPy `.npy` array of
+/// one or two dimensions (told by its first bytes, not by its name).
 ///
-/// Every number is finite. An empty row is an empty waveform; empty cells at a row's end are no samples.
+/// Every number is finite. An empty row is an empty waveform; empty cells at a row's end are no
+/// samples.
 ///
 /// # Errors
 ///
-/// [`WaveformError`] names the file and what was expected of it, where one is at fault the row and column; a file without rows is an error too.
+/// [`WaveformError`] names the file and what was expected of it, where one is at fault the row and
+/// column; a file without rows is an error too.
 pub fn read_waveforms(path: &Path) -> Result<Vec<Vec<f64>>, WaveformError> {
-    let bytes = std::fs::read(path).map_err(|source| WaveformError::Io { path: path.into(), source })?;
+    let bytes =
+        std::fs::read(path).map_err(|source| WaveformError::Io { path: path.into(), source })?;
     parse_waveforms(path, &bytes)
 }
 
@@ -68,7 +71,9 @@ pub fn read_waveforms(path: &Path) -> Result<Vec<Vec<f64>>, WaveformError> {
 /// As of [`read_waveforms`].
 pub fn parse_waveforms(path: &Path, bytes: &[u8]) -> Result<Vec<Vec<f64>>, WaveformError> {
     parse(bytes).map_err(|problem| match problem {
-        Problem::Cell(row, column, found, hint) => WaveformError::Cell { path: path.into(), row, column, found, hint },
+        Problem::Cell(row, column, found, hint) => {
+            WaveformError::Cell { path: path.into(), row, column, found, hint }
+        }
         Problem::Format(problem) => WaveformError::Format { path: path.into(), problem },
     })
 }
@@ -83,15 +88,23 @@ fn parse(bytes: &[u8]) -> Result<Vec<Vec<f64>>, Problem> {
 
 /// A waveform without the zeros that pad its row to the others' length.
 ///
-/// Zeros at the end are padding, unless the samples before them fall towards zero: with a last step of d down to v, a zero may
-/// follow as a sample if v ≤ d. Or the row begins with two zeros. Then as many zeros stay as there are, at most 16: such a record rests at zero, and they are the foot of an echo.
+/// Zeros at the end are padding, unless the samples before them fall towards zero: with a last step
+/// of d down to v, a zero may follow as a sample if v ≤ d. Or the row begins with two zeros. Then
+/// as many zeros stay as there are, at most 16: such a record rests at zero, and they are the foot
+/// of an echo.
 pub fn without_padding(row: &[f64]) -> &[f64] {
     let end = row.iter().rposition(|&v| v != 0.0).map_or(0, |last| last + 1);
     let falls_to_zero = match row[..end] {
-        [.., before, last] => last.abs() <= (before - last).abs() && (before > last) == (last > 0.0),
+        [.., before, last] => {
+            last.abs() <= (before - last).abs() && (before > last) == (last > 0.0)
+        }
         _ => false,
     };
-    let kept = if falls_to_zero || row.starts_with(&[0.0, 0.0]) && end > 0 { (end + 16).min(row.len()) } else { end };
+    let kept = if falls_to_zero || row.starts_with(&[0.0, 0.0]) && end > 0 {
+        (end + 16).min(row.len())
+    } else {
+        end
+    };
     &row[..kept]
 }
 

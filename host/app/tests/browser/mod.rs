@@ -1,4 +1,5 @@
-//! A browser without a window, to open pages in. Without Chromium it says so loudly; with `CI` set, that is a failure.
+//! A browser without a window, to open pages in. Without Chromium it says so loudly; with `CI` set,
+//! that is a failure.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

@@ -108,8 +108,12 @@ impl Desk {
                     found.push((path.clone(), Vec::new()));
                     walk(&path, found);
                 } else {
-                    let content = fs::read_link(&path).map(|to| to.to_string_lossy().into_owned().into_bytes());
-                    found.push((path.clone(), content.or_else(|_| fs::read(&path)).expect("readable")));
+                    let content = fs::read_link(&path)
+                        .map(|to| to.to_string_lossy().into_owned().into_bytes());
+                    found.push((
+                        path.clone(),
+                        content.or_else(|_| fs::read(&path)).expect("readable"),
+                    ));
                 }
             }
         }
@@ -124,13 +128,19 @@ impl Desk {
         let before = self.snapshot();
         let said = self.run(arguments);
         assert_eq!(said.code, Some(2), "{arguments:?}: {}{}", said.out, said.err);
-        assert!(said.err.lines().any(|line| line.starts_with("error:")), "{arguments:?}: {}", said.err);
+        assert!(
+            said.err.lines().any(|line| line.starts_with("error:")),
+            "{arguments:?}: {}",
+            said.err
+        );
         for part in parts {
             assert!(said.err.contains(part), "{arguments:?} does not say {part:?}: {}", said.err);
         }
         assert_eq!(said.out, "", "{arguments:?}: an error is no output");
         let after = self.snapshot();
-        let names = |all: &[(PathBuf, Vec<u8>)]| all.iter().map(|(path, _)| path.clone()).collect::<Vec<_>>();
+        let names = |all: &[(PathBuf, Vec<u8>)]| {
+            all.iter().map(|(path, _)| path.clone()).collect::<Vec<_>>()
+        };
         assert_eq!(names(&after), names(&before), "{arguments:?} leaves something behind");
         assert!(after == before, "{arguments:?} changes a file");
     }

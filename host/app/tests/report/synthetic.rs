@@ -1,10 +1,11 @@
-//! A report as a run would give it: made up, seeded, the same on every machine that has the same `libm`.
+//! A report as a run would give it: made up, seeded, the same on every machine that has the same
+//! `libm`.
 
 use std::cmp::Ordering;
 
 use echoloop_host::report::{
-    CloudLayer, Convergence, Correlation, EvaluationRow, EvaluationTable, PairClouds, PairError, ParameterTrace,
-    PoseError, Report, RowKind,
+    CloudLayer, Convergence, Correlation, EvaluationRow, EvaluationTable, PairClouds, PairError,
+    ParameterTrace, PoseError, Report, RowKind,
 };
 
 const GENERATIONS: usize = 30;
@@ -80,7 +81,12 @@ fn table() -> EvaluationTable {
             row("Default", RowKind::Default, Some(20), [25.0, 63.4, 2.61, 318.2, 14.31]),
             row("Tuned, joint", RowKind::Tuned, Some(20), [75.0, 41.7, 1.48, 47.0, 1.92]),
             row("Tuned, LiDAR only", RowKind::Tuned, Some(20), [30.0, 66.0, 2.50, 290.4, 12.70]),
-            row("Tuned, registration only", RowKind::Tuned, Some(20), [55.0, 48.9, 1.77, 88.6, 3.40]),
+            row(
+                "Tuned, registration only",
+                RowKind::Tuned,
+                Some(20),
+                [55.0, 48.9, 1.77, 88.6, 3.40],
+            ),
             row("Paper, default", RowKind::Reference, Some(100), [18.1, 67.0, 2.64, nan, nan]),
             row("Paper, joint", RowKind::Reference, Some(100), [60.0, 71.0, 1.71, nan, nan]),
         ],
@@ -128,7 +134,13 @@ fn parameters(dice: &mut Dice) -> Vec<ParameterTrace> {
     axes.iter().map(|(name, unit, v, log)| trace(dice, name, unit, *v, *log)).collect()
 }
 
-fn trace(dice: &mut Dice, name: &str, unit: &str, [min, max, default, tuned]: [f64; 4], log: bool) -> ParameterTrace {
+fn trace(
+    dice: &mut Dice,
+    name: &str,
+    unit: &str,
+    [min, max, default, tuned]: [f64; 4],
+    log: bool,
+) -> ParameterTrace {
     let real = |u: f64| {
         let u = u.clamp(0.0, 1.0);
         if log { min * (max / min).powf(u) } else { min + u * (max - min) }
@@ -174,7 +186,11 @@ fn correlation(dice: &mut Dice, parameters: &[ParameterTrace]) -> Correlation {
         Ordering::Less => rows[column][row],
     };
     let matrix = (0..n).map(|row| (0..n).map(|column| entry(row, column)).collect()).collect();
-    Correlation { names: parameters.iter().map(|p| p.name.clone()).collect(), matrix, learned: Some(0.56) }
+    Correlation {
+        names: parameters.iter().map(|p| p.name.clone()).collect(),
+        matrix,
+        learned: Some(0.56),
+    }
 }
 
 fn pair_errors(dice: &mut Dice) -> Vec<PairError> {
@@ -215,7 +231,10 @@ fn clouds(dice: &mut Dice) -> PairClouds {
     PairClouds {
         label: "town 2 pair 07".into(),
         before: [scan(dice, [0.0, 0.0], 0.06), moved(source, 0.21, [2.4, -2.2])],
-        after: [scan(dice, [0.0, 0.0], 0.02), moved(scan(dice, [4.6, 1.9], 0.02), 0.012, [0.2, 0.1])],
+        after: [
+            scan(dice, [0.0, 0.0], 0.02),
+            moved(scan(dice, [4.6, 1.9], 0.02), 0.012, [0.2, 0.1]),
+        ],
         before_error: PoseError { translation_m: 3.252, rotation_deg: 12.03 },
         after_error: PoseError { translation_m: 0.224, rotation_deg: 0.69 },
     }

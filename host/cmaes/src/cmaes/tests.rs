@@ -26,7 +26,8 @@ fn evaluations(config: Config, f: impl Fn(&[f64]) -> f64) -> f64 {
 }
 
 fn median(n: usize, constants: Constants, f: impl Fn(&[f64]) -> f64) -> f64 {
-    let mut all: Vec<f64> = (0..31).map(|seed| evaluations(Config { constants, ..free(n, seed) }, &f)).collect();
+    let mut all: Vec<f64> =
+        (0..31).map(|seed| evaluations(Config { constants, ..free(n, seed) }, &f)).collect();
     all.sort_by(f64::total_cmp);
     all[15]
 }
@@ -71,7 +72,10 @@ fn evaluations_to_the_optimum_are_those_of_published_implementations() {
     for (name, f, published) in table {
         for (n, published) in [5, 10].into_iter().zip(published) {
             let ours = median(n, Constants::Tutorial, f);
-            assert!((ours / published - 1.0).abs() < 0.15, "{name} in {n}-D: {ours} against {published}");
+            assert!(
+                (ours / published - 1.0).abs() < 0.15,
+                "{name} in {n}-D: {ours} against {published}"
+            );
         }
     }
     let ours = median(10, Constants::Pycma, ellipsoid);
@@ -86,7 +90,8 @@ fn rosenbrock_takes_as_long_as_published() {
                 let config = Config { mean: vec![0.0; n], sigma: 0.1, ..free(n, seed) };
                 let mut search = CmaEs::new(config).unwrap();
                 while search.stop().is_none() {
-                    let values: Vec<f64> = search.ask().iter().map(|c| rosenbrock(&c.phenotype)).collect();
+                    let values: Vec<f64> =
+                        search.ask().iter().map(|c| rosenbrock(&c.phenotype)).collect();
                     search.tell(&values).unwrap();
                 }
                 let evaluations = (search.generation() as usize * search.strategy().lambda) as f64;
@@ -118,7 +123,9 @@ fn run(mut search: CmaEs, generations: usize, f: impl Fn(&[f64]) -> f64) -> CmaE
 #[test]
 fn a_constant_function_does_not_blow_the_step_size_up() {
     let search = run(CmaEs::new(Config::unit_cube(vec![0.5; 10], 0.2, 1)).unwrap(), 300, |_| 1.0);
-    assert!(search.sigma().is_finite() && search.deviations().iter().all(|d| *d <= 1.0 / 3.0 + 1e-12));
+    assert!(
+        search.sigma().is_finite() && search.deviations().iter().all(|d| *d <= 1.0 / 3.0 + 1e-12)
+    );
     assert!(search.mean().iter().all(|m| (0.0..=1.0).contains(m)));
 }
 
@@ -195,13 +202,16 @@ fn correlated_parameters_show_as_correlated() {
     assert!(search.correlations()[0][1] > 0.9, "{:?}", search.correlations());
 }
 
-/// Evaluations to 1e-10 on half real, half whole numbers, n = 20; the scale makes one whole number one real unit.
+/// Evaluations to 1e-10 on half real, half whole numbers, n = 20; the scale makes one whole number
+/// one real unit.
 fn mixed(count: usize, cells: bool, seed: u64, f: fn(&[f64], &[f64]) -> f64) -> Option<f64> {
     let (n, width) = (20, count as f64);
     let first = if count == 2 { -0.5 } else { -width / 2.0 };
     let start = normals(seed, 0, u64::MAX, n);
     let uniform = start.iter().map(|z| 2.0 + libm::erf(z / std::f64::consts::SQRT_2));
-    let mean = uniform.enumerate().map(|(i, x)| if count == 2 && i >= n / 2 { 0.5 } else { (x - first) / width });
+    let mean = uniform
+        .enumerate()
+        .map(|(i, x)| if count == 2 && i >= n / 2 { 0.5 } else { (x - first) / width });
     let config = Config {
         mean: mean.collect(),
         sigma: 1.0 / width,
@@ -212,7 +222,10 @@ fn mixed(count: usize, cells: bool, seed: u64, f: fn(&[f64], &[f64]) -> f64) -> 
     let mut search = CmaEs::new(config).unwrap();
     let value = |x: &[f64]| {
         let real: Vec<f64> = x.iter().map(|u| first + u * width).collect();
-        let whole: Vec<f64> = real[n / 2..].iter().map(|v| v.round().clamp(first + 0.5, first + width - 0.5)).collect();
+        let whole: Vec<f64> = real[n / 2..]
+            .iter()
+            .map(|v| v.round().clamp(first + 0.5, first + width - 0.5))
+            .collect();
         f(&real[..n / 2], &whole)
     };
     while search.stop().is_none() && search.generation() < 2000 {
@@ -259,7 +272,9 @@ fn without_the_margin_two_values_settle_too_early() {
 #[test]
 fn whole_numbers_at_the_ends_of_the_cube_are_reached() {
     for goal in [[0.125, 0.875, 0.375], [0.875, 0.125, 0.625]] {
-        let f = |x: &[f64]| x[3].powi(2) + x.iter().zip(goal).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+        let f = |x: &[f64]| {
+            x[3].powi(2) + x.iter().zip(goal).map(|(a, b)| (a - b).powi(2)).sum::<f64>()
+        };
         let config = Config {
             cells: vec![Some(4), Some(4), Some(4), None],
             ..Config::unit_cube(vec![0.375, 0.375, 0.875, 0.5], 0.2, 4)

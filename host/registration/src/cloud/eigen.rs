@@ -2,9 +2,11 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-/// Eigenvalues of a symmetric matrix, ascending, by the trigonometric solution of its cubic (Smith 1961).
+/// Eigenvalues of a symmetric matrix, ascending, by the trigonometric solution of its cubic (Smith
+/// 1961).
 ///
-/// Accurate to about 1e-15 of the largest magnitude: enough to compare a plane's values, not to resolve tiny ones.
+/// Accurate to about 1e-15 of the largest magnitude: enough to compare a plane's values, not to
+/// resolve tiny ones.
 pub fn eigenvalues(a: &Matrix3<f64>) -> [f64; 3] {
     let mean = a.trace() / 3.0;
     let centred = a - Matrix3::from_diagonal_element(mean);
@@ -19,9 +21,11 @@ pub fn eigenvalues(a: &Matrix3<f64>) -> [f64; 3] {
     [low, 3.0 * mean - low - high, high]
 }
 
-/// The unit vector that `a - value` maps to zero, for an eigenvalue that stands alone; absent when it does not.
+/// The unit vector that `a - value` maps to zero, for an eigenvalue that stands alone; absent when
+/// it does not.
 ///
-/// The rows of `a - value` span the plane across that vector: the longest of their cross products is it.
+/// The rows of `a - value` span the plane across that vector: the longest of their cross products
+/// is it.
 pub fn eigenvector(a: &Matrix3<f64>, value: f64) -> Option<Vector3<f64>> {
     let shifted = a - Matrix3::from_diagonal_element(value);
     let [x, y, z] = [0, 1, 2].map(|i| shifted.column(i).into_owned());
@@ -36,9 +40,10 @@ pub(super) mod eberly {
 
     /// The eigenvector of the least eigenvalue of a symmetric matrix, zero for the zero matrix.
     ///
-    /// As D. Eberly, "A robust eigensolver for 3 × 3 symmetric matrices" (2014), orders the work, which Open3D follows: from
-    /// the eigenvalue farthest from the middle one its vector, then the middle one's in the plane across it, then their
-    /// product. Vectors come with the sign that this leaves.
+    /// As D. Eberly, "A robust eigensolver for 3 × 3 symmetric matrices" (2014), orders the work,
+    /// which Open3D follows: from the eigenvalue farthest from the middle one its vector, then the
+    /// middle one's in the plane across it, then their product. Vectors come with the sign that
+    /// this leaves.
     pub(in crate::cloud) fn least(a: &Matrix3<f64>) -> Vector3<f64> {
         let scale = a.max();
         if scale == 0.0 || !scale.is_finite() {

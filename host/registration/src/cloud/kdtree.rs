@@ -24,7 +24,8 @@ pub struct Nearest {
     pub index: Option<u32>,
     /// Its squared distance, or the squared radius, m².
     pub squared_m2: f32,
-    /// No other point is nearer than this: the squared distance of the second, or the squared radius, m².
+    /// No other point is nearer than this: the squared distance of the second, or the squared
+    /// radius, m².
     pub others_squared_m2: f32,
 }
 
@@ -63,19 +64,36 @@ impl KdTree {
         }
     }
 
-    /// The nearest points strictly within `radius_m`, `max` at most, nearest first: pairs of squared distance and index. A
-    /// point of the tree finds itself. `found` is emptied first.
-    pub fn within(&self, query: &Point3<f32>, radius_m: f32, max: usize, found: &mut Vec<(f32, u32)>) {
+    /// The nearest points strictly within `radius_m`, `max` at most, nearest first: pairs of
+    /// squared distance and index. A point of the tree finds itself. `found` is emptied first.
+    pub fn within(
+        &self,
+        query: &Point3<f32>,
+        radius_m: f32,
+        max: usize,
+        found: &mut Vec<(f32, u32)>,
+    ) {
         found.clear();
         found.extend(self.search(query, radius_m, max));
     }
 
-    fn search(&self, query: &Point3<f32>, radius_m: f32, max: usize) -> impl IntoIterator<Item = (f32, u32)> {
+    fn search(
+        &self,
+        query: &Point3<f32>,
+        radius_m: f32,
+        max: usize,
+    ) -> impl IntoIterator<Item = (f32, u32)> {
         // Room for `max` is reserved for every query: no more than there can be.
         let within = match (&self.tree, NonZero::new(max.min(self.len()))) {
             (Some(tree), Some(max)) if radius_m > 0.0 => {
                 let query: [f32; 3] = query.coords.into();
-                tree.nearest_n_within_exclusive::<SquaredEuclidean>(&query, radius_m * radius_m, max, true, false)
+                tree.nearest_n_within_exclusive::<SquaredEuclidean>(
+                    &query,
+                    radius_m * radius_m,
+                    max,
+                    true,
+                    false,
+                )
             }
             _ => Vec::new(),
         };
@@ -96,7 +114,10 @@ mod tests {
 
     /// Coordinates on a coarse lattice: many ties and duplicates.
     fn lattice() -> impl Strategy<Value = Vec<[f32; 3]>> {
-        prop::collection::vec(prop::array::uniform3((-8i8..8).prop_map(|v| f32::from(v) * 0.5)), 0..400)
+        prop::collection::vec(
+            prop::array::uniform3((-8i8..8).prop_map(|v| f32::from(v) * 0.5)),
+            0..400,
+        )
     }
 
     /// Squared distances within the radius, ascending.

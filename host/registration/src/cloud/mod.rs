@@ -21,7 +21,8 @@ pub use read::{CloudError, read_cloud};
 pub struct Cloud {
     /// Where the echoes are, `[n]`.
     pub points: Vec<Point3<f32>>,
-    /// One normal a point, `[n]`: of length 1, or zero where the surface has no direction. Absent until estimated.
+    /// One normal a point, `[n]`: of length 1, or zero where the surface has no direction. Absent
+    /// until estimated.
     pub normals: Option<Vec<Vector3<f32>>>,
 }
 

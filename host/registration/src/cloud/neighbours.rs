@@ -15,10 +15,11 @@ const MOST_CELLS: u64 = 1 << BITS;
 /// How many points tell where a cloud has its middle.
 const SAMPLES: usize = 1000;
 
-/// The neighbours of each point of a cloud within one radius, the point itself included (Open3D's hybrid search).
+/// The neighbours of each point of a cloud within one radius, the point itself included (Open3D's
+/// hybrid search).
 ///
-/// In rows one after the other (CSR): 8 bytes a neighbour, at most `8 · n · max`, and up to twice as much again while they are
-/// found.
+/// In rows one after the other (CSR): 8 bytes a neighbour, at most `8 · n · max`, and up to twice
+/// as much again while they are found.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Neighbours {
     /// Where each row begins, and the end of the last: `[n + 1]`.
@@ -30,11 +31,13 @@ pub struct Neighbours {
 }
 
 impl Neighbours {
-    /// The nearest `max` points strictly within `radius_m` of each point, of equally near ones those of lower index.
+    /// The nearest `max` points strictly within `radius_m` of each point, of equally near ones
+    /// those of lower index.
     ///
-    /// Points must be finite. A row is ordered by place, not by distance: the same for the same points, on any number of
-    /// threads. Candidates come from a grid of cells as wide as the radius: those of three cells in a row lie together
-    /// in memory, so a search is nine straight runs. A k-d tree gave the same rows at six times the cost.
+    /// Points must be finite. A row is ordered by place, not by distance: the same for the same
+    /// points, on any number of threads. Candidates come from a grid of cells as wide as the
+    /// radius: those of three cells in a row lie together in memory, so a search is nine straight
+    /// runs. A k-d tree gave the same rows at six times the cost.
     pub fn within(points: &[Point3<f32>], radius_m: f64, max: usize) -> Self {
         let grid = Grid::new(points, radius_m);
         let rows = |chunk: &[Cell]| {
@@ -50,7 +53,9 @@ impl Neighbours {
     fn gather(points: usize, found: Vec<Rows>) -> Self {
         let mut starts = vec![0; points + 1];
         for rows in &found {
-            rows.heads.iter().for_each(|&(point, count)| starts[point as usize + 1] = count as usize);
+            rows.heads
+                .iter()
+                .for_each(|&(point, count)| starts[point as usize + 1] = count as usize);
         }
         (0..points).for_each(|i| starts[i + 1] += starts[i]);
         let total = starts[points];
@@ -123,15 +128,19 @@ impl Grid {
         let middle = [0, 1, 2].map(|axis| median(points, axis));
         // A little wider than the radius, so that rounding puts no neighbour two cells away.
         let per_m = 1.0 / (radius_m * 1.000_001).max(f64::MIN_POSITIVE);
-        // Counted from the middle: a point far out, if only one, must not widen the cells of all others.
+        // Counted from the middle: a point far out, if only one, must not widen the cells of all
+        // others.
         let cell = |point: &Point3<f32>, axis: usize| {
-            let steps = ((f64::from(point[axis]) - middle[axis]) * per_m).floor() + (MOST_CELLS / 2) as f64;
+            let steps =
+                ((f64::from(point[axis]) - middle[axis]) * per_m).floor() + (MOST_CELLS / 2) as f64;
             (steps.max(0.0) as u64).min(MOST_CELLS - 1)
         };
         let key = |p: &Point3<f32>| cell(p, 2) << (2 * BITS) | cell(p, 1) << BITS | cell(p, 0);
-        let mut keyed: Vec<(u64, u32)> = (0..).zip(points).map(|(index, point)| (key(point), index)).collect();
+        let mut keyed: Vec<(u64, u32)> =
+            (0..).zip(points).map(|(index, point)| (key(point), index)).collect();
         keyed.sort_unstable();
-        let coordinates = |axis: usize| keyed.iter().map(|&(_, index)| points[index as usize][axis]).collect();
+        let coordinates =
+            |axis: usize| keyed.iter().map(|&(_, index)| points[index as usize][axis]).collect();
         let mut cells: Vec<Cell> = Vec::new();
         for run in keyed.chunk_by(|a, b| a.0 == b.0) {
             let from = cells.last().map_or(0, |cell| cell.to);
@@ -173,12 +182,14 @@ impl Grid {
         let last = MOST_CELLS - 1;
         let [x, y, z] = [0, 1, 2].map(|axis| (key >> (axis * BITS)) & last);
         std::array::from_fn(|run| {
-            let around = |v: u64, step: usize| (v + step as u64).checked_sub(1).filter(|v| *v <= last);
+            let around =
+                |v: u64, step: usize| (v + step as u64).checked_sub(1).filter(|v| *v <= last);
             let (Some(y), Some(z)) = (around(y, run % 3), around(z, run / 3)) else { return 0..0 };
             let row = z << (2 * BITS) | y << BITS;
             let (first, end) = (row | x.saturating_sub(1), row | (x + 1).min(last));
             let from = self.cells.partition_point(|cell| cell.key < first);
-            let count = self.cells[from..].iter().take(3).take_while(|cell| cell.key <= end).count();
+            let count =
+                self.cells[from..].iter().take(3).take_while(|cell| cell.key <= end).count();
             match count {
                 0 => 0..0,
                 _ => self.cells[from].from..self.cells[from + count - 1].to,
@@ -206,9 +217,14 @@ impl Grid {
 
 /// The middle of some of the points along an axis; 0 without points.
 fn median(points: &[Point3<f32>], axis: usize) -> f64 {
-    let mut values: Vec<f32> = points.iter().step_by(points.len().div_ceil(SAMPLES).max(1)).map(|p| p[axis]).collect();
+    let mut values: Vec<f32> =
+        points.iter().step_by(points.len().div_ceil(SAMPLES).max(1)).map(|p| p[axis]).collect();
     let middle = values.len() / 2;
-    if values.is_empty() { 0.0 } else { f64::from(*values.select_nth_unstable_by(middle, f32::total_cmp).1) }
+    if values.is_empty() {
+        0.0
+    } else {
+        f64::from(*values.select_nth_unstable_by(middle, f32::total_cmp).1)
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -245,7 +261,9 @@ impl Found {
             return;
         };
         self.order.clear();
-        self.order.extend(self.squared_m2.iter().copied().zip(self.indices.iter().copied()).take(self.count));
+        self.order.extend(
+            self.squared_m2.iter().copied().zip(self.indices.iter().copied()).take(self.count),
+        );
         let farther = |a: &(f32, u32), b: &(f32, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
         let limit = *self.order.select_nth_unstable_by(last, farther).1;
         let mut kept = 0;
@@ -277,7 +295,10 @@ mod tests {
     /// Coordinates on a coarse lattice (many ties and duplicates), anywhere, and on a line.
     fn points() -> impl Strategy<Value = Vec<[f32; 3]>> {
         prop_oneof![
-            prop::collection::vec(prop::array::uniform3((-8i8..8).prop_map(|v| f32::from(v) * 0.5)), 0..300),
+            prop::collection::vec(
+                prop::array::uniform3((-8i8..8).prop_map(|v| f32::from(v) * 0.5)),
+                0..300
+            ),
             prop::collection::vec(prop::array::uniform3(-9.0f32..9.0), 0..300),
             prop::collection::vec((-900.0f32..900.0).prop_map(|x| [x, 1.0, -2.0]), 0..300),
         ]
@@ -285,7 +306,8 @@ mod tests {
 
     fn row(all: &Neighbours, point: usize) -> Vec<(f32, u32)> {
         let (indices, squared) = all.of(point);
-        let mut row: Vec<(f32, u32)> = squared.iter().copied().zip(indices.iter().copied()).collect();
+        let mut row: Vec<(f32, u32)> =
+            squared.iter().copied().zip(indices.iter().copied()).collect();
         row.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         row
     }
@@ -325,7 +347,8 @@ mod tests {
 
     #[test]
     fn a_cloud_far_wider_than_its_radius_needs_no_more_room_than_its_points() {
-        let points: Vec<Point3<f32>> = [-1e30, 0.0, 1e-3, 1e30].map(|x| Point3::new(x, x, x)).to_vec();
+        let points: Vec<Point3<f32>> =
+            [-1e30, 0.0, 1e-3, 1e30].map(|x| Point3::new(x, x, x)).to_vec();
         let all = Neighbours::within(&points, 0.1, 10);
         assert_eq!((all.total(), all.of(1).0.len()), (6, 2));
         assert_eq!(all.of(99).0.len(), 0);

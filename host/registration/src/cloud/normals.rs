@@ -7,7 +7,8 @@ use super::eigen::{eberly, eigenvalues, eigenvector};
 use super::neighbours::Neighbours;
 use super::{Cloud, is_finite};
 
-/// Neighbours on a line have no normal: the middle eigenvalue must exceed the largest times this (1 % in length).
+/// Neighbours on a line have no normal: the middle eigenvalue must exceed the largest times this (1
+/// % in length).
 const FLAT_OVER_LONG: f64 = 1e-4;
 
 /// Fewer neighbours than this, the point included, span no plane.
@@ -19,7 +20,8 @@ const CHUNK: usize = 512;
 /// Sets the normals of a cloud, one a point; a zero normal where there is none. See [`of_points`].
 pub fn estimate(cloud: &mut Cloud, radius_m: f64, max_neighbours: usize) {
     // A search wants finite points: the others get no normal.
-    let valid: Vec<u32> = (0..).zip(&cloud.points).filter(|(_, p)| is_finite(p)).map(|(i, _)| i).collect();
+    let valid: Vec<u32> =
+        (0..).zip(&cloud.points).filter(|(_, p)| is_finite(p)).map(|(i, _)| i).collect();
     let points: Vec<Point3<f32>> = valid.iter().map(|&i| cloud.points[i as usize]).collect();
     let mut normals = vec![Vector3::zeros(); cloud.points.len()];
     for (normal, &index) in of_points(&points, radius_m, max_neighbours).iter().zip(&valid) {
@@ -30,31 +32,44 @@ pub fn estimate(cloud: &mut Cloud, radius_m: f64, max_neighbours: usize) {
 
 /// The normals of points, which must be finite; zero where there is none.
 ///
-/// Neighbours are the nearest `max_neighbours` strictly within `radius_m`, the point itself included (Open3D's hybrid
-/// search). The normal is the eigenvector of the least eigenvalue of
+/// Neighbours are the nearest `max_neighbours` strictly within `radius_m`, the point itself
+/// included (Open3D's hybrid search). The normal is the eigenvector of the least eigenvalue of
 ///
 /// ```text
 /// C = Σ (p - q)(p - q)ᵀ / n - m mᵀ      m = Σ (p - q) / n, q the point
 /// ```
 ///
-/// turned towards the sensor at the origin: without that its sign depends on the frame. Fewer than 3 neighbours, or
-/// neighbours on a line, give no normal. The same input gives the same bytes on any number of threads.
-pub fn of_points(points: &[Point3<f32>], radius_m: f64, max_neighbours: usize) -> Vec<Vector3<f32>> {
-    of_neighbours(points, &Neighbours::within(points, radius_m, max_neighbours), radius_m, max_neighbours)
+/// turned towards the sensor at the origin: without that its sign depends on the frame. Fewer than
+/// 3 neighbours, or neighbours on a line, give no normal. The same input gives the same bytes on
+/// any number of threads.
+pub fn of_points(
+    points: &[Point3<f32>],
+    radius_m: f64,
+    max_neighbours: usize,
+) -> Vec<Vector3<f32>> {
+    of_neighbours(
+        points,
+        &Neighbours::within(points, radius_m, max_neighbours),
+        radius_m,
+        max_neighbours,
+    )
 }
 
-/// As [`of_points`], from neighbourhoods that are known: as wide as `radius_m` at least, as many as `max_neighbours`.
+/// As [`of_points`], from neighbourhoods that are known: as wide as `radius_m` at least, as many as
+/// `max_neighbours`.
 pub fn of_neighbours(
     points: &[Point3<f32>],
     neighbours: &Neighbours,
     radius_m: f64,
     max_neighbours: usize,
 ) -> Vec<Vector3<f32>> {
-    each(points, neighbours, radius_m, max_neighbours, |query, found| sensor_normal(points, query, found))
+    each(points, neighbours, radius_m, max_neighbours, |query, found| {
+        sensor_normal(points, query, found)
+    })
 }
 
-/// Normals as Open3D 0.20 estimates them: with the sign that its solver leaves, (0, 0, 1) where there are too few
-/// neighbours or none has a direction.
+/// Normals as Open3D 0.20 estimates them: with the sign that its solver leaves, (0, 0, 1) where
+/// there are too few neighbours or none has a direction.
 pub fn as_open3d(
     points: &[Point3<f32>],
     neighbours: &Neighbours,
@@ -97,10 +112,13 @@ struct Nearest {
 }
 
 impl Nearest {
-    /// The nearest `max` strictly within a radius, in the order of the neighbourhood unless there are more.
+    /// The nearest `max` strictly within a radius, in the order of the neighbourhood unless there
+    /// are more.
     fn of(&mut self, (indices, squares): (&[u32], &[f32]), squared: f32, max: usize) -> &[u32] {
         self.order.clear();
-        self.order.extend(squares.iter().copied().zip(indices.iter().copied()).filter(|(d, _)| *d < squared));
+        self.order.extend(
+            squares.iter().copied().zip(indices.iter().copied()).filter(|(d, _)| *d < squared),
+        );
         if self.order.len() > max {
             self.order.select_nth_unstable_by(max, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
             self.order.truncate(max);
@@ -130,7 +148,8 @@ fn normal_at(points: &[Point3<f32>], query: &Point3<f32>, found: &[u32]) -> Opti
 
 /// Centred on the query, so that `f32` coordinates far from the origin lose nothing.
 fn covariance(points: &[Point3<f32>], query: &Point3<f32>, found: &[u32]) -> Matrix3<f64> {
-    let (mut sum, mut xx, mut xy, mut xz, mut yy, mut yz, mut zz) = (Vector3::zeros(), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+    let (mut sum, mut xx, mut xy, mut xz, mut yy, mut yz, mut zz) =
+        (Vector3::zeros(), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
     for &index in found {
         let d = (points[index as usize] - query).cast::<f64>();
         sum += d;
@@ -176,7 +195,8 @@ mod tests {
         }
     }
 
-    // Literals of Open3D (MIT), cpp/tests/geometry/PointCloud.cpp, EstimateNormals: the corners of a cube, 4 neighbours.
+    // Literals of Open3D (MIT), cpp/tests/geometry/PointCloud.cpp, EstimateNormals: the corners of
+    // a cube, 4 neighbours.
     #[test]
     fn open3ds_normals_of_a_cube_come_with_its_signs() {
         let corner = |i: usize| Point3::new((i / 4) as f32, (i / 2 % 2) as f32, (i % 2) as f32);
@@ -193,16 +213,29 @@ mod tests {
         ];
         let found = as_open3d(&points, &Neighbours::within(&points, 1.2, 4), 1.2, 4);
         for (normal, sign) in found.iter().zip(signs) {
-            assert!((normal - Vector3::from(sign) / 3f32.sqrt()).norm() < 1e-6, "{normal} {sign:?}");
+            assert!(
+                (normal - Vector3::from(sign) / 3f32.sqrt()).norm() < 1e-6,
+                "{normal} {sign:?}"
+            );
         }
-        assert_eq!(as_open3d(&points[..2], &Neighbours::within(&points[..2], 1.2, 4), 1.2, 4), [Vector3::z(); 2]);
+        assert_eq!(
+            as_open3d(&points[..2], &Neighbours::within(&points[..2], 1.2, 4), 1.2, 4),
+            [Vector3::z(); 2]
+        );
     }
 
     #[test]
     fn lines_pairs_duplicates_and_lone_points_have_no_normal() {
-        let line: Vec<_> = (0..20).map(|i| Point3::new(i as f32 * 0.1, 5.0, i as f32 * 0.2)).collect();
+        let line: Vec<_> =
+            (0..20).map(|i| Point3::new(i as f32 * 0.1, 5.0, i as f32 * 0.2)).collect();
         let pair = vec![Point3::new(1.0, 2.0, 3.0), Point3::new(1.1, 2.0, 3.0)];
-        for points in [line, pair, vec![Point3::new(1.0, 1.0, 1.0); 40], vec![Point3::new(1.0, 1.0, 1.0)], vec![]] {
+        for points in [
+            line,
+            pair,
+            vec![Point3::new(1.0, 1.0, 1.0); 40],
+            vec![Point3::new(1.0, 1.0, 1.0)],
+            vec![],
+        ] {
             assert!(normals(points, 1.0, 30).iter().all(|n| *n == Vector3::zeros()));
         }
     }

@@ -42,11 +42,14 @@ fn check_size(meta: &PcdMeta, data: &[u8]) -> Result<(), String> {
 
 /// The two sizes before compressed data must agree with the file and with the header.
 fn check_packed(needed: Option<u64>, data: &[u8]) -> Result<(), String> {
-    let word = |at: usize| data.get(at..at + 4).and_then(|w| w.try_into().ok()).map(u32::from_le_bytes).map(u64::from);
+    let word = |at: usize| {
+        data.get(at..at + 4).and_then(|w| w.try_into().ok()).map(u32::from_le_bytes).map(u64::from)
+    };
     let (Some(packed), Some(unpacked)) = (word(0), word(4)) else {
         return Err("expected the two sizes of compressed PCD data".into());
     };
-    if packed > data.len() as u64 - 8 || unpacked > packed * LZF_GROWTH || needed != Some(unpacked) {
+    if packed > data.len() as u64 - 8 || unpacked > packed * LZF_GROWTH || needed != Some(unpacked)
+    {
         let needed = needed.map_or("countless".into(), |n| n.to_string());
         return Err(format!(
             "expected compressed PCD data that unpacks to {needed} bytes, found {packed} that unpack to {unpacked}"
@@ -58,7 +61,11 @@ fn check_packed(needed: Option<u64>, data: &[u8]) -> Result<(), String> {
 /// Places of x, y, z in a record; the reader leaves padding out of it.
 fn axes(meta: &PcdMeta) -> Result<[usize; 3], String> {
     let place = |axis: &str| {
-        let at = meta.field_defs.iter().filter(|field| !field.is_padding()).position(|field| field.name == axis);
+        let at = meta
+            .field_defs
+            .iter()
+            .filter(|field| !field.is_padding())
+            .position(|field| field.name == axis);
         at.ok_or(format!("expected a field {axis:?} in the PCD header"))
     };
     Ok([place("x")?, place("y")?, place("z")?])
@@ -66,7 +73,11 @@ fn axes(meta: &PcdMeta) -> Result<[usize; 3], String> {
 
 fn point(record: &DynRecord, axes: [usize; 3]) -> Result<Point3<f32>, String> {
     let value = |axis: usize| {
-        record.0.get(axes[axis]).and_then(number).ok_or("expected one number in each of the PCD fields x, y, z")
+        record
+            .0
+            .get(axes[axis])
+            .and_then(number)
+            .ok_or("expected one number in each of the PCD fields x, y, z")
     };
     Ok(Point3::new(value(0)?, value(1)?, value(2)?))
 }

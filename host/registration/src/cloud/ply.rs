@@ -5,7 +5,9 @@ use std::path::Path;
 
 use nalgebra::Point3;
 use ply_rs_bw::parser::{Parser, Reader};
-use ply_rs_bw::ply::{ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType};
+use ply_rs_bw::ply::{
+    ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
+};
 
 use super::{Cloud, CloudError};
 
@@ -36,12 +38,14 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
     let mut reader = Reader::new(Cursor::new(bytes));
     let expected = |error| format!("expected a PLY file: {error}");
     let header = parser.read_header(&mut reader).map_err(expected)?;
-    let vertex = header.elements.get("vertex").ok_or("expected an element \"vertex\" in the PLY header")?;
+    let vertex =
+        header.elements.get("vertex").ok_or("expected an element \"vertex\" in the PLY header")?;
     check_axes(vertex)?;
     for element in header.elements.values() {
         let left = bytes.len() as u64 - reader.get_ref().position();
         check_size(element, header.encoding, left)?;
-        let elements = parser.read_payload_for_element(&mut reader, element, &header).map_err(expected)?;
+        let elements =
+            parser.read_payload_for_element(&mut reader, element, &header).map_err(expected)?;
         if element.name == "vertex" {
             return Ok(elements.into_iter().map(|vertex| vertex.0).collect());
         }
@@ -72,7 +76,9 @@ fn check_size(element: &ElementDef, encoding: Encoding, left: u64) -> Result<(),
     let each: u64 = properties.values().map(|property| least(&property.data_type)).sum();
     let slack = u64::from(encoding == Encoding::Ascii);
     if (*count as u64).checked_mul(each).is_none_or(|needed| needed > left + slack) {
-        return Err(format!("expected {count} elements {name:?} of {each} bytes or more, found {left} bytes"));
+        return Err(format!(
+            "expected {count} elements {name:?} of {each} bytes or more, found {left} bytes"
+        ));
     }
     Ok(())
 }
@@ -86,7 +92,8 @@ fn size(scalar: &ScalarType) -> u64 {
     }
 }
 
-/// Writes a cloud as little-endian binary PLY: `float x y z`, and `float nx ny nz` when there are normals.
+/// Writes a cloud as little-endian binary PLY: `float x y z`, and `float nx ny nz` when there are
+/// normals.
 ///
 /// # Errors
 ///
@@ -98,7 +105,8 @@ pub fn write_ply(path: &Path, cloud: &Cloud) -> Result<(), CloudError> {
 }
 
 fn write(file: &mut impl Write, cloud: &Cloud) -> std::io::Result<()> {
-    let axes: &[&str] = if cloud.normals.is_some() { &["x", "y", "z", "nx", "ny", "nz"] } else { &["x", "y", "z"] };
+    let axes: &[&str] =
+        if cloud.normals.is_some() { &["x", "y", "z", "nx", "ny", "nz"] } else { &["x", "y", "z"] };
     write!(file, "ply\nformat binary_little_endian 1.0\nelement vertex {}\n", cloud.points.len())?;
     for axis in axes {
         writeln!(file, "property float {axis}")?;
@@ -106,7 +114,8 @@ fn write(file: &mut impl Write, cloud: &Cloud) -> std::io::Result<()> {
     writeln!(file, "end_header")?;
     for (i, point) in cloud.points.iter().enumerate() {
         let normal = cloud.normals.as_ref().and_then(|normals| normals.get(i));
-        for value in point.coords.iter().chain(normal.into_iter().flat_map(|normal| normal.iter())) {
+        for value in point.coords.iter().chain(normal.into_iter().flat_map(|normal| normal.iter()))
+        {
             file.write_all(&value.to_le_bytes())?;
         }
     }

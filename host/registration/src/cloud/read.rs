@@ -39,18 +39,21 @@ pub enum CloudError {
     },
 }
 
-/// Reads points in metres from PLY (ASCII or binary, any numeric type), PCD (all three encodings), legacy VTK polydata
-/// (ASCII or binary), KITTI `.bin` (x y z intensity, little-endian `f32`) or text (x y z first, or where a header line
-/// names them).
+/// Reads points in metres from PLY (ASCII or binary, any numeric type), PCD (all three encodings),
+/// legacy VTK polydata (ASCII or binary), KITTI `.bin` (x y z intensity, little-endian `f32`) or
+/// text (x y z first, or where a header line names them).
 ///
-/// Other properties are ignored, a PCD viewpoint too. Coordinates become `f32`: shift map coordinates before, for at
-/// 500 km that is 3 cm. Points that are no echo are left out and counted.
+/// Other properties are ignored, a PCD viewpoint too. Coordinates become `f32`: shift map
+/// coordinates before, for at 500 km that is 3 cm. Points that are no echo are left out and
+/// counted.
 ///
 /// # Errors
 ///
-/// [`CloudError`] names the file and what was expected of it; a file without echoes is an error too.
+/// [`CloudError`] names the file and what was expected of it; a file without echoes is an error
+/// too.
 pub fn read_cloud(path: &Path) -> Result<(Cloud, Dropped), CloudError> {
-    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    let extension =
+        path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     let parse = match extension.as_str() {
         "ply" => ply::parse,
         "pcd" => pcd::parse,
@@ -59,8 +62,10 @@ pub fn read_cloud(path: &Path) -> Result<(Cloud, Dropped), CloudError> {
         "xyz" | "txt" | "asc" | "csv" => text::parse_text,
         _ => return Err(CloudError::Extension { path: path.into() }),
     };
-    let bytes = std::fs::read(path).map_err(|source| CloudError::Io { path: path.into(), source })?;
-    let points = parse(&bytes).map_err(|problem| CloudError::Format { path: path.into(), problem })?;
+    let bytes =
+        std::fs::read(path).map_err(|source| CloudError::Io { path: path.into(), source })?;
+    let points =
+        parse(&bytes).map_err(|problem| CloudError::Format { path: path.into(), problem })?;
     let mut cloud = Cloud::new(points);
     let dropped = cloud.drop_invalid();
     if cloud.points.is_empty() {
@@ -101,10 +106,15 @@ mod tests {
             )
         };
         let big = [&[0, 7][..], &3f64.to_be_bytes(), &1f32.to_be_bytes(), &2i16.to_be_bytes()];
-        let big = [big.concat(), [&[0, 7][..], &6f64.to_be_bytes(), &4f32.to_be_bytes(), &5i16.to_be_bytes()].concat()];
+        let big = [
+            big.concat(),
+            [&[0, 7][..], &6f64.to_be_bytes(), &4f32.to_be_bytes(), &5i16.to_be_bytes()].concat(),
+        ];
         let little = [&[7, 0][..], &3f64.to_le_bytes(), &1f32.to_le_bytes(), &2i16.to_le_bytes()];
-        let little =
-            [little.concat(), [&[7, 0][..], &6f64.to_le_bytes(), &4f32.to_le_bytes(), &5i16.to_le_bytes()].concat()];
+        let little = [
+            little.concat(),
+            [&[7, 0][..], &6f64.to_le_bytes(), &4f32.to_le_bytes(), &5i16.to_le_bytes()].concat(),
+        ];
         let pcd = le(&[1.0, 2.0, 3.0, 0.5, 4.0, 5.0, 6.0, 0.5]);
         // One literal run of 32 bytes: column by column.
         let columns = le(&[1.0, 4.0, 2.0, 5.0, 3.0, 6.0, 0.5, 0.5]);
@@ -144,29 +154,51 @@ mod tests {
             ("empty.ply", vec![], "PLY"),
             ("magic.ply", b"plx\n".to_vec(), "ply"),
             ("utf8.ply", vec![0xff; 100], "PLY"),
-            ("faces.ply", b"ply\nformat ascii 1.0\nelement face 0\nend_header\n".to_vec(), "vertex"),
-            ("noz.ply", format!("{vertex}1\nproperty float x\nend_header\n1234").into_bytes(), "\"y\""),
+            (
+                "faces.ply",
+                b"ply\nformat ascii 1.0\nelement face 0\nend_header\n".to_vec(),
+                "vertex",
+            ),
+            (
+                "noz.ply",
+                format!("{vertex}1\nproperty float x\nend_header\n1234").into_bytes(),
+                "\"y\"",
+            ),
             ("short.ply", bytes(&format!("{vertex}2{xyz}"), &[0; 12]), "2 elements"),
             ("huge.ply", bytes(&format!("{vertex}{huge}{xyz}"), &[0; 12]), "elements"),
             ("giant.ply", bytes(&format!("{vertex}4000000000{xyz}"), &[0; 12]), "elements"),
             ("void.ply", bytes(&format!("{vertex}{huge}\nend_header\n"), &[]), "\"x\""),
             (
                 "hollow.ply",
-                bytes(&format!("ply\nformat ascii 1.0\nelement hollow {huge}\nelement vertex 1{xyz}"), b"1 1 1\n"),
+                bytes(
+                    &format!("ply\nformat ascii 1.0\nelement hollow {huge}\nelement vertex 1{xyz}"),
+                    b"1 1 1\n",
+                ),
                 "propert",
             ),
             ("list.ply", bytes(&format!("{vertex}1{list}"), &[0xff; 12]), "\"x\""),
-            ("word.ply", format!("ply\nformat ascii 1.0\nelement vertex 1{xyz}1 two 3\n").into_bytes(), "ine 8"),
+            (
+                "word.ply",
+                format!("ply\nformat ascii 1.0\nelement vertex 1{xyz}1 two 3\n").into_bytes(),
+                "ine 8",
+            ),
             ("novertex.ply", format!("{vertex}0{xyz}").into_bytes(), "at least one point"),
             ("empty.pcd", vec![], "PCD"),
             ("noz.pcd", PCD.replace(" z", " w").into_bytes(), "PCD"),
-            ("field.pcd", bytes(&PCD.replace(" z", " w"), b"POINTS 1\nDATA ascii\n1 2 3 4\n"), "\"z\""),
+            (
+                "field.pcd",
+                bytes(&PCD.replace(" z", " w"), b"POINTS 1\nDATA ascii\n1 2 3 4\n"),
+                "\"z\"",
+            ),
             ("short.pcd", bytes(&format!("{PCD}POINTS 2\nDATA binary\n"), &[0; 16]), "2 points"),
             ("shorttext.pcd", bytes(PCD, b"POINTS 2\nDATA ascii\n1 2 3 4\n"), "PCD"),
             ("huge.pcd", bytes(&format!("{PCD}POINTS {huge}\nDATA binary\n"), &[0; 16]), "points"),
             (
                 "count.pcd",
-                bytes(&PCD.replace("COUNT 1 1 1 1", &format!("COUNT {huge} {huge} 1 1")), b"POINTS 1\nDATA ascii\n1\n"),
+                bytes(
+                    &PCD.replace("COUNT 1 1 1 1", &format!("COUNT {huge} {huge} 1 1")),
+                    b"POINTS 1\nDATA ascii\n1\n",
+                ),
                 "points",
             ),
             (
@@ -174,13 +206,24 @@ mod tests {
                 bytes(&PCD.replace("COUNT 1 1", "COUNT 2 1"), b"POINTS 1\nDATA ascii\n1 1 2 3 4\n"),
                 "one number",
             ),
-            ("packed.pcd", bytes(&format!("{PCD}POINTS 2\nDATA binary_compressed\n"), &[0xff; 8]), "compressed"),
             (
-                "unpacked.pcd",
-                bytes(&format!("{PCD}POINTS 2\nDATA binary_compressed\n"), &[2, 0, 0, 0, 1, 0, 0, 0, 0, 9]),
+                "packed.pcd",
+                bytes(&format!("{PCD}POINTS 2\nDATA binary_compressed\n"), &[0xff; 8]),
                 "compressed",
             ),
-            ("nosize.pcd", bytes(&format!("{PCD}POINTS 2\nDATA binary_compressed\n"), &[1]), "compressed"),
+            (
+                "unpacked.pcd",
+                bytes(
+                    &format!("{PCD}POINTS 2\nDATA binary_compressed\n"),
+                    &[2, 0, 0, 0, 1, 0, 0, 0, 0, 9],
+                ),
+                "compressed",
+            ),
+            (
+                "nosize.pcd",
+                bytes(&format!("{PCD}POINTS 2\nDATA binary_compressed\n"), &[1]),
+                "compressed",
+            ),
             ("short.vtk", b"# vtk DataFile Version 3.0\n".to_vec(), "VTK"),
             ("odd.bin", vec![0; 17], "multiple of 16"),
             ("empty.bin", vec![], "at least one point"),
@@ -202,7 +245,9 @@ mod tests {
     fn a_file_cut_short_or_with_a_byte_changed_never_panics() {
         let ply = "ply\nformat binary_little_endian 1.0\nelement vertex 2\nproperty float x\nproperty list uchar int l\n\
                    property float y\nproperty float z\nend_header\n";
-        let body = [&le(&[1.0])[..], &[1, 9, 0, 0, 0], &le(&[2.0, 3.0, 4.0]), &[0], &le(&[5.0, 6.0])].concat();
+        let body =
+            [&le(&[1.0])[..], &[1, 9, 0, 0, 0], &le(&[2.0, 3.0, 4.0]), &[0], &le(&[5.0, 6.0])]
+                .concat();
         let columns = le(&[1.0, 4.0, 2.0, 5.0, 3.0, 6.0, 0.5, 0.5]);
         let packed = [&33u32.to_le_bytes()[..], &32u32.to_le_bytes(), &[31], &columns].concat();
         let files = [
@@ -225,7 +270,9 @@ mod tests {
 
     #[test]
     fn an_absent_file_is_an_error_that_names_it() {
-        assert!(read_cloud(Path::new("absent.ply")).unwrap_err().to_string().contains("absent.ply"));
+        assert!(
+            read_cloud(Path::new("absent.ply")).unwrap_err().to_string().contains("absent.ply")
+        );
     }
 
     #[test]

@@ -6,22 +6,30 @@ use nalgebra::Point3;
 pub(super) fn parse_kitti(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
     let (records, rest) = bytes.as_chunks::<16>();
     if !rest.is_empty() {
-        return Err(format!("expected a size that is a multiple of 16 bytes (KITTI), found {}", bytes.len()));
+        return Err(format!(
+            "expected a size that is a multiple of 16 bytes (KITTI), found {}",
+            bytes.len()
+        ));
     }
     Ok(records.iter().map(kitti_point).collect())
 }
 
 fn kitti_point(record: &[u8; 16]) -> Point3<f32> {
     let (words, _) = record.as_chunks::<4>();
-    Point3::new(f32::from_le_bytes(words[0]), f32::from_le_bytes(words[1]), f32::from_le_bytes(words[2]))
+    Point3::new(
+        f32::from_le_bytes(words[0]),
+        f32::from_le_bytes(words[1]),
+        f32::from_le_bytes(words[2]),
+    )
 }
 
 /// The points of a text file: a point a line, parted by blanks, commas or semicolons.
 ///
-/// Lines that are empty or begin with `#` or `//` are skipped. The first line may name the columns, then x, y, z are
-/// taken from there; else they are the first three.
+/// Lines that are empty or begin with `#` or `//` are skipped. The first line may name the columns,
+/// then x, y, z are taken from there; else they are the first three.
 pub(super) fn parse_text(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
-    let text = std::str::from_utf8(bytes).map_err(|error| format!("expected text in UTF-8: {error}"))?;
+    let text =
+        std::str::from_utf8(bytes).map_err(|error| format!("expected text in UTF-8: {error}"))?;
     let mut lines = text
         .lines()
         .enumerate()
@@ -32,12 +40,14 @@ pub(super) fn parse_text(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
     if let Some(&(number, line)) = lines.peek()
         && words(line).next().is_some_and(|word| word.parse::<f32>().is_err())
     {
-        axes = columns(line).ok_or(format!("line {number}: expected numbers or the column names x, y, z"))?;
+        axes = columns(line)
+            .ok_or(format!("line {number}: expected numbers or the column names x, y, z"))?;
         lines.next();
     }
     lines
         .map(|(number, line)| {
-            point(line, axes).ok_or(format!("line {number}: expected x y z, found {:?}", start(line)))
+            point(line, axes)
+                .ok_or(format!("line {number}: expected x y z, found {:?}", start(line)))
         })
         .collect()
 }
@@ -52,7 +62,8 @@ fn start(line: &str) -> String {
 }
 
 fn columns(line: &str) -> Option<[usize; 3]> {
-    let place = |axis| words(line).position(|word| word.trim_matches('"').eq_ignore_ascii_case(axis));
+    let place =
+        |axis| words(line).position(|word| word.trim_matches('"').eq_ignore_ascii_case(axis));
     Some([place("x")?, place("y")?, place("z")?])
 }
 

@@ -26,9 +26,10 @@ pub enum VoxelError {
 /// cell = ⌊p / voxel⌋ per axis, in f64      mean = Σ p / n, in f64, in the order of the input
 /// ```
 ///
-/// The grid starts at the frame's origin, so that equal settings cut each scan alike (Open3D starts half a voxel
-/// below the least point). The output is ordered by cell, x fastest: the same input gives the same bytes, and another
-/// order of the input the same points up to rounding. Non-finite points are skipped.
+/// The grid starts at the frame's origin, so that equal settings cut each scan alike (Open3D starts
+/// half a voxel below the least point). The output is ordered by cell, x fastest: the same input
+/// gives the same bytes, and another order of the input the same points up to rounding. Non-finite
+/// points are skipped.
 ///
 /// # Errors
 ///
@@ -44,16 +45,23 @@ pub fn downsample(cloud: &Cloud, voxel_m: f64) -> Result<Cloud, VoxelError> {
 /// As [`downsample`].
 pub fn downsample_open3d(cloud: &Cloud, voxel_m: f64) -> Result<Cloud, VoxelError> {
     let finite = cloud.points.iter().filter(|p| is_finite(p));
-    let least = finite.fold([f64::INFINITY; 3], |least, p| [0, 1, 2].map(|axis| least[axis].min(f64::from(p[axis]))));
+    let least = finite.fold([f64::INFINITY; 3], |least, p| {
+        [0, 1, 2].map(|axis| least[axis].min(f64::from(p[axis])))
+    });
     let start = least.map(|v| if v.is_finite() { v - 0.5 * voxel_m } else { 0.0 });
     means(&cloud.points, voxel_m, start).map(Cloud::new)
 }
 
-fn means(points: &[Point3<f32>], voxel_m: f64, start_m: [f64; 3]) -> Result<Vec<Point3<f32>>, VoxelError> {
+fn means(
+    points: &[Point3<f32>],
+    voxel_m: f64,
+    start_m: [f64; 3],
+) -> Result<Vec<Point3<f32>>, VoxelError> {
     if !(voxel_m > 0.0 && voxel_m.is_finite()) {
         return Err(VoxelError::Size(voxel_m));
     }
-    let finite: Vec<u32> = (0..).zip(points).filter(|(_, p)| is_finite(p)).map(|(i, _)| i).collect();
+    let finite: Vec<u32> =
+        (0..).zip(points).filter(|(_, p)| is_finite(p)).map(|(i, _)| i).collect();
     if finite.is_empty() {
         return Ok(Vec::new());
     }
@@ -64,7 +72,8 @@ fn means(points: &[Point3<f32>], voxel_m: f64, start_m: [f64; 3]) -> Result<Vec<
 }
 
 fn mean(points: &[Point3<f32>], cell: &[(u64, u32)]) -> Point3<f32> {
-    let sum: Vector3<f64> = cell.iter().map(|&(_, i)| points[i as usize].coords.cast::<f64>()).sum();
+    let sum: Vector3<f64> =
+        cell.iter().map(|&(_, i)| points[i as usize].coords.cast::<f64>()).sum();
     (sum / cell.len() as f64).cast::<f32>().into()
 }
 
@@ -96,7 +105,8 @@ impl Grid {
         let voxels_per_m = voxel_m.recip();
         let cell = |axis: usize, v: f32| ((f64::from(v) - start_m[axis]) * voxels_per_m).floor();
         let extent = |axis: usize| f64::from(high[axis]) - f64::from(low[axis]);
-        let too_small = || VoxelError::TooSmall { voxel_m, extent_m: (0..3).map(extent).fold(0.0, f64::max) };
+        let too_small =
+            || VoxelError::TooSmall { voxel_m, extent_m: (0..3).map(extent).fold(0.0, f64::max) };
         let first = [0, 1, 2].map(|axis| cell(axis, low[axis]));
         let (mut stride, mut cells) = ([0; 3], 1u64);
         for axis in 0..3 {
@@ -114,15 +124,17 @@ impl Grid {
     fn key(&self, point: &Point3<f32>) -> u64 {
         (0..3)
             .map(|axis| {
-                let cell =
-                    ((f64::from(point[axis]) - self.start_m[axis]) * self.voxels_per_m).floor() - self.first[axis];
+                let cell = ((f64::from(point[axis]) - self.start_m[axis]) * self.voxels_per_m)
+                    .floor()
+                    - self.first[axis];
                 cell as u64 * self.stride[axis]
             })
             .sum()
     }
 }
 
-/// Sorts by key, equal keys in the order they came: one counting pass for every 11 bits that `last_key` has.
+/// Sorts by key, equal keys in the order they came: one counting pass for every 11 bits that
+/// `last_key` has.
 fn sort_by_key(mut pairs: Vec<(u64, u32)>, last_key: u64) -> Vec<(u64, u32)> {
     const BITS: u32 = 11;
     const DIGITS: usize = 1 << BITS;
@@ -161,7 +173,13 @@ mod tests {
 
     #[test]
     fn each_voxel_gives_the_mean_of_its_points_ordered_by_cell() {
-        let points = [[1.5, 0.25, 0.25], [0.25, 0.5, 0.75], [0.75, 0.5, 0.25], [-0.5, 0.0, 0.0], [0.0, 0.0, -0.25]];
+        let points = [
+            [1.5, 0.25, 0.25],
+            [0.25, 0.5, 0.75],
+            [0.75, 0.5, 0.25],
+            [-0.5, 0.0, 0.0],
+            [0.0, 0.0, -0.25],
+        ];
         let expected = [[0.0, 0.0, -0.25], [-0.5, 0.0, 0.0], [0.5, 0.5, 0.5], [1.5, 0.25, 0.25]];
         assert_eq!(downsample(&cloud(&points), 1.0), Ok(cloud(&expected)));
     }
@@ -169,13 +187,21 @@ mod tests {
     // Literals of Open3D (MIT), cpp/tests/geometry/PointCloud.cpp, VoxelDownSample.
     #[test]
     fn open3ds_grid_starts_half_a_voxel_below_the_least_point() {
-        let points =
-            [[0.5, 0.7, 0.6], [0.6, 0.5, 0.7], [0.7, 0.6, 0.5], [0.8, 0.8, 0.8], [0.5, 1.6, 2.4], [0.6, 1.5, 2.3]];
+        let points = [
+            [0.5, 0.7, 0.6],
+            [0.6, 0.5, 0.7],
+            [0.7, 0.6, 0.5],
+            [0.8, 0.8, 0.8],
+            [0.5, 1.6, 2.4],
+            [0.6, 1.5, 2.3],
+        ];
         let means = |points: &[[f32; 3]]| downsample_open3d(&cloud(points), 1.0).unwrap().points;
-        for (mean, expected) in means(&points).iter().zip([[0.65, 0.65, 0.65], [0.55, 1.55, 2.35]]) {
+        for (mean, expected) in means(&points).iter().zip([[0.65, 0.65, 0.65], [0.55, 1.55, 2.35]])
+        {
             assert!((mean.coords - Vector3::from(expected)).norm() < 1e-6, "{mean}");
         }
-        // On the frame's own grid 0.9 and 1.2 lie apart; on this one, which starts at 0.4, they do not.
+        // On the frame's own grid 0.9 and 1.2 lie apart; on this one, which starts at 0.4, they do
+        // not.
         assert_eq!(means(&[[0.9; 3], [1.2; 3]]).len(), 1);
         assert_eq!(downsample(&cloud(&[[0.9; 3], [1.2; 3]]), 1.0).unwrap().points.len(), 2);
         assert!(matches!(
@@ -188,14 +214,20 @@ mod tests {
     fn a_voxel_too_small_to_number_the_cells_is_an_error_and_not_an_overflow() {
         let wide = cloud(&[[-1e6, -1e6, -1e6], [1e6, 1e6, 1e6]]);
         assert!(matches!(downsample(&wide, 1e-3), Err(VoxelError::TooSmall { .. })));
-        assert!(matches!(downsample(&cloud(&[[f32::MAX; 3], [f32::MIN; 3]]), 0.1), Err(VoxelError::TooSmall { .. })));
+        assert!(matches!(
+            downsample(&cloud(&[[f32::MAX; 3], [f32::MIN; 3]]), 0.1),
+            Err(VoxelError::TooSmall { .. })
+        ));
         assert_eq!(downsample(&wide, 1.0).unwrap().points.len(), 2);
     }
 
     #[test]
     fn an_edge_that_is_not_positive_is_refused() {
         for edge in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            assert!(matches!(downsample(&cloud(&[[1.0; 3]]), edge), Err(VoxelError::Size(_))), "{edge}");
+            assert!(
+                matches!(downsample(&cloud(&[[1.0; 3]]), edge), Err(VoxelError::Size(_))),
+                "{edge}"
+            );
         }
     }
 

@@ -2,7 +2,8 @@
 
 use nalgebra::Point3;
 
-/// Lines of the header may be this long (VTK's own limit), so that a file of another kind is not searched to its end.
+/// Lines of the header may be this long (VTK's own limit), so that a file of another kind is not
+/// searched to its end.
 const LONGEST_LINE: usize = 256;
 
 /// The points of a legacy VTK file, or what was expected of it.
@@ -41,7 +42,8 @@ enum Scalar {
     Double,
 }
 
-/// The next line, without blanks at its ends; the first line of binary data is no text, and is never asked for.
+/// The next line, without blanks at its ends; the first line of binary data is no text, and is
+/// never asked for.
 fn line<'a>(rest: &mut &'a [u8]) -> Result<&'a str, String> {
     let end = rest.iter().take(LONGEST_LINE).position(|&byte| byte == b'\n');
     let end = end.ok_or("expected a line of a VTK header")?;
@@ -70,7 +72,8 @@ fn expect(rest: &mut &[u8], expected: &str) -> Result<(), String> {
 
 fn points_line(rest: &mut &[u8]) -> Result<(usize, Scalar), String> {
     let found = filled_line(rest)?;
-    let fail = || format!("expected \"POINTS\", a count, and \"float\" or \"double\", found {found:?}");
+    let fail =
+        || format!("expected \"POINTS\", a count, and \"float\" or \"double\", found {found:?}");
     let words: Vec<&str> = found.split_whitespace().collect();
     let &["POINTS", count, scalar] = words.as_slice() else { return Err(fail()) };
     let scalar = match scalar {
@@ -81,16 +84,19 @@ fn points_line(rest: &mut &[u8]) -> Result<(usize, Scalar), String> {
     Ok((count.parse().map_err(|_| fail())?, scalar))
 }
 
-/// Words are read as they come: a count that lies is found out before anything of its size is allocated.
+/// Words are read as they come: a count that lies is found out before anything of its size is
+/// allocated.
 fn ascii(rest: &[u8], count: usize) -> Result<Vec<Point3<f32>>, String> {
     let mut words = rest.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
     let mut points = Vec::new();
     for index in 0..count {
         let mut value = || {
-            let word =
-                words.next().ok_or_else(|| format!("expected the {count} points of the VTK header, found {index}"))?;
+            let word = words.next().ok_or_else(|| {
+                format!("expected the {count} points of the VTK header, found {index}")
+            })?;
             let text = std::str::from_utf8(word).ok();
-            text.and_then(|text| text.parse().ok()).ok_or_else(|| format!("point {index}: expected three numbers"))
+            text.and_then(|text| text.parse().ok())
+                .ok_or_else(|| format!("point {index}: expected three numbers"))
         };
         points.push(Point3::new(value()?, value()?, value()?));
     }
@@ -104,7 +110,10 @@ fn binary(rest: &[u8], count: usize, scalar: Scalar) -> Result<Vec<Point3<f32>>,
     };
     let needed = count.checked_mul(each);
     let data = needed.and_then(|needed| rest.get(..needed)).ok_or_else(|| {
-        format!("expected the {count} points of the VTK header, {each} bytes each, found {} bytes", rest.len())
+        format!(
+            "expected the {count} points of the VTK header, {each} bytes each, found {} bytes",
+            rest.len()
+        )
     })?;
     Ok(match scalar {
         Scalar::Float => points(data, f32::from_be_bytes),
@@ -125,12 +134,16 @@ mod tests {
     use super::*;
 
     fn file(encoding: &str, points: &str, body: &[u8]) -> Vec<u8> {
-        let header = format!("# vtk DataFile Version 3.0\na title\n{encoding}\nDATASET POLYDATA\n{points}\n");
+        let header = format!(
+            "# vtk DataFile Version 3.0\na title\n{encoding}\nDATASET POLYDATA\n{points}\n"
+        );
         [header.as_bytes(), body].concat()
     }
 
     fn big(values: &[f64], single: bool) -> Vec<u8> {
-        let bytes = |v: &f64| if single { (*v as f32).to_be_bytes().to_vec() } else { v.to_be_bytes().to_vec() };
+        let bytes = |v: &f64| {
+            if single { (*v as f32).to_be_bytes().to_vec() } else { v.to_be_bytes().to_vec() }
+        };
         values.iter().flat_map(bytes).collect()
     }
 
@@ -145,7 +158,10 @@ mod tests {
             file("BINARY", "\nPOINTS  2 double", &[&big(&values, false), tail].concat()),
         ];
         for content in table {
-            assert_eq!(parse(&content).unwrap(), [Point3::new(1.0, -2.0, 0.5), Point3::new(4.0, 5.0, 6.0)]);
+            assert_eq!(
+                parse(&content).unwrap(),
+                [Point3::new(1.0, -2.0, 0.5), Point3::new(4.0, 5.0, 6.0)]
+            );
         }
     }
 
@@ -183,8 +199,10 @@ mod tests {
 
     #[test]
     fn a_file_cut_short_or_with_a_byte_changed_never_panics() {
-        let files =
-            [file("ASCII", "POINTS 1 float", b"1 2 3\n"), file("BINARY", "POINTS 1 double", &big(&[1.0; 3], false))];
+        let files = [
+            file("ASCII", "POINTS 1 float", b"1 2 3\n"),
+            file("BINARY", "POINTS 1 double", &big(&[1.0; 3], false)),
+        ];
         for content in files {
             for at in 0..content.len() {
                 let _ = parse(&content[..at]);

@@ -23,11 +23,13 @@ pub struct FeatureConfig {
 /// Choices on which published implementations differ, and which change the result.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Convention {
-    /// The grid starts at the frame's origin; normals face the sensor; points without a normal have no feature.
+    /// The grid starts at the frame's origin; normals face the sensor; points without a normal have
+    /// no feature.
     #[default]
     Sensor,
-    /// As Open3D 0.20 has it: the grid starts half a voxel below the least point, normals have the sign that its
-    /// eigenvector solver leaves, and a point with fewer than 3 neighbours has the normal (0, 0, 1).
+    /// As Open3D 0.20 has it: the grid starts half a voxel below the least point, normals have the
+    /// sign that its eigenvector solver leaves, and a point with fewer than 3 neighbours has the
+    /// normal (0, 0, 1).
     Open3d,
 }
 
@@ -58,7 +60,11 @@ impl FeatureConfig {
 
     /// Open3D's global registration example: radii of 2 and 5 voxels with 30 and 100 neighbours.
     pub fn open3d(voxel_m: f64) -> Self {
-        Self { normal_radius_m: 2.0 * voxel_m, convention: Convention::Open3d, ..Self::of_voxel(voxel_m) }
+        Self {
+            normal_radius_m: 2.0 * voxel_m,
+            convention: Convention::Open3d,
+            ..Self::of_voxel(voxel_m)
+        }
     }
 
     /// Whether each setting can run.
@@ -73,7 +79,12 @@ impl FeatureConfig {
             ("feature_radius_m", self.feature_radius_m),
         ])?;
         let wide = self.feature_radius_m >= self.normal_radius_m;
-        require("feature_radius_m", self.feature_radius_m, wide, "normal_radius_m or more (Sec. 3.3)")?;
+        require(
+            "feature_radius_m",
+            self.feature_radius_m,
+            wide,
+            "normal_radius_m or more (Sec. 3.3)",
+        )?;
         require_feature_neighbours("normal_neighbours", self.normal_neighbours)?;
         require_feature_neighbours("feature_neighbours", self.feature_neighbours)
     }

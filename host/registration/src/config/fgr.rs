@@ -16,9 +16,11 @@ pub struct FgrConfig {
     pub max_pair_distance_m: f64,
     /// Steps at most, φ_fgr.
     pub max_iterations: usize,
-    /// Triples of matches kept by the tuple test, at most; so three times as many matches. (Ours keeps 1024 matches at most.)
+    /// Triples of matches kept by the tuple test, at most; so three times as many matches. (Ours
+    /// keeps 1024 matches at most.)
     pub max_tuples: usize,
-    /// Seed of the tuple test's draws: of triples in Open3D's mode, of the matches that all are compared with in ours.
+    /// Seed of the tuple test's draws: of triples in Open3D's mode, of the matches that all are
+    /// compared with in ours.
     pub seed: u64,
 }
 
@@ -26,12 +28,14 @@ pub struct FgrConfig {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum FgrMode {
-    /// As the paper of Zhou, Park and Koltun (ECCV 2016) has it, μ falling from the squared size of the matches to δ²; with
-    /// triples counted instead of drawn, by an absolute bound, and a last fit to all matches.
+    /// As the paper of Zhou, Park and Koltun (ECCV 2016) has it, μ falling from the squared size of
+    /// the matches to δ²; with triples counted instead of drawn, by an absolute bound, and a last
+    /// fit to all matches.
     #[default]
     Annealed,
-    /// As Open3D 0.20 runs it from Python with its defaults: μ starts at the clouds' radius in metres on points scaled
-    /// to radius 1, and never falls. The paper's baseline; poor on outdoor scans.
+    /// As Open3D 0.20 runs it from Python with its defaults: μ starts at the clouds' radius in
+    /// metres on points scaled to radius 1, and never falls. The paper's baseline; poor on outdoor
+    /// scans.
     Open3d,
 }
 
@@ -85,7 +89,8 @@ impl FgrConfig {
         })
     }
 
-    /// For outdoor scans some tens of metres wide. [`crate::suggest()`] fits it to the clouds at hand.
+    /// For outdoor scans some tens of metres wide. [`crate::suggest()`] fits it to the clouds at
+    /// hand.
     pub fn outdoor() -> Self {
         Self {
             features: FeatureConfig::of_voxel(0.3),
@@ -97,7 +102,8 @@ impl FgrConfig {
         }
     }
 
-    /// Open3D 0.20's defaults from Python for a voxel: its tutorial's radii, pairs within half a voxel, 64 iterations.
+    /// Open3D 0.20's defaults from Python for a voxel: its tutorial's radii, pairs within half a
+    /// voxel, 64 iterations.
     pub fn open3d(voxel_m: f64) -> Self {
         Self {
             features: FeatureConfig::open3d(voxel_m),
@@ -124,7 +130,12 @@ impl FgrConfig {
         self.features.check()?;
         require_lengths(&[("max_pair_distance_m", self.max_pair_distance_m)])?;
         let (iterations, tuples) = (self.max_iterations, self.max_tuples);
-        require("max_iterations", iterations as f64, (1..=100_000).contains(&iterations), "1 to 100000")?;
+        require(
+            "max_iterations",
+            iterations as f64,
+            (1..=100_000).contains(&iterations),
+            "1 to 100000",
+        )?;
         require("max_tuples", tuples as f64, (1..=1_000_000).contains(&tuples), "1 to 1000000")
     }
 }

@@ -84,13 +84,28 @@ impl GicpConfig {
         ])?;
         let first = self.first_pair_distance_m.unwrap_or(self.max_pair_distance_m);
         let far_enough = first >= self.max_pair_distance_m && first <= 1e6;
-        require("first_pair_distance_m", first, far_enough, "max_pair_distance_m or more, at most 1e6 m")?;
+        require(
+            "first_pair_distance_m",
+            first,
+            far_enough,
+            "max_pair_distance_m or more, at most 1e6 m",
+        )?;
         require_neighbours("normal_neighbours", self.normal_neighbours)?;
         for (field, value) in [("still_m", self.still_m), ("still_rad", self.still_rad)] {
             require(field, value, value >= 0.0 && value.is_finite(), "0 or more")?;
         }
-        require("max_iterations", self.max_iterations as f64, self.max_iterations >= 1, "1 or more")?;
+        require(
+            "max_iterations",
+            self.max_iterations as f64,
+            self.max_iterations >= 1,
+            "1 or more",
+        )?;
         let least = self.least_information;
-        require("least_information", least, (0.0..1.0 / 3.0).contains(&least), "0 or more, below 1/3")
+        require(
+            "least_information",
+            least,
+            (0.0..1.0 / 3.0).contains(&least),
+            "0 or more, below 1/3",
+        )
     }
 }

@@ -14,8 +14,8 @@ pub struct IcpConfig {
     pub normal_neighbours: usize,
     /// Points farther apart are no pair, φ_d.
     pub max_pair_distance_m: f64,
-    /// Coarse to fine: pairs may be this far apart at first; the distance then shrinks by 0.7 an iteration to
-    /// `max_pair_distance_m`. Absent: plain ICP, as in the paper and in Open3D.
+    /// Coarse to fine: pairs may be this far apart at first; the distance then shrinks by 0.7 an
+    /// iteration to `max_pair_distance_m`. Absent: plain ICP, as in the paper and in Open3D.
     pub first_pair_distance_m: Option<f64>,
     /// Steps at most.
     pub max_iterations: usize,
@@ -27,8 +27,9 @@ pub struct IcpConfig {
     pub still_fraction: f64,
     /// …and the root mean square distance of the pairs by less than this.
     pub still_rmse_m: f64,
-    /// A direction whose share of the information is below this is unobservable: see [`crate::Observability`].
-    /// Normals at the edges of a bare corridor leave up to 2e-3 along it; real streets have 0.04 to 0.12.
+    /// A direction whose share of the information is below this is unobservable: see
+    /// [`crate::Observability`]. Normals at the edges of a bare corridor leave up to 2e-3 along it;
+    /// real streets have 0.04 to 0.12.
     pub least_information: f64,
 }
 
@@ -66,11 +67,12 @@ impl IcpConfig {
         })
     }
 
-    /// For scans of a street or a field, some tens of metres wide, that nearly overlap: a motion below about half a
-    /// metre and 5°. [`crate::suggest()`] fits it to the clouds at hand.
+    /// For scans of a street or a field, some tens of metres wide, that nearly overlap: a motion
+    /// below about half a metre and 5°. [`crate::suggest()`] fits it to the clouds at hand.
     ///
-    /// Normals reach over 3 voxels, as KISS-Matcher has it: rings of a scan lie far apart. Stillness is 0.5 mm and
-    /// 0.1 mrad, far below the error of such scans (small_gicp stops at 1 mm and 1.7 mrad).
+    /// Normals reach over 3 voxels, as KISS-Matcher has it: rings of a scan lie far apart.
+    /// Stillness is 0.5 mm and 0.1 mrad, far below the error of such scans (small_gicp stops at 1
+    /// mm and 1.7 mrad).
     pub fn outdoor() -> Self {
         Self {
             voxel_m: 0.3,
@@ -87,8 +89,8 @@ impl IcpConfig {
         }
     }
 
-    /// What finishes a global method's motion: the first pairs are four voxels apart at most, which covers that method's
-    /// error of about one, and its turn's at the rim; the last two.
+    /// What finishes a global method's motion: the first pairs are four voxels apart at most, which
+    /// covers that method's error of about one, and its turn's at the rim; the last two.
     pub fn finishing(voxel_m: f64) -> Self {
         Self {
             voxel_m,
@@ -100,9 +102,10 @@ impl IcpConfig {
         }
     }
 
-    /// Open3D's defaults: normals from 30 neighbours within 2 voxels (its tutorial), 30 iterations, an end when both
-    /// fitness and RMSE change by less than 1e-6; it has no test of the step, and none of degeneracy (1e-9 here only
-    /// refuses what cannot be solved). It has no default for the distance, so the caller gives it.
+    /// Open3D's defaults: normals from 30 neighbours within 2 voxels (its tutorial), 30 iterations,
+    /// an end when both fitness and RMSE change by less than 1e-6; it has no test of the step, and
+    /// none of degeneracy (1e-9 here only refuses what cannot be solved). It has no default for the
+    /// distance, so the caller gives it.
     pub fn open3d(voxel_m: f64, max_pair_distance_m: f64) -> Self {
         Self {
             voxel_m,
@@ -133,7 +136,12 @@ impl IcpConfig {
         ];
         require_lengths(&lengths)?;
         let far_enough = first >= self.max_pair_distance_m && first <= 1e6;
-        require("first_pair_distance_m", first, far_enough, "max_pair_distance_m or more, at most 1e6 m")?;
+        require(
+            "first_pair_distance_m",
+            first,
+            far_enough,
+            "max_pair_distance_m or more, at most 1e6 m",
+        )?;
         let thresholds = [
             ("still_m", self.still_m),
             ("still_rad", self.still_rad),
@@ -144,9 +152,19 @@ impl IcpConfig {
             require(field, value, value >= 0.0 && value.is_finite(), "0 or more")?;
         }
         require_neighbours("normal_neighbours", self.normal_neighbours)?;
-        require("max_iterations", self.max_iterations as f64, self.max_iterations >= 1, "1 or more")?;
+        require(
+            "max_iterations",
+            self.max_iterations as f64,
+            self.max_iterations >= 1,
+            "1 or more",
+        )?;
         let least = self.least_information;
-        require("least_information", least, (0.0..1.0 / 3.0).contains(&least), "0 or more, below 1/3")
+        require(
+            "least_information",
+            least,
+            (0.0..1.0 / 3.0).contains(&least),
+            "0 or more, below 1/3",
+        )
     }
 }
 
@@ -170,8 +188,14 @@ mod tests {
         type Change = fn(&mut IcpConfig);
         let table: [(Change, &str); 9] = [
             (|c| c.voxel_m = 0.0, "voxel_m is 0, expected a length above 0 m, at most 1e6 m"),
-            (|c| c.normal_radius_m = f64::NAN, "normal_radius_m is NaN, expected a length above 0 m, at most 1e6 m"),
-            (|c| c.max_pair_distance_m = -1.0, "max_pair_distance_m is -1, expected a length above 0 m, at most 1e6 m"),
+            (
+                |c| c.normal_radius_m = f64::NAN,
+                "normal_radius_m is NaN, expected a length above 0 m, at most 1e6 m",
+            ),
+            (
+                |c| c.max_pair_distance_m = -1.0,
+                "max_pair_distance_m is -1, expected a length above 0 m, at most 1e6 m",
+            ),
             (
                 |c| c.first_pair_distance_m = Some(0.5),
                 "first_pair_distance_m is 0.5, expected max_pair_distance_m or more, at most 1e6 m",
@@ -180,7 +204,10 @@ mod tests {
             (|c| c.normal_neighbours = 2, "normal_neighbours is 2, expected 3 to 1000"),
             (|c| c.normal_neighbours = 10_001, "normal_neighbours is 10001, expected 3 to 1000"),
             (|c| c.max_iterations = 0, "max_iterations is 0, expected 1 or more"),
-            (|c| c.least_information = 0.5, "least_information is 0.5, expected 0 or more, below 1/3"),
+            (
+                |c| c.least_information = 0.5,
+                "least_information is 0.5, expected 0 or more, below 1/3",
+            ),
         ];
         for (change, expected) in table {
             assert_eq!(with(change), Err(expected.to_string()));

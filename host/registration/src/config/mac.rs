@@ -8,10 +8,12 @@ use super::{ConfigError, FeatureConfig, require, require_lengths};
 pub struct MacConfig {
     /// How points are thinned and described.
     pub features: FeatureConfig,
-    /// Matches this near each other in the end agree with the motion: the inlier threshold, φ_d, and the τ of all scores.
+    /// Matches this near each other in the end agree with the motion: the inlier threshold, φ_d,
+    /// and the τ of all scores.
     pub max_pair_distance_m: f64,
-    /// Two matches are compatible when the distances between their points differ by less than this, `d < max_stretch_m`.
-    /// The published code asks that `1 - (d / τ)²` be above 0.9 on KITTI, where τ = 0.6 m: 0.19 m.
+    /// Two matches are compatible when the distances between their points differ by less than this,
+    /// `d < max_stretch_m`. The published code asks that `1 - (d / τ)²` be above 0.9 on KITTI,
+    /// where τ = 0.6 m: 0.19 m.
     pub max_stretch_m: f64,
     /// Steps of the final refinement at most; 0 leaves the motion of the best clique.
     pub max_iterations: usize,
@@ -52,7 +54,8 @@ impl MacConfig {
         })
     }
 
-    /// For outdoor scans some tens of metres wide. [`crate::suggest()`] fits it to the clouds at hand.
+    /// For outdoor scans some tens of metres wide. [`crate::suggest()`] fits it to the clouds at
+    /// hand.
     pub fn outdoor() -> Self {
         Self {
             features: FeatureConfig::of_voxel(0.3),
@@ -77,7 +80,8 @@ impl MacConfig {
         }
     }
 
-    /// As the published demonstration runs on indoor matches a few metres apart: τ = 0.1 m, scores above 0.999.
+    /// As the published demonstration runs on indoor matches a few metres apart: τ = 0.1 m, scores
+    /// above 0.999.
     pub fn indoor() -> Self {
         Self {
             features: FeatureConfig::of_voxel(0.05),
@@ -94,7 +98,10 @@ impl MacConfig {
     /// [`ConfigError`] names the first field that cannot, and its bound.
     pub fn check(&self) -> Result<(), ConfigError> {
         self.features.check()?;
-        require_lengths(&[("max_pair_distance_m", self.max_pair_distance_m), ("max_stretch_m", self.max_stretch_m)])?;
+        require_lengths(&[
+            ("max_pair_distance_m", self.max_pair_distance_m),
+            ("max_stretch_m", self.max_stretch_m),
+        ])?;
         let iterations = self.max_iterations;
         require("max_iterations", iterations as f64, iterations <= 100_000, "at most 100000")?;
         let matches = self.max_matches;
@@ -102,7 +109,12 @@ impl MacConfig {
         let least = self.least_clique;
         require("least_clique", least as f64, (3..=20_000).contains(&least), "3 to 20000")?;
         let cliques = self.max_cliques;
-        require("max_cliques", cliques as f64, (1..=100_000_000).contains(&cliques), "1 to 100000000")
+        require(
+            "max_cliques",
+            cliques as f64,
+            (1..=100_000_000).contains(&cliques),
+            "1 to 100000000",
+        )
     }
 }
 
@@ -120,8 +132,14 @@ mod tests {
     fn a_setting_that_cannot_run_is_named_with_its_bound() {
         type Change = fn(&mut MacConfig);
         let table: [(Change, &str); 6] = [
-            (|c| c.max_pair_distance_m = 0.0, "max_pair_distance_m is 0, expected a length above 0 m, at most 1e6 m"),
-            (|c| c.max_stretch_m = f64::NAN, "max_stretch_m is NaN, expected a length above 0 m, at most 1e6 m"),
+            (
+                |c| c.max_pair_distance_m = 0.0,
+                "max_pair_distance_m is 0, expected a length above 0 m, at most 1e6 m",
+            ),
+            (
+                |c| c.max_stretch_m = f64::NAN,
+                "max_stretch_m is NaN, expected a length above 0 m, at most 1e6 m",
+            ),
             (|c| c.max_iterations = 100_001, "max_iterations is 100001, expected at most 100000"),
             (|c| c.max_matches = 2, "max_matches is 2, expected 3 to 20000"),
             (|c| c.least_clique = 2, "least_clique is 2, expected 3 to 20000"),
@@ -130,7 +148,10 @@ mod tests {
         for (change, expected) in table {
             let mut config = MacConfig::outdoor();
             change(&mut config);
-            assert_eq!(config.check().map_err(|error| error.to_string()), Err(expected.to_string()));
+            assert_eq!(
+                config.check().map_err(|error| error.to_string()),
+                Err(expected.to_string())
+            );
         }
     }
 }

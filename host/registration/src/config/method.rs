@@ -177,7 +177,12 @@ mod tests {
                 assert!(config.set(key, 10.0 + i as f64), "{key}");
             }
             for (i, key) in config.keys().iter().enumerate() {
-                assert_eq!(config.get(key), Some(10.0 + i as f64), "{key} of {:?}", config.method());
+                assert_eq!(
+                    config.get(key),
+                    Some(10.0 + i as f64),
+                    "{key} of {:?}",
+                    config.method()
+                );
             }
             assert!(!config.set("no_such_setting", 1.0));
             assert_eq!(config.get("no_such_setting"), None);

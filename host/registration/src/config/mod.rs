@@ -29,18 +29,23 @@ pub struct ConfigError {
     pub bound: &'static str,
 }
 
-fn require(field: &'static str, value: f64, holds: bool, bound: &'static str) -> Result<(), ConfigError> {
+fn require(
+    field: &'static str,
+    value: f64,
+    holds: bool,
+    bound: &'static str,
+) -> Result<(), ConfigError> {
     if holds { Ok(()) } else { Err(ConfigError { field, value, bound }) }
 }
 
 fn require_lengths(lengths: &[(&'static str, f64)]) -> Result<(), ConfigError> {
-    lengths
-        .iter()
-        .try_for_each(|&(field, m)| require(field, m, m > 0.0 && m <= 1e6, "a length above 0 m, at most 1e6 m"))
+    lengths.iter().try_for_each(|&(field, m)| {
+        require(field, m, m > 0.0 && m <= 1e6, "a length above 0 m, at most 1e6 m")
+    })
 }
 
-/// Those of features are kept for all points at once, so they are bounded more tightly: 500 for each of 100,000 points are
-/// 0.4 GB.
+/// Those of features are kept for all points at once, so they are bounded more tightly: 500 for
+/// each of 100,000 points are 0.4 GB.
 const MAX_FEATURE_NEIGHBOURS: usize = 500;
 
 fn require_feature_neighbours(field: &'static str, count: usize) -> Result<(), ConfigError> {

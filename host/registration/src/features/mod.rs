@@ -47,8 +47,13 @@ impl Described {
     }
 }
 
-/// Normals from the features' neighbourhoods where these hold the normals', else from a search of their own.
-fn normals_of(points: &[Point3<f32>], neighbours: &Neighbours, config: &FeatureConfig) -> Vec<Vector3<f32>> {
+/// Normals from the features' neighbourhoods where these hold the normals', else from a search of
+/// their own.
+fn normals_of(
+    points: &[Point3<f32>],
+    neighbours: &Neighbours,
+    config: &FeatureConfig,
+) -> Vec<Vector3<f32>> {
     let (radius_m, most) = (config.normal_radius_m, config.normal_neighbours);
     let held = radius_m <= config.feature_radius_m && most <= config.feature_neighbours;
     let own = (!held).then(|| Neighbours::within(points, radius_m, most));

@@ -14,9 +14,9 @@ const CHUNK: usize = 128;
 /// a = |p_i - p_j|    b = |q_i - q_j|    agree:  |a - b| < stretch   and   a, b > shortest     (all m)
 /// ```
 ///
-/// An absolute bound: the ratio of the published tuple test, 0.95, asks for 5 cm at 1 m, less than a voxel, and
-/// grants 2.5 m at 50 m. Edges not longer than `shortest` agree among neighbours of any two surfaces, so they say
-/// nothing.
+/// An absolute bound: the ratio of the published tuple test, 0.95, asks for 5 cm at 1 m, less than
+/// a voxel, and grants 2.5 m at 50 m. Edges not longer than `shortest` agree among neighbours of
+/// any two surfaces, so they say nothing.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rule {
     /// Most difference of the lengths, m.
@@ -36,9 +36,13 @@ impl Columns {
     /// Of all matches, in their order.
     pub(super) fn of(pairs: &[PointPair]) -> Self {
         let scale = 1.0 / pairs.len().max(1) as f64;
-        let source = pairs.iter().fold(Vector3::zeros(), |sum, pair| sum + pair.source.coords * scale);
-        let target = pairs.iter().fold(Vector3::zeros(), |sum, pair| sum + pair.target.coords * scale);
-        let column = |value: &dyn Fn(&PointPair) -> f64| pairs.iter().map(|pair| value(pair) as f32).collect();
+        let source =
+            pairs.iter().fold(Vector3::zeros(), |sum, pair| sum + pair.source.coords * scale);
+        let target =
+            pairs.iter().fold(Vector3::zeros(), |sum, pair| sum + pair.target.coords * scale);
+        let column = |value: &dyn Fn(&PointPair) -> f64| {
+            pairs.iter().map(|pair| value(pair) as f32).collect()
+        };
         Self {
             source: [0, 1, 2].map(|axis| column(&|pair| pair.source[axis] - source[axis])),
             target: [0, 1, 2].map(|axis| column(&|pair| pair.target[axis] - target[axis])),
@@ -47,7 +51,8 @@ impl Columns {
 
     /// Some of them, in the order given; indices beyond the last are left out.
     pub(super) fn select(&self, indices: &[usize]) -> Self {
-        let pick = |column: &Vec<f32>| indices.iter().filter_map(|&i| column.get(i).copied()).collect();
+        let pick =
+            |column: &Vec<f32>| indices.iter().filter_map(|&i| column.get(i).copied()).collect();
         Self { source: self.source.each_ref().map(pick), target: self.target.each_ref().map(pick) }
     }
 
@@ -94,10 +99,14 @@ impl Columns {
     }
 }
 
-/// Bytes of 0 or 1 as bits. The product moves the k-th byte of eight to the k-th bit of the highest byte.
+/// Bytes of 0 or 1 as bits. The product moves the k-th byte of eight to the k-th bit of the highest
+/// byte.
 fn packed(hits: &[u8]) -> Vec<u64> {
-    let eight = |bytes: &[u8; 8]| u64::from_le_bytes(*bytes).wrapping_mul(0x0102_0408_1020_4080) >> 56;
-    let word = |bytes: &[u8]| bytes.as_chunks().0.iter().rev().fold(0, |word, bytes| word << 8 | eight(bytes));
+    let eight =
+        |bytes: &[u8; 8]| u64::from_le_bytes(*bytes).wrapping_mul(0x0102_0408_1020_4080) >> 56;
+    let word = |bytes: &[u8]| {
+        bytes.as_chunks().0.iter().rev().fold(0, |word, bytes| word << 8 | eight(bytes))
+    };
     hits.chunks(64).map(word).collect()
 }
 
@@ -113,12 +122,16 @@ struct Bounds {
 
 impl Bounds {
     fn of(rule: Rule) -> Self {
-        Self { stretch: rule.stretch_m * rule.stretch_m, shortest: rule.shortest_m * rule.shortest_m }
+        Self {
+            stretch: rule.stretch_m * rule.stretch_m,
+            shortest: rule.shortest_m * rule.shortest_m,
+        }
     }
 }
 
-/// `|a - b| < s` for `a + b > s`, from `A = a²` and `B = b²`: `(A - B)² < s² (2 (A + B) - s²)`. Near the bound `A - B`
-/// is `2 a s`, so `f32` cancels nothing that matters; where `a + b < s` it is false, as such short edges shall be.
+/// `|a - b| < s` for `a + b > s`, from `A = a²` and `B = b²`: `(A - B)² < s² (2 (A + B) - s²)`.
+/// Near the bound `A - B` is `2 a s`, so `f32` cancels nothing that matters; where `a + b < s` it
+/// is false, as such short edges shall be.
 #[inline(always)]
 fn agrees(p: &[f32; 6], q: &[f32; 6], bounds: &Bounds) -> bool {
     let d: [f32; 6] = std::array::from_fn(|k| p[k] - q[k]);

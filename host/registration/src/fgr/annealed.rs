@@ -30,13 +30,20 @@ pub(super) struct Annealed {
 /// min Σ w s r² + w μ (√s - 1)²      r = |q - T p|,  s = (μ / (r² + μ))²        μ: R² → δ²
 /// ```
 ///
-/// with the weights `w` of the tuple test, `R` the radius of the matches, m, and `δ` the pair distance, m: the paper's
-/// bounds, Sec. 3 of Zhou, Park and Koltun, "Fast Global Registration", ECCV 2016. (Its code ends at δ = 0.16 R.) With
-/// `s` fixed the paper takes one Gauss-Newton step; ours is the exact minimum, [`rigid`]: the same fixed points, without
-/// the saddle that a half turn is to a linear step. μ falls every iteration by the fourth root of what the paper has it
-/// fall every fourth, or faster when `max_iterations` would not suffice.
-pub(super) fn annealed(pairs: &[PointPair], kept: &[Kept], delta_m: f64, max_iterations: usize) -> Option<Annealed> {
-    let rows: Vec<(PointPair, f64)> = kept.iter().filter_map(|k| Some((*pairs.get(k.index)?, k.weight))).collect();
+/// with the weights `w` of the tuple test, `R` the radius of the matches, m, and `δ` the pair
+/// distance, m: the paper's bounds, Sec. 3 of Zhou, Park and Koltun, "Fast Global Registration",
+/// ECCV 2016. (Its code ends at δ = 0.16 R.) With `s` fixed the paper takes one Gauss-Newton step;
+/// ours is the exact minimum, [`rigid`]: the same fixed points, without the saddle that a half turn
+/// is to a linear step. μ falls every iteration by the fourth root of what the paper has it fall
+/// every fourth, or faster when `max_iterations` would not suffice.
+pub(super) fn annealed(
+    pairs: &[PointPair],
+    kept: &[Kept],
+    delta_m: f64,
+    max_iterations: usize,
+) -> Option<Annealed> {
+    let rows: Vec<(PointPair, f64)> =
+        kept.iter().filter_map(|k| Some((*pairs.get(k.index)?, k.weight))).collect();
     let radius_m = radius_m(&rows).max(delta_m);
     let end = delta_m * delta_m;
     let factor = factor(radius_m * radius_m / end, max_iterations);
@@ -45,7 +52,8 @@ pub(super) fn annealed(pairs: &[PointPair], kept: &[Kept], delta_m: f64, max_ite
     while state.iterations < max_iterations && !state.still {
         line_process(&rows, &state.target_from_source, mu, &mut weights);
         let next = rigid(rows.iter().map(|row| row.0).zip(weights.iter().copied()))?;
-        state.still = mu <= end && step_m(&state.target_from_source, &next, radius_m) < STILL * delta_m;
+        state.still =
+            mu <= end && step_m(&state.target_from_source, &next, radius_m) < STILL * delta_m;
         state.target_from_source = next;
         state.iterations += 1;
         mu = (mu / factor).max(end);
@@ -72,10 +80,14 @@ fn line_process(rows: &[(PointPair, f64)], pose: &Pose, mu: f64, weights: &mut [
 /// The farthest of the matches from their centroids, m.
 fn radius_m(rows: &[(PointPair, f64)]) -> f64 {
     let n = rows.len().max(1) as f64;
-    let source = rows.iter().fold(nalgebra::Vector3::zeros(), |sum, (pair, _)| sum + pair.source.coords / n);
-    let target = rows.iter().fold(nalgebra::Vector3::zeros(), |sum, (pair, _)| sum + pair.target.coords / n);
+    let source =
+        rows.iter().fold(nalgebra::Vector3::zeros(), |sum, (pair, _)| sum + pair.source.coords / n);
+    let target =
+        rows.iter().fold(nalgebra::Vector3::zeros(), |sum, (pair, _)| sum + pair.target.coords / n);
     let far = |(pair, _): &(PointPair, f64)| {
-        (pair.source.coords - source).norm_squared().max((pair.target.coords - target).norm_squared())
+        (pair.source.coords - source)
+            .norm_squared()
+            .max((pair.target.coords - target).norm_squared())
     };
     rows.iter().map(far).fold(0.0, f64::max).sqrt()
 }
@@ -83,6 +95,9 @@ fn radius_m(rows: &[(PointPair, f64)]) -> f64 {
 /// How far a step moves a point at the radius, at most, m.
 fn step_m(before: &Pose, after: &Pose, radius_m: f64) -> f64 {
     let step = after * before.inverse();
-    step.translation.vector.norm().min((after.translation.vector - before.translation.vector).norm())
+    step.translation
+        .vector
+        .norm()
+        .min((after.translation.vector - before.translation.vector).norm())
         + step.rotation.angle() * radius_m
 }

@@ -1,4 +1,5 @@
-//! Fast global registration: one annealed least squares over matches of features, from no initial guess.
+//! Fast global registration: one annealed least squares over matches of features, from no initial
+//! guess.
 
 mod agreement;
 mod annealed;
@@ -14,14 +15,17 @@ use closing::{Agreement, closed};
 use open3d::{Frame, Schedule};
 
 use super::features::{PointPair, matching, pairs};
-use super::{ConfigError, Consensus, FgrConfig, FgrMode, Outcome, Registration, StopReason, global};
+use super::{
+    ConfigError, Consensus, FgrConfig, FgrMode, Outcome, Registration, StopReason, global,
+};
 use crate::cloud::Cloud;
 use crate::pose::Pose;
 
 /// Fewer matches determine no motion.
 const LEAST_MATCHES: usize = 3;
 
-/// Right matches keep their lengths to this, over the voxel: both ends are means of a voxel's points.
+/// Right matches keep their lengths to this, over the voxel: both ends are means of a voxel's
+/// points.
 const STRETCH: f64 = 0.6;
 
 /// Edges shorter than this, over the voxel, say nothing.
@@ -31,7 +35,8 @@ const SHORTEST: f64 = 7.0;
 ///
 /// 1. Points matched by their features ([`super::features`]), each the other's nearest.
 /// 2. The tuple test: matches are weighed by the triples they form that keep their lengths.
-/// 3. Annealed least squares over those, from a kernel as wide as the scene to one of the pair distance.
+/// 3. Annealed least squares over those, from a kernel as wide as the scene to one of the pair
+///    distance.
 /// 4. A last fit to all matches, and the count of those that agree.
 ///
 /// How it ranks among others: docs/registration-peers.md.
@@ -54,8 +59,8 @@ impl Fgr {
         &self.config
     }
 
-    /// Finds the motion that most matches agree with. Without one the outcome carries the identity and a reason; matches
-    /// that are not finite count as wrong.
+    /// Finds the motion that most matches agree with. Without one the outcome carries the identity
+    /// and a reason; matches that are not finite count as wrong.
     pub fn solve(&self, pairs: &[PointPair]) -> Outcome {
         let sound = sound(pairs);
         let points = (sound.iter().map(|p| p.source.coords), sound.iter().map(|p| p.target.coords));
@@ -63,7 +68,13 @@ impl Fgr {
     }
 
     /// From finite matches, of `matches` in all. The frame is Open3D's business alone.
-    fn outcome(&self, pairs: &[PointPair], matches: usize, frame: &Frame, initial: &Pose) -> Outcome {
+    fn outcome(
+        &self,
+        pairs: &[PointPair],
+        matches: usize,
+        frame: &Frame,
+        initial: &Pose,
+    ) -> Outcome {
         let found = match self.config.mode {
             FgrMode::Annealed => self.annealed(pairs),
             FgrMode::Open3d => self.open3d(pairs, frame),
@@ -80,8 +91,10 @@ impl Fgr {
         if pairs.len() < LEAST_MATCHES {
             return Err(StopReason::TooFewMatches);
         }
-        let rule = Rule { stretch_m: (STRETCH * voxel_m) as f32, shortest_m: (SHORTEST * voxel_m) as f32 };
-        let kept = triples::kept(pairs, rule, self.config.max_tuples.saturating_mul(3), self.config.seed);
+        let rule =
+            Rule { stretch_m: (STRETCH * voxel_m) as f32, shortest_m: (SHORTEST * voxel_m) as f32 };
+        let kept =
+            triples::kept(pairs, rule, self.config.max_tuples.saturating_mul(3), self.config.seed);
         let run = annealed::annealed(pairs, &kept, delta_m, self.config.max_iterations);
         let run = run.ok_or(StopReason::NoConsensus)?;
         let agreement = closed(pairs, &run.target_from_source, delta_m);
@@ -94,8 +107,8 @@ impl Fgr {
         Ok(Found { agreement, stop, iterations: run.iterations })
     }
 
-    /// Open3D asks neither whether the motion is still nor whether anything agrees with it: what it found is what it
-    /// returns. We return it, too, and say both.
+    /// Open3D asks neither whether the motion is still nor whether anything agrees with it: what it
+    /// found is what it returns. We return it, too, and say both.
     fn open3d(&self, pairs: &[PointPair], frame: &Frame) -> Result<Found, StopReason> {
         let kept = open3d::tuple_test(pairs, self.config.max_tuples, self.config.seed);
         if kept.len() < open3d::LEAST_MATCHES {
@@ -104,13 +117,15 @@ impl Fgr {
         let iterations = self.config.max_iterations;
         let found = open3d::optimised(&kept, frame, Schedule { iterations, falls_to: None });
         let found = found.ok_or(StopReason::NoConsensus)?;
-        let agreement = Agreement::of(pairs, &found.target_from_source, self.config.max_pair_distance_m);
+        let agreement =
+            Agreement::of(pairs, &found.target_from_source, self.config.max_pair_distance_m);
         let reach = self.config.max_pair_distance_m / self.config.features.voxel_m;
-        let stop = match (agreement.inliers as f64 >= least_inliers(pairs.len(), reach), found.still) {
-            (false, _) => StopReason::NoConsensus,
-            (true, true) => StopReason::Still,
-            (true, false) => StopReason::MaxIterations,
-        };
+        let stop =
+            match (agreement.inliers as f64 >= least_inliers(pairs.len(), reach), found.still) {
+                (false, _) => StopReason::NoConsensus,
+                (true, true) => StopReason::Still,
+                (true, false) => StopReason::MaxIterations,
+            };
         Ok(Found { agreement, stop, iterations })
     }
 }
@@ -121,9 +136,11 @@ impl Registration for Fgr {
             Ok(clouds) => clouds,
             Err(stop) => return Outcome::nothing(initial, stop),
         };
-        let matches = pairs(&matching::mutual(&source.features, &target.features), &source, &target);
-        let coords =
-            |points: &'_ [nalgebra::Point3<f32>]| -> Vec<_> { points.iter().map(|p| p.coords.cast()).collect() };
+        let matches =
+            pairs(&matching::mutual(&source.features, &target.features), &source, &target);
+        let coords = |points: &'_ [nalgebra::Point3<f32>]| -> Vec<_> {
+            points.iter().map(|p| p.coords.cast()).collect()
+        };
         let (from, to) = (coords(&source.points), coords(&target.points));
         let frame = Frame::of(from.iter().copied(), to.iter().copied());
         self.outcome(&sound(&matches), matches.len(), &frame, initial)
@@ -153,23 +170,27 @@ impl Found {
 
 /// The matches whose numbers are finite, and small enough to be squared.
 fn sound(pairs: &[PointPair]) -> Vec<PointPair> {
-    let sound = |pair: &&PointPair| pair.source.iter().chain(pair.target.iter()).all(|v| v.abs() <= 1e6);
+    let sound =
+        |pair: &&PointPair| pair.source.iter().chain(pair.target.iter()).all(|v| v.abs() <= 1e6);
     pairs.iter().filter(sound).copied().collect()
 }
 
 /// The widest pair distance, in voxels, that [`least_inliers`] was fitted to.
 const FITTED_REACH: f64 = 1.0 / 0.3;
 
-/// Matches that must agree for a motion to be trusted, of `n`, with a pair distance of `reach` voxels.
+/// Matches that must agree for a motion to be trusted, of `n`, with a pair distance of `reach`
+/// voxels.
 ///
 /// ```text
 /// (15 + 0.2 √n) max(0.75, 1.2 reach - 0.2), but never more than n / 2
 /// ```
 ///
-/// Fitted to what chance gives, on simulated scans: 70 pairs of unrelated ones (440 to 6100 matches, a voxel of 0.3 m), 44 of
-/// sparse ones (80 to 300 matches, voxels of 0.6 to 1.3 m), and as many right motions. Of the 44, 2 are still accepted, and 9
-/// were before the sparse ones were looked at: a motion that few matches speak for wants a second opinion.
+/// Fitted to what chance gives, on simulated scans: 70 pairs of unrelated ones (440 to 6100
+/// matches, a voxel of 0.3 m), 44 of sparse ones (80 to 300 matches, voxels of 0.6 to 1.3 m), and
+/// as many right motions. Of the 44, 2 are still accepted, and 9 were before the sparse ones were
+/// looked at: a motion that few matches speak for wants a second opinion.
 fn least_inliers(n: usize, reach: f64) -> f64 {
-    let by_chance = (15.0 + 0.2 * (n as f64).sqrt()) * (1.2 * reach.min(FITTED_REACH) - 0.2).max(0.75);
+    let by_chance =
+        (15.0 + 0.2 * (n as f64).sqrt()) * (1.2 * reach.min(FITTED_REACH) - 0.2).max(0.75);
     by_chance.min(0.5 * n as f64)
 }

@@ -35,7 +35,10 @@ impl Frame {
         target: impl ExactSizeIterator<Item = Vector3<f64>> + Clone,
     ) -> Self {
         let (from, to) = (mean(source.clone()), mean(target.clone()));
-        let far = source.map(|p| (p - from).norm()).chain(target.map(|q| (q - to).norm())).fold(0.0, f64::max);
+        let far = source
+            .map(|p| (p - from).norm())
+            .chain(target.map(|q| (q - to).norm()))
+            .fold(0.0, f64::max);
         Self { source: from, target: to, radius_m: far }
     }
 }
@@ -47,7 +50,8 @@ fn mean(points: impl ExactSizeIterator<Item = Vector3<f64>>) -> Vector3<f64> {
 
 /// The matches of the triples that pass, as often as they pass: at most `3 most`.
 ///
-/// A triple of matches drawn with repetition passes when all three edges agree within 5 %. Only the draws are ours.
+/// A triple of matches drawn with repetition passes when all three edges agree within 5 %. Only the
+/// draws are ours.
 pub(super) fn tuple_test(pairs: &[PointPair], most: usize, seed: u64) -> Vec<PointPair> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut kept = Vec::new();
@@ -75,18 +79,27 @@ fn passes(triple: &[PointPair; 3]) -> bool {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Schedule {
     pub(super) iterations: usize,
-    /// μ is divided by 1.4 after every fourth step while it is above this; never, as Python's default has it, if absent.
+    /// μ is divided by 1.4 after every fourth step while it is above this; never, as Python's
+    /// default has it, if absent.
     pub(super) falls_to: Option<f64>,
 }
 
-/// Gauss-Newton on points scaled to radius 1, the target moved onto the source; the result is inverted.
+/// Gauss-Newton on points scaled to radius 1, the target moved onto the source; the result is
+/// inverted.
 ///
-/// μ starts at the radius in metres: Open3D passes the scale where the start value, 1, is meant. So it is some tens of
-/// squared cloud radii, and the steps are nearly those of plain least squares. Absent when a step cannot be solved.
-pub(super) fn optimised(pairs: &[PointPair], frame: &Frame, schedule: Schedule) -> Option<Optimised> {
+/// μ starts at the radius in metres: Open3D passes the scale where the start value, 1, is meant. So
+/// it is some tens of squared cloud radii, and the steps are nearly those of plain least squares.
+/// Absent when a step cannot be solved.
+pub(super) fn optimised(
+    pairs: &[PointPair],
+    frame: &Frame,
+    schedule: Schedule,
+) -> Option<Optimised> {
     let scale = 1.0 / frame.radius_m;
-    let source: Vec<_> = pairs.iter().map(|pair| (pair.source.coords - frame.source) * scale).collect();
-    let mut target: Vec<_> = pairs.iter().map(|pair| (pair.target.coords - frame.target) * scale).collect();
+    let source: Vec<_> =
+        pairs.iter().map(|pair| (pair.source.coords - frame.source) * scale).collect();
+    let mut target: Vec<_> =
+        pairs.iter().map(|pair| (pair.target.coords - frame.target) * scale).collect();
     let (mut source_from_target, mut mu, mut still) = (Pose::identity(), frame.radius_m, false);
     for iteration in 0..schedule.iterations {
         let step = step(&source, &target, mu)?;
@@ -115,8 +128,11 @@ fn step(source: &[Vector3<f64>], target: &[Vector3<f64>], mu: f64) -> Option<Pos
     for (p, q) in source.iter().zip(target) {
         let r = p - q;
         let s = (mu / (r.norm_squared() + mu)).powi(2);
-        let rows =
-            [[0.0, -q.z, q.y, -1.0, 0.0, 0.0], [q.z, 0.0, -q.x, 0.0, -1.0, 0.0], [-q.y, q.x, 0.0, 0.0, 0.0, -1.0]];
+        let rows = [
+            [0.0, -q.z, q.y, -1.0, 0.0, 0.0],
+            [q.z, 0.0, -q.x, 0.0, -1.0, 0.0],
+            [-q.y, q.x, 0.0, 0.0, 0.0, -1.0],
+        ];
         for (row, r) in rows.into_iter().map(Vector6::from).zip(r.iter()) {
             matrix += row * row.transpose() * s;
             vector += row * (r * s);
@@ -145,15 +161,20 @@ mod tests {
             .filter(|line| !line.starts_with('#'))
             .map(|line| line.split_whitespace().map(|word| word.parse().unwrap()).collect())
             .collect();
-        let pair = |v: &Vec<f64>| PointPair { source: [v[0], v[1], v[2]].into(), target: [v[3], v[4], v[5]].into() };
+        let pair = |v: &Vec<f64>| PointPair {
+            source: [v[0], v[1], v[2]].into(),
+            target: [v[3], v[4], v[5]].into(),
+        };
         let pairs: Vec<PointPair> = rows.iter().filter(|v| v.len() == 6).map(pair).collect();
         let results: Vec<Pose> = rows
             .iter()
             .filter(|v| v.len() == 16)
             .map(|v| from_rows(v.as_slice().try_into().unwrap()).unwrap())
             .collect();
-        let frame = Frame::of(pairs.iter().map(|p| p.source.coords), pairs.iter().map(|p| p.target.coords));
-        let schedules = [None, Some(0.025), Some(1e-4)].map(|falls_to| Schedule { iterations: 64, falls_to });
+        let frame =
+            Frame::of(pairs.iter().map(|p| p.source.coords), pairs.iter().map(|p| p.target.coords));
+        let schedules =
+            [None, Some(0.025), Some(1e-4)].map(|falls_to| Schedule { iterations: 64, falls_to });
         assert_eq!((pairs.len(), results.len()), (60, schedules.len()));
         for (schedule, open3d) in schedules.into_iter().zip(&results) {
             let ours = optimised(&pairs, &frame, schedule).unwrap().target_from_source;
@@ -163,7 +184,8 @@ mod tests {
 
     #[test]
     fn a_triple_that_names_a_match_twice_never_passes() {
-        let pair = |x: f64| PointPair { source: [x, 0.0, 0.0].into(), target: [x, 1.0, 0.0].into() };
+        let pair =
+            |x: f64| PointPair { source: [x, 0.0, 0.0].into(), target: [x, 1.0, 0.0].into() };
         assert!(passes(&[pair(0.0), pair(1.0), pair(3.0)]));
         assert!(!passes(&[pair(0.0), pair(0.0), pair(3.0)]));
     }

@@ -24,7 +24,8 @@ fn point(rng: &mut ChaCha8Rng) -> Point3<f64> {
     Point3::from([80.0, 80.0, 10.0].map(|side: f64| (rng.random::<f64>() - 0.5) * side))
 }
 
-/// `right` matches moved by `truth` with up to 0.1 m of error along each axis, and `wrong` ones between any two points.
+/// `right` matches moved by `truth` with up to 0.1 m of error along each axis, and `wrong` ones
+/// between any two points.
 fn matches(right: usize, wrong: usize, truth: &Pose, seed: u64) -> Vec<PointPair> {
     let rng = &mut ChaCha8Rng::seed_from_u64(seed);
     let mut pairs: Vec<PointPair> = (0..right)
@@ -52,17 +53,32 @@ fn is_near(outcome: &Outcome, truth: &Pose) -> bool {
 #[test]
 fn any_yaw_is_found_in_both_directions_among_95_wrong_matches_of_100() {
     for step in 0..12 {
-        let truth = pose([12.0, -7.0, 0.5], [0.02, -0.01, f64::from(step) * std::f64::consts::PI / 6.0]);
+        let truth =
+            pose([12.0, -7.0, 0.5], [0.02, -0.01, f64::from(step) * std::f64::consts::PI / 6.0]);
         for (right, wrong) in [(200, 0), (150, 350), (150, 2850)] {
             let forward = matches(right, wrong, &truth, step as u64);
             let swap = |pair: &PointPair| PointPair { source: pair.target, target: pair.source };
             let backward: Vec<PointPair> = forward.iter().map(swap).collect();
             for (pairs, truth) in [(&forward, truth), (&backward, truth.inverse())] {
                 let outcome = fgr().solve(pairs);
-                assert_eq!(outcome.stop, StopReason::Still, "{right} + {wrong}, yaw {step}: {outcome:?}");
-                assert!(is_near(&outcome, &truth), "{right} + {wrong}, yaw {step}: {:?}", errors(&outcome, &truth));
-                assert!(outcome.pairs >= right && outcome.pairs < right + wrong / 50 + 1, "{outcome:?}");
-                assert_eq!(outcome.consensus.map(|c| (c.matches, c.inliers)), Some((pairs.len(), outcome.pairs)));
+                assert_eq!(
+                    outcome.stop,
+                    StopReason::Still,
+                    "{right} + {wrong}, yaw {step}: {outcome:?}"
+                );
+                assert!(
+                    is_near(&outcome, &truth),
+                    "{right} + {wrong}, yaw {step}: {:?}",
+                    errors(&outcome, &truth)
+                );
+                assert!(
+                    outcome.pairs >= right && outcome.pairs < right + wrong / 50 + 1,
+                    "{outcome:?}"
+                );
+                assert_eq!(
+                    outcome.consensus.map(|c| (c.matches, c.inliers)),
+                    Some((pairs.len(), outcome.pairs))
+                );
             }
         }
     }
@@ -94,7 +110,10 @@ fn matches_that_hold_no_motion_return_the_identity_and_a_reason() {
     let broken = PointPair { source: [f64::NAN, 0.0, 0.0].into(), target: [0.0; 3].into() };
     let far = PointPair { source: [f64::MAX; 3].into(), target: [f64::INFINITY; 3].into() };
     let same = PointPair { source: [1.0; 3].into(), target: [2.0; 3].into() };
-    let line = |i: i32| PointPair { source: [f64::from(i), 0.0, 1.0].into(), target: [0.0, f64::from(i), 2.0].into() };
+    let line = |i: i32| PointPair {
+        source: [f64::from(i), 0.0, 1.0].into(),
+        target: [0.0, f64::from(i), 2.0].into(),
+    };
     let table: [(&str, Vec<PointPair>, StopReason); 6] = [
         ("none", vec![], StopReason::TooFewMatches),
         ("two", matches(2, 0, &Pose::identity(), 1), StopReason::TooFewMatches),
@@ -105,9 +124,15 @@ fn matches_that_hold_no_motion_return_the_identity_and_a_reason() {
     ];
     for (name, pairs, stop) in table {
         let outcome = fgr().solve(&pairs);
-        let searched = if ["not a number", "beyond f64's squares"].contains(&name) { 0 } else { pairs.len() };
-        let consensus = Some(Consensus { matches: pairs.len(), searched, inliers: 0, margin: None });
-        assert_eq!(outcome, Outcome { consensus, ..Outcome::nothing(&Pose::identity(), stop) }, "{name}");
+        let searched =
+            if ["not a number", "beyond f64's squares"].contains(&name) { 0 } else { pairs.len() };
+        let consensus =
+            Some(Consensus { matches: pairs.len(), searched, inliers: 0, margin: None });
+        assert_eq!(
+            outcome,
+            Outcome { consensus, ..Outcome::nothing(&Pose::identity(), stop) },
+            "{name}"
+        );
         assert!(!open3d().solve(&pairs).stop.is_success(), "{name}");
     }
 }
@@ -132,7 +157,9 @@ fn matches_of_a_plane_and_repeated_ones_and_broken_ones_do_no_harm() {
     assert!(is_near(&fgr().solve(&pairs), &truth), "a plane");
     pairs.extend_from_within(..300);
     assert!(is_near(&fgr().solve(&pairs), &truth), "repeated");
-    pairs.extend([PointPair { source: [f64::NAN; 3].into(), target: [f64::NEG_INFINITY; 3].into() }; 100]);
+    pairs.extend(
+        [PointPair { source: [f64::NAN; 3].into(), target: [f64::NEG_INFINITY; 3].into() }; 100],
+    );
     let outcome = fgr().solve(&pairs);
     assert!(is_near(&outcome, &truth), "broken");
     assert_eq!(outcome.consensus.unwrap().matches, pairs.len());

@@ -26,18 +26,21 @@ pub(super) struct Kept {
     pub(super) weight: f64,
 }
 
-/// The matches that take part in triples which pass, with their shares; at most `most`, ordered by index.
+/// The matches that take part in triples which pass, with their shares; at most `most`, ordered by
+/// index.
 ///
-/// Published, 100 triples a match are drawn and those kept that pass, so a match comes out as often as its triples are
-/// drawn. With 3 % of the matches right, one draw in 37 000 holds three right ones, and as many wrong ones pass by
-/// chance. Counting instead of drawing gives what the drawing estimates: a match takes part in
+/// Published, 100 triples a match are drawn and those kept that pass, so a match comes out as often
+/// as its triples are drawn. With 3 % of the matches right, one draw in 37 000 holds three right
+/// ones, and as many wrong ones pass by chance. Counting instead of drawing gives what the drawing
+/// estimates: a match takes part in
 ///
 /// ```text
 /// T_i = #{ j < k : i~j, j~k, k~i }
 /// ```
 ///
-/// triples, which goes with the square of the number of matches that are right, and separates those from the others by
-/// some hundreds. Counted among the [`CANDIDATES`] that agree with most of [`WITNESSES`].
+/// triples, which goes with the square of the number of matches that are right, and separates those
+/// from the others by some hundreds. Counted among the [`CANDIDATES`] that agree with most of
+/// [`WITNESSES`].
 pub(super) fn kept(pairs: &[PointPair], rule: Rule, most: usize, seed: u64) -> Vec<Kept> {
     let columns = Columns::of(pairs);
     let candidates = candidates(&columns, rule, seed);
@@ -102,7 +105,9 @@ fn common(a: &[u64], b: &[u64]) -> u64 {
 /// Indices of the set bits, ascending.
 fn ones(words: &[u64]) -> impl Iterator<Item = usize> {
     words.iter().enumerate().flat_map(|(at, &word)| {
-        std::iter::successors((word != 0).then_some(word), |rest| Some(rest & (rest - 1)).filter(|rest| *rest != 0))
-            .map(move |rest| at * 64 + rest.trailing_zeros() as usize)
+        std::iter::successors((word != 0).then_some(word), |rest| {
+            Some(rest & (rest - 1)).filter(|rest| *rest != 0)
+        })
+        .map(move |rest| at * 64 + rest.trailing_zeros() as usize)
     })
 }

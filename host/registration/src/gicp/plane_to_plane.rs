@@ -9,7 +9,8 @@ use crate::normal_equations::{Centred, MomentSums, NormalEquations, RowSums, Ste
 /// Variance along a plane's normal, of that within it.
 const ACROSS: f64 = 1e-3;
 
-/// Sums over pairs of a moved source point `s` with normal `m` (turned as it is) and a target point `q` with normal `n`.
+/// Sums over pairs of a moved source point `s` with normal `m` (turned as it is) and a target point
+/// `q` with normal `n`.
 ///
 /// ```text
 /// M = (C_q + R C_s Rᵀ)⁻¹ = (2 I - (1 - ε)(n nᵀ + m mᵀ))⁻¹
@@ -17,9 +18,10 @@ const ACROSS: f64 = 1e-3;
 /// u = n + m,  v = n - m,  c = n · m,  g = 2 / (1 - ε) - 1
 /// ```
 ///
-/// The inverse is Woodbury's, written in the eigenvectors `u` and `v` of its part of rank two: a weak distance from point
-/// to point and two distances from point to plane, so that no 3×3 matrix is kept or inverted. Planes that agree have
-/// `c = 1` and weigh 1/(2 ε) along their normal. With `j(u) = [s × u ; u]`, `d = s - q`:
+/// The inverse is Woodbury's, written in the eigenvectors `u` and `v` of its part of rank two: a
+/// weak distance from point to point and two distances from point to plane, so that no 3×3 matrix
+/// is kept or inverted. Planes that agree have `c = 1` and weigh 1/(2 ε) along their normal. With
+/// `j(u) = [s × u ; u]`, `d = s - q`:
 ///
 /// ```text
 /// E(ω, t) = Σ dᵀ M d      H = Σ J M Jᵀ      J = [j(x) j(y) j(z)]
@@ -43,7 +45,8 @@ impl Equations for PlaneToPlane {
 
     #[inline(always)]
     fn add_all(&mut self, pairs: &Pairs) {
-        let (mut rows, mut moments, mut points) = (RowSums::default(), MomentSums::default(), PointSums::default());
+        let (mut rows, mut moments, mut points) =
+            (RowSums::default(), MomentSums::default(), PointSums::default());
         let mut weight = [0.0; LANES];
         for group in pairs.groups() {
             let Group { s, d, n, m } = &group;
@@ -71,8 +74,9 @@ impl Equations for PlaneToPlane {
         self
     }
 
-    /// What the pairs determine is told by their planes alone, as a share of one as for [`NormalEquations`]: the distance
-    /// from point to point draws every direction to where the sampling of the surfaces happens to agree.
+    /// What the pairs determine is told by their planes alone, as a share of one as for
+    /// [`NormalEquations`]: the distance from point to point draws every direction to where the
+    /// sampling of the surfaces happens to agree.
     fn solve(&self, least_information: f64) -> (Step, Observability) {
         let centred = Centred::of(&self.planes);
         let weight = if self.weight > 0.0 { self.weight } else { 1.0 };
@@ -107,7 +111,8 @@ impl PlaneToPlane {
         sum.fixed_view_mut::<3, 3>(0, 0).copy_from(&turns);
         sum.fixed_view_mut::<3, 3>(0, 3).copy_from(&across);
         sum.fixed_view_mut::<3, 3>(3, 0).copy_from(&across.transpose());
-        sum.fixed_view_mut::<3, 3>(3, 3).copy_from(&Matrix3::from_diagonal_element(self.planes.pairs as f64));
+        sum.fixed_view_mut::<3, 3>(3, 3)
+            .copy_from(&Matrix3::from_diagonal_element(self.planes.pairs as f64));
         sum / 2.0
     }
 
@@ -117,12 +122,15 @@ impl PlaneToPlane {
     }
 }
 
-/// The weights and directions of the two planes of each pair. Lanes without a pair have directions of length 0.
+/// The weights and directions of the two planes of each pair. Lanes without a pair have directions
+/// of length 0.
 #[inline(always)]
 fn planes(n: &[Lane; 3], m: &[Lane; 3]) -> [(Lane, [Lane; 3]); 2] {
     const G: f64 = 2.0 / (1.0 - ACROSS) - 1.0;
     let c = dot(n, m);
-    let sum = |sign: f64| std::array::from_fn(|axis| std::array::from_fn(|k| n[axis][k] + sign * m[axis][k]));
+    let sum = |sign: f64| {
+        std::array::from_fn(|axis| std::array::from_fn(|k| n[axis][k] + sign * m[axis][k]))
+    };
     let weight = |sign: f64| std::array::from_fn(|k| 0.25 / (G - sign * c[k]));
     [(weight(1.0), sum(1.0)), (weight(-1.0), sum(-1.0))]
 }
@@ -138,7 +146,9 @@ struct PointSums {
 impl PointSums {
     #[inline(always)]
     fn add(&mut self, s: &[Lane; 3], d: &[Lane; 3]) {
-        for (sum, (a, b)) in self.ss.iter_mut().zip([(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]) {
+        for (sum, (a, b)) in
+            self.ss.iter_mut().zip([(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)])
+        {
             add_product(sum, &s[a], &s[b]);
         }
         let turn = cross(s, d);
@@ -191,7 +201,8 @@ mod tests {
 
     /// `H` and `b` of one pair, as the papers write them: with covariances, and an inverse.
     fn plainly((s, q, n, m): &Pair) -> (Matrix6<f64>, Vector6<f64>) {
-        let covariance = |n: &Vector3<f64>| Matrix3::identity() - n * n.transpose() * (1.0 - ACROSS);
+        let covariance =
+            |n: &Vector3<f64>| Matrix3::identity() - n * n.transpose() * (1.0 - ACROSS);
         let n: Vector3<f64> = n.cast();
         let weight = (covariance(&n) + covariance(m)).try_inverse().unwrap();
         let mut jacobian = Matrix3x6::zeros();
@@ -223,7 +234,9 @@ mod tests {
     fn planes_that_agree_weigh_500_along_their_normal_and_half_within() {
         let pair = (Vector3::zeros(), Point3::origin(), Vector3::z(), Vector3::z());
         let sums = sums(&[pair]);
-        let shifts = (sums.planes.information() + sums.points_information()).fixed_view::<3, 3>(3, 3).into_owned();
+        let shifts = (sums.planes.information() + sums.points_information())
+            .fixed_view::<3, 3>(3, 3)
+            .into_owned();
         let expected = Matrix3::from_diagonal(&Vector3::new(0.5, 0.5, 500.0));
         assert!((shifts - expected).norm() < 1e-9, "{shifts}");
     }
@@ -238,6 +251,9 @@ mod tests {
             .collect();
         let (step, seen) = sums(&pairs).solve(3e-3);
         assert_eq!(seen.unobservable, 3);
-        assert!((step.motion.translation.vector - Vector3::new(0.0, 0.0, -0.1)).norm() < 1e-9, "{step:?}");
+        assert!(
+            (step.motion.translation.vector - Vector3::new(0.0, 0.0, -0.1)).norm() < 1e-9,
+            "{step:?}"
+        );
     }
 }

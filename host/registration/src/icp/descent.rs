@@ -20,21 +20,28 @@ pub(crate) struct Descent {
     pub(crate) max_iterations: usize,
     pub(crate) still_m: f64,
     pub(crate) still_rad: f64,
-    /// Open3D's end: neither the share of paired points nor their RMSE changes by more. 0 turns it off.
+    /// Open3D's end: neither the share of paired points nor their RMSE changes by more. 0 turns it
+    /// off.
     pub(crate) still_fraction: f64,
     pub(crate) still_rmse_m: f64,
     pub(crate) least_information: f64,
 }
 
 impl Descent {
-    /// Runs from `initial`. With too few pairs the outcome carries `initial`; with a direction left open it moves in the
-    /// others.
-    pub(crate) fn run<E: Equations>(&self, target: &Target, source: &Moving, initial: &Pose) -> Outcome {
+    /// Runs from `initial`. With too few pairs the outcome carries `initial`; with a direction left
+    /// open it moves in the others.
+    pub(crate) fn run<E: Equations>(
+        &self,
+        target: &Target,
+        source: &Moving,
+        initial: &Pose,
+    ) -> Outcome {
         let mut outcome = Outcome::nothing(initial, StopReason::MaxIterations);
         let mut matches = vec![Match::UNKNOWN; source.points.len()];
         let mut reach_m = self.first_pair_distance_m.unwrap_or(self.max_pair_distance_m);
         while outcome.iterations < self.max_iterations {
-            let sums: E = sum_pairs(target, source, &outcome.target_from_source, reach_m, &mut matches);
+            let sums: E =
+                sum_pairs(target, source, &outcome.target_from_source, reach_m, &mut matches);
             if sums.pairs() < UNKNOWNS {
                 let nothing = Outcome::nothing(initial, StopReason::TooFewPairs);
                 return Outcome { pairs: sums.pairs(), iterations: outcome.iterations, ..nothing };

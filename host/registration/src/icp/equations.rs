@@ -6,8 +6,8 @@ use super::super::Observability;
 use super::super::normal_equations::Step;
 use super::pairing::CHUNK;
 
-/// Pairs summed side by side: as many `f64` as a vector of AVX2 holds. Written out, so that each build adds in the same
-/// order.
+/// Pairs summed side by side: as many `f64` as a vector of AVX2 holds. Written out, so that each
+/// build adds in the same order.
 pub(crate) const LANES: usize = 4;
 
 /// One number of four pairs.
@@ -73,7 +73,13 @@ pub(crate) struct Group {
 impl Pairs {
     /// Adds a pair; beyond [`CHUNK`] there is no room, and no chunk has more points.
     #[inline(always)]
-    pub(crate) fn push(&mut self, s: &Vector3<f64>, q: &Point3<f32>, n: &Vector3<f32>, m: &Vector3<f64>) {
+    pub(crate) fn push(
+        &mut self,
+        s: &Vector3<f64>,
+        q: &Point3<f32>,
+        n: &Vector3<f32>,
+        m: &Vector3<f64>,
+    ) {
         if self.len >= CHUNK {
             return;
         }

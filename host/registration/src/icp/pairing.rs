@@ -1,4 +1,5 @@
-//! Pairs each source point with the nearest target point, searching only where the last answer may have changed.
+//! Pairs each source point with the nearest target point, searching only where the last answer may
+//! have changed.
 
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
@@ -8,14 +9,15 @@ use super::super::prepared::box_tree::{BoxTree, Kernel, Portable};
 use super::equations::{Equations, Pairs};
 use crate::pose::Pose;
 
-/// Points a thread takes at a time. Sums are per chunk and added in order: the same bytes on any number of threads.
+/// Points a thread takes at a time. Sums are per chunk and added in order: the same bytes on any
+/// number of threads.
 pub(crate) const CHUNK: usize = 256;
 
 /// Rounding of `f32` distances, relative, with room: a match within this of a tie is searched anew.
 const ROUNDING: f32 = 1e-6;
 
-/// A search looks this much farther than it must, as a share of the pair distance, so that its result outlives small
-/// steps.
+/// A search looks this much farther than it must, as a share of the pair distance, so that its
+/// result outlives small steps.
 const SLACK: f32 = 0.125;
 
 /// The points to be moved, and their normals where the method wants them.
@@ -27,8 +29,8 @@ pub(crate) struct Moving<'a> {
     pub(crate) normals: &'a [Vector3<f32>],
 }
 
-/// What the last search for a source point found. It holds until the point has moved far enough for another target
-/// point to be nearer, which the triangle inequality tells without a search.
+/// What the last search for a source point found. It holds until the point has moved far enough for
+/// another target point to be nearer, which the triangle inequality tells without a search.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Match {
     /// The nearest target point.
@@ -54,18 +56,26 @@ impl Reach {
 
 impl Match {
     /// Never holds.
-    pub(crate) const UNKNOWN: Self = Self { index: None, others_m: f32::NEG_INFINITY, at: Point3::new(0.0, 0.0, 0.0) };
+    pub(crate) const UNKNOWN: Self =
+        Self { index: None, others_m: f32::NEG_INFINITY, at: Point3::new(0.0, 0.0, 0.0) };
 
-    /// Searches from here, no farther than needed when some target point is known to be `near_m` away.
+    /// Searches from here, no farther than needed when some target point is known to be `near_m`
+    /// away.
     #[inline(always)]
-    fn search(kernel: impl Kernel, tree: &BoxTree, at: Point3<f32>, reach: Reach, near_m: f32) -> Self {
+    fn search(
+        kernel: impl Kernel,
+        tree: &BoxTree,
+        at: Point3<f32>,
+        reach: Reach,
+        near_m: f32,
+    ) -> Self {
         let radius_m = reach.pair_m.min(near_m) + reach.slack_m;
         let found = tree.nearest(kernel, &at, radius_m, reach.slack_m);
         Self { index: found.index, others_m: found.others_squared_m2.sqrt(), at }
     }
 
-    /// The nearest target point strictly within reach of `at`: the same as a full scan would find. `guess` is a target
-    /// point that may be near.
+    /// The nearest target point strictly within reach of `at`: the same as a full scan would find.
+    /// `guess` is a target point that may be near.
     #[inline(always)]
     fn update(
         &mut self,
@@ -76,7 +86,9 @@ impl Match {
         guess: Option<u32>,
     ) -> Option<u32> {
         let distance_m = |index: Option<u32>| {
-            index.and_then(|index| tree.points().get(index as usize)).map_or(f32::INFINITY, |point| (point - at).norm())
+            index
+                .and_then(|index| tree.points().get(index as usize))
+                .map_or(f32::INFINITY, |point| (point - at).norm())
         };
         let mut now_m = distance_m(self.index);
         let others_m = self.others_m * (1.0 - ROUNDING) - (at - self.at).norm();
@@ -89,7 +101,8 @@ impl Match {
     }
 }
 
-/// Pairs each source point with the nearest target point within `pair_m`, and sums what the least squares needs.
+/// Pairs each source point with the nearest target point within `pair_m`, and sums what the least
+/// squares needs.
 pub(crate) fn sum_pairs<E: Equations>(
     target: &Target,
     source: &Moving,
@@ -98,7 +111,13 @@ pub(crate) fn sum_pairs<E: Equations>(
     matches: &mut [Match],
 ) -> E {
     let chunk = |(number, matches): (usize, &mut [Match])| {
-        let chunk = Chunk { target, source, first: number * CHUNK, pose: target_from_source, reach: Reach::of(pair_m) };
+        let chunk = Chunk {
+            target,
+            source,
+            first: number * CHUNK,
+            pose: target_from_source,
+            reach: Reach::of(pair_m),
+        };
         chunk.sum(matches)
     };
     let sums: Vec<E> = matches.par_chunks_mut(CHUNK).enumerate().map(chunk).collect();
@@ -135,14 +154,26 @@ impl Chunk<'_> {
     }
 
     #[inline(always)]
-    fn pair(&self, kernel: impl Kernel, matches: &mut [Match], source_normals: bool, pairs: &mut Pairs) {
+    fn pair(
+        &self,
+        kernel: impl Kernel,
+        matches: &mut [Match],
+        source_normals: bool,
+        pairs: &mut Pairs,
+    ) {
         let rotation = self.pose.rotation.to_rotation_matrix().into_inner();
         let translation = self.pose.translation.vector;
         let Some(points) = self.source.points.get(self.first..) else { return };
         let mut guess = None;
         for (i, (point, found)) in points.iter().zip(matches).enumerate() {
             let moved = rotation * point.coords.cast::<f64>() + translation;
-            let index = found.update(kernel, &self.target.tree, Point3::from(moved.cast()), self.reach, guess);
+            let index = found.update(
+                kernel,
+                &self.target.tree,
+                Point3::from(moved.cast()),
+                self.reach,
+                guess,
+            );
             guess = found.index;
             let Some(index) = index.map(|index| index as usize) else { continue };
             let (normal, to) = (self.target.normals[index], self.target.tree.points()[index]);
@@ -151,7 +182,9 @@ impl Chunk<'_> {
             }
             if !source_normals {
                 pairs.push(&moved, &to, &normal, &Vector3::zeros());
-            } else if let Some(own) = self.source.normals.get(self.first + i).filter(|own| **own != Vector3::zeros()) {
+            } else if let Some(own) =
+                self.source.normals.get(self.first + i).filter(|own| **own != Vector3::zeros())
+            {
                 pairs.push(&moved, &to, &normal, &(rotation * own.cast::<f64>()));
             }
         }
@@ -161,9 +194,10 @@ impl Chunk<'_> {
 #[cfg(target_arch = "x86_64")]
 mod v3 {
     use std::arch::x86_64::{
-        __m128i, _CMP_LE_OQ, _mm_cvtsi128_si32, _mm_min_epu32, _mm_shuffle_epi32, _mm256_castsi256_si128,
-        _mm256_cmp_ps, _mm256_cmpeq_epi32, _mm256_extracti128_si256, _mm256_loadu_ps, _mm256_loadu_si256,
-        _mm256_movemask_ps, _mm256_or_si256, _mm256_set1_epi32, _mm256_set1_ps, _mm256_storeu_si256,
+        __m128i, _CMP_LE_OQ, _mm_cvtsi128_si32, _mm_min_epu32, _mm_shuffle_epi32,
+        _mm256_castsi256_si128, _mm256_cmp_ps, _mm256_cmpeq_epi32, _mm256_extracti128_si256,
+        _mm256_loadu_ps, _mm256_loadu_si256, _mm256_movemask_ps, _mm256_or_si256,
+        _mm256_set1_epi32, _mm256_set1_ps, _mm256_storeu_si256,
     };
 
     use super::{Chunk, Equations, Kernel, Match};
@@ -180,10 +214,13 @@ mod v3 {
     impl Kernel for Avx2 {
         #[inline(always)]
         fn at_most(self, lanes: &[f32; 8], limit: f32) -> u32 {
-            // SAFETY: only `sum` makes an Avx2, and it runs only where AVX2 has been found. Eight f32 are the 32 bytes
-            // that are read; no alignment is asked for.
+            // SAFETY: only `sum` makes an Avx2, and it runs only where AVX2 has been found. Eight
+            // f32 are the 32 bytes that are read; no alignment is asked for.
             unsafe {
-                let compared = _mm256_cmp_ps::<_CMP_LE_OQ>(_mm256_loadu_ps(lanes.as_ptr()), _mm256_set1_ps(limit));
+                let compared = _mm256_cmp_ps::<_CMP_LE_OQ>(
+                    _mm256_loadu_ps(lanes.as_ptr()),
+                    _mm256_set1_ps(limit),
+                );
                 _mm256_movemask_ps(compared) as u32
             }
         }
@@ -193,7 +230,8 @@ mod v3 {
             // SAFETY: as above; the eight u32 are the 32 bytes that are read and written.
             unsafe {
                 let all = _mm256_loadu_si256(lanes.as_ptr().cast());
-                let four = _mm_min_epu32(_mm256_castsi256_si128(all), _mm256_extracti128_si256::<1>(all));
+                let four =
+                    _mm_min_epu32(_mm256_castsi256_si128(all), _mm256_extracti128_si256::<1>(all));
                 let least = least_of_four(four);
                 let taken = _mm256_cmpeq_epi32(all, _mm256_set1_epi32(least as i32));
                 _mm256_storeu_si256(lanes.as_mut_ptr().cast(), _mm256_or_si256(all, taken));

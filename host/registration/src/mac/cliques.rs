@@ -4,18 +4,19 @@ use super::graph::{Graph, ones};
 use super::local::Local;
 use super::stretch::WORD;
 
-/// Words that the search below one root may read once it has found a clique; sparse graphs need far less. Sixteen times
-/// as many found no better motion on simulated scans.
+/// Words that the search below one root may read once it has found a clique; sparse graphs need far
+/// less. Sixteen times as many found no better motion on simulated scans.
 const MAX_WORDS: u64 = 1 << 14;
 
-/// Words that it may read without one: enough to dive into a clique of some hundreds of nodes. A root whose cliques all
-/// hold an earlier root as well would else search among them without end.
+/// Words that it may read without one: enough to dive into a clique of some hundreds of nodes. A
+/// root whose cliques all hold an earlier root as well would else search among them without end.
 const MAX_WORDS_IN_VAIN: u64 = 1 << 20;
 
 /// The heaviest cliques that one root's search found.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Found {
-    /// For each node of a clique, the heaviest that holds it: nodes ascending, and the weight. In the order found.
+    /// For each node of a clique, the heaviest that holds it: nodes ascending, and the weight. In
+    /// the order found.
     pub(super) heaviest: Vec<(Vec<u32>, f64)>,
     /// All that were found, heaviest or not.
     pub(super) cliques: usize,
@@ -25,10 +26,12 @@ pub(super) struct Found {
 
 /// Finds the maximal cliques of a graph whose first node, in the degeneracy order, is a given root.
 ///
-/// Eppstein, Löffler and Strash, "Listing all maximal cliques in sparse graphs in near-optimal time", 2010: the root's
-/// later neighbours are the candidates, and within them Bron and Kerbosch with the pivot of Tomita, Tanaka and
-/// Takahashi, "The worst-case time complexity for generating all maximal cliques", 2006 (here among candidates only, as
-/// rows of the others would cost more to write than they save), all sets as bits. Candidates that weigh most with the root come first, so that a search that is cut has dived for a heavy clique.
+/// Eppstein, Löffler and Strash, "Listing all maximal cliques in sparse graphs in near-optimal
+/// time", 2010: the root's later neighbours are the candidates, and within them Bron and Kerbosch
+/// with the pivot of Tomita, Tanaka and Takahashi, "The worst-case time complexity for generating
+/// all maximal cliques", 2006 (here among candidates only, as rows of the others would cost more to
+/// write than they save), all sets as bits. Candidates that weigh most with the root come first, so
+/// that a search that is cut has dived for a heavy clique.
 #[derive(Debug, Default)]
 pub(super) struct Search {
     local: Local,
@@ -48,7 +51,14 @@ pub(super) struct Search {
 
 impl Search {
     /// Cliques of `least` nodes or more, ending after `max_cliques`.
-    pub(super) fn run(&mut self, graph: &Graph, ranks: &[u32], root: usize, least: usize, max_cliques: usize) -> Found {
+    pub(super) fn run(
+        &mut self,
+        graph: &Graph,
+        ranks: &[u32],
+        root: usize,
+        least: usize,
+        max_cliques: usize,
+    ) -> Found {
         if graph.degree(root) + 1 < least {
             return Found::default();
         }
@@ -56,7 +66,8 @@ impl Search {
         if self.local.later + 1 < least {
             return Found::default();
         }
-        (self.least, self.max_cliques, self.words, self.found, self.cut) = (least, max_cliques, 0, 0, false);
+        (self.least, self.max_cliques, self.words, self.found, self.cut) =
+            (least, max_cliques, 0, 0, false);
         self.cliques.clear();
         self.best.clear();
         self.best.resize(self.local.later + 1, None);
@@ -78,9 +89,11 @@ impl Search {
     fn expand(&mut self, depth: usize, weight: f64) {
         let width = self.width();
         let base = depth * width;
-        let candidates: usize = self.sets[base..base + self.local.later_words].iter().map(count).sum();
+        let candidates: usize =
+            self.sets[base..base + self.local.later_words].iter().map(count).sum();
         if candidates == 0 {
-            if self.sets[base + self.local.later_words..base + width].iter().all(|word| *word == 0) {
+            if self.sets[base + self.local.later_words..base + width].iter().all(|word| *word == 0)
+            {
                 self.keep(weight);
             }
             return;
@@ -128,7 +141,8 @@ impl Search {
         self.sets[word + words] |= bit;
     }
 
-    /// Whether a node that is no candidate is linked to all candidates, so that no clique below is maximal.
+    /// Whether a node that is no candidate is linked to all candidates, so that no clique below is
+    /// maximal.
     fn is_known(&mut self, base: usize) -> bool {
         let (words, earlier_words) = (self.local.later_words, self.local.earlier_words);
         let (p, rest) = self.sets[base..base + self.width()].split_at(words);
@@ -156,7 +170,8 @@ impl Search {
         let (mut most, mut pivot) = (None, 0);
         for node in members(p) {
             self.words += words as u64;
-            let links: usize = p.iter().zip(self.local.to_later(node)).map(|(a, b)| count(&(a & b))).sum();
+            let links: usize =
+                p.iter().zip(self.local.to_later(node)).map(|(a, b)| count(&(a & b))).sum();
             if most.is_none_or(|most| links > most) {
                 (most, pivot) = (Some(links), node);
             }
@@ -189,17 +204,23 @@ impl Search {
     }
 
     fn found(&self, root: u32) -> Found {
-        let mut chosen: Vec<usize> = self.best.iter().flatten().map(|(_, clique)| *clique).collect();
+        let mut chosen: Vec<usize> =
+            self.best.iter().flatten().map(|(_, clique)| *clique).collect();
         chosen.sort_unstable();
         chosen.dedup();
         let global = |clique: usize| {
             let (locals, weight) = &self.cliques[clique];
-            let mut nodes: Vec<u32> = locals.iter().map(|&local| self.local.nodes[local as usize]).collect();
+            let mut nodes: Vec<u32> =
+                locals.iter().map(|&local| self.local.nodes[local as usize]).collect();
             nodes.push(root);
             nodes.sort_unstable();
             (nodes, *weight)
         };
-        Found { heaviest: chosen.into_iter().map(global).collect(), cliques: self.found, cut: self.cut }
+        Found {
+            heaviest: chosen.into_iter().map(global).collect(),
+            cliques: self.found,
+            cut: self.cut,
+        }
     }
 }
 
@@ -216,5 +237,8 @@ fn fill(words: &mut [u64], len: usize) {
 }
 
 fn members(words: &[u64]) -> impl Iterator<Item = usize> {
-    words.iter().enumerate().flat_map(|(index, &word)| ones(word).map(move |bit| index * WORD + bit))
+    words
+        .iter()
+        .enumerate()
+        .flat_map(|(index, &word)| ones(word).map(move |bit| index * WORD + bit))
 }

@@ -40,7 +40,9 @@ impl Graph {
     #[cfg(test)]
     pub(super) fn of_edges(nodes: usize, edges: &[(usize, usize, f32)]) -> Self {
         let mut degrees = vec![0; nodes];
-        edges.iter().for_each(|&(i, j, _)| [i, j].map(|node| degrees[node] += 1).into_iter().collect());
+        edges
+            .iter()
+            .for_each(|&(i, j, _)| [i, j].map(|node| degrees[node] += 1).into_iter().collect());
         let mut graph = Self::with_degrees(&degrees);
         let mut next = graph.starts.clone();
         edges.iter().for_each(|&(i, j, weight)| graph.link([i, j], weight, &mut next));
@@ -55,7 +57,12 @@ impl Graph {
             Some(*end)
         }));
         let total = starts.last().copied().unwrap_or(0);
-        Self { starts, neighbours: vec![0; total], weights: vec![0.0; total], reverse: vec![0; total] }
+        Self {
+            starts,
+            neighbours: vec![0; total],
+            weights: vec![0.0; total],
+            reverse: vec![0; total],
+        }
     }
 
     /// Adds an edge at the next free place of both nodes.
@@ -131,7 +138,8 @@ pub(super) struct Compatible {
 }
 
 impl Compatible {
-    /// Tests every pair of matches, which must be finite: in `f32` where that is sure, else exactly.
+    /// Tests every pair of matches, which must be finite: in `f32` where that is sure, else
+    /// exactly.
     pub(super) fn of(pairs: &[PointPair], max_stretch_m: f64) -> Self {
         let lanes = Lanes::of(pairs);
         let words = lanes.words();
@@ -143,7 +151,9 @@ impl Compatible {
             row[0] &= later_than(i % WORD);
             for (word, bits) in (first..).zip(row) {
                 let exact = |j: usize| stretch_m(&pairs[i], &pairs[j]) < max_stretch_m;
-                *bits = ones(*bits).filter(|bit| exact(word * WORD + bit)).fold(0, |kept, bit| kept | 1 << bit);
+                *bits = ones(*bits)
+                    .filter(|bit| exact(word * WORD + bit))
+                    .fold(0, |kept, bit| kept | 1 << bit);
             }
         });
         let mut compatible = Self { bits, words, degrees: vec![0; pairs.len()] };
@@ -165,7 +175,8 @@ impl Compatible {
     /// The matches after `i` that are compatible with it.
     fn later(&self, i: usize) -> impl Iterator<Item = usize> {
         let row = &self.bits[i * self.words..(i + 1) * self.words];
-        (i / WORD..self.words).flat_map(move |word| ones(row[word]).map(move |bit| word * WORD + bit))
+        (i / WORD..self.words)
+            .flat_map(move |word| ones(row[word]).map(move |bit| word * WORD + bit))
     }
 }
 

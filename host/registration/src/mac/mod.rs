@@ -35,9 +35,9 @@ const MAX_RIVALS: usize = 32;
 
 /// Registration with maximal cliques.
 ///
-/// Zhang et al., "3D registration with maximal cliques", 2023: matches that a rigid motion could lay together keep
-/// their distances, so they form cliques in the graph of matches that do. Each clique proposes a motion; the one with
-/// which most matches agree wins.
+/// Zhang et al., "3D registration with maximal cliques", 2023: matches that a rigid motion could
+/// lay together keep their distances, so they form cliques in the graph of matches that do. Each
+/// clique proposes a motion; the one with which most matches agree wins.
 ///
 /// 1. Graph: two matches are linked when their distances differ by less than `max_stretch_m`.
 /// 2. Second order: an edge weighs what the matches linked to both its ends add.
@@ -45,9 +45,10 @@ const MAX_RIVALS: usize = 32;
 /// 4. Motions: the least squares of each clique, scored over all matches.
 /// 5. Refinement of the best, and of the best that is clearly another.
 ///
-/// Ours differs from the published code where that is quadratic in memory, unbounded in cliques, or reads the truth. It has no cut
-/// by clustering coefficients (and Otsu's threshold) of a graph that is too dense: matches of few links, and searches that
-/// take too long, are given up instead, and counted in [`MacReport`]. The same input gives the same bytes on any number of threads.
+/// Ours differs from the published code where that is quadratic in memory, unbounded in cliques, or
+/// reads the truth. It has no cut by clustering coefficients (and Otsu's threshold) of a graph that
+/// is too dense: matches of few links, and searches that take too long, are given up instead, and
+/// counted in [`MacReport`]. The same input gives the same bytes on any number of threads.
 #[derive(Clone, Debug)]
 pub struct Mac {
     config: MacConfig,
@@ -58,14 +59,15 @@ pub struct Mac {
 pub struct MacReport {
     /// The motion.
     pub outcome: Outcome,
-    /// Matches in the graph: fewer than were given when some are not finite, when there are more than
-    /// [`MacConfig::max_matches`], or when the graph would be too dense to search.
+    /// Matches in the graph: fewer than were given when some are not finite, when there are more
+    /// than [`MacConfig::max_matches`], or when the graph would be too dense to search.
     pub nodes: usize,
     /// Pairs of them that keep their distance.
     pub edges: usize,
     /// Maximal cliques found.
     pub cliques: usize,
-    /// Matches whose cliques were not all searched: the graph is too dense there. 0 when the search was complete.
+    /// Matches whose cliques were not all searched: the graph is too dense there. 0 when the search
+    /// was complete.
     pub cut_searches: usize,
     /// Motions that were scored.
     pub hypotheses: usize,
@@ -118,17 +120,23 @@ impl Mac {
     /// The matches that are searched, and their second-order graph.
     fn graph(&self, finite: &[PointPair]) -> (Vec<PointPair>, Graph) {
         let config = &self.config;
-        let take = |from: &[PointPair], kept: &[u32]| kept.iter().map(|&i| from[i as usize]).collect::<Vec<_>>();
+        let take = |from: &[PointPair], kept: &[u32]| {
+            kept.iter().map(|&i| from[i as usize]).collect::<Vec<_>>()
+        };
         let mut nodes = finite.to_vec();
         if nodes.len() > config.max_matches {
-            nodes = take(&nodes, &thin::by_sampled_degree(&nodes, config.max_stretch_m, config.max_matches));
+            nodes = take(
+                &nodes,
+                &thin::by_sampled_degree(&nodes, config.max_stretch_m, config.max_matches),
+            );
         }
         let mut compatible = Compatible::of(&nodes, config.max_stretch_m);
         if let Some(kept) = thin::by_density(&compatible) {
             nodes = take(&nodes, &kept);
             compatible = Compatible::of(&nodes, config.max_stretch_m);
         }
-        let graph = Graph::of(&nodes, &compatible, config.max_pair_distance_m.max(config.max_stretch_m));
+        let graph =
+            Graph::of(&nodes, &compatible, config.max_pair_distance_m.max(config.max_stretch_m));
         (nodes, graph.second_order())
     }
 
@@ -145,7 +153,8 @@ impl Mac {
         {
             std::mem::swap(&mut best, other);
         }
-        let margin = other.map(|other| best.hypothesis.score / other.hypothesis.score.max(f64::MIN_POSITIVE));
+        let margin = other
+            .map(|other| best.hypothesis.score / other.hypothesis.score.max(f64::MIN_POSITIVE));
         outcome.target_from_source = best.hypothesis.target_from_source;
         outcome.iterations = best.iterations;
         outcome.agree(pairs, tau_m, margin);
@@ -157,12 +166,22 @@ impl Mac {
 
 impl Mac {
     fn refined(&self, pairs: &[PointPair], start: &Hypothesis) -> Refined {
-        refine(pairs, &start.target_from_source, self.config.max_pair_distance_m, self.config.max_iterations)
+        refine(
+            pairs,
+            &start.target_from_source,
+            self.config.max_pair_distance_m,
+            self.config.max_iterations,
+        )
     }
 
-    /// The best motion that is clearly another than `best`, and stays so when it is refined: most that are not near it
-    /// come back to it.
-    fn rival(&self, pairs: &[PointPair], proposed: &[Hypothesis], best: &Refined) -> Option<Refined> {
+    /// The best motion that is clearly another than `best`, and stays so when it is refined: most
+    /// that are not near it come back to it.
+    fn rival(
+        &self,
+        pairs: &[PointPair],
+        proposed: &[Hypothesis],
+        best: &Refined,
+    ) -> Option<Refined> {
         let (best, tau_m) = (&best.hypothesis.target_from_source, self.config.max_pair_distance_m);
         let inliers = inliers(pairs, best, tau_m);
         let is_another = |other: &Pose| is_another(other, best, &inliers, tau_m);
@@ -200,19 +219,23 @@ impl Outcome {
     fn agree(&mut self, pairs: &[PointPair], max_m: f64, margin: Option<f64>) {
         let far = |pair: &PointPair| (self.target_from_source * pair.source - pair.target).norm();
         let inliers: Vec<f64> = pairs.iter().map(far).filter(|far| *far < max_m).collect();
-        let (matches, searched) = self.consensus.map_or((pairs.len(), 0), |c| (c.matches, c.searched));
+        let (matches, searched) =
+            self.consensus.map_or((pairs.len(), 0), |c| (c.matches, c.searched));
         self.pairs = inliers.len();
         self.inlier_fraction = inliers.len() as f64 / matches.max(1) as f64;
-        self.rmse_m = (inliers.iter().map(|far| far * far).sum::<f64>() / inliers.len().max(1) as f64).sqrt();
+        self.rmse_m =
+            (inliers.iter().map(|far| far * far).sum::<f64>() / inliers.len().max(1) as f64).sqrt();
         self.consensus = Some(Consensus { matches, searched, inliers: inliers.len(), margin });
     }
 }
 
-/// What the best motion of unrelated matches may score, in matches: chance finds better ones where there are more.
+/// What the best motion of unrelated matches may score, in matches: chance finds better ones where
+/// there are more.
 ///
-/// Fitted, with τ of two voxels, to simulated scans: 42 pairs of unrelated ones with 440 to 6100 matches, 44 with 80 to 300,
-/// and 60 right motions. Of the 44, 19 passed before the sparse ones were looked at. Streets where walls and ground agree though
-/// the places are different ones still can: the margin is then near 1, but so it is of some right motions.
+/// Fitted, with τ of two voxels, to simulated scans: 42 pairs of unrelated ones with 440 to 6100
+/// matches, 44 with 80 to 300, and 60 right motions. Of the 44, 19 passed before the sparse ones
+/// were looked at. Streets where walls and ground agree though the places are different ones still
+/// can: the margin is then near 1, but so it is of some right motions.
 fn least_score(matches: usize) -> f64 {
     let matches = matches as f64;
     (9.0 + 0.45 * matches.sqrt()).min(0.5 * matches).max(3.0)

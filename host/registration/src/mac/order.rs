@@ -2,10 +2,12 @@
 
 use super::graph::Graph;
 
-/// The place of each node in a degeneracy order: a node comes when none of those left has fewer neighbours among them.
+/// The place of each node in a degeneracy order: a node comes when none of those left has fewer
+/// neighbours among them.
 ///
-/// A node has no more later neighbours than the graph's degeneracy, which is small where the graph is sparse. Matula
-/// and Beck, "Smallest-last ordering", 1983; linear in nodes and edges. Ties go the same way on every run.
+/// A node has no more later neighbours than the graph's degeneracy, which is small where the graph
+/// is sparse. Matula and Beck, "Smallest-last ordering", 1983; linear in nodes and edges. Ties go
+/// the same way on every run.
 pub(super) fn degeneracy_ranks(graph: &Graph) -> Vec<u32> {
     let nodes = graph.len();
     let mut left: Vec<usize> = (0..nodes).map(|node| graph.degree(node)).collect();

@@ -35,7 +35,8 @@ impl Scorer {
             let mut block = [[0.0; LANES]; 6];
             block[3] = [NOWHERE; LANES];
             for (lane, pair) in chunk.iter().enumerate() {
-                let (x, y) = (pair.source.coords - source_centre, pair.target.coords - target_centre);
+                let (x, y) =
+                    (pair.source.coords - source_centre, pair.target.coords - target_centre);
                 for axis in 0..3 {
                     block[axis][lane] = x[axis] as f32;
                     block[3 + axis][lane] = y[axis] as f32;
@@ -56,7 +57,8 @@ impl Scorer {
     /// In `f32`, to about 1e-5 of itself: enough to rank motions.
     pub(super) fn score(&self, target_from_source: &Pose) -> f64 {
         let rotation = target_from_source.rotation.to_rotation_matrix().into_inner();
-        let shift = rotation * self.source_centre + target_from_source.translation.vector - self.target_centre;
+        let shift = rotation * self.source_centre + target_from_source.translation.vector
+            - self.target_centre;
         let motion = in_f32(&rotation, &shift);
         #[cfg(target_arch = "x86_64")]
         if has_v3() {
@@ -85,7 +87,9 @@ fn sum(blocks: &[[[f32; LANES]; 6]], (r, t): &Motion, scale_m: f32) -> f64 {
     for block in blocks {
         for lane in 0..LANES {
             let d = |axis: usize| {
-                let turned = r[axis][0] * block[0][lane] + r[axis][1] * block[1][lane] + r[axis][2] * block[2][lane];
+                let turned = r[axis][0] * block[0][lane]
+                    + r[axis][1] * block[1][lane]
+                    + r[axis][2] * block[2][lane];
                 turned + t[axis] - block[3 + axis][lane]
             };
             let far = (d(0) * d(0) + d(1) * d(1) + d(2) * d(2)).sqrt();

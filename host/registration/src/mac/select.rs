@@ -20,11 +20,13 @@ pub(super) struct Selection {
     pub(super) cut_roots: usize,
 }
 
-/// Searches the maximal cliques of `least` nodes or more, and keeps the heaviest of each node: the node-guided selection
-/// of MAC. A clique weighs the sum of its edges' weights; the first of equals stays.
+/// Searches the maximal cliques of `least` nodes or more, and keeps the heaviest of each node: the
+/// node-guided selection of MAC. A clique weighs the sum of its edges' weights; the first of equals
+/// stays.
 ///
-/// Roots go from the densest part outwards, and none after that at which `max_cliques` are found: the same cliques on
-/// any number of threads. Only what may be chosen is kept: memory grows with the nodes, not with the cliques.
+/// Roots go from the densest part outwards, and none after that at which `max_cliques` are found:
+/// the same cliques on any number of threads. Only what may be chosen is kept: memory grows with
+/// the nodes, not with the cliques.
 pub(super) fn heaviest(graph: &Graph, least: usize, max_cliques: usize) -> Selection {
     let ranks = degeneracy_ranks(graph);
     let mut roots: Vec<u32> = (0..graph.len() as u32).collect();
@@ -34,7 +36,9 @@ pub(super) fn heaviest(graph: &Graph, least: usize, max_cliques: usize) -> Selec
         let left = max_cliques.saturating_sub(best.selection.found);
         let found: Vec<Found> = round
             .par_iter()
-            .map_init(Search::default, |search, &root| search.run(graph, &ranks, root as usize, least, left))
+            .map_init(Search::default, |search, &root| {
+                search.run(graph, &ranks, root as usize, least, left)
+            })
             .collect();
         found.into_iter().for_each(|found| best.take(found, max_cliques));
     }
@@ -101,10 +105,16 @@ mod tests {
     fn oracle(nodes: usize, edges: &[(usize, usize, f32)]) -> Vec<(BTreeSet<u32>, f64)> {
         let mut graph = UnGraph::<(), ()>::default();
         (0..nodes).for_each(|_| _ = graph.add_node(()));
-        edges.iter().for_each(|&(i, j, _)| _ = graph.add_edge((i as u32).into(), (j as u32).into(), ()));
+        edges
+            .iter()
+            .for_each(|&(i, j, _)| _ = graph.add_edge((i as u32).into(), (j as u32).into(), ()));
         let weigh = |clique: &BTreeSet<u32>| {
             let inside = |node: usize| clique.contains(&(node as u32));
-            edges.iter().filter(|(i, j, _)| inside(*i) && inside(*j)).map(|(_, _, w)| f64::from(*w)).sum()
+            edges
+                .iter()
+                .filter(|(i, j, _)| inside(*i) && inside(*j))
+                .map(|(_, _, w)| f64::from(*w))
+                .sum()
         };
         let sets = maximal_cliques(&graph).into_iter();
         sets.map(|c| c.iter().map(|node| node.index() as u32).collect())

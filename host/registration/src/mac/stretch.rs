@@ -8,8 +8,8 @@ use crate::features::PointPair;
 /// Matches to a word of a row.
 pub(super) const WORD: usize = u64::BITS as usize;
 
-/// Rounding of a distance in `f32`, in units of the largest coordinate times 2⁻²⁴: six for the coordinates' own
-/// rounding, some twenty for the arithmetic, and room.
+/// Rounding of a distance in `f32`, in units of the largest coordinate times 2⁻²⁴: six for the
+/// coordinates' own rounding, some twenty for the arithmetic, and room.
 const ROUNDING_UNITS: f32 = 64.0;
 
 /// How much two matches disagree about the distance between their points, m.
@@ -39,18 +39,24 @@ impl Lanes {
     /// Of finite pairs.
     pub(super) fn of(pairs: &[PointPair]) -> Self {
         let padded = pairs.len().next_multiple_of(WORD);
-        let centre =
-            |point: Side, axis: usize| pairs.iter().map(|pair| point(pair)[axis] / pairs.len() as f64).sum::<f64>();
+        let centre = |point: Side, axis: usize| {
+            pairs.iter().map(|pair| point(pair)[axis] / pairs.len() as f64).sum::<f64>()
+        };
         let lane = |point: Side, axis: usize| {
             let centre = centre(point, axis);
-            let mut lane: Vec<f32> = pairs.iter().map(|pair| (point(pair)[axis] - centre) as f32).collect();
+            let mut lane: Vec<f32> =
+                pairs.iter().map(|pair| (point(pair)[axis] - centre) as f32).collect();
             lane.resize(padded, 0.0);
             lane
         };
         let (x, y): (Side, Side) = (|pair| pair.source, |pair| pair.target);
         let coordinates = [lane(x, 0), lane(x, 1), lane(x, 2), lane(y, 0), lane(y, 1), lane(y, 2)];
         let largest = coordinates.iter().flatten().fold(0.0f32, |largest, v| largest.max(v.abs()));
-        Self { coordinates, len: pairs.len(), rounding_m: largest * f32::EPSILON / 2.0 * ROUNDING_UNITS }
+        Self {
+            coordinates,
+            len: pairs.len(),
+            rounding_m: largest * f32::EPSILON / 2.0 * ROUNDING_UNITS,
+        }
     }
 
     /// Words of a row.
@@ -58,8 +64,9 @@ impl Lanes {
         self.len.div_ceil(WORD)
     }
 
-    /// Writes, from word `first` of row `i`, which matches may disagree with match `i` by less than `max_m`: all that
-    /// do, and few that do not, as the test is in `f32` and wider by its rounding. Bits past the last match are 0.
+    /// Writes, from word `first` of row `i`, which matches may disagree with match `i` by less than
+    /// `max_m`: all that do, and few that do not, as the test is in `f32` and wider by its
+    /// rounding. Bits past the last match are 0.
     pub(super) fn candidates(&self, i: usize, first: usize, max_m: f32, row: &mut [u64]) {
         let bound_m = max_m + self.rounding_m;
         #[cfg(target_arch = "x86_64")]
@@ -116,7 +123,8 @@ fn word_of(lanes: [&[f32; WORD]; 6], here: [f32; 6], bound_m: f32) -> u64 {
     (0..8).fold(0, |bits, byte| bits | inside(bytes[byte]) << (8 * byte))
 }
 
-/// Eight bytes of 0 or 1 as eight bits, inverted: the multiplication moves byte `k` to bit `56 + k`.
+/// Eight bytes of 0 or 1 as eight bits, inverted: the multiplication moves byte `k` to bit
+/// `56 + k`.
 #[inline(always)]
 fn inside(outside: [u8; 8]) -> u64 {
     (u64::from_le_bytes(outside).wrapping_mul(0x0102_0408_1020_4080) >> 56) ^ 0xff

@@ -14,7 +14,8 @@ fn random_point(rng: &mut ChaCha8Rng, half_m: f64) -> Point3<f64> {
     Point3::from([0; 3].map(|_| rng.random_range(-half_m..half_m)))
 }
 
-/// Matches in a box 80 m wide: some moved by the truth with noise of ±5 cm an axis, the rest at random.
+/// Matches in a box 80 m wide: some moved by the truth with noise of ±5 cm an axis, the rest at
+/// random.
 fn matches(seed: u64, truth: &Pose, inliers: usize, outliers: usize) -> Vec<PointPair> {
     let rng = &mut ChaCha8Rng::seed_from_u64(seed);
     let mut pairs = Vec::new();
@@ -41,8 +42,10 @@ fn any_motion_is_found_among_97_of_100_wrong_matches_in_both_directions() {
         let yaw = -3.0 + 0.85 * seed as f64;
         let truth = Pose::new(Vector3::new(12.0, -7.0, 0.5), Vector3::new(0.02, -0.03, yaw));
         let forth = matches(seed, &truth, 45, 1455);
-        let back: Vec<PointPair> =
-            forth.iter().map(|pair| PointPair { source: pair.target, target: pair.source }).collect();
+        let back: Vec<PointPair> = forth
+            .iter()
+            .map(|pair| PointPair { source: pair.target, target: pair.source })
+            .collect();
         for (pairs, truth) in [(forth, truth), (back, truth.inverse())] {
             let outcome = outdoor().solve(&pairs);
             assert_eq!(outcome.stop, StopReason::Still, "seed {seed}");
@@ -83,9 +86,13 @@ fn too_few_matches_are_named_and_leave_the_initial_guess() {
 #[test]
 fn matches_that_determine_no_motion_are_no_consensus() {
     let pair = matches(0, &Pose::identity(), 1, 0)[0];
-    let line = |i: usize| PointPair { source: [i as f64, 0.0, 0.0].into(), target: [0.0, i as f64, 1.0].into() };
+    let line = |i: usize| PointPair {
+        source: [i as f64, 0.0, 0.0].into(),
+        target: [0.0, i as f64, 1.0].into(),
+    };
     let huge = PointPair { source: [1e200, 0.0, 0.0].into(), target: [0.0, -1e200, 1e200].into() };
-    let table = [vec![pair; 300], (0..300).map(line).collect(), vec![huge; 9], vec![pair, pair, pair]];
+    let table =
+        [vec![pair; 300], (0..300).map(line).collect(), vec![huge; 9], vec![pair, pair, pair]];
     for pairs in table {
         assert_eq!(outdoor().solve(&pairs).stop, StopReason::NoConsensus);
     }
@@ -101,7 +108,8 @@ fn points_of_one_plane_duplicates_and_broken_matches_do_not_mislead() {
     }
     pairs.extend_from_within(900..);
     pairs.push(PointPair { source: Point3::new(f64::NAN, 0.0, 0.0), target: Point3::origin() });
-    pairs.push(PointPair { source: Point3::origin(), target: Point3::new(0.0, f64::INFINITY, 0.0) });
+    pairs
+        .push(PointPair { source: Point3::origin(), target: Point3::new(0.0, f64::INFINITY, 0.0) });
     let outcome = outdoor().solve(&pairs);
     assert_eq!(outcome.stop, StopReason::Still);
     assert!(error_m(&outcome, &truth) < 0.02);
@@ -110,13 +118,17 @@ fn points_of_one_plane_duplicates_and_broken_matches_do_not_mislead() {
 #[test]
 fn matches_that_nearly_all_agree_are_thinned_and_searched_in_part_and_still_fitted_to_all() {
     let truth = Pose::new(Vector3::new(5.0, 0.0, 0.0), Vector3::new(0.0, 0.0, 0.3));
-    // Exact: one clique. With noise near the stretch: edges missing at random, more cliques than could be counted.
+    // Exact: one clique. With noise near the stretch: edges missing at random, more cliques than
+    // could be counted.
     for noise_m in [0.0, 0.25] {
         let rng = &mut ChaCha8Rng::seed_from_u64(1);
         let pairs: Vec<PointPair> = (0..2500)
             .map(|_| {
                 let source = random_point(rng, 40.0);
-                PointPair { source, target: truth * source + random_point(rng, 1.0).coords * noise_m }
+                PointPair {
+                    source,
+                    target: truth * source + random_point(rng, 1.0).coords * noise_m,
+                }
             })
             .collect();
         let report = outdoor().report(&pairs, &Pose::identity());
@@ -194,8 +206,14 @@ fn demonstration() -> Option<(Vec<PointPair>, Pose)> {
     let folder = PathBuf::from(folder).join("mac_correspondences");
     let text = std::fs::read_to_string(folder.join("corr_data.txt")).unwrap();
     let numbers: Vec<f64> = text.split_whitespace().map(|word| word.parse().unwrap()).collect();
-    let pair = |v: &[f64; 6]| PointPair { source: [v[0], v[1], v[2]].into(), target: [v[3], v[4], v[5]].into() };
-    Some((numbers.as_chunks().0.iter().map(pair).collect(), read_pose(&folder.join("GTmat.txt")).unwrap()))
+    let pair = |v: &[f64; 6]| PointPair {
+        source: [v[0], v[1], v[2]].into(),
+        target: [v[3], v[4], v[5]].into(),
+    };
+    Some((
+        numbers.as_chunks().0.iter().map(pair).collect(),
+        read_pose(&folder.join("GTmat.txt")).unwrap(),
+    ))
 }
 
 #[test]

@@ -11,23 +11,28 @@ use crate::features::PointPair;
 /// How many matches stand for all when degrees are estimated.
 const SAMPLE: usize = 1024;
 
-/// Steps that weighing and searching a graph may take: Σ degree². Some tenths of a second on one core.
+/// Steps that weighing and searching a graph may take: Σ degree². Some tenths of a second on one
+/// core.
 const MAX_STEPS: u64 = 200_000_000;
 
-/// The `max` matches that are compatible with most of a sample of the others, ascending; ties go to the earlier.
+/// The `max` matches that are compatible with most of a sample of the others, ascending; ties go to
+/// the earlier.
 ///
-/// The sample is every `n/1024`-th match, so the time is linear in `n`. Of `n` matches with a share `p` of inliers and
-/// a share `q` of pairs compatible by chance, an inlier counts about `1024 (p + q)`, an outlier `1024 q`.
+/// The sample is every `n/1024`-th match, so the time is linear in `n`. Of `n` matches with a share
+/// `p` of inliers and a share `q` of pairs compatible by chance, an inlier counts about
+/// `1024 (p + q)`, an outlier `1024 q`.
 pub(super) fn by_sampled_degree(pairs: &[PointPair], max_stretch_m: f64, max: usize) -> Vec<u32> {
     let step = pairs.len().div_ceil(SAMPLE);
     let sample: Vec<PointPair> = pairs.iter().step_by(step).copied().collect();
-    let degree = |pair: &PointPair| sample.iter().filter(|other| stretch_m(pair, other) < max_stretch_m).count() as u32;
+    let degree = |pair: &PointPair| {
+        sample.iter().filter(|other| stretch_m(pair, other) < max_stretch_m).count() as u32
+    };
     let degrees: Vec<u32> = pairs.par_iter().map(degree).collect();
     of_most(&degrees, max)
 }
 
-/// The matches to keep of a graph that would take too many steps: those of the highest degree, as many as may be.
-/// Absent when all may stay.
+/// The matches to keep of a graph that would take too many steps: those of the highest degree, as
+/// many as may be. Absent when all may stay.
 pub(super) fn by_density(compatible: &Compatible) -> Option<Vec<u32>> {
     let steps = |kept: usize, degrees: &[u32]| -> u64 {
         degrees[..kept].iter().map(|&degree| u64::from(degree).min(kept as u64).pow(2)).sum()

@@ -5,22 +5,27 @@ use rayon::prelude::*;
 use super::graph::Graph;
 
 impl Graph {
-    /// The second-order graph: the same edges, each weighing what the nodes compatible with both ends add.
+    /// The second-order graph: the same edges, each weighing what the nodes compatible with both
+    /// ends add.
     ///
     /// ```text
     /// G = W ∘ (W W)      gᵢⱼ = wᵢⱼ Σₖ wᵢₖ wₖⱼ
     /// ```
     ///
-    /// Chen et al., "SC²-PCR", 2022; W as of the first-order graph. Only edges are computed, each once, from the
-    /// shorter of its two rows: `Σ min(degree)` steps over the edges, where the dense product takes `n³`.
+    /// Chen et al., "SC²-PCR", 2022; W as of the first-order graph. Only edges are computed, each
+    /// once, from the shorter of its two rows: `Σ min(degree)` steps over the edges, where the
+    /// dense product takes `n³`.
     pub(super) fn second_order(self) -> Self {
         let mut half = vec![0.0; self.all_weights().len()];
-        let rows: Vec<(usize, &mut [f32])> = self.split(&mut half).into_iter().enumerate().collect();
+        let rows: Vec<(usize, &mut [f32])> =
+            self.split(&mut half).into_iter().enumerate().collect();
         rows.into_par_iter().for_each_init(
             || vec![0.0; self.len()],
             |dense, (node, row)| {
                 self.scatter(node, dense);
-                for (g, (&other, &w)) in row.iter_mut().zip(self.neighbours(node).iter().zip(self.weights(node))) {
+                for (g, (&other, &w)) in
+                    row.iter_mut().zip(self.neighbours(node).iter().zip(self.weights(node)))
+                {
                     if self.is_longer(node, other as usize) {
                         *g = w * self.dot(other as usize, dense);
                     }
@@ -29,7 +34,11 @@ impl Graph {
             },
         );
         // Each edge was computed at one of its places, and is 0 at the other.
-        let weights = half.iter().zip(self.reverse()).map(|(here, &there)| here.max(half[there as usize])).collect();
+        let weights = half
+            .iter()
+            .zip(self.reverse())
+            .map(|(here, &there)| here.max(half[there as usize]))
+            .collect();
         self.weighing(weights)
     }
 
@@ -54,7 +63,8 @@ impl Graph {
                 sums[lane] += w[lane] * dense[k[lane] as usize];
             }
         }
-        let rest: f32 = index_rest.iter().zip(weight_rest).map(|(&k, w)| w * dense[k as usize]).sum();
+        let rest: f32 =
+            index_rest.iter().zip(weight_rest).map(|(&k, w)| w * dense[k as usize]).sum();
         (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
     }
 }

@@ -13,10 +13,10 @@ const PARALLEL: usize = 8192;
 
 /// Points in a tree of boxes around boxes, eight in each, that does not change.
 ///
-/// A complete tree: each leaf but the last holds eight points, each node but the last of its level eight children, so
-/// that places follow from counting and there are no pointers. Points are split at the median of the widest side of
-/// their box, over and over; what is near in space is near in memory. The point of index `i` is `points()[i]`: the order
-/// is the tree's, not the input's.
+/// A complete tree: each leaf but the last holds eight points, each node but the last of its level
+/// eight children, so that places follow from counting and there are no pointers. Points are split
+/// at the median of the widest side of their box, over and over; what is near in space is near in
+/// memory. The point of index `i` is `points()[i]`: the order is the tree's, not the input's.
 #[derive(Clone, Debug)]
 pub(crate) struct BoxTree {
     points: Vec<Point3<f32>>,
@@ -39,7 +39,8 @@ struct Boxes {
 /// The nearest point, and a bound on all others.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Found {
-    /// The nearest point strictly within the radius, of equally near ones the first; absent when there is none.
+    /// The nearest point strictly within the radius, of equally near ones the first; absent when
+    /// there is none.
     pub(crate) index: Option<u32>,
     /// No other point is nearer than this, squared, m².
     pub(crate) others_squared_m2: f32,
@@ -61,7 +62,10 @@ pub(crate) struct Portable;
 impl Kernel for Portable {
     #[inline(always)]
     fn at_most(self, lanes: &[f32; WIDE], limit: f32) -> u32 {
-        lanes.iter().enumerate().fold(0, |bits, (lane, value)| bits | u32::from(*value <= limit) << lane)
+        lanes
+            .iter()
+            .enumerate()
+            .fold(0, |bits, (lane, value)| bits | u32::from(*value <= limit) << lane)
     }
 
     #[inline(always)]
@@ -72,9 +76,11 @@ impl Kernel for Portable {
     }
 }
 
-/// The order in which a tree holds `points`: a walk through space that stays near itself. Points must be finite.
+/// The order in which a tree holds `points`: a walk through space that stays near itself. Points
+/// must be finite.
 pub(crate) fn order(points: &[Point3<f32>]) -> Vec<u32> {
-    let mut places: Vec<Place> = (0..).zip(points).map(|(index, p)| ([p.x, p.y, p.z], index)).collect();
+    let mut places: Vec<Place> =
+        (0..).zip(points).map(|(index, p)| ([p.x, p.y, p.z], index)).collect();
     arrange(&mut places, WIDE.pow(MOST_LEVELS as u32 - 1));
     places.iter().map(|place| place.1).collect()
 }
@@ -92,7 +98,8 @@ fn arrange(places: &mut [Place], mut capacity: usize) {
     }
     let middle = places.len().div_ceil(capacity) / 2 * capacity;
     let axis = widest(places);
-    places.select_nth_unstable_by(middle, |a, b| a.0[axis].total_cmp(&b.0[axis]).then(a.1.cmp(&b.1)));
+    places
+        .select_nth_unstable_by(middle, |a, b| a.0[axis].total_cmp(&b.0[axis]).then(a.1.cmp(&b.1)));
     let (first, last) = places.split_at_mut(middle);
     if first.len() > PARALLEL {
         rayon::join(|| arrange(first, capacity), || arrange(last, capacity));
@@ -135,19 +142,27 @@ impl BoxTree {
         &self.points
     }
 
-    /// The nearest point strictly within `radius_m`. No other is nearer than the bound it comes with, which is the
-    /// second's distance, but no more than `radius_m` and no more than the nearest's and `slack_m`: the search goes no
-    /// farther.
+    /// The nearest point strictly within `radius_m`. No other is nearer than the bound it comes
+    /// with, which is the second's distance, but no more than `radius_m` and no more than the
+    /// nearest's and `slack_m`: the search goes no farther.
     ///
-    /// Distances are those of `f32`, `dx² + dy² + dz²` from the left: the same as a full scan's, bit for bit, since
-    /// rounding keeps the order of a box's side and the points behind it.
+    /// Distances are those of `f32`, `dx² + dy² + dz²` from the left: the same as a full scan's,
+    /// bit for bit, since rounding keeps the order of a box's side and the points behind it.
     #[inline(always)]
-    pub(crate) fn nearest(&self, kernel: impl Kernel, query: &Point3<f32>, radius_m: f32, slack_m: f32) -> Found {
+    pub(crate) fn nearest(
+        &self,
+        kernel: impl Kernel,
+        query: &Point3<f32>,
+        radius_m: f32,
+        slack_m: f32,
+    ) -> Found {
         let query = [query.x, query.y, query.z];
         let mut best = Best::within(radius_m, slack_m);
         let root = self.levels.last().and_then(|level| level.first());
         // What is not a number compares with nothing, and so would find everything.
-        let Some(root) = root.filter(|_| query.iter().all(|v| v.is_finite())) else { return best.found() };
+        let Some(root) = root.filter(|_| query.iter().all(|v| v.is_finite())) else {
+            return best.found();
+        };
         let top = self.levels.len() - 1;
         let mut path = [Node::NONE; MOST_LEVELS];
         path[top] = Node::open(0, root, &query);
@@ -175,8 +190,9 @@ impl BoxTree {
 #[derive(Clone, Copy)]
 struct Node {
     index: usize,
-    /// The children's squared distances as bits, which order numbers above 0 as the numbers do; the last three bits give
-    /// way to the lane. That rounds down: no child is taken for farther than it is. [`Node::SEEN`] when it has been.
+    /// The children's squared distances as bits, which order numbers above 0 as the numbers do; the
+    /// last three bits give way to the lane. That rounds down: no child is taken for farther than
+    /// it is. [`Node::SEEN`] when it has been.
     children: [u32; WIDE],
 }
 
@@ -191,14 +207,19 @@ impl Node {
     #[inline(always)]
     fn open(index: usize, boxes: &Boxes, query: &[f32; 3]) -> Self {
         let squared = boxes.squared_to(query);
-        Self { index, children: std::array::from_fn(|lane| squared[lane].to_bits() & !LANE | lane as u32) }
+        Self {
+            index,
+            children: std::array::from_fn(|lane| squared[lane].to_bits() & !LANE | lane as u32),
+        }
     }
 
-    /// The nearest child within the limit that has not been seen: without a branch that depends on which.
+    /// The nearest child within the limit that has not been seen: without a branch that depends on
+    /// which.
     #[inline(always)]
     fn next(&mut self, kernel: impl Kernel, limit: f32) -> Option<usize> {
         let least = kernel.take_least(&mut self.children);
-        (f32::from_bits(least & !LANE) <= limit && least != Self::SEEN).then_some((least & LANE) as usize)
+        (f32::from_bits(least & !LANE) <= limit && least != Self::SEEN)
+            .then_some((least & LANE) as usize)
     }
 }
 
@@ -236,7 +257,8 @@ impl Best {
 
     #[inline(always)]
     fn take(&mut self, index: u32, squared: f32) {
-        let nearer = squared < self.squared || squared == self.squared && self.index.is_some_and(|best| index < best);
+        let nearer = squared < self.squared
+            || squared == self.squared && self.index.is_some_and(|best| index < best);
         let others = if nearer { self.squared } else { squared };
         if nearer {
             (self.index, self.squared) = (Some(index), squared);
@@ -302,8 +324,9 @@ impl Boxes {
     }
 
     fn around(&self) -> Corners {
-        let fold =
-            |lanes: &Lanes, of: fn(f32, f32) -> f32, start: f32| lanes.0.map(|axis| axis.into_iter().fold(start, of));
+        let fold = |lanes: &Lanes, of: fn(f32, f32) -> f32, start: f32| {
+            lanes.0.map(|axis| axis.into_iter().fold(start, of))
+        };
         (fold(&self.low, f32::min, f32::INFINITY), fold(&self.high, f32::max, f32::NEG_INFINITY))
     }
 
@@ -311,7 +334,8 @@ impl Boxes {
     #[inline(always)]
     fn squared_to(&self, query: &[f32; 3]) -> [f32; WIDE] {
         let outside = |axis: usize, lane: usize| {
-            let (below, above) = (self.low.0[axis][lane] - query[axis], query[axis] - self.high.0[axis][lane]);
+            let (below, above) =
+                (self.low.0[axis][lane] - query[axis], query[axis] - self.high.0[axis][lane]);
             larger(larger(below, above), 0.0)
         };
         std::array::from_fn(|lane| {
@@ -346,7 +370,8 @@ mod tests {
         BoxTree::new(order(&points).iter().map(|&i| points[i as usize]).collect())
     }
 
-    /// A full scan: the nearest, of equally near ones the first, and the squared distance of the second.
+    /// A full scan: the nearest, of equally near ones the first, and the squared distance of the
+    /// second.
     fn scan(tree: &BoxTree, query: &Point3<f32>, radius_m: f32) -> (Option<u32>, f32) {
         let squared = |p: &Point3<f32>| {
             let d = p - query;
@@ -360,7 +385,10 @@ mod tests {
 
     /// Coordinates on a coarse lattice: many ties and duplicates.
     fn lattice() -> impl Strategy<Value = Vec<[f32; 3]>> {
-        prop::collection::vec(prop::array::uniform3((-8i8..8).prop_map(|v| f32::from(v) * 0.5)), 0..700)
+        prop::collection::vec(
+            prop::array::uniform3((-8i8..8).prop_map(|v| f32::from(v) * 0.5)),
+            0..700,
+        )
     }
 
     fn cloud() -> impl Strategy<Value = Vec<[f32; 3]>> {
@@ -423,8 +451,9 @@ mod tests {
 
     #[test]
     fn the_order_is_the_same_on_any_number_of_threads() {
-        let points: Vec<Point3<f32>> =
-            (0..40_000).map(|i| Point3::new((i as f32).sin(), (i as f32 * 0.7).cos(), (i % 7) as f32)).collect();
+        let points: Vec<Point3<f32>> = (0..40_000)
+            .map(|i| Point3::new((i as f32).sin(), (i as f32 * 0.7).cos(), (i % 7) as f32))
+            .collect();
         let on = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| order(&points))

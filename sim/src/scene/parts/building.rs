@@ -69,7 +69,8 @@ impl House {
         self.floors as f64 * self.floor_m
     }
 
-    /// Builds the house round the frame's origin, which lies on the ground in the middle of its floor plan.
+    /// Builds the house round the frame's origin, which lies on the ground in the middle of its
+    /// floor plan.
     pub(crate) fn build(&self, b: &mut Builder, frame: &Frame, dice: &mut Dice) {
         let (w, d) = (0.5 * self.width_m, 0.5 * self.depth_m);
         let starts = [[-w, -d, 0.0], [w, -d, 0.0], [w, d, 0.0], [-w, d, 0.0]];
@@ -78,7 +79,12 @@ impl House {
             let length = if side % 2 == 0 { self.width_m } else { self.depth_m };
             self.wall(b, &wall, length, side, dice);
         }
-        b.cuboid(frame, [-w - 0.04, -d - 0.04, -1.5], [w + 0.04, d + 0.04, 0.35], Surface::Concrete);
+        b.cuboid(
+            frame,
+            [-w - 0.04, -d - 0.04, -1.5],
+            [w + 0.04, d + 0.04, 0.35],
+            Surface::Concrete,
+        );
         self.roof(b, frame, dice);
     }
 
@@ -106,7 +112,12 @@ impl House {
                 }
             }
             if floor > 0 && side == 0 && self.wall != Surface::Plaster {
-                b.cuboid(wall, [0.0, -0.08, bottom - 0.1], [length, 0.02, bottom + 0.08], Surface::Stone);
+                b.cuboid(
+                    wall,
+                    [0.0, -0.08, bottom - 0.1],
+                    [length, 0.02, bottom + 0.08],
+                    Surface::Stone,
+                );
             }
         }
         self.downpipe(b, wall, length);
@@ -143,19 +154,28 @@ impl House {
     }
 
     fn downpipe(&self, b: &mut Builder, wall: &Frame, length: f64) {
-        let (low, high) = (wall.at([length - 0.2, -0.07, 0.1]), wall.at([length - 0.2, -0.07, self.height_m()]));
+        let (low, high) =
+            (wall.at([length - 0.2, -0.07, 0.1]), wall.at([length - 0.2, -0.07, self.height_m()]));
         b.tube(low, 0.05, high, 0.05, 8, Surface::Metal);
     }
 }
 
 fn quad_xz(b: &mut Builder, wall: &Frame, r: Rect, depth: f64, surface: Surface) {
     let [x, z] = [r.x, r.z];
-    let corners = [[x[0], depth, z[0]], [x[1], depth, z[0]], [x[1], depth, z[1]], [x[0], depth, z[1]]];
+    let corners =
+        [[x[0], depth, z[0]], [x[1], depth, z[0]], [x[1], depth, z[1]], [x[0], depth, z[1]]];
     b.quad(corners.map(|p| wall.at(p)), surface);
 }
 
 /// A wall cell with a hole, its reveals, and a pane set back by `depth`; surfaces of wall and pane.
-fn opening(b: &mut Builder, wall: &Frame, cell: Rect, hole: Rect, depth: f64, [face, pane]: [Surface; 2]) {
+fn opening(
+    b: &mut Builder,
+    wall: &Frame,
+    cell: Rect,
+    hole: Rect,
+    depth: f64,
+    [face, pane]: [Surface; 2],
+) {
     let ring = [
         Rect { x: cell.x, z: [cell.z[0], hole.z[0]] },
         Rect { x: cell.x, z: [hole.z[1], cell.z[1]] },
@@ -169,7 +189,8 @@ fn opening(b: &mut Builder, wall: &Frame, cell: Rect, hole: Rect, depth: f64, [f
     let rim = [[x[0], z[0]], [x[1], z[0]], [x[1], z[1]], [x[0], z[1]]];
     for (i, p) in rim.into_iter().enumerate() {
         let q = rim[(i + 1) % 4];
-        let corners = [[p[0], 0.0, p[1]], [q[0], 0.0, q[1]], [q[0], depth, q[1]], [p[0], depth, p[1]]];
+        let corners =
+            [[p[0], 0.0, p[1]], [q[0], 0.0, q[1]], [q[0], depth, q[1]], [p[0], depth, p[1]]];
         b.quad(corners.map(|c| wall.at(c)), face);
     }
     quad_xz(b, wall, hole, depth, pane);
@@ -179,7 +200,12 @@ fn opening(b: &mut Builder, wall: &Frame, cell: Rect, hole: Rect, depth: f64, [f
 fn window_bars(b: &mut Builder, wall: &Frame, hole: Rect, depth: f64) {
     let (near, far) = (depth - 0.05, depth - 0.002);
     let middle = 0.5 * (hole.x[0] + hole.x[1]);
-    b.cuboid(wall, [middle - 0.04, near, hole.z[0]], [middle + 0.04, far, hole.z[1]], Surface::Wood);
+    b.cuboid(
+        wall,
+        [middle - 0.04, near, hole.z[0]],
+        [middle + 0.04, far, hole.z[1]],
+        Surface::Wood,
+    );
     let z = hole.z[0] + 0.66 * (hole.z[1] - hole.z[0]);
     b.cuboid(wall, [hole.x[0], near, z], [hole.x[1], far, z + 0.08], Surface::Wood);
 }
@@ -196,7 +222,12 @@ fn balcony(b: &mut Builder, wall: &Frame, bay: &Bay) {
     b.cuboid(wall, [middle - half, -1.2, z - 0.15], [middle + half, 0.0, z], Surface::Concrete);
     for height in [0.1, 1.0] {
         let rail = z + height;
-        b.cuboid(wall, [middle - half, -1.2, rail], [middle + half, -1.16, rail + 0.04], Surface::Metal);
+        b.cuboid(
+            wall,
+            [middle - half, -1.2, rail],
+            [middle + half, -1.16, rail + 0.04],
+            Surface::Metal,
+        );
     }
     let bars = (2.0 * half / 0.2) as usize;
     for k in 0..=bars {

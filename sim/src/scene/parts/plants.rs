@@ -43,7 +43,8 @@ impl Broadleaf {
         let mut wide = 1.6 * radius;
         for k in 1..=4 {
             let z = self.clear_m * f64::from(k) / 4.0;
-            let to = add(foot, [lean[0] * z + dice.spread(0.04), lean[1] * z + dice.spread(0.04), z]);
+            let to =
+                add(foot, [lean[0] * z + dice.spread(0.04), lean[1] * z + dice.spread(0.04), z]);
             let narrow = radius * (1.1 - 0.1 * f64::from(k));
             b.branch(from, wide, to, narrow, 10, Surface::Bark);
             (from, wide) = (to, narrow);
@@ -134,7 +135,8 @@ fn bough(b: &mut Builder, from: Point, out: Point, length: f64, dice: &mut Dice)
     for k in 0..twigs {
         let t = (k as f64 + dice.unit()) / twigs as f64;
         let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
-        let along = unit(add(scale(side, sign), add(scale(out, 0.8), [0.0, 0.0, dice.spread(0.4)])));
+        let along =
+            unit(add(scale(side, sign), add(scale(out, 0.8), [0.0, 0.0, dice.spread(0.4)])));
         let length_m = 0.45 * (1.2 - t) * length.min(1.2) + 0.15;
         let centre = add(add(from, scale(out, t * length)), scale(along, 0.4 * length_m));
         let normal = add([0.0, 0.0, 1.0], scale(dice.direction(), 0.5));
@@ -143,7 +145,14 @@ fn bough(b: &mut Builder, from: Point, out: Point, length: f64, dice: &mut Dice)
 }
 
 /// A bush: a few stems in an ellipsoid of leaves.
-pub(crate) fn bush(b: &mut Builder, foot: Point, radius_m: f64, height_m: f64, leaves: usize, dice: &mut Dice) {
+pub(crate) fn bush(
+    b: &mut Builder,
+    foot: Point,
+    radius_m: f64,
+    height_m: f64,
+    leaves: usize,
+    dice: &mut Dice,
+) {
     for _ in 0..5 {
         let lean = dice.direction();
         let tip = add(foot, [0.7 * radius_m * lean[0], 0.7 * radius_m * lean[1], 0.8 * height_m]);
@@ -154,12 +163,23 @@ pub(crate) fn bush(b: &mut Builder, foot: Point, radius_m: f64, height_m: f64, l
         let shell = 0.55 + 0.45 * dice.unit().sqrt();
         let lumpy = shell * (0.85 + 0.15 * libm::sin(5.0 * d[0] + 3.0 * d[1] + 4.0 * d[2]));
         let z = 0.5 * height_m * (1.0 + lumpy * d[2]);
-        leaf(b, add(foot, [radius_m * lumpy * d[0], radius_m * lumpy * d[1], z]), dice.range(0.1, 0.2), dice);
+        leaf(
+            b,
+            add(foot, [radius_m * lumpy * d[0], radius_m * lumpy * d[1], z]),
+            dice.range(0.1, 0.2),
+            dice,
+        );
     }
 }
 
 /// A clipped hedge along the frame's x: a dark core behind a skin of leaves.
-pub(crate) fn hedge(b: &mut Builder, frame: &Frame, length_m: f64, size: [f64; 2], dice: &mut Dice) {
+pub(crate) fn hedge(
+    b: &mut Builder,
+    frame: &Frame,
+    length_m: f64,
+    size: [f64; 2],
+    dice: &mut Dice,
+) {
     let [thick, height] = size;
     let core = [0.5 * thick - 0.14, height - 0.14];
     b.cuboid(frame, [0.0, -core[0], -0.5], [length_m, core[0], core[1]], Surface::Leaf);
@@ -183,7 +203,10 @@ pub(crate) fn hedge(b: &mut Builder, frame: &Frame, length_m: f64, size: [f64; 2
 pub(crate) fn tuft(b: &mut Builder, foot: Point, height_m: f64, blades: usize, dice: &mut Dice) {
     for _ in 0..blades {
         let lean = dice.direction();
-        let tip = add(foot, [0.4 * height_m * lean[0], 0.4 * height_m * lean[1], height_m * dice.range(0.7, 1.0)]);
+        let tip = add(
+            foot,
+            [0.4 * height_m * lean[0], 0.4 * height_m * lean[1], height_m * dice.range(0.7, 1.0)],
+        );
         let (side, _) = square_to(unit([lean[0], lean[1], 0.05]));
         let root = add(foot, scale([lean[1], lean[0], 0.0], 0.1));
         let half = scale(side, 0.012 + 0.02 * height_m);

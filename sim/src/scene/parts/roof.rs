@@ -22,7 +22,12 @@ impl House {
         let low = self.height_m();
         let top = low + self.rise_m() + 0.9;
         b.cuboid(frame, [x - 0.35, y - 0.35, low], [x + 0.35, y + 0.35, top], Surface::Brick);
-        b.cuboid(frame, [x - 0.42, y - 0.42, top], [x + 0.42, y + 0.42, top + 0.1], Surface::Concrete);
+        b.cuboid(
+            frame,
+            [x - 0.42, y - 0.42, top],
+            [x + 0.42, y + 0.42, top + 0.1],
+            Surface::Concrete,
+        );
     }
 
     /// Height of the ridge above the eaves.
@@ -46,7 +51,12 @@ impl House {
         }
         for _ in 0..3 {
             let (x, y) = (dice.spread(0.6 * w), dice.spread(0.6 * d));
-            b.cuboid(frame, [x - 0.8, y - 0.6, z], [x + 0.8, y + 0.6, z + dice.range(0.6, 1.8)], Surface::Metal);
+            b.cuboid(
+                frame,
+                [x - 0.8, y - 0.6, z],
+                [x + 0.8, y + 0.6, z + dice.range(0.6, 1.8)],
+                Surface::Metal,
+            );
         }
     }
 

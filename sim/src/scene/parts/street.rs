@@ -43,8 +43,15 @@ pub(crate) fn bench(b: &mut Builder, frame: &Frame) {
     }
 }
 
-/// A picket fence along the frame's x; `ground` gives the height of the ground under a point of the fence.
-pub(crate) fn pickets(b: &mut Builder, frame: &Frame, length_m: f64, height_m: f64, ground: impl Fn(f64) -> f64) {
+/// A picket fence along the frame's x; `ground` gives the height of the ground under a point of the
+/// fence.
+pub(crate) fn pickets(
+    b: &mut Builder,
+    frame: &Frame,
+    length_m: f64,
+    height_m: f64,
+    ground: impl Fn(f64) -> f64,
+) {
     let bays = (length_m / 2.0).ceil() as usize;
     let step = length_m / bays as f64;
     for bay in 0..bays {

@@ -3,8 +3,8 @@
 use super::{Builder, Frame, Point, Surface};
 use crate::scene::random::Dice;
 
-/// Cross-sections from tail to nose: x, half width at the waist, sill z, waist z, roof z, half width of the roof.
-/// Fractions of length, width and height.
+/// Cross-sections from tail to nose: x, half width at the waist, sill z, waist z, roof z, half
+/// width of the roof. Fractions of length, width and height.
 type Section = [f64; 6];
 
 const SALOON: &[Section] = &[
@@ -71,7 +71,12 @@ pub(crate) fn car(b: &mut Builder, frame: &Frame, dice: &mut Dice) {
     }
     for (x, z) in [(0.5, 0.30), (-0.5, 0.42)] {
         let at: Point = [x * length, 0.0, z * height];
-        b.cuboid(frame, [at[0] - 0.02, -0.26, at[2] - 0.055], [at[0] + 0.02, 0.26, at[2] + 0.055], Surface::RetroSign);
+        b.cuboid(
+            frame,
+            [at[0] - 0.02, -0.26, at[2] - 0.055],
+            [at[0] + 0.02, 0.26, at[2] + 0.055],
+            Surface::RetroSign,
+        );
     }
 }
 
@@ -97,13 +102,19 @@ fn body(b: &mut Builder, frame: &Frame, sections: &[Section], size: [f64; 3], pa
     }
     for row in [0, rows] {
         for k in 0..HALF - 1 {
-            let corners = [point(k, row), point(k + 1, row), point(columns - k - 1, row), point(columns - k, row)];
+            let corners = [
+                point(k, row),
+                point(k + 1, row),
+                point(columns - k - 1, row),
+                point(columns - k, row),
+            ];
             b.quad(corners, paint);
         }
     }
 }
 
-/// Point `k` of a section: two on the sill, the bulge, the waist, the roof's edge, near the roof's middle.
+/// Point `k` of a section: two on the sill, the bulge, the waist, the roof's edge, near the roof's
+/// middle.
 fn outline(section: &Section, k: usize, [length, half, height]: [f64; 3]) -> Point {
     let [x, wide, sill, waist, roof, narrow] = *section;
     let (y, z) = match k {

@@ -54,7 +54,8 @@ impl<'a> Kerb<'a> {
         }
     }
 
-    /// A lamp every 28 m; between lamps trees, signs, bollards at the kerb, bins and benches at the wall.
+    /// A lamp every 28 m; between lamps trees, signs, bollards at the kerb, bins and benches at the
+    /// wall.
     pub(super) fn furnish(&self, b: &mut Builder, dice: &mut Dice) {
         let (kerb, wall) = (self.street.road + 0.55, self.street.front - 0.7);
         for k in 0..(2.0 * HALF_M / 7.0) as usize {

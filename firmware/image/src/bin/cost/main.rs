@@ -1,4 +1,5 @@
-//! Counts the instructions of every stage, after checking that the kernels agree: `cargo xtask cost` builds and runs it.
+//! Counts the instructions of every stage, after checking that the kernels agree:
+//! `cargo xtask cost` builds and runs it.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(all(target_os = "none", target_arch = "arm"))]

@@ -31,7 +31,12 @@ pub(crate) fn count(text: &mut Text) -> Result<(), &'static str> {
 
 /// Not inlined: each kernel's code is compiled for it alone, as in the sensor's image.
 #[inline(never)]
-fn count_with(name: &str, kernel: impl Kernel, case: &Case, text: &mut Text) -> Result<(), &'static str> {
+fn count_with(
+    name: &str,
+    kernel: impl Kernel,
+    case: &Case,
+    text: &mut Text,
+) -> Result<(), &'static str> {
     let settings = case.settings();
     let pipeline = Pipeline::new(&settings, &case.hardware()).map_err(|_| "settings refused")?;
     let config = pipeline.config();
@@ -40,28 +45,48 @@ fn count_with(name: &str, kernel: impl Kernel, case: &Case, text: &mut Text) -> 
     let waveform = case.waveform(template.half());
     let codes = waveform.get(..case.samples).ok_or("waveform too long")?;
     let mut line = |stage, instructions| {
-        writeln!(text, "cost\t{name}\t{}\t{stage}\t{instructions}", case.name).map_err(|_| "no text")
+        writeln!(text, "cost\t{name}\t{}\t{stage}\t{instructions}", case.name)
+            .map_err(|_| "no text")
     };
 
     let mut statistics = Statistics::default();
-    line("statistics", per_run(|| statistics = Statistics::of(kernel, black_box(codes), shift, &statistics)))?;
+    line(
+        "statistics",
+        per_run(|| statistics = Statistics::of(kernel, black_box(codes), shift, &statistics)),
+    )?;
 
     let mut padded = [0; MAX_SAMPLES + MAX_TAPS + PADDING];
     let ambient = statistics.ambient_q15();
-    let x = padded.get_mut(template.half()..template.half() + codes.len()).ok_or("template too long")?;
+    let x = padded
+        .get_mut(template.half()..template.half() + codes.len())
+        .ok_or("template too long")?;
     line(
         "baseline",
-        per_run(|| kernel.remove_baseline(black_box(codes), config.clip_code(), shift, ambient, black_box(x))),
+        per_run(|| {
+            kernel.remove_baseline(
+                black_box(codes),
+                config.clip_code(),
+                shift,
+                ambient,
+                black_box(x),
+            )
+        }),
     )?;
 
     let mut y = [0; MAX_SAMPLES];
     let y = y.get_mut(..codes.len()).ok_or("waveform too long")?;
     let taps = template.taps_in_pairs();
-    line("filter", per_run(|| kernel.correlate(black_box(taps), black_box(&padded), black_box(y))))?;
+    line(
+        "filter",
+        per_run(|| kernel.correlate(black_box(taps), black_box(&padded), black_box(y))),
+    )?;
 
     let threshold = Threshold::of(config, &statistics);
     let mut peaks = Peaks::new();
-    line("peaks", per_run(|| detect::peaks(kernel, black_box(y), threshold.level, black_box(&mut peaks))))?;
+    line(
+        "peaks",
+        per_run(|| detect::peaks(kernel, black_box(y), threshold.level, black_box(&mut peaks))),
+    )?;
 
     let report = || {
         let mut peaks = peaks.clone();
@@ -81,13 +106,21 @@ fn count_with(name: &str, kernel: impl Kernel, case: &Case, text: &mut Text) -> 
     line("report", if peaks.is_empty() { 0 } else { per_run(|| drop(black_box(report()))) })?;
 
     let mut scratch = Scratch::new();
-    line("pipeline", per_run(|| drop(black_box(pipeline.process(kernel, black_box(codes), black_box(&mut scratch))))))?;
+    line(
+        "pipeline",
+        per_run(|| {
+            drop(black_box(pipeline.process(kernel, black_box(codes), black_box(&mut scratch))))
+        }),
+    )?;
     let echoes = pipeline.process(kernel, codes, &mut scratch);
-    let same = echoes == report() && scratch.statistics() == &statistics && scratch.filtered(codes.len()) == y;
+    let same = echoes == report()
+        && scratch.statistics() == &statistics
+        && scratch.filtered(codes.len()) == y;
     if same { Ok(()) } else { Err("the stages are not the pipeline") }
 }
 
-/// Instructions of a run after the first, without the loop around it. (The first finds where the statistics lie.)
+/// Instructions of a run after the first, without the loop around it. (The first finds where the
+/// statistics lie.)
 #[inline(always)]
 fn per_run(mut run: impl FnMut()) -> u32 {
     run();

@@ -1,4 +1,5 @@
-//! The fastest kernel against its portable twin, on what they should expect and on what they should not.
+//! The fastest kernel against its portable twin, on what they should expect and on what they should
+//! not.
 
 use echoloop_dsp::kernel::{Portable, Scalar};
 use echoloop_dsp::statistics::Statistics;
@@ -65,9 +66,16 @@ fn baselines_agree(random: &mut Random) -> bool {
     let start = random.below(4) as usize;
     let codes = &codes[start..start + random.below(80) as usize];
     let shift = random.below(16);
-    let clip = if random.below(2) == 0 { random.next() as u16 } else { ((1u32 << (15 - shift)) - 1) as u16 };
-    let ambient =
-        if random.below(2) == 0 { random.next() as i16 } else { [i16::MIN, i16::MAX][random.below(2) as usize] };
+    let clip = if random.below(2) == 0 {
+        random.next() as u16
+    } else {
+        ((1u32 << (15 - shift)) - 1) as u16
+    };
+    let ambient = if random.below(2) == 0 {
+        random.next() as i16
+    } else {
+        [i16::MIN, i16::MAX][random.below(2) as usize]
+    };
     let (from, to) = (random.below(4) as usize, 80 + random.below(10) as usize);
     let (mut ours, mut twin) = ([99; 90], [99; 90]);
     FASTEST.remove_baseline(codes, clip, shift, ambient, &mut ours[from..to]);
@@ -104,7 +112,8 @@ fn fill_taps(taps: &mut [i16], random: &mut Random) {
     }
     if random.below(4) == 0 && !taps.is_empty() {
         taps.fill(0);
-        taps[random.below(taps.len() as u32) as usize] = [i16::MAX, -i16::MAX, i16::MIN][random.below(3) as usize];
+        taps[random.below(taps.len() as u32) as usize] =
+            [i16::MAX, -i16::MAX, i16::MIN][random.below(3) as usize];
     }
 }
 
@@ -134,9 +143,13 @@ fn counts_agree(random: &mut Random) -> bool {
     let start = random.below(4) as usize;
     let codes = &codes[start..start + random.below(100) as usize];
     let (mut ours, mut twin) = ([7; BINS + 8], [7; BINS + 8]);
-    let (Some(our_bins), Some(twin_bins)) = (ours.first_chunk_mut(), twin.first_chunk_mut()) else { return false };
-    let (our_below, twin_below) =
-        (echoloop_image::kernel::count(codes, first, our_bins), statistics::count(codes, first, twin_bins));
+    let (Some(our_bins), Some(twin_bins)) = (ours.first_chunk_mut(), twin.first_chunk_mut()) else {
+        return false;
+    };
+    let (our_below, twin_below) = (
+        echoloop_image::kernel::count(codes, first, our_bins),
+        statistics::count(codes, first, twin_bins),
+    );
     our_below == twin_below && ours == twin
 }
 
@@ -178,7 +191,8 @@ fn pipelines_agree(random: &mut Random) -> Result<u32, &'static str> {
     for _ in 0..8 {
         fill(&mut codes, random);
         let codes = &codes[..random.below(801) as usize];
-        let same = pipeline.process(FASTEST, codes, &mut ours) == pipeline.process(Portable, codes, &mut twin)
+        let same = pipeline.process(FASTEST, codes, &mut ours)
+            == pipeline.process(Portable, codes, &mut twin)
             && ours.statistics() == twin.statistics()
             && ours.filtered(codes.len()) == twin.filtered(codes.len());
         if !same {
@@ -190,7 +204,8 @@ fn pipelines_agree(random: &mut Random) -> Result<u32, &'static str> {
 
 /// One, when a waveform with echoes, near noise as the sensor sees it, gives the same ones.
 fn echoes_agree(case: &Case) -> Result<u32, &'static str> {
-    let pipeline = Pipeline::new(&case.settings(), &case.hardware()).map_err(|_| "settings refused")?;
+    let pipeline =
+        Pipeline::new(&case.settings(), &case.hardware()).map_err(|_| "settings refused")?;
     let waveform = case.waveform(pipeline.config().template().half());
     let codes = &waveform[..case.samples];
     let ours = pipeline.process(FASTEST, codes, &mut Scratch::new());

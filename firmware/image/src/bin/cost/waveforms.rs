@@ -39,10 +39,23 @@ pub(crate) struct Case {
     pub(crate) echoes: &'static [i32],
 }
 
-/// A sample is a nanosecond, to within 1 %; in the last case a third of one. Some echoes reach full scale.
+/// A sample is a nanosecond, to within 1 %; in the last case a third of one. Some echoes reach full
+/// scale.
 pub(crate) const CASES: [Case; 6] = [
-    Case { name: "800x12 noise", samples: 800, range_mm: 119_000, pulse_width_ps: 5_000, echoes: &[] },
-    Case { name: "800x12 one echo", samples: 800, range_mm: 119_000, pulse_width_ps: 5_000, echoes: &[900] },
+    Case {
+        name: "800x12 noise",
+        samples: 800,
+        range_mm: 119_000,
+        pulse_width_ps: 5_000,
+        echoes: &[],
+    },
+    Case {
+        name: "800x12 one echo",
+        samples: 800,
+        range_mm: 119_000,
+        pulse_width_ps: 5_000,
+        echoes: &[900],
+    },
     Case {
         name: "800x12 four echoes",
         samples: 800,
@@ -50,9 +63,27 @@ pub(crate) const CASES: [Case; 6] = [
         pulse_width_ps: 5_000,
         echoes: &[900, 300, 6000, 150],
     },
-    Case { name: "256x16 one echo", samples: 256, range_mm: 38_373, pulse_width_ps: 7_500, echoes: &[900] },
-    Case { name: "1024x16 one echo", samples: 1024, range_mm: 153_494, pulse_width_ps: 7_500, echoes: &[900] },
-    Case { name: "2400x62 one echo", samples: 2400, range_mm: 119_000, pulse_width_ps: 10_100, echoes: &[900] },
+    Case {
+        name: "256x16 one echo",
+        samples: 256,
+        range_mm: 38_373,
+        pulse_width_ps: 7_500,
+        echoes: &[900],
+    },
+    Case {
+        name: "1024x16 one echo",
+        samples: 1024,
+        range_mm: 153_494,
+        pulse_width_ps: 7_500,
+        echoes: &[900],
+    },
+    Case {
+        name: "2400x62 one echo",
+        samples: 2400,
+        range_mm: 119_000,
+        pulse_width_ps: 10_100,
+        echoes: &[900],
+    },
 ];
 
 const AMBIENT: i32 = 200;
@@ -63,7 +94,8 @@ impl Case {
         Hardware { range_max_mm: reference.range_min_mm + self.range_mm, ..reference }
     }
 
-    /// The default settings but for size and pulse, and as many echoes as there are: one, the default, or four.
+    /// The default settings but for size and pulse, and as many echoes as there are: one, the
+    /// default, or four.
     pub(crate) fn settings(&self) -> Settings {
         Settings {
             power_cw: 3_000,

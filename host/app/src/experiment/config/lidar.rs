@@ -9,7 +9,8 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// Θ_lidar as written in a file: names and units of [`PARAMETERS`], choices by name.
 ///
-/// What is left out is the default. Each value is checked where it stands, so an error points at it.
+/// What is left out is the default. Each value is checked where it stands, so an error points at
+/// it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Lidar(pub Settings);
 
@@ -34,7 +35,9 @@ impl Serialize for Lidar {
                     map.serialize_entry(parameter.name, names.get(code as usize).unwrap_or(&"?"))?;
                 }
                 Kind::Integer | Kind::PowerOfTwo => map.serialize_entry(parameter.name, &code)?,
-                Kind::Real { .. } => map.serialize_entry(parameter.name, &parameter.to_unit(code))?,
+                Kind::Real { .. } => {
+                    map.serialize_entry(parameter.name, &parameter.to_unit(code))?
+                }
             }
         }
         map.end()
@@ -122,7 +125,10 @@ impl Visitor<'_> for Code {
             return Err(E::custom(format_args!("{} must be finite, not {value}", parameter.name)));
         }
         if matches!(parameter.kind, Kind::Integer | Kind::PowerOfTwo) && value.fract() != 0.0 {
-            return Err(E::custom(format_args!("{} must be a whole number, not {value}", parameter.name)));
+            return Err(E::custom(format_args!(
+                "{} must be a whole number, not {value}",
+                parameter.name
+            )));
         }
         self.checked(parameter.to_code(value))
     }

@@ -64,7 +64,11 @@ impl Override {
     /// An override made by a flag.
     pub fn flag(path: &str, value: impl Into<toml::Value>) -> Self {
         let value = value.into();
-        Self { text: format!("{path}={value}"), keys: path.split('.').map(str::to_owned).collect(), value }
+        Self {
+            text: format!("{path}={value}"),
+            keys: path.split('.').map(str::to_owned).collect(),
+            value,
+        }
     }
 
     /// The key it sets in a section.
@@ -79,8 +83,10 @@ impl Override {
         let Some((last, parents)) = self.keys.split_last() else { return Ok(()) };
         let mut table = table;
         for key in parents {
-            let entry = table.entry(key.clone()).or_insert_with(|| toml::Value::Table(toml::Table::new()));
-            table = entry.as_table_mut().ok_or_else(|| format!("`{key}` is a value, not a section"))?;
+            let entry =
+                table.entry(key.clone()).or_insert_with(|| toml::Value::Table(toml::Table::new()));
+            table =
+                entry.as_table_mut().ok_or_else(|| format!("`{key}` is a value, not a section"))?;
         }
         table.insert(last.clone(), self.value.clone());
         Ok(())
@@ -109,12 +115,14 @@ pub fn load(path: Option<&Path>, overrides: &[Override]) -> Result<Config, LoadE
         let fail = |message: String| LoadError::Override { text: change.text.clone(), message };
         change.insert(&mut table).map_err(fail)?;
         // Each is checked as it is laid down, so that the error is its own.
-        table.clone().try_into::<Config>().map_err(|error| fail(error.message().trim().to_owned()))?;
+        table
+            .clone()
+            .try_into::<Config>()
+            .map_err(|error| fail(error.message().trim().to_owned()))?;
     }
     let data = table.get("data").and_then(toml::Value::as_table).cloned().unwrap_or_default();
-    let mut config: Config = table.try_into().map_err(|error: toml::de::Error| LoadError::Override {
-        text: String::new(),
-        message: error.message().to_owned(),
+    let mut config: Config = table.try_into().map_err(|error: toml::de::Error| {
+        LoadError::Override { text: String::new(), message: error.message().to_owned() }
     })?;
     follow_method(&mut config, &data);
     config.check()?;
@@ -138,8 +146,12 @@ fn follow_method(config: &mut Config, given: &toml::Table) {
 
 /// The file's table, after its text has been taken for a [`Config`]: errors then show the line.
 fn read(path: &Path) -> Result<toml::Table, LoadError> {
-    let text = std::fs::read_to_string(path).map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
-    let fail = |error: toml::de::Error| LoadError::Parse { path: path.to_owned(), message: error.to_string() };
+    let text = std::fs::read_to_string(path)
+        .map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
+    let fail = |error: toml::de::Error| LoadError::Parse {
+        path: path.to_owned(),
+        message: error.to_string(),
+    };
     toml::from_str::<Config>(&text).map_err(fail)?;
     toml::from_str(&text).map_err(fail)
 }
@@ -153,7 +165,10 @@ mod tests {
         let data = |texts: &[&str]| set(texts).unwrap().data;
         assert_eq!(data(&["registration.method=icp"]), DataConfig::default());
         let global = data(&["registration.method=mac"]);
-        assert_eq!((global.baseline_m, global.success_translation_m, global.success_rotation_deg), (5.0, 1.0, 5.0));
+        assert_eq!(
+            (global.baseline_m, global.success_translation_m, global.success_rotation_deg),
+            (5.0, 1.0, 5.0)
+        );
         let own = data(&["data.baseline_m=3", "registration.method=fgr"]);
         assert_eq!((own.baseline_m, own.success_translation_m), (3.0, 1.0));
     }
@@ -172,7 +187,9 @@ mod tests {
 
     #[test]
     fn the_effective_configuration_reads_back_as_itself() {
-        let config = set(&["lidar.power=50", "scene.source=unstructured", "registration.voxel_m=0.2"]).unwrap();
+        let config =
+            set(&["lidar.power=50", "scene.source=unstructured", "registration.voxel_m=0.2"])
+                .unwrap();
         let text = toml::to_string(&config).unwrap();
         assert_eq!(file(&text).unwrap(), config);
     }
@@ -181,11 +198,16 @@ mod tests {
     fn a_misspelt_key_is_shown_with_its_line_and_a_caret() {
         let error = file("seed = 1\n[lidar]\npowr = 3\n").unwrap_err();
         assert!(
-            error.contains("line 3") && error.contains("^^^^") && error.contains("unknown field `powr`"),
+            error.contains("line 3")
+                && error.contains("^^^^")
+                && error.contains("unknown field `powr`"),
             "{error}"
         );
         let error = file("[tune]\ngeneration = 3\n").unwrap_err();
-        assert!(error.contains("line 2") && error.contains("unknown field `generation`"), "{error}");
+        assert!(
+            error.contains("line 2") && error.contains("unknown field `generation`"),
+            "{error}"
+        );
     }
 
     #[test]

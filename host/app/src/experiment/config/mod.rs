@@ -19,7 +19,8 @@ pub use lidar::Lidar;
 pub use load::{LoadError, Override, load};
 pub use motion::{JitterPer, Motion};
 
-/// Everything a run depends on. The same configuration gives the same result, on any number of threads.
+/// Everything a run depends on. The same configuration gives the same result, on any number of
+/// threads.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Config {
@@ -73,7 +74,8 @@ pub struct SceneConfig {
     pub source: String,
     /// Seeds of the generated towns; the pairs are shared out among them.
     pub towns: Vec<u64>,
-    /// Ground below a mesh: `auto` (fitted when the mesh has none), `none`, or the plane z = a·x + b·y + c as `a,b,c`.
+    /// Ground below a mesh: `auto` (fitted when the mesh has none), `none`, or the plane z = a·x +
+    /// b·y + c as `a,b,c`.
     pub ground: String,
 }
 
@@ -122,8 +124,9 @@ impl ScannerConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct EmitterConfig {
-    /// Greatest energy of a pulse, power times width, nJ: the sensor refuses settings above it. It keeps a search from
-    /// buying signal with power. A board on a serial line has a limit of its own.
+    /// Greatest energy of a pulse, power times width, nJ: the sensor refuses settings above it. It
+    /// keeps a search from buying signal with power. A board on a serial line has a limit of its
+    /// own.
     pub energy_limit_nj: f64,
 }
 
@@ -137,7 +140,12 @@ impl EmitterConfig {
     fn check(&self) -> Result<(), ConfigError> {
         // 100 nJ is the least power, 5 W, in the longest pulse, 20 ns; 2000 nJ the greatest, 100 W.
         let limit_nj = self.energy_limit_nj;
-        require("emitter.energy_limit_nj", limit_nj, (100.0..=2000.0).contains(&limit_nj), "100 to 2000")
+        require(
+            "emitter.energy_limit_nj",
+            limit_nj,
+            (100.0..=2000.0).contains(&limit_nj),
+            "100 to 2000",
+        )
     }
 }
 
@@ -176,11 +184,17 @@ impl Default for DataConfig {
 }
 
 impl DataConfig {
-    /// As in the paper: local methods get scans 2 m apart and succeed within 0.5 m and 2.5°, global ones 5 m, 1 m and 5°.
+    /// As in the paper: local methods get scans 2 m apart and succeed within 0.5 m and 2.5°, global
+    /// ones 5 m, 1 m and 5°.
     pub fn of_method(method: Method) -> Self {
         let local = Self::default();
         match method.is_global() {
-            true => Self { baseline_m: 5.0, success_translation_m: 1.0, success_rotation_deg: 5.0, ..local },
+            true => Self {
+                baseline_m: 5.0,
+                success_translation_m: 1.0,
+                success_rotation_deg: 5.0,
+                ..local
+            },
             false => local,
         }
     }
@@ -267,7 +281,8 @@ pub struct TuneConfig {
     pub generations: u32,
     /// Candidates a generation; 0: as many as there are parameters, as in the paper.
     pub population: usize,
-    /// Training pairs a generation sees, drawn anew each time and shared by its candidates; 0: all, as in the paper.
+    /// Training pairs a generation sees, drawn anew each time and shared by its candidates; 0: all,
+    /// as in the paper.
     pub pairs_per_generation: usize,
     /// No pair counts for more than this, ‖T_est − T*‖_F; 0: no cap, as in the paper.
     pub error_cap: f64,
@@ -341,12 +356,26 @@ impl Config {
         self.data.check()?;
         self.tune.check()?;
         let towns = &self.scene.towns;
-        require("scene.towns", format!("{towns:?}"), !towns.is_empty() && towns.len() <= 100, "1 to 100 seeds")
+        require(
+            "scene.towns",
+            format!("{towns:?}"),
+            !towns.is_empty() && towns.len() <= 100,
+            "1 to 100 seeds",
+        )
     }
 }
 
-fn require(field: &'static str, value: impl ToString, holds: bool, expected: &'static str) -> Result<(), ConfigError> {
-    if holds { Ok(()) } else { Err(ConfigError::Bound { field, value: value.to_string(), expected }) }
+fn require(
+    field: &'static str,
+    value: impl ToString,
+    holds: bool,
+    expected: &'static str,
+) -> Result<(), ConfigError> {
+    if holds {
+        Ok(())
+    } else {
+        Err(ConfigError::Bound { field, value: value.to_string(), expected })
+    }
 }
 
 impl ScannerConfig {
@@ -355,9 +384,24 @@ impl ScannerConfig {
         require("scanner.columns", self.columns, within(self.columns, 4096), "1 to 4096")?;
         require("scanner.rows", self.rows, within(self.rows, 1024), "1 to 1024")?;
         let full = |v: f64, max: f64| v >= 0.01 && v <= max;
-        require("scanner.azimuth_deg", self.azimuth_deg, full(self.azimuth_deg, 360.0), "0.01 to 360")?;
-        require("scanner.elevation_deg", self.elevation_deg, full(self.elevation_deg, 180.0), "0.01 to 180")?;
-        require("scanner.height_m", self.height_m, (0.1..=100.0).contains(&self.height_m), "0.1 to 100")
+        require(
+            "scanner.azimuth_deg",
+            self.azimuth_deg,
+            full(self.azimuth_deg, 360.0),
+            "0.01 to 360",
+        )?;
+        require(
+            "scanner.elevation_deg",
+            self.elevation_deg,
+            full(self.elevation_deg, 180.0),
+            "0.01 to 180",
+        )?;
+        require(
+            "scanner.height_m",
+            self.height_m,
+            (0.1..=100.0).contains(&self.height_m),
+            "0.1 to 100",
+        )
     }
 }
 
@@ -366,25 +410,70 @@ impl DataConfig {
         let some = |n: usize| (1..=10_000).contains(&n);
         require("data.train_pairs", self.train_pairs, some(self.train_pairs), "1 to 10000")?;
         require("data.test_pairs", self.test_pairs, some(self.test_pairs), "1 to 10000")?;
-        require("data.baseline_m", self.baseline_m, (0.0..=100.0).contains(&self.baseline_m), "0 to 100")?;
+        require(
+            "data.baseline_m",
+            self.baseline_m,
+            (0.0..=100.0).contains(&self.baseline_m),
+            "0 to 100",
+        )?;
         let angle = |v: f64| (0.0..=180.0).contains(&v);
-        require("data.heading_range_deg", self.heading_range_deg, angle(self.heading_range_deg), "0 to 180")?;
-        require("data.tilt_range_deg", self.tilt_range_deg, (0.0..=45.0).contains(&self.tilt_range_deg), "0 to 45")?;
+        require(
+            "data.heading_range_deg",
+            self.heading_range_deg,
+            angle(self.heading_range_deg),
+            "0 to 180",
+        )?;
+        require(
+            "data.tilt_range_deg",
+            self.tilt_range_deg,
+            (0.0..=45.0).contains(&self.tilt_range_deg),
+            "0 to 45",
+        )?;
         let success = self.success_translation_m;
-        require("data.success_translation_m", success, success > 0.0 && success <= 100.0, "above 0, at most 100")?;
+        require(
+            "data.success_translation_m",
+            success,
+            success > 0.0 && success <= 100.0,
+            "above 0, at most 100",
+        )?;
         let success = self.success_rotation_deg;
-        require("data.success_rotation_deg", success, success > 0.0 && success <= 180.0, "above 0, at most 180")
+        require(
+            "data.success_rotation_deg",
+            success,
+            success > 0.0 && success <= 180.0,
+            "above 0, at most 180",
+        )
     }
 }
 
 impl TuneConfig {
     fn check(&self) -> Result<(), ConfigError> {
         let generations = self.generations;
-        require("tune.generations", generations, (1..=100_000).contains(&generations), "1 to 100000")?;
+        require(
+            "tune.generations",
+            generations,
+            (1..=100_000).contains(&generations),
+            "1 to 100000",
+        )?;
         let population = self.population;
-        require("tune.population", population, population != 1 && population <= 10_000, "0 (automatic) or 2 to 10000")?;
-        require("tune.error_cap", self.error_cap, self.error_cap >= 0.0 && self.error_cap.is_finite(), "0 or more")?;
-        require("tune.sigma", self.sigma, self.sigma > 0.0 && self.sigma <= 1.0, "above 0, at most 1")?;
+        require(
+            "tune.population",
+            population,
+            population != 1 && population <= 10_000,
+            "0 (automatic) or 2 to 10000",
+        )?;
+        require(
+            "tune.error_cap",
+            self.error_cap,
+            self.error_cap >= 0.0 && self.error_cap.is_finite(),
+            "0 or more",
+        )?;
+        require(
+            "tune.sigma",
+            self.sigma,
+            self.sigma > 0.0 && self.sigma <= 1.0,
+            "above 0, at most 1",
+        )?;
         require("tune.shortlist", self.shortlist, self.shortlist <= 1000, "at most 1000")
     }
 }
@@ -412,15 +501,22 @@ mod tests {
     fn every_energy_limit_leaves_each_pulse_width_a_power_and_the_greatest_all() {
         let of = |id: ParameterId| &PARAMETERS[id as usize];
         let (power, width) = (of(ParameterId::Power), of(ParameterId::PulseWidth));
-        let with = |energy_limit_nj| Config { emitter: EmitterConfig { energy_limit_nj }, ..Config::default() };
-        let bounds = [power.min, power.max].map(|code| power.to_unit(code) * width.to_unit(width.max));
+        let with = |energy_limit_nj| Config {
+            emitter: EmitterConfig { energy_limit_nj },
+            ..Config::default()
+        };
+        let bounds =
+            [power.min, power.max].map(|code| power.to_unit(code) * width.to_unit(width.max));
         assert_eq!(bounds, [100.0, 2000.0]);
         for limit_nj in bounds {
             with(limit_nj).check().unwrap();
         }
         for limit_nj in [0.0, -1.0, 99.9, 2000.1, f64::NAN, f64::INFINITY] {
             let problem = with(limit_nj).check().unwrap_err().to_string();
-            assert_eq!(problem, format!("emitter.energy_limit_nj = {limit_nj} must be 100 to 2000"));
+            assert_eq!(
+                problem,
+                format!("emitter.energy_limit_nj = {limit_nj} must be 100 to 2000")
+            );
         }
     }
 }

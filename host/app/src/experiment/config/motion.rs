@@ -6,8 +6,9 @@ use super::{ConfigError, require};
 
 /// How the sensor moves during a scan. Off: it stands still, and a scan is taken at once.
 ///
-/// Beams are fired one after the other, column by column; beam `b` of `n` at `t = ((b + ½)/n − ½) · duration`. The pose of a
-/// scan, and so the truth of a pair, is that of its middle, t = 0; points are laid out as if all were measured from there.
+/// Beams are fired one after the other, column by column; beam `b` of `n` at
+/// `t = ((b + ½)/n − ½) · duration`. The pose of a scan, and so the truth of a pair, is that of its
+/// middle, t = 0; points are laid out as if all were measured from there.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Motion {
@@ -52,23 +53,44 @@ impl Default for Motion {
 impl Motion {
     /// Every beam has the same pose.
     pub fn is_still(&self) -> bool {
-        let steady = self.duration_s == 0.0 || (self.linear_m_s == [0.0; 3] && self.angular_deg_s == [0.0; 3]);
+        let steady = self.duration_s == 0.0
+            || (self.linear_m_s == [0.0; 3] && self.angular_deg_s == [0.0; 3]);
         steady && self.jitter_mrad == 0.0 && self.jitter_mm == 0.0
     }
 
     pub(super) fn check(&self) -> Result<(), ConfigError> {
         let within = |values: &[f64; 3], limit: f64| values.iter().all(|v| v.abs() <= limit);
-        require("motion.duration_s", self.duration_s, (0.0..=10.0).contains(&self.duration_s), "0 to 10")?;
+        require(
+            "motion.duration_s",
+            self.duration_s,
+            (0.0..=10.0).contains(&self.duration_s),
+            "0 to 10",
+        )?;
         let (linear, angular) = (&self.linear_m_s, &self.angular_deg_s);
-        require("motion.linear_m_s", format!("{linear:?}"), within(linear, 100.0), "three numbers, -100 to 100")?;
+        require(
+            "motion.linear_m_s",
+            format!("{linear:?}"),
+            within(linear, 100.0),
+            "three numbers, -100 to 100",
+        )?;
         require(
             "motion.angular_deg_s",
             format!("{angular:?}"),
             within(angular, 3600.0),
             "three numbers, -3600 to 3600",
         )?;
-        require("motion.jitter_mrad", self.jitter_mrad, (0.0..=100.0).contains(&self.jitter_mrad), "0 to 100")?;
-        require("motion.jitter_mm", self.jitter_mm, (0.0..=1000.0).contains(&self.jitter_mm), "0 to 1000")
+        require(
+            "motion.jitter_mrad",
+            self.jitter_mrad,
+            (0.0..=100.0).contains(&self.jitter_mrad),
+            "0 to 100",
+        )?;
+        require(
+            "motion.jitter_mm",
+            self.jitter_mm,
+            (0.0..=1000.0).contains(&self.jitter_mm),
+            "0 to 1000",
+        )
     }
 }
 
@@ -95,15 +117,27 @@ mod tests {
             ),
             ("[motion]\njitter_mrad = nan", "motion.jitter_mrad = NaN must be 0 to 100"),
             ("[motion]\njitter_mm = 1e9", "motion.jitter_mm = 1000000000 must be 0 to 1000"),
-            ("[weather]\nkind = \"fog\"\nvisibility_m = 3.0", "weather.visibility_m = 3 must be 6 to 998"),
-            ("[weather]\nkind = \"snow\"\nrate_mm_h = 99.0", "weather.rate_mm_h = 99 must be 0.1 to 50 in snow"),
-            ("[receiver]\ntiming_jitter_ns = inf", "receiver.timing_jitter_ns = inf must be 0 to 10"),
+            (
+                "[weather]\nkind = \"fog\"\nvisibility_m = 3.0",
+                "weather.visibility_m = 3 must be 6 to 998",
+            ),
+            (
+                "[weather]\nkind = \"snow\"\nrate_mm_h = 99.0",
+                "weather.rate_mm_h = 99 must be 0.1 to 50 in snow",
+            ),
+            (
+                "[receiver]\ntiming_jitter_ns = inf",
+                "receiver.timing_jitter_ns = inf must be 0 to 10",
+            ),
             ("[receiver]\ndead_channels = 1.5", "receiver.dead_channels = 1.5 must be 0 to 1"),
             (
                 "[receiver]\ndead_channels = 0.6\nweak_channels = 0.5",
                 "receiver.weak_channels = 0.5 must be 0 to 1 less",
             ),
-            ("[receiver]\noverload_tail_ns = 0.0", "receiver.overload_tail_ns = 0 must be 0.1 to 10^4"),
+            (
+                "[receiver]\noverload_tail_ns = 0.0",
+                "receiver.overload_tail_ns = 0 must be 0.1 to 10^4",
+            ),
         ] {
             let fault = fault(text);
             assert!(fault.starts_with(message), "{text}: {fault}");
@@ -115,13 +149,13 @@ mod tests {
         let plain = Config::default();
         assert!(plain.motion.is_still());
         assert_eq!(plain.front_end().air(), echoloop_frontend::Air::CLEAR);
-        let text =
-            "[weather]\nkind = \"wet-snow\"\n[motion]\njitter_per = \"beam\"\n[receiver]\nmode = \"litl-compat\"";
+        let text = "[weather]\nkind = \"wet-snow\"\n[motion]\njitter_per = \"beam\"\n[receiver]\nmode = \"litl-compat\"";
         let config: Config = toml::from_str(text).unwrap();
         let again: Config = toml::from_str(&toml::to_string(&config).unwrap()).unwrap();
         assert_eq!(config, again);
         assert_ne!(config, plain);
-        let unknown = toml::from_str::<Config>("[weather]\nkind = \"hail\"").unwrap_err().to_string();
+        let unknown =
+            toml::from_str::<Config>("[weather]\nkind = \"hail\"").unwrap_err().to_string();
         assert!(unknown.contains("unknown variant `hail`"), "{unknown}");
     }
 }

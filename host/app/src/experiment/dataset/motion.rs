@@ -13,8 +13,8 @@ use echoloop_registration::pose::Pose;
 /// world_from_sensor(b) = world_from_middle · (v·t, exp(ω·t)) · (shift, exp(turn)),   t = ((b + ½)/n − ½) · duration
 /// ```
 ///
-/// v and ω in the sensor's frame at the middle; shift and turn normal, for each column or beam, a pure function of the seed and
-/// its number.
+/// v and ω in the sensor's frame at the middle; shift and turn normal, for each column or beam, a
+/// pure function of the seed and its number.
 pub(super) struct Path {
     motion: Motion,
     beams: f64,
@@ -25,16 +25,30 @@ pub(super) struct Path {
 
 impl Path {
     /// The way that passes through a pose in its middle.
-    pub(super) fn new(motion: &Motion, pattern: ScanPattern, world_from_middle: Pose, seed: u64) -> Self {
+    pub(super) fn new(
+        motion: &Motion,
+        pattern: ScanPattern,
+        world_from_middle: Pose,
+        seed: u64,
+    ) -> Self {
         let beams = f64::from(pattern.beams().max(1));
-        Self { motion: *motion, beams, rows: usize::from(pattern.rows.max(1)), world_from_middle, seed }
+        Self {
+            motion: *motion,
+            beams,
+            rows: usize::from(pattern.rows.max(1)),
+            world_from_middle,
+            seed,
+        }
     }
 
     /// The pose at a beam.
     pub(super) fn world_from_sensor(&self, beam: usize) -> Pose {
         let Motion { duration_s, linear_m_s, angular_deg_s, .. } = self.motion;
         let t = ((beam as f64 + 0.5) / self.beams - 0.5) * duration_s;
-        let moved = rigid(Vector3::from(linear_m_s) * t, Vector3::from(angular_deg_s.map(f64::to_radians)) * t);
+        let moved = rigid(
+            Vector3::from(linear_m_s) * t,
+            Vector3::from(angular_deg_s.map(f64::to_radians)) * t,
+        );
         self.world_from_middle * moved * self.shaken(beam)
     }
 
@@ -45,7 +59,9 @@ impl Path {
         }
         let number = if jitter_per == JitterPer::Column { beam / self.rows } else { beam };
         let stream = Stream::of_motion(self.seed, number as u64);
-        let draw = |first: u64, sigma: f64| Vector3::from([0, 2, 4].map(|i| 1e-3 * sigma * stream.normal(first + i)));
+        let draw = |first: u64, sigma: f64| {
+            Vector3::from([0, 2, 4].map(|i| 1e-3 * sigma * stream.normal(first + i)))
+        };
         rigid(draw(0, jitter_mm), draw(6, jitter_mrad))
     }
 }
@@ -58,7 +74,8 @@ fn rigid(shift_m: Vector3<f64>, turn_rad: Vector3<f64>) -> Pose {
 mod tests {
     use super::*;
 
-    const PATTERN: ScanPattern = ScanPattern { columns: 100, rows: 20, azimuth_cdeg: 18_000, elevation_cdeg: 9_000 };
+    const PATTERN: ScanPattern =
+        ScanPattern { columns: 100, rows: 20, azimuth_cdeg: 18_000, elevation_cdeg: 9_000 };
 
     fn path(motion: Motion) -> Path {
         Path::new(&motion, PATTERN, Pose::translation(1.0, 2.0, 3.0), 5)
@@ -76,7 +93,10 @@ mod tests {
         let way = last.translation.vector - first.translation.vector;
         assert!((way - Vector3::new(2.0, -0.1, 0.0) * (1999.0 / 2000.0)).norm() < 1e-9, "{way}");
         assert!(
-            ((first.translation.vector + last.translation.vector) / 2.0 - Vector3::new(1.0, 2.0, 3.0)).norm() < 1e-9
+            ((first.translation.vector + last.translation.vector) / 2.0
+                - Vector3::new(1.0, 2.0, 3.0))
+            .norm()
+                < 1e-9
         );
         let turn = first.rotation.inverse() * last.rotation;
         assert!((turn.scaled_axis().z - 9_f64.to_radians() * 1999.0 / 2000.0).abs() < 1e-9);
@@ -84,9 +104,14 @@ mod tests {
 
     #[test]
     fn shaking_has_the_spread_asked_for_and_moves_what_shakes_as_one() {
-        for (jitter_per, count, same) in [(JitterPer::Column, 100_usize, true), (JitterPer::Beam, 2_000, false)] {
-            let path = path(Motion { jitter_mrad: 2.0, jitter_mm: 5.0, jitter_per, ..Motion::default() });
-            let shift = |beam: usize| path.world_from_sensor(beam).translation.vector - Vector3::new(1.0, 2.0, 3.0);
+        for (jitter_per, count, same) in
+            [(JitterPer::Column, 100_usize, true), (JitterPer::Beam, 2_000, false)]
+        {
+            let path =
+                path(Motion { jitter_mrad: 2.0, jitter_mm: 5.0, jitter_per, ..Motion::default() });
+            let shift = |beam: usize| {
+                path.world_from_sensor(beam).translation.vector - Vector3::new(1.0, 2.0, 3.0)
+            };
             let turn = |beam: usize| path.world_from_sensor(beam).rotation.scaled_axis();
             assert_eq!(shift(40) == shift(41), same);
             assert_ne!(shift(39), shift(40));

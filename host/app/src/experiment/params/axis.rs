@@ -33,15 +33,33 @@ pub struct Axis {
 }
 
 impl Axis {
-    pub(super) const fn linear(name: &'static str, unit: &'static str, min: f64, max: f64, default: f64) -> Self {
+    pub(super) const fn linear(
+        name: &'static str,
+        unit: &'static str,
+        min: f64,
+        max: f64,
+        default: f64,
+    ) -> Self {
         Self { name, unit, scale: Scale::Linear, min, max, default }
     }
 
-    pub(super) const fn log(name: &'static str, unit: &'static str, min: f64, max: f64, default: f64) -> Self {
+    pub(super) const fn log(
+        name: &'static str,
+        unit: &'static str,
+        min: f64,
+        max: f64,
+        default: f64,
+    ) -> Self {
         Self { name, unit, scale: Scale::Log, min, max, default }
     }
 
-    pub(super) const fn integer(name: &'static str, unit: &'static str, min: f64, max: f64, default: f64) -> Self {
+    pub(super) const fn integer(
+        name: &'static str,
+        unit: &'static str,
+        min: f64,
+        max: f64,
+        default: f64,
+    ) -> Self {
         Self { name, unit, scale: Scale::Integer, min, max, default }
     }
 
@@ -69,7 +87,8 @@ impl Axis {
         u.clamp(0.0, 1.0)
     }
 
-    /// How many values there are, each with an equal share of the axis; `None` where every value is allowed.
+    /// How many values there are, each with an equal share of the axis; `None` where every value is
+    /// allowed.
     pub fn cells(&self) -> Option<usize> {
         match self.scale {
             Scale::Linear | Scale::Log => None,
@@ -86,7 +105,13 @@ impl Axis {
             return Ok(());
         }
         let unit = if self.unit.is_empty() { String::new() } else { format!(" {}", self.unit) };
-        Err(ValueError::Range { name: self.name.to_owned(), value, min: self.min, max: self.max, unit })
+        Err(ValueError::Range {
+            name: self.name.to_owned(),
+            value,
+            min: self.min,
+            max: self.max,
+            unit,
+        })
     }
 }
 
@@ -122,7 +147,8 @@ mod tests {
     #[test]
     fn whole_numbers_have_equal_shares() {
         let axis = Axis::integer("c", "", 1.0, 4.0, 1.0);
-        let values: Vec<f64> = [0.0, 0.24, 0.26, 0.51, 0.76, 1.0].map(|u| axis.from_cube(u)).to_vec();
+        let values: Vec<f64> =
+            [0.0, 0.24, 0.26, 0.51, 0.76, 1.0].map(|u| axis.from_cube(u)).to_vec();
         assert_eq!(values, [1.0, 1.0, 2.0, 3.0, 4.0, 4.0]);
     }
 }

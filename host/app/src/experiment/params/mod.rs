@@ -1,6 +1,7 @@
 //! Parameters as the optimiser sees them: axes of a unit cube.
 //!
-//! The optimiser sees the cube, the code sees metres, the sensor sees codes. Only this module converts.
+//! The optimiser sees the cube, the code sees metres, the sensor sees codes. Only this module
+//! converts.
 
 mod axis;
 mod repair;
@@ -101,17 +102,24 @@ pub struct Parameters {
 /// Parameters by name in their units, as files and reports have them.
 pub type Values = BTreeMap<String, f64>;
 
-/// The value that a named parameter has, given or following others, in its unit; `None` when there is none of that name.
+/// The value that a named parameter has, given or following others, in its unit; `None` when there
+/// is none of that name.
 pub fn effective(values: &Values, name: &str) -> Option<f64> {
-    let [separation, width] = [ParameterId::MinSeparation, ParameterId::PulseWidth].map(ParameterId::parameter);
+    let [separation, width] =
+        [ParameterId::MinSeparation, ParameterId::PulseWidth].map(ParameterId::parameter);
     let follow = |width_ns: f64| {
-        let pulse =
-            Settings { pulse_width_ps: width.to_code(width_ns), min_separation_mm: None, ..Settings::default() };
+        let pulse = Settings {
+            pulse_width_ps: width.to_code(width_ns),
+            min_separation_mm: None,
+            ..Settings::default()
+        };
         separation.to_unit(pulse.separation_mm())
     };
     values.get(name).copied().or_else(|| {
         let is_separation = name.strip_prefix("lidar.") == Some(separation.name);
-        is_separation.then(|| values.get("lidar.pulse_width").map(|&width_ns| follow(width_ns))).flatten()
+        is_separation
+            .then(|| values.get("lidar.pulse_width").map(|&width_ns| follow(width_ns)))
+            .flatten()
     })
 }
 
@@ -175,9 +183,11 @@ impl Parameters {
     ///
     /// # Errors
     ///
-    /// [`ValueError`] of the first registration parameter outside the preset's range, or of the joint constraints.
+    /// [`ValueError`] of the first registration parameter outside the preset's range, or of the
+    /// joint constraints.
     pub fn start(config: &Config, hardware: &Hardware) -> Result<Self, ValueError> {
-        let parameters = Self { settings: config.lidar.0, registration: ThetaReg::start(&config.registration)? };
+        let parameters =
+            Self { settings: config.lidar.0, registration: ThetaReg::start(&config.registration)? };
         parameters.settings.check(hardware)?;
         Ok(parameters)
     }
@@ -202,7 +212,8 @@ impl Parameters {
     /// Every parameter by name, in its unit.
     pub fn values(&self, preset: Preset) -> Values {
         let lidar = PARAMETERS.iter().map(|p| format!("lidar.{}", p.name));
-        let registration = self.registration_axes(preset).into_iter().map(|axis| axis.name.to_owned());
+        let registration =
+            self.registration_axes(preset).into_iter().map(|axis| axis.name.to_owned());
         let names = lidar.chain(registration);
         names.filter_map(|name| self.get(&name).map(|value| (name, value))).collect()
     }
@@ -216,8 +227,14 @@ impl Parameters {
     ///
     /// # Errors
     ///
-    /// [`ValueError`] names the first that is unknown, out of range or refused by the joint constraints.
-    pub fn with_values(mut self, values: &Values, preset: Preset, hardware: &Hardware) -> Result<Self, ValueError> {
+    /// [`ValueError`] names the first that is unknown, out of range or refused by the joint
+    /// constraints.
+    pub fn with_values(
+        mut self,
+        values: &Values,
+        preset: Preset,
+        hardware: &Hardware,
+    ) -> Result<Self, ValueError> {
         let axes = self.registration_axes(preset);
         for (name, &value) in values {
             if let Some(axis) = axes.iter().find(|axis| axis.name == name) {
@@ -227,7 +244,9 @@ impl Parameters {
             if is_finite_lidar && value.fract() != 0.0 && is_whole(name) {
                 return Err(ValueError::Fraction { name: name.clone(), value });
             }
-            if !(is_finite_lidar || axes.iter().any(|axis| axis.name == name)) || !self.set(name, value) {
+            if !(is_finite_lidar || axes.iter().any(|axis| axis.name == name))
+                || !self.set(name, value)
+            {
                 let known: Vec<String> = self.values(preset).into_keys().collect();
                 return Err(ValueError::Unknown(name.clone(), known.join(", ")));
             }
@@ -254,7 +273,13 @@ pub struct Space {
 
 impl Space {
     /// The axes of a protocol around a start.
-    pub fn new(protocol: Protocol, lidar: LidarPreset, preset: Preset, start: Parameters, hardware: Hardware) -> Self {
+    pub fn new(
+        protocol: Protocol,
+        lidar: LidarPreset,
+        preset: Preset,
+        start: Parameters,
+        hardware: Hardware,
+    ) -> Self {
         let mut axes = Vec::new();
         if matches!(protocol, Protocol::Lidar | Protocol::Joint) {
             axes.extend(lidar.parameters().into_iter().map(|id| lidar_axis(id, &start.settings)));
@@ -277,10 +302,14 @@ impl Space {
 
     /// Parameters as a point of the cube.
     pub fn point(&self, parameters: &Parameters) -> Vec<f64> {
-        self.axes.iter().map(|axis| axis.to_cube(parameters.get(axis.name).unwrap_or(axis.default))).collect()
+        self.axes
+            .iter()
+            .map(|axis| axis.to_cube(parameters.get(axis.name).unwrap_or(axis.default)))
+            .collect()
     }
 
-    /// A point of the cube as parameters that every constraint accepts, and the names of those that had to be mended.
+    /// A point of the cube as parameters that every constraint accepts, and the names of those that
+    /// had to be mended.
     pub fn parameters(&self, point: &[f64]) -> (Parameters, Vec<&'static str>) {
         let mut parameters = self.start;
         for (axis, &coordinate) in self.axes.iter().zip(point) {
@@ -304,7 +333,14 @@ fn lidar_axis(id: ParameterId, start: &Settings) -> Axis {
     };
     let names = const { lidar_names() };
     let default = p.to_unit(p.default.unwrap_or_else(|| start.separation_mm().clamp(p.min, p.max)));
-    Axis { name: names[id as usize], unit: p.unit, scale, min: p.to_unit(p.min), max: p.to_unit(p.max), default }
+    Axis {
+        name: names[id as usize],
+        unit: p.unit,
+        scale,
+        min: p.to_unit(p.min),
+        max: p.to_unit(p.max),
+        default,
+    }
 }
 
 /// `lidar.` and the table's names, in its order.
@@ -367,7 +403,13 @@ mod tests {
     #[test]
     fn the_full_preset_opens_the_whole_table_and_starts_where_it_should() {
         let start = Parameters::start(&Config::default(), &Hardware::REFERENCE).unwrap();
-        let space = Space::new(Protocol::Lidar, LidarPreset::Full, Preset::Outdoor, start, Hardware::REFERENCE);
+        let space = Space::new(
+            Protocol::Lidar,
+            LidarPreset::Full,
+            Preset::Outdoor,
+            start,
+            Hardware::REFERENCE,
+        );
         assert_eq!(space.axes().len(), PARAMETERS.len());
         let (parameters, mended) = space.parameters(&space.start_point());
         assert!(mended.is_empty());
@@ -393,7 +435,8 @@ mod tests {
         let mut state = 1u64;
         for i in 0..20_000 {
             let method = [Method::Icp, Method::Gicp, Method::Fgr, Method::Mac][i % 4];
-            let space = space_in([Preset::Outdoor, Preset::Paper][i / 4 % 2], method, Protocol::Joint);
+            let space =
+                space_in([Preset::Outdoor, Preset::Paper][i / 4 % 2], method, Protocol::Joint);
             let point: Vec<f64> = (0..space.axes().len())
                 .map(|_| {
                     state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
@@ -411,13 +454,18 @@ mod tests {
     fn what_follows_the_pulse_has_the_value_that_the_sensor_uses() {
         for pulse_width_ps in [2_000, 5_000, 20_000] {
             let settings = Settings { pulse_width_ps, ..Settings::default() };
-            let values = Parameters { settings, ..space(Protocol::Joint).start }.values(Preset::Outdoor);
+            let values =
+                Parameters { settings, ..space(Protocol::Joint).start }.values(Preset::Outdoor);
             assert_eq!(values.get("lidar.min_separation"), None);
             let expected = f64::from(settings.separation_mm()) / 1e3;
             assert_eq!(effective(&values, "lidar.min_separation"), Some(expected));
-            assert_eq!(effective(&values, "lidar.pulse_width"), Some(f64::from(pulse_width_ps) / 1e3));
+            assert_eq!(
+                effective(&values, "lidar.pulse_width"),
+                Some(f64::from(pulse_width_ps) / 1e3)
+            );
         }
-        let given = Values::from([("lidar.min_separation".into(), 2.5), ("lidar.pulse_width".into(), 5.0)]);
+        let given =
+            Values::from([("lidar.min_separation".into(), 2.5), ("lidar.pulse_width".into(), 5.0)]);
         assert_eq!(effective(&given, "lidar.min_separation"), Some(2.5));
         assert_eq!(effective(&given, "lidar.powr"), None);
     }
@@ -427,19 +475,30 @@ mod tests {
         let start = space(Protocol::Joint).start;
         let with = |name: &str, value: f64| {
             let values = Values::from([(name.to_owned(), value)]);
-            start.with_values(&values, Preset::Outdoor, &Hardware::REFERENCE).map_err(|e| e.to_string())
+            start
+                .with_values(&values, Preset::Outdoor, &Hardware::REFERENCE)
+                .map_err(|e| e.to_string())
         };
         assert_eq!(with("lidar.power", 20.0).unwrap().settings.power_cw, 2000);
-        assert_eq!(with("lidar.power", 500.0).unwrap_err(), "lidar.power 500 W is above its maximum 100 W");
+        assert_eq!(
+            with("lidar.power", 500.0).unwrap_err(),
+            "lidar.power 500 W is above its maximum 100 W"
+        );
         assert!(with("lidar.powr", 5.0).unwrap_err().starts_with("unknown parameter `lidar.powr`"));
-        assert_eq!(with("registration.voxel_m", 9.0).unwrap_err(), "registration.voxel_m = 9 is outside 0.05 to 1 m");
+        assert_eq!(
+            with("registration.voxel_m", 9.0).unwrap_err(),
+            "registration.voxel_m = 9 is outside 0.05 to 1 m"
+        );
         let fraction = with("registration.normal_neighbours", 10.5).unwrap_err();
         assert_eq!(fraction, "registration.normal_neighbours = 10.5 must be a whole number");
         for parameter in &PARAMETERS {
             let name = format!("lidar.{}", parameter.name);
             let half = with(&name, parameter.to_unit(parameter.min) + 0.5);
             let is_real = matches!(parameter.kind, Kind::Real { .. });
-            let fraction = format!("{name} = {} must be a whole number", parameter.to_unit(parameter.min) + 0.5);
+            let fraction = format!(
+                "{name} = {} must be a whole number",
+                parameter.to_unit(parameter.min) + 0.5
+            );
             assert_eq!(half.err() == Some(fraction), !is_real, "{name}");
         }
         assert!(with("registration.voxel_m", f64::NAN).is_err());

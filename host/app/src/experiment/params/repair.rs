@@ -1,19 +1,24 @@
-//! Joint constraints: a candidate that breaks one is mended, and says so; the sensor would refuse it.
+//! Joint constraints: a candidate that breaks one is mended, and says so; the sensor would refuse
+//! it.
 
 use echoloop_dsp::config::sample_period_fs;
 use echoloop_dsp::{Hardware, ParameterId, Settings};
 
-/// Brings settings whose fields are each in range within the joint constraints; names what was changed.
+/// Brings settings whose fields are each in range within the joint constraints; names what was
+/// changed.
 ///
-/// Too few samples a pulse: the pulse is widened. Too much energy: the power is lowered. (S > N holds by the ranges.)
+/// Too few samples a pulse: the pulse is widened. Too much energy: the power is lowered. (S > N
+/// holds by the ranges.)
 pub fn repair(settings: &mut Settings, hardware: &Hardware) -> Vec<&'static str> {
     let mut mended = Vec::new();
-    let shortest_ps = (5 * u64::from(sample_period_fs(settings.bins as u32, hardware))).div_ceil(2_000) as i32;
+    let shortest_ps =
+        (5 * u64::from(sample_period_fs(settings.bins as u32, hardware))).div_ceil(2_000) as i32;
     if settings.pulse_width_ps < shortest_ps {
         settings.pulse_width_ps = shortest_ps;
         mended.push(ParameterId::PulseWidth.parameter().name);
     }
-    let strongest_cw = 100 * i64::from(hardware.energy_limit_pj) / i64::from(settings.pulse_width_ps.max(1));
+    let strongest_cw =
+        100 * i64::from(hardware.energy_limit_pj) / i64::from(settings.pulse_width_ps.max(1));
     if i64::from(settings.power_cw) > strongest_cw {
         settings.power_cw = strongest_cw as i32;
         mended.push(ParameterId::Power.parameter().name);
@@ -27,7 +32,8 @@ mod tests {
 
     #[test]
     fn too_much_energy_lowers_the_power_to_the_limit() {
-        let mut settings = Settings { power_cw: 10_000, pulse_width_ps: 20_000, ..Settings::default() };
+        let mut settings =
+            Settings { power_cw: 10_000, pulse_width_ps: 20_000, ..Settings::default() };
         assert_eq!(repair(&mut settings, &Hardware::REFERENCE), ["power"]);
         assert_eq!((settings.power_cw, settings.pulse_width_ps), (2_000, 20_000));
         settings.check(&Hardware::REFERENCE).unwrap();

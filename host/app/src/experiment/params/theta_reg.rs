@@ -3,7 +3,8 @@
 use super::{Axis, Preset, ValueError};
 use crate::experiment::config::RegistrationConfig;
 use echoloop_registration::{
-    ConfigError, FgrConfig, FgrMode, GicpConfig, IcpConfig, MacConfig, Method, MethodConfig, Registration, build,
+    ConfigError, FgrConfig, FgrMode, GicpConfig, IcpConfig, MacConfig, Method, MethodConfig,
+    Registration, build,
 };
 
 /// The prefix of these parameters' names.
@@ -31,10 +32,14 @@ impl ThetaReg {
             return Err(ValueError::NotRefined(config.method.name()));
         }
         if config.mode != FgrMode::Annealed && config.method != Method::Fgr {
-            return Err(ValueError::NotOfMethod { key: "mode".into(), method: config.method.name() });
+            return Err(ValueError::NotOfMethod {
+                key: "mode".into(),
+                method: config.method.name(),
+            });
         }
         // Open3D's own example has its own radii and counts; only the voxel is the preset's.
-        let own = |axis: &&Axis| config.mode == FgrMode::Annealed || axis.name == "registration.voxel_m";
+        let own =
+            |axis: &&Axis| config.mode == FgrMode::Annealed || axis.name == "registration.voxel_m";
         for axis in axes.iter().filter(own) {
             theta.set(axis.name, axis.default);
             if let (FgrMode::Open3d, MethodConfig::Fgr(fgr)) = (config.mode, &mut theta.method) {
@@ -42,8 +47,12 @@ impl ThetaReg {
             }
         }
         for (key, value) in config.chosen() {
-            let Some(axis) = axes.iter().find(|axis| axis.name.strip_prefix(SECTION) == Some(key)) else {
-                return Err(ValueError::NotOfMethod { key: key.into(), method: config.method.name() });
+            let Some(axis) = axes.iter().find(|axis| axis.name.strip_prefix(SECTION) == Some(key))
+            else {
+                return Err(ValueError::NotOfMethod {
+                    key: key.into(),
+                    method: config.method.name(),
+                });
             };
             axis.require(value)?;
             theta.set(axis.name, value);
@@ -71,9 +80,11 @@ impl ThetaReg {
         self.method.check()
     }
 
-    /// Brings settings whose values are each in range within what they owe each other; names what was changed.
+    /// Brings settings whose values are each in range within what they owe each other; names what
+    /// was changed.
     ///
-    /// A feature's neighbourhood narrower than a normal's is widened to it (Sec. 3.3: φ_rad2 ≥ φ_rad1).
+    /// A feature's neighbourhood narrower than a normal's is widened to it (Sec. 3.3: φ_rad2 ≥
+    /// φ_rad1).
     pub fn repair(&mut self) -> Vec<&'static str> {
         let radii = (self.method.get("normal_radius_m"), self.method.get("feature_radius_m"));
         match radii {
@@ -109,9 +120,9 @@ fn base(config: &RegistrationConfig) -> MethodConfig {
 
 /// Θ_reg of a method: every axis once.
 ///
-/// Ranges of `paper` are those of Sec. 3.3, its defaults those of Open3D's global registration example; φ_d, half a voxel
-/// there, is the least of its range, and for ICP, which has no default there, the middle. Ranges of iterations, and of the
-/// stretch that MAC allows, are ours.
+/// Ranges of `paper` are those of Sec. 3.3, its defaults those of Open3D's global registration
+/// example; φ_d, half a voxel there, is the least of its range, and for ICP, which has no default
+/// there, the middle. Ranges of iterations, and of the stretch that MAC allows, are ours.
 pub fn axes(method: Method, preset: Preset) -> Vec<Axis> {
     match (method, preset) {
         (Method::Icp | Method::Gicp, Preset::Outdoor) => vec![
@@ -195,7 +206,12 @@ mod tests {
             for preset in [Preset::Outdoor, Preset::Paper] {
                 let theta = ThetaReg::start(&config(method, preset)).unwrap();
                 for axis in axes(method, preset) {
-                    assert_eq!(theta.get(axis.name), Some(axis.default), "{} of {method:?}", axis.name);
+                    assert_eq!(
+                        theta.get(axis.name),
+                        Some(axis.default),
+                        "{} of {method:?}",
+                        axis.name
+                    );
                     axis.require(axis.default).unwrap();
                 }
                 theta.check().unwrap();
@@ -205,14 +221,19 @@ mod tests {
 
     #[test]
     fn open3ds_way_starts_at_its_own_example() {
-        let open3d = RegistrationConfig { mode: FgrMode::Open3d, ..config(Method::Fgr, Preset::Paper) };
-        assert_eq!(ThetaReg::start(&open3d).unwrap().method, MethodConfig::Fgr(FgrConfig::open3d(0.05)));
+        let open3d =
+            RegistrationConfig { mode: FgrMode::Open3d, ..config(Method::Fgr, Preset::Paper) };
+        assert_eq!(
+            ThetaReg::start(&open3d).unwrap().method,
+            MethodConfig::Fgr(FgrConfig::open3d(0.05))
+        );
     }
 
     #[test]
     fn both_presets_search_the_same_axes() {
         for method in METHODS {
-            let names = |preset| axes(method, preset).iter().map(|axis| axis.name).collect::<Vec<_>>();
+            let names =
+                |preset| axes(method, preset).iter().map(|axis| axis.name).collect::<Vec<_>>();
             assert_eq!(names(Preset::Outdoor), names(Preset::Paper));
         }
     }
@@ -223,13 +244,18 @@ mod tests {
         theta.set("registration.feature_radius_m", 1.0);
         assert_eq!(theta.check().map_err(|e| e.field), Err("feature_radius_m"));
         assert_eq!(theta.repair(), ["feature_radius_m"]);
-        assert_eq!(theta.get("registration.feature_radius_m"), theta.get("registration.normal_radius_m"));
+        assert_eq!(
+            theta.get("registration.feature_radius_m"),
+            theta.get("registration.normal_radius_m")
+        );
         assert_eq!((theta.check(), theta.repair()), (Ok(()), Vec::new()));
     }
 
     #[test]
     fn what_a_method_does_not_have_is_refused_by_name() {
-        let error = |config: RegistrationConfig| ThetaReg::start(&config).map_err(|e| e.to_string()).unwrap_err();
+        let error = |config: RegistrationConfig| {
+            ThetaReg::start(&config).map_err(|e| e.to_string()).unwrap_err()
+        };
         let icp = config(Method::Icp, Preset::Outdoor);
         let wide = RegistrationConfig { feature_radius_m: Some(2.0), ..icp };
         assert_eq!(error(wide), "registration.feature_radius_m is no setting of icp");

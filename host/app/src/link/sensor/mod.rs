@@ -1,8 +1,10 @@
-//! A sensor that can be made to look at a scene: in process, in an emulated microcontroller, or on a serial line.
+//! A sensor that can be made to look at a scene: in process, in an emulated microcontroller, or on
+//! a serial line.
 //!
-//! The client is the same for all. What differs is how a sensor comes to look somewhere. A simulated one is given the scene.
-//! What a board on a serial line sees is not ours to choose: it is asked for the scan of a numbered viewpoint, and whoever turns
-//! it reads the number off the emitter's FRAME register. See [`crate::experiment::dataset::ScanPair::viewpoints`].
+//! The client is the same for all. What differs is how a sensor comes to look somewhere. A
+//! simulated one is given the scene. What a board on a serial line sees is not ours to choose: it
+//! is asked for the scan of a numbered viewpoint, and whoever turns it reads the number off the
+//! emitter's FRAME register. See [`crate::experiment::dataset::ScanPair::viewpoints`].
 
 mod pool;
 mod qemu;
@@ -68,7 +70,9 @@ impl SensorError {
     /// Of a sensor that was there before: what cannot be had again is lost.
     fn again(self) -> Self {
         match self {
-            Self::Open { sensor, reason } => Self::Client { sensor, source: io::Error::other(reason).into() },
+            Self::Open { sensor, reason } => {
+                Self::Client { sensor, source: io::Error::other(reason).into() }
+            }
             lost => lost,
         }
     }
@@ -88,12 +92,20 @@ pub struct Model {
 impl Model {
     /// The sensor of a configuration.
     pub fn of(config: &Config) -> Self {
-        Self { receiver: config.front_end(), pattern: config.scanner.pattern(), hardware: config.hardware() }
+        Self {
+            receiver: config.front_end(),
+            pattern: config.scanner.pattern(),
+            hardware: config.hardware(),
+        }
     }
 
     /// Its front end, which sees nothing yet.
     pub fn front_end(&self) -> WaveformFrontEnd {
-        WaveformFrontEnd::new(self.receiver.clone(), Arc::new(SceneResponse::empty(self.pattern.beams())), 0)
+        WaveformFrontEnd::new(
+            self.receiver.clone(),
+            Arc::new(SceneResponse::empty(self.pattern.beams())),
+            0,
+        )
     }
 }
 
@@ -141,7 +153,11 @@ impl Sensor {
     /// # Errors
     ///
     /// [`ClientError`].
-    pub fn simulated(line: Line, front_end: SharedFrontEnd, patience: Patience) -> Result<Self, ClientError> {
+    pub fn simulated(
+        line: Line,
+        front_end: SharedFrontEnd,
+        patience: Patience,
+    ) -> Result<Self, ClientError> {
         Ok(Self { client: Client::connect(line, patience)?, gaze: Gaze::Simulated(front_end) })
     }
 
@@ -161,8 +177,10 @@ impl Sensor {
     /// [`SensorError::Open`] names the port and says why it cannot be opened.
     pub fn serial(port: &Port) -> Result<Self, SensorError> {
         let name = || SensorSpec::Serial(port.clone());
-        let line = Serial::open(&port.path, port.baud).map_err(|reason| SensorError::open(name(), reason))?;
-        Self::numbered(Box::new(line), Serial::patience(port.baud)).map_err(SensorError::client(name()))
+        let line = Serial::open(&port.path, port.baud)
+            .map_err(|reason| SensorError::open(name(), reason))?;
+        Self::numbered(Box::new(line), Serial::patience(port.baud))
+            .map_err(SensorError::client(name()))
     }
 
     /// Turns to a view; the number of the scan to ask for.

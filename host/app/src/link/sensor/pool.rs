@@ -8,8 +8,8 @@ use crate::link::client::{ClientError, Identity};
 
 type Open = dyn Fn() -> Result<Sensor, SensorError> + Send + Sync;
 
-/// Sensors to take from and give back. Simulated ones are opened as they are needed, one for each thread that has use for it;
-/// of a board on a serial line there is one, and the others wait.
+/// Sensors to take from and give back. Simulated ones are opened as they are needed, one for each
+/// thread that has use for it; of a board on a serial line there is one, and the others wait.
 pub struct Sensors {
     name: String,
     open: Box<Open>,
@@ -37,7 +37,9 @@ impl Sensors {
                 let open = move || Sensor::in_process(&model).map_err(SensorError::client(&named));
                 Self::opened_by(name, usize::MAX, open)
             }
-            SensorSpec::Qemu(board) => Self::opened_by(name, usize::MAX, move || open_qemu(&model, &board, &qemu)),
+            SensorSpec::Qemu(board) => {
+                Self::opened_by(name, usize::MAX, move || open_qemu(&model, &board, &qemu))
+            }
             SensorSpec::Serial(port) => Self::opened_by(name, 1, move || Sensor::serial(&port)),
         }
     }
@@ -71,13 +73,17 @@ impl Sensors {
         self.with(|sensor| Ok(sensor.identity().clone()))
     }
 
-    /// Takes a sensor, or waits for one, has `work` done with it, and gives it back. One that failed is closed instead, and the
-    /// next to come opens another. `work` must not wait for other threads: it may have the only sensor.
+    /// Takes a sensor, or waits for one, has `work` done with it, and gives it back. One that
+    /// failed is closed instead, and the next to come opens another. `work` must not wait for other
+    /// threads: it may have the only sensor.
     ///
     /// # Errors
     ///
     /// [`SensorError`] when no sensor can be opened, or from `work`.
-    pub fn with<T>(&self, work: impl FnOnce(&mut Sensor) -> Result<T, ClientError>) -> Result<T, SensorError> {
+    pub fn with<T>(
+        &self,
+        work: impl FnOnce(&mut Sensor) -> Result<T, ClientError>,
+    ) -> Result<T, SensorError> {
         let mut seat = self.take()?;
         let done = work(&mut seat.sensor).map_err(SensorError::client(&self.name))?;
         seat.give_back();
@@ -86,7 +92,8 @@ impl Sensors {
 
     fn take(&self) -> Result<Seat<'_>, SensorError> {
         let full = |state: &mut State| state.idle.is_empty() && state.there >= self.limit;
-        let mut state = self.freed.wait_while(self.state(), full).unwrap_or_else(PoisonError::into_inner);
+        let mut state =
+            self.freed.wait_while(self.state(), full).unwrap_or_else(PoisonError::into_inner);
         if let Some(sensor) = state.idle.pop() {
             return Ok(Seat { sensor, place: Place(self) });
         }
@@ -104,8 +111,8 @@ impl Sensors {
     }
 }
 
-/// A sensor in use. Whatever happens to its user, its place is free again afterwards; the sensor is closed first, because a
-/// port has to be closed before it can be opened again.
+/// A sensor in use. Whatever happens to its user, its place is free again afterwards; the sensor is
+/// closed first, because a port has to be closed before it can be opened again.
 struct Seat<'a> {
     sensor: Sensor,
     place: Place<'a>,
@@ -188,7 +195,10 @@ mod tests {
         let (sensors, _) = counted(1);
         (0..9).for_each(|_| drop(fail(&sensors)));
         let error = sensors.identity().unwrap_err();
-        assert!(matches!(error, SensorError::Client { source: ClientError::Line(_), .. }), "{error}");
+        assert!(
+            matches!(error, SensorError::Client { source: ClientError::Line(_), .. }),
+            "{error}"
+        );
         assert_eq!(error.to_string(), "test: the link is lost: unplugged");
         sensors.identity().unwrap();
     }
@@ -198,7 +208,9 @@ mod tests {
         let (sensors, _) = counted(1);
         let sensors = Arc::new(sensors);
         let other = Arc::clone(&sensors);
-        std::thread::spawn(move || other.with(|_| -> Result<(), _> { panic!("on purpose") })).join().unwrap_err();
+        std::thread::spawn(move || other.with(|_| -> Result<(), _> { panic!("on purpose") }))
+            .join()
+            .unwrap_err();
         sensors.identity().unwrap();
     }
 }

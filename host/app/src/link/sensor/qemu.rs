@@ -48,16 +48,24 @@ mod here {
     ///
     /// # Errors
     ///
-    /// [`SensorError::Open`] when it cannot be started, [`SensorError::Client`] when it does not answer.
-    pub(crate) fn open_qemu(model: &Model, board: &str, options: &QemuOptions) -> Result<Sensor, SensorError> {
+    /// [`SensorError::Open`] when it cannot be started, [`SensorError::Client`] when it does not
+    /// answer.
+    pub(crate) fn open_qemu(
+        model: &Model,
+        board: &str,
+        options: &QemuOptions,
+    ) -> Result<Sensor, SensorError> {
         let name = SensorSpec::Qemu(board.to_owned());
-        let machine = Machine::of_name(board).ok_or_else(|| SensorError::open(&name, "no such board"))?;
+        let machine =
+            Machine::of_name(board).ok_or_else(|| SensorError::open(&name, "no such board"))?;
         let mut how = qemu::QemuOptions::new(machine, Path::new(""));
         how.image = options.firmware.clone().unwrap_or(how.image);
         let front_end = Arc::new(Mutex::new(model.front_end()));
         let started = Qemu::start(&how, Arc::clone(&front_end), model.pattern, model.hardware);
         let line = started.map_err(|error| match error {
-            QemuError::Failed { what, .. } => SensorError::client(&name)(io::Error::other(what).into()),
+            QemuError::Failed { what, .. } => {
+                SensorError::client(&name)(io::Error::other(what).into())
+            }
             unusable => SensorError::open(&name, unusable),
         })?;
         let line: Line = match &options.log {
@@ -91,7 +99,8 @@ mod here {
         /// All lines at once: sensors that are switched off at the same time do not mix theirs.
         fn write(&self) -> io::Result<()> {
             let frames = fs::read(self.line.log_file())?;
-            let lines = sensor_log::decode(&fs::read(&self.image)?, &frames).map_err(io::Error::other)?;
+            let lines =
+                sensor_log::decode(&fs::read(&self.image)?, &frames).map_err(io::Error::other)?;
             let numbered = |line: &String| format!("sensor {} {line}\n", self.number);
             let text: String = lines.iter().map(numbered).collect();
             if self.to == Path::new("-") {
@@ -114,7 +123,10 @@ mod here {
     impl Drop for Logged {
         fn drop(&mut self) {
             if let Err(error) = self.write() {
-                eprintln!("warning: cannot write the sensor's log to {}: {error}", self.to.display());
+                eprintln!(
+                    "warning: cannot write the sensor's log to {}: {error}",
+                    self.to.display()
+                );
             }
         }
     }
@@ -129,6 +141,10 @@ pub(super) fn boards() -> Vec<&'static str> {
 }
 
 #[cfg(not(unix))]
-pub(super) fn open_qemu(_model: &Model, board: &str, _options: &QemuOptions) -> Result<Sensor, SensorError> {
+pub(super) fn open_qemu(
+    _model: &Model,
+    board: &str,
+    _options: &QemuOptions,
+) -> Result<Sensor, SensorError> {
     Err(SensorError::open(SensorSpec::Qemu(board.to_owned()), "QEMU is reached over Unix sockets"))
 }

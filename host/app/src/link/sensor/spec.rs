@@ -53,11 +53,14 @@ impl FromStr for SensorSpec {
     fn from_str(text: &str) -> Result<Self, SpecError> {
         match text.split_once(':') {
             None if text == "in-process" => Ok(Self::InProcess),
-            None if text == "qemu" => {
-                qemu::boards().first().map(|board| Self::Qemu((*board).to_owned())).ok_or(SpecError::Kind)
-            }
+            None if text == "qemu" => qemu::boards()
+                .first()
+                .map(|board| Self::Qemu((*board).to_owned()))
+                .ok_or(SpecError::Kind),
             None if text == "serial" => Err(SpecError::NoPort),
-            Some(("qemu", board)) if qemu::boards().contains(&board) => Ok(Self::Qemu(board.to_owned())),
+            Some(("qemu", board)) if qemu::boards().contains(&board) => {
+                Ok(Self::Qemu(board.to_owned()))
+            }
             Some(("qemu", board)) => Err(SpecError::Board(board.to_owned())),
             Some(("serial", port)) => port.parse().map(Self::Serial),
             _ => Err(SpecError::Kind),
@@ -70,7 +73,9 @@ impl FromStr for Port {
 
     fn from_str(text: &str) -> Result<Self, SpecError> {
         let (path, baud) = match text.rsplit_once('@') {
-            Some((path, baud)) => (path, baud.parse().map_err(|_| SpecError::Baud(baud.to_owned()))?),
+            Some((path, baud)) => {
+                (path, baud.parse().map_err(|_| SpecError::Baud(baud.to_owned()))?)
+            }
             None => (text, BAUD),
         };
         match (path, baud) {

@@ -26,7 +26,11 @@ impl Conversation {
 
     /// All bytes that went one way.
     pub fn bytes(&self, way: Direction) -> Vec<u8> {
-        self.pieces().filter(|(direction, _)| *direction == way).flat_map(|(_, bytes)| bytes).copied().collect()
+        self.pieces()
+            .filter(|(direction, _)| *direction == way)
+            .flat_map(|(_, bytes)| bytes)
+            .copied()
+            .collect()
     }
 
     fn push(&mut self, way: Direction, bytes: &[u8]) {
@@ -37,8 +41,9 @@ impl Conversation {
         }
     }
 
-    /// Says again what the host said, piece by piece, and writes down what the line answers until it falls quiet: the same
-    /// conversation, when the sensor is in the state it was in then and does the same.
+    /// Says again what the host said, piece by piece, and writes down what the line answers until
+    /// it falls quiet: the same conversation, when the sensor is in the state it was in then and
+    /// does the same.
     ///
     /// # Errors
     ///

@@ -29,7 +29,8 @@ impl Serial {
     ///
     /// That it cannot be opened, why, and for the usual reasons what to do.
     pub fn open(name: &str, baud: u32) -> Result<Self, String> {
-        let port = serialport::new(name, baud).timeout(STUCK).open().map_err(|error| why_not(&error))?;
+        let port =
+            serialport::new(name, baud).timeout(STUCK).open().map_err(|error| why_not(&error))?;
         Ok(Self::over(port, name))
     }
 
@@ -38,10 +39,11 @@ impl Serial {
         Self { port, name: name.to_owned() }
     }
 
-    /// Patience with a line of this speed: 300 ms for the board, and the longest frame's time once each way, because 2.8 kB take
-    /// 246 ms at 115,200 baud.
+    /// Patience with a line of this speed: 300 ms for the board, and the longest frame's time once
+    /// each way, because 2.8 kB take 246 ms at 115,200 baud.
     pub fn patience(baud: u32) -> Patience {
-        let frame = Duration::from_secs_f64(MAX_FRAME as f64 * BITS_PER_BYTE / f64::from(baud.max(1)));
+        let frame =
+            Duration::from_secs_f64(MAX_FRAME as f64 * BITS_PER_BYTE / f64::from(baud.max(1)));
         Patience { timeout: BOARD + 2 * frame, ..Patience::default() }
     }
 

@@ -40,14 +40,22 @@ struct Surface<'a> {
 /// FPFH(p) = SPFH(p) + 100 · S / Σ_bins S           S = Σ SPFH(q) / |p - q|², over those not at p; by histogram
 /// ```
 ///
-/// So each histogram adds up to 200 where a neighbour lies apart. A point with a zero normal has no feature, all zero, and is
-/// nobody's neighbour. Histograms are counts and so exact; sums are in `f32`, in the order of the neighbours. Compiled twice,
-/// for the baseline and for x86-64-v3: same bytes, on any number of threads.
-pub fn describe(points: &[Point3<f32>], normals: &[Vector3<f32>], neighbours: &Neighbours) -> Features {
+/// So each histogram adds up to 200 where a neighbour lies apart. A point with a zero normal has no
+/// feature, all zero, and is nobody's neighbour. Histograms are counts and so exact; sums are in
+/// `f32`, in the order of the neighbours. Compiled twice, for the baseline and for x86-64-v3: same
+/// bytes, on any number of threads.
+pub fn describe(
+    points: &[Point3<f32>],
+    normals: &[Vector3<f32>],
+    neighbours: &Neighbours,
+) -> Features {
     #[cfg(target_arch = "x86_64")]
     if has_v3() {
-        // SAFETY: the features that the chunks are compiled for have just been found on this processor.
-        let simple = |surface: &Surface, first, rows: &mut [Row]| unsafe { simple_chunk_v3(surface, first, rows) };
+        // SAFETY: the features that the chunks are compiled for have just been found on this
+        // processor.
+        let simple = |surface: &Surface, first, rows: &mut [Row]| unsafe {
+            simple_chunk_v3(surface, first, rows)
+        };
         let fast = |all: &Neighbours, simple: &[Row], first, rows: &mut [[f32; DIMENSIONS]]| {
             // SAFETY: as above.
             unsafe { fast_chunk_v3(all, simple, first, rows) };
@@ -58,7 +66,11 @@ pub fn describe(points: &[Point3<f32>], normals: &[Vector3<f32>], neighbours: &N
 }
 
 /// [`describe`] as compiled for the target's baseline.
-pub fn describe_baseline(points: &[Point3<f32>], normals: &[Vector3<f32>], neighbours: &Neighbours) -> Features {
+pub fn describe_baseline(
+    points: &[Point3<f32>],
+    normals: &[Vector3<f32>],
+    neighbours: &Neighbours,
+) -> Features {
     describe_by(points, normals, neighbours, simple_chunk, fast_chunk)
 }
 
@@ -88,7 +100,12 @@ fn simple_chunk_v3(surface: &Surface, first: usize, rows: &mut [Row]) {
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-fn fast_chunk_v3(neighbours: &Neighbours, simple: &[Row], first: usize, rows: &mut [[f32; DIMENSIONS]]) {
+fn fast_chunk_v3(
+    neighbours: &Neighbours,
+    simple: &[Row],
+    first: usize,
+    rows: &mut [[f32; DIMENSIONS]],
+) {
     fast_chunk(neighbours, simple, first, rows);
 }
 
@@ -144,10 +161,16 @@ fn has_normal(facing: &Facing) -> bool {
 
 /// The FPFH of the points from `first`.
 #[inline(always)]
-fn fast_chunk(neighbours: &Neighbours, simple: &[Row], first: usize, rows: &mut [[f32; DIMENSIONS]]) {
+fn fast_chunk(
+    neighbours: &Neighbours,
+    simple: &[Row],
+    first: usize,
+    rows: &mut [[f32; DIMENSIONS]],
+) {
     for (index, row) in (first..).zip(rows) {
         let own = &simple[index];
-        // A histogram that counted anything adds up to 100; else the point has no normal, or nobody near.
+        // A histogram that counted anything adds up to 100; else the point has no normal, or nobody
+        // near.
         if own.iter().any(|value| *value > 0.0) {
             let sum = weighted_sum(neighbours.of(index), simple);
             finish(own, &sum, row);
@@ -155,7 +178,8 @@ fn fast_chunk(neighbours: &Neighbours, simple: &[Row], first: usize, rows: &mut 
     }
 }
 
-/// Σ SPFH(q) r² / |p - q|², r the distance of the nearest apart: the shares are the same, and nothing can overflow.
+/// Σ SPFH(q) r² / |p - q|², r the distance of the nearest apart: the shares are the same, and
+/// nothing can overflow.
 #[inline(always)]
 fn weighted_sum((indices, squares): (&[u32], &[f32]), simple: &[Row]) -> Row {
     let mut sum = [0.0; STRIDE];

@@ -38,7 +38,8 @@ impl Lanes {
         }
     }
 
-    /// The pair feature of a point with each neighbour (Rusu, Blodow and Beetz 2009, as Open3D has it):
+    /// The pair feature of a point with each neighbour (Rusu, Blodow and Beetz 2009, as Open3D has
+    /// it):
     ///
     /// ```text
     /// a1 = n1 · d / |d|    a2 = n2 · d / |d|    d = p2 - p1; if |a1| < |a2|: swap n1 and n2, d = -d, a1 = -a2
@@ -47,8 +48,8 @@ impl Lanes {
     /// bin = ⌊11 (f - least) / range⌋, 0 to 10
     /// ```
     ///
-    /// Where d or d × n1 is 0 all three are 0, in the middle bins. The angle itself is never computed: it is beyond the edge
-    /// e when sin(|f1| - e) > 0, which is |y| cos e > x sin e.
+    /// Where d or d × n1 is 0 all three are 0, in the middle bins. The angle itself is never
+    /// computed: it is beyond the edge e when sin(|f1| - e) > 0, which is |y| cos e > x sin e.
     #[inline(always)]
     pub(super) fn bins(&self, normal: [f32; 3], bins: &mut PairBins) {
         let ([dx, dy, dz], [mx, my, mz]) = (&self.offset, &self.normal);
@@ -120,14 +121,16 @@ mod tests {
 
     use super::*;
 
-    /// The bins in `f64`, as defined; and how near the nearest edge or choice any of the numbers is.
+    /// The bins in `f64`, as defined; and how near the nearest edge or choice any of the numbers
+    /// is.
     fn plain(d: Vector3<f64>, n1: Vector3<f64>, n2: Vector3<f64>) -> ([u8; 3], f64) {
         let (a1, a2) = (n1.dot(&d) / d.norm(), n2.dot(&d) / d.norm());
         let (n1, n2, e, f3) = if a1.abs() < a2.abs() { (n2, n1, -d, -a2) } else { (n1, n2, d, a1) };
         let v = e.cross(&n1).normalize();
         let w = n1.cross(&v);
         let f1 = w.dot(&n2).atan2(n1.dot(&n2));
-        let places = [(f1 + PI) / (2.0 * PI), (v.dot(&n2) + 1.0) / 2.0, (f3 + 1.0) / 2.0].map(|p| p * 11.0);
+        let places =
+            [(f1 + PI) / (2.0 * PI), (v.dot(&n2) + 1.0) / 2.0, (f3 + 1.0) / 2.0].map(|p| p * 11.0);
         let edge = places.iter().map(|p| (p - p.round()).abs()).fold(f64::INFINITY, f64::min);
         let clear = edge.min((a1.abs() - a2.abs()).abs()).min(e.normalize().cross(&n1).norm());
         (places.map(|p| p.floor().clamp(0.0, 10.0) as u8), clear)
@@ -155,13 +158,17 @@ mod tests {
     #[test]
     fn points_at_one_place_and_points_along_the_normal_fall_in_the_middle() {
         let z = [0.0, 0.0, 1.0];
-        assert_eq!(bins(facing([1.0, 2.0, 3.0], z), facing([1.0, 2.0, 3.0], [1.0, 0.0, 0.0])), [5; 3]);
+        assert_eq!(
+            bins(facing([1.0, 2.0, 3.0], z), facing([1.0, 2.0, 3.0], [1.0, 0.0, 0.0])),
+            [5; 3]
+        );
         assert_eq!(bins(facing([0.0; 3], z), facing([0.0, 0.0, 2.0], z)), [5; 3]);
     }
 
     #[test]
     fn opposed_normals_are_at_the_end_of_the_angle() {
-        let end = bins(facing([0.0; 3], [0.0, 0.0, 1.0]), facing([1.0, 0.0, 0.0], [0.0, 0.0, -1.0]))[0];
+        let end =
+            bins(facing([0.0; 3], [0.0, 0.0, 1.0]), facing([1.0, 0.0, 0.0], [0.0, 0.0, -1.0]))[0];
         assert!(end == 0 || end == 10, "{end}");
     }
 

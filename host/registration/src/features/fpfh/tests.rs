@@ -21,7 +21,8 @@ fn totals(row: &[f32; DIMENSIONS]) -> [f32; 3] {
 
 #[test]
 fn a_plane_s_pairs_fall_in_the_middle_of_all_three_histograms() {
-    let points: Vec<_> = (0..25).map(|i| Point3::new((i % 5) as f32, (i / 5) as f32, -2.0)).collect();
+    let points: Vec<_> =
+        (0..25).map(|i| Point3::new((i % 5) as f32, (i / 5) as f32, -2.0)).collect();
     let features = describe(&points, &[Vector3::z(); 25], &search(&points, 1.6, 100));
     for row in features.rows {
         for (i, value) in row.iter().enumerate() {
@@ -32,8 +33,10 @@ fn a_plane_s_pairs_fall_in_the_middle_of_all_three_histograms() {
 
 #[test]
 fn without_a_normal_a_point_has_no_feature_and_is_nobody_s_neighbour() {
-    let mut points: Vec<_> = (0..25).map(|i| Point3::new((i % 5) as f32, (i / 5) as f32, -2.0)).collect();
-    let mut normals: Vec<_> = (0..25).map(|i| unit([(i as f32).sin(), (i as f32).cos(), 2.0])).collect();
+    let mut points: Vec<_> =
+        (0..25).map(|i| Point3::new((i % 5) as f32, (i / 5) as f32, -2.0)).collect();
+    let mut normals: Vec<_> =
+        (0..25).map(|i| unit([(i as f32).sin(), (i as f32).cos(), 2.0])).collect();
     let expected = describe(&points, &normals, &search(&points, 1.6, 100));
     points.push(Point3::new(1.5, 1.5, -2.0));
     normals.push(Vector3::zeros());

@@ -4,7 +4,8 @@ use super::{DIMENSIONS, Row};
 
 /// The rows, those that repeat an earlier one replaced by zeros, which match nothing.
 ///
-/// A row's mutual nearest is the first of its equals: they are all as far from anything, and the lower index wins.
+/// A row's mutual nearest is the first of its equals: they are all as far from anything, and the
+/// lower index wins.
 pub(super) fn distinct(rows: &[Row]) -> Vec<Row> {
     let mut keys: Vec<(u64, u32)> = rows.iter().map(key).zip(0..).collect();
     keys.sort_unstable();

@@ -1,7 +1,8 @@
 //! The inner loops, for the processor at hand.
 //!
-//! LLVM turns the bounds of a box into shuffles of half registers, so for x86-64-v3 they are said by hand: the same
-//! operations in the same order, without fused multiply-add, and so the same bytes.
+//! LLVM turns the bounds of a box into shuffles of half registers, so for x86-64-v3 they are said
+//! by hand: the same operations in the same order, without fused multiply-add, and so the same
+//! bytes.
 
 #[cfg(target_arch = "x86_64")]
 use super::V3;
@@ -83,8 +84,9 @@ impl Kernel for V3 {
 #[cfg(target_arch = "x86_64")]
 mod v3 {
     use std::arch::x86_64::{
-        __m256, _CMP_LE_OQ, _mm256_add_ps, _mm256_cmp_ps, _mm256_loadu_ps, _mm256_max_ps, _mm256_movemask_ps,
-        _mm256_mul_ps, _mm256_set1_ps, _mm256_setzero_ps, _mm256_storeu_ps, _mm256_sub_ps,
+        __m256, _CMP_LE_OQ, _mm256_add_ps, _mm256_cmp_ps, _mm256_loadu_ps, _mm256_max_ps,
+        _mm256_movemask_ps, _mm256_mul_ps, _mm256_set1_ps, _mm256_setzero_ps, _mm256_storeu_ps,
+        _mm256_sub_ps,
     };
 
     use super::{Block, Lanes, Node, WIDTH};

@@ -4,23 +4,27 @@
 //! M = { (s, t) : t = argmin over targets of d(s, ·)  and  s = argmin over sources of d(·, t) },   d(a, b) = Σ (a_i − b_i)²
 //! ```
 //!
-//! The result is that of the double loop over all pairs, to the last bit; the work is not. The pairs of one scan against
-//! another are half a billion, of which some hundred a point need their distance:
+//! The result is that of the double loop over all pairs, to the last bit; the work is not. The
+//! pairs of one scan against another are half a billion, of which some hundred a point need their
+//! distance:
 //!
-//! 1. An orthonormal [`rotation`] onto the principal axes of the targets: its first [`AXES`](rotation::AXES) hold nearly
-//!    all of a distance, and never more than it.
+//! 1. An orthonormal [`rotation`] onto the principal axes of the targets: its first
+//!    [`AXES`](rotation::AXES) hold nearly all of a distance, and never more than it.
 //! 2. A [`tree`] of boxes over the rotated rows, of the targets and of the sources.
-//! 3. [`search`]: eight neighbouring sources go down the targets' tree together, and give up a box or a row when even the
-//!    rotated axes are too far apart. What remains is decided by the distance itself.
-//! 4. The way back only asks what is open: of the sources that chose a target the closest is the only one that can be its
-//!    nearest, and one source that is closer refutes it. So only targets that were chosen are searched, within a known
-//!    distance, until the first counterexample.
+//! 3. [`search`]: eight neighbouring sources go down the targets' tree together, and give up a box
+//!    or a row when even the rotated axes are too far apart. What remains is decided by the
+//!    distance itself.
+//! 4. The way back only asks what is open: of the sources that chose a target the closest is the
+//!    only one that can be its nearest, and one source that is closer refutes it. So only targets
+//!    that were chosen are searched, within a known distance, until the first counterexample.
 //!
-//! Of equal rows only the first can be anybody's mutual nearest, so the others are left out before: a flat floor without noise
-//! has thousands of them, and none could be told from another by a bound. Where very many rows differ by no more than rounding,
-//! little is given up, and the work nears that of the double loop.
+//! Of equal rows only the first can be anybody's mutual nearest, so the others are left out before:
+//! a flat floor without noise has thousands of them, and none could be told from another by a
+//! bound. Where very many rows differ by no more than rounding, little is given up, and the work
+//! nears that of the double loop.
 //!
-//! Rounding never loses a pair: [`rotation::Rotation::limit`] has the slack and why it is enough. Memory is linear.
+//! Rounding never loses a pair: [`rotation::Rotation::limit`] has the slack and why it is enough.
+//! Memory is linear.
 
 mod distinct;
 mod kernel;
@@ -66,10 +70,11 @@ impl Build {
     }
 }
 
-/// The pairs that are each other's nearest, ordered by source index; the lower index where distances are equal.
+/// The pairs that are each other's nearest, ordered by source index; the lower index where
+/// distances are equal.
 ///
-/// Rows that are all zero or not finite take no part, nor do distances beyond `f32`. The same bytes on any number of
-/// threads and on any processor.
+/// Rows that are all zero or not finite take no part, nor do distances beyond `f32`. The same bytes
+/// on any number of threads and on any processor.
 pub fn mutual(source: &Features, target: &Features) -> Vec<Match> {
     mutual_by(Build::found(), source, target)
 }
@@ -82,8 +87,10 @@ pub fn mutual_baseline(source: &Features, target: &Features) -> Vec<Match> {
 fn mutual_by(build: Build, source: &Features, target: &Features) -> Vec<Match> {
     let (source, target) = rayon::join(|| distinct(&source.rows), || distinct(&target.rows));
     let rotation = Rotation::principal(&target, &source);
-    let (sources, targets) =
-        rayon::join(|| Tree::new(build, &rotation, &source), || Tree::new(build, &rotation, &target));
+    let (sources, targets) = rayon::join(
+        || Tree::new(build, &rotation, &source),
+        || Tree::new(build, &rotation, &target),
+    );
     let choices = chosen(build, &rotation, &sources, &targets);
     let claims = claimed(choices, target.len());
     let mut matches = unrefuted(build, &rotation, &sources, &targets, &claims);
@@ -124,7 +131,8 @@ fn unrefuted(
     claims: &[Option<Match>],
 ) -> Vec<Match> {
     // In the order of the tree, so that eight in a row are neighbours.
-    let slots = |slot: usize| targets.index[slot] != NONE && claims[targets.index[slot] as usize].is_some();
+    let slots =
+        |slot: usize| targets.index[slot] != NONE && claims[targets.index[slot] as usize].is_some();
     let asked: Vec<usize> = (0..targets.index.len()).filter(|&slot| slots(slot)).collect();
     let eight = |slots: &[usize]| {
         let mut group = Group::claimed(targets, slots, claims, rotation);
@@ -138,8 +146,9 @@ fn unrefuted(
     asked.par_chunks(WIDTH).with_min_len(16).flat_map_iter(eight).collect()
 }
 
-/// `Σ (a_i − b_i)²` in the one order of sums that decides: lane l = 0..7 adds i = l, l + 8, l + 16, l + 24; the lanes add
-/// as halves, `l + (l + 4)`, then `l + (l + 2)`, then `0 + 1`; then i = 32. No multiply-add is fused.
+/// `Σ (a_i − b_i)²` in the one order of sums that decides: lane l = 0..7 adds i = l, l + 8, l + 16,
+/// l + 24; the lanes add as halves, `l + (l + 4)`, then `l + (l + 2)`, then `0 + 1`; then i = 32.
+/// No multiply-add is fused.
 #[inline(always)]
 fn squared_distance(a: &Row, b: &Row) -> f32 {
     let mut lanes = [0.0; WIDTH];

@@ -7,7 +7,8 @@ use super::Build;
 use super::V3;
 use super::{DIMENSIONS, Row};
 
-/// Principal axes in use. Eight hold 95 % of the variance of FPFH of a street; any number is as right.
+/// Principal axes in use. Eight hold 95 % of the variance of FPFH of a street; any number is as
+/// right.
 pub(super) const AXES: usize = 8;
 
 /// A row along the principal axes.
@@ -54,19 +55,21 @@ impl Rotation {
         Self { transposed, slack: (longest.min(MAX_LENGTH) * ABSOLUTE) as f32 + f32::MIN_POSITIVE }
     }
 
-    /// A squared distance between rotated rows, summed in f32, that no pair exceeds whose `squared` distance is as given.
+    /// A squared distance between rotated rows, summed in f32, that no pair exceeds whose `squared`
+    /// distance is as given.
     ///
     /// ```text
     /// limit = ( (1 + 1e-5) √(d + tiny) + 2e-5 ρ )²          ρ = longest row,  u = 2⁻²⁴,  γ_n = n u / (1 − n u)
     /// ```
     ///
-    /// A coordinate is a sum of 33 products, so off by at most γ₃₄ |w| |x| ≤ γ₃₄ ρ, and a distance over 8 of them, of
-    /// two rows, by 2 √8 γ₃₄ ρ < 1.2e-5 ρ. What is relative (the sum of squares of either side, γ₃₆ and γ₁₀; the
-    /// weights' rounding, which stretches by less than 1e-6; this function's own few operations) stays below 5e-6.
-    /// `tiny` is the smallest normal f32: squares that underflow lose less.
+    /// A coordinate is a sum of 33 products, so off by at most γ₃₄ |w| |x| ≤ γ₃₄ ρ, and a distance
+    /// over 8 of them, of two rows, by 2 √8 γ₃₄ ρ < 1.2e-5 ρ. What is relative (the sum of squares
+    /// of either side, γ₃₆ and γ₁₀; the weights' rounding, which stretches by less than 1e-6; this
+    /// function's own few operations) stays below 5e-6. `tiny` is the smallest normal f32: squares
+    /// that underflow lose less.
     ///
-    /// The bound of a box is summed in the same order from differences that are no larger, and rounding is monotone: it
-    /// never exceeds the bound of a row inside.
+    /// The bound of a box is summed in the same order from differences that are no larger, and
+    /// rounding is monotone: it never exceeds the bound of a row inside.
     #[inline(always)]
     pub(super) fn limit(&self, squared: f32) -> f32 {
         let distance = (squared + f32::MIN_POSITIVE).sqrt() * (1.0 + RELATIVE) + self.slack;
@@ -78,7 +81,8 @@ impl Rotation {
         match build {
             Build::Baseline => self.rotate_inline(rows),
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: a V3 exists only where the features that rotate_v3 is compiled for have been found.
+            // SAFETY: a V3 exists only where the features that rotate_v3 is compiled for have been
+            // found.
             Build::V3(V3(())) => unsafe { self.rotate_v3(rows) },
         }
     }
@@ -117,7 +121,8 @@ fn principal_axes(rows: &[Row]) -> Option<DMatrix<f64>> {
     if sample.is_empty() {
         return None;
     }
-    let mut data = DMatrix::from_fn(sample.len(), DIMENSIONS, |row, column| f64::from(sample[row][column]));
+    let mut data =
+        DMatrix::from_fn(sample.len(), DIMENSIONS, |row, column| f64::from(sample[row][column]));
     for mut column in data.column_iter_mut() {
         let mean = column.mean();
         column.add_scalar_mut(-mean);
@@ -125,10 +130,13 @@ fn principal_axes(rows: &[Row]) -> Option<DMatrix<f64>> {
     let eigen = SymmetricEigen::try_new(data.tr_mul(&data), f64::EPSILON, 10_000)?;
     let mut order: Vec<usize> = (0..DIMENSIONS).collect();
     order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
-    // Where rows span fewer axes than there are, the solver may leave an axis that is no number: zero bounds as well.
-    let sound = order.iter().map(|&axis| eigen.eigenvectors.column(axis).iter().all(|v| v.is_finite()));
+    // Where rows span fewer axes than there are, the solver may leave an axis that is no number:
+    // zero bounds as well.
+    let sound =
+        order.iter().map(|&axis| eigen.eigenvectors.column(axis).iter().all(|v| v.is_finite()));
     let sound: Vec<bool> = sound.take(AXES).collect();
-    let entry = |row, axis: usize| if sound[axis] { eigen.eigenvectors[(row, order[axis])] } else { 0.0 };
+    let entry =
+        |row, axis: usize| if sound[axis] { eigen.eigenvectors[(row, order[axis])] } else { 0.0 };
     let vectors = DMatrix::from_fn(DIMENSIONS, AXES, entry);
     let expected = DMatrix::from_fn(AXES, AXES, |i, j| if i == j && sound[i] { 1.0 } else { 0.0 });
     let orthonormal = (vectors.tr_mul(&vectors) - expected).amax() < 1e-9;

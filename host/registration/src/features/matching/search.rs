@@ -7,7 +7,8 @@ use super::rotation::{AXES, Rotation};
 use super::tree::{Block, NONE, Node, Tree, WIDTH};
 use super::{Build, DIMENSIONS, Match, Row, squared_distance};
 
-/// Deeper than any tree of `u32` indices halved at each level, of which one child waits while the other is searched.
+/// Deeper than any tree of `u32` indices halved at each level, of which one child waits while the
+/// other is searched.
 const DEPTH: usize = 40;
 
 /// No bound is below it: a query with this limit is over.
@@ -69,7 +70,12 @@ impl Group {
     }
 
     /// The targets in `slots`, at most eight, each with the closest of the sources that chose it.
-    pub(super) fn claimed(targets: &Tree, slots: &[usize], claims: &[Option<Match>], rotation: &Rotation) -> Self {
+    pub(super) fn claimed(
+        targets: &Tree,
+        slots: &[usize],
+        claims: &[Option<Match>],
+        rotation: &Rotation,
+    ) -> Self {
         let mut group = Self::empty();
         for (lane, &slot) in slots.iter().enumerate().take(WIDTH) {
             if let Some(claim) = claims[targets.index[slot] as usize] {
@@ -84,17 +90,27 @@ impl Group {
 
     /// The queries, as sources, with what they found.
     pub(super) fn matches(&self) -> impl Iterator<Item = Match> {
-        let lane =
-            |lane: usize| Match { source: self.index[lane], target: self.nearest[lane], squared: self.squared[lane] };
+        let lane = |lane: usize| Match {
+            source: self.index[lane],
+            target: self.nearest[lane],
+            squared: self.squared[lane],
+        };
         (0..WIDTH).map(lane).filter(|m| m.target != NONE)
     }
 
     /// Goes down `tree`, the nearer box first.
-    pub(super) fn search(&mut self, build: Build, rotation: &Rotation, tree: &Tree, wanted: Wanted) {
+    pub(super) fn search(
+        &mut self,
+        build: Build,
+        rotation: &Rotation,
+        tree: &Tree,
+        wanted: Wanted,
+    ) {
         match build {
             Build::Baseline => self.search_inline(Portable, rotation, tree, wanted),
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: a V3 exists only where the features that search_v3 is compiled for have been found.
+            // SAFETY: a V3 exists only where the features that search_v3 is compiled for have been
+            // found.
             Build::V3(kernel) => unsafe { self.search_v3(kernel, rotation, tree, wanted) },
         }
     }
@@ -106,7 +122,13 @@ impl Group {
     }
 
     #[inline(always)]
-    fn search_inline<K: Kernel>(&mut self, kernel: K, rotation: &Rotation, tree: &Tree, wanted: Wanted) {
+    fn search_inline<K: Kernel>(
+        &mut self,
+        kernel: K,
+        rotation: &Rotation,
+        tree: &Tree,
+        wanted: Wanted,
+    ) {
         if tree.nodes.is_empty() {
             return;
         }
@@ -181,7 +203,9 @@ impl Group {
                 continue;
             }
             let squared = squared_distance(&self.rows[lane], &tree.rows[slot]);
-            if (squared, tree.index[slot]) < (self.squared[lane], self.nearest[lane]) && squared.is_finite() {
+            if (squared, tree.index[slot]) < (self.squared[lane], self.nearest[lane])
+                && squared.is_finite()
+            {
                 (self.squared[lane], self.nearest[lane]) = (squared, tree.index[slot]);
                 self.limit[lane] = match wanted {
                     Wanted::Nearest => rotation.limit(squared),

@@ -12,7 +12,8 @@ fn distance(a: &Row, b: &Row) -> f32 {
     for i in 0..32 {
         lanes[i % 8] += (a[i] - b[i]) * (a[i] - b[i]);
     }
-    let halves = ((lanes[0] + lanes[4]) + (lanes[2] + lanes[6])) + ((lanes[1] + lanes[5]) + (lanes[3] + lanes[7]));
+    let halves = ((lanes[0] + lanes[4]) + (lanes[2] + lanes[6]))
+        + ((lanes[1] + lanes[5]) + (lanes[3] + lanes[7]));
     halves + (a[32] - b[32]) * (a[32] - b[32])
 }
 
@@ -21,7 +22,10 @@ fn nearest(row: &Row, rows: &[Row]) -> Option<(u32, f32)> {
     if !valid(row) {
         return None;
     }
-    let others = (0..).zip(rows).filter(|(_, other)| valid(other)).map(|(index, other)| (index, distance(row, other)));
+    let others = (0..)
+        .zip(rows)
+        .filter(|(_, other)| valid(other))
+        .map(|(index, other)| (index, distance(row, other)));
     let first = |best: Option<(u32, f32)>, other: (u32, f32)| match best {
         Some(best) if best.1 <= other.1 => Some(best),
         _ => Some(other),
@@ -33,15 +37,21 @@ fn naive(source: &Features, target: &Features) -> Vec<Match> {
     let pair = |(source_index, row): (u32, &Row)| {
         let (target_index, squared) = nearest(row, &target.rows)?;
         let back = nearest(&target.rows[target_index as usize], &source.rows)?;
-        (back.0 == source_index).then_some(Match { source: source_index, target: target_index, squared })
+        (back.0 == source_index).then_some(Match {
+            source: source_index,
+            target: target_index,
+            squared,
+        })
     };
     (0..).zip(&source.rows).filter_map(pair).collect()
 }
 
-/// Mixtures of a few shapes with noise, eleven bins that sum to 200, some rows empty or twice: as FPFH is.
+/// Mixtures of a few shapes with noise, eleven bins that sum to 200, some rows empty or twice: as
+/// FPFH is.
 fn histograms(seed: u64, rows: usize) -> Features {
     let shapes = &mut ChaCha8Rng::seed_from_u64(7);
-    let shapes: Vec<Row> = (0..40).map(|_| std::array::from_fn(|_| shapes.random::<f32>().powi(4))).collect();
+    let shapes: Vec<Row> =
+        (0..40).map(|_| std::array::from_fn(|_| shapes.random::<f32>().powi(4))).collect();
     let rng = &mut ChaCha8Rng::seed_from_u64(seed);
     let mut row = |index: usize| {
         if index % 97 == 5 {
@@ -64,7 +74,9 @@ fn histograms(seed: u64, rows: usize) -> Features {
 
 fn uniform(seed: u64, rows: usize) -> Features {
     let rng = &mut ChaCha8Rng::seed_from_u64(seed);
-    Features { rows: (0..rows).map(|_| std::array::from_fn(|_| rng.random::<f32>() * 100.0)).collect() }
+    Features {
+        rows: (0..rows).map(|_| std::array::from_fn(|_| rng.random::<f32>() * 100.0)).collect(),
+    }
 }
 
 fn on_threads(threads: usize, source: &Features, target: &Features) -> Vec<Match> {
@@ -101,8 +113,10 @@ fn every_build_and_any_number_of_threads_give_the_same_bytes() {
 #[test]
 fn the_roles_can_be_swapped_where_no_distances_are_equal() {
     let (source, target) = (uniform(5, 400), uniform(6, 500));
-    let mut swapped: Vec<_> =
-        mutual(&target, &source).iter().map(|m| Match { source: m.target, target: m.source, ..*m }).collect();
+    let mut swapped: Vec<_> = mutual(&target, &source)
+        .iter()
+        .map(|m| Match { source: m.target, target: m.source, ..*m })
+        .collect();
     swapped.sort_by_key(|m| m.source);
     assert_eq!(mutual(&source, &target), swapped);
 }
@@ -110,8 +124,9 @@ fn the_roles_can_be_swapped_where_no_distances_are_equal() {
 #[test]
 fn distances_beyond_f32_match_nothing_and_tiny_ones_do() {
     for scale in [1e-30, 1e-20, 1e15, 1e17, 1e25, 3e36] {
-        let scaled =
-            |features: Features| Features { rows: features.rows.iter().map(|r| r.map(|x| x * scale)).collect() };
+        let scaled = |features: Features| Features {
+            rows: features.rows.iter().map(|r| r.map(|x| x * scale)).collect(),
+        };
         let (source, target) = (scaled(uniform(1, 60)), scaled(uniform(2, 70)));
         assert_eq!(mutual(&source, &target), naive(&source, &target), "{scale}");
     }
@@ -121,7 +136,8 @@ fn distances_beyond_f32_match_nothing_and_tiny_ones_do() {
 
 #[test]
 fn without_rows_there_are_no_matches() {
-    let (none, empty, some) = (Features::default(), Features { rows: vec![[0.0; DIMENSIONS]; 20] }, uniform(1, 20));
+    let (none, empty, some) =
+        (Features::default(), Features { rows: vec![[0.0; DIMENSIONS]; 20] }, uniform(1, 20));
     for nothing in [&none, &empty] {
         assert_eq!(mutual(nothing, &some), []);
         assert_eq!(mutual(&some, nothing), []);
@@ -129,7 +145,8 @@ fn without_rows_there_are_no_matches() {
     }
 }
 
-/// Rows on a coarse lattice of few axes, so that most distances are equal to others; some zero, some not finite.
+/// Rows on a coarse lattice of few axes, so that most distances are equal to others; some zero,
+/// some not finite.
 fn lattice() -> impl Strategy<Value = Features> {
     let value = prop_oneof![8 => Just(0.0_f32), 4 => Just(1.0), 2 => Just(2.0)];
     let row = (prop::collection::vec(value, DIMENSIONS), 0..40_u8).prop_map(|(values, kind)| {

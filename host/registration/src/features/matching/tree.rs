@@ -48,7 +48,8 @@ impl Tree {
     pub(super) fn new(build: Build, rotation: &Rotation, rows: &[Row]) -> Self {
         let rotated = rotation.rotate(build, rows);
         // An index that is not a u32 could not be told either.
-        let mut order: Vec<u32> = (0..NONE).zip(rows).filter(|(_, row)| takes_part(row)).map(|(i, _)| i).collect();
+        let mut order: Vec<u32> =
+            (0..NONE).zip(rows).filter(|(_, row)| takes_part(row)).map(|(i, _)| i).collect();
         let mut tree = Self::default();
         if !order.is_empty() {
             tree.split(&rotated, &mut order, 0);
@@ -57,14 +58,22 @@ impl Tree {
         tree
     }
 
-    /// Adds the node of `order`, of which the first becomes row `start` of the tree, and those below it.
+    /// Adds the node of `order`, of which the first becomes row `start` of the tree, and those
+    /// below it.
     ///
-    /// The halves part at the median of the widest axis, rounded to whole leaves, so that all blocks but the last are full.
+    /// The halves part at the median of the widest axis, rounded to whole leaves, so that all
+    /// blocks but the last are full.
     fn split(&mut self, rotated: &[Rotated], order: &mut [u32], start: usize) {
         let (low, high) = bounds(rotated, order);
         let node = self.nodes.len();
         let blocks = order.len().div_ceil(WIDTH);
-        self.nodes.push(Node { low, high, second: 0, first_block: (start / WIDTH) as u32, blocks: blocks as u32 });
+        self.nodes.push(Node {
+            low,
+            high,
+            second: 0,
+            first_block: (start / WIDTH) as u32,
+            blocks: blocks as u32,
+        });
         if blocks <= LEAF_BLOCKS {
             return;
         }
