@@ -24,7 +24,7 @@ impl Codes {
     /// ```
     ///
     /// Whole numbers stay what they are, so that their step counts as noise.
-    pub fn of(samples: &[f64]) -> Self {
+    pub fn from_samples(samples: &[f64]) -> Self {
         let min = samples.iter().copied().fold(f64::INFINITY, f64::min);
         let max = samples.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         // Halves first: the range of finite numbers may be infinite.
@@ -52,24 +52,24 @@ mod tests {
 
     #[test]
     fn whole_numbers_stay_what_they_are() {
-        let codes = Codes::of(&[-3.0, 0.0, 1020.0]);
+        let codes = Codes::from_samples(&[-3.0, 0.0, 1020.0]);
         assert_eq!(codes, Codes { codes: vec![0, 3, 1023], shift: 5, unit: 1.0 });
         assert_eq!(codes.to_units(1023 << 5), 1023.0);
     }
 
     #[test]
     fn other_numbers_fill_fourteen_bits() {
-        let codes = Codes::of(&[0.0, 0.25, 0.5]);
+        let codes = Codes::from_samples(&[0.0, 0.25, 0.5]);
         assert_eq!((&codes.codes[..], codes.shift), (&[0, 8192, 16_383][..], 1));
         assert!((codes.to_units(16_383 << 1) - 0.5).abs() < 1e-12);
     }
 
     #[test]
     fn extreme_numbers_scale_too() {
-        assert_eq!(Codes::of(&[-f64::MAX, 0.0, f64::MAX]).codes, [0, 8192, 16_383]);
-        assert_eq!(Codes::of(&[1e-300, 3e-300]).codes, [0, 16_383]);
-        assert_eq!(Codes::of(&[f64::MIN_POSITIVE; 4]).codes, [0; 4]);
-        assert_eq!(Codes::of(&[7.0; 3]).codes, [0; 3]);
-        assert!(Codes::of(&[]).codes.is_empty());
+        assert_eq!(Codes::from_samples(&[-f64::MAX, 0.0, f64::MAX]).codes, [0, 8192, 16_383]);
+        assert_eq!(Codes::from_samples(&[1e-300, 3e-300]).codes, [0, 16_383]);
+        assert_eq!(Codes::from_samples(&[f64::MIN_POSITIVE; 4]).codes, [0; 4]);
+        assert_eq!(Codes::from_samples(&[7.0; 3]).codes, [0; 3]);
+        assert!(Codes::from_samples(&[]).codes.is_empty());
     }
 }

@@ -1,6 +1,6 @@
 //! Numbers between commas, one waveform a line.
 
-use super::read::Problem;
+use super::problem::Problem;
 
 /// Rows of numbers. A line may be empty, end in commas, quote its numbers or end in CR LF; empty
 /// lines at the end are no rows.

@@ -86,7 +86,7 @@ impl Finder {
         row: &[f64],
         pulse: Option<Pulse>,
     ) -> Waveform {
-        let codes = Codes::of(without_padding(row));
+        let codes = Codes::from_samples(without_padding(row));
         let search = self.search(codes.shift, pulse);
         let mut found = pieces(recorder, &codes.codes, &search);
         let highest = found.iter().map(|echo| echo.amplitude).max().unwrap_or_default();
@@ -135,7 +135,7 @@ fn recorder() -> Box<Recorder> {
 
 /// What a row says of the emitted pulse.
 pub fn pulse(recorder: &mut Recorder, row: &[f64]) -> Option<Pulse> {
-    let codes = Codes::of(without_padding(row));
+    let codes = Codes::from_samples(without_padding(row));
     Pulse::of(recorder, &codes.codes, codes.shift)
 }
 

@@ -8,6 +8,7 @@ pub mod codes;
 mod csv;
 pub mod echoes;
 mod npy;
+mod problem;
 pub mod read;
 
 pub use echoes::{Echo, Finder, Options, Waveform};

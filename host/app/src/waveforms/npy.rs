@@ -9,7 +9,7 @@
 //! Read here and not by a crate: those bring a parser generator and assembled code for these three
 //! entries.
 
-use super::read::Problem;
+use super::problem::Problem;
 
 const MAGIC: &[u8] = b"\x93NUMPY";
 
@@ -23,7 +23,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Vec<Vec<f64>>, Problem> {
     let (header, data) = split(bytes)
         .ok_or_else(|| format("a header that ends within the file", "a shorter file"))?;
     let (rows, columns) = shape(entry(header, "shape").unwrap_or_default())?;
-    let number = Number::of(entry(header, "descr").unwrap_or_default())?;
+    let number = Number::from_descr(entry(header, "descr").unwrap_or_default())?;
     let by_columns = match entry(header, "fortran_order").unwrap_or_default() {
         order if order.starts_with("False") => false,
         order if order.starts_with("True") => true,
@@ -100,8 +100,8 @@ struct Number {
 }
 
 impl Number {
-    /// Of `'<f8', …`.
-    fn of(text: &str) -> Result<Self, Problem> {
+    /// From `'<f8', …`.
+    fn from_descr(text: &str) -> Result<Self, Problem> {
         let name =
             text.trim_start_matches(['\'', '"']).split(['\'', '"']).next().unwrap_or_default();
         let unknown =

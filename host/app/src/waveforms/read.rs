@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::problem::Problem;
 use super::{csv, npy};
 
 /// Why a file gives no waveforms.
@@ -37,15 +38,6 @@ pub enum WaveformError {
         /// What was expected, and what was found.
         problem: String,
     },
-}
-
-/// What is wrong with a file's content.
-#[derive(Debug, PartialEq)]
-pub(super) enum Problem {
-    /// This cell: row and column from 1, what it says, what may be the matter.
-    Cell(usize, usize, String, &'static str),
-    /// Something else.
-    Format(String),
 }
 
 /// Reads one waveform a row: CSV without a header, rows of any length, or a NumPy `.npy` array of
