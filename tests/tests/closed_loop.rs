@@ -16,9 +16,8 @@ use echoloop_host::experiment::dataset::{Dataset, Place, ScanPair, respond};
 use echoloop_host::experiment::evaluate::evaluate;
 use echoloop_host::experiment::journal::Journal;
 use echoloop_host::experiment::objective::{Bench, fitness};
-use echoloop_host::experiment::params::{
-    LidarPreset, PAPER_LIDAR, Parameters, Preset, Protocol, Space,
-};
+use echoloop_host::experiment::params::{Parameters, Space};
+use echoloop_host::experiment::preset::{LidarPreset, PAPER_LIDAR, Preset, Protocol};
 use echoloop_host::experiment::scan_cloud::cloud_from_scan;
 use echoloop_host::experiment::seed::Purpose;
 use echoloop_host::experiment::tune::{Search, Silent, Tuned};

@@ -21,7 +21,7 @@ use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
 
 use crate::experiment::config::{Config, Override, load};
-use crate::experiment::params::Preset;
+use crate::experiment::preset::Preset;
 use echoloop_registration::Method;
 
 pub use exit::{Failure, READER_GONE, report_failure};

@@ -6,6 +6,7 @@ pub mod evaluate;
 pub mod journal;
 pub mod objective;
 pub mod params;
+pub mod preset;
 pub mod run;
 pub mod scan_cloud;
 pub mod seed;

@@ -1,5 +1,6 @@
 //! The configuration of a run: TOML file, then `--set a.b=v`, then flags; unknown keys are errors.
 
+mod error;
 mod lidar;
 mod load;
 mod motion;
@@ -9,12 +10,14 @@ use std::path::PathBuf;
 use echoloop_dsp::{Hardware, ScanPattern};
 use echoloop_sim::board::hardware_of;
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
-use crate::experiment::params::{LidarPreset, Preset, Protocol};
-use echoloop_frontend::{OpticsError, Receiver, Weather};
+use error::require;
+
+use crate::experiment::preset::{LidarPreset, Preset, Protocol};
+use echoloop_frontend::{Receiver, Weather};
 pub use echoloop_registration::{FgrMode, Method};
 
+pub use error::ConfigError;
 pub use lidar::Lidar;
 pub use load::{LoadError, Override, load};
 pub use motion::{JitterPer, Motion};
@@ -310,24 +313,6 @@ impl Default for TuneConfig {
     }
 }
 
-/// A value of the configuration that makes no sense.
-#[derive(Clone, Debug, PartialEq, Error)]
-pub enum ConfigError {
-    /// Out of bounds.
-    #[error("{field} = {value} must be {expected}")]
-    Bound {
-        /// The key.
-        field: &'static str,
-        /// Its value.
-        value: String,
-        /// What it must be.
-        expected: &'static str,
-    },
-    /// In the receiver.
-    #[error(transparent)]
-    Optics(#[from] OpticsError),
-}
-
 impl Config {
     /// The receiver in this weather and with this scanner's rows: all that a front end is made of.
     pub fn front_end(&self) -> Receiver {
@@ -362,19 +347,6 @@ impl Config {
             !towns.is_empty() && towns.len() <= 100,
             "1 to 100 seeds",
         )
-    }
-}
-
-fn require(
-    field: &'static str,
-    value: impl ToString,
-    holds: bool,
-    expected: &'static str,
-) -> Result<(), ConfigError> {
-    if holds {
-        Ok(())
-    } else {
-        Err(ConfigError::Bound { field, value: value.to_string(), expected })
     }
 }
 

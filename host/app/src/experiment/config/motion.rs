@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{ConfigError, require};
+use super::error::{ConfigError, require};
 
 /// How the sensor moves during a scan. Off: it stands still, and a scan is taken at once.
 ///

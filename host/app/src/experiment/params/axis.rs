@@ -1,6 +1,6 @@
 //! One axis of the unit cube.
 
-use super::ValueError;
+use super::error::ValueError;
 
 /// How values lie along an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -4,91 +4,21 @@
 //! converts.
 
 mod axis;
+mod error;
 mod repair;
 mod theta_reg;
 
 use std::collections::BTreeMap;
 
 use echoloop_dsp::{Hardware, Kind, PARAMETERS, ParameterId, Settings};
-use serde::{Deserialize, Serialize};
 
 use crate::experiment::config::Config;
-use echoloop_registration::ConfigError;
+use crate::experiment::preset::{LidarPreset, Preset, Protocol};
 
 pub use axis::{Axis, Scale};
+pub use error::ValueError;
 pub use repair::repair;
 pub use theta_reg::{ThetaReg, axes};
-
-/// What a search may change (Sec. 4.4).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "lowercase")]
-pub enum Protocol {
-    /// Nothing: the defaults are judged.
-    Default,
-    /// Θ_lidar.
-    Lidar,
-    /// Θ_reg.
-    Registration,
-    /// Both together.
-    #[default]
-    Joint,
-}
-
-impl Protocol {
-    /// Name on the command line and in reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Default => "default",
-            Self::Lidar => "lidar",
-            Self::Registration => "registration",
-            Self::Joint => "joint",
-        }
-    }
-}
-
-/// Ranges and defaults of Θ_reg.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "lowercase")]
-pub enum Preset {
-    /// What outdoor spacing needs.
-    #[default]
-    Outdoor,
-    /// The paper's ranges (Sec. 3.3), made for indoor spacing.
-    Paper,
-}
-
-/// Which of Θ_lidar a search may change.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "lowercase")]
-pub enum LidarPreset {
-    /// The eight that the paper names.
-    #[default]
-    Paper,
-    /// All fifteen.
-    Full,
-}
-
-impl LidarPreset {
-    /// Its parameters.
-    pub fn parameters(self) -> Vec<ParameterId> {
-        match self {
-            Self::Paper => PAPER_LIDAR.to_vec(),
-            Self::Full => PARAMETERS.iter().map(|p| p.id).collect(),
-        }
-    }
-}
-
-/// The eight of Θ_lidar that the paper names.
-pub const PAPER_LIDAR: [ParameterId; 8] = [
-    ParameterId::Power,
-    ParameterId::Gain,
-    ParameterId::NoiseFloor,
-    ParameterId::SnrThreshold,
-    ParameterId::Saturation,
-    ParameterId::PulseWidth,
-    ParameterId::WaveformResolution,
-    ParameterId::Upsampling,
-];
 
 /// One whole set of parameters, sensor and registration.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -129,53 +59,6 @@ pub fn choices(name: &str) -> &'static [&'static str] {
         Some(Kind::Choice { names }) => names,
         _ => &[],
     }
-}
-
-/// A parameter value that is none.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum ValueError {
-    /// No such parameter.
-    #[error("unknown parameter `{0}`; expected one of {1}")]
-    Unknown(String, String),
-    /// Out of its range.
-    #[error("{name} = {value} is outside {min} to {max}{unit}")]
-    Range {
-        /// The parameter.
-        name: String,
-        /// Its value.
-        value: f64,
-        /// Least.
-        min: f64,
-        /// Greatest.
-        max: f64,
-        /// Unit, with a blank before it.
-        unit: String,
-    },
-    /// A fraction where whole numbers go.
-    #[error("{name} = {value} must be a whole number")]
-    Fraction {
-        /// The parameter.
-        name: String,
-        /// Its value.
-        value: f64,
-    },
-    /// Not a setting of the chosen method.
-    #[error("registration.{key} is no setting of {method}")]
-    NotOfMethod {
-        /// The key.
-        key: String,
-        /// The method's name.
-        method: &'static str,
-    },
-    /// A local method ends where refinement would.
-    #[error("registration.refine goes with a global method, not with {0}")]
-    NotRefined(&'static str),
-    /// Refused by the method's own rules.
-    #[error("registration.{0}")]
-    Method(#[from] ConfigError),
-    /// Refused by the sensor's own rules.
-    #[error("lidar.{0}")]
-    Refused(#[from] echoloop_dsp::Refusal),
 }
 
 impl Parameters {

@@ -1,7 +1,9 @@
 //! Θ_reg: the axes of each method, and its settings as the search has them.
 
-use super::{Axis, Preset, ValueError};
+use super::axis::Axis;
+use super::error::ValueError;
 use crate::experiment::config::RegistrationConfig;
+use crate::experiment::preset::Preset;
 use echoloop_registration::{
     ConfigError, FgrConfig, FgrMode, GicpConfig, IcpConfig, MacConfig, Method, MethodConfig,
     Registration, build,

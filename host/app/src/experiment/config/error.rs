@@ -1,0 +1,36 @@
+//! Why a value of the configuration is refused.
+
+use echoloop_frontend::OpticsError;
+use thiserror::Error;
+
+/// A value of the configuration that makes no sense.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum ConfigError {
+    /// Out of bounds.
+    #[error("{field} = {value} must be {expected}")]
+    Bound {
+        /// The key.
+        field: &'static str,
+        /// Its value.
+        value: String,
+        /// What it must be.
+        expected: &'static str,
+    },
+    /// In the receiver.
+    #[error(transparent)]
+    Optics(#[from] OpticsError),
+}
+
+/// Refuses a value that does not hold.
+pub(super) fn require(
+    field: &'static str,
+    value: impl ToString,
+    holds: bool,
+    expected: &'static str,
+) -> Result<(), ConfigError> {
+    if holds {
+        Ok(())
+    } else {
+        Err(ConfigError::Bound { field, value: value.to_string(), expected })
+    }
+}
