@@ -18,8 +18,8 @@ use echoloop_frontend::{
 use echoloop_frontend::{Return, SceneResponse};
 use echoloop_host::link::client::{Client, Patience};
 use echoloop_host::link::transport::InProcess;
+use echoloop_kernels::{process, process_baseline, process_compiled};
 use echoloop_sim::board::PcSensor;
-use echoloop_sim::vector::{process, process_baseline, process_compiled};
 
 const SAMPLES: usize = 1024;
 

@@ -7,7 +7,7 @@ use echoloop_dsp::{Echoes, Hardware, Pipeline, Scratch, Settings};
 use echoloop_frontend::Return;
 use echoloop_frontend::{Analog, Trigger};
 use echoloop_frontend::{NoiseKey, Receiver, Shot, synthesise, synthesise_baseline};
-use echoloop_sim::vector::{process, process_baseline};
+use echoloop_kernels::{process, process_baseline};
 
 use crate::Result;
 

@@ -1,4 +1,4 @@
-//! Chooses board, linker script and inner loops from the target.
+//! Chooses board and linker script from the target.
 //!
 //! The linker looks for `memory.x` in the folder it is started in before all others, and cargo
 //! starts it in the workspace's root: the root's `memory.x`, the reference board's, always wins. So
@@ -26,7 +26,6 @@ const BOARDS: [(&str, &[&str]); 3] = [
 fn main() {
     println!("cargo:rerun-if-changed=build.rs");
     println!("cargo:rerun-if-changed=link");
-    println!("cargo:rustc-check-cfg=cfg(dual_multiply)");
     println!("cargo:rustc-check-cfg=cfg(board, values(\"mps2\", \"an505\", \"virt\"))");
     let variable = |name: &str| env::var(name).unwrap_or_default();
     if variable("CARGO_CFG_TARGET_OS") != "none" {
@@ -41,10 +40,6 @@ fn main() {
         return;
     };
     println!("cargo:rustc-cfg=board=\"{board}\"");
-    // Stable hides target_feature = "dsp", so the target's name has to say it.
-    if target.starts_with("thumbv7em") || target.starts_with("thumbv8m.main") {
-        println!("cargo:rustc-cfg=dual_multiply");
-    }
     let here = variable("CARGO_MANIFEST_DIR");
     let here = Path::new(&here);
     let scripts: &[&str] = match *board {

@@ -16,7 +16,6 @@ use echoloop_sensor::{App, Board};
 use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
 
 use crate::nor::NorRam;
-use crate::vector;
 
 /// Which shot the laser driver's registers say.
 pub fn trigger_of(emitter: &impl Fn(u8) -> u32) -> Trigger {
@@ -193,7 +192,7 @@ impl<F: FrontEnd> Board for PcBoard<F> {
     }
 
     fn detect(&mut self, pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Echoes {
-        vector::process(pipeline, codes, scratch)
+        echoloop_kernels::process(pipeline, codes, scratch)
     }
 }
 

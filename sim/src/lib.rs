@@ -9,5 +9,4 @@ pub mod qemu;
 pub mod raycast;
 pub mod scanner;
 pub mod scene;
-pub mod vector;
 pub mod viewpoint;

@@ -9,7 +9,6 @@ use echoloop_dsp::settings::{
     TIMING_RISING_EDGE, TIMING_WALK_CORRECTED,
 };
 use echoloop_dsp::{Echo, Flags, Hardware, Pipeline, Scratch, Settings};
-use echoloop_sim::vector;
 use echoloop_tests::ideal::{self, Ideal};
 use echoloop_tests::tolerance::{self, LEAST_NOISE_CODES, TOLERANCES};
 use echoloop_tests::vectors::{self, add_echo, digitise, noise};
@@ -48,7 +47,7 @@ impl Bench {
     fn see(&mut self, mut wave: Vec<f64>, at: f64, amplitude: f64) -> Option<(Echo, Vec<u16>)> {
         add_echo(&mut wave, at, amplitude, self.ideal.width());
         let codes = digitise(&wave, &self.hardware);
-        vector::process(&self.pipeline, &codes, &mut self.scratch)
+        echoloop_kernels::process(&self.pipeline, &codes, &mut self.scratch)
             .first()
             .map(|&echo| (echo, codes))
     }
@@ -381,7 +380,7 @@ fn measured_noise_is_unbiased_down_to_two_codes_at_every_resolution() {
             let mut ratio = || {
                 let ambient = 100.0 + rng.random::<f64>();
                 let codes = digitise(&noise(&mut rng, 800, ambient, sigma), &hardware);
-                vector::process(&bench.pipeline, &codes, &mut bench.scratch);
+                echoloop_kernels::process(&bench.pipeline, &codes, &mut bench.scratch);
                 f64::from(bench.scratch.statistics().sigma)
                     / f64::from(1 << (19 - adc_bits))
                     / sigma

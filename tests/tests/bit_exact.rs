@@ -14,7 +14,6 @@ use echoloop_dsp::statistics::Statistics;
 use echoloop_dsp::{
     Config, Echoes, Flags, Hardware, MAX_CODES, Pipeline, Scratch, baseline, edges,
 };
-use echoloop_sim::vector;
 use echoloop_tests::quantised::{self, Twin};
 use echoloop_tests::vectors::{self, Case, ClippedRun};
 use rand::{Rng, RngExt};
@@ -231,7 +230,7 @@ fn statistics_and_filter_inside_the_pipeline_equal_their_twins_in_both_builds() 
         let (before, codes) = case.split();
         let statistics = twin.with_ambient(twin.statistics(codes), before);
         let y = twin.filter(&twin.baseline(codes, statistics.ambient));
-        for process in [vector::process, vector::process_baseline] {
+        for process in [echoloop_kernels::process, echoloop_kernels::process_baseline] {
             process(&pipeline, &case.codes, &mut scratch);
             assert_eq!(
                 quantised::Statistics::from(*scratch.statistics()),
@@ -519,10 +518,10 @@ fn the_pipeline_equals_its_twin_in_every_build() {
         let (case, _, twin) = set_up(seed);
         let pipeline = Pipeline::new(&case.settings, &case.hardware).unwrap();
         let expected = twin.process(&case.codes);
-        let fastest = vector::process(&pipeline, &case.codes, &mut scratch);
+        let fastest = echoloop_kernels::process(&pipeline, &case.codes, &mut scratch);
         assert_eq!(twins(&fastest), expected, "seed {seed}, {:?}", case.kind);
-        let compiled = vector::process_compiled(&pipeline, &case.codes, &mut scratch);
-        let plain = vector::process_baseline(&pipeline, &case.codes, &mut scratch);
+        let compiled = echoloop_kernels::process_compiled(&pipeline, &case.codes, &mut scratch);
+        let plain = echoloop_kernels::process_baseline(&pipeline, &case.codes, &mut scratch);
         let scalar = pipeline.process(Scalar, &case.codes, &mut scratch);
         assert_eq!(
             [compiled, plain, scalar],
@@ -539,9 +538,13 @@ fn memory_of_other_waveforms_and_settings_changes_nothing() {
     for seed in 0..SEEDS {
         let (case, ..) = set_up(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15)); // other seeds, other order of kinds
         let pipeline = Pipeline::new(&case.settings, &case.hardware).unwrap();
-        let again = vector::process(&pipeline, &case.codes, &mut reused);
+        let again = echoloop_kernels::process(&pipeline, &case.codes, &mut reused);
         let mut fresh = Scratch::new();
-        assert_eq!(again, vector::process(&pipeline, &case.codes, &mut fresh), "seed {seed}");
+        assert_eq!(
+            again,
+            echoloop_kernels::process(&pipeline, &case.codes, &mut fresh),
+            "seed {seed}"
+        );
         let length = case.split().1.len();
         assert_eq!(reused.filtered(length), fresh.filtered(length), "seed {seed}");
         assert_eq!(reused.statistics(), fresh.statistics(), "seed {seed}");

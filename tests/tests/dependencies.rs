@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Each crate of ours, its folder, and those of ours that it may name in its dependencies.
-const ALLOWED: [(&str, &str, &[&str]); 14] = [
+const ALLOWED: [(&str, &str, &[&str]); 15] = [
     ("echoloop-dsp", "firmware/dsp", &[]),
-    ("echoloop-kernels", "firmware/kernels", &[]),
+    ("echoloop-dispatch", "host/dispatch", &[]),
+    ("echoloop-kernels", "firmware/kernels", &["echoloop-dispatch", "echoloop-dsp"]),
     ("echoloop-link", "firmware/link", &["echoloop-dsp"]),
     ("echoloop-sensor", "firmware/sensor", &["echoloop-dsp", "echoloop-link"]),
     (
@@ -15,8 +16,8 @@ const ALLOWED: [(&str, &str, &[&str]); 14] = [
         "firmware/image",
         &["echoloop-dsp", "echoloop-kernels", "echoloop-link", "echoloop-sensor"],
     ),
-    ("echoloop-registration", "host/registration", &["echoloop-kernels"]),
-    ("echoloop-frontend", "host/frontend", &["echoloop-kernels"]),
+    ("echoloop-registration", "host/registration", &["echoloop-dispatch"]),
+    ("echoloop-frontend", "host/frontend", &["echoloop-dispatch"]),
     ("echoloop-cmaes", "host/cmaes", &[]),
     (
         "echoloop-sim",
@@ -39,6 +40,7 @@ const ALLOWED: [(&str, &str, &[&str]); 14] = [
 /// What the program is made of.
 const LIBRARIES: &[&str] = &[
     "echoloop-cmaes",
+    "echoloop-dispatch",
     "echoloop-dsp",
     "echoloop-frontend",
     "echoloop-kernels",
@@ -51,6 +53,7 @@ const LIBRARIES: &[&str] = &[
 /// The same and the program's own library.
 const PROGRAM: &[&str] = &[
     "echoloop-cmaes",
+    "echoloop-dispatch",
     "echoloop-dsp",
     "echoloop-frontend",
     "echoloop-host",

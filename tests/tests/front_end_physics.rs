@@ -20,7 +20,6 @@ use echoloop_sim::board::hardware_of;
 use echoloop_sim::raycast::Raycaster;
 use echoloop_sim::scanner::{BeamOptics, Scanner};
 use echoloop_sim::scene::{MATERIALS, Material, Mesh, Scene};
-use echoloop_sim::vector;
 
 /// Half of what light travels in a nanosecond, m.
 const METRES_PER_NS: f64 = 0.299_792_458 / 2.0;
@@ -118,7 +117,7 @@ impl Bench {
     /// The strongest echo of a scan.
     fn see(&mut self, frame: u32) -> Option<Echo> {
         let codes = shot(&mut self.front_end, &self.analog, frame, self.samples);
-        vector::process(&self.pipeline, &codes, &mut self.scratch).first().copied()
+        echoloop_kernels::process(&self.pipeline, &codes, &mut self.scratch).first().copied()
     }
 
     /// Ranges of many scans, m.

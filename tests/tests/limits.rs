@@ -19,7 +19,6 @@ use echoloop_host::link::transport::InProcess;
 use echoloop_sensor::afe::delay_fs;
 use echoloop_sim::board::PcSensor;
 use echoloop_sim::board::hardware_of;
-use echoloop_sim::vector;
 use echoloop_tests::vectors::{self, add_echo, digitise, noise};
 use rand::RngExt;
 
@@ -84,7 +83,12 @@ impl Bench {
 
     /// Echoes of a waveform in codes.
     fn see(&mut self, wave: &[f64]) -> Vec<Echo> {
-        vector::process(&self.pipeline, &digitise(wave, &self.hardware), &mut self.scratch).to_vec()
+        echoloop_kernels::process(
+            &self.pipeline,
+            &digitise(wave, &self.hardware),
+            &mut self.scratch,
+        )
+        .to_vec()
     }
 
     /// Range error when the pulse's middle lies at a sample.
@@ -157,7 +161,7 @@ impl Sensor {
         };
         let key = NoiseKey::new(5, Trigger { frame: 0, beam, shot: 0 });
         synthesise(&self.receiver, &self.analog, &[wall], key, &mut self.shot, &mut self.codes);
-        let echoes = vector::process(&self.pipeline, &self.codes, &mut self.scratch);
+        let echoes = echoloop_kernels::process(&self.pipeline, &self.codes, &mut self.scratch);
         let echo = *echoes.first()?;
         Some((echo, echo.range_m() * 1e3 - f64::from(wall.range_m) * 1e3))
     }
@@ -645,7 +649,8 @@ fn a_bright_or_clipped_wall_is_one_echo_however_many_are_asked_for() {
                     &mut sensor.shot,
                     &mut sensor.codes,
                 );
-                let echoes = vector::process(&sensor.pipeline, &sensor.codes, &mut sensor.scratch);
+                let echoes =
+                    echoloop_kernels::process(&sensor.pipeline, &sensor.codes, &mut sensor.scratch);
                 let near = echoes.iter().filter(|echo| (echo.range_m() - 60.0).abs() < 5.0); // one in 800 ns is noise
                 assert_eq!(near.count(), 1, "{bins} bins, albedo {albedo}, beam {beam}");
             }

@@ -7,7 +7,6 @@
 use echoloop_dsp::detect::{self, Peaks};
 use echoloop_dsp::kernel::Portable;
 use echoloop_dsp::{MAX_SAMPLES, Pipeline, Scratch};
-use echoloop_sim::vector;
 use echoloop_tests::vectors;
 use rand::{Rng, RngExt};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
@@ -49,8 +48,8 @@ struct Both {
 
 impl Both {
     fn compare(&mut self, pipeline: &Pipeline, codes: &[u16], seed: u64, piece: u64) {
-        let fast = vector::process(pipeline, codes, &mut self.fast);
-        let plain = vector::process_baseline(pipeline, codes, &mut self.plain);
+        let fast = echoloop_kernels::process(pipeline, codes, &mut self.fast);
+        let plain = echoloop_kernels::process_baseline(pipeline, codes, &mut self.plain);
         let place = || format!("seed {seed}, piece {piece}, {} codes", codes.len());
         assert_eq!(fast, plain, "{}", place());
         assert_eq!(self.fast.statistics(), self.plain.statistics(), "{}", place());
@@ -64,7 +63,7 @@ impl Both {
 
 #[test]
 fn a_million_waveforms_give_the_same_bytes_from_the_vector_unit_and_from_plain_code() {
-    if !vector::has_v3() {
+    if !echoloop_dispatch::has_v3() {
         return eprintln!("skipped: this processor has no AVX2, so that both builds are one");
     }
     (0..WAVEFORMS / PIECES).into_par_iter().for_each_init(Both::default, |both, seed| {

@@ -178,6 +178,6 @@ impl Board for EmulatedBoard {
     }
 
     fn detect(&mut self, pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Echoes {
-        pipeline.process(crate::kernel::FASTEST, codes, scratch)
+        pipeline.process(echoloop_kernels::FASTEST, codes, scratch)
     }
 }

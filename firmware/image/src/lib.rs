@@ -17,7 +17,6 @@ pub mod board;
 pub mod flash;
 pub mod front_end;
 pub mod idle;
-pub mod kernel;
 mod log;
 pub mod measure;
 pub mod mmio;

@@ -1,17 +1,72 @@
-//! Which vector unit a processor has.
-#![cfg_attr(not(target_arch = "x86_64"), no_std)]
+//! The detector's loops over samples in a processor's own instructions.
+//!
+//! ```
+//! use echoloop_dsp::{Config, Hardware, Pipeline, Scratch, Settings};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let config = Config::new(&Settings::default(), &Hardware::REFERENCE)?;
+//! let pipeline = Pipeline::new(config);
+//! let echoes = echoloop_kernels::process(&pipeline, &[100; 1024], &mut Scratch::default());
+//! assert!(echoes.is_empty());
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! | processor | loops |
+//! |---|---|
+//! | x86-64-v3 | `x86`: the same source compiled once more, and what AVX2 does better said by hand |
+//! | Armv7E-M, Armv8-M with the DSP extension | `dual_multiply`: two samples an instruction |
+//! | any other | [`echoloop_dsp::kernel::Portable`], [`echoloop_dsp::kernel::Scalar`] |
+//!
+//! All of them give the same bytes; tests compare them.
 
-/// Whether this processor runs the x86-64-v3 build.
-pub fn has_v3() -> bool {
-    #[cfg(target_arch = "x86_64")]
-    {
-        std::arch::is_x86_feature_detected!("avx2")
-            && std::arch::is_x86_feature_detected!("bmi1")
-            && std::arch::is_x86_feature_detected!("bmi2")
-            && std::arch::is_x86_feature_detected!("lzcnt")
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    {
-        false
-    }
+#![cfg_attr(not(test), no_std)]
+
+#[cfg(dual_multiply)]
+mod dual_multiply;
+#[cfg(target_arch = "x86_64")]
+mod x86;
+
+use echoloop_dsp::kernel::Portable;
+use echoloop_dsp::{Echoes, Pipeline, Scratch};
+
+#[cfg(dual_multiply)]
+pub use dual_multiply::{DualMultiply, count};
+#[cfg(not(dual_multiply))]
+pub use echoloop_dsp::statistics::count;
+#[cfg(target_arch = "x86_64")]
+pub use x86::{process, process_compiled};
+
+/// The fastest loops of a microcontroller.
+#[cfg(dual_multiply)]
+pub type Fastest = DualMultiply;
+
+/// The fastest loops of a microcontroller.
+#[cfg(dual_multiply)]
+pub const FASTEST: Fastest = DualMultiply;
+
+/// The fastest loops of a microcontroller.
+#[cfg(not(dual_multiply))]
+pub type Fastest = echoloop_dsp::kernel::Scalar;
+
+/// The fastest loops of a microcontroller.
+#[cfg(not(dual_multiply))]
+pub const FASTEST: Fastest = echoloop_dsp::kernel::Scalar;
+
+/// [`Pipeline::process`] as compiled for the target's baseline.
+#[inline(always)]
+pub fn process_baseline(pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Echoes {
+    pipeline.process(Portable, codes, scratch)
+}
+
+/// [`Pipeline::process`]; this processor has no loops of its own on a PC.
+#[cfg(not(target_arch = "x86_64"))]
+pub fn process(pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Echoes {
+    process_baseline(pipeline, codes, scratch)
+}
+
+/// [`process`]: the same source, which the compiler vectorises as it stands.
+#[cfg(not(target_arch = "x86_64"))]
+pub fn process_compiled(pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Echoes {
+    process_baseline(pipeline, codes, scratch)
 }

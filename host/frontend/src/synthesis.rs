@@ -2,8 +2,7 @@
 
 use std::f64::consts::PI;
 
-#[cfg(target_arch = "x86_64")]
-use echoloop_kernels::has_v3;
+use echoloop_dispatch::dispatch;
 
 use super::board::Analog;
 use super::light::Return;
@@ -56,23 +55,18 @@ pub fn synthesise(
     synthesise_over(receiver, analog, returns, &[], key, shot, codes);
 }
 
-/// [`synthesise`] where `background` flows besides, µA of signal current a sample; beyond its end,
-/// none.
-pub(super) fn synthesise_over(
-    receiver: &Receiver,
-    analog: &Analog,
-    returns: &[Return],
-    background: &[f32],
-    key: NoiseKey,
-    shot: &mut Shot,
-    codes: &mut [u16],
-) {
-    #[cfg(target_arch = "x86_64")]
-    if has_v3() {
-        // SAFETY: the features that it is compiled for have just been found on this processor.
-        return unsafe { synthesise_v3(receiver, analog, returns, background, key, shot, codes) };
-    }
-    synthesise_inline(receiver, analog, returns, background, key, shot, codes);
+dispatch! {
+    /// [`synthesise`] where `background` flows besides, µA of signal current a sample; beyond its
+    /// end, none.
+    pub(super) fn synthesise_over(
+        receiver: &Receiver,
+        analog: &Analog,
+        returns: &[Return],
+        background: &[f32],
+        key: NoiseKey,
+        shot: &mut Shot,
+        codes: &mut [u16],
+    ) = synthesise_inline;
 }
 
 /// [`synthesise`] as compiled for the target's baseline.
@@ -85,20 +79,6 @@ pub fn synthesise_baseline(
     codes: &mut [u16],
 ) {
     synthesise_inline(receiver, analog, returns, &[], key, shot, codes);
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-fn synthesise_v3(
-    receiver: &Receiver,
-    analog: &Analog,
-    returns: &[Return],
-    background: &[f32],
-    key: NoiseKey,
-    shot: &mut Shot,
-    codes: &mut [u16],
-) {
-    synthesise_inline(receiver, analog, returns, background, key, shot, codes);
 }
 
 #[inline(always)]

@@ -152,7 +152,7 @@ impl Grid {
     /// Compiled twice: for the baseline and for x86-64-v3. Same bytes.
     fn search(&self, cells: &[Cell], radius_m: f32, max: usize, rows: &mut Rows) {
         #[cfg(target_arch = "x86_64")]
-        if echoloop_kernels::has_v3() {
+        if echoloop_dispatch::has_v3() {
             // SAFETY: the features that it is compiled for have just been found on this processor.
             return unsafe { search_v3(self, cells, radius_m, max, rows) };
         }

@@ -69,7 +69,7 @@ impl Columns {
 
     /// How many of `others` each match agrees with.
     pub(super) fn counts(&self, others: &Self, rule: Rule) -> Vec<u32> {
-        let v3 = echoloop_kernels::has_v3();
+        let v3 = echoloop_dispatch::has_v3();
         self.counts_with(others, rule, if v3 { count } else { count_inline })
     }
 
@@ -85,7 +85,7 @@ impl Columns {
 
     /// Which of them agree: a row of bits each, the lowest bit of the first word first.
     pub(super) fn graph(&self, rule: Rule) -> Vec<Vec<u64>> {
-        let v3 = echoloop_kernels::has_v3();
+        let v3 = echoloop_dispatch::has_v3();
         self.graph_with(rule, if v3 { mark } else { mark_inline })
     }
 
@@ -214,7 +214,7 @@ mod tests {
             let pairs: Vec<PointPair> = rows.iter().map(pair).collect();
             let columns = Columns::of(&pairs);
             let counts = columns.counts_with(&columns, rule, count_inline);
-            if echoloop_kernels::has_v3() {
+            if echoloop_dispatch::has_v3() {
                 prop_assert_eq!(&counts, &columns.counts_with(&columns, rule, count));
             }
             let graph = columns.graph_with(rule, mark_inline);

@@ -137,7 +137,7 @@ impl Chunk<'_> {
     /// Compiled twice: for the baseline and for x86-64-v3. Same bytes.
     fn sum<E: Equations>(&self, matches: &mut [Match]) -> E {
         #[cfg(target_arch = "x86_64")]
-        if echoloop_kernels::has_v3() {
+        if echoloop_dispatch::has_v3() {
             // SAFETY: the features that it is compiled for have just been found on this processor.
             return unsafe { v3::sum(self, matches) };
         }

@@ -1,6 +1,6 @@
 //! How well a motion agrees with all matches.
 
-use echoloop_kernels::has_v3;
+use echoloop_dispatch::has_v3;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::features::PointPair;

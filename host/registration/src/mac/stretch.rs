@@ -1,6 +1,6 @@
 //! Which matches keep their distance: the test that a graph of `n` matches runs `n²/2` times.
 
-use echoloop_kernels::has_v3;
+use echoloop_dispatch::has_v3;
 use nalgebra::Point3;
 
 use crate::features::PointPair;

@@ -10,8 +10,8 @@ use echoloop_dsp::noise::Noise;
 use echoloop_dsp::refine::{self, Waveform};
 use echoloop_dsp::statistics::Statistics;
 use echoloop_dsp::{Echo, Echoes, Kernel, MAX_SAMPLES, MAX_TAPS, Pipeline, Scratch};
-use echoloop_image::kernel::FASTEST;
 use echoloop_image::measure::{Text, instructions};
+use echoloop_kernels::FASTEST;
 
 use crate::waveforms::{CASES, Case};
 

@@ -4,7 +4,7 @@
 use echoloop_dsp::kernel::{Portable, Scalar};
 use echoloop_dsp::statistics::Statistics;
 use echoloop_dsp::{Hardware, Kernel, MAX_TAPS, Pipeline, Scratch, Settings};
-use echoloop_image::kernel::FASTEST;
+use echoloop_kernels::FASTEST;
 
 use crate::waveforms::{CASES, Case, Random};
 
@@ -129,7 +129,6 @@ fn thresholds_agree(random: &mut Random) -> bool {
 }
 
 /// Bins and what lies behind them.
-#[cfg(dual_multiply)]
 fn counts_agree(random: &mut Random) -> bool {
     use echoloop_dsp::statistics::{self, BINS};
     let first = random.below(0x10000 - BINS as u32) as u16;
@@ -147,16 +146,10 @@ fn counts_agree(random: &mut Random) -> bool {
         return false;
     };
     let (our_below, twin_below) = (
-        echoloop_image::kernel::count(codes, first, our_bins),
+        echoloop_kernels::count(codes, first, our_bins),
         statistics::count(codes, first, twin_bins),
     );
     our_below == twin_below && ours == twin
-}
-
-/// There is but one way to count.
-#[cfg(not(dual_multiply))]
-fn counts_agree(_: &mut Random) -> bool {
-    true
 }
 
 fn ranks_agree(random: &mut Random) -> bool {

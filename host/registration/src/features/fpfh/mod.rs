@@ -3,7 +3,7 @@
 mod pair;
 
 #[cfg(target_arch = "x86_64")]
-use echoloop_kernels::has_v3;
+use echoloop_dispatch::has_v3;
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 

@@ -63,7 +63,7 @@ struct V3(());
 impl Build {
     fn found() -> Self {
         #[cfg(target_arch = "x86_64")]
-        if echoloop_kernels::has_v3() {
+        if echoloop_dispatch::has_v3() {
             return Self::V3(V3(()));
         }
         Self::Baseline

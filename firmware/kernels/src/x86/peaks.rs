@@ -1,6 +1,6 @@
 //! Where a waveform first reaches its threshold.
 
-use std::arch::x86_64::{
+use core::arch::x86_64::{
     _mm256_cmpgt_epi16, _mm256_loadu_si256, _mm256_movemask_epi8, _mm256_packs_epi16,
     _mm256_permute4x64_epi64, _mm256_set1_epi16,
 };
@@ -33,7 +33,7 @@ pub(super) fn first_reaching(values: &[i16], threshold: i16) -> Option<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use echoloop_kernels::has_v3;
+    use echoloop_dispatch::has_v3;
 
     #[test]
     fn the_first_value_at_the_threshold_is_found_wherever_it_lies() {

@@ -1,13 +1,13 @@
 //! Median and median absolute deviation, four counts a pass, over bytes.
 
-use std::arch::x86_64::{
+use core::arch::x86_64::{
     __m256i, _mm_add_epi64, _mm_cvtsi128_si64, _mm_unpackhi_epi64, _mm256_abs_epi8,
     _mm256_castsi256_si128, _mm256_cmpgt_epi8, _mm256_extracti128_si256, _mm256_loadu_si256,
     _mm256_min_epu8, _mm256_or_si256, _mm256_packs_epi16, _mm256_sad_epu8, _mm256_set1_epi8,
     _mm256_set1_epi16, _mm256_setzero_si256, _mm256_slli_epi64, _mm256_sub_epi8, _mm256_subs_epi8,
     _mm256_subs_epi16, _mm256_xor_si256,
 };
-use std::mem::MaybeUninit;
+use core::mem::MaybeUninit;
 
 use echoloop_dsp::MAX_SAMPLES;
 use echoloop_dsp::statistics::{Rank, Ranks, Statistics};
@@ -211,7 +211,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     use super::*;
-    use echoloop_kernels::has_v3;
+    use echoloop_dispatch::has_v3;
 
     /// Codes of noise of any level and width, sometimes with others far away, and a guess that is
     /// good, bad or wild.

@@ -1,6 +1,6 @@
 //! The matched filter with multiply-adds of pairs.
 
-use std::arch::x86_64::{
+use core::arch::x86_64::{
     __m256i, _mm256_add_epi32, _mm256_blend_epi16, _mm256_loadu_si256, _mm256_madd_epi16,
     _mm256_set1_epi32, _mm256_slli_epi32, _mm256_srli_epi32, _mm256_storeu_si256,
 };
@@ -108,7 +108,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     use super::*;
-    use echoloop_kernels::has_v3;
+    use echoloop_dispatch::has_v3;
 
     /// Taps whose magnitudes add up to exactly `weight`, random signs, and a last zero where
     /// `closed`.

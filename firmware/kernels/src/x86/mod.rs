@@ -1,0 +1,61 @@
+//! The DSP for x86-64-v3 (AVX2), chosen when it runs.
+//!
+//! LLVM vectorises the loops over the samples as they stand; what a vector unit does better in
+//! another way is said by hand: the filter in multiply-adds of pairs (`filter`), the order
+//! statistics in bytes, four counts a pass (`ranks`), the search for peaks from hill to hill
+//! (`peaks`).
+
+mod filter;
+mod peaks;
+mod ranks;
+
+use echoloop_dispatch::dispatch;
+use echoloop_dsp::detect::{self, Peaks};
+use echoloop_dsp::kernel::Kernel;
+use echoloop_dsp::statistics::{Ranks, Statistics};
+use echoloop_dsp::{Echoes, Pipeline, Scratch};
+
+use crate::process_baseline;
+
+dispatch! {
+    /// [`Pipeline::process`], the fastest build this processor runs.
+    pub fn process(pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Echoes
+        = process_baseline, v3: process_v3;
+
+    /// [`Pipeline::process`] without the loops written by hand: x86-64-v3 as the compiler
+    /// vectorises it; the baseline where there is none.
+    ///
+    /// For benchmarks and tests: slower than [`process()`], same bytes.
+    pub fn process_compiled(pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Echoes
+        = process_baseline;
+}
+
+#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
+fn process_v3(pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Echoes {
+    pipeline.process(Avx2(()), codes, scratch)
+}
+
+/// The loops that are said by hand. Made only where the processor has AVX2.
+#[derive(Clone, Copy)]
+struct Avx2(());
+
+impl Kernel for Avx2 {
+    #[inline(always)]
+    fn ranks(self, codes: &[u16], _top: u16, guess: &Statistics) -> Ranks {
+        // SAFETY: only `process_v3` makes an Avx2, and it runs only where AVX2 has been found.
+        unsafe { ranks::ranks(codes, guess) }
+    }
+
+    #[inline(always)]
+    fn correlate(self, taps: &[i16], padded: &[i16], y: &mut [i16]) {
+        // SAFETY: as above.
+        unsafe { filter::correlate(taps, padded, y) };
+    }
+
+    #[inline(always)]
+    fn peaks(self, y: &[i16], threshold: i16, found: &mut Peaks) {
+        // SAFETY: as above.
+        let first_reaching = |values: &[i16]| unsafe { peaks::first_reaching(values, threshold) };
+        detect::peaks_of_hills(first_reaching, y, threshold, found);
+    }
+}

@@ -1,0 +1,112 @@
+//! One function compiled for two vector units, and the better one chosen when it runs.
+//!
+//! ```
+//! #[inline(always)]
+//! fn sum_inline(values: &[f32]) -> f32 {
+//!     values.iter().sum()
+//! }
+//!
+//! echoloop_dispatch::dispatch! {
+//!     /// The sum, by the widest vectors that this processor has.
+//!     pub fn sum(values: &[f32]) -> f32 = sum_inline;
+//! }
+//!
+//! assert_eq!(sum(&[1.0, 2.0]), 3.0);
+//! ```
+//!
+//! The second build is for x86-64-v3 (AVX2). Rust contracts no multiplication with an addition on
+//! its own, so both builds give the same bits. AVX-512 is left alone on purpose: LLVM's code for it
+//! has been slower on loops like ours.
+//!
+//! The crate `multiversion` does more, for more processors. It names the features at each function,
+//! hides the plain build that our tests compare with, and does not help where a loop is written in
+//! intrinsics, which [`dispatch!`] chooses in the same way.
+
+#![cfg_attr(not(target_arch = "x86_64"), no_std)]
+
+/// Whether this processor runs the x86-64-v3 build: `avx2,bmi1,bmi2,lzcnt`.
+#[inline]
+pub fn has_v3() -> bool {
+    #[cfg(target_arch = "x86_64")]
+    {
+        std::arch::is_x86_feature_detected!("avx2")
+            && std::arch::is_x86_feature_detected!("bmi1")
+            && std::arch::is_x86_feature_detected!("bmi2")
+            && std::arch::is_x86_feature_detected!("lzcnt")
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    {
+        false
+    }
+}
+
+/// Declares functions that run the build of their body which suits the processor.
+///
+/// | form | build for x86-64-v3 |
+/// |---|---|
+/// | `fn f(x: T) -> R = body;` | `body` once more, which must be `#[inline(always)]` |
+/// | `fn f(x: T) -> R = body, v3: other;` | `other`, a safe function with [`has_v3`]'s features |
+///
+/// The plain build is `body` itself: tests compare with it.
+#[macro_export]
+macro_rules! dispatch {
+    ($(
+        $(#[$attribute:meta])*
+        $visibility:vis fn $name:ident($($argument:ident: $type:ty),* $(,)?) $(-> $result:ty)?
+            = $body:path $(, v3: $other:path)?;
+    )*) => {$(
+        $(#[$attribute])*
+        $visibility fn $name($($argument: $type),*) $(-> $result)? {
+            #[cfg(target_arch = "x86_64")]
+            if $crate::has_v3() {
+                #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
+                fn v3($($argument: $type),*) $(-> $result)? {
+                    $crate::one_of!([$($other)?] [$body])($($argument),*)
+                }
+                // SAFETY: the features that it is compiled for have just been found.
+                return unsafe { v3($($argument),*) };
+            }
+            $body($($argument),*)
+        }
+    )*};
+}
+
+/// The first of one or two paths.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! one_of {
+    ([$other:path] [$body:path]) => {
+        $other
+    };
+    ([] [$body:path]) => {
+        $body
+    };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::has_v3;
+
+    #[inline(always)]
+    fn plain(values: &[u32]) -> (u32, bool) {
+        (values.iter().sum(), false)
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
+    fn vectors(values: &[u32]) -> (u32, bool) {
+        (values.iter().sum(), true)
+    }
+
+    dispatch! {
+        fn compiled_twice(values: &[u32]) -> (u32, bool) = plain;
+        fn written_twice(values: &[u32]) -> (u32, bool) = plain, v3: vectors;
+    }
+
+    #[test]
+    fn the_build_that_runs_is_the_one_for_this_processor() {
+        let values = [1, 2, 3];
+        assert_eq!(compiled_twice(&values), (6, false));
+        assert_eq!(written_twice(&values), (6, has_v3()));
+    }
+}
