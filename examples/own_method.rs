@@ -53,7 +53,7 @@ impl Registration for PointToPoint {
             let squares: f64 = pairs.iter().map(|(s, q)| (s - q).norm_squared()).sum();
             outcome.rmse_m = (squares / pairs.len() as f64).sqrt();
             if step.translation.vector.norm() < 1e-3 && step.rotation.angle() < 1e-4 {
-                outcome.stop = StopReason::Still;
+                outcome.stop = StopReason::Converged;
                 break;
             }
         }

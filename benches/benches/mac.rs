@@ -66,7 +66,7 @@ fn mac(criterion: &mut Criterion<CpuTime>) {
             run("published/5678", strict, &pairs);
             run(
                 "published-0.99/5678",
-                MacConfig { max_stretch_m: 0.1 * f64::sqrt(0.01), ..strict },
+                MacConfig { length_tolerance_m: 0.1 * f64::sqrt(0.01), ..strict },
                 &pairs,
             );
         }

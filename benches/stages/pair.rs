@@ -84,7 +84,7 @@ impl Pair {
             normal_radius_m,
             max_pair_distance_m,
             first_pair_distance_m,
-            still_m,
+            translation_tolerance_m,
             ..
         } = IcpConfig::finishing(self.voxel_m);
         GicpConfig {
@@ -92,7 +92,7 @@ impl Pair {
             normal_radius_m,
             max_pair_distance_m,
             first_pair_distance_m,
-            still_m,
+            translation_tolerance_m,
             ..GicpConfig::outdoor()
         }
     }

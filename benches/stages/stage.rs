@@ -193,7 +193,7 @@ fn posed(name: &str, n_in: usize, work: impl FnOnce() -> Outcome) -> Result<Meas
         n_in,
         n_out: outcome.pairs,
         target_from_source: Some(outcome.target_from_source),
-        stop: Some(format!("{:?}", outcome.stop)),
+        stop: Some(outcome.stop.name().to_owned()),
         iterations: Some(outcome.iterations),
     })
 }

@@ -627,6 +627,7 @@ fn register_recovers_a_known_motion_and_prints_the_documented_keys() {
     let expected = [
         "target_from_source",
         "stop",
+        "converged",
         "pairs",
         "rmse_m",
         "cpu_s",
@@ -645,13 +646,19 @@ fn register_recovers_a_known_motion_and_prints_the_documented_keys() {
         "max_pair_distance_m",
         "first_pair_distance_m",
         "max_iterations",
+        "translation_tolerance_m",
         "still_m",
+        "rotation_tolerance_rad",
         "still_rad",
+        "fitness_tolerance",
         "still_fraction",
+        "rmse_tolerance_m",
         "still_rmse_m",
+        "degeneracy_threshold",
         "least_information",
     ];
     assert_eq!(keys, expected);
+    assert_eq!(document["converged"], true);
     assert_eq!((&document["stop"], &document["method"]), (&"Still".into(), &"icp".into()));
     assert!(
         document["cpu_s"].as_f64().expect("a number") > 0.0

@@ -86,9 +86,9 @@ fn the_document_lists_every_setting_of_the_method_and_flags_change_them() {
             "icp",
             &[
                 ("voxel_m", 0.4),
-                ("still_m", 0.002),
+                ("translation_tolerance_m", 0.002),
                 ("max_pair_distance_m", 2.5),
-                ("least_information", 0.01),
+                ("degeneracy_threshold", 0.01),
             ],
         ),
         ("gicp", &[("voxel_m", 0.4), ("normal_neighbours", 12.0), ("first_pair_distance_m", 5.0)]),

@@ -54,11 +54,11 @@ impl Gicp {
             max_pair_distance_m: config.max_pair_distance_m,
             first_pair_distance_m: config.first_pair_distance_m,
             max_iterations: config.max_iterations,
-            still_m: config.still_m,
-            still_rad: config.still_rad,
-            still_fraction: 0.0,
-            still_rmse_m: 0.0,
-            least_information: config.least_information,
+            translation_tolerance_m: config.translation_tolerance_m,
+            rotation_tolerance_rad: config.rotation_tolerance_rad,
+            fitness_tolerance: 0.0,
+            rmse_tolerance_m: 0.0,
+            degeneracy_threshold: config.degeneracy_threshold,
         }
     }
 }

@@ -49,11 +49,11 @@ impl Icp {
             max_pair_distance_m: config.max_pair_distance_m,
             first_pair_distance_m: config.first_pair_distance_m,
             max_iterations: config.max_iterations,
-            still_m: config.still_m,
-            still_rad: config.still_rad,
-            still_fraction: config.still_fraction,
-            still_rmse_m: config.still_rmse_m,
-            least_information: config.least_information,
+            translation_tolerance_m: config.translation_tolerance_m,
+            rotation_tolerance_rad: config.rotation_tolerance_rad,
+            fitness_tolerance: config.fitness_tolerance,
+            rmse_tolerance_m: config.rmse_tolerance_m,
+            degeneracy_threshold: config.degeneracy_threshold,
         }
     }
 }

@@ -22,7 +22,7 @@ mod tests;
 
 pub use config::{
     ConfigError, Convention, FeatureConfig, FgrConfig, FgrMode, GicpConfig, IcpConfig, MacConfig,
-    Method, MethodConfig,
+    Method, MethodConfig, current_key, former_key,
 };
 pub use degeneracy::Observability;
 pub use fgr::Fgr;
@@ -106,8 +106,8 @@ pub struct Consensus {
 /// Why a registration ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum StopReason {
-    /// The step, or what it changed, fell below the thresholds: the one success.
-    Still,
+    /// The step, or what it changed, fell below the tolerances: the one success.
+    Converged,
     /// It was still moving after the last iteration allowed.
     MaxIterations,
     /// Fewer pairs than a motion has unknowns: the clouds are too far apart, or too small.
@@ -128,14 +128,29 @@ pub enum StopReason {
 impl StopReason {
     /// Whether the pose can be trusted as far as the method can tell.
     pub fn is_success(self) -> bool {
-        self == Self::Still
+        self == Self::Converged
+    }
+
+    /// Its name in files and in documents. That of [`StopReason::Converged`] is still the one that
+    /// readers of earlier versions know.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Converged => "Still",
+            Self::MaxIterations => "MaxIterations",
+            Self::TooFewPairs => "TooFewPairs",
+            Self::TooFewMatches => "TooFewMatches",
+            Self::NoConsensus => "NoConsensus",
+            Self::Degenerate => "Degenerate",
+            Self::EmptyCloud => "EmptyCloud",
+            Self::BadSettings => "BadSettings",
+        }
     }
 }
 
 impl std::fmt::Display for StopReason {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
-            Self::Still => "still: the last step changed nothing",
+            Self::Converged => "converged: the last step changed nothing",
             Self::MaxIterations => "the iterations ran out while it was moving",
             Self::TooFewPairs => "too few pairs within the pair distance",
             Self::TooFewMatches => "too few matches of features",

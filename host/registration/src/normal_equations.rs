@@ -100,12 +100,12 @@ impl NormalEquations {
 
     /// The step to the least squares, and which of its directions the pairs determine; it does not
     /// move along the others (solution remapping, Zhang, Kaess and Singh 2016).
-    pub fn solve(&self, least_information: f64) -> (Step, Observability) {
+    pub fn solve(&self, degeneracy_threshold: f64) -> (Step, Observability) {
         let n = self.pairs.max(1) as f64;
         let centred = Centred::of(self);
         let information = centred.square(&self.information()) / n;
         let right = -centred.right(&Vector6::from(self.jr)) / n;
-        let seen = Observability::of(&information, least_information);
+        let seen = Observability::of(&information, degeneracy_threshold);
         let solved = if seen.is_degenerate() {
             None
         } else {
@@ -135,8 +135,8 @@ impl Equations for NormalEquations {
         self.merge(other)
     }
 
-    fn solve(&self, least_information: f64) -> (Step, Observability) {
-        self.solve(least_information)
+    fn solve(&self, degeneracy_threshold: f64) -> (Step, Observability) {
+        self.solve(degeneracy_threshold)
     }
 
     fn pairs(&self) -> usize {

@@ -9,10 +9,10 @@ use crate::pose::Pose;
 /// | global | local | motion, pairs, errors | stop |
 /// |---|---|---|---|
 /// | found nothing: empty cloud, bad settings, too few matches or pairs | not run | global | global |
-/// | no consensus | still | local | no consensus |
+/// | no consensus | converged | local | no consensus |
 /// | no consensus | anything else | global | no consensus |
 /// | any other | found nothing | global | local: the motion is as rough as the global method left it |
-/// | any other | still, iterations ran out, degenerate | local | local |
+/// | any other | converged, iterations ran out, degenerate | local | local |
 ///
 /// The consensus is always the global method's, and `iterations` counts the steps of both. A motion
 /// without consensus stays without: that the points fit where it put them says nothing about
@@ -101,21 +101,21 @@ mod tests {
     }
 
     use StopReason::{
-        BadSettings, Degenerate, EmptyCloud, MaxIterations, NoConsensus, Still, TooFewMatches,
+        BadSettings, Converged, Degenerate, EmptyCloud, MaxIterations, NoConsensus, TooFewMatches,
         TooFewPairs,
     };
 
     #[test]
     fn a_global_method_that_found_nothing_is_not_refined() {
         for stop in [EmptyCloud, BadSettings, TooFewMatches, TooFewPairs] {
-            assert_eq!(run(stop, Still), (110.0, 3, stop));
+            assert_eq!(run(stop, Converged), (110.0, 3, stop));
         }
     }
 
     #[test]
     fn a_local_method_that_moved_has_the_last_word() {
-        for global in [Still, MaxIterations, Degenerate] {
-            for local in [Still, MaxIterations, Degenerate] {
+        for global in [Converged, MaxIterations, Degenerate] {
+            for local in [Converged, MaxIterations, Degenerate] {
                 assert_eq!(run(global, local), (111.0, 6, local));
             }
         }
@@ -124,13 +124,13 @@ mod tests {
     #[test]
     fn a_local_method_that_found_nothing_leaves_the_global_motion_and_its_own_reason() {
         for local in [TooFewPairs, EmptyCloud, BadSettings] {
-            assert_eq!(run(Still, local), (110.0, 6, local));
+            assert_eq!(run(Converged, local), (110.0, 6, local));
         }
     }
 
     #[test]
     fn no_consensus_stays_so_and_is_refined_only_where_the_local_method_succeeds() {
-        assert_eq!(run(NoConsensus, Still), (111.0, 6, NoConsensus));
+        assert_eq!(run(NoConsensus, Converged), (111.0, 6, NoConsensus));
         for local in [MaxIterations, Degenerate, TooFewPairs, BadSettings] {
             assert_eq!(run(NoConsensus, local), (110.0, 6, NoConsensus));
         }
@@ -139,7 +139,7 @@ mod tests {
     #[test]
     fn boxed_methods_combine_as_well() {
         let boxed =
-            |x_m| Box::new(Fake { x_m, stop: Still, consensus: None }) as Box<dyn Registration>;
+            |x_m| Box::new(Fake { x_m, stop: Converged, consensus: None }) as Box<dyn Registration>;
         let refined = Refined { global: boxed(2.0), local: boxed(1.0) };
         let outcome = refined.register(&Cloud::default(), &Cloud::default(), &Pose::identity());
         assert_eq!(outcome.target_from_source.translation.x, 3.0);

@@ -98,7 +98,7 @@ fn icp_of_voxel(voxel_m: f64, radius_m: f64) -> IcpConfig {
         normal_radius_m: 3.0 * voxel_m,
         max_pair_distance_m,
         first_pair_distance_m: Some(max_pair_distance_m.max(radius_m / 4.0).min(1e6)),
-        still_m: voxel_m / 600.0,
+        translation_tolerance_m: voxel_m / 600.0,
         ..IcpConfig::outdoor()
     }
 }
@@ -114,7 +114,7 @@ fn gicp_like(icp: &IcpConfig) -> GicpConfig {
         normal_radius_m: icp.normal_radius_m,
         max_pair_distance_m: icp.max_pair_distance_m,
         first_pair_distance_m: icp.first_pair_distance_m,
-        still_m: icp.still_m,
+        translation_tolerance_m: icp.translation_tolerance_m,
         ..GicpConfig::outdoor()
     }
 }

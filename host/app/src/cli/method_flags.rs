@@ -33,26 +33,26 @@ pub(super) struct MethodFlags {
     #[arg(long, value_name = "M")]
     first_pair_distance_m: Option<f64>,
     /// mac: matches are compatible when their distances differ by less than this, m.
-    #[arg(long, value_name = "M")]
-    max_stretch_m: Option<f64>,
+    #[arg(long, alias = "max-stretch-m", value_name = "M")]
+    length_tolerance_m: Option<f64>,
     /// Iterations at most, 1 or more.
     #[arg(long, value_name = "N")]
     max_iterations: Option<usize>,
     /// icp, gicp: a step shorter than this, m, …
-    #[arg(long, value_name = "M")]
-    still_m: Option<f64>,
+    #[arg(long, alias = "still-m", value_name = "M")]
+    translation_tolerance_m: Option<f64>,
     /// icp, gicp: … that turns less than this, rad, ends the run.
-    #[arg(long, value_name = "RAD")]
-    still_rad: Option<f64>,
+    #[arg(long, alias = "still-rad", value_name = "RAD")]
+    rotation_tolerance_rad: Option<f64>,
     /// icp: so does a change of the share of paired points below this, …
-    #[arg(long, value_name = "SHARE")]
-    still_fraction: Option<f64>,
+    #[arg(long, alias = "still-fraction", value_name = "SHARE")]
+    fitness_tolerance: Option<f64>,
     /// icp: … with one of their root mean square distance below this, m.
-    #[arg(long, value_name = "M")]
-    still_rmse_m: Option<f64>,
+    #[arg(long, alias = "still-rmse-m", value_name = "M")]
+    rmse_tolerance_m: Option<f64>,
     /// icp, gicp: a direction with less than this share of the information counts as unobservable.
-    #[arg(long, value_name = "SHARE")]
-    least_information: Option<f64>,
+    #[arg(long, alias = "least-information", value_name = "SHARE")]
+    degeneracy_threshold: Option<f64>,
     /// fgr: triples of matches that the tuple test keeps at most.
     #[arg(long, value_name = "N")]
     max_tuples: Option<usize>,
@@ -85,13 +85,13 @@ impl MethodFlags {
             ("feature_neighbours", count(self.feature_neighbours)),
             ("max_pair_distance_m", self.max_pair_distance_m),
             ("first_pair_distance_m", self.first_pair_distance_m),
-            ("max_stretch_m", self.max_stretch_m),
+            ("length_tolerance_m", self.length_tolerance_m),
             ("max_iterations", count(self.max_iterations)),
-            ("still_m", self.still_m),
-            ("still_rad", self.still_rad),
-            ("still_fraction", self.still_fraction),
-            ("still_rmse_m", self.still_rmse_m),
-            ("least_information", self.least_information),
+            ("translation_tolerance_m", self.translation_tolerance_m),
+            ("rotation_tolerance_rad", self.rotation_tolerance_rad),
+            ("fitness_tolerance", self.fitness_tolerance),
+            ("rmse_tolerance_m", self.rmse_tolerance_m),
+            ("degeneracy_threshold", self.degeneracy_threshold),
             ("max_tuples", count(self.max_tuples)),
             ("max_matches", count(self.max_matches)),
             ("least_clique", count(self.least_clique)),

@@ -10,7 +10,9 @@ use super::method_flags::MethodFlags;
 use super::{Common, on_threads};
 use echoloop_registration::cloud::{Cloud, read_cloud, voxel};
 use echoloop_registration::pose::{Pose, read_pose, to_rows};
-use echoloop_registration::{Method, MethodConfig, Outcome, StopReason, build, suggest_refinement};
+use echoloop_registration::{
+    Method, MethodConfig, Outcome, StopReason, build, former_key, suggest_refinement,
+};
 
 /// Flags of `register`. Without any, they are chosen from the clouds.
 #[derive(Clone, Debug, Args)]
@@ -152,7 +154,8 @@ fn document(
     let rows: Vec<&[f64]> = rows.chunks(4).collect();
     let mut document = serde_json::json!({
         "target_from_source": rows,
-        "stop": format!("{:?}", outcome.stop),
+        "stop": outcome.stop.name(),
+        "converged": outcome.stop.is_success(),
         "pairs": outcome.pairs,
         "rmse_m": outcome.rmse_m,
         "cpu_s": cpu_s,
@@ -171,6 +174,9 @@ fn document(
     }
     for key in config.keys() {
         document[*key] = serde_json::json!(config.get(key));
+        if let Some(former) = former_key(key) {
+            document[former] = document[*key].clone(); // for one version: readers of the former name
+        }
     }
     document
 }

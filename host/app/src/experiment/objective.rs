@@ -117,7 +117,7 @@ fn pair_error(pair: usize, outcome: &Outcome, truth: &Pose, points: [usize; 2]) 
         rotation_deg: rotation_error_deg(estimate, truth),
         frobenius: frobenius_error(estimate, truth),
         points,
-        stop: format!("{:?}", outcome.stop),
+        stop: outcome.stop.name().to_owned(),
         iterations: outcome.iterations,
     }
 }

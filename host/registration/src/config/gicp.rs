@@ -19,11 +19,11 @@ pub struct GicpConfig {
     /// Steps at most.
     pub max_iterations: usize,
     /// A step shorter than this…
-    pub still_m: f64,
+    pub translation_tolerance_m: f64,
     /// …that turns less than this ends the run.
-    pub still_rad: f64,
+    pub rotation_tolerance_rad: f64,
     /// A direction whose share of the information is below this is unobservable.
-    pub least_information: f64,
+    pub degeneracy_threshold: f64,
 }
 
 impl GicpConfig {
@@ -35,9 +35,9 @@ impl GicpConfig {
         "max_pair_distance_m",
         "first_pair_distance_m",
         "max_iterations",
-        "still_m",
-        "still_rad",
-        "least_information",
+        "translation_tolerance_m",
+        "rotation_tolerance_rad",
+        "degeneracy_threshold",
     ];
 
     /// Where the setting of that name is kept.
@@ -49,9 +49,9 @@ impl GicpConfig {
             "max_pair_distance_m" => Slot::Real(&mut self.max_pair_distance_m),
             "first_pair_distance_m" => Slot::Optional(&mut self.first_pair_distance_m),
             "max_iterations" => Slot::Count(&mut self.max_iterations),
-            "still_m" => Slot::Real(&mut self.still_m),
-            "still_rad" => Slot::Real(&mut self.still_rad),
-            "least_information" => Slot::Real(&mut self.least_information),
+            "translation_tolerance_m" => Slot::Real(&mut self.translation_tolerance_m),
+            "rotation_tolerance_rad" => Slot::Real(&mut self.rotation_tolerance_rad),
+            "degeneracy_threshold" => Slot::Real(&mut self.degeneracy_threshold),
             _ => return None,
         })
     }
@@ -65,9 +65,9 @@ impl GicpConfig {
             max_pair_distance_m: 1.0,
             first_pair_distance_m: None,
             max_iterations: 50,
-            still_m: 5e-4,
-            still_rad: 1e-4,
-            least_information: 3e-3,
+            translation_tolerance_m: 5e-4,
+            rotation_tolerance_rad: 1e-4,
+            degeneracy_threshold: 3e-3,
         }
     }
 
@@ -91,7 +91,10 @@ impl GicpConfig {
             "max_pair_distance_m or more, at most 1e6 m",
         )?;
         require_neighbours("normal_neighbours", self.normal_neighbours)?;
-        for (field, value) in [("still_m", self.still_m), ("still_rad", self.still_rad)] {
+        for (field, value) in [
+            ("translation_tolerance_m", self.translation_tolerance_m),
+            ("rotation_tolerance_rad", self.rotation_tolerance_rad),
+        ] {
             require(field, value, value >= 0.0 && value.is_finite(), "0 or more")?;
         }
         require(
@@ -100,9 +103,9 @@ impl GicpConfig {
             self.max_iterations >= 1,
             "1 or more",
         )?;
-        let least = self.least_information;
+        let least = self.degeneracy_threshold;
         require(
-            "least_information",
+            "degeneracy_threshold",
             least,
             (0.0..1.0 / 3.0).contains(&least),
             "0 or more, below 1/3",

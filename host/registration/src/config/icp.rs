@@ -20,17 +20,17 @@ pub struct IcpConfig {
     /// Steps at most.
     pub max_iterations: usize,
     /// A step shorter than this…
-    pub still_m: f64,
+    pub translation_tolerance_m: f64,
     /// …that turns less than this ends the run.
-    pub still_rad: f64,
+    pub rotation_tolerance_rad: f64,
     /// So does a step that changes the share of paired points by less than this…
-    pub still_fraction: f64,
+    pub fitness_tolerance: f64,
     /// …and the root mean square distance of the pairs by less than this.
-    pub still_rmse_m: f64,
+    pub rmse_tolerance_m: f64,
     /// A direction whose share of the information is below this is unobservable: see
     /// [`crate::Observability`]. Normals at the edges of a bare corridor leave up to 2e-3 along it;
     /// real streets have 0.04 to 0.12.
-    pub least_information: f64,
+    pub degeneracy_threshold: f64,
 }
 
 impl IcpConfig {
@@ -42,11 +42,11 @@ impl IcpConfig {
         "max_pair_distance_m",
         "first_pair_distance_m",
         "max_iterations",
-        "still_m",
-        "still_rad",
-        "still_fraction",
-        "still_rmse_m",
-        "least_information",
+        "translation_tolerance_m",
+        "rotation_tolerance_rad",
+        "fitness_tolerance",
+        "rmse_tolerance_m",
+        "degeneracy_threshold",
     ];
 
     /// Where the setting of that name is kept.
@@ -58,11 +58,11 @@ impl IcpConfig {
             "max_pair_distance_m" => Slot::Real(&mut self.max_pair_distance_m),
             "first_pair_distance_m" => Slot::Optional(&mut self.first_pair_distance_m),
             "max_iterations" => Slot::Count(&mut self.max_iterations),
-            "still_m" => Slot::Real(&mut self.still_m),
-            "still_rad" => Slot::Real(&mut self.still_rad),
-            "still_fraction" => Slot::Real(&mut self.still_fraction),
-            "still_rmse_m" => Slot::Real(&mut self.still_rmse_m),
-            "least_information" => Slot::Real(&mut self.least_information),
+            "translation_tolerance_m" => Slot::Real(&mut self.translation_tolerance_m),
+            "rotation_tolerance_rad" => Slot::Real(&mut self.rotation_tolerance_rad),
+            "fitness_tolerance" => Slot::Real(&mut self.fitness_tolerance),
+            "rmse_tolerance_m" => Slot::Real(&mut self.rmse_tolerance_m),
+            "degeneracy_threshold" => Slot::Real(&mut self.degeneracy_threshold),
             _ => return None,
         })
     }
@@ -81,11 +81,11 @@ impl IcpConfig {
             max_pair_distance_m: 1.0,
             first_pair_distance_m: None,
             max_iterations: 50,
-            still_m: 5e-4,
-            still_rad: 1e-4,
-            still_fraction: 1e-6,
-            still_rmse_m: 1e-6,
-            least_information: 3e-3,
+            translation_tolerance_m: 5e-4,
+            rotation_tolerance_rad: 1e-4,
+            fitness_tolerance: 1e-6,
+            rmse_tolerance_m: 1e-6,
+            degeneracy_threshold: 3e-3,
         }
     }
 
@@ -97,7 +97,7 @@ impl IcpConfig {
             normal_radius_m: 3.0 * voxel_m,
             max_pair_distance_m: 2.0 * voxel_m,
             first_pair_distance_m: Some(4.0 * voxel_m),
-            still_m: voxel_m / 600.0,
+            translation_tolerance_m: voxel_m / 600.0,
             ..Self::outdoor()
         }
     }
@@ -114,11 +114,11 @@ impl IcpConfig {
             max_pair_distance_m,
             first_pair_distance_m: None,
             max_iterations: 30,
-            still_m: 0.0,
-            still_rad: 0.0,
-            still_fraction: 1e-6,
-            still_rmse_m: 1e-6,
-            least_information: 1e-9,
+            translation_tolerance_m: 0.0,
+            rotation_tolerance_rad: 0.0,
+            fitness_tolerance: 1e-6,
+            rmse_tolerance_m: 1e-6,
+            degeneracy_threshold: 1e-9,
         }
     }
 
@@ -143,10 +143,10 @@ impl IcpConfig {
             "max_pair_distance_m or more, at most 1e6 m",
         )?;
         let thresholds = [
-            ("still_m", self.still_m),
-            ("still_rad", self.still_rad),
-            ("still_fraction", self.still_fraction),
-            ("still_rmse_m", self.still_rmse_m),
+            ("translation_tolerance_m", self.translation_tolerance_m),
+            ("rotation_tolerance_rad", self.rotation_tolerance_rad),
+            ("fitness_tolerance", self.fitness_tolerance),
+            ("rmse_tolerance_m", self.rmse_tolerance_m),
         ];
         for (field, value) in thresholds {
             require(field, value, value >= 0.0 && value.is_finite(), "0 or more")?;
@@ -158,9 +158,9 @@ impl IcpConfig {
             self.max_iterations >= 1,
             "1 or more",
         )?;
-        let least = self.least_information;
+        let least = self.degeneracy_threshold;
         require(
-            "least_information",
+            "degeneracy_threshold",
             least,
             (0.0..1.0 / 3.0).contains(&least),
             "0 or more, below 1/3",
@@ -200,13 +200,16 @@ mod tests {
                 |c| c.first_pair_distance_m = Some(0.5),
                 "first_pair_distance_m is 0.5, expected max_pair_distance_m or more, at most 1e6 m",
             ),
-            (|c| c.still_rad = -1e-9, "still_rad is -0.000000001, expected 0 or more"),
+            (
+                |c| c.rotation_tolerance_rad = -1e-9,
+                "rotation_tolerance_rad is -0.000000001, expected 0 or more",
+            ),
             (|c| c.normal_neighbours = 2, "normal_neighbours is 2, expected 3 to 1000"),
             (|c| c.normal_neighbours = 10_001, "normal_neighbours is 10001, expected 3 to 1000"),
             (|c| c.max_iterations = 0, "max_iterations is 0, expected 1 or more"),
             (
-                |c| c.least_information = 0.5,
-                "least_information is 0.5, expected 0 or more, below 1/3",
+                |c| c.degeneracy_threshold = 0.5,
+                "degeneracy_threshold is 0.5, expected 0 or more, below 1/3",
             ),
         ];
         for (change, expected) in table {

@@ -12,9 +12,9 @@ pub struct MacConfig {
     /// and the τ of all scores.
     pub max_pair_distance_m: f64,
     /// Two matches are compatible when the distances between their points differ by less than this,
-    /// `d < max_stretch_m`. The published code asks that `1 - (d / τ)²` be above 0.9 on KITTI,
+    /// `d < length_tolerance_m`. The published code asks that `1 - (d / τ)²` be above 0.9 on KITTI,
     /// where τ = 0.6 m: 0.19 m.
-    pub max_stretch_m: f64,
+    pub length_tolerance_m: f64,
     /// Steps of the final refinement at most; 0 leaves the motion of the best clique.
     pub max_iterations: usize,
     /// More matches than this are thinned first: the graph takes `n²/8` bytes and `n²/2` tests.
@@ -34,7 +34,7 @@ impl MacConfig {
         "feature_radius_m",
         "feature_neighbours",
         "max_pair_distance_m",
-        "max_stretch_m",
+        "length_tolerance_m",
         "max_iterations",
         "max_matches",
         "least_clique",
@@ -45,7 +45,7 @@ impl MacConfig {
     pub(super) fn slot(&mut self, key: &str) -> Option<Slot<'_>> {
         Some(match key {
             "max_pair_distance_m" => Slot::Real(&mut self.max_pair_distance_m),
-            "max_stretch_m" => Slot::Real(&mut self.max_stretch_m),
+            "length_tolerance_m" => Slot::Real(&mut self.length_tolerance_m),
             "max_iterations" => Slot::Count(&mut self.max_iterations),
             "max_matches" => Slot::Count(&mut self.max_matches),
             "least_clique" => Slot::Count(&mut self.least_clique),
@@ -60,7 +60,7 @@ impl MacConfig {
         Self {
             features: FeatureConfig::of_voxel(0.3),
             max_pair_distance_m: 0.6,
-            max_stretch_m: 0.19,
+            length_tolerance_m: 0.19,
             max_iterations: 20,
             max_matches: 10_000,
             least_clique: 3,
@@ -75,7 +75,7 @@ impl MacConfig {
         Self {
             features,
             max_pair_distance_m: scale * outdoor.max_pair_distance_m,
-            max_stretch_m: scale * outdoor.max_stretch_m,
+            length_tolerance_m: scale * outdoor.length_tolerance_m,
             ..outdoor
         }
     }
@@ -86,7 +86,7 @@ impl MacConfig {
         Self {
             features: FeatureConfig::of_voxel(0.05),
             max_pair_distance_m: 0.1,
-            max_stretch_m: 0.1 * f64::sqrt(1.0 - 0.999),
+            length_tolerance_m: 0.1 * f64::sqrt(1.0 - 0.999),
             ..Self::outdoor()
         }
     }
@@ -100,7 +100,7 @@ impl MacConfig {
         self.features.check()?;
         require_lengths(&[
             ("max_pair_distance_m", self.max_pair_distance_m),
-            ("max_stretch_m", self.max_stretch_m),
+            ("length_tolerance_m", self.length_tolerance_m),
         ])?;
         let iterations = self.max_iterations;
         require("max_iterations", iterations as f64, iterations <= 100_000, "at most 100000")?;
@@ -137,8 +137,8 @@ mod tests {
                 "max_pair_distance_m is 0, expected a length above 0 m, at most 1e6 m",
             ),
             (
-                |c| c.max_stretch_m = f64::NAN,
-                "max_stretch_m is NaN, expected a length above 0 m, at most 1e6 m",
+                |c| c.length_tolerance_m = f64::NAN,
+                "length_tolerance_m is NaN, expected a length above 0 m, at most 1e6 m",
             ),
             (|c| c.max_iterations = 100_001, "max_iterations is 100001, expected at most 100000"),
             (|c| c.max_matches = 2, "max_matches is 2, expected 3 to 20000"),

@@ -4,6 +4,26 @@ use serde::{Deserialize, Serialize};
 
 use super::{ConfigError, FgrConfig, GicpConfig, IcpConfig, MacConfig};
 
+/// Names of settings in earlier versions, and today's. They are read for one version more.
+const FORMER: [(&str, &str); 6] = [
+    ("still_m", "translation_tolerance_m"),
+    ("still_rad", "rotation_tolerance_rad"),
+    ("still_fraction", "fitness_tolerance"),
+    ("still_rmse_m", "rmse_tolerance_m"),
+    ("least_information", "degeneracy_threshold"),
+    ("max_stretch_m", "length_tolerance_m"),
+];
+
+/// Today's name of a setting, whether it was given by that or by a former one.
+pub fn current_key(key: &str) -> &str {
+    FORMER.iter().find(|(former, _)| *former == key).map_or(key, |(_, current)| current)
+}
+
+/// The name that a setting had in earlier versions, if another.
+pub fn former_key(key: &str) -> Option<&'static str> {
+    FORMER.iter().find(|(_, current)| *current == key).map(|(former, _)| *former)
+}
+
 /// A registration method.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -131,15 +151,15 @@ impl MethodConfig {
         self.method().keys()
     }
 
-    /// A setting by its name; absent when the method has none of that name, or it is left out.
+    /// A setting by its name, or a former one; absent when the method has none of that name, or it is left out.
     pub fn get(&self, key: &str) -> Option<f64> {
         let mut copy = *self;
-        copy.slot(key).and_then(|slot| slot.get())
+        copy.slot(current_key(key)).and_then(|slot| slot.get())
     }
 
-    /// Sets a setting by its name; false when the method has none.
+    /// Sets a setting by its name, or a former one; false when the method has none.
     pub fn set(&mut self, key: &str, value: f64) -> bool {
-        match self.slot(key) {
+        match self.slot(current_key(key)) {
             Some(slot) => slot.set(value),
             None => return false,
         }
@@ -186,6 +206,20 @@ mod tests {
             }
             assert!(!config.set("no_such_setting", 1.0));
             assert_eq!(config.get("no_such_setting"), None);
+        }
+    }
+
+    #[test]
+    fn a_former_name_reads_and_sets_what_it_named() {
+        for mut config in all() {
+            for (i, (former, current)) in FORMER.iter().enumerate() {
+                let has = config.keys().contains(current);
+                assert_eq!(config.set(former, 10.0 + i as f64), has, "{former}");
+                assert_eq!(config.get(current), has.then_some(10.0 + i as f64), "{current}");
+                assert_eq!(config.get(former), config.get(current));
+                assert_eq!(former_key(current), Some(*former));
+                assert!(!config.keys().contains(former), "{former} is no longer listed");
+            }
         }
     }
 

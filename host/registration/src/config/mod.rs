@@ -12,7 +12,7 @@ pub use fgr::{FgrConfig, FgrMode};
 pub use gicp::GicpConfig;
 pub use icp::IcpConfig;
 pub use mac::MacConfig;
-pub use method::{Method, MethodConfig};
+pub use method::{Method, MethodConfig, current_key, former_key};
 
 /// More neighbours make no better normal, and take their time: some tens are usual.
 const MAX_NEIGHBOURS: usize = 1000;

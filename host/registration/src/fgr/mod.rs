@@ -101,7 +101,7 @@ impl Fgr {
         let trusted = agreement.inliers as f64 >= least_inliers(pairs.len(), delta_m / voxel_m);
         let stop = match (trusted, run.still) {
             (false, _) => StopReason::NoConsensus,
-            (true, true) => StopReason::Still,
+            (true, true) => StopReason::Converged,
             (true, false) => StopReason::MaxIterations,
         };
         Ok(Found { agreement, stop, iterations: run.iterations })
@@ -123,7 +123,7 @@ impl Fgr {
         let stop =
             match (agreement.inliers as f64 >= least_inliers(pairs.len(), reach), found.still) {
                 (false, _) => StopReason::NoConsensus,
-                (true, true) => StopReason::Still,
+                (true, true) => StopReason::Converged,
                 (true, false) => StopReason::MaxIterations,
             };
         Ok(Found { agreement, stop, iterations })

@@ -63,7 +63,7 @@ fn any_yaw_is_found_in_both_directions_among_95_wrong_matches_of_100() {
                 let outcome = fgr().solve(pairs);
                 assert_eq!(
                     outcome.stop,
-                    StopReason::Still,
+                    StopReason::Converged,
                     "{right} + {wrong}, yaw {step}: {outcome:?}"
                 );
                 assert!(

@@ -77,11 +77,11 @@ impl Equations for PlaneToPlane {
     /// What the pairs determine is told by their planes alone, as a share of one as for
     /// [`NormalEquations`]: the distance from point to point draws every direction to where the
     /// sampling of the surfaces happens to agree.
-    fn solve(&self, least_information: f64) -> (Step, Observability) {
+    fn solve(&self, degeneracy_threshold: f64) -> (Step, Observability) {
         let centred = Centred::of(&self.planes);
         let weight = if self.weight > 0.0 { self.weight } else { 1.0 };
         let planes = self.planes.information();
-        let seen = Observability::of(&(centred.square(&planes) / weight), least_information);
+        let seen = Observability::of(&(centred.square(&planes) / weight), degeneracy_threshold);
         let whole = centred.square(&(planes + self.points_information())) / weight;
         let right = -centred.right(&(Vector6::from(self.planes.jr) + self.points_right())) / weight;
         (centred.step(&seen.solve_within(&whole, &right)), seen)

@@ -18,13 +18,13 @@ pub(crate) struct Descent {
     pub(crate) max_pair_distance_m: f64,
     pub(crate) first_pair_distance_m: Option<f64>,
     pub(crate) max_iterations: usize,
-    pub(crate) still_m: f64,
-    pub(crate) still_rad: f64,
+    pub(crate) translation_tolerance_m: f64,
+    pub(crate) rotation_tolerance_rad: f64,
     /// Open3D's end: neither the share of paired points nor their RMSE changes by more. 0 turns it
     /// off.
-    pub(crate) still_fraction: f64,
-    pub(crate) still_rmse_m: f64,
-    pub(crate) least_information: f64,
+    pub(crate) fitness_tolerance: f64,
+    pub(crate) rmse_tolerance_m: f64,
+    pub(crate) degeneracy_threshold: f64,
 }
 
 impl Descent {
@@ -46,13 +46,13 @@ impl Descent {
                 let nothing = Outcome::nothing(initial, StopReason::TooFewPairs);
                 return Outcome { pairs: sums.pairs(), iterations: outcome.iterations, ..nothing };
             }
-            let (step, seen) = sums.solve(self.least_information);
+            let (step, seen) = sums.solve(self.degeneracy_threshold);
             let before = (outcome.inlier_fraction, outcome.rmse_m);
             outcome.advance(&step, &sums, seen, source.points.len());
             let change = (outcome.inlier_fraction - before.0, outcome.rmse_m - before.1);
             let fine = reach_m <= self.max_pair_distance_m;
             if fine && (self.is_still(&step) || outcome.iterations > 1 && self.is_settled(change)) {
-                outcome.stop = StopReason::Still;
+                outcome.stop = StopReason::Converged;
                 break;
             }
             reach_m = (reach_m * SHRINK).max(self.max_pair_distance_m);
@@ -64,11 +64,11 @@ impl Descent {
     }
 
     fn is_still(&self, step: &Step) -> bool {
-        step.shift_m < self.still_m && step.angle_rad < self.still_rad
+        step.shift_m < self.translation_tolerance_m && step.angle_rad < self.rotation_tolerance_rad
     }
 
     fn is_settled(&self, (fraction, rmse_m): (f64, f64)) -> bool {
-        fraction.abs() < self.still_fraction && rmse_m.abs() < self.still_rmse_m
+        fraction.abs() < self.fitness_tolerance && rmse_m.abs() < self.rmse_tolerance_m
     }
 }
 

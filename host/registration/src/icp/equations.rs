@@ -25,7 +25,7 @@ pub(crate) trait Equations: Default + Send + Sync {
     fn merge(self, other: &Self) -> Self;
 
     /// The step to the least squares, and which of its directions the pairs determine.
-    fn solve(&self, least_information: f64) -> (Step, Observability);
+    fn solve(&self, degeneracy_threshold: f64) -> (Step, Observability);
 
     /// How many pairs.
     fn pairs(&self) -> usize;

@@ -8,7 +8,7 @@ use crate::features::PointPair;
 /// A weighted graph over matches, without loops.
 ///
 /// ```text
-/// wᵢⱼ = 1 - (dᵢⱼ / s)²    where dᵢⱼ < max_stretch,   d of the function `stretch_m`
+/// wᵢⱼ = 1 - (dᵢⱼ / s)²    where dᵢⱼ < length_tolerance_m,   d of the function `stretch_m`
 /// ```
 ///
 /// Neighbours ascend. Memory: `n²/8` bytes while the graph is made, then 16 bytes a neighbour.
@@ -140,17 +140,17 @@ pub(super) struct Compatible {
 impl Compatible {
     /// Tests every pair of matches, which must be finite: in `f32` where that is sure, else
     /// exactly.
-    pub(super) fn of(pairs: &[PointPair], max_stretch_m: f64) -> Self {
+    pub(super) fn of(pairs: &[PointPair], length_tolerance_m: f64) -> Self {
         let lanes = Lanes::of(pairs);
         let words = lanes.words();
         let mut bits = vec![0; pairs.len() * words];
         bits.par_chunks_mut(words.max(1)).enumerate().for_each(|(i, row)| {
             let first = i / WORD;
             let row = &mut row[first..];
-            lanes.candidates(i, first, max_stretch_m as f32, row);
+            lanes.candidates(i, first, length_tolerance_m as f32, row);
             row[0] &= later_than(i % WORD);
             for (word, bits) in (first..).zip(row) {
-                let exact = |j: usize| stretch_m(&pairs[i], &pairs[j]) < max_stretch_m;
+                let exact = |j: usize| stretch_m(&pairs[i], &pairs[j]) < length_tolerance_m;
                 *bits = ones(*bits)
                     .filter(|bit| exact(word * WORD + bit))
                     .fold(0, |kept, bit| kept | 1 << bit);

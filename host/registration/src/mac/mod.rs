@@ -39,7 +39,7 @@ const MAX_RIVALS: usize = 32;
 /// lay together keep their distances, so they form cliques in the graph of matches that do. Each
 /// clique proposes a motion; the one with which most matches agree wins.
 ///
-/// 1. Graph: two matches are linked when their distances differ by less than `max_stretch_m`.
+/// 1. Graph: two matches are linked when their distances differ by less than `length_tolerance_m`.
 /// 2. Second order: an edge weighs what the matches linked to both its ends add.
 /// 3. Cliques: all maximal ones; each match keeps the heaviest that holds it.
 /// 4. Motions: the least squares of each clique, scored over all matches.
@@ -127,16 +127,19 @@ impl Mac {
         if nodes.len() > config.max_matches {
             nodes = take(
                 &nodes,
-                &thin::by_sampled_degree(&nodes, config.max_stretch_m, config.max_matches),
+                &thin::by_sampled_degree(&nodes, config.length_tolerance_m, config.max_matches),
             );
         }
-        let mut compatible = Compatible::of(&nodes, config.max_stretch_m);
+        let mut compatible = Compatible::of(&nodes, config.length_tolerance_m);
         if let Some(kept) = thin::by_density(&compatible) {
             nodes = take(&nodes, &kept);
-            compatible = Compatible::of(&nodes, config.max_stretch_m);
+            compatible = Compatible::of(&nodes, config.length_tolerance_m);
         }
-        let graph =
-            Graph::of(&nodes, &compatible, config.max_pair_distance_m.max(config.max_stretch_m));
+        let graph = Graph::of(
+            &nodes,
+            &compatible,
+            config.max_pair_distance_m.max(config.length_tolerance_m),
+        );
         (nodes, graph.second_order())
     }
 
@@ -159,7 +162,7 @@ impl Mac {
         outcome.iterations = best.iterations;
         outcome.agree(pairs, tau_m, margin);
         if best.hypothesis.score > least_score(pairs.len()) {
-            outcome.stop = StopReason::Still;
+            outcome.stop = StopReason::Converged;
         }
     }
 }

@@ -48,7 +48,7 @@ fn any_motion_is_found_among_97_of_100_wrong_matches_in_both_directions() {
             .collect();
         for (pairs, truth) in [(forth, truth), (back, truth.inverse())] {
             let outcome = outdoor().solve(&pairs);
-            assert_eq!(outcome.stop, StopReason::Still, "seed {seed}");
+            assert_eq!(outcome.stop, StopReason::Converged, "seed {seed}");
             assert!(error_m(&outcome, &truth) < 0.03, "seed {seed}: {}", error_m(&outcome, &truth));
             assert!(rotation_error_deg(&outcome.target_from_source, &truth) < 0.1, "seed {seed}");
             let consensus = outcome.consensus.unwrap();
@@ -111,7 +111,7 @@ fn points_of_one_plane_duplicates_and_broken_matches_do_not_mislead() {
     pairs
         .push(PointPair { source: Point3::origin(), target: Point3::new(0.0, f64::INFINITY, 0.0) });
     let outcome = outdoor().solve(&pairs);
-    assert_eq!(outcome.stop, StopReason::Still);
+    assert_eq!(outcome.stop, StopReason::Converged);
     assert!(error_m(&outcome, &truth) < 0.02);
 }
 
@@ -132,7 +132,7 @@ fn matches_that_nearly_all_agree_are_thinned_and_searched_in_part_and_still_fitt
             })
             .collect();
         let report = outdoor().report(&pairs, &Pose::identity());
-        assert_eq!(report.outcome.stop, StopReason::Still);
+        assert_eq!(report.outcome.stop, StopReason::Converged);
         assert!(report.nodes < 2500 && error_m(&report.outcome, &truth) < 0.02);
         assert_eq!(report.outcome.pairs, 2500);
         assert_eq!(report.cut_searches > 0, noise_m > 0.0, "{noise_m} m");
@@ -145,7 +145,7 @@ fn more_matches_than_the_most_are_thinned_and_the_motion_still_found() {
     let pairs = matches(3, &truth, 150, 2850);
     let mac = Mac::new(MacConfig { max_matches: 500, ..MacConfig::outdoor() }).unwrap();
     let report = mac.report(&pairs, &Pose::identity());
-    assert_eq!((report.nodes, report.outcome.stop), (500, StopReason::Still));
+    assert_eq!((report.nodes, report.outcome.stop), (500, StopReason::Converged));
     assert!(report.outcome.pairs >= 150 && error_m(&report.outcome, &truth) < 0.02);
 }
 
@@ -240,10 +240,10 @@ fn the_demonstration_is_registered_at_least_as_well_as_by_the_published_code() {
     };
     // The published code finds 5807 and 100358 cliques, and ends 1.14° and 1.55 cm off.
     for (threshold, cliques) in [(0.999, 5807), (0.99, 100_358)] {
-        let max_stretch_m = 0.1 * f64::sqrt(1.0 - threshold);
-        let mac = Mac::new(MacConfig { max_stretch_m, ..MacConfig::indoor() }).unwrap();
+        let length_tolerance_m = 0.1 * f64::sqrt(1.0 - threshold);
+        let mac = Mac::new(MacConfig { length_tolerance_m, ..MacConfig::indoor() }).unwrap();
         let report = mac.report(&pairs, &Pose::identity());
-        assert_eq!((report.outcome.stop, report.cut_searches), (StopReason::Still, 0));
+        assert_eq!((report.outcome.stop, report.cut_searches), (StopReason::Converged, 0));
         assert!(report.cliques.abs_diff(cliques) <= 2, "{}", report.cliques);
         assert!(error_m(&report.outcome, &truth) < 0.016, "{}", error_m(&report.outcome, &truth));
         let turn_deg = rotation_error_deg(&report.outcome.target_from_source, &truth);

@@ -21,11 +21,15 @@ const MAX_STEPS: u64 = 200_000_000;
 /// The sample is every `n/1024`-th match, so the time is linear in `n`. Of `n` matches with a share
 /// `p` of inliers and a share `q` of pairs compatible by chance, an inlier counts about
 /// `1024 (p + q)`, an outlier `1024 q`.
-pub(super) fn by_sampled_degree(pairs: &[PointPair], max_stretch_m: f64, max: usize) -> Vec<u32> {
+pub(super) fn by_sampled_degree(
+    pairs: &[PointPair],
+    length_tolerance_m: f64,
+    max: usize,
+) -> Vec<u32> {
     let step = pairs.len().div_ceil(SAMPLE);
     let sample: Vec<PointPair> = pairs.iter().step_by(step).copied().collect();
     let degree = |pair: &PointPair| {
-        sample.iter().filter(|other| stretch_m(pair, other) < max_stretch_m).count() as u32
+        sample.iter().filter(|other| stretch_m(pair, other) < length_tolerance_m).count() as u32
     };
     let degrees: Vec<u32> = pairs.par_iter().map(degree).collect();
     of_most(&degrees, max)

@@ -236,8 +236,8 @@ pub struct RegistrationConfig {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_pair_distance_m: Option<f64>,
     /// Of MAC: matches agree when their distances differ by less than this, m.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub max_stretch_m: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none", alias = "max_stretch_m")]
+    pub length_tolerance_m: Option<f64>,
     /// Iterations at most.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_iterations: Option<f64>,
@@ -260,7 +260,7 @@ impl RegistrationConfig {
             ("feature_radius_m", self.feature_radius_m),
             ("feature_neighbours", self.feature_neighbours),
             ("max_pair_distance_m", self.max_pair_distance_m),
-            ("max_stretch_m", self.max_stretch_m),
+            ("length_tolerance_m", self.length_tolerance_m),
             ("max_iterations", self.max_iterations),
         ];
         all.into_iter().filter_map(|(key, value)| value.map(|value| (key, value)))

@@ -119,7 +119,8 @@ impl Parameters {
         hardware: &Hardware,
     ) -> Result<Self, ValueError> {
         let axes = self.registration_axes(preset);
-        for (name, &value) in values {
+        for (given, &value) in values {
+            let name = &theta_reg::current_name(given);
             if let Some(axis) = axes.iter().find(|axis| axis.name == name) {
                 axis.require(value)?;
             }
@@ -131,7 +132,7 @@ impl Parameters {
                 || !self.set(name, value)
             {
                 let known: Vec<String> = self.values(preset).into_keys().collect();
-                return Err(ValueError::Unknown(name.clone(), known.join(", ")));
+                return Err(ValueError::Unknown(given.clone(), known.join(", ")));
             }
         }
         self.settings.check(hardware)?;
@@ -385,6 +386,10 @@ mod tests {
             assert_eq!(half.err() == Some(fraction), !is_real, "{name}");
         }
         assert!(with("registration.voxel_m", f64::NAN).is_err());
+        let mac = space_of(Method::Mac, Protocol::Joint).start;
+        let former = Values::from([("registration.max_stretch_m".to_owned(), 0.3)]);
+        let mac = mac.with_values(&former, Preset::Outdoor, &Hardware::REFERENCE).unwrap();
+        assert_eq!(mac.get("registration.length_tolerance_m"), Some(0.3));
         assert!(with("lidar.power", f64::NAN).is_err());
     }
 }

@@ -6,11 +6,19 @@ use crate::experiment::config::RegistrationConfig;
 use crate::experiment::preset::Preset;
 use echoloop_registration::{
     ConfigError, FgrConfig, FgrMode, GicpConfig, IcpConfig, MacConfig, Method, MethodConfig,
-    Registration, build,
+    Registration, build, current_key,
 };
 
 /// The prefix of these parameters' names.
 pub(super) const SECTION: &str = "registration.";
+
+/// Today's name of a parameter, whether it was given by that or by a former one.
+pub(super) fn current_name(name: &str) -> String {
+    match name.strip_prefix(SECTION) {
+        Some(key) => format!("{SECTION}{}", current_key(key)),
+        None => name.to_owned(),
+    }
+}
 
 /// Θ_reg of one method, and whether ICP finishes what it finds.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -159,14 +167,14 @@ pub fn axes(method: Method, preset: Preset) -> Vec<Axis> {
             &OUTDOOR_FEATURES,
             &[
                 Axis::log("registration.max_pair_distance_m", "m", 0.05, 3.0, 0.6), // φ_d
-                Axis::log("registration.max_stretch_m", "m", 0.02, 1.0, 0.2),
+                Axis::log("registration.length_tolerance_m", "m", 0.02, 1.0, 0.2),
             ],
         ),
         (Method::Mac, Preset::Paper) => with_features(
             &PAPER_FEATURES,
             &[
                 Axis::linear("registration.max_pair_distance_m", "m", 0.1, 2.0, 0.1),
-                Axis::linear("registration.max_stretch_m", "m", 0.01, 0.2, 0.03),
+                Axis::linear("registration.length_tolerance_m", "m", 0.01, 0.2, 0.03),
             ],
         ),
     }
