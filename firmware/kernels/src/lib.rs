@@ -1,15 +1,11 @@
 //! The detector's loops over samples in a processor's own instructions.
 //!
 //! ```
-//! use echoloop_dsp::{Config, Hardware, Pipeline, Scratch, Settings};
+//! use echoloop_dsp::{Hardware, Pipeline, Scratch, Settings};
 //!
-//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! let config = Config::new(&Settings::default(), &Hardware::REFERENCE)?;
-//! let pipeline = Pipeline::new(config);
+//! let pipeline = Pipeline::new(&Settings::default(), &Hardware::REFERENCE).expect("defaults run");
 //! let echoes = echoloop_kernels::process(&pipeline, &[100; 1024], &mut Scratch::default());
 //! assert!(echoes.is_empty());
-//! # Ok(())
-//! # }
 //! ```
 //!
 //! | processor | loops |
@@ -36,6 +32,10 @@ pub use dual_multiply::{DualMultiply, count};
 pub use echoloop_dsp::statistics::count;
 #[cfg(target_arch = "x86_64")]
 pub use x86::{process, process_compiled};
+
+/// Whether this processor multiplies two samples at a time: Armv7E-M, or Armv8-M with the DSP
+/// extension.
+pub const HAS_DUAL_MULTIPLY: bool = cfg!(dual_multiply);
 
 /// The fastest loops of a microcontroller.
 #[cfg(dual_multiply)]

@@ -11,7 +11,7 @@ use echoloop_dsp::refine::{self, Waveform};
 use echoloop_dsp::statistics::Statistics;
 use echoloop_dsp::{Echo, Echoes, Kernel, MAX_SAMPLES, MAX_TAPS, Pipeline, Scratch};
 use echoloop_image::measure::{Text, instructions};
-use echoloop_kernels::FASTEST;
+use echoloop_kernels::{FASTEST, HAS_DUAL_MULTIPLY};
 
 use crate::waveforms::{CASES, Case};
 
@@ -22,7 +22,7 @@ pub(crate) fn count(text: &mut Text) -> Result<(), &'static str> {
     for case in &CASES {
         count_with("portable", Portable, case, text)?;
         count_with("scalar", Scalar, case, text)?;
-        if cfg!(dual_multiply) {
+        if HAS_DUAL_MULTIPLY {
             count_with("dual_multiply", FASTEST, case, text)?;
         }
     }
