@@ -2,14 +2,15 @@
 
 pub(super) mod descent;
 pub(super) mod equations;
+pub(super) mod lanes;
 pub(super) mod pairing;
+pub(super) mod pairs;
+pub(super) mod step;
 
 use self::descent::Descent;
 use self::pairing::Moving;
 use super::normal_equations::NormalEquations;
-use super::{
-    ConfigError, IcpConfig, Outcome, PrepareError, Registration, Source, StopReason, Target,
-};
+use super::{ConfigError, IcpConfig, Outcome, Registration, Source, Target};
 use crate::cloud::Cloud;
 use crate::pose::Pose;
 
@@ -68,16 +69,5 @@ impl Registration for Icp {
                 Outcome::unprepared(initial, target.err().into_iter().chain(source.err()))
             }
         }
-    }
-}
-
-impl Outcome {
-    /// Nothing found, since a cloud could not be prepared. An empty one is named first.
-    pub(super) fn unprepared(
-        initial: &Pose,
-        errors: impl IntoIterator<Item = PrepareError>,
-    ) -> Self {
-        let empty = errors.into_iter().any(|error| error == PrepareError::Empty);
-        Self::nothing(initial, if empty { StopReason::EmptyCloud } else { StopReason::BadSettings })
     }
 }

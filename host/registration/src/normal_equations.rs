@@ -5,8 +5,10 @@ use nalgebra::{
 };
 
 use super::Observability;
-use super::icp::equations::{Equations, Group, LANES, Lane, Pairs, add_product, cross, dot, total};
-use crate::pose::Pose;
+use super::icp::equations::Equations;
+use super::icp::lanes::{LANES, Lane, add_product, cross, dot, total};
+use super::icp::pairs::{Group, Pairs};
+use super::icp::step::Step;
 
 /// Sums over pairs of a moved source point `s`, a target point `q` and its normal `n`.
 ///
@@ -33,17 +35,6 @@ pub struct NormalEquations {
     pub(super) dd: f64,
     /// How many pairs.
     pub pairs: usize,
-}
-
-/// A small motion in the target's frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Step {
-    /// What moves the source points nearer.
-    pub motion: Pose,
-    /// The angle it turns, rad.
-    pub angle_rad: f64,
-    /// The way the centroid of the pairs goes, m.
-    pub shift_m: f64,
 }
 
 impl NormalEquations {
@@ -266,6 +257,7 @@ impl Centred {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
+    use crate::pose::Pose;
 
     // Literals of Open3D (MIT), cpp/tests/t/pipelines/registration/TransformationEstimation.cpp.
     // Its normals are not of length 1.

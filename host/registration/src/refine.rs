@@ -36,12 +36,6 @@ impl<G: Registration, L: Registration> Registration for Refined<G, L> {
     }
 }
 
-impl<R: Registration + ?Sized> Registration for Box<R> {
-    fn register(&self, target: &Cloud, source: &Cloud, initial: &Pose) -> Outcome {
-        self.as_ref().register(target, source, initial)
-    }
-}
-
 /// Whether the motion is only the one it started from.
 fn found_nothing(stop: StopReason) -> bool {
     use StopReason::{BadSettings, EmptyCloud, TooFewMatches, TooFewPairs};

@@ -9,8 +9,8 @@ use rand_chacha::ChaCha8Rng;
 
 use super::suggest::{suggest_gicp, suggest_refinement};
 use super::*;
-use crate::cloud::read_cloud;
-use crate::pose::{read_pose, relative, rotation_error_deg, to_rows, translation_error_m};
+use crate::cloud::{Cloud, read_cloud};
+use crate::pose::{Pose, read_pose, relative, rotation_error_deg, to_rows, translation_error_m};
 
 fn pose(shift: [f64; 3], turn: [f64; 3]) -> Pose {
     Pose::new(shift.into(), turn.into())

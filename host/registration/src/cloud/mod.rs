@@ -1,6 +1,7 @@
 //! Point clouds: files, voxels, neighbours, normals.
 
 pub mod eigen;
+mod error;
 pub mod kdtree;
 pub mod neighbours;
 pub mod normals;
@@ -13,8 +14,9 @@ mod vtk;
 
 use nalgebra::{Point3, Vector3};
 
+pub use error::CloudError;
 pub use ply::write_ply;
-pub use read::{CloudError, read_cloud};
+pub use read::read_cloud;
 
 /// Points in metres, in the frame of the sensor that saw them: the sensor is at the origin.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -1,43 +1,9 @@
 //! Reads a cloud by the extension of its file.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use super::error::CloudError;
 use super::{Cloud, Dropped, pcd, ply, text, vtk};
-
-/// Why a file gives no cloud.
-#[derive(Debug, thiserror::Error)]
-pub enum CloudError {
-    /// The file cannot be read or written.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// The extension names no format we read.
-    #[error("{}: expected a .ply, .pcd, .vtk, .bin (KITTI), .xyz, .txt, .asc or .csv file", path.display())]
-    Extension {
-        /// The file.
-        path: PathBuf,
-    },
-    /// The content is not what the format asks for.
-    #[error("{}: {problem}", path.display())]
-    Format {
-        /// The file.
-        path: PathBuf,
-        /// What was expected, and what was found.
-        problem: String,
-    },
-    /// The file is in order but holds no echo.
-    #[error("{}: expected at least one point, found none ({dropped})", path.display())]
-    Empty {
-        /// The file.
-        path: PathBuf,
-        /// Points that were no echo.
-        dropped: Dropped,
-    },
-}
 
 /// Reads points in metres from PLY (ASCII or binary, any numeric type), PCD (all three encodings),
 /// legacy VTK polydata (ASCII or binary), KITTI `.bin` (x y z intensity, little-endian `f32`) or
@@ -77,6 +43,8 @@ pub fn read_cloud(path: &Path) -> Result<(Cloud, Dropped), CloudError> {
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
+    use std::path::PathBuf;
+
     use super::*;
     use crate::cloud::write_ply;
 

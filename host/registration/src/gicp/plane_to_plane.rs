@@ -3,8 +3,11 @@
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
 use crate::Observability;
-use crate::icp::equations::{Equations, Group, LANES, Lane, Pairs, add_product, cross, dot, total};
-use crate::normal_equations::{Centred, MomentSums, NormalEquations, RowSums, Step};
+use crate::icp::equations::Equations;
+use crate::icp::lanes::{LANES, Lane, add_product, cross, dot, total};
+use crate::icp::pairs::{Group, Pairs};
+use crate::icp::step::Step;
+use crate::normal_equations::{Centred, MomentSums, NormalEquations, RowSums};
 
 /// Variance along a plane's normal, of that within it.
 const ACROSS: f64 = 1e-3;

@@ -1,9 +1,10 @@
 //! The loop that every variant of ICP runs: pair, step, look whether it moved.
 
-use super::super::{Observability, Outcome, StopReason, Target};
 use super::equations::Equations;
 use super::pairing::{Match, Moving, sum_pairs};
-use crate::normal_equations::Step;
+use super::step::Step;
+use crate::{Observability, Outcome, StopReason, Target};
+
 use crate::pose::Pose;
 
 /// Unknowns of a motion: fewer pairs cannot determine it.

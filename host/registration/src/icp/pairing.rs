@@ -4,14 +4,11 @@
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
-use super::super::Target;
-use super::super::prepared::box_tree::{BoxTree, Kernel, Portable};
-use super::equations::{Equations, Pairs};
+use super::equations::Equations;
+use super::pairs::{CHUNK, Pairs};
+use crate::Target;
 use crate::pose::Pose;
-
-/// Points a thread takes at a time. Sums are per chunk and added in order: the same bytes on any
-/// number of threads.
-pub(crate) const CHUNK: usize = 256;
+use crate::prepared::box_tree::{BoxTree, Kernel, Portable};
 
 /// Rounding of `f32` distances, relative, with room: a match within this of a tie is searched anew.
 const ROUNDING: f32 = 1e-6;

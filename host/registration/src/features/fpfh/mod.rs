@@ -9,10 +9,7 @@ use rayon::prelude::*;
 
 use super::{DIMENSIONS, Features};
 use crate::cloud::neighbours::Neighbours;
-use pair::{Facing, LANES, Lanes, PairBins};
-
-/// Bins of a histogram.
-const BINS: usize = 11;
+use pair::{BINS, Facing, LANES, Lanes, PairBins};
 
 /// What the numbers of a histogram add up to.
 const WHOLE: f32 = 100.0;

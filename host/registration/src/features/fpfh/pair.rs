@@ -1,6 +1,7 @@
 //! How two points with normals see each other: three numbers, as bins of their histograms.
 
-use super::BINS;
+/// Bins of a histogram.
+pub(super) const BINS: usize = 11;
 
 /// Pairs worked on at a time.
 pub(super) const LANES: usize = 32;

@@ -1,6 +1,7 @@
 //! Rows that others repeat.
 
-use super::{DIMENSIONS, Row};
+use super::row::Row;
+use crate::features::DIMENSIONS;
 
 /// The rows, those that repeat an earlier one replaced by zeros, which match nothing.
 ///

@@ -5,8 +5,9 @@
 //! bytes.
 
 #[cfg(target_arch = "x86_64")]
-use super::V3;
-use super::tree::{Block, Node, WIDTH};
+use super::build::V3;
+use super::row::WIDTH;
+use super::tree::{Block, Node};
 
 /// One number a query, or one a row of a block.
 pub(super) type Lanes = [f32; WIDTH];

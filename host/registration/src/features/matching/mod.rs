@@ -26,9 +26,11 @@
 //! Rounding never loses a pair: [`rotation::Rotation::limit`] has the slack and why it is enough.
 //! Memory is linear.
 
+mod build;
 mod distinct;
 mod kernel;
 mod rotation;
+mod row;
 mod search;
 #[cfg(test)]
 mod tests;
@@ -36,39 +38,13 @@ mod tree;
 
 use rayon::prelude::*;
 
-use super::{DIMENSIONS, Features, Match};
+use super::{Features, Match};
+use build::Build;
 use distinct::distinct;
 use rotation::Rotation;
+use row::WIDTH;
 use search::{Group, Wanted};
-use tree::{NONE, Tree, WIDTH};
-
-/// One feature.
-type Row = [f32; DIMENSIONS];
-
-/// The fastest code that this processor runs; all give the same bytes.
-#[derive(Clone, Copy, Debug)]
-enum Build {
-    /// The target's baseline.
-    Baseline,
-    /// x86-64-v3, found on this processor.
-    #[cfg(target_arch = "x86_64")]
-    V3(V3),
-}
-
-/// Exists only where x86-64-v3 has been found.
-#[cfg(target_arch = "x86_64")]
-#[derive(Clone, Copy, Debug)]
-struct V3(());
-
-impl Build {
-    fn found() -> Self {
-        #[cfg(target_arch = "x86_64")]
-        if echoloop_dispatch::has_v3() {
-            return Self::V3(V3(()));
-        }
-        Self::Baseline
-    }
-}
+use tree::{NONE, Tree};
 
 /// The pairs that are each other's nearest, ordered by source index; the lower index where
 /// distances are equal.
@@ -144,23 +120,4 @@ fn unrefuted(
         held.collect::<Vec<_>>()
     };
     asked.par_chunks(WIDTH).with_min_len(16).flat_map_iter(eight).collect()
-}
-
-/// `Σ (a_i − b_i)²` in the one order of sums that decides: lane l = 0..7 adds i = l, l + 8, l + 16,
-/// l + 24; the lanes add as halves, `l + (l + 4)`, then `l + (l + 2)`, then `0 + 1`; then i = 32.
-/// No multiply-add is fused.
-#[inline(always)]
-fn squared_distance(a: &Row, b: &Row) -> f32 {
-    let mut lanes = [0.0; WIDTH];
-    let ((a, a_last), (b, b_last)) = (a.as_chunks::<WIDTH>(), b.as_chunks::<WIDTH>());
-    for (a, b) in a.iter().zip(b) {
-        for lane in 0..WIDTH {
-            let difference = a[lane] - b[lane];
-            lanes[lane] += difference * difference;
-        }
-    }
-    let four: [f32; 4] = std::array::from_fn(|lane| lanes[lane] + lanes[lane + 4]);
-    let two = [four[0] + four[2], four[1] + four[3]];
-    let rest = a_last.iter().zip(b_last).map(|(a, b)| (a - b) * (a - b));
-    rest.fold(two[0] + two[1], |sum, square| sum + square)
 }

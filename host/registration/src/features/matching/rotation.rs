@@ -2,10 +2,9 @@
 
 use nalgebra::{DMatrix, SymmetricEigen};
 
-use super::Build;
-#[cfg(target_arch = "x86_64")]
-use super::V3;
-use super::{DIMENSIONS, Row};
+use super::build::Build;
+use super::row::Row;
+use crate::features::DIMENSIONS;
 
 /// Principal axes in use. Eight hold 95 % of the variance of FPFH of a street; any number is as
 /// right.
@@ -83,7 +82,7 @@ impl Rotation {
             #[cfg(target_arch = "x86_64")]
             // SAFETY: a V3 exists only where the features that rotate_v3 is compiled for have been
             // found.
-            Build::V3(V3(())) => unsafe { self.rotate_v3(rows) },
+            Build::V3(_) => unsafe { self.rotate_v3(rows) },
         }
     }
 

@@ -1,11 +1,13 @@
 //! Eight queries go down a tree together.
 
+use super::build::Build;
 #[cfg(target_arch = "x86_64")]
-use super::V3;
+use super::build::V3;
 use super::kernel::{Kernel, Lanes, Portable};
 use super::rotation::{AXES, Rotation};
-use super::tree::{Block, NONE, Node, Tree, WIDTH};
-use super::{Build, DIMENSIONS, Match, Row, squared_distance};
+use super::row::{Row, WIDTH, squared_distance};
+use super::tree::{Block, NONE, Node, Tree};
+use crate::features::{DIMENSIONS, Match};
 
 /// Deeper than any tree of `u32` indices halved at each level, of which one child waits while the
 /// other is searched.

@@ -4,7 +4,9 @@ use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::{DIMENSIONS, Features, Match, Row, mutual, mutual_baseline};
+use super::row::Row;
+use super::{Features, Match, mutual, mutual_baseline};
+use crate::features::DIMENSIONS;
 
 /// The distance as its documentation says, term by term.
 fn distance(a: &Row, b: &Row) -> f32 {

@@ -1,10 +1,9 @@
 //! Boxes in boxes around rotated features.
 
+use super::build::Build;
 use super::rotation::{AXES, Rotated, Rotation, takes_part};
-use super::{Build, DIMENSIONS, Row};
-
-/// Rows that are worked on together: the lanes of one AVX2 register.
-pub(super) const WIDTH: usize = 8;
+use super::row::{Row, WIDTH};
+use crate::features::DIMENSIONS;
 
 /// Blocks in a leaf, at most.
 const LEAF_BLOCKS: usize = 2;

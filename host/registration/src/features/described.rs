@@ -1,0 +1,53 @@
+//! A cloud made ready to be matched.
+
+use nalgebra::{Point3, Vector3};
+
+use super::{Features, fpfh};
+use crate::cloud::neighbours::Neighbours;
+use crate::cloud::{Cloud, normals};
+use crate::prepared::thinned;
+use crate::{Convention, FeatureConfig, PrepareError};
+
+/// A thinned cloud, with a normal and a feature a point.
+#[derive(Clone, Debug)]
+pub struct Described {
+    /// `[n]`, m, sensor frame.
+    pub points: Vec<Point3<f32>>,
+    /// `[n]`; zero where there is none.
+    pub normals: Vec<Vector3<f32>>,
+    /// `[n]`.
+    pub features: Features,
+}
+
+impl Described {
+    /// Thins a cloud and describes its points.
+    ///
+    /// # Errors
+    ///
+    /// [`PrepareError`] when there is no point, or the voxel is too small for the cloud.
+    pub fn prepare(cloud: &Cloud, config: &FeatureConfig) -> Result<Self, PrepareError> {
+        let points = thinned(cloud, config.voxel_m, config.convention)?;
+        let (radius_m, most) = (config.feature_radius_m, config.feature_neighbours);
+        let neighbours = Neighbours::within(&points, radius_m, most);
+        let normals = normals_of(&points, &neighbours, config);
+        let features = fpfh::describe(&points, &normals, &neighbours);
+        Ok(Self { points, normals, features })
+    }
+}
+
+/// Normals from the features' neighbourhoods where these hold the normals', else from a search of
+/// their own.
+fn normals_of(
+    points: &[Point3<f32>],
+    neighbours: &Neighbours,
+    config: &FeatureConfig,
+) -> Vec<Vector3<f32>> {
+    let (radius_m, most) = (config.normal_radius_m, config.normal_neighbours);
+    let held = radius_m <= config.feature_radius_m && most <= config.feature_neighbours;
+    let own = (!held).then(|| Neighbours::within(points, radius_m, most));
+    let neighbours = own.as_ref().unwrap_or(neighbours);
+    match config.convention {
+        Convention::Sensor => normals::of_neighbours(points, neighbours, radius_m, most),
+        Convention::Open3d => normals::as_open3d(points, neighbours, radius_m, most),
+    }
+}

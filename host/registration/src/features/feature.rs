@@ -1,0 +1,11 @@
+//! Features as rows of numbers.
+
+/// Numbers of a feature: three histograms of eleven bins.
+pub const DIMENSIONS: usize = 33;
+
+/// One feature a point.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Features {
+    /// `[n][33]`. All zero for a point that has none: such a point matches nothing.
+    pub rows: Vec<[f32; DIMENSIONS]>,
+}

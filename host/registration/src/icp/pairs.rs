@@ -1,0 +1,86 @@
+//! The pairs of a chunk, coordinate by coordinate, for loops over four of them.
+
+use nalgebra::{Point3, Vector3};
+
+use super::lanes::{LANES, Lane};
+
+/// Points a thread takes at a time. Sums are per chunk and added in order: the same bytes on any
+/// number of threads.
+pub(crate) const CHUNK: usize = 256;
+
+/// The pairs of a chunk, in the target's frame, coordinate by coordinate.
+pub(crate) struct Pairs {
+    /// Where the source point is, m.
+    s: [[f64; CHUNK]; 3],
+    /// From the target point to the source point, m.
+    d: [[f64; CHUNK]; 3],
+    /// The target's normal.
+    n: [[f64; CHUNK]; 3],
+    /// The source's normal, turned as the source is; zeros where the method does not want it.
+    m: [[f64; CHUNK]; 3],
+    len: usize,
+}
+
+impl Default for Pairs {
+    fn default() -> Self {
+        let zeros = [[0.0; CHUNK]; 3];
+        Self { s: zeros, d: zeros, n: zeros, m: zeros, len: 0 }
+    }
+}
+
+/// Four pairs, or fewer and zeros.
+#[derive(Clone, Copy)]
+pub(crate) struct Group {
+    /// As in [`Pairs`].
+    pub(crate) s: [Lane; 3],
+    /// As in [`Pairs`].
+    pub(crate) d: [Lane; 3],
+    /// As in [`Pairs`].
+    pub(crate) n: [Lane; 3],
+    /// As in [`Pairs`].
+    pub(crate) m: [Lane; 3],
+}
+
+impl Pairs {
+    /// Adds a pair; beyond [`CHUNK`] there is no room, and no chunk has more points.
+    #[inline(always)]
+    pub(crate) fn push(
+        &mut self,
+        s: &Vector3<f64>,
+        q: &Point3<f32>,
+        n: &Vector3<f32>,
+        m: &Vector3<f64>,
+    ) {
+        if self.len >= CHUNK {
+            return;
+        }
+        for axis in 0..3 {
+            self.s[axis][self.len] = s[axis];
+            self.d[axis][self.len] = s[axis] - f64::from(q[axis]);
+            self.n[axis][self.len] = f64::from(n[axis]);
+            self.m[axis][self.len] = m[axis];
+        }
+        self.len += 1;
+    }
+
+    /// How many there are.
+    pub(crate) fn len(&self) -> usize {
+        self.len
+    }
+
+    /// All pairs, in groups of four.
+    #[inline(always)]
+    pub(crate) fn groups(&self) -> impl Iterator<Item = Group> {
+        (0..self.len.div_ceil(LANES)).map(|group| Group {
+            s: lanes(&self.s, group),
+            d: lanes(&self.d, group),
+            n: lanes(&self.n, group),
+            m: lanes(&self.m, group),
+        })
+    }
+}
+
+#[inline(always)]
+fn lanes(axes: &[[f64; CHUNK]; 3], group: usize) -> [Lane; 3] {
+    std::array::from_fn(|axis| axes[axis].as_chunks().0[group])
+}
