@@ -68,8 +68,12 @@ const PROGRAM: &[&str] = &[
 const NO_STD: [&str; 3] = ["echoloop-dsp", "echoloop-link", "echoloop-sensor"];
 
 /// Crates of which another dependency brings an older version too, and which one that is.
-const BROUGHT_TWICE: [(&str, &str); 3] =
-    [("thiserror", "pcd-rs"), ("criterion", "rdst"), ("embedded-hal", "cortex-m")];
+const BROUGHT_TWICE: [(&str, &str); 4] = [
+    ("thiserror", "pcd-rs"),
+    ("criterion", "rdst"),
+    ("embedded-hal", "cortex-m"),
+    ("syn", "zerocopy-derive"),
+];
 
 fn workspace() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
