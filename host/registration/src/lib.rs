@@ -1,7 +1,9 @@
 //! Registration: the motion that lays one cloud on another.
 
+mod bits;
 pub mod cloud;
 pub mod config;
+mod correspondences;
 pub mod degeneracy;
 pub mod features;
 pub mod fgr;

@@ -1,10 +1,10 @@
 //! The method as published, with the end of its annealing where the paper has it.
 
+use super::tuple_test::Passed;
+use crate::correspondences::Residuals;
 use crate::features::PointPair;
 use crate::pose::Pose;
 use crate::rigid::rigid;
-
-use super::triples::Kept;
 
 /// μ falls by this in four iterations, as published, evenly.
 const DIVISION: f64 = 1.4;
@@ -13,7 +13,7 @@ const DIVISION: f64 = 1.4;
 const ANNEALING: f64 = 0.75;
 
 /// A step below this share of the pair distance is none.
-const STILL: f64 = 1e-4;
+const CONVERGED: f64 = 1e-4;
 
 /// What the annealing came to.
 #[derive(Clone, Copy, Debug)]
@@ -21,7 +21,7 @@ pub(super) struct Annealed {
     pub(super) target_from_source: Pose,
     pub(super) iterations: usize,
     /// Whether the last step at the end of the annealing changed nothing.
-    pub(super) still: bool,
+    pub(super) converged: bool,
 }
 
 /// Anneals from the identity.
@@ -36,24 +36,25 @@ pub(super) struct Annealed {
 /// ours is the exact minimum, [`rigid`]: the same fixed points, without the saddle that a half turn
 /// is to a linear step. μ falls every iteration by the fourth root of what the paper has it fall
 /// every fourth, or faster when `max_iterations` would not suffice.
-pub(super) fn annealed(
+pub(super) fn anneal(
     pairs: &[PointPair],
-    kept: &[Kept],
+    passed: &[Passed],
     delta_m: f64,
     max_iterations: usize,
 ) -> Option<Annealed> {
     let rows: Vec<(PointPair, f64)> =
-        kept.iter().filter_map(|k| Some((*pairs.get(k.index)?, k.weight))).collect();
+        passed.iter().filter_map(|p| Some((*pairs.get(p.index)?, p.weight))).collect();
     let radius_m = radius_m(&rows).max(delta_m);
     let end = delta_m * delta_m;
     let factor = factor(radius_m * radius_m / end, max_iterations);
-    let mut state = Annealed { target_from_source: Pose::identity(), iterations: 0, still: false };
+    let mut state =
+        Annealed { target_from_source: Pose::identity(), iterations: 0, converged: false };
     let (mut mu, mut weights) = (radius_m * radius_m, vec![0.0; rows.len()]);
-    while state.iterations < max_iterations && !state.still {
+    while state.iterations < max_iterations && !state.converged {
         line_process(&rows, &state.target_from_source, mu, &mut weights);
         let next = rigid(rows.iter().map(|row| row.0).zip(weights.iter().copied()))?;
-        state.still =
-            mu <= end && step_m(&state.target_from_source, &next, radius_m) < STILL * delta_m;
+        state.converged =
+            mu <= end && step_m(&state.target_from_source, &next, radius_m) < CONVERGED * delta_m;
         state.target_from_source = next;
         state.iterations += 1;
         mu = (mu / factor).max(end);
@@ -69,10 +70,9 @@ fn factor(fall: f64, max_iterations: usize) -> f64 {
 
 /// `w s` of each row.
 fn line_process(rows: &[(PointPair, f64)], pose: &Pose, mu: f64, weights: &mut [f64]) {
-    let (rotation, shift) = (pose.rotation.to_rotation_matrix(), pose.translation.vector);
+    let residuals = Residuals::new(pose);
     for ((pair, w), weight) in rows.iter().zip(weights) {
-        let squared = (pair.target.coords - rotation * pair.source.coords - shift).norm_squared();
-        let s = mu / (squared + mu);
+        let s = mu / (residuals.squared_m2(pair) + mu);
         *weight = w * s * s;
     }
 }

@@ -1,24 +1,21 @@
 //! Fast global registration: one annealed least squares over matches of features, from no initial
 //! guess.
 
-mod agreement;
 mod annealed;
-mod closing;
 mod open3d;
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests;
-mod triples;
+mod tuple_test;
 
-use agreement::Rule;
-use closing::{Agreement, closed};
-use open3d::{Frame, Schedule};
+use open3d::{Frame, Optimised};
 
 use super::features::{PointPair, matching, pairs};
 use super::{
     ConfigError, Consensus, FgrConfig, FgrMode, Outcome, Registration, StopReason, global,
 };
 use crate::cloud::Cloud;
+use crate::correspondences::{Inliers, LengthBounds, Refit, Until};
 use crate::pose::Pose;
 
 /// Fewer matches determine no motion.
@@ -26,10 +23,13 @@ const LEAST_MATCHES: usize = 3;
 
 /// Right matches keep their lengths to this, over the voxel: both ends are means of a voxel's
 /// points.
-const STRETCH: f64 = 0.6;
+const LENGTH_TOLERANCE: f64 = 0.6;
 
 /// Edges shorter than this, over the voxel, say nothing.
-const SHORTEST: f64 = 7.0;
+const LEAST_LENGTH: f64 = 7.0;
+
+/// Fits of the final refit, at most.
+const MAX_FITS: usize = 12;
 
 /// Fast global registration (Zhou, Park and Koltun, ECCV 2016).
 ///
@@ -37,7 +37,7 @@ const SHORTEST: f64 = 7.0;
 /// 2. The tuple test: matches are weighed by the triples they form that keep their lengths.
 /// 3. Annealed least squares over those, from a kernel as wide as the scene to one of the pair
 ///    distance.
-/// 4. A last fit to all matches, and the count of those that agree.
+/// 4. A final refit to all matches, and the count of those that agree.
 ///
 /// How it ranks among others: docs/registration-peers.md.
 #[derive(Clone, Debug)]
@@ -64,7 +64,7 @@ impl Fgr {
     pub fn solve(&self, pairs: &[PointPair]) -> Outcome {
         let sound = sound(pairs);
         let points = (sound.iter().map(|p| p.source.coords), sound.iter().map(|p| p.target.coords));
-        self.outcome(&sound, pairs.len(), &Frame::of(points.0, points.1), &Pose::identity())
+        self.outcome(&sound, pairs.len(), &Frame::new(points.0, points.1), &Pose::identity())
     }
 
     /// From finite matches, of `matches` in all. The frame is Open3D's business alone.
@@ -86,48 +86,61 @@ impl Fgr {
         }
     }
 
-    fn annealed(&self, pairs: &[PointPair]) -> Result<Found, StopReason> {
+    fn annealed(&self, pairs: &[PointPair]) -> Result<Solution, StopReason> {
         let (delta_m, voxel_m) = (self.config.max_pair_distance_m, self.config.features.voxel_m);
         if pairs.len() < LEAST_MATCHES {
             return Err(StopReason::TooFewMatches);
         }
-        let rule =
-            Rule { stretch_m: (STRETCH * voxel_m) as f32, shortest_m: (SHORTEST * voxel_m) as f32 };
-        let kept =
-            triples::kept(pairs, rule, self.config.max_tuples.saturating_mul(3), self.config.seed);
-        let run = annealed::annealed(pairs, &kept, delta_m, self.config.max_iterations);
-        let run = run.ok_or(StopReason::NoConsensus)?;
-        let agreement = closed(pairs, &run.target_from_source, delta_m);
-        let trusted = agreement.inliers as f64 >= least_inliers(pairs.len(), delta_m / voxel_m);
-        let stop = match (trusted, run.still) {
-            (false, _) => StopReason::NoConsensus,
-            (true, true) => StopReason::Converged,
-            (true, false) => StopReason::MaxIterations,
+        let bounds = LengthBounds {
+            tolerance_m: LENGTH_TOLERANCE * voxel_m,
+            least_length_m: LEAST_LENGTH * voxel_m,
         };
-        Ok(Found { agreement, stop, iterations: run.iterations })
+        let most = self.config.max_tuples.saturating_mul(3);
+        let passed = tuple_test::passed(pairs, &bounds, most, self.config.seed);
+        let run = annealed::anneal(pairs, &passed, delta_m, self.config.max_iterations);
+        let run = run.ok_or(StopReason::NoConsensus)?;
+        let (target_from_source, inliers) = refit(pairs, &run.target_from_source, delta_m);
+        let stop = self.verdict(pairs.len(), &inliers, run.converged);
+        Ok(Solution { target_from_source, inliers, stop, iterations: run.iterations })
     }
 
-    /// Open3D asks neither whether the motion is still nor whether anything agrees with it: what it
-    /// found is what it returns. We return it, too, and say both.
-    fn open3d(&self, pairs: &[PointPair], frame: &Frame) -> Result<Found, StopReason> {
-        let kept = open3d::tuple_test(pairs, self.config.max_tuples, self.config.seed);
-        if kept.len() < open3d::LEAST_MATCHES {
+    /// Open3D asks neither whether the motion converged nor whether anything agrees with it: what
+    /// it found is what it returns. We return it, too, and say both.
+    fn open3d(&self, pairs: &[PointPair], frame: &Frame) -> Result<Solution, StopReason> {
+        let passed = open3d::tuple_test(pairs, self.config.max_tuples, self.config.seed);
+        if passed.len() < open3d::LEAST_MATCHES {
             return Err(StopReason::TooFewMatches);
         }
         let iterations = self.config.max_iterations;
-        let found = open3d::optimised(&kept, frame, Schedule { iterations, falls_to: None });
-        let found = found.ok_or(StopReason::NoConsensus)?;
-        let agreement =
-            Agreement::of(pairs, &found.target_from_source, self.config.max_pair_distance_m);
-        let reach = self.config.max_pair_distance_m / self.config.features.voxel_m;
-        let stop =
-            match (agreement.inliers as f64 >= least_inliers(pairs.len(), reach), found.still) {
-                (false, _) => StopReason::NoConsensus,
-                (true, true) => StopReason::Converged,
-                (true, false) => StopReason::MaxIterations,
-            };
-        Ok(Found { agreement, stop, iterations })
+        let found = open3d::optimised(&passed, frame, iterations, |_, mu| mu);
+        let Optimised { target_from_source, converged } = found.ok_or(StopReason::NoConsensus)?;
+        let inliers = Inliers::count(pairs, &target_from_source, self.config.max_pair_distance_m);
+        let stop = self.verdict(pairs.len(), &inliers, converged);
+        Ok(Solution { target_from_source, inliers, stop, iterations })
     }
+
+    /// Why a run over so many matches ended.
+    fn verdict(&self, matches: usize, inliers: &Inliers, converged: bool) -> StopReason {
+        let reach = self.config.max_pair_distance_m / self.config.features.voxel_m;
+        if (inliers.count as f64) < least_inliers(matches, reach) {
+            return StopReason::NoConsensus;
+        }
+        if converged { StopReason::Converged } else { StopReason::MaxIterations }
+    }
+}
+
+/// The last fit to all matches, not only to those that passed the tuple test.
+///
+/// They are means of voxels, so right ones may lie a little beyond δ and still say something: the
+/// weights reach twice as far. The most inliers win; of as many, the nearer ones.
+fn refit(pairs: &[PointPair], start: &Pose, delta_m: f64) -> (Pose, Inliers) {
+    let refit = Refit { width_m: 2.0 * delta_m, max_fits: MAX_FITS, until: Until::NoChange };
+    let best = refit.run(pairs, start, |pose| {
+        let inliers = Inliers::count(pairs, pose, delta_m);
+        (inliers.count, -inliers.rmse_m)
+    });
+    let (count, negative_rmse_m) = best.score;
+    (best.target_from_source, Inliers { count, rmse_m: -negative_rmse_m })
 }
 
 impl Registration for Fgr {
@@ -142,28 +155,29 @@ impl Registration for Fgr {
             points.iter().map(|p| p.coords.cast()).collect()
         };
         let (from, to) = (coords(&source.points), coords(&target.points));
-        let frame = Frame::of(from.iter().copied(), to.iter().copied());
+        let frame = Frame::new(from.iter().copied(), to.iter().copied());
         self.outcome(&sound(&matches), matches.len(), &frame, initial)
     }
 }
 
 /// A motion, what agrees with it, and how it was come by.
-struct Found {
-    agreement: Agreement,
+struct Solution {
+    target_from_source: Pose,
+    inliers: Inliers,
     stop: StopReason,
     iterations: usize,
 }
 
-impl Found {
+impl Solution {
     fn outcome(&self, matches: usize, searched: usize) -> Outcome {
-        let inliers = self.agreement.inliers;
+        let inliers = self.inliers.count;
         Outcome {
             iterations: self.iterations,
             pairs: inliers,
             inlier_fraction: inliers as f64 / matches.max(1) as f64,
-            rmse_m: self.agreement.rmse_m,
+            rmse_m: self.inliers.rmse_m,
             consensus: Some(Consensus { matches, searched, inliers, margin: None }),
-            ..Outcome::nothing(&self.agreement.target_from_source, self.stop)
+            ..Outcome::nothing(&self.target_from_source, self.stop)
         }
     }
 }

@@ -14,7 +14,7 @@ const DRAWS: usize = 100;
 const RATIO: f64 = 0.95;
 
 /// A step below this, in radii and rad, changes nothing.
-const STILL: f64 = 1e-5;
+const CONVERGED: f64 = 1e-5;
 
 /// With fewer matches Open3D returns the identity.
 pub(super) const LEAST_MATCHES: usize = 10;
@@ -29,8 +29,8 @@ pub(super) struct Frame {
 }
 
 impl Frame {
-    /// Of the points of both clouds.
-    pub(super) fn of(
+    /// The frame of the points of both clouds.
+    pub(super) fn new(
         source: impl ExactSizeIterator<Item = Vector3<f64>> + Clone,
         target: impl ExactSizeIterator<Item = Vector3<f64>> + Clone,
     ) -> Self {
@@ -75,43 +75,38 @@ fn passes(triple: &[PointPair; 3]) -> bool {
     })
 }
 
-/// What Open3D's optimisation is told.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Schedule {
-    pub(super) iterations: usize,
-    /// μ is divided by 1.4 after every fourth step while it is above this; never, as Python's
-    /// default has it, if absent.
-    pub(super) falls_to: Option<f64>,
-}
-
 /// Gauss-Newton on points scaled to radius 1, the target moved onto the source; the result is
 /// inverted.
 ///
 /// μ starts at the radius in metres: Open3D passes the scale where the start value, 1, is meant. So
 /// it is some tens of squared cloud radii, and the steps are nearly those of plain least squares.
+/// `next_mu` has the number of the step, from 0, and its μ; Python's default leaves μ as it is.
 /// Absent when a step cannot be solved.
 pub(super) fn optimised(
     pairs: &[PointPair],
     frame: &Frame,
-    schedule: Schedule,
+    iterations: usize,
+    next_mu: impl Fn(usize, f64) -> f64,
 ) -> Option<Optimised> {
     let scale = 1.0 / frame.radius_m;
     let source: Vec<_> =
         pairs.iter().map(|pair| (pair.source.coords - frame.source) * scale).collect();
     let mut target: Vec<_> =
         pairs.iter().map(|pair| (pair.target.coords - frame.target) * scale).collect();
-    let (mut source_from_target, mut mu, mut still) = (Pose::identity(), frame.radius_m, false);
-    for iteration in 0..schedule.iterations {
+    let (mut source_from_target, mut mu, mut converged) = (Pose::identity(), frame.radius_m, false);
+    for iteration in 0..iterations {
         let step = step(&source, &target, mu)?;
-        still = step.rotation.angle() < STILL && step.translation.vector.norm() < STILL;
+        converged = step.rotation.angle() < CONVERGED && step.translation.vector.norm() < CONVERGED;
         source_from_target = step * source_from_target;
         target.iter_mut().for_each(|q| *q = step.rotation * *q + step.translation.vector);
-        let falls = schedule.falls_to.is_some_and(|end| mu > end);
-        mu /= if falls && iteration % 4 == 0 { 1.4 } else { 1.0 };
+        mu = next_mu(iteration, mu);
     }
     let (rotation, shift) = (source_from_target.rotation, source_from_target.translation.vector);
     let back = frame.source - rotation * frame.target + shift * frame.radius_m;
-    Some(Optimised { target_from_source: Pose::from_parts(back.into(), rotation).inverse(), still })
+    Some(Optimised {
+        target_from_source: Pose::from_parts(back.into(), rotation).inverse(),
+        converged,
+    })
 }
 
 /// Where the optimisation ended.
@@ -119,7 +114,7 @@ pub(super) fn optimised(
 pub(super) struct Optimised {
     pub(super) target_from_source: Pose,
     /// Whether the last step changed nothing. Open3D does not ask.
-    pub(super) still: bool,
+    pub(super) converged: bool,
 }
 
 /// One step: the rotation is `Rz Ry Rx` of the three turns solved for.
@@ -171,14 +166,20 @@ mod tests {
             .filter(|v| v.len() == 16)
             .map(|v| from_rows(v.as_slice().try_into().unwrap()).unwrap())
             .collect();
-        let frame =
-            Frame::of(pairs.iter().map(|p| p.source.coords), pairs.iter().map(|p| p.target.coords));
-        let schedules =
-            [None, Some(0.025), Some(1e-4)].map(|falls_to| Schedule { iterations: 64, falls_to });
-        assert_eq!((pairs.len(), results.len()), (60, schedules.len()));
-        for (schedule, open3d) in schedules.into_iter().zip(&results) {
-            let ours = optimised(&pairs, &frame, schedule).unwrap().target_from_source;
-            assert!(frobenius_error(&ours, open3d) < 1e-6, "{schedule:?}: {ours} is not {open3d}");
+        let frame = Frame::new(
+            pairs.iter().map(|p| p.source.coords),
+            pairs.iter().map(|p| p.target.coords),
+        );
+        // μ is divided by 1.4 after every fourth step while it is above this; never, if infinite.
+        let ends = [f64::INFINITY, 0.025, 1e-4];
+        assert_eq!((pairs.len(), results.len()), (60, ends.len()));
+        for (end, open3d) in ends.into_iter().zip(&results) {
+            let next_mu = |iteration, mu| match iteration % 4 == 0 && mu > end {
+                true => mu / 1.4,
+                false => mu,
+            };
+            let ours = optimised(&pairs, &frame, 64, next_mu).unwrap().target_from_source;
+            assert!(frobenius_error(&ours, open3d) < 1e-6, "to {end}: {ours} is not {open3d}");
         }
     }
 

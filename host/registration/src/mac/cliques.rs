@@ -1,8 +1,8 @@
 //! Maximal cliques that hold a root.
 
-use super::graph::{Graph, ones};
+use super::graph::Graph;
 use super::local::Local;
-use super::stretch::WORD;
+use crate::bits::{WORD, count, members, ones};
 
 /// Words that the search below one root may read once it has found a clique; sparse graphs need far
 /// less. Sixteen times as many found no better motion on simulated scans.
@@ -14,7 +14,7 @@ const MAX_WORDS_IN_VAIN: u64 = 1 << 20;
 
 /// The heaviest cliques that one root's search found.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Found {
+pub(super) struct RootCliques {
     /// For each node of a clique, the heaviest that holds it: nodes ascending, and the weight. In
     /// the order found.
     pub(super) heaviest: Vec<(Vec<u32>, f64)>,
@@ -33,7 +33,7 @@ pub(super) struct Found {
 /// write than they save), all sets as bits. Candidates that weigh most with the root come first, so
 /// that a search that is cut has dived for a heavy clique.
 #[derive(Debug, Default)]
-pub(super) struct Search {
+pub(super) struct CliqueSearch {
     local: Local,
     least: usize,
     max_cliques: usize,
@@ -49,7 +49,7 @@ pub(super) struct Search {
     cut: bool,
 }
 
-impl Search {
+impl CliqueSearch {
     /// Cliques of `least` nodes or more, ending after `max_cliques`.
     pub(super) fn run(
         &mut self,
@@ -58,13 +58,13 @@ impl Search {
         root: usize,
         least: usize,
         max_cliques: usize,
-    ) -> Found {
+    ) -> RootCliques {
         if graph.degree(root) + 1 < least {
-            return Found::default();
+            return RootCliques::default();
         }
         self.local.load(graph, ranks, root);
         if self.local.later + 1 < least {
-            return Found::default();
+            return RootCliques::default();
         }
         (self.least, self.max_cliques, self.words, self.found, self.cut) =
             (least, max_cliques, 0, 0, false);
@@ -89,8 +89,7 @@ impl Search {
     fn expand(&mut self, depth: usize, weight: f64) {
         let width = self.width();
         let base = depth * width;
-        let candidates: usize =
-            self.sets[base..base + self.local.later_words].iter().map(count).sum();
+        let candidates = count(&self.sets[base..base + self.local.later_words]);
         if candidates == 0 {
             if self.sets[base + self.local.later_words..base + width].iter().all(|word| *word == 0)
             {
@@ -170,8 +169,11 @@ impl Search {
         let (mut most, mut pivot) = (None, 0);
         for node in members(p) {
             self.words += words as u64;
-            let links: usize =
-                p.iter().zip(self.local.to_later(node)).map(|(a, b)| count(&(a & b))).sum();
+            let links: usize = p
+                .iter()
+                .zip(self.local.to_later(node))
+                .map(|(a, b)| (a & b).count_ones() as usize)
+                .sum();
             if most.is_none_or(|most| links > most) {
                 (most, pivot) = (Some(links), node);
             }
@@ -203,7 +205,7 @@ impl Search {
         }
     }
 
-    fn found(&self, root: u32) -> Found {
+    fn found(&self, root: u32) -> RootCliques {
         let mut chosen: Vec<usize> =
             self.best.iter().flatten().map(|(_, clique)| *clique).collect();
         chosen.sort_unstable();
@@ -216,16 +218,12 @@ impl Search {
             nodes.sort_unstable();
             (nodes, *weight)
         };
-        Found {
+        RootCliques {
             heaviest: chosen.into_iter().map(global).collect(),
             cliques: self.found,
             cut: self.cut,
         }
     }
-}
-
-fn count(word: &u64) -> usize {
-    word.count_ones() as usize
 }
 
 /// The first `len` bits.
@@ -234,11 +232,4 @@ fn fill(words: &mut [u64], len: usize) {
         let left = len - index * WORD;
         *word = if left >= WORD { u64::MAX } else { (1 << left) - 1 };
     }
-}
-
-fn members(words: &[u64]) -> impl Iterator<Item = usize> {
-    words
-        .iter()
-        .enumerate()
-        .flat_map(|(index, &word)| ones(word).map(move |bit| index * WORD + bit))
 }

@@ -2,13 +2,14 @@
 
 use rayon::prelude::*;
 
-use super::stretch::{Lanes, WORD, stretch_m};
+use crate::bits::{WORD, ones};
+use crate::correspondences::{Columns, LengthBounds, length_difference_m};
 use crate::features::PointPair;
 
 /// A weighted graph over matches, without loops.
 ///
 /// ```text
-/// wᵢⱼ = 1 - (dᵢⱼ / s)²    where dᵢⱼ < length_tolerance_m,   d of the function `stretch_m`
+/// wᵢⱼ = 1 - (dᵢⱼ / s)²    where dᵢⱼ < length_tolerance_m,   d the `length_difference_m`
 /// ```
 ///
 /// Neighbours ascend. Memory: `n²/8` bytes while the graph is made, then 16 bytes a neighbour.
@@ -24,12 +25,12 @@ pub(super) struct Graph {
 
 impl Graph {
     /// Over finite pairs whose compatible ones are known.
-    pub(super) fn of(pairs: &[PointPair], compatible: &Compatible, scale_m: f64) -> Self {
+    pub(super) fn new(pairs: &[PointPair], compatible: &Compatible, scale_m: f64) -> Self {
         let mut graph = Self::with_degrees(&compatible.degrees);
         let mut next = graph.starts.clone();
         for i in 0..pairs.len() {
             for j in compatible.later(i) {
-                let share = stretch_m(&pairs[i], &pairs[j]) / scale_m;
+                let share = length_difference_m(&pairs[i], &pairs[j]) / scale_m;
                 graph.link([i, j], (1.0 - share * share) as f32, &mut next);
             }
         }
@@ -38,7 +39,7 @@ impl Graph {
 
     /// Over given edges, each once with the lesser node first, sorted.
     #[cfg(test)]
-    pub(super) fn of_edges(nodes: usize, edges: &[(usize, usize, f32)]) -> Self {
+    pub(super) fn from_edges(nodes: usize, edges: &[(usize, usize, f32)]) -> Self {
         let mut degrees = vec![0; nodes];
         edges
             .iter()
@@ -140,17 +141,17 @@ pub(super) struct Compatible {
 impl Compatible {
     /// Tests every pair of matches, which must be finite: in `f32` where that is sure, else
     /// exactly.
-    pub(super) fn of(pairs: &[PointPair], length_tolerance_m: f64) -> Self {
-        let lanes = Lanes::of(pairs);
-        let words = lanes.words();
+    pub(super) fn new(pairs: &[PointPair], bounds: &LengthBounds) -> Self {
+        let (columns, _) = Columns::new(pairs);
+        let (words, slack_m) = (columns.words(), columns.slack_m());
         let mut bits = vec![0; pairs.len() * words];
         bits.par_chunks_mut(words.max(1)).enumerate().for_each(|(i, row)| {
             let first = i / WORD;
             let row = &mut row[first..];
-            lanes.candidates(i, first, length_tolerance_m as f32, row);
+            columns.screen(i, first, (bounds, slack_m), row);
             row[0] &= later_than(i % WORD);
             for (word, bits) in (first..).zip(row) {
-                let exact = |j: usize| stretch_m(&pairs[i], &pairs[j]) < length_tolerance_m;
+                let exact = |j: usize| bounds.hold(&pairs[i], &pairs[j]);
                 *bits = ones(*bits)
                     .filter(|bit| exact(word * WORD + bit))
                     .fold(0, |kept, bit| kept | 1 << bit);
@@ -183,13 +184,4 @@ impl Compatible {
 /// Bits above `bit`.
 fn later_than(bit: usize) -> u64 {
     (u64::MAX << bit) << 1
-}
-
-/// The places of the ones of a word, ascending.
-pub(super) fn ones(mut word: u64) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        let bit = word.trailing_zeros() as usize;
-        word &= word.wrapping_sub(1);
-        (bit < WORD).then_some(bit)
-    })
 }

@@ -1,7 +1,7 @@
 //! The part of the graph that one root of the search sees.
 
 use super::graph::Graph;
-use super::stretch::WORD;
+use crate::bits::WORD;
 
 /// Not a node of the part.
 const ABSENT: u32 = u32::MAX;

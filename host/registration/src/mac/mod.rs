@@ -1,14 +1,12 @@
 //! Registration with maximal cliques.
 
 mod cliques;
+mod degeneracy_order;
 mod graph;
 mod hypotheses;
 mod local;
-mod order;
-mod refine;
 mod score;
 mod select;
-mod stretch;
 mod thin;
 mod weights;
 
@@ -18,20 +16,20 @@ mod tests;
 
 use graph::{Compatible, Graph};
 use hypotheses::{Hypothesis, is_another};
-use refine::{Refined, inliers, refine};
-use score::Scorer;
+use score::{Scorer, exact_score};
 
 use super::features::PointPair;
 use super::global::matched;
 use super::{ConfigError, Consensus, MacConfig, Outcome, Registration, StopReason};
 use crate::cloud::Cloud;
+use crate::correspondences::{Inliers, LengthBounds, Refit, Refitted, Until, within};
 use crate::pose::Pose;
 
 /// A motion has six unknowns, a match determines three, and two leave a turn open.
 const LEAST_MATCHES: usize = 3;
 
-/// Motions that are refined in search of a rival to the best.
-const MAX_RIVALS: usize = 32;
+/// Motions that are refitted in search of a runner-up to the best.
+const MAX_RUNNERS_UP: usize = 32;
 
 /// Registration with maximal cliques.
 ///
@@ -43,7 +41,7 @@ const MAX_RIVALS: usize = 32;
 /// 2. Second order: an edge weighs what the matches linked to both its ends add.
 /// 3. Cliques: all maximal ones; each match keeps the heaviest that holds it.
 /// 4. Motions: the least squares of each clique, scored over all matches.
-/// 5. Refinement of the best, and of the best that is clearly another.
+/// 5. The final refit of the best, and of the best that is clearly another.
 ///
 /// Ours differs from the published code where that is quadratic in memory, unbounded in cliques, or
 /// reads the truth. It has no cut by clustering coefficients (and Otsu's threshold) of a graph that
@@ -105,7 +103,7 @@ impl Mac {
         }
         let (nodes, graph) = self.graph(&finite);
         let selection = select::heaviest(&graph, self.config.least_clique, self.config.max_cliques);
-        let scorer = Scorer::of(&finite, self.config.max_pair_distance_m);
+        let scorer = Scorer::new(&finite, self.config.max_pair_distance_m);
         let proposed = hypotheses::propose(&selection.cliques, &nodes, &scorer);
         (report.nodes, report.edges) = (nodes.len(), graph.edges());
         if let Some(consensus) = &mut report.outcome.consensus {
@@ -120,83 +118,71 @@ impl Mac {
     /// The matches that are searched, and their second-order graph.
     fn graph(&self, finite: &[PointPair]) -> (Vec<PointPair>, Graph) {
         let config = &self.config;
+        let bounds = LengthBounds { tolerance_m: config.length_tolerance_m, least_length_m: 0.0 };
         let take = |from: &[PointPair], kept: &[u32]| {
             kept.iter().map(|&i| from[i as usize]).collect::<Vec<_>>()
         };
         let mut nodes = finite.to_vec();
         if nodes.len() > config.max_matches {
-            nodes = take(
-                &nodes,
-                &thin::by_sampled_degree(&nodes, config.length_tolerance_m, config.max_matches),
-            );
+            nodes = take(&nodes, &thin::by_sampled_degree(&nodes, &bounds, config.max_matches));
         }
-        let mut compatible = Compatible::of(&nodes, config.length_tolerance_m);
+        let mut compatible = Compatible::new(&nodes, &bounds);
         if let Some(kept) = thin::by_density(&compatible) {
             nodes = take(&nodes, &kept);
-            compatible = Compatible::of(&nodes, config.length_tolerance_m);
+            compatible = Compatible::new(&nodes, &bounds);
         }
-        let graph = Graph::of(
-            &nodes,
-            &compatible,
-            config.max_pair_distance_m.max(config.length_tolerance_m),
-        );
+        let scale_m = config.max_pair_distance_m.max(config.length_tolerance_m);
+        let graph = Graph::new(&nodes, &compatible, scale_m);
         (nodes, graph.second_order())
     }
 
-    /// Refines the best motion and its rival, and says what speaks for the better one.
+    /// Refits the best motion and its runner-up, and says what speaks for the better one.
     fn conclude(&self, pairs: &[PointPair], proposed: &[Hypothesis], outcome: &mut Outcome) {
         let Some(first) = proposed.first() else {
             return;
         };
-        let tau_m = self.config.max_pair_distance_m;
-        let mut best = self.refined(pairs, first);
-        let mut other = self.rival(pairs, proposed, &best);
+        let mut best = self.refit(pairs, first);
+        let mut other = self.runner_up(pairs, proposed, &best.target_from_source);
         if let Some(other) = &mut other
-            && other.hypothesis.score > best.hypothesis.score
+            && other.score > best.score
         {
             std::mem::swap(&mut best, other);
         }
-        let margin = other
-            .map(|other| best.hypothesis.score / other.hypothesis.score.max(f64::MIN_POSITIVE));
-        outcome.target_from_source = best.hypothesis.target_from_source;
-        outcome.iterations = best.iterations;
-        outcome.agree(pairs, tau_m, margin);
-        if best.hypothesis.score > least_score(pairs.len()) {
+        let margin = other.map(|other| best.score / other.score.max(f64::MIN_POSITIVE));
+        outcome.target_from_source = best.target_from_source;
+        outcome.iterations = best.fits;
+        outcome.agree(pairs, self.config.max_pair_distance_m, margin);
+        if best.score > least_score(pairs.len()) {
             outcome.stop = StopReason::Converged;
         }
     }
 }
 
 impl Mac {
-    fn refined(&self, pairs: &[PointPair], start: &Hypothesis) -> Refined {
-        refine(
-            pairs,
-            &start.target_from_source,
-            self.config.max_pair_distance_m,
-            self.config.max_iterations,
-        )
+    /// Fits anew to the matches within τ until the score no longer rises.
+    fn refit(&self, pairs: &[PointPair], start: &Hypothesis) -> Refitted<f64> {
+        let (width_m, max_fits) = (self.config.max_pair_distance_m, self.config.max_iterations);
+        let refit = Refit { width_m, max_fits, until: Until::NoBetter };
+        refit.run(pairs, &start.target_from_source, |pose| exact_score(pairs, pose, width_m))
     }
 
-    /// The best motion that is clearly another than `best`, and stays so when it is refined: most
+    /// The best motion that is clearly another than `best`, and stays so when it is refitted: most
     /// that are not near it come back to it.
-    fn rival(
+    fn runner_up(
         &self,
         pairs: &[PointPair],
         proposed: &[Hypothesis],
-        best: &Refined,
-    ) -> Option<Refined> {
-        let (best, tau_m) = (&best.hypothesis.target_from_source, self.config.max_pair_distance_m);
-        let inliers = inliers(pairs, best, tau_m);
+        best: &Pose,
+    ) -> Option<Refitted<f64>> {
+        let tau_m = self.config.max_pair_distance_m;
+        let inliers = within(pairs, best, tau_m);
         let is_another = |other: &Pose| is_another(other, best, &inliers, tau_m);
         let others = proposed.iter().filter(|other| is_another(&other.target_from_source));
-        let refined = others.take(MAX_RIVALS).map(|other| self.refined(pairs, other));
-        refined.filter(|other| is_another(&other.hypothesis.target_from_source)).fold(
-            None,
-            |best: Option<Refined>, next| {
-                let better = best.is_none_or(|best| next.hypothesis.score > best.hypothesis.score);
-                if better { Some(next) } else { best }
-            },
-        )
+        let refitted = others.take(MAX_RUNNERS_UP).map(|other| self.refit(pairs, other));
+        let better = |best: Refitted<f64>, next: Refitted<f64>| {
+            if next.score > best.score { next } else { best }
+        };
+        refitted.filter(|other| is_another(&other.target_from_source)).reduce(better)
     }
 }
 
@@ -220,15 +206,13 @@ impl MacReport {
 impl Outcome {
     /// Counts the matches that the motion lays within `max_m` of each other.
     fn agree(&mut self, pairs: &[PointPair], max_m: f64, margin: Option<f64>) {
-        let far = |pair: &PointPair| (self.target_from_source * pair.source - pair.target).norm();
-        let inliers: Vec<f64> = pairs.iter().map(far).filter(|far| *far < max_m).collect();
+        let inliers = Inliers::count(pairs, &self.target_from_source, max_m);
         let (matches, searched) =
             self.consensus.map_or((pairs.len(), 0), |c| (c.matches, c.searched));
-        self.pairs = inliers.len();
-        self.inlier_fraction = inliers.len() as f64 / matches.max(1) as f64;
-        self.rmse_m =
-            (inliers.iter().map(|far| far * far).sum::<f64>() / inliers.len().max(1) as f64).sqrt();
-        self.consensus = Some(Consensus { matches, searched, inliers: inliers.len(), margin });
+        self.pairs = inliers.count;
+        self.inlier_fraction = inliers.count as f64 / matches.max(1) as f64;
+        self.rmse_m = inliers.rmse_m;
+        self.consensus = Some(Consensus { matches, searched, inliers: inliers.count, margin });
     }
 }
 

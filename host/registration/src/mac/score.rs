@@ -1,24 +1,27 @@
 //! How well a motion agrees with all matches.
 
-use echoloop_dispatch::has_v3;
+use echoloop_dispatch::dispatch;
 use nalgebra::{Matrix3, Vector3};
 
+use crate::correspondences::{Centroids, Columns, Residuals};
 use crate::features::PointPair;
 use crate::pose::Pose;
 
 /// Matches taken at a time: one 256-bit vector of `f32`.
 const LANES: usize = 8;
 
-/// A target that no motion reaches: its square is infinite, and so scores nothing.
-const NOWHERE: f32 = 1e30;
+/// MAC's MAE metric over all matches, exactly; the function that [`Scorer::score`] is quick at.
+pub(super) fn exact_score(pairs: &[PointPair], target_from_source: &Pose, scale_m: f64) -> f64 {
+    let residuals = Residuals::new(target_from_source);
+    let score = |pair| (1.0 - residuals.squared_m2(pair).sqrt() / scale_m).max(0.0);
+    pairs.iter().map(score).sum()
+}
 
-/// Matches as they are scored: `f32`, each side about its own centroid.
+/// Matches as they are scored.
 #[derive(Clone, Debug)]
 pub(super) struct Scorer {
-    /// Source x y z, then target x y z, in blocks.
-    blocks: Vec<[[f32; LANES]; 6]>,
-    source_centre: Vector3<f64>,
-    target_centre: Vector3<f64>,
+    columns: Columns,
+    centroids: Centroids,
     scale_m: f32,
 }
 
@@ -26,26 +29,10 @@ pub(super) struct Scorer {
 type Motion = ([[f32; 3]; 3], [f32; 3]);
 
 impl Scorer {
-    /// Of finite pairs; a match farther off than `scale_m` scores nothing.
-    pub(super) fn of(pairs: &[PointPair], scale_m: f64) -> Self {
-        let share = 1.0 / pairs.len().max(1) as f64;
-        let source_centre: Vector3<f64> = pairs.iter().map(|pair| pair.source.coords * share).sum();
-        let target_centre: Vector3<f64> = pairs.iter().map(|pair| pair.target.coords * share).sum();
-        let block = |chunk: &[PointPair]| {
-            let mut block = [[0.0; LANES]; 6];
-            block[3] = [NOWHERE; LANES];
-            for (lane, pair) in chunk.iter().enumerate() {
-                let (x, y) =
-                    (pair.source.coords - source_centre, pair.target.coords - target_centre);
-                for axis in 0..3 {
-                    block[axis][lane] = x[axis] as f32;
-                    block[3 + axis][lane] = y[axis] as f32;
-                }
-            }
-            block
-        };
-        let blocks = pairs.chunks(LANES).map(block).collect();
-        Self { blocks, source_centre, target_centre, scale_m: scale_m as f32 }
+    /// Over finite pairs; a match farther off than `scale_m` scores nothing.
+    pub(super) fn new(pairs: &[PointPair], scale_m: f64) -> Self {
+        let (columns, centroids) = Columns::new(pairs);
+        Self { columns, centroids, scale_m: scale_m as f32 }
     }
 
     /// MAC's MAE metric over all matches:
@@ -57,15 +44,10 @@ impl Scorer {
     /// In `f32`, to about 1e-5 of itself: enough to rank motions.
     pub(super) fn score(&self, target_from_source: &Pose) -> f64 {
         let rotation = target_from_source.rotation.to_rotation_matrix().into_inner();
-        let shift = rotation * self.source_centre + target_from_source.translation.vector
-            - self.target_centre;
+        let shift = rotation * self.centroids.source + target_from_source.translation.vector
+            - self.centroids.target;
         let motion = in_f32(&rotation, &shift);
-        #[cfg(target_arch = "x86_64")]
-        if has_v3() {
-            // SAFETY: the features that it is compiled for have just been found on this processor.
-            return unsafe { sum_v3(&self.blocks, &motion, self.scale_m) };
-        }
-        sum(&self.blocks, &motion, self.scale_m)
+        sum(&self.columns, &motion, self.scale_m)
     }
 }
 
@@ -74,17 +56,18 @@ fn in_f32(rotation: &Matrix3<f64>, shift: &Vector3<f64>) -> Motion {
     ([0, 1, 2].map(row), [0, 1, 2].map(|i| shift[i] as f32))
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-fn sum_v3(blocks: &[[[f32; LANES]; 6]], motion: &Motion, scale_m: f32) -> f64 {
-    sum(blocks, motion, scale_m)
+dispatch! {
+    /// The scores of all matches.
+    fn sum(columns: &Columns, motion: &Motion, scale_m: f32) -> f64 = sum_inline;
 }
 
 #[inline(always)]
-fn sum(blocks: &[[[f32; LANES]; 6]], (r, t): &Motion, scale_m: f32) -> f64 {
+fn sum_inline(columns: &Columns, (r, t): &Motion, scale_m: f32) -> f64 {
     let share = 1.0 / scale_m;
     let mut sums = [0.0f32; LANES];
-    for block in blocks {
+    let columns = columns.chunks::<LANES>();
+    for index in 0..columns[0].len() {
+        let block = columns.map(|column| &column[index]);
         for lane in 0..LANES {
             let d = |axis: usize| {
                 let turned = r[axis][0] * block[0][lane]
@@ -118,12 +101,13 @@ mod tests {
             let pairs: Vec<PointPair> = pairs.iter().map(pair).collect();
             let far = |pair: &PointPair| (pose * pair.source - pair.target).norm();
             let expected: f64 = pairs.iter().map(|pair| (1.0 - far(pair) / scale_m).max(0.0)).sum();
-            let scorer = Scorer::of(&pairs, scale_m);
+            let scorer = Scorer::new(&pairs, scale_m);
             let score = scorer.score(&pose);
+            prop_assert!((exact_score(&pairs, &pose, scale_m) - expected).abs() <= 1e-9 * (1.0 + expected));
             prop_assert!((score - expected).abs() <= 1e-4 * (1.0 + expected), "{} {}", score, expected);
             let rotation = pose.rotation.to_rotation_matrix().into_inner();
-            let shift = rotation * scorer.source_centre + pose.translation.vector - scorer.target_centre;
-            prop_assert_eq!(score.to_bits(), sum(&scorer.blocks, &in_f32(&rotation, &shift), scorer.scale_m).to_bits());
+            let shift = rotation * scorer.centroids.source + pose.translation.vector - scorer.centroids.target;
+            prop_assert_eq!(score.to_bits(), sum_inline(&scorer.columns, &in_f32(&rotation, &shift), scorer.scale_m).to_bits());
         }
     }
 }

@@ -2,9 +2,9 @@
 
 use rayon::prelude::*;
 
-use super::cliques::{Found, Search};
+use super::cliques::{CliqueSearch, RootCliques};
+use super::degeneracy_order::degeneracy_ranks;
 use super::graph::Graph;
-use super::order::degeneracy_ranks;
 
 /// Roots searched between two looks at how many cliques there are.
 const ROUND: usize = 256;
@@ -34,9 +34,9 @@ pub(super) fn heaviest(graph: &Graph, least: usize, max_cliques: usize) -> Selec
     let mut best = Best { of: vec![None; graph.len()], ..Best::default() };
     for round in roots.chunks(ROUND) {
         let left = max_cliques.saturating_sub(best.selection.found);
-        let found: Vec<Found> = round
+        let found: Vec<RootCliques> = round
             .par_iter()
-            .map_init(Search::default, |search, &root| {
+            .map_init(CliqueSearch::default, |search, &root| {
                 search.run(graph, &ranks, root as usize, least, left)
             })
             .collect();
@@ -54,7 +54,7 @@ struct Best {
 }
 
 impl Best {
-    fn take(&mut self, found: Found, max_cliques: usize) {
+    fn take(&mut self, found: RootCliques, max_cliques: usize) {
         if self.selection.found >= max_cliques {
             self.selection.cut_roots += 1;
             return;
@@ -133,7 +133,7 @@ mod tests {
             let edges = edges(nodes, &weights);
             let mut expected = oracle(nodes, &edges);
             expected.retain(|(clique, _)| clique.len() >= least);
-            let selection = heaviest(&Graph::of_edges(nodes, &edges), least, usize::MAX);
+            let selection = heaviest(&Graph::from_edges(nodes, &edges), least, usize::MAX);
             prop_assert_eq!(selection.found, expected.len());
             prop_assert_eq!(selection.cut_roots, 0);
             let of_node = |node: u32, cliques: &[(BTreeSet<u32>, f64)]| {
@@ -154,7 +154,7 @@ mod tests {
         ) {
             const NODES: usize = 80;
             let weights: Vec<Option<u8>> = draws.iter().map(|(draw, w)| (*draw < 0.5).then_some(*w)).collect();
-            let graph = Graph::of_edges(NODES, &edges(NODES, &weights));
+            let graph = Graph::from_edges(NODES, &edges(NODES, &weights));
             let on = |threads: usize| {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
                 pool.map(|pool| pool.install(|| heaviest(&graph, 3, cap))).ok()

@@ -8,6 +8,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
+use crate::correspondences::length_difference_m;
 use crate::pose::{read_pose, rotation_error_deg};
 
 fn random_point(rng: &mut ChaCha8Rng, half_m: f64) -> Point3<f64> {
@@ -161,30 +162,19 @@ fn one_thread_and_four_give_the_same_bytes() {
 
 proptest! {
     #[test]
-    fn both_builds_test_stretches_alike_and_miss_none(
+    fn degrees_are_those_of_the_lengths_in_f64(
         points in prop::collection::vec(prop::array::uniform6(-9.0f64..9.0), 1..200),
-        max_m in 1e-3f64..3.0, shift_m in prop_oneof![Just(0.0), Just(1e5)],
+        tolerance_m in 1e-3f64..3.0, shift_m in prop_oneof![Just(0.0), Just(1e5)],
     ) {
         let pair = |v: &[f64; 6]| PointPair {
             source: [v[0] + shift_m, v[1], v[2]].into(),
             target: [v[3], v[4] - shift_m, v[5]].into(),
         };
         let pairs: Vec<PointPair> = points.iter().map(pair).collect();
-        let lanes = stretch::Lanes::of(&pairs);
-        let compatible = Compatible::of(&pairs, max_m);
-        let mut degrees = vec![0; pairs.len()];
-        for i in 0..pairs.len() {
-            let (mut ours, mut baseline) = (vec![0; lanes.words()], vec![0; lanes.words()]);
-            lanes.candidates(i, 0, max_m as f32, &mut ours);
-            lanes.candidates_baseline(i, 0, max_m as f32, &mut baseline);
-            prop_assert_eq!(&ours, &baseline);
-            for j in 0..pairs.len() {
-                let near = stretch::stretch_m(&pairs[i], &pairs[j]) < max_m;
-                let candidate = ours[j / stretch::WORD] >> (j % stretch::WORD) & 1 == 1;
-                prop_assert!(candidate || !near, "{} {}", i, j);
-                degrees[i] += u32::from(near && i != j);
-            }
-        }
+        let compatible = Compatible::new(&pairs, &LengthBounds { tolerance_m, least_length_m: 0.0 });
+        let near = |a: &PointPair, b: &PointPair| length_difference_m(a, b) < tolerance_m;
+        let degrees: Vec<u32> =
+            pairs.iter().map(|a| pairs.iter().filter(|b| near(a, b)).count() as u32 - 1).collect();
         prop_assert_eq!(compatible.degrees, degrees);
     }
 
@@ -224,8 +214,10 @@ fn the_graphs_of_the_demonstration_are_those_that_numpy_computes_densely() {
     assert_eq!(pairs.len(), 5678);
     // Threshold of the score, edges in a triangle, and the sum of their second-order weights.
     for (threshold, edges, sum) in [(0.999, 13_418, 1.8608e4), (0.99, 137_600, 5.7023e5)] {
-        let compatible = Compatible::of(&pairs, 0.1 * f64::sqrt(1.0 - threshold));
-        let graph = Graph::of(&pairs, &compatible, 0.1).second_order();
+        let tolerance_m = 0.1 * f64::sqrt(1.0 - threshold);
+        let bounds = LengthBounds { tolerance_m, least_length_m: 0.0 };
+        let compatible = Compatible::new(&pairs, &bounds);
+        let graph = Graph::new(&pairs, &compatible, 0.1).second_order();
         let backed = graph.all_weights().iter().filter(|g| **g > 0.0).count() / 2;
         let ours = graph.all_weights().iter().map(|g| f64::from(*g)).sum::<f64>() / 2.0;
         assert_eq!(backed, edges, "{threshold}");

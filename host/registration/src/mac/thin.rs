@@ -5,7 +5,7 @@ use std::cmp::Reverse;
 use rayon::prelude::*;
 
 use super::graph::Compatible;
-use super::stretch::stretch_m;
+use crate::correspondences::LengthBounds;
 use crate::features::PointPair;
 
 /// How many matches stand for all when degrees are estimated.
@@ -23,14 +23,13 @@ const MAX_STEPS: u64 = 200_000_000;
 /// `1024 (p + q)`, an outlier `1024 q`.
 pub(super) fn by_sampled_degree(
     pairs: &[PointPair],
-    length_tolerance_m: f64,
+    bounds: &LengthBounds,
     max: usize,
 ) -> Vec<u32> {
     let step = pairs.len().div_ceil(SAMPLE);
     let sample: Vec<PointPair> = pairs.iter().step_by(step).copied().collect();
-    let degree = |pair: &PointPair| {
-        sample.iter().filter(|other| stretch_m(pair, other) < length_tolerance_m).count() as u32
-    };
+    let degree =
+        |pair: &PointPair| sample.iter().filter(|other| bounds.hold(pair, other)).count() as u32;
     let degrees: Vec<u32> = pairs.par_iter().map(degree).collect();
     of_most(&degrees, max)
 }

@@ -88,7 +88,7 @@ mod tests {
             for &(i, j, weight) in &edges {
                 (w[i][j], w[j][i]) = (f64::from(weight), f64::from(weight));
             }
-            let graph = Graph::of_edges(N, &edges).second_order();
+            let graph = Graph::from_edges(N, &edges).second_order();
             prop_assert_eq!(graph.edges(), edges.len());
             for i in 0..N {
                 for (&j, &g) in graph.neighbours(i).iter().zip(graph.weights(i)) {

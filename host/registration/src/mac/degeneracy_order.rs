@@ -53,7 +53,7 @@ mod tests {
             const N: usize = 20;
             let places = (0..N).flat_map(|i| (i + 1..N).map(move |j| (i, j, 1.0)));
             let edges: Vec<_> = places.zip(&bits).filter_map(|(edge, &bit)| bit.then_some(edge)).collect();
-            let graph = Graph::of_edges(N, &edges);
+            let graph = Graph::from_edges(N, &edges);
             let ranks = degeneracy_ranks(&graph);
             let mut order: Vec<usize> = (0..N).collect();
             order.sort_by_key(|&node| ranks[node]);
