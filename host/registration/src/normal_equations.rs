@@ -1,5 +1,6 @@
 //! Point-to-plane least squares: from pairs to a step.
 
+use echoloop_dispatch::dispatch;
 use nalgebra::{
     Isometry3, Matrix3, Matrix6, Point3, Translation3, UnitQuaternion, Vector3, Vector6,
 };
@@ -109,17 +110,8 @@ impl NormalEquations {
 impl Equations for NormalEquations {
     const SOURCE_NORMALS: bool = false;
 
-    #[inline(always)]
     fn add_all(&mut self, pairs: &Pairs) {
-        let mut rows = RowSums::default();
-        let mut moments = MomentSums::default();
-        for Group { s, d, n, .. } in pairs.groups() {
-            let r = dot(&n, &d);
-            rows.add(&[1.0; LANES], &s, &n, &r);
-            moments.add(&s, &d, &r);
-        }
-        rows.add_to(self);
-        moments.add_to(self, pairs.len());
+        add_all(self, pairs);
     }
 
     fn merge(self, other: &Self) -> Self {
@@ -141,6 +133,24 @@ impl Equations for NormalEquations {
     fn plane_rmse_m(&self) -> f64 {
         self.plane_rmse_m()
     }
+}
+
+dispatch! {
+    /// Adds the sums of some pairs.
+    fn add_all(sums: &mut NormalEquations, pairs: &Pairs) = add_all_inline;
+}
+
+#[inline(always)]
+fn add_all_inline(sums: &mut NormalEquations, pairs: &Pairs) {
+    let mut rows = RowSums::default();
+    let mut moments = MomentSums::default();
+    for Group { s, d, n, .. } in pairs.groups() {
+        let r = dot(&n, &d);
+        rows.add(&[1.0; LANES], &s, &n, &r);
+        moments.add(&s, &d, &r);
+    }
+    rows.add_to(sums);
+    moments.add_to(sums, pairs.len());
 }
 
 /// `Σ w j jᵀ` and `Σ w j r` of four pairs at a time, with `j = [s × u ; u]` for a direction `u`.
@@ -369,6 +379,9 @@ mod tests {
         }
         let mut together = NormalEquations::default();
         together.add_all(&chunk);
+        let mut plain = NormalEquations::default();
+        add_all_inline(&mut plain, &chunk);
+        assert_eq!(format!("{plain:?}"), format!("{together:?}"), "the same bytes in both builds");
         let alone = sums_of(
             pairs().map(|(s, q, n)| (s, q.cast::<f32>().cast(), n.cast::<f32>().cast())),
             &Pose::identity(),

@@ -1,5 +1,6 @@
 //! Every point's neighbours, found once.
 
+use echoloop_dispatch::dispatch;
 use nalgebra::Point3;
 use rayon::prelude::*;
 
@@ -42,7 +43,7 @@ impl Neighbours {
         let grid = Grid::new(points, radius_m);
         let rows = |chunk: &[Cell]| {
             let mut rows = Rows::default();
-            grid.search(chunk, radius_m as f32, max, &mut rows);
+            search(&grid, chunk, radius_m as f32, max, &mut rows);
             rows
         };
         let found: Vec<Rows> = grid.cells.par_chunks(CHUNK).map(rows).collect();
@@ -149,34 +150,6 @@ impl Grid {
         Self { cells, at: [0, 1, 2].map(coordinates), index: keyed.iter().map(|k| k.1).collect() }
     }
 
-    /// Compiled twice: for the baseline and for x86-64-v3. Same bytes.
-    fn search(&self, cells: &[Cell], radius_m: f32, max: usize, rows: &mut Rows) {
-        #[cfg(target_arch = "x86_64")]
-        if echoloop_dispatch::has_v3() {
-            // SAFETY: the features that it is compiled for have just been found on this processor.
-            return unsafe { search_v3(self, cells, radius_m, max, rows) };
-        }
-        self.search_here(cells, radius_m, max, rows);
-    }
-
-    #[inline(always)]
-    fn search_here(&self, cells: &[Cell], radius_m: f32, max: usize, rows: &mut Rows) {
-        let squared = radius_m * radius_m;
-        let mut found = Found::default();
-        for cell in cells {
-            let runs = self.runs(cell.key);
-            for query in cell.from..cell.to {
-                found.clear(runs.iter().map(|run| run.len()).sum());
-                let at = [0, 1, 2].map(|axis| self.at[axis][query]);
-                for run in runs.iter().filter(|run| !run.is_empty()) {
-                    self.scan(&at, run.clone(), squared, &mut found);
-                }
-                found.keep_nearest(max);
-                rows.push(self.index[query], &found);
-            }
-        }
-    }
-
     /// The points of the 27 cells around one: nine runs of three cells.
     fn runs(&self, key: u64) -> [std::ops::Range<usize>; 9] {
         let last = MOST_CELLS - 1;
@@ -227,10 +200,28 @@ fn median(points: &[Point3<f32>], axis: usize) -> f64 {
     }
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-fn search_v3(grid: &Grid, cells: &[Cell], radius_m: f32, max: usize, rows: &mut Rows) {
-    grid.search_here(cells, radius_m, max, rows);
+dispatch! {
+    /// The rows of the points of some cells.
+    fn search(grid: &Grid, cells: &[Cell], radius_m: f32, max: usize, rows: &mut Rows)
+        = search_inline;
+}
+
+#[inline(always)]
+fn search_inline(grid: &Grid, cells: &[Cell], radius_m: f32, max: usize, rows: &mut Rows) {
+    let squared = radius_m * radius_m;
+    let mut found = Found::default();
+    for cell in cells {
+        let runs = grid.runs(cell.key);
+        for query in cell.from..cell.to {
+            found.clear(runs.iter().map(|run| run.len()).sum());
+            let at = [0, 1, 2].map(|axis| grid.at[axis][query]);
+            for run in runs.iter().filter(|run| !run.is_empty()) {
+                grid.scan(&at, run.clone(), squared, &mut found);
+            }
+            found.keep_nearest(max);
+            rows.push(grid.index[query], &found);
+        }
+    }
 }
 
 /// One point's neighbours, as they are found.

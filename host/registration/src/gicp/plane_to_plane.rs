@@ -1,5 +1,6 @@
 //! The least squares of generalised ICP: from pairs of planes to a step.
 
+use echoloop_dispatch::dispatch;
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
 use crate::Observability;
@@ -46,24 +47,8 @@ pub(crate) struct PlaneToPlane {
 impl Equations for PlaneToPlane {
     const SOURCE_NORMALS: bool = true;
 
-    #[inline(always)]
     fn add_all(&mut self, pairs: &Pairs) {
-        let (mut rows, mut moments, mut points) =
-            (RowSums::default(), MomentSums::default(), PointSums::default());
-        let mut weight = [0.0; LANES];
-        for group in pairs.groups() {
-            let Group { s, d, n, m } = &group;
-            for (w, u) in planes(n, m) {
-                rows.add(&w, s, &u, &dot(&u, d));
-                add_product(&mut weight, &w, &dot(&u, &u));
-            }
-            moments.add(s, d, &dot(n, d));
-            points.add(s, d);
-        }
-        rows.add_to(&mut self.planes);
-        moments.add_to(&mut self.planes, pairs.len());
-        points.add_to(self);
-        self.weight += total(&weight);
+        add_all(self, pairs);
     }
 
     fn merge(mut self, other: &Self) -> Self {
@@ -123,6 +108,31 @@ impl PlaneToPlane {
     fn points_right(&self) -> Vector6<f64> {
         Vector6::new(self.sd.x, self.sd.y, self.sd.z, self.d.x, self.d.y, self.d.z) / 2.0
     }
+}
+
+dispatch! {
+    /// Adds the sums of some pairs.
+    fn add_all(sums: &mut PlaneToPlane, pairs: &Pairs) = add_all_inline;
+}
+
+#[inline(always)]
+fn add_all_inline(sums: &mut PlaneToPlane, pairs: &Pairs) {
+    let (mut rows, mut moments, mut points) =
+        (RowSums::default(), MomentSums::default(), PointSums::default());
+    let mut weight = [0.0; LANES];
+    for group in pairs.groups() {
+        let Group { s, d, n, m } = &group;
+        for (w, u) in planes(n, m) {
+            rows.add(&w, s, &u, &dot(&u, d));
+            add_product(&mut weight, &w, &dot(&u, &u));
+        }
+        moments.add(s, d, &dot(n, d));
+        points.add(s, d);
+    }
+    rows.add_to(&mut sums.planes);
+    moments.add_to(&mut sums.planes, pairs.len());
+    points.add_to(sums);
+    sums.weight += total(&weight);
 }
 
 /// The weights and directions of the two planes of each pair. Lanes without a pair have directions
@@ -197,8 +207,10 @@ mod tests {
     fn sums(pairs: &[Pair]) -> PlaneToPlane {
         let mut chunk = Pairs::default();
         pairs.iter().for_each(|(s, q, n, m)| chunk.push(s, q, n, m));
-        let mut sums = PlaneToPlane::default();
+        let (mut sums, mut plain) = (PlaneToPlane::default(), PlaneToPlane::default());
         sums.add_all(&chunk);
+        add_all_inline(&mut plain, &chunk);
+        assert_eq!(format!("{plain:?}"), format!("{sums:?}"), "the same bytes in both builds");
         sums
     }
 

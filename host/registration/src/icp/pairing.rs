@@ -1,6 +1,7 @@
 //! Pairs each source point with the nearest target point, searching only where the last answer may
 //! have changed.
 
+use echoloop_dispatch::dispatch;
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
@@ -8,7 +9,7 @@ use super::equations::Equations;
 use super::pairs::{CHUNK, Pairs};
 use crate::Target;
 use crate::pose::Pose;
-use crate::prepared::box_tree::{BoxTree, Kernel, Portable};
+use crate::prepared::box_tree::{BoxTree, LaneKernel, Portable};
 
 /// Rounding of `f32` distances, relative, with room: a match within this of a tie is searched anew.
 const ROUNDING: f32 = 1e-6;
@@ -60,7 +61,7 @@ impl Match {
     /// away.
     #[inline(always)]
     fn search(
-        kernel: impl Kernel,
+        kernel: impl LaneKernel,
         tree: &BoxTree,
         at: Point3<f32>,
         reach: Reach,
@@ -76,7 +77,7 @@ impl Match {
     #[inline(always)]
     fn update(
         &mut self,
-        kernel: impl Kernel,
+        kernel: impl LaneKernel,
         tree: &BoxTree,
         at: Point3<f32>,
         reach: Reach,
@@ -131,29 +132,18 @@ struct Chunk<'a> {
 }
 
 impl Chunk<'_> {
-    /// Compiled twice: for the baseline and for x86-64-v3. Same bytes.
     fn sum<E: Equations>(&self, matches: &mut [Match]) -> E {
-        #[cfg(target_arch = "x86_64")]
-        if echoloop_dispatch::has_v3() {
-            // SAFETY: the features that it is compiled for have just been found on this processor.
-            return unsafe { v3::sum(self, matches) };
-        }
-        self.sum_with(Portable, matches)
-    }
-
-    #[inline(always)]
-    fn sum_with<E: Equations>(&self, kernel: impl Kernel, matches: &mut [Match]) -> E {
         let mut pairs = Pairs::default();
-        self.pair(kernel, matches, E::SOURCE_NORMALS, &mut pairs);
+        pair(self, matches, E::SOURCE_NORMALS, &mut pairs);
         let mut sums = E::default();
         sums.add_all(&pairs);
         sums
     }
 
     #[inline(always)]
-    fn pair(
+    fn pair_with(
         &self,
-        kernel: impl Kernel,
+        kernel: impl LaneKernel,
         matches: &mut [Match],
         source_normals: bool,
         pairs: &mut Pairs,
@@ -188,6 +178,17 @@ impl Chunk<'_> {
     }
 }
 
+dispatch! {
+    /// Finds the pairs of a chunk; with the source's normals where they are wanted.
+    fn pair(chunk: &Chunk, matches: &mut [Match], source_normals: bool, pairs: &mut Pairs)
+        = pair_plain, v3: v3::pair;
+}
+
+#[inline(always)]
+fn pair_plain(chunk: &Chunk, matches: &mut [Match], source_normals: bool, pairs: &mut Pairs) {
+    chunk.pair_with(Portable, matches, source_normals, pairs);
+}
+
 #[cfg(target_arch = "x86_64")]
 mod v3 {
     use std::arch::x86_64::{
@@ -197,21 +198,26 @@ mod v3 {
         _mm256_set1_epi32, _mm256_set1_ps, _mm256_storeu_si256,
     };
 
-    use super::{Chunk, Equations, Kernel, Match};
+    use super::{Chunk, LaneKernel, Match, Pairs};
 
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-    pub(super) fn sum<E: Equations>(chunk: &Chunk, matches: &mut [Match]) -> E {
-        chunk.sum_with(Avx2(()), matches)
+    pub(super) fn pair(
+        chunk: &Chunk,
+        matches: &mut [Match],
+        source_normals: bool,
+        pairs: &mut Pairs,
+    ) {
+        chunk.pair_with(Avx2(()), matches, source_normals, pairs);
     }
 
     /// Made only where the processor has it.
     #[derive(Clone, Copy)]
-    pub(super) struct Avx2(());
+    struct Avx2(());
 
-    impl Kernel for Avx2 {
+    impl LaneKernel for Avx2 {
         #[inline(always)]
         fn at_most(self, lanes: &[f32; 8], limit: f32) -> u32 {
-            // SAFETY: only `sum` makes an Avx2, and it runs only where AVX2 has been found. Eight
+            // SAFETY: only `pair` makes an Avx2, and it runs only where AVX2 has been found. Eight
             // f32 are the 32 bytes that are read; no alignment is asked for.
             unsafe {
                 let compared = _mm256_cmp_ps::<_CMP_LE_OQ>(
@@ -252,7 +258,6 @@ mod tests {
 
     use super::*;
     use crate::cloud::Cloud;
-    use crate::normal_equations::NormalEquations;
     use crate::{IcpConfig, Source};
 
     fn nearest(tree: &BoxTree, at: &Point3<f32>, reach_m: f32) -> Option<u32> {
@@ -293,11 +298,12 @@ mod tests {
             let pose = Pose::new(Vector3::repeat(seed as f64 * 0.1), Vector3::new(0.0, 0.1, seed as f64 * 0.05));
             let moving = Moving { points: &source.points, normals: &[] };
             let chunk = Chunk { target: &target, source: &moving, first: 0, pose: &pose, reach: Reach::of(reach_m) };
-            let mut matches = vec![Match::UNKNOWN; source.len()];
-            let portable: NormalEquations = chunk.sum_with(Portable, &mut matches);
-            let mut matches = vec![Match::UNKNOWN; source.len()];
-            let fastest: NormalEquations = chunk.sum(&mut matches);
-            prop_assert_eq!(format!("{portable:?}"), format!("{fastest:?}"));
+            let pairs = |pair: fn(&Chunk, &mut [Match], bool, &mut Pairs)| {
+                let mut pairs = Pairs::default();
+                pair(&chunk, &mut vec![Match::UNKNOWN; source.len()], false, &mut pairs);
+                pairs
+            };
+            prop_assert!(pairs(pair_plain) == pairs(pair));
         }
     }
 }

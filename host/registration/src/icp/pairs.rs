@@ -9,6 +9,7 @@ use super::lanes::{LANES, Lane};
 pub(crate) const CHUNK: usize = 256;
 
 /// The pairs of a chunk, in the target's frame, coordinate by coordinate.
+#[derive(Clone, PartialEq)]
 pub(crate) struct Pairs {
     /// Where the source point is, m.
     s: [[f64; CHUNK]; 3],

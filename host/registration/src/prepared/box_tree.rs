@@ -47,7 +47,7 @@ pub(crate) struct Found {
 }
 
 /// What a processor compares eight numbers with.
-pub(crate) trait Kernel: Copy {
+pub(crate) trait LaneKernel: Copy {
     /// One bit a lane: whether it is at most `limit`.
     fn at_most(self, lanes: &[f32; WIDE], limit: f32) -> u32;
 
@@ -55,11 +55,11 @@ pub(crate) trait Kernel: Copy {
     fn take_least(self, lanes: &mut [u32; WIDE]) -> u32;
 }
 
-/// [`Kernel`] for every processor.
+/// [`LaneKernel`] for every processor.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Portable;
 
-impl Kernel for Portable {
+impl LaneKernel for Portable {
     #[inline(always)]
     fn at_most(self, lanes: &[f32; WIDE], limit: f32) -> u32 {
         lanes
@@ -151,7 +151,7 @@ impl BoxTree {
     #[inline(always)]
     pub(crate) fn nearest(
         &self,
-        kernel: impl Kernel,
+        kernel: impl LaneKernel,
         query: &Point3<f32>,
         radius_m: f32,
         slack_m: f32,
@@ -216,7 +216,7 @@ impl Node {
     /// The nearest child within the limit that has not been seen: without a branch that depends on
     /// which.
     #[inline(always)]
-    fn next(&mut self, kernel: impl Kernel, limit: f32) -> Option<usize> {
+    fn next(&mut self, kernel: impl LaneKernel, limit: f32) -> Option<usize> {
         let least = kernel.take_least(&mut self.children);
         (f32::from_bits(least & !LANE) <= limit && least != Self::SEEN)
             .then_some((least & LANE) as usize)
@@ -241,7 +241,7 @@ impl Best {
 
     /// Takes the points of a leaf.
     #[inline(always)]
-    fn scan(&mut self, kernel: impl Kernel, leaf: usize, squared: &[f32; WIDE]) {
+    fn scan(&mut self, kernel: impl LaneKernel, leaf: usize, squared: &[f32; WIDE]) {
         let mut near = kernel.at_most(squared, self.limit);
         let before = self.squared;
         while near != 0 {

@@ -2,8 +2,7 @@
 
 mod pair;
 
-#[cfg(target_arch = "x86_64")]
-use echoloop_dispatch::has_v3;
+use echoloop_dispatch::dispatch;
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
@@ -46,20 +45,7 @@ pub fn describe(
     normals: &[Vector3<f32>],
     neighbours: &Neighbours,
 ) -> Features {
-    #[cfg(target_arch = "x86_64")]
-    if has_v3() {
-        // SAFETY: the features that the chunks are compiled for have just been found on this
-        // processor.
-        let simple = |surface: &Surface, first, rows: &mut [Row]| unsafe {
-            simple_chunk_v3(surface, first, rows)
-        };
-        let fast = |all: &Neighbours, simple: &[Row], first, rows: &mut [[f32; DIMENSIONS]]| {
-            // SAFETY: as above.
-            unsafe { fast_chunk_v3(all, simple, first, rows) };
-        };
-        return describe_by(points, normals, neighbours, simple, fast);
-    }
-    describe_baseline(points, normals, neighbours)
+    describe_by(points, normals, neighbours, simple_chunk, fast_chunk)
 }
 
 /// [`describe`] as compiled for the target's baseline.
@@ -68,7 +54,7 @@ pub fn describe_baseline(
     normals: &[Vector3<f32>],
     neighbours: &Neighbours,
 ) -> Features {
-    describe_by(points, normals, neighbours, simple_chunk, fast_chunk)
+    describe_by(points, normals, neighbours, simple_chunk_inline, fast_chunk_inline)
 }
 
 fn describe_by(
@@ -89,26 +75,21 @@ fn describe_by(
     Features { rows }
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-fn simple_chunk_v3(surface: &Surface, first: usize, rows: &mut [Row]) {
-    simple_chunk(surface, first, rows);
+dispatch! {
+    /// The SPFH of the points from `first`.
+    fn simple_chunk(surface: &Surface, first: usize, rows: &mut [Row]) = simple_chunk_inline;
+
+    /// The FPFH of the points from `first`.
+    fn fast_chunk(
+        neighbours: &Neighbours,
+        simple: &[Row],
+        first: usize,
+        rows: &mut [[f32; DIMENSIONS]],
+    ) = fast_chunk_inline;
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-fn fast_chunk_v3(
-    neighbours: &Neighbours,
-    simple: &[Row],
-    first: usize,
-    rows: &mut [[f32; DIMENSIONS]],
-) {
-    fast_chunk(neighbours, simple, first, rows);
-}
-
-/// The SPFH of the points from `first`.
 #[inline(always)]
-fn simple_chunk(surface: &Surface, first: usize, rows: &mut [Row]) {
+fn simple_chunk_inline(surface: &Surface, first: usize, rows: &mut [Row]) {
     let (mut lanes, mut bins) = (Lanes::EMPTY, [[0; LANES]; 3]);
     for (index, row) in (first..).zip(rows) {
         let point = &surface.facing[index];
@@ -156,9 +137,8 @@ fn has_normal(facing: &Facing) -> bool {
     facing[3] != 0.0 || facing[4] != 0.0 || facing[5] != 0.0
 }
 
-/// The FPFH of the points from `first`.
 #[inline(always)]
-fn fast_chunk(
+fn fast_chunk_inline(
     neighbours: &Neighbours,
     simple: &[Row],
     first: usize,

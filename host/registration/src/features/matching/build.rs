@@ -1,26 +1,20 @@
-//! Which of the builds of the inner loops runs.
+//! Which builds of the inner loops run.
 
-/// The fastest code that this processor runs; all give the same bytes.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Build {
-    /// The target's baseline.
-    Baseline,
-    /// x86-64-v3, found on this processor.
-    #[cfg(target_arch = "x86_64")]
-    V3(V3),
+use super::rotation::{Rotated, Rotation, rotate, rotate_plain};
+use super::row::Row;
+use super::search::{Group, Search, search, search_plain};
+
+/// The loops that are compiled more than once; all builds give the same bytes.
+#[derive(Clone, Copy)]
+pub(super) struct Build {
+    pub(super) rotate: fn(&Rotation, &[Row]) -> Vec<Rotated>,
+    pub(super) search: fn(&mut Group, &Search),
 }
 
-/// Exists only where x86-64-v3 has been found.
-#[cfg(target_arch = "x86_64")]
-#[derive(Clone, Copy, Debug)]
-pub(super) struct V3(());
-
 impl Build {
-    pub(super) fn found() -> Self {
-        #[cfg(target_arch = "x86_64")]
-        if echoloop_dispatch::has_v3() {
-            return Self::V3(V3(()));
-        }
-        Self::Baseline
-    }
+    /// The fastest that this processor runs.
+    pub(super) const FASTEST: Self = Self { rotate, search };
+
+    /// What any processor runs.
+    pub(super) const PLAIN: Self = Self { rotate: rotate_plain, search: search_plain };
 }

@@ -4,8 +4,6 @@
 //! by hand: the same operations in the same order, without fused multiply-add, and so the same
 //! bytes.
 
-#[cfg(target_arch = "x86_64")]
-use super::build::V3;
 use super::row::WIDTH;
 use super::tree::{Block, Node};
 
@@ -13,7 +11,7 @@ use super::tree::{Block, Node};
 pub(super) type Lanes = [f32; WIDTH];
 
 /// Bounds of eight lanes at once.
-pub(super) trait Kernel: Copy {
+pub(super) trait BoundKernel: Copy {
     /// Squared distances of eight queries to a box.
     fn box_bounds(self, queries: &Block, node: &Node) -> Lanes;
 
@@ -28,7 +26,7 @@ pub(super) trait Kernel: Copy {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Portable;
 
-impl Kernel for Portable {
+impl BoundKernel for Portable {
     #[inline(always)]
     fn box_bounds(self, queries: &Block, node: &Node) -> Lanes {
         let mut sum = [0.0; WIDTH];
@@ -61,8 +59,23 @@ impl Kernel for Portable {
     }
 }
 
+/// Exists only where x86-64-v3 has been found.
 #[cfg(target_arch = "x86_64")]
-impl Kernel for V3 {
+#[derive(Clone, Copy, Debug)]
+pub(super) struct V3(());
+
+#[cfg(target_arch = "x86_64")]
+impl V3 {
+    /// Can be called without `unsafe` only by what is compiled for these features itself.
+    #[inline]
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
+    pub(super) fn here() -> Self {
+        Self(())
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+impl BoundKernel for V3 {
     #[inline(always)]
     fn box_bounds(self, queries: &Block, node: &Node) -> Lanes {
         // SAFETY: a V3 exists only where AVX2 has been found.

@@ -1,8 +1,8 @@
 //! The axes along which features differ most, and how far to trust distances along them.
 
+use echoloop_dispatch::dispatch;
 use nalgebra::{DMatrix, SymmetricEigen};
 
-use super::build::Build;
 use super::row::Row;
 use crate::features::DIMENSIONS;
 
@@ -74,38 +74,27 @@ impl Rotation {
         let distance = (squared + f32::MIN_POSITIVE).sqrt() * (1.0 + RELATIVE) + self.slack;
         distance * distance
     }
+}
 
+dispatch! {
     /// All rows, rotated.
-    pub(super) fn rotate(&self, build: Build, rows: &[Row]) -> Vec<Rotated> {
-        match build {
-            Build::Baseline => self.rotate_inline(rows),
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: a V3 exists only where the features that rotate_v3 is compiled for have been
-            // found.
-            Build::V3(_) => unsafe { self.rotate_v3(rows) },
-        }
-    }
+    pub(super) fn rotate(rotation: &Rotation, rows: &[Row]) -> Vec<Rotated> = rotate_plain;
+}
 
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-    fn rotate_v3(&self, rows: &[Row]) -> Vec<Rotated> {
-        self.rotate_inline(rows)
-    }
-
-    #[inline(always)]
-    fn rotate_inline(&self, rows: &[Row]) -> Vec<Rotated> {
-        let mut rotated = vec![[0.0; AXES]; rows.len()];
-        for (row, rotated) in rows.iter().zip(&mut rotated) {
-            let mut sum = [0.0; AXES];
-            for (&x, weights) in row.iter().zip(&self.transposed) {
-                for axis in 0..AXES {
-                    sum[axis] += x * weights[axis];
-                }
+/// [`rotate`] in the plain build.
+#[inline(always)]
+pub(super) fn rotate_plain(rotation: &Rotation, rows: &[Row]) -> Vec<Rotated> {
+    let mut rotated = vec![[0.0; AXES]; rows.len()];
+    for (row, rotated) in rows.iter().zip(&mut rotated) {
+        let mut sum = [0.0; AXES];
+        for (&x, weights) in row.iter().zip(&rotation.transposed) {
+            for axis in 0..AXES {
+                sum[axis] += x * weights[axis];
             }
-            *rotated = sum;
         }
-        rotated
+        *rotated = sum;
     }
+    rotated
 }
 
 /// Whether a row is a feature: finite, and not all zero.

@@ -1,9 +1,10 @@
 //! Eight queries go down a tree together.
 
-use super::build::Build;
+use echoloop_dispatch::dispatch;
+
 #[cfg(target_arch = "x86_64")]
-use super::build::V3;
-use super::kernel::{Kernel, Lanes, Portable};
+use super::kernel::V3;
+use super::kernel::{BoundKernel, Lanes, Portable};
 use super::rotation::{AXES, Rotation};
 use super::row::{Row, WIDTH, squared_distance};
 use super::tree::{Block, NONE, Node, Tree};
@@ -23,6 +24,14 @@ pub(super) enum Wanted {
     Nearest,
     /// Any row nearer than the one that is known.
     Counterexample,
+}
+
+/// The tree that a group goes down, and what for.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Search<'a> {
+    pub(super) rotation: &'a Rotation,
+    pub(super) tree: &'a Tree,
+    pub(super) wanted: Wanted,
 }
 
 /// Eight queries and the nearest row of each so far.
@@ -100,38 +109,10 @@ impl Group {
         (0..WIDTH).map(lane).filter(|m| m.target != NONE)
     }
 
-    /// Goes down `tree`, the nearer box first.
-    pub(super) fn search(
-        &mut self,
-        build: Build,
-        rotation: &Rotation,
-        tree: &Tree,
-        wanted: Wanted,
-    ) {
-        match build {
-            Build::Baseline => self.search_inline(Portable, rotation, tree, wanted),
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: a V3 exists only where the features that search_v3 is compiled for have been
-            // found.
-            Build::V3(kernel) => unsafe { self.search_v3(kernel, rotation, tree, wanted) },
-        }
-    }
-
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-    fn search_v3(&mut self, kernel: V3, rotation: &Rotation, tree: &Tree, wanted: Wanted) {
-        self.search_inline(kernel, rotation, tree, wanted);
-    }
-
+    /// Goes down the tree, the nearer box first.
     #[inline(always)]
-    fn search_inline<K: Kernel>(
-        &mut self,
-        kernel: K,
-        rotation: &Rotation,
-        tree: &Tree,
-        wanted: Wanted,
-    ) {
-        if tree.nodes.is_empty() {
+    fn search_with(&mut self, kernel: impl BoundKernel, down: &Search) {
+        if down.tree.nodes.is_empty() {
             return;
         }
         let mut waiting = [(0_u32, [0.0; WIDTH]); DEPTH];
@@ -141,20 +122,12 @@ impl Group {
             let (mut at, mut bounds) = waiting[count];
             let mut open = kernel.not_above(&bounds, &self.limit);
             while open != 0 {
-                let node = &tree.nodes[at as usize];
+                let node = &down.tree.nodes[at as usize];
                 if node.second == 0 {
-                    self.search_leaf(kernel, rotation, tree, node, open, wanted);
+                    self.search_leaf(kernel, down, node, open);
                     break;
                 }
-                let (first, second) = (at + 1, node.second);
-                let to_first = kernel.box_bounds(&self.axes, &tree.nodes[first as usize]);
-                let to_second = kernel.box_bounds(&self.axes, &tree.nodes[second as usize]);
-                let near_first = sum(&to_first, &self.limit) <= sum(&to_second, &self.limit);
-                let (near, far) = if near_first {
-                    ((first, to_first), (second, to_second))
-                } else {
-                    ((second, to_second), (first, to_first))
-                };
+                let (near, far) = self.children(kernel, down.tree, at);
                 if kernel.not_above(&far.1, &self.limit) != 0 {
                     waiting[count] = far;
                     count += 1;
@@ -165,42 +138,47 @@ impl Group {
         }
     }
 
+    /// The children of an inner node with their bounds: the nearer one, then the other.
     #[inline(always)]
-    fn search_leaf<K: Kernel>(
-        &mut self,
-        kernel: K,
-        rotation: &Rotation,
+    fn children(
+        &self,
+        kernel: impl BoundKernel,
         tree: &Tree,
-        leaf: &Node,
-        mut open: u32,
-        wanted: Wanted,
-    ) {
+        parent: u32,
+    ) -> ((u32, Lanes), (u32, Lanes)) {
+        let (first, second) = (parent + 1, tree.nodes[parent as usize].second);
+        let to_first = kernel.box_bounds(&self.axes, &tree.nodes[first as usize]);
+        let to_second = kernel.box_bounds(&self.axes, &tree.nodes[second as usize]);
+        if sum(&to_first, &self.limit) <= sum(&to_second, &self.limit) {
+            ((first, to_first), (second, to_second))
+        } else {
+            ((second, to_second), (first, to_first))
+        }
+    }
+
+    /// Takes the `open` queries through the blocks of a leaf.
+    #[inline(always)]
+    fn search_leaf(&mut self, kernel: impl BoundKernel, down: &Search, leaf: &Node, mut open: u32) {
         while open != 0 {
             let lane = open.trailing_zeros() as usize;
             open &= open - 1;
             for block in leaf.first_block as usize..(leaf.first_block + leaf.blocks) as usize {
-                self.search_block(kernel, rotation, tree, block, lane, wanted);
+                self.search_block(kernel, down, block, lane);
             }
         }
     }
 
     /// Decides between the nearest of query `lane` so far and a block.
     #[inline(always)]
-    fn search_block<K: Kernel>(
-        &mut self,
-        kernel: K,
-        rotation: &Rotation,
-        tree: &Tree,
-        block: usize,
-        lane: usize,
-        wanted: Wanted,
-    ) {
+    fn search_block(&mut self, kernel: impl BoundKernel, down: &Search, block: usize, lane: usize) {
+        let tree = down.tree;
         let bounds = kernel.row_bounds(&self.axes, lane, &tree.blocks[block]);
         let mut open = kernel.not_above(&bounds, &[self.limit[lane]; WIDTH]);
         while open != 0 {
             let row = open.trailing_zeros() as usize;
             open &= open - 1;
             let slot = block * WIDTH + row;
+            // A row before it may have lowered the limit.
             if bounds[row] > self.limit[lane] || tree.index[slot] == NONE {
                 continue;
             }
@@ -209,13 +187,30 @@ impl Group {
                 && squared.is_finite()
             {
                 (self.squared[lane], self.nearest[lane]) = (squared, tree.index[slot]);
-                self.limit[lane] = match wanted {
-                    Wanted::Nearest => rotation.limit(squared),
+                self.limit[lane] = match down.wanted {
+                    Wanted::Nearest => down.rotation.limit(squared),
                     Wanted::Counterexample => OVER,
                 };
             }
         }
     }
+}
+
+dispatch! {
+    /// Finds what is wanted for all queries of a group.
+    pub(super) fn search(group: &mut Group, down: &Search) = search_plain, v3: search_v3;
+}
+
+/// [`search`] in the plain build.
+#[inline(always)]
+pub(super) fn search_plain(group: &mut Group, down: &Search) {
+    group.search_with(Portable, down);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
+fn search_v3(group: &mut Group, down: &Search) {
+    group.search_with(V3::here(), down);
 }
 
 /// The bounds of the queries that are not over.

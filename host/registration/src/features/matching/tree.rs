@@ -1,7 +1,6 @@
 //! Boxes in boxes around rotated features.
 
-use super::build::Build;
-use super::rotation::{AXES, Rotated, Rotation, takes_part};
+use super::rotation::{AXES, Rotated, takes_part};
 use super::row::{Row, WIDTH};
 use crate::features::DIMENSIONS;
 
@@ -43,17 +42,16 @@ pub(super) struct Node {
 }
 
 impl Tree {
-    /// Sorts the rows that are features.
-    pub(super) fn new(build: Build, rotation: &Rotation, rows: &[Row]) -> Self {
-        let rotated = rotation.rotate(build, rows);
+    /// Sorts the rows that are features; `rotated` has one for each.
+    pub(super) fn new(rows: &[Row], rotated: &[Rotated]) -> Self {
         // An index that is not a u32 could not be told either.
         let mut order: Vec<u32> =
             (0..NONE).zip(rows).filter(|(_, row)| takes_part(row)).map(|(i, _)| i).collect();
         let mut tree = Self::default();
         if !order.is_empty() {
-            tree.split(&rotated, &mut order, 0);
+            tree.split(rotated, &mut order, 0);
         }
-        tree.fill(rows, &rotated, &order);
+        tree.fill(rows, rotated, &order);
         tree
     }
 
