@@ -11,9 +11,9 @@ use std::sync::Arc;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use echoloop_dsp::{Echoes, Hardware, Pipeline, ScanPattern, Scratch, Settings};
-use echoloop_frontend::{Analog, Trigger};
+use echoloop_frontend::{Analog, Exposure, Trigger};
 use echoloop_frontend::{
-    NoiseKey, Receiver, Shot, WaveformFrontEnd, synthesise, synthesise_baseline,
+    Receiver, ShotBuffers, WaveformFrontEnd, noise_key, synthesise, synthesise_baseline,
 };
 use echoloop_frontend::{Return, SceneResponse};
 use echoloop_host::link::client::{Client, Patience};
@@ -42,13 +42,18 @@ fn returns(beam: u32) -> [Return; 2] {
     [strength(near), strength(near + 13.0)]
 }
 
+fn exposure<'a>(receiver: &'a Receiver, returns: &'a [Return], beam: u32) -> Exposure<'a> {
+    let key = noise_key(1, Trigger { frame: 0, beam, shot: 0 });
+    Exposure { receiver, analog: &ANALOG, returns, background: &[], key }
+}
+
 fn waveforms() -> Vec<Vec<u16>> {
-    let mut shot = Shot::default();
+    let mut buffers = ShotBuffers::default();
     (0..256)
         .map(|beam| {
             let mut codes = vec![0; SAMPLES];
-            let key = NoiseKey::new(1, Trigger { frame: 0, beam, shot: 0 });
-            synthesise(&Receiver::default(), &ANALOG, &returns(beam), key, &mut shot, &mut codes);
+            let (receiver, returns) = (Receiver::default(), returns(beam));
+            synthesise(&exposure(&receiver, &returns, beam), &mut buffers, &mut codes);
             codes
         })
         .collect()
@@ -86,7 +91,7 @@ fn pipeline(c: &mut Criterion) {
 
 fn front_end(c: &mut Criterion) {
     let receiver = Receiver::default();
-    let (mut shot, mut codes) = (Shot::default(), vec![0; SAMPLES]);
+    let (mut buffers, mut codes) = (ShotBuffers::default(), vec![0; SAMPLES]);
     let mut group = c.benchmark_group("front_end");
     group.throughput(Throughput::Elements(SAMPLES as u64));
     for (name, build) in
@@ -96,20 +101,14 @@ fn front_end(c: &mut Criterion) {
         group.bench_function(name, |b| {
             b.iter(|| {
                 beam += 1;
-                build(
-                    &receiver,
-                    &ANALOG,
-                    &returns(beam),
-                    NoiseKey::new(1, Trigger { frame: 0, beam, shot: 0 }),
-                    &mut shot,
-                    black_box(&mut codes),
-                );
+                let returns = returns(beam);
+                build(&exposure(&receiver, &returns, beam), &mut buffers, black_box(&mut codes));
             });
         });
     }
 }
 
-type Synthesise = fn(&Receiver, &Analog, &[Return], NoiseKey, &mut Shot, &mut [u16]);
+type Synthesise = fn(&Exposure<'_>, &mut ShotBuffers, &mut [u16]);
 
 fn scan(c: &mut Criterion) {
     let pattern = ScanPattern { columns: 250, rows: 128, ..ScanPattern::default() };

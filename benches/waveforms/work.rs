@@ -6,7 +6,9 @@ use echoloop_dsp::config::sample_period_fs;
 use echoloop_dsp::{Echoes, Hardware, Pipeline, Scratch, Settings};
 use echoloop_frontend::Return;
 use echoloop_frontend::{Analog, Trigger};
-use echoloop_frontend::{NoiseKey, Receiver, Shot, synthesise, synthesise_baseline};
+use echoloop_frontend::{
+    Exposure, Receiver, ShotBuffers, noise_key, synthesise, synthesise_baseline,
+};
 use echoloop_kernels::{process, process_baseline};
 
 use crate::Result;
@@ -32,11 +34,6 @@ pub(crate) fn returns(beam: u32, count: usize) -> impl Iterator<Item = Return> {
     })
 }
 
-/// The key of a beam's noise.
-fn key(beam: u32) -> NoiseKey {
-    NoiseKey::new(1, Trigger { frame: 0, beam, shot: 0 })
-}
-
 /// What the registers of a sensor with these settings hold.
 fn analog(settings: &Settings) -> Analog {
     let period_fs = sample_period_fs(settings.bins as u32, &Hardware::REFERENCE);
@@ -59,7 +56,7 @@ pub(crate) struct Stage {
     waveforms: Vec<Vec<u16>>,
     returns: Vec<Vec<Return>>,
     scratch: Scratch,
-    shot: Shot,
+    buffers: ShotBuffers,
     codes: Vec<u16>,
 }
 
@@ -79,7 +76,7 @@ impl Stage {
             waveforms: Vec::new(),
             returns: (0..BATCH as u32).map(|beam| returns(beam, count).collect()).collect(),
             scratch: Scratch::new(),
-            shot: Shot::default(),
+            buffers: ShotBuffers::default(),
             codes: vec![0; settings.bins as usize],
         };
         for beam in 0..BATCH {
@@ -132,15 +129,11 @@ impl Stage {
 
     fn synthesise(&mut self, build: Synthesise, beam: usize) {
         let returns = self.returns.get(beam).map_or(&[][..], Vec::as_slice);
-        build(
-            &self.receiver,
-            &self.analog,
-            returns,
-            key(beam as u32),
-            &mut self.shot,
-            black_box(&mut self.codes),
-        );
+        let key = noise_key(1, Trigger { frame: 0, beam: beam as u32, shot: 0 });
+        let (receiver, analog) = (&self.receiver, &self.analog);
+        let exposure = Exposure { receiver, analog, returns, background: &[], key };
+        build(&exposure, &mut self.buffers, black_box(&mut self.codes));
     }
 }
 
-type Synthesise = fn(&Receiver, &Analog, &[Return], NoiseKey, &mut Shot, &mut [u16]);
+type Synthesise = fn(&Exposure<'_>, &mut ShotBuffers, &mut [u16]);

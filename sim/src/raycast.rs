@@ -178,7 +178,7 @@ fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::random::Dice;
+    use echoloop_random::Generator;
 
     fn mesh(triangles: Vec<[[f32; 3]; 3]>) -> Mesh {
         Mesh {
@@ -188,12 +188,12 @@ mod tests {
         }
     }
 
-    fn point(dice: &mut Dice, half: f64) -> [f32; 3] {
-        std::array::from_fn(|_| dice.spread(half) as f32)
+    fn point(rng: &mut Generator, half: f64) -> [f32; 3] {
+        std::array::from_fn(|_| rng.spread(half) as f32)
     }
 
     /// A sphere of flat faces with shared corners, radius 10 m.
-    fn closed(dice: &mut Dice) -> Mesh {
+    fn closed(rng: &mut Generator) -> Mesh {
         let mut b = Mesh::default();
         let (columns, rows) = (24_u32, 12_u32);
         for j in 0..=rows {
@@ -203,7 +203,7 @@ mod tests {
                     f64::from(j) / 12.0 * std::f64::consts::PI,
                 );
                 let ring = if j == 0 || j == rows { 0.0 } else { libm::sin(polar) };
-                let r = if ring == 0.0 { 10.0 } else { 10.0 + dice.spread(0.5) };
+                let r = if ring == 0.0 { 10.0 } else { 10.0 + rng.spread(0.5) };
                 b.vertices.push(
                     [ring * libm::cos(turn), ring * libm::sin(turn), libm::cos(polar)]
                         .map(|x| (r * x) as f32),
@@ -222,11 +222,11 @@ mod tests {
 
     #[test]
     fn the_nearest_hit_is_the_one_brute_force_finds() {
-        let mut dice = Dice::new(11, 0);
+        let mut rng = Generator::new(11, 0);
         let soup = (0..300).map(|_| {
-            let centre = point(&mut dice, 10.0);
+            let centre = point(&mut rng, 10.0);
             [0; 3].map(|_| {
-                let p = point(&mut dice, 4.0);
+                let p = point(&mut rng, 4.0);
                 std::array::from_fn(|i| centre[i] + p[i])
             })
         });
@@ -234,7 +234,7 @@ mod tests {
         let caster = Raycaster::over(&mesh);
         let mut hits = 0;
         for _ in 0..5000 {
-            let (origin, direction) = (point(&mut dice, 12.0), dice.direction().map(|x| x as f32));
+            let (origin, direction) = (point(&mut rng, 12.0), rng.direction().map(|x| x as f32));
             let sheared = Sheared::new(origin, direction);
             let ranges = (0..300).map(|t| sheared.meets(&mesh.corners(t)));
             let nearest = ranges.fold(f32::INFINITY, f32::min);
@@ -247,16 +247,16 @@ mod tests {
 
     #[test]
     fn no_ray_leaks_out_of_a_closed_shape() {
-        let mut dice = Dice::new(12, 0);
-        let mesh = closed(&mut dice);
+        let mut rng = Generator::new(12, 0);
+        let mesh = closed(&mut rng);
         let caster = Raycaster::over(&mesh);
         for k in 0..200_000 {
-            let origin = point(&mut dice, 3.0);
+            let origin = point(&mut rng, 3.0);
             // Every other ray aims at a corner or the middle of an edge, where gaps would be.
             let direction = if k % 2 == 0 {
-                dice.direction().map(|x| x as f32)
+                rng.direction().map(|x| x as f32)
             } else {
-                let [a, b, _] = mesh.corners(dice.index(mesh.triangles.len()));
+                let [a, b, _] = mesh.corners(rng.index(mesh.triangles.len()));
                 let target =
                     if k % 4 == 1 { a } else { std::array::from_fn(|i| 0.5 * (a[i] + b[i])) };
                 let way = difference(target, origin);

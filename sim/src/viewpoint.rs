@@ -5,7 +5,7 @@ use thiserror::Error;
 
 use crate::raycast::Raycaster;
 use crate::scene::Scene;
-use crate::scene::random::Dice;
+use echoloop_random::Generator;
 
 mod ground;
 mod split;
@@ -135,7 +135,7 @@ pub fn sample_pairs(
         rejected: Rejections::default(),
         // Train and test draw from streams of their own, so that one's count does not move the
         // other's poses.
-        dice: Dice::new(plan.seed, 100 + plan.split as u64),
+        rng: Generator::new(plan.seed, 100 + plan.split as u64),
     };
     let attempts = plan.count * ATTEMPTS_A_PAIR;
     let pairs: Vec<PosePair> =
@@ -205,7 +205,7 @@ struct Search<'a> {
     ground: GroundMap,
     territory: Territory,
     rejected: Rejections,
-    dice: Dice,
+    rng: Generator,
 }
 
 impl Search<'_> {
@@ -227,16 +227,16 @@ impl Search<'_> {
 
     fn draw(&mut self) -> Draft {
         let (low, high) = self.area;
-        let at = [0, 1].map(|i| self.dice.range(f64::from(low[i]), f64::from(high[i])));
+        let at = [0, 1].map(|i| self.rng.range(f64::from(low[i]), f64::from(high[i])));
         let reach = self.plan.heading_range_deg.to_radians();
         let tilt = self.plan.tilt_range_deg.to_radians();
-        let heading = self.dice.turn();
-        let way = heading + self.dice.spread(reach);
+        let heading = self.rng.turn();
+        let way = heading + self.rng.spread(reach);
         let step = [libm::cos(way), libm::sin(way)].map(|x| x * self.plan.baseline_m);
         Draft {
             places: [at, [at[0] + step[0], at[1] + step[1]]],
-            headings: [heading, heading + self.dice.spread(reach)],
-            tilts: [0; 2].map(|_| [0; 2].map(|_| self.dice.spread(tilt))),
+            headings: [heading, heading + self.rng.spread(reach)],
+            tilts: [0; 2].map(|_| [0; 2].map(|_| self.rng.spread(tilt))),
         }
     }
 

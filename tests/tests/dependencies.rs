@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Each crate of ours, its folder, and those of ours that it may name in its dependencies.
-const ALLOWED: [(&str, &str, &[&str]); 15] = [
+const ALLOWED: [(&str, &str, &[&str]); 16] = [
     ("echoloop-dsp", "firmware/dsp", &[]),
     ("echoloop-dispatch", "host/dispatch", &[]),
+    ("echoloop-random", "host/random", &[]),
     ("echoloop-kernels", "firmware/kernels", &["echoloop-dispatch", "echoloop-dsp"]),
     ("echoloop-link", "firmware/link", &["echoloop-dsp"]),
     ("echoloop-sensor", "firmware/sensor", &["echoloop-dsp", "echoloop-link"]),
@@ -17,8 +18,8 @@ const ALLOWED: [(&str, &str, &[&str]); 15] = [
         &["echoloop-dsp", "echoloop-kernels", "echoloop-link", "echoloop-sensor"],
     ),
     ("echoloop-registration", "host/registration", &["echoloop-dispatch"]),
-    ("echoloop-frontend", "host/frontend", &["echoloop-dispatch"]),
-    ("echoloop-cmaes", "host/cmaes", &[]),
+    ("echoloop-frontend", "host/frontend", &["echoloop-dispatch", "echoloop-random"]),
+    ("echoloop-cmaes", "host/cmaes", &["echoloop-random"]),
     (
         "echoloop-sim",
         "sim",
@@ -45,6 +46,7 @@ const LIBRARIES: &[&str] = &[
     "echoloop-frontend",
     "echoloop-kernels",
     "echoloop-link",
+    "echoloop-random",
     "echoloop-registration",
     "echoloop-sensor",
     "echoloop-sim",
@@ -59,6 +61,7 @@ const PROGRAM: &[&str] = &[
     "echoloop-host",
     "echoloop-kernels",
     "echoloop-link",
+    "echoloop-random",
     "echoloop-registration",
     "echoloop-sensor",
     "echoloop-sim",

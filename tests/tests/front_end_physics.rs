@@ -661,25 +661,21 @@ fn shaking_spreads_the_points_of_a_wall_and_differs_from_scan_to_scan() {
 
 #[test]
 fn with_every_switch_off_the_codes_are_those_of_the_plain_front_end() {
-    use echoloop_frontend::{NoiseKey, Shot, synthesise};
+    use echoloop_frontend::{Exposure, ShotBuffers, before_the_trigger, noise_key, synthesise};
     let returns = [wall(12.0, 0.1), wall(60.0, 0.3)];
     let receiver = Config::default().front_end();
     let mut front_end = WaveformFrontEnd::new(receiver, one_beam(&returns), 5);
     let analog = Analog { pre_trigger: 64, ..ANALOG };
     for frame in 0..50 {
         let trigger = Trigger { frame, beam: 0, shot: 0 };
-        let key = NoiseKey::new(5, trigger);
+        let key = noise_key(5, trigger);
         let (mut before, mut window) = (vec![0; 64], vec![0; 800]);
         let plain = Receiver::default();
-        synthesise(
-            &plain,
-            &analog,
-            &[],
-            key.before_the_trigger(),
-            &mut Shot::default(),
-            &mut before,
-        );
-        synthesise(&plain, &analog, &returns, key, &mut Shot::default(), &mut window);
+        let in_window =
+            Exposure { receiver: &plain, analog: &analog, returns: &returns, background: &[], key };
+        let earlier = Exposure { returns: &[], key: before_the_trigger(key), ..in_window };
+        synthesise(&earlier, &mut ShotBuffers::default(), &mut before);
+        synthesise(&in_window, &mut ShotBuffers::default(), &mut window);
         let codes = shot(&mut front_end, &analog, frame, 800);
         assert_eq!((&codes[..64], &codes[64..]), (&before[..], &window[..]));
     }

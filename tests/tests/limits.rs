@@ -12,7 +12,7 @@ use echoloop_dsp::settings::{
 };
 use echoloop_dsp::{Echo, Flags, Hardware, PRE_TRIGGER, Pipeline, Scratch, Settings};
 use echoloop_frontend::{Analog, Trigger};
-use echoloop_frontend::{NoiseKey, Receiver, Shot, WaveformFrontEnd, synthesise};
+use echoloop_frontend::{Exposure, Receiver, ShotBuffers, WaveformFrontEnd, noise_key, synthesise};
 use echoloop_frontend::{Return, SceneResponse};
 use echoloop_host::link::client::{Client, Patience};
 use echoloop_host::link::transport::InProcess;
@@ -124,7 +124,7 @@ struct Sensor {
     analog: Analog,
     pipeline: Pipeline,
     scratch: Scratch,
-    shot: Shot,
+    buffers: ShotBuffers,
     codes: Vec<u16>,
 }
 
@@ -148,9 +148,21 @@ impl Sensor {
             analog,
             pipeline,
             scratch: Scratch::new(),
-            shot: Shot::default(),
+            buffers: ShotBuffers::default(),
             codes,
         }
+    }
+
+    /// The waveform of a wall.
+    fn expose(&mut self, wall: Return, beam: u32) {
+        let exposure = Exposure {
+            receiver: &self.receiver,
+            analog: &self.analog,
+            returns: &[wall],
+            background: &[],
+            key: noise_key(5, Trigger { frame: 0, beam, shot: 0 }),
+        };
+        synthesise(&exposure, &mut self.buffers, &mut self.codes);
     }
 
     /// The echo of a wall of one albedo, square to the beam, and its range error, mm.
@@ -159,8 +171,7 @@ impl Sensor {
             range_m: range_m as f32,
             strength_per_m2: (albedo / PI / range_m / range_m) as f32,
         };
-        let key = NoiseKey::new(5, Trigger { frame: 0, beam, shot: 0 });
-        synthesise(&self.receiver, &self.analog, &[wall], key, &mut self.shot, &mut self.codes);
+        self.expose(wall, beam);
         let echoes = echoloop_kernels::process(&self.pipeline, &self.codes, &mut self.scratch);
         let echo = *echoes.first()?;
         Some((echo, echo.range_m() * 1e3 - f64::from(wall.range_m) * 1e3))
@@ -640,15 +651,7 @@ fn a_bright_or_clipped_wall_is_one_echo_however_many_are_asked_for() {
             for beam in 0..200 {
                 let wall =
                     Return { range_m: 60.0, strength_per_m2: (albedo / PI / 3_600.0) as f32 };
-                let key = NoiseKey::new(5, Trigger { frame: 0, beam, shot: 0 });
-                synthesise(
-                    &sensor.receiver,
-                    &sensor.analog,
-                    &[wall],
-                    key,
-                    &mut sensor.shot,
-                    &mut sensor.codes,
-                );
+                sensor.expose(wall, beam);
                 let echoes =
                     echoloop_kernels::process(&sensor.pipeline, &sensor.codes, &mut sensor.scratch);
                 let near = echoes.iter().filter(|echo| (echo.range_m() - 60.0).abs() < 5.0); // one in 800 ns is noise

@@ -1,10 +1,10 @@
 //! Drops and flakes near the sensor, one by one.
 
-use crate::{OVERLAP_M, Return};
+use crate::light::{OVERLAP_M, Return};
 
-use super::counter::Stream;
-use super::shares::Shares;
-use super::weather::Air;
+use crate::shares::Shares;
+use crate::weather::Air;
+use echoloop_random::Stream;
 
 /// A length of beam that holds more particles than this on average is a continuous medium …
 const CROWD: f64 = 4.0;
@@ -25,17 +25,17 @@ const FARTHEST_M: f64 = 60.0;
 /// return β. One cannot return more than a beam that it fills. Particles behind a surface are dark;
 /// all shots of a beam in a scan meet the same.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Hydrometeors {
+pub(crate) struct Hydrometeors {
     air: Air,
     /// θ_az·θ_el.
     solid_angle_sr: f64,
     /// Where the continuous medium begins, m.
-    pub(super) reach_m: f64,
+    pub(crate) reach_m: f64,
 }
 
 impl Hydrometeors {
     /// Those of this air in a beam of this divergence.
-    pub(super) fn new(air: Air, divergence_mrad: [f64; 2]) -> Self {
+    pub(crate) fn new(air: Air, divergence_mrad: [f64; 2]) -> Self {
         let solid_angle_sr = divergence_mrad[0] * divergence_mrad[1] * 1e-6;
         let per_m3 = air.particles_per_m3 * solid_angle_sr;
         let reach_m =
@@ -44,7 +44,7 @@ impl Hydrometeors {
     }
 
     /// Appends the particles of one beam, the nearest first, as far as they are lit.
-    pub(super) fn add(&self, stream: Stream, returns: &mut Vec<Return>) {
+    pub(crate) fn add(&self, stream: Stream, returns: &mut Vec<Return>) {
         let per_m3 = self.air.particles_per_m3 * self.solid_angle_sr / 3.0;
         if self.reach_m == 0.0 {
             return;
@@ -58,7 +58,7 @@ impl Hydrometeors {
                 return;
             }
             let open =
-                returns.get(..surfaces).map_or(1.0, |list| Shares::of(list).open_at(range_m));
+                returns.get(..surfaces).map_or(1.0, |list| Shares::new(list).open_at(range_m));
             if stream.uniform(index + 1) < open {
                 let strength_per_m2 =
                     self.strength_per_m2(range_m, stream.exponential(index + 2)) as f32;
@@ -82,9 +82,9 @@ impl Hydrometeors {
 
 #[cfg(test)]
 mod tests {
-    use super::super::counter::Purpose;
-    use super::super::weather::{Precipitation, Weather};
     use super::*;
+    use crate::noise::Purpose;
+    use crate::weather::{Precipitation, Weather};
 
     const BEAMS: u64 = 20_000;
 
@@ -95,7 +95,7 @@ mod tests {
 
     fn drops(rain: &Hydrometeors, beam: u64, surfaces: &[Return]) -> Vec<Return> {
         let mut returns = surfaces.to_vec();
-        rain.add(Stream::of(5, Purpose::Hydrometeors, beam), &mut returns);
+        rain.add(Purpose::Hydrometeors.for_number(5, beam), &mut returns);
         returns.split_off(surfaces.len())
     }
 

@@ -1,133 +1,70 @@
-//! The waveform front end: what the detector and the converter make of the light that comes back.
+//! The waveform front end: from the light that comes back to the codes of a converter.
 //!
-//! Emission, receiver equation, shot and amplifier noise, analog clip and ADC. It sits behind the
-//! sensor's virtual buses: power, width, gain and clock reach it only through the registers that
-//! the firmware writes.
+//! ```
+//! use echoloop_frontend::*;
+//!
+//! let analog = Analog {
+//!     power_w: 75.0,
+//!     pulse_width_ns: 5.0,
+//!     gain_db: 0.0,
+//!     sample_period_ns: 1.0,
+//!     delay_ns: 0.0,
+//!     pre_trigger: 0,
+//! };
+//! let range_m = 45.0_f32; // a wall of reflectance 0.1, square to the beam
+//! let wall = Return { range_m, strength_per_m2: 0.1 / std::f32::consts::PI / range_m.powi(2) };
+//! let exposure = Exposure {
+//!     receiver: &Receiver::default(),
+//!     analog: &analog,
+//!     returns: &[wall],
+//!     background: &[],
+//!     key: noise_key(1, Trigger { frame: 0, beam: 0, shot: 0 }),
+//! };
+//! let mut codes = vec![0; 400];
+//! synthesise(&exposure, &mut ShotBuffers::default(), &mut codes);
+//! let peak = (0..400).max_by_key(|&n| codes[n]).expect("400 samples");
+//! assert!((303..=307).contains(&peak)); // 2R/c = 300 ns, and half the pulse
+//! ```
+//!
+//! | stage | where |
+//! |---|---|
+//! | what a scene sends back, by beam | [`SceneResponse`], [`Return`] |
+//! | fog, rain, snow: extinction, drops, backscatter | [`Weather`] |
+//! | pulse, receiver equation, ambient light | [`Receiver`] |
+//! | shot and amplifier noise, gain, clip, overload, converter | [`synthesise`] |
+//! | dead and weak channels, jitter | [`Channel`], [`Receiver`] |
+//! | all of it behind a sensor's registers | [`WaveformFrontEnd`] |
+//! | photon counts in arbitrary units, for comparisons | [`litl`] |
+//!
+//! Every sample is a pure function of seed, scan, beam and shot: the same on any number of threads.
+//! The equations and their sources are in docs/physics.md, the switches in docs/front-end.md.
 
+mod adc;
+mod aerosol;
+mod backscatter;
 mod board;
-mod counter;
-mod haze;
+mod channel;
+mod exposure;
 mod hydrometeors;
 mod light;
 pub mod litl;
+mod litl_units;
+mod mode;
 mod noise;
-mod overload;
+mod pulse;
 mod receiver;
 mod shares;
-mod shot;
-mod soft;
 mod synthesis;
+mod waveform_front_end;
 mod weather;
 
-use std::sync::Arc;
-
-use counter::Purpose;
-use haze::{Haze, Light};
-use synthesis::synthesise_over;
-
 pub use board::{Analog, FrontEnd, Trigger};
-pub use counter::Stream;
+pub use channel::Channel;
+pub use exposure::{Exposure, ShotBuffers};
 pub use light::{OVERLAP_M, Return, SceneResponse};
-pub use litl::Mode;
-pub use noise::{NoiseKey, normals, splitmix64};
+pub use mode::Mode;
+pub use noise::{before_the_trigger, noise_key, shaking};
 pub use receiver::{OpticsError, Receiver};
-pub use shot::Channel;
-pub use synthesis::{Shot, synthesise, synthesise_baseline};
+pub use synthesis::{synthesise, synthesise_baseline};
+pub use waveform_front_end::WaveformFrontEnd;
 pub use weather::{Air, Precipitation, Weather};
-
-/// A front end that looks at one scene response.
-#[derive(Clone, Debug)]
-pub struct WaveformFrontEnd {
-    receiver: Receiver,
-    scene: Arc<SceneResponse>,
-    seed: u64,
-    shot: Shot,
-    haze: Option<Box<Haze>>,
-}
-
-impl WaveformFrontEnd {
-    /// A front end; `seed` decides all of its noise, together with scan and beam.
-    pub fn new(receiver: Receiver, scene: Arc<SceneResponse>, seed: u64) -> Self {
-        let haze = Haze::before(&receiver).map(Box::new);
-        // The air's α is a matter of every return: worked out once.
-        let extinction_per_m = receiver.extinction_per_m();
-        let receiver = Receiver { extinction_per_m, weather: Weather::default(), ..receiver };
-        Self { receiver, scene, seed, shot: Shot::default(), haze }
-    }
-
-    /// Looks at another scene from now on.
-    pub fn look_at(&mut self, scene: Arc<SceneResponse>, seed: u64) {
-        (self.scene, self.seed) = (scene, seed);
-    }
-
-    /// Renders one waveform; `light` is what comes back: returns, and a background.
-    fn render(
-        &mut self,
-        analog: &Analog,
-        trigger: Trigger,
-        when: When,
-        light: Light<'_>,
-        codes: &mut [u16],
-    ) {
-        let (receiver, shot) = (&self.receiver, &mut self.shot);
-        let window = NoiseKey::new(self.seed, trigger);
-        let (key, photons) = match when {
-            When::Before => (window.before_the_trigger(), Purpose::PhotonsBefore),
-            When::Window => (window, Purpose::Photons),
-        };
-        match receiver.mode {
-            Mode::Physical => {
-                synthesise_over(receiver, analog, light.returns, light.background, key, shot, codes)
-            }
-            Mode::LitlCompat => {
-                let photons = Stream::of_shot(self.seed, photons, trigger);
-                litl::synthesise(
-                    receiver,
-                    analog,
-                    light.returns,
-                    light.background,
-                    key,
-                    photons,
-                    shot,
-                    codes,
-                );
-            }
-        }
-    }
-}
-
-/// Before the shot, or after it.
-#[derive(Clone, Copy)]
-enum When {
-    Before,
-    Window,
-}
-
-impl FrontEnd for WaveformFrontEnd {
-    fn adc_bits(&self) -> u32 {
-        self.receiver.adc_bits
-    }
-
-    fn capture(&mut self, analog: &Analog, trigger: Trigger, codes: &mut [u16]) {
-        let Some(analog) = self.receiver.hear(analog, self.seed, trigger) else {
-            return codes.fill(0);
-        };
-        let (before, window) = codes.split_at_mut(analog.pre_trigger.min(codes.len()));
-        self.render(&analog, trigger, When::Before, Light::default(), before);
-        let scene = Arc::clone(&self.scene);
-        let returns = scene.of(trigger.beam as usize);
-        // Taken out so that it can be lent beside the rest.
-        let Some(mut haze) = self.haze.take() else {
-            return self.render(
-                &analog,
-                trigger,
-                When::Window,
-                Light { returns, background: &[] },
-                window,
-            );
-        };
-        let light = haze.fill(&self.receiver, &analog, returns, (self.seed, trigger), window.len());
-        self.render(&analog, trigger, When::Window, light, window);
-        self.haze = Some(haze);
-    }
-}

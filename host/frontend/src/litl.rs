@@ -6,72 +6,32 @@
 //! here ambient light does not grow with range, counts are quantised at the converter, and every
 //! count has a seed.
 
-use std::f64::consts::PI;
+use echoloop_random::{Stream, normals};
 
-use crate::Analog;
-use crate::Return;
-use serde::{Deserialize, Serialize};
+use crate::adc::ROUND;
+use crate::exposure::{Exposure, ShotBuffers};
+use crate::pulse::add_pulse;
 
-use super::counter::Stream;
-use super::noise::{NoiseKey, normals};
-use super::receiver::Receiver;
-use super::synthesis::{ROUND, Shot, add_pulse};
-
-/// What the waveforms are made of.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Mode {
-    /// Optical power, currents, shot noise and amplifier noise.
-    #[default]
-    Physical,
-    /// Arbitrary units and Poisson noise.
-    LitlCompat,
-}
-
-/// Power of the preset; what the laser of [`POWER_W`] stands for.
-pub const POWER: f64 = 200.0;
-/// The laser's default power, W: other settings scale [`POWER`].
-pub const POWER_W: f64 = 75.0;
-/// Units at which a waveform saturates: full scale of the converter.
-pub const SATURATION: f64 = 1_000.0;
-/// Units of light that is always there; also that simulator's threshold, so `lidar.noise_floor`
-/// 0.001 is its preset.
-pub const NOISE_FLOOR: f64 = 1.0;
-/// Units of signal per unit of power and of ρ cosθ / R², m². Our choice, since no source gives it:
-/// ρ = 0.1 peaks at the noise floor at 120 m, the end of the preset's window, 2400 bins from 1 m
-/// on. ρ = 0.1 then saturates inside 3.8 m.
-pub const SCALE_M2: f64 = NOISE_FLOOR * 120.0 * 120.0 / (0.1 * POWER);
+pub use crate::litl_units::*;
 
 /// Means from here on are drawn from a corrected normal distribution; below, counts are exact.
 const MANY: f64 = 64.0;
 
-/// Units of a return of strength 1/m² at this power, without air.
-pub(super) fn units(power_w: f64) -> f64 {
-    power_w / POWER_W * POWER * SCALE_M2 * PI
-}
-
-/// Fills `codes` with the waveform of one shot in the compatibility mode; `background` is light in
-/// units that is there besides.
+/// Fills `codes` with the waveform of one shot in the compatibility mode; the background is
+/// light in units.
 ///
 /// ```text
 /// λ[n] = ambient + Σ P · K · (Σ_k w_k ρ_k cosθ_k ξ / R_k²) · e^(−2αR) · sin²(π(t − 2R/c) / 2W)
 /// x[n] = clip( round( 2^b · min(G · Poisson(λ[n]), saturation) / saturation ), 0, 2^b − 1 )
 /// ```
-#[expect(
-    clippy::too_many_arguments,
-    reason = "as `synthesise`, with what a Poisson draw needs besides"
-)]
-pub(super) fn synthesise(
-    receiver: &Receiver,
-    analog: &Analog,
-    returns: &[Return],
-    background: &[f32],
-    key: NoiseKey,
+pub(crate) fn synthesise(
+    exposure: &Exposure<'_>,
     photons: Stream,
-    shot: &mut Shot,
+    buffers: &mut ShotBuffers,
     codes: &mut [u16],
 ) {
-    let (signal, normal) = shot.begin(codes.len(), background);
+    let Exposure { receiver, analog, returns, background, key } = *exposure;
+    let (signal, normal) = buffers.begin(codes.len(), background);
     let unit = units(analog.power_w);
     for echo in returns {
         let range_m = f64::from(echo.range_m);
@@ -108,10 +68,14 @@ fn poisson(mean: f64, normal: f64, uniform: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use crate::Trigger;
+    use std::f64::consts::PI;
 
-    use super::super::counter::Purpose;
     use super::*;
+    use crate::board::{Analog, Trigger};
+    use crate::light::Return;
+    use crate::mode::Mode;
+    use crate::noise::{Purpose, noise_key};
+    use crate::receiver::Receiver;
 
     const ANALOG: Analog = Analog {
         power_w: 75.0,
@@ -127,20 +91,13 @@ mod tests {
     fn statistics(analog: &Analog, returns: &[Return]) -> Vec<(f64, f64)> {
         let receiver = Receiver { mode: Mode::LitlCompat, adc_bits: 14, ..Receiver::default() };
         let mut sums = vec![(0.0, 0.0); 300];
-        let (mut shot, mut codes) = (Shot::default(), vec![0; 300]);
+        let (mut buffers, mut codes) = (ShotBuffers::default(), vec![0; 300]);
         for beam in 0..SHOTS {
             let trigger = Trigger { frame: 0, beam, shot: 0 };
-            let photons = Stream::of_shot(3, Purpose::Photons, trigger);
-            synthesise(
-                &receiver,
-                analog,
-                returns,
-                &[],
-                NoiseKey::new(3, trigger),
-                photons,
-                &mut shot,
-                &mut codes,
-            );
+            let photons = Purpose::Photons.for_shot(3, trigger);
+            let key = noise_key(3, trigger);
+            let exposure = Exposure { receiver: &receiver, analog, returns, background: &[], key };
+            synthesise(&exposure, photons, &mut buffers, &mut codes);
             for (sum, &code) in sums.iter_mut().zip(&codes) {
                 let units = f64::from(code) * SATURATION / 16_384.0;
                 *sum = (sum.0 + units, sum.1 + units * units);
@@ -198,7 +155,7 @@ mod tests {
     #[test]
     fn a_small_count_is_poisson_to_each_of_its_values() {
         for mean in [0.3, 1.0, 7.5, 63.9] {
-            let stream = Stream::of(1, Purpose::Photons, 0);
+            let stream = Purpose::Photons.for_number(1, 0);
             let mut seen = vec![0_u32; 200];
             for i in 0..100_000 {
                 seen[poisson(mean, 0.0, stream.uniform(i)) as usize] += 1;

@@ -5,8 +5,9 @@ use std::f64::consts::{FRAC_PI_4, PI};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::litl::{self, Mode};
-use super::weather::{Air, Weather};
+use crate::litl_units as litl;
+use crate::mode::Mode;
+use crate::weather::{Air, Weather};
 
 const ELEMENTARY_CHARGE_C: f64 = 1.602_176_634e-19;
 const PLANCK_J_S: f64 = 6.626_070_15e-34;

@@ -1,6 +1,6 @@
 //! How much of a beam ends at which surface.
 
-use crate::{OVERLAP_M, Return};
+use crate::light::{OVERLAP_M, Return};
 
 /// Shares of a beam's light by where it ends.
 ///
@@ -8,23 +8,23 @@ use crate::{OVERLAP_M, Return};
 /// estimated as `strength · R² / ξ(R)`, normalised: exact where a beam's surfaces are alike. A beam
 /// without returns goes on for ever; one with returns ends at the last.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Shares<'a> {
+pub(crate) struct Shares<'a> {
     returns: &'a [Return],
     total: f64,
 }
 
 impl<'a> Shares<'a> {
-    pub(super) fn of(returns: &'a [Return]) -> Self {
+    pub(crate) fn new(returns: &'a [Return]) -> Self {
         Self { returns, total: returns.iter().map(weight).sum() }
     }
 
     /// Range and share of every return, the nearest first.
-    pub(super) fn taken(self) -> impl Iterator<Item = (f64, f64)> + 'a {
+    pub(crate) fn taken(self) -> impl Iterator<Item = (f64, f64)> + 'a {
         self.returns.iter().map(move |r| (f64::from(r.range_m), weight(r) / self.total))
     }
 
     /// Range of every return, and the share of the beam that gets as far.
-    pub(super) fn steps(self) -> impl Iterator<Item = (f64, f64)> + 'a {
+    pub(crate) fn steps(self) -> impl Iterator<Item = (f64, f64)> + 'a {
         let mut open = 1.0;
         self.taken().map(move |(range_m, share)| {
             let before = open;
@@ -34,12 +34,12 @@ impl<'a> Shares<'a> {
     }
 
     /// Share that gets beyond all returns.
-    pub(super) fn beyond(self) -> f64 {
+    pub(crate) fn beyond(self) -> f64 {
         if self.returns.is_empty() { 1.0 } else { 0.0 }
     }
 
     /// Share that gets as far as this.
-    pub(super) fn open_at(self, range_m: f64) -> f64 {
+    pub(crate) fn open_at(self, range_m: f64) -> f64 {
         self.steps().find(|(end_m, _)| range_m < *end_m).map_or(self.beyond(), |(_, open)| open)
     }
 }
@@ -63,10 +63,10 @@ mod tests {
             strength_per_m2: share * 0.1 / (range_m * range_m),
         };
         let returns = [at(5.0, 0.25), at(20.0, 0.75)];
-        let shares = Shares::of(&returns);
+        let shares = Shares::new(&returns);
         for (range_m, open) in [(1.0, 1.0), (6.0, 0.75), (30.0, 0.0)] {
             assert!((shares.open_at(range_m) - open).abs() < 1e-6, "{range_m} m");
         }
-        assert_eq!(Shares::of(&[]).open_at(500.0), 1.0);
+        assert_eq!(Shares::new(&[]).open_at(500.0), 1.0);
     }
 }

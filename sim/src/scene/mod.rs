@@ -3,10 +3,10 @@
 mod material;
 mod mesh;
 mod parts;
-pub(crate) mod random;
 mod semi_structured;
 mod structured;
 mod unstructured;
+pub(crate) mod value_noise;
 
 use std::fmt;
 use std::str::FromStr;

@@ -10,7 +10,8 @@ use super::parts::street::{bench, lamp, pickets, sign};
 use super::parts::terrain::{ground, rock};
 use super::parts::vehicle::car;
 use super::parts::{Builder, Frame, Point};
-use super::random::{Dice, Noise};
+use super::value_noise::Noise;
+use echoloop_random::Generator;
 
 /// Half the side of the suburb, metres.
 const HALF_M: f64 = 80.0;
@@ -31,32 +32,32 @@ struct Suburb {
 }
 
 pub(crate) fn generate(seed: u64) -> (Mesh, f32) {
-    let mut dice = Dice::new(seed, 2);
-    let suburb = Suburb::new(seed, &mut dice);
+    let mut rng = Generator::new(seed, 2);
+    let suburb = Suburb::new(seed, &mut rng);
     let mut b = Builder::default();
     let height = |x: f64, y: f64| suburb.height(x, y);
     ground(&mut b, HALF_M, 1.1, 64.0, &height, |x, y| suburb.surface(x, y));
     for lane in 0..suburb.lanes.len() {
         for side in [-1.0, 1.0] {
-            suburb.plots(&mut b, lane, side, &mut dice);
+            suburb.plots(&mut b, lane, side, &mut rng);
         }
-        suburb.lamps(&mut b, lane, &mut dice);
+        suburb.lamps(&mut b, lane, &mut rng);
     }
-    suburb.commons(&mut b, &mut dice);
-    suburb.tufts(&mut b, &mut dice);
+    suburb.commons(&mut b, &mut rng);
+    suburb.tufts(&mut b, &mut rng);
     (b.finish(), (HALF_M - RIM_M) as f32)
 }
 
 impl Suburb {
-    fn new(seed: u64, dice: &mut Dice) -> Self {
-        let first = -40.0 + dice.spread(5.0);
+    fn new(seed: u64, rng: &mut Generator) -> Self {
+        let first = -40.0 + rng.spread(5.0);
         Self {
             relief: Noise { seed, scale_m: 70.0, octaves: 4 },
-            slope: [dice.spread(0.04), dice.spread(0.04)],
-            lanes: vec![first, first + dice.range(76.0, 84.0)],
-            swing: dice.range(2.0, 5.0),
-            phase: dice.turn(),
-            cross_x: dice.spread(25.0),
+            slope: [rng.spread(0.04), rng.spread(0.04)],
+            lanes: vec![first, first + rng.range(76.0, 84.0)],
+            swing: rng.range(2.0, 5.0),
+            phase: rng.turn(),
+            cross_x: rng.spread(25.0),
         }
     }
 
@@ -88,13 +89,13 @@ impl Suburb {
     }
 
     /// Plots along one side of a lane.
-    fn plots(&self, b: &mut Builder, lane: usize, side: f64, dice: &mut Dice) {
+    fn plots(&self, b: &mut Builder, lane: usize, side: f64, rng: &mut Generator) {
         let mut x = -HALF_M + 2.0;
         while x < HALF_M - 18.0 {
-            let width = dice.range(17.0, 24.0);
+            let width = rng.range(17.0, 24.0);
             let middle = x + 0.5 * width;
             if (middle - self.cross_x).abs() > 0.5 * width + LANE_M {
-                self.plot(b, lane, side, middle, width, dice);
+                self.plot(b, lane, side, middle, width, rng);
             }
             x += width;
         }
@@ -108,47 +109,40 @@ impl Suburb {
         side: f64,
         middle: f64,
         width: f64,
-        dice: &mut Dice,
+        rng: &mut Generator,
     ) {
         let front = self.lane_y(lane, middle) + side * (LANE_M + 2.2 + 0.1 * self.swing);
         let plot = Frame::new([middle, front, 0.0], if side > 0.0 { 0.0 } else { PI });
-        let depth = dice.range(26.0, 31.0);
+        let depth = rng.range(26.0, 31.0);
         let stand = |x: f64, y: f64, yaw: f64| {
             let p = plot.at([x, y, 0.0]);
             let turn = yaw + if side > 0.0 { 0.0 } else { PI };
             Frame::new(self.point(p[0], p[1]), turn)
         };
-        let house = cottage(width, dice);
-        let set_back = dice.range(5.0, 9.0) + 0.5 * house.depth_m;
-        house.build(b, &stand(1.5, set_back, dice.spread(0.12)), dice);
+        let house = cottage(width, rng);
+        let set_back = rng.range(5.0, 9.0) + 0.5 * house.depth_m;
+        house.build(b, &stand(1.5, set_back, rng.spread(0.12)), rng);
         let drive = -0.5 * width + 2.6;
-        if dice.chance(0.75) {
-            car(b, &stand(drive, dice.range(2.8, 6.0), 0.5 * PI + dice.spread(0.1)), dice);
+        if rng.chance(0.75) {
+            car(b, &stand(drive, rng.range(2.8, 6.0), 0.5 * PI + rng.spread(0.1)), rng);
         }
-        if dice.chance(0.5) {
-            garage(dice).build(b, &stand(drive, set_back + 4.0, 0.0), dice);
+        if rng.chance(0.5) {
+            garage(rng).build(b, &stand(drive, set_back + 4.0, 0.0), rng);
         }
-        self.borders(b, &plot, width, depth, dice);
-        self.garden(b, &plot, width, [set_back + 0.5 * house.depth_m + 2.0, depth - 1.5], dice);
-        if dice.chance(0.6) {
-            let at = plot.at([dice.range(1.0, 0.5 * width - 2.0), dice.range(1.5, 3.0), 0.0]);
-            garden_tree(b, self.point(at[0], at[1]), dice);
+        self.borders(b, &plot, width, depth, rng);
+        self.garden(b, &plot, width, [set_back + 0.5 * house.depth_m + 2.0, depth - 1.5], rng);
+        if rng.chance(0.6) {
+            let at = plot.at([rng.range(1.0, 0.5 * width - 2.0), rng.range(1.5, 3.0), 0.0]);
+            garden_tree(b, self.point(at[0], at[1]), rng);
         }
         for _ in 0..2 {
-            let at = plot.at([dice.range(0.0, 0.5 * width - 2.0), dice.range(1.5, 3.5), 0.0]);
-            bush(
-                b,
-                self.point(at[0], at[1]),
-                dice.range(0.5, 0.9),
-                dice.range(0.8, 1.4),
-                200,
-                dice,
-            );
+            let at = plot.at([rng.range(0.0, 0.5 * width - 2.0), rng.range(1.5, 3.5), 0.0]);
+            bush(b, self.point(at[0], at[1]), rng.range(0.5, 0.9), rng.range(0.8, 1.4), 200, rng);
         }
     }
 
     /// Hedge or fence: along the front beside the drive, down one side, along the back.
-    fn borders(&self, b: &mut Builder, plot: &Frame, width: f64, depth: f64, dice: &mut Dice) {
+    fn borders(&self, b: &mut Builder, plot: &Frame, width: f64, depth: f64, rng: &mut Generator) {
         let half = 0.5 * width;
         let lines = [
             ([-half + 5.2, 0.4], 0.0, width - 5.6),
@@ -156,61 +150,61 @@ impl Suburb {
             ([-half + 0.3, depth], 0.0, width - 0.6),
         ];
         for (start, yaw, length) in lines {
-            let height = dice.range(0.9, 1.5);
+            let height = rng.range(0.9, 1.5);
             let line = plot.child([start[0], start[1], 0.0], yaw);
-            if dice.chance(0.45) {
+            if rng.chance(0.45) {
                 let ground = |x: f64| {
                     let p = line.at([x, 0.0, 0.0]);
                     self.height(p[0], p[1])
                 };
                 pickets(b, &line, length, height, ground);
-            } else if dice.chance(0.75) {
-                self.hedge(b, &line, length, height + 0.3, dice);
+            } else if rng.chance(0.75) {
+                self.hedge(b, &line, length, height + 0.3, rng);
             }
         }
     }
 
     /// Two-metre pieces, so that the hedge follows the slope.
-    fn hedge(&self, b: &mut Builder, line: &Frame, length: f64, height: f64, dice: &mut Dice) {
+    fn hedge(&self, b: &mut Builder, line: &Frame, length: f64, height: f64, rng: &mut Generator) {
         let pieces = (length / 2.0).ceil() as usize;
         let step = length / pieces as f64;
         for k in 0..pieces {
             let x = k as f64 * step;
             let p = line.at([x + 0.5 * step, 0.0, 0.0]);
             let piece = line.child([x, 0.0, self.height(p[0], p[1])], 0.0);
-            hedge(b, &piece, step, [0.7, height], dice);
+            hedge(b, &piece, step, [0.7, height], rng);
         }
     }
 
     /// Trees, bushes, a bench, a boulder behind the house.
-    fn garden(&self, b: &mut Builder, plot: &Frame, width: f64, y: [f64; 2], dice: &mut Dice) {
-        let spot = |dice: &mut Dice| {
-            let p = plot.at([dice.spread(0.5 * width - 2.0), dice.range(y[0], y[1]), 0.0]);
+    fn garden(&self, b: &mut Builder, plot: &Frame, width: f64, y: [f64; 2], rng: &mut Generator) {
+        let spot = |rng: &mut Generator| {
+            let p = plot.at([rng.spread(0.5 * width - 2.0), rng.range(y[0], y[1]), 0.0]);
             self.point(p[0], p[1])
         };
-        for _ in 0..1 + dice.index(3) {
-            let foot = spot(dice);
-            garden_tree(b, foot, dice);
+        for _ in 0..1 + rng.index(3) {
+            let foot = spot(rng);
+            garden_tree(b, foot, rng);
         }
         for _ in 0..2 {
-            let foot = spot(dice);
-            bush(b, foot, dice.range(0.6, 1.2), dice.range(0.8, 1.8), 220, dice);
+            let foot = spot(rng);
+            bush(b, foot, rng.range(0.6, 1.2), rng.range(0.8, 1.8), 220, rng);
         }
-        if dice.chance(0.4) {
-            bench(b, &Frame::new(spot(dice), dice.turn()));
+        if rng.chance(0.4) {
+            bench(b, &Frame::new(spot(rng), rng.turn()));
         }
-        if dice.chance(0.4) {
-            rock(b, spot(dice), dice.range(0.3, 0.6), dice);
+        if rng.chance(0.4) {
+            rock(b, spot(rng), rng.range(0.3, 0.6), rng);
         }
     }
 
-    fn lamps(&self, b: &mut Builder, lane: usize, dice: &mut Dice) {
+    fn lamps(&self, b: &mut Builder, lane: usize, rng: &mut Generator) {
         for k in 0..6 {
             let x = -HALF_M + 26.0 * (f64::from(k) + 0.5);
             let y = self.lane_y(lane, x) - LANE_M - 0.8;
             if (x - self.cross_x).abs() > LANE_M + 1.0 {
-                lamp(b, &Frame::new(self.point(x, y), 0.5 * PI), 5.5 + dice.unit());
-                if dice.chance(0.4) {
+                lamp(b, &Frame::new(self.point(x, y), 0.5 * PI), 5.5 + rng.unit());
+                if rng.chance(0.4) {
                     sign(b, &Frame::new(self.point(x + 6.0, y), 0.0));
                 }
             }
@@ -218,66 +212,66 @@ impl Suburb {
     }
 
     /// The strip of trees and bushes between the gardens of two lanes.
-    fn commons(&self, b: &mut Builder, dice: &mut Dice) {
+    fn commons(&self, b: &mut Builder, rng: &mut Generator) {
         for k in 0..40 {
-            let x = -HALF_M + 4.0 * (f64::from(k) + dice.unit());
-            let y = 0.5 * (self.lane_y(0, x) + self.lane_y(1, x)) + dice.spread(3.5);
+            let x = -HALF_M + 4.0 * (f64::from(k) + rng.unit());
+            let y = 0.5 * (self.lane_y(0, x) + self.lane_y(1, x)) + rng.spread(3.5);
             if self.on_lane(x, y, 2.0) {
                 continue;
             }
-            if dice.chance(0.3) {
-                garden_tree(b, self.point(x, y), dice);
+            if rng.chance(0.3) {
+                garden_tree(b, self.point(x, y), rng);
             } else {
-                bush(b, self.point(x, y), dice.range(0.6, 1.4), dice.range(0.8, 2.0), 210, dice);
+                bush(b, self.point(x, y), rng.range(0.6, 1.4), rng.range(0.8, 2.0), 210, rng);
             }
         }
     }
 
-    fn tufts(&self, b: &mut Builder, dice: &mut Dice) {
+    fn tufts(&self, b: &mut Builder, rng: &mut Generator) {
         for _ in 0..2500 {
-            let (x, y) = (dice.spread(HALF_M), dice.spread(HALF_M));
+            let (x, y) = (rng.spread(HALF_M), rng.spread(HALF_M));
             if !self.on_lane(x, y, 1.2) {
-                tuft(b, self.point(x, y), dice.range(0.08, 0.25), 4, dice);
+                tuft(b, self.point(x, y), rng.range(0.08, 0.25), 4, rng);
             }
         }
     }
 }
 
-fn garden_tree(b: &mut Builder, foot: Point, dice: &mut Dice) {
-    if dice.chance(0.25) {
-        return conifer(b, foot, dice.range(4.0, 8.0), dice);
+fn garden_tree(b: &mut Builder, foot: Point, rng: &mut Generator) {
+    if rng.chance(0.25) {
+        return conifer(b, foot, rng.range(4.0, 8.0), rng);
     }
-    let height_m = dice.range(4.0, 8.0);
+    let height_m = rng.range(4.0, 8.0);
     let leaves = 360 + (48.0 * height_m) as usize;
-    Broadleaf { height_m, clear_m: dice.range(1.0, 1.8), spread_m: 0.35 * height_m, leaves }
-        .build(b, foot, dice);
+    Broadleaf { height_m, clear_m: rng.range(1.0, 1.8), spread_m: 0.35 * height_m, leaves }
+        .build(b, foot, rng);
 }
 
-fn cottage(plot_width: f64, dice: &mut Dice) -> House {
-    let pitch = dice.range(0.55, 1.0);
+fn cottage(plot_width: f64, rng: &mut Generator) -> House {
+    let pitch = rng.range(0.55, 1.0);
     House {
-        width_m: dice.range(8.5, plot_width - 8.0),
-        depth_m: dice.range(7.0, 9.5),
-        floors: 1 + dice.index(2),
-        floor_m: dice.range(2.6, 2.9),
-        bay_m: dice.range(2.4, 3.4),
-        roof: if dice.chance(0.7) { Roof::Gable(pitch) } else { Roof::Hip(0.8 * pitch) },
-        wall: dice.pick(&[Surface::Plaster, Surface::Brick, Surface::Plaster, Surface::Wood]),
-        roof_surface: dice.pick(&[Surface::RoofTile, Surface::DarkTile]),
+        width_m: rng.range(8.5, plot_width - 8.0),
+        depth_m: rng.range(7.0, 9.5),
+        floors: 1 + rng.index(2),
+        floor_m: rng.range(2.6, 2.9),
+        bay_m: rng.range(2.4, 3.4),
+        roof: if rng.chance(0.7) { Roof::Gable(pitch) } else { Roof::Hip(0.8 * pitch) },
+        wall: rng.pick(&[Surface::Plaster, Surface::Brick, Surface::Plaster, Surface::Wood]),
+        roof_surface: rng.pick(&[Surface::RoofTile, Surface::DarkTile]),
         open: [true; 4],
         balconies: false,
         shop: false,
     }
 }
 
-fn garage(dice: &mut Dice) -> House {
+fn garage(rng: &mut Generator) -> House {
     House {
         width_m: 3.6,
         depth_m: 5.5,
         floors: 1,
         floor_m: 2.5,
         bay_m: 3.6,
-        roof: if dice.chance(0.5) { Roof::Flat } else { Roof::Gable(0.5) },
+        roof: if rng.chance(0.5) { Roof::Flat } else { Roof::Gable(0.5) },
         wall: Surface::Concrete,
         roof_surface: Surface::RoofTile,
         open: [true, false, false, false],

@@ -10,7 +10,8 @@ use super::parts::building::{House, Roof};
 use super::parts::plants::{Broadleaf, bush};
 use super::parts::vehicle::car;
 use super::parts::{Builder, Frame, Point};
-use super::random::{Dice, Noise};
+use super::value_noise::Noise;
+use echoloop_random::Generator;
 use kerb::Kerb;
 
 /// Half the side of the town, metres.
@@ -53,17 +54,17 @@ struct Row {
 }
 
 pub(crate) fn generate(seed: u64) -> (Mesh, f32) {
-    let mut dice = Dice::new(seed, 1);
-    let town = Town::new(seed, &mut dice);
+    let mut rng = Generator::new(seed, 1);
+    let town = Town::new(seed, &mut rng);
     let mut b = Builder::default();
     town.ground(&mut b);
-    town.blocks(&mut b, &mut dice);
+    town.blocks(&mut b, &mut rng);
     for axis in [0, 1] {
         for street in &town.streets[axis] {
             for side in [-1.0, 1.0] {
                 let kerb = Kerb::new(&town, axis, street, side);
-                kerb.park(&mut b, &mut dice);
-                kerb.furnish(&mut b, &mut dice);
+                kerb.park(&mut b, &mut rng);
+                kerb.furnish(&mut b, &mut rng);
             }
         }
     }
@@ -71,16 +72,16 @@ pub(crate) fn generate(seed: u64) -> (Mesh, f32) {
 }
 
 impl Town {
-    fn new(seed: u64, dice: &mut Dice) -> Self {
-        let longer = dice.index(2);
+    fn new(seed: u64, rng: &mut Generator) -> Self {
+        let longer = rng.index(2);
         let streets = [0, 1].map(|axis| {
-            let count = if axis == longer { 3 } else { 2 + dice.index(2) };
+            let count = if axis == longer { 3 } else { 2 + rng.index(2) };
             let pitch = 2.0 * HALF_M / count as f64;
             (0..count)
-                .map(|k| Street::new(-HALF_M + (k as f64 + 0.5) * pitch + dice.spread(6.0), dice))
+                .map(|k| Street::new(-HALF_M + (k as f64 + 0.5) * pitch + rng.spread(6.0), rng))
                 .collect()
         });
-        let tilt = [dice.spread(0.012), dice.spread(0.012)];
+        let tilt = [rng.spread(0.012), rng.spread(0.012)];
         Self { streets, relief: Noise { seed, scale_m: 60.0, octaves: 2 }, tilt }
     }
 
@@ -162,7 +163,7 @@ impl Town {
     }
 
     /// Houses round every block, with a yard in its middle.
-    fn blocks(&self, b: &mut Builder, dice: &mut Dice) {
+    fn blocks(&self, b: &mut Builder, rng: &mut Generator) {
         let gaps = |axis: usize| {
             let s = &self.streets[axis];
             let starts = std::iter::once(-HALF_M).chain(s.iter().map(|s| s.centre + s.front));
@@ -171,14 +172,14 @@ impl Town {
         };
         for &(x0, x1) in &gaps(0) {
             for &(y0, y1) in &gaps(1) {
-                self.block(b, [x0, y0], [x1, y1], dice);
+                self.block(b, [x0, y0], [x1, y1], rng);
             }
         }
     }
 
-    fn block(&self, b: &mut Builder, low: [f64; 2], high: [f64; 2], dice: &mut Dice) {
+    fn block(&self, b: &mut Builder, low: [f64; 2], high: [f64; 2], rng: &mut Generator) {
         let (wide, deep) = (high[0] - low[0], high[1] - low[1]);
-        let depth = dice.range(9.0, 12.0).min(0.5 * wide).min(0.5 * deep);
+        let depth = rng.range(9.0, 12.0).min(0.5 * wide).min(0.5 * deep);
         let inner = deep - 2.0 * depth;
         let rows = [
             Row { start: low, yaw: 0.0, length: wide },
@@ -187,57 +188,57 @@ impl Town {
             Row { start: [low[0], high[1] - depth], yaw: -FRAC_PI_2, length: inner },
         ];
         for row in rows.into_iter().filter(|row| row.length > 6.0) {
-            self.terrace(b, row, depth, dice);
+            self.terrace(b, row, depth, rng);
         }
-        self.yard(b, low.map(|x| x + depth + 2.5), high.map(|x| x - depth - 2.5), dice);
+        self.yard(b, low.map(|x| x + depth + 2.5), high.map(|x| x - depth - 2.5), rng);
     }
 
     /// What is behind the houses: walls from plot to plot, sheds, trees, a car.
-    fn yard(&self, b: &mut Builder, low: [f64; 2], high: [f64; 2], dice: &mut Dice) {
+    fn yard(&self, b: &mut Builder, low: [f64; 2], high: [f64; 2], rng: &mut Generator) {
         if high[0] - low[0] < 3.0 || high[1] - low[1] < 3.0 {
             return;
         }
-        let spot =
-            |dice: &mut Dice| self.point(dice.range(low[0], high[0]), dice.range(low[1], high[1]));
+        let spot = |rng: &mut Generator| {
+            self.point(rng.range(low[0], high[0]), rng.range(low[1], high[1]))
+        };
         let walls = ((high[0] - low[0]) / 13.0) as usize;
         for k in 0..walls {
-            let x =
-                low[0] + (high[0] - low[0]) * (k as f64 + 0.5 + dice.spread(0.2)) / walls as f64;
-            let reach = dice.range(0.45, 0.8) * (high[1] - low[1]);
-            let foot = if dice.chance(0.5) { low[1] } else { high[1] - reach };
+            let x = low[0] + (high[0] - low[0]) * (k as f64 + 0.5 + rng.spread(0.2)) / walls as f64;
+            let reach = rng.range(0.45, 0.8) * (high[1] - low[1]);
+            let foot = if rng.chance(0.5) { low[1] } else { high[1] - reach };
             let wall = Frame::new(self.point(x, foot), FRAC_PI_2);
             b.cuboid(&wall, [0.0, -0.12, -1.0], [reach, 0.12, 1.8], Surface::Brick);
             b.cuboid(&wall, [-0.05, -0.16, 1.8], [reach + 0.05, 0.16, 1.88], Surface::Stone);
-            shed(dice).build(
+            shed(rng).build(
                 b,
                 &Frame::new(self.point(x + 2.6, foot + 0.5 * reach), FRAC_PI_2),
-                dice,
+                rng,
             );
         }
         for _ in 0..2 {
-            street_tree(b, spot(dice), dice);
-            let foot = spot(dice);
-            bush(b, foot, dice.range(0.6, 1.2), dice.range(0.9, 1.7), 300, dice);
+            street_tree(b, spot(rng), rng);
+            let foot = spot(rng);
+            bush(b, foot, rng.range(0.6, 1.2), rng.range(0.9, 1.7), 300, rng);
         }
-        car(b, &Frame::new(spot(dice), dice.turn()), dice);
+        car(b, &Frame::new(spot(rng), rng.turn()), rng);
     }
 
     /// Houses wall to wall, with a gap now and then.
-    fn terrace(&self, b: &mut Builder, row: Row, depth: f64, dice: &mut Dice) {
+    fn terrace(&self, b: &mut Builder, row: Row, depth: f64, rng: &mut Generator) {
         let line = Frame::new([row.start[0], row.start[1], 0.0], row.yaw);
         let mut x = 0.0;
         while row.length - x > 6.0 {
-            let mut width = dice.range(8.0, 17.0);
+            let mut width = rng.range(8.0, 17.0);
             if row.length - x - width < 7.0 {
                 width = row.length - x;
             }
             let centre = line.at([x + 0.5 * width, 0.5 * depth, 0.0]);
             let foot = self.point(centre[0], centre[1]);
             let house = Frame::new(foot, row.yaw);
-            if dice.chance(0.93) {
-                town_house(width, depth, dice).build(b, &house, dice);
+            if rng.chance(0.93) {
+                town_house(width, depth, rng).build(b, &house, rng);
             } else {
-                street_tree(b, foot, dice);
+                street_tree(b, foot, rng);
             }
             x += width;
         }
@@ -245,9 +246,9 @@ impl Town {
 }
 
 impl Street {
-    fn new(centre: f64, dice: &mut Dice) -> Self {
-        let road = dice.range(4.2, 5.6);
-        Self { centre, road, front: road + dice.range(2.6, 4.5) }
+    fn new(centre: f64, rng: &mut Generator) -> Self {
+        let road = rng.range(4.2, 5.6);
+        Self { centre, road, front: road + rng.range(2.6, 4.5) }
     }
 }
 
@@ -259,49 +260,49 @@ fn surface(kind: Ground) -> Surface {
     }
 }
 
-fn street_tree(b: &mut Builder, foot: Point, dice: &mut Dice) {
-    let height_m = dice.range(6.0, 10.0);
+fn street_tree(b: &mut Builder, foot: Point, rng: &mut Generator) {
+    let height_m = rng.range(6.0, 10.0);
     let tree = Broadleaf {
         height_m,
-        clear_m: dice.range(2.3, 3.2),
+        clear_m: rng.range(2.3, 3.2),
         spread_m: 0.33 * height_m,
         leaves: 450 + (45.0 * height_m) as usize,
     };
-    tree.build(b, foot, dice);
+    tree.build(b, foot, rng);
 }
 
-fn town_house(width_m: f64, depth_m: f64, dice: &mut Dice) -> House {
-    let pitch = dice.range(0.5, 0.9);
+fn town_house(width_m: f64, depth_m: f64, rng: &mut Generator) -> House {
+    let pitch = rng.range(0.5, 0.9);
     House {
         width_m,
         depth_m,
-        floors: 2 + dice.index(4),
-        floor_m: dice.range(2.9, 3.5),
-        bay_m: dice.range(2.2, 3.2),
-        roof: if dice.chance(0.6) { Roof::Gable(pitch) } else { Roof::Flat },
-        wall: dice.pick(&[
+        floors: 2 + rng.index(4),
+        floor_m: rng.range(2.9, 3.5),
+        bay_m: rng.range(2.2, 3.2),
+        roof: if rng.chance(0.6) { Roof::Gable(pitch) } else { Roof::Flat },
+        wall: rng.pick(&[
             Surface::Plaster,
             Surface::Plaster,
             Surface::Brick,
             Surface::Stone,
             Surface::Concrete,
         ]),
-        roof_surface: dice.pick(&[Surface::RoofTile, Surface::RoofTile, Surface::DarkTile]),
-        open: [true, dice.chance(0.3), true, dice.chance(0.3)],
-        balconies: dice.chance(0.35),
-        shop: dice.chance(0.35),
+        roof_surface: rng.pick(&[Surface::RoofTile, Surface::RoofTile, Surface::DarkTile]),
+        open: [true, rng.chance(0.3), true, rng.chance(0.3)],
+        balconies: rng.chance(0.35),
+        shop: rng.chance(0.35),
     }
 }
 
-fn shed(dice: &mut Dice) -> House {
+fn shed(rng: &mut Generator) -> House {
     House {
-        width_m: dice.range(3.0, 4.5),
-        depth_m: dice.range(2.4, 3.2),
+        width_m: rng.range(3.0, 4.5),
+        depth_m: rng.range(2.4, 3.2),
         floors: 1,
         floor_m: 2.4,
         bay_m: 3.0,
-        roof: Roof::Gable(dice.range(0.3, 0.6)),
-        wall: dice.pick(&[Surface::Wood, Surface::Concrete]),
+        roof: Roof::Gable(rng.range(0.3, 0.6)),
+        wall: rng.pick(&[Surface::Wood, Surface::Concrete]),
         roof_surface: Surface::DarkTile,
         open: [true, false, false, true],
         balconies: false,

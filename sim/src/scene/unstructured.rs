@@ -5,7 +5,8 @@ use super::mesh::Mesh;
 use super::parts::plants::{Broadleaf, bush, conifer, tuft};
 use super::parts::terrain::{ground, rock};
 use super::parts::{Builder, Point, add, unit};
-use super::random::{Dice, Noise};
+use super::value_noise::Noise;
+use echoloop_random::Generator;
 
 /// Half the side of the patch, metres.
 const HALF_M: f64 = 85.0;
@@ -22,19 +23,19 @@ struct Country {
 }
 
 pub(crate) fn generate(seed: u64) -> (Mesh, f32) {
-    let mut dice = Dice::new(seed, 3);
-    let country = Country::new(seed, &mut dice);
+    let mut rng = Generator::new(seed, 3);
+    let country = Country::new(seed, &mut rng);
     let mut b = Builder::default();
     let height = |x: f64, y: f64| country.height(x, y);
     ground(&mut b, HALF_M, 0.85, 80.0, &height, |x, y| country.surface(x, y));
-    country.trees(&mut b, &mut dice);
-    country.fallen(&mut b, &mut dice);
-    country.scatter(&mut b, &mut dice);
+    country.trees(&mut b, &mut rng);
+    country.fallen(&mut b, &mut rng);
+    country.scatter(&mut b, &mut rng);
     (b.finish(), (HALF_M - RIM_M) as f32)
 }
 
 impl Country {
-    fn new(seed: u64, dice: &mut Dice) -> Self {
+    fn new(seed: u64, rng: &mut Generator) -> Self {
         let noise = |stream: u64, scale_m: f64, octaves: u32| Noise {
             seed: seed.wrapping_mul(31).wrapping_add(stream),
             scale_m,
@@ -44,8 +45,8 @@ impl Country {
             hills: noise(1, 55.0, 3),
             rough: noise(2, 5.0, 4),
             woods: noise(3, 30.0, 2),
-            relief_m: dice.range(5.0, 9.0),
-            conifers: dice.range(0.2, 0.7),
+            relief_m: rng.range(5.0, 9.0),
+            conifers: rng.range(0.2, 0.7),
         }
     }
 
@@ -65,49 +66,49 @@ impl Country {
         }
     }
 
-    fn trees(&self, b: &mut Builder, dice: &mut Dice) {
+    fn trees(&self, b: &mut Builder, rng: &mut Generator) {
         let mut feet: Vec<[f64; 2]> = Vec::new();
         for _ in 0..2500 {
             if feet.len() == 105 {
                 break;
             }
-            let p = [dice.spread(HALF_M), dice.spread(HALF_M)];
+            let p = [rng.spread(HALF_M), rng.spread(HALF_M)];
             let apart =
                 |q: &[f64; 2]| (p[0] - q[0]) * (p[0] - q[0]) + (p[1] - q[1]) * (p[1] - q[1]) > 20.0;
-            if self.woods.at(p[0], p[1]) + dice.spread(0.35) < 0.05 || !feet.iter().all(apart) {
+            if self.woods.at(p[0], p[1]) + rng.spread(0.35) < 0.05 || !feet.iter().all(apart) {
                 continue;
             }
             feet.push(p);
-            self.tree(b, self.point(p[0], p[1]), dice);
+            self.tree(b, self.point(p[0], p[1]), rng);
         }
     }
 
-    fn tree(&self, b: &mut Builder, foot: Point, dice: &mut Dice) {
-        let height_m = dice.range(5.0, 13.0);
-        if dice.chance(self.conifers) {
-            return conifer(b, foot, height_m, dice);
+    fn tree(&self, b: &mut Builder, foot: Point, rng: &mut Generator) {
+        let height_m = rng.range(5.0, 13.0);
+        if rng.chance(self.conifers) {
+            return conifer(b, foot, height_m, rng);
         }
         let tree = Broadleaf {
             height_m,
-            clear_m: dice.range(0.15, 0.35) * height_m,
-            spread_m: dice.range(0.28, 0.4) * height_m,
+            clear_m: rng.range(0.15, 0.35) * height_m,
+            spread_m: rng.range(0.28, 0.4) * height_m,
             leaves: 420 + (55.0 * height_m) as usize,
         };
-        tree.build(b, foot, dice);
+        tree.build(b, foot, rng);
     }
 
     /// Stumps and trunks that lie on the ground.
-    fn fallen(&self, b: &mut Builder, dice: &mut Dice) {
+    fn fallen(&self, b: &mut Builder, rng: &mut Generator) {
         for _ in 0..25 {
-            let foot = self.point(dice.spread(HALF_M), dice.spread(HALF_M));
-            let radius = dice.range(0.12, 0.3);
-            if dice.chance(0.5) {
-                let top = add(foot, [dice.spread(0.1), dice.spread(0.1), dice.range(0.3, 1.2)]);
+            let foot = self.point(rng.spread(HALF_M), rng.spread(HALF_M));
+            let radius = rng.range(0.12, 0.3);
+            if rng.chance(0.5) {
+                let top = add(foot, [rng.spread(0.1), rng.spread(0.1), rng.range(0.3, 1.2)]);
                 b.tube(add(foot, [0.0, 0.0, -0.3]), 1.4 * radius, top, radius, 12, Surface::Bark);
                 continue;
             }
-            let turn = dice.turn();
-            let length = dice.range(3.0, 8.0);
+            let turn = rng.turn();
+            let length = rng.range(3.0, 8.0);
             let end =
                 self.point(foot[0] + length * libm::cos(turn), foot[1] + length * libm::sin(turn));
             let lift = [0.0, 0.0, radius];
@@ -115,12 +116,12 @@ impl Country {
             for k in 1..6 {
                 let t = f64::from(k) / 6.0;
                 let at: Point = std::array::from_fn(|i| foot[i] + t * (end[i] - foot[i]) + lift[i]);
-                let up = dice.direction();
+                let up = rng.direction();
                 let twig = unit([up[0], up[1], up[2].abs() + 0.2]);
                 b.tube(
                     at,
                     0.05,
-                    add(at, twig.map(|x| x * dice.range(0.4, 1.2))),
+                    add(at, twig.map(|x| x * rng.range(0.4, 1.2))),
                     0.02,
                     5,
                     Surface::Bark,
@@ -129,21 +130,21 @@ impl Country {
         }
     }
 
-    fn scatter(&self, b: &mut Builder, dice: &mut Dice) {
-        let spot = |dice: &mut Dice| self.point(dice.spread(HALF_M), dice.spread(HALF_M));
+    fn scatter(&self, b: &mut Builder, rng: &mut Generator) {
+        let spot = |rng: &mut Generator| self.point(rng.spread(HALF_M), rng.spread(HALF_M));
         for _ in 0..150 {
-            let foot = spot(dice);
-            bush(b, foot, dice.range(0.4, 1.3), dice.range(0.5, 1.9), 260, dice);
+            let foot = spot(rng);
+            bush(b, foot, rng.range(0.4, 1.3), rng.range(0.5, 1.9), 260, rng);
         }
         for _ in 0..130 {
             // Many small ones, few boulders.
-            let size = dice.unit();
+            let size = rng.unit();
             let radius = 0.2 + 1.6 * size * size * size;
-            rock(b, add(spot(dice), [0.0, 0.0, 0.25 * radius]), radius, dice);
+            rock(b, add(spot(rng), [0.0, 0.0, 0.25 * radius]), radius, rng);
         }
         for _ in 0..6000 {
-            let foot = spot(dice);
-            tuft(b, foot, dice.range(0.1, 0.45), 4, dice);
+            let foot = spot(rng);
+            tuft(b, foot, rng.range(0.1, 0.45), 4, rng);
         }
     }
 }

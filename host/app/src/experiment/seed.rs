@@ -1,7 +1,5 @@
 //! One seed, many independent uses.
 
-use echoloop_frontend::splitmix64;
-
 /// What a derived seed is for. Values are part of every published result: never renumber.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
@@ -25,30 +23,11 @@ pub enum Purpose {
 
 /// A seed for one purpose and one index of it.
 pub fn derive(seed: u64, purpose: Purpose, index: u64) -> u64 {
-    splitmix64(splitmix64(splitmix64(seed) ^ purpose as u64) ^ index)
+    echoloop_random::derive(seed, purpose as u64, index)
 }
 
 /// The seed of the noise where there is no pair: of a scan alone, and of a sensor that serves a
 /// port.
 pub fn scan_noise(seed: u64) -> u64 {
     derive(seed, Purpose::TestNoise, 0)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn purposes_and_indices_give_different_seeds() {
-        let seeds = [
-            derive(1, Purpose::TrainPoses, 0),
-            derive(1, Purpose::TestPoses, 0),
-            derive(1, Purpose::TrainPoses, 1),
-            derive(2, Purpose::TrainPoses, 0),
-            derive(0, Purpose::TrainPoses, 0),
-        ];
-        for (i, a) in seeds.iter().enumerate() {
-            assert!(seeds[i + 1..].iter().all(|b| a != b));
-        }
-    }
 }

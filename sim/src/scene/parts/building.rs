@@ -3,7 +3,7 @@
 use std::f64::consts::FRAC_PI_2;
 
 use super::{Builder, Frame, Surface};
-use crate::scene::random::Dice;
+use echoloop_random::Generator;
 
 /// The shape on top of a house.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -71,13 +71,13 @@ impl House {
 
     /// Builds the house round the frame's origin, which lies on the ground in the middle of its
     /// floor plan.
-    pub(crate) fn build(&self, b: &mut Builder, frame: &Frame, dice: &mut Dice) {
+    pub(crate) fn build(&self, b: &mut Builder, frame: &Frame, rng: &mut Generator) {
         let (w, d) = (0.5 * self.width_m, 0.5 * self.depth_m);
         let starts = [[-w, -d, 0.0], [w, -d, 0.0], [w, d, 0.0], [-w, d, 0.0]];
         for (side, start) in starts.into_iter().enumerate() {
             let wall = frame.child(start, side as f64 * FRAC_PI_2);
             let length = if side % 2 == 0 { self.width_m } else { self.depth_m };
-            self.wall(b, &wall, length, side, dice);
+            self.wall(b, &wall, length, side, rng);
         }
         b.cuboid(
             frame,
@@ -85,18 +85,18 @@ impl House {
             [w + 0.04, d + 0.04, 0.35],
             Surface::Concrete,
         );
-        self.roof(b, frame, dice);
+        self.roof(b, frame, rng);
     }
 
     /// One wall: x along it, y into the house, z up.
-    fn wall(&self, b: &mut Builder, wall: &Frame, length: f64, side: usize, dice: &mut Dice) {
+    fn wall(&self, b: &mut Builder, wall: &Frame, length: f64, side: usize, rng: &mut Generator) {
         if !self.open[side] {
             quad_xz(b, wall, Rect { x: [0.0, length], z: [0.0, self.height_m()] }, 0.0, self.wall);
             return;
         }
         let bays = ((length / self.bay_m) as usize).max(1);
         let bay = length / bays as f64;
-        let door = (side == 0).then(|| dice.index(bays));
+        let door = (side == 0).then(|| rng.index(bays));
         for floor in 0..self.floors {
             let bottom = floor as f64 * self.floor_m;
             for k in 0..bays {
@@ -108,7 +108,7 @@ impl House {
                 } else if self.shop && bay.front && floor == 0 {
                     self.shop_window(b, wall, &bay);
                 } else {
-                    self.window(b, wall, &bay, dice);
+                    self.window(b, wall, &bay, rng);
                 }
             }
             if floor > 0 && side == 0 && self.wall != Surface::Plaster {
@@ -137,18 +137,18 @@ impl House {
         window_bars(b, wall, hole, 0.3);
     }
 
-    fn window(&self, b: &mut Builder, wall: &Frame, bay: &Bay, dice: &mut Dice) {
+    fn window(&self, b: &mut Builder, wall: &Frame, bay: &Bay, rng: &mut Generator) {
         let french = self.balconies && bay.front && bay.upper;
         let sill = if french { 0.1 } else { 0.9 };
         let hole = bay.hole(0.5 * (0.45 * bay.width()).min(1.5), sill, self.floor_m - 0.35);
-        let depth = 0.15 + 0.1 * dice.unit();
+        let depth = 0.15 + 0.1 * rng.unit();
         opening(b, wall, bay.cell, hole, depth, [self.wall, Surface::Glass]);
         window_bars(b, wall, hole, depth);
         let ([left, right], z) = (hole.x, hole.z[0]);
         b.cuboid(wall, [left - 0.1, -0.08, z - 0.06], [right + 0.1, 0.1, z], Surface::Stone);
-        if french && dice.chance(0.3) {
+        if french && rng.chance(0.3) {
             balcony(b, wall, bay);
-        } else if !self.balconies && dice.chance(0.4) {
+        } else if !self.balconies && rng.chance(0.4) {
             shutters(b, wall, hole);
         }
     }

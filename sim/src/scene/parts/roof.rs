@@ -4,21 +4,21 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use super::building::{House, Roof};
 use super::{Builder, Frame, Surface};
-use crate::scene::random::Dice;
+use echoloop_random::Generator;
 
 impl House {
     /// Roof and chimney.
-    pub(super) fn roof(&self, b: &mut Builder, frame: &Frame, dice: &mut Dice) {
+    pub(super) fn roof(&self, b: &mut Builder, frame: &Frame, rng: &mut Generator) {
         match self.roof {
-            Roof::Flat => return self.flat_roof(b, frame, dice),
+            Roof::Flat => return self.flat_roof(b, frame, rng),
             Roof::Gable(pitch) => self.gable_roof(b, frame, pitch),
             Roof::Hip(pitch) => self.hip_roof(b, frame, pitch),
         }
-        self.chimney(b, frame, dice);
+        self.chimney(b, frame, rng);
     }
 
-    fn chimney(&self, b: &mut Builder, frame: &Frame, dice: &mut Dice) {
-        let (x, y) = (dice.spread(0.3 * self.width_m), dice.spread(0.15 * self.depth_m));
+    fn chimney(&self, b: &mut Builder, frame: &Frame, rng: &mut Generator) {
+        let (x, y) = (rng.spread(0.3 * self.width_m), rng.spread(0.15 * self.depth_m));
         let low = self.height_m();
         let top = low + self.rise_m() + 0.9;
         b.cuboid(frame, [x - 0.35, y - 0.35, low], [x + 0.35, y + 0.35, top], Surface::Brick);
@@ -38,7 +38,7 @@ impl House {
         }
     }
 
-    fn flat_roof(&self, b: &mut Builder, frame: &Frame, dice: &mut Dice) {
+    fn flat_roof(&self, b: &mut Builder, frame: &Frame, rng: &mut Generator) {
         let (w, d, z) = (0.5 * self.width_m, 0.5 * self.depth_m, self.height_m());
         b.cuboid(frame, [-w, -d, z - 0.3], [w, d, z], Surface::Concrete);
         for (low, high) in [
@@ -50,11 +50,11 @@ impl House {
             b.cuboid(frame, [low[0], low[1], z - 0.2], [high[0], high[1], z + 0.6], self.wall);
         }
         for _ in 0..3 {
-            let (x, y) = (dice.spread(0.6 * w), dice.spread(0.6 * d));
+            let (x, y) = (rng.spread(0.6 * w), rng.spread(0.6 * d));
             b.cuboid(
                 frame,
                 [x - 0.8, y - 0.6, z],
-                [x + 0.8, y + 0.6, z + dice.range(0.6, 1.8)],
+                [x + 0.8, y + 0.6, z + rng.range(0.6, 1.8)],
                 Surface::Metal,
             );
         }

@@ -1,7 +1,8 @@
 //! Ground and rocks.
 
 use super::{Builder, Point, Surface, add};
-use crate::scene::random::{Dice, Noise};
+use crate::scene::value_noise::Noise;
+use echoloop_random::Generator;
 
 /// Ground out to `half_m` with cells of `fine_m`, then an apron of `apron_m` with coarse cells.
 ///
@@ -35,9 +36,9 @@ fn grid_lines(half_m: f64, fine_m: f64, apron_m: f64) -> Vec<f64> {
 }
 
 /// A boulder of about `radius_m` round a point.
-pub(crate) fn rock(b: &mut Builder, at: Point, radius_m: f64, dice: &mut Dice) {
-    let noise = Noise { seed: (dice.unit() * 1e15) as u64, scale_m: 0.9, octaves: 3 };
-    let squash = [dice.range(0.8, 1.3), dice.range(0.7, 1.1), dice.range(0.6, 1.0)];
+pub(crate) fn rock(b: &mut Builder, at: Point, radius_m: f64, rng: &mut Generator) {
+    let noise = Noise { seed: (rng.unit() * 1e15) as u64, scale_m: 0.9, octaves: 3 };
+    let squash = [rng.range(0.8, 1.3), rng.range(0.7, 1.1), rng.range(0.6, 1.0)];
     let (columns, rows) = (18, 10);
     let point = |i: usize, j: usize| {
         let turn = std::f64::consts::TAU * (i % columns) as f64 / columns as f64;

@@ -1,7 +1,7 @@
 //! Parked cars: a body lofted over cross-sections, wheels, mirrors, lamps, plates.
 
 use super::{Builder, Frame, Point, Surface};
-use crate::scene::random::Dice;
+use echoloop_random::Generator;
 
 /// Cross-sections from tail to nose: x, half width at the waist, sill z, waist z, roof z, half
 /// width of the roof. Fractions of length, width and height.
@@ -52,14 +52,14 @@ const VAN: &[Section] = &[
 const HALF: usize = 6;
 
 /// Places a car on the ground, nose towards the frame's x.
-pub(crate) fn car(b: &mut Builder, frame: &Frame, dice: &mut Dice) {
-    let (sections, mut size) = match dice.index(5) {
+pub(crate) fn car(b: &mut Builder, frame: &Frame, rng: &mut Generator) {
+    let (sections, mut size) = match rng.index(5) {
         0 | 1 => (SALOON, [4.6, 0.91, 1.46]),
         2 | 3 => (ESTATE, [4.3, 0.90, 1.56]),
         _ => (VAN, [5.3, 1.00, 2.10]),
     };
-    size = size.map(|x| x * dice.range(0.95, 1.06));
-    let paint = if dice.chance(0.35) { Surface::DarkPaint } else { Surface::CarPaint };
+    size = size.map(|x| x * rng.range(0.95, 1.06));
+    let paint = if rng.chance(0.35) { Surface::DarkPaint } else { Surface::CarPaint };
     body(b, frame, sections, size, paint);
     let [length, half, height] = size;
     for (x, side) in [(-0.30, -1.0), (-0.30, 1.0), (0.31, -1.0), (0.31, 1.0)] {

@@ -6,7 +6,7 @@ use super::{Ground, HALF_M, Street, Town, street_tree};
 use crate::scene::parts::street::{bench, bin, bollard, lamp, sign};
 use crate::scene::parts::vehicle::car;
 use crate::scene::parts::{Builder, Frame};
-use crate::scene::random::Dice;
+use echoloop_random::Generator;
 
 /// One side of a street.
 pub(super) struct Kerb<'a> {
@@ -40,33 +40,33 @@ impl<'a> Kerb<'a> {
     }
 
     /// Cars along the kerb, none near a crossing.
-    pub(super) fn park(&self, b: &mut Builder, dice: &mut Dice) {
+    pub(super) fn park(&self, b: &mut Builder, rng: &mut Generator) {
         let walk = self.street.road + 0.55;
-        let mut along = -HALF_M + 3.0 + dice.range(0.0, 4.0);
+        let mut along = -HALF_M + 3.0 + rng.range(0.0, 4.0);
         while along < HALF_M - 3.0 {
             let is_walk = |d: f64| self.stand(along + d, walk, 0.0, Ground::Walk).is_some();
-            if is_walk(-6.0) && is_walk(6.0) && dice.chance(0.6) {
-                let yaw = self.inward() + FRAC_PI_2 + dice.spread(0.03);
+            if is_walk(-6.0) && is_walk(6.0) && rng.chance(0.6) {
+                let yaw = self.inward() + FRAC_PI_2 + rng.spread(0.03);
                 let spot = self.stand(along, self.street.road - 1.1, yaw, Ground::Road);
-                spot.iter().for_each(|at| car(b, at, dice));
+                spot.iter().for_each(|at| car(b, at, rng));
             }
-            along += dice.range(5.8, 7.2);
+            along += rng.range(5.8, 7.2);
         }
     }
 
     /// A lamp every 28 m; between lamps trees, signs, bollards at the kerb, bins and benches at the
     /// wall.
-    pub(super) fn furnish(&self, b: &mut Builder, dice: &mut Dice) {
+    pub(super) fn furnish(&self, b: &mut Builder, rng: &mut Generator) {
         let (kerb, wall) = (self.street.road + 0.55, self.street.front - 0.7);
         for k in 0..(2.0 * HALF_M / 7.0) as usize {
-            let along = -HALF_M + 7.0 * (k as f64 + 0.5) + dice.spread(0.8);
+            let along = -HALF_M + 7.0 * (k as f64 + 0.5) + rng.spread(0.8);
             let Some(at) = self.stand(along, kerb, self.inward(), Ground::Walk) else {
                 continue;
             };
             let by_wall = self.stand(along, wall, self.inward() + FRAC_PI_2, Ground::Walk);
-            match (k % 4, dice.index(8)) {
-                (0, _) => lamp(b, &at, 6.5 + dice.unit()),
-                (1 | 3, 0..=3) => street_tree(b, at.at([0.0; 3]), dice),
+            match (k % 4, rng.index(8)) {
+                (0, _) => lamp(b, &at, 6.5 + rng.unit()),
+                (1 | 3, 0..=3) => street_tree(b, at.at([0.0; 3]), rng),
                 (1 | 3, 4) => sign(b, &at.child([0.0; 3], FRAC_PI_2)),
                 (2, 0 | 1) => by_wall.iter().for_each(|at| bin(b, at)),
                 (2, 2 | 3) => by_wall.iter().for_each(|at| bench(b, at)),

@@ -4,7 +4,7 @@ use echoloop_dsp::ScanPattern;
 use nalgebra::{Translation3, UnitQuaternion, Vector3};
 
 use crate::experiment::config::{JitterPer, Motion};
-use echoloop_frontend::Stream;
+use echoloop_frontend::shaking;
 use echoloop_registration::pose::Pose;
 
 /// The sensor's way through one scan.
@@ -58,7 +58,7 @@ impl Path {
             return Pose::identity();
         }
         let number = if jitter_per == JitterPer::Column { beam / self.rows } else { beam };
-        let stream = Stream::of_motion(self.seed, number as u64);
+        let stream = shaking(self.seed, number as u64);
         let draw = |first: u64, sigma: f64| {
             Vector3::from([0, 2, 4].map(|i| 1e-3 * sigma * stream.normal(first + i)))
         };

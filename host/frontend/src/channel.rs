@@ -1,10 +1,9 @@
 //! What differs from shot to shot and from channel to channel: when the pulse leaves, and who hears
 //! it.
 
-use crate::{Analog, Trigger};
-
-use super::counter::{Purpose, Stream};
-use super::receiver::Receiver;
+use crate::board::{Analog, Trigger};
+use crate::noise::Purpose;
+use crate::receiver::Receiver;
 
 /// A channel of the detector.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,7 +24,7 @@ impl Receiver {
             return Channel::Alive(1.0);
         }
         let row = beam.checked_rem(self.rows.into()).unwrap_or(beam);
-        let lot = Stream::of(self.channel_seed, Purpose::Channels, row.into()).uniform(0);
+        let lot = Purpose::Channels.for_number(self.channel_seed, row.into()).uniform(0);
         if lot < self.dead_channels {
             Channel::Dead
         } else if lot < self.dead_channels + self.weak_channels {
@@ -37,11 +36,11 @@ impl Receiver {
 
     /// The shot as this channel hears it: a weak one as less power, a late pulse as a window that
     /// opens earlier; `None` when nothing is heard.
-    pub(super) fn hear(&self, analog: &Analog, seed: u64, trigger: Trigger) -> Option<Analog> {
+    pub(crate) fn hear(&self, analog: &Analog, seed: u64, trigger: Trigger) -> Option<Analog> {
         let Channel::Alive(light) = self.channel(trigger.beam) else { return None };
         let mut heard = Analog { power_w: analog.power_w * light, ..*analog };
         if self.timing_jitter_ns > 0.0 {
-            let late = Stream::of_shot(seed, Purpose::Timing, trigger).normal(0);
+            let late = Purpose::Timing.for_shot(seed, trigger).normal(0);
             heard.delay_ns -= self.timing_jitter_ns * late;
         }
         Some(heard)

@@ -1,41 +1,81 @@
-//! An amplifier that takes time to recover from what it could not follow.
+//! Noise, gain, clip and quantisation, by an amplifier that may take time to recover.
 
-use crate::Analog;
+use crate::board::Analog;
+use crate::receiver::Receiver;
 
-use super::receiver::Receiver;
-use super::synthesis::ROUND;
+/// 1.5 · 2²³: adding it to 0 ≤ x < 2²² leaves `round(x)`, ties to even, in the low bits.
+pub(crate) const ROUND: f32 = 12_582_912.0;
 
-/// Noise, gain, clip, recovery and quantisation: `convert` of [`super::synthesis`] with a tail.
+/// From a signal current to codes.
 ///
 /// ```text
-/// e[n] = 2^b·G·i[n]/i_fs − limit               what the amplifier cannot follow, codes
+/// L[n] = 2^b·G·(i_quiet + i[n] + σ(i[n])·z[n]) / i_fs        codes
+/// x[n] = round( clip( L[n] + T[n], 0, limit ) )
+/// e[n] = L[n] − limit                          what the amplifier cannot follow
 /// T[n] = max(T[n−1], a·e[n])                   while e > 0: held, the output is at its limit
-/// T[n] = T[n−1] · e^(−Δ/τ)                     else: it recovers, the output is clip(2^b·G·i/i_fs + T)
+/// T[n] = T[n−1] · e^(−Δ/τ)                     else: it recovers
 /// ```
 ///
 /// a is `overload_tail`, τ is `overload_tail_ns`. So n samples after the last one that clips the
 /// tail is a·e_max·e^(−nΔ/τ). The tail is the amplifier's: it brings no shot noise.
 #[inline(always)]
-pub(super) fn convert(
+pub(crate) fn convert(
     receiver: &Receiver,
     analog: &Analog,
     signal_ua: &[f32],
     normal: &[f32],
     codes: &mut [u16],
 ) {
-    let gain = libm::pow(10.0, analog.gain_db / 20.0);
-    let full_scale = f64::from(1u32 << receiver.adc_bits);
-    let codes_per_ua = (full_scale * gain / receiver.full_scale_ua) as f32;
-    let limit = ((full_scale * receiver.analog_limit).min(full_scale - 1.0)) as f32;
-    let quiet_ua = receiver.quiescent_current_ua() as f32;
-    let quiet_variance = receiver.quiescent_variance_ua2() as f32;
-    let shot_variance = receiver.shot_variance_ua() as f32;
-    let mut tail = Tail::new(receiver, analog);
-    for ((code, &signal), &z) in codes.iter_mut().zip(signal_ua).zip(normal) {
-        let sigma_ua = (quiet_variance + shot_variance * signal).sqrt();
-        let level = codes_per_ua * (quiet_ua + signal + sigma_ua * z);
-        let level = (level + tail.after(level - limit)).max(0.0).min(limit);
-        *code = (level + ROUND).to_bits() as u16;
+    let amplifier = Amplifier::new(receiver, analog);
+    // Without a tail no sample hangs on the one before it, and the loop runs in vectors.
+    if receiver.overload_tail > 0.0 {
+        let mut tail = Tail::new(receiver, analog);
+        amplifier
+            .convert(signal_ua, normal, codes, |level, limit| level + tail.after(level - limit));
+    } else {
+        amplifier.convert(signal_ua, normal, codes, |level, _| level);
+    }
+}
+
+/// The constants of a conversion.
+struct Amplifier {
+    codes_per_ua: f32,
+    /// Largest code.
+    limit: f32,
+    quiet_ua: f32,
+    quiet_variance_ua2: f32,
+    shot_variance_ua: f32,
+}
+
+impl Amplifier {
+    #[inline(always)]
+    fn new(receiver: &Receiver, analog: &Analog) -> Self {
+        let gain = libm::pow(10.0, analog.gain_db / 20.0);
+        let full_scale = f64::from(1u32 << receiver.adc_bits);
+        Self {
+            codes_per_ua: (full_scale * gain / receiver.full_scale_ua) as f32,
+            limit: (full_scale * receiver.analog_limit).min(full_scale - 1.0) as f32,
+            quiet_ua: receiver.quiescent_current_ua() as f32,
+            quiet_variance_ua2: receiver.quiescent_variance_ua2() as f32,
+            shot_variance_ua: receiver.shot_variance_ua() as f32,
+        }
+    }
+
+    /// `recover` says what becomes of a level, given the limit.
+    #[inline(always)]
+    fn convert(
+        &self,
+        signal_ua: &[f32],
+        normal: &[f32],
+        codes: &mut [u16],
+        mut recover: impl FnMut(f32, f32) -> f32,
+    ) {
+        for ((code, &signal), &z) in codes.iter_mut().zip(signal_ua).zip(normal) {
+            let sigma_ua = (self.quiet_variance_ua2 + self.shot_variance_ua * signal).sqrt();
+            let level = self.codes_per_ua * (self.quiet_ua + signal + sigma_ua * z);
+            let level = recover(level, self.limit).max(0.0).min(self.limit);
+            *code = (level + ROUND).to_bits() as u16;
+        }
     }
 }
 
@@ -68,12 +108,12 @@ impl Tail {
 mod tests {
     use std::f64::consts::PI;
 
-    use crate::Return;
-    use crate::Trigger;
-
-    use super::super::noise::NoiseKey;
-    use super::super::synthesis::{Shot, synthesise, synthesise_baseline};
     use super::*;
+    use crate::board::Trigger;
+    use crate::exposure::{Exposure, ShotBuffers};
+    use crate::light::Return;
+    use crate::noise::noise_key;
+    use crate::synthesis::{synthesise, synthesise_baseline};
 
     const ANALOG: Analog = Analog {
         power_w: 75.0,
@@ -89,10 +129,15 @@ mod tests {
         Receiver { overload_tail: 0.02, overload_tail_ns: 25.0, ..Receiver::default() }
     }
 
+    fn exposure<'a>(receiver: &'a Receiver, returns: &'a [Return], beam: u32) -> Exposure<'a> {
+        let key = noise_key(3, Trigger { frame: 0, beam, shot: 0 });
+        Exposure { receiver, analog: &ANALOG, returns, background: &[], key }
+    }
+
     fn shot(receiver: &Receiver, beam: u32) -> Vec<u16> {
         let mut codes = vec![0; 400];
-        let key = NoiseKey::new(3, Trigger { frame: 0, beam, shot: 0 });
-        synthesise(receiver, &ANALOG, &[NEAR], key, &mut Shot::default(), &mut codes);
+        let exposure = exposure(receiver, &[NEAR], beam);
+        synthesise(&exposure, &mut ShotBuffers::default(), &mut codes);
         codes
     }
 
@@ -141,8 +186,8 @@ mod tests {
             for beam in 0..20 {
                 let run = |receiver: &Receiver| {
                     let mut codes = vec![0; 400];
-                    let key = NoiseKey::new(3, Trigger { frame: 0, beam, shot: 0 });
-                    synthesise(receiver, &ANALOG, &returns, key, &mut Shot::default(), &mut codes);
+                    let exposure = exposure(receiver, &returns, beam);
+                    synthesise(&exposure, &mut ShotBuffers::default(), &mut codes);
                     codes
                 };
                 assert_eq!(run(&receiver), run(&Receiver::default()));
@@ -153,10 +198,11 @@ mod tests {
     #[test]
     fn both_builds_give_the_same_codes() {
         for beam in 0..32 {
-            let key = NoiseKey::new(3, Trigger { frame: 0, beam, shot: 0 });
+            let (slow, mut buffers) = (slow(), ShotBuffers::default());
+            let exposure = exposure(&slow, &[NEAR], beam);
             let (mut plain, mut fast) = (vec![0; 401], vec![0; 401]);
-            synthesise_baseline(&slow(), &ANALOG, &[NEAR], key, &mut Shot::default(), &mut plain);
-            synthesise(&slow(), &ANALOG, &[NEAR], key, &mut Shot::default(), &mut fast);
+            synthesise_baseline(&exposure, &mut buffers, &mut plain);
+            synthesise(&exposure, &mut buffers, &mut fast);
             assert_eq!(plain, fast);
         }
     }

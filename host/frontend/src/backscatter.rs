@@ -2,11 +2,11 @@
 
 use std::f64::consts::PI;
 
-use crate::Analog;
-use crate::{OVERLAP_M, Return};
+use crate::board::Analog;
+use crate::light::{OVERLAP_M, Return};
 
-use super::receiver::SPEED_OF_LIGHT_M_NS;
-use super::shares::Shares;
+use crate::receiver::SPEED_OF_LIGHT_M_NS;
+use crate::shares::Shares;
 
 /// Steps of the table in a pulse width: linear interpolation then errs by 1.5 × 10⁻⁴ of the pulse.
 const STEPS: usize = 64;
@@ -15,13 +15,13 @@ const PULSE: usize = 2 * STEPS;
 
 /// A length of air as seen by every beam.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Medium {
+pub(crate) struct Medium {
     /// α with all that weakens, 1/m.
-    pub(super) extinction_per_m: f64,
+    pub(crate) extinction_per_m: f64,
     /// β, 1/(m·sr).
-    pub(super) backscatter_per_m_sr: f64,
+    pub(crate) backscatter_per_m_sr: f64,
     /// Where it begins, m.
-    pub(super) from_m: f64,
+    pub(crate) from_m: f64,
 }
 
 /// Response of a medium to a pulse, in the scanner's unit: received power over `P0 η A_r`, 1/m².
@@ -36,7 +36,7 @@ pub(super) struct Medium {
 /// that ends at a surface costs a pulse's length more than one that does not. One table serves all
 /// beams of a setting.
 #[derive(Clone, Debug, Default)]
-pub(super) struct SoftResponse {
+pub(crate) struct BackscatterResponse {
     key: Option<(Medium, f64)>,
     /// Time between entries, ns; entry j is for j steps after the pulse begins.
     step_ns: f64,
@@ -46,9 +46,9 @@ pub(super) struct SoftResponse {
     open: Vec<f32>,
 }
 
-impl SoftResponse {
+impl BackscatterResponse {
     /// Makes the table reach to the end of a window; nothing is done when it does.
-    pub(super) fn prepare(&mut self, medium: Medium, analog: &Analog, samples: usize) {
+    pub(crate) fn prepare(&mut self, medium: Medium, analog: &Analog, samples: usize) {
         let end_ns = analog.delay_ns + samples as f64 * analog.sample_period_ns;
         if self.key != Some((medium, analog.pulse_width_ns)) {
             self.key = Some((medium, analog.pulse_width_ns));
@@ -90,8 +90,8 @@ impl SoftResponse {
     }
 
     /// Adds `unit` times the response of a beam that ends at its returns.
-    pub(super) fn add(&self, analog: &Analog, returns: &[Return], unit: f32, signal: &mut [f32]) {
-        let shares = Shares::of(returns);
+    pub(crate) fn add(&self, analog: &Analog, returns: &[Return], unit: f32, signal: &mut [f32]) {
+        let shares = Shares::new(returns);
         let first_ns = analog.delay_ns;
         let sample_at =
             |ns: f64| ((ns - first_ns) / analog.sample_period_ns).ceil().max(0.0) as usize;
@@ -219,7 +219,7 @@ mod tests {
     }
 
     fn response(returns: &[Return]) -> Vec<f32> {
-        let mut soft = SoftResponse::default();
+        let mut soft = BackscatterResponse::default();
         soft.prepare(FOG, &ANALOG, 400);
         let mut signal = vec![0.0; 400];
         soft.add(&ANALOG, returns, 1.0, &mut signal);
@@ -276,7 +276,7 @@ mod tests {
 
     #[test]
     fn a_longer_window_extends_the_table_without_changing_it() {
-        let mut soft = SoftResponse::default();
+        let mut soft = BackscatterResponse::default();
         soft.prepare(FOG, &ANALOG, 100);
         soft.prepare(FOG, &ANALOG, 400);
         let mut signal = vec![0.0; 400];

@@ -1,35 +1,36 @@
 //! The weather before a front end: what it adds to the light that comes back.
 
-use crate::Return;
-use crate::{Analog, Trigger};
+use crate::board::{Analog, Trigger};
+use crate::light::Return;
 
-use super::counter::{Purpose, Stream};
-use super::hydrometeors::Hydrometeors;
-use super::litl::{self, Mode};
-use super::receiver::Receiver;
-use super::soft::{Medium, SoftResponse};
+use crate::backscatter::{BackscatterResponse, Medium};
+use crate::hydrometeors::Hydrometeors;
+use crate::litl_units as litl;
+use crate::mode::Mode;
+use crate::noise::Purpose;
+use crate::receiver::Receiver;
 
 /// What comes back.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Light<'a> {
-    pub(super) returns: &'a [Return],
+pub(crate) struct Light<'a> {
+    pub(crate) returns: &'a [Return],
     /// Signal current, µA, or units of the compatibility mode, a sample.
-    pub(super) background: &'a [f32],
+    pub(crate) background: &'a [f32],
 }
 
 /// Weather, with its working memory.
 #[derive(Clone, Debug)]
-pub(super) struct Haze {
+pub(crate) struct Aerosol {
     medium: Medium,
     hydrometeors: Hydrometeors,
-    soft: SoftResponse,
+    backscatter: BackscatterResponse,
     returns: Vec<Return>,
     background: Vec<f32>,
 }
 
-impl Haze {
+impl Aerosol {
     /// The weather before a receiver; none in clear air.
-    pub(super) fn before(receiver: &Receiver) -> Option<Self> {
+    pub(crate) fn before(receiver: &Receiver) -> Option<Self> {
         let air = receiver.air();
         if air.backscatter_per_m_sr <= 0.0 {
             return None;
@@ -40,12 +41,12 @@ impl Haze {
             backscatter_per_m_sr: air.backscatter_per_m_sr,
             from_m: hydrometeors.reach_m,
         };
-        let (soft, returns, background) = Default::default();
-        Some(Self { medium, hydrometeors, soft, returns, background })
+        let (backscatter, returns, background) = Default::default();
+        Some(Self { medium, hydrometeors, backscatter, returns, background })
     }
 
     /// What comes back through it, and from it.
-    pub(super) fn fill(
+    pub(crate) fn fill(
         &mut self,
         receiver: &Receiver,
         analog: &Analog,
@@ -59,12 +60,12 @@ impl Haze {
         };
         self.background.clear();
         self.background.resize(samples, 0.0);
-        self.soft.prepare(self.medium, analog, samples);
-        self.soft.add(analog, surfaces, unit as f32, &mut self.background);
+        self.backscatter.prepare(self.medium, analog, samples);
+        self.backscatter.add(analog, surfaces, unit as f32, &mut self.background);
         self.returns.clear();
         self.returns.extend_from_slice(surfaces);
         // All shots of a beam are fired within microseconds: nothing falls far.
-        let still = Stream::of_shot(seed, Purpose::Hydrometeors, Trigger { shot: 0, ..trigger });
+        let still = Purpose::Hydrometeors.for_shot(seed, Trigger { shot: 0, ..trigger });
         self.hydrometeors.add(still, &mut self.returns);
         Light { returns: &self.returns, background: &self.background }
     }

@@ -1,68 +1,4 @@
-//! Seeded randomness that gives the same bytes on every machine.
-//!
-//! Uniform numbers are made here rather than by a distribution crate, whose sampling may change
-//! between versions, and trigonometry is libm's, because the platform's own differs in the last
-//! bit.
-
-use rand::{Rng, SeedableRng};
-use rand_chacha::ChaCha8Rng;
-
-/// A seeded source of uniform numbers.
-#[derive(Clone, Debug)]
-pub(crate) struct Dice {
-    rng: ChaCha8Rng,
-}
-
-impl Dice {
-    /// `stream` keeps the numbers of one purpose apart from those of another.
-    pub(crate) fn new(seed: u64, stream: u64) -> Self {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        rng.set_stream(stream);
-        Self { rng }
-    }
-
-    /// Uniform in [0, 1).
-    pub(crate) fn unit(&mut self) -> f64 {
-        (self.rng.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    /// Uniform in [low, high).
-    pub(crate) fn range(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.unit()
-    }
-
-    /// Uniform in [-half, half).
-    pub(crate) fn spread(&mut self, half: f64) -> f64 {
-        self.range(-half, half)
-    }
-
-    /// True with probability `p`.
-    pub(crate) fn chance(&mut self, p: f64) -> bool {
-        self.unit() < p
-    }
-
-    /// Uniform in 0..n.
-    pub(crate) fn index(&mut self, n: usize) -> usize {
-        ((self.unit() * n as f64) as usize).min(n.saturating_sub(1))
-    }
-
-    /// One of a non-empty list.
-    pub(crate) fn pick<T: Copy>(&mut self, list: &[T]) -> T {
-        list[self.index(list.len())]
-    }
-
-    /// An angle, radians.
-    pub(crate) fn turn(&mut self) -> f64 {
-        self.range(0.0, std::f64::consts::TAU)
-    }
-
-    /// A direction, uniform on the sphere.
-    pub(crate) fn direction(&mut self) -> [f64; 3] {
-        let (z, turn) = (self.spread(1.0), self.turn());
-        let r = (1.0 - z * z).sqrt();
-        [r * libm::cos(turn), r * libm::sin(turn), z]
-    }
-}
+//! Smooth noise over the plane.
 
 /// Smooth noise over the plane: value noise, summed over octaves that halve in size and height.
 #[derive(Clone, Copy, Debug)]
@@ -125,11 +61,5 @@ mod tests {
             assert!(noise.at(x, 2.0 * x).abs() <= 1.0);
             assert!((noise.at(x + 1e-4, x) - noise.at(x, x)).abs() < 1e-3);
         }
-    }
-
-    #[test]
-    fn dice_of_one_seed_and_other_streams_differ() {
-        assert_eq!(Dice::new(1, 0).unit(), Dice::new(1, 0).unit());
-        assert_ne!(Dice::new(1, 0).unit(), Dice::new(1, 1).unit());
     }
 }

@@ -1,0 +1,14 @@
+//! What waveforms are made of.
+
+use serde::{Deserialize, Serialize};
+
+/// What the waveforms are made of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Mode {
+    /// Optical power, currents, shot noise and amplifier noise.
+    #[default]
+    Physical,
+    /// Arbitrary units and Poisson noise.
+    LitlCompat,
+}

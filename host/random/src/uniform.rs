@@ -1,0 +1,26 @@
+//! Uniform numbers from bits, and normal ones from uniform ones.
+
+/// 2⁵³: numbers that an `f64` between 0 and 1 tells apart.
+const STEPS: f64 = 9_007_199_254_740_992.0;
+
+/// Uniform in [0, 1), 53 bits.
+pub(crate) fn half_open(bits: u64) -> f64 {
+    (bits >> 11) as f64 / STEPS
+}
+
+/// Uniform in (0, 1), 53 bits, never an end.
+pub(crate) fn open(bits: u64) -> f64 {
+    ((bits >> 11) as f64 + 0.5) / STEPS
+}
+
+/// A pair of independent standard normals (Box and Muller 1958), from an exponential of mean 1 and
+/// a uniform number.
+///
+/// ```text
+/// √(2e) · (cos 2πu, sin 2πu)
+/// ```
+pub(crate) fn box_muller(exponential: f64, uniform: f64) -> [f64; 2] {
+    let radius = libm::sqrt(2.0 * exponential);
+    let (sine, cosine) = libm::sincos(2.0 * std::f64::consts::PI * uniform);
+    [radius * cosine, radius * sine]
+}
