@@ -14,7 +14,7 @@ use std::error::Error;
 use std::io::{BufRead, Lines, StdinLock, Write, stdin, stdout};
 use std::str::FromStr;
 
-use echoloop_cmaes::{CmaEs, Config, Constants, Stops, Strategy};
+use echoloop_cmaes::{CmaEs, CmaEsConfig, Constants, Stops, Strategy};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -76,7 +76,7 @@ impl Problem {
         let mean = (0..n)
             .map(|i| if restart == 0 { self.coordinate(i, self.start[i]) } else { rng.random() })
             .collect();
-        let mut config = Config::unit_cube(mean, 0.2, seed);
+        let mut config = CmaEsConfig::unit_cube(mean, 0.2, seed);
         config.constants = if std::env::var_os("PYCMA").is_some() {
             Constants::Pycma
         } else {

@@ -1,10 +1,10 @@
 //! Time of one generation, ask and tell, in ms; what evaluations cost comes on top.
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
-use echoloop_cmaes::{CmaEs, Config};
+use echoloop_cmaes::{CmaEs, CmaEsConfig};
 
 fn generation(criterion: &mut Criterion, n: usize, lambda: usize, whole: bool) {
-    let mut config = Config::unit_cube(vec![0.5; n], 0.2, 1);
+    let mut config = CmaEsConfig::unit_cube(vec![0.5; n], 0.2, 1);
     config.lambda = Some(lambda);
     config.cells = vec![whole.then_some(21); n];
     let Ok(mut search) = CmaEs::new(config) else {

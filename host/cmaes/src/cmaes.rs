@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use super::bounds::{is_mirrored, reflect};
-use super::config::{Config, ConfigError, StopReason, Stops, TellError, check};
+use super::config::{CmaEsConfig, CmaEsConfigError, StopReason, Stops, TellError, check};
 use super::margin::Margin;
 use super::random::normals;
 use super::strategy::{Constants, Strategy};
@@ -51,8 +51,8 @@ impl CmaEs {
     ///
     /// # Errors
     ///
-    /// [`ConfigError`] names the field that cannot run.
-    pub fn new(config: Config) -> Result<Self, ConfigError> {
+    /// [`CmaEsConfigError`] names the field that cannot run.
+    pub fn new(config: CmaEsConfig) -> Result<Self, CmaEsConfigError> {
         check(&config)?;
         let n = config.mean.len();
         let lambda = config.lambda.unwrap_or_else(|| Strategy::default_lambda(n));
@@ -142,9 +142,9 @@ impl CmaEs {
         let step = libm::sqrt(s.c_sigma * (2.0 - s.c_sigma) * s.mu_eff);
         self.path_sigma = (1.0 - s.c_sigma) * &self.path_sigma + step * whitened; // Eq. 43
         let length = self.path_sigma.norm();
-        let still = self.is_path_short(length);
+        let h_sigma = self.is_path_short(length);
         let s = &self.strategy;
-        let h = f64::from(u8::from(still));
+        let h = f64::from(u8::from(h_sigma));
         self.path_c =
             (1.0 - s.c_c) * &self.path_c + h * libm::sqrt(s.c_c * (2.0 - s.c_c) * s.mu_eff) * &y_w; // Eq. 45
         let weights: Vec<f64> =
@@ -324,7 +324,7 @@ impl CmaEs {
 
     /// How much of the first covariance has been replaced so far, 0 to 1: what the correlations can
     /// be worth at most.
-    pub fn learned(&self) -> f64 {
+    pub fn covariance_learned(&self) -> f64 {
         1.0 - libm::pow(1.0 - self.strategy.c_1 - self.strategy.c_mu, self.generation as f64)
     }
 }

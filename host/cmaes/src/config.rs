@@ -6,7 +6,7 @@ use super::strategy::Constants;
 
 /// How to search.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Config {
+pub struct CmaEsConfig {
     /// Where to start; its length is the dimension.
     pub mean: Vec<f64>,
     /// Step size to start with.
@@ -27,7 +27,7 @@ pub struct Config {
     pub stops: Stops,
 }
 
-impl Config {
+impl CmaEsConfig {
     /// A search in the unit cube.
     pub fn unit_cube(mean: Vec<f64>, sigma: f64, seed: u64) -> Self {
         let stops = Stops::default();
@@ -75,8 +75,8 @@ pub enum StopReason {
 /// A setting that cannot run.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[error("{field} = {value} must be {expected}")]
-pub struct ConfigError {
-    /// The field of [`Config`].
+pub struct CmaEsConfigError {
+    /// The field of [`CmaEsConfig`].
     pub field: &'static str,
     /// Its value.
     pub value: String,
@@ -95,8 +95,8 @@ pub struct TellError {
 }
 
 /// Names the first field that cannot run.
-pub(super) fn check(config: &Config) -> Result<(), ConfigError> {
-    let fail = |field, value: String, expected| Err(ConfigError { field, value, expected });
+pub(super) fn check(config: &CmaEsConfig) -> Result<(), CmaEsConfigError> {
+    let fail = |field, value: String, expected| Err(CmaEsConfigError { field, value, expected });
     if config.mean.is_empty() || config.mean.iter().any(|m| !m.is_finite()) {
         return fail("mean", format!("{:?}", config.mean), "at least one finite number");
     }

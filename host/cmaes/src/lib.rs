@@ -1,5 +1,33 @@
 //! CMA-ES: ask, tell, stop.
 //!
+//! ```
+//! use echoloop_cmaes::{CmaEs, CmaEsConfig};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let distance = |x: &[f64]| x.iter().map(|x| (x - 0.7).powi(2)).sum::<f64>();
+//! let mut config = CmaEsConfig::unit_cube(vec![0.5; 4], 0.2, 1); // start, step size, seed
+//! config.stops.generations = Some(60);
+//! let mut search = CmaEs::new(config)?;
+//! while search.stop().is_none() {
+//!     let candidates = search.ask();
+//!     let values: Vec<f64> = candidates.iter().map(|c| distance(&c.phenotype)).collect();
+//!     search.tell(&values)?; // smaller is better; what is not finite ranks last
+//! }
+//! assert!(distance(search.mean()) < 1e-6);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! Candidate i of generation g is a function of the seed and of the values told: to resume a
+//! search, tell it again what it was told. The same on every machine and any number of threads.
+//!
+//! | what | how |
+//! |---|---|
+//! | bounds | the unit cube, by reflection ([`reflect`]) |
+//! | whole numbers | cells of 0 to 1, with margin (arXiv:2205.13482) |
+//! | constants | the tutorial's, or pycma 4.5's ([`Constants`]) |
+//! | stops | generations, target, too small or large steps, condition ([`Stops`]) |
+//!
 //! Hansen, "The CMA Evolution Strategy: A Tutorial" (arXiv:1604.00772), with active covariance
 //! updates. Own code, because bounds, replay and what a report shows sit inside the update.
 
@@ -12,5 +40,5 @@ mod strategy;
 
 pub use bounds::reflect;
 pub use cmaes::{Candidate, CmaEs};
-pub use config::{Config, ConfigError, StopReason, Stops, TellError};
+pub use config::{CmaEsConfig, CmaEsConfigError, StopReason, Stops, TellError};
 pub use strategy::{Constants, Strategy};

@@ -30,7 +30,7 @@ pub enum TuneError {
     Journal(#[from] JournalError),
     /// The optimiser cannot run.
     #[error("the optimiser: {0}")]
-    Optimizer(#[from] echoloop_cmaes::ConfigError),
+    Optimizer(#[from] echoloop_cmaes::CmaEsConfigError),
     /// Someone asked to stop. What was done is in the journal.
     #[error("interrupted after {generations} generations")]
     Interrupted {
@@ -180,7 +180,7 @@ impl Search<'_> {
 
     fn optimizer(&self) -> Result<CmaEs, TuneError> {
         let seed = derive(self.config.seed, Purpose::Search, 0);
-        let mut config = echoloop_cmaes::Config::unit_cube(
+        let mut config = echoloop_cmaes::CmaEsConfig::unit_cube(
             self.space.start_point(),
             self.config.tune.sigma,
             seed,
@@ -331,7 +331,7 @@ impl Search<'_> {
             origin,
             finalists: finalists.collect(),
             correlations: optimizer.correlations(),
-            learned: optimizer.learned(),
+            learned: optimizer.covariance_learned(),
             generations,
         })
     }

@@ -1,8 +1,8 @@
 use super::*;
 use crate::Constants;
 
-fn free(n: usize, seed: u64) -> Config {
-    Config {
+fn free(n: usize, seed: u64) -> CmaEsConfig {
+    CmaEsConfig {
         mean: vec![3.0; n],
         sigma: 2.0,
         lambda: None,
@@ -15,7 +15,7 @@ fn free(n: usize, seed: u64) -> Config {
 }
 
 /// Evaluations until f < 1e-8.
-fn evaluations(config: Config, f: impl Fn(&[f64]) -> f64) -> f64 {
+fn evaluations(config: CmaEsConfig, f: impl Fn(&[f64]) -> f64) -> f64 {
     let mut search = CmaEs::new(config).unwrap();
     while search.stop().is_none() && search.generation() < 20_000 {
         let values: Vec<f64> = search.ask().iter().map(|c| f(&c.phenotype)).collect();
@@ -27,7 +27,7 @@ fn evaluations(config: Config, f: impl Fn(&[f64]) -> f64) -> f64 {
 
 fn median(n: usize, constants: Constants, f: impl Fn(&[f64]) -> f64) -> f64 {
     let mut all: Vec<f64> =
-        (0..31).map(|seed| evaluations(Config { constants, ..free(n, seed) }, &f)).collect();
+        (0..31).map(|seed| evaluations(CmaEsConfig { constants, ..free(n, seed) }, &f)).collect();
     all.sort_by(f64::total_cmp);
     all[15]
 }
@@ -87,7 +87,7 @@ fn rosenbrock_takes_as_long_as_published() {
     for (n, published) in [(5, 1634.0), (10, 5051.0)] {
         let mut all: Vec<f64> = (0..31)
             .filter_map(|seed| {
-                let config = Config { mean: vec![0.0; n], sigma: 0.1, ..free(n, seed) };
+                let config = CmaEsConfig { mean: vec![0.0; n], sigma: 0.1, ..free(n, seed) };
                 let mut search = CmaEs::new(config).unwrap();
                 while search.stop().is_none() {
                     let values: Vec<f64> =
@@ -122,7 +122,8 @@ fn run(mut search: CmaEs, generations: usize, f: impl Fn(&[f64]) -> f64) -> CmaE
 
 #[test]
 fn a_constant_function_does_not_blow_the_step_size_up() {
-    let search = run(CmaEs::new(Config::unit_cube(vec![0.5; 10], 0.2, 1)).unwrap(), 300, |_| 1.0);
+    let search =
+        run(CmaEs::new(CmaEsConfig::unit_cube(vec![0.5; 10], 0.2, 1)).unwrap(), 300, |_| 1.0);
     assert!(
         search.sigma().is_finite() && search.deviations().iter().all(|d| *d <= 1.0 / 3.0 + 1e-12)
     );
@@ -133,14 +134,14 @@ fn a_constant_function_does_not_blow_the_step_size_up() {
 fn an_optimum_on_a_face_or_in_a_corner_is_reached() {
     for corner in [[0.0; 6], [1.0; 6], [0.0, 0.5, 1.0, 0.3, 0.0, 1.0]] {
         let f = |x: &[f64]| x.iter().zip(corner).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
-        let search = run(CmaEs::new(Config::unit_cube(vec![0.5; 6], 0.2, 3)).unwrap(), 250, f);
+        let search = run(CmaEs::new(CmaEsConfig::unit_cube(vec![0.5; 6], 0.2, 3)).unwrap(), 250, f);
         assert!(f(search.mean()) < 1e-8, "{corner:?}: {:?}", search.mean());
     }
 }
 
 #[test]
 fn every_phenotype_lies_in_the_cube() {
-    let mut search = CmaEs::new(Config::unit_cube(vec![0.0, 1.0, 0.5], 1.0, 5)).unwrap();
+    let mut search = CmaEs::new(CmaEsConfig::unit_cube(vec![0.0, 1.0, 0.5], 1.0, 5)).unwrap();
     for _ in 0..50 {
         let candidates = search.ask();
         assert!(candidates.iter().flat_map(|c| &c.phenotype).all(|x| (0.0..=1.0).contains(x)));
@@ -151,7 +152,7 @@ fn every_phenotype_lies_in_the_cube() {
 
 #[test]
 fn what_is_not_a_number_ranks_last() {
-    let new = || CmaEs::new(Config::unit_cube(vec![0.5; 4], 0.2, 1)).unwrap();
+    let new = || CmaEs::new(CmaEsConfig::unit_cube(vec![0.5; 4], 0.2, 1)).unwrap();
     let last = |bad: f64| {
         let mut search = new();
         let mut values: Vec<f64> = search.ask().iter().map(|c| sphere(&c.phenotype)).collect();
@@ -170,18 +171,18 @@ fn what_is_not_a_number_ranks_last() {
 #[test]
 fn told_the_same_it_is_in_the_same_state_byte_for_byte() {
     let f = |x: &[f64]| sphere(x) + x[0].sin();
-    let first = run(CmaEs::new(Config::unit_cube(vec![0.4; 7], 0.2, 9)).unwrap(), 40, f);
-    let again = run(CmaEs::new(Config::unit_cube(vec![0.4; 7], 0.2, 9)).unwrap(), 40, f);
+    let first = run(CmaEs::new(CmaEsConfig::unit_cube(vec![0.4; 7], 0.2, 9)).unwrap(), 40, f);
+    let again = run(CmaEs::new(CmaEsConfig::unit_cube(vec![0.4; 7], 0.2, 9)).unwrap(), 40, f);
     assert_eq!(first.ask(), again.ask());
     assert_eq!(first.sigma().to_bits(), again.sigma().to_bits());
-    let other = run(CmaEs::new(Config::unit_cube(vec![0.4; 7], 0.2, 10)).unwrap(), 40, f);
+    let other = run(CmaEs::new(CmaEsConfig::unit_cube(vec![0.4; 7], 0.2, 10)).unwrap(), 40, f);
     assert_ne!(first.ask(), other.ask());
 }
 
 #[test]
 fn settings_that_cannot_run_are_named() {
-    let error = |change: fn(&mut Config)| {
-        let mut config = Config::unit_cube(vec![0.5; 2], 0.2, 1);
+    let error = |change: fn(&mut CmaEsConfig)| {
+        let mut config = CmaEsConfig::unit_cube(vec![0.5; 2], 0.2, 1);
         change(&mut config);
         CmaEs::new(config).map(|_| ()).unwrap_err().field
     };
@@ -191,14 +192,15 @@ fn settings_that_cannot_run_are_named() {
     assert_eq!(error(|c| c.lambda = Some(1)), "lambda");
     assert_eq!(error(|c| c.cells = vec![Some(3)]), "cells");
     assert_eq!(error(|c| c.cells = vec![None, Some(0)]), "cells");
-    let mut search = CmaEs::new(Config::unit_cube(vec![0.5; 2], 0.2, 1)).unwrap();
+    let mut search = CmaEs::new(CmaEsConfig::unit_cube(vec![0.5; 2], 0.2, 1)).unwrap();
     assert_eq!(search.tell(&[1.0]), Err(TellError { told: 1, asked: 6 }));
 }
 
 #[test]
 fn correlated_parameters_show_as_correlated() {
     let valley = |x: &[f64]| 1e4 * (x[0] - x[1]).powi(2) + (x[0] + x[1] - 1.0).powi(2);
-    let search = run(CmaEs::new(Config::unit_cube(vec![0.3, 0.6], 0.2, 2)).unwrap(), 60, valley);
+    let search =
+        run(CmaEs::new(CmaEsConfig::unit_cube(vec![0.3, 0.6], 0.2, 2)).unwrap(), 60, valley);
     assert!(search.correlations()[0][1] > 0.9, "{:?}", search.correlations());
 }
 
@@ -212,7 +214,7 @@ fn mixed(count: usize, cells: bool, seed: u64, f: fn(&[f64], &[f64]) -> f64) -> 
     let mean = uniform
         .enumerate()
         .map(|(i, x)| if count == 2 && i >= n / 2 { 0.5 } else { (x - first) / width });
-    let config = Config {
+    let config = CmaEsConfig {
         mean: mean.collect(),
         sigma: 1.0 / width,
         cells: (0..n).map(|i| (cells && i >= n / 2).then_some(count)).collect(),
@@ -275,9 +277,9 @@ fn whole_numbers_at_the_ends_of_the_cube_are_reached() {
         let f = |x: &[f64]| {
             x[3].powi(2) + x.iter().zip(goal).map(|(a, b)| (a - b).powi(2)).sum::<f64>()
         };
-        let config = Config {
+        let config = CmaEsConfig {
             cells: vec![Some(4), Some(4), Some(4), None],
-            ..Config::unit_cube(vec![0.375, 0.375, 0.875, 0.5], 0.2, 4)
+            ..CmaEsConfig::unit_cube(vec![0.375, 0.375, 0.875, 0.5], 0.2, 4)
         };
         let search = run(CmaEs::new(config).unwrap(), 150, f);
         let cell = |u: f64| ((u * 4.0).floor().min(3.0) + 0.5) / 4.0;
@@ -289,7 +291,8 @@ fn whole_numbers_at_the_ends_of_the_cube_are_reached() {
 
 #[test]
 fn a_covariance_that_cannot_be_decomposed_is_replaced_by_the_last_one_that_could() {
-    let mut search = run(CmaEs::new(Config::unit_cube(vec![0.5; 3], 0.2, 1)).unwrap(), 20, sphere);
+    let mut search =
+        run(CmaEs::new(CmaEsConfig::unit_cube(vec![0.5; 3], 0.2, 1)).unwrap(), 20, sphere);
     let (before, basis) = (search.c.clone(), search.b.clone());
     search.c[(1, 0)] = f64::NAN;
     search.decompose();
