@@ -28,6 +28,7 @@ const ALLOWED: [(&str, &str, &[&str]); 16] = [
             "echoloop-frontend",
             "echoloop-kernels",
             "echoloop-link",
+            "echoloop-random",
             "echoloop-sensor",
         ],
     ),
