@@ -1,11 +1,52 @@
-//! The link between a sensor and its host.
+//! The link between a sensor and its host, as bytes: a command goes out as a frame, the sensor's
+//! [`Session`] answers it, and the answer comes back in a frame of the same number.
 //!
-//! Slices in, slices out: no I/O, no clock, no allocation, the same code on both sides. A frame is
-//! `00 · COBS(sequence · postcard body · CRC-32C) · 00`; [`frame`] makes and reads it, [`message`]
-//! holds what the bodies may be, [`session`] is the sensor's side of the conversation. WIRE.md has
-//! the format with worked bytes.
+//! ```
+//! use echoloop_dsp::{Hardware, ScanPattern, Settings};
+//! use echoloop_link::{Answer, Command, Decoder, FrameError, Greeting, MAX_FRAME, Report, Session};
+//! use echoloop_link::{decode, encode};
 //!
-//! Nothing here panics, whatever arrives: no index, no unchecked sum, and lints that keep it so.
+//! # fn main() -> Result<(), FrameError> {
+//! // The host numbers a command and puts it on the line.
+//! let mut there = [0; MAX_FRAME];
+//! let sent = encode(7, &Command::Hello(Greeting::OURS), &mut there)?;
+//!
+//! // The sensor collects bytes until a frame is whole, reads it and answers.
+//! let pattern = ScanPattern { columns: 8, rows: 4, azimuth_cdeg: 18_000, elevation_cdeg: 9_000 };
+//! let mut session = Session::new(Hardware::REFERENCE, pattern, "mine 1.0", Settings::default());
+//! let (mut decoder, mut back) = (Decoder::new(), [0; MAX_FRAME]);
+//! let mut length = 0;
+//! for &byte in sent {
+//!     let Some(frame) = decoder.push(byte) else { continue };
+//!     let (number, command) = decode::<Command>(frame?)?;
+//!     if let Answer::Report(report) = session.handle(command) {
+//!         length = encode(number, &report, &mut back)?.len();
+//!     }
+//! }
+//!
+//! // The host reads the answer the same way.
+//! let (mut decoder, mut answer) = (Decoder::new(), None);
+//! for &byte in &back[..length] {
+//!     let Some(frame) = decoder.push(byte) else { continue };
+//!     answer = Some(decode::<Report>(frame?)?);
+//! }
+//! assert!(matches!(answer, Some((7, Report::Hello { hardware: Hardware::REFERENCE, .. }))));
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! A host does not do this by hand: `Client` in the crate `echoloop-host` (host/app/src/link) says
+//! hello, asks again when no answer comes, and reads whole scans, over any `Transport`.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`frame`] | `00 · COBS(sequence · postcard body · CRC-32C) · 00`: made and read |
+//! | [`message`] | what the bodies may be |
+//! | [`session`] | the sensor's side of the conversation |
+//!
+//! Slices in, slices out: no I/O, no clock, no allocation, the same code on both sides. WIRE.md,
+//! beside the sources, has the format with worked bytes. Nothing here panics, whatever arrives: no
+//! index, no unchecked sum, and lints that keep it so.
 #![no_std]
 #![forbid(unsafe_code)]
 #![warn(

@@ -245,7 +245,7 @@ pub struct Counters {
 
 /// CRC-32C of the settings' postcard bytes: what a commit and every scan name them by. Never 0.
 pub fn settings_hash(settings: &Settings) -> u32 {
-    let mut bytes = [0; 96];
-    let bytes = postcard::to_slice(settings, &mut bytes).map_or(&[][..], |bytes| bytes); // 15 fields of 5 bytes, and 1
+    let mut bytes = [0; 96]; // 15 fields of 5 bytes, and 1, fit
+    let bytes = postcard::to_slice(settings, &mut bytes).map_or(&[][..], |bytes| bytes);
     checksum(bytes).max(1)
 }

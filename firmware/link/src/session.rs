@@ -93,7 +93,8 @@ pub struct Session {
 }
 
 impl Session {
-    /// A sensor that starts with these settings, or the defaults when they do not pass; generation 0.
+    /// A sensor that starts with these settings as generation 0, or with the defaults when they do
+    /// not pass.
     pub fn new(
         hardware: Hardware,
         pattern: ScanPattern,

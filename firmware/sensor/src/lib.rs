@@ -1,5 +1,28 @@
-//! The sensor program: one application, three lives. On a board, in QEMU and in process on a PC
-//! only the [`Board`](board::Board) differs.
+//! The sensor program: implement [`Board`] for the hardware, hand it to an [`App`], and poll.
+//!
+//! ```
+//! use echoloop_sensor::{App, Board, app::LinkLost};
+//!
+//! fn run(board: impl Board) -> LinkLost {
+//!     let mut app = App::new(board); // with the settings that were saved, or the defaults
+//!     loop {
+//!         if let Err(lost) = app.poll() {
+//!             return lost;
+//!         }
+//!     }
+//! }
+//! ```
+//!
+//! One application, three lives: on a microcontroller (`echoloop-image`, firmware/image), the same
+//! image in QEMU, and in process on a PC (`PcSensor` in `echoloop-sim`). Only the board differs.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`board`] | what the application needs of the hardware |
+//! | [`app`] | commands in, front end and DSP at work, answers out |
+//! | [`afe`] | laser driver, amplifier and converter, by their registers |
+//! | [`store`] | the settings of the next start, in NOR flash |
+//! | [`mailbox`] | the front end of an emulated board, as shared memory |
 //!
 //! Nothing here panics, whatever arrives or is stored: no index, no unchecked sum, and lints that
 //! keep it so.

@@ -101,7 +101,8 @@ pub fn save<S: NorFlash>(
     }
     let (slot, revision) =
         newest.map_or((Slot::First, 1), |(slot, old)| (slot.other(), old.revision.wrapping_add(1)));
-    let bytes = record(revision, settings).ok_or(StoreError::Verify)?; // 76 bytes of settings at most: it fits
+    // 76 bytes of settings at most: they fit
+    let bytes = record(revision, settings).ok_or(StoreError::Verify)?;
     slot.write(flash, &bytes)?;
     Ok(revision)
 }
