@@ -48,9 +48,9 @@ pub(crate) fn for_tests(lint: bool) -> Result<()> {
             Ok(toolchain) => {
                 found.push(target.to_owned());
                 if lint && toolchain.is_prebuilt() {
-                    // Without the log, which the images below have.
-                    cargo(&toolchain, target, &["build", "--package", "echoloop-sensor"])?;
-                    cargo(&toolchain, target, &["clippy", "--package", "echoloop-image"])?;
+                    // By itself without the log, which the images have.
+                    clippy(&toolchain, target, "echoloop-sensor")?;
+                    clippy(&toolchain, target, "echoloop-image")?;
                 }
             }
             Err(error) if env::var_os("CI").is_some() => return Err(error),
@@ -60,21 +60,12 @@ pub(crate) fn for_tests(lint: bool) -> Result<()> {
     if found.is_empty() { Ok(()) } else { run(&found, false) }
 }
 
-/// Runs cargo for a target; a warning is an error.
-fn cargo(toolchain: &Toolchain, target: &str, what: &[&str]) -> Result<()> {
+/// Lints a package as it is compiled for a target; a warning is an error.
+fn clippy(toolchain: &Toolchain, target: &str, package: &str) -> Result<()> {
     let mut command = toolchain.cargo(target);
-    command.current_dir(workspace()?).args(what).args([
-        "--quiet",
-        "--profile",
-        PROFILE,
-        "--target",
-        target,
-    ]);
-    command.args(["--target-dir", TARGET_DIR]);
-    if what.first() == Some(&"clippy") {
-        command.args(["--", "-D", "warnings"]);
-    }
-    succeed(&mut command)
+    command.current_dir(workspace()?).args(["clippy", "--quiet", "--package", package]);
+    command.args(["--profile", PROFILE, "--target", target, "--target-dir", TARGET_DIR]);
+    succeed(command.args(["--", "-D", "warnings"]))
 }
 
 /// Builds one of the image crate's programs for a target.

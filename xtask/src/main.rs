@@ -12,16 +12,17 @@ use std::env;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::thread;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use clap::Parser;
 
 /// Project commands.
 #[derive(Parser)]
 #[command(name = "cargo xtask")]
 enum Task {
-    /// Everything that must hold before a change lands: format, lints, images, all tests, cost on
-    /// microcontrollers.
+    /// Everything that must hold before a change lands: format, lints, documentation, images, all
+    /// tests, cost on microcontrollers.
     Test {
         /// Only the tests.
         #[arg(long)]
@@ -83,11 +84,32 @@ fn test(only_tests: bool) -> Result<()> {
     say_what_is_missing();
     if !only_tests {
         cargo(["fmt", "--all", "--check"])?;
-        cargo(["clippy", "--workspace", "--all-targets", "--quiet", "--", "-D", "warnings"])?;
     }
-    firmware::for_tests(!only_tests)?;
-    cargo(["test", "--workspace"])?;
-    if only_tests { Ok(()) } else { cost::run(false) }
+    // An image is linked by one core alone, in a folder of its own: the others need not wait.
+    thread::scope(|scope| {
+        let images = scope.spawn(|| prepare_images(!only_tests));
+        let host = prepare_host(!only_tests);
+        let images = images.join().map_err(|_| anyhow!("the images' thread panicked"))?;
+        host.and(images)
+    })?;
+    cargo(["test", "--workspace"])
+}
+
+/// Builds the images that the tests run, and counts what they cost, which no load changes.
+fn prepare_images(all: bool) -> Result<()> {
+    firmware::for_tests(all)?;
+    if all { cost::run(false) } else { Ok(()) }
+}
+
+/// Builds the tests, having linted everything and its documentation.
+fn prepare_host(all: bool) -> Result<()> {
+    if all {
+        cargo(["clippy", "--workspace", "--all-targets", "--quiet", "--", "-D", "warnings"])?;
+        let mut doc = cargo_command()?;
+        doc.args(["doc", "--workspace", "--no-deps", "--quiet"]);
+        succeed(doc.env("RUSTDOCFLAGS", "-D warnings"))?;
+    }
+    cargo(["test", "--workspace", "--no-run"])
 }
 
 fn on_target(waveforms: u32) -> Result<()> {
@@ -110,7 +132,8 @@ fn on_target(waveforms: u32) -> Result<()> {
 fn say_what_is_missing() {
     if env::var_os("ECHOLOOP_DATA").is_none() {
         eprintln!(
-            "note: ECHOLOOP_DATA is not set: tests on real scans and meshes will be skipped (see README.md, Data)"
+            "note: ECHOLOOP_DATA is not set: tests on real scans and meshes will be skipped \
+             (see docs/data.md)"
         );
     }
     let browser = ["chromium", "chromium-browser", "google-chrome"].into_iter().any(on_path);
@@ -119,7 +142,8 @@ fn say_what_is_missing() {
     {
         if !on_path(emulator) {
             eprintln!(
-                "note: no {emulator}: the image will not be run on its boards (apt-get install {package})"
+                "note: no {emulator}: the image will not be run on its boards \
+                 (apt-get install {package})"
             );
         }
     }

@@ -8,7 +8,7 @@ pub fn saturated(value: f64) -> f64 {
     value.clamp(-32_768.0, 32_767.0)
 }
 
-/// Σ h[k] x[n + k − K], x = 0 outside.
+/// `Σ h[k] x[n + k − K]`, x = 0 outside.
 pub fn correlate(taps: &[f64], x: &[f64]) -> Vec<f64> {
     let half = taps.len() / 2;
     let mut padded = vec![0.0; half];

@@ -13,7 +13,7 @@
 //! | [`Twin`] | `config`, `accumulate`, `pipeline` |
 //! | [`statistics`] | `statistics` |
 //! | [`filter`] | `baseline`, `filter`, the threshold of `detect` |
-//! | [`peaks`] | `detect` |
+//! | [`mod@peaks`] | `detect` |
 //! | [`refine`] | `refine` |
 //! | [`noise`], [`pulse`], [`edges`] | those |
 //! | [`echo`] | `echo` |

@@ -157,7 +157,7 @@ impl Recorder {
     /// strong    = peaks with 5z ≥ max z: fitted together, see Fit
     /// ```
     ///
-    /// `k·σ_z` and `2·σ_z` are nearest; [`place`](Self::place) says what becomes of a peak. Of the
+    /// `k·σ_z` and `2·σ_z` are nearest; `place` says what becomes of a peak. Of the
     /// echoes that are placed the highest stay, of equals the first, each at least min_separation
     /// from every one that stays: two peaks that climb to one clipped top are one echo.
     pub fn echoes(&mut self, codes: &[u16], search: &Search) -> Recordeds {

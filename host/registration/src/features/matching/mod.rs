@@ -8,10 +8,10 @@
 //! pairs of one scan against another are half a billion, of which some hundred a point need their
 //! distance:
 //!
-//! 1. An orthonormal [`rotation`] onto the principal axes of the targets: its first
-//!    [`AXES`](rotation::AXES) hold nearly all of a distance, and never more than it.
-//! 2. A [`tree`] of boxes over the rotated rows, of the targets and of the sources.
-//! 3. [`search`]: eight neighbouring sources go down the targets' tree together, and give up a box
+//! 1. An orthonormal `rotation` onto the principal axes of the targets: its first
+//!    `rotation::AXES` hold nearly all of a distance, and never more than it.
+//! 2. A `tree` of boxes over the rotated rows, of the targets and of the sources.
+//! 3. `search`: eight neighbouring sources go down the targets' tree together, and give up a box
 //!    or a row when even the rotated axes are too far apart. What remains is decided by the
 //!    distance itself.
 //! 4. The way back only asks what is open: of the sources that chose a target the closest is the
@@ -23,7 +23,7 @@
 //! bound. Where very many rows differ by no more than rounding, little is given up, and the work
 //! nears that of the double loop.
 //!
-//! Rounding never loses a pair: [`rotation::Rotation::limit`] has the slack and why it is enough.
+//! Rounding never loses a pair: `rotation::Rotation::limit` has the slack and why it is enough.
 //! Memory is linear.
 
 mod build;
