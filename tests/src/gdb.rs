@@ -31,7 +31,8 @@ impl Gdb {
         stream.set_read_timeout(Some(Duration::from_secs(10)))?;
         let mut gdb = Self(stream);
         gdb.ask("?")?;
-        gdb.ask("qXfer:features:read:target.xml:0,ff0")?; // without it, registers cannot be set one by one
+        // without it, registers cannot be set one by one
+        gdb.ask("qXfer:features:read:target.xml:0,ff0")?;
         Ok(gdb)
     }
 

@@ -1,12 +1,14 @@
 //! What must hold whatever bytes arrive or are stored: the bodies of the fuzz targets in `fuzz/`,
 //! which the ordinary tests run too.
 //!
-//! | function | bytes are | must hold |
+//! | function | bytes are | must hold, beside that nothing panics |
 //! |---|---|---|
-//! | [`frame_decoder`] | a line's, or a payload's | nothing panics; what is accepted is accepted again as it was understood |
-//! | [`session`] | a program of commands, noise, restarts and power cuts | settings pass the check; a generation names one set; what is saved has been active |
-//! | [`store`] | a flash's | nothing panics; what is loaded passes the check; what is saved is loaded |
-//! | [`waveforms`] | settings, hardware and codes; a record; a file of records | nothing panics; both kernels agree; echoes lie within the record, in order |
+//! | [`frame_decoder`] | a line's, or a payload's | what is accepted is accepted again, as it was |
+//! | [`session`] | commands, noise, restarts, power cuts | a generation names one set of settings |
+//! | [`store`] | a flash's | what is loaded passes the check; what is saved is loaded |
+//! | [`waveforms`] | settings, hardware, codes; a file | kernels agree; echoes lie within, in order |
+//!
+//! In a session, settings pass the check besides, and what is saved has been active.
 
 use std::collections::HashMap;
 use std::fmt::Debug;

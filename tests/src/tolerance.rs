@@ -23,14 +23,25 @@ pub struct Tolerance {
 ///
 /// What remains is the filter's output in Q1.15: an echo of SNR 5 in noise of 4 codes is 25 to 75
 /// LSB high. Height, width and SNR are read from it; the time comes from eight bits more.
-#[rustfmt::skip]
 pub const TOLERANCES: [Tolerance; 5] = [
-    Tolerance { from_snr:   5.0, range_mm: 4.0, amplitude: 1.2e-4, width_ns: 0.45, snr: 0.040, deviation: 0.040 },
-    Tolerance { from_snr:  10.0, range_mm: 2.0, amplitude: 1.4e-4, width_ns: 0.16, snr: 0.030, deviation: 0.030 },
-    Tolerance { from_snr:  20.0, range_mm: 1.0, amplitude: 1.7e-4, width_ns: 0.11, snr: 0.020, deviation: 0.020 },
-    Tolerance { from_snr:  50.0, range_mm: 0.6, amplitude: 2.2e-4, width_ns: 0.07, snr: 0.012, deviation: 0.012 },
-    Tolerance { from_snr: 100.0, range_mm: 0.6, amplitude: 5.4e-4, width_ns: 0.06, snr: 0.010, deviation: 0.010 },
+    // from SNR, range mm, amplitude, width ns, SNR, deviation
+    bounds(5.0, 4.0, 1.2e-4, 0.45, 0.040, 0.040),
+    bounds(10.0, 2.0, 1.4e-4, 0.16, 0.030, 0.030),
+    bounds(20.0, 1.0, 1.7e-4, 0.11, 0.020, 0.020),
+    bounds(50.0, 0.6, 2.2e-4, 0.07, 0.012, 0.012),
+    bounds(100.0, 0.6, 5.4e-4, 0.06, 0.010, 0.010),
 ];
+
+const fn bounds(
+    from_snr: f64,
+    range_mm: f64,
+    amplitude: f64,
+    width_ns: f64,
+    snr: f64,
+    deviation: f64,
+) -> Tolerance {
+    Tolerance { from_snr, range_mm, amplitude, width_ns, snr, deviation }
+}
 
 /// Least σ of one sample for which [`TOLERANCES`] hold, ADC codes. The reference receiver's
 /// amplifier alone has 6.7.

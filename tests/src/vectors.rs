@@ -120,7 +120,8 @@ pub fn hardware(rng: &mut impl Rng) -> Hardware {
         return Hardware::REFERENCE;
     }
     let range_min_mm = pick(rng, &[0, 0, 100, 1_000, 2_500, 10_000_000]);
-    let window_mm = rng.random_range(119_000..=200_000); // shorter ones would need more taps than there are
+    // shorter ones would need more taps than there are
+    let window_mm = rng.random_range(119_000..=200_000);
     Hardware {
         adc_bits: rng.random_range(8..=14),
         range_min_mm,

@@ -153,7 +153,7 @@ fn echoes_stay_within_the_tolerance_table_of_the_twin_that_never_rounds() {
 
 #[test]
 fn a_noise_free_echo_s_worst_bias_over_all_phases_is_that_of_the_parabola() {
-    // (bins, upsampling, worst |bias| in mm of physics.md's check values or measured)
+    // (bins, upsampling, worst |bias| in mm of docs/physics.md's check values or measured)
     for (bins, upsampling, expected_mm, within_mm) in [
         (HALF_GS, 1, 7.3, 0.6),  // 6.86
         (ONE_GS, 1, 0.91, 0.03), // 0.92
@@ -244,7 +244,8 @@ fn clipped_echoes_whose_edges_fall_between_samples_are_unbiased_and_say_how_far_
             let (mean, worst) = bench.bias(overdrive * level);
             let case = format!("A/S {overdrive} at {bins} bins");
             assert!(mean.abs() < 0.15, "{case}: mean {mean} mm");
-            assert!(worst < ripple_mm, "{case}: {worst} mm"); // 142.9, 67.9, 30.7, 18.3, all of A/S 5000
+            // 142.9, 67.9, 30.7, 18.3, all of A/S 5000
+            assert!(worst < ripple_mm, "{case}: {worst} mm");
             for phase in 0..PHASES {
                 let (echo, at) = bench.at_phase(phase, overdrive * level);
                 let (error, deviation): (f64, f64) =
@@ -297,7 +298,7 @@ fn reflectivity_is_that_of_the_surface_whole_or_clipped() {
 fn the_spread_in_white_noise_is_that_of_the_physics_and_near_the_cramer_rao_bound() {
     const RUNS: u32 = 6_000;
     let confidence = 3.0 / f64::from(2 * RUNS).sqrt(); // three σ of a standard deviation: 2.7 %
-    // physics.md §4, Monte Carlo in real numbers: mm at 1 GS/s
+    // docs/physics.md §4, Monte Carlo in real numbers: mm at 1 GS/s
     for (snr, physics_mm) in [(10.0, 21.0), (20.0, 10.6), (50.0, 4.35)] {
         let mut bench =
             Bench::new(Settings { bins: ONE_GS, ..Settings::default() }, Hardware::REFERENCE);
@@ -320,7 +321,8 @@ fn upsampling_mends_the_parabola_s_spread_at_half_a_giga_sample_and_walk_correct
         Bench::new(settings, Hardware::REFERENCE).scatter(50.0, 16.0, 3_000).1
     };
     let (plain, upsampled) = (spread(1, TIMING_PARABOLA), spread(8, TIMING_PARABOLA));
-    assert!((plain - 8.02).abs() < 0.4, "{plain} mm"); // physics.md: 8.02 against a bound of 6.04; reached 7.92
+    // docs/physics.md: 8.02 against a bound of 6.04; reached 7.92
+    assert!((plain - 8.02).abs() < 0.4, "{plain} mm");
     assert!(upsampled < 7.0, "{upsampled} mm"); // 6.65
     let corrected = spread(1, TIMING_WALK_CORRECTED);
     assert!((corrected / 6.04 - 1.0).abs() < 0.05, "{corrected} mm"); // 5.97
@@ -347,8 +349,8 @@ fn weak_echoes_in_little_noise_are_unbiased_at_every_rate_and_resolution() {
 #[test]
 fn false_alarms_are_as_rare_as_the_physics_says() {
     const WINDOWS: u32 = 30_000;
-    // per 800 ns window at k = 4, with σ known: physics.md §4. Measuring σ from the same waveform
-    // adds a fifth.
+    // per 800 ns window at k = 4, with σ known: docs/physics.md §4. Measuring σ from the same
+    // waveform adds a fifth.
     for (bins, known_sigma) in [(HALF_GS, 0.0106), (ONE_GS, 0.0133), (THREE_GS, 0.0167)] {
         let settings = Settings {
             bins,
@@ -386,7 +388,8 @@ fn measured_noise_is_unbiased_down_to_two_codes_at_every_resolution() {
                     / sigma
             };
             let (mean, _) = mean_and_std(&(0..1_000).map(|_| ratio()).collect::<Vec<_>>());
-            assert!((0.985..1.03).contains(&mean), "{adc_bits} bits, σ {sigma}: {mean}"); // σ 2 with 1/12 code²: 1.01
+            // σ 2 with 1/12 code²: 1.01
+            assert!((0.985..1.03).contains(&mean), "{adc_bits} bits, σ {sigma}: {mean}");
         }
     }
 }

@@ -10,12 +10,16 @@ use proptest::prelude::{any, prop_oneof, proptest};
 
 proptest! {
     #[test]
-    fn what_a_decoder_accepts_it_accepts_again(bytes in vec(prop_oneof![0..11u8, any::<u8>()], 0..300)) {
+    fn what_a_decoder_accepts_it_accepts_again(
+        bytes in vec(prop_oneof![0..11u8, any::<u8>()], 0..300),
+    ) {
         harness::frame_decoder(&bytes);
     }
 
     #[test]
-    fn after_any_garbage_the_next_whole_frame_is_understood(bytes in vec(prop_oneof![0..2u8, any::<u8>()], 0..5_000)) {
+    fn after_any_garbage_the_next_whole_frame_is_understood(
+        bytes in vec(prop_oneof![0..2u8, any::<u8>()], 0..5_000),
+    ) {
         harness::resynchronises(&bytes);
     }
 
@@ -25,17 +29,25 @@ proptest! {
     }
 
     #[test]
-    fn a_flash_may_hold_anything(forged in 0..5u8, bytes in vec(prop_oneof![0..4u8, any::<u8>()], 0..520)) {
+    fn a_flash_may_hold_anything(
+        forged in 0..5u8,
+        bytes in vec(prop_oneof![0..4u8, any::<u8>()], 0..520),
+    ) {
         harness::store(&[&[forged], &bytes[..]].concat());
     }
 
     #[test]
-    fn any_waveform_and_any_file_of_them_is_borne(kind in 0..2u8, bytes in vec(prop_oneof![0..4u8, any::<u8>()], 0..600)) {
+    fn any_waveform_and_any_file_of_them_is_borne(
+        kind in 0..2u8,
+        bytes in vec(prop_oneof![0..4u8, any::<u8>()], 0..600),
+    ) {
         harness::waveforms(&[&[kind], &bytes[..]].concat());
     }
 
     #[test]
-    fn any_text_of_numbers_is_borne(text in "([-0-9.e]{0,6},{0,2}){0,60}(\\n([0-9]{1,4},){0,80}){0,4}") {
+    fn any_text_of_numbers_is_borne(
+        text in "([-0-9.e]{0,6},{0,2}){0,60}(\\n([0-9]{1,4},){0,80}){0,4}",
+    ) {
         harness::waveforms(&[&[2], text.as_bytes()].concat());
     }
 }

@@ -421,7 +421,8 @@ fn refined_peaks_equal_their_twins() {
         let mut rng = vectors::rng(seed);
         let codes = codes_near(config.clip_code(), &y, &mut rng);
         // f rounds to y: plateaus of y have slopes and ripples
-        let steepest = rng.random_range(0..4) > 0; // else from even to odd values as little as can be
+        // else from even to odd values as little as can be
+        let steepest = rng.random_range(0..4) > 0;
         let mut ripple = |v: i16| {
             if steepest { rng.random_range(-128..128) } else { 127 - 255 * i64::from(v & 1) }
         };
@@ -536,7 +537,8 @@ fn the_pipeline_equals_its_twin_in_every_build() {
 fn memory_of_other_waveforms_and_settings_changes_nothing() {
     let mut reused = Scratch::new();
     for seed in 0..SEEDS {
-        let (case, ..) = set_up(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15)); // other seeds, other order of kinds
+        // other seeds, other order of kinds
+        let (case, ..) = set_up(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15));
         let pipeline = Pipeline::new(&case.settings, &case.hardware).unwrap();
         let again = echoloop_kernels::process(&pipeline, &case.codes, &mut reused);
         let mut fresh = Scratch::new();

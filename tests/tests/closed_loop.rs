@@ -377,9 +377,7 @@ fn more_bins_or_upsampling_keep_or_better_the_range() {
     };
     let (plain, upsampled) = (error(&half_gs), error(&Settings { upsampling: 8, ..half_gs }));
     let finer = error(&Settings { bins: 1_588, ..Settings::default() });
-    println!(
-        "weak echoes, 0.5 GS/s: {plain:.4} m, upsampled by 8: {upsampled:.4} m; 2 GS/s: {finer:.4} m"
-    );
+    println!("weak echoes, 0.5 GS/s: {plain:.4} m, by 8: {upsampled:.4} m; 2 GS/s: {finer:.4} m");
     assert!(upsampled <= 1.02 * plain, "{upsampled} m after {plain} m");
     assert!(finer < plain, "{finer} m after {plain} m");
 }

@@ -35,15 +35,34 @@ struct Golden {
     taps: &'static [i16],
 }
 
-#[rustfmt::skip]
+/// A golden template: pulse width, sample period, gains, taps.
+const fn golden(
+    width_ps: u32,
+    period_fs: u32,
+    peak_gain: u16,
+    noise_gain: u16,
+    taps: &'static [i16],
+) -> Golden {
+    Golden { width_ps, period_fs, peak_gain, noise_gain, taps }
+}
+
 const GOLDEN: [Golden; 7] = [
-    Golden { width_ps: 5_000, period_fs: 1_999_704, peak_gain: 24573, noise_gain: 17950, taps: &[1248, 8578, 13113] },
-    Golden { width_ps: 5_000, period_fs: 992_353, peak_gain: 24583, noise_gain: 12644, taps: &[0, 655, 2294, 4284, 5895, 6504] },
-    Golden { width_ps: 5_000, period_fs: 999_852, peak_gain: 24577, noise_gain: 12689, taps: &[0, 623, 2267, 4286, 5929, 6552] },
-    Golden { width_ps: 2_000, period_fs: 330_784, peak_gain: 24583, noise_gain: 11543, taps: &[0, 388, 1393, 2742, 4084, 5064, 5420] },
-    Golden { width_ps: 10_000, period_fs: 3_969_413, peak_gain: 24556, noise_gain: 17871, taps: &[1311, 8567, 13007] },
-    Golden { width_ps: 7_321, period_fs: 793_089, peak_gain: 24577, noise_gain: 9339, taps: &[5, 152, 486, 969, 1545, 2142, 2702, 3155, 3448, 3549] },
-    Golden { width_ps: 20_000, period_fs: 661_569, peak_gain: 24563, noise_gain: 5157, taps: &[0, 4, 14, 30, 51, 77, 109, 145, 186, 230, 278, 329, 382, 437, 492, 548, 604, 659, 713, 766, 816, 863, 907, 947, 982, 1012, 1037, 1057, 1072, 1080, 1083] },
+    golden(5_000, 1_999_704, 24573, 17950, &[1248, 8578, 13113]),
+    golden(5_000, 992_353, 24583, 12644, &[0, 655, 2294, 4284, 5895, 6504]),
+    golden(5_000, 999_852, 24577, 12689, &[0, 623, 2267, 4286, 5929, 6552]),
+    golden(2_000, 330_784, 24583, 11543, &[0, 388, 1393, 2742, 4084, 5064, 5420]),
+    golden(10_000, 3_969_413, 24556, 17871, &[1311, 8567, 13007]),
+    golden(7_321, 793_089, 24577, 9339, &[5, 152, 486, 969, 1545, 2142, 2702, 3155, 3448, 3549]),
+    golden(
+        20_000,
+        661_569,
+        24563,
+        5157,
+        &[
+            0, 4, 14, 30, 51, 77, 109, 145, 186, 230, 278, 329, 382, 437, 492, 548, 604, 659, 713,
+            766, 816, 863, 907, 947, 982, 1012, 1037, 1057, 1072, 1080, 1083,
+        ],
+    ),
 ];
 
 #[test]

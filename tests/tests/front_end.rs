@@ -470,7 +470,9 @@ fn commands() -> impl Strategy<Value = Command> {
         1 => proptest::prelude::Just(Command::Hello(Greeting::OURS)),
         3 => settings.prop_map(Command::Stage),
         3 => (hash.clone(), prop_oneof![0..4u32, any::<u32>()], 0..3u16).prop_map(
-            |(hash, base_generation, confirm_within)| Command::Commit { hash, base_generation, confirm_within }
+            |(hash, base_generation, confirm_within)| {
+                Command::Commit { hash, base_generation, confirm_within }
+            }
         ),
         1 => (0..4u32).prop_map(|generation| Command::Confirm { generation }),
         1 => hash.prop_map(|hash| Command::Save { hash }),

@@ -211,7 +211,8 @@ fn shot_noise_grows_linearly_with_the_signal_at_the_slope_of_the_physics() {
         squares += signal_ua * signal_ua / expected.powi(2);
     }
     let slope = products / squares;
-    let error = confidence / squares.sqrt() / receiver.shot_variance_ua(); // one standard error: about 0.5 %
+    // one standard error: about 0.5 %
+    let error = confidence / squares.sqrt() / receiver.shot_variance_ua();
     assert!(error < 0.01, "{error}");
     assert!((slope / receiver.shot_variance_ua() - 1.0).abs() < 4.0 * error, "{slope} µA");
 }
@@ -256,7 +257,7 @@ fn filter_error_mm(codes: &[u16], centre: f64) -> f64 {
 fn the_converter_costs_what_the_quantisation_table_says() {
     const LEVELS: u32 = 100;
     const PHASES: u32 = 60;
-    // (amplitude over full scale, bits, mm): S = 10 at 1 GS/s, physics.md §4.
+    // (amplitude over full scale, bits, mm): S = 10 at 1 GS/s, docs/physics.md §4.
     for (fraction, bits, table_mm, within) in [
         (0.05, 8, 21.6, 0.04),
         (0.05, 12, 21.3, 0.04),
@@ -288,7 +289,8 @@ fn the_converter_costs_what_the_quantisation_table_says() {
                     filter_error_mm(&shot(&mut front_end, &ANALOG, phase, 200), centre).powi(2);
             }
         }
-        let std_mm = (squares / f64::from(LEVELS * PHASES)).sqrt(); // standard error 0.9 % for normal errors
+        // standard error 0.9 % for normal errors
+        let std_mm = (squares / f64::from(LEVELS * PHASES)).sqrt();
         assert!(
             (std_mm / table_mm - 1.0).abs() < within,
             "{bits} bits at {fraction}: {std_mm} of {table_mm} mm"
@@ -317,7 +319,7 @@ fn plane(x: f32, turn: f32) -> Mesh {
 fn results_do_not_depend_on_the_number_of_sub_rays() {
     const SCANS: u32 = 1_000;
     // 95 m, ρ 0.1: an echo of about 5 µA, A/σ about 50 in quiet air; its Cramér–Rao bound is that
-    // of physics.md §4.
+    // of docs/physics.md §4.
     for turn_deg in [0.0_f32, 30.0, 60.0] {
         let caster = Raycaster::over(&plane(95.0, turn_deg.to_radians()));
         let mut means = Vec::new();
@@ -408,7 +410,8 @@ fn a_far_wall_in_rain_and_snow_falls_by_the_extinction_of_the_way_there_and_back
                 )
             };
             let (dimmed, clear) = (peak(&in_weather(silent(), kind, rate_mm_h)), peak(&silent()));
-            let expected = 10f64.powf(-2.0 * range_m * db_per_km / 1e4); // e^(−2αR), the loss of power of 10·log₁₀
+            // e^(−2αR), the loss of power of 10·log₁₀
+            let expected = 10f64.powf(-2.0 * range_m * db_per_km / 1e4);
             let got = dimmed / clear;
             // The coefficients' four digits over the way, and the rounding of both peaks.
             assert!(
@@ -654,7 +657,8 @@ fn shaking_spreads_the_points_of_a_wall_and_differs_from_scan_to_scan() {
     assert_ne!(one, other);
     let (mean, std) = mean_and_std(&one.iter().map(|p| p.1).collect::<Vec<_>>());
     assert!((mean - 20.0).abs() < 4.0 * 0.02 / 480f64.sqrt(), "{mean} m");
-    assert!((std / 0.02 - 1.0).abs() < 4.0 / 960f64.sqrt(), "{std} m"); // four standard errors: 13 %
+    // four standard errors: 13 %
+    assert!((std / 0.02 - 1.0).abs() < 4.0 / 960f64.sqrt(), "{std} m");
 }
 
 // All off.

@@ -1,4 +1,4 @@
-//! The physical limits that the sensor is held to: physics.md §4 as tests.
+//! The physical limits that the sensor is held to: docs/physics.md §4 as tests.
 //!
 //! Every figure is a seeded Monte Carlo, so it is the same in every run; "confidence" is three
 //! standard errors of what is measured unless said otherwise. Comments give what the code reaches.
@@ -442,7 +442,8 @@ fn quantisation_costs_what_the_table_says() {
         };
         assert!(errors.len() > 5_800, "{adc_bits} bits, {share}: {} found", errors.len());
         let spread = spread(&errors);
-        let within = if adc_bits == 8 && share < 0.01 { 0.25 } else { 0.05 }; // with σ = 0.13 code the ambient's fraction rules
+        // with σ = 0.13 code the ambient's fraction rules
+        let within = if adc_bits == 8 && share < 0.01 { 0.25 } else { 0.05 };
         assert!(
             (spread / expected_mm - 1.0).abs() < within,
             "{adc_bits} bits, {share}: {spread} against {expected_mm} mm"
@@ -553,7 +554,8 @@ fn filters_rank_by_their_gain_in_signal_over_noise() {
         mean(&seen.iter().map(|(echo, _)| echo.snr_ratio().to_num()).collect::<Vec<_>>())
     };
     let (none, gaussian, matched) = (of(DENOISE_NONE), of(DENOISE_GAUSSIAN), of(DENOISE_MATCHED));
-    assert!((matched / none / 1.94 - 1.0).abs() < 0.08, "{matched} over {none}"); // a top of bare noise is a little higher
+    // a top of bare noise is a little higher
+    assert!((matched / none / 1.94 - 1.0).abs() < 0.08, "{matched} over {none}");
     assert!((gaussian / none / 1.75 - 1.0).abs() < 0.08, "{gaussian} over {none}");
 }
 
@@ -636,7 +638,8 @@ fn equal_echoes_split_where_a_matched_filter_can_split_them() {
                 assert!(two < RUNS / 20, "{case}");
             } else {
                 assert!(two > RUNS * 95 / 100, "{case}");
-                let beside_mm = if bins == HALF_GS { 150.0 } else { 90.0 }; // 100 and 64 at 1.2 of the limit
+                // 100 and 64 at 1.2 of the limit
+                let beside_mm = if bins == HALF_GS { 150.0 } else { 90.0 };
                 assert!(mean(&errors) < beside_mm, "{case}, {} mm beside the truth", mean(&errors));
             }
         }
@@ -654,7 +657,8 @@ fn a_bright_or_clipped_wall_is_one_echo_however_many_are_asked_for() {
                 sensor.expose(wall, beam);
                 let echoes =
                     echoloop_kernels::process(&sensor.pipeline, &sensor.codes, &mut sensor.scratch);
-                let near = echoes.iter().filter(|echo| (echo.range_m() - 60.0).abs() < 5.0); // one in 800 ns is noise
+                // one in 800 ns is noise
+                let near = echoes.iter().filter(|echo| (echo.range_m() - 60.0).abs() < 5.0);
                 assert_eq!(near.count(), 1, "{bins} bins, albedo {albedo}, beam {beam}");
             }
         }

@@ -159,7 +159,8 @@ fn programs_that_start_and_fail_on_a_bad_line_leave_no_sensor_behind_that_the_ne
             let rates = std::mem::replace(&mut line.0.borrow_mut().rates, Rates::NONE);
             let mut read =
                 || Client::connect_from(line.clone(), patience, rng.random())?.read_settings();
-            let now = read().or_else(|_| read()).unwrap(); // what was held back comes during the first
+            // what was held back comes during the first
+            let now = read().or_else(|_| read()).unwrap();
             line.0.borrow_mut().rates = rates;
             match configured {
                 Ok(_) => {

@@ -67,7 +67,8 @@ fn case(seed: u64, hardware: &Hardware) -> (Settings, Vec<Vec<u16>>) {
     let kinds = KINDS.iter().cycle().take(BEAMS);
     let beams = kinds.map(|&kind| {
         let mut wave = vectors::waveform(&settings, hardware, kind, &mut rng);
-        wave.resize((settings.pre_trigger_samples() + settings.bins as u32) as usize, 0); // a front end gives all samples
+        // a front end gives all samples
+        wave.resize((settings.pre_trigger_samples() + settings.bins as u32) as usize, 0);
         wave
     });
     (settings, beams.collect())
@@ -312,7 +313,8 @@ fn a_board_behind_a_bad_line_never_has_settings_that_nobody_asked_for() {
     }
     times.sort_unstable();
     println!(
-        "{done} done, {reported} reported, {} messages harmed; stage and commit take {:.1?}, the slowest of all {:.1?}",
+        "{done} done, {reported} reported, {} messages harmed; stage and commit take {:.1?}, \
+         the slowest of all {:.1?}",
         client.transport_mut().harmed,
         times[times.len() / 2],
         times[times.len() - 1]

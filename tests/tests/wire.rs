@@ -401,7 +401,8 @@ fn every_variant_has_these_bytes() {
         (Report::Committed { generation: 300, hash }, "04 ac 02 f8 ac d1 91 01"),
         (
             Report::Settings { generation: 300, hash, settings },
-            "05 ac 02 f8 ac d1 91 01 98 75 90 4e 00 c0 0c 02 80 89 7a c0 3e b8 49 02 04 00 06 01 ae 0d 02 00",
+            "05 ac 02 f8 ac d1 91 01 98 75 90 4e 00 c0 0c 02 80 89 7a c0 3e b8 49 02 04 00 06 01 ae \
+             0d 02 00",
         ),
         (
             Report::Beams {
@@ -512,8 +513,16 @@ fn no_joined_or_torn_frames_are_taken_for_another() {
 proptest! {
     /// The crate that postcard uses stuffs and unstuffs as we do.
     #[test]
-    fn our_stuffing_is_that_of_the_cobs_crate(zeros in 0..4u8, bytes in vec(any::<u8>(), 0..1_000)) {
-        let body: Vec<u8> = bytes.iter().map(|&b| if zeros == 0 { b | 1 } else if b < zeros * 8 { 0 } else { b }).collect();
+    fn our_stuffing_is_that_of_the_cobs_crate(
+        zeros in 0..4u8,
+        bytes in vec(any::<u8>(), 0..1_000),
+    ) {
+        let stuffed = |b: u8| match zeros {
+            0 => b | 1,
+            _ if b < zeros * 8 => 0,
+            _ => b,
+        };
+        let body: Vec<u8> = bytes.iter().map(|&b| stuffed(b)).collect();
         let mut made = frame(0x0101, &&body[..]);
         let mut payload = [&[1, 1][..], &postcard_bytes(&body)].concat();
         payload.extend(crc::Crc::<u32>::new(&crc::CRC_32_ISCSI).checksum(&payload).to_le_bytes());
@@ -524,7 +533,8 @@ proptest! {
         let cut = usize::from(zeros).min(inner - 1);
         let torn = &mut made[1..inner - cut];
         let theirs = cobs::decode_in_place(&mut torn.to_vec()).is_ok();
-        prop_assert_eq!(decode::<Command>(torn) != Err(FrameError::Cobs), theirs, "{} bytes cut", cut);
+        let ours = decode::<Command>(torn) != Err(FrameError::Cobs);
+        prop_assert_eq!(ours, theirs, "{} bytes cut", cut);
     }
 
     #[test]
@@ -541,7 +551,9 @@ proptest! {
 
     /// What a faulty sender could say: any body under a right checksum.
     #[test]
-    fn a_body_is_read_back_as_it_stands_or_not_at_all(body in vec(prop_oneof![0..11u8, any::<u8>()], 0..200)) {
+    fn a_body_is_read_back_as_it_stands_or_not_at_all(
+        body in vec(prop_oneof![0..11u8, any::<u8>()], 0..200),
+    ) {
         let mut payload = [&[7, 0], &body[..]].concat();
         payload.extend(crc::Crc::<u32>::new(&crc::CRC_32_ISCSI).checksum(&payload).to_le_bytes());
         let mut bytes = vec![0; 300];

@@ -484,7 +484,8 @@ mod tests {
 
     #[test]
     fn memory_maps_are_read_as_linkers_write_them() {
-        let map = "MEMORY\n{\n  FLASH : ORIGIN = 0x10000000, LENGTH = 4M\n  RAM   : ORIGIN = 0x38000000, LENGTH = 16K\n}";
+        let map = "MEMORY\n{\n  FLASH : ORIGIN = 0x10000000, LENGTH = 4M\n  \
+                   RAM   : ORIGIN = 0x38000000, LENGTH = 16K\n}";
         let (flash, ram) = regions(map).unwrap();
         assert_eq!((flash.origin, flash.length), (0x1000_0000, 4 << 20));
         assert_eq!((ram.origin, ram.length), (0x3800_0000, 16 << 10));

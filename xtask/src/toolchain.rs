@@ -46,7 +46,8 @@ impl Toolchain {
             }
         }
         bail!(
-            "no toolchain for {target}:{reasons}\nEither of these helps:\n  rustup target add {target}\n  \
+            "no toolchain for {target}:{reasons}\nEither of these helps:\n  \
+             rustup target add {target}\n  \
              apt-get install --no-install-recommends rustc-web cargo-web rust-web-src lld"
         )
     }
@@ -113,7 +114,8 @@ impl Toolchain {
             ]);
         }
         if target.starts_with("riscv") {
-            flags.push("-Cforce-unwind-tables=yes".into()); // the bound on the stack is read from them
+            // the bound on the stack is read from them
+            flags.push("-Cforce-unwind-tables=yes".into());
         }
         if !flags.is_empty() {
             command.args(["--config", &format!("target.{target}.rustflags={flags:?}")]);

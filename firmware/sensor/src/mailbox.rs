@@ -10,7 +10,7 @@
 //! | 0x004 | doorbell: shots fired so far, wrapping | sensor |
 //! | 0x008 | shots whose samples are in the buffer | world |
 //! | 0x00C | run: what the world asks a measuring image to do | world |
-//! | 0x040 | straps: [`Hardware`] and [`ScanPattern`], ten words | world, before the sensor starts |
+//! | 0x040 | straps: [`Hardware`], [`ScanPattern`]: ten words | world, before the sensor starts |
 //! | 0x080 | laser driver, eight registers | sensor; register 0 by the world |
 //! | 0x0A0 | amplifier and converter, eight registers | sensor; register 0 by the world |
 //! | 0x1000 | DMA buffer: codes, u16 | world |

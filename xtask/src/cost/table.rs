@@ -44,7 +44,8 @@ impl Table {
 
     pub(super) fn to_text(&self) -> String {
         let mut text = format!(
-            "# {}\n# Instructions per waveform: `cargo xtask cost` compares, with `--update` rewrites.\n\
+            "# {}\n\
+             # Instructions per waveform: `cargo xtask cost` compares, with `--update` rewrites.\n\
              # processor\tkernel\tcase\tstage\tinstructions\n",
             self.measured_with
         );
