@@ -47,7 +47,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for _ in 0..REPEATS {
         let neighbours = timed(&mut least_ms[0], || Neighbours::within(&points, radius_m, max));
         timed(&mut least_ms[1], || {
-            normals::of_neighbours(&points, &neighbours, normal_radius_m, normal_max)
+            normals::from_neighbours(&points, &neighbours, normal_radius_m, normal_max)
         });
         timed(&mut least_ms[2], || fpfh::describe(&points, &given, &neighbours));
     }
@@ -58,7 +58,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     );
     let neighbours = Neighbours::within(&points, radius_m, max);
     write(features_out, fpfh::describe(&points, &given, &neighbours).rows.into_iter().flatten())?;
-    let signs = normals::as_open3d(&points, &neighbours, normal_radius_m, normal_max);
+    let signs = normals::from_neighbours_open3d(&points, &neighbours, normal_radius_m, normal_max);
     write(normals_out, signs.iter().flat_map(|n| [n.x, n.y, n.z]))?;
     Ok(())
 }

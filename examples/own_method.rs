@@ -63,7 +63,7 @@ impl Registration for PointToPoint {
 
 impl PointToPoint {
     fn nearest(&self, tree: &KdTree, point: &Point3<f64>) -> Option<Point3<f64>> {
-        let index = tree.nearest(&point.cast(), self.max_pair_distance_m as f32).index?;
+        let index = tree.nearest(&point.cast(), self.max_pair_distance_m as f32)?;
         Some(tree.points()[index as usize].cast())
     }
 }

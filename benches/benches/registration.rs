@@ -54,7 +54,7 @@ fn preparation(criterion: &mut Criterion<CpuTime>, name: &str, target: &Cloud) {
     });
     criterion.bench_function(&format!("normals/{name}"), |b| {
         b.iter(|| {
-            normals::of_points(
+            normals::from_points(
                 black_box(&thin.points),
                 config.normal_radius_m,
                 config.normal_neighbours,

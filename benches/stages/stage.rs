@@ -73,7 +73,7 @@ pub(crate) fn run(pair: &mut Pair, name: &str) -> Result<Measured> {
             let config = pair.features();
             let points = &pair.described()?.1.points;
             counted(name, points.len(), || {
-                Ok(normals::of_points(points, config.normal_radius_m, config.normal_neighbours)
+                Ok(normals::from_points(points, config.normal_radius_m, config.normal_neighbours)
                     .len())
             })
         }

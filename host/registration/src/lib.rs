@@ -4,7 +4,6 @@ mod bits;
 pub mod cloud;
 pub mod config;
 mod correspondences;
-pub mod degeneracy;
 pub mod features;
 pub mod fgr;
 pub mod gicp;
@@ -13,6 +12,7 @@ pub mod icp;
 pub mod mac;
 mod methods;
 pub mod normal_equations;
+pub mod observability;
 mod outcome;
 pub mod pose;
 pub mod prepared;
@@ -29,12 +29,12 @@ pub use config::{
     ConfigError, Convention, FeatureConfig, FgrConfig, FgrMode, GicpConfig, IcpConfig, MacConfig,
     Method, MethodConfig, current_key, former_key,
 };
-pub use degeneracy::Observability;
 pub use fgr::Fgr;
 pub use gicp::Gicp;
 pub use icp::Icp;
 pub use mac::Mac;
 pub use methods::build;
+pub use observability::Observability;
 pub use outcome::{Consensus, Outcome, StopReason};
 pub use prepared::{PrepareError, Source, Target};
 pub use refine::Refined;

@@ -2,14 +2,14 @@
 
 use crate::{ConfigError, Fgr, Gicp, Icp, IcpConfig, Mac, MethodConfig, Refined, Registration};
 
-/// A method with its settings, ready to run; `finish` goes on from where it ends.
+/// A method with its settings, ready to run; ICP with those of `refinement` goes on from its end.
 ///
 /// # Errors
 ///
 /// [`ConfigError`] names the setting that cannot run.
 pub fn build(
     method: &MethodConfig,
-    finish: Option<IcpConfig>,
+    refinement: Option<IcpConfig>,
 ) -> Result<Box<dyn Registration>, ConfigError> {
     let global: Box<dyn Registration> = match method {
         MethodConfig::Icp(config) => Box::new(Icp::new(*config)?),
@@ -17,7 +17,7 @@ pub fn build(
         MethodConfig::Fgr(config) => Box::new(Fgr::new(*config)?),
         MethodConfig::Mac(config) => Box::new(Mac::new(*config)?),
     };
-    Ok(match finish {
+    Ok(match refinement {
         Some(config) => Box::new(Refined { global, local: Icp::new(config)? }),
         None => global,
     })

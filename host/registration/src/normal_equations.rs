@@ -94,10 +94,10 @@ impl NormalEquations {
     /// move along the others (solution remapping, Zhang, Kaess and Singh 2016).
     pub fn solve(&self, degeneracy_threshold: f64) -> (Step, Observability) {
         let n = self.pairs.max(1) as f64;
-        let centred = Centred::of(self);
+        let centred = Centred::new(self);
         let information = centred.square(&self.information()) / n;
         let right = -centred.right(&Vector6::from(self.jr)) / n;
-        let seen = Observability::of(&information, degeneracy_threshold);
+        let seen = Observability::from_information(&information, degeneracy_threshold);
         let solved = if seen.is_degenerate() {
             None
         } else {
@@ -226,7 +226,7 @@ pub(super) struct Centred {
 
 impl Centred {
     /// About the pairs of these sums.
-    pub(super) fn of(sums: &NormalEquations) -> Self {
+    pub(super) fn new(sums: &NormalEquations) -> Self {
         let n = sums.pairs.max(1) as f64;
         let centre = sums.s / n;
         let spread = (sums.ss / n - centre.norm_squared()).max(0.0).sqrt();

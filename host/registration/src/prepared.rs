@@ -65,7 +65,7 @@ impl Target {
         let surface = surface.into();
         let points = thin(cloud, surface.voxel_m)?;
         let normals =
-            normals::of_points(&points, surface.normal_radius_m, surface.normal_neighbours);
+            normals::from_points(&points, surface.normal_radius_m, surface.normal_neighbours);
         Ok(Self { tree: BoxTree::new(points), normals })
     }
 

@@ -1,4 +1,4 @@
-//! A global method finished by a local one.
+//! A global method, refined by a local one.
 
 use super::{Outcome, Registration, StopReason};
 use crate::cloud::Cloud;

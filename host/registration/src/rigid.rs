@@ -25,7 +25,7 @@ const LEAST_GAP: f64 = 1e-10;
 /// the pairs. Absent when the pairs of positive weight are fewer than three or leave a turn open
 /// (coincident, or on a line), and when a number among them is not finite or a weight is negative.
 pub fn rigid(pairs: impl Iterator<Item = (PointPair, f64)> + Clone) -> Option<Pose> {
-    let means = Means::of(pairs.clone())?;
+    let means = Means::new(pairs.clone())?;
     let covariance = means.covariance(pairs);
     let rotation = rotation(&covariance)?;
     let translation = means.target - rotation * means.source;
@@ -41,7 +41,7 @@ struct Means {
 }
 
 impl Means {
-    fn of(pairs: impl Iterator<Item = (PointPair, f64)>) -> Option<Self> {
+    fn new(pairs: impl Iterator<Item = (PointPair, f64)>) -> Option<Self> {
         let (mut source, mut target, mut weight, mut count) =
             (Vector3::zeros(), Vector3::zeros(), 0.0, 0);
         for (pair, w) in pairs {

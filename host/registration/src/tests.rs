@@ -415,14 +415,14 @@ fn real_pairs_come_within_the_tolerance_of_their_truth_from_the_identity() {
                     if method.global { (0.3, 1.5) } else { pair.most },
                 );
                 if method.global {
-                    let finish = Icp::new(suggest_refinement(
+                    let refinement = Icp::new(suggest_refinement(
                         target,
                         source,
                         suggest_features(target, source).voxel_m,
                     ))
                     .unwrap();
-                    let outcome = finish.register(target, source, &outcome.target_from_source);
-                    pair.holds(&format!("{} finished", method.name), &outcome, &truth, pair.most);
+                    let outcome = refinement.register(target, source, &outcome.target_from_source);
+                    pair.holds(&format!("{} refined", method.name), &outcome, &truth, pair.most);
                 }
             }
         }
@@ -431,7 +431,7 @@ fn real_pairs_come_within_the_tolerance_of_their_truth_from_the_identity() {
 
 /// What a global method may leave: half a voxel to two, and up to 2°.
 #[test]
-fn a_rough_motion_is_finished_within_the_tolerance() {
+fn a_rough_motion_is_refined_within_the_tolerance() {
     let rough = [
         pose([0.3, -0.2, 0.1], [0.005, -0.01, 0.02]),
         pose([-0.4, 0.3, -0.1], [-0.01, 0.005, -0.03]),
@@ -447,7 +447,7 @@ fn a_rough_motion_is_finished_within_the_tolerance() {
                 ))
                 .unwrap();
                 let outcome = icp.register(target, source, &(truth * error));
-                pair.holds("finishing", &outcome, &truth, pair.most);
+                pair.holds("refinement", &outcome, &truth, pair.most);
             }
         }
     }

@@ -17,18 +17,6 @@ pub struct KdTree {
     points: Vec<Point3<f32>>,
 }
 
-/// The nearest point, and a bound on all others.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Nearest {
-    /// The nearest point; absent when there is none within the radius.
-    pub index: Option<u32>,
-    /// Its squared distance, or the squared radius, m².
-    pub squared_m2: f32,
-    /// No other point is nearer than this: the squared distance of the second, or the squared
-    /// radius, m².
-    pub others_squared_m2: f32,
-}
-
 impl KdTree {
     /// Builds the tree. Points must be finite and fewer than 2³².
     pub fn new(points: &[Point3<f32>]) -> Self {
@@ -52,16 +40,11 @@ impl KdTree {
         self.points.is_empty()
     }
 
-    /// The nearest point strictly within `radius_m`, and how near any other can be.
-    pub fn nearest(&self, query: &Point3<f32>, radius_m: f32) -> Nearest {
-        let squared = radius_m * radius_m;
-        let mut found = self.search(query, radius_m, 2).into_iter();
-        let (first, second) = (found.next(), found.next());
-        Nearest {
-            index: first.map(|(_, index)| index),
-            squared_m2: first.map_or(squared, |(distance, _)| distance),
-            others_squared_m2: second.map_or(squared, |(distance, _)| distance),
-        }
+    /// The nearest point strictly within `radius_m`; absent when there is none.
+    pub fn nearest(&self, query: &Point3<f32>, radius_m: f32) -> Option<u32> {
+        let mut found = Vec::new();
+        self.within(query, radius_m, 1, &mut found);
+        found.first().map(|near| near.1)
     }
 
     /// The nearest points strictly within `radius_m`, `max` at most, nearest first: pairs of
@@ -74,30 +57,16 @@ impl KdTree {
         found: &mut Vec<(f32, u32)>,
     ) {
         found.clear();
-        found.extend(self.search(query, radius_m, max));
-    }
-
-    fn search(
-        &self,
-        query: &Point3<f32>,
-        radius_m: f32,
-        max: usize,
-    ) -> impl IntoIterator<Item = (f32, u32)> {
-        // Room for `max` is reserved for every query: no more than there can be.
-        let within = match (&self.tree, NonZero::new(max.min(self.len()))) {
-            (Some(tree), Some(max)) if radius_m > 0.0 => {
-                let query: [f32; 3] = query.coords.into();
-                tree.nearest_n_within_exclusive::<SquaredEuclidean>(
-                    &query,
-                    radius_m * radius_m,
-                    max,
-                    true,
-                    false,
-                )
-            }
-            _ => Vec::new(),
+        let (Some(tree), Some(max)) = (&self.tree, NonZero::new(max.min(self.len()))) else {
+            return;
         };
-        within.into_iter().map(|neighbour| (neighbour.distance, neighbour.item))
+        if radius_m > 0.0 {
+            let (query, squared): ([f32; 3], _) = (query.coords.into(), radius_m * radius_m);
+            // Room for `max` is reserved for every query: above, it is no more than there can be.
+            let near = tree
+                .nearest_n_within_exclusive::<SquaredEuclidean>(&query, squared, max, true, false);
+            found.extend(near.into_iter().map(|neighbour| (neighbour.distance, neighbour.item)));
+        }
     }
 }
 
@@ -145,9 +114,6 @@ mod tests {
             tree.within(&query, radius, max, &mut found);
             prop_assert_eq!(found.len(), expected.len().min(max));
             prop_assert!(found.iter().zip(&expected).all(|(a, b)| near(a.0, *b)));
-            let nearest = tree.nearest(&query, radius);
-            prop_assert_eq!(nearest.index.is_some(), !expected.is_empty());
-            prop_assert!(near(nearest.others_squared_m2, expected.get(1).copied().unwrap_or(radius * radius)));
         }
     }
 
@@ -173,7 +139,6 @@ mod tests {
             let mut found = Vec::new();
             tree.within(&raw[77].into(), 0.5, 30, &mut found);
             assert!(!found.is_empty() && found[0].0 == 0.0);
-            assert_eq!(tree.nearest(&raw[77].into(), 0.5).squared_m2, 0.0);
         }
     }
 
@@ -188,6 +153,9 @@ mod tests {
     #[test]
     fn no_points_have_no_neighbours() {
         let tree = KdTree::new(&[]);
-        assert_eq!(tree.nearest(&Point3::origin(), 1.0).index, None);
+        let mut found = vec![(1.0, 7)];
+        tree.within(&Point3::origin(), 1.0, 3, &mut found);
+        assert_eq!(found, []);
+        assert_eq!(tree.nearest(&Point3::origin(), 1.0), None);
     }
 }

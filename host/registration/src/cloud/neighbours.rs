@@ -40,7 +40,7 @@ impl Neighbours {
     /// radius: those of three cells in a row lie together in memory, so a search is nine straight
     /// runs. A k-d tree gave the same rows at six times the cost.
     pub fn within(points: &[Point3<f32>], radius_m: f64, max: usize) -> Self {
-        let grid = Grid::new(points, radius_m);
+        let grid = CellGrid::new(points, radius_m);
         let rows = |chunk: &[Cell]| {
             let mut rows = Rows::default();
             search(&grid, chunk, radius_m as f32, max, &mut rows);
@@ -91,7 +91,7 @@ impl Neighbours {
     }
 
     /// Indices and squared distances, m², of a point's neighbours; of no point, none.
-    pub fn of(&self, point: usize) -> (&[u32], &[f32]) {
+    pub fn row(&self, point: usize) -> (&[u32], &[f32]) {
         match (self.starts.get(point), self.starts.get(point + 1)) {
             (Some(&from), Some(&to)) => (&self.indices[from..to], &self.squared_m2[from..to]),
             _ => (&[], &[]),
@@ -116,7 +116,7 @@ struct Cell {
 }
 
 /// Points in the order of the cells they lie in, x fastest.
-struct Grid {
+struct CellGrid {
     cells: Vec<Cell>,
     /// Coordinates, one list an axis.
     at: [Vec<f32>; 3],
@@ -124,7 +124,7 @@ struct Grid {
     index: Vec<u32>,
 }
 
-impl Grid {
+impl CellGrid {
     fn new(points: &[Point3<f32>], radius_m: f64) -> Self {
         let middle = [0, 1, 2].map(|axis| median(points, axis));
         // A little wider than the radius, so that rounding puts no neighbour two cells away.
@@ -172,7 +172,13 @@ impl Grid {
 
     /// Adds the points of a run that are near enough.
     #[inline(always)]
-    fn scan(&self, at: &[f32; 3], run: std::ops::Range<usize>, squared: f32, found: &mut Found) {
+    fn scan(
+        &self,
+        at: &[f32; 3],
+        run: std::ops::Range<usize>,
+        squared: f32,
+        found: &mut Candidates,
+    ) {
         let [x, y, z] = [0, 1, 2].map(|axis| &self.at[axis][run.clone()]);
         let (indices, squares) = (&mut found.indices, &mut found.squared_m2);
         let mut count = found.count;
@@ -202,14 +208,14 @@ fn median(points: &[Point3<f32>], axis: usize) -> f64 {
 
 dispatch! {
     /// The rows of the points of some cells.
-    fn search(grid: &Grid, cells: &[Cell], radius_m: f32, max: usize, rows: &mut Rows)
+    fn search(grid: &CellGrid, cells: &[Cell], radius_m: f32, max: usize, rows: &mut Rows)
         = search_inline;
 }
 
 #[inline(always)]
-fn search_inline(grid: &Grid, cells: &[Cell], radius_m: f32, max: usize, rows: &mut Rows) {
+fn search_inline(grid: &CellGrid, cells: &[Cell], radius_m: f32, max: usize, rows: &mut Rows) {
     let squared = radius_m * radius_m;
-    let mut found = Found::default();
+    let mut found = Candidates::default();
     for cell in cells {
         let runs = grid.runs(cell.key);
         for query in cell.from..cell.to {
@@ -226,14 +232,14 @@ fn search_inline(grid: &Grid, cells: &[Cell], radius_m: f32, max: usize, rows: &
 
 /// One point's neighbours, as they are found.
 #[derive(Default)]
-struct Found {
+struct Candidates {
     indices: Vec<u32>,
     squared_m2: Vec<f32>,
     count: usize,
     order: Vec<(f32, u32)>,
 }
 
-impl Found {
+impl Candidates {
     /// Room for so many, and one more that is written but not kept.
     fn clear(&mut self, candidates: usize) {
         self.count = 0;
@@ -268,7 +274,7 @@ impl Found {
 }
 
 impl Rows {
-    fn push(&mut self, point: u32, found: &Found) {
+    fn push(&mut self, point: u32, found: &Candidates) {
         self.heads.push((point, found.count as u32));
         self.indices.extend_from_slice(&found.indices[..found.count]);
         self.squared_m2.extend_from_slice(&found.squared_m2[..found.count]);
@@ -296,7 +302,7 @@ mod tests {
     }
 
     fn row(all: &Neighbours, point: usize) -> Vec<(f32, u32)> {
-        let (indices, squared) = all.of(point);
+        let (indices, squared) = all.row(point);
         let mut row: Vec<(f32, u32)> =
             squared.iter().copied().zip(indices.iter().copied()).collect();
         row.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
@@ -341,8 +347,8 @@ mod tests {
         let points: Vec<Point3<f32>> =
             [-1e30, 0.0, 1e-3, 1e30].map(|x| Point3::new(x, x, x)).to_vec();
         let all = Neighbours::within(&points, 0.1, 10);
-        assert_eq!((all.total(), all.of(1).0.len()), (6, 2));
-        assert_eq!(all.of(99).0.len(), 0);
+        assert_eq!((all.total(), all.row(1).0.len()), (6, 2));
+        assert_eq!(all.row(99).0.len(), 0);
     }
 
     #[test]
@@ -350,7 +356,7 @@ mod tests {
         let mut points: Vec<Point3<f32>> =
             (0..4000).map(|i| Point3::new((i % 63) as f32, (i / 63) as f32, 0.0)).collect();
         points.push(Point3::new(1e12, 0.0, 0.0));
-        let grid = Grid::new(&points, 1.5);
+        let grid = CellGrid::new(&points, 1.5);
         assert!(grid.cells.len() > 1000, "{} cells", grid.cells.len());
     }
 

@@ -17,14 +17,14 @@ const LEAST_NEIGHBOURS: usize = 3;
 /// How many points a thread takes at a time.
 const CHUNK: usize = 512;
 
-/// Sets the normals of a cloud, one a point; a zero normal where there is none. See [`of_points`].
+/// Sets the normals of a cloud, one a point; a zero normal where there is none. See [`from_points`].
 pub fn estimate(cloud: &mut Cloud, radius_m: f64, max_neighbours: usize) {
     // A search wants finite points: the others get no normal.
     let valid: Vec<u32> =
         (0..).zip(&cloud.points).filter(|(_, p)| is_finite(p)).map(|(i, _)| i).collect();
     let points: Vec<Point3<f32>> = valid.iter().map(|&i| cloud.points[i as usize]).collect();
     let mut normals = vec![Vector3::zeros(); cloud.points.len()];
-    for (normal, &index) in of_points(&points, radius_m, max_neighbours).iter().zip(&valid) {
+    for (normal, &index) in from_points(&points, radius_m, max_neighbours).iter().zip(&valid) {
         normals[index as usize] = *normal;
     }
     cloud.normals = Some(normals);
@@ -42,12 +42,12 @@ pub fn estimate(cloud: &mut Cloud, radius_m: f64, max_neighbours: usize) {
 /// turned towards the sensor at the origin: without that its sign depends on the frame. Fewer than
 /// 3 neighbours, or neighbours on a line, give no normal. The same input gives the same bytes on
 /// any number of threads.
-pub fn of_points(
+pub fn from_points(
     points: &[Point3<f32>],
     radius_m: f64,
     max_neighbours: usize,
 ) -> Vec<Vector3<f32>> {
-    of_neighbours(
+    from_neighbours(
         points,
         &Neighbours::within(points, radius_m, max_neighbours),
         radius_m,
@@ -55,9 +55,9 @@ pub fn of_points(
     )
 }
 
-/// As [`of_points`], from neighbourhoods that are known: as wide as `radius_m` at least, as many as
+/// As [`from_points`], from neighbourhoods that are known: as wide as `radius_m` at least, as many as
 /// `max_neighbours`.
-pub fn of_neighbours(
+pub fn from_neighbours(
     points: &[Point3<f32>],
     neighbours: &Neighbours,
     radius_m: f64,
@@ -70,7 +70,7 @@ pub fn of_neighbours(
 
 /// Normals as Open3D 0.20 estimates them: with the sign that its solver leaves, (0, 0, 1) where
 /// there are too few neighbours or none has a direction.
-pub fn as_open3d(
+pub fn from_neighbours_open3d(
     points: &[Point3<f32>],
     neighbours: &Neighbours,
     radius_m: f64,
@@ -96,9 +96,10 @@ fn each(
     let mut normals = vec![Vector3::zeros(); points.len()];
     let squared = (radius_m as f32) * (radius_m as f32);
     normals.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, normals)| {
-        let mut nearest = Nearest::default();
+        let mut nearest = NearestBuffer::default();
         for (i, normal) in (chunk * CHUNK..).zip(normals) {
-            *normal = normal_of(&points[i], nearest.of(neighbours.of(i), squared, max_neighbours));
+            *normal =
+                normal_of(&points[i], nearest.take(neighbours.row(i), squared, max_neighbours));
         }
     });
     normals
@@ -106,15 +107,15 @@ fn each(
 
 /// The nearest of a neighbourhood.
 #[derive(Default)]
-struct Nearest {
+struct NearestBuffer {
     order: Vec<(f32, u32)>,
     indices: Vec<u32>,
 }
 
-impl Nearest {
+impl NearestBuffer {
     /// The nearest `max` strictly within a radius, in the order of the neighbourhood unless there
     /// are more.
-    fn of(&mut self, (indices, squares): (&[u32], &[f32]), squared: f32, max: usize) -> &[u32] {
+    fn take(&mut self, (indices, squares): (&[u32], &[f32]), squared: f32, max: usize) -> &[u32] {
         self.order.clear();
         self.order.extend(
             squares.iter().copied().zip(indices.iter().copied()).filter(|(d, _)| *d < squared),
@@ -211,7 +212,7 @@ mod tests {
             [-1.0, -1.0, 1.0],
             [1.0, 1.0, 1.0],
         ];
-        let found = as_open3d(&points, &Neighbours::within(&points, 1.2, 4), 1.2, 4);
+        let found = from_neighbours_open3d(&points, &Neighbours::within(&points, 1.2, 4), 1.2, 4);
         for (normal, sign) in found.iter().zip(signs) {
             assert!(
                 (normal - Vector3::from(sign) / 3f32.sqrt()).norm() < 1e-6,
@@ -219,7 +220,7 @@ mod tests {
             );
         }
         assert_eq!(
-            as_open3d(&points[..2], &Neighbours::within(&points[..2], 1.2, 4), 1.2, 4),
+            from_neighbours_open3d(&points[..2], &Neighbours::within(&points[..2], 1.2, 4), 1.2, 4),
             [Vector3::z(); 2]
         );
     }

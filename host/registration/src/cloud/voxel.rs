@@ -65,7 +65,7 @@ fn means(
     if finite.is_empty() {
         return Ok(Vec::new());
     }
-    let grid = Grid::around(finite.iter().map(|&i| &points[i as usize]), voxel_m, start_m)?;
+    let grid = VoxelGrid::around(finite.iter().map(|&i| &points[i as usize]), voxel_m, start_m)?;
     let keyed = finite.iter().map(|&i| (grid.key(&points[i as usize]), i)).collect();
     let sorted = sort_by_key(keyed, grid.last_key);
     Ok(sorted.chunk_by(|a, b| a.0 == b.0).map(|cell| mean(points, cell)).collect())
@@ -78,7 +78,7 @@ fn mean(points: &[Point3<f32>], cell: &[(u64, u32)]) -> Point3<f32> {
 }
 
 /// Numbers the cells of the box around a cloud, x fastest.
-struct Grid {
+struct VoxelGrid {
     voxels_per_m: f64,
     /// Where cell 0 begins.
     start_m: [f64; 3],
@@ -89,7 +89,7 @@ struct Grid {
     last_key: u64,
 }
 
-impl Grid {
+impl VoxelGrid {
     fn around<'a>(
         points: impl Iterator<Item = &'a Point3<f32>>,
         voxel_m: f64,

@@ -47,7 +47,7 @@ fn normals_of(
     let own = (!held).then(|| Neighbours::within(points, radius_m, most));
     let neighbours = own.as_ref().unwrap_or(neighbours);
     match config.convention {
-        Convention::Sensor => normals::of_neighbours(points, neighbours, radius_m, most),
-        Convention::Open3d => normals::as_open3d(points, neighbours, radius_m, most),
+        Convention::Sensor => normals::from_neighbours(points, neighbours, radius_m, most),
+        Convention::Open3d => normals::from_neighbours_open3d(points, neighbours, radius_m, most),
     }
 }

@@ -66,10 +66,13 @@ impl Equations for PlaneToPlane {
     /// [`NormalEquations`]: the distance from point to point draws every direction to where the
     /// sampling of the surfaces happens to agree.
     fn solve(&self, degeneracy_threshold: f64) -> (Step, Observability) {
-        let centred = Centred::of(&self.planes);
+        let centred = Centred::new(&self.planes);
         let weight = if self.weight > 0.0 { self.weight } else { 1.0 };
         let planes = self.planes.information();
-        let seen = Observability::of(&(centred.square(&planes) / weight), degeneracy_threshold);
+        let seen = Observability::from_information(
+            &(centred.square(&planes) / weight),
+            degeneracy_threshold,
+        );
         let whole = centred.square(&(planes + self.points_information())) / weight;
         let right = -centred.right(&(Vector6::from(self.planes.jr) + self.points_right())) / weight;
         (centred.step(&seen.solve_within(&whole, &right)), seen)

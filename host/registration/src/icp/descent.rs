@@ -1,7 +1,7 @@
 //! The loop that every variant of ICP runs: pair, step, look whether it moved.
 
 use super::equations::Equations;
-use super::pairing::{Match, Moving, sum_pairs};
+use super::pairing::{LastSearch, Moving, sum_pairs};
 use super::step::Step;
 use crate::{Observability, Outcome, StopReason, Target};
 
@@ -38,7 +38,7 @@ impl Descent {
         initial: &Pose,
     ) -> Outcome {
         let mut outcome = Outcome::nothing(initial, StopReason::MaxIterations);
-        let mut matches = vec![Match::UNKNOWN; source.points.len()];
+        let mut matches = vec![LastSearch::UNKNOWN; source.points.len()];
         let mut reach_m = self.first_pair_distance_m.unwrap_or(self.max_pair_distance_m);
         while outcome.iterations < self.max_iterations {
             let sums: E =

@@ -30,7 +30,7 @@ pub(crate) struct Moving<'a> {
 /// What the last search for a source point found. It holds until the point has moved far enough for
 /// another target point to be nearer, which the triangle inequality tells without a search.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Match {
+pub(crate) struct LastSearch {
     /// The nearest target point.
     index: Option<u32>,
     /// All others were at least this far, m.
@@ -47,12 +47,12 @@ struct Reach {
 }
 
 impl Reach {
-    fn of(pair_m: f64) -> Self {
+    fn new(pair_m: f64) -> Self {
         Self { pair_m: pair_m as f32, slack_m: SLACK * pair_m as f32 }
     }
 }
 
-impl Match {
+impl LastSearch {
     /// Never holds.
     pub(crate) const UNKNOWN: Self =
         Self { index: None, others_m: f32::NEG_INFINITY, at: Point3::new(0.0, 0.0, 0.0) };
@@ -106,15 +106,15 @@ pub(crate) fn sum_pairs<E: Equations>(
     source: &Moving,
     target_from_source: &Pose,
     pair_m: f64,
-    matches: &mut [Match],
+    matches: &mut [LastSearch],
 ) -> E {
-    let chunk = |(number, matches): (usize, &mut [Match])| {
+    let chunk = |(number, matches): (usize, &mut [LastSearch])| {
         let chunk = Chunk {
             target,
             source,
             first: number * CHUNK,
             pose: target_from_source,
-            reach: Reach::of(pair_m),
+            reach: Reach::new(pair_m),
         };
         chunk.sum(matches)
     };
@@ -132,7 +132,7 @@ struct Chunk<'a> {
 }
 
 impl Chunk<'_> {
-    fn sum<E: Equations>(&self, matches: &mut [Match]) -> E {
+    fn sum<E: Equations>(&self, matches: &mut [LastSearch]) -> E {
         let mut pairs = Pairs::default();
         pair(self, matches, E::SOURCE_NORMALS, &mut pairs);
         let mut sums = E::default();
@@ -144,7 +144,7 @@ impl Chunk<'_> {
     fn pair_with(
         &self,
         kernel: impl LaneKernel,
-        matches: &mut [Match],
+        matches: &mut [LastSearch],
         source_normals: bool,
         pairs: &mut Pairs,
     ) {
@@ -180,12 +180,12 @@ impl Chunk<'_> {
 
 dispatch! {
     /// Finds the pairs of a chunk; with the source's normals where they are wanted.
-    fn pair(chunk: &Chunk, matches: &mut [Match], source_normals: bool, pairs: &mut Pairs)
+    fn pair(chunk: &Chunk, matches: &mut [LastSearch], source_normals: bool, pairs: &mut Pairs)
         = pair_plain, v3: v3::pair;
 }
 
 #[inline(always)]
-fn pair_plain(chunk: &Chunk, matches: &mut [Match], source_normals: bool, pairs: &mut Pairs) {
+fn pair_plain(chunk: &Chunk, matches: &mut [LastSearch], source_normals: bool, pairs: &mut Pairs) {
     chunk.pair_with(Portable, matches, source_normals, pairs);
 }
 
@@ -198,12 +198,12 @@ mod v3 {
         _mm256_set1_epi32, _mm256_set1_ps, _mm256_storeu_si256,
     };
 
-    use super::{Chunk, LaneKernel, Match, Pairs};
+    use super::{Chunk, LaneKernel, LastSearch, Pairs};
 
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
     pub(super) fn pair(
         chunk: &Chunk,
-        matches: &mut [Match],
+        matches: &mut [LastSearch],
         source_normals: bool,
         pairs: &mut Pairs,
     ) {
@@ -282,10 +282,10 @@ mod tests {
             steps in prop::collection::vec((prop::array::uniform3(-1.0f32..1.0), 0.0f32..1.0, 0.2f32..4.0), 1..40),
         ) {
             let target = target(&points);
-            let (mut kept, mut at) = (Match::UNKNOWN, Point3::from(start));
+            let (mut kept, mut at) = (LastSearch::UNKNOWN, Point3::from(start));
             for (direction, length, reach_m) in steps {
                 at += Vector3::from(direction) * length.powi(3);
-                let found = kept.update(Portable, &target.tree, at, Reach::of(f64::from(reach_m)), guess);
+                let found = kept.update(Portable, &target.tree, at, Reach::new(f64::from(reach_m)), guess);
                 prop_assert_eq!(found, nearest(&target.tree, &at, reach_m));
             }
         }
@@ -297,10 +297,10 @@ mod tests {
             let source = Source::prepare(&from, &IcpConfig { voxel_m: 1e-3, ..IcpConfig::outdoor() }).unwrap();
             let pose = Pose::new(Vector3::repeat(seed as f64 * 0.1), Vector3::new(0.0, 0.1, seed as f64 * 0.05));
             let moving = Moving { points: &source.points, normals: &[] };
-            let chunk = Chunk { target: &target, source: &moving, first: 0, pose: &pose, reach: Reach::of(reach_m) };
-            let pairs = |pair: fn(&Chunk, &mut [Match], bool, &mut Pairs)| {
+            let chunk = Chunk { target: &target, source: &moving, first: 0, pose: &pose, reach: Reach::new(reach_m) };
+            let pairs = |pair: fn(&Chunk, &mut [LastSearch], bool, &mut Pairs)| {
                 let mut pairs = Pairs::default();
-                pair(&chunk, &mut vec![Match::UNKNOWN; source.len()], false, &mut pairs);
+                pair(&chunk, &mut vec![LastSearch::UNKNOWN; source.len()], false, &mut pairs);
                 pairs
             };
             prop_assert!(pairs(pair_plain) == pairs(pair));

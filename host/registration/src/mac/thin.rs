@@ -31,7 +31,7 @@ pub(super) fn by_sampled_degree(
     let degree =
         |pair: &PointPair| sample.iter().filter(|other| bounds.hold(pair, other)).count() as u32;
     let degrees: Vec<u32> = pairs.par_iter().map(degree).collect();
-    of_most(&degrees, max)
+    highest(&degrees, max)
 }
 
 /// The matches to keep of a graph that would take too many steps: those of the highest degree, as
@@ -50,10 +50,10 @@ pub(super) fn by_density(compatible: &Compatible) -> Option<Vec<u32>> {
         let middle = fits.midpoint(exceeds);
         if steps(middle, &degrees) <= MAX_STEPS { fits = middle } else { exceeds = middle }
     }
-    Some(of_most(&compatible.degrees, fits))
+    Some(highest(&compatible.degrees, fits))
 }
 
-fn of_most(degrees: &[u32], max: usize) -> Vec<u32> {
+fn highest(degrees: &[u32], max: usize) -> Vec<u32> {
     let mut order: Vec<u32> = (0..degrees.len() as u32).collect();
     order.sort_by_key(|&i| Reverse(degrees[i as usize]));
     order.truncate(max);

@@ -20,20 +20,20 @@ const PARALLEL: usize = 8192;
 #[derive(Clone, Debug)]
 pub(crate) struct BoxTree {
     points: Vec<Point3<f32>>,
-    leaves: Vec<Lanes>,
+    leaves: Vec<PointLanes>,
     /// From the one above the leaves to the root, which is alone.
     levels: Vec<Vec<Boxes>>,
 }
 
 /// Eight points, one a lane; lanes without a point are at infinity.
 #[derive(Clone, Copy, Debug)]
-struct Lanes([[f32; WIDE]; 3]);
+struct PointLanes([[f32; WIDE]; 3]);
 
 /// Eight boxes, one a lane; lanes without a box are empty ones at infinity.
 #[derive(Clone, Copy, Debug)]
 struct Boxes {
-    low: Lanes,
-    high: Lanes,
+    low: PointLanes,
+    high: PointLanes,
 }
 
 /// The nearest point, and a bound on all others.
@@ -125,12 +125,12 @@ fn widest(places: &[Place]) -> usize {
 impl BoxTree {
     /// Builds the tree over points in the order of [`order`].
     pub(crate) fn new(points: Vec<Point3<f32>>) -> Self {
-        let leaves: Vec<Lanes> = points.chunks(WIDE).map(Lanes::of).collect();
+        let leaves: Vec<PointLanes> = points.chunks(WIDE).map(PointLanes::new).collect();
         let around: Vec<_> = points.chunks(WIDE).map(box_around).collect();
         let mut levels: Vec<Vec<Boxes>> = Vec::new();
         let mut inner = around;
         while inner.len() > 1 || levels.is_empty() && !inner.is_empty() {
-            let nodes: Vec<Boxes> = inner.chunks(WIDE).map(Boxes::of).collect();
+            let nodes: Vec<Boxes> = inner.chunks(WIDE).map(Boxes::new).collect();
             inner = nodes.iter().map(Boxes::around).collect();
             levels.push(nodes);
         }
@@ -271,11 +271,11 @@ impl Best {
     }
 }
 
-impl Lanes {
+impl PointLanes {
     const FAR: Self = Self([[f32::INFINITY; WIDE]; 3]);
 
     /// At most eight points.
-    fn of(points: &[Point3<f32>]) -> Self {
+    fn new(points: &[Point3<f32>]) -> Self {
         let mut lanes = Self::FAR;
         for (lane, point) in points.iter().enumerate().take(WIDE) {
             lanes.set(lane, (*point).into());
@@ -314,8 +314,9 @@ fn box_around(points: &[Point3<f32>]) -> Corners {
 
 impl Boxes {
     /// At most eight boxes.
-    fn of(corners: &[Corners]) -> Self {
-        let mut boxes = Self { low: Lanes::FAR, high: Lanes([[f32::NEG_INFINITY; WIDE]; 3]) };
+    fn new(corners: &[Corners]) -> Self {
+        let mut boxes =
+            Self { low: PointLanes::FAR, high: PointLanes([[f32::NEG_INFINITY; WIDE]; 3]) };
         for (lane, (low, high)) in corners.iter().enumerate().take(WIDE) {
             boxes.low.set(lane, *low);
             boxes.high.set(lane, *high);
@@ -324,7 +325,7 @@ impl Boxes {
     }
 
     fn around(&self) -> Corners {
-        let fold = |lanes: &Lanes, of: fn(f32, f32) -> f32, start: f32| {
+        let fold = |lanes: &PointLanes, of: fn(f32, f32) -> f32, start: f32| {
             lanes.0.map(|axis| axis.into_iter().fold(start, of))
         };
         (fold(&self.low, f32::min, f32::INFINITY), fold(&self.high, f32::max, f32::NEG_INFINITY))
@@ -419,7 +420,7 @@ mod tests {
             let theirs = KdTree::new(tree.points()).nearest(&query, radius_m);
             let ours = tree.nearest(Portable, &query, radius_m, 0.0).index;
             let distance = |index: Option<u32>| index.map(|index| (tree.points()[index as usize] - query).norm());
-            match (distance(ours), distance(theirs.index)) {
+            match (distance(ours), distance(theirs)) {
                 (Some(a), Some(b)) => prop_assert!((a - b).abs() <= 1e-5 * (1.0 + a)),
                 (a, b) => prop_assert_eq!(a.is_some(), b.is_some()),
             }

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::{DIMENSIONS, Features};
 use crate::cloud::neighbours::Neighbours;
-use pair::{BINS, Facing, LANES, Lanes, PairBins};
+use pair::{BINS, Facing, LANES, PairBins, PairLanes};
 
 /// What the numbers of a histogram add up to.
 const WHOLE: f32 = 100.0;
@@ -23,7 +23,7 @@ const CHUNK: usize = 256;
 type Row = [f32; STRIDE];
 
 /// What all chunks read.
-struct Surface<'a> {
+struct OrientedCloud<'a> {
     /// Points and normals side by side.
     facing: Vec<Facing>,
     neighbours: &'a Neighbours,
@@ -61,11 +61,12 @@ fn describe_by(
     points: &[Point3<f32>],
     normals: &[Vector3<f32>],
     neighbours: &Neighbours,
-    simple_chunk: impl Fn(&Surface, usize, &mut [Row]) + Sync,
+    simple_chunk: impl Fn(&OrientedCloud, usize, &mut [Row]) + Sync,
     fast_chunk: impl Fn(&Neighbours, &[Row], usize, &mut [[f32; DIMENSIONS]]) + Sync,
 ) -> Features {
     let facing = |(p, n): (&Point3<f32>, &Vector3<f32>)| [p.x, p.y, p.z, n.x, n.y, n.z, 0.0, 0.0];
-    let surface = Surface { facing: points.iter().zip(normals).map(facing).collect(), neighbours };
+    let surface =
+        OrientedCloud { facing: points.iter().zip(normals).map(facing).collect(), neighbours };
     let mut simple = vec![[0.0; STRIDE]; surface.facing.len()];
     let chunks = simple.par_chunks_mut(CHUNK).enumerate();
     chunks.for_each(|(chunk, rows)| simple_chunk(&surface, chunk * CHUNK, rows));
@@ -77,7 +78,7 @@ fn describe_by(
 
 dispatch! {
     /// The SPFH of the points from `first`.
-    fn simple_chunk(surface: &Surface, first: usize, rows: &mut [Row]) = simple_chunk_inline;
+    fn simple_chunk(surface: &OrientedCloud, first: usize, rows: &mut [Row]) = simple_chunk_inline;
 
     /// The FPFH of the points from `first`.
     fn fast_chunk(
@@ -89,8 +90,8 @@ dispatch! {
 }
 
 #[inline(always)]
-fn simple_chunk_inline(surface: &Surface, first: usize, rows: &mut [Row]) {
-    let (mut lanes, mut bins) = (Lanes::EMPTY, [[0; LANES]; 3]);
+fn simple_chunk_inline(surface: &OrientedCloud, first: usize, rows: &mut [Row]) {
+    let (mut lanes, mut bins) = (PairLanes::EMPTY, [[0; LANES]; 3]);
     for (index, row) in (first..).zip(rows) {
         let point = &surface.facing[index];
         if has_normal(point) {
@@ -106,14 +107,14 @@ fn simple_chunk_inline(surface: &Surface, first: usize, rows: &mut [Row]) {
 /// How many pairs of a point fall in each bin, and how many there are.
 #[inline(always)]
 fn count(
-    surface: &Surface,
+    surface: &OrientedCloud,
     index: usize,
     point: &Facing,
-    lanes: &mut Lanes,
+    lanes: &mut PairLanes,
     bins: &mut PairBins,
 ) -> ([u32; DIMENSIONS], u32) {
     let (mut counts, mut pairs) = ([0; DIMENSIONS], 0);
-    for block in surface.neighbours.of(index).0.chunks(LANES) {
+    for block in surface.neighbours.row(index).0.chunks(LANES) {
         let mut filled = 0;
         for &other in block {
             let other = other as usize;
@@ -149,7 +150,7 @@ fn fast_chunk_inline(
         // A histogram that counted anything adds up to 100; else the point has no normal, or nobody
         // near.
         if own.iter().any(|value| *value > 0.0) {
-            let sum = weighted_sum(neighbours.of(index), simple);
+            let sum = weighted_sum(neighbours.row(index), simple);
             finish(own, &sum, row);
         }
     }

@@ -19,7 +19,7 @@ const EDGES: [(f32, f32); 5] = [
 ];
 
 /// Neighbours of one point, one array a coordinate.
-pub(super) struct Lanes {
+pub(super) struct PairLanes {
     offset: [[f32; LANES]; 3],
     normal: [[f32; LANES]; 3],
 }
@@ -27,7 +27,7 @@ pub(super) struct Lanes {
 /// A bin in each histogram, for each pair.
 pub(super) type PairBins = [[u8; LANES]; 3];
 
-impl Lanes {
+impl PairLanes {
     pub(super) const EMPTY: Self = Self { offset: [[0.0; LANES]; 3], normal: [[0.0; LANES]; 3] };
 
     /// Puts a neighbour of `point` in a lane.
@@ -138,7 +138,7 @@ mod tests {
     }
 
     fn bins(point: Facing, neighbour: Facing) -> [u8; 3] {
-        let (mut lanes, mut bins) = (Lanes::EMPTY, [[0; LANES]; 3]);
+        let (mut lanes, mut bins) = (PairLanes::EMPTY, [[0; LANES]; 3]);
         lanes.set(0, &point, &neighbour);
         lanes.bins([point[3], point[4], point[5]], &mut bins);
         bins.map(|bins| bins[0])

@@ -84,7 +84,7 @@ proptest! {
         let points: Vec<_> = raw.iter().map(|(p, _)| Point3::from(*p)).collect();
         let neighbours = search(&points, radius_m, max);
         let normals = if own_normals {
-            normals::of_neighbours(&points, &neighbours, radius_m, max)
+            normals::from_neighbours(&points, &neighbours, radius_m, max)
         } else {
             raw.iter().map(|(_, n)| unit(*n)).collect()
         };

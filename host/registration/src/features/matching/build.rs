@@ -2,13 +2,13 @@
 
 use super::rotation::{Rotated, Rotation, rotate, rotate_plain};
 use super::row::Row;
-use super::search::{Group, Search, search, search_plain};
+use super::search::{Group, TreeSearch, search, search_plain};
 
 /// The loops that are compiled more than once; all builds give the same bytes.
 #[derive(Clone, Copy)]
 pub(super) struct Build {
     pub(super) rotate: fn(&Rotation, &[Row]) -> Vec<Rotated>,
-    pub(super) search: fn(&mut Group, &Search),
+    pub(super) search: fn(&mut Group, &TreeSearch),
 }
 
 impl Build {

@@ -43,7 +43,7 @@ use build::Build;
 use distinct::distinct;
 use rotation::Rotation;
 use row::{Row, WIDTH};
-use search::{Group, Search, Wanted};
+use search::{Group, TreeSearch, Wanted};
 use tree::{NONE, Tree};
 
 /// The pairs that are each other's nearest, ordered by source index; the lower index where
@@ -86,7 +86,7 @@ impl Trees {
     }
 
     fn search(&self, group: &mut Group, tree: &Tree, wanted: Wanted) {
-        (self.build.search)(group, &Search { rotation: &self.rotation, tree, wanted });
+        (self.build.search)(group, &TreeSearch { rotation: &self.rotation, tree, wanted });
     }
 
     /// Each source with its nearest target.

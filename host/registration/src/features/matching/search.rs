@@ -28,7 +28,7 @@ pub(super) enum Wanted {
 
 /// The tree that a group goes down, and what for.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Search<'a> {
+pub(super) struct TreeSearch<'a> {
     pub(super) rotation: &'a Rotation,
     pub(super) tree: &'a Tree,
     pub(super) wanted: Wanted,
@@ -111,7 +111,7 @@ impl Group {
 
     /// Goes down the tree, the nearer box first.
     #[inline(always)]
-    fn search_with(&mut self, kernel: impl BoundKernel, down: &Search) {
+    fn search_with(&mut self, kernel: impl BoundKernel, down: &TreeSearch) {
         if down.tree.nodes.is_empty() {
             return;
         }
@@ -158,7 +158,13 @@ impl Group {
 
     /// Takes the `open` queries through the blocks of a leaf.
     #[inline(always)]
-    fn search_leaf(&mut self, kernel: impl BoundKernel, down: &Search, leaf: &Node, mut open: u32) {
+    fn search_leaf(
+        &mut self,
+        kernel: impl BoundKernel,
+        down: &TreeSearch,
+        leaf: &Node,
+        mut open: u32,
+    ) {
         while open != 0 {
             let lane = open.trailing_zeros() as usize;
             open &= open - 1;
@@ -170,7 +176,13 @@ impl Group {
 
     /// Decides between the nearest of query `lane` so far and a block.
     #[inline(always)]
-    fn search_block(&mut self, kernel: impl BoundKernel, down: &Search, block: usize, lane: usize) {
+    fn search_block(
+        &mut self,
+        kernel: impl BoundKernel,
+        down: &TreeSearch,
+        block: usize,
+        lane: usize,
+    ) {
         let tree = down.tree;
         let bounds = kernel.row_bounds(&self.axes, lane, &tree.blocks[block]);
         let mut open = kernel.not_above(&bounds, &[self.limit[lane]; WIDTH]);
@@ -198,18 +210,18 @@ impl Group {
 
 dispatch! {
     /// Finds what is wanted for all queries of a group.
-    pub(super) fn search(group: &mut Group, down: &Search) = search_plain, v3: search_v3;
+    pub(super) fn search(group: &mut Group, down: &TreeSearch) = search_plain, v3: search_v3;
 }
 
 /// [`search`] in the plain build.
 #[inline(always)]
-pub(super) fn search_plain(group: &mut Group, down: &Search) {
+pub(super) fn search_plain(group: &mut Group, down: &TreeSearch) {
     group.search_with(Portable, down);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-fn search_v3(group: &mut Group, down: &Search) {
+fn search_v3(group: &mut Group, down: &TreeSearch) {
     group.search_with(V3::here(), down);
 }
 

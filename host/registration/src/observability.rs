@@ -26,8 +26,8 @@ pub struct Observability {
 }
 
 impl Observability {
-    /// Of an information matrix scaled as above.
-    pub(super) fn of(information: &Matrix6<f64>, least: f64) -> Self {
+    /// From an information matrix scaled as above.
+    pub(super) fn from_information(information: &Matrix6<f64>, least: f64) -> Self {
         let eigen = information.symmetric_eigen();
         let mut order = [0, 1, 2, 3, 4, 5];
         order.sort_by(|a, b| eigen.eigenvalues[*a].total_cmp(&eigen.eigenvalues[*b]));
@@ -78,7 +78,7 @@ mod tests {
     #[test]
     fn the_solution_has_no_part_along_an_open_direction() {
         let information = Matrix6::from_diagonal(&Vector6::new(0.5, 0.2, 0.1, 0.5, 1e-9, 0.3));
-        let seen = Observability::of(&information, 1e-3);
+        let seen = Observability::from_information(&information, 1e-3);
         assert_eq!(seen.unobservable, 1);
         let x = seen.solve(&Vector6::new(0.5, 0.2, 0.1, 0.5, 1.0, 0.3));
         assert!((x - Vector6::new(1.0, 1.0, 1.0, 1.0, 0.0, 1.0)).norm() < 1e-12);
@@ -87,7 +87,7 @@ mod tests {
     #[test]
     fn another_matrix_is_solved_within_the_observable_directions() {
         let information = Matrix6::from_diagonal(&Vector6::new(0.5, 0.2, 0.1, 0.5, 1e-9, 0.3));
-        let seen = Observability::of(&information, 1e-3);
+        let seen = Observability::from_information(&information, 1e-3);
         let mut whole = Matrix6::from_diagonal(&Vector6::new(1.0, 2.0, 3.0, 4.0, 5.0, 6.0));
         (whole[(0, 4)], whole[(4, 0)], whole[(0, 1)], whole[(1, 0)]) = (0.7, 0.7, 0.5, 0.5);
         let x = seen.solve_within(&whole, &Vector6::new(1.5, 2.5, 3.0, 4.0, 5.0, 6.0));
