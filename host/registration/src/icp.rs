@@ -15,6 +15,32 @@ use crate::cloud::Cloud;
 use crate::pose::Pose;
 
 /// Point-to-plane ICP: pair each point with the nearest, step to the least squares, repeat.
+///
+/// ```text
+/// min Σ (n · (T s - q))²      q the target point nearest to T s, n its normal; anew each step
+/// ```
+///
+/// Chen and Medioni, "Object modelling by registration of multiple range images", 1992. A target
+/// prepared once serves many sources:
+///
+/// ```
+/// use echoloop_registration::cloud::Cloud;
+/// use echoloop_registration::pose::Pose;
+/// use echoloop_registration::{Icp, IcpConfig, Source, Target};
+///
+/// let field = |x: f32, y: f32| [x, y, (0.7 * x).sin() + (0.5 * y + 0.2 * x).cos() - 3.0].into();
+/// let at = |i: i32| field((i % 100) as f32 * 0.2, (i / 100) as f32 * 0.2);
+/// let cloud = Cloud::new((0..10_000).map(at).collect());
+///
+/// let icp = Icp::new(IcpConfig::outdoor())?;
+/// let target = Target::prepare(&cloud, icp.config())?;
+/// let source = Source::prepare(&cloud, icp.config())?;
+/// let start = Pose::translation(0.2, 0.1, -0.1);
+/// let outcome = icp.align(&target, &source, &start);
+/// assert!(outcome.stop.is_success());
+/// assert!(outcome.target_from_source.translation.vector.norm() < 1e-3);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Icp {
     config: IcpConfig,

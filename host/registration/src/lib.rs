@@ -1,4 +1,47 @@
-//! Registration: the motion that lays one cloud on another.
+//! Registration: the rigid motion that lays one cloud on another.
+//!
+//! Read two clouds, choose settings that fit them, register, print the motion:
+//!
+//! ```
+//! use echoloop_registration::cloud::read_cloud;
+//! use echoloop_registration::pose::Pose;
+//! use echoloop_registration::{Icp, Registration, suggest};
+//!
+//! # use echoloop_registration::cloud::{Cloud, write_ply};
+//! # let folder = tempfile::tempdir()?;
+//! # let path = |name: &str| folder.path().join(name);
+//! # let field = |x: f32, y: f32| [x, y, (0.7 * x).sin() + (0.5 * y + 0.2 * x).cos() - 3.0].into();
+//! # let at = |i: i32| field((i % 100) as f32 * 0.2, (i / 100) as f32 * 0.2);
+//! # let mut cloud = Cloud::new((0..10_000).map(at).collect());
+//! # write_ply(&path("target.ply"), &cloud)?;
+//! # cloud.points.iter_mut().for_each(|p| p.x += 0.25);
+//! # write_ply(&path("source.ply"), &cloud)?;
+//! let (target, _) = read_cloud(&path("target.ply"))?;
+//! let (source, dropped) = read_cloud(&path("source.ply"))?;
+//! println!("{} points, {dropped}", source.points.len());
+//!
+//! let icp = Icp::new(suggest(&target, &source))?;
+//! let outcome = icp.register(&target, &source, &Pose::identity());
+//! println!("{} ({})", outcome.target_from_source, outcome.stop);
+//! # assert!(outcome.stop.is_success());
+//! # assert!((outcome.target_from_source.translation.x + 0.25).abs() < 0.02);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! | to | take |
+//! |---|---|
+//! | register two scans that nearly lie on each other | [`Icp`], [`Gicp`] |
+//! | find a motion from nowhere | [`Fgr`], [`Mac`] |
+//! | do both, one after the other | [`Refined`], or [`build`] from settings |
+//! | choose settings for two clouds | [`suggest`](mod@suggest) |
+//! | read, thin and describe clouds | [`cloud`], [`features`] |
+//! | measure an estimate against the truth | [`pose`] |
+//! | add a method | the trait [`Registration`] |
+//!
+//! Lengths are metres, angles radians unless a name says degrees; a cloud's sensor is at its origin.
+//! A motion is called `target_from_source`: what it maps to, from what. Equations and sections
+//! without another name are those of "End-to-End LiDAR optimization for 3D point cloud
+//! registration" (BMVC 2025).
 
 mod bits;
 pub mod cloud;
@@ -40,3 +83,8 @@ pub use prepared::{PrepareError, Source, Target};
 pub use refine::Refined;
 pub use registration::Registration;
 pub use suggest::{suggest, suggest_features, suggest_gicp, suggest_method, suggest_refinement};
+
+/// The README's example runs as written there.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

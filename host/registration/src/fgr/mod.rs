@@ -40,6 +40,26 @@ const MAX_FITS: usize = 12;
 /// 4. A final refit to all matches, and the count of those that agree.
 ///
 /// How it ranks among others: docs/registration-peers.md.
+///
+/// ```
+/// use echoloop_registration::cloud::Cloud;
+/// use echoloop_registration::pose::{Pose, rotation_error_deg};
+/// use echoloop_registration::{Fgr, FgrConfig, Registration};
+///
+/// // A hilly field, and the same from a sensor that faces elsewhere: no start is needed.
+/// let field = |x: f32, y: f32| [x, y, (0.7 * x).sin() + (0.5 * y + 0.2 * x).cos() - 3.0].into();
+/// let at = |i: i32| field((i % 120 - 60) as f32 * 0.2, (i / 120 - 60) as f32 * 0.2);
+/// let target = Cloud::new((0..14_400).map(at).collect());
+/// let truth = Pose::new([3.0, -2.0, 0.1].into(), [0.0, 0.0, 2.0].into());
+/// let moved = target.points.iter().map(|p| truth.inverse_transform_point(&p.cast()).cast());
+/// let source = Cloud::new(moved.collect());
+///
+/// let fgr = Fgr::new(FgrConfig::outdoor())?;
+/// let outcome = fgr.register(&target, &source, &Pose::identity());
+/// assert!(outcome.stop.is_success());
+/// assert!(rotation_error_deg(&outcome.target_from_source, &truth) < 1.0);
+/// # Ok::<(), echoloop_registration::ConfigError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Fgr {
     config: FgrConfig,

@@ -1,30 +1,15 @@
 //! Exact mutual nearest neighbours among features.
 //!
 //! ```text
-//! M = { (s, t) : t = argmin over targets of d(s, ·)  and  s = argmin over sources of d(·, t) },   d(a, b) = Σ (a_i − b_i)²
+//! M = { (s, t) : t = argmin d(s, ·) over targets,  s = argmin d(·, t) over sources }
+//! d(a, b) = Σ (a_i − b_i)²
 //! ```
 //!
-//! The result is that of the double loop over all pairs, to the last bit; the work is not. The
-//! pairs of one scan against another are half a billion, of which some hundred a point need their
-//! distance:
-//!
-//! 1. An orthonormal `rotation` onto the principal axes of the targets: its first
-//!    `rotation::AXES` hold nearly all of a distance, and never more than it.
-//! 2. A `tree` of boxes over the rotated rows, of the targets and of the sources.
-//! 3. `search`: eight neighbouring sources go down the targets' tree together, and give up a box
-//!    or a row when even the rotated axes are too far apart. What remains is decided by the
-//!    distance itself.
-//! 4. The way back only asks what is open: of the sources that chose a target the closest is the
-//!    only one that can be its nearest, and one source that is closer refutes it. So only targets
-//!    that were chosen are searched, within a known distance, until the first counterexample.
-//!
-//! Of equal rows only the first can be anybody's mutual nearest, so the others are left out before:
-//! a flat floor without noise has thousands of them, and none could be told from another by a
-//! bound. Where very many rows differ by no more than rounding, little is given up, and the work
-//! nears that of the double loop.
-//!
-//! Rounding never loses a pair: `rotation::Rotation::limit` has the slack and why it is enough.
-//! Memory is linear.
+//! The result is that of the double loop over all pairs, to the last bit. The work is not: a
+//! [`rotation`] onto the axes that features differ along most, a [`tree`] of boxes over the rotated
+//! rows of either side, and a [`search`] that gives up what is too far along these axes already.
+//! Memory is linear. Why no pair is lost, and when the work nears that of the double loop:
+//! docs/matching.md.
 
 mod build;
 mod distinct;

@@ -61,14 +61,8 @@ impl Rotation {
     /// limit = ( (1 + 1e-5) √(d + tiny) + 2e-5 ρ )²          ρ = longest row,  u = 2⁻²⁴,  γ_n = n u / (1 − n u)
     /// ```
     ///
-    /// A coordinate is a sum of 33 products, so off by at most γ₃₄ |w| |x| ≤ γ₃₄ ρ, and a distance
-    /// over 8 of them, of two rows, by 2 √8 γ₃₄ ρ < 1.2e-5 ρ. What is relative (the sum of squares
-    /// of either side, γ₃₆ and γ₁₀; the weights' rounding, which stretches by less than 1e-6; this
-    /// function's own few operations) stays below 5e-6. `tiny` is the smallest normal f32: squares
-    /// that underflow lose less.
-    ///
-    /// The bound of a box is summed in the same order from differences that are no larger, and
-    /// rounding is monotone: it never exceeds the bound of a row inside.
+    /// So no bound computed in `f32` is above its limit by rounding alone; docs/matching.md counts
+    /// the roundings.
     #[inline(always)]
     pub(super) fn limit(&self, squared: f32) -> f32 {
         let distance = (squared + f32::MIN_POSITIVE).sqrt() * (1.0 + RELATIVE) + self.slack;
