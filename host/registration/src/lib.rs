@@ -38,9 +38,9 @@
 //! | measure an estimate against the truth | [`pose`] |
 //! | add a method | the trait [`Registration`] |
 //!
-//! Lengths are metres, angles radians unless a name says degrees; a cloud's sensor is at its origin.
-//! A motion is called `target_from_source`: what it maps to, from what. Equations and sections
-//! without another name are those of "End-to-End LiDAR optimization for 3D point cloud
+//! Lengths are metres, angles radians unless a name says degrees. A cloud's sensor is at its
+//! origin. A motion is called `target_from_source`: what it maps to, from what. Equations and
+//! sections without another name are those of "End-to-End LiDAR optimization for 3D point cloud
 //! registration" (BMVC 2025).
 
 mod bits;

@@ -8,11 +8,14 @@ use crate::pose::Pose;
 ///
 /// | global | local | motion, pairs, errors | stop |
 /// |---|---|---|---|
-/// | found nothing: empty cloud, bad settings, too few matches or pairs | not run | global | global |
+/// | found nothing | not run | global | global |
 /// | no consensus | converged | local | no consensus |
 /// | no consensus | anything else | global | no consensus |
-/// | any other | found nothing | global | local: the motion is as rough as the global method left it |
+/// | any other | found nothing | global | local |
 /// | any other | converged, iterations ran out, degenerate | local | local |
+///
+/// "Found nothing" is an empty cloud, bad settings, too few matches or too few pairs; then the
+/// motion is as rough as the global method left it.
 ///
 /// The consensus is always the global method's, and `iterations` counts the steps of both. A motion
 /// without consensus stays without: that the points fit where it put them says nothing about

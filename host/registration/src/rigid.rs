@@ -131,15 +131,24 @@ mod tests {
         ) {
             let truth = Pose::new(shift.into(), turn.into());
             let found = fit(&moved(&points, &truth)).unwrap();
-            prop_assert!(frobenius_error(&found, &truth) < 1e-8, "{}", frobenius_error(&found, &truth));
+            prop_assert!(
+                frobenius_error(&found, &truth) < 1e-8,
+                "{}",
+                frobenius_error(&found, &truth)
+            );
         }
 
         #[test]
         fn no_pairs_make_it_panic_or_mirror(
-            pairs in prop::collection::vec((prop::array::uniform6(any::<f64>()), any::<f64>()), 0..6),
+            pairs in prop::collection::vec(
+                (prop::array::uniform6(any::<f64>()), any::<f64>()), 0..6
+            ),
         ) {
             let pairs = pairs.iter().map(|(v, w)| {
-                let pair = PointPair { source: Point3::new(v[0], v[1], v[2]), target: Point3::new(v[3], v[4], v[5]) };
+                let pair = PointPair {
+                    source: Point3::new(v[0], v[1], v[2]),
+                    target: Point3::new(v[3], v[4], v[5]),
+                };
                 (pair, *w)
             });
             if let Some(found) = rigid(pairs) {
@@ -154,12 +163,17 @@ mod tests {
             weights in prop::collection::vec(0.1f64..2.0, 12),
             step in prop::array::uniform6(-0.1f64..0.1),
         ) {
-            let mut pairs = moved(&points, &Pose::new([1.0, 2.0, 3.0].into(), [0.5, -2.0, 1.0].into()));
+            let mut pairs =
+                moved(&points, &Pose::new([1.0, 2.0, 3.0].into(), [0.5, -2.0, 1.0].into()));
             for (pair, noise) in pairs.iter_mut().zip(&noise) {
                 pair.target += Vector3::from(*noise);
             }
             let cost = |pose: &Pose| -> f64 {
-                pairs.iter().zip(&weights).map(|(p, w)| w * (pose * p.source - p.target).norm_squared()).sum()
+                pairs
+                    .iter()
+                    .zip(&weights)
+                    .map(|(p, w)| w * (pose * p.source - p.target).norm_squared())
+                    .sum()
             };
             let found = rigid(pairs.iter().copied().zip(weights.iter().copied())).unwrap();
             let [a, b, c, x, y, z] = step;

@@ -292,7 +292,9 @@ fn coordinate() -> impl Strategy<Value = f32> {
     prop_oneof![
         100 => -20.0f32..20.0,
         100 => (-6i8..6).prop_map(|v| f32::from(v) * 0.5),
-        1 => prop::sample::select(vec![f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0, -0.0, 1e30, -1e30]),
+        1 => prop::sample::select(vec![
+            f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0, -0.0, 1e30, -1e30,
+        ]),
     ]
 }
 
@@ -301,19 +303,29 @@ proptest! {
 
     #[test]
     fn any_small_motion_of_the_same_points_is_undone_exactly(
-        shift in prop::array::uniform3(-0.2f64..0.2), turn in prop::array::uniform3(-0.04f64..0.04), seed in 0u64..4,
+        shift in prop::array::uniform3(-0.2f64..0.2),
+        turn in prop::array::uniform3(-0.04f64..0.04),
+        seed in 0u64..4,
     ) {
         // A voxel so small that it thins nothing: then source and target are the same points and
         // the truth is exact.
-        let icp = Icp::new(IcpConfig { voxel_m: 1e-3, max_iterations: 100, ..IcpConfig::outdoor() }).unwrap();
-        let gicp = Gicp::new(GicpConfig { voxel_m: 1e-3, max_iterations: 100, ..GicpConfig::outdoor() }).unwrap();
+        let icp =
+            Icp::new(IcpConfig { voxel_m: 1e-3, max_iterations: 100, ..IcpConfig::outdoor() })
+                .unwrap();
+        let gicp =
+            Gicp::new(GicpConfig { voxel_m: 1e-3, max_iterations: 100, ..GicpConfig::outdoor() })
+                .unwrap();
         let points: Vec<_> = yard(seed).into_iter().step_by(8).collect();
         let truth = pose(shift, turn);
         let (a, b) = (seen(&points, &Pose::identity()), seen(&points, &truth));
         for method in [&icp as &dyn Registration, &gicp] {
             let outcome = method.register(&a, &b, &Pose::identity());
             prop_assert_eq!(outcome.stop, StopReason::Converged);
-            prop_assert!(translation_error_m(&outcome.target_from_source, &truth) < 1e-3, "{:?}", outcome);
+            prop_assert!(
+                translation_error_m(&outcome.target_from_source, &truth) < 1e-3,
+                "{:?}",
+                outcome
+            );
         }
     }
 
@@ -325,7 +337,8 @@ proptest! {
     ) {
         for (target, source) in [(&a, &b), (&b, &a), (&b, &b)] {
             for method in methods() {
-                let outcome = method.outdoor.register(&cloud(target), &cloud(source), &pose(shift, [0.0; 3]));
+                let outcome =
+                    method.outdoor.register(&cloud(target), &cloud(source), &pose(shift, [0.0; 3]));
                 prop_assert!(outcome.inlier_fraction <= 1.0);
             }
         }

@@ -16,7 +16,10 @@ pub enum CloudError {
         source: std::io::Error,
     },
     /// The extension names no format we read.
-    #[error("{}: expected a .ply, .pcd, .vtk, .bin (KITTI), .xyz, .txt, .asc or .csv file", path.display())]
+    #[error(
+        "{}: expected a .ply, .pcd, .vtk, .bin (KITTI), .xyz, .txt, .asc or .csv file",
+        path.display()
+    )]
     Extension {
         /// The file.
         path: PathBuf,

@@ -104,8 +104,12 @@ mod tests {
     proptest! {
         #[test]
         fn neighbours_are_as_near_as_a_full_scan_s(
-            raw in prop_oneof![lattice(), prop::collection::vec(prop::array::uniform3(-9.0f32..9.0), 0..400)],
-            query in prop::array::uniform3(-4i8..4), radius in 0.1f32..20.0, max in 1usize..40,
+            raw in prop_oneof![
+                lattice(), prop::collection::vec(prop::array::uniform3(-9.0f32..9.0), 0..400)
+            ],
+            query in prop::array::uniform3(-4i8..4),
+            radius in 0.1f32..20.0,
+            max in 1usize..40,
         ) {
             let tree = KdTree::new(&points(&raw));
             let query = query.map(|v| f32::from(v) + 0.125).into();

@@ -311,7 +311,11 @@ mod tests {
 
     proptest! {
         #[test]
-        fn rows_are_those_of_a_full_scan(raw in points(), radius in 0.1f32..30.0, max in 0usize..60) {
+        fn rows_are_those_of_a_full_scan(
+            raw in points(),
+            radius in 0.1f32..30.0,
+            max in 0usize..60,
+        ) {
             let points: Vec<Point3<f32>> = raw.iter().map(|&p| p.into()).collect();
             let all = Neighbours::within(&points, f64::from(radius), max);
             prop_assert_eq!(all.len(), points.len());
@@ -329,15 +333,28 @@ mod tests {
         }
 
         #[test]
-        fn rows_have_the_distances_that_a_tree_finds(raw in points(), radius in 0.1f32..30.0, max in 1usize..60) {
+        fn rows_have_the_distances_that_a_tree_finds(
+            raw in points(),
+            radius in 0.1f32..30.0,
+            max in 1usize..60,
+        ) {
             let points: Vec<Point3<f32>> = raw.iter().map(|&p| p.into()).collect();
-            let (all, tree) = (Neighbours::within(&points, f64::from(radius), max), KdTree::new(&points));
+            let (all, tree) =
+                (Neighbours::within(&points, f64::from(radius), max), KdTree::new(&points));
             let mut found = Vec::new();
             for (i, query) in points.iter().enumerate() {
                 tree.within(query, radius, max, &mut found);
                 let (ours, theirs) = (row(&all, i), found.iter().map(|f| f.0));
-                prop_assert!(ours.iter().map(|f| f.0).zip(theirs).all(|(a, b)| (a - b).abs() <= 1e-5 * b.max(1e-6)));
-                prop_assert!(ours.len().abs_diff(found.len()) <= 1, "rounding at the radius itself");
+                prop_assert!(
+                    ours.iter()
+                        .map(|f| f.0)
+                        .zip(theirs)
+                        .all(|(a, b)| (a - b).abs() <= 1e-5 * b.max(1e-6))
+                );
+                prop_assert!(
+                    ours.len().abs_diff(found.len()) <= 1,
+                    "rounding at the radius itself"
+                );
             }
         }
     }

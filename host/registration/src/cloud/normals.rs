@@ -17,7 +17,8 @@ const LEAST_NEIGHBOURS: usize = 3;
 /// How many points a thread takes at a time.
 const CHUNK: usize = 512;
 
-/// Sets the normals of a cloud, one a point; a zero normal where there is none. See [`from_points`].
+/// Sets the normals of a cloud, one a point; a zero normal where there is none. As
+/// [`from_points`].
 pub fn estimate(cloud: &mut Cloud, radius_m: f64, max_neighbours: usize) {
     // A search wants finite points: the others get no normal.
     let valid: Vec<u32> =
@@ -55,8 +56,8 @@ pub fn from_points(
     )
 }
 
-/// As [`from_points`], from neighbourhoods that are known: as wide as `radius_m` at least, as many as
-/// `max_neighbours`.
+/// As [`from_points`], from neighbourhoods that are known: as wide as `radius_m` at least, as many
+/// as `max_neighbours`.
 pub fn from_neighbours(
     points: &[Point3<f32>],
     neighbours: &Neighbours,

@@ -52,7 +52,8 @@ fn check_packed(needed: Option<u64>, data: &[u8]) -> Result<(), String> {
     {
         let needed = needed.map_or("countless".into(), |n| n.to_string());
         return Err(format!(
-            "expected compressed PCD data that unpacks to {needed} bytes, found {packed} that unpack to {unpacked}"
+            "expected compressed PCD data that unpacks to {needed} bytes, \
+             found {packed} that unpack to {unpacked}"
         ));
     }
     Ok(())

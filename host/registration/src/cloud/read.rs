@@ -63,13 +63,15 @@ mod tests {
         values.iter().flat_map(|v| v.to_le_bytes()).collect()
     }
 
-    const PCD: &str = "VERSION 0.7\nFIELDS x y z i\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 1\nWIDTH 2\nHEIGHT 1\n";
+    const PCD: &str = "VERSION 0.7\nFIELDS x y z i\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 1\n\
+                       WIDTH 2\nHEIGHT 1\n";
 
     #[test]
     fn the_same_two_points_come_from_each_format() {
         let ply = |format: &str| {
             format!(
-                "ply\nformat {format} 1.0\ncomment c\nelement vertex 2\nproperty ushort i\nproperty double z\n\
+                "ply\nformat {format} 1.0\ncomment c\nelement vertex 2\nproperty ushort i\n\
+                 property double z\n\
                  property float x\nproperty short y\nend_header\n"
             )
         };
@@ -97,7 +99,9 @@ mod tests {
             ("a.bin", pcd.clone()),
             (
                 "a.vtk",
-                b"# vtk DataFile Version 3.0\nt\nASCII\nDATASET POLYDATA\nPOINTS 2 float\n1 2 3 4 5 6\n".to_vec(),
+                b"# vtk DataFile Version 3.0\nt\nASCII\nDATASET POLYDATA\nPOINTS 2 float\n\
+                  1 2 3 4 5 6\n"
+                    .to_vec(),
             ),
             ("a.xyz", b"# x y z\n1 2 3 9\n\n4\t5 6\n".to_vec()),
             ("a.csv", b"time,X,Y,Z\n0,1,2,3\n1,4,5,6\n".to_vec()),
@@ -211,7 +215,8 @@ mod tests {
 
     #[test]
     fn a_file_cut_short_or_with_a_byte_changed_never_panics() {
-        let ply = "ply\nformat binary_little_endian 1.0\nelement vertex 2\nproperty float x\nproperty list uchar int l\n\
+        let ply = "ply\nformat binary_little_endian 1.0\nelement vertex 2\nproperty float x\n\
+                   property list uchar int l\n\
                    property float y\nproperty float z\nend_header\n";
         let body =
             [&le(&[1.0])[..], &[1, 9, 0, 0, 0], &le(&[2.0, 3.0, 4.0]), &[0], &le(&[5.0, 6.0])]

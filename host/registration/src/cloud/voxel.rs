@@ -251,7 +251,8 @@ mod tests {
                 *sum += Vector3::from(*p).cast::<f64>();
                 *count += 1.0;
             }
-            let expected: Vec<Point3<f32>> = cells.values().map(|(sum, n)| (sum / *n).cast::<f32>().into()).collect();
+            let expected: Vec<Point3<f32>> =
+                cells.values().map(|(sum, n)| (sum / *n).cast::<f32>().into()).collect();
             prop_assert_eq!(downsample(&cloud(&points), voxel_m).unwrap().points, expected);
         }
     }

@@ -167,7 +167,8 @@ mod tests {
 
     #[test]
     fn lines_may_end_as_on_windows() {
-        let text = "# vtk DataFile Version 2.0\r\nt\r\nASCII\r\nDATASET POLYDATA\r\nPOINTS 1 float\r\n1 2 3\r\n";
+        let text = "# vtk DataFile Version 2.0\r\nt\r\nASCII\r\nDATASET POLYDATA\r\n\
+                    POINTS 1 float\r\n1 2 3\r\n";
         assert_eq!(parse(text.as_bytes()).unwrap(), [Point3::new(1.0, 2.0, 3.0)]);
     }
 

@@ -162,8 +162,13 @@ dispatch! {
     fn count(row: &[f32; 6], others: &Columns, bounds: &SquaredBounds) -> u32 = count_inline;
 
     /// From word `first` on, which of `others` a match is consistent with.
-    fn mark(row: &[f32; 6], others: &Columns, first: usize, bounds: &SquaredBounds, bits: &mut [u64])
-        = mark_inline;
+    fn mark(
+        row: &[f32; 6],
+        others: &Columns,
+        first: usize,
+        bounds: &SquaredBounds,
+        bits: &mut [u64],
+    ) = mark_inline;
 }
 
 #[inline(always)]

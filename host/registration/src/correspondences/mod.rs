@@ -2,7 +2,7 @@
 //!
 //! | question | file |
 //! |---|---|
-//! | do two matches keep their distance? | `length_bounds`, exactly; `columns`, for all pairs of them |
+//! | do two matches keep their distance? | `length_bounds`; of all pairs, `columns` |
 //! | how far off does a motion leave a match? | `residuals` |
 //! | what do all matches say about a motion found? | `refit` |
 

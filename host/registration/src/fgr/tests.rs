@@ -193,13 +193,20 @@ proptest! {
 
     #[test]
     fn no_matches_make_it_panic(
-        rows in prop::collection::vec(prop::array::uniform6(prop_oneof![any::<f64>(), -20.0f64..20.0]), 0..40),
+        rows in prop::collection::vec(
+            prop::array::uniform6(prop_oneof![any::<f64>(), -20.0f64..20.0]), 0..40
+        ),
         max_iterations in 1usize..40,
     ) {
-        let pair = |v: &[f64; 6]| PointPair { source: [v[0], v[1], v[2]].into(), target: [v[3], v[4], v[5]].into() };
+        let pair = |v: &[f64; 6]| PointPair {
+            source: [v[0], v[1], v[2]].into(),
+            target: [v[3], v[4], v[5]].into(),
+        };
         let pairs: Vec<PointPair> = rows.iter().map(pair).collect();
         for mode in [FgrMode::Annealed, FgrMode::Open3d] {
-            let outcome = Fgr::new(FgrConfig { mode, max_iterations, ..FgrConfig::outdoor() }).unwrap().solve(&pairs);
+            let outcome = Fgr::new(FgrConfig { mode, max_iterations, ..FgrConfig::outdoor() })
+                .unwrap()
+                .solve(&pairs);
             prop_assert!(to_rows(&outcome.target_from_source).iter().all(|v| v.is_finite()));
             prop_assert!(outcome.inlier_fraction <= 1.0 && outcome.rmse_m.is_finite());
         }

@@ -232,7 +232,9 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_sums_are_those_of_the_covariances_inverted(pairs in prop::collection::vec(pair(), 1..40)) {
+        fn the_sums_are_those_of_the_covariances_inverted(
+            pairs in prop::collection::vec(pair(), 1..40),
+        ) {
             let ours = sums(&pairs);
             let (mut h, mut b) = (Matrix6::zeros(), Vector6::zeros());
             for pair in &pairs {

@@ -279,25 +279,44 @@ mod tests {
             points in points(),
             start in prop::array::uniform3(-6.0f32..6.0),
             guess in prop::option::of(0u32..400),
-            steps in prop::collection::vec((prop::array::uniform3(-1.0f32..1.0), 0.0f32..1.0, 0.2f32..4.0), 1..40),
+            steps in prop::collection::vec(
+                (prop::array::uniform3(-1.0f32..1.0), 0.0f32..1.0, 0.2f32..4.0), 1..40
+            ),
         ) {
             let target = target(&points);
             let (mut kept, mut at) = (LastSearch::UNKNOWN, Point3::from(start));
             for (direction, length, reach_m) in steps {
                 at += Vector3::from(direction) * length.powi(3);
-                let found = kept.update(Portable, &target.tree, at, Reach::new(f64::from(reach_m)), guess);
+                let found =
+                    kept.update(Portable, &target.tree, at, Reach::new(f64::from(reach_m)), guess);
                 prop_assert_eq!(found, nearest(&target.tree, &at, reach_m));
             }
         }
 
         #[test]
-        fn both_builds_give_the_same_bytes(to in points(), from in points(), reach_m in 0.2f64..4.0, seed in 0u64..9) {
+        fn both_builds_give_the_same_bytes(
+            to in points(),
+            from in points(),
+            reach_m in 0.2f64..4.0,
+            seed in 0u64..9,
+        ) {
             let target = target(&to);
             let from = Cloud::new(from.iter().map(|&p| p.into()).collect());
-            let source = Source::prepare(&from, &IcpConfig { voxel_m: 1e-3, ..IcpConfig::outdoor() }).unwrap();
-            let pose = Pose::new(Vector3::repeat(seed as f64 * 0.1), Vector3::new(0.0, 0.1, seed as f64 * 0.05));
+            let source =
+                Source::prepare(&from, &IcpConfig { voxel_m: 1e-3, ..IcpConfig::outdoor() })
+                    .unwrap();
+            let pose = Pose::new(
+                Vector3::repeat(seed as f64 * 0.1),
+                Vector3::new(0.0, 0.1, seed as f64 * 0.05),
+            );
             let moving = Moving { points: &source.points, normals: &[] };
-            let chunk = Chunk { target: &target, source: &moving, first: 0, pose: &pose, reach: Reach::new(reach_m) };
+            let chunk = Chunk {
+                target: &target,
+                source: &moving,
+                first: 0,
+                pose: &pose,
+                reach: Reach::new(reach_m),
+            };
             let pairs = |pair: fn(&Chunk, &mut [LastSearch], bool, &mut Pairs)| {
                 let mut pairs = Pairs::default();
                 pair(&chunk, &mut vec![LastSearch::UNKNOWN; source.len()], false, &mut pairs);

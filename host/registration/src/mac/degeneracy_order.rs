@@ -52,7 +52,8 @@ mod tests {
         ) {
             const N: usize = 20;
             let places = (0..N).flat_map(|i| (i + 1..N).map(move |j| (i, j, 1.0)));
-            let edges: Vec<_> = places.zip(&bits).filter_map(|(edge, &bit)| bit.then_some(edge)).collect();
+            let edges: Vec<_> =
+                places.zip(&bits).filter_map(|(edge, &bit)| bit.then_some(edge)).collect();
             let graph = Graph::from_edges(N, &edges);
             let ranks = degeneracy_ranks(&graph);
             let mut order: Vec<usize> = (0..N).collect();
@@ -62,7 +63,10 @@ mod tests {
                 graph.neighbours(node).iter().filter(|&&other| !removed[other as usize]).count()
             };
             for node in order {
-                let least = (0..N).filter(|&other| !removed[other]).map(|other| left(&removed, other)).min();
+                let least = (0..N)
+                    .filter(|&other| !removed[other])
+                    .map(|other| left(&removed, other))
+                    .min();
                 prop_assert_eq!(Some(left(&removed, node)), least);
                 removed[node] = true;
             }

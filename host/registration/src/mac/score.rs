@@ -93,21 +93,36 @@ mod tests {
         #[test]
         fn the_score_is_the_sum_over_all_matches_and_the_same_bytes_in_both_builds(
             pairs in prop::collection::vec(prop::array::uniform6(-20.0f64..20.0), 0..70),
-            turn in prop::array::uniform3(-3.0f64..3.0), shift in prop::array::uniform3(-5.0f64..5.0),
+            turn in prop::array::uniform3(-3.0f64..3.0),
+            shift in prop::array::uniform3(-5.0f64..5.0),
             scale_m in 0.1f64..30.0,
         ) {
             let pose = Pose::new(shift.into(), turn.into());
-            let pair = |v: &[f64; 6]| PointPair { source: [v[0], v[1], v[2]].into(), target: [v[3], v[4], v[5]].into() };
+            let pair = |v: &[f64; 6]| PointPair {
+                source: [v[0], v[1], v[2]].into(),
+                target: [v[3], v[4], v[5]].into(),
+            };
             let pairs: Vec<PointPair> = pairs.iter().map(pair).collect();
             let far = |pair: &PointPair| (pose * pair.source - pair.target).norm();
             let expected: f64 = pairs.iter().map(|pair| (1.0 - far(pair) / scale_m).max(0.0)).sum();
             let scorer = Scorer::new(&pairs, scale_m);
             let score = scorer.score(&pose);
-            prop_assert!((exact_score(&pairs, &pose, scale_m) - expected).abs() <= 1e-9 * (1.0 + expected));
-            prop_assert!((score - expected).abs() <= 1e-4 * (1.0 + expected), "{} {}", score, expected);
+            prop_assert!(
+                (exact_score(&pairs, &pose, scale_m) - expected).abs() <= 1e-9 * (1.0 + expected)
+            );
+            prop_assert!(
+                (score - expected).abs() <= 1e-4 * (1.0 + expected),
+                "{} {}",
+                score,
+                expected
+            );
             let rotation = pose.rotation.to_rotation_matrix().into_inner();
-            let shift = rotation * scorer.centroids.source + pose.translation.vector - scorer.centroids.target;
-            prop_assert_eq!(score.to_bits(), sum_inline(&scorer.columns, &in_f32(&rotation, &shift), scorer.scale_m).to_bits());
+            let shift = rotation * scorer.centroids.source + pose.translation.vector
+                - scorer.centroids.target;
+            prop_assert_eq!(
+                score.to_bits(),
+                sum_inline(&scorer.columns, &in_f32(&rotation, &shift), scorer.scale_m).to_bits()
+            );
         }
     }
 }

@@ -126,10 +126,13 @@ mod tests {
     proptest! {
         #[test]
         fn each_node_keeps_the_heaviest_of_all_maximal_cliques_that_hold_it(
-            nodes in 0usize..24, share in 0.1f64..0.95, draws in prop::collection::vec((0.0f64..1.0, 1u8..50), 276),
+            nodes in 0usize..24,
+            share in 0.1f64..0.95,
+            draws in prop::collection::vec((0.0f64..1.0, 1u8..50), 276),
             least in 1usize..5,
         ) {
-            let weights: Vec<Option<u8>> = draws.iter().map(|(draw, w)| (*draw < share).then_some(*w)).collect();
+            let weights: Vec<Option<u8>> =
+                draws.iter().map(|(draw, w)| (*draw < share).then_some(*w)).collect();
             let edges = edges(nodes, &weights);
             let mut expected = oracle(nodes, &edges);
             expected.retain(|(clique, _)| clique.len() >= least);
@@ -137,12 +140,26 @@ mod tests {
             prop_assert_eq!(selection.found, expected.len());
             prop_assert_eq!(selection.cut_roots, 0);
             let of_node = |node: u32, cliques: &[(BTreeSet<u32>, f64)]| {
-                cliques.iter().filter(|(clique, _)| clique.contains(&node)).map(|(_, w)| *w).reduce(f64::max)
+                cliques
+                    .iter()
+                    .filter(|(clique, _)| clique.contains(&node))
+                    .map(|(_, w)| *w)
+                    .reduce(f64::max)
             };
-            let weight = |clique: &BTreeSet<u32>| expected.iter().find(|(other, _)| other == clique).map(|(_, w)| *w);
-            let ours: Vec<BTreeSet<u32>> = selection.cliques.iter().map(|c| c.iter().copied().collect()).collect();
-            prop_assert!(ours.iter().all(|clique| weight(clique).is_some()), "not a maximal clique");
-            let ours: Vec<_> = ours.into_iter().filter_map(|c| Some((weight(&c)?, c))).map(|(w, c)| (c, w)).collect();
+            let weight = |clique: &BTreeSet<u32>| {
+                expected.iter().find(|(other, _)| other == clique).map(|(_, w)| *w)
+            };
+            let ours: Vec<BTreeSet<u32>> =
+                selection.cliques.iter().map(|c| c.iter().copied().collect()).collect();
+            prop_assert!(
+                ours.iter().all(|clique| weight(clique).is_some()),
+                "not a maximal clique"
+            );
+            let ours: Vec<_> = ours
+                .into_iter()
+                .filter_map(|c| Some((weight(&c)?, c)))
+                .map(|(w, c)| (c, w))
+                .collect();
             for node in 0..nodes as u32 {
                 prop_assert_eq!(of_node(node, &ours), of_node(node, &expected));
             }
@@ -150,10 +167,12 @@ mod tests {
 
         #[test]
         fn a_cap_leaves_the_same_cliques_on_one_thread_and_on_four(
-            draws in prop::collection::vec((0.0f64..1.0, 1u8..50), 3160), cap in 1usize..600,
+            draws in prop::collection::vec((0.0f64..1.0, 1u8..50), 3160),
+            cap in 1usize..600,
         ) {
             const NODES: usize = 80;
-            let weights: Vec<Option<u8>> = draws.iter().map(|(draw, w)| (*draw < 0.5).then_some(*w)).collect();
+            let weights: Vec<Option<u8>> =
+                draws.iter().map(|(draw, w)| (*draw < 0.5).then_some(*w)).collect();
             let graph = Graph::from_edges(NODES, &edges(NODES, &weights));
             let on = |threads: usize| {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();

@@ -164,14 +164,16 @@ proptest! {
     #[test]
     fn degrees_are_those_of_the_lengths_in_f64(
         points in prop::collection::vec(prop::array::uniform6(-9.0f64..9.0), 1..200),
-        tolerance_m in 1e-3f64..3.0, shift_m in prop_oneof![Just(0.0), Just(1e5)],
+        tolerance_m in 1e-3f64..3.0,
+        shift_m in prop_oneof![Just(0.0), Just(1e5)],
     ) {
         let pair = |v: &[f64; 6]| PointPair {
             source: [v[0] + shift_m, v[1], v[2]].into(),
             target: [v[3], v[4] - shift_m, v[5]].into(),
         };
         let pairs: Vec<PointPair> = points.iter().map(pair).collect();
-        let compatible = Compatible::new(&pairs, &LengthBounds { tolerance_m, least_length_m: 0.0 });
+        let compatible =
+            Compatible::new(&pairs, &LengthBounds { tolerance_m, least_length_m: 0.0 });
         let near = |a: &PointPair, b: &PointPair| length_difference_m(a, b) < tolerance_m;
         let degrees: Vec<u32> =
             pairs.iter().map(|a| pairs.iter().filter(|b| near(a, b)).count() as u32 - 1).collect();
@@ -179,11 +181,18 @@ proptest! {
     }
 
     #[test]
-    fn no_matches_make_it_panic(points in prop::collection::vec(prop::array::uniform6(any::<f64>()), 0..40)) {
-        let pair = |v: &[f64; 6]| PointPair { source: [v[0], v[1], v[2]].into(), target: [v[3], v[4], v[5]].into() };
+    fn no_matches_make_it_panic(
+        points in prop::collection::vec(prop::array::uniform6(any::<f64>()), 0..40),
+    ) {
+        let pair = |v: &[f64; 6]| PointPair {
+            source: [v[0], v[1], v[2]].into(),
+            target: [v[3], v[4], v[5]].into(),
+        };
         let pairs: Vec<PointPair> = points.iter().map(pair).collect();
         let outcome = outdoor().solve(&pairs);
-        prop_assert!(crate::pose::to_rows(&outcome.target_from_source).iter().all(|v| v.is_finite()));
+        prop_assert!(
+            crate::pose::to_rows(&outcome.target_from_source).iter().all(|v| v.is_finite())
+        );
     }
 }
 

@@ -94,7 +94,12 @@ mod tests {
                 for (&j, &g) in graph.neighbours(i).iter().zip(graph.weights(i)) {
                     let j = j as usize;
                     let expected = w[i][j] * (0..N).map(|k| w[i][k] * w[k][j]).sum::<f64>();
-                    prop_assert!((f64::from(g) - expected).abs() <= 1e-6 * expected, "{} {}", g, expected);
+                    prop_assert!(
+                        (f64::from(g) - expected).abs() <= 1e-6 * expected,
+                        "{} {}",
+                        g,
+                        expected
+                    );
                 }
             }
         }

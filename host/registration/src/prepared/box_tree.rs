@@ -399,7 +399,10 @@ mod tests {
     proptest! {
         #[test]
         fn the_nearest_is_a_full_scan_s_bit_for_bit(
-            raw in cloud(), query in prop::array::uniform3(-40i8..40), radius_m in 0.1f32..20.0, slack_m in 0.0f32..3.0,
+            raw in cloud(),
+            query in prop::array::uniform3(-40i8..40),
+            radius_m in 0.1f32..20.0,
+            slack_m in 0.0f32..3.0,
         ) {
             let tree = tree(&raw);
             let query = query.map(|v| f32::from(v) * 0.25).into();
@@ -414,12 +417,16 @@ mod tests {
 
         #[test]
         fn the_nearest_is_as_near_as_the_k_d_tree_s(
-            raw in cloud(), query in prop::array::uniform3(-9.0f32..9.0), radius_m in 0.1f32..20.0,
+            raw in cloud(),
+            query in prop::array::uniform3(-9.0f32..9.0),
+            radius_m in 0.1f32..20.0,
         ) {
             let (tree, query) = (tree(&raw), query.into());
             let theirs = KdTree::new(tree.points()).nearest(&query, radius_m);
             let ours = tree.nearest(Portable, &query, radius_m, 0.0).index;
-            let distance = |index: Option<u32>| index.map(|index| (tree.points()[index as usize] - query).norm());
+            let distance = |index: Option<u32>| {
+                index.map(|index| (tree.points()[index as usize] - query).norm())
+            };
             match (distance(ours), distance(theirs)) {
                 (Some(a), Some(b)) => prop_assert!((a - b).abs() <= 1e-5 * (1.0 + a)),
                 (a, b) => prop_assert_eq!(a.is_some(), b.is_some()),

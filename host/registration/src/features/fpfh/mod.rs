@@ -32,14 +32,14 @@ struct OrientedCloud<'a> {
 /// The features of points with normals: FPFH (Rusu, Blodow and Beetz 2009) as Open3D 0.20 has it.
 ///
 /// ```text
-/// SPFH(p) = 100 / (k - 1) · Σ bins(p, q)           over the other k - 1 neighbours q: three histograms of 11
-/// FPFH(p) = SPFH(p) + 100 · S / Σ_bins S           S = Σ SPFH(q) / |p - q|², over those not at p; by histogram
+/// SPFH(p) = 100 / (k - 1) · Σ bins(p, q)      over the other k - 1 neighbours q
+/// FPFH(p) = SPFH(p) + 100 · S / Σ_bins S      S = Σ SPFH(q) / |p - q|², over those not at p
 /// ```
 ///
-/// So each histogram adds up to 200 where a neighbour lies apart. A point with a zero normal has no
-/// feature, all zero, and is nobody's neighbour. Histograms are counts and so exact; sums are in
-/// `f32`, in the order of the neighbours. Compiled twice, for the baseline and for x86-64-v3: same
-/// bytes, on any number of threads.
+/// Both are three histograms of eleven bins, and the second line is by histogram. So each adds up
+/// to 200 where a neighbour lies apart. A point with a zero normal has no feature, all zero, and is
+/// nobody's neighbour. Histograms are counts and so exact; sums are in `f32`, in the order of the
+/// neighbours. The same bytes in both builds and on any number of threads.
 pub fn describe(
     points: &[Point3<f32>],
     normals: &[Vector3<f32>],

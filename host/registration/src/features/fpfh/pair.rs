@@ -43,7 +43,8 @@ impl PairLanes {
     /// it):
     ///
     /// ```text
-    /// a1 = n1 · d / |d|    a2 = n2 · d / |d|    d = p2 - p1; if |a1| < |a2|: swap n1 and n2, d = -d, a1 = -a2
+    /// d = p2 - p1    a1 = n1 · d / |d|    a2 = n2 · d / |d|
+    /// if |a1| < |a2|: swap n1 and n2, d = -d, a1 = -a2
     /// v = d × n1 / |d × n1|    w = n1 × v
     /// f1 = atan2( w · n2, n1 · n2 ), -π to π    f2 = v · n2, -1 to 1    f3 = a1, -1 to 1
     /// bin = ⌊11 (f - least) / range⌋, 0 to 10
@@ -176,8 +177,10 @@ mod tests {
     proptest! {
         #[test]
         fn bins_are_those_of_the_angle_and_the_same_from_both_ends(
-            p in prop::array::uniform3(-2.0f32..2.0), q in prop::array::uniform3(-2.0f32..2.0),
-            n in prop::array::uniform3(-1.0f32..1.0), m in prop::array::uniform3(-1.0f32..1.0),
+            p in prop::array::uniform3(-2.0f32..2.0),
+            q in prop::array::uniform3(-2.0f32..2.0),
+            n in prop::array::uniform3(-1.0f32..1.0),
+            m in prop::array::uniform3(-1.0f32..1.0),
         ) {
             let unit = |v: [f32; 3]| -> [f32; 3] { Vector3::from(v).normalize().into() };
             let (n, m) = (unit(n), unit(m));

@@ -78,8 +78,15 @@ proptest! {
     #[test]
     fn both_builds_and_any_threads_give_the_same_bytes_and_whole_histograms(
         raw in prop::collection::vec(
-            (prop::array::uniform3((-8i8..8).prop_map(|v| f32::from(v) * 0.37)), prop::array::uniform3(-1.0f32..1.0)), 0..700),
-        radius_m in 0.3f64..4.0, max in 3usize..120, own_normals: bool,
+            (
+                prop::array::uniform3((-8i8..8).prop_map(|v| f32::from(v) * 0.37)),
+                prop::array::uniform3(-1.0f32..1.0),
+            ),
+            0..700
+        ),
+        radius_m in 0.3f64..4.0,
+        max in 3usize..120,
+        own_normals: bool,
     ) {
         let points: Vec<_> = raw.iter().map(|(p, _)| Point3::from(*p)).collect();
         let neighbours = search(&points, radius_m, max);
@@ -98,13 +105,20 @@ proptest! {
         for row in &ours.rows {
             prop_assert!(row.iter().all(|v| v.is_finite() && *v >= 0.0));
             let whole = totals(row);
-            prop_assert!([0.0, 100.0, 200.0].iter().any(|sum| whole.iter().all(|v| (v - sum).abs() < 0.01)), "{whole:?}");
+            prop_assert!(
+                [0.0, 100.0, 200.0].iter().any(|sum| whole.iter().all(|v| (v - sum).abs() < 0.01)),
+                "{whole:?}"
+            );
         }
     }
 
     #[test]
-    fn distances_at_the_end_of_the_range_of_f32_give_finite_features(scale in prop_oneof![Just(1e-18f32), Just(1e4)]) {
-        let points: Vec<_> = (0..30).map(|i| Point3::new((i % 5) as f32, (i / 5) as f32, (i % 3) as f32) * scale).collect();
+    fn distances_at_the_end_of_the_range_of_f32_give_finite_features(
+        scale in prop_oneof![Just(1e-18f32), Just(1e4)],
+    ) {
+        let points: Vec<_> = (0..30)
+            .map(|i| Point3::new((i % 5) as f32, (i / 5) as f32, (i % 3) as f32) * scale)
+            .collect();
         let normals = vec![unit([0.1, 0.2, 1.0]); 30];
         let features = describe(&points, &normals, &search(&points, 2.0 * f64::from(scale), 30));
         prop_assert!(features.rows.iter().flatten().all(|v| v.is_finite()));

@@ -58,7 +58,7 @@ impl Rotation {
     /// distance is as given.
     ///
     /// ```text
-    /// limit = ( (1 + 1e-5) √(d + tiny) + 2e-5 ρ )²          ρ = longest row,  u = 2⁻²⁴,  γ_n = n u / (1 − n u)
+    /// limit = ( (1 + 1e-5) √(d + tiny) + 2e-5 ρ )²      ρ = longest row
     /// ```
     ///
     /// So no bound computed in `f32` is above its limit by rounding alone; docs/matching.md counts
