@@ -93,7 +93,7 @@ fn expand(immediate: u32) -> u32 {
 mod tests {
     use super::*;
 
-    fn of(halfwords: &[u16]) -> Option<u64> {
+    fn frame_of(halfwords: &[u16]) -> Option<u64> {
         let code: Vec<u8> = halfwords.iter().flat_map(|h| h.to_le_bytes()).collect();
         let word = |at: u64| {
             code.get(at as usize..at as usize + 4)
@@ -116,18 +116,18 @@ mod tests {
             (&[0xf6ad, 0x5d4c], 3404),      // subw sp, sp, #3404
             (&[0xb002, 0xbdf0, 0x4770], 0), // add sp, #8; pop; bx lr
         ] {
-            assert_eq!(of(halfwords), Some(bytes), "{halfwords:04x?}");
+            assert_eq!(frame_of(halfwords), Some(bytes), "{halfwords:04x?}");
         }
     }
 
     #[test]
     fn a_frame_from_a_constant_is_read_there() {
         // ldr r0, [pc, #0]; add sp, r0; −1024 as a word
-        assert_eq!(of(&[0x4800, 0x4485, 0xfc00, 0xffff]), Some(1024));
+        assert_eq!(frame_of(&[0x4800, 0x4485, 0xfc00, 0xffff]), Some(1024));
     }
 
     #[test]
     fn a_frame_of_unknown_size_is_none() {
-        assert_eq!(of(&[0xebad, 0x0d00]), None); // sub.w sp, sp, r0
+        assert_eq!(frame_of(&[0xebad, 0x0d00]), None); // sub.w sp, sp, r0
     }
 }

@@ -168,7 +168,7 @@ impl Greeting {
 
     /// The greeting at the head of a hello's answer, of whatever schema the rest is. `None`: the
     /// body is no such answer.
-    pub fn of_answer(body: &[u8]) -> Option<Self> {
+    pub fn from_answer(body: &[u8]) -> Option<Self> {
         const HELLO: u8 = 0;
         let rest = body.split_first().filter(|(variant, _)| **variant == HELLO)?.1;
         let (greeting, _) = postcard::take_from_bytes::<Self>(rest).ok()?;

@@ -447,7 +447,7 @@ impl<T: Transport> Client<T> {
 
 /// A report of this schema; `None` of another. A greeting is understood whatever follows it.
 fn read(body: &[u8]) -> Result<Option<Report>, ClientError> {
-    match (frame::message(body), Greeting::of_answer(body)) {
+    match (frame::message(body), Greeting::from_answer(body)) {
         (Some(report), _) => Ok(Some(report)),
         (None, Some(theirs)) if theirs != Greeting::OURS => {
             Err(ClientError::Version { theirs, build: "of another build".into() })

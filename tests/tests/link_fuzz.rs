@@ -34,7 +34,7 @@ fn sensor(store: NorRam) -> InProcess<Target> {
 ///
 /// A command that was given up may still be under way, and act until a later one has been answered;
 /// so what it asked for stays possible until then.
-struct Storm {
+struct LinkFuzz {
     client: Client<Line>,
     rng: ChaCha8Rng,
     /// What is active.
@@ -64,7 +64,7 @@ struct Count {
 /// Whether an operation was done; `None`: it says it was not.
 type Done<T> = Option<T>;
 
-impl Storm {
+impl LinkFuzz {
     fn new(seed: u64, rates: Rates) -> Self {
         let mut line = Faulty::new(sensor(NorRam::default()), seed);
         line.rates = Rates::NONE;
@@ -272,32 +272,30 @@ impl Storm {
     }
 }
 
-/// A storm of so many frames, and what became of it; its tries are those of whole commands.
-fn storm(seed: u64, rates: Rates, frames: u64) -> Storm {
-    let mut storm = Storm::new(seed, rates);
+/// So many frames over a line of these faults, and what became of them; the tries are those of whole
+/// commands.
+fn fuzz(seed: u64, rates: Rates, frames: u64) -> LinkFuzz {
+    let mut run = LinkFuzz::new(seed, rates);
     let began = Instant::now();
-    while storm.client.transport_mut().carried.iter().sum::<u64>() < frames {
-        storm.step();
+    while run.client.transport_mut().carried.iter().sum::<u64>() < frames {
+        run.step();
     }
     let seconds = began.elapsed().as_secs_f64();
-    storm.restart(); // adds up the last life
-    let line = storm.client.transport_mut();
+    run.restart(); // adds up the last life
+    let line = run.client.transport_mut();
     let [sent, answered] = line.carried;
     println!("{rates:?}, seed {seed}");
     println!("  {sent} frames sent, {answered} answered, {} harms", line.harmed);
-    println!("  {:.0} frames/s; {:?}", (sent + answered) as f64 / seconds, storm.count);
-    println!(
-        "  commands by tries, from 1: {:?}",
-        &storm.client.transport_mut().tries.commands[1..]
-    );
-    storm
+    println!("  {:.0} frames/s; {:?}", (sent + answered) as f64 / seconds, run.count);
+    println!("  commands by tries, from 1: {:?}", &run.client.transport_mut().tries.commands[1..]);
+    run
 }
 
 #[test]
 fn a_million_frames_over_a_bad_line_do_nothing_wrong_and_are_all_answered_or_reported() {
-    let mut storm = storm(41, Rates::all(0.05), FRAMES);
-    let tries = std::mem::take(&mut storm.client.transport_mut().tries.commands);
-    let count = &storm.count;
+    let mut run = fuzz(41, Rates::all(0.05), FRAMES);
+    let tries = std::mem::take(&mut run.client.transport_mut().tries.commands);
+    let count = &run.count;
     assert!(count.rollbacks > 1_000 && count.starts > 100, "{count:?}");
     assert!(count.done > 1_000 * count.silent, "{count:?}");
     assert!(tries.len() <= 1 + PATIENCE.tries as usize, "{tries:?}");
@@ -322,7 +320,7 @@ fn every_harm_alone_and_all_of_them_at_their_worst_do_nothing_wrong() {
         Rates::all(0.2),
     ];
     for (seed, rates) in (50..).zip(table) {
-        let storm = storm(seed, rates, FRAMES / 20);
-        assert!(storm.count.done > 500, "{rates:?}: {:?}", storm.count);
+        let run = fuzz(seed, rates, FRAMES / 20);
+        assert!(run.count.done > 500, "{rates:?}: {:?}", run.count);
     }
 }
