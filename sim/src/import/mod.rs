@@ -1,5 +1,6 @@
 //! Places made by others: PLY and OBJ files become scenes.
 
+mod fault;
 mod ground;
 mod obj;
 mod ply;
@@ -7,6 +8,8 @@ mod ply;
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
+
+use fault::Fault;
 
 use crate::scene::{MATERIALS, Mesh, MeshFault, Scene, Surface};
 pub use ground::Plane;
@@ -87,19 +90,6 @@ pub enum ImportError {
     },
 }
 
-/// What a reader has to say against a file, before it is named.
-#[derive(Debug, PartialEq)]
-enum Fault {
-    Format(String),
-    Mesh(MeshFault),
-}
-
-impl From<MeshFault> for Fault {
-    fn from(fault: MeshFault) -> Self {
-        Self::Mesh(fault)
-    }
-}
-
 /// Reads a PLY (ascii or binary) or OBJ file as a scene.
 ///
 /// # Errors
@@ -146,11 +136,6 @@ fn furnish(mut mesh: Mesh, name: String, options: &ImportOptions) -> Result<Scen
     }
     let area = ([low[0] - margin, low[1] - margin], [high[0] + margin, high[1] + margin]);
     Ok(Scene { name, mesh, materials: MATERIALS.to_vec(), area })
-}
-
-/// Triangles of a polygon, as a fan from its first corner.
-fn fan(corners: &[u32]) -> impl Iterator<Item = [u32; 3]> + '_ {
-    corners.windows(2).skip(1).map(|pair| [corners[0], pair[0], pair[1]])
 }
 
 #[cfg(test)]

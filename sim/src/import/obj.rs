@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::Fault;
+use super::fault::Fault;
 use crate::scene::{Mesh, MeshFault, Surface};
 
 pub(super) fn read(bytes: &[u8], folder: Option<&Path>, default: Surface) -> Result<Mesh, Fault> {

@@ -6,7 +6,7 @@ use ply_rs_bw::ply::{
     PropertyType, ScalarType,
 };
 
-use super::{Fault, fan};
+use super::fault::Fault;
 use crate::scene::{Mesh, MeshFault, Surface};
 
 /// Surfaces of the per-face `semantic` of the Ingolstadt LoD3 models: other, roof, wall, ground,
@@ -237,6 +237,11 @@ fn assemble(
         mesh.materials.resize(mesh.triangles.len(), surface(face).index());
     }
     Ok(mesh)
+}
+
+/// Triangles of a polygon, as a fan from its first corner.
+fn fan(corners: &[u32]) -> impl Iterator<Item = [u32; 3]> + '_ {
+    corners.windows(2).skip(1).map(|pair| [corners[0], pair[0], pair[1]])
 }
 
 #[cfg(test)]

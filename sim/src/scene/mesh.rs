@@ -53,7 +53,8 @@ pub enum MeshFault {
     },
     /// The mesh is larger than a place: wrong unit, or coordinates of another origin.
     #[error(
-        "it reaches {reach_m} m from its origin, more than {max_m} m: is its unit the metre and its origin near?"
+        "it reaches {reach_m} m from its origin, more than {max_m} m: is its unit the metre and \
+         its origin near?"
     )]
     TooLarge {
         /// Largest absolute coordinate, metres.

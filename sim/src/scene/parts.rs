@@ -1,6 +1,7 @@
 //! Shapes that places are put together from.
 
 pub(crate) mod building;
+pub(crate) mod house;
 pub(crate) mod plants;
 mod roof;
 pub(crate) mod street;
@@ -73,6 +74,9 @@ impl Frame {
         Self { origin: turn.origin, cos, sin }
     }
 }
+
+/// An end of a round bar: its middle, and its radius in metres.
+pub(crate) type End = (Point, f64);
 
 /// Gathers triangles.
 #[derive(Debug, Default)]
@@ -153,17 +157,15 @@ impl Builder {
         }
     }
 
-    /// A round bar from `a` to `b` with closed ends, radii in metres.
+    /// A round bar with closed ends.
     pub(crate) fn tube(
         &mut self,
-        a: Point,
-        radius_a: f64,
-        b: Point,
-        radius_b: f64,
+        (a, radius_a): End,
+        (b, radius_b): End,
         sides: usize,
         surface: Surface,
     ) {
-        let rim = self.branch(a, radius_a, b, radius_b, sides, surface);
+        let rim = self.branch((a, radius_a), (b, radius_b), sides, surface);
         let (tip_a, tip_b) = (self.vertex(a), self.vertex(b));
         for side in 0..sides as u32 {
             let [p, q] = [rim + 2 * side, rim + 2 * ((side + 1) % sides as u32)];
@@ -176,10 +178,8 @@ impl Builder {
     /// alternate.
     pub(crate) fn branch(
         &mut self,
-        a: Point,
-        radius_a: f64,
-        b: Point,
-        radius_b: f64,
+        (a, radius_a): End,
+        (b, radius_b): End,
         sides: usize,
         surface: Surface,
     ) -> u32 {

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use super::material::Surface;
 use super::mesh::Mesh;
-use super::parts::building::{House, Roof};
+use super::parts::house::{House, Roof};
 use super::parts::plants::{Broadleaf, bush, conifer, hedge, tuft};
 use super::parts::street::{bench, lamp, pickets, sign};
 use super::parts::terrain::{ground, rock};
@@ -29,6 +29,15 @@ struct Suburb {
     phase: f64,
     /// The lane across, by its x.
     cross_x: f64,
+}
+
+/// A plot of land: which side of which lane, the middle of its front along the lane, its width.
+struct Plot {
+    lane: usize,
+    /// −1 or 1.
+    side: f64,
+    middle: f64,
+    width: f64,
 }
 
 pub(crate) fn generate(seed: u64) -> (Mesh, f32) {
@@ -95,22 +104,15 @@ impl Suburb {
             let width = rng.range(17.0, 24.0);
             let middle = x + 0.5 * width;
             if (middle - self.cross_x).abs() > 0.5 * width + LANE_M {
-                self.plot(b, lane, side, middle, width, rng);
+                self.plot(b, &Plot { lane, side, middle, width }, rng);
             }
             x += width;
         }
     }
 
     /// One plot. Its frame: x along the lane, y away from it, origin in the middle of its front.
-    fn plot(
-        &self,
-        b: &mut Builder,
-        lane: usize,
-        side: f64,
-        middle: f64,
-        width: f64,
-        rng: &mut Generator,
-    ) {
+    fn plot(&self, b: &mut Builder, plot: &Plot, rng: &mut Generator) {
+        let Plot { lane, side, middle, width } = *plot;
         let front = self.lane_y(lane, middle) + side * (LANE_M + 2.2 + 0.1 * self.swing);
         let plot = Frame::new([middle, front, 0.0], if side > 0.0 { 0.0 } else { PI });
         let depth = rng.range(26.0, 31.0);
@@ -131,13 +133,18 @@ impl Suburb {
         }
         self.borders(b, &plot, width, depth, rng);
         self.garden(b, &plot, width, [set_back + 0.5 * house.depth_m + 2.0, depth - 1.5], rng);
+        self.front_garden(b, &plot, width, rng);
+    }
+
+    /// Between the house and the lane: a tree, perhaps, and two bushes.
+    fn front_garden(&self, b: &mut Builder, plot: &Frame, width: f64, rng: &mut Generator) {
         if rng.chance(0.6) {
             let at = plot.at([rng.range(1.0, 0.5 * width - 2.0), rng.range(1.5, 3.0), 0.0]);
             garden_tree(b, self.point(at[0], at[1]), rng);
         }
         for _ in 0..2 {
             let at = plot.at([rng.range(0.0, 0.5 * width - 2.0), rng.range(1.5, 3.5), 0.0]);
-            bush(b, self.point(at[0], at[1]), rng.range(0.5, 0.9), rng.range(0.8, 1.4), 200, rng);
+            bush(b, self.point(at[0], at[1]), [rng.range(0.5, 0.9), rng.range(0.8, 1.4)], 200, rng);
         }
     }
 
@@ -188,7 +195,7 @@ impl Suburb {
         }
         for _ in 0..2 {
             let foot = spot(rng);
-            bush(b, foot, rng.range(0.6, 1.2), rng.range(0.8, 1.8), 220, rng);
+            bush(b, foot, [rng.range(0.6, 1.2), rng.range(0.8, 1.8)], 220, rng);
         }
         if rng.chance(0.4) {
             bench(b, &Frame::new(spot(rng), rng.turn()));
@@ -222,7 +229,7 @@ impl Suburb {
             if rng.chance(0.3) {
                 garden_tree(b, self.point(x, y), rng);
             } else {
-                bush(b, self.point(x, y), rng.range(0.6, 1.4), rng.range(0.8, 2.0), 210, rng);
+                bush(b, self.point(x, y), [rng.range(0.6, 1.4), rng.range(0.8, 2.0)], 210, rng);
             }
         }
     }

@@ -104,7 +104,12 @@ impl Country {
             let radius = rng.range(0.12, 0.3);
             if rng.chance(0.5) {
                 let top = add(foot, [rng.spread(0.1), rng.spread(0.1), rng.range(0.3, 1.2)]);
-                b.tube(add(foot, [0.0, 0.0, -0.3]), 1.4 * radius, top, radius, 12, Surface::Bark);
+                b.tube(
+                    (add(foot, [0.0, 0.0, -0.3]), 1.4 * radius),
+                    (top, radius),
+                    12,
+                    Surface::Bark,
+                );
                 continue;
             }
             let turn = rng.turn();
@@ -112,17 +117,15 @@ impl Country {
             let end =
                 self.point(foot[0] + length * libm::cos(turn), foot[1] + length * libm::sin(turn));
             let lift = [0.0, 0.0, radius];
-            b.tube(add(foot, lift), radius, add(end, lift), 0.6 * radius, 12, Surface::Bark);
+            b.tube((add(foot, lift), radius), (add(end, lift), 0.6 * radius), 12, Surface::Bark);
             for k in 1..6 {
                 let t = f64::from(k) / 6.0;
                 let at: Point = std::array::from_fn(|i| foot[i] + t * (end[i] - foot[i]) + lift[i]);
                 let up = rng.direction();
                 let twig = unit([up[0], up[1], up[2].abs() + 0.2]);
                 b.tube(
-                    at,
-                    0.05,
-                    add(at, twig.map(|x| x * rng.range(0.4, 1.2))),
-                    0.02,
+                    (at, 0.05),
+                    (add(at, twig.map(|x| x * rng.range(0.4, 1.2))), 0.02),
                     5,
                     Surface::Bark,
                 );
@@ -134,7 +137,7 @@ impl Country {
         let spot = |rng: &mut Generator| self.point(rng.spread(HALF_M), rng.spread(HALF_M));
         for _ in 0..150 {
             let foot = spot(rng);
-            bush(b, foot, rng.range(0.4, 1.3), rng.range(0.5, 1.9), 260, rng);
+            bush(b, foot, [rng.range(0.4, 1.3), rng.range(0.5, 1.9)], 260, rng);
         }
         for _ in 0..130 {
             // Many small ones, few boulders.

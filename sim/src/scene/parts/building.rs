@@ -2,37 +2,9 @@
 
 use std::f64::consts::FRAC_PI_2;
 
+use super::house::House;
 use super::{Builder, Frame, Surface};
 use echoloop_random::Generator;
-
-/// The shape on top of a house.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Roof {
-    /// Two slopes, ridge along the width; rise over run.
-    Gable(f64),
-    /// Four slopes; rise over run.
-    Hip(f64),
-    /// Flat with a parapet.
-    Flat,
-}
-
-/// A house; x along its front, which faces −y; lengths in metres.
-#[derive(Clone, Debug)]
-pub(crate) struct House {
-    pub(crate) width_m: f64,
-    pub(crate) depth_m: f64,
-    pub(crate) floors: usize,
-    pub(crate) floor_m: f64,
-    /// Distance from window to window.
-    pub(crate) bay_m: f64,
-    pub(crate) roof: Roof,
-    pub(crate) wall: Surface,
-    pub(crate) roof_surface: Surface,
-    /// Front, right, back, left: does this side have windows?
-    pub(crate) open: [bool; 4],
-    pub(crate) balconies: bool,
-    pub(crate) shop: bool,
-}
 
 /// A rectangle on a wall: along it, and up.
 #[derive(Clone, Copy, Debug)]
@@ -64,11 +36,41 @@ impl Bay {
     }
 }
 
-impl House {
-    pub(crate) fn height_m(&self) -> f64 {
-        self.floors as f64 * self.floor_m
-    }
+/// A hole in a bay of the wall: its reveals, and a pane set back by `depth`.
+struct Opening<'a> {
+    bay: &'a Bay,
+    hole: Rect,
+    depth: f64,
+    face: Surface,
+    pane: Surface,
+}
 
+impl Opening<'_> {
+    fn build(&self, b: &mut Builder, wall: &Frame) {
+        let Self { bay, hole, depth, face, pane } = *self;
+        let cell = bay.cell;
+        let ring = [
+            Rect { x: cell.x, z: [cell.z[0], hole.z[0]] },
+            Rect { x: cell.x, z: [hole.z[1], cell.z[1]] },
+            Rect { x: [cell.x[0], hole.x[0]], z: hole.z },
+            Rect { x: [hole.x[1], cell.x[1]], z: hole.z },
+        ];
+        for r in ring.into_iter().filter(|r| r.x[1] > r.x[0] && r.z[1] > r.z[0]) {
+            quad_xz(b, wall, r, 0.0, face);
+        }
+        let [x, z] = [hole.x, hole.z];
+        let rim = [[x[0], z[0]], [x[1], z[0]], [x[1], z[1]], [x[0], z[1]]];
+        for (i, p) in rim.into_iter().enumerate() {
+            let q = rim[(i + 1) % 4];
+            let corners =
+                [[p[0], 0.0, p[1]], [q[0], 0.0, q[1]], [q[0], depth, q[1]], [p[0], depth, p[1]]];
+            b.quad(corners.map(|c| wall.at(c)), face);
+        }
+        quad_xz(b, wall, hole, depth, pane);
+    }
+}
+
+impl House {
     /// Builds the house round the frame's origin, which lies on the ground in the middle of its
     /// floor plan.
     pub(crate) fn build(&self, b: &mut Builder, frame: &Frame, rng: &mut Generator) {
@@ -125,7 +127,7 @@ impl House {
 
     fn door(&self, b: &mut Builder, wall: &Frame, bay: &Bay) {
         let hole = bay.hole(0.55, 0.0, (self.floor_m - 0.35).min(2.15));
-        opening(b, wall, bay.cell, hole, 0.25, [self.wall, Surface::Wood]);
+        Opening { bay, hole, depth: 0.25, face: self.wall, pane: Surface::Wood }.build(b, wall);
         let x = bay.middle();
         b.cuboid(wall, [x - 0.8, -0.9, -0.3], [x + 0.8, 0.0, 0.14], Surface::Stone);
         b.cuboid(wall, [x - 0.9, -0.9, 2.35], [x + 0.9, 0.0, 2.45], Surface::Metal);
@@ -133,7 +135,8 @@ impl House {
 
     fn shop_window(&self, b: &mut Builder, wall: &Frame, bay: &Bay) {
         let hole = bay.hole(0.42 * bay.width(), 0.4, self.floor_m - 0.35);
-        opening(b, wall, bay.cell, hole, 0.3, [Surface::Stone, Surface::Glass]);
+        Opening { bay, hole, depth: 0.3, face: Surface::Stone, pane: Surface::Glass }
+            .build(b, wall);
         window_bars(b, wall, hole, 0.3);
     }
 
@@ -142,7 +145,7 @@ impl House {
         let sill = if french { 0.1 } else { 0.9 };
         let hole = bay.hole(0.5 * (0.45 * bay.width()).min(1.5), sill, self.floor_m - 0.35);
         let depth = 0.15 + 0.1 * rng.unit();
-        opening(b, wall, bay.cell, hole, depth, [self.wall, Surface::Glass]);
+        Opening { bay, hole, depth, face: self.wall, pane: Surface::Glass }.build(b, wall);
         window_bars(b, wall, hole, depth);
         let ([left, right], z) = (hole.x, hole.z[0]);
         b.cuboid(wall, [left - 0.1, -0.08, z - 0.06], [right + 0.1, 0.1, z], Surface::Stone);
@@ -156,7 +159,7 @@ impl House {
     fn downpipe(&self, b: &mut Builder, wall: &Frame, length: f64) {
         let (low, high) =
             (wall.at([length - 0.2, -0.07, 0.1]), wall.at([length - 0.2, -0.07, self.height_m()]));
-        b.tube(low, 0.05, high, 0.05, 8, Surface::Metal);
+        b.tube((low, 0.05), (high, 0.05), 8, Surface::Metal);
     }
 }
 
@@ -165,35 +168,6 @@ fn quad_xz(b: &mut Builder, wall: &Frame, r: Rect, depth: f64, surface: Surface)
     let corners =
         [[x[0], depth, z[0]], [x[1], depth, z[0]], [x[1], depth, z[1]], [x[0], depth, z[1]]];
     b.quad(corners.map(|p| wall.at(p)), surface);
-}
-
-/// A wall cell with a hole, its reveals, and a pane set back by `depth`; surfaces of wall and pane.
-fn opening(
-    b: &mut Builder,
-    wall: &Frame,
-    cell: Rect,
-    hole: Rect,
-    depth: f64,
-    [face, pane]: [Surface; 2],
-) {
-    let ring = [
-        Rect { x: cell.x, z: [cell.z[0], hole.z[0]] },
-        Rect { x: cell.x, z: [hole.z[1], cell.z[1]] },
-        Rect { x: [cell.x[0], hole.x[0]], z: hole.z },
-        Rect { x: [hole.x[1], cell.x[1]], z: hole.z },
-    ];
-    for r in ring.into_iter().filter(|r| r.x[1] > r.x[0] && r.z[1] > r.z[0]) {
-        quad_xz(b, wall, r, 0.0, face);
-    }
-    let [x, z] = [hole.x, hole.z];
-    let rim = [[x[0], z[0]], [x[1], z[0]], [x[1], z[1]], [x[0], z[1]]];
-    for (i, p) in rim.into_iter().enumerate() {
-        let q = rim[(i + 1) % 4];
-        let corners =
-            [[p[0], 0.0, p[1]], [q[0], 0.0, q[1]], [q[0], depth, q[1]], [p[0], depth, p[1]]];
-        b.quad(corners.map(|c| wall.at(c)), face);
-    }
-    quad_xz(b, wall, hole, depth, pane);
 }
 
 /// Crossbars before the pane.

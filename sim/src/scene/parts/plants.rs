@@ -1,6 +1,6 @@
 //! Trees, bushes, hedges, grass: wood as tubes, foliage as clutter of leaves.
 
-use super::{Builder, Frame, Point, Surface, add, cross, scale, square_to, unit};
+use super::{Builder, Frame, Point, Surface, add, cross, scale, square_to, sub, unit};
 use echoloop_random::Generator;
 
 /// A broad-leaved tree; lengths in metres.
@@ -20,7 +20,7 @@ impl Broadleaf {
         let mut tips = Vec::new();
         let crown = self.height_m - self.clear_m;
         let top = add(fork, [rng.spread(0.1) * crown, rng.spread(0.1) * crown, 0.8 * crown]);
-        b.branch(fork, 0.7 * radius, top, 0.15 * radius, 6, Surface::Bark);
+        b.branch((fork, 0.7 * radius), (top, 0.15 * radius), 6, Surface::Bark);
         tips.push((top, 0.2 * crown));
         let limbs = 7 + rng.index(3);
         for limb in 0..limbs {
@@ -45,7 +45,7 @@ impl Broadleaf {
             let z = self.clear_m * f64::from(k) / 4.0;
             let to = add(foot, [lean[0] * z + rng.spread(0.04), lean[1] * z + rng.spread(0.04), z]);
             let narrow = radius * (1.1 - 0.1 * f64::from(k));
-            b.branch(from, wide, to, narrow, 10, Surface::Bark);
+            b.branch((from, wide), (to, narrow), 10, Surface::Bark);
             (from, wide) = (to, narrow);
         }
         from
@@ -81,11 +81,11 @@ impl Limb {
         let to = add(middle, scale(bend, 0.5 * length));
         tips.push((to, 0.35 * length));
         if self.level == 0 {
-            b.branch(self.from, radius, to, 0.35 * radius, 4, Surface::Bark);
+            b.branch((self.from, radius), (to, 0.35 * radius), 4, Surface::Bark);
             return;
         }
-        b.branch(self.from, radius, middle, 0.7 * radius, 6, Surface::Bark);
-        b.branch(middle, 0.7 * radius, to, 0.35 * radius, 6, Surface::Bark);
+        b.branch((self.from, radius), (middle, 0.7 * radius), 6, Surface::Bark);
+        b.branch((middle, 0.7 * radius), (to, 0.35 * radius), 6, Surface::Bark);
         tips.push((middle, 0.25 * length));
         for _ in 0..3 {
             let twig = Self {
@@ -110,8 +110,13 @@ pub(crate) fn conifer(b: &mut Builder, foot: Point, height_m: f64, rng: &mut Gen
     let radius = 0.018 * height_m + 0.03;
     let top = add(foot, [rng.spread(0.2), rng.spread(0.2), height_m]);
     let stem = |t: f64| add(scale(foot, 1.0 - t), scale(top, t));
-    b.branch(add(foot, [0.0, 0.0, -0.3]), 1.3 * radius, stem(0.3), 0.8 * radius, 10, Surface::Bark);
-    b.branch(stem(0.3), 0.8 * radius, top, 0.1 * radius, 8, Surface::Bark);
+    b.branch(
+        (add(foot, [0.0, 0.0, -0.3]), 1.3 * radius),
+        (stem(0.3), 0.8 * radius),
+        10,
+        Surface::Bark,
+    );
+    b.branch((stem(0.3), 0.8 * radius), (top, 0.1 * radius), 8, Surface::Bark);
     let bare = rng.range(0.08, 0.25);
     let whorls = (height_m * 2.0) as usize;
     for whorl in 0..whorls {
@@ -128,7 +133,7 @@ pub(crate) fn conifer(b: &mut Builder, foot: Point, height_m: f64, rng: &mut Gen
 /// A branch with twigs of needles to both sides.
 fn bough(b: &mut Builder, from: Point, out: Point, length: f64, rng: &mut Generator) {
     let to = add(from, scale(out, length));
-    b.branch(from, 0.03, to, 0.008, 3, Surface::Bark);
+    b.branch((from, 0.03), (to, 0.008), 3, Surface::Bark);
     let side = unit(cross(out, [0.0, 0.0, 1.0]));
     let twigs = (length * 6.0) as usize + 2;
     for k in 0..twigs {
@@ -142,19 +147,18 @@ fn bough(b: &mut Builder, from: Point, out: Point, length: f64, rng: &mut Genera
     }
 }
 
-/// A bush: a few stems in an ellipsoid of leaves.
+/// A bush of a radius and a height: a few stems in an ellipsoid of leaves.
 pub(crate) fn bush(
     b: &mut Builder,
     foot: Point,
-    radius_m: f64,
-    height_m: f64,
+    [radius_m, height_m]: [f64; 2],
     leaves: usize,
     rng: &mut Generator,
 ) {
     for _ in 0..5 {
         let lean = rng.direction();
         let tip = add(foot, [0.7 * radius_m * lean[0], 0.7 * radius_m * lean[1], 0.8 * height_m]);
-        b.branch(add(foot, [0.0, 0.0, -0.1]), 0.03, tip, 0.01, 5, Surface::Bark);
+        b.branch((add(foot, [0.0, 0.0, -0.1]), 0.03), (tip, 0.01), 5, Surface::Bark);
     }
     for _ in 0..leaves {
         let d = rng.direction();
@@ -214,6 +218,6 @@ pub(crate) fn tuft(
         let (side, _) = square_to(unit([lean[0], lean[1], 0.05]));
         let root = add(foot, scale([lean[1], lean[0], 0.0], 0.1));
         let half = scale(side, 0.012 + 0.02 * height_m);
-        b.triangle([super::sub(root, half), add(root, half), tip], Surface::Grass);
+        b.triangle([sub(root, half), add(root, half), tip], Surface::Grass);
     }
 }

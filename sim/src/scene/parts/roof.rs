@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use super::building::{House, Roof};
+use super::house::{House, Roof};
 use super::{Builder, Frame, Surface};
 use echoloop_random::Generator;
 
@@ -73,7 +73,7 @@ impl House {
             let (eaves, ridge) = (z - over * pitch, z + rise);
             self.courses(b, &slope, [w + over; 2], [-d - over, 0.0], [eaves, ridge]);
             let gutter = |x: f64| slope.at([x, -d - over - 0.05, z - over * pitch]);
-            b.tube(gutter(-w - over), 0.07, gutter(w + over), 0.07, 8, Surface::Metal);
+            b.tube((gutter(-w - over), 0.07), (gutter(w + over), 0.07), 8, Surface::Metal);
         }
     }
 

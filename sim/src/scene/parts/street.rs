@@ -5,29 +5,34 @@ use super::{Builder, Frame, Surface};
 /// A street lamp 6–8 m high whose arm points to the frame's x.
 pub(crate) fn lamp(b: &mut Builder, frame: &Frame, height_m: f64) {
     let at = |x: f64, z: f64| frame.at([x, 0.0, z]);
-    b.tube(at(0.0, -0.3), 0.12, at(0.0, 1.0), 0.11, 12, Surface::Metal);
-    b.tube(at(0.0, 1.0), 0.07, at(0.0, height_m), 0.05, 12, Surface::Metal);
-    b.tube(at(0.0, height_m), 0.04, at(1.4, height_m + 0.25), 0.035, 8, Surface::Metal);
+    b.tube((at(0.0, -0.3), 0.12), (at(0.0, 1.0), 0.11), 12, Surface::Metal);
+    b.tube((at(0.0, 1.0), 0.07), (at(0.0, height_m), 0.05), 12, Surface::Metal);
+    b.tube((at(0.0, height_m), 0.04), (at(1.4, height_m + 0.25), 0.035), 8, Surface::Metal);
     b.cuboid(frame, [1.2, -0.13, height_m + 0.18], [1.9, 0.13, height_m + 0.30], Surface::Metal);
 }
 
 /// A round traffic sign facing the frame's x.
 pub(crate) fn sign(b: &mut Builder, frame: &Frame) {
     let at = |x: f64, z: f64| frame.at([x, 0.0, z]);
-    b.tube(at(0.0, -0.3), 0.03, at(0.0, 2.9), 0.03, 8, Surface::Metal);
-    b.tube(at(0.035, 2.5), 0.3, at(0.055, 2.5), 0.3, 20, Surface::RetroSign);
+    b.tube((at(0.0, -0.3), 0.03), (at(0.0, 2.9), 0.03), 8, Surface::Metal);
+    b.tube((at(0.035, 2.5), 0.3), (at(0.055, 2.5), 0.3), 20, Surface::RetroSign);
 }
 
 /// A waste bin.
 pub(crate) fn bin(b: &mut Builder, frame: &Frame) {
     let at = |z: f64| frame.at([0.0, 0.0, z]);
-    b.tube(at(-0.1), 0.24, at(0.9), 0.28, 14, Surface::Metal);
-    b.tube(at(0.9), 0.31, at(1.0), 0.2, 14, Surface::Metal);
+    b.tube((at(-0.1), 0.24), (at(0.9), 0.28), 14, Surface::Metal);
+    b.tube((at(0.9), 0.31), (at(1.0), 0.2), 14, Surface::Metal);
 }
 
 /// A bollard.
 pub(crate) fn bollard(b: &mut Builder, frame: &Frame) {
-    b.tube(frame.at([0.0, 0.0, -0.2]), 0.07, frame.at([0.0, 0.0, 0.9]), 0.07, 10, Surface::Metal);
+    b.tube(
+        (frame.at([0.0, 0.0, -0.2]), 0.07),
+        (frame.at([0.0, 0.0, 0.9]), 0.07),
+        10,
+        Surface::Metal,
+    );
 }
 
 /// A bench along the frame's x, facing −y.

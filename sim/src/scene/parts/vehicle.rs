@@ -130,6 +130,6 @@ fn outline(section: &Section, k: usize, [length, half, height]: [f64; 3]) -> Poi
 
 fn wheel(b: &mut Builder, frame: &Frame, hub: Point) {
     let side = |y: f64| frame.at([hub[0], hub[1] + y, hub[2]]);
-    b.tube(side(-0.11), 0.31, side(0.11), 0.31, 16, Surface::Rubber);
-    b.tube(side(-0.12), 0.20, side(0.12), 0.20, 10, Surface::Metal);
+    b.tube((side(-0.11), 0.31), (side(0.11), 0.31), 16, Surface::Rubber);
+    b.tube((side(-0.12), 0.20), (side(0.12), 0.20), 10, Surface::Metal);
 }
