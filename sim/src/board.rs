@@ -15,10 +15,10 @@ use echoloop_sensor::mailbox::{self, Registers};
 use echoloop_sensor::{App, Board};
 use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
 
-use crate::nor::NorRam;
+use crate::nor_flash::RamNorFlash;
 
 /// Which shot the laser driver's registers say.
-pub fn trigger_of(emitter: &impl Fn(u8) -> u32) -> Trigger {
+pub fn read_trigger(emitter: &impl Fn(u8) -> u32) -> Trigger {
     Trigger {
         frame: emitter(emitter::FRAME),
         beam: emitter(emitter::FIRE),
@@ -27,7 +27,7 @@ pub fn trigger_of(emitter: &impl Fn(u8) -> u32) -> Trigger {
 }
 
 /// What the laser driver's and the converter's registers say.
-pub fn analog_of(emitter: &impl Fn(u8) -> u32, adc: &impl Fn(u8) -> u32) -> Analog {
+pub fn read_analog(emitter: &impl Fn(u8) -> u32, adc: &impl Fn(u8) -> u32) -> Analog {
     Analog {
         power_w: f64::from(emitter(emitter::POWER)) / 100.0,
         pulse_width_ns: f64::from(emitter(emitter::PULSE_WIDTH)) / 1e3,
@@ -40,7 +40,7 @@ pub fn analog_of(emitter: &impl Fn(u8) -> u32, adc: &impl Fn(u8) -> u32) -> Anal
 
 /// What a sensor with this receiver has to know of it; what the receiver does not decide is as in
 /// the reference sensor.
-pub fn hardware_of(receiver: &Receiver) -> Hardware {
+pub fn hardware_for(receiver: &Receiver) -> Hardware {
     Hardware {
         adc_bits: receiver.adc_bits,
         unit_echo_milli: (receiver.unit_echo() * 1e3).round() as u32, // `as` saturates
@@ -138,20 +138,20 @@ pub struct PcBoard<F> {
     emitter: VirtualSpi,
     adc: VirtualSpi,
     link: Pipe,
-    store: NorRam,
+    store: RamNorFlash,
     front_end: F,
 }
 
 impl<F: FrontEnd> PcBoard<F> {
     fn analog(&self) -> Analog {
-        analog_of(&|register| self.emitter.get(register), &|register| self.adc.get(register))
+        read_analog(&|register| self.emitter.get(register), &|register| self.adc.get(register))
     }
 }
 
 impl<F: FrontEnd> Board for PcBoard<F> {
     type Spi = VirtualSpi;
     type Link = Pipe;
-    type Store = NorRam;
+    type Store = RamNorFlash;
 
     fn hardware(&self) -> Hardware {
         self.hardware
@@ -173,7 +173,7 @@ impl<F: FrontEnd> Board for PcBoard<F> {
         &mut self.link
     }
 
-    fn store(&mut self) -> &mut NorRam {
+    fn store(&mut self) -> &mut RamNorFlash {
         &mut self.store
     }
 
@@ -186,7 +186,7 @@ impl<F: FrontEnd> Board for PcBoard<F> {
         {
             return false;
         }
-        let trigger = trigger_of(&|register| self.emitter.get(register));
+        let trigger = read_trigger(&|register| self.emitter.get(register));
         self.front_end.capture(&analog, trigger, codes);
         true
     }
@@ -204,7 +204,7 @@ pub struct PcSensor<F> {
 impl<F: FrontEnd> PcSensor<F> {
     /// Switches a sensor on that never was. `hardware.adc_bits` is taken from the front end.
     pub fn new(front_end: F, pattern: ScanPattern, hardware: Hardware) -> Self {
-        Self::with_store(front_end, pattern, hardware, NorRam::default())
+        Self::with_store(front_end, pattern, hardware, RamNorFlash::default())
     }
 
     /// Switches a sensor on whose flash holds what an earlier life left there.
@@ -212,7 +212,7 @@ impl<F: FrontEnd> PcSensor<F> {
         front_end: F,
         pattern: ScanPattern,
         hardware: Hardware,
-        store: NorRam,
+        store: RamNorFlash,
     ) -> Self {
         let board = PcBoard {
             hardware: Hardware { adc_bits: front_end.adc_bits(), ..hardware },
@@ -232,7 +232,7 @@ impl<F: FrontEnd> PcSensor<F> {
     }
 
     /// Its flash, to take along into the next life or to cut its power.
-    pub fn store_mut(&mut self) -> &mut NorRam {
+    pub fn store_mut(&mut self) -> &mut RamNorFlash {
         &mut self.app.board_mut().store
     }
 
@@ -259,6 +259,6 @@ mod tests {
 
     #[test]
     fn the_reference_sensor_has_the_reference_receiver() {
-        assert_eq!(hardware_of(&Receiver::default()), Hardware::REFERENCE);
+        assert_eq!(hardware_for(&Receiver::default()), Hardware::REFERENCE);
     }
 }

@@ -1,9 +1,34 @@
 //! The world around the sensor: scenes, ray casting, the scanner, and the boards the firmware runs
 //! on.
+//!
+//! 1. [`scene::generate`] makes a place, [`import::load_scene`] reads one: triangles with materials.
+//! 2. [`viewpoint::sample_pairs`] finds pairs of poses in it that a surveyor could scan from.
+//! 3. [`scanner::Scanner::scan`] traces every beam from a pose. The answer holds the place and
+//!    nothing of the sensor's settings.
+//! 4. [`board::PcSensor`] runs the sensor's application in this process behind a front end that
+//!    renders such answers; `qemu::Qemu` does the same with the image of a microcontroller.
+//!
+//! ```
+//! use echoloop_sim::raycast::Raycaster;
+//! use echoloop_sim::scanner::{BeamOptics, Scanner};
+//! use echoloop_sim::scene::{MATERIALS, Mesh, Surface};
+//! use nalgebra::Isometry3;
+//!
+//! // A wall of brick, 10 m ahead; metres, x forward, y left, z up.
+//! let wall = Mesh {
+//!     vertices: vec![[10.0, -9.0, -9.0], [10.0, 9.0, -9.0], [10.0, 0.0, 9.0]],
+//!     triangles: vec![[0, 1, 2]],
+//!     materials: vec![Surface::Brick.index()],
+//! };
+//! let caster = Raycaster::from_mesh(&wall);
+//! let (pose, ahead) = (Isometry3::identity(), [[1.0, 0.0, 0.0]]);
+//! let response = Scanner::scan(&caster, MATERIALS, &pose, &ahead, &BeamOptics::default());
+//! assert!((response.of(0)[0].range_m - 10.0).abs() < 1e-3);
+//! ```
 
 pub mod board;
 pub mod import;
-pub mod nor;
+pub mod nor_flash;
 #[cfg(unix)]
 pub mod qemu;
 pub mod raycast;

@@ -25,7 +25,7 @@ use object::{Architecture, Object, ObjectSegment};
 use tempfile::TempDir;
 use thiserror::Error;
 
-use crate::board::{analog_of, trigger_of};
+use crate::board::{read_analog, read_trigger};
 use echoloop_frontend::FrontEnd;
 
 /// Boards that QEMU emulates and there is an image for.
@@ -59,7 +59,7 @@ impl Machine {
     }
 
     /// The machine of a name.
-    pub fn of_name(name: &str) -> Option<Self> {
+    pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|machine| machine.name() == name)
     }
 
@@ -314,10 +314,10 @@ impl<F: FrontEnd> Qemu<F> {
             |device: usize, register: u8| self.page.read(device + 4 * usize::from(register));
         let emitter = |number| register(mailbox::EMITTER, number);
         let adc = |number| register(mailbox::ADC, number);
-        let analog = analog_of(&emitter, &adc);
+        let analog = read_analog(&emitter, &adc);
         let samples =
             (adc(adc::SAMPLES) as usize).saturating_add(analog.pre_trigger).min(MAX_CODES);
-        self.front_end.capture(&analog, trigger_of(&emitter), &mut self.codes[..samples]);
+        self.front_end.capture(&analog, read_trigger(&emitter), &mut self.codes[..samples]);
         self.page.write_codes(&self.codes[..samples]);
         self.shots = shots;
         self.page.write(mailbox::ANSWER, shots);
@@ -326,7 +326,8 @@ impl<F: FrontEnd> Qemu<F> {
 
     /// Why the line broke, if the emulator knows.
     fn ended(&mut self, error: io::Error) -> io::Error {
-        let deadline = Instant::now() + Duration::from_secs(1); // its socket closes before it has ended
+        // Its socket closes before it has ended.
+        let deadline = Instant::now() + Duration::from_secs(1);
         loop {
             if let Some(what) = failure(&self.emulator, self.machine, &self.folder) {
                 return io::Error::new(error.kind(), what);
@@ -391,7 +392,8 @@ fn check_image(machine: Machine, path: &Path) -> Result<(), QemuError> {
     if file.architecture() != architecture || start != Some(flash) {
         let start = start.map_or("nowhere".into(), |address| format!("at {address:#x}"));
         return Err(bad(format!(
-            "for {:?}, loaded {start}; {} runs {architecture:?} code at {flash:#x} (cargo xtask firmware --target {})",
+            "for {:?}, loaded {start}; {} runs {architecture:?} code at {flash:#x} (cargo xtask \
+             firmware --target {})",
             file.architecture(),
             machine.name(),
             machine.target()
@@ -580,9 +582,9 @@ mod tests {
     #[test]
     fn every_machine_is_found_by_its_name_and_no_other_is() {
         for machine in Machine::ALL {
-            assert_eq!(Machine::of_name(machine.name()), Some(machine));
+            assert_eq!(Machine::from_name(machine.name()), Some(machine));
         }
-        assert_eq!(Machine::of_name("mps2-an999"), None);
+        assert_eq!(Machine::from_name("mps2-an999"), None);
     }
 
     #[test]

@@ -60,12 +60,12 @@ impl Raycaster {
     /// ones have.
     #[must_use]
     pub fn new(scene: &Scene) -> Self {
-        Self::over(&scene.mesh)
+        Self::from_mesh(&scene.mesh)
     }
 
     /// As [`Raycaster::new`], for a mesh that is not yet a scene.
     #[must_use]
-    pub fn over(mesh: &Mesh) -> Self {
+    pub fn from_mesh(mesh: &Mesh) -> Self {
         let boxes: Vec<Padded> =
             (0..mesh.triangles.len()).map(|t| Padded(mesh.corners(t))).collect();
         let bvh = build_bvh2(&boxes, BvhBuildParams::fast_build(), &mut Duration::default());
@@ -231,7 +231,7 @@ mod tests {
             })
         });
         let mesh = mesh(soup.collect());
-        let caster = Raycaster::over(&mesh);
+        let caster = Raycaster::from_mesh(&mesh);
         let mut hits = 0;
         for _ in 0..5000 {
             let (origin, direction) = (point(&mut rng, 12.0), rng.direction().map(|x| x as f32));
@@ -249,7 +249,7 @@ mod tests {
     fn no_ray_leaks_out_of_a_closed_shape() {
         let mut rng = Generator::new(12, 0);
         let mesh = closed(&mut rng);
-        let caster = Raycaster::over(&mesh);
+        let caster = Raycaster::from_mesh(&mesh);
         for k in 0..200_000 {
             let origin = point(&mut rng, 3.0);
             // Every other ray aims at a corner or the middle of an edge, where gaps would be.
@@ -282,7 +282,7 @@ mod tests {
         {
             b.triangles.extend([[p, q, r], [p, r, s]]);
         }
-        let caster = Raycaster::over(&b);
+        let caster = Raycaster::from_mesh(&b);
         for k in 0..=200 {
             let slope = k as f32 / 100.0 - 1.0;
             for direction in
@@ -299,8 +299,11 @@ mod tests {
 
     #[test]
     fn both_sides_of_a_face_are_hit_at_the_same_angle() {
-        let caster =
-            Raycaster::over(&mesh(vec![[[5.0, -9.0, -9.0], [5.0, 9.0, -9.0], [5.0, 0.0, 9.0]]]));
+        let caster = Raycaster::from_mesh(&mesh(vec![[
+            [5.0, -9.0, -9.0],
+            [5.0, 9.0, -9.0],
+            [5.0, 0.0, 9.0],
+        ]]));
         for (origin, sign) in [(0.0, 1.0), (10.0, -1.0)] {
             let hit = caster.cast([origin, 0.0, 0.0], [sign * 0.8, 0.6, 0.0]).expect("a hit");
             assert!((hit.range_m - 6.25).abs() < 1e-5);
@@ -311,6 +314,6 @@ mod tests {
 
     #[test]
     fn an_empty_mesh_is_never_hit() {
-        assert_eq!(Raycaster::over(&Mesh::default()).cast([0.0; 3], [1.0, 0.0, 0.0]), None);
+        assert_eq!(Raycaster::from_mesh(&Mesh::default()).cast([0.0; 3], [1.0, 0.0, 0.0]), None);
     }
 }

@@ -1,4 +1,4 @@
-//! What a scene sends back to a scanner's beams, before any electronics (physics.md §1).
+//! What a scene sends back to a scanner's beams, before any electronics (docs/physics.md §1).
 //!
 //! The answer holds everything about the place and nothing about the sensor's settings, so a pose
 //! is traced once and every candidate Θ_lidar renders its waveforms from it.
@@ -130,7 +130,7 @@ fn echo(
     (strength > 0.0).then_some((f64::from(hit.range_m), strength))
 }
 
-/// ξ(R) of physics.md §1.
+/// ξ(R) of docs/physics.md §1.
 fn overlap(range_m: f32) -> f32 {
     ((range_m - OVERLAP_M[0]) / (OVERLAP_M[1] - OVERLAP_M[0])).clamp(0.0, 1.0)
 }
@@ -193,7 +193,7 @@ mod tests {
             mesh.triangles.extend([[n, n + 1, n + 2], [n, n + 2, n + 3]]);
             mesh.materials.extend([0, 0]);
         }
-        Raycaster::over(&mesh)
+        Raycaster::from_mesh(&mesh)
     }
 
     fn look(caster: &Raycaster, optics: &BeamOptics) -> SceneResponse {

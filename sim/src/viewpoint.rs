@@ -98,7 +98,8 @@ pub enum ViewpointError {
     /// The place has too few viewpoints.
     #[error(
         "{scene} has no viable viewpoint for pair {found} of {wanted} after {attempts} candidates \
-         ({} in the other split, {} without footing, {} hemmed in, {} out of sight, {} with too little to see)",
+         ({} in the other split, {} without footing, {} hemmed in, {} out of sight, {} with too \
+         little to see)",
         rejected.territory, rejected.footing, rejected.clearance, rejected.sight, rejected.structure
     )]
     NoViewpoint {
@@ -126,7 +127,7 @@ pub fn sample_pairs(
     plan: &PairPlan,
 ) -> Result<Vec<PosePair>, ViewpointError> {
     plan.check()?;
-    let mut search = Search {
+    let mut search = PairSearch {
         caster,
         plan,
         area: scene.area,
@@ -198,7 +199,7 @@ enum Reason {
     Structure,
 }
 
-struct Search<'a> {
+struct PairSearch<'a> {
     caster: &'a Raycaster,
     plan: &'a PairPlan,
     area: ([f32; 2], [f32; 2]),
@@ -208,7 +209,7 @@ struct Search<'a> {
     rng: Generator,
 }
 
-impl Search<'_> {
+impl PairSearch<'_> {
     /// One throw: a pair, or one more rejection.
     fn candidate(&mut self) -> Option<PosePair> {
         let draft = self.draw();

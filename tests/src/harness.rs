@@ -24,7 +24,7 @@ use echoloop_link::{
 };
 use echoloop_sensor::store::{MAGIC, forget, load, save};
 use echoloop_sim::board::PcSensor;
-use echoloop_sim::nor::NorRam;
+use echoloop_sim::nor_flash::RamNorFlash;
 use serde::de::DeserializeOwned;
 use serde::ser::SerializeTuple;
 use serde::{Serialize, Serializer};
@@ -138,7 +138,7 @@ struct Witness {
 }
 
 impl Witness {
-    fn switch_on(store: NorRam) -> Self {
+    fn switch_on(store: RamNorFlash) -> Self {
         let pattern = ScanPattern { columns: 2, rows: 2, ..ScanPattern::default() };
         let sensor = PcSensor::with_store(Target::default(), pattern, HARDWARE, store);
         Self {
@@ -229,7 +229,7 @@ impl Witness {
 /// A program of at most 64 steps, run by a whole sensor.
 pub fn session(bytes: &[u8]) {
     let mut draw = Draw(bytes);
-    let mut witness = Witness::switch_on(NorRam::default());
+    let mut witness = Witness::switch_on(RamNorFlash::default());
     for _ in 0..64 {
         if draw.0.is_empty() {
             return;
@@ -263,7 +263,7 @@ pub fn store(bytes: &[u8]) {
         .enumerate()
         .filter(|(i, _)| forged < 4 && forged >> i & 1 == 1)
         .for_each(|(_, slot)| forge(slot));
-    let mut flash = NorRam::<4, 256>::holding(image);
+    let mut flash = RamNorFlash::<4, 256>::from_bytes(image);
     let found = load(&mut flash, &HARDWARE);
     assert!(found.is_none_or(|saved| saved.settings.check(&HARDWARE).is_ok()));
     let new = Settings { gain_cdb: 123, ..Settings::default() };

@@ -16,7 +16,7 @@ use echoloop_link::{
 use echoloop_sensor::afe::{WRITE, adc, delay_fs, emitter};
 use echoloop_sensor::app::LinkLost;
 use echoloop_sensor::{App, Board};
-use echoloop_sim::nor::NorRam;
+use echoloop_sim::nor_flash::RamNorFlash;
 use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
 use proptest::collection::vec;
 use proptest::prelude::{Strategy, any, prop_assert, prop_assert_eq, prop_oneof, proptest};
@@ -134,7 +134,7 @@ struct Bench {
     emitter: Spi,
     adc: Spi,
     link: Link,
-    store: NorRam,
+    store: RamNorFlash,
     fed: usize,
     analog: Rc<RefCell<Analog>>,
 }
@@ -142,7 +142,7 @@ struct Bench {
 impl Board for Bench {
     type Spi = Spi;
     type Link = Link;
-    type Store = NorRam;
+    type Store = RamNorFlash;
 
     fn hardware(&self) -> Hardware {
         Hardware::REFERENCE
@@ -164,7 +164,7 @@ impl Board for Bench {
         &mut self.link
     }
 
-    fn store(&mut self) -> &mut NorRam {
+    fn store(&mut self) -> &mut RamNorFlash {
         &mut self.store
     }
 
@@ -205,7 +205,7 @@ impl Sensor {
             emitter: spi(Device::Emitter),
             adc: spi(Device::Adc),
             link: Link { to_sensor: VecDeque::new(), to_host: Vec::new(), takes: usize::MAX },
-            store: NorRam::default(),
+            store: RamNorFlash::default(),
             fed: 0,
             analog: Rc::clone(&analog),
         };

@@ -16,7 +16,7 @@ use echoloop_host::experiment::dataset::{Place, respond, respond_at};
 use echoloop_host::link::sensor::{Model, Sensor, View};
 use echoloop_registration::pose::Pose;
 use echoloop_sensor::afe::delay_fs;
-use echoloop_sim::board::hardware_of;
+use echoloop_sim::board::hardware_for;
 use echoloop_sim::raycast::Raycaster;
 use echoloop_sim::scanner::{BeamOptics, Scanner};
 use echoloop_sim::scene::{MATERIALS, Material, Mesh, Scene};
@@ -98,7 +98,7 @@ struct Bench {
 impl Bench {
     fn new(receiver: &Receiver, returns: &[Return]) -> Self {
         let settings = Settings { bins: 794, upsampling: 8, ..Settings::default() };
-        let hardware = hardware_of(receiver);
+        let hardware = hardware_for(receiver);
         let period_fs = echoloop_dsp::config::sample_period_fs(794, &hardware);
         let analog = Analog {
             sample_period_ns: f64::from(period_fs) / 1e6,
@@ -321,7 +321,7 @@ fn results_do_not_depend_on_the_number_of_sub_rays() {
     // 95 m, ρ 0.1: an echo of about 5 µA, A/σ about 50 in quiet air; its Cramér–Rao bound is that
     // of docs/physics.md §4.
     for turn_deg in [0.0_f32, 30.0, 60.0] {
-        let caster = Raycaster::over(&plane(95.0, turn_deg.to_radians()));
+        let caster = Raycaster::from_mesh(&plane(95.0, turn_deg.to_radians()));
         let mut means = Vec::new();
         let mut bound_mm = 0.0;
         for subrays in [1, 3, 5, 7, 9] {
@@ -575,7 +575,7 @@ fn the_same_firmware_reads_the_compatibility_mode() {
 /// A wall at x = 20 m and nothing else.
 fn place() -> Place {
     let mesh = plane(20.0, 0.0);
-    let caster = Raycaster::over(&mesh);
+    let caster = Raycaster::from_mesh(&mesh);
     let area = ([-50.0; 2], [50.0; 2]);
     Place {
         scene: Scene { name: "wall".into(), mesh, materials: MATERIALS.to_vec(), area },
@@ -687,7 +687,7 @@ fn with_every_switch_off_the_codes_are_those_of_the_plain_front_end() {
 
 #[test]
 fn the_reference_sensor_is_that_of_the_firmware_but_for_its_units() {
-    let litl = hardware_of(&Receiver { mode: Mode::LitlCompat, ..Receiver::default() });
+    let litl = hardware_for(&Receiver { mode: Mode::LitlCompat, ..Receiver::default() });
     // ρ = 1 at 1 m and 1 W: 200/75 · 720 units of 1000.
     assert_eq!(litl.unit_echo_milli, 1_920);
     assert_eq!(litl.shot_noise_ppm, 1_000);

@@ -18,7 +18,7 @@ use echoloop_host::link::client::{Client, Patience};
 use echoloop_host::link::transport::InProcess;
 use echoloop_sensor::afe::delay_fs;
 use echoloop_sim::board::PcSensor;
-use echoloop_sim::board::hardware_of;
+use echoloop_sim::board::hardware_for;
 use echoloop_tests::vectors::{self, add_echo, digitise, noise};
 use rand::RngExt;
 
@@ -131,7 +131,7 @@ struct Sensor {
 impl Sensor {
     fn new(settings: Settings) -> Self {
         let receiver = Receiver::default();
-        let hardware = hardware_of(&receiver);
+        let hardware = hardware_for(&receiver);
         let analog = Analog {
             power_w: f64::from(settings.power_cw) / 100.0,
             pulse_width_ns: f64::from(settings.pulse_width_ps) / 1e3,
@@ -180,7 +180,7 @@ impl Sensor {
     /// As [`Self::see`], `count` times at one sub-sample phase around a range.
     fn at_phase(&mut self, albedo: f64, range_m: f64, phase: f64, count: u32) -> Vec<(Echo, f64)> {
         let step_m = MM_PER_NS * self.analog.sample_period_ns / 1e3;
-        let first_m = f64::from(hardware_of(&self.receiver).range_min_mm) / 1e3;
+        let first_m = f64::from(hardware_for(&self.receiver).range_min_mm) / 1e3;
         let range_m = first_m + (((range_m - first_m) / step_m).floor() + phase) * step_m;
         (0..count).filter_map(|beam| self.see(albedo, range_m, beam)).collect()
     }

@@ -11,7 +11,7 @@ use echoloop_host::link::transport::InProcess;
 use echoloop_link::Nack;
 use echoloop_sensor::store;
 use echoloop_sim::board::PcSensor;
-use echoloop_sim::nor::NorRam;
+use echoloop_sim::nor_flash::RamNorFlash;
 use echoloop_tests::faults::{Faulty, Rates, Target};
 use echoloop_tests::vectors;
 use rand::RngExt;
@@ -25,7 +25,7 @@ const PATIENCE: Patience = Patience { timeout: Duration::from_secs(1), tries: 8 
 /// Frames to send and answers to get.
 const FRAMES: u64 = 1_000_000;
 
-fn sensor(store: NorRam) -> InProcess<Target> {
+fn sensor(store: RamNorFlash) -> InProcess<Target> {
     let pattern = ScanPattern { columns: 2, rows: 1, ..ScanPattern::default() };
     InProcess(PcSensor::with_store(Target::default(), pattern, HARDWARE, store))
 }
@@ -66,7 +66,7 @@ type Done<T> = Option<T>;
 
 impl LinkFuzz {
     fn new(seed: u64, rates: Rates) -> Self {
-        let mut line = Faulty::new(sensor(NorRam::default()), seed);
+        let mut line = Faulty::new(sensor(RamNorFlash::default()), seed);
         line.rates = Rates::NONE;
         let mut client = Client::connect_from(line, PATIENCE, 0).unwrap();
         client.transport_mut().rates = rates;

@@ -11,7 +11,7 @@ use echoloop_host::link::transport::InProcess;
 use echoloop_link::{Nack, SETTINGS_SCHEMA, checksum};
 use echoloop_sensor::store::{MAGIC, RECORD, Saved, StoreError, forget, load, save};
 use echoloop_sim::board::PcSensor;
-use echoloop_sim::nor::NorRam;
+use echoloop_sim::nor_flash::RamNorFlash;
 use echoloop_tests::faults::Target;
 use echoloop_tests::vectors;
 use embedded_storage::nor_flash::NorFlash;
@@ -29,8 +29,8 @@ fn set(i: i32) -> Settings {
 }
 
 /// A flash that was saved to `times` times.
-fn worn<const W: usize, const E: usize>(times: i32) -> NorRam<W, E> {
-    let mut flash = NorRam::holding(vec![0xFF; 2 * E.max(RECORD)]);
+fn worn<const W: usize, const E: usize>(times: i32) -> RamNorFlash<W, E> {
+    let mut flash = RamNorFlash::from_bytes(vec![0xFF; 2 * E.max(RECORD)]);
     for i in 1..=times {
         assert_eq!(save(&mut flash, &HARDWARE, &set(i)), Ok(i as u32));
     }
@@ -133,7 +133,7 @@ fn a_power_cut_anywhere_in_a_forget_leaves_the_newest_settings_or_none() {
 #[test]
 fn a_long_life_with_an_unsteady_power_never_loses_what_was_saved() {
     let mut rng = vectors::rng(31);
-    let mut flash = NorRam::<4, 256>::default();
+    let mut flash = RamNorFlash::<4, 256>::default();
     let (mut old, mut cut) = (None, 0);
     for i in 0..20_000 {
         let new = set(rng.random_range(0..4_000));
@@ -192,7 +192,7 @@ fn what_is_not_a_record_of_ours_is_none() {
         assert_eq!(settings(&mut flash), None, "length {length}");
     }
     assert_eq!(whole.bytes()[..4], MAGIC);
-    assert_eq!(settings(&mut NorRam::<4, 256>::holding(vec![0; 512])), None);
+    assert_eq!(settings(&mut RamNorFlash::<4, 256>::from_bytes(vec![0; 512])), None);
 }
 
 #[test]
@@ -207,7 +207,7 @@ fn settings_that_this_hardware_refuses_are_passed_over() {
 
 #[test]
 fn a_thousand_saves_wear_both_slots_alike() {
-    let mut flash = NorRam::<4, 256>::default();
+    let mut flash = RamNorFlash::<4, 256>::default();
     let mut last = [0; 2];
     for i in 1..=3_000 {
         save(&mut flash, &HARDWARE, &set(i)).unwrap();
@@ -252,7 +252,7 @@ fn what_is_saved_already_is_not_written_again() {
 
 #[test]
 fn a_flash_without_room_for_two_slots_saves_nothing() {
-    let mut flash = NorRam::<4, 256>::holding(vec![0xFF; 256]);
+    let mut flash = RamNorFlash::<4, 256>::from_bytes(vec![0xFF; 256]);
     let small = StoreError::TooSmall { capacity: 256, needed: 512 };
     assert_eq!(save(&mut flash, &HARDWARE, &set(1)), Err(small));
     assert_eq!(small.to_string(), "two slots take 512 bytes of the flash's 256");
@@ -264,14 +264,14 @@ fn a_flash_without_room_for_two_slots_saves_nothing() {
 fn the_widest_settings_fit_a_record() {
     let mut widest = Settings::default();
     PARAMETERS.iter().for_each(|p| widest.set(p.id, Some(i32::MIN)));
-    let mut flash = NorRam::<4, 256>::default();
+    let mut flash = RamNorFlash::<4, 256>::default();
     // They pass no check, so they are written and never read.
     assert_eq!(save(&mut flash, &HARDWARE, &widest), Ok(1));
     assert_eq!(used(flash.bytes()), 20 + 76 + 4);
     assert_eq!(settings(&mut flash), None);
 }
 
-fn switch_on(store: NorRam) -> Client<InProcess<Target>> {
+fn switch_on(store: RamNorFlash) -> Client<InProcess<Target>> {
     let sensor = PcSensor::with_store(Target::default(), pattern(), HARDWARE, store);
     Client::connect_from(InProcess(sensor), patience(), 0).unwrap()
 }
@@ -284,13 +284,13 @@ fn patience() -> Patience {
     Patience { timeout: Duration::from_secs(1), tries: 1 }
 }
 
-fn switch_off(client: &mut Client<InProcess<Target>>) -> NorRam {
+fn switch_off(client: &mut Client<InProcess<Target>>) -> RamNorFlash {
     client.transport_mut().0.store_mut().clone()
 }
 
 #[test]
 fn a_sensor_starts_with_what_was_saved_and_with_nothing_else() {
-    let mut client = switch_on(NorRam::default());
+    let mut client = switch_on(RamNorFlash::default());
     client.configure(&set(1)).unwrap();
     assert_eq!(client.save().unwrap(), 1);
     assert_eq!(client.save().unwrap(), 1);
@@ -305,7 +305,7 @@ fn a_sensor_starts_with_what_was_saved_and_with_nothing_else() {
 
 #[test]
 fn a_trial_is_saved_once_it_is_confirmed() {
-    let mut client = switch_on(NorRam::default());
+    let mut client = switch_on(RamNorFlash::default());
     client.configure_on_trial(&set(1), 2).unwrap();
     assert!(matches!(client.save(), Err(ClientError::Nack(Nack::OnTrial))));
     client.scan(1).unwrap();

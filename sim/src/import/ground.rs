@@ -65,7 +65,7 @@ pub(super) fn has_ground(mesh: &Mesh) -> bool {
     let Some((low, high)) = mesh.bounds() else {
         return false;
     };
-    let caster = Raycaster::over(mesh);
+    let caster = Raycaster::from_mesh(mesh);
     let floor = Floor::new(mesh, 0.5 * CELL_M);
     let surface = |k: u32| {
         let t = [(k % SIDE) as f32 + 0.5, (k / SIDE) as f32 + 0.5].map(|x| x / SIDE as f32);

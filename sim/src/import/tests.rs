@@ -4,7 +4,8 @@ use crate::scanner::{BeamOptics, Scanner};
 use crate::scene::SceneKind;
 use crate::viewpoint::{PairPlan, Split, sample_pairs};
 
-const HEADER: &str = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+const HEADER: &str = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n\
+                      property float z\n\
                       element face 1\nproperty list uchar int vertex_indices\nend_header\n";
 const SQUARE: &str = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n";
 
@@ -25,10 +26,24 @@ fn a_malformed_file_is_refused_by_name_and_reason() {
         ("empty.ply", String::new(), "Unexpected end of file"),
         ("text.ply", "hello\n".into(), "Expected magic number"),
         ("headless.ply", "ply\nformat ascii 1.0\nelement vertex 4\n".into(), "end_header"),
-        ("pointless.ply", "ply\nformat ascii 1.0\nelement face 0\nend_header\n".into(), "`element vertex`"),
-        ("cloud.ply", "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float y\nproperty float z\nend_header\n".into(), "`element face`"),
+        (
+            "pointless.ply",
+            "ply\nformat ascii 1.0\nelement face 0\nend_header\n".into(),
+            "`element vertex`",
+        ),
+        (
+            "cloud.ply",
+            "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\n\
+                       property float y\nproperty float z\nend_header\n"
+                .into(),
+            "`element face`",
+        ),
         ("flat.ply", HEADER.replace("property float z\n", ""), "x, y and z"),
-        ("listless.ply", HEADER.replace("list uchar int vertex_indices", "int colour"), "vertex_indices"),
+        (
+            "listless.ply",
+            HEADER.replace("list uchar int vertex_indices", "int colour"),
+            "vertex_indices",
+        ),
         ("faceless.ply", HEADER.replace("face 1", "face 0") + SQUARE, "no faces"),
         ("cut.ply", ply(SQUARE), "promises at least"),
         ("short.ply", ply("0 0 0\n"), "promises at least"),
@@ -38,15 +53,27 @@ fn a_malformed_file_is_refused_by_name_and_reason() {
         ("endless.ply", binary + &"\u{7f}".repeat(60), "end of file"),
         ("words.ply", ply("0 0 0\n1 0 0\n1 one 0\n0 1 0\n3 0 1 2\n"), "Line 12"),
         ("two.ply", ply(&format!("{SQUARE}2 0 1\n")), "face 0 has 2 corners"),
-        ("index.ply", ply(&format!("{SQUARE}4 0 1 2 4\n")), "face 0 names vertex 4, but there are only 4"),
+        (
+            "index.ply",
+            ply(&format!("{SQUARE}4 0 1 2 4\n")),
+            "face 0 names vertex 4, but there are only 4",
+        ),
         ("negative.ply", ply(&format!("{SQUARE}3 0 1 -1\n")), "face 0 names vertex -1"),
         ("nan.ply", ply("0 0 0\n1 0 0\n1 NaN 0\n0 1 0\n3 0 1 2\n"), "1 NaN 0"),
         ("inf.ply", ply("0 0 0\n1 0 inf\n1 1 0\n0 1 0\n3 0 1 2\n"), "1 0 inf"),
         ("line.ply", ply("0 0 0\n1 0 0\n2 0 0\n3 0 0\n4 0 1 2 3\n"), "all 2 faces have zero area"),
-        ("far.ply", ply("0 0 0\n1 0 0\n678000 5403500 0\n0 1 0\n3 0 1 2\n"), "is its unit the metre"),
+        (
+            "far.ply",
+            ply("0 0 0\n1 0 0\n678000 5403500 0\n0 1 0\n3 0 1 2\n"),
+            "is its unit the metre",
+        ),
         ("empty.obj", String::new(), "no faces"),
         ("points.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n".into(), "no faces"),
-        ("index.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2 4\n".into(), "face 1 names vertex 3, but there are only 3"),
+        (
+            "index.obj",
+            "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2 4\n".into(),
+            "face 1 names vertex 3, but there are only 3",
+        ),
         ("back.obj", "v 0 0 0\nv 1 0 0\nf -1 -2 -3\n".into(), "face 0 names vertex -1"),
         ("zero.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n".into(), "face 0 names vertex -1"),
         ("words.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf one two three\n".into(), "line 4"),
@@ -98,7 +125,8 @@ fn no_prefix_of_a_file_and_no_flipped_byte_panics() {
     binary.push(4);
     binary.extend([0_i32, 1, 2, 3].into_iter().flat_map(i32::to_be_bytes));
     assert_eq!(load("good.ply", &binary).expect("good").mesh.triangles.len(), 2);
-    let obj = "mtllib x.mtl\nv 0 0 0\nv 1 0 0\nvt 0 0\nvn 0 0 1\nv 1 1 0\ng wall\nf 1/1/1 2/1/1 -1//1\nf 1 2 3\n";
+    let obj = "mtllib x.mtl\nv 0 0 0\nv 1 0 0\nvt 0 0\nvn 0 0 1\nv 1 1 0\ng wall\n\
+               f 1/1/1 2/1/1 -1//1\nf 1 2 3\n";
     // The readers themselves: no file for each of these.
     let read_ply = |bytes: &[u8]| drop(ply::read(bytes, Surface::Unknown));
     let read_obj = |bytes: &[u8]| drop(obj::read(bytes, None, Surface::Unknown));
@@ -131,7 +159,8 @@ fn polygons_become_fans_and_keep_their_surface() {
 
 #[test]
 fn an_obj_names_its_surfaces_and_does_without_its_library() {
-    let text = "mtllib lost.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\no red_brick_house\nusemtl lost\nf 1 2 3 4\n";
+    let text = "mtllib lost.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\no red_brick_house\n\
+                usemtl lost\nf 1 2 3 4\n";
     let scene = load("house.obj", text.as_bytes()).expect("a house");
     assert_eq!(scene.mesh.triangles.len(), 2);
     assert_eq!(scene.mesh.materials, [Surface::Brick.index(); 2]);
@@ -151,7 +180,8 @@ fn y_up_files_are_turned_and_scaled() {
 fn a_scene_written_as_ply_comes_back_without_new_ground() {
     let scene = crate::scene::generate(SceneKind::Unstructured, 1);
     let mut bytes = format!(
-        "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n\
+        "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\n\
+         property float y\nproperty float z\n\
          element face {}\nproperty list uchar uint vertex_indices\nend_header\n",
         scene.mesh.vertices.len(),
         scene.mesh.triangles.len()

@@ -8,7 +8,7 @@ mod motion;
 use std::path::PathBuf;
 
 use echoloop_dsp::{Hardware, ScanPattern};
-use echoloop_sim::board::hardware_of;
+use echoloop_sim::board::hardware_for;
 use serde::{Deserialize, Serialize};
 
 use error::require;
@@ -322,7 +322,7 @@ impl Config {
     /// What the hardware of a sensor of this configuration fixes.
     pub fn hardware(&self) -> Hardware {
         let energy_limit_pj = (self.emitter.energy_limit_nj * 1e3).round() as u32; // `as` saturates
-        Hardware { energy_limit_pj, ..hardware_of(&self.receiver) }
+        Hardware { energy_limit_pj, ..hardware_for(&self.receiver) }
     }
 
     /// Checks every value that its own type does not.

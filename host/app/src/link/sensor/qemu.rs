@@ -57,7 +57,7 @@ mod here {
     ) -> Result<Sensor, SensorError> {
         let name = SensorSpec::Qemu(board.to_owned());
         let machine =
-            Machine::of_name(board).ok_or_else(|| SensorError::open(&name, "no such board"))?;
+            Machine::from_name(board).ok_or_else(|| SensorError::open(&name, "no such board"))?;
         let mut how = qemu::QemuOptions::new(machine, Path::new(""));
         how.image = options.firmware.clone().unwrap_or(how.image);
         let front_end = Arc::new(Mutex::new(model.front_end()));

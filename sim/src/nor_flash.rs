@@ -12,9 +12,9 @@ use rand_chacha::ChaCha8Rng;
 /// A word is written once between erasures; writing it again is refused, as flash with error
 /// correction does. When the power goes, the word under way holds anything between what it held and
 /// what it was to hold, the block being erased likewise, bit by bit; what was done before stays,
-/// and nothing works until [`NorRam::switch_on`].
+/// and nothing works until [`RamNorFlash::switch_on`].
 #[derive(Clone, Debug)]
-pub struct NorRam<const WRITE: usize = 4, const ERASE: usize = 256> {
+pub struct RamNorFlash<const WRITE: usize = 4, const ERASE: usize = 256> {
     bytes: Vec<u8>,
     written: Vec<bool>,
     /// Words and blocks until the power goes.
@@ -25,15 +25,15 @@ pub struct NorRam<const WRITE: usize = 4, const ERASE: usize = 256> {
     programmed: usize,
 }
 
-impl<const WRITE: usize, const ERASE: usize> Default for NorRam<WRITE, ERASE> {
+impl<const WRITE: usize, const ERASE: usize> Default for RamNorFlash<WRITE, ERASE> {
     fn default() -> Self {
-        Self::holding(vec![0xFF; 2 * ERASE])
+        Self::from_bytes(vec![0xFF; 2 * ERASE])
     }
 }
 
-impl<const WRITE: usize, const ERASE: usize> NorRam<WRITE, ERASE> {
+impl<const WRITE: usize, const ERASE: usize> RamNorFlash<WRITE, ERASE> {
     /// A flash that holds these bytes, whole blocks.
-    pub fn holding(bytes: Vec<u8>) -> Self {
+    pub fn from_bytes(bytes: Vec<u8>) -> Self {
         let written =
             bytes.chunks(WRITE).map(|word| word.iter().any(|&byte| byte != 0xFF)).collect();
         Self {
@@ -128,11 +128,11 @@ impl<const WRITE: usize, const ERASE: usize> NorRam<WRITE, ERASE> {
     }
 }
 
-impl<const WRITE: usize, const ERASE: usize> ErrorType for NorRam<WRITE, ERASE> {
+impl<const WRITE: usize, const ERASE: usize> ErrorType for RamNorFlash<WRITE, ERASE> {
     type Error = NorFlashErrorKind;
 }
 
-impl<const WRITE: usize, const ERASE: usize> ReadNorFlash for NorRam<WRITE, ERASE> {
+impl<const WRITE: usize, const ERASE: usize> ReadNorFlash for RamNorFlash<WRITE, ERASE> {
     const READ_SIZE: usize = 1;
 
     fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
@@ -147,7 +147,7 @@ impl<const WRITE: usize, const ERASE: usize> ReadNorFlash for NorRam<WRITE, ERAS
     }
 }
 
-impl<const WRITE: usize, const ERASE: usize> NorFlash for NorRam<WRITE, ERASE> {
+impl<const WRITE: usize, const ERASE: usize> NorFlash for RamNorFlash<WRITE, ERASE> {
     const WRITE_SIZE: usize = WRITE;
     const ERASE_SIZE: usize = ERASE;
 
