@@ -13,7 +13,7 @@ use echoloop_frontend::{Analog, FrontEnd, Trigger};
 use echoloop_frontend::{Return, SceneResponse};
 use echoloop_host::experiment::config::{Config, load};
 use echoloop_host::experiment::dataset::{Dataset, Place, ScanPair, respond};
-use echoloop_host::experiment::evaluate::evaluate;
+use echoloop_host::experiment::evaluate::{NoisyPairs, evaluate};
 use echoloop_host::experiment::journal::Journal;
 use echoloop_host::experiment::objective::{Bench, fitness};
 use echoloop_host::experiment::params::{Parameters, Space};
@@ -83,6 +83,11 @@ fn tuned(config: &Config, threads: usize) -> (Vec<u8>, Tuned) {
     (std::fs::read(path).expect("a journal"), tuned)
 }
 
+/// The training pairs with the noise of the last choice.
+fn shortlist_pairs(config: &Config) -> NoisyPairs<'static> {
+    NoisyPairs { pairs: &TOWN.train, seed: config.seed, purpose: Purpose::ShortlistNoise }
+}
+
 #[test]
 fn one_thread_and_two_write_the_same_journal_and_choose_the_same() {
     let config = config(&[]);
@@ -124,8 +129,7 @@ fn one_sensor_for_all_threads_finds_what_one_for_each_finds() {
     let of = |sensors: &Sensors| {
         let bench = Bench { dataset: &TOWN, sensors };
         let start = search(&config).start;
-        evaluate(&bench, &start, &TOWN.train, config.seed, Purpose::ShortlistNoise, &|| ())
-            .expect("errors")
+        evaluate(&bench, &start, &shortlist_pairs(&config), &|| ()).expect("errors")
     };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(4).build().expect("threads");
     pool.install(|| assert_eq!(of(&one), of(&SENSORS)));
@@ -168,15 +172,7 @@ fn the_choice_is_never_worse_than_the_start_on_the_training_pairs() {
         let (_, tuned) = tuned(&config, 2);
         let search = search(&config);
         let worth = |parameters: &Parameters| {
-            let pairs = &TOWN.train;
-            let errors = evaluate(
-                &search.bench,
-                parameters,
-                pairs,
-                config.seed,
-                Purpose::ShortlistNoise,
-                &|| (),
-            );
+            let errors = evaluate(&search.bench, parameters, &shortlist_pairs(&config), &|| ());
             fitness(&errors.expect("errors"), config.tune.error_cap)
         };
         let (start, chosen) = (worth(&search.start), worth(&tuned.parameters));

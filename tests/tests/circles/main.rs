@@ -67,10 +67,6 @@ const KNOWN: &[(&str, &str)] = &[
     ("host/registration/src/config/method.rs", "host/registration/src/config/gicp.rs"),
     ("host/registration/src/config/method.rs", "host/registration/src/config/icp.rs"),
     ("host/registration/src/config/method.rs", "host/registration/src/config/mac.rs"),
-    ("host/app/src/cli/figures.rs", "host/app/src/cli/tune.rs"),
-    ("host/app/src/cli/tune.rs", "host/app/src/cli/figures.rs"),
-    ("host/app/src/link/sensor/qemu.rs", "host/app/src/link/sensor/spec.rs"),
-    ("host/app/src/link/sensor/spec.rs", "host/app/src/link/sensor/qemu.rs"),
     ("tests/src/quantised/mod.rs", "tests/src/split_twin.rs"),
     ("tests/src/split_twin.rs", "tests/src/quantised/mod.rs"),
 ];

@@ -7,8 +7,8 @@ use clap::Args;
 use echoloop_dsp::detect::MAX_CANDIDATES;
 use echoloop_dsp::recording::Recorder;
 
+use super::common::{Common, on_threads};
 use super::exit::{Failure, print};
-use super::{Common, on_threads};
 use crate::waveforms::{Finder, Options, Waveform, echoes, read_waveforms};
 
 /// Flags of `echoes`.

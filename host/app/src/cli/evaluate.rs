@@ -3,33 +3,27 @@
 use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::choice::SensorChoice;
+use super::common::{Setup, on_threads};
 use super::exit::Failure;
 use super::method_choice::MethodChoice;
+use super::prepared::{PairSet, Prepared, require_recall};
 use super::progress::Progress;
-use super::tune::Prepared;
-use super::{Common, ConfigSource, on_threads};
 use crate::experiment::config::{Config, load};
 use crate::experiment::evaluate::{Summary, evaluate};
 use crate::experiment::params::{Values, choices};
 use crate::experiment::run::{CONFIG, RESULT};
-use crate::experiment::seed::Purpose;
+use crate::experiment::tune::Watcher;
 
 /// Flags of `evaluate`.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct EvaluateArgs {
     #[command(flatten)]
-    source: ConfigSource,
-    #[command(flatten)]
-    common: Common,
-    #[command(flatten)]
-    sensor: SensorChoice,
+    setup: Setup,
     #[command(flatten)]
     method: MethodChoice,
     /// Judge the tuned parameters of a run, with its configuration.
@@ -41,16 +35,10 @@ pub(crate) struct EvaluateArgs {
     candidate: Option<PathBuf>,
     /// Which pairs.
     #[arg(long, default_value = "test")]
-    pairs: Pairs,
+    pairs: PairSet,
     /// Exit with 4 when the recall is below this, percent.
     #[arg(long, value_name = "PERCENT")]
     require_recall: Option<f64>,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Pairs {
-    Train,
-    Test,
 }
 
 #[derive(Deserialize)]
@@ -82,13 +70,13 @@ struct Earlier {
 pub(super) fn run(args: &EvaluateArgs) -> Result<(), Failure> {
     let config = config(args)?;
     let values = values(args)?;
-    on_threads(args.common.threads, || judge(args, config, &values))?
+    on_threads(args.setup.common.threads, || judge(args, config, &values))?
 }
 
 fn config(args: &EvaluateArgs) -> Result<Config, Failure> {
     match &args.run {
-        Some(run) => load(Some(&run.join(CONFIG)), &args.source.set).map_err(Failure::usage),
-        None => args.source.load(args.method.overrides()),
+        Some(run) => load(Some(&run.join(CONFIG)), &args.setup.source.set).map_err(Failure::usage),
+        None => args.setup.source.load(args.method.overrides()),
     }
 }
 
@@ -123,30 +111,18 @@ fn parse<'a, T: Deserialize<'a>>(path: &Path, text: &'a str) -> Result<T, Failur
 }
 
 fn judge(args: &EvaluateArgs, config: Config, values: &Values) -> Result<(), Failure> {
-    let progress = Progress::new(args.common.quiet);
-    let prepared = Prepared::new(config, &args.sensor, &progress)?;
+    let progress = Progress::new(args.setup.common.quiet);
+    let prepared = Prepared::new(config, &args.setup.sensor, &progress)?;
     let preset = prepared.config.registration.preset;
     let parameters =
         prepared.start.with_values(values, preset, &prepared.hardware).map_err(Failure::usage)?;
-    let (pairs, purpose) = match args.pairs {
-        Pairs::Train => (&prepared.dataset.train, Purpose::ShortlistNoise),
-        Pairs::Test => (&prepared.dataset.test, Purpose::TestNoise),
-    };
-    progress.begin("judging", pairs.len() as u64);
-    let stop = AtomicBool::new(false);
-    let search = prepared.search(&stop);
-    let done = || crate::experiment::tune::Watcher::evaluated(&progress);
-    let errors = evaluate(&search.bench, &parameters, pairs, prepared.config.seed, purpose, &done)?;
+    let noisy = prepared.pairs(args.pairs);
+    progress.begin("judging", noisy.pairs.len() as u64);
+    let errors = evaluate(&prepared.bench(), &parameters, &noisy, &|| progress.evaluated())?;
     progress.end();
     let summary = Summary::of(errors, &prepared.config.data);
     print(args, &prepared.sensor, &parameters.values(preset), &summary)?;
-    match args.require_recall {
-        Some(asked) if summary.recall_pct < asked => Err(Failure::new(
-            4,
-            format!("recall {:.1} % is below the {asked} % asked", summary.recall_pct),
-        )),
-        _ => Ok(()),
-    }
+    require_recall(args.require_recall, &summary)
 }
 
 fn print(
@@ -155,7 +131,7 @@ fn print(
     values: &Values,
     summary: &Summary,
 ) -> Result<(), Failure> {
-    if args.common.json {
+    if args.setup.common.json {
         let document = serde_json::json!({"format": 1, "sensor": sensor, "parameters": values, "summary": summary});
         println!("{}", serde_json::to_string_pretty(&document).map_err(Failure::run)?);
         return Ok(());

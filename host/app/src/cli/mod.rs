@@ -1,13 +1,17 @@
 //! The command line.
 
 mod choice;
+mod common;
 mod echoes;
 mod evaluate;
 mod exit;
 mod figures;
+mod interrupt;
 mod method_choice;
 mod method_flags;
 mod pairs;
+mod parameter_table;
+mod prepared;
 mod progress;
 mod register;
 mod scan;
@@ -15,15 +19,13 @@ mod sensor;
 mod serve;
 mod tune;
 
-use std::path::PathBuf;
-
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
 
-use crate::experiment::config::{Config, Override, load};
 use crate::experiment::preset::Preset;
 use echoloop_registration::Method;
 
+use common::{Common, ConfigSource};
 pub use exit::{Failure, READER_GONE, report_failure};
 
 /// A LiDAR that tunes itself: sensor and registration parameters, searched together through the
@@ -87,56 +89,6 @@ enum Command {
     },
 }
 
-/// What every command takes.
-#[derive(Clone, Debug, Args)]
-pub(crate) struct Common {
-    /// Print one JSON document to standard output instead of text.
-    #[arg(long)]
-    pub(crate) json: bool,
-    /// No progress, no remarks.
-    #[arg(short, long)]
-    pub(crate) quiet: bool,
-    /// Threads; 0: as many as there are processors. Results do not depend on it.
-    #[arg(long, default_value_t = 0, value_name = "N")]
-    pub(crate) threads: usize,
-}
-
-/// Where a configuration comes from. Later ones win: file, --set, flags.
-#[derive(Clone, Debug, Args)]
-pub(crate) struct ConfigSource {
-    /// Configuration file (TOML).
-    #[arg(short, long, value_name = "FILE")]
-    pub(crate) config: Option<PathBuf>,
-    /// Set one value, as lidar.power=50; may be repeated.
-    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = parse_override)]
-    pub(crate) set: Vec<Override>,
-    /// structured, semi-structured, unstructured, or a mesh: PLY or OBJ, metres, z up.
-    #[arg(long, value_name = "KIND|FILE")]
-    pub(crate) scene: Option<String>,
-    /// Decides every random choice.
-    #[arg(long, value_name = "N")]
-    pub(crate) seed: Option<u64>,
-}
-
-fn parse_override(text: &str) -> Result<Override, String> {
-    text.parse()
-}
-
-impl ConfigSource {
-    /// File, then `--set`, then the flags given (and only those), with a command's own flags last.
-    pub(crate) fn load(&self, own: Vec<Override>) -> Result<Config, Failure> {
-        let mut overrides = self.set.clone();
-        overrides.extend(self.scene.clone().map(|scene| Override::flag("scene.source", scene)));
-        if let Some(seed) = self.seed {
-            let seed =
-                i64::try_from(seed).map_err(|_| Failure::usage("--seed must be below 2^63"))?;
-            overrides.push(Override::flag("seed", seed));
-        }
-        overrides.extend(own);
-        load(self.config.as_deref(), &overrides).map_err(Failure::usage)
-    }
-}
-
 #[derive(Clone, Debug, Args)]
 struct ConfigArgs {
     #[command(flatten)]
@@ -158,7 +110,7 @@ pub fn command() -> clap::Command {
     let help = format!(
         "Parameters, set with --set KEY=VALUE or in a file ([lidar], [registration]); those of another method: \
          `echoloop config --parameters --set registration.method=fgr`.\n\n{}",
-        figures::parameter_table(Method::Icp, Preset::Outdoor)
+        parameter_table::parameter_table(Method::Icp, Preset::Outdoor)
     );
     let with_parameters = |c: clap::Command| c.after_long_help(help.clone());
     let command = Cli::command().mut_subcommand("tune", with_parameters);
@@ -206,17 +158,11 @@ fn show_config(args: &ConfigArgs) -> Result<(), Failure> {
     let config = args.source.load(Vec::new())?;
     let (method, preset) = (config.registration.method, config.registration.preset);
     exit::print(&match (args.parameters, args.common.json) {
-        (true, true) => format!("{}\n", figures::parameter_json(method, preset)),
-        (true, false) => figures::parameter_table(method, preset),
+        (true, true) => format!("{}\n", parameter_table::parameter_json(method, preset)),
+        (true, false) => parameter_table::parameter_table(method, preset),
         (false, true) => serde_json::to_string_pretty(&config).map_err(Failure::run)? + "\n",
         (false, false) => toml::to_string(&config).map_err(Failure::run)?,
     })
-}
-
-/// Runs `work` on the asked number of threads.
-fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Result<T, Failure> {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    Ok(pool.map_err(|e| Failure::usage(format!("--threads {threads}: {e}")))?.install(work))
 }
 
 #[cfg(test)]

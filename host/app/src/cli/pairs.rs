@@ -6,20 +6,19 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use clap::{Args, ValueEnum, ValueHint};
+use clap::{Args, ValueHint};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
-use super::choice::SensorChoice;
+use super::common::{Setup, on_threads};
 use super::exit::Failure;
+use super::interrupt::stop_on_interrupt;
 use super::method_choice::MethodChoice;
+use super::prepared::{PairSet, Prepared};
 use super::progress::Progress;
-use super::tune::{Prepared, stop_on_interrupt};
-use super::{Common, ConfigSource, on_threads};
 use crate::experiment::config::Config;
 use crate::experiment::dataset::ScanPair;
 use crate::experiment::run::FileError;
-use crate::experiment::seed::{Purpose, derive};
 use crate::experiment::tune::Watcher;
 use crate::link::sensor::View;
 use echoloop_registration::cloud::{Cloud, write_ply};
@@ -29,11 +28,7 @@ use echoloop_registration::pose::{Pose, to_rows};
 #[derive(Clone, Debug, Args)]
 pub(crate) struct PairsArgs {
     #[command(flatten)]
-    source: ConfigSource,
-    #[command(flatten)]
-    common: Common,
-    #[command(flatten)]
-    sensor: SensorChoice,
+    setup: Setup,
     #[command(flatten)]
     method: MethodChoice,
     /// Folder to make: NNN_target.ply, NNN_source.ply (sensor frame, m), the 4 × 4 matrices
@@ -43,13 +38,7 @@ pub(crate) struct PairsArgs {
     output: PathBuf,
     /// Which pairs.
     #[arg(long, default_value = "test")]
-    pairs: Set,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Set {
-    Train,
-    Test,
+    pairs: PairSet,
 }
 
 /// A pair as it came back.
@@ -60,28 +49,25 @@ struct Scanned<'a> {
 }
 
 pub(super) fn run(args: &PairsArgs) -> Result<(), Failure> {
-    let config = args.source.load(args.method.overrides())?;
+    let config = args.setup.source.load(args.method.overrides())?;
     check_free(&args.output)?; // now: the scans take long
     let stop = stop_on_interrupt();
-    on_threads(args.common.threads, || scan_and_write(args, config, &stop))?
+    on_threads(args.setup.common.threads, || scan_and_write(args, config, &stop))?
 }
 
 fn scan_and_write(args: &PairsArgs, config: Config, stop: &AtomicBool) -> Result<(), Failure> {
-    let progress = Progress::new(args.common.quiet);
-    let prepared = Prepared::new(config, &args.sensor, &progress)?;
+    let progress = Progress::new(args.setup.common.quiet);
+    let prepared = Prepared::new(config, &args.setup.sensor, &progress)?;
     // The noise that `evaluate` gives them.
-    let (pairs, purpose) = match args.pairs {
-        Set::Train => (&prepared.dataset.train, Purpose::ShortlistNoise),
-        Set::Test => (&prepared.dataset.test, Purpose::TestNoise),
-    };
-    progress.begin("listening", pairs.len() as u64);
-    let scanned: Result<Vec<Scanned<'_>>, Failure> = pairs
+    let noisy = prepared.pairs(args.pairs);
+    progress.begin("listening", noisy.pairs.len() as u64);
+    let scanned: Result<Vec<Scanned<'_>>, Failure> = noisy
+        .pairs
         .par_iter()
         .enumerate()
         .map(|(index, pair)| {
             go_on(stop)?;
-            let scanned =
-                scan(&prepared, pair, derive(prepared.config.seed, purpose, index as u64));
+            let scanned = scan(&prepared, pair, noisy.noise_seed(index));
             progress.evaluated();
             scanned
         })
@@ -241,7 +227,7 @@ fn print(args: &PairsArgs, scanned: &[Scanned<'_>]) -> Result<(), Failure> {
         scanned.iter().flat_map(|scanned| &scanned.clouds).map(|cloud| cloud.points.len()).sum();
     let a_scan = points / (2 * scanned.len()).max(1);
     let folder = args.output.display();
-    if args.common.json {
+    if args.setup.common.json {
         let document = json!({
             "format": 1, "folder": folder.to_string(), "pairs": scanned.len(), "mean_points": a_scan,
         });

@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use super::common::{Common, on_threads};
 use super::exit::Failure;
 use super::method_choice::method_parser;
 use super::method_flags::MethodFlags;
-use super::{Common, on_threads};
 use echoloop_registration::cloud::{Cloud, read_cloud, voxel};
 use echoloop_registration::pose::{Pose, read_pose, to_rows};
 use echoloop_registration::{

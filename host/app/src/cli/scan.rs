@@ -8,9 +8,9 @@ use echoloop_frontend::SceneResponse;
 use echoloop_sim::viewpoint::{PairPlan, Split, sample_pairs};
 use nalgebra::{Translation3, UnitQuaternion, Vector3};
 
-use super::choice::{SensorChoice, described};
+use super::choice::described;
+use super::common::{Setup, on_threads};
 use super::exit::Failure;
-use super::{Common, ConfigSource, on_threads};
 use crate::experiment::config::Config;
 use crate::experiment::dataset::{DatasetError, place, respond};
 use crate::experiment::params::Parameters;
@@ -24,11 +24,7 @@ use echoloop_registration::pose::Pose;
 #[derive(Clone, Debug, Args)]
 pub(crate) struct ScanArgs {
     #[command(flatten)]
-    source: ConfigSource,
-    #[command(flatten)]
-    common: Common,
-    #[command(flatten)]
-    sensor: SensorChoice,
+    setup: Setup,
     /// Where to write the cloud (PLY, sensor frame, m).
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -39,8 +35,8 @@ pub(crate) struct ScanArgs {
 }
 
 pub(super) fn run(args: &ScanArgs) -> Result<(), Failure> {
-    let config = args.source.load(Vec::new())?;
-    on_threads(args.common.threads, || scan(args, &config))?
+    let config = args.setup.source.load(Vec::new())?;
+    on_threads(args.setup.common.threads, || scan(args, &config))?
 }
 
 /// What came back, and from where.
@@ -63,7 +59,7 @@ struct Seen {
 }
 
 fn scan(args: &ScanArgs, config: &Config) -> Result<(), Failure> {
-    let sensors = args.sensor.sensors(Model::of(config))?;
+    let sensors = args.setup.sensor.sensors(Model::of(config))?;
     let identity = sensors.identity()?;
     let settings = Parameters::start(config, &identity.hardware).map_err(Failure::usage)?.settings;
     let pattern = identity.pattern;
@@ -94,7 +90,7 @@ fn seen(
     config: &Config,
     directions: &[Vector3<f32>],
 ) -> Result<Option<Seen>, Failure> {
-    if args.sensor.is_turned_by_others() {
+    if args.setup.sensor.is_turned_by_others() {
         return match args.pose {
             Some(_) => {
                 Err(Failure::usage("--pose: a sensor on a serial line looks where it stands"))
@@ -152,7 +148,7 @@ fn print(args: &ScanArgs, scan: &Scan) -> Result<(), Failure> {
     let median_m = crate::experiment::evaluate::median(ranges.iter().copied());
     let farthest_m = ranges.iter().copied().fold(0.0, f64::max);
     let (settings, beams, points) = (format!("{:#010x}", scan.settings), scan.beams, ranges.len());
-    if args.common.json {
+    if args.setup.common.json {
         let rows = |seen: &Seen| -> Vec<Vec<f64>> {
             echoloop_registration::pose::to_rows(&seen.world_from_sensor)
                 .chunks(4)

@@ -4,10 +4,10 @@ use clap::Args;
 use echoloop_dsp::{Kind, PARAMETERS, Parameter, ParameterId, Settings};
 use echoloop_link::{Counters, Greeting, settings_hash};
 
-use super::choice::{SensorChoice, described};
+use super::choice::described;
+use super::common::{ConfigSource, Setup};
 use super::exit::Failure;
-use super::figures::choices;
-use super::{Common, ConfigSource};
+use super::parameter_table::choices;
 use crate::experiment::config::{Config, Lidar};
 use crate::link::client::Identity;
 use crate::link::sensor::Model;
@@ -16,11 +16,7 @@ use crate::link::sensor::Model;
 #[derive(Clone, Debug, Args)]
 pub(crate) struct SensorArgs {
     #[command(flatten)]
-    source: ConfigSource,
-    #[command(flatten)]
-    common: Common,
-    #[command(flatten)]
-    sensor: SensorChoice,
+    setup: Setup,
     /// Also save the settings: the sensor begins with them from its next start on.
     #[arg(long, conflicts_with = "forget")]
     save: bool,
@@ -30,12 +26,12 @@ pub(crate) struct SensorArgs {
 }
 
 pub(super) fn run(args: &SensorArgs) -> Result<(), Failure> {
-    let config = args.source.load(Vec::new())?;
-    let sensors = args.sensor.sensors(Model::of(&config))?;
+    let config = args.setup.source.load(Vec::new())?;
+    let sensors = args.setup.sensor.sensors(Model::of(&config))?;
     let identity = sensors.identity()?;
     let (settings, counters) = sensors.with(|sensor| {
         let own = sensor.client().read_settings()?;
-        let settings = asked(&args.source, &config, own);
+        let settings = asked(&args.setup.source, &config, own);
         if settings != own {
             sensor.configure(&settings)?;
         }
@@ -47,7 +43,7 @@ pub(super) fn run(args: &SensorArgs) -> Result<(), Failure> {
         Ok((sensor.client().read_settings()?, sensor.client().read_counters()?))
     })?;
     let name = described(&sensors, &identity);
-    match args.common.json {
+    match args.setup.common.json {
         true => print_json(&name, &identity, &settings, &counters),
         false => {
             print_text(&name, &identity, &settings, &counters);

@@ -5,10 +5,10 @@ use std::sync::atomic::Ordering;
 
 use clap::{Args, ValueHint};
 
+use super::common::{ConfigSource, on_threads};
 use super::exit::Failure;
+use super::interrupt::stop_on_interrupt;
 use super::progress::Progress;
-use super::tune::stop_on_interrupt;
-use super::{ConfigSource, on_threads};
 use crate::experiment::config::Config;
 use crate::experiment::dataset::Dataset;
 use crate::experiment::seed::scan_noise;

@@ -1,38 +1,29 @@
 //! `echoloop tune`.
 
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
-use echoloop_dsp::Hardware;
 
-use super::choice::{SensorChoice, described, introduce};
+use super::common::{Setup, on_threads};
 use super::exit::Failure;
 use super::figures::{print_table, write_clouds, write_report};
+use super::interrupt::stop_on_interrupt;
 use super::method_choice::{MethodChoice, name_of};
+use super::prepared::{Prepared, require_recall};
 use super::progress::Progress;
-use super::{Common, ConfigSource, on_threads};
 use crate::experiment::config::{Config, Override, default_runs_folder, load};
-use crate::experiment::dataset::Dataset;
 use crate::experiment::evaluate::Summary;
 use crate::experiment::journal::{Generation, Journal};
-use crate::experiment::objective::Bench;
-use crate::experiment::params::{Parameters, Space};
 use crate::experiment::preset::{LidarPreset, Preset, Protocol};
 use crate::experiment::run::{CONFIG, HISTORY, REPORT, RESULT, RunFolder, RunResult};
 use crate::experiment::tune::{Search, TuneError, Tuned};
-use crate::link::sensor::{Model, Sensors};
 
 /// Flags of `tune`.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct TuneArgs {
     #[command(flatten)]
-    source: ConfigSource,
-    #[command(flatten)]
-    common: Common,
-    #[command(flatten)]
-    sensor: SensorChoice,
+    setup: Setup,
     #[command(flatten)]
     method: MethodChoice,
     /// What is tuned.
@@ -80,80 +71,24 @@ impl TuneArgs {
         flag("registration.preset", self.preset.map(name_of));
         flag("tune.generations", self.generations.map(|n| i64::from(n).into()));
         flag("tune.population", self.population.map(|n| i64::from(n).into()));
-        self.source.load(own)
-    }
-}
-
-/// Everything a search needs, made from a configuration.
-pub(super) struct Prepared {
-    pub(super) config: Config,
-    pub(super) dataset: Dataset,
-    pub(super) start: Parameters,
-    /// As the sensor says.
-    pub(super) hardware: Hardware,
-    pub(super) sensors: Sensors,
-    /// Which sensor, and its firmware.
-    pub(super) sensor: String,
-}
-
-impl Prepared {
-    /// Meets the sensor, checks the start against its hardware, then traces the scans.
-    pub(super) fn new(
-        config: Config,
-        choice: &SensorChoice,
-        progress: &Progress,
-    ) -> Result<Self, Failure> {
-        let model = Model::of(&config);
-        let sensors = choice.sensors(model.clone())?;
-        let identity = introduce(&sensors, &model, progress)?;
-        let (hardware, sensor) = (identity.hardware, described(&sensors, &identity));
-        let start = Parameters::start(&config, &hardware).map_err(Failure::usage)?;
-        progress.begin("scanning", 1000);
-        let dataset =
-            Dataset::build(&config, &|fraction, _| progress.at((fraction * 1000.0) as u64))?;
-        Ok(Self { config, dataset, start, hardware, sensors, sensor })
-    }
-
-    pub(super) fn bench(&self) -> Bench<'_> {
-        Bench { dataset: &self.dataset, sensors: &self.sensors }
-    }
-
-    pub(super) fn search<'a>(&'a self, stop: &'a AtomicBool) -> Search<'a> {
-        let (protocol, preset) = (self.config.tune.protocol, self.config.registration.preset);
-        let space = Space::new(protocol, self.config.tune.lidar, preset, self.start, self.hardware);
-        Search { config: &self.config, bench: self.bench(), space, start: self.start, stop }
+        self.setup.source.load(own)
     }
 }
 
 pub(super) fn run(args: &TuneArgs) -> Result<(), Failure> {
     let config = args.config()?;
     let stop = stop_on_interrupt();
-    on_threads(args.common.threads, || tune(args, config, &stop))?
-}
-
-/// ^C asks the search to stop after what it is at; a second ^C ends the process.
-pub(super) fn stop_on_interrupt() -> Arc<AtomicBool> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let flag = Arc::clone(&stop);
-    // Without a handler ^C just ends the process; the journal holds every whole generation either
-    // way.
-    let _ = ctrlc::set_handler(move || {
-        if flag.swap(true, Ordering::Relaxed) {
-            crate::link::sensor::end_emulators();
-            std::process::exit(130);
-        }
-    });
-    stop
+    on_threads(args.setup.common.threads, || tune(args, config, &stop))?
 }
 
 fn tune(args: &TuneArgs, config: Config, stop: &AtomicBool) -> Result<(), Failure> {
-    let progress = Progress::new(args.common.quiet);
+    let progress = Progress::new(args.setup.common.quiet);
     let runs = args.runs.clone().unwrap_or_else(default_runs_folder);
     if args.resume.is_none() {
         RunFolder::check(&runs)?;
     }
     // What cannot run leaves no folder, and `latest` where it was.
-    let prepared = Prepared::new(config, &args.sensor, &progress)?;
+    let prepared = Prepared::new(config, &args.setup.sensor, &progress)?;
     let folder = match &args.resume {
         Some(run) => RunFolder::open(run)?,
         None => RunFolder::create(&runs, &run_name(&prepared.config))?,
@@ -173,7 +108,7 @@ fn tune(args: &TuneArgs, config: Config, stop: &AtomicBool) -> Result<(), Failur
         eprintln!(
             "go on with: echoloop tune --resume {}{}",
             folder.path().display(),
-            args.sensor.again()
+            args.setup.sensor.again()
         );
     }
     let (tuned, before, after) = outcome?;
@@ -259,7 +194,7 @@ fn finish(
     prepared: &Prepared,
     result: &RunResult,
 ) -> Result<(), Failure> {
-    if args.common.json {
+    if args.setup.common.json {
         println!("{}", serde_json::to_string_pretty(result).map_err(Failure::run)?);
     } else {
         print_table(&prepared.config, result, &prepared.search(&AtomicBool::new(false)).space);
@@ -269,11 +204,5 @@ fn finish(
             folder.file(RESULT).display()
         );
     }
-    match args.require_recall {
-        Some(asked) if result.tuned_summary.recall_pct < asked => Err(Failure::new(
-            4,
-            format!("recall {:.1} % is below the {asked} % asked", result.tuned_summary.recall_pct),
-        )),
-        _ => Ok(()),
-    }
+    require_recall(args.require_recall, &result.tuned_summary)
 }

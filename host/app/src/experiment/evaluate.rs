@@ -74,6 +74,24 @@ pub fn median(values: impl Iterator<Item = f64>) -> f64 {
     }
 }
 
+/// Pairs, and the noise that their scans get.
+#[derive(Clone, Copy, Debug)]
+pub struct NoisyPairs<'a> {
+    /// The pairs.
+    pub pairs: &'a [ScanPair],
+    /// The run's seed.
+    pub seed: u64,
+    /// What they are registered for: each purpose has noise of its own.
+    pub purpose: Purpose,
+}
+
+impl NoisyPairs<'_> {
+    /// The seed of one pair's noise.
+    pub fn noise_seed(&self, index: usize) -> u64 {
+        derive(self.seed, self.purpose, index as u64)
+    }
+}
+
 /// Registers every pair, in parallel; results in the pairs' order. `done` hears of each.
 ///
 /// # Errors
@@ -82,17 +100,15 @@ pub fn median(values: impl Iterator<Item = f64>) -> f64 {
 pub fn evaluate(
     bench: &Bench<'_>,
     parameters: &Parameters,
-    pairs: &[ScanPair],
-    seed: u64,
-    purpose: Purpose,
+    noisy: &NoisyPairs<'_>,
     done: &(dyn Fn() + Sync),
 ) -> Result<Vec<PairError>, SensorError> {
-    pairs
+    noisy
+        .pairs
         .par_iter()
         .enumerate()
         .map(|(index, pair)| {
-            let result =
-                bench.register(parameters, index, pair, derive(seed, purpose, index as u64));
+            let result = bench.register(parameters, index, pair, noisy.noise_seed(index));
             done();
             result.map(|registered| registered.error)
         })

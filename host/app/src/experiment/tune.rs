@@ -9,7 +9,8 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::experiment::config::Config;
-use crate::experiment::evaluate::{Summary, evaluate};
+use crate::experiment::dataset::ScanPair;
+use crate::experiment::evaluate::{NoisyPairs, Summary, evaluate, median};
 use crate::experiment::journal::{
     CandidateRecord, FORMAT, Generation, Header, Journal, JournalError,
 };
@@ -300,40 +301,36 @@ impl Search<'_> {
         watcher: &dyn Watcher,
     ) -> Result<Tuned, TuneError> {
         let entrants = self.shortlist(optimizer, &generations);
-        let pairs = &self.bench.dataset.train;
-        watcher.stage("choosing", entrants.len() * pairs.len());
+        let noisy = self.noisy(&self.bench.dataset.train, Purpose::ShortlistNoise);
+        watcher.stage("choosing", entrants.len() * noisy.pairs.len());
         let mut finalists = Vec::new();
         for (origin, parameters) in entrants {
             if self.stop.load(Ordering::Relaxed) {
                 return Err(TuneError::Interrupted { generations: generations.len() });
             }
-            let done = || watcher.evaluated();
-            let errors = evaluate(
-                &self.bench,
-                &parameters,
-                pairs,
-                self.config.seed,
-                Purpose::ShortlistNoise,
-                &done,
-            )?;
+            let errors = evaluate(&self.bench, &parameters, &noisy, &|| watcher.evaluated())?;
             let worth = fitness(&errors, self.config.tune.error_cap);
             finalists.push((worth, origin, parameters));
         }
         finalists.sort_by(|a, b| a.0.total_cmp(&b.0));
         let (_, origin, parameters) = finalists[0].clone();
-        let finalists = finalists.into_iter().map(|(fitness, origin, p)| Finalist {
-            origin,
-            values: self.searched_values(&p),
-            fitness,
-        });
         Ok(Tuned {
             parameters,
             origin,
-            finalists: finalists.collect(),
+            finalists: finalists.into_iter().map(|finalist| self.finalist(finalist)).collect(),
             correlations: optimizer.correlations(),
             learned: optimizer.covariance_learned(),
             generations,
         })
+    }
+
+    fn finalist(&self, (fitness, origin, parameters): (f64, String, Parameters)) -> Finalist {
+        Finalist { origin, values: self.searched_values(&parameters), fitness }
+    }
+
+    /// Pairs with the noise of a purpose.
+    fn noisy<'a>(&self, pairs: &'a [ScanPair], purpose: Purpose) -> NoisyPairs<'a> {
+        NoisyPairs { pairs, seed: self.config.seed, purpose }
     }
 
     /// Start, final mean, and the best candidates: of each generation its best, the later
@@ -347,9 +344,7 @@ impl Search<'_> {
         for (g, generation) in generations.iter().enumerate() {
             // Compared with its generation's median: pairs differ in difficulty from batch to
             // batch.
-            let median = crate::experiment::evaluate::median(
-                generation.candidates.iter().map(|c| c.fitness),
-            );
+            let median = median(generation.candidates.iter().map(|c| c.fitness));
             for (i, candidate) in generation.candidates.iter().enumerate() {
                 let relative = candidate.fitness / median.max(f64::MIN_POSITIVE);
                 if best.get(&g).is_none_or(|(worth, _)| relative < *worth) {
@@ -382,10 +377,8 @@ impl Search<'_> {
         parameters: &Parameters,
         watcher: &dyn Watcher,
     ) -> Result<Summary, SensorError> {
-        let done = || watcher.evaluated();
-        let test = &self.bench.dataset.test;
-        let errors =
-            evaluate(&self.bench, parameters, test, self.config.seed, Purpose::TestNoise, &done)?;
+        let noisy = self.noisy(&self.bench.dataset.test, Purpose::TestNoise);
+        let errors = evaluate(&self.bench, parameters, &noisy, &|| watcher.evaluated())?;
         Ok(Summary::of(errors, &self.config.data))
     }
 }

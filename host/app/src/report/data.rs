@@ -1,7 +1,7 @@
 //! What a report is made of. Values that are not finite mean "unknown" or "nothing found"
 //! everywhere.
 
-use super::ReportError;
+use super::error::ReportError;
 
 /// Everything the page shows.
 #[derive(Clone, Debug, Default)]

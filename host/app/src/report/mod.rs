@@ -10,6 +10,7 @@ mod clouds;
 mod convergence;
 mod correlation;
 mod data;
+mod error;
 mod evaluation;
 mod format;
 mod page;
@@ -23,21 +24,7 @@ pub use data::{
     CloudLayer, Convergence, Correlation, EvaluationRow, EvaluationTable, PairClouds, PairError,
     ParameterTrace, PoseError, Report, RowKind,
 };
-
-/// Why a [`Report`] cannot be drawn: its parts do not fit together.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum ReportError {
-    /// A series must hold one value for each generation (or none, where its documentation says so).
-    #[error("{series} holds {found} values, not one for each of {expected}")]
-    Length {
-        /// Which series.
-        series: String,
-        /// What the values belong to, and how many there are of it.
-        expected: String,
-        /// How many values there are.
-        found: usize,
-    },
-}
+pub use error::ReportError;
 
 impl Report {
     /// The page, complete.

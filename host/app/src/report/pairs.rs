@@ -115,8 +115,9 @@ fn slope(
     let [before, after] = [&pair.default, &pair.tuned].map(reach);
     let class = if after < before { "slope good" } else { "slope bad" };
     chart.draw([PathElement::new([(x, before), (x, after)], ink(class))])?;
-    mark(chart, "dot-default", (x, before), &pair.default, within, radius)?;
-    mark(chart, "dot-tuned", (x, after), &pair.tuned, within, radius)?;
+    let [was, is] = [&pair.default, &pair.tuned].map(|error| error.is_within(within));
+    mark(chart, "dot-default", (x, before), was, radius)?;
+    mark(chart, "dot-tuned", (x, after), is, radius)?;
     chart.hint(x - 0.5, x + 0.5, &hint(pair));
     Ok(())
 }
@@ -126,14 +127,13 @@ fn mark(
     chart: &mut Chart<'_, '_>,
     class: &str,
     at: (f64, f64),
-    error: &PoseError,
-    within: &PoseError,
+    succeeds: bool,
     radius: f64,
 ) -> Drawn {
     if at.1.is_infinite() {
         return chart.draw([Cross::new(at, fine(radius), ink(class))]);
     }
-    let class = if error.is_within(within) { class.to_owned() } else { format!("{class} hollow") };
+    let class = if succeeds { class.to_owned() } else { format!("{class} hollow") };
     chart.draw([Circle::new(at, fine(radius), ink(&class).filled())])
 }
 

@@ -6,6 +6,7 @@
 //! is asked for the scan of a numbered viewpoint, and whoever turns it reads the number off the
 //! emitter's FRAME register. See [`crate::experiment::dataset::ScanPair::viewpoints`].
 
+mod boards;
 mod pool;
 mod qemu;
 mod spec;

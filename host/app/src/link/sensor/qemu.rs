@@ -17,7 +17,7 @@ pub struct QemuOptions {
 #[cfg(unix)]
 pub(crate) use here::end_emulators;
 #[cfg(unix)]
-pub(super) use here::{boards, open_qemu};
+pub(super) use here::open_qemu;
 
 #[cfg(unix)]
 mod here {
@@ -38,11 +38,6 @@ mod here {
 
     /// An emulated processor may be slow when others need this one.
     const PATIENCE: Patience = Patience { timeout: Duration::from_secs(2), tries: 8 };
-
-    /// Boards the image runs on; the first is the usual one.
-    pub(crate) fn boards() -> Vec<&'static str> {
-        Machine::ALL.map(Machine::name).to_vec()
-    }
 
     /// Starts an emulated board with the image, looking through a front end in this process.
     ///
@@ -134,11 +129,6 @@ mod here {
 
 #[cfg(not(unix))]
 pub(crate) fn end_emulators() {}
-
-#[cfg(not(unix))]
-pub(super) fn boards() -> Vec<&'static str> {
-    Vec::new()
-}
 
 #[cfg(not(unix))]
 pub(super) fn open_qemu(

@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use thiserror::Error;
 
-use super::qemu;
+use super::boards::boards;
 
 /// Speed of a serial line that says nothing else, baud.
 const BAUD: u32 = 921_600;
@@ -37,7 +37,7 @@ pub enum SpecError {
     #[error("expected in-process, qemu[:BOARD] or serial:PORT[@BAUD]")]
     Kind,
     /// QEMU has no such board.
-    #[error("qemu has no board '{0}' here, only {boards}", boards = qemu::boards().join(", "))]
+    #[error("qemu has no board '{0}' here, only {boards}", boards = boards().join(", "))]
     Board(String),
     /// A serial line without a port.
     #[error("a serial line needs its port, as serial:/dev/ttyACM0 or serial:/dev/ttyUSB0@115200")]
@@ -53,14 +53,11 @@ impl FromStr for SensorSpec {
     fn from_str(text: &str) -> Result<Self, SpecError> {
         match text.split_once(':') {
             None if text == "in-process" => Ok(Self::InProcess),
-            None if text == "qemu" => qemu::boards()
-                .first()
-                .map(|board| Self::Qemu((*board).to_owned()))
-                .ok_or(SpecError::Kind),
-            None if text == "serial" => Err(SpecError::NoPort),
-            Some(("qemu", board)) if qemu::boards().contains(&board) => {
-                Ok(Self::Qemu(board.to_owned()))
+            None if text == "qemu" => {
+                boards().first().map(|board| Self::Qemu((*board).to_owned())).ok_or(SpecError::Kind)
             }
+            None if text == "serial" => Err(SpecError::NoPort),
+            Some(("qemu", board)) if boards().contains(&board) => Ok(Self::Qemu(board.to_owned())),
             Some(("qemu", board)) => Err(SpecError::Board(board.to_owned())),
             Some(("serial", port)) => port.parse().map(Self::Serial),
             _ => Err(SpecError::Kind),

@@ -1,0 +1,79 @@
+//! Flags that commands share, and the threads they run on.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::choice::SensorChoice;
+use super::exit::Failure;
+use crate::experiment::config::{Config, Override, load};
+
+/// What every command takes.
+#[derive(Clone, Debug, Args)]
+pub(super) struct Common {
+    /// Print one JSON document to standard output instead of text.
+    #[arg(long)]
+    pub(super) json: bool,
+    /// No progress, no remarks.
+    #[arg(short, long)]
+    pub(super) quiet: bool,
+    /// Threads; 0: as many as there are processors. Results do not depend on it.
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    pub(super) threads: usize,
+}
+
+/// Where a configuration comes from. Later ones win: file, --set, flags.
+#[derive(Clone, Debug, Args)]
+pub(super) struct ConfigSource {
+    /// Configuration file (TOML).
+    #[arg(short, long, value_name = "FILE")]
+    pub(super) config: Option<PathBuf>,
+    /// Set one value, as lidar.power=50; may be repeated.
+    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = parse_override)]
+    pub(super) set: Vec<Override>,
+    /// structured, semi-structured, unstructured, or a mesh: PLY or OBJ, metres, z up.
+    #[arg(long, value_name = "KIND|FILE")]
+    pub(super) scene: Option<String>,
+    /// Decides every random choice.
+    #[arg(long, value_name = "N")]
+    pub(super) seed: Option<u64>,
+}
+
+fn parse_override(text: &str) -> Result<Override, String> {
+    text.parse()
+}
+
+impl ConfigSource {
+    /// File, then `--set`, then the flags given (and only those), with a command's own flags last.
+    pub(super) fn load(&self, own: Vec<Override>) -> Result<Config, Failure> {
+        let mut overrides = self.set.clone();
+        overrides.extend(self.scene.clone().map(|scene| Override::flag("scene.source", scene)));
+        if let Some(seed) = self.seed {
+            let seed =
+                i64::try_from(seed).map_err(|_| Failure::usage("--seed must be below 2^63"))?;
+            overrides.push(Override::flag("seed", seed));
+        }
+        overrides.extend(own);
+        load(self.config.as_deref(), &overrides).map_err(Failure::usage)
+    }
+}
+
+/// What every command takes that speaks to a sensor.
+#[derive(Clone, Debug, Args)]
+pub(super) struct Setup {
+    #[command(flatten)]
+    pub(super) source: ConfigSource,
+    #[command(flatten)]
+    pub(super) common: Common,
+    #[command(flatten)]
+    pub(super) sensor: SensorChoice,
+}
+
+/// Runs `work` on the asked number of threads.
+pub(super) fn on_threads<T: Send>(
+    threads: usize,
+    work: impl FnOnce() -> T + Send,
+) -> Result<T, Failure> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    Ok(pool.map_err(|e| Failure::usage(format!("--threads {threads}: {e}")))?.install(work))
+}

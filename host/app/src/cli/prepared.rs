@@ -1,0 +1,86 @@
+//! What `tune`, `evaluate` and `pairs` do first: meet the sensor, trace the scans.
+
+use std::sync::atomic::AtomicBool;
+
+use clap::ValueEnum;
+use echoloop_dsp::Hardware;
+
+use super::choice::{SensorChoice, described, introduce};
+use super::exit::Failure;
+use super::progress::Progress;
+use crate::experiment::config::Config;
+use crate::experiment::dataset::Dataset;
+use crate::experiment::evaluate::{NoisyPairs, Summary};
+use crate::experiment::objective::Bench;
+use crate::experiment::params::{Parameters, Space};
+use crate::experiment::seed::Purpose;
+use crate::experiment::tune::Search;
+use crate::link::sensor::{Model, Sensors};
+
+/// Which pairs.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(super) enum PairSet {
+    Train,
+    Test,
+}
+
+/// Everything a search needs, made from a configuration.
+pub(super) struct Prepared {
+    pub(super) config: Config,
+    pub(super) dataset: Dataset,
+    pub(super) start: Parameters,
+    /// As the sensor says.
+    pub(super) hardware: Hardware,
+    pub(super) sensors: Sensors,
+    /// Which sensor, and its firmware.
+    pub(super) sensor: String,
+}
+
+impl Prepared {
+    /// Meets the sensor, checks the start against its hardware, then traces the scans.
+    pub(super) fn new(
+        config: Config,
+        choice: &SensorChoice,
+        progress: &Progress,
+    ) -> Result<Self, Failure> {
+        let model = Model::of(&config);
+        let sensors = choice.sensors(model.clone())?;
+        let identity = introduce(&sensors, &model, progress)?;
+        let (hardware, sensor) = (identity.hardware, described(&sensors, &identity));
+        let start = Parameters::start(&config, &hardware).map_err(Failure::usage)?;
+        progress.begin("scanning", 1000);
+        let dataset =
+            Dataset::build(&config, &|fraction, _| progress.at((fraction * 1000.0) as u64))?;
+        Ok(Self { config, dataset, start, hardware, sensors, sensor })
+    }
+
+    pub(super) fn bench(&self) -> Bench<'_> {
+        Bench { dataset: &self.dataset, sensors: &self.sensors }
+    }
+
+    /// Which pairs, and the noise that they always get.
+    pub(super) fn pairs(&self, which: PairSet) -> NoisyPairs<'_> {
+        let (pairs, purpose) = match which {
+            PairSet::Train => (&self.dataset.train, Purpose::ShortlistNoise),
+            PairSet::Test => (&self.dataset.test, Purpose::TestNoise),
+        };
+        NoisyPairs { pairs, seed: self.config.seed, purpose }
+    }
+
+    pub(super) fn search<'a>(&'a self, stop: &'a AtomicBool) -> Search<'a> {
+        let (protocol, preset) = (self.config.tune.protocol, self.config.registration.preset);
+        let space = Space::new(protocol, self.config.tune.lidar, preset, self.start, self.hardware);
+        Search { config: &self.config, bench: self.bench(), space, start: self.start, stop }
+    }
+}
+
+/// Fails with exit code 4 when the recall is below what was asked, percent.
+pub(super) fn require_recall(asked_pct: Option<f64>, summary: &Summary) -> Result<(), Failure> {
+    match asked_pct {
+        Some(asked) if summary.recall_pct < asked => Err(Failure::new(
+            4,
+            format!("recall {:.1} % is below the {asked} % asked", summary.recall_pct),
+        )),
+        _ => Ok(()),
+    }
+}
