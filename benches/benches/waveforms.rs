@@ -16,7 +16,7 @@ use echoloop_frontend::{
     Receiver, ShotBuffers, WaveformFrontEnd, noise_key, synthesise, synthesise_baseline,
 };
 use echoloop_frontend::{Return, SceneResponse};
-use echoloop_host::link::client::{Client, Patience};
+use echoloop_host::link::client::{Client, RetryPolicy};
 use echoloop_host::link::transport::InProcess;
 use echoloop_kernels::{process, process_baseline, process_compiled};
 use echoloop_sim::board::PcSensor;
@@ -119,7 +119,7 @@ fn scan(c: &mut Criterion) {
     };
     let front_end = WaveformFrontEnd::new(Receiver::default(), Arc::new(scene), 1);
     let sensor = PcSensor::new(front_end, pattern, Hardware::REFERENCE);
-    let Ok(mut client) = Client::connect(InProcess(sensor), Patience::default()) else { return };
+    let Ok(mut client) = Client::connect(InProcess(sensor), RetryPolicy::default()) else { return };
     let mut group = c.benchmark_group("scan");
     group.sample_size(10).throughput(Throughput::Elements(u64::from(beams) * 800));
     let mut frame = 0;

@@ -6,7 +6,7 @@ use std::time::Instant;
 use echoloop_dsp::{Hardware, ScanPattern, Settings};
 use echoloop_frontend::SceneResponse;
 use echoloop_frontend::{Receiver, WaveformFrontEnd};
-use echoloop_host::link::client::{Client, Patience};
+use echoloop_host::link::client::{Client, RetryPolicy};
 use echoloop_host::link::transport::InProcess;
 use echoloop_sim::board::PcSensor;
 
@@ -93,7 +93,7 @@ fn beams(rounds: usize) -> Result<()> {
         let sensor = PcSensor::new(front_end, pattern, Hardware::REFERENCE);
         clients.push((
             beams,
-            Client::connect(InProcess(sensor), Patience::default())?,
+            Client::connect(InProcess(sensor), RetryPolicy::default())?,
             f64::INFINITY,
         ));
     }

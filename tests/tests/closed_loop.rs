@@ -11,7 +11,7 @@ use echoloop_dsp::{Echo, Echoes, Flags, Hardware, ParameterId, ScanPattern, Sett
 use echoloop_frontend::Receiver;
 use echoloop_frontend::{Analog, FrontEnd, Trigger};
 use echoloop_frontend::{Return, SceneResponse};
-use echoloop_host::experiment::config::{Config, load};
+use echoloop_host::experiment::config::{RunConfig, load};
 use echoloop_host::experiment::dataset::{Dataset, Place, ScanPair, respond};
 use echoloop_host::experiment::evaluate::{NoisyPairs, evaluate};
 use echoloop_host::experiment::journal::Journal;
@@ -20,8 +20,8 @@ use echoloop_host::experiment::params::{Parameters, Space};
 use echoloop_host::experiment::preset::{LidarPreset, PAPER_LIDAR, Preset, Protocol};
 use echoloop_host::experiment::scan_cloud::cloud_from_scan;
 use echoloop_host::experiment::seed::Purpose;
-use echoloop_host::experiment::tune::{Search, Silent, Tuned};
-use echoloop_host::link::client::{Client, ClientError, Patience};
+use echoloop_host::experiment::tune::{Silent, TuneSearch, Tuned};
+use echoloop_host::link::client::{Client, ClientError, RetryPolicy};
 use echoloop_host::link::sensor::{Model, Sensor, SensorError, Sensors, View};
 use echoloop_host::link::transport::InProcess;
 use echoloop_link::settings_hash;
@@ -33,7 +33,7 @@ use nalgebra::Vector3;
 
 const HARDWARE: Hardware = Hardware::REFERENCE;
 
-fn config(more: &[&str]) -> Config {
+fn config(more: &[&str]) -> RunConfig {
     let small = [
         "scene.towns=[1]",
         "scanner.columns=48",
@@ -57,9 +57,10 @@ static TOWN: LazyLock<Dataset> =
 static NEVER: AtomicBool = AtomicBool::new(false);
 
 /// Sensors in process, for all tests together: which one serves whom must not matter.
-static SENSORS: LazyLock<Sensors> = LazyLock::new(|| Sensors::in_process(Model::of(&config(&[]))));
+static SENSORS: LazyLock<Sensors> =
+    LazyLock::new(|| Sensors::in_process(Model::from_config(&config(&[]))));
 
-fn search(config: &Config) -> Search<'_> {
+fn search(config: &RunConfig) -> TuneSearch<'_> {
     let start = Parameters::start(config, &HARDWARE).expect("a start");
     let space = Space::new(
         config.tune.protocol,
@@ -69,11 +70,11 @@ fn search(config: &Config) -> Search<'_> {
         HARDWARE,
     );
     let bench = Bench { dataset: &TOWN, sensors: &SENSORS };
-    Search { config, bench, space, start, stop: &NEVER }
+    TuneSearch { config, bench, space, start, stop: &NEVER }
 }
 
 /// A whole search on so many threads: its journal's bytes, and what it chose.
-fn tuned(config: &Config, threads: usize) -> (Vec<u8>, Tuned) {
+fn tuned(config: &RunConfig, threads: usize) -> (Vec<u8>, Tuned) {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("history.jsonl");
     let search = search(config);
@@ -84,7 +85,7 @@ fn tuned(config: &Config, threads: usize) -> (Vec<u8>, Tuned) {
 }
 
 /// The training pairs with the noise of the last choice.
-fn shortlist_pairs(config: &Config) -> NoisyPairs<'static> {
+fn shortlist_pairs(config: &RunConfig) -> NoisyPairs<'static> {
     NoisyPairs { pairs: &TOWN.train, seed: config.seed, purpose: Purpose::ShortlistNoise }
 }
 
@@ -122,7 +123,7 @@ fn every_viewpoint_has_its_number_training_pairs_first() {
 #[test]
 fn one_sensor_for_all_threads_finds_what_one_for_each_finds() {
     let config = config(&[]);
-    let model = Model::of(&config);
+    let model = Model::from_config(&config);
     let one = Sensors::opened_by("one", 1, move || {
         Sensor::in_process(&model).map_err(SensorError::client("one"))
     });
@@ -147,7 +148,7 @@ fn every_candidate_is_recorded_under_the_hash_by_which_the_sensor_calls_its_sett
     let config = config(&["tune.generations=2"]);
     let (_, tuned) = tuned(&config, 2);
     let search = search(&config);
-    let mut sensor = Sensor::in_process(&Model::of(&config)).expect("a sensor");
+    let mut sensor = Sensor::in_process(&Model::from_config(&config)).expect("a sensor");
     let candidates: Vec<_> = tuned.generations.iter().flat_map(|g| &g.candidates).collect();
     assert_eq!(candidates.len(), 2 * search.population());
     for candidate in &candidates {
@@ -397,7 +398,7 @@ impl FrontEnd for Spy {
 fn power_width_gain_and_clock_reach_the_front_end_when_committed_and_not_before() {
     let pattern = ScanPattern { columns: 1, rows: 1, ..ScanPattern::default() };
     let sensor = PcSensor::new(Spy::default(), pattern, HARDWARE);
-    let mut client = Client::connect(InProcess(sensor), Patience::default()).expect("a sensor");
+    let mut client = Client::connect(InProcess(sensor), RetryPolicy::default()).expect("a sensor");
     let mut seen = |settings: Option<Settings>| {
         let refused = settings.map(|s| client.configure(&s).is_err());
         client.scan(1).expect("a scan");
@@ -443,7 +444,7 @@ fn other(id: ParameterId) -> f64 {
 fn what_only_the_dsp_needs_leaves_the_front_end_alone() {
     let pattern = ScanPattern { columns: 1, rows: 1, ..ScanPattern::default() };
     let sensor = PcSensor::new(Spy::default(), pattern, HARDWARE);
-    let mut client = Client::connect(InProcess(sensor), Patience::default()).expect("a sensor");
+    let mut client = Client::connect(InProcess(sensor), RetryPolicy::default()).expect("a sensor");
     let mut seen = |settings: &Settings| {
         client.configure(settings).expect("accepted");
         client.scan(1).expect("a scan");

@@ -11,7 +11,7 @@ use echoloop_dsp::{Echo, Hardware, Pipeline, Scratch, Settings};
 use echoloop_frontend::{Analog, FrontEnd, Trigger};
 use echoloop_frontend::{Mode, Precipitation, Receiver, WaveformFrontEnd, Weather, litl};
 use echoloop_frontend::{Return, SceneResponse};
-use echoloop_host::experiment::config::{Config, JitterPer, Motion};
+use echoloop_host::experiment::config::{JitterPer, Motion, RunConfig};
 use echoloop_host::experiment::dataset::{Place, respond, respond_at};
 use echoloop_host::link::sensor::{Model, Sensor, View};
 use echoloop_registration::pose::Pose;
@@ -508,9 +508,9 @@ fn timing_jitter_spreads_ranges_by_half_the_way_that_light_goes_in_it() {
 /// configuration.
 fn scans(text: &str, count: u32) -> Vec<Vec<Option<f64>>> {
     let text = format!("[scanner]\ncolumns = 12\nrows = 32\n{text}");
-    let config: Config = toml::from_str(&text).unwrap();
+    let config: RunConfig = toml::from_str(&text).unwrap();
     config.check().unwrap();
-    let model = Model::of(&config);
+    let model = Model::from_config(&config);
     let beams = model.pattern.beams();
     let scene = Arc::new(SceneResponse {
         beams: (0..=beams).collect(),
@@ -583,8 +583,8 @@ fn place() -> Place {
     }
 }
 
-fn moving(motion: Motion) -> Config {
-    let mut config = Config { motion, ..Config::default() };
+fn moving(motion: Motion) -> RunConfig {
+    let mut config = RunConfig { motion, ..RunConfig::default() };
     (config.scanner.columns, config.scanner.rows) = (60, 8);
     (config.scanner.azimuth_deg, config.scanner.elevation_deg) = (90.0, 20.0);
     config.receiver.subrays = 1;
@@ -593,7 +593,7 @@ fn moving(motion: Motion) -> Config {
 }
 
 /// Points of a scan of the wall, laid out as from one pose: beam, x, y in m.
-fn points(config: &Config, viewpoint: u32) -> Vec<(usize, f64, f64)> {
+fn points(config: &RunConfig, viewpoint: u32) -> Vec<(usize, f64, f64)> {
     let pattern = config.scanner.pattern();
     let directions: Vec<_> = (0..pattern.beams()).map(|beam| pattern.direction(beam)).collect();
     let response = respond_at(config, &place(), &Pose::identity(), viewpoint, &directions);
@@ -634,7 +634,7 @@ fn a_sensor_that_stands_still_scans_as_ever() {
     let plain = moving(Motion::default());
     let pattern = plain.scanner.pattern();
     let directions: Vec<_> = (0..pattern.beams()).map(|beam| pattern.direction(beam)).collect();
-    let scan = |config: &Config| respond(config, &place(), &Pose::identity(), &directions);
+    let scan = |config: &RunConfig| respond(config, &place(), &Pose::identity(), &directions);
     let optics = BeamOptics { divergence_mrad: plain.receiver.divergence_mrad, subrays: 1 };
     let arrays: Vec<[f32; 3]> = directions.iter().map(|&d| d.into()).collect();
     let at_once = Scanner::scan(&place().caster, MATERIALS, &Pose::identity(), &arrays, &optics);
@@ -667,7 +667,7 @@ fn shaking_spreads_the_points_of_a_wall_and_differs_from_scan_to_scan() {
 fn with_every_switch_off_the_codes_are_those_of_the_plain_front_end() {
     use echoloop_frontend::{Exposure, ShotBuffers, before_the_trigger, noise_key, synthesise};
     let returns = [wall(12.0, 0.1), wall(60.0, 0.3)];
-    let receiver = Config::default().front_end();
+    let receiver = RunConfig::default().front_end();
     let mut front_end = WaveformFrontEnd::new(receiver, one_beam(&returns), 5);
     let analog = Analog { pre_trigger: 64, ..ANALOG };
     for frame in 0..50 {

@@ -14,7 +14,7 @@ use echoloop_dsp::{Echo, Flags, Hardware, PRE_TRIGGER, Pipeline, Scratch, Settin
 use echoloop_frontend::{Analog, Trigger};
 use echoloop_frontend::{Exposure, Receiver, ShotBuffers, WaveformFrontEnd, noise_key, synthesise};
 use echoloop_frontend::{Return, SceneResponse};
-use echoloop_host::link::client::{Client, Patience};
+use echoloop_host::link::client::{Client, RetryPolicy};
 use echoloop_host::link::transport::InProcess;
 use echoloop_sensor::afe::delay_fs;
 use echoloop_sim::board::PcSensor;
@@ -512,7 +512,7 @@ fn through_the_link(
         echoloop_dsp::ScanPattern { columns: beams as u16, rows: 1, ..Default::default() };
     let front_end = WaveformFrontEnd::new(Receiver::default(), scene.into(), 3);
     let sensor = PcSensor::new(front_end, pattern, Hardware::REFERENCE);
-    let mut client = Client::connect(InProcess(sensor), Patience::default()).expect("a sensor");
+    let mut client = Client::connect(InProcess(sensor), RetryPolicy::default()).expect("a sensor");
     client.configure(settings).expect("accepted settings");
     let scan = client.scan(1).expect("a scan");
     let error = |echo: &Echo| echo.range_m() * 1e3 - f64::from(wall.range_m) * 1e3;

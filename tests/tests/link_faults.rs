@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use echoloop_dsp::{Hardware, ScanPattern, Settings};
 use echoloop_frontend::SceneResponse;
 use echoloop_frontend::{Receiver, WaveformFrontEnd};
-use echoloop_host::link::client::{Client, ClientError, Patience};
+use echoloop_host::link::client::{Client, ClientError, RetryPolicy};
 use echoloop_host::link::transport::{InProcess, Transport};
 use echoloop_link::{Command, Decoder, Greeting, MAX_FRAME, Nack, decode, encode};
 use echoloop_sensor::store;
@@ -37,13 +37,13 @@ fn active(client: &mut Client<Faulty<InProcess<WaveformFrontEnd>>>) -> Settings 
 
 #[test]
 fn a_bad_line_never_commits_what_was_not_asked_for() {
-    for (rate, patience, at_least) in
+    for (rate, retry_policy, at_least) in
         [(0.01, 8, 499), (0.05, 8, 490), (0.2, 8, 300), (0.05, 1, 180)]
     {
         let mut rng = vectors::rng(11);
         let line = Faulty::new(sensor(), 12);
-        let patience = Patience { timeout: Duration::from_secs(1), tries: patience };
-        let mut client = Client::connect_from(line, patience, 0).unwrap();
+        let retry_policy = RetryPolicy { timeout: Duration::from_secs(1), tries: retry_policy };
+        let mut client = Client::connect_from(line, retry_policy, 0).unwrap();
         client.transport_mut().rates = Rates::all(rate);
         let (mut done, mut reported) = (0, 0);
         let mut before = Settings::default();
@@ -70,7 +70,7 @@ fn a_bad_line_never_commits_what_was_not_asked_for() {
         let harmed = client.transport_mut().harmed;
         println!(
             "rate {rate}, {} tries: {done} done, {reported} reported, {harmed} messages harmed",
-            patience.tries
+            retry_policy.tries
         );
         assert_eq!(done + reported, 500);
         assert!(harmed > 20, "at rate {rate} only {harmed} messages were harmed");
@@ -81,8 +81,8 @@ fn a_bad_line_never_commits_what_was_not_asked_for() {
 #[test]
 fn a_client_that_lost_the_answer_to_its_commit_finds_out_and_goes_on() {
     let line = Faulty::new(sensor(), 1);
-    let patience = Patience { timeout: Duration::from_secs(1), tries: 1 };
-    let mut client = Client::connect_from(line, patience, 0).unwrap();
+    let retry_policy = RetryPolicy { timeout: Duration::from_secs(1), tries: 1 };
+    let mut client = Client::connect_from(line, retry_policy, 0).unwrap();
     let mut lost = 0;
     for step in 0..200 {
         let wanted = Settings { gain_cdb: step, ..Settings::default() };
@@ -98,8 +98,8 @@ fn a_client_that_lost_the_answer_to_its_commit_finds_out_and_goes_on() {
 #[test]
 fn scans_over_a_bad_line_are_whole_or_reported() {
     let line = Faulty::new(sensor(), 3);
-    let patience = Patience { timeout: Duration::from_secs(1), tries: 6 };
-    let mut client = Client::connect_from(line, patience, 0).unwrap();
+    let retry_policy = RetryPolicy { timeout: Duration::from_secs(1), tries: 6 };
+    let mut client = Client::connect_from(line, retry_policy, 0).unwrap();
     let expected = client.scan(1).unwrap();
     client.transport_mut().rates = Rates::all(0.1);
     let mut whole = 0;
@@ -142,23 +142,24 @@ fn programs_that_start_and_fail_on_a_bad_line_leave_no_sensor_behind_that_the_ne
         let mut line = Faulty::new(sensor(), 22);
         line.rates = Rates::all(rate);
         let line = Shared(Rc::new(RefCell::new(line)));
-        let patience = Patience { timeout: Duration::from_secs(1), tries: 8 };
+        let retry_policy = RetryPolicy { timeout: Duration::from_secs(1), tries: 8 };
         let mut before = Settings::default();
         let mut done = 0;
         for frame in 0..400 {
             let wanted =
                 Settings { gain_cdb: rng.random_range(-1_000..=3_000), ..Settings::default() };
             let sequence = rng.random();
-            let configured =
-                Client::connect_from(line.clone(), patience, sequence).and_then(|mut client| {
+            let configured = Client::connect_from(line.clone(), retry_policy, sequence).and_then(
+                |mut client| {
                     if rng.random_bool(0.3) {
                         let _ = client.scan(frame); // may leave a scan open
                     }
                     client.configure(&wanted)
-                });
+                },
+            );
             let rates = std::mem::replace(&mut line.0.borrow_mut().rates, Rates::NONE);
             let mut read =
-                || Client::connect_from(line.clone(), patience, rng.random())?.read_settings();
+                || Client::connect_from(line.clone(), retry_policy, rng.random())?.read_settings();
             // what was held back comes during the first
             let now = read().or_else(|_| read()).unwrap();
             line.0.borrow_mut().rates = rates;
@@ -205,10 +206,10 @@ impl<T: Transport> Transport for Muted<T> {
 
 #[test]
 fn an_answer_lost_in_an_open_scan_does_not_lock_the_sensor() {
-    let patience = Patience { timeout: Duration::from_secs(1), tries: 1 };
+    let retry_policy = RetryPolicy { timeout: Duration::from_secs(1), tries: 1 };
     for answers in 0..6 {
         let line = Muted { inner: wide_sensor(), answers_left: usize::MAX };
-        let mut client = Client::connect_from(line, patience, 0).unwrap();
+        let mut client = Client::connect_from(line, retry_policy, 0).unwrap();
         client.transport_mut().answers_left = 0;
         assert!(matches!(client.scan(1), Err(ClientError::Silent { .. })));
         client.transport_mut().answers_left = answers;
@@ -223,10 +224,10 @@ fn an_answer_lost_in_an_open_scan_does_not_lock_the_sensor() {
 
 #[test]
 fn a_commit_that_a_dead_program_left_pending_is_what_the_next_one_finds() {
-    let patience = Patience { timeout: Duration::from_secs(1), tries: 1 };
+    let retry_policy = RetryPolicy { timeout: Duration::from_secs(1), tries: 1 };
     let line =
         Shared(Rc::new(RefCell::new(Muted { inner: wide_sensor(), answers_left: usize::MAX })));
-    let mut first = Client::connect_from(line.clone(), patience, 0).unwrap();
+    let mut first = Client::connect_from(line.clone(), retry_policy, 0).unwrap();
     let left = Settings { gain_cdb: 1, ..Settings::default() };
     // The program dies in the middle of scan 1, having committed during it.
     let half = [
@@ -245,7 +246,7 @@ fn a_commit_that_a_dead_program_left_pending_is_what_the_next_one_finds() {
             .unwrap();
     }
     while line.clone().receive(&mut [0; 4096], Duration::ZERO).unwrap() > 0 {}
-    let mut second = Client::connect_from(line, patience, 7_000).unwrap();
+    let mut second = Client::connect_from(line, retry_policy, 7_000).unwrap();
     assert_eq!(second.read_settings().unwrap(), left);
     second.configure(&Settings { gain_cdb: 2, ..Settings::default() }).unwrap();
 }
@@ -286,11 +287,11 @@ impl<T: Transport> Transport for Intruder<T> {
 
 #[test]
 fn a_hello_that_comes_late_costs_nothing() {
-    let patience = Patience { timeout: Duration::from_secs(1), tries: 1 };
+    let retry_policy = RetryPolicy { timeout: Duration::from_secs(1), tries: 1 };
     let wanted = Settings { gain_cdb: 7, ..Settings::default() };
     for before in 1..6 {
         let line = Intruder { inner: sensor(), sent: 0, before, first: Vec::new(), frame: None };
-        let mut client = Client::connect_from(line, patience, 0).unwrap();
+        let mut client = Client::connect_from(line, retry_policy, 0).unwrap();
         client.configure(&wanted).unwrap();
         assert_eq!(client.read_settings().unwrap(), wanted, "before message {before}");
         assert_eq!(client.read_counters().unwrap().stale, u32::from(before > 1));
@@ -299,12 +300,12 @@ fn a_hello_that_comes_late_costs_nothing() {
 
 #[test]
 fn a_program_that_begins_just_behind_another_is_heard_all_the_same() {
-    let patience = Patience { timeout: Duration::from_secs(1), tries: 1 };
+    let retry_policy = RetryPolicy { timeout: Duration::from_secs(1), tries: 1 };
     let line = Shared(Rc::new(RefCell::new(sensor())));
     for behind in 0..300 {
-        let mut first = Client::connect_from(line.clone(), patience, 1_000).unwrap();
+        let mut first = Client::connect_from(line.clone(), retry_policy, 1_000).unwrap();
         first.read_counters().unwrap();
-        let mut second = Client::connect_from(line.clone(), patience, 1_003 - behind).unwrap();
+        let mut second = Client::connect_from(line.clone(), retry_policy, 1_003 - behind).unwrap();
         let wanted = Settings { gain_cdb: i32::from(behind), ..Settings::default() };
         second.configure(&wanted).unwrap();
         assert_eq!(second.read_settings().unwrap(), wanted, "{behind} behind");
@@ -313,8 +314,8 @@ fn a_program_that_begins_just_behind_another_is_heard_all_the_same() {
 
 #[test]
 fn a_hello_and_a_forget_that_come_late_do_not_forget_what_was_saved_since() {
-    let patience = Patience { timeout: Duration::from_secs(1), tries: 1 };
-    let mut client = Client::connect_from(sensor(), patience, 0).unwrap(); // hello is number 1
+    let retry_policy = RetryPolicy { timeout: Duration::from_secs(1), tries: 1 };
+    let mut client = Client::connect_from(sensor(), retry_policy, 0).unwrap(); // hello is number 1
     client.forget().unwrap(); // number 3
     client.save().unwrap();
     for (sequence, command) in [(1, Command::Hello(Greeting::OURS)), (3, Command::Forget)] {
@@ -330,7 +331,7 @@ fn a_hello_and_a_forget_that_come_late_do_not_forget_what_was_saved_since() {
 
 #[test]
 fn an_earlier_program_s_late_command_does_not_deafen_the_sensor() {
-    let patience = Patience { timeout: Duration::from_secs(1), tries: 1 };
+    let retry_policy = RetryPolicy { timeout: Duration::from_secs(1), tries: 1 };
     let wanted = Settings { gain_cdb: 7, ..Settings::default() };
     for sequence in [300, 1_000, 40_000, 65_535] {
         for before in 1..4 {
@@ -343,7 +344,7 @@ fn an_earlier_program_s_late_command_does_not_deafen_the_sensor() {
                 first: Vec::new(),
                 frame: Some(frame),
             };
-            let mut client = Client::connect_from(line, patience, 0).unwrap();
+            let mut client = Client::connect_from(line, retry_policy, 0).unwrap();
             client.configure(&wanted).unwrap();
             assert_eq!(
                 client.read_settings().unwrap(),
@@ -357,13 +358,13 @@ fn an_earlier_program_s_late_command_does_not_deafen_the_sensor() {
 
 #[test]
 fn a_late_command_that_could_be_ours_deafens_the_sensor_until_the_next_hello() {
-    let patience = Patience { timeout: Duration::from_secs(1), tries: 2 };
+    let retry_policy = RetryPolicy { timeout: Duration::from_secs(1), tries: 2 };
     let wanted = Settings { gain_cdb: 7, ..Settings::default() };
     for before in 2..4 {
         let frame = encode(100, &Command::ReadCounters, &mut [0; MAX_FRAME]).unwrap().to_vec();
         let line =
             Intruder { inner: sensor(), sent: 0, before, first: Vec::new(), frame: Some(frame) };
-        let mut client = Client::connect_from(line, patience, 0).unwrap();
+        let mut client = Client::connect_from(line, retry_policy, 0).unwrap();
         assert!(matches!(client.configure(&wanted), Err(ClientError::Silent { .. })));
         client.configure(&wanted).unwrap();
         assert_eq!(client.read_settings().unwrap(), wanted, "before message {before}");
@@ -372,9 +373,9 @@ fn a_late_command_that_could_be_ours_deafens_the_sensor_until_the_next_hello() {
 
 #[test]
 fn a_sensor_that_was_switched_off_and_on_says_so_and_is_set_anew() {
-    let patience = Patience { timeout: Duration::from_secs(1), tries: 1 };
+    let retry_policy = RetryPolicy { timeout: Duration::from_secs(1), tries: 1 };
     // Past half of all sequence numbers, which a fresh sensor could take for old ones.
-    let mut client = Client::connect_from(sensor(), patience, 40_000).unwrap();
+    let mut client = Client::connect_from(sensor(), retry_policy, 40_000).unwrap();
     let wanted = Settings { gain_cdb: 7, ..Settings::default() };
     client.configure(&wanted).unwrap();
     *client.transport_mut() = sensor();
@@ -403,9 +404,12 @@ impl Transport for Babble {
 
 #[test]
 fn a_line_that_never_falls_quiet_is_given_up_in_time() {
-    let patience = Patience { timeout: Duration::from_millis(10), tries: 3 };
+    let retry_policy = RetryPolicy { timeout: Duration::from_millis(10), tries: 3 };
     let began = Instant::now();
-    assert!(matches!(Client::connect(Babble, patience), Err(ClientError::Silent { tries: 3, .. })));
+    assert!(matches!(
+        Client::connect(Babble, retry_policy),
+        Err(ClientError::Silent { tries: 3, .. })
+    ));
     assert!(began.elapsed() < Duration::from_secs(5));
 }
 
@@ -429,8 +433,8 @@ fn programs_begin_to_count_at_different_numbers() {
     }
     let seen = Rc::new(RefCell::new(Vec::new()));
     for _ in 0..8 {
-        let patience = Patience { timeout: Duration::ZERO, tries: 1 };
-        assert!(Client::connect(First(Rc::clone(&seen)), patience).is_err());
+        let retry_policy = RetryPolicy { timeout: Duration::ZERO, tries: 1 };
+        assert!(Client::connect(First(Rc::clone(&seen)), retry_policy).is_err());
     }
     seen.borrow_mut().sort_unstable();
     seen.borrow_mut().dedup();

@@ -6,7 +6,7 @@ use std::collections::HashMap;
 use std::time::{Duration, Instant};
 
 use echoloop_dsp::{Hardware, ScanPattern, Settings};
-use echoloop_host::link::client::{Client, ClientError, Patience};
+use echoloop_host::link::client::{Client, ClientError, RetryPolicy};
 use echoloop_host::link::transport::InProcess;
 use echoloop_link::Nack;
 use echoloop_sensor::store;
@@ -20,7 +20,7 @@ use rand_chacha::ChaCha8Rng;
 type Line = Faulty<InProcess<Target>>;
 
 const HARDWARE: Hardware = Hardware::REFERENCE;
-const PATIENCE: Patience = Patience { timeout: Duration::from_secs(1), tries: 8 };
+const RETRY_POLICY: RetryPolicy = RetryPolicy { timeout: Duration::from_secs(1), tries: 8 };
 
 /// Frames to send and answers to get.
 const FRAMES: u64 = 1_000_000;
@@ -68,7 +68,7 @@ impl LinkFuzz {
     fn new(seed: u64, rates: Rates) -> Self {
         let mut line = Faulty::new(sensor(RamNorFlash::default()), seed);
         line.rates = Rates::NONE;
-        let mut client = Client::connect_from(line, PATIENCE, 0).unwrap();
+        let mut client = Client::connect_from(line, RETRY_POLICY, 0).unwrap();
         client.transport_mut().rates = rates;
         let settings = Settings::default();
         Self {
@@ -298,7 +298,7 @@ fn a_million_frames_over_a_bad_line_do_nothing_wrong_and_are_all_answered_or_rep
     let count = &run.count;
     assert!(count.rollbacks > 1_000 && count.starts > 100, "{count:?}");
     assert!(count.done > 1_000 * count.silent, "{count:?}");
-    assert!(tries.len() <= 1 + PATIENCE.tries as usize, "{tries:?}");
+    assert!(tries.len() <= 1 + RETRY_POLICY.tries as usize, "{tries:?}");
     // Nine of ten commands that were harmed are answered by the third repetition: one good frame
     // each way is enough.
     let repeated: u64 = tries[2..].iter().sum();

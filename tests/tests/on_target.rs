@@ -12,8 +12,8 @@ use echoloop_dsp::accumulate::Accumulator;
 use echoloop_dsp::kernel::Scalar;
 use echoloop_dsp::{Echoes, Hardware, Pipeline, ScanPattern, Scratch, Settings};
 use echoloop_frontend::{Analog, FrontEnd, Trigger};
-use echoloop_host::link::client::{Client, Patience};
-use echoloop_host::link::sensor_log;
+use echoloop_host::link::client::{Client, RetryPolicy};
+use echoloop_host::link::defmt_log;
 use echoloop_host::link::transport::{Direction, InProcess, Recording, Transport};
 use echoloop_kernels::process_baseline;
 use echoloop_link::{Command, MAX_FRAME, encode, settings_hash};
@@ -31,7 +31,7 @@ const PATTERN: ScanPattern =
 const BEAMS: usize = 32;
 
 /// An emulator may be kept waiting by everything else that the machine does.
-const PATIENCE: Patience = Patience { timeout: Duration::from_secs(5), tries: 4 };
+const RETRY_POLICY: RetryPolicy = RetryPolicy { timeout: Duration::from_secs(5), tries: 4 };
 
 /// A front end that gives each beam its waveform.
 #[derive(Clone, Default)]
@@ -57,7 +57,7 @@ impl FrontEnd for Waveforms {
 fn start(options: &QemuOptions, hardware: Hardware) -> Client<Qemu<Waveforms>> {
     let front_end = Waveforms { adc_bits: hardware.adc_bits, ..Waveforms::default() };
     let qemu = Qemu::start(options, front_end, PATTERN, hardware).unwrap();
-    Client::connect_from(qemu, PATIENCE, 0).unwrap()
+    Client::connect_from(qemu, RETRY_POLICY, 0).unwrap()
 }
 
 /// Settings, and a waveform for each beam: every kind twice.
@@ -103,7 +103,7 @@ fn every_board_says_of_every_waveform_what_the_pc_says() {
             let front_end = Waveforms { adc_bits: hardware.adc_bits, ..Waveforms::default() };
             let mut pc = Client::connect(
                 InProcess(PcSensor::new(front_end, PATTERN, hardware)),
-                Patience::default(),
+                RetryPolicy::default(),
             )
             .unwrap();
             let mut board = start(&options, hardware);
@@ -169,7 +169,7 @@ fn the_stack_stays_within_the_bound_that_the_image_is_built_with() {
         let mut gdb = Gdb::connect(&socket).unwrap();
         gdb.fill(top - painted, painted as usize, PAINT).unwrap();
         gdb.detach().unwrap();
-        let mut client = Client::connect(qemu.unwrap(), PATIENCE).unwrap();
+        let mut client = Client::connect(qemu.unwrap(), RETRY_POLICY).unwrap();
         for seed in 0..8 {
             let (settings, beams) = case(seed, &Hardware::REFERENCE);
             client.transport_mut().front_end_mut().beams = beams;
@@ -210,7 +210,7 @@ fn a_conversation_with_a_board_said_again_in_process_has_the_same_answers() {
     for options in machines() {
         let front_end = Waveforms { adc_bits: 12, beams: case(1, &Hardware::REFERENCE).1 };
         let qemu = Qemu::start(&options, front_end.clone(), PATTERN, Hardware::REFERENCE).unwrap();
-        let mut client = Client::connect_from(Recording::new(qemu), PATIENCE, 7).unwrap();
+        let mut client = Client::connect_from(Recording::new(qemu), RETRY_POLICY, 7).unwrap();
         talk(&mut client);
         let recorded = client.transport_mut().conversation().clone();
         let pc = InProcess(PcSensor::new(front_end, PATTERN, Hardware::REFERENCE));
@@ -286,8 +286,8 @@ fn a_board_behind_a_bad_line_never_has_settings_that_nobody_asked_for() {
     let Some(options) = machine(Machine::An386) else { return };
     let front_end = Waveforms { adc_bits: 12, ..Waveforms::default() };
     let qemu = Qemu::start(&options, front_end, PATTERN, Hardware::REFERENCE).unwrap();
-    let patience = Patience { timeout: Duration::from_millis(40), tries: 12 };
-    let mut client = Client::connect_from(Faulty::new(qemu, 5), patience, 0).unwrap();
+    let retry_policy = RetryPolicy { timeout: Duration::from_millis(40), tries: 12 };
+    let mut client = Client::connect_from(Faulty::new(qemu, 5), retry_policy, 0).unwrap();
     let mut before = Settings::default();
     let (mut done, mut reported) = (0, 0);
     let mut times = Vec::new();
@@ -329,7 +329,7 @@ fn the_board_s_log_says_which_settings_became_active() {
     let hash = client.configure(&gain(700)).unwrap();
     client.scan(1).unwrap();
     let frames = fs::read(client.transport_mut().log_file()).unwrap();
-    let lines = sensor_log::decode(&fs::read(&options.image).unwrap(), &frames).unwrap();
+    let lines = defmt_log::decode(&fs::read(&options.image).unwrap(), &frames).unwrap();
     assert!(lines[0].contains("echoloop-sensor"), "{lines:?}");
     assert!(
         lines

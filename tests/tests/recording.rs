@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use echoloop_dsp::{Hardware, ScanPattern, Settings};
-use echoloop_host::link::client::{Client, Patience};
+use echoloop_host::link::client::{Client, RetryPolicy};
 use echoloop_host::link::transport::{Conversation, Direction, InProcess, Recording};
 use echoloop_sim::board::PcSensor;
 use echoloop_tests::faults::Target;
@@ -16,8 +16,8 @@ fn sensor() -> InProcess<Target> {
 
 /// Everything that may be said.
 fn talk() -> Conversation {
-    let patience = Patience { timeout: Duration::from_secs(1), tries: 1 };
-    let mut client = Client::connect_from(Recording::new(sensor()), patience, 100).unwrap();
+    let retry_policy = RetryPolicy { timeout: Duration::from_secs(1), tries: 1 };
+    let mut client = Client::connect_from(Recording::new(sensor()), retry_policy, 100).unwrap();
     client.scan(1).unwrap();
     client.configure(&Settings { gain_cdb: 100, ..Settings::default() }).unwrap();
     client.configure_on_trial(&Settings { gain_cdb: 200, ..Settings::default() }, 2).unwrap();

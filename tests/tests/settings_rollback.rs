@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use echoloop_dsp::{Hardware, ScanPattern, Settings};
-use echoloop_host::link::client::{Client, ClientError, Patience};
+use echoloop_host::link::client::{Client, ClientError, RetryPolicy};
 use echoloop_host::link::transport::InProcess;
 use echoloop_sim::board::PcSensor;
 use echoloop_tests::faults::{Faulty, Rates, Target};
@@ -14,8 +14,8 @@ type Host = Client<Faulty<InProcess<Target>>>;
 fn host() -> Host {
     let pattern = ScanPattern { columns: 12, rows: 8, ..ScanPattern::default() };
     let sensor = PcSensor::new(Target::default(), pattern, Hardware::REFERENCE);
-    let patience = Patience { timeout: Duration::from_secs(1), tries: 2 };
-    Client::connect_from(Faulty::new(InProcess(sensor), 1), patience, 0).unwrap()
+    let retry_policy = RetryPolicy { timeout: Duration::from_secs(1), tries: 2 };
+    Client::connect_from(Faulty::new(InProcess(sensor), 1), retry_policy, 0).unwrap()
 }
 
 fn gain(gain_cdb: i32) -> Settings {

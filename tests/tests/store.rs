@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use echoloop_dsp::settings::PARAMETERS;
 use echoloop_dsp::{Hardware, ScanPattern, Settings};
-use echoloop_host::link::client::{Client, ClientError, Patience};
+use echoloop_host::link::client::{Client, ClientError, RetryPolicy};
 use echoloop_host::link::transport::InProcess;
 use echoloop_link::{Nack, SETTINGS_SCHEMA, checksum};
 use echoloop_sensor::store::{MAGIC, RECORD, Saved, StoreError, forget, load, save};
@@ -273,15 +273,15 @@ fn the_widest_settings_fit_a_record() {
 
 fn switch_on(store: RamNorFlash) -> Client<InProcess<Target>> {
     let sensor = PcSensor::with_store(Target::default(), pattern(), HARDWARE, store);
-    Client::connect_from(InProcess(sensor), patience(), 0).unwrap()
+    Client::connect_from(InProcess(sensor), retry_policy(), 0).unwrap()
 }
 
 fn pattern() -> ScanPattern {
     ScanPattern { columns: 2, rows: 2, ..ScanPattern::default() }
 }
 
-fn patience() -> Patience {
-    Patience { timeout: Duration::from_secs(1), tries: 1 }
+fn retry_policy() -> RetryPolicy {
+    RetryPolicy { timeout: Duration::from_secs(1), tries: 1 }
 }
 
 fn switch_off(client: &mut Client<InProcess<Target>>) -> RamNorFlash {

@@ -8,7 +8,7 @@ use echoloop_dsp::settings::PARAMETERS;
 use echoloop_dsp::{
     Echo, Echoes, Flags, Hardware, ParameterId, Reason, Refusal, ScanPattern, Settings,
 };
-use echoloop_host::link::client::{Client, ClientError, Patience};
+use echoloop_host::link::client::{Client, ClientError, RetryPolicy};
 use echoloop_host::link::transport::Transport;
 use echoloop_link::{
     BEAMS_PER_REPORT, Command, Counters, Decoder, FrameError, Greeting, MAX_FRAME, Nack, PROTOCOL,
@@ -613,8 +613,8 @@ fn a_sensor_of_another_version_is_refused_with_both_versions_whatever_follows_it
     let shorter = same[..1 + 14].to_vec();
     for body in [same, longer, shorter] {
         let sensor = Foreign { body: body.clone(), heard: Decoder::new(), said: Vec::new() };
-        let patience = Patience { timeout: Duration::from_millis(10), tries: 2 };
-        let error = Client::connect(sensor, patience).err().unwrap();
+        let retry_policy = RetryPolicy { timeout: Duration::from_millis(10), tries: 2 };
+        let error = Client::connect(sensor, retry_policy).err().unwrap();
         assert!(
             matches!(error, ClientError::Version { theirs: found, .. } if found == theirs),
             "{body:x?}: {error}"

@@ -2,19 +2,19 @@
 //! that an interrupted run goes on as if nothing had been.
 
 mod browser;
-mod desk;
+mod fixture;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use desk::{Desk, SMALL, Said};
+use fixture::{CommandOutput, Fixture, SMALL};
 use serde_json::Value;
 
 #[test]
 fn a_bad_configuration_file_is_refused_with_file_line_and_caret() {
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let table = [
         ("[lidar]\npowr = 3\n", "line 2", "unknown field `powr`"),
         ("sed = 1\n", "line 1", "unknown field `sed`"),
@@ -29,16 +29,16 @@ fn a_bad_configuration_file_is_refused_with_file_line_and_caret() {
         ("seed = \n", "line 1", ""),
     ];
     for (text, line, problem) in table {
-        desk.write("bad.toml", text);
+        fixture.write("bad.toml", text);
         for command in ["tune", "evaluate", "scan", "sensor", "config"] {
-            desk.refuses(&[command, "-c", "bad.toml"], &["bad.toml", line, "^", problem]);
+            fixture.refuses(&[command, "-c", "bad.toml"], &["bad.toml", line, "^", problem]);
         }
     }
 }
 
 #[test]
 fn a_value_that_makes_no_sense_is_refused_by_name_everywhere() {
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let table: [(&str, &[&str]); 25] = [
         ("lidar.powr=1", &["--set lidar.powr=1", "unknown field `powr`"]),
         ("optics.power=1", &["unknown field `optics`"]),
@@ -68,59 +68,61 @@ fn a_value_that_makes_no_sense_is_refused_by_name_everywhere() {
     ];
     for (set, parts) in table {
         for command in ["tune", "evaluate", "scan"] {
-            desk.refuses(&[command, "-c", "small.toml", "--set", set], parts);
+            fixture.refuses(&[command, "-c", "small.toml", "--set", set], parts);
         }
     }
     for command in ["tune", "evaluate"] {
-        desk.refuses(
+        fixture.refuses(
             &[command, "-c", "small.toml", "--set", "registration.voxel_m=-1"],
             &["registration.voxel_m = -1"],
         );
-        desk.refuses(
+        fixture.refuses(
             &[command, "-c", "small.toml", "--set", "registration.voxel_m=nan"],
             &["voxel_m = NaN"],
         );
     }
-    desk.refuses(&["sensor", "--set", "lidar.pulse_width=20"], &["refused", "pulse energy limit"]);
-    desk.refuses(&["scan", "--pose", "0", "0", "nan", "0", "0", "0"], &["--pose", "finite"]);
+    fixture
+        .refuses(&["sensor", "--set", "lidar.pulse_width=20"], &["refused", "pulse energy limit"]);
+    fixture.refuses(&["scan", "--pose", "0", "0", "nan", "0", "0", "0"], &["--pose", "finite"]);
     for flag in ["--generations=-1", "--seed=x", "--method=magic", "--threads=many"] {
-        desk.refuses(&["tune", flag], &[flag.split('=').next().expect("a name")]);
+        fixture.refuses(&["tune", flag], &[flag.split('=').next().expect("a name")]);
     }
-    desk.refuses(&["tune", "--generations", "0"], &["tune.generations = 0"]);
-    desk.refuses(&["tune", "--repair"], &["--resume"]);
-    desk.refuses(&["conjure"], &["conjure"]);
+    fixture.refuses(&["tune", "--generations", "0"], &["tune.generations = 0"]);
+    fixture.refuses(&["tune", "--repair"], &["--resume"]);
+    fixture.refuses(&["conjure"], &["conjure"]);
 }
 
 #[test]
 fn a_higher_energy_limit_lets_a_stronger_pulse_through_and_no_more() {
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let limit =
         ["sensor", "--json", "--set", "emitter.energy_limit_nj=600", "--set", "lidar.power=60"];
     let with = |width: &'static str| [&limit[..], &["--set", width]].concat();
-    let said = desk.succeed(&with("lidar.pulse_width=10")).json();
-    assert_eq!(said["hardware"]["energy_limit_pj"], 600_000);
-    assert_eq!(said["settings"]["pulse_width"], 10.0);
-    desk.refuses(&with("lidar.pulse_width=10.01"), &["pulse energy limit of 600.0 nJ"]);
+    let output = fixture.succeed(&with("lidar.pulse_width=10")).json();
+    assert_eq!(output["hardware"]["energy_limit_pj"], 600_000);
+    assert_eq!(output["settings"]["pulse_width"], 10.0);
+    fixture.refuses(&with("lidar.pulse_width=10.01"), &["pulse energy limit of 600.0 nJ"]);
     let usual = ["sensor", "--set", "lidar.power=60", "--set", "lidar.pulse_width=10"];
-    desk.refuses(&usual, &["pulse energy limit of 400.0 nJ"]);
+    fixture.refuses(&usual, &["pulse energy limit of 400.0 nJ"]);
 }
 
 #[test]
 fn a_configuration_file_that_cannot_be_read_is_named() {
-    let desk = Desk::new();
-    fs::create_dir(desk.path("folder.toml")).expect("a folder");
-    desk.write("noise.toml", [0xff; 40]);
+    let fixture = Fixture::new();
+    fs::create_dir(fixture.path("folder.toml")).expect("a folder");
+    fixture.write("noise.toml", [0xff; 40]);
     for name in ["absent.toml", "folder.toml", "noise.toml"] {
-        desk.refuses(&["tune", "-c", name], &[name]);
+        fixture.refuses(&["tune", "-c", name], &[name]);
     }
 }
 
 #[test]
 fn a_scene_that_is_none_is_refused_by_name() {
-    let desk = Desk::new();
-    fs::create_dir(desk.path("folder.ply")).expect("a folder");
+    let fixture = Fixture::new();
+    fs::create_dir(fixture.path("folder.ply")).expect("a folder");
     let triangle = "v 0 0 0\nv 9 0 0\nv 0 9 0\n";
-    let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+    let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+               property float z\n\
         element face 1\nproperty list uchar int vertex_indices\nend_header\n";
     let header = ply.replace("ascii", "binary_little_endian");
     let files: [(&str, String); 9] = [
@@ -135,9 +137,9 @@ fn a_scene_that_is_none_is_refused_by_name() {
         ("index.obj", format!("{triangle}f 1 2 8\n")),
     ];
     for (name, content) in &files {
-        desk.write(name, content);
+        fixture.write(name, content);
     }
-    desk.write("mesh.stl", "solid\n");
+    fixture.write("mesh.stl", "solid\n");
     let names = files.iter().map(|(name, _)| *name).chain([
         "absent.ply",
         "folder.ply",
@@ -146,16 +148,16 @@ fn a_scene_that_is_none_is_refused_by_name() {
     ]);
     for name in names {
         for command in ["tune", "evaluate", "scan"] {
-            desk.refuses(&[command, "-c", "small.toml", "--scene", name], &[name]);
+            fixture.refuses(&[command, "-c", "small.toml", "--scene", name], &[name]);
         }
     }
-    desk.refuses(
+    fixture.refuses(
         &["scan", "-c", "small.toml", "--set", "scene.ground=lawn"],
         &["scene.ground", "lawn"],
     );
     // A shape from which nothing can be seen: nowhere to stand.
-    desk.write("speck.obj", "v 0 0 0\nv 0.01 0 0\nv 0 0.01 0\nf 1 2 3\n");
-    desk.refuses(
+    fixture.write("speck.obj", "v 0 0 0\nv 0.01 0 0\nv 0 0.01 0\nf 1 2 3\n");
+    fixture.refuses(
         &["tune", "-c", "small.toml", "--scene", "speck.obj"],
         &["speck", "no viable viewpoint"],
     );
@@ -163,12 +165,14 @@ fn a_scene_that_is_none_is_refused_by_name() {
 
 #[test]
 fn a_cloud_that_is_none_is_refused_by_name() {
-    let desk = Desk::new();
-    desk.write("good.xyz", "0 0 1\n1 0 1\n0 1 1\n");
-    fs::create_dir(desk.path("folder.ply")).expect("a folder");
-    let ply = "ply\nformat binary_little_endian 1.0\nelement vertex 99\nproperty float x\nproperty float y\n\
+    let fixture = Fixture::new();
+    fixture.write("good.xyz", "0 0 1\n1 0 1\n0 1 1\n");
+    fs::create_dir(fixture.path("folder.ply")).expect("a folder");
+    let ply = "ply\nformat binary_little_endian 1.0\nelement vertex 99\nproperty float x\n\
+               property float y\n\
         property float z\nend_header\n1234";
-    let pcd = "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 9\nHEIGHT 1\nPOINTS 9\nDATA binary\n12";
+    let pcd = "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 9\nHEIGHT 1\n\
+               POINTS 9\nDATA binary\n12";
     let files: [(&str, &[u8]); 11] = [
         ("empty.ply", b""),
         ("empty.xyz", b""),
@@ -183,11 +187,11 @@ fn a_cloud_that_is_none_is_refused_by_name() {
         ("cloud.las", b"LASF"),
     ];
     for (name, content) in files {
-        desk.write(name, content);
+        fixture.write(name, content);
     }
     for (name, _) in files.into_iter().chain([("absent.ply", &b""[..]), ("folder.ply", b"")]) {
-        desk.refuses(&["register", "good.xyz", name], &[name]);
-        desk.refuses(&["register", name, "good.xyz"], &[name]);
+        fixture.refuses(&["register", "good.xyz", name], &[name]);
+        fixture.refuses(&["register", name, "good.xyz"], &[name]);
     }
     let flags = [
         ("--voxel-m", "0"),
@@ -199,13 +203,13 @@ fn a_cloud_that_is_none_is_refused_by_name() {
     ];
     for (flag, value) in flags {
         let option = format!("{flag}={value}");
-        desk.refuses(
+        fixture.refuses(
             &["register", "good.xyz", "good.xyz", &option],
             &[&flag[2..].replace('-', "_")],
         );
     }
-    desk.write("matrix.txt", "1 0 0 0\n0 1 0 0\n");
-    desk.refuses(
+    fixture.write("matrix.txt", "1 0 0 0\n0 1 0 0\n");
+    fixture.refuses(
         &["register", "good.xyz", "good.xyz", "--initial", "matrix.txt"],
         &["matrix.txt", "4×4"],
     );
@@ -215,35 +219,35 @@ fn a_cloud_that_is_none_is_refused_by_name() {
 #[cfg(unix)]
 fn a_file_without_permission_is_refused_by_name() {
     use std::os::unix::fs::PermissionsExt;
-    let desk = Desk::new();
-    desk.write("locked.xyz", "0 0 1\n");
-    fs::set_permissions(desk.path("locked.xyz"), fs::Permissions::from_mode(0o000))
+    let fixture = Fixture::new();
+    fixture.write("locked.xyz", "0 0 1\n");
+    fs::set_permissions(fixture.path("locked.xyz"), fs::Permissions::from_mode(0o000))
         .expect("permissions");
-    if fs::read(desk.path("locked.xyz")).is_ok() {
+    if fs::read(fixture.path("locked.xyz")).is_ok() {
         eprintln!("SKIPPED: this user may read everything");
         return;
     }
-    let said = desk.run(&["register", "locked.xyz", "locked.xyz"]);
-    assert_eq!(said.code, Some(2));
-    assert!(said.err.contains("locked.xyz"), "{}", said.err);
+    let output = fixture.run(&["register", "locked.xyz", "locked.xyz"]);
+    assert_eq!(output.code, Some(2));
+    assert!(output.stderr.contains("locked.xyz"), "{}", output.stderr);
 }
 
 #[test]
 fn an_output_that_cannot_be_written_is_refused_by_name() {
-    let desk = Desk::new();
-    desk.write("file", "kept");
-    desk.refuses(&["tune", "-q", "-c", "small.toml", "--runs", "file/below"], &["file/below"]);
-    desk.refuses(&["tune", "-q", "-c", "small.toml", "--runs", "file"], &["file"]);
-    desk.refuses(
+    let fixture = Fixture::new();
+    fixture.write("file", "kept");
+    fixture.refuses(&["tune", "-q", "-c", "small.toml", "--runs", "file/below"], &["file/below"]);
+    fixture.refuses(&["tune", "-q", "-c", "small.toml", "--runs", "file"], &["file"]);
+    fixture.refuses(
         &["scan", "-c", "small.toml", "-o", "file/below/cloud.ply"],
         &["file/below/cloud.ply"],
     );
-    desk.refuses(&["scan", "-c", "small.toml", "-o", "absent/cloud.ply"], &["absent/cloud.ply"]);
+    fixture.refuses(&["scan", "-c", "small.toml", "-o", "absent/cloud.ply"], &["absent/cloud.ply"]);
 }
 
 #[test]
 fn a_candidate_that_is_none_is_refused_by_name() {
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let table = [
         (r#"{"parameters": {"lidar.powr": 50}}"#, "unknown parameter `lidar.powr`"),
         (r#"{"parameters": {"voxel_m": 1}}"#, "unknown parameter `voxel_m`"),
@@ -273,20 +277,21 @@ fn a_candidate_that_is_none_is_refused_by_name() {
         ("", "bad.json"),
     ];
     for (text, problem) in table {
-        desk.write("bad.json", text);
-        desk.refuses(
+        fixture.write("bad.json", text);
+        fixture.refuses(
             &["evaluate", "-q", "-c", "small.toml", "--candidate", "bad.json"],
             &[problem],
         );
     }
-    desk.refuses(&["evaluate", "-c", "small.toml", "--candidate", "absent.json"], &["absent.json"]);
+    fixture
+        .refuses(&["evaluate", "-c", "small.toml", "--candidate", "absent.json"], &["absent.json"]);
 }
 
 #[test]
 fn a_run_leaves_everything_to_look_at_and_repeats_itself() {
-    let desk = Desk::new();
-    let said = desk.tune(&["--threads", "2"]);
-    assert!(said.err.is_empty(), "quiet: {}", said.err);
+    let fixture = Fixture::new();
+    let output = fixture.tune(&["--threads", "2"]);
+    assert!(output.stderr.is_empty(), "quiet: {}", output.stderr);
     let folder = "runs/0001-yard-icp-joint";
     let names = [
         "config.toml",
@@ -298,9 +303,9 @@ fn a_run_leaves_everything_to_look_at_and_repeats_itself() {
         "after.ply",
     ];
     for name in names {
-        assert!(desk.bytes(&format!("{folder}/{name}")).len() > 100, "{name}");
+        assert!(fixture.bytes(&format!("{folder}/{name}")).len() > 100, "{name}");
     }
-    let mut found: Vec<_> = fs::read_dir(desk.path(folder))
+    let mut found: Vec<_> = fs::read_dir(fixture.path(folder))
         .expect("a folder")
         .map(|e| e.expect("entry").file_name())
         .collect();
@@ -310,37 +315,40 @@ fn a_run_leaves_everything_to_look_at_and_repeats_itself() {
     assert_eq!(found, expected, "and nothing else");
     #[cfg(unix)]
     assert_eq!(
-        fs::read_link(desk.path("runs/latest")).expect("a link"),
+        fs::read_link(fixture.path("runs/latest")).expect("a link"),
         Path::new("0001-yard-icp-joint")
     );
 
     let config = format!("{folder}/config.toml");
-    desk.succeed(&["tune", "-q", "--threads", "1", "--config", &config]);
+    fixture.succeed(&["tune", "-q", "--threads", "1", "--config", &config]);
     for name in
         ["config.toml", "history.jsonl", "result.json", "report.html", "before.ply", "after.ply"]
     {
-        let again = desk.bytes(&format!("runs/0002-yard-icp-joint/{name}"));
-        assert!(again == desk.bytes(&format!("{folder}/{name}")), "{name} differs on one thread");
+        let again = fixture.bytes(&format!("runs/0002-yard-icp-joint/{name}"));
+        assert!(
+            again == fixture.bytes(&format!("{folder}/{name}")),
+            "{name} differs on one thread"
+        );
     }
 
-    let judged = desk.succeed(&["evaluate", "-q", "--json", "--run", folder]).json();
+    let judged = fixture.succeed(&["evaluate", "-q", "--json", "--run", folder]).json();
     let result: Value =
-        serde_json::from_str(&desk.read(&format!("{folder}/result.json"))).expect("JSON");
+        serde_json::from_str(&fixture.read(&format!("{folder}/result.json"))).expect("JSON");
     assert_eq!(
         judged["summary"], result["tuned_summary"],
         "the tuned parameters are worth what the run said"
     );
     assert_eq!(judged["parameters"], result["tuned"]);
 
-    let resumed = desk.succeed(&["tune", "-q", "--json", "--resume", folder]);
+    let resumed = fixture.succeed(&["tune", "-q", "--json", "--resume", folder]);
     assert_eq!(resumed.json(), result, "resuming a finished run says the same again");
-    look_at(&desk.read(&format!("{folder}/report.html")));
+    look_at(&fixture.read(&format!("{folder}/report.html")));
 }
 
 #[test]
 fn a_search_of_all_fifteen_is_shown_with_the_names_of_choices_and_the_value_of_what_follows() {
-    let desk = Desk::new();
-    let said = desk.tune(&[
+    let fixture = Fixture::new();
+    let output = fixture.tune(&[
         "--set",
         "tune.protocol=lidar",
         "--set",
@@ -348,15 +356,16 @@ fn a_search_of_all_fifteen_is_shown_with_the_names_of_choices_and_the_value_of_w
         "--generations",
         "1",
     ]);
-    let line =
-        |name: &str| said.out.lines().find(|line| line.starts_with(name)).expect(name).to_owned();
-    assert!(!said.out.contains("NaN"), "{}", said.out);
+    let line = |name: &str| {
+        output.stdout.lines().find(|line| line.starts_with(name)).expect(name).to_owned()
+    };
+    assert!(!output.stdout.contains("NaN"), "{}", output.stdout);
     let separation = line("lidar.min_separation");
     assert!(
         separation.contains(" 0.8540 "),
         "1.14 of half the way that light goes in 5 ns: {separation}"
     );
-    let report = desk.read("runs/latest/report.html");
+    let report = fixture.read("runs/latest/report.html");
     for (name, default, range) in [
         ("lidar.denoise", "matched", "none, gaussian, matched"),
         ("lidar.timing", "walk-corrected", "rising-edge, parabola, cfd, walk-corrected"),
@@ -369,11 +378,12 @@ fn a_search_of_all_fifteen_is_shown_with_the_names_of_choices_and_the_value_of_w
         );
     }
     assert!(report.contains("<th scope=\"row\">lidar.min_separation</th><td>0.854</td>"));
-    let readme = desk.read("runs/latest/README.txt");
+    let readme = fixture.read("runs/latest/README.txt");
     for parameter in &echoloop_dsp::PARAMETERS {
         assert!(readme.contains(&format!("lidar.{} ", parameter.name)), "{}", parameter.name);
     }
-    let result: Value = serde_json::from_str(&desk.read("runs/latest/result.json")).expect("JSON");
+    let result: Value =
+        serde_json::from_str(&fixture.read("runs/latest/result.json")).expect("JSON");
     assert_eq!(result["default"]["lidar.denoise"], 2.0);
 }
 
@@ -388,9 +398,14 @@ fn look_at(html: &str) {
 
 #[test]
 fn a_flag_left_out_never_wipes_a_configured_value() {
-    let desk = Desk::new();
-    desk.write("five.toml", "seed = 9\n[tune]\ngenerations = 5\npopulation = 7\nprotocol = \"lidar\"\n[scene]\nsource = \"unstructured\"\n[registration]\npreset = \"paper\"\n");
-    let config = desk.succeed(&["config", "--json", "-c", "five.toml"]).json();
+    let fixture = Fixture::new();
+    fixture.write(
+        "five.toml",
+        "seed = 9\n[tune]\ngenerations = 5\npopulation = 7\n\
+        protocol = \"lidar\"\n[scene]\nsource = \"unstructured\"\n[registration]\n\
+        preset = \"paper\"\n",
+    );
+    let config = fixture.succeed(&["config", "--json", "-c", "five.toml"]).json();
     let tune = &config["tune"];
     assert_eq!(
         (&config["seed"], &tune["generations"], &tune["population"]),
@@ -403,33 +418,33 @@ fn a_flag_left_out_never_wipes_a_configured_value() {
     assert_eq!(config["registration"]["preset"], "paper");
     let sets = ["--set", "tune.generations=6", "--seed", "10"];
     let config =
-        desk.succeed(&[&["config", "--json", "-c", "five.toml"], &sets[..]].concat()).json();
+        fixture.succeed(&[&["config", "--json", "-c", "five.toml"], &sets[..]].concat()).json();
     assert_eq!((&config["seed"], &config["tune"]["generations"]), (&10.into(), &6.into()));
 
-    desk.write(
+    fixture.write(
         "two.toml",
         SMALL.replace("generations = 3", "generations = 2\nprotocol = \"registration\""),
     );
-    desk.succeed(&["tune", "-q", "-c", "two.toml"]);
+    fixture.succeed(&["tune", "-q", "-c", "two.toml"]);
     let result: Value =
-        serde_json::from_str(&desk.read("runs/0001-yard-icp-registration/result.json"))
+        serde_json::from_str(&fixture.read("runs/0001-yard-icp-registration/result.json"))
             .expect("JSON");
     assert_eq!((&result["generations"], &result["protocol"]), (&2.into(), &"registration".into()));
 }
 
 #[test]
 fn the_recall_asked_for_decides_the_exit_code() {
-    let desk = Desk::new();
-    let said = desk.run(&["evaluate", "-q", "-c", "small.toml", "--require-recall", "101"]);
-    assert_eq!(said.code, Some(4), "{}", said.err);
-    assert!(said.err.contains("below the 101 % asked"), "{}", said.err);
-    desk.succeed(&["evaluate", "-q", "-c", "small.toml", "--require-recall", "0"]);
+    let fixture = Fixture::new();
+    let output = fixture.run(&["evaluate", "-q", "-c", "small.toml", "--require-recall", "101"]);
+    assert_eq!(output.code, Some(4), "{}", output.stderr);
+    assert!(output.stderr.contains("below the 101 % asked"), "{}", output.stderr);
+    fixture.succeed(&["evaluate", "-q", "-c", "small.toml", "--require-recall", "0"]);
 }
 
 #[test]
 fn a_candidate_comes_from_standard_input_too() {
-    let desk = Desk::new();
-    let mut child = desk
+    let fixture = Fixture::new();
+    let mut child = fixture
         .command(&["evaluate", "-q", "--json", "-c", "small.toml", "--candidate", "-"])
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
@@ -443,80 +458,92 @@ fn a_candidate_comes_from_standard_input_too() {
     )
     .expect("written");
     drop(stdin);
-    let said = Said::of(child.wait_with_output().expect("it ends"));
-    assert_eq!(said.code, Some(0), "{}", said.err);
-    assert_eq!(said.json()["parameters"]["lidar.power"], 50.0);
-    assert_eq!(said.json()["parameters"]["lidar.gain"], 1.5);
+    let output = CommandOutput::from_output(child.wait_with_output().expect("it ends"));
+    assert_eq!(output.code, Some(0), "{}", output.stderr);
+    assert_eq!(output.json()["parameters"]["lidar.power"], 50.0);
+    assert_eq!(output.json()["parameters"]["lidar.gain"], 1.5);
     assert_eq!(
-        said.json()["parameters"]["lidar.timing"],
+        output.json()["parameters"]["lidar.timing"],
         f64::from(echoloop_dsp::settings::TIMING_CFD)
     );
 }
 
 #[test]
 fn progress_on_a_pipe_is_plain_lines_and_quiet_is_silent() {
-    let desk = Desk::new();
-    let said = desk.succeed(&["tune", "-c", "small.toml", "--generations", "1"]);
-    assert!(said.err.contains("generation  1/1"), "{}", said.err);
-    assert!(!said.err.contains('\u{1b}') && !said.err.contains('\r'), "{:?}", said.err);
-    assert!(!said.out.contains('\u{1b}') && said.out.contains("recall"), "{:?}", said.out);
+    let fixture = Fixture::new();
+    let output = fixture.succeed(&["tune", "-c", "small.toml", "--generations", "1"]);
+    assert!(output.stderr.contains("generation  1/1"), "{}", output.stderr);
+    assert!(
+        !output.stderr.contains('\u{1b}') && !output.stderr.contains('\r'),
+        "{:?}",
+        output.stderr
+    );
+    assert!(
+        !output.stdout.contains('\u{1b}') && output.stdout.contains("recall"),
+        "{:?}",
+        output.stdout
+    );
     for arguments in
         [&["scan", "-q", "-c", "small.toml"][..], &["evaluate", "-q", "-c", "small.toml"]]
     {
-        assert_eq!(desk.succeed(arguments).err, "", "{arguments:?}");
+        assert_eq!(fixture.succeed(arguments).stderr, "", "{arguments:?}");
     }
 }
 
 #[test]
 fn help_names_units_and_completions_exist_for_every_shell() {
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     for shell in ["bash", "zsh", "fish"] {
-        let script = desk.succeed(&["completions", shell]).out;
+        let script = fixture.succeed(&["completions", shell]).stdout;
         assert!(
             script.contains("echoloop") && script.contains("register") && script.len() > 1000,
             "{shell}"
         );
     }
-    desk.refuses(&["completions", "tcsh-ish"], &["tcsh-ish"]);
-    let register = desk.succeed(&["register", "--help"]).out;
+    fixture.refuses(&["completions", "tcsh-ish"], &["tcsh-ish"]);
+    let register = fixture.succeed(&["register", "--help"]).stdout;
     for part in ["m, above 0", "3 to 1000", "target_from_source"] {
         assert!(register.contains(part), "{part}: {register}");
     }
-    let echoes =
-        desk.succeed(&["echoes", "--help"]).out.split_whitespace().collect::<Vec<_>>().join(" ");
+    let echoes = fixture
+        .succeed(&["echoes", "--help"])
+        .stdout
+        .split_whitespace()
+        .collect::<Vec<_>>()
+        .join(" ");
     assert!(echoes.contains("Print a JSON document a waveform, each a line,"), "{echoes}");
     assert!(!echoes.contains("one JSON document"), "{echoes}");
-    let scan = desk.succeed(&["scan", "--help"]).out;
+    let scan = fixture.succeed(&["scan", "--help"]).stdout;
     assert!(scan.contains("Print one JSON document"), "{scan}");
     assert!(scan.contains("in m") && scan.contains("degrees"), "{scan}");
-    assert!(desk.succeed(&["tune", "--help"]).out.contains("percent"));
-    let help = desk.succeed(&["--help"]).out;
+    assert!(fixture.succeed(&["tune", "--help"]).stdout.contains("percent"));
+    let help = fixture.succeed(&["--help"]).stdout;
     assert!(help.contains("Exit codes") && help.contains("130"), "{help}");
-    assert!(desk.succeed(&["--version"]).out.starts_with("echoloop "));
+    assert!(fixture.succeed(&["--version"]).stdout.starts_with("echoloop "));
 }
 
 #[test]
 #[cfg(unix)]
 fn a_reader_that_leaves_early_ends_the_command_quietly() {
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     for arguments in
         [&["completions", "bash"][..], &["config", "--parameters"], &["scan", "-c", "small.toml"]]
     {
-        let mut command = desk.command(arguments);
+        let mut command = fixture.command(arguments);
         let mut child =
             command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("echoloop starts");
         drop(child.stdout.take());
-        let said = Said::of(child.wait_with_output().expect("it ends"));
-        assert!(!said.err.contains("panicked"), "{arguments:?}: {}", said.err);
-        assert!(matches!(said.code, Some(0 | 141)), "{arguments:?}: {:?}", said.code);
+        let output = CommandOutput::from_output(child.wait_with_output().expect("it ends"));
+        assert!(!output.stderr.contains("panicked"), "{arguments:?}: {}", output.stderr);
+        assert!(matches!(output.code, Some(0 | 141)), "{arguments:?}: {:?}", output.code);
     }
 }
 
 #[test]
 #[cfg(target_os = "linux")]
 fn output_that_cannot_be_written_is_a_failure_with_a_message() {
-    let desk = Desk::new();
-    desk.write("waves.csv", "0,0,0,0,9,40,9,0,0,0,0,0\n");
+    let fixture = Fixture::new();
+    fixture.write("waves.csv", "0,0,0,0,9,40,9,0,0,0,0,0\n");
     let waves = ["echoes", "waves.csv", "--sample-ns", "1"];
     let waves_json = [&waves[..], &["--json"]].concat();
     let table: [&[&str]; 6] = [
@@ -529,24 +556,24 @@ fn output_that_cannot_be_written_is_a_failure_with_a_message() {
     ];
     for arguments in table {
         let full = fs::OpenOptions::new().write(true).open("/dev/full").expect("a full disk");
-        let mut command = desk.command(arguments);
+        let mut command = fixture.command(arguments);
         let child = command.stdout(full).stderr(Stdio::piped()).spawn().expect("echoloop starts");
-        let said = Said::of(child.wait_with_output().expect("it ends"));
-        assert_eq!(said.code, Some(1), "{arguments:?}: {}", said.err);
+        let output = CommandOutput::from_output(child.wait_with_output().expect("it ends"));
+        assert_eq!(output.code, Some(1), "{arguments:?}: {}", output.stderr);
         assert!(
-            said.err.starts_with("error: cannot write to standard output: "),
+            output.stderr.starts_with("error: cannot write to standard output: "),
             "{arguments:?}: {}",
-            said.err
+            output.stderr
         );
-        assert_eq!(said.err.lines().count(), 1, "{arguments:?}: {}", said.err);
+        assert_eq!(output.stderr.lines().count(), 1, "{arguments:?}: {}", output.stderr);
     }
 }
 
 #[test]
 fn every_parameter_is_listed_with_its_unit_and_range() {
-    let desk = Desk::new();
-    let listed = desk.succeed(&["config", "--parameters"]).out;
-    let json = desk.succeed(&["config", "--parameters", "--json"]).json();
+    let fixture = Fixture::new();
+    let listed = fixture.succeed(&["config", "--parameters"]).stdout;
+    let json = fixture.succeed(&["config", "--parameters", "--json"]).json();
     let names: Vec<&str> =
         json.as_array().expect("a list").iter().filter_map(|p| p["name"].as_str()).collect();
     assert_eq!(names.len(), echoloop_dsp::PARAMETERS.len() + 5);
@@ -567,22 +594,22 @@ fn every_parameter_is_listed_with_its_unit_and_range() {
         );
     }
     // What the sensor accepted is what was set, as the sensor reads it back.
-    let sensor = desk.succeed(&["sensor", "--json", "--set", "lidar.power=33.33"]).json();
+    let sensor = fixture.succeed(&["sensor", "--json", "--set", "lidar.power=33.33"]).json();
     assert_eq!(sensor["settings"]["power"], 33.33);
 }
 
 #[test]
 fn a_scan_writes_a_cloud_that_reads_back() {
-    let desk = Desk::new();
-    let said = desk.succeed(&["scan", "--json", "-c", "small.toml", "-o", "cloud.ply"]).json();
+    let fixture = Fixture::new();
+    let output = fixture.succeed(&["scan", "--json", "-c", "small.toml", "-o", "cloud.ply"]).json();
     let (cloud, _) =
-        echoloop_registration::cloud::read_cloud(&desk.path("cloud.ply")).expect("a cloud");
-    assert_eq!(said["points"], cloud.points.len());
+        echoloop_registration::cloud::read_cloud(&fixture.path("cloud.ply")).expect("a cloud");
+    assert_eq!(output["points"], cloud.points.len());
     assert!(cloud.points.len() > 300, "{}", cloud.points.len());
 }
 
 /// A bumpy ground with walls, and the same points seen from a sensor moved by a known motion.
-fn synthetic_pair(desk: &Desk) -> nalgebra::Isometry3<f64> {
+fn synthetic_pair(fixture: &Fixture) -> nalgebra::Isometry3<f64> {
     use nalgebra::{Isometry3, Point3, Vector3};
     let truth = Isometry3::new(Vector3::new(0.3, -0.2, 0.05), Vector3::new(0.01, -0.005, 0.04));
     let mut points = Vec::new();
@@ -600,9 +627,9 @@ fn synthetic_pair(desk: &Desk) -> nalgebra::Isometry3<f64> {
     let text = |points: &[Point3<f64>]| {
         points.iter().map(|p| format!("{} {} {}\n", p.x, p.y, p.z)).collect::<String>()
     };
-    desk.write("target.xyz", text(&points));
+    fixture.write("target.xyz", text(&points));
     let source: Vec<_> = points.iter().map(|p| truth.inverse() * p).collect();
-    desk.write("source.xyz", text(&source));
+    fixture.write("source.xyz", text(&source));
     truth
 }
 
@@ -620,9 +647,10 @@ fn motion(document: &Value) -> nalgebra::Isometry3<f64> {
 
 #[test]
 fn register_recovers_a_known_motion_and_prints_the_documented_keys() {
-    let desk = Desk::new();
-    let truth = synthetic_pair(&desk);
-    let document = desk.succeed(&["register", "-q", "--json", "target.xyz", "source.xyz"]).json();
+    let fixture = Fixture::new();
+    let truth = synthetic_pair(&fixture);
+    let document =
+        fixture.succeed(&["register", "-q", "--json", "target.xyz", "source.xyz"]).json();
     let keys: Vec<&String> = document.as_object().expect("an object").keys().collect();
     let expected = [
         "target_from_source",
@@ -671,24 +699,24 @@ fn register_recovers_a_known_motion_and_prints_the_documented_keys() {
     );
     assert!(echoloop_registration::pose::rotation_error_deg(&estimate, &truth) < 0.1, "{estimate}");
 
-    let text = desk.succeed(&["register", "target.xyz", "source.xyz"]).out;
+    let text = fixture.succeed(&["register", "target.xyz", "source.xyz"]).stdout;
     assert!(text.starts_with("target_from_source\n") && text.contains("pairs"), "{text}");
-    desk.write(
+    fixture.write(
         "initial.txt",
         echoloop_registration::pose::to_rows(&truth).map(|v| v.to_string()).join(" "),
     );
-    desk.succeed(&["register", "-q", "target.xyz", "source.xyz", "--initial", "initial.txt"]);
+    fixture.succeed(&["register", "-q", "target.xyz", "source.xyz", "--initial", "initial.txt"]);
 }
 
 #[test]
 fn a_registration_that_fails_exits_with_one_and_says_why() {
-    let desk = Desk::new();
-    synthetic_pair(&desk);
-    desk.write("far.xyz", "900 0 0\n901 0 0\n900 1 0\n900 0 1\n");
-    let said = desk.run(&["register", "--json", "target.xyz", "far.xyz"]);
-    assert_eq!(said.code, Some(1), "{}", said.err);
-    assert!(said.err.contains("not registered: too few pairs"), "{}", said.err);
-    assert_eq!(said.json()["stop"], "TooFewPairs");
+    let fixture = Fixture::new();
+    synthetic_pair(&fixture);
+    fixture.write("far.xyz", "900 0 0\n901 0 0\n900 1 0\n900 0 1\n");
+    let output = fixture.run(&["register", "--json", "target.xyz", "far.xyz"]);
+    assert_eq!(output.code, Some(1), "{}", output.stderr);
+    assert!(output.stderr.contains("not registered: too few pairs"), "{}", output.stderr);
+    assert_eq!(output.json()["stop"], "TooFewPairs");
 }
 
 /// A file of the public data, when there is a folder of it.
@@ -705,10 +733,10 @@ fn data(name: &str) -> Option<PathBuf> {
 #[test]
 fn register_agrees_with_the_published_motion_of_a_real_pair() {
     let Some(folder) = data("pair_small_gicp") else { return };
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let [target, source] =
         ["target.ply", "source.ply"].map(|n| folder.join(n).to_string_lossy().into_owned());
-    let document = desk.succeed(&["register", "-q", "--json", &target, &source]).json();
+    let document = fixture.succeed(&["register", "-q", "--json", &target, &source]).json();
     let truth = echoloop_registration::pose::read_pose(&folder.join("T_target_source.txt"))
         .expect("a pose");
     let estimate = motion(&document);
@@ -722,9 +750,9 @@ fn register_agrees_with_the_published_motion_of_a_real_pair() {
 #[test]
 fn a_real_city_can_be_tuned_in() {
     let Some(mesh) = data("city_ingolstadt/ingolstadt_north.ply") else { return };
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let mesh = mesh.to_string_lossy();
-    desk.tune(&[
+    fixture.tune(&[
         "--scene",
         &mesh,
         "--generations",
@@ -734,46 +762,47 @@ fn a_real_city_can_be_tuned_in() {
         "--set",
         "data.test_pairs=1",
     ]);
-    assert!(desk.path("runs/0001-ingolstadt_north-icp-joint/result.json").exists());
+    assert!(fixture.path("runs/0001-ingolstadt_north-icp-joint/result.json").exists());
 }
 
 #[test]
 fn a_damaged_journal_is_kept_until_repair_which_finishes_the_run() {
-    let desk = Desk::new();
-    desk.tune(&[]);
+    let fixture = Fixture::new();
+    fixture.tune(&[]);
     let folder = "runs/0001-yard-icp-joint";
     let [history, result] = ["history.jsonl", "result.json"].map(|name| format!("{folder}/{name}"));
-    let (whole, finished) = (desk.read(&history), desk.read(&result));
+    let (whole, finished) = (fixture.read(&history), fixture.read(&result));
     let cut = &whole[..whole.len() - 100];
-    desk.write(&history, cut);
-    fs::remove_file(desk.path(&result)).expect("removed");
-    desk.refuses(&["tune", "--resume", folder], &["history.jsonl: line 4 is cut off", "--repair"]);
-    desk.succeed(&["tune", "-q", "--resume", folder, "--repair"]);
+    fixture.write(&history, cut);
+    fs::remove_file(fixture.path(&result)).expect("removed");
+    fixture
+        .refuses(&["tune", "--resume", folder], &["history.jsonl: line 4 is cut off", "--repair"]);
+    fixture.succeed(&["tune", "-q", "--resume", folder, "--repair"]);
     assert!(
-        desk.read(&history) == whole && desk.read(&result) == finished,
+        fixture.read(&history) == whole && fixture.read(&result) == finished,
         "the repaired run is the whole one"
     );
-    assert_eq!(desk.read(&format!("{folder}/history.jsonl.damaged")), cut);
+    assert_eq!(fixture.read(&format!("{folder}/history.jsonl.damaged")), cut);
 
     // A second damage does not cost the copy of the first.
     let cut_again = &whole[..whole.len() - 50];
-    desk.write(&history, cut_again);
-    desk.succeed(&["tune", "-q", "--resume", folder, "--repair"]);
-    assert_eq!(desk.read(&format!("{folder}/history.jsonl.damaged")), cut, "the first copy");
+    fixture.write(&history, cut_again);
+    fixture.succeed(&["tune", "-q", "--resume", folder, "--repair"]);
+    assert_eq!(fixture.read(&format!("{folder}/history.jsonl.damaged")), cut, "the first copy");
 
     let garbled: String = whole
         .lines()
         .enumerate()
         .map(|(i, l)| if i == 2 { "{}\n".into() } else { format!("{l}\n") })
         .collect();
-    desk.write(&history, &garbled);
-    desk.refuses(
+    fixture.write(&history, &garbled);
+    fixture.refuses(
         &["tune", "--resume", folder],
         &["history.jsonl: line 3", "the 1 generations before it"],
     );
     for headless in ["", "{}\n", "{\"jour"] {
-        desk.write(&history, headless);
-        desk.refuses(
+        fixture.write(&history, headless);
+        fixture.refuses(
             &["tune", "--resume", folder, "--repair"],
             &["history.jsonl: line 1", "begin anew"],
         );
@@ -782,19 +811,20 @@ fn a_damaged_journal_is_kept_until_repair_which_finishes_the_run() {
 
 #[test]
 fn only_a_run_s_own_folder_can_be_resumed() {
-    let desk = Desk::new();
-    fs::create_dir(desk.path("empty")).expect("a folder");
+    let fixture = Fixture::new();
+    fs::create_dir(fixture.path("empty")).expect("a folder");
     for folder in ["empty", "absent", "yard.obj"] {
-        desk.refuses(&["tune", "--resume", folder], &[folder]);
-        desk.refuses(&["evaluate", "--run", folder], &[folder]);
+        fixture.refuses(&["tune", "--resume", folder], &[folder]);
+        fixture.refuses(&["evaluate", "--run", folder], &[folder]);
     }
-    desk.tune(&["--generations", "1"]);
+    fixture.tune(&["--generations", "1"]);
     let folder = "runs/0001-yard-icp-joint";
     let config = format!("{folder}/config.toml");
-    let edited = desk.read(&config).replace("power = 75.0", "power = 74.0");
-    desk.write(&config, edited);
-    desk.refuses(&["tune", "-q", "--resume", folder], &["history.jsonl", "another configuration"]);
-    desk.refuses(&["tune", "--resume", folder, "--seed", "3"], &["--seed"]);
+    let edited = fixture.read(&config).replace("power = 75.0", "power = 74.0");
+    fixture.write(&config, edited);
+    fixture
+        .refuses(&["tune", "-q", "--resume", folder], &["history.jsonl", "another configuration"]);
+    fixture.refuses(&["tune", "--resume", folder, "--seed", "3"], &["--seed"]);
 }
 
 /// Long enough to be interrupted: some fifty milliseconds a generation.
@@ -811,14 +841,14 @@ const LONG: [&str; 8] = [
 
 /// Starts the long run, waits for whole generations in its journal, and sends it a signal.
 #[cfg(unix)]
-fn interrupted(desk: &Desk, signal: &str) -> Said {
-    let mut child = desk
+fn interrupted(fixture: &Fixture, signal: &str) -> CommandOutput {
+    let mut child = fixture
         .command(&LONG)
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
         .expect("echoloop starts");
-    let journal = desk.path("runs/0001-yard-icp-joint/history.jsonl");
+    let journal = fixture.path("runs/0001-yard-icp-joint/history.jsonl");
     let deadline = Instant::now() + Duration::from_secs(120);
     let lines =
         || fs::read(&journal).map_or(0, |bytes| bytes.iter().filter(|&&b| b == b'\n').count());
@@ -830,35 +860,35 @@ fn interrupted(desk: &Desk, signal: &str) -> Said {
     let killed =
         Command::new("kill").args([signal, &child.id().to_string()]).status().expect("kill runs");
     assert!(killed.success());
-    let said = Said::of(child.wait_with_output().expect("it ends"));
+    let output = CommandOutput::from_output(child.wait_with_output().expect("it ends"));
     assert!(lines() < 21, "it was over before the signal came: make it longer");
-    assert!(!desk.path("runs/0001-yard-icp-joint/result.json").exists());
-    said
+    assert!(!fixture.path("runs/0001-yard-icp-joint/result.json").exists());
+    output
 }
 
 #[test]
 #[cfg(unix)]
 fn an_interrupted_or_killed_run_goes_on_to_the_very_result_of_one_that_was_not() {
-    let desk = Desk::new();
-    desk.succeed(&LONG);
+    let fixture = Fixture::new();
+    fixture.succeed(&LONG);
     let folder = "runs/0001-yard-icp-joint";
     let names = ["history.jsonl", "result.json", "report.html", "after.ply"]
         .map(|name| format!("{folder}/{name}"));
-    let whole: Vec<_> = names.iter().map(|name| desk.bytes(name)).collect();
+    let whole: Vec<_> = names.iter().map(|name| fixture.bytes(name)).collect();
     for (signal, code) in [("-INT", Some(130)), ("-KILL", None)] {
-        fs::remove_dir_all(desk.path("runs")).expect("removed");
-        let said = interrupted(&desk, signal);
-        assert_eq!(said.code, code, "{signal}: {}", said.err);
+        fs::remove_dir_all(fixture.path("runs")).expect("removed");
+        let output = interrupted(&fixture, signal);
+        assert_eq!(output.code, code, "{signal}: {}", output.stderr);
         if signal == "-INT" {
             assert!(
-                said.err.contains("interrupted after") && said.err.contains("--resume"),
+                output.stderr.contains("interrupted after") && output.stderr.contains("--resume"),
                 "{}",
-                said.err
+                output.stderr
             );
         }
-        desk.succeed(&["tune", "-q", "--resume", "runs/latest"]);
+        fixture.succeed(&["tune", "-q", "--resume", "runs/latest"]);
         for (name, whole) in names.iter().zip(&whole) {
-            assert!(desk.bytes(name) == *whole, "{signal}: {name} differs");
+            assert!(fixture.bytes(name) == *whole, "{signal}: {name} differs");
         }
     }
 }

@@ -1,22 +1,22 @@
 //! `echoloop echoes` on waveforms with known echoes, on files that are wrong, and on the records of
 //! others.
 
-mod desk;
+mod fixture;
 
 use std::env;
 use std::fs;
 use std::path::PathBuf;
 
-use desk::Desk;
+use fixture::Fixture;
 use serde_json::Value;
 
 /// Runs the command on rows and gives the lines it prints.
-fn echoes(desk: &Desk, rows: &[Vec<f64>], more: &[&str]) -> Vec<Value> {
-    desk.write("waves.csv", csv(rows));
-    let said =
-        desk.succeed(&[&["echoes", "waves.csv", "--sample-ns", "1", "--json"], more].concat());
+fn echoes(fixture: &Fixture, rows: &[Vec<f64>], more: &[&str]) -> Vec<Value> {
+    fixture.write("waves.csv", csv(rows));
+    let output =
+        fixture.succeed(&[&["echoes", "waves.csv", "--sample-ns", "1", "--json"], more].concat());
     let lines: Vec<Value> =
-        said.out.lines().map(|line| serde_json::from_str(line).expect(line)).collect();
+        output.stdout.lines().map(|line| serde_json::from_str(line).expect(line)).collect();
     assert_eq!(lines.len(), rows.len(), "one line a waveform");
     lines
 }
@@ -56,8 +56,8 @@ fn skewed(n: f64, peak: f64) -> f64 {
 
 #[test]
 fn an_echo_is_told_with_its_time_amplitude_and_width() {
-    let desk = Desk::new();
-    let found = echoes(&desk, &[record(80, 200.0, &[(37.3, 500.0, 8.0)])], &[]);
+    let fixture = Fixture::new();
+    let found = echoes(&fixture, &[record(80, 200.0, &[(37.3, 500.0, 8.0)])], &[]);
     assert_eq!(found[0]["waveform"], 0);
     assert_eq!(found[0]["outgoing_peak_ns"], Value::Null);
     let (time, amplitude, width) = (
@@ -76,12 +76,12 @@ fn an_echo_is_told_with_its_time_amplitude_and_width() {
 
 #[test]
 fn times_and_widths_are_in_the_samples_nanoseconds_and_amplitudes_in_the_file_s_units() {
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let row: Vec<f64> =
         record(80, 200.0, &[(37.3, 5000.0, 8.0)]).iter().map(|v| v * 1e-4 - 3.0).collect();
-    desk.write("waves.csv", csv(&[row]));
-    let said = desk.succeed(&["echoes", "waves.csv", "--sample-ns", "0.5", "--json"]);
-    let found = said.json();
+    fixture.write("waves.csv", csv(&[row]));
+    let output = fixture.succeed(&["echoes", "waves.csv", "--sample-ns", "0.5", "--json"]);
+    let found = output.json();
     assert!((numbers(&found, "time_ns")[0] - 37.3 / 2.0).abs() < 0.03, "{found}");
     assert!((numbers(&found, "amplitude")[0] - 0.5).abs() < 0.005, "{found}");
     assert!((numbers(&found, "width_ns")[0] - 4.0).abs() < 0.1, "{found}");
@@ -89,31 +89,31 @@ fn times_and_widths_are_in_the_samples_nanoseconds_and_amplitudes_in_the_file_s_
 
 #[test]
 fn a_few_samples_are_enough() {
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let rows = [
         vec![0., 0., 10., 20., 10., 0., 0.],
         vec![0., 0., 0., 100., 0., 0., 0., 0.],
         vec![9., 9., 40., 80., 80., 40., 9., 9.],
     ];
-    let found = echoes(&desk, &rows, &[]);
+    let found = echoes(&fixture, &rows, &[]);
     let times: Vec<_> = found.iter().map(|waveform| numbers(waveform, "time_ns")).collect();
     assert_eq!(times, [[3.0], [3.0], [3.5]]);
 }
 
 #[test]
 fn zeros_that_pad_a_row_change_nothing() {
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let row = record(60, 210.0, &[(30.0, 400.0, 12.0), (48.0, 150.0, 12.0)]);
     let mut padded = row.clone();
     padded.resize(208, 0.0);
-    let found = echoes(&desk, &[row, padded], &[]);
+    let found = echoes(&fixture, &[row, padded], &[]);
     assert_eq!(found[0]["echoes"], found[1]["echoes"]);
     assert_eq!(numbers(&found[0], "time_ns").len(), 2);
 }
 
 #[test]
 fn a_clipped_top_s_time_is_its_middle_and_it_is_flagged() {
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let clipped: Vec<f64> =
         record(90, 20.0, &[(41.4, 3000.0, 12.0)]).iter().map(|v| v.min(1023.0)).collect();
     let tailed: Vec<f64> =
@@ -125,7 +125,7 @@ fn a_clipped_top_s_time_is_its_middle_and_it_is_flagged() {
         (first + last) as f64 / 2.0
     };
     let middles = [edges(&clipped), edges(&tailed)];
-    for (found, middle) in echoes(&desk, &[clipped, tailed], &[]).iter().zip(middles) {
+    for (found, middle) in echoes(&fixture, &[clipped, tailed], &[]).iter().zip(middles) {
         assert_eq!(numbers(found, "time_ns"), [middle], "{found}");
         assert!(has_flag(found, 0, "saturated"));
         assert!((numbers(found, "amplitude")[0] - 1003.0).abs() < 3.0, "{found}");
@@ -134,11 +134,11 @@ fn a_clipped_top_s_time_is_its_middle_and_it_is_flagged() {
 
 #[test]
 fn a_plateau_below_the_top_is_timed_by_its_middle_without_the_flag() {
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let mut row = vec![5.0; 60];
     row[20..25].copy_from_slice(&[40.0, 90.0, 90.0, 90.0, 30.0]);
     row[40..43].copy_from_slice(&[60.0, 140.0, 55.0]);
-    let found = echoes(&desk, &[row], &[]);
+    let found = echoes(&fixture, &[row], &[]);
     assert_eq!(numbers(&found[0], "time_ns")[0], 22.0);
     assert!(
         !has_flag(&found[0], 0, "saturated") && !has_flag(&found[0], 1, "saturated"),
@@ -148,22 +148,24 @@ fn a_plateau_below_the_top_is_timed_by_its_middle_without_the_flag() {
 
 #[test]
 fn overlapping_echoes_come_apart_and_are_flagged() {
-    let desk = Desk::new();
-    let found = echoes(&desk, &[record(90, 10.0, &[(35.0, 800.0, 8.0), (45.5, 600.0, 8.0)])], &[]);
+    let fixture = Fixture::new();
+    let found =
+        echoes(&fixture, &[record(90, 10.0, &[(35.0, 800.0, 8.0), (45.5, 600.0, 8.0)])], &[]);
     let times = numbers(&found[0], "time_ns");
     assert!(
         times.len() == 2 && (times[0] - 35.0).abs() < 0.3 && (times[1] - 45.5).abs() < 0.3,
         "{found:?}"
     );
-    let close = echoes(&desk, &[record(90, 10.0, &[(35.0, 800.0, 8.0), (43.6, 700.0, 8.0)])], &[]);
+    let close =
+        echoes(&fixture, &[record(90, 10.0, &[(35.0, 800.0, 8.0), (43.6, 700.0, 8.0)])], &[]);
     assert!(has_flag(&close[0], 0, "merged") && has_flag(&close[0], 1, "merged"), "{close:?}");
 }
 
 #[test]
 fn an_echo_that_the_record_cuts_off_is_flagged_and_one_whose_top_lies_outside_is_none() {
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let found = echoes(
-        &desk,
+        &fixture,
         &[record(43, 10.0, &[(40.0, 800.0, 8.0)]), record(40, 10.0, &[(40.5, 800.0, 8.0)])],
         &[],
     );
@@ -177,7 +179,7 @@ fn an_echo_that_the_record_cuts_off_is_flagged_and_one_whose_top_lies_outside_is
 
 #[test]
 fn ringing_after_a_strong_echo_is_no_echo() {
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let ring = |n: f64| {
         if n < 30.0 {
             0.0
@@ -189,20 +191,20 @@ fn ringing_after_a_strong_echo_is_no_echo() {
         let echo = record(160, 300.0, &[(25.0, 2000.0, 6.0), (100.0, second, 6.0)]);
         echo.iter().zip(0..).map(|(v, n)| (v + 2000.0 * ring(f64::from(n))).round()).collect()
     };
-    let found = echoes(&desk, &[row(0.0), row(400.0)], &[]);
+    let found = echoes(&fixture, &[row(0.0), row(400.0)], &[]);
     assert_eq!(numbers(&found[0], "time_ns").len(), 1, "{found:?}");
     assert_eq!(numbers(&found[1], "time_ns").len(), 2, "a real echo stays: {found:?}");
 }
 
 #[test]
 fn what_the_outgoing_pulse_repeats_is_no_echo() {
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let pulse = |at: f64, amplitude: f64| [(at, amplitude, 5.0), (at + 14.0, amplitude / 8.0, 5.0)];
     let row = record(120, 200.0, &[pulse(30.0, 900.0), pulse(70.0, 500.0)].concat());
-    desk.write("out.csv", csv(&[record(60, 200.0, &pulse(25.0, 700.0))]));
-    let without = echoes(&desk, std::slice::from_ref(&row), &[]);
+    fixture.write("out.csv", csv(&[record(60, 200.0, &pulse(25.0, 700.0))]));
+    let without = echoes(&fixture, std::slice::from_ref(&row), &[]);
     assert_eq!(numbers(&without[0], "time_ns").len(), 4);
-    let found = echoes(&desk, &[row], &["--outgoing", "out.csv"]);
+    let found = echoes(&fixture, &[row], &["--outgoing", "out.csv"]);
     let times = numbers(&found[0], "time_ns");
     assert!(
         times.len() == 2 && (times[0] - 30.0).abs() < 0.1 && (times[1] - 70.0).abs() < 0.1,
@@ -212,13 +214,13 @@ fn what_the_outgoing_pulse_repeats_is_no_echo() {
 
 #[test]
 fn an_asymmetric_pulse_is_timed_by_its_peak() {
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let row = |at: f64, amplitude: f64| -> Vec<f64> {
         (0..100).map(|n| (200.0 + amplitude * skewed(f64::from(n), at)).round()).collect()
     };
-    desk.write("out.csv", csv(&[row(22.0, 3000.0)]));
+    fixture.write("out.csv", csv(&[row(22.0, 3000.0)]));
     let rows: Vec<_> = [30.0, 30.3, 41.7].iter().map(|&at| row(at, 2000.0)).collect();
-    let found = echoes(&desk, &rows, &["--outgoing", "out.csv"]);
+    let found = echoes(&fixture, &rows, &["--outgoing", "out.csv"]);
     for (waveform, at) in found.iter().zip([30.0, 30.3, 41.7]) {
         assert!(
             (waveform["outgoing_peak_ns"].as_f64().expect("a number") - 22.0).abs() < 0.15,
@@ -230,11 +232,11 @@ fn an_asymmetric_pulse_is_timed_by_its_peak() {
 
 #[test]
 fn outgoing_rows_are_one_each_or_one_for_all() {
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let rows = vec![record(60, 10.0, &[(30.0, 300.0, 6.0)]); 3];
     let pulse = |at: f64| record(50, 10.0, &[(at, 300.0, 6.0)]);
-    desk.write("each.csv", csv(&[pulse(20.0), vec![7.0; 50], pulse(24.0)]));
-    let found = echoes(&desk, &rows, &["--outgoing", "each.csv"]);
+    fixture.write("each.csv", csv(&[pulse(20.0), vec![7.0; 50], pulse(24.0)]));
+    let found = echoes(&fixture, &rows, &["--outgoing", "each.csv"]);
     let peaks: Vec<_> =
         found.iter().map(|waveform| waveform["outgoing_peak_ns"].as_f64()).collect();
     assert_eq!(peaks[1], None, "a row without a pulse counts as absent");
@@ -242,16 +244,17 @@ fn outgoing_rows_are_one_each_or_one_for_all() {
         (peaks[0].expect("a pulse") - 20.0).abs() < 0.1
             && (peaks[2].expect("a pulse") - 24.0).abs() < 0.1
     );
-    let said = desk.succeed(&["echoes", "waves.csv", "--sample-ns", "1", "--outgoing", "each.csv"]);
-    assert!(said.err.contains("each.csv: row 2 shows no pulse"), "{}", said.err);
-    desk.write("two.csv", csv(&[pulse(20.0), pulse(24.0)]));
+    let output =
+        fixture.succeed(&["echoes", "waves.csv", "--sample-ns", "1", "--outgoing", "each.csv"]);
+    assert!(output.stderr.contains("each.csv: row 2 shows no pulse"), "{}", output.stderr);
+    fixture.write("two.csv", csv(&[pulse(20.0), pulse(24.0)]));
     let arguments = ["echoes", "waves.csv", "--sample-ns", "1", "--outgoing", "two.csv"];
-    desk.refuses(&arguments, &["two.csv: expected 1 row or 3, as waves.csv has, found 2"]);
+    fixture.refuses(&arguments, &["two.csv: expected 1 row or 3, as waves.csv has, found 2"]);
 }
 
 #[test]
 fn waveforms_without_an_echo_give_none() {
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let ramp = (0..40).map(f64::from).collect();
     let step = (0..14).map(|n| if n < 6 { 0.0 } else { 100.0 }).collect();
     let rows = [
@@ -265,14 +268,14 @@ fn waveforms_without_an_echo_give_none() {
         ramp,
         step,
     ];
-    for waveform in echoes(&desk, &rows, &[]) {
+    for waveform in echoes(&fixture, &rows, &[]) {
         assert_eq!(waveform["echoes"], Value::Array(vec![]), "{waveform}");
     }
 }
 
 #[test]
 fn files_that_are_wrong_are_refused_with_their_place() {
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let header =
         |shape: &str| format!("{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}, }}");
     let npy = |shape: &str, data: &[f32]| -> Vec<u8> {
@@ -317,24 +320,26 @@ fn files_that_are_wrong_are_refused_with_their_place() {
         (
             "short.npy",
             npy("(2, 2)", &[1.0]),
-            "short.npy: not a .npy array of waveforms: expected 2 × 2 numbers of 4 bytes, found 4 bytes",
+            "short.npy: not a .npy array of waveforms: expected 2 × 2 numbers of 4 bytes, found 4 \
+             bytes",
         ),
         ("cube.npy", npy("(1, 1, 1)", &[1.0]), "expected one or two dimensions, found 3"),
     ];
     for (name, content, message) in files {
-        desk.write(name, content);
-        desk.refuses(&["echoes", name, "--sample-ns", "1", "--json"], &[message]);
-        desk.write("good.csv", "1,2,9,2,1\n");
-        desk.refuses(&["echoes", "good.csv", "--sample-ns", "1", "--outgoing", name], &[message]);
+        fixture.write(name, content);
+        fixture.refuses(&["echoes", name, "--sample-ns", "1", "--json"], &[message]);
+        fixture.write("good.csv", "1,2,9,2,1\n");
+        fixture
+            .refuses(&["echoes", "good.csv", "--sample-ns", "1", "--outgoing", name], &[message]);
     }
-    desk.refuses(&["echoes", "absent.csv", "--sample-ns", "1"], &["absent.csv"]);
+    fixture.refuses(&["echoes", "absent.csv", "--sample-ns", "1"], &["absent.csv"]);
 }
 
 #[test]
 fn options_that_make_no_sense_are_refused_by_name() {
-    let desk = Desk::new();
-    desk.write("waves.csv", "1,2,9,2,1\n");
-    desk.refuses(&["echoes", "waves.csv"], &["--sample-ns"]);
+    let fixture = Fixture::new();
+    fixture.write("waves.csv", "1,2,9,2,1\n");
+    fixture.refuses(&["echoes", "waves.csv"], &["--sample-ns"]);
     for (flag, values) in [
         ("--sample-ns", ["0", "-1", "nan", "inf"]),
         ("--snr", ["0", "-5", "nan", "1e9"]),
@@ -343,21 +348,21 @@ fn options_that_make_no_sense_are_refused_by_name() {
     ] {
         for value in values {
             let sampled: &[&str] = if flag == "--sample-ns" { &[] } else { &["--sample-ns", "1"] };
-            desk.refuses(&[&["echoes", "waves.csv", flag, value], sampled].concat(), &[flag]);
+            fixture.refuses(&[&["echoes", "waves.csv", flag, value], sampled].concat(), &[flag]);
         }
     }
 }
 
 #[test]
 fn options_choose_among_the_echoes() {
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let row = record(
         200,
         10.0,
         &[(30.0, 300.0, 6.0), (60.0, 900.0, 6.0), (90.0, 60.0, 6.0), (140.0, 20.0, 6.0)],
     );
     let times = |more: &[&str]| {
-        numbers(&echoes(&desk, std::slice::from_ref(&row), more)[0], "time_ns").len()
+        numbers(&echoes(&fixture, std::slice::from_ref(&row), more)[0], "time_ns").len()
     };
     assert_eq!(times(&[]), 3);
     assert_eq!(times(&["--floor", "0.01"]), 4);
@@ -369,25 +374,25 @@ fn options_choose_among_the_echoes() {
 
 #[test]
 fn a_numpy_array_reads_as_the_same_numbers_in_text_do() {
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let row = record(60, 200.0, &[(30.0, 400.0, 6.0)]);
     let header = "{'descr': '<u2', 'fortran_order': False, 'shape': (60,), }\n";
     let data: Vec<u8> = row.iter().flat_map(|&v| (v as u16).to_le_bytes()).collect();
-    desk.write(
+    fixture.write(
         "waves.npy",
         [b"\x93NUMPY\x01\x00", &(header.len() as u16).to_le_bytes()[..], header.as_bytes(), &data]
             .concat(),
     );
-    let said = desk.succeed(&["echoes", "waves.npy", "--sample-ns", "1", "--json"]);
-    assert_eq!(said.json(), echoes(&desk, &[row], &[])[0]);
+    let output = fixture.succeed(&["echoes", "waves.npy", "--sample-ns", "1", "--json"]);
+    assert_eq!(output.json(), echoes(&fixture, &[row], &[])[0]);
 }
 
 #[test]
 fn a_record_longer_than_the_dsp_s_memory_is_found_whole() {
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let times: Vec<f64> = (0..60).map(|i| 40.0 + 131.25 * f64::from(i)).collect();
     let all: Vec<_> = times.iter().map(|&t| (t, 700.0, 7.0)).collect();
-    let found = echoes(&desk, &[record(8000, 50.0, &all)], &["--max-echoes", "100"]);
+    let found = echoes(&fixture, &[record(8000, 50.0, &all)], &["--max-echoes", "100"]);
     let got = numbers(&found[0], "time_ns");
     assert_eq!(got.len(), times.len());
     assert!(got.iter().zip(&times).all(|(a, b)| (a - b).abs() < 0.05), "{got:?}");
@@ -395,23 +400,24 @@ fn a_record_longer_than_the_dsp_s_memory_is_found_whole() {
 
 #[test]
 fn the_number_of_threads_changes_nothing_and_people_get_a_table() {
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let rows: Vec<_> = (0..40)
         .map(|i| record(90, 30.0, &[(20.0 + f64::from(i), 500.0, 6.0), (70.0, 90.0, 9.0)]))
         .collect();
     assert_eq!(
-        echoes(&desk, &rows, &["--threads", "1"]),
-        echoes(&desk, &rows, &["--threads", "3"])
+        echoes(&fixture, &rows, &["--threads", "1"]),
+        echoes(&fixture, &rows, &["--threads", "3"])
     );
-    let said = desk.succeed(&["echoes", "waves.csv", "--sample-ns", "1"]);
+    let output = fixture.succeed(&["echoes", "waves.csv", "--sample-ns", "1"]);
     assert!(
-        said.out.starts_with("waveform") && said.out.ends_with("80 echoes in 40 waveforms\n"),
+        output.stdout.starts_with("waveform")
+            && output.stdout.ends_with("80 echoes in 40 waveforms\n"),
         "{}",
-        said.out
+        output.stdout
     );
 }
 
-/// A file of the shared data, or `None`, said aloud.
+/// A file of the shared data, or `None`, output aloud.
 fn data(name: &str) -> Option<PathBuf> {
     let found = env::var_os("ECHOLOOP_DATA").map(|folder| PathBuf::from(folder).join(name));
     if found.is_none() {
@@ -453,9 +459,9 @@ fn unzipped(path: &PathBuf) -> Vec<Vec<f64>> {
 #[test]
 fn nine_of_ten_published_components_of_neon_are_found_with_few_extra_echoes() {
     let Some(folder) = data("waveforms_neon") else { return };
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let rows = unzipped(&folder.join("return_1_250.csv.gz"));
-    desk.write("outgoing.csv", csv(&unzipped(&folder.join("outg_1_250.csv.gz"))));
+    fixture.write("outgoing.csv", csv(&unzipped(&folder.join("outg_1_250.csv.gz"))));
     let mut truth = vec![Vec::new(); rows.len()];
     for line in
         fs::read_to_string(folder.join("decomposition_1_250.csv")).expect("a table").lines().skip(1)
@@ -469,7 +475,7 @@ fn nine_of_ten_published_components_of_neon_are_found_with_few_extra_echoes() {
     {
         let (mut hits, mut extra) = (0, 0);
         for (waveform, truth) in
-            echoes(&desk, &rows, more).iter().zip(&truth).filter(|(_, truth)| !truth.is_empty())
+            echoes(&fixture, &rows, more).iter().zip(&truth).filter(|(_, truth)| !truth.is_empty())
         {
             let found = numbers(waveform, "time_ns");
             let hit = paired(&found, truth, 2.0);
@@ -502,9 +508,9 @@ fn hand_checked_peaks_are_found_in_their_places() {
                 .collect()
         })
         .collect();
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let (mut hits, mut extra, mut strong, mut strong_hits) = (0, 0, 0, 0);
-    for ((waveform, record), row) in echoes(&desk, &rows, &[]).iter().zip(&guesses).zip(&rows) {
+    for ((waveform, record), row) in echoes(&fixture, &rows, &[]).iter().zip(&guesses).zip(&rows) {
         let place = |peak: &Value| peak["location"][0].as_f64().expect("a place");
         let expected: Vec<f64> =
             record["expected_peaks"].as_array().expect("peaks").iter().map(place).collect();
@@ -517,7 +523,8 @@ fn hand_checked_peaks_are_found_in_their_places() {
         (strong, strong_hits) = (strong + high.len(), strong_hits + paired(&found, &high, 2.0));
     }
     println!(
-        "ADAPT: {hits} peaks, {extra} extra; {strong_hits} of {strong} at least half as high as the highest"
+        "ADAPT: {hits} peaks, {extra} extra; {strong_hits} of {strong} at least half as high as \
+         the highest"
     );
     assert!(hits >= 60, "{hits}");
     assert!(extra <= 3, "{extra}");

@@ -1,24 +1,25 @@
 //! Registration methods from the command line: what they find, what they print, what they refuse.
 
-mod desk;
+mod fixture;
 
-use desk::Desk;
 use echoloop_registration::pose::{Pose, read_pose, rotation_error_deg, translation_error_m};
+use fixture::Fixture;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use serde_json::Value;
 
 /// Two scans of a street, `target.ply` and `source.ply`, eight metres apart and of any heading, and
 /// the motion between them.
-fn scans(desk: &Desk) -> Pose {
-    let set = "data.train_pairs=1 data.test_pairs=1 data.baseline_m=8 data.heading_range_deg=180 scene.towns=[1] \
+fn scans(fixture: &Fixture) -> Pose {
+    let set = "data.train_pairs=1 data.test_pairs=1 data.baseline_m=8 data.heading_range_deg=180 \
+               scene.towns=[1] \
         scanner.azimuth_deg=360 scanner.columns=720 scanner.rows=64 scanner.elevation_deg=60";
     let mut arguments = vec!["pairs", "-q", "-o", "scans", "--seed", "5"];
     arguments.extend(set.split_whitespace().flat_map(|set| ["--set", set]));
-    desk.succeed(&arguments);
+    fixture.succeed(&arguments);
     for name in ["target.ply", "source.ply"] {
-        desk.write(name, desk.bytes(&format!("scans/000_{name}")));
+        fixture.write(name, fixture.bytes(&format!("scans/000_{name}")));
     }
-    read_pose(&desk.path("scans/000_target_from_source.txt")).expect("a pose")
+    read_pose(&fixture.path("scans/000_target_from_source.txt")).expect("a pose")
 }
 
 fn motion(document: &Value) -> Pose {
@@ -33,13 +34,13 @@ fn motion(document: &Value) -> Pose {
 
 #[test]
 fn global_methods_find_an_unknown_heading_and_refinement_sharpens_it() {
-    let desk = Desk::new();
-    let truth = scans(&desk);
+    let fixture = Fixture::new();
+    let truth = scans(&fixture);
     for method in ["fgr", "mac"] {
         let run = |more: &[&str]| {
             let arguments =
                 ["register", "-q", "--json", "target.ply", "source.ply", "--method", method];
-            desk.succeed(&[&arguments, more].concat()).json()
+            fixture.succeed(&[&arguments, more].concat()).json()
         };
         let (coarse, fine) = (run(&[]), run(&["--refine"]));
         let error = |document: &Value| {
@@ -63,13 +64,14 @@ fn global_methods_find_an_unknown_heading_and_refinement_sharpens_it() {
 
 #[test]
 fn the_same_seed_gives_the_same_document_on_one_thread_and_two() {
-    let desk = Desk::new();
-    scans(&desk);
+    let fixture = Fixture::new();
+    scans(&fixture);
     for method in ["gicp", "fgr", "mac"] {
         let document = |threads: &str| {
             let arguments =
                 ["register", "-q", "--json", "target.ply", "source.ply", "--method", method];
-            let mut document = desk.run(&[&arguments[..], &["--threads", threads]].concat()).json();
+            let mut document =
+                fixture.run(&[&arguments[..], &["--threads", threads]].concat()).json();
             document.as_object_mut().expect("an object").remove("cpu_s");
             document
         };
@@ -79,8 +81,8 @@ fn the_same_seed_gives_the_same_document_on_one_thread_and_two() {
 
 #[test]
 fn the_document_lists_every_setting_of_the_method_and_flags_change_them() {
-    let desk = Desk::new();
-    scans(&desk);
+    let fixture = Fixture::new();
+    scans(&fixture);
     let flags: [(&str, &[(&str, f64)]); 4] = [
         (
             "icp",
@@ -119,7 +121,8 @@ fn the_document_lists_every_setting_of_the_method_and_flags_change_them() {
         for (key, value) in given {
             arguments.extend([format!("--{}", key.replace('_', "-")), value.to_string()]);
         }
-        let document = desk.run(&arguments.iter().map(String::as_str).collect::<Vec<_>>()).json();
+        let document =
+            fixture.run(&arguments.iter().map(String::as_str).collect::<Vec<_>>()).json();
         for (key, value) in given {
             assert_eq!(document[*key].as_f64(), Some(*value), "{method} {key}: {document}");
         }
@@ -128,8 +131,8 @@ fn the_document_lists_every_setting_of_the_method_and_flags_change_them() {
 
 #[test]
 fn flags_that_do_not_go_together_are_refused_by_name() {
-    let desk = Desk::new();
-    desk.write("a.xyz", "1 2 3\n");
+    let fixture = Fixture::new();
+    fixture.write("a.xyz", "1 2 3\n");
     let table: [(&[&str], &[&str]); 9] = [
         (&["--refine"], &["--refine", "icp"]),
         (&["--feature-radius-m", "2"], &["--feature-radius-m", "icp"]),
@@ -145,11 +148,11 @@ fn flags_that_do_not_go_together_are_refused_by_name() {
         (&["--method", "mac", "--max-matches", "2"], &["max_matches is 2"]),
     ];
     for (flags, parts) in table {
-        desk.refuses(&[&["register", "a.xyz", "a.xyz"], flags].concat(), parts);
+        fixture.refuses(&[&["register", "a.xyz", "a.xyz"], flags].concat(), parts);
     }
     for command in ["tune", "evaluate"] {
         let refused = |more: &[&str], parts: &[&str]| {
-            desk.refuses(&[&[command, "-c", "small.toml"], more].concat(), parts)
+            fixture.refuses(&[&[command, "-c", "small.toml"], more].concat(), parts)
         };
         refused(&["--refine"], &["registration.refine", "icp"]);
         refused(&["--method", "mac", "--mode", "open3d"], &["registration.mode", "mac"]);
@@ -173,32 +176,42 @@ fn flags_that_do_not_go_together_are_refused_by_name() {
 
 #[test]
 fn clouds_that_no_method_can_register_end_with_one_and_a_reason() {
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let line: String = (0..300).map(|i| format!("{} 1 0\n", f64::from(i) * 0.1)).collect();
     let floor: String =
         (0..900).map(|i| format!("{} {} -1.8\n", f64::from(i % 30), f64::from(i / 30))).collect();
-    desk.write("line.xyz", line);
-    desk.write("floor.xyz", floor);
-    desk.write("point.xyz", "1 2 3\n");
-    desk.write("same.xyz", "1 2 3\n".repeat(500));
+    fixture.write("line.xyz", line);
+    fixture.write("floor.xyz", floor);
+    fixture.write("point.xyz", "1 2 3\n");
+    fixture.write("same.xyz", "1 2 3\n".repeat(500));
     for method in ["icp", "gicp", "fgr", "mac"] {
         for name in ["line.xyz", "floor.xyz", "point.xyz", "same.xyz"] {
-            let said = desk.run(&["register", "--json", name, name, "--method", method]);
-            assert_eq!(said.code, Some(1), "{method} {name}: {} {}", said.out, said.err);
-            assert!(said.err.contains("not registered: "), "{method} {name}: {}", said.err);
-            assert!(motion(&said.json()).translation.vector.iter().all(|v| v.is_finite()));
+            let output = fixture.run(&["register", "--json", name, name, "--method", method]);
+            assert_eq!(
+                output.code,
+                Some(1),
+                "{method} {name}: {} {}",
+                output.stdout,
+                output.stderr
+            );
+            assert!(
+                output.stderr.contains("not registered: "),
+                "{method} {name}: {}",
+                output.stderr
+            );
+            assert!(motion(&output.json()).translation.vector.iter().all(|v| v.is_finite()));
         }
     }
 }
 
 #[test]
 fn every_method_can_be_tuned_and_judged_again() {
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     for (method, axes) in [("gicp", 5), ("fgr", 6), ("mac", 6)] {
         let own = ["--method", method, "--protocol", "registration", "--generations", "2"];
-        desk.succeed(&[&["tune", "-q", "-c", "small.toml"], &own[..]].concat());
+        fixture.succeed(&[&["tune", "-q", "-c", "small.toml"], &own[..]].concat());
         let result: Value =
-            serde_json::from_str(&desk.read("runs/latest/result.json")).expect("JSON");
+            serde_json::from_str(&fixture.read("runs/latest/result.json")).expect("JSON");
         assert_eq!(result["method"], method);
         let tuned = result["tuned"].as_object().expect("values");
         assert_eq!(
@@ -206,7 +219,7 @@ fn every_method_can_be_tuned_and_judged_again() {
             axes,
             "{method}"
         );
-        let again = desk.succeed(&["evaluate", "-q", "--json", "--run", "runs/latest"]).json();
+        let again = fixture.succeed(&["evaluate", "-q", "--json", "--run", "runs/latest"]).json();
         assert_eq!(
             again["summary"]["recall_pct"], result["tuned_summary"]["recall_pct"],
             "{method}"
@@ -216,8 +229,8 @@ fn every_method_can_be_tuned_and_judged_again() {
 
 #[test]
 fn open3ds_way_of_fgr_is_named_in_the_result_and_the_report() {
-    let desk = Desk::new();
-    desk.succeed(&[
+    let fixture = Fixture::new();
+    fixture.succeed(&[
         "tune",
         "-q",
         "-c",
@@ -229,7 +242,8 @@ fn open3ds_way_of_fgr_is_named_in_the_result_and_the_report() {
         "--protocol",
         "default",
     ]);
-    let result: Value = serde_json::from_str(&desk.read("runs/latest/result.json")).expect("JSON");
+    let result: Value =
+        serde_json::from_str(&fixture.read("runs/latest/result.json")).expect("JSON");
     assert_eq!(result["method"], "fgr as Open3D runs it");
-    assert!(desk.read("runs/latest/report.html").contains("Open3D 0.20"));
+    assert!(fixture.read("runs/latest/report.html").contains("Open3D 0.20"));
 }

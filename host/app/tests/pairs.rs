@@ -1,14 +1,14 @@
 //! `echoloop pairs`: what it writes is what `evaluate` registers, and all of it or nothing.
 
-mod desk;
+mod fixture;
 
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 
-use desk::Desk;
 use echoloop_registration::cloud::read_cloud;
 use echoloop_registration::pose::{frobenius_error, read_pose, relative};
+use fixture::Fixture;
 
 const NUMBERED: [&str; 5] = [
     "source.ply",
@@ -19,12 +19,12 @@ const NUMBERED: [&str; 5] = [
 ];
 
 /// Writes the small configuration's pairs to a folder.
-fn pairs(desk: &Desk, folder: &str, more: &[&str]) {
-    desk.succeed(&[&["pairs", "-q", "-c", "small.toml", "-o", folder], more].concat());
+fn pairs(fixture: &Fixture, folder: &str, more: &[&str]) {
+    fixture.succeed(&[&["pairs", "-q", "-c", "small.toml", "-o", folder], more].concat());
 }
 
-fn names(desk: &Desk, folder: &str) -> Vec<String> {
-    let entries = fs::read_dir(desk.path(folder)).expect("a folder");
+fn names(fixture: &Fixture, folder: &str) -> Vec<String> {
+    let entries = fs::read_dir(fixture.path(folder)).expect("a folder");
     let mut names: Vec<String> = entries
         .map(|entry| entry.expect("an entry").file_name().to_string_lossy().into_owned())
         .collect();
@@ -34,16 +34,16 @@ fn names(desk: &Desk, folder: &str) -> Vec<String> {
 
 #[test]
 fn every_pair_is_written_whole_and_its_truth_is_that_of_its_poses() {
-    let desk = Desk::new();
-    pairs(&desk, "hard", &[]);
+    let fixture = Fixture::new();
+    pairs(&fixture, "hard", &[]);
     let numbered = (0..3).flat_map(|n| NUMBERED.map(|name| format!("{n:03}_{name}")));
     let expected: Vec<String> =
         numbered.chain(["config.toml".into(), "pairs.json".into()]).collect();
-    assert_eq!(names(&desk, "hard"), expected);
+    assert_eq!(names(&fixture, "hard"), expected);
     let list: serde_json::Value =
-        serde_json::from_str(&desk.read("hard/pairs.json")).expect("JSON");
+        serde_json::from_str(&fixture.read("hard/pairs.json")).expect("JSON");
     for (index, entry) in list["pairs"].as_array().expect("a list").iter().enumerate() {
-        let file = |name: &str| desk.path(&format!("hard/{index:03}_{name}"));
+        let file = |name: &str| fixture.path(&format!("hard/{index:03}_{name}"));
         let pose = |name: &str| read_pose(&file(name)).expect(name);
         let truth = pose("target_from_source.txt");
         let from_poses = relative(&pose("world_from_target.txt"), &pose("world_from_source.txt"));
@@ -64,13 +64,14 @@ fn every_pair_is_written_whole_and_its_truth_is_that_of_its_poses() {
 
 #[test]
 fn the_clouds_are_those_that_evaluate_registers() {
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     for set in ["test", "train"] {
-        pairs(&desk, set, &["--pairs", set]);
-        let judged =
-            desk.succeed(&["evaluate", "-q", "--json", "-c", "small.toml", "--pairs", set]).json();
+        pairs(&fixture, set, &["--pairs", set]);
+        let judged = fixture
+            .succeed(&["evaluate", "-q", "--json", "-c", "small.toml", "--pairs", set])
+            .json();
         let list: serde_json::Value =
-            serde_json::from_str(&desk.read(&format!("{set}/pairs.json"))).expect("JSON");
+            serde_json::from_str(&fixture.read(&format!("{set}/pairs.json"))).expect("JSON");
         let listed: Vec<_> =
             list["pairs"].as_array().expect("a list").iter().map(|pair| &pair["points"]).collect();
         let errors = judged["summary"]["errors"].as_array().expect("errors");
@@ -81,12 +82,12 @@ fn the_clouds_are_those_that_evaluate_registers() {
 
 #[test]
 fn the_same_seed_gives_the_same_bytes_on_one_thread_and_two_and_another_seed_others() {
-    let desk = Desk::new();
-    pairs(&desk, "one", &["--threads", "1"]);
-    pairs(&desk, "two", &["--threads", "2"]);
-    pairs(&desk, "other", &["--seed", "2"]);
-    for name in names(&desk, "one") {
-        let read = |folder: &str| desk.bytes(&format!("{folder}/{name}"));
+    let fixture = Fixture::new();
+    pairs(&fixture, "one", &["--threads", "1"]);
+    pairs(&fixture, "two", &["--threads", "2"]);
+    pairs(&fixture, "other", &["--seed", "2"]);
+    for name in names(&fixture, "one") {
+        let read = |folder: &str| fixture.bytes(&format!("{folder}/{name}"));
         assert!(read("one") == read("two"), "{name} depends on the threads");
         assert!(read("one") != read("other"), "{name} does not depend on the seed");
     }
@@ -94,10 +95,10 @@ fn the_same_seed_gives_the_same_bytes_on_one_thread_and_two_and_another_seed_oth
 
 #[test]
 fn a_written_pair_registers_to_its_truth() {
-    let desk = Desk::new();
-    pairs(&desk, "easy", &[]);
+    let fixture = Fixture::new();
+    pairs(&fixture, "easy", &[]);
     let arguments = ["register", "easy/000_target.ply", "easy/000_source.ply", "--json"];
-    let found = desk.succeed(&arguments).json();
+    let found = fixture.succeed(&arguments).json();
     let rows: Vec<f64> = found["target_from_source"]
         .as_array()
         .expect("rows")
@@ -108,36 +109,38 @@ fn a_written_pair_registers_to_its_truth() {
         .collect();
     let rows: [f64; 16] = rows.try_into().expect("sixteen numbers");
     let found = echoloop_registration::pose::from_rows(&rows).expect("a motion");
-    let truth = read_pose(&desk.path("easy/000_target_from_source.txt")).expect("the truth");
+    let truth = read_pose(&fixture.path("easy/000_target_from_source.txt")).expect("the truth");
     assert!(frobenius_error(&found, &truth) < 0.1, "{found} is not {truth}");
 }
 
 #[test]
 fn an_empty_folder_is_filled_and_one_that_holds_something_stays_as_it_is() {
-    let desk = Desk::new();
-    fs::create_dir(desk.path("empty")).expect("a folder");
-    pairs(&desk, "empty", &[]);
-    desk.write("file", "mine");
-    desk.refuses(&["pairs", "-c", "small.toml", "-o", "empty"], &["--output empty", "not empty"]);
-    desk.refuses(&["pairs", "-c", "small.toml", "-o", "file/hard"], &["--output file/hard"]);
-    desk.refuses(&["pairs", "-c", "small.toml", "-o", "file"], &["--output file"]);
-    desk.refuses(&["pairs", "-c", "small.toml", "-o", ".."], &["--output ..", "name of a folder"]);
+    let fixture = Fixture::new();
+    fs::create_dir(fixture.path("empty")).expect("a folder");
+    pairs(&fixture, "empty", &[]);
+    fixture.write("file", "mine");
+    fixture
+        .refuses(&["pairs", "-c", "small.toml", "-o", "empty"], &["--output empty", "not empty"]);
+    fixture.refuses(&["pairs", "-c", "small.toml", "-o", "file/hard"], &["--output file/hard"]);
+    fixture.refuses(&["pairs", "-c", "small.toml", "-o", "file"], &["--output file"]);
+    fixture
+        .refuses(&["pairs", "-c", "small.toml", "-o", ".."], &["--output ..", "name of a folder"]);
 }
 
 #[test]
 fn what_cannot_be_scanned_leaves_no_folder() {
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let with = |set: &'static str| ["pairs", "-c", "small.toml", "-o", "hard", "--set", set];
-    desk.refuses(&with("data.baseline_m=99"), &["no viable viewpoint"]);
-    desk.refuses(&with("lidar.power=900"), &["power"]);
-    desk.refuses(&["pairs", "-c", "small.toml"], &["--output"]);
+    fixture.refuses(&with("data.baseline_m=99"), &["no viable viewpoint"]);
+    fixture.refuses(&with("lidar.power=900"), &["power"]);
+    fixture.refuses(&["pairs", "-c", "small.toml"], &["--output"]);
 }
 
 #[test]
 #[cfg(unix)]
 fn an_interrupted_run_leaves_no_folder() {
-    let desk = Desk::new();
-    let before = desk.snapshot();
+    let fixture = Fixture::new();
+    let before = fixture.snapshot();
     let many = [
         "pairs",
         "-c",
@@ -149,7 +152,7 @@ fn an_interrupted_run_leaves_no_folder() {
         "--set",
         "data.test_pairs=200",
     ];
-    let mut child = desk
+    let mut child = fixture
         .command(&many)
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
@@ -163,8 +166,8 @@ fn an_interrupted_run_leaves_no_folder() {
     let killed =
         Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill runs");
     assert!(killed.success());
-    let said: Vec<String> = lines.map(|line| line.expect("a line")).collect();
-    assert_eq!(child.wait().expect("it ends").code(), Some(130), "{said:?}");
-    assert!(said.iter().any(|line| line.contains("nothing is written")), "{said:?}");
-    assert!(desk.snapshot() == before, "something was left behind");
+    let output: Vec<String> = lines.map(|line| line.expect("a line")).collect();
+    assert_eq!(child.wait().expect("it ends").code(), Some(130), "{output:?}");
+    assert!(output.iter().any(|line| line.contains("nothing is written")), "{output:?}");
+    assert!(fixture.snapshot() == before, "something was left behind");
 }

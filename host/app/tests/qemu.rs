@@ -4,7 +4,7 @@
 //! `CI` is set, they fail.
 #![cfg(unix)]
 
-mod desk;
+mod fixture;
 
 use std::fs;
 use std::io::Write;
@@ -12,8 +12,8 @@ use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
-use desk::{Desk, Said};
 use echoloop_sim::qemu::{Machine, QemuOptions, check_installed};
+use fixture::{CommandOutput, Fixture};
 
 /// The image, if it can be run.
 fn image() -> Option<String> {
@@ -26,51 +26,53 @@ fn image() -> Option<String> {
         Ok(()) => return Some(image.canonicalize().expect("it is there").display().to_string()),
     };
     assert!(std::env::var_os("CI").is_none(), "{missing}");
-    let _ = writeln!(std::io::stderr(), "SKIPPED: {missing}"); // past the harness, which keeps what passing tests print
+    // Past the harness, which keeps what passing tests print.
+    let _ = writeln!(std::io::stderr(), "SKIPPED: {missing}");
     None
 }
 
 #[test]
 fn a_scan_through_the_emulated_board_is_that_of_the_sensor_in_process() {
     let Some(image) = image() else { return };
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let scan = ["scan", "-c", "small.toml", "--json"];
-    desk.succeed(&[&scan[..], &["-o", "pc.ply"]].concat());
+    fixture.succeed(&[&scan[..], &["-o", "pc.ply"]].concat());
     let on_board =
         ["--sensor", "qemu", "--firmware", &image, "--sensor-log", "log.txt", "-o", "board.ply"];
-    let said = desk.succeed(&[&scan[..], &on_board].concat()).json();
+    let output = fixture.succeed(&[&scan[..], &on_board].concat()).json();
     assert!(
-        said["sensor"]
+        output["sensor"]
             .as_str()
             .is_some_and(|name| name.starts_with("qemu:mps2-an386, echoloop-sensor")),
-        "{said}"
+        "{output}"
     );
-    assert!(desk.bytes("board.ply") == desk.bytes("pc.ply"), "the clouds differ");
-    let (log, hash) = (desk.read("log.txt"), said["settings"].as_str().unwrap_or("?").to_owned());
+    assert!(fixture.bytes("board.ply") == fixture.bytes("pc.ply"), "the clouds differ");
+    let (log, hash) =
+        (fixture.read("log.txt"), output["settings"].as_str().unwrap_or("?").to_owned());
     assert!(log.contains(&format!("settings {hash} active")), "{hash}: {log}");
 }
 
 #[test]
 fn the_emulated_board_has_the_configured_energy_limit() {
     let Some(image) = image() else { return };
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let ask = |width: &str| {
         let limit = ["--set", "emitter.energy_limit_nj=600", "--set", "lidar.power=60"];
         let board = ["sensor", "--json", "--sensor", "qemu", "--firmware", &image];
-        desk.run(&[&board[..], &limit, &["--set", width]].concat())
+        fixture.run(&[&board[..], &limit, &["--set", width]].concat())
     };
-    let said = ask("lidar.pulse_width=10");
-    assert_eq!(said.code, Some(0), "{}", said.err);
-    assert_eq!(said.json()["hardware"]["energy_limit_pj"], 600_000);
+    let output = ask("lidar.pulse_width=10");
+    assert_eq!(output.code, Some(0), "{}", output.stderr);
+    assert_eq!(output.json()["hardware"]["energy_limit_pj"], 600_000);
     let refused = ask("lidar.pulse_width=10.01");
-    assert_eq!(refused.code, Some(2), "{}", refused.err);
-    assert!(refused.err.contains("pulse energy limit of 600.0 nJ"), "{}", refused.err);
+    assert_eq!(refused.code, Some(2), "{}", refused.stderr);
+    assert!(refused.stderr.contains("pulse energy limit of 600.0 nJ"), "{}", refused.stderr);
 }
 
 #[test]
 fn a_run_through_the_emulated_board_ends_with_the_numbers_of_the_run_in_process() {
     let Some(image) = image() else { return };
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let few = [
         "--set",
         "scanner.columns=24",
@@ -82,8 +84,8 @@ fn a_run_through_the_emulated_board_ends_with_the_numbers_of_the_run_in_process(
     let tiny =
         [&["--generations", "1", "--population", "2", "--set", "tune.shortlist=1"], &few[..]]
             .concat();
-    desk.tune(&[&tiny[..], &["--runs", "pc"]].concat());
-    desk.tune(
+    fixture.tune(&[&tiny[..], &["--runs", "pc"]].concat());
+    fixture.tune(
         &[
             &tiny[..],
             &["--runs", "board", "--sensor", "qemu", "--firmware", &image, "--threads", "2"],
@@ -91,14 +93,15 @@ fn a_run_through_the_emulated_board_ends_with_the_numbers_of_the_run_in_process(
         .concat(),
     );
     for file in ["history.jsonl", "result.json", "report.html"] {
-        let [pc, board] = ["pc", "board"].map(|runs| desk.read(&format!("{runs}/latest/{file}")));
+        let [pc, board] =
+            ["pc", "board"].map(|runs| fixture.read(&format!("{runs}/latest/{file}")));
         assert!(pc == board, "{file} differs");
     }
     let again = ["evaluate", "--run", "board/latest", "--json", "-q"];
-    let on_board = desk
+    let on_board = fixture
         .succeed(&[&again[..], &["--sensor", "qemu:mps2-an386", "--firmware", &image]].concat())
         .json();
-    assert_eq!(on_board["summary"], desk.succeed(&again).json()["summary"]);
+    assert_eq!(on_board["summary"], fixture.succeed(&again).json()["summary"]);
 }
 
 /// Processes that another has started.
@@ -118,7 +121,7 @@ fn children(parent: u32) -> Vec<u32> {
 #[test]
 fn an_emulator_that_dies_is_a_lost_sensor_and_one_that_is_interrupted_leaves_none_behind() {
     let Some(image) = image() else { return };
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let long = [
         "tune",
         "-c",
@@ -147,7 +150,7 @@ fn an_emulator_that_dies_is_a_lost_sensor_and_one_that_is_interrupted_leaves_non
         (&judge, "-TERM", false, 130, ""),
     ];
     for (command, signal, to_child, code, says) in ends {
-        let child = desk
+        let child = fixture
             .command(command)
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
@@ -157,7 +160,7 @@ fn an_emulator_that_dies_is_a_lost_sensor_and_one_that_is_interrupted_leaves_non
         let emulators = loop {
             let found = children(child.id());
             if !found.is_empty()
-                && (command[0] != "tune" || desk.path("runs/latest/history.jsonl").exists())
+                && (command[0] != "tune" || fixture.path("runs/latest/history.jsonl").exists())
             {
                 break found;
             }
@@ -168,33 +171,34 @@ fn an_emulator_that_dies_is_a_lost_sensor_and_one_that_is_interrupted_leaves_non
         for id in whom {
             let _ = std::process::Command::new("kill").args([signal, &id.to_string()]).status();
         }
-        let said = Said::of(child.wait_with_output().expect("it ends"));
-        assert_eq!(said.code, Some(code), "{}", said.err);
-        assert!(said.err.contains(says), "{}", said.err);
+        let output = CommandOutput::from_output(child.wait_with_output().expect("it ends"));
+        assert_eq!(output.code, Some(code), "{}", output.stderr);
+        assert!(output.stderr.contains(says), "{}", output.stderr);
         for id in emulators {
             assert!(!Path::new(&format!("/proc/{id}")).exists(), "emulator {id} lives on");
         }
-        let _ = fs::remove_dir_all(desk.path("runs"));
+        let _ = fs::remove_dir_all(fixture.path("runs"));
     }
 }
 
 #[test]
 fn an_image_that_is_not_there_is_named_with_what_builds_it() {
     let Some(image) = image() else { return };
-    let desk = Desk::new();
-    desk.refuses(
+    let fixture = Fixture::new();
+    fixture.refuses(
         &["scan", "-c", "small.toml", "--sensor", "qemu", "--firmware", "nothing.elf"],
         &["nothing.elf", "cargo xtask firmware --target thumbv7em-none-eabihf"],
     );
     let scan = |board, file| ["scan", "-c", "small.toml", "--sensor", board, "--firmware", file];
-    desk.refuses(&scan("qemu", "small.toml"), &["small.toml", "not an ELF file"]);
-    desk.refuses(
+    fixture.refuses(&scan("qemu", "small.toml"), &["small.toml", "not an ELF file"]);
+    fixture.refuses(
         &scan("qemu", env!("CARGO_BIN_EXE_echoloop")),
         &["echoloop", "for X86_64", "runs Arm code at 0x0"],
     );
-    desk.refuses(
+    fixture.refuses(
         &scan("qemu:mps2-an505", &image),
         &["echoloop-sensor", "runs Arm code at 0x10000000", "thumbv8m.main"],
     );
-    desk.refuses(&["scan", "-c", "small.toml", "--sensor", "qemu:mps3"], &["mps3", "mps2-an386"]);
+    fixture
+        .refuses(&["scan", "-c", "small.toml", "--sensor", "qemu:mps3"], &["mps3", "mps2-an386"]);
 }

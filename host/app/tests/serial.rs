@@ -2,7 +2,7 @@
 //! end in bounded time whatever becomes of the line.
 #![cfg(unix)]
 
-mod desk;
+mod fixture;
 
 use std::io;
 use std::process::{Child, Stdio};
@@ -11,14 +11,14 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use desk::{Desk, Said};
 use echoloop_dsp::Settings;
-use echoloop_host::experiment::config::{Config, load};
+use echoloop_host::experiment::config::{RunConfig, load};
 use echoloop_host::experiment::dataset::Dataset;
 use echoloop_host::experiment::seed::scan_noise;
 use echoloop_host::link::sensor::{Model, Port, Sensor, SensorError, View};
 use echoloop_host::link::serve::{Viewpoints, serve};
 use echoloop_host::link::transport::{Serial, Transport};
+use fixture::{CommandOutput, Fixture};
 use serialport::{SerialPort, TTYPort};
 
 /// Held while terminals are made and while commands start: a new terminal is inherited until it is
@@ -38,24 +38,24 @@ fn terminals() -> (TTYPort, TTYPort, String) {
     (marked(&here), marked(&there), path)
 }
 
-fn start(desk: &Desk, arguments: &[&str]) -> Child {
+fn start(fixture: &Fixture, arguments: &[&str]) -> Child {
     let _alone = starting();
-    let mut command = desk.command(arguments);
+    let mut command = fixture.command(arguments);
     command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("echoloop starts")
 }
 
-fn end(child: Child) -> Said {
-    Said::of(child.wait_with_output().expect("it ends"))
+fn end(child: Child) -> CommandOutput {
+    CommandOutput::from_output(child.wait_with_output().expect("it ends"))
 }
 
-fn run(desk: &Desk, arguments: &[&str]) -> Said {
-    end(start(desk, arguments))
+fn run(fixture: &Fixture, arguments: &[&str]) -> CommandOutput {
+    end(start(fixture, arguments))
 }
 
-fn succeed(desk: &Desk, arguments: &[&str]) -> Said {
-    let said = run(desk, arguments);
-    assert_eq!(said.code, Some(0), "{arguments:?}: {}", said.err);
-    said
+fn succeed(fixture: &Fixture, arguments: &[&str]) -> CommandOutput {
+    let output = run(fixture, arguments);
+    assert_eq!(output.code, Some(0), "{arguments:?}: {}", output.stderr);
+    output
 }
 
 /// A line that is cut after so many answers.
@@ -75,12 +75,12 @@ impl Transport for Cut {
     }
 }
 
-/// A board on a terminal, looking at the desk's yard.
+/// A board on a terminal, looking at the fixture's yard.
 struct Board {
     /// As `--sensor` takes it.
     spec: String,
     port: Port,
-    config: Config,
+    config: RunConfig,
     dataset: Dataset,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
@@ -89,23 +89,23 @@ struct Board {
 }
 
 impl Board {
-    fn new(desk: &Desk) -> Self {
-        Self::cut_after(desk, usize::MAX)
+    fn new(fixture: &Fixture) -> Self {
+        Self::cut_after(fixture, usize::MAX)
     }
 
-    fn cut_after(desk: &Desk, answers_left: usize) -> Self {
-        let yard = format!("scene.source={}", desk.path("yard.obj").display())
+    fn cut_after(fixture: &Fixture, answers_left: usize) -> Self {
+        let yard = format!("scene.source={}", fixture.path("yard.obj").display())
             .parse()
             .expect("an override");
-        let config = load(Some(&desk.path("small.toml")), &[yard]).expect("a configuration");
+        let config = load(Some(&fixture.path("small.toml")), &[yard]).expect("a configuration");
         let dataset = Dataset::build(&config, &|_, _| ()).expect("a yard");
         let views = dataset.views().map(Arc::clone).collect();
         let mut sensor =
-            Viewpoints::new(&Model::of(&config), views, scan_noise(config.seed)).sensor();
+            Viewpoints::new(&Model::from_config(&config), views, scan_noise(config.seed)).sensor();
         let (here, _plug, path) = terminals();
         let stop = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&stop);
-        let mut line = Cut { line: Serial::over(Box::new(here), "board"), answers_left };
+        let mut line = Cut { line: Serial::from_open_port(Box::new(here), "board"), answers_left };
         let answer = move || drop(serve(&mut line, &mut sensor, &|| flag.load(Ordering::Relaxed)));
         let thread = Some(std::thread::spawn(answer));
         let port = Port { path, baud: 4_000_000 };
@@ -122,11 +122,11 @@ impl Drop for Board {
 
 #[test]
 fn over_a_line_a_sensor_gives_the_echoes_it_gives_in_process() {
-    let desk = Desk::new();
-    let board = Board::new(&desk);
+    let fixture = Fixture::new();
+    let board = Board::new(&fixture);
     let settings = Settings { power_cw: 5_000, upsampling: 2, ..Settings::default() };
     let mut far = Sensor::serial(&board.port).expect("a sensor");
-    let mut near = Sensor::in_process(&Model::of(&board.config)).expect("a sensor");
+    let mut near = Sensor::in_process(&Model::from_config(&board.config)).expect("a sensor");
     assert_eq!(far.identity(), near.identity());
     assert_eq!(
         far.configure(&settings).expect("accepted"),
@@ -150,14 +150,14 @@ fn over_a_line_a_sensor_gives_the_echoes_it_gives_in_process() {
 
 #[test]
 fn scan_writes_the_cloud_it_writes_in_process() {
-    let desk = Desk::new();
-    let board = Board::new(&desk);
+    let fixture = Fixture::new();
+    let board = Board::new(&fixture);
     let scan = |sensor: &str, name: &str| {
-        succeed(&desk, &["scan", "--json", "-c", "small.toml", "--sensor", sensor, "-o", name])
+        succeed(&fixture, &["scan", "--json", "-c", "small.toml", "--sensor", sensor, "-o", name])
             .json()
     };
     let [near, far] = [scan("in-process", "near.ply"), scan(&board.spec, "far.ply")];
-    assert!(desk.bytes("near.ply") == desk.bytes("far.ply"), "the clouds differ");
+    assert!(fixture.bytes("near.ply") == fixture.bytes("far.ply"), "the clouds differ");
     assert_eq!(near["settings"], far["settings"]);
     assert_eq!(far["sensor"], format!("{}, echoloop-sensor 0.1.0", board.spec));
     assert_eq!(
@@ -165,8 +165,8 @@ fn scan_writes_the_cloud_it_writes_in_process() {
         (&().into(), &().into()),
         "not ours to know"
     );
-    let said = run(
-        &desk,
+    let output = run(
+        &fixture,
         &[
             "scan",
             "-c",
@@ -182,14 +182,14 @@ fn scan_writes_the_cloud_it_writes_in_process() {
             "0",
         ],
     );
-    assert_eq!(said.code, Some(2), "{}", said.err);
-    assert!(said.err.contains("--pose"), "{}", said.err);
+    assert_eq!(output.code, Some(2), "{}", output.stderr);
+    assert!(output.stderr.contains("--pose"), "{}", output.stderr);
 }
 
 #[test]
 fn a_run_over_a_line_ends_with_a_report_and_is_the_same_on_one_thread_and_two() {
-    let desk = Desk::new();
-    let board = Board::new(&desk);
+    let fixture = Fixture::new();
+    let board = Board::new(&fixture);
     let tiny = [
         "-c",
         "small.toml",
@@ -201,34 +201,34 @@ fn a_run_over_a_line_ends_with_a_report_and_is_the_same_on_one_thread_and_two() 
         "tune.shortlist=1",
     ];
     for threads in ["1", "2"] {
-        let said = succeed(
-            &desk,
+        let output = succeed(
+            &fixture,
             &[&["tune", "--sensor", &board.spec, "--threads", threads], &tiny[..]].concat(),
         );
         assert!(
-            said.err.contains(&format!("sensor {}, echoloop-sensor", board.spec)),
+            output.stderr.contains(&format!("sensor {}, echoloop-sensor", board.spec)),
             "{}",
-            said.err
+            output.stderr
         );
     }
     for name in ["config.toml", "history.jsonl", "result.json", "report.html", "after.ply"] {
         let [one, two] =
-            [1, 2].map(|run| desk.bytes(&format!("runs/000{run}-yard-icp-joint/{name}")));
+            [1, 2].map(|run| fixture.bytes(&format!("runs/000{run}-yard-icp-joint/{name}")));
         assert!(one.len() > 100 && one == two, "{name}");
     }
     let judged = ["evaluate", "-q", "--json", "--run", "runs/latest", "--sensor", &board.spec];
-    let judged = succeed(&desk, &judged).json();
+    let judged = succeed(&fixture, &judged).json();
     let result: serde_json::Value =
-        serde_json::from_str(&desk.read("runs/latest/result.json")).expect("JSON");
+        serde_json::from_str(&fixture.read("runs/latest/result.json")).expect("JSON");
     assert_eq!(judged["summary"], result["tuned_summary"]);
 }
 
 #[test]
 fn a_board_keeps_its_settings_until_others_are_asked_for() {
-    let desk = Desk::new();
-    let board = Board::new(&desk);
+    let fixture = Fixture::new();
+    let board = Board::new(&fixture);
     let sensor = |more: &[&str]| {
-        succeed(&desk, &[&["sensor", "--json", "--sensor", &board.spec], more].concat()).json()
+        succeed(&fixture, &[&["sensor", "--json", "--sensor", &board.spec], more].concat()).json()
     };
     assert_eq!(sensor(&["--set", "lidar.power=33.33"])["settings"]["power"], 33.33);
     let other = sensor(&["--set", "lidar.gain=3"]);
@@ -239,8 +239,8 @@ fn a_board_keeps_its_settings_until_others_are_asked_for() {
     let read = sensor(&[]);
     assert_eq!((&read["settings"], &read["hash"]), (&other["settings"], &other["hash"]));
     assert!(read["counters"]["frames"].as_u64() > other["counters"]["frames"].as_u64(), "{read}");
-    let said = run(
-        &desk,
+    let output = run(
+        &fixture,
         &[
             "sensor",
             "--sensor",
@@ -251,49 +251,55 @@ fn a_board_keeps_its_settings_until_others_are_asked_for() {
             "lidar.power=75",
         ],
     );
-    assert_eq!(said.code, Some(2), "{}", said.err);
-    assert!(said.err.contains("refused") && said.err.contains(&board.port.path), "{}", said.err);
+    assert_eq!(output.code, Some(2), "{}", output.stderr);
+    assert!(
+        output.stderr.contains("refused") && output.stderr.contains(&board.port.path),
+        "{}",
+        output.stderr
+    );
     assert_eq!(sensor(&[])["hash"], other["hash"]);
 }
 
 #[test]
 fn a_board_of_other_beams_is_refused_to_a_run_and_scans_as_it_is() {
-    let desk = Desk::new();
-    let board = Board::new(&desk);
+    let fixture = Fixture::new();
+    let board = Board::new(&fixture);
     let other = ["-c", "small.toml", "--set", "scanner.columns=64", "--sensor", &board.spec];
     for command in ["tune", "evaluate"] {
-        let said = run(&desk, &[&[command], &other[..]].concat());
-        assert_eq!(said.code, Some(2), "{}", said.err);
+        let output = run(&fixture, &[&[command], &other[..]].concat());
+        assert_eq!(output.code, Some(2), "{}", output.stderr);
         for part in [&board.port.path, "48 × 16 over 180° × 60°", "64 × 16 over 180° × 60°"]
         {
-            assert!(said.err.contains(part), "{part}: {}", said.err);
+            assert!(output.stderr.contains(part), "{part}: {}", output.stderr);
         }
     }
-    assert!(!desk.path("runs").exists());
-    let said = succeed(&desk, &[&["scan", "--json"], &other[..]].concat()).json();
-    assert_eq!(said["beams"], 48 * 16);
+    assert!(!fixture.path("runs").exists());
+    let output = succeed(&fixture, &[&["scan", "--json"], &other[..]].concat()).json();
+    assert_eq!(output["beams"], 48 * 16);
 }
 
 #[test]
 fn a_line_cut_in_the_middle_is_a_lost_link_with_the_port_s_name() {
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     for command in ["scan", "evaluate", "tune"] {
-        let board = Board::cut_after(&desk, 12);
-        let said =
-            run(&desk, &[command, "-c", "small.toml", "--threads", "2", "--sensor", &board.spec]);
-        assert_eq!(said.code, Some(3), "{command}: {}", said.err);
-        let line = said.err.lines().find(|line| line.starts_with("error:")).expect("an error");
+        let board = Board::cut_after(&fixture, 12);
+        let output = run(
+            &fixture,
+            &[command, "-c", "small.toml", "--threads", "2", "--sensor", &board.spec],
+        );
+        assert_eq!(output.code, Some(3), "{command}: {}", output.stderr);
+        let line = output.stderr.lines().find(|line| line.starts_with("error:")).expect("an error");
         assert!(line.contains(&board.port.path) && line.contains("the link is lost"), "{line}");
         let hint = format!("--resume runs/0001-yard-icp-joint --sensor {}", board.spec);
-        assert_eq!(said.err.contains(&hint), command == "tune", "{}", said.err);
+        assert_eq!(output.stderr.contains(&hint), command == "tune", "{}", output.stderr);
     }
 }
 
 #[test]
 fn a_run_that_lost_its_board_goes_on_with_another_to_the_same_end() {
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let tune = |board: &Board, more: &[&str]| {
-        run(&desk, &[&["tune", "-q", "--sensor", &board.spec], more].concat())
+        run(&fixture, &[&["tune", "-q", "--sensor", &board.spec], more].concat())
     };
     let tiny = [
         "-c",
@@ -305,22 +311,22 @@ fn a_run_that_lost_its_board_goes_on_with_another_to_the_same_end() {
         "--set",
         "tune.shortlist=1",
     ];
-    let whole = tune(&Board::new(&desk), &tiny);
-    assert_eq!(whole.code, Some(0), "{}", whole.err);
+    let whole = tune(&Board::new(&fixture), &tiny);
+    assert_eq!(whole.code, Some(0), "{}", whole.stderr);
     // 50 answers a registration, 4 registrations a generation: lost in the second.
-    assert_eq!(tune(&Board::cut_after(&desk, 300), &tiny).code, Some(3));
+    assert_eq!(tune(&Board::cut_after(&fixture, 300), &tiny).code, Some(3));
     let lost = "runs/0002-yard-icp-joint";
     assert_eq!(
-        desk.read(&format!("{lost}/history.jsonl")).lines().count(),
+        fixture.read(&format!("{lost}/history.jsonl")).lines().count(),
         2,
         "a header and a generation"
     );
-    let resumed = tune(&Board::new(&desk), &["--resume", lost]);
-    assert_eq!(resumed.code, Some(0), "{}", resumed.err);
+    let resumed = tune(&Board::new(&fixture), &["--resume", lost]);
+    assert_eq!(resumed.code, Some(0), "{}", resumed.stderr);
     for name in ["history.jsonl", "result.json", "report.html"] {
         assert!(
-            desk.bytes(&format!("{lost}/{name}"))
-                == desk.bytes(&format!("runs/0001-yard-icp-joint/{name}")),
+            fixture.bytes(&format!("{lost}/{name}"))
+                == fixture.bytes(&format!("runs/0001-yard-icp-joint/{name}")),
             "{name}"
         );
     }
@@ -328,30 +334,31 @@ fn a_run_that_lost_its_board_goes_on_with_another_to_the_same_end() {
 
 #[test]
 fn a_port_that_answers_nothing_is_given_up_in_bounded_time() {
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let (_here, _there, path) = terminals();
     let begun = Instant::now();
-    let said = run(&desk, &["sensor", "--sensor", &format!("serial:{path}@4000000")]);
-    assert_eq!(said.code, Some(3), "{}", said.err);
+    let output = run(&fixture, &["sensor", "--sensor", &format!("serial:{path}@4000000")]);
+    assert_eq!(output.code, Some(3), "{}", output.stderr);
     assert!(
-        said.err.contains(&path) && said.err.contains("no answer from the sensor to hello"),
+        output.stderr.contains(&path)
+            && output.stderr.contains("no answer from the sensor to hello"),
         "{}",
-        said.err
+        output.stderr
     );
     assert!(begun.elapsed() < Duration::from_secs(30));
 }
 
 #[test]
 fn a_port_that_is_none_is_refused_by_name() {
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     for name in ["/dev/no-such-port", "yard.obj", "."] {
         for command in ["tune", "evaluate", "scan", "sensor"] {
-            desk.refuses(
+            fixture.refuses(
                 &[command, "--sensor", &format!("serial:{name}")],
                 &[name, "cannot be opened"],
             );
         }
-        desk.refuses(&["serve", "-c", "small.toml", name], &[name, "cannot be opened"]);
+        fixture.refuses(&["serve", "-c", "small.toml", name], &[name, "cannot be opened"]);
     }
     let error = Sensor::serial(&Port { path: "/dev/no-such-port".into(), baud: 9_600 })
         .map(|_| ())
@@ -361,7 +368,7 @@ fn a_port_that_is_none_is_refused_by_name() {
 
 #[test]
 fn a_sensor_that_is_none_is_refused_by_name() {
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let table = [
         ("uart:/dev/ttyS0", "expected in-process, qemu[:BOARD] or serial:PORT[@BAUD]"),
         ("serial", "needs its port"),
@@ -370,18 +377,18 @@ fn a_sensor_that_is_none_is_refused_by_name() {
     ];
     for (sensor, problem) in table {
         for command in ["tune", "evaluate", "scan", "sensor"] {
-            desk.refuses(&[command, "--sensor", sensor], &["--sensor", problem]);
+            fixture.refuses(&[command, "--sensor", sensor], &["--sensor", problem]);
         }
     }
     for flag in ["--firmware", "--sensor-log"] {
-        desk.refuses(&["scan", flag, "file"], &[flag, "in-process"]);
+        fixture.refuses(&["scan", flag, "file"], &[flag, "in-process"]);
     }
-    desk.refuses(&["serve", "/dev/ttyS0@fast"], &["'fast' is no speed"]);
+    fixture.refuses(&["serve", "/dev/ttyS0@fast"], &["'fast' is no speed"]);
 }
 
 /// Carries bytes both ways between two terminals until told to stop.
 fn bridge(one: TTYPort, other: TTYPort, stop: &Arc<AtomicBool>) -> JoinHandle<()> {
-    let mut lines = [one, other].map(|port| Serial::over(Box::new(port), "bridge"));
+    let mut lines = [one, other].map(|port| Serial::from_open_port(Box::new(port), "bridge"));
     let stop = Arc::clone(stop);
     std::thread::spawn(move || {
         let mut buffer = [0; 4096];
@@ -397,17 +404,17 @@ fn bridge(one: TTYPort, other: TTYPort, stop: &Arc<AtomicBool>) -> JoinHandle<()
 
 #[test]
 fn serve_is_the_other_end_until_interrupted() {
-    let desk = Desk::new();
+    let fixture = Fixture::new();
     let ((one, _plug, served), (other, _other_plug, used)) = (terminals(), terminals());
     let stop = Arc::new(AtomicBool::new(false));
     let bridge = bridge(one, other, &stop);
-    let server = start(&desk, &["serve", "-c", "small.toml", &served]);
+    let server = start(&fixture, &["serve", "-c", "small.toml", &served]);
     succeed(
-        &desk,
+        &fixture,
         &["scan", "-q", "-c", "small.toml", "--sensor", &format!("serial:{used}"), "-o", "far.ply"],
     );
-    desk.succeed(&["scan", "-q", "-c", "small.toml", "-o", "near.ply"]);
-    assert!(desk.bytes("near.ply") == desk.bytes("far.ply"), "the clouds differ");
+    fixture.succeed(&["scan", "-q", "-c", "small.toml", "-o", "near.ply"]);
+    assert!(fixture.bytes("near.ply") == fixture.bytes("far.ply"), "the clouds differ");
     let pid = server.id().to_string();
     assert!(
         std::process::Command::new("kill")
@@ -416,12 +423,12 @@ fn serve_is_the_other_end_until_interrupted() {
             .expect("kill runs")
             .success()
     );
-    let said = end(server);
-    assert_eq!(said.code, Some(0), "{}", said.err);
+    let output = end(server);
+    assert_eq!(output.code, Some(0), "{}", output.stderr);
     assert!(
-        said.err.contains(&format!("serving 14 viewpoints on {served}@921600 until ^C")),
+        output.stderr.contains(&format!("serving 14 viewpoints on {served}@921600 until ^C")),
         "{}",
-        said.err
+        output.stderr
     );
     stop.store(true, Ordering::Relaxed);
     bridge.join().expect("a bridge");

@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::choice::SensorChoice;
 use super::exit::Failure;
-use crate::experiment::config::{Config, Override, load};
+use crate::experiment::config::{Override, RunConfig, load};
 
 /// What every command takes.
 #[derive(Clone, Debug, Args)]
@@ -45,7 +45,7 @@ fn parse_override(text: &str) -> Result<Override, String> {
 
 impl ConfigSource {
     /// File, then `--set`, then the flags given (and only those), with a command's own flags last.
-    pub(super) fn load(&self, own: Vec<Override>) -> Result<Config, Failure> {
+    pub(super) fn load(&self, own: Vec<Override>) -> Result<RunConfig, Failure> {
         let mut overrides = self.set.clone();
         overrides.extend(self.scene.clone().map(|scene| Override::flag("scene.source", scene)));
         if let Some(seed) = self.seed {

@@ -13,11 +13,11 @@ use super::exit::Failure;
 use super::method_choice::MethodChoice;
 use super::prepared::{PairSet, Prepared, require_recall};
 use super::progress::Progress;
-use crate::experiment::config::{Config, load};
+use crate::experiment::config::{RunConfig, load};
 use crate::experiment::evaluate::{Summary, evaluate};
 use crate::experiment::params::{Values, choices};
 use crate::experiment::run::{CONFIG, RESULT};
-use crate::experiment::tune::Watcher;
+use crate::experiment::tune::Observer;
 
 /// Flags of `evaluate`.
 #[derive(Clone, Debug, Args)]
@@ -27,7 +27,11 @@ pub(crate) struct EvaluateArgs {
     #[command(flatten)]
     method: MethodChoice,
     /// Judge the tuned parameters of a run, with its configuration.
-    #[arg(long, value_name = "RUN", conflicts_with_all = ["config", "candidate", "method", "mode", "refine"])]
+    #[arg(
+        long,
+        value_name = "RUN",
+        conflicts_with_all = ["config", "candidate", "method", "mode", "refine"],
+    )]
     run: Option<PathBuf>,
     /// JSON file with {"parameters": {"lidar.power": 50, "lidar.timing": "cfd", …}} laid over the
     /// configuration's; - is standard input.
@@ -73,7 +77,7 @@ pub(super) fn run(args: &EvaluateArgs) -> Result<(), Failure> {
     on_threads(args.setup.common.threads, || judge(args, config, &values))?
 }
 
-fn config(args: &EvaluateArgs) -> Result<Config, Failure> {
+fn config(args: &EvaluateArgs) -> Result<RunConfig, Failure> {
     match &args.run {
         Some(run) => load(Some(&run.join(CONFIG)), &args.setup.source.set).map_err(Failure::usage),
         None => args.setup.source.load(args.method.overrides()),
@@ -110,7 +114,7 @@ fn parse<'a, T: Deserialize<'a>>(path: &Path, text: &'a str) -> Result<T, Failur
         .map_err(|error| Failure::usage(format!("{}: {error}", path.display())))
 }
 
-fn judge(args: &EvaluateArgs, config: Config, values: &Values) -> Result<(), Failure> {
+fn judge(args: &EvaluateArgs, config: RunConfig, values: &Values) -> Result<(), Failure> {
     let progress = Progress::new(args.setup.common.quiet);
     let prepared = Prepared::new(config, &args.setup.sensor, &progress)?;
     let preset = prepared.config.registration.preset;
@@ -120,7 +124,7 @@ fn judge(args: &EvaluateArgs, config: Config, values: &Values) -> Result<(), Fai
     progress.begin("judging", noisy.pairs.len() as u64);
     let errors = evaluate(&prepared.bench(), &parameters, &noisy, &|| progress.evaluated())?;
     progress.end();
-    let summary = Summary::of(errors, &prepared.config.data);
+    let summary = Summary::from_errors(errors, &prepared.config.data);
     print(args, &prepared.sensor, &parameters.values(preset), &summary)?;
     require_recall(args.require_recall, &summary)
 }
@@ -132,7 +136,9 @@ fn print(
     summary: &Summary,
 ) -> Result<(), Failure> {
     if args.setup.common.json {
-        let document = serde_json::json!({"format": 1, "sensor": sensor, "parameters": values, "summary": summary});
+        let document = serde_json::json!({
+            "format": 1, "sensor": sensor, "parameters": values, "summary": summary,
+        });
         println!("{}", serde_json::to_string_pretty(&document).map_err(Failure::run)?);
         return Ok(());
     }

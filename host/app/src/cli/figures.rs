@@ -4,13 +4,13 @@ use std::path::Path;
 
 use super::exit::Failure;
 use super::prepared::Prepared;
-use crate::experiment::config::Config;
+use crate::experiment::config::RunConfig;
 use crate::experiment::evaluate::{Summary, median};
 use crate::experiment::objective::Registered;
 use crate::experiment::params::{self, Axis, Parameters, Space, effective};
 use crate::experiment::run::{REPORT, RunFolder, RunResult};
 use crate::experiment::seed::{Purpose, derive};
-use crate::experiment::tune::{Search, Tuned};
+use crate::experiment::tune::{TuneSearch, Tuned};
 use crate::report::{
     CloudLayer, Convergence, Correlation, EvaluationRow, EvaluationTable, PairClouds, PairError,
     ParameterTrace, PoseError, Report, RowKind,
@@ -19,7 +19,7 @@ use echoloop_registration::FgrMode;
 use echoloop_registration::cloud::{Cloud, write_ply};
 
 /// Default against tuned, and what was changed.
-pub(super) fn print_table(config: &Config, result: &RunResult, space: &Space) {
+pub(super) fn print_table(config: &RunConfig, result: &RunResult, space: &Space) {
     let data = &config.data;
     println!(
         "\n{}: {} held-out pairs, {:.1} m apart, success within {} m and {}°\n",
@@ -84,6 +84,15 @@ fn shown_pair(result: &RunResult) -> usize {
     worst.map_or(0, |error| error.pair)
 }
 
+/// A run that has come to its end: what all figures are drawn from.
+pub(super) struct Finished<'a> {
+    pub(super) folder: &'a RunFolder,
+    pub(super) prepared: &'a Prepared,
+    pub(super) search: &'a TuneSearch<'a>,
+    pub(super) tuned: &'a Tuned,
+    pub(super) result: &'a RunResult,
+}
+
 /// The shown pair with default and with tuned parameters.
 pub(super) struct Shown {
     place: String,
@@ -92,12 +101,8 @@ pub(super) struct Shown {
 }
 
 /// Registers the shown pair both ways, and writes both as PLY.
-pub(super) fn write_clouds(
-    folder: &RunFolder,
-    prepared: &Prepared,
-    tuned: &Tuned,
-    result: &RunResult,
-) -> Result<Shown, Failure> {
+pub(super) fn write_clouds(run: &Finished<'_>) -> Result<Shown, Failure> {
+    let Finished { folder, prepared, tuned, result, .. } = run;
     let index = shown_pair(result);
     let pair = &prepared.dataset.test[index];
     let noise = derive(prepared.config.seed, Purpose::TestNoise, index as u64);
@@ -127,14 +132,8 @@ fn laid_on(registered: &Registered) -> impl Iterator<Item = nalgebra::Point3<f32
 }
 
 /// Writes the report.
-pub(super) fn write_report(
-    folder: &RunFolder,
-    prepared: &Prepared,
-    search: &Search<'_>,
-    tuned: &Tuned,
-    result: &RunResult,
-    shown: Shown,
-) -> Result<(), Failure> {
+pub(super) fn write_report(run: &Finished<'_>, shown: Shown) -> Result<(), Failure> {
+    let Finished { folder, prepared, result, .. } = run;
     let config = &prepared.config;
     let data = &config.data;
     let success_within = PoseError {
@@ -147,7 +146,7 @@ pub(super) fn write_report(
             "{} registrations in {} generations",
             result.registrations, result.generations
         ),
-        facts: facts(prepared, search, result),
+        facts: facts(run),
         table: EvaluationTable {
             rows: vec![
                 table_row("default", RowKind::Default, &result.default_summary),
@@ -155,9 +154,9 @@ pub(super) fn write_report(
             ],
             success_within,
         },
-        convergence: convergence(config, tuned),
-        parameters: traces(search, tuned, result),
-        correlation: correlation(search, tuned),
+        convergence: convergence(config, run.tuned),
+        parameters: traces(run),
+        correlation: correlation(run),
         pair_errors: pair_errors(prepared, result),
         clouds: Some(pair_clouds(shown, result)),
         notes: notes(config),
@@ -166,7 +165,8 @@ pub(super) fn write_report(
     Ok(folder.write(REPORT, &html)?)
 }
 
-fn facts(prepared: &Prepared, search: &Search<'_>, result: &RunResult) -> Vec<(String, String)> {
+fn facts(run: &Finished<'_>) -> Vec<(String, String)> {
+    let Finished { prepared, search, result, .. } = run;
     let config = &prepared.config;
     let pattern = prepared.dataset.pattern;
     [
@@ -201,7 +201,7 @@ fn table_row(label: &str, kind: RowKind, summary: &Summary) -> EvaluationRow {
     }
 }
 
-fn convergence(config: &Config, tuned: &Tuned) -> Convergence {
+fn convergence(config: &RunConfig, tuned: &Tuned) -> Convergence {
     let mut series = Convergence {
         default_fitness: tuned.finalists.iter().find(|f| f.origin == "start").map(|f| f.fitness),
         fitness_name: match config.tune.error_cap {
@@ -224,7 +224,8 @@ fn convergence(config: &Config, tuned: &Tuned) -> Convergence {
     series
 }
 
-fn traces(search: &Search<'_>, tuned: &Tuned, result: &RunResult) -> Vec<ParameterTrace> {
+fn traces(run: &Finished<'_>) -> Vec<ParameterTrace> {
+    let Finished { search, tuned, result, .. } = run;
     let value = |values: &params::Values, name: &str| effective(values, name).unwrap_or(f64::NAN);
     let axes = search.space.axes().iter().enumerate();
     axes.map(|(i, axis)| {
@@ -252,7 +253,8 @@ fn traces(search: &Search<'_>, tuned: &Tuned, result: &RunResult) -> Vec<Paramet
     .collect()
 }
 
-fn correlation(search: &Search<'_>, tuned: &Tuned) -> Option<Correlation> {
+fn correlation(run: &Finished<'_>) -> Option<Correlation> {
+    let Finished { search, tuned, .. } = run;
     let short = |name: &str| name.rsplit('.').next().unwrap_or(name).to_owned();
     (!tuned.correlations.is_empty()).then(|| Correlation {
         names: search.space.axes().iter().map(|axis| short(axis.name)).collect(),
@@ -298,23 +300,26 @@ fn pair_clouds(shown: Shown, result: &RunResult) -> PairClouds {
     }
 }
 
-fn notes(config: &Config) -> Vec<String> {
+fn notes(config: &RunConfig) -> Vec<String> {
     let mut notes = vec![
-        "Every scan went through the sensor's firmware: settings and echoes as frames of its link, echoes by its \
+        "Every scan went through the sensor's firmware: settings and echoes as frames of its link, \
+         echoes by its \
          fixed-point detector."
             .to_owned(),
         "A registration that finds nothing counts as its initial guess, the identity.".to_owned(),
     ];
     if config.registration.mode == FgrMode::Open3d {
         notes.push(
-            "FGR as Open3D 0.20 runs it from Python with its defaults: without graduated non-convexity, from a wrong start. It is \
+            "FGR as Open3D 0.20 runs it from Python with its defaults: without graduated \
+             non-convexity, from a wrong start. It is \
              the paper's baseline, not the published method; that is mode annealed."
                 .to_owned(),
         );
     }
     if config.tune.error_cap > 0.0 {
         notes.push(format!(
-            "The search caps a pair's error at {} (the paper does not; tune.error_cap = 0 is its way). The tables do not.",
+            "The search caps a pair's error at {} (the paper does not; tune.error_cap = 0 is its \
+             way). The tables do not.",
             config.tune.error_cap
         ));
     }

@@ -31,7 +31,7 @@ impl MethodChoice {
 }
 
 /// A value's name on the command line, which is also its name in the file.
-pub(super) fn name_of(value: impl clap::ValueEnum) -> toml::Value {
+pub(super) fn toml_name(value: impl clap::ValueEnum) -> toml::Value {
     value.to_possible_value().map(|v| v.get_name().to_owned()).unwrap_or_default().into()
 }
 

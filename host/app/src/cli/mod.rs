@@ -1,4 +1,9 @@
-//! The command line.
+//! The command line: one file a command, and what commands share.
+//!
+//! A command reads its flags with clap into a struct of arguments, lays them over the
+//! configuration ([`common`]), meets the sensor and traces the scans ([`prepared`]), does its work
+//! and prints it as text or as one JSON document. It ends with a [`Failure`], which has the exit
+//! code. To add one: a file with `Args` and `run`, a variant of `Command`, a line in [`Cli::run`].
 
 mod choice;
 mod common;
@@ -33,7 +38,12 @@ pub use exit::{Failure, READER_GONE, report_failure};
 ///
 /// Without a command: `tune`.
 #[derive(Debug, Parser)]
-#[command(name = "echoloop", version, args_conflicts_with_subcommands = true, after_help = EXIT_CODES)]
+#[command(
+    name = "echoloop",
+    version,
+    args_conflicts_with_subcommands = true,
+    after_help = EXIT_CODES,
+)]
 pub struct Cli {
     #[command(subcommand)]
     command: Option<Command>,
@@ -41,7 +51,8 @@ pub struct Cli {
     tune: tune::TuneArgs,
 }
 
-const EXIT_CODES: &str = "Exit codes: 0 done, 1 the run failed, 2 usage, configuration or a file, 3 the link or the sensor, \
+const EXIT_CODES: &str = "Exit codes: 0 done, 1 the run failed, 2 usage, configuration or a file, \
+    3 the link or the sensor, \
     4 finished below --require-recall, 130 interrupted.";
 
 #[derive(Debug, Subcommand)]
@@ -108,7 +119,8 @@ const JSON_LINES: &str =
 /// in here.
 pub fn command() -> clap::Command {
     let help = format!(
-        "Parameters, set with --set KEY=VALUE or in a file ([lidar], [registration]); those of another method: \
+        "Parameters, set with --set KEY=VALUE or in a file ([lidar], [registration]); those of \
+         another method: \
          `echoloop config --parameters --set registration.method=fgr`.\n\n{}",
         parameter_table::parameter_table(Method::Icp, Preset::Outdoor)
     );

@@ -16,10 +16,10 @@ use super::interrupt::stop_on_interrupt;
 use super::method_choice::MethodChoice;
 use super::prepared::{PairSet, Prepared};
 use super::progress::Progress;
-use crate::experiment::config::Config;
+use crate::experiment::config::RunConfig;
 use crate::experiment::dataset::ScanPair;
 use crate::experiment::run::FileError;
-use crate::experiment::tune::Watcher;
+use crate::experiment::tune::Observer;
 use crate::link::sensor::View;
 use echoloop_registration::cloud::{Cloud, write_ply};
 use echoloop_registration::pose::{Pose, to_rows};
@@ -55,7 +55,7 @@ pub(super) fn run(args: &PairsArgs) -> Result<(), Failure> {
     on_threads(args.setup.common.threads, || scan_and_write(args, config, &stop))?
 }
 
-fn scan_and_write(args: &PairsArgs, config: Config, stop: &AtomicBool) -> Result<(), Failure> {
+fn scan_and_write(args: &PairsArgs, config: RunConfig, stop: &AtomicBool) -> Result<(), Failure> {
     let progress = Progress::new(args.setup.common.quiet);
     let prepared = Prepared::new(config, &args.setup.sensor, &progress)?;
     // The noise that `evaluate` gives them.
@@ -177,10 +177,11 @@ fn write(
         write_pair(&draft, index, scanned)?;
     }
     draft.write("config.toml", toml::to_string(&prepared.config).map_err(Failure::run)?)?;
+    let listed = |(index, scanned)| listed(index, scanned);
     let list = json!({
         "format": 1,
         "sensor": prepared.sensor,
-        "pairs": scanned.iter().enumerate().map(|(index, scanned)| listed(index, scanned)).collect::<Vec<_>>(),
+        "pairs": scanned.iter().enumerate().map(listed).collect::<Vec<_>>(),
     });
     draft.write("pairs.json", serde_json::to_string_pretty(&list).map_err(Failure::run)? + "\n")?;
     draft.become_folder(folder)
@@ -229,7 +230,10 @@ fn print(args: &PairsArgs, scanned: &[Scanned<'_>]) -> Result<(), Failure> {
     let folder = args.output.display();
     if args.setup.common.json {
         let document = json!({
-            "format": 1, "folder": folder.to_string(), "pairs": scanned.len(), "mean_points": a_scan,
+            "format": 1,
+            "folder": folder.to_string(),
+            "pairs": scanned.len(),
+            "mean_points": a_scan,
         });
         println!("{}", serde_json::to_string_pretty(&document).map_err(Failure::run)?);
     } else {

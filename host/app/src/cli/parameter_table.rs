@@ -72,7 +72,8 @@ pub(super) fn parameter_table(method: Method, preset: Preset) -> String {
 pub(super) fn parameter_json(method: Method, preset: Preset) -> serde_json::Value {
     let row = |Row { name, unit, min, max, default, acts_in, choices }: Row| {
         serde_json::json!({
-            "name": name, "unit": unit, "min": min, "max": max, "default": default, "acts_in": acts_in, "choices": choices,
+            "name": name, "unit": unit, "min": min, "max": max, "default": default,
+            "acts_in": acts_in, "choices": choices,
         })
     };
     parameter_rows(method, preset).into_iter().map(row).collect::<Vec<_>>().into()

@@ -8,13 +8,13 @@ use echoloop_dsp::Hardware;
 use super::choice::{SensorChoice, described, introduce};
 use super::exit::Failure;
 use super::progress::Progress;
-use crate::experiment::config::Config;
+use crate::experiment::config::RunConfig;
 use crate::experiment::dataset::Dataset;
 use crate::experiment::evaluate::{NoisyPairs, Summary};
 use crate::experiment::objective::Bench;
 use crate::experiment::params::{Parameters, Space};
 use crate::experiment::seed::Purpose;
-use crate::experiment::tune::Search;
+use crate::experiment::tune::TuneSearch;
 use crate::link::sensor::{Model, Sensors};
 
 /// Which pairs.
@@ -26,7 +26,7 @@ pub(super) enum PairSet {
 
 /// Everything a search needs, made from a configuration.
 pub(super) struct Prepared {
-    pub(super) config: Config,
+    pub(super) config: RunConfig,
     pub(super) dataset: Dataset,
     pub(super) start: Parameters,
     /// As the sensor says.
@@ -39,11 +39,11 @@ pub(super) struct Prepared {
 impl Prepared {
     /// Meets the sensor, checks the start against its hardware, then traces the scans.
     pub(super) fn new(
-        config: Config,
+        config: RunConfig,
         choice: &SensorChoice,
         progress: &Progress,
     ) -> Result<Self, Failure> {
-        let model = Model::of(&config);
+        let model = Model::from_config(&config);
         let sensors = choice.sensors(model.clone())?;
         let identity = introduce(&sensors, &model, progress)?;
         let (hardware, sensor) = (identity.hardware, described(&sensors, &identity));
@@ -67,10 +67,10 @@ impl Prepared {
         NoisyPairs { pairs, seed: self.config.seed, purpose }
     }
 
-    pub(super) fn search<'a>(&'a self, stop: &'a AtomicBool) -> Search<'a> {
+    pub(super) fn search<'a>(&'a self, stop: &'a AtomicBool) -> TuneSearch<'a> {
         let (protocol, preset) = (self.config.tune.protocol, self.config.registration.preset);
         let space = Space::new(protocol, self.config.tune.lidar, preset, self.start, self.hardware);
-        Search { config: &self.config, bench: self.bench(), space, start: self.start, stop }
+        TuneSearch { config: &self.config, bench: self.bench(), space, start: self.start, stop }
     }
 }
 

@@ -8,7 +8,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::experiment::evaluate::median;
 use crate::experiment::journal::Generation;
-use crate::experiment::tune::Watcher;
+use crate::experiment::tune::Observer;
 
 /// Shows how far the work is.
 pub(super) struct Progress {
@@ -63,7 +63,7 @@ impl Progress {
     }
 }
 
-impl Watcher for Progress {
+impl Observer for Progress {
     fn evaluated(&self) {
         self.bar.inc(1);
     }

@@ -113,7 +113,8 @@ fn warn(args: &RegisterArgs, outcome: &Outcome) {
         outcome.consensus.filter(|c| c.searched < c.matches && !args.common.quiet)
     {
         eprintln!(
-            "warning: {} of {} matches were searched: the others are too far out, or all would take too much time and memory",
+            "warning: {} of {} matches were searched: the others are too far out, or all would \
+             take too much time and memory",
             consensus.searched, consensus.matches
         );
     }

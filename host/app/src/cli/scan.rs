@@ -11,7 +11,7 @@ use nalgebra::{Translation3, UnitQuaternion, Vector3};
 use super::choice::described;
 use super::common::{Setup, on_threads};
 use super::exit::Failure;
-use crate::experiment::config::Config;
+use crate::experiment::config::RunConfig;
 use crate::experiment::dataset::{DatasetError, place, respond};
 use crate::experiment::params::Parameters;
 use crate::experiment::scan_cloud::cloud_from_scan;
@@ -30,7 +30,12 @@ pub(crate) struct ScanArgs {
     output: Option<PathBuf>,
     /// Pose of the sensor: x y z in m, yaw pitch roll in degrees
     /// [default: the first training viewpoint].
-    #[arg(long, num_args = 6, allow_negative_numbers = true, value_names = ["X", "Y", "Z", "YAW", "PITCH", "ROLL"])]
+    #[arg(
+        long,
+        num_args = 6,
+        allow_negative_numbers = true,
+        value_names = ["X", "Y", "Z", "YAW", "PITCH", "ROLL"],
+    )]
     pose: Option<Vec<f64>>,
 }
 
@@ -58,8 +63,8 @@ struct Seen {
     response: Arc<SceneResponse>,
 }
 
-fn scan(args: &ScanArgs, config: &Config) -> Result<(), Failure> {
-    let sensors = args.setup.sensor.sensors(Model::of(config))?;
+fn scan(args: &ScanArgs, config: &RunConfig) -> Result<(), Failure> {
+    let sensors = args.setup.sensor.sensors(Model::from_config(config))?;
     let identity = sensors.identity()?;
     let settings = Parameters::start(config, &identity.hardware).map_err(Failure::usage)?.settings;
     let pattern = identity.pattern;
@@ -87,7 +92,7 @@ fn scan(args: &ScanArgs, config: &Config) -> Result<(), Failure> {
 /// What a sensor is to look at, when that is for us to say.
 fn seen(
     args: &ScanArgs,
-    config: &Config,
+    config: &RunConfig,
     directions: &[Vector3<f32>],
 ) -> Result<Option<Seen>, Failure> {
     if args.setup.sensor.is_turned_by_others() {
@@ -121,7 +126,7 @@ fn pose(numbers: &[f64]) -> Result<Pose, Failure> {
 }
 
 fn first_viewpoint(
-    config: &Config,
+    config: &RunConfig,
     place: &crate::experiment::dataset::Place,
     town: u64,
 ) -> Result<Pose, Failure> {
@@ -157,8 +162,8 @@ fn print(args: &ScanArgs, scan: &Scan) -> Result<(), Failure> {
         };
         let document = serde_json::json!({
             "format": 1, "sensor": scan.sensor, "scene": scan.seen.as_ref().map(|seen| &seen.scene),
-            "world_from_sensor": scan.seen.as_ref().map(rows), "settings": settings, "beams": beams, "points": points,
-            "median_range_m": median_m, "farthest_m": farthest_m,
+            "world_from_sensor": scan.seen.as_ref().map(rows), "settings": settings,
+            "beams": beams, "points": points, "median_range_m": median_m, "farthest_m": farthest_m,
         });
         println!("{}", serde_json::to_string_pretty(&document).map_err(Failure::run)?);
         return Ok(());

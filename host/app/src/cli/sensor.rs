@@ -8,7 +8,7 @@ use super::choice::described;
 use super::common::{ConfigSource, Setup};
 use super::exit::Failure;
 use super::parameter_table::choices;
-use crate::experiment::config::{Config, Lidar};
+use crate::experiment::config::{Lidar, RunConfig};
 use crate::link::client::Identity;
 use crate::link::sensor::Model;
 
@@ -27,7 +27,7 @@ pub(crate) struct SensorArgs {
 
 pub(super) fn run(args: &SensorArgs) -> Result<(), Failure> {
     let config = args.setup.source.load(Vec::new())?;
-    let sensors = args.setup.sensor.sensors(Model::of(&config))?;
+    let sensors = args.setup.sensor.sensors(Model::from_config(&config))?;
     let identity = sensors.identity()?;
     let (settings, counters) = sensors.with(|sensor| {
         let own = sensor.client().read_settings()?;
@@ -59,9 +59,16 @@ fn print_json(
     counters: &Counters,
 ) -> Result<(), Failure> {
     let document = serde_json::json!({
-        "format": 1, "sensor": name, "build": identity.build, "protocol": Greeting::OURS.protocol,
-        "schema": format!("{:#018x}", Greeting::OURS.schema), "hardware": identity.hardware, "pattern": identity.pattern,
-        "hash": format!("{:#010x}", settings_hash(settings)), "settings": Lidar(*settings), "counters": counters,
+        "format": 1,
+        "sensor": name,
+        "build": identity.build,
+        "protocol": Greeting::OURS.protocol,
+        "schema": format!("{:#018x}", Greeting::OURS.schema),
+        "hardware": identity.hardware,
+        "pattern": identity.pattern,
+        "hash": format!("{:#010x}", settings_hash(settings)),
+        "settings": Lidar(*settings),
+        "counters": counters,
     });
     println!("{}", serde_json::to_string_pretty(&document).map_err(Failure::run)?);
     Ok(())
@@ -91,7 +98,7 @@ fn print_text(name: &str, identity: &Identity, settings: &Settings, counters: &C
 }
 
 /// The sensor's own settings with what was asked for laid over.
-fn asked(source: &ConfigSource, config: &Config, own: Settings) -> Settings {
+fn asked(source: &ConfigSource, config: &RunConfig, own: Settings) -> Settings {
     if source.config.is_some() {
         return config.lidar.0;
     }

@@ -9,7 +9,7 @@ use super::common::{ConfigSource, on_threads};
 use super::exit::Failure;
 use super::interrupt::stop_on_interrupt;
 use super::progress::Progress;
-use crate::experiment::config::Config;
+use crate::experiment::config::RunConfig;
 use crate::experiment::dataset::Dataset;
 use crate::experiment::seed::scan_noise;
 use crate::link::sensor::{Model, Port, SensorError};
@@ -37,7 +37,7 @@ pub(super) fn run(args: &ServeArgs) -> Result<(), Failure> {
     on_threads(args.threads, || answer(args, &config))?
 }
 
-fn answer(args: &ServeArgs, config: &Config) -> Result<(), Failure> {
+fn answer(args: &ServeArgs, config: &RunConfig) -> Result<(), Failure> {
     let stop = stop_on_interrupt();
     let port = Serial::open(&args.port.path, args.port.baud);
     let mut port = port.map_err(|reason| SensorError::open(&args.port, reason))?;
@@ -47,7 +47,8 @@ fn answer(args: &ServeArgs, config: &Config) -> Result<(), Failure> {
     progress.end();
     let views: Vec<_> = dataset.views().map(Arc::clone).collect();
     progress.say(&format!("serving {} viewpoints on {} until ^C", views.len(), args.port));
-    let mut sensor = Viewpoints::new(&Model::of(config), views, scan_noise(config.seed)).sensor();
+    let mut sensor =
+        Viewpoints::new(&Model::from_config(config), views, scan_noise(config.seed)).sensor();
     serve(&mut port, &mut sensor, &|| stop.load(Ordering::Relaxed))
         .map_err(|error| SensorError::client(&args.port)(error.into()).into())
 }

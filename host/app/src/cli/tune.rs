@@ -7,17 +7,17 @@ use clap::Args;
 
 use super::common::{Setup, on_threads};
 use super::exit::Failure;
-use super::figures::{print_table, write_clouds, write_report};
+use super::figures::{Finished, print_table, write_clouds, write_report};
 use super::interrupt::stop_on_interrupt;
-use super::method_choice::{MethodChoice, name_of};
+use super::method_choice::{MethodChoice, toml_name};
 use super::prepared::{Prepared, require_recall};
 use super::progress::Progress;
-use crate::experiment::config::{Config, Override, default_runs_folder, load};
+use crate::experiment::config::{Override, RunConfig, default_runs_folder, load};
 use crate::experiment::evaluate::Summary;
 use crate::experiment::journal::{Generation, Journal};
 use crate::experiment::preset::{LidarPreset, Preset, Protocol};
 use crate::experiment::run::{CONFIG, HISTORY, REPORT, RESULT, RunFolder, RunResult};
-use crate::experiment::tune::{Search, TuneError, Tuned};
+use crate::experiment::tune::{TuneError, TuneSearch, Tuned};
 
 /// Flags of `tune`.
 #[derive(Clone, Debug, Args)]
@@ -45,9 +45,14 @@ pub(crate) struct TuneArgs {
     #[arg(long, value_name = "FOLDER")]
     runs: Option<PathBuf>,
     /// Go on with an interrupted run.
-    #[arg(long, value_name = "RUN", conflicts_with_all = ["config", "set", "scene", "seed", "method", "mode", "refine", "protocol", "lidar",
-        "preset",
-        "generations", "population", "runs"])]
+    #[arg(
+        long,
+        value_name = "RUN",
+        conflicts_with_all = [
+            "config", "set", "scene", "seed", "method", "mode", "refine", "protocol", "lidar",
+            "preset", "generations", "population", "runs",
+        ],
+    )]
     resume: Option<PathBuf>,
     /// With --resume: drop the damaged end of a journal, after copying it.
     #[arg(long, requires = "resume")]
@@ -58,7 +63,7 @@ pub(crate) struct TuneArgs {
 }
 
 impl TuneArgs {
-    fn config(&self) -> Result<Config, Failure> {
+    fn config(&self) -> Result<RunConfig, Failure> {
         if let Some(run) = &self.resume {
             return load(Some(&run.join(CONFIG)), &[]).map_err(Failure::usage);
         }
@@ -66,9 +71,9 @@ impl TuneArgs {
         let mut flag = |path: &str, value: Option<toml::Value>| {
             own.extend(value.map(|v| Override::flag(path, v)))
         };
-        flag("tune.protocol", self.protocol.map(name_of));
-        flag("tune.lidar", self.lidar.map(name_of));
-        flag("registration.preset", self.preset.map(name_of));
+        flag("tune.protocol", self.protocol.map(toml_name));
+        flag("tune.lidar", self.lidar.map(toml_name));
+        flag("registration.preset", self.preset.map(toml_name));
         flag("tune.generations", self.generations.map(|n| i64::from(n).into()));
         flag("tune.population", self.population.map(|n| i64::from(n).into()));
         self.setup.source.load(own)
@@ -81,7 +86,7 @@ pub(super) fn run(args: &TuneArgs) -> Result<(), Failure> {
     on_threads(args.setup.common.threads, || tune(args, config, &stop))?
 }
 
-fn tune(args: &TuneArgs, config: Config, stop: &AtomicBool) -> Result<(), Failure> {
+fn tune(args: &TuneArgs, config: RunConfig, stop: &AtomicBool) -> Result<(), Failure> {
     let progress = Progress::new(args.setup.common.quiet);
     let runs = args.runs.clone().unwrap_or_else(default_runs_folder);
     if args.resume.is_none() {
@@ -114,14 +119,21 @@ fn tune(args: &TuneArgs, config: Config, stop: &AtomicBool) -> Result<(), Failur
     let (tuned, before, after) = outcome?;
     let result = result(&prepared, &search, &tuned, before, after);
     folder.write_result(&result)?;
-    let shown = write_clouds(&folder, &prepared, &tuned, &result)?;
-    write_report(&folder, &prepared, &search, &tuned, &result, shown)?;
+    let run = Finished {
+        folder: &folder,
+        prepared: &prepared,
+        search: &search,
+        tuned: &tuned,
+        result: &result,
+    };
+    let shown = write_clouds(&run)?;
+    write_report(&run, shown)?;
     finish(args, &folder, &prepared, &result)
 }
 
 /// The search, then start and choice on the held-out pairs.
 fn search_and_judge(
-    search: &Search<'_>,
+    search: &TuneSearch<'_>,
     journal: &mut Journal,
     done: Vec<Generation>,
     progress: &Progress,
@@ -136,7 +148,7 @@ fn search_and_judge(
     }
 }
 
-fn run_name(config: &Config) -> String {
+fn run_name(config: &RunConfig) -> String {
     let source = std::path::Path::new(&config.scene.source);
     let scene = source
         .file_stem()
@@ -148,7 +160,7 @@ fn run_name(config: &Config) -> String {
 fn open_journal(
     args: &TuneArgs,
     folder: &RunFolder,
-    search: &Search<'_>,
+    search: &TuneSearch<'_>,
 ) -> Result<(Journal, Vec<Generation>), Failure> {
     let (path, header) = (folder.file(HISTORY), search.header());
     if args.resume.is_some() && path.exists() {
@@ -159,7 +171,7 @@ fn open_journal(
 
 fn result(
     prepared: &Prepared,
-    search: &Search<'_>,
+    search: &TuneSearch<'_>,
     tuned: &Tuned,
     before: Summary,
     after: Summary,

@@ -16,7 +16,7 @@ use echoloop_sim::viewpoint::{PairPlan, PosePair, Split, ViewpointError, sample_
 use nalgebra::Vector3;
 use thiserror::Error;
 
-use crate::experiment::config::Config;
+use crate::experiment::config::RunConfig;
 use crate::experiment::seed::{Purpose, derive};
 use echoloop_registration::pose::{Pose, relative};
 use motion::Path as MotionPath;
@@ -29,7 +29,8 @@ pub enum DatasetError {
     Import(#[from] ImportError),
     /// `scene.source` is neither a kind nor a file.
     #[error(
-        "scene.source = {0:?} is neither structured, semi-structured, unstructured nor a mesh file that exists"
+        "scene.source = {0:?} is neither structured, semi-structured, unstructured nor a mesh file \
+         that exists"
     )]
     Source(String),
     /// `scene.ground` is not understood.
@@ -103,7 +104,7 @@ impl Dataset {
     /// # Errors
     ///
     /// [`DatasetError`].
-    pub fn build(config: &Config, progress: &dyn Fn(f64, &str)) -> Result<Self, DatasetError> {
+    pub fn build(config: &RunConfig, progress: &dyn Fn(f64, &str)) -> Result<Self, DatasetError> {
         let pattern = config.scanner.pattern();
         let directions: Vec<Vector3<f32>> =
             (0..pattern.beams()).map(|beam| pattern.direction(beam)).collect();
@@ -143,7 +144,7 @@ impl Dataset {
 }
 
 /// Seeds of the towns; an imported mesh is one town. No more towns than pairs.
-fn towns(config: &Config) -> Vec<u64> {
+fn towns(config: &RunConfig) -> Vec<u64> {
     let mut towns = config.scene.towns.clone();
     if config.scene.source.parse::<SceneKind>().is_err() {
         towns.truncate(1);
@@ -157,7 +158,7 @@ fn towns(config: &Config) -> Vec<u64> {
 /// # Errors
 ///
 /// [`DatasetError`].
-pub fn place(config: &Config, town: u64) -> Result<Place, DatasetError> {
+pub fn place(config: &RunConfig, town: u64) -> Result<Place, DatasetError> {
     let source = &config.scene.source;
     let scene = match source.parse::<SceneKind>() {
         Ok(kind) => generate(kind, town),
@@ -200,7 +201,7 @@ fn ground(text: &str) -> Result<Ground, DatasetError> {
 
 /// This town's share of the pairs.
 fn poses(
-    config: &Config,
+    config: &RunConfig,
     place: &Place,
     split: Split,
     (index, towns): (usize, usize),
@@ -226,7 +227,7 @@ fn poses(
 }
 
 fn trace(
-    config: &Config,
+    config: &RunConfig,
     place: &Place,
     pair: &PosePair,
     viewpoints: [u32; 2],
@@ -246,7 +247,7 @@ fn trace(
 
 /// What a scan alone sees from a pose: of viewpoint 1.
 pub fn respond(
-    config: &Config,
+    config: &RunConfig,
     place: &Place,
     world_from_sensor: &Pose,
     directions: &[Vector3<f32>],
@@ -257,7 +258,7 @@ pub fn respond(
 /// What the scan of a viewpoint sees; of a sensor that moves, the pose is that of the middle of the
 /// scan.
 pub fn respond_at(
-    config: &Config,
+    config: &RunConfig,
     place: &Place,
     world_from_sensor: &Pose,
     viewpoint: u32,

@@ -41,7 +41,7 @@ pub fn succeeds(error: &PairError, data: &DataConfig) -> bool {
 
 impl Summary {
     /// Sums up errors; there must be at least one.
-    pub fn of(errors: Vec<PairError>, data: &DataConfig) -> Self {
+    pub fn from_errors(errors: Vec<PairError>, data: &DataConfig) -> Self {
         let successes: Vec<&PairError> = errors.iter().filter(|e| succeeds(e, data)).collect();
         let over_successes = |value: fn(&PairError) -> f64| {
             (!successes.is_empty())
@@ -134,7 +134,7 @@ mod tests {
     #[test]
     fn recall_counts_both_bounds_and_means_leave_failures_out() {
         let errors = vec![error(0.1, 0.1), error(0.3, 0.3), error(0.1, 9.0), error(9.0, 0.1)];
-        let summary = Summary::of(errors, &DataConfig::default());
+        let summary = Summary::from_errors(errors, &DataConfig::default());
         assert_eq!(summary.recall_pct, 50.0);
         assert!((summary.mean_translation_m.unwrap() - 0.2).abs() < 1e-12);
         assert!((summary.median_translation_m - 0.2).abs() < 1e-12);
@@ -144,7 +144,7 @@ mod tests {
     #[test]
     fn without_a_success_there_is_no_mean() {
         assert_eq!(
-            Summary::of(vec![error(9.0, 9.0)], &DataConfig::default()).mean_translation_m,
+            Summary::from_errors(vec![error(9.0, 9.0)], &DataConfig::default()).mean_translation_m,
             None
         );
     }

@@ -45,7 +45,8 @@ pub struct CandidateRecord {
     pub values: Values,
     /// Settings that a joint constraint changed.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub mended: Vec<String>,
+    #[serde(rename = "mended")]
+    pub repaired: Vec<String>,
     /// Hash of its settings, as the sensor named them.
     pub settings: u32,
     /// How each pair of the generation came out.
@@ -85,7 +86,8 @@ pub enum JournalError {
     },
     /// A line is damaged.
     #[error(
-        "{}: line {line} is {what}; the {whole} generations before it are whole (--repair keeps them and goes on, and \
+        "{}: line {line} is {what}; the {whole} generations before it are whole (--repair keeps \
+         them and goes on, and \
          leaves a copy of the damaged file)",
         path.display()
     )]
@@ -292,7 +294,7 @@ mod tests {
         let candidate = CandidateRecord {
             point: vec![0.1 + 0.2],
             values: Values::from([("lidar.power".into(), 1.0 / 3.0)]),
-            mended: vec![],
+            repaired: vec![],
             settings: 7,
             errors: vec![],
             fitness: 1e-300,

@@ -1,4 +1,53 @@
 //! What a run is: its configuration, its pairs of scans, the search and the judgement.
+//!
+//! 1. [`config::load`] makes a [`config::RunConfig`] from a file and single values.
+//! 2. [`dataset::Dataset::build`] traces every scan of every pair.
+//! 3. [`objective::Bench`] puts pairs and sensors together. What it measures is f_opt of Eq. 4: two
+//!    scans through the sensor's link, a registration, an error.
+//! 4. [`params::Space`] is the cube that a search moves in; [`tune::TuneSearch::run`] searches it,
+//!    writing each generation to a [`journal::Journal`].
+//! 5. [`tune::TuneSearch::judge`] says what parameters are worth on pairs that no search saw.
+//!
+//! A new parameter of the sensor goes into the firmware's table, one of a method into
+//! [`params`]; both then are axes of the cube. A new key of a configuration goes into [`config`].
+//!
+//! ```
+//! use std::sync::atomic::AtomicBool;
+//!
+//! use echoloop_host::experiment::config::load;
+//! use echoloop_host::experiment::dataset::Dataset;
+//! use echoloop_host::experiment::journal::Journal;
+//! use echoloop_host::experiment::objective::Bench;
+//! use echoloop_host::experiment::params::{Parameters, Space};
+//! use echoloop_host::experiment::tune::{Silent, TuneSearch};
+//! use echoloop_host::link::sensor::{Model, Sensors};
+//!
+//! let small = [
+//!     "scene.towns=[1]", "scanner.columns=24", "scanner.rows=8", "data.train_pairs=1",
+//!     "data.test_pairs=1", "tune.generations=2", "tune.population=3", "tune.shortlist=1",
+//! ];
+//! let overrides: Result<Vec<_>, _> = small.iter().map(|text| text.parse()).collect();
+//! let config = load(None, &overrides?)?;
+//! let (tune, hardware) = (config.tune, config.hardware());
+//! let start = Parameters::start(&config, &hardware)?;
+//! let dataset = Dataset::build(&config, &|_, _| ())?;
+//! let sensors = Sensors::in_process(Model::from_config(&config));
+//! let search = TuneSearch {
+//!     config: &config,
+//!     bench: Bench { dataset: &dataset, sensors: &sensors },
+//!     space: Space::new(tune.protocol, tune.lidar, config.registration.preset, start, hardware),
+//!     start,
+//!     stop: &AtomicBool::new(false),
+//! };
+//! let folder = tempfile::tempdir()?;
+//! let mut journal = Journal::create(&folder.path().join("history.jsonl"), &search.header())?;
+//! let tuned = search.run(&mut journal, Vec::new(), &Silent)?;
+//! assert_eq!(tuned.generations.len(), 2);
+//! let before = search.judge(&start, &Silent)?;
+//! let after = search.judge(&tuned.parameters, &Silent)?;
+//! println!("recall {:.0} % before, {:.0} % after", before.recall_pct, after.recall_pct);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod config;
 pub mod dataset;

@@ -8,7 +8,7 @@ use echoloop_dsp::{Kind, PARAMETERS, Parameter};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::experiment::config::Config;
+use crate::experiment::config::RunConfig;
 use crate::experiment::evaluate::Summary;
 use crate::experiment::params::Values;
 use crate::experiment::tune::Finalist;
@@ -153,7 +153,7 @@ impl RunFolder {
     /// # Errors
     ///
     /// [`FileError`].
-    pub fn write_config(&self, config: &Config) -> Result<(), FileError> {
+    pub fn write_config(&self, config: &RunConfig) -> Result<(), FileError> {
         let path = self.file(CONFIG);
         let text = toml::to_string(config)
             .map_err(io::Error::other)
@@ -207,14 +207,19 @@ What is in this folder
 ======================
 
 config.toml    every value the run depends on; `echoloop tune --config config.toml` repeats it
-history.jsonl  the journal: one JSON line a generation, flushed as it is made; `echoloop tune --resume .` goes on from it
-result.json    parameters before and after, the final choice, and every held-out pair; no times, so equal runs are equal
+history.jsonl  the journal: one JSON line a generation, flushed as it is made; `echoloop tune \
+--resume .` goes on from it
+result.json    parameters before and after, the final choice, and every held-out pair; no times, \
+so equal runs are equal
 report.html    the same to look at: one file, no network needed
-before.ply     one held-out pair with the default parameters: target, and source laid on it (target's frame, metres)
+before.ply     one held-out pair with the default parameters: target, and source laid on it \
+(target's frame, metres)
 after.ply      the same pair with the tuned parameters
 
-Poses: first_from_second maps points of the second scan into the frame of the first; x ahead, y left, z up.
-Units are in the names: _m metres, _deg degrees, _pct percent. Those of the sensor's parameters, and the numbers of choices in
+Poses: first_from_second maps points of the second scan into the frame of the first; x ahead, y \
+left, z up.
+Units are in the names: _m metres, _deg degrees, _pct percent. Those of the sensor's parameters, \
+and the numbers of choices in
 result.json and history.jsonl:
 
 ";

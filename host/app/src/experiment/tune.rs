@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::experiment::config::Config;
+use crate::experiment::config::RunConfig;
 use crate::experiment::dataset::ScanPair;
 use crate::experiment::evaluate::{NoisyPairs, Summary, evaluate, median};
 use crate::experiment::journal::{
@@ -40,8 +40,8 @@ pub enum TuneError {
     },
 }
 
-/// What a search hears on its way.
-pub trait Watcher: Sync {
+/// Hears how far a search is.
+pub trait Observer: Sync {
     /// A registration is done.
     fn evaluated(&self) {}
     /// A generation is done.
@@ -50,9 +50,9 @@ pub trait Watcher: Sync {
     fn stage(&self, _name: &str, _registrations: usize) {}
 }
 
-/// Hears nothing.
+/// An observer that hears nothing.
 pub struct Silent;
-impl Watcher for Silent {}
+impl Observer for Silent {}
 
 /// One of those that were judged on all training pairs at the end.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -83,9 +83,9 @@ pub struct Tuned {
 }
 
 /// A search, ready to run.
-pub struct Search<'a> {
+pub struct TuneSearch<'a> {
     /// The configuration.
-    pub config: &'a Config,
+    pub config: &'a RunConfig,
     /// Pairs, receiver, hardware.
     pub bench: Bench<'a>,
     /// The axes.
@@ -96,7 +96,7 @@ pub struct Search<'a> {
     pub stop: &'a AtomicBool,
 }
 
-impl Search<'_> {
+impl TuneSearch<'_> {
     /// λ: as configured, or as many as there are parameters (Sec. 4.2).
     pub fn population(&self) -> usize {
         match self.config.tune.population {
@@ -142,7 +142,7 @@ impl Search<'_> {
         &self,
         journal: &mut Journal,
         done: Vec<Generation>,
-        watcher: &dyn Watcher,
+        observer: &dyn Observer,
     ) -> Result<Tuned, TuneError> {
         if self.space.axes().is_empty() {
             return Ok(self.untuned());
@@ -152,19 +152,19 @@ impl Search<'_> {
         let total = self.config.tune.generations;
         for generation in &generations {
             self.replay(&mut optimizer, generation);
-            watcher.generation(generation, total);
+            observer.generation(generation, total);
         }
         while optimizer.stop().is_none() {
-            let generation = self.generation(&optimizer, watcher)?;
+            let generation = self.generation(&optimizer, observer)?;
             let Some(generation) = generation else {
                 return Err(TuneError::Interrupted { generations: generations.len() });
             };
             journal.add(&generation)?;
             self.replay(&mut optimizer, &generation);
-            watcher.generation(&generation, total);
+            observer.generation(&generation, total);
             generations.push(generation);
         }
-        self.choose(&optimizer, generations, watcher)
+        self.choose(&optimizer, generations, observer)
     }
 
     /// The default protocol: nothing to search.
@@ -203,7 +203,7 @@ impl Search<'_> {
     fn generation(
         &self,
         optimizer: &CmaEs,
-        watcher: &dyn Watcher,
+        observer: &dyn Observer,
     ) -> Result<Option<Generation>, TuneError> {
         let number = optimizer.generation();
         let pairs = self.batch(number);
@@ -215,13 +215,13 @@ impl Search<'_> {
         let errors: Option<Vec<PairError>> = tasks
             .par_iter()
             .map(|&(candidate, pair)| {
-                self.task(&candidates[candidate].0, number, candidate, pair, watcher)
+                self.task(&candidates[candidate].0, number, candidate, pair, observer)
             })
             .collect::<Result<_, SensorError>>()?;
         let Some(errors) = errors else { return Ok(None) };
         let records = points.into_iter().zip(&candidates).zip(errors.chunks(pairs.len()));
         let candidates = records
-            .map(|((point, (p, mended)), errors)| self.record(point, p, mended, errors))
+            .map(|((point, (p, repaired)), errors)| self.record(point, p, repaired, errors))
             .collect();
         Ok(Some(Generation {
             generation: number as u32,
@@ -240,17 +240,17 @@ impl Search<'_> {
         generation: u64,
         candidate: usize,
         pair: usize,
-        watcher: &dyn Watcher,
+        observer: &dyn Observer,
     ) -> Result<Option<PairError>, SensorError> {
         if self.stop.load(Ordering::Relaxed) {
             return Ok(None);
         }
-        let stranger = if self.config.tune.common_noise { 0 } else { candidate as u64 + 1 };
-        let index = (generation << 32) | (pair as u64) << 16 | stranger;
+        let noise_index = if self.config.tune.common_noise { 0 } else { candidate as u64 + 1 };
+        let index = (generation << 32) | (pair as u64) << 16 | noise_index;
         let noise = derive(self.config.seed, Purpose::TrainNoise, index);
         let registered =
             self.bench.register(parameters, pair, &self.bench.dataset.train[pair], noise)?;
-        watcher.evaluated();
+        observer.evaluated();
         Ok(Some(registered.error))
     }
 
@@ -258,13 +258,13 @@ impl Search<'_> {
         &self,
         point: Vec<f64>,
         parameters: &Parameters,
-        mended: &[&'static str],
+        repaired: &[&'static str],
         errors: &[PairError],
     ) -> CandidateRecord {
         CandidateRecord {
             point,
             values: self.searched_values(parameters),
-            mended: mended.iter().map(|&name| name.to_owned()).collect(),
+            repaired: repaired.iter().map(|&name| name.to_owned()).collect(),
             settings: settings_hash(&parameters.settings),
             errors: errors.to_vec(),
             fitness: fitness(errors, self.config.tune.error_cap),
@@ -298,17 +298,17 @@ impl Search<'_> {
         &self,
         optimizer: &CmaEs,
         generations: Vec<Generation>,
-        watcher: &dyn Watcher,
+        observer: &dyn Observer,
     ) -> Result<Tuned, TuneError> {
         let entrants = self.shortlist(optimizer, &generations);
         let noisy = self.noisy(&self.bench.dataset.train, Purpose::ShortlistNoise);
-        watcher.stage("choosing", entrants.len() * noisy.pairs.len());
+        observer.stage("choosing", entrants.len() * noisy.pairs.len());
         let mut finalists = Vec::new();
         for (origin, parameters) in entrants {
             if self.stop.load(Ordering::Relaxed) {
                 return Err(TuneError::Interrupted { generations: generations.len() });
             }
-            let errors = evaluate(&self.bench, &parameters, &noisy, &|| watcher.evaluated())?;
+            let errors = evaluate(&self.bench, &parameters, &noisy, &|| observer.evaluated())?;
             let worth = fitness(&errors, self.config.tune.error_cap);
             finalists.push((worth, origin, parameters));
         }
@@ -375,10 +375,10 @@ impl Search<'_> {
     pub fn judge(
         &self,
         parameters: &Parameters,
-        watcher: &dyn Watcher,
+        observer: &dyn Observer,
     ) -> Result<Summary, SensorError> {
         let noisy = self.noisy(&self.bench.dataset.test, Purpose::TestNoise);
-        let errors = evaluate(&self.bench, parameters, &noisy, &|| watcher.evaluated())?;
-        Ok(Summary::of(errors, &self.config.data))
+        let errors = evaluate(&self.bench, parameters, &noisy, &|| observer.evaluated())?;
+        Ok(Summary::from_errors(errors, &self.config.data))
     }
 }

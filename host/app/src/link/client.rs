@@ -34,7 +34,8 @@ pub enum ClientError {
     },
     /// It speaks another version.
     #[error(
-        "the sensor ({build}) speaks protocol {}, schema {:#018x}; this program protocol {}, schema {:#018x}",
+        "the sensor ({build}) speaks protocol {}, schema {:#018x}; this program protocol {}, \
+         schema {:#018x}",
         theirs.protocol, theirs.schema, Greeting::OURS.protocol, Greeting::OURS.schema
     )]
     Version {
@@ -84,16 +85,16 @@ pub struct Identity {
     pub pattern: ScanPattern,
 }
 
-/// Patience with the link.
+/// How long to wait for an answer, and how often to ask.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Patience {
+pub struct RetryPolicy {
     /// How long to wait for an answer.
     pub timeout: Duration,
     /// How often to ask.
     pub tries: u32,
 }
 
-impl Default for Patience {
+impl Default for RetryPolicy {
     fn default() -> Self {
         Self { timeout: Duration::from_millis(200), tries: 8 }
     }
@@ -103,7 +104,7 @@ impl Default for Patience {
 pub struct Client<T> {
     transport: T,
     decoder: Box<Decoder>,
-    patience: Patience,
+    retry_policy: RetryPolicy,
     sequence: u16,
     identity: Identity,
     generation: u32,
@@ -122,9 +123,13 @@ impl<T: Transport> Client<T> {
     /// # Errors
     ///
     /// [`ClientError`]; of a sensor of another version, [`ClientError::Version`] with both.
-    pub fn connect(transport: T, patience: Patience) -> Result<Self, ClientError> {
+    pub fn connect(transport: T, retry_policy: RetryPolicy) -> Result<Self, ClientError> {
         // Anywhere, so that late answers to an earlier program are not taken for ours.
-        Self::connect_from(transport, patience, RandomState::new().build_hasher().finish() as u16)
+        Self::connect_from(
+            transport,
+            retry_policy,
+            RandomState::new().build_hasher().finish() as u16,
+        )
     }
 
     /// As [`Client::connect`], numbering commands from the one after `sequence`: the same bytes
@@ -135,7 +140,7 @@ impl<T: Transport> Client<T> {
     /// As [`Client::connect`].
     pub fn connect_from(
         transport: T,
-        patience: Patience,
+        retry_policy: RetryPolicy,
         sequence: u16,
     ) -> Result<Self, ClientError> {
         let identity = Identity {
@@ -148,7 +153,7 @@ impl<T: Transport> Client<T> {
         let mut client = Self {
             transport,
             decoder,
-            patience,
+            retry_policy,
             sequence,
             identity,
             generation,
@@ -349,7 +354,8 @@ impl<T: Transport> Client<T> {
             return Ok(());
         }
         let got = self.hash;
-        (self.generation, self.hash, self.unsure) = (generation, expected, true); // asked again, it is as wrong
+        // Asked again, it is as wrong.
+        (self.generation, self.hash, self.unsure) = (generation, expected, true);
         Err(ClientError::Changed { expected, got })
     }
 
@@ -398,7 +404,7 @@ impl<T: Transport> Client<T> {
         let name = name(command);
         let bytes = echoloop_link::encode(self.sequence, command, &mut frame)
             .map_err(|error| io::Error::new(io::ErrorKind::InvalidInput, error))?;
-        for _ in 0..self.patience.tries {
+        for _ in 0..self.retry_policy.tries {
             self.transport.send(bytes)?;
             match self.wait()? {
                 Some(Report::Refused(refusal)) => return Err(refusal.into()),
@@ -413,15 +419,15 @@ impl<T: Transport> Client<T> {
         self.unsure = true;
         Err(ClientError::Silent {
             command: name,
-            tries: self.patience.tries,
-            timeout: self.patience.timeout,
+            tries: self.retry_policy.tries,
+            timeout: self.retry_policy.timeout,
         })
     }
 
     /// The report of the current sequence number, if it comes in time. Broken frames and answers to
     /// older questions are dropped; a line that never falls quiet is not listened to for longer.
     fn wait(&mut self) -> Result<Option<Report>, ClientError> {
-        let deadline = Instant::now() + self.patience.timeout;
+        let deadline = Instant::now() + self.retry_policy.timeout;
         let mut chunk = [0; 1024];
         loop {
             let left = deadline.saturating_duration_since(Instant::now());

@@ -29,7 +29,8 @@ pub(super) fn section(clouds: Option<&PairClouds>) -> String {
     let data: String = layers.iter().map(|layer| layer_data(layer, &view)).collect();
     format!(
         "<section id=\"clouds\"><h2>One pair in three dimensions</h2>\
-         <p class=\"lead\">{}: the target stands still, the source lies where registration put it. Both views \
+         <p class=\"lead\">{}: the target stands still, the source lies where registration put it. \
+         Both views \
          share one camera.</p>{}<div class=\"pair views\">{}{}</div>{}\
          <div id=\"viewer\" hidden data-view=\"{}\">{data}</div></section>\n",
         escape(&clouds.label),
@@ -45,11 +46,14 @@ fn controls(has_intensity: bool) -> String {
     let intensity = if has_intensity { "<option value=\"2\">intensity</option>" } else { "" };
     format!(
         "<div class=\"controls\">\
-         <label><input type=\"checkbox\" id=\"show-target\" checked><i class=\"swatch target\"></i>target</label>\
-         <label><input type=\"checkbox\" id=\"show-source\" checked><i class=\"swatch source\"></i>source</label>\
+         <label><input type=\"checkbox\" id=\"show-target\" checked><i class=\"swatch \
+         target\"></i>target</label>\
+         <label><input type=\"checkbox\" id=\"show-source\" checked><i class=\"swatch \
+         source\"></i>source</label>\
          <label>colour by <select id=\"colour-by\"><option value=\"0\">cloud</option>\
          <option value=\"1\">height</option>{intensity}</select></label>\
-         <label>point size <input type=\"range\" id=\"point-size\" min=\"0.5\" max=\"3\" step=\"0.25\" value=\"1\"></label>\
+         <label>point size <input type=\"range\" id=\"point-size\" min=\"0.5\" max=\"3\" \
+         step=\"0.25\" value=\"1\"></label>\
          <button type=\"button\" id=\"view-reset\">reset view</button>\
          <button type=\"button\" id=\"view-top\">from above</button></div>"
     )
@@ -68,14 +72,17 @@ fn panel(id: &str, title: &str, error: &PoseError) -> String {
         "<figure><figcaption><b>{title}</b> <span>{off}</span></figcaption>\
          <canvas id=\"view-{id}\" tabindex=\"0\" role=\"img\" aria-describedby=\"view-hint\" \
          aria-label=\"Point clouds with {} parameters, {off}\"></canvas>\
-         <p class=\"fallback\" hidden>This view needs WebGL2, which this browser does not offer.</p></figure>",
+         <p class=\"fallback\" hidden>This view needs WebGL2, which this browser does not \
+         offer.</p></figure>",
         title.to_lowercase()
     )
 }
 
 fn hint() -> &'static str {
-    "<p class=\"hint\" id=\"view-hint\">Drag to orbit, shift-drag or two fingers to pan; click a view, then scroll to \
-     zoom. Keys: arrows orbit, shift and arrows pan, + and − zoom, 0 resets. <span id=\"view-grid\"></span></p>\
+    "<p class=\"hint\" id=\"view-hint\">Drag to orbit, shift-drag or two fingers to pan; click a \
+     view, then scroll to \
+     zoom. Keys: arrows orbit, shift and arrows pan, + and − zoom, 0 resets. <span \
+     id=\"view-grid\"></span></p>\
      <noscript><p class=\"fallback\">The views need JavaScript.</p></noscript>"
 }
 

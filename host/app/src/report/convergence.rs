@@ -16,7 +16,8 @@ pub(super) fn section(convergence: &Convergence) -> String {
     let xs = generations(convergence);
     format!(
         "<section id=\"convergence\"><h2>Convergence</h2>\
-         <p class=\"lead\">Lower is better. Each generation samples new candidates, so its best is the luckiest of a \
+         <p class=\"lead\">Lower is better. Each generation samples new candidates, so its best is \
+         the luckiest of a \
          noisy draw; the median and the mean point say where the search stands.</p>\
          <div class=\"pair wide-first\"><figure>{}{}</figure>{}</div></section>\n",
         fitness(convergence, &xs),
@@ -66,7 +67,8 @@ fn fitness_label(c: &Convergence) -> String {
     };
     let (best, median) = (ends(&c.best), ends(&c.median));
     format!(
-        "Line plot of fitness over {} generations: the best goes from {} to {}, the median from {} to {}.",
+        "Line plot of fitness over {} generations: the best goes from {} to {}, the median from {} \
+         to {}.",
         c.generation.len(),
         best.0,
         best.1,

@@ -23,7 +23,8 @@ pub(super) fn section(correlation: Option<&Correlation>, generations: usize) -> 
     format!(
         "<section id=\"correlation\"><h2>What moved together</h2><div class=\"heat\">\
          <div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"Heat map\">{}</div>\
-         <div><p class=\"caution\"><strong>Read with caution.</strong> {}</p><p>{}</p>{}</div></div></section>\n",
+         <div><p class=\"caution\"><strong>Read with caution.</strong> \
+         {}</p><p>{}</p>{}</div></div></section>\n",
         heat_map(c),
         caution(c, generations),
         strongest(c),
@@ -39,8 +40,10 @@ fn caution(c: &Correlation, generations: usize) -> String {
         None => "a short run replaces only part of it".to_owned(),
     };
     format!(
-        "These are correlations of the distribution the search samples from. It starts as a sphere, and in \
-         {generations} generations it has barely learned: {share}. A cell tells where good candidates lay in this \
+        "These are correlations of the distribution the search samples from. It starts as a \
+         sphere, and in \
+         {generations} generations it has barely learned: {share}. A cell tells where good \
+         candidates lay in this \
          one run, not how the parameters influence the error."
     )
 }
@@ -74,7 +77,7 @@ struct Layout {
 }
 
 impl Layout {
-    fn of(names: &[String]) -> Self {
+    fn new(names: &[String]) -> Self {
         let wide = |name: &String| 7.2 * name.chars().count() as f64;
         let count = (names.len() - 1) as f64;
         let left = 12.0 + names.iter().skip(1).map(wide).fold(0.0, f64::max);
@@ -90,7 +93,7 @@ impl Layout {
 }
 
 fn heat_map(c: &Correlation) -> String {
-    let Layout { left, top, size } = Layout::of(&c.names);
+    let Layout { left, top, size } = Layout::new(&c.names);
     let label = format!("Heat map of the correlations between {} parameters.", c.names.len());
     let corner = |column: usize, row: usize| [left + column as f64 * CELL, top + row as f64 * CELL];
     let svg = drawing(size, &label, |canvas, hints| {
@@ -144,6 +147,7 @@ fn short(r: f64) -> String {
 
 /// The colour scale from −1 to 1.
 fn scale() -> &'static str {
-    "<div class=\"scale\" role=\"img\" aria-label=\"Colour scale from minus one to one\"><i></i><span>−1</span>\
+    "<div class=\"scale\" role=\"img\" aria-label=\"Colour scale from minus one to \
+     one\"><i></i><span>−1</span>\
      <span>0</span><span>+1</span></div>"
 }

@@ -110,7 +110,8 @@ pub(super) fn tiles(table: &EvaluationTable) -> String {
         .iter()
         .map(|column| {
             format!(
-                "<div class=\"tile\"><p class=\"what\">{}, {}</p><p class=\"big\"><s>{}</s> <b>{}</b></p>{}</div>",
+                "<div class=\"tile\"><p class=\"what\">{}, {}</p><p class=\"big\"><s>{}</s> \
+                 <b>{}</b></p>{}</div>",
                 column.head,
                 column.over,
                 column.value(default),
@@ -135,8 +136,10 @@ pub(super) fn section(table: &EvaluationTable) -> String {
     let rows: String = table.rows.iter().map(|row| table_row(row, default)).collect();
     format!(
         "<section id=\"evaluation\"><h2>Default against tuned</h2><p class=\"lead\">{}</p>\
-         <div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"Evaluation\"><table class=\"figures\">\
-         <thead><tr><th scope=\"col\">Parameters</th>{heads}</tr></thead><tbody>{rows}</tbody></table></div>\
+         <div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"Evaluation\"><table \
+         class=\"figures\">\
+         <thead><tr><th \
+         scope=\"col\">Parameters</th>{heads}</tr></thead><tbody>{rows}</tbody></table></div>\
          </section>\n",
         criterion(table)
     )
@@ -153,7 +156,8 @@ fn criterion(table: &EvaluationTable) -> String {
         false => String::new(),
     };
     format!(
-        "{rule}Means count successes only, so they can grow when harder pairs begin to succeed; medians count every \
+        "{rule}Means count successes only, so they can grow when harder pairs begin to succeed; \
+         medians count every \
          pair. The bar shows recall with its 95\u{a0}% interval for this number of pairs."
     )
 }

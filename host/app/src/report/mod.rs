@@ -1,5 +1,9 @@
 //! One run as one HTML file: what was tuned, what it gained, and two clouds to look at.
 //!
+//! Fill a [`Report`], call [`Report::to_html`], write the string down. Each section of the page is a
+//! file here with a function `section`; a new one is data in `data`, such a file, and a line in
+//! `page`.
+//!
 //! Plain data in, one string out. The file refers to nothing outside itself (a content security
 //! policy in its head forbids it), so it opens from disk, by mail and in ten years. Plots are SVG
 //! whose colours come from the style sheet, so that dark mode and print follow; only the 3D viewer

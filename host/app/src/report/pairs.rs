@@ -39,7 +39,8 @@ pub(super) fn section(report: &Report) -> String {
     let within = &report.table.success_within;
     format!(
         "<section id=\"pairs\"><h2>Pair by pair</h2><p class=\"lead\">{}</p>\
-         <figure><div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"Errors by pair\">{}</div>{}</figure>\
+         <figure><div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"Errors by \
+         pair\">{}</div>{}</figure>\
          <div class=\"pair\"><figure>{}</figure><figure>{}</figure></div>{}</section>\n",
         gains(pairs, within),
         slopes(pairs, within),
@@ -60,8 +61,10 @@ fn gains(pairs: &[PairError], within: &PoseError) -> String {
     };
     let (won, lost) = (count(false, true), count(true, false));
     format!(
-        "Of {} pairs, tuning won {won} that failed before and lost {lost} that had succeeded; {} succeed under both, \
-         {} under neither. A fair coin would split the changed pairs at least as unevenly with probability {} \
+        "Of {} pairs, tuning won {won} that failed before and lost {lost} that had succeeded; {} \
+         succeed under both, \
+         {} under neither. A fair coin would split the changed pairs at least as unevenly with \
+         probability {} \
          (McNemar’s exact test).",
         pairs.len(),
         count(true, true),

@@ -6,10 +6,10 @@ use plotters::style::RGBColor;
 /// Every class a plot may use. Each has a colour of its own while plotters draws, and none after.
 #[rustfmt::skip]
 const CLASSES: [&str; 32] = [
-    "grid", "frame", "tick", "axis", "limit", "default", "best", "median", "mean-point", "band", "held-out", "sigma",
-    "mean", "spread", "tuned", "slope good", "slope bad", "dot-default", "dot-default hollow", "dot-tuned",
-    "dot-tuned hollow", "curve-default", "curve-tuned", "cell", "plus", "minus", "value", "value strong", "name",
-    "bar-back", "bar", "whisker",
+    "grid", "frame", "tick", "axis", "limit", "default", "best", "median", "mean-point", "band",
+    "held-out", "sigma", "mean", "spread", "tuned", "slope good", "slope bad", "dot-default",
+    "dot-default hollow", "dot-tuned", "dot-tuned hollow", "curve-default", "curve-tuned", "cell",
+    "plus", "minus", "value", "value strong", "name", "bar-back", "bar", "whisker",
 ];
 
 /// The colour that stands for `class` until [`themed`] has seen it.
@@ -55,7 +55,8 @@ mod tests {
 
     #[test]
     fn attributes_become_classes_but_text_stays() {
-        let svg = "<svg width=\"1\">\n<line opacity=\"1\" stroke=\"#EC4001\" x1=\"0\"/>\n<text>#EC4001</text></svg>\n";
+        let svg = "<svg width=\"1\">\n<line opacity=\"1\" stroke=\"#EC4001\" x1=\"0\"/>\n\
+                   <text>#EC4001</text></svg>\n";
         assert_eq!(themed(svg), "<line class=\"frame\" x1=\"0\"/><text>#EC4001</text></svg>");
     }
 }

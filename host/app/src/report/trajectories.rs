@@ -23,8 +23,10 @@ pub(super) fn section(report: &Report) -> String {
     ];
     format!(
         "<section id=\"parameters\"><h2>Parameters</h2>\
-         <p class=\"lead\">Each plot spans the parameter’s bounds, bottom to top. A band that stays wide means the \
-         parameter hardly matters to the fitness, or that the search was too short to tell; a value at a bound asks \
+         <p class=\"lead\">Each plot spans the parameter’s bounds, bottom to top. A band that \
+         stays wide means the \
+         parameter hardly matters to the fitness, or that the search was too short to tell; a \
+         value at a bound asks \
          for a wider range.</p>{}<div class=\"multiples\">{plots}</div>{}</section>\n",
         legend(&keys),
         table(&report.parameters)
@@ -39,7 +41,8 @@ fn plot(p: &ParameterTrace, xs: &[f64]) -> String {
         .map(|(_, text)| format!(" <small class=\"tag\">{text}</small>"))
         .collect();
     format!(
-        "<figure class=\"trace\"><figcaption><b>{}</b>{tags}<span>{}</span></figcaption>{}</figure>",
+        "<figure \
+         class=\"trace\"><figcaption><b>{}</b>{tags}<span>{}</span></figcaption>{}</figure>",
         escape(&p.name),
         escape(&change(p)),
         drawing(p, xs)
@@ -79,7 +82,8 @@ fn table(parameters: &[ParameterTrace]) -> String {
         .iter()
         .map(|p| {
             format!(
-                "<tr><th scope=\"row\">{}</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
+                "<tr><th \
+                 scope=\"row\">{}</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
                 escape(&p.name),
                 escape(&value(p, p.default)),
                 escape(&value(p, p.tuned)),
@@ -90,10 +94,13 @@ fn table(parameters: &[ParameterTrace]) -> String {
         })
         .collect();
     format!(
-        "<details><summary>The same as a table</summary><div class=\"scroll\" tabindex=\"0\" role=\"region\" \
-         aria-label=\"Parameter values\"><table class=\"plain\"><thead><tr><th scope=\"col\">parameter</th>\
+        "<details><summary>The same as a table</summary><div class=\"scroll\" tabindex=\"0\" \
+         role=\"region\" \
+         aria-label=\"Parameter values\"><table class=\"plain\"><thead><tr><th \
+         scope=\"col\">parameter</th>\
          <th scope=\"col\">default</th><th scope=\"col\">tuned</th><th scope=\"col\">lowest</th>\
-         <th scope=\"col\">highest</th><th scope=\"col\">unit</th></tr></thead><tbody>{rows}</tbody></table></div>\
+         <th scope=\"col\">highest</th><th \
+         scope=\"col\">unit</th></tr></thead><tbody>{rows}</tbody></table></div>\
          </details>"
     )
 }

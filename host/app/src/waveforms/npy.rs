@@ -211,7 +211,8 @@ mod tests {
             ),
             (
                 file(
-                    "{'descr': '<f4', 'fortran_order': False, 'shape': (99999999999, 99999999999), }",
+                    "{'descr': '<f4', 'fortran_order': False, 'shape': (99999999999, 99999999999), \
+                     }",
                     &[0; 4],
                 ),
                 "numbers of 4 bytes",

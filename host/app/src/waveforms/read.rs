@@ -17,7 +17,8 @@ pub enum WaveformError {
         source: std::io::Error,
     },
     /// A cell is no number.
-    #[error("{}: row {row}, column {column}: expected a finite number, found {found}{hint}", path.display())]
+    #[error("{}: row {row}, column {column}: expected a finite number, found \
+             {found}{hint}", path.display())]
     Cell {
         /// The file.
         path: PathBuf,

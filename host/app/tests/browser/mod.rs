@@ -19,11 +19,11 @@ fn chromium() -> Option<PathBuf> {
     found
 }
 
-/// What a page became after its scripts ran, and what the browser said about it.
+/// What a page became after its scripts ran, and what the browser output about it.
 pub(crate) struct Opened {
     /// The document.
     pub(crate) dom: String,
-    /// What the browser said.
+    /// What the browser output.
     log: String,
 }
 

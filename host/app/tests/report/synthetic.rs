@@ -42,8 +42,12 @@ pub(crate) fn report(seed: u64) -> Report {
         pair_errors: pair_errors(&mut dice),
         clouds: Some(clouds(&mut dice)),
         notes: vec![
-            "FGR runs as in Open3D 0.20’s Python defaults; the annealed variant is reported separately.".into(),
-            "Bounds are the preset outdoor; the paper’s bounds leave the features without neighbours.".into(),
+            "FGR runs as in Open3D 0.20’s Python defaults; the annealed variant is reported \
+             separately."
+                .into(),
+            "Bounds are the preset outdoor; the paper’s bounds leave the features without \
+             neighbours."
+                .into(),
         ],
     }
 }

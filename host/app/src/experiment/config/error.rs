@@ -5,7 +5,7 @@ use thiserror::Error;
 
 /// A value of the configuration that makes no sense.
 #[derive(Clone, Debug, PartialEq, Error)]
-pub enum ConfigError {
+pub enum RunConfigError {
     /// Out of bounds.
     #[error("{field} = {value} must be {expected}")]
     Bound {
@@ -27,10 +27,10 @@ pub(super) fn require(
     value: impl ToString,
     holds: bool,
     expected: &'static str,
-) -> Result<(), ConfigError> {
+) -> Result<(), RunConfigError> {
     if holds {
         Ok(())
     } else {
-        Err(ConfigError::Bound { field, value: value.to_string(), expected })
+        Err(RunConfigError::Bound { field, value: value.to_string(), expected })
     }
 }

@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use thiserror::Error;
 
-use super::{Config, ConfigError, DataConfig};
+use super::{DataConfig, RunConfig, RunConfigError};
 
 /// Why there is no configuration.
 #[derive(Debug, Error)]
@@ -36,7 +36,7 @@ pub enum LoadError {
     },
     /// A value makes no sense.
     #[error("{0}")]
-    Value(#[from] ConfigError),
+    Value(#[from] RunConfigError),
 }
 
 /// One `a.b=v` of the command line.
@@ -106,7 +106,7 @@ fn parse_value(text: &str) -> toml::Value {
 /// # Errors
 ///
 /// [`LoadError`] names file, line and key, or the override at fault.
-pub fn load(path: Option<&Path>, overrides: &[Override]) -> Result<Config, LoadError> {
+pub fn load(path: Option<&Path>, overrides: &[Override]) -> Result<RunConfig, LoadError> {
     let mut table = match path {
         Some(path) => read(path)?,
         None => toml::Table::new(),
@@ -117,11 +117,11 @@ pub fn load(path: Option<&Path>, overrides: &[Override]) -> Result<Config, LoadE
         // Each is checked as it is laid down, so that the error is its own.
         table
             .clone()
-            .try_into::<Config>()
+            .try_into::<RunConfig>()
             .map_err(|error| fail(error.message().trim().to_owned()))?;
     }
     let data = table.get("data").and_then(toml::Value::as_table).cloned().unwrap_or_default();
-    let mut config: Config = table.try_into().map_err(|error: toml::de::Error| {
+    let mut config: RunConfig = table.try_into().map_err(|error: toml::de::Error| {
         LoadError::Override { text: String::new(), message: error.message().to_owned() }
     })?;
     follow_method(&mut config, &data);
@@ -129,9 +129,9 @@ pub fn load(path: Option<&Path>, overrides: &[Override]) -> Result<Config, LoadE
     Ok(config)
 }
 
-/// What is left out of `[data]` and hangs on the method: see [`DataConfig::of_method`].
-fn follow_method(config: &mut Config, given: &toml::Table) {
-    let usual = DataConfig::of_method(config.registration.method);
+/// What is left out of `[data]` and hangs on the method: see [`DataConfig::for_method`].
+fn follow_method(config: &mut RunConfig, given: &toml::Table) {
+    let usual = DataConfig::for_method(config.registration.method);
     let data = &mut config.data;
     for (key, slot, value) in [
         ("baseline_m", &mut data.baseline_m, usual.baseline_m),
@@ -144,7 +144,7 @@ fn follow_method(config: &mut Config, given: &toml::Table) {
     }
 }
 
-/// The file's table, after its text has been taken for a [`Config`]: errors then show the line.
+/// The file's table, after its text has been taken for a [`RunConfig`]: errors then show the line.
 fn read(path: &Path) -> Result<toml::Table, LoadError> {
     let text = std::fs::read_to_string(path)
         .map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
@@ -152,7 +152,7 @@ fn read(path: &Path) -> Result<toml::Table, LoadError> {
         path: path.to_owned(),
         message: error.to_string(),
     };
-    toml::from_str::<Config>(&text).map_err(fail)?;
+    toml::from_str::<RunConfig>(&text).map_err(fail)?;
     toml::from_str(&text).map_err(fail)
 }
 
@@ -173,12 +173,12 @@ mod tests {
         assert_eq!((own.baseline_m, own.success_translation_m), (3.0, 1.0));
     }
 
-    fn set(texts: &[&str]) -> Result<Config, LoadError> {
+    fn set(texts: &[&str]) -> Result<RunConfig, LoadError> {
         let overrides: Vec<Override> = texts.iter().map(|t| t.parse().unwrap()).collect();
         load(None, &overrides)
     }
 
-    fn file(text: &str) -> Result<Config, String> {
+    fn file(text: &str) -> Result<RunConfig, String> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run.toml");
         std::fs::write(&path, text).unwrap();

@@ -17,7 +17,7 @@ use crate::experiment::preset::{LidarPreset, Preset, Protocol};
 use echoloop_frontend::{Receiver, Weather};
 pub use echoloop_registration::{FgrMode, Method};
 
-pub use error::ConfigError;
+pub use error::RunConfigError;
 pub use lidar::Lidar;
 pub use load::{LoadError, Override, load};
 pub use motion::{JitterPer, Motion};
@@ -26,7 +26,7 @@ pub use motion::{JitterPer, Motion};
 /// threads.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct Config {
+pub struct RunConfig {
     /// Decides every random choice.
     pub seed: u64,
     /// Where to scan.
@@ -51,7 +51,7 @@ pub struct Config {
     pub motion: Motion,
 }
 
-impl Default for Config {
+impl Default for RunConfig {
     fn default() -> Self {
         Self {
             seed: 1,
@@ -140,7 +140,7 @@ impl Default for EmitterConfig {
 }
 
 impl EmitterConfig {
-    fn check(&self) -> Result<(), ConfigError> {
+    fn check(&self) -> Result<(), RunConfigError> {
         // 100 nJ is the least power, 5 W, in the longest pulse, 20 ns; 2000 nJ the greatest, 100 W.
         let limit_nj = self.energy_limit_nj;
         require(
@@ -189,7 +189,7 @@ impl Default for DataConfig {
 impl DataConfig {
     /// As in the paper: local methods get scans 2 m apart and succeed within 0.5 m and 2.5°, global
     /// ones 5 m, 1 m and 5°.
-    pub fn of_method(method: Method) -> Self {
+    pub fn for_method(method: Method) -> Self {
         let local = Self::default();
         match method.is_global() {
             true => Self {
@@ -313,7 +313,7 @@ impl Default for TuneConfig {
     }
 }
 
-impl Config {
+impl RunConfig {
     /// The receiver in this weather and with this scanner's rows: all that a front end is made of.
     pub fn front_end(&self) -> Receiver {
         Receiver { weather: self.weather, rows: self.scanner.rows, ..self.receiver.clone() }
@@ -329,11 +329,11 @@ impl Config {
     ///
     /// # Errors
     ///
-    /// [`ConfigError`] names the first key out of bounds.
-    pub fn check(&self) -> Result<(), ConfigError> {
+    /// [`RunConfigError`] names the first key out of bounds.
+    pub fn check(&self) -> Result<(), RunConfigError> {
         self.receiver.check()?;
         if let Some((field, value, expected)) = self.weather.fault() {
-            return Err(ConfigError::Bound { field, value: value.to_string(), expected });
+            return Err(RunConfigError::Bound { field, value: value.to_string(), expected });
         }
         self.motion.check()?;
         self.scanner.check()?;
@@ -351,7 +351,7 @@ impl Config {
 }
 
 impl ScannerConfig {
-    fn check(&self) -> Result<(), ConfigError> {
+    fn check(&self) -> Result<(), RunConfigError> {
         let within = |v: u16, max| (1..=max).contains(&v);
         require("scanner.columns", self.columns, within(self.columns, 4096), "1 to 4096")?;
         require("scanner.rows", self.rows, within(self.rows, 1024), "1 to 1024")?;
@@ -378,7 +378,7 @@ impl ScannerConfig {
 }
 
 impl DataConfig {
-    fn check(&self) -> Result<(), ConfigError> {
+    fn check(&self) -> Result<(), RunConfigError> {
         let some = |n: usize| (1..=10_000).contains(&n);
         require("data.train_pairs", self.train_pairs, some(self.train_pairs), "1 to 10000")?;
         require("data.test_pairs", self.test_pairs, some(self.test_pairs), "1 to 10000")?;
@@ -419,7 +419,7 @@ impl DataConfig {
 }
 
 impl TuneConfig {
-    fn check(&self) -> Result<(), ConfigError> {
+    fn check(&self) -> Result<(), RunConfigError> {
         let generations = self.generations;
         require(
             "tune.generations",
@@ -463,7 +463,7 @@ mod tests {
 
     #[test]
     fn the_energy_limit_of_the_hardware_is_the_configured_one() {
-        let mut config = Config::default();
+        let mut config = RunConfig::default();
         assert_eq!(config.hardware(), Hardware::REFERENCE);
         config.emitter.energy_limit_nj = 512.5;
         assert_eq!(config.hardware(), Hardware { energy_limit_pj: 512_500, ..Hardware::REFERENCE });
@@ -473,9 +473,9 @@ mod tests {
     fn every_energy_limit_leaves_each_pulse_width_a_power_and_the_greatest_all() {
         let of = |id: ParameterId| &PARAMETERS[id as usize];
         let (power, width) = (of(ParameterId::Power), of(ParameterId::PulseWidth));
-        let with = |energy_limit_nj| Config {
+        let with = |energy_limit_nj| RunConfig {
             emitter: EmitterConfig { energy_limit_nj },
-            ..Config::default()
+            ..RunConfig::default()
         };
         let bounds =
             [power.min, power.max].map(|code| power.to_unit(code) * width.to_unit(width.max));

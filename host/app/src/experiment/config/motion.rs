@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::error::{ConfigError, require};
+use super::error::{RunConfigError, require};
 
 /// How the sensor moves during a scan. Off: it stands still, and a scan is taken at once.
 ///
@@ -58,7 +58,7 @@ impl Motion {
         steady && self.jitter_mrad == 0.0 && self.jitter_mm == 0.0
     }
 
-    pub(super) fn check(&self) -> Result<(), ConfigError> {
+    pub(super) fn check(&self) -> Result<(), RunConfigError> {
         let within = |values: &[f64; 3], limit: f64| values.iter().all(|v| v.abs() <= limit);
         require(
             "motion.duration_s",
@@ -96,10 +96,10 @@ impl Motion {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Config;
+    use super::super::RunConfig;
 
     fn fault(text: &str) -> String {
-        let config: Config = toml::from_str(text).unwrap();
+        let config: RunConfig = toml::from_str(text).unwrap();
         config.check().unwrap_err().to_string()
     }
 
@@ -146,16 +146,17 @@ mod tests {
 
     #[test]
     fn every_switch_is_off_by_default_and_a_choice_is_made_by_name() {
-        let plain = Config::default();
+        let plain = RunConfig::default();
         assert!(plain.motion.is_still());
         assert_eq!(plain.front_end().air(), echoloop_frontend::Air::CLEAR);
-        let text = "[weather]\nkind = \"wet-snow\"\n[motion]\njitter_per = \"beam\"\n[receiver]\nmode = \"litl-compat\"";
-        let config: Config = toml::from_str(text).unwrap();
-        let again: Config = toml::from_str(&toml::to_string(&config).unwrap()).unwrap();
+        let text = "[weather]\nkind = \"wet-snow\"\n[motion]\njitter_per = \"beam\"\n[receiver]\n\
+                    mode = \"litl-compat\"";
+        let config: RunConfig = toml::from_str(text).unwrap();
+        let again: RunConfig = toml::from_str(&toml::to_string(&config).unwrap()).unwrap();
         assert_eq!(config, again);
         assert_ne!(config, plain);
         let unknown =
-            toml::from_str::<Config>("[weather]\nkind = \"hail\"").unwrap_err().to_string();
+            toml::from_str::<RunConfig>("[weather]\nkind = \"hail\"").unwrap_err().to_string();
         assert!(unknown.contains("unknown variant `hail`"), "{unknown}");
     }
 }

@@ -10,7 +10,8 @@ use echoloop_registration::pose::Pose;
 /// The sensor's way through one scan.
 ///
 /// ```text
-/// world_from_sensor(b) = world_from_middle · (v·t, exp(ω·t)) · (shift, exp(turn)),   t = ((b + ½)/n − ½) · duration
+/// world_from_sensor(b) = world_from_middle · (v·t, exp(ω·t)) · (shift, exp(turn))
+/// t = ((b + ½)/n − ½) · duration
 /// ```
 ///
 /// v and ω in the sensor's frame at the middle; shift and turn normal, for each column or beam, a

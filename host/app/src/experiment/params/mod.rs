@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 
 use echoloop_dsp::{Hardware, Kind, PARAMETERS, ParameterId, Settings};
 
-use crate::experiment::config::Config;
+use crate::experiment::config::RunConfig;
 use crate::experiment::preset::{LidarPreset, Preset, Protocol};
 
 pub use axis::{Axis, Scale};
@@ -68,7 +68,7 @@ impl Parameters {
     ///
     /// [`ValueError`] of the first registration parameter outside the preset's range, or of the
     /// joint constraints.
-    pub fn start(config: &Config, hardware: &Hardware) -> Result<Self, ValueError> {
+    pub fn start(config: &RunConfig, hardware: &Hardware) -> Result<Self, ValueError> {
         let parameters =
             Self { settings: config.lidar.0, registration: ThetaReg::start(&config.registration)? };
         parameters.settings.check(hardware)?;
@@ -193,15 +193,15 @@ impl Space {
     }
 
     /// A point of the cube as parameters that every constraint accepts, and the names of those that
-    /// had to be mended.
+    /// had to be repaired.
     pub fn parameters(&self, point: &[f64]) -> (Parameters, Vec<&'static str>) {
         let mut parameters = self.start;
         for (axis, &coordinate) in self.axes.iter().zip(point) {
             parameters.set(axis.name, axis.from_cube(coordinate));
         }
-        let mut mended = repair(&mut parameters.settings, &self.hardware);
-        mended.extend(parameters.registration.repair());
-        (parameters, mended)
+        let mut repaired = repair(&mut parameters.settings, &self.hardware);
+        repaired.extend(parameters.registration.repair());
+        (parameters, repaired)
     }
 }
 
@@ -262,7 +262,7 @@ mod tests {
     }
 
     fn space_in(preset: Preset, method: Method, protocol: Protocol) -> Space {
-        let mut config = Config::default();
+        let mut config = RunConfig::default();
         (config.registration.method, config.registration.preset) = (method, preset);
         let start = Parameters::start(&config, &Hardware::REFERENCE).unwrap();
         Space::new(protocol, LidarPreset::Paper, preset, start, Hardware::REFERENCE)
@@ -286,7 +286,7 @@ mod tests {
 
     #[test]
     fn the_full_preset_opens_the_whole_table_and_starts_where_it_should() {
-        let start = Parameters::start(&Config::default(), &Hardware::REFERENCE).unwrap();
+        let start = Parameters::start(&RunConfig::default(), &Hardware::REFERENCE).unwrap();
         let space = Space::new(
             Protocol::Lidar,
             LidarPreset::Full,
@@ -295,8 +295,8 @@ mod tests {
             Hardware::REFERENCE,
         );
         assert_eq!(space.axes().len(), PARAMETERS.len());
-        let (parameters, mended) = space.parameters(&space.start_point());
-        assert!(mended.is_empty());
+        let (parameters, repaired) = space.parameters(&space.start_point());
+        assert!(repaired.is_empty());
         // 1.14 · cW/2 of 5 ns, which the start leaves to follow the pulse.
         let expected = Settings { min_separation_mm: Some(854), ..start.settings };
         assert_eq!(parameters.settings, expected);
@@ -305,8 +305,8 @@ mod tests {
     #[test]
     fn the_start_comes_back_from_the_cube_unchanged() {
         let space = space(Protocol::Joint);
-        let (parameters, mended) = space.parameters(&space.start_point());
-        assert!(mended.is_empty());
+        let (parameters, repaired) = space.parameters(&space.start_point());
+        assert!(repaired.is_empty());
         assert_eq!(parameters.settings, space.start.settings);
         let close = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-12;
         assert!(close(parameters.get("registration.voxel_m").unwrap(), 0.3));

@@ -1,4 +1,4 @@
-//! Joint constraints: a candidate that breaks one is mended, and says so; the sensor would refuse
+//! Joint constraints: a candidate that breaks one is repaired, and says so; the sensor would refuse
 //! it.
 
 use echoloop_dsp::config::sample_period_fs;
@@ -10,20 +10,20 @@ use echoloop_dsp::{Hardware, ParameterId, Settings};
 /// Too few samples a pulse: the pulse is widened. Too much energy: the power is lowered. (S > N
 /// holds by the ranges.)
 pub fn repair(settings: &mut Settings, hardware: &Hardware) -> Vec<&'static str> {
-    let mut mended = Vec::new();
+    let mut repaired = Vec::new();
     let shortest_ps =
         (5 * u64::from(sample_period_fs(settings.bins as u32, hardware))).div_ceil(2_000) as i32;
     if settings.pulse_width_ps < shortest_ps {
         settings.pulse_width_ps = shortest_ps;
-        mended.push(ParameterId::PulseWidth.parameter().name);
+        repaired.push(ParameterId::PulseWidth.parameter().name);
     }
     let strongest_cw =
         100 * i64::from(hardware.energy_limit_pj) / i64::from(settings.pulse_width_ps.max(1));
     if i64::from(settings.power_cw) > strongest_cw {
         settings.power_cw = strongest_cw as i32;
-        mended.push(ParameterId::Power.parameter().name);
+        repaired.push(ParameterId::Power.parameter().name);
     }
-    mended
+    repaired
 }
 
 #[cfg(test)]

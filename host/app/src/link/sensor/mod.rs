@@ -20,8 +20,8 @@ use echoloop_frontend::SceneResponse;
 use echoloop_sim::board::PcSensor;
 use thiserror::Error;
 
-use crate::experiment::config::Config;
-use crate::link::client::{Client, ClientError, Identity, Patience};
+use crate::experiment::config::RunConfig;
+use crate::link::client::{Client, ClientError, Identity, RetryPolicy};
 use crate::link::transport::{InProcess, Serial, Transport};
 use echoloop_frontend::{Receiver, WaveformFrontEnd};
 
@@ -92,7 +92,7 @@ pub struct Model {
 
 impl Model {
     /// The sensor of a configuration.
-    pub fn of(config: &Config) -> Self {
+    pub fn from_config(config: &RunConfig) -> Self {
         Self {
             receiver: config.front_end(),
             pattern: config.scanner.pattern(),
@@ -123,8 +123,8 @@ pub struct View<'a> {
     pub viewpoint: u32,
 }
 
-/// How a sensor comes to look somewhere.
-enum Gaze {
+/// Who decides what a sensor looks at.
+enum ViewControl {
     /// Its front end is simulated and takes the scene.
     Simulated(SharedFrontEnd),
     /// It is asked for scans by the number of the viewpoint.
@@ -134,7 +134,7 @@ enum Gaze {
 /// One sensor, and what it looks at.
 pub struct Sensor {
     client: Client<Line>,
-    gaze: Gaze,
+    view_control: ViewControl,
 }
 
 impl Sensor {
@@ -146,7 +146,7 @@ impl Sensor {
     pub fn in_process(model: &Model) -> Result<Self, ClientError> {
         let front_end = Arc::new(Mutex::new(model.front_end()));
         let sensor = PcSensor::new(Arc::clone(&front_end), model.pattern, model.hardware);
-        Self::simulated(Box::new(InProcess(sensor)), front_end, Patience::default())
+        Self::simulated(Box::new(InProcess(sensor)), front_end, RetryPolicy::default())
     }
 
     /// A sensor behind a line whose front end is simulated here.
@@ -157,9 +157,12 @@ impl Sensor {
     pub fn simulated(
         line: Line,
         front_end: SharedFrontEnd,
-        patience: Patience,
+        retry_policy: RetryPolicy,
     ) -> Result<Self, ClientError> {
-        Ok(Self { client: Client::connect(line, patience)?, gaze: Gaze::Simulated(front_end) })
+        Ok(Self {
+            client: Client::connect(line, retry_policy)?,
+            view_control: ViewControl::Simulated(front_end),
+        })
     }
 
     /// A sensor behind a line that somebody else turns.
@@ -167,8 +170,11 @@ impl Sensor {
     /// # Errors
     ///
     /// [`ClientError`].
-    pub fn numbered(line: Line, patience: Patience) -> Result<Self, ClientError> {
-        Ok(Self { client: Client::connect(line, patience)?, gaze: Gaze::Numbered })
+    pub fn numbered(line: Line, retry_policy: RetryPolicy) -> Result<Self, ClientError> {
+        Ok(Self {
+            client: Client::connect(line, retry_policy)?,
+            view_control: ViewControl::Numbered,
+        })
     }
 
     /// A board on a serial port.
@@ -180,19 +186,19 @@ impl Sensor {
         let name = || SensorSpec::Serial(port.clone());
         let line = Serial::open(&port.path, port.baud)
             .map_err(|reason| SensorError::open(name(), reason))?;
-        Self::numbered(Box::new(line), Serial::patience(port.baud))
+        Self::numbered(Box::new(line), Serial::retry_policy(port.baud))
             .map_err(SensorError::client(name()))
     }
 
     /// Turns to a view; the number of the scan to ask for.
     pub fn look_at(&mut self, view: &View<'_>) -> u32 {
-        match &self.gaze {
-            Gaze::Simulated(front_end) => {
+        match &self.view_control {
+            ViewControl::Simulated(front_end) => {
                 let mut front_end = front_end.lock().unwrap_or_else(PoisonError::into_inner);
                 front_end.look_at(Arc::clone(view.scene), view.noise_seed);
                 view.scan
             }
-            Gaze::Numbered => view.viewpoint,
+            ViewControl::Numbered => view.viewpoint,
         }
     }
 

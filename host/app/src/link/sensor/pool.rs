@@ -145,11 +145,12 @@ mod tests {
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     use super::*;
-    use crate::experiment::config::Config;
+    use crate::experiment::config::RunConfig;
 
     /// Sensors of which `limit` may be open, and a count of those that have been.
     fn counted(limit: usize) -> (Sensors, Arc<AtomicUsize>) {
-        let (model, opened) = (Model::of(&Config::default()), Arc::new(AtomicUsize::new(0)));
+        let (model, opened) =
+            (Model::from_config(&RunConfig::default()), Arc::new(AtomicUsize::new(0)));
         let count = Arc::clone(&opened);
         let open = move || match count.fetch_add(1, Ordering::SeqCst) {
             9 => Err(SensorError::open("test", "unplugged")),

@@ -32,12 +32,12 @@ mod here {
 
     use super::super::{Line, Model, Sensor, SensorError, SensorSpec, SharedFrontEnd};
     use super::QemuOptions;
-    use crate::link::client::Patience;
-    use crate::link::sensor_log;
+    use crate::link::client::RetryPolicy;
+    use crate::link::defmt_log;
     use crate::link::transport::Transport;
 
     /// An emulated processor may be slow when others need this one.
-    const PATIENCE: Patience = Patience { timeout: Duration::from_secs(2), tries: 8 };
+    const RETRY_POLICY: RetryPolicy = RetryPolicy { timeout: Duration::from_secs(2), tries: 8 };
 
     /// Starts an emulated board with the image, looking through a front end in this process.
     ///
@@ -67,7 +67,7 @@ mod here {
             None => Box::new(line),
             Some(log) => Box::new(Logged::new(line, how.image, log.clone())),
         };
-        Sensor::simulated(line, front_end, PATIENCE).map_err(SensorError::client(&name))
+        Sensor::simulated(line, front_end, RETRY_POLICY).map_err(SensorError::client(&name))
     }
 
     /// Ends what a process that is about to exit would leave running.
@@ -95,7 +95,7 @@ mod here {
         fn write(&self) -> io::Result<()> {
             let frames = fs::read(self.line.log_file())?;
             let lines =
-                sensor_log::decode(&fs::read(&self.image)?, &frames).map_err(io::Error::other)?;
+                defmt_log::decode(&fs::read(&self.image)?, &frames).map_err(io::Error::other)?;
             let numbered = |line: &String| format!("sensor {} {line}\n", self.number);
             let text: String = lines.iter().map(numbered).collect();
             if self.to == Path::new("-") {

@@ -7,7 +7,7 @@ use echoloop_link::MAX_FRAME;
 use serialport::{ErrorKind, SerialPort};
 
 use super::Transport;
-use crate::link::client::Patience;
+use crate::link::client::RetryPolicy;
 
 /// Bits a byte takes on the line: start, eight, stop.
 const BITS_PER_BYTE: f64 = 10.0;
@@ -31,20 +31,20 @@ impl Serial {
     pub fn open(name: &str, baud: u32) -> Result<Self, String> {
         let port =
             serialport::new(name, baud).timeout(STUCK).open().map_err(|error| why_not(&error))?;
-        Ok(Self::over(port, name))
+        Ok(Self::from_open_port(port, name))
     }
 
     /// A port that is open already.
-    pub fn over(port: Box<dyn SerialPort>, name: &str) -> Self {
+    pub fn from_open_port(port: Box<dyn SerialPort>, name: &str) -> Self {
         Self { port, name: name.to_owned() }
     }
 
-    /// Patience with a line of this speed: 300 ms for the board, and the longest frame's time once
-    /// each way, because 2.8 kB take 246 ms at 115,200 baud.
-    pub fn patience(baud: u32) -> Patience {
+    /// How to wait for answers over a line of this speed: 300 ms for the board, and the longest
+    /// frame's time once each way, because 2.8 kB take 246 ms at 115,200 baud.
+    pub fn retry_policy(baud: u32) -> RetryPolicy {
         let frame =
             Duration::from_secs_f64(MAX_FRAME as f64 * BITS_PER_BYTE / f64::from(baud.max(1)));
-        Patience { timeout: BOARD + 2 * frame, ..Patience::default() }
+        RetryPolicy { timeout: BOARD + 2 * frame, ..RetryPolicy::default() }
     }
 
     fn named(&self) -> impl Fn(io::Error) -> io::Error {
@@ -66,7 +66,8 @@ impl Serial {
 fn why_not(error: &serialport::Error) -> String {
     let advice = match error.kind() {
         ErrorKind::Io(io::ErrorKind::PermissionDenied) => {
-            " (on Linux ports belong to the group dialout: sudo usermod -aG dialout $USER, then log in again)"
+            " (on Linux ports belong to the group dialout: sudo usermod -aG dialout $USER, then \
+             log in again)"
         }
         ErrorKind::NoDevice => " (is another program using it?)",
         _ => "",
@@ -105,8 +106,8 @@ mod tests {
     }
 
     #[test]
-    fn patience_grows_as_the_line_slows() {
-        let timeout = |baud| Serial::patience(baud).timeout.as_millis();
+    fn the_timeout_grows_as_the_line_slows() {
+        let timeout = |baud| Serial::retry_policy(baud).timeout.as_millis();
         assert_eq!([timeout(921_600), timeout(115_200), timeout(9_600)], [361, 791, 6195]);
     }
 }
