@@ -58,7 +58,7 @@ static NEVER: AtomicBool = AtomicBool::new(false);
 
 /// Sensors in process, for all tests together: which one serves whom must not matter.
 static SENSORS: LazyLock<Sensors> =
-    LazyLock::new(|| Sensors::in_process(Model::from_config(&config(&[]))));
+    LazyLock::new(|| Sensors::in_process(Model::from(&config(&[]))));
 
 fn search(config: &RunConfig) -> TuneSearch<'_> {
     let start = Parameters::start(config, &HARDWARE).expect("a start");
@@ -123,7 +123,7 @@ fn every_viewpoint_has_its_number_training_pairs_first() {
 #[test]
 fn one_sensor_for_all_threads_finds_what_one_for_each_finds() {
     let config = config(&[]);
-    let model = Model::from_config(&config);
+    let model = Model::from(&config);
     let one = Sensors::opened_by("one", 1, move || {
         Sensor::in_process(&model).map_err(SensorError::client("one"))
     });
@@ -148,7 +148,7 @@ fn every_candidate_is_recorded_under_the_hash_by_which_the_sensor_calls_its_sett
     let config = config(&["tune.generations=2"]);
     let (_, tuned) = tuned(&config, 2);
     let search = search(&config);
-    let mut sensor = Sensor::in_process(&Model::from_config(&config)).expect("a sensor");
+    let mut sensor = Sensor::in_process(&Model::from(&config)).expect("a sensor");
     let candidates: Vec<_> = tuned.generations.iter().flat_map(|g| &g.candidates).collect();
     assert_eq!(candidates.len(), 2 * search.population());
     for candidate in &candidates {

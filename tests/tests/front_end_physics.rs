@@ -510,7 +510,7 @@ fn scans(text: &str, count: u32) -> Vec<Vec<Option<f64>>> {
     let text = format!("[scanner]\ncolumns = 12\nrows = 32\n{text}");
     let config: RunConfig = toml::from_str(&text).unwrap();
     config.check().unwrap();
-    let model = Model::from_config(&config);
+    let model = Model::from(&config);
     let beams = model.pattern.beams();
     let scene = Arc::new(SceneResponse {
         beams: (0..=beams).collect(),

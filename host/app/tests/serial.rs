@@ -101,7 +101,7 @@ impl Board {
         let dataset = Dataset::build(&config, &|_, _| ()).expect("a yard");
         let views = dataset.views().map(Arc::clone).collect();
         let mut sensor =
-            Viewpoints::new(&Model::from_config(&config), views, scan_noise(config.seed)).sensor();
+            Viewpoints::new(&Model::from(&config), views, scan_noise(config.seed)).sensor();
         let (here, _plug, path) = terminals();
         let stop = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&stop);
@@ -126,7 +126,7 @@ fn over_a_line_a_sensor_gives_the_echoes_it_gives_in_process() {
     let board = Board::new(&fixture);
     let settings = Settings { power_cw: 5_000, upsampling: 2, ..Settings::default() };
     let mut far = Sensor::serial(&board.port).expect("a sensor");
-    let mut near = Sensor::in_process(&Model::from_config(&board.config)).expect("a sensor");
+    let mut near = Sensor::in_process(&Model::from(&board.config)).expect("a sensor");
     assert_eq!(far.identity(), near.identity());
     assert_eq!(
         far.configure(&settings).expect("accepted"),

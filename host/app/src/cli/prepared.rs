@@ -43,7 +43,7 @@ impl Prepared {
         choice: &SensorChoice,
         progress: &Progress,
     ) -> Result<Self, Failure> {
-        let model = Model::from_config(&config);
+        let model = Model::from(&config);
         let sensors = choice.sensors(model.clone())?;
         let identity = introduce(&sensors, &model, progress)?;
         let (hardware, sensor) = (identity.hardware, described(&sensors, &identity));

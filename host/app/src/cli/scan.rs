@@ -64,7 +64,7 @@ struct Seen {
 }
 
 fn scan(args: &ScanArgs, config: &RunConfig) -> Result<(), Failure> {
-    let sensors = args.setup.sensor.sensors(Model::from_config(config))?;
+    let sensors = args.setup.sensor.sensors(Model::from(config))?;
     let identity = sensors.identity()?;
     let settings = Parameters::start(config, &identity.hardware).map_err(Failure::usage)?.settings;
     let pattern = identity.pattern;

@@ -27,7 +27,7 @@ pub(crate) struct SensorArgs {
 
 pub(super) fn run(args: &SensorArgs) -> Result<(), Failure> {
     let config = args.setup.source.load(Vec::new())?;
-    let sensors = args.setup.sensor.sensors(Model::from_config(&config))?;
+    let sensors = args.setup.sensor.sensors(Model::from(&config))?;
     let identity = sensors.identity()?;
     let (settings, counters) = sensors.with(|sensor| {
         let own = sensor.client().read_settings()?;

@@ -47,8 +47,7 @@ fn answer(args: &ServeArgs, config: &RunConfig) -> Result<(), Failure> {
     progress.end();
     let views: Vec<_> = dataset.views().map(Arc::clone).collect();
     progress.say(&format!("serving {} viewpoints on {} until ^C", views.len(), args.port));
-    let mut sensor =
-        Viewpoints::new(&Model::from_config(config), views, scan_noise(config.seed)).sensor();
+    let mut sensor = Viewpoints::new(&Model::from(config), views, scan_noise(config.seed)).sensor();
     serve(&mut port, &mut sensor, &|| stop.load(Ordering::Relaxed))
         .map_err(|error| SensorError::client(&args.port)(error.into()).into())
 }

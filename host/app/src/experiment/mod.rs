@@ -31,7 +31,7 @@
 //! let (tune, hardware) = (config.tune, config.hardware());
 //! let start = Parameters::start(&config, &hardware)?;
 //! let dataset = Dataset::build(&config, &|_, _| ())?;
-//! let sensors = Sensors::in_process(Model::from_config(&config));
+//! let sensors = Sensors::in_process(Model::from(&config));
 //! let search = TuneSearch {
 //!     config: &config,
 //!     bench: Bench { dataset: &dataset, sensors: &sensors },

@@ -240,11 +240,15 @@ impl<T: Transport> Client<T> {
         self.configure_on_trial(settings, 0)
     }
 
-    /// As [`Client::configure`], on trial: unless [`Client::confirm`] comes before `frames` frames
-    /// have ended, or when one whole frame has no echo, or when this program ends and another says
-    /// hello, the sensor goes back to the settings it had before that were not on trial. The scan
-    /// after that is [`ClientError::Mixed`]. A frame ends when anything but a confirmation follows
-    /// its last beam. `0` frames: no trial.
+    /// As [`Client::configure`], on trial. The sensor goes back to its last settings that were not
+    /// on trial
+    ///
+    /// - unless [`Client::confirm`] comes before `frames` frames have ended (`0`: no trial),
+    /// - when one whole frame has no echo,
+    /// - when this program ends and another says hello.
+    ///
+    /// The scan after that is [`ClientError::Mixed`]. A frame ends when anything but a confirmation
+    /// follows its last beam.
     ///
     /// # Errors
     ///

@@ -16,7 +16,7 @@
 //!
 //! let mut config = RunConfig::default();
 //! (config.scanner.columns, config.scanner.rows) = (24, 8);
-//! let model = Model::from_config(&config);
+//! let model = Model::from(&config);
 //! let sensor = PcSensor::new(model.front_end(), model.pattern, model.hardware);
 //! let mut client = Client::connect(InProcess(sensor), RetryPolicy::default())?;
 //! client.configure(&Settings { power_cw: 2_000, ..Settings::default() })?;

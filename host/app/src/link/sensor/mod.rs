@@ -20,7 +20,6 @@ use echoloop_frontend::SceneResponse;
 use echoloop_sim::board::PcSensor;
 use thiserror::Error;
 
-use crate::experiment::config::RunConfig;
 use crate::link::client::{Client, ClientError, Identity, RetryPolicy};
 use crate::link::transport::{InProcess, Serial, Transport};
 use echoloop_frontend::{Receiver, WaveformFrontEnd};
@@ -91,15 +90,6 @@ pub struct Model {
 }
 
 impl Model {
-    /// The sensor of a configuration.
-    pub fn from_config(config: &RunConfig) -> Self {
-        Self {
-            receiver: config.front_end(),
-            pattern: config.scanner.pattern(),
-            hardware: config.hardware(),
-        }
-    }
-
     /// Its front end, which sees nothing yet.
     pub fn front_end(&self) -> WaveformFrontEnd {
         WaveformFrontEnd::new(

@@ -1,0 +1,81 @@
+//! `[tune]`: how to search.
+
+use serde::{Deserialize, Serialize};
+
+use super::default::is_default;
+use super::error::{RunConfigError, require};
+use crate::experiment::preset::{LidarPreset, Protocol};
+
+/// How to search.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TuneConfig {
+    /// What is tuned.
+    pub protocol: Protocol,
+    /// Which of the sensor's parameters are tuned: the paper's eight, or `full`, all fifteen.
+    #[serde(skip_serializing_if = "is_default")]
+    pub lidar: LidarPreset,
+    /// Generations.
+    pub generations: u32,
+    /// Candidates a generation; 0: as many as there are parameters, as in the paper.
+    pub population: usize,
+    /// Training pairs a generation sees, drawn anew each time and shared by its candidates; 0: all,
+    /// as in the paper.
+    pub pairs_per_generation: usize,
+    /// No pair counts for more than this, ‖T_est − T*‖_F; 0: no cap, as in the paper.
+    pub error_cap: f64,
+    /// Whether the candidates of a generation meet the same noise.
+    pub common_noise: bool,
+    /// Start of the step size, in the unit cube.
+    pub sigma: f64,
+    /// Candidates judged again on all training pairs at the end, besides the mean and the start.
+    pub shortlist: usize,
+}
+
+impl Default for TuneConfig {
+    fn default() -> Self {
+        Self {
+            protocol: Protocol::Joint,
+            lidar: LidarPreset::Paper,
+            generations: 30,
+            population: 0,
+            pairs_per_generation: 3,
+            error_cap: 1.0,
+            common_noise: true,
+            sigma: 0.2,
+            shortlist: 4,
+        }
+    }
+}
+
+impl TuneConfig {
+    pub(super) fn check(&self) -> Result<(), RunConfigError> {
+        let generations = self.generations;
+        require(
+            "tune.generations",
+            generations,
+            (1..=100_000).contains(&generations),
+            "1 to 100000",
+        )?;
+        let population = self.population;
+        require(
+            "tune.population",
+            population,
+            population != 1 && population <= 10_000,
+            "0 (automatic) or 2 to 10000",
+        )?;
+        require(
+            "tune.error_cap",
+            self.error_cap,
+            self.error_cap >= 0.0 && self.error_cap.is_finite(),
+            "0 or more",
+        )?;
+        require(
+            "tune.sigma",
+            self.sigma,
+            self.sigma > 0.0 && self.sigma <= 1.0,
+            "above 0, at most 1",
+        )?;
+        require("tune.shortlist", self.shortlist, self.shortlist <= 1000, "at most 1000")
+    }
+}
