@@ -1,7 +1,8 @@
 //! The world around the sensor: scenes, ray casting, the scanner, and the boards the firmware runs
 //! on.
 //!
-//! 1. [`scene::generate`] makes a place, [`import::load_scene`] reads one: triangles with materials.
+//! 1. [`scene::generate`] makes a place, [`import::load_scene`] reads one: triangles with
+//!    materials.
 //! 2. [`viewpoint::sample_pairs`] finds pairs of poses in it that a surveyor could scan from.
 //! 3. [`scanner::Scanner::scan`] traces every beam from a pose. The answer holds the place and
 //!    nothing of the sensor's settings.

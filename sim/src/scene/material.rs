@@ -60,48 +60,35 @@ macro_rules! surfaces {
     };
 }
 
-// Above each row: low / median / high of the samples, or where its one value comes from.
+// Beside each row: low / median / high of the samples, or where its one value comes from.
 surfaces! {
-    // .073 / .168 / .305
-    Asphalt = Material::matt("asphalt", 0.168);
+    Asphalt = Material::matt("asphalt", 0.168);                    // .073 / .168 / .305
     // earthlib sidewalk, median of 60
     Paving = Material::matt("paving", 0.314);
-    // .104 / .320 / .855
-    Concrete = Material::matt("concrete", 0.320);
-    // KLUM red brick facade
-    Brick = Material::matt("brick", 0.450);
-    // .399 / .643 / .757
-    Plaster = Material::matt("plaster", 0.643);
+    Concrete = Material::matt("concrete", 0.320);                  // .104 / .320 / .855
+    Brick = Material::matt("brick", 0.450);                        // KLUM red brick facade
+    Plaster = Material::matt("plaster", 0.643);                    // .399 / .643 / .757
     // KLUM weathered sandstone facade
     Stone = Material::matt("stone", 0.252);
-    // KLUM red matte ceramic roof
-    RoofTile = Material::matt("roof tile", 0.376);
-    // KLUM dark matte ceramic roof
-    DarkTile = Material::matt("dark tile", 0.084);
-    // .056 / .210 / .653; coat ours
-    Metal = Material::matt("metal", 0.210).coated(0.3, 0.4);
-    // .129 / .433 / .854
-    Wood = Material::matt("wood", 0.433);
+    RoofTile = Material::matt("roof tile", 0.376);                 // KLUM red matte ceramic roof
+    DarkTile = Material::matt("dark tile", 0.084);                 // KLUM dark matte ceramic roof
+    Metal = Material::matt("metal", 0.210).coated(0.3, 0.4);       // .056 / .210 / .653; coat ours
+    Wood = Material::matt("wood", 0.433);                          // .129 / .433 / .854
     // No trustworthy value: dust and two faces, ours
     Glass = Material::matt("glass", 0.05).coated(0.08, 0.05);
-    // earthlib, median of 4185
-    Soil = Material::matt("soil", 0.364);
-    // earthlib bare gravel
-    Gravel = Material::matt("gravel", 0.221);
-    // KLUM grey conglomerate
-    Rock = Material::matt("rock", 0.268);
+    Soil = Material::matt("soil", 0.364);                          // earthlib, median of 4185
+    Gravel = Material::matt("gravel", 0.221);                      // earthlib bare gravel
+    Rock = Material::matt("rock", 0.268);                          // KLUM grey conglomerate
     // earthlib canopy, median of 2000
     Grass = Material::matt("grass", 0.445);
     // Single leaf .42–.51; its transmission is not traced
     Leaf = Material::matt("leaf", 0.460);
-    // earthlib, median of 33
-    Bark = Material::matt("bark", 0.370);
+    Bark = Material::matt("bark", 0.370);                          // earthlib, median of 33
     // No trustworthy value: painted metal, clear coat, ours
     CarPaint = Material::matt("car paint", 0.30).coated(0.04, 0.1);
     // No trustworthy value: black car, ours
     DarkPaint = Material::matt("dark paint", 0.06).coated(0.04, 0.1);
-    // ours
-    Rubber = Material::matt("rubber", 0.05);
+    Rubber = Material::matt("rubber", 0.05);                       // ours
     // ours: upper end of what the sensor is held to
     RetroSign = Material::matt("retro-reflective sign", 50.0);
     // Imported faces that say nothing

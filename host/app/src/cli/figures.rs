@@ -77,6 +77,12 @@ fn row(summary: &Summary) -> String {
     )
 }
 
+/// Writes clouds and report into the run's folder.
+pub(super) fn write_figures(run: &Finished<'_>) -> Result<(), Failure> {
+    let shown = write_clouds(run)?;
+    write_report(run, shown)
+}
+
 /// The held-out pair to show: the one the default parameters did worst on.
 fn shown_pair(result: &RunResult) -> usize {
     let errors = &result.default_summary.errors;
@@ -94,14 +100,14 @@ pub(super) struct Finished<'a> {
 }
 
 /// The shown pair with default and with tuned parameters.
-pub(super) struct Shown {
+struct Shown {
     place: String,
     before: Registered,
     after: Registered,
 }
 
 /// Registers the shown pair both ways, and writes both as PLY.
-pub(super) fn write_clouds(run: &Finished<'_>) -> Result<Shown, Failure> {
+fn write_clouds(run: &Finished<'_>) -> Result<Shown, Failure> {
     let Finished { folder, prepared, tuned, result, .. } = run;
     let index = shown_pair(result);
     let pair = &prepared.dataset.test[index];
@@ -132,7 +138,7 @@ fn laid_on(registered: &Registered) -> impl Iterator<Item = nalgebra::Point3<f32
 }
 
 /// Writes the report.
-pub(super) fn write_report(run: &Finished<'_>, shown: Shown) -> Result<(), Failure> {
+fn write_report(run: &Finished<'_>, shown: Shown) -> Result<(), Failure> {
     let Finished { folder, prepared, result, .. } = run;
     let config = &prepared.config;
     let data = &config.data;
@@ -302,17 +308,16 @@ fn pair_clouds(shown: Shown, result: &RunResult) -> PairClouds {
 
 fn notes(config: &RunConfig) -> Vec<String> {
     let mut notes = vec![
-        "Every scan went through the sensor's firmware: settings and echoes as frames of its link, \
-         echoes by its \
-         fixed-point detector."
+        "Every scan went through the sensor's firmware: settings and echoes as frames of its \
+         link, echoes by its fixed-point detector."
             .to_owned(),
         "A registration that finds nothing counts as its initial guess, the identity.".to_owned(),
     ];
     if config.registration.mode == FgrMode::Open3d {
         notes.push(
             "FGR as Open3D 0.20 runs it from Python with its defaults: without graduated \
-             non-convexity, from a wrong start. It is \
-             the paper's baseline, not the published method; that is mode annealed."
+             non-convexity, from a wrong start. It is the paper's baseline, not the published \
+             method; that is mode annealed."
                 .to_owned(),
         );
     }

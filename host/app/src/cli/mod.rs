@@ -52,8 +52,7 @@ pub struct Cli {
 }
 
 const EXIT_CODES: &str = "Exit codes: 0 done, 1 the run failed, 2 usage, configuration or a file, \
-    3 the link or the sensor, \
-    4 finished below --require-recall, 130 interrupted.";
+    3 the link or the sensor, 4 finished below --require-recall, 130 interrupted.";
 
 #[derive(Debug, Subcommand)]
 enum Command {

@@ -176,7 +176,8 @@ fn document(
     for key in config.keys() {
         document[*key] = serde_json::json!(config.get(key));
         if let Some(former) = former_key(key) {
-            document[former] = document[*key].clone(); // for one version: readers of the former name
+            // For one version: readers of the former name.
+            document[former] = document[*key].clone();
         }
     }
     document

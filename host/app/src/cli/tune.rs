@@ -1,13 +1,13 @@
 //! `echoloop tune`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
 
 use super::common::{Setup, on_threads};
 use super::exit::Failure;
-use super::figures::{Finished, print_table, write_clouds, write_report};
+use super::figures::{Finished, print_table, write_figures};
 use super::interrupt::stop_on_interrupt;
 use super::method_choice::{MethodChoice, toml_name};
 use super::prepared::{Prepared, require_recall};
@@ -94,13 +94,7 @@ fn tune(args: &TuneArgs, config: RunConfig, stop: &AtomicBool) -> Result<(), Fai
     }
     // What cannot run leaves no folder, and `latest` where it was.
     let prepared = Prepared::new(config, &args.setup.sensor, &progress)?;
-    let folder = match &args.resume {
-        Some(run) => RunFolder::open(run)?,
-        None => RunFolder::create(&runs, &run_name(&prepared.config))?,
-    };
-    if args.resume.is_none() {
-        folder.write_config(&prepared.config)?;
-    }
+    let folder = run_folder(args, &runs, &prepared.config)?;
     let search = prepared.search(stop);
     let (mut journal, done) = open_journal(args, &folder, &search)?;
     let left = search
@@ -119,16 +113,24 @@ fn tune(args: &TuneArgs, config: RunConfig, stop: &AtomicBool) -> Result<(), Fai
     let (tuned, before, after) = outcome?;
     let result = result(&prepared, &search, &tuned, before, after);
     folder.write_result(&result)?;
-    let run = Finished {
+    write_figures(&Finished {
         folder: &folder,
         prepared: &prepared,
         search: &search,
         tuned: &tuned,
         result: &result,
-    };
-    let shown = write_clouds(&run)?;
-    write_report(&run, shown)?;
+    })?;
     finish(args, &folder, &prepared, &result)
+}
+
+/// The folder of the run to go on with, or a new one with the configuration in it.
+fn run_folder(args: &TuneArgs, runs: &Path, config: &RunConfig) -> Result<RunFolder, Failure> {
+    if let Some(run) = &args.resume {
+        return Ok(RunFolder::open(run)?);
+    }
+    let folder = RunFolder::create(runs, &run_name(config))?;
+    folder.write_config(config)?;
+    Ok(folder)
 }
 
 /// The search, then start and choice on the held-out pairs.
@@ -149,7 +151,7 @@ fn search_and_judge(
 }
 
 fn run_name(config: &RunConfig) -> String {
-    let source = std::path::Path::new(&config.scene.source);
+    let source = Path::new(&config.scene.source);
     let scene = source
         .file_stem()
         .map_or_else(|| config.scene.source.clone(), |s| s.to_string_lossy().into_owned());

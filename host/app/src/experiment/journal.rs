@@ -87,8 +87,7 @@ pub enum JournalError {
     /// A line is damaged.
     #[error(
         "{}: line {line} is {what}; the {whole} generations before it are whole (--repair keeps \
-         them and goes on, and \
-         leaves a copy of the damaged file)",
+         them and goes on, and leaves a copy of the damaged file)",
         path.display()
     )]
     Damaged {

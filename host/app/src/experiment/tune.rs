@@ -246,6 +246,7 @@ impl TuneSearch<'_> {
             return Ok(None);
         }
         let noise_index = if self.config.tune.common_noise { 0 } else { candidate as u64 + 1 };
+        // Each part has bits of its own, so no two registrations draw the same noise by chance.
         let index = (generation << 32) | (pair as u64) << 16 | noise_index;
         let noise = derive(self.config.seed, Purpose::TrainNoise, index);
         let registered =
@@ -354,6 +355,7 @@ impl TuneSearch<'_> {
         }
         let mut order: Vec<(usize, f64, usize)> =
             best.into_iter().map(|(g, (worth, i))| (g, worth, i)).collect();
+        // The first half of the search was still on its way.
         let half = generations.len() / 2;
         order.retain(|(g, ..)| *g >= half);
         order.sort_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));

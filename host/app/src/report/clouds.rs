@@ -80,9 +80,8 @@ fn panel(id: &str, title: &str, error: &PoseError) -> String {
 
 fn hint() -> &'static str {
     "<p class=\"hint\" id=\"view-hint\">Drag to orbit, shift-drag or two fingers to pan; click a \
-     view, then scroll to \
-     zoom. Keys: arrows orbit, shift and arrows pan, + and − zoom, 0 resets. <span \
-     id=\"view-grid\"></span></p>\
+     view, then scroll to zoom. Keys: arrows orbit, shift and arrows pan, + and − zoom, 0 resets. \
+     <span id=\"view-grid\"></span></p>\
      <noscript><p class=\"fallback\">The views need JavaScript.</p></noscript>"
 }
 

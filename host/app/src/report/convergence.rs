@@ -17,8 +17,8 @@ pub(super) fn section(convergence: &Convergence) -> String {
     format!(
         "<section id=\"convergence\"><h2>Convergence</h2>\
          <p class=\"lead\">Lower is better. Each generation samples new candidates, so its best is \
-         the luckiest of a \
-         noisy draw; the median and the mean point say where the search stands.</p>\
+         the luckiest of a noisy draw; the median and the mean point say where the search \
+         stands.</p>\
          <div class=\"pair wide-first\"><figure>{}{}</figure>{}</div></section>\n",
         fitness(convergence, &xs),
         legend(&keys(convergence)),

@@ -41,10 +41,8 @@ fn caution(c: &Correlation, generations: usize) -> String {
     };
     format!(
         "These are correlations of the distribution the search samples from. It starts as a \
-         sphere, and in \
-         {generations} generations it has barely learned: {share}. A cell tells where good \
-         candidates lay in this \
-         one run, not how the parameters influence the error."
+         sphere, and in {generations} generations it has barely learned: {share}. A cell tells \
+         where good candidates lay in this one run, not how the parameters influence the error."
     )
 }
 

@@ -157,8 +157,8 @@ fn criterion(table: &EvaluationTable) -> String {
     };
     format!(
         "{rule}Means count successes only, so they can grow when harder pairs begin to succeed; \
-         medians count every \
-         pair. The bar shows recall with its 95\u{a0}% interval for this number of pairs."
+         medians count every pair. The bar shows recall with its 95\u{a0}% interval for this \
+         number of pairs."
     )
 }
 

@@ -1,7 +1,7 @@
 //! One run as one HTML file: what was tuned, what it gained, and two clouds to look at.
 //!
-//! Fill a [`Report`], call [`Report::to_html`], write the string down. Each section of the page is a
-//! file here with a function `section`; a new one is data in `data`, such a file, and a line in
+//! Fill a [`Report`], call [`Report::to_html`], write the string down. Each section of the page is
+//! a file here with a function `section`; a new one is data in `data`, such a file, and a line in
 //! `page`.
 //!
 //! Plain data in, one string out. The file refers to nothing outside itself (a content security

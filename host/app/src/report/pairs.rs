@@ -62,10 +62,8 @@ fn gains(pairs: &[PairError], within: &PoseError) -> String {
     let (won, lost) = (count(false, true), count(true, false));
     format!(
         "Of {} pairs, tuning won {won} that failed before and lost {lost} that had succeeded; {} \
-         succeed under both, \
-         {} under neither. A fair coin would split the changed pairs at least as unevenly with \
-         probability {} \
-         (McNemar’s exact test).",
+         succeed under both, {} under neither. A fair coin would split the changed pairs at least \
+         as unevenly with probability {} (McNemar’s exact test).",
         pairs.len(),
         count(true, true),
         count(false, false),

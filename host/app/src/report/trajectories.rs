@@ -24,10 +24,9 @@ pub(super) fn section(report: &Report) -> String {
     format!(
         "<section id=\"parameters\"><h2>Parameters</h2>\
          <p class=\"lead\">Each plot spans the parameter’s bounds, bottom to top. A band that \
-         stays wide means the \
-         parameter hardly matters to the fitness, or that the search was too short to tell; a \
-         value at a bound asks \
-         for a wider range.</p>{}<div class=\"multiples\">{plots}</div>{}</section>\n",
+         stays wide means the parameter hardly matters to the fitness, or that the search was too \
+         short to tell; a value at a bound asks for a wider range.</p>\
+         {}<div class=\"multiples\">{plots}</div>{}</section>\n",
         legend(&keys),
         table(&report.parameters)
     )
