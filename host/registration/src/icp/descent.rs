@@ -51,8 +51,11 @@ impl Descent {
             let before = (outcome.inlier_fraction, outcome.rmse_m);
             outcome.advance(&step, &sums, seen, source.points.len());
             let change = (outcome.inlier_fraction - before.0, outcome.rmse_m - before.1);
+            // While pairs may be far apart, a step of nothing says little about the last distance.
             let fine = reach_m <= self.max_pair_distance_m;
-            if fine && (self.is_still(&step) || outcome.iterations > 1 && self.is_settled(change)) {
+            // The first step has nothing to be compared with.
+            let settled = outcome.iterations > 1 && self.changes_little(change);
+            if fine && (self.is_small(&step) || settled) {
                 outcome.stop = StopReason::Converged;
                 break;
             }
@@ -64,11 +67,11 @@ impl Descent {
         outcome
     }
 
-    fn is_still(&self, step: &Step) -> bool {
+    fn is_small(&self, step: &Step) -> bool {
         step.shift_m < self.translation_tolerance_m && step.angle_rad < self.rotation_tolerance_rad
     }
 
-    fn is_settled(&self, (fraction, rmse_m): (f64, f64)) -> bool {
+    fn changes_little(&self, (fraction, rmse_m): (f64, f64)) -> bool {
         fraction.abs() < self.fitness_tolerance && rmse_m.abs() < self.rmse_tolerance_m
     }
 }

@@ -24,6 +24,16 @@ pub(super) struct RootCliques {
     pub(super) cut: bool,
 }
 
+/// What the searches of all roots share.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sought<'a> {
+    pub(super) graph: &'a Graph,
+    /// The place of each node in the degeneracy order.
+    pub(super) ranks: &'a [u32],
+    /// Nodes of a clique, at least.
+    pub(super) least: usize,
+}
+
 /// Finds the maximal cliques of a graph whose first node, in the degeneracy order, is a given root.
 ///
 /// Eppstein, Löffler and Strash, "Listing all maximal cliques in sparse graphs in near-optimal
@@ -50,13 +60,11 @@ pub(super) struct CliqueSearch {
 }
 
 impl CliqueSearch {
-    /// Cliques of `least` nodes or more, ending after `max_cliques`.
+    /// The cliques of one root, ending after `max_cliques`.
     pub(super) fn run(
         &mut self,
-        graph: &Graph,
-        ranks: &[u32],
+        &Sought { graph, ranks, least }: &Sought,
         root: usize,
-        least: usize,
         max_cliques: usize,
     ) -> RootCliques {
         if graph.degree(root) + 1 < least {
@@ -91,6 +99,7 @@ impl CliqueSearch {
         let base = depth * width;
         let candidates = count(&self.sets[base..base + self.local.later_words]);
         if candidates == 0 {
+            // Maximal, unless a node that has been a candidate, or came earlier, is linked to all.
             if self.sets[base + self.local.later_words..base + width].iter().all(|word| *word == 0)
             {
                 self.keep(weight);

@@ -119,7 +119,7 @@ fn points_of_one_plane_duplicates_and_broken_matches_do_not_mislead() {
 #[test]
 fn matches_that_nearly_all_agree_are_thinned_and_searched_in_part_and_still_fitted_to_all() {
     let truth = Pose::new(Vector3::new(5.0, 0.0, 0.0), Vector3::new(0.0, 0.0, 0.3));
-    // Exact: one clique. With noise near the stretch: edges missing at random, more cliques than
+    // Exact: one clique. With noise near the tolerance: edges missing at random, more cliques than
     // could be counted.
     for noise_m in [0.0, 0.25] {
         let rng = &mut ChaCha8Rng::seed_from_u64(1);

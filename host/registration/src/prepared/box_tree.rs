@@ -93,9 +93,11 @@ fn arrange(places: &mut [Place], mut capacity: usize) {
     if places.len() <= WIDE {
         return;
     }
+    // From here on the points of a child of the topmost node.
     while capacity >= places.len() {
         capacity /= WIDE;
     }
+    // Cut at a whole child, so that every node but the last is full.
     let middle = places.len().div_ceil(capacity) / 2 * capacity;
     let axis = widest(places);
     places
