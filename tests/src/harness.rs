@@ -14,9 +14,9 @@ use std::collections::HashMap;
 use std::fmt::Debug;
 
 use echoloop_dsp::kernel::{Portable, Scalar};
-use echoloop_dsp::recording::{Pulse, Recorder, Search};
 use echoloop_dsp::settings::PARAMETERS;
 use echoloop_dsp::{Hardware, Pipeline, ScanPattern, Scratch, Settings};
+use echoloop_host::waveforms::finder::{Pulse, Recorder, Search};
 use echoloop_host::waveforms::{Finder, Options, parse_waveforms};
 use echoloop_link::{
     Command, Decoder, Greeting, MAX_FRAME, Report, SETTINGS_SCHEMA, checksum, decode, encode,

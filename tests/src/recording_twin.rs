@@ -2,11 +2,11 @@
 //!
 //! Sums stay below 2⁵³ on the waveforms of the tests, so every number is exact.
 
-use echoloop_dsp::recording::components::SWEEPS;
-use echoloop_dsp::recording::gaussian::TABLE;
-use echoloop_dsp::recording::scale::WIDTHS;
-use echoloop_dsp::recording::{Pulse, Recorded, SHARPNESS, Search};
 use echoloop_dsp::template::Template;
+use echoloop_host::waveforms::finder::components::SWEEPS;
+use echoloop_host::waveforms::finder::gaussian::TABLE;
+use echoloop_host::waveforms::finder::scale::WIDTHS;
+use echoloop_host::waveforms::finder::{Pulse, Recorded, SHARPNESS, Search};
 
 use crate::quantised::{Peak, nearest};
 use crate::split_twin::{Sharpener, crests};

@@ -4,9 +4,9 @@
 use echoloop_dsp::detect::{self, Peaks};
 use echoloop_dsp::filter::{self, PADDING};
 use echoloop_dsp::kernel::Portable;
-use echoloop_dsp::recording::{Pulse, RINGS, Recorder, Search};
 use echoloop_dsp::split::{Hidden, Sharpener, crests, shoulders};
 use echoloop_dsp::template::Template;
+use echoloop_host::waveforms::finder::{Pulse, RINGS, Recorder, Search};
 use echoloop_tests::quantised::Peak;
 use echoloop_tests::{recording_twin, split_twin, vectors};
 use rand::RngExt;

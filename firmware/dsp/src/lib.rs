@@ -16,7 +16,7 @@
 //! [`Settings`] is what a user may set, with its one table [`PARAMETERS`]; [`Config`] is what the
 //! stages read, derived from it once; [`Pipeline`] runs them, with the loops over every sample
 //! behind [`Kernel`]. Every format and rounding rule is stated at its stage and followed, bit for
-//! bit, by an `f64` twin in the tests. [`recording`] finds echoes in other instruments' waveforms.
+//! bit, by an `f64` twin in the tests.
 #![no_std]
 #![forbid(unsafe_code)]
 // No input reaches a panic, in any build: what cannot be proven by a type is proven by a bound,
@@ -43,7 +43,6 @@ pub mod pipeline;
 pub mod project;
 pub mod pulse;
 pub mod q;
-pub mod recording;
 pub mod refine;
 pub mod refusal;
 pub mod settings;

@@ -3,9 +3,9 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
+use crate::waveforms::finder::Recorder;
 use clap::Args;
 use echoloop_dsp::detect::MAX_CANDIDATES;
-use echoloop_dsp::recording::Recorder;
 
 use super::common::{Common, on_threads};
 use super::exit::{Failure, print};

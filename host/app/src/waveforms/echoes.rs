@@ -1,11 +1,11 @@
 //! From a recorded waveform to its echoes.
 
-use echoloop_dsp::recording::{Pulse, Recorded, Recorder, Search};
 use echoloop_dsp::{Flags, MAX_SAMPLES};
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::codes::Codes;
+use super::finder::{Pulse, Recorded, Recorder, Search};
 use super::read::without_padding;
 
 /// How echoes are looked for.

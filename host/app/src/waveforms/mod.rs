@@ -1,12 +1,13 @@
 //! Waveforms that other instruments recorded, and their echoes.
 //!
 //! ```text
-//! file ─ read ─→ rows of numbers ─ codes ─→ ADC codes ─ recording of the DSP ─→ samples ─ echoes ─→ ns, the input's units
+//! file ─ read ─→ rows of numbers ─ codes ─→ ADC codes ─ finder ─→ samples ─ echoes ─→ ns, the input's units
 //! ```
 
 pub mod codes;
 mod csv;
 pub mod echoes;
+pub mod finder;
 mod npy;
 mod problem;
 pub mod read;

@@ -1,15 +1,14 @@
 //! How wide the pulse is, when nobody says.
-#![expect(
-    clippy::arithmetic_side_effects,
-    reason = "widths are at most 48 samples; heights Q1.15 times a gain below 2¹⁵; noise below 2³² times 2¹⁰; lengths of memory"
-)]
+
+// No overflow: widths are at most 48 samples; heights Q1.15 times a gain below 2¹⁵; noise below 2³²
+// times 2¹⁰; lengths of memory.
 
 use heapless::Vec;
 
-use crate::filter::{self, PADDING};
-use crate::q::shift_round;
-use crate::template::Template;
-use crate::{MAX_SAMPLES, MAX_TAPS};
+use echoloop_dsp::filter::{self, PADDING};
+use echoloop_dsp::q::shift_round;
+use echoloop_dsp::template::Template;
+use echoloop_dsp::{MAX_SAMPLES, MAX_TAPS};
 
 /// Widths of the bank, samples: √2 or so apart.
 pub const WIDTHS: [u32; 10] = [2, 3, 4, 6, 8, 12, 16, 24, 32, 48];

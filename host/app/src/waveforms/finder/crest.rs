@@ -1,11 +1,10 @@
 //! The place, height and width of one crest of a waveform.
-#![expect(
-    clippy::arithmetic_side_effects,
-    reason = "samples are Q1.15, times Q16.16 within 2400 samples, 2²⁸; divisors are at least 1; indices of memory"
-)]
 
-use crate::echo::Flags;
-use crate::q::divide_round;
+// No overflow: samples are Q1.15, times Q16.16 within 2400 samples, 2²⁸; divisors are at least 1;
+// indices of memory.
+
+use echoloop_dsp::echo::Flags;
+use echoloop_dsp::q::divide_round;
 
 /// A waveform, as far as its noise lets one look at it.
 #[derive(Clone, Copy, Debug)]

@@ -1,14 +1,13 @@
 //! Overlapping echoes apart: a sum of Gaussians, fitted together.
-#![expect(
-    clippy::arithmetic_side_effects,
-    reason = "samples, heights and Gaussians are Q1.15, at most 32 of them; distances below 2¹⁷ in Q8 where a Gaussian is not 0; sums of 2400: below 2⁵⁶; divisors are checked"
-)]
+
+// No overflow: samples, heights and Gaussians are Q1.15, at most 32 of them; distances below 2¹⁷ in
+// Q8 where a Gaussian is not 0; sums of 2400: below 2⁵⁶; divisors are checked.
 
 use heapless::Vec;
 
 use super::gaussian::{Gaussian, MAX_SIGMA, MIN_SIGMA};
-use crate::detect::{MAX_CANDIDATES, Peak};
-use crate::q::{divide_round, shift_round};
+use echoloop_dsp::detect::{MAX_CANDIDATES, Peak};
+use echoloop_dsp::q::{divide_round, shift_round};
 
 /// Rounds of the fit at most.
 pub const SWEEPS: usize = 60;
@@ -182,7 +181,7 @@ mod tests {
     fn waveform(echoes: &[(f64, f64, f64)]) -> [i16; 120] {
         core::array::from_fn(|n| {
             let value = |&(u, a, s): &(f64, f64, f64)| {
-                a * libm::exp(-(n as f64 - u) * (n as f64 - u) / (2.0 * s * s))
+                a * (-(n as f64 - u) * (n as f64 - u) / (2.0 * s * s)).exp()
             };
             echoes.iter().map(value).sum::<f64>() as i16
         })

@@ -1,12 +1,11 @@
 //! Where a short record rests, and its noise.
-#![expect(
-    clippy::arithmetic_side_effects,
-    reason = "codes are below 2¹⁵, shifts at most 7, noise below 2³² times a constant below 2¹⁵; counts of memory, at least 1 where divided by"
-)]
 
-use crate::kernel::Portable;
-use crate::q::shift_round;
-use crate::statistics::Statistics;
+// No overflow: codes are below 2¹⁵, shifts at most 7, noise below 2³² times a constant below 2¹⁵;
+// counts of memory, at least 1 where divided by.
+
+use echoloop_dsp::kernel::Portable;
+use echoloop_dsp::q::shift_round;
+use echoloop_dsp::statistics::Statistics;
 
 /// Ambient and noise of a record that may be echo for the most part.
 ///

@@ -1,23 +1,21 @@
 //! Echoes of records that other instruments made: short, of unknown pulse, hardly any rest.
 //!
 //! The sensor knows its pulse and sees a window of mostly darkness; a record may be 20 samples of
-//! echo. The stages are the sensor's where they can be ([`Statistics`](crate::statistics),
-//! [`filter`], [`Peaks`]) and others where they cannot:
+//! echo. So this is another detector than [`echoloop_dsp::Pipeline`], of the same stages where they
+//! fit ([`Statistics`](echoloop_dsp::statistics), [`filter`], [`split`](echoloop_dsp::split)) and of
+//! its own where they do not:
 //!
 //! | stage | module | in | out |
 //! |---|---|---|---|
 //! | ambient, noise | [`rest`] | codes | a Q1.15, σ Q13.19 |
 //! | baseline | [`baseline`] | codes | `x`, Q1.15 |
 //! | width of the pulse | [`scale`] | `x` | pulse and view, samples |
-//! | sharpening, crests | [`split`](crate::split) | `x` | peaks |
+//! | sharpening, crests | [`split`](echoloop_dsp::split) | `x` | peaks |
 //! | overlapping echoes apart | [`components`] | `x`, the strong peaks | centres, σ |
 //! | place, height, width | [`crest`] | `x` or the view | [`Recorded`] |
-//!
-//! For the host: nothing here is in the sensor's image.
-#![expect(
-    clippy::arithmetic_side_effects,
-    reason = "heights are Q1.15, noise below 2³² times k below 2¹⁶, times Q16.16 within 2400 samples, 2²⁸"
-)]
+
+// No overflow: heights are Q1.15, noise below 2³² times k below 2¹⁶, times Q16.16 within 2400
+// samples, 2²⁸.
 
 pub mod components;
 pub mod crest;
@@ -29,14 +27,14 @@ use core::cmp::Reverse;
 
 use heapless::Vec;
 
-use crate::detect::{MAX_CANDIDATES, Peak, Peaks};
-use crate::echo::Flags;
-use crate::q::{divide_round, shift_round};
-use crate::split::{Sharpener, crests};
-use crate::template::Template;
-use crate::{MAX_SAMPLES, baseline, filter};
 use components::{Component, Components, Fit};
 use crest::{Crest, View};
+use echoloop_dsp::detect::{MAX_CANDIDATES, Peak, Peaks};
+use echoloop_dsp::echo::Flags;
+use echoloop_dsp::q::{divide_round, shift_round};
+use echoloop_dsp::split::{Sharpener, crests};
+use echoloop_dsp::template::Template;
+use echoloop_dsp::{MAX_SAMPLES, baseline, filter};
 use rest::Rest;
 use scale::{Bank, MARGIN, Padded, Scale};
 
