@@ -2,7 +2,7 @@
 
 use std::hint::black_box;
 
-use echoloop_dsp::config::sample_period_fs;
+use echoloop_dsp::hardware::sample_period_fs;
 use echoloop_dsp::{Echoes, Hardware, Pipeline, Scratch, Settings};
 use echoloop_frontend::Return;
 use echoloop_frontend::{Analog, Trigger};

@@ -7,7 +7,7 @@
 
 use std::f64::consts::PI;
 
-use echoloop_dsp::config::sample_period_fs;
+use echoloop_dsp::hardware::sample_period_fs;
 use echoloop_dsp::{Hardware, MAX_SAMPLES, Settings};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

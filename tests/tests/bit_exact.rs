@@ -1,13 +1,15 @@
 //! The integer code equals the twin that rounds where its tables say: every stage by itself, then
 //! the pipeline.
 
+use echoloop_dsp::Kernel;
 use echoloop_dsp::accumulate::Accumulator;
-use echoloop_dsp::config::sample_period_fs;
-use echoloop_dsp::detect::{self, Peaks, Threshold};
+use echoloop_dsp::detect::{self, Threshold};
 use echoloop_dsp::echo::Echo;
 use echoloop_dsp::filter::{self, PADDING};
+use echoloop_dsp::hardware::sample_period_fs;
 use echoloop_dsp::kernel::{Portable, Scalar};
 use echoloop_dsp::noise::Noise;
+use echoloop_dsp::peak::{self, Peaks};
 use echoloop_dsp::pulse::{self, Pulse};
 use echoloop_dsp::refine::{self, Refined, Waveform};
 use echoloop_dsp::statistics::Statistics;
@@ -34,7 +36,7 @@ fn reals(y: &[i16]) -> Vec<f64> {
     y.iter().map(|&v| f64::from(v)).collect()
 }
 
-fn twin_peaks(peaks: &[detect::Peak]) -> Vec<quantised::Peak> {
+fn twin_peaks(peaks: &[peak::Peak]) -> Vec<quantised::Peak> {
     peaks.iter().map(|&p| p.into()).collect()
 }
 
@@ -149,9 +151,9 @@ fn statistics_equal_their_twin_whatever_the_guess() {
             Statistics { median: rng.random(), deviation: rng.random(), ..Statistics::default() };
         let expected = twin.statistics(codes);
         for guess in [Statistics::default(), last, random] {
-            last = Statistics::of(Portable, codes, shift, &guess);
+            last = Portable.statistics(codes, shift, &guess);
             assert_eq!(quantised::Statistics::from(last), expected, "seed {seed} from {guess:?}");
-            let in_one_pass = Statistics::of(Scalar, codes, shift, &guess);
+            let in_one_pass = Scalar.statistics(codes, shift, &guess);
             assert_eq!(in_one_pass, last, "seed {seed} from {guess:?}");
         }
     }
@@ -163,8 +165,7 @@ fn the_ambient_of_every_estimator_equals_its_twin() {
     for seed in 0..SEEDS {
         let (case, config, twin) = set_up(seed);
         let (before, codes) = case.split();
-        let statistics =
-            Statistics::of(Portable, codes, config.code_shift(), &Statistics::default());
+        let statistics = Portable.statistics(codes, config.code_shift(), &Statistics::default());
         let mut rng = vectors::rng(seed);
         let fewer = &before[..rng.random_range(0..=before.len())];
         for before in [before, fewer, &[]] {
@@ -187,7 +188,8 @@ fn the_baseline_equals_its_twin() {
         let ambient = match seed % 3 {
             0 => vectors::rng(seed).random_range(-40_000..=40_000), // saturates
             _ => {
-                Statistics::of(Portable, &case.codes, config.code_shift(), &Statistics::default())
+                Portable
+                    .statistics(&case.codes, config.code_shift(), &Statistics::default())
                     .ambient
             }
         };
@@ -248,7 +250,7 @@ fn thresholds_equal_their_twin() {
         let (case, config, twin) = set_up(seed);
         let mut rng = vectors::rng(seed);
         let measured =
-            Statistics::of(Portable, &case.codes, config.code_shift(), &Statistics::default());
+            Portable.statistics(&case.codes, config.code_shift(), &Statistics::default());
         let any = Statistics { sigma: rng.random::<u32>() >> rng.random_range(4..32), ..measured };
         for statistics in [measured, any, Statistics::default()] {
             let ours = Threshold::of(&config, &statistics);
@@ -266,7 +268,7 @@ fn peaks_equal_their_twin() {
     let mut found = Peaks::new();
     for seed in 0..SEEDS {
         let (y, threshold) = vectors::output(seed);
-        detect::peaks(Portable, &y, threshold, &mut found);
+        Portable.peaks(&y, threshold, &mut found);
         assert_eq!(
             twin_peaks(&found),
             quantised::peaks(&reals(&y), threshold.into()),
@@ -282,7 +284,7 @@ fn separation_and_choice_equal_their_twins() {
         let (y, threshold) = vectors::output(seed);
         let mut rng = vectors::rng(seed);
         let min_separation = rng.random_range(1..60);
-        detect::peaks(Portable, &y, threshold, &mut found);
+        Portable.peaks(&y, threshold, &mut found);
         let before = twin_peaks(&found);
         detect::separate(&mut found, min_separation);
         let expected = quantised::separate(&before, min_separation.into());
@@ -439,7 +441,7 @@ fn refined_peaks_equal_their_twins() {
             sigma: rng.random::<u32>() >> rng.random_range(12..32),
             shot: config.shot_noise(),
         };
-        detect::peaks(Portable, &y, level, &mut found);
+        Portable.peaks(&y, level, &mut found);
         // now and then a threshold above the peak, which detection never gives
         let level =
             if rng.random_range(0..16) == 0 { rng.random_range(level..=i16::MAX) } else { level };

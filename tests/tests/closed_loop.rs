@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, LazyLock};
 
-use echoloop_dsp::config::sample_period_fs;
+use echoloop_dsp::hardware::sample_period_fs;
 use echoloop_dsp::{Echo, Echoes, Flags, Hardware, ParameterId, ScanPattern, Settings};
 use echoloop_frontend::Receiver;
 use echoloop_frontend::{Analog, FrontEnd, Trigger};

@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::rc::Rc;
 
-use echoloop_dsp::config::sample_period_fs;
+use echoloop_dsp::hardware::sample_period_fs;
 use echoloop_dsp::settings::AMBIENT_PRE_TRIGGER;
 use echoloop_dsp::{Hardware, ScanPattern, Settings};
 use echoloop_link::{

@@ -99,7 +99,7 @@ impl Bench {
     fn new(receiver: &Receiver, returns: &[Return]) -> Self {
         let settings = Settings { bins: 794, upsampling: 8, ..Settings::default() };
         let hardware = hardware_for(receiver);
-        let period_fs = echoloop_dsp::config::sample_period_fs(794, &hardware);
+        let period_fs = echoloop_dsp::hardware::sample_period_fs(794, &hardware);
         let analog = Analog {
             sample_period_ns: f64::from(period_fs) / 1e6,
             delay_ns: f64::from(delay_fs(&settings, &hardware)) / 1e6,

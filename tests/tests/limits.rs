@@ -5,7 +5,7 @@
 
 use std::f64::consts::PI;
 
-use echoloop_dsp::config::sample_period_fs;
+use echoloop_dsp::hardware::sample_period_fs;
 use echoloop_dsp::settings::{
     AMBIENT_NONE, AMBIENT_PRE_TRIGGER, DENOISE_GAUSSIAN, DENOISE_MATCHED, DENOISE_NONE, TIMING_CFD,
     TIMING_PARABOLA, TIMING_RISING_EDGE, TIMING_WALK_CORRECTED,

@@ -1,9 +1,10 @@
 //! Peaks under peaks, and the echoes of records: equal to their twins bit for bit, and what they
 //! tell apart.
 
-use echoloop_dsp::detect::{self, Peaks};
+use echoloop_dsp::Kernel;
 use echoloop_dsp::filter::{self, PADDING};
 use echoloop_dsp::kernel::Portable;
+use echoloop_dsp::peak::{self, Peaks};
 use echoloop_dsp::split::{Hidden, Sharpener, crests, shoulders};
 use echoloop_dsp::template::Template;
 use echoloop_host::waveforms::finder::{Pulse, RINGS, Recorder, Search};
@@ -16,7 +17,7 @@ fn reals(y: &[i16]) -> Vec<f64> {
     y.iter().map(|&v| f64::from(v)).collect()
 }
 
-fn twins(peaks: &[detect::Peak]) -> Vec<Peak> {
+fn twins(peaks: &[peak::Peak]) -> Vec<Peak> {
     peaks.iter().map(|&p| p.into()).collect()
 }
 
@@ -223,7 +224,7 @@ fn sensor(rng: &mut ChaCha8Rng, clean: &[(f64, f64)]) -> (usize, usize) {
     let sigma = (SIGMA * 16.0) as u32;
     let level = (4.7 * SIGMA * f64::from(template.noise_gain()) / 32_768.0) as i16;
     let mut coarse = Peaks::new();
-    detect::peaks(Portable, &y, level, &mut coarse);
+    Portable.peaks(&y, level, &mut coarse);
     (
         coarse.len(),
         shoulders(&sharpener, &x, &y, sigma, level, &coarse, |_| true, &mut Hidden::new()).len(),

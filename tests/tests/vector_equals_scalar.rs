@@ -4,8 +4,10 @@
 //! mostly short, bent in ways that no echo bends: reversed, trembling, with other levels, cut in
 //! two, wild. What is compared is all there is: echoes, statistics, `y`.
 
-use echoloop_dsp::detect::{self, Peaks};
+use echoloop_dsp::Kernel;
+use echoloop_dsp::detect;
 use echoloop_dsp::kernel::Portable;
+use echoloop_dsp::peak::Peaks;
 use echoloop_dsp::{MAX_SAMPLES, Pipeline, Scratch};
 use echoloop_tests::vectors;
 use rand::{Rng, RngExt};
@@ -84,7 +86,7 @@ fn peaks_from_hill_to_hill_are_those_sample_by_sample() {
     let (mut by_sample, mut by_hill) = (Peaks::new(), Peaks::new());
     for seed in 0..20_000 {
         let (y, threshold) = vectors::output(seed);
-        detect::peaks(Portable, &y, threshold, &mut by_sample);
+        Portable.peaks(&y, threshold, &mut by_sample);
         let first_reaching = |values: &[i16]| values.iter().position(|&value| value >= threshold);
         detect::peaks_of_hills(first_reaching, &y, threshold, &mut by_hill);
         assert_eq!(by_sample, by_hill, "seed {seed}");

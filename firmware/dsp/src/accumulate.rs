@@ -1,6 +1,6 @@
 //! Several shots of a beam become one waveform.
 
-use crate::MAX_CODES;
+use crate::limits::MAX_CODES;
 
 /// Sums of codes, 9.9 kB.
 ///

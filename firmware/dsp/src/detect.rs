@@ -3,26 +3,11 @@
 use heapless::Vec;
 
 use crate::config::Config;
-use crate::kernel::Kernel;
+use crate::limits::{MAX_ECHOES, MAX_SAMPLES};
+use crate::peak::{Peak, Peaks};
 use crate::q::shift_round;
 use crate::settings::{CHOICE_FIRST, CHOICE_LAST};
 use crate::statistics::Statistics;
-use crate::{MAX_ECHOES, MAX_SAMPLES};
-
-/// Candidates held at a time; when more turn up, the weakest goes.
-pub const MAX_CANDIDATES: usize = 32;
-
-/// A local maximum of the filter's output.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Peak {
-    /// The sample, the first of a plateau.
-    pub index: u16,
-    /// The output there, Q1.15.
-    pub height: i16,
-}
-
-/// Peaks by rising index.
-pub type Peaks = Vec<Peak, MAX_CANDIDATES>;
 
 /// Detection threshold and what it rests on.
 ///
@@ -88,18 +73,21 @@ enum State {
 /// ```
 ///
 /// T/2 is rounded down. The sample that ends a climb is the first valley, or idle at once. A climb
-/// that the waveform cuts off counts. Of more than [`MAX_CANDIDATES`] peaks the strongest stay, of
+/// that the waveform cuts off counts. Of more than [`MAX_CANDIDATES`](crate::peak::MAX_CANDIDATES) peaks the strongest stay, of
 /// equals the first.
+///
+/// `reaches` says whether any of some values is at or above the threshold, as [`reaches`] does: where
+/// none is, their steps are left out.
 #[inline(always)]
 #[expect(
     clippy::arithmetic_side_effects,
     reason = "the index of a value of y, which lies in memory"
 )]
-pub fn peaks(kernel: impl Kernel, y: &[i16], threshold: i16, found: &mut Peaks) {
+pub fn peaks(reaches: impl Fn(&[i16]) -> bool, y: &[i16], threshold: i16, found: &mut Peaks) {
     found.clear();
     let mut state = State::Idle;
     for (block, values) in y.chunks(BLOCK).enumerate() {
-        if matches!(state, State::Idle) && !kernel.reaches(values, threshold) {
+        if matches!(state, State::Idle) && !reaches(values) {
             continue;
         }
         for (i, &value) in values.iter().enumerate() {
@@ -148,7 +136,7 @@ fn hill(y: &[i16], first: usize, threshold: i16, found: &mut Peaks) -> usize {
 }
 
 /// Whether any value reaches the threshold. Looks at all of them, which vectorises; stopping early
-/// would not. The portable twin of [`Kernel::reaches`].
+/// would not. The portable twin of [`Kernel::reaches`](crate::Kernel::reaches).
 #[inline(always)]
 pub fn reaches(values: &[i16], threshold: i16) -> bool {
     values.iter().fold(false, |any, &v| any | (v >= threshold))
@@ -250,11 +238,11 @@ pub fn choose(mut found: Peaks, count: usize, choice: i32) -> Vec<Peak, MAX_ECHO
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernel::Portable;
+    use crate::peak::MAX_CANDIDATES;
 
     fn find(y: &[i16], threshold: i16) -> Peaks {
         let mut found = Peaks::new();
-        peaks(Portable, y, threshold, &mut found);
+        peaks(|values| reaches(values, threshold), y, threshold, &mut found);
         found
     }
 

@@ -1,16 +1,15 @@
 //! What the sensor reports of a waveform.
 
-use core::ops::{BitOr, BitOrAssign};
-
 use fixed::types::{U1F15, U6F10, U8F8, U12F4, U24F8};
 use heapless::Vec;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use crate::MAX_ECHOES;
 use crate::config::Config;
 use crate::detect::Threshold;
 use crate::edges;
+use crate::flags::Flags;
+use crate::limits::MAX_ECHOES;
 use crate::q::{divide_round, saturate_u16, shift_round};
 use crate::refine::Refined;
 
@@ -133,58 +132,6 @@ fn reflectivity(config: &Config, amplitude: i64, range: u32) -> u16 {
 #[expect(clippy::arithmetic_side_effects, reason = "the divisor is at least 1")]
 fn snr(height: i32, sigma: u32) -> u16 {
     saturate_u16((i64::from(height) << 12) / i64::from(sigma.max(1)))
-}
-
-/// A set of remarks on an echo. Bits are only ever appended: they are on the wire.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Flags(pub u8);
-
-impl Flags {
-    /// Nothing to remark.
-    pub const NONE: Self = Self(0);
-    /// A code of the echo reached the saturation level: the amplitude is a lower bound.
-    pub const SATURATED: Self = Self(1);
-    /// The valley to a neighbour lies above half the height, or the neighbour leaves none: time and
-    /// width are biased.
-    pub const MERGED: Self = Self(2);
-    /// Less than a quarter above the threshold.
-    pub const LOW_CONFIDENCE: Self = Self(4);
-    /// The time comes from the two edges instead of the top.
-    pub const WALK_CORRECTED: Self = Self(8);
-    /// The echo runs over the end of the window.
-    pub const TRUNCATED: Self = Self(16);
-
-    /// Names of the bits, lowest first.
-    pub const NAMES: [&str; 5] =
-        ["saturated", "merged", "low-confidence", "walk-corrected", "truncated"];
-
-    /// Whether every flag of `other` is set.
-    pub fn contains(self, other: Self) -> bool {
-        self.0 & other.0 == other.0
-    }
-
-    /// Names of the flags that are set.
-    pub fn names(self) -> impl Iterator<Item = &'static str> {
-        Self::NAMES
-            .into_iter()
-            .enumerate()
-            .filter(move |(bit, _)| self.0 >> bit & 1 == 1)
-            .map(|(_, name)| name)
-    }
-}
-
-impl BitOr for Flags {
-    type Output = Self;
-    fn bitor(self, other: Self) -> Self {
-        Self(self.0 | other.0)
-    }
-}
-
-impl BitOrAssign for Flags {
-    fn bitor_assign(&mut self, other: Self) {
-        self.0 |= other.0;
-    }
 }
 
 /// The echoes of one waveform.

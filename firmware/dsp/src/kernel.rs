@@ -1,6 +1,6 @@
 //! The loops over every sample, which processors do in their own ways.
 
-use crate::detect::Peaks;
+use crate::peak::Peaks;
 use crate::statistics::{Ranks, Statistics};
 use crate::{baseline, detect, filter, statistics};
 
@@ -15,6 +15,12 @@ pub trait Kernel: Copy {
     #[inline(always)]
     fn ranks(self, codes: &[u16], top: u16, guess: &Statistics) -> Ranks {
         statistics::by_counting(codes, top, guess)
+    }
+
+    /// [`Statistics::measure`].
+    #[inline(always)]
+    fn statistics(self, codes: &[u16], shift: u32, guess: &Statistics) -> Statistics {
+        Statistics::measure(codes, shift, |codes, top| self.ranks(codes, top, guess))
     }
 
     /// [`baseline::remove`].
@@ -45,7 +51,7 @@ pub trait Kernel: Copy {
     /// [`detect::peaks`], for processors that know more than [`Self::reaches`].
     #[inline(always)]
     fn peaks(self, y: &[i16], threshold: i16, found: &mut Peaks) {
-        detect::peaks(self, y, threshold, found);
+        detect::peaks(|values| self.reaches(values, threshold), y, threshold, found);
     }
 }
 

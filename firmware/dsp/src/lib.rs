@@ -32,17 +32,24 @@
 
 pub mod accumulate;
 pub mod baseline;
+mod check;
 pub mod config;
 pub mod detect;
 pub mod echo;
 pub mod edges;
 pub mod filter;
+pub mod flags;
+pub mod hardware;
 pub mod kernel;
+pub mod lagrange;
+pub mod limits;
 pub mod noise;
+pub mod peak;
 pub mod pipeline;
 pub mod project;
 pub mod pulse;
 pub mod q;
+pub mod reason;
 pub mod refine;
 pub mod refusal;
 pub mod settings;
@@ -51,25 +58,14 @@ pub mod statistics;
 pub mod template;
 pub mod timing;
 
-pub use config::{Config, Hardware};
-pub use echo::{Echo, Echoes, Flags};
+pub use config::Config;
+pub use echo::{Echo, Echoes};
+pub use flags::Flags;
+pub use hardware::Hardware;
 pub use kernel::Kernel;
+pub use limits::{MAX_CODES, MAX_ECHOES, MAX_SAMPLES, MAX_TAPS, PRE_TRIGGER};
 pub use pipeline::{Pipeline, Scratch};
 pub use project::ScanPattern;
-pub use refusal::{Reason, Refusal};
+pub use reason::Reason;
+pub use refusal::Refusal;
 pub use settings::{Kind, PARAMETERS, Parameter, ParameterId, Settings};
-
-/// Samples a waveform may hold: the widest waveform resolution of [`PARAMETERS`].
-pub const MAX_SAMPLES: usize = 2400;
-
-/// Samples that are taken before the trigger, when the ambient light is measured there.
-pub const PRE_TRIGGER: usize = 128;
-
-/// Samples of a shot: those before the trigger and the waveform.
-pub const MAX_CODES: usize = PRE_TRIGGER + MAX_SAMPLES;
-
-/// Taps a template may hold: 20 ns at 3.02 GS/s need 121.
-pub const MAX_TAPS: usize = 127;
-
-/// Echoes a waveform may yield.
-pub const MAX_ECHOES: usize = 4;

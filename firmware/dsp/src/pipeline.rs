@@ -1,17 +1,19 @@
 //! The stages in a row.
 
-use crate::config::{Config, Hardware};
-use crate::detect::{self, Peak, Peaks, Threshold};
+use crate::config::Config;
+use crate::detect::{self, Threshold};
 use crate::echo::{Echo, Echoes};
 use crate::filter::{self, PADDING};
+use crate::hardware::Hardware;
 use crate::kernel::Kernel;
+use crate::limits::{MAX_SAMPLES, MAX_TAPS};
 use crate::noise::Noise;
+use crate::peak::{Peak, Peaks};
 use crate::refine::{self, Refined, Waveform};
 use crate::refusal::Refusal;
 use crate::settings::Settings;
 use crate::split::{self, Hidden, Sharpener};
 use crate::statistics::Statistics;
-use crate::{MAX_SAMPLES, MAX_TAPS};
 
 /// Working memory of one waveform: about 10 kB, reused for every waveform.
 ///
@@ -90,7 +92,8 @@ impl Pipeline {
         let config = &self.config;
         let (before, codes) = codes.split_at_checked(config.pre_trigger).unwrap_or((codes, &[]));
         let codes = codes.get(..MAX_SAMPLES).unwrap_or(codes);
-        let statistics = Statistics::of(kernel, codes, config.code_shift, &scratch.statistics)
+        let statistics = kernel
+            .statistics(codes, config.code_shift, &scratch.statistics)
             .with_ambient(config.ambient, before, config.code_shift);
         scratch.statistics = statistics;
         self.filter(kernel, codes, &statistics, scratch);

@@ -5,6 +5,7 @@ use core::fmt;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
+use crate::reason::Reason;
 use crate::settings::{Kind, Parameter, ParameterId};
 
 /// One refused field. The sensor keeps the settings it had.
@@ -17,41 +18,6 @@ pub struct Refusal {
     pub value: i32,
     /// What is wrong with it.
     pub reason: Reason,
-}
-
-/// What is wrong with a value. Bounds are in the field's wire unit unless said otherwise.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Reason {
-    /// Below the least value.
-    BelowMinimum {
-        /// The least value.
-        minimum: i32,
-    },
-    /// Above the greatest value.
-    AboveMaximum {
-        /// The greatest value.
-        maximum: i32,
-    },
-    /// None of the values this field takes.
-    NotAChoice,
-    /// Pulse energy, power × width, in picojoules.
-    EnergyAboveLimit {
-        /// Energy asked for.
-        energy_pj: u32,
-        /// The emitter's limit.
-        limit_pj: u32,
-    },
-    /// The saturation level must lie above the noise floor. Both in ppm of full scale.
-    SaturationNotAboveFloor {
-        /// The noise floor.
-        floor_ppm: i32,
-    },
-    /// Fewer than 2.5 samples per pulse width.
-    Undersampled {
-        /// The sample period the resolution gives.
-        sample_period_fs: u32,
-    },
 }
 
 impl fmt::Display for Refusal {

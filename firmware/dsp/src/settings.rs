@@ -10,9 +10,8 @@ use core::fmt;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use crate::PRE_TRIGGER;
-use crate::config::{Hardware, sample_period_fs};
-use crate::refusal::{Reason, Refusal};
+use crate::limits::PRE_TRIGGER;
+use crate::reason::Reason;
 
 /// One whole set of sensor settings, in wire units. It is taken or refused whole.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
@@ -171,16 +170,15 @@ impl Parameter {
     ///
     /// # Errors
     ///
-    /// [`Refusal`] with the bound.
-    pub fn check(&self, value: i32) -> Result<(), Refusal> {
-        let refuse = |reason| Err(Refusal { field: self.id, value, reason });
+    /// What is wrong, with the bound.
+    pub fn check(&self, value: i32) -> Result<(), Reason> {
         match self.kind {
             Kind::Choice { names } if value < 0 || value as usize >= names.len() => {
-                refuse(Reason::NotAChoice)
+                Err(Reason::NotAChoice)
             }
-            _ if value < self.min => refuse(Reason::BelowMinimum { minimum: self.min }),
-            _ if value > self.max => refuse(Reason::AboveMaximum { maximum: self.max }),
-            Kind::PowerOfTwo if !is_power_of_two(value) => refuse(Reason::NotAChoice),
+            _ if value < self.min => Err(Reason::BelowMinimum { minimum: self.min }),
+            _ if value > self.max => Err(Reason::AboveMaximum { maximum: self.max }),
+            Kind::PowerOfTwo if !is_power_of_two(value) => Err(Reason::NotAChoice),
             _ => Ok(()),
         }
     }
@@ -384,58 +382,11 @@ impl Settings {
     pub fn pre_trigger_samples(&self) -> u32 {
         if self.ambient == AMBIENT_PRE_TRIGGER { PRE_TRIGGER as u32 } else { 0 }
     }
-
-    /// Checks S > N, every field against the table, then pulse energy and sampling.
-    ///
-    /// # Errors
-    ///
-    /// The first [`Refusal`], in that order.
-    pub fn check(&self, hardware: &Hardware) -> Result<(), Refusal> {
-        self.check_saturation()?; // first: it says more than either field's range
-        for parameter in &PARAMETERS {
-            if let Some(value) = self.get(parameter.id) {
-                parameter.check(value)?;
-            }
-        }
-        self.check_energy(hardware)?;
-        self.check_sampling(hardware)
-    }
-
-    fn check_energy(&self, hardware: &Hardware) -> Result<(), Refusal> {
-        // 0.01 W × 1 ps = 0.01 pJ; in range the product is below 2 × 10⁸.
-        let energy_pj =
-            (self.power_cw as u32).saturating_mul(self.pulse_width_ps as u32).div_ceil(100);
-        if energy_pj <= hardware.energy_limit_pj {
-            return Ok(());
-        }
-        let reason = Reason::EnergyAboveLimit { energy_pj, limit_pj: hardware.energy_limit_pj };
-        Err(Refusal { field: ParameterId::Power, value: self.power_cw, reason })
-    }
-
-    fn check_saturation(&self) -> Result<(), Refusal> {
-        if self.saturation_ppm > self.noise_floor_ppm {
-            return Ok(());
-        }
-        let reason = Reason::SaturationNotAboveFloor { floor_ppm: self.noise_floor_ppm };
-        Err(Refusal { field: ParameterId::Saturation, value: self.saturation_ppm, reason })
-    }
-
-    fn check_sampling(&self, hardware: &Hardware) -> Result<(), Refusal> {
-        let period_fs = sample_period_fs(self.bins as u32, hardware);
-        // W ≥ 2.5 samples, 1000 fs a ps; in range the product is at most 8 × 10⁶.
-        if (self.pulse_width_ps as u32).saturating_mul(400) >= period_fs {
-            return Ok(());
-        }
-        let reason = Reason::Undersampled { sample_period_fs: period_fs };
-        Err(Refusal { field: ParameterId::PulseWidth, value: self.pulse_width_ps, reason })
-    }
 }
 
 #[cfg(test)]
 mod tests {
-    extern crate std;
     use super::*;
-    use std::string::ToString;
 
     #[test]
     fn rows_stand_in_the_order_of_their_ids() {
@@ -457,11 +408,6 @@ mod tests {
     }
 
     #[test]
-    fn the_defaults_are_accepted() {
-        Settings::default().check(&Hardware::REFERENCE).unwrap();
-    }
-
-    #[test]
     fn both_ends_of_every_range_are_accepted_by_its_row_and_the_next_value_is_not() {
         for parameter in &PARAMETERS {
             for end in [parameter.min, parameter.max] {
@@ -469,38 +415,6 @@ mod tests {
             }
             assert!(parameter.check(parameter.min - 1).is_err(), "{}", parameter.name);
             assert!(parameter.check(parameter.max + 1).is_err(), "{}", parameter.name);
-        }
-    }
-
-    #[test]
-    fn a_refusal_names_the_field_the_value_and_the_bound() {
-        type Change = fn(&mut Settings);
-        let refusal = |change: Change| {
-            let mut settings = Settings::default();
-            change(&mut settings);
-            settings.check(&Hardware::REFERENCE).unwrap_err().to_string()
-        };
-        let cases: [(Change, &str); 8] = [
-            (|s| s.pulse_width_ps = 25_000, "pulse_width 25 ns is above its maximum 20 ns"),
-            (|s| s.gain_cdb = -1_001, "gain -10.01 dB is below its minimum -10 dB"),
-            (
-                |s| s.power_cw = 10_000,
-                "power 100 W times pulse_width is 500.0 nJ, above the pulse energy limit of 400.0 nJ",
-            ),
-            (
-                |s| (s.saturation_ppm, s.noise_floor_ppm) = (150_000, 200_000),
-                "saturation 0.15 of full scale is not above noise_floor 0.2 of full scale",
-            ),
-            (
-                |s| s.bins = 200,
-                "pulse_width 5 ns spans fewer than 2.5 samples of 3.969 ns (raise it or waveform_resolution)",
-            ),
-            (|s| s.upsampling = 3, "upsampling 3 is none of 1, 2, 4, 8"),
-            (|s| s.shots = 3, "shots 3 is none of 1, 2, 4, 8, 16"),
-            (|s| s.denoise = 9, "denoise 9 is none of 'none', 'gaussian', 'matched'"),
-        ];
-        for (change, message) in cases {
-            assert_eq!(refusal(change), message);
         }
     }
 

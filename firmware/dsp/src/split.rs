@@ -6,9 +6,9 @@
 
 use heapless::Vec;
 
-use crate::MAX_TAPS;
-use crate::detect::{MAX_CANDIDATES, Peak, Peaks};
 use crate::filter;
+use crate::limits::MAX_TAPS;
+use crate::peak::{MAX_CANDIDATES, Peak, Peaks};
 use crate::q::{shift_round, sqrt_floor};
 use crate::template::Template;
 

@@ -4,8 +4,7 @@
     reason = "counts are at most 2400, codes and distances below 2¹⁷, shifts at most 11: all stays below 2²⁹; divisors are at least 1"
 )]
 
-use crate::MAX_SAMPLES;
-use crate::kernel::Kernel;
+use crate::limits::MAX_SAMPLES;
 use crate::q::shift_round;
 use crate::settings::{AMBIENT_NONE, AMBIENT_PRE_TRIGGER};
 
@@ -49,16 +48,17 @@ const MAD_TO_SIGMA: u64 = 24_291;
 const MAD_EXTRA_BITS: u32 = 4;
 
 impl Statistics {
-    /// Measures a waveform of codes, of which an ADC gives `15 − shift` bits. `guess` only saves
-    /// time: where the last waveform's statistics lay, these lie nearby.
+    /// Measures a waveform of codes, of which an ADC gives `15 − shift` bits. `ranks` finds median
+    /// and deviation of at least one code, the ADC's largest being its second argument:
+    /// [`by_counting`] or anything that gives the same.
     #[inline(always)]
-    pub fn of(kernel: impl Kernel, codes: &[u16], shift: u32, guess: &Self) -> Self {
+    pub fn measure(codes: &[u16], shift: u32, ranks: impl FnOnce(&[u16], u16) -> Ranks) -> Self {
         let codes = codes.get(..MAX_SAMPLES).unwrap_or(codes);
         if codes.is_empty() {
             return Self::default();
         }
         let top = 0x7fff >> shift;
-        Self::from_ranks(&kernel.ranks(codes, top, guess), codes.len() as u32, shift)
+        Self::from_ranks(&ranks(codes, top), codes.len() as u32, shift)
     }
 
     /// With the ambient of another estimator.
@@ -128,7 +128,8 @@ pub struct Rank {
 /// Both by counting how many codes lie in an interval, over and over: the counts vectorise.
 ///
 /// `codes` hold 1 to [`MAX_SAMPLES`] samples; `top` is the largest code of the ADC, where the
-/// search first looks no further.
+/// search first looks no further. `guess` only saves time: where the last waveform's statistics lay,
+/// these lie nearby.
 #[inline(always)]
 pub fn by_counting(codes: &[u16], top: u16, guess: &Statistics) -> Ranks {
     let half = codes.len().div_ceil(2) as u32;
@@ -277,12 +278,16 @@ fn order_statistic(cumulative: impl Fn(i32) -> u32, rank: u32, guess: u16, top: 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernel::Portable;
+
+    fn measure(codes: &[u16], shift: u32) -> Statistics {
+        let guess = Statistics::default();
+        Statistics::measure(codes, shift, |codes, top| by_counting(codes, top, &guess))
+    }
 
     #[test]
     fn codes_beyond_the_adc_s_range_are_ranked_like_any_other() {
         for code in [0x8000, 40_000, u16::MAX] {
-            let statistics = Statistics::of(Portable, &[code; 9], 3, &Statistics::default());
+            let statistics = measure(&[code; 9], 3);
             assert_eq!((statistics.median, statistics.deviation), (code, 0));
         }
     }
@@ -290,7 +295,7 @@ mod tests {
     #[test]
     fn a_constant_waveform_has_the_noise_of_quantisation_at_every_resolution() {
         for shift in 1..=7 {
-            let statistics = Statistics::of(Portable, &[100; 800], shift, &Statistics::default());
+            let statistics = measure(&[100; 800], shift);
             let sigma_codes = f64::from(statistics.sigma) / f64::from(1 << (shift + 4));
             assert!((sigma_codes - 0.3706).abs() < 0.02, "shift {shift}: {sigma_codes} codes");
         }

@@ -3,7 +3,7 @@
 use heapless::Vec;
 use micromath::F32Ext;
 
-use crate::MAX_TAPS;
+use crate::limits::MAX_TAPS;
 use crate::q::{shift_round, sqrt_floor};
 use crate::settings::{DENOISE_GAUSSIAN, DENOISE_NONE};
 

@@ -1,8 +1,8 @@
 //! What a filter does to the time of an echo: how far the noise shifts it, and by how much each
 //! method is wrong.
 
-use crate::MAX_TAPS;
-use crate::refine;
+use crate::lagrange::interpolation;
+use crate::limits::MAX_TAPS;
 use crate::settings::{TIMING_CFD, TIMING_RISING_EDGE};
 use crate::template::Template;
 
@@ -166,7 +166,7 @@ impl Filtered<'_> {
     /// Half of what `h` rises from k − 1/o to k + 1/o, interpolated as the stage does it.
     fn slope_between(&self, k: f32, log2: u32) -> f32 {
         let rise = |t: f32| 0.5 * (self.tap(k + t) - self.tap(k - t));
-        match refine::interpolation(1, log2) {
+        match interpolation(1, log2) {
             Some(weights) => (-3i8..)
                 .zip(weights)
                 .map(|(t, &w)| rise(f32::from(t)) * f32::from(w) / 32768.0)

@@ -4,7 +4,7 @@
 //! first. Settings are written and read back; a register that does not hold what was written is a
 //! fault.
 
-use echoloop_dsp::config::{Hardware, SPEED_OF_LIGHT_M_S, sample_period_fs};
+use echoloop_dsp::hardware::{Hardware, SPEED_OF_LIGHT_M_S, sample_period_fs};
 use echoloop_dsp::settings::Settings;
 use embedded_hal::spi::{Operation, SpiDevice};
 

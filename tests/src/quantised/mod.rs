@@ -132,8 +132,8 @@ impl From<echoloop_dsp::detect::Threshold> for Threshold {
     }
 }
 
-impl From<echoloop_dsp::detect::Peak> for Peak {
-    fn from(p: echoloop_dsp::detect::Peak) -> Self {
+impl From<echoloop_dsp::peak::Peak> for Peak {
+    fn from(p: echoloop_dsp::peak::Peak) -> Self {
         Self { index: p.index.into(), height: p.height.into() }
     }
 }

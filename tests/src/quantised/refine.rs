@@ -287,11 +287,11 @@ fn falling<'a>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use echoloop_dsp::refine;
+    use echoloop_dsp::lagrange::LAGRANGE;
 
     #[test]
     fn the_interpolation_table_is_the_rounded_lagrange_polynomial() {
-        for (row, taps) in refine::LAGRANGE.iter().enumerate() {
+        for (row, taps) in LAGRANGE.iter().enumerate() {
             assert_eq!(taps.map(f64::from), rounded_lagrange((row + 1) as f64 / 8.0), "row {row}");
         }
     }

@@ -10,8 +10,9 @@ mod peaks;
 mod ranks;
 
 use echoloop_dispatch::dispatch;
-use echoloop_dsp::detect::{self, Peaks};
+use echoloop_dsp::detect;
 use echoloop_dsp::kernel::Kernel;
+use echoloop_dsp::peak::Peaks;
 use echoloop_dsp::statistics::{Ranks, Statistics};
 use echoloop_dsp::{Echoes, Pipeline, Scratch};
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::waveforms::finder::Recorder;
 use clap::Args;
-use echoloop_dsp::detect::MAX_CANDIDATES;
+use echoloop_dsp::peak::MAX_CANDIDATES;
 
 use super::common::{Common, on_threads};
 use super::exit::{Failure, print};

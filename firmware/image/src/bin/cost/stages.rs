@@ -3,10 +3,11 @@
 use core::fmt::Write;
 use core::hint::black_box;
 
-use echoloop_dsp::detect::{self, Peaks, Threshold};
+use echoloop_dsp::detect::{self, Threshold};
 use echoloop_dsp::filter::{self, PADDING};
 use echoloop_dsp::kernel::{Portable, Scalar};
 use echoloop_dsp::noise::Noise;
+use echoloop_dsp::peak::Peaks;
 use echoloop_dsp::refine::{self, Waveform};
 use echoloop_dsp::statistics::Statistics;
 use echoloop_dsp::{Echo, Echoes, Kernel, MAX_SAMPLES, MAX_TAPS, Pipeline, Scratch};
@@ -52,7 +53,7 @@ fn count_with(
     let mut statistics = Statistics::default();
     line(
         "statistics",
-        per_run(|| statistics = Statistics::of(kernel, black_box(codes), shift, &statistics)),
+        per_run(|| statistics = kernel.statistics(black_box(codes), shift, &statistics)),
     )?;
 
     let mut padded = [0; MAX_SAMPLES + MAX_TAPS + PADDING];
@@ -83,10 +84,7 @@ fn count_with(
 
     let threshold = Threshold::of(config, &statistics);
     let mut peaks = Peaks::new();
-    line(
-        "peaks",
-        per_run(|| detect::peaks(kernel, black_box(y), threshold.level, black_box(&mut peaks))),
-    )?;
+    line("peaks", per_run(|| kernel.peaks(black_box(y), threshold.level, black_box(&mut peaks))))?;
 
     let report = || {
         let mut peaks = peaks.clone();

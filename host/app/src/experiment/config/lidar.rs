@@ -100,7 +100,7 @@ impl<'de> DeserializeSeed<'de> for Code {
 
 impl Code {
     fn checked<E: Error>(&self, code: i32) -> Result<i32, E> {
-        self.0.parameter().check(code).map(|()| code).map_err(E::custom)
+        self.0.check(code).map(|()| code).map_err(E::custom)
     }
 }
 

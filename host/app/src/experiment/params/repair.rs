@@ -1,7 +1,7 @@
 //! Joint constraints: a candidate that breaks one is repaired, and says so; the sensor would refuse
 //! it.
 
-use echoloop_dsp::config::sample_period_fs;
+use echoloop_dsp::hardware::sample_period_fs;
 use echoloop_dsp::{Hardware, ParameterId, Settings};
 
 /// Brings settings whose fields are each in range within the joint constraints; names what was

@@ -6,7 +6,7 @@
 use heapless::Vec;
 
 use super::gaussian::{Gaussian, MAX_SIGMA, MIN_SIGMA};
-use echoloop_dsp::detect::{MAX_CANDIDATES, Peak};
+use echoloop_dsp::peak::{MAX_CANDIDATES, Peak};
 use echoloop_dsp::q::{divide_round, shift_round};
 
 /// Rounds of the fit at most.

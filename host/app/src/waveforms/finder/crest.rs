@@ -3,7 +3,7 @@
 // No overflow: samples are Q1.15, times Q16.16 within 2400 samples, 2²⁸; divisors are at least 1;
 // indices of memory.
 
-use echoloop_dsp::echo::Flags;
+use echoloop_dsp::flags::Flags;
 use echoloop_dsp::q::divide_round;
 
 /// A waveform, as far as its noise lets one look at it.

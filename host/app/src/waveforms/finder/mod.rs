@@ -29,8 +29,8 @@ use heapless::Vec;
 
 use components::{Component, Components, Fit};
 use crest::{Crest, View};
-use echoloop_dsp::detect::{MAX_CANDIDATES, Peak, Peaks};
-use echoloop_dsp::echo::Flags;
+use echoloop_dsp::flags::Flags;
+use echoloop_dsp::peak::{MAX_CANDIDATES, Peak, Peaks};
 use echoloop_dsp::q::{divide_round, shift_round};
 use echoloop_dsp::split::{Sharpener, crests};
 use echoloop_dsp::template::Template;

@@ -3,7 +3,7 @@
 // No overflow: codes are below 2¹⁵, shifts at most 7, noise below 2³² times a constant below 2¹⁵;
 // counts of memory, at least 1 where divided by.
 
-use echoloop_dsp::kernel::Portable;
+use echoloop_dsp::kernel::{Kernel, Portable};
 use echoloop_dsp::q::shift_round;
 use echoloop_dsp::statistics::Statistics;
 
@@ -109,7 +109,7 @@ fn noise(codes: &[u16], shift: u32, differences: &mut [u16]) -> u32 {
         }
     }
     let differences = differences.get_mut(..count).unwrap_or_default();
-    let of_differences = Statistics::of(Portable, differences, shift, &Statistics::default());
+    let of_differences = Portable.statistics(differences, shift, &Statistics::default());
     let by_median = shift_round(i64::from(of_differences.sigma) * SECOND_DIFFERENCE_TO_SIGMA, 16);
     let by_quarter = match differences.len() {
         SHORT.. => i64::MAX,

@@ -1,0 +1,109 @@
+//! Whether settings can run: each against the table, then against one another and the hardware.
+
+use crate::hardware::{Hardware, sample_period_fs};
+use crate::reason::Reason;
+use crate::refusal::Refusal;
+use crate::settings::{PARAMETERS, ParameterId, Settings};
+
+impl ParameterId {
+    /// Whether a value of this field is in its range.
+    ///
+    /// # Errors
+    ///
+    /// [`Refusal`] with the bound.
+    pub fn check(self, value: i32) -> Result<(), Refusal> {
+        let refused = |reason| Refusal { field: self, value, reason };
+        self.parameter().check(value).map_err(refused)
+    }
+}
+
+impl Settings {
+    /// Checks S > N, every field against the table, then pulse energy and sampling.
+    ///
+    /// # Errors
+    ///
+    /// The first [`Refusal`], in that order.
+    pub fn check(&self, hardware: &Hardware) -> Result<(), Refusal> {
+        self.check_saturation()?; // first: it says more than either field's range
+        for parameter in &PARAMETERS {
+            if let Some(value) = self.get(parameter.id) {
+                parameter.id.check(value)?;
+            }
+        }
+        self.check_energy(hardware)?;
+        self.check_sampling(hardware)
+    }
+
+    fn check_energy(&self, hardware: &Hardware) -> Result<(), Refusal> {
+        // 0.01 W × 1 ps = 0.01 pJ; in range the product is below 2 × 10⁸.
+        let energy_pj =
+            (self.power_cw as u32).saturating_mul(self.pulse_width_ps as u32).div_ceil(100);
+        if energy_pj <= hardware.energy_limit_pj {
+            return Ok(());
+        }
+        let reason = Reason::EnergyAboveLimit { energy_pj, limit_pj: hardware.energy_limit_pj };
+        Err(Refusal { field: ParameterId::Power, value: self.power_cw, reason })
+    }
+
+    fn check_saturation(&self) -> Result<(), Refusal> {
+        if self.saturation_ppm > self.noise_floor_ppm {
+            return Ok(());
+        }
+        let reason = Reason::SaturationNotAboveFloor { floor_ppm: self.noise_floor_ppm };
+        Err(Refusal { field: ParameterId::Saturation, value: self.saturation_ppm, reason })
+    }
+
+    fn check_sampling(&self, hardware: &Hardware) -> Result<(), Refusal> {
+        let period_fs = sample_period_fs(self.bins as u32, hardware);
+        // W ≥ 2.5 samples, 1000 fs a ps; in range the product is at most 8 × 10⁶.
+        if (self.pulse_width_ps as u32).saturating_mul(400) >= period_fs {
+            return Ok(());
+        }
+        let reason = Reason::Undersampled { sample_period_fs: period_fs };
+        Err(Refusal { field: ParameterId::PulseWidth, value: self.pulse_width_ps, reason })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use super::*;
+    use std::string::ToString;
+
+    #[test]
+    fn the_defaults_are_accepted() {
+        Settings::default().check(&Hardware::REFERENCE).unwrap();
+    }
+
+    #[test]
+    fn a_refusal_names_the_field_the_value_and_the_bound() {
+        type Change = fn(&mut Settings);
+        let refusal = |change: Change| {
+            let mut settings = Settings::default();
+            change(&mut settings);
+            settings.check(&Hardware::REFERENCE).unwrap_err().to_string()
+        };
+        let cases: [(Change, &str); 8] = [
+            (|s| s.pulse_width_ps = 25_000, "pulse_width 25 ns is above its maximum 20 ns"),
+            (|s| s.gain_cdb = -1_001, "gain -10.01 dB is below its minimum -10 dB"),
+            (
+                |s| s.power_cw = 10_000,
+                "power 100 W times pulse_width is 500.0 nJ, above the pulse energy limit of 400.0 nJ",
+            ),
+            (
+                |s| (s.saturation_ppm, s.noise_floor_ppm) = (150_000, 200_000),
+                "saturation 0.15 of full scale is not above noise_floor 0.2 of full scale",
+            ),
+            (
+                |s| s.bins = 200,
+                "pulse_width 5 ns spans fewer than 2.5 samples of 3.969 ns (raise it or waveform_resolution)",
+            ),
+            (|s| s.upsampling = 3, "upsampling 3 is none of 1, 2, 4, 8"),
+            (|s| s.shots = 3, "shots 3 is none of 1, 2, 4, 8, 16"),
+            (|s| s.denoise = 9, "denoise 9 is none of 'none', 'gaussian', 'matched'"),
+        ];
+        for (change, message) in cases {
+            assert_eq!(refusal(change), message);
+        }
+    }
+}
