@@ -4,10 +4,7 @@
 //! Figures in comments are what the code reaches; the asserted bounds leave room for the Monte
 //! Carlo, which is seeded.
 
-use echoloop_dsp::settings::{
-    DENOISE_GAUSSIAN, DENOISE_MATCHED, DENOISE_NONE, TIMING_CFD, TIMING_PARABOLA,
-    TIMING_RISING_EDGE, TIMING_WALK_CORRECTED,
-};
+use echoloop_dsp::choice::{DenoiseFilter, TimingMethod};
 use echoloop_dsp::{Echo, Flags, Hardware, Pipeline, Scratch, Settings};
 use echoloop_tests::ideal::{self, Ideal};
 use echoloop_tests::tolerance::{self, LEAST_NOISE_CODES, TOLERANCES};
@@ -113,7 +110,8 @@ fn echoes_stay_within_the_tolerance_table_of_the_twin_that_never_rounds() {
         let settings = Settings {
             bins: [HALF_GS, ONE_GS, TWO_GS, 2_400][rng.random_range(0..4)],
             upsampling: 1 << rng.random_range(0..4),
-            timing: [TIMING_PARABOLA, TIMING_WALK_CORRECTED][rng.random_range(0..2)],
+            timing: [TimingMethod::Parabola.code(), TimingMethod::WalkCorrected.code()]
+                [rng.random_range(0..2)],
             saturation_ppm: [500_000, 1_000_000][rng.random_range(0..2)],
             noise_floor_ppm: 100,
             ..Settings::default()
@@ -135,14 +133,15 @@ fn echoes_stay_within_the_tolerance_table_of_the_twin_that_never_rounds() {
             continue; // U8.8 ends at 256
         }
         assert_eq!(ours.saturated, twin.saturated, "seed {seed}");
-        if ours.saturated && settings.timing != TIMING_WALK_CORRECTED {
+        if ours.saturated && settings.timing != TimingMethod::WalkCorrected.code() {
             assert_eq!(echo.deviation, u16::MAX, "seed {seed}: it walks");
             ours.deviation_mm = twin.deviation_mm;
         }
         let class = TOLERANCES.iter().position(|t| t == tolerance).unwrap();
         seen[class] += 1;
         let taken = tolerance.taken(&ours, twin);
-        clipped += u32::from(ours.saturated && settings.timing == TIMING_WALK_CORRECTED);
+        clipped +=
+            u32::from(ours.saturated && settings.timing == TimingMethod::WalkCorrected.code());
         assert!(
             taken.iter().all(|&t| t <= 1.0),
             "seed {seed}: {taken:.2?} of {tolerance:?}\n{ours:?}\n{twin:?}"
@@ -162,8 +161,12 @@ fn a_noise_free_echo_s_worst_bias_over_all_phases_is_that_of_the_parabola() {
         (ONE_GS, 8, 0.17, 0.05), // 0.17
         (TWO_GS, 8, 0.08, 0.04), // 0.08
     ] {
-        let settings =
-            Settings { bins, upsampling, timing: TIMING_PARABOLA, ..Settings::default() };
+        let settings = Settings {
+            bins,
+            upsampling,
+            timing: TimingMethod::Parabola.code(),
+            ..Settings::default()
+        };
         let (mean, worst) = Bench::new(settings, FINE).bias(15_000.0);
         assert!(
             (worst - expected_mm).abs() < within_mm,
@@ -176,7 +179,11 @@ fn a_noise_free_echo_s_worst_bias_over_all_phases_is_that_of_the_parabola() {
 #[test]
 fn walk_correction_takes_the_parabola_s_bias_away_behind_every_filter() {
     for (bins, within_mm) in [(HALF_GS, 0.55), (ONE_GS, 0.065), (TWO_GS, 0.08)] {
-        for denoise in [DENOISE_NONE, DENOISE_GAUSSIAN, DENOISE_MATCHED] {
+        for denoise in [
+            DenoiseFilter::None.code(),
+            DenoiseFilter::Gaussian.code(),
+            DenoiseFilter::Matched.code(),
+        ] {
             // at half a giga-sample 0.49, 0.48, 0.33; at one 0.057, 0.026, 0.031; at two 0.075,
             // 0.012, 0.009
             let (mean, worst) =
@@ -191,7 +198,8 @@ fn walk_correction_takes_the_parabola_s_bias_away_behind_every_filter() {
 fn a_constant_fraction_has_a_bias_of_few_millimetres_and_a_threshold_one_that_walks() {
     for (bins, within_mm) in [(HALF_GS, 11.0), (ONE_GS, 1.6), (TWO_GS, 0.45)] {
         // 10.5, 1.53, 0.43: a line between samples is no parabola
-        let settings = Settings { bins, timing: TIMING_CFD, ..Settings::default() };
+        let settings =
+            Settings { bins, timing: TimingMethod::ConstantFraction.code(), ..Settings::default() };
         let [weak, strong] =
             [150.0, 15_000.0].map(|amplitude| Bench::new(settings, FINE).bias(amplitude));
         assert!(strong.1 < within_mm, "{bins} bins: {} mm", strong.1);
@@ -201,7 +209,7 @@ fn a_constant_fraction_has_a_bias_of_few_millimetres_and_a_threshold_one_that_wa
             weak.0,
             strong.0
         );
-        let settings = Settings { timing: TIMING_RISING_EDGE, ..settings };
+        let settings = Settings { timing: TimingMethod::RisingEdge.code(), ..settings };
         let [weak, strong] =
             [150.0, 15_000.0].map(|amplitude| Bench::new(settings, FINE).bias(amplitude).0);
         assert!(weak - strong > 300.0, "{bins} bins: from {weak} to {strong} mm");
@@ -262,7 +270,7 @@ fn clipped_echoes_whose_edges_fall_between_samples_are_unbiased_and_say_how_far_
 #[test]
 fn reflectivity_is_that_of_the_surface_whole_or_clipped() {
     let hardware = Hardware::REFERENCE;
-    for timing in [TIMING_PARABOLA, TIMING_WALK_CORRECTED] {
+    for timing in [TimingMethod::Parabola.code(), TimingMethod::WalkCorrected.code()] {
         for gain_cdb in [-1_000, 0, 600] {
             let settings = Settings { gain_cdb, power_cw: 6_000, timing, ..Settings::default() };
             let mut bench = Bench::new(settings, hardware);
@@ -277,7 +285,7 @@ fn reflectivity_is_that_of_the_surface_whole_or_clipped() {
                     bench.see(vec![100.0; 300], at, amplitude * 4096.0).expect("an echo");
                 let got: f64 = echo.reflectivity_ratio().to_num();
                 let clipped = echo.flags.contains(Flags::SATURATED);
-                if clipped && timing == TIMING_PARABOLA {
+                if clipped && timing == TimingMethod::Parabola.code() {
                     assert!(
                         got < reflectivity,
                         "ρ {reflectivity} at {gain_cdb} cdB: {got} is no lower bound"
@@ -320,11 +328,12 @@ fn upsampling_mends_the_parabola_s_spread_at_half_a_giga_sample_and_walk_correct
         let settings = Settings { bins: HALF_GS, upsampling, timing, ..Settings::default() };
         Bench::new(settings, Hardware::REFERENCE).scatter(50.0, 16.0, 3_000).1
     };
-    let (plain, upsampled) = (spread(1, TIMING_PARABOLA), spread(8, TIMING_PARABOLA));
+    let (plain, upsampled) =
+        (spread(1, TimingMethod::Parabola.code()), spread(8, TimingMethod::Parabola.code()));
     // docs/physics.md: 8.02 against a bound of 6.04; reached 7.92
     assert!((plain - 8.02).abs() < 0.4, "{plain} mm");
     assert!(upsampled < 7.0, "{upsampled} mm"); // 6.65
-    let corrected = spread(1, TIMING_WALK_CORRECTED);
+    let corrected = spread(1, TimingMethod::WalkCorrected.code());
     assert!((corrected / 6.04 - 1.0).abs() < 0.05, "{corrected} mm"); // 5.97
 }
 

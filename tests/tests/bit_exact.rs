@@ -3,6 +3,7 @@
 
 use echoloop_dsp::Kernel;
 use echoloop_dsp::accumulate::Accumulator;
+use echoloop_dsp::choice::EchoChoice;
 use echoloop_dsp::detect::{self, Threshold};
 use echoloop_dsp::echo::Echo;
 use echoloop_dsp::filter::{self, PADDING};
@@ -169,7 +170,11 @@ fn the_ambient_of_every_estimator_equals_its_twin() {
         let mut rng = vectors::rng(seed);
         let fewer = &before[..rng.random_range(0..=before.len())];
         for before in [before, fewer, &[]] {
-            let ours = statistics.with_ambient(case.settings.ambient, before, config.code_shift());
+            let ours = statistics.with_ambient(
+                case.settings.choices().unwrap().ambient,
+                before,
+                config.code_shift(),
+            );
             assert_eq!(
                 quantised::Statistics::from(ours),
                 twin.with_ambient(statistics.into(), before),
@@ -289,12 +294,14 @@ fn separation_and_choice_equal_their_twins() {
         detect::separate(&mut found, min_separation);
         let expected = quantised::separate(&before, min_separation.into());
         assert_eq!(twin_peaks(&found), expected, "seed {seed}");
-        for (count, choice) in (1..=4).flat_map(|count| [(count, 0), (count, 1), (count, 2)]) {
+        for (count, choice) in
+            (1..=4).flat_map(|count| EchoChoice::ALL.iter().map(move |&choice| (count, choice)))
+        {
             let chosen = detect::choose(found.clone(), count, choice);
             assert_eq!(
                 twin_peaks(&chosen),
                 quantised::choose(&expected, count, choice),
-                "seed {seed}, {count} of {choice}"
+                "seed {seed}, {count} of {choice:?}"
             );
         }
     }

@@ -4,7 +4,7 @@
 //! The twins of [`bit_exact`](../bit_exact.rs) take them as they are; here they are held to their
 //! formulas in `f64`.
 
-use echoloop_dsp::settings::{DENOISE_GAUSSIAN, DENOISE_MATCHED, DENOISE_NONE};
+use echoloop_dsp::choice::DenoiseFilter;
 use echoloop_dsp::template::Template;
 use echoloop_dsp::{Config, Hardware, Settings};
 use echoloop_tests::ideal::Filtered;
@@ -86,16 +86,17 @@ fn template_taps_lie_within_one_lsb_and_a_tolerance_of_the_true_shape() {
         let (settings, _, config) = draw(seed);
         let template = config.template();
         let width = samples_per_width(&settings, &config);
-        let half = if settings.denoise == DENOISE_NONE { 0 } else { width.ceil() as i32 - 1 };
-        let shape = |k: i32| match settings.denoise {
-            DENOISE_NONE => 1.0,
-            DENOISE_GAUSSIAN => f64::powf(2.0, -16.0 * (f64::from(k) / width).powi(2)),
-            _ => pulse(k.into(), width),
+        let filter = settings.choices().unwrap().denoise;
+        let half = if filter == DenoiseFilter::None { 0 } else { width.ceil() as i32 - 1 };
+        let shape = |k: i32| match filter {
+            DenoiseFilter::None => 1.0,
+            DenoiseFilter::Gaussian => f64::powf(2.0, -16.0 * (f64::from(k) / width).powi(2)),
+            DenoiseFilter::Matched => pulse(k.into(), width),
         };
         let shapes: Vec<f64> = (-half..=half).map(shape).collect();
         let sum: f64 = shapes.iter().sum();
         assert_eq!(template.taps().len(), shapes.len(), "seed {seed}: {settings:?}");
-        let slack = if settings.denoise == DENOISE_MATCHED {
+        let slack = if filter == DenoiseFilter::Matched {
             OF_THE_LARGEST_TAP * 32_767.0 / sum
         } else {
             0.02
@@ -126,12 +127,13 @@ fn the_timing_stage_s_constants_are_those_of_real_numbers() {
         let width = samples_per_width(&settings, &config);
         let taps = config.template().taps().iter().map(|&h| f64::from(h) / 32_768.0).collect();
         let filtered = Filtered::new(taps, width, settings.upsampling);
-        let (gain, share) = filtered.gain_and_share(settings.timing);
+        let method = settings.choices().unwrap().timing;
+        let (gain, share) = filtered.gain_and_share(method);
         for (name, error, bound) in [
             ("gain", f64::from(timing.gain()) / 65_536.0 / gain - 1.0, 2e-3),
             ("share", f64::from(timing.shot_share()) / 32_768.0 - share, 1e-4),
             ("bias", f64::from(timing.bias()) / 32_768.0 - filtered.bias(), 1e-4),
-            ("offset", timing.offset() as f64 / 65_536.0 - filtered.offset(settings.timing), 1e-4),
+            ("offset", timing.offset() as f64 / 65_536.0 - filtered.offset(method), 1e-4),
         ] {
             assert!(error.abs() < bound, "seed {seed}: {name} is {error} off, {settings:?}");
         }

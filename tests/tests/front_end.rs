@@ -7,8 +7,8 @@ use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::rc::Rc;
 
+use echoloop_dsp::choice::AmbientEstimator;
 use echoloop_dsp::hardware::sample_period_fs;
-use echoloop_dsp::settings::AMBIENT_PRE_TRIGGER;
 use echoloop_dsp::{Hardware, ScanPattern, Settings};
 use echoloop_link::{
     Command, Decoder, Greeting, MAX_FRAME, Nack, Report, decode, encode, settings_hash,
@@ -275,7 +275,7 @@ impl Sensor {
 
 /// Differs from the default in every register.
 fn other() -> Settings {
-    let ambient = AMBIENT_PRE_TRIGGER;
+    let ambient = AmbientEstimator::PreTrigger.code();
     Settings {
         power_cw: 5_000,
         pulse_width_ps: 6_000,

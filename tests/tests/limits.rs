@@ -5,11 +5,8 @@
 
 use std::f64::consts::PI;
 
+use echoloop_dsp::choice::{AmbientEstimator, DenoiseFilter, TimingMethod};
 use echoloop_dsp::hardware::sample_period_fs;
-use echoloop_dsp::settings::{
-    AMBIENT_NONE, AMBIENT_PRE_TRIGGER, DENOISE_GAUSSIAN, DENOISE_MATCHED, DENOISE_NONE, TIMING_CFD,
-    TIMING_PARABOLA, TIMING_RISING_EDGE, TIMING_WALK_CORRECTED,
-};
 use echoloop_dsp::{Echo, Flags, Hardware, PRE_TRIGGER, Pipeline, Scratch, Settings};
 use echoloop_frontend::{Analog, Trigger};
 use echoloop_frontend::{Exposure, Receiver, ShotBuffers, WaveformFrontEnd, noise_key, synthesise};
@@ -311,10 +308,10 @@ fn sigma_r_is_honest_from_the_threshold_to_ten_times_full_scale() {
 fn sigma_r_is_honest_for_other_filters_and_methods() {
     // With a Gaussian filter, and for a constant fraction, from 5 samples a width on.
     for (denoise, timing) in [
-        (DENOISE_GAUSSIAN, TIMING_WALK_CORRECTED),
-        (DENOISE_GAUSSIAN, TIMING_PARABOLA),
-        (DENOISE_MATCHED, TIMING_CFD),
-        (DENOISE_GAUSSIAN, TIMING_CFD),
+        (DenoiseFilter::Gaussian.code(), TimingMethod::WalkCorrected.code()),
+        (DenoiseFilter::Gaussian.code(), TimingMethod::Parabola.code()),
+        (DenoiseFilter::Matched.code(), TimingMethod::ConstantFraction.code()),
+        (DenoiseFilter::Gaussian.code(), TimingMethod::ConstantFraction.code()),
     ] {
         for bins in [ONE_GS, TWO_GS] {
             let mut bench = Bench::new(&Settings { denoise, timing, ..at_rate(bins) }, WHITE);
@@ -343,7 +340,7 @@ fn a_rising_edge_walks_as_the_physics_says_and_a_constant_fraction_does_not() {
     let threshold = 0.01;
     let quiet = |timing, amplitude: f64| {
         let settings = Settings {
-            denoise: DENOISE_NONE,
+            denoise: DenoiseFilter::None.code(),
             timing,
             noise_floor_ppm: 10_000,
             ..at_rate(THREE_GS)
@@ -355,9 +352,9 @@ fn a_rising_edge_walks_as_the_physics_says_and_a_constant_fraction_does_not() {
         bench.error_mm(&echo, 300.0) / 1e3
     };
     for (ratio, expected_m) in [(1.01, 0.702), (10.0, 0.154), (90.0, 0.0505)] {
-        let walk_m = quiet(TIMING_RISING_EDGE, ratio * threshold);
+        let walk_m = quiet(TimingMethod::RisingEdge.code(), ratio * threshold);
         assert!((walk_m - expected_m).abs() < 0.012, "A/T {ratio}: {walk_m} m");
-        let still_m = quiet(TIMING_CFD, ratio * threshold);
+        let still_m = quiet(TimingMethod::ConstantFraction.code(), ratio * threshold);
         assert!(still_m.abs() < 0.012, "A/T {ratio}: a constant fraction is {still_m} m off");
     }
 }
@@ -483,8 +480,8 @@ fn reflectivity_does_not_depend_on_power_gain_width_or_rate() {
         Settings { power_cw: 1_500, ..at_rate(ONE_GS) },
         Settings { gain_cdb: 1_000, ..at_rate(ONE_GS) },
         Settings { gain_cdb: -600, pulse_width_ps: 8_000, power_cw: 5_000, ..at_rate(TWO_GS) },
-        Settings { denoise: DENOISE_NONE, ..at_rate(ONE_GS) },
-        Settings { denoise: DENOISE_GAUSSIAN, ..at_rate(ONE_GS) },
+        Settings { denoise: DenoiseFilter::None.code(), ..at_rate(ONE_GS) },
+        Settings { denoise: DenoiseFilter::Gaussian.code(), ..at_rate(ONE_GS) },
     ];
     for settings in settings {
         let mut sensor = Sensor::new(settings);
@@ -553,7 +550,11 @@ fn filters_rank_by_their_gain_in_signal_over_noise() {
         let seen = through_the_link(&Settings { denoise, ..at_rate(ONE_GS) }, 0.05, 60.0, 800);
         mean(&seen.iter().map(|(echo, _)| echo.snr_ratio().to_num()).collect::<Vec<_>>())
     };
-    let (none, gaussian, matched) = (of(DENOISE_NONE), of(DENOISE_GAUSSIAN), of(DENOISE_MATCHED));
+    let (none, gaussian, matched) = (
+        of(DenoiseFilter::None.code()),
+        of(DenoiseFilter::Gaussian.code()),
+        of(DenoiseFilter::Matched.code()),
+    );
     // a top of bare noise is a little higher
     assert!((matched / none / 1.94 - 1.0).abs() < 0.08, "{matched} over {none}");
     assert!((gaussian / none / 1.75 - 1.0).abs() < 0.08, "{gaussian} over {none}");
@@ -566,7 +567,7 @@ fn the_pre_trigger_ambient_holds_where_half_of_the_window_is_light() {
         let settings = Settings { ambient, ..at_rate(ONE_GS) };
         let mut bench = Bench::new(&settings, Hardware::REFERENCE);
         let mut rng = vectors::rng(8);
-        let before = if ambient == AMBIENT_PRE_TRIGGER { PRE_TRIGGER } else { 0 };
+        let before = if ambient == AmbientEstimator::PreTrigger.code() { PRE_TRIGGER } else { 0 };
         let mut wave = noise(&mut rng, before + ONE_GS as usize, 200.0, 4.0);
         for value in &mut wave[before + 100..before + 100 + 437] {
             *value += 300.0;
@@ -579,8 +580,11 @@ fn the_pre_trigger_ambient_holds_where_half_of_the_window_is_light() {
             .expect("the wall");
         far.amplitude_fraction().to_num::<f64>() * 4096.0
     };
-    let (median, before, none) =
-        (amplitude(0), amplitude(AMBIENT_PRE_TRIGGER), amplitude(AMBIENT_NONE));
+    let (median, before, none) = (
+        amplitude(0),
+        amplitude(AmbientEstimator::PreTrigger.code()),
+        amplitude(AmbientEstimator::None.code()),
+    );
     assert!((before - 1_000.0).abs() < 20.0, "before the trigger: {before}");
     // What lies below the baseline passes the filter whole, the pulse by three quarters: 1000 ±
     // level · 4/3.
@@ -594,7 +598,7 @@ fn the_pre_trigger_ambient_holds_where_half_of_the_window_is_light() {
 #[test]
 fn through_the_link_the_pre_trigger_samples_are_dark_even_before_a_near_wall() {
     for range_m in [3.0, 60.0] {
-        let settings = Settings { ambient: AMBIENT_PRE_TRIGGER, ..at_rate(ONE_GS) };
+        let settings = Settings { ambient: AmbientEstimator::PreTrigger.code(), ..at_rate(ONE_GS) };
         let seen = through_the_link(&settings, 0.1, range_m, 200);
         assert_eq!(seen.len(), 200);
         let biases: Vec<f64> = seen.iter().map(|(_, error)| *error).collect();
@@ -667,7 +671,8 @@ fn a_bright_or_clipped_wall_is_one_echo_however_many_are_asked_for() {
 
 #[test]
 fn what_the_window_cuts_off_and_what_walks_has_no_sigma() {
-    let mut sensor = Sensor::new(Settings { timing: TIMING_PARABOLA, ..at_rate(ONE_GS) });
+    let mut sensor =
+        Sensor::new(Settings { timing: TimingMethod::Parabola.code(), ..at_rate(ONE_GS) });
     let (echo, _) = sensor.see(5.0, 60.0, 0).expect("an echo");
     assert_eq!(echo.deviation, u16::MAX);
     let mut sensor = Sensor::new(at_rate(ONE_GS));

@@ -1,5 +1,6 @@
 //! From settings to what the stages read: done once, when new settings are committed.
 
+use crate::choice::{AmbientEstimator, EchoChoice, TimingMethod};
 use crate::hardware::{Hardware, SPEED_OF_LIGHT_M_S, sample_period_fs};
 use crate::pulse::Pulse;
 use crate::refusal::Refusal;
@@ -39,9 +40,9 @@ pub struct Config {
     /// Samples on either side of a pulse's middle, strictly inside it.
     pub(crate) reach: usize,
     /// Which ambient estimator.
-    pub(crate) ambient: i32,
+    pub(crate) ambient: AmbientEstimator,
     /// Which timing method.
-    pub(crate) method: i32,
+    pub(crate) method: TimingMethod,
     pub(crate) timing: Timing,
     /// Finds echoes that hide in others; `None` where one is asked for.
     pub(crate) sharpener: Option<Sharpener>,
@@ -57,7 +58,7 @@ pub struct Config {
     /// Smallest distance of two candidates, samples.
     pub(crate) min_separation: u32,
     pub(crate) echoes: usize,
-    pub(crate) echo_choice: i32,
+    pub(crate) echo_choice: EchoChoice,
     /// Sample period.
     pub(crate) sample_period_fs: u32,
     /// Range of sample 0, 1/256 mm.
@@ -78,9 +79,10 @@ impl Config {
     )]
     pub fn new(settings: &Settings, hardware: &Hardware) -> Result<Self, Refusal> {
         settings.check(hardware)?;
+        let choices = settings.choices()?;
         let period_fs = sample_period_fs(settings.bins as u32, hardware);
         let width_ps = settings.pulse_width_ps as u32;
-        let template = Template::of(settings.denoise, width_ps, period_fs);
+        let template = Template::new(choices.denoise, width_ps, period_fs);
         let samples_per_width = samples_per_width(width_ps, period_fs);
         let upsampling_log2 = settings.upsampling.trailing_zeros(); // a power of two
         let range_step = range_step(period_fs);
@@ -93,20 +95,20 @@ impl Config {
             code_shift: sum.code_shift,
             clip_code: clip_code(settings, sum.full_scale),
             floor: scaled_floor(settings, &template),
-            timing: Timing::of(&template, samples_per_width, upsampling_log2, settings.timing),
+            timing: Timing::new(&template, samples_per_width, upsampling_log2, choices.timing),
             sharpener: (settings.echoes > 1).then(|| Sharpener::for_pulse(width_ps, period_fs)),
             template,
             pulse: Some(Pulse::new(width_ps, period_fs)),
             reach: half_length(samples_per_width),
-            ambient: settings.ambient,
-            method: settings.timing,
+            ambient: choices.ambient,
+            method: choices.timing,
             shot_noise: shot_noise(settings, hardware),
             reflectivity_scale: reflectivity_scale(settings, hardware),
             snr_threshold: (settings.snr_threshold_milli as u32 * 256 + 500) / 1000,
             upsampling_log2,
             min_separation: min_separation(settings, range_step),
             echoes: settings.echoes as usize,
-            echo_choice: settings.echo_choice,
+            echo_choice: choices.echoes,
             sample_period_fs: period_fs,
             range_origin: i64::from(hardware.range_min_mm) * 256,
             range_step,
@@ -161,6 +163,11 @@ impl Config {
     /// Smallest distance of two candidates, samples.
     pub fn min_separation(&self) -> u32 {
         self.min_separation
+    }
+
+    /// Which echoes are kept.
+    pub fn echo_choice(&self) -> EchoChoice {
+        self.echo_choice
     }
 
     /// The timing stage's constants.

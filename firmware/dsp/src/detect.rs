@@ -2,11 +2,11 @@
 
 use heapless::Vec;
 
+use crate::choice::EchoChoice;
 use crate::config::Config;
 use crate::limits::{MAX_ECHOES, MAX_SAMPLES};
 use crate::peak::{Peak, Peaks};
 use crate::q::shift_round;
-use crate::settings::{CHOICE_FIRST, CHOICE_LAST};
 use crate::statistics::Statistics;
 
 /// Detection threshold and what it rests on.
@@ -220,11 +220,11 @@ fn take(peaks: &mut Peaks, pick: impl Fn(&[Peak]) -> Option<Peak>) -> Option<Pea
 }
 
 /// The peaks that become echoes: at most `count`, the strongest, first or last, in that order.
-pub fn choose(mut found: Peaks, count: usize, choice: i32) -> Vec<Peak, MAX_ECHOES> {
+pub fn choose(mut found: Peaks, count: usize, choice: EchoChoice) -> Vec<Peak, MAX_ECHOES> {
     let pick = |peaks: &[Peak]| match choice {
-        CHOICE_FIRST => peaks.first().copied(),
-        CHOICE_LAST => peaks.last().copied(),
-        _ => strongest(peaks),
+        EchoChoice::First => peaks.first().copied(),
+        EchoChoice::Last => peaks.last().copied(),
+        EchoChoice::Strongest => strongest(peaks),
     };
     let mut chosen = Vec::new();
     while chosen.len() < count.min(MAX_ECHOES)

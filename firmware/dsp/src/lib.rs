@@ -33,6 +33,7 @@
 pub mod accumulate;
 pub mod baseline;
 mod check;
+pub mod choice;
 pub mod config;
 pub mod detect;
 pub mod echo;
@@ -58,6 +59,8 @@ pub mod statistics;
 pub mod template;
 pub mod timing;
 
+pub use check::Choices;
+pub use choice::{AmbientEstimator, DenoiseFilter, EchoChoice, TimingMethod};
 pub use config::Config;
 pub use echo::{Echo, Echoes};
 pub use flags::Flags;

@@ -4,6 +4,7 @@
     reason = "times are Q16.16 within 2400 samples, 2²⁸; outputs Q9.23 within ±2²⁴, times a fraction or a tap 2⁴¹; σ below 2³²; divisors are at least 1"
 )]
 
+use crate::choice::TimingMethod;
 use crate::config::Config;
 use crate::detect::{Threshold, hysteresis};
 use crate::edges::{self, Edges};
@@ -12,7 +13,6 @@ use crate::lagrange::interpolation;
 use crate::noise::Noise;
 use crate::peak::Peak;
 use crate::q::{divide_round, shift_round};
-use crate::settings::{TIMING_CFD, TIMING_RISING_EDGE, TIMING_WALK_CORRECTED};
 
 /// A peak between samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -100,7 +100,7 @@ pub fn refine(
     let left = crossing(y, peak, half, threshold.level, -1);
     let right = crossing(y, peak, half, threshold.level, 1);
     let clipped = clipped_run(config, codes, peak);
-    let correct = config.method == TIMING_WALK_CORRECTED;
+    let correct = config.method == TimingMethod::WalkCorrected;
     let bias = if correct && clipped.is_none() { i64::from(config.timing.bias()) } else { 0 };
     let vertex = vertex(&f, peak, config.reach, config.upsampling_log2, bias);
     let amplitude = config.template.amplitude(vertex.height).max(1);
@@ -113,7 +113,7 @@ pub fn refine(
         flags: left.flags | right.flags,
     };
     match config.method {
-        TIMING_WALK_CORRECTED => {
+        TimingMethod::WalkCorrected => {
             if let Some((first, last)) = clipped {
                 refined.flags |= Flags::WALK_CORRECTED;
                 let level = (i64::from(config.clip_code) << config.code_shift)
@@ -130,7 +130,7 @@ pub fn refine(
                 }
             }
         }
-        TIMING_CFD => to_edge(
+        TimingMethod::ConstantFraction => to_edge(
             config,
             y,
             &f,
@@ -140,7 +140,7 @@ pub fn refine(
             noise,
             &mut refined,
         ),
-        TIMING_RISING_EDGE => {
+        TimingMethod::RisingEdge => {
             to_edge(
                 config,
                 y,
@@ -152,12 +152,12 @@ pub fn refine(
                 &mut refined,
             );
         }
-        _ => {}
+        TimingMethod::Parabola => {}
     }
     if clipped.is_some() {
         refined.flags |= Flags::SATURATED;
     }
-    let walks = clipped.is_some() && config.method != TIMING_WALK_CORRECTED;
+    let walks = clipped.is_some() && config.method != TimingMethod::WalkCorrected;
     if walks || refined.flags.contains(Flags::TRUNCATED) {
         refined.sigma = u32::MAX;
     }
@@ -222,7 +222,7 @@ fn to_edge(
     let rise = (high - low).max(1);
     let fraction = (((level - low) << 16).div_euclid(rise)).clamp(0, 1 << 16);
     refined.time = (below << 16) + fraction + config.timing.offset();
-    if config.method == TIMING_CFD {
+    if config.method == TimingMethod::ConstantFraction {
         return; // its σ is the timing constants'
     }
     let at_level = noise.of(config.template.amplitude(shift_round(level, 8) as i32));

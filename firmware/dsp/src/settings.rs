@@ -10,6 +10,7 @@ use core::fmt;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
+use crate::choice::{AmbientEstimator, DenoiseFilter, EchoChoice, TimingMethod};
 use crate::limits::PRE_TRIGGER;
 use crate::reason::Reason;
 
@@ -188,33 +189,6 @@ fn is_power_of_two(value: i32) -> bool {
     u32::try_from(value).is_ok_and(u32::is_power_of_two)
 }
 
-/// Index of the matched filter among the denoise filters.
-pub const DENOISE_MATCHED: i32 = 2;
-/// Index of "none" among the denoise filters.
-pub const DENOISE_NONE: i32 = 0;
-/// Index of the Gaussian among the denoise filters.
-pub const DENOISE_GAUSSIAN: i32 = 1;
-/// Index of the median among the ambient estimators.
-pub const AMBIENT_MEDIAN: i32 = 0;
-/// Index of the mean before the trigger among the ambient estimators.
-pub const AMBIENT_PRE_TRIGGER: i32 = 1;
-/// Index of "none" among the ambient estimators.
-pub const AMBIENT_NONE: i32 = 2;
-/// Index of the rising edge among the timing methods.
-pub const TIMING_RISING_EDGE: i32 = 0;
-/// Index of the constant fraction among the timing methods.
-pub const TIMING_CFD: i32 = 2;
-/// Index of the parabola among the timing methods.
-pub const TIMING_PARABOLA: i32 = 1;
-/// Index of the walk-corrected method among the timing methods.
-pub const TIMING_WALK_CORRECTED: i32 = 3;
-/// Index of "strongest" among the echo choices.
-pub const CHOICE_STRONGEST: i32 = 0;
-/// Index of "first" among the echo choices.
-pub const CHOICE_FIRST: i32 = 1;
-/// Index of "last" among the echo choices.
-pub const CHOICE_LAST: i32 = 2;
-
 /// The parameter table: every name, unit, range and default of Θ_lidar, once.
 pub const PARAMETERS: [Parameter; 15] = {
     use Kind::{Choice, Integer, PowerOfTwo, Real};
@@ -243,35 +217,23 @@ pub const PARAMETERS: [Parameter; 15] = {
         row(Id::Upsampling, "upsampling", "o", "", PowerOfTwo)
             .codes(1, 1, 8, 1)
             .acts("DSP interpolation"),
-        row(Id::Denoise, "denoise", "", "", Choice { names: &["none", "gaussian", "matched"] })
-            .codes(1, 0, 2, DENOISE_MATCHED)
+        row(Id::Denoise, "denoise", "", "", Choice { names: DenoiseFilter::NAMES })
+            .codes(1, 0, 2, DenoiseFilter::Matched.code())
             .acts("DSP filter"),
-        row(Id::Ambient, "ambient", "", "", Choice { names: &["median", "pre-trigger", "none"] })
-            .codes(1, 0, 2, AMBIENT_MEDIAN)
+        row(Id::Ambient, "ambient", "", "", Choice { names: AmbientEstimator::NAMES })
+            .codes(1, 0, 2, AmbientEstimator::Median.code())
             .acts("DSP baseline"),
-        row(
-            Id::Timing,
-            "timing",
-            "",
-            "",
-            Choice { names: &["rising-edge", "parabola", "cfd", "walk-corrected"] },
-        )
-        .codes(1, 0, 3, TIMING_WALK_CORRECTED)
-        .acts("DSP timing"),
+        row(Id::Timing, "timing", "", "", Choice { names: TimingMethod::NAMES })
+            .codes(1, 0, 3, TimingMethod::WalkCorrected.code())
+            .acts("DSP timing"),
         row(Id::MinSeparation, "min_separation", "ΔR", "m", real)
             .codes(1000, 300, 3_000, 855)
             .follows()
             .acts("DSP peaks"),
         row(Id::Echoes, "echoes", "E", "", Integer).codes(1, 1, 4, 1).acts("DSP peaks"),
-        row(
-            Id::EchoChoice,
-            "echo_choice",
-            "",
-            "",
-            Choice { names: &["strongest", "first", "last"] },
-        )
-        .codes(1, 0, 2, CHOICE_STRONGEST)
-        .acts("DSP peaks"),
+        row(Id::EchoChoice, "echo_choice", "", "", Choice { names: EchoChoice::NAMES })
+            .codes(1, 0, 2, EchoChoice::Strongest.code())
+            .acts("DSP peaks"),
     ]
 };
 
@@ -380,7 +342,7 @@ impl Settings {
 
     /// Samples before the trigger that the ambient estimator reads.
     pub fn pre_trigger_samples(&self) -> u32 {
-        if self.ambient == AMBIENT_PRE_TRIGGER { PRE_TRIGGER as u32 } else { 0 }
+        if self.ambient == AmbientEstimator::PreTrigger.code() { PRE_TRIGGER as u32 } else { 0 }
     }
 }
 

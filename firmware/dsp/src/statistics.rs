@@ -4,9 +4,9 @@
     reason = "counts are at most 2400, codes and distances below 2¹⁷, shifts at most 11: all stays below 2²⁹; divisors are at least 1"
 )]
 
+use crate::choice::AmbientEstimator;
 use crate::limits::MAX_SAMPLES;
 use crate::q::shift_round;
-use crate::settings::{AMBIENT_NONE, AMBIENT_PRE_TRIGGER};
 
 /// Where a waveform rests and how much it trembles.
 ///
@@ -70,14 +70,14 @@ impl Statistics {
     ///
     /// σ̂ stays that of the waveform, around its median.
     #[must_use]
-    pub fn with_ambient(self, estimator: i32, before: &[u16], shift: u32) -> Self {
+    pub fn with_ambient(self, estimator: AmbientEstimator, before: &[u16], shift: u32) -> Self {
         let ambient = match (estimator, before.len() as u32) {
-            (AMBIENT_PRE_TRIGGER, n @ 1..) => {
+            (AmbientEstimator::PreTrigger, n @ 1..) => {
                 let sum: u32 = before.iter().map(|&code| u32::from(code)).sum();
                 ((u64::from(sum) << shift) / u64::from(n)) as i32
             }
-            (AMBIENT_NONE, _) => 0,
-            _ => self.ambient,
+            (AmbientEstimator::None, _) => 0,
+            (AmbientEstimator::Median | AmbientEstimator::PreTrigger, _) => self.ambient,
         };
         Self { ambient, ..self }
     }

@@ -3,9 +3,9 @@
 use heapless::Vec;
 use micromath::F32Ext;
 
+use crate::choice::DenoiseFilter;
 use crate::limits::MAX_TAPS;
 use crate::q::{shift_round, sqrt_floor};
-use crate::settings::{DENOISE_GAUSSIAN, DENOISE_NONE};
 
 /// A symmetric filter, and what it does to amplitudes and noise.
 ///
@@ -47,17 +47,16 @@ impl Template {
         Self::sampled(width, half_length(width), |k| pulse(k, width))
     }
 
-    /// The filter of a choice of [`Settings::denoise`](crate::Settings::denoise), for that pulse.
-    /// What is no choice is matched.
-    pub fn of(denoise: i32, width_ps: u32, sample_period_fs: u32) -> Self {
+    /// The filter that is chosen, for that pulse.
+    pub fn new(filter: DenoiseFilter, width_ps: u32, sample_period_fs: u32) -> Self {
         let width = samples_per_width(width_ps, sample_period_fs);
-        match denoise {
-            DENOISE_NONE => Self::sampled(width, 0, |_| 1.0),
-            DENOISE_GAUSSIAN => Self::sampled(width, half_length(width), |k| {
+        match filter {
+            DenoiseFilter::None => Self::sampled(width, 0, |_| 1.0),
+            DenoiseFilter::Gaussian => Self::sampled(width, half_length(width), |k| {
                 let t = k as f32 / width;
                 libm::exp2f(-16.0 * t * t)
             }),
-            _ => Self::sin_squared(width_ps, sample_period_fs),
+            DenoiseFilter::Matched => Self::sin_squared(width_ps, sample_period_fs),
         }
     }
 

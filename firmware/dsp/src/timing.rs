@@ -1,9 +1,9 @@
 //! What a filter does to the time of an echo: how far the noise shifts it, and by how much each
 //! method is wrong.
 
+use crate::choice::TimingMethod;
 use crate::lagrange::interpolation;
 use crate::limits::MAX_TAPS;
-use crate::settings::{TIMING_CFD, TIMING_RISING_EDGE};
 use crate::template::Template;
 
 /// Constants of the timing stage, derived once with the settings.
@@ -47,11 +47,11 @@ pub struct Timing {
 impl Timing {
     /// The constants for a filter, a pulse of so many samples a width, an upsampling ratio and a
     /// method.
-    pub fn of(
+    pub fn new(
         template: &Template,
         samples_per_width: f32,
         upsampling_log2: u32,
-        method: i32,
+        method: TimingMethod,
     ) -> Self {
         let filtered = Filtered { template, width: samples_per_width };
         let log2 = upsampling_log2.min(3);
@@ -61,11 +61,13 @@ impl Timing {
         let bias = 16.0 / 3.0 * (0.5 * fall / bend - 0.25);
         let offset = filtered.offset(method);
         let slope = match method {
-            TIMING_CFD => filtered.at(offset - 0.5) - filtered.at(offset + 0.5),
+            TimingMethod::ConstantFraction => filtered.at(offset - 0.5) - filtered.at(offset + 0.5),
             _ => -filtered.differences(0.0, step).1 * ratio * ratio / (1.0 - bias),
         };
         let (noise, shot) = match method {
-            TIMING_CFD => filtered.share(|k| filtered.tap(k - offset) - 0.5 * filtered.tap(k)),
+            TimingMethod::ConstantFraction => {
+                filtered.share(|k| filtered.tap(k - offset) - 0.5 * filtered.tap(k))
+            }
             _ => filtered.share(|k| filtered.slope_between(k, log2) * ratio),
         };
         let gain = libm::sqrtf(noise) / slope.max(1e-6);
@@ -185,11 +187,11 @@ impl Filtered<'_> {
     }
 
     /// z.
-    fn offset(&self, method: i32) -> f32 {
+    fn offset(&self, method: TimingMethod) -> f32 {
         match method {
-            TIMING_RISING_EDGE => self.width + self.template.half() as f32,
-            TIMING_CFD => self.half_width(),
-            _ => 0.0,
+            TimingMethod::RisingEdge => self.width + self.template.half() as f32,
+            TimingMethod::ConstantFraction => self.half_width(),
+            TimingMethod::Parabola | TimingMethod::WalkCorrected => 0.0,
         }
     }
 
@@ -208,13 +210,18 @@ impl Filtered<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::settings::{DENOISE_GAUSSIAN, DENOISE_MATCHED, DENOISE_NONE, TIMING_PARABOLA};
+    use crate::choice::DenoiseFilter;
 
     const PERIODS_FS: [u32; 4] = [2_000_000, 992_354, 500_000, 330_780];
 
-    fn timing(denoise: i32, period_fs: u32, upsampling_log2: u32, method: i32) -> Timing {
-        let template = Template::of(denoise, 5_000, period_fs);
-        Timing::of(&template, 5e6 / period_fs as f32, upsampling_log2, method)
+    fn timing(
+        filter: DenoiseFilter,
+        period_fs: u32,
+        upsampling_log2: u32,
+        method: TimingMethod,
+    ) -> Timing {
+        let template = Template::new(filter, 5_000, period_fs);
+        Timing::new(&template, 5e6 / period_fs as f32, upsampling_log2, method)
     }
 
     #[test]
@@ -222,8 +229,9 @@ mod tests {
         for period_fs in PERIODS_FS {
             let width = 5e6 / f64::from(period_fs);
             let bound = core::f64::consts::FRAC_2_PI * width.sqrt();
-            let gain =
-                f64::from(timing(DENOISE_MATCHED, period_fs, 0, TIMING_PARABOLA).gain()) / 65536.0;
+            let gain = f64::from(
+                timing(DenoiseFilter::Matched, period_fs, 0, TimingMethod::Parabola).gain(),
+            ) / 65536.0;
             assert!((gain / bound - 1.0).abs() < 0.02, "{period_fs} fs: {gain} against {bound}");
         }
     }
@@ -231,10 +239,10 @@ mod tests {
     #[test]
     fn every_other_filter_s_time_is_less_sharp() {
         for period_fs in PERIODS_FS {
-            let gain = |denoise| timing(denoise, period_fs, 0, TIMING_PARABOLA).gain();
+            let gain = |filter| timing(filter, period_fs, 0, TimingMethod::Parabola).gain();
             assert!(
-                gain(DENOISE_MATCHED) < gain(DENOISE_GAUSSIAN)
-                    && gain(DENOISE_GAUSSIAN) < gain(DENOISE_NONE)
+                gain(DenoiseFilter::Matched) < gain(DenoiseFilter::Gaussian)
+                    && gain(DenoiseFilter::Gaussian) < gain(DenoiseFilter::None)
             );
         }
     }
@@ -242,14 +250,16 @@ mod tests {
     #[test]
     fn half_of_the_shot_noise_shifts_the_time() {
         // ∫ sin²2φ sin²φ over ∫ sin²2φ
-        let share = timing(DENOISE_MATCHED, 500_000, 0, TIMING_PARABOLA).shot_share();
+        let share = timing(DenoiseFilter::Matched, 500_000, 0, TimingMethod::Parabola).shot_share();
         assert!((f64::from(share) / 32768.0 - 0.5).abs() < 0.01, "{share}");
     }
 
     #[test]
     fn a_constant_fraction_of_the_bare_pulse_lies_half_a_width_from_its_middle() {
         for period_fs in PERIODS_FS {
-            let offset = timing(DENOISE_NONE, period_fs, 0, TIMING_CFD).offset() as f64 / 65536.0;
+            let offset = timing(DenoiseFilter::None, period_fs, 0, TimingMethod::ConstantFraction)
+                .offset() as f64
+                / 65536.0;
             assert!(
                 (offset - 2.5e6 / f64::from(period_fs)).abs() < 1e-3,
                 "{period_fs} fs: {offset}"

@@ -464,7 +464,7 @@ fn a_candidate_comes_from_standard_input_too() {
     assert_eq!(output.json()["parameters"]["lidar.gain"], 1.5);
     assert_eq!(
         output.json()["parameters"]["lidar.timing"],
-        f64::from(echoloop_dsp::settings::TIMING_CFD)
+        f64::from(echoloop_dsp::TimingMethod::ConstantFraction.code())
     );
 }
 

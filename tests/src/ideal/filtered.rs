@@ -1,6 +1,6 @@
 //! An echo after the filter, in real numbers: what the timing stage's constants are derived from.
 
-use echoloop_dsp::settings::{TIMING_CFD, TIMING_RISING_EDGE};
+use echoloop_dsp::choice::TimingMethod;
 
 use crate::quantised::lagrange;
 use crate::vectors::pulse;
@@ -65,17 +65,17 @@ impl Filtered {
     }
 
     /// z, from a method's edge to the middle of the echo.
-    pub fn offset(&self, method: i32) -> f64 {
+    pub fn offset(&self, method: TimingMethod) -> f64 {
         match method {
-            TIMING_CFD => self.half_width(),
-            TIMING_RISING_EDGE => self.width + f64::from(self.half()),
+            TimingMethod::ConstantFraction => self.half_width(),
+            TimingMethod::RisingEdge => self.width + f64::from(self.half()),
             _ => 0.0,
         }
     }
 
     /// d[k] of the method; z is its offset.
-    fn shift(&self, method: i32, z: f64, k: i32) -> f64 {
-        if method == TIMING_CFD {
+    fn shift(&self, method: TimingMethod, z: f64, k: i32) -> f64 {
+        if method == TimingMethod::ConstantFraction {
             return self.between(f64::from(k) - z) - 0.5 * self.tap(k);
         }
         let rise =
@@ -83,8 +83,8 @@ impl Filtered {
         self.weights.iter().map(rise).sum()
     }
 
-    fn slope(&self, method: i32, z: f64) -> f64 {
-        if method == TIMING_CFD {
+    fn slope(&self, method: TimingMethod, z: f64) -> f64 {
+        if method == TimingMethod::ConstantFraction {
             return self.at(z - 0.5) - self.at(z + 0.5);
         }
         let step = 1.0 / self.o;
@@ -92,7 +92,7 @@ impl Filtered {
     }
 
     /// σ of the time over σ/A of a sample, and the share of the top's shot noise that counts.
-    pub fn gain_and_share(&self, method: i32) -> (f64, f64) {
+    pub fn gain_and_share(&self, method: TimingMethod) -> (f64, f64) {
         let z = self.offset(method);
         let reach = 2 * self.half() + self.width.ceil() as i32 + 8;
         let (mut noise, mut shot) = (0.0, 0.0);

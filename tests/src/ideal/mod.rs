@@ -5,7 +5,7 @@
 
 use std::f64::consts::PI;
 
-use echoloop_dsp::settings::{TIMING_PARABOLA, TIMING_WALK_CORRECTED};
+use echoloop_dsp::choice::{EchoChoice, TimingMethod};
 use echoloop_dsp::{Hardware, Settings};
 
 use edges::Clipped;
@@ -57,7 +57,7 @@ pub struct Ideal {
     shot: f64,
     min_separation: f64,
     echoes: usize,
-    choice: i32,
+    choice: EchoChoice,
     period_ns: f64,
     range_min_mm: f64,
 }
@@ -65,6 +65,7 @@ pub struct Ideal {
 impl Ideal {
     /// Everything the stages read.
     pub fn new(settings: &Settings, hardware: &Hardware) -> Self {
+        let choices = settings.choices().expect("settings that are taken name choices");
         let window_mm = f64::from(hardware.range_max_mm - hardware.range_min_mm);
         let period_ns = 2.0 * window_mm * 1e6 / (f64::from(settings.bins) * LIGHT);
         let width = f64::from(settings.pulse_width_ps) / 1e3 / period_ns;
@@ -88,13 +89,13 @@ impl Ideal {
             floor: f64::from(settings.noise_floor_ppm) / 1e6 * peak_gain,
             snr_threshold: f64::from(settings.snr_threshold_milli) / 1e3,
             upsampling: settings.upsampling,
-            walk_corrected: settings.timing == TIMING_WALK_CORRECTED,
+            walk_corrected: choices.timing == TimingMethod::WalkCorrected,
             bias: filtered.bias(),
-            gain_and_share: filtered.gain_and_share(TIMING_PARABOLA),
+            gain_and_share: filtered.gain_and_share(TimingMethod::Parabola),
             shot: f64::from(hardware.shot_noise_ppm) / 1e6 * gain,
             min_separation: separation_mm * f64::from(settings.bins) / window_mm,
             echoes: settings.echoes as usize,
-            choice: settings.echo_choice,
+            choice: choices.echoes,
             period_ns,
             range_min_mm: hardware.range_min_mm.into(),
         }

@@ -18,6 +18,7 @@
 //! | [`noise`], [`pulse`], [`edges`] | those |
 //! | [`echo`] | `echo` |
 
+use echoloop_dsp::choice::{AmbientEstimator, EchoChoice, TimingMethod};
 use echoloop_dsp::statistics::Statistics as DspStatistics;
 use echoloop_dsp::template::Template;
 use echoloop_dsp::{Config, Hardware, MAX_SAMPLES, Settings};
@@ -187,7 +188,7 @@ pub struct Twin {
     /// Samples before the trigger.
     pub pre_trigger: usize,
     /// Which ambient estimator.
-    pub ambient: i32,
+    pub ambient: AmbientEstimator,
     /// Q1.15 LSB of one code, after the shots are added up.
     pub code: f64,
     /// The lowest saturated code.
@@ -205,7 +206,7 @@ pub struct Twin {
     /// o.
     pub upsampling: f64,
     /// Which timing method.
-    pub timing: i32,
+    pub timing: TimingMethod,
     /// gain, Q16.16.
     pub timing_gain: f64,
     /// q, Q1.15.
@@ -229,7 +230,7 @@ pub struct Twin {
     /// E.
     pub echoes: usize,
     /// Which of them.
-    pub choice: i32,
+    pub choice: EchoChoice,
     /// Sample period, fs.
     pub period_fs: f64,
     /// Range of sample 0, 1/256 mm.
@@ -251,7 +252,8 @@ impl Twin {
     pub fn new(settings: &Settings, hardware: &Hardware, config: &Config) -> Self {
         let period_fs = period_fs(settings.bins, hardware);
         let width_ps = settings.pulse_width_ps as u32;
-        let template = Template::of(settings.denoise, width_ps, period_fs as u32);
+        let choices = settings.choices().expect("settings that are taken name choices");
+        let template = Template::new(choices.denoise, width_ps, period_fs as u32);
         let taps: Vec<f64> = template.taps().iter().map(|&h| f64::from(h)).collect();
         let peak_gain = f64::from(template.peak_gain());
         let shots = f64::from(settings.shots);
@@ -268,7 +270,7 @@ impl Twin {
             shots,
             sum_divisor,
             pre_trigger: settings.pre_trigger_samples() as usize,
-            ambient: settings.ambient,
+            ambient: choices.ambient,
             code: two_to(15 - bits.min(14)),
             clip_code: nearest(f64::from(settings.saturation_ppm) * full_scale / 1e6),
             noise_gain: taps.iter().map(|h| h * h).sum::<f64>().sqrt().floor(),
@@ -277,7 +279,7 @@ impl Twin {
             taps,
             snr_threshold: nearest(f64::from(settings.snr_threshold_milli) * 256.0 / 1e3),
             upsampling: settings.upsampling.into(),
-            timing: settings.timing,
+            timing: choices.timing,
             timing_gain: config.timing().gain().into(),
             shot_share: config.timing().shot_share().into(),
             timing_bias: config.timing().bias().into(),
@@ -289,7 +291,7 @@ impl Twin {
             reflectivity_scale: config.reflectivity_scale(),
             min_separation: (separation_um * two_to(24) / (range_step * 1e3)).floor().max(1.0),
             echoes: settings.echoes as usize,
-            choice: settings.echo_choice,
+            choice: choices.echoes,
             period_fs,
             range_origin: f64::from(hardware.range_min_mm) * 256.0,
             range_step,

@@ -1,6 +1,6 @@
 //! Local maxima, separated and chosen.
 
-use echoloop_dsp::settings::{CHOICE_FIRST, CHOICE_LAST};
+use echoloop_dsp::choice::EchoChoice;
 
 use super::Peak;
 
@@ -74,10 +74,10 @@ pub fn separate(peaks: &[Peak], min_separation: f64) -> Vec<Peak> {
 }
 
 /// At most `count` of peaks that stand by rising index.
-pub fn choose(peaks: &[Peak], count: usize, choice: i32) -> Vec<Peak> {
+pub fn choose(peaks: &[Peak], count: usize, choice: EchoChoice) -> Vec<Peak> {
     let mut order = match choice {
-        CHOICE_FIRST => peaks.to_vec(),
-        CHOICE_LAST => peaks.iter().rev().copied().collect(),
+        EchoChoice::First => peaks.to_vec(),
+        EchoChoice::Last => peaks.iter().rev().copied().collect(),
         _ => by_strength(peaks),
     };
     order.truncate(count);

@@ -1,6 +1,6 @@
 //! Sub-sample time, height, width, amplitude and σ of a peak.
 
-use echoloop_dsp::settings::{TIMING_CFD, TIMING_RISING_EDGE, TIMING_WALK_CORRECTED};
+use echoloop_dsp::choice::TimingMethod;
 
 use super::edges::Clipped;
 use super::filter::correlate;
@@ -79,8 +79,8 @@ impl Twin {
             flags: left.flag | right.flag | if run.is_some() { SATURATED } else { 0 },
         };
         let refined = match (self.timing, run) {
-            (TIMING_WALK_CORRECTED, None) => Refined { time: vertex.unbiased, ..top },
-            (TIMING_WALK_CORRECTED, Some((first, last))) => {
+            (TimingMethod::WalkCorrected, None) => Refined { time: vertex.unbiased, ..top },
+            (TimingMethod::WalkCorrected, Some((first, last))) => {
                 let level = (self.clip_code * self.code - threshold.ambient).max(1.0);
                 let clipped =
                     Clipped { pulse: &self.pulse, x: wave.x, level, first, last, noise: *noise };
@@ -95,15 +95,15 @@ impl Twin {
                 };
                 Refined { flags: fitted.flags | WALK_CORRECTED, ..fitted }
             }
-            (TIMING_CFD, _) => {
+            (TimingMethod::ConstantFraction, _) => {
                 self.to_edge(wave, peak, vertex.height * two_to(7), threshold.level, noise, top)
             }
-            (TIMING_RISING_EDGE, _) => {
+            (TimingMethod::RisingEdge, _) => {
                 self.to_edge(wave, peak, threshold.level * two_to(8), threshold.level, noise, top)
             }
             _ => top,
         };
-        let walks = run.is_some() && self.timing != TIMING_WALK_CORRECTED;
+        let walks = run.is_some() && self.timing != TimingMethod::WalkCorrected;
         let unknown = walks || refined.flags & TRUNCATED != 0;
         Refined { sigma: if unknown { MOST } else { refined.sigma }, ..refined }
     }
@@ -168,7 +168,7 @@ impl Twin {
         let fraction = ((level - low) * SAMPLE / rise).floor().clamp(0.0, SAMPLE);
         let time = (above - 1) as f64 * SAMPLE + fraction + self.timing_offset;
         let sigma = match self.timing {
-            TIMING_CFD => top.sigma,
+            TimingMethod::ConstantFraction => top.sigma,
             _ => {
                 let at_level = noise.of(self.amplitude(nearest(level / two_to(8))));
                 let filtered = product(at_level, self.noise_gain) >> 15;

@@ -1,7 +1,7 @@
 //! Order statistics by sorting, and the ambient.
 
 use echoloop_dsp::MAX_SAMPLES;
-use echoloop_dsp::settings::{AMBIENT_NONE, AMBIENT_PRE_TRIGGER};
+use echoloop_dsp::choice::AmbientEstimator;
 
 use super::numbers::{nearest, two_to};
 use super::{Statistics, Twin};
@@ -38,10 +38,10 @@ impl Twin {
     pub fn with_ambient(&self, statistics: Statistics, before: &[u16]) -> Statistics {
         let sum: f64 = before.iter().map(|&code| f64::from(code)).sum();
         let ambient = match self.ambient {
-            AMBIENT_PRE_TRIGGER if !before.is_empty() => {
+            AmbientEstimator::PreTrigger if !before.is_empty() => {
                 (sum * self.code / before.len() as f64).floor()
             }
-            AMBIENT_NONE => 0.0,
+            AmbientEstimator::None => 0.0,
             _ => statistics.ambient,
         };
         Statistics { ambient, ..statistics }

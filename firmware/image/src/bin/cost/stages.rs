@@ -89,7 +89,7 @@ fn count_with(
     let report = || {
         let mut peaks = peaks.clone();
         detect::separate(&mut peaks, config.min_separation());
-        let chosen = detect::choose(peaks, settings.echoes as usize, settings.echo_choice);
+        let chosen = detect::choose(peaks, settings.echoes as usize, config.echo_choice());
         let exact = |n| filter::exact(template.taps(), &padded, codes.len(), n);
         let x = padded.get(template.half()..template.half() + codes.len()).unwrap_or_default();
         let waveform = Waveform { codes, x, y };
