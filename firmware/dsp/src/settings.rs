@@ -14,66 +14,6 @@ use crate::choice::{AmbientEstimator, DenoiseFilter, EchoChoice, TimingMethod};
 use crate::limits::PRE_TRIGGER;
 use crate::reason::Reason;
 
-/// One whole set of sensor settings, in wire units. It is taken or refused whole.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Settings {
-    /// Peak laser power P, 0.01 W.
-    pub power_cw: i32,
-    /// Pulse width W (FWHM), ps.
-    pub pulse_width_ps: i32,
-    /// Analog gain G, 0.01 dB.
-    pub gain_cdb: i32,
-    /// Waveform resolution N_w, bins over the range window.
-    pub bins: i32,
-    /// Accumulated shots m.
-    pub shots: i32,
-    /// Saturation level S, ppm of ADC full scale.
-    pub saturation_ppm: i32,
-    /// Noise-floor threshold N, ppm of ADC full scale, on an echo's amplitude.
-    pub noise_floor_ppm: i32,
-    /// SNR threshold k, 0.001 σ of the filtered noise.
-    pub snr_threshold_milli: i32,
-    /// Upsampling ratio o of the interpolation around a candidate.
-    pub upsampling: i32,
-    /// Denoise filter, a choice.
-    pub denoise: i32,
-    /// Ambient estimator, a choice.
-    pub ambient: i32,
-    /// Timing method, a choice.
-    pub timing: i32,
-    /// Minimum echo separation ΔR, mm; `None` follows the pulse: 1.14·cW/2.
-    pub min_separation_mm: Option<i32>,
-    /// Echoes kept per waveform.
-    pub echoes: i32,
-    /// Which echoes are kept, a choice.
-    pub echo_choice: i32,
-}
-
-/// Names one field of [`Settings`]. Variants are only ever appended: their order is on the wire.
-#[derive(
-    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, Schema,
-)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[allow(missing_docs, reason = "each is the field of Settings of that name")]
-pub enum ParameterId {
-    Power,
-    PulseWidth,
-    Gain,
-    WaveformResolution,
-    Shots,
-    Saturation,
-    NoiseFloor,
-    SnrThreshold,
-    Upsampling,
-    Denoise,
-    Ambient,
-    Timing,
-    MinSeparation,
-    Echoes,
-    EchoChoice,
-}
-
 /// How a parameter's values lie.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kind {
@@ -118,40 +58,7 @@ pub struct Parameter {
     pub acts_in: &'static str,
 }
 
-const fn row(
-    id: ParameterId,
-    name: &'static str,
-    symbol: &'static str,
-    unit: &'static str,
-    kind: Kind,
-) -> Parameter {
-    Parameter {
-        id,
-        name,
-        symbol,
-        unit,
-        kind,
-        codes_per_unit: 1,
-        min: 0,
-        max: 0,
-        default: None,
-        acts_in: "",
-    }
-}
-
 impl Parameter {
-    const fn codes(self, codes_per_unit: i32, min: i32, max: i32, default: i32) -> Self {
-        Self { codes_per_unit, min, max, default: Some(default), ..self }
-    }
-
-    const fn follows(self) -> Self {
-        Self { default: None, ..self }
-    }
-
-    const fn acts(self, acts_in: &'static str) -> Self {
-        Self { acts_in, ..self }
-    }
-
     /// A wire value in the parameter's unit.
     pub fn to_unit(&self, code: i32) -> f64 {
         f64::from(code) / f64::from(self.codes_per_unit)
@@ -189,53 +96,184 @@ fn is_power_of_two(value: i32) -> bool {
     u32::try_from(value).is_ok_and(u32::is_power_of_two)
 }
 
-/// The parameter table: every name, unit, range and default of Θ_lidar, once.
-pub const PARAMETERS: [Parameter; 15] = {
-    use Kind::{Choice, Integer, PowerOfTwo, Real};
-    use ParameterId as Id;
-    let real = Real { log: false };
-    let log = Real { log: true };
-    [
-        row(Id::Power, "power", "P", "W", log).codes(100, 500, 10_000, 7_500).acts("front end"),
-        row(Id::PulseWidth, "pulse_width", "W", "ns", real)
-            .codes(1000, 2_000, 20_000, 5_000)
-            .acts("front end, template"),
-        row(Id::Gain, "gain", "G", "dB", real).codes(100, -1_000, 3_000, 0).acts("front end"),
-        row(Id::WaveformResolution, "waveform_resolution", "N_w", "bins", Integer)
-            .codes(1, 200, 2400, 800)
-            .acts("ADC clock"),
-        row(Id::Shots, "shots", "m", "", PowerOfTwo).codes(1, 1, 16, 1).acts("DSP accumulation"),
-        row(Id::Saturation, "saturation", "S", "of full scale", real)
-            .codes(1_000_000, 250_000, 1_000_000, 1_000_000)
-            .acts("DSP clip"),
-        row(Id::NoiseFloor, "noise_floor", "N", "of full scale", log)
-            .codes(1_000_000, 100, 200_000, 4_000)
-            .acts("DSP threshold"),
-        row(Id::SnrThreshold, "snr_threshold", "k", "sigma", real)
-            .codes(1000, 2_500, 8_000, 4_700)
-            .acts("DSP threshold"),
-        row(Id::Upsampling, "upsampling", "o", "", PowerOfTwo)
-            .codes(1, 1, 8, 1)
-            .acts("DSP interpolation"),
-        row(Id::Denoise, "denoise", "", "", Choice { names: DenoiseFilter::NAMES })
-            .codes(1, 0, 2, DenoiseFilter::Matched.code())
-            .acts("DSP filter"),
-        row(Id::Ambient, "ambient", "", "", Choice { names: AmbientEstimator::NAMES })
-            .codes(1, 0, 2, AmbientEstimator::Median.code())
-            .acts("DSP baseline"),
-        row(Id::Timing, "timing", "", "", Choice { names: TimingMethod::NAMES })
-            .codes(1, 0, 3, TimingMethod::WalkCorrected.code())
-            .acts("DSP timing"),
-        row(Id::MinSeparation, "min_separation", "ΔR", "m", real)
-            .codes(1000, 300, 3_000, 855)
-            .follows()
-            .acts("DSP peaks"),
-        row(Id::Echoes, "echoes", "E", "", Integer).codes(1, 1, 4, 1).acts("DSP peaks"),
-        row(Id::EchoChoice, "echo_choice", "", "", Choice { names: EchoChoice::NAMES })
-            .codes(1, 0, 2, EchoChoice::Strongest.code())
-            .acts("DSP peaks"),
-    ]
-};
+/// The table of Θ_lidar, each parameter once: field, identifier, and its row of [`PARAMETERS`].
+///
+/// A field of `i32` is always set; one of `Option<i32>` may follow other settings. Rows are only ever
+/// appended: their order is that of the wire.
+macro_rules! parameters {
+    ($($(#[$doc:meta])* $field:ident: $value:ty, $id:ident { $($row:tt)* })*) => {
+        /// One whole set of sensor settings, in wire units. It is taken or refused whole.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        pub struct Settings {
+            $($(#[$doc])* pub $field: $value,)*
+        }
+
+        /// Names one field of [`Settings`]. Variants are only ever appended: their order is on the
+        /// wire.
+        #[derive(
+            Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, Schema,
+        )]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        pub enum ParameterId {
+            $($(#[$doc])* $id,)*
+        }
+
+        /// The parameter table: every name, unit, range and default of Θ_lidar, once.
+        pub const PARAMETERS: [Parameter; [$(ParameterId::$id),*].len()] =
+            [$(Parameter { id: ParameterId::$id, $($row)* }),*];
+
+        impl Settings {
+            /// The value of one field, in wire units; `None` where it follows other settings.
+            pub fn get(&self, id: ParameterId) -> Option<i32> {
+                match id {
+                    $(ParameterId::$id => self.$field.value(),)*
+                }
+            }
+
+            /// Sets one field, in wire units. `None` returns a field to following others; where it
+            /// cannot follow, nothing happens.
+            pub fn set(&mut self, id: ParameterId, value: Option<i32>) {
+                match id {
+                    $(ParameterId::$id => self.$field.set(value),)*
+                }
+            }
+        }
+
+        impl Default for Settings {
+            fn default() -> Self {
+                let mut settings = Self { $($field: Default::default()),* };
+                for parameter in &PARAMETERS {
+                    settings.set(parameter.id, parameter.default);
+                }
+                settings
+            }
+        }
+    };
+}
+
+/// A field of [`Settings`].
+trait Field {
+    fn value(&self) -> Option<i32>;
+    fn set(&mut self, value: Option<i32>);
+}
+
+/// Always set.
+impl Field for i32 {
+    fn value(&self) -> Option<i32> {
+        Some(*self)
+    }
+
+    fn set(&mut self, value: Option<i32>) {
+        *self = value.unwrap_or(*self);
+    }
+}
+
+/// Follows other settings while it is `None`.
+impl Field for Option<i32> {
+    fn value(&self) -> Option<i32> {
+        *self
+    }
+
+    fn set(&mut self, value: Option<i32>) {
+        *self = value;
+    }
+}
+
+const REAL: Kind = Kind::Real { log: false };
+const LOG: Kind = Kind::Real { log: true };
+
+/// The code of the last of some choices.
+const fn last(names: &[&str]) -> i32 {
+    (names.len() as i32).saturating_sub(1)
+}
+
+parameters! {
+    /// Peak laser power P, 0.01 W.
+    power_cw: i32, Power {
+        name: "power", symbol: "P", unit: "W", kind: LOG,
+        codes_per_unit: 100, min: 500, max: 10_000, default: Some(7_500), acts_in: "front end",
+    }
+    /// Pulse width W (FWHM), ps.
+    pulse_width_ps: i32, PulseWidth {
+        name: "pulse_width", symbol: "W", unit: "ns", kind: REAL,
+        codes_per_unit: 1000, min: 2_000, max: 20_000, default: Some(5_000),
+        acts_in: "front end, template",
+    }
+    /// Analog gain G, 0.01 dB.
+    gain_cdb: i32, Gain {
+        name: "gain", symbol: "G", unit: "dB", kind: REAL,
+        codes_per_unit: 100, min: -1_000, max: 3_000, default: Some(0), acts_in: "front end",
+    }
+    /// Waveform resolution N_w, bins over the range window.
+    bins: i32, WaveformResolution {
+        name: "waveform_resolution", symbol: "N_w", unit: "bins", kind: Kind::Integer,
+        codes_per_unit: 1, min: 200, max: 2400, default: Some(800), acts_in: "ADC clock",
+    }
+    /// Accumulated shots m.
+    shots: i32, Shots {
+        name: "shots", symbol: "m", unit: "", kind: Kind::PowerOfTwo,
+        codes_per_unit: 1, min: 1, max: 16, default: Some(1), acts_in: "DSP accumulation",
+    }
+    /// Saturation level S, ppm of ADC full scale.
+    saturation_ppm: i32, Saturation {
+        name: "saturation", symbol: "S", unit: "of full scale", kind: REAL,
+        codes_per_unit: 1_000_000, min: 250_000, max: 1_000_000, default: Some(1_000_000),
+        acts_in: "DSP clip",
+    }
+    /// Noise-floor threshold N, ppm of ADC full scale, on an echo's amplitude.
+    noise_floor_ppm: i32, NoiseFloor {
+        name: "noise_floor", symbol: "N", unit: "of full scale", kind: LOG,
+        codes_per_unit: 1_000_000, min: 100, max: 200_000, default: Some(4_000),
+        acts_in: "DSP threshold",
+    }
+    /// SNR threshold k, 0.001 σ of the filtered noise.
+    snr_threshold_milli: i32, SnrThreshold {
+        name: "snr_threshold", symbol: "k", unit: "sigma", kind: REAL,
+        codes_per_unit: 1000, min: 2_500, max: 8_000, default: Some(4_700),
+        acts_in: "DSP threshold",
+    }
+    /// Upsampling ratio o of the interpolation around a candidate.
+    upsampling: i32, Upsampling {
+        name: "upsampling", symbol: "o", unit: "", kind: Kind::PowerOfTwo,
+        codes_per_unit: 1, min: 1, max: 8, default: Some(1), acts_in: "DSP interpolation",
+    }
+    /// Denoise filter: the code of a [`DenoiseFilter`].
+    denoise: i32, Denoise {
+        name: "denoise", symbol: "", unit: "", kind: Kind::Choice { names: DenoiseFilter::NAMES },
+        codes_per_unit: 1, min: 0, max: last(DenoiseFilter::NAMES),
+        default: Some(DenoiseFilter::Matched.code()), acts_in: "DSP filter",
+    }
+    /// Ambient estimator: the code of an [`AmbientEstimator`].
+    ambient: i32, Ambient {
+        name: "ambient", symbol: "", unit: "",
+        kind: Kind::Choice { names: AmbientEstimator::NAMES },
+        codes_per_unit: 1, min: 0, max: last(AmbientEstimator::NAMES),
+        default: Some(AmbientEstimator::Median.code()), acts_in: "DSP baseline",
+    }
+    /// Timing method: the code of a [`TimingMethod`].
+    timing: i32, Timing {
+        name: "timing", symbol: "", unit: "", kind: Kind::Choice { names: TimingMethod::NAMES },
+        codes_per_unit: 1, min: 0, max: last(TimingMethod::NAMES),
+        default: Some(TimingMethod::WalkCorrected.code()), acts_in: "DSP timing",
+    }
+    /// Minimum echo separation ΔR, mm; `None` follows the pulse: 1.14·cW/2.
+    min_separation_mm: Option<i32>, MinSeparation {
+        name: "min_separation", symbol: "ΔR", unit: "m", kind: REAL,
+        codes_per_unit: 1000, min: 300, max: 3_000, default: None, acts_in: "DSP peaks",
+    }
+    /// Echoes kept per waveform.
+    echoes: i32, Echoes {
+        name: "echoes", symbol: "E", unit: "", kind: Kind::Integer,
+        codes_per_unit: 1, min: 1, max: 4, default: Some(1), acts_in: "DSP peaks",
+    }
+    /// Which echoes are kept: the code of an [`EchoChoice`].
+    echo_choice: i32, EchoChoice {
+        name: "echo_choice", symbol: "", unit: "", kind: Kind::Choice { names: EchoChoice::NAMES },
+        codes_per_unit: 1, min: 0, max: last(EchoChoice::NAMES),
+        default: Some(EchoChoice::Strongest.code()), acts_in: "DSP peaks",
+    }
+}
 
 impl ParameterId {
     /// Its row of the table.
@@ -256,83 +294,7 @@ impl fmt::Display for ParameterId {
     }
 }
 
-impl Default for Settings {
-    fn default() -> Self {
-        let mut settings = Self {
-            power_cw: 0,
-            pulse_width_ps: 0,
-            gain_cdb: 0,
-            bins: 0,
-            shots: 0,
-            saturation_ppm: 0,
-            noise_floor_ppm: 0,
-            snr_threshold_milli: 0,
-            upsampling: 0,
-            denoise: 0,
-            ambient: 0,
-            timing: 0,
-            min_separation_mm: None,
-            echoes: 0,
-            echo_choice: 0,
-        };
-        for parameter in &PARAMETERS {
-            settings.set(parameter.id, parameter.default);
-        }
-        settings
-    }
-}
-
 impl Settings {
-    /// The value of one field, in wire units; `None` where it follows other settings.
-    pub fn get(&self, id: ParameterId) -> Option<i32> {
-        use ParameterId as Id;
-        Some(match id {
-            Id::Power => self.power_cw,
-            Id::PulseWidth => self.pulse_width_ps,
-            Id::Gain => self.gain_cdb,
-            Id::WaveformResolution => self.bins,
-            Id::Shots => self.shots,
-            Id::Saturation => self.saturation_ppm,
-            Id::NoiseFloor => self.noise_floor_ppm,
-            Id::SnrThreshold => self.snr_threshold_milli,
-            Id::Upsampling => self.upsampling,
-            Id::Denoise => self.denoise,
-            Id::Ambient => self.ambient,
-            Id::Timing => self.timing,
-            Id::MinSeparation => return self.min_separation_mm,
-            Id::Echoes => self.echoes,
-            Id::EchoChoice => self.echo_choice,
-        })
-    }
-
-    /// Sets one field, in wire units. `None` returns a field to following others; where it cannot
-    /// follow, nothing happens.
-    pub fn set(&mut self, id: ParameterId, value: Option<i32>) {
-        use ParameterId as Id;
-        if id == Id::MinSeparation {
-            self.min_separation_mm = value;
-            return;
-        }
-        let Some(value) = value else { return };
-        match id {
-            Id::Power => self.power_cw = value,
-            Id::PulseWidth => self.pulse_width_ps = value,
-            Id::Gain => self.gain_cdb = value,
-            Id::WaveformResolution => self.bins = value,
-            Id::Shots => self.shots = value,
-            Id::Saturation => self.saturation_ppm = value,
-            Id::NoiseFloor => self.noise_floor_ppm = value,
-            Id::SnrThreshold => self.snr_threshold_milli = value,
-            Id::Upsampling => self.upsampling = value,
-            Id::Denoise => self.denoise = value,
-            Id::Ambient => self.ambient = value,
-            Id::Timing => self.timing = value,
-            Id::MinSeparation => {}
-            Id::Echoes => self.echoes = value,
-            Id::EchoChoice => self.echo_choice = value,
-        }
-    }
-
     /// ΔR in mm; 1.14·cW/2, rounded down, when it follows the pulse.
     pub fn separation_mm(&self) -> i32 {
         // 1.14 × c/2 = 170.88 µm per ps
