@@ -6,17 +6,16 @@ use echoloop_dsp::accumulate::Accumulator;
 use echoloop_dsp::choice::EchoChoice;
 use echoloop_dsp::detect::{self, Threshold};
 use echoloop_dsp::echo::Echo;
+use echoloop_dsp::edges::{EdgeFit, MAX_AMPLITUDE, Run};
 use echoloop_dsp::filter::{self, PADDING};
 use echoloop_dsp::hardware::sample_period_fs;
 use echoloop_dsp::kernel::{Portable, Scalar};
 use echoloop_dsp::noise::Noise;
 use echoloop_dsp::peak::{self, Peaks};
 use echoloop_dsp::pulse::{self, Pulse};
-use echoloop_dsp::refine::{self, Refined, Waveform};
+use echoloop_dsp::refine::{Refined, Refiner, Waveform};
 use echoloop_dsp::statistics::Statistics;
-use echoloop_dsp::{
-    Config, Echoes, Flags, Hardware, MAX_CODES, Pipeline, Scratch, baseline, edges,
-};
+use echoloop_dsp::{Config, Echoes, Flags, Hardware, MAX_CODES, Pipeline, Scratch, baseline};
 use echoloop_tests::quantised::{self, Twin};
 use echoloop_tests::vectors::{self, Case, ClippedRun};
 use rand::{Rng, RngExt};
@@ -319,7 +318,7 @@ fn the_noise_of_a_sample_equals_its_twin() {
                 0 => three_sigma + rng.random_range(-2..=2),
                 1 => rng.random_range(-70_000..=70_000),
                 2 => i64::from(rng.random::<i16>()) >> rng.random_range(0..16),
-                _ => rng.random_range(0..=edges::MAX_AMPLITUDE),
+                _ => rng.random_range(0..=MAX_AMPLITUDE),
             };
             let share = rng.random_range(0..=40_000);
             assert_eq!(
@@ -396,7 +395,8 @@ fn the_edges_of_clipped_runs_equal_their_twins() {
         let ClippedRun { level, first, last, .. } = run;
         let noise = Noise { sigma: run.sigma, shot: run.shot };
         let pulse = Pulse::new(run.width_ps, run.period_fs);
-        let ours = edges::fit(&pulse, &run.x, level, first, last, &noise)
+        let ours = EdgeFit { pulse: &pulse, noise: &noise, level }
+            .fit(&run.x, Run { first, last })
             .map(quantised::edges::Edges::from);
         let x = reals(&run.x);
         let twin = quantised::edges::Clipped {
@@ -462,7 +462,13 @@ fn refined_peaks_equal_their_twins() {
             quantised::Waveform { codes: &codes, x: &reals(&x), y: &reals(&y), f: &reals_f };
         for &peak in found.iter().take(8) {
             let waveform = Waveform { codes: &codes, x: &x, y: &y };
-            let ours = refine::refine(&config, &waveform, |n| at(&f, n), peak, &threshold, &noise);
+            let refiner = Refiner {
+                config: &config,
+                waveform: &waveform,
+                threshold: &threshold,
+                noise: &noise,
+            };
+            let ours = refiner.refine(|n| at(&f, n), peak);
             let expected = twin.refine(&twin_wave, peak.into(), &threshold.into(), &noise.into());
             assert_eq!(quantised::Refined::from(ours), expected, "seed {seed}, {peak:?}");
         }
@@ -506,7 +512,7 @@ fn echoes_equal_their_twins() {
                 height,
                 width: rng.random_range(0..=i64::from(case.settings.bins) << 16)
                     >> rng.random_range(0..16),
-                amplitude: rng.random_range(-edges::MAX_AMPLITUDE / 8..=2 * edges::MAX_AMPLITUDE)
+                amplitude: rng.random_range(-MAX_AMPLITUDE / 8..=2 * MAX_AMPLITUDE)
                     >> rng.random_range(0..26),
                 sigma: rng.random::<u32>() >> rng.random_range(0..32),
                 flags: Flags(rng.random_range(0..32)),

@@ -5,7 +5,7 @@ use echoloop_dsp::Kernel;
 use echoloop_dsp::filter::{self, PADDING};
 use echoloop_dsp::kernel::Portable;
 use echoloop_dsp::peak::{self, Peaks};
-use echoloop_dsp::split::{Hidden, Sharpener, crests, shoulders};
+use echoloop_dsp::split::{Hidden, Sharpener, Splitter, crests};
 use echoloop_dsp::template::Template;
 use echoloop_host::waveforms::finder::{Pulse, RINGS, Recorder, Search};
 use echoloop_tests::quantised::Peak;
@@ -83,8 +83,11 @@ fn the_sharpener_and_the_shoulders_it_finds_equal_their_twins() {
         let mut coarse = Peaks::new();
         crests(y.iter().copied(), 0, 40, |h| i32::from(h >> 2), &mut coarse);
         let mut hidden = Hidden::new();
-        let found =
-            shoulders(&sharpener, &x, &y, 300, 40, &coarse, |peak| peak.index % 3 > 0, &mut hidden);
+        let found = Splitter { sharpener: &sharpener, x: &x, y: &y, sigma: 300, level: 40 }.split(
+            &coarse,
+            |peak| peak.index % 3 > 0,
+            &mut hidden,
+        );
         let expected = split_twin::shoulders(
             &twin,
             &reals(&x),
@@ -227,7 +230,9 @@ fn sensor(rng: &mut ChaCha8Rng, clean: &[(f64, f64)]) -> (usize, usize) {
     Portable.peaks(&y, level, &mut coarse);
     (
         coarse.len(),
-        shoulders(&sharpener, &x, &y, sigma, level, &coarse, |_| true, &mut Hidden::new()).len(),
+        Splitter { sharpener: &sharpener, x: &x, y: &y, sigma, level }
+            .split(&coarse, |_| true, &mut Hidden::new())
+            .len(),
     )
 }
 

@@ -35,8 +35,8 @@ pub struct Config {
     /// Codes at or above it are saturated.
     pub(crate) clip_code: u16,
     pub(crate) template: Template,
-    /// The emitted pulse; `None` where it is not known to be sin².
-    pub(crate) pulse: Option<Pulse>,
+    /// The emitted pulse.
+    pub(crate) pulse: Pulse,
     /// Samples on either side of a pulse's middle, strictly inside it.
     pub(crate) reach: usize,
     /// Which ambient estimator.
@@ -98,7 +98,7 @@ impl Config {
             timing: Timing::new(&template, samples_per_width, upsampling_log2, choices.timing),
             sharpener: (settings.echoes > 1).then(|| Sharpener::for_pulse(width_ps, period_fs)),
             template,
-            pulse: Some(Pulse::new(width_ps, period_fs)),
+            pulse: Pulse::new(width_ps, period_fs),
             reach: half_length(samples_per_width),
             ambient: choices.ambient,
             method: choices.timing,

@@ -70,40 +70,135 @@ const LEAST_SIGMA: i64 = 1 << 6;
 /// Of the edge that shows A = v / p(x); of neither A = level / p((1 + D/2) / 2): p at least 2⁻³⁰.
 /// There 1 + D/2 is at least 1/16 and at most 2. h is [`Noise::hidden`]; roots are Q16.16, at most
 /// 2⁸; these, and every product, quotient and half, are rounded down.
-///
-/// `None`: the run touches an end of the waveform.
-#[inline(never)]
-pub fn fit(
-    pulse: &Pulse,
-    x: &[i16],
-    level: i64,
-    first: usize,
-    last: usize,
-    noise: &Noise,
-) -> Option<Edges> {
-    let pair = |i: usize| {
-        let (left, right) = (first.checked_sub(i)?, last.checked_add(i)?);
-        let value =
-            |n: usize| x.get(n).map(|&v| if noise.hides(v.into()) { 0 } else { i64::from(v) });
-        Some(Pair { left: left as i64, right: right as i64, values: (value(left)?, value(right)?) })
-    };
-    let nearest = pair(1)?;
-    let solved = nearest.solve(pulse, level, noise);
-    let (mut sum, mut weights) = (0, weight(&solved));
-    let farther = (2..=EDGE).map_while(pair).take_while(Pair::both_show);
-    for pair in farther.take(if nearest.both_show() { EDGE } else { 0 }) {
-        let farther = pair.solve(pulse, level, noise);
-        sum += weight(&farther) * (pair.time(pulse, farther.x) - nearest.time(pulse, solved.x));
-        weights += weight(&farther);
+#[derive(Clone, Copy, Debug)]
+pub struct EdgeFit<'a> {
+    /// The emitted pulse.
+    pub pulse: &'a Pulse,
+    /// Noise of a sample.
+    pub noise: &'a Noise,
+    /// S without baseline, Q1.15, at least 1.
+    pub level: i64,
+}
+
+/// A run of clipped samples: the indices of its first and last.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Run {
+    /// The first.
+    pub first: usize,
+    /// The last.
+    pub last: usize,
+}
+
+impl EdgeFit<'_> {
+    /// Fits the edges of a run of `x`; `None` where it touches an end of the waveform.
+    #[inline(never)]
+    pub fn fit(&self, x: &[i16], run: Run) -> Option<Edges> {
+        let nearest = self.pair(x, run, 1)?;
+        let solved = self.solve(&nearest);
+        let (mut sum, mut weights) = (0, weight(&solved));
+        let farther = (2..=EDGE).map_while(|i| self.pair(x, run, i)).take_while(Pair::both_show);
+        for pair in farther.take(if nearest.both_show() { EDGE } else { 0 }) {
+            let farther = self.solve(&pair);
+            let delay = pair.time(self.pulse, farther.x) - nearest.time(self.pulse, solved.x);
+            sum += weight(&farther) * delay;
+            weights += weight(&farther);
+        }
+        let alone = weights == weight(&solved);
+        let sigma = match alone {
+            true => solved.sigma as u64,
+            false => ((1u64 << 40) / weights.max(1) as u64).isqrt(),
+        };
+        Some(Edges {
+            time: nearest.time(self.pulse, solved.x) + sum.div_euclid(weights.max(1)),
+            amplitude: solved.amplitude.max(self.level).min(MAX_AMPLITUDE),
+            sigma: sigma.clamp(LEAST_SIGMA as u64, u32::MAX.into()) as u32,
+        })
     }
-    let alone = weights == weight(&solved);
-    let sigma =
-        if alone { solved.sigma as u64 } else { ((1u64 << 40) / weights.max(1) as u64).isqrt() };
-    Some(Edges {
-        time: nearest.time(pulse, solved.x) + sum.div_euclid(weights.max(1)),
-        amplitude: solved.amplitude.max(level).min(MAX_AMPLITUDE),
-        sigma: sigma.clamp(LEAST_SIGMA as u64, u32::MAX.into()) as u32,
-    })
+
+    /// The samples `i` before the run and `i` after it.
+    fn pair(&self, x: &[i16], run: Run, i: usize) -> Option<Pair> {
+        let (left, right) = (run.first.checked_sub(i)?, run.last.checked_add(i)?);
+        let hides = |v: i16| self.noise.hides(v.into());
+        let value = |n: usize| x.get(n).map(|&v| if hides(v) { 0 } else { i64::from(v) });
+        Some(Pair { left: left as i64, right: right as i64, values: (value(left)?, value(right)?) })
+    }
+
+    fn solve(&self, pair: &Pair) -> Solved {
+        let slack = pair.slack(self.pulse);
+        let mut solved = match pair.values {
+            (0, 0) => self.neither(slack),
+            (left, 0) => self.one(left, slack),
+            (0, right) => {
+                let mirrored = self.one(right, slack);
+                Solved { x: slack - mirrored.x, ..mirrored }
+            }
+            (left, right) => self.both(left, right, slack),
+        };
+        solved.sigma = solved.sigma.max(LEAST_SIGMA);
+        solved
+    }
+
+    /// Both edges show.
+    fn both(&self, left: i64, right: i64, slack: i64) -> Solved {
+        let pulse = self.pulse;
+        if slack <= 0 {
+            // The run is longer than the pulse: no single echo. Its middle is all there is to say.
+            return Solved {
+                x: slack >> 1,
+                amplitude: left.max(right),
+                sigma: (1 << 14) - (slack >> 2),
+            };
+        }
+        let uneven = |x: i64| left * pulse.at(slack - x) - right * pulse.at(x);
+        let (mut low, mut high) = ((slack - pulse.width()).max(0), slack.min(pulse.width()));
+        while high - low > RESOLUTION {
+            let middle = (low + high) >> 1;
+            if uneven(middle) > 0 { low = middle } else { high = middle }
+        }
+        let (above, below) = (uneven(low).max(0), uneven(high).min(0));
+        let x = low + (high - low) * (above >> 15) / ((above - below) >> 15).max(1);
+        let amplitude = ((left + right) << 30) / (pulse.at(x) + pulse.at(slack - x)).max(1);
+        Solved { x, amplitude, sigma: self.sigma_of_both(left, right, x, slack) }
+    }
+
+    /// σ of x from the noise of both values: equation σ_x of [`EdgeFit`].
+    #[inline(always)]
+    fn sigma_of_both(&self, left: i64, right: i64, x: i64, slack: i64) -> i64 {
+        let pulse = self.pulse;
+        // p² Q30 · σ² Q38 >> 8, its root Q30; v Q15 · p′ Q30 >> 15.
+        let part = |p: i64, value: i64| {
+            let p = (p >> 15) as u64;
+            p * p * (self.noise.variance(value, 1 << 15) >> 8).min(1 << 32)
+        };
+        let shift = (part(pulse.at(slack - x), left) + part(pulse.at(x), right)).isqrt();
+        let stiffness = (left * pulse.slope(slack - x) + right * pulse.slope(x)) >> 15;
+        ((shift << 16) / (stiffness.max(1) as u64)).min(1 << 24) as i64
+    }
+
+    /// The edge that shows; the other is only bounded.
+    fn one(&self, value: i64, slack: i64) -> Solved {
+        let hidden = root_of_ratio(self.noise.hidden(), value);
+        let clipped = root_of_ratio(self.level, value);
+        let least = (slack.max(0) << 16) / ((1 << 16) + hidden);
+        let most = least.max(((slack + (1 << 16)) << 16) / ((1 << 16) + clipped));
+        let x = least + 2 * (most - least) / 3; // the mean of a density that rises in proportion
+        Solved {
+            x,
+            amplitude: (value << 30) / self.pulse.at(x).max(1),
+            sigma: rising(most - least) + (slack.max(0) - least) / 6, // h is three σ: half of that
+        }
+    }
+
+    /// Both edges fall between two samples.
+    fn neither(&self, slack: i64) -> Solved {
+        let reach = ((1 << 16) + (slack >> 1)).clamp(1 << 12, 1 << 17);
+        let hidden = (root_of_ratio(self.noise.hidden(), self.level) * reach) >> 16;
+        let least = (slack - hidden).max(-1 << 16);
+        let most = hidden.min(slack + (1 << 16)).max(least);
+        let doubt = hidden / 6 + ((slack >> 1) - hidden).max(0);
+        let amplitude = (self.level << 30) / self.pulse.at(reach >> 1).max(1);
+        Solved { x: slack >> 1, amplitude, sigma: uniform(most - least) + doubt }
+    }
 }
 
 /// ⌊2⁴⁰/σ²⌋, at least 1.
@@ -138,73 +233,6 @@ impl Pair {
     fn time(&self, pulse: &Pulse, x: i64) -> i64 {
         (((self.left + self.right) << 16) + self.slack(pulse) - 2 * x) >> 1
     }
-
-    fn solve(&self, pulse: &Pulse, level: i64, noise: &Noise) -> Solved {
-        let slack = self.slack(pulse);
-        let mut solved = match self.values {
-            (0, 0) => neither(pulse, level, slack, noise),
-            (left, 0) => one(pulse, left, level, slack, noise),
-            (0, right) => {
-                let mirrored = one(pulse, right, level, slack, noise);
-                Solved { x: slack - mirrored.x, ..mirrored }
-            }
-            (left, right) => both(pulse, left, right, slack, noise),
-        };
-        solved.sigma = solved.sigma.max(LEAST_SIGMA);
-        solved
-    }
-}
-
-fn both(pulse: &Pulse, left: i64, right: i64, slack: i64, noise: &Noise) -> Solved {
-    if slack <= 0 {
-        return Solved {
-            x: slack >> 1,
-            amplitude: left.max(right),
-            sigma: (1 << 14) - (slack >> 2),
-        };
-    }
-    let uneven = |x: i64| left * pulse.at(slack - x) - right * pulse.at(x);
-    let (mut low, mut high) = ((slack - pulse.width()).max(0), slack.min(pulse.width()));
-    while high - low > RESOLUTION {
-        let middle = (low + high) >> 1;
-        if uneven(middle) > 0 { low = middle } else { high = middle }
-    }
-    let (above, below) = (uneven(low).max(0), uneven(high).min(0));
-    let x = low + (high - low) * (above >> 15) / ((above - below) >> 15).max(1);
-    let (at_left, at_right) = (pulse.at(x), pulse.at(slack - x));
-    let amplitude = ((left + right) << 30) / (at_left + at_right).max(1);
-    // p² Q30 · σ² Q38 >> 8, its root Q30; v Q15 · p′ Q30 >> 15.
-    let part = |p: i64, value: i64| {
-        let p = (p >> 15) as u64;
-        p * p * (noise.variance(value, 1 << 15) >> 8).min(1 << 32)
-    };
-    let shift = (part(at_right, left) + part(at_left, right)).isqrt();
-    let stiffness = (left * pulse.slope(slack - x) + right * pulse.slope(x)) >> 15;
-    let sigma = (shift << 16) / (stiffness.max(1) as u64);
-    Solved { x, amplitude, sigma: sigma.min(1 << 24) as i64 }
-}
-
-/// The edge that shows; the other is only bounded.
-fn one(pulse: &Pulse, value: i64, level: i64, slack: i64, noise: &Noise) -> Solved {
-    let least = (slack.max(0) << 16) / ((1 << 16) + root_of_ratio(noise.hidden(), value));
-    let most = least.max(((slack + (1 << 16)) << 16) / ((1 << 16) + root_of_ratio(level, value)));
-    let x = least + 2 * (most - least) / 3;
-    Solved {
-        x,
-        amplitude: (value << 30) / pulse.at(x).max(1),
-        sigma: rising(most - least) + (slack.max(0) - least) / 6,
-    }
-}
-
-/// Both edges fall between two samples.
-fn neither(pulse: &Pulse, level: i64, slack: i64, noise: &Noise) -> Solved {
-    let reach = ((1 << 16) + (slack >> 1)).clamp(1 << 12, 1 << 17);
-    let hidden = (root_of_ratio(noise.hidden(), level) * reach) >> 16;
-    let least = (slack - hidden).max(-1 << 16);
-    let most = hidden.min(slack + (1 << 16)).max(least);
-    let doubt = hidden / 6 + ((slack >> 1) - hidden).max(0);
-    let amplitude = (level << 30) / pulse.at(reach >> 1).max(1);
-    Solved { x: slack >> 1, amplitude, sigma: uniform(most - least) + doubt }
 }
 
 /// √(a/b), Q16.16, rounded down, at most 2⁸: `b` at least 1.
@@ -231,6 +259,10 @@ mod tests {
 
     const QUIET: Noise = Noise { sigma: 100, shot: 0 }; // 6 LSB of Q1.15
 
+    fn fit(pulse: &Pulse, x: &[i16], first: usize, last: usize) -> Option<Edges> {
+        EdgeFit { pulse, noise: &QUIET, level: 16_384 }.fit(x, Run { first, last })
+    }
+
     /// Q1.15 samples of a pulse of 5 samples a width around `middle`, clipped at half of full
     /// scale.
     fn clipped(middle: f64, amplitude: f64) -> (Vec<i16>, usize, usize) {
@@ -256,7 +288,7 @@ mod tests {
             for phase in 0..32 {
                 let middle = 30.0 + f64::from(phase) / 32.0;
                 let (x, first, last) = clipped(middle, amplitude);
-                let edges = fit(&pulse, &x, 16_384, first, last, &QUIET).unwrap();
+                let edges = fit(&pulse, &x, first, last).unwrap();
                 let shows = x[first - 1].min(x[last + 1]) > 100; // else an edge fell between two samples
                 let error = edges.time as f64 / 65536.0 - middle;
                 let bound = if shows { 0.01 } else { 0.05 };
@@ -282,7 +314,7 @@ mod tests {
         for phase in 0..64 {
             let middle = 30.0 + f64::from(phase) / 64.0;
             let (x, first, last) = clipped(middle, 1_000.0);
-            let edges = fit(&pulse, &x, 16_384, first, last, &QUIET).unwrap();
+            let edges = fit(&pulse, &x, first, last).unwrap();
             let error = (edges.time as f64 / 65536.0 - middle).abs();
             let sigma = f64::from(edges.sigma) / 65536.0;
             assert!(
@@ -296,8 +328,8 @@ mod tests {
     fn a_run_at_an_end_of_the_waveform_has_no_edges() {
         let pulse = Pulse::new(5_000, 1_000_000);
         let (x, first, last) = clipped(30.0, 2.0);
-        assert_eq!(fit(&pulse, &x[first..], 16_384, 0, last - first, &QUIET), None);
-        assert_eq!(fit(&pulse, &x[..=last], 16_384, first, last, &QUIET), None);
-        assert_eq!(fit(&pulse, &[], 16_384, 0, 0, &QUIET), None);
+        assert_eq!(fit(&pulse, &x[first..], 0, last - first), None);
+        assert_eq!(fit(&pulse, &x[..=last], first, last), None);
+        assert_eq!(fit(&pulse, &[], 0, 0), None);
     }
 }

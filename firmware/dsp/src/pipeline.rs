@@ -9,10 +9,10 @@ use crate::kernel::Kernel;
 use crate::limits::{MAX_SAMPLES, MAX_TAPS};
 use crate::noise::Noise;
 use crate::peak::{Peak, Peaks};
-use crate::refine::{self, Refined, Waveform};
+use crate::refine::{Refined, Refiner, Waveform};
 use crate::refusal::Refusal;
 use crate::settings::Settings;
-use crate::split::{self, Hidden, Sharpener};
+use crate::split::{Hidden, Sharpener, Splitter};
 use crate::statistics::Statistics;
 
 /// Working memory of one waveform: about 10 kB, reused for every waveform.
@@ -143,10 +143,9 @@ impl Pipeline {
         let (start, end) = scratch.filled;
         let waveform = Waveform { codes, x: padded.get(start..end).unwrap_or_default(), y };
         let noise = Noise::new(&scratch.statistics, config.shot_noise);
+        let refiner = Refiner { config, waveform: &waveform, threshold, noise: &noise };
         let hidden = match &config.sharpener {
-            Some(sharpener) => {
-                self.split(sharpener, &waveform, &noise, threshold, &mut scratch.peaks)
-            }
+            Some(sharpener) => Self::split(sharpener, &refiner, &mut scratch.peaks),
             None => Hidden::new(),
         };
         detect::separate(&mut scratch.peaks, config.min_separation);
@@ -154,9 +153,9 @@ impl Pipeline {
         let exact = |n| filter::exact(taps, padded, codes.len(), n);
         let mut echoes = Echoes::new();
         for peak in chosen {
-            let mut refined = refine::refine(config, &waveform, exact, peak, threshold, &noise);
+            let mut refined = refiner.refine(exact, peak);
             if hidden.contains(&peak.index) {
-                self.sharpen(&waveform, peak, &mut refined);
+                self.sharpen(&refiner, peak, &mut refined);
             }
             if let Some(echo) = Echo::of(config, &refined, threshold) {
                 let _ = echoes.push(echo); // choose() gives no more than fit
@@ -169,34 +168,19 @@ impl Pipeline {
     /// much as a filtered one, so narrow echoes are left alone; so are clipped ones, whose flat
     /// tops have horns behind the sharpener.
     #[inline(never)]
-    fn split(
-        &self,
-        sharpener: &Sharpener,
-        waveform: &Waveform<'_>,
-        noise: &Noise,
-        threshold: &Threshold,
-        peaks: &mut Peaks,
-    ) -> Hidden {
-        let Waveform { x, y, .. } = *waveform;
-        let may_hide = |peak| refine::may_hide(&self.config, waveform, peak, threshold);
+    fn split(sharpener: &Sharpener, refiner: &Refiner<'_>, peaks: &mut Peaks) -> Hidden {
+        let Waveform { x, y, .. } = *refiner.waveform;
+        let (sigma, level) = (refiner.noise.sigma, refiner.threshold.level);
+        let splitter = Splitter { sharpener, x, y, sigma, level };
         let mut hidden = Hidden::new();
-        *peaks = split::shoulders(
-            sharpener,
-            x,
-            y,
-            noise.sigma,
-            threshold.level,
-            peaks,
-            may_hide,
-            &mut hidden,
-        );
+        *peaks = splitter.split(peaks, |peak| refiner.may_hide(peak), &mut hidden);
         hidden
     }
 
     #[inline(never)]
-    fn sharpen(&self, waveform: &Waveform<'_>, peak: Peak, refined: &mut Refined) {
+    fn sharpen(&self, refiner: &Refiner<'_>, peak: Peak, refined: &mut Refined) {
         if let Some(sharpener) = &self.config.sharpener {
-            refine::sharpen(&self.config, |n| sharpener.exact(waveform.x, n), peak, refined);
+            refiner.sharpen(|n| sharpener.exact(refiner.waveform.x, n), peak, refined);
         }
     }
 }

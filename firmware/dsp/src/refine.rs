@@ -7,7 +7,7 @@
 use crate::choice::TimingMethod;
 use crate::config::Config;
 use crate::detect::{Threshold, hysteresis};
-use crate::edges::{self, Edges};
+use crate::edges::{EdgeFit, Edges, Run};
 use crate::flags::Flags;
 use crate::lagrange::interpolation;
 use crate::noise::Noise;
@@ -42,206 +42,192 @@ pub struct Waveform<'a> {
     pub y: &'a [i16],
 }
 
-/// Refines one peak of `y`.
-///
-/// ```text
-/// f[n]  = the filter's output before it was rounded to y         Q9.23; f = 0 outside
-/// s     = index, moved later one sample at a time while f rises, at most K times
-/// z[j]  = f interpolated at s + j/o, j = −o−1..o+1               Q9.23, nearest
-/// δ     = (z₋ − z₊) / (2 (z₋ − 2 z₀ + z₊))   around the highest z[j], j = −o..o     Q16.16, nearest, within ±½
-/// height = z₀ − (z₋ − z₊)·δ/4                                    Q9.23, nearest; then Q1.15, nearest
-/// width = right − left: crossings of half of y[index]            Q16.16
-/// ```
-///
-/// Of equally high `z[j]` the sample itself (j = 0) counts, else the first. A denominator of 0
-/// makes δ 0. With o = 1, j is 0. K is the last sample inside the pulse on either side of its
-/// middle. Clipped is an echo of which a code, no further from the index than ⌈K/2⌉, reached the
-/// saturation level; [`edges`] are those of the run of clipped samples around the nearest such
-/// code, of two as near the earlier. Their level is the clip code in Q1.15 less the ambient, at
-/// least 2⁻¹⁵.
-///
-/// | method | time, Q16.16 | σ of the time, Q16.16, rounded down |
-/// |---|---|---|
-/// | parabola | s + (j + δ)/o, nearest | gain · σ(A) / A, with the share q of the shot noise |
-/// | walk-corrected | as parabola with δ − β·⌊δ (1 − 4δ²)⌋ (product nearest) for δ; clipped: [`edges`], and where they fail the middle of left and right, rounded down | as parabola; clipped: [`edges`], else of the parabola |
-/// | CFD | where f rises to half of the height, plus [`Timing`](crate::timing::Timing)'s z | as parabola |
-/// | rising edge | where f rises to the threshold T, plus z | σ(level/g) · r over the slope of f there |
-///
-/// f is said to rise to a level between the samples where `y`, seen from the index on earlier
-/// samples, falls below it (level rounded to Q1.15, no higher than the peak): at the first of them
-/// plus (level − f)/(rise of f), a fraction of 0 to 1 in Q16.16, rounded down, the rise at least
-/// 2⁻²³. Where that meets a valley or the end, the time is there plus z, and σ that of the
-/// parabola; its flags are the echo's. σ(level/g) · r is rounded down to Q13.19 before it is
-/// divided by the rise.
-///
-/// σ is the greatest there is, for it is not known, of an echo that the window cuts off, and of a
-/// clipped one by a method that lets it walk.
-///
-/// A top whose codes are clipped has the amplitude that its edges tell when the time comes from
-/// them; else `height/g`.
-///
-/// The steps of `y`, 2⁻¹⁵, would flatten the top of a weak echo in little noise; `f` has 256 times
-/// finer ones, for the few samples that need them. The width is the filtered one: 1.44 W for a
-/// whole echo behind the matched filter.
-///
-/// Accuracy, against the same method in real numbers, 12 bits, noise of 4 codes or more: 4, 1 and
-/// 0.6 mm at SNR 5, 20 and 100 (`tolerance.rs` of the tests has the whole table).
-#[inline(never)]
-pub fn refine(
-    config: &Config,
-    waveform: &Waveform<'_>,
-    f: impl Fn(i64) -> i64,
-    peak: Peak,
-    threshold: &Threshold,
-    noise: &Noise,
-) -> Refined {
-    let Waveform { codes, x, y } = *waveform;
-    let half = i32::from(peak.height) >> 1;
-    let left = crossing(y, peak, half, threshold.level, -1);
-    let right = crossing(y, peak, half, threshold.level, 1);
-    let clipped = clipped_run(config, codes, peak);
-    let correct = config.method == TimingMethod::WalkCorrected;
-    let bias = if correct && clipped.is_none() { i64::from(config.timing.bias()) } else { 0 };
-    let vertex = vertex(&f, peak, config.reach, config.upsampling_log2, bias);
-    let amplitude = config.template.amplitude(vertex.height).max(1);
-    let mut refined = Refined {
-        time: vertex.time,
-        height: vertex.height,
-        width: right.time - left.time,
-        amplitude,
-        sigma: sigma_of_top(config, amplitude, noise),
-        flags: left.flags | right.flags,
-    };
-    match config.method {
-        TimingMethod::WalkCorrected => {
-            if let Some((first, last)) = clipped {
-                refined.flags |= Flags::WALK_CORRECTED;
-                let level = (i64::from(config.clip_code) << config.code_shift)
-                    - i64::from(threshold.ambient);
-                match config
-                    .pulse
-                    .as_ref()
-                    .and_then(|p| edges::fit(p, x, level.max(1), first, last, noise))
-                {
-                    Some(Edges { time, amplitude, sigma }) => {
-                        (refined.time, refined.amplitude, refined.sigma) = (time, amplitude, sigma);
-                    }
-                    None => refined.time = (left.time + right.time) >> 1,
-                }
+/// What refining looks at: the same for every peak of a waveform.
+#[derive(Clone, Copy, Debug)]
+pub struct Refiner<'a> {
+    /// What the stages read.
+    pub config: &'a Config,
+    /// The waveform.
+    pub waveform: &'a Waveform<'a>,
+    /// The threshold that its peaks reached.
+    pub threshold: &'a Threshold,
+    /// The noise of its samples.
+    pub noise: &'a Noise,
+}
+
+impl Refiner<'_> {
+    /// Refines one peak of `y`.
+    ///
+    /// ```text
+    /// f[n]  = the filter's output before it was rounded to y         Q9.23; f = 0 outside
+    /// s     = index, moved later one sample at a time while f rises, at most K times
+    /// z[j]  = f interpolated at s + j/o, j = −o−1..o+1               Q9.23, nearest
+    /// δ     = (z₋ − z₊) / (2 (z₋ − 2 z₀ + z₊))   around the highest z[j], j = −o..o     Q16.16, nearest, within ±½
+    /// height = z₀ − (z₋ − z₊)·δ/4                                    Q9.23, nearest; then Q1.15, nearest
+    /// width = right − left: crossings of half of y[index]            Q16.16
+    /// ```
+    ///
+    /// Of equally high `z[j]` the sample itself (j = 0) counts, else the first. A denominator of 0
+    /// makes δ 0. With o = 1, j is 0. K is the last sample inside the pulse on either side of its
+    /// middle. Clipped is an echo of which a code, no further from the index than ⌈K/2⌉, reached the
+    /// saturation level; [`EdgeFit`] are those of the run of clipped samples around the nearest such
+    /// code, of two as near the earlier. Their level is the clip code in Q1.15 less the ambient, at
+    /// least 2⁻¹⁵.
+    ///
+    /// | method | time, Q16.16 | σ of the time, Q16.16, rounded down |
+    /// |---|---|---|
+    /// | parabola | s + (j + δ)/o, nearest | gain · σ(A) / A, with the share q of the shot noise |
+    /// | walk-corrected | as parabola with δ − β·⌊δ (1 − 4δ²)⌋ (product nearest) for δ; clipped: [`EdgeFit`], and where they fail the middle of left and right, rounded down | as parabola; clipped: [`EdgeFit`], else of the parabola |
+    /// | CFD | where f rises to half of the height, plus [`Timing`](crate::timing::Timing)'s z | as parabola |
+    /// | rising edge | where f rises to the threshold T, plus z | σ(level/g) · r over the slope of f there |
+    ///
+    /// f is said to rise to a level between the samples where `y`, seen from the index on earlier
+    /// samples, falls below it (level rounded to Q1.15, no higher than the peak): at the first of them
+    /// plus (level − f)/(rise of f), a fraction of 0 to 1 in Q16.16, rounded down, the rise at least
+    /// 2⁻²³. Where that meets a valley or the end, the time is there plus z, and σ that of the
+    /// parabola; its flags are the echo's. σ(level/g) · r is rounded down to Q13.19 before it is
+    /// divided by the rise.
+    ///
+    /// σ is the greatest there is, for it is not known, of an echo that the window cuts off, and of a
+    /// clipped one by a method that lets it walk.
+    ///
+    /// A top whose codes are clipped has the amplitude that its edges tell when the time comes from
+    /// them; else `height/g`.
+    ///
+    /// The steps of `y`, 2⁻¹⁵, would flatten the top of a weak echo in little noise; `f` has 256 times
+    /// finer ones, for the few samples that need them. The width is the filtered one: 1.44 W for a
+    /// whole echo behind the matched filter.
+    ///
+    /// Accuracy, against the same method in real numbers, 12 bits, noise of 4 codes or more: 4, 1 and
+    /// 0.6 mm at SNR 5, 20 and 100 (`tolerance.rs` of the tests has the whole table).
+    #[inline(never)]
+    pub fn refine(&self, f: impl Fn(i64) -> i64, peak: Peak) -> Refined {
+        let config = self.config;
+        let half = i32::from(peak.height) >> 1;
+        let (left, right) = (self.crossing(peak, half, -1), self.crossing(peak, half, 1));
+        let clipped = self.clipped_run(peak);
+        let corrects = config.method == TimingMethod::WalkCorrected;
+        let bias = if corrects && clipped.is_none() { config.timing.bias().into() } else { 0 };
+        let vertex = vertex(&f, peak, config.reach, config.upsampling_log2, bias);
+        let amplitude = config.template.amplitude(vertex.height).max(1);
+        let mut refined = Refined {
+            time: vertex.time,
+            height: vertex.height,
+            width: right.time - left.time,
+            amplitude,
+            sigma: self.sigma_of_top(amplitude),
+            flags: left.flags | right.flags,
+        };
+        match (config.method, clipped) {
+            (TimingMethod::WalkCorrected, Some(run)) => {
+                self.time_by_edges(run, (left.time + right.time) >> 1, &mut refined);
             }
+            (TimingMethod::ConstantFraction, _) => {
+                self.time_by_rise(&f, peak, i64::from(vertex.height) << 7, &mut refined);
+            }
+            (TimingMethod::RisingEdge, _) => {
+                self.time_by_rise(&f, peak, i64::from(self.threshold.level) << 8, &mut refined);
+            }
+            (TimingMethod::Parabola | TimingMethod::WalkCorrected, _) => {}
         }
-        TimingMethod::ConstantFraction => to_edge(
-            config,
-            y,
-            &f,
-            peak,
-            i64::from(vertex.height) << 7,
-            threshold,
-            noise,
-            &mut refined,
-        ),
-        TimingMethod::RisingEdge => {
-            to_edge(
-                config,
-                y,
-                &f,
-                peak,
-                i64::from(threshold.level) << 8,
-                threshold,
-                noise,
-                &mut refined,
-            );
+        if clipped.is_some() {
+            refined.flags |= Flags::SATURATED;
         }
-        TimingMethod::Parabola => {}
+        let walks = clipped.is_some() && !corrects;
+        if walks || refined.flags.contains(Flags::TRUNCATED) {
+            refined.sigma = u32::MAX;
+        }
+        refined
     }
-    if clipped.is_some() {
-        refined.flags |= Flags::SATURATED;
+
+    /// Whether a peak may hide others: it is not clipped, and its width at half height exceeds
+    /// [`Timing`](crate::timing::Timing)'s w or ends in a valley.
+    pub fn may_hide(&self, peak: Peak) -> bool {
+        let half = i32::from(peak.height) >> 1;
+        let (left, right) = (self.crossing(peak, half, -1), self.crossing(peak, half, 1));
+        let merged = (left.flags | right.flags).contains(Flags::MERGED);
+        (merged || right.time - left.time > self.config.timing.broad())
+            && self.clipped_run(peak).is_none()
     }
-    let walks = clipped.is_some() && config.method != TimingMethod::WalkCorrected;
-    if walks || refined.flags.contains(Flags::TRUNCATED) {
-        refined.sigma = u32::MAX;
+
+    /// Times a peak that another hid by the parabola through the sharper filter's output `f`
+    /// (Q9.23) instead, without correction for bias; it is merged. A clipped one stays as it was. σ
+    /// is twice as great, for the sharper filter's noise, and W f_s/32 (rounded down) more, for what
+    /// the other shifts it by: saturating.
+    pub fn sharpen(&self, f: impl Fn(i64) -> i64, peak: Peak, refined: &mut Refined) {
+        let config = self.config;
+        let overlap = (config.pulse.width() >> 5) as u32;
+        refined.flags |= Flags::MERGED;
+        refined.sigma = refined.sigma.saturating_mul(2).saturating_add(overlap);
+        if !refined.flags.contains(Flags::SATURATED) {
+            refined.time = vertex(f, peak, config.reach, config.upsampling_log2, 0).time;
+        }
     }
-    refined
-}
 
-/// Whether a peak may hide others: it is not clipped, and its width at half height exceeds
-/// [`Timing`](crate::timing::Timing)'s w or ends in a valley.
-pub fn may_hide(
-    config: &Config,
-    waveform: &Waveform<'_>,
-    peak: Peak,
-    threshold: &Threshold,
-) -> bool {
-    let half = i32::from(peak.height) >> 1;
-    let [left, right] =
-        [-1, 1].map(|direction| crossing(waveform.y, peak, half, threshold.level, direction));
-    let merged = (left.flags | right.flags).contains(Flags::MERGED);
-    (merged || right.time - left.time > config.timing.broad())
-        && clipped_run(config, waveform.codes, peak).is_none()
-}
-
-/// Times a peak that another hid by the parabola through the sharper filter's output `f` (Q9.23)
-/// instead, without correction for bias; it is merged. A clipped one stays as it was. σ is twice as
-/// great, for the sharper filter's noise, and W f_s/32 (rounded down) more, for what the other
-/// shifts it by: saturating.
-pub fn sharpen(config: &Config, f: impl Fn(i64) -> i64, peak: Peak, refined: &mut Refined) {
-    refined.flags |= Flags::MERGED;
-    let overlap = config.pulse.as_ref().map_or(0, |pulse| pulse.width() >> 5) as u32;
-    refined.sigma = refined.sigma.saturating_mul(2).saturating_add(overlap);
-    if !refined.flags.contains(Flags::SATURATED) {
-        refined.time = vertex(f, peak, config.reach, config.upsampling_log2, 0).time;
+    /// σ of the time of a top: gain · σ(A) / A.
+    fn sigma_of_top(&self, amplitude: i64) -> u32 {
+        let timing = &self.config.timing;
+        let sigma = self.noise.with(amplitude, timing.shot_share());
+        let scaled = (u64::from(timing.gain()) * u64::from(sigma)) >> 4; // Q1.15 of σ
+        (scaled / amplitude.max(1) as u64).min(u32::MAX.into()) as u32
     }
-}
 
-/// σ of the time of a top: gain · σ(A) / A.
-fn sigma_of_top(config: &Config, amplitude: i64, noise: &Noise) -> u32 {
-    let sigma = noise.with(amplitude, config.timing.shot_share());
-    let scaled = (u64::from(config.timing.gain()) * u64::from(sigma)) >> 4; // Q1.15 of σ
-    (scaled / amplitude.max(1) as u64).min(u32::MAX.into()) as u32
-}
-
-/// Takes the time from where `f` rises to `level` (Q9.23).
-#[expect(clippy::too_many_arguments, reason = "one step of refine, with what it has at hand")]
-#[inline(never)]
-fn to_edge(
-    config: &Config,
-    y: &[i16],
-    f: &impl Fn(i64) -> i64,
-    peak: Peak,
-    level: i64,
-    threshold: &Threshold,
-    noise: &Noise,
-    refined: &mut Refined,
-) {
-    let coarse = shift_round(level, 8).min(peak.height.into()) as i32;
-    let crossing = crossing(y, peak, coarse, threshold.level, -1);
-    refined.time = crossing.time + config.timing.offset();
-    refined.flags |= crossing.flags;
-    let Some(below) = crossing.below else { return };
-    let (low, high) = (f(below), f(below + 1));
-    let rise = (high - low).max(1);
-    let fraction = (((level - low) << 16).div_euclid(rise)).clamp(0, 1 << 16);
-    refined.time = (below << 16) + fraction + config.timing.offset();
-    if config.method == TimingMethod::ConstantFraction {
-        return; // its σ is the timing constants'
+    /// Takes time, amplitude and σ from the edges of a clipped run; where they say nothing, the
+    /// time from the middle between the crossings.
+    #[inline(always)]
+    fn time_by_edges(&self, run: Run, middle: i64, refined: &mut Refined) {
+        let Self { config, waveform, threshold, noise } = *self;
+        refined.flags |= Flags::WALK_CORRECTED;
+        let clip = i64::from(config.clip_code) << config.code_shift;
+        let level = (clip - i64::from(threshold.ambient)).max(1);
+        match (EdgeFit { pulse: &config.pulse, noise, level }).fit(waveform.x, run) {
+            Some(Edges { time, amplitude, sigma }) => {
+                (refined.time, refined.amplitude, refined.sigma) = (time, amplitude, sigma);
+            }
+            None => refined.time = middle,
+        }
     }
-    let at_level = noise.of(config.template.amplitude(shift_round(level, 8) as i32));
-    let filtered = (u64::from(at_level) * u64::from(config.template.noise_gain())) >> 15; // Q13.19
-    refined.sigma = ((filtered << 20) / rise as u64).min(u32::MAX.into()) as u32;
-}
 
-/// The run of clipped samples that holds the clipped one nearest to the peak, if one lies within
-/// ⌈K/2⌉; of two as near the first.
-fn clipped_run(config: &Config, codes: &[u16], peak: Peak) -> Option<(usize, usize)> {
-    let reach = config.reach.div_ceil(2);
-    let index = usize::from(peak.index);
-    let is_clipped = |n: &usize| codes.get(*n).is_some_and(|&code| code >= config.clip_code);
-    let nearest = (0..reach + 1).find_map(|step| {
-        index.checked_sub(step).filter(is_clipped).or_else(|| Some(index + step).filter(is_clipped))
-    })?;
-    let first = (0..nearest).rev().take_while(is_clipped).last().unwrap_or(nearest);
-    let last = (nearest + 1..codes.len()).take_while(is_clipped).last().unwrap_or(nearest);
-    Some((first, last))
+    /// Takes the time from where `f` rises to `level` (Q9.23).
+    #[inline(never)]
+    fn time_by_rise(&self, f: &impl Fn(i64) -> i64, peak: Peak, level: i64, refined: &mut Refined) {
+        let config = self.config;
+        let coarse = shift_round(level, 8).min(peak.height.into()) as i32;
+        let crossing = self.crossing(peak, coarse, -1);
+        refined.time = crossing.time + config.timing.offset();
+        refined.flags |= crossing.flags;
+        let Some(below) = crossing.below else { return };
+        let (low, high) = (f(below), f(below + 1));
+        let rise = (high - low).max(1);
+        let fraction = (((level - low) << 16).div_euclid(rise)).clamp(0, 1 << 16);
+        refined.time = (below << 16) + fraction + config.timing.offset();
+        if config.method == TimingMethod::ConstantFraction {
+            return; // its σ is the timing constants'
+        }
+        let at_level = self.noise.of(config.template.amplitude(shift_round(level, 8) as i32));
+        let filtered = (u64::from(at_level) * u64::from(config.template.noise_gain())) >> 15; // Q13.19
+        refined.sigma = ((filtered << 20) / rise as u64).min(u32::MAX.into()) as u32;
+    }
+
+    /// The run of clipped samples that holds the clipped one nearest to the peak, if one lies within
+    /// ⌈K/2⌉; of two as near the first.
+    fn clipped_run(&self, peak: Peak) -> Option<Run> {
+        let (config, codes) = (self.config, self.waveform.codes);
+        let reach = config.reach.div_ceil(2);
+        let index = usize::from(peak.index);
+        let is_clipped = |n: &usize| codes.get(*n).is_some_and(|&code| code >= config.clip_code);
+        let nearest = (0..reach + 1).find_map(|step| {
+            let before = index.checked_sub(step).filter(is_clipped);
+            before.or_else(|| Some(index + step).filter(is_clipped))
+        })?;
+        let first = (0..nearest).rev().take_while(is_clipped).last().unwrap_or(nearest);
+        let last = (nearest + 1..codes.len()).take_while(is_clipped).last().unwrap_or(nearest);
+        Some(Run { first, last })
+    }
+
+    fn crossing(&self, peak: Peak, level: i32, direction: i64) -> Crossing {
+        crossing(self.waveform.y, peak, level, self.threshold.level, direction)
+    }
 }
 
 struct Vertex {

@@ -4,6 +4,8 @@
     reason = "taps and samples are Q1.15 with Σ abs(s) ≤ 1: sums within 2³⁰; 64ths below 2⁸ of taps below 2¹⁷; indices of memory"
 )]
 
+use core::ops::Range;
+
 use heapless::Vec;
 
 use crate::filter;
@@ -218,58 +220,66 @@ pub type Hidden = Vec<u16, MAX_CANDIDATES>;
 ///
 /// Two equal sin² echoes of S = 50 come apart from 1.14·cτ/2 on at 0.5, 1 and 2 GS/s
 /// (`tests/tests/limits.rs`).
-#[expect(
-    clippy::too_many_arguments,
-    reason = "a waveform in two forms, its noise and threshold, the peaks and which of them"
-)]
-pub fn shoulders(
-    sharpener: &Sharpener,
-    x: &[i16],
-    y: &[i16],
-    sigma: u32,
-    level: i16,
-    coarse: &Peaks,
-    may_hide: impl Fn(Peak) -> bool,
-    hidden: &mut Hidden,
-) -> Peaks {
-    let sigma = sharpener.sigma(sigma);
-    let mut all = Peaks::new();
-    let mut under = Peaks::new();
-    hidden.clear();
-    let mut start = 0;
-    for (i, peak) in coarse.iter().enumerate() {
-        let index = usize::from(peak.index);
-        let middle = coarse
-            .get(i + 1)
-            .map_or(x.len(), |next| usize::midpoint(index, usize::from(next.index)) + 1);
-        let reach = 4 * sharpener.lag + 3;
-        let from = index.saturating_sub(reach).max(start);
-        let to = (index + reach + 1).min(middle).min(x.len());
-        start = middle;
-        if !may_hide(*peak) {
-            let _ = all.push(*peak); // the first stay
-            continue;
-        }
-        crests(
-            (from..to).map(|n| sharpener.at(x, n)),
-            from,
-            1,
-            |height| rise(height, sigma),
-            &mut under,
-        );
-        under
-            .iter_mut()
-            .for_each(|p| p.height = y.get(usize::from(p.index)).copied().unwrap_or_default());
-        under.retain(|p| p.height >= level);
-        let split: &[Peak] = if under.len() > 1 { &under } else { core::slice::from_ref(peak) };
-        for &peak in split {
-            if split.len() > 1 {
-                let _ = hidden.push(peak.index); // as many as there are peaks
+#[derive(Clone, Copy, Debug)]
+pub struct Splitter<'a> {
+    /// The sharper filter.
+    pub sharpener: &'a Sharpener,
+    /// The waveform without ambient, Q1.15.
+    pub x: &'a [i16],
+    /// The denoise filter's output, Q1.15.
+    pub y: &'a [i16],
+    /// σ̂ of x, Q13.19.
+    pub sigma: u32,
+    /// T on y, Q1.15.
+    pub level: i16,
+}
+
+impl Splitter<'_> {
+    /// The peaks with those that broad ones hid.
+    pub fn split(
+        &self,
+        coarse: &Peaks,
+        may_hide: impl Fn(Peak) -> bool,
+        hidden: &mut Hidden,
+    ) -> Peaks {
+        let sigma = self.sharpener.sigma(self.sigma);
+        let (mut all, mut under) = (Peaks::new(), Peaks::new());
+        hidden.clear();
+        let mut start = 0;
+        for (i, &peak) in coarse.iter().enumerate() {
+            let middle = coarse.get(i + 1).map_or(self.x.len(), |next| {
+                usize::midpoint(peak.index.into(), next.index.into()) + 1
+            });
+            under.clear();
+            if may_hide(peak) {
+                self.peaks_under(peak, start..middle, sigma, &mut under);
             }
-            let _ = all.push(peak); // the first stay
+            start = middle;
+            let split: &[Peak] =
+                if under.len() > 1 { &under } else { core::slice::from_ref(&peak) };
+            for &peak in split {
+                if split.len() > 1 {
+                    let _ = hidden.push(peak.index); // as many as there are peaks
+                }
+                let _ = all.push(peak); // the first stay
+            }
         }
+        all
     }
-    all
+
+    /// Peaks of the sharpened waveform around a coarse one, within `bounds`, that reach T on y.
+    fn peaks_under(&self, peak: Peak, bounds: Range<usize>, sigma: u32, under: &mut Peaks) {
+        let index = usize::from(peak.index);
+        let reach = 4 * self.sharpener.lag + 3;
+        let from = index.saturating_sub(reach).max(bounds.start);
+        let to = (index + reach + 1).min(bounds.end).min(self.x.len());
+        let sharpened = (from..to).map(|n| self.sharpener.at(self.x, n));
+        crests(sharpened, from, 1, |height| rise(height, sigma), under);
+        for peak in under.iter_mut() {
+            peak.height = self.y.get(usize::from(peak.index)).copied().unwrap_or_default();
+        }
+        under.retain(|peak| peak.height >= self.level);
+    }
 }
 
 const _: () = assert!(MAX_CANDIDATES >= 2, "a peak may become two");
@@ -324,11 +334,8 @@ mod tests {
             let mut coarse = Peaks::new();
             coarse.push(Peak { index: 1, height: 3 }).unwrap();
             coarse.push(Peak { index: u16::MAX, height: 3 }).unwrap();
-            assert_eq!(
-                shoulders(&sharpener, x, &[], u32::MAX, 1, &coarse, |_| true, &mut Hidden::new())
-                    .len(),
-                2
-            );
+            let splitter = Splitter { sharpener: &sharpener, x, y: &[], sigma: u32::MAX, level: 1 };
+            assert_eq!(splitter.split(&coarse, |_| true, &mut Hidden::new()).len(), 2);
         }
     }
 }

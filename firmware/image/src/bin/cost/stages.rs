@@ -8,7 +8,7 @@ use echoloop_dsp::filter::{self, PADDING};
 use echoloop_dsp::kernel::{Portable, Scalar};
 use echoloop_dsp::noise::Noise;
 use echoloop_dsp::peak::Peaks;
-use echoloop_dsp::refine::{self, Waveform};
+use echoloop_dsp::refine::{Refiner, Waveform};
 use echoloop_dsp::statistics::Statistics;
 use echoloop_dsp::{Echo, Echoes, Kernel, MAX_SAMPLES, MAX_TAPS, Pipeline, Scratch};
 use echoloop_image::measure::{Text, instructions};
@@ -94,9 +94,11 @@ fn count_with(
         let x = padded.get(template.half()..template.half() + codes.len()).unwrap_or_default();
         let waveform = Waveform { codes, x, y };
         let noise = Noise::new(&statistics, config.shot_noise());
+        let refiner =
+            Refiner { config, waveform: &waveform, threshold: &threshold, noise: &noise };
         let mut echoes = Echoes::new();
         for peak in chosen {
-            let refined = refine::refine(config, &waveform, exact, peak, &threshold, &noise);
+            let refined = refiner.refine(exact, peak);
             echoes.extend(Echo::of(config, &refined, &threshold));
         }
         echoes
