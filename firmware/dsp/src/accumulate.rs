@@ -13,7 +13,7 @@ use crate::limits::MAX_CODES;
 /// |---|---|---|---|
 /// | `code_m` | ADC codes of a shot, b bits | integers | `[N]`, at most [`MAX_CODES`] |
 /// | `Σ` | exact | integers in `u32` | `[N]` |
-/// | `code` | what the other stages read as codes of b' bits: nearest, ties up, saturating | integers in `u16` | `[N]` |
+/// | `code` | codes of b' bits: nearest, ties up, saturating | integers in `u16` | `[N]` |
 ///
 /// Signal grows with m, noise with √m, the ADC's steps stay: averaging white noise of σ ≥ ½ code
 /// gains √m to the last bit that 14 of them hold.

@@ -14,15 +14,18 @@ use crate::timing::Timing;
 /// | constant | value | format |
 /// |---|---|---|
 /// | sample period | 2 (R_max − R_min) / (c·N_w) | fs, nearest |
-/// | clip code | S · full-scale code, that of as many shots at full scale | code, nearest |
+/// | clip code | S · full-scale code of as many shots | code, nearest |
 /// | floor | g·N | Q1.15, nearest |
 /// | k | SNR threshold | Q8.8, nearest |
-/// | κ, shot noise | shot noise at 0 dB · 10^(G/20) / m | Q0.32, in `f32`: within 3 × 10⁻⁶, saturating |
-/// | reflectivity scale | 1 / (U · P · 10^(G/20)), U the unit echo, at least 1/1000 | ρ in Q6.10 per Q1.15 and mm², 2⁻⁶⁴ more, in `f32`: within 3 × 10⁻⁶, saturating |
+/// | κ, shot noise | shot noise at 0 dB · 10^(G/20) / m | Q0.32, in `f32`, saturating |
+/// | reflectivity scale | 1 / (U · P · 10^(G/20)), U ≥ 1/1000 | 2⁻⁷⁴, in `f32`, saturating |
 /// | range origin | R_min | 1/256 mm |
 /// | range step | c/2 · sample period | 2⁻²⁴ mm, nearest |
 /// | ΔR, follows the pulse | W · 170.88 µm/ps | µm, rounded down |
 /// | minimum separation | ΔR over the range step | samples, rounded down, at least 1 |
+///
+/// U is the unit echo. What is computed in `f32` is within 3 × 10⁻⁶. The reflectivity scale is ρ in
+/// Q6.10 per Q1.15 of amplitude and mm² of range, with 64 more fraction bits.
 #[derive(Clone, Debug)]
 pub struct Config {
     pub(crate) samples: usize,
@@ -243,7 +246,8 @@ fn shot_noise(settings: &Settings, hardware: &Hardware) -> u32 {
 fn reflectivity_scale(settings: &Settings, hardware: &Hardware) -> u64 {
     let unit = hardware.unit_echo_milli.max(1) as f32 * 1e-3;
     let per_square_m = 1.0 / (unit * settings.power_cw as f32 * 0.01 * gain(settings));
-    libm::roundf(per_square_m * (1e-6 / 32.0) * 18_446_744_073_709_551_616.0) as u64 // `as` saturates
+    const TWO_TO_64: f32 = 18_446_744_073_709_551_616.0;
+    libm::roundf(per_square_m * (1e-6 / 32.0) * TWO_TO_64) as u64 // `as` saturates
 }
 
 /// N is an amplitude; the filter scales amplitudes by its peak gain.

@@ -73,11 +73,11 @@ enum State {
 /// ```
 ///
 /// T/2 is rounded down. The sample that ends a climb is the first valley, or idle at once. A climb
-/// that the waveform cuts off counts. Of more than [`MAX_CANDIDATES`](crate::peak::MAX_CANDIDATES) peaks the strongest stay, of
-/// equals the first.
+/// that the waveform cuts off counts. Of more than [`MAX_CANDIDATES`](crate::peak::MAX_CANDIDATES)
+/// peaks the strongest stay, of equals the first.
 ///
-/// `reaches` says whether any of some values is at or above the threshold, as [`reaches`] does: where
-/// none is, their steps are left out.
+/// `reaches` says whether any of some values is at or above the threshold, as [`reaches`] does:
+/// where none is, their steps are left out.
 #[inline(always)]
 #[expect(
     clippy::arithmetic_side_effects,

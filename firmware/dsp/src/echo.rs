@@ -15,14 +15,22 @@ use crate::refine::Refined;
 
 /// One echo.
 ///
-/// | field | meaning | format |
+/// ```text
+/// range        = origin + time · step
+/// amplitude    = height / g                     a lower bound when saturated
+/// deviation    = σ of the time · step
+/// reflectivity = A R² / (U P G)                 of a Lambertian surface square to the beam
+/// snr          = height / σ_y                   both after the filter: what k is compared with
+/// ```
+///
+/// | field | unit | format |
 /// |---|---|---|
-/// | range | slant range, mm: origin + time · step | U24.8, nearest |
-/// | amplitude | height of the pulse over ambient, fraction of full scale: height · 1/g; a lower bound when saturated | U1.15, nearest, saturating |
-/// | width | width at half height after the filter, ns | U12.4, nearest, saturating |
-/// | deviation | σ of the range, mm: σ of the time · step, the step rounded down to 2⁻¹⁶ mm | U8.8, rounded down, saturating |
-/// | reflectivity | ρ of a Lambertian surface square to the beam, in clear air, that would send as much: A R² / (U P G), R in whole mm, rounded down, A R² at most 2⁶⁴ − 1 | U6.10, nearest, saturating |
-/// | snr | height over σ_y (at least 1 LSB), both after the filter: what k is compared with | U8.8, rounded down, saturating |
+/// | range | mm, slant | U24.8, nearest |
+/// | amplitude | fraction of full scale, over ambient | U1.15, nearest, saturating |
+/// | width | ns, at half height after the filter | U12.4, nearest, saturating |
+/// | deviation | mm; the step rounded down to 2⁻¹⁶ mm | U8.8, rounded down, saturating |
+/// | reflectivity | white = 1; R whole mm, rounded down, A R² < 2⁶⁴ | U6.10, nearest, saturating |
+/// | snr | σ_y at least 1 LSB | U8.8, rounded down, saturating |
 ///
 /// A negative height counts as 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
@@ -84,7 +92,8 @@ impl Echo {
     /// Turns a refined peak into an echo; `None` when it lies before range 0.
     #[expect(
         clippy::arithmetic_side_effects,
-        reason = "time is below 2²⁸, 2400 samples, a step below 2³⁵, 1.2 m: W spans 2.5 samples; heights are Q1.15"
+        reason = "time is below 2²⁸, 2400 samples, a step below 2³⁵, 1.2 m: W spans 2.5 samples; \
+                  heights are Q1.15"
     )]
     pub fn of(config: &Config, refined: &Refined, threshold: &Threshold) -> Option<Self> {
         let along = shift_round(refined.time * config.range_step, 32);

@@ -1,7 +1,8 @@
 //! When a clipped echo came, and how high it would have been: from what its edges still show.
 #![expect(
     clippy::arithmetic_side_effects,
-    reason = "samples are Q1.15, times within 2400 samples 2²⁸, of a pulse 2²³, p and its slope at most 2³¹, σ at most 2¹⁹; divisors are at least 1"
+    reason = "samples are Q1.15, times within 2400 samples 2²⁸, of a pulse 2²³, p and its slope \
+              at most 2³¹, σ at most 2¹⁹; divisors are at least 1"
 )]
 
 use crate::noise::Noise;
@@ -33,43 +34,31 @@ const LEAST_SIGMA: i64 = 1 << 6;
 /// Fits the emitted pulse to the edges of a run of clipped samples.
 ///
 /// ```text
-/// p(u) = sin²(πu/L)                       u samples after the pulse began, L = 2 W f_s
-/// n_l = first − i, n_r = last + i         a sample of each edge, i = 1, 2, 3; v_l and v_r their values
-/// x_l = n_l − begin, x_r = end − n_r
-/// D   = L − (n_r − n_l) = x_l + x_r       known, whatever the amplitude
-/// v_l p(x_r) = v_r p(x_l)                 both are of one height A: solved for x_l by bisection
-/// A   = (v_l + v_r) / (p(x_l) + p(x_r))
+/// p(u) = sin²(πu/L)                    u samples after the pulse began, L = 2 W f_s
+/// n_l  = first − i,  n_r = last + i    a sample of each edge, i = 1, 2, 3; v_l, v_r their values
+/// x_l  = n_l − begin,  x_r = end − n_r
+/// D    = L − (n_r − n_l) = x_l + x_r   known, whatever the amplitude
+/// v_l p(x_r) = v_r p(x_l)              both are of one height A: solved for x_l
+/// A    = (v_l + v_r) / (p(x_l) + p(x_r))
 /// time = (n_l + n_r)/2 + (x_r − x_l)/2
+/// σ_x  = √((p(x_r) σ(v_l))² + (p(x_l) σ(v_r))²) / (v_l p′(x_r) + v_r p′(x_l))
 /// ```
 ///
 /// | name | meaning | format |
 /// |---|---|---|
 /// | `x` | samples without baseline | Q1.15 |
-/// | `level` | S without baseline, at least 1 | Q1.15 |
-/// | `first..=last` | the clipped run | indices |
-/// | shows | v > 3 σ(v) | |
-/// | `x_l` | F(x) = v_l p(D − x) − v_r p(x) falls: its root, bisected in max(0, D − ⌊L/2⌋) ..= min(D, ⌊L/2⌋) by halves rounded down to 2⁻⁵ samples, then by a line: low + (high − low) a / (a − b), rounded down, a = max(F(low), 0), b = min(F(high), 0), a and a − b shifted right by 15, a − b then at least 1 | Q16.16, F Q17.45 |
-/// | σ of a pair | from σ(v_l) and σ(v_r): δx = (p(x_r) δv_l − p(x_l) δv_r) / (v_l p′(x_r) + v_r p′(x_l)): p there in Q1.15, rounded down, σ² in Q2.30, rounded down, at most 4; root, denominator (Q2.30) and quotient rounded down, the denominator at least 2⁻³⁰; 2⁻¹⁰ to 256 samples | Q16.16 |
-/// | `time` | of each pair rounded down; all pairs, from the nearest to the last before one of which not both show, averaged with weights w = ⌊2⁴⁰/σ²⌋, at least 1: that of the nearest plus ⌊Σ w (time − that) / Σ w⌋ | Q16.16 |
-/// | σ of the time | of the nearest alone its own; else ⌊√⌊2⁴⁰/Σ w⌋⌋, at least 2⁻¹⁰ samples | Q16.16 |
-/// | `A` | of the nearest pair, the sum of both p at least 2⁻³⁰: rounded down, at least `level` | Q1.15 |
+/// | shows | v > 3 σ(v); else v counts as 0 | |
+/// | h | [`Noise::hidden`], the highest value that does not show | Q1.15 |
+/// | `x_l`, time | of a pair | Q16.16 |
+/// | `A` | of the nearest pair, at least `level` | Q1.15 |
+/// | σ | of a pair, at least 2⁻¹⁰ samples | Q16.16 |
+/// | w | ⌊2⁴⁰/σ²⌋, at least 1 | integer |
+/// | time | that of the nearest + ⌊Σ w (time − that) / Σ w⌋ | Q16.16 |
+/// | σ of the time | ⌊√⌊2⁴⁰/Σ w⌋⌋, at least 2⁻¹⁰; of one pair its own | Q16.16 |
 ///
-/// Where an edge falls between two samples, one below the noise and the next already clipped, only
-/// bounds are left; with h the highest value that noise hides. The edge that shows, if one does,
-/// has an `x` of D / (1 + √(h/v)) (of D ≤ 0: 0) to (D + 1) / (1 + √(level/v)): the other edge's
-/// sample is below h, and the one after it is clipped. A height A whose edge is k times as long
-/// shows between dark and clipped k times as often, so the density rises in proportion: `x` is two
-/// thirds of the way, and σ 1/√18 of it (15 447/2¹⁶), and a sixth of the time that the other edge's
-/// sample lies within the pulse (max(D, 0) less the least x), because h is three σ and a time goes
-/// with the root of a value. With neither, t = √(h/level) · (1 + D/2) is how long a sample may lie
-/// within the pulse and yet below h, and `x_l` lies in max(−1, D − t) ..= min(t, D + 1): D/2 is
-/// taken, and the σ of a uniform distribution, 1/√12 of the width (18 919/2¹⁶), a sixth of t and
-/// what D/2 exceeds t by. Every σ is at least 2⁻¹⁰ samples. A run longer than the pulse (D ≤ 0 and
-/// both show) has its middle as its time, the higher sample as its A and ¼ − ⌊D/4⌋ as its σ.
-///
-/// Of the edge that shows A = v / p(x); of neither A = level / p((1 + D/2) / 2): p at least 2⁻³⁰.
-/// There 1 + D/2 is at least 1/16 and at most 2. h is [`Noise::hidden`]; roots are Q16.16, at most
-/// 2⁸; these, and every product, quotient and half, are rounded down.
+/// The sums run from the nearest pair to the last before one of which not both values show.
+/// Products, quotients, halves and roots are rounded down; roots of ratios are at most 2⁸, divisors
+/// at least one LSB. Derived, with a figure, in `docs/detector.md`, The edges of a clipped echo.
 #[derive(Clone, Copy, Debug)]
 pub struct EdgeFit<'a> {
     /// The emitted pulse.
@@ -138,11 +127,15 @@ impl EdgeFit<'_> {
         solved
     }
 
-    /// Both edges show.
+    /// Both edges show: x is the root of F(x) = v_l p(D − x) − v_r p(x), which falls.
+    ///
+    /// Bisected in max(0, D − ⌊L/2⌋) ..= min(D, ⌊L/2⌋) to 2⁻⁵ samples, then by a line: low +
+    /// (high − low) a / (a − b) with a = max(F(low), 0), b = min(F(high), 0), F in Q17.45, a and
+    /// a − b shifted right by 15. A run longer than the pulse, D ≤ 0, has its middle as its time,
+    /// the higher value as its A and ¼ − ⌊D/4⌋ as its σ.
     fn both(&self, left: i64, right: i64, slack: i64) -> Solved {
         let pulse = self.pulse;
         if slack <= 0 {
-            // The run is longer than the pulse: no single echo. Its middle is all there is to say.
             return Solved {
                 x: slack >> 1,
                 amplitude: left.max(right),
@@ -161,7 +154,8 @@ impl EdgeFit<'_> {
         Solved { x, amplitude, sigma: self.sigma_of_both(left, right, x, slack) }
     }
 
-    /// σ of x from the noise of both values: equation σ_x of [`EdgeFit`].
+    /// σ_x: p there in Q1.15, σ² in Q2.30, at most 4, root and denominator Q2.30, at most 256
+    /// samples.
     #[inline(always)]
     fn sigma_of_both(&self, left: i64, right: i64, x: i64, slack: i64) -> i64 {
         let pulse = self.pulse;
@@ -175,21 +169,32 @@ impl EdgeFit<'_> {
         ((shift << 16) / (stiffness.max(1) as u64)).min(1 << 24) as i64
     }
 
-    /// The edge that shows; the other is only bounded.
+    /// One edge shows, between two bounds: A = v / p(x).
+    ///
+    /// ```text
+    /// x from max(D, 0) / (1 + √(h/v)) to (D + 1) / (1 + √(level/v)),  two thirds of the way
+    /// σ = (to − from)/√18 + (max(D, 0) − from)/6
+    /// ```
     fn one(&self, value: i64, slack: i64) -> Solved {
         let hidden = root_of_ratio(self.noise.hidden(), value);
         let clipped = root_of_ratio(self.level, value);
         let least = (slack.max(0) << 16) / ((1 << 16) + hidden);
         let most = least.max(((slack + (1 << 16)) << 16) / ((1 << 16) + clipped));
-        let x = least + 2 * (most - least) / 3; // the mean of a density that rises in proportion
+        let x = least + 2 * (most - least) / 3; // the mean of a rising density
         Solved {
             x,
             amplitude: (value << 30) / self.pulse.at(x).max(1),
-            sigma: rising(most - least) + (slack.max(0) - least) / 6, // h is three σ: half of that
+            sigma: rising(most - least) + (slack.max(0) - least) / 6,
         }
     }
 
-    /// Both edges fall between two samples.
+    /// Both edges fall between two samples: A = level / p((1 + D/2)/2).
+    ///
+    /// ```text
+    /// x = D/2,  t = √(h/level)·(1 + D/2)               1 + D/2 within 1/16 ..= 2
+    /// x_l in max(−1, D − t) ..= min(t, D + 1)
+    /// σ = width of that/√12 + t/6 + max(D/2 − t, 0)
+    /// ```
     fn neither(&self, slack: i64) -> Solved {
         let reach = ((1 << 16) + (slack >> 1)).clamp(1 << 12, 1 << 17);
         let hidden = (root_of_ratio(self.noise.hidden(), self.level) * reach) >> 16;
@@ -240,12 +245,12 @@ fn root_of_ratio(a: i64, b: i64) -> i64 {
     (((a << 32) / b.max(1)) as u64).isqrt().min(1 << 24) as i64
 }
 
-/// σ of a distribution that rises from 0 in proportion, width / √18.
+/// σ of a distribution that rises from 0 in proportion: width / √18, 15 447/2¹⁶.
 fn rising(width: i64) -> i64 {
     (width * 15_447) >> 16
 }
 
-/// σ of a uniform distribution, width / √12.
+/// σ of a uniform distribution: width / √12, 18 919/2¹⁶.
 fn uniform(width: i64) -> i64 {
     (width * 18_919) >> 16
 }
@@ -289,7 +294,8 @@ mod tests {
                 let middle = 30.0 + f64::from(phase) / 32.0;
                 let (x, first, last) = clipped(middle, amplitude);
                 let edges = fit(&pulse, &x, first, last).unwrap();
-                let shows = x[first - 1].min(x[last + 1]) > 100; // else an edge fell between two samples
+                // Else an edge fell between two samples.
+                let shows = x[first - 1].min(x[last + 1]) > 100;
                 let error = edges.time as f64 / 65536.0 - middle;
                 let bound = if shows { 0.01 } else { 0.05 };
                 assert!(

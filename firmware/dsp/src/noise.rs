@@ -35,9 +35,9 @@ impl Noise {
         self.with(value, 1 << 15)
     }
 
-    /// The value that is 3 σ of itself, the highest that noise hides: v = (9κ + √(81κ² + 36σ̂²)) / 2.
-    /// Q1.15, rounded down from Q13.19; κ in Q0.19, rounded down, the root rounded down, its square
-    /// saturating.
+    /// The value that is 3 σ of itself, the highest that noise hides: v = (9κ + √(81κ² + 36σ̂²)) /
+    /// 2. Q1.15, rounded down from Q13.19; κ in Q0.19, rounded down, the root rounded down, its
+    /// square saturating.
     #[expect(clippy::arithmetic_side_effects, reason = "κ in Q0.19 is below 2¹⁹, a root below 2³²")]
     pub fn hidden(&self) -> i64 {
         let shot = u64::from(self.shot >> 13);

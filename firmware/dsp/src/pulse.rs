@@ -1,7 +1,8 @@
 //! The emitted pulse, at any time: what the edges of a clipped echo are read with.
 #![expect(
     clippy::arithmetic_side_effects,
-    reason = "times within the pulse are below 2²³, a pulse is at least 2³, a phase at most 2²⁴, the table's values at most 2³⁰"
+    reason = "times within the pulse are below 2²³, a pulse is at least 2³, a phase at most 2²⁴, \
+              the table's values at most 2³⁰"
 )]
 
 use crate::q::divide_round;
@@ -14,10 +15,13 @@ use crate::q::divide_round;
 ///
 /// | name | format |
 /// |---|---|
-/// | `u`, `L`, `W f_s` | Q16.16; `W f_s` = round(W / sample period · 2¹⁶), 1/16 to 127 samples, L twice that |
+/// | `u`, `L`, `W f_s` | Q16.16; `W f_s` nearest, 1/16 to 127 samples; L twice that |
 /// | phase φ = u / L | Q0.24: (u · ⌊2⁴⁰ / L⌋) / 2¹⁶, rounded down; beyond ½ mirrored: 1 − φ |
-/// | `p` | Q2.30: linear between 257 values of phases 0, 1/512, … ½, each the nearest; the interpolation rounded down |
-/// | `p′` = π/L · sin(2πu/L) = π/L · (1 − 2 p(\|u − L/4\|)), absolute; 0 outside | Q2.30 per sample: L/4 and the product rounded down, π/L in Q1.16, nearest of π in Q2.30 |
+/// | `p` | Q2.30: linear between 257 nearest values of phases 0, 1/512, … ½, rounded down |
+/// | `p′` | Q2.30 per sample, absolute; 0 outside |
+/// | π/L | Q1.16, nearest of π in Q2.30 |
+///
+/// `p′ = π/L · sin(2πu/L) = π/L · (1 − 2 p(|u − L/4|))`, L/4 and the product rounded down.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pulse {
     /// W f_s, Q16.16.

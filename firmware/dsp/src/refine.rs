@@ -1,7 +1,8 @@
 //! Sub-sample time, height and width of a peak.
 #![expect(
     clippy::arithmetic_side_effects,
-    reason = "times are Q16.16 within 2400 samples, 2²⁸; outputs Q9.23 within ±2²⁴, times a fraction or a tap 2⁴¹; σ below 2³²; divisors are at least 1"
+    reason = "times are Q16.16 within 2400 samples, 2²⁸; outputs Q9.23 within ±2²⁴, times a \
+              fraction or a tap 2⁴¹; σ below 2³²; divisors are at least 1"
 )]
 
 use crate::choice::TimingMethod;
@@ -56,50 +57,33 @@ pub struct Refiner<'a> {
 }
 
 impl Refiner<'_> {
-    /// Refines one peak of `y`.
+    /// Refines one peak of `y`; `f` is the filter's output before it was rounded, Q9.23, 0 outside.
     ///
     /// ```text
-    /// f[n]  = the filter's output before it was rounded to y         Q9.23; f = 0 outside
-    /// s     = index, moved later one sample at a time while f rises, at most K times
-    /// z[j]  = f interpolated at s + j/o, j = −o−1..o+1               Q9.23, nearest
-    /// δ     = (z₋ − z₊) / (2 (z₋ − 2 z₀ + z₊))   around the highest z[j], j = −o..o     Q16.16, nearest, within ±½
-    /// height = z₀ − (z₋ − z₊)·δ/4                                    Q9.23, nearest; then Q1.15, nearest
-    /// width = right − left: crossings of half of y[index]            Q16.16
+    /// s      = index, moved later one sample at a time while f rises, at most K times
+    /// z[j]   = f interpolated at s + j/o, j = −o−1..o+1          Q9.23, nearest
+    /// δ      = (z₋ − z₊) / (2 (z₋ − 2 z₀ + z₊))                  Q16.16, nearest, within ±½
+    /// height = z₀ − (z₋ − z₊)·δ/4                                Q9.23, then Q1.15, both nearest
+    /// width  = right − left: crossings of half of y[index]       Q16.16
     /// ```
-    ///
-    /// Of equally high `z[j]` the sample itself (j = 0) counts, else the first. A denominator of 0
-    /// makes δ 0. With o = 1, j is 0. K is the last sample inside the pulse on either side of its
-    /// middle. Clipped is an echo of which a code, no further from the index than ⌈K/2⌉, reached the
-    /// saturation level; [`EdgeFit`] are those of the run of clipped samples around the nearest such
-    /// code, of two as near the earlier. Their level is the clip code in Q1.15 less the ambient, at
-    /// least 2⁻¹⁵.
     ///
     /// | method | time, Q16.16 | σ of the time, Q16.16, rounded down |
     /// |---|---|---|
-    /// | parabola | s + (j + δ)/o, nearest | gain · σ(A) / A, with the share q of the shot noise |
-    /// | walk-corrected | as parabola with δ − β·⌊δ (1 − 4δ²)⌋ (product nearest) for δ; clipped: [`EdgeFit`], and where they fail the middle of left and right, rounded down | as parabola; clipped: [`EdgeFit`], else of the parabola |
-    /// | CFD | where f rises to half of the height, plus [`Timing`](crate::timing::Timing)'s z | as parabola |
-    /// | rising edge | where f rises to the threshold T, plus z | σ(level/g) · r over the slope of f there |
+    /// | parabola | s + (j + δ)/o, nearest | gain · σ(A) / A |
+    /// | walk-corrected | the same less β·⌊δ (1 − 4δ²)⌋, nearest, in δ | as parabola |
+    /// | … clipped | [`EdgeFit`]'s, else ⌊(left + right)/2⌋ | its, else as parabola |
+    /// | CFD | where f rises to half of the height, plus z | as parabola |
+    /// | rising edge | where f rises to T, plus z | σ(level/g) · r / the rise of f |
     ///
-    /// f is said to rise to a level between the samples where `y`, seen from the index on earlier
-    /// samples, falls below it (level rounded to Q1.15, no higher than the peak): at the first of them
-    /// plus (level − f)/(rise of f), a fraction of 0 to 1 in Q16.16, rounded down, the rise at least
-    /// 2⁻²³. Where that meets a valley or the end, the time is there plus z, and σ that of the
-    /// parabola; its flags are the echo's. σ(level/g) · r is rounded down to Q13.19 before it is
-    /// divided by the rise.
+    /// The highest z[j], j = −o..o, is z₀: of equals the sample itself (j = 0), else the first;
+    /// with o = 1, j is 0. A denominator of 0 makes δ 0. K is the last sample inside the pulse on
+    /// either side of its middle; gain, β, the share of the shot noise in σ(A) and z are
+    /// [`Timing`](crate::timing::Timing)'s. A clipped top has the amplitude that its edges tell
+    /// when they time it; else `height/g`. σ is the greatest there is, for it is not known, of an
+    /// echo that the window cuts off, and of a clipped one by a method that lets it walk.
     ///
-    /// σ is the greatest there is, for it is not known, of an echo that the window cuts off, and of a
-    /// clipped one by a method that lets it walk.
-    ///
-    /// A top whose codes are clipped has the amplitude that its edges tell when the time comes from
-    /// them; else `height/g`.
-    ///
-    /// The steps of `y`, 2⁻¹⁵, would flatten the top of a weak echo in little noise; `f` has 256 times
-    /// finer ones, for the few samples that need them. The width is the filtered one: 1.44 W for a
-    /// whole echo behind the matched filter.
-    ///
-    /// Accuracy, against the same method in real numbers, 12 bits, noise of 4 codes or more: 4, 1 and
-    /// 0.6 mm at SNR 5, 20 and 100 (`tolerance.rs` of the tests has the whole table).
+    /// Against the same method in real numbers, 12 bits, noise of 4 codes or more: within 4, 1 and
+    /// 0.6 mm at SNR 5, 20 and 100. Why each step is as it is: `docs/detector.md`, Sub-sample time.
     #[inline(never)]
     pub fn refine(&self, f: impl Fn(i64) -> i64, peak: Peak) -> Refined {
         let config = self.config;
@@ -152,8 +136,8 @@ impl Refiner<'_> {
 
     /// Times a peak that another hid by the parabola through the sharper filter's output `f`
     /// (Q9.23) instead, without correction for bias; it is merged. A clipped one stays as it was. σ
-    /// is twice as great, for the sharper filter's noise, and W f_s/32 (rounded down) more, for what
-    /// the other shifts it by: saturating.
+    /// is twice as great, for the sharper filter's noise, and W f_s/32 (rounded down) more, for
+    /// what the other shifts it by: saturating.
     pub fn sharpen(&self, f: impl Fn(i64) -> i64, peak: Peak, refined: &mut Refined) {
         let config = self.config;
         let overlap = (config.pulse.width() >> 5) as u32;
@@ -173,7 +157,8 @@ impl Refiner<'_> {
     }
 
     /// Takes time, amplitude and σ from the edges of a clipped run; where they say nothing, the
-    /// time from the middle between the crossings.
+    /// time from the middle between the crossings. Their level is the clip code in Q1.15 less the
+    /// ambient, at least 2⁻¹⁵.
     #[inline(always)]
     fn time_by_edges(&self, run: Run, middle: i64, refined: &mut Refined) {
         let Self { config, waveform, threshold, noise } = *self;
@@ -189,6 +174,12 @@ impl Refiner<'_> {
     }
 
     /// Takes the time from where `f` rises to `level` (Q9.23).
+    ///
+    /// It rises there between the samples where `y`, seen from the index on earlier samples, falls
+    /// below the level (rounded to Q1.15, no higher than the peak): at the first of them plus
+    /// (level − f)/(rise of f), a fraction of 0 to 1, rounded down, the rise at least 2⁻²³. Where
+    /// that meets a valley or the end, the time is there plus z, σ the parabola's, the flags the
+    /// echo's. σ(level/g) · r is rounded down to Q13.19 before it is divided by the rise.
     #[inline(never)]
     fn time_by_rise(&self, f: &impl Fn(i64) -> i64, peak: Peak, level: i64, refined: &mut Refined) {
         let config = self.config;
@@ -205,12 +196,13 @@ impl Refiner<'_> {
             return; // its σ is the timing constants'
         }
         let at_level = self.noise.of(config.template.amplitude(shift_round(level, 8) as i32));
-        let filtered = (u64::from(at_level) * u64::from(config.template.noise_gain())) >> 15; // Q13.19
+        let noise_gain = u64::from(config.template.noise_gain());
+        let filtered = (u64::from(at_level) * noise_gain) >> 15; // Q13.19
         refined.sigma = ((filtered << 20) / rise as u64).min(u32::MAX.into()) as u32;
     }
 
-    /// The run of clipped samples that holds the clipped one nearest to the peak, if one lies within
-    /// ⌈K/2⌉; of two as near the first.
+    /// The run of clipped samples, at the saturation level or above, that holds the one nearest to
+    /// the peak, if one lies within ⌈K/2⌉; of two as near the earlier.
     fn clipped_run(&self, peak: Peak) -> Option<Run> {
         let (config, codes) = (self.config, self.waveform.codes);
         let reach = config.reach.div_ceil(2);

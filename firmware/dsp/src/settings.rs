@@ -98,8 +98,8 @@ fn is_power_of_two(value: i32) -> bool {
 
 /// The table of Θ_lidar, each parameter once: field, identifier, and its row of [`PARAMETERS`].
 ///
-/// A field of `i32` is always set; one of `Option<i32>` may follow other settings. Rows are only ever
-/// appended: their order is that of the wire.
+/// A field of `i32` is always set; one of `Option<i32>` may follow other settings. Rows are only
+/// ever appended: their order is that of the wire.
 macro_rules! parameters {
     ($($(#[$doc:meta])* $field:ident: $value:ty, $id:ident { $($row:tt)* })*) => {
         /// One whole set of sensor settings, in wire units. It is taken or refused whole.
@@ -112,7 +112,8 @@ macro_rules! parameters {
         /// Names one field of [`Settings`]. Variants are only ever appended: their order is on the
         /// wire.
         #[derive(
-            Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, Schema,
+            Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash,
+            Serialize, Deserialize, Schema,
         )]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         pub enum ParameterId {

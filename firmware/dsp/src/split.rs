@@ -1,7 +1,8 @@
 //! Peaks that hide in a broader one: a sharper filter, and how far a crest must stand out of it.
 #![expect(
     clippy::arithmetic_side_effects,
-    reason = "taps and samples are Q1.15 with Σ abs(s) ≤ 1: sums within 2³⁰; 64ths below 2⁸ of taps below 2¹⁷; indices of memory"
+    reason = "taps and samples are Q1.15 with Σ abs(s) ≤ 1: sums within 2³⁰; 64ths below 2⁸ of \
+              taps below 2¹⁷; indices of memory"
 )]
 
 use core::ops::Range;
@@ -17,14 +18,14 @@ use crate::template::Template;
 /// Filter taps narrower than the pulse, less a share of their own second difference.
 ///
 /// ```text
-/// s[k] = ((64 + 2L)·h[k] − L·(h[k − q] + h[k + q])) / (64 + 4L)      towards zero;  k = −(K + q)..K + q
-/// r    = √Σ s²                                                        σ of sharpened white noise over σ
+/// s[k] = ((64 + 2L)·h[k] − L·(h[k − q] + h[k + q])) / (64 + 4L)    towards zero; |k| ≤ K + q
+/// r    = √Σ s²                                σ of sharpened white noise over σ
 /// ```
 ///
 /// | name | meaning | format |
 /// |---|---|---|
 /// | `h` | the taps of a pulse of 2K + 1 taps, narrower than the emitted one | Q1.15 |
-/// | `q` | lag, about half the emitted pulse; at most what [`MAX_TAPS`] leaves, and at least 1 | samples |
+/// | `q` | lag, about half the pulse; at least 1, at most what [`MAX_TAPS`] leaves | samples |
 /// | `L` | share of the second difference that is taken off | 64ths, at most 64 |
 /// | `s` | sharpener, Σ abs(s) ≤ 1 because Σ abs(h) ≤ 1 | Q1.15 |
 /// | `r` | of the `s` in Q1.15, rounded down | Q1.15 |

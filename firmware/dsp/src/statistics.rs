@@ -1,7 +1,7 @@
 //! Ambient light and noise, from the order statistics of the codes.
 #![expect(
     clippy::arithmetic_side_effects,
-    reason = "counts are at most 2400, codes and distances below 2¹⁷, shifts at most 11: all stays below 2²⁹; divisors are at least 1"
+    reason = "counts are at most 2400, codes below 2¹⁷, shifts at most 11: below 2²⁹; divisors ≥ 1"
 )]
 
 use crate::choice::AmbientEstimator;
@@ -12,9 +12,9 @@ use crate::q::shift_round;
 ///
 /// ```text
 /// m   = median code: the smallest with  #{x ≤ m} ≥ ⌈N/2⌉
-/// a   = m − ½ + (N/2 − #{x < m}) / #{x = m}                     grouped median: resolves below one code
+/// a   = m − ½ + (N/2 − #{x < m}) / #{x = m}                grouped median: resolves below one code
 /// d   = median of |x − m|: the smallest with  #{|x − m| ≤ d} ≥ ⌈N/2⌉
-/// mad = d − ½ + (N/2 − #{|x − m| < d}) / #{|x − m| = d}         d = 0:  (N/2) / #{x = m} / 2
+/// mad = d − ½ + (N/2 − #{|x − m| < d}) / #{|x − m| = d}    d = 0:  (N/2) / #{x = m} / 2
 /// σ̂   = 1.4826 · mad
 /// ```
 ///
@@ -64,8 +64,8 @@ impl Statistics {
     /// With the ambient of another estimator.
     ///
     /// ```text
-    /// a = Σ x / n over the n samples before the trigger        Q1.15, rounded down; without any, the median's
-    ///   = 0                                                    none
+    /// a = Σ x / n over the n samples before the trigger    Q1.15, rounded down; n = 0: median
+    ///   = 0                                                none
     /// ```
     ///
     /// σ̂ stays that of the waveform, around its median.
@@ -128,8 +128,8 @@ pub struct Rank {
 /// Both by counting how many codes lie in an interval, over and over: the counts vectorise.
 ///
 /// `codes` hold 1 to [`MAX_SAMPLES`] samples; `top` is the largest code of the ADC, where the
-/// search first looks no further. `guess` only saves time: where the last waveform's statistics lay,
-/// these lie nearby.
+/// search first looks no further. `guess` only saves time: where the last waveform's statistics
+/// lay, these lie nearby.
 #[inline(always)]
 pub fn by_counting(codes: &[u16], top: u16, guess: &Statistics) -> Ranks {
     let half = codes.len().div_ceil(2) as u32;

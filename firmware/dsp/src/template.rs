@@ -15,7 +15,7 @@ use crate::q::{shift_round, sqrt_floor};
 ///      = 2^(−16 (t/W)²)      Gaussian: half as wide as the pulse
 ///      = 1 at 0, else 0      none
 /// h[k] = ⌊ 32767 · s(k/f_s) / Σ s ⌋               k = −K..K, so Σ|h| ≤ 1 in Q1.15; K = 0 for none
-/// g    = Σ h p        height of a filtered echo over its amplitude: 3/4 matched, 0.9 Gaussian, 1 none
+/// g    = Σ h p        height of a filtered echo over its amplitude
 /// r    = √Σh²         σ of filtered white noise over σ
 /// ```
 ///
@@ -23,13 +23,13 @@ use crate::q::{shift_round, sqrt_floor};
 /// |---|---|---|
 /// | `h` | Q1.15 | `[2K + 1]`, at most [`MAX_TAPS`], centre at K |
 /// | `g` | Q1.15, rounded down, at least ¼ | scalar |
-/// | `1/g` | Q2.14, rounded down, of the `g` in Q1.15 | scalar; an amplitude is `height · 1/g`, nearest |
+/// | `1/g` | Q2.14, rounded down, of the `g` in Q1.15 | scalar |
 /// | `r` | Q1.15, rounded down, of the `h` in Q1.15 | scalar |
 ///
-/// The cosine is micromath's (error below 1.1 × 10⁻³), in `f32` without fused multiply-add: the
-/// same taps on every machine. (Called as `F32Ext::cos`: where std is in the build, `x.cos()` would
-/// silently be std's.) One half is computed and mirrored: the taps are symmetric to the bit, so a
-/// symmetric echo has no bias in time.
+/// An amplitude is `height · 1/g`, nearest. The cosine is micromath's (error below 1.1 × 10⁻³), in
+/// `f32` without fused multiply-add: the same taps on every machine. (Called as `F32Ext::cos`:
+/// where std is in the build, `x.cos()` would silently be std's.) One half is computed and
+/// mirrored: the taps are symmetric to the bit, so a symmetric echo has no bias in time.
 #[derive(Clone, Debug)]
 pub struct Template {
     /// The taps and one zero.
@@ -67,7 +67,8 @@ impl Template {
         for k in 1..=half {
             sum += 2.0 * shape(k);
         }
-        let tap = |k: usize| (32767.0 * shape(k) / sum) as i16; // towards zero: the sum stays within 1
+        // Towards zero: the sum stays within 1.
+        let tap = |k: usize| (32767.0 * shape(k) / sum) as i16;
         let distances = (0..2 * half + 1).map(|i| i.abs_diff(half));
         let mut taps = Vec::new();
         for k in distances.clone() {

@@ -9,32 +9,28 @@ use crate::template::Template;
 /// Constants of the timing stage, derived once with the settings.
 ///
 /// ```text
-/// r(t) = Σ h[k] p(t − k)                            an echo of height 1 after the filter, t in samples from its middle
-/// top:  d[k] = Σ_t ℓ[t] (h[k+t] − h[k−t]) · o/2     what noise does to the slope there; ℓ interpolates at 1/o
+/// r(t) = Σ h[k] p(t − k)                   an echo of height 1 after the filter, t from its middle
+/// top:  d[k] = Σ_t ℓ[t] (h[k+t] − h[k−t])·o/2          what noise does to the slope there
 ///       slope = (2 r(0) − r(1/o) − r(−1/o)) o² / (1 − β)
-/// CFD:  d[k] = h(k − z) − h(k)/2                    what it does to the crossing and to the fraction; h linear between taps
-///       slope = (r(z − ½) − r(z + ½))
-/// gain = √Σ d² / slope                              σ of the time over σ/A of a sample, in samples
-/// q    = Σ d² p / Σ d²                              how much of the top's shot noise shifts the time
-/// β    = 16/3 (δ̂ − δ) at δ = ¼                      bias of a parabola through r at steps of 1/o: δ̂ − δ ≈ β δ̂ (1 − 4δ̂²)
-/// w    = 1.2 · the width of r at half its height     broader is no single echo of a surface square to the beam
-/// z    = half the width of r at half its height (CFD), or W f_s + K (rising edge: where the filtered pulse begins)
+/// CFD:  d[k] = h(k − z) − h(k)/2           what it does to the crossing and to the fraction
+///       slope = r(z − ½) − r(z + ½)
+/// gain = √Σ d² / slope                     σ of the time over σ/A of a sample, in samples
+/// q    = Σ d² p / Σ d²                     share of the top's shot noise that shifts the time
+/// β    = 16/3 (δ̂ − δ) at δ = ¼             bias of a parabola: δ̂ − δ ≈ β δ̂ (1 − 4δ̂²)
+/// w    = 1.2 · the width of r at half its height
+/// z    = half of that width (CFD), or W f_s + K (rising edge: where the filtered pulse begins)
 /// ```
+///
+/// ℓ interpolates at 1/o; h is linear between taps.
 ///
 /// | name | format |
 /// |---|---|
 /// | `gain` | Q16.16 samples, nearest, saturating |
-/// | `q` | Q1.15, nearest |
-/// | `β` | Q1.15, nearest |
+/// | `q`, `β` | Q1.15, nearest |
 /// | `w`, `z` | Q16.16 samples, nearest |
 ///
-/// Computed in `f32`: `q` and `z` are within 10⁻⁴. A top's slope and `β` are differences of nearly
-/// equal sums; what is lost of them grows to 10⁻⁶ (o W f_s)², relative to the slope and of β
-/// absolute.
-///
-/// For the matched filter and white noise `gain` of the top meets the Cramér–Rao bound, 2/π √(W
-/// f_s) (physics of the sin² pulse), to two percent from 2.5 samples a width on. Without a filter
-/// the noise itself has tops, and `gain` is only a lower bound.
+/// Computed in `f32`: `q` and `z` are within 10⁻⁴; of a top's slope and of `β` 10⁻⁶ (o W f_s)² is
+/// lost. Derived in `docs/detector.md`, What noise does to the time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timing {
     gain: u32,

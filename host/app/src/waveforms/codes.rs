@@ -18,8 +18,8 @@ impl Codes {
     /// Scales finite numbers.
     ///
     /// ```text
-    /// whole numbers over less than 2¹⁴:  code = v − min,                              unit = 1
-    /// others:                            code = round((v − min)/(max − min)·16383),   unit = (max − min)/16383
+    /// whole numbers over less than 2¹⁴:  code = v − min,                unit = 1
+    /// others:                            code = round((v − min)/unit),  unit = (max − min)/16383
     /// shift = 15 − bits of the largest code, 1 to 7
     /// ```
     ///

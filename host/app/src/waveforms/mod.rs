@@ -1,7 +1,7 @@
 //! Waveforms that other instruments recorded, and their echoes.
 //!
 //! ```text
-//! file ─ read ─→ rows of numbers ─ codes ─→ ADC codes ─ finder ─→ samples ─ echoes ─→ ns, the input's units
+//! file ─ read → rows of numbers ─ codes → ADC codes ─ finder → samples ─ echoes → ns, own units
 //! ```
 
 pub mod codes;

@@ -94,8 +94,7 @@ fn count_with(
         let x = padded.get(template.half()..template.half() + codes.len()).unwrap_or_default();
         let waveform = Waveform { codes, x, y };
         let noise = Noise::new(&statistics, config.shot_noise());
-        let refiner =
-            Refiner { config, waveform: &waveform, threshold: &threshold, noise: &noise };
+        let refiner = Refiner { config, waveform: &waveform, threshold: &threshold, noise: &noise };
         let mut echoes = Echoes::new();
         for peak in chosen {
             let refined = refiner.refine(exact, peak);

@@ -33,7 +33,7 @@ pub type Components = Vec<Component, MAX_CANDIDATES>;
 /// r[n]  = x[n] − m[n] + own part of m[n]                  what is left for this one
 /// w[n]  = (r[n]·g(d) + 2¹⁴) >> 15,  d = n − u             within 4.5 σ
 /// S₀, S₁, S₂ = Σ w, Σ w·d, Σ w·(d² >> 8)
-/// u    += 2·S₁/S₀                                         at most σ/2 either way, and within the record
+/// u    += 2·S₁/S₀                                at most σ/2 either way, and within the record
 /// v     = S₂/S₀;   σ² ← v·σ² / (σ² − v)                   within 0.7 to 1.4 of σ
 /// A     = Σ r·g / Σ ((g² + 2¹⁴) >> 15)                    with the new g; at least 0, at most 2¹⁶
 /// ```
@@ -45,7 +45,7 @@ pub type Components = Vec<Component, MAX_CANDIDATES>;
 /// | `S₀`, `S₁`, `S₂` | Q15, Q23, Q23, exact |
 /// | 2·S₁/S₀ | Q16.16, nearest |
 /// | `σ²`, `v` | Q8 samples²: σ·σ >> 8; quotients nearest |
-/// | `σ` | Q8 samples: ⌊√(σ² · 2⁸)⌋, then within ⌊0.7 σ⌋, ⌊1.4 σ⌋ (179 and 358 of 2⁸) and its own bounds |
+/// | `σ` | Q8 samples: ⌊√(σ² · 2⁸)⌋, within ⌊0.7 σ⌋, ⌊1.4 σ⌋ (179, 358 of 2⁸) and its bounds |
 ///
 /// With σ² ≤ v + 2⁻⁴ the component is flatter than any Gaussian: σ grows by 1.3 (333 of 2⁸). With
 /// S₀ ≤ 0 it stays as it is. The updates stand still exactly where the derivatives of the squared

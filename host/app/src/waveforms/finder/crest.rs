@@ -55,9 +55,9 @@ impl View<'_> {
     /// Climbs from a sample to the crest above it.
     ///
     /// ```text
-    /// climb    towards the higher neighbour (of equals the earlier) while one is higher, at most `reach` samples
+    /// climb    towards the higher neighbour (of equals the earlier), at most `reach` samples
     /// run      a..b, the equal samples around where it ends; L = b − a + 1
-    /// time     L = 1: index + δ, δ the vertex of the parabola through its neighbours; else (a + b)/2      Q16.16
+    /// time     L = 1: index + δ, δ the parabola's vertex; else (a + b)/2              Q16.16
     /// drop     D = (y[a] − y[a − 1]) + (y[b] − y[b + 1]), of the inner neighbours
     /// flat     L ≥ 3 and D·(L − 1)² > 2·flat·(L + 1)²
     /// ```

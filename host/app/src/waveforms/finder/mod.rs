@@ -2,8 +2,8 @@
 //!
 //! The sensor knows its pulse and sees a window of mostly darkness; a record may be 20 samples of
 //! echo. So this is another detector than [`echoloop_dsp::Pipeline`], of the same stages where they
-//! fit ([`Statistics`](echoloop_dsp::statistics), [`filter`], [`split`](echoloop_dsp::split)) and of
-//! its own where they do not:
+//! fit ([`Statistics`](echoloop_dsp::statistics), [`filter`], [`split`](echoloop_dsp::split)) and
+//! of its own where they do not:
 //!
 //! | stage | module | in | out |
 //! |---|---|---|---|
@@ -206,15 +206,20 @@ impl Recorder {
     /// Places each peak, if its top lies inside the record.
     ///
     /// ```text
-    /// no echo  whose crest, plateau and all, touches the record's first or last sample: its top may lie outside; or lies no higher than
-    ///          the ambient
-    /// crest  = climbed from the peak by at most max(1, ⌊pulse/2⌋) samples, on x if the view is the bank's first, else on the view
-    /// time   = the crest's, if it is flat or cut off or the peak is not strong; else within  u − max(X, skew + ε) .. u + max(X, −skew + ε), within the record
-    /// X      = max(0, 18·σ_u − J) on x, 0 on the view;   ε = 2⁻⁴ samples     Q16.16 of Q8: 18·σ_u is 3 % of the width at half maximum
-    /// J      = 23·σ·(σ_u² >> 8) / A        Q16.16, nearest: twice what noise moves the top of a Gaussian of height A by
-    /// height = on x, or of a flat crest or one that is not strong, the crest's; else the component's
-    /// width  = on x, or of a flat crest or one that is not strong, that of View::width; else 2.355 σ_u (603 of 2⁸, rounded down to 2⁻⁸)
+    /// no echo  whose crest, plateau and all, touches the record's first or last sample, for its
+    ///          top may lie outside; or lies no higher than the ambient
+    /// crest  = climbed from the peak by at most max(1, ⌊pulse/2⌋) samples, on x if the view is the
+    ///          bank's first, else on the view
+    /// time   = the crest's, if it is flat or cut off or the peak is not strong; else that within
+    ///          u − max(X, skew + ε) .. u + max(X, −skew + ε), within the record
+    /// X      = max(0, 18·σ_u − J) on x, 0 on the view;   ε = 2⁻⁴ samples
+    /// J      = 23·σ·(σ_u² >> 8) / A                                       Q16.16, nearest
+    /// height = the crest's on x, if it is flat or the peak is not strong; else the component's
+    /// width  = View::width's in the same cases; else 2.355 σ_u     603 of 2⁸, rounded down to 2⁻⁸
     /// ```
+    ///
+    /// 18·σ_u, Q16.16 of Q8, is 3 % of the width at half maximum; J is twice what noise moves the
+    /// top of a Gaussian of height A by.
     ///
     /// A peak is where the waveform peaks. A lobe of several surfaces peaks at the brightest of
     /// them, or where quantisation has it, while its component lies in the middle of all: then the

@@ -11,14 +11,15 @@ use echoloop_dsp::statistics::Statistics;
 ///
 /// ```text
 /// l    = the code of rank ⌊(N − 1)/20⌋ among the N codes in order
-/// m    = v − ½ + (N/2 − #{x < v}) / #{x = v}                v of rank ⌊(N − 1)/2⌋: the grouped median, as the sensor's
+/// m    = v − ½ + (N/2 − #{x < v}) / #{x = v}       v of rank ⌊(N − 1)/2⌋: the grouped median
 /// d[n] = 2¹⁵ + code[n − 1] − 2·code[n] + code[n + 1]       n = 1..N−2
 /// q    = the value of rank ⌊(n − 1)/4⌋ among the n = N − 2 values |d − median d|
-/// σ    = max(σ̂(d) / √6, 1/√12)                              σ̂ as of Statistics; at least the noise of quantisation
+/// σ    = max(σ̂(d) / √6, 1/√12)                     σ̂ of Statistics; at least quantisation's
 ///        of n < 48: max(min(σ̂(d) / √6, q / (0.3186·√6)), 1/√12)
-/// c    = middle of the narrowest range from one code in order to the ⌊N/6⌋-th after it, of equals the lowest,
-///        among those that end in the lower half of the codes' span; if it is no wider than max(2·σ, one code)
-/// b    = max(l + 1.645·σ, c − σ)                            of normal noise, 1/20 lies 1.645 σ below the middle
+/// c    = middle of the narrowest range from one code in order to the ⌊N/6⌋-th after it, of
+///        equals the lowest, among those that end in the lower half of the codes' span; if it is
+///        no wider than max(2·σ, one code)
+/// b    = max(l + 1.645·σ, c − σ)                   1/20 of normal noise is below middle − 1.645 σ
 /// a    = m if m ≤ b + σ, else b
 /// ```
 ///

@@ -143,7 +143,8 @@ impl Bank {
                 .copied()
                 .max()
                 .unwrap_or_default();
-            let _ = heights.push((i64::from(top), i64::from(template.noise_gain()), width)); // as many as there is room for
+            // As many as there is room for.
+            let _ = heights.push((i64::from(top), i64::from(template.noise_gain()), width));
         }
         let best = heights
             .iter()
