@@ -13,10 +13,10 @@
 use std::collections::HashMap;
 use std::fmt::Debug;
 
-use echoloop_dsp::kernel::{Portable, Scalar};
+use echoloop_dsp::loops::{Portable, Scalar};
 use echoloop_dsp::settings::PARAMETERS;
 use echoloop_dsp::{Hardware, Pipeline, ScanPattern, Scratch, Settings};
-use echoloop_host::waveforms::finder::{Pulse, Recorder, Search};
+use echoloop_host::waveforms::finder::{EchoFinder, FinderConfig, Pulse};
 use echoloop_host::waveforms::{Finder, Options, parse_waveforms};
 use echoloop_link::{
     Command, Decoder, Greeting, MAX_FRAME, Report, SETTINGS_SCHEMA, checksum, decode, encode,
@@ -331,16 +331,16 @@ fn pipeline(draw: &mut Draw<'_>) {
 }
 
 fn record(draw: &mut Draw<'_>) {
-    let mut recorder = Box::new(Recorder::new());
+    let mut finder = Box::new(EchoFinder::new());
     let code_shift = u32::from(draw.below(9));
     let (threshold, floor) = (draw.word(), draw.word());
     let (min_separation, echoes) = (u32::from(draw.byte()), usize::from(draw.below(40)));
     let outgoing: Vec<u16> = draw.bytes().into_iter().map(u16::from).collect();
-    let pulse = Pulse::of(&mut recorder, &outgoing, code_shift);
+    let pulse = Pulse::from_record(&mut finder, &outgoing, code_shift);
     let search =
-        Search { code_shift, snr_threshold: threshold, floor, min_separation, echoes, pulse };
+        FinderConfig { code_shift, snr_threshold: threshold, floor, min_separation, echoes, pulse };
     let codes = draw.codes();
-    let found = recorder.echoes(&codes, &search);
+    let found = finder.echoes(&codes, &search);
     let end = (codes.len() as i64) << 16;
     assert!(found.len() <= echoes);
     let apart = i64::from(min_separation.max(1)) << 16;
@@ -349,9 +349,9 @@ fn record(draw: &mut Draw<'_>) {
     assert!(
         found
             .iter()
-            .all(|e| (0..end).contains(&e.time) && (0..end).contains(&e.crest) && e.width >= 0)
+            .all(|e| (0..end).contains(&e.time) && (0..end).contains(&e.top) && e.width >= 0)
     );
-    assert_eq!(recorder.echoes(&codes, &search), found, "what the memory held changes nothing");
+    assert_eq!(finder.echoes(&codes, &search), found, "what the memory held changes nothing");
 }
 
 fn file(bytes: &[u8]) {

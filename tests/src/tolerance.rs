@@ -1,6 +1,6 @@
-//! How far the integer code may be from the twin that never rounds.
+//! How far the integer code may be from the model that never rounds.
 
-use crate::ideal::Echo;
+use crate::float_reference::Echo;
 
 /// Bounds for echoes of at least one SNR.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,4 +1,4 @@
-//! What the tables say is good enough: against the twin that never rounds, against the truth,
+//! What the tables say is good enough: against the model that never rounds, against the truth,
 //! against the physics.
 //!
 //! Figures in comments are what the code reaches; the asserted bounds leave room for the Monte
@@ -6,7 +6,7 @@
 
 use echoloop_dsp::choice::{DenoiseFilter, TimingMethod};
 use echoloop_dsp::{Echo, Flags, Hardware, Pipeline, Scratch, Settings};
-use echoloop_tests::ideal::{self, Ideal};
+use echoloop_tests::float_reference::{self, FloatReference};
 use echoloop_tests::tolerance::{self, LEAST_NOISE_CODES, TOLERANCES};
 use echoloop_tests::vectors::{self, add_echo, digitise, noise};
 use rand::RngExt;
@@ -21,11 +21,11 @@ const THREE_GS: i32 = 2382;
 
 const PHASES: i32 = 256;
 
-/// A sensor, its twin and its memory.
+/// A sensor, its model and its memory.
 struct Bench {
     hardware: Hardware,
     pipeline: Pipeline,
-    ideal: Ideal,
+    ideal: FloatReference,
     scratch: Scratch,
 }
 
@@ -35,7 +35,7 @@ impl Bench {
         Self {
             hardware,
             pipeline,
-            ideal: Ideal::new(&settings, &hardware),
+            ideal: FloatReference::new(&settings, &hardware),
             scratch: Scratch::new(),
         }
     }
@@ -90,8 +90,8 @@ fn mean_and_std(values: &[f64]) -> (f64, f64) {
     (mean, (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt())
 }
 
-fn in_units(echo: &Echo) -> ideal::Echo {
-    ideal::Echo {
+fn in_units(echo: &Echo) -> float_reference::Echo {
+    float_reference::Echo {
         range_mm: echo.range_mm().to_num(),
         amplitude: echo.amplitude_fraction().to_num(),
         width_ns: echo.width_ns().to_num(),
@@ -102,7 +102,7 @@ fn in_units(echo: &Echo) -> ideal::Echo {
 }
 
 #[test]
-fn echoes_stay_within_the_tolerance_table_of_the_twin_that_never_rounds() {
+fn echoes_stay_within_the_tolerance_table_of_the_model_that_never_rounds() {
     let mut seen = [0; TOLERANCES.len()];
     let mut clipped = 0;
     for seed in 0..12_000 {
@@ -123,28 +123,29 @@ fn echoes_stay_within_the_tolerance_table_of_the_twin_that_never_rounds() {
         let Some((echo, codes)) = bench.see(wave, 100.0 + rng.random::<f64>(), amplitude) else {
             continue;
         };
-        let (mut ours, twins) = (in_units(&echo), bench.ideal.process(&codes));
+        let (mut ours, models) = (in_units(&echo), bench.ideal.process(&codes));
         // Near the threshold one of the two may see nothing.
-        let Some((twin, tolerance)) = twins.first().and_then(|t| Some((t, tolerance::at(t.snr)?)))
+        let Some((model, tolerance)) =
+            models.first().and_then(|t| Some((t, tolerance::at(t.snr)?)))
         else {
             continue;
         };
-        if twin.snr > 250.0 {
+        if model.snr > 250.0 {
             continue; // U8.8 ends at 256
         }
-        assert_eq!(ours.saturated, twin.saturated, "seed {seed}");
+        assert_eq!(ours.saturated, model.saturated, "seed {seed}");
         if ours.saturated && settings.timing != TimingMethod::WalkCorrected.code() {
             assert_eq!(echo.deviation, u16::MAX, "seed {seed}: it walks");
-            ours.deviation_mm = twin.deviation_mm;
+            ours.deviation_mm = model.deviation_mm;
         }
         let class = TOLERANCES.iter().position(|t| t == tolerance).unwrap();
         seen[class] += 1;
-        let taken = tolerance.taken(&ours, twin);
+        let taken = tolerance.taken(&ours, model);
         clipped +=
             u32::from(ours.saturated && settings.timing == TimingMethod::WalkCorrected.code());
         assert!(
             taken.iter().all(|&t| t <= 1.0),
-            "seed {seed}: {taken:.2?} of {tolerance:?}\n{ours:?}\n{twin:?}"
+            "seed {seed}: {taken:.2?} of {tolerance:?}\n{ours:?}\n{model:?}"
         );
     }
     assert!(seen.iter().all(|&n| n > 500) && clipped > 80, "{seen:?}, {clipped} clipped");

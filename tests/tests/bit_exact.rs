@@ -1,7 +1,7 @@
-//! The integer code equals the twin that rounds where its tables say: every stage by itself, then
+//! The integer code equals the model that rounds where its tables say: every stage by itself, then
 //! the pipeline.
 
-use echoloop_dsp::Kernel;
+use echoloop_dsp::SampleLoops;
 use echoloop_dsp::accumulate::Accumulator;
 use echoloop_dsp::choice::EchoChoice;
 use echoloop_dsp::detect::{self, Threshold};
@@ -9,88 +9,95 @@ use echoloop_dsp::echo::Echo;
 use echoloop_dsp::edges::{EdgeFit, MAX_AMPLITUDE, Run};
 use echoloop_dsp::filter::{self, PADDING};
 use echoloop_dsp::hardware::sample_period_fs;
-use echoloop_dsp::kernel::{Portable, Scalar};
+use echoloop_dsp::loops::{Portable, Scalar};
 use echoloop_dsp::noise::Noise;
 use echoloop_dsp::peak::{self, Peaks};
 use echoloop_dsp::pulse::{self, Pulse};
 use echoloop_dsp::refine::{Refined, Refiner, Waveform};
 use echoloop_dsp::statistics::Statistics;
-use echoloop_dsp::{Config, Echoes, Flags, Hardware, MAX_CODES, Pipeline, Scratch, baseline};
-use echoloop_tests::quantised::{self, Twin};
+use echoloop_dsp::{
+    DetectorConfig, Echoes, Flags, Hardware, MAX_CODES, Pipeline, Scratch, baseline,
+};
+use echoloop_tests::bit_true::{self, BitTrue};
 use echoloop_tests::vectors::{self, Case, ClippedRun};
 use rand::{Rng, RngExt};
 
 /// Waveforms per stage.
 const SEEDS: u64 = 10_000;
 
-/// A case, the DSP's constants and the twin's.
-fn set_up(seed: u64) -> (Case, Config, Twin) {
+/// A case, the DSP's constants and the model's.
+fn set_up(seed: u64) -> (Case, DetectorConfig, BitTrue) {
     let case = vectors::case(seed);
-    let config =
-        Config::new(&case.settings, &case.hardware).expect("vectors draw accepted settings");
-    let twin = Twin::new(&case.settings, &case.hardware, &config);
-    (case, config, twin)
+    let config = DetectorConfig::new(&case.settings, &case.hardware)
+        .expect("vectors draw accepted settings");
+    let model = BitTrue::new(&case.settings, &case.hardware, &config);
+    (case, config, model)
 }
 
 fn reals(y: &[i16]) -> Vec<f64> {
     y.iter().map(|&v| f64::from(v)).collect()
 }
 
-fn twin_peaks(peaks: &[peak::Peak]) -> Vec<quantised::Peak> {
+fn model_peaks(peaks: &[peak::Peak]) -> Vec<bit_true::Peak> {
     peaks.iter().map(|&p| p.into()).collect()
 }
 
-fn twins(echoes: &Echoes) -> Vec<quantised::Echo> {
+fn models(echoes: &Echoes) -> Vec<bit_true::Echo> {
     echoes.iter().map(|&e| e.into()).collect()
 }
 
 #[test]
-fn constants_equal_their_twins() {
+fn constants_equal_their_models() {
     for seed in 0..SEEDS {
-        let (case, config, twin) = set_up(seed);
+        let (case, config, model) = set_up(seed);
         assert_eq!(
             f64::from(config.clip_code()),
-            twin.clip_code,
+            model.clip_code,
             "seed {seed}: {:?}",
             case.settings
         );
-        assert_eq!(f64::from(config.floor()), twin.floor, "seed {seed}: {:?}", case.settings);
+        assert_eq!(f64::from(config.floor()), model.floor, "seed {seed}: {:?}", case.settings);
         assert_eq!(
             f64::from(config.min_separation()),
-            twin.min_separation,
+            model.min_separation,
             "seed {seed}: {:?}",
             case.settings
         );
         assert_eq!(
             f64::from(config.sample_period_fs()),
-            twin.period_fs,
+            model.period_fs,
             "seed {seed}: {:?}",
             case.settings
         );
-        assert_eq!(config.range_step() as f64, twin.range_step, "seed {seed}: {:?}", case.settings);
+        assert_eq!(
+            config.range_step() as f64,
+            model.range_step,
+            "seed {seed}: {:?}",
+            case.settings
+        );
         assert_eq!(
             f64::from(config.template().noise_gain()),
-            twin.noise_gain,
+            model.noise_gain,
             "seed {seed}: {:?}",
             case.settings
         );
-        assert_eq!(f64::from(config.shots()), twin.shots, "seed {seed}: {:?}", case.settings);
+        assert_eq!(f64::from(config.shots()), model.shots, "seed {seed}: {:?}", case.settings);
         assert_eq!(
             f64::from(1 << config.sum_shift()),
-            twin.sum_divisor,
+            model.sum_divisor,
             "seed {seed}: {:?}",
             case.settings
         );
         assert_eq!(
             f64::from(1 << config.code_shift()),
-            twin.code,
+            model.code,
             "seed {seed}: {:?}",
             case.settings
         );
         let codes = [config.samples(), config.codes() - config.samples()];
         assert_eq!(
             codes,
-            [case.settings.bins as usize, twin.pre_trigger],
+            [case.settings.bins as usize, model.pre_trigger],
             "seed {seed}: {:?}",
             case.settings
         );
@@ -98,10 +105,10 @@ fn constants_equal_their_twins() {
 }
 
 #[test]
-fn summed_shots_equal_their_twin_and_begin_anew() {
+fn summed_shots_equal_their_model_and_begin_anew() {
     let mut accumulator = Accumulator::new();
     for seed in 0..SEEDS {
-        let (case, config, twin) = set_up(seed);
+        let (case, config, model) = set_up(seed);
         let shots = vectors::shots(&case, &mut vectors::rng(seed));
         let mut codes = vec![1; shots[0].len() + 3];
         for (shot, codes) in (0..).zip(&shots) {
@@ -109,7 +116,7 @@ fn summed_shots_equal_their_twin_and_begin_anew() {
         }
         let room = codes.len() - 3;
         accumulator.read(config.sum_shift(), &mut codes[..room]);
-        assert_eq!(codes[..room], twin.accumulate(&shots), "seed {seed}: {:?}", case.settings);
+        assert_eq!(codes[..room], model.accumulate(&shots), "seed {seed}: {:?}", case.settings);
         assert_eq!(codes[room..], [1; 3], "seed {seed}");
     }
 }
@@ -128,31 +135,31 @@ fn codes_beyond_the_room_for_them_are_not_summed() {
 }
 
 #[test]
-fn every_number_of_bins_has_the_twin_s_sample_period() {
+fn every_number_of_bins_has_the_model_s_sample_period() {
     for bins in 200..=2400 {
         let period_fs = sample_period_fs(bins as u32, &Hardware::REFERENCE);
         assert_eq!(
             f64::from(period_fs),
-            quantised::period_fs(bins, &Hardware::REFERENCE),
+            bit_true::period_fs(bins, &Hardware::REFERENCE),
             "{bins} bins"
         );
     }
 }
 
 #[test]
-fn statistics_equal_their_twin_whatever_the_guess() {
+fn statistics_equal_their_model_whatever_the_guess() {
     let mut last = Statistics::default();
     for seed in 0..SEEDS {
-        let (case, config, twin) = set_up(seed);
+        let (case, config, model) = set_up(seed);
         let shift = config.code_shift();
         let codes = case.split().1;
         let mut rng = vectors::rng(seed);
         let random =
             Statistics { median: rng.random(), deviation: rng.random(), ..Statistics::default() };
-        let expected = twin.statistics(codes);
+        let expected = model.statistics(codes);
         for guess in [Statistics::default(), last, random] {
             last = Portable.statistics(codes, shift, &guess);
-            assert_eq!(quantised::Statistics::from(last), expected, "seed {seed} from {guess:?}");
+            assert_eq!(bit_true::Statistics::from(last), expected, "seed {seed} from {guess:?}");
             let in_one_pass = Scalar.statistics(codes, shift, &guess);
             assert_eq!(in_one_pass, last, "seed {seed} from {guess:?}");
         }
@@ -160,10 +167,10 @@ fn statistics_equal_their_twin_whatever_the_guess() {
 }
 
 #[test]
-fn the_ambient_of_every_estimator_equals_its_twin() {
+fn the_ambient_of_every_estimator_equals_its_model() {
     let mut estimators = [0; 3];
     for seed in 0..SEEDS {
-        let (case, config, twin) = set_up(seed);
+        let (case, config, model) = set_up(seed);
         let (before, codes) = case.split();
         let statistics = Portable.statistics(codes, config.code_shift(), &Statistics::default());
         let mut rng = vectors::rng(seed);
@@ -175,8 +182,8 @@ fn the_ambient_of_every_estimator_equals_its_twin() {
                 config.code_shift(),
             );
             assert_eq!(
-                quantised::Statistics::from(ours),
-                twin.with_ambient(statistics.into(), before),
+                bit_true::Statistics::from(ours),
+                model.with_ambient(statistics.into(), before),
                 "seed {seed}"
             );
         }
@@ -186,9 +193,9 @@ fn the_ambient_of_every_estimator_equals_its_twin() {
 }
 
 #[test]
-fn the_baseline_equals_its_twin() {
+fn the_baseline_equals_its_model() {
     for seed in 0..SEEDS {
-        let (case, config, twin) = set_up(seed);
+        let (case, config, model) = set_up(seed);
         let ambient = match seed % 3 {
             0 => vectors::rng(seed).random_range(-40_000..=40_000), // saturates
             _ => {
@@ -200,14 +207,14 @@ fn the_baseline_equals_its_twin() {
         let saturated = Statistics { ambient, ..Statistics::default() }.ambient_q15();
         let mut x = vec![0; case.codes.len()];
         baseline::remove(&case.codes, config.clip_code(), config.code_shift(), saturated, &mut x);
-        assert_eq!(reals(&x), twin.baseline(&case.codes, ambient.into()), "seed {seed}");
+        assert_eq!(reals(&x), model.baseline(&case.codes, ambient.into()), "seed {seed}");
     }
 }
 
 #[test]
-fn the_filter_equals_its_twin_over_the_whole_scale_of_samples() {
+fn the_filter_equals_its_model_over_the_whole_scale_of_samples() {
     for seed in 0..SEEDS {
-        let (case, config, twin) = set_up(seed);
+        let (case, config, model) = set_up(seed);
         let mut rng = vectors::rng(seed);
         let amplitude = [3, 100, 0x7fff][seed as usize % 3];
         let length = rng.random_range(0..=case.codes.len().min(500));
@@ -222,24 +229,24 @@ fn the_filter_equals_its_twin_over_the_whole_scale_of_samples() {
         padded.resize(padded.len() + template.half() + PADDING, 0);
         let mut y = vec![0; length.next_multiple_of(16)];
         filter::correlate(template.taps_in_pairs(), &padded, &mut y);
-        assert_eq!(reals(&y[..length]), twin.filter(&reals(&x)), "seed {seed}");
+        assert_eq!(reals(&y[..length]), model.filter(&reals(&x)), "seed {seed}");
     }
 }
 
 #[test]
-fn statistics_and_filter_inside_the_pipeline_equal_their_twins_in_both_builds() {
+fn statistics_and_filter_inside_the_pipeline_equal_their_models_in_both_builds() {
     let mut scratch = Scratch::new();
     for seed in 0..SEEDS {
-        let (mut case, config, twin) = set_up(seed);
+        let (mut case, config, model) = set_up(seed);
         case.codes.truncate(config.codes() - config.samples() + echoloop_dsp::MAX_SAMPLES);
         let pipeline = Pipeline::new(&case.settings, &case.hardware).unwrap();
         let (before, codes) = case.split();
-        let statistics = twin.with_ambient(twin.statistics(codes), before);
-        let y = twin.filter(&twin.baseline(codes, statistics.ambient));
+        let statistics = model.with_ambient(model.statistics(codes), before);
+        let y = model.filter(&model.baseline(codes, statistics.ambient));
         for process in [echoloop_kernels::process, echoloop_kernels::process_baseline] {
             process(&pipeline, &case.codes, &mut scratch);
             assert_eq!(
-                quantised::Statistics::from(*scratch.statistics()),
+                bit_true::Statistics::from(*scratch.statistics()),
                 statistics,
                 "seed {seed}"
             );
@@ -249,18 +256,18 @@ fn statistics_and_filter_inside_the_pipeline_equal_their_twins_in_both_builds() 
 }
 
 #[test]
-fn thresholds_equal_their_twin() {
+fn thresholds_equal_their_model() {
     for seed in 0..SEEDS {
-        let (case, config, twin) = set_up(seed);
+        let (case, config, model) = set_up(seed);
         let mut rng = vectors::rng(seed);
         let measured =
             Portable.statistics(&case.codes, config.code_shift(), &Statistics::default());
         let any = Statistics { sigma: rng.random::<u32>() >> rng.random_range(4..32), ..measured };
         for statistics in [measured, any, Statistics::default()] {
-            let ours = Threshold::of(&config, &statistics);
+            let ours = Threshold::new(&config, &statistics);
             assert_eq!(
-                quantised::Threshold::from(ours),
-                twin.threshold(&statistics.into()),
+                bit_true::Threshold::from(ours),
+                model.threshold(&statistics.into()),
                 "seed {seed}"
             );
         }
@@ -268,38 +275,38 @@ fn thresholds_equal_their_twin() {
 }
 
 #[test]
-fn peaks_equal_their_twin() {
+fn peaks_equal_their_model() {
     let mut found = Peaks::new();
     for seed in 0..SEEDS {
         let (y, threshold) = vectors::output(seed);
         Portable.peaks(&y, threshold, &mut found);
         assert_eq!(
-            twin_peaks(&found),
-            quantised::peaks(&reals(&y), threshold.into()),
+            model_peaks(&found),
+            bit_true::peaks(&reals(&y), threshold.into()),
             "seed {seed}"
         );
     }
 }
 
 #[test]
-fn separation_and_choice_equal_their_twins() {
+fn separation_and_choice_equal_their_models() {
     let mut found = Peaks::new();
     for seed in 0..SEEDS {
         let (y, threshold) = vectors::output(seed);
         let mut rng = vectors::rng(seed);
         let min_separation = rng.random_range(1..60);
         Portable.peaks(&y, threshold, &mut found);
-        let before = twin_peaks(&found);
+        let before = model_peaks(&found);
         detect::separate(&mut found, min_separation);
-        let expected = quantised::separate(&before, min_separation.into());
-        assert_eq!(twin_peaks(&found), expected, "seed {seed}");
+        let expected = bit_true::separate(&before, min_separation.into());
+        assert_eq!(model_peaks(&found), expected, "seed {seed}");
         for (count, choice) in
             (1..=4).flat_map(|count| EchoChoice::ALL.iter().map(move |&choice| (count, choice)))
         {
             let chosen = detect::choose(found.clone(), count, choice);
             assert_eq!(
-                twin_peaks(&chosen),
-                quantised::choose(&expected, count, choice),
+                model_peaks(&chosen),
+                bit_true::choose(&expected, count, choice),
                 "seed {seed}, {count} of {choice:?}"
             );
         }
@@ -307,11 +314,11 @@ fn separation_and_choice_equal_their_twins() {
 }
 
 #[test]
-fn the_noise_of_a_sample_equals_its_twin() {
+fn the_noise_of_a_sample_equals_its_model() {
     for seed in 0..SEEDS {
         let mut rng = vectors::rng(seed);
         let noise = any_noise(&mut rng);
-        let twin = quantised::Noise::from(noise);
+        let model = bit_true::Noise::from(noise);
         for _ in 0..20 {
             let three_sigma = noise.hidden();
             let value = match rng.random_range(0..4) {
@@ -323,19 +330,19 @@ fn the_noise_of_a_sample_equals_its_twin() {
             let share = rng.random_range(0..=40_000);
             assert_eq!(
                 f64::from(noise.of(value)),
-                twin.of(value as f64),
+                model.of(value as f64),
                 "seed {seed}: {noise:?} {value}"
             );
-            assert_eq!(noise.hidden() as f64, twin.hidden(), "seed {seed}: {noise:?}");
+            assert_eq!(noise.hidden() as f64, model.hidden(), "seed {seed}: {noise:?}");
             assert_eq!(
                 noise.hides(value),
-                !twin.shows(value as f64),
+                !model.shows(value as f64),
                 "seed {seed}: {noise:?} {value}"
             );
             let shared = f64::from(noise.with(value, share));
             assert_eq!(
                 shared,
-                twin.with(value as f64, share.into()),
+                model.with(value as f64, share.into()),
                 "seed {seed}: {noise:?} {value} {share}"
             );
         }
@@ -345,7 +352,7 @@ fn the_noise_of_a_sample_equals_its_twin() {
 #[test]
 fn noise_whose_nine_variances_no_integer_holds_hides_everything() {
     let noise = Noise { sigma: 1_431_655_766, shot: 0 }; // 9 σ² is 2⁶⁴ + 2³⁴ + 4
-    assert!(noise.hides(0xffff) && !quantised::Noise::from(noise).shows(65_535.0));
+    assert!(noise.hides(0xffff) && !bit_true::Noise::from(noise).shows(65_535.0));
 }
 
 /// From none to what no waveform has.
@@ -359,28 +366,28 @@ fn any_noise(rng: &mut impl Rng) -> Noise {
 }
 
 #[test]
-fn the_table_of_the_pulse_equals_its_twin() {
-    assert_eq!(pulse::SIN_SQUARED.map(f64::from), *quantised::pulse::TABLE);
+fn the_table_of_the_pulse_equals_its_model() {
+    assert_eq!(pulse::SIN_SQUARED.map(f64::from), *bit_true::pulse::TABLE);
 }
 
 #[test]
-fn the_pulse_and_its_slope_equal_their_twins() {
+fn the_pulse_and_its_slope_equal_their_models() {
     for seed in 0..SEEDS {
         let mut rng = vectors::rng(seed);
         let period_fs = rng.random_range(1..=4_000_000u32) >> rng.random_range(0..20);
         let width_ps = rng.random_range(0..=20_000) >> rng.random_range(0..12);
         let pulse = Pulse::new(width_ps, period_fs.max(1));
-        let twin = quantised::Pulse::new(width_ps.into(), period_fs.max(1).into());
-        assert_eq!(pulse.width() as f64, twin.width, "seed {seed}");
+        let model = bit_true::Pulse::new(width_ps.into(), period_fs.max(1).into());
+        assert_eq!(pulse.width() as f64, model.width, "seed {seed}");
         let length = 2 * pulse.width();
         let ends =
             [-1, 0, 1, length / 2 - 1, length / 2, length / 2 + 1, length - 1, length, length + 1];
         let inside: [i64; 40] = std::array::from_fn(|_| rng.random_range(0..=length));
         for u in ends.into_iter().chain(inside) {
-            assert_eq!(pulse.at(u) as f64, twin.at(u as f64), "seed {seed}: {pulse:?} at {u}");
+            assert_eq!(pulse.at(u) as f64, model.at(u as f64), "seed {seed}: {pulse:?} at {u}");
             assert_eq!(
                 pulse.slope(u) as f64,
-                twin.slope(u as f64),
+                model.slope(u as f64),
                 "seed {seed}: {pulse:?} at {u}"
             );
         }
@@ -388,7 +395,7 @@ fn the_pulse_and_its_slope_equal_their_twins() {
 }
 
 #[test]
-fn the_edges_of_clipped_runs_equal_their_twins() {
+fn the_edges_of_clipped_runs_equal_their_models() {
     let mut kinds = [0; 5];
     for seed in 0..3 * SEEDS {
         let run = vectors::clipped_run(seed);
@@ -397,17 +404,17 @@ fn the_edges_of_clipped_runs_equal_their_twins() {
         let pulse = Pulse::new(run.width_ps, run.period_fs);
         let ours = EdgeFit { pulse: &pulse, noise: &noise, level }
             .fit(&run.x, Run { first, last })
-            .map(quantised::edges::Edges::from);
+            .map(bit_true::edges::Edges::from);
         let x = reals(&run.x);
-        let twin = quantised::edges::Clipped {
-            pulse: &quantised::Pulse::new(run.width_ps.into(), run.period_fs.into()),
+        let model = bit_true::edges::Clipped {
+            pulse: &bit_true::Pulse::new(run.width_ps.into(), run.period_fs.into()),
             x: &x,
             level: level as f64,
             first,
             last,
             noise: noise.into(),
         };
-        assert_eq!(ours, twin.fit(), "seed {seed}: {run:?}");
+        assert_eq!(ours, model.fit(), "seed {seed}: {run:?}");
         let shows =
             |n: Option<usize>| n.and_then(|n| run.x.get(n)).map(|&v| !noise.hides(v.into()));
         kinds[match (shows(first.checked_sub(1)), shows(Some(last + 1))) {
@@ -422,10 +429,10 @@ fn the_edges_of_clipped_runs_equal_their_twins() {
 }
 
 #[test]
-fn refined_peaks_equal_their_twins() {
+fn refined_peaks_equal_their_models() {
     let mut found = Peaks::new();
     for seed in 0..SEEDS {
-        let (_, config, twin) = set_up(seed);
+        let (_, config, model) = set_up(seed);
         let (y, level) = vectors::output(seed);
         let mut rng = vectors::rng(seed);
         let codes = codes_near(config.clip_code(), &y, &mut rng);
@@ -458,8 +465,8 @@ fn refined_peaks_equal_their_twins() {
             ambient: rng.random::<i16>() >> rng.random_range(0..16),
         };
         let reals_f: Vec<f64> = f.iter().map(|&v| v as f64).collect();
-        let twin_wave =
-            quantised::Waveform { codes: &codes, x: &reals(&x), y: &reals(&y), f: &reals_f };
+        let model_wave =
+            bit_true::Waveform { codes: &codes, x: &reals(&x), y: &reals(&y), f: &reals_f };
         for &peak in found.iter().take(8) {
             let waveform = Waveform { codes: &codes, x: &x, y: &y };
             let refiner = Refiner {
@@ -469,8 +476,8 @@ fn refined_peaks_equal_their_twins() {
                 noise: &noise,
             };
             let ours = refiner.refine(|n| at(&f, n), peak);
-            let expected = twin.refine(&twin_wave, peak.into(), &threshold.into(), &noise.into());
-            assert_eq!(quantised::Refined::from(ours), expected, "seed {seed}, {peak:?}");
+            let expected = model.refine(&model_wave, peak.into(), &threshold.into(), &noise.into());
+            assert_eq!(bit_true::Refined::from(ours), expected, "seed {seed}, {peak:?}");
         }
     }
 }
@@ -493,9 +500,9 @@ fn codes_near(clip: u16, y: &[i16], rng: &mut impl Rng) -> Vec<u16> {
 }
 
 #[test]
-fn echoes_equal_their_twins() {
+fn echoes_equal_their_models() {
     for seed in 0..SEEDS {
-        let (case, config, twin) = set_up(seed);
+        let (case, config, model) = set_up(seed);
         let mut rng = vectors::rng(seed);
         let level = rng.random_range(1..=0x7fff) >> rng.random_range(0..15);
         for _ in 0..10 {
@@ -517,10 +524,10 @@ fn echoes_equal_their_twins() {
                 sigma: rng.random::<u32>() >> rng.random_range(0..32),
                 flags: Flags(rng.random_range(0..32)),
             };
-            let ours = Echo::of(&config, &refined, &threshold).map(quantised::Echo::from);
+            let ours = Echo::from_peak(&config, &refined, &threshold).map(bit_true::Echo::from);
             assert_eq!(
                 ours,
-                twin.echo(&refined.into(), &threshold.into()),
+                model.echo(&refined.into(), &threshold.into()),
                 "seed {seed}: {refined:?} {threshold:?}"
             );
         }
@@ -528,14 +535,14 @@ fn echoes_equal_their_twins() {
 }
 
 #[test]
-fn the_pipeline_equals_its_twin_in_every_build() {
+fn the_pipeline_equals_its_model_in_every_build() {
     let mut scratch = Scratch::new();
     for seed in 0..2 * SEEDS {
-        let (case, _, twin) = set_up(seed);
+        let (case, _, model) = set_up(seed);
         let pipeline = Pipeline::new(&case.settings, &case.hardware).unwrap();
-        let expected = twin.process(&case.codes);
+        let expected = model.process(&case.codes);
         let fastest = echoloop_kernels::process(&pipeline, &case.codes, &mut scratch);
-        assert_eq!(twins(&fastest), expected, "seed {seed}, {:?}", case.kind);
+        assert_eq!(models(&fastest), expected, "seed {seed}, {:?}", case.kind);
         let compiled = echoloop_kernels::process_compiled(&pipeline, &case.codes, &mut scratch);
         let plain = echoloop_kernels::process_baseline(&pipeline, &case.codes, &mut scratch);
         let scalar = pipeline.process(Scalar, &case.codes, &mut scratch);

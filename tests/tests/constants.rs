@@ -1,28 +1,28 @@
 //! The constants that are computed in `f32` when settings are committed: the same on every machine,
 //! and near the real ones.
 //!
-//! The twins of [`bit_exact`](../bit_exact.rs) take them as they are; here they are held to their
+//! The models of [`bit_exact`](../bit_exact.rs) take them as they are; here they are held to their
 //! formulas in `f64`.
 
 use echoloop_dsp::choice::DenoiseFilter;
 use echoloop_dsp::template::Template;
-use echoloop_dsp::{Config, Hardware, Settings};
-use echoloop_tests::ideal::Filtered;
+use echoloop_dsp::{DetectorConfig, Hardware, Settings};
+use echoloop_tests::float_reference::Filtered;
 use echoloop_tests::vectors::{self, pulse};
 
 /// Settings and hardware per test.
 const SEEDS: u64 = 10_000;
 
-fn draw(seed: u64) -> (Settings, Hardware, Config) {
+fn draw(seed: u64) -> (Settings, Hardware, DetectorConfig) {
     let mut rng = vectors::rng(seed);
     let hardware = vectors::hardware(&mut rng);
     let settings = vectors::settings(&mut rng, &hardware);
-    let config = Config::new(&settings, &hardware).expect("vectors draw accepted settings");
+    let config = DetectorConfig::new(&settings, &hardware).expect("vectors draw accepted settings");
     (settings, hardware, config)
 }
 
 /// W f_s.
-fn samples_per_width(settings: &Settings, config: &Config) -> f64 {
+fn samples_per_width(settings: &Settings, config: &DetectorConfig) -> f64 {
     f64::from(settings.pulse_width_ps) * 1e3 / f64::from(config.sample_period_fs())
 }
 
@@ -113,7 +113,7 @@ fn template_taps_lie_within_one_lsb_and_a_tolerance_of_the_true_shape() {
         {
             assert!(
                 (f64::from(ours) / 32_768.0 / ideal - 1.0).abs() < 2e-3,
-                "seed {seed}: {ours} for {ideal}"
+                "seed {seed}: {ours} for {float_reference}"
             );
         }
     }

@@ -9,7 +9,7 @@ use std::fs;
 use std::time::{Duration, Instant};
 
 use echoloop_dsp::accumulate::Accumulator;
-use echoloop_dsp::kernel::Scalar;
+use echoloop_dsp::loops::Scalar;
 use echoloop_dsp::{Echoes, Hardware, Pipeline, ScanPattern, Scratch, Settings};
 use echoloop_frontend::{Analog, FrontEnd, Trigger};
 use echoloop_host::link::client::{Client, RetryPolicy};

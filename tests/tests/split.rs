@@ -1,15 +1,15 @@
-//! Peaks under peaks, and the echoes of records: equal to their twins bit for bit, and what they
+//! Overlapping echoes, and the echoes of records: equal to their models bit for bit, and what they
 //! tell apart.
 
-use echoloop_dsp::Kernel;
+use echoloop_dsp::SampleLoops;
 use echoloop_dsp::filter::{self, PADDING};
-use echoloop_dsp::kernel::Portable;
+use echoloop_dsp::loops::Portable;
 use echoloop_dsp::peak::{self, Peaks};
-use echoloop_dsp::split::{Hidden, Sharpener, Splitter, crests};
+use echoloop_dsp::split::{Overlapping, Sharpener, Splitter, prominent_peaks};
 use echoloop_dsp::template::Template;
-use echoloop_host::waveforms::finder::{Pulse, RINGS, Recorder, Search};
-use echoloop_tests::quantised::Peak;
-use echoloop_tests::{recording_twin, split_twin, vectors};
+use echoloop_host::waveforms::finder::{EchoFinder, FinderConfig, Pulse, RINGS};
+use echoloop_tests::bit_true::{self, Peak};
+use echoloop_tests::vectors;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
@@ -17,7 +17,7 @@ fn reals(y: &[i16]) -> Vec<f64> {
     y.iter().map(|&v| f64::from(v)).collect()
 }
 
-fn twins(peaks: &[peak::Peak]) -> Vec<Peak> {
+fn models(peaks: &[peak::Peak]) -> Vec<Peak> {
     peaks.iter().map(|&p| p.into()).collect()
 }
 
@@ -42,35 +42,35 @@ fn waveform(
 }
 
 #[test]
-fn crests_equal_their_twin() {
+fn prominent_peaks_equal_their_model() {
     for seed in 0..10_000 {
         let mut rng = vectors::rng(seed);
         let values: Vec<i16> =
             (0..rng.random_range(0..200)).map(|_| rng.random_range(-20..60)).collect();
         let (level, share) = (rng.random_range(1..40), rng.random_range(1..9));
         let mut found = Peaks::new();
-        crests(values.iter().copied(), 7, level, |h| i32::from(h) / share + 3, &mut found);
+        prominent_peaks(values.iter().copied(), 7, level, |h| i32::from(h) / share + 3, &mut found);
         let rise = |h: f64| (h / f64::from(share)).trunc() + 3.0;
         assert_eq!(
-            twins(&found),
-            split_twin::crests(&reals(&values), 7, level.into(), rise),
+            models(&found),
+            bit_true::split::prominent_peaks(&reals(&values), 7, level.into(), rise),
             "seed {seed}"
         );
     }
 }
 
 #[test]
-fn the_sharpener_and_the_shoulders_it_finds_equal_their_twins() {
+fn the_sharpener_and_the_overlapping_echoes_it_finds_equal_their_models() {
     for seed in 0..3_000 {
         let mut rng = vectors::rng(seed);
         let narrow = Template::sin_squared(rng.random_range(1_000..30_000), 1_000_000);
         let (lag, strength) = (rng.random_range(0..40), rng.random_range(0..=64));
         let sharpener = Sharpener::new(&narrow, lag, strength);
-        let twin = split_twin::Sharpener::new(&narrow, lag, strength.into());
-        assert_eq!(reals(sharpener.taps()), twin.taps, "seed {seed}");
+        let model = bit_true::split::Sharpener::new(&narrow, lag, strength.into());
+        assert_eq!(reals(sharpener.taps()), model.taps, "seed {seed}");
         assert_eq!(
             (sharpener.lag(), f64::from(sharpener.noise_gain())),
-            (twin.lag, twin.noise_gain),
+            (model.lag, model.noise_gain),
             "seed {seed}"
         );
 
@@ -81,29 +81,29 @@ fn the_sharpener_and_the_shoulders_it_finds_equal_their_twins() {
             waveform(&mut rng, 300, 9.0, &echoes, 20.0).iter().map(|&v| v as i16).collect();
         let y: Vec<i16> = x.iter().map(|v| v / 2).collect();
         let mut coarse = Peaks::new();
-        crests(y.iter().copied(), 0, 40, |h| i32::from(h >> 2), &mut coarse);
-        let mut hidden = Hidden::new();
+        prominent_peaks(y.iter().copied(), 0, 40, |h| i32::from(h >> 2), &mut coarse);
+        let mut hidden = Overlapping::new();
         let found = Splitter { sharpener: &sharpener, x: &x, y: &y, sigma: 300, level: 40 }.split(
             &coarse,
             |peak| peak.index % 3 > 0,
             &mut hidden,
         );
-        let expected = split_twin::shoulders(
-            &twin,
+        let expected = bit_true::split::split(
+            &model,
             &reals(&x),
             &reals(&y),
             300.0,
             40.0,
-            &twins(&coarse),
+            &models(&coarse),
             |p| p.index % 3 > 0,
         );
         let hidden = hidden.iter().map(|&index| usize::from(index)).collect();
-        assert_eq!((twins(&found), hidden), expected, "seed {seed}");
+        assert_eq!((models(&found), hidden), expected, "seed {seed}");
     }
 }
 
 /// A record of any kind: codes of so many bits, and what is searched for.
-fn record(seed: u64) -> (Vec<u16>, Search) {
+fn record(seed: u64) -> (Vec<u16>, FinderConfig) {
     let mut rng = vectors::rng(seed);
     let shift = rng.random_range(1..=7);
     let top = f64::from(0x7fffu16 >> shift);
@@ -127,26 +127,26 @@ fn record(seed: u64) -> (Vec<u16>, Search) {
     let width = (width * 65_536.0) as i64;
     let skew = rng.random_range(-(4 << 16)..4 << 16);
     let pulse = seed.is_multiple_of(3).then_some(Pulse { time: 0, width, skew, ringing });
-    let search = Search {
+    let search = FinderConfig {
         code_shift: shift,
         snr_threshold: rng.random_range(256..2_000),
         floor: rng.random_range(0..4_000),
         min_separation: rng.random_range(0..9),
-        echoes: if seed.is_multiple_of(5) { 2 } else { Search::DEFAULT.echoes },
+        echoes: if seed.is_multiple_of(5) { 2 } else { FinderConfig::DEFAULT.echoes },
         pulse,
     };
     (codes, search)
 }
 
 #[test]
-fn the_echoes_of_a_record_equal_their_twin() {
-    let mut recorder = Box::new(Recorder::new());
+fn the_echoes_of_a_record_equal_their_model() {
+    let mut finder = Box::new(EchoFinder::new());
     let mut total = 0;
     for seed in 0..2_000 {
         let (codes, search) = record(seed);
-        let found: Vec<recording_twin::Echo> =
-            recorder.echoes(&codes, &search).into_iter().map(Into::into).collect();
-        assert_eq!(found, recording_twin::echoes(&codes, &search), "seed {seed}: {search:?}");
+        let found: Vec<bit_true::finder::Echo> =
+            finder.echoes(&codes, &search).into_iter().map(Into::into).collect();
+        assert_eq!(found, bit_true::finder::echoes(&codes, &search), "seed {seed}: {search:?}");
         total += found.len();
     }
     assert!(total > 2_500, "{total} echoes");
@@ -173,8 +173,8 @@ fn of_ringing(
     let clean = |n: u32| echoes.iter().map(|&(at, a)| a * value(f64::from(n) - at)).sum::<f64>();
     let codes: Vec<u16> =
         (0..samples).map(|n| (600.0 + clean(n) + 2.0 * noise(rng)).round() as u16).collect();
-    let search = Search { code_shift: 4, ..Search::DEFAULT };
-    let found = Recorder::new().echoes(&codes, &search);
+    let search = FinderConfig { code_shift: 4, ..FinderConfig::DEFAULT };
+    let found = EchoFinder::new().echoes(&codes, &search);
     found.iter().map(|echo| echo.time as f64 / 65_536.0).collect()
 }
 
@@ -203,15 +203,15 @@ fn an_echo_after_ringing_is_found() {
 
 #[test]
 fn memory_that_was_used_changes_no_echo() {
-    let mut used = Box::new(Recorder::new());
+    let mut used = Box::new(EchoFinder::new());
     for seed in 0..500 {
         let (codes, search) = record(seed);
-        let mut fresh = Box::new(Recorder::new());
+        let mut fresh = Box::new(EchoFinder::new());
         assert_eq!(used.echoes(&codes, &search), fresh.echoes(&codes, &search), "seed {seed}");
     }
 }
 
-/// Peaks of the matched filter on a waveform of 5 ns pulses at 1 GS/s, and those with shoulders; σ
+/// Peaks of the matched filter on a waveform of 5 ns pulses at 1 GS/s, and those with what hides in them; σ
 /// = 100.
 fn sensor(rng: &mut ChaCha8Rng, clean: &[(f64, f64)]) -> (usize, usize) {
     const SIGMA: f64 = 100.0;
@@ -231,7 +231,7 @@ fn sensor(rng: &mut ChaCha8Rng, clean: &[(f64, f64)]) -> (usize, usize) {
     (
         coarse.len(),
         Splitter { sharpener: &sharpener, x: &x, y: &y, sigma, level }
-            .split(&coarse, |_| true, &mut Hidden::new())
+            .split(&coarse, |_| true, &mut Overlapping::new())
             .len(),
     )
 }
@@ -274,7 +274,7 @@ fn a_broad_echo_of_a_slanted_surface_stays_whole() {
 }
 
 #[test]
-fn noise_and_single_echoes_have_no_shoulders() {
+fn noise_and_single_echoes_are_not_split() {
     let rng = &mut vectors::rng(7);
     for amplitude in [600.0, 1_500.0, 5_000.0] {
         for _ in 0..300 {

@@ -4,9 +4,9 @@
 //! mostly short, bent in ways that no echo bends: reversed, trembling, with other levels, cut in
 //! two, wild. What is compared is all there is: echoes, statistics, `y`.
 
-use echoloop_dsp::Kernel;
+use echoloop_dsp::SampleLoops;
 use echoloop_dsp::detect;
-use echoloop_dsp::kernel::Portable;
+use echoloop_dsp::loops::Portable;
 use echoloop_dsp::peak::Peaks;
 use echoloop_dsp::{MAX_SAMPLES, Pipeline, Scratch};
 use echoloop_tests::vectors;

@@ -27,7 +27,7 @@ use crate::timing::Timing;
 /// U is the unit echo. What is computed in `f32` is within 3 × 10⁻⁶. The reflectivity scale is ρ in
 /// Q6.10 per Q1.15 of amplitude and mm² of range, with 64 more fraction bits.
 #[derive(Clone, Debug)]
-pub struct Config {
+pub struct DetectorConfig {
     pub(crate) samples: usize,
     pub(crate) pre_trigger: usize,
     pub(crate) shots: u32,
@@ -70,7 +70,7 @@ pub struct Config {
     pub(crate) range_step: i64,
 }
 
-impl Config {
+impl DetectorConfig {
     /// Derives the stages' constants.
     ///
     /// # Errors
@@ -89,7 +89,7 @@ impl Config {
         let samples_per_width = samples_per_width(width_ps, period_fs);
         let upsampling_log2 = settings.upsampling.trailing_zeros(); // a power of two
         let range_step = range_step(period_fs);
-        let sum = Sum::of(settings, hardware);
+        let sum = Sum::new(settings, hardware);
         Ok(Self {
             samples: settings.bins as usize,
             pre_trigger: settings.pre_trigger_samples() as usize,
@@ -213,7 +213,7 @@ impl Sum {
         clippy::arithmetic_side_effects,
         reason = "16 shots of 14 bits at most: all below 2¹⁸, shifts at most 4"
     )]
-    fn of(settings: &Settings, hardware: &Hardware) -> Self {
+    fn new(settings: &Settings, hardware: &Hardware) -> Self {
         let shots = settings.shots as u32; // a power of two, at most 16
         let bits = 15 - hardware.code_shift() + shots.trailing_zeros();
         let shift = bits.saturating_sub(14);
@@ -291,7 +291,7 @@ mod tests {
         for bins in [200, 800, 2400] {
             let settings =
                 Settings { bins, pulse_width_ps: 10_000, power_cw: 3_000, ..Settings::default() };
-            let config = Config::new(&settings, &Hardware::REFERENCE).unwrap();
+            let config = DetectorConfig::new(&settings, &Hardware::REFERENCE).unwrap();
             let span_mm = (config.range_step() * i64::from(bins)) as f64 / 256.0 / 65536.0;
             assert!((span_mm - 119_000.0).abs() < 1.0, "{bins} bins span {span_mm} mm");
         }
@@ -299,7 +299,7 @@ mod tests {
 
     #[test]
     fn the_default_separation_is_what_a_matched_filter_can_split() {
-        let config = Config::new(&Settings::default(), &Hardware::REFERENCE).unwrap();
+        let config = DetectorConfig::new(&Settings::default(), &Hardware::REFERENCE).unwrap();
         let expected: f64 = 1.14 * 0.299_792_458 * 5.0 / 2.0 / 0.14875;
         assert_eq!(f64::from(config.min_separation()), expected.floor());
     }

@@ -3,7 +3,7 @@
 use heapless::Vec;
 
 use crate::choice::EchoChoice;
-use crate::config::Config;
+use crate::config::DetectorConfig;
 use crate::limits::{MAX_ECHOES, MAX_SAMPLES};
 use crate::peak::{Peak, Peaks};
 use crate::q::shift_round;
@@ -39,7 +39,7 @@ impl Threshold {
         clippy::arithmetic_side_effects,
         reason = "σ below 2³², r at most 2¹⁵, k below 2¹¹: products below 2⁴⁷"
     )]
-    pub fn of(config: &Config, statistics: &Statistics) -> Self {
+    pub fn new(config: &DetectorConfig, statistics: &Statistics) -> Self {
         let noise_gain = i64::from(config.template.noise_gain());
         let sigma = shift_round(i64::from(statistics.sigma) * noise_gain, 15);
         let by_noise = shift_round(sigma * i64::from(config.snr_threshold), 12);
@@ -136,7 +136,7 @@ fn hill(y: &[i16], first: usize, threshold: i16, found: &mut Peaks) -> usize {
 }
 
 /// Whether any value reaches the threshold. Looks at all of them, which vectorises; stopping early
-/// would not. The portable twin of [`Kernel::reaches`](crate::Kernel::reaches).
+/// would not. The portable form of [`SampleLoops::reaches`](crate::SampleLoops::reaches).
 #[inline(always)]
 pub fn reaches(values: &[i16], threshold: i16) -> bool {
     values.iter().fold(false, |any, &v| any | (v >= threshold))

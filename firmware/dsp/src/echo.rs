@@ -5,7 +5,7 @@ use heapless::Vec;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use crate::config::Config;
+use crate::config::DetectorConfig;
 use crate::detect::Threshold;
 use crate::edges;
 use crate::flags::Flags;
@@ -95,7 +95,11 @@ impl Echo {
         reason = "time is below 2²⁸, 2400 samples, a step below 2³⁵, 1.2 m: W spans 2.5 samples; \
                   heights are Q1.15"
     )]
-    pub fn of(config: &Config, refined: &Refined, threshold: &Threshold) -> Option<Self> {
+    pub fn from_peak(
+        config: &DetectorConfig,
+        refined: &Refined,
+        threshold: &Threshold,
+    ) -> Option<Self> {
         let along = shift_round(refined.time * config.range_step, 32);
         let range = u32::try_from(config.range_origin + along).ok()?;
         let height = refined.height.max(0);
@@ -120,7 +124,7 @@ impl Echo {
     clippy::arithmetic_side_effects,
     reason = "a width is at most 2400 samples, 2²⁸, a period below 2³²"
 )]
-fn width(config: &Config, width: i64) -> u16 {
+fn width(config: &DetectorConfig, width: i64) -> u16 {
     saturate_u16(divide_round(width * i64::from(config.sample_period_fs), 1_000_000 << 12))
 }
 
@@ -129,7 +133,7 @@ fn width(config: &Config, width: i64) -> u16 {
     clippy::arithmetic_side_effects,
     reason = "R² is below 2⁴⁸, the product of two u64 below 2¹²⁸ − 2⁶⁴"
 )]
-fn reflectivity(config: &Config, amplitude: i64, range: u32) -> u16 {
+fn reflectivity(config: &DetectorConfig, amplitude: i64, range: u32) -> u16 {
     let range_mm = u64::from(range >> 8);
     let light =
         (amplitude.clamp(0, edges::MAX_AMPLITUDE) as u64).saturating_mul(range_mm * range_mm);

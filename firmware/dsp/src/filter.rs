@@ -27,8 +27,8 @@ pub const PADDING: usize = 2 * BLOCK;
 /// The paper leaves the denoiser open (Sec. 3.2); this is the correlation receiver, which for white
 /// noise has the best SNR of all linear filters.
 ///
-/// `taps` come with their last zero: an even number. The portable twin of
-/// [`Kernel::correlate`](crate::Kernel::correlate).
+/// `taps` come with their last zero: an even number. The portable form of
+/// [`SampleLoops::correlate`](crate::SampleLoops::correlate).
 #[inline(always)]
 pub fn correlate(taps: &[i16], padded: &[i16], y: &mut [i16]) {
     let windows = padded.windows(taps.len().saturating_add(BLOCK)).step_by(BLOCK);

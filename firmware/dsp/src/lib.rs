@@ -1,5 +1,27 @@
 //! Echo detection for a full-waveform LiDAR: ADC codes in, echoes out.
 //!
+//! ```
+//! use echoloop_dsp::loops::Portable;
+//! use echoloop_dsp::{Hardware, Pipeline, Scratch, Settings};
+//!
+//! // 800 codes of darkness at 100, and the echo of a 5 ns pulse around sample 300.
+//! let mut codes = [100u16; 800];
+//! let pulse = [14, 52, 103, 152, 190, 205, 190, 152, 103, 52, 14];
+//! for (code, height) in codes[295..].iter_mut().zip(pulse) {
+//!     *code += height * 10;
+//! }
+//!
+//! let pipeline = Pipeline::new(&Settings::default(), &Hardware::REFERENCE)?;
+//! let mut scratch = Scratch::new(); // 10 kB, reused for every waveform
+//! let echoes = pipeline.process(Portable, &codes, &mut scratch);
+//!
+//! // Sample 0 lies at 1 m; 800 samples span 119 m.
+//! let expected_m = 1.0 + 300.0 * 119.0 / 800.0;
+//! assert_eq!(echoes.len(), 1);
+//! assert!((echoes[0].range_m() - expected_m).abs() < 0.01);
+//! # Ok::<(), echoloop_dsp::Refusal>(())
+//! ```
+//!
 //! Fixed point throughout the sample path, no allocation, no clock, no I/O. The stages, in the
 //! order they run:
 //!
@@ -9,14 +31,14 @@
 //! | saturation, baseline | [`baseline`] | codes | `x`, Q1.15 |
 //! | matched filter | [`filter`] | `x` | `y`, Q1.15 |
 //! | thresholds, peaks | [`detect`] | `y` | candidates |
-//! | sub-sample time | [`refine`] | `y` around a candidate | time Q16.16, height, width |
-//! | peaks under peaks | [`split`] | `x`, candidates | candidates |
+//! | overlapping echoes | [`split`] | `x`, candidates | candidates |
+//! | sub-sample time | [`refine`], [`edges`] | `y` at a candidate | time, height, width |
 //! | range, amplitude, SNR | [`echo`] | the refined peak | [`Echo`] |
 //!
-//! [`Settings`] is what a user may set, with its one table [`PARAMETERS`]; [`Config`] is what the
-//! stages read, derived from it once; [`Pipeline`] runs them, with the loops over every sample
-//! behind [`Kernel`]. Every format and rounding rule is stated at its stage and followed, bit for
-//! bit, by an `f64` twin in the tests.
+//! [`Settings`] is what a user may set, with its one table [`PARAMETERS`]; [`DetectorConfig`] is
+//! what the stages read, derived from it once; [`Pipeline`] runs them, with the loops over every
+//! sample behind [`SampleLoops`]. Every format and rounding rule is stated at its stage, and a
+//! model in `f64` in the tests follows it bit for bit. Derivations are in `docs/detector.md`.
 #![no_std]
 #![forbid(unsafe_code)]
 // No input reaches a panic, in any build: what cannot be proven by a type is proven by a bound,
@@ -41,9 +63,9 @@ pub mod edges;
 pub mod filter;
 pub mod flags;
 pub mod hardware;
-pub mod kernel;
 pub mod lagrange;
 pub mod limits;
+pub mod loops;
 pub mod noise;
 pub mod peak;
 pub mod pipeline;
@@ -61,12 +83,12 @@ pub mod timing;
 
 pub use check::Choices;
 pub use choice::{AmbientEstimator, DenoiseFilter, EchoChoice, TimingMethod};
-pub use config::Config;
+pub use config::DetectorConfig;
 pub use echo::{Echo, Echoes};
 pub use flags::Flags;
 pub use hardware::Hardware;
-pub use kernel::Kernel;
 pub use limits::{MAX_CODES, MAX_ECHOES, MAX_SAMPLES, MAX_TAPS, PRE_TRIGGER};
+pub use loops::SampleLoops;
 pub use pipeline::{Pipeline, Scratch};
 pub use project::ScanPattern;
 pub use reason::Reason;

@@ -1,18 +1,18 @@
 //! The stages in a row.
 
-use crate::config::Config;
+use crate::config::DetectorConfig;
 use crate::detect::{self, Threshold};
 use crate::echo::{Echo, Echoes};
 use crate::filter::{self, PADDING};
 use crate::hardware::Hardware;
-use crate::kernel::Kernel;
 use crate::limits::{MAX_SAMPLES, MAX_TAPS};
+use crate::loops::SampleLoops;
 use crate::noise::Noise;
 use crate::peak::{Peak, Peaks};
 use crate::refine::{Refined, Refiner, Waveform};
 use crate::refusal::Refusal;
 use crate::settings::Settings;
-use crate::split::{Hidden, Sharpener, Splitter};
+use crate::split::{Overlapping, Sharpener, Splitter};
 use crate::statistics::Statistics;
 
 /// Working memory of one waveform: about 10 kB, reused for every waveform.
@@ -61,7 +61,7 @@ impl Scratch {
 /// The echo detector: a configuration and the order of the stages.
 #[derive(Clone, Debug)]
 pub struct Pipeline {
-    config: Config,
+    config: DetectorConfig,
 }
 
 impl Pipeline {
@@ -71,35 +71,35 @@ impl Pipeline {
     ///
     /// [`Refusal`] of the first field that [`Settings::check`] does not take.
     pub fn new(settings: &Settings, hardware: &Hardware) -> Result<Self, Refusal> {
-        Ok(Self { config: Config::new(settings, hardware)? })
+        Ok(Self { config: DetectorConfig::new(settings, hardware)? })
     }
 
     /// What the stages read.
-    pub fn config(&self) -> &Config {
+    pub fn config(&self) -> &DetectorConfig {
         &self.config
     }
 
-    /// Finds the echoes of one waveform of ADC codes, which come after [`Config::codes`] −
-    /// [`Config::samples`] of before the trigger and are, with several shots, those of
+    /// Finds the echoes of one waveform of ADC codes, which come after [`DetectorConfig::codes`] −
+    /// [`DetectorConfig::samples`] of before the trigger and are, with several shots, those of
     /// [`Accumulator::read`](crate::accumulate::Accumulator::read). Samples beyond [`MAX_SAMPLES`]
     /// are ignored; none give none.
     ///
-    /// `kernel` does the loops over every sample ([`Portable`](crate::kernel::Portable)
+    /// `loops` does the loops over every sample ([`Portable`](crate::loops::Portable)
     /// everywhere). Inlined into its caller, so that a board may compile the whole for the vector
     /// unit it has found at run time.
     #[inline(always)]
-    pub fn process(&self, kernel: impl Kernel, codes: &[u16], scratch: &mut Scratch) -> Echoes {
+    pub fn process(&self, loops: impl SampleLoops, codes: &[u16], scratch: &mut Scratch) -> Echoes {
         let config = &self.config;
         let (before, codes) = codes.split_at_checked(config.pre_trigger).unwrap_or((codes, &[]));
         let codes = codes.get(..MAX_SAMPLES).unwrap_or(codes);
-        let statistics = kernel
+        let statistics = loops
             .statistics(codes, config.code_shift, &scratch.statistics)
             .with_ambient(config.ambient, before, config.code_shift);
         scratch.statistics = statistics;
-        self.filter(kernel, codes, &statistics, scratch);
-        let threshold = Threshold::of(config, &statistics);
+        self.filter(loops, codes, &statistics, scratch);
+        let threshold = Threshold::new(config, &statistics);
         let y = scratch.y.get(..codes.len()).unwrap_or_default();
-        kernel.peaks(y, threshold.level, &mut scratch.peaks);
+        loops.peaks(y, threshold.level, &mut scratch.peaks);
         if scratch.peaks.is_empty() {
             return Echoes::new();
         }
@@ -110,7 +110,7 @@ impl Pipeline {
     #[inline(always)]
     fn filter(
         &self,
-        kernel: impl Kernel,
+        loops: impl SampleLoops,
         codes: &[u16],
         statistics: &Statistics,
         scratch: &mut Scratch,
@@ -123,7 +123,7 @@ impl Pipeline {
         scratch.padded.get_mut(end..old_end.max(end)).unwrap_or_default().fill(0);
         scratch.filled = (start, end);
         let x = scratch.padded.get_mut(start..end).unwrap_or_default();
-        kernel.remove_baseline(
+        loops.remove_baseline(
             codes,
             config.clip_code,
             config.code_shift,
@@ -131,7 +131,7 @@ impl Pipeline {
             x,
         );
         let y = scratch.y.get_mut(..codes.len().next_multiple_of(16)).unwrap_or_default();
-        kernel.correlate(config.template.taps_in_pairs(), &scratch.padded, y);
+        loops.correlate(config.template.taps_in_pairs(), &scratch.padded, y);
     }
 
     /// From candidates to echoes. Rarely more than a few: not inlined.
@@ -144,9 +144,9 @@ impl Pipeline {
         let waveform = Waveform { codes, x: padded.get(start..end).unwrap_or_default(), y };
         let noise = Noise::new(&scratch.statistics, config.shot_noise);
         let refiner = Refiner { config, waveform: &waveform, threshold, noise: &noise };
-        let hidden = match &config.sharpener {
+        let overlapping = match &config.sharpener {
             Some(sharpener) => Self::split(sharpener, &refiner, &mut scratch.peaks),
-            None => Hidden::new(),
+            None => Overlapping::new(),
         };
         detect::separate(&mut scratch.peaks, config.min_separation);
         let chosen = detect::choose(scratch.peaks.clone(), config.echoes, config.echo_choice);
@@ -154,10 +154,10 @@ impl Pipeline {
         let mut echoes = Echoes::new();
         for peak in chosen {
             let mut refined = refiner.refine(exact, peak);
-            if hidden.contains(&peak.index) {
+            if overlapping.contains(&peak.index) {
                 self.sharpen(&refiner, peak, &mut refined);
             }
-            if let Some(echo) = Echo::of(config, &refined, threshold) {
+            if let Some(echo) = Echo::from_peak(config, &refined, threshold) {
                 let _ = echoes.push(echo); // choose() gives no more than fit
             }
         }
@@ -168,13 +168,13 @@ impl Pipeline {
     /// much as a filtered one, so narrow echoes are left alone; so are clipped ones, whose flat
     /// tops have horns behind the sharpener.
     #[inline(never)]
-    fn split(sharpener: &Sharpener, refiner: &Refiner<'_>, peaks: &mut Peaks) -> Hidden {
+    fn split(sharpener: &Sharpener, refiner: &Refiner<'_>, peaks: &mut Peaks) -> Overlapping {
         let Waveform { x, y, .. } = *refiner.waveform;
         let (sigma, level) = (refiner.noise.sigma, refiner.threshold.level);
         let splitter = Splitter { sharpener, x, y, sigma, level };
-        let mut hidden = Hidden::new();
-        *peaks = splitter.split(peaks, |peak| refiner.may_hide(peak), &mut hidden);
-        hidden
+        let mut overlapping = Overlapping::new();
+        *peaks = splitter.split(peaks, |peak| refiner.may_overlap(peak), &mut overlapping);
+        overlapping
     }
 
     #[inline(never)]
@@ -190,7 +190,7 @@ const _: () = assert!(MAX_SAMPLES.is_multiple_of(16), "the filter writes whole b
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernel::{Portable, Scalar};
+    use crate::loops::{Portable, Scalar};
     use crate::settings::PARAMETERS;
 
     /// Darkness, saturation, a step, spikes and a ramp, whatever the ADC's resolution.

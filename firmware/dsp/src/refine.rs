@@ -6,7 +6,7 @@
 )]
 
 use crate::choice::TimingMethod;
-use crate::config::Config;
+use crate::config::DetectorConfig;
 use crate::detect::{Threshold, hysteresis};
 use crate::edges::{EdgeFit, Edges, Run};
 use crate::flags::Flags;
@@ -47,7 +47,7 @@ pub struct Waveform<'a> {
 #[derive(Clone, Copy, Debug)]
 pub struct Refiner<'a> {
     /// What the stages read.
-    pub config: &'a Config,
+    pub config: &'a DetectorConfig,
     /// The waveform.
     pub waveform: &'a Waveform<'a>,
     /// The threshold that its peaks reached.
@@ -126,7 +126,7 @@ impl Refiner<'_> {
 
     /// Whether a peak may hide others: it is not clipped, and its width at half height exceeds
     /// [`Timing`](crate::timing::Timing)'s w or ends in a valley.
-    pub fn may_hide(&self, peak: Peak) -> bool {
+    pub fn may_overlap(&self, peak: Peak) -> bool {
         let half = i32::from(peak.height) >> 1;
         let (left, right) = (self.crossing(peak, half, -1), self.crossing(peak, half, 1));
         let merged = (left.flags | right.flags).contains(Flags::MERGED);

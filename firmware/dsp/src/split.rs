@@ -1,4 +1,4 @@
-//! Peaks that hide in a broader one: a sharper filter, and how far a crest must stand out of it.
+//! Peaks that hide in a broader one: a sharper filter, and how far a peak must stand out of it.
 #![expect(
     clippy::arithmetic_side_effects,
     reason = "taps and samples are Q1.15 with Σ abs(s) ≤ 1: sums within 2³⁰; 64ths below 2⁸ of \
@@ -32,9 +32,9 @@ use crate::template::Template;
 ///
 /// The matched filter has the best SNR and the worst resolution: after it, two equal echoes split
 /// 1.14·cτ/2 apart. Where SNR is to spare, a narrow pulse keeps the resolution of the waveform, and
-/// taking off the second difference deepens the valley between two crests by L/64 of the curvature
+/// taking off the second difference deepens the valley between two peaks by L/64 of the curvature
 /// at the pulse's own scale ("resolution sharpening", known from spectra). A broad flat echo gets
-/// horns of at most about L/200 of its height from it: less than [`rise`] asks for.
+/// horns of at most about L/200 of its height from it: less than [`prominence`] asks for.
 #[derive(Clone, Debug)]
 pub struct Sharpener {
     /// The taps and one zero.
@@ -46,8 +46,8 @@ pub struct Sharpener {
 /// L on the sensor, 64ths.
 pub const SENSOR_SHARPNESS: i32 = 8;
 
-/// Multiples of the sharpened noise that a crest must stand out by on the sensor.
-pub const SENSOR_SIGMAS: u32 = 5;
+/// Multiples of the sharpened noise that a peak must stand out by on the sensor.
+pub const SENSOR_PROMINENCE_SIGMAS: u32 = 5;
 
 impl Sharpener {
     /// Sharpens by `strength` 64ths at a lag of `lag` samples after smoothing with `narrow`.
@@ -132,75 +132,78 @@ fn sharpened_tap(narrow: &Template, k: isize, lag: isize, strength: i32) -> i16 
         as i16
 }
 
-/// Finds the crests of `values`, sample `first` onwards: local maxima at or above `level` that
+/// Finds the peaks of `values`, sample `first` onwards: local maxima at or above `level` that
 /// stand out.
 ///
 /// ```text
-/// rising   v > crest: the new crest;       v < crest − rise(crest): a crest is found → falling
-/// falling  v < valley: the new valley;     v > valley + rise(v) → rising
+/// rising   v > peak: the new peak;       v < peak − prominence(peak): a peak is found → falling
+/// falling  v < valley: the new valley;     v > valley + prominence(v) → rising
 /// ```
 ///
-/// Begins rising, at the first sample. That sample and the last one are no crests, for the top may
+/// Begins rising, at the first sample. That sample and the last one are no peaks, for the top may
 /// lie outside; one that the end cuts off before it fell far enough counts once it fell at all. A
-/// crest is the first sample of its plateau. Of more than [`MAX_CANDIDATES`] the highest stay, of
+/// peak is the first sample of its plateau. Of more than [`MAX_CANDIDATES`] the highest stay, of
 /// equals the first.
-pub fn crests(
+pub fn prominent_peaks(
     values: impl IntoIterator<Item = i16>,
     first: usize,
     level: i16,
-    rise: impl Fn(i16) -> i32,
+    prominence: impl Fn(i16) -> i32,
     found: &mut Peaks,
 ) {
     found.clear();
     let mut samples =
         values.into_iter().zip(first..).map(|(height, n)| Peak { index: n as u16, height });
-    let Some(mut crest) = samples.next() else { return };
-    let (mut valley, mut last) = (None, crest);
+    let Some(mut peak) = samples.next() else { return };
+    let (mut valley, mut last) = (None, peak);
     for here in samples {
         last = here;
         match valley {
-            None if here.height > crest.height => crest = here,
-            None if i32::from(here.height) < i32::from(crest.height) - rise(crest.height) => {
-                keep(crest, first, level, found);
+            None if here.height > peak.height => peak = here,
+            None if i32::from(here.height) < i32::from(peak.height) - prominence(peak.height) => {
+                keep(peak, first, level, found);
                 valley = Some(here.height);
             }
             None => {}
             Some(lowest) if here.height < lowest => valley = Some(here.height),
-            Some(lowest) if i32::from(here.height) > i32::from(lowest) + rise(here.height) => {
-                (crest, valley) = (here, None);
+            Some(lowest)
+                if i32::from(here.height) > i32::from(lowest) + prominence(here.height) =>
+            {
+                (peak, valley) = (here, None);
             }
             Some(_) => {}
         }
     }
-    if valley.is_none() && last.height < crest.height {
-        keep(crest, first, level, found);
+    if valley.is_none() && last.height < peak.height {
+        keep(peak, first, level, found);
     }
 }
 
-/// Adds a crest that is high enough; when there is no room, the lowest goes (of equals, the last).
-fn keep(crest: Peak, first: usize, level: i16, found: &mut Peaks) {
-    if crest.height < level || usize::from(crest.index) == first || found.push(crest).is_ok() {
+/// Adds a peak that is high enough; when there is no room, the lowest goes (of equals, the last).
+fn keep(peak: Peak, first: usize, level: i16, found: &mut Peaks) {
+    if peak.height < level || usize::from(peak.index) == first || found.push(peak).is_ok() {
         return;
     }
     let lowest = found.iter().rev().min_by_key(|p| p.height).copied();
-    if let Some(lowest) = lowest.filter(|l| l.height < crest.height) {
+    if let Some(lowest) = lowest.filter(|l| l.height < peak.height) {
         found.retain(|p| *p != lowest);
-        let _ = found.push(crest); // one has just gone
+        let _ = found.push(peak); // one has just gone
     }
 }
 
-/// How far a crest must stand out on the sensor: [`SENSOR_SIGMAS`] σ_s and a sixteenth of its
-/// height, whichever is more, both rounded down to whole LSB.
+/// How far a peak must stand out on the sensor: [`SENSOR_PROMINENCE_SIGMAS`] σ_s and a sixteenth of
+/// its height, whichever is more, both rounded down to whole LSB.
 ///
 /// The sixteenth keeps an echo of a slanted or rough surface whole, however quiet the receiver.
-pub fn rise(height: i16, sigma: u32) -> i32 {
-    (i32::from(height) >> 4).max(((u64::from(sigma) * u64::from(SENSOR_SIGMAS)) >> 4) as i32)
+pub fn prominence(height: i16, sigma: u32) -> i32 {
+    (i32::from(height) >> 4)
+        .max(((u64::from(sigma) * u64::from(SENSOR_PROMINENCE_SIGMAS)) >> 4) as i32)
 }
 
 /// Indices of peaks that others hid.
-pub type Hidden = Vec<u16, MAX_CANDIDATES>;
+pub type Overlapping = Vec<u16, MAX_CANDIDATES>;
 
-/// Puts in place of each coarse peak the crests that the sharpener finds under it, if there are two
+/// Puts in place of each coarse peak the peaks that the sharpener finds under it, if there are two
 /// or more.
 ///
 /// | name | meaning | format |
@@ -211,13 +214,14 @@ pub type Hidden = Vec<u16, MAX_CANDIDATES>;
 /// | `level` | T on y | Q1.15 |
 /// | `coarse` | peaks of y by rising index | |
 ///
-/// Under a peak that `may_hide` others: up to 4q + 3 samples to either side, not past the middle
-/// (rounded down) to the next coarse peak. A crest there is one of the sharpened waveform with
-/// [`rise`], of positive height; it becomes a peak of `y`'s height at its index if that reaches T.
-/// Work is bounded: 8q + 7 sharpened samples a coarse peak. Of more than [`MAX_CANDIDATES`] peaks
-/// the first stay.
+/// Under a peak that `may_overlap` others: up to 4q + 3 samples to either side, not past the middle
+/// (rounded down) to the next coarse peak. A peak there is one of the sharpened waveform with
+/// [`prominence`], of positive height; it becomes a peak of `y`'s height at its index if that
+/// reaches T. Work is bounded: 8q + 7 sharpened samples a coarse peak. Of more than
+/// [`MAX_CANDIDATES`] peaks the first stay.
 ///
-/// `hidden` becomes the indices of those that came in place of another: `y` need not top out there.
+/// `overlapping` becomes the indices of those that came in place of another: `y` need not top out
+/// there.
 ///
 /// Two equal sin² echoes of S = 50 come apart from 1.14·cτ/2 on at 0.5, 1 and 2 GS/s
 /// (`tests/tests/limits.rs`).
@@ -240,19 +244,19 @@ impl Splitter<'_> {
     pub fn split(
         &self,
         coarse: &Peaks,
-        may_hide: impl Fn(Peak) -> bool,
-        hidden: &mut Hidden,
+        may_overlap: impl Fn(Peak) -> bool,
+        overlapping: &mut Overlapping,
     ) -> Peaks {
         let sigma = self.sharpener.sigma(self.sigma);
         let (mut all, mut under) = (Peaks::new(), Peaks::new());
-        hidden.clear();
+        overlapping.clear();
         let mut start = 0;
         for (i, &peak) in coarse.iter().enumerate() {
             let middle = coarse.get(i + 1).map_or(self.x.len(), |next| {
                 usize::midpoint(peak.index.into(), next.index.into()) + 1
             });
             under.clear();
-            if may_hide(peak) {
+            if may_overlap(peak) {
                 self.peaks_under(peak, start..middle, sigma, &mut under);
             }
             start = middle;
@@ -260,7 +264,7 @@ impl Splitter<'_> {
                 if under.len() > 1 { &under } else { core::slice::from_ref(&peak) };
             for &peak in split {
                 if split.len() > 1 {
-                    let _ = hidden.push(peak.index); // as many as there are peaks
+                    let _ = overlapping.push(peak.index); // as many as there are peaks
                 }
                 let _ = all.push(peak); // the first stay
             }
@@ -275,7 +279,7 @@ impl Splitter<'_> {
         let from = index.saturating_sub(reach).max(bounds.start);
         let to = (index + reach + 1).min(bounds.end).min(self.x.len());
         let sharpened = (from..to).map(|n| self.sharpener.at(self.x, n));
-        crests(sharpened, from, 1, |height| rise(height, sigma), under);
+        prominent_peaks(sharpened, from, 1, |height| prominence(height, sigma), under);
         for peak in under.iter_mut() {
             peak.height = self.y.get(usize::from(peak.index)).copied().unwrap_or_default();
         }
@@ -293,7 +297,7 @@ mod tests {
 
     fn find(values: &[i16], level: i16, rise: i32) -> std::vec::Vec<(u16, i16)> {
         let mut found = Peaks::new();
-        crests(values.iter().copied(), 0, level, |_| rise, &mut found);
+        prominent_peaks(values.iter().copied(), 0, level, |_| rise, &mut found);
         found.iter().map(|p| (p.index, p.height)).collect()
     }
 
@@ -336,7 +340,7 @@ mod tests {
             coarse.push(Peak { index: 1, height: 3 }).unwrap();
             coarse.push(Peak { index: u16::MAX, height: 3 }).unwrap();
             let splitter = Splitter { sharpener: &sharpener, x, y: &[], sigma: u32::MAX, level: 1 };
-            assert_eq!(splitter.split(&coarse, |_| true, &mut Hidden::new()).len(), 2);
+            assert_eq!(splitter.split(&coarse, |_| true, &mut Overlapping::new()).len(), 2);
         }
     }
 }

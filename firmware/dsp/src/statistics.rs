@@ -48,17 +48,21 @@ const MAD_TO_SIGMA: u64 = 24_291;
 const MAD_EXTRA_BITS: u32 = 4;
 
 impl Statistics {
-    /// Measures a waveform of codes, of which an ADC gives `15 − shift` bits. `ranks` finds median
-    /// and deviation of at least one code, the ADC's largest being its second argument:
-    /// [`by_counting`] or anything that gives the same.
+    /// Measures a waveform of codes, of which an ADC gives `15 − shift` bits. `order_statistics`
+    /// finds median and deviation of at least one code, the ADC's largest being its second
+    /// argument: [`by_counting`] or anything that gives the same.
     #[inline(always)]
-    pub fn measure(codes: &[u16], shift: u32, ranks: impl FnOnce(&[u16], u16) -> Ranks) -> Self {
+    pub fn measure(
+        codes: &[u16],
+        shift: u32,
+        order_statistics: impl FnOnce(&[u16], u16) -> OrderStatistics,
+    ) -> Self {
         let codes = codes.get(..MAX_SAMPLES).unwrap_or(codes);
         if codes.is_empty() {
             return Self::default();
         }
         let top = 0x7fff >> shift;
-        Self::from_ranks(&ranks(codes, top), codes.len() as u32, shift)
+        Self::from_order_statistics(&order_statistics(codes, top), codes.len() as u32, shift)
     }
 
     /// With the ambient of another estimator.
@@ -82,8 +86,8 @@ impl Statistics {
         Self { ambient, ..self }
     }
 
-    fn from_ranks(ranks: &Ranks, n: u32, shift: u32) -> Self {
-        let Ranks { median, deviation } = ranks;
+    fn from_order_statistics(order_statistics: &OrderStatistics, n: u32, shift: u32) -> Self {
+        let OrderStatistics { median, deviation } = order_statistics;
         let ambient = grouped(median, n, shift);
         let fine = shift + MAD_EXTRA_BITS;
         let mad = if deviation.value == 0 {
@@ -107,16 +111,16 @@ impl Statistics {
 
 /// Median and median absolute deviation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Ranks {
+pub struct OrderStatistics {
     /// m among the codes.
-    pub median: Rank,
+    pub median: OrderStatistic,
     /// d among the distances |x − m|.
-    pub deviation: Rank,
+    pub deviation: OrderStatistic,
 }
 
 /// The smallest value v with `#{≤ v} ≥ ⌈N/2⌉`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Rank {
+pub struct OrderStatistic {
     /// v.
     pub value: u16,
     /// #{< v}.
@@ -131,13 +135,13 @@ pub struct Rank {
 /// search first looks no further. `guess` only saves time: where the last waveform's statistics
 /// lay, these lie nearby.
 #[inline(always)]
-pub fn by_counting(codes: &[u16], top: u16, guess: &Statistics) -> Ranks {
+pub fn by_counting(codes: &[u16], top: u16, guess: &Statistics) -> OrderStatistics {
     let half = codes.len().div_ceil(2) as u32;
     let at_most = |bound: i32| count_within(codes, 0, bound);
     let median = order_statistic(at_most, half, guess.median, top);
     let m = i32::from(median.value);
     let near = |d: i32| count_within(codes, (m - d).max(0), m + d);
-    Ranks { median, deviation: order_statistic(near, half, guess.deviation, top) }
+    OrderStatistics { median, deviation: order_statistic(near, half, guess.deviation, top) }
 }
 
 /// Codes the histogram spans, the guess in its middle.
@@ -146,7 +150,7 @@ pub const BINS: usize = 128;
 /// Both from one pass, while median and deviation lie within a histogram around the guess; else
 /// [`by_counting`].
 #[inline(always)]
-pub fn by_histogram(codes: &[u16], top: u16, guess: &Statistics) -> Ranks {
+pub fn by_histogram(codes: &[u16], top: u16, guess: &Statistics) -> OrderStatistics {
     by_histogram_of(codes, top, guess, count)
 }
 
@@ -157,7 +161,7 @@ pub fn by_histogram_of(
     top: u16,
     guess: &Statistics,
     count: impl FnOnce(&[u16], u16, &mut [u16; BINS]) -> u32,
-) -> Ranks {
+) -> OrderStatistics {
     let first = guess.median.saturating_sub(BINS as u16 / 2).min(u16::MAX - BINS as u16);
     let mut counts = [0u16; BINS];
     let below = count(codes, first, &mut counts);
@@ -179,13 +183,18 @@ pub fn count(codes: &[u16], first: u16, counts: &mut [u16; BINS]) -> u32 {
 }
 
 /// The ranks, if they lie inside. `below` codes lie below `first`, the code of bin 0.
-fn read_histogram(counts: &[u16; BINS], first: u16, below: u32, half: u32) -> Option<Ranks> {
+fn read_histogram(
+    counts: &[u16; BINS],
+    first: u16,
+    below: u32,
+    half: u32,
+) -> Option<OrderStatistics> {
     if below >= half {
         return None;
     }
     let (middle, up_to) = middle(counts, below, half)?;
     let at = u32::from(*counts.get(middle)?);
-    let median = Rank { value: first + middle as u16, below: up_to - at, at };
+    let median = OrderStatistic { value: first + middle as u16, below: up_to - at, at };
     let mut inside = 0;
     let mut on = at;
     let mut distance = 0;
@@ -196,7 +205,10 @@ fn read_histogram(counts: &[u16; BINS], first: u16, below: u32, half: u32) -> Op
             (counts.get(middle.checked_sub(distance)?)?, counts.get(middle + distance)?);
         on = u32::from(*left) + u32::from(*right);
     }
-    Some(Ranks { median, deviation: Rank { value: distance as u16, below: inside, at: on } })
+    Some(OrderStatistics {
+        median,
+        deviation: OrderStatistic { value: distance as u16, below: inside, at: on },
+    })
 }
 
 /// The bin in which the count reaches `half`, and the count up to its end. Whole eights first,
@@ -221,7 +233,7 @@ fn middle(counts: &[u16; BINS], below: u32, half: u32) -> Option<(usize, u32)> {
 
 /// `(v − ½ + (N/2 − below) / at) · 2^shift`, the quotient rounded down.
 #[inline(always)]
-fn grouped(rank: &Rank, n: u32, shift: u32) -> i32 {
+fn grouped(rank: &OrderStatistic, n: u32, shift: u32) -> i32 {
     let offset = ((n - 2 * rank.below) << (shift - 1)) / rank.at.max(1);
     (i32::from(rank.value) << shift) - (1 << (shift - 1)) + offset as i32
 }
@@ -248,7 +260,12 @@ fn count_within(codes: &[u16], low: i32, high: i32) -> u32 {
 /// Gallops out from the guess, then bisects: with a good guess two or three counts, with none
 /// twelve.
 #[inline(always)]
-fn order_statistic(cumulative: impl Fn(i32) -> u32, rank: u32, guess: u16, top: u16) -> Rank {
+fn order_statistic(
+    cumulative: impl Fn(i32) -> u32,
+    rank: u32,
+    guess: u16,
+    top: u16,
+) -> OrderStatistic {
     // Invariant: cumulative(low) < rank ≤ cumulative(high), low = −1 standing for "nothing".
     let (mut low, mut below) = (-1, 0);
     let (mut high, mut up_to) = (0x10000, u32::MAX);
@@ -272,7 +289,7 @@ fn order_statistic(cumulative: impl Fn(i32) -> u32, rank: u32, guess: u16, top: 
         };
         stride = (2 * stride).min(0x10000); // no code lies further
     }
-    Rank { value: high as u16, below, at: up_to - below }
+    OrderStatistic { value: high as u16, below, at: up_to - below }
 }
 
 #[cfg(test)]

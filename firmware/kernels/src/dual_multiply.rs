@@ -1,8 +1,8 @@
 //! Two samples at a time, for Armv7E-M and for Armv8-M with the DSP extension.
 
-use echoloop_dsp::kernel::Portable;
-use echoloop_dsp::statistics::{self, BINS, Ranks, Statistics, by_histogram_of};
-use echoloop_dsp::{Kernel, filter};
+use echoloop_dsp::loops::Portable;
+use echoloop_dsp::statistics::{self, BINS, OrderStatistics, Statistics, by_histogram_of};
+use echoloop_dsp::{SampleLoops, filter};
 
 core::arch::global_asm!(include_str!("dual_multiply.s"), options(raw));
 
@@ -30,13 +30,13 @@ unsafe extern "C" {
 /// The loops in dual multiplications and packed halfwords. Equal to [`Portable`] bit for bit.
 ///
 /// The assembly takes whole blocks; what is left, and arguments beyond what it expects, go to the
-/// portable twin.
+/// portable form.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct DualMultiply;
 
-impl Kernel for DualMultiply {
+impl SampleLoops for DualMultiply {
     #[inline(always)]
-    fn ranks(self, codes: &[u16], top: u16, guess: &Statistics) -> Ranks {
+    fn order_statistics(self, codes: &[u16], top: u16, guess: &Statistics) -> OrderStatistics {
         by_histogram_of(codes, top, guess, count)
     }
 

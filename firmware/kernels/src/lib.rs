@@ -12,7 +12,7 @@
 //! |---|---|
 //! | x86-64-v3 | `x86`: the same source compiled once more, and what AVX2 does better said by hand |
 //! | Armv7E-M, Armv8-M with the DSP extension | `dual_multiply`: two samples an instruction |
-//! | any other | [`echoloop_dsp::kernel::Portable`], [`echoloop_dsp::kernel::Scalar`] |
+//! | any other | [`echoloop_dsp::loops::Portable`], [`echoloop_dsp::loops::Scalar`] |
 //!
 //! All of them give the same bytes; tests compare them.
 
@@ -23,7 +23,7 @@ mod dual_multiply;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
-use echoloop_dsp::kernel::Portable;
+use echoloop_dsp::loops::Portable;
 use echoloop_dsp::{Echoes, Pipeline, Scratch};
 
 #[cfg(dual_multiply)]
@@ -47,11 +47,11 @@ pub const FASTEST: Fastest = DualMultiply;
 
 /// The fastest loops of a microcontroller.
 #[cfg(not(dual_multiply))]
-pub type Fastest = echoloop_dsp::kernel::Scalar;
+pub type Fastest = echoloop_dsp::loops::Scalar;
 
 /// The fastest loops of a microcontroller.
 #[cfg(not(dual_multiply))]
-pub const FASTEST: Fastest = echoloop_dsp::kernel::Scalar;
+pub const FASTEST: Fastest = echoloop_dsp::loops::Scalar;
 
 /// [`Pipeline::process`] as compiled for the target's baseline.
 #[inline(always)]

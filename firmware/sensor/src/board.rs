@@ -1,6 +1,6 @@
 //! What the application needs of the hardware under it.
 
-use echoloop_dsp::kernel::Portable;
+use echoloop_dsp::loops::Portable;
 use echoloop_dsp::{Echoes, Hardware, Pipeline, ScanPattern, Scratch};
 use embedded_hal::spi::SpiDevice;
 use embedded_io::{Read, ReadReady, Write};

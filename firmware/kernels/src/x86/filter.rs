@@ -20,7 +20,7 @@ const BLOCKS: usize = 4;
 /// ```
 ///
 /// The second needs the last tap to be zero. Where Σ abs(h) < 1, sums cannot round to +1, and
-/// nothing has to saturate. Other taps go to the portable twin.
+/// nothing has to saturate. Other taps go to the portable form.
 #[inline]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
 pub(super) fn correlate(taps: &[i16], padded: &[i16], y: &mut [i16]) {

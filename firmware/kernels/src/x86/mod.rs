@@ -2,18 +2,18 @@
 //!
 //! LLVM vectorises the loops over the samples as they stand; what a vector unit does better in
 //! another way is said by hand: the filter in multiply-adds of pairs (`filter`), the order
-//! statistics in bytes, four counts a pass (`ranks`), the search for peaks from hill to hill
+//! statistics in bytes, four counts a pass (`order_statistics`), the search for peaks from hill to hill
 //! (`peaks`).
 
 mod filter;
+mod order_statistics;
 mod peaks;
-mod ranks;
 
 use echoloop_dispatch::dispatch;
 use echoloop_dsp::detect;
-use echoloop_dsp::kernel::Kernel;
+use echoloop_dsp::loops::SampleLoops;
 use echoloop_dsp::peak::Peaks;
-use echoloop_dsp::statistics::{Ranks, Statistics};
+use echoloop_dsp::statistics::{OrderStatistics, Statistics};
 use echoloop_dsp::{Echoes, Pipeline, Scratch};
 
 use crate::process_baseline;
@@ -40,11 +40,11 @@ fn process_v3(pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Echo
 #[derive(Clone, Copy)]
 struct Avx2(());
 
-impl Kernel for Avx2 {
+impl SampleLoops for Avx2 {
     #[inline(always)]
-    fn ranks(self, codes: &[u16], _top: u16, guess: &Statistics) -> Ranks {
+    fn order_statistics(self, codes: &[u16], _top: u16, guess: &Statistics) -> OrderStatistics {
         // SAFETY: only `process_v3` makes an Avx2, and it runs only where AVX2 has been found.
-        unsafe { ranks::ranks(codes, guess) }
+        unsafe { order_statistics::order_statistics(codes, guess) }
     }
 
     #[inline(always)]

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use crate::waveforms::finder::Recorder;
+use crate::waveforms::finder::EchoFinder;
 use clap::Args;
 use echoloop_dsp::peak::MAX_CANDIDATES;
 
@@ -91,9 +91,9 @@ fn outgoing(args: &EchoesArgs, path: &Path, rows: usize) -> Result<Vec<Vec<f64>>
             "{path}: expected 1 row or {rows}, as {waves} has, found {found}"
         )));
     }
-    let mut recorder = Box::new(Recorder::new());
+    let mut finder_memory = Box::new(EchoFinder::new());
     for (row, number) in outgoing.iter().zip(1..) {
-        if !args.common.quiet && echoes::pulse(&mut recorder, row).is_none() {
+        if !args.common.quiet && echoes::pulse(&mut finder_memory, row).is_none() {
             eprintln!("warning: {}: row {number} shows no pulse and is left out", path.display());
         }
     }

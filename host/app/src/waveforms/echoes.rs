@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::codes::Codes;
-use super::finder::{Pulse, Recorded, Recorder, Search};
+use super::finder::{EchoFinder, FinderConfig, FoundEcho, Pulse};
 use super::read::without_padding;
 
 /// How echoes are looked for.
@@ -70,25 +70,23 @@ impl Finder {
     /// A row of `outgoing` without a pulse counts as absent.
     pub fn find(&self, rows: &[Vec<f64>], outgoing: &[Vec<f64>]) -> Vec<Waveform> {
         let pulses: Vec<Option<Pulse>> =
-            outgoing.par_iter().map_init(recorder, |r, row| pulse(r, row)).collect();
+            outgoing.par_iter().map_init(finder, |r, row| pulse(r, row)).collect();
         let pulse =
             |i: usize| if pulses.len() == 1 { pulses[0] } else { pulses.get(i).copied().flatten() };
         let found = rows.par_iter().enumerate();
-        found
-            .map_init(recorder, |recorder, (i, row)| self.row(recorder, i, row, pulse(i)))
-            .collect()
+        found.map_init(finder, |finder, (i, row)| self.row(finder, i, row, pulse(i))).collect()
     }
 
     fn row(
         &self,
-        recorder: &mut Recorder,
+        finder: &mut EchoFinder,
         waveform: usize,
         row: &[f64],
         pulse: Option<Pulse>,
     ) -> Waveform {
         let codes = Codes::from_samples(without_padding(row));
         let search = self.search(codes.shift, pulse);
-        let mut found = pieces(recorder, &codes.codes, &search);
+        let mut found = pieces(finder, &codes.codes, &search);
         let highest = found.iter().map(|echo| echo.amplitude).max().unwrap_or_default();
         found.retain(|echo| {
             echo.amplitude as f64 >= self.options.floor * highest as f64
@@ -101,19 +99,19 @@ impl Finder {
         Waveform { waveform, outgoing_peak_ns: pulse.map(|pulse| self.ns(pulse.time)), echoes }
     }
 
-    fn search(&self, code_shift: u32, pulse: Option<Pulse>) -> Search {
+    fn search(&self, code_shift: u32, pulse: Option<Pulse>) -> FinderConfig {
         let samples = (self.options.min_separation_ns / self.options.sample_ns).round();
-        Search {
+        FinderConfig {
             code_shift,
             snr_threshold: (self.options.snr * 256.0).round() as u32,
             floor: (self.options.floor * 32_768.0).round() as u32,
             min_separation: samples as u32,
             pulse,
-            ..Search::DEFAULT
+            ..FinderConfig::DEFAULT
         }
     }
 
-    fn echo(&self, echo: &Recorded, codes: &Codes) -> Echo {
+    fn echo(&self, echo: &FoundEcho, codes: &Codes) -> Echo {
         Echo {
             time_ns: self.ns(echo.time),
             amplitude: shortened(codes.to_units(echo.amplitude)),
@@ -129,20 +127,20 @@ impl Finder {
     }
 }
 
-fn recorder() -> Box<Recorder> {
-    Box::new(Recorder::new())
+fn finder() -> Box<EchoFinder> {
+    Box::new(EchoFinder::new())
 }
 
 /// What a row says of the emitted pulse.
-pub fn pulse(recorder: &mut Recorder, row: &[f64]) -> Option<Pulse> {
+pub fn pulse(finder: &mut EchoFinder, row: &[f64]) -> Option<Pulse> {
     let codes = Codes::from_samples(without_padding(row));
-    Pulse::of(recorder, &codes.codes, codes.shift)
+    Pulse::from_record(finder, &codes.codes, codes.shift)
 }
 
 /// The echoes of a record of any length. One longer than the DSP's memory is looked at in pieces of
 /// [`MAX_SAMPLES`] that share [`OVERLAP`] samples; an echo counts in the piece in whose inner part
 /// it lies. A piece lower than the record is not clipped.
-fn pieces(recorder: &mut Recorder, codes: &[u16], search: &Search) -> Vec<Recorded> {
+fn pieces(finder: &mut EchoFinder, codes: &[u16], search: &FinderConfig) -> Vec<FoundEcho> {
     let step = MAX_SAMPLES - OVERLAP;
     let mut found = Vec::new();
     let mut start = 0;
@@ -153,11 +151,11 @@ fn pieces(recorder: &mut Recorder, codes: &[u16], search: &Search) -> Vec<Record
         let from = if start == 0 { i64::MIN } else { (OVERLAP as i64 / 2) << 16 };
         let to =
             if end == codes.len() { i64::MAX } else { ((MAX_SAMPLES - OVERLAP / 2) as i64) << 16 };
-        for echo in recorder.echoes(&codes[start..end], search) {
+        for echo in finder.echoes(&codes[start..end], search) {
             if (from..to).contains(&echo.time) {
                 let clipped = if is_lower { Flags::SATURATED.0 } else { 0 };
                 let flags = Flags(echo.flags.0 & !clipped);
-                found.push(Recorded { time: echo.time + ((start as i64) << 16), flags, ..echo });
+                found.push(FoundEcho { time: echo.time + ((start as i64) << 16), flags, ..echo });
             }
         }
         if end == codes.len() {

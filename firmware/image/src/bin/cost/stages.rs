@@ -5,12 +5,12 @@ use core::hint::black_box;
 
 use echoloop_dsp::detect::{self, Threshold};
 use echoloop_dsp::filter::{self, PADDING};
-use echoloop_dsp::kernel::{Portable, Scalar};
+use echoloop_dsp::loops::{Portable, Scalar};
 use echoloop_dsp::noise::Noise;
 use echoloop_dsp::peak::Peaks;
 use echoloop_dsp::refine::{Refiner, Waveform};
 use echoloop_dsp::statistics::Statistics;
-use echoloop_dsp::{Echo, Echoes, Kernel, MAX_SAMPLES, MAX_TAPS, Pipeline, Scratch};
+use echoloop_dsp::{Echo, Echoes, SampleLoops, MAX_SAMPLES, MAX_TAPS, Pipeline, Scratch};
 use echoloop_image::measure::{Text, instructions};
 use echoloop_kernels::{FASTEST, HAS_DUAL_MULTIPLY};
 
@@ -34,7 +34,7 @@ pub(crate) fn count(text: &mut Text) -> Result<(), &'static str> {
 #[inline(never)]
 fn count_with(
     name: &str,
-    kernel: impl Kernel,
+    loops: impl SampleLoops,
     case: &Case,
     text: &mut Text,
 ) -> Result<(), &'static str> {
@@ -53,7 +53,7 @@ fn count_with(
     let mut statistics = Statistics::default();
     line(
         "statistics",
-        per_run(|| statistics = kernel.statistics(black_box(codes), shift, &statistics)),
+        per_run(|| statistics = loops.statistics(black_box(codes), shift, &statistics)),
     )?;
 
     let mut padded = [0; MAX_SAMPLES + MAX_TAPS + PADDING];
@@ -64,7 +64,7 @@ fn count_with(
     line(
         "baseline",
         per_run(|| {
-            kernel.remove_baseline(
+            loops.remove_baseline(
                 black_box(codes),
                 config.clip_code(),
                 shift,
@@ -79,12 +79,12 @@ fn count_with(
     let taps = template.taps_in_pairs();
     line(
         "filter",
-        per_run(|| kernel.correlate(black_box(taps), black_box(&padded), black_box(y))),
+        per_run(|| loops.correlate(black_box(taps), black_box(&padded), black_box(y))),
     )?;
 
-    let threshold = Threshold::of(config, &statistics);
+    let threshold = Threshold::new(config, &statistics);
     let mut peaks = Peaks::new();
-    line("peaks", per_run(|| kernel.peaks(black_box(y), threshold.level, black_box(&mut peaks))))?;
+    line("peaks", per_run(|| loops.peaks(black_box(y), threshold.level, black_box(&mut peaks))))?;
 
     let report = || {
         let mut peaks = peaks.clone();
@@ -98,7 +98,7 @@ fn count_with(
         let mut echoes = Echoes::new();
         for peak in chosen {
             let refined = refiner.refine(exact, peak);
-            echoes.extend(Echo::of(config, &refined, &threshold));
+            echoes.extend(Echo::from_peak(config, &refined, &threshold));
         }
         echoes
     };
@@ -108,10 +108,10 @@ fn count_with(
     line(
         "pipeline",
         per_run(|| {
-            drop(black_box(pipeline.process(kernel, black_box(codes), black_box(&mut scratch))))
+            drop(black_box(pipeline.process(loops, black_box(codes), black_box(&mut scratch))))
         }),
     )?;
-    let echoes = pipeline.process(kernel, codes, &mut scratch);
+    let echoes = pipeline.process(loops, codes, &mut scratch);
     let same = echoes == report()
         && scratch.statistics() == &statistics
         && scratch.filtered(codes.len()) == y;

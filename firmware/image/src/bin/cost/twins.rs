@@ -1,9 +1,9 @@
 //! The fastest kernel against its portable twin, on what they should expect and on what they should
 //! not.
 
-use echoloop_dsp::kernel::{Portable, Scalar};
+use echoloop_dsp::loops::{Portable, Scalar};
 use echoloop_dsp::statistics::Statistics;
-use echoloop_dsp::{Hardware, Kernel, MAX_TAPS, Pipeline, Scratch, Settings};
+use echoloop_dsp::{Hardware, SampleLoops, MAX_TAPS, Pipeline, Scratch, Settings};
 use echoloop_kernels::FASTEST;
 
 use crate::waveforms::{CASES, Case, Random};

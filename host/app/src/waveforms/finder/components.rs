@@ -91,7 +91,7 @@ impl Fit<'_> {
         let height = self.x.get(index).map_or(0, |&x| i64::from(x)).max(1);
         let before = self.x.get(..index).unwrap_or_default().iter().rev();
         let after = self.x.get(index..).unwrap_or_default().iter().skip(1);
-        let width = foot(height, before).min(foot(height, after));
+        let width = half_width(height, before).min(half_width(height, after));
         let shape = Gaussian::new((width as i64 * 217).max(256));
         Component { time: i64::from(peak.index) << 16, height, shape }
     }
@@ -151,8 +151,8 @@ fn add(component: &Component, sign: i64, model: &mut [i32]) {
     }
 }
 
-/// Samples from a peak down to its foot on one side, at least 1.
-fn foot<'a>(height: i64, side: impl Iterator<Item = &'a i16>) -> usize {
+/// Samples from a peak down to half of its height, or a valley, on one side; at least 1.
+fn half_width<'a>(height: i64, side: impl Iterator<Item = &'a i16>) -> usize {
     let mut last = height;
     let down = side.take_while(|&&x| {
         let x = i64::from(x);

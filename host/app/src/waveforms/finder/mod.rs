@@ -2,53 +2,54 @@
 //!
 //! The sensor knows its pulse and sees a window of mostly darkness; a record may be 20 samples of
 //! echo. So this is another detector than [`echoloop_dsp::Pipeline`], of the same stages where they
-//! fit ([`Statistics`](echoloop_dsp::statistics), [`filter`], [`split`](echoloop_dsp::split)) and
-//! of its own where they do not:
+//! fit ([`Statistics`](echoloop_dsp::statistics), [`filter`](echoloop_dsp::filter),
+//! [`split`](echoloop_dsp::split)) and of its own where they do not:
 //!
 //! | stage | module | in | out |
 //! |---|---|---|---|
-//! | ambient, noise | [`rest`] | codes | a Q1.15, σ Q13.19 |
-//! | baseline | [`baseline`] | codes | `x`, Q1.15 |
+//! | ambient, noise | [`baseline`] | codes | a Q1.15, σ Q13.19 |
+//! | baseline | [`remove_baseline`] | codes | `x`, Q1.15 |
 //! | width of the pulse | [`scale`] | `x` | pulse and view, samples |
-//! | sharpening, crests | [`split`](echoloop_dsp::split) | `x` | peaks |
+//! | sharpening, peaks | [`split`](echoloop_dsp::split) | `x` | peaks |
 //! | overlapping echoes apart | [`components`] | `x`, the strong peaks | centres, σ |
-//! | place, height, width | [`crest`] | `x` or the view | [`Recorded`] |
+//! | place, height, width | [`top`] | `x` or the view | [`FoundEcho`] |
 
 // No overflow: heights are Q1.15, noise below 2³² times k below 2¹⁶, times Q16.16 within 2400
 // samples, 2²⁸.
 
+pub mod baseline;
 pub mod components;
-pub mod crest;
 pub mod gaussian;
-pub mod rest;
 pub mod scale;
+pub mod top;
 
 use core::cmp::Reverse;
 
 use heapless::Vec;
 
+use baseline::Baseline;
 use components::{Component, Components, Fit};
-use crest::{Crest, View};
+use echoloop_dsp::baseline::remove as remove_baseline;
 use echoloop_dsp::flags::Flags;
 use echoloop_dsp::peak::{MAX_CANDIDATES, Peak, Peaks};
 use echoloop_dsp::q::{divide_round, shift_round};
-use echoloop_dsp::split::{Sharpener, crests};
+use echoloop_dsp::split::{Sharpener, prominent_peaks};
 use echoloop_dsp::template::Template;
-use echoloop_dsp::{MAX_SAMPLES, baseline, filter};
-use rest::Rest;
+use echoloop_dsp::{MAX_SAMPLES, filter};
 use scale::{Bank, MARGIN, Padded, Scale};
+use top::{Top, View};
 
 /// Share of the second difference that is taken off, 64ths.
 pub const SHARPNESS: i32 = 3;
 
 /// What to look for.
 #[derive(Clone, Copy, Debug)]
-pub struct Search {
+pub struct FinderConfig {
     /// Left shift that brings a code to Q1.15: 1 to 7.
     pub code_shift: u32,
     /// k: least height over σ after the sharpener, Q8.8.
     pub snr_threshold: u32,
-    /// Least height over that of the record's highest crest, Q1.15.
+    /// Least height over that of the record's highest top, Q1.15.
     pub floor: u32,
     /// Smallest distance of two echoes, samples; 0 counts as 1.
     pub min_separation: u32,
@@ -58,7 +59,7 @@ pub struct Search {
     pub pulse: Option<Pulse>,
 }
 
-impl Search {
+impl FinderConfig {
     /// k = 5, a twentieth of the highest, every echo: 5 % is what receivers ring after a strong
     /// echo.
     pub const DEFAULT: Self = Self {
@@ -78,18 +79,18 @@ pub struct Pulse {
     pub time: i64,
     /// Its width at half maximum, Q16.16 samples.
     pub width: i64,
-    /// How much later than its crest the fitted Gaussian lies, Q16.16 samples.
+    /// How much later than its top the fitted Gaussian lies, Q16.16 samples.
     pub skew: i64,
-    /// What comes after the crest: (delay, Q16.16 samples; height over that of the crest, Q1.15).
+    /// What comes after the top: (delay, Q16.16 samples; height over that of the top, Q1.15).
     pub ringing: [(i64, i32); RINGS],
 }
 
-/// Later crests of a pulse that are remembered.
+/// Later tops of a pulse that are remembered.
 pub const RINGS: usize = 12;
 
 /// An echo of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Recorded {
+pub struct FoundEcho {
     /// Time of its peak since sample 0, Q16.16 samples.
     pub time: i64,
     /// Height above ambient, Q1.15.
@@ -101,18 +102,18 @@ pub struct Recorded {
     /// What to know about it.
     pub flags: Flags,
     /// When the waveform is highest, Q16.16 samples.
-    pub crest: i64,
-    /// The centre of its fitted component, Q16.16 samples; the crest of an echo too weak to have
+    pub top: i64,
+    /// The centre of its fitted component, Q16.16 samples; the top of an echo too weak to have
     /// one.
     pub centre: i64,
 }
 
 /// Echoes by rising time.
-pub type Recordeds = Vec<Recorded, MAX_CANDIDATES>;
+pub type FoundEchoes = Vec<FoundEcho, MAX_CANDIDATES>;
 
 /// Finds echoes in records; with working memory for one.
 #[derive(Clone, Debug)]
-pub struct Recorder {
+pub struct EchoFinder {
     bank: Bank,
     padded: Padded,
     /// The view through the narrowest filter that noise allows.
@@ -123,13 +124,13 @@ pub struct Recorder {
     model: [i32; MAX_SAMPLES],
 }
 
-impl Default for Recorder {
+impl Default for EchoFinder {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl Recorder {
+impl EchoFinder {
     /// Prepares the filters.
     pub fn new() -> Self {
         Self {
@@ -146,11 +147,11 @@ impl Recorder {
     /// [`MAX_SAMPLES`] are ignored; fewer than three hold none.
     ///
     /// ```text
-    /// a, σ      as of Rest;  x = code − a
+    /// a, σ      as of Baseline;  x = code − a
     /// pulse, view  as of Bank;  h = the view's filter
     /// z         = x through Sharpener(h, lag = max(1, ⌊2/3 · pulse⌋), SHARPNESS);   σ_z = σ·r
     /// T         = max(k·σ_z, floor · max z, 1)                   Q1.15, nearest
-    /// peaks     = crests of z at or above T that stand out by rise(z); without ringing
+    /// peaks     = peaks of z at or above T that stand out by rise(z); without ringing
     /// rise(z)   = max(2·σ_z, ⌊3/512 · max z⌋, and where 5z < max z also ⌊5/32 · z⌋)
     /// strong    = peaks with 5z ≥ max z: fitted together, see Fit
     /// ```
@@ -158,33 +159,35 @@ impl Recorder {
     /// `k·σ_z` and `2·σ_z` are nearest; `place` says what becomes of a peak. Of the
     /// echoes that are placed the highest stay, of equals the first, each at least min_separation
     /// from every one that stays: two peaks that climb to one clipped top are one echo.
-    pub fn echoes(&mut self, codes: &[u16], search: &Search) -> Recordeds {
+    pub fn echoes(&mut self, codes: &[u16], search: &FinderConfig) -> FoundEchoes {
         let codes = codes.get(..MAX_SAMPLES).unwrap_or(codes);
         let shift = search.code_shift.clamp(1, 7);
         if codes.len() < 3 {
-            return Recordeds::new();
+            return FoundEchoes::new();
         }
-        let rest = Rest::of(codes, shift, &mut self.order);
+        let baseline = Baseline::measure(codes, shift, &mut self.order);
         self.padded.fill(codes.len(), |x| {
-            baseline::remove(codes, 0x7fff >> shift, shift, rest.ambient, x)
+            remove_baseline(codes, 0x7fff >> shift, shift, baseline.ambient, x)
         });
         let pulse =
             search.pulse.map(|pulse| shift_round(pulse.width, 16).clamp(1, MARGIN as i64) as u32);
-        let scale = self.bank.scale(&self.padded, rest.sigma, pulse, &mut self.view);
-        let Some(narrow) = self.bank.template(scale.view).cloned() else { return Recordeds::new() };
+        let scale = self.bank.scale(&self.padded, baseline.sigma, pulse, &mut self.view);
+        let Some(narrow) = self.bank.template(scale.view).cloned() else {
+            return FoundEchoes::new();
+        };
         self.padded.filter(narrow.taps_in_pairs(), &mut self.view);
         let sharpener = Sharpener::new(&narrow, (2 * scale.pulse / 3).max(1) as usize, SHARPNESS);
         self.padded.filter(sharpener.taps_in_pairs(), &mut self.sharp);
-        let sigma = sharpener.sigma(rest.sigma);
+        let sigma = sharpener.sigma(baseline.sigma);
         let (peaks, level) = self.peaks(sigma, scale.pulse, search);
         let mut found =
-            self.place(&peaks, &Looked { search, scale, narrow: &narrow, rest, sigma, level });
+            self.place(&peaks, &Context { search, scale, narrow: &narrow, baseline, sigma, level });
         keep_strongest(&mut found, search);
         found
     }
 
-    /// The crests of the sharpened waveform that become echoes, and T.
-    fn peaks(&self, sigma: u32, pulse: u32, search: &Search) -> (Peaks, i16) {
+    /// The peaks of the sharpened waveform that become echoes, and T.
+    fn peaks(&self, sigma: u32, pulse: u32, search: &FinderConfig) -> (Peaks, i16) {
         let z = self.sharp.get(..self.padded.x().len()).unwrap_or_default();
         let top = i64::from(z.iter().copied().max().unwrap_or_default());
         let by_noise =
@@ -198,7 +201,7 @@ impl Recorder {
             least.max(of_weak).min(0xffff) as i32
         };
         let mut found = Peaks::new();
-        crests(z.iter().copied(), 0, level, rise, &mut found);
+        prominent_peaks(z.iter().copied(), 0, level, rise, &mut found);
         without_ringing(&mut found, z, pulse, search.pulse.as_ref());
         (found, level)
     }
@@ -206,15 +209,15 @@ impl Recorder {
     /// Places each peak, if its top lies inside the record.
     ///
     /// ```text
-    /// no echo  whose crest, plateau and all, touches the record's first or last sample, for its
+    /// no echo  whose top, plateau and all, touches the record's first or last sample, for its
     ///          top may lie outside; or lies no higher than the ambient
-    /// crest  = climbed from the peak by at most max(1, ⌊pulse/2⌋) samples, on x if the view is the
+    /// top  = climbed from the peak by at most max(1, ⌊pulse/2⌋) samples, on x if the view is the
     ///          bank's first, else on the view
-    /// time   = the crest's, if it is flat or cut off or the peak is not strong; else that within
+    /// time   = the top's, if it is flat or cut off or the peak is not strong; else that within
     ///          u − max(X, skew + ε) .. u + max(X, −skew + ε), within the record
     /// X      = max(0, 18·σ_u − J) on x, 0 on the view;   ε = 2⁻⁴ samples
     /// J      = 23·σ·(σ_u² >> 8) / A                                       Q16.16, nearest
-    /// height = the crest's on x, if it is flat or the peak is not strong; else the component's
+    /// height = the top's on x, if it is flat or the peak is not strong; else the component's
     /// width  = View::width's in the same cases; else 2.355 σ_u     603 of 2⁸, rounded down to 2⁻⁸
     /// ```
     ///
@@ -223,99 +226,99 @@ impl Recorder {
     ///
     /// A peak is where the waveform peaks. A lobe of several surfaces peaks at the brightest of
     /// them, or where quantisation has it, while its component lies in the middle of all: then the
-    /// time is what is nearest to the crest, 3 % of a width from the middle, and as far as the
-    /// emitted pulse's own crest when it is known. In more noise a crest says less than the
-    /// component. A view as wide as the pulse lowers a crest: its height counts over the filter's
+    /// time is what is nearest to the top, 3 % of a width from the middle, and as far as the
+    /// emitted pulse's own top when it is known. In more noise a top says less than the
+    /// component. A view as wide as the pulse lowers a top: its height counts over the filter's
     /// gain. A width that View::width does not know is 2.355 σ_u or, without a component, the
     /// pulse's. Low confidence: the peak is less than a quarter above T.
-    fn place(&mut self, peaks: &[Peak], looked: &Looked) -> Recordeds {
+    fn place(&mut self, peaks: &[Peak], context: &Context) -> FoundEchoes {
         let x = self.padded.x();
         let z = self.sharp.get(..x.len()).unwrap_or_default();
         let top = z.iter().copied().max().unwrap_or_default();
         let is_strong = |peak: &Peak| 5 * i64::from(peak.height) >= i64::from(top);
         let strong: Peaks = peaks.iter().copied().filter(is_strong).collect();
         let components: Components = Fit { x }.run(&strong, &mut self.model);
-        let view = looked.view(x, self.view.get(..x.len()).unwrap_or_default());
+        let view = context.view(x, self.view.get(..x.len()).unwrap_or_default());
         let mut components = components.into_iter();
         let place = |peak: &Peak| {
             let component = if is_strong(peak) { components.next() } else { None };
-            looked.echo(&view, peak, component.as_ref())
+            context.echo(&view, peak, component.as_ref())
         };
         peaks.iter().filter_map(place).collect()
     }
 }
 
 /// What the stages before said of a record.
-struct Looked<'a> {
-    search: &'a Search,
+struct Context<'a> {
+    search: &'a FinderConfig,
     scale: Scale,
     narrow: &'a Template,
-    rest: Rest,
+    baseline: Baseline,
     sigma: u32,
     level: i16,
 }
 
-impl Looked<'_> {
-    /// x itself in little noise, else the view through the filter. Noise is that of what is looked
+impl Context<'_> {
+    /// x itself in little noise, else the view through the filter. Noise is that of what is context
     /// at; two codes are no step.
     fn view<'y>(&self, x: &'y [i16], filtered: &'y [i16]) -> View<'y> {
         let (y, gain) = match self.scale.view {
             0 => (x, 1 << 15),
             _ => (filtered, i64::from(self.narrow.noise_gain())),
         };
-        let two_sigma = shift_round(i64::from(self.rest.sigma) * gain, 18).max(1) as i32;
+        let two_sigma = shift_round(i64::from(self.baseline.sigma) * gain, 18).max(1) as i32;
         let top = y.iter().copied().max().unwrap_or_default();
         View {
             y,
-            grain: two_sigma,
+            prominence: two_sigma,
             flat: two_sigma.max(2 << self.search.code_shift.clamp(1, 7)),
             top,
         }
     }
 
-    fn echo(&self, view: &View, peak: &Peak, component: Option<&Component>) -> Option<Recorded> {
-        let crest = view.climb(usize::from(peak.index), (self.scale.pulse / 2).max(1) as usize);
-        if !crest.inside || crest.height <= 0 {
+    fn echo(&self, view: &View, peak: &Peak, component: Option<&Component>) -> Option<FoundEcho> {
+        let top = view.climb(usize::from(peak.index), (self.scale.pulse / 2).max(1) as usize);
+        if !top.inside || top.height <= 0 {
             return None;
         }
-        let width = view.width(&crest);
+        let width = view.width(&top);
         let mut flags = width.flags;
         let cut = flags.contains(Flags::TRUNCATED);
-        if crest.clipped {
+        if top.clipped {
             flags |= Flags::SATURATED;
         }
         if 4 * i64::from(peak.height) < 5 * i64::from(self.level) {
             flags |= Flags::LOW_CONFIDENCE;
         }
-        let fitted = component.filter(|_| self.scale.view > 0 && !crest.flat);
+        let fitted = component.filter(|_| self.scale.view > 0 && !top.flat);
         let of_component = |c: &Component| (603 * c.shape.sigma()) & !0xff;
         let without = component.map_or(i64::from(self.scale.pulse) << 16, of_component);
         let last = (view.y.len().saturating_sub(1) as i64) << 16;
         let within = |time: i64| time.max(0).min(last);
-        Some(Recorded {
+        Some(FoundEcho {
             time: component
-                .filter(|_| !crest.flat && !cut)
-                .map_or(crest.time, |c| within(self.limited(&crest, c))),
-            amplitude: fitted.map_or(self.amplitude(&crest), |c| c.height),
+                .filter(|_| !top.flat && !cut)
+                .map_or(top.time, |c| within(self.limited(&top, c))),
+            amplitude: fitted.map_or(self.amplitude(&top), |c| c.height),
             width: fitted.map_or(width.samples.unwrap_or(without), of_component),
             snr: ((i64::from(peak.height.max(0)) << 12) / i64::from(self.sigma.max(1))) as u32,
             flags,
-            crest: crest.time,
-            centre: component.map_or(crest.time, |c| c.time),
+            top: top.time,
+            centre: component.map_or(top.time, |c| c.time),
         })
     }
 
-    fn amplitude(&self, crest: &Crest) -> i64 {
+    fn amplitude(&self, top: &Top) -> i64 {
         let matched = self.scale.view > 0
             && scale::WIDTHS.get(self.scale.view).is_some_and(|&w| w >= self.scale.pulse);
-        if matched { self.narrow.amplitude(crest.height.into()) } else { crest.height.into() }
+        if matched { self.narrow.amplitude(top.height.into()) } else { top.height.into() }
     }
 
-    /// The crest's time, no further from the component's centre than it may be.
-    fn limited(&self, crest: &Crest, component: &Component) -> i64 {
+    /// The top's time, no further from the component's centre than it may be.
+    fn limited(&self, top: &Top, component: &Component) -> i64 {
         let sigma = component.shape.sigma();
         let jitter = divide_round(
-            23 * i64::from(self.rest.sigma) * ((sigma * sigma) >> 8),
+            23 * i64::from(self.baseline.sigma) * ((sigma * sigma) >> 8),
             component.height.max(1),
         );
         let reach = if self.scale.view == 0 { (18 * sigma - jitter).max(0) } else { 0 };
@@ -325,7 +328,7 @@ impl Looked<'_> {
             .map_or(0, |pulse| pulse.skew.clamp(-pulse.width.abs(), pulse.width.abs()));
         let early = component.time - reach.max(skew + SLACK);
         let late = component.time + reach.max(SLACK - skew);
-        crest.time.clamp(early, late)
+        top.time.clamp(early, late)
     }
 }
 
@@ -337,10 +340,10 @@ const SWING: u32 = 3;
 
 /// Drops what a receiver adds after a strong echo.
 ///
-/// A crest rings if the nearest one before it that is more than four times as high is followed by
-/// an undershoot, at most [`SWING`] widths of the pulse before the crest, of at least three
+/// A top rings if the nearest one before it that is more than four times as high is followed by
+/// an undershoot, at most [`SWING`] widths of the pulse before the top, of at least three
 /// quarters of its height: a receiver that swings below the ambient swings back less far. Or if the
-/// emitted pulse has later crests of its own at the delays from the echoes before, within a quarter
+/// emitted pulse has later tops of its own at the delays from the echoes before, within a quarter
 /// of its width, and this one is at most half as high again as all of them together.
 fn without_ringing(found: &mut Peaks, z: &[i16], width: u32, pulse: Option<&Pulse>) {
     let all = core::mem::take(found);
@@ -367,19 +370,20 @@ fn without_ringing(found: &mut Peaks, z: &[i16], width: u32, pulse: Option<&Puls
 impl Pulse {
     /// What a record of the emitted pulse says: its strongest echo, and what follows it. `None`
     /// without any.
-    pub fn of(recorder: &mut Recorder, codes: &[u16], code_shift: u32) -> Option<Self> {
-        let echoes = recorder.echoes(codes, &Search { code_shift, floor: 328, ..Search::DEFAULT });
+    pub fn from_record(finder: &mut EchoFinder, codes: &[u16], code_shift: u32) -> Option<Self> {
+        let echoes =
+            finder.echoes(codes, &FinderConfig { code_shift, floor: 328, ..FinderConfig::DEFAULT });
         let main =
             echoes.iter().copied().reduce(|a, b| if b.amplitude > a.amplitude { b } else { a })?;
         let mut ringing = [(0, 0); RINGS];
-        for (ring, echo) in ringing.iter_mut().zip(echoes.iter().filter(|e| e.crest > main.crest)) {
+        for (ring, echo) in ringing.iter_mut().zip(echoes.iter().filter(|e| e.top > main.top)) {
             let height = divide_round(echo.amplitude << 15, main.amplitude.max(1));
-            *ring = (echo.crest - main.crest, height.clamp(0, 1 << 15) as i32);
+            *ring = (echo.top - main.top, height.clamp(0, 1 << 15) as i32);
         }
-        Some(Self { time: main.crest, width: main.width, skew: main.centre - main.crest, ringing })
+        Some(Self { time: main.top, width: main.width, skew: main.centre - main.top, ringing })
     }
 
-    /// How high the pulse's own later crests are at a peak, if `before` is an echo.
+    /// How high the pulse's own later tops are at a peak, if `before` is an echo.
     fn ringing_at(&self, before: &Peak, peak: &Peak) -> i64 {
         let delay = (i64::from(peak.index) - i64::from(before.index)) << 16;
         let near = self.ringing.iter().filter(|(ring, _)| 4 * (delay - ring).abs() <= self.width);
@@ -389,9 +393,9 @@ impl Pulse {
 
 /// Keeps the highest, of equals the first, as many as asked for, each far enough from those above
 /// it; by rising time.
-fn keep_strongest(found: &mut Recordeds, search: &Search) {
+fn keep_strongest(found: &mut FoundEchoes, search: &FinderConfig) {
     let apart = i64::from(search.min_separation.max(1)) << 16;
-    let mut order: Vec<Recorded, MAX_CANDIDATES> = found.clone();
+    let mut order: Vec<FoundEcho, MAX_CANDIDATES> = found.clone();
     order.sort_unstable_by_key(|echo| (Reverse(echo.amplitude), echo.time));
     found.clear();
     for echo in order {

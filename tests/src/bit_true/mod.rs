@@ -1,16 +1,15 @@
-//! The twin that rounds where the DSP's tables say.
+//! The bit-true model: it rounds where the DSP's tables say.
 //!
 //! Written from those tables, not from the code: in `f64`, by sorting instead of counting, with
 //! sums in no particular order. `f64` holds nearly every integer here exactly, and [`numbers`] the
 //! products it does not, so the comparison is `==`. Values are in LSB of the DSP's formats. Of the
 //! DSP it takes only what is computed in `f32`: the filter's taps and their gain, the timing
 //! stage's constants, κ and the scale of reflectivity, each of which has a test of its own; and
-//! where more than one echo is asked for, which peaks hide under others, whose twin stands by
-//! itself.
+//! where more than one echo is asked for, which peaks hide under others, whose model is [`split`].
 //!
-//! | module | twin of |
+//! | module | model of |
 //! |---|---|
-//! | [`Twin`] | `config`, `accumulate`, `pipeline` |
+//! | [`BitTrue`] | `config`, `accumulate`, `pipeline` |
 //! | [`statistics`] | `statistics` |
 //! | [`filter`] | `baseline`, `filter`, the threshold of `detect` |
 //! | [`mod@peaks`] | `detect` |
@@ -21,27 +20,29 @@
 use echoloop_dsp::choice::{AmbientEstimator, EchoChoice, TimingMethod};
 use echoloop_dsp::statistics::Statistics as DspStatistics;
 use echoloop_dsp::template::Template;
-use echoloop_dsp::{Config, Hardware, MAX_SAMPLES, Settings};
+use echoloop_dsp::{DetectorConfig, Hardware, MAX_SAMPLES, Settings};
 
 pub use filter::saturated;
 pub use noise::Noise;
 pub use numbers::nearest;
 use numbers::two_to;
 
-use crate::split_twin::{self, Sharpener};
 pub use peaks::{choose, climbs, hysteresis, peaks, separate};
 pub use pulse::Pulse;
 pub use refine::{Waveform, lagrange, rounded_lagrange};
+use split::Sharpener;
 pub use statistics::Order;
 
 pub mod echo;
 pub mod edges;
 pub mod filter;
+pub mod finder;
 pub mod noise;
 pub mod numbers;
 pub mod peaks;
 pub mod pulse;
 pub mod refine;
+pub mod split;
 pub mod statistics;
 
 /// Speed of light, m/s.
@@ -180,7 +181,7 @@ impl From<echoloop_dsp::Echo> for Echo {
 
 /// The whole detector, constants first.
 #[derive(Clone, Debug)]
-pub struct Twin {
+pub struct BitTrue {
     /// m.
     pub shots: f64,
     /// 2^d, which the sum of the shots is divided by.
@@ -247,9 +248,9 @@ pub fn period_fs(bins: i32, hardware: &Hardware) -> f64 {
     nearest(round_trip_mm * 1e12 / (f64::from(bins) * LIGHT))
 }
 
-impl Twin {
+impl BitTrue {
     /// Everything the stages read. `config`, of the same settings, gives what is computed in `f32`.
-    pub fn new(settings: &Settings, hardware: &Hardware, config: &Config) -> Self {
+    pub fn new(settings: &Settings, hardware: &Hardware, config: &DetectorConfig) -> Self {
         let period_fs = period_fs(settings.bins, hardware);
         let width_ps = settings.pulse_width_ps as u32;
         let choices = settings.choices().expect("settings that are taken name choices");
@@ -316,7 +317,7 @@ impl Twin {
         let (y, f) = (self.filter(&x), self.exact(&x));
         let wave = Waveform { codes, x: &x, y: &y, f: &f };
         let threshold = self.threshold(&statistics);
-        let (found, hidden) = self.shoulders(&wave, peaks(&y, threshold.level), &threshold, &noise);
+        let (found, hidden) = self.split(&wave, peaks(&y, threshold.level), &threshold, &noise);
         let separate = separate(&found, self.min_separation);
         let echo = |peak: Peak| {
             let refined = self.refine(&wave, peak, &threshold, &noise);
@@ -327,7 +328,7 @@ impl Twin {
     }
 
     /// The peaks and those that stand under them; indices of the latter.
-    fn shoulders(
+    fn split(
         &self,
         wave: &Waveform<'_>,
         found: Vec<Peak>,
@@ -341,14 +342,6 @@ impl Twin {
             self.is_broad(wave.y, peak, threshold.level)
                 && self.clipped_run(wave.codes, peak.index).is_none()
         };
-        split_twin::shoulders(
-            sharpener,
-            wave.x,
-            wave.y,
-            noise.sigma,
-            threshold.level,
-            &found,
-            may_hide,
-        )
+        split::split(sharpener, wave.x, wave.y, noise.sigma, threshold.level, &found, may_hide)
     }
 }

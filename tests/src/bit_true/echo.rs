@@ -2,13 +2,13 @@
 
 use super::numbers::{floor_of, nearest, nearest_ratio, product, two_to};
 use super::refine::LOW_CONFIDENCE;
-use super::{Echo, Refined, Threshold, Twin};
+use super::{BitTrue, Echo, Refined, Threshold};
 
 fn in_u16(value: f64) -> f64 {
     value.clamp(0.0, 65_535.0)
 }
 
-impl Twin {
+impl BitTrue {
     /// A refined peak in wire units; none before range 0.
     pub fn echo(&self, refined: &Refined, threshold: &Threshold) -> Option<Echo> {
         // time · step may take 61 bits: whole samples and the fraction apart, and floors of floors

@@ -1,4 +1,4 @@
-//! The twin of `recording`: from its tables, in `f64`, compared with `==`.
+//! The model of the finder of recorded waveforms: from its tables, in `f64`, compared with `==`.
 //!
 //! Sums stay below 2⁵³ on the waveforms of the tests, so every number is exact.
 
@@ -6,38 +6,38 @@ use echoloop_dsp::template::Template;
 use echoloop_host::waveforms::finder::components::SWEEPS;
 use echoloop_host::waveforms::finder::gaussian::TABLE;
 use echoloop_host::waveforms::finder::scale::WIDTHS;
-use echoloop_host::waveforms::finder::{Pulse, Recorded, SHARPNESS, Search};
+use echoloop_host::waveforms::finder::{FinderConfig, FoundEcho, Pulse, SHARPNESS};
 
-use crate::quantised::{Peak, nearest};
-use crate::split_twin::{Sharpener, crests};
+use super::split::{Sharpener, prominent_peaks};
+use super::{Peak, nearest};
 
 const SATURATED: u8 = 1;
 const MERGED: u8 = 2;
 const LOW_CONFIDENCE: u8 = 4;
 const TRUNCATED: u8 = 16;
 
-/// An echo, as of `Recorded`.
+/// An echo, as of `FoundEcho`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[allow(missing_docs, reason = "each is the field of Recorded of that name")]
+#[allow(missing_docs, reason = "each is the field of FoundEcho of that name")]
 pub struct Echo {
     pub time: f64,
     pub amplitude: f64,
     pub width: f64,
     pub snr: f64,
     pub flags: u8,
-    pub crest: f64,
+    pub top: f64,
     pub centre: f64,
 }
 
-impl From<Recorded> for Echo {
-    fn from(r: Recorded) -> Self {
+impl From<FoundEcho> for Echo {
+    fn from(r: FoundEcho) -> Self {
         Self {
             time: r.time as f64,
             amplitude: r.amplitude as f64,
             width: r.width as f64,
             snr: r.snr.into(),
             flags: r.flags.0,
-            crest: r.crest as f64,
+            top: r.top as f64,
             centre: r.centre as f64,
         }
     }
@@ -256,7 +256,7 @@ fn next_sigma(sigma: f64, v: f64) -> f64 {
     next.clamp(least, most).clamp(MIN_SIGMA, MAX_SIGMA)
 }
 
-struct Crest {
+struct Top {
     time: f64,
     first: usize,
     height: f64,
@@ -264,7 +264,7 @@ struct Crest {
     inside: bool,
 }
 
-fn climb(y: &[f64], start: usize, reach: usize, flat: f64) -> Crest {
+fn climb(y: &[f64], start: usize, reach: usize, flat: f64) -> Top {
     let at = |i: i64| {
         usize::try_from(i).ok().and_then(|i| y.get(i)).copied().unwrap_or(f64::NEG_INFINITY)
     };
@@ -295,7 +295,7 @@ fn climb(y: &[f64], start: usize, reach: usize, flat: f64) -> Crest {
     let is_flat = inner
         && length >= 3.0
         && drop * (length - 1.0).powi(2) > 2.0 * flat * (length + 1.0).powi(2);
-    Crest { time, first: a as usize, height, flat: is_flat, inside: inner }
+    Top { time, first: a as usize, height, flat: is_flat, inside: inner }
 }
 
 fn vertex(before: f64, here: f64, after: f64) -> f64 {
@@ -305,9 +305,9 @@ fn vertex(before: f64, here: f64, after: f64) -> f64 {
 }
 
 /// A crossing of half the height: where, or why there is none.
-fn crossing(y: &[f64], crest: &Crest, grain: f64, direction: i64) -> Result<f64, u8> {
-    let (half, rise) = ((crest.height / 2.0).floor(), grain.max((crest.height / 16.0).floor()));
-    let (mut i, mut valley) = (crest.first as i64, crest.height);
+fn crossing(y: &[f64], top: &Top, prominence: f64, direction: i64) -> Result<f64, u8> {
+    let (half, rise) = ((top.height / 2.0).floor(), prominence.max((top.height / 16.0).floor()));
+    let (mut i, mut valley) = (top.first as i64, top.height);
     loop {
         let Some(&value) = usize::try_from(i + direction).ok().and_then(|i| y.get(i)) else {
             return Err(TRUNCATED);
@@ -325,7 +325,7 @@ fn crossing(y: &[f64], crest: &Crest, grain: f64, direction: i64) -> Result<f64,
 }
 
 /// All echoes of a record of codes.
-pub fn echoes(codes: &[u16], search: &Search) -> Vec<Echo> {
+pub fn echoes(codes: &[u16], search: &FinderConfig) -> Vec<Echo> {
     let codes: Vec<f64> = codes.iter().map(|&code| code.into()).collect();
     if codes.len() < 3 {
         return Vec::new();
@@ -351,7 +351,7 @@ pub fn echoes(codes: &[u16], search: &Search) -> Vec<Echo> {
     let rise = |z: f64| {
         least.max(if 5.0 * z < top { (5.0 * z / 32.0).floor() } else { 0.0 }).min(65_535.0)
     };
-    let peaks = crests(&z, 0, level, rise);
+    let peaks = prominent_peaks(&z, 0, level, rise);
     let peaks = without_ringing(&peaks, &z, pulse, search.pulse.as_ref());
     let is_strong = |peak: &Peak| 5.0 * peak.height >= top;
     let strong: Vec<Peak> = peaks.iter().copied().filter(is_strong).collect();
@@ -360,64 +360,56 @@ pub fn echoes(codes: &[u16], search: &Search) -> Vec<Echo> {
         0 => (x, 32_768.0),
         _ => (filtered(&taps(narrow), &x), f64::from(narrow.noise_gain())),
     };
-    let grain = nearest(sigma * gain / 262_144.0).max(1.0);
+    let prominence = nearest(sigma * gain / 262_144.0).max(1.0);
     let y_top = highest(&y);
     let reach = (pulse / 2.0).floor().max(1.0) as usize;
     let place = |peak: &Peak| {
         let component = if is_strong(peak) { components.next() } else { None };
-        let crest = climb(&y, peak.index, reach, grain.max(2.0 * code));
-        if !crest.inside || crest.height <= 0.0 {
+        let top = climb(&y, peak.index, reach, prominence.max(2.0 * code));
+        if !top.inside || top.height <= 0.0 {
             return None;
         }
-        let (left, right) = (crossing(&y, &crest, grain, -1), crossing(&y, &crest, grain, 1));
+        let (left, right) = (crossing(&y, &top, prominence, -1), crossing(&y, &top, prominence, 1));
         let without = component.map_or(q16(pulse), |c| (603.0 * c.sigma / 256.0).floor() * 256.0);
         let width = match (left, right) {
             (Ok(left), Ok(right)) => right - left,
-            (Ok(side), Err(_)) | (Err(_), Ok(side)) => 2.0 * (side - crest.time).abs(),
+            (Ok(side), Err(_)) | (Err(_), Ok(side)) => 2.0 * (side - top.time).abs(),
             (Err(_), Err(_)) => without,
         };
         let mut flags = left.err().unwrap_or(0) | right.err().unwrap_or(0);
-        if crest.flat && crest.height == y_top {
+        if top.flat && top.height == y_top {
             flags |= SATURATED;
         }
         if 4.0 * peak.height < 5.0 * level {
             flags |= LOW_CONFIDENCE;
         }
         let inverse = (536_870_912.0 / f64::from(narrow.peak_gain())).floor().min(65_535.0);
-        let fitted = component.filter(|_| view > 0 && !crest.flat);
+        let fitted = component.filter(|_| view > 0 && !top.flat);
         let lowered = view > 0 && f64::from(WIDTHS[view]) >= pulse;
-        let height =
-            if lowered { nearest(crest.height * inverse / 16_384.0) } else { crest.height };
+        let height = if lowered { nearest(top.height * inverse / 16_384.0) } else { top.height };
         Some(Echo {
-            time: component.filter(|_| !crest.flat && flags & TRUNCATED == 0).map_or(
-                crest.time,
-                |c| {
-                    let time = limited(
-                        crest.time,
-                        &c,
-                        (view == 0).then_some(sigma),
-                        search.pulse.as_ref(),
-                    );
-                    time.clamp(0.0, (codes.len() as f64 - 1.0) * 65_536.0)
-                },
-            ),
+            time: component.filter(|_| !top.flat && flags & TRUNCATED == 0).map_or(top.time, |c| {
+                let time =
+                    limited(top.time, &c, (view == 0).then_some(sigma), search.pulse.as_ref());
+                time.clamp(0.0, (codes.len() as f64 - 1.0) * 65_536.0)
+            }),
             amplitude: fitted.map_or(height, |c| c.height),
             width: fitted.map_or(width, |c| (603.0 * c.sigma / 256.0).floor() * 256.0),
             snr: (4_096.0 * peak.height.max(0.0) / sigma_z.max(1.0)).floor(),
             flags,
-            crest: crest.time,
-            centre: component.map_or(crest.time, |c| c.time),
+            top: top.time,
+            centre: component.map_or(top.time, |c| c.time),
         })
     };
     strongest(peaks.iter().filter_map(place).collect(), search)
 }
 
-fn limited(crest: f64, component: &Component, noise: Option<f64>, pulse: Option<&Pulse>) -> f64 {
+fn limited(top: f64, component: &Component, noise: Option<f64>, pulse: Option<&Pulse>) -> f64 {
     let square = (component.sigma * component.sigma / 256.0).floor();
     let jitter = |noise: f64| quotient(23.0 * noise * square, component.height.max(1.0));
     let reach = noise.map_or(0.0, |noise| (18.0 * component.sigma - jitter(noise)).max(0.0));
     let skew = pulse.map_or(0.0, |p| (p.skew as f64).clamp(-(p.width as f64), p.width as f64));
-    crest.clamp(
+    top.clamp(
         component.time - reach.max(skew + 4_096.0),
         component.time + reach.max(4_096.0 - skew),
     )
@@ -451,7 +443,7 @@ fn without_ringing(peaks: &[Peak], z: &[f64], width: f64, pulse: Option<&Pulse>)
 }
 
 /// Highest first, each at least so far from every higher one.
-fn strongest(mut echoes: Vec<Echo>, search: &Search) -> Vec<Echo> {
+fn strongest(mut echoes: Vec<Echo>, search: &FinderConfig) -> Vec<Echo> {
     echoes.sort_by(|a, b| b.amplitude.total_cmp(&a.amplitude).then(a.time.total_cmp(&b.time)));
     let apart = q16(f64::from(search.min_separation.max(1)));
     let mut kept: Vec<Echo> = Vec::new();

@@ -1,7 +1,7 @@
 //! Baseline, filter and threshold.
 
 use super::numbers::{nearest, two_to};
-use super::{Statistics, Threshold, Twin};
+use super::{BitTrue, Statistics, Threshold};
 
 /// Q1.15 holds no more.
 pub fn saturated(value: f64) -> f64 {
@@ -18,7 +18,7 @@ pub fn correlate(taps: &[f64], x: &[f64]) -> Vec<f64> {
     padded.windows(taps.len()).map(sum).collect()
 }
 
-impl Twin {
+impl BitTrue {
     /// x, Q1.15.
     pub fn baseline(&self, codes: &[u16], ambient: f64) -> Vec<f64> {
         let ambient = saturated(ambient);

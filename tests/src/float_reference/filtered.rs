@@ -2,7 +2,7 @@
 
 use echoloop_dsp::choice::TimingMethod;
 
-use crate::quantised::lagrange;
+use crate::bit_true::lagrange;
 use crate::vectors::pulse;
 
 /// An echo of height 1 behind a symmetric filter. Times are in samples.

@@ -4,9 +4,9 @@ use echoloop_dsp::MAX_SAMPLES;
 use echoloop_dsp::choice::AmbientEstimator;
 
 use super::numbers::{nearest, two_to};
-use super::{Statistics, Twin};
+use super::{BitTrue, Statistics};
 
-impl Twin {
+impl BitTrue {
     /// Median and MAD, by sorting.
     pub fn statistics(&self, codes: &[u16]) -> Statistics {
         let values: Vec<f64> = codes.iter().take(MAX_SAMPLES).map(|&c| f64::from(c)).collect();

@@ -1,7 +1,7 @@
 //! The loops over every sample, which processors do in their own ways.
 
 use crate::peak::Peaks;
-use crate::statistics::{Ranks, Statistics};
+use crate::statistics::{OrderStatistics, Statistics};
 use crate::{baseline, detect, filter, statistics};
 
 /// The four loops that take nearly all of the time. Every method is plain Rust unless a processor
@@ -9,18 +9,18 @@ use crate::{baseline, detect, filter, statistics};
 ///
 /// Every implementation must equal [`Portable`] bit for bit, whatever the input: sums are exact, so
 /// only speed can differ.
-pub trait Kernel: Copy {
+pub trait SampleLoops: Copy {
     /// Median and median absolute deviation: [`statistics::by_counting`] or anything that gives the
     /// same.
     #[inline(always)]
-    fn ranks(self, codes: &[u16], top: u16, guess: &Statistics) -> Ranks {
+    fn order_statistics(self, codes: &[u16], top: u16, guess: &Statistics) -> OrderStatistics {
         statistics::by_counting(codes, top, guess)
     }
 
     /// [`Statistics::measure`].
     #[inline(always)]
     fn statistics(self, codes: &[u16], shift: u32, guess: &Statistics) -> Statistics {
-        Statistics::measure(codes, shift, |codes, top| self.ranks(codes, top, guess))
+        Statistics::measure(codes, shift, |codes, top| self.order_statistics(codes, top, guess))
     }
 
     /// [`baseline::remove`].
@@ -59,16 +59,16 @@ pub trait Kernel: Copy {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Portable;
 
-impl Kernel for Portable {}
+impl SampleLoops for Portable {}
 
 /// Plain Rust for processors that take one sample at a time: one pass for both order statistics
 /// instead of several.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Scalar;
 
-impl Kernel for Scalar {
+impl SampleLoops for Scalar {
     #[inline(always)]
-    fn ranks(self, codes: &[u16], top: u16, guess: &Statistics) -> Ranks {
+    fn order_statistics(self, codes: &[u16], top: u16, guess: &Statistics) -> OrderStatistics {
         statistics::by_histogram(codes, top, guess)
     }
 }

@@ -7,7 +7,7 @@ use super::filter::correlate;
 use super::noise::Noise;
 use super::numbers::{nearest, nearest_ratio, product, two_to};
 use super::peaks::hysteresis;
-use super::{Peak, Refined, Threshold, Twin};
+use super::{BitTrue, Peak, Refined, Threshold};
 
 /// Bits of an echo's flags, as the wire has them.
 pub(super) const SATURATED: u8 = 1;
@@ -55,7 +55,7 @@ impl Refined {
     }
 }
 
-impl Twin {
+impl BitTrue {
     /// One peak by the timing method that is set.
     pub fn refine(
         &self,

@@ -10,7 +10,7 @@ use core::arch::x86_64::{
 use core::mem::MaybeUninit;
 
 use echoloop_dsp::MAX_SAMPLES;
-use echoloop_dsp::statistics::{Rank, Ranks, Statistics};
+use echoloop_dsp::statistics::{OrderStatistic, OrderStatistics, Statistics};
 
 /// Samples a register holds as bytes.
 const LANES: usize = 32;
@@ -28,7 +28,7 @@ const _: () = assert!(REGISTERS <= u8::MAX as usize, "a byte counts one sample o
 /// With a good guess one pass finds the median and one the deviation.
 #[inline]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-pub(super) fn ranks(codes: &[u16], guess: &Statistics) -> Ranks {
+pub(super) fn order_statistics(codes: &[u16], guess: &Statistics) -> OrderStatistics {
     let mut room = [const { MaybeUninit::uninit() }; REGISTERS];
     let near = Near::new(codes, guess.median, &mut room);
     // From one waveform to the next the median moves by 1.9 deviations/√N, the deviation by 1.2:
@@ -37,7 +37,7 @@ pub(super) fn ranks(codes: &[u16], guess: &Statistics) -> Ranks {
     let n = codes.len() as u32;
     let median = search(|bounds| near.at_most(bounds), n, guess.median, stride);
     let deviation = search(|bounds| near.within(median.value, bounds), n, guess.deviation, stride);
-    Ranks { median, deviation }
+    OrderStatistics { median, deviation }
 }
 
 /// The smallest value whose cumulative count reaches ⌈n/2⌉, with the counts below it and at it.
@@ -45,7 +45,12 @@ pub(super) fn ranks(codes: &[u16], guess: &Statistics) -> Ranks {
 /// Four probes at a time: around the guess, then outwards in growing strides until the value is
 /// enclosed, then at fifths.
 #[inline(always)]
-fn search(cumulative: impl Fn([i32; 4]) -> [u32; 4], n: u32, guess: u16, stride: i32) -> Rank {
+fn search(
+    cumulative: impl Fn([i32; 4]) -> [u32; 4],
+    n: u32,
+    guess: u16,
+    stride: i32,
+) -> OrderStatistic {
     // Invariant: cumulative(low) < ⌈n/2⌉ ≤ cumulative(high).
     let (mut low, mut below) = (-1, 0);
     let (mut high, mut up_to) = (0xffff, n);
@@ -69,7 +74,7 @@ fn search(cumulative: impl Fn([i32; 4]) -> [u32; 4], n: u32, guess: u16, stride:
             [1, 2, 3, 4].map(|i| low + ((high - low) * i + 4) / 5)
         };
     }
-    Rank { value: high as u16, below, at: up_to - below }
+    OrderStatistic { value: high as u16, below, at: up_to - below }
 }
 
 /// A waveform, and its distances from a centre in bytes.
@@ -248,7 +253,7 @@ mod tests {
             let expected = by_counting(&codes, 0xffff, &guess);
             // SAFETY: AVX2 has been found.
             assert_eq!(
-                unsafe { ranks(&codes, &guess) },
+                unsafe { order_statistics(&codes, &guess) },
                 expected,
                 "case {i}: {guess:?}, {} codes",
                 codes.len()

@@ -1,9 +1,9 @@
-//! Where a short record rests, and its noise.
+//! Baseline of a short record, and its noise.
 
 // No overflow: codes are below 2¹⁵, shifts at most 7, noise below 2³² times a constant below 2¹⁵;
 // counts of memory, at least 1 where divided by.
 
-use echoloop_dsp::kernel::{Kernel, Portable};
+use echoloop_dsp::loops::{Portable, SampleLoops};
 use echoloop_dsp::q::shift_round;
 use echoloop_dsp::statistics::Statistics;
 
@@ -39,7 +39,7 @@ use echoloop_dsp::statistics::Statistics;
 /// receiver may swing below the ambient for longer than 1/20 of a record: then c, where a sixth of
 /// it rests, is the better of the two.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Rest {
+pub struct Baseline {
     /// a, Q1.15.
     pub ambient: i16,
     /// σ, Q13.19.
@@ -61,10 +61,10 @@ const SHORT: usize = 48;
 /// 1/√12 in Q.15.
 const QUANTISATION: i64 = 9_459;
 
-impl Rest {
+impl Baseline {
     /// Measures codes of at most 15 − `shift` bits. `order` and `differences` are memory of at
     /// least as many.
-    pub fn of(codes: &[u16], shift: u32, order: &mut [u16]) -> Self {
+    pub fn measure(codes: &[u16], shift: u32, order: &mut [u16]) -> Self {
         let sigma = noise(codes, shift, order);
         let order = order.get_mut(..codes.len()).unwrap_or_default();
         order.copy_from_slice(codes);
@@ -73,10 +73,10 @@ impl Rest {
             .get(order.len().saturating_sub(1) / 20)
             .map_or(0, |&code| i64::from(code) << shift);
         let one_sigma = shift_round(i64::from(sigma), 4);
-        let foot = (low + shift_round(i64::from(sigma) * TWENTIETH_TO_MIDDLE, 14))
+        let low_end = (low + shift_round(i64::from(sigma) * TWENTIETH_TO_MIDDLE, 14))
             .max(densest(order, shift, one_sigma).map_or(0, |dense| dense - one_sigma));
         let median = grouped_median(order, shift);
-        let ambient = if median <= foot + one_sigma { median } else { foot };
+        let ambient = if median <= low_end + one_sigma { median } else { low_end };
         Self { ambient: ambient.clamp(-0x8000, 0x7fff) as i16, sigma }
     }
 }
@@ -134,28 +134,32 @@ fn quarter(differences: &mut [u16], median: u16) -> i64 {
 mod tests {
     use super::*;
 
-    fn rest(codes: &[u16]) -> Rest {
-        Rest::of(codes, 3, &mut [0; 100])
+    fn baseline(codes: &[u16]) -> Baseline {
+        Baseline::measure(codes, 3, &mut [0; 100])
     }
 
     #[test]
     fn a_record_of_mostly_echo_rests_at_its_foot() {
         let codes: [u16; 40] =
             core::array::from_fn(|n| 200 + 2 * n.min(39 - n).saturating_sub(2).pow(2) as u16);
-        let rest = rest(&codes);
-        assert!((1600..1620).contains(&rest.ambient), "{rest:?}");
+        let baseline = baseline(&codes);
+        assert!((1600..1620).contains(&baseline.ambient), "{baseline:?}");
     }
 
     #[test]
     fn a_record_that_is_hardly_more_than_an_echo_is_not_taken_for_noise() {
-        let rest = rest(&[0, 0, 10, 20, 10, 0, 0]);
-        assert_eq!((rest.ambient, rest.sigma), (3, 37), "1.645 σ of quantisation: {rest:?}");
+        let baseline = baseline(&[0, 0, 10, 20, 10, 0, 0]);
+        assert_eq!(
+            (baseline.ambient, baseline.sigma),
+            (3, 37),
+            "1.645 σ of quantisation: {baseline:?}"
+        );
     }
 
     #[test]
     fn a_constant_record_has_no_noise_but_its_quantisation() {
-        let rest = rest(&[77; 60]);
-        assert_eq!(rest.ambient, 77 << 3);
-        assert_eq!(rest.sigma, 37, "0.289 codes of 2³ in Q13.19");
+        let baseline = baseline(&[77; 60]);
+        assert_eq!(baseline.ambient, 77 << 3);
+        assert_eq!(baseline.sigma, 37, "0.289 codes of 2³ in Q13.19");
     }
 }

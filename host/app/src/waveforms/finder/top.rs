@@ -1,4 +1,4 @@
-//! The place, height and width of one crest of a waveform.
+//! The place, height and width of one top of a waveform.
 
 // No overflow: samples are Q1.15, times Q16.16 within 2400 samples, 2²⁸; divisors are at least 1;
 // indices of memory.
@@ -12,8 +12,8 @@ pub struct View<'a> {
     /// The waveform without ambient, or the filter's output, Q1.15.
     pub y: &'a [i16],
     /// What a valley must rise by to be one, Q1.15: twice the noise, at least 1 (a sixteenth of the
-    /// crest is asked as well).
-    pub grain: i32,
+    /// top is asked as well).
+    pub prominence: i32,
     /// Least drop that a parabola of the same edges would have inside a plateau for it to be flat,
     /// Q1.15.
     pub flat: i32,
@@ -23,7 +23,7 @@ pub struct View<'a> {
 
 /// The top of an echo.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Crest {
+pub struct Top {
     /// Time since sample 0, Q16.16 samples.
     pub time: i64,
     /// Its sample, the first of a plateau.
@@ -52,7 +52,7 @@ impl View<'_> {
         self.y.get(index).map(|&v| i64::from(v))
     }
 
-    /// Climbs from a sample to the crest above it.
+    /// Climbs from a sample to the top above it.
     ///
     /// ```text
     /// climb    towards the higher neighbour (of equals the earlier), at most `reach` samples
@@ -65,7 +65,7 @@ impl View<'_> {
     /// `δ = (y₋ − y₊) / (2 (y₋ − 2y₀ + y₊))`, Q16.16, nearest, within ±½; 0 at an end of the
     /// record. A run at an end of the record is not flat. The last line: a parabola through the
     /// samples beside the plateau would drop by D/2·(L − 1)²/(L + 1)² inside it.
-    pub fn climb(&self, start: usize, reach: usize) -> Crest {
+    pub fn climb(&self, start: usize, reach: usize) -> Top {
         let mut index = start.min(self.y.len().saturating_sub(1));
         for _ in 0..reach {
             let at = |i: Option<usize>| i.and_then(|i| self.value(i)).unwrap_or(i64::MIN);
@@ -77,11 +77,11 @@ impl View<'_> {
                 () => break,
             };
         }
-        self.crest(index)
+        self.top(index)
     }
 
-    /// The crest at a sample, wherever it is.
-    fn crest(&self, index: usize) -> Crest {
+    /// The top at a sample, wherever it is.
+    fn top(&self, index: usize) -> Top {
         let height = self.y.get(index).copied().unwrap_or_default();
         let equal = |v: &&i16| **v == height;
         let before = self.y.get(..index).unwrap_or_default().iter().rev().take_while(equal).count();
@@ -94,7 +94,7 @@ impl View<'_> {
             _ => ((first + last) as i64) << 15,
         };
         let inside = first > 0 && last + 1 < self.y.len();
-        Crest { time, index: first, height, inside, flat, clipped: flat && height == self.top }
+        Top { time, index: first, height, inside, flat, clipped: flat && height == self.top }
     }
 
     fn vertex(&self, index: usize) -> i64 {
@@ -115,28 +115,28 @@ impl View<'_> {
         length >= 3 && drop * (length - 1).pow(2) > 2 * i64::from(self.flat) * (length + 1).pow(2)
     }
 
-    /// Full width at half of a crest's height (rounded down), linear between samples.
+    /// Full width at half of a top's height (rounded down), linear between samples.
     ///
-    /// A side ends at its crossing; or without one in a valley before a rise of more than the grain
-    /// and a sixteenth of the height ([`Flags::MERGED`]), or with the record
-    /// ([`Flags::TRUNCATED`]). With one crossing the width is twice the distance from the crest to
+    /// A side ends at its crossing; or without one in a valley before a rise of more than the
+    /// prominence and a sixteenth of the height ([`Flags::MERGED`]), or with the record
+    /// ([`Flags::TRUNCATED`]). With one crossing the width is twice the distance from the top to
     /// it; with none it is `None`. Crossings are Q16.16, the fraction of a sample rounded down,
-    /// towards the crest.
-    pub fn width(&self, crest: &Crest) -> Width {
-        let (left, left_flag) = self.crossing(crest, -1);
-        let (right, right_flag) = self.crossing(crest, 1);
+    /// towards the top.
+    pub fn width(&self, top: &Top) -> Width {
+        let (left, left_flag) = self.crossing(top, -1);
+        let (right, right_flag) = self.crossing(top, 1);
         let samples = match (left, right) {
             (Some(left), Some(right)) => Some(right - left),
-            (Some(side), None) | (None, Some(side)) => Some(2 * (side - crest.time).abs()),
+            (Some(side), None) | (None, Some(side)) => Some(2 * (side - top.time).abs()),
             (None, None) => None,
         };
         Width { samples, flags: left_flag | right_flag }
     }
 
-    fn crossing(&self, crest: &Crest, direction: isize) -> (Option<i64>, Flags) {
-        let height = i64::from(crest.height);
-        let (half, rise) = (height >> 1, i64::from(self.grain).max(height >> 4));
-        let (mut index, mut inner, mut valley) = (crest.index, height, height);
+    fn crossing(&self, top: &Top, direction: isize) -> (Option<i64>, Flags) {
+        let height = i64::from(top.height);
+        let (half, rise) = (height >> 1, i64::from(self.prominence).max(height >> 4));
+        let (mut index, mut inner, mut valley) = (top.index, height, height);
         loop {
             let next = index.checked_add_signed(direction);
             let Some((next, value)) = next.and_then(|next| Some((next, self.value(next)?))) else {
@@ -160,13 +160,13 @@ mod tests {
     use super::*;
 
     fn view(y: &[i16]) -> View<'_> {
-        View { y, grain: 1, flat: 2, top: y.iter().copied().max().unwrap_or_default() }
+        View { y, prominence: 1, flat: 2, top: y.iter().copied().max().unwrap_or_default() }
     }
 
     #[test]
     fn a_plateau_s_time_is_its_middle() {
-        let crest = view(&[0, 50, 90, 90, 60, 0]).climb(1, 9);
-        assert_eq!((crest.time, crest.flat), (5 << 15, false));
+        let top = view(&[0, 50, 90, 90, 60, 0]).climb(1, 9);
+        assert_eq!((top.time, top.flat), (5 << 15, false));
     }
 
     #[test]
@@ -180,8 +180,8 @@ mod tests {
     #[test]
     fn the_width_is_that_at_half_height() {
         let y = view(&[0, 0, 40, 80, 40, 0, 0]);
-        let crest = y.climb(2, 9);
-        assert_eq!(y.width(&crest), Width { samples: Some(2 << 16), flags: Flags::NONE });
+        let top = y.climb(2, 9);
+        assert_eq!(y.width(&top), Width { samples: Some(2 << 16), flags: Flags::NONE });
     }
 
     #[test]
@@ -189,10 +189,10 @@ mod tests {
         let merged = view(&[0, 40, 80, 60, 70, 90, 0]);
         assert_eq!(merged.width(&merged.climb(2, 9)).flags, Flags::MERGED);
         let cut = view(&[0, 40, 80, 60]);
-        let crest = cut.climb(2, 9);
+        let top = cut.climb(2, 9);
         assert_eq!(
-            cut.width(&crest),
-            Width { samples: Some(2 * (crest.time - (1 << 16))), flags: Flags::TRUNCATED }
+            cut.width(&top),
+            Width { samples: Some(2 * (top.time - (1 << 16))), flags: Flags::TRUNCATED }
         );
     }
 

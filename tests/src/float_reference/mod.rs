@@ -1,4 +1,4 @@
-//! The twin that never rounds: the same algorithm in real numbers, with the true sin² template, for
+//! The model that never rounds: the same algorithm in real numbers, with the true sin² template, for
 //! the parabola with and without walk correction and the edges of clipped echoes.
 //!
 //! What the integer code loses against it is bounded by [`crate::tolerance`].
@@ -11,7 +11,7 @@ use echoloop_dsp::{Hardware, Settings};
 use edges::Clipped;
 pub use filtered::Filtered;
 
-use crate::quantised::{LIGHT, Order, Peak, choose, climbs, lagrange, separate};
+use crate::bit_true::{LIGHT, Order, Peak, choose, climbs, lagrange, separate};
 use crate::vectors::pulse;
 
 mod edges;
@@ -37,7 +37,7 @@ pub struct Echo {
 /// The whole detector, constants first. Amplitudes are fractions of full scale, times are in
 /// samples.
 #[derive(Clone, Debug)]
-pub struct Ideal {
+pub struct FloatReference {
     code: f64,
     /// Pulse width.
     width: f64,
@@ -62,7 +62,7 @@ pub struct Ideal {
     range_min_mm: f64,
 }
 
-impl Ideal {
+impl FloatReference {
     /// Everything the stages read.
     pub fn new(settings: &Settings, hardware: &Hardware) -> Self {
         let choices = settings.choices().expect("settings that are taken name choices");

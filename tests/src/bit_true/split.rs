@@ -1,8 +1,8 @@
-//! The twin of `split`: from its tables, in `f64`, compared with `==`.
+//! The model of `split`: from its tables, in `f64`, compared with `==`.
 
 use echoloop_dsp::template::Template;
 
-use crate::quantised::{Peak, nearest};
+use super::{Peak, nearest};
 
 /// Sharpening taps and the gain of their noise, Q1.15.
 #[derive(Clone, Debug, PartialEq)]
@@ -60,7 +60,12 @@ impl Sharpener {
 
 /// Crests at or above `level` that stand out by `rise`, by rising index. `values` begin at sample
 /// `first`.
-pub fn crests(values: &[f64], first: usize, level: f64, rise: impl Fn(f64) -> f64) -> Vec<Peak> {
+pub fn prominent_peaks(
+    values: &[f64],
+    first: usize,
+    level: f64,
+    rise: impl Fn(f64) -> f64,
+) -> Vec<Peak> {
     let mut found = Vec::new();
     let (mut top, mut n) = (0, 0);
     let end = values.len();
@@ -103,15 +108,15 @@ pub fn strongest(peaks: &mut Vec<Peak>, count: usize) {
     *peaks = order;
 }
 
-/// Peaks of y with those hidden under them.
-pub fn shoulders(
+/// Peaks of y with those overlapping under them.
+pub fn split(
     sharpener: &Sharpener,
     x: &[f64],
     y: &[f64],
     sigma: f64,
     level: f64,
     coarse: &[Peak],
-    may_hide: impl Fn(Peak) -> bool,
+    may_overlap: impl Fn(Peak) -> bool,
 ) -> (Vec<Peak>, Vec<usize>) {
     let sharp = sharpener.sharpened(x, |_| 0.0);
     let sigma = sharpener.sigma(sigma);
@@ -124,16 +129,16 @@ pub fn shoulders(
         let from = peak.index.saturating_sub(reach).max(if i > 0 { middles[i - 1] } else { 0 });
         let to =
             (peak.index + reach + 1).min(middles.get(i).copied().unwrap_or(x.len())).min(x.len());
-        let mut under = crests(sharp.get(from..to).unwrap_or_default(), from, 1.0, rise);
+        let mut under = prominent_peaks(sharp.get(from..to).unwrap_or_default(), from, 1.0, rise);
         under.iter_mut().for_each(|p| p.height = y[p.index]);
         under.retain(|p| p.height >= level);
-        let alone = under.len() < 2 || !may_hide(*peak);
+        let alone = under.len() < 2 || !may_overlap(*peak);
         if alone {
             under = vec![*peak];
         }
         all.extend(under.into_iter().map(|peak| (peak, alone)));
     }
     all.truncate(32);
-    let hidden = all.iter().filter(|(_, alone)| !alone).map(|(peak, _)| peak.index).collect();
-    (all.into_iter().map(|(peak, _)| peak).collect(), hidden)
+    let overlapping = all.iter().filter(|(_, alone)| !alone).map(|(peak, _)| peak.index).collect();
+    (all.into_iter().map(|(peak, _)| peak).collect(), overlapping)
 }
