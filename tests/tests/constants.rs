@@ -113,7 +113,7 @@ fn template_taps_lie_within_one_lsb_and_a_tolerance_of_the_true_shape() {
         {
             assert!(
                 (f64::from(ours) / 32_768.0 / ideal - 1.0).abs() < 2e-3,
-                "seed {seed}: {ours} for {float_reference}"
+                "seed {seed}: {ours} for {ideal}"
             );
         }
     }

@@ -10,7 +10,7 @@ use echoloop_dsp::noise::Noise;
 use echoloop_dsp::peak::Peaks;
 use echoloop_dsp::refine::{Refiner, Waveform};
 use echoloop_dsp::statistics::Statistics;
-use echoloop_dsp::{Echo, Echoes, SampleLoops, MAX_SAMPLES, MAX_TAPS, Pipeline, Scratch};
+use echoloop_dsp::{Echo, Echoes, MAX_SAMPLES, MAX_TAPS, Pipeline, SampleLoops, Scratch};
 use echoloop_image::measure::{Text, instructions};
 use echoloop_kernels::{FASTEST, HAS_DUAL_MULTIPLY};
 
@@ -77,10 +77,7 @@ fn count_with(
     let mut y = [0; MAX_SAMPLES];
     let y = y.get_mut(..codes.len()).ok_or("waveform too long")?;
     let taps = template.taps_in_pairs();
-    line(
-        "filter",
-        per_run(|| loops.correlate(black_box(taps), black_box(&padded), black_box(y))),
-    )?;
+    line("filter", per_run(|| loops.correlate(black_box(taps), black_box(&padded), black_box(y))))?;
 
     let threshold = Threshold::new(config, &statistics);
     let mut peaks = Peaks::new();

@@ -3,7 +3,7 @@
 
 use echoloop_dsp::loops::{Portable, Scalar};
 use echoloop_dsp::statistics::Statistics;
-use echoloop_dsp::{Hardware, SampleLoops, MAX_TAPS, Pipeline, Scratch, Settings};
+use echoloop_dsp::{Hardware, MAX_TAPS, Pipeline, SampleLoops, Scratch, Settings};
 use echoloop_kernels::FASTEST;
 
 use crate::waveforms::{CASES, Case, Random};
