@@ -79,6 +79,7 @@ pub(super) fn has_ground(mesh: &Mesh) -> bool {
     };
     let met: Vec<bool> = (0..SIDE * SIDE).filter_map(surface).collect();
     let ground = met.iter().filter(|&&is_ground| is_ground).count();
+    // The quarter and the 40 %, in whole numbers.
     4 * met.len() > (SIDE * SIDE) as usize && 5 * ground > 2 * met.len()
 }
 
@@ -97,6 +98,7 @@ pub(super) fn fit(mesh: &Mesh) -> Plane {
     let mut plane = Plane { c: median(feet.iter().map(|p| p[2]).collect()), ..level };
     for _ in 0..30 {
         let residual = |p: &[f64; 3]| p[2] - plane.height(p[0], p[1]);
+        // At least 5 cm: on a perfect plane the median is nothing, and nothing divides.
         let scale = median(feet.iter().map(|p| residual(p).abs()).collect()).max(0.05);
         let weights: Vec<f64> = feet
             .iter()

@@ -8,6 +8,7 @@ use super::format::{escape, fixed, with_unit};
 /// The most points of a cloud that a report carries.
 pub const MAX_LAYER_POINTS: usize = 40_000;
 
+/// Steps of a coordinate along its side of the box: 16 bits.
 const STEPS: f64 = 65_535.0;
 
 /// A box in metres.
@@ -30,8 +31,8 @@ pub(super) fn section(clouds: Option<&PairClouds>) -> String {
     format!(
         "<section id=\"clouds\"><h2>One pair in three dimensions</h2>\
          <p class=\"lead\">{}: the target stands still, the source lies where registration put it. \
-         Both views \
-         share one camera.</p>{}<div class=\"pair views\">{}{}</div>{}\
+         Both views share one camera.</p>\
+         {}<div class=\"pair views\">{}{}</div>{}\
          <div id=\"viewer\" hidden data-view=\"{}\">{data}</div></section>\n",
         escape(&clouds.label),
         controls(has_intensity),

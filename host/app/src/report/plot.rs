@@ -104,6 +104,7 @@ pub(super) fn chart(
             .y_label_area_size(fine(48.0))
             .build_cartesian_2d(x, y)?;
         let tick = text("tick", HPos::Left, VPos::Top);
+        // Two meshes: plotters gives both axes of one the same style.
         let mut levels = chart.configure_mesh();
         levels
             .disable_x_mesh()

@@ -11,9 +11,9 @@ use echoloop_host::report::{
 const GENERATIONS: usize = 30;
 
 /// A small generator (splitmix64): the data need no better one.
-struct Dice(u64);
+struct Rng(u64);
 
-impl Dice {
+impl Rng {
     fn next(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
@@ -29,18 +29,18 @@ impl Dice {
 }
 
 pub(crate) fn report(seed: u64) -> Report {
-    let mut dice = Dice(seed);
-    let parameters = parameters(&mut dice);
+    let mut rng = Rng(seed);
+    let parameters = parameters(&mut rng);
     Report {
         title: "Unstructured terrain, FGR, joint tuning".into(),
         subtitle: "Sensor and registration parameters tuned together for one kind of scene".into(),
         facts: facts(),
         table: table(),
-        convergence: convergence(&mut dice),
-        correlation: Some(correlation(&mut dice, &parameters)),
+        convergence: convergence(&mut rng),
+        correlation: Some(correlation(&mut rng, &parameters)),
         parameters,
-        pair_errors: pair_errors(&mut dice),
-        clouds: Some(clouds(&mut dice)),
+        pair_errors: pair_errors(&mut rng),
+        clouds: Some(clouds(&mut rng)),
         notes: vec![
             "FGR runs as in Open3D 0.20’s Python defaults; the annealed variant is reported \
              separately."
@@ -98,7 +98,7 @@ fn table() -> EvaluationTable {
     }
 }
 
-fn convergence(dice: &mut Dice) -> Convergence {
+fn convergence(rng: &mut Rng) -> Convergence {
     let mut c = Convergence {
         default_fitness: Some(5.8),
         fitness_name: "mean ‖T − T*‖ over 10 training pairs".into(),
@@ -107,20 +107,20 @@ fn convergence(dice: &mut Dice) -> Convergence {
     for g in 0..GENERATIONS {
         let t = g as f64;
         let level = 0.32 + 5.2 * (-t / 7.0).exp();
-        let median = level * (1.0 + 0.12 * dice.normal()).max(0.6);
+        let median = level * (1.0 + 0.12 * rng.normal()).max(0.6);
         c.generation.push(g as u32 + 1);
-        c.best.push(median * (0.52 + 0.12 * dice.next()));
-        c.lower_quartile.push(median * (0.72 + 0.08 * dice.next()));
+        c.best.push(median * (0.52 + 0.12 * rng.next()));
+        c.lower_quartile.push(median * (0.72 + 0.08 * rng.next()));
         c.median.push(median);
-        c.upper_quartile.push(median * (1.3 + 0.5 * dice.next()));
-        c.mean_point.push(if g == 12 { f64::NAN } else { level * (0.75 + 0.1 * dice.next()) });
-        c.held_out.push(if g % 5 == 4 { level * (0.95 + 0.2 * dice.next()) } else { f64::NAN });
-        c.sigma.push(0.3 * (-t / 18.0).exp() * (1.0 + 0.06 * dice.normal()));
+        c.upper_quartile.push(median * (1.3 + 0.5 * rng.next()));
+        c.mean_point.push(if g == 12 { f64::NAN } else { level * (0.75 + 0.1 * rng.next()) });
+        c.held_out.push(if g % 5 == 4 { level * (0.95 + 0.2 * rng.next()) } else { f64::NAN });
+        c.sigma.push(0.3 * (-t / 18.0).exp() * (1.0 + 0.06 * rng.normal()));
     }
     c
 }
 
-fn parameters(dice: &mut Dice) -> Vec<ParameterTrace> {
+fn parameters(rng: &mut Rng) -> Vec<ParameterTrace> {
     let axes: [(&str, &str, [f64; 4], bool); 12] = [
         ("noise_floor", "codes", [20.0, 800.0, 200.0, 92.0], true),
         ("saturation", "codes", [2000.0, 4095.0, 3900.0, 3610.0], false),
@@ -135,11 +135,11 @@ fn parameters(dice: &mut Dice) -> Vec<ParameterTrace> {
         ("max_pair_distance", "m", [0.05, 3.0, 0.025, 0.71], true),
         ("iterations", "", [8.0, 128.0, 64.0, 128.0], false),
     ];
-    axes.iter().map(|(name, unit, v, log)| trace(dice, name, unit, *v, *log)).collect()
+    axes.iter().map(|(name, unit, v, log)| trace(rng, name, unit, *v, *log)).collect()
 }
 
 fn trace(
-    dice: &mut Dice,
+    rng: &mut Rng,
     name: &str,
     unit: &str,
     [min, max, default, tuned]: [f64; 4],
@@ -153,8 +153,8 @@ fn trace(
         if log { (v / min).ln() / (max / min).ln() } else { (v - min) / (max - min) }
     };
     let (from, to) = (unit_of(default.clamp(min, max)), unit_of(tuned));
-    let pace = 3.0 + 9.0 * dice.next();
-    let keep = 0.25 + 0.6 * dice.next();
+    let pace = 3.0 + 9.0 * rng.next();
+    let keep = 0.25 + 0.6 * rng.next();
     let mut trace = ParameterTrace {
         name: name.into(),
         unit: unit.into(),
@@ -167,7 +167,7 @@ fn trace(
     };
     for g in 0..GENERATIONS {
         let t = g as f64;
-        let mean = to + (from - to) * (-t / pace).exp() + 0.015 * dice.normal();
+        let mean = to + (from - to) * (-t / pace).exp() + 0.015 * rng.normal();
         let std = 0.28 * (-t / 30.0 / keep).exp();
         trace.mean.push(real(mean));
         trace.low.push(real(mean - std));
@@ -176,11 +176,11 @@ fn trace(
     trace
 }
 
-fn correlation(dice: &mut Dice, parameters: &[ParameterTrace]) -> Correlation {
+fn correlation(rng: &mut Rng, parameters: &[ParameterTrace]) -> Correlation {
     let n = parameters.len();
     let mut lower = |row: usize, column: usize| {
         let strong = (row, column) == (8, 7) || (row, column) == (7, 6);
-        let r: f64 = if strong { 0.61 + 0.1 * dice.next() } else { 0.16 * dice.normal() };
+        let r: f64 = if strong { 0.61 + 0.1 * rng.next() } else { 0.16 * rng.normal() };
         r.clamp(-0.9, 0.9)
     };
     let rows: Vec<Vec<f64>> = (0..n).map(|row| (0..row).map(|c| lower(row, c)).collect()).collect();
@@ -197,18 +197,18 @@ fn correlation(dice: &mut Dice, parameters: &[ParameterTrace]) -> Correlation {
     }
 }
 
-fn pair_errors(dice: &mut Dice) -> Vec<PairError> {
-    let error = |dice: &mut Dice, fails: bool| {
-        let t: f64 = if fails { 1.2 + 5.0 * dice.next() } else { 0.2 + 0.6 * dice.next() };
-        PoseError { translation_m: t, rotation_deg: t * (2.0 + 4.0 * dice.next()) }
+fn pair_errors(rng: &mut Rng) -> Vec<PairError> {
+    let error = |rng: &mut Rng, fails: bool| {
+        let t: f64 = if fails { 1.2 + 5.0 * rng.next() } else { 0.2 + 0.6 * rng.next() };
+        PoseError { translation_m: t, rotation_deg: t * (2.0 + 4.0 * rng.next()) }
     };
     (0..20)
         .map(|i| {
             let (fails, still) = (i % 4 != 0, i % 4 == 1);
             let mut pair = PairError {
                 label: format!("town {} pair {i:02}", i % 3 + 1),
-                default: error(dice, fails),
-                tuned: error(dice, still || i == 8),
+                default: error(rng, fails),
+                tuned: error(rng, still || i == 8),
             };
             if i == 5 {
                 pair.default = PoseError::default();
@@ -219,7 +219,7 @@ fn pair_errors(dice: &mut Dice) -> Vec<PairError> {
 }
 
 /// One scene seen from two places: before, the source lies wrong and noisy; after, it lies right.
-fn clouds(dice: &mut Dice) -> PairClouds {
+fn clouds(rng: &mut Rng) -> PairClouds {
     let moved = |cloud: CloudLayer, yaw: f32, [dx, dy]: [f32; 2]| CloudLayer {
         points: cloud
             .points
@@ -231,46 +231,43 @@ fn clouds(dice: &mut Dice) -> PairClouds {
             .collect(),
         ..cloud
     };
-    let source = scan(dice, [4.6, 1.9], 0.06);
+    let source = scan(rng, [4.6, 1.9], 0.06);
     PairClouds {
         label: "town 2 pair 07".into(),
-        before: [scan(dice, [0.0, 0.0], 0.06), moved(source, 0.21, [2.4, -2.2])],
-        after: [
-            scan(dice, [0.0, 0.0], 0.02),
-            moved(scan(dice, [4.6, 1.9], 0.02), 0.012, [0.2, 0.1]),
-        ],
+        before: [scan(rng, [0.0, 0.0], 0.06), moved(source, 0.21, [2.4, -2.2])],
+        after: [scan(rng, [0.0, 0.0], 0.02), moved(scan(rng, [4.6, 1.9], 0.02), 0.012, [0.2, 0.1])],
         before_error: PoseError { translation_m: 3.252, rotation_deg: 12.03 },
         after_error: PoseError { translation_m: 0.224, rotation_deg: 0.69 },
     }
 }
 
 /// 12,000 echoes of hills, trees and two huts, denser near the sensor.
-fn scan(dice: &mut Dice, [sx, sy]: [f64; 2], noise: f64) -> CloudLayer {
+fn scan(rng: &mut Rng, [sx, sy]: [f64; 2], noise: f64) -> CloudLayer {
     let mut cloud = CloudLayer::default();
-    let mut push = |dice: &mut Dice, [x, y, z]: [f64; 3], intensity: f64| {
-        let p = [x, y, z].map(|c| (c + noise * dice.normal()) as f32);
+    let mut push = |rng: &mut Rng, [x, y, z]: [f64; 3], intensity: f64| {
+        let p = [x, y, z].map(|c| (c + noise * rng.normal()) as f32);
         cloud.points.push(p);
         cloud.intensity.push(intensity as f32);
     };
     for _ in 0..7000 {
-        let (range, angle) = (3.0 * 14f64.powf(dice.next()), (dice.next() - 0.5) * 3.1);
+        let (range, angle) = (3.0 * 14f64.powf(rng.next()), (rng.next() - 0.5) * 3.1);
         let (x, y) = (sx + range * angle.cos(), sy + range * angle.sin());
-        push(dice, [x, y, ground(x, y)], 0.3);
+        push(rng, [x, y, ground(x, y)], 0.3);
     }
     for _ in 0..3600 {
-        let [x, y, height] = tree((dice.next() * 26.0) as u64);
-        let up = dice.next();
+        let [x, y, height] = tree((rng.next() * 26.0) as u64);
+        let up = rng.next();
         let crown = if up < 0.3 { 0.15 } else { 1.5 * (1.25 - up) };
-        let angle = dice.next() * std::f64::consts::TAU;
+        let angle = rng.next() * std::f64::consts::TAU;
         let (dx, dy) = (crown * angle.cos(), crown * angle.sin());
-        push(dice, [x + dx, y + dy, ground(x, y) + height * up], 0.7);
+        push(rng, [x + dx, y + dy, ground(x, y) + height * up], 0.7);
     }
     for i in 0..1400 {
         let (cx, cy) = if i % 2 == 0 { (14.0, -7.0) } else { (22.0, 9.0) };
-        let along = (dice.next() - 0.5) * 6.0;
+        let along = (rng.next() - 0.5) * 6.0;
         let (x, y) = if i % 3 == 0 { (cx + along, cy) } else { (cx - 3.0, cy + along) };
-        let z = ground(cx, cy) + 3.2 * dice.next();
-        push(dice, [x, y, z], 0.9);
+        let z = ground(cx, cy) + 3.2 * rng.next();
+        push(rng, [x, y, z], 0.9);
     }
     cloud
 }
@@ -280,6 +277,6 @@ fn ground(x: f64, y: f64) -> f64 {
 }
 
 fn tree(k: u64) -> [f64; 3] {
-    let mut dice = Dice(k * 7919 + 13);
-    [4.0 + 32.0 * dice.next(), (dice.next() - 0.5) * 46.0, 3.0 + 5.0 * dice.next()]
+    let mut rng = Rng(k * 7919 + 13);
+    [4.0 + 32.0 * rng.next(), (rng.next() - 0.5) * 46.0, 3.0 + 5.0 * rng.next()]
 }
