@@ -2,12 +2,12 @@
 //! from standard input.
 //!
 //! ```text
-//! bridge → child   INIT n whole seed budget | lower… | upper… | start…     the first `whole` coordinates are whole numbers
+//! bridge → child   INIT n whole seed budget | lower… | upper… | start…
 //! child  → bridge  x1 … xn
 //! bridge → child   f, or STOP
 //! ```
 //!
-//! A search that stops is followed by one of twice the population from elsewhere (IPOP). Points
+//! The first `whole` coordinates are whole numbers. A search that stops is followed by one of twice the population from elsewhere (IPOP). Points
 //! stay within the bounds. With PYCMA set, the constants are pycma's.
 
 use std::error::Error;

@@ -1,8 +1,8 @@
 //! Times the stages of registration on a pair of clouds: the side of `benches/peers` that is ours.
 //!
 //! ```text
-//! stages TARGET SOURCE --voxel 0.3 --threads 1 --repeats 5 --truth T.txt     a JSON line a stage, medians
-//! stages --serve --threads 1                                                 a JSON line for each line of standard input:
+//! stages TARGET SOURCE --voxel 0.3 --threads 1 --repeats 5 --truth T.txt     # JSON: medians
+//! stages --serve --threads 1                            # JSON: a line for each line of input
 //!   {"load": {"target": "t.ply", "source": "s.ply", "voxel_m": 0.3, "initial": [16 numbers]}}
 //!   {"run": "normals"}
 //! ```
@@ -100,7 +100,8 @@ fn median_line(
     let runs = runs?;
     let mut line = json!({
         "stage": name, "n_in": first.n_in, "n_out": first.n_out,
-        "cpu_ms": median(runs.iter().map(|run| run.cpu_ms)), "wall_ms": median(runs.iter().map(|run| run.wall_ms)),
+        "cpu_ms": median(runs.iter().map(|run| run.cpu_ms)),
+        "wall_ms": median(runs.iter().map(|run| run.wall_ms)),
     });
     if let (Some(pose), Some(truth)) = (&first.target_from_source, truth) {
         line["translation_error_m"] = translation_error_m(pose, truth).into();

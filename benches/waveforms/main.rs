@@ -1,10 +1,12 @@
 //! Times the waveform path: the side of `benches/peers/waveforms.py` that is ours.
 //!
 //! ```text
-//! waveforms --serve CODES      writes the waveforms that both sides process, prints what a peer has to know as a JSON line,
-//!                              then answers each line of standard input, "pipeline v3" for one, with {"cpu_ms": …}
-//! waveforms --growth           how cost grows with beams, samples, taps and echoes: Markdown tables
+//! waveforms --serve CODES   # answers each line of input, "pipeline v3" for one, with {"cpu_ms": …}
+//! waveforms --growth        # how cost grows with beams, samples, taps and echoes, in Markdown
 //! ```
+//!
+//! Served, it writes the waveforms that both sides process to CODES first, and prints what a peer
+//! has to know as a JSON line.
 
 mod growth;
 mod work;
@@ -82,11 +84,16 @@ fn constants(stage: &mut Stage) -> Value {
         (0..BATCH as u32).map(|beam| returns(beam, 2).map(of).collect()).collect();
     json!({
         "waveforms": BATCH, "samples": SAMPLES, "ranges_m": ranges, "full_scale_code": 4095,
-        "taps": config.template().taps(), "noise_gain": f64::from(config.template().noise_gain()) / 32_768.0,
-        "clip_code": config.clip_code(), "floor": f64::from(config.floor()) / 32_768.0, "snr_threshold": 4.7,
+        "taps": config.template().taps(),
+        "noise_gain": f64::from(config.template().noise_gain()) / 32_768.0,
+        "clip_code": config.clip_code(),
+        "floor": f64::from(config.floor()) / 32_768.0, "snr_threshold": 4.7,
         "range_min_m": 1.0, "range_step_m": config.range_step() as f64 / 256.0 / 65_536.0 / 1e3,
-        "period_ns": analog.sample_period_ns, "delay_ns": analog.delay_ns, "width_ns": analog.pulse_width_ns,
-        "echoes": echoes, "full_scale_ua": receiver.full_scale_ua, "quiet_ua": receiver.quiescent_current_ua(),
-        "quiet_variance_ua2": receiver.quiescent_variance_ua2(), "shot_variance_ua": receiver.shot_variance_ua(),
+        "period_ns": analog.sample_period_ns, "delay_ns": analog.delay_ns,
+        "width_ns": analog.pulse_width_ns,
+        "echoes": echoes, "full_scale_ua": receiver.full_scale_ua,
+        "quiet_ua": receiver.quiescent_current_ua(),
+        "quiet_variance_ua2": receiver.quiescent_variance_ua2(),
+        "shot_variance_ua": receiver.shot_variance_ua(),
     })
 }

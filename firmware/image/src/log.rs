@@ -22,7 +22,8 @@ static MESSAGES: AtomicU32 = AtomicU32::new(0);
 
 defmt::timestamp!("{=u32}", {
     let number = MESSAGES.load(Ordering::Relaxed);
-    MESSAGES.store(number.wrapping_add(1), Ordering::Relaxed); // one core, no handlers: nobody comes in between
+    // One core, no handlers: nobody comes in between.
+    MESSAGES.store(number.wrapping_add(1), Ordering::Relaxed);
     number
 });
 

@@ -103,7 +103,12 @@ pub fn end(success: bool) -> ! {
     // SAFETY: semihosting reads the two words and does not return. Without a host it is a fault,
     // which ends the program too.
     unsafe {
-        core::arch::asm!("bkpt 0xab", inout("r0") EXIT_EXTENDED => _, in("r1") &reason, options(nostack))
+        core::arch::asm!(
+            "bkpt 0xab",
+            inout("r0") EXIT_EXTENDED => _,
+            in("r1") &reason,
+            options(nostack)
+        )
     };
     loop {
         core::hint::spin_loop();

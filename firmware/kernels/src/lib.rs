@@ -10,7 +10,7 @@
 //!
 //! | processor | loops |
 //! |---|---|
-//! | x86-64-v3 | `x86`: the same source compiled once more, and what AVX2 does better said by hand |
+//! | x86-64-v3 | `x86`: the same source compiled once more, and what AVX2 does better by hand |
 //! | Armv7E-M, Armv8-M with the DSP extension | `dual_multiply`: two samples an instruction |
 //! | any other | [`echoloop_dsp::loops::Portable`], [`echoloop_dsp::loops::Scalar`] |
 //!

@@ -145,10 +145,10 @@ impl CmaEs {
         let h_sigma = self.is_path_short(length);
         let s = &self.strategy;
         let h = f64::from(u8::from(h_sigma));
-        self.path_c =
-            (1.0 - s.c_c) * &self.path_c + h * libm::sqrt(s.c_c * (2.0 - s.c_c) * s.mu_eff) * &y_w; // Eq. 45
-        let weights: Vec<f64> =
-            s.weights.iter().zip(steps).map(|(&w, y)| self.bounded_weight(w, y, n)).collect(); // Eq. 46
+        let step = h * libm::sqrt(s.c_c * (2.0 - s.c_c) * s.mu_eff);
+        self.path_c = (1.0 - s.c_c) * &self.path_c + step * &y_w; // Eq. 45
+        let bounded = s.weights.iter().zip(steps).map(|(&w, y)| self.bounded_weight(w, y, n));
+        let weights: Vec<f64> = bounded.collect(); // Eq. 46
         let s = &self.strategy;
         let total: f64 = s.weights.iter().sum();
         let forget = (1.0 - h) * s.c_c * (2.0 - s.c_c);

@@ -108,7 +108,9 @@ fn c_mu(n: f64, mu_eff: f64, c_1: f64, constants: Constants) -> f64 {
         Constants::Tutorial => 0.0,
         Constants::Pycma => 0.25,
     };
-    (2.0 * (extra + mu_eff - 2.0 + 1.0 / mu_eff) / ((n + 2.0) * (n + 2.0) + mu_eff)).min(1.0 - c_1) // Eq. 58
+    // Eq. 58
+    let rate = 2.0 * (extra + mu_eff - 2.0 + 1.0 / mu_eff) / ((n + 2.0) * (n + 2.0) + mu_eff);
+    rate.min(1.0 - c_1)
 }
 
 fn c_sigma(n: f64, mu_eff: f64, constants: Constants) -> f64 {

@@ -115,14 +115,7 @@ mod tests {
     use crate::noise::noise_key;
     use crate::synthesis::{synthesise, synthesise_baseline};
 
-    const ANALOG: Analog = Analog {
-        power_w: 75.0,
-        pulse_width_ns: 5.0,
-        gain_db: 0.0,
-        sample_period_ns: 1.0,
-        delay_ns: 11.0,
-        pre_trigger: 0,
-    };
+    const ANALOG: Analog = Analog::USUAL;
     const NEAR: Return = Return { range_m: 15.0, strength_per_m2: 0.1 / (PI * 225.0) as f32 };
 
     fn slow() -> Receiver {

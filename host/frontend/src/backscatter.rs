@@ -27,9 +27,10 @@ pub(crate) struct Medium {
 /// Response of a medium to a pulse, in the scanner's unit: received power over `P0 η A_r`, 1/m².
 ///
 /// ```text
-/// S(t) = ∫ β · ξ(R) · e^(−2αR) / R² · p(t − 2R/c) dR          over R up to the surface that ends the beam
+/// S(t) = ∫ β · ξ(R) · e^(−2αR) / R² · p(t − 2R/c) dR     over R up to the surface that ends the beam
 ///      = ½ (G0 − cos ωt · Gc − sin ωt · Gs),                   ω = π/W
-/// G·   = ∫ g(u) · {1, cos ωu, sin ωu} du,  u from t − 2W to the surface's 2R/c or to t,  g = (c/2) β ξ e^(−2αR) / R²
+/// G·   = ∫ g(u) · {1, cos ωu, sin ωu} du                 u from t − 2W to the surface's 2R/c or t
+/// g    = (c/2) β ξ e^(−2αR) / R²
 /// ```
 ///
 /// A hard target's ρ cosθ/π stands where β dR does. The integrals are cumulative sums, so a beam
@@ -193,14 +194,7 @@ mod tests {
 
     const FOG: Medium =
         Medium { extinction_per_m: 0.06, backscatter_per_m_sr: 9.2e-4, from_m: 0.0 };
-    const ANALOG: Analog = Analog {
-        power_w: 75.0,
-        pulse_width_ns: 5.0,
-        gain_db: 0.0,
-        sample_period_ns: 1.0,
-        delay_ns: 3.3,
-        pre_trigger: 0,
-    };
+    const ANALOG: Analog = Analog { delay_ns: 3.3, ..Analog::USUAL };
 
     /// The integral as it is written, by a million midpoints.
     fn by_definition(t_ns: f64, end_m: f64) -> f64 {

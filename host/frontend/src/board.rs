@@ -19,6 +19,19 @@ pub struct Analog {
     pub pre_trigger: usize,
 }
 
+#[cfg(test)]
+impl Analog {
+    /// What most tests look with.
+    pub(crate) const USUAL: Self = Self {
+        power_w: 75.0,
+        pulse_width_ns: 5.0,
+        gain_db: 0.0,
+        sample_period_ns: 1.0,
+        delay_ns: 11.0,
+        pre_trigger: 0,
+    };
+}
+
 /// Which shot is fired.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Trigger {

@@ -51,14 +51,7 @@ impl Receiver {
 mod tests {
     use super::*;
 
-    const ANALOG: Analog = Analog {
-        power_w: 75.0,
-        pulse_width_ns: 5.0,
-        gain_db: 0.0,
-        sample_period_ns: 1.0,
-        delay_ns: 11.0,
-        pre_trigger: 0,
-    };
+    const ANALOG: Analog = Analog::USUAL;
 
     #[test]
     fn as_many_channels_are_dead_and_weak_as_asked_for() {

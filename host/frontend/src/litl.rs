@@ -77,14 +77,7 @@ mod tests {
     use crate::noise::{Purpose, noise_key};
     use crate::receiver::Receiver;
 
-    const ANALOG: Analog = Analog {
-        power_w: 75.0,
-        pulse_width_ns: 5.0,
-        gain_db: 0.0,
-        sample_period_ns: 0.331,
-        delay_ns: 5.0,
-        pre_trigger: 0,
-    };
+    const ANALOG: Analog = Analog { sample_period_ns: 0.331, delay_ns: 5.0, ..Analog::USUAL };
     const SHOTS: u32 = 4_000;
 
     /// Mean and variance of every sample, in units.

@@ -18,7 +18,8 @@ pub(crate) const SPEED_OF_LIGHT_M_NS: f64 = 0.299_792_458;
 ///
 /// ```text
 /// i(t) = M·R0·(P_s + P_b) + i_dark                 R0 = QE·q·λ/(h·c)
-/// P_s  = P0·η·A_r · strength · e^(−2αR) · p(t)      strength = Σ w_k ρ_k cosθ_k ξ(R_k) / (π R_k²)  from the scanner
+/// P_s  = P0·η·A_r · strength · e^(−2αR) · p(t)
+/// strength = Σ w_k ρ_k cosθ_k ξ(R_k) / (π R_k²)     from the scanner
 /// P_b  = E_λ·Δλ·(ρ_b/π)·Ω·A_r·η                     ambient; does not depend on range
 /// σ_i² = 2·q·M²·F·B·(R0·(P_s + P_b) + I_db) + i_TIA²
 /// F    = k·M + (1 − k)(2 − 1/M)                     McIntyre excess noise

@@ -44,14 +44,7 @@ mod tests {
     use crate::noise::noise_key;
     use crate::receiver::Receiver;
 
-    const ANALOG: Analog = Analog {
-        power_w: 75.0,
-        pulse_width_ns: 5.0,
-        gain_db: 0.0,
-        sample_period_ns: 1.0,
-        delay_ns: 11.0,
-        pre_trigger: 0,
-    };
+    const ANALOG: Analog = Analog::USUAL;
 
     fn shot(analog: &Analog, returns: &[Return], beam: u32) -> Vec<u16> {
         let mut codes = vec![0; 800];
