@@ -79,22 +79,7 @@ impl Pair {
 
     /// What finishes a global method with GICP, with the distances that ICP would have.
     pub(crate) fn finishing_gicp(&self) -> GicpConfig {
-        let IcpConfig {
-            voxel_m,
-            normal_radius_m,
-            max_pair_distance_m,
-            first_pair_distance_m,
-            translation_tolerance_m,
-            ..
-        } = IcpConfig::finishing(self.voxel_m);
-        GicpConfig {
-            voxel_m,
-            normal_radius_m,
-            max_pair_distance_m,
-            first_pair_distance_m,
-            translation_tolerance_m,
-            ..GicpConfig::outdoor()
-        }
+        GicpConfig::from(&IcpConfig::finishing(self.voxel_m))
     }
 
     pub(crate) fn voxel_m(&self) -> f64 {

@@ -5,7 +5,7 @@ mod plane_to_plane;
 use self::plane_to_plane::PlaneToPlane;
 use super::icp::descent::Descent;
 use super::icp::pairing::Moving;
-use super::{ConfigError, GicpConfig, Outcome, Registration, Target};
+use super::{ConfigError, GicpConfig, IcpConfig, Outcome, Registration, Target};
 use crate::cloud::Cloud;
 use crate::pose::Pose;
 
@@ -45,21 +45,7 @@ impl Gicp {
     /// others.
     pub fn align(&self, target: &Target, source: &Target, initial: &Pose) -> Outcome {
         let moving = Moving { points: source.tree.points(), normals: &source.normals };
-        self.descent().run::<PlaneToPlane>(target, &moving, initial)
-    }
-
-    fn descent(&self) -> Descent {
-        let config = &self.config;
-        Descent {
-            max_pair_distance_m: config.max_pair_distance_m,
-            first_pair_distance_m: config.first_pair_distance_m,
-            max_iterations: config.max_iterations,
-            translation_tolerance_m: config.translation_tolerance_m,
-            rotation_tolerance_rad: config.rotation_tolerance_rad,
-            fitness_tolerance: 0.0,
-            rmse_tolerance_m: 0.0,
-            degeneracy_threshold: config.degeneracy_threshold,
-        }
+        Descent(IcpConfig::from(&self.config)).run::<PlaneToPlane>(target, &moving, initial)
     }
 }
 

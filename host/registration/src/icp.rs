@@ -67,21 +67,7 @@ impl Icp {
     /// `initial`; with a direction left open it moves in the others.
     pub fn align(&self, target: &Target, source: &Source, initial: &Pose) -> Outcome {
         let moving = Moving { points: &source.points, normals: &[] };
-        self.descent().run::<NormalEquations>(target, &moving, initial)
-    }
-
-    fn descent(&self) -> Descent {
-        let config = &self.config;
-        Descent {
-            max_pair_distance_m: config.max_pair_distance_m,
-            first_pair_distance_m: config.first_pair_distance_m,
-            max_iterations: config.max_iterations,
-            translation_tolerance_m: config.translation_tolerance_m,
-            rotation_tolerance_rad: config.rotation_tolerance_rad,
-            fitness_tolerance: config.fitness_tolerance,
-            rmse_tolerance_m: config.rmse_tolerance_m,
-            degeneracy_threshold: config.degeneracy_threshold,
-        }
+        Descent(self.config).run::<NormalEquations>(target, &moving, initial)
     }
 }
 

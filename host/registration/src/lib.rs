@@ -69,8 +69,8 @@ pub mod suggest;
 mod tests;
 
 pub use config::{
-    ConfigError, Convention, FeatureConfig, FgrConfig, FgrMode, GicpConfig, IcpConfig, MacConfig,
-    Method, MethodConfig, current_key, former_key,
+    ConfigError, Convention, FeatureConfig, FgrConfig, FgrMode, GicpConfig, IcpConfig, Kind,
+    MacConfig, Method, MethodConfig, SETTINGS, Setting, setting,
 };
 pub use fgr::Fgr;
 pub use gicp::Gicp;
@@ -82,7 +82,9 @@ pub use outcome::{Consensus, Outcome, StopReason};
 pub use prepared::{PrepareError, Source, Target};
 pub use refine::Refined;
 pub use registration::Registration;
-pub use suggest::{suggest, suggest_features, suggest_gicp, suggest_method, suggest_refinement};
+pub use suggest::{
+    Suggestions, suggest, suggest_features, suggest_gicp, suggest_method, suggest_refinement,
+};
 
 /// The README's example runs as written there.
 #[cfg(doctest)]

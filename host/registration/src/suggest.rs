@@ -1,5 +1,7 @@
 //! Settings that fit the clouds at hand.
 
+use std::cell::OnceCell;
+
 use nalgebra::Point3;
 
 use super::{
@@ -7,6 +9,7 @@ use super::{
 };
 use crate::cloud::kdtree::KdTree;
 use crate::cloud::{Cloud, is_finite, voxel};
+use crate::config::{FEATURE_VOXELS, NORMAL_VOXELS};
 
 /// Voxels across the radius of a cloud.
 const VOXELS_A_RADIUS: f64 = 80.0;
@@ -36,14 +39,77 @@ const GROWTH: f64 = 1.25;
 /// Rounds of growth at most: some twelve times the voxel.
 const ROUNDS: usize = 12;
 
-/// Voxels in the normals' radius and the features': as [`FeatureConfig::of_voxel`] has them.
-const NORMAL_VOXELS: f64 = 3.0;
-
-/// See [`NORMAL_VOXELS`].
-const FEATURE_VOXELS: f64 = 5.0;
-
 /// How many points of a cloud are asked for their neighbours.
 const SAMPLES: usize = 500;
+
+/// What fits two clouds; how large they are is worked out once for all that is asked.
+#[derive(Clone, Debug)]
+pub struct Suggestions<'a> {
+    target: &'a Cloud,
+    source: &'a Cloud,
+    radius_m: OnceCell<f64>,
+}
+
+impl<'a> Suggestions<'a> {
+    /// For these clouds.
+    pub fn new(target: &'a Cloud, source: &'a Cloud) -> Self {
+        Self { target, source, radius_m: OnceCell::new() }
+    }
+
+    /// As [`suggest()`].
+    pub fn icp(&self) -> IcpConfig {
+        let config = self.icp_of_voxel(self.radius_m() / VOXELS_A_RADIUS);
+        if config.check().is_ok() { config } else { IcpConfig::outdoor() }
+    }
+
+    /// As [`suggest_features`].
+    pub fn features(&self) -> FeatureConfig {
+        let voxel_m = FEATURE_VOXEL_M * (self.radius_m() / FEATURE_RADIUS_M).powf(FEATURE_EXPONENT);
+        let voxel_m = [self.target, self.source].iter().fold(voxel_m, |voxel_m, cloud| {
+            let mut echoes = (*cloud).clone();
+            echoes.drop_invalid();
+            widened(&echoes, voxel_m)
+        });
+        let config = FeatureConfig::of_voxel(voxel_m);
+        if config.check().is_ok() { config } else { FeatureConfig::outdoor() }
+    }
+
+    /// As [`suggest_method`].
+    pub fn method(&self, method: Method, mode: FgrMode, voxel_m: Option<f64>) -> MethodConfig {
+        let features = || voxel_m.map_or_else(|| self.features(), FeatureConfig::of_voxel);
+        let icp = || voxel_m.map_or_else(|| self.icp(), |voxel_m| self.icp_of_voxel(voxel_m));
+        match (method, mode) {
+            (Method::Icp, _) => MethodConfig::Icp(icp()),
+            (Method::Gicp, _) => MethodConfig::Gicp(GicpConfig::from(&icp())),
+            (Method::Fgr, FgrMode::Annealed) => {
+                MethodConfig::Fgr(FgrConfig::of_features(features()))
+            }
+            (Method::Fgr, FgrMode::Open3d) => {
+                MethodConfig::Fgr(FgrConfig::open3d(features().voxel_m))
+            }
+            (Method::Mac, _) => MethodConfig::Mac(MacConfig::of_features(features())),
+        }
+    }
+
+    /// As [`suggest_refinement`].
+    pub fn refinement(&self, global_voxel_m: f64) -> IcpConfig {
+        let voxel_m = self.icp().voxel_m.max(normal_voxel_m(self.target)).min(global_voxel_m);
+        let config = IcpConfig::finishing(voxel_m);
+        let first_m = (2.0 * global_voxel_m).max(config.first_pair_distance_m.unwrap_or_default());
+        IcpConfig { first_pair_distance_m: Some(first_m), ..config }
+    }
+
+    fn icp_of_voxel(&self, voxel_m: f64) -> IcpConfig {
+        let config = IcpConfig::finishing(voxel_m);
+        let first_m = config.max_pair_distance_m.max(self.radius_m() / 4.0).min(1e6);
+        IcpConfig { first_pair_distance_m: Some(first_m), ..config }
+    }
+
+    /// Of the larger cloud: see [`suggest()`].
+    fn radius_m(&self) -> f64 {
+        *self.radius_m.get_or_init(|| radius_m(self.target).max(radius_m(self.source)))
+    }
+}
 
 /// Settings for `register` when its user gives none: scaled to the clouds, coarse to fine.
 ///
@@ -60,9 +126,7 @@ const SAMPLES: usize = 500;
 /// | pair distance, first | 1/4 | 6 m |
 /// | pair distance, last | 2 voxels | 0.6 m |
 pub fn suggest(target: &Cloud, source: &Cloud) -> IcpConfig {
-    let radius_m = radius_m(target).max(radius_m(source));
-    let config = icp_of_voxel(radius_m / VOXELS_A_RADIUS, radius_m);
-    if config.check().is_ok() { config } else { IcpConfig::outdoor() }
+    Suggestions::new(target, source).icp()
 }
 
 /// Settings of any method for these clouds. With a voxel of one's own, the lengths that go with it
@@ -76,65 +140,19 @@ pub fn suggest_method(
     target: &Cloud,
     source: &Cloud,
 ) -> MethodConfig {
-    let features =
-        || voxel_m.map_or_else(|| suggest_features(target, source), FeatureConfig::of_voxel);
-    let icp = || match voxel_m {
-        Some(voxel_m) => icp_of_voxel(voxel_m, radius_m(target).max(radius_m(source))),
-        None => suggest(target, source),
-    };
-    match (method, mode) {
-        (Method::Icp, _) => MethodConfig::Icp(icp()),
-        (Method::Gicp, _) => MethodConfig::Gicp(gicp_like(&icp())),
-        (Method::Fgr, FgrMode::Annealed) => MethodConfig::Fgr(FgrConfig::of_features(features())),
-        (Method::Fgr, FgrMode::Open3d) => MethodConfig::Fgr(FgrConfig::open3d(features().voxel_m)),
-        (Method::Mac, _) => MethodConfig::Mac(MacConfig::of_features(features())),
-    }
-}
-
-fn icp_of_voxel(voxel_m: f64, radius_m: f64) -> IcpConfig {
-    let max_pair_distance_m = 2.0 * voxel_m;
-    IcpConfig {
-        voxel_m,
-        normal_radius_m: 3.0 * voxel_m,
-        max_pair_distance_m,
-        first_pair_distance_m: Some(max_pair_distance_m.max(radius_m / 4.0).min(1e6)),
-        translation_tolerance_m: voxel_m / 600.0,
-        ..IcpConfig::outdoor()
-    }
+    Suggestions::new(target, source).method(method, mode, voxel_m)
 }
 
 /// As [`suggest()`], for generalised ICP.
 pub fn suggest_gicp(target: &Cloud, source: &Cloud) -> GicpConfig {
-    gicp_like(&suggest(target, source))
-}
-
-fn gicp_like(icp: &IcpConfig) -> GicpConfig {
-    GicpConfig {
-        voxel_m: icp.voxel_m,
-        normal_radius_m: icp.normal_radius_m,
-        max_pair_distance_m: icp.max_pair_distance_m,
-        first_pair_distance_m: icp.first_pair_distance_m,
-        translation_tolerance_m: icp.translation_tolerance_m,
-        ..GicpConfig::outdoor()
-    }
+    GicpConfig::from(&suggest(target, source))
 }
 
 /// Settings that finish what a global method found with a voxel of `global_voxel_m`: the voxel is
 /// that of [`suggest()`], or the larger one whose normals have neighbours enough; the first pairs
 /// are as far apart as the global method may be off, two of its voxels, or four of ours.
 pub fn suggest_refinement(target: &Cloud, source: &Cloud, global_voxel_m: f64) -> IcpConfig {
-    let voxel_m = suggest(target, source).voxel_m.max(normal_voxel_m(target)).min(global_voxel_m);
-    let config = IcpConfig::finishing(voxel_m);
-    let first_m = (2.0 * global_voxel_m).max(config.first_pair_distance_m.unwrap_or_default());
-    IcpConfig { first_pair_distance_m: Some(first_m), ..config }
-}
-
-/// The voxel whose normals' radius holds neighbours enough of half of the points of a cloud; 0
-/// where there are too few.
-fn normal_voxel_m(cloud: &Cloud) -> f64 {
-    let mut echoes = cloud.clone();
-    echoes.drop_invalid();
-    filling_voxels_m(&echoes)[0]
+    Suggestions::new(target, source).refinement(global_voxel_m)
 }
 
 /// Settings of features that fit both clouds.
@@ -149,15 +167,15 @@ fn normal_voxel_m(cloud: &Cloud) -> f64 {
 /// Simulated scans of 8000 points come to 0.3 to 0.7 m so; with 0.2 to 0.3 m, which their radius
 /// asks for, four of six pairs 5 m apart found no consensus; so, none.
 pub fn suggest_features(target: &Cloud, source: &Cloud) -> FeatureConfig {
-    let radius_m = radius_m(target).max(radius_m(source));
-    let voxel_m = FEATURE_VOXEL_M * (radius_m / FEATURE_RADIUS_M).powf(FEATURE_EXPONENT);
-    let voxel_m = [target, source].iter().fold(voxel_m, |voxel_m, cloud| {
-        let mut echoes = (*cloud).clone();
-        echoes.drop_invalid();
-        widened(&echoes, voxel_m)
-    });
-    let config = FeatureConfig::of_voxel(voxel_m);
-    if config.check().is_ok() { config } else { FgrConfig::outdoor().features }
+    Suggestions::new(target, source).features()
+}
+
+/// The voxel whose normals' radius holds neighbours enough of half of the points of a cloud; 0
+/// where there are too few.
+fn normal_voxel_m(cloud: &Cloud) -> f64 {
+    let mut echoes = cloud.clone();
+    echoes.drop_invalid();
+    filling_voxels_m(&echoes)[0]
 }
 
 /// The voxel, or the larger one that leaves few enough points with neighbours enough; as it came if

@@ -1,70 +1,27 @@
-//! One flag for every setting of every registration method.
+//! One flag for every setting of every registration method: a row of registration's table each.
 
-use clap::Args;
+use std::sync::LazyLock;
+
+use clap::{Arg, ArgMatches, Args, Command, FromArgMatches, value_parser};
 
 use super::exit::Failure;
 use super::method_choice::mode_parser;
-use echoloop_registration::cloud::Cloud;
-use echoloop_registration::{FgrMode, Method, MethodConfig, suggest_method};
+use echoloop_registration::{FgrMode, Kind, Method, MethodConfig, SETTINGS, Setting, Suggestions};
+
+const HEADING: &str = "Settings; those left out are chosen from the clouds";
 
 /// What the user says of a method's settings; the rest is chosen from the clouds.
-#[derive(Clone, Debug, Args)]
-#[command(next_help_heading = "Settings; those left out are chosen from the clouds")]
+#[derive(Clone, Debug)]
 pub(super) struct MethodFlags {
-    /// Edge of the voxels that thin both clouds, m, above 0. Lengths left out follow it.
-    #[arg(long, value_name = "M")]
-    voxel_m: Option<f64>,
-    /// Radius of the normals' neighbourhood, m, above 0.
-    #[arg(long, value_name = "M")]
-    normal_radius_m: Option<f64>,
-    /// Neighbours of a normal at most, 3 to 1000 (fgr, mac: 500).
-    #[arg(long, value_name = "N")]
-    normal_neighbours: Option<usize>,
-    /// fgr, mac: radius of the features' neighbourhood, m, not less than that of the normals'.
-    #[arg(long, value_name = "M")]
-    feature_radius_m: Option<f64>,
-    /// fgr, mac: neighbours of a feature at most, 3 to 500.
-    #[arg(long, value_name = "N")]
-    feature_neighbours: Option<usize>,
-    /// Points farther apart are no pair, m, above 0.
-    #[arg(long, value_name = "M")]
-    max_pair_distance_m: Option<f64>,
-    /// icp, gicp: pairs may be this far apart at first, then less and less, m.
-    #[arg(long, value_name = "M")]
-    first_pair_distance_m: Option<f64>,
-    /// mac: matches are compatible when their distances differ by less than this, m.
-    #[arg(long, alias = "max-stretch-m", value_name = "M")]
-    length_tolerance_m: Option<f64>,
-    /// Iterations at most, 1 or more.
-    #[arg(long, value_name = "N")]
-    max_iterations: Option<usize>,
-    /// icp, gicp: a step shorter than this, m, …
-    #[arg(long, alias = "still-m", value_name = "M")]
-    translation_tolerance_m: Option<f64>,
-    /// icp, gicp: … that turns less than this, rad, ends the run.
-    #[arg(long, alias = "still-rad", value_name = "RAD")]
-    rotation_tolerance_rad: Option<f64>,
-    /// icp: so does a change of the share of paired points below this, …
-    #[arg(long, alias = "still-fraction", value_name = "SHARE")]
-    fitness_tolerance: Option<f64>,
-    /// icp: … with one of their root mean square distance below this, m.
-    #[arg(long, alias = "still-rmse-m", value_name = "M")]
-    rmse_tolerance_m: Option<f64>,
-    /// icp, gicp: a direction with less than this share of the information counts as unobservable.
-    #[arg(long, alias = "least-information", value_name = "SHARE")]
-    degeneracy_threshold: Option<f64>,
-    /// fgr: triples of matches that the tuple test keeps at most.
-    #[arg(long, value_name = "N")]
-    max_tuples: Option<usize>,
-    /// mac: more matches than this are thinned, 3 to 20000.
-    #[arg(long, value_name = "N")]
-    max_matches: Option<usize>,
-    /// mac: cliques of fewer matches propose no motion, 3 to 20000.
-    #[arg(long, value_name = "N")]
-    least_clique: Option<usize>,
-    /// mac: the search for cliques ends at so many.
-    #[arg(long, value_name = "N")]
-    max_cliques: Option<usize>,
+    /// The numbers that were given.
+    given: Vec<(&'static Setting, f64)>,
+    own: OwnFlags,
+}
+
+/// What is no number.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = HEADING)]
+struct OwnFlags {
     /// fgr: as published, or as Open3D 0.20 runs it from Python.
     #[arg(long, value_name = "MODE", value_parser = mode_parser())]
     mode: Option<FgrMode>,
@@ -73,43 +30,107 @@ pub(super) struct MethodFlags {
     seed: Option<u64>,
 }
 
+/// A setting's flag. The parser keeps names as long as the program runs.
+struct Flag {
+    setting: &'static Setting,
+    name: String,
+    former: Option<String>,
+}
+
+static FLAGS: LazyLock<Vec<Flag>> = LazyLock::new(|| {
+    let flag = |setting: &'static Setting| Flag {
+        setting,
+        name: dashed(setting.key),
+        former: setting.former.map(dashed),
+    };
+    SETTINGS.iter().map(flag).collect()
+});
+
+fn dashed(key: &str) -> String {
+    key.replace('_', "-")
+}
+
+impl Flag {
+    fn arg(&'static self) -> Arg {
+        let arg = Arg::new(self.setting.key)
+            .long(self.name.as_str())
+            .value_name(value_name(self.setting))
+            .help(help(self.setting))
+            .help_heading(HEADING);
+        let arg = match self.setting.kind {
+            Kind::Count => arg.value_parser(value_parser!(usize)),
+            Kind::Real | Kind::Optional => arg.value_parser(value_parser!(f64)),
+        };
+        self.former.iter().fold(arg, |arg, former| arg.alias(former.as_str()))
+    }
+
+    fn value(&self, matches: &ArgMatches) -> Option<(&'static Setting, f64)> {
+        let key = self.setting.key;
+        let value = match self.setting.kind {
+            Kind::Count => matches.get_one(key).map(|&count: &usize| count as f64),
+            Kind::Real | Kind::Optional => matches.get_one(key).copied(),
+        };
+        value.map(|value| (self.setting, value))
+    }
+}
+
+fn value_name(setting: &Setting) -> &'static str {
+    match (setting.kind, setting.unit) {
+        (Kind::Count, _) => "N",
+        (_, "m") => "M",
+        (_, "rad") => "RAD",
+        _ => "SHARE",
+    }
+}
+
+/// The table's line; first the methods that have the setting, if not all do.
+fn help(setting: &Setting) -> String {
+    let line = setting.help.strip_suffix('.').unwrap_or(setting.help);
+    let methods = Method::ALL.into_iter().filter(|&method| setting.of(method).is_some());
+    let methods: Vec<&str> = methods.map(Method::name).collect();
+    if methods.len() == Method::ALL.len() {
+        return line.to_owned();
+    }
+    let (first, rest) = line.split_at(line.chars().next().map_or(0, char::len_utf8));
+    format!("{}: {}{rest}", methods.join(", "), first.to_lowercase())
+}
+
+impl FromArgMatches for MethodFlags {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let given = FLAGS.iter().filter_map(|flag| flag.value(matches)).collect();
+        Ok(Self { given, own: OwnFlags::from_arg_matches(matches)? })
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        self.given.extend(FLAGS.iter().filter_map(|flag| flag.value(matches)));
+        self.own.update_from_arg_matches(matches)
+    }
+}
+
+impl Args for MethodFlags {
+    fn augment_args(command: Command) -> Command {
+        OwnFlags::augment_args(command.args(FLAGS.iter().map(Flag::arg)))
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
+    }
+}
+
 impl MethodFlags {
-    /// The numbers that were given, by the setting's name.
-    fn given(&self) -> Vec<(&'static str, f64)> {
-        let count = |value: Option<usize>| value.map(|n| n as f64);
-        let all = [
-            ("voxel_m", self.voxel_m),
-            ("normal_radius_m", self.normal_radius_m),
-            ("normal_neighbours", count(self.normal_neighbours)),
-            ("feature_radius_m", self.feature_radius_m),
-            ("feature_neighbours", count(self.feature_neighbours)),
-            ("max_pair_distance_m", self.max_pair_distance_m),
-            ("first_pair_distance_m", self.first_pair_distance_m),
-            ("length_tolerance_m", self.length_tolerance_m),
-            ("max_iterations", count(self.max_iterations)),
-            ("translation_tolerance_m", self.translation_tolerance_m),
-            ("rotation_tolerance_rad", self.rotation_tolerance_rad),
-            ("fitness_tolerance", self.fitness_tolerance),
-            ("rmse_tolerance_m", self.rmse_tolerance_m),
-            ("degeneracy_threshold", self.degeneracy_threshold),
-            ("max_tuples", count(self.max_tuples)),
-            ("max_matches", count(self.max_matches)),
-            ("least_clique", count(self.least_clique)),
-            ("max_cliques", count(self.max_cliques)),
-        ];
-        all.into_iter().filter_map(|(key, value)| value.map(|value| (key, value))).collect()
+    fn gives(&self, key: &str) -> bool {
+        self.given.iter().any(|(setting, _)| setting.key == key)
     }
 
     /// Whether the method has what was given.
     pub(super) fn check(&self, method: Method) -> Result<(), Failure> {
-        let keys = method.keys();
-        let numbers = self.given().into_iter().map(|(key, _)| key).find(|key| !keys.contains(key));
-        let own = [("mode", self.mode.is_some()), ("seed", self.seed.is_some())];
+        let strange = self.given.iter().find(|(setting, _)| setting.of(method).is_none());
+        let own = [("mode", self.own.mode.is_some()), ("seed", self.own.seed.is_some())];
         let own =
             own.into_iter().find(|(_, given)| *given && method != Method::Fgr).map(|(key, _)| key);
-        match numbers.or(own) {
+        match strange.map(|(setting, _)| setting.key).or(own) {
             Some(key) => {
-                let flag = key.replace('_', "-");
+                let flag = dashed(key);
                 Err(Failure::usage(format!("--{flag} is no setting of {}", method.name())))
             }
             None => Ok(()),
@@ -120,17 +141,17 @@ impl MethodFlags {
     pub(super) fn config(
         &self,
         method: Method,
-        target: &Cloud,
-        source: &Cloud,
+        suggestions: &Suggestions<'_>,
     ) -> Result<MethodConfig, Failure> {
-        let mode = self.mode.unwrap_or_default();
-        let mut config = suggest_method(method, mode, self.voxel_m, target, source);
-        if let (MethodConfig::Fgr(fgr), Some(seed)) = (&mut config, self.seed) {
+        let voxel = self.given.iter().find(|(setting, _)| setting.key == "voxel_m");
+        let mode = self.own.mode.unwrap_or_default();
+        let mut config = suggestions.method(method, mode, voxel.map(|(_, voxel_m)| *voxel_m));
+        if let (MethodConfig::Fgr(fgr), Some(seed)) = (&mut config, self.own.seed) {
             fgr.seed = seed;
         }
         self.keep_distance(&mut config);
-        for (key, value) in self.given() {
-            config.set(key, value);
+        for (setting, value) in &self.given {
+            config.set(setting.key, *value);
         }
         self.widen_features(&mut config);
         config.check().map_err(Failure::usage)?;
@@ -139,21 +160,73 @@ impl MethodFlags {
 
     /// A normal radius of one's own widens the features' when that was left to us.
     fn widen_features(&self, config: &mut MethodConfig) {
-        if let (Some(normal_m), None) = (self.normal_radius_m, self.feature_radius_m)
-            && config.get("feature_radius_m").is_some_and(|feature_m| feature_m < normal_m)
+        if self.gives("normal_radius_m")
+            && !self.gives("feature_radius_m")
+            && config.method().is_global()
         {
-            config.set("feature_radius_m", normal_m);
+            config.repair();
         }
     }
 
     /// A pair distance of one's own is meant as it stands: no coarse start above it.
     fn keep_distance(&self, config: &mut MethodConfig) {
-        if self.max_pair_distance_m.is_some() {
+        if self.gives("max_pair_distance_m") {
             match config {
                 MethodConfig::Icp(config) => config.first_pair_distance_m = None,
                 MethodConfig::Gicp(config) => config.first_pair_distance_m = None,
                 MethodConfig::Fgr(_) | MethodConfig::Mac(_) => {}
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Debug, Parser)]
+    struct Line {
+        #[command(flatten)]
+        flags: MethodFlags,
+    }
+
+    fn read(flag: &str, value: &str) -> Result<MethodFlags, String> {
+        let line = Line::try_parse_from(["line", &format!("--{flag}"), value]);
+        line.map(|line| line.flags).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn every_setting_has_a_flag_by_today_s_name_and_its_former_one() {
+        for setting in SETTINGS {
+            for name in [Some(setting.key), setting.former].into_iter().flatten() {
+                let flags = read(&dashed(name), "7").unwrap();
+                assert!(matches!(flags.given[..], [(given, 7.0)] if given.key == setting.key));
+                for method in Method::ALL {
+                    assert_eq!(flags.check(method).is_ok(), setting.of(method).is_some());
+                }
+            }
+            let fraction = read(&dashed(setting.key), "7.5");
+            assert_eq!(fraction.is_err(), setting.kind == Kind::Count, "{}", setting.key);
+        }
+    }
+
+    #[test]
+    fn the_help_has_every_setting_once_with_its_methods() {
+        let help = <Line as clap::CommandFactory>::command().render_long_help().to_string();
+        for setting in SETTINGS {
+            let flag = format!("--{} <{}>", dashed(setting.key), value_name(setting));
+            assert_eq!(help.matches(&flag).count(), 1, "{flag}");
+            assert!(setting.former.is_none_or(|former| !help.contains(&dashed(former))));
+        }
+        let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
+        for line in [
+            "Points farther apart are no pair, m, above 0 --",
+            "fgr, mac: radius of the features' neighbourhood, m, not less than that",
+            "icp, gicp: … that turns less than this, rad, ends the run",
+        ] {
+            assert!(help.contains(line), "{line}: {help}");
         }
     }
 }

@@ -10,9 +10,7 @@ use super::method_choice::method_parser;
 use super::method_flags::MethodFlags;
 use echoloop_registration::cloud::{Cloud, read_cloud, voxel};
 use echoloop_registration::pose::{Pose, read_pose, to_rows};
-use echoloop_registration::{
-    Method, MethodConfig, Outcome, StopReason, build, former_key, suggest_refinement,
-};
+use echoloop_registration::{Method, MethodConfig, Outcome, StopReason, Suggestions, build};
 
 /// Flags of `register`. Without any, they are chosen from the clouds.
 #[derive(Clone, Debug, Args)]
@@ -85,9 +83,10 @@ fn register(
     initial: &Pose,
 ) -> Result<(), Failure> {
     let began = cpu_s();
-    let config = args.settings.config(args.method, target, source)?;
+    let suggestions = Suggestions::new(target, source);
+    let config = args.settings.config(args.method, &suggestions)?;
     let global_voxel_m = config.get("voxel_m").unwrap_or_default();
-    let finish = args.refine.then(|| suggest_refinement(target, source, global_voxel_m));
+    let finish = args.refine.then(|| suggestions.refinement(global_voxel_m));
     let method = build(&config, finish).map_err(Failure::usage)?;
     let outcome = method.register(target, source, initial);
     warn(args, &outcome);
@@ -173,11 +172,11 @@ fn document(
     if let MethodConfig::Fgr(config) = config {
         document["mode"] = serde_json::json!(config.mode);
     }
-    for key in config.keys() {
-        document[*key] = serde_json::json!(config.get(key));
-        if let Some(former) = former_key(key) {
+    for (setting, _) in config.method().settings() {
+        document[setting.key] = serde_json::json!(config.get(setting.key));
+        if let Some(former) = setting.former {
             // For one version: readers of the former name.
-            document[former] = document[*key].clone();
+            document[former] = document[setting.key].clone();
         }
     }
     document

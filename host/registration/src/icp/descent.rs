@@ -3,9 +3,8 @@
 use super::equations::Equations;
 use super::pairing::{LastSearch, Moving, sum_pairs};
 use super::step::Step;
-use crate::{Observability, Outcome, StopReason, Target};
-
 use crate::pose::Pose;
+use crate::{IcpConfig, Observability, Outcome, StopReason, Target};
 
 /// Unknowns of a motion: fewer pairs cannot determine it.
 const UNKNOWNS: usize = 6;
@@ -13,20 +12,9 @@ const UNKNOWNS: usize = 6;
 /// What the pair distance of a coarse start shrinks by, an iteration.
 const SHRINK: f64 = 0.7;
 
-/// When the loop ends, and how far it pairs: see [`crate::IcpConfig`] for the fields.
+/// The loop, with the settings that say when it ends and how far it pairs.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Descent {
-    pub(crate) max_pair_distance_m: f64,
-    pub(crate) first_pair_distance_m: Option<f64>,
-    pub(crate) max_iterations: usize,
-    pub(crate) translation_tolerance_m: f64,
-    pub(crate) rotation_tolerance_rad: f64,
-    /// Open3D's end: neither the share of paired points nor their RMSE changes by more. 0 turns it
-    /// off.
-    pub(crate) fitness_tolerance: f64,
-    pub(crate) rmse_tolerance_m: f64,
-    pub(crate) degeneracy_threshold: f64,
-}
+pub(crate) struct Descent(pub(crate) IcpConfig);
 
 impl Descent {
     /// Runs from `initial`. With too few pairs the outcome carries `initial`; with a direction left
@@ -37,29 +25,30 @@ impl Descent {
         source: &Moving,
         initial: &Pose,
     ) -> Outcome {
+        let Self(config) = self;
         let mut outcome = Outcome::nothing(initial, StopReason::MaxIterations);
         let mut matches = vec![LastSearch::UNKNOWN; source.points.len()];
-        let mut reach_m = self.first_pair_distance_m.unwrap_or(self.max_pair_distance_m);
-        while outcome.iterations < self.max_iterations {
+        let mut reach_m = config.first_pair_distance_m.unwrap_or(config.max_pair_distance_m);
+        while outcome.iterations < config.max_iterations {
             let sums: E =
                 sum_pairs(target, source, &outcome.target_from_source, reach_m, &mut matches);
             if sums.pairs() < UNKNOWNS {
                 let nothing = Outcome::nothing(initial, StopReason::TooFewPairs);
                 return Outcome { pairs: sums.pairs(), iterations: outcome.iterations, ..nothing };
             }
-            let (step, seen) = sums.solve(self.degeneracy_threshold);
+            let (step, seen) = sums.solve(config.degeneracy_threshold);
             let before = (outcome.inlier_fraction, outcome.rmse_m);
             outcome.advance(&step, &sums, seen, source.points.len());
             let change = (outcome.inlier_fraction - before.0, outcome.rmse_m - before.1);
             // While pairs may be far apart, a step of nothing says little about the last distance.
-            let fine = reach_m <= self.max_pair_distance_m;
+            let fine = reach_m <= config.max_pair_distance_m;
             // The first step has nothing to be compared with.
             let settled = outcome.iterations > 1 && self.changes_little(change);
             if fine && (self.is_small(&step) || settled) {
                 outcome.stop = StopReason::Converged;
                 break;
             }
-            reach_m = (reach_m * SHRINK).max(self.max_pair_distance_m);
+            reach_m = (reach_m * SHRINK).max(config.max_pair_distance_m);
         }
         if seen_degenerate(&outcome) {
             outcome.stop = StopReason::Degenerate;
@@ -68,11 +57,12 @@ impl Descent {
     }
 
     fn is_small(&self, step: &Step) -> bool {
-        step.shift_m < self.translation_tolerance_m && step.angle_rad < self.rotation_tolerance_rad
+        step.shift_m < self.0.translation_tolerance_m
+            && step.angle_rad < self.0.rotation_tolerance_rad
     }
 
     fn changes_little(&self, (fraction, rmse_m): (f64, f64)) -> bool {
-        fraction.abs() < self.fitness_tolerance && rmse_m.abs() < self.rmse_tolerance_m
+        fraction.abs() < self.0.fitness_tolerance && rmse_m.abs() < self.0.rmse_tolerance_m
     }
 }
 

@@ -7,6 +7,7 @@ mod error;
 mod lidar;
 mod load;
 mod motion;
+mod registration;
 mod scanner;
 mod scene;
 mod tune;
@@ -18,9 +19,7 @@ use echoloop_frontend::{Receiver, Weather};
 use echoloop_sim::board::hardware_for;
 use serde::{Deserialize, Serialize};
 
-use crate::experiment::preset::Preset;
 use crate::link::sensor::Model;
-use default::is_default;
 use error::require;
 
 pub use data::DataConfig;
@@ -30,6 +29,7 @@ pub use error::RunConfigError;
 pub use lidar::Lidar;
 pub use load::{LoadError, Override, load};
 pub use motion::{JitterPer, Motion};
+pub use registration::RegistrationConfig;
 pub use scanner::ScannerConfig;
 pub use scene::SceneConfig;
 pub use tune::TuneConfig;
@@ -78,70 +78,6 @@ impl Default for RunConfig {
             weather: Weather::default(),
             motion: Motion::default(),
         }
-    }
-}
-
-/// Θ_reg to start from. What is left out is the preset's default.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct RegistrationConfig {
-    /// The method.
-    pub method: Method,
-    /// Ranges and defaults: `outdoor`, or `paper` (Sec. 3.3, made for indoor spacing).
-    pub preset: Preset,
-    /// Of FGR: `annealed`, or `open3d` (as Open3D 0.20 runs it, the paper's baseline).
-    #[serde(skip_serializing_if = "is_default")]
-    pub mode: FgrMode,
-    /// Whether point-to-plane ICP finishes what a global method finds.
-    #[serde(skip_serializing_if = "is_default")]
-    pub refine: bool,
-    /// Edge of the voxels, m.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub voxel_m: Option<f64>,
-    /// Radius of the normals' neighbourhood, m.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub normal_radius_m: Option<f64>,
-    /// Neighbours of a normal at most.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub normal_neighbours: Option<f64>,
-    /// Radius of the features' neighbourhood, m.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub feature_radius_m: Option<f64>,
-    /// Neighbours of a feature at most.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub feature_neighbours: Option<f64>,
-    /// Greatest distance of a pair, m.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub max_pair_distance_m: Option<f64>,
-    /// Of MAC: matches agree when their distances differ by less than this, m.
-    #[serde(skip_serializing_if = "Option::is_none", alias = "max_stretch_m")]
-    pub length_tolerance_m: Option<f64>,
-    /// Iterations at most.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub max_iterations: Option<f64>,
-}
-
-impl RegistrationConfig {
-    /// What reports call it: the method, Open3D's way of it, ICP at its end.
-    pub fn name(&self) -> String {
-        let mode = if self.mode == FgrMode::Open3d { " as Open3D runs it" } else { "" };
-        let refine = if self.refine { ", then icp" } else { "" };
-        format!("{}{mode}{refine}", self.method.name())
-    }
-
-    /// The values that are given, by key.
-    pub fn chosen(&self) -> impl Iterator<Item = (&'static str, f64)> {
-        let all = [
-            ("voxel_m", self.voxel_m),
-            ("normal_radius_m", self.normal_radius_m),
-            ("normal_neighbours", self.normal_neighbours),
-            ("feature_radius_m", self.feature_radius_m),
-            ("feature_neighbours", self.feature_neighbours),
-            ("max_pair_distance_m", self.max_pair_distance_m),
-            ("length_tolerance_m", self.length_tolerance_m),
-            ("max_iterations", self.max_iterations),
-        ];
-        all.into_iter().filter_map(|(key, value)| value.map(|value| (key, value)))
     }
 }
 

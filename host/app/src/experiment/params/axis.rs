@@ -1,5 +1,7 @@
 //! One axis of the unit cube.
 
+use echoloop_registration::config::Spacing;
+
 use super::error::ValueError;
 
 /// How values lie along an axis.
@@ -13,6 +15,16 @@ pub enum Scale {
     Integer,
     /// 1, 2, 4, …, each with an equal share.
     PowerOfTwo,
+}
+
+impl From<Spacing> for Scale {
+    fn from(spacing: Spacing) -> Self {
+        match spacing {
+            Spacing::Linear => Self::Linear,
+            Spacing::Log => Self::Log,
+            Spacing::Whole => Self::Integer,
+        }
+    }
 }
 
 /// A parameter of the search: name, unit, range, default.
@@ -33,36 +45,6 @@ pub struct Axis {
 }
 
 impl Axis {
-    pub(super) const fn linear(
-        name: &'static str,
-        unit: &'static str,
-        min: f64,
-        max: f64,
-        default: f64,
-    ) -> Self {
-        Self { name, unit, scale: Scale::Linear, min, max, default }
-    }
-
-    pub(super) const fn log(
-        name: &'static str,
-        unit: &'static str,
-        min: f64,
-        max: f64,
-        default: f64,
-    ) -> Self {
-        Self { name, unit, scale: Scale::Log, min, max, default }
-    }
-
-    pub(super) const fn integer(
-        name: &'static str,
-        unit: &'static str,
-        min: f64,
-        max: f64,
-        default: f64,
-    ) -> Self {
-        Self { name, unit, scale: Scale::Integer, min, max, default }
-    }
-
     /// The value at a coordinate of 0 to 1, in the parameter's unit.
     pub fn from_cube(&self, coordinate: f64) -> f64 {
         let u = coordinate.clamp(0.0, 1.0);
@@ -124,13 +106,17 @@ fn cell(u: f64, count: f64) -> f64 {
 mod tests {
     use super::*;
 
+    fn axis(name: &'static str, scale: Scale, min: f64, max: f64) -> Axis {
+        Axis { name, unit: "", scale, min, max, default: min }
+    }
+
     #[test]
     fn values_go_to_the_cube_and_back() {
         let axes = [
-            Axis::linear("a", "", -10.0, 30.0, 0.0),
-            Axis::log("b", "", 1e-4, 0.2, 4e-3),
-            Axis::integer("c", "", 10.0, 100.0, 30.0),
-            Axis { scale: Scale::PowerOfTwo, ..Axis::integer("d", "", 1.0, 8.0, 1.0) },
+            axis("a", Scale::Linear, -10.0, 30.0),
+            axis("b", Scale::Log, 1e-4, 0.2),
+            axis("c", Scale::Integer, 10.0, 100.0),
+            axis("d", Scale::PowerOfTwo, 1.0, 8.0),
         ];
         for axis in axes {
             for u in [0.0, 0.1, 0.37, 0.5, 0.99, 1.0] {
@@ -146,7 +132,7 @@ mod tests {
 
     #[test]
     fn whole_numbers_have_equal_shares() {
-        let axis = Axis::integer("c", "", 1.0, 4.0, 1.0);
+        let axis = axis("c", Scale::Integer, 1.0, 4.0);
         let values: Vec<f64> =
             [0.0, 0.24, 0.26, 0.51, 0.76, 1.0].map(|u| axis.from_cube(u)).to_vec();
         assert_eq!(values, [1.0, 1.0, 2.0, 3.0, 4.0, 4.0]);

@@ -1,23 +1,23 @@
 //! Θ_reg: the axes of each method, and its settings as the search has them.
 
-use super::axis::Axis;
+use echoloop_registration::config::Use;
+use echoloop_registration::{
+    ConfigError, FgrConfig, FgrMode, IcpConfig, Kind, Method, MethodConfig, Registration, Setting,
+    build, setting,
+};
+
+use super::axis::{Axis, Scale};
 use super::error::ValueError;
 use crate::experiment::config::RegistrationConfig;
 use crate::experiment::preset::Preset;
-use echoloop_registration::{
-    ConfigError, FgrConfig, FgrMode, GicpConfig, IcpConfig, MacConfig, Method, MethodConfig,
-    Registration, build, current_key,
-};
 
 /// The prefix of these parameters' names.
 pub(super) const SECTION: &str = "registration.";
 
 /// Today's name of a parameter, whether it was given by that or by a former one.
 pub(super) fn current_name(name: &str) -> String {
-    match name.strip_prefix(SECTION) {
-        Some(key) => format!("{SECTION}{}", current_key(key)),
-        None => name.to_owned(),
-    }
+    let setting = name.strip_prefix(SECTION).and_then(setting);
+    setting.map_or(name, |setting| setting.path).to_owned()
 }
 
 /// Θ_reg of one method, and whether ICP finishes what it finds.
@@ -37,7 +37,8 @@ impl ThetaReg {
     /// [`ValueError`] of the first value outside its axis, or that the method does not have.
     pub fn start(config: &RegistrationConfig) -> Result<Self, ValueError> {
         let axes = axes(config.method, config.preset);
-        let mut theta = Self { method: base(config), refine: config.refine };
+        let mut theta =
+            Self { method: MethodConfig::outdoor(config.method), refine: config.refine };
         if config.refine && !config.method.is_global() {
             return Err(ValueError::NotRefined(config.method.name()));
         }
@@ -57,18 +58,29 @@ impl ThetaReg {
             }
         }
         for (key, value) in config.chosen() {
-            let Some(axis) = axes.iter().find(|axis| axis.name.strip_prefix(SECTION) == Some(key))
-            else {
-                return Err(ValueError::NotOfMethod {
-                    key: key.into(),
-                    method: config.method.name(),
-                });
-            };
-            axis.require(value)?;
-            theta.set(axis.name, value);
+            theta.give(key, value, &axes)?;
         }
         theta.check()?;
         Ok(theta)
+    }
+
+    /// Takes a value that the configuration gives: of an axis within its range, of another setting
+    /// within the method's bounds.
+    fn give(&mut self, key: &'static str, value: f64, axes: &[Axis]) -> Result<(), ValueError> {
+        let method = self.method.method();
+        let of_method = setting(key).filter(|setting| setting.of(method).is_some());
+        let Some(setting) = of_method else {
+            return Err(ValueError::NotOfMethod { key: key.into(), method: method.name() });
+        };
+        match axes.iter().find(|axis| axis.name == setting.path) {
+            Some(axis) => axis.require(value)?,
+            None if setting.kind == Kind::Count && value.fract() != 0.0 => {
+                return Err(ValueError::Fraction { name: setting.path.into(), value });
+            }
+            None => {}
+        }
+        self.method.set(key, value);
+        Ok(())
     }
 
     /// The value of a named axis, in its unit.
@@ -96,14 +108,7 @@ impl ThetaReg {
     /// A feature's neighbourhood narrower than a normal's is widened to it (Sec. 3.3: φ_rad2 ≥
     /// φ_rad1).
     pub fn repair(&mut self) -> Vec<&'static str> {
-        let radii = (self.method.get("normal_radius_m"), self.method.get("feature_radius_m"));
-        match radii {
-            (Some(normal), Some(feature)) if feature < normal => {
-                self.method.set("feature_radius_m", normal);
-                vec!["feature_radius_m"]
-            }
-            _ => Vec::new(),
-        }
+        self.method.repair()
     }
 
     /// The method, ready to run.
@@ -117,94 +122,24 @@ impl ThetaReg {
     }
 }
 
-/// What the axes do not reach: seeds, bounds of memory, conventions.
-fn base(config: &RegistrationConfig) -> MethodConfig {
-    match (config.method, config.mode) {
-        (Method::Icp, _) => MethodConfig::Icp(IcpConfig::outdoor()),
-        (Method::Gicp, _) => MethodConfig::Gicp(GicpConfig::outdoor()),
-        (Method::Fgr, FgrMode::Annealed) => MethodConfig::Fgr(FgrConfig::outdoor()),
-        (Method::Fgr, FgrMode::Open3d) => MethodConfig::Fgr(FgrConfig::open3d(0.3)),
-        (Method::Mac, _) => MethodConfig::Mac(MacConfig::outdoor()),
-    }
-}
-
-/// Θ_reg of a method: every axis once.
-///
-/// Ranges of `paper` are those of Sec. 3.3, its defaults those of Open3D's global registration
-/// example; φ_d, half a voxel there, is the least of its range, and for ICP, which has no default
-/// there, the middle. Ranges of iterations, and of the stretch that MAC allows, are ours.
+/// Θ_reg of a method: the axes that registration's table has for it.
 pub fn axes(method: Method, preset: Preset) -> Vec<Axis> {
-    match (method, preset) {
-        (Method::Icp | Method::Gicp, Preset::Outdoor) => vec![
-            Axis::log("registration.voxel_m", "m", 0.05, 1.0, 0.3), // φ_v
-            Axis::log("registration.normal_radius_m", "m", 0.1, 3.0, 0.9), // φ_rad1
-            Axis::integer("registration.normal_neighbours", "", 10.0, 100.0, 30.0), // φ_knn
-            Axis::log("registration.max_pair_distance_m", "m", 0.05, 3.0, 1.0), // φ_d
-            Axis::integer("registration.max_iterations", "", 8.0, 128.0, 30.0), // φ_icp
-        ],
-        (Method::Icp | Method::Gicp, Preset::Paper) => vec![
-            Axis::linear("registration.voxel_m", "m", 0.01, 0.1, 0.05),
-            Axis::linear("registration.normal_radius_m", "m", 0.01, 0.1, 0.1),
-            Axis::integer("registration.normal_neighbours", "", 10.0, 100.0, 30.0),
-            Axis::linear("registration.max_pair_distance_m", "m", 0.1, 2.0, 1.0),
-            Axis::integer("registration.max_iterations", "", 8.0, 128.0, 30.0),
-        ],
-        (Method::Fgr, Preset::Outdoor) => with_features(
-            &OUTDOOR_FEATURES,
-            &[
-                Axis::log("registration.max_pair_distance_m", "m", 0.05, 3.0, 0.5), // φ_d
-                Axis::integer("registration.max_iterations", "", 8.0, 512.0, 256.0), // φ_fgr
-            ],
-        ),
-        (Method::Fgr, Preset::Paper) => with_features(
-            &PAPER_FEATURES,
-            &[
-                Axis::linear("registration.max_pair_distance_m", "m", 0.1, 2.0, 0.1),
-                Axis::integer("registration.max_iterations", "", 8.0, 128.0, 64.0),
-            ],
-        ),
-        (Method::Mac, Preset::Outdoor) => with_features(
-            &OUTDOOR_FEATURES,
-            &[
-                Axis::log("registration.max_pair_distance_m", "m", 0.05, 3.0, 0.6), // φ_d
-                Axis::log("registration.length_tolerance_m", "m", 0.02, 1.0, 0.2),
-            ],
-        ),
-        (Method::Mac, Preset::Paper) => with_features(
-            &PAPER_FEATURES,
-            &[
-                Axis::linear("registration.max_pair_distance_m", "m", 0.1, 2.0, 0.1),
-                Axis::linear("registration.length_tolerance_m", "m", 0.01, 0.2, 0.03),
-            ],
-        ),
-    }
-}
-
-/// The features' half of Θ_reg for outdoor spacing.
-const OUTDOOR_FEATURES: [Axis; 4] = [
-    Axis::log("registration.voxel_m", "m", 0.05, 1.0, 0.5), // φ_v
-    Axis::log("registration.normal_radius_m", "m", 0.1, 3.0, 1.5), // φ_rad1
-    Axis::log("registration.feature_radius_m", "m", 0.1, 8.0, 3.5), // φ_rad2, from φ_rad1 up
-    Axis::integer("registration.feature_neighbours", "", 10.0, 100.0, 100.0), // φ_knn
-];
-
-/// The features' half of Θ_reg as in Sec. 3.3.
-const PAPER_FEATURES: [Axis; 4] = [
-    Axis::linear("registration.voxel_m", "m", 0.01, 0.1, 0.05),
-    Axis::linear("registration.normal_radius_m", "m", 0.01, 0.1, 0.1),
-    Axis::linear("registration.feature_radius_m", "m", 0.01, 1.0, 0.25),
-    Axis::integer("registration.feature_neighbours", "", 10.0, 100.0, 100.0),
-];
-
-fn with_features(features: &[Axis], own: &[Axis]) -> Vec<Axis> {
-    [features, own].concat()
+    let outdoor = MethodConfig::outdoor(method);
+    let axis = |(setting, of): (&'static Setting, Use)| {
+        let search = of.search?;
+        let (range, default) = match preset {
+            Preset::Outdoor => (search.outdoor, outdoor.get(setting.key)?),
+            Preset::Paper => (search.paper, search.paper_start),
+        };
+        let (min, max, scale) = (range.min, range.max, Scale::from(range.spacing));
+        Some(Axis { name: setting.path, unit: setting.unit, scale, min, max, default })
+    };
+    method.settings().filter_map(axis).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    const METHODS: [Method; 4] = [Method::Icp, Method::Gicp, Method::Fgr, Method::Mac];
 
     fn config(method: Method, preset: Preset) -> RegistrationConfig {
         RegistrationConfig { method, preset, ..RegistrationConfig::default() }
@@ -212,7 +147,7 @@ mod tests {
 
     #[test]
     fn every_method_has_all_its_axes_in_both_presets_and_starts_at_their_defaults() {
-        for method in METHODS {
+        for method in Method::ALL {
             for preset in [Preset::Outdoor, Preset::Paper] {
                 let theta = ThetaReg::start(&config(method, preset)).unwrap();
                 for axis in axes(method, preset) {
@@ -240,8 +175,28 @@ mod tests {
     }
 
     #[test]
+    fn a_setting_that_is_no_axis_is_given_within_the_method_s_bounds() {
+        let icp = config(Method::Icp, Preset::Outdoor);
+        let given = |key: &str, value: f64| {
+            let theta = ThetaReg::start(&icp.with(key, value)).map_err(|error| error.to_string());
+            theta.map(|theta| theta.method.get(key))
+        };
+        assert_eq!(given("translation_tolerance_m", 0.002), Ok(Some(0.002)));
+        assert_eq!(given("first_pair_distance_m", 6.0), Ok(Some(6.0)));
+        assert_eq!(
+            given("rotation_tolerance_rad", -1.0),
+            Err("registration.rotation_tolerance_rad is -1, expected 0 or more".into())
+        );
+        let mac = config(Method::Mac, Preset::Outdoor).with("max_matches", 900.5);
+        assert_eq!(
+            ThetaReg::start(&mac).map_err(|error| error.to_string()),
+            Err("registration.max_matches = 900.5 must be a whole number".into())
+        );
+    }
+
+    #[test]
     fn both_presets_search_the_same_axes() {
-        for method in METHODS {
+        for method in Method::ALL {
             let names =
                 |preset| axes(method, preset).iter().map(|axis| axis.name).collect::<Vec<_>>();
             assert_eq!(names(Preset::Outdoor), names(Preset::Paper));
@@ -267,7 +222,7 @@ mod tests {
             ThetaReg::start(&config).map_err(|e| e.to_string()).unwrap_err()
         };
         let icp = config(Method::Icp, Preset::Outdoor);
-        let wide = RegistrationConfig { feature_radius_m: Some(2.0), ..icp };
+        let wide = icp.with("feature_radius_m", 2.0);
         assert_eq!(error(wide), "registration.feature_radius_m is no setting of icp");
         let mode = RegistrationConfig { mode: FgrMode::Open3d, ..icp };
         assert_eq!(error(mode), "registration.mode is no setting of icp");

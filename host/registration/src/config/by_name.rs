@@ -1,0 +1,217 @@
+//! The settings of any method, by name.
+
+use super::error::ConfigError;
+use super::method::Method;
+use super::setting::{Setting, Stored, Use};
+use super::table::{FgrConfig, GicpConfig, IcpConfig, MacConfig, SETTINGS, setting};
+
+/// The settings of one method.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum MethodConfig {
+    /// Of [`crate::Icp`].
+    Icp(IcpConfig),
+    /// Of [`crate::Gicp`].
+    Gicp(GicpConfig),
+    /// Of [`crate::Fgr`].
+    Fgr(FgrConfig),
+    /// Of [`crate::Mac`].
+    Mac(MacConfig),
+}
+
+impl Method {
+    /// Its settings, in the order of their use.
+    pub fn settings(self) -> impl Iterator<Item = (&'static Setting, Use)> {
+        SETTINGS.iter().filter_map(move |setting| Some((setting, setting.of(self)?)))
+    }
+}
+
+impl MethodConfig {
+    /// The defaults of a method, for outdoor scans some tens of metres wide.
+    pub fn outdoor(method: Method) -> Self {
+        match method {
+            Method::Icp => Self::Icp(IcpConfig::outdoor()),
+            Method::Gicp => Self::Gicp(GicpConfig::outdoor()),
+            Method::Fgr => Self::Fgr(FgrConfig::outdoor()),
+            Method::Mac => Self::Mac(MacConfig::outdoor()),
+        }
+    }
+
+    /// Whose settings these are.
+    pub fn method(&self) -> Method {
+        match self {
+            Self::Icp(_) => Method::Icp,
+            Self::Gicp(_) => Method::Gicp,
+            Self::Fgr(_) => Method::Fgr,
+            Self::Mac(_) => Method::Mac,
+        }
+    }
+
+    /// Whether each setting can run.
+    ///
+    /// # Errors
+    ///
+    /// [`ConfigError`] names the first that cannot, and its bound.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        match self {
+            Self::Icp(config) => config.check(),
+            Self::Gicp(config) => config.check(),
+            Self::Fgr(config) => config.check(),
+            Self::Mac(config) => config.check(),
+        }
+    }
+
+    /// A setting by its name, or a former one; absent when the method has none of that name, or it is left out.
+    pub fn get(&self, key: &str) -> Option<f64> {
+        let mut copy = *self;
+        copy.slot(key).and_then(|slot| slot.get())
+    }
+
+    /// Sets a setting by its name, or a former one; false when the method has none.
+    pub fn set(&mut self, key: &str, value: f64) -> bool {
+        match self.slot(key) {
+            Some(slot) => slot.set(value),
+            None => return false,
+        }
+        true
+    }
+
+    /// Raises what is below the setting that bounds it, to that; names what was raised.
+    pub fn repair(&mut self) -> Vec<&'static str> {
+        let mut repaired = Vec::new();
+        for (setting, of) in self.method().settings() {
+            let other = setting.bound(&of).not_below.and_then(|(other, _)| self.get(other));
+            if let (Some(value), Some(least)) = (self.get(setting.key), other)
+                && value < least
+            {
+                self.set(setting.key, least);
+                repaired.push(setting.key);
+            }
+        }
+        repaired
+    }
+
+    fn slot(&mut self, key: &str) -> Option<&mut dyn Stored> {
+        let key = setting(key)?.key;
+        match self {
+            Self::Icp(config) => config.slot(key),
+            Self::Gicp(config) => config.slot(key),
+            Self::Fgr(config) => config.slot(key),
+            Self::Mac(config) => config.slot(key),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::setting::Kind;
+    use super::*;
+
+    fn all() -> [MethodConfig; 4] {
+        Method::ALL.map(MethodConfig::outdoor)
+    }
+
+    fn keys(config: &MethodConfig) -> Vec<&'static str> {
+        config.method().settings().map(|(setting, _)| setting.key).collect()
+    }
+
+    #[test]
+    fn every_key_is_kept_by_its_own_name_and_no_other() {
+        for mut config in all() {
+            assert_eq!(config.check(), Ok(()));
+            for (i, key) in keys(&config).iter().enumerate() {
+                assert!(config.set(key, 10.0 + i as f64), "{key}");
+            }
+            for (i, key) in keys(&config).iter().enumerate() {
+                assert_eq!(
+                    config.get(key),
+                    Some(10.0 + i as f64),
+                    "{key} of {:?}",
+                    config.method()
+                );
+            }
+            assert!(!config.set("no_such_setting", 1.0));
+            assert_eq!(config.get("no_such_setting"), None);
+        }
+    }
+
+    #[test]
+    fn a_former_name_reads_and_sets_what_it_named() {
+        for mut config in all() {
+            for (i, setting) in SETTINGS.iter().enumerate() {
+                let Some(former) = setting.former else { continue };
+                let has = setting.of(config.method()).is_some();
+                assert_eq!(config.set(former, 10.0 + i as f64), has, "{former}");
+                assert_eq!(config.get(setting.key), has.then_some(10.0 + i as f64), "{former}");
+                assert_eq!(config.get(former), config.get(setting.key));
+            }
+        }
+    }
+
+    #[test]
+    fn names_are_of_one_setting_each_former_ones_too() {
+        let names: Vec<&str> = SETTINGS
+            .iter()
+            .flat_map(|setting| [setting.key].into_iter().chain(setting.former))
+            .collect();
+        let mut once = names.clone();
+        once.sort_unstable();
+        once.dedup();
+        assert_eq!(once.len(), names.len());
+    }
+
+    #[test]
+    fn every_default_and_both_searches_lie_within_the_bounds() {
+        for method in Method::ALL {
+            for (setting, of) in method.settings() {
+                let Some(search) = of.search else { continue };
+                let mut config = MethodConfig::outdoor(method);
+                let default = config.get(setting.key).unwrap();
+                assert!(
+                    (search.outdoor.min..=search.outdoor.max).contains(&default),
+                    "{setting:?}"
+                );
+                assert!((search.paper.min..=search.paper.max).contains(&search.paper_start));
+                for range in [search.outdoor, search.paper] {
+                    for end in [range.min, range.max] {
+                        config.set(setting.key, end);
+                        config.repair();
+                        assert!(setting.check(&of, |key| config.get(key)).is_ok(), "{setting:?}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_below_its_bound_is_raised_and_named() {
+        let mut fgr = MethodConfig::outdoor(Method::Fgr);
+        assert_eq!(fgr.repair(), Vec::<&str>::new());
+        fgr.set("feature_radius_m", 1.0);
+        fgr.set("normal_radius_m", 2.0);
+        assert_eq!(fgr.repair(), ["feature_radius_m"]);
+        assert_eq!((fgr.get("feature_radius_m"), fgr.check()), (Some(2.0), Ok(())));
+        let mut icp = MethodConfig::outdoor(Method::Icp);
+        icp.set("first_pair_distance_m", 0.5);
+        assert_eq!(icp.repair(), ["first_pair_distance_m"]);
+    }
+
+    #[test]
+    fn help_that_names_a_range_names_that_of_the_bound() {
+        for setting in SETTINGS {
+            let words = setting.bound(&super::super::setting::PLAIN).words;
+            let names_one = setting.help.contains(" to ") && setting.kind == Kind::Count;
+            assert!(!names_one || setting.help.contains(words), "{}: {words}", setting.key);
+        }
+    }
+
+    #[test]
+    fn a_count_below_zero_is_refused_by_name() {
+        for mut config in all() {
+            config.set("max_iterations", -3.0);
+            if config.method() != Method::Mac {
+                assert_eq!(config.check().map_err(|e| e.field), Err("max_iterations"));
+            }
+            assert_eq!(config.get("max_iterations"), Some(0.0));
+        }
+    }
+}

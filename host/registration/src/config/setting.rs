@@ -1,0 +1,240 @@
+//! What is known of one setting: its name, its bounds, where a search may look for it.
+
+use super::error::ConfigError;
+use super::method::Method;
+
+/// One setting of registration: a row of [`crate::SETTINGS`].
+#[derive(Clone, Copy, Debug)]
+pub struct Setting {
+    /// Its name: a field of the configurations, a flag (with dashes), a key in files.
+    pub key: &'static str,
+    /// Its name among all parameters of an experiment.
+    pub path: &'static str,
+    /// Its name in earlier versions, which is read for one version more.
+    pub former: Option<&'static str>,
+    /// How it is kept.
+    pub kind: Kind,
+    /// `m`, `rad`, or nothing for counts and shares.
+    pub unit: &'static str,
+    /// What it is, in one line.
+    pub help: &'static str,
+    /// What it must be, where a method does not say otherwise.
+    pub(super) bound: Bound,
+    pub(super) icp: Option<Use>,
+    pub(super) gicp: Option<Use>,
+    pub(super) features: Option<Use>,
+    pub(super) fgr: Option<Use>,
+    pub(super) mac: Option<Use>,
+}
+
+/// How a setting is kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// A length, an angle or a share.
+    Real,
+    /// A length that may be left out.
+    Optional,
+    /// A number of things.
+    Count,
+}
+
+/// A setting as one method has it.
+#[derive(Clone, Copy, Debug)]
+pub struct Use {
+    /// The bound, where it is the method's own.
+    bound: Option<Bound>,
+    /// Where a search may look for it.
+    pub search: Option<Search>,
+}
+
+/// Where a search may look for a setting.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Search {
+    /// The paper's symbol (Sec. 3.3); empty for what the paper does not have.
+    pub symbol: &'static str,
+    /// What outdoor spacing needs. It starts at the default.
+    pub outdoor: Range,
+    /// The paper's range, made for indoor spacing.
+    pub paper: Range,
+    /// Where it starts in the paper's range.
+    pub paper_start: f64,
+}
+
+/// A range of values, both ends included.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Range {
+    /// Least value.
+    pub min: f64,
+    /// Greatest value.
+    pub max: f64,
+    /// How values lie between them.
+    pub spacing: Spacing,
+}
+
+/// How the values of a range lie.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Spacing {
+    /// Evenly.
+    Linear,
+    /// Evenly in the logarithm.
+    Log,
+    /// Whole numbers, each with an equal share.
+    Whole,
+}
+
+/// What a value must be.
+#[derive(Clone, Copy, Debug)]
+pub struct Bound {
+    /// In words, as the end of "expected …".
+    pub words: &'static str,
+    holds: fn(f64) -> bool,
+    /// Another setting that it must not be below, and that in words.
+    pub not_below: Option<(&'static str, &'static str)>,
+}
+
+impl Setting {
+    /// Of no method yet.
+    pub(super) const fn new(
+        key: &'static str,
+        path: &'static str,
+        kind: Kind,
+        unit: &'static str,
+        help: &'static str,
+        bound: Bound,
+    ) -> Self {
+        let (former, icp, gicp, features, fgr, mac) = (None, None, None, None, None, None);
+        Self { key, path, former, kind, unit, help, bound, icp, gicp, features, fgr, mac }
+    }
+
+    /// As the method has it; absent when it is none of its settings.
+    pub fn of(&self, method: Method) -> Option<Use> {
+        match method {
+            Method::Icp => self.icp,
+            Method::Gicp => self.gicp,
+            Method::Fgr => self.fgr.or(self.features),
+            Method::Mac => self.mac.or(self.features),
+        }
+    }
+
+    /// What it must be in a method.
+    pub fn bound(&self, of: &Use) -> Bound {
+        of.bound.unwrap_or(self.bound)
+    }
+
+    /// Checks a value, and that it is not below the setting that bounds it.
+    pub(super) fn check(
+        &self,
+        of: &Use,
+        get: impl Fn(&str) -> Option<f64>,
+    ) -> Result<(), ConfigError> {
+        let Some(value) = get(self.key) else { return Ok(()) };
+        let bound = self.bound(of);
+        let fails = |bound| Err(ConfigError { field: self.key, value, bound });
+        if !(bound.holds)(value) {
+            return fails(bound.words);
+        }
+        match bound.not_below {
+            Some((other, words)) if get(other).is_some_and(|least| value < least) => fails(words),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Use {
+    /// The same with a bound of the method's own.
+    pub(super) const fn bounded(self, bound: Bound) -> Self {
+        Self { bound: Some(bound), ..self }
+    }
+}
+
+/// A setting that no search changes, and that is bounded as everywhere.
+pub(super) const PLAIN: Use = Use { bound: None, search: None };
+
+/// A setting that a search may change.
+pub(super) const fn searched(
+    symbol: &'static str,
+    outdoor: Range,
+    paper: Range,
+    paper_start: f64,
+) -> Use {
+    Use { bound: None, search: Some(Search { symbol, outdoor, paper, paper_start }) }
+}
+
+pub(super) const fn linear(min: f64, max: f64) -> Range {
+    Range { min, max, spacing: Spacing::Linear }
+}
+
+pub(super) const fn log(min: f64, max: f64) -> Range {
+    Range { min, max, spacing: Spacing::Log }
+}
+
+pub(super) const fn whole(min: f64, max: f64) -> Range {
+    Range { min, max, spacing: Spacing::Whole }
+}
+
+impl Bound {
+    /// The values for which `holds`, which `words` say.
+    pub(super) const fn new(words: &'static str, holds: fn(f64) -> bool) -> Self {
+        Self { words, holds, not_below: None }
+    }
+
+    /// And not below another setting.
+    pub(super) const fn not_below(self, key: &'static str, words: &'static str) -> Self {
+        Self { not_below: Some((key, words)), ..self }
+    }
+}
+
+/// Where a setting is kept.
+pub(super) trait Stored {
+    fn get(&self) -> Option<f64>;
+
+    fn set(&mut self, new: f64);
+}
+
+/// A type that keeps settings, and of which kind.
+pub(super) trait Keeps: Stored {
+    const KIND: Kind;
+}
+
+impl Keeps for f64 {
+    const KIND: Kind = Kind::Real;
+}
+
+impl Keeps for Option<f64> {
+    const KIND: Kind = Kind::Optional;
+}
+
+impl Keeps for usize {
+    const KIND: Kind = Kind::Count;
+}
+
+impl Stored for f64 {
+    fn get(&self) -> Option<f64> {
+        Some(*self)
+    }
+
+    fn set(&mut self, new: f64) {
+        *self = new;
+    }
+}
+
+impl Stored for Option<f64> {
+    fn get(&self) -> Option<f64> {
+        *self
+    }
+
+    fn set(&mut self, new: f64) {
+        *self = Some(new);
+    }
+}
+
+impl Stored for usize {
+    fn get(&self) -> Option<f64> {
+        Some(*self as f64)
+    }
+
+    /// Below zero it becomes none: flags and axes have their own bounds before.
+    fn set(&mut self, new: f64) {
+        *self = new.max(0.0) as usize;
+    }
+}

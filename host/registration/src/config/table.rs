@@ -1,0 +1,347 @@
+//! Every setting of registration, once.
+//!
+//! A row makes a field of each configuration that has the setting, its default, its check, its
+//! name for [`super::MethodConfig::get`] and [`super::MethodConfig::set`], a flag of `echoloop
+//! register`, a key of files, an axis of a search, and a line of docs/registration.md. To add a
+//! setting, add a row, and use the field where the method needs it.
+
+use super::convention::Convention;
+use super::error::ConfigError;
+use super::method::Method;
+use super::mode::FgrMode;
+use super::setting::{Bound, Keeps, PLAIN, Setting, Stored, Use, linear, log, searched, whole};
+
+/// A bound of whole numbers, both included.
+macro_rules! count {
+    ($least:literal to $most:literal) => {
+        Bound::new(concat!($least, " to ", $most), |v| ($least as f64..=$most as f64).contains(&v))
+    };
+}
+
+/// Neither zero nor farther than single precision tells millimetres.
+const LENGTH: Bound = Bound::new("a length above 0 m, at most 1e6 m", |v| v > 0.0 && v <= 1e6);
+
+/// Below it, a run has come to its end; 0 turns the test off.
+const TOLERANCE: Bound = Bound::new("0 or more", |v| v >= 0.0 && v.is_finite());
+
+/// Neighbours of a normal. More make no better normal, and take their time: some tens are usual.
+const NEIGHBOURS: Bound = count!(3 to 1000);
+
+/// Neighbours of features are kept for all points at once, so they are bounded more tightly: 500
+/// for each of 100,000 points are 0.4 GB.
+const FEATURE_NEIGHBOURS: Bound = count!(3 to 500);
+
+/// φ_v from 5 cm to 1 m; Sec. 3.3 has 1 to 10 cm, and Open3D's example 5 cm.
+const VOXEL: Use = searched("φ_v", log(0.05, 1.0), linear(0.01, 0.1), 0.05);
+
+/// Six directions share the information: two walls and a floor give each a third.
+const BELOW_A_THIRD: Bound =
+    Bound::new("0 or more, below 1/3", |share| (0.0..1.0 / 3.0).contains(&share));
+
+/// A step at least.
+const SOME: Bound = Bound::new("1 or more", |n| n >= 1.0);
+
+/// φ_rad2 is not below φ_rad1 (Sec. 3.3).
+const FEATURE_RADIUS: Bound =
+    LENGTH.not_below("normal_radius_m", "normal_radius_m or more (Sec. 3.3)");
+
+/// A coarse start is no finer than the end.
+const FIRST_DISTANCE: Bound =
+    Bound::new(FIRST_WORDS, |v| v <= 1e6).not_below("max_pair_distance_m", FIRST_WORDS);
+
+const FIRST_WORDS: &str = "max_pair_distance_m or more, at most 1e6 m";
+
+/// φ_rad1, of Open3D's example two voxels.
+const NORMAL_RADIUS: Use = searched("φ_rad1", log(0.1, 3.0), linear(0.01, 0.1), 0.1);
+
+/// φ_knn of a local method.
+const NEIGHBOUR_COUNT: Use = searched("φ_knn", whole(10.0, 100.0), whole(10.0, 100.0), 30.0);
+
+/// φ_d of a local method. Open3D has no default for ICP, so the paper's range starts in its
+/// middle.
+const LOCAL_DISTANCE: Use = searched("φ_d", log(0.05, 3.0), linear(0.1, 2.0), 1.0);
+
+/// φ_d of a global method: half a voxel in Open3D's example, which is the least of the range.
+const GLOBAL_DISTANCE: Use = searched("φ_d", log(0.05, 3.0), linear(0.1, 2.0), 0.1);
+
+/// The setting of that name, or of that name in earlier versions.
+pub fn setting(name: &str) -> Option<&'static Setting> {
+    SETTINGS.iter().find(|setting| setting.key == name || setting.former == Some(name))
+}
+
+/// A configuration: fields that are no settings, of which `in` keeps settings of its own, then a
+/// field for each setting; the defaults of all; and where each setting is kept by name.
+macro_rules! configuration {
+    (
+        $(#[$about:meta])*
+        $name:ident($uses:expr) $(in $part:ident)?
+        [$($(#[$own_doc:meta])* $own:ident: $own_type:ty = $own_default:expr),*]
+        [$({ $key:ident: $type:ty = $default:expr, $help:literal, $more:literal })*]
+    ) => {
+        $(#[$about])*
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub struct $name {
+            $($(#[$own_doc])* pub $own: $own_type,)*
+            $(
+                #[doc = $help]
+                #[doc = concat!("Default: `", stringify!($default), "`.")]
+                #[doc = ""]
+                #[doc = $more]
+                pub $key: $type,
+            )*
+        }
+
+        impl $name {
+            /// The defaults, for outdoor scans some tens of metres wide. [`crate::suggest_method`]
+            /// fits them to the clouds at hand.
+            pub fn outdoor() -> Self {
+                Self { $($own: $own_default,)* $($key: $default,)* }
+            }
+
+            /// Whether each setting can run.
+            ///
+            /// # Errors
+            ///
+            /// [`ConfigError`] names the first field that cannot, and its bound.
+            pub fn check(&self) -> Result<(), ConfigError> {
+                let uses: fn(&Setting) -> Option<Use> = $uses;
+                let get = |key: &str| {
+                    let mut copy = *self;
+                    copy.slot(key).and_then(|slot| slot.get())
+                };
+                let used = |setting| Some((setting, uses(setting)?));
+                let mut settings = SETTINGS.iter().filter_map(used);
+                settings.try_for_each(|(setting, of)| setting.check(&of, get))
+            }
+
+            /// Where the setting of that name is kept.
+            pub(super) fn slot(&mut self, key: &str) -> Option<&mut dyn Stored> {
+                match key {
+                    $(stringify!($key) => Some(&mut self.$key),)*
+                    $(_ => self.$part.slot(key),)?
+                    #[allow(unreachable_patterns, reason = "where a part keeps the others")]
+                    _ => None,
+                }
+            }
+        }
+    };
+}
+
+/// A row: name, type, unit, bound, and its name in earlier versions; one line of help; what else is
+/// to be said of the field; in braces the configurations that have it, each with its default and
+/// how it is used there.
+macro_rules! settings {
+    ($(
+        $key:ident: $type:ty, $unit:literal, $bound:expr $(, formerly $former:literal)?,
+        $help:literal, $more:literal => {
+            $(icp $icp:expr, $icp_use:expr;)?
+            $(gicp $gicp:expr, $gicp_use:expr;)?
+            $(features $features:expr, $features_use:expr;)?
+            $(fgr $fgr:expr, $fgr_use:expr;)?
+            $(mac $mac:expr, $mac_use:expr;)?
+        }
+    )+) => {
+        /// Every setting, in the order of its use.
+        pub const SETTINGS: &[Setting] = &[$(Setting {
+            $(former: Some($former),)?
+            $(icp: Some($icp_use),)?
+            $(gicp: Some($gicp_use),)?
+            $(features: Some($features_use),)?
+            $(fgr: Some($fgr_use),)?
+            $(mac: Some($mac_use),)?
+            ..Setting::new(
+                stringify!($key),
+                concat!("registration.", stringify!($key)),
+                <$type as Keeps>::KIND,
+                $unit,
+                $help,
+                $bound,
+            )
+        }),+];
+
+        configuration! {
+            /// Settings of [`crate::Icp`]. Lengths in metres, angles in radians.
+            ///
+            /// The defaults are for scans of a street or a field that nearly overlap: a motion
+            /// below about half a metre and 5°. Normals reach over 3 voxels, as KISS-Matcher has
+            /// it: rings of a scan lie far apart. The tolerances are far below the error of such
+            /// scans (small_gicp stops at 1 mm and 1.7 mrad).
+            IcpConfig(|setting| setting.of(Method::Icp)) []
+            [$($({ $key: $type = $icp, $help, $more })?)+]
+        }
+
+        configuration! {
+            /// Settings of [`crate::Gicp`]. Lengths in metres, angles in radians.
+            ///
+            /// The defaults are for scans that nearly overlap, as those of [`IcpConfig`].
+            GicpConfig(|setting| setting.of(Method::Gicp)) []
+            [$($({ $key: $type = $gicp, $help, $more })?)+]
+        }
+
+        configuration! {
+            /// Settings of FPFH features: the first half of Θ_reg (Sec. 3.3). Lengths in metres.
+            FeatureConfig(|setting| setting.features)
+            [
+                /// Where the voxel grid starts, and which way normals face.
+                convention: Convention = Convention::Sensor
+            ]
+            [$($({ $key: $type = $features, $help, $more })?)+]
+        }
+
+        configuration! {
+            /// Settings of [`crate::Fgr`]. Lengths in metres.
+            FgrConfig(|setting| setting.of(Method::Fgr)) in features
+            [
+                /// How points are thinned and described.
+                features: FeatureConfig = FeatureConfig::outdoor(),
+                /// The method as published, or as Open3D runs it.
+                mode: FgrMode = FgrMode::Annealed,
+                /// Seed of the tuple test's draws: of triples in Open3D's mode, of the matches that
+                /// all are compared with in ours.
+                seed: u64 = 0
+            ]
+            [$($({ $key: $type = $fgr, $help, $more })?)+]
+        }
+
+        configuration! {
+            /// Settings of [`crate::Mac`]. Lengths in metres.
+            MacConfig(|setting| setting.of(Method::Mac)) in features
+            [
+                /// How points are thinned and described.
+                features: FeatureConfig = FeatureConfig::outdoor()
+            ]
+            [$($({ $key: $type = $mac, $help, $more })?)+]
+        }
+    };
+}
+
+settings! {
+    voxel_m: f64, "m", LENGTH,
+        "Edge of the voxels that thin both clouds, m, above 0. Lengths left out follow it.",
+        "" =>
+    {
+        icp 0.3, VOXEL;
+        gicp 0.3, VOXEL;
+        features 0.5, VOXEL;
+    }
+    normal_radius_m: f64, "m", LENGTH,
+        "Radius of the normals' neighbourhood, m, above 0.",
+        "" =>
+    {
+        icp 0.9, NORMAL_RADIUS;
+        gicp 1.5, NORMAL_RADIUS;
+        features 1.5, NORMAL_RADIUS;
+    }
+    normal_neighbours: usize, "", NEIGHBOURS,
+        "Neighbours of a normal at most, 3 to 1000 (fgr, mac: 500).",
+        "" =>
+    {
+        icp 30, NEIGHBOUR_COUNT;
+        gicp 20, NEIGHBOUR_COUNT;
+        features 30, PLAIN.bounded(FEATURE_NEIGHBOURS);
+    }
+    feature_radius_m: f64, "m", FEATURE_RADIUS,
+        "Radius of the features' neighbourhood, m, not less than that of the normals'.",
+        "" =>
+    {
+        features 3.5, searched("φ_rad2", log(0.1, 8.0), linear(0.01, 1.0), 0.25);
+    }
+    feature_neighbours: usize, "", FEATURE_NEIGHBOURS,
+        "Neighbours of a feature at most, 3 to 500.",
+        "" =>
+    {
+        features 100, searched("φ_knn", whole(10.0, 100.0), whole(10.0, 100.0), 100.0);
+    }
+    max_pair_distance_m: f64, "m", LENGTH,
+        "Points farther apart are no pair, m, above 0.",
+        "Of a global method, matches this near each other in the end agree with the motion: δ \
+         of FGR; of MAC the inlier threshold, and the τ of all scores." =>
+    {
+        icp 1.0, LOCAL_DISTANCE;
+        gicp 1.0, LOCAL_DISTANCE;
+        fgr 0.5, GLOBAL_DISTANCE;
+        mac 1.0, GLOBAL_DISTANCE;
+    }
+    first_pair_distance_m: Option<f64>, "m", FIRST_DISTANCE,
+        "Pairs may be this far apart at first, then less and less, m.",
+        "Coarse to fine: the distance shrinks by 0.7 an iteration to `max_pair_distance_m`. \
+         Absent: plain ICP, as in the paper and in Open3D." =>
+    {
+        icp None, PLAIN;
+        gicp None, PLAIN;
+    }
+    length_tolerance_m: f64, "m", LENGTH, formerly "max_stretch_m",
+        "Matches are compatible when their distances differ by less than this, m.",
+        "The published code asks on KITTI that `1 - (d / τ)²` be above 0.9: a third of τ." =>
+    {
+        mac 0.316, searched("", log(0.02, 1.0), linear(0.01, 0.2), 0.03);
+    }
+    max_iterations: usize, "", SOME,
+        "Iterations at most, 1 or more.",
+        "Of MAC, steps of the final refinement: 0 leaves the motion of the best clique." =>
+    {
+        icp 50, searched("φ_icp", whole(8.0, 128.0), whole(8.0, 128.0), 30.0);
+        gicp 50, searched("φ_icp", whole(8.0, 128.0), whole(8.0, 128.0), 30.0);
+        fgr 256, searched("φ_fgr", whole(8.0, 512.0), whole(8.0, 128.0), 64.0)
+            .bounded(count!(1 to 100000));
+        mac 20, PLAIN.bounded(Bound::new("at most 100000", |n| n <= 1e5));
+    }
+    translation_tolerance_m: f64, "m", TOLERANCE, formerly "still_m",
+        "A step shorter than this, m, …",
+        "" =>
+    {
+        icp 5e-4, PLAIN;
+        gicp 5e-4, PLAIN;
+    }
+    rotation_tolerance_rad: f64, "rad", TOLERANCE, formerly "still_rad",
+        "… that turns less than this, rad, ends the run.",
+        "" =>
+    {
+        icp 1e-4, PLAIN;
+        gicp 1e-4, PLAIN;
+    }
+    fitness_tolerance: f64, "", TOLERANCE, formerly "still_fraction",
+        "So does a change of the share of paired points below this, …",
+        "" =>
+    {
+        icp 1e-6, PLAIN;
+    }
+    rmse_tolerance_m: f64, "m", TOLERANCE, formerly "still_rmse_m",
+        "… with one of their root mean square distance below this, m.",
+        "" =>
+    {
+        icp 1e-6, PLAIN;
+    }
+    degeneracy_threshold: f64, "", BELOW_A_THIRD, formerly "least_information",
+        "A direction with less than this share of the information counts as unobservable.",
+        "See [`crate::Observability`]. Normals at the edges of a bare corridor leave up to \
+         2e-3 along it; real streets have 0.04 to 0.12." =>
+    {
+        icp 3e-3, PLAIN;
+        gicp 3e-3, PLAIN;
+    }
+    max_tuples: usize, "", count!(1 to 1000000),
+        "Triples of matches that the tuple test keeps at most.",
+        "So three times as many matches. (Ours keeps 1024 matches at most.)" =>
+    {
+        fgr 1000, PLAIN;
+    }
+    max_matches: usize, "", count!(3 to 20000),
+        "More matches than this are thinned, 3 to 20000.",
+        "The graph takes `n²/8` bytes and `n²/2` tests." =>
+    {
+        mac 10_000, PLAIN;
+    }
+    least_clique: usize, "", count!(3 to 20000),
+        "Cliques of fewer matches propose no motion, 3 to 20000.",
+        "" =>
+    {
+        mac 3, PLAIN;
+    }
+    max_cliques: usize, "", count!(1 to 100000000),
+        "The search for cliques ends at so many.",
+        "" =>
+    {
+        mac 1_000_000, PLAIN;
+    }
+}

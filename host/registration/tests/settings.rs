@@ -1,0 +1,110 @@
+//! docs/registration.md lists the settings as the table has them.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use echoloop_registration::config::{Range, Spacing};
+use echoloop_registration::{Method, MethodConfig, SETTINGS, Setting};
+
+const BEGIN: &str = "<!-- settings: written by `cargo test -p echoloop-registration --test settings` \
+                     with ECHOLOOP_WRITE_DOCS=1 -->\n";
+const END: &str = "<!-- end of the settings -->\n";
+
+/// Every setting: what it is.
+fn meanings() -> String {
+    let mut text = String::from("| setting | what it is |\n|---|---|\n");
+    for setting in SETTINGS {
+        let _ = writeln!(text, "| `{}` | {} |", setting.key, setting.help);
+    }
+    text
+}
+
+/// Every setting: its default in each method, what it must be.
+fn settings() -> String {
+    let mut text = String::from("| setting | unit | icp | gicp | fgr | mac | must be |\n");
+    text += "|---|---|---|---|---|---|---|\n";
+    for setting in SETTINGS {
+        let defaults = Method::ALL.map(|method| default(setting, method)).join(" | ");
+        let (key, unit) = (setting.key, setting.unit);
+        let _ = writeln!(text, "| `{key}` | {unit} | {defaults} | {} |", bounds(setting));
+    }
+    text
+}
+
+fn default(setting: &Setting, method: Method) -> String {
+    match (setting.of(method), MethodConfig::outdoor(method).get(setting.key)) {
+        (None, _) => "–".into(),
+        (Some(_), None) => "none".into(),
+        (Some(_), Some(value)) if value < 1e-3 => format!("{value:e}"),
+        (Some(_), Some(value)) => value.to_string(),
+    }
+}
+
+/// The bound; where methods differ, of each in turn.
+fn bounds(setting: &Setting) -> String {
+    let mut bounds: Vec<(String, Vec<&str>)> = Vec::new();
+    for method in Method::ALL {
+        let Some(of) = setting.of(method) else { continue };
+        let bound = setting.bound(&of);
+        let relation =
+            bound.not_below.map(|(_, words)| words).filter(|&words| words != bound.words);
+        let words =
+            relation.map_or_else(|| bound.words.into(), |more| format!("{}; {more}", bound.words));
+        match bounds.iter_mut().find(|(known, _)| *known == words) {
+            Some((_, methods)) => methods.push(method.name()),
+            None => bounds.push((words, vec![method.name()])),
+        }
+    }
+    match &bounds[..] {
+        [(words, _)] => words.clone(),
+        several => {
+            let each = several.iter().map(|(words, of)| format!("{}: {words}", of.join(", ")));
+            each.collect::<Vec<_>>().join("; ")
+        }
+    }
+}
+
+/// Every axis of a search.
+fn axes() -> String {
+    let mut text = String::from("| axis | symbol | method | `outdoor` | `paper` | starts at |\n");
+    text += "|---|---|---|---|---|---|\n";
+    for setting in SETTINGS {
+        for method in Method::ALL {
+            let Some(search) = setting.of(method).and_then(|of| of.search) else { continue };
+            let outdoor = MethodConfig::outdoor(method).get(setting.key).unwrap_or(f64::NAN);
+            let _ = writeln!(
+                text,
+                "| `{}` | {} | {} | {} | {} | {outdoor}, {} |",
+                setting.key,
+                search.symbol,
+                method.name(),
+                range(search.outdoor),
+                range(search.paper),
+                search.paper_start
+            );
+        }
+    }
+    text
+}
+
+fn range(Range { min, max, spacing }: Range) -> String {
+    let spacing = if spacing == Spacing::Log { ", log" } else { "" };
+    format!("{min} to {max}{spacing}")
+}
+
+#[test]
+fn the_documentation_lists_every_setting_as_the_table_has_it() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/registration.md");
+    let text = std::fs::read_to_string(&path).expect("docs/registration.md");
+    let (before, rest) = text.split_once(BEGIN).expect("where the tables begin");
+    let (_, after) = rest.split_once(END).expect("where they end");
+    let expected =
+        format!("{before}{BEGIN}\n{}\n{}\n{}\n{END}{after}", meanings(), settings(), axes());
+    if std::env::var_os("ECHOLOOP_WRITE_DOCS").is_some() {
+        std::fs::write(&path, &expected).expect("docs/registration.md is written");
+    }
+    assert!(
+        text == expected || std::env::var_os("ECHOLOOP_WRITE_DOCS").is_some(),
+        "docs/registration.md is not what the table has; with ECHOLOOP_WRITE_DOCS=1 this test writes it"
+    );
+}
