@@ -83,21 +83,25 @@ impl Fgr {
     /// and a reason; matches that are not finite count as wrong.
     pub fn solve(&self, pairs: &[PointPair]) -> Outcome {
         let sound = sound(pairs);
-        let points = (sound.iter().map(|p| p.source.coords), sound.iter().map(|p| p.target.coords));
-        self.outcome(&sound, pairs.len(), &Frame::new(points.0, points.1), &Pose::identity())
+        let frame = || {
+            let (source, target) =
+                (sound.iter().map(|p| p.source.coords), sound.iter().map(|p| p.target.coords));
+            Frame::new(source, target)
+        };
+        self.outcome(&sound, pairs.len(), frame, &Pose::identity())
     }
 
-    /// From finite matches, of `matches` in all. The frame is Open3D's business alone.
+    /// From finite matches, of `matches` in all. The frame is asked for in Open3D's mode alone.
     fn outcome(
         &self,
         pairs: &[PointPair],
         matches: usize,
-        frame: &Frame,
+        frame: impl FnOnce() -> Frame,
         initial: &Pose,
     ) -> Outcome {
         let found = match self.config.mode {
             FgrMode::Annealed => self.annealed(pairs),
-            FgrMode::Open3d => self.open3d(pairs, frame),
+            FgrMode::Open3d => self.open3d(pairs, &frame()),
         };
         let nothing = Consensus { matches, searched: pairs.len(), inliers: 0, margin: None };
         match found {
@@ -171,12 +175,14 @@ impl Registration for Fgr {
         };
         let matches =
             pairs(&matching::mutual(&source.features, &target.features), &source, &target);
-        let coords = |points: &'_ [nalgebra::Point3<f32>]| -> Vec<_> {
-            points.iter().map(|p| p.coords.cast()).collect()
+        let frame = || {
+            let coords = |points: &[nalgebra::Point3<f32>]| -> Vec<_> {
+                points.iter().map(|p| p.coords.cast()).collect()
+            };
+            let (from, to) = (coords(&source.points), coords(&target.points));
+            Frame::new(from.into_iter(), to.into_iter())
         };
-        let (from, to) = (coords(&source.points), coords(&target.points));
-        let frame = Frame::new(from.iter().copied(), to.iter().copied());
-        self.outcome(&sound(&matches), matches.len(), &frame, initial)
+        self.outcome(&sound(&matches), matches.len(), frame, initial)
     }
 }
 
