@@ -51,7 +51,7 @@ pub trait SampleLoops: Copy {
     /// [`detect::peaks`], for processors that know more than [`Self::reaches`].
     #[inline(always)]
     fn peaks(self, y: &[i16], threshold: i16, found: &mut Peaks) {
-        detect::peaks(|values| self.reaches(values, threshold), y, threshold, found);
+        detect::peaks(move |values| self.reaches(values, threshold), y, threshold, found);
     }
 }
 

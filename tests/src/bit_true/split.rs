@@ -70,7 +70,7 @@ pub fn prominent_peaks(
     let (mut top, mut n) = (0, 0);
     let end = values.len();
     while top < end {
-        // up: the first highest sample before the values have fallen by rise(crest)
+        // up: the first highest sample before the values have fallen by rise(top)
         n += 1;
         while n < end && values[n] >= values[top] - rise(values[top]) {
             if values[n] > values[top] {

@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn outputs_are_those_of_the_portable_twin_up_to_the_whole_scale_and_beyond() {
+    fn outputs_are_those_of_the_portable_form_up_to_the_whole_scale_and_beyond() {
         if !has_v3() {
             return eprintln!("skipped: this processor has no AVX2");
         }

@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn ranks_are_those_of_the_portable_twin_whatever_was_guessed() {
+    fn order_statistics_are_those_of_the_portable_form_whatever_was_guessed() {
         if !has_v3() {
             return eprintln!("skipped: this processor has no AVX2");
         }

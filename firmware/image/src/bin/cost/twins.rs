@@ -160,8 +160,9 @@ fn ranks_agree(random: &mut Random) -> bool {
     let near = codes[0].wrapping_add(random.below(100) as u16);
     let median = if random.below(2) == 0 { near } else { random.next() as u16 };
     let guess = Statistics { median, deviation: random.below(100) as u16, ..Statistics::default() };
-    let twin = Portable.ranks(codes, 0xfff, &guess);
-    FASTEST.ranks(codes, 0xfff, &guess) == twin && Scalar.ranks(codes, 0xfff, &guess) == twin
+    let twin = Portable.order_statistics(codes, 0xfff, &guess);
+    FASTEST.order_statistics(codes, 0xfff, &guess) == twin
+        && Scalar.order_statistics(codes, 0xfff, &guess) == twin
 }
 
 /// Waveforms that some settings gave the same echoes of.
