@@ -75,7 +75,7 @@ impl Refiner<'_> {
     /// | CFD | where f rises to half of the height, plus z | as parabola |
     /// | rising edge | where f rises to T, plus z | σ(level/g) · r / the rise of f |
     ///
-    /// The highest z[j], j = −o..o, is z₀: of equals the sample itself (j = 0), else the first;
+    /// The highest `z[j]`, j = −o..o, is z₀: of equals the sample itself (j = 0), else the first;
     /// with o = 1, j is 0. A denominator of 0 makes δ 0. K is the last sample inside the pulse on
     /// either side of its middle; gain, β, the share of the shot noise in σ(A) and z are
     /// [`Timing`](crate::timing::Timing)'s. A clipped top has the amplitude that its edges tell
