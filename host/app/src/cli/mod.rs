@@ -1,7 +1,7 @@
 //! The command line: one file a command, and what commands share.
 //!
 //! A command reads its flags with clap into a struct of arguments, lays them over the
-//! configuration ([`common`]), meets the sensor and traces the scans ([`prepared`]), does its work
+//! configuration (`common`), meets the sensor and traces the scans (`prepared`), does its work
 //! and prints it as text or as one JSON document. It ends with a [`Failure`], which has the exit
 //! code. To add one: a file with `Args` and `run`, a variant of `Command`, a line in [`Cli::run`].
 

@@ -2,7 +2,7 @@
 //!
 //! The sensor knows its pulse and sees a window of mostly darkness; a record may be 20 samples of
 //! echo. So this is another detector than [`echoloop_dsp::Pipeline`], of the same stages where they
-//! fit ([`Statistics`](echoloop_dsp::statistics), [`filter`](echoloop_dsp::filter),
+//! fit ([`Statistics`](echoloop_dsp::statistics), [`filter`],
 //! [`split`](echoloop_dsp::split)) and of its own where they do not:
 //!
 //! | stage | module | in | out |
