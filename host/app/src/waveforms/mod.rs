@@ -3,6 +3,28 @@
 //! ```text
 //! file ─ read → rows of numbers ─ codes → ADC codes ─ finder → samples ─ echoes → ns, own units
 //! ```
+//!
+//! [`read_waveforms`] takes a file, [`Finder::find`] its rows and, if there are any, the rows of
+//! the emitted pulse. The detector is [`finder`], another than the sensor's. To read another
+//! format, add a file beside `csv` and `npy`, and what tells it in [`read`].
+//!
+//! ```
+//! use echoloop_host::waveforms::{Finder, Options};
+//!
+//! // 200 samples of 1 ns: a pulse of 7 ns at 80 ns, over an ambient of 10.
+//! let pulse = |t: i32| 500.0 * (-f64::from((t - 80) * (t - 80)) / 18.0).exp();
+//! let row: Vec<f64> = (0..200).map(|t| (10.0 + pulse(t)).round()).collect();
+//! let finder = Finder::new(Options {
+//!     sample_ns: 1.0,
+//!     snr: 6.0,
+//!     floor: 0.05,
+//!     max_echoes: 8,
+//!     min_separation_ns: 4.0,
+//! });
+//! let found = finder.find(&[row], &[]);
+//! assert_eq!(found[0].echoes.len(), 1);
+//! assert!((found[0].echoes[0].time_ns - 80.0).abs() < 0.1);
+//! ```
 
 pub mod codes;
 mod csv;
