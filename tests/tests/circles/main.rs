@@ -21,19 +21,7 @@ use arrows::{Arrow, circles};
 use modules::Crate;
 
 /// Arrows that still lie on a circle. May only shrink: one that is gone has to be struck out.
-const KNOWN: &[(&str, &str)] = &[
-    ("host/registration/src/config/features.rs", "host/registration/src/config/method.rs"),
-    ("host/registration/src/config/fgr.rs", "host/registration/src/config/features.rs"),
-    ("host/registration/src/config/fgr.rs", "host/registration/src/config/method.rs"),
-    ("host/registration/src/config/gicp.rs", "host/registration/src/config/method.rs"),
-    ("host/registration/src/config/icp.rs", "host/registration/src/config/method.rs"),
-    ("host/registration/src/config/mac.rs", "host/registration/src/config/features.rs"),
-    ("host/registration/src/config/mac.rs", "host/registration/src/config/method.rs"),
-    ("host/registration/src/config/method.rs", "host/registration/src/config/fgr.rs"),
-    ("host/registration/src/config/method.rs", "host/registration/src/config/gicp.rs"),
-    ("host/registration/src/config/method.rs", "host/registration/src/config/icp.rs"),
-    ("host/registration/src/config/method.rs", "host/registration/src/config/mac.rs"),
-];
+const KNOWN: &[(&str, &str)] = &[];
 
 fn workspace() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
