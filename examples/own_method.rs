@@ -20,8 +20,9 @@ use echoloop_registration::pose::{Pose, rotation_error_deg, translation_error_m}
 use echoloop_registration::refine::Refined;
 use echoloop_registration::{Icp, Outcome, Registration, StopReason, suggest};
 use nalgebra::{Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
+
+#[path = "common/yard.rs"]
+mod yard;
 
 /// Point-to-point ICP (Besl and McKay 1992): pair with the nearest, lay the pairs on each other,
 /// repeat.
@@ -84,27 +85,6 @@ fn least_squares(pairs: &[(Point3<f64>, Point3<f64>)]) -> Option<Pose> {
     Some(Pose::from_parts(Translation3::from(q_mean - rotation * s_mean), rotation))
 }
 
-/// A floor, two walls and a box as a sensor at `world_from_sensor` sees them; other points for each
-/// seed.
-fn yard(seed: u64, world_from_sensor: &Pose) -> Cloud {
-    let rng = &mut ChaCha8Rng::seed_from_u64(seed);
-    let patches = [
-        (16_000, [-10.0, -10.0, -1.8], [20.0, 0.0, 0.0], [0.0, 20.0, 0.0]),
-        (4000, [-10.0, 10.0, -1.8], [20.0, 0.0, 0.0], [0.0, 0.0, 4.0]),
-        (4000, [9.0, -10.0, -1.8], [1.0, 15.0, 0.0], [0.0, 0.0, 4.0]),
-        (1000, [-6.0, -5.0, -1.8], [3.0, 0.5, 0.0], [0.0, 0.0, 1.5]),
-    ];
-    let mut points = Vec::new();
-    for (count, corner, a, b) in patches {
-        let (corner, a, b) = (Point3::from(corner), Vector3::from(a), Vector3::from(b));
-        points.extend((0..count).map(|_| {
-            let point = corner + a * rng.random::<f64>() + b * rng.random::<f64>();
-            world_from_sensor.inverse_transform_point(&point).cast::<f32>()
-        }));
-    }
-    Cloud::new(points)
-}
-
 fn main() -> Result<(), Box<dyn Error>> {
     let files: Vec<String> = std::env::args().skip(1).collect();
     let (target, source, truth) = match &files[..] {
@@ -112,8 +92,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             (read_cloud(Path::new(target))?.0, read_cloud(Path::new(source))?.0, None)
         }
         [] => {
-            let truth = Pose::new(Vector3::new(0.5, -0.3, 0.05), Vector3::new(0.0, 0.01, 0.08));
-            (yard(1, &Pose::identity()), yard(2, &truth), Some(truth))
+            let truth = yard::second_place();
+            (yard::seen_from(1, &Pose::identity()), yard::seen_from(2, &truth), Some(truth))
         }
         _ => return Err("usage: own_method [TARGET SOURCE]".into()),
     };

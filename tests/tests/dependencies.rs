@@ -36,6 +36,11 @@ const ALLOWED: [(&str, &str, &[&str]); 16] = [
     ("echoloop-tests", "tests", PROGRAM),
     ("echoloop-benches", "benches", PROGRAM),
     ("echoloop-examples", "examples", PROGRAM),
+    (
+        "echoloop-own-firmware",
+        "examples/own_firmware",
+        &["echoloop-dsp", "echoloop-kernels", "echoloop-link", "echoloop-sensor", "echoloop-sim"],
+    ),
     ("xtask", "xtask", &[]),
 ];
 
@@ -221,4 +226,34 @@ fn every_crate_takes_its_dependencies_from_the_workspace() {
             }
         }
     }
+}
+
+/// The crates that a cell of the page's table names: short names, or "all libraries and …".
+fn names_of(cell: &str) -> BTreeSet<String> {
+    let libraries = LIBRARIES.iter().map(|name| (*name).to_owned());
+    match cell.trim() {
+        "" => BTreeSet::new(),
+        "all libraries" => libraries.collect(),
+        "all libraries and `echoloop-host`" => {
+            libraries.chain(["echoloop-host".to_owned()]).collect()
+        }
+        names => names.split(", ").map(|name| format!("echoloop-{name}")).collect(),
+    }
+}
+
+#[test]
+fn the_page_on_the_architecture_has_the_same_table() {
+    let page = std::fs::read_to_string(workspace().join("docs/architecture.md")).expect("a page");
+    let rows = page.lines().filter_map(|line| {
+        let cells: Vec<&str> = line.strip_prefix("| `")?.strip_suffix('|')?.split('|').collect();
+        let [name, folder, names] = cells[..] else { return None };
+        let folder = folder.trim().trim_matches('`').to_owned();
+        Some((name.trim().trim_end_matches('`').to_owned(), (folder, names_of(names))))
+    });
+    let told: BTreeMap<String, (String, BTreeSet<String>)> = rows.collect();
+    for (package, folder, allowed) in ALLOWED {
+        let allowed = allowed.iter().map(|name| (*name).to_owned()).collect();
+        assert_eq!(told.get(package), Some(&(folder.to_owned(), allowed)), "{package}");
+    }
+    assert_eq!(told.len(), ALLOWED.len());
 }

@@ -51,6 +51,8 @@ pub(crate) fn for_tests(lint: bool) -> Result<()> {
                     // By itself without the log, which the images have.
                     clippy(&toolchain, target, "echoloop-sensor")?;
                     clippy(&toolchain, target, "echoloop-image")?;
+                    // What users copy, too.
+                    clippy(&toolchain, target, "echoloop-own-firmware")?;
                 }
             }
             Err(error) if env::var_os("CI").is_some() => return Err(error),
@@ -142,7 +144,7 @@ fn known(target: &str) -> Result<(&'static str, &'static str)> {
 }
 
 /// What an image takes, with flash and RAM of its board.
-fn check(elf: &Path, map: &str) -> Result<(Size, u64, u64)> {
+pub(crate) fn check(elf: &Path, map: &str) -> Result<(Size, u64, u64)> {
     let bytes = image::read(elf)?;
     let script = std::fs::read_to_string(workspace()?.join(map))
         .with_context(|| format!("cannot read {map}"))?;

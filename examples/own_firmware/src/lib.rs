@@ -1,0 +1,41 @@
+//! Echoloop in somebody's own firmware: copy this crate, and fill in your HAL.
+//!
+//! ```sh
+//! cargo build -p echoloop-own-firmware --target thumbv7em-none-eabihf
+//! cargo test -p echoloop-own-firmware                                  # on the PC
+//! ```
+//!
+//! | you want | take |
+//! |---|---|
+//! | echoes from codes that your firmware has | [`Detector`] |
+//! | the whole sensor, which `echoloop tune --sensor serial:…` drives | [`OwnBoard`], [`serve`] |
+//!
+//! What each function of a board must do, with timing, buffers, flash and watchdog: docs/porting.md.
+#![no_std]
+#![forbid(unsafe_code)]
+
+mod board;
+mod detector;
+
+pub use board::{Buffer, OwnBoard, Watchdog};
+pub use detector::Detector;
+
+use echoloop_sensor::{App, Board};
+
+/// The main loop of a sensor; `sleep` waits until a byte comes on the link, or some milliseconds.
+///
+/// ```ignore
+/// #[cortex_m_rt::entry]
+/// fn main() -> ! {
+///     let board = OwnBoard { emitter, adc, link, flash, buffer, watchdog, restarts: 0 };
+///     serve(board, cortex_m::asm::wfi)
+/// }
+/// ```
+pub fn serve(board: impl Board, mut sleep: impl FnMut()) -> ! {
+    let mut app = App::new(board);
+    loop {
+        // A line that was lost is read again: nothing is left half done.
+        let _ = app.poll();
+        sleep();
+    }
+}
