@@ -3,7 +3,7 @@
 //!
 //! `firmware/image/src/bin/cost` checks the kernels and counts; QEMU runs it with a clock that
 //! advances by instructions, so every run counts the same. The table is `firmware/image/cost.tsv`;
-//! `docs/cost.md` is drawn from it.
+//! `benches/record/cost.md` is drawn from it.
 
 mod page;
 mod table;
@@ -58,7 +58,7 @@ const MACHINES: [Machine; 4] = {
 const LONGEST: Duration = Duration::from_secs(60);
 
 const TABLE: &str = "firmware/image/cost.tsv";
-const PAGE: &str = "docs/cost.md";
+const PAGE: &str = "benches/record/cost.md";
 
 /// Counts and compares with the committed table, or rewrites it.
 ///
@@ -114,6 +114,21 @@ fn check(counted: &Table) -> Result<()> {
     Aims::from_table(counted)?.check()?;
     println!("{} figures, none grew by more than {TOLERANCE_PERCENT} %", counted.figures.len());
     Ok(())
+}
+
+/// The committed table as JSON: `/processor/kernel/case/stage`, instructions a waveform.
+///
+/// # Errors
+///
+/// When it cannot be read.
+pub(crate) fn recorded() -> Result<serde_json::Value> {
+    let text = fs::read_to_string(workspace()?.join(TABLE))
+        .with_context(|| format!("cannot read {TABLE}"))?;
+    let mut tree = serde_json::json!({});
+    for ([processor, kernel, case, stage], instructions) in Table::from_text(&text)?.figures {
+        tree[processor][kernel][case][stage] = instructions.into();
+    }
+    Ok(tree)
 }
 
 /// Whether there is a toolchain for every processor; where nobody would see that there is none,

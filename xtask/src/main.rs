@@ -1,6 +1,7 @@
 //! Project commands: `cargo xtask test`.
 
 mod cost;
+mod figures;
 mod firmware;
 mod fuzz;
 mod image;
@@ -63,6 +64,8 @@ enum Task {
         #[arg(long)]
         update: bool,
     },
+    /// The figures that README and docs print: runs what is cheap, compares run, record and pages.
+    Figures(figures::Figures),
     /// Registration against Open3D, small_gicp and KISS-Matcher on the same files, or the waveform
     /// path against numpy and scipy; needs python3 and the Python registry.
     Peers(peers::Peers),
@@ -76,6 +79,7 @@ fn main() -> Result<()> {
         Task::OnTarget { waveforms } => on_target(waveforms),
         Task::Fuzz { target, seconds } => fuzz::run(target.as_deref(), seconds),
         Task::Cost { update } => cost::run(update),
+        Task::Figures(asked) => figures::run(&asked),
         Task::Peers(asked) => peers::run(asked),
     }
 }

@@ -29,7 +29,7 @@ pub(crate) struct Peers {
     waveforms: bool,
 }
 
-/// Measures, and writes docs/registration-peers.md or docs/waveform-cost.md.
+/// Measures, and writes registration-peers.md or waveform-cost.md below benches/record.
 pub(crate) fn run(peers: Peers) -> Result<()> {
     if peers.waveforms { waveforms(peers.quick) } else { registration(peers) }
 }
@@ -52,8 +52,11 @@ fn registration(peers: Peers) -> Result<()> {
         "stages",
     ])?;
     let built = built(&root);
-    let page =
-        if peers.quick { work.join("quick.md") } else { root.join("docs/registration-peers.md") };
+    let page = if peers.quick {
+        work.join("quick.md")
+    } else {
+        root.join("benches/record/registration-peers.md")
+    };
     let mut command = Command::new(python);
     command.arg(scripts.join("run.py")).arg("--work").arg(&work).arg("--out").arg(page);
     command.arg("--stages").arg(built.join("stages")).arg("--echoloop").arg(built.join("echoloop"));
@@ -68,8 +71,11 @@ fn waveforms(quick: bool) -> Result<()> {
     let python =
         environment(&work.join("venv-waveforms"), &scripts.join("requirements-waveforms.txt"))?;
     cargo(["build", "--release", "--package", "echoloop-benches", "--bin", "waveforms"])?;
-    let page =
-        if quick { work.join("quick-waveforms.md") } else { root.join("docs/waveform-cost.md") };
+    let page = if quick {
+        work.join("quick-waveforms.md")
+    } else {
+        root.join("benches/record/waveform-cost.md")
+    };
     let mut command = Command::new(python);
     command.arg(scripts.join("waveforms.py")).arg("--work").arg(&work).arg("--out").arg(page);
     command.arg("--waveforms").arg(built(&root).join("waveforms")).args(quick.then_some("--quick"));

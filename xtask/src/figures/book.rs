@@ -1,0 +1,201 @@
+//! The list of figures.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use anyhow::{Context, Result, bail};
+use serde::Deserialize;
+use serde_json::Value;
+
+/// `benches/record/figures.toml`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Book {
+    /// When, with what and where the record was made.
+    #[expect(dead_code, reason = "for readers")]
+    pub(super) measured: String,
+    pub(super) run: Vec<Run>,
+    pub(super) figure: Vec<Figure>,
+}
+
+/// Something that is run once, for all figures that it makes.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Run {
+    pub(super) name: String,
+    pub(super) kind: Kind,
+    /// Of the program `echoloop`, without `--json`. `$ECHOLOOP_DATA` stands for that folder.
+    #[serde(default)]
+    pub(super) arguments: Vec<String>,
+    /// Longer than two minutes: only with `--all`.
+    #[serde(default)]
+    pub(super) slow: bool,
+}
+
+/// What makes the figures of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Kind {
+    /// The release build of `echoloop`, with `--json`.
+    Echoloop,
+    /// The sensor's images: `/TARGET/flash`, `statics` or `stack`, bytes.
+    Images,
+    /// The record of `cargo xtask cost`, instructions a waveform: `/PROCESSOR/KERNEL/CASE/STAGE`.
+    Cost,
+}
+
+/// Values that are printed together.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Figure {
+    pub(super) name: String,
+    /// Name of the run that makes them.
+    pub(super) run: String,
+    pub(super) values: BTreeMap<String, Place>,
+    /// Each as it is printed. On one line of the file, which `--update` rewrites.
+    pub(super) recorded: BTreeMap<String, String>,
+    pub(super) printed: Vec<Printed>,
+}
+
+/// Where a value stands in a run's output, and how it is printed.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Place {
+    /// JSON pointer (RFC 6901).
+    at: String,
+    /// The printed number is that many times the one in the output.
+    #[serde(default = "one")]
+    scale: f64,
+    #[serde(default)]
+    decimals: usize,
+    /// How far the printed number may be from the recorded one; same seed, same bytes: 0.
+    #[serde(default)]
+    within: f64,
+}
+
+/// Where figures are printed.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Printed {
+    pub(super) page: String,
+    /// Text of the page, with `{name}` for values.
+    pub(super) text: String,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+impl Book {
+    pub(super) fn of_text(text: &str) -> Result<Self> {
+        toml::from_str(text).map_err(Into::into)
+    }
+
+    /// What pages should print and do not, page and text.
+    pub(super) fn missing(&self, root: &Path) -> Result<Vec<String>> {
+        let mut missing = Vec::new();
+        for figure in &self.figure {
+            for Printed { page, text } in &figure.printed {
+                let line = figure.line(text);
+                let text = fs::read_to_string(root.join(page))
+                    .with_context(|| format!("cannot read {page}"))?;
+                if !text.contains(&line) {
+                    missing.push(format!("{page}: {line}"));
+                }
+            }
+        }
+        Ok(missing)
+    }
+}
+
+impl Figure {
+    /// A text with the recorded values in it.
+    pub(super) fn line(&self, text: &str) -> String {
+        fill(text, &self.recorded)
+    }
+}
+
+/// A text with values in it.
+pub(super) fn fill(text: &str, values: &BTreeMap<String, String>) -> String {
+    let put = |text: String, (name, value): (&String, &String)| {
+        text.replace(&format!("{{{name}}}"), value)
+    };
+    values.iter().fold(text.to_owned(), put)
+}
+
+impl Place {
+    /// The value in a run's output, as it is printed.
+    pub(super) fn read(&self, output: &Value) -> Result<String> {
+        match output.pointer(&self.at) {
+            Some(Value::Null) => Ok("–".to_owned()),
+            Some(Value::Number(number)) => {
+                let number = number.as_f64().context("a number")?;
+                Ok(print(number * self.scale, self.decimals))
+            }
+            found => bail!("no number at {}: {found:?}", self.at),
+        }
+    }
+
+    /// Whether what was measured is what was recorded.
+    pub(super) fn agrees(&self, recorded: &str, measured: &str) -> bool {
+        recorded == measured
+            || number(recorded)
+                .zip(number(measured))
+                .is_some_and(|(a, b)| (a - b).abs() <= self.within)
+    }
+}
+
+/// With commas between thousands.
+fn print(number: f64, decimals: usize) -> String {
+    let plain = format!("{number:.decimals$}");
+    let (whole, fraction) = plain.split_once('.').map_or((&*plain, None), |(w, f)| (w, Some(f)));
+    let mut text = String::new();
+    for (index, digit) in whole.chars().enumerate() {
+        let left = whole.len() - index;
+        if index > 0 && left % 3 == 0 && !text.ends_with('-') {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    fraction.map_or_else(|| text.clone(), |fraction| format!("{text}.{fraction}"))
+}
+
+fn number(printed: &str) -> Option<f64> {
+    printed.replace(',', "").parse().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn place(at: &str, scale: f64, decimals: usize, within: f64) -> Place {
+        Place { at: at.to_owned(), scale, decimals, within }
+    }
+
+    #[test]
+    fn a_value_is_read_scaled_and_printed_with_commas() {
+        let output = json!({"a": {"b": 0.051_63, "c": 8280.4, "none": null}});
+        let read = |place: Place| place.read(&output).unwrap();
+        assert_eq!(read(place("/a/b", 100.0, 2, 0.0)), "5.16");
+        assert_eq!(read(place("/a/c", 1.0, 0, 0.0)), "8,280");
+        assert_eq!(read(place("/a/c", -1e3, 1, 0.0)), "-8,280,400.0");
+        assert_eq!(read(place("/a/none", 1.0, 0, 0.0)), "–");
+        assert!(place("/a/z", 1.0, 0, 0.0).read(&output).is_err());
+    }
+
+    #[test]
+    fn values_agree_when_printed_alike_or_within_the_tolerance() {
+        assert!(place("", 1.0, 0, 0.0).agrees("8,280", "8,280"));
+        assert!(!place("", 1.0, 0, 0.0).agrees("8,280", "8,281"));
+        assert!(place("", 1.0, 0, 1.0).agrees("8,280", "8,281"));
+        assert!(!place("", 1.0, 0, 1.0).agrees("–", "8,281"));
+    }
+
+    #[test]
+    fn a_text_is_filled_with_values_by_their_names() {
+        let values = [("a", "1"), ("ab", "2")].map(|(k, v)| (k.to_owned(), v.to_owned()));
+        assert_eq!(fill("{a} of {ab}: {c}", &values.into()), "1 of 2: {c}");
+    }
+}

@@ -1,0 +1,70 @@
+//! The runs behind the figures, each as one JSON value.
+
+use std::collections::BTreeMap;
+use std::env;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use anyhow::{Context, Result, ensure};
+use serde_json::{Map, Value, json};
+
+use super::book::{Kind, Run};
+use crate::{cargo, cost, firmware};
+
+/// Runs each; what cannot be run on this machine is skipped aloud.
+pub(super) fn all(root: &Path, runs: &[&Run]) -> Result<BTreeMap<String, Value>> {
+    if runs.iter().any(|run| run.kind == Kind::Echoloop) {
+        cargo(["build", "--release", "--package", "echoloop-host", "--bin", "echoloop"])?;
+    }
+    let mut measured = BTreeMap::new();
+    for run in runs {
+        let output = match run.kind {
+            Kind::Echoloop => echoloop(root, run)?,
+            Kind::Images => images()?,
+            Kind::Cost => Some(cost::recorded()?),
+        };
+        measured.extend(output.map(|output| (run.name.clone(), output)));
+    }
+    Ok(measured)
+}
+
+/// What the program prints; `None` when the run needs data that are not here.
+fn echoloop(root: &Path, run: &Run) -> Result<Option<Value>> {
+    const DATA: &str = "$ECHOLOOP_DATA";
+    let data = env::var("ECHOLOOP_DATA").ok();
+    if data.is_none() && run.arguments.iter().any(|argument| argument.contains(DATA)) {
+        eprintln!("SKIPPED: {}: ECHOLOOP_DATA is not set", run.name);
+        return Ok(None);
+    }
+    let data = data.unwrap_or_default();
+    let arguments = run.arguments.iter().map(|argument| argument.replace(DATA, &data));
+    let mut command = Command::new(built(root).join("release/echoloop"));
+    command.current_dir(root).args(arguments).args(["--json", "--quiet"]);
+    if run.arguments.first().is_some_and(|command| command == "tune") {
+        command.arg("--runs").arg(built(root).join("figures"));
+    }
+    eprintln!("+ {command:?}");
+    let output = command.stderr(Stdio::inherit()).output().context("cannot run echoloop")?;
+    ensure!(output.status.success(), "{}: echoloop failed", run.name);
+    Ok(Some(serde_json::from_slice(&output.stdout).context("echoloop prints JSON")?))
+}
+
+/// Where builds lie.
+fn built(root: &Path) -> PathBuf {
+    env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), PathBuf::from)
+}
+
+/// Sizes of the images; `None` when one cannot be built here.
+fn images() -> Result<Option<Value>> {
+    let mut sizes = Map::new();
+    for (target, map) in firmware::TARGETS {
+        if let Err(error) = firmware::toolchain(target) {
+            eprintln!("SKIPPED: the images: {error:#}");
+            return Ok(None);
+        }
+        let (size, ..) = firmware::check(&firmware::build(target, "echoloop-sensor")?, map)?;
+        let size = json!({"flash": size.flash, "statics": size.statics, "stack": size.stack});
+        sizes.insert(target.to_owned(), size);
+    }
+    Ok(Some(Value::Object(sizes)))
+}
