@@ -14,7 +14,7 @@ import scaling
 import speed
 
 HERE = Path(__file__).parent
-TITLE = "# Registration against its peers\n\nWritten by `cargo xtask peers`; how and why: [registration.md](registration.md).\n"
+TITLE = "# Registration against its peers\n\nWritten by `cargo xtask peers`; how and why: [registration.md](../../docs/registration.md).\n"
 
 
 def script(name, out, *arguments, threads=1):

@@ -39,7 +39,7 @@ const MAX_FITS: usize = 12;
 ///    distance.
 /// 4. A final refit to all matches, and the count of those that agree.
 ///
-/// How it ranks among others: docs/registration-peers.md.
+/// How it ranks among others: benches/record/registration-peers.md.
 ///
 /// ```
 /// use echoloop_registration::cloud::Cloud;
