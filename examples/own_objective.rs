@@ -6,7 +6,7 @@
 
 use std::error::Error;
 
-use echoloop_cmaes::{CmaEs, Config, Stops};
+use echoloop_cmaes::{CmaEs, CmaEsConfig, Stops};
 
 /// Yours: smaller is better. Here Rosenbrock's banana in 0..1 squared, its minimum at (0.75, 0.75).
 fn objective(x: &[f64]) -> f64 {
@@ -16,7 +16,7 @@ fn objective(x: &[f64]) -> f64 {
 
 fn main() -> Result<(), Box<dyn Error>> {
     // Scale your parameters to 0..1: the search stays inside, by reflection. The seed decides all.
-    let mut config = Config::unit_cube(vec![0.2, 0.8], 0.2, 1);
+    let mut config = CmaEsConfig::unit_cube(vec![0.2, 0.8], 0.2, 1);
     config.stops = Stops { generations: Some(500), target: Some(1e-10), ..Stops::default() };
     let mut search = CmaEs::new(config)?;
     let (mut best, mut evaluations) = ((f64::INFINITY, Vec::new()), 0);

@@ -42,3 +42,7 @@ pub use bounds::reflect;
 pub use cmaes::{Candidate, CmaEs};
 pub use config::{CmaEsConfig, CmaEsConfigError, StopReason, Stops, TellError};
 pub use strategy::{Constants, Strategy};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

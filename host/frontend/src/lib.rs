@@ -68,3 +68,7 @@ pub use receiver::{OpticsError, Receiver};
 pub use synthesis::{synthesise, synthesise_baseline};
 pub use waveform_front_end::WaveformFrontEnd;
 pub use weather::{Air, Precipitation, Weather};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
