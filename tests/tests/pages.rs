@@ -1,0 +1,186 @@
+//! README and docs: every link leads somewhere, every path exists, every command is one.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Folders whose files are nobody's pages or sources.
+const BUILT: [&str; 4] = ["target", ".git", "runs", "node_modules"];
+
+/// Endings of code spans that are files.
+const ENDINGS: [&str; 8] = [".rs", ".md", ".toml", ".tsv", ".py", ".s", ".x", ".sh"];
+
+/// Files that a page names and a user makes.
+const MADE: [&str; 2] = ["runs/latest/report.html", "my_sensor.toml"];
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..").canonicalize().expect("the workspace")
+}
+
+/// Every file of the repository, from its root, with `/`.
+fn files() -> BTreeSet<String> {
+    fn walk(root: &Path, folder: &Path, found: &mut BTreeSet<String>) {
+        for entry in fs::read_dir(folder).expect("a folder") {
+            let path = entry.expect("an entry").path();
+            let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+            if path.is_dir() && !BUILT.contains(&name) {
+                walk(root, &path, found);
+            } else if path.is_file() {
+                let below = path.strip_prefix(root).expect("below the root");
+                found.insert(below.to_string_lossy().replace('\\', "/"));
+            }
+        }
+    }
+    let mut found = BTreeSet::new();
+    walk(&root(), &root(), &mut found);
+    found
+}
+
+/// Every page that a user reads, with its text.
+fn pages() -> Vec<(String, String)> {
+    let is_page = |path: &&String| path.ends_with(".md") && !path.starts_with("benches/peers/venv");
+    let read = |path: &String| {
+        (path.clone(), fs::read_to_string(root().join(path)).expect("a page is UTF-8"))
+    };
+    files().iter().filter(is_page).map(read).collect()
+}
+
+/// A page's lines with whether they stand in a fenced block, and in which language.
+fn lines(text: &str) -> impl Iterator<Item = (Option<&str>, &str)> {
+    let mut fence = None;
+    text.lines().filter_map(move |line| match line.trim_start().strip_prefix("```") {
+        Some(language) => {
+            fence = if fence.is_some() { None } else { Some(language) };
+            None
+        }
+        None => Some((fence, line)),
+    })
+}
+
+/// What stands between two texts, each time.
+fn between<'a>(line: &'a str, open: &'a str, close: &'a str) -> Vec<&'a str> {
+    line.split(open).skip(1).filter_map(|rest| rest.split(close).next()).collect()
+}
+
+/// A path relative to a page's folder, from the root; `None` when it leads out of the repository.
+fn resolve(page: &str, link: &str) -> Option<String> {
+    let mut parts: Vec<&str> = page.split('/').collect();
+    parts.pop();
+    for part in link.trim_end_matches('/').split('/') {
+        match part {
+            "." => {}
+            ".." => drop(parts.pop()?),
+            part => parts.push(part),
+        }
+    }
+    Some(parts.join("/"))
+}
+
+#[test]
+fn every_relative_link_leads_to_a_file_or_folder() {
+    for (page, text) in pages() {
+        for (_, line) in lines(&text).filter(|(fence, _)| fence.is_none()) {
+            for link in between(line, "](", ")") {
+                let link = link.split('#').next().unwrap_or_default();
+                if link.is_empty() || link.contains("://") {
+                    continue;
+                }
+                let target = resolve(&page, link).expect("a link within the repository");
+                assert!(root().join(&target).exists(), "{page}: {link}");
+            }
+        }
+    }
+}
+
+#[test]
+fn every_path_in_a_code_span_exists() {
+    let files = files();
+    let folders: BTreeSet<&str> = files.iter().filter_map(|f| f.split('/').next()).collect();
+    let guides = |(page, _): &(String, String)| page == "README.md" || page.starts_with("docs/");
+    for (page, text) in pages().iter().filter(|page| guides(page)) {
+        for (_, line) in lines(text).filter(|(fence, _)| fence.is_none()) {
+            for span in line.split('`').skip(1).step_by(2) {
+                let is_file = ENDINGS.iter().any(|ending| span.ends_with(ending));
+                let inside = span.split_once('/').is_some_and(|(first, _)| folders.contains(first));
+                let words = span.contains(' ') || span.contains('*') || span.contains('<');
+                if words || MADE.contains(&span) || !(is_file || inside) {
+                    continue;
+                }
+                let ends_so = |file: &String| file.ends_with(&format!("/{span}"));
+                let exists = root().join(span).exists() || files.iter().any(ends_so);
+                assert!(exists, "{page}: `{span}`");
+            }
+        }
+    }
+}
+
+/// Lines of shell blocks, those that end in a backslash joined with the next.
+fn shell_lines(text: &str) -> Vec<String> {
+    let mut found: Vec<String> = Vec::new();
+    let mut open = false;
+    for (_, line) in lines(text).filter(|(fence, _)| *fence == Some("sh")) {
+        let (part, more) = line.strip_suffix('\\').map_or((line, false), |part| (part, true));
+        match found.last_mut().filter(|_| open) {
+            Some(last) => last.push_str(part),
+            None => found.push(part.to_owned()),
+        }
+        open = more;
+    }
+    found
+}
+
+/// The words of a command, up to a comment, a pipe or a redirection.
+fn words(command: &str) -> Vec<&str> {
+    let ends = |word: &&str| !["|", ">", "<", "&&"].contains(word) && !word.starts_with('#');
+    command.split_whitespace().take_while(ends).map(|word| word.trim_matches('\'')).collect()
+}
+
+#[test]
+fn every_echoloop_command_of_the_pages_is_understood() {
+    let mut seen = 0;
+    for (page, text) in pages() {
+        for line in shell_lines(&text) {
+            let line = line.replace("cargo run --release --", "echoloop");
+            // Of a pipeline, the part that is ours.
+            let part = line.split('|').map(str::trim).find(|part| part.starts_with("echoloop "));
+            let Some(command) = part.filter(|part| !part.contains('[') && !part.contains('…'))
+            else {
+                continue;
+            };
+            let result = echoloop_host::cli::command().try_get_matches_from(words(command));
+            assert!(result.is_ok(), "{page}: {line}\n{}", result.unwrap_err());
+            seen += 1;
+        }
+    }
+    assert!(seen > 25, "only {seen} commands");
+}
+
+#[test]
+fn every_project_command_of_the_pages_exists() {
+    let source = fs::read_to_string(root().join("xtask/src/main.rs")).expect("a source");
+    for (page, text) in pages() {
+        for name in between(&text, "cargo xtask ", " ") {
+            let end = name.find(|c: char| !(c.is_ascii_lowercase() || c == '-'));
+            let name = &name[..end.unwrap_or(name.len())];
+            let variant: String = name.split('-').map(capital).collect();
+            let known =
+                [" {", "(", ","].iter().any(|end| source.contains(&format!("    {variant}{end}")));
+            assert!(name.is_empty() || known, "{page}: cargo xtask {name}");
+        }
+    }
+}
+
+fn capital(word: &str) -> String {
+    let mut letters = word.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}
+
+#[test]
+fn the_readme_keeps_to_its_size_and_reaches_each_page() {
+    let text = fs::read_to_string(root().join("README.md")).expect("the README");
+    assert!(text.lines().count() <= 120, "{} lines", text.lines().count());
+    assert!(text.split_whitespace().count() <= 950, "{} words", text.split_whitespace().count());
+    for file in files().iter().filter(|f| f.starts_with("docs/") && f.ends_with(".md")) {
+        assert!(text.contains(&format!("]({file})")), "the README does not lead to {file}");
+    }
+}
