@@ -11,7 +11,7 @@ use echoloop_own_firmware::{Buffer, Detector, OwnBoard, Watchdog};
 use echoloop_sensor::App;
 use echoloop_sensor::afe::{adc, emitter};
 use echoloop_sensor::mailbox::{Registers, serve};
-use echoloop_sim::nor::NorRam;
+use echoloop_sim::nor_flash::RamNorFlash;
 use embedded_hal::spi::{ErrorKind, Operation, SpiDevice};
 
 /// A sin² pulse of 5 ns at 1 GS/s on an ambient level of 100 codes, its middle at sample 200.
@@ -102,7 +102,7 @@ impl Watchdog for Dog {
     }
 }
 
-type Sensor = App<OwnBoard<Chip, Line, NorRam, Shots, Dog>>;
+type Sensor = App<OwnBoard<Chip, Line, RamNorFlash, Shots, Dog>>;
 
 fn sensor(line: &Line, shots: Shots, fed: &Rc<RefCell<u32>>) -> Box<Sensor> {
     let chip = |id| Chip([id, 0, 0, 0, 0, 0, 0, 0]);
@@ -110,7 +110,7 @@ fn sensor(line: &Line, shots: Shots, fed: &Rc<RefCell<u32>>) -> Box<Sensor> {
         emitter: chip(emitter::ID_VALUE),
         adc: chip(adc::ID_VALUE),
         link: line.clone(),
-        flash: NorRam::default(),
+        flash: RamNorFlash::default(),
         buffer: shots,
         watchdog: Dog(Rc::clone(fed)),
         restarts: 0,
