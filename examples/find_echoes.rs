@@ -11,7 +11,7 @@
 use std::error::Error;
 use std::f64::consts::PI;
 
-use echoloop_dsp::config::sample_period_fs;
+use echoloop_dsp::hardware::sample_period_fs;
 use echoloop_dsp::{Hardware, Pipeline, Scratch, Settings};
 
 /// Codes of a 12-bit converter: ambient light, some noise, and pulses, each (range in m, height in
