@@ -66,10 +66,7 @@ const PAGE: &str = "benches/record/cost.md";
 ///
 /// When the image finds a kernel that differs from its twin, or a figure grew.
 pub(crate) fn run(update: bool) -> Result<()> {
-    if !can_build()? || !can_emulate()? {
-        return Ok(());
-    }
-    let counted = count_all()?;
+    let Some(counted) = count()? else { return Ok(()) };
     if update { write(&counted) } else { check(&counted) }
 }
 
@@ -116,19 +113,25 @@ fn check(counted: &Table) -> Result<()> {
     Ok(())
 }
 
-/// The committed table as JSON: `/processor/kernel/case/stage`, instructions a waveform.
+/// What is counted now, as JSON: `/processor/kernel/case/stage`, instructions a waveform; `None`
+/// when a toolchain or an emulator is missing.
 ///
 /// # Errors
 ///
-/// When it cannot be read.
-pub(crate) fn recorded() -> Result<serde_json::Value> {
-    let text = fs::read_to_string(workspace()?.join(TABLE))
-        .with_context(|| format!("cannot read {TABLE}"))?;
+/// When the image finds a kernel that differs from its twin; where `CI` is set, when something is
+/// missing.
+pub(crate) fn counted() -> Result<Option<serde_json::Value>> {
+    let Some(table) = count()? else { return Ok(None) };
     let mut tree = serde_json::json!({});
-    for ([processor, kernel, case, stage], instructions) in Table::from_text(&text)?.figures {
+    for ([processor, kernel, case, stage], instructions) in table.figures {
         tree[processor][kernel][case][stage] = instructions.into();
     }
-    Ok(tree)
+    Ok(Some(tree))
+}
+
+/// Every figure; `None` when it cannot be counted here.
+fn count() -> Result<Option<Table>> {
+    if can_build()? && can_emulate()? { count_all().map(Some) } else { Ok(None) }
 }
 
 /// Whether there is a toolchain for every processor; where nobody would see that there is none,
@@ -221,15 +224,9 @@ fn emulate(machine: &Machine, image: &Path) -> Result<String> {
 
 /// Versions and date.
 fn measured_with() -> Result<String> {
-    let first_line = |program: &str, argument: &str| -> Result<String> {
-        let output = Command::new(program)
-            .arg(argument)
-            .output()
-            .with_context(|| format!("cannot run {program}"))?;
-        Ok(String::from_utf8_lossy(&output.stdout).lines().next().unwrap_or_default().to_owned())
-    };
     let rustc = firmware::toolchain(MACHINES[0].target)?.version().to_owned();
-    let qemu = first_line("qemu-system-arm", "--version")?.replace("QEMU emulator version", "QEMU");
-    let qemu = qemu.split(" (").next().unwrap_or_default().to_owned();
-    Ok(format!("{rustc}, {qemu}, {}", first_line("date", "+%F")?))
+    let qemu = crate::first_line("qemu-system-arm", &["--version"])?;
+    let qemu = qemu.replace("QEMU emulator version", "QEMU");
+    let qemu = qemu.split(" (").next().unwrap_or_default();
+    Ok(format!("{rustc}, {qemu}, {}", crate::day::today()))
 }

@@ -1,6 +1,7 @@
 //! Project commands: `cargo xtask test`.
 
 mod cost;
+mod day;
 mod figures;
 mod firmware;
 mod fuzz;
@@ -180,6 +181,14 @@ fn succeed(command: &mut Command) -> Result<()> {
         bail!("failed: {shown}");
     }
     Ok(())
+}
+
+/// The first line that a program prints.
+fn first_line(program: &str, arguments: &[&str]) -> Result<String> {
+    let mut command = Command::new(program);
+    let output = command.current_dir(workspace()?).args(arguments).output();
+    let output = output.with_context(|| format!("cannot run {program}"))?;
+    Ok(String::from_utf8_lossy(&output.stdout).lines().next().unwrap_or_default().to_owned())
 }
 
 /// The workspace's root.

@@ -9,7 +9,8 @@ use anyhow::{Context, Result, ensure};
 use serde_json::{Map, Value, json};
 
 use super::book::{Kind, Run};
-use crate::{cargo, cost, firmware};
+use crate::day::today;
+use crate::{cargo, cost, firmware, first_line};
 
 /// Runs each; what cannot be run on this machine is skipped aloud.
 pub(super) fn all(root: &Path, runs: &[&Run]) -> Result<BTreeMap<String, Value>> {
@@ -21,11 +22,22 @@ pub(super) fn all(root: &Path, runs: &[&Run]) -> Result<BTreeMap<String, Value>>
         let output = match run.kind {
             Kind::Echoloop => echoloop(root, run)?,
             Kind::Images => images()?,
-            Kind::Cost => Some(cost::recorded()?),
+            Kind::Cost => cost::counted()?,
         };
         measured.extend(output.map(|output| (run.name.clone(), output)));
     }
     Ok(measured)
+}
+
+/// Day, code and compiler of a run that was just made.
+pub(super) fn stamp(run: &Run) -> Result<String> {
+    let code = first_line("git", &["describe", "--always", "--dirty", "--exclude", "*"])?;
+    let compiler = match run.kind {
+        Kind::Echoloop => first_line("rustc", &["--version"])?,
+        Kind::Images | Kind::Cost => firmware::toolchain(firmware::TARGETS[0].0)?.version().into(),
+    };
+    let compiler = compiler.split(" (").next().unwrap_or_default();
+    Ok(format!("{}, {code}, {compiler}", today()))
 }
 
 /// What the program prints; `None` when the run needs data that are not here.

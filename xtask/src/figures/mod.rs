@@ -2,21 +2,24 @@
 //!
 //! `benches/record/figures.toml` lists them: the run that makes them, where they stand in its
 //! output, what was recorded, and the lines of the pages that print them. Two things may differ,
-//! and each is a failure: the run from the record, and the page from the record.
+//! and each is a failure: the run from the record, and the page from the record. A run that this
+//! machine cannot make is skipped aloud; a failure where it was asked for by name, where `CI` is
+//! set, and where nothing is left to compare.
 
 mod book;
 mod measure;
+mod page;
 mod update;
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::Path;
+use std::{env, fs};
 
 use anyhow::{Context, Result, ensure};
 use serde_json::Value;
 
 use crate::workspace;
-use book::{Book, Figure};
+use book::{Book, Figure, Run};
 
 const BOOK: &str = "benches/record/figures.toml";
 
@@ -40,50 +43,87 @@ struct Compared<'a> {
     value: &'a str,
     recorded: &'a str,
     measured: String,
-    same: bool,
+}
+
+impl Compared<'_> {
+    /// Whether they are printed alike: same seed, same bytes.
+    fn same(&self) -> bool {
+        self.recorded == self.measured
+    }
 }
 
 /// Measures, compares with the record and the record with the pages.
 ///
 /// # Errors
 ///
-/// When a run fails, a measured figure is not the recorded one, or a page prints another.
+/// When a run fails or a skipped one had to be made, a measured figure is not the recorded one, or
+/// a page prints another; with `--update`, when that is still so after writing.
 pub(crate) fn run(asked: &Figures) -> Result<()> {
     let root = workspace()?;
     let book = read(&root)?;
-    let measured = measure::all(&root, &asked.chosen(&book)?)?;
+    let chosen = asked.chosen(&book)?;
+    let measured = measure::all(&root, &chosen)?;
     let rows = compare(&book, &measured)?;
     rows.iter().for_each(print);
+    let (made, skipped): (Vec<&Run>, Vec<&Run>) =
+        chosen.iter().partition(|run| measured.contains_key(&run.name));
+    let strict = !asked.only.is_empty() || env::var_os("CI").is_some();
+    refuse_gaps(rows.len(), &skipped, strict)?;
     if asked.update {
-        return update::write(&root, BOOK, &book, &rows);
+        let stamp = |run| Ok((run, measure::stamp(run)?));
+        let made = made.into_iter().map(stamp).collect::<Result<Vec<_>>>()?;
+        update::write(&root, BOOK, &made, &book, &rows)?;
     }
-    let wrong = rows.iter().filter(|row| !row.same).count();
-    let missing = book.missing(&root)?;
-    missing.iter().for_each(|line| println!("not printed: {line}"));
+    judge(&root, &read(&root)?, &measured)
+}
+
+/// Fails when a run was skipped that had to be made, or nothing was compared at all.
+fn refuse_gaps(compared: usize, skipped: &[&Run], strict: bool) -> Result<()> {
+    let names: Vec<&str> = skipped.iter().map(|run| run.name.as_str()).collect();
+    ensure!(compared > 0, "nothing was compared; skipped: {names:?}");
+    ensure!(names.is_empty() || !strict, "skipped: {names:?}");
+    Ok(())
+}
+
+/// Holds the record, as the file has it now, to what was measured, and the pages to the record.
+fn judge(root: &Path, book: &Book, measured: &BTreeMap<String, Value>) -> Result<()> {
+    let rows = compare(book, measured)?;
+    let wrong = rows.iter().filter(|row| !row.same()).count();
+    let missing = book.missing(|page| text(root, page))?;
     ensure!(
         wrong == 0 && missing.is_empty(),
-        "{wrong} figures are not as recorded, {} pages do not print the record; \
-         if the code is right: cargo xtask figures --update",
-        missing.len()
+        "{wrong} values are not as recorded, {} pages do not print the record; if the code is \
+         right: cargo xtask figures --update; if a page is not: write what was not printed there\n  {}",
+        missing.len(),
+        missing.join("\n  ")
     );
-    println!("{} figures are as recorded, and the pages print them", rows.len());
+    for run in book.run.iter().filter(|run| !measured.contains_key(&run.name)) {
+        println!("not measured now: {}: {}", run.name, run.measured);
+    }
+    println!(
+        "{} values of {} runs are as recorded, and the pages print what is recorded",
+        rows.len(),
+        measured.len()
+    );
     Ok(())
 }
 
 fn read(root: &Path) -> Result<Book> {
-    let text =
-        fs::read_to_string(root.join(BOOK)).with_context(|| format!("cannot read {BOOK}"))?;
-    Book::of_text(&text).with_context(|| BOOK.to_owned())
+    Book::from_text(&text(root, BOOK)?).with_context(|| BOOK.to_owned())
+}
+
+fn text(root: &Path, path: &str) -> Result<String> {
+    fs::read_to_string(root.join(path)).with_context(|| format!("cannot read {path}"))
 }
 
 impl Figures {
     /// The runs that were asked for: named ones, or all that are not slow.
-    fn chosen<'a>(&self, book: &'a Book) -> Result<Vec<&'a book::Run>> {
+    fn chosen<'a>(&self, book: &'a Book) -> Result<Vec<&'a Run>> {
         for name in &self.only {
             let known: Vec<&str> = book.run.iter().map(|run| run.name.as_str()).collect();
             ensure!(known.contains(&name.as_str()), "--only {name}: there are {known:?}");
         }
-        let chosen = |run: &&book::Run| match self.only.is_empty() {
+        let chosen = |run: &&Run| match self.only.is_empty() {
             true => self.all || !run.slow,
             false => self.only.contains(&run.name),
         };
@@ -99,16 +139,15 @@ fn compare<'a>(book: &'a Book, measured: &BTreeMap<String, Value>) -> Result<Vec
         for (value, place) in &figure.values {
             let recorded = figure.recorded.get(value).map_or("", String::as_str);
             let found = place.read(output).with_context(|| figure.name.clone())?;
-            let same = place.agrees(recorded, &found);
-            rows.push(Compared { figure, value, recorded, measured: found, same });
+            rows.push(Compared { figure, value, recorded, measured: found });
         }
     }
     Ok(rows)
 }
 
 fn print(row: &Compared<'_>) {
-    let Compared { figure, value, recorded, measured, same } = row;
-    let verdict = if *same { "" } else { "  <-- differs" };
+    let Compared { figure, value, recorded, measured } = row;
+    let verdict = if row.same() { "" } else { "  <-- differs" };
     println!("{:<44} {value:<14} {recorded:>12} {measured:>12}{verdict}", figure.name);
 }
 
@@ -119,7 +158,7 @@ mod tests {
     #[test]
     fn the_pages_print_the_recorded_figures() {
         let root = workspace().unwrap();
-        let missing = read(&root).unwrap().missing(&root).unwrap();
+        let missing = read(&root).unwrap().missing(|page| text(&root, page)).unwrap();
         assert!(missing.is_empty(), "{missing:#?}");
     }
 
@@ -133,7 +172,39 @@ mod tests {
             for printed in &figure.printed {
                 let line = figure.line(&printed.text);
                 assert!(!line.contains('{'), "{}: {line}", figure.name);
+                assert!(printed.text.contains('{'), "{}: {line} has no figure", figure.name);
             }
         }
+    }
+
+    #[test]
+    fn every_run_makes_a_figure() {
+        let book = read(&workspace().unwrap()).unwrap();
+        for run in &book.run {
+            assert!(book.figure.iter().any(|figure| figure.run == run.name), "{}", run.name);
+        }
+    }
+
+    #[test]
+    fn a_skipped_run_fails_where_it_had_to_be_made() {
+        let book = read(&workspace().unwrap()).unwrap();
+        let skipped = [&book.run[0]];
+        assert!(refuse_gaps(1, &[], true).is_ok());
+        assert!(refuse_gaps(1, &skipped, false).is_ok());
+        assert!(refuse_gaps(1, &skipped, true).is_err());
+        assert!(refuse_gaps(0, &skipped, false).is_err());
+        assert!(refuse_gaps(0, &[], false).is_err());
+    }
+
+    #[test]
+    fn a_value_that_is_not_the_recorded_one_differs() {
+        let book = read(&workspace().unwrap()).unwrap();
+        let figure = &book.figure[0];
+        let row = |measured: &str| {
+            let measured = measured.to_owned();
+            Compared { figure, value: "x", recorded: "8,280", measured }
+        };
+        assert!(row("8,280").same());
+        assert!(!row("8,281").same());
     }
 }

@@ -4,26 +4,37 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result};
 
 use super::Compared;
-use super::book::{Book, Figure, Printed, fill};
+use super::book::{Book, Figure, Printed, Run, fill};
+use super::page::replace;
 
-/// Writes what was measured where the recorded values stand.
+/// Writes what was measured where the recorded values stand, and when for the runs that were made:
+/// each with its stamp.
 ///
 /// # Errors
 ///
 /// When a page does not print what was recorded: then nobody knows where the new figure belongs.
-pub(super) fn write(root: &Path, list: &str, book: &Book, rows: &[Compared<'_>]) -> Result<()> {
+pub(super) fn write(
+    root: &Path,
+    list: &str,
+    made: &[(&Run, String)],
+    book: &Book,
+    rows: &[Compared<'_>],
+) -> Result<()> {
     let mut texts = Texts { root, changed: BTreeMap::new() };
+    for (run, stamp) in made {
+        texts.change(list, |text| stamped(text, run, stamp))?;
+    }
     for figure in &book.figure {
         let new = values(figure, rows);
         if new != figure.recorded {
-            texts.change(list, |text| record(text, figure, &new))?;
+            texts.change(list, |text| recorded(text, figure, &new))?;
             for Printed { page, text } in &figure.printed {
                 let (old, new) = (figure.line(text), fill(text, &new));
-                texts
-                    .change(page, |text| replace(text, &old, &new).with_context(|| page.clone()))?;
+                let lost = || format!("{page}: {}: it does not print {old:?}", figure.name);
+                texts.change(page, |text| replace(text, &old, &new).with_context(lost))?;
             }
         }
     }
@@ -65,41 +76,55 @@ impl Texts<'_> {
     }
 }
 
-fn replace(text: &str, old: &str, new: &str) -> Result<String> {
-    ensure!(text.contains(old), "it does not print {old:?}");
-    Ok(text.replace(old, new))
-}
-
 /// The list with new values in the figure's line `recorded = { … }`.
-fn record(text: &str, figure: &Figure, new: &BTreeMap<String, String>) -> Result<String> {
-    let begin = text.find(&format!("name = {:?}\nrun", figure.name)).context("its name and run")?;
-    let line = begin + text[begin..].find("recorded = {").context("its recorded values")?;
-    let end = line + text[line..].find('\n').context("a whole line")?;
+fn recorded(text: &str, figure: &Figure, new: &BTreeMap<String, String>) -> Result<String> {
     let values: Vec<String> =
         new.iter().map(|(name, value)| format!("{name} = {value:?}")).collect();
-    Ok(format!("{}recorded = {{ {} }}{}", &text[..line], values.join(", "), &text[end..]))
+    let header = format!("[[figure]]\nname = {:?}\n", figure.name);
+    set(text, &header, "recorded", &format!("{{ {} }}", values.join(", ")))
+}
+
+/// The list with a new stamp in the run's line `measured = "…"`.
+fn stamped(text: &str, run: &Run, stamp: &str) -> Result<String> {
+    set(text, &format!("[[run]]\nname = {:?}\n", run.name), "measured", &format!("{stamp:?}"))
+}
+
+/// The list with a new value in the first line `key = …` after a header.
+fn set(text: &str, header: &str, key: &str, value: &str) -> Result<String> {
+    let begin = text.find(header).with_context(|| format!("no {header:?}"))? + header.len() - 1;
+    let line = format!("\n{key} = ");
+    let line = begin + text[begin..].find(&line).context("no line of its own")? + line.len();
+    let end = line + text[line..].find('\n').context("no whole line")?;
+    Ok(format!("{}{value}{}", &text[..line], &text[end..]))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const LIST: &str = "measured = \"now\"\n\n[[run]]\nname = \"r\"\nkind = \"cost\"\n\n[[figure]]\n\
-        name = \"a\"\nrun = \"r\"\nvalues.x = { at = \"/x\" }\nrecorded = { x = \"1\" }\nprinted = []\n\n\
-        [[figure]]\nname = \"b\"\nrun = \"r\"\nvalues.x = { at = \"/x\" }\nrecorded = { x = \"2\" }\n\
-        printed = []\n";
+    const LIST: &str = "\
+        [[run]]\nname = \"q\"\nkind = \"cost\"\nmeasured = \"once\"\n\n\
+        [[run]]\nname = \"a\"\nkind = \"cost\"\nmeasured = \"once\"\n\n\
+        [[figure]]\nname = \"a\"\nrun = \"q\"\nvalues.x = { at = \"/x\" }\n\
+        recorded = { x = \"1\" }\n\
+        printed = [{ page = \"page.md\", text = \"{x} by\" }]\n\n\
+        [[figure]]\nname = \"b\"\nrun = \"a\"\nvalues.x = { at = \"/x\" }\n\
+        recorded = { x = \"2\" }\nprinted = []\n";
 
     #[test]
     fn a_figure_s_record_is_rewritten_and_nothing_else() {
-        let book = Book::of_text(LIST).unwrap();
+        let book = Book::from_text(LIST).unwrap();
         let new = BTreeMap::from([("x".to_owned(), "3".to_owned())]);
-        let text = record(LIST, &book.figure[1], &new).unwrap();
+        let text = recorded(LIST, &book.figure[1], &new).unwrap();
         assert_eq!(text, LIST.replace("x = \"2\"", "x = \"3\""));
     }
 
     #[test]
-    fn a_page_that_prints_something_else_is_not_touched() {
-        assert_eq!(replace("recall 95 %", "95", "97").unwrap(), "recall 97 %");
-        assert!(replace("recall 95 %", "90", "97").is_err());
+    fn a_run_s_stamp_is_rewritten_and_nothing_else() {
+        let book = Book::from_text(LIST).unwrap();
+        let text = stamped(LIST, &book.run[1], "now").unwrap();
+        assert_eq!(text.matches("once").count(), 1);
+        let again = Book::from_text(&text).unwrap();
+        assert_eq!([&*again.run[0].measured, &*again.run[1].measured], ["once", "now"]);
     }
 }
