@@ -198,3 +198,27 @@ fn workspace() -> Result<PathBuf> {
         .context("xtask lies in the workspace")?
         .to_owned())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    #[test]
+    fn every_project_command_of_readme_and_docs_is_understood() {
+        let root = workspace().unwrap();
+        let docs = fs::read_dir(root.join("docs")).unwrap().map(|entry| entry.unwrap().path());
+        let mut seen = 0;
+        for page in docs.chain([root.join("README.md")]) {
+            let text = fs::read_to_string(&page).unwrap();
+            for rest in text.split("cargo xtask ").skip(1) {
+                let command = rest.split(['`', '\n', '#', '|']).next().unwrap();
+                let words = ["xtask"].into_iter().chain(command.split_whitespace());
+                let result = Task::try_parse_from(words).map(drop);
+                assert!(result.is_ok(), "{}: {command}\n{result:?}", page.display());
+                seen += 1;
+            }
+        }
+        assert!(seen > 20, "only {seen} commands");
+    }
+}
