@@ -155,6 +155,31 @@ fn every_echoloop_command_of_the_pages_is_understood() {
     assert!(seen > 25, "only {seen} commands");
 }
 
+/// Code spans of the text around fenced blocks that are the program with something after it.
+fn echoloop_spans(text: &str) -> Vec<String> {
+    let prose = lines(text).filter(|(fence, _)| fence.is_none());
+    let spans = prose.flat_map(|(_, line)| line.split('`').skip(1).step_by(2));
+    let spans = spans.map(|span| span.replace("cargo run --release --", "echoloop"));
+    spans.filter(|span| span.starts_with("echoloop ") && !span.contains('[')).collect()
+}
+
+#[test]
+fn every_echoloop_command_in_a_code_span_is_understood() {
+    let mut seen = 0;
+    for (page, text) in pages() {
+        for span in echoloop_spans(&text) {
+            let words = words(span.trim_end_matches('…'));
+            let command = echoloop_host::cli::command();
+            // A subcommand's name alone stands for it, whatever it needs.
+            let named = words.len() == 2 && command.find_subcommand(words[1]).is_some();
+            let result = command.try_get_matches_from(&words);
+            assert!(named || result.is_ok(), "{page}: `{span}`\n{}", result.unwrap_err());
+            seen += 1;
+        }
+    }
+    assert!(seen > 25, "only {seen} commands");
+}
+
 #[test]
 fn every_project_command_of_the_pages_exists() {
     let source = fs::read_to_string(root().join("xtask/src/main.rs")).expect("a source");
