@@ -72,7 +72,7 @@ impl From<TuneError> for Failure {
         match error {
             TuneError::Sensor(error) => error.into(),
             TuneError::Journal(error) => error.into(),
-            TuneError::Optimizer(_) => Self::usage(error),
+            TuneError::Optimizer(_) | TuneError::Diverged { .. } => Self::usage(error),
             TuneError::Interrupted { .. } => Self::new(130, error),
         }
     }

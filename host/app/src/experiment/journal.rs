@@ -263,6 +263,13 @@ fn agree(path: &Path, found: &Header, expected: &Header) -> Result<(), JournalEr
             found.program, found.link_schema, expected.program, expected.link_schema
         ));
     }
+    let other = |axis: &&String| !expected.axes.contains(axis);
+    if let Some(axis) = found.axes.iter().find(other).filter(|_| found.config == expected.config) {
+        return differ(format!(
+            "it searched {axis}, which this version does not; begin anew with \
+             `echoloop tune --config` and the run's config.toml"
+        ));
+    }
     if found.config != expected.config
         || found.axes != expected.axes
         || found.population != expected.population
@@ -358,6 +365,9 @@ mod tests {
         let other = Header { config: serde_json::json!({"seed": 2}), ..header() };
         let error = Journal::resume(&path, &other, true).unwrap_err().to_string();
         assert!(error.contains("another configuration"), "{error}");
+        let renamed = Header { axes: vec!["lidar.energy".into()], ..header() };
+        let error = Journal::resume(&path, &renamed, true).unwrap_err().to_string();
+        assert!(error.contains("it searched lidar.power"), "{error}");
         std::fs::write(&path, b"").unwrap();
         assert!(
             Journal::resume(&path, &header(), false).unwrap_err().to_string().contains("empty")

@@ -32,12 +32,44 @@ pub enum TuneError {
     /// The optimiser cannot run.
     #[error("the optimiser: {0}")]
     Optimizer(#[from] echoloop_cmaes::CmaEsConfigError),
+    /// The journal's candidates are not those that this search asks for.
+    #[error(
+        "line {} of the journal was drawn by another search: its {field} is not what the \
+         configuration gives in this version; begin anew with `echoloop tune --config` and the \
+         run's config.toml",
+        generation + 2
+    )]
+    Diverged {
+        /// The generation.
+        generation: u32,
+        /// What differs first.
+        field: &'static str,
+    },
     /// Someone asked to stop. What was done is in the journal.
     #[error("interrupted after {generations} generations")]
     Interrupted {
         /// Whole generations in the journal.
         generations: usize,
     },
+}
+
+/// Whether a generation of the journal is the one that the optimiser would draw now, bit for bit.
+///
+/// A search's start hangs on more than its configuration: on the defaults of this version. The same
+/// header would else go on from candidates that were never asked for.
+fn continues(optimizer: &CmaEs, generation: &Generation) -> Result<(), TuneError> {
+    let asked = optimizer.ask();
+    let points = generation.candidates.iter().map(|candidate| &candidate.point);
+    let fields = [
+        ("mean", generation.mean == optimizer.mean()),
+        ("sigma", generation.sigma == optimizer.sigma()),
+        ("deviations", generation.deviations == optimizer.deviations()),
+        ("candidates", points.eq(asked.iter().map(|candidate| &candidate.phenotype))),
+    ];
+    match fields.into_iter().find(|(_, same)| !same) {
+        Some((field, _)) => Err(TuneError::Diverged { generation: generation.generation, field }),
+        None => Ok(()),
+    }
 }
 
 /// Hears how far a search is.
@@ -151,6 +183,7 @@ impl TuneSearch<'_> {
         let mut generations = done;
         let total = self.config.tune.generations;
         for generation in &generations {
+            continues(&optimizer, generation)?;
             self.replay(&mut optimizer, generation);
             observer.generation(generation, total);
         }
@@ -382,5 +415,54 @@ impl TuneSearch<'_> {
         let noisy = self.noisy(&self.bench.dataset.test, Purpose::TestNoise);
         let errors = evaluate(&self.bench, parameters, &noisy, &|| observer.evaluated())?;
         Ok(Summary::from_errors(errors, &self.config.data))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use echoloop_cmaes::CmaEsConfig;
+
+    use super::*;
+
+    fn search(start: f64) -> CmaEs {
+        CmaEs::new(CmaEsConfig::unit_cube(vec![start; 3], 0.2, 1)).unwrap()
+    }
+
+    fn drawn(optimizer: &CmaEs) -> Generation {
+        let record = |point| CandidateRecord {
+            point,
+            values: Values::new(),
+            repaired: Vec::new(),
+            settings: 0,
+            errors: Vec::new(),
+            fitness: 1.0,
+        };
+        Generation {
+            generation: optimizer.generation() as u32,
+            pairs: Vec::new(),
+            mean: optimizer.mean().to_vec(),
+            deviations: optimizer.deviations(),
+            sigma: optimizer.sigma(),
+            candidates: optimizer.ask().into_iter().map(|c| record(c.phenotype)).collect(),
+        }
+    }
+
+    #[test]
+    fn a_search_goes_on_only_from_what_it_would_have_asked_itself() {
+        let optimizer = search(0.5);
+        continues(&optimizer, &drawn(&optimizer)).unwrap();
+        let refused = |change: &dyn Fn(&mut Generation)| {
+            let mut generation = drawn(&optimizer);
+            change(&mut generation);
+            continues(&optimizer, &generation).unwrap_err().to_string()
+        };
+        let error = continues(&optimizer, &drawn(&search(0.6))).unwrap_err().to_string();
+        assert!(
+            error.starts_with("line 2 of the journal") && error.contains("its mean"),
+            "{error}"
+        );
+        assert!(refused(&|g| g.sigma *= 1.0 + 1e-15).contains("its sigma"));
+        assert!(refused(&|g| g.candidates[2].point[1] *= 1.0 + 1e-15).contains("its candidates"));
+        assert!(refused(&|g| g.candidates.truncate(3)).contains("its candidates"));
     }
 }
