@@ -279,7 +279,6 @@ parameters! {
 impl ParameterId {
     /// Its row of the table.
     pub fn parameter(self) -> &'static Parameter {
-        const { assert!(PARAMETERS.len() == Self::EchoChoice as usize + 1) };
         PARAMETERS.get(self as usize).unwrap_or(&PARAMETERS[0]) // a row each: never out of bounds
     }
 
