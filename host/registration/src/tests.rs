@@ -66,7 +66,7 @@ fn icp() -> Icp {
 /// A registration method, and what it can do.
 struct Method {
     name: &'static str,
-    /// With its settings for outdoor scans.
+    /// With settings for a yard, or its own for outdoor scans.
     outdoor: Box<dyn Registration>,
     /// With the settings it suggests for two clouds.
     suggested: fn(&Cloud, &Cloud) -> Box<dyn Registration>,
@@ -78,11 +78,13 @@ struct Method {
 fn methods() -> Vec<Method> {
     let local = |name, outdoor, suggested| Method { name, outdoor, suggested, global: false };
     let global = |name, outdoor, suggested| Method { name, outdoor, suggested, global: true };
+    // The yard is 20 m wide: voxels of 0.5 m, for scans of a town, would leave little of it.
+    let yard = FeatureConfig::of_voxel(0.3);
     vec![
-        global("FGR", Box::new(Fgr::new(FgrConfig::outdoor()).unwrap()), |a, b| {
+        global("FGR", Box::new(Fgr::new(FgrConfig::of_features(yard)).unwrap()), |a, b| {
             Box::new(Fgr::new(FgrConfig::of_features(suggest_features(a, b))).unwrap())
         }),
-        global("MAC", Box::new(Mac::new(MacConfig::outdoor()).unwrap()), |a, b| {
+        global("MAC", Box::new(Mac::new(MacConfig::of_features(yard)).unwrap()), |a, b| {
             Box::new(Mac::new(MacConfig::of_features(suggest_features(a, b))).unwrap())
         }),
         local("ICP", Box::new(icp()), |a, b| Box::new(Icp::new(suggest(a, b)).unwrap())),
