@@ -92,8 +92,9 @@ fn judge(root: &Path, book: &Book, measured: &BTreeMap<String, Value>) -> Result
     let missing = book.missing(|page| text(root, page))?;
     ensure!(
         wrong == 0 && missing.is_empty(),
-        "{wrong} values are not as recorded, {} pages do not print the record; if the code is \
-         right: cargo xtask figures --update; if a page is not: write what was not printed there\n  {}",
+        "{wrong} values are not as recorded, {} pages do not print the record\n  {}\n\
+         if the code is right: cargo xtask figures --update; \
+         if a page is not: write there what it does not print",
         missing.len(),
         missing.join("\n  ")
     );
