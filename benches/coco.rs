@@ -7,8 +7,9 @@
 //! bridge → child   f, or STOP
 //! ```
 //!
-//! The first `whole` coordinates are whole numbers. A search that stops is followed by one of twice the population from elsewhere (IPOP). Points
-//! stay within the bounds. With PYCMA set, the constants are pycma's.
+//! The first `whole` coordinates are whole numbers. A search that stops is followed by one of twice
+//! the population from elsewhere (IPOP). Points stay within the bounds. With PYCMA set, the
+//! constants are pycma's.
 
 use std::error::Error;
 use std::io::{BufRead, Lines, StdinLock, Write, stdin, stdout};

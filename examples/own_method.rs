@@ -1,7 +1,7 @@
 //! A registration method of one's own: start here.
 //!
 //! ```sh
-//! cargo run --release -p echoloop-examples --example own_method                      # two generated yards
+//! cargo run --release -p echoloop-examples --example own_method   # two generated yards
 //! cargo run --release -p echoloop-examples --example own_method -- target.ply source.ply
 //! ```
 //!

@@ -128,9 +128,8 @@ fn answer(pool: &rayon::ThreadPool, pair: &mut Option<Pair>, line: &str) -> Resu
         Request::Load { target, source, voxel_m, initial } => {
             let initial = initial.map_or(Ok(Pose::identity()), |rows| from_rows(&rows))?;
             let loaded = pair.insert(Pair::load(&target, &source, voxel_m, initial)?);
-            Ok(
-                json!({"points": [loaded.target.points.len(), loaded.source.points.len()], "stages": STAGES}),
-            )
+            let points = [&loaded.target, &loaded.source].map(|cloud| cloud.points.len());
+            Ok(json!({"points": points, "stages": STAGES}))
         }
         Request::Run(name) => {
             let pair = pair.as_mut().ok_or("expected a pair to be loaded first")?;

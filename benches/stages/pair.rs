@@ -46,15 +46,15 @@ impl Pair {
     }
 
     pub(crate) fn features(&self) -> FeatureConfig {
-        FeatureConfig::of_voxel(self.voxel_m)
+        FeatureConfig::from_voxel(self.voxel_m)
     }
 
     pub(crate) fn fgr(&self) -> FgrConfig {
-        FgrConfig::of_features(self.features())
+        FgrConfig::from_features(self.features())
     }
 
     pub(crate) fn mac(&self) -> MacConfig {
-        MacConfig::of_features(self.features())
+        MacConfig::from_features(self.features())
     }
 
     pub(crate) fn icp(&self) -> IcpConfig {
@@ -78,8 +78,8 @@ impl Pair {
     }
 
     /// What finishes a global method with GICP, with the distances that ICP would have.
-    pub(crate) fn finishing_gicp(&self) -> GicpConfig {
-        GicpConfig::from(&IcpConfig::finishing(self.voxel_m))
+    pub(crate) fn refinement_gicp(&self) -> GicpConfig {
+        GicpConfig::from(&IcpConfig::refinement(self.voxel_m))
     }
 
     pub(crate) fn voxel_m(&self) -> f64 {

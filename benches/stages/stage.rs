@@ -126,7 +126,7 @@ pub(crate) fn run(pair: &mut Pair, name: &str) -> Result<Measured> {
 
 /// A method that goes from clouds to a pose.
 fn method(name: &str, pair: &Pair) -> Result<Box<dyn Registration>> {
-    let finish = Some(IcpConfig::finishing(pair.voxel_m()));
+    let finish = Some(IcpConfig::refinement(pair.voxel_m()));
     Ok(match name {
         "icp" => build(&MethodConfig::Icp(pair.icp()), None)?,
         "gicp" => build(&MethodConfig::Gicp(pair.gicp()), None)?,
@@ -136,11 +136,11 @@ fn method(name: &str, pair: &Pair) -> Result<Box<dyn Registration>> {
         "mac_refined" => build(&MethodConfig::Mac(pair.mac()), finish)?,
         "fgr_gicp" => Box::new(Refined {
             global: Fgr::new(pair.fgr())?,
-            local: Gicp::new(pair.finishing_gicp())?,
+            local: Gicp::new(pair.refinement_gicp())?,
         }),
         "mac_gicp" => Box::new(Refined {
             global: Mac::new(pair.mac())?,
-            local: Gicp::new(pair.finishing_gicp())?,
+            local: Gicp::new(pair.refinement_gicp())?,
         }),
         _ => return Err(format!("there is no stage {name:?}").into()),
     })

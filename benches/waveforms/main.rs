@@ -1,7 +1,7 @@
 //! Times the waveform path: the side of `benches/peers/waveforms.py` that is ours.
 //!
 //! ```text
-//! waveforms --serve CODES   # answers each line of input, "pipeline v3" for one, with {"cpu_ms": …}
+//! waveforms --serve CODES   # answers each line of input, e.g. "pipeline v3", with {"cpu_ms": …}
 //! waveforms --growth        # how cost grows with beams, samples, taps and echoes, in Markdown
 //! ```
 //!

@@ -6,7 +6,7 @@
 //! | [`frame_decoder`] | a line's, or a payload's | what is accepted is accepted again, as it was |
 //! | [`session`] | commands, noise, restarts, power cuts | a generation names one set of settings |
 //! | [`store`] | a flash's | what is loaded passes the check; what is saved is loaded |
-//! | [`waveforms`] | settings, hardware, codes; a file | kernels agree; echoes lie within, in order |
+//! | [`waveforms`] | settings, hardware, codes; a file | kernels agree; echoes lie in it, in order |
 //!
 //! In a session, settings pass the check besides, and what is saved has been active.
 
@@ -126,8 +126,8 @@ impl Draw<'_> {
     }
 }
 
-/// A sensor, and what is known of it.
-struct Witness {
+/// A sensor, and what was observed of it.
+struct Observer {
     sensor: PcSensor<Target>,
     /// What each generation of this start named.
     names: HashMap<u32, Settings>,
@@ -137,7 +137,7 @@ struct Witness {
     sequence: u16,
 }
 
-impl Witness {
+impl Observer {
     fn switch_on(store: RamNorFlash) -> Self {
         let pattern = ScanPattern { columns: 2, rows: 2, ..ScanPattern::default() };
         let sensor = PcSensor::with_store(Target::default(), pattern, HARDWARE, store);
@@ -150,7 +150,7 @@ impl Witness {
         }
     }
 
-    /// The power goes and comes back; the flash and this witness remember.
+    /// The power goes and comes back; the flash and this observer remember.
     fn restart(&mut self) {
         let mut store = self.sensor.store_mut().clone();
         store.switch_on();
@@ -229,25 +229,25 @@ impl Witness {
 /// A program of at most 64 steps, run by a whole sensor.
 pub fn session(bytes: &[u8]) {
     let mut draw = Draw(bytes);
-    let mut witness = Witness::switch_on(RamNorFlash::default());
+    let mut observer = Observer::switch_on(RamNorFlash::default());
     for _ in 0..64 {
         if draw.0.is_empty() {
             return;
         }
         match draw.below(16) {
             0..9 => {
-                let command = witness.command(&mut draw);
-                witness.say(&command);
+                let command = observer.command(&mut draw);
+                observer.say(&command);
             }
-            9 | 10 => witness.say(&Command::Hello(Greeting::OURS)),
-            11 => witness.hear(&draw.bytes()),
-            12 => witness.say(&Raw(&draw.bytes())),
-            13 => witness.sequence = draw.word() as u16,
-            14 => witness
+            9 | 10 => observer.say(&Command::Hello(Greeting::OURS)),
+            11 => observer.hear(&draw.bytes()),
+            12 => observer.say(&Raw(&draw.bytes())),
+            13 => observer.sequence = draw.word() as u16,
+            14 => observer
                 .sensor
                 .store_mut()
                 .cut_after(usize::from(draw.below(40)), u64::from(draw.byte())),
-            _ => witness.restart(),
+            _ => observer.restart(),
         }
     }
 }

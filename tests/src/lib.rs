@@ -3,11 +3,11 @@
 //! | module | answers |
 //! |---|---|
 //! | [`vectors`] | which waveforms? |
-//! | [`bit_true`] | is the integer code what its tables say? Rounds where they do; compared by `==` |
+//! | [`bit_true`] | is the integer code what its tables say? Rounds as they do; compared by `==` |
 //! | [`float_reference`] | is that good enough? Never rounds; compared within [`tolerance`] |
 //! | [`target`], [`gdb`] | does the microcontroller say the same? Boards in QEMU |
-//! | [`faults`] | what if the line is bad?
-//! | [`harness`] | what if the bytes are any?
+//! | [`faults`] | what if the line is bad? |
+//! | [`harness`] | what if the bytes are any? |
 
 pub mod bit_true;
 pub mod faults;

@@ -354,8 +354,8 @@ fn a_rising_edge_walks_as_the_physics_says_and_a_constant_fraction_does_not() {
     for (ratio, expected_m) in [(1.01, 0.702), (10.0, 0.154), (90.0, 0.0505)] {
         let walk_m = quiet(TimingMethod::RisingEdge.code(), ratio * threshold);
         assert!((walk_m - expected_m).abs() < 0.012, "A/T {ratio}: {walk_m} m");
-        let still_m = quiet(TimingMethod::ConstantFraction.code(), ratio * threshold);
-        assert!(still_m.abs() < 0.012, "A/T {ratio}: a constant fraction is {still_m} m off");
+        let error_m = quiet(TimingMethod::ConstantFraction.code(), ratio * threshold);
+        assert!(error_m.abs() < 0.012, "A/T {ratio}: a constant fraction is {error_m} m off");
     }
 }
 

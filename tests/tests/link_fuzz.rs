@@ -30,7 +30,7 @@ fn sensor(store: RamNorFlash) -> InProcess<Target> {
     InProcess(PcSensor::with_store(Target::default(), pattern, HARDWARE, store))
 }
 
-/// A program that tunes a sensor, and a witness who sees what the program cannot.
+/// A program that tunes a sensor, and what an observer sees that the program cannot.
 ///
 /// A command that was given up may still be under way, and act until a later one has been answered;
 /// so what it asked for stays possible until then.
@@ -272,8 +272,8 @@ impl LinkFuzz {
     }
 }
 
-/// So many frames over a line of these faults, and what became of them; the tries are those of whole
-/// commands.
+/// So many frames over a line of these faults, and what became of them; the tries are those of
+/// whole commands.
 fn fuzz(seed: u64, rates: Rates, frames: u64) -> LinkFuzz {
     let mut run = LinkFuzz::new(seed, rates);
     let began = Instant::now();

@@ -211,8 +211,8 @@ fn memory_that_was_used_changes_no_echo() {
     }
 }
 
-/// Peaks of the matched filter on a waveform of 5 ns pulses at 1 GS/s, and those with what hides in them; σ
-/// = 100.
+/// Peaks of the matched filter on a waveform of 5 ns pulses at 1 GS/s, and those with what hides in
+/// them; σ = 100.
 fn sensor(rng: &mut ChaCha8Rng, clean: &[(f64, f64)]) -> (usize, usize) {
     const SIGMA: f64 = 100.0;
     let template = Template::sin_squared(5_000, 1_000_000);

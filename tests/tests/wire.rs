@@ -401,8 +401,8 @@ fn every_variant_has_these_bytes() {
         (Report::Committed { generation: 300, hash }, "04 ac 02 f8 ac d1 91 01"),
         (
             Report::Settings { generation: 300, hash, settings },
-            "05 ac 02 f8 ac d1 91 01 98 75 90 4e 00 c0 0c 02 80 89 7a c0 3e b8 49 02 04 00 06 01 ae \
-             0d 02 00",
+            "05 ac 02 f8 ac d1 91 01 98 75 90 4e 00 c0 0c 02 80 89 7a c0 3e b8 49 02 04 00 06 01 \
+             ae 0d 02 00",
         ),
         (
             Report::Beams {
@@ -526,9 +526,9 @@ proptest! {
         let mut made = frame(0x0101, &&body[..]);
         let mut payload = [&[1, 1][..], &postcard_bytes(&body)].concat();
         payload.extend(crc::Crc::<u32>::new(&crc::CRC_32_ISCSI).checksum(&payload).to_le_bytes());
-        let mut twin = vec![0; 1_100];
-        let length = cobs::encode(&payload, &mut twin);
-        prop_assert_eq!(&made[1..made.len() - 1], &twin[..length]);
+        let mut theirs = vec![0; 1_100];
+        let length = cobs::encode(&payload, &mut theirs);
+        prop_assert_eq!(&made[1..made.len() - 1], &theirs[..length]);
         let inner = made.len() - 1;
         let cut = usize::from(zeros).min(inner - 1);
         let torn = &mut made[1..inner - cut];

@@ -64,7 +64,7 @@ const PAGE: &str = "benches/record/cost.md";
 ///
 /// # Errors
 ///
-/// When the image finds a kernel that differs from its twin, or a figure grew.
+/// When the image finds a kernel that differs from its portable form, or a figure grew.
 pub(crate) fn run(update: bool) -> Result<()> {
     let Some(counted) = count()? else { return Ok(()) };
     if update { write(&counted) } else { check(&counted) }
@@ -90,7 +90,7 @@ fn check(counted: &Table) -> Result<()> {
             env::var_os("CI").is_none(),
             "counted with {ours}, the table with {theirs}: cargo xtask cost --update"
         );
-        println!("{ours} against {theirs}: not compared; the kernels equal their twins");
+        println!("{ours} against {theirs}: not compared; the kernels equal their portable forms");
         return Ok(());
     }
     let (grown, shrunk) = compare(&committed, counted);

@@ -10,7 +10,8 @@
 //! | echoes from codes that your firmware has | [`Detector`] |
 //! | the whole sensor, which `echoloop tune --sensor serial:…` drives | [`OwnBoard`], [`serve`] |
 //!
-//! What each function of a board must do, with timing, buffers, flash and watchdog: docs/porting.md.
+//! What each function of a board must do, with timing, buffers, flash and watchdog:
+//! docs/porting.md.
 #![no_std]
 #![forbid(unsafe_code)]
 

@@ -1,4 +1,5 @@
-//! The example's board on a PC, as a host on its line sees it: registers, buffer and flash in memory.
+//! The example's board on a PC, as a host on its line sees it: registers, buffer and flash in
+//! memory.
 
 use std::cell::RefCell;
 use std::collections::VecDeque;

@@ -132,7 +132,8 @@ mod tests {
             (|s| s.gain_cdb = -1_001, "gain -10.01 dB is below its minimum -10 dB"),
             (
                 |s| s.power_cw = 10_000,
-                "power 100 W times pulse_width is 500.0 nJ, above the pulse energy limit of 400.0 nJ",
+                "power 100 W times pulse_width is 500.0 nJ, \
+                 above the pulse energy limit of 400.0 nJ",
             ),
             (
                 |s| (s.saturation_ppm, s.noise_floor_ppm) = (150_000, 200_000),
@@ -140,7 +141,8 @@ mod tests {
             ),
             (
                 |s| s.bins = 200,
-                "pulse_width 5 ns spans fewer than 2.5 samples of 3.969 ns (raise it or waveform_resolution)",
+                "pulse_width 5 ns spans fewer than 2.5 samples of 3.969 ns \
+                 (raise it or waveform_resolution)",
             ),
             (|s| s.upsampling = 3, "upsampling 3 is none of 1, 2, 4, 8"),
             (|s| s.shots = 3, "shots 3 is none of 1, 2, 4, 8, 16"),

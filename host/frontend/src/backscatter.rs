@@ -27,7 +27,7 @@ pub(crate) struct Medium {
 /// Response of a medium to a pulse, in the scanner's unit: received power over `P0 η A_r`, 1/m².
 ///
 /// ```text
-/// S(t) = ∫ β · ξ(R) · e^(−2αR) / R² · p(t − 2R/c) dR     over R up to the surface that ends the beam
+/// S(t) = ∫ β · ξ(R) · e^(−2αR) / R² · p(t − 2R/c) dR   over R up to the surface that ends it
 ///      = ½ (G0 − cos ωt · Gc − sin ωt · Gs),                   ω = π/W
 /// G·   = ∫ g(u) · {1, cos ωu, sin ωu} du                 u from t − 2W to the surface's 2R/c or t
 /// g    = (c/2) β ξ e^(−2αR) / R²
@@ -213,10 +213,10 @@ mod tests {
     }
 
     fn response(returns: &[Return]) -> Vec<f32> {
-        let mut soft = BackscatterResponse::default();
-        soft.prepare(FOG, &ANALOG, 400);
+        let mut backscatter = BackscatterResponse::default();
+        backscatter.prepare(FOG, &ANALOG, 400);
         let mut signal = vec![0.0; 400];
-        soft.add(&ANALOG, returns, 1.0, &mut signal);
+        backscatter.add(&ANALOG, returns, 1.0, &mut signal);
         signal
     }
 
@@ -270,11 +270,11 @@ mod tests {
 
     #[test]
     fn a_longer_window_extends_the_table_without_changing_it() {
-        let mut soft = BackscatterResponse::default();
-        soft.prepare(FOG, &ANALOG, 100);
-        soft.prepare(FOG, &ANALOG, 400);
+        let mut backscatter = BackscatterResponse::default();
+        backscatter.prepare(FOG, &ANALOG, 100);
+        backscatter.prepare(FOG, &ANALOG, 400);
         let mut signal = vec![0.0; 400];
-        soft.add(&ANALOG, &[], 1.0, &mut signal);
+        backscatter.add(&ANALOG, &[], 1.0, &mut signal);
         assert_eq!(signal, response(&[]));
     }
 }

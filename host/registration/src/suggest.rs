@@ -70,37 +70,37 @@ impl<'a> Suggestions<'a> {
             echoes.drop_invalid();
             widened(&echoes, voxel_m)
         });
-        let config = FeatureConfig::of_voxel(voxel_m);
+        let config = FeatureConfig::from_voxel(voxel_m);
         if config.check().is_ok() { config } else { FeatureConfig::outdoor() }
     }
 
     /// As [`suggest_method`].
     pub fn method(&self, method: Method, mode: FgrMode, voxel_m: Option<f64>) -> MethodConfig {
-        let features = || voxel_m.map_or_else(|| self.features(), FeatureConfig::of_voxel);
+        let features = || voxel_m.map_or_else(|| self.features(), FeatureConfig::from_voxel);
         let icp = || voxel_m.map_or_else(|| self.icp(), |voxel_m| self.icp_of_voxel(voxel_m));
         match (method, mode) {
             (Method::Icp, _) => MethodConfig::Icp(icp()),
             (Method::Gicp, _) => MethodConfig::Gicp(GicpConfig::from(&icp())),
             (Method::Fgr, FgrMode::Annealed) => {
-                MethodConfig::Fgr(FgrConfig::of_features(features()))
+                MethodConfig::Fgr(FgrConfig::from_features(features()))
             }
             (Method::Fgr, FgrMode::Open3d) => {
                 MethodConfig::Fgr(FgrConfig::open3d(features().voxel_m))
             }
-            (Method::Mac, _) => MethodConfig::Mac(MacConfig::of_features(features())),
+            (Method::Mac, _) => MethodConfig::Mac(MacConfig::from_features(features())),
         }
     }
 
     /// As [`suggest_refinement`].
     pub fn refinement(&self, global_voxel_m: f64) -> IcpConfig {
         let voxel_m = self.icp().voxel_m.max(normal_voxel_m(self.target)).min(global_voxel_m);
-        let config = IcpConfig::finishing(voxel_m);
+        let config = IcpConfig::refinement(voxel_m);
         let first_m = (2.0 * global_voxel_m).max(config.first_pair_distance_m.unwrap_or_default());
         IcpConfig { first_pair_distance_m: Some(first_m), ..config }
     }
 
     fn icp_of_voxel(&self, voxel_m: f64) -> IcpConfig {
-        let config = IcpConfig::finishing(voxel_m);
+        let config = IcpConfig::refinement(voxel_m);
         let first_m = config.max_pair_distance_m.max(self.radius_m() / 4.0).min(1e6);
         IcpConfig { first_pair_distance_m: Some(first_m), ..config }
     }

@@ -79,13 +79,13 @@ fn methods() -> Vec<Method> {
     let local = |name, outdoor, suggested| Method { name, outdoor, suggested, global: false };
     let global = |name, outdoor, suggested| Method { name, outdoor, suggested, global: true };
     // The yard is 20 m wide: voxels of 0.5 m, for scans of a town, would leave little of it.
-    let yard = FeatureConfig::of_voxel(0.3);
+    let yard = FeatureConfig::from_voxel(0.3);
     vec![
-        global("FGR", Box::new(Fgr::new(FgrConfig::of_features(yard)).unwrap()), |a, b| {
-            Box::new(Fgr::new(FgrConfig::of_features(suggest_features(a, b))).unwrap())
+        global("FGR", Box::new(Fgr::new(FgrConfig::from_features(yard)).unwrap()), |a, b| {
+            Box::new(Fgr::new(FgrConfig::from_features(suggest_features(a, b))).unwrap())
         }),
-        global("MAC", Box::new(Mac::new(MacConfig::of_features(yard)).unwrap()), |a, b| {
-            Box::new(Mac::new(MacConfig::of_features(suggest_features(a, b))).unwrap())
+        global("MAC", Box::new(Mac::new(MacConfig::from_features(yard)).unwrap()), |a, b| {
+            Box::new(Mac::new(MacConfig::from_features(suggest_features(a, b))).unwrap())
         }),
         local("ICP", Box::new(icp()), |a, b| Box::new(Icp::new(suggest(a, b)).unwrap())),
         local("GICP", Box::new(Gicp::new(GicpConfig::outdoor()).unwrap()), |a, b| {

@@ -6,8 +6,8 @@ use std::path::Path;
 use echoloop_registration::config::{Range, Spacing};
 use echoloop_registration::{Method, MethodConfig, SETTINGS, Setting};
 
-const BEGIN: &str = "<!-- settings: written by `cargo test -p echoloop-registration --test settings` \
-                     with ECHOLOOP_WRITE_DOCS=1 -->\n";
+const BEGIN: &str = "<!-- settings: written by \
+    `cargo test -p echoloop-registration --test settings` with ECHOLOOP_WRITE_DOCS=1 -->\n";
 const END: &str = "<!-- end of the settings -->\n";
 
 /// Every setting: what it is.
@@ -105,6 +105,7 @@ fn the_documentation_lists_every_setting_as_the_table_has_it() {
     }
     assert!(
         text == expected || std::env::var_os("ECHOLOOP_WRITE_DOCS").is_some(),
-        "docs/registration.md is not what the table has; with ECHOLOOP_WRITE_DOCS=1 this test writes it"
+        "docs/registration.md is not what the table has; \
+         with ECHOLOOP_WRITE_DOCS=1 this test writes it"
     );
 }

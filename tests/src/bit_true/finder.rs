@@ -89,7 +89,7 @@ fn rest(codes: &[f64], code: f64) -> (f64, f64) {
     let mut order = codes.to_vec();
     order.sort_by(f64::total_cmp);
     let one_sigma = nearest(sigma / 16.0);
-    let mut foot = order[(order.len() - 1) / 20] * code + nearest(sigma * 1_684.0 / 16_384.0);
+    let mut rest = order[(order.len() - 1) / 20] * code + nearest(sigma * 1_684.0 / 16_384.0);
     let mut dense: Option<(f64, f64)> = None;
     for (&a, &b) in order.iter().zip(&order[order.len() / 6..]) {
         let is_low = 2.0 * b <= order[0] + order[order.len() - 1];
@@ -98,12 +98,12 @@ fn rest(codes: &[f64], code: f64) -> (f64, f64) {
         }
     }
     if let Some((a, b)) = dense.filter(|(a, b)| (b - a) * code <= (2.0 * one_sigma).max(code)) {
-        foot = foot.max((a + b) * code / 2.0 - one_sigma);
+        rest = rest.max((a + b) * code / 2.0 - one_sigma);
     }
     let (v, below, at) = middle(codes);
     let median =
         (v - 0.5) * code + ((codes.len() as f64 - 2.0 * below) * code / (2.0 * at)).floor();
-    let ambient = if median <= foot + one_sigma { median } else { foot };
+    let ambient = if median <= rest + one_sigma { median } else { rest };
     (ambient.min(32_767.0), sigma)
 }
 
@@ -188,7 +188,7 @@ impl Component {
 const MIN_SIGMA: f64 = 205.0;
 const MAX_SIGMA: f64 = 16_384.0;
 
-fn foot<'a>(height: f64, side: impl Iterator<Item = &'a f64>) -> f64 {
+fn half_maximum<'a>(height: f64, side: impl Iterator<Item = &'a f64>) -> f64 {
     let mut last = height;
     let mut count = 1.0;
     for &x in side {
@@ -203,8 +203,8 @@ fn foot<'a>(height: f64, side: impl Iterator<Item = &'a f64>) -> f64 {
 fn fit(x: &[f64], peaks: &[Peak]) -> Vec<Component> {
     let first = |peak: &Peak| {
         let height = x[peak.index].max(1.0);
-        let width = foot(height, x[..peak.index].iter().rev())
-            .min(foot(height, x[peak.index + 1..].iter()));
+        let width = half_maximum(height, x[..peak.index].iter().rev())
+            .min(half_maximum(height, x[peak.index + 1..].iter()));
         let sigma = (217.0 * width).max(256.0).clamp(MIN_SIGMA, MAX_SIGMA);
         Component { time: q16(peak.index as f64), height, sigma }
     };

@@ -14,8 +14,9 @@ impl BitTrue {
             return Statistics { median: 0.0, deviation: 0.0, ambient: 0.0, sigma: 0.0 };
         }
         let half = values.len() as f64 / 2.0;
-        let of_codes = Order::of(values.clone());
-        let of_deviations = Order::of(values.iter().map(|v| (v - of_codes.middle).abs()).collect());
+        let of_codes = Order::from_values(values.clone());
+        let of_deviations =
+            Order::from_values(values.iter().map(|v| (v - of_codes.middle).abs()).collect());
         // v − ½ + (N/2 − below)/at in LSB of which a code has `lsb`, the quotient rounded down
         let grouped = |order: &Order, lsb: f64| {
             (order.middle - 0.5) * lsb + ((half - order.below) * lsb / order.at).floor()
@@ -60,7 +61,7 @@ pub struct Order {
 
 impl Order {
     /// Of at least one value.
-    pub fn of(mut values: Vec<f64>) -> Self {
+    pub fn from_values(mut values: Vec<f64>) -> Self {
         values.sort_by(f64::total_cmp);
         let middle = values[values.len().div_ceil(2) - 1];
         let below = values.iter().filter(|&&v| v < middle).count() as f64;

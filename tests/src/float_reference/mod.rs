@@ -1,5 +1,5 @@
-//! The model that never rounds: the same algorithm in real numbers, with the true sin² template, for
-//! the parabola with and without walk correction and the edges of clipped echoes.
+//! The model that never rounds: the same algorithm in real numbers, with the true sin² template,
+//! for the parabola with and without walk correction and the edges of clipped echoes.
 //!
 //! What the integer code loses against it is bounded by [`crate::tolerance`].
 
@@ -121,8 +121,9 @@ impl FloatReference {
     pub fn statistics(&self, codes: &[u16]) -> (f64, f64) {
         let values: Vec<f64> = codes.iter().map(|&c| f64::from(c)).collect();
         let half = values.len() as f64 / 2.0;
-        let median = Order::of(values.clone());
-        let deviation = Order::of(values.iter().map(|v| (v - median.middle).abs()).collect());
+        let median = Order::from_values(values.clone());
+        let deviation =
+            Order::from_values(values.iter().map(|v| (v - median.middle).abs()).collect());
         let grouped = |order: &Order| order.middle - 0.5 + (half - order.below) / order.at;
         let mad =
             if deviation.middle == 0.0 { half / deviation.at / 2.0 } else { grouped(&deviation) };

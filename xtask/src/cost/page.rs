@@ -96,8 +96,8 @@ pub(super) fn draw(table: &Table) -> Result<String> {
     let mut drawn: Vec<(&str, String)> = Vec::new();
     for Machine { processor, target, emulator, machine, .. } in &MACHINES {
         let figures = stages(table, processor)?;
-        let twin = drawn.iter().find(|(_, other)| *other == figures);
-        let shown = twin.map_or_else(
+        let same = drawn.iter().find(|(_, other)| *other == figures);
+        let shown = same.map_or_else(
             || figures.clone(),
             |(other, _)| format!("The same as {other}, which runs the same image.\n"),
         );
@@ -115,7 +115,7 @@ fn head(measured_with: &str) -> String {
          again and fails when a figure grew by more than {TOLERANCE_PERCENT} %. \
          Counted with {measured_with}.\n\n\
          Instructions, not cycles: QEMU counts them exactly and knows no pipeline, cache or wait\n\
-         state. The same image first compares the kernels with their portable twin.\n\n"
+         state. The same image first compares the kernels with their portable form.\n\n"
     )
 }
 

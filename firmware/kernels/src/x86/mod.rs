@@ -2,8 +2,8 @@
 //!
 //! LLVM vectorises the loops over the samples as they stand; what a vector unit does better in
 //! another way is said by hand: the filter in multiply-adds of pairs (`filter`), the order
-//! statistics in bytes, four counts a pass (`order_statistics`), the search for peaks from hill to hill
-//! (`peaks`).
+//! statistics in bytes, four counts a pass (`order_statistics`), the search for peaks from hill to
+//! hill (`peaks`).
 
 mod filter;
 mod order_statistics;

@@ -8,8 +8,9 @@
 //!    writing each generation to a [`journal::Journal`].
 //! 5. [`tune::TuneSearch::judge`] says what parameters are worth on pairs that no search saw.
 //!
-//! A new parameter of the sensor goes into the firmware's table, one of a method into
-//! [`params`]; both then are axes of the cube. A new key of a configuration goes into [`config`].
+//! A new parameter of the sensor is a row of the firmware's table (`firmware/dsp/src/settings.rs`),
+//! one of a method a row of `host/registration/src/config/table.rs`; both then are axes of the
+//! cube. A new key of a configuration goes into [`config`].
 //!
 //! ```
 //! use std::sync::atomic::AtomicBool;

@@ -83,7 +83,7 @@ fn parse(bytes: &[u8]) -> Result<Vec<Vec<f64>>, Problem> {
 ///
 /// Zeros at the end are padding, unless the samples before them fall towards zero: with a last step
 /// of d down to v, a zero may follow as a sample if v ≤ d. Or the row begins with two zeros. Then
-/// as many zeros stay as there are, at most 16: such a record rests at zero, and they are the foot
+/// as many zeros stay as there are, at most 16: such a record rests at zero, and they are the end
 /// of an echo.
 pub fn without_padding(row: &[f64]) -> &[f64] {
     let end = row.iter().rposition(|&v| v != 0.0).map_or(0, |last| last + 1);

@@ -60,7 +60,8 @@ impl MethodConfig {
         }
     }
 
-    /// A setting by its name, or a former one; absent when the method has none of that name, or it is left out.
+    /// A setting by its name, or a former one; absent when the method has none of that name, or it
+    /// is left out.
     pub fn get(&self, key: &str) -> Option<f64> {
         let mut copy = *self;
         copy.slot(key).and_then(|slot| slot.get())

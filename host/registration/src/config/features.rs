@@ -11,7 +11,7 @@ pub(crate) const FEATURE_VOXELS: f64 = 5.0;
 
 impl FeatureConfig {
     /// Radii of 3 and 5 voxels, normals towards the sensor.
-    pub fn of_voxel(voxel_m: f64) -> Self {
+    pub fn from_voxel(voxel_m: f64) -> Self {
         Self {
             voxel_m,
             normal_radius_m: NORMAL_VOXELS * voxel_m,
@@ -27,7 +27,7 @@ impl FeatureConfig {
             normal_neighbours: 30,
             feature_neighbours: 100,
             convention: Convention::Open3d,
-            ..Self::of_voxel(voxel_m)
+            ..Self::from_voxel(voxel_m)
         }
     }
 }

@@ -17,7 +17,7 @@ impl FgrConfig {
     }
 
     /// As [`FgrConfig::outdoor`], with lengths in proportion to the features' voxel.
-    pub fn of_features(features: FeatureConfig) -> Self {
+    pub fn from_features(features: FeatureConfig) -> Self {
         let outdoor = Self::outdoor();
         let scale = features.voxel_m / outdoor.features.voxel_m;
         Self { features, max_pair_distance_m: scale * outdoor.max_pair_distance_m, ..outdoor }

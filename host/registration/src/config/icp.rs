@@ -4,9 +4,9 @@ use super::features::NORMAL_VOXELS;
 use super::table::{GicpConfig, IcpConfig, SETTINGS};
 
 impl IcpConfig {
-    /// What finishes a global method's motion: the first pairs are four voxels apart at most, which
+    /// What refines a global method's motion: the first pairs are four voxels apart at most, which
     /// covers that method's error of about one, and its turn's at the rim; the last two.
-    pub fn finishing(voxel_m: f64) -> Self {
+    pub fn refinement(voxel_m: f64) -> Self {
         Self {
             voxel_m,
             normal_radius_m: NORMAL_VOXELS * voxel_m,

@@ -4,7 +4,7 @@ use super::table::{FeatureConfig, MacConfig};
 
 impl MacConfig {
     /// As [`MacConfig::outdoor`], with lengths in proportion to the features' voxel.
-    pub fn of_features(features: FeatureConfig) -> Self {
+    pub fn from_features(features: FeatureConfig) -> Self {
         let outdoor = Self::outdoor();
         let scale = features.voxel_m / outdoor.features.voxel_m;
         Self {
@@ -19,7 +19,7 @@ impl MacConfig {
     /// above 0.999.
     pub fn indoor() -> Self {
         Self {
-            features: FeatureConfig::of_voxel(0.05),
+            features: FeatureConfig::from_voxel(0.05),
             max_pair_distance_m: 0.1,
             length_tolerance_m: 0.1 * f64::sqrt(1.0 - 0.999),
             ..Self::outdoor()

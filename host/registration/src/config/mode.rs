@@ -33,12 +33,14 @@ impl FgrMode {
     pub fn summary(self) -> &'static str {
         match self {
             Self::Annealed => {
-                "As the paper of Zhou, Park and Koltun (ECCV 2016) has it, μ falling from the squared size of the matches \
-                 to δ²; with triples counted instead of drawn, by an absolute bound, and a last fit to all matches"
+                "As the paper of Zhou, Park and Koltun (ECCV 2016) has it, μ falling from the \
+                 squared size of the matches to δ²; with triples counted instead of drawn, by an \
+                 absolute bound, and a last fit to all matches"
             }
             Self::Open3d => {
-                "As Open3D 0.20 runs it from Python with its defaults: μ starts at the clouds' radius in metres on points \
-                 scaled to radius 1, and never falls. The paper's baseline; poor on outdoor scans"
+                "As Open3D 0.20 runs it from Python with its defaults: μ starts at the clouds' \
+                 radius in metres on points scaled to radius 1, and never falls. The paper's \
+                 baseline; poor on outdoor scans"
             }
         }
     }

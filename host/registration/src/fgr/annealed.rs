@@ -1,6 +1,6 @@
 //! The method as published, with the end of its annealing where the paper has it.
 
-use super::tuple_test::Passed;
+use super::tuples::Passed;
 use crate::correspondences::Residuals;
 use crate::features::PointPair;
 use crate::pose::Pose;

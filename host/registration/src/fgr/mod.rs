@@ -6,7 +6,7 @@ mod open3d;
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests;
-mod tuple_test;
+mod tuples;
 
 use open3d::{Frame, Optimised};
 
@@ -120,7 +120,7 @@ impl Fgr {
             least_length_m: LEAST_LENGTH * voxel_m,
         };
         let most = self.config.max_tuples.saturating_mul(3);
-        let passed = tuple_test::passed(pairs, &bounds, most, self.config.seed);
+        let passed = tuples::passed(pairs, &bounds, most, self.config.seed);
         let run = annealed::anneal(pairs, &passed, delta_m, self.config.max_iterations);
         let run = run.ok_or(StopReason::NoConsensus)?;
         let (target_from_source, inliers) = refit(pairs, &run.target_from_source, delta_m);

@@ -8,9 +8,9 @@ use cortex_m_rt::entry;
 use riscv_rt::entry;
 
 #[cfg(target_os = "none")]
-mod stages;
+mod portable_forms;
 #[cfg(target_os = "none")]
-mod twins;
+mod stages;
 #[cfg(target_os = "none")]
 mod waveforms;
 
@@ -22,7 +22,7 @@ fn start() -> ! {
     use echoloop_image::measure::{Text, end};
 
     let mut text = Text::new();
-    let outcome = twins::agree().and_then(|compared| {
+    let outcome = portable_forms::agree().and_then(|compared| {
         writeln!(text, "equal {compared}").map_err(|_| "no text")?;
         stages::count(&mut text)
     });

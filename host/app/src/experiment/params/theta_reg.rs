@@ -117,7 +117,7 @@ impl ThetaReg {
     ///
     /// [`ConfigError`] names the setting that cannot run.
     pub fn build(&self) -> Result<Box<dyn Registration>, ConfigError> {
-        let finish = self.method.get("voxel_m").filter(|_| self.refine).map(IcpConfig::finishing);
+        let finish = self.method.get("voxel_m").filter(|_| self.refine).map(IcpConfig::refinement);
         build(&self.method, finish)
     }
 }

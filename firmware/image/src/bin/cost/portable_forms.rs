@@ -1,4 +1,4 @@
-//! The fastest kernel against its portable twin, on what they should expect and on what they should
+//! The fastest kernel against its portable form, on what they should expect and on what they should
 //! not.
 
 use echoloop_dsp::loops::{Portable, Scalar};
@@ -77,10 +77,10 @@ fn baselines_agree(random: &mut Random) -> bool {
         [i16::MIN, i16::MAX][random.below(2) as usize]
     };
     let (from, to) = (random.below(4) as usize, 80 + random.below(10) as usize);
-    let (mut ours, mut twin) = ([99; 90], [99; 90]);
+    let (mut ours, mut portable) = ([99; 90], [99; 90]);
     FASTEST.remove_baseline(codes, clip, shift, ambient, &mut ours[from..to]);
-    Portable.remove_baseline(codes, clip, shift, ambient, &mut twin[from..to]);
-    ours == twin
+    Portable.remove_baseline(codes, clip, shift, ambient, &mut portable[from..to]);
+    ours == portable
 }
 
 fn filters_agree(random: &mut Random) -> bool {
@@ -93,10 +93,10 @@ fn filters_agree(random: &mut Random) -> bool {
     fill_q15(&mut padded, random);
     let padded = &padded[random.below(2) as usize..150 + random.below(150) as usize];
     let (from, to) = (random.below(4) as usize, 10 + random.below(90) as usize);
-    let (mut ours, mut twin) = ([99; 100], [99; 100]);
+    let (mut ours, mut portable) = ([99; 100], [99; 100]);
     FASTEST.correlate(taps, padded, &mut ours[from..to]);
-    Portable.correlate(taps, padded, &mut twin[from..to]);
-    ours == twin
+    Portable.correlate(taps, padded, &mut portable[from..to]);
+    ours == portable
 }
 
 /// Any taps with Σ|h| ≤ 1: spread out, or all in one.
@@ -141,15 +141,17 @@ fn counts_agree(random: &mut Random) -> bool {
     }
     let start = random.below(4) as usize;
     let codes = &codes[start..start + random.below(100) as usize];
-    let (mut ours, mut twin) = ([7; BINS + 8], [7; BINS + 8]);
-    let (Some(our_bins), Some(twin_bins)) = (ours.first_chunk_mut(), twin.first_chunk_mut()) else {
+    let (mut ours, mut portable) = ([7; BINS + 8], [7; BINS + 8]);
+    let (Some(our_bins), Some(portable_bins)) =
+        (ours.first_chunk_mut(), portable.first_chunk_mut())
+    else {
         return false;
     };
-    let (our_below, twin_below) = (
+    let (our_below, portable_below) = (
         echoloop_kernels::count(codes, first, our_bins),
-        statistics::count(codes, first, twin_bins),
+        statistics::count(codes, first, portable_bins),
     );
-    our_below == twin_below && ours == twin
+    our_below == portable_below && ours == portable
 }
 
 fn ranks_agree(random: &mut Random) -> bool {
@@ -160,9 +162,9 @@ fn ranks_agree(random: &mut Random) -> bool {
     let near = codes[0].wrapping_add(random.below(100) as u16);
     let median = if random.below(2) == 0 { near } else { random.next() as u16 };
     let guess = Statistics { median, deviation: random.below(100) as u16, ..Statistics::default() };
-    let twin = Portable.order_statistics(codes, 0xfff, &guess);
-    FASTEST.order_statistics(codes, 0xfff, &guess) == twin
-        && Scalar.order_statistics(codes, 0xfff, &guess) == twin
+    let portable = Portable.order_statistics(codes, 0xfff, &guess);
+    FASTEST.order_statistics(codes, 0xfff, &guess) == portable
+        && Scalar.order_statistics(codes, 0xfff, &guess) == portable
 }
 
 /// Waveforms that some settings gave the same echoes of.
@@ -180,15 +182,15 @@ fn pipelines_agree(random: &mut Random) -> Result<u32, &'static str> {
     };
     let hardware = Hardware { adc_bits: 8 + random.below(7), ..Hardware::REFERENCE };
     let Ok(pipeline) = Pipeline::new(&settings, &hardware) else { return Ok(0) };
-    let (mut ours, mut twin) = (Scratch::new(), Scratch::new());
+    let (mut ours, mut portable) = (Scratch::new(), Scratch::new());
     let mut codes = [0; 800];
     for _ in 0..8 {
         fill(&mut codes, random);
         let codes = &codes[..random.below(801) as usize];
         let same = pipeline.process(FASTEST, codes, &mut ours)
-            == pipeline.process(Portable, codes, &mut twin)
-            && ours.statistics() == twin.statistics()
-            && ours.filtered(codes.len()) == twin.filtered(codes.len());
+            == pipeline.process(Portable, codes, &mut portable)
+            && ours.statistics() == portable.statistics()
+            && ours.filtered(codes.len()) == portable.filtered(codes.len());
         if !same {
             return Err("pipelines differ");
         }
@@ -203,6 +205,6 @@ fn echoes_agree(case: &Case) -> Result<u32, &'static str> {
     let waveform = case.waveform(pipeline.config().template().half());
     let codes = &waveform[..case.samples];
     let ours = pipeline.process(FASTEST, codes, &mut Scratch::new());
-    let twin = pipeline.process(Portable, codes, &mut Scratch::new());
-    if ours == twin && ours.len() == case.echoes.len() { Ok(1) } else { Err("echoes differ") }
+    let portable = pipeline.process(Portable, codes, &mut Scratch::new());
+    if ours == portable && ours.len() == case.echoes.len() { Ok(1) } else { Err("echoes differ") }
 }
