@@ -6,7 +6,7 @@
 //! | [`frame_decoder`] | a line's, or a payload's | what is accepted is accepted again, as it was |
 //! | [`session`] | commands, noise, restarts, power cuts | a generation names one set of settings |
 //! | [`store`] | a flash's | what is loaded passes the check; what is saved is loaded |
-//! | [`waveforms`] | settings, hardware, codes; a file | kernels agree; echoes lie in it, in order |
+//! | [`waveforms`] | settings, hardware, codes; a file | kernels agree; echoes lie in it, sorted |
 //!
 //! In a session, settings pass the check besides, and what is saved has been active.
 

@@ -1,4 +1,5 @@
-//! README and docs: every link leads somewhere, every path exists, every command is one.
+//! README and docs: every link leads somewhere, every path exists, every command is one. And no
+//! source is too wide to read beside another.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -12,6 +13,12 @@ const ENDINGS: [&str; 8] = [".rs", ".md", ".toml", ".tsv", ".py", ".s", ".x", ".
 
 /// Files that a page names and a user makes.
 const MADE: [&str; 2] = ["runs/latest/report.html", "my_sensor.toml"];
+
+/// Characters of a line of Rust.
+const COLUMNS: usize = 100;
+
+/// The one source with wider lines: its raw strings are JavaScript, a statement a line.
+const SCRIPTED: &str = "host/app/tests/report.rs";
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").canonicalize().expect("the workspace")
@@ -208,4 +215,31 @@ fn the_readme_keeps_to_its_size_and_reaches_each_page() {
     for file in files().iter().filter(|f| f.starts_with("docs/") && f.ends_with(".md")) {
         assert!(text.contains(&format!("]({file})")), "the README does not lead to {file}");
     }
+}
+
+/// A source without its raw strings, each line still where it was.
+fn without_raw_strings(text: &str) -> String {
+    let mut parts = text.split("r#\"");
+    let mut kept = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        let (raw, code) = part.split_once("\"#").unwrap_or((part, ""));
+        kept.extend(raw.chars().filter(|&c| c == '\n'));
+        kept.push_str(code);
+    }
+    kept
+}
+
+/// rustfmt leaves comments and strings as wide as they are.
+#[test]
+fn no_line_of_rust_is_longer_than_100_columns() {
+    let mut long = Vec::new();
+    for path in files().iter().filter(|path| path.ends_with(".rs")) {
+        let mut text = fs::read_to_string(root().join(path)).expect("a source is UTF-8");
+        if path == SCRIPTED {
+            text = without_raw_strings(&text);
+        }
+        let lines = text.lines().zip(1..).filter(|(line, _)| line.chars().count() > COLUMNS);
+        long.extend(lines.map(|(line, number)| format!("{path}:{number}: {line}")));
+    }
+    assert!(long.is_empty(), "above {COLUMNS} columns:\n{}", long.join("\n"));
 }
