@@ -118,8 +118,8 @@ fn check(counted: &Table) -> Result<()> {
 ///
 /// # Errors
 ///
-/// When the image finds a kernel that differs from its twin; where `CI` is set, when something is
-/// missing.
+/// When the image finds a kernel that differs from its portable form; where `CI` is set, when
+/// something is missing.
 pub(crate) fn counted() -> Result<Option<serde_json::Value>> {
     let Some(table) = count()? else { return Ok(None) };
     let mut tree = serde_json::json!({});
