@@ -174,7 +174,7 @@ fn an_emulator_that_dies_is_a_lost_sensor_and_one_that_is_interrupted_leaves_non
         let output = CommandOutput::from_output(child.wait_with_output().expect("it ends"));
         assert_eq!(output.code, Some(code), "{}", output.stderr);
         assert!(output.stderr.contains(says), "{}", output.stderr);
-        // Killed, it is still there until the system has taken it down, on a busy machine for a while.
+        // Killed, it is there until the system has taken it down: on a busy machine for a while.
         let deadline = Instant::now() + Duration::from_secs(10);
         for id in emulators {
             while Path::new(&format!("/proc/{id}")).exists() {
