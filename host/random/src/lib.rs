@@ -28,5 +28,5 @@ mod uniform;
 
 pub use generator::Generator;
 pub use normals::{Key, normals};
-pub use split_mix::{derive, split_mix_64};
+pub use split_mix::{derive, mix_64, split_mix_64};
 pub use stream::Stream;

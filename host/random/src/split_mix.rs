@@ -2,9 +2,13 @@
 
 /// SplitMix64's output function (Steele, Lea and Flood 2014).
 pub const fn split_mix_64(value: u64) -> u64 {
-    let mut z = value.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    mix_64(value.wrapping_add(0x9e37_79b9_7f4a_7c15))
+}
+
+/// Its last part, which mixes the bits of a number that is spread well already.
+pub const fn mix_64(value: u64) -> u64 {
+    let z = (value ^ (value >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     z ^ (z >> 31)
 }
 

@@ -1,5 +1,7 @@
 //! Smooth noise over the plane.
 
+use echoloop_random::mix_64;
+
 /// Smooth noise over the plane: value noise, summed over octaves that halve in size and height.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Noise {
@@ -40,13 +42,10 @@ fn ease(t: f64) -> f64 {
 
 /// A number in [-1, 1) that depends on nothing but its arguments (SplitMix64's finalizer).
 fn lattice(seed: u64, i: i64, j: i64) -> f64 {
-    let mut h = seed
+    let spread = seed
         .wrapping_add((i as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15))
         .wrapping_add((j as u64).wrapping_mul(0xD1B5_4A32_D192_ED03));
-    h = (h ^ (h >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    h = (h ^ (h >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    h ^= h >> 31;
-    (h >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+    (mix_64(spread) >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
 }
 
 #[cfg(test)]
