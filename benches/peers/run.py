@@ -12,6 +12,7 @@ import recall
 import report
 import scaling
 import speed
+from prose import wrapped
 
 HERE = Path(__file__).parent
 TITLE = "# Registration against its peers\n\nWritten by `cargo xtask peers`; how and why: [registration.md](../../docs/registration.md).\n"
@@ -75,7 +76,7 @@ def put(path, name, text):
         sections[title] = content.strip("\n")
     sections[name] = text.strip("\n")
     parts = [f"\n## {title}\n\n{sections[title]}\n" for title in NAMES.values() if title in sections]
-    path.write_text(TITLE + "".join(parts))
+    path.write_text(wrapped(TITLE + "".join(parts)))
 
 
 def main():

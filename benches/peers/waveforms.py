@@ -19,6 +19,7 @@ import scipy
 from scipy import ndimage, signal
 
 from common import median
+from prose import wrapped
 from report import machine, number, table
 from speed import pin
 
@@ -194,7 +195,8 @@ def main():
     head = f"`cargo xtask peers --waveforms{' --quick' * args.quick}`, {datetime.date.today()}, {machine()}. "
     head += f"numpy {np.__version__}, scipy {scipy.__version__}."
     sections = ["# What a waveform costs", head, "## Beside numpy and scipy", __doc__.strip(), beside]
-    args.out.write_text("\n\n".join(part.strip() for part in [*sections, "## Growth", GROWTH, growth.stdout]) + "\n")
+    sections += ["## Growth", GROWTH, growth.stdout]
+    args.out.write_text(wrapped("\n\n".join(part.strip() for part in sections) + "\n"))
     print(f"wrote {args.out}", file=sys.stderr)
 
 

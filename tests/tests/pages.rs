@@ -14,7 +14,7 @@ const ENDINGS: [&str; 8] = [".rs", ".md", ".toml", ".tsv", ".py", ".s", ".x", ".
 /// Files that a page names and a user makes.
 const MADE: [&str; 2] = ["runs/latest/report.html", "my_sensor.toml"];
 
-/// Characters of a line of Rust.
+/// Characters of a line of Rust, or of a page's prose.
 const COLUMNS: usize = 100;
 
 /// The one source with wider lines: its raw strings are JavaScript, a statement a line.
@@ -240,6 +240,31 @@ fn no_line_of_rust_is_longer_than_100_columns() {
         }
         let lines = text.lines().zip(1..).filter(|(line, _)| line.chars().count() > COLUMNS);
         long.extend(lines.map(|(line, number)| format!("{path}:{number}: {line}")));
+    }
+    assert!(long.is_empty(), "above {COLUMNS} columns:\n{}", long.join("\n"));
+}
+
+/// Whether a page's line may be wider: a table's row, a heading, code by its indent, nothing but
+/// code spans, or a single word, as a link is.
+fn stays_whole(line: &str) -> bool {
+    let outside: String = line.split('`').step_by(2).collect();
+    line.starts_with(['|', '#'])
+        || line.starts_with("    ")
+        || !outside.contains(char::is_alphanumeric)
+        || line.split_whitespace().filter(|word| !["-", "*", ">"].contains(word)).count() == 1
+}
+
+#[test]
+fn no_line_of_a_page_s_prose_is_longer_than_100_columns() {
+    let mut long = Vec::new();
+    for (page, text) in pages() {
+        let mut fenced = false;
+        for (line, number) in text.lines().zip(1..) {
+            fenced ^= line.trim_start().starts_with("```");
+            if !fenced && !stays_whole(line) && line.chars().count() > COLUMNS {
+                long.push(format!("{page}:{number}: {line}"));
+            }
+        }
     }
     assert!(long.is_empty(), "above {COLUMNS} columns:\n{}", long.join("\n"));
 }

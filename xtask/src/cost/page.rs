@@ -78,8 +78,9 @@ impl Aims {
         let verdict = |is: f64, aim: f64| if is <= aim { "held" } else { "**not held**" };
         let (of_filter, of_pipeline) = (verdict(*filter, CMSIS_FAST), verdict(*pipeline, aim));
         format!(
-            "Aims: filter at most {CMSIS_FAST}: {of_filter}. Whole pipeline with one echo at most \
-             {PIPELINE_AIM} times that, {aim:.1}: {of_pipeline} ({pipeline:.1})."
+            "Aims: filter at most {CMSIS_FAST}: {of_filter}.\n\
+             Whole pipeline with one echo at most {PIPELINE_AIM} times that, {aim:.1}: \
+             {of_pipeline} ({pipeline:.1})."
         )
     }
 }
@@ -112,7 +113,7 @@ fn head(measured_with: &str) -> String {
     format!(
         "# Cost on the microcontroller\n\n\
          Drawn by `cargo xtask cost --update` from `{TABLE}`; `cargo xtask cost` counts\n\
-         again and fails when a figure grew by more than {TOLERANCE_PERCENT} %. \
+         again and fails when a figure grew by more than {TOLERANCE_PERCENT} %.\n\
          Counted with {measured_with}.\n\n\
          Instructions, not cycles: QEMU counts them exactly and knows no pipeline, cache or wait\n\
          state. The same image first compares the kernels with their portable form.\n\n"
