@@ -1,0 +1,15 @@
+//! The linker's arguments: cortex-m-rt's script `link.x`, which reads this crate's `memory.x`.
+
+fn main() {
+    println!("cargo:rerun-if-changed=build.rs");
+    println!("cargo:rerun-if-changed=memory.x");
+    let variable = |name: &str| std::env::var(name).unwrap_or_default();
+    if variable("CARGO_CFG_TARGET_OS") != "none" || variable("CARGO_CFG_TARGET_ARCH") != "arm" {
+        return; // a PC links as it always does
+    }
+    // A `memory.x` in the folder that cargo is started in comes first: in Echoloop's workspace its
+    // own, in a copy this one.
+    println!("cargo:rustc-link-search={}", variable("CARGO_MANIFEST_DIR"));
+    println!("cargo:rustc-link-arg-bins=-Tlink.x");
+    println!("cargo:rustc-link-arg-bins=--nmagic"); // no page alignment: there are no pages
+}

@@ -1,0 +1,46 @@
+//! A firmware that links: entry, memory map, panic handler. Put a part of your HAL in the place of
+//! each [`Nothing`](nothing::Nothing).
+//!
+//! ```sh
+//! cargo build --release -p echoloop-own-firmware --target thumbv7em-none-eabihf
+//! ```
+#![cfg_attr(target_os = "none", no_std, no_main)]
+
+#[cfg(target_os = "none")]
+mod nothing;
+
+#[cfg(all(target_os = "none", target_arch = "arm"))]
+#[cortex_m_rt::entry]
+fn start() -> ! {
+    use echoloop_own_firmware::{OwnBoard, serve};
+    use nothing::Nothing;
+
+    // First clocks, pins and peripherals, as your HAL has it.
+    let board = OwnBoard {
+        emitter: Nothing, // an `SpiDevice` of embedded-hal: the laser driver, chip select included
+        adc: Nothing,     // an `SpiDevice`: amplifier and converter
+        link: Nothing,    // `Read`, `ReadReady`, `Write` of embedded-io: a UART or USB serial line
+        flash: Nothing,   // a `NorFlash` of embedded-storage: two slots that memory.x leaves out
+        buffer: Nothing,  // `Buffer`: what DMA fills when the emitter fires
+        watchdog: Nothing, // `Watchdog`: already started
+        restarts: 0,
+    };
+    // `cortex_m::asm::wfi` in its place, once an interrupt of the link or a timer ends the sleep.
+    serve(board, core::hint::spin_loop)
+}
+
+/// Nothing in Echoloop reaches it. The watchdog restarts the board.
+#[cfg(target_os = "none")]
+#[panic_handler]
+fn panicked(_: &core::panic::PanicInfo<'_>) -> ! {
+    loop {
+        core::hint::spin_loop();
+    }
+}
+
+/// On a PC.
+#[cfg(not(target_os = "none"))]
+fn main() {
+    eprintln!("this is a microcontroller's program; build it with --target thumbv7em-none-eabihf");
+    std::process::exit(2);
+}
