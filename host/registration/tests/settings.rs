@@ -1,4 +1,4 @@
-//! docs/registration.md lists the settings as the table has them.
+//! docs/settings.md lists the settings as the table has them.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -6,8 +6,8 @@ use std::path::Path;
 use echoloop_registration::config::{Range, Spacing};
 use echoloop_registration::{Method, MethodConfig, SETTINGS, Setting};
 
-const BEGIN: &str = "<!-- settings: written by \
-    `cargo test -p echoloop-registration --test settings` with ECHOLOOP_WRITE_DOCS=1 -->\n";
+const BEGIN: &str = "<!-- written by `cargo test -p echoloop-registration --test settings`, \
+    ECHOLOOP_WRITE_DOCS=1 -->\n";
 const END: &str = "<!-- end of the settings -->\n";
 
 /// Every setting: what it is.
@@ -94,18 +94,18 @@ fn range(Range { min, max, spacing }: Range) -> String {
 
 #[test]
 fn the_documentation_lists_every_setting_as_the_table_has_it() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/registration.md");
-    let text = std::fs::read_to_string(&path).expect("docs/registration.md");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/settings.md");
+    let text = std::fs::read_to_string(&path).expect("docs/settings.md");
     let (before, rest) = text.split_once(BEGIN).expect("where the tables begin");
     let (_, after) = rest.split_once(END).expect("where they end");
     let expected =
         format!("{before}{BEGIN}\n{}\n{}\n{}\n{END}{after}", meanings(), settings(), axes());
     if std::env::var_os("ECHOLOOP_WRITE_DOCS").is_some() {
-        std::fs::write(&path, &expected).expect("docs/registration.md is written");
+        std::fs::write(&path, &expected).expect("docs/settings.md is written");
     }
     assert!(
         text == expected || std::env::var_os("ECHOLOOP_WRITE_DOCS").is_some(),
-        "docs/registration.md is not what the table has; \
+        "docs/settings.md is not what the table has; \
          with ECHOLOOP_WRITE_DOCS=1 this test writes it"
     );
 }

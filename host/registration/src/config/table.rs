@@ -2,7 +2,7 @@
 //!
 //! A row makes a field of each configuration that has the setting, its default, its check, its
 //! name for [`super::MethodConfig::get`] and [`super::MethodConfig::set`], a flag of `echoloop
-//! register`, a key of files, an axis of a search, and a line of docs/registration.md. To add a
+//! register`, a key of files, an axis of a search, and a line of docs/settings.md. To add a
 //! setting, add a row, and use the field where the method needs it.
 
 use super::convention::Convention;
