@@ -17,6 +17,9 @@ pub(crate) const TARGETS: [(&str, &str); 4] = [
     ("thumbv6m-none-eabi", "memory.x"),
 ];
 
+/// The target of `examples/own_firmware`.
+const COPIED: &str = TARGETS[0].0;
+
 /// The profile of the images.
 const PROFILE: &str = "firmware";
 
@@ -47,6 +50,9 @@ pub(crate) fn for_tests(lint: bool) -> Result<()> {
         match toolchain(target) {
             Ok(toolchain) => {
                 found.push(target.to_owned());
+                if lint && target == COPIED {
+                    link_copied(&toolchain)?;
+                }
                 if lint && toolchain.is_prebuilt() {
                     // By itself without the log, which the images have.
                     clippy(&toolchain, target, "echoloop-sensor")?;
@@ -60,6 +66,15 @@ pub(crate) fn for_tests(lint: bool) -> Result<()> {
         }
     }
     if found.is_empty() { Ok(()) } else { run(&found, false) }
+}
+
+/// Links the firmware that users copy, for the target that docs/porting.md names.
+fn link_copied(toolchain: &Toolchain) -> Result<()> {
+    let mut command = toolchain.cargo(COPIED);
+    command.current_dir(workspace()?).args(["build", "--quiet", "--bin", "own-firmware"]);
+    command.args(["--package", "echoloop-own-firmware", "--profile", PROFILE]);
+    command.args(["--target", COPIED, "--target-dir", TARGET_DIR]);
+    succeed(toolchain.finish(&mut command))
 }
 
 /// Lints a package as it is compiled for a target; a warning is an error.

@@ -6,7 +6,7 @@
 //! ```
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
-#[cfg(target_os = "none")]
+#[cfg(all(target_os = "none", target_arch = "arm"))]
 mod nothing;
 
 #[cfg(all(target_os = "none", target_arch = "arm"))]
