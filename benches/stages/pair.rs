@@ -60,7 +60,7 @@ impl Pair {
     pub(crate) fn icp(&self) -> IcpConfig {
         IcpConfig {
             voxel_m: self.voxel_m,
-            normal_radius_m: 3.0 * self.voxel_m,
+            normal_radius_m: IcpConfig::NORMAL_VOXELS * self.voxel_m,
             max_pair_distance_m: LOCAL_PAIR_DISTANCE_M,
             max_iterations: LOCAL_ITERATIONS,
             ..IcpConfig::outdoor()
@@ -70,7 +70,7 @@ impl Pair {
     pub(crate) fn gicp(&self) -> GicpConfig {
         GicpConfig {
             voxel_m: self.voxel_m,
-            normal_radius_m: 5.0 * self.voxel_m,
+            normal_radius_m: GicpConfig::NORMAL_VOXELS * self.voxel_m,
             max_pair_distance_m: LOCAL_PAIR_DISTANCE_M,
             max_iterations: LOCAL_ITERATIONS,
             ..GicpConfig::outdoor()

@@ -9,7 +9,6 @@ use super::{
 };
 use crate::cloud::kdtree::KdTree;
 use crate::cloud::{Cloud, is_finite, voxel};
-use crate::config::{FEATURE_VOXELS, NORMAL_VOXELS};
 
 /// Voxels across the radius of a cloud.
 const VOXELS_A_RADIUS: f64 = 80.0;
@@ -143,7 +142,7 @@ pub fn suggest_method(
     Suggestions::new(target, source).method(method, mode, voxel_m)
 }
 
-/// As [`suggest()`], for generalised ICP.
+/// As [`suggest()`], for generalised ICP, whose normals reach over 5 voxels.
 pub fn suggest_gicp(target: &Cloud, source: &Cloud) -> GicpConfig {
     GicpConfig::from(&suggest(target, source))
 }
@@ -217,8 +216,9 @@ fn filling_voxels_m(thinned: &Cloud) -> [f64; 2] {
         }
     }
     let [normal_m, feature_m] = farthest;
-    let normal_m = f64::from(quantile(normal_m.into_iter(), 0.5)) / NORMAL_VOXELS;
-    [normal_m, f64::from(quantile(feature_m.into_iter(), 0.75)) / FEATURE_VOXELS]
+    let normal_m = f64::from(quantile(normal_m.into_iter(), 0.5)) / FeatureConfig::NORMAL_VOXELS;
+    let feature_m = f64::from(quantile(feature_m.into_iter(), 0.75)) / FeatureConfig::RADIUS_VOXELS;
+    [normal_m, feature_m]
 }
 
 /// Of the ball around the median point that holds 9 of 10 points; 0 for a cloud without points.

@@ -3,19 +3,13 @@
 use super::convention::Convention;
 use super::table::FeatureConfig;
 
-/// Voxels in the normals' radius, where it follows the voxel.
-pub(crate) const NORMAL_VOXELS: f64 = 3.0;
-
-/// Voxels in the features' radius, where it follows the voxel.
-pub(crate) const FEATURE_VOXELS: f64 = 5.0;
-
 impl FeatureConfig {
-    /// Radii of 3 and 5 voxels, normals towards the sensor.
+    /// Radii of [`Self::NORMAL_VOXELS`] and [`Self::RADIUS_VOXELS`], normals towards the sensor.
     pub fn from_voxel(voxel_m: f64) -> Self {
         Self {
             voxel_m,
-            normal_radius_m: NORMAL_VOXELS * voxel_m,
-            feature_radius_m: FEATURE_VOXELS * voxel_m,
+            normal_radius_m: Self::NORMAL_VOXELS * voxel_m,
+            feature_radius_m: Self::RADIUS_VOXELS * voxel_m,
             ..Self::outdoor()
         }
     }

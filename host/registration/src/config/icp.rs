@@ -1,6 +1,5 @@
 //! Settings of ICP, point to plane and generalised, for a purpose.
 
-use super::features::NORMAL_VOXELS;
 use super::table::{GicpConfig, IcpConfig, SETTINGS};
 
 impl IcpConfig {
@@ -9,7 +8,7 @@ impl IcpConfig {
     pub fn refinement(voxel_m: f64) -> Self {
         Self {
             voxel_m,
-            normal_radius_m: NORMAL_VOXELS * voxel_m,
+            normal_radius_m: Self::NORMAL_VOXELS * voxel_m,
             max_pair_distance_m: 2.0 * voxel_m,
             first_pair_distance_m: Some(4.0 * voxel_m),
             translation_tolerance_m: voxel_m / 600.0,
@@ -39,11 +38,12 @@ impl IcpConfig {
 }
 
 impl From<&IcpConfig> for GicpConfig {
-    /// The lengths that follow the voxel; the rest is generalised ICP's own.
+    /// The lengths that follow the voxel, normals over [`GicpConfig::NORMAL_VOXELS`]; the rest is
+    /// generalised ICP's own.
     fn from(icp: &IcpConfig) -> Self {
         Self {
             voxel_m: icp.voxel_m,
-            normal_radius_m: icp.normal_radius_m,
+            normal_radius_m: Self::NORMAL_VOXELS * icp.voxel_m,
             max_pair_distance_m: icp.max_pair_distance_m,
             first_pair_distance_m: icp.first_pair_distance_m,
             translation_tolerance_m: icp.translation_tolerance_m,
@@ -76,6 +76,15 @@ mod tests {
     fn the_defaults_can_run() {
         assert_eq!(IcpConfig::outdoor().check(), Ok(()));
         assert_eq!(IcpConfig::open3d(0.05, 0.1).check(), Ok(()));
+    }
+
+    #[test]
+    fn settings_made_from_those_of_icp_have_the_radius_and_neighbours_of_generalised_icp() {
+        let gicp = GicpConfig::from(&IcpConfig::refinement(0.3));
+        let outdoor = GicpConfig::outdoor();
+        assert_eq!(gicp.normal_radius_m, outdoor.normal_radius_m);
+        assert_eq!(gicp.normal_neighbours, outdoor.normal_neighbours);
+        assert_eq!(GicpConfig::from(&IcpConfig::refinement(0.8)).normal_radius_m, 4.0);
     }
 
     #[test]

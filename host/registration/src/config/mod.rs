@@ -11,11 +11,11 @@ mod method;
 mod mode;
 mod setting;
 mod table;
+mod voxels;
 
 pub use by_name::MethodConfig;
 pub use convention::Convention;
 pub use error::ConfigError;
-pub(crate) use features::{FEATURE_VOXELS, NORMAL_VOXELS};
 pub use method::Method;
 pub use mode::FgrMode;
 pub use setting::{Bound, Kind, Range, Search, Setting, Spacing, Use};

@@ -113,6 +113,12 @@ impl ThetaReg {
 
     /// The method, ready to run.
     ///
+    /// ICP that finishes follows the method's voxel alone ([`IcpConfig::refinement`]), so that an
+    /// error depends on the settings that are judged, and on no choice made from the pair.
+    /// `register` has one pair and looks at it: its
+    /// [`refinement`](echoloop_registration::Suggestions::refinement) takes a finer voxel where the
+    /// clouds have points enough, and first pairs as far apart as the method's own voxel needs.
+    ///
     /// # Errors
     ///
     /// [`ConfigError`] names the setting that cannot run.
