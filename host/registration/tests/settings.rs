@@ -26,7 +26,7 @@ fn settings() -> String {
     for setting in SETTINGS {
         let defaults = Method::ALL.map(|method| default(setting, method)).join(" | ");
         let (key, unit) = (setting.key, setting.unit);
-        let _ = writeln!(text, "| `{key}` | {unit} | {defaults} | {} |", bounds(setting));
+        let _ = writeln!(text, "| `{key}` | {unit} | {defaults} | {} |", setting.bounds());
     }
     text
 }
@@ -37,30 +37,6 @@ fn default(setting: &Setting, method: Method) -> String {
         (Some(_), None) => "none".into(),
         (Some(_), Some(value)) if value < 1e-3 => format!("{value:e}"),
         (Some(_), Some(value)) => value.to_string(),
-    }
-}
-
-/// The bound; where methods differ, of each in turn.
-fn bounds(setting: &Setting) -> String {
-    let mut bounds: Vec<(String, Vec<&str>)> = Vec::new();
-    for method in Method::ALL {
-        let Some(of) = setting.of(method) else { continue };
-        let bound = setting.bound(&of);
-        let relation =
-            bound.not_below.map(|(_, words)| words).filter(|&words| words != bound.words);
-        let words =
-            relation.map_or_else(|| bound.words.into(), |more| format!("{}; {more}", bound.words));
-        match bounds.iter_mut().find(|(known, _)| *known == words) {
-            Some((_, methods)) => methods.push(method.name()),
-            None => bounds.push((words, vec![method.name()])),
-        }
-    }
-    match &bounds[..] {
-        [(words, _)] => words.clone(),
-        several => {
-            let each = several.iter().map(|(words, of)| format!("{}: {words}", of.join(", ")));
-            each.collect::<Vec<_>>().join("; ")
-        }
     }
 }
 

@@ -83,13 +83,14 @@ fn value_name(setting: &Setting) -> &'static str {
     }
 }
 
-/// The table's line; first the methods that have the setting, if not all do.
+/// The table's line and what the setting must be; first the methods that have it, if not all do.
 fn help(setting: &Setting) -> String {
     let line = setting.help.strip_suffix('.').unwrap_or(setting.help);
+    let line = format!("{line} [{}]", setting.bounds());
     let methods = Method::ALL.into_iter().filter(|&method| setting.of(method).is_some());
     let methods: Vec<&str> = methods.map(Method::name).collect();
     if methods.len() == Method::ALL.len() {
-        return line.to_owned();
+        return line;
     }
     let (first, rest) = line.split_at(line.chars().next().map_or(0, char::len_utf8));
     format!("{}: {}{rest}", methods.join(", "), first.to_lowercase())
@@ -222,9 +223,11 @@ mod tests {
         }
         let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
         for line in [
-            "Points farther apart are no pair, m, above 0 --",
-            "fgr, mac: radius of the features' neighbourhood, m, not less than that",
-            "icp, gicp: … that turns less than this, rad, ends the run",
+            "Points farther apart are no pair, m [a length above 0 m, at most 1e6 m] --",
+            "fgr, mac: radius of the features' neighbourhood, m [a length above 0 m, at most 1e6 m; \
+             normal_radius_m or more (Sec. 3.3)]",
+            "at most [icp, gicp: 1 or more; fgr: 1 to 100000; mac: at most 100000]",
+            "icp, gicp: a step that turns less than this, rad, ends the run if its length",
         ] {
             assert!(help.contains(line), "{line}: {help}");
         }

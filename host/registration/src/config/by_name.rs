@@ -104,7 +104,6 @@ impl MethodConfig {
 
 #[cfg(test)]
 mod tests {
-    use super::super::setting::Kind;
     use super::*;
 
     fn all() -> [MethodConfig; 4] {
@@ -197,12 +196,23 @@ mod tests {
     }
 
     #[test]
-    fn help_that_names_a_range_names_that_of_the_bound() {
+    fn help_is_a_sentence_without_numbers_and_the_bounds_say_the_range_of_each_method() {
         for setting in SETTINGS {
-            let words = setting.bound(&super::super::setting::PLAIN).words;
-            let names_one = setting.help.contains(" to ") && setting.kind == Kind::Count;
-            assert!(!names_one || setting.help.contains(words), "{}: {words}", setting.key);
+            let help = setting.help;
+            assert!(help.ends_with('.') && !help.contains('…'), "{help}");
+            assert!(!help.contains(|c: char| c.is_ascii_digit()), "{help}");
         }
+        let bounds = |key: &str| setting(key).map(Setting::bounds).unwrap();
+        assert_eq!(bounds("voxel_m"), "a length above 0 m, at most 1e6 m");
+        assert_eq!(bounds("normal_neighbours"), "icp, gicp: 3 to 1000; fgr, mac: 3 to 500");
+        assert_eq!(
+            bounds("max_iterations"),
+            "icp, gicp: 1 or more; fgr: 1 to 100000; mac: at most 100000"
+        );
+        assert_eq!(
+            bounds("feature_radius_m"),
+            "a length above 0 m, at most 1e6 m; normal_radius_m or more (Sec. 3.3)"
+        );
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! What is known of one setting: its name, its bounds, where a search may look for it.
 
+use std::fmt;
+
 use super::error::ConfigError;
 use super::method::Method;
 
@@ -16,7 +18,7 @@ pub struct Setting {
     pub kind: Kind,
     /// `m`, `rad`, or nothing for counts and shares.
     pub unit: &'static str,
-    /// What it is, in one line.
+    /// What it is, in one line; [`Setting::bounds`] has what it must be.
     pub help: &'static str,
     /// What it must be, where a method does not say otherwise.
     pub(super) bound: Bound,
@@ -121,6 +123,24 @@ impl Setting {
         of.bound.unwrap_or(self.bound)
     }
 
+    /// What it must be, in words, and not below which other; where methods differ, of each in turn.
+    pub fn bounds(&self) -> String {
+        let mut bounds: Vec<(String, Vec<&str>)> = Vec::new();
+        for method in Method::ALL {
+            let Some(of) = self.of(method) else { continue };
+            let words = self.bound(&of).to_string();
+            match bounds.iter_mut().find(|(known, _)| *known == words) {
+                Some((_, methods)) => methods.push(method.name()),
+                None => bounds.push((words, vec![method.name()])),
+            }
+        }
+        if let [(words, _)] = &bounds[..] {
+            return words.clone();
+        }
+        let each = bounds.iter().map(|(words, of)| format!("{}: {words}", of.join(", ")));
+        each.collect::<Vec<_>>().join("; ")
+    }
+
     /// Checks a value, and that it is not below the setting that bounds it.
     pub(super) fn check(
         &self,
@@ -170,6 +190,18 @@ pub(super) const fn log(min: f64, max: f64) -> Range {
 
 pub(super) const fn whole(min: f64, max: f64) -> Range {
     Range { min, max, spacing: Spacing::Whole }
+}
+
+impl fmt::Display for Bound {
+    /// Its words, then those of the setting it must not be below, where they say more.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.not_below {
+            Some((_, relation)) if relation != self.words => {
+                write!(f, "{}; {relation}", self.words)
+            }
+            _ => f.write_str(self.words),
+        }
+    }
 }
 
 impl Bound {

@@ -61,7 +61,7 @@ const NEIGHBOUR_COUNT: Use = searched("φ_knn", whole(10.0, 100.0), whole(10.0, 
 /// middle.
 const LOCAL_DISTANCE: Use = searched("φ_d", log(0.05, 3.0), linear(0.1, 2.0), 1.0);
 
-/// φ_d of a global method: half a voxel in Open3D's example, which is the least of the range.
+/// φ_d of a global method: half a voxel in Open3D's example, so the range starts at its least.
 const GLOBAL_DISTANCE: Use = searched("φ_d", log(0.05, 3.0), linear(0.1, 2.0), 0.1);
 
 /// The setting of that name, or of that name in earlier versions.
@@ -98,7 +98,7 @@ macro_rules! configuration {
                 Self { $($own: $own_default,)* $($key: $default,)* }
             }
 
-            /// Whether each setting can run.
+            /// Whether each setting can run: [`Setting::bounds`] says what it must be.
             ///
             /// # Errors
             ///
@@ -217,7 +217,7 @@ macro_rules! settings {
 
 settings! {
     voxel_m: f64, "m", LENGTH,
-        "Edge of the voxels that thin both clouds, m, above 0. Lengths left out follow it.",
+        "Edge of the voxels that thin both clouds, m. Lengths left out follow it.",
         "" =>
     {
         icp 0.3, VOXEL;
@@ -225,7 +225,7 @@ settings! {
         features 0.5, VOXEL;
     }
     normal_radius_m: f64, "m", LENGTH,
-        "Radius of the normals' neighbourhood, m, above 0.",
+        "Radius of the normals' neighbourhood, m.",
         "" =>
     {
         icp 0.9, NORMAL_RADIUS;
@@ -233,7 +233,7 @@ settings! {
         features 1.5, NORMAL_RADIUS;
     }
     normal_neighbours: usize, "", NEIGHBOURS,
-        "Neighbours of a normal at most, 3 to 1000 (fgr, mac: 500).",
+        "Neighbours of a normal at most.",
         "" =>
     {
         icp 30, NEIGHBOUR_COUNT;
@@ -241,19 +241,19 @@ settings! {
         features 30, PLAIN.bounded(FEATURE_NEIGHBOURS);
     }
     feature_radius_m: f64, "m", FEATURE_RADIUS,
-        "Radius of the features' neighbourhood, m, not less than that of the normals'.",
+        "Radius of the features' neighbourhood, m.",
         "" =>
     {
         features 3.5, searched("φ_rad2", log(0.1, 8.0), linear(0.01, 1.0), 0.25);
     }
     feature_neighbours: usize, "", FEATURE_NEIGHBOURS,
-        "Neighbours of a feature at most, 3 to 500.",
+        "Neighbours of a feature at most.",
         "" =>
     {
         features 100, searched("φ_knn", whole(10.0, 100.0), whole(10.0, 100.0), 100.0);
     }
     max_pair_distance_m: f64, "m", LENGTH,
-        "Points farther apart are no pair, m, above 0.",
+        "Points farther apart are no pair, m.",
         "Of a global method, matches this near each other in the end agree with the motion: δ \
          of FGR; of MAC the inlier threshold, and the τ of all scores." =>
     {
@@ -277,7 +277,7 @@ settings! {
         mac 0.316, searched("", log(0.02, 1.0), linear(0.01, 0.2), 0.03);
     }
     max_iterations: usize, "", SOME,
-        "Iterations at most, 1 or more.",
+        "Iterations at most.",
         "Of MAC, steps of the final refinement: 0 leaves the motion of the best clique." =>
     {
         icp 50, searched("φ_icp", whole(8.0, 128.0), whole(8.0, 128.0), 30.0);
@@ -287,27 +287,30 @@ settings! {
         mac 20, PLAIN.bounded(Bound::new("at most 100000", |n| n <= 1e5));
     }
     translation_tolerance_m: f64, "m", TOLERANCE, formerly "still_m",
-        "A step shorter than this, m, …",
+        "A step shorter than this, m, ends the run if its turn is within its tolerance, too.",
         "" =>
     {
         icp 5e-4, PLAIN;
         gicp 5e-4, PLAIN;
     }
     rotation_tolerance_rad: f64, "rad", TOLERANCE, formerly "still_rad",
-        "… that turns less than this, rad, ends the run.",
+        "A step that turns less than this, rad, ends the run if its length is within its tolerance, \
+         too.",
         "" =>
     {
         icp 1e-4, PLAIN;
         gicp 1e-4, PLAIN;
     }
     fitness_tolerance: f64, "", TOLERANCE, formerly "still_fraction",
-        "So does a change of the share of paired points below this, …",
+        "A change of the share of paired points below this ends the run if that of their RMSE is \
+         within its tolerance, too.",
         "" =>
     {
         icp 1e-6, PLAIN;
     }
     rmse_tolerance_m: f64, "m", TOLERANCE, formerly "still_rmse_m",
-        "… with one of their root mean square distance below this, m.",
+        "A change of the pairs' RMSE below this, m, ends the run if that of their share is within \
+         its tolerance, too.",
         "" =>
     {
         icp 1e-6, PLAIN;
@@ -327,13 +330,13 @@ settings! {
         fgr 1000, PLAIN;
     }
     max_matches: usize, "", count!(3 to 20000),
-        "More matches than this are thinned, 3 to 20000.",
+        "More matches than this are thinned.",
         "The graph takes `n²/8` bytes and `n²/2` tests." =>
     {
         mac 10_000, PLAIN;
     }
     least_clique: usize, "", count!(3 to 20000),
-        "Cliques of fewer matches propose no motion, 3 to 20000.",
+        "Cliques of fewer matches propose no motion.",
         "" =>
     {
         mac 3, PLAIN;
