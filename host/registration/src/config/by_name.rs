@@ -104,6 +104,8 @@ impl MethodConfig {
 
 #[cfg(test)]
 mod tests {
+    use super::super::setting::Search;
+    use super::super::table::FeatureConfig;
     use super::*;
 
     fn all() -> [MethodConfig; 4] {
@@ -213,6 +215,27 @@ mod tests {
             bounds("feature_radius_m"),
             "a length above 0 m, at most 1e6 m; normal_radius_m or more (Sec. 3.3)"
         );
+    }
+
+    #[test]
+    fn the_paper_s_ranges_start_at_open3d_s_example_or_at_their_end_next_to_it() {
+        let voxel_m = 0.05;
+        for method in Method::ALL {
+            let features = FeatureConfig::open3d(voxel_m);
+            let example = match method {
+                Method::Icp | Method::Gicp => MethodConfig::Icp(IcpConfig::open3d(voxel_m, 1.0)),
+                Method::Fgr => MethodConfig::Fgr(FgrConfig::open3d(voxel_m)),
+                Method::Mac => MethodConfig::Mac(MacConfig::from_features(features)),
+            };
+            for (setting, of) in method.settings() {
+                let Some(Search { paper, paper_start, .. }) = of.search else { continue };
+                // Open3D has no example of MAC's own length, which starts at a round number.
+                if setting.key != "length_tolerance_m" {
+                    let near = example.get(setting.key).unwrap().clamp(paper.min, paper.max);
+                    assert_eq!(paper_start, near, "{} of {method:?}", setting.key);
+                }
+            }
+        }
     }
 
     #[test]

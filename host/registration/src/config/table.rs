@@ -31,7 +31,8 @@ const NEIGHBOURS: Bound = count!(3 to 1000);
 /// for each of 100,000 points are 0.4 GB.
 const FEATURE_NEIGHBOURS: Bound = count!(3 to 500);
 
-/// φ_v from 5 cm to 1 m; Sec. 3.3 has 1 to 10 cm, and Open3D's example 5 cm.
+/// φ_v from 5 cm to 1 m; Sec. 3.3 has 1 to 10 cm, and Open3D's example 5 cm. A test holds this and
+/// the other starts of the paper's ranges to the `open3d` of the configurations.
 const VOXEL: Use = searched("φ_v", log(0.05, 1.0), linear(0.01, 0.1), 0.05);
 
 /// Six directions share the information: two walls and a floor give each a third.
