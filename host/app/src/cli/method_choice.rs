@@ -5,6 +5,10 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
 use crate::experiment::config::{FgrMode, Method, Override};
 
+/// What `--mode` is.
+pub(super) const MODE_HELP: &str =
+    "Of fgr: as published, or as Open3D 0.20 runs it from Python, the paper's baseline";
+
 /// Flags of every command that registers scans of its own.
 #[derive(Clone, Debug, Args)]
 pub(super) struct MethodChoice {
@@ -12,8 +16,7 @@ pub(super) struct MethodChoice {
     /// otherwise.
     #[arg(long, value_parser = method_parser())]
     method: Option<Method>,
-    /// Of fgr: as published, or as Open3D 0.20 runs it from Python, the paper's baseline.
-    #[arg(long, value_parser = mode_parser())]
+    #[arg(long, help = MODE_HELP, value_parser = mode_parser())]
     mode: Option<FgrMode>,
     /// Finish what a global method finds with point-to-plane ICP.
     #[arg(long)]

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 use clap::{Arg, ArgMatches, Args, Command, FromArgMatches, value_parser};
 
 use super::exit::Failure;
-use super::method_choice::mode_parser;
+use super::method_choice::{MODE_HELP, mode_parser};
 use echoloop_registration::{FgrMode, Kind, Method, MethodConfig, SETTINGS, Setting, Suggestions};
 
 const HEADING: &str = "Settings; those left out are chosen from the clouds";
@@ -22,10 +22,9 @@ pub(super) struct MethodFlags {
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = HEADING)]
 struct OwnFlags {
-    /// fgr: as published, or as Open3D 0.20 runs it from Python.
-    #[arg(long, value_name = "MODE", value_parser = mode_parser())]
+    #[arg(long, value_name = "MODE", help = MODE_HELP, value_parser = mode_parser())]
     mode: Option<FgrMode>,
-    /// fgr: seed of its draws [default: 0].
+    /// Of fgr: seed of its draws [default: 0].
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
 }

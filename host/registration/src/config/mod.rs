@@ -1,6 +1,7 @@
 //! How registration runs: Θ_reg of each method.
 
 mod by_name;
+mod choice;
 mod convention;
 mod error;
 mod features;
