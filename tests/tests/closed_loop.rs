@@ -18,7 +18,7 @@ use echoloop_host::experiment::journal::Journal;
 use echoloop_host::experiment::objective::{Bench, fitness};
 use echoloop_host::experiment::params::{Parameters, Space};
 use echoloop_host::experiment::preset::{LidarPreset, PAPER_LIDAR, Preset, Protocol};
-use echoloop_host::experiment::scan_cloud::cloud_from_scan;
+use echoloop_host::experiment::scan_cloud::{cloud_from_scan, directions};
 use echoloop_host::experiment::seed::Purpose;
 use echoloop_host::experiment::tune::{Silent, TuneSearch, Tuned};
 use echoloop_host::link::client::{Client, ClientError, RetryPolicy};
@@ -497,16 +497,12 @@ fn rectangles(corners: &[[[f32; 3]; 3]], reflectance_905nm: f32) -> Place {
     Place { scene, caster }
 }
 
-fn directions(pattern: ScanPattern) -> Vec<Vector3<f32>> {
-    (0..pattern.beams()).map(|beam| pattern.direction(beam)).collect()
-}
-
 #[test]
 fn a_wall_is_scanned_where_it_stands_whatever_its_albedo() {
     const WALL_M: f64 = 18.0;
     let pattern = ScanPattern { columns: 48, rows: 16, azimuth_cdeg: 5_000, elevation_cdeg: 2_000 };
     let config = config(&[]);
-    let directions = directions(pattern);
+    let directions = directions(&pattern);
     let x = WALL_M as f32;
     println!("albedo    yaw     bias      rms   points");
     for albedo in [0.05, 0.1, 0.3, 0.6, 0.9] {
@@ -568,7 +564,7 @@ fn two_scans_of_a_yard_are_registered_to_the_motion_between_them() {
     let place = rectangles(&sides, 0.3);
     let pattern =
         ScanPattern { columns: 128, rows: 64, azimuth_cdeg: 18_000, elevation_cdeg: 6_000 };
-    let directions = directions(pattern);
+    let directions = directions(&pattern);
     let config = config(&[]);
     let start = Parameters::start(&config, &HARDWARE).expect("a start");
     let pose = |v: [f64; 3], turn_deg: [f64; 3]| {

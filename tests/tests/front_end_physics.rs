@@ -13,6 +13,7 @@ use echoloop_frontend::{Mode, Precipitation, Receiver, WaveformFrontEnd, Weather
 use echoloop_frontend::{Return, SceneResponse};
 use echoloop_host::experiment::config::{JitterPer, Motion, RunConfig};
 use echoloop_host::experiment::dataset::{Place, respond, respond_at};
+use echoloop_host::experiment::scan_cloud::directions;
 use echoloop_host::link::sensor::{Model, Sensor, View};
 use echoloop_registration::pose::Pose;
 use echoloop_sensor::afe::delay_fs;
@@ -595,7 +596,7 @@ fn moving(motion: Motion) -> RunConfig {
 /// Points of a scan of the wall, laid out as from one pose: beam, x, y in m.
 fn points(config: &RunConfig, viewpoint: u32) -> Vec<(usize, f64, f64)> {
     let pattern = config.scanner.pattern();
-    let directions: Vec<_> = (0..pattern.beams()).map(|beam| pattern.direction(beam)).collect();
+    let directions = directions(&pattern);
     let response = respond_at(config, &place(), &Pose::identity(), viewpoint, &directions);
     let point = |(beam, d): (usize, &nalgebra::Vector3<f32>)| {
         let range_m = response.of(beam).first()?.range_m;
@@ -633,7 +634,7 @@ fn a_wall_turns_into_a_curve_as_the_angular_velocity_says() {
 fn a_sensor_that_stands_still_scans_as_ever() {
     let plain = moving(Motion::default());
     let pattern = plain.scanner.pattern();
-    let directions: Vec<_> = (0..pattern.beams()).map(|beam| pattern.direction(beam)).collect();
+    let directions = directions(&pattern);
     let scan = |config: &RunConfig| respond(config, &place(), &Pose::identity(), &directions);
     let optics = BeamOptics { divergence_mrad: plain.receiver.divergence_mrad, subrays: 1 };
     let arrays: Vec<[f32; 3]> = directions.iter().map(|&d| d.into()).collect();

@@ -14,7 +14,7 @@ use super::exit::Failure;
 use crate::experiment::config::RunConfig;
 use crate::experiment::dataset::{DatasetError, place, respond};
 use crate::experiment::params::Parameters;
-use crate::experiment::scan_cloud::cloud_from_scan;
+use crate::experiment::scan_cloud::{cloud_from_scan, directions};
 use crate::experiment::seed::{Purpose, derive, scan_noise};
 use crate::link::sensor::{Model, View};
 use echoloop_registration::cloud::{Cloud, write_ply};
@@ -68,8 +68,7 @@ fn scan(args: &ScanArgs, config: &RunConfig) -> Result<(), Failure> {
     let identity = sensors.identity()?;
     let settings = Parameters::start(config, &identity.hardware).map_err(Failure::usage)?.settings;
     let pattern = identity.pattern;
-    let directions: Vec<Vector3<f32>> =
-        (0..pattern.beams()).map(|beam| pattern.direction(beam)).collect();
+    let directions = directions(&pattern);
     let seen = seen(args, config, &directions)?;
     let response = seen.as_ref().map_or_else(Arc::default, |seen| Arc::clone(&seen.response));
     let view =

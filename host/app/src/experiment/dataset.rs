@@ -17,6 +17,7 @@ use nalgebra::Vector3;
 use thiserror::Error;
 
 use crate::experiment::config::RunConfig;
+use crate::experiment::scan_cloud::directions;
 use crate::experiment::seed::{Purpose, derive};
 use echoloop_registration::pose::{Pose, relative};
 use motion::Path as MotionPath;
@@ -106,8 +107,7 @@ impl Dataset {
     /// [`DatasetError`].
     pub fn build(config: &RunConfig, progress: &dyn Fn(f64, &str)) -> Result<Self, DatasetError> {
         let pattern = config.scanner.pattern();
-        let directions: Vec<Vector3<f32>> =
-            (0..pattern.beams()).map(|beam| pattern.direction(beam)).collect();
+        let directions = directions(&pattern);
         let mut dataset =
             Self { pattern, directions, train: Vec::new(), test: Vec::new(), triangles: 0 };
         let towns = towns(config);
