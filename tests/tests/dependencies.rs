@@ -74,7 +74,11 @@ const PROGRAM: &[&str] = &[
 ];
 
 /// The crates that run on a microcontroller.
-const NO_STD: [&str; 3] = ["echoloop-dsp", "echoloop-link", "echoloop-sensor"];
+const NO_STD: [&str; 5] =
+    ["echoloop-dsp", "echoloop-kernels", "echoloop-link", "echoloop-sensor", "echoloop-image"];
+
+/// Processors with images, one of each kind: what is built for them is looked at.
+const BOARDS: [&str; 2] = ["thumbv7em-none-eabihf", "riscv32imac-unknown-none-elf"];
 
 /// Crates of which another dependency brings an older version too, and which one that is.
 const BROUGHT_TWICE: [(&str, &str); 4] = [
@@ -88,9 +92,10 @@ fn workspace() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// What is built into a crate, itself included, one line `name vX.Y.Z|feature,feature` each.
-/// Procedural macros run at build time only and do not count.
-fn built_into(package: &str) -> BTreeSet<String> {
+/// What is built into a crate, itself included, one line `name vX.Y.Z|feature,feature` each, for
+/// this machine or for a target. Procedural macros run at build time only and do not count.
+fn built_into(package: &str, target: Option<&str>) -> BTreeSet<String> {
+    let target = target.map(|triple| ["--target", triple]);
     let output = Command::new(env!("CARGO"))
         .current_dir(workspace())
         .args([
@@ -102,6 +107,7 @@ fn built_into(package: &str) -> BTreeSet<String> {
             "--edges",
             "normal,no-proc-macro",
         ])
+        .args(target.iter().flatten())
         .args(["--prefix", "none", "--no-dedupe", "--format", "{p}|{f}"])
         .output()
         .expect("cargo runs");
@@ -119,21 +125,39 @@ fn table(path: &str) -> toml::Table {
     text.parse().expect("TOML")
 }
 
+/// Every section of dependencies of a manifest: of all targets, and of one.
+fn dependencies(manifest: &toml::Table) -> Vec<(String, &toml::Table)> {
+    const SECTIONS: [&str; 3] = ["dependencies", "dev-dependencies", "build-dependencies"];
+    let of_all = SECTIONS.map(|section| (section.to_owned(), manifest.get(section)));
+    let targets = manifest.get("target").and_then(toml::Value::as_table).into_iter().flatten();
+    let of_one = targets.flat_map(|(target, sections)| {
+        SECTIONS.map(|section| (format!("target.{target}.{section}"), sections.get(section)))
+    });
+    let found = of_all.into_iter().chain(of_one);
+    found.filter_map(|(section, entries)| Some((section, entries?.as_table()?))).collect()
+}
+
 #[test]
 fn every_crate_names_only_those_it_may() {
     for (package, folder, allowed) in ALLOWED {
         let manifest = table(&format!("{folder}/Cargo.toml"));
         assert_eq!(manifest["package"]["name"].as_str(), Some(package), "{folder}");
-        for section in ["dependencies", "dev-dependencies", "build-dependencies"] {
-            let Some(entries) = manifest.get(section).and_then(toml::Value::as_table) else {
-                continue;
-            };
+        for (section, entries) in dependencies(&manifest) {
             let wrong = entries
                 .keys()
                 .find(|key| key.starts_with("echoloop-") && !allowed.contains(&key.as_str()));
             assert_eq!(wrong, None, "{package} may not have it in [{section}]");
         }
     }
+}
+
+#[test]
+fn dependencies_for_one_target_count() {
+    let kernels = table("firmware/kernels/Cargo.toml");
+    let x86 = r#"target.cfg(target_arch = "x86_64").dependencies"#;
+    let found = dependencies(&kernels).into_iter().find(|(section, _)| section == x86);
+    let (_, entries) = found.expect("the dispatch is for x86-64 only");
+    assert!(entries.contains_key("echoloop-dispatch"));
 }
 
 #[test]
@@ -149,7 +173,7 @@ fn the_libraries_bring_neither_the_program_nor_its_command_line() {
     for package in ["echoloop-registration", "echoloop-cmaes", "echoloop-frontend"] {
         let unwanted =
             ["clap", "indicatif", "echoloop-dsp", "echoloop-link", "echoloop-sim", "echoloop-host"];
-        let built = built_into(package);
+        let built = built_into(package, None);
         let found = built.iter().map(|line| name(line)).find(|name| unwanted.contains(name));
         assert_eq!(found, None, "{package} is built with it");
     }
@@ -157,20 +181,36 @@ fn the_libraries_bring_neither_the_program_nor_its_command_line() {
 
 #[test]
 fn the_firmware_is_built_without_std_and_without_an_allocator() {
-    for package in NO_STD {
-        for line in built_into(package) {
+    for (package, target) in NO_STD.iter().flat_map(|p| BOARDS.map(|target| (p, target))) {
+        for line in built_into(package, Some(target)) {
             let (crate_name, features) = line.split_once('|').expect("as formatted");
             let wrong =
                 features.split(',').find(|f| ["std", "alloc", "use-std", "use_std"].contains(f));
-            assert_eq!(wrong, None, "{package} builds {crate_name} with it");
+            assert_eq!(wrong, None, "{package} builds {crate_name} with it for {target}");
         }
     }
 }
 
 #[test]
+fn what_is_in_an_image_lies_below_firmware() {
+    for (package, target) in NO_STD.iter().flat_map(|p| BOARDS.map(|target| (p, target))) {
+        let built = built_into(package, Some(target));
+        let ours: Vec<&str> =
+            built.iter().map(|line| name(line)).filter(|n| n.starts_with("echoloop-")).collect();
+        let elsewhere = ours.iter().find(|name| !NO_STD.contains(name));
+        assert_eq!(elsewhere, None, "{package} is built with it for {target}");
+        assert!(ours.contains(package));
+    }
+    for (package, folder, _) in ALLOWED {
+        assert_eq!(NO_STD.contains(&package), folder.starts_with("firmware/"), "{package}");
+    }
+}
+
+#[test]
 fn every_firmware_crate_says_no_std() {
-    for package in ["dsp", "link", "sensor", "image"] {
-        let source = workspace().join("firmware").join(package).join("src/lib.rs");
+    for package in NO_STD {
+        let folder = package.replace("echoloop-", "firmware/");
+        let source = workspace().join(folder).join("src/lib.rs");
         let text = std::fs::read_to_string(&source).expect("a library");
         assert!(
             text.lines().any(|line| line.starts_with("#![") && line.contains("no_std")),
@@ -216,14 +256,9 @@ fn every_dependency_is_locked_in_one_version() {
 fn every_crate_takes_its_dependencies_from_the_workspace() {
     for (_, folder, _) in ALLOWED {
         let manifest = table(&format!("{folder}/Cargo.toml"));
-        for section in ["dependencies", "dev-dependencies", "build-dependencies"] {
-            let Some(entries) = manifest.get(section).and_then(toml::Value::as_table) else {
-                continue;
-            };
-            for (dependency, how) in entries {
-                let shared = how.get("workspace").and_then(toml::Value::as_bool);
-                assert_eq!(shared, Some(true), "{folder}: {dependency} has a version of its own");
-            }
+        for (dependency, how) in dependencies(&manifest).into_iter().flat_map(|(_, all)| all) {
+            let shared = how.get("workspace").and_then(toml::Value::as_bool);
+            assert_eq!(shared, Some(true), "{folder}: {dependency} has a version of its own");
         }
     }
 }
