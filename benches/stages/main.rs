@@ -12,9 +12,10 @@
 //! process's, all threads.
 
 mod pair;
+#[path = "../result.rs"]
+mod result;
 mod stage;
 
-use std::error::Error;
 use std::io::{BufRead, Write, stdin, stdout};
 use std::path::PathBuf;
 
@@ -27,9 +28,8 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use pair::Pair;
+use result::Result;
 use stage::{Measured, STAGES};
-
-type Result<T> = std::result::Result<T, Box<dyn Error + Send + Sync>>;
 
 #[derive(Parser)]
 struct Args {

@@ -10,7 +10,7 @@ use echoloop_registration::{
     FeatureConfig, FgrConfig, GicpConfig, IcpConfig, MacConfig, Source, Target,
 };
 
-use crate::Result;
+use crate::result::Result;
 
 /// Pairs of a local method may be this far apart, m: small_gicp's default.
 const LOCAL_PAIR_DISTANCE_M: f64 = 1.0;

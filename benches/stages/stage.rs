@@ -13,8 +13,8 @@ use echoloop_registration::{
 };
 use serde::{Serialize, Serializer};
 
-use crate::Result;
 use crate::pair::Pair;
+use crate::result::Result;
 
 /// Parts first, then whole methods from the clouds as they were read to the pose.
 pub(crate) const STAGES: [&str; 19] = [

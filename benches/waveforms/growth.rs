@@ -10,7 +10,7 @@ use echoloop_host::link::client::{Client, RetryPolicy};
 use echoloop_host::link::transport::InProcess;
 use echoloop_sim::board::PcSensor;
 
-use crate::Result;
+use crate::result::Result;
 use crate::work::{BATCH, Stage, returns, settings};
 
 /// A row of a table.

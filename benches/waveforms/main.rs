@@ -9,9 +9,10 @@
 //! has to know as a JSON line.
 
 mod growth;
+#[path = "../result.rs"]
+mod result;
 mod work;
 
-use std::error::Error;
 use std::io::{BufRead, Write, stdin, stdout};
 use std::path::{Path, PathBuf};
 
@@ -21,9 +22,8 @@ use echoloop_frontend::Receiver;
 use echoloop_frontend::Return;
 use serde_json::{Value, json};
 
+use result::Result;
 use work::{BATCH, SAMPLES, Stage, returns, settings};
-
-type Result<T> = std::result::Result<T, Box<dyn Error + Send + Sync>>;
 
 #[derive(Parser)]
 struct Args {

@@ -11,7 +11,7 @@ use echoloop_frontend::{
 };
 use echoloop_kernels::{process, process_baseline};
 
-use crate::Result;
+use crate::result::Result;
 
 pub(crate) const SAMPLES: usize = 1024;
 

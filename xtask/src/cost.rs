@@ -5,6 +5,7 @@
 //! advances by instructions, so every run counts the same. The table is `firmware/image/cost.tsv`;
 //! `benches/record/cost.md` is drawn from it.
 
+mod machine;
 mod page;
 mod table;
 
@@ -17,48 +18,14 @@ use std::{env, fs, thread};
 
 use anyhow::{Context, Result, bail, ensure};
 
-use crate::{firmware, workspace};
-use page::Aims;
-use table::{TOLERANCE_PERCENT, Table, compare, parse};
-
-/// A processor, and how QEMU runs an image on it.
-struct Machine {
-    processor: &'static str,
-    target: &'static str,
-    emulator: &'static str,
-    /// Debian's name of what the emulator is in.
-    package: &'static str,
-    machine: &'static str,
-    /// Nanoseconds an instruction takes, as a power of two: SysTick sees 64, minstret is scaled by
-    /// it.
-    shift: u32,
-}
-
-const MACHINES: [Machine; 4] = {
-    const fn arm(processor: &'static str, target: &'static str, machine: &'static str) -> Machine {
-        let (emulator, package) = ("qemu-system-arm", "qemu-system-arm");
-        Machine { processor, target, emulator, package, machine, shift: 6 }
-    }
-    [
-        arm("cortex-m4", "thumbv7em-none-eabihf", "mps2-an386"),
-        arm("cortex-m7", "thumbv7em-none-eabihf", "mps2-an500"),
-        arm("cortex-m33", "thumbv8m.main-none-eabihf", "mps2-an505"),
-        Machine {
-            processor: "rv32imac",
-            target: "riscv32imac-unknown-none-elf",
-            emulator: "qemu-system-riscv32",
-            package: "qemu-system-misc",
-            machine: "virt",
-            shift: 0,
-        },
-    ]
-};
+use crate::firmware;
+use crate::shell::{first_line, on_path, workspace};
+use machine::{MACHINES, Machine};
+use page::{Aims, PAGE};
+use table::{TABLE, TOLERANCE_PERCENT, Table, compare, parse};
 
 /// An emulator that runs longer hangs.
 const LONGEST: Duration = Duration::from_secs(60);
-
-const TABLE: &str = "firmware/image/cost.tsv";
-const PAGE: &str = "benches/record/cost.md";
 
 /// Counts and compares with the committed table, or rewrites it.
 ///
@@ -152,7 +119,7 @@ fn can_build() -> Result<bool> {
 
 /// Whether every emulator is there; where nobody would see that one is not, that is an error.
 fn can_emulate() -> Result<bool> {
-    let Some(missing) = MACHINES.iter().find(|machine| !crate::on_path(machine.emulator)) else {
+    let Some(missing) = MACHINES.iter().find(|machine| !on_path(machine.emulator)) else {
         return Ok(true);
     };
     let how = format!("no {}; run: apt-get install {}", missing.emulator, missing.package);
@@ -225,7 +192,7 @@ fn emulate(machine: &Machine, image: &Path) -> Result<String> {
 /// Versions and date.
 fn measured_with() -> Result<String> {
     let rustc = firmware::toolchain(MACHINES[0].target)?.version().to_owned();
-    let qemu = crate::first_line("qemu-system-arm", &["--version"])?;
+    let qemu = first_line("qemu-system-arm", &["--version"])?;
     let qemu = qemu.replace("QEMU emulator version", "QEMU");
     let qemu = qemu.split(" (").next().unwrap_or_default();
     Ok(format!("{rustc}, {qemu}, {}", crate::day::today()))

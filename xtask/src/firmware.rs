@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 
 use crate::image::{self, Size};
+use crate::shell::{succeed, workspace};
 use crate::toolchain::Toolchain;
-use crate::{succeed, workspace};
 
 /// Targets there are images for, the reference board's first, and the memory map of each.
 pub(crate) const TARGETS: [(&str, &str); 4] = [

@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, bail};
 
-use crate::workspace;
+use crate::shell::workspace;
 
 /// Targets in `fuzz/fuzz_targets`, and how long an input is worth trying.
 const TARGETS: [(&str, u32); 4] =

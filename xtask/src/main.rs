@@ -7,17 +7,17 @@ mod firmware;
 mod fuzz;
 mod image;
 mod peers;
+mod shell;
 mod thumb;
 mod toolchain;
 
 use std::env;
-use std::ffi::OsStr;
-use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::thread;
 
-use anyhow::{Context, Result, anyhow, bail};
+use anyhow::{Result, anyhow};
 use clap::Parser;
+
+use shell::{cargo, cargo_command, on_path, succeed};
 
 /// Project commands.
 #[derive(Parser)]
@@ -157,51 +157,10 @@ fn say_what_is_missing() {
     }
 }
 
-fn on_path(name: &str) -> bool {
-    let Some(path) = env::var_os("PATH") else { return false };
-    env::split_paths(&path).any(|folder| folder.join(name).is_file())
-}
-
-/// Runs cargo in the workspace's root, and fails when it does.
-fn cargo<A: AsRef<OsStr>>(arguments: impl IntoIterator<Item = A>) -> Result<()> {
-    succeed(cargo_command()?.args(arguments))
-}
-
-fn cargo_command() -> Result<Command> {
-    let mut command = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
-    command.current_dir(workspace()?);
-    Ok(command)
-}
-
-/// Shows a command, runs it, and fails when it does.
-fn succeed(command: &mut Command) -> Result<()> {
-    let shown = format!("{command:?}");
-    eprintln!("+ {shown}");
-    if !command.status().with_context(|| format!("cannot run {shown}"))?.success() {
-        bail!("failed: {shown}");
-    }
-    Ok(())
-}
-
-/// The first line that a program prints.
-fn first_line(program: &str, arguments: &[&str]) -> Result<String> {
-    let mut command = Command::new(program);
-    let output = command.current_dir(workspace()?).args(arguments).output();
-    let output = output.with_context(|| format!("cannot run {program}"))?;
-    Ok(String::from_utf8_lossy(&output.stdout).lines().next().unwrap_or_default().to_owned())
-}
-
-/// The workspace's root.
-fn workspace() -> Result<PathBuf> {
-    Ok(Path::new(env!("CARGO_MANIFEST_DIR"))
-        .parent()
-        .context("xtask lies in the workspace")?
-        .to_owned())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::shell::workspace;
     use std::fs;
 
     #[test]

@@ -7,7 +7,7 @@ use std::process::Command;
 
 use anyhow::{Context, Result, bail};
 
-use crate::{cargo, succeed, workspace};
+use crate::shell::{cargo, on_path, succeed, workspace};
 
 /// What to measure besides speed.
 #[derive(Clone, Copy, Debug, clap::Args)]
@@ -112,7 +112,7 @@ fn environment(folder: &Path, requirements: &Path) -> Result<PathBuf> {
     if std::fs::read(&installed).is_ok_and(|found| found == wanted) {
         return Ok(python);
     }
-    let outer = ["python3", "python"].into_iter().find(|name| crate::on_path(name));
+    let outer = ["python3", "python"].into_iter().find(|name| on_path(name));
     let Some(outer) = outer else { bail!("there is no python3 on the PATH, which the peers need") };
     succeed(Command::new(outer).args(["-m", "venv"]).arg(folder))?;
     succeed(

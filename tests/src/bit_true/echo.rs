@@ -1,8 +1,9 @@
 //! Wire units.
 
+use super::config::BitTrue;
 use super::numbers::{floor_of, nearest, nearest_ratio, product, two_to};
 use super::refine::LOW_CONFIDENCE;
-use super::{BitTrue, Echo, Refined, Threshold};
+use super::values::{Echo, Refined, Threshold};
 
 fn in_u16(value: f64) -> f64 {
     value.clamp(0.0, 65_535.0)

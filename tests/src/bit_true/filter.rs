@@ -1,7 +1,8 @@
 //! Baseline, filter and threshold.
 
+use super::config::BitTrue;
 use super::numbers::{nearest, two_to};
-use super::{BitTrue, Statistics, Threshold};
+use super::values::{Statistics, Threshold};
 
 /// Q1.15 holds no more.
 pub fn saturated(value: f64) -> f64 {

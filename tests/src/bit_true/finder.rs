@@ -8,8 +8,9 @@ use echoloop_host::waveforms::finder::gaussian::TABLE;
 use echoloop_host::waveforms::finder::scale::WIDTHS;
 use echoloop_host::waveforms::finder::{FinderConfig, FoundEcho, Pulse, SHARPNESS};
 
+use super::numbers::nearest;
 use super::split::{Sharpener, prominent_peaks};
-use super::{Peak, nearest};
+use super::values::Peak;
 
 const SATURATED: u8 = 1;
 const MERGED: u8 = 2;

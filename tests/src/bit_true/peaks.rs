@@ -2,7 +2,7 @@
 
 use echoloop_dsp::choice::EchoChoice;
 
-use super::Peak;
+use super::values::Peak;
 
 /// Candidates held.
 const CANDIDATES: usize = 32;

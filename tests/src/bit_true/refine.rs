@@ -2,12 +2,13 @@
 
 use echoloop_dsp::choice::TimingMethod;
 
+use super::config::BitTrue;
 use super::edges::Clipped;
 use super::filter::correlate;
 use super::noise::Noise;
 use super::numbers::{nearest, nearest_ratio, product, two_to};
 use super::peaks::hysteresis;
-use super::{BitTrue, Peak, Refined, Threshold};
+use super::values::{Peak, Refined, Threshold};
 
 /// Bits of an echo's flags, as the wire has them.
 pub(super) const SATURATED: u8 = 1;

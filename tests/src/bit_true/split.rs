@@ -2,7 +2,8 @@
 
 use echoloop_dsp::template::Template;
 
-use super::{Peak, nearest};
+use super::numbers::nearest;
+use super::values::Peak;
 
 /// Sharpening taps and the gain of their noise, Q1.15.
 #[derive(Clone, Debug, PartialEq)]

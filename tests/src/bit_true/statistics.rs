@@ -3,8 +3,9 @@
 use echoloop_dsp::MAX_SAMPLES;
 use echoloop_dsp::choice::AmbientEstimator;
 
+use super::config::BitTrue;
 use super::numbers::{nearest, two_to};
-use super::{BitTrue, Statistics};
+use super::values::Statistics;
 
 impl BitTrue {
     /// Median and MAD, by sorting.

@@ -2,8 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::modules::Crate;
 use crate::names::{definitions, macro_definitions};
+use crate::source::Crate;
 
 /// A file that uses names which another defines.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,18 +36,12 @@ fn arrows(source: &Crate) -> Arrows {
         let macros = module.macros.iter().flat_map(|path| macro_definitions(source, index, path));
         for (definer, name) in paths.chain(macros) {
             let (from, to) = (module.file, source.modules[definer].file);
-            if !is_around(source, index, to) {
+            if from != to {
                 arrows.entry((from, to)).or_default().insert(name);
             }
         }
     }
     arrows
-}
-
-/// Whether a module lies in a file or in a module of that file.
-fn is_around(source: &Crate, module: usize, file: usize) -> bool {
-    let mut up = std::iter::successors(Some(module), |&at| source.modules[at].parent);
-    up.any(|at| source.modules[at].file == file)
 }
 
 /// For each file, which others it needs, by whatever way.

@@ -3,14 +3,15 @@
 //!
 //! An arrow goes from a file to every file that defines a name which its code uses, however often
 //! the name is re-exported on the way. Declarations of modules and re-exports are no arrows: they
-//! say where a thing is found, and use nothing. Nor is what a file takes from the modules around
-//! it: `super` is where the files of a folder keep what they share, and who opens one of them comes
-//! by there. Code for tests only does not count. What follows from types alone is not seen: a
-//! method called on a value names no file.
+//! say where a thing is found, and use nothing. What a file takes from the module around it does
+//! count: what the files of a folder share is a file of its own when that module uses them. Code for
+//! tests only does not count. What follows from types alone is not seen: a method called on a value
+//! names no file.
 
 mod arrows;
-mod modules;
+mod module;
 mod names;
+mod source;
 mod uses;
 
 use std::collections::BTreeSet;
@@ -18,7 +19,7 @@ use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 use arrows::{Arrow, circles};
-use modules::Crate;
+use source::Crate;
 
 /// Arrows that still lie on a circle. May only shrink: one that is gone has to be struck out.
 const KNOWN: &[(&str, &str)] = &[];
@@ -31,12 +32,37 @@ fn text(path: &str) -> Option<String> {
     std::fs::read_to_string(workspace().join(path)).ok()
 }
 
-/// The root files of every member of the workspace: its library and its program.
-fn roots() -> Vec<String> {
-    let manifest: toml::Table = text("Cargo.toml").expect("a manifest").parse().expect("TOML");
+fn manifest(folder: &str) -> toml::Table {
+    text(&format!("{folder}/Cargo.toml")).expect("a manifest").parse().expect("TOML")
+}
+
+/// Folders of the members of the workspace.
+fn members() -> Vec<String> {
+    let manifest = manifest(".");
     let members = manifest["workspace"]["members"].as_array().expect("members").iter();
-    let folders = members.map(|member| member.as_str().expect("a folder"));
-    let roots = folders.flat_map(|f| [format!("{f}/src/lib.rs"), format!("{f}/src/main.rs")]);
+    members.map(|member| member.as_str().expect("a folder").to_owned()).collect()
+}
+
+/// The root files of every member of the workspace: its library, its programs, benches, examples
+/// and integration tests, by the manifest and where cargo looks for them.
+fn roots() -> Vec<String> {
+    members().iter().flat_map(|folder| roots_of(folder)).collect()
+}
+
+fn roots_of(folder: &str) -> BTreeSet<String> {
+    let manifest = manifest(folder);
+    let told = ["bin", "bench", "example", "test"].into_iter().flat_map(|kind| {
+        let targets = manifest.get(kind).and_then(toml::Value::as_array).into_iter().flatten();
+        targets.filter_map(|target| Some(target.get("path")?.as_str()?.to_owned()))
+    });
+    let usual = ["src/bin", "benches", "examples", "tests"].into_iter().flat_map(|kind| {
+        let entries = workspace().join(folder).join(kind).read_dir().into_iter().flatten();
+        let names = entries.map(|e| e.expect("an entry").file_name().into_string().expect("UTF-8"));
+        let paths = names.map(move |name| format!("{kind}/{name}"));
+        paths.map(|path| if path.ends_with(".rs") { path } else { path + "/main.rs" })
+    });
+    let own = ["src/lib.rs", "src/main.rs"].map(str::to_owned).into_iter();
+    let roots = own.chain(told).chain(usual).map(|root| format!("{folder}/{root}"));
     roots.filter(|root| workspace().join(root).is_file()).collect()
 }
 
@@ -66,11 +92,14 @@ fn no_file_of_a_crate_needs_itself_by_way_of_others() {
 fn every_file_of_a_crate_is_read_or_is_for_tests() {
     let read: BTreeSet<&String> = CRATES.iter().flat_map(|source| &source.files).collect();
     assert!(read.len() > 200, "only {}", read.len());
-    for root in roots() {
-        for file in rust_files(workspace().join(root).parent().expect("a folder")) {
+    for folder in members() {
+        for file in rust_files(&workspace().join(&folder)) {
             let path =
                 file.strip_prefix(workspace()).expect("below").to_string_lossy().into_owned();
-            let other = ["tests.rs", "/tests/", "/bin/"].iter().any(|part| path.contains(part));
+            // Modules for tests only, and the build's programs, which are one file each.
+            let other = path.ends_with("/tests.rs")
+                || path.contains("/src/") && path.contains("/tests/")
+                || path.ends_with("/build.rs");
             assert!(other || read.contains(&path), "{path} is not read");
         }
     }
@@ -116,10 +145,22 @@ fn a_circle_of_three_is_found_and_who_only_looks_at_it_is_not_on_it() {
 }
 
 #[test]
-fn what_files_take_from_the_modules_around_them_is_no_circle() {
+fn a_module_that_uses_what_takes_from_it_is_a_circle() {
     let found = circles_of(&[
-        ("lib.rs", "mod stage; pub struct Error; pub fn run() { stage::run(); }"),
+        ("lib.rs", "mod stage; pub struct Error;"),
         ("stage/mod.rs", "mod step; pub struct Settings; pub fn run() { step::run(&Settings); }"),
+        ("stage/step.rs", "use super::Settings; pub fn run(_: &Settings) -> crate::Error {}"),
+    ]);
+    let expected =
+        ["stage/mod.rs -> stage/step.rs: run", "stage/step.rs -> stage/mod.rs: Settings"];
+    assert_eq!(found, expected);
+}
+
+#[test]
+fn what_files_take_from_a_module_that_only_holds_them_is_no_circle() {
+    let found = circles_of(&[
+        ("lib.rs", "mod stage; pub struct Error; pub use stage::step::run;"),
+        ("stage/mod.rs", "pub mod step; pub struct Settings;"),
         ("stage/step.rs", "use super::Settings; pub fn run(_: &Settings) -> crate::Error {}"),
     ]);
     assert_eq!(found, [""; 0]);
@@ -159,6 +200,25 @@ fn what_a_macro_is_given_and_a_variant_count_as_uses() {
         ("b.rs", "pub enum Choice { One } fn f() { assert!(crate::a::A); }"),
     ]);
     assert_eq!(found, ["a.rs -> b.rs: Choice", "b.rs -> a.rs: A"]);
+}
+
+#[test]
+fn a_macro_and_a_function_of_one_name_are_two_things() {
+    let found = circles_of(&[
+        ("lib.rs", "mod a; pub fn write() { a::a() }"),
+        ("a.rs", "pub fn a() { write!(x, \"\"); }"),
+    ]);
+    assert_eq!(found, [""; 0]);
+}
+
+#[test]
+fn a_file_lies_where_its_path_says() {
+    let found = circles_of(&[
+        ("lib.rs", "mod a; #[path = \"b/c.rs\"] mod c;"),
+        ("a.rs", "pub fn a() { crate::c::c() }"),
+        ("b/c.rs", "pub fn c() { crate::a::a() }"),
+    ]);
+    assert_eq!(found, ["a.rs -> b/c.rs: c", "b/c.rs -> a.rs: a"]);
 }
 
 #[test]

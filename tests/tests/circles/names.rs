@@ -1,6 +1,7 @@
 //! Which module defines what a path names.
 
-use crate::modules::{Crate, Definition};
+use crate::module::Definition;
+use crate::source::Crate;
 
 /// Where a path leads.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,7 +32,11 @@ pub(crate) fn macro_definitions(
     path: &[String],
 ) -> Vec<(usize, String)> {
     let up = std::iter::successors(Some(module), |&at| source.modules[at].parent);
-    let mut found = up.map(|at| definitions(source, at, path));
+    let is_macro = |(at, name): &(usize, String)| source.modules[*at].own_macros.contains(name);
+    let mut found = up.map(|at| {
+        let all = definitions(source, at, path).into_iter();
+        all.filter(is_macro).collect::<Vec<_>>()
+    });
     found.find(|all| !all.is_empty()).unwrap_or_default()
 }
 

@@ -6,7 +6,7 @@ use proc_macro2::{Delimiter, TokenStream, TokenTree};
 use syn::visit::{self, Visit};
 use syn::{Attribute, ImplItem, Item, ItemUse, Macro, PatIdent, UseTree, Visibility};
 
-use crate::modules::{Definition, Module, Path, is_for_tests};
+use crate::module::{Definition, Module, Path};
 
 /// Adds to a module what one of its items defines, imports and uses.
 pub(crate) fn collect(item: &Item, module: &mut Module) {
@@ -33,6 +33,15 @@ pub(crate) fn attributes(item: &Item) -> &[Attribute] {
         Item::Use(i) => &i.attrs,
         _ => &[],
     }
+}
+
+/// Whether attributes say that something is compiled for tests only.
+pub(crate) fn is_for_tests(attributes: &[Attribute]) -> bool {
+    let only_tests = |attribute: &Attribute| {
+        let condition = attribute.parse_args::<syn::Ident>();
+        attribute.path().is_ident("cfg") && condition.is_ok_and(|ident| ident == "test")
+    };
+    attributes.iter().any(only_tests)
 }
 
 /// The name that an item defines, if it defines one.
@@ -65,6 +74,9 @@ impl<'ast> Visit<'ast> for Collector<'_> {
         }
         if let Some(name) = name(item) {
             self.module.define(name, Definition::Item);
+            if matches!(item, Item::Macro(_)) {
+                self.module.own_macros.insert(name.to_string());
+            }
         }
         visit::visit_item(self, item);
     }

@@ -4,8 +4,11 @@ use std::fmt::Write;
 
 use anyhow::{Context, Result, ensure};
 
-use super::table::{TOLERANCE_PERCENT, Table};
-use super::{MACHINES, Machine, TABLE};
+use super::machine::{MACHINES, Machine};
+use super::table::{TABLE, TOLERANCE_PERCENT, Table};
+
+/// Where it lies.
+pub(super) const PAGE: &str = "benches/record/cost.md";
 
 /// Instructions a sample of CMSIS-DSP's FIR filters: 256 samples, 16 taps, Cortex-M4, counted the
 /// same way in QEMU 7.2; gcc 12.2 -O3, ARM_MATH_LOOPUNROLL.
@@ -180,8 +183,7 @@ fn stages(table: &Table, processor: &str) -> Result<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cost::PAGE;
-    use crate::workspace;
+    use crate::shell::workspace;
 
     #[test]
     fn the_page_is_what_the_table_says_and_the_aims_are_held() {

@@ -4,6 +4,9 @@ use std::collections::BTreeMap;
 
 use anyhow::{Result, bail};
 
+/// Where it lies.
+pub(super) const TABLE: &str = "firmware/image/cost.tsv";
+
 /// A figure may grow by this much before it fails.
 pub(super) const TOLERANCE_PERCENT: u64 = 2;
 /// … or by this many instructions, where that is more: the clock's resolution.

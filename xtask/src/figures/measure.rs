@@ -10,7 +10,8 @@ use serde_json::{Map, Value, json};
 
 use super::book::{Kind, Run};
 use crate::day::today;
-use crate::{cargo, cost, firmware, first_line};
+use crate::shell::{cargo, first_line};
+use crate::{cost, firmware};
 
 /// Runs each; what cannot be run on this machine is skipped aloud.
 pub(super) fn all(root: &Path, runs: &[&Run]) -> Result<BTreeMap<String, Value>> {

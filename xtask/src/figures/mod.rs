@@ -7,6 +7,7 @@
 //! set, and where nothing is left to compare.
 
 mod book;
+mod compared;
 mod measure;
 mod page;
 mod update;
@@ -18,8 +19,9 @@ use std::{env, fs};
 use anyhow::{Context, Result, ensure};
 use serde_json::Value;
 
-use crate::workspace;
-use book::{Book, Figure, Run};
+use crate::shell::workspace;
+use book::{Book, Run};
+use compared::Compared;
 
 const BOOK: &str = "benches/record/figures.toml";
 
@@ -35,21 +37,6 @@ pub(crate) struct Figures {
     /// Writes what was measured into the list and the pages instead.
     #[arg(long)]
     update: bool,
-}
-
-/// One value of a figure, measured again.
-struct Compared<'a> {
-    figure: &'a Figure,
-    value: &'a str,
-    recorded: &'a str,
-    measured: String,
-}
-
-impl Compared<'_> {
-    /// Whether they are printed alike: same seed, same bytes.
-    fn same(&self) -> bool {
-        self.recorded == self.measured
-    }
 }
 
 /// Measures, compares with the record and the record with the pages.

@@ -6,8 +6,8 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 
-use super::Compared;
 use super::book::{Book, Figure, Printed, Run, fill};
+use super::compared::Compared;
 use super::page::replace;
 
 /// Writes what was measured where the recorded values stand, and when for the runs that were made:

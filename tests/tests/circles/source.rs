@@ -1,41 +1,9 @@
-//! A crate's modules, read from its files: what each defines, imports and uses.
+//! A crate's modules, read from its files.
 
-use std::collections::BTreeMap;
+use syn::{Expr, ExprLit, Item, ItemMod, Lit, Meta};
 
-use syn::{Attribute, Item, ItemMod};
-
-use crate::uses;
-
-/// A path in the code, from its first segment on: `["crate", "pose", "Pose"]`.
-pub(crate) type Path = Vec<String>;
-
-/// What a name stands for where a module defines it.
-#[derive(Clone, Debug)]
-pub(crate) enum Definition {
-    /// A function, a type, a constant, a trait, a macro.
-    Item,
-    /// A module, by its index.
-    Module(usize),
-    /// Another name, of this crate or not.
-    Import(Path),
-}
-
-/// One module: a file, or a part of one.
-#[derive(Debug, Default)]
-pub(crate) struct Module {
-    /// Index of its file.
-    pub(crate) file: usize,
-    /// Index of the module around it; none around the crate's root.
-    pub(crate) parent: Option<usize>,
-    /// Every name it defines. One name may be a module, a function and a type at once.
-    pub(crate) defined: BTreeMap<String, Vec<Definition>>,
-    /// Paths of which everything is imported.
-    pub(crate) globs: Vec<Path>,
-    /// Paths that its code uses.
-    pub(crate) uses: Vec<Path>,
-    /// Macros that its code calls.
-    pub(crate) macros: Vec<Path>,
-}
+use crate::module::{Definition, Module};
+use crate::uses::{self, is_for_tests};
 
 /// A crate: its files and its modules, the root first.
 #[derive(Debug, Default)]
@@ -97,12 +65,16 @@ impl Crate {
         &mut self,
         parent: usize,
         child: &ItemMod,
-        folder: &str,
+        children: &str,
         read: &dyn Fn(&str) -> Option<String>,
     ) -> Result<usize, String> {
-        let below = join(folder, &child.ident.to_string());
+        let below = join(children, &child.ident.to_string());
         if let Some((_, items)) = &child.content {
             return self.add_module(self.modules[parent].file, items, below, Some(parent), read);
+        }
+        if let Some(told) = told_path(child) {
+            let path = join(folder(&self.files[self.modules[parent].file]), &told);
+            return self.add_file(&path, folder(&path).to_owned(), Some(parent), read);
         }
         let (beside, within) = (format!("{below}.rs"), format!("{below}/mod.rs"));
         let path = if read(&beside).is_some() { beside } else { within };
@@ -110,20 +82,15 @@ impl Crate {
     }
 }
 
-impl Module {
-    /// Adds what a name stands for.
-    pub(crate) fn define(&mut self, name: &impl ToString, definition: Definition) {
-        self.defined.entry(name.to_string()).or_default().push(definition);
-    }
-}
-
-/// Whether attributes say that something is compiled for tests only.
-pub(crate) fn is_for_tests(attributes: &[Attribute]) -> bool {
-    let only_tests = |attribute: &Attribute| {
-        let condition = attribute.parse_args::<syn::Ident>();
-        attribute.path().is_ident("cfg") && condition.is_ok_and(|ident| ident == "test")
-    };
-    attributes.iter().any(only_tests)
+/// Where `#[path = "…"]` says that a module's file lies, from the folder of the file around it.
+fn told_path(child: &ItemMod) -> Option<String> {
+    child.attrs.iter().find_map(|attribute| match &attribute.meta {
+        Meta::NameValue(told) if told.path.is_ident("path") => match &told.value {
+            Expr::Lit(ExprLit { lit: Lit::Str(path), .. }) => Some(path.value()),
+            _ => None,
+        },
+        _ => None,
+    })
 }
 
 fn folder(path: &str) -> &str {
@@ -131,5 +98,9 @@ fn folder(path: &str) -> &str {
 }
 
 fn join(folder: &str, name: &str) -> String {
-    if folder.is_empty() { name.to_owned() } else { format!("{folder}/{name}") }
+    match name.strip_prefix("../") {
+        Some(rest) => join(self::folder(folder), rest),
+        None if folder.is_empty() => name.to_owned(),
+        None => format!("{folder}/{name}"),
+    }
 }

@@ -1,0 +1,58 @@
+//! The stages in a row.
+
+use echoloop_dsp::MAX_SAMPLES;
+
+use super::config::BitTrue;
+use super::noise::Noise;
+use super::numbers::nearest;
+use super::peaks::{choose, peaks, separate};
+use super::refine::Waveform;
+use super::split;
+use super::values::{Echo, Peak, Threshold};
+
+impl BitTrue {
+    /// The codes of several shots as those of one.
+    pub fn accumulate(&self, shots: &[Vec<u16>]) -> Vec<u16> {
+        let length = shots.first().map_or(0, Vec::len);
+        let sum = |n: usize| shots.iter().map(|codes| f64::from(codes[n])).sum::<f64>();
+        (0..length).map(|n| nearest(sum(n) / self.sum_divisor).min(65_535.0) as u16).collect()
+    }
+
+    /// All stages: the codes before the trigger, if any are taken, then the waveform's.
+    pub fn process(&self, codes: &[u16]) -> Vec<Echo> {
+        let (before, codes) = codes.split_at(self.pre_trigger.min(codes.len()));
+        let codes = &codes[..codes.len().min(MAX_SAMPLES)];
+        let statistics = self.with_ambient(self.statistics(codes), before);
+        let noise = Noise { sigma: statistics.sigma, shot: self.shot_noise };
+        let x = self.baseline(codes, statistics.ambient);
+        let (y, f) = (self.filter(&x), self.exact(&x));
+        let wave = Waveform { codes, x: &x, y: &y, f: &f };
+        let threshold = self.threshold(&statistics);
+        let (found, hidden) = self.split(&wave, peaks(&y, threshold.level), &threshold, &noise);
+        let separate = separate(&found, self.min_separation);
+        let echo = |peak: Peak| {
+            let refined = self.refine(&wave, peak, &threshold, &noise);
+            let sharp = hidden.contains(&peak.index);
+            self.echo(&if sharp { self.sharpen(&x, peak, refined) } else { refined }, &threshold)
+        };
+        choose(&separate, self.echoes, self.choice).into_iter().filter_map(echo).collect()
+    }
+
+    /// The peaks and those that stand under them; indices of the latter.
+    fn split(
+        &self,
+        wave: &Waveform<'_>,
+        found: Vec<Peak>,
+        threshold: &Threshold,
+        noise: &Noise,
+    ) -> (Vec<Peak>, Vec<usize>) {
+        let Some(sharpener) = self.sharpener.as_ref().filter(|_| !found.is_empty()) else {
+            return (found, Vec::new());
+        };
+        let may_hide = |peak: Peak| {
+            self.is_broad(wave.y, peak, threshold.level)
+                && self.clipped_run(wave.codes, peak.index).is_none()
+        };
+        split::split(sharpener, wave.x, wave.y, noise.sigma, threshold.level, &found, may_hide)
+    }
+}

@@ -1,0 +1,35 @@
+//! The machines that the cost is counted on.
+
+/// A processor, and how QEMU runs an image on it.
+pub(super) struct Machine {
+    pub(super) processor: &'static str,
+    pub(super) target: &'static str,
+    pub(super) emulator: &'static str,
+    /// Debian's name of what the emulator is in.
+    pub(super) package: &'static str,
+    pub(super) machine: &'static str,
+    /// Nanoseconds an instruction takes, as a power of two: SysTick sees 64, minstret is scaled by
+    /// it.
+    pub(super) shift: u32,
+}
+
+/// In the order of the table.
+pub(super) const MACHINES: [Machine; 4] = {
+    const fn arm(processor: &'static str, target: &'static str, machine: &'static str) -> Machine {
+        let (emulator, package) = ("qemu-system-arm", "qemu-system-arm");
+        Machine { processor, target, emulator, package, machine, shift: 6 }
+    }
+    [
+        arm("cortex-m4", "thumbv7em-none-eabihf", "mps2-an386"),
+        arm("cortex-m7", "thumbv7em-none-eabihf", "mps2-an500"),
+        arm("cortex-m33", "thumbv8m.main-none-eabihf", "mps2-an505"),
+        Machine {
+            processor: "rv32imac",
+            target: "riscv32imac-unknown-none-elf",
+            emulator: "qemu-system-riscv32",
+            package: "qemu-system-misc",
+            machine: "virt",
+            shift: 0,
+        },
+    ]
+};
