@@ -86,7 +86,7 @@ class Making:
 
 
 class Ours:
-    """One process of the example `waveforms`, asked for stage after stage."""
+    """One process of the program `waveform_path`, asked for stage after stage."""
 
     def __init__(self, binary, folder):
         path = folder / "waveforms.u16"
@@ -174,7 +174,7 @@ def page(ours, runs, rounds):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--waveforms", type=Path, required=True, help="our example, built")
+    parser.add_argument("--waveforms", type=Path, required=True, help="our program, built")
     parser.add_argument("--work", type=Path, required=True, help="folder for the waveforms")
     parser.add_argument("--out", type=Path, required=True, help="the page")
     parser.add_argument("--quick", action="store_true", help="seconds, to see that all runs")

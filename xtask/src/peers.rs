@@ -70,7 +70,7 @@ fn waveforms(quick: bool) -> Result<()> {
     let scripts = root.join("benches/peers");
     let python =
         environment(&work.join("venv-waveforms"), &scripts.join("requirements-waveforms.txt"))?;
-    cargo(["build", "--release", "--package", "echoloop-benches", "--bin", "waveforms"])?;
+    cargo(["build", "--release", "--package", "echoloop-benches", "--bin", "waveform_path"])?;
     let page = if quick {
         work.join("quick-waveforms.md")
     } else {
@@ -78,7 +78,10 @@ fn waveforms(quick: bool) -> Result<()> {
     };
     let mut command = Command::new(python);
     command.arg(scripts.join("waveforms.py")).arg("--work").arg(&work).arg("--out").arg(page);
-    command.arg("--waveforms").arg(built(&root).join("waveforms")).args(quick.then_some("--quick"));
+    command
+        .arg("--waveforms")
+        .arg(built(&root).join("waveform_path"))
+        .args(quick.then_some("--quick"));
     // One thread each, whatever numpy was built with.
     succeed(command.env("OMP_NUM_THREADS", "1").env("OPENBLAS_NUM_THREADS", "1"))
 }

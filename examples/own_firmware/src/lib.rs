@@ -1,7 +1,7 @@
 //! Echoloop in somebody's own firmware: copy this crate, and fill in your HAL.
 //!
 //! ```sh
-//! cargo build -p echoloop-own-firmware --target thumbv7em-none-eabihf
+//! cargo build --release -p echoloop-own-firmware --target thumbv7em-none-eabihf   # an ELF file
 //! cargo test -p echoloop-own-firmware                                  # on the PC
 //! ```
 //!
@@ -10,8 +10,9 @@
 //! | echoes from codes that your firmware has | [`Detector`] |
 //! | the whole sensor, which `echoloop tune --sensor serial:…` drives | [`OwnBoard`], [`serve`] |
 //!
-//! What each function of a board must do, with timing, buffers, flash and watchdog:
-//! docs/porting.md.
+//! `src/bin/sensor/main.rs` has the entry and the panic handler, `memory.x` flash and RAM, `build.rs`
+//! the linker's arguments. How to make a crate of the copy, and what each function of a board must
+//! do, with timing, buffers, flash and watchdog: docs/porting.md.
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -24,14 +25,6 @@ pub use detector::Detector;
 use echoloop_sensor::{App, Board};
 
 /// The main loop of a sensor; `sleep` waits until a byte comes on the link, or some milliseconds.
-///
-/// ```ignore
-/// #[cortex_m_rt::entry]
-/// fn main() -> ! {
-///     let board = OwnBoard { emitter, adc, link, flash, buffer, watchdog, restarts: 0 };
-///     serve(board, cortex_m::asm::wfi)
-/// }
-/// ```
 pub fn serve(board: impl Board, mut sleep: impl FnMut()) -> ! {
     let mut app = App::new(board);
     loop {

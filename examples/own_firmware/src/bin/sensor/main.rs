@@ -1,5 +1,5 @@
 //! A firmware that links: entry, memory map, panic handler. Put a part of your HAL in the place of
-//! each [`Nothing`](nothing::Nothing).
+//! each `Nothing`.
 //!
 //! ```sh
 //! cargo build --release -p echoloop-own-firmware --target thumbv7em-none-eabihf
