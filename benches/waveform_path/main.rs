@@ -1,8 +1,8 @@
 //! Times the waveform path: the side of `benches/peers/waveforms.py` that is ours.
 //!
 //! ```text
-//! waveform_path --serve CODES   # answers each line of input, e.g. "pipeline v3", with {"cpu_ms": …}
-//! waveform_path --growth        # how cost grows with beams, samples, taps and echoes, in Markdown
+//! waveform_path --serve CODES  # answers each line of input, as "pipeline v3", with {"cpu_ms": …}
+//! waveform_path --growth       # how cost grows with beams, samples, taps and echoes, in Markdown
 //! ```
 //!
 //! Served, it writes the waveforms that both sides process to CODES first, and prints what a peer

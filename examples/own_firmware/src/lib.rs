@@ -10,9 +10,9 @@
 //! | echoes from codes that your firmware has | [`Detector`] |
 //! | the whole sensor, which `echoloop tune --sensor serial:…` drives | [`OwnBoard`], [`serve`] |
 //!
-//! `src/bin/sensor/main.rs` has the entry and the panic handler, `memory.x` flash and RAM, `build.rs`
-//! the linker's arguments. How to make a crate of the copy, and what each function of a board must
-//! do, with timing, buffers, flash and watchdog: docs/porting.md.
+//! `src/bin/sensor/main.rs` has the entry and the panic handler, `memory.x` flash and RAM,
+//! `build.rs` the linker's arguments. How to make a crate of the copy, and what each function of a
+//! board must do, with timing, buffers, flash and watchdog: docs/porting.md.
 #![no_std]
 #![forbid(unsafe_code)]
 

@@ -108,8 +108,8 @@ impl<B: Board> App<B> {
         Ok(())
     }
 
-    // Its own frame, as has `answer`: inlined into `main`, whose frame holds the whole sensor, every
-    // spilled value lies beyond the reach of a short load, and the image grows by 10 to 20 %.
+    // Its own frame, as has `answer`: inlined into `main`, whose frame holds the whole sensor,
+    // every spilled value lies beyond the reach of a short load, and the image grows by 10 to 20 %.
     #[inline(never)]
     fn take_byte(&mut self, byte: u8) -> Result<(), LinkLost> {
         let Some(frame) = self.decoder.push(byte) else { return Ok(()) };
