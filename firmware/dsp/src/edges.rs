@@ -49,14 +49,12 @@ const LEAST_SIGMA: i64 = 1 << 6;
 /// | `x` | samples without baseline | Q1.15 |
 /// | shows | v > 3 σ(v); else v counts as 0 | |
 /// | h | [`Noise::hidden`], the highest value that does not show | Q1.15 |
-/// | `x_l`, time | of a pair | Q16.16 |
+/// | `x_l`, time; σ | of a pair; σ at least 2⁻¹⁰ samples | Q16.16 |
 /// | `A` | of the nearest pair, at least `level` | Q1.15 |
-/// | σ | of a pair, at least 2⁻¹⁰ samples | Q16.16 |
 /// | w | ⌊2⁴⁰/σ²⌋, at least 1 | integer |
 /// | time | that of the nearest + ⌊Σ w (time − that) / Σ w⌋ | Q16.16 |
 /// | σ of the time | ⌊√⌊2⁴⁰/Σ w⌋⌋, at least 2⁻¹⁰; of one pair its own | Q16.16 |
 ///
-/// The sums run from the nearest pair to the last before one of which not both values show.
 /// Products, quotients, halves and roots are rounded down; roots of ratios are at most 2⁸, divisors
 /// at least one LSB. Derived, with a figure, in `docs/detector.md`, The edges of a clipped echo.
 #[derive(Clone, Copy, Debug)]
@@ -85,6 +83,7 @@ impl EdgeFit<'_> {
         let nearest = self.pair(x, run, 1)?;
         let solved = self.solve(&nearest);
         let (mut sum, mut weights) = (0, weight(&solved));
+        // On to the last pair before one of which not both values show.
         let farther = (2..=EDGE).map_while(|i| self.pair(x, run, i)).take_while(Pair::both_show);
         for pair in farther.take(if nearest.both_show() { EDGE } else { 0 }) {
             let farther = self.solve(&pair);

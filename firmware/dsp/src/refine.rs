@@ -78,9 +78,7 @@ impl Refiner<'_> {
     /// The highest `z[j]`, j = −o..o, is z₀: of equals the sample itself (j = 0), else the first;
     /// with o = 1, j is 0. A denominator of 0 makes δ 0. K is the last sample inside the pulse on
     /// either side of its middle; gain, β, the share of the shot noise in σ(A) and z are
-    /// [`Timing`](crate::timing::Timing)'s. A clipped top has the amplitude that its edges tell
-    /// when they time it; else `height/g`. σ is the greatest there is, for it is not known, of an
-    /// echo that the window cuts off, and of a clipped one by a method that lets it walk.
+    /// [`Timing`](crate::timing::Timing)'s.
     ///
     /// Against the same method in real numbers, 12 bits, noise of 4 codes or more: within 4, 1 and
     /// 0.6 mm at SNR 5, 20 and 100. Why each step is as it is: `docs/detector.md`, Sub-sample time.
@@ -104,6 +102,7 @@ impl Refiner<'_> {
         };
         match (config.method, clipped) {
             (TimingMethod::WalkCorrected, Some(run)) => {
+                // The amplitude becomes that of the edges, too.
                 self.time_by_edges(run, (left.time + right.time) >> 1, &mut refined);
             }
             (TimingMethod::ConstantFraction, _) => {
@@ -119,7 +118,7 @@ impl Refiner<'_> {
         }
         let walks = clipped.is_some() && !corrects;
         if walks || refined.flags.contains(Flags::TRUNCATED) {
-            refined.sigma = u32::MAX;
+            refined.sigma = u32::MAX; // it is not known
         }
         refined
     }

@@ -16,28 +16,18 @@ use echoloop_dsp::statistics::Statistics;
 /// q    = the value of rank ⌊(n − 1)/4⌋ among the n = N − 2 values |d − median d|
 /// σ    = max(σ̂(d) / √6, 1/√12)                     σ̂ of Statistics; at least quantisation's
 ///        of n < 48: max(min(σ̂(d) / √6, q / (0.3186·√6)), 1/√12)
-/// c    = middle of the narrowest range from one code in order to the ⌊N/6⌋-th after it, of
-///        equals the lowest, among those that end in the lower half of the codes' span; if it is
-///        no wider than max(2·σ, one code)
-/// b    = max(l + 1.645·σ, c − σ)                   1/20 of normal noise is below middle − 1.645 σ
+/// c    = where codes are densest, see `densest`, if anywhere
+/// b    = max(l + 1.645·σ, c − σ)
 /// a    = m if m ≤ b + σ, else b
 /// ```
 ///
 /// | name | meaning | format |
 /// |---|---|---|
-/// | 1/√6 | σ of one sample over that of a second difference | Q0.16, nearest: 26 755 |
-/// | 1/(0.3186·√6) | σ of one sample over q | Q0.16, nearest: 83 977 |
-/// | 1/√12 | noise of rounding to a code | codes in Q.15, nearest: 9 459 |
 /// | `σ` | noise of one sample | Q13.19, nearest |
 /// | `m` | codes · 2^shift, the quotient rounded down | Q1.15 |
-/// | 1.645 | | Q.10, rounded down: 1 684 |
 /// | `a` | ambient, at most the largest Q1.15 | Q1.15; 1.645·σ nearest |
 ///
-/// The sensor's median would lie on the echoes of a record of 60 samples; where it does not, it is
-/// the better of the two. The second difference of a sampled echo is small against the echo, and
-/// half of the record may be steep before it counts as noise, three quarters of a short one. A
-/// receiver may swing below the ambient for longer than 1/20 of a record: then c, where a sixth of
-/// it rests, is the better of the two.
+/// Derived, with a figure, in docs/finder.md, Ambient and noise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Baseline {
     /// a, Q1.15.
@@ -46,19 +36,19 @@ pub struct Baseline {
     pub sigma: u32,
 }
 
-/// 1/√6 in Q0.16.
+/// 1/√6, σ of one sample over that of a second difference: Q0.16, nearest.
 const SECOND_DIFFERENCE_TO_SIGMA: i64 = 26_755;
 
-/// 1.645 in Q.10.
+/// 1.645 in Q.10, rounded down: a twentieth of normal noise is below its middle less 1.645 σ.
 const TWENTIETH_TO_MIDDLE: i64 = 1_684;
 
-/// 1/(0.3186·√6) in Q.16.
+/// 1/(0.3186·√6), σ of one sample over q: Q.16, nearest.
 const QUARTER_TO_SIGMA: i64 = 83_977;
 
 /// Differences from which on half of them are enough.
 const SHORT: usize = 48;
 
-/// 1/√12 in Q.15.
+/// 1/√12, the noise of rounding to a code: Q.15 of codes, nearest.
 const QUANTISATION: i64 = 9_459;
 
 impl Baseline {
@@ -76,12 +66,15 @@ impl Baseline {
         let low_end = (low + shift_round(i64::from(sigma) * TWENTIETH_TO_MIDDLE, 14))
             .max(densest(order, shift, one_sigma).map_or(0, |dense| dense - one_sigma));
         let median = grouped_median(order, shift);
+        // Most of the record rests: then its median knows the ambient better than its lower end.
         let ambient = if median <= low_end + one_sigma { median } else { low_end };
         Self { ambient: ambient.clamp(-0x8000, 0x7fff) as i16, sigma }
     }
 }
 
-/// c of codes in order, Q1.15.
+/// c of codes in order, Q1.15: the middle of the narrowest range from one code to the ⌊N/6⌋-th
+/// after it, of equals the lowest, among those that end in the lower half of the codes' span; if it
+/// is no wider than max(2·σ, one code).
 fn densest(order: &[u16], shift: u32, sigma: i64) -> Option<i64> {
     let (least, most) = (i64::from(*order.first()?), i64::from(*order.last()?));
     let ranges = order
@@ -114,6 +107,7 @@ fn noise(codes: &[u16], shift: u32, differences: &mut [u16]) -> u32 {
     let by_median = shift_round(i64::from(of_differences.sigma) * SECOND_DIFFERENCE_TO_SIGMA, 16);
     let by_quarter = match differences.len() {
         SHORT.. => i64::MAX,
+        // Of few differences an echo's flanks may be more than half.
         _ => shift_round(
             (quarter(differences, of_differences.median) << (shift + 4)) * QUARTER_TO_SIGMA,
             16,

@@ -47,13 +47,8 @@ pub type Components = Vec<Component, MAX_CANDIDATES>;
 /// | `σ²`, `v` | Q8 samples²: σ·σ >> 8; quotients nearest |
 /// | `σ` | Q8 samples: ⌊√(σ² · 2⁸)⌋, within ⌊0.7 σ⌋, ⌊1.4 σ⌋ (179, 358 of 2⁸) and its bounds |
 ///
-/// With σ² ≤ v + 2⁻⁴ the component is flatter than any Gaussian: σ grows by 1.3 (333 of 2⁸). With
-/// S₀ ≤ 0 it stays as it is. The updates stand still exactly where the derivatives of the squared
-/// error vanish. It ends after [`SWEEPS`] rounds, or when one moved no centre by 2⁻⁸ samples and no
-/// σ at all.
-///
-/// The method of adaptive Gaussian moments (known from astronomers' centroids), made joint. It
-/// needs neither derivatives nor a matrix, and every step is one pass over a few σ.
+/// It ends after [`SWEEPS`] rounds, or when one moved no centre by 2⁻⁸ samples and no σ at all.
+/// Adaptive Gaussian moments, made joint: derived in docs/finder.md, Overlapping echoes apart.
 #[derive(Clone, Copy, Debug)]
 pub struct Fit<'a> {
     /// Waveform without ambient, Q1.15.
@@ -106,7 +101,7 @@ impl Fit<'_> {
             s2 += w * ((d * d) >> 8);
         }
         if s0 <= 0 {
-            return false;
+            return false; // nothing is left for it here: it stays as it is
         }
         let sigma = component.shape.sigma();
         let step = divide_round(s1 << 9, s0).clamp(-(sigma << 7), sigma << 7);
@@ -167,6 +162,7 @@ fn half_width<'a>(height: i64, side: impl Iterator<Item = &'a i16>) -> usize {
 fn next_sigma(sigma: i64, v: i64) -> i64 {
     let square = (sigma * sigma) >> 8;
     let next = match square - v {
+        // Within 2⁻⁴ of σ²: flatter than any Gaussian. σ grows by 1.3.
         ..=16 => (sigma * 333) >> 8,
         rest => (divide_round(v.max(0) * square, rest) << 8).isqrt(),
     };

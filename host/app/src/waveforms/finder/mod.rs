@@ -222,15 +222,8 @@ impl EchoFinder {
     /// ```
     ///
     /// 18·σ_u, Q16.16 of Q8, is 3 % of the width at half maximum; J is twice what noise moves the
-    /// top of a Gaussian of height A by.
-    ///
-    /// A peak is where the waveform peaks. A lobe of several surfaces peaks at the brightest of
-    /// them, or where quantisation has it, while its component lies in the middle of all: then the
-    /// time is what is nearest to the top, 3 % of a width from the middle, and as far as the
-    /// emitted pulse's own top when it is known. In more noise a top says less than the
-    /// component. A view as wide as the pulse lowers a top: its height counts over the filter's
-    /// gain. A width that View::width does not know is 2.355 σ_u or, without a component, the
-    /// pulse's. Low confidence: the peak is less than a quarter above T.
+    /// top of a Gaussian of height A by. A width that View::width does not know is 2.355 σ_u or,
+    /// without a component, the pulse's. Why: docs/finder.md, Time, height and width.
     fn place(&mut self, peaks: &[Peak], context: &Context) -> FoundEchoes {
         let x = self.padded.x();
         let z = self.sharp.get(..x.len()).unwrap_or_default();
@@ -259,7 +252,7 @@ struct Context<'a> {
 }
 
 impl Context<'_> {
-    /// x itself in little noise, else the view through the filter. Noise is that of what is context
+    /// x itself in little noise, else the view through the filter. Noise is that of what is looked
     /// at; two codes are no step.
     fn view<'y>(&self, x: &'y [i16], filtered: &'y [i16]) -> View<'y> {
         let (y, gain) = match self.scale.view {
@@ -287,6 +280,7 @@ impl Context<'_> {
         if top.clipped {
             flags |= Flags::SATURATED;
         }
+        // Less than a quarter above T.
         if 4 * i64::from(peak.height) < 5 * i64::from(self.level) {
             flags |= Flags::LOW_CONFIDENCE;
         }
@@ -308,6 +302,7 @@ impl Context<'_> {
         })
     }
 
+    /// The height of a top; a view as wide as the pulse lowers it by the filter's gain.
     fn amplitude(&self, top: &Top) -> i64 {
         let matched = self.scale.view > 0
             && scale::WIDTHS.get(self.scale.view).is_some_and(|&w| w >= self.scale.pulse);
@@ -342,9 +337,9 @@ const SWING: u32 = 3;
 ///
 /// A top rings if the nearest one before it that is more than four times as high is followed by
 /// an undershoot, at most [`SWING`] widths of the pulse before the top, of at least three
-/// quarters of its height: a receiver that swings below the ambient swings back less far. Or if the
-/// emitted pulse has later tops of its own at the delays from the echoes before, within a quarter
-/// of its width, and this one is at most half as high again as all of them together.
+/// quarters of its height. Or if the emitted pulse has later tops of its own at the delays from the
+/// echoes before, within a quarter of its width, and this one is at most half as high again as all
+/// of them together.
 fn without_ringing(found: &mut Peaks, z: &[i16], width: u32, pulse: Option<&Pulse>) {
     let all = core::mem::take(found);
     for peak in &all {

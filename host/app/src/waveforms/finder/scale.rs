@@ -76,10 +76,8 @@ impl Default for Padded {
 /// view    = the first W with max(100, 8·pulse)·σ·r_W ≤ max x, but not beyond pulse
 /// ```
 ///
-/// `σ·r_W` is Q13.19, nearest, `max x` Q1.15. The quotients are compared exactly. Near its best
-/// width the SNR hardly changes, and the strongest echo is as wide as the pulse or wider: hence the
-/// least width. A view's 2 σ are at most 2 % of the highest sample, so that a valley of that depth
-/// is seen, and shift a top by some pulse/70 at most.
+/// `σ·r_W` is Q13.19, nearest, `max x` Q1.15. The quotients are compared exactly. Why the least
+/// width, and why 100 and 8: docs/finder.md, Pulse and view.
 #[derive(Clone, Debug)]
 pub struct Bank {
     templates: Vec<Template, { WIDTHS.len() }>,
