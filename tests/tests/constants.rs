@@ -1,7 +1,7 @@
 //! The constants that are computed in `f32` when settings are committed: the same on every machine,
 //! and near the real ones.
 //!
-//! The models of [`bit_exact`](../bit_exact.rs) take them as they are; here they are held to their
+//! The models of `bit_exact.rs` take them as they are; here they are held to their
 //! formulas in `f64`.
 
 use echoloop_dsp::choice::DenoiseFilter;

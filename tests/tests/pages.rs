@@ -1,7 +1,7 @@
 //! README and docs: every link leads somewhere, every path exists, every command is one. And no
 //! source is too wide to read beside another.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -99,26 +99,82 @@ fn every_relative_link_leads_to_a_file_or_folder() {
     }
 }
 
+/// What GitHub makes of a heading: `## Own sensor` is `#own-sensor`.
+fn anchors(text: &str) -> BTreeSet<String> {
+    let slug = |heading: &str| {
+        let kept = heading.trim().chars().filter(|c| c.is_alphanumeric() || " -_".contains(*c));
+        kept.collect::<String>().to_lowercase().replace(' ', "-")
+    };
+    let prose = lines(text).filter(|(fence, line)| fence.is_none() && line.starts_with('#'));
+    prose.map(|(_, line)| slug(line.trim_start_matches('#'))).collect()
+}
+
 #[test]
-fn every_path_in_a_code_span_exists() {
-    let files = files();
-    let folders: BTreeSet<&str> = files.iter().filter_map(|f| f.split('/').next()).collect();
-    let guides = |(page, _): &(String, String)| page == "README.md" || page.starts_with("docs/");
-    for (page, text) in pages().iter().filter(|page| guides(page)) {
+fn every_anchor_is_a_heading_of_its_page() {
+    let pages: BTreeMap<String, String> = pages().into_iter().collect();
+    for (page, text) in &pages {
         for (_, line) in lines(text).filter(|(fence, _)| fence.is_none()) {
-            for span in line.split('`').skip(1).step_by(2) {
-                let is_file = ENDINGS.iter().any(|ending| span.ends_with(ending));
-                let inside = span.split_once('/').is_some_and(|(first, _)| folders.contains(first));
-                let words = span.contains(' ') || span.contains('*') || span.contains('<');
-                if words || MADE.contains(&span) || !(is_file || inside) {
-                    continue;
-                }
-                let ends_so = |file: &String| file.ends_with(&format!("/{span}"));
-                let exists = root().join(span).exists() || files.iter().any(ends_so);
-                assert!(exists, "{page}: `{span}`");
+            for link in between(line, "](", ")") {
+                let Some((path, anchor)) = link.split_once('#') else { continue };
+                let target = if path.is_empty() { Some(page.clone()) } else { resolve(page, path) };
+                let Some(target) = target.and_then(|path| pages.get(&path)) else { continue };
+                assert!(anchors(target).contains(anchor), "{page}: {link}");
             }
         }
     }
+}
+
+/// Whether a text of a page or source is no path, or one that exists: from the root, from the
+/// folder it stands in, or as the end of some file's path.
+fn is_no_lost_path(files: &BTreeSet<String>, of: &str, text: &str) -> bool {
+    let is_file = ENDINGS.iter().any(|end| text.strip_suffix(end).is_some_and(|r| !r.is_empty()));
+    let top = |path: &str| path.split_once('/').map(|(first, _)| first.to_owned());
+    let inside = top(text).is_some_and(|first| files.iter().any(|f| top(f) == Some(first.clone())));
+    if !(is_file || inside) || text.contains([' ', '*', '<', '$', '…', ':']) {
+        return true;
+    }
+    let beside = || resolve(of, text).is_some_and(|path| root().join(path).exists());
+    let ends_so = |file: &String| file.ends_with(&format!("/{text}"));
+    MADE.contains(&text) || root().join(text).exists() || beside() || files.iter().any(ends_so)
+}
+
+#[test]
+fn every_path_in_a_code_span_of_a_page_exists() {
+    let files = files();
+    for (page, text) in pages() {
+        for (_, line) in lines(&text).filter(|(fence, _)| fence.is_none()) {
+            for span in line.split('`').skip(1).step_by(2) {
+                assert!(is_no_lost_path(&files, &page, span), "{page}: `{span}`");
+            }
+        }
+    }
+}
+
+/// A source's line, if it is a comment: what it says.
+fn comment(line: &str) -> Option<&str> {
+    let text = line.trim_start().strip_prefix("//")?;
+    Some(text.trim_start_matches(['/', '!']))
+}
+
+/// Words of a comment that look like a path, the targets of links among them. `p.x` is a field.
+fn paths(comment: &str) -> impl Iterator<Item = &str> {
+    let words = comment.split([' ', '`', '(', ')', '[', ']', ',', ';', '"']);
+    let words = words.map(|word| word.trim_end_matches("'s").trim_end_matches(['.', ':']));
+    words.filter(|word| ENDINGS.iter().any(|&end| end != ".x" && word.ends_with(end)))
+}
+
+#[test]
+fn every_path_in_a_comment_of_a_source_exists() {
+    let files = files();
+    let mut lost = Vec::new();
+    for source in files.iter().filter(|path| path.ends_with(".rs")) {
+        let text = fs::read_to_string(root().join(source)).expect("a source is UTF-8");
+        for (comment, number) in text.lines().zip(1..).filter_map(|(l, n)| Some((comment(l)?, n))) {
+            let gone = paths(comment).filter(|path| !is_no_lost_path(&files, source, path));
+            lost.extend(gone.map(|path| format!("{source}:{number}: {path}")));
+        }
+    }
+    assert!(lost.is_empty(), "nowhere:\n{}", lost.join("\n"));
 }
 
 /// Lines of shell blocks, those that end in a backslash joined with the next.

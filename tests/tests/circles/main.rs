@@ -4,9 +4,9 @@
 //! An arrow goes from a file to every file that defines a name which its code uses, however often
 //! the name is re-exported on the way. Declarations of modules and re-exports are no arrows: they
 //! say where a thing is found, and use nothing. What a file takes from the module around it does
-//! count: what the files of a folder share is a file of its own when that module uses them. Code for
-//! tests only does not count. What follows from types alone is not seen: a method called on a value
-//! names no file.
+//! count: what the files of a folder share is a file of its own when that module uses them. Code
+//! for tests only does not count. What follows from types alone is not seen: a method called on a
+//! value names no file.
 
 mod arrows;
 mod module;

@@ -295,8 +295,8 @@ settings! {
         gicp 5e-4, PLAIN;
     }
     rotation_tolerance_rad: f64, "rad", TOLERANCE, formerly "still_rad",
-        "A step that turns less than this, rad, ends the run if its length is within its tolerance, \
-         too.",
+        "A step that turns less than this, rad, ends the run if its length is within its \
+         tolerance, too.",
         "" =>
     {
         icp 1e-4, PLAIN;
