@@ -51,9 +51,6 @@ const LEAST_SIGMA: i64 = 1 << 6;
 /// | h | [`Noise::hidden`], the highest value that does not show | Q1.15 |
 /// | `x_l`, time; σ | of a pair; σ at least 2⁻¹⁰ samples | Q16.16 |
 /// | `A` | of the nearest pair, at least `level` | Q1.15 |
-/// | w | ⌊2⁴⁰/σ²⌋, at least 1 | integer |
-/// | time | that of the nearest + ⌊Σ w (time − that) / Σ w⌋ | Q16.16 |
-/// | σ of the time | ⌊√⌊2⁴⁰/Σ w⌋⌋, at least 2⁻¹⁰; of one pair its own | Q16.16 |
 ///
 /// Products, quotients, halves and roots are rounded down; roots of ratios are at most 2⁸, divisors
 /// at least one LSB. Derived, with a figure, in `docs/detector.md`, The edges of a clipped echo.
@@ -78,6 +75,12 @@ pub struct Run {
 
 impl EdgeFit<'_> {
     /// Fits the edges of a run of `x`; `None` where it touches an end of the waveform.
+    ///
+    /// | name | of up to three pairs | format |
+    /// |---|---|---|
+    /// | w | ⌊2⁴⁰/σ²⌋, at least 1 | integer |
+    /// | time | that of the nearest + ⌊Σ w (time − that) / Σ w⌋ | Q16.16 |
+    /// | σ of the time | ⌊√⌊2⁴⁰/Σ w⌋⌋, at least 2⁻¹⁰; of one pair its own | Q16.16 |
     #[inline(never)]
     pub fn fit(&self, x: &[i16], run: Run) -> Option<Edges> {
         let nearest = self.pair(x, run, 1)?;
