@@ -10,7 +10,9 @@ use echoloop_dsp::noise::Noise;
 use echoloop_dsp::peak::Peaks;
 use echoloop_dsp::refine::{Refiner, Waveform};
 use echoloop_dsp::statistics::Statistics;
-use echoloop_dsp::{Echo, Echoes, MAX_SAMPLES, MAX_TAPS, Pipeline, SampleLoops, Scratch};
+use echoloop_dsp::{
+    DetectorConfig, Echo, Echoes, MAX_SAMPLES, MAX_TAPS, Pipeline, SampleLoops, Scratch,
+};
 use echoloop_image::measure::{Text, instructions};
 use echoloop_kernels::{FASTEST, HAS_DUAL_MULTIPLY};
 
@@ -41,65 +43,22 @@ fn count_with(
     let settings = case.settings();
     let pipeline = Pipeline::new(&settings, &case.hardware()).map_err(|_| "settings refused")?;
     let config = pipeline.config();
-    let template = config.template();
-    let shift = case.hardware().code_shift();
-    let waveform = case.waveform(template.half());
+    let waveform = case.waveform(config.template().half());
     let codes = waveform.get(..case.samples).ok_or("waveform too long")?;
     let mut line = |stage, instructions| {
         writeln!(text, "cost\t{name}\t{}\t{stage}\t{instructions}", case.name)
             .map_err(|_| "no text")
     };
-
-    let mut statistics = Statistics::default();
-    line(
-        "statistics",
-        per_run(|| statistics = loops.statistics(black_box(codes), shift, &statistics)),
-    )?;
-
-    let mut padded = [0; MAX_SAMPLES + MAX_TAPS + PADDING];
-    let ambient = statistics.ambient_q15();
-    let x = padded
-        .get_mut(template.half()..template.half() + codes.len())
-        .ok_or("template too long")?;
-    line(
-        "baseline",
-        per_run(|| {
-            loops.remove_baseline(
-                black_box(codes),
-                config.clip_code(),
-                shift,
-                ambient,
-                black_box(x),
-            )
-        }),
-    )?;
-
-    let mut y = [0; MAX_SAMPLES];
+    let (mut padded, mut y) = ([0; MAX_SAMPLES + MAX_TAPS + PADDING], [0; MAX_SAMPLES]);
     let y = y.get_mut(..codes.len()).ok_or("waveform too long")?;
-    let taps = template.taps_in_pairs();
-    line("filter", per_run(|| loops.correlate(black_box(taps), black_box(&padded), black_box(y))))?;
-
-    let threshold = Threshold::new(config, &statistics);
-    let mut peaks = Peaks::new();
-    line("peaks", per_run(|| loops.peaks(black_box(y), threshold.level, black_box(&mut peaks))))?;
-
-    let report = || {
-        let mut peaks = peaks.clone();
-        detect::separate(&mut peaks, config.min_separation());
-        let chosen = detect::choose(peaks, settings.echoes as usize, config.echo_choice());
-        let exact = |n| filter::exact(template.taps(), &padded, codes.len(), n);
-        let x = padded.get(template.half()..template.half() + codes.len()).unwrap_or_default();
-        let waveform = Waveform { codes, x, y };
-        let noise = Noise::new(&statistics, config.shot_noise());
-        let refiner = Refiner { config, waveform: &waveform, threshold: &threshold, noise: &noise };
-        let mut echoes = Echoes::new();
-        for peak in chosen {
-            let refined = refiner.refine(exact, peak);
-            echoes.extend(Echo::from_peak(config, &refined, &threshold));
-        }
-        echoes
-    };
-    line("report", if peaks.is_empty() { 0 } else { per_run(|| drop(black_box(report()))) })?;
+    let (statistics, threshold, peaks) =
+        over_samples(loops, config, codes, &mut padded, y, &mut line)?;
+    let made = Made { config, codes, padded: &padded, y, statistics, threshold, peaks };
+    let wanted = settings.echoes as usize;
+    line(
+        "report",
+        if made.peaks.is_empty() { 0 } else { per_run(|| drop(black_box(made.report(wanted)))) },
+    )?;
 
     let mut scratch = Scratch::new();
     line(
@@ -109,10 +68,82 @@ fn count_with(
         }),
     )?;
     let echoes = pipeline.process(loops, codes, &mut scratch);
-    let same = echoes == report()
-        && scratch.statistics() == &statistics
-        && scratch.filtered(codes.len()) == y;
+    let same = echoes == made.report(wanted)
+        && scratch.statistics() == &made.statistics
+        && scratch.filtered(codes.len()) == made.y;
     if same { Ok(()) } else { Err("the stages are not the pipeline") }
+}
+
+/// The stages that look at every sample, each with its line; `padded` and `y` are left as they fill
+/// them. Inlined, as in the pipeline.
+#[inline(always)]
+fn over_samples(
+    loops: impl SampleLoops,
+    config: &DetectorConfig,
+    codes: &[u16],
+    padded: &mut Padded,
+    y: &mut [i16],
+    line: &mut impl FnMut(&'static str, u32) -> Result<(), &'static str>,
+) -> Result<(Statistics, Threshold, Peaks), &'static str> {
+    let (shift, template) = (config.code_shift(), config.template());
+    let mut statistics = Statistics::default();
+    let count = per_run(|| statistics = loops.statistics(black_box(codes), shift, &statistics));
+    line("statistics", count)?;
+
+    let (clip, ambient) = (config.clip_code(), statistics.ambient_q15());
+    let window = template.half()..template.half() + codes.len();
+    let x = padded.get_mut(window).ok_or("template too long")?;
+    line(
+        "baseline",
+        per_run(|| {
+            loops.remove_baseline(black_box(codes), clip, shift, ambient, black_box(x));
+        }),
+    )?;
+
+    let taps = template.taps_in_pairs();
+    line("filter", per_run(|| loops.correlate(black_box(taps), black_box(padded), black_box(y))))?;
+
+    let threshold = Threshold::new(config, &statistics);
+    let mut peaks = Peaks::new();
+    line("peaks", per_run(|| loops.peaks(black_box(y), threshold.level, black_box(&mut peaks))))?;
+    Ok((statistics, threshold, peaks))
+}
+
+/// Samples with zeros around them.
+type Padded = [i16; MAX_SAMPLES + MAX_TAPS + PADDING];
+
+/// What those stages have made of a waveform.
+struct Made<'a> {
+    config: &'a DetectorConfig,
+    codes: &'a [u16],
+    padded: &'a Padded,
+    y: &'a [i16],
+    statistics: Statistics,
+    threshold: Threshold,
+    peaks: Peaks,
+}
+
+impl Made<'_> {
+    /// From candidates to echoes, as the pipeline does it.
+    #[inline(always)]
+    fn report(&self, wanted: usize) -> Echoes {
+        let Self { config, codes, padded, y, statistics, threshold, .. } = self;
+        let template = config.template();
+        let mut peaks = self.peaks.clone();
+        detect::separate(&mut peaks, config.min_separation());
+        let chosen = detect::choose(peaks, wanted, config.echo_choice());
+        let exact = |n| filter::exact(template.taps(), *padded, codes.len(), n);
+        let x = padded.get(template.half()..template.half() + codes.len()).unwrap_or_default();
+        let waveform = Waveform { codes, x, y };
+        let noise = Noise::new(statistics, config.shot_noise());
+        let refiner = Refiner { config, waveform: &waveform, threshold, noise: &noise };
+        let mut echoes = Echoes::new();
+        for peak in chosen {
+            let refined = refiner.refine(exact, peak);
+            echoes.extend(Echo::from_peak(config, &refined, threshold));
+        }
+        echoes
+    }
 }
 
 /// Instructions of a run after the first, without the loop around it. (The first finds where the
