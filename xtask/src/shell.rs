@@ -5,7 +5,7 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 
 /// Whether a folder of the PATH holds a program.
 pub(crate) fn on_path(name: &str) -> bool {
@@ -35,12 +35,19 @@ pub(crate) fn succeed(command: &mut Command) -> Result<()> {
     Ok(())
 }
 
-/// The first line that a program prints.
-pub(crate) fn first_line(program: &str, arguments: &[&str]) -> Result<String> {
+/// What a program prints, run in the workspace's root; fails when it does.
+pub(crate) fn output(program: &str, arguments: &[&str]) -> Result<String> {
     let mut command = Command::new(program);
     let output = command.current_dir(workspace()?).args(arguments).output();
     let output = output.with_context(|| format!("cannot run {program}"))?;
-    Ok(String::from_utf8_lossy(&output.stdout).lines().next().unwrap_or_default().to_owned())
+    let why = String::from_utf8_lossy(&output.stderr);
+    ensure!(output.status.success(), "failed: {program} {}: {why}", arguments.join(" "));
+    Ok(String::from_utf8_lossy(&output.stdout).into_owned())
+}
+
+/// The first line that a program prints.
+pub(crate) fn first_line(program: &str, arguments: &[&str]) -> Result<String> {
+    Ok(output(program, arguments)?.lines().next().unwrap_or_default().to_owned())
 }
 
 /// The workspace's root.

@@ -30,9 +30,9 @@ pub(super) fn all(root: &Path, runs: &[&Run]) -> Result<BTreeMap<String, Value>>
     Ok(measured)
 }
 
-/// Day, code and compiler of a run that was just made.
+/// Day, commit and compiler of a run that was just made; an update makes sure that it is that code.
 pub(super) fn stamp(run: &Run) -> Result<String> {
-    let code = first_line("git", &["describe", "--always", "--dirty", "--exclude", "*"])?;
+    let code = first_line("git", &["describe", "--always", "--exclude", "*"])?;
     let compiler = match run.kind {
         Kind::Echoloop => first_line("rustc", &["--version"])?,
         Kind::Images | Kind::Cost => firmware::toolchain(firmware::TARGETS[0].0)?.version().into(),

@@ -19,7 +19,7 @@ use std::{env, fs};
 use anyhow::{Context, Result, ensure};
 use serde_json::Value;
 
-use crate::shell::workspace;
+use crate::shell::{output, workspace};
 use book::{Book, Run};
 use compared::Compared;
 
@@ -49,6 +49,9 @@ pub(crate) fn run(asked: &Figures) -> Result<()> {
     let root = workspace()?;
     let book = read(&root)?;
     let chosen = asked.chosen(&book)?;
+    if asked.update {
+        refuse_changed_code(&book)?;
+    }
     let measured = measure::all(&root, &chosen)?;
     let rows = compare(&book, &measured)?;
     rows.iter().for_each(print);
@@ -62,6 +65,23 @@ pub(crate) fn run(asked: &Figures) -> Result<()> {
         update::write(&root, BOOK, &made, &book, &rows)?;
     }
     judge(&root, &read(&root)?, &measured)
+}
+
+/// Fails where the code is not the commit's that a stamp would name. What an update writes may have
+/// changed: the list and the pages.
+fn refuse_changed_code(book: &Book) -> Result<()> {
+    let status = output("git", &["status", "--porcelain", "--untracked-files=no"])?;
+    let changed = changed_code(&status, book);
+    ensure!(changed.is_empty(), "--update stamps a commit, so commit first: {changed:?}");
+    Ok(())
+}
+
+/// Files that `git status --porcelain` names and an update does not write.
+fn changed_code<'a>(status: &'a str, book: &Book) -> Vec<&'a str> {
+    let pages = book.figure.iter().flat_map(|figure| &figure.printed);
+    let written: Vec<&str> = pages.map(|printed| &*printed.page).chain([BOOK]).collect();
+    let named = status.lines().filter_map(|line| line.get(3..));
+    named.filter(|path| !written.contains(path)).collect()
 }
 
 /// Fails when a run was skipped that had to be made, or nothing was compared at all.
@@ -185,14 +205,11 @@ mod tests {
     }
 
     #[test]
-    fn a_value_that_is_not_the_recorded_one_differs() {
+    fn an_update_is_refused_where_more_than_pages_and_list_has_changed() {
         let book = read(&workspace().unwrap()).unwrap();
-        let figure = &book.figure[0];
-        let row = |measured: &str| {
-            let measured = measured.to_owned();
-            Compared { figure, value: "x", recorded: "8,280", measured }
-        };
-        assert!(row("8,280").same());
-        assert!(!row("8,281").same());
+        let pages = " M README.md\n M benches/record/figures.toml\nM  docs/microcontroller.md\n";
+        assert_eq!(changed_code(pages, &book), [""; 0]);
+        let code = format!("{pages} M xtask/src/main.rs\nR  a.md -> b.md\n");
+        assert_eq!(changed_code(&code, &book), ["xtask/src/main.rs", "a.md -> b.md"]);
     }
 }
