@@ -244,26 +244,6 @@ fn every_echoloop_command_in_a_code_span_is_understood() {
 }
 
 #[test]
-fn every_project_command_of_the_pages_exists() {
-    let source = fs::read_to_string(root().join("xtask/src/main.rs")).expect("a source");
-    for (page, text) in pages() {
-        for name in between(&text, "cargo xtask ", " ") {
-            let end = name.find(|c: char| !(c.is_ascii_lowercase() || c == '-'));
-            let name = &name[..end.unwrap_or(name.len())];
-            let variant: String = name.split('-').map(capital).collect();
-            let known =
-                [" {", "(", ","].iter().any(|end| source.contains(&format!("    {variant}{end}")));
-            assert!(name.is_empty() || known, "{page}: cargo xtask {name}");
-        }
-    }
-}
-
-fn capital(word: &str) -> String {
-    let mut letters = word.chars();
-    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
-}
-
-#[test]
 fn the_readme_keeps_to_its_size_and_reaches_each_page() {
     let text = fs::read_to_string(root().join("README.md")).expect("the README");
     assert!(text.lines().count() <= 120, "{} lines", text.lines().count());

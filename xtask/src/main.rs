@@ -162,16 +162,25 @@ mod tests {
     use super::*;
     use crate::shell::workspace;
     use std::fs;
+    use std::path::{Path, PathBuf};
+
+    /// Every page below a folder.
+    fn pages(folder: &Path) -> Vec<PathBuf> {
+        let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+        let built = |path: &PathBuf| path.ends_with("target") || path.ends_with(".git");
+        let (folders, files): (Vec<_>, Vec<_>) =
+            entries.filter(|path| !built(path)).partition(|path| path.is_dir());
+        let own = files.into_iter().filter(|path| path.extension().is_some_and(|e| e == "md"));
+        own.chain(folders.iter().flat_map(|folder| pages(folder))).collect()
+    }
 
     #[test]
-    fn every_project_command_of_readme_and_docs_is_understood() {
-        let root = workspace().unwrap();
-        let docs = fs::read_dir(root.join("docs")).unwrap().map(|entry| entry.unwrap().path());
+    fn every_project_command_of_the_pages_is_understood() {
         let mut seen = 0;
-        for page in docs.chain([root.join("README.md")]) {
+        for page in pages(&workspace().unwrap()) {
             let text = fs::read_to_string(&page).unwrap();
             for rest in text.split("cargo xtask ").skip(1) {
-                let command = rest.split(['`', '\n', '#', '|']).next().unwrap();
+                let command = rest.split(['`', '\n', '#', '|', '<']).next().unwrap();
                 let words = ["xtask"].into_iter().chain(command.split_whitespace());
                 let result = Task::try_parse_from(words).map(drop);
                 assert!(result.is_ok(), "{}: {command}\n{result:?}", page.display());
