@@ -6,9 +6,11 @@
 //! machine.
 
 use std::f64::consts::PI;
+use std::ops::RangeInclusive;
 
 use echoloop_dsp::hardware::sample_period_fs;
-use echoloop_dsp::{Hardware, MAX_SAMPLES, Settings};
+use echoloop_dsp::{Hardware, MAX_SAMPLES, ParameterId as Id, Settings};
+use echoloop_random::box_muller;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -132,29 +134,34 @@ pub fn hardware(rng: &mut impl Rng) -> Hardware {
     }
 }
 
-/// Settings anywhere in the accepted table, its ends more often.
+/// Settings anywhere in the accepted table, its ends and some methods more often.
 pub fn settings(rng: &mut impl Rng, hardware: &Hardware) -> Settings {
     loop {
         let settings = Settings {
-            power_cw: rng.random_range(500..=2_000), // any width stays below the energy limit
-            pulse_width_ps: with_ends(rng, 2_000, 20_000),
-            gain_cdb: with_ends(rng, -1_000, 3_000),
-            bins: with_ends(rng, 200, 2_400),
+            // With any width below the energy limit.
+            power_cw: rng.random_range(*range(Id::Power).start()..=2_000),
+            pulse_width_ps: with_ends(rng, Id::PulseWidth),
+            gain_cdb: with_ends(rng, Id::Gain),
+            bins: with_ends(rng, Id::WaveformResolution),
             shots: pick(rng, &[1, 1, 2, 4, 8, 16]),
             saturation_ppm: if rng.random() {
-                1_000_000
+                *range(Id::Saturation).end()
             } else {
-                with_ends(rng, 250_000, 1_000_000)
+                with_ends(rng, Id::Saturation)
             },
-            noise_floor_ppm: log_uniform(rng, 100.0, 200_000.0).round() as i32,
-            snr_threshold_milli: with_ends(rng, 2_500, 8_000),
+            noise_floor_ppm: evenly_in_log(rng, Id::NoiseFloor),
+            snr_threshold_milli: with_ends(rng, Id::SnrThreshold),
             upsampling: pick(rng, &[1, 2, 4, 8]),
             denoise: pick(rng, &[0, 1, 2, 2]),
-            ambient: rng.random_range(0..=2),
+            ambient: rng.random_range(range(Id::Ambient)),
             timing: pick(rng, &[0, 1, 2, 3, 3]),
-            min_separation_mm: if rng.random() { None } else { Some(with_ends(rng, 300, 3_000)) },
-            echoes: rng.random_range(1..=4),
-            echo_choice: rng.random_range(0..=2),
+            min_separation_mm: if rng.random() {
+                None
+            } else {
+                Some(with_ends(rng, Id::MinSeparation))
+            },
+            echoes: rng.random_range(range(Id::Echoes)),
+            echo_choice: rng.random_range(range(Id::EchoChoice)),
         };
         if settings.check(hardware).is_ok() {
             return settings; // else undersampled: draw again
@@ -162,12 +169,23 @@ pub fn settings(rng: &mut impl Rng, hardware: &Hardware) -> Settings {
     }
 }
 
-fn with_ends(rng: &mut impl Rng, min: i32, max: i32) -> i32 {
+/// The values that a parameter may have, in wire units.
+fn range(id: Id) -> RangeInclusive<i32> {
+    id.parameter().min..=id.parameter().max
+}
+
+fn with_ends(rng: &mut impl Rng, id: Id) -> i32 {
+    let range = range(id);
     match rng.random_range(0..16) {
-        0 => min,
-        1 => max,
-        _ => rng.random_range(min..=max),
+        0 => *range.start(),
+        1 => *range.end(),
+        _ => rng.random_range(range),
     }
+}
+
+fn evenly_in_log(rng: &mut impl Rng, id: Id) -> i32 {
+    let range = range(id);
+    log_uniform(rng, (*range.start()).into(), (*range.end()).into()).round() as i32
 }
 
 /// A quarter each: nothing, the usual, about as much, anything.
@@ -188,10 +206,10 @@ fn pick<T: Copy>(rng: &mut impl Rng, of: &[T]) -> T {
     of[rng.random_range(0..of.len())]
 }
 
-/// A normal variate of mean 0 and variance 1 (Box–Muller).
+/// A normal variate of mean 0 and variance 1.
 pub fn normal(rng: &mut impl Rng) -> f64 {
-    let radius = libm::sqrt(-2.0 * libm::log(1.0 - rng.random::<f64>()));
-    radius * libm::cos(2.0 * PI * rng.random::<f64>())
+    let exponential = -libm::log(1.0 - rng.random::<f64>());
+    box_muller(exponential, rng.random())[0]
 }
 
 /// sin² of full width at half maximum `width`, centred at 0, height 1.

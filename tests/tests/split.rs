@@ -9,7 +9,7 @@ use echoloop_dsp::split::{Overlapping, Sharpener, Splitter, prominent_peaks};
 use echoloop_dsp::template::Template;
 use echoloop_host::waveforms::finder::{EchoFinder, FinderConfig, Pulse, RINGS};
 use echoloop_tests::bit_true::{self, Peak};
-use echoloop_tests::vectors;
+use echoloop_tests::vectors::{self, normal};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
@@ -19,11 +19,6 @@ fn reals(y: &[i16]) -> Vec<f64> {
 
 fn models(peaks: &[peak::Peak]) -> Vec<Peak> {
     peaks.iter().map(|&p| p.into()).collect()
-}
-
-/// Zero-mean noise, nearly normal.
-fn noise(rng: &mut ChaCha8Rng) -> f64 {
-    (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0
 }
 
 /// sin² echoes of (time, amplitude) in samples, of a width, with noise of σ.
@@ -38,7 +33,7 @@ fn waveform(
         if t.abs() < width { (1.0 + (std::f64::consts::PI * t / width).cos()) / 2.0 } else { 0.0 }
     };
     let clean = |n: usize| echoes.iter().map(|&(time, a)| a * pulse(n as f64 - time)).sum::<f64>();
-    (0..samples).map(|n| clean(n) + sigma * noise(rng)).collect()
+    (0..samples).map(|n| clean(n) + sigma * normal(rng)).collect()
 }
 
 #[test]
@@ -172,7 +167,7 @@ fn of_ringing(
     };
     let clean = |n: u32| echoes.iter().map(|&(at, a)| a * value(f64::from(n) - at)).sum::<f64>();
     let codes: Vec<u16> =
-        (0..samples).map(|n| (600.0 + clean(n) + 2.0 * noise(rng)).round() as u16).collect();
+        (0..samples).map(|n| (600.0 + clean(n) + 2.0 * normal(rng)).round() as u16).collect();
     let search = FinderConfig { code_shift: 4, ..FinderConfig::DEFAULT };
     let found = EchoFinder::new().echoes(&codes, &search);
     found.iter().map(|echo| echo.time as f64 / 65_536.0).collect()

@@ -30,3 +30,4 @@ pub use generator::Generator;
 pub use normals::{Key, normals};
 pub use split_mix::{derive, mix_64, split_mix_64};
 pub use stream::Stream;
+pub use uniform::box_muller;

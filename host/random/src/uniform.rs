@@ -19,7 +19,7 @@ pub(crate) fn open(bits: u64) -> f64 {
 /// ```text
 /// √(2e) · (cos 2πu, sin 2πu)
 /// ```
-pub(crate) fn box_muller(exponential: f64, uniform: f64) -> [f64; 2] {
+pub fn box_muller(exponential: f64, uniform: f64) -> [f64; 2] {
     let radius = libm::sqrt(2.0 * exponential);
     let (sine, cosine) = libm::sincos(2.0 * std::f64::consts::PI * uniform);
     [radius * cosine, radius * sine]
