@@ -194,6 +194,22 @@ struct Emulator {
 }
 
 impl Emulator {
+    /// Locked until it is listed, so that [`stop_all`] finds every one that was started.
+    fn start(
+        options: &QemuOptions,
+        folder: &Path,
+        own: Option<TempDir>,
+    ) -> Result<Arc<Mutex<Self>>, QemuError> {
+        let mut running = lock(&RUNNING);
+        let Some(running) = running.as_mut() else {
+            let what = "the process is about to end".into();
+            return Err(QemuError::Failed { machine: options.machine.name(), what });
+        };
+        let emulator = Arc::new(Mutex::new(Self { child: spawn(options, folder)?, own }));
+        running.push(Arc::downgrade(&emulator));
+        Ok(emulator)
+    }
+
     fn stop(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();
@@ -201,14 +217,15 @@ impl Emulator {
     }
 }
 
-/// Emulators of this process, for [`stop_all`].
-static RUNNING: Mutex<Vec<Weak<Mutex<Emulator>>>> = Mutex::new(Vec::new());
+/// Emulators of this process, for [`stop_all`]; `None` once they were stopped for good.
+static RUNNING: Mutex<Option<Vec<Weak<Mutex<Emulator>>>>> = Mutex::new(Some(Vec::new()));
 
-/// Ends every emulator of this process and removes their folders: for those who are about to exit
-/// without dropping anything.
+/// Ends every emulator of this process, removes their folders, and lets no other start: for those
+/// who are about to exit without dropping anything. Whoever calls second waits for the first.
 pub fn stop_all() {
-    let running = std::mem::take(&mut *lock(&RUNNING));
-    running.iter().filter_map(Weak::upgrade).for_each(|emulator| lock(&emulator).stop());
+    let mut running = lock(&RUNNING);
+    let emulators = running.take().into_iter().flatten();
+    emulators.filter_map(|emulator| emulator.upgrade()).for_each(|emulator| lock(&emulator).stop());
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -234,8 +251,7 @@ impl<F: FrontEnd> Qemu<F> {
         let hardware = Hardware { adc_bits: front_end.adc_bits(), ..hardware };
         let page =
             Page::make(*machine, &folder.join(MEMORY), &mailbox::straps(&hardware, &pattern))?;
-        let emulator = Arc::new(Mutex::new(Emulator { child: spawn(options, &folder)?, own }));
-        lock(&RUNNING).push(Arc::downgrade(&emulator));
+        let emulator = Emulator::start(options, &folder, own)?;
         let link = connect(&emulator, *machine, &folder).inspect_err(|_| lock(&emulator).stop())?;
         let codes = vec![0; MAX_CODES];
         Ok(Self { emulator, link, page, front_end, shots: 0, codes, machine: *machine, folder })
@@ -350,9 +366,10 @@ impl<F> Qemu<F> {
 impl<F> Drop for Qemu<F> {
     fn drop(&mut self) {
         lock(&self.emulator).stop();
-        lock(&RUNNING).retain(|emulator| {
+        let others = |emulator: &Weak<_>| {
             emulator.strong_count() > 0 && !emulator.ptr_eq(&Arc::downgrade(&self.emulator))
-        });
+        };
+        lock(&RUNNING).iter_mut().for_each(|running| running.retain(others));
     }
 }
 

@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueHint};
 
 use super::exit::Failure;
+use super::interrupt::end_on_interrupt;
 use super::progress::Progress;
 use crate::link::client::Identity;
-use crate::link::sensor::{Model, QemuOptions, SensorSpec, Sensors, end_emulators};
+use crate::link::sensor::{Model, QemuOptions, SensorSpec, Sensors};
 
 /// Flags of every command that speaks to a sensor.
 #[derive(Clone, Debug, Args)]
@@ -53,12 +54,7 @@ impl SensorChoice {
             })?;
         }
         if is_qemu {
-            // Where nobody else waits for ^C: a process that just ends would leave its emulators
-            // behind.
-            let _ = ctrlc::set_handler(|| {
-                end_emulators();
-                std::process::exit(130);
-            });
+            end_on_interrupt();
         }
         let qemu = QemuOptions { firmware: self.firmware.clone(), log: self.sensor_log.clone() };
         Ok(Sensors::new(&self.sensor, model, qemu))

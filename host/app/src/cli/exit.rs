@@ -3,6 +3,7 @@
 use std::fmt::Display;
 use std::io::{ErrorKind, Write};
 
+use super::interrupt::{INTERRUPTED, end_the_process, is_ending};
 use crate::experiment::dataset::DatasetError;
 use crate::experiment::journal::JournalError;
 use crate::experiment::run::FileError;
@@ -73,7 +74,7 @@ impl From<TuneError> for Failure {
             TuneError::Sensor(error) => error.into(),
             TuneError::Journal(error) => error.into(),
             TuneError::Optimizer(_) | TuneError::Diverged { .. } => Self::usage(error),
-            TuneError::Interrupted { .. } => Self::new(130, error),
+            TuneError::Interrupted { .. } => Self::new(INTERRUPTED, error),
         }
     }
 }
@@ -96,7 +97,11 @@ fn write_to(out: &mut impl Write, text: &str) -> Result<(), Failure> {
 }
 
 /// Says on standard error what went wrong, but for a reader that has gone; gives the exit code.
+/// Where the process is being ended, an emulator was stopped before us: the failure is that end.
 pub fn report_failure(failure: &Failure) -> std::process::ExitCode {
+    if is_ending() {
+        end_the_process();
+    }
     if failure.code != READER_GONE {
         eprintln!("error: {}", failure.message.trim_end());
     }

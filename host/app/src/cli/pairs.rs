@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 
 use super::common::{Setup, on_threads};
 use super::exit::Failure;
-use super::interrupt::stop_on_interrupt;
+use super::interrupt::{INTERRUPTED, stop_on_interrupt};
 use super::method_choice::MethodChoice;
 use super::prepared::{PairSet, Prepared};
 use super::progress::Progress;
@@ -80,7 +80,7 @@ fn scan_and_write(args: &PairsArgs, config: RunConfig, stop: &AtomicBool) -> Res
 
 fn go_on(stop: &AtomicBool) -> Result<(), Failure> {
     if stop.load(Ordering::Relaxed) {
-        Err(Failure::new(130, "interrupted; nothing is written"))
+        Err(Failure::new(INTERRUPTED, "interrupted; nothing is written"))
     } else {
         Ok(())
     }
