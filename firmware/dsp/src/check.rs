@@ -19,6 +19,28 @@ pub struct Choices {
     pub echoes: EchoChoice,
 }
 
+/// W ≥ 2.5 samples, so the sample period is at most 1000 fs / 2.5 for each picosecond of W.
+const PERIOD_FS_PER_WIDTH_PS: u32 = 400;
+
+/// Energy of a pulse, pJ, rounded up: 0.01 W × 1 ps = 0.01 pJ. In range it is at most 2 × 10⁶.
+pub const fn pulse_energy_pj(power_cw: i32, width_ps: i32) -> u32 {
+    (power_cw as u32).saturating_mul(width_ps as u32).div_ceil(100)
+}
+
+impl Hardware {
+    /// The greatest power, 0.01 W, that a pulse of this width may have.
+    pub fn strongest_power_cw(&self, width_ps: i32) -> i32 {
+        let limit = u64::from(self.energy_limit_pj).saturating_mul(100);
+        let power_cw = limit.checked_div(width_ps.max(0) as u64);
+        power_cw.and_then(|power_cw| power_cw.try_into().ok()).unwrap_or(i32::MAX)
+    }
+
+    /// The shortest pulse that so many bins sample often enough, ps.
+    pub const fn shortest_pulse_ps(&self, bins: i32) -> i32 {
+        sample_period_fs(bins as u32, self).div_ceil(PERIOD_FS_PER_WIDTH_PS) as i32
+    }
+}
+
 impl ParameterId {
     /// Whether a value of this field is in its range.
     ///
@@ -72,9 +94,7 @@ impl Settings {
     }
 
     fn check_energy(&self, hardware: &Hardware) -> Result<(), Refusal> {
-        // 0.01 W × 1 ps = 0.01 pJ; in range the product is below 2 × 10⁸.
-        let energy_pj =
-            (self.power_cw as u32).saturating_mul(self.pulse_width_ps as u32).div_ceil(100);
+        let energy_pj = pulse_energy_pj(self.power_cw, self.pulse_width_ps);
         if energy_pj <= hardware.energy_limit_pj {
             return Ok(());
         }
@@ -92,8 +112,9 @@ impl Settings {
 
     fn check_sampling(&self, hardware: &Hardware) -> Result<(), Refusal> {
         let period_fs = sample_period_fs(self.bins as u32, hardware);
-        // W ≥ 2.5 samples, 1000 fs a ps; in range the product is at most 8 × 10⁶.
-        if (self.pulse_width_ps as u32).saturating_mul(400) >= period_fs {
+        // Multiplied, not divided as in `shortest_pulse_ps`: not every processor divides.
+        let longest_fs = (self.pulse_width_ps as u32).saturating_mul(PERIOD_FS_PER_WIDTH_PS);
+        if longest_fs >= period_fs {
             return Ok(());
         }
         let reason = Reason::Undersampled { sample_period_fs: period_fs };
@@ -110,6 +131,22 @@ mod tests {
     #[test]
     fn the_defaults_are_accepted() {
         Settings::default().check(&Hardware::REFERENCE).unwrap();
+    }
+
+    #[test]
+    fn the_strongest_and_the_shortest_pulse_are_the_last_that_are_accepted() {
+        for (bins, pulse_width_ps) in [(256, 5_000), (800, 20_000), (1_200, 3_333)] {
+            let hardware = Hardware { energy_limit_pj: 123_457, ..Hardware::REFERENCE };
+            let power_cw = hardware.strongest_power_cw(pulse_width_ps);
+            let with = |power_cw| Settings { power_cw, pulse_width_ps, ..Settings::default() };
+            assert_eq!(with(power_cw).check_energy(&hardware), Ok(()));
+            assert!(with(power_cw + 1).check_energy(&hardware).is_err());
+            assert_eq!(hardware.strongest_power_cw(0), i32::MAX);
+            let pulse_width_ps = hardware.shortest_pulse_ps(bins);
+            let with = |pulse_width_ps| Settings { bins, pulse_width_ps, ..Settings::default() };
+            assert_eq!(with(pulse_width_ps).check_sampling(&hardware), Ok(()));
+            assert!(with(pulse_width_ps - 1).check_sampling(&hardware).is_err());
+        }
     }
 
     #[test]

@@ -81,7 +81,7 @@ pub mod statistics;
 pub mod template;
 pub mod timing;
 
-pub use check::Choices;
+pub use check::{Choices, pulse_energy_pj};
 pub use choice::{AmbientEstimator, DenoiseFilter, EchoChoice, TimingMethod};
 pub use config::DetectorConfig;
 pub use echo::{Echo, Echoes};

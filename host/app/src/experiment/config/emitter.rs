@@ -1,6 +1,6 @@
 //! `[emitter]`: what the laser may emit.
 
-use echoloop_dsp::Hardware;
+use echoloop_dsp::{Hardware, ParameterId, pulse_energy_pj};
 use serde::{Deserialize, Serialize};
 
 use super::error::{RunConfigError, require};
@@ -23,13 +23,20 @@ impl Default for EmitterConfig {
 
 impl EmitterConfig {
     pub(super) fn check(&self) -> Result<(), RunConfigError> {
-        // 100 nJ is the least power, 5 W, in the longest pulse, 20 ns; 2000 nJ the greatest, 100 W.
         let limit_nj = self.energy_limit_nj;
+        let (least_nj, greatest_nj) = energy_bounds_nj();
         require(
             "emitter.energy_limit_nj",
             limit_nj,
-            (100.0..=2000.0).contains(&limit_nj),
-            "100 to 2000",
+            (least_nj..=greatest_nj).contains(&limit_nj),
+            format!("{least_nj} to {greatest_nj}"),
         )
     }
+}
+
+/// Of the longest pulse, with the least power and with the greatest: 5 and 100 W in 20 ns.
+fn energy_bounds_nj() -> (f64, f64) {
+    let (power, width) = (ParameterId::Power.parameter(), ParameterId::PulseWidth.parameter());
+    let energy_nj = |power_cw| f64::from(pulse_energy_pj(power_cw, width.max)) / 1e3;
+    (energy_nj(power.min), energy_nj(power.max))
 }

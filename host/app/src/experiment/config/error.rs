@@ -1,5 +1,7 @@
 //! Why a value of the configuration is refused.
 
+use std::borrow::Cow;
+
 use echoloop_frontend::OpticsError;
 use thiserror::Error;
 
@@ -14,7 +16,7 @@ pub enum RunConfigError {
         /// Its value.
         value: String,
         /// What it must be.
-        expected: &'static str,
+        expected: Cow<'static, str>,
     },
     /// In the receiver.
     #[error(transparent)]
@@ -26,11 +28,11 @@ pub(super) fn require(
     field: &'static str,
     value: impl ToString,
     holds: bool,
-    expected: &'static str,
+    expected: impl Into<Cow<'static, str>>,
 ) -> Result<(), RunConfigError> {
     if holds {
         Ok(())
     } else {
-        Err(RunConfigError::Bound { field, value: value.to_string(), expected })
+        Err(RunConfigError::Bound { field, value: value.to_string(), expected: expected.into() })
     }
 }

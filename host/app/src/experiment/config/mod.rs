@@ -112,7 +112,8 @@ impl RunConfig {
     pub fn check(&self) -> Result<(), RunConfigError> {
         self.receiver.check()?;
         if let Some((field, value, expected)) = self.weather.fault() {
-            return Err(RunConfigError::Bound { field, value: value.to_string(), expected });
+            let (value, expected) = (value.to_string(), expected.into());
+            return Err(RunConfigError::Bound { field, value, expected });
         }
         self.motion.check()?;
         self.scanner.check()?;

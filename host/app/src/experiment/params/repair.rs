@@ -1,7 +1,6 @@
 //! Joint constraints: a candidate that breaks one is repaired, and says so; the sensor would refuse
 //! it.
 
-use echoloop_dsp::hardware::sample_period_fs;
 use echoloop_dsp::{Hardware, ParameterId, Settings};
 
 /// Brings settings whose fields are each in range within the joint constraints; names what was
@@ -11,16 +10,14 @@ use echoloop_dsp::{Hardware, ParameterId, Settings};
 /// holds by the ranges.)
 pub fn repair(settings: &mut Settings, hardware: &Hardware) -> Vec<&'static str> {
     let mut repaired = Vec::new();
-    let shortest_ps =
-        (5 * u64::from(sample_period_fs(settings.bins as u32, hardware))).div_ceil(2_000) as i32;
+    let shortest_ps = hardware.shortest_pulse_ps(settings.bins);
     if settings.pulse_width_ps < shortest_ps {
         settings.pulse_width_ps = shortest_ps;
         repaired.push(ParameterId::PulseWidth.parameter().name);
     }
-    let strongest_cw =
-        100 * i64::from(hardware.energy_limit_pj) / i64::from(settings.pulse_width_ps.max(1));
-    if i64::from(settings.power_cw) > strongest_cw {
-        settings.power_cw = strongest_cw as i32;
+    let strongest_cw = hardware.strongest_power_cw(settings.pulse_width_ps);
+    if settings.power_cw > strongest_cw {
+        settings.power_cw = strongest_cw;
         repaired.push(ParameterId::Power.parameter().name);
     }
     repaired
