@@ -9,7 +9,7 @@ points would be those at the sensor's foot, which a scan 10 m ahead never sees. 
 ours had run. Success is 1 m and 5°. Ours run with the default settings of the voxel, and with those that `suggest_method` and
 `suggest_refinement` make of the clouds; none were tuned on these towns.
 
-Ours also say whether they found anything: `still` is yes. To see what that is worth, they register the source of a cell's last
+Ours also say whether they found anything: `converged` is yes. To see what that is worth, they register the source of a cell's last
 pair to the target of its first as well, which stand in different towns.
 """
 

@@ -171,7 +171,7 @@ def recall_tables(result):
     count = len({identity(row) for row in unrelated})
     yield (
         f"Of right motions (within {SUCCESS_M:g} m and {SUCCESS_DEG:g}°), how many were called no consensus; of wrong ones, and of "
-        f"{count} pairs from two towns, how many were called found (still).\n"
+        f"{count} pairs from two towns, how many were called found (converged).\n"
     )
     spoken = [run for run in runs if any(row["stop"] for row in of(*run))]
     strangers = lambda who, voxel_m: [r for r in unrelated if (r["who"], r["voxel_m"]) == (who, voxel_m)]  # noqa: E731

@@ -37,8 +37,8 @@ pub struct OwnBoard<Spi, Link, Flash, Samples, Dog> {
     pub restarts: u32,
 }
 
-/// Looks at the buffer before a shot counts as lost. Take a bound of time if you have a timer.
-const PATIENCE: u32 = 1_000_000;
+/// Looks at the buffer before a shot counts as lost: take a bound of time if you have a timer.
+const SHOT_TIMEOUT: u32 = 1_000_000;
 
 impl<Spi, Link, Flash, Samples, Dog> Board for OwnBoard<Spi, Link, Flash, Samples, Dog>
 where
@@ -86,7 +86,7 @@ where
     }
 
     fn samples(&mut self, codes: &mut [u16]) -> bool {
-        for _ in 0..PATIENCE {
+        for _ in 0..SHOT_TIMEOUT {
             if let Some(finished) = self.buffer.finished() {
                 let Some(finished) = finished.get(..codes.len()) else { return false };
                 codes.copy_from_slice(finished);

@@ -318,7 +318,7 @@ mod tests {
     }
 
     #[test]
-    fn a_crest_is_neither_the_first_nor_the_last_sample() {
+    fn a_peak_is_neither_the_first_nor_the_last_sample() {
         assert_eq!(find(&[9, 8, 7, 6, 5], 1, 1), []);
         assert_eq!(find(&[5, 6, 7, 8, 9], 1, 1), []);
         assert_eq!(find(&[5, 6, 7, 9, 9], 1, 1), []);
@@ -327,7 +327,7 @@ mod tests {
     }
 
     #[test]
-    fn a_crest_stands_out_on_both_sides() {
+    fn a_peak_stands_out_on_both_sides() {
         assert_eq!(find(&[0, 50, 48, 51, 0], 1, 4), [(3, 51)]);
         assert_eq!(find(&[0, 50, 40, 51, 0], 1, 4), [(1, 50), (3, 51)]);
     }

@@ -40,9 +40,9 @@ pub struct FrontEnd {
     fired: u32,
 }
 
-/// How long a shot is waited for before it counts as lost: some seconds in an emulator, whose front
-/// end is a program that may be kept from running; a converter takes microseconds.
-const PATIENCE: (u32, u32) = (400, 1_000_000);
+/// Spells, and looks a spell, before a shot counts as lost: some seconds in an emulator, whose
+/// front end is a program that may be kept from running; a converter takes microseconds.
+const SHOT_TIMEOUT: (u32, u32) = (400, 1_000_000);
 
 impl FrontEnd {
     /// The front end in a page of memory; `None` where nobody put one.
@@ -74,7 +74,7 @@ impl FrontEnd {
         self.fired = self.fired.wrapping_add(1);
         publish();
         self.page.write(mailbox::DOORBELL, self.fired);
-        let (spells, turns) = PATIENCE;
+        let (spells, turns) = SHOT_TIMEOUT;
         let answered = (0..spells).any(|_| {
             waiting();
             (0..turns).any(|_| self.page.read(mailbox::ANSWER) == self.fired)

@@ -59,7 +59,7 @@ impl Sharpener {
     }
 }
 
-/// Crests at or above `level` that stand out by `rise`, by rising index. `values` begin at sample
+/// Peaks at or above `level` that stand out by `rise`, by rising index. `values` begin at sample
 /// `first`.
 pub fn prominent_peaks(
     values: &[f64],

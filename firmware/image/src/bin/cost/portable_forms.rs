@@ -19,7 +19,7 @@ pub(crate) fn agree() -> Result<u32, &'static str> {
         filters_agree(&mut random).then_some(()).ok_or("correlate differs")?;
         thresholds_agree(&mut random).then_some(()).ok_or("reaches differs")?;
         counts_agree(&mut random).then_some(()).ok_or("count differs")?;
-        ranks_agree(&mut random).then_some(()).ok_or("ranks differ")?;
+        order_statistics_agree(&mut random).then_some(()).ok_or("order statistics differ")?;
     }
     let mut waveforms = 0;
     for seed in 0..PIPELINES {
@@ -154,7 +154,7 @@ fn counts_agree(random: &mut Random) -> bool {
     our_below == portable_below && ours == portable
 }
 
-fn ranks_agree(random: &mut Random) -> bool {
+fn order_statistics_agree(random: &mut Random) -> bool {
     let mut codes = [0; 104];
     fill(&mut codes, random);
     let start = random.below(4) as usize;
