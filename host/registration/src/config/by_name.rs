@@ -2,7 +2,7 @@
 
 use super::error::ConfigError;
 use super::method::Method;
-use super::setting::{Setting, Stored, Use};
+use super::setting::{Setting, SettingField, Use};
 use super::table::{FgrConfig, GicpConfig, IcpConfig, MacConfig, SETTINGS, setting};
 
 /// The settings of one method.
@@ -91,7 +91,7 @@ impl MethodConfig {
         repaired
     }
 
-    fn slot(&mut self, key: &str) -> Option<&mut dyn Stored> {
+    fn slot(&mut self, key: &str) -> Option<&mut dyn SettingField> {
         let key = setting(key)?.key;
         match self {
             Self::Icp(config) => config.slot(key),

@@ -216,31 +216,31 @@ impl Bound {
     }
 }
 
-/// Where a setting is kept.
-pub(super) trait Stored {
+/// A field of a configuration that is a setting, read and written as a number.
+pub(super) trait SettingField {
     fn get(&self) -> Option<f64>;
 
     fn set(&mut self, new: f64);
 }
 
-/// A type that keeps settings, and of which kind.
-pub(super) trait Keeps: Stored {
+/// A type of such a field, and the kind of its settings.
+pub(super) trait FieldType: SettingField {
     const KIND: Kind;
 }
 
-impl Keeps for f64 {
+impl FieldType for f64 {
     const KIND: Kind = Kind::Real;
 }
 
-impl Keeps for Option<f64> {
+impl FieldType for Option<f64> {
     const KIND: Kind = Kind::Optional;
 }
 
-impl Keeps for usize {
+impl FieldType for usize {
     const KIND: Kind = Kind::Count;
 }
 
-impl Stored for f64 {
+impl SettingField for f64 {
     fn get(&self) -> Option<f64> {
         Some(*self)
     }
@@ -250,7 +250,7 @@ impl Stored for f64 {
     }
 }
 
-impl Stored for Option<f64> {
+impl SettingField for Option<f64> {
     fn get(&self) -> Option<f64> {
         *self
     }
@@ -260,7 +260,7 @@ impl Stored for Option<f64> {
     }
 }
 
-impl Stored for usize {
+impl SettingField for usize {
     fn get(&self) -> Option<f64> {
         Some(*self as f64)
     }

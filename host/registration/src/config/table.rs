@@ -9,7 +9,9 @@ use super::convention::Convention;
 use super::error::ConfigError;
 use super::method::Method;
 use super::mode::FgrMode;
-use super::setting::{Bound, Keeps, PLAIN, Setting, Stored, Use, linear, log, searched, whole};
+use super::setting::{
+    Bound, FieldType, PLAIN, Setting, SettingField, Use, linear, log, searched, whole,
+};
 
 /// A bound of whole numbers, both included.
 macro_rules! count {
@@ -116,7 +118,7 @@ macro_rules! configuration {
             }
 
             /// Where the setting of that name is kept.
-            pub(super) fn slot(&mut self, key: &str) -> Option<&mut dyn Stored> {
+            pub(super) fn slot(&mut self, key: &str) -> Option<&mut dyn SettingField> {
                 match key {
                     $(stringify!($key) => Some(&mut self.$key),)*
                     $(_ => self.$part.slot(key),)?
@@ -153,7 +155,7 @@ macro_rules! settings {
             ..Setting::new(
                 stringify!($key),
                 concat!("registration.", stringify!($key)),
-                <$type as Keeps>::KIND,
+                <$type as FieldType>::KIND,
                 $unit,
                 $help,
                 $bound,

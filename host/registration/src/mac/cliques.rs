@@ -26,7 +26,7 @@ pub(super) struct RootCliques {
 
 /// What the searches of all roots share.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Sought<'a> {
+pub(super) struct CliqueProblem<'a> {
     pub(super) graph: &'a Graph,
     /// The place of each node in the degeneracy order.
     pub(super) ranks: &'a [u32],
@@ -63,7 +63,7 @@ impl CliqueSearch {
     /// The cliques of one root, ending after `max_cliques`.
     pub(super) fn run(
         &mut self,
-        &Sought { graph, ranks, least }: &Sought,
+        &CliqueProblem { graph, ranks, least }: &CliqueProblem,
         root: usize,
         max_cliques: usize,
     ) -> RootCliques {

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::cliques::{CliqueSearch, RootCliques, Sought};
+use super::cliques::{CliqueProblem, CliqueSearch, RootCliques};
 use super::degeneracy_order::degeneracy_ranks;
 use super::graph::Graph;
 
@@ -29,7 +29,7 @@ pub(super) struct Selection {
 /// the nodes, not with the cliques.
 pub(super) fn heaviest(graph: &Graph, least: usize, max_cliques: usize) -> Selection {
     let ranks = degeneracy_ranks(graph);
-    let sought = Sought { graph, ranks: &ranks, least };
+    let problem = CliqueProblem { graph, ranks: &ranks, least };
     let mut roots: Vec<u32> = (0..graph.len() as u32).collect();
     roots.sort_unstable_by_key(|&root| std::cmp::Reverse(ranks[root as usize]));
     let mut best = Best { of: vec![None; graph.len()], ..Best::default() };
@@ -38,7 +38,7 @@ pub(super) fn heaviest(graph: &Graph, least: usize, max_cliques: usize) -> Selec
         let found: Vec<RootCliques> = round
             .par_iter()
             .map_init(CliqueSearch::default, |search, &root| {
-                search.run(&sought, root as usize, left)
+                search.run(&problem, root as usize, left)
             })
             .collect();
         found.into_iter().for_each(|found| best.take(found, max_cliques));
