@@ -265,7 +265,7 @@ fn correlation(run: &Finished<'_>) -> Option<Correlation> {
     (!tuned.correlations.is_empty()).then(|| Correlation {
         names: search.space.axes().iter().map(|axis| short(axis.name)).collect(),
         matrix: tuned.correlations.clone(),
-        learned: Some(tuned.learned),
+        covariance_learned: Some(tuned.covariance_learned),
     })
 }
 

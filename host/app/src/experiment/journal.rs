@@ -45,7 +45,7 @@ pub struct CandidateRecord {
     pub values: Values,
     /// Settings that a joint constraint changed.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    #[serde(rename = "mended")]
+    #[serde(alias = "mended")] // its name in earlier journals
     pub repaired: Vec<String>,
     /// Hash of its settings, as the sensor named them.
     pub settings: u32,
@@ -330,6 +330,19 @@ mod tests {
         assert_eq!(generations, [generation(0), generation(1), generation(2)]);
         journal.add(&generation(3)).unwrap();
         assert_eq!(Journal::resume(&path, &header(), false).unwrap().1.len(), 4);
+    }
+
+    #[test]
+    fn what_was_repaired_reads_back_by_today_s_name_and_by_the_former_one() {
+        let candidate = CandidateRecord {
+            repaired: vec!["pulse_width".into()],
+            ..generation(0).candidates.remove(0)
+        };
+        let line = serde_json::to_string(&candidate).unwrap();
+        assert!(line.contains(r#""repaired":["pulse_width"]"#), "{line}");
+        for line in [line.clone(), line.replace("repaired", "mended")] {
+            assert_eq!(serde_json::from_str::<CandidateRecord>(&line).unwrap(), candidate);
+        }
     }
 
     #[test]

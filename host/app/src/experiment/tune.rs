@@ -111,7 +111,7 @@ pub struct Tuned {
     /// Correlations of the axes at the end.
     pub correlations: Vec<Vec<f64>>,
     /// How much of them can have been learned, 0 to 1.
-    pub learned: f64,
+    pub covariance_learned: f64,
 }
 
 /// A search, ready to run.
@@ -208,7 +208,7 @@ impl TuneSearch<'_> {
             finalists: Vec::new(),
             generations: Vec::new(),
             correlations: Vec::new(),
-            learned: 0.0,
+            covariance_learned: 0.0,
         }
     }
 
@@ -353,7 +353,7 @@ impl TuneSearch<'_> {
             origin,
             finalists: finalists.into_iter().map(|finalist| self.finalist(finalist)).collect(),
             correlations: optimizer.correlations(),
-            learned: optimizer.covariance_learned(),
+            covariance_learned: optimizer.covariance_learned(),
             generations,
         })
     }

@@ -33,7 +33,7 @@ pub(super) fn section(correlation: Option<&Correlation>, generations: usize) -> 
 }
 
 fn caution(c: &Correlation, generations: usize) -> String {
-    let share = match c.learned.filter(|share| share.is_finite()) {
+    let share = match c.covariance_learned.filter(|share| share.is_finite()) {
         Some(share) => {
             format!("this run can have replaced at most {}\u{a0}% of it", fixed(share * 100.0, 0))
         }

@@ -181,7 +181,7 @@ pub struct Correlation {
     pub matrix: Vec<Vec<f64>>,
     /// Share of the covariance the run can have replaced at most,
     /// `1 − (1 − c_1 − c_µ)^generations`, if known.
-    pub learned: Option<f64>,
+    pub covariance_learned: Option<f64>,
 }
 
 /// Errors of one test pair under both settings.

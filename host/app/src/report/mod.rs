@@ -89,7 +89,7 @@ mod tests {
             correlation: Some(Correlation {
                 names: vec![evil.clone()],
                 matrix: vec![vec![1.0]],
-                learned: None,
+                covariance_learned: None,
             }),
             ..Report::default()
         };

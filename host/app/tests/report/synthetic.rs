@@ -193,7 +193,7 @@ fn correlation(rng: &mut Rng, parameters: &[ParameterTrace]) -> Correlation {
     Correlation {
         names: parameters.iter().map(|p| p.name.clone()).collect(),
         matrix,
-        learned: Some(0.56),
+        covariance_learned: Some(0.56),
     }
 }
 
