@@ -166,6 +166,11 @@ struct Component {
 }
 
 impl Component {
+    /// Full width at half maximum, Q16.16.
+    fn width(&self) -> f64 {
+        (603.0 * self.sigma / 256.0).floor() * 256.0
+    }
+
     fn distance(&self, n: usize) -> f64 {
         ((q16(n as f64) - self.time) / 256.0).floor()
     }
@@ -331,78 +336,169 @@ pub fn echoes(codes: &[u16], search: &FinderConfig) -> Vec<Echo> {
     if codes.len() < 3 {
         return Vec::new();
     }
-    let code = f64::from(1u32 << search.code_shift);
-    let (ambient, sigma) = rest(&codes, code);
-    let x: Vec<f64> = codes.iter().map(|c| c * code - ambient).collect();
-    let bank: Vec<Template> =
-        WIDTHS.iter().map(|&width| Template::sin_squared(width * 1000, 1_000_000)).collect();
-    let known = search.pulse.map(|pulse| nearest(pulse.width as f64 / 65_536.0).clamp(1.0, 63.0));
-    let (pulse, view) = scale(&bank, &x, sigma, known);
-    let narrow = &bank[view];
-    let sharpener =
-        Sharpener::new(narrow, (2.0 * pulse / 3.0).floor().max(1.0) as usize, f64::from(SHARPNESS));
-    let z = filtered(&sharpener.taps, &x);
-    let sigma_z = sharpener.sigma(sigma);
-    let top = highest(&z);
-    let by_noise = nearest(sigma_z * f64::from(search.snr_threshold) / 4_096.0);
-    let level = by_noise
-        .max(nearest(top.max(0.0) * f64::from(search.floor) / 32_768.0))
-        .clamp(1.0, 32_767.0);
-    let least = nearest(sigma_z / 8.0).max((3.0 * top / 512.0).floor());
-    let rise = |z: f64| {
-        least.max(if 5.0 * z < top { (5.0 * z / 32.0).floor() } else { 0.0 }).min(65_535.0)
-    };
-    let peaks = prominent_peaks(&z, 0, level, rise);
-    let peaks = without_ringing(&peaks, &z, pulse, search.pulse.as_ref());
-    let is_strong = |peak: &Peak| 5.0 * peak.height >= top;
-    let strong: Vec<Peak> = peaks.iter().copied().filter(is_strong).collect();
-    let mut components = fit(&x, &strong).into_iter();
-    let (y, gain) = match view {
-        0 => (x, 32_768.0),
-        _ => (filtered(&taps(narrow), &x), f64::from(narrow.noise_gain())),
-    };
-    let prominence = nearest(sigma * gain / 262_144.0).max(1.0);
-    let y_top = highest(&y);
-    let reach = (pulse / 2.0).floor().max(1.0) as usize;
+    let record = Record::new(&codes, search);
+    let sharpened = Sharpened::new(&record);
+    let peaks = sharpened.peaks(&record);
+    let strong: Vec<Peak> =
+        peaks.iter().copied().filter(|peak| sharpened.is_strong(peak)).collect();
+    let mut components = fit(&record.x, &strong).into_iter();
+    let seen = Seen::new(&record);
     let place = |peak: &Peak| {
-        let component = if is_strong(peak) { components.next() } else { None };
-        let top = climb(&y, peak.index, reach, prominence.max(2.0 * code));
+        let component = if sharpened.is_strong(peak) { components.next() } else { None };
+        seen.echo(&sharpened, peak, component)
+    };
+    strongest(peaks.iter().filter_map(place).collect(), search)
+}
+
+/// A record above its ambient.
+struct Record<'a> {
+    search: &'a FinderConfig,
+    /// Units of Q1.15 a code.
+    code: f64,
+    x: Vec<f64>,
+    sigma: f64,
+    /// Width of its pulse, samples.
+    pulse: f64,
+    /// Its place in the bank.
+    view: usize,
+    /// The filter it is seen through.
+    narrow: Template,
+}
+
+impl<'a> Record<'a> {
+    fn new(codes: &[f64], search: &'a FinderConfig) -> Self {
+        let code = f64::from(1u32 << search.code_shift);
+        let (ambient, sigma) = rest(codes, code);
+        let x: Vec<f64> = codes.iter().map(|c| c * code - ambient).collect();
+        let mut bank: Vec<Template> =
+            WIDTHS.iter().map(|&width| Template::sin_squared(width * 1000, 1_000_000)).collect();
+        let known =
+            search.pulse.map(|pulse| nearest(pulse.width as f64 / 65_536.0).clamp(1.0, 63.0));
+        let (pulse, view) = scale(&bank, &x, sigma, known);
+        Self { search, code, x, sigma, pulse, view, narrow: bank.swap_remove(view) }
+    }
+}
+
+/// The waveform that peaks are found in.
+struct Sharpened {
+    z: Vec<f64>,
+    sigma: f64,
+    top: f64,
+    /// Least height of a peak.
+    level: f64,
+}
+
+impl Sharpened {
+    fn new(record: &Record) -> Self {
+        let lag = (2.0 * record.pulse / 3.0).floor().max(1.0) as usize;
+        let sharpener = Sharpener::new(&record.narrow, lag, f64::from(SHARPNESS));
+        let z = filtered(&sharpener.taps, &record.x);
+        let (sigma, top) = (sharpener.sigma(record.sigma), highest(&z));
+        let by_noise = nearest(sigma * f64::from(record.search.snr_threshold) / 4_096.0);
+        let by_floor = nearest(top.max(0.0) * f64::from(record.search.floor) / 32_768.0);
+        Self { z, sigma, top, level: by_noise.max(by_floor).clamp(1.0, 32_767.0) }
+    }
+
+    fn peaks(&self, record: &Record) -> Vec<Peak> {
+        let top = self.top;
+        let least = nearest(self.sigma / 8.0).max((3.0 * top / 512.0).floor());
+        let rise = |z: f64| {
+            least.max(if 5.0 * z < top { (5.0 * z / 32.0).floor() } else { 0.0 }).min(65_535.0)
+        };
+        let peaks = prominent_peaks(&self.z, 0, self.level, rise);
+        without_ringing(&peaks, &self.z, record.pulse, record.search.pulse.as_ref())
+    }
+
+    fn is_strong(&self, peak: &Peak) -> bool {
+        5.0 * peak.height >= self.top
+    }
+}
+
+/// The waveform that tops and widths are measured on.
+struct Seen<'a> {
+    record: &'a Record<'a>,
+    y: Vec<f64>,
+    top: f64,
+    prominence: f64,
+}
+
+impl<'a> Seen<'a> {
+    fn new(record: &'a Record<'a>) -> Self {
+        let (y, gain) = match record.view {
+            0 => (record.x.clone(), 32_768.0),
+            _ => {
+                (filtered(&taps(&record.narrow), &record.x), f64::from(record.narrow.noise_gain()))
+            }
+        };
+        let prominence = nearest(record.sigma * gain / 262_144.0).max(1.0);
+        Self { record, top: highest(&y), y, prominence }
+    }
+
+    fn echo(
+        &self,
+        sharpened: &Sharpened,
+        peak: &Peak,
+        component: Option<Component>,
+    ) -> Option<Echo> {
+        let Self { record, y, prominence, .. } = self;
+        let reach = (record.pulse / 2.0).floor().max(1.0) as usize;
+        let top = climb(y, peak.index, reach, prominence.max(2.0 * record.code));
         if !top.inside || top.height <= 0.0 {
             return None;
         }
-        let (left, right) = (crossing(&y, &top, prominence, -1), crossing(&y, &top, prominence, 1));
-        let without = component.map_or(q16(pulse), |c| (603.0 * c.sigma / 256.0).floor() * 256.0);
-        let width = match (left, right) {
-            (Ok(left), Ok(right)) => right - left,
-            (Ok(side), Err(_)) | (Err(_), Ok(side)) => 2.0 * (side - top.time).abs(),
-            (Err(_), Err(_)) => without,
-        };
-        let mut flags = left.err().unwrap_or(0) | right.err().unwrap_or(0);
-        if top.flat && top.height == y_top {
+        let sides = [-1, 1].map(|direction| crossing(y, &top, *prominence, direction));
+        let mut flags = sides.iter().filter_map(|side| side.err()).fold(0, |all, why| all | why);
+        if top.flat && top.height == self.top {
             flags |= SATURATED;
         }
-        if 4.0 * peak.height < 5.0 * level {
+        if 4.0 * peak.height < 5.0 * sharpened.level {
             flags |= LOW_CONFIDENCE;
         }
-        let inverse = (536_870_912.0 / f64::from(narrow.peak_gain())).floor().min(65_535.0);
-        let fitted = component.filter(|_| view > 0 && !top.flat);
-        let lowered = view > 0 && f64::from(WIDTHS[view]) >= pulse;
-        let height = if lowered { nearest(top.height * inverse / 16_384.0) } else { top.height };
+        let fitted = component.filter(|_| record.view > 0 && !top.flat);
+        let timed = component.filter(|_| !top.flat && flags & TRUNCATED == 0);
         Some(Echo {
-            time: component.filter(|_| !top.flat && flags & TRUNCATED == 0).map_or(top.time, |c| {
-                let time =
-                    limited(top.time, &c, (view == 0).then_some(sigma), search.pulse.as_ref());
-                time.clamp(0.0, (codes.len() as f64 - 1.0) * 65_536.0)
-            }),
-            amplitude: fitted.map_or(height, |c| c.height),
-            width: fitted.map_or(width, |c| (603.0 * c.sigma / 256.0).floor() * 256.0),
-            snr: (4_096.0 * peak.height.max(0.0) / sigma_z.max(1.0)).floor(),
+            time: timed.map_or(top.time, |c| self.time(&top, &c)),
+            amplitude: fitted.map_or_else(|| self.height(&top), |c| c.height),
+            width: fitted
+                .map_or_else(|| width(&top, sides, component, record.pulse), |c| c.width()),
+            snr: (4_096.0 * peak.height.max(0.0) / sharpened.sigma.max(1.0)).floor(),
             flags,
             top: top.time,
             centre: component.map_or(top.time, |c| c.time),
         })
-    };
-    strongest(peaks.iter().filter_map(place).collect(), search)
+    }
+
+    /// A component's time, as far from the top as noise and skew allow, and within the record.
+    fn time(&self, top: &Top, component: &Component) -> f64 {
+        let Record { search, x, view, sigma, .. } = self.record;
+        let noise = (*view == 0).then_some(*sigma);
+        let time = limited(top.time, component, noise, search.pulse.as_ref());
+        time.clamp(0.0, q16(x.len() as f64 - 1.0))
+    }
+
+    /// Of a top that the filter has lowered, as it was before.
+    fn height(&self, top: &Top) -> f64 {
+        let Record { narrow, view, pulse, .. } = self.record;
+        let inverse = (536_870_912.0 / f64::from(narrow.peak_gain())).floor().min(65_535.0);
+        match *view > 0 && f64::from(WIDTHS[*view]) >= *pulse {
+            true => nearest(top.height * inverse / 16_384.0),
+            false => top.height,
+        }
+    }
+}
+
+/// Width at half height; where a side has no crossing, twice the other's, or the component's.
+fn width(
+    top: &Top,
+    [left, right]: [Result<f64, u8>; 2],
+    component: Option<Component>,
+    pulse: f64,
+) -> f64 {
+    match (left, right) {
+        (Ok(left), Ok(right)) => right - left,
+        (Ok(side), Err(_)) | (Err(_), Ok(side)) => 2.0 * (side - top.time).abs(),
+        (Err(_), Err(_)) => component.map_or(q16(pulse), |c| c.width()),
+    }
 }
 
 fn limited(top: f64, component: &Component, noise: Option<f64>, pulse: Option<&Pulse>) -> f64 {
