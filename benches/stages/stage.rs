@@ -63,48 +63,57 @@ fn rows<S: Serializer>(pose: &Option<Pose>, serializer: S) -> std::result::Resul
 /// Runs a stage once; what it starts from is worked out before.
 pub(crate) fn run(pair: &mut Pair, name: &str) -> Result<Measured> {
     match name {
-        "voxel" => {
-            let (cloud, voxel_m) = (&pair.source, pair.voxel_m());
-            counted(name, cloud.points.len(), || {
-                Ok(voxel::downsample(cloud, voxel_m)?.points.len())
-            })
-        }
+        "voxel" | "normals" | "fpfh" | "describe" | "match" => part(pair, name),
+        "icp_align" | "gicp_align" | "fgr_solve" | "mac_solve" => solve(pair, name),
+        "fgr_suggested" => suggested(name, pair, Method::Fgr),
+        "mac_suggested" => suggested(name, pair, Method::Mac),
+        _ => whole(name, pair, method(name, pair)?.as_ref()),
+    }
+}
+
+/// From the source, or both clouds, to points or matches.
+fn part(pair: &mut Pair, name: &str) -> Result<Measured> {
+    let (config, voxel_m) = (pair.features(), pair.voxel_m());
+    match name {
+        "voxel" => counted(name, pair.source.points.len(), || {
+            Ok(voxel::downsample(&pair.source, voxel_m)?.points.len())
+        }),
+        "describe" => counted(name, pair.source.points.len(), || {
+            Ok(Described::prepare(&pair.source, &config)?.points.len())
+        }),
         "normals" => {
-            let config = pair.features();
             let points = &pair.described()?.1.points;
-            counted(name, points.len(), || {
-                Ok(normals::from_points(points, config.normal_radius_m, config.normal_neighbours)
-                    .len())
-            })
+            let (radius_m, most) = (config.normal_radius_m, config.normal_neighbours);
+            counted(name, points.len(), || Ok(normals::from_points(points, radius_m, most).len()))
         }
         "fpfh" => {
-            let config = pair.features();
             let Described { points, normals, .. } = &pair.described()?.1;
+            let (radius_m, most) = (config.feature_radius_m, config.feature_neighbours);
             counted(name, points.len(), || {
-                let neighbours =
-                    Neighbours::within(points, config.feature_radius_m, config.feature_neighbours);
+                let neighbours = Neighbours::within(points, radius_m, most);
                 Ok(fpfh::describe(points, normals, &neighbours).rows.len())
             })
         }
-        "describe" => {
-            let (cloud, config) = (&pair.source, pair.features());
-            counted(name, cloud.points.len(), || {
-                Ok(Described::prepare(cloud, &config)?.points.len())
-            })
-        }
-        "match" => {
+        _ => {
             let (target, source) = pair.described()?;
             counted(name, source.points.len(), || {
                 Ok(matching::mutual(&source.features, &target.features).len())
             })
         }
+    }
+}
+
+/// From what a method prepares to the pose.
+fn solve(pair: &mut Pair, name: &str) -> Result<Measured> {
+    let initial = pair.initial;
+    match name {
         "icp_align" => {
-            let (icp, initial) = (Icp::new(pair.icp())?, pair.initial);
+            let icp = Icp::new(pair.icp())?;
             let (target, source) = pair.prepared()?;
             posed(name, source.len(), || icp.align(target, source, &initial))
         }
         "gicp_align" => {
-            let (gicp, initial) = (Gicp::new(pair.gicp())?, pair.initial);
+            let gicp = Gicp::new(pair.gicp())?;
             let (target, source) = pair.prepared_gicp()?;
             posed(name, source.len(), || gicp.align(target, source, &initial))
         }
@@ -113,14 +122,11 @@ pub(crate) fn run(pair: &mut Pair, name: &str) -> Result<Measured> {
             let matches = pair.matches()?;
             posed(name, matches.len(), || fgr.solve(matches))
         }
-        "mac_solve" => {
+        _ => {
             let mac = Mac::new(pair.mac())?;
             let matches = pair.matches()?;
             posed(name, matches.len(), || mac.solve(matches))
         }
-        "fgr_suggested" => suggested(name, pair, Method::Fgr),
-        "mac_suggested" => suggested(name, pair, Method::Mac),
-        _ => whole(name, pair, method(name, pair)?.as_ref()),
     }
 }
 
