@@ -7,29 +7,16 @@ use echoloop_host::report::{
     CloudLayer, Convergence, Correlation, EvaluationRow, EvaluationTable, PairClouds, PairError,
     ParameterTrace, PoseError, Report, RowKind,
 };
+use echoloop_random::Generator;
 
 const GENERATIONS: usize = 30;
 
-/// A small generator (splitmix64): the data need no better one.
-struct Rng(u64);
-
-impl Rng {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    /// About normal, from twelve throws.
-    fn normal(&mut self) -> f64 {
-        (0..12).map(|_| self.next()).sum::<f64>() - 6.0
-    }
+fn normal(generator: &mut Generator) -> f64 {
+    generator.normals(1)[0]
 }
 
 pub(crate) fn report(seed: u64) -> Report {
-    let mut rng = Rng(seed);
+    let mut rng = Generator::new(seed, 0);
     let parameters = parameters(&mut rng);
     Report {
         title: "Unstructured terrain, FGR, joint tuning".into(),
@@ -98,7 +85,7 @@ fn table() -> EvaluationTable {
     }
 }
 
-fn convergence(rng: &mut Rng) -> Convergence {
+fn convergence(rng: &mut Generator) -> Convergence {
     let mut c = Convergence {
         default_fitness: Some(5.8),
         fitness_name: "mean ‖T − T*‖ over 10 training pairs".into(),
@@ -107,20 +94,20 @@ fn convergence(rng: &mut Rng) -> Convergence {
     for g in 0..GENERATIONS {
         let t = g as f64;
         let level = 0.32 + 5.2 * (-t / 7.0).exp();
-        let median = level * (1.0 + 0.12 * rng.normal()).max(0.6);
+        let median = level * (1.0 + 0.12 * normal(rng)).max(0.6);
         c.generation.push(g as u32 + 1);
-        c.best.push(median * (0.52 + 0.12 * rng.next()));
-        c.lower_quartile.push(median * (0.72 + 0.08 * rng.next()));
+        c.best.push(median * (0.52 + 0.12 * rng.unit()));
+        c.lower_quartile.push(median * (0.72 + 0.08 * rng.unit()));
         c.median.push(median);
-        c.upper_quartile.push(median * (1.3 + 0.5 * rng.next()));
-        c.mean_point.push(if g == 12 { f64::NAN } else { level * (0.75 + 0.1 * rng.next()) });
-        c.held_out.push(if g % 5 == 4 { level * (0.95 + 0.2 * rng.next()) } else { f64::NAN });
-        c.sigma.push(0.3 * (-t / 18.0).exp() * (1.0 + 0.06 * rng.normal()));
+        c.upper_quartile.push(median * (1.3 + 0.5 * rng.unit()));
+        c.mean_point.push(if g == 12 { f64::NAN } else { level * (0.75 + 0.1 * rng.unit()) });
+        c.held_out.push(if g % 5 == 4 { level * (0.95 + 0.2 * rng.unit()) } else { f64::NAN });
+        c.sigma.push(0.3 * (-t / 18.0).exp() * (1.0 + 0.06 * normal(rng)));
     }
     c
 }
 
-fn parameters(rng: &mut Rng) -> Vec<ParameterTrace> {
+fn parameters(rng: &mut Generator) -> Vec<ParameterTrace> {
     let axes: [(&str, &str, [f64; 4], bool); 12] = [
         ("noise_floor", "codes", [20.0, 800.0, 200.0, 92.0], true),
         ("saturation", "codes", [2000.0, 4095.0, 3900.0, 3610.0], false),
@@ -139,7 +126,7 @@ fn parameters(rng: &mut Rng) -> Vec<ParameterTrace> {
 }
 
 fn trace(
-    rng: &mut Rng,
+    rng: &mut Generator,
     name: &str,
     unit: &str,
     [min, max, default, tuned]: [f64; 4],
@@ -153,8 +140,8 @@ fn trace(
         if log { (v / min).ln() / (max / min).ln() } else { (v - min) / (max - min) }
     };
     let (from, to) = (unit_of(default.clamp(min, max)), unit_of(tuned));
-    let pace = 3.0 + 9.0 * rng.next();
-    let keep = 0.25 + 0.6 * rng.next();
+    let pace = 3.0 + 9.0 * rng.unit();
+    let keep = 0.25 + 0.6 * rng.unit();
     let mut trace = ParameterTrace {
         name: name.into(),
         unit: unit.into(),
@@ -167,7 +154,7 @@ fn trace(
     };
     for g in 0..GENERATIONS {
         let t = g as f64;
-        let mean = to + (from - to) * (-t / pace).exp() + 0.015 * rng.normal();
+        let mean = to + (from - to) * (-t / pace).exp() + 0.015 * normal(rng);
         let std = 0.28 * (-t / 30.0 / keep).exp();
         trace.mean.push(real(mean));
         trace.low.push(real(mean - std));
@@ -176,11 +163,11 @@ fn trace(
     trace
 }
 
-fn correlation(rng: &mut Rng, parameters: &[ParameterTrace]) -> Correlation {
+fn correlation(rng: &mut Generator, parameters: &[ParameterTrace]) -> Correlation {
     let n = parameters.len();
     let mut lower = |row: usize, column: usize| {
         let strong = (row, column) == (8, 7) || (row, column) == (7, 6);
-        let r: f64 = if strong { 0.61 + 0.1 * rng.next() } else { 0.16 * rng.normal() };
+        let r: f64 = if strong { 0.61 + 0.1 * rng.unit() } else { 0.16 * normal(rng) };
         r.clamp(-0.9, 0.9)
     };
     let rows: Vec<Vec<f64>> = (0..n).map(|row| (0..row).map(|c| lower(row, c)).collect()).collect();
@@ -197,10 +184,10 @@ fn correlation(rng: &mut Rng, parameters: &[ParameterTrace]) -> Correlation {
     }
 }
 
-fn pair_errors(rng: &mut Rng) -> Vec<PairError> {
-    let error = |rng: &mut Rng, fails: bool| {
-        let t: f64 = if fails { 1.2 + 5.0 * rng.next() } else { 0.2 + 0.6 * rng.next() };
-        PoseError { translation_m: t, rotation_deg: t * (2.0 + 4.0 * rng.next()) }
+fn pair_errors(rng: &mut Generator) -> Vec<PairError> {
+    let error = |rng: &mut Generator, fails: bool| {
+        let t: f64 = if fails { 1.2 + 5.0 * rng.unit() } else { 0.2 + 0.6 * rng.unit() };
+        PoseError { translation_m: t, rotation_deg: t * (2.0 + 4.0 * rng.unit()) }
     };
     (0..20)
         .map(|i| {
@@ -219,7 +206,7 @@ fn pair_errors(rng: &mut Rng) -> Vec<PairError> {
 }
 
 /// One scene seen from two places: before, the source lies wrong and noisy; after, it lies right.
-fn clouds(rng: &mut Rng) -> PairClouds {
+fn clouds(rng: &mut Generator) -> PairClouds {
     let moved = |cloud: CloudLayer, yaw: f32, [dx, dy]: [f32; 2]| CloudLayer {
         points: cloud
             .points
@@ -242,31 +229,31 @@ fn clouds(rng: &mut Rng) -> PairClouds {
 }
 
 /// 12,000 echoes of hills, trees and two huts, denser near the sensor.
-fn scan(rng: &mut Rng, [sx, sy]: [f64; 2], noise: f64) -> CloudLayer {
+fn scan(rng: &mut Generator, [sx, sy]: [f64; 2], noise: f64) -> CloudLayer {
     let mut cloud = CloudLayer::default();
-    let mut push = |rng: &mut Rng, [x, y, z]: [f64; 3], intensity: f64| {
-        let p = [x, y, z].map(|c| (c + noise * rng.normal()) as f32);
+    let mut push = |rng: &mut Generator, [x, y, z]: [f64; 3], intensity: f64| {
+        let p = [x, y, z].map(|c| (c + noise * normal(rng)) as f32);
         cloud.points.push(p);
         cloud.intensity.push(intensity as f32);
     };
     for _ in 0..7000 {
-        let (range, angle) = (3.0 * 14f64.powf(rng.next()), (rng.next() - 0.5) * 3.1);
+        let (range, angle) = (3.0 * 14f64.powf(rng.unit()), (rng.unit() - 0.5) * 3.1);
         let (x, y) = (sx + range * angle.cos(), sy + range * angle.sin());
         push(rng, [x, y, ground(x, y)], 0.3);
     }
     for _ in 0..3600 {
-        let [x, y, height] = tree((rng.next() * 26.0) as u64);
-        let up = rng.next();
+        let [x, y, height] = tree((rng.unit() * 26.0) as u64);
+        let up = rng.unit();
         let crown = if up < 0.3 { 0.15 } else { 1.5 * (1.25 - up) };
-        let angle = rng.next() * std::f64::consts::TAU;
+        let angle = rng.unit() * std::f64::consts::TAU;
         let (dx, dy) = (crown * angle.cos(), crown * angle.sin());
         push(rng, [x + dx, y + dy, ground(x, y) + height * up], 0.7);
     }
     for i in 0..1400 {
         let (cx, cy) = if i % 2 == 0 { (14.0, -7.0) } else { (22.0, 9.0) };
-        let along = (rng.next() - 0.5) * 6.0;
+        let along = (rng.unit() - 0.5) * 6.0;
         let (x, y) = if i % 3 == 0 { (cx + along, cy) } else { (cx - 3.0, cy + along) };
-        let z = ground(cx, cy) + 3.2 * rng.next();
+        let z = ground(cx, cy) + 3.2 * rng.unit();
         push(rng, [x, y, z], 0.9);
     }
     cloud
@@ -277,6 +264,6 @@ fn ground(x: f64, y: f64) -> f64 {
 }
 
 fn tree(k: u64) -> [f64; 3] {
-    let mut rng = Rng(k * 7919 + 13);
-    [4.0 + 32.0 * rng.next(), (rng.next() - 0.5) * 46.0, 3.0 + 5.0 * rng.next()]
+    let mut rng = Generator::new(k, 1);
+    [4.0 + 32.0 * rng.unit(), (rng.unit() - 0.5) * 46.0, 3.0 + 5.0 * rng.unit()]
 }
