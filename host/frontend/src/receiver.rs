@@ -228,7 +228,7 @@ impl Receiver {
     /// R0, photocurrent per optical power before multiplication, A/W.
     pub fn responsivity_a_w(&self) -> f64 {
         self.quantum_efficiency * ELEMENTARY_CHARGE_C * self.wavelength_nm * 1e-9
-            / (PLANCK_J_S * 299_792_458.0)
+            / (PLANCK_J_S * (1e9 * SPEED_OF_LIGHT_M_NS))
     }
 
     /// A_r, m².
