@@ -50,7 +50,7 @@ pub fn from_points(
 ) -> Vec<Vector3<f32>> {
     from_neighbours(
         points,
-        &Neighbours::within(points, radius_m, max_neighbours),
+        &Neighbours::nearest(points, radius_m, max_neighbours),
         radius_m,
         max_neighbours,
     )
