@@ -12,6 +12,15 @@ use echoloop_registration::{
 
 use crate::result::Result;
 
+/// Radius of ICP's normals, and how many neighbours: what the peers get.
+const ICP_NORMAL_VOXELS: f64 = 3.0;
+
+/// See [`ICP_NORMAL_VOXELS`].
+const ICP_NORMAL_NEIGHBOURS: usize = 30;
+
+/// Radius of GICP's normals, whose 20 neighbours are small_gicp's.
+const GICP_NORMAL_VOXELS: f64 = 5.0;
+
 /// Pairs of a local method may be this far apart, m: small_gicp's default.
 const LOCAL_PAIR_DISTANCE_M: f64 = 1.0;
 
@@ -60,8 +69,10 @@ impl Pair {
     pub(crate) fn icp(&self) -> IcpConfig {
         IcpConfig {
             voxel_m: self.voxel_m,
-            normal_radius_m: IcpConfig::NORMAL_VOXELS * self.voxel_m,
+            normal_radius_m: ICP_NORMAL_VOXELS * self.voxel_m,
+            normal_neighbours: ICP_NORMAL_NEIGHBOURS,
             max_pair_distance_m: LOCAL_PAIR_DISTANCE_M,
+            first_pair_distance_m: None,
             max_iterations: LOCAL_ITERATIONS,
             ..IcpConfig::outdoor()
         }
@@ -70,8 +81,9 @@ impl Pair {
     pub(crate) fn gicp(&self) -> GicpConfig {
         GicpConfig {
             voxel_m: self.voxel_m,
-            normal_radius_m: GicpConfig::NORMAL_VOXELS * self.voxel_m,
+            normal_radius_m: GICP_NORMAL_VOXELS * self.voxel_m,
             max_pair_distance_m: LOCAL_PAIR_DISTANCE_M,
+            first_pair_distance_m: None,
             max_iterations: LOCAL_ITERATIONS,
             ..GicpConfig::outdoor()
         }

@@ -502,9 +502,7 @@ fn help_names_units_and_completions_exist_for_every_shell() {
     }
     fixture.refuses(&["completions", "tcsh-ish"], &["tcsh-ish"]);
     let register = fixture.succeed(&["register", "--help"]).stdout;
-    let register = register.split_whitespace().collect::<Vec<_>>().join(" ");
-    for part in ["thin both clouds, m.", "[a length above 0 m,", "3 to 1000", "target_from_source"]
-    {
+    for part in ["a length above 0 m", "3 to 1000", "target_from_source"] {
         assert!(register.contains(part), "{part}: {register}");
     }
     let echoes = fixture
@@ -578,7 +576,7 @@ fn every_parameter_is_listed_with_its_unit_and_range() {
     let json = fixture.succeed(&["config", "--parameters", "--json"]).json();
     let names: Vec<&str> =
         json.as_array().expect("a list").iter().filter_map(|p| p["name"].as_str()).collect();
-    assert_eq!(names.len(), echoloop_dsp::PARAMETERS.len() + 5);
+    assert_eq!(names.len(), echoloop_dsp::PARAMETERS.len() + 7);
     for parameter in &echoloop_dsp::PARAMETERS {
         let name = format!("lidar.{}", parameter.name);
         assert!(names.contains(&name.as_str()), "{name}");
@@ -675,6 +673,7 @@ fn register_recovers_a_known_motion_and_prints_the_documented_keys() {
         "normal_neighbours",
         "max_pair_distance_m",
         "first_pair_distance_m",
+        "kernel_width",
         "max_iterations",
         "translation_tolerance_m",
         "still_m",

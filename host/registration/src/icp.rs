@@ -2,6 +2,7 @@
 
 pub(super) mod descent;
 pub(super) mod equations;
+pub(super) mod kernel;
 pub(super) mod lanes;
 pub(super) mod pairing;
 pub(super) mod pairs;

@@ -7,6 +7,7 @@ use nalgebra::{
 
 use super::Observability;
 use super::icp::equations::Equations;
+use super::icp::kernel::Kernel;
 use super::icp::lanes::{LANES, Lane, add_product, cross, dot, total};
 use super::icp::pairs::{Group, Pairs};
 use super::icp::step::Step;
@@ -22,9 +23,11 @@ use super::icp::step::Step;
 /// shift `t` (Low 2004).
 #[derive(Clone, Debug, Default)]
 pub struct NormalEquations {
-    /// Σ j jᵀ, m² for turns; the lower half is not filled.
+    /// Σ w j jᵀ, m² for turns; the lower half is not filled.
     pub(super) jj: [[f64; 6]; 6],
-    /// Σ j r.
+    /// Σ j jᵀ: what the pairs show, whatever they weigh.
+    pub(super) shown: [[f64; 6]; 6],
+    /// Σ w j r.
     pub(super) jr: [f64; 6],
     /// Σ s, m.
     pub(super) s: Vector3<f64>,
@@ -34,6 +37,8 @@ pub struct NormalEquations {
     pub(super) rr: f64,
     /// Σ |s - q|², m².
     pub(super) dd: f64,
+    /// What the pairs weigh together: their number in a least squares.
+    pub(super) weight: f64,
     /// How many pairs.
     pub pairs: usize,
 }
@@ -50,18 +55,23 @@ impl NormalEquations {
             *jr += j[row] * r;
             for column in row..6 {
                 jj[column] += j[row] * j[column];
+                self.shown[row][column] += j[row] * j[column];
             }
         }
         self.s += s.coords;
         self.ss += s.coords.norm_squared();
         self.rr += r * r;
         self.dd += d.norm_squared();
+        self.weight += 1.0;
         self.pairs += 1;
     }
 
     /// Adds the sums of other pairs.
     pub fn merge(mut self, other: &Self) -> Self {
         for (ours, theirs) in self.jj.iter_mut().flatten().zip(other.jj.iter().flatten()) {
+            *ours += theirs;
+        }
+        for (ours, theirs) in self.shown.iter_mut().flatten().zip(other.shown.iter().flatten()) {
             *ours += theirs;
         }
         for (ours, theirs) in self.jr.iter_mut().zip(&other.jr) {
@@ -71,6 +81,7 @@ impl NormalEquations {
         self.ss += other.ss;
         self.rr += other.rr;
         self.dd += other.dd;
+        self.weight += other.weight;
         self.pairs += other.pairs;
         self
     }
@@ -85,33 +96,46 @@ impl NormalEquations {
         (self.rr / self.pairs.max(1) as f64).sqrt()
     }
 
-    /// Σ j jᵀ.
+    /// Σ w j jᵀ.
     pub(super) fn information(&self) -> Matrix6<f64> {
-        Matrix6::from_fn(|row, column| self.jj[row.min(column)][row.max(column)])
+        whole(&self.jj)
+    }
+
+    /// Which motions the pairs determine, whatever they weigh: a wall that a kernel trusts little
+    /// is still a wall.
+    pub(super) fn observability(&self, centred: &Centred, threshold: f64) -> Observability {
+        let shown = centred.square(&whole(&self.shown)) / self.pairs.max(1) as f64;
+        Observability::from_information(&shown, threshold)
     }
 
     /// The step to the least squares, and which of its directions the pairs determine; it does not
     /// move along the others (solution remapping, Zhang, Kaess and Singh 2016).
     pub fn solve(&self, degeneracy_threshold: f64) -> (Step, Observability) {
-        let n = self.pairs.max(1) as f64;
+        let n = if self.weight > 0.0 { self.weight } else { 1.0 };
         let centred = Centred::new(self);
         let information = centred.square(&self.information()) / n;
         let right = -centred.right(&Vector6::from(self.jr)) / n;
-        let seen = Observability::from_information(&information, degeneracy_threshold);
+        let seen = self.observability(&centred, degeneracy_threshold);
         let solved = if seen.is_degenerate() {
             None
         } else {
             information.cholesky().map(|c| c.solve(&right))
         };
-        (centred.step(&solved.unwrap_or_else(|| seen.solve(&right))), seen)
+        let solved = solved.unwrap_or_else(|| seen.solve_within(&information, &right));
+        (centred.step(&solved), seen)
     }
+}
+
+/// A matrix of which the upper half is filled.
+fn whole(upper: &[[f64; 6]; 6]) -> Matrix6<f64> {
+    Matrix6::from_fn(|row, column| upper[row.min(column)][row.max(column)])
 }
 
 impl Equations for NormalEquations {
     const SOURCE_NORMALS: bool = false;
 
-    fn add_all(&mut self, pairs: &Pairs) {
-        add_all(self, pairs);
+    fn add_all(&mut self, pairs: &Pairs, kernel: Kernel) {
+        add_all(self, pairs, kernel);
     }
 
     fn merge(self, other: &Self) -> Self {
@@ -137,19 +161,24 @@ impl Equations for NormalEquations {
 
 dispatch! {
     /// Adds the sums of some pairs.
-    fn add_all(sums: &mut NormalEquations, pairs: &Pairs) = add_all_inline;
+    fn add_all(sums: &mut NormalEquations, pairs: &Pairs, kernel: Kernel) = add_all_inline;
 }
 
 #[inline(always)]
-fn add_all_inline(sums: &mut NormalEquations, pairs: &Pairs) {
+fn add_all_inline(sums: &mut NormalEquations, pairs: &Pairs, kernel: Kernel) {
     let mut rows = RowSums::default();
+    let mut shown = RowSums::default();
     let mut moments = MomentSums::default();
-    for Group { s, d, n, .. } in pairs.groups() {
-        let r = dot(&n, &d);
-        rows.add(&[1.0; LANES], &s, &n, &r);
-        moments.add(&s, &d, &r);
+    for Group { s, d, n, r, w, .. } in pairs.groups(kernel) {
+        rows.add(&w, &s, &n, &r);
+        if kernel != Kernel::LEAST_SQUARES {
+            shown.add(&[1.0; LANES], &s, &n, &r);
+        }
+        moments.add(&s, &d, &r, &w);
     }
     rows.add_to(sums);
+    let shown = if kernel == Kernel::LEAST_SQUARES { &rows } else { &shown };
+    shown.add_shown_to(sums);
     moments.add_to(sums, pairs.len());
 }
 
@@ -175,6 +204,13 @@ impl RowSums {
         }
     }
 
+    /// Adds what the pairs show, if these rows are of weight 1.
+    pub(super) fn add_shown_to(&self, sums: &mut NormalEquations) {
+        for (sum, lane) in sums.shown.iter_mut().flatten().zip(self.jj.iter().flatten()) {
+            *sum += total(lane);
+        }
+    }
+
     pub(super) fn add_to(&self, sums: &mut NormalEquations) {
         for (sum, lane) in sums.jj.iter_mut().flatten().zip(self.jj.iter().flatten()) {
             *sum += total(lane);
@@ -192,17 +228,19 @@ pub(super) struct MomentSums {
     ss: Lane,
     rr: Lane,
     dd: Lane,
+    w: Lane,
 }
 
 impl MomentSums {
     #[inline(always)]
-    pub(super) fn add(&mut self, s: &[Lane; 3], d: &[Lane; 3], r: &Lane) {
+    pub(super) fn add(&mut self, s: &[Lane; 3], d: &[Lane; 3], r: &Lane, w: &Lane) {
         for (sum, axis) in self.s.iter_mut().zip(s) {
             add_product(sum, axis, &[1.0; LANES]);
         }
         add_product(&mut self.ss, &dot(s, s), &[1.0; LANES]);
         add_product(&mut self.rr, r, r);
         add_product(&mut self.dd, &dot(d, d), &[1.0; LANES]);
+        add_product(&mut self.w, w, &[1.0; LANES]);
     }
 
     pub(super) fn add_to(&self, sums: &mut NormalEquations, pairs: usize) {
@@ -212,6 +250,7 @@ impl MomentSums {
         sums.ss += total(&self.ss);
         sums.rr += total(&self.rr);
         sums.dd += total(&self.dd);
+        sums.weight += total(&self.w);
         sums.pairs += pairs;
     }
 }
@@ -380,17 +419,16 @@ mod tests {
             chunk.push(&s.coords, &q.cast(), &n.cast(), &Vector3::zeros());
         }
         let mut together = NormalEquations::default();
-        together.add_all(&chunk);
+        together.add_all(&chunk, Kernel::LEAST_SQUARES);
         let mut plain = NormalEquations::default();
-        add_all_inline(&mut plain, &chunk);
+        add_all_inline(&mut plain, &chunk, Kernel::LEAST_SQUARES);
         assert_eq!(format!("{plain:?}"), format!("{together:?}"), "the same bytes in both builds");
         let alone = sums_of(
             pairs().map(|(s, q, n)| (s, q.cast::<f32>().cast(), n.cast::<f32>().cast())),
             &Pose::identity(),
         );
         let all = |sums: &NormalEquations| {
-            let parts =
-                [sums.s.x, sums.s.y, sums.s.z, sums.ss, sums.rr, sums.dd, sums.pairs as f64];
+            let parts = [sums.s.x, sums.s.y, sums.s.z, sums.ss, sums.rr, sums.dd, sums.weight];
             sums.jj.iter().flatten().chain(&sums.jr).copied().chain(parts).collect::<Vec<_>>()
         };
         for (together, alone) in all(&together).iter().zip(all(&alone)) {

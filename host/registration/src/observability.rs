@@ -49,16 +49,7 @@ impl Observability {
         self.unobservable > 0
     }
 
-    /// Solves `I x = b` in the directions that are observable; `x` is zero along the others.
-    pub(super) fn solve(&self, b: &Vector6<f64>) -> Vector6<f64> {
-        (self.unobservable..6)
-            .map(|i| {
-                self.directions.column(i) * (self.directions.column(i).dot(b) / self.information[i])
-            })
-            .sum()
-    }
-
-    /// Solves `A x = b` for another matrix among the motions that are observable; `x` is zero along
+    /// Solves `A x = b` among the motions that are observable; `x` is zero along
     /// the others.
     pub(super) fn solve_within(&self, a: &Matrix6<f64>, b: &Vector6<f64>) -> Vector6<f64> {
         let along = |i: usize| self.directions.column(i) * self.directions.column(i).transpose();
@@ -76,16 +67,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_solution_has_no_part_along_an_open_direction() {
-        let information = Matrix6::from_diagonal(&Vector6::new(0.5, 0.2, 0.1, 0.5, 1e-9, 0.3));
-        let seen = Observability::from_information(&information, 1e-3);
-        assert_eq!(seen.unobservable, 1);
-        let x = seen.solve(&Vector6::new(0.5, 0.2, 0.1, 0.5, 1.0, 0.3));
-        assert!((x - Vector6::new(1.0, 1.0, 1.0, 1.0, 0.0, 1.0)).norm() < 1e-12);
-    }
-
-    #[test]
-    fn another_matrix_is_solved_within_the_observable_directions() {
+    fn a_solution_has_no_part_along_an_open_direction() {
         let information = Matrix6::from_diagonal(&Vector6::new(0.5, 0.2, 0.1, 0.5, 1e-9, 0.3));
         let seen = Observability::from_information(&information, 1e-3);
         let mut whole = Matrix6::from_diagonal(&Vector6::new(1.0, 2.0, 3.0, 4.0, 5.0, 6.0));

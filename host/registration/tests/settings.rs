@@ -50,13 +50,15 @@ fn axes() -> String {
             let outdoor = MethodConfig::outdoor(method).get(setting.key).unwrap_or(f64::NAN);
             let _ = writeln!(
                 text,
-                "| `{}` | {} | {} | {} | {} | {outdoor}, {} |",
+                "| `{}` | {} | {} | {} | {} |",
                 setting.key,
                 search.symbol,
                 method.name(),
                 range(search.outdoor),
-                range(search.paper),
-                search.paper_start
+                match search.paper {
+                    Some((paper, start)) => format!("{} | {outdoor}, {start}", range(paper)),
+                    None => format!("none | {outdoor}, none"),
+                }
             );
         }
     }

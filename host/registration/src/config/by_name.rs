@@ -36,6 +36,20 @@ impl MethodConfig {
         }
     }
 
+    /// What a search of the paper's ranges starts from: the same, without what the paper's methods
+    /// do without.
+    pub fn paper(method: Method) -> Self {
+        let mut config = Self::outdoor(method);
+        for (setting, of) in method.settings() {
+            if of.search.is_some_and(|search| search.paper.is_none())
+                && let Some(slot) = config.slot(setting.key)
+            {
+                slot.clear();
+            }
+        }
+        config
+    }
+
     /// Whose settings these are.
     pub fn method(&self) -> Method {
         match self {
@@ -172,8 +186,11 @@ mod tests {
                     (search.outdoor.min..=search.outdoor.max).contains(&default),
                     "{setting:?}"
                 );
-                assert!((search.paper.min..=search.paper.max).contains(&search.paper_start));
-                for range in [search.outdoor, search.paper] {
+                if let Some((paper, start)) = search.paper {
+                    assert!((paper.min..=paper.max).contains(&start));
+                }
+                for range in [Some(search.outdoor), search.paper.map(|(range, _)| range)] {
+                    let Some(range) = range else { continue };
                     for end in [range.min, range.max] {
                         config.set(setting.key, end);
                         config.repair();
@@ -193,7 +210,7 @@ mod tests {
         assert_eq!(fgr.repair(), ["feature_radius_m"]);
         assert_eq!((fgr.get("feature_radius_m"), fgr.check()), (Some(2.0), Ok(())));
         let mut icp = MethodConfig::outdoor(Method::Icp);
-        icp.set("first_pair_distance_m", 0.5);
+        icp.set("first_pair_distance_m", 0.25);
         assert_eq!(icp.repair(), ["first_pair_distance_m"]);
     }
 
@@ -228,11 +245,11 @@ mod tests {
                 Method::Mac => MethodConfig::Mac(MacConfig::from_features(features)),
             };
             for (setting, of) in method.settings() {
-                let Some(Search { paper, paper_start, .. }) = of.search else { continue };
+                let Some(Search { paper: Some((paper, start)), .. }) = of.search else { continue };
                 // Open3D has no example of MAC's own length, which starts at a round number.
                 if setting.key != "length_tolerance_m" {
                     let near = example.get(setting.key).unwrap().clamp(paper.min, paper.max);
-                    assert_eq!(paper_start, near, "{} of {method:?}", setting.key);
+                    assert_eq!(start, near, "{} of {method:?}", setting.key);
                 }
             }
         }

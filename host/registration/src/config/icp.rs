@@ -8,7 +8,7 @@ impl IcpConfig {
     pub fn refinement(voxel_m: f64) -> Self {
         Self {
             voxel_m,
-            normal_radius_m: Self::NORMAL_VOXELS * voxel_m,
+            normal_radius_m: Self::normal_radius_m(voxel_m),
             max_pair_distance_m: 2.0 * voxel_m,
             first_pair_distance_m: Some(4.0 * voxel_m),
             translation_tolerance_m: voxel_m / 600.0,
@@ -32,18 +32,19 @@ impl IcpConfig {
             fitness_tolerance: 1e-6,
             rmse_tolerance_m: 1e-6,
             degeneracy_threshold: 1e-9,
-            ..Self::outdoor()
+            first_pair_distance_m: None,
+            kernel_width: None,
         }
     }
 }
 
 impl From<&IcpConfig> for GicpConfig {
-    /// The lengths that follow the voxel, normals over [`GicpConfig::NORMAL_VOXELS`]; the rest is
-    /// generalised ICP's own.
+    /// The lengths that follow the voxel, normals over [`IcpConfig::normal_radius_m`]; the rest
+    /// is generalised ICP's own.
     fn from(icp: &IcpConfig) -> Self {
         Self {
             voxel_m: icp.voxel_m,
-            normal_radius_m: Self::NORMAL_VOXELS * icp.voxel_m,
+            normal_radius_m: IcpConfig::normal_radius_m(icp.voxel_m),
             max_pair_distance_m: icp.max_pair_distance_m,
             first_pair_distance_m: icp.first_pair_distance_m,
             translation_tolerance_m: icp.translation_tolerance_m,
@@ -80,11 +81,11 @@ mod tests {
 
     #[test]
     fn settings_made_from_those_of_icp_have_the_radius_and_neighbours_of_generalised_icp() {
-        let gicp = GicpConfig::from(&IcpConfig::refinement(0.3));
+        let gicp = GicpConfig::from(&IcpConfig::refinement(0.2));
         let outdoor = GicpConfig::outdoor();
         assert_eq!(gicp.normal_radius_m, outdoor.normal_radius_m);
         assert_eq!(gicp.normal_neighbours, outdoor.normal_neighbours);
-        assert_eq!(GicpConfig::from(&IcpConfig::refinement(0.8)).normal_radius_m, 4.0);
+        assert_eq!(GicpConfig::from(&IcpConfig::refinement(0.5)).normal_radius_m, 10.0);
     }
 
     #[test]
@@ -112,7 +113,7 @@ mod tests {
             config.check().map_err(|error| error.to_string())
         };
         type Change = fn(&mut IcpConfig);
-        let table: [(Change, &str); 9] = [
+        let table: [(Change, &str); 10] = [
             (|c| c.voxel_m = 0.0, "voxel_m is 0, expected a length above 0 m, at most 1e6 m"),
             (
                 |c| c.normal_radius_m = f64::NAN,
@@ -123,8 +124,8 @@ mod tests {
                 "max_pair_distance_m is -1, expected a length above 0 m, at most 1e6 m",
             ),
             (
-                |c| c.first_pair_distance_m = Some(0.5),
-                "first_pair_distance_m is 0.5, expected max_pair_distance_m or more, at most 1e6 m",
+                |c| c.first_pair_distance_m = Some(0.25),
+                "first_pair_distance_m is 0.25, expected max_pair_distance_m or more, at most 1e6 m",
             ),
             (
                 |c| c.rotation_tolerance_rad = -1e-9,
@@ -132,6 +133,7 @@ mod tests {
             ),
             (|c| c.normal_neighbours = 2, "normal_neighbours is 2, expected 3 to 1000"),
             (|c| c.normal_neighbours = 10_001, "normal_neighbours is 10001, expected 3 to 1000"),
+            (|c| c.kernel_width = Some(0.0), "kernel_width is 0, expected above 0"),
             (|c| c.max_iterations = 0, "max_iterations is 0, expected 1 or more"),
             (
                 |c| c.degeneracy_threshold = 0.5,

@@ -34,7 +34,7 @@ pub struct Setting {
 pub enum Kind {
     /// A length, an angle or a share.
     Real,
-    /// A length that may be left out.
+    /// A number that may be left out.
     Optional,
     /// A number of things.
     Count,
@@ -56,10 +56,9 @@ pub struct Search {
     pub symbol: &'static str,
     /// What outdoor spacing needs. It starts at the default.
     pub outdoor: Range,
-    /// The paper's range, made for indoor spacing.
-    pub paper: Range,
-    /// Where it starts in the paper's range.
-    pub paper_start: f64,
+    /// The paper's range, made for indoor spacing, and where it starts there; absent for what the
+    /// paper's methods do without.
+    pub paper: Option<(Range, f64)>,
 }
 
 /// A range of values, both ends included.
@@ -177,7 +176,13 @@ pub(super) const fn searched(
     paper: Range,
     paper_start: f64,
 ) -> Use {
-    Use { bound: None, search: Some(Search { symbol, outdoor, paper, paper_start }) }
+    let paper = Some((paper, paper_start));
+    Use { bound: None, search: Some(Search { symbol, outdoor, paper }) }
+}
+
+/// A setting that a search may change, and that the paper's methods do without.
+pub(super) const fn ours(outdoor: Range) -> Use {
+    Use { bound: None, search: Some(Search { symbol: "", outdoor, paper: None }) }
 }
 
 pub(super) const fn linear(min: f64, max: f64) -> Range {
@@ -221,6 +226,9 @@ pub(super) trait SettingField {
     fn get(&self) -> Option<f64>;
 
     fn set(&mut self, new: f64);
+
+    /// Leaves it out, where it may be.
+    fn clear(&mut self) {}
 }
 
 /// A type of such a field, and the kind of its settings.
@@ -257,6 +265,10 @@ impl SettingField for Option<f64> {
 
     fn set(&mut self, new: f64) {
         *self = Some(new);
+    }
+
+    fn clear(&mut self) {
+        *self = None;
     }
 }
 

@@ -10,7 +10,7 @@ use super::error::ConfigError;
 use super::method::Method;
 use super::mode::FgrMode;
 use super::setting::{
-    Bound, FieldType, PLAIN, Setting, SettingField, Use, linear, log, searched, whole,
+    Bound, FieldType, PLAIN, Setting, SettingField, Use, linear, log, ours, searched, whole,
 };
 
 /// A bound of whole numbers, both included.
@@ -52,10 +52,19 @@ const FEATURE_RADIUS: Bound =
 const FIRST_DISTANCE: Bound =
     Bound::new(FIRST_WORDS, |v| v <= 1e6).not_below("max_pair_distance_m", FIRST_WORDS);
 
+/// From what is sure to be a neighbour to a third of what [`crate::suggest()`] begins with.
+const FALLING_DISTANCE: Use = ours(log(0.5, 10.0));
+
+/// Of a kernel, in standard deviations.
+const WIDTH: Bound = Bound::new("above 0", |width| width > 0.0 && width.is_finite());
+
 const FIRST_WORDS: &str = "max_pair_distance_m or more, at most 1e6 m";
 
 /// φ_rad1, of Open3D's example two voxels.
 const NORMAL_RADIUS: Use = searched("φ_rad1", log(0.1, 3.0), linear(0.01, 0.1), 0.1);
+
+/// The same of a local method, whose normals the number of neighbours bounds first.
+const LOCAL_NORMAL_RADIUS: Use = searched("φ_rad1", log(0.1, 8.0), linear(0.01, 0.1), 0.1);
 
 /// φ_knn of a local method.
 const NEIGHBOUR_COUNT: Use = searched("φ_knn", whole(10.0, 100.0), whole(10.0, 100.0), 30.0);
@@ -223,23 +232,23 @@ settings! {
         "Edge of the voxels that thin both clouds, m. Lengths left out follow it.",
         "" =>
     {
-        icp 0.3, VOXEL;
-        gicp 0.3, VOXEL;
+        icp 0.2, VOXEL;
+        gicp 0.2, VOXEL;
         features 0.5, VOXEL;
     }
     normal_radius_m: f64, "m", LENGTH,
         "Radius of the normals' neighbourhood, m.",
         "" =>
     {
-        icp 0.9, NORMAL_RADIUS;
-        gicp 1.5, NORMAL_RADIUS;
+        icp 3.0, LOCAL_NORMAL_RADIUS;
+        gicp 3.0, LOCAL_NORMAL_RADIUS;
         features 1.5, NORMAL_RADIUS;
     }
     normal_neighbours: usize, "", NEIGHBOURS,
         "Neighbours of a normal at most.",
         "" =>
     {
-        icp 30, NEIGHBOUR_COUNT;
+        icp 20, NEIGHBOUR_COUNT;
         gicp 20, NEIGHBOUR_COUNT;
         features 30, PLAIN.bounded(FEATURE_NEIGHBOURS);
     }
@@ -260,8 +269,8 @@ settings! {
         "Of a global method, matches this near each other in the end agree with the motion: δ \
          of FGR; of MAC the inlier threshold, and the τ of all scores." =>
     {
-        icp 1.0, LOCAL_DISTANCE;
-        gicp 1.0, LOCAL_DISTANCE;
+        icp 0.5, LOCAL_DISTANCE;
+        gicp 0.5, LOCAL_DISTANCE;
         fgr 0.5, GLOBAL_DISTANCE;
         mac 1.0, GLOBAL_DISTANCE;
     }
@@ -270,8 +279,17 @@ settings! {
         "Coarse to fine: the distance shrinks by 0.7 an iteration to `max_pair_distance_m`. \
          Absent: plain ICP, as in the paper and in Open3D." =>
     {
-        icp None, PLAIN;
-        gicp None, PLAIN;
+        icp Some(3.0), FALLING_DISTANCE;
+        gicp Some(3.0), FALLING_DISTANCE;
+    }
+    kernel_width: Option<f64>, "", WIDTH,
+        "A pair so many standard deviations from its plane weighs a quarter of one on it.",
+        "Geman and McClure's weights, once pairs are `max_pair_distance_m` apart at most; the \
+         standard deviation is that of the run's own residuals. Absent: least squares, as in the \
+         paper and in Open3D." =>
+    {
+        icp Some(3.0), ours(log(1.0, 10.0));
+        gicp Some(2.0), ours(log(1.0, 10.0));
     }
     length_tolerance_m: f64, "m", LENGTH, formerly "max_stretch_m",
         "Matches are compatible when their distances differ by less than this, m.",
@@ -320,11 +338,11 @@ settings! {
     }
     degeneracy_threshold: f64, "", BELOW_A_THIRD, formerly "least_information",
         "A direction with less than this share of the information counts as unobservable.",
-        "See [`crate::Observability`]. Normals at the edges of a bare corridor leave up to \
-         2e-3 along it; real streets have 0.04 to 0.12." =>
+        "See [`crate::Observability`]. Real streets have 0.04 to 0.12; a walled yard seen by 540 \
+         points has 2e-3, and is still registered to 2 cm." =>
     {
-        icp 3e-3, PLAIN;
-        gicp 3e-3, PLAIN;
+        icp 1e-3, PLAIN;
+        gicp 1e-3, PLAIN;
     }
     max_tuples: usize, "", count!(1 to 1000000),
         "Triples of matches that the tuple test keeps at most.",

@@ -1,21 +1,17 @@
-//! Radii in voxels, for settings that follow the voxel.
+//! Radii that follow the voxel.
 //!
-//! The defaults in `table.rs` are lengths. They keep these ratios to their voxel, but for the
-//! radius of features.
+//! The defaults in `table.rs` are lengths. They are those of their voxel, but for the radius of
+//! features.
 
-use super::table::{FeatureConfig, GicpConfig, IcpConfig};
+use super::table::{FeatureConfig, IcpConfig};
 
 impl IcpConfig {
-    /// Voxels in the normals' radius: rings of a scan lie far apart. KISS-Matcher has 3.
-    pub const NORMAL_VOXELS: f64 = 3.0;
-}
-
-impl GicpConfig {
-    /// Voxels in the normals' radius. The covariance of both points counts here, so both have to
-    /// find their plane: the nearest 20 within 5 voxels succeeded on 60, 75 and 70 % of simulated
-    /// pairs where the nearest 30 within 3 did on 50, 57.5 and 52.5 %. With settings chosen from
-    /// the clouds, the nearest 20 within 5 on 95, 95 and 55 %, within 3 on 80, 85 and 32.5 %.
-    pub const NORMAL_VOXELS: f64 = 5.0;
+    /// Radius of the normals of a voxel: so far that the nearest 20 points decide. Where rings lie
+    /// apart, a shorter radius holds points of one ring, on a line, whose normal may be any; a
+    /// longer one than 3 m, of both sides of a corner.
+    pub fn normal_radius_m(voxel_m: f64) -> f64 {
+        (20.0 * voxel_m).min(3.0).max(3.0 * voxel_m)
+    }
 }
 
 impl FeatureConfig {
@@ -34,15 +30,16 @@ impl FeatureConfig {
 
 #[cfg(test)]
 mod tests {
+    use super::super::table::GicpConfig;
     use super::*;
 
     #[test]
     fn the_defaults_keep_these_ratios_to_their_voxel() {
         let (icp, gicp) = (IcpConfig::outdoor(), GicpConfig::outdoor());
+        assert_eq!(icp.normal_radius_m, IcpConfig::normal_radius_m(icp.voxel_m));
+        assert_eq!(gicp.normal_radius_m, IcpConfig::normal_radius_m(gicp.voxel_m));
         let features = FeatureConfig::outdoor();
         let table = [
-            (icp.normal_radius_m, IcpConfig::NORMAL_VOXELS, icp.voxel_m),
-            (gicp.normal_radius_m, GicpConfig::NORMAL_VOXELS, gicp.voxel_m),
             (features.normal_radius_m, FeatureConfig::NORMAL_VOXELS, features.voxel_m),
             (features.feature_radius_m, FeatureConfig::DEFAULT_RADIUS_VOXELS, features.voxel_m),
         ];

@@ -5,6 +5,7 @@ use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
 use crate::Observability;
 use crate::icp::equations::Equations;
+use crate::icp::kernel::Kernel;
 use crate::icp::lanes::{LANES, Lane, add_product, cross, dot, total};
 use crate::icp::pairs::{Group, Pairs};
 use crate::icp::step::Step;
@@ -36,19 +37,22 @@ pub(crate) struct PlaneToPlane {
     planes: NormalEquations,
     /// The trace of the planes' part, `Σ w u · u`.
     weight: f64,
-    /// Σ s sᵀ without ½: xx, xy, xz, yy, yz, zz.
+    /// From point to point, with the weight κ of each pair's residual: Σ κ s sᵀ without ½: xx, xy,
+    /// xz, yy, yz, zz.
     ss: [f64; 6],
-    /// Σ d.
+    /// Σ κ s.
+    s: Vector3<f64>,
+    /// Σ κ d.
     d: Vector3<f64>,
-    /// Σ s × d.
+    /// Σ κ s × d.
     sd: Vector3<f64>,
 }
 
 impl Equations for PlaneToPlane {
     const SOURCE_NORMALS: bool = true;
 
-    fn add_all(&mut self, pairs: &Pairs) {
-        add_all(self, pairs);
+    fn add_all(&mut self, pairs: &Pairs, kernel: Kernel) {
+        add_all(self, pairs, kernel);
     }
 
     fn merge(mut self, other: &Self) -> Self {
@@ -57,23 +61,21 @@ impl Equations for PlaneToPlane {
         for (ours, theirs) in self.ss.iter_mut().zip(&other.ss) {
             *ours += theirs;
         }
+        self.s += other.s;
         self.d += other.d;
         self.sd += other.sd;
         self
     }
 
-    /// What the pairs determine is told by their planes alone, as a share of one as for
-    /// [`NormalEquations`]: the distance from point to point draws every direction to where the
-    /// sampling of the surfaces happens to agree.
+    /// What the pairs determine is told by the target's planes alone, as for [`NormalEquations`]:
+    /// the distance from point to point draws every direction to where the sampling of the surfaces
+    /// happens to agree, and planes that agree outweigh all others.
     fn solve(&self, degeneracy_threshold: f64) -> (Step, Observability) {
         let centred = Centred::new(&self.planes);
         let weight = if self.weight > 0.0 { self.weight } else { 1.0 };
-        let planes = self.planes.information();
-        let seen = Observability::from_information(
-            &(centred.square(&planes) / weight),
-            degeneracy_threshold,
-        );
-        let whole = centred.square(&(planes + self.points_information())) / weight;
+        let seen = self.planes.observability(&centred, degeneracy_threshold);
+        let sums = self.planes.information() + self.points_information();
+        let whole = centred.square(&sums) / weight;
         let right = -centred.right(&(Vector6::from(self.planes.jr) + self.points_right())) / weight;
         (centred.step(&seen.solve_within(&whole, &right)), seen)
     }
@@ -92,22 +94,22 @@ impl Equations for PlaneToPlane {
 }
 
 impl PlaneToPlane {
-    /// Σ J Jᵀ / 2, the part of `H` from point to point.
+    /// Σ κ J Jᵀ / 2, the part of `H` from point to point.
     fn points_information(&self) -> Matrix6<f64> {
         let [xx, xy, xz, yy, yz, zz] = self.ss;
         let ss = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
         let turns = Matrix3::from_diagonal_element(ss.trace()) - ss;
-        let across = self.planes.s.cross_matrix();
+        let across = self.s.cross_matrix();
         let mut sum = Matrix6::zeros();
         sum.fixed_view_mut::<3, 3>(0, 0).copy_from(&turns);
         sum.fixed_view_mut::<3, 3>(0, 3).copy_from(&across);
         sum.fixed_view_mut::<3, 3>(3, 0).copy_from(&across.transpose());
         sum.fixed_view_mut::<3, 3>(3, 3)
-            .copy_from(&Matrix3::from_diagonal_element(self.planes.pairs as f64));
+            .copy_from(&Matrix3::from_diagonal_element(self.planes.weight));
         sum / 2.0
     }
 
-    /// Σ J d / 2.
+    /// Σ κ J d / 2.
     fn points_right(&self) -> Vector6<f64> {
         Vector6::new(self.sd.x, self.sd.y, self.sd.z, self.d.x, self.d.y, self.d.z) / 2.0
     }
@@ -115,24 +117,27 @@ impl PlaneToPlane {
 
 dispatch! {
     /// Adds the sums of some pairs.
-    fn add_all(sums: &mut PlaneToPlane, pairs: &Pairs) = add_all_inline;
+    fn add_all(sums: &mut PlaneToPlane, pairs: &Pairs, kernel: Kernel) = add_all_inline;
 }
 
 #[inline(always)]
-fn add_all_inline(sums: &mut PlaneToPlane, pairs: &Pairs) {
+fn add_all_inline(sums: &mut PlaneToPlane, pairs: &Pairs, kernel: Kernel) {
     let (mut rows, mut moments, mut points) =
         (RowSums::default(), MomentSums::default(), PointSums::default());
-    let mut weight = [0.0; LANES];
-    for group in pairs.groups() {
-        let Group { s, d, n, m } = &group;
-        for (w, u) in planes(n, m) {
+    let (mut shown, mut weight) = (RowSums::default(), [0.0; LANES]);
+    for group in pairs.groups(kernel) {
+        let Group { s, d, n, m, r, w: kappa } = &group;
+        for (plane, u) in planes(n, m) {
+            let w = std::array::from_fn(|k| kappa[k] * plane[k]);
             rows.add(&w, s, &u, &dot(&u, d));
             add_product(&mut weight, &w, &dot(&u, &u));
         }
-        moments.add(s, d, &dot(n, d));
-        points.add(s, d);
+        shown.add(&[1.0; LANES], s, n, r);
+        moments.add(s, d, r, kappa);
+        points.add(s, d, kappa);
     }
     rows.add_to(&mut sums.planes);
+    shown.add_shown_to(&mut sums.planes);
     moments.add_to(&mut sums.planes, pairs.len());
     points.add_to(sums);
     sums.weight += total(&weight);
@@ -155,22 +160,25 @@ fn planes(n: &[Lane; 3], m: &[Lane; 3]) -> [(Lane, [Lane; 3]); 2] {
 #[derive(Default)]
 struct PointSums {
     ss: [Lane; 6],
+    s: [Lane; 3],
     d: [Lane; 3],
     sd: [Lane; 3],
 }
 
 impl PointSums {
     #[inline(always)]
-    fn add(&mut self, s: &[Lane; 3], d: &[Lane; 3]) {
+    fn add(&mut self, s: &[Lane; 3], d: &[Lane; 3], w: &Lane) {
+        let ws: [Lane; 3] = std::array::from_fn(|axis| std::array::from_fn(|k| w[k] * s[axis][k]));
         for (sum, (a, b)) in
             self.ss.iter_mut().zip([(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)])
         {
-            add_product(sum, &s[a], &s[b]);
+            add_product(sum, &ws[a], &s[b]);
         }
         let turn = cross(s, d);
         for axis in 0..3 {
-            add_product(&mut self.d[axis], &d[axis], &[1.0; LANES]);
-            add_product(&mut self.sd[axis], &turn[axis], &[1.0; LANES]);
+            add_product(&mut self.s[axis], &s[axis], w);
+            add_product(&mut self.d[axis], &d[axis], w);
+            add_product(&mut self.sd[axis], &turn[axis], w);
         }
     }
 
@@ -179,6 +187,7 @@ impl PointSums {
             *sum += total(lane);
         }
         for axis in 0..3 {
+            sums.s[axis] += total(&self.s[axis]);
             sums.d[axis] += total(&self.d[axis]);
             sums.sd[axis] += total(&self.sd[axis]);
         }
@@ -208,11 +217,15 @@ mod tests {
     }
 
     fn sums(pairs: &[Pair]) -> PlaneToPlane {
+        sums_with(Kernel::LEAST_SQUARES, pairs)
+    }
+
+    fn sums_with(kernel: Kernel, pairs: &[Pair]) -> PlaneToPlane {
         let mut chunk = Pairs::default();
         pairs.iter().for_each(|(s, q, n, m)| chunk.push(s, q, n, m));
         let (mut sums, mut plain) = (PlaneToPlane::default(), PlaneToPlane::default());
-        sums.add_all(&chunk);
-        add_all_inline(&mut plain, &chunk);
+        sums.add_all(&chunk, kernel);
+        add_all_inline(&mut plain, &chunk, kernel);
         assert_eq!(format!("{plain:?}"), format!("{sums:?}"), "the same bytes in both builds");
         sums
     }
@@ -234,13 +247,17 @@ mod tests {
         #[test]
         fn the_sums_are_those_of_the_covariances_inverted(
             pairs in prop::collection::vec(pair(), 1..40),
+            width in prop::option::of(0.5f64..9.0),
         ) {
-            let ours = sums(&pairs);
+            let kernel = Kernel::of_residuals(width, &mut [0.2; 3], 0.5);
+            let ours = sums_with(kernel, &pairs);
             let (mut h, mut b) = (Matrix6::zeros(), Vector6::zeros());
             for pair in &pairs {
                 let (one_h, one_b) = plainly(pair);
-                h += one_h;
-                b += one_b;
+                let (s, q, n, _) = pair;
+                let w = kernel.weight(n.cast().dot(&(s - q.coords.cast::<f64>())));
+                h += one_h * w;
+                b += one_b * w;
             }
             let our_h = ours.planes.information() + ours.points_information();
             let our_b = Vector6::from(ours.planes.jr) + ours.points_right();

@@ -1,7 +1,8 @@
 //! The loop that every variant of ICP runs: pair, step, look whether it moved.
 
 use super::equations::Equations;
-use super::pairing::{LastSearch, Moving, sum_pairs};
+use super::kernel::Kernel;
+use super::pairing::{Found, Moving, Pairing, sum_pairs};
 use super::step::Step;
 use crate::pose::Pose;
 use crate::{IcpConfig, Observability, Outcome, StopReason, Target};
@@ -27,11 +28,14 @@ impl Descent {
     ) -> Outcome {
         let Self(config) = self;
         let mut outcome = Outcome::nothing(initial, StopReason::MaxIterations);
-        let mut matches = vec![LastSearch::UNKNOWN; source.points.len()];
+        let mut found = Found::nothing(source.points.len());
         let mut reach_m = config.first_pair_distance_m.unwrap_or(config.max_pair_distance_m);
+        let mut kernel = Kernel::LEAST_SQUARES;
         while outcome.iterations < config.max_iterations {
+            let residuals = config.kernel_width.is_some();
+            let pairing = Pairing { reach_m, kernel, residuals };
             let sums: E =
-                sum_pairs(target, source, &outcome.target_from_source, reach_m, &mut matches);
+                sum_pairs(target, source, &outcome.target_from_source, &pairing, &mut found);
             if sums.pairs() < UNKNOWNS {
                 let nothing = Outcome::nothing(initial, StopReason::TooFewPairs);
                 return Outcome { pairs: sums.pairs(), iterations: outcome.iterations, ..nothing };
@@ -42,13 +46,19 @@ impl Descent {
             let change = (outcome.inlier_fraction - before.0, outcome.rmse_m - before.1);
             // While pairs may be far apart, a step of nothing says little about the last distance.
             let fine = reach_m <= config.max_pair_distance_m;
+            let weighted = config.kernel_width.is_none() || kernel != Kernel::LEAST_SQUARES;
             // The first step has nothing to be compared with.
             let settled = outcome.iterations > 1 && self.changes_little(change);
-            if fine && (self.is_small(&step) || settled) {
+            if fine && weighted && (self.is_small(&step) || settled) {
                 outcome.stop = StopReason::Converged;
                 break;
             }
             reach_m = (reach_m * SHRINK).max(config.max_pair_distance_m);
+            // Earlier, weights would keep the motion where most pairs, those on the ground, fit.
+            if fine {
+                let (width, residuals_m) = (config.kernel_width, &mut found.residuals_m);
+                kernel = Kernel::of_residuals(width, residuals_m, reach_m);
+            }
         }
         if seen_degenerate(&outcome) {
             outcome.stop = StopReason::Degenerate;

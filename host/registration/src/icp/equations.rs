@@ -1,5 +1,6 @@
 //! What a least squares over pairs can do, whatever it sums.
 
+use super::kernel::Kernel;
 use super::pairs::Pairs;
 use super::step::Step;
 use crate::Observability;
@@ -9,8 +10,8 @@ pub(crate) trait Equations: Default + Send + Sync {
     /// Whether it wants the normals of source points.
     const SOURCE_NORMALS: bool;
 
-    /// Adds pairs. Empty lanes hold zeros.
-    fn add_all(&mut self, pairs: &Pairs);
+    /// Adds pairs, each with the weight of its residual. Empty lanes hold zeros.
+    fn add_all(&mut self, pairs: &Pairs, kernel: Kernel);
 
     /// Adds the sums of other pairs.
     fn merge(self, other: &Self) -> Self;

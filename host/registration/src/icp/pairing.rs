@@ -6,6 +6,7 @@ use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
 use super::equations::Equations;
+use super::kernel::Kernel;
 use super::pairs::{CHUNK, Pairs};
 use crate::Target;
 use crate::pose::Pose;
@@ -30,7 +31,7 @@ pub(crate) struct Moving<'a> {
 /// What the last search for a source point found. It holds until the point has moved far enough for
 /// another target point to be nearer, which the triangle inequality tells without a search.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct LastSearch {
+struct LastSearch {
     /// The nearest target point.
     index: Option<u32>,
     /// All others were at least this far, m.
@@ -54,7 +55,7 @@ impl Reach {
 
 impl LastSearch {
     /// Never holds.
-    pub(crate) const UNKNOWN: Self =
+    const UNKNOWN: Self =
         Self { index: None, others_m: f32::NEG_INFINITY, at: Point3::new(0.0, 0.0, 0.0) };
 
     /// Searches from here, no farther than needed when some target point is known to be `near_m`
@@ -99,14 +100,26 @@ impl LastSearch {
     }
 }
 
-/// Pairs each source point with the nearest target point within `pair_m`, and sums what the least
-/// squares needs.
+/// How pairs are found, and what they weigh.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Pairing {
+    /// Points farther apart are no pair, m.
+    pub(crate) reach_m: f64,
+    /// Of the residuals.
+    pub(crate) kernel: Kernel,
+    /// Whether the residuals are wanted.
+    pub(crate) residuals: bool,
+}
+
+/// Pairs each source point with the nearest target point within reach, and sums what the least
+/// squares needs; fills `residuals_m` with the distances to the planes, in the points' order, where
+/// they are wanted.
 pub(crate) fn sum_pairs<E: Equations>(
     target: &Target,
     source: &Moving,
     target_from_source: &Pose,
-    pair_m: f64,
-    matches: &mut [LastSearch],
+    pairing: &Pairing,
+    found: &mut Found,
 ) -> E {
     let chunk = |(number, matches): (usize, &mut [LastSearch])| {
         let chunk = Chunk {
@@ -114,12 +127,33 @@ pub(crate) fn sum_pairs<E: Equations>(
             source,
             first: number * CHUNK,
             pose: target_from_source,
-            reach: Reach::new(pair_m),
+            reach: Reach::new(pairing.reach_m),
         };
-        chunk.sum(matches)
+        chunk.sum(matches, pairing)
     };
-    let sums: Vec<E> = matches.par_chunks_mut(CHUNK).enumerate().map(chunk).collect();
-    sums.iter().fold(E::default(), E::merge)
+    let sums: Vec<(E, Vec<f32>)> =
+        found.matches.par_chunks_mut(CHUNK).enumerate().map(chunk).collect();
+    found.residuals_m.clear();
+    sums.into_iter().fold(E::default(), |all, (sums, residuals_m)| {
+        found.residuals_m.extend(residuals_m);
+        all.merge(&sums)
+    })
+}
+
+/// What the search for pairs leaves behind for the next.
+#[derive(Clone, Debug)]
+pub(crate) struct Found {
+    /// One a source point.
+    matches: Vec<LastSearch>,
+    /// Distances to the planes of the last pairs, m, in the points' order; none if not asked for.
+    pub(crate) residuals_m: Vec<f32>,
+}
+
+impl Found {
+    /// Nothing yet, of so many source points.
+    pub(crate) fn nothing(points: usize) -> Self {
+        Self { matches: vec![LastSearch::UNKNOWN; points], residuals_m: Vec::new() }
+    }
 }
 
 /// Some source points that follow each other, and where they are now.
@@ -132,12 +166,15 @@ struct Chunk<'a> {
 }
 
 impl Chunk<'_> {
-    fn sum<E: Equations>(&self, matches: &mut [LastSearch]) -> E {
+    fn sum<E: Equations>(&self, matches: &mut [LastSearch], pairing: &Pairing) -> (E, Vec<f32>) {
         let mut pairs = Pairs::default();
         pair(self, matches, E::SOURCE_NORMALS, &mut pairs);
-        let mut sums = E::default();
-        sums.add_all(&pairs);
-        sums
+        let (mut sums, mut residuals_m) = (E::default(), Vec::new());
+        sums.add_all(&pairs, pairing.kernel);
+        if pairing.residuals {
+            pairs.residuals(&mut residuals_m);
+        }
+        (sums, residuals_m)
     }
 
     #[inline(always)]

@@ -2,7 +2,8 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::lanes::{LANES, Lane};
+use super::kernel::Kernel;
+use super::lanes::{LANES, Lane, dot};
 
 /// Points a thread takes at a time. Sums are per chunk and added in order: the same bytes on any
 /// number of threads.
@@ -40,6 +41,10 @@ pub(crate) struct Group {
     pub(crate) n: [Lane; 3],
     /// As in [`Pairs`].
     pub(crate) m: [Lane; 3],
+    /// From the target's plane to the source point, m: `n · d`.
+    pub(crate) r: Lane,
+    /// What each pair weighs: 0 in a lane without one.
+    pub(crate) w: Lane,
 }
 
 impl Pairs {
@@ -69,15 +74,22 @@ impl Pairs {
         self.len
     }
 
-    /// All pairs, in groups of four.
+    /// All pairs, in groups of four, with the weights of their residuals.
     #[inline(always)]
-    pub(crate) fn groups(&self) -> impl Iterator<Item = Group> {
-        (0..self.len.div_ceil(LANES)).map(|group| Group {
-            s: lanes(&self.s, group),
-            d: lanes(&self.d, group),
-            n: lanes(&self.n, group),
-            m: lanes(&self.m, group),
+    pub(crate) fn groups(&self, kernel: Kernel) -> impl Iterator<Item = Group> {
+        (0..self.len.div_ceil(LANES)).map(move |group| {
+            let (d, n) = (lanes(&self.d, group), lanes(&self.n, group));
+            let r = dot(&n, &d);
+            let left = self.len - group * LANES;
+            let w = std::array::from_fn(|k| if k < left { kernel.weight(r[k]) } else { 0.0 });
+            Group { s: lanes(&self.s, group), d, n, m: lanes(&self.m, group), r, w }
         })
+    }
+
+    /// Adds how far each source point is from its target's plane, m.
+    pub(crate) fn residuals(&self, to: &mut Vec<f32>) {
+        let of = |i: usize| (0..3).map(|axis| self.n[axis][i] * self.d[axis][i]).sum::<f64>();
+        to.extend((0..self.len).map(|i| of(i).abs() as f32));
     }
 }
 

@@ -252,12 +252,12 @@ mod tests {
     }
 
     #[test]
-    fn the_protocols_open_eight_five_and_thirteen_axes() {
+    fn the_protocols_open_eight_seven_and_fifteen_axes() {
         let count = |protocol| space(protocol).axes().len();
         assert_eq!(count(Protocol::Default), 0);
         assert_eq!(count(Protocol::Lidar), 8);
-        assert_eq!(count(Protocol::Registration), 5);
-        assert_eq!(count(Protocol::Joint), 13);
+        assert_eq!(count(Protocol::Registration), 7);
+        assert_eq!(count(Protocol::Joint), 15);
     }
 
     #[test]
@@ -285,9 +285,9 @@ mod tests {
         assert!(repaired.is_empty());
         assert_eq!(parameters.settings, space.start.settings);
         let close = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-12;
-        assert!(close(parameters.get("registration.voxel_m").unwrap(), 0.3));
-        assert!(close(parameters.get("registration.max_pair_distance_m").unwrap(), 1.0));
-        assert_eq!(parameters.get("registration.normal_neighbours"), Some(30.0));
+        assert!(close(parameters.get("registration.voxel_m").unwrap(), 0.2));
+        assert!(close(parameters.get("registration.max_pair_distance_m").unwrap(), 0.5));
+        assert_eq!(parameters.get("registration.normal_neighbours"), Some(20.0));
     }
 
     #[test]

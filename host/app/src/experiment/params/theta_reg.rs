@@ -38,7 +38,7 @@ impl ThetaReg {
     pub fn start(config: &RegistrationConfig) -> Result<Self, ValueError> {
         let axes = axes(config.method, config.preset);
         let mut theta =
-            Self { method: MethodConfig::outdoor(config.method), refine: config.refine };
+            Self { method: defaults(config.method, config.preset), refine: config.refine };
         if config.refine && !config.method.is_global() {
             return Err(ValueError::NotRefined(config.method.name()));
         }
@@ -128,14 +128,22 @@ impl ThetaReg {
     }
 }
 
+/// What a preset starts from, before its axes.
+fn defaults(method: Method, preset: Preset) -> MethodConfig {
+    match preset {
+        Preset::Outdoor => MethodConfig::outdoor(method),
+        Preset::Paper => MethodConfig::paper(method),
+    }
+}
+
 /// Θ_reg of a method: the axes that registration's table has for it.
 pub fn axes(method: Method, preset: Preset) -> Vec<Axis> {
-    let outdoor = MethodConfig::outdoor(method);
+    let outdoor = defaults(method, Preset::Outdoor);
     let axis = |(setting, of): (&'static Setting, Use)| {
         let search = of.search?;
         let (range, default) = match preset {
             Preset::Outdoor => (search.outdoor, outdoor.get(setting.key)?),
-            Preset::Paper => (search.paper, search.paper_start),
+            Preset::Paper => search.paper?,
         };
         let (min, max, scale) = (range.min, range.max, Scale::from(range.spacing));
         Some(Axis { name: setting.path, unit: setting.unit, scale, min, max, default })
@@ -201,11 +209,16 @@ mod tests {
     }
 
     #[test]
-    fn both_presets_search_the_same_axes() {
+    fn the_paper_s_axes_are_those_of_outdoor_without_what_its_methods_lack() {
+        const OURS: [&str; 2] = ["registration.first_pair_distance_m", "registration.kernel_width"];
         for method in Method::ALL {
             let names =
                 |preset| axes(method, preset).iter().map(|axis| axis.name).collect::<Vec<_>>();
-            assert_eq!(names(Preset::Outdoor), names(Preset::Paper));
+            let mut outdoor = names(Preset::Outdoor);
+            outdoor.retain(|name| !OURS.contains(name));
+            assert_eq!(outdoor, names(Preset::Paper));
+            let theta = ThetaReg::start(&config(method, Preset::Paper)).unwrap();
+            assert_eq!(OURS.map(|name| theta.get(name)), [None; 2], "plain {method:?}");
         }
     }
 
