@@ -339,6 +339,10 @@ fn a_run_leaves_everything_to_look_at_and_repeats_itself() {
         "the tuned parameters are worth what the run said"
     );
     assert_eq!(judged["parameters"], result["tuned"]);
+    for values in [&result["default"], &result["finalists"][0]["values"], &judged["parameters"]] {
+        let count = &values["registration.normal_neighbours"];
+        assert!(count.is_u64() && values["lidar.power"].is_f64(), "{values}");
+    }
 
     let resumed = fixture.succeed(&["tune", "-q", "--json", "--resume", folder]);
     assert_eq!(resumed.json(), result, "resuming a finished run says the same again");
@@ -577,6 +581,20 @@ fn every_parameter_is_listed_with_its_unit_and_range() {
     let names: Vec<&str> =
         json.as_array().expect("a list").iter().filter_map(|p| p["name"].as_str()).collect();
     assert_eq!(names.len(), echoloop_dsp::PARAMETERS.len() + 7);
+    for (name, is_whole) in [
+        ("lidar.power", false),
+        ("lidar.upsampling", true),
+        ("lidar.denoise", true),
+        ("registration.voxel_m", false),
+        ("registration.normal_neighbours", true),
+    ] {
+        let row = json.as_array().and_then(|rows| rows.iter().find(|row| row["name"] == name));
+        let row = row.expect(name);
+        assert!(
+            ["min", "max", "default"].iter().all(|key| row[*key].is_u64() == is_whole),
+            "{row}"
+        );
+    }
     for parameter in &echoloop_dsp::PARAMETERS {
         let name = format!("lidar.{}", parameter.name);
         assert!(names.contains(&name.as_str()), "{name}");
@@ -653,6 +671,7 @@ fn register_recovers_a_known_motion_and_prints_the_documented_keys() {
         fixture.succeed(&["register", "-q", "--json", "target.xyz", "source.xyz"]).json();
     let keys: Vec<&String> = document.as_object().expect("an object").keys().collect();
     let expected = [
+        "format",
         "target_from_source",
         "stop",
         "converged",
@@ -808,6 +827,39 @@ fn a_damaged_journal_is_kept_until_repair_which_finishes_the_run() {
             &["history.jsonl: line 1", "begin anew"],
         );
     }
+}
+
+#[test]
+fn a_journal_of_an_earlier_version_which_wrote_20_0_for_a_count_goes_on_to_the_same_result() {
+    let fixture = Fixture::new();
+    fixture.tune(&["--set", "registration.max_iterations=40"]);
+    let folder = "runs/0001-yard-icp-joint";
+    let [config, history, result] =
+        ["config.toml", "history.jsonl", "result.json"].map(|name| format!("{folder}/{name}"));
+    let (journal, finished) = (fixture.read(&history), fixture.read(&result));
+    let earlier = |text: &str| {
+        let counts = ["max_iterations = 40\n", "\"max_iterations\":40}"];
+        let text = counts
+            .iter()
+            .fold(text.to_owned(), |text, count| text.replace(count, &count.replace("40", "40.0")));
+        let (count, digits) = ("normal_neighbours\":", |c: char| c.is_ascii_digit());
+        let parts: Vec<String> = text
+            .split(count)
+            .map(|part| match part.find(|c| !digits(c)) {
+                Some(end) if end > 0 => format!("{}.0{}", &part[..end], &part[end..]),
+                _ => part.to_owned(),
+            })
+            .collect();
+        parts.join(count)
+    };
+    let two: String = journal.lines().take(3).map(|line| format!("{line}\n")).collect();
+    assert_ne!(earlier(&two), two);
+    assert_ne!(earlier(&fixture.read(&config)), fixture.read(&config));
+    fixture.write(&history, earlier(&two));
+    fixture.write(&config, earlier(&fixture.read(&config)));
+    fs::remove_file(fixture.path(&result)).expect("removed");
+    fixture.succeed(&["tune", "-q", "--resume", folder]);
+    assert_eq!(fixture.read(&result), finished);
 }
 
 #[test]

@@ -2,7 +2,10 @@
 
 mod fixture;
 
-use echoloop_registration::pose::{Pose, read_pose, rotation_error_deg, translation_error_m};
+use echoloop_registration::pose::{
+    Pose, read_pose, rotation_error_deg, to_rows, translation_error_m,
+};
+use echoloop_registration::{Kind, SETTINGS};
 use fixture::Fixture;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use serde_json::Value;
@@ -121,12 +124,66 @@ fn the_document_lists_every_setting_of_the_method_and_flags_change_them() {
         for (key, value) in given {
             arguments.extend([format!("--{}", key.replace('_', "-")), value.to_string()]);
         }
-        let document =
-            fixture.run(&arguments.iter().map(String::as_str).collect::<Vec<_>>()).json();
+        let output = fixture.run(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
+        let first = "{\"format\":1,\"target_from_source\":[[";
+        assert!(output.stdout.starts_with(first), "{}", output.stdout);
+        let document = output.json();
         for (key, value) in given {
             assert_eq!(document[*key].as_f64(), Some(*value), "{method} {key}: {document}");
         }
+        for setting in SETTINGS.iter().filter(|setting| !document[setting.key].is_null()) {
+            let is_count = setting.kind == Kind::Count;
+            assert_eq!(document[setting.key].is_u64(), is_count, "{}: {document}", setting.key);
+        }
     }
+}
+
+#[test]
+fn icp_starts_from_its_own_document_a_matrix_or_a_kitti_row() {
+    let fixture = Fixture::new();
+    let truth = scans(&fixture);
+    let run = |initial: &str| {
+        let arguments = ["register", "-q", "--json", "target.ply", "source.ply", "--initial"];
+        let mut document = fixture.succeed(&[&arguments[..], &[initial]].concat()).json();
+        document.as_object_mut().expect("an object").remove("cpu_s");
+        document
+    };
+    let from_matrix = run("scans/000_target_from_source.txt");
+    let numbers = to_rows(&truth).map(|v| v.to_string());
+    fixture.write("row.txt", numbers[..12].join(" ") + "\n");
+    let rows = to_rows(&truth);
+    let mut document = from_matrix.clone();
+    document["target_from_source"] = rows.chunks(4).collect();
+    fixture.write("found.json", document.to_string());
+    for initial in ["row.txt", "found.json"] {
+        assert_eq!(run(initial), from_matrix, "{initial}");
+    }
+    let error = translation_error_m(&motion(&from_matrix), &truth);
+    assert!(error < 0.03, "{error}");
+}
+
+#[test]
+fn a_start_that_holds_no_motion_is_refused_with_what_was_found_and_what_was_expected() {
+    let fixture = Fixture::new();
+    fixture.write("a.xyz", "1 2 3\n");
+    let rows = "[[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]";
+    let turned = rows.replace("[[1", "[[-1");
+    let table: [(&str, &[&str]); 7] = [
+        ("1 0 0 0 0 1 0 0 0 0 1", &["found 11 numbers", "(16)", "(12)"]),
+        ("1 0 0 0 0 1 0 0 0 0 one 0", &["expected a number", "\"one\""]),
+        ("1 0 0 0 0 1 0 0 0 0 2 0", &["not orthonormal"]),
+        ("{\"rows\": 1}", &["without target_from_source", "4 rows of 4 numbers"]),
+        ("{\"target_from_source\": [[1, 0, 0, 0]]}", &["1 × 4 numbers", "4 rows of 4 numbers"]),
+        ("{\"target_from_source\": ", &["found no JSON", "line 1"]),
+        (&format!("{{\"target_from_source\": {turned}}}"), &["mirrors"]),
+    ];
+    for (text, parts) in table {
+        fixture.write("start.json", text);
+        let parts = [parts, &["start.json"]].concat();
+        fixture.refuses(&["register", "a.xyz", "a.xyz", "--initial", "start.json"], &parts);
+    }
+    let absent = ["register", "a.xyz", "a.xyz", "--initial", "absent.json"];
+    fixture.refuses(&absent, &["absent.json"]);
 }
 
 #[test]

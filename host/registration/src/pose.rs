@@ -1,53 +1,16 @@
 //! Poses: what one frame looks like from another, and how far an estimate is from the truth.
 
-use std::path::{Path, PathBuf};
+mod read;
 
 use nalgebra::{Isometry3, Matrix3, Matrix4, Rotation3, Translation3, UnitQuaternion};
+
+pub use read::{PoseError, read_pose};
 
 /// A rigid motion. A variable of this type says what it maps: `target_from_source`.
 pub type Pose = Isometry3<f64>;
 
 /// A rotation read from a file may miss `RᵀR = I` by this much: six printed digits, with room.
 const RIGID_TOLERANCE: f64 = 1e-3;
-
-/// Why sixteen numbers are no [`Pose`], or a file holds none.
-#[derive(Debug, thiserror::Error)]
-pub enum PoseError {
-    /// The file cannot be read.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// A word is not a number.
-    #[error("{}:{line}: expected a number, found {word:?}", path.display())]
-    Number {
-        /// The file.
-        path: PathBuf,
-        /// Its line, from 1.
-        line: usize,
-        /// The word.
-        word: String,
-    },
-    /// The file does not hold sixteen numbers.
-    #[error("{}: expected a 4×4 matrix, found {found} numbers", path.display())]
-    Count {
-        /// The file.
-        path: PathBuf,
-        /// How many numbers there are.
-        found: usize,
-    },
-    /// The matrix is not a rigid motion.
-    #[error("{}: {reason}", path.display())]
-    Rigid {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with the matrix.
-        reason: NotRigid,
-    },
-}
 
 /// Why a 4×4 matrix is not a rigid motion.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -136,39 +99,6 @@ pub fn from_rows(rows: &[f64; 16]) -> Result<Pose, NotRigid> {
     Ok(Pose::from_parts(translation, rotation))
 }
 
-/// Reads a 4×4 matrix of sixteen numbers, row by row, parted by blanks, commas or line ends.
-///
-/// # Errors
-///
-/// [`PoseError`] names the file, and the line where there is one.
-pub fn read_pose(path: &Path) -> Result<Pose, PoseError> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|source| PoseError::Io { path: path.into(), source })?;
-    let numbers = numbers(path, &text)?;
-    let rows: &[f64; 16] = numbers
-        .as_slice()
-        .try_into()
-        .map_err(|_| PoseError::Count { path: path.into(), found: numbers.len() })?;
-    from_rows(rows).map_err(|reason| PoseError::Rigid { path: path.into(), reason })
-}
-
-fn numbers(path: &Path, text: &str) -> Result<Vec<f64>, PoseError> {
-    let words = text.lines().enumerate().flat_map(|(line, text)| {
-        text.split(|c: char| c.is_whitespace() || c == ',')
-            .filter(|word| !word.is_empty())
-            .map(move |word| (line, word))
-    });
-    words
-        .map(|(line, word)| {
-            word.parse().map_err(|_| PoseError::Number {
-                path: path.into(),
-                line: line + 1,
-                word: word.into(),
-            })
-        })
-        .collect()
-}
-
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
@@ -231,28 +161,6 @@ mod tests {
         assert_eq!(with(12, 0.5), Err(NotRigid::LastRow));
         assert_eq!(with(0, -1.0), Err(NotRigid::Mirrors));
         assert_eq!(with(0, 2.0), Err(NotRigid::NotOrthonormal(3.0)));
-    }
-
-    #[test]
-    fn a_pose_file_error_names_the_file_and_the_line() {
-        let folder = tempfile::tempdir().unwrap();
-        let table = [
-            ("short.txt", "1 0 0 0\n0 1 0 0\n", "expected a 4×4 matrix, found 8 numbers"),
-            ("word.txt", "1 0 0 0\n0 one 0 0\n", ":2: expected a number, found \"one\""),
-            ("scale.txt", "2 0 0 0 0 2 0 0 0 0 2 0 0 0 0 1", "not orthonormal"),
-        ];
-        for (name, text, expected) in table {
-            let path = folder.path().join(name);
-            std::fs::write(&path, text).unwrap();
-            let message = read_pose(&path).unwrap_err().to_string();
-            assert!(message.contains(name) && message.contains(expected), "{message}");
-        }
-        assert!(
-            read_pose(&folder.path().join("absent.txt"))
-                .unwrap_err()
-                .to_string()
-                .contains("absent.txt")
-        );
     }
 
     proptest! {

@@ -15,7 +15,7 @@ use super::prepared::{PairSet, Prepared, require_recall};
 use super::progress::Progress;
 use crate::experiment::config::{RunConfig, load};
 use crate::experiment::evaluate::{Summary, evaluate};
-use crate::experiment::params::{Values, choices};
+use crate::experiment::params::{Values, choices, written_values};
 use crate::experiment::run::{CONFIG, RESULT};
 use crate::experiment::tune::Observer;
 
@@ -136,8 +136,10 @@ fn print(
     summary: &Summary,
 ) -> Result<(), Failure> {
     if args.setup.common.json {
+        let parameters =
+            written_values(values, serde_json::value::Serializer).map_err(Failure::run)?;
         let document = serde_json::json!({
-            "format": 1, "sensor": sensor, "parameters": values, "summary": summary,
+            "format": 1, "sensor": sensor, "parameters": parameters, "summary": summary,
         });
         println!("{}", serde_json::to_string_pretty(&document).map_err(Failure::run)?);
         return Ok(());

@@ -3,7 +3,7 @@
 use echoloop_dsp::{Kind, Parameter};
 use echoloop_registration::Method;
 
-use crate::experiment::params::axes;
+use crate::experiment::params::{axes, written};
 use crate::experiment::preset::Preset;
 
 /// A row of the parameter table, in units.
@@ -71,6 +71,8 @@ pub(super) fn parameter_table(method: Method, preset: Preset) -> String {
 /// The parameter table as JSON.
 pub(super) fn parameter_json(method: Method, preset: Preset) -> serde_json::Value {
     let row = |Row { name, unit, min, max, default, acts_in, choices }: Row| {
+        let [min, max, default] =
+            [Some(min), Some(max), default].map(|value| Some(written(&name, value?)));
         serde_json::json!({
             "name": name, "unit": unit, "min": min, "max": max, "default": default,
             "acts_in": acts_in, "choices": choices,

@@ -8,6 +8,7 @@ use super::common::{Common, on_threads};
 use super::exit::Failure;
 use super::method_choice::method_parser;
 use super::method_flags::MethodFlags;
+use crate::experiment::params::written;
 use echoloop_registration::cloud::{Cloud, read_cloud, voxel};
 use echoloop_registration::pose::{Pose, read_pose, to_rows};
 use echoloop_registration::{Method, MethodConfig, Outcome, StopReason, Suggestions, build};
@@ -28,8 +29,8 @@ pub(crate) struct RegisterArgs {
     /// Finish what a global method finds with point-to-plane ICP.
     #[arg(long)]
     refine: bool,
-    /// Of ICP and GICP, where to start: a file with the 4 × 4 matrix target_from_source
-    /// [default: identity].
+    /// Of ICP and GICP, where to start: a file with target_from_source, as --json writes it, as a
+    /// 4 × 4 matrix, or as a KITTI row of 12 numbers [default: identity].
     #[arg(long, value_name = "FILE")]
     initial: Option<PathBuf>,
     #[command(flatten)]
@@ -153,6 +154,7 @@ fn document(
     let rows = to_rows(&outcome.target_from_source);
     let rows: Vec<&[f64]> = rows.chunks(4).collect();
     let mut document = serde_json::json!({
+        "format": 1,
         "target_from_source": rows,
         "stop": outcome.stop.name(),
         "converged": outcome.stop.is_success(),
@@ -173,7 +175,8 @@ fn document(
         document["mode"] = serde_json::json!(config.mode);
     }
     for (setting, _) in config.method().settings() {
-        document[setting.key] = serde_json::json!(config.get(setting.key));
+        let value = config.get(setting.key).map(|value| written(setting.path, value));
+        document[setting.key] = serde_json::json!(value);
         if let Some(former) = setting.former {
             // For one version: readers of the former name.
             document[former] = document[setting.key].clone();

@@ -9,10 +9,11 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use thiserror::Error;
 
 use crate::experiment::objective::PairError;
-use crate::experiment::params::Values;
+use crate::experiment::params::{Values, written_values};
 
 /// First line: what the search was.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -29,7 +30,7 @@ pub struct Header {
     /// Candidates a generation.
     pub population: usize,
     /// The whole configuration.
-    pub config: serde_json::Value,
+    pub config: Value,
 }
 
 /// Version of the journal's format.
@@ -42,6 +43,7 @@ pub struct CandidateRecord {
     /// Its point in the unit cube.
     pub point: Vec<f64>,
     /// The searched parameters in their units.
+    #[serde(serialize_with = "written_values")]
     pub values: Values,
     /// Settings that a joint constraint changed.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -264,21 +266,37 @@ fn agree(path: &Path, found: &Header, expected: &Header) -> Result<(), JournalEr
         ));
     }
     let other = |axis: &&String| !expected.axes.contains(axis);
-    if let Some(axis) = found.axes.iter().find(other).filter(|_| found.config == expected.config) {
+    let same_config = is_same(&found.config, &expected.config);
+    if let Some(axis) = found.axes.iter().find(other).filter(|_| same_config) {
         return differ(format!(
             "it searched {axis}, which this version does not; begin anew with \
              `echoloop tune --config` and the run's config.toml"
         ));
     }
-    if found.config != expected.config
-        || found.axes != expected.axes
-        || found.population != expected.population
-    {
+    if !same_config || found.axes != expected.axes || found.population != expected.population {
         return differ(
             "written with another configuration; resume with the run's own config.toml".into(),
         );
     }
     Ok(())
+}
+
+/// Whether two documents say the same, be a number written `20` or `20.0`: earlier journals have
+/// the latter for counts.
+fn is_same(a: &Value, b: &Value) -> bool {
+    match (a, b) {
+        (Value::Number(a), Value::Number(b)) if a.is_f64() != b.is_f64() => {
+            a.as_f64() == b.as_f64()
+        }
+        (Value::Array(a), Value::Array(b)) => {
+            a.len() == b.len() && a.iter().zip(b).all(|(a, b)| is_same(a, b))
+        }
+        (Value::Object(a), Value::Object(b)) => {
+            let also = |(key, a): (&String, &Value)| b.get(key).is_some_and(|b| is_same(a, b));
+            a.len() == b.len() && a.iter().all(also)
+        }
+        _ => a == b,
+    }
 }
 
 #[cfg(test)]
@@ -369,6 +387,22 @@ mod tests {
         assert_eq!(generations.len(), 2);
         assert_eq!(std::fs::read(folder.path().join("history.jsonl.damaged")).unwrap(), cut);
         assert!(Journal::resume(&path, &header(), false).is_ok());
+    }
+
+    #[test]
+    fn a_journal_with_counts_written_as_20_0_goes_on_and_one_with_another_count_does_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = written(folder.path());
+        let text = std::fs::read_to_string(&path).unwrap();
+        let with = |config: Value| Header { config, ..header() };
+        let of = |count: &str| {
+            let earlier = format!(r#""config":{{"seed":1,"registration":{{"n":[{count}]}}}}"#);
+            std::fs::write(&path, text.replace(r#""config":{"seed":1}"#, &earlier)).unwrap();
+            let now = with(serde_json::json!({"registration": {"n": [20]}, "seed": 1}));
+            Journal::resume(&path, &now, false).is_ok()
+        };
+        assert!(of("20.0") && of("20"));
+        assert!(!of("21.0") && !of("20.5") && !of("20.0,1") && !of(r#""20""#));
     }
 
     #[test]

@@ -10,7 +10,7 @@ use thiserror::Error;
 
 use crate::experiment::config::RunConfig;
 use crate::experiment::evaluate::Summary;
-use crate::experiment::params::Values;
+use crate::experiment::params::{Values, written_values};
 use crate::experiment::tune::Finalist;
 
 /// Configuration of the run, every value.
@@ -58,8 +58,10 @@ pub struct RunResult {
     /// Where the tuned parameters come from.
     pub origin: String,
     /// All parameters at the start.
+    #[serde(serialize_with = "written_values")]
     pub default: Values,
     /// All parameters after tuning.
+    #[serde(serialize_with = "written_values")]
     pub tuned: Values,
     /// The last choice, best first.
     pub finalists: Vec<Finalist>,

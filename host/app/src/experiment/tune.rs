@@ -15,7 +15,7 @@ use crate::experiment::journal::{
     CandidateRecord, FORMAT, Generation, Header, Journal, JournalError,
 };
 use crate::experiment::objective::{Bench, PairError, fitness};
-use crate::experiment::params::{Parameters, Space, Values};
+use crate::experiment::params::{Parameters, Space, Values, written_values};
 use crate::experiment::seed::{Purpose, derive};
 use crate::link::sensor::SensorError;
 use echoloop_cmaes::CmaEs;
@@ -92,6 +92,7 @@ pub struct Finalist {
     /// Where it comes from: `start`, `mean`, or generation and candidate.
     pub origin: String,
     /// Its parameters.
+    #[serde(serialize_with = "written_values")]
     pub values: Values,
     /// Its fitness on all training pairs.
     pub fitness: f64,

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use echoloop_registration::{FgrMode, Method, SETTINGS};
+use echoloop_registration::{FgrMode, Kind, Method, SETTINGS};
 use serde::de::{Error, MapAccess, Visitor};
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -142,8 +142,14 @@ impl Serialize for RegistrationConfig {
         if self.refine {
             map.serialize_entry("refine", &self.refine)?;
         }
-        for (key, value) in self.chosen() {
-            map.serialize_entry(key, &value)?;
+        for (setting, value) in SETTINGS.iter().zip(self.given) {
+            match value {
+                Some(count) if setting.kind == Kind::Count && count.fract() == 0.0 => {
+                    map.serialize_entry(setting.key, &(count as i64))?;
+                }
+                Some(value) => map.serialize_entry(setting.key, &value)?,
+                None => {}
+            }
         }
         map.end()
     }
@@ -168,6 +174,13 @@ mod tests {
                 assert_eq!(read(&again).unwrap(), config);
             }
         }
+    }
+
+    #[test]
+    fn counts_are_written_whole_and_lengths_are_not() {
+        let config = read("voxel_m = 1\nnormal_neighbours = 20.0").unwrap();
+        let again = toml::to_string(&config).unwrap();
+        assert!(again.ends_with("voxel_m = 1.0\nnormal_neighbours = 20\n"), "{again}");
     }
 
     #[test]

@@ -7,6 +7,7 @@ mod axis;
 mod error;
 mod repair;
 mod theta_reg;
+mod written;
 
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
@@ -20,6 +21,7 @@ pub use axis::{Axis, Scale};
 pub use error::ValueError;
 pub use repair::repair;
 pub use theta_reg::{ThetaReg, axes};
+pub use written::{Written, written, written_values};
 
 /// One whole set of parameters, sensor and registration.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -142,10 +144,11 @@ impl Parameters {
     }
 }
 
-/// Whether a sensor's parameter of that name takes whole numbers only.
+/// Whether the parameter of that name takes whole numbers only.
 fn is_whole(name: &str) -> bool {
     let id = name.strip_prefix("lidar.").and_then(ParameterId::by_name);
-    id.is_some_and(|id| !matches!(id.parameter().kind, Kind::Real { .. }))
+    let count = name.strip_prefix(theta_reg::SECTION).is_some_and(theta_reg::is_count);
+    count || id.is_some_and(|id| !matches!(id.parameter().kind, Kind::Real { .. }))
 }
 
 /// The cube a search moves in.

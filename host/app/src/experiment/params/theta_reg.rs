@@ -20,6 +20,11 @@ pub(super) fn current_name(name: &str) -> String {
     setting.map_or(name, |setting| setting.path).to_owned()
 }
 
+/// Whether the setting of that key counts things.
+pub(super) fn is_count(key: &str) -> bool {
+    setting(key).is_some_and(|setting| setting.kind == Kind::Count)
+}
+
 /// Θ_reg of one method, and whether ICP finishes what it finds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThetaReg {
