@@ -52,7 +52,7 @@ const FEATURE_RADIUS: Bound =
 const FIRST_DISTANCE: Bound =
     Bound::new(FIRST_WORDS, |v| v <= 1e6).not_below("max_pair_distance_m", FIRST_WORDS);
 
-/// From what is sure to be a neighbour to a third of what [`crate::suggest()`] begins with.
+/// From what is sure to be a neighbour to what [`crate::suggest()`] begins with in a cloud of 40 m.
 const FALLING_DISTANCE: Use = ours(log(0.5, 10.0));
 
 /// Of a kernel, in standard deviations.
@@ -174,10 +174,10 @@ macro_rules! settings {
         configuration! {
             /// Settings of [`crate::Icp`]. Lengths in metres, angles in radians.
             ///
-            /// The defaults are for scans of a street or a field that nearly overlap: a motion
-            /// below about half a metre and 5°. Normals reach over 3 voxels, as KISS-Matcher has
-            /// it: rings of a scan lie far apart. The tolerances are far below the error of such
-            /// scans (small_gicp stops at 1 mm and 1.7 mrad).
+            /// The defaults are for scans of a street or a field from near each other: a motion of
+            /// some 2 m and 10°. Pairs may be 3 m apart at first. Normals come from the nearest 20
+            /// points, however far up to 3 m: rings of a scan lie far apart. The tolerances are far
+            /// below the error of such scans (small_gicp stops at 1 mm and 1.7 mrad).
             IcpConfig(|setting| setting.of(Method::Icp)) []
             [$($({ $key: $type = $icp, $help, $more })?)+]
         }
@@ -185,7 +185,8 @@ macro_rules! settings {
         configuration! {
             /// Settings of [`crate::Gicp`]. Lengths in metres, angles in radians.
             ///
-            /// The defaults are for scans that nearly overlap, as those of [`IcpConfig`].
+            /// The defaults are those of [`IcpConfig`], but for a narrower kernel, and without a
+            /// test of what a step changes.
             GicpConfig(|setting| setting.of(Method::Gicp)) []
             [$($({ $key: $type = $gicp, $help, $more })?)+]
         }
