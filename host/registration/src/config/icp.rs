@@ -125,7 +125,8 @@ mod tests {
             ),
             (
                 |c| c.first_pair_distance_m = Some(0.25),
-                "first_pair_distance_m is 0.25, expected max_pair_distance_m or more, at most 1e6 m",
+                "first_pair_distance_m is 0.25, expected max_pair_distance_m or more, at most 1e6 \
+                 m",
             ),
             (
                 |c| c.rotation_tolerance_rad = -1e-9,

@@ -26,8 +26,8 @@ impl Kernel {
     /// Every pair weighs 1.
     pub(crate) const LEAST_SQUARES: Self = Self { inverse_square: 0.0 };
 
-    /// Of `width` standard deviations of these residuals, m, of pairs `reach_m` apart at most; least
-    /// squares without a width or a residual.
+    /// Of `width` standard deviations of these residuals, m, of pairs `reach_m` apart at most;
+    /// least squares without a width or a residual.
     pub(crate) fn of_residuals(width: Option<f64>, residuals_m: &mut [f32], reach_m: f64) -> Self {
         let (Some(width), false) = (width, residuals_m.is_empty()) else {
             return Self::LEAST_SQUARES;
