@@ -1,7 +1,7 @@
 //! What every global method starts from: the matches of two clouds.
 
 use super::features::{Described, PointPair, matching, pairs};
-use super::{FeatureConfig, PrepareError, StopReason};
+use super::{FeatureConfig, StopReason};
 use crate::cloud::Cloud;
 
 /// Thins and describes the target and the source.
@@ -17,7 +17,7 @@ pub fn described(
 ) -> Result<(Described, Described), StopReason> {
     let (target, source) =
         rayon::join(|| Described::prepare(target, config), || Described::prepare(source, config));
-    Ok((target.map_err(reason)?, source.map_err(reason)?))
+    Ok((target?, source?))
 }
 
 /// Describes both clouds and matches their features: the points that found each other, ordered by
@@ -33,11 +33,4 @@ pub fn matched(
 ) -> Result<Vec<PointPair>, StopReason> {
     let (target, source) = described(target, source, config)?;
     Ok(pairs(&matching::mutual(&source.features, &target.features), &source, &target))
-}
-
-fn reason(error: PrepareError) -> StopReason {
-    match error {
-        PrepareError::Empty => StopReason::EmptyCloud,
-        PrepareError::Voxel(_) => StopReason::BadSettings,
-    }
 }

@@ -31,8 +31,9 @@
 //! | to | take |
 //! |---|---|
 //! | register two scans that nearly lie on each other | [`Icp`], [`Gicp`] |
-//! | find a motion from nowhere | [`Fgr`], [`Mac`] |
+//! | find a motion from nowhere | [`Auto`]; of one scale and guess [`Fgr`], [`Mac`] |
 //! | do both, one after the other | [`Refined`], or [`build`] from settings |
+//! | ask the scans themselves whether a motion is right | [`overlap`] |
 //! | choose settings for two clouds | [`suggest`](mod@suggest) |
 //! | read, thin and describe clouds | [`cloud`], [`features`] |
 //! | measure an estimate against the truth | [`pose`] |
@@ -43,6 +44,7 @@
 //! sections without another name are those of "End-to-End LiDAR optimization for 3D point cloud
 //! registration" (BMVC 2025).
 
+mod auto;
 mod bits;
 pub mod cloud;
 pub mod config;
@@ -57,6 +59,7 @@ mod methods;
 pub mod normal_equations;
 pub mod observability;
 mod outcome;
+pub mod overlap;
 pub mod pose;
 pub mod prepared;
 pub mod refine;
@@ -68,9 +71,10 @@ pub mod suggest;
 #[allow(clippy::unwrap_used)]
 mod tests;
 
+pub use auto::Auto;
 pub use config::{
-    ConfigError, Convention, FeatureConfig, FgrConfig, FgrMode, GicpConfig, IcpConfig, Kind,
-    MacConfig, Method, MethodConfig, SETTINGS, Setting, setting,
+    AutoConfig, ConfigError, Convention, FeatureConfig, FgrConfig, FgrMode, GicpConfig, IcpConfig,
+    Kind, MacConfig, Method, MethodConfig, SETTINGS, Setting, setting,
 };
 pub use fgr::Fgr;
 pub use gicp::Gicp;
@@ -79,6 +83,7 @@ pub use mac::Mac;
 pub use methods::build;
 pub use observability::Observability;
 pub use outcome::{Consensus, Outcome, StopReason};
+pub use overlap::{Confirmed, Overlap};
 pub use prepared::{PrepareError, Source, Target};
 pub use refine::Refined;
 pub use registration::Registration;

@@ -1,6 +1,8 @@
 //! Any method, from its settings.
 
-use crate::{ConfigError, Fgr, Gicp, Icp, IcpConfig, Mac, MethodConfig, Refined, Registration};
+use crate::{
+    Auto, ConfigError, Fgr, Gicp, Icp, IcpConfig, Mac, MethodConfig, Refined, Registration,
+};
 
 /// A method with its settings, ready to run; ICP with those of `refinement` goes on from its end.
 ///
@@ -16,6 +18,7 @@ pub fn build(
         MethodConfig::Gicp(config) => Box::new(Gicp::new(*config)?),
         MethodConfig::Fgr(config) => Box::new(Fgr::new(*config)?),
         MethodConfig::Mac(config) => Box::new(Mac::new(*config)?),
+        MethodConfig::Auto(config) => Box::new(Auto::new(*config)?),
     };
     Ok(match refinement {
         Some(config) => Box::new(Refined { global, local: Icp::new(config)? }),

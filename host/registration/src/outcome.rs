@@ -1,5 +1,6 @@
 //! What a registration found, how good it is, and why it ended.
 
+use crate::overlap::Overlap;
 use crate::pose::Pose;
 use crate::{Observability, PrepareError};
 
@@ -24,6 +25,8 @@ pub struct Outcome {
     pub observability: Option<Observability>,
     /// What speaks for the motion that a global method found; absent for local ones.
     pub consensus: Option<Consensus>,
+    /// What the points of both clouds say of the motion; absent where nobody asked them.
+    pub overlap: Option<Overlap>,
 }
 
 /// How far the matches of a global method agree.
@@ -41,6 +44,15 @@ pub struct Consensus {
     pub margin: Option<f64>,
 }
 
+impl From<PrepareError> for StopReason {
+    fn from(error: PrepareError) -> Self {
+        match error {
+            PrepareError::Empty => Self::EmptyCloud,
+            PrepareError::Voxel(_) => Self::BadSettings,
+        }
+    }
+}
+
 /// Why a registration ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum StopReason {
@@ -55,6 +67,9 @@ pub enum StopReason {
     /// No more matches agree than would by chance: the motion is the best one found, and not to be
     /// trusted.
     NoConsensus,
+    /// The clouds do not bear the motion out: too little of one lies on the other, or stands where
+    /// the other's sensor saw the open. See [`Overlap::confirms`].
+    Unconfirmed,
     /// The pairs leave a direction open; along it the initial guess stands.
     Degenerate,
     /// A cloud holds no echo.
@@ -78,6 +93,7 @@ impl StopReason {
             Self::TooFewPairs => "TooFewPairs",
             Self::TooFewMatches => "TooFewMatches",
             Self::NoConsensus => "NoConsensus",
+            Self::Unconfirmed => "Unconfirmed",
             Self::Degenerate => "Degenerate",
             Self::EmptyCloud => "EmptyCloud",
             Self::BadSettings => "BadSettings",
@@ -93,6 +109,9 @@ impl std::fmt::Display for StopReason {
             Self::TooFewPairs => "too few pairs within the pair distance",
             Self::TooFewMatches => "too few matches of features",
             Self::NoConsensus => "no consensus: too few matches agree with the motion",
+            Self::Unconfirmed => {
+                "unconfirmed: too little of the clouds lies on each other, or was seen through"
+            }
             Self::Degenerate => "degenerate: the pairs leave a direction open",
             Self::EmptyCloud => "a cloud holds no point",
             Self::BadSettings => "the settings cannot run on these clouds",
@@ -113,6 +132,7 @@ impl Outcome {
             plane_rmse_m: 0.0,
             observability: None,
             consensus: None,
+            overlap: None,
         }
     }
 

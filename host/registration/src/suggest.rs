@@ -5,7 +5,8 @@ use std::cell::OnceCell;
 use nalgebra::Point3;
 
 use super::{
-    FeatureConfig, FgrConfig, FgrMode, GicpConfig, IcpConfig, MacConfig, Method, MethodConfig,
+    AutoConfig, FeatureConfig, FgrConfig, FgrMode, GicpConfig, IcpConfig, MacConfig, Method,
+    MethodConfig,
 };
 use crate::cloud::kdtree::KdTree;
 use crate::cloud::{Cloud, is_finite, voxel};
@@ -22,6 +23,10 @@ const FEATURE_RADIUS_M: f64 = 25.0;
 /// What is described does not grow with the range it is seen from: poles and corners are as large
 /// in a wide scene.
 const FEATURE_EXPONENT: f64 = 0.6;
+
+/// In a cloud smaller than this the scales of [`crate::Auto`] shrink with it, m: a room has no
+/// houses. Finer ones than the default's found less in sparse scans outdoors.
+const AUTO_RADIUS_M: f64 = 8.0;
 
 /// Features of more points than this cost more than they tell.
 const MOST_POINTS: usize = 30_000;
@@ -87,15 +92,30 @@ impl<'a> Suggestions<'a> {
                 MethodConfig::Fgr(FgrConfig::open3d(features().voxel_m))
             }
             (Method::Mac, _) => MethodConfig::Mac(MacConfig::from_features(features())),
+            (Method::Auto, _) => MethodConfig::Auto(self.auto(voxel_m)),
         }
     }
 
     /// As [`suggest_refinement`].
     pub fn refinement(&self, global_voxel_m: f64) -> IcpConfig {
-        let voxel_m = self.icp().voxel_m.max(normal_voxel_m(self.target)).min(global_voxel_m);
+        let voxel_m = self.icp().voxel_m.min(global_voxel_m);
         let config = IcpConfig::refinement(voxel_m);
         let first_m = (2.0 * global_voxel_m).max(config.first_pair_distance_m.unwrap_or_default());
         IcpConfig { first_pair_distance_m: Some(first_m), ..config }
+    }
+
+    /// To what clouds are thinned when they are asked about a motion, m: that of [`crate::Auto`].
+    pub fn scene_voxel_m(&self) -> f64 {
+        self.auto(None).voxel_m
+    }
+
+    /// The finest voxel of the features that are described at several scales.
+    fn auto(&self, voxel_m: Option<f64>) -> AutoConfig {
+        let outdoor = AutoConfig::outdoor();
+        let of_scene = (self.radius_m() / AUTO_RADIUS_M).min(1.0);
+        let voxel_m = voxel_m.unwrap_or(outdoor.voxel_m * of_scene);
+        let config = AutoConfig { voxel_m, ..outdoor };
+        if config.check().is_ok() { config } else { outdoor }
     }
 
     fn icp_of_voxel(&self, voxel_m: f64) -> IcpConfig {
@@ -148,8 +168,8 @@ pub fn suggest_gicp(target: &Cloud, source: &Cloud) -> GicpConfig {
 }
 
 /// Settings that finish what a global method found with a voxel of `global_voxel_m`: the voxel is
-/// that of [`suggest()`], or the larger one whose normals have neighbours enough; the first pairs
-/// are as far apart as the global method may be off, two of its voxels, or four of ours.
+/// that of [`suggest()`]; the first pairs are as far apart as the global method may be off, two of
+/// its voxels, or four of ours.
 pub fn suggest_refinement(target: &Cloud, source: &Cloud, global_voxel_m: f64) -> IcpConfig {
     Suggestions::new(target, source).refinement(global_voxel_m)
 }
@@ -167,14 +187,6 @@ pub fn suggest_refinement(target: &Cloud, source: &Cloud, global_voxel_m: f64) -
 /// asks for, four of six pairs 5 m apart found no consensus; so, none.
 pub fn suggest_features(target: &Cloud, source: &Cloud) -> FeatureConfig {
     Suggestions::new(target, source).features()
-}
-
-/// The voxel whose normals' radius holds neighbours enough of half of the points of a cloud; 0
-/// where there are too few.
-fn normal_voxel_m(cloud: &Cloud) -> f64 {
-    let mut echoes = cloud.clone();
-    echoes.drop_invalid();
-    filling_voxels_m(&echoes)[0]
 }
 
 /// The voxel, or the larger one that leaves few enough points with neighbours enough; as it came if
@@ -292,7 +304,7 @@ mod tests {
             let voxel_m = suggest_features(a, b).voxel_m;
             assert_eq!(suggest_refinement(a, b, voxel_m).check(), Ok(()));
             assert_eq!(suggest_features(a, b).check(), Ok(()));
-            for method in [Method::Icp, Method::Gicp, Method::Fgr, Method::Mac] {
+            for method in Method::ALL {
                 for mode in [FgrMode::Annealed, FgrMode::Open3d] {
                     assert_eq!(suggest_method(method, mode, None, a, b).check(), Ok(()));
                 }

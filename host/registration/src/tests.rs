@@ -467,3 +467,44 @@ fn a_rough_motion_is_refined_within_the_tolerance() {
         }
     }
 }
+
+/// Every scale and guess, then the scans' own verdict, as `register` runs it.
+fn auto(target: &Cloud, source: &Cloud) -> Box<dyn Registration> {
+    build(&suggest_method(crate::Method::Auto, FgrMode::Annealed, None, target, source), None)
+        .unwrap()
+}
+
+#[test]
+fn auto_finds_the_real_pairs_and_the_scans_confirm_them() {
+    for pair in real_pairs() {
+        for (target, source, truth) in pair.directions() {
+            let outcome = auto(target, source).register(target, source, &Pose::identity());
+            pair.holds("auto", &outcome, &truth, pair.most);
+            eprintln!("{:?}", outcome.overlap);
+        }
+    }
+}
+
+/// No motion lays one of these scans on another that is of another place.
+#[test]
+fn scans_of_different_places_are_confirmed_by_no_method() {
+    let pairs = real_pairs();
+    for (i, a) in pairs.iter().enumerate() {
+        for b in pairs[i + 1..].iter().filter(|b| !same_place(a.name, b.name)) {
+            let (target, source) = (&a.clouds[0], &b.clouds[1]);
+            let suggestions = Suggestions::new(target, source);
+            let voxel_m = suggestions.scene_voxel_m();
+            for method in [crate::Method::Icp, crate::Method::Auto] {
+                let config = suggestions.method(method, FgrMode::Annealed, None);
+                let method = Confirmed { method: build(&config, None).unwrap(), voxel_m };
+                let outcome = method.register(target, source, &Pose::identity());
+                eprintln!("{} and {}: {} {:?}", a.name, b.name, outcome.stop, outcome.overlap);
+                assert!(!outcome.stop.is_success(), "{} and {}: {outcome:?}", a.name, b.name);
+            }
+        }
+    }
+}
+
+fn same_place(a: &str, b: &str) -> bool {
+    a.starts_with("carla") && b.starts_with("carla")
+}

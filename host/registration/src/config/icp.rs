@@ -85,7 +85,7 @@ mod tests {
         let outdoor = GicpConfig::outdoor();
         assert_eq!(gicp.normal_radius_m, outdoor.normal_radius_m);
         assert_eq!(gicp.normal_neighbours, outdoor.normal_neighbours);
-        assert_eq!(GicpConfig::from(&IcpConfig::refinement(0.5)).normal_radius_m, 10.0);
+        assert_eq!(GicpConfig::from(&IcpConfig::refinement(0.1)).normal_radius_m, 2.0);
     }
 
     #[test]

@@ -12,12 +12,23 @@ choice! {
         Gicp "gicp" "Generalised ICP: local, plane to plane"
         Fgr "fgr" "Fast global registration on FPFH features: needs no initial guess"
         Mac "mac" "Maximal cliques of compatible FPFH matches: needs no initial guess"
+        Auto "auto" "Candidates of several scales, judged on the points of both clouds, then GICP"
     }
 }
 
 impl Method {
+    /// Whether a local method may go on from what it finds: it has not done so itself.
+    pub fn is_rough(self) -> bool {
+        matches!(self, Self::Fgr | Self::Mac)
+    }
+
+    /// Whether it starts at an initial guess, or takes one among its own.
+    pub fn takes_a_guess(self) -> bool {
+        !self.is_rough()
+    }
+
     /// Whether it searches all motions, and so needs no initial guess.
     pub fn is_global(self) -> bool {
-        matches!(self, Self::Fgr | Self::Mac)
+        matches!(self, Self::Fgr | Self::Mac | Self::Auto)
     }
 }

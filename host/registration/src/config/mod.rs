@@ -20,4 +20,6 @@ pub use error::ConfigError;
 pub use method::Method;
 pub use mode::FgrMode;
 pub use setting::{Bound, Kind, Range, Search, Setting, Spacing, Use};
-pub use table::{FeatureConfig, FgrConfig, GicpConfig, IcpConfig, MacConfig, SETTINGS, setting};
+pub use table::{
+    AutoConfig, FeatureConfig, FgrConfig, GicpConfig, IcpConfig, MacConfig, SETTINGS, setting,
+};

@@ -27,6 +27,7 @@ pub struct Setting {
     pub(super) features: Option<Use>,
     pub(super) fgr: Option<Use>,
     pub(super) mac: Option<Use>,
+    pub(super) auto: Option<Use>,
 }
 
 /// How a setting is kept.
@@ -103,8 +104,9 @@ impl Setting {
         help: &'static str,
         bound: Bound,
     ) -> Self {
-        let (former, icp, gicp, features, fgr, mac) = (None, None, None, None, None, None);
-        Self { key, path, former, kind, unit, help, bound, icp, gicp, features, fgr, mac }
+        let (former, icp, gicp, features) = (None, None, None, None);
+        let (fgr, mac, auto) = (None, None, None);
+        Self { key, path, former, kind, unit, help, bound, icp, gicp, features, fgr, mac, auto }
     }
 
     /// As the method has it; absent when it is none of its settings.
@@ -114,6 +116,7 @@ impl Setting {
             Method::Gicp => self.gicp,
             Method::Fgr => self.fgr.or(self.features),
             Method::Mac => self.mac.or(self.features),
+            Method::Auto => self.auto,
         }
     }
 

@@ -151,6 +151,7 @@ macro_rules! settings {
             $(features $features:expr, $features_use:expr;)?
             $(fgr $fgr:expr, $fgr_use:expr;)?
             $(mac $mac:expr, $mac_use:expr;)?
+            $(auto $auto:expr, $auto_use:expr;)?
         }
     )+) => {
         /// Every setting, in the order of its use.
@@ -161,6 +162,7 @@ macro_rules! settings {
             $(features: Some($features_use),)?
             $(fgr: Some($fgr_use),)?
             $(mac: Some($mac_use),)?
+            $(auto: Some($auto_use),)?
             ..Setting::new(
                 stringify!($key),
                 concat!("registration.", stringify!($key)),
@@ -225,6 +227,12 @@ macro_rules! settings {
             ]
             [$($({ $key: $type = $mac, $help, $more })?)+]
         }
+
+        configuration! {
+            /// Settings of [`crate::Auto`]. Lengths in metres.
+            AutoConfig(|setting| setting.of(Method::Auto)) []
+            [$($({ $key: $type = $auto, $help, $more })?)+]
+        }
     };
 }
 
@@ -236,6 +244,7 @@ settings! {
         icp 0.2, VOXEL;
         gicp 0.2, VOXEL;
         features 0.5, VOXEL;
+        auto 0.8, ours(log(0.2, 2.0));
     }
     normal_radius_m: f64, "m", LENGTH,
         "Radius of the normals' neighbourhood, m.",
@@ -344,6 +353,18 @@ settings! {
     {
         icp 1e-3, PLAIN;
         gicp 1e-3, PLAIN;
+    }
+    max_candidates: usize, "", count!(1 to 1000),
+        "Motions of each scale that are judged on the points of both clouds at most.",
+        "" =>
+    {
+        auto 10, PLAIN;
+    }
+    max_refined: usize, "", count!(1 to 1000),
+        "The best of the judged motions, so many at most, are refined with ICP.",
+        "" =>
+    {
+        auto 8, PLAIN;
     }
     max_tuples: usize, "", count!(1 to 1000000),
         "Triples of matches that the tuple test keeps at most.",

@@ -31,6 +31,9 @@ const LEAST_MATCHES: usize = 3;
 /// Motions that are refitted in search of a runner-up to the best.
 const MAX_RUNNERS_UP: usize = 32;
 
+/// Motions that are looked at in search of candidates.
+const MAX_CANDIDATES: usize = 200;
+
 /// Registration with maximal cliques.
 ///
 /// Zhang et al., "3D registration with maximal cliques", 2023: matches that a rigid motion could
@@ -101,9 +104,35 @@ impl Mac {
             report.outcome.stop = StopReason::TooFewMatches;
             return report;
         }
-        let (nodes, graph) = self.graph(&finite);
+        let proposed = self.propose(&finite, &mut report);
+        self.conclude(&finite, &proposed, &mut report.outcome);
+        report
+    }
+
+    /// The motions that most matches agree with, best first, each clearly another than those before
+    /// it; `most` at most. None of them need be right.
+    pub fn candidates(&self, pairs: &[PointPair], most: usize) -> Vec<Pose> {
+        let finite: Vec<PointPair> = pairs.iter().copied().filter(is_finite).collect();
+        if finite.len() < LEAST_MATCHES {
+            return Vec::new();
+        }
+        let mut report = MacReport::nothing(&Pose::identity(), pairs.len());
+        let proposed = self.propose(&finite, &mut report);
+        let mut found = Distinct { tau_m: self.config.max_pair_distance_m, motions: Vec::new() };
+        for next in proposed.iter().take(MAX_CANDIDATES) {
+            if found.motions.len() < most && found.is_new(&next.target_from_source) {
+                found.add(self.refit(&finite, next), &finite);
+            }
+        }
+        found.motions.sort_by(|a, b| b.0.score.total_cmp(&a.0.score));
+        found.motions.iter().map(|(motion, _)| motion.target_from_source).collect()
+    }
+
+    /// The motions that cliques propose, best first; the report hears how many there were.
+    fn propose(&self, finite: &[PointPair], report: &mut MacReport) -> Vec<Hypothesis> {
+        let (nodes, graph) = self.graph(finite);
         let selection = select::heaviest(&graph, self.config.least_clique, self.config.max_cliques);
-        let scorer = Scorer::new(&finite, self.config.max_pair_distance_m);
+        let scorer = Scorer::new(finite, self.config.max_pair_distance_m);
         let proposed = hypotheses::propose(&selection.cliques, &nodes, &scorer);
         (report.nodes, report.edges) = (nodes.len(), graph.edges());
         if let Some(consensus) = &mut report.outcome.consensus {
@@ -111,8 +140,7 @@ impl Mac {
         }
         (report.cliques, report.cut_searches) = (selection.found, selection.cut_roots);
         report.hypotheses = proposed.len();
-        self.conclude(&finite, &proposed, &mut report.outcome);
-        report
+        proposed
     }
 
     /// The matches that are searched, and their second-order graph.
@@ -183,6 +211,29 @@ impl Mac {
             if next.score > best.score { next } else { best }
         };
         refitted.filter(|other| is_another(&other.target_from_source)).reduce(better)
+    }
+}
+
+/// Motions of which each is clearly another than the rest, with the matches that agree.
+struct Distinct {
+    tau_m: f64,
+    motions: Vec<(Refitted<f64>, Vec<PointPair>)>,
+}
+
+impl Distinct {
+    fn is_new(&self, motion: &Pose) -> bool {
+        let is_another = |(other, inliers): &(Refitted<f64>, Vec<PointPair>)| {
+            is_another(motion, &other.target_from_source, inliers, self.tau_m)
+        };
+        self.motions.iter().all(is_another)
+    }
+
+    /// Adds a refitted motion, unless it has come to one that is there.
+    fn add(&mut self, refitted: Refitted<f64>, pairs: &[PointPair]) {
+        if self.is_new(&refitted.target_from_source) {
+            let inliers = within(pairs, &refitted.target_from_source, self.tau_m);
+            self.motions.push((refitted, inliers));
+        }
     }
 }
 

@@ -1,0 +1,167 @@
+//! Every scale and several guesses; the scans themselves choose.
+
+use rayon::prelude::*;
+
+use crate::cloud::Cloud;
+use crate::global::matched;
+use crate::overlap::{Overlap, Scene};
+use crate::pose::Pose;
+use crate::{
+    AutoConfig, ConfigError, FeatureConfig, Gicp, GicpConfig, Icp, IcpConfig, Mac, MacConfig,
+    Outcome, Registration, Source, StopReason, Suggestions, Target,
+};
+
+/// The voxels of the features, over the finest: what is described at 0.8 m is a door, at 2.5 m a
+/// house, and sparse scans know only houses.
+const SCALES: [f64; 4] = [1.0, 1.5, 2.25, 3.125];
+
+/// Voxels that pairs are apart at first when a candidate is refined, and in the end.
+const REFINED_VOXELS: [f64; 2] = [5.0, 1.25];
+
+/// A finished motion keeps this share of the score it began with, or it went astray. Scores know
+/// decimetres: below that GICP knows better.
+const KEPT_SCORE: f64 = 0.95;
+
+/// Steps of a candidate's refinement.
+const REFINED_ITERATIONS: usize = 30;
+
+/// Registration that needs no luck: candidates from several scales, judged on the points of both
+/// scans.
+///
+/// 1. Features of four voxels; of each the motions that most matches agree with
+///    ([`Mac::candidates`]), and the guess that was given.
+/// 2. What both scans say of each ([`Scene::overlap`]): the best are refined with ICP.
+/// 3. What they say of these: the best one wins, finished with GICP at the clouds' own voxel.
+/// 4. A motion that the scans do not bear out is [`StopReason::Unconfirmed`].
+///
+/// A consensus of matches is a guess of one scale, and its inliers only count what that scale
+/// described. The points of both scans are a second opinion, and one that knows of open space.
+#[derive(Clone, Debug)]
+pub struct Auto {
+    config: AutoConfig,
+}
+
+/// A motion, and what the scans say of it.
+#[derive(Clone, Copy, Debug)]
+struct Candidate {
+    target_from_source: Pose,
+    overlap: Overlap,
+}
+
+/// Both scans as motions are judged and refined by.
+struct Bench {
+    target: Scene,
+    source: Scene,
+    icp: Icp,
+    prepared: (Target, Source),
+}
+
+impl Auto {
+    /// # Errors
+    ///
+    /// [`ConfigError`] names the field that cannot run.
+    pub fn new(config: AutoConfig) -> Result<Self, ConfigError> {
+        config.check()?;
+        Ok(Self { config })
+    }
+
+    /// The settings.
+    pub fn config(&self) -> &AutoConfig {
+        &self.config
+    }
+
+    fn found(&self, target: &Cloud, source: &Cloud, initial: &Pose) -> Result<Outcome, StopReason> {
+        let bench = Bench::new(target, source, self.config.voxel_m)?;
+        let mut guesses = self.guesses(target, source);
+        guesses.push(*initial);
+        let best = best_of(bench.judged(&guesses), self.config.max_refined);
+        let refined: Vec<Pose> =
+            best.par_iter().map(|candidate| bench.refined(&candidate.target_from_source)).collect();
+        let best = best_of(bench.judged(&refined), 1);
+        let start = best.first().ok_or(StopReason::NoConsensus)?.target_from_source;
+        let finished = finish(target, source, self.config.voxel_m, &start)?;
+        Ok(bench.conclude(start, finished))
+    }
+
+    /// The candidates of every scale, the finest first.
+    fn guesses(&self, target: &Cloud, source: &Cloud) -> Vec<Pose> {
+        let of = |scale: &f64| {
+            let features = FeatureConfig::from_voxel(scale * self.config.voxel_m);
+            let matches = matched(target, source, &features).ok()?;
+            let mac = Mac::new(MacConfig::from_features(features)).ok()?;
+            Some(mac.candidates(&matches, self.config.max_candidates))
+        };
+        SCALES.par_iter().filter_map(of).collect::<Vec<_>>().concat()
+    }
+}
+
+/// The candidates with the best scores, best first; of equals the earlier.
+fn best_of(mut candidates: Vec<Candidate>, most: usize) -> Vec<Candidate> {
+    candidates.sort_by(|a, b| b.overlap.score().total_cmp(&a.overlap.score()));
+    candidates.truncate(most);
+    candidates
+}
+
+/// GICP at the clouds' own voxel, from a motion good to a part of `voxel_m`.
+fn finish(
+    target: &Cloud,
+    source: &Cloud,
+    voxel_m: f64,
+    start: &Pose,
+) -> Result<Outcome, StopReason> {
+    let config = GicpConfig::from(&Suggestions::new(target, source).refinement(voxel_m));
+    let gicp = Gicp::new(config).map_err(|_| StopReason::BadSettings)?;
+    Ok(gicp.register(target, source, start))
+}
+
+impl Bench {
+    fn new(target: &Cloud, source: &Cloud, voxel_m: f64) -> Result<Self, StopReason> {
+        let [first_m, last_m] = REFINED_VOXELS.map(|voxels| voxels * voxel_m);
+        let config = IcpConfig {
+            first_pair_distance_m: Some(first_m),
+            max_pair_distance_m: last_m,
+            max_iterations: REFINED_ITERATIONS,
+            ..IcpConfig::refinement(voxel_m)
+        };
+        let icp = Icp::new(config).map_err(|_| StopReason::BadSettings)?;
+        let prepared = (Target::prepare(target, &config)?, Source::prepare(source, &config)?);
+        let (target, source) = (Scene::new(target, voxel_m)?, Scene::new(source, voxel_m)?);
+        Ok(Self { target, source, icp, prepared })
+    }
+
+    fn judged(&self, motions: &[Pose]) -> Vec<Candidate> {
+        motions.par_iter().map(|motion| self.candidate(motion)).collect()
+    }
+
+    fn candidate(&self, motion: &Pose) -> Candidate {
+        let overlap = self.target.overlap(&self.source, motion);
+        Candidate { target_from_source: *motion, overlap }
+    }
+
+    /// Where ICP comes to from a candidate, even if it was still moving.
+    fn refined(&self, start: &Pose) -> Pose {
+        let (target, source) = &self.prepared;
+        self.icp.align(target, source, start).target_from_source
+    }
+
+    /// The finished motion, unless the scans clearly prefer the one it began with.
+    fn conclude(&self, start: Pose, finished: Outcome) -> Outcome {
+        let (before, after) =
+            (self.candidate(&start), self.candidate(&finished.target_from_source));
+        let fell = after.overlap.score() < KEPT_SCORE * before.overlap.score();
+        let kept = if fell { before } else { after };
+        let stop = if kept.overlap.confirms() { finished.stop } else { StopReason::Unconfirmed };
+        Outcome {
+            target_from_source: kept.target_from_source,
+            overlap: Some(kept.overlap),
+            stop,
+            ..finished
+        }
+    }
+}
+
+impl Registration for Auto {
+    fn register(&self, target: &Cloud, source: &Cloud, initial: &Pose) -> Outcome {
+        self.found(target, source, initial).unwrap_or_else(|stop| Outcome::nothing(initial, stop))
+    }
+}

@@ -1,0 +1,85 @@
+//! Any method, and a second opinion on what it found.
+
+use super::Scene;
+use crate::cloud::Cloud;
+use crate::pose::Pose;
+use crate::{Outcome, PrepareError, Registration, StopReason};
+
+/// Runs a method, then asks the scans whether they bear its motion out.
+///
+/// | the method | the scans | stop |
+/// |---|---|---|
+/// | converged | confirm | converged |
+/// | converged | do not | unconfirmed |
+/// | anything else | not asked where nothing was found | the method's |
+///
+/// A local method converges wherever it starts, and matches agree by chance: neither knows of it.
+#[derive(Clone, Debug)]
+pub struct Confirmed<M> {
+    /// What finds the motion.
+    pub method: M,
+    /// To what the clouds are thinned for the question, m.
+    pub voxel_m: f64,
+}
+
+impl<M: Registration> Registration for Confirmed<M> {
+    fn register(&self, target: &Cloud, source: &Cloud, initial: &Pose) -> Outcome {
+        let mut outcome = self.method.register(target, source, initial);
+        if outcome.overlap.is_none() && outcome.iterations > 0 {
+            let motion = &outcome.target_from_source;
+            outcome.overlap = overlap(target, source, motion, self.voxel_m).ok();
+        }
+        let refused = outcome.overlap.is_some_and(|overlap| !overlap.confirms());
+        if refused && outcome.stop.is_success() {
+            outcome.stop = StopReason::Unconfirmed;
+        }
+        outcome
+    }
+}
+
+fn overlap(
+    target: &Cloud,
+    source: &Cloud,
+    motion: &Pose,
+    voxel_m: f64,
+) -> Result<super::Overlap, PrepareError> {
+    Ok(Scene::new(target, voxel_m)?.overlap(&Scene::new(source, voxel_m)?, motion))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::yard;
+    use super::*;
+
+    /// Says that it converged at `x_m`.
+    struct Fake {
+        x_m: f64,
+        stop: StopReason,
+    }
+
+    impl Registration for Fake {
+        fn register(&self, _: &Cloud, _: &Cloud, initial: &Pose) -> Outcome {
+            let motion = Pose::translation(self.x_m, 0.0, 0.0);
+            let nothing = Outcome::nothing(initial, self.stop);
+            Outcome { target_from_source: motion, iterations: 1, ..nothing }
+        }
+    }
+
+    fn run(x_m: f64, stop: StopReason) -> Outcome {
+        let method = Confirmed { method: Fake { x_m, stop }, voxel_m: 0.8 };
+        method.register(&yard(0.0), &yard(5.0), &Pose::identity())
+    }
+
+    #[test]
+    fn a_right_motion_stays_converged_and_a_wrong_one_does_not() {
+        assert_eq!(run(5.0, StopReason::Converged).stop, StopReason::Converged);
+        let wrong = run(-3.0, StopReason::Converged);
+        assert_eq!(wrong.stop, StopReason::Unconfirmed);
+        assert!(wrong.overlap.is_some_and(|overlap| overlap.seen_through > 0.01), "{wrong:?}");
+    }
+
+    #[test]
+    fn the_reason_of_a_method_that_did_not_converge_is_kept() {
+        assert_eq!(run(-3.0, StopReason::NoConsensus).stop, StopReason::NoConsensus);
+    }
+}

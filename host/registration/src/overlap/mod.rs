@@ -1,0 +1,243 @@
+//! Whether two scans bear a motion out: what lies on what, and what was seen through.
+//!
+//! ```
+//! use echoloop_registration::cloud::Cloud;
+//! use echoloop_registration::overlap::Scene;
+//! use echoloop_registration::pose::Pose;
+//!
+//! let field = |x: f32, y: f32| [x, y, (0.7 * x).sin() + (0.5 * y + 0.2 * x).cos() - 3.0].into();
+//! let at = |i: i32| field((i % 100 - 50) as f32 * 0.2, (i / 100 - 50) as f32 * 0.2);
+//! let scan = Scene::new(&Cloud::new((0..10_000).map(at).collect()), 0.4)?;
+//! let found = scan.overlap(&scan, &Pose::identity());
+//! assert!(found.confirms() && found.supported > 0.9);
+//! assert!(!scan.overlap(&scan, &Pose::translation(0.0, 0.0, 2.0)).confirms());
+//! # Ok::<(), echoloop_registration::PrepareError>(())
+//! ```
+
+mod confirmed;
+mod range_image;
+
+use nalgebra::{Isometry3, Point3, Vector3};
+use rayon::prelude::*;
+
+pub use self::confirmed::Confirmed;
+use self::range_image::RangeImage;
+use crate::cloud::kdtree::KdTree;
+use crate::cloud::{Cloud, normals};
+use crate::pose::Pose;
+use crate::prepared::thinned;
+use crate::{Convention, PrepareError};
+
+/// Voxels in the radius of normals, and how many neighbours make one.
+const NORMAL_VOXELS: f64 = 4.0;
+
+/// See [`NORMAL_VOXELS`].
+const NORMAL_NEIGHBOURS: usize = 12;
+
+/// A point farther from all others than this, over the voxel, lies on nothing.
+const REACH_VOXELS: f32 = 1.25;
+
+/// A point this far from a surface, over the voxel, supports half.
+const HALF_VOXELS: f32 = 0.375;
+
+/// Directions nearer than this share what was seen there, degrees.
+const DIRECTION_DEG: f32 = 2.5;
+
+/// A point was seen through when all that was seen around it lies farther by this share …
+const BEHIND_SHARE: f32 = 0.05;
+
+/// … and by this, over the voxel.
+const BEHIND_VOXELS: f32 = 1.25;
+
+/// Points a thread takes at a time.
+const CHUNK: usize = 512;
+
+/// How much a point that was seen through weighs against points that lie on a surface.
+const CONTRADICTION: f64 = 3.0;
+
+/// A scan as a motion is judged by: its surface, and how far its sensor saw in every direction.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    points: Vec<Point3<f32>>,
+    normals: Vec<Vector3<f32>>,
+    tree: KdTree,
+    image: RangeImage,
+    voxel_m: f32,
+}
+
+/// What two scans say of a motion. Shares are of the points of both, thinned, 0 to 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Overlap {
+    /// On a surface of the other scan that faces the same way: each by how near it is.
+    pub supported: f64,
+    /// Where the other sensor saw through: its echoes from there came from farther away.
+    pub seen_through: f64,
+}
+
+impl Overlap {
+    /// Least share of the points on the other scan's surface.
+    pub const LEAST_SUPPORTED: f64 = 0.1;
+
+    /// Most points seen through, over those on a surface.
+    pub const MOST_SEEN_THROUGH: f64 = 0.02;
+
+    /// Whether the scans bear the motion out.
+    ///
+    /// Streets look alike, and so does every stretch of ground: how much lies on each other tells
+    /// unrelated scans from right motions badly. But a wall in the wrong place stands where the
+    /// other sensor saw the open, which no right motion of a rigid scene does.
+    pub fn confirms(&self) -> bool {
+        self.supported >= Self::LEAST_SUPPORTED
+            && self.seen_through <= Self::MOST_SEEN_THROUGH * self.supported
+    }
+
+    /// What motions are ranked by; higher is better.
+    pub fn score(&self) -> f64 {
+        self.supported - CONTRADICTION * self.seen_through
+    }
+}
+
+impl Scene {
+    /// Thins a scan to `voxel_m`, and works out its surface. The sensor is at the origin.
+    ///
+    /// # Errors
+    ///
+    /// [`PrepareError`] when there is no point, or the voxel is too small for the cloud.
+    pub fn new(cloud: &Cloud, voxel_m: f64) -> Result<Self, PrepareError> {
+        let points = thinned(cloud, voxel_m, Convention::Sensor)?;
+        let normals = normals::from_points(&points, NORMAL_VOXELS * voxel_m, NORMAL_NEIGHBOURS);
+        let (tree, image) = (KdTree::new(&points), RangeImage::new(&cloud.points, DIRECTION_DEG));
+        Ok(Self { points, normals, tree, image, voxel_m: voxel_m as f32 })
+    }
+
+    /// What this scan, the target, and a source say of a motion.
+    pub fn overlap(&self, source: &Self, target_from_source: &Pose) -> Overlap {
+        let (there, back) = (target_from_source.cast(), target_from_source.inverse().cast());
+        let (forth, again) =
+            rayon::join(|| source.seen_by(self, &there), || self.seen_by(source, &back));
+        let points = (source.points.len() + self.points.len()).max(1) as f64;
+        Overlap {
+            supported: (forth.0 + again.0) / points,
+            seen_through: (forth.1 + again.1) / points,
+        }
+    }
+
+    /// How many of these points lie on the other's surface, and how many it saw through.
+    fn seen_by(&self, other: &Self, other_from_self: &Isometry3<f32>) -> (f64, f64) {
+        let chunk = |(points, normals): (&[Point3<f32>], &[Vector3<f32>])| {
+            points.iter().zip(normals).fold((0.0, 0.0), |(on, through), (point, normal)| {
+                let (point, normal) = (other_from_self * point, other_from_self * normal);
+                match other.support(&point, &normal) {
+                    Some(share) => (on + f64::from(share), through),
+                    None => (on, through + f64::from(u8::from(other.saw_through(&point)))),
+                }
+            })
+        };
+        let chunks = self.points.par_chunks(CHUNK).zip(self.normals.par_chunks(CHUNK));
+        // In order: the same sum on any number of threads.
+        let sums: Vec<(f64, f64)> = chunks.map(chunk).collect();
+        sums.iter().fold((0.0, 0.0), |sum, next| (sum.0 + next.0, sum.1 + next.1))
+    }
+
+    /// How well a point and its normal lie on the surface; none where nothing is near.
+    ///
+    /// ```text
+    /// max(0, n · m) / (1 + (n · d / h)²)       d to the nearest point, n its normal, m the point's
+    /// ```
+    fn support(&self, point: &Point3<f32>, normal: &Vector3<f32>) -> Option<f32> {
+        let nearest = self.tree.nearest(point, REACH_VOXELS * self.voxel_m)? as usize;
+        let (to, own) = (self.points.get(nearest)?, self.normals.get(nearest)?);
+        let off_m = match *own == Vector3::zeros() {
+            true => (point - to).norm(),
+            false => own.dot(&(point - to)).abs(),
+        };
+        let known = *own != Vector3::zeros() && *normal != Vector3::zeros();
+        let agree = if known { own.dot(normal).max(0.0) } else { 0.5 };
+        let halves = off_m / (HALF_VOXELS * self.voxel_m);
+        Some(agree / (1.0 + halves * halves))
+    }
+
+    fn saw_through(&self, point: &Point3<f32>) -> bool {
+        let range_m = point.coords.norm();
+        let least_m = range_m * (1.0 + BEHIND_SHARE) + BEHIND_VOXELS * self.voxel_m;
+        self.image.nearest_m(point).is_some_and(|seen_m| seen_m > least_m)
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    /// A yard 40 m square as a sensor sees it from `x_m`: floor, and walls that end the view.
+    pub(super) fn yard(x_m: f32) -> Cloud {
+        let ray = |i: i32| {
+            let azimuth = (i % 360) as f32 * std::f32::consts::TAU / 360.0;
+            let elevation = ((i / 360) as f32 - 30.0).to_radians();
+            let way = Vector3::new(
+                azimuth.cos() * elevation.cos(),
+                azimuth.sin() * elevation.cos(),
+                elevation.sin(),
+            );
+            let floor = if way.z < 0.0 { -2.0 / way.z } else { f32::INFINITY };
+            let wall = |at: f32, along: f32| match along {
+                0.0 => f32::INFINITY,
+                along => ((20.0 * along.signum() - at) / along).max(0.0),
+            };
+            Point3::from(way * floor.min(wall(x_m, way.x)).min(wall(0.0, way.y)))
+        };
+        Cloud::new((0..360 * 40).map(ray).collect())
+    }
+
+    fn scenes() -> (Scene, Scene) {
+        (Scene::new(&yard(0.0), 0.8).unwrap(), Scene::new(&yard(5.0), 0.8).unwrap())
+    }
+
+    #[test]
+    fn the_right_motion_is_borne_out_and_nothing_was_seen_through() {
+        let (target, source) = scenes();
+        let found = target.overlap(&source, &Pose::translation(5.0, 0.0, 0.0));
+        assert!(found.confirms() && found.supported > 0.6, "{found:?}");
+        assert!(found.seen_through < 1e-3, "{found:?}");
+    }
+
+    #[test]
+    fn walls_in_the_open_refuse_a_motion_that_lays_floor_on_floor() {
+        let (target, source) = scenes();
+        let found = target.overlap(&source, &Pose::translation(-3.0, 0.0, 0.0));
+        assert!(found.supported > 0.3, "the floors lie on each other: {found:?}");
+        assert!(!found.confirms(), "{found:?}");
+    }
+
+    #[test]
+    fn scans_that_share_nothing_confirm_nothing() {
+        let (target, source) = scenes();
+        let found = target.overlap(&source, &Pose::translation(900.0, 0.0, 0.0));
+        assert_eq!((found, found.confirms()), (Overlap::default(), false));
+    }
+
+    #[test]
+    fn the_right_motion_scores_above_its_neighbours() {
+        let (target, source) = scenes();
+        let score = |x_m: f64, turn: f64| {
+            let pose = Pose::new([x_m, 0.0, 0.0].into(), [0.0, 0.0, turn].into());
+            target.overlap(&source, &pose).score()
+        };
+        let right = score(5.0, 0.0);
+        for (x_m, turn) in [(3.5, 0.0), (6.5, 0.0), (5.0, 0.2), (5.0, -0.2), (0.0, 0.0)] {
+            assert!(right > score(x_m, turn), "{x_m} m, {turn}");
+        }
+    }
+
+    #[test]
+    fn one_thread_and_two_give_the_same_bytes() {
+        let on = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let (target, source) = scenes();
+                target.overlap(&source, &Pose::translation(4.7, 0.1, 0.0))
+            })
+        };
+        assert_eq!(on(1), on(2));
+    }
+}

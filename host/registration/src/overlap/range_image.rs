@@ -1,0 +1,87 @@
+//! How far a sensor saw in every direction.
+
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
+
+use nalgebra::Point3;
+
+use crate::cloud::is_finite;
+
+/// The nearest range seen in each direction and the eight around it; nothing where no echo came
+/// back, which is no proof of open space: it may have been too dark.
+#[derive(Clone, Debug)]
+pub(super) struct RangeImage {
+    columns: usize,
+    rows: usize,
+    step_rad: f32,
+    /// Row after row from straight down, m; infinite where nothing was seen.
+    nearest_m: Vec<f32>,
+}
+
+impl RangeImage {
+    /// Of a scan whose sensor is at the origin.
+    pub(super) fn new(points: &[Point3<f32>], step_deg: f32) -> Self {
+        let step_rad = step_deg.to_radians();
+        let (columns, rows) = ((TAU / step_rad).round() as usize, (PI / step_rad).round() as usize);
+        let nearest_m = vec![f32::INFINITY; columns * rows];
+        let mut image = Self { columns, rows, step_rad, nearest_m };
+        for point in points.iter().filter(|p| is_finite(p)) {
+            let (at, range_m) = (image.at(point), point.coords.norm());
+            if range_m > 0.0 && range_m < image.nearest_m[at] {
+                image.nearest_m[at] = range_m;
+            }
+        }
+        image.nearest_m = (0..columns * rows).map(|at| image.around_m(at)).collect();
+        image
+    }
+
+    /// The nearest range seen around a point's direction, m; none where nothing was seen.
+    pub(super) fn nearest_m(&self, point: &Point3<f32>) -> Option<f32> {
+        self.nearest_m.get(self.at(point)).copied().filter(|range_m| range_m.is_finite())
+    }
+
+    /// The nearest of a direction and the eight around it; infinite where it saw nothing itself.
+    fn around_m(&self, at: usize) -> f32 {
+        if self.nearest_m[at].is_infinite() {
+            return f32::INFINITY;
+        }
+        let (row, column) = (at / self.columns, at % self.columns);
+        let rows = row.saturating_sub(1)..(row + 2).min(self.rows);
+        // All the way round: the first column is beside the last.
+        let columns = [column + self.columns - 1, column, column + 1].map(|c| c % self.columns);
+        rows.flat_map(|row| columns.map(|column| self.nearest_m[row * self.columns + column]))
+            .fold(f32::INFINITY, f32::min)
+    }
+
+    fn at(&self, point: &Point3<f32>) -> usize {
+        let azimuth = point.y.atan2(point.x) + PI;
+        let elevation = point.z.atan2(point.x.hypot(point.y)) + FRAC_PI_2;
+        let column = ((azimuth / self.step_rad) as usize).min(self.columns - 1);
+        let row = ((elevation / self.step_rad) as usize).min(self.rows - 1);
+        row * self.columns + column
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_direction_knows_the_nearest_of_itself_and_its_neighbours() {
+        let at = |deg: f32, range_m: f32| {
+            Point3::new(range_m * deg.to_radians().cos(), range_m * deg.to_radians().sin(), 0.0)
+        };
+        // On both sides of where the azimuth begins anew.
+        let image = RangeImage::new(&[at(179.0, 9.0), at(-179.0, 7.0), at(0.0, 5.0)], 2.5);
+        assert_eq!(image.nearest_m(&at(179.0, 1.0)).map(f32::round), Some(7.0));
+        assert_eq!(image.nearest_m(&at(0.3, 99.0)).map(f32::round), Some(5.0));
+        assert_eq!(image.nearest_m(&at(90.0, 1.0)), None, "nothing came back from there");
+    }
+
+    #[test]
+    fn points_without_a_direction_do_no_harm() {
+        let odd = [Point3::origin(), Point3::new(f32::NAN, 0.0, 0.0), Point3::new(0.0, 0.0, -4.0)];
+        let image = RangeImage::new(&odd, 2.5);
+        assert_eq!(image.nearest_m(&Point3::new(0.0, 0.0, -1.0)), Some(4.0));
+        assert_eq!(image.nearest_m(&Point3::origin()), None);
+    }
+}
