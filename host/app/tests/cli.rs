@@ -204,7 +204,7 @@ fn a_cloud_that_is_none_is_refused_by_name() {
     for (flag, value) in flags {
         let option = format!("{flag}={value}");
         fixture.refuses(
-            &["register", "good.xyz", "good.xyz", &option],
+            &["register", "good.xyz", "good.xyz", "--method", "icp", &option],
             &[&flag[2..].replace('-', "_")],
         );
     }
@@ -667,8 +667,8 @@ fn motion(document: &Value) -> nalgebra::Isometry3<f64> {
 fn register_recovers_a_known_motion_and_prints_the_documented_keys() {
     let fixture = Fixture::new();
     let truth = synthetic_pair(&fixture);
-    let document =
-        fixture.succeed(&["register", "-q", "--json", "target.xyz", "source.xyz"]).json();
+    let icp = ["register", "-q", "--json", "--method", "icp", "target.xyz", "source.xyz"];
+    let document = fixture.succeed(&icp).json();
     let keys: Vec<&String> = document.as_object().expect("an object").keys().collect();
     let expected = [
         "format",
@@ -680,6 +680,8 @@ fn register_recovers_a_known_motion_and_prints_the_documented_keys() {
         "cpu_s",
         "iterations",
         "inlier_fraction",
+        "supported",
+        "seen_through",
         "unobservable_directions",
         "matches",
         "searched",
@@ -733,10 +735,16 @@ fn a_registration_that_fails_exits_with_one_and_says_why() {
     let fixture = Fixture::new();
     synthetic_pair(&fixture);
     fixture.write("far.xyz", "900 0 0\n901 0 0\n900 1 0\n900 0 1\n");
-    let output = fixture.run(&["register", "--json", "target.xyz", "far.xyz"]);
-    assert_eq!(output.code, Some(1), "{}", output.stderr);
-    assert!(output.stderr.contains("not registered: too few pairs"), "{}", output.stderr);
-    assert_eq!(output.json()["stop"], "TooFewPairs");
+    for (method, why, stop) in [
+        ("icp", "not registered: too few pairs", "TooFewPairs"),
+        ("auto", "not registered: unconfirmed", "Unconfirmed"),
+    ] {
+        let output =
+            fixture.run(&["register", "--json", "target.xyz", "far.xyz", "--method", method]);
+        assert_eq!(output.code, Some(1), "{}", output.stderr);
+        assert!(output.stderr.contains(why), "{}", output.stderr);
+        assert_eq!(output.json()["stop"], stop);
+    }
 }
 
 /// A file of the public data, when there is a folder of it.

@@ -191,8 +191,8 @@ fn flags_that_do_not_go_together_are_refused_by_name() {
     let fixture = Fixture::new();
     fixture.write("a.xyz", "1 2 3\n");
     let table: [(&[&str], &[&str]); 9] = [
-        (&["--refine"], &["--refine", "icp"]),
-        (&["--feature-radius-m", "2"], &["--feature-radius-m", "icp"]),
+        (&["--refine"], &["--refine", "auto"]),
+        (&["--feature-radius-m", "2"], &["--feature-radius-m", "auto"]),
         (&["--method", "gicp", "--max-tuples", "9"], &["--max-tuples", "gicp"]),
         (&["--method", "mac", "--mode", "open3d"], &["--mode", "mac"]),
         (&["--method", "mac", "--seed", "3"], &["--seed", "mac"]),
@@ -264,7 +264,7 @@ fn clouds_that_no_method_can_register_end_with_one_and_a_reason() {
 #[test]
 fn every_method_can_be_tuned_and_judged_again() {
     let fixture = Fixture::new();
-    for (method, axes) in [("gicp", 7), ("fgr", 6), ("mac", 6)] {
+    for (method, axes) in [("gicp", 7), ("fgr", 6), ("mac", 6), ("auto", 1)] {
         let own = ["--method", method, "--protocol", "registration", "--generations", "2"];
         fixture.succeed(&[&["tune", "-q", "-c", "small.toml"], &own[..]].concat());
         let result: Value =

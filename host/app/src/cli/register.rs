@@ -11,7 +11,9 @@ use super::method_flags::MethodFlags;
 use crate::experiment::params::written;
 use echoloop_registration::cloud::{Cloud, read_cloud, voxel};
 use echoloop_registration::pose::{Pose, read_pose, to_rows};
-use echoloop_registration::{Method, MethodConfig, Outcome, StopReason, Suggestions, build};
+use echoloop_registration::{
+    Confirmed, Method, MethodConfig, Outcome, Registration, StopReason, Suggestions, build,
+};
 
 /// Flags of `register`. Without any, they are chosen from the clouds.
 #[derive(Clone, Debug, Args)]
@@ -24,13 +26,13 @@ pub(crate) struct RegisterArgs {
     #[command(flatten)]
     common: Common,
     /// The method.
-    #[arg(long, default_value = "icp", value_parser = method_parser())]
+    #[arg(long, default_value = "auto", value_parser = method_parser())]
     method: Method,
     /// Finish what a global method finds with point-to-plane ICP.
     #[arg(long)]
     refine: bool,
-    /// Of ICP and GICP, where to start: a file with target_from_source, as --json writes it, as a
-    /// 4 × 4 matrix, or as a KITTI row of 12 numbers [default: identity].
+    /// Of icp, gicp and auto, where to start: a file with target_from_source, as --json writes it,
+    /// as a 4 × 4 matrix, or as a KITTI row of 12 numbers [default: identity].
     #[arg(long, value_name = "FILE")]
     initial: Option<PathBuf>,
     #[command(flatten)]
@@ -50,15 +52,15 @@ pub(super) fn run(args: &RegisterArgs) -> Result<(), Failure> {
 
 /// Flags that do not go together, before anything is read.
 fn check(args: &RegisterArgs) -> Result<(), Failure> {
-    let (global, name) = (args.method.is_global(), args.method.name());
-    if args.refine && !global {
+    let name = args.method.name();
+    if args.refine && !args.method.is_rough() {
         return Err(Failure::usage(format!(
-            "--refine goes with a global method (fgr, mac), not with {name}"
+            "--refine goes with a method that leaves it to another (fgr, mac), not with {name}"
         )));
     }
-    if args.initial.is_some() && global {
+    if args.initial.is_some() && !args.method.takes_a_guess() {
         return Err(Failure::usage(format!(
-            "--initial goes with a local method (icp, gicp): {name} searches everywhere"
+            "--initial goes with icp, gicp and auto: {name} searches everywhere"
         )));
     }
     args.settings.check(args.method)
@@ -89,6 +91,7 @@ fn register(
     let global_voxel_m = config.get("voxel_m").unwrap_or_default();
     let finish = args.refine.then(|| suggestions.refinement(global_voxel_m));
     let method = build(&config, finish).map_err(Failure::usage)?;
+    let method = Confirmed { method, voxel_m: suggestions.scene_voxel_m() };
     let outcome = method.register(target, source, initial);
     warn(args, &outcome);
     let cpu_s = cpu_s() - began;
@@ -163,6 +166,8 @@ fn document(
         "cpu_s": cpu_s,
         "iterations": outcome.iterations,
         "inlier_fraction": outcome.inlier_fraction,
+        "supported": outcome.overlap.map(|o| o.supported),
+        "seen_through": outcome.overlap.map(|o| o.seen_through),
         "unobservable_directions": outcome.observability.as_ref().map(|o| o.unobservable),
         "matches": outcome.consensus.map(|c| c.matches),
         "searched": outcome.consensus.map(|c| c.searched),
@@ -191,13 +196,21 @@ fn print_text(outcome: &Outcome, cpu_s: f64) {
         println!("{:>12.6} {:>12.6} {:>12.6} {:>12.6}", row[0], row[1], row[2], row[3]);
     }
     println!(
-        "{}; {} iterations, {} pairs, {:.1} mm rms, {:.3} s CPU",
+        "{}; {} iterations, {} pairs ({:.0} %), {:.1} mm rms, {:.3} s CPU",
         outcome.stop,
         outcome.iterations,
         outcome.pairs,
+        100.0 * outcome.inlier_fraction,
         1e3 * outcome.rmse_m,
         cpu_s
     );
+    if let Some(overlap) = &outcome.overlap {
+        println!(
+            "{:.0} % of the points lie on the other cloud, {:.1} % were seen through",
+            100.0 * overlap.supported,
+            100.0 * overlap.seen_through
+        );
+    }
     if let Some(consensus) = &outcome.consensus {
         let margin = consensus
             .margin
