@@ -683,6 +683,7 @@ fn register_recovers_a_known_motion_and_prints_the_documented_keys() {
         "supported",
         "seen_through",
         "unobservable_directions",
+        "covariance",
         "matches",
         "searched",
         "inliers",
@@ -721,8 +722,17 @@ fn register_recovers_a_known_motion_and_prints_the_documented_keys() {
     );
     assert!(echoloop_registration::pose::rotation_error_deg(&estimate, &truth) < 0.1, "{estimate}");
 
+    let rows = document["covariance"].as_array().expect("rows");
+    for (i, row) in rows.iter().enumerate() {
+        let row = row.as_array().expect("a row");
+        let variance = row[i].as_f64().expect("a number");
+        assert!(row.len() == 6 && variance > 0.0 && variance < 1e-3, "{rows:?}");
+    }
+    assert_eq!(rows.len(), 6);
+
     let text = fixture.succeed(&["register", "target.xyz", "source.xyz"]).stdout;
     assert!(text.starts_with("target_from_source\n") && text.contains("pairs"), "{text}");
+    assert!(text.contains("standard deviations x y z: 0."), "{text}");
     fixture.write(
         "initial.txt",
         echoloop_registration::pose::to_rows(&truth).map(|v| v.to_string()).join(" "),

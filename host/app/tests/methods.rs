@@ -62,6 +62,7 @@ fn global_methods_find_an_unknown_heading_and_refinement_sharpens_it() {
         assert!(
             fine["unobservable_directions"].is_u64() && coarse["unobservable_directions"].is_null()
         );
+        assert!(fine["covariance"].is_array() && coarse["covariance"].is_null());
     }
 }
 

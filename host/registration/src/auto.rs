@@ -154,6 +154,8 @@ impl Bench {
         Outcome {
             target_from_source: kept.target_from_source,
             overlap: Some(kept.overlap),
+            // That of the motion it was worked out for.
+            covariance: finished.covariance.filter(|_| !fell),
             stop,
             ..finished
         }

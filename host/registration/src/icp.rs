@@ -1,5 +1,6 @@
 //! Iterative closest point, point to plane.
 
+pub(super) mod centred;
 pub(super) mod descent;
 pub(super) mod equations;
 pub(super) mod kernel;
@@ -7,6 +8,7 @@ pub(super) mod lanes;
 pub(super) mod pairing;
 pub(super) mod pairs;
 pub(super) mod step;
+pub(super) mod uncertainty;
 
 use self::descent::Descent;
 use self::pairing::Moving;

@@ -49,6 +49,7 @@ mod bits;
 pub mod cloud;
 pub mod config;
 mod correspondences;
+pub mod covariance;
 pub mod features;
 pub mod fgr;
 pub mod gicp;
@@ -76,6 +77,7 @@ pub use config::{
     AutoConfig, ConfigError, Convention, FeatureConfig, FgrConfig, FgrMode, GicpConfig, IcpConfig,
     Kind, MacConfig, Method, MethodConfig, SETTINGS, Setting, setting,
 };
+pub use covariance::Covariance;
 pub use fgr::Fgr;
 pub use gicp::Gicp;
 pub use icp::Icp;

@@ -1,11 +1,10 @@
 //! Point-to-plane least squares: from pairs to a step.
 
 use echoloop_dispatch::dispatch;
-use nalgebra::{
-    Isometry3, Matrix3, Matrix6, Point3, Translation3, UnitQuaternion, Vector3, Vector6,
-};
+use nalgebra::{Matrix6, Point3, Vector3, Vector6};
 
 use super::Observability;
+use super::icp::centred::Centred;
 use super::icp::equations::Equations;
 use super::icp::kernel::Kernel;
 use super::icp::lanes::{LANES, Lane, add_product, cross, dot, total};
@@ -101,6 +100,11 @@ impl NormalEquations {
         whole(&self.jj)
     }
 
+    /// The frame that steps are solved in.
+    pub(super) fn centred(&self) -> Centred {
+        Centred::new(self.pairs, &self.s, self.ss)
+    }
+
     /// Which motions the pairs determine, whatever they weigh: a wall that a kernel trusts little
     /// is still a wall.
     pub(super) fn observability(&self, centred: &Centred, threshold: f64) -> Observability {
@@ -112,7 +116,7 @@ impl NormalEquations {
     /// move along the others (solution remapping, Zhang, Kaess and Singh 2016).
     pub fn solve(&self, degeneracy_threshold: f64) -> (Step, Observability) {
         let n = if self.weight > 0.0 { self.weight } else { 1.0 };
-        let centred = Centred::new(self);
+        let centred = self.centred();
         let information = centred.square(&self.information()) / n;
         let right = -centred.right(&Vector6::from(self.jr)) / n;
         let seen = self.observability(&centred, degeneracy_threshold);
@@ -144,6 +148,18 @@ impl Equations for NormalEquations {
 
     fn solve(&self, degeneracy_threshold: f64) -> (Step, Observability) {
         self.solve(degeneracy_threshold)
+    }
+
+    fn information(&self) -> Matrix6<f64> {
+        self.information()
+    }
+
+    fn score(&self) -> Vector6<f64> {
+        Vector6::from(self.jr)
+    }
+
+    fn centred(&self) -> Centred {
+        self.centred()
     }
 
     fn pairs(&self) -> usize {
@@ -255,56 +271,11 @@ impl MomentSums {
     }
 }
 
-/// Motions as turns about the pairs' centroid, scaled by their spread: see [`Observability`].
-pub(super) struct Centred {
-    centre: Vector3<f64>,
-    spread: f64,
-    /// Maps `[ω L ; t]` about the centroid to `[ω ; t]` about the origin, as `j` is.
-    scale: Matrix6<f64>,
-}
-
-impl Centred {
-    /// About the pairs of these sums.
-    pub(super) fn new(sums: &NormalEquations) -> Self {
-        let n = sums.pairs.max(1) as f64;
-        let centre = sums.s / n;
-        let spread = (sums.ss / n - centre.norm_squared()).max(0.0).sqrt();
-        let spread = if spread > 0.0 { spread } else { 1.0 };
-        let mut scale = Matrix6::identity();
-        let turns = Matrix3::identity() / spread;
-        scale.fixed_view_mut::<3, 3>(0, 0).copy_from(&turns);
-        // A turn about the centroid is the same turn about the origin and a shift of centre × ω.
-        scale.fixed_view_mut::<3, 3>(3, 0).copy_from(&(centre.cross_matrix() / spread));
-        Self { centre, spread, scale }
-    }
-
-    /// A matrix of sums about the origin, as it is here.
-    pub(super) fn square(&self, sums: &Matrix6<f64>) -> Matrix6<f64> {
-        self.scale.transpose() * sums * self.scale
-    }
-
-    /// A vector of sums about the origin, as it is here.
-    pub(super) fn right(&self, sums: &Vector6<f64>) -> Vector6<f64> {
-        self.scale.transpose() * sums
-    }
-
-    /// The motion that turns by `x / L` about the centroid, then shifts.
-    pub(super) fn step(&self, x: &Vector6<f64>) -> Step {
-        let turn = Vector3::new(x[0], x[1], x[2]) / self.spread;
-        let shift = Vector3::new(x[3], x[4], x[5]);
-        let rotation = UnitQuaternion::from_scaled_axis(turn);
-        let translation = self.centre + shift - rotation * self.centre;
-        Step {
-            motion: Isometry3::from_parts(Translation3::from(translation), rotation),
-            angle_rad: turn.norm(),
-            shift_m: shift.norm(),
-        }
-    }
-}
-
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
+    use nalgebra::{Translation3, UnitQuaternion};
+
     use super::*;
     use crate::pose::Pose;
 

@@ -2,7 +2,7 @@
 
 use crate::overlap::Overlap;
 use crate::pose::Pose;
-use crate::{Observability, PrepareError};
+use crate::{Covariance, Observability, PrepareError};
 
 /// What a registration found, and how good it is.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,6 +23,9 @@ pub struct Outcome {
     pub plane_rmse_m: f64,
     /// Which motions the pairs of the last step determine; absent when there was none.
     pub observability: Option<Observability>,
+    /// How far off the motion may be. Absent where no pairs were found, and of global methods: a
+    /// local one after them has it.
+    pub covariance: Option<Covariance>,
     /// What speaks for the motion that a global method found; absent for local ones.
     pub consensus: Option<Consensus>,
     /// What the points of both clouds say of the motion; absent where nobody asked them.
@@ -131,6 +134,7 @@ impl Outcome {
             rmse_m: 0.0,
             plane_rmse_m: 0.0,
             observability: None,
+            covariance: None,
             consensus: None,
             overlap: None,
         }

@@ -193,6 +193,10 @@ fn planes_leave_directions_open_and_say_so() {
                 "{}: {outcome:?}",
                 method.name
             );
+            let covariance = outcome.covariance.unwrap();
+            let sd_m = covariance.translation_sd_m();
+            assert!(sd_m[0] > 2.0 && sd_m[2] < 0.01, "{}: {sd_m:?}", method.name);
+            assert!(covariance.0.cholesky().is_some(), "{}: {covariance:?}", method.name);
             let found = outcome.target_from_source.translation.vector;
             assert!(found.z.abs() < 0.01, "{}: the floor gives the height: {found}", method.name);
             assert!(
@@ -253,6 +257,41 @@ fn clouds_that_cannot_be_registered_return_the_start_and_a_reason() {
         let nowhere = pose([f64::NAN; 3], [0.0; 3]);
         assert_eq!(method.outdoor.register(&good, &good, &nowhere).stop, few, "{}", method.name);
     }
+}
+
+#[test]
+fn errors_are_as_large_as_the_covariance_says() {
+    const PAIRS: u64 = 12;
+    let noisy = |seed: u64| {
+        let rng = &mut ChaCha8Rng::seed_from_u64(seed);
+        let mut noise =
+            || (0..12).map(|_| rng.random::<f64>()).sum::<f64>() * 0.03 - 12.0 * 0.5 * 0.03;
+        let points: Vec<_> = yard(seed).into_iter().step_by(3).collect();
+        points.iter().map(|p| p + Vector3::new(noise(), noise(), noise())).collect::<Vec<_>>()
+    };
+    let truth = pose([0.2, -0.1, 0.02], [0.01, -0.01, 0.02]);
+    for method in local_methods() {
+        let normalized = |pair: u64| {
+            let (a, b) = (seen(&noisy(2 * pair), &Pose::identity()), noisy(2 * pair + 1));
+            let outcome = method.outdoor.register(&a, &seen(&b, &truth), &Pose::identity());
+            let covariance = outcome.covariance.unwrap();
+            covariance.normalized_error_squared(&outcome.target_from_source, &truth).unwrap()
+        };
+        let mean = (0..PAIRS).map(normalized).sum::<f64>() / PAIRS as f64;
+        // Below 1: what points of a scan share, besides, is not in this noise.
+        assert!((0.15..2.0).contains(&mean), "{}: {mean}", method.name);
+    }
+}
+
+#[test]
+fn global_methods_leave_the_covariance_to_the_local_one_after_them() {
+    let points = yard(1);
+    let (a, b) =
+        (seen(&points, &Pose::identity()), seen(&yard(2), &pose([2.0, 1.0, 0.0], [0.0, 0.0, 0.5])));
+    let global = Fgr::new(FgrConfig::from_features(FeatureConfig::from_voxel(0.3))).unwrap();
+    assert_eq!(global.register(&a, &b, &Pose::identity()).covariance, None);
+    let refined = Refined { global, local: icp() }.register(&a, &b, &Pose::identity());
+    assert!(refined.covariance.unwrap().translation_sd_m().iter().all(|sd_m| *sd_m < 0.05));
 }
 
 #[test]
@@ -342,6 +381,8 @@ proptest! {
                 let outcome =
                     method.outdoor.register(&cloud(target), &cloud(source), &pose(shift, [0.0; 3]));
                 prop_assert!(outcome.inlier_fraction <= 1.0);
+                let finite = |c: &Covariance| c.0.iter().all(|v| v.is_finite());
+                prop_assert!(outcome.covariance.as_ref().is_none_or(finite), "{:?}", outcome);
             }
         }
     }

@@ -169,6 +169,7 @@ fn document(
         "supported": outcome.overlap.map(|o| o.supported),
         "seen_through": outcome.overlap.map(|o| o.seen_through),
         "unobservable_directions": outcome.observability.as_ref().map(|o| o.unobservable),
+        "covariance": outcome.covariance.map(|c| c.to_rows()),
         "matches": outcome.consensus.map(|c| c.matches),
         "searched": outcome.consensus.map(|c| c.searched),
         "inliers": outcome.consensus.map(|c| c.inliers),
@@ -209,6 +210,13 @@ fn print_text(outcome: &Outcome, cpu_s: f64) {
             "{:.0} % of the points lie on the other cloud, {:.1} % were seen through",
             100.0 * overlap.supported,
             100.0 * overlap.seen_through
+        );
+    }
+    if let Some(covariance) = &outcome.covariance {
+        let [x, y, z] = covariance.translation_sd_m().map(|sd_m| 100.0 * sd_m);
+        let [a, b, c] = covariance.rotation_sd_rad().map(f64::to_degrees);
+        println!(
+            "standard deviations x y z: {x:.1} {y:.1} {z:.1} cm, {a:.3} {b:.3} {c:.3}° about them"
         );
     }
     if let Some(consensus) = &outcome.consensus {

@@ -4,12 +4,13 @@ use echoloop_dispatch::dispatch;
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
 use crate::Observability;
+use crate::icp::centred::Centred;
 use crate::icp::equations::Equations;
 use crate::icp::kernel::Kernel;
 use crate::icp::lanes::{LANES, Lane, add_product, cross, dot, total};
 use crate::icp::pairs::{Group, Pairs};
 use crate::icp::step::Step;
-use crate::normal_equations::{Centred, MomentSums, NormalEquations, RowSums};
+use crate::normal_equations::{MomentSums, NormalEquations, RowSums};
 
 /// Variance along a plane's normal, of that within it.
 const ACROSS: f64 = 1e-3;
@@ -71,13 +72,24 @@ impl Equations for PlaneToPlane {
     /// the distance from point to point draws every direction to where the sampling of the surfaces
     /// happens to agree, and planes that agree outweigh all others.
     fn solve(&self, degeneracy_threshold: f64) -> (Step, Observability) {
-        let centred = Centred::new(&self.planes);
+        let centred = self.planes.centred();
         let weight = if self.weight > 0.0 { self.weight } else { 1.0 };
         let seen = self.planes.observability(&centred, degeneracy_threshold);
-        let sums = self.planes.information() + self.points_information();
-        let whole = centred.square(&sums) / weight;
-        let right = -centred.right(&(Vector6::from(self.planes.jr) + self.points_right())) / weight;
+        let whole = centred.square(&self.information()) / weight;
+        let right = -centred.right(&self.score()) / weight;
         (centred.step(&seen.solve_within(&whole, &right)), seen)
+    }
+
+    fn information(&self) -> Matrix6<f64> {
+        self.planes.information() + self.points_information()
+    }
+
+    fn score(&self) -> Vector6<f64> {
+        Vector6::from(self.planes.jr) + self.points_right()
+    }
+
+    fn centred(&self) -> Centred {
+        self.planes.centred()
     }
 
     fn pairs(&self) -> usize {

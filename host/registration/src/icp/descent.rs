@@ -2,8 +2,9 @@
 
 use super::equations::Equations;
 use super::kernel::Kernel;
-use super::pairing::{Found, Moving, Pairing, sum_pairs};
+use super::pairing::{Found, Moving, Pairing, Placed, sum_pairs};
 use super::step::Step;
+use super::uncertainty::covariance;
 use crate::pose::Pose;
 use crate::{IcpConfig, Observability, Outcome, StopReason, Target};
 
@@ -60,6 +61,9 @@ impl Descent {
                 kernel = Kernel::of_residuals(width, residuals_m, reach_m);
             }
         }
+        let pose = &outcome.target_from_source;
+        let placed = Placed { target, source, pose, reach_m };
+        outcome.covariance = Some(covariance::<E>(&placed, config, kernel, &mut found));
         if seen_degenerate(&outcome) {
             outcome.stop = StopReason::Degenerate;
         }

@@ -1,5 +1,8 @@
 //! What a least squares over pairs can do, whatever it sums.
 
+use nalgebra::{Matrix6, Vector6};
+
+use super::centred::Centred;
 use super::kernel::Kernel;
 use super::pairs::Pairs;
 use super::step::Step;
@@ -18,6 +21,15 @@ pub(crate) trait Equations: Default + Send + Sync {
 
     /// The step to the least squares, and which of its directions the pairs determine.
     fn solve(&self, degeneracy_threshold: f64) -> (Step, Observability);
+
+    /// Σ w J Jᵀ: the curvature of what is minimised, about the target's origin.
+    fn information(&self) -> Matrix6<f64>;
+
+    /// Σ w J r: its slope, 0 where a run has come to its end.
+    fn score(&self) -> Vector6<f64>;
+
+    /// The frame that steps are solved in.
+    fn centred(&self) -> Centred;
 
     /// How many pairs.
     fn pairs(&self) -> usize;

@@ -20,11 +20,13 @@ const LEAST_OVER_REACH: f64 = 0.04;
 pub(crate) struct Kernel {
     /// 1 / c², 1/m²; 0 for least squares.
     inverse_square: f64,
+    /// 0 for the weight, 4 for the slope.
+    bend: f64,
 }
 
 impl Kernel {
     /// Every pair weighs 1.
-    pub(crate) const LEAST_SQUARES: Self = Self { inverse_square: 0.0 };
+    pub(crate) const LEAST_SQUARES: Self = Self { inverse_square: 0.0, bend: 0.0 };
 
     /// Of `width` standard deviations of these residuals, m, of pairs `reach_m` apart at most;
     /// least squares without a width or a residual.
@@ -35,14 +37,25 @@ impl Kernel {
         let middle = residuals_m.len() / 2;
         let median_m = f64::from(*residuals_m.select_nth_unstable_by(middle, f32::total_cmp).1);
         let scale_m = (width * SIGMA_OVER_MEDIAN * median_m).max(LEAST_OVER_REACH * reach_m);
-        Self { inverse_square: 1.0 / (scale_m * scale_m) }
+        Self { inverse_square: 1.0 / (scale_m * scale_m), bend: 0.0 }
+    }
+
+    /// Instead of the weight, how much `w r` grows with the residual, in the same units:
+    ///
+    /// ```text
+    /// d(w r) / dr = (1 - 3 x) / (1 + x)³ = w (1 + 4 (√w - 1))      x = (r / c)²
+    /// ```
+    ///
+    /// Negative beyond c / √3: there a pair lets go faster than it pulls.
+    pub(crate) fn slope(self) -> Self {
+        Self { bend: 4.0, ..self }
     }
 
     /// The weight of a residual, m.
     #[inline(always)]
     pub(crate) fn weight(self, r: f64) -> f64 {
         let root = 1.0 / (1.0 + r * r * self.inverse_square);
-        root * root
+        root * root * (1.0 + self.bend * (root - 1.0))
     }
 }
 
@@ -59,6 +72,17 @@ mod tests {
         {
             assert!((kernel.weight(r) - expected).abs() < 1e-12, "{r}");
         }
+    }
+
+    #[test]
+    fn the_slope_is_what_a_residual_adds_to_its_pull() {
+        let kernel = Kernel::of_residuals(Some(3.0), &mut [0.02; 9], 0.5);
+        let pull = |r: f64| r * kernel.weight(r);
+        for r in [0.0, 0.01, 0.05, 0.2, -0.3] {
+            let expected = (pull(r + 1e-6) - pull(r - 1e-6)) / 2e-6;
+            assert!((kernel.slope().weight(r) - expected).abs() < 1e-8, "{r}");
+        }
+        assert_eq!(Kernel::LEAST_SQUARES.slope().weight(7.0), 1.0);
     }
 
     #[test]

@@ -31,7 +31,7 @@ pub(crate) struct Moving<'a> {
 /// What the last search for a source point found. It holds until the point has moved far enough for
 /// another target point to be nearer, which the triangle inequality tells without a search.
 #[derive(Clone, Copy, Debug)]
-struct LastSearch {
+pub(crate) struct LastSearch {
     /// The nearest target point.
     index: Option<u32>,
     /// All others were at least this far, m.
@@ -121,23 +121,42 @@ pub(crate) fn sum_pairs<E: Equations>(
     pairing: &Pairing,
     found: &mut Found,
 ) -> E {
-    let chunk = |(number, matches): (usize, &mut [LastSearch])| {
-        let chunk = Chunk {
-            target,
-            source,
-            first: number * CHUNK,
-            pose: target_from_source,
-            reach: Reach::new(pairing.reach_m),
-        };
-        chunk.sum(matches, pairing)
-    };
+    let at = Placed { target, source, pose: target_from_source, reach_m: pairing.reach_m };
     let sums: Vec<(E, Vec<f32>)> =
-        found.matches.par_chunks_mut(CHUNK).enumerate().map(chunk).collect();
+        at.in_chunks(found, |chunk, matches| chunk.sum(matches, pairing));
     found.residuals_m.clear();
     sums.into_iter().fold(E::default(), |all, (sums, residuals_m)| {
         found.residuals_m.extend(residuals_m);
         all.merge(&sums)
     })
+}
+
+/// Two clouds, and where the source is.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Placed<'a> {
+    pub(crate) target: &'a Target,
+    pub(crate) source: &'a Moving<'a>,
+    /// `target_from_source`.
+    pub(crate) pose: &'a Pose,
+    /// Points farther apart are no pair, m.
+    pub(crate) reach_m: f64,
+}
+
+impl Placed<'_> {
+    /// What `of` makes of each chunk of source points and their last searches, in the points'
+    /// order, on any number of threads.
+    pub(crate) fn in_chunks<T: Send>(
+        &self,
+        found: &mut Found,
+        of: impl Fn(&Chunk, &mut [LastSearch]) -> T + Sync,
+    ) -> Vec<T> {
+        let &Self { target, source, pose, reach_m } = self;
+        let chunk = |(number, matches): (usize, &mut [LastSearch])| {
+            let first = number * CHUNK;
+            of(&Chunk { target, source, first, pose, reach: Reach::new(reach_m) }, matches)
+        };
+        found.matches.par_chunks_mut(CHUNK).enumerate().map(chunk).collect()
+    }
 }
 
 /// What the search for pairs leaves behind for the next.
@@ -157,7 +176,8 @@ impl Found {
 }
 
 /// Some source points that follow each other, and where they are now.
-struct Chunk<'a> {
+#[derive(Clone, Copy)]
+pub(crate) struct Chunk<'a> {
     target: &'a Target,
     source: &'a Moving<'a>,
     first: usize,
@@ -167,14 +187,25 @@ struct Chunk<'a> {
 
 impl Chunk<'_> {
     fn sum<E: Equations>(&self, matches: &mut [LastSearch], pairing: &Pairing) -> (E, Vec<f32>) {
-        let mut pairs = Pairs::default();
-        pair(self, matches, E::SOURCE_NORMALS, &mut pairs);
+        let pairs = self.pairs(matches, E::SOURCE_NORMALS);
         let (mut sums, mut residuals_m) = (E::default(), Vec::new());
         sums.add_all(&pairs, pairing.kernel);
         if pairing.residuals {
             pairs.residuals(&mut residuals_m);
         }
         (sums, residuals_m)
+    }
+
+    /// The pairs of these points; with the source's normals where they are wanted.
+    pub(crate) fn pairs(&self, matches: &mut [LastSearch], source_normals: bool) -> Pairs {
+        let mut pairs = Pairs::default();
+        pair(self, matches, source_normals, &mut pairs);
+        pairs
+    }
+
+    /// The part of it that begins `points` later.
+    pub(crate) fn from(self, points: usize) -> Self {
+        Self { first: self.first + points, ..self }
     }
 
     #[inline(always)]
