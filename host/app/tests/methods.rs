@@ -144,8 +144,9 @@ fn icp_starts_from_its_own_document_a_matrix_or_a_kitti_row() {
     let fixture = Fixture::new();
     let truth = scans(&fixture);
     let run = |initial: &str| {
-        let arguments = ["register", "-q", "--json", "target.ply", "source.ply", "--initial"];
-        let mut document = fixture.succeed(&[&arguments[..], &[initial]].concat()).json();
+        let arguments = ["register", "-q", "--json", "target.ply", "source.ply", "--method", "icp"];
+        let start = ["--initial", initial];
+        let mut document = fixture.succeed(&[&arguments[..], &start[..]].concat()).json();
         document.as_object_mut().expect("an object").remove("cpu_s");
         document
     };

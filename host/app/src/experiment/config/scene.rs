@@ -8,7 +8,8 @@ use serde::{Deserialize, Serialize};
 pub struct SceneConfig {
     /// `structured`, `semi-structured`, `unstructured`, or a mesh: PLY or OBJ, metres, z up.
     pub source: String,
-    /// Seeds of the generated towns; the pairs are shared out among them.
+    /// Seeds of the generated towns; the pairs are shared out among them. There are no more towns
+    /// than `train_pairs` or `test_pairs`, whichever is less: the others are left out.
     pub towns: Vec<u64>,
     /// Ground below a mesh: `auto` (fitted when the mesh has none), `none`, or the plane z = a·x +
     /// b·y + c as `a,b,c`.
