@@ -39,7 +39,11 @@ OURS = {
     "mac_refined": "Echoloop MAC + ICP",
     "mac_gicp": "Echoloop MAC + GICP",
 }
-SUGGESTED = {"fgr_suggested": "Echoloop FGR + ICP", "mac_suggested": "Echoloop MAC + ICP"}
+SUGGESTED = {
+    "fgr_suggested": "Echoloop FGR + ICP",
+    "mac_suggested": "Echoloop MAC + ICP",
+    "auto_suggested": "Echoloop auto",
+}
 
 
 def make(echoloop, folder, kind, town, baseline_m, heading_deg, scanner):
@@ -72,7 +76,7 @@ def pairs(args, kind, baseline_m, heading_deg, scanner):
     from common import PairFiles
 
     found = []
-    for town in range(1, MOST_TOWNS + 1):
+    for town in range(args.first_town, args.first_town + MOST_TOWNS):
         if len(found) >= args.pairs:
             break
         folder = args.work / f"{kind}-{town}_{baseline_m:g}m_{heading_deg:g}deg_{scanner}"
@@ -197,13 +201,15 @@ def main():
     parser.add_argument("--headings", type=float, nargs="+", default=HEADINGS_DEG)
     parser.add_argument("--voxels", type=float, nargs="+", default=VOXELS_M)
     parser.add_argument("--ours", action="store_true", help="ours anew; the peers' rows stay as they were measured")
+    parser.add_argument("--first-town", type=int, default=1, help="towns from this number on")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out", type=Path, required=True)
     args = parser.parse_args()
     # The kinds take turns, and what is done is kept: a run that is stopped is a smaller one, not a lost one.
     cells = itertools.product(args.baselines, args.headings, args.kinds)
     tasks = [(args, kind, baseline_m, heading_deg) for baseline_m, heading_deg, kind in cells]
-    done = [row for row in json.loads(args.out.read_text())["rows"] if is_theirs(row)] if args.ours else []
+    kept = args.ours and args.out.is_file()
+    done = [row for row in json.loads(args.out.read_text())["rows"] if is_theirs(row)] if kept else []
     with multiprocessing.get_context("spawn").Pool(args.jobs) as pool:
         for rows in pool.imap(judge, tasks):
             done += rows

@@ -37,6 +37,7 @@ pub(crate) const STAGES: [&str; 19] = [
     "mac_gicp",
     "fgr_suggested",
     "mac_suggested",
+    "auto_suggested",
 ];
 
 /// How long a stage took, and what came of it.
@@ -67,6 +68,7 @@ pub(crate) fn run(pair: &mut Pair, name: &str) -> Result<Measured> {
         "icp_align" | "gicp_align" | "fgr_solve" | "mac_solve" => solve(pair, name),
         "fgr_suggested" => suggested(name, pair, Method::Fgr),
         "mac_suggested" => suggested(name, pair, Method::Mac),
+        "auto_suggested" => suggested(name, pair, Method::Auto),
         _ => whole(name, pair, method(name, pair)?.as_ref()),
     }
 }
@@ -152,16 +154,15 @@ fn method(name: &str, pair: &Pair) -> Result<Box<dyn Registration>> {
     })
 }
 
-/// A global method with settings worked out from the clouds, and ICP after it; the clock runs from
-/// the clouds.
+/// A global method with settings worked out from the clouds, and ICP after it if it leaves that to
+/// another; the clock runs from the clouds.
 fn suggested(name: &str, pair: &Pair, method: Method) -> Result<Measured> {
     let (target, source) = (&pair.target, &pair.source);
     posed(name, source.points.len(), || {
         let config = suggest_method(method, FgrMode::Annealed, None, target, source);
-        match build(
-            &config,
-            Some(suggest_refinement(target, source, config.get("voxel_m").unwrap_or_default())),
-        ) {
+        let voxel_m = config.get("voxel_m").unwrap_or_default();
+        let finish = method.is_rough().then(|| suggest_refinement(target, source, voxel_m));
+        match build(&config, finish) {
             Ok(method) => method.register(target, source, &pair.initial),
             Err(_) => Outcome::nothing(&pair.initial, StopReason::BadSettings),
         }
