@@ -17,7 +17,7 @@ use crate::pair::Pair;
 use crate::result::Result;
 
 /// Parts first, then whole methods from the clouds as they were read to the pose.
-pub(crate) const STAGES: [&str; 19] = [
+pub(crate) const STAGES: [&str; 20] = [
     "voxel",
     "normals",
     "fpfh",

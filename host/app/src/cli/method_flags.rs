@@ -222,7 +222,8 @@ mod tests {
         }
         let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
         for line in [
-            "icp, gicp, fgr, mac: points farther apart are no pair, m [a length above 0 m, at most 1e6 m] --",
+            "icp, gicp, fgr, mac: points farther apart are no pair, m [a length above 0 m, at most \
+             1e6 m] --",
             "fgr, mac: radius of the features' neighbourhood, m [a length above 0 m, at most \
              1e6 m; normal_radius_m or more (Sec. 3.3)]",
             "at most [icp, gicp: 1 or more; fgr: 1 to 100000; mac: at most 100000]",
