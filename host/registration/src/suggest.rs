@@ -210,13 +210,9 @@ fn widened(cloud: &Cloud, mut voxel_m: f64) -> f64 {
     voxel_m
 }
 
-/// The voxel whose radii hold neighbours enough; 0 where there are too few points.
+/// The voxel whose radii, the normals' and the features', hold neighbours enough; 0 where there are
+/// too few points.
 fn filling_voxel_m(thinned: &Cloud) -> f64 {
-    filling_voxels_m(thinned).into_iter().fold(0.0, f64::max)
-}
-
-/// The same for the normals' radius alone, and for the features'.
-fn filling_voxels_m(thinned: &Cloud) -> [f64; 2] {
     let tree = KdTree::new(&thinned.points);
     let stride = thinned.points.len().div_ceil(SAMPLES).max(1);
     let mut found = Vec::new();
@@ -230,7 +226,7 @@ fn filling_voxels_m(thinned: &Cloud) -> [f64; 2] {
     let [normal_m, feature_m] = farthest;
     let normal_m = f64::from(quantile(normal_m.into_iter(), 0.5)) / FeatureConfig::NORMAL_VOXELS;
     let feature_m = f64::from(quantile(feature_m.into_iter(), 0.75)) / FeatureConfig::RADIUS_VOXELS;
-    [normal_m, feature_m]
+    normal_m.max(feature_m)
 }
 
 /// Of the ball around the median point that holds 9 of 10 points; 0 for a cloud without points.
