@@ -2,7 +2,7 @@
 
 use super::equations::Equations;
 use super::kernel::Kernel;
-use super::pairing::{Found, Moving, Pairing, Placed, sum_pairs};
+use super::pairing::{Found, Moving, Placed, sum_pairs};
 use super::step::Step;
 use super::uncertainty::covariance;
 use crate::pose::Pose;
@@ -33,10 +33,12 @@ impl Descent {
         let mut reach_m = config.first_pair_distance_m.unwrap_or(config.max_pair_distance_m);
         let mut kernel = Kernel::LEAST_SQUARES;
         while outcome.iterations < config.max_iterations {
-            let residuals = config.kernel_width.is_some();
-            let pairing = Pairing { reach_m, kernel, residuals };
-            let sums: E =
-                sum_pairs(target, source, &outcome.target_from_source, &pairing, &mut found);
+            // While pairs may be far apart, a step of nothing says little about the last distance,
+            // and weights would keep the motion where most pairs, those on the ground, fit.
+            let fine = reach_m <= config.max_pair_distance_m;
+            let weighs = fine && config.kernel_width.is_some();
+            let placed = Placed { target, source, pose: &outcome.target_from_source, reach_m };
+            let (sums, mut residuals_m): (E, _) = sum_pairs(&placed, kernel, weighs, &mut found);
             if sums.pairs() < UNKNOWNS {
                 let nothing = Outcome::nothing(initial, StopReason::TooFewPairs);
                 return Outcome { pairs: sums.pairs(), iterations: outcome.iterations, ..nothing };
@@ -45,8 +47,6 @@ impl Descent {
             let before = (outcome.inlier_fraction, outcome.rmse_m);
             outcome.advance(&step, &sums, seen, source.points.len());
             let change = (outcome.inlier_fraction - before.0, outcome.rmse_m - before.1);
-            // While pairs may be far apart, a step of nothing says little about the last distance.
-            let fine = reach_m <= config.max_pair_distance_m;
             let weighted = config.kernel_width.is_none() || kernel != Kernel::LEAST_SQUARES;
             // The first step has nothing to be compared with.
             let settled = outcome.iterations > 1 && self.changes_little(change);
@@ -54,12 +54,8 @@ impl Descent {
                 outcome.stop = StopReason::Converged;
                 break;
             }
+            kernel = Kernel::of_residuals(config.kernel_width, &mut residuals_m, reach_m);
             reach_m = (reach_m * SHRINK).max(config.max_pair_distance_m);
-            // Earlier, weights would keep the motion where most pairs, those on the ground, fit.
-            if fine {
-                let (width, residuals_m) = (config.kernel_width, &mut found.residuals_m);
-                kernel = Kernel::of_residuals(width, residuals_m, reach_m);
-            }
         }
         let pose = &outcome.target_from_source;
         let placed = Placed { target, source, pose, reach_m };

@@ -100,34 +100,20 @@ impl LastSearch {
     }
 }
 
-/// How pairs are found, and what they weigh.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Pairing {
-    /// Points farther apart are no pair, m.
-    pub(crate) reach_m: f64,
-    /// Of the residuals.
-    pub(crate) kernel: Kernel,
-    /// Whether the residuals are wanted.
-    pub(crate) residuals: bool,
-}
-
 /// Pairs each source point with the nearest target point within reach, and sums what the least
-/// squares needs; fills `residuals_m` with the distances to the planes, in the points' order, where
-/// they are wanted.
+/// squares needs; with how far each pair is from its plane, m, in the points' order, if `residuals`
+/// are wanted.
 pub(crate) fn sum_pairs<E: Equations>(
-    target: &Target,
-    source: &Moving,
-    target_from_source: &Pose,
-    pairing: &Pairing,
+    placed: &Placed,
+    kernel: Kernel,
+    residuals: bool,
     found: &mut Found,
-) -> E {
-    let at = Placed { target, source, pose: target_from_source, reach_m: pairing.reach_m };
-    let sums: Vec<(E, Vec<f32>)> =
-        at.in_chunks(found, |chunk, matches| chunk.sum(matches, pairing));
-    found.residuals_m.clear();
-    sums.into_iter().fold(E::default(), |all, (sums, residuals_m)| {
-        found.residuals_m.extend(residuals_m);
-        all.merge(&sums)
+) -> (E, Vec<f32>) {
+    let parts: Vec<(E, Vec<f32>)> =
+        placed.in_chunks(found, |chunk, matches| chunk.sum(matches, kernel, residuals));
+    parts.into_iter().fold((E::default(), Vec::new()), |(all, mut residuals_m), (sums, more)| {
+        residuals_m.extend(more);
+        (all.merge(&sums), residuals_m)
     })
 }
 
@@ -155,23 +141,18 @@ impl Placed<'_> {
             let first = number * CHUNK;
             of(&Chunk { target, source, first, pose, reach: Reach::new(reach_m) }, matches)
         };
-        found.matches.par_chunks_mut(CHUNK).enumerate().map(chunk).collect()
+        found.0.par_chunks_mut(CHUNK).enumerate().map(chunk).collect()
     }
 }
 
-/// What the search for pairs leaves behind for the next.
+/// What the search for pairs leaves behind for the next: one a source point.
 #[derive(Clone, Debug)]
-pub(crate) struct Found {
-    /// One a source point.
-    matches: Vec<LastSearch>,
-    /// Distances to the planes of the last pairs, m, in the points' order; none if not asked for.
-    pub(crate) residuals_m: Vec<f32>,
-}
+pub(crate) struct Found(Vec<LastSearch>);
 
 impl Found {
     /// Nothing yet, of so many source points.
     pub(crate) fn nothing(points: usize) -> Self {
-        Self { matches: vec![LastSearch::UNKNOWN; points], residuals_m: Vec::new() }
+        Self(vec![LastSearch::UNKNOWN; points])
     }
 }
 
@@ -186,11 +167,16 @@ pub(crate) struct Chunk<'a> {
 }
 
 impl Chunk<'_> {
-    fn sum<E: Equations>(&self, matches: &mut [LastSearch], pairing: &Pairing) -> (E, Vec<f32>) {
+    fn sum<E: Equations>(
+        &self,
+        matches: &mut [LastSearch],
+        kernel: Kernel,
+        residuals: bool,
+    ) -> (E, Vec<f32>) {
         let pairs = self.pairs(matches, E::SOURCE_NORMALS);
         let (mut sums, mut residuals_m) = (E::default(), Vec::new());
-        sums.add_all(&pairs, pairing.kernel);
-        if pairing.residuals {
+        sums.add_all(&pairs, kernel);
+        if residuals {
             pairs.residuals(&mut residuals_m);
         }
         (sums, residuals_m)

@@ -5,7 +5,7 @@ use nalgebra::{Matrix6, Vector6};
 use super::centred::Centred;
 use super::equations::Equations;
 use super::kernel::Kernel;
-use super::pairing::{Chunk, Found, LastSearch, Placed};
+use super::pairing::{Chunk, Found, LastSearch, Placed, sum_pairs};
 use crate::{Covariance, IcpConfig, Observability};
 
 /// Points of a cluster: neighbours, since points are in the order of a tree. They share their
@@ -54,7 +54,10 @@ pub(crate) fn covariance<E: Equations>(
     found: &mut Found,
 ) -> Covariance {
     let asked = match kernel == Kernel::LEAST_SQUARES {
-        true => kernel_of_residuals::<E>(placed, found),
+        true => {
+            let (_, mut residuals_m) = sum_pairs::<E>(placed, kernel, true, found);
+            Kernel::of_residuals(Some(PLAIN_WIDTH), &mut residuals_m, placed.reach_m)
+        }
         false => kernel,
     };
     let parts =
@@ -63,16 +66,6 @@ pub(crate) fn covariance<E: Equations>(
     let (_, seen) = whole.sums.solve(config.degeneracy_threshold);
     let open_m = config.first_pair_distance_m.unwrap_or(config.max_pair_distance_m);
     whole.covariance(&seen, open_m, kernel != Kernel::LEAST_SQUARES)
-}
-
-/// The kernel that the residuals of these pairs ask for.
-fn kernel_of_residuals<E: Equations>(placed: &Placed, found: &mut Found) -> Kernel {
-    let residuals_m = placed.in_chunks(found, |chunk, matches| {
-        let mut residuals_m = Vec::new();
-        chunk.pairs(matches, E::SOURCE_NORMALS).residuals(&mut residuals_m);
-        residuals_m
-    });
-    Kernel::of_residuals(Some(PLAIN_WIDTH), &mut residuals_m.concat(), placed.reach_m)
 }
 
 /// Sums about the target's origin.
