@@ -61,3 +61,4 @@ pub mod run;
 pub mod scan_cloud;
 pub mod seed;
 pub mod tune;
+pub mod written;

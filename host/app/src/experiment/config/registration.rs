@@ -8,6 +8,7 @@ use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::experiment::preset::Preset;
+use crate::experiment::written::Written;
 
 /// Θ_reg to start from. What is left out is the preset's default.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -143,12 +144,9 @@ impl Serialize for RegistrationConfig {
             map.serialize_entry("refine", &self.refine)?;
         }
         for (setting, value) in SETTINGS.iter().zip(self.given) {
-            match value {
-                Some(count) if setting.kind == Kind::Count && count.fract() == 0.0 => {
-                    map.serialize_entry(setting.key, &(count as i64))?;
-                }
-                Some(value) => map.serialize_entry(setting.key, &value)?,
-                None => {}
+            if let Some(value) = value {
+                let written = Written::new(value, setting.kind == Kind::Count);
+                map.serialize_entry(setting.key, &written)?;
             }
         }
         map.end()

@@ -21,7 +21,7 @@ pub use axis::{Axis, Scale};
 pub use error::ValueError;
 pub use repair::repair;
 pub use theta_reg::{ThetaReg, axes};
-pub use written::{Written, written, written_values};
+pub use written::{written, written_values};
 
 /// One whole set of parameters, sensor and registration.
 #[derive(Clone, Copy, Debug, PartialEq)]

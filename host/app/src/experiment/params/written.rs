@@ -1,25 +1,13 @@
-//! Values as documents have them: whole numbers of what takes no others.
+//! Parameters as documents have them, by name.
 
-use serde::{Serialize, Serializer};
+use serde::Serializer;
 
 use super::{Values, is_whole};
-
-/// A parameter's value, ready to be written.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[serde(untagged)]
-pub enum Written {
-    /// Of a count or a choice: `20`.
-    Whole(i64),
-    /// Of anything else: `20.0`.
-    Real(f64),
-}
+use crate::experiment::written::Written;
 
 /// The value of a named parameter, as it is written.
 pub fn written(name: &str, value: f64) -> Written {
-    match value.fract() == 0.0 && is_whole(name) {
-        true => Written::Whole(value as i64),
-        false => Written::Real(value),
-    }
+    Written::new(value, is_whole(name))
 }
 
 /// Writes parameters by name. Read again, they are the same numbers.
@@ -35,7 +23,7 @@ pub fn written_values<S: Serializer>(values: &Values, serializer: S) -> Result<S
 mod tests {
     use super::*;
 
-    #[derive(Serialize, serde::Deserialize)]
+    #[derive(serde::Serialize, serde::Deserialize)]
     struct Document(#[serde(serialize_with = "written_values")] Values);
 
     #[test]
