@@ -58,7 +58,7 @@ fn check(args: &RegisterArgs) -> Result<(), Failure> {
             "--refine goes with a method that leaves it to another (fgr, mac), not with {name}"
         )));
     }
-    if args.initial.is_some() && !args.method.takes_a_guess() {
+    if args.initial.is_some() && args.method.is_rough() {
         return Err(Failure::usage(format!(
             "--initial goes with icp, gicp and auto: {name} searches everywhere"
         )));

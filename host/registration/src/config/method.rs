@@ -17,14 +17,9 @@ choice! {
 }
 
 impl Method {
-    /// Whether a local method may go on from what it finds: it has not done so itself.
+    /// Whether it takes no initial guess and leaves the last decimetres to a local method.
     pub fn is_rough(self) -> bool {
         matches!(self, Self::Fgr | Self::Mac)
-    }
-
-    /// Whether it starts at an initial guess, or takes one among its own.
-    pub fn takes_a_guess(self) -> bool {
-        !self.is_rough()
     }
 
     /// Whether it searches all motions, and so needs no initial guess.
