@@ -1,5 +1,6 @@
 //! Project commands: `cargo xtask test`.
 
+mod attack;
 mod cost;
 mod day;
 mod figures;
@@ -58,6 +59,8 @@ enum Task {
         #[arg(long, default_value_t = 60)]
         seconds: u32,
     },
+    /// Seeded damage to what is read and talked to, case by case: more of what the tests do.
+    Attack(attack::Attack),
     /// Counts the instructions of every stage on microcontrollers, in QEMU; fails when one grew by
     /// more than 2 %.
     Cost {
@@ -79,6 +82,7 @@ fn main() -> Result<()> {
         Task::Bench => cargo(["bench", "--workspace"]),
         Task::OnTarget { waveforms } => on_target(waveforms),
         Task::Fuzz { target, seconds } => fuzz::run(target.as_deref(), seconds),
+        Task::Attack(asked) => attack::run(&asked),
         Task::Cost { update } => cost::run(update),
         Task::Figures(asked) => figures::run(&asked),
         Task::Peers(asked) => peers::run(asked),

@@ -1,0 +1,193 @@
+//! Many cases of one kind: each has a random stream and a verdict of its own, none may panic or
+//! take for ever, and what came out is one line.
+
+use std::collections::BTreeMap;
+use std::env;
+use std::io::{Write, stderr};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+/// Longest that a case may take.
+const LIMIT: Duration = Duration::from_secs(60);
+
+/// How often a long campaign says how far it is.
+const NEWS: Duration = Duration::from_secs(5);
+
+/// What a case came to: the name under which it is counted, or what went wrong.
+pub(crate) type Verdict = Result<&'static str, String>;
+
+/// Cases of a kind.
+pub(crate) struct Campaign {
+    /// Name of its file.
+    pub(crate) kind: &'static str,
+    /// Cases in the test command.
+    pub(crate) cases: u64,
+}
+
+/// What `cargo xtask attack` asks for, by environment.
+struct Asked {
+    cases: Option<u64>,
+    seed: u64,
+    /// This one alone.
+    case: Option<u64>,
+}
+
+impl Asked {
+    fn from_environment() -> Self {
+        let number = |name: &str| {
+            let text = env::var(name).ok()?;
+            Some(text.parse().unwrap_or_else(|_| panic!("{name} = {text} must be a number")))
+        };
+        Self {
+            cases: number("ECHOLOOP_ATTACK_CASES"),
+            seed: number("ECHOLOOP_ATTACK_SEED").unwrap_or(1),
+            case: number("ECHOLOOP_ATTACK_CASE"),
+        }
+    }
+}
+
+/// What goes on.
+struct Course {
+    began: Instant,
+    /// Cases at work, and since when.
+    running: Mutex<BTreeMap<u64, Instant>>,
+    verdicts: Mutex<BTreeMap<&'static str, u64>>,
+    failures: Mutex<BTreeMap<u64, String>>,
+    over: AtomicBool,
+}
+
+impl Campaign {
+    /// Runs the cases, on all threads, and panics with the first failures.
+    pub(crate) fn run(&self, case: impl Fn(&mut ChaCha8Rng) -> Verdict + Sync) {
+        let asked = Asked::from_environment();
+        let cases = asked.cases.unwrap_or(self.cases);
+        let numbers = asked.case.map_or(0..cases, |case| case..case + 1);
+        let course = Course::new();
+        thread::scope(|scope| {
+            scope.spawn(|| self.watch(&course, cases, asked.cases.is_some()));
+            numbers.into_par_iter().for_each(|number| {
+                course.judge(number, || case(&mut stream(self.kind, asked.seed, number)));
+            });
+            course.over.store(true, Ordering::Relaxed);
+        });
+        self.report(&course, asked.seed);
+    }
+
+    /// Ends the process at a case that does not end; tells how far a long campaign is.
+    fn watch(&self, course: &Course, cases: u64, aloud: bool) {
+        let mut told = Instant::now();
+        while !course.over.load(Ordering::Relaxed) {
+            thread::sleep(Duration::from_millis(20));
+            if let Some(case) = course.stuck() {
+                say(&format!("attack {}: case {case} has not ended after {LIMIT:?}", self.kind));
+                std::process::exit(101);
+            }
+            if aloud && told.elapsed() >= NEWS {
+                told = Instant::now();
+                say(&format!("attack {}: {} of {cases}", self.kind, course.done()));
+            }
+        }
+    }
+
+    fn report(&self, course: &Course, seed: u64) {
+        let failures = course.failures.lock().expect("no panic holds it");
+        let verdicts = course.verdicts.lock().expect("no panic holds it");
+        let counted: Vec<String> =
+            verdicts.iter().map(|(name, count)| format!("{count} {name}")).collect();
+        say(&format!(
+            "attack {}: {} cases, seed {seed}, {:.0} s: {}, {} failed",
+            self.kind,
+            verdicts.values().sum::<u64>() + failures.len() as u64,
+            course.began.elapsed().as_secs_f64(),
+            counted.join(", "),
+            failures.len()
+        ));
+        let first: Vec<String> = failures
+            .iter()
+            .take(5)
+            .map(|(case, what)| {
+                format!(
+                    "case {case}: {what}\n  again: cargo xtask attack --kind {} --seed {seed} \
+                     --case {case}",
+                    self.kind
+                )
+            })
+            .collect();
+        assert!(first.is_empty(), "{}", first.join("\n"));
+    }
+}
+
+impl Course {
+    fn new() -> Self {
+        Self {
+            began: Instant::now(),
+            running: Mutex::default(),
+            verdicts: Mutex::default(),
+            failures: Mutex::default(),
+            over: AtomicBool::new(false),
+        }
+    }
+
+    fn judge(&self, number: u64, case: impl FnOnce() -> Verdict) {
+        self.running.lock().expect("no panic holds it").insert(number, Instant::now());
+        let verdict = catch_unwind(AssertUnwindSafe(case)).unwrap_or_else(|panic| {
+            let text = panic.downcast_ref::<String>().map(String::as_str);
+            let text = text.or_else(|| panic.downcast_ref::<&str>().copied());
+            Err(format!("panic: {}", text.unwrap_or("without a text")))
+        });
+        match verdict {
+            Ok(name) => {
+                *self.verdicts.lock().expect("no panic holds it").entry(name).or_default() += 1;
+            }
+            Err(what) => {
+                self.failures.lock().expect("no panic holds it").insert(number, what);
+            }
+        }
+        self.running.lock().expect("no panic holds it").remove(&number);
+    }
+
+    fn stuck(&self) -> Option<u64> {
+        let running = self.running.lock().expect("no panic holds it");
+        running.iter().find(|(_, since)| since.elapsed() > LIMIT).map(|(case, _)| *case)
+    }
+
+    fn done(&self) -> u64 {
+        let failed = self.failures.lock().expect("no panic holds it").len() as u64;
+        failed + self.verdicts.lock().expect("no panic holds it").values().sum::<u64>()
+    }
+}
+
+/// Past the capture of tests: what a person waits for is seen.
+fn say(line: &str) {
+    let _ = writeln!(stderr(), "{line}");
+}
+
+/// The random stream of a case: the same whatever came before it, and on any thread.
+fn stream(kind: &str, seed: u64, case: u64) -> ChaCha8Rng {
+    let kind = kind.bytes().fold(0, |sum, byte| echoloop_random::derive(sum, byte.into(), 0));
+    ChaCha8Rng::seed_from_u64(echoloop_random::derive(seed, kind, case))
+}
+
+#[test]
+fn a_case_that_fails_or_panics_is_named_and_the_others_are_counted() {
+    let failed = catch_unwind(|| {
+        Campaign { kind: "trial", cases: 20 }.run(|rng| {
+            use rand::RngExt;
+            match rng.random_range(0..3) {
+                0 => Ok("borne"),
+                1 => Err("not borne".into()),
+                _ => panic!("over {}", 3),
+            }
+        });
+    });
+    let text = failed.expect_err("a failure").downcast_ref::<String>().cloned().expect("a text");
+    assert!(text.contains("not borne") && text.contains("panic: over 3"), "{text}");
+    assert!(text.contains("again: cargo xtask attack --kind trial --seed 1 --case "), "{text}");
+}

@@ -1,0 +1,3 @@
+//! The kinds of attack: a file each, whose name is what `cargo xtask attack --kind` takes.
+
+mod bytes;
