@@ -263,8 +263,36 @@ mod tests {
             let grid = footprint(&BeamOptics { subrays, ..BeamOptics::default() });
             assert_eq!(grid.len(), usize::from(subrays) * usize::from(subrays));
             assert!((grid.iter().map(|(_, w)| w).sum::<f64>() - 1.0).abs() < 1e-12);
-            let reach = if subrays == 1 { 0.0 } else { 1.5e-3 };
-            assert_eq!(grid[grid.len() - 1].0[0], reach);
+            let reach = if subrays == 1 { [0.0; 2] } else { [1.5e-3, 0.75e-3] };
+            assert_eq!(grid[grid.len() - 1].0, reach);
+            assert_eq!(grid[0].0, reach.map(|v| -v));
+        }
+    }
+
+    /// The outermost of five rows or columns has 1/16 of the weight of the middle one.
+    #[test]
+    fn a_beam_reaches_three_milliradians_across_and_half_of_that_upwards() {
+        let share = 0.0625 / 2.125;
+        // An edge at 10 m, between two sub-rays: ±0.75 and ±1.5 mrad across, ±0.375 and ±0.75 up.
+        for (edge_m, axis) in [(0.011, 1), (0.0055, 2)] {
+            let mut near = Mesh::default();
+            for side in [[edge_m, -5.0], [edge_m, 5.0], [9.0, 5.0], [9.0, -5.0]] {
+                let mut corner = [10.0; 3];
+                (corner[axis], corner[3 - axis]) = (side[0], side[1]);
+                near.vertices.push(corner);
+            }
+            near.triangles.extend([[0, 1, 2], [0, 2, 3]]);
+            near.materials.extend([0, 0]);
+            let response = look(&Raycaster::from_mesh(&near), &BeamOptics::default());
+            let [echo] = response.of(0) else { panic!("axis {axis}: one return") };
+            let expected = share * 0.1 / PI / 100.0;
+            assert!((echo.strength_per_m2 / expected - 1.0).abs() < 0.01, "axis {axis}");
+            // Nothing reaches farther.
+            for corner in &mut near.vertices {
+                corner[axis] += 0.5 * edge_m;
+            }
+            let missed = look(&Raycaster::from_mesh(&near), &BeamOptics::default());
+            assert!(missed.of(0).is_empty(), "axis {axis}");
         }
     }
 

@@ -15,7 +15,7 @@ use echoloop_host::experiment::config::{RunConfig, load};
 use echoloop_host::experiment::dataset::{Dataset, Place, ScanPair, respond};
 use echoloop_host::experiment::evaluate::{NoisyPairs, evaluate};
 use echoloop_host::experiment::journal::Journal;
-use echoloop_host::experiment::objective::{Bench, fitness};
+use echoloop_host::experiment::objective::{Bench, PairError, fitness};
 use echoloop_host::experiment::params::{Parameters, Space};
 use echoloop_host::experiment::preset::{LidarPreset, PAPER_LIDAR, Preset, Protocol};
 use echoloop_host::experiment::scan_cloud::{cloud_from_scan, directions};
@@ -29,7 +29,7 @@ use echoloop_registration::pose::{Pose, relative};
 use echoloop_sim::board::PcSensor;
 use echoloop_sim::raycast::Raycaster;
 use echoloop_sim::scene::{Material, Mesh, Scene};
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 
 const HARDWARE: Hardware = Hardware::REFERENCE;
 
@@ -82,6 +82,19 @@ fn tuned(config: &RunConfig, threads: usize) -> (Vec<u8>, Tuned) {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
     let tuned = pool.install(|| search.run(&mut journal, Vec::new(), &Silent)).expect("a search");
     (std::fs::read(path).expect("a journal"), tuned)
+}
+
+/// The error of a training pair in the search, worked out by its recipe alone: purpose 3, and 32
+/// bits of generation, 16 of pair, 16 of candidate.
+fn error_in_the_search(
+    search: &TuneSearch<'_>,
+    parameters: &Parameters,
+    (generation, pair, candidate): (u64, usize, u64),
+) -> PairError {
+    let index = generation << 32 | (pair as u64) << 16 | candidate;
+    let noise = echoloop_random::derive(search.config.seed, 3, index);
+    let registered = search.bench.register(parameters, pair, &TOWN.train[pair], noise);
+    registered.expect("a registration").error
 }
 
 /// The training pairs with the noise of the last choice.
@@ -164,6 +177,81 @@ fn every_candidate_is_recorded_under_the_hash_by_which_the_sensor_calls_its_sett
     }
     let different: BTreeSet<u32> = candidates.iter().map(|c| c.settings).collect();
     assert!(different.len() > candidates.len() / 2, "the search varies the sensor");
+}
+
+#[test]
+fn every_recorded_error_is_that_of_a_training_pair_with_its_own_noise() {
+    for (common, own) in [("tune.common_noise=true", 0), ("tune.common_noise=false", 1)] {
+        let config = config(&[common, "tune.generations=2"]);
+        let (_, tuned) = tuned(&config, 2);
+        let search = search(&config);
+        for (g, generation) in (0..).zip(&tuned.generations) {
+            assert_eq!(generation.pairs.len(), 2);
+            for (number, candidate) in (1..).zip(&generation.candidates) {
+                let parameters = search.space.parameters(&candidate.point).0;
+                let again = generation.pairs.iter().map(|&pair| {
+                    error_in_the_search(&search, &parameters, (g, pair, own * number))
+                });
+                assert_eq!(candidate.errors, again.collect::<Vec<_>>(), "{common}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_pair_s_error_counts_no_more_than_the_cap() {
+    let worth = |cap: &str| {
+        let (_, tuned) = tuned(&config(&["tune.generations=1", cap]), 2);
+        let searched: Vec<f64> =
+            tuned.generations[0].candidates.iter().map(|c| c.fitness).collect();
+        (searched, tuned.finalists.iter().map(|f| f.fitness).collect::<Vec<f64>>())
+    };
+    // No registration is as good as a ten-thousandth of a millimetre: all are worth the cap.
+    assert_eq!(worth("tune.error_cap=1e-7"), (vec![1e-7; 6], vec![1e-7; 3]));
+    let (searched, chosen) = worth("tune.error_cap=0");
+    assert!(searched.iter().chain(&chosen).all(|&worth| worth > 1e-4), "{searched:?} {chosen:?}");
+}
+
+#[test]
+fn parameters_are_judged_on_test_pairs_with_the_noise_of_the_judgement() {
+    let config = config(&[]);
+    let search = search(&config);
+    let judged = search.judge(&search.start, &Silent).expect("a judgement").errors;
+    assert_eq!(judged.len(), 3);
+    for (pair, error) in TOWN.test.iter().zip(&judged) {
+        let noise = echoloop_random::derive(config.seed, 5, error.pair as u64);
+        let again = search.bench.register(&search.start, error.pair, pair, noise);
+        assert_eq!(*error, again.expect("a registration").error);
+    }
+}
+
+/// Where the sensor stood for every scan of some pairs, x and y, m.
+fn places(pairs: &[ScanPair]) -> Vec<Vector2<f64>> {
+    let both = pairs.iter().flat_map(|pair| pair.world_from_sensor);
+    both.map(|pose| pose.translation.vector.xy()).collect()
+}
+
+#[test]
+fn nothing_is_judged_within_ten_metres_of_a_place_that_was_tuned_on() {
+    for scene in ["structured", "semi-structured", "unstructured"] {
+        let scene = format!("scene.source=\"{scene}\"");
+        let config =
+            config(&[&scene, "scene.towns=[1,2]", "data.train_pairs=8", "data.test_pairs=20"]);
+        let data = Dataset::build(&config, &|_, _| ()).expect("two towns");
+        assert_eq!((data.train.len(), data.test.len()), (8, 20));
+        let towns: BTreeSet<&str> = data.train.iter().map(|pair| &*pair.place).collect();
+        assert_eq!(towns.len(), 2);
+        for town in towns {
+            let of = |pairs: &[ScanPair]| -> Vec<ScanPair> {
+                pairs.iter().filter(|pair| pair.place == town).cloned().collect()
+            };
+            let [train, test] = [&data.train, &data.test].map(|pairs| places(&of(pairs)));
+            assert_eq!((train.len(), test.len()), (8, 20));
+            let apart = |a: &Vector2<f64>| test.iter().map(|b| (a - b).norm()).fold(1e9, f64::min);
+            let nearest_m = train.iter().map(apart).fold(1e9, f64::min);
+            assert!(nearest_m >= 10.0, "{town}: {nearest_m} m");
+        }
+    }
 }
 
 #[test]

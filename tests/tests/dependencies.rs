@@ -5,11 +5,16 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Each crate of ours, its folder, and those of ours that it may name in its dependencies.
-const ALLOWED: [(&str, &str, &[&str]); 17] = [
+const ALLOWED: [(&str, &str, &[&str]); 18] = [
     ("echoloop-dsp", "firmware/dsp", &[]),
     ("echoloop-dispatch", "host/dispatch", &[]),
     ("echoloop-random", "host/random", &[]),
-    ("echoloop-kernels", "firmware/kernels", &["echoloop-dispatch", "echoloop-dsp"]),
+    ("echoloop-needs", "tests/needs", &[]),
+    (
+        "echoloop-kernels",
+        "firmware/kernels",
+        &["echoloop-dispatch", "echoloop-dsp", "echoloop-needs"],
+    ),
     ("echoloop-link", "firmware/link", &["echoloop-dsp"]),
     ("echoloop-sensor", "firmware/sensor", &["echoloop-dsp", "echoloop-link"]),
     (
@@ -17,7 +22,7 @@ const ALLOWED: [(&str, &str, &[&str]); 17] = [
         "firmware/image",
         &["echoloop-dsp", "echoloop-kernels", "echoloop-link", "echoloop-sensor"],
     ),
-    ("echoloop-registration", "host/registration", &["echoloop-dispatch"]),
+    ("echoloop-registration", "host/registration", &["echoloop-dispatch", "echoloop-needs"]),
     ("echoloop-frontend", "host/frontend", &["echoloop-dispatch", "echoloop-random"]),
     ("echoloop-cmaes", "host/cmaes", &["echoloop-random"]),
     (
@@ -28,6 +33,7 @@ const ALLOWED: [(&str, &str, &[&str]); 17] = [
             "echoloop-frontend",
             "echoloop-kernels",
             "echoloop-link",
+            "echoloop-needs",
             "echoloop-random",
             "echoloop-sensor",
         ],
@@ -44,7 +50,7 @@ const ALLOWED: [(&str, &str, &[&str]); 17] = [
     ("xtask", "xtask", &[]),
 ];
 
-/// What the program is made of.
+/// What the program is made of, and what its tests need.
 const LIBRARIES: &[&str] = &[
     "echoloop-cmaes",
     "echoloop-dispatch",
@@ -52,6 +58,7 @@ const LIBRARIES: &[&str] = &[
     "echoloop-frontend",
     "echoloop-kernels",
     "echoloop-link",
+    "echoloop-needs",
     "echoloop-random",
     "echoloop-registration",
     "echoloop-sensor",
@@ -67,6 +74,7 @@ const PROGRAM: &[&str] = &[
     "echoloop-host",
     "echoloop-kernels",
     "echoloop-link",
+    "echoloop-needs",
     "echoloop-random",
     "echoloop-registration",
     "echoloop-sensor",
@@ -176,6 +184,15 @@ fn the_libraries_bring_neither_the_program_nor_its_command_line() {
         let built = built_into(package, None);
         let found = built.iter().map(|line| name(line)).find(|name| unwanted.contains(name));
         assert_eq!(found, None, "{package} is built with it");
+    }
+}
+
+#[test]
+fn what_tests_need_is_built_into_no_crate_but_theirs() {
+    for (package, folder, _) in ALLOWED.iter().filter(|(_, folder, _)| *folder != "tests") {
+        let built = built_into(package, None);
+        let needs = built.iter().filter(|line| name(line) == "echoloop-needs").count();
+        assert_eq!(needs, usize::from(*folder == "tests/needs"), "{package}");
     }
 }
 

@@ -149,9 +149,9 @@ fn the_greeting_never_changes() {
     assert_eq!(hex(&bytes), "34 12 00 45 43 48 4f 02 01 0a 09 08 07 06 05 04 03");
 }
 
-#[test]
-fn every_message_keeps_its_number() {
-    let commands = [
+/// One command of every kind, by number.
+fn commands() -> [Command; 9] {
+    [
         Command::Hello(Greeting::OURS),
         Command::Stage(Settings::default()),
         Command::Commit { hash: 0, base_generation: 0, confirm_within: 0 },
@@ -161,15 +161,18 @@ fn every_message_keeps_its_number() {
         Command::Confirm { generation: 0 },
         Command::Save { hash: 0 },
         Command::Forget,
-    ];
-    for (number, command) in commands.iter().enumerate() {
-        assert_eq!(payload(command)[2], number as u8, "{command:?}");
-    }
-    let refusal = Refusal { field: ParameterId::EchoChoice, value: -1, reason: Reason::NotAChoice };
-    let reports = [
+    ]
+}
+
+const REFUSAL: Refusal =
+    Refusal { field: ParameterId::EchoChoice, value: -1, reason: Reason::NotAChoice };
+
+/// One report of every kind, by number.
+fn reports() -> [Report; 11] {
+    [
         hello_reply(),
         Report::Nack(Nack::NotReady),
-        Report::Refused(refusal),
+        Report::Refused(REFUSAL),
         Report::Staged { hash: 0 },
         Report::Committed { generation: 0, hash: 0 },
         Report::Settings { generation: 0, hash: 0, settings: Settings::default() },
@@ -178,8 +181,15 @@ fn every_message_keeps_its_number() {
         Report::Confirmed { generation: 0 },
         Report::Saved { hash: 0, revision: 0 },
         Report::Forgotten,
-    ];
-    for (number, report) in reports.iter().enumerate() {
+    ]
+}
+
+#[test]
+fn every_message_keeps_its_number() {
+    for (number, command) in commands().iter().enumerate() {
+        assert_eq!(payload(command)[2], number as u8, "{command:?}");
+    }
+    for (number, report) in reports().iter().enumerate() {
         assert_eq!(payload(report)[2], number as u8, "{report:?}");
     }
     let nacks = [
@@ -206,7 +216,7 @@ fn every_message_keeps_its_number() {
         Reason::Undersampled { sample_period_fs: 0 },
     ];
     for (number, reason) in reasons.into_iter().enumerate() {
-        let bytes = payload(&Report::Refused(Refusal { reason, ..refusal }));
+        let bytes = payload(&Report::Refused(Refusal { reason, ..REFUSAL }));
         assert_eq!(hex(&bytes[3..5]), "0e 01", "field 14, value −1");
         assert_eq!(bytes[5], number as u8, "{reason:?}");
     }
@@ -281,6 +291,55 @@ fn no_damaged_frame_is_taken_for_another() {
         );
     }
     assert_eq!(accepted, 0);
+}
+
+/// Sequence, body and checksum as they stand before COBS.
+fn unstuffed(frame: &[u8]) -> Vec<u8> {
+    let mut bytes = frame[1..frame.len() - 1].to_vec();
+    let length = cobs::decode_in_place(&mut bytes).unwrap();
+    bytes.truncate(length);
+    bytes
+}
+
+/// What a receiver finds between the delimiters.
+fn stuffed(payload: &[u8]) -> Vec<u8> {
+    let mut bytes = vec![0; payload.len() + payload.len() / 254 + 2];
+    let length = cobs::encode(payload, &mut bytes);
+    bytes.truncate(length);
+    bytes
+}
+
+/// Whole COBS, a body that may well be a message, and one thing wrong: the checksum alone can tell.
+#[test]
+fn one_wrong_bit_or_byte_of_any_message_is_seen_by_the_checksum() {
+    let commands = commands().map(|command| frame(0x1234, &command));
+    let reports = reports().map(|report| frame(0x1234, &report));
+    for whole in commands.iter().chain(&reports) {
+        let payload = unstuffed(whole);
+        let kind = payload[2];
+        let refused = |damaged: &[u8]| {
+            let bytes = stuffed(damaged);
+            let command = decode::<Command>(&mut bytes.clone());
+            let report = decode::<Report>(&mut bytes.clone());
+            assert_eq!(command, Err(FrameError::Crc), "kind {kind}: {damaged:02x?}");
+            assert_eq!(report, Err(FrameError::Crc), "kind {kind}: {damaged:02x?}");
+            let opened = echoloop_link::open(&mut bytes.clone()).map(|(number, _)| number);
+            assert_eq!(opened, Err(FrameError::Crc), "kind {kind}: {damaged:02x?}");
+        };
+        for at in 0..payload.len() {
+            for bit in 0..8 {
+                let mut damaged = payload.clone();
+                damaged[at] ^= 1 << bit;
+                refused(&damaged);
+            }
+            let mut shorter = payload.clone();
+            shorter.remove(at);
+            refused(&shorter);
+            let mut longer = payload.clone();
+            longer.insert(at, 0xA5);
+            refused(&longer);
+        }
+    }
 }
 
 /// Feeds bytes to a decoder; what it gives.

@@ -5,10 +5,11 @@ mod browser;
 mod fixture;
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
+use echoloop_needs::data;
 use fixture::{CommandOutput, Fixture, SMALL};
 use serde_json::Value;
 
@@ -755,17 +756,6 @@ fn a_registration_that_fails_exits_with_one_and_says_why() {
         assert!(output.stderr.contains(why), "{}", output.stderr);
         assert_eq!(output.json()["stop"], stop);
     }
-}
-
-/// A file of the public data, when there is a folder of it.
-fn data(name: &str) -> Option<PathBuf> {
-    let Some(folder) = std::env::var_os("ECHOLOOP_DATA") else {
-        eprintln!("SKIPPED: ECHOLOOP_DATA is not set, so {name} was not tried");
-        return None;
-    };
-    let path = Path::new(&folder).join(name);
-    assert!(path.exists(), "ECHOLOOP_DATA has no {name}");
-    Some(path)
 }
 
 #[test]

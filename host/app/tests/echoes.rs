@@ -3,10 +3,10 @@
 
 mod fixture;
 
-use std::env;
 use std::fs;
 use std::path::PathBuf;
 
+use echoloop_needs::data;
 use fixture::Fixture;
 use serde_json::Value;
 
@@ -415,15 +415,6 @@ fn the_number_of_threads_changes_nothing_and_people_get_a_table() {
         "{}",
         output.stdout
     );
-}
-
-/// A file of the shared data, or `None`, output aloud.
-fn data(name: &str) -> Option<PathBuf> {
-    let found = env::var_os("ECHOLOOP_DATA").map(|folder| PathBuf::from(folder).join(name));
-    if found.is_none() {
-        eprintln!("skipped: ECHOLOOP_DATA is not set, so {name} cannot be read");
-    }
-    found
 }
 
 /// Of places within `tolerance` of each other, greedily by distance, how many pair up.

@@ -7,7 +7,6 @@
 mod fixture;
 
 use std::fs;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::time::{Duration, Instant};
@@ -25,9 +24,7 @@ fn image() -> Option<String> {
         Ok(()) if !image.is_file() => format!("no image {}: cargo xtask firmware", image.display()),
         Ok(()) => return Some(image.canonicalize().expect("it is there").display().to_string()),
     };
-    assert!(std::env::var_os("CI").is_none(), "{missing}");
-    // Past the harness, which keeps what passing tests print.
-    let _ = writeln!(std::io::stderr(), "SKIPPED: {missing}");
+    echoloop_needs::missing(&missing);
     None
 }
 

@@ -220,6 +220,24 @@ mod tests {
         }
     }
 
+    /// Few parameters and many candidates: Eq. 58 alone would learn more than all. Worked out by
+    /// hand from the tutorial: 1.0497, 1.1639 and 1.3046 before the bound.
+    #[test]
+    fn the_covariance_learns_no_more_than_all_of_itself() {
+        for (n, lambda, c_1, c_mu) in [
+            (2, 40, 0.090_092_19, 0.688_252_05), // below the bound
+            (2, 80, 0.061_203_10, 0.938_796_90),
+            (2, 100, 0.052_830_87, 0.947_169_13),
+            (3, 200, 0.028_132_75, 0.971_867_25),
+        ] {
+            let ours = Strategy::new(n, lambda, Constants::Tutorial);
+            assert!((ours.c_1 - c_1).abs() < 1e-8, "n = {n}, λ = {lambda}: {}", ours.c_1);
+            assert!((ours.c_mu - c_mu).abs() < 1e-8, "n = {n}, λ = {lambda}: {}", ours.c_mu);
+        }
+        let pycma = Strategy::new(2, 100, Constants::Pycma);
+        assert!((pycma.c_mu - 0.947_169_13).abs() < 1e-8, "{}", pycma.c_mu);
+    }
+
     #[test]
     fn the_default_population_grows_with_the_logarithm() {
         assert_eq!([5, 10, 16, 100].map(Strategy::default_lambda), [8, 10, 12, 17]);

@@ -297,6 +297,27 @@ mod tests {
         assert!(near(1.08 / sigma_ua, 12.6), "{sigma_ua}");
     }
 
+    /// Worked out apart from this file, from the equations and defaults of docs/physics.md with the
+    /// constants of CODATA.
+    #[test]
+    fn the_current_without_a_signal_is_that_of_the_sun_on_the_whole_footprint() {
+        let receiver = Receiver::default();
+        let same = |got: f64, expected: f64| (got / expected - 1.0).abs() < 1e-6;
+        assert!(same(receiver.responsivity_a_w(), 0.547_448_795));
+        assert!(same(receiver.ambient_w(), 3.199_218_75e-9));
+        assert!(same(receiver.quiescent_current_ua(), 0.175_140_845));
+        assert!(same(receiver.quiescent_variance_ua2(), 7.278_189_109e-3));
+        // 3 nA that are not multiplied, 2 nA that are; the sun is left out.
+        let dark = Receiver {
+            surface_dark_current_na: 3.0,
+            bulk_dark_current_na: 2.0,
+            irradiance_w_m2_nm: 0.0,
+            ..receiver
+        };
+        assert!(same(dark.quiescent_current_ua(), 0.003));
+        assert!(same(dark.quiescent_variance_ua2(), 7.970_447_963e-3));
+    }
+
     #[test]
     fn a_constant_out_of_bounds_is_named() {
         let bad = Receiver { transmission: f64::NAN, ..Receiver::default() };

@@ -1,7 +1,5 @@
 //! Registration recovers known motions, and says why when it cannot.
 
-use std::path::PathBuf;
-
 use nalgebra::{Point3, Vector3};
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng, seq::SliceRandom};
@@ -401,8 +399,7 @@ struct RealPair {
 
 /// The real pairs below ECHOLOOP_DATA; none, said aloud, where that is unset.
 fn real_pairs() -> Vec<RealPair> {
-    let Some(data) = std::env::var_os("ECHOLOOP_DATA").map(PathBuf::from) else {
-        eprintln!("skipped: ECHOLOOP_DATA is unset, so no real pair is registered");
+    let Some(data) = echoloop_needs::data_folder("registration of real pairs") else {
         return Vec::new();
     };
     let truth = |file: &str| read_pose(&data.join(file)).unwrap();

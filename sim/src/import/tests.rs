@@ -200,15 +200,6 @@ fn a_scene_written_as_ply_comes_back_without_new_ground() {
     assert_eq!(again.mesh.triangles, scene.mesh.triangles);
 }
 
-/// The folder of real inputs, or a word about what is left out without it.
-fn data(what: &str) -> Option<PathBuf> {
-    let folder = std::env::var_os("ECHOLOOP_DATA").map(PathBuf::from);
-    if folder.is_none() {
-        eprintln!("skipped, ECHOLOOP_DATA is not set: {what}");
-    }
-    folder
-}
-
 fn assert_scannable(scene: &Scene, split: Split) {
     let caster = Raycaster::new(scene);
     let plan = PairPlan { count: 4, split, ..PairPlan::default() };
@@ -230,7 +221,7 @@ fn assert_scannable(scene: &Scene, split: Split) {
 
 #[test]
 fn ingolstadt_gets_its_street_and_can_be_scanned() {
-    let Some(folder) = data("the street of Ingolstadt") else {
+    let Some(folder) = echoloop_needs::data_folder("the street of Ingolstadt") else {
         return;
     };
     let path = folder.join("city_ingolstadt/ingolstadt_north.ply");
@@ -259,7 +250,7 @@ fn ingolstadt_gets_its_street_and_can_be_scanned() {
 
 #[test]
 fn worlds_of_others_keep_their_ground_and_can_be_scanned() {
-    let Some(folder) = data("the agriculture and inspection worlds") else {
+    let Some(folder) = echoloop_needs::data_folder("the agriculture and inspection worlds") else {
         return;
     };
     for name in ["agriculture_world", "inspection_world"] {
@@ -274,7 +265,7 @@ fn worlds_of_others_keep_their_ground_and_can_be_scanned() {
 
 #[test]
 fn single_objects_get_ground_to_stand_on() {
-    let Some(folder) = data("houses, shops and trees of others") else {
+    let Some(folder) = echoloop_needs::data_folder("houses, shops and trees of others") else {
         return;
     };
     for (name, scale) in [

@@ -37,8 +37,8 @@ mod tests {
 
     #[test]
     fn the_first_value_at_the_threshold_is_found_wherever_it_lies() {
-        if !has_v3() {
-            return eprintln!("skipped: this processor has no AVX2");
+        if !echoloop_needs::avx2(has_v3()) {
+            return;
         }
         for threshold in [i16::MIN, -3, 1, 500, i16::MAX] {
             let below = threshold.saturating_sub(1);

@@ -127,3 +127,37 @@ pub fn fitness(errors: &[PairError], cap: f64) -> f64 {
     let capped = |e: &PairError| if cap > 0.0 { e.frobenius.min(cap) } else { e.frobenius };
     errors.iter().map(capped).sum::<f64>() / errors.len() as f64
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn errors(frobenius: &[f64]) -> Vec<PairError> {
+        let error = |(pair, &frobenius): (usize, &f64)| PairError {
+            pair,
+            translation_m: 0.1,
+            rotation_deg: 7.0,
+            frobenius,
+            points: [100, 200],
+            stop: String::new(),
+            iterations: 1,
+        };
+        frobenius.iter().enumerate().map(error).collect()
+    }
+
+    #[test]
+    fn a_candidate_is_worth_the_mean_of_its_errors_each_no_more_than_the_cap() {
+        let table: [(&[f64], f64, f64); 7] = [
+            (&[0.5, 3.0, 100.0], 2.0, 1.5),
+            (&[0.5, 3.0, 100.0], 0.0, 34.5), // no cap
+            (&[0.5, 3.0, 100.0], 200.0, 34.5),
+            (&[0.5, 3.0, 100.0], 0.25, 0.25),
+            (&[0.5, 3.0, 100.0], 3.0, 6.5 / 3.0),
+            (&[0.125], 1.0, 0.125),
+            (&[7.0], 1.0, 1.0),
+        ];
+        for (frobenius, cap, expected) in table {
+            assert_eq!(fitness(&errors(frobenius), cap), expected, "{frobenius:?}, cap {cap}");
+        }
+    }
+}

@@ -13,8 +13,7 @@ fn chromium() -> Option<PathBuf> {
         })
         .find(|path| path.is_file());
     if found.is_none() {
-        assert!(std::env::var_os("CI").is_none(), "CI needs Chromium to check the report");
-        eprintln!("SKIPPED: no Chromium on the PATH, so nobody looked at the report");
+        echoloop_needs::missing("no Chromium on the PATH, so nobody looked at the report");
     }
     found
 }

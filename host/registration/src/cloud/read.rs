@@ -43,7 +43,6 @@ pub fn read_cloud(path: &Path) -> Result<(Cloud, Dropped), CloudError> {
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
-    use std::path::PathBuf;
 
     use super::*;
     use crate::cloud::write_ply;
@@ -262,10 +261,7 @@ mod tests {
 
     #[test]
     fn the_scans_of_others_read_with_their_point_counts() {
-        let Some(data) = std::env::var_os("ECHOLOOP_DATA").map(PathBuf::from) else {
-            eprintln!("skipped: ECHOLOOP_DATA is unset, so no real scans are read");
-            return;
-        };
+        let Some(data) = echoloop_needs::data_folder("reading others' scans") else { return };
         let table = [
             ("pair_small_gicp/source.ply", 69_792),
             ("pair_ouster/scan_0.ply", 107_647),

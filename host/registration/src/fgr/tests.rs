@@ -212,3 +212,49 @@ proptest! {
         }
     }
 }
+
+/// Two groups of the same points: `right` matches that stay, `wrong` ones 5 δ to the side. By
+/// symmetry the motion is a shift along x, and a fixed point t of
+///
+/// ```text
+/// right w(t) t = wrong w(5δ - t) (5δ - t)      w(r) = (μ / (r² + μ))²
+/// ```
+fn two_groups(right: usize, wrong: usize, delta_m: f64) -> Vec<PointPair> {
+    let rng = &mut ChaCha8Rng::seed_from_u64(3);
+    let points: Vec<Point3<f64>> = (0..40).map(|_| point(rng)).collect();
+    let moved = |source: &Point3<f64>, shift_m: f64| PointPair {
+        source: *source,
+        target: source + nalgebra::Vector3::new(shift_m, 0.0, 0.0),
+    };
+    let shifts = std::iter::repeat_n(0.0, right).chain(std::iter::repeat_n(5.0 * delta_m, wrong));
+    shifts.flat_map(|shift_m| points.iter().map(move |p| moved(p, shift_m))).collect()
+}
+
+fn fixed_point_m(right: f64, wrong: f64, delta_m: f64, mu: f64) -> f64 {
+    let w = |r: f64| (mu / (r * r + mu)) * (mu / (r * r + mu));
+    (0..10_000).fold(0.0, |t: f64, _| {
+        let (here, there) = (right * w(t), wrong * w(5.0 * delta_m - t));
+        5.0 * delta_m * there / (here + there)
+    })
+}
+
+#[test]
+fn the_annealing_ends_at_the_square_of_the_pair_distance() {
+    for (delta_m, iterations) in [(0.5, 64), (0.5, 400), (0.2, 128), (2.0, 16)] {
+        let pairs = two_groups(3, 2, delta_m);
+        let passed: Vec<tuples::Passed> =
+            (0..pairs.len()).map(|index| tuples::Passed { index, weight: 1.0 }).collect();
+        let run = annealed::anneal(&pairs, &passed, delta_m, iterations).unwrap();
+        let shift_m = run.target_from_source.translation.vector.x;
+        let at = |mu: f64| fixed_point_m(3.0, 2.0, delta_m, mu);
+        let expected = at(delta_m * delta_m);
+        assert!(
+            (shift_m - expected).abs() < 2e-3 * delta_m,
+            "{delta_m} m, {iterations}: {shift_m} m, not {expected} m"
+        );
+        // Where a kernel twice as wide, or half, would end is told apart.
+        for other in [0.25, 4.0] {
+            assert!((at(other * delta_m * delta_m) - expected).abs() > 4e-3 * delta_m);
+        }
+    }
+}

@@ -1,7 +1,5 @@
 //! Registration with maximal cliques on matches whose motion is known.
 
-use std::path::PathBuf;
-
 use nalgebra::{Point3, Vector3};
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
@@ -196,13 +194,40 @@ proptest! {
     }
 }
 
+/// Matches on a line, whose lengths a motion would have to stretch by 2, 3 and 5 cm.
+#[test]
+fn an_edge_weighs_one_less_the_square_of_its_share_and_backs_the_others() {
+    let pair = |source: f64, target: f64| PointPair {
+        source: [source, 0.0, 0.0].into(),
+        target: [target, 0.0, 0.0].into(),
+    };
+    let pairs = [pair(0.0, 0.0), pair(10.0, 10.02), pair(30.0, 30.05)];
+    let bounds = LengthBounds { tolerance_m: 0.09, least_length_m: 0.0 };
+    let graph = Graph::new(&pairs, &Compatible::new(&pairs, &bounds), 0.1);
+    let same = |got: &[f32], expected: [f32; 2]| {
+        assert_eq!(got.len(), 2);
+        let near = got.iter().zip(expected).all(|(got, expected)| (got - expected).abs() < 1e-5);
+        assert!(near, "{got:?}, not {expected:?}");
+    };
+    same(graph.weights(0), [0.96, 0.75]); // 1 - 0.2², 1 - 0.5²
+    same(graph.weights(1), [0.96, 0.91]); // and 1 - 0.3²
+    same(graph.weights(2), [0.75, 0.91]);
+    // Each edge times the two that back it: all three the same here.
+    let second = graph.second_order();
+    (0..3).for_each(|node| same(second.weights(node), [0.6552; 2]));
+    // Two edges at one match back none: nothing joins their other ends.
+    let edges = [(0, 1, 0.5), (0, 2, 0.25)];
+    assert_eq!(Graph::from_edges(3, &edges).second_order().all_weights(), [0.0; 4]);
+    // A fourth match that both ends of an edge know backs it with its own two edges.
+    let edges = [(0, 1, 0.5), (0, 2, 0.25), (0, 3, 0.75), (1, 2, 1.0), (1, 3, 0.125)];
+    let backed = Graph::from_edges(4, &edges).second_order();
+    assert_eq!(backed.weights(0)[0], 0.5 * (0.25 * 1.0 + 0.75 * 0.125));
+    assert_eq!(backed.weights(2), [0.25 * 0.5 * 1.0, 1.0 * 0.5 * 0.25]);
+}
+
 /// The matches that come with MAC's demonstration, and their motion.
 fn demonstration() -> Option<(Vec<PointPair>, Pose)> {
-    let Some(folder) = std::env::var_os("ECHOLOOP_DATA") else {
-        eprintln!("skipped: ECHOLOOP_DATA is not set");
-        return None;
-    };
-    let folder = PathBuf::from(folder).join("mac_correspondences");
+    let folder = echoloop_needs::data("mac_correspondences")?;
     let text = std::fs::read_to_string(folder.join("corr_data.txt")).unwrap();
     let numbers: Vec<f64> = text.split_whitespace().map(|word| word.parse().unwrap()).collect();
     let pair = |v: &[f64; 6]| PointPair {
