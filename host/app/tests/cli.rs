@@ -474,6 +474,26 @@ fn a_candidate_comes_from_standard_input_too() {
 }
 
 #[test]
+fn a_candidate_is_judged_on_training_pairs_unless_the_test_pairs_are_asked_for() {
+    let fixture = Fixture::new();
+    fixture.write("candidate.json", r#"{"parameters": {"lidar.power": 50}}"#);
+    let judge = |more: &[&str]| {
+        let evaluate = ["evaluate", "-q", "--json", "-c", "small.toml"];
+        fixture.succeed(&[&evaluate[..], more].concat()).json()
+    };
+    let usual = judge(&["--candidate", "candidate.json"]);
+    let [train, test] =
+        ["train", "test"].map(|pairs| judge(&["--set", "lidar.power=50", "--pairs", pairs]));
+    assert_eq!(usual, train);
+    assert_eq!(judge(&["--candidate", "candidate.json", "--pairs", "test"]), test);
+    assert_eq!(judge(&["--set", "lidar.power=50"]), test, "what is no candidate is not searched");
+    assert_eq!([&train["pairs"], &test["pairs"]], ["train", "test"]);
+    // As many as the configuration says, and not the same.
+    assert_eq!((&train["summary"]["pairs"], &test["summary"]["pairs"]), (&4.into(), &3.into()));
+    assert_ne!(train["summary"]["mean_frobenius"], test["summary"]["mean_frobenius"]);
+}
+
+#[test]
 fn progress_on_a_pipe_is_plain_lines_and_quiet_is_silent() {
     let fixture = Fixture::new();
     let output = fixture.succeed(&["tune", "-c", "small.toml", "--generations", "1"]);

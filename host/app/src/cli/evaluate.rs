@@ -37,9 +37,10 @@ pub(crate) struct EvaluateArgs {
     /// configuration's; - is standard input.
     #[arg(long, value_name = "FILE")]
     candidate: Option<PathBuf>,
-    /// Which pairs.
-    #[arg(long, default_value = "test")]
-    pairs: PairSet,
+    /// Which pairs [default: test; with --candidate train, because whoever searches with the test
+    /// pairs is judged by what was searched with].
+    #[arg(long)]
+    pairs: Option<PairSet>,
     /// Exit with 4 when the recall is below this, percent.
     #[arg(long, value_name = "PERCENT")]
     require_recall: Option<f64>,
@@ -75,6 +76,15 @@ pub(super) fn run(args: &EvaluateArgs) -> Result<(), Failure> {
     let config = config(args)?;
     let values = values(args)?;
     on_threads(args.setup.common.threads, || judge(args, config, &values))?
+}
+
+impl EvaluateArgs {
+    /// The pairs asked for. A candidate comes from a search that goes on with what it is told: it
+    /// gets the training pairs, so that the test pairs stay unseen.
+    fn pairs(&self) -> PairSet {
+        let usual = if self.candidate.is_some() { PairSet::Train } else { PairSet::Test };
+        self.pairs.unwrap_or(usual)
+    }
 }
 
 fn config(args: &EvaluateArgs) -> Result<RunConfig, Failure> {
@@ -120,7 +130,7 @@ fn judge(args: &EvaluateArgs, config: RunConfig, values: &Values) -> Result<(), 
     let preset = prepared.config.registration.preset;
     let parameters =
         prepared.start.with_values(values, preset, &prepared.hardware).map_err(Failure::usage)?;
-    let noisy = prepared.pairs(args.pairs);
+    let noisy = prepared.pairs(args.pairs());
     progress.begin("judging", noisy.pairs.len() as u64);
     let errors = evaluate(&prepared.bench(), &parameters, &noisy, &|| progress.evaluated())?;
     progress.end();
@@ -139,12 +149,14 @@ fn print(
         let parameters =
             written_values(values, serde_json::value::Serializer).map_err(Failure::run)?;
         let document = serde_json::json!({
-            "format": 1, "sensor": sensor, "parameters": parameters, "summary": summary,
+            "format": 1, "sensor": sensor, "parameters": parameters,
+            "pairs": args.pairs().name(), "summary": summary,
         });
         println!("{}", serde_json::to_string_pretty(&document).map_err(Failure::run)?);
         return Ok(());
     }
-    println!("recall        {:.1} % of {} pairs", summary.recall_pct, summary.pairs);
+    let (pairs, which) = (summary.pairs, args.pairs().name());
+    println!("recall        {:.1} % of {pairs} {which} pairs", summary.recall_pct);
     if let (Some(translation), Some(rotation)) =
         (summary.mean_translation_m, summary.mean_rotation_deg)
     {

@@ -22,7 +22,8 @@ use echoloop_registration::cloud::{Cloud, write_ply};
 pub(super) fn print_table(config: &RunConfig, result: &RunResult, space: &Space) {
     let data = &config.data;
     println!(
-        "\n{}: {} held-out pairs, {:.1} m apart, success within {} m and {}°\n",
+        "\n{}: {} held-out pairs of other viewpoints of the same towns, {:.1} m apart; success \
+         within {} m and {}°\n",
         result.method,
         result.tuned_summary.pairs,
         data.baseline_m,
@@ -312,6 +313,7 @@ fn notes(config: &RunConfig) -> Vec<String> {
          link, echoes by its fixed-point detector."
             .to_owned(),
         "A registration that finds nothing counts as its initial guess, the identity.".to_owned(),
+        "The held-out pairs are of other viewpoints of the same towns.".to_owned(),
     ];
     if config.registration.mode == FgrMode::Open3d {
         notes.push(

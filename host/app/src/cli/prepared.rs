@@ -20,8 +20,20 @@ use crate::link::sensor::{Model, Sensors};
 /// Which pairs.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(super) enum PairSet {
+    /// Those that a search sees.
     Train,
+    /// Those that it is judged on: other viewpoints of the same towns.
     Test,
+}
+
+impl PairSet {
+    /// As in `--pairs`.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Train => "train",
+            Self::Test => "test",
+        }
+    }
 }
 
 /// Everything a search needs, made from a configuration.

@@ -11,7 +11,8 @@ use super::error::{RunConfigError, require};
 pub struct DataConfig {
     /// Pairs to tune on.
     pub train_pairs: usize,
-    /// Pairs to judge on, in other places.
+    /// Pairs to judge on, from other viewpoints of the same towns: 10 m from any to tune on, less
+    /// where the place is under 100 m wide.
     pub test_pairs: usize,
     /// Distance of a pair's scans, m: the paper's 2 for local methods, 5 for global ones.
     pub baseline_m: f64,
