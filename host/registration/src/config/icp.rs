@@ -59,9 +59,12 @@ impl From<&GicpConfig> for IcpConfig {
         let mut gicp = *gicp;
         let mut icp = Self { fitness_tolerance: 0.0, rmse_tolerance_m: 0.0, ..Self::outdoor() };
         for setting in SETTINGS {
-            let value = gicp.slot(setting.key).and_then(|slot| slot.get());
-            if let (Some(slot), Some(value)) = (icp.slot(setting.key), value) {
-                slot.set(value);
+            let (Some(to), Some(from)) = (icp.slot(setting.key), gicp.slot(setting.key)) else {
+                continue;
+            };
+            match from.get() {
+                Some(value) => to.set(value),
+                None => to.clear(),
             }
         }
         icp
@@ -72,6 +75,17 @@ impl From<&GicpConfig> for IcpConfig {
 mod tests {
     use super::super::{Method, MethodConfig};
     use super::*;
+
+    #[test]
+    fn what_generalised_icp_leaves_out_stays_out() {
+        let gicp = GicpConfig {
+            first_pair_distance_m: None,
+            kernel_width: None,
+            ..GicpConfig::outdoor()
+        };
+        let icp = IcpConfig::from(&gicp);
+        assert_eq!([icp.first_pair_distance_m, icp.kernel_width], [None; 2]);
+    }
 
     #[test]
     fn the_defaults_can_run() {
