@@ -717,6 +717,7 @@ fn register_recovers_a_known_motion_and_prints_the_documented_keys() {
         "max_pair_distance_m",
         "first_pair_distance_m",
         "kernel_width",
+        "max_normal_angle_rad",
         "max_iterations",
         "translation_tolerance_m",
         "still_m",

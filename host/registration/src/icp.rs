@@ -23,8 +23,9 @@ use crate::pose::Pose;
 /// min Σ (n · (T s - q))²      q the target point nearest to T s, n its normal; anew each step
 /// ```
 ///
-/// Chen and Medioni, "Object modelling by registration of multiple range images", 1992. A target
-/// prepared once serves many sources:
+/// Chen and Medioni, "Object modelling by registration of multiple range images", 1992. With
+/// `max_normal_angle_rad` the normal is the mean of both points'. A target prepared once serves
+/// many sources:
 ///
 /// ```
 /// use echoloop_registration::cloud::Cloud;
@@ -69,7 +70,7 @@ impl Icp {
     /// Points whose nearest has no normal form no pair. With too few pairs the outcome carries
     /// `initial`; with a direction left open it moves in the others.
     pub fn align(&self, target: &Target, source: &Source, initial: &Pose) -> Outcome {
-        let moving = Moving { points: &source.points, normals: &[] };
+        let moving = Moving { points: &source.points, normals: &source.normals };
         Descent(self.config).run::<NormalEquations>(target, &moving, initial)
     }
 }

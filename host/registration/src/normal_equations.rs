@@ -8,6 +8,7 @@ use super::icp::centred::Centred;
 use super::icp::equations::Equations;
 use super::icp::kernel::Kernel;
 use super::icp::lanes::{LANES, Lane, add_product, cross, dot, total};
+use super::icp::pairing::Normals;
 use super::icp::pairs::{Group, Pairs};
 use super::icp::step::Step;
 
@@ -136,7 +137,9 @@ fn whole(upper: &[[f64; 6]; 6]) -> Matrix6<f64> {
 }
 
 impl Equations for NormalEquations {
-    const SOURCE_NORMALS: bool = false;
+    fn normals(max_normal_angle_rad: Option<f64>) -> Normals {
+        max_normal_angle_rad.map_or(Normals::Target, |angle| Normals::Mean(angle.cos()))
+    }
 
     fn add_all(&mut self, pairs: &Pairs, kernel: Kernel) {
         add_all(self, pairs, kernel);
@@ -387,17 +390,15 @@ mod tests {
     fn four_pairs_at_a_time_give_the_sums_of_one_at_a_time() {
         let mut chunk = Pairs::default();
         for (s, q, n) in pairs() {
-            chunk.push(&s.coords, &q.cast(), &n.cast(), &Vector3::zeros());
+            chunk.push(&s.coords, &q.cast(), &n, &Vector3::zeros());
         }
         let mut together = NormalEquations::default();
         together.add_all(&chunk, Kernel::LEAST_SQUARES);
         let mut plain = NormalEquations::default();
         add_all_inline(&mut plain, &chunk, Kernel::LEAST_SQUARES);
         assert_eq!(format!("{plain:?}"), format!("{together:?}"), "the same bytes in both builds");
-        let alone = sums_of(
-            pairs().map(|(s, q, n)| (s, q.cast::<f32>().cast(), n.cast::<f32>().cast())),
-            &Pose::identity(),
-        );
+        let alone =
+            sums_of(pairs().map(|(s, q, n)| (s, q.cast::<f32>().cast(), n)), &Pose::identity());
         let all = |sums: &NormalEquations| {
             let parts = [sums.s.x, sums.s.y, sums.s.z, sums.ss, sums.rr, sums.dd, sums.weight];
             sums.jj.iter().flatten().chain(&sums.jr).copied().chain(parts).collect::<Vec<_>>()

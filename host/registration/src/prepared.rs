@@ -29,19 +29,22 @@ pub struct Surface {
     pub normal_radius_m: f64,
     /// At most so many neighbours, the point included.
     pub normal_neighbours: usize,
+    /// Whether the points to be moved have normals, too.
+    pub source_normals: bool,
 }
 
 impl From<&IcpConfig> for Surface {
     fn from(config: &IcpConfig) -> Self {
         let IcpConfig { voxel_m, normal_radius_m, normal_neighbours, .. } = *config;
-        Self { voxel_m, normal_radius_m, normal_neighbours }
+        let source_normals = config.max_normal_angle_rad.is_some();
+        Self { voxel_m, normal_radius_m, normal_neighbours, source_normals }
     }
 }
 
 impl From<&GicpConfig> for Surface {
     fn from(config: &GicpConfig) -> Self {
         let GicpConfig { voxel_m, normal_radius_m, normal_neighbours, .. } = *config;
-        Self { voxel_m, normal_radius_m, normal_neighbours }
+        Self { voxel_m, normal_radius_m, normal_neighbours, source_normals: true }
     }
 }
 
@@ -64,8 +67,7 @@ impl Target {
     pub fn prepare(cloud: &Cloud, surface: impl Into<Surface>) -> Result<Self, PrepareError> {
         let surface = surface.into();
         let points = thin(cloud, surface.voxel_m)?;
-        let normals =
-            normals::from_points(&points, surface.normal_radius_m, surface.normal_neighbours);
+        let normals = surface.normals(&points);
         Ok(Self { tree: BoxTree::new(points), normals })
     }
 
@@ -80,20 +82,31 @@ impl Target {
     }
 }
 
-/// A cloud to be moved: thinned. It needs neither normals nor a tree.
+impl Surface {
+    fn normals(&self, points: &[Point3<f32>]) -> Vec<Vector3<f32>> {
+        normals::from_points(points, self.normal_radius_m, self.normal_neighbours)
+    }
+}
+
+/// A cloud to be moved: thinned, with normals if the settings compare them. It needs no tree.
 #[derive(Clone, Debug)]
 pub struct Source {
     pub(super) points: Vec<Point3<f32>>,
+    /// One a point, zero where there is none; or none at all.
+    pub(super) normals: Vec<Vector3<f32>>,
 }
 
 impl Source {
-    /// Thins the cloud.
+    /// Thins the cloud, and estimates its normals if they are wanted.
     ///
     /// # Errors
     ///
     /// As [`Target::prepare`].
     pub fn prepare(cloud: &Cloud, surface: impl Into<Surface>) -> Result<Self, PrepareError> {
-        Ok(Self { points: thin(cloud, surface.into().voxel_m)? })
+        let surface = surface.into();
+        let points = thin(cloud, surface.voxel_m)?;
+        let normals = if surface.source_normals { surface.normals(&points) } else { Vec::new() };
+        Ok(Self { points, normals })
     }
 
     /// How many points are left.

@@ -34,6 +34,7 @@ impl IcpConfig {
             degeneracy_threshold: 1e-9,
             first_pair_distance_m: None,
             kernel_width: None,
+            max_normal_angle_rad: None,
         }
     }
 }
@@ -81,10 +82,12 @@ mod tests {
         let gicp = GicpConfig {
             first_pair_distance_m: None,
             kernel_width: None,
+            max_normal_angle_rad: None,
             ..GicpConfig::outdoor()
         };
         let icp = IcpConfig::from(&gicp);
-        assert_eq!([icp.first_pair_distance_m, icp.kernel_width], [None; 2]);
+        let absent = [icp.first_pair_distance_m, icp.kernel_width, icp.max_normal_angle_rad];
+        assert_eq!(absent, [None; 3]);
     }
 
     #[test]

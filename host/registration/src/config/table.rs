@@ -5,6 +5,8 @@
 //! register`, a key of files, an axis of a search, and a line of docs/settings.md. To add a
 //! setting, add a row, and use the field where the method needs it.
 
+use std::f64::consts::FRAC_PI_2;
+
 use super::convention::Convention;
 use super::error::ConfigError;
 use super::method::Method;
@@ -54,6 +56,10 @@ const FIRST_DISTANCE: Bound =
 
 /// From what is sure to be a neighbour to what [`crate::suggest()`] begins with in a cloud of 40 m.
 const FALLING_DISTANCE: Use = ours(log(0.5, 10.0));
+
+/// Normals have a sign only if sensors do: half a turn apart they are the same.
+const NORMAL_ANGLE: Bound =
+    Bound::new("above 0, at most π/2", |angle| angle > 0.0 && angle <= FRAC_PI_2);
 
 /// Of a kernel, in standard deviations.
 const WIDTH: Bound = Bound::new("above 0", |width| width > 0.0 && width.is_finite());
@@ -177,7 +183,7 @@ macro_rules! settings {
             /// Settings of [`crate::Icp`]. Lengths in metres, angles in radians.
             ///
             /// The defaults are for scans of a street or a field from near each other: a motion of
-            /// some 2 m and 10°. Pairs may be 3 m apart at first. Normals come from the nearest 20
+            /// some 2 m and 10°. Pairs may be 5 m apart at first. Normals come from the nearest 20
             /// points, however far up to 3 m: rings of a scan lie far apart. The tolerances are far
             /// below the error of such scans (small_gicp stops at 1 mm and 1.7 mrad).
             IcpConfig(|setting| setting.of(Method::Icp)) []
@@ -187,8 +193,7 @@ macro_rules! settings {
         configuration! {
             /// Settings of [`crate::Gicp`]. Lengths in metres, angles in radians.
             ///
-            /// The defaults are those of [`IcpConfig`], but for a narrower kernel, and without a
-            /// test of what a step changes.
+            /// The defaults are those of [`IcpConfig`], without a test of what a step changes.
             GicpConfig(|setting| setting.of(Method::Gicp)) []
             [$($({ $key: $type = $gicp, $help, $more })?)+]
         }
@@ -289,8 +294,8 @@ settings! {
         "Coarse to fine: the distance shrinks by 0.7 an iteration to `max_pair_distance_m`. \
          Absent: plain ICP, as in the paper and in Open3D." =>
     {
-        icp Some(3.0), FALLING_DISTANCE;
-        gicp Some(3.0), FALLING_DISTANCE;
+        icp Some(5.0), FALLING_DISTANCE;
+        gicp Some(5.0), FALLING_DISTANCE;
     }
     kernel_width: Option<f64>, "", WIDTH,
         "A pair so many standard deviations from its plane weighs a quarter of one on it.",
@@ -298,8 +303,18 @@ settings! {
          standard deviation is that of the run's own residuals. Absent: least squares, as in the \
          paper and in Open3D." =>
     {
-        icp Some(3.0), ours(log(1.0, 10.0));
+        icp Some(2.0), ours(log(1.0, 10.0));
         gicp Some(2.0), ours(log(1.0, 10.0));
+    }
+    max_normal_angle_rad: Option<f64>, "rad", NORMAL_ANGLE,
+        "Points whose normals differ by more are no pair, rad.",
+        "The sides of a wall, a trunk and the ground below it. ICP then takes the distance of a \
+         pair along the mean of both normals (Rusinkiewicz, \"A symmetric objective function for \
+         ICP\", 2019, without his half turns). Absent: the target's normals alone, as in the paper \
+         and in Open3D; in generalised ICP, every pair." =>
+    {
+        icp Some(0.8), ours(linear(0.1, 1.5));
+        gicp Some(0.8), ours(linear(0.1, 1.5));
     }
     length_tolerance_m: f64, "m", LENGTH, formerly "max_stretch_m",
         "Matches are compatible when their distances differ by less than this, m.",

@@ -8,6 +8,7 @@ use crate::icp::centred::Centred;
 use crate::icp::equations::Equations;
 use crate::icp::kernel::Kernel;
 use crate::icp::lanes::{LANES, Lane, add_product, cross, dot, total};
+use crate::icp::pairing::Normals;
 use crate::icp::pairs::{Group, Pairs};
 use crate::icp::step::Step;
 use crate::normal_equations::{MomentSums, NormalEquations, RowSums};
@@ -50,7 +51,9 @@ pub(crate) struct PlaneToPlane {
 }
 
 impl Equations for PlaneToPlane {
-    const SOURCE_NORMALS: bool = true;
+    fn normals(max_normal_angle_rad: Option<f64>) -> Normals {
+        Normals::Both(max_normal_angle_rad.map_or(0.0, f64::cos))
+    }
 
     fn add_all(&mut self, pairs: &Pairs, kernel: Kernel) {
         add_all(self, pairs, kernel);
@@ -214,7 +217,7 @@ mod tests {
 
     use super::*;
 
-    type Pair = (Vector3<f64>, Point3<f32>, Vector3<f32>, Vector3<f64>);
+    type Pair = (Vector3<f64>, Point3<f32>, Vector3<f64>, Vector3<f64>);
 
     fn unit(v: [f64; 3]) -> Vector3<f64> {
         Vector3::from(v).try_normalize(1e-3).unwrap_or_else(Vector3::z)
@@ -224,7 +227,7 @@ mod tests {
         let numbers = || prop::array::uniform3(-1.0f64..1.0);
         (numbers(), numbers(), numbers(), numbers()).prop_map(|(s, d, n, m)| {
             let s = Vector3::from(s) * 30.0;
-            (s, Point3::from((s - Vector3::from(d)).cast::<f32>()), unit(n).cast(), unit(m))
+            (s, Point3::from((s - Vector3::from(d)).cast::<f32>()), unit(n), unit(m))
         })
     }
 
@@ -246,8 +249,7 @@ mod tests {
     fn plainly((s, q, n, m): &Pair) -> (Matrix6<f64>, Vector6<f64>) {
         let covariance =
             |n: &Vector3<f64>| Matrix3::identity() - n * n.transpose() * (1.0 - ACROSS);
-        let n: Vector3<f64> = n.cast();
-        let weight = (covariance(&n) + covariance(m)).try_inverse().unwrap();
+        let weight = (covariance(n) + covariance(m)).try_inverse().unwrap();
         let mut jacobian = Matrix3x6::zeros();
         jacobian.fixed_view_mut::<3, 3>(0, 0).copy_from(&-s.cross_matrix());
         jacobian.fixed_view_mut::<3, 3>(0, 3).copy_from(&Matrix3::identity());
@@ -267,13 +269,13 @@ mod tests {
             for pair in &pairs {
                 let (one_h, one_b) = plainly(pair);
                 let (s, q, n, _) = pair;
-                let w = kernel.weight(n.cast().dot(&(s - q.coords.cast::<f64>())));
+                let w = kernel.weight(n.dot(&(s - q.coords.cast::<f64>())));
                 h += one_h * w;
                 b += one_b * w;
             }
             let our_h = ours.planes.information() + ours.points_information();
             let our_b = Vector6::from(ours.planes.jr) + ours.points_right();
-            // Normals of the target are rounded to f32, and weights reach 500.
+            // Target points are rounded to f32, and weights reach 500.
             prop_assert!((our_h - h).norm() < 1e-4 * h.norm(), "{}{}", our_h, h);
             prop_assert!((our_b - b).norm() < 1e-4 * (1.0 + b.norm()), "{}{}", our_b, b);
         }

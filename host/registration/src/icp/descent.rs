@@ -32,12 +32,14 @@ impl Descent {
         let mut found = Found::nothing(source.points.len());
         let mut reach_m = config.first_pair_distance_m.unwrap_or(config.max_pair_distance_m);
         let mut kernel = Kernel::LEAST_SQUARES;
+        let normals = E::normals(config.max_normal_angle_rad);
         while outcome.iterations < config.max_iterations {
             // While pairs may be far apart, a step of nothing says little about the last distance,
             // and weights would keep the motion where most pairs, those on the ground, fit.
             let fine = reach_m <= config.max_pair_distance_m;
             let weighs = fine && config.kernel_width.is_some();
-            let placed = Placed { target, source, pose: &outcome.target_from_source, reach_m };
+            let pose = &outcome.target_from_source;
+            let placed = Placed { target, source, pose, reach_m, normals };
             let (sums, mut residuals_m): (E, _) = sum_pairs(&placed, kernel, weighs, &mut found);
             if sums.pairs() < UNKNOWNS {
                 let nothing = Outcome::nothing(initial, StopReason::TooFewPairs);
@@ -58,7 +60,7 @@ impl Descent {
             reach_m = (reach_m * SHRINK).max(config.max_pair_distance_m);
         }
         let pose = &outcome.target_from_source;
-        let placed = Placed { target, source, pose, reach_m };
+        let placed = Placed { target, source, pose, reach_m, normals };
         outcome.covariance = Some(covariance::<E>(&placed, config, kernel, &mut found));
         if seen_degenerate(&outcome) {
             outcome.stop = StopReason::Degenerate;

@@ -4,14 +4,15 @@ use nalgebra::{Matrix6, Vector6};
 
 use super::centred::Centred;
 use super::kernel::Kernel;
+use super::pairing::Normals;
 use super::pairs::Pairs;
 use super::step::Step;
 use crate::Observability;
 
 /// Sums over pairs that a step is solved from.
 pub(crate) trait Equations: Default + Send + Sync {
-    /// Whether it wants the normals of source points.
-    const SOURCE_NORMALS: bool;
+    /// Which normals it wants of pairs, if theirs may differ by so much.
+    fn normals(max_normal_angle_rad: Option<f64>) -> Normals;
 
     /// Adds pairs, each with the weight of its residual. Empty lanes hold zeros.
     fn add_all(&mut self, pairs: &Pairs, kernel: Kernel);

@@ -28,6 +28,45 @@ pub(crate) struct Moving<'a> {
     pub(crate) normals: &'a [Vector3<f32>],
 }
 
+/// Which normals pairs have; those of both points make a pair if the cosine between them, whatever
+/// their signs, is at least as large.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Normals {
+    /// The target's alone.
+    Target,
+    /// The target's and the source's.
+    Both(f64),
+    /// The mean of both in the place of the target's. It is the shorter the less they agree.
+    Mean(f64),
+}
+
+impl Normals {
+    /// Of a pair with these normals, the source's turned as the source is: the target's and the
+    /// source's, zeros if it is not wanted; none where they make no pair.
+    #[inline(always)]
+    fn of(
+        self,
+        target: &Vector3<f64>,
+        source: impl FnOnce() -> Vector3<f64>,
+    ) -> Option<[Vector3<f64>; 2]> {
+        if *target == Vector3::zeros() {
+            return None;
+        }
+        let (Self::Both(least) | Self::Mean(least)) = self else {
+            return Some([*target, Vector3::zeros()]);
+        };
+        let source = source();
+        let cosine = target.dot(&source);
+        if source == Vector3::zeros() || cosine.abs() < least {
+            return None;
+        }
+        Some(match self {
+            Self::Mean(_) => [(target + source * cosine.signum()) / 2.0, source],
+            _ => [*target, source],
+        })
+    }
+}
+
 /// What the last search for a source point found. It holds until the point has moved far enough for
 /// another target point to be nearer, which the triangle inequality tells without a search.
 #[derive(Clone, Copy, Debug)]
@@ -126,6 +165,7 @@ pub(crate) struct Placed<'a> {
     pub(crate) pose: &'a Pose,
     /// Points farther apart are no pair, m.
     pub(crate) reach_m: f64,
+    pub(crate) normals: Normals,
 }
 
 impl Placed<'_> {
@@ -136,10 +176,8 @@ impl Placed<'_> {
         found: &mut Found,
         of: impl Fn(&Chunk, &mut [LastSearch]) -> T + Sync,
     ) -> Vec<T> {
-        let &Self { target, source, pose, reach_m } = self;
         let chunk = |(number, matches): (usize, &mut [LastSearch])| {
-            let first = number * CHUNK;
-            of(&Chunk { target, source, first, pose, reach: Reach::new(reach_m) }, matches)
+            of(&Chunk { placed: self, first: number * CHUNK }, matches)
         };
         found.0.par_chunks_mut(CHUNK).enumerate().map(chunk).collect()
     }
@@ -159,11 +197,8 @@ impl Found {
 /// Some source points that follow each other, and where they are now.
 #[derive(Clone, Copy)]
 pub(crate) struct Chunk<'a> {
-    target: &'a Target,
-    source: &'a Moving<'a>,
+    placed: &'a Placed<'a>,
     first: usize,
-    pose: &'a Pose,
-    reach: Reach,
 }
 
 impl Chunk<'_> {
@@ -173,7 +208,7 @@ impl Chunk<'_> {
         kernel: Kernel,
         residuals: bool,
     ) -> (E, Vec<f32>) {
-        let pairs = self.pairs(matches, E::SOURCE_NORMALS);
+        let pairs = self.pairs(matches);
         let (mut sums, mut residuals_m) = (E::default(), Vec::new());
         sums.add_all(&pairs, kernel);
         if residuals {
@@ -182,10 +217,10 @@ impl Chunk<'_> {
         (sums, residuals_m)
     }
 
-    /// The pairs of these points; with the source's normals where they are wanted.
-    pub(crate) fn pairs(&self, matches: &mut [LastSearch], source_normals: bool) -> Pairs {
+    /// The pairs of these points.
+    pub(crate) fn pairs(&self, matches: &mut [LastSearch]) -> Pairs {
         let mut pairs = Pairs::default();
-        pair(self, matches, source_normals, &mut pairs);
+        pair(self, matches, &mut pairs);
         pairs
     }
 
@@ -195,52 +230,39 @@ impl Chunk<'_> {
     }
 
     #[inline(always)]
-    fn pair_with(
-        &self,
-        kernel: impl LaneKernel,
-        matches: &mut [LastSearch],
-        source_normals: bool,
-        pairs: &mut Pairs,
-    ) {
-        let rotation = self.pose.rotation.to_rotation_matrix().into_inner();
-        let translation = self.pose.translation.vector;
-        let Some(points) = self.source.points.get(self.first..) else { return };
+    fn pair_with(&self, kernel: impl LaneKernel, matches: &mut [LastSearch], pairs: &mut Pairs) {
+        let &Placed { target, source, pose, reach_m, normals } = self.placed;
+        let rotation = pose.rotation.to_rotation_matrix().into_inner();
+        let translation = pose.translation.vector;
+        let reach = Reach::new(reach_m);
+        let Some(points) = source.points.get(self.first..) else { return };
         let mut guess = None;
         for (i, (point, found)) in points.iter().zip(matches).enumerate() {
             let moved = rotation * point.coords.cast::<f64>() + translation;
-            let index = found.update(
-                kernel,
-                &self.target.tree,
-                Point3::from(moved.cast()),
-                self.reach,
-                guess,
-            );
+            let at = Point3::from(moved.cast());
+            let index = found.update(kernel, &target.tree, at, reach, guess);
             guess = found.index;
             let Some(index) = index.map(|index| index as usize) else { continue };
-            let (normal, to) = (self.target.normals[index], self.target.tree.points()[index]);
-            if normal == Vector3::zeros() {
-                continue;
-            }
-            if !source_normals {
-                pairs.push(&moved, &to, &normal, &Vector3::zeros());
-            } else if let Some(own) =
-                self.source.normals.get(self.first + i).filter(|own| **own != Vector3::zeros())
-            {
-                pairs.push(&moved, &to, &normal, &(rotation * own.cast::<f64>()));
+            let own = || {
+                let own = source.normals.get(self.first + i);
+                own.map_or_else(Vector3::zeros, |own| rotation * own.cast())
+            };
+            if let Some([n, m]) = normals.of(&target.normals[index].cast(), own) {
+                pairs.push(&moved, &target.tree.points()[index], &n, &m);
             }
         }
     }
 }
 
 dispatch! {
-    /// Finds the pairs of a chunk; with the source's normals where they are wanted.
-    fn pair(chunk: &Chunk, matches: &mut [LastSearch], source_normals: bool, pairs: &mut Pairs)
+    /// Finds the pairs of a chunk.
+    fn pair(chunk: &Chunk, matches: &mut [LastSearch], pairs: &mut Pairs)
         = pair_plain, v3: v3::pair;
 }
 
 #[inline(always)]
-fn pair_plain(chunk: &Chunk, matches: &mut [LastSearch], source_normals: bool, pairs: &mut Pairs) {
-    chunk.pair_with(Portable, matches, source_normals, pairs);
+fn pair_plain(chunk: &Chunk, matches: &mut [LastSearch], pairs: &mut Pairs) {
+    chunk.pair_with(Portable, matches, pairs);
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -255,13 +277,8 @@ mod v3 {
     use super::{Chunk, LaneKernel, LastSearch, Pairs};
 
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-    pub(super) fn pair(
-        chunk: &Chunk,
-        matches: &mut [LastSearch],
-        source_normals: bool,
-        pairs: &mut Pairs,
-    ) {
-        chunk.pair_with(Avx2(()), matches, source_normals, pairs);
+    pub(super) fn pair(chunk: &Chunk, matches: &mut [LastSearch], pairs: &mut Pairs) {
+        chunk.pair_with(Avx2(()), matches, pairs);
     }
 
     /// Made only where the processor has it.
@@ -308,6 +325,8 @@ mod v3 {
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
+    use std::f64::consts::PI;
+
     use proptest::prelude::*;
 
     use super::*;
@@ -325,6 +344,29 @@ mod tests {
     fn target(points: &[[f32; 3]]) -> Target {
         let cloud = Cloud::new(points.iter().map(|&p| p.into()).collect());
         Target::prepare(&cloud, &IcpConfig { voxel_m: 1e-3, ..IcpConfig::outdoor() }).unwrap()
+    }
+
+    #[test]
+    fn normals_that_differ_too_much_make_no_pair_whichever_way_they_face() {
+        let target = Vector3::z();
+        let tilted = |angle: f64| Vector3::new(angle.sin(), 0.0, angle.cos());
+        let of = |normals: Normals, angle: f64| normals.of(&target, || tilted(angle));
+        for least in [Normals::Both, Normals::Mean] {
+            let normals = least(0.5f64.cos());
+            assert!(of(normals, 0.49).is_some() && of(normals, PI - 0.49).is_some());
+            assert!(of(normals, 0.51).is_none() && of(normals, PI - 0.51).is_none());
+            assert!(normals.of(&target, Vector3::zeros).is_none(), "none is no normal");
+            assert!(normals.of(&Vector3::zeros(), || target).is_none());
+        }
+        assert_eq!(of(Normals::Target, 3.0), Some([target, Vector3::zeros()]));
+        assert_eq!(of(Normals::Both(0.0), 3.0), Some([target, tilted(3.0)]));
+    }
+
+    #[test]
+    fn the_mean_of_two_normals_lies_between_them_and_faces_as_the_targets() {
+        let source = Vector3::new(0.6, 0.0, -0.8);
+        let mean = Normals::Mean(0.5).of(&Vector3::z(), || source).map(|[mean, _]| mean);
+        assert!((mean.unwrap() - Vector3::new(-0.3, 0.0, 0.9)).norm() < 1e-12, "{mean:?}");
     }
 
     proptest! {
@@ -363,20 +405,18 @@ mod tests {
                 Vector3::repeat(seed as f64 * 0.1),
                 Vector3::new(0.0, 0.1, seed as f64 * 0.05),
             );
-            let moving = Moving { points: &source.points, normals: &[] };
-            let chunk = Chunk {
-                target: &target,
-                source: &moving,
-                first: 0,
-                pose: &pose,
-                reach: Reach::new(reach_m),
-            };
-            let pairs = |pair: fn(&Chunk, &mut [LastSearch], bool, &mut Pairs)| {
-                let mut pairs = Pairs::default();
-                pair(&chunk, &mut vec![LastSearch::UNKNOWN; source.len()], false, &mut pairs);
-                pairs
-            };
-            prop_assert!(pairs(pair_plain) == pairs(pair));
+            let moving = Moving { points: &source.points, normals: &source.normals };
+            for normals in [Normals::Target, Normals::Both(0.5), Normals::Mean(0.5)] {
+                let placed =
+                    Placed { target: &target, source: &moving, pose: &pose, reach_m, normals };
+                let chunk = Chunk { placed: &placed, first: 0 };
+                let pairs = |pair: fn(&Chunk, &mut [LastSearch], &mut Pairs)| {
+                    let mut pairs = Pairs::default();
+                    pair(&chunk, &mut vec![LastSearch::UNKNOWN; source.len()], &mut pairs);
+                    pairs
+                };
+                prop_assert!(pairs(pair_plain) == pairs(pair));
+            }
         }
     }
 }

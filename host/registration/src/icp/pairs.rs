@@ -54,7 +54,7 @@ impl Pairs {
         &mut self,
         s: &Vector3<f64>,
         q: &Point3<f32>,
-        n: &Vector3<f32>,
+        n: &Vector3<f64>,
         m: &Vector3<f64>,
     ) {
         if self.len >= CHUNK {
@@ -63,7 +63,7 @@ impl Pairs {
         for axis in 0..3 {
             self.s[axis][self.len] = s[axis];
             self.d[axis][self.len] = s[axis] - f64::from(q[axis]);
-            self.n[axis][self.len] = f64::from(n[axis]);
+            self.n[axis][self.len] = n[axis];
             self.m[axis][self.len] = m[axis];
         }
         self.len += 1;

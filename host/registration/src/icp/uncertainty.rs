@@ -94,7 +94,7 @@ impl<E: Equations> Part<E> {
     fn of(chunk: &Chunk, matches: &mut [LastSearch], kernel: Kernel, asked: Kernel) -> Self {
         let mut part = Self::default();
         for (number, matches) in matches.chunks_mut(CLUSTER).enumerate() {
-            let pairs = chunk.from(number * CLUSTER).pairs(matches, E::SOURCE_NORMALS);
+            let pairs = chunk.from(number * CLUSTER).pairs(matches);
             let [sums, weighted, slope] = [kernel, asked, asked.slope()].map(|kernel| {
                 let mut sums = E::default();
                 sums.add_all(&pairs, kernel);

@@ -215,7 +215,11 @@ mod tests {
 
     #[test]
     fn the_paper_s_axes_are_those_of_outdoor_without_what_its_methods_lack() {
-        const OURS: [&str; 2] = ["registration.first_pair_distance_m", "registration.kernel_width"];
+        const OURS: [&str; 3] = [
+            "registration.first_pair_distance_m",
+            "registration.kernel_width",
+            "registration.max_normal_angle_rad",
+        ];
         assert!(axes(Method::Auto, Preset::Paper).is_empty(), "the paper has no such method");
         for method in [Method::Icp, Method::Gicp, Method::Fgr, Method::Mac] {
             let names =
@@ -224,7 +228,7 @@ mod tests {
             outdoor.retain(|name| !OURS.contains(name));
             assert_eq!(outdoor, names(Preset::Paper));
             let theta = ThetaReg::start(&config(method, Preset::Paper)).unwrap();
-            assert_eq!(OURS.map(|name| theta.get(name)), [None; 2], "plain {method:?}");
+            assert_eq!(OURS.map(|name| theta.get(name)), [None; 3], "plain {method:?}");
         }
     }
 
