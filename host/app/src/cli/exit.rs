@@ -5,8 +5,8 @@ use std::io::{ErrorKind, Write};
 
 use super::interrupt::{INTERRUPTED, end_the_process, is_ending};
 use crate::experiment::dataset::DatasetError;
+use crate::experiment::files::FileError;
 use crate::experiment::journal::JournalError;
-use crate::experiment::run::FileError;
 use crate::experiment::tune::TuneError;
 use crate::link::client::ClientError;
 use crate::link::sensor::SensorError;

@@ -1,14 +1,12 @@
 //! Tables, clouds and the report of a run.
 
-use std::path::Path;
-
 use super::exit::Failure;
 use super::prepared::Prepared;
 use crate::experiment::config::RunConfig;
 use crate::experiment::evaluate::{Summary, median};
 use crate::experiment::objective::Registered;
 use crate::experiment::params::{self, Axis, Parameters, Space, effective};
-use crate::experiment::run::{REPORT, RunFolder, RunResult};
+use crate::experiment::run::{AFTER, BEFORE, REPORT, RunFolder, RunResult};
 use crate::experiment::seed::{Purpose, derive};
 use crate::experiment::tune::{TuneSearch, Tuned};
 use crate::report::{
@@ -16,7 +14,7 @@ use crate::report::{
     ParameterTrace, PoseError, Report, RowKind,
 };
 use echoloop_registration::FgrMode;
-use echoloop_registration::cloud::{Cloud, write_ply};
+use echoloop_registration::cloud::{Cloud, ply_bytes};
 
 /// Default against tuned, and what was changed.
 pub(super) fn print_table(config: &RunConfig, result: &RunResult, space: &Space) {
@@ -120,17 +118,17 @@ fn write_clouds(run: &Finished<'_>) -> Result<Shown, Failure> {
         before: register(&prepared.start)?,
         after: register(&tuned.parameters)?,
     };
-    write_pair(&folder.file("before.ply"), &shown.before)?;
-    write_pair(&folder.file("after.ply"), &shown.after)?;
+    folder.write(BEFORE, pair_bytes(&shown.before))?;
+    folder.write(AFTER, pair_bytes(&shown.after))?;
     Ok(shown)
 }
 
 /// Both clouds in the first one's frame, as registered.
-fn write_pair(path: &Path, registered: &Registered) -> Result<(), Failure> {
+fn pair_bytes(registered: &Registered) -> Vec<u8> {
     let [first, _] = &registered.clouds;
     let mut points = first.points.clone();
     points.extend(laid_on(registered));
-    write_ply(path, &Cloud::new(points)).map_err(Failure::usage)
+    ply_bytes(&Cloud::new(points))
 }
 
 fn laid_on(registered: &Registered) -> impl Iterator<Item = nalgebra::Point3<f32>> + '_ {

@@ -18,10 +18,10 @@ use super::prepared::{PairSet, Prepared};
 use super::progress::Progress;
 use crate::experiment::config::RunConfig;
 use crate::experiment::dataset::ScanPair;
-use crate::experiment::run::FileError;
+use crate::experiment::files::{FileError, file_error, replace};
 use crate::experiment::tune::Observer;
 use crate::link::sensor::View;
-use echoloop_registration::cloud::{Cloud, write_ply};
+use echoloop_registration::cloud::{Cloud, ply_bytes};
 use echoloop_registration::pose::{Pose, to_rows};
 
 /// Flags of `pairs`.
@@ -111,10 +111,6 @@ fn scan<'a>(
     }
 }
 
-fn failed(verb: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Failure {
-    move |source| FileError { verb, path: path.to_owned(), source }.into()
-}
-
 /// Whether the folder can be made; one that holds something stays as it is.
 fn check_free(folder: &Path) -> Result<(), Failure> {
     let refused = |why: &str| Failure::usage(format!("--output {}: {why}", folder.display()));
@@ -142,20 +138,22 @@ impl Draft {
             .to_owned();
         name.push(format!(".part{}", std::process::id()));
         let path = folder.with_file_name(name);
-        fs::create_dir_all(&path).map_err(failed("make the folder", &path))?;
+        let above = path.parent().unwrap_or(Path::new(""));
+        fs::create_dir_all(above).map_err(file_error("make the folder", above))?;
+        // Its own, never one that is there.
+        fs::create_dir(&path).map_err(file_error("make the folder", &path))?;
         Ok(Self { path })
     }
 
     fn write(&self, name: &str, content: impl AsRef<[u8]>) -> Result<(), Failure> {
-        let path = self.path.join(name);
-        fs::write(&path, content).map_err(failed("write", &path))
+        Ok(replace(&self.path.join(name), content.as_ref())?)
     }
 
-    fn become_folder(self, folder: &Path) -> Result<(), Failure> {
+    fn become_folder(self, folder: &Path) -> Result<(), FileError> {
         if folder.exists() {
-            fs::remove_dir(folder).map_err(failed("replace", folder))?; // empty, else this fails
+            fs::remove_dir(folder).map_err(file_error("replace", folder))?; // empty, else this fails
         }
-        fs::rename(&self.path, folder).map_err(failed("make the folder", folder))
+        fs::rename(&self.path, folder).map_err(file_error("make the folder", folder))
     }
 }
 
@@ -184,14 +182,14 @@ fn write(
         "pairs": scanned.iter().enumerate().map(listed).collect::<Vec<_>>(),
     });
     draft.write("pairs.json", serde_json::to_string_pretty(&list).map_err(Failure::run)? + "\n")?;
-    draft.become_folder(folder)
+    Ok(draft.become_folder(folder)?)
 }
 
 fn write_pair(draft: &Draft, index: usize, scanned: &Scanned<'_>) -> Result<(), Failure> {
     let name = name(index);
     let [world_from_target, world_from_source] = &scanned.pair.world_from_sensor;
     for (end, cloud) in ["target", "source"].into_iter().zip(&scanned.clouds) {
-        write_ply(&draft.path.join(format!("{name}_{end}.ply")), cloud).map_err(Failure::usage)?;
+        draft.write(&format!("{name}_{end}.ply"), ply_bytes(cloud))?;
     }
     draft.write(&format!("{name}_target_from_source.txt"), matrix(&scanned.pair.truth))?;
     draft.write(&format!("{name}_world_from_target.txt"), matrix(world_from_target))?;

@@ -13,11 +13,12 @@ use super::common::{Setup, on_threads};
 use super::exit::Failure;
 use crate::experiment::config::RunConfig;
 use crate::experiment::dataset::{DatasetError, place, respond};
+use crate::experiment::files::Output;
 use crate::experiment::params::Parameters;
 use crate::experiment::scan_cloud::{cloud_from_scan, directions};
 use crate::experiment::seed::{Purpose, derive, scan_noise};
 use crate::link::sensor::{Model, View};
-use echoloop_registration::cloud::{Cloud, write_ply};
+use echoloop_registration::cloud::{Cloud, ply_bytes};
 use echoloop_registration::pose::Pose;
 
 /// Flags of `scan`.
@@ -41,7 +42,8 @@ pub(crate) struct ScanArgs {
 
 pub(super) fn run(args: &ScanArgs) -> Result<(), Failure> {
     let config = args.setup.source.load(Vec::new())?;
-    on_threads(args.setup.common.threads, || scan(args, &config))?
+    let output = args.output.as_deref().map(Output::at).transpose()?; // now: tracing takes long
+    on_threads(args.setup.common.threads, || scan(args, &config, output.as_ref()))?
 }
 
 /// What came back, and from where.
@@ -63,7 +65,7 @@ struct Seen {
     response: Arc<SceneResponse>,
 }
 
-fn scan(args: &ScanArgs, config: &RunConfig) -> Result<(), Failure> {
+fn scan(args: &ScanArgs, config: &RunConfig, output: Option<&Output>) -> Result<(), Failure> {
     let sensors = args.setup.sensor.sensors(Model::from(config))?;
     let identity = sensors.identity()?;
     let settings = Parameters::start(config, &identity.hardware).map_err(Failure::usage)?.settings;
@@ -81,8 +83,8 @@ fn scan(args: &ScanArgs, config: &RunConfig) -> Result<(), Failure> {
             "detection: no beam returned an echo (is the sensor inside something, or too weak?)",
         ));
     }
-    if let Some(path) = &args.output {
-        write_ply(path, &cloud).map_err(Failure::usage)?;
+    if let Some(output) = output {
+        output.write(&ply_bytes(&cloud))?;
     }
     let sensor = described(&sensors, &identity);
     print(args, &Scan { sensor, seen, settings: hash, beams: pattern.beams(), cloud })

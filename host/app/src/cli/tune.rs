@@ -14,6 +14,7 @@ use super::prepared::{Prepared, require_recall};
 use super::progress::Progress;
 use crate::experiment::config::{Override, RunConfig, default_runs_folder, load};
 use crate::experiment::evaluate::Summary;
+use crate::experiment::files::FileError;
 use crate::experiment::journal::{Generation, Journal};
 use crate::experiment::preset::{LidarPreset, Preset, Protocol};
 use crate::experiment::run::{CONFIG, HISTORY, REPORT, RESULT, RunFolder, RunResult};
@@ -81,20 +82,26 @@ impl TuneArgs {
 }
 
 pub(super) fn run(args: &TuneArgs) -> Result<(), Failure> {
+    let resumed = args.resume.as_deref().map(RunFolder::open).transpose()?;
     let config = args.config()?;
     let stop = stop_on_interrupt();
-    on_threads(args.setup.common.threads, || tune(args, config, &stop))?
+    on_threads(args.setup.common.threads, || tune(args, config, resumed, &stop))?
 }
 
-fn tune(args: &TuneArgs, config: RunConfig, stop: &AtomicBool) -> Result<(), Failure> {
+fn tune(
+    args: &TuneArgs,
+    config: RunConfig,
+    resumed: Option<RunFolder>,
+    stop: &AtomicBool,
+) -> Result<(), Failure> {
     let progress = Progress::new(args.setup.common.quiet);
     let runs = args.runs.clone().unwrap_or_else(default_runs_folder);
-    if args.resume.is_none() {
+    if resumed.is_none() {
         RunFolder::check(&runs)?;
     }
     // What cannot run leaves no folder, and `latest` where it was.
     let prepared = Prepared::new(config, &args.setup.sensor, &progress)?;
-    let folder = run_folder(args, &runs, &prepared.config)?;
+    let folder = resumed.map_or_else(|| new_folder(&runs, &prepared.config), Ok)?;
     let search = prepared.search(stop);
     let (mut journal, done) = open_journal(args, &folder, &search)?;
     let left = search
@@ -123,13 +130,11 @@ fn tune(args: &TuneArgs, config: RunConfig, stop: &AtomicBool) -> Result<(), Fai
     finish(args, &folder, &prepared, &result)
 }
 
-/// The folder of the run to go on with, or a new one with the configuration in it.
-fn run_folder(args: &TuneArgs, runs: &Path, config: &RunConfig) -> Result<RunFolder, Failure> {
-    if let Some(run) = &args.resume {
-        return Ok(RunFolder::open(run)?);
-    }
+/// A new folder with the configuration in it.
+fn new_folder(runs: &Path, config: &RunConfig) -> Result<RunFolder, FileError> {
     let folder = RunFolder::create(runs, &run_name(config))?;
     folder.write_config(config)?;
+    folder.become_latest()?;
     Ok(folder)
 }
 

@@ -53,6 +53,7 @@
 pub mod config;
 pub mod dataset;
 pub mod evaluate;
+pub mod files;
 pub mod journal;
 pub mod objective;
 pub mod params;

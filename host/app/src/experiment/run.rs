@@ -6,10 +6,12 @@ use std::path::{Path, PathBuf};
 
 use echoloop_dsp::{Kind, PARAMETERS, Parameter};
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
 use crate::experiment::config::RunConfig;
 use crate::experiment::evaluate::Summary;
+use crate::experiment::files::{
+    FileError, Lock, Output, PART, beside, file_error, is_free_for_a_file, replace,
+};
 use crate::experiment::params::{Values, written_values};
 use crate::experiment::tune::Finalist;
 
@@ -21,22 +23,18 @@ pub const HISTORY: &str = "history.jsonl";
 pub const RESULT: &str = "result.json";
 /// To look at.
 pub const REPORT: &str = "report.html";
+/// The shown pair with default parameters.
+pub const BEFORE: &str = "before.ply";
+/// The shown pair with tuned parameters.
+pub const AFTER: &str = "after.ply";
 
-/// A file that cannot be written or read.
-#[derive(Debug, Error)]
-#[error("cannot {verb} {}: {source}", path.display())]
-pub struct FileError {
-    /// What was tried.
-    pub verb: &'static str,
-    /// The file.
-    pub path: PathBuf,
-    /// Why not.
-    pub source: io::Error,
-}
+const README: &str = "README.txt";
 
-fn file_error(verb: &'static str, path: &Path) -> impl FnOnce(io::Error) -> FileError {
-    move |source| FileError { verb, path: path.to_owned(), source }
-}
+/// Held by the process that writes the run, and gone with it.
+const LOCK: &str = "run.lock";
+
+/// All that is written in a run's folder.
+const WRITTEN: [&str; 7] = [CONFIG, HISTORY, RESULT, REPORT, BEFORE, AFTER, README];
 
 /// What came out of a run. No times, no paths: the same configuration gives the same bytes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -71,10 +69,11 @@ pub struct RunResult {
     pub tuned_summary: Summary,
 }
 
-/// A run's folder.
-#[derive(Clone, Debug)]
+/// A run's folder, which no other process writes as long as this lives.
+#[derive(Debug)]
 pub struct RunFolder {
     path: PathBuf,
+    _lock: Lock,
 }
 
 impl RunFolder {
@@ -83,17 +82,21 @@ impl RunFolder {
     ///
     /// # Errors
     ///
-    /// [`FileError`] when a file is in the way.
+    /// [`FileError`] when something is in the way, or nothing can be written there.
     pub fn check(runs: &Path) -> Result<(), FileError> {
-        match runs.ancestors().find(|path| path.exists()) {
-            Some(path) if !path.is_dir() => Err(file_error("make the folder", runs)(
-                io::Error::from(io::ErrorKind::NotADirectory),
-            )),
-            _ => Ok(()),
+        let made = |kind: io::ErrorKind| file_error("make the folder", runs)(kind.into());
+        let there = |path: &&Path| path.as_os_str().is_empty() || path.symlink_metadata().is_ok();
+        let nearest = runs.ancestors().find(there).unwrap_or(Path::new(""));
+        let nearest = if nearest.as_os_str().is_empty() { Path::new(".") } else { nearest };
+        if !nearest.is_dir() {
+            return Err(made(io::ErrorKind::NotADirectory));
         }
+        check_latest(&runs.join(LATEST))?;
+        Output::at(&nearest.join(LOCK)).map_err(|error| made(error.source.kind()))?;
+        Ok(())
     }
 
-    /// Makes the next free folder `runs/NNNN-name` and points `runs/latest` at it.
+    /// Makes the next free folder `runs/NNNN-name`.
     ///
     /// # Errors
     ///
@@ -101,10 +104,10 @@ impl RunFolder {
     pub fn create(runs: &Path, name: &str) -> Result<Self, FileError> {
         fs::create_dir_all(runs).map_err(file_error("make the folder", runs))?;
         let mut number = next_number(runs)?;
-        let folder = loop {
+        let path = loop {
             let path = runs.join(format!("{number:04}-{name}"));
             match fs::create_dir(&path) {
-                Ok(()) => break Self { path },
+                Ok(()) => break path,
                 // Another run has just taken it.
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists && number < u32::MAX => {
                     number += 1
@@ -112,20 +115,26 @@ impl RunFolder {
                 Err(source) => return Err(FileError { verb: "make the folder", path, source }),
             }
         };
-        folder.become_latest(runs)?;
-        folder.write("README.txt", &readme())?;
+        let folder = Self { _lock: Lock::take(&path.join(LOCK))?, path };
+        folder.write(README, readme())?;
         Ok(folder)
     }
 
-    /// Opens a folder that a run has made.
+    /// Opens a folder that a run has made, to go on with it.
     ///
     /// # Errors
     ///
-    /// [`FileError`] when it holds no configuration.
+    /// [`FileError`] when it holds no configuration, when another process writes it, or when
+    /// something that is no file is where a file will be written.
     pub fn open(path: &Path) -> Result<Self, FileError> {
         let config = path.join(CONFIG);
         fs::metadata(&config).map_err(file_error("resume without", &config))?;
-        Ok(Self { path: path.to_owned() })
+        for name in WRITTEN {
+            let file = path.join(name);
+            is_free_for_a_file(&file)?;
+            is_free_for_a_file(&beside(&file, PART))?;
+        }
+        Ok(Self { path: path.to_owned(), _lock: Lock::take(&path.join(LOCK))? })
     }
 
     /// The folder.
@@ -138,16 +147,13 @@ impl RunFolder {
         self.path.join(name)
     }
 
-    /// Writes a whole file: first beside it, then in its place.
+    /// Writes a whole file: beside its place, to the disk, then in its place.
     ///
     /// # Errors
     ///
     /// [`FileError`].
-    pub fn write(&self, name: &str, text: &str) -> Result<(), FileError> {
-        let path = self.file(name);
-        let beside = self.file(&format!("{name}.part"));
-        fs::write(&beside, text).map_err(file_error("write", &beside))?;
-        fs::rename(&beside, &path).map_err(file_error("write", &path))
+    pub fn write(&self, name: &str, content: impl AsRef<[u8]>) -> Result<(), FileError> {
+        replace(&self.file(name), content.as_ref())
     }
 
     /// Writes the configuration, every value.
@@ -160,7 +166,7 @@ impl RunFolder {
         let text = toml::to_string(config)
             .map_err(io::Error::other)
             .map_err(file_error("write", &path))?;
-        self.write(CONFIG, &text)
+        self.write(CONFIG, text)
     }
 
     /// Writes the result.
@@ -173,25 +179,55 @@ impl RunFolder {
         let text = serde_json::to_string_pretty(result)
             .map_err(io::Error::from)
             .map_err(file_error("write", &path))?;
-        self.write(RESULT, &(text + "\n"))
+        self.write(RESULT, text + "\n")
     }
 
-    /// Points `latest` here. Where there are no links, a file holds the name.
-    fn become_latest(&self, runs: &Path) -> Result<(), FileError> {
-        let latest = runs.join("latest");
-        let Some(name) = self.path.file_name() else { return Ok(()) };
-        match fs::remove_file(&latest) {
-            Err(error) if error.kind() != io::ErrorKind::NotFound => {
-                return Err(FileError { verb: "replace", path: latest, source: error });
-            }
-            _ => {}
-        }
-        #[cfg(unix)]
-        let made = std::os::unix::fs::symlink(name, &latest);
-        #[cfg(not(unix))]
-        let made = fs::write(&latest, name.to_string_lossy().as_bytes());
-        made.map_err(file_error("link", &latest))
+    /// Points `latest` of the folder above here. Where there are no links, a file holds the name.
+    ///
+    /// # Errors
+    ///
+    /// [`FileError`].
+    pub fn become_latest(&self) -> Result<(), FileError> {
+        let (Some(runs), Some(name)) = (self.path.parent(), self.path.file_name()) else {
+            return Ok(());
+        };
+        let latest = runs.join(LATEST);
+        check_latest(&latest)?;
+        point_at(&latest, Path::new(name))
     }
+}
+
+/// The last run made.
+const LATEST: &str = "latest";
+
+/// A link is ours to replace; whatever else lies there is not.
+#[cfg(unix)]
+fn check_latest(latest: &Path) -> Result<(), FileError> {
+    match fs::symlink_metadata(latest) {
+        Ok(found) if !found.is_symlink() => {
+            let problem = "it is no link, and a run would have to replace it";
+            Err(file_error("link", latest)(io::Error::other(problem)))
+        }
+        _ => Ok(()),
+    }
+}
+
+#[cfg(not(unix))]
+fn check_latest(latest: &Path) -> Result<(), FileError> {
+    is_free_for_a_file(latest)
+}
+
+/// Made beside its place and renamed: there is a `latest` at any time.
+#[cfg(unix)]
+fn point_at(latest: &Path, name: &Path) -> Result<(), FileError> {
+    let part = beside(latest, &format!("{PART}{}", std::process::id()));
+    std::os::unix::fs::symlink(name, &part).map_err(file_error("link", &part))?;
+    fs::rename(&part, latest).map_err(file_error("link", latest))
+}
+
+#[cfg(not(unix))]
+fn point_at(latest: &Path, name: &Path) -> Result<(), FileError> {
+    replace(latest, name.to_string_lossy().as_bytes())
 }
 
 /// One more than the highest number of a run there.
@@ -209,8 +245,10 @@ What is in this folder
 ======================
 
 config.toml    every value the run depends on; `echoloop tune --config config.toml` repeats it
-history.jsonl  the journal: one JSON line a generation, flushed as it is made; `echoloop tune \
---resume .` goes on from it
+history.jsonl  the journal: one JSON line a generation, on the disk before the next begins; \
+`echoloop tune --resume .`
+               goes on from it; `check` is a CRC-64/XZ of the line's text before it, and of the \
+check before that
 result.json    parameters before and after, the final choice, and every held-out pair; no times, \
 so equal runs are equal
 report.html    the same to look at: one file, no network needed
@@ -254,6 +292,7 @@ mod tests {
         let runs = tempfile::tempdir().unwrap();
         let first = RunFolder::create(runs.path(), "a").unwrap();
         let second = RunFolder::create(runs.path(), "b").unwrap();
+        [&first, &second].into_iter().for_each(|folder| folder.become_latest().unwrap());
         assert!(first.path().ends_with("0001-a") && second.path().ends_with("0002-b"));
         assert_eq!(fs::read_link(runs.path().join("latest")).unwrap(), Path::new("0002-b"));
     }
@@ -294,6 +333,37 @@ mod tests {
         let free = runs.path().join("a/b");
         RunFolder::check(&free).unwrap();
         assert!(!free.exists());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_latest_that_is_no_link_is_named_and_kept() {
+        let runs = tempfile::tempdir().unwrap();
+        let latest = runs.path().join("latest");
+        fs::write(&latest, "mine").unwrap();
+        assert!(RunFolder::check(runs.path()).unwrap_err().to_string().contains("latest"));
+        fs::remove_file(&latest).unwrap();
+        fs::create_dir(&latest).unwrap();
+        assert!(RunFolder::check(runs.path()).unwrap_err().to_string().contains("latest"));
+        assert!(fs::read_dir(runs.path()).unwrap().count() == 1);
+    }
+
+    #[test]
+    fn a_folder_is_one_process_s_until_it_lets_go_and_whatever_is_in_the_way_is_named() {
+        let runs = tempfile::tempdir().unwrap();
+        let folder = RunFolder::create(runs.path(), "a").unwrap();
+        folder.write(CONFIG, "").unwrap();
+        let path = folder.path().to_owned();
+        let error = RunFolder::open(&path).unwrap_err().to_string();
+        assert!(error.contains(LOCK) && error.contains("another process"), "{error}");
+        drop(folder);
+        drop(RunFolder::open(&path).unwrap());
+        for name in [RESULT, "report.html.part", HISTORY] {
+            fs::create_dir(path.join(name)).unwrap();
+            let error = RunFolder::open(&path).unwrap_err().to_string();
+            assert!(error.contains(name) && error.contains("a folder is in the way"), "{error}");
+            fs::remove_dir(path.join(name)).unwrap();
+        }
     }
 
     #[test]

@@ -15,7 +15,7 @@ mod vtk;
 use nalgebra::{Point3, Vector3};
 
 pub use error::CloudError;
-pub use ply::write_ply;
+pub use ply::{ply_bytes, write_ply};
 pub use read::read_cloud;
 
 /// Points in metres, in the frame of the sensor that saw them: the sensor is at the origin.

@@ -1,6 +1,6 @@
 //! PLY files.
 
-use std::io::{Cursor, Write};
+use std::io::Cursor;
 use std::path::Path;
 
 use nalgebra::Point3;
@@ -99,25 +99,26 @@ fn size(scalar: &ScalarType) -> u64 {
 ///
 /// [`CloudError::Io`] when the file cannot be written.
 pub fn write_ply(path: &Path, cloud: &Cloud) -> Result<(), CloudError> {
-    let io = |source| CloudError::Io { path: path.into(), source };
-    let mut file = std::io::BufWriter::new(std::fs::File::create(path).map_err(io)?);
-    write(&mut file, cloud).and_then(|()| file.flush()).map_err(io)
+    std::fs::write(path, ply_bytes(cloud))
+        .map_err(|source| CloudError::Io { path: path.into(), source })
 }
 
-fn write(file: &mut impl Write, cloud: &Cloud) -> std::io::Result<()> {
+/// What [`write_ply`] writes.
+pub fn ply_bytes(cloud: &Cloud) -> Vec<u8> {
     let axes: &[&str] =
         if cloud.normals.is_some() { &["x", "y", "z", "nx", "ny", "nz"] } else { &["x", "y", "z"] };
-    write!(file, "ply\nformat binary_little_endian 1.0\nelement vertex {}\n", cloud.points.len())?;
-    for axis in axes {
-        writeln!(file, "property float {axis}")?;
-    }
-    writeln!(file, "end_header")?;
+    let properties: String = axes.iter().map(|axis| format!("property float {axis}\n")).collect();
+    let count = cloud.points.len();
+    let mut bytes = format!(
+        "ply\nformat binary_little_endian 1.0\nelement vertex {count}\n{properties}end_header\n"
+    )
+    .into_bytes();
     for (i, point) in cloud.points.iter().enumerate() {
         let normal = cloud.normals.as_ref().and_then(|normals| normals.get(i));
         for value in point.coords.iter().chain(normal.into_iter().flat_map(|normal| normal.iter()))
         {
-            file.write_all(&value.to_le_bytes())?;
+            bytes.extend(value.to_le_bytes());
         }
     }
-    Ok(())
+    bytes
 }

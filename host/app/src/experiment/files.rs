@@ -1,0 +1,336 @@
+//! Files that are there whole or not at all: written beside their place, made durable, renamed.
+
+use std::fs::{self, File, Metadata, OpenOptions, TryLockError};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+/// A file that cannot be written or read.
+#[derive(Debug, Error)]
+#[error("cannot {verb} {}: {source}", path.display())]
+pub struct FileError {
+    /// What was tried.
+    pub verb: &'static str,
+    /// The file.
+    pub path: PathBuf,
+    /// Why not.
+    pub source: io::Error,
+}
+
+/// Names the file and what was tried.
+pub fn file_error(verb: &'static str, path: &Path) -> impl FnOnce(io::Error) -> FileError {
+    move |source| FileError { verb, path: path.to_owned(), source }
+}
+
+/// Ending of a file that is being written.
+pub const PART: &str = ".part";
+
+/// A path with more at its end.
+pub fn beside(path: &Path, ending: &str) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(ending);
+    name.into()
+}
+
+/// Whether a file of ours can lie there: nothing does, or a file. A link is none, wherever it
+/// leads.
+///
+/// # Errors
+///
+/// What else is in the way.
+pub fn is_free_for_a_file(path: &Path) -> Result<(), FileError> {
+    match fs::symlink_metadata(path) {
+        Ok(found) if found.is_file() => Ok(()),
+        Ok(found) => {
+            let problem = format!("{} is in the way", name_of(&found));
+            Err(file_error("write", path)(io::Error::other(problem)))
+        }
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
+        Err(error) => Err(file_error("write", path)(error)),
+    }
+}
+
+fn name_of(found: &Metadata) -> &'static str {
+    if found.is_dir() {
+        "a folder"
+    } else if found.is_symlink() {
+        "a link"
+    } else if is_fifo(found) {
+        "a FIFO"
+    } else {
+        "what is no file"
+    }
+}
+
+#[cfg(unix)]
+fn is_fifo(found: &Metadata) -> bool {
+    std::os::unix::fs::FileTypeExt::is_fifo(&found.file_type())
+}
+
+#[cfg(not(unix))]
+fn is_fifo(_: &Metadata) -> bool {
+    false
+}
+
+#[cfg(unix)]
+fn is_device(found: &Metadata) -> bool {
+    std::os::unix::fs::FileTypeExt::is_char_device(&found.file_type())
+}
+
+#[cfg(not(unix))]
+fn is_device(_: &Metadata) -> bool {
+    false
+}
+
+/// Whether a path leads to this open file still, and through no link.
+#[cfg(unix)]
+pub fn is_at(file: &File, path: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let place = |found: Metadata| (found.dev(), found.ino());
+    let (open, there) = (file.metadata().map(place), fs::symlink_metadata(path).map(place));
+    matches!((open, there), (Ok(open), Ok(there)) if open == there)
+}
+
+/// Whether a path leads to a file still, as far as can be told here.
+#[cfg(not(unix))]
+pub fn is_at(_: &File, path: &Path) -> bool {
+    fs::symlink_metadata(path).is_ok_and(|found| found.is_file())
+}
+
+/// Opens a file of ours, and nothing else that lies there.
+///
+/// # Errors
+///
+/// [`FileError`].
+pub fn open_own(path: &Path, options: &OpenOptions) -> Result<File, FileError> {
+    is_free_for_a_file(path)?;
+    let file = options.open(path).map_err(file_error("open", path))?;
+    if !is_at(&file, path) {
+        let problem = "something else was put there at that moment";
+        return Err(file_error("open", path)(io::Error::other(problem)));
+    }
+    Ok(file)
+}
+
+/// Begins a file that is not there yet; what a process that died left of it goes.
+///
+/// # Errors
+///
+/// [`FileError`]; a link, a FIFO or a folder in the way stays as it is.
+pub fn begin_part(part: &Path) -> Result<File, FileError> {
+    is_free_for_a_file(part)?;
+    match fs::remove_file(part) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => {
+            return Err(file_error("replace", part)(error));
+        }
+        _ => {}
+    }
+    // Exclusive: whatever has come there meanwhile, a link too, is not opened.
+    let mut options = OpenOptions::new();
+    options.read(true).write(true).create_new(true).open(part).map_err(file_error("write", part))
+}
+
+/// Makes a part the file: durable first, then in its place, then the place durable.
+///
+/// # Errors
+///
+/// [`FileError`].
+pub fn settle_part(file: &File, part: &Path, path: &Path) -> Result<(), FileError> {
+    file.sync_all().map_err(file_error("write", part))?;
+    is_free_for_a_file(path)?;
+    fs::rename(part, path).map_err(file_error("write", path))?;
+    sync_folder_of(path)
+}
+
+/// Makes the names in a file's folder durable.
+#[cfg(unix)]
+pub fn sync_folder_of(path: &Path) -> Result<(), FileError> {
+    let folder = match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    match File::open(folder).and_then(|folder| folder.sync_all()) {
+        // Some file systems keep names without being asked, and refuse to be.
+        Err(e) if !matches!(e.kind(), io::ErrorKind::InvalidInput | io::ErrorKind::Unsupported) => {
+            Err(file_error("write in", folder)(e))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Names are durable when the system says so.
+#[cfg(not(unix))]
+pub fn sync_folder_of(_: &Path) -> Result<(), FileError> {
+    Ok(())
+}
+
+/// Writes a whole file in the place of what was there, durably.
+///
+/// # Errors
+///
+/// [`FileError`]; what was there is whole then.
+pub fn replace(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
+    replace_by(&beside(path, PART), path, bytes)
+}
+
+fn replace_by(part: &Path, path: &Path, bytes: &[u8]) -> Result<(), FileError> {
+    let mut file = begin_part(part)?;
+    let written = file.write_all(bytes).map_err(file_error("write", part));
+    let settled = written.and_then(|()| settle_part(&file, part, path));
+    if settled.is_err() {
+        let _ = fs::remove_file(part); // ours: it was not there before
+    }
+    settled
+}
+
+/// A file that a user names, to be written when a command is done.
+#[derive(Clone, Debug)]
+pub struct Output {
+    path: PathBuf,
+    /// It is a device, as `/dev/null`, and nothing can take its place.
+    is_device: bool,
+}
+
+impl Output {
+    /// Sees whether it can be written, before any work; leaves what is there. A user's own link is
+    /// followed.
+    ///
+    /// # Errors
+    ///
+    /// [`FileError`] when a folder or a FIFO lies there, or its folder takes no files.
+    pub fn at(named: &Path) -> Result<Self, FileError> {
+        let path = fs::canonicalize(named).unwrap_or_else(|_| named.to_owned());
+        let output =
+            Self { is_device: fs::metadata(&path).is_ok_and(|found| is_device(&found)), path };
+        if !output.is_device {
+            is_free_for_a_file(&output.path)?;
+            let renamed = |error: FileError| FileError { path: named.to_owned(), ..error };
+            begin_part(&output.part()).map_err(renamed)?;
+            fs::remove_file(output.part()).map_err(file_error("write", named))?;
+        }
+        Ok(output)
+    }
+
+    /// Writes it, whole or not at all.
+    ///
+    /// # Errors
+    ///
+    /// [`FileError`].
+    pub fn write(&self, bytes: &[u8]) -> Result<(), FileError> {
+        if self.is_device {
+            let opened = OpenOptions::new().write(true).open(&self.path);
+            let written = opened.and_then(|mut device| device.write_all(bytes));
+            return written.map_err(file_error("write", &self.path));
+        }
+        replace_by(&self.part(), &self.path, bytes)
+    }
+
+    /// Of this process: another may write the same file at the same time, and the later one wins.
+    fn part(&self) -> PathBuf {
+        beside(&self.path, &format!("{PART}{}", std::process::id()))
+    }
+}
+
+/// A file that one process holds. The system lets go of it when the process ends, however it ends.
+#[derive(Debug)]
+pub struct Lock {
+    path: PathBuf,
+    file: File,
+}
+
+impl Lock {
+    /// Takes a lock, or says that somebody has it.
+    ///
+    /// # Errors
+    ///
+    /// [`FileError`].
+    pub fn take(path: &Path) -> Result<Self, FileError> {
+        let mut options = OpenOptions::new();
+        let file = open_own(path, options.write(true).create(true).truncate(false))?;
+        let held = || io::Error::other("another process writes this run; wait for it, or end it");
+        match file.try_lock() {
+            // Its last holder may have removed it between our opening and our locking.
+            Ok(()) if is_at(&file, path) => Ok(Self { path: path.to_owned(), file }),
+            Ok(()) | Err(TryLockError::WouldBlock) => Err(file_error("lock", path)(held())),
+            Err(TryLockError::Error(error)) => Err(file_error("lock", path)(error)),
+        }
+    }
+}
+
+impl Drop for Lock {
+    fn drop(&mut self) {
+        // While it is held: whoever opened it before sees that it is gone.
+        if cfg!(unix) && is_at(&self.file, &self.path) {
+            let _ = fs::remove_file(&self.path);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_replaced_whole_and_nothing_is_left_beside_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
+        fs::write(beside(&path, PART), "left by a process that died").unwrap();
+        for text in ["one", "two"] {
+            replace(&path, text.as_bytes()).unwrap();
+            assert_eq!(fs::read_to_string(&path).unwrap(), text);
+        }
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn one_holder_at_a_time_and_none_leaves_a_trace() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("lock");
+        let held = Lock::take(&path).unwrap();
+        let error = Lock::take(&path).unwrap_err().to_string();
+        assert!(error.contains("lock") && error.contains("another process"), "{error}");
+        drop(held);
+        assert!(!path.exists());
+        fs::write(&path, "").unwrap(); // its holder was killed
+        Lock::take(&path).unwrap();
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_fifos_and_folders_are_named_and_stay_as_they_are() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::write(at("victim"), "precious").unwrap();
+        std::os::unix::fs::symlink("victim", at("file.part")).unwrap();
+        fs::create_dir(at("other")).unwrap();
+        let fifo = std::process::Command::new("mkfifo").arg(at("fifo")).status().unwrap();
+        assert!(fifo.success());
+        for (name, part) in [("file", "a link"), ("other", "a folder"), ("fifo", "a FIFO")] {
+            let error = replace(&at(name), b"new").unwrap_err().to_string();
+            assert!(error.contains(name) && error.contains(part), "{error}");
+        }
+        assert_eq!(fs::read_to_string(at("victim")).unwrap(), "precious");
+        for name in ["other", "fifo"] {
+            assert!(Output::at(&at(name)).is_err(), "{name}");
+        }
+        assert!(open_own(&at("fifo"), OpenOptions::new().read(true)).is_err());
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 4);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn an_output_follows_its_user_s_link_and_a_device_stays_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::write(at("cloud"), "old").unwrap();
+        std::os::unix::fs::symlink("cloud", at("link")).unwrap();
+        Output::at(&at("link")).unwrap().write(b"new").unwrap();
+        assert_eq!(fs::read_to_string(at("cloud")).unwrap(), "new");
+        assert!(at("link").is_symlink());
+        Output::at(Path::new("/dev/null")).unwrap().write(b"new").unwrap();
+        assert!(is_device(&fs::metadata("/dev/null").unwrap()));
+        let error = Output::at(&at("absent/cloud")).unwrap_err().to_string();
+        assert!(error.contains("absent/cloud:"), "{error}");
+    }
+}
