@@ -859,36 +859,66 @@ fn a_damaged_journal_is_kept_until_repair_which_finishes_the_run() {
 }
 
 #[test]
-fn a_journal_of_an_earlier_version_which_wrote_20_0_for_a_count_goes_on_to_the_same_result() {
+fn a_journal_without_checksums_is_refused_and_says_what_to_do() {
     let fixture = Fixture::new();
-    fixture.tune(&["--set", "registration.max_iterations=40"]);
+    fixture.tune(&["--generations", "1"]);
     let folder = "runs/0001-yard-icp-joint";
-    let [config, history, result] =
-        ["config.toml", "history.jsonl", "result.json"].map(|name| format!("{folder}/{name}"));
-    let (journal, finished) = (fixture.read(&history), fixture.read(&result));
-    let earlier = |text: &str| {
-        let counts = ["max_iterations = 40\n", "\"max_iterations\":40}"];
-        let text = counts
-            .iter()
-            .fold(text.to_owned(), |text, count| text.replace(count, &count.replace("40", "40.0")));
-        let (count, digits) = ("normal_neighbours\":", |c: char| c.is_ascii_digit());
-        let parts: Vec<String> = text
-            .split(count)
-            .map(|part| match part.find(|c| !digits(c)) {
-                Some(end) if end > 0 => format!("{}.0{}", &part[..end], &part[end..]),
-                _ => part.to_owned(),
-            })
-            .collect();
-        parts.join(count)
-    };
-    let two: String = journal.lines().take(3).map(|line| format!("{line}\n")).collect();
-    assert_ne!(earlier(&two), two);
-    assert_ne!(earlier(&fixture.read(&config)), fixture.read(&config));
-    fixture.write(&history, earlier(&two));
-    fixture.write(&config, earlier(&fixture.read(&config)));
-    fs::remove_file(fixture.path(&result)).expect("removed");
+    let history = format!("{folder}/history.jsonl");
+    let earlier = fixture.read(&history).replace("{\"journal\":2", "{\"journal\":1");
+    fixture.write(&history, earlier);
+    for more in [&[][..], &["--repair"]] {
+        fixture.refuses(
+            &[&["tune", "--resume", folder], more].concat(),
+            &["history.jsonl: line 1 is of journal format 1", "begin anew with `echoloop tune"],
+        );
+    }
+}
+
+#[test]
+fn a_run_goes_on_only_with_the_scene_it_began_with() {
+    let fixture = Fixture::new();
+    fixture.tune(&["--generations", "1"]);
+    let folder = "runs/0001-yard-icp-joint";
+    let (scene, result) = ("yard.obj", format!("{folder}/result.json"));
+    let (yard, finished) = (fixture.read(scene), fixture.read(&result));
+    fixture.write(scene, yard.replace(" 7\n", " 5\n"));
+    let parts = ["history.jsonl: line 1: content.scene is ", "put it back"];
+    fixture.refuses(&["tune", "-q", "--resume", folder, "--repair"], &parts);
+    fixture.write(scene, yard);
     fixture.succeed(&["tune", "-q", "--resume", folder]);
     assert_eq!(fixture.read(&result), finished);
+}
+
+#[test]
+#[cfg(unix)]
+fn what_is_in_the_way_is_named_before_anything_is_traced() {
+    let fixture = Fixture::new();
+    fixture.tune(&["--generations", "1"]);
+    let folder = "runs/0001-yard-icp-joint";
+    // Without its scene a run is refused as soon as it would trace.
+    fs::remove_file(fixture.path("yard.obj")).expect("removed");
+    fixture.write("victim", "precious");
+    std::os::unix::fs::symlink("../../victim", fixture.path(&format!("{folder}/result.json.part")))
+        .expect("a link");
+    let resume = ["tune", "-q", "--resume", folder];
+    fixture.refuses(&resume, &["result.json.part: a link is in the way"]);
+    fs::remove_file(fixture.path(&format!("{folder}/result.json.part"))).expect("removed");
+    let history = fixture.path(&format!("{folder}/history.jsonl"));
+    fs::rename(&history, fixture.path("journal")).expect("moved");
+    let fifo = Command::new("mkfifo").arg(&history).status().expect("mkfifo runs");
+    assert!(fifo.success());
+    let output = fixture.run(&resume);
+    assert_eq!(output.code, Some(2));
+    assert!(output.stderr.contains("history.jsonl: a FIFO is in the way"), "{}", output.stderr);
+    let scan = ["scan", "-q", "-c", "small.toml", "-o"];
+    let output = fixture.run(&[&scan[..], &[history.to_str().expect("UTF-8")]].concat());
+    assert_eq!(output.code, Some(2));
+    assert!(output.stderr.contains("a FIFO is in the way"), "{}", output.stderr);
+    fs::remove_file(history).expect("removed");
+    fixture.refuses(&[&scan[..], &["runs"]].concat(), &["runs: a folder is in the way"]);
+    fs::remove_file(fixture.path("runs/latest")).expect("removed");
+    fs::create_dir(fixture.path("runs/latest")).expect("a folder");
+    fixture.refuses(&["tune", "-q", "-c", "small.toml"], &["runs/latest", "no link"]);
 }
 
 #[test]
@@ -921,9 +951,10 @@ const LONG: [&str; 8] = [
     "tune.pairs_per_generation=1",
 ];
 
-/// Starts the long run, waits for whole generations in its journal, and sends it a signal.
+/// Starts the long run, waits for whole generations in its journal, and does something to the
+/// process of this number or to its files.
 #[cfg(unix)]
-fn interrupted(fixture: &Fixture, signal: &str) -> CommandOutput {
+fn while_it_runs(fixture: &Fixture, harm: impl Fn(u32)) -> CommandOutput {
     let mut child = fixture
         .command(&LONG)
         .stdout(Stdio::piped())
@@ -939,13 +970,63 @@ fn interrupted(fixture: &Fixture, signal: &str) -> CommandOutput {
         assert!(child.try_wait().expect("a child").is_none(), "it must not end by itself");
         std::thread::sleep(Duration::from_millis(2));
     }
-    let killed =
-        Command::new("kill").args([signal, &child.id().to_string()]).status().expect("kill runs");
-    assert!(killed.success());
+    harm(child.id());
     let output = CommandOutput::from_output(child.wait_with_output().expect("it ends"));
-    assert!(lines() < 21, "it was over before the signal came: make it longer");
+    assert!(lines() < 21, "it was over before the harm came: make it longer");
     assert!(!fixture.path("runs/0001-yard-icp-joint/result.json").exists());
     output
+}
+
+/// Sends the long run a signal.
+#[cfg(unix)]
+fn interrupted(fixture: &Fixture, signal: &str) -> CommandOutput {
+    while_it_runs(fixture, |process| {
+        let killed = Command::new("kill").args([signal, &process.to_string()]).status();
+        assert!(killed.expect("kill runs").success());
+    })
+}
+
+#[test]
+#[cfg(unix)]
+fn two_processes_never_write_one_run() {
+    let fixture = Fixture::new();
+    fixture.succeed(&LONG);
+    let folder = "runs/0001-yard-icp-joint";
+    let history = format!("{folder}/history.jsonl");
+    let whole = fixture.bytes(&history);
+    let lines: Vec<&[u8]> = whole.split_inclusive(|&byte| byte == b'\n').collect();
+    fixture.write(&history, lines[..4].concat());
+    let resume = ["tune", "-q", "--resume", folder];
+    let start = || fixture.command(&resume).stderr(Stdio::piped()).stdout(Stdio::null()).spawn();
+    let both = [start(), start()].map(|child| child.expect("echoloop starts"));
+    let ended = both.map(|child| child.wait_with_output().expect("it ends"));
+    let mut codes = ended.each_ref().map(|output| output.status.code());
+    codes.sort_unstable();
+    assert_eq!(codes, [Some(0), Some(2)]);
+    let said = ended.map(|output| String::from_utf8_lossy(&output.stderr).into_owned()).concat();
+    assert!(said.contains("run.lock: another process writes this run"), "{said}");
+    assert!(fixture.bytes(&history) == whole, "the journal is that of one process");
+    assert!(!fixture.path(&format!("{folder}/run.lock")).exists());
+}
+
+#[test]
+#[cfg(unix)]
+fn a_journal_that_vanishes_under_a_run_ends_it_and_is_kept() {
+    let fixture = Fixture::new();
+    fixture.succeed(&LONG);
+    let folder = "runs/0001-yard-icp-joint";
+    let [history, result] = ["history.jsonl", "result.json"].map(|name| format!("{folder}/{name}"));
+    let finished = fixture.bytes(&result);
+    fs::remove_dir_all(fixture.path("runs")).expect("removed");
+    let output = while_it_runs(&fixture, |_| {
+        fs::remove_file(fixture.path(&history)).expect("removed");
+    });
+    assert_eq!(output.code, Some(2), "{}", output.stderr);
+    assert!(output.stderr.contains("during the run; its lines are kept in"), "{}", output.stderr);
+    let kept = fixture.path(&format!("{history}.rescued"));
+    fs::rename(kept, fixture.path(&history)).expect("put back");
+    fixture.succeed(&["tune", "-q", "--resume", folder]);
+    assert!(fixture.bytes(&result) == finished);
 }
 
 #[test]

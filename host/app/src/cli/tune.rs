@@ -118,6 +118,7 @@ fn tune(
         );
     }
     let (tuned, before, after) = outcome?;
+    journal.confirm()?;
     let result = result(&prepared, &search, &tuned, before, after);
     folder.write_result(&result)?;
     write_figures(&Finished {

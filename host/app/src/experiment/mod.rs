@@ -50,7 +50,9 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod checksum;
 pub mod config;
+pub mod content;
 pub mod dataset;
 pub mod evaluate;
 pub mod files;

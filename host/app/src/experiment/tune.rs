@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::experiment::config::RunConfig;
+use crate::experiment::content::{Content, build};
 use crate::experiment::dataset::ScanPair;
 use crate::experiment::evaluate::{NoisyPairs, Summary, evaluate, median};
 use crate::experiment::journal::{
@@ -34,16 +35,15 @@ pub enum TuneError {
     Optimizer(#[from] echoloop_cmaes::CmaEsConfigError),
     /// The journal's candidates are not those that this search asks for.
     #[error(
-        "line {} of the journal was drawn by another search: its {field} is not what the \
-         configuration gives in this version; begin anew with `echoloop tune --config` and the \
-         run's config.toml",
+        "line {} of the journal is not of this search: its {field} is not what the configuration \
+         gives in this version; begin anew with `echoloop tune --config` and the run's config.toml",
         generation + 2
     )]
     Diverged {
-        /// The generation.
-        generation: u32,
+        /// The generation, which has a line after the header's.
+        generation: usize,
         /// What differs first.
-        field: &'static str,
+        field: String,
     },
     /// Someone asked to stop. What was done is in the journal.
     #[error("interrupted after {generations} generations")]
@@ -53,23 +53,52 @@ pub enum TuneError {
     },
 }
 
-/// Whether a generation of the journal is the one that the optimiser would draw now, bit for bit.
+/// Where a generation of the journal first differs from the one that would be written now, bit for
+/// bit. Only the errors of the pairs are not known now; what is made of them is.
 ///
 /// A search's start hangs on more than its configuration: on the defaults of this version. The same
 /// header would else go on from candidates that were never asked for.
-fn continues(optimizer: &CmaEs, generation: &Generation) -> Result<(), TuneError> {
-    let asked = optimizer.ask();
-    let points = generation.candidates.iter().map(|candidate| &candidate.point);
+fn difference(found: &Generation, drawn: &Generation, cap: f64) -> Option<String> {
     let fields = [
-        ("mean", generation.mean == optimizer.mean()),
-        ("sigma", generation.sigma == optimizer.sigma()),
-        ("deviations", generation.deviations == optimizer.deviations()),
-        ("candidates", points.eq(asked.iter().map(|candidate| &candidate.phenotype))),
+        ("generation", found.generation == drawn.generation),
+        ("pairs", found.pairs == drawn.pairs),
+        ("mean", found.mean == drawn.mean),
+        ("deviations", found.deviations == drawn.deviations),
+        ("sigma", found.sigma == drawn.sigma),
+        ("candidates", found.candidates.len() == drawn.candidates.len()),
     ];
-    match fields.into_iter().find(|(_, same)| !same) {
-        Some((field, _)) => Err(TuneError::Diverged { generation: generation.generation, field }),
-        None => Ok(()),
+    if let Some((field, _)) = fields.into_iter().find(|(_, same)| !same) {
+        return Some(field.to_owned());
     }
+    let candidates = found.candidates.iter().zip(&drawn.candidates).enumerate();
+    candidates.into_iter().find_map(|(i, (found, asked))| {
+        let field = candidate_difference(found, asked, &drawn.pairs, cap)?;
+        Some(format!("candidates[{i}].{field}"))
+    })
+}
+
+fn candidate_difference(
+    found: &CandidateRecord,
+    asked: &CandidateRecord,
+    pairs: &[usize],
+    cap: f64,
+) -> Option<&'static str> {
+    let fields = [
+        ("point", found.point == asked.point),
+        ("values", found.values == asked.values),
+        ("repaired", found.repaired == asked.repaired),
+        ("settings", found.settings == asked.settings),
+        ("errors", found.errors.iter().map(|error| &error.pair).eq(pairs)),
+        ("fitness", found.fitness == fitness(&found.errors, cap)),
+    ];
+    fields.into_iter().find(|(_, same)| !same).map(|(field, _)| field)
+}
+
+/// Tells the optimiser what a generation was worth.
+fn tell(optimizer: &mut CmaEs, generation: &Generation) {
+    let values: Vec<f64> = generation.candidates.iter().map(|c| c.fitness).collect();
+    // There is a candidate for each that was asked for: drawn here, or compared with what was.
+    let _ = optimizer.tell(&values);
 }
 
 /// Hears how far a search is.
@@ -152,10 +181,12 @@ impl TuneSearch<'_> {
         Header {
             journal: FORMAT,
             program: format!("echoloop {}", env!("CARGO_PKG_VERSION")),
+            build: build(),
             link_schema: format!("{:#018x}", echoloop_link::SCHEMA),
+            config: serde_json::to_value(self.config).unwrap_or_default(),
             axes: self.space.axes().iter().map(|axis| axis.name.to_owned()).collect(),
             population: self.population(),
-            config: serde_json::to_value(self.config).unwrap_or_default(),
+            content: Content::of(self.config, self.bench.dataset),
         }
     }
 
@@ -180,21 +211,17 @@ impl TuneSearch<'_> {
         if self.space.axes().is_empty() {
             return Ok(self.untuned());
         }
-        let mut optimizer = self.optimizer()?;
-        let mut generations = done;
         let total = self.config.tune.generations;
-        for generation in &generations {
-            continues(&optimizer, generation)?;
-            self.replay(&mut optimizer, generation);
-            observer.generation(generation, total);
-        }
+        let mut optimizer = self.replayed(&done)?;
+        let mut generations = done;
+        generations.iter().for_each(|generation| observer.generation(generation, total));
         while optimizer.stop().is_none() {
             let generation = self.generation(&optimizer, observer)?;
             let Some(generation) = generation else {
                 return Err(TuneError::Interrupted { generations: generations.len() });
             };
             journal.add(&generation)?;
-            self.replay(&mut optimizer, &generation);
+            tell(&mut optimizer, &generation);
             observer.generation(&generation, total);
             generations.push(generation);
         }
@@ -225,12 +252,48 @@ impl TuneSearch<'_> {
         Ok(CmaEs::new(config)?)
     }
 
-    /// Tells the optimiser what a generation was worth.
-    fn replay(&self, optimizer: &mut CmaEs, generation: &Generation) {
-        let values: Vec<f64> = generation.candidates.iter().map(|c| c.fitness).collect();
-        // The header's population and the journal's reader see to it that the numbers agree; if
-        // not, nothing is told.
-        let _ = optimizer.tell(&values);
+    /// The optimiser after generations that a journal has.
+    ///
+    /// # Errors
+    ///
+    /// [`TuneError::Diverged`] at the first that this search would not have written.
+    fn replayed(&self, done: &[Generation]) -> Result<CmaEs, TuneError> {
+        let mut optimizer = self.optimizer()?;
+        for (number, generation) in done.iter().enumerate() {
+            let field = match optimizer.stop() {
+                Some(_) => Some("generation, after the search's end,".to_owned()),
+                None => {
+                    let (drawn, _) = self.draw(&optimizer);
+                    difference(generation, &drawn, self.config.tune.error_cap)
+                }
+            };
+            if let Some(field) = field {
+                return Err(TuneError::Diverged { generation: number, field });
+            }
+            tell(&mut optimizer, generation);
+        }
+        Ok(optimizer)
+    }
+
+    /// The next generation as far as it is known before a scan: without errors and fitness. And its
+    /// candidates' parameters.
+    fn draw(&self, optimizer: &CmaEs) -> (Generation, Vec<Parameters>) {
+        let points = optimizer.ask().into_iter().map(|candidate| candidate.phenotype);
+        let (parameters, candidates) = points
+            .map(|point| {
+                let (parameters, repaired) = self.space.parameters(&point);
+                (parameters, self.record(point, &parameters, &repaired))
+            })
+            .unzip();
+        let generation = Generation {
+            generation: optimizer.generation() as u32,
+            pairs: self.batch(optimizer.generation()),
+            mean: optimizer.mean().to_vec(),
+            deviations: optimizer.deviations(),
+            sigma: optimizer.sigma(),
+            candidates,
+        };
+        (generation, parameters)
     }
 
     /// Evaluates one generation: every candidate on the same pairs. `None`: interrupted.
@@ -240,31 +303,24 @@ impl TuneSearch<'_> {
         observer: &dyn Observer,
     ) -> Result<Option<Generation>, TuneError> {
         let number = optimizer.generation();
-        let pairs = self.batch(number);
-        let points: Vec<Vec<f64>> = optimizer.ask().into_iter().map(|c| c.phenotype).collect();
-        let candidates: Vec<_> = points.iter().map(|point| self.space.parameters(point)).collect();
-        let tasks: Vec<(usize, usize)> = (0..points.len())
+        let (mut generation, parameters) = self.draw(optimizer);
+        let pairs = &generation.pairs;
+        let tasks: Vec<(usize, usize)> = (0..parameters.len())
             .flat_map(|candidate| pairs.iter().map(move |&pair| (candidate, pair)))
             .collect();
         let errors: Option<Vec<PairError>> = tasks
             .par_iter()
             .map(|&(candidate, pair)| {
-                self.task(&candidates[candidate].0, number, candidate, pair, observer)
+                self.task(&parameters[candidate], number, candidate, pair, observer)
             })
             .collect::<Result<_, SensorError>>()?;
         let Some(errors) = errors else { return Ok(None) };
-        let records = points.into_iter().zip(&candidates).zip(errors.chunks(pairs.len()));
-        let candidates = records
-            .map(|((point, (p, repaired)), errors)| self.record(point, p, repaired, errors))
-            .collect();
-        Ok(Some(Generation {
-            generation: number as u32,
-            mean: optimizer.mean().to_vec(),
-            deviations: optimizer.deviations(),
-            sigma: optimizer.sigma(),
-            pairs,
-            candidates,
-        }))
+        let each = errors.chunks(pairs.len());
+        for (candidate, errors) in generation.candidates.iter_mut().zip(each) {
+            candidate.errors = errors.to_vec();
+            candidate.fitness = fitness(errors, self.config.tune.error_cap);
+        }
+        Ok(Some(generation))
     }
 
     /// One registration; `None` when the search is to stop.
@@ -289,20 +345,20 @@ impl TuneSearch<'_> {
         Ok(Some(registered.error))
     }
 
+    /// What is known of a candidate before a scan.
     fn record(
         &self,
         point: Vec<f64>,
         parameters: &Parameters,
         repaired: &[&'static str],
-        errors: &[PairError],
     ) -> CandidateRecord {
         CandidateRecord {
             point,
             values: self.searched_values(parameters),
             repaired: repaired.iter().map(|&name| name.to_owned()).collect(),
             settings: settings_hash(&parameters.settings),
-            errors: errors.to_vec(),
-            fitness: fitness(errors, self.config.tune.error_cap),
+            errors: Vec::new(),
+            fitness: f64::NAN,
         }
     }
 
@@ -429,18 +485,28 @@ mod tests {
         CmaEs::new(CmaEsConfig::unit_cube(vec![start; 3], 0.2, 1)).unwrap()
     }
 
-    fn drawn(optimizer: &CmaEs) -> Generation {
+    /// A generation of two pairs, with the errors that a search would have written.
+    fn written(optimizer: &CmaEs) -> Generation {
+        let error = |pair| PairError {
+            pair,
+            translation_m: 0.1,
+            rotation_deg: 0.1,
+            frobenius: pair as f64,
+            points: [100, 100],
+            stop: String::new(),
+            iterations: 1,
+        };
         let record = |point| CandidateRecord {
             point,
-            values: Values::new(),
+            values: Values::from([("lidar.power".into(), 5.0)]),
             repaired: Vec::new(),
-            settings: 0,
-            errors: Vec::new(),
-            fitness: 1.0,
+            settings: 7,
+            errors: vec![error(1), error(4)],
+            fitness: 2.0, // capped at 3
         };
         Generation {
             generation: optimizer.generation() as u32,
-            pairs: Vec::new(),
+            pairs: vec![1, 4],
             mean: optimizer.mean().to_vec(),
             deviations: optimizer.deviations(),
             sigma: optimizer.sigma(),
@@ -449,21 +515,31 @@ mod tests {
     }
 
     #[test]
-    fn a_search_goes_on_only_from_what_it_would_have_asked_itself() {
-        let optimizer = search(0.5);
-        continues(&optimizer, &drawn(&optimizer)).unwrap();
-        let refused = |change: &dyn Fn(&mut Generation)| {
-            let mut generation = drawn(&optimizer);
-            change(&mut generation);
-            continues(&optimizer, &generation).unwrap_err().to_string()
-        };
-        let error = continues(&optimizer, &drawn(&search(0.6))).unwrap_err().to_string();
-        assert!(
-            error.starts_with("line 2 of the journal") && error.contains("its mean"),
-            "{error}"
-        );
-        assert!(refused(&|g| g.sigma *= 1.0 + 1e-15).contains("its sigma"));
-        assert!(refused(&|g| g.candidates[2].point[1] *= 1.0 + 1e-15).contains("its candidates"));
-        assert!(refused(&|g| g.candidates.truncate(3)).contains("its candidates"));
+    fn a_search_goes_on_only_from_what_it_would_have_written_itself() {
+        let drawn = written(&search(0.5));
+        assert_eq!(difference(&written(&search(0.5)), &drawn, 3.0), None);
+        assert_eq!(difference(&written(&search(0.6)), &drawn, 3.0).unwrap(), "mean");
+        type Change = fn(&mut Generation);
+        let changes: [(&str, Change); 14] = [
+            ("generation", |g| g.generation += 1),
+            ("pairs", |g| g.pairs.reverse()),
+            ("mean", |g| g.mean.clear()),
+            ("deviations", |g| g.deviations[0] *= 1.0 + 1e-15),
+            ("sigma", |g| g.sigma = 1e308),
+            ("candidates", |g| g.candidates.clear()),
+            ("candidates[0].point", |g| g.candidates.reverse()),
+            ("candidates[2].point", |g| g.candidates[2].point[1] *= 1.0 + 1e-15),
+            ("candidates[1].values", |g| g.candidates[1].values.clear()),
+            ("candidates[1].repaired", |g| g.candidates[1].repaired.push("gain".into())),
+            ("candidates[1].settings", |g| g.candidates[1].settings ^= 1),
+            ("candidates[0].errors", |g| g.candidates[0].errors.truncate(1)),
+            ("candidates[0].fitness", |g| g.candidates[0].errors[0].frobenius = 1.5),
+            ("candidates[0].fitness", |g| g.candidates[0].fitness = -1e300),
+        ];
+        for (field, change) in changes {
+            let mut found = written(&search(0.5));
+            change(&mut found);
+            assert_eq!(difference(&found, &drawn, 3.0).as_deref(), Some(field));
+        }
     }
 }

@@ -1,0 +1,141 @@
+//! What a search is made of besides its configuration, as checksums: its numbers go on only from
+//! the same.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use echoloop_frontend::SceneResponse;
+use echoloop_registration::pose::to_rows;
+use echoloop_sim::scene::SceneKind;
+use serde::{Deserialize, Serialize};
+
+use crate::experiment::checksum::{Checksum, Running};
+use crate::experiment::config::RunConfig;
+use crate::experiment::dataset::{Dataset, ScanPair};
+use crate::link::sensor::Model;
+
+/// Checksums, each of 16 hexadecimal digits.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Content {
+    /// Of the scene's file; none of a generated scene.
+    pub scene: Option<String>,
+    /// Of the files of materials that an OBJ names.
+    pub materials: Option<String>,
+    /// Of the sensor's front end, scan pattern and hardware: what shapes its waveforms.
+    pub front_end: String,
+    /// Of every scan's returns, and of the true motions.
+    pub scans: String,
+}
+
+impl Content {
+    /// What a configuration and its traced scans come to.
+    pub fn of(config: &RunConfig, dataset: &Dataset) -> Self {
+        let source = Path::new(&config.scene.source);
+        let is_file = config.scene.source.parse::<SceneKind>().is_err();
+        let scene = is_file.then(|| Checksum::of_file(source).ok()).flatten();
+        Self {
+            scene: scene.map(|sum| sum.to_string()),
+            materials: is_file.then(|| materials(source)).flatten().map(|sum| sum.to_string()),
+            front_end: front_end(&Model::from(config)).to_string(),
+            scans: scans(dataset).to_string(),
+        }
+    }
+}
+
+/// The checksum of the program's own file; none where a system does not let it be read.
+pub fn build() -> Option<String> {
+    static BUILD: OnceLock<Option<String>> = OnceLock::new();
+    let own = || {
+        // Where there is this name, it leads to the program that runs, even if its file is replaced.
+        let linux = Path::new("/proc/self/exe");
+        let path = if linux.exists() { linux.to_owned() } else { std::env::current_exe().ok()? };
+        Checksum::of_file(&path).ok().map(|sum| sum.to_string())
+    };
+    BUILD.get_or_init(own).clone()
+}
+
+fn front_end(model: &Model) -> Checksum {
+    // Every field with every digit.
+    Checksum::of(&[format!("{model:?}").as_bytes()])
+}
+
+fn scans(dataset: &Dataset) -> Checksum {
+    let mut sum = Running::new();
+    for pair in dataset.train.iter().chain(&dataset.test) {
+        add_pair(&mut sum, pair);
+    }
+    sum.end()
+}
+
+fn add_pair(sum: &mut Running, pair: &ScanPair) {
+    to_rows(&pair.truth).iter().for_each(|number| sum.add(&number.to_bits().to_le_bytes()));
+    pair.viewpoints.iter().for_each(|number| sum.add(&number.to_le_bytes()));
+    [&pair.first, &pair.second].into_iter().for_each(|scan| add_scan(sum, scan));
+}
+
+fn add_scan(sum: &mut Running, scan: &SceneResponse) {
+    scan.beams.iter().for_each(|beam| sum.add(&beam.to_le_bytes()));
+    for back in &scan.returns {
+        sum.add(&back.range_m.to_bits().to_le_bytes());
+        sum.add(&back.strength_per_m2.to_bits().to_le_bytes());
+    }
+}
+
+/// Of the files behind the `mtllib` lines of an OBJ, in their order; none without any.
+fn materials(scene: &Path) -> Option<Checksum> {
+    let is_obj = scene.extension().is_some_and(|e| e.eq_ignore_ascii_case("obj"));
+    let bytes = is_obj.then(|| fs::read(scene).ok()).flatten()?;
+    let sums: String = named(&bytes, scene)
+        .iter()
+        .map(|path| Checksum::of_file(path).map_or_else(|_| "none".into(), |sum| sum.to_string()))
+        .collect();
+    (!sums.is_empty()).then(|| Checksum::of(&[sums.as_bytes()]))
+}
+
+fn named(obj: &[u8], scene: &Path) -> Vec<PathBuf> {
+    let folder = scene.parent().unwrap_or(Path::new(""));
+    let lines = obj.split(|&byte| byte == b'\n').filter_map(|line| line.strip_prefix(b"mtllib "));
+    lines.map(|name| folder.join(String::from_utf8_lossy(name.trim_ascii()).as_ref())).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scene_s_file_its_materials_and_the_front_end_each_have_their_checksum() {
+        let folder = tempfile::tempdir().unwrap();
+        let [obj, mtl] = ["yard.obj", "yard.mtl"].map(|name| folder.path().join(name));
+        fs::write(&obj, "mtllib yard.mtl\nv 0 0 0\n").unwrap();
+        fs::write(&mtl, "newmtl a\n").unwrap();
+        let mut config = RunConfig::default();
+        config.scene.source = obj.to_string_lossy().into_owned();
+        let empty = Dataset {
+            pattern: config.scanner.pattern(),
+            directions: Vec::new(),
+            train: Vec::new(),
+            test: Vec::new(),
+            triangles: 0,
+        };
+        let before = Content::of(&config, &empty);
+        fs::write(&mtl, "newmtl b\n").unwrap();
+        let other_material = Content::of(&config, &empty);
+        assert_eq!(other_material.scene, before.scene);
+        assert_ne!(other_material.materials, before.materials);
+        fs::write(&obj, "mtllib yard.mtl\nv 0 0 1\n").unwrap();
+        assert_ne!(Content::of(&config, &empty).scene, before.scene);
+        config.receiver.aperture_mm += 1e-9;
+        assert_ne!(Content::of(&config, &empty).front_end, before.front_end);
+        config.scene.source = "structured".into();
+        let generated = Content::of(&config, &empty);
+        assert_eq!((generated.scene, generated.materials), (None, None));
+    }
+
+    #[test]
+    fn the_program_knows_its_own_file() {
+        let of_file = Checksum::of_file(&std::env::current_exe().unwrap()).unwrap();
+        assert_eq!(build(), Some(of_file.to_string()));
+    }
+}
