@@ -4,15 +4,15 @@
 use std::collections::BTreeMap;
 use std::env;
 use std::io::{Write, stderr};
+use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 
 /// Longest that a case may take.
 const LIMIT: Duration = Duration::from_secs(60);
@@ -72,7 +72,7 @@ impl Campaign {
         let course = Course::new();
         thread::scope(|scope| {
             scope.spawn(|| self.watch(&course, cases, asked.cases.is_some()));
-            numbers.into_par_iter().for_each(|number| {
+            work_off(numbers, |number| {
                 course.judge(number, || case(&mut stream(self.kind, asked.seed, number)));
             });
             course.over.store(true, Ordering::Relaxed);
@@ -162,6 +162,18 @@ impl Course {
         let failed = self.failures.lock().expect("no panic holds it").len() as u64;
         failed + self.verdicts.lock().expect("no panic holds it").values().sum::<u64>()
     }
+}
+
+/// Does the numbers on as many threads as there are processors. Not those of rayon: one that waits
+/// inside of a case would begin another.
+fn work_off(numbers: Range<u64>, work: impl Fn(u64) + Sync) {
+    let next = AtomicU64::new(numbers.start);
+    let worker = || {
+        let take = || Some(next.fetch_add(1, Ordering::Relaxed)).filter(|n| numbers.contains(n));
+        std::iter::from_fn(take).for_each(&work);
+    };
+    let threads = thread::available_parallelism().map_or(1, usize::from);
+    thread::scope(|scope| (0..threads).for_each(|_| drop(scope.spawn(worker))));
 }
 
 /// Past the capture of tests: what a person waits for is seen.

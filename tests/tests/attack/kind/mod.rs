@@ -1,3 +1,4 @@
 //! The kinds of attack: a file each, whose name is what `cargo xtask attack --kind` takes.
 
 mod bytes;
+mod journal;
