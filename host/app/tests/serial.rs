@@ -4,20 +4,23 @@
 
 mod fixture;
 
-use std::io;
+use std::io::{self, BufRead};
 use std::process::{Child, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use echoloop_dsp::Settings;
+use echoloop_dsp::{Hardware, ScanPattern, Settings};
 use echoloop_host::experiment::config::{RunConfig, load};
 use echoloop_host::experiment::dataset::Dataset;
 use echoloop_host::experiment::seed::scan_noise;
 use echoloop_host::link::sensor::{Model, Port, Sensor, SensorError, View};
 use echoloop_host::link::serve::{Viewpoints, serve};
 use echoloop_host::link::transport::{Serial, Transport};
+use echoloop_link::{
+    Command, Counters, Decoder, Greeting, MAX_FRAME, Nack, Report, decode, encode, settings_hash,
+};
 use fixture::{CommandOutput, Fixture};
 use serialport::{SerialPort, TTYPort};
 
@@ -46,6 +49,19 @@ fn start(fixture: &Fixture, arguments: &[&str]) -> Child {
 
 fn end(child: Child) -> CommandOutput {
     CommandOutput::from_output(child.wait_with_output().expect("it ends"))
+}
+
+/// As [`end`], of a command that must have ended by then: what hangs is a failure, too.
+fn end_within(mut child: Child, limit: Duration) -> CommandOutput {
+    let deadline = Instant::now() + limit;
+    while child.try_wait().expect("a child").is_none() {
+        if Instant::now() > deadline {
+            let _ = child.kill();
+            panic!("it runs on after {limit:?}");
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    end(child)
 }
 
 fn run(fixture: &Fixture, arguments: &[&str]) -> CommandOutput {
@@ -105,7 +121,8 @@ impl Board {
         let (here, _plug, path) = terminals();
         let stop = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&stop);
-        let mut line = Cut { line: Serial::from_open_port(Box::new(here), "board"), answers_left };
+        let line = Serial::from_open_port(here, "board").expect("a port");
+        let mut line = Cut { line, answers_left };
         let answer = move || drop(serve(&mut line, &mut sensor, &|| flag.load(Ordering::Relaxed)));
         let thread = Some(std::thread::spawn(answer));
         let port = Port { path, baud: 4_000_000 };
@@ -261,11 +278,11 @@ fn a_board_keeps_its_settings_until_others_are_asked_for() {
 }
 
 #[test]
-fn a_board_of_other_beams_is_refused_to_a_run_and_scans_as_it_is() {
+fn a_board_of_other_beams_than_the_configuration_s_is_refused() {
     let fixture = Fixture::new();
     let board = Board::new(&fixture);
     let other = ["-c", "small.toml", "--set", "scanner.columns=64", "--sensor", &board.spec];
-    for command in ["tune", "evaluate"] {
+    for command in ["tune", "evaluate", "scan"] {
         let output = run(&fixture, &[&[command], &other[..]].concat());
         assert_eq!(output.code, Some(2), "{}", output.stderr);
         for part in [&board.port.path, "48 × 16 over 180° × 60°", "64 × 16 over 180° × 60°"]
@@ -274,8 +291,76 @@ fn a_board_of_other_beams_is_refused_to_a_run_and_scans_as_it_is() {
         }
     }
     assert!(!fixture.path("runs").exists());
-    let output = succeed(&fixture, &[&["scan", "--json"], &other[..]].concat()).json();
-    assert_eq!(output["beams"], 48 * 16);
+}
+
+/// A sensor that says hello as it likes and knows nothing else, until told to stop.
+fn liar(hello: Report, line: TTYPort, stop: &Arc<AtomicBool>) -> JoinHandle<()> {
+    let mut line = Serial::from_open_port(line, "liar").expect("a port");
+    let stop = Arc::clone(stop);
+    std::thread::spawn(move || {
+        let (mut decoder, mut buffer) = (Decoder::new(), [0; 4096]);
+        while !stop.load(Ordering::Relaxed) {
+            let length = line.receive(&mut buffer, Duration::from_millis(20)).expect("a line");
+            for &byte in &buffer[..length] {
+                let Some(Ok(asked)) = decoder.push(byte) else { continue };
+                let Ok((sequence, command)) = decode::<Command>(asked) else { continue };
+                let hash = settings_hash(&Settings::default());
+                let answer = match command {
+                    Command::Hello(_) => hello.clone(),
+                    Command::ReadSettings => {
+                        Report::Settings { generation: 0, hash, settings: Settings::default() }
+                    }
+                    Command::ReadCounters => Report::Counters(Counters::default()),
+                    _ => Report::Nack(Nack::FrontEnd),
+                };
+                let mut frame = [0; MAX_FRAME];
+                line.send(encode(sequence, &answer, &mut frame).expect("it fits")).expect("a line");
+            }
+        }
+    })
+}
+
+fn ask_a_liar(build: &str, pattern: ScanPattern, arguments: &[&str]) -> CommandOutput {
+    let fixture = Fixture::new();
+    let (here, _there, path) = terminals();
+    let stop = Arc::new(AtomicBool::new(false));
+    let build = build.try_into().expect("32 bytes at most");
+    let (greeting, hardware) = (Greeting::OURS, Hardware::REFERENCE);
+    let sensor = liar(Report::Hello { greeting, build, hardware, pattern }, here, &stop);
+    let output = run(&fixture, &[arguments, &["--sensor", &format!("serial:{path}")]].concat());
+    stop.store(true, Ordering::Relaxed);
+    sensor.join().expect("a liar");
+    output
+}
+
+#[test]
+fn a_sensor_of_more_beams_than_there_can_be_is_refused_before_there_is_room_for_them() {
+    for (columns, rows) in [(65_535, 65_535), (4_097, 1), (1, 1_025), (0, 64), (64, 0)] {
+        let pattern = ScanPattern { columns, rows, ..ScanPattern::default() };
+        for command in ["scan", "evaluate", "sensor"] {
+            let output = ask_a_liar("liar", pattern, &[command]);
+            assert_eq!(output.code, Some(3), "{command}: {}", output.stderr);
+            let said = format!("it has {columns} × {rows} beams; expected 1 to 4096 × 1 to 1024");
+            assert!(output.stderr.contains(&said), "{command}: {}", output.stderr);
+        }
+    }
+}
+
+#[test]
+fn no_name_of_a_sensor_s_build_moves_the_cursor() {
+    for build in ["\x1b]0;owned\x07\x1b[31m", "a\rb\nc\t\x08", "\u{9b}2J \u{202e}abc"] {
+        for command in [&["sensor"][..], &["sensor", "--json"], &["scan"]] {
+            let output = ask_a_liar(build, ScanPattern::default(), command);
+            let quiet = |text: &str| {
+                let moves = |c: char| (c.is_control() && c != '\n') || c == '\u{202e}';
+                !text.contains(moves) && !text.contains("a\rb") && !text.contains("b\nc")
+            };
+            assert!(quiet(&output.stdout), "{command:?}: {:?}", output.stdout);
+            assert!(quiet(&output.stderr), "{command:?}: {:?}", output.stderr);
+        }
+    }
+    let output = ask_a_liar("it's \"mine\" é 1.0", ScanPattern::default(), &["sensor"]);
+    assert!(output.stdout.contains("it's \"mine\" é 1.0"), "{}", output.stdout);
 }
 
 #[test]
@@ -388,7 +473,8 @@ fn a_sensor_that_is_none_is_refused_by_name() {
 
 /// Carries bytes both ways between two terminals until told to stop.
 fn bridge(one: TTYPort, other: TTYPort, stop: &Arc<AtomicBool>) -> JoinHandle<()> {
-    let mut lines = [one, other].map(|port| Serial::from_open_port(Box::new(port), "bridge"));
+    let mut lines =
+        [one, other].map(|port| Serial::from_open_port(port, "bridge").expect("a port"));
     let stop = Arc::clone(stop);
     std::thread::spawn(move || {
         let mut buffer = [0; 4096];
@@ -415,14 +501,7 @@ fn serve_is_the_other_end_until_interrupted() {
     );
     fixture.succeed(&["scan", "-q", "-c", "small.toml", "-o", "near.ply"]);
     assert!(fixture.bytes("near.ply") == fixture.bytes("far.ply"), "the clouds differ");
-    let pid = server.id().to_string();
-    assert!(
-        std::process::Command::new("kill")
-            .args(["-INT", &pid])
-            .status()
-            .expect("kill runs")
-            .success()
-    );
+    signal(&server, "-INT");
     let output = end(server);
     assert_eq!(output.code, Some(0), "{}", output.stderr);
     assert!(
@@ -432,4 +511,92 @@ fn serve_is_the_other_end_until_interrupted() {
     );
     stop.store(true, Ordering::Relaxed);
     bridge.join().expect("a bridge");
+}
+
+fn signal(child: &Child, name: &str) {
+    let kill = std::process::Command::new("kill").args([name, &child.id().to_string()]).status();
+    assert!(kill.expect("kill runs").success());
+}
+
+/// `serve` on a terminal whose other end asks for beams and never reads, when it answers.
+fn never_read(fixture: &Fixture, here: TTYPort, served: &str) -> (Child, Serial) {
+    let mut server = start(fixture, &["serve", "-c", "small.toml", served]);
+    let mut said = io::BufReader::new(server.stderr.as_mut().expect("a pipe"));
+    let mut line = String::new();
+    while !line.contains("until ^C") {
+        line.clear();
+        assert!(said.read_line(&mut line).expect("text") > 0, "serve has ended");
+    }
+    let mut host = Serial::from_open_port(here, "host").expect("a port");
+    let ask = |sequence, command| {
+        let mut frame = [0; MAX_FRAME];
+        encode(sequence, &command, &mut frame).expect("it fits").to_vec()
+    };
+    host.send(&ask(1, Command::Hello(Greeting::OURS))).expect("a line");
+    for i in 0..200 {
+        let (frame, first) = (1 + u32::from(i) / 24, u32::from(i) % 24 * 32);
+        let question = ask(2 + i, Command::ReadBeams { frame, first, count: 32 });
+        // As far as the line takes it: its buffers are small.
+        let _ = host.send_some(&question, Duration::from_millis(20));
+        // Read a little, oddly much: what follows fills the line's buffer in part.
+        if [1, 30, 60].contains(&i) {
+            let _ = host.receive(&mut [0; 77], Duration::from_secs(1));
+        }
+    }
+    (server, host)
+}
+
+#[test]
+fn a_line_that_nobody_reads_takes_what_it_can_and_keeps_no_one_waiting() {
+    let (here, _there, _path) = terminals();
+    let (done, ended) = std::sync::mpsc::channel();
+    std::thread::spawn(move || {
+        let mut line = Serial::from_open_port(here, "line").expect("a port");
+        let bytes = [7; 1_000_000];
+        let first = line.send_some(&bytes, Duration::from_millis(50)).expect("a line");
+        let failed = line.send(&bytes).expect_err("there is no room for all");
+        done.send((first, failed)).expect("somebody waits");
+    });
+    let (first, failed) = ended.recv_timeout(Duration::from_secs(10)).expect("within its limit");
+    assert!((1..1_000_000).contains(&first), "{first}");
+    assert_eq!(failed.kind(), io::ErrorKind::TimedOut);
+    assert_eq!(
+        failed.to_string(),
+        "line: the line took no byte for 5s: nobody reads at its other end"
+    );
+}
+
+#[test]
+fn a_host_that_never_reads_ends_serve_within_its_limit() {
+    let fixture = Fixture::new();
+    let (here, _plug, served) = terminals();
+    let (server, _host) = never_read(&fixture, here, &served);
+    let output = end_within(server, Duration::from_secs(10));
+    assert_eq!(output.code, Some(3), "{}", output.stderr);
+}
+
+#[test]
+fn the_first_signal_ends_serve_although_nobody_reads() {
+    let fixture = Fixture::new();
+    for name in ["-TERM", "-INT"] {
+        let (here, _plug, served) = terminals();
+        let (server, _host) = never_read(&fixture, here, &served);
+        std::thread::sleep(Duration::from_millis(300)); // it is in the midst of an answer
+        signal(&server, name);
+        assert_eq!(end_within(server, Duration::from_secs(3)).code, Some(0), "{name}");
+    }
+}
+
+#[test]
+fn the_first_signal_ends_serve_while_it_traces_its_scenes() {
+    let fixture = Fixture::new();
+    let (_here, _plug, served) = terminals();
+    let large = ["--set", "scanner.columns=4000", "--set", "scanner.rows=1000"];
+    let mut server =
+        start(&fixture, &[&["serve", "-c", "small.toml", &served], &large[..]].concat());
+    let mut said = io::BufReader::new(server.stderr.as_mut().expect("a pipe"));
+    assert!(said.read_line(&mut String::new()).expect("text") > 0, "it says what it does");
+    drop(said);
+    signal(&server, "-TERM");
+    assert_eq!(end_within(server, Duration::from_secs(3)).code, Some(130));
 }

@@ -85,8 +85,7 @@ pub(super) fn described(sensors: &Sensors, identity: &Identity) -> String {
     format!("{}, {}", sensors.name(), identity.build)
 }
 
-/// Opens the first sensor, says which it is, and holds it to the configuration: its beams must
-/// point where the pairs were traced.
+/// Opens the first sensor, says which it is, and holds it to the configuration.
 pub(super) fn introduce(
     sensors: &Sensors,
     model: &Model,
@@ -94,9 +93,20 @@ pub(super) fn introduce(
 ) -> Result<Identity, Failure> {
     let identity = sensors.identity()?;
     progress.say(&format!("sensor {}", described(sensors, &identity)));
+    hold_to(sensors, &identity, model)?;
+    Ok(identity)
+}
+
+/// Its beams must point where the configuration says: there the scenes are traced, and for as many
+/// there is memory.
+pub(super) fn hold_to(
+    sensors: &Sensors,
+    identity: &Identity,
+    model: &Model,
+) -> Result<(), Failure> {
     let (theirs, ours) = (identity.pattern, model.pattern);
     if theirs == ours {
-        return Ok(identity);
+        return Ok(());
     }
     let shown = |p: echoloop_dsp::ScanPattern| {
         let [azimuth, elevation] = [p.azimuth_cdeg, p.elevation_cdeg].map(|c| f64::from(c) / 100.0);

@@ -13,16 +13,37 @@ static ENDING: AtomicBool = AtomicBool::new(false);
 
 /// ^C asks the search to stop after what it is at; a second ^C ends the process.
 pub(super) fn stop_on_interrupt() -> Arc<AtomicBool> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let flag = Arc::clone(&stop);
+    let stop = stop_once_listening();
+    stop.listen();
+    stop.asked
+}
+
+/// A wish to stop, and whether anybody listens to it.
+pub(super) struct Stop {
+    /// Set by ^C.
+    pub(super) asked: Arc<AtomicBool>,
+    heard: Arc<AtomicBool>,
+}
+
+impl Stop {
+    /// From now on somebody looks at it, often.
+    pub(super) fn listen(&self) {
+        self.heard.store(true, Ordering::Relaxed);
+    }
+}
+
+/// As [`stop_on_interrupt`], but as long as nobody listens the first ^C ends the process.
+pub(super) fn stop_once_listening() -> Stop {
+    let [asked, heard] = [(); 2].map(|()| Arc::new(AtomicBool::new(false)));
+    let (flag, listens) = (Arc::clone(&asked), Arc::clone(&heard));
     // Without a handler ^C just ends the process; the journal holds every whole generation either
     // way.
     let _ = ctrlc::set_handler(move || {
-        if flag.swap(true, Ordering::Relaxed) {
+        if flag.swap(true, Ordering::Relaxed) || !listens.load(Ordering::Relaxed) {
             end_the_process();
         }
     });
-    stop
+    Stop { asked, heard }
 }
 
 /// The first ^C ends the process, where nobody else waits for it: a process that just ended would

@@ -8,7 +8,7 @@ use echoloop_frontend::SceneResponse;
 use echoloop_sim::viewpoint::{PairPlan, Split, sample_pairs};
 use nalgebra::{Translation3, UnitQuaternion, Vector3};
 
-use super::choice::described;
+use super::choice::{described, hold_to};
 use super::common::{Setup, on_threads};
 use super::exit::Failure;
 use crate::experiment::config::RunConfig;
@@ -66,8 +66,10 @@ struct Seen {
 }
 
 fn scan(args: &ScanArgs, config: &RunConfig, output: Option<&Output>) -> Result<(), Failure> {
-    let sensors = args.setup.sensor.sensors(Model::from(config))?;
+    let model = Model::from(config);
+    let sensors = args.setup.sensor.sensors(model.clone())?;
     let identity = sensors.identity()?;
+    hold_to(&sensors, &identity, &model)?;
     let settings = Parameters::start(config, &identity.hardware).map_err(Failure::usage)?.settings;
     let pattern = identity.pattern;
     let directions = directions(&pattern);

@@ -7,7 +7,7 @@ use clap::{Args, ValueHint};
 
 use super::common::{ConfigSource, on_threads};
 use super::exit::Failure;
-use super::interrupt::stop_on_interrupt;
+use super::interrupt::stop_once_listening;
 use super::progress::Progress;
 use crate::experiment::config::RunConfig;
 use crate::experiment::dataset::Dataset;
@@ -38,7 +38,7 @@ pub(super) fn run(args: &ServeArgs) -> Result<(), Failure> {
 }
 
 fn answer(args: &ServeArgs, config: &RunConfig) -> Result<(), Failure> {
-    let stop = stop_on_interrupt();
+    let stop = stop_once_listening(); // the scenes are traced with nobody listening
     let port = Serial::open(&args.port.path, args.port.baud);
     let mut port = port.map_err(|reason| SensorError::open(&args.port, reason))?;
     let progress = Progress::new(args.quiet);
@@ -46,8 +46,9 @@ fn answer(args: &ServeArgs, config: &RunConfig) -> Result<(), Failure> {
     let dataset = Dataset::build(config, &|fraction, _| progress.at((fraction * 1000.0) as u64))?;
     progress.end();
     let views: Vec<_> = dataset.views().map(Arc::clone).collect();
+    stop.listen();
     progress.say(&format!("serving {} viewpoints on {} until ^C", views.len(), args.port));
     let mut sensor = Viewpoints::new(&Model::from(config), views, scan_noise(config.seed)).sensor();
-    serve(&mut port, &mut sensor, &|| stop.load(Ordering::Relaxed))
+    serve(&mut port, &mut sensor, &|| stop.asked.load(Ordering::Relaxed))
         .map_err(|error| SensorError::client(&args.port)(error.into()).into())
 }

@@ -13,6 +13,10 @@ use thiserror::Error;
 
 use crate::link::transport::Transport;
 
+/// Most beams along azimuth and along elevation, of a sensor and of a configuration: scans of more
+/// are not what memory is made for.
+pub const MOST_BEAMS: [u16; 2] = [4096, 1024];
+
 /// Why a sensor did not do what it was asked.
 #[derive(Debug, Error)]
 pub enum ClientError {
@@ -41,6 +45,17 @@ pub enum ClientError {
     Version {
         /// Its greeting.
         theirs: Greeting,
+        /// Its firmware.
+        build: String,
+    },
+    /// It says that it has no beams, or more than there can be.
+    #[error(
+        "the sensor ({build}) says it has {} × {} beams; expected 1 to {} × 1 to {}",
+        pattern.columns, pattern.rows, MOST_BEAMS[0], MOST_BEAMS[1]
+    )]
+    Pattern {
+        /// Where it says its beams point.
+        pattern: ScanPattern,
         /// Its firmware.
         build: String,
     },
@@ -77,7 +92,7 @@ pub enum ClientError {
 /// What a sensor says of itself.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Identity {
-    /// Name and version of its firmware.
+    /// Name and version of its firmware, in characters that can be shown: others are escaped.
     pub build: String,
     /// What its hardware fixes.
     pub hardware: Hardware,
@@ -181,9 +196,13 @@ impl<T: Transport> Client<T> {
         let Report::Hello { greeting, build, hardware, pattern } = self.say_hello()? else {
             return Err(ClientError::Unexpected { command: "hello" });
         };
-        let build = build.to_string();
+        let build = shown(&build);
         if greeting != Greeting::OURS {
             return Err(ClientError::Version { theirs: greeting, build });
+        }
+        let [columns, rows] = MOST_BEAMS.map(|most| 1..=most);
+        if !columns.contains(&pattern.columns) || !rows.contains(&pattern.rows) {
+            return Err(ClientError::Pattern { pattern, build });
         }
         self.identity = Identity { build, hardware, pattern };
         Ok(())
@@ -453,6 +472,16 @@ impl<T: Transport> Client<T> {
             }
         }
     }
+}
+
+/// A text that a sensor sent, for a terminal: what cannot be seen there is escaped, so that no text
+/// moves the cursor, changes colours or turns the line around.
+pub(crate) fn shown(text: &str) -> String {
+    let visible = |c: char| match c {
+        '\'' | '"' | '\\' => c.to_string(),
+        c => c.escape_debug().to_string(),
+    };
+    text.chars().map(visible).collect()
 }
 
 /// A report of this schema; `None` of another. A greeting is understood whatever follows it.

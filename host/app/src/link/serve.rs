@@ -3,7 +3,6 @@
 
 use std::io;
 use std::sync::Arc;
-use std::time::Duration;
 
 use echoloop_dsp::{Hardware, ScanPattern};
 use echoloop_frontend::SceneResponse;
@@ -11,11 +10,12 @@ use echoloop_frontend::{Analog, FrontEnd, Trigger};
 use echoloop_sim::board::PcSensor;
 
 use crate::link::sensor::Model;
-use crate::link::transport::Transport;
+use crate::link::transport::{LOOK_UP, Transport, send_until};
 use echoloop_frontend::WaveformFrontEnd;
 
-/// How often to look whether to stop.
-const LOOK_UP: Duration = Duration::from_millis(100);
+/// Bytes that the sensor is given at once: about as many as one question for beams, so that
+/// hundreds of them are not worked off before anybody looks whether to stop.
+const PIECE: usize = 16;
 
 /// A front end that shows viewpoint n for scan n, n from 1, and nothing for other numbers. Its
 /// noise depends on seed, scan and beam only, so a viewpoint looks the same to every candidate.
@@ -69,7 +69,7 @@ impl FrontEnd for Viewpoints {
 ///
 /// # Errors
 ///
-/// When the line is gone.
+/// When the line is gone, or takes no byte for five seconds.
 pub fn serve<F: FrontEnd>(
     line: &mut dyn Transport,
     sensor: &mut PcSensor<F>,
@@ -78,14 +78,27 @@ pub fn serve<F: FrontEnd>(
     let mut buffer = [0; 4096];
     while !stop() {
         let length = line.receive(&mut buffer, LOOK_UP)?;
-        sensor.send(&buffer[..length]);
-        loop {
-            let length = sensor.receive(&mut buffer);
-            if length == 0 {
-                break;
-            }
-            line.send(&buffer[..length])?;
+        for piece in buffer[..length].chunks(PIECE) {
+            sensor.send(piece);
+            answer(line, sensor, stop)?;
         }
+    }
+    Ok(())
+}
+
+/// Passes on all that the sensor has said.
+fn answer<F: FrontEnd>(
+    line: &mut dyn Transport,
+    sensor: &mut PcSensor<F>,
+    stop: &dyn Fn() -> bool,
+) -> io::Result<()> {
+    let mut buffer = [0; 4096];
+    while !stop() {
+        let length = sensor.receive(&mut buffer);
+        if length == 0 {
+            break;
+        }
+        send_until(line, &buffer[..length], stop)?;
     }
     Ok(())
 }

@@ -4,6 +4,7 @@ use echoloop_dsp::ScanPattern;
 use serde::{Deserialize, Serialize};
 
 use super::error::{RunConfigError, require};
+use crate::link::client::MOST_BEAMS;
 
 /// How the sensor looks around.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -40,9 +41,9 @@ impl ScannerConfig {
     }
 
     pub(super) fn check(&self) -> Result<(), RunConfigError> {
-        let within = |v: u16, max| (1..=max).contains(&v);
-        require("scanner.columns", self.columns, within(self.columns, 4096), "1 to 4096")?;
-        require("scanner.rows", self.rows, within(self.rows, 1024), "1 to 1024")?;
+        let [columns, rows] = MOST_BEAMS.map(|most| 1..=most);
+        require("scanner.columns", self.columns, columns.contains(&self.columns), "1 to 4096")?;
+        require("scanner.rows", self.rows, rows.contains(&self.rows), "1 to 1024")?;
         let full = |v: f64, max: f64| v >= 0.01 && v <= max;
         require(
             "scanner.azimuth_deg",

@@ -32,7 +32,7 @@ mod here {
 
     use super::super::{Line, Model, Sensor, SensorError, SensorSpec, SharedFrontEnd};
     use super::QemuOptions;
-    use crate::link::client::RetryPolicy;
+    use crate::link::client::{RetryPolicy, shown};
     use crate::link::defmt_log;
     use crate::link::transport::Transport;
 
@@ -96,7 +96,7 @@ mod here {
             let frames = fs::read(self.line.log_file())?;
             let lines =
                 defmt_log::decode(&fs::read(&self.image)?, &frames).map_err(io::Error::other)?;
-            let numbered = |line: &String| format!("sensor {} {line}\n", self.number);
+            let numbered = |line: &String| format!("sensor {} {}\n", self.number, shown(line));
             let text: String = lines.iter().map(numbered).collect();
             if self.to == Path::new("-") {
                 return io::stderr().write_all(text.as_bytes());

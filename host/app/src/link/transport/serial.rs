@@ -1,24 +1,29 @@
 //! A serial line.
 
-use std::io;
+use std::io::{self, Read, Write};
+use std::thread;
 use std::time::{Duration, Instant};
 
 use echoloop_link::MAX_FRAME;
-use serialport::{ErrorKind, SerialPort};
+use serialport::{ClearBuffer, ErrorKind, SerialPort};
 
-use super::Transport;
+use super::{LOOK_UP, Transport, send_until};
 use crate::link::client::RetryPolicy;
+
+/// A port as this system has it.
+#[cfg(unix)]
+pub type NativePort = serialport::TTYPort;
+/// A port as this system has it.
+#[cfg(windows)]
+pub type NativePort = serialport::COMPort;
 
 /// Bits a byte takes on the line: start, eight, stop.
 const BITS_PER_BYTE: f64 = 10.0;
 /// What a board may take to measure the beams of one report, and an adapter to pass them on.
 const BOARD: Duration = Duration::from_millis(300);
-/// A line that takes no bytes for so long is lost.
-const STUCK: Duration = Duration::from_secs(5);
-
 /// A serial port: eight bits, no parity, one stop bit, no flow control.
 pub struct Serial {
-    port: Box<dyn SerialPort>,
+    port: NativePort,
     name: String,
 }
 
@@ -29,14 +34,20 @@ impl Serial {
     ///
     /// That it cannot be opened, why, and for the usual reasons what to do.
     pub fn open(name: &str, baud: u32) -> Result<Self, String> {
-        let port =
-            serialport::new(name, baud).timeout(STUCK).open().map_err(|error| why_not(&error))?;
-        Ok(Self::from_open_port(port, name))
+        let port = serialport::new(name, baud).timeout(LOOK_UP).open_native();
+        let port = port.map_err(|error| why_not(&error))?;
+        Self::from_open_port(port, name)
+            .map_err(|error| format!("the port cannot be opened: {error}"))
     }
 
     /// A port that is open already.
-    pub fn from_open_port(port: Box<dyn SerialPort>, name: &str) -> Self {
-        Self { port, name: name.to_owned() }
+    ///
+    /// # Errors
+    ///
+    /// When it cannot be made one that never keeps its writer waiting.
+    pub fn from_open_port(port: NativePort, name: &str) -> io::Result<Self> {
+        never_block(&port)?;
+        Ok(Self { port, name: name.to_owned() })
     }
 
     /// How to wait for answers over a line of this speed: 300 ms for the board, and the longest
@@ -61,6 +72,38 @@ impl Serial {
             read => read,
         }
     }
+
+    /// What has not gone out by now never will: closing the port must not wait for it.
+    fn give_up(&mut self, error: io::Error) -> io::Error {
+        if error.kind() == io::ErrorKind::TimedOut {
+            let _ = self.port.clear(ClearBuffer::Output);
+        }
+        self.named()(error)
+    }
+}
+
+/// A write to a line that nobody reads would wait for ever, once its buffer has room for the first
+/// bytes but not for all: then it takes what it can.
+#[cfg(unix)]
+fn never_block(port: &NativePort) -> io::Result<()> {
+    use std::os::fd::{AsRawFd, BorrowedFd};
+
+    use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
+
+    // SAFETY: the port is borrowed for the whole call, so its descriptor stays open.
+    let descriptor = unsafe { BorrowedFd::borrow_raw(port.as_raw_fd()) };
+    Ok(fcntl_setfl(descriptor, fcntl_getfl(descriptor)? | OFlags::NONBLOCK)?)
+}
+
+/// The port's own time limit holds for all of a write.
+#[cfg(windows)]
+fn never_block(_port: &NativePort) -> io::Result<()> {
+    Ok(())
+}
+
+/// Whether a call may be made again: it was interrupted, or came too soon.
+fn may_go_on(error: &io::Error) -> bool {
+    matches!(error.kind(), io::ErrorKind::Interrupted | io::ErrorKind::WouldBlock)
 }
 
 fn why_not(error: &serialport::Error) -> String {
@@ -77,16 +120,27 @@ fn why_not(error: &serialport::Error) -> String {
 
 impl Transport for Serial {
     fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.port.set_timeout(STUCK).map_err(io::Error::from).map_err(self.named())?;
-        self.port.write_all(bytes).map_err(self.named())?;
-        self.port.flush().map_err(self.named())
+        send_until(self, bytes, &|| false).map_err(|error| self.give_up(error))
+    }
+
+    /// Into the system's buffer: to wait until it is empty would be to wait for a reader.
+    fn send_some(&mut self, bytes: &[u8], timeout: Duration) -> io::Result<usize> {
+        self.port.set_timeout(timeout)?;
+        match self.port.write(bytes) {
+            Err(error) if error.kind() == io::ErrorKind::TimedOut => Ok(0),
+            Err(error) if may_go_on(&error) => {
+                thread::sleep(Duration::from_millis(1)); // said to have room, and had none
+                Ok(0)
+            }
+            written => written,
+        }
     }
 
     fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
         let deadline = Instant::now() + timeout;
         loop {
             match self.read(buffer, deadline.saturating_duration_since(Instant::now())) {
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                Err(error) if may_go_on(&error) => {}
                 read => return read.map_err(self.named()),
             }
         }
