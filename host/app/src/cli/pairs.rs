@@ -151,7 +151,8 @@ impl Draft {
 
     fn become_folder(self, folder: &Path) -> Result<(), FileError> {
         if folder.exists() {
-            fs::remove_dir(folder).map_err(file_error("replace", folder))?; // empty, else this fails
+            // Empty, else this fails.
+            fs::remove_dir(folder).map_err(file_error("replace", folder))?;
         }
         fs::rename(&self.path, folder).map_err(file_error("make the folder", folder))
     }

@@ -94,6 +94,9 @@ fn tune(
     resumed: Option<RunFolder>,
     stop: &AtomicBool,
 ) -> Result<(), Failure> {
+    if let Some(folder) = resumed.as_ref().filter(|folder| folder.file(HISTORY).exists()) {
+        Journal::check(&folder.file(HISTORY), args.repair)?;
+    }
     let progress = Progress::new(args.setup.common.quiet);
     let runs = args.runs.clone().unwrap_or_else(default_runs_folder);
     if resumed.is_none() {

@@ -48,7 +48,7 @@ impl Content {
 pub fn build() -> Option<String> {
     static BUILD: OnceLock<Option<String>> = OnceLock::new();
     let own = || {
-        // Where there is this name, it leads to the program that runs, even if its file is replaced.
+        // Where there is this name, it leads to the program that runs, be its file replaced or not.
         let linux = Path::new("/proc/self/exe");
         let path = if linux.exists() { linux.to_owned() } else { std::env::current_exe().ok()? };
         Checksum::of_file(&path).ok().map(|sum| sum.to_string())

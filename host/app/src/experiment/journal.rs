@@ -10,11 +10,11 @@
 //! ```
 //!
 //! A line's last member is the checksum of the checksum before it and of the line up to it, so that
-//! a line that is changed, lost, doubled, moved or of another run shows. A generation is on the disk
-//! before the search goes on: [`Journal::add`] returns once the system says so.
+//! a line that is changed, lost, doubled, moved or of another run shows. A generation is on the
+//! disk before the search goes on: [`Journal::add`] returns once the system says so.
 
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, Seek, Write};
+use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -24,13 +24,14 @@ use thiserror::Error;
 use crate::experiment::checksum::Checksum;
 use crate::experiment::content::Content;
 use crate::experiment::files::{
-    FileError, PART, begin_part, beside, file_error, is_at, open_own, settle_part, sync_folder_of,
+    FileError, PART, begin_part, beside, file_error, is_at, open_own, replace, settle_part,
+    sync_folder_of,
 };
 use crate::experiment::objective::PairError;
 use crate::experiment::params::{Values, written_values};
 
 /// First line: what the search was.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Header {
     /// Version of this format.
@@ -162,31 +163,46 @@ impl Journal {
         Ok(Self { path: path.to_owned(), ..journal })
     }
 
+    /// Sees whether there is a journal to go on with, before any work: whole, or to be repaired.
+    ///
+    /// # Errors
+    ///
+    /// [`JournalError`] of what can be told from the journal alone.
+    pub fn check(path: &Path, repair: bool) -> Result<(), JournalError> {
+        match read(path)? {
+            _ if repair => Ok(()),
+            bytes => parse(path, &bytes)?.damage.map_or(Ok(()), Err),
+        }
+    }
+
     /// Opens a journal to go on with it.
     ///
     /// # Errors
     ///
     /// [`JournalError`]; of a damaged line its number. With `repair`, the damaged rest is dropped
-    /// after the whole file has been copied beside itself.
+    /// and a damaged first line written anew, if the line after it says that it was this one. Before
+    /// that, the whole file is copied beside itself.
     pub fn resume(
         path: &Path,
         header: &Header,
         repair: bool,
     ) -> Result<(Self, Vec<Generation>), JournalError> {
-        let mut file = open_own(path, OpenOptions::new().read(true).write(true))?;
-        let mut bytes = Vec::new();
-        io::Read::read_to_end(&mut file, &mut bytes).map_err(file_error("read", path))?;
-        let Found { header: found, generations, check, length, damage } = parse(path, &bytes)?;
-        agree(path, &found, header)?;
-        if let Some(error) = damage {
+        let bytes = read(path)?;
+        let found = match parse(path, &bytes) {
+            Err(error) if repair => beheaded(path, &bytes, header).ok_or(error)?,
+            found => found?,
+        };
+        agree(path, &found.header, header)?;
+        if let Some(error) = found.damage {
             if !repair {
                 return Err(error);
             }
             keep_copy(path, &bytes)?;
-            file.set_len(length).map_err(file_error("repair", path))?;
+            replace(path, &found.whole)?;
         }
-        file.seek(io::SeekFrom::Start(length)).map_err(file_error("read", path))?;
-        Ok((Self { path: path.to_owned(), file, check, length }, generations))
+        let mut file = open_own(path, OpenOptions::new().read(true).write(true))?;
+        let length = file.seek(io::SeekFrom::End(0)).map_err(file_error("read", path))?;
+        Ok((Self { path: path.to_owned(), file, check: found.check, length }, found.generations))
     }
 
     /// Adds a generation: one line, on the disk when this returns.
@@ -224,11 +240,8 @@ impl Journal {
     fn rescue(&mut self) -> io::Result<PathBuf> {
         let mut lines = Vec::new();
         self.file.rewind()?;
-        io::Read::read_to_end(&mut self.file, &mut lines)?;
-        let (path, mut file) = free_file(&self.path, ".rescued")?;
-        file.write_all(&lines)?;
-        file.sync_all()?;
-        Ok(path)
+        self.file.read_to_end(&mut lines)?;
+        copy_beside(&lines, &self.path, ".rescued")
     }
 
     fn write_line(&mut self, value: &impl Serialize) -> Result<(), JournalError> {
@@ -291,48 +304,64 @@ fn free_file(path: &Path, ending: &str) -> io::Result<(PathBuf, File)> {
     }
 }
 
+/// Writes a copy under a free name beside a path.
+fn copy_beside(bytes: &[u8], path: &Path, ending: &str) -> io::Result<PathBuf> {
+    let (free, mut copy) = free_file(path, ending)?;
+    copy.write_all(bytes)?;
+    copy.sync_all()?;
+    Ok(free)
+}
+
 /// Copies a damaged journal: a second repair keeps the copy of the first.
-fn keep_copy(path: &Path, bytes: &[u8]) -> Result<(), JournalError> {
-    let copied = free_file(path, ".damaged")
-        .and_then(|(_, mut file)| file.write_all(bytes).and_then(|()| file.sync_all()));
-    copied.map_err(file_error("copy", path))?;
-    Ok(sync_folder_of(path)?)
+fn keep_copy(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
+    copy_beside(bytes, path, ".damaged").map_err(file_error("copy", path))?;
+    sync_folder_of(path)
 }
 
 /// What is in a journal.
+#[derive(Default)]
 struct Found {
     header: Header,
     generations: Vec<Generation>,
     /// Of the last whole line.
     check: String,
-    /// Bytes of the whole lines.
-    length: u64,
+    /// The whole lines.
+    whole: Vec<u8>,
     /// Of the first line that is not whole.
     damage: Option<JournalError>,
+}
+
+/// A journal's bytes.
+fn read(path: &Path) -> Result<Vec<u8>, FileError> {
+    let mut bytes = Vec::new();
+    let mut file = open_own(path, OpenOptions::new().read(true))?;
+    file.read_to_end(&mut bytes).map_err(file_error("read", path))?;
+    Ok(bytes)
 }
 
 fn parse(path: &Path, bytes: &[u8]) -> Result<Found, JournalError> {
     let mut lines = bytes.split_inclusive(|&byte| byte == b'\n');
     let first = lines.next().ok_or_else(|| headless(path, "missing: the file is empty"))?;
     let (header, check) = head(path, first)?;
-    let length = first.len() as u64;
-    let mut found = Found { header, generations: Vec::new(), check, length, damage: None };
-    for line in lines {
-        match next(&found, line) {
-            Ok((generation, check)) => {
-                found.generations.push(generation);
-                found.check = check;
-                found.length += line.len() as u64;
-            }
-            Err(what) => {
-                let whole = found.generations.len();
-                let path = path.to_owned();
-                found.damage = Some(JournalError::Damaged { path, line: whole + 2, what, whole });
-                break;
-            }
-        }
-    }
+    let mut found = Found { header, check, whole: first.to_vec(), ..Found::default() };
+    found.damage = lines.find_map(|line| found.take(line).err()).map(|what| {
+        let whole = found.generations.len();
+        JournalError::Damaged { path: path.to_owned(), line: whole + 2, what, whole }
+    });
     Ok(found)
+}
+
+/// What is in a journal of which the first line is damaged, and a line further on follows the one
+/// expected: its checksum says so.
+fn beheaded(path: &Path, bytes: &[u8], expected: &Header) -> Option<Found> {
+    let (whole, check) = sealed("", expected).ok()?;
+    let mut lines = bytes.split_inclusive(|&byte| byte == b'\n');
+    let mut found = Found { header: expected.clone(), check, whole, ..Found::default() };
+    lines.find(|line| found.take(line).is_ok())?;
+    lines.find(|line| found.take(line).is_err());
+    let what = "damaged".to_owned();
+    found.damage = Some(JournalError::Damaged { path: path.to_owned(), line: 1, what, whole: 0 });
+    Some(found)
 }
 
 /// The header and its checksum.
@@ -352,21 +381,29 @@ fn head(path: &Path, line: &[u8]) -> Result<(Header, String), JournalError> {
     Ok((header, check))
 }
 
-/// The generation of a line and its checksum.
-fn next(found: &Found, line: &[u8]) -> Result<(Generation, String), String> {
-    let (json, check) = unsealed(&found.check, line)?;
-    let generation: Generation =
-        serde_json::from_slice(&json).map_err(|error| format!("no generation ({error})"))?;
-    let expected = found.generations.len();
-    if generation.generation as usize != expected {
-        return Err(format!("generation {} where {expected} was expected", generation.generation));
+impl Found {
+    /// Takes the next line, or says what is wrong with it.
+    fn take(&mut self, line: &[u8]) -> Result<(), String> {
+        let (json, check) = unsealed(&self.check, line)?;
+        let generation: Generation =
+            serde_json::from_slice(&json).map_err(|error| format!("no generation ({error})"))?;
+        let (number, expected) = (generation.generation, self.generations.len());
+        if number as usize != expected {
+            return Err(format!("generation {number} where {expected} was expected"));
+        }
+        self.generations.push(generation);
+        self.check = check;
+        self.whole.extend(line);
+        Ok(())
     }
-    Ok((generation, check))
 }
 
-/// Without its first line a journal tells nothing, and there is nothing to repair.
+/// Without its first line a journal tells nothing; only who knows what it was can repair it.
 fn headless(path: &Path, what: &str) -> JournalError {
-    let what = format!("line 1 is {what}; {BEGIN_ANEW}");
+    let what = format!(
+        "line 1 is {what}; if it was this search's, --repair writes it anew and goes on, else \
+         {BEGIN_ANEW}"
+    );
     JournalError::Other { path: path.to_owned(), what }
 }
 
@@ -567,6 +604,24 @@ mod tests {
             fs::write(&path, damaged.concat()).unwrap();
             let error = Journal::resume(&path, &header(), false).unwrap_err().to_string();
             assert!(error.contains(&format!("line {line} is ")), "{line}: {error}");
+        }
+    }
+
+    #[test]
+    fn a_damaged_first_line_is_written_anew_where_the_next_line_says_what_it_was() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = written(folder.path());
+        let whole = fs::read(&path).unwrap();
+        for damage in [&b"*"[..], b"\n", b"\n\n"] {
+            let mut bytes = whole.clone();
+            bytes.splice(30..30 + damage.len(), damage.iter().copied());
+            fs::write(&path, &bytes).unwrap();
+            assert!(Journal::resume(&path, &header(), false).is_err());
+            let other = Header { population: 9, ..header() };
+            assert!(Journal::resume(&path, &other, true).is_err());
+            assert_eq!(fs::read(&path).unwrap(), bytes);
+            assert_eq!(Journal::resume(&path, &header(), true).unwrap().1.len(), 3);
+            assert_eq!(fs::read(&path).unwrap(), whole);
         }
     }
 
