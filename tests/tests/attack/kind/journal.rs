@@ -179,7 +179,10 @@ fn judge(stage: &Stage, path: &Path, bytes: &[u8], repair: bool) -> Verdict {
     fs::write(path, bytes).map_err(|error| error.to_string())?;
     let resumed = stage.subject.resumed(path, repair);
     let after = fs::read(path).map_err(|error| error.to_string())?;
-    let has_header = bytes.starts_with(&stage.half[0]);
+    let lines = lines(bytes);
+    // A damaged header is known by the line that followed it; one of another search stays its own.
+    let is_ours = lines.first() == Some(&stage.half[0])
+        || lines.contains(&stage.half[1]) && lines[0] != stage.foreign[1][0];
     let copy = fs::read(path.with_extension("jsonl.damaged")).ok();
     match resumed {
         Err(why) if after != bytes && copy.as_deref() != Some(bytes) => {
@@ -187,7 +190,7 @@ fn judge(stage: &Stage, path: &Path, bytes: &[u8], repair: bool) -> Verdict {
         }
         // All lines of another run below the same header have checksums that are right: it is the
         // search that refuses those.
-        Err(why) if repair && has_header && why.starts_with("reading") => {
+        Err(why) if repair && is_ours && why.starts_with("reading") => {
             Err(format!("not repaired: {why}"))
         }
         Err(_) => Ok("refused"),

@@ -2,3 +2,5 @@
 
 mod bytes;
 mod journal;
+#[cfg(unix)]
+mod run_folder;
