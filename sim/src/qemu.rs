@@ -6,6 +6,8 @@
 //! buffer. It does so while it waits for the sensor's answer, in the caller's thread, so that
 //! nothing runs behind its back.
 
+mod guard;
+
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Write};
 use std::os::unix::net::UnixStream;
@@ -22,11 +24,11 @@ use echoloop_sensor::afe::{adc, emitter};
 use echoloop_sensor::mailbox;
 use memmap2::{MmapOptions, MmapRaw};
 use object::{Architecture, Object, ObjectSegment};
-use tempfile::TempDir;
 use thiserror::Error;
 
 use crate::board::{read_analog, read_trigger};
 use echoloop_frontend::FrontEnd;
+use guard::Guard;
 
 /// Boards that QEMU emulates and there is an image for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -187,10 +189,10 @@ pub struct Qemu<F> {
     folder: PathBuf,
 }
 
-/// The process, and the folder that was made for it.
+/// The process, and who ends it and removes its folder should this process be killed.
 struct Emulator {
     child: Child,
-    own: Option<TempDir>,
+    guard: Option<Guard>,
 }
 
 impl Emulator {
@@ -198,14 +200,15 @@ impl Emulator {
     fn start(
         options: &QemuOptions,
         folder: &Path,
-        own: Option<TempDir>,
+        guard: Guard,
     ) -> Result<Arc<Mutex<Self>>, QemuError> {
         let mut running = lock(&RUNNING);
         let Some(running) = running.as_mut() else {
             let what = "the process is about to end".into();
             return Err(QemuError::Failed { machine: options.machine.name(), what });
         };
-        let emulator = Arc::new(Mutex::new(Self { child: spawn(options, folder)?, own }));
+        let child = spawn(options, folder, guard.group())?;
+        let emulator = Arc::new(Mutex::new(Self { child, guard: Some(guard) }));
         running.push(Arc::downgrade(&emulator));
         Ok(emulator)
     }
@@ -213,7 +216,7 @@ impl Emulator {
     fn stop(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();
-        drop(self.own.take());
+        drop(self.guard.take());
     }
 }
 
@@ -247,11 +250,11 @@ impl<F: FrontEnd> Qemu<F> {
         let QemuOptions { machine, image, .. } = options;
         check_installed(*machine)?;
         check_image(*machine, image)?;
-        let (folder, own) = folder(options)?;
+        let (folder, guard) = folder(options)?;
         let hardware = Hardware { adc_bits: front_end.adc_bits(), ..hardware };
         let page =
             Page::make(*machine, &folder.join(MEMORY), &mailbox::straps(&hardware, &pattern))?;
-        let emulator = Emulator::start(options, &folder, own)?;
+        let emulator = Emulator::start(options, &folder, guard)?;
         let link = connect(&emulator, *machine, &folder).inspect_err(|_| lock(&emulator).stop())?;
         let codes = vec![0; MAX_CODES];
         Ok(Self { emulator, link, page, front_end, shots: 0, codes, machine: *machine, folder })
@@ -420,16 +423,16 @@ fn check_image(machine: Machine, path: &Path) -> Result<(), QemuError> {
 }
 
 /// In memory where there is such a place: the emulator's RAM should not be written to a disk.
-fn folder(options: &QemuOptions) -> Result<(PathBuf, Option<TempDir>), QemuError> {
+fn folder(options: &QemuOptions) -> Result<(PathBuf, Guard), QemuError> {
     if let Some(folder) = &options.folder {
-        fs::create_dir_all(folder).map_err(io_error("make", folder))?;
-        return Ok((folder.clone(), None));
+        guard::make_private_with_parents(folder).map_err(io_error("make", folder))?;
+        let guard = Guard::over_emulator().map_err(io_error("guard", folder))?;
+        return Ok((folder.clone(), guard));
     }
     let shared = Path::new("/dev/shm");
     let parent = if shared.is_dir() { shared.to_owned() } else { std::env::temp_dir() };
-    let own = tempfile::Builder::new().prefix("echoloop-").tempdir_in(&parent);
-    let own = own.map_err(io_error("make a folder in", &parent))?;
-    Ok((own.path().to_owned(), Some(own)))
+    let guard = Guard::over_new_folder(&parent).map_err(io_error("make a folder in", &parent))?;
+    Ok((guard.folder().unwrap_or(&parent).to_owned(), guard))
 }
 
 fn io_error(verb: &str, path: &Path) -> impl FnOnce(io::Error) -> QemuError {
@@ -437,7 +440,7 @@ fn io_error(verb: &str, path: &Path) -> impl FnOnce(io::Error) -> QemuError {
     move |source| QemuError::Io { what, source }
 }
 
-fn spawn(options: &QemuOptions, folder: &Path) -> Result<Child, QemuError> {
+fn spawn(options: &QemuOptions, folder: &Path, group: i32) -> Result<Child, QemuError> {
     let machine = options.machine;
     let at = |name: &str| folder.join(name).display().to_string();
     let _ = fs::remove_file(folder.join(LINK)); // of an earlier run in the same folder
@@ -469,8 +472,8 @@ fn spawn(options: &QemuOptions, folder: &Path) -> Result<Child, QemuError> {
     if machine == Machine::Virt {
         command.args(["-bios", "none"]);
     }
-    // A group of its own: a ^C in the terminal is for this program, which then ends the emulator.
-    command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(errors).process_group(0);
+    // The guard's group: a ^C in the terminal is for this program, which then ends the emulator.
+    command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(errors).process_group(group);
     command.spawn().map_err(io_error("run", Path::new(machine.emulator())))
 }
 

@@ -11,7 +11,10 @@ use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
-use echoloop_sim::qemu::{Machine, QemuOptions, check_installed};
+use echoloop_dsp::{Hardware, ScanPattern};
+use echoloop_host::experiment::config::RunConfig;
+use echoloop_host::link::sensor::Model;
+use echoloop_sim::qemu::{Machine, Qemu, QemuOptions, check_installed};
 use fixture::{CommandOutput, Fixture};
 
 /// The image, if it can be run.
@@ -115,8 +118,29 @@ fn children(parent: u32) -> Vec<u32> {
         .collect()
 }
 
+fn is_emulator(id: &u32) -> bool {
+    fs::read_to_string(format!("/proc/{id}/comm")).is_ok_and(|name| name.starts_with("qemu"))
+}
+
+/// Where an emulator's memory, log and line lie.
+fn folder_of(emulator: u32) -> Option<PathBuf> {
+    let line = fs::read_to_string(format!("/proc/{emulator}/cmdline")).ok()?;
+    let (_, after) = line.split_once("mem-path=")?;
+    Some(Path::new(after.split(',').next()?).parent()?.to_owned())
+}
+
+/// Waits until something is so.
+fn wait_for(what: &str, is_so: impl Fn() -> bool) {
+    // Killed, a process is there until the system has taken it down: on a busy machine for a while.
+    let deadline = Instant::now() + Duration::from_secs(20);
+    while !is_so() {
+        assert!(Instant::now() < deadline, "not so after 20 s: {what}");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
 #[test]
-fn an_emulator_that_dies_is_a_lost_sensor_and_one_that_is_interrupted_leaves_none_behind() {
+fn an_emulator_that_dies_is_a_lost_sensor_and_no_end_of_the_command_leaves_anything_behind() {
     let Some(image) = image() else { return };
     let fixture = Fixture::new();
     let long = [
@@ -142,9 +166,10 @@ fn an_emulator_that_dies_is_a_lost_sensor_and_one_that_is_interrupted_leaves_non
         &image,
     ];
     let ends = [
-        (&long[..], "-KILL", true, 3, "qemu"),
-        (&long, "-INT", false, 130, "--resume"),
-        (&judge, "-TERM", false, 130, ""),
+        (&long[..], "-KILL", true, Some(3), "qemu"),
+        (&long, "-INT", false, Some(130), "--resume"),
+        (&judge, "-TERM", false, Some(130), ""),
+        (&long, "-KILL", false, None, ""),
     ];
     for (command, signal, to_child, code, says) in ends {
         let child = fixture
@@ -154,9 +179,9 @@ fn an_emulator_that_dies_is_a_lost_sensor_and_one_that_is_interrupted_leaves_non
             .spawn()
             .expect("echoloop starts");
         let deadline = Instant::now() + Duration::from_secs(60);
-        let emulators = loop {
+        let started = loop {
             let found = children(child.id());
-            if !found.is_empty()
+            if found.iter().any(is_emulator)
                 && (command[0] != "tune" || fixture.path("runs/latest/history.jsonl").exists())
             {
                 break found;
@@ -164,20 +189,21 @@ fn an_emulator_that_dies_is_a_lost_sensor_and_one_that_is_interrupted_leaves_non
             assert!(Instant::now() < deadline, "no emulator was started");
             std::thread::sleep(Duration::from_millis(20));
         };
-        let whom = if to_child { emulators.clone() } else { vec![child.id()] };
+        let emulators: Vec<u32> = started.iter().copied().filter(is_emulator).collect();
+        let folders: Vec<PathBuf> = emulators.iter().filter_map(|&id| folder_of(id)).collect();
+        assert!(folders.iter().all(|folder| folder.exists()) && folders.len() == emulators.len());
+        let whom = if to_child { emulators } else { vec![child.id()] };
         for id in whom {
             let _ = std::process::Command::new("kill").args([signal, &id.to_string()]).status();
         }
         let output = CommandOutput::from_output(child.wait_with_output().expect("it ends"));
-        assert_eq!(output.code, Some(code), "{}", output.stderr);
+        assert_eq!(output.code, code, "{}", output.stderr);
         assert!(output.stderr.contains(says), "{}", output.stderr);
-        // Killed, it is there until the system has taken it down: on a busy machine for a while.
-        let deadline = Instant::now() + Duration::from_secs(10);
-        for id in emulators {
-            while Path::new(&format!("/proc/{id}")).exists() {
-                assert!(Instant::now() < deadline, "emulator {id} lives on");
-                std::thread::sleep(Duration::from_millis(20));
-            }
+        for id in started {
+            wait_for(&format!("{id} has ended"), || !Path::new(&format!("/proc/{id}")).exists());
+        }
+        for folder in folders {
+            wait_for(&format!("{} has gone", folder.display()), || !folder.exists());
         }
         // The next waits for a journal of its own.
         if command[0] == "tune" {
@@ -206,4 +232,24 @@ fn an_image_that_is_not_there_is_named_with_what_builds_it() {
     );
     fixture
         .refuses(&["scan", "-c", "small.toml", "--sensor", "qemu:mps3"], &["mps3", "mps2-an386"]);
+}
+
+#[test]
+fn what_the_emulator_shares_with_its_host_is_for_this_user_alone_and_ends_with_it() {
+    use std::os::unix::fs::PermissionsExt;
+    let Some(image) = image() else { return };
+    let kept = Fixture::new();
+    let front_end = || Model::from(&RunConfig::default()).front_end();
+    for folder in [None, Some(kept.path("new/board"))] {
+        let mut options = QemuOptions::new(Machine::An386, Path::new(""));
+        (options.image, options.folder) = (image.clone().into(), folder.clone());
+        let (pattern, hardware) = (ScanPattern::default(), Hardware::REFERENCE);
+        let board = Qemu::start(&options, front_end(), pattern, hardware).expect("a board");
+        let (lies, inside) = (board.folder().to_owned(), board.folder().join("memory.bin"));
+        let mode = fs::metadata(&lies).expect("a folder").permissions().mode();
+        assert_eq!(mode & 0o777, 0o700, "{}", lies.display());
+        assert!(inside.exists());
+        drop(board);
+        assert_eq!(inside.exists(), folder.is_some(), "{}", lies.display());
+    }
 }
