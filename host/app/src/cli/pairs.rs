@@ -18,7 +18,7 @@ use super::prepared::{PairSet, Prepared};
 use super::progress::Progress;
 use crate::experiment::config::RunConfig;
 use crate::experiment::dataset::ScanPair;
-use crate::experiment::files::{FileError, file_error, replace};
+use crate::experiment::files::{FileError, file_error, make_folders, replace, sync_folder_of};
 use crate::experiment::tune::Observer;
 use crate::link::sensor::View;
 use echoloop_registration::cloud::{Cloud, ply_bytes};
@@ -139,7 +139,7 @@ impl Draft {
         name.push(format!(".part{}", std::process::id()));
         let path = folder.with_file_name(name);
         let above = path.parent().unwrap_or(Path::new(""));
-        fs::create_dir_all(above).map_err(file_error("make the folder", above))?;
+        make_folders(above)?;
         // Its own, never one that is there.
         fs::create_dir(&path).map_err(file_error("make the folder", &path))?;
         Ok(Self { path })
@@ -154,7 +154,8 @@ impl Draft {
             // Empty, else this fails.
             fs::remove_dir(folder).map_err(file_error("replace", folder))?;
         }
-        fs::rename(&self.path, folder).map_err(file_error("make the folder", folder))
+        fs::rename(&self.path, folder).map_err(file_error("make the folder", folder))?;
+        sync_folder_of(folder)
     }
 }
 

@@ -165,6 +165,18 @@ pub fn sync_folder_of(_: &Path) -> Result<(), FileError> {
     Ok(())
 }
 
+/// Makes a folder, and those above it that are missing, durably.
+///
+/// # Errors
+///
+/// [`FileError`].
+pub fn make_folders(folder: &Path) -> Result<(), FileError> {
+    let is_missing = |path: &&Path| !path.as_os_str().is_empty() && !path.exists();
+    let missing: Vec<&Path> = folder.ancestors().take_while(is_missing).collect();
+    fs::create_dir_all(folder).map_err(file_error("make the folder", folder))?;
+    missing.into_iter().try_for_each(sync_folder_of)
+}
+
 /// Writes a whole file in the place of what was there, durably.
 ///
 /// # Errors

@@ -10,7 +10,8 @@ use serde::{Deserialize, Serialize};
 use crate::experiment::config::RunConfig;
 use crate::experiment::evaluate::Summary;
 use crate::experiment::files::{
-    FileError, Lock, Output, PART, beside, file_error, is_free_for_a_file, replace,
+    FileError, Lock, Output, PART, beside, file_error, is_free_for_a_file, make_folders, replace,
+    sync_folder_of,
 };
 use crate::experiment::params::{Values, written_values};
 use crate::experiment::tune::Finalist;
@@ -102,7 +103,7 @@ impl RunFolder {
     ///
     /// [`FileError`] when a folder cannot be made.
     pub fn create(runs: &Path, name: &str) -> Result<Self, FileError> {
-        fs::create_dir_all(runs).map_err(file_error("make the folder", runs))?;
+        make_folders(runs)?;
         let mut number = next_number(runs)?;
         let path = loop {
             let path = runs.join(format!("{number:04}-{name}"));
@@ -115,6 +116,7 @@ impl RunFolder {
                 Err(source) => return Err(FileError { verb: "make the folder", path, source }),
             }
         };
+        sync_folder_of(&path)?;
         let folder = Self { _lock: Lock::take(&path.join(LOCK))?, path };
         folder.write(README, readme())?;
         Ok(folder)

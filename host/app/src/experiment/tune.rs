@@ -209,7 +209,7 @@ impl TuneSearch<'_> {
         observer: &dyn Observer,
     ) -> Result<Tuned, TuneError> {
         if self.space.axes().is_empty() {
-            return Ok(self.untuned());
+            return self.untuned(&done);
         }
         let total = self.config.tune.generations;
         let mut optimizer = self.replayed(&done)?;
@@ -228,16 +228,19 @@ impl TuneSearch<'_> {
         self.choose(&optimizer, generations, observer)
     }
 
-    /// The default protocol: nothing to search.
-    fn untuned(&self) -> Tuned {
-        Tuned {
+    /// The default protocol: nothing to search, and nothing that can have been done.
+    fn untuned(&self, done: &[Generation]) -> Result<Tuned, TuneError> {
+        if !done.is_empty() {
+            return Err(TuneError::Diverged { generation: 0, field: "generation".into() });
+        }
+        Ok(Tuned {
             parameters: self.start,
             origin: "start".into(),
             finalists: Vec::new(),
             generations: Vec::new(),
             correlations: Vec::new(),
             covariance_learned: 0.0,
-        }
+        })
     }
 
     fn optimizer(&self) -> Result<CmaEs, TuneError> {
