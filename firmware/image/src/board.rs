@@ -13,7 +13,9 @@ use crate::watchdog::{Watchdog, count_restarts};
 /// for the PSRAM.
 #[cfg(board = "mps2")]
 mod map {
+    use crate::idle::InterruptLine;
     use crate::mmio::Block;
+    use echoloop_sensor::mailbox;
 
     pub(super) type Link = crate::uart::Cmsdk;
     pub(super) type Log = crate::uart::Cmsdk;
@@ -25,23 +27,26 @@ mod map {
     // SAFETY: the watchdog, and nothing of Rust's.
     pub(super) const WATCHDOG: Option<Block> = Some(unsafe { Block::new(0x4000_8000, 0x1000) });
     /// A byte has come on UART0.
-    pub(super) const LINK_INTERRUPT: u16 = 0;
+    // SAFETY: the board has it.
+    pub(super) const LINK_INTERRUPT: InterruptLine = unsafe { InterruptLine::new(0) };
     // SAFETY: the processor's identity register.
     const CPU_ID: Block = unsafe { Block::new(0xE000_ED00, 4) };
     const CORTEX_M7: u32 = 0xC27;
 
-    pub(super) fn psram(bytes: usize) -> Block {
+    pub(super) fn psram() -> Block {
         let part = CPU_ID.read(0) >> 4 & 0xfff;
         let base = if part == CORTEX_M7 { 0x6000_0000 } else { 0x2100_0000 };
         // SAFETY: 16 MB of PSRAM, where the linker puts nothing.
-        unsafe { Block::new(base, bytes) }
+        unsafe { Block::new(base, mailbox::BYTES) }
     }
 }
 
 /// Arm MPS2 with application note 505 (Cortex-M33), at the secure addresses.
 #[cfg(board = "an505")]
 mod map {
+    use crate::idle::InterruptLine;
     use crate::mmio::Block;
+    use echoloop_sensor::mailbox;
 
     pub(super) type Link = crate::uart::Cmsdk;
     pub(super) type Log = crate::uart::Cmsdk;
@@ -53,11 +58,12 @@ mod map {
     // SAFETY: the secure watchdog, and nothing of Rust's.
     pub(super) const WATCHDOG: Option<Block> = Some(unsafe { Block::new(0x5008_1000, 0x1000) });
     /// A byte has come on UART0.
-    pub(super) const LINK_INTERRUPT: u16 = 32;
+    // SAFETY: the board has it.
+    pub(super) const LINK_INTERRUPT: InterruptLine = unsafe { InterruptLine::new(32) };
 
-    pub(super) fn psram(bytes: usize) -> Block {
+    pub(super) fn psram() -> Block {
         // SAFETY: 16 MB of PSRAM, where the linker puts nothing.
-        unsafe { Block::new(0x8000_0000, bytes) }
+        unsafe { Block::new(0x8000_0000, mailbox::BYTES) }
     }
 }
 
@@ -65,7 +71,9 @@ mod map {
 /// no watchdog.
 #[cfg(board = "virt")]
 mod map {
+    use crate::idle::InterruptLine;
     use crate::mmio::Block;
+    use echoloop_sensor::mailbox;
 
     pub(super) type Link = crate::uart::Ns16550;
     pub(super) type Log = crate::uart::Void;
@@ -74,13 +82,18 @@ mod map {
     pub(super) const LINK: Block = unsafe { Block::new(0x1000_0000, 8) };
     pub(super) const LOG: Block = LINK;
     pub(super) const WATCHDOG: Option<Block> = None;
-    pub(super) const LINK_INTERRUPT: u16 = 10;
+    // SAFETY: the board has it.
+    pub(super) const LINK_INTERRUPT: InterruptLine = unsafe { InterruptLine::new(10) };
 
-    pub(super) fn psram(bytes: usize) -> Block {
+    pub(super) fn psram() -> Block {
         // SAFETY: the second 16 MB of RAM, where the linker puts nothing (link/virt.x).
-        unsafe { Block::new(0x8100_0000, bytes) }
+        unsafe { Block::new(0x8100_0000, mailbox::BYTES) }
     }
 }
+
+/// What the maps keep free for it.
+const PSRAM_BYTES: usize = 16 << 20;
+const _: () = assert!(mailbox::BYTES <= PSRAM_BYTES);
 
 /// Where the log goes.
 pub fn log_port() -> impl Port {
@@ -110,10 +123,10 @@ pub struct EmulatedBoard {
 }
 
 impl EmulatedBoard {
-    /// The board this runs on; `None` without a front end or straps. To be called once.
+    /// The board this runs on; `None` without a front end or straps, and on later calls.
     pub fn take() -> Option<Self> {
-        let restarts = count_restarts();
-        let front_end = FrontEnd::new(map::psram(mailbox::BYTES))?;
+        let restarts = count_restarts()?;
+        let front_end = FrontEnd::new(map::psram())?;
         let (hardware, pattern) = front_end.straps()?;
         let watchdog = map::WATCHDOG.map(|block| Watchdog::start(block, WATCHDOG_TICKS));
         let flash = Flash::new(front_end.flash());

@@ -6,20 +6,39 @@ pub use arm::Idle;
 #[cfg(not(target_arch = "arm"))]
 pub use spin::Idle;
 
+/// An interrupt line of the processor.
+#[derive(Clone, Copy)]
+pub struct InterruptLine(u16);
+
+impl InterruptLine {
+    /// The line of a number.
+    ///
+    /// # Safety
+    ///
+    /// The processor must have it.
+    pub const unsafe fn new(number: u16) -> Self {
+        Self(number)
+    }
+
+    /// Its number.
+    pub const fn number(self) -> u16 {
+        self.0
+    }
+}
+
 #[cfg(target_arch = "arm")]
 mod arm {
     use cortex_m::interrupt::InterruptNumber;
     use cortex_m::peripheral::syst::SystClkSource;
     use cortex_m::peripheral::{NVIC, Peripherals, SCB, SYST};
 
+    use super::InterruptLine;
+
     /// Ticks of the processor's clock between wake-ups, at which the watchdog is fed: some 10 ms.
     const TICKS: u32 = 250_000;
 
-    #[derive(Clone, Copy)]
-    struct Interrupt(u16);
-
-    // SAFETY: the board's map gives the number of an interrupt line that exists.
-    unsafe impl InterruptNumber for Interrupt {
+    // SAFETY: who made it promised that the line exists, and its number never changes.
+    unsafe impl InterruptNumber for InterruptLine {
         fn number(self) -> u16 {
             self.0
         }
@@ -27,17 +46,16 @@ mod arm {
 
     /// Sleep that a byte on the link ends, or a tick.
     pub struct Idle {
-        link: Interrupt,
+        link: InterruptLine,
     }
 
     impl Idle {
         /// Masks interrupts for good, and lets the link's line and the tick wake the processor.
         /// `None` on later calls.
-        pub fn new(link_interrupt: u16) -> Option<Self> {
+        pub fn new(link: InterruptLine) -> Option<Self> {
             cortex_m::interrupt::disable();
             let Peripherals { mut SYST, .. } = Peripherals::take()?;
             start(&mut SYST);
-            let link = Interrupt(link_interrupt);
             // SAFETY: interrupts are masked, so no handler takes part in anything.
             unsafe { NVIC::unmask(link) };
             Some(Self { link })
@@ -64,12 +82,14 @@ mod arm {
 
 #[cfg(not(target_arch = "arm"))]
 mod spin {
+    use super::InterruptLine;
+
     /// No sleep: turns until something comes.
     pub struct Idle;
 
     impl Idle {
         /// Nothing to prepare.
-        pub fn new(_link_interrupt: u16) -> Option<Self> {
+        pub fn new(_link: InterruptLine) -> Option<Self> {
             Some(Self)
         }
 

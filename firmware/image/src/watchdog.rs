@@ -2,6 +2,7 @@
 
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
+use core::sync::atomic::{AtomicBool, Ordering};
 
 use crate::mmio::Block;
 
@@ -37,7 +38,8 @@ impl Watchdog {
 #[repr(transparent)]
 struct Survivors(UnsafeCell<MaybeUninit<[u32; 2]>>);
 
-// SAFETY: only `count_restarts` touches it, once, before anything else runs; there is one core.
+// SAFETY: only `count_restarts` touches it, and only its first call; there is one core, and no
+// handler runs.
 unsafe impl Sync for Survivors {}
 
 #[unsafe(link_section = ".uninit.restarts")]
@@ -46,8 +48,16 @@ static SURVIVORS: Survivors = Survivors(UnsafeCell::new(MaybeUninit::uninit()));
 /// Says that the second word counts.
 const COUNTING: u32 = 0x5741_5443;
 
-/// Restarts since the power came on, this start included when it is one. To be called once.
-pub fn count_restarts() -> u32 {
+/// Whether this start has been counted.
+static COUNTED: AtomicBool = AtomicBool::new(false);
+
+/// Restarts since the power came on, this start included when it is one; `None` on later calls.
+pub fn count_restarts() -> Option<u32> {
+    // A load and a store: a Cortex-M0 has no swap, and nothing comes in between.
+    if COUNTED.load(Ordering::Relaxed) {
+        return None;
+    }
+    COUNTED.store(true, Ordering::Relaxed);
     let words = SURVIVORS.0.get().cast::<u32>();
     // SAFETY: two aligned words of a static that nothing else accesses; volatile, so that whatever
     // they hold is a value.
@@ -58,6 +68,6 @@ pub fn count_restarts() -> u32 {
         };
         words.write_volatile(COUNTING);
         words.add(1).write_volatile(restarts);
-        restarts
+        Some(restarts)
     }
 }

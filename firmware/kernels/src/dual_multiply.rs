@@ -96,7 +96,8 @@ impl SampleLoops for DualMultiply {
 }
 
 /// [`statistics::count`]: codes from `first` up into bins; returns how many lie below. `first` is
-/// at most 2^16 − 128.
+/// at most 2^16 − 128; of one beyond, low codes are counted as high ones, and no other memory is
+/// touched.
 #[inline(always)]
 pub fn count(codes: &[u16], first: u16, counts: &mut [u16; BINS]) -> u32 {
     const { assert!(BINS == 128) };

@@ -40,6 +40,34 @@ pub fn has_v3() -> bool {
     }
 }
 
+/// Proof that x86-64-v3 has been found: loops in intrinsics take it, and need no promise from
+/// their caller.
+///
+/// ```compile_fail
+/// let forged = echoloop_dispatch::V3(());
+/// ```
+///
+/// ```compile_fail,E0133
+/// let unfounded = echoloop_dispatch::V3::here();
+/// ```
+#[cfg(target_arch = "x86_64")]
+#[derive(Clone, Copy, Debug)]
+pub struct V3(());
+
+#[cfg(target_arch = "x86_64")]
+impl V3 {
+    /// What is compiled for these features itself calls it without `unsafe`.
+    ///
+    /// # Safety
+    ///
+    /// Where else it is called, [`has_v3`] must have said yes.
+    #[inline]
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
+    pub fn here() -> Self {
+        Self(())
+    }
+}
+
 /// Declares functions that run the build of their body which suits the processor.
 ///
 /// | form | build for x86-64-v3 |

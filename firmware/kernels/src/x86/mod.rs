@@ -9,7 +9,7 @@ mod filter;
 mod order_statistics;
 mod peaks;
 
-use echoloop_dispatch::dispatch;
+use echoloop_dispatch::{V3, dispatch};
 use echoloop_dsp::detect;
 use echoloop_dsp::loops::SampleLoops;
 use echoloop_dsp::peak::Peaks;
@@ -33,17 +33,17 @@ dispatch! {
 
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
 fn process_v3(pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Echoes {
-    pipeline.process(Avx2(()), codes, scratch)
+    pipeline.process(Avx2(V3::here()), codes, scratch)
 }
 
-/// The loops that are said by hand. Made only where the processor has AVX2.
+/// The loops that are said by hand.
 #[derive(Clone, Copy)]
-struct Avx2(());
+struct Avx2(V3);
 
 impl SampleLoops for Avx2 {
     #[inline(always)]
     fn order_statistics(self, codes: &[u16], _top: u16, guess: &Statistics) -> OrderStatistics {
-        // SAFETY: only `process_v3` makes an Avx2, and it runs only where AVX2 has been found.
+        // SAFETY: a V3 exists only where AVX2 has been found.
         unsafe { order_statistics::order_statistics(codes, guess) }
     }
 

@@ -274,22 +274,20 @@ mod v3 {
         _mm256_set1_epi32, _mm256_set1_ps, _mm256_storeu_si256,
     };
 
+    use echoloop_dispatch::V3;
+
     use super::{Chunk, LaneKernel, LastSearch, Pairs};
 
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
     pub(super) fn pair(chunk: &Chunk, matches: &mut [LastSearch], pairs: &mut Pairs) {
-        chunk.pair_with(Avx2(()), matches, pairs);
+        chunk.pair_with(V3::here(), matches, pairs);
     }
 
-    /// Made only where the processor has it.
-    #[derive(Clone, Copy)]
-    struct Avx2(());
-
-    impl LaneKernel for Avx2 {
+    impl LaneKernel for V3 {
         #[inline(always)]
         fn at_most(self, lanes: &[f32; 8], limit: f32) -> u32 {
-            // SAFETY: only `pair` makes an Avx2, and it runs only where AVX2 has been found. Eight
-            // f32 are the 32 bytes that are read; no alignment is asked for.
+            // SAFETY: a V3 exists only where AVX2 has been found. Eight f32 are the 32 bytes that
+            // are read; no alignment is asked for.
             unsafe {
                 let compared = _mm256_cmp_ps::<_CMP_LE_OQ>(
                     _mm256_loadu_ps(lanes.as_ptr()),

@@ -4,6 +4,9 @@
 //! by hand: the same operations in the same order, without fused multiply-add, and so the same
 //! bytes.
 
+#[cfg(target_arch = "x86_64")]
+use echoloop_dispatch::V3;
+
 use super::row::WIDTH;
 use super::tree::{Block, Node};
 
@@ -56,21 +59,6 @@ impl BoundKernel for Portable {
     #[inline(always)]
     fn not_above(self, bounds: &Lanes, limits: &Lanes) -> u32 {
         (0..WIDTH).fold(0, |bits, lane| bits | u32::from(bounds[lane] <= limits[lane]) << lane)
-    }
-}
-
-/// Exists only where x86-64-v3 has been found.
-#[cfg(target_arch = "x86_64")]
-#[derive(Clone, Copy, Debug)]
-pub(super) struct V3(());
-
-#[cfg(target_arch = "x86_64")]
-impl V3 {
-    /// Can be called without `unsafe` only by what is compiled for these features itself.
-    #[inline]
-    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-    pub(super) fn here() -> Self {
-        Self(())
     }
 }
 

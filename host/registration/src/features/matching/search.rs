@@ -1,9 +1,9 @@
 //! Eight queries go down a tree together.
 
+#[cfg(target_arch = "x86_64")]
+use echoloop_dispatch::V3;
 use echoloop_dispatch::dispatch;
 
-#[cfg(target_arch = "x86_64")]
-use super::kernel::V3;
 use super::kernel::{BoundKernel, Lanes, Portable};
 use super::rotation::{AXES, Rotation};
 use super::row::{Row, WIDTH, squared_distance};
