@@ -266,7 +266,7 @@ fn clouds_that_no_method_can_register_end_with_one_and_a_reason() {
 #[test]
 fn every_method_can_be_tuned_and_judged_again() {
     let fixture = Fixture::new();
-    for (method, axes) in [("gicp", 7), ("fgr", 6), ("mac", 6), ("auto", 1)] {
+    for (method, axes) in [("gicp", 8), ("fgr", 6), ("mac", 6), ("auto", 1)] {
         let own = ["--method", method, "--protocol", "registration", "--generations", "2"];
         fixture.succeed(&[&["tune", "-q", "-c", "small.toml"], &own[..]].concat());
         let result: Value =
