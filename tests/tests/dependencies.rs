@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Each crate of ours, its folder, and those of ours that it may name in its dependencies.
-const ALLOWED: [(&str, &str, &[&str]); 18] = [
+const ALLOWED: [(&str, &str, &[&str]); 19] = [
     ("echoloop-dsp", "firmware/dsp", &[]),
     ("echoloop-dispatch", "host/dispatch", &[]),
     ("echoloop-random", "host/random", &[]),
+    ("echoloop-files", "host/files", &[]),
     ("echoloop-needs", "tests/needs", &[]),
     (
         "echoloop-kernels",
@@ -22,7 +23,11 @@ const ALLOWED: [(&str, &str, &[&str]); 18] = [
         "firmware/image",
         &["echoloop-dsp", "echoloop-kernels", "echoloop-link", "echoloop-sensor"],
     ),
-    ("echoloop-registration", "host/registration", &["echoloop-dispatch", "echoloop-needs"]),
+    (
+        "echoloop-registration",
+        "host/registration",
+        &["echoloop-dispatch", "echoloop-files", "echoloop-needs"],
+    ),
     ("echoloop-frontend", "host/frontend", &["echoloop-dispatch", "echoloop-random"]),
     ("echoloop-cmaes", "host/cmaes", &["echoloop-random"]),
     (
@@ -30,6 +35,7 @@ const ALLOWED: [(&str, &str, &[&str]); 18] = [
         "sim",
         &[
             "echoloop-dsp",
+            "echoloop-files",
             "echoloop-frontend",
             "echoloop-kernels",
             "echoloop-link",
@@ -55,6 +61,7 @@ const LIBRARIES: &[&str] = &[
     "echoloop-cmaes",
     "echoloop-dispatch",
     "echoloop-dsp",
+    "echoloop-files",
     "echoloop-frontend",
     "echoloop-kernels",
     "echoloop-link",
@@ -70,6 +77,7 @@ const PROGRAM: &[&str] = &[
     "echoloop-cmaes",
     "echoloop-dispatch",
     "echoloop-dsp",
+    "echoloop-files",
     "echoloop-frontend",
     "echoloop-host",
     "echoloop-kernels",

@@ -4,7 +4,7 @@ mod read;
 
 use nalgebra::{Isometry3, Matrix3, Matrix4, Rotation3, Translation3, UnitQuaternion};
 
-pub use read::{PoseError, read_pose};
+pub use read::{PoseError, parse_pose, read_pose};
 
 /// A rigid motion. A variable of this type says what it maps: `target_from_source`.
 pub type Pose = Isometry3<f64>;

@@ -11,6 +11,12 @@ pub(super) enum Fault {
     Mesh(MeshFault),
 }
 
+impl From<String> for Fault {
+    fn from(what: String) -> Self {
+        Self::Format(what)
+    }
+}
+
 impl From<MeshFault> for Fault {
     fn from(fault: MeshFault) -> Self {
         Self::Mesh(fault)

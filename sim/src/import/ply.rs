@@ -1,10 +1,7 @@
-//! PLY: the file's own parser reads it, after its header has been held against its length.
+//! PLY: vertices, faces as fans, and what the file says of a face's surface.
 
-use ply_rs_bw::parser::{Parser, Reader};
-use ply_rs_bw::ply::{
-    DefaultElement, ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult,
-    PropertyType, ScalarType,
-};
+use echoloop_files::ply::{self, Body};
+use ply_rs_bw::ply::{ElementDef, Header, Property, PropertyAccess, PropertyAccessResult};
 
 use super::fault::Fault;
 use crate::scene::{Mesh, MeshFault, Surface};
@@ -24,36 +21,10 @@ const SEMANTICS: [Surface; 10] = [
     Surface::Plaster,
 ];
 
-#[derive(Debug, Default)]
-struct Vertex([f32; 3]);
-
-impl PropertyAccess for Vertex {
-    fn new() -> Self {
-        Self::default()
-    }
-
-    fn set_property(&mut self, name: &str, value: Property) -> PropertyAccessResult {
-        let axis = match name {
-            "x" => 0,
-            "y" => 1,
-            "z" => 2,
-            _ => return PropertyAccessResult::Ignored,
-        };
-        match value {
-            Property::Float(v) => self.0[axis] = v,
-            Property::Double(v) => self.0[axis] = v as f32,
-            other => match integer(&other) {
-                Some(v) => self.0[axis] = v as f32,
-                None => return PropertyAccessResult::UnsupportedType,
-            },
-        }
-        PropertyAccessResult::Set
-    }
-}
-
+/// A face as the file has it: its list of corners is not made longer than it is there.
 #[derive(Debug, Default)]
 struct Face {
-    corners: Vec<i64>,
+    corners: Option<Property>,
     semantic: Option<i64>,
     part: Option<i64>,
 }
@@ -65,10 +36,10 @@ impl PropertyAccess for Face {
 
     fn set_property(&mut self, name: &str, value: Property) -> PropertyAccessResult {
         match name {
-            "vertex_indices" | "vertex_index" => match integers(value) {
-                Some(corners) => self.corners = corners,
-                None => return PropertyAccessResult::UnsupportedType,
-            },
+            "vertex_indices" | "vertex_index" if integers(&value).is_some() => {
+                self.corners = Some(value);
+            }
+            "vertex_indices" | "vertex_index" => return PropertyAccessResult::UnsupportedType,
             "semantic" => self.semantic = integer(&value),
             "part" => self.part = integer(&value),
             _ => return PropertyAccessResult::Ignored,
@@ -89,95 +60,53 @@ fn integer(value: &Property) -> Option<i64> {
     })
 }
 
-fn integers(value: Property) -> Option<Vec<i64>> {
-    Some(match value {
-        Property::ListChar(v) => v.into_iter().map(i64::from).collect(),
-        Property::ListUChar(v) => v.into_iter().map(i64::from).collect(),
-        Property::ListShort(v) => v.into_iter().map(i64::from).collect(),
-        Property::ListUShort(v) => v.into_iter().map(i64::from).collect(),
-        Property::ListInt(v) => v.into_iter().map(i64::from).collect(),
-        Property::ListUInt(v) => v.into_iter().map(i64::from).collect(),
+fn integers(list: &Property) -> Option<Box<dyn Iterator<Item = i64> + '_>> {
+    fn widened<T: Copy + Into<i64>>(list: &[T]) -> Box<dyn Iterator<Item = i64> + '_> {
+        Box::new(list.iter().map(|&v| v.into()))
+    }
+    Some(match list {
+        Property::ListChar(v) => widened(v),
+        Property::ListUChar(v) => widened(v),
+        Property::ListShort(v) => widened(v),
+        Property::ListUShort(v) => widened(v),
+        Property::ListInt(v) => widened(v),
+        Property::ListUInt(v) => widened(v),
         _ => return None,
     })
 }
 
 pub(super) fn read(bytes: &[u8], default: Surface) -> Result<Mesh, Fault> {
-    let mut reader = Reader::new(bytes);
-    let malformed =
-        |what: ply_rs_bw::parser::ParseError| Fault::Format(one_line(&what.to_string()));
-    let header = Parser::<DefaultElement>::new().read_header(&mut reader).map_err(malformed)?;
-    check_layout(&header, reader.get_ref().len())?;
-    let (mut vertices, mut faces) = (Vec::new(), Vec::new());
-    for (name, element) in &header.elements {
-        match name.as_str() {
-            "vertex" => {
-                vertices = Parser::<Vertex>::new()
-                    .read_payload_for_element(&mut reader, element, &header)
-                    .map_err(malformed)?
-            }
-            "face" => {
-                faces = Parser::<Face>::new()
-                    .read_payload_for_element(&mut reader, element, &header)
-                    .map_err(malformed)?
-            }
-            _ => drop(
-                Parser::<DefaultElement>::new()
-                    .read_payload_for_element(&mut reader, element, &header)
-                    .map_err(malformed)?,
-            ),
+    let (header, reader) = ply::header(bytes)?;
+    let (vertex, face) = (ply::vertex(&header)?, faces(&header)?);
+    let mut body = Body::new(&header, reader, None)?;
+    let parts = part_surfaces(&header);
+    let (mut mesh, mut number) = (Mesh::default(), 0);
+    for element in header.elements.values() {
+        if element.name == vertex.name {
+            mesh.vertices = body.vertices(element)?;
+        } else if element.name == face.name {
+            body.read(element, |face: Face| {
+                add(&mut mesh, &face, number, vertex.count)?;
+                let surface = face_surface(&face, &parts, default);
+                mesh.materials.resize(mesh.triangles.len(), surface.index());
+                number += 1;
+                Ok::<_, Fault>(())
+            })?;
+        } else {
+            body.skip(element)?;
         }
     }
-    let parts = part_surfaces(&header);
-    let surface = |face: &Face| face_surface(face, &parts, default);
-    assemble(vertices, &faces, surface)
+    Ok(mesh)
 }
 
-/// The parser's message on one line, cut short: it quotes the file, which may be binary.
-fn one_line(message: &str) -> String {
-    let words = message.split_whitespace().collect::<Vec<_>>().join(" ");
-    words.chars().map(|c| if c.is_control() { '?' } else { c }).take(160).collect()
-}
-
-/// Refuses what has no mesh in it, and counts that the file is too short for: nothing is allocated
-/// for those.
-fn check_layout(header: &Header, length: usize) -> Result<(), Fault> {
-    let expected = |what: &str| Fault::Format(format!("expected {what}"));
-    let vertex = header.elements.get("vertex").ok_or_else(|| expected("an `element vertex`"))?;
-    if !["x", "y", "z"].iter().all(|&axis| vertex.properties.contains_key(axis)) {
-        return Err(expected("vertex properties x, y and z"));
+/// The faces' part of a header.
+fn faces(header: &Header) -> Result<&ElementDef, String> {
+    let face = header.elements.get("face").ok_or("expected an `element face`")?;
+    match ["vertex_indices", "vertex_index"].iter().any(|&name| face.properties.contains_key(name))
+    {
+        true => Ok(face),
+        false => Err("expected a face property list vertex_indices".into()),
     }
-    let face = header.elements.get("face").ok_or_else(|| expected("an `element face`"))?;
-    if !["vertex_indices", "vertex_index"].iter().any(|&name| face.properties.contains_key(name)) {
-        return Err(expected("a face property list vertex_indices"));
-    }
-    let least =
-        |element: &ElementDef| element.count.saturating_mul(least_size(element, header.encoding));
-    let needed = header
-        .elements
-        .iter()
-        .fold(0_usize, |sum, (_, element)| sum.saturating_add(least(element)));
-    // The last line of an ascii file may lack its newline.
-    if needed > length + 1 {
-        let what =
-            format!("its header promises at least {needed} bytes of data, but {length} follow");
-        return Err(Fault::Format(what));
-    }
-    Ok(())
-}
-
-/// Fewest bytes one element can take.
-fn least_size(element: &ElementDef, encoding: Encoding) -> usize {
-    let scalar = |kind: &ScalarType| match kind {
-        _ if encoding == Encoding::Ascii => 2,
-        ScalarType::Char | ScalarType::UChar => 1,
-        ScalarType::Short | ScalarType::UShort => 2,
-        ScalarType::Int | ScalarType::UInt | ScalarType::Float => 4,
-        _ => 8,
-    };
-    let sizes = element.properties.iter().map(|(_, property)| match &property.data_type {
-        PropertyType::Scalar(kind) | PropertyType::List(kind, _) => scalar(kind),
-    });
-    sizes.sum::<usize>().max(1)
 }
 
 /// What comments say of parts: "part 3 Oak_bark" or "part 0=bark 1=leaf".
@@ -214,34 +143,25 @@ fn face_surface(face: &Face, parts: &[(i64, Surface)], default: Surface) -> Surf
     face.part.and_then(named).unwrap_or(default)
 }
 
-fn assemble(
-    vertices: Vec<Vertex>,
-    faces: &[Face],
-    surface: impl Fn(&Face) -> Surface,
-) -> Result<Mesh, Fault> {
-    let mut mesh =
-        Mesh { vertices: vertices.into_iter().map(|v| v.0).collect(), ..Mesh::default() };
-    let count = mesh.vertices.len();
-    for (number, face) in faces.iter().enumerate() {
-        if face.corners.len() < 3 {
-            let what =
-                format!("face {number} has {} corners, expected three or more", face.corners.len());
-            return Err(Fault::Format(what));
+/// Adds a polygon as a fan from its first corner.
+fn add(mesh: &mut Mesh, face: &Face, number: usize, vertices: usize) -> Result<(), Fault> {
+    let (mut first, mut last, mut count) = (0, 0, 0_usize);
+    for index in face.corners.as_ref().and_then(integers).into_iter().flatten() {
+        let corner = u32::try_from(index).ok().filter(|&i| (i as usize) < vertices);
+        let corner = corner.ok_or(MeshFault::IndexOutOfRange { face: number, index, vertices })?;
+        match count {
+            0 => first = corner,
+            1 => {}
+            _ => mesh.triangles.push([first, last, corner]),
         }
-        let checked = |&index: &i64| match u32::try_from(index) {
-            Ok(i) if (i as usize) < count => Ok(i),
-            _ => Err(MeshFault::IndexOutOfRange { face: number, index, vertices: count }),
-        };
-        let corners = face.corners.iter().map(checked).collect::<Result<Vec<u32>, _>>()?;
-        mesh.triangles.extend(fan(&corners));
-        mesh.materials.resize(mesh.triangles.len(), surface(face).index());
+        (last, count) = (corner, count + 1);
     }
-    Ok(mesh)
-}
-
-/// Triangles of a polygon, as a fan from its first corner.
-fn fan(corners: &[u32]) -> impl Iterator<Item = [u32; 3]> + '_ {
-    corners.windows(2).skip(1).map(|pair| [corners[0], pair[0], pair[1]])
+    match count {
+        0..3 => {
+            Err(Fault::Format(format!("face {number} has {count} corners, expected three or more")))
+        }
+        _ => Ok(()),
+    }
 }
 
 #[cfg(test)]

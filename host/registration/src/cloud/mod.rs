@@ -16,7 +16,7 @@ use nalgebra::{Point3, Vector3};
 
 pub use error::CloudError;
 pub use ply::{ply_bytes, write_ply};
-pub use read::read_cloud;
+pub use read::{parse_cloud, read_cloud};
 
 /// Points in metres, in the frame of the sensor that saw them: the sensor is at the origin.
 #[derive(Clone, Debug, Default, PartialEq)]

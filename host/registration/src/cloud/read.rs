@@ -2,6 +2,9 @@
 
 use std::path::Path;
 
+use echoloop_files::read_data;
+use nalgebra::Point3;
+
 use super::error::CloudError;
 use super::{Cloud, Dropped, pcd, ply, text, vtk};
 
@@ -18,20 +21,37 @@ use super::{Cloud, Dropped, pcd, ply, text, vtk};
 /// [`CloudError`] names the file and what was expected of it; a file without echoes is an error
 /// too.
 pub fn read_cloud(path: &Path) -> Result<(Cloud, Dropped), CloudError> {
-    let extension =
-        path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
-    let parse = match extension.as_str() {
+    let parse = parser(path)?;
+    let bytes = read_data(path).map_err(|source| CloudError::Io { path: path.into(), source })?;
+    checked(path, parse(&bytes))
+}
+
+/// What [`read_cloud`] makes of a file's bytes; `path` tells the format.
+///
+/// # Errors
+///
+/// As of [`read_cloud`].
+pub fn parse_cloud(path: &Path, bytes: &[u8]) -> Result<(Cloud, Dropped), CloudError> {
+    checked(path, parser(path)?(bytes))
+}
+
+/// Points of a file's bytes, or what was expected of them.
+type Points = Result<Vec<Point3<f32>>, String>;
+
+fn parser(path: &Path) -> Result<fn(&[u8]) -> Points, CloudError> {
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
+    Ok(match extension.to_ascii_lowercase().as_str() {
         "ply" => ply::parse,
         "pcd" => pcd::parse,
         "vtk" => vtk::parse,
         "bin" => text::parse_kitti,
         "xyz" | "txt" | "asc" | "csv" => text::parse_text,
         _ => return Err(CloudError::Extension { path: path.into() }),
-    };
-    let bytes =
-        std::fs::read(path).map_err(|source| CloudError::Io { path: path.into(), source })?;
-    let points =
-        parse(&bytes).map_err(|problem| CloudError::Format { path: path.into(), problem })?;
+    })
+}
+
+fn checked(path: &Path, points: Points) -> Result<(Cloud, Dropped), CloudError> {
+    let points = points.map_err(|problem| CloudError::Format { path: path.into(), problem })?;
     let mut cloud = Cloud::new(points);
     let dropped = cloud.drop_invalid();
     if cloud.points.is_empty() {
@@ -135,9 +155,9 @@ mod tests {
                 format!("{vertex}1\nproperty float x\nend_header\n1234").into_bytes(),
                 "\"y\"",
             ),
-            ("short.ply", bytes(&format!("{vertex}2{xyz}"), &[0; 12]), "2 elements"),
-            ("huge.ply", bytes(&format!("{vertex}{huge}{xyz}"), &[0; 12]), "elements"),
-            ("giant.ply", bytes(&format!("{vertex}4000000000{xyz}"), &[0; 12]), "elements"),
+            ("short.ply", bytes(&format!("{vertex}2{xyz}"), &[0; 12]), "promises"),
+            ("huge.ply", bytes(&format!("{vertex}{huge}{xyz}"), &[0; 12]), "promises"),
+            ("giant.ply", bytes(&format!("{vertex}4000000000{xyz}"), &[0; 12]), "promises"),
             ("void.ply", bytes(&format!("{vertex}{huge}\nend_header\n"), &[]), "\"x\""),
             (
                 "hollow.ply",

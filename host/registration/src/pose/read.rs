@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use echoloop_files::{read_text, shown};
 use serde_json::Value;
 
 use super::{NotRigid, Pose, from_rows};
@@ -84,10 +85,18 @@ pub enum PoseError {
 ///
 /// [`PoseError`] names the file, what it holds, and what was expected.
 pub fn read_pose(path: &Path) -> Result<Pose, PoseError> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|source| PoseError::Io { path: path.into(), source })?;
+    let text = read_text(path).map_err(|source| PoseError::Io { path: path.into(), source })?;
+    parse_pose(path, &text)
+}
+
+/// What [`read_pose`] makes of a file's text; `path` is for messages.
+///
+/// # Errors
+///
+/// As of [`read_pose`].
+pub fn parse_pose(path: &Path, text: &str) -> Result<Pose, PoseError> {
     let is_json = text.trim_start().starts_with(['{', '[']);
-    let rows = if is_json { document(path, &text) } else { matrix(path, &text) }?;
+    let rows = if is_json { document(path, text) } else { matrix(path, text) }?;
     from_rows(&rows).map_err(|reason| PoseError::Rigid { path: path.into(), reason })
 }
 
@@ -145,7 +154,7 @@ fn numbers(path: &Path, text: &str) -> Result<Vec<f64>, PoseError> {
             word.parse().map_err(|_| PoseError::Number {
                 path: path.into(),
                 line: line + 1,
-                word: word.into(),
+                word: shown(word),
             })
         })
         .collect()

@@ -1,0 +1,127 @@
+//! A whole file, bounded.
+
+use std::fs::File;
+use std::io::{Error, ErrorKind, Read, Result};
+use std::path::Path;
+
+/// Bytes that are read at most of a file for people: a configuration, a pose, a run's result.
+pub const MOST_TEXT: u64 = 16 << 20;
+
+/// Bytes that are read at most of a pipe, which has no size that could be asked for.
+const MOST_PIPED: u64 = 4 << 30;
+
+/// Bytes of a line at most, where a line's words are listed before they are read.
+const MOST_LINE: usize = 4 << 20;
+
+/// Refuses text with a line of more than 4 MB.
+///
+/// # Errors
+///
+/// That there is one.
+pub fn check_lines(text: &[u8]) -> std::result::Result<(), String> {
+    match text.split(|&byte| byte == b'\n').any(|line| line.len() > MOST_LINE) {
+        true => Err(format!("a line is longer than {} MB", MOST_LINE >> 20)),
+        false => Ok(()),
+    }
+}
+
+/// Reads a file of data: a regular one whole, a pipe up to 4 GB, a device up to [`MOST_TEXT`], for
+/// some never end.
+///
+/// # Errors
+///
+/// What the system says; [`ErrorKind::FileTooLarge`] when there is more.
+pub fn read_data(path: &Path) -> Result<Vec<u8>> {
+    let file = File::open(path)?;
+    let found = file.metadata()?;
+    let most = match found.file_type() {
+        kind if kind.is_file() => return std::fs::read(path),
+        kind if is_pipe(kind) => MOST_PIPED,
+        _ => MOST_TEXT,
+    };
+    read_most(file, most)
+}
+
+/// Reads text of at most [`MOST_TEXT`].
+///
+/// # Errors
+///
+/// What the system says; [`ErrorKind::FileTooLarge`] when there is more;
+/// [`ErrorKind::InvalidData`] when it is no UTF-8.
+pub fn read_text(path: &Path) -> Result<String> {
+    text_from(File::open(path)?)
+}
+
+/// As [`read_text`], from what is open: standard input.
+///
+/// # Errors
+///
+/// As of [`read_text`].
+pub fn text_from(from: impl Read) -> Result<String> {
+    let bytes = read_most(from, MOST_TEXT)?;
+    let not_text = |error: std::string::FromUtf8Error| {
+        let at = error.utf8_error().valid_up_to();
+        Error::new(ErrorKind::InvalidData, format!("expected text in UTF-8, byte {at} is none"))
+    };
+    String::from_utf8(bytes).map_err(not_text)
+}
+
+fn read_most(from: impl Read, most: u64) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    from.take(most + 1).read_to_end(&mut bytes)?;
+    match bytes.len() as u64 > most {
+        true => Err(Error::new(
+            ErrorKind::FileTooLarge,
+            format!("it has more than {} MB, the most that is read of it", most >> 20),
+        )),
+        false => Ok(bytes),
+    }
+}
+
+#[cfg(unix)]
+fn is_pipe(kind: std::fs::FileType) -> bool {
+    use std::os::unix::fs::FileTypeExt;
+    kind.is_fifo() || kind.is_socket()
+}
+
+#[cfg(not(unix))]
+fn is_pipe(_: std::fs::FileType) -> bool {
+    true
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_comes_whole_and_a_folder_not_at_all() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        std::fs::write(&path, "ä text").unwrap();
+        assert_eq!(read_data(&path).unwrap(), "ä text".as_bytes());
+        assert_eq!(read_text(&path).unwrap(), "ä text");
+        assert!(read_data(folder.path()).is_err() && read_text(folder.path()).is_err());
+    }
+
+    #[test]
+    fn text_that_is_too_long_or_no_text_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        std::fs::write(&path, vec![b' '; MOST_TEXT as usize + 1]).unwrap();
+        assert_eq!(read_text(&path).unwrap_err().kind(), ErrorKind::FileTooLarge);
+        assert_eq!(read_data(&path).unwrap().len() as u64, MOST_TEXT + 1);
+        std::fs::write(&path, b"ab\xff").unwrap();
+        assert!(read_text(&path).unwrap_err().to_string().contains("byte 2"));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_device_without_an_end_is_given_up() {
+        let zeros = Path::new("/dev/zero");
+        for found in [read_data(zeros).map(drop), read_text(zeros).map(drop)] {
+            assert_eq!(found.unwrap_err().kind(), ErrorKind::FileTooLarge);
+        }
+        assert!(read_data(Path::new("/dev/null")).unwrap().is_empty());
+    }
+}

@@ -1,0 +1,18 @@
+//! What readers of files share, whoever wrote the file.
+//!
+//! | item | for |
+//! |---|---|
+//! | [`read_data`], [`read_text`], [`text_from`] | a whole file, never more of it than a reader can want |
+//! | [`check_lines`] | text whose lines are read one by one |
+//! | [`shown`], [`printable`] | what a message may repeat of a file |
+//! | [`ply`] | PLY, an element at a time |
+//!
+//! A reader takes no more memory than 8 times its file and 64 MB, and says what is wrong with a
+//! file in few words: a file may be of any size, end anywhere and hold escapes of a terminal.
+
+mod bytes;
+pub mod ply;
+mod shown;
+
+pub use bytes::{MOST_TEXT, check_lines, read_data, read_text, text_from};
+pub use shown::{MOST_SHOWN, printable, shown, shown_most};

@@ -1,0 +1,305 @@
+//! PLY, a few elements at a time: what nobody asks for takes no memory.
+//!
+//! ply-rs-bw reads header and elements. What it does not look at is checked before: that a header
+//! ends, that its names are its own, that the data can be as many as it says, that a line of text
+//! is no file of its own.
+
+use std::collections::HashSet;
+
+use ply_rs_bw::parser::{ParseError, Parser, Reader};
+use ply_rs_bw::ply::{
+    ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyType,
+    ScalarType,
+};
+
+use crate::{check_lines, shown};
+
+/// Bytes of a header at most.
+const MOST_HEADER: usize = 1 << 20;
+/// Elements read at a time.
+const BATCH: usize = 1024;
+
+/// The data after a header, read so far as its elements have been.
+#[derive(Debug)]
+pub struct Body<'a> {
+    header: &'a Header,
+    reader: Reader<&'a [u8]>,
+}
+
+/// Reads a header; gives it and where the data begin.
+///
+/// # Errors
+///
+/// What is wrong: no PLY, a header without an end, a name that stands twice.
+pub fn header(bytes: &[u8]) -> Result<(Header, Reader<&[u8]>), String> {
+    check_names(&bytes[..bytes.len().min(MOST_HEADER)])?;
+    let mut reader = Reader::new(bytes);
+    let header = Parser::<Skipped>::new().read_header(&mut reader).map_err(malformed)?;
+    Ok((header, reader))
+}
+
+impl<'a> Body<'a> {
+    /// The data of a header, after the counts of its elements up to the one named have been held
+    /// against their size; all elements when it has none of that name.
+    ///
+    /// # Errors
+    ///
+    /// What is wrong: an element without properties, more elements than there are data for, a line
+    /// longer than 4 MB.
+    pub fn new(
+        header: &'a Header,
+        reader: Reader<&'a [u8]>,
+        last: Option<&str>,
+    ) -> Result<Self, String> {
+        let data: &[u8] = reader.get_ref();
+        let wanted = header.elements.values().position(|element| Some(&*element.name) == last);
+        let wanted = header.elements.values().take(wanted.map_or(usize::MAX, |at| at + 1));
+        check_counts(wanted, header.encoding, data.len())?;
+        if header.encoding == Encoding::Ascii {
+            check_lines(data)?;
+        }
+        Ok(Self { header, reader })
+    }
+
+    /// Hands over the elements of the next kind one by one. Kinds come in the header's order.
+    ///
+    /// # Errors
+    ///
+    /// What is wrong with the data, or what `take` says.
+    pub fn read<E: PropertyAccess, F: From<String>>(
+        &mut self,
+        element: &ElementDef,
+        mut take: impl FnMut(E) -> Result<(), F>,
+    ) -> Result<(), F> {
+        let mut left = element.count;
+        while left > 0 {
+            let batch = ElementDef { count: left.min(BATCH), ..element.clone() };
+            left -= batch.count;
+            let read =
+                Parser::<E>::new().read_payload_for_element(&mut self.reader, &batch, self.header);
+            read.map_err(|error| ended(&error, element))?.into_iter().try_for_each(&mut take)?;
+        }
+        Ok(())
+    }
+
+    /// Passes over the elements of the next kind.
+    ///
+    /// # Errors
+    ///
+    /// What is wrong with the data.
+    pub fn skip(&mut self, element: &ElementDef) -> Result<(), String> {
+        self.read(element, |Skipped| Ok(()))
+    }
+
+    /// The vertices, which must be the next kind.
+    ///
+    /// # Errors
+    ///
+    /// What is wrong with the data.
+    pub fn vertices(&mut self, element: &ElementDef) -> Result<Vec<[f32; 3]>, String> {
+        let mut vertices = Vec::new();
+        self.read(element, |Vertex(at)| {
+            vertices.push(at);
+            Ok::<_, String>(())
+        })?;
+        Ok(vertices)
+    }
+}
+
+/// The vertices' part of a header.
+///
+/// # Errors
+///
+/// When there is none, or it lacks one of x, y and z.
+pub fn vertex(header: &Header) -> Result<&ElementDef, String> {
+    let element = header.elements.get("vertex").ok_or("expected an `element vertex`")?;
+    let is_scalar = |axis: &&str| {
+        let property = element.properties.get(*axis);
+        property.is_some_and(|p| matches!(p.data_type, PropertyType::Scalar(_)))
+    };
+    match ["x", "y", "z"].iter().find(|axis| !is_scalar(axis)) {
+        Some(axis) => {
+            Err(format!("expected numeric vertex properties x, y and z, found no {axis:?}"))
+        }
+        None => Ok(element),
+    }
+}
+
+/// What nobody asks for.
+struct Skipped;
+
+impl PropertyAccess for Skipped {
+    fn new() -> Self {
+        Self
+    }
+}
+
+/// A vertex: whatever else it has is passed over.
+struct Vertex([f32; 3]);
+
+impl PropertyAccess for Vertex {
+    fn new() -> Self {
+        Self([0.0; 3])
+    }
+
+    fn set_property(&mut self, name: &str, value: Property) -> PropertyAccessResult {
+        let Some(axis) = ["x", "y", "z"].iter().position(|axis| *axis == name) else {
+            return PropertyAccessResult::Ignored;
+        };
+        let Some(value) = value.to_f32_lossy() else {
+            return PropertyAccessResult::UnsupportedType;
+        };
+        self.0[axis] = value;
+        PropertyAccessResult::Set
+    }
+}
+
+fn malformed(error: ParseError) -> String {
+    shown(&error.to_string())
+}
+
+/// The parser counts within its batch, so the end of a file is told here.
+fn ended(error: &ParseError, element: &ElementDef) -> String {
+    match error.kind() {
+        std::io::ErrorKind::UnexpectedEof => {
+            format!("end of file before the last of {} elements {:?}", element.count, element.name)
+        }
+        _ => shown(&error.to_string()),
+    }
+}
+
+/// Every name stands once: elements in the file, properties in their element. The parser keeps the
+/// last of a name, at the place of the first: all numbers after it would be others'.
+fn check_names(start: &[u8]) -> Result<(), String> {
+    let (mut elements, mut properties) = (HashSet::new(), HashSet::new());
+    for line in start.split(|&byte| byte == b'\n' || byte == b'\r') {
+        let words: Vec<&[u8]> =
+            line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).take(8).collect();
+        let (names, name) = match words[..] {
+            [b"end_header"] => return Ok(()),
+            [b"element", name, ..] => {
+                properties.clear();
+                (&mut elements, name)
+            }
+            [b"property", .., name] => (&mut properties, name),
+            _ => continue,
+        };
+        if !names.insert(name) {
+            let name = shown(&String::from_utf8_lossy(name));
+            return Err(format!("its header names {name:?} twice"));
+        }
+    }
+    match start.len() {
+        MOST_HEADER => Err(format!("no end_header in its first {} MB", MOST_HEADER >> 20)),
+        _ => Ok(()), // the parser says what is missing
+    }
+}
+
+/// A header may promise any number of elements; the file's size says how many there can be.
+fn check_counts<'h>(
+    elements: impl Iterator<Item = &'h ElementDef>,
+    encoding: Encoding,
+    length: usize,
+) -> Result<(), String> {
+    let mut needed = 0_usize;
+    for element in elements {
+        if element.properties.is_empty() && element.count > 0 {
+            let name = shown(&element.name);
+            return Err(format!("expected properties of the element {name:?}"));
+        }
+        let each = element.properties.values().map(|p| least_size(&p.data_type, encoding));
+        needed = needed.saturating_add(element.count.saturating_mul(each.sum()));
+    }
+    // The last line of an ASCII file may lack its end.
+    if needed > length + usize::from(encoding == Encoding::Ascii) {
+        return Err(format!(
+            "its header promises at least {needed} bytes of data, but {length} follow"
+        ));
+    }
+    Ok(())
+}
+
+/// Fewest bytes a property can take.
+fn least_size(kind: &PropertyType, encoding: Encoding) -> usize {
+    let (PropertyType::Scalar(scalar) | PropertyType::List(scalar, _)) = kind;
+    match scalar {
+        _ if encoding == Encoding::Ascii => 2, // a digit, and a blank or line end
+        ScalarType::Char | ScalarType::UChar => 1,
+        ScalarType::Short | ScalarType::UShort => 2,
+        ScalarType::Int | ScalarType::UInt | ScalarType::Float => 4,
+        ScalarType::Double => 8,
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    fn vertices(text: &str) -> Result<Vec<[f32; 3]>, String> {
+        let (header, reader) = header(text.as_bytes())?;
+        let vertex = vertex(&header)?;
+        let mut body = Body::new(&header, reader, Some("vertex"))?;
+        for element in header.elements.values() {
+            if element.name == "vertex" {
+                return body.vertices(vertex);
+            }
+            body.skip(element)?;
+        }
+        unreachable!("vertex() found them")
+    }
+
+    const XYZ: &str = "property float x\nproperty float y\nproperty float z\nend_header\n";
+
+    #[test]
+    fn more_elements_than_a_batch_come_in_their_order() {
+        let rows: String = (0..3000).map(|i| format!("{i} 0 {}\n", 2 * i)).collect();
+        let other = "7\n".repeat(2000);
+        let text = format!(
+            "ply\nformat ascii 1.0\nelement other 2000\nproperty int i\nelement vertex 3000\n{XYZ}\
+             {other}{rows}"
+        );
+        let found = vertices(&text).unwrap();
+        assert_eq!((found.len(), found[2999]), (3000, [2999.0, 0.0, 5998.0]));
+        let cut = vertices(text.trim_end().rsplit_once('\n').unwrap().0).unwrap_err();
+        assert!(cut.contains("end of file before the last of 3000 elements"), "{cut}");
+    }
+
+    #[test]
+    fn a_name_that_stands_twice_is_refused() {
+        let start = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\n";
+        for (more, name) in [
+            (format!("property uchar x\n{XYZ}"), "\"x\""),
+            (format!("property list uchar int x\n{XYZ}"), "\"x\""),
+            (format!("property float y\nelement vertex 1\n{XYZ}"), "\"vertex\""),
+        ] {
+            let said = vertices(&format!("{start}{more}1 1 1 1\n")).unwrap_err();
+            assert!(said.contains(name) && said.contains("twice"), "{said}");
+        }
+        let text = format!(
+            "ply\nformat ascii 1.0\nelement a 0\nproperty int x\nelement vertex 1\n{XYZ}1 2 3\n"
+        );
+        assert_eq!(vertices(&text).unwrap(), [[1.0, 2.0, 3.0]]);
+    }
+
+    #[test]
+    fn what_has_no_bounds_is_refused_in_few_words() {
+        let start = "ply\nformat ascii 1.0\nelement vertex 1\n";
+        let table = [
+            (format!("ply\n{}", "comment a\n".repeat(200_000)), "no end_header"),
+            (format!("{start}{XYZ}{} 2 3\n", "1".repeat(5 << 20)), "longer than 4 MB"),
+            (format!("ply\nformat ascii 1.0\n{}\n", "x\x1b".repeat(100_000)), "\\u{1b}"),
+            (format!("{start}{XYZ}1 {} 3\n", "two\x1b".repeat(100_000)), "\\u{1b}"),
+            (
+                format!("ply\nformat ascii 1.0\nelement a 5\nelement vertex 1\n{XYZ}1 2 3\n"),
+                "\"a\"",
+            ),
+            (format!("ply\nformat ascii 1.0\nelement vertex {}\n{XYZ}", u64::MAX), "promises"),
+        ];
+        for (text, part) in table {
+            let said = vertices(&text).unwrap_err();
+            assert!(said.contains(part) && said.len() < 1500, "{said}");
+            assert!(!said.contains('\x1b'), "{said}");
+        }
+    }
+}
