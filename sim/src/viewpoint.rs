@@ -126,21 +126,39 @@ pub fn sample_pairs(
     caster: &Raycaster,
     plan: &PairPlan,
 ) -> Result<Vec<PosePair>, ViewpointError> {
+    sample_pairs_aloud(scene, caster, plan, &|_, _| ())
+}
+
+/// [`sample_pairs`], and `progress` hears after every candidate how many pairs there are and how
+/// many candidates were tried: in a large place that takes a while.
+///
+/// # Errors
+///
+/// As of [`sample_pairs`].
+pub fn sample_pairs_aloud(
+    scene: &Scene,
+    caster: &Raycaster,
+    plan: &PairPlan,
+    progress: &dyn Fn(usize, usize),
+) -> Result<Vec<PosePair>, ViewpointError> {
     plan.check()?;
     let mut search = PairSearch {
         caster,
         plan,
         area: scene.area,
-        ground: GroundMap::survey(scene, caster),
+        ground: GroundMap::new(scene),
         territory: Territory::new(scene.area, plan.split),
         rejected: Rejections::default(),
         // Train and test draw from streams of their own, so that one's count does not move the
         // other's poses.
         rng: Generator::new(plan.seed, 100 + plan.split as u64),
     };
-    let attempts = plan.count * ATTEMPTS_A_PAIR;
-    let pairs: Vec<PosePair> =
-        (0..attempts).filter_map(|_| search.candidate()).take(plan.count).collect();
+    let (mut pairs, mut attempts) = (Vec::new(), 0);
+    while pairs.len() < plan.count && attempts < plan.patience(pairs.len()) {
+        pairs.extend(search.candidate());
+        attempts += 1;
+        progress(pairs.len(), attempts);
+    }
     if pairs.len() < plan.count {
         return Err(ViewpointError::NoViewpoint {
             scene: scene.name.clone(),
@@ -154,6 +172,12 @@ pub fn sample_pairs(
 }
 
 impl PairPlan {
+    /// Candidates tried with so many pairs found: for all pairs wanted, but where there are next to
+    /// none, for ten more.
+    fn patience(&self, found: usize) -> usize {
+        self.count.min(found + 10) * ATTEMPTS_A_PAIR
+    }
+
     fn check(&self) -> Result<(), ViewpointError> {
         let rules = [
             ("baseline_m", self.baseline_m, self.baseline_m >= 0.0, "distance in metres"),

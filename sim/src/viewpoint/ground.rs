@@ -1,5 +1,8 @@
 //! Which points of a place are ground: not a roof, a car, a canopy, a slope.
 
+use std::cell::RefCell;
+use std::collections::HashMap;
+
 use crate::raycast::Raycaster;
 use crate::scene::Scene;
 
@@ -12,29 +15,25 @@ const MAX_SLOPE: f64 = 0.35;
 /// And stands this much above what lies beside it, metres: kerbs, tufts.
 const ROUGH_M: f64 = 0.35;
 
-/// Heights of whatever the sky sees, on a grid round the viewpoints' area.
+/// Heights of whatever the sky sees, on a grid round the viewpoints' area. Each is looked up when
+/// somebody first asks for it: a place of 10 km has 25 million, a few thousand round its viewpoints.
 ///
 /// A point is ground when no neighbour lies below the cone that falls away from it with the
 /// steepest slope: the slope-based filter of airborne LiDAR (Vosselman 2000).
 pub(super) struct GroundMap {
     low: [f64; 2],
     size: [usize; 2],
-    heights: Vec<Option<f64>>,
+    heights: RefCell<HashMap<usize, Option<f64>>>,
     sky_m: f32,
 }
 
 impl GroundMap {
-    pub(super) fn survey(scene: &Scene, caster: &Raycaster) -> Self {
+    pub(super) fn new(scene: &Scene) -> Self {
         let (low, high) = scene.area;
         let sky_m = scene.mesh.bounds().map_or(0.0, |(_, top)| top[2]) + 1.0;
         let low = low.map(|x| f64::from(x) - REACH_M);
         let size = [0, 1].map(|i| ((f64::from(high[i]) + REACH_M - low[i]) / STEP_M) as usize + 1);
-        let at = |k: usize| {
-            [0, 1]
-                .map(|i| low[i] + STEP_M * (if i == 0 { k % size[0] } else { k / size[0] }) as f64)
-        };
-        let heights = (0..size[0] * size[1]).map(|k| from_the_sky(caster, at(k), sky_m)).collect();
-        Self { low, size, heights, sky_m }
+        Self { low, size, heights: RefCell::default(), sky_m }
     }
 
     /// Height of the ground at a point where one can stand, metres.
@@ -44,10 +43,17 @@ impl GroundMap {
             let beside = from_the_sky(caster, [at[0] + d[0], at[1] + d[1]], self.sky_m);
             beside.is_some_and(|b| (b - z).abs() < 0.5 * MAX_SLOPE + ROUGH_M)
         });
-        (level && self.is_lowest(at, z)).then_some(z)
+        (level && self.is_lowest(caster, at, z)).then_some(z)
     }
 
-    fn is_lowest(&self, at: [f64; 2], z: f64) -> bool {
+    /// Height at a point of the grid, metres.
+    fn height(&self, caster: &Raycaster, [i, j]: [usize; 2]) -> Option<f64> {
+        let at = [self.low[0] + STEP_M * i as f64, self.low[1] + STEP_M * j as f64];
+        let mut heights = self.heights.borrow_mut();
+        *heights.entry(j * self.size[0] + i).or_insert_with(|| from_the_sky(caster, at, self.sky_m))
+    }
+
+    fn is_lowest(&self, caster: &Raycaster, at: [f64; 2], z: f64) -> bool {
         let range = |axis: usize| {
             let middle = (at[axis] - self.low[axis]) / STEP_M;
             let first = (middle - REACH_M / STEP_M).max(0.0) as usize;
@@ -60,7 +66,7 @@ impl GroundMap {
                     self.low[1] + STEP_M * j as f64 - at[1],
                 );
                 let fall = ROUGH_M + MAX_SLOPE * (dx * dx + dy * dy).sqrt();
-                self.heights[j * self.size[0] + i].is_none_or(|low| z - low <= fall)
+                self.height(caster, [i, j]).is_none_or(|low| z - low <= fall)
             })
         })
     }
