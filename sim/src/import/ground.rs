@@ -28,6 +28,13 @@ impl Plane {
         self.a * x + self.b * y + self.c
     }
 
+    /// True for a plane that rises by a metre a metre at most, and lies no farther from the origin
+    /// than a place may reach, metres.
+    #[must_use]
+    pub fn is_ground(&self, max_reach_m: f32) -> bool {
+        self.a.abs() <= 1.0 && self.b.abs() <= 1.0 && self.c.abs() <= f64::from(max_reach_m)
+    }
+
     /// Asphalt under a mesh of these bounds and well past them.
     pub(super) fn mesh(&self, low: [f32; 3], high: [f32; 3]) -> Mesh {
         let count =

@@ -2,17 +2,21 @@
 
 mod fault;
 mod ground;
+mod library;
 mod obj;
 mod ply;
 
 use std::path::{Path, PathBuf};
 
+use echoloop_files::read_data;
 use thiserror::Error;
 
 use fault::Fault;
 
 use crate::scene::{MATERIALS, Mesh, MeshFault, Scene, Surface};
 pub use ground::Plane;
+pub use library::Libraries;
+use library::Shelf;
 
 /// What lies under an imported place.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -39,6 +43,8 @@ pub struct ImportOptions {
     pub default_surface: Surface,
     /// Largest coordinate a place may have, metres.
     pub max_reach_m: f32,
+    /// Which material libraries an OBJ may name.
+    pub libraries: Libraries,
 }
 
 impl Default for ImportOptions {
@@ -49,6 +55,7 @@ impl Default for ImportOptions {
             y_up: false,
             default_surface: Surface::Unknown,
             max_reach_m: 5000.0,
+            libraries: Libraries::Beside,
         }
     }
 }
@@ -96,15 +103,56 @@ pub enum ImportError {
 ///
 /// [`ImportError`], which names the file and what is wrong with it.
 pub fn load_scene(path: &Path, options: &ImportOptions) -> Result<Scene, ImportError> {
-    let extension =
-        path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
-    let read = || {
-        std::fs::read(path).map_err(|source| ImportError::Unreadable { path: path.into(), source })
-    };
-    let (format, mesh) = match extension.as_str() {
-        "ply" => ("PLY", ply::read(&read()?, options.default_surface)),
-        "obj" => ("OBJ", obj::read(&read()?, path.parent(), options.default_surface)),
-        _ => return Err(ImportError::UnknownFormat { path: path.into() }),
+    let format = Format::of(path)?;
+    let bytes =
+        read_data(path).map_err(|source| ImportError::Unreadable { path: path.into(), source })?;
+    parse(path, format, &bytes, options)
+}
+
+/// What [`load_scene`] makes of a file's bytes; `path` tells the format and where libraries lie.
+///
+/// # Errors
+///
+/// As of [`load_scene`].
+pub fn parse_scene(
+    path: &Path,
+    bytes: &[u8],
+    options: &ImportOptions,
+) -> Result<Scene, ImportError> {
+    parse(path, Format::of(path)?, bytes, options)
+}
+
+/// The formats there are.
+#[derive(Clone, Copy)]
+enum Format {
+    Ply,
+    Obj,
+}
+
+impl Format {
+    fn of(path: &Path) -> Result<Self, ImportError> {
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
+        match extension.to_ascii_lowercase().as_str() {
+            "ply" => Ok(Self::Ply),
+            "obj" => Ok(Self::Obj),
+            _ => Err(ImportError::UnknownFormat { path: path.into() }),
+        }
+    }
+}
+
+fn parse(
+    path: &Path,
+    format: Format,
+    bytes: &[u8],
+    options: &ImportOptions,
+) -> Result<Scene, ImportError> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let mut shelf = Shelf::new(folder.unwrap_or(Path::new(".")), options.libraries);
+    let (format, mesh) = match format {
+        Format::Ply => ("PLY", ply::read(bytes, options.default_surface)),
+        Format::Obj => {
+            ("OBJ", obj::read(bytes, &mut |names| shelf.open(names), options.default_surface))
+        }
     };
     let name = path
         .file_stem()
@@ -124,6 +172,9 @@ fn furnish(mut mesh: Mesh, name: String, options: &ImportOptions) -> Result<Scen
     mesh.check(MATERIALS.len(), options.max_reach_m)?;
     let (low, high) = mesh.bounds().ok_or(MeshFault::NoFaces)?;
     let plane = match options.ground {
+        Ground::Plane(plane) if !plane.is_ground(options.max_reach_m) => {
+            return Err(MeshFault::Ground { plane: [plane.a, plane.b, plane.c] }.into());
+        }
         Ground::Plane(plane) => Some(plane),
         Ground::None => None,
         Ground::Auto => (!ground::has_ground(&mesh)).then(|| ground::fit(&mesh)),

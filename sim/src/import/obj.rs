@@ -1,79 +1,230 @@
-//! OBJ: tobj reads it; faces are checked first, because tobj does not say which one is wrong.
+//! OBJ: positions, faces as fans, and the names that tell a face's surface.
+//!
+//! Read here and not by a crate: tobj panics on a normal's number beyond 2⁶² and on an MTL's
+//! `Kd 0.5`, which is legal, and opens any file that the mesh names. Of the format's forty keywords
+//! a scene needs six, all of them words on a line.
 
-use std::path::Path;
+use std::borrow::Cow;
+use std::collections::HashMap;
 
 use super::fault::Fault;
+use super::library::keyword;
 use crate::scene::{Mesh, MeshFault, Surface};
+use echoloop_files::shown;
 
-pub(super) fn read(bytes: &[u8], folder: Option<&Path>, default: Surface) -> Result<Mesh, Fault> {
-    check_faces(bytes)?;
-    let options = tobj::LoadOptions {
-        triangulate: true,
-        ignore_points: true,
-        ignore_lines: true,
-        ..Default::default()
-    };
-    // A missing library is no reason to refuse a mesh: names of materials are a hint.
-    let library = |name: &Path| tobj::load_mtl(folder.unwrap_or(Path::new(".")).join(name));
-    let (models, materials) = tobj::load_obj_buf(&mut &bytes[..], &options, library)
-        .map_err(|error| Fault::Format(format!("{error}; expected v and f lines")))?;
-    let materials = materials.unwrap_or_default();
-    let mut mesh = Mesh::default();
-    for model in &models {
-        let library =
-            model.mesh.material_id.and_then(|id| materials.get(id)).map(|m| m.name.as_str());
-        let names = [library, Some(model.name.as_str())];
-        let surface =
-            names.into_iter().flatten().find_map(Surface::from_loose_name).unwrap_or(default);
-        mesh.append(&Mesh {
-            vertices: model.mesh.positions.as_chunks().0.to_vec(),
-            triangles: model.mesh.indices.as_chunks().0.to_vec(),
-            materials: vec![surface.index(); model.mesh.indices.len() / 3],
-        });
-    }
-    Ok(mesh)
-}
+/// What an `mtllib` line names, opened: surfaces of materials by their names.
+pub(super) type Library<'a> = dyn FnMut(&str) -> Result<Vec<(String, Surface)>, String> + 'a;
 
-/// Every face has three corners or more, and each is a vertex of the file.
-fn check_faces(bytes: &[u8]) -> Result<(), Fault> {
+/// The faces of a file with what lies under their vertices; `library` reads what an `mtllib` line
+/// names.
+pub(super) fn read(
+    bytes: &[u8],
+    library: &mut Library<'_>,
+    default: Surface,
+) -> Result<Mesh, Fault> {
     let text =
         std::str::from_utf8(bytes).map_err(|e| Fault::Format(format!("expected text: {e}")))?;
-    let vertices = text.lines().filter(|line| line.trim_start().starts_with("v ")).count();
-    let (mut before, mut face) = (0, 0);
-    for (number, line) in text.lines().enumerate() {
-        let mut words = line.split_whitespace();
-        match words.next() {
-            Some("v") => before += 1,
-            Some("f") => {
-                let corners = words.map(|word| corner(word, before)).collect::<Option<Vec<i64>>>();
-                check_face(corners, face, number + 1, vertices)?;
-                face += 1;
-            }
-            _ => {}
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+    let vertices = lines(text).filter(|(_, line)| keyword(line).0 == "v").count();
+    let mut reader = Reader::new(vertices, default);
+    for (number, line) in lines(text) {
+        reader.line(&line, library).map_err(|fault| match fault {
+            Fault::Format(what) => Fault::Format(format!("line {number}: {what}")),
+            Fault::Mesh(_) => fault,
+        })?;
+    }
+    Ok(reader.finish())
+}
+
+/// Lines with their numbers, from 1; one that ends in a backslash goes on in the next.
+fn lines(text: &str) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
+    let mut rest = text.lines().zip(1..);
+    std::iter::from_fn(move || {
+        let (line, number) = rest.next()?;
+        let mut line = Cow::Borrowed(line);
+        while let Some(start) = line.strip_suffix('\\') {
+            let next = rest.next().map_or("", |(next, _)| next);
+            line = Cow::Owned([start, " ", next].concat());
+        }
+        Some((number, line))
+    })
+}
+
+/// A file read so far.
+struct Reader {
+    /// Corners are numbers of positions until the file ends.
+    mesh: Mesh,
+    positions: Vec<[f32; 3]>,
+    /// Positions of the whole file.
+    vertices: usize,
+    faces: usize,
+    library: HashMap<String, Surface>,
+    group: Option<Surface>,
+    material: Option<Surface>,
+    default: Surface,
+}
+
+impl Reader {
+    fn new(vertices: usize, default: Surface) -> Self {
+        Self {
+            mesh: Mesh::default(),
+            positions: Vec::with_capacity(vertices),
+            vertices,
+            faces: 0,
+            library: HashMap::new(),
+            group: None,
+            material: None,
+            default,
         }
     }
-    Ok(())
-}
 
-fn check_face(
-    corners: Option<Vec<i64>>,
-    face: usize,
-    line: usize,
-    vertices: usize,
-) -> Result<(), Fault> {
-    let Some(corners) = corners.filter(|corners| corners.len() >= 3) else {
-        return Err(Fault::Format(format!(
-            "line {line}: expected a face of three or more vertex numbers"
-        )));
-    };
-    match corners.into_iter().find(|&index| index < 0 || index >= vertices as i64) {
-        Some(index) => Err(MeshFault::IndexOutOfRange { face, index, vertices }.into()),
-        None => Ok(()),
+    fn line(&mut self, line: &str, library: &mut Library<'_>) -> Result<(), Fault> {
+        let (keyword, rest) = keyword(line);
+        match keyword {
+            "v" => self.positions.push(position(rest)?),
+            "f" => self.face(rest)?,
+            "o" | "g" => self.group = Surface::from_loose_name(rest),
+            "usemtl" => {
+                let listed = || self.library.get(rest).copied();
+                self.material = Surface::from_loose_name(rest).or_else(listed);
+            }
+            "mtllib" => self.library.extend(library(rest)?),
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// A polygon becomes a fan from its first corner.
+    fn face(&mut self, words: &str) -> Result<(), Fault> {
+        let (mut first, mut last, mut count) = (0, 0, 0_usize);
+        for word in words.split_whitespace() {
+            let corner = self.corner(word)?;
+            match count {
+                0 => first = corner,
+                1 => {}
+                _ => self.mesh.triangles.push([first, last, corner]),
+            }
+            (last, count) = (corner, count + 1);
+        }
+        if count < 3 {
+            let face = self.faces;
+            return Err(Fault::Format(format!(
+                "face {face} has {count} corners, expected three or more vertex numbers"
+            )));
+        }
+        let surface = self.material.or(self.group).unwrap_or(self.default);
+        self.mesh.materials.resize(self.mesh.triangles.len(), surface.index());
+        self.faces += 1;
+        Ok(())
+    }
+
+    /// The position of a corner, which may come after the face.
+    fn corner(&self, word: &str) -> Result<u32, Fault> {
+        let number = vertex_number(word).ok_or_else(|| {
+            let word = shown(word);
+            Fault::Format(format!("expected a vertex number as 7, 7/1, 7//2 or -1, found {word:?}"))
+        })?;
+        // 1 is the first of the file, -1 the last so far.
+        let so_far = self.positions.len() as i64;
+        let index = if number < 0 { so_far.saturating_add(number) } else { number - 1 };
+        let (face, vertices) = (self.faces, self.vertices);
+        let corner = u32::try_from(index).ok().filter(|&i| (i as usize) < vertices);
+        corner.ok_or(MeshFault::IndexOutOfRange { face, index, vertices }.into())
+    }
+
+    /// The mesh with the positions that are corners, in the order of their faces.
+    fn finish(mut self) -> Mesh {
+        let mut places = vec![u32::MAX; self.positions.len()];
+        for corner in self.mesh.triangles.as_flattened_mut() {
+            let place = &mut places[*corner as usize];
+            if *place == u32::MAX {
+                *place = self.mesh.vertices.len() as u32;
+                self.mesh.vertices.push(self.positions[*corner as usize]);
+            }
+            *corner = *place;
+        }
+        self.mesh
     }
 }
 
-/// Index from 0 of "7", "7/1", "7//2" or, counted backwards, "-1".
-fn corner(word: &str, before: i64) -> Option<i64> {
-    let number: i64 = word.split('/').next()?.parse().ok()?;
-    Some(if number < 0 { before + number } else { number - 1 })
+/// The first three numbers of a `v` line; a weight and colours may follow.
+fn position(words: &str) -> Result<[f32; 3], Fault> {
+    let mut words = words.split_whitespace();
+    let mut number = || words.next().and_then(|word| word.parse().ok());
+    match [number(), number(), number()] {
+        [Some(x), Some(y), Some(z)] => Ok([x, y, z]),
+        _ => Err(Fault::Format("expected a position of three numbers after v".into())),
+    }
+}
+
+/// First number of "7", "7/1", "7//2" or "7/1/2"; the others, of textures and normals, must be
+/// numbers too, but of nothing that a scene has.
+fn vertex_number(word: &str) -> Option<i64> {
+    let mut parts = word.split('/');
+    let number = parts.next()?.parse().ok()?;
+    let others: Vec<&str> = parts.take(3).collect();
+    let is_number = |part: &&str| part.is_empty() || part.parse::<i64>().is_ok();
+    (others.len() < 3 && others.iter().all(is_number)).then_some(number)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    fn parse(text: &str) -> Result<Mesh, Fault> {
+        read(text.as_bytes(), &mut |_| Ok(Vec::new()), Surface::Unknown)
+    }
+
+    #[test]
+    fn every_way_to_name_a_corner_gives_the_same_triangle() {
+        let v = "v 9 9 9\nv 0 0 0\nv 1 0 0 0.5\nv 0 1 0 1 0 0\n";
+        let faces = [
+            "f 2 3 4",
+            "f 2/1 3/2 4/3",
+            "f 2//1 3//6148914691236517206 4//1",
+            "f -3 -2 -1",
+            "f 2/1/1 \\\n 3/1/1 \\\r\n 4",
+            "\tf\t2 3   4 ",
+        ];
+        for face in faces {
+            let mesh = parse(&format!("{v}{face}\n")).unwrap();
+            assert_eq!(mesh.vertices, [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.]], "{face}");
+            assert_eq!(mesh.triangles, [[0, 1, 2]], "{face}");
+        }
+        assert_eq!(parse(&format!("f 2 3 4\n{v}")).unwrap().triangles, [[0, 1, 2]]);
+    }
+
+    #[test]
+    fn a_corner_that_is_no_vertex_is_refused() {
+        let v = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+        let huge = [i64::MAX, i64::MIN, 4, 0, -4, 1 << 32, 6_148_914_691_236_517_206];
+        for number in huge.map(|n| n.to_string()) {
+            let found = parse(&format!("{v}f 1 2 {number}\n"));
+            assert!(matches!(found, Err(Fault::Mesh(_))), "{number}: {found:?}");
+        }
+        for word in ["1/2/3/4", "1.5", "/1", "9223372036854775808", "1/x", "1//-"] {
+            let Err(Fault::Format(what)) = parse(&format!("{v}f 1 2 {word}\n")) else {
+                panic!("{word} was taken");
+            };
+            assert!(what.starts_with("line 4: expected a vertex number"), "{what}");
+        }
+    }
+
+    #[test]
+    fn a_surface_is_told_by_material_library_or_group() {
+        let v = "v 0 0 0\nv 1 0 0\nv 0 1 0\nmtllib a.mtl\n";
+        let mut library = |name: &str| {
+            assert_eq!(name, "a.mtl");
+            Ok(vec![("Material.001".to_owned(), Surface::Glass)])
+        };
+        let text = format!(
+            "{v}f 1 2 3\ng red_brick wall\nf 1 2 3\nusemtl Material.001\nf 1 2 3\n\
+             usemtl asphalt_9\nf 1 2 3\nusemtl zz\nf 1 2 3\n"
+        );
+        let mesh = read(text.as_bytes(), &mut library, Surface::Unknown).unwrap();
+        let names =
+            [Surface::Unknown, Surface::Brick, Surface::Glass, Surface::Asphalt, Surface::Brick];
+        assert_eq!(mesh.materials, names.map(Surface::index));
+    }
 }

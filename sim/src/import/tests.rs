@@ -129,7 +129,7 @@ fn no_prefix_of_a_file_and_no_flipped_byte_panics() {
                f 1/1/1 2/1/1 -1//1\nf 1 2 3\n";
     // The readers themselves: no file for each of these.
     let read_ply = |bytes: &[u8]| drop(ply::read(bytes, Surface::Unknown));
-    let read_obj = |bytes: &[u8]| drop(obj::read(bytes, None, Surface::Unknown));
+    let read_obj = |bytes: &[u8]| drop(obj::read(bytes, &mut |_| Ok(Vec::new()), Surface::Unknown));
     for_all_damage(text.as_bytes(), read_ply);
     for_all_damage(&binary, read_ply);
     for_all_damage(obj.as_bytes(), read_obj);
@@ -198,6 +198,36 @@ fn a_scene_written_as_ply_comes_back_without_new_ground() {
     let again = load_scene(&path, &ImportOptions::default()).expect("the same scene");
     assert_eq!(again.mesh.vertices, scene.mesh.vertices);
     assert_eq!(again.mesh.triangles, scene.mesh.triangles);
+}
+
+#[test]
+fn a_plane_that_is_no_ground_is_refused() {
+    let text = "v 0 0 0\nv 10 0 0\nv 0 10 0\nf 1 2 3\n";
+    let load = |a, b, c| {
+        let ground = Ground::Plane(Plane { a, b, c });
+        let options = ImportOptions { ground, ..ImportOptions::default() };
+        parse_scene(Path::new("tri.obj"), text.as_bytes(), &options)
+    };
+    for bad in [
+        [1e38, 0.0, 0.0],
+        [0.0, -1.5, 0.0],
+        [0.0, 0.0, 1e300],
+        [0.0, 0.0, f64::NAN],
+        [f64::INFINITY, 0.0, 0.0],
+    ] {
+        let said = load(bad[0], bad[1], bad[2]).expect_err("no ground").to_string();
+        assert!(said.contains("must rise by 1 m a metre at most"), "{said}");
+    }
+    let scene = load(0.5, -1.0, -5000.0).expect("steep, but ground");
+    assert!(scene.mesh.vertices.iter().flatten().all(|x| x.is_finite()));
+}
+
+#[test]
+fn a_mesh_names_no_library_of_another_folder() {
+    let text = "mtllib ../a.mtl\nv 0 0 0\nv 10 0 0\nv 0 10 0\nf 1 2 3\n";
+    let said = load("tri.obj", text.as_bytes()).expect_err("another folder").to_string();
+    assert!(said.contains("line 1: mtllib \"../a.mtl\" lies in another folder"), "{said}");
+    assert!(said.contains("scene.libraries"), "{said}");
 }
 
 fn assert_scannable(scene: &Scene, split: Split) {

@@ -51,6 +51,15 @@ pub enum MeshFault {
         /// Faces there are.
         faces: usize,
     },
+    /// The plane asked for is no ground: too steep, too far, or no numbers.
+    #[error(
+        "its ground z = {}·x + {}·y + {} must rise by 1 m a metre at most and lie within its reach",
+        plane[0], plane[1], plane[2]
+    )]
+    Ground {
+        /// Slope along x, slope along y, height at the origin in metres.
+        plane: [f64; 3],
+    },
     /// The mesh is larger than a place: wrong unit, or coordinates of another origin.
     #[error(
         "it reaches {reach_m} m from its origin, more than {max_m} m: is its unit the metre and \

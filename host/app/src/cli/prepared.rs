@@ -61,8 +61,7 @@ impl Prepared {
         let (hardware, sensor) = (identity.hardware, described(&sensors, &identity));
         let start = Parameters::start(&config, &hardware).map_err(Failure::usage)?;
         progress.begin("scanning", 1000);
-        let dataset =
-            Dataset::build(&config, &|fraction, _| progress.at((fraction * 1000.0) as u64))?;
+        let dataset = Dataset::build(&config, &|fraction, what| progress.at_what(fraction, what))?;
         Ok(Self { config, dataset, start, hardware, sensors, sensor })
     }
 

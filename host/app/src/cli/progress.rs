@@ -4,11 +4,13 @@
 use std::io::IsTerminal;
 use std::time::Duration;
 
+use echoloop_files::shown;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::experiment::evaluate::median;
 use crate::experiment::journal::Generation;
 use crate::experiment::tune::Observer;
+use crate::said::say;
 
 /// Shows how far the work is.
 pub(super) struct Progress {
@@ -39,7 +41,7 @@ impl Progress {
         self.bar.set_message(name.to_owned());
         self.bar.enable_steady_tick(Duration::from_millis(250));
         if self.lines {
-            eprintln!("{name} …");
+            say(format_args!("{name} …"));
         }
     }
 
@@ -48,10 +50,16 @@ impl Progress {
         self.bar.set_position(step);
     }
 
+    /// How far a part of 1000 steps is, as a fraction, and what it is at.
+    pub(super) fn at_what(&self, fraction: f64, what: &str) {
+        self.at((fraction * 1000.0) as u64);
+        self.bar.set_message(shown(what));
+    }
+
     /// A remark.
     pub(super) fn say(&self, text: &str) {
         if self.lines {
-            eprintln!("{text}");
+            say(text);
         } else {
             self.bar.println(text);
         }

@@ -5,12 +5,13 @@ use std::sync::Arc;
 
 use clap::Args;
 use echoloop_frontend::SceneResponse;
-use echoloop_sim::viewpoint::{PairPlan, Split, sample_pairs};
+use echoloop_sim::viewpoint::{PairPlan, Split, sample_pairs_aloud};
 use nalgebra::{Translation3, UnitQuaternion, Vector3};
 
 use super::choice::{described, hold_to};
 use super::common::{Setup, on_threads};
 use super::exit::Failure;
+use super::progress::Progress;
 use crate::experiment::config::RunConfig;
 use crate::experiment::dataset::{DatasetError, place, respond};
 use crate::experiment::files::Output;
@@ -110,7 +111,7 @@ fn seen(
     let place = place(config, town)?;
     let world_from_sensor = match &args.pose {
         Some(numbers) => pose(numbers)?,
-        None => first_viewpoint(config, &place, town)?,
+        None => first_viewpoint(config, &place, town, args.setup.common.quiet)?,
     };
     let response = Arc::new(respond(config, &place, &world_from_sensor, directions));
     Ok(Some(Seen { scene: place.scene.name, world_from_sensor, response }))
@@ -132,6 +133,7 @@ fn first_viewpoint(
     config: &RunConfig,
     place: &crate::experiment::dataset::Place,
     town: u64,
+    quiet: bool,
 ) -> Result<Pose, Failure> {
     let plan = PairPlan {
         count: 1,
@@ -142,7 +144,12 @@ fn first_viewpoint(
         seed: derive(config.seed, Purpose::TrainPoses, town),
         split: Split::Train,
     };
-    let pairs = sample_pairs(&place.scene, &place.caster, &plan);
+    let progress = Progress::new(quiet);
+    progress.begin("viewpoint", 2000);
+    let pairs = sample_pairs_aloud(&place.scene, &place.caster, &plan, &|_, tried| {
+        progress.at(tried as u64);
+    });
+    progress.end();
     let pairs = pairs
         .map_err(|source| DatasetError::Viewpoints { scene: place.scene.name.clone(), source })?;
     pairs

@@ -43,7 +43,7 @@ fn answer(args: &ServeArgs, config: &RunConfig) -> Result<(), Failure> {
     let mut port = port.map_err(|reason| SensorError::open(&args.port, reason))?;
     let progress = Progress::new(args.quiet);
     progress.begin("scanning", 1000);
-    let dataset = Dataset::build(config, &|fraction, _| progress.at((fraction * 1000.0) as u64))?;
+    let dataset = Dataset::build(config, &|fraction, what| progress.at_what(fraction, what))?;
     progress.end();
     let views: Vec<_> = dataset.views().map(Arc::clone).collect();
     stop.listen();

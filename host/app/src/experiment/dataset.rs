@@ -7,16 +7,17 @@ use std::path::Path;
 use std::sync::Arc;
 
 use echoloop_dsp::ScanPattern;
+use echoloop_files::shown;
 use echoloop_frontend::SceneResponse;
-use echoloop_sim::import::{Ground, ImportError, ImportOptions, Plane, load_scene};
+use echoloop_sim::import::{ImportError, load_scene};
 use echoloop_sim::raycast::Raycaster;
 use echoloop_sim::scanner::{BeamOptics, Scanner};
 use echoloop_sim::scene::{Scene, SceneKind, generate};
-use echoloop_sim::viewpoint::{PairPlan, PosePair, Split, ViewpointError, sample_pairs};
+use echoloop_sim::viewpoint::{PairPlan, PosePair, Split, ViewpointError, sample_pairs_aloud};
 use nalgebra::Vector3;
 use thiserror::Error;
 
-use crate::experiment::config::RunConfig;
+use crate::experiment::config::{RunConfig, RunConfigError};
 use crate::experiment::scan_cloud::directions;
 use crate::experiment::seed::{Purpose, derive};
 use echoloop_registration::pose::{Pose, relative};
@@ -34,9 +35,9 @@ pub enum DatasetError {
          that exists"
     )]
     Source(String),
-    /// `scene.ground` is not understood.
-    #[error("scene.ground = {0:?} must be auto, none, or a plane as a,b,c (z = a·x + b·y + c, m)")]
-    Ground(String),
+    /// A key of `[scene]` is out of bounds.
+    #[error(transparent)]
+    Config(#[from] RunConfigError),
     /// Nowhere to stand.
     #[error("{scene}: {source}")]
     Viewpoints {
@@ -116,10 +117,16 @@ impl Dataset {
             let place = place(config, *town)?;
             dataset.triangles += place.scene.mesh.triangles.len();
             for split in [Split::Train, Split::Test] {
-                let poses = poses(config, &place, split, (index, towns.len()), *town)?;
+                let done = |d: &Self| (d.train.len() + d.test.len()) as f64 / total;
+                let looking = |found, tried| {
+                    if tried % 100 == 0 {
+                        let text = format!("viewpoint {} after {tried} tries", found + 1);
+                        progress(done(&dataset), &text);
+                    }
+                };
+                let poses = poses(config, &place, split, (index, towns.len()), *town, &looking)?;
                 for pair in poses {
-                    let done = (dataset.train.len() + dataset.test.len()) as f64 / total;
-                    progress(done, &place.scene.name);
+                    progress(done(&dataset), &place.scene.name);
                     let number = match split {
                         Split::Train => dataset.train.len(),
                         Split::Test => config.data.train_pairs + dataset.test.len(),
@@ -166,37 +173,13 @@ pub fn place(config: &RunConfig, town: u64) -> Result<Place, DatasetError> {
             let path = Path::new(source);
             let looks_like_a_file = path.extension().is_some() || path.exists();
             if !looks_like_a_file {
-                return Err(DatasetError::Source(source.clone()));
+                return Err(DatasetError::Source(shown(source)));
             }
-            load_scene(
-                path,
-                &ImportOptions {
-                    ground: ground(&config.scene.ground)?,
-                    ..ImportOptions::default()
-                },
-            )?
+            load_scene(path, &config.scene.import()?)?
         }
     };
     let caster = Raycaster::new(&scene);
     Ok(Place { scene, caster })
-}
-
-fn ground(text: &str) -> Result<Ground, DatasetError> {
-    let error = || DatasetError::Ground(text.to_owned());
-    match text {
-        "auto" => Ok(Ground::Auto),
-        "none" => Ok(Ground::None),
-        _ => {
-            let numbers: Result<Vec<f64>, _> =
-                text.split(',').map(|part| part.trim().parse()).collect();
-            match numbers.map_err(|_| error())?.as_slice() {
-                &[a, b, c] if [a, b, c].iter().all(|v| v.is_finite()) => {
-                    Ok(Ground::Plane(Plane { a, b, c }))
-                }
-                _ => Err(error()),
-            }
-        }
-    }
 }
 
 /// This town's share of the pairs.
@@ -206,6 +189,7 @@ fn poses(
     split: Split,
     (index, towns): (usize, usize),
     town: u64,
+    looking: &dyn Fn(usize, usize),
 ) -> Result<Vec<PosePair>, DatasetError> {
     let data = &config.data;
     let (total, purpose) = match split {
@@ -222,7 +206,7 @@ fn poses(
         seed: derive(config.seed, purpose, town),
         split,
     };
-    sample_pairs(&place.scene, &place.caster, &plan)
+    sample_pairs_aloud(&place.scene, &place.caster, &plan, looking)
         .map_err(|source| DatasetError::Viewpoints { scene: place.scene.name.clone(), source })
 }
 

@@ -20,14 +20,12 @@ use echoloop_sim::board::hardware_for;
 use serde::{Deserialize, Serialize};
 
 use crate::link::sensor::Model;
-use error::require;
-
 pub use data::DataConfig;
 pub use echoloop_registration::{FgrMode, Method};
 pub use emitter::EmitterConfig;
 pub use error::RunConfigError;
 pub use lidar::Lidar;
-pub use load::{LoadError, Override, load};
+pub use load::{LoadError, Override, load, parse};
 pub use motion::{JitterPer, Motion};
 pub use registration::RegistrationConfig;
 pub use scanner::ScannerConfig;
@@ -120,13 +118,7 @@ impl RunConfig {
         self.emitter.check()?;
         self.data.check()?;
         self.tune.check()?;
-        let towns = &self.scene.towns;
-        require(
-            "scene.towns",
-            format!("{towns:?}"),
-            !towns.is_empty() && towns.len() <= 100,
-            "1 to 100 seeds",
-        )
+        self.scene.check()
     }
 }
 

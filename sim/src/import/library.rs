@@ -1,0 +1,212 @@
+//! MTL: the files that an OBJ names, and what they say of its materials.
+//!
+//! ```text
+//! newmtl Material.012               a material of an OBJ's usemtl
+//! map_Kd -bm 1 textures/brick.png   its picture, whose name tells the surface
+//! ```
+//!
+//! A mesh may come from anybody, and the files it names are opened on its word: only regular files
+//! below its own folder are, unless asked for, so that a mesh neither reads what its author may not
+//! nor waits for a pipe.
+
+use std::collections::HashSet;
+use std::fs;
+use std::path::{Component, Path, PathBuf};
+
+use crate::scene::Surface;
+use echoloop_files::{MOST_TEXT, read_text, shown};
+
+/// Material libraries of a mesh at most.
+const MOST_LIBRARIES: usize = 16;
+
+/// Which material libraries an OBJ may name. They are a hint: one that is not there is no fault.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Libraries {
+    /// Files in its own folder and below.
+    #[default]
+    Beside,
+    /// Regular files anywhere.
+    Anywhere,
+    /// None is opened.
+    None,
+}
+
+/// Opens the libraries of one mesh.
+pub(super) struct Shelf<'a> {
+    folder: &'a Path,
+    which: Libraries,
+    opened: HashSet<PathBuf>,
+    bytes: u64,
+}
+
+impl<'a> Shelf<'a> {
+    /// For a mesh in a folder.
+    pub(super) fn new(folder: &'a Path, which: Libraries) -> Self {
+        Self { folder, which, opened: HashSet::new(), bytes: 0 }
+    }
+
+    /// Surfaces of the materials that an `mtllib` line's files tell.
+    pub(super) fn open(&mut self, names: &str) -> Result<Vec<(String, Surface)>, String> {
+        if self.which == Libraries::None || names.is_empty() {
+            return Ok(Vec::new());
+        }
+        // One name with blanks, as some programs write it, or several without.
+        let whole = (self.folder.join(names).exists()).then_some(names);
+        let mut found = Vec::new();
+        for name in whole.into_iter().chain(names.split_whitespace().filter(|_| whole.is_none())) {
+            if let Some(path) = self.find(name)? {
+                found.extend(self.read(&path, name)?);
+            }
+        }
+        Ok(found)
+    }
+
+    /// Where a library lies that may be read and has not been; `None` where there is none.
+    fn find(&mut self, name: &str) -> Result<Option<PathBuf>, String> {
+        let elsewhere = || {
+            let name = shown(name);
+            Err(format!(
+                "mtllib {name:?} lies in another folder than the mesh: it is read with \
+                 scene.libraries = \"anywhere\", and with \"none\" no library is"
+            ))
+        };
+        let is_below = |part| matches!(part, Component::Normal(_) | Component::CurDir);
+        if self.which == Libraries::Beside && !Path::new(name).components().all(is_below) {
+            return elsewhere();
+        }
+        let Ok(path) = fs::canonicalize(self.folder.join(name)) else { return Ok(None) };
+        // A link may lead elsewhere too.
+        let home = fs::canonicalize(self.folder).unwrap_or_default();
+        if self.which == Libraries::Beside && !path.starts_with(home) {
+            return elsewhere();
+        }
+        if !fs::metadata(&path).is_ok_and(|found| found.is_file()) {
+            return Err(format!("mtllib {:?} is no regular file", shown(name)));
+        }
+        if self.opened.len() == MOST_LIBRARIES && !self.opened.contains(&path) {
+            return Err(format!("mtllib {:?} is one of more than {MOST_LIBRARIES}", shown(name)));
+        }
+        Ok(self.opened.insert(path.clone()).then_some(path))
+    }
+
+    fn read(&mut self, path: &Path, name: &str) -> Result<Vec<(String, Surface)>, String> {
+        let named = |what: &dyn std::fmt::Display| format!("mtllib {:?}: {what}", shown(name));
+        self.bytes += fs::metadata(path).map_err(|error| named(&error))?.len();
+        if self.bytes > MOST_TEXT {
+            let most = MOST_TEXT >> 20;
+            return Err(named(&format_args!("all of the mesh have more than {most} MB")));
+        }
+        Ok(surfaces(&read_text(path).map_err(|error| named(&error))?))
+    }
+}
+
+/// First word of a line, and what follows it.
+pub(super) fn keyword(line: &str) -> (&str, &str) {
+    let line = line.trim();
+    line.split_once(char::is_whitespace).map_or((line, ""), |(word, rest)| (word, rest.trim()))
+}
+
+/// Surfaces of materials, by the name of the material's picture.
+pub(super) fn surfaces(text: &str) -> Vec<(String, Surface)> {
+    let (mut found, mut material) = (Vec::new(), "");
+    for line in text.lines() {
+        let (keyword, rest) = keyword(line);
+        match keyword {
+            "newmtl" => material = rest,
+            "map_Kd" if !material.is_empty() => {
+                // Options come first, the file's name last.
+                let picture = rest.rsplit(['/', '\\']).next().unwrap_or_default();
+                let surface = Surface::from_loose_name(picture);
+                found.extend(surface.map(|surface| (material.to_owned(), surface)));
+            }
+            _ => {}
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_tells_the_surface_of_a_material_without_a_telling_name() {
+        let text = "# a\nnewmtl Material.012\n\tKd 0.5\nmap_Kd -bm 1 ..\\tex/red_brick.png\n\
+                    newmtl two words\nmap_Kd x.png\nNs\nnewmtl\nmap_Kd glass.png\n";
+        assert_eq!(surfaces(text), [("Material.012".to_owned(), Surface::Brick)]);
+        assert_eq!(surfaces("map_Kd brick.png\n"), []);
+    }
+
+    /// A folder with a mesh's folder in it, and libraries in both.
+    fn folders() -> tempfile::TempDir {
+        let outer = tempfile::tempdir().unwrap();
+        fs::create_dir_all(outer.path().join("mesh/below")).unwrap();
+        for name in ["out.mtl", "mesh/in.mtl", "mesh/two words.mtl", "mesh/below/deep.mtl"] {
+            fs::write(outer.path().join(name), "newmtl a\nmap_Kd brick.png\n").unwrap();
+        }
+        outer
+    }
+
+    #[test]
+    fn libraries_below_the_meshes_folder_are_read_once_and_missing_ones_passed_over() {
+        let outer = folders();
+        let home = outer.path().join("mesh");
+        let mut shelf = Shelf::new(&home, Libraries::Beside);
+        let known = [("a".to_owned(), Surface::Brick)];
+        for name in ["in.mtl", "two words.mtl", "lost.mtl ./below/deep.mtl"] {
+            assert_eq!(shelf.open(name).unwrap(), known, "{name}");
+        }
+        assert_eq!(shelf.open("in.mtl lost.mtl").unwrap(), []);
+        assert_eq!(shelf.open("").unwrap(), []);
+    }
+
+    #[test]
+    fn a_library_of_another_folder_is_read_only_when_asked_for() {
+        let outer = folders();
+        let home = outer.path().join("mesh");
+        let absolute = outer.path().join("out.mtl").display().to_string();
+        #[cfg(unix)]
+        std::os::unix::fs::symlink("../out.mtl", home.join("link.mtl")).unwrap();
+        for name in ["../out.mtl", "below/../../out.mtl", &absolute, "link.mtl", "/dev/zero"] {
+            let said = Shelf::new(&home, Libraries::Beside).open(name).unwrap_err();
+            assert!(said.contains("another folder"), "{name}: {said}");
+            assert_eq!(Shelf::new(&home, Libraries::None).open(name).unwrap(), []);
+        }
+        for name in ["../out.mtl", &absolute, "link.mtl"] {
+            let found = Shelf::new(&home, Libraries::Anywhere).open(name).unwrap();
+            assert_eq!(found, [("a".to_owned(), Surface::Brick)], "{name}");
+        }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_is_no_regular_file_is_not_opened() {
+        let outer = folders();
+        let home = outer.path().join("mesh");
+        let said = Shelf::new(&home, Libraries::Anywhere).open("/dev/zero").unwrap_err();
+        assert!(said.contains("no regular file"), "{said}");
+        let made = std::process::Command::new("mkfifo").arg(home.join("pipe.mtl")).status();
+        assert!(made.is_ok_and(|made| made.success()));
+        let said = Shelf::new(&home, Libraries::Beside).open("pipe.mtl").unwrap_err();
+        assert!(said.contains("no regular file"), "{said}");
+        let said = Shelf::new(&home, Libraries::Beside).open("below").unwrap_err();
+        assert!(said.contains("no regular file"), "{said}");
+    }
+
+    #[test]
+    fn libraries_are_bounded_in_number_and_size() {
+        let home = tempfile::tempdir().unwrap();
+        let mut names = String::new();
+        for i in 0..50 {
+            fs::write(home.path().join(format!("{i}.mtl")), "").unwrap();
+            names += &format!("{i}.mtl ");
+        }
+        let said = Shelf::new(home.path(), Libraries::Beside).open(&names).unwrap_err();
+        assert_eq!(said, "mtllib \"16.mtl\" is one of more than 16");
+        let big = fs::File::create(home.path().join("big.mtl")).unwrap();
+        big.set_len(MOST_TEXT + 1).unwrap();
+        let said = Shelf::new(home.path(), Libraries::Beside).open("big.mtl").unwrap_err();
+        assert!(said.contains("more than 16 MB"), "{said}");
+    }
+}
