@@ -3,6 +3,7 @@
 pub mod eigen;
 mod error;
 pub mod kdtree;
+mod lzf;
 pub mod neighbours;
 pub mod normals;
 mod pcd;
