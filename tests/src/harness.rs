@@ -355,7 +355,8 @@ fn record(draw: &mut Draw<'_>) {
 }
 
 fn file(bytes: &[u8]) {
-    let Ok(rows) = parse_waveforms("any".as_ref(), bytes) else { return };
+    let Ok(rows) = parse_waveforms("any".as_ref(), bytes.to_vec()) else { return };
+    let rows: Vec<Vec<f64>> = (0..rows.len()).map(|row| rows.row(row).into_owned()).collect();
     let options =
         Options { sample_ns: 1.0, snr: 5.0, floor: 0.05, max_echoes: 100, min_separation_ns: 0.0 };
     for (waveform, row) in Finder::new(options).find(&rows, &rows).iter().zip(&rows) {

@@ -3,13 +3,14 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
+use crate::said::say;
 use crate::waveforms::finder::EchoFinder;
 use clap::Args;
 use echoloop_dsp::peak::MAX_CANDIDATES;
 
 use super::common::{Common, on_threads};
 use super::exit::{Failure, print};
-use crate::waveforms::{Finder, Options, Waveform, echoes, read_waveforms};
+use crate::waveforms::{Finder, Options, Rows, Waveform, echoes, read_waveforms};
 
 /// Flags of `echoes`.
 #[derive(Clone, Debug, Args)]
@@ -46,13 +47,34 @@ pub(crate) struct EchoesArgs {
 pub(super) fn run(args: &EchoesArgs) -> Result<(), Failure> {
     let finder = Finder::new(options(args)?);
     let rows = read_waveforms(&args.waves).map_err(Failure::usage)?;
-    let outgoing = match &args.outgoing {
-        Some(path) => outgoing(args, path, rows.len())?,
-        None => Vec::new(),
-    };
-    let found = on_threads(args.common.threads, || finder.find(&rows, &outgoing))?;
-    print(&if args.common.json { lines(&found)? } else { table(&found) })
+    let outgoing =
+        args.outgoing.as_ref().map(|path| outgoing(args, path, rows.len())).transpose()?;
+    on_threads(args.common.threads, || print_all(args, &finder, &rows, outgoing.as_ref()))?
 }
+
+/// Part by part, in the order of the rows.
+fn print_all(
+    args: &EchoesArgs,
+    finder: &Finder,
+    rows: &Rows,
+    outgoing: Option<&Rows>,
+) -> Result<(), Failure> {
+    let (json, mut echoes) = (args.common.json, 0);
+    print(if json { "" } else { HEADING })?;
+    for start in (0..rows.len()).step_by(AT_A_TIME) {
+        let part = start..(start + AT_A_TIME).min(rows.len());
+        let found = finder.find_some(rows, outgoing, part);
+        print(&if json { lines(&found)? } else { table(&found) })?;
+        echoes += found.iter().map(|waveform| waveform.echoes.len()).sum::<usize>();
+    }
+    match json {
+        true => Ok(()),
+        false => print(&format!("{echoes} echoes in {} waveforms\n", rows.len())),
+    }
+}
+
+/// Rows whose echoes are in memory at a time: a row of a byte has a document of sixty.
+const AT_A_TIME: usize = 4096;
 
 fn options(args: &EchoesArgs) -> Result<Options, Failure> {
     let checks = [
@@ -82,7 +104,7 @@ fn options(args: &EchoesArgs) -> Result<Options, Failure> {
 
 /// Reads the emitted pulses: as many as rows, or one. A row that shows no pulse is said and counts
 /// as absent.
-fn outgoing(args: &EchoesArgs, path: &Path, rows: usize) -> Result<Vec<Vec<f64>>, Failure> {
+fn outgoing(args: &EchoesArgs, path: &Path, rows: usize) -> Result<Rows, Failure> {
     let outgoing = read_waveforms(path).map_err(Failure::usage)?;
     if outgoing.len() != rows && outgoing.len() != 1 {
         let (path, waves) = (path.display(), args.waves.display());
@@ -92,9 +114,13 @@ fn outgoing(args: &EchoesArgs, path: &Path, rows: usize) -> Result<Vec<Vec<f64>>
         )));
     }
     let mut finder_memory = Box::new(EchoFinder::new());
-    for (row, number) in outgoing.iter().zip(1..) {
-        if !args.common.quiet && echoes::pulse(&mut finder_memory, row).is_none() {
-            eprintln!("warning: {}: row {number} shows no pulse and is left out", path.display());
+    for row in (0..outgoing.len()).filter(|_| !args.common.quiet) {
+        if !echoes::shows_pulse(&mut finder_memory, &outgoing, row) {
+            let number = row + 1;
+            say(format_args!(
+                "warning: {}: row {number} shows no pulse and is left out",
+                path.display()
+            ));
         }
     }
     Ok(outgoing)
@@ -110,8 +136,10 @@ fn lines(found: &[Waveform]) -> Result<String, Failure> {
     Ok(text)
 }
 
+const HEADING: &str = "waveform      time ns    amplitude   width ns       snr  flags\n";
+
 fn table(found: &[Waveform]) -> String {
-    let mut text = String::from("waveform      time ns    amplitude   width ns       snr  flags\n");
+    let mut text = String::new();
     for waveform in found {
         for echo in &waveform.echoes {
             let flags = echo.flags.join(" ");
@@ -123,7 +151,5 @@ fn table(found: &[Waveform]) -> String {
             );
         }
     }
-    let echoes: usize = found.iter().map(|waveform| waveform.echoes.len()).sum();
-    let _ = writeln!(text, "{echoes} echoes in {} waveforms", found.len());
     text
 }

@@ -3,6 +3,12 @@
 /// Largest code: 14 bits.
 const TOP: f64 = 16_383.0;
 
+/// A number of a waveform.
+pub trait Sample: Copy + PartialEq + Into<f64> {}
+
+impl Sample for f64 {}
+impl Sample for u8 {}
+
 /// A waveform as codes, and the way back to its units.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Codes {
@@ -24,18 +30,19 @@ impl Codes {
     /// ```
     ///
     /// Whole numbers stay what they are, so that their step counts as noise.
-    pub fn from_samples(samples: &[f64]) -> Self {
-        let min = samples.iter().copied().fold(f64::INFINITY, f64::min);
-        let max = samples.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    pub fn from_samples<S: Sample>(samples: &[S]) -> Self {
+        let values = || samples.iter().map(|&v| -> f64 { v.into() });
+        let min = values().fold(f64::INFINITY, f64::min);
+        let max = values().fold(f64::NEG_INFINITY, f64::max);
         // Halves first: the range of finite numbers may be infinite.
         let half_range = max / 2.0 - min / 2.0;
-        let whole = 2.0 * half_range <= TOP && samples.iter().all(|v| v.fract() == 0.0);
+        let whole = 2.0 * half_range <= TOP && values().all(|v| v.fract() == 0.0);
         let unit = if whole { 1.0 } else { half_range / TOP * 2.0 };
-        let code = |&v: &f64| match whole {
+        let code = |v: f64| match whole {
             true => (v - min) as u16,
             false => ((v / 2.0 - min / 2.0) / half_range * TOP + 0.5) as u16,
         };
-        let codes: Vec<u16> = samples.iter().map(code).collect();
+        let codes: Vec<u16> = values().map(code).collect();
         let bits = 16 - codes.iter().copied().max().unwrap_or_default().leading_zeros();
         Self { codes, shift: 15u32.saturating_sub(bits).clamp(1, 7), unit }
     }
@@ -70,6 +77,6 @@ mod tests {
         assert_eq!(Codes::from_samples(&[1e-300, 3e-300]).codes, [0, 16_383]);
         assert_eq!(Codes::from_samples(&[f64::MIN_POSITIVE; 4]).codes, [0; 4]);
         assert_eq!(Codes::from_samples(&[7.0; 3]).codes, [0; 3]);
-        assert!(Codes::from_samples(&[]).codes.is_empty());
+        assert!(Codes::from_samples::<f64>(&[]).codes.is_empty());
     }
 }

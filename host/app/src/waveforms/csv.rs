@@ -2,9 +2,9 @@
 
 use super::problem::Problem;
 
-/// Rows of numbers. A line may be empty, end in commas, quote its numbers or end in CR LF; empty
-/// lines at the end are no rows.
-pub(super) fn parse(bytes: &[u8]) -> Result<Vec<Vec<f64>>, Problem> {
+/// Rows of numbers, end to end, and where each ends. A line may be empty, end in commas, quote its
+/// numbers or end in CR LF; empty lines at the end are no rows.
+pub(super) fn parse(bytes: &[u8]) -> Result<(Vec<f64>, Vec<u32>), Problem> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let text = str::from_utf8(bytes).map_err(|error| {
         let found = format!("bytes that are no text at offset {}", error.valid_up_to());
@@ -12,16 +12,22 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Vec<Vec<f64>>, Problem> {
             "expected CSV (numbers between commas) or a NumPy .npy array, found {found}"
         ))
     })?;
-    let lines = text.trim_end().lines();
-    lines.zip(1..).map(|(line, row)| parse_row(line, row)).collect()
+    let (mut numbers, mut ends) = (Vec::new(), Vec::new());
+    for (line, row) in text.trim_end().lines().zip(1..) {
+        parse_row(line, row, &mut numbers)?;
+        let end = u32::try_from(numbers.len());
+        ends.push(end.map_err(|_| Problem::Format("more than four billion numbers".into()))?);
+    }
+    Ok((numbers, ends))
 }
 
-fn parse_row(line: &str, row: usize) -> Result<Vec<f64>, Problem> {
+fn parse_row(line: &str, row: usize, numbers: &mut Vec<f64>) -> Result<(), Problem> {
     let line = line.trim_end_matches(|c: char| c == ',' || c.is_whitespace());
-    if line.is_empty() {
-        return Ok(Vec::new());
+    let cells = line.split(',').filter(|_| !line.is_empty());
+    for (cell, column) in cells.zip(1..) {
+        numbers.push(parse_cell(cell, row, column)?);
     }
-    line.split(',').zip(1..).map(|(cell, column)| parse_cell(cell, row, column)).collect()
+    Ok(())
 }
 
 fn parse_cell(cell: &str, row: usize, column: usize) -> Result<f64, Problem> {
@@ -65,7 +71,7 @@ mod tests {
     #[test]
     fn rows_have_any_length_and_may_end_in_commas() {
         let rows = parse(b"1,2,3\r\n\n 4.5 ,-1e2,,,\n\"7\"\n\n").unwrap();
-        assert_eq!(rows, [vec![1., 2., 3.], vec![], vec![4.5, -100.], vec![7.]]);
+        assert_eq!(rows, (vec![1., 2., 3., 4.5, -100., 7.], vec![3, 3, 5, 6]));
     }
 
     #[test]
@@ -90,8 +96,8 @@ mod tests {
 
     #[test]
     fn a_file_without_lines_has_no_rows() {
-        assert!(parse(b"").unwrap().is_empty());
-        assert!(parse(b"\n\n").unwrap().is_empty());
-        assert!(parse(b"\xef\xbb\xbf").unwrap().is_empty());
+        assert!(parse(b"").unwrap().1.is_empty());
+        assert!(parse(b"\n\n").unwrap().1.is_empty());
+        assert!(parse(b"\xef\xbb\xbf").unwrap().1.is_empty());
     }
 }

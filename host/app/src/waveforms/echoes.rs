@@ -1,12 +1,14 @@
 //! From a recorded waveform to its echoes.
 
+use std::ops::Range;
+
 use echoloop_dsp::{Flags, MAX_SAMPLES};
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::codes::Codes;
 use super::finder::{EchoFinder, FinderConfig, FoundEcho, Pulse};
-use super::read::without_padding;
+use super::rows::{Rows, without_padding};
 
 /// How echoes are looked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,22 +71,47 @@ impl Finder {
     ///
     /// A row of `outgoing` without a pulse counts as absent.
     pub fn find(&self, rows: &[Vec<f64>], outgoing: &[Vec<f64>]) -> Vec<Waveform> {
-        let pulses: Vec<Option<Pulse>> =
-            outgoing.par_iter().map_init(finder, |r, row| pulse(r, row)).collect();
-        let pulse =
-            |i: usize| if pulses.len() == 1 { pulses[0] } else { pulses.get(i).copied().flatten() };
-        let found = rows.par_iter().enumerate();
-        found.map_init(finder, |finder, (i, row)| self.row(finder, i, row, pulse(i))).collect()
+        let codes = |row: &Vec<f64>| Codes::from_samples(without_padding(row));
+        let pulse = |i| (outgoing.len() > i).then(|| codes(&outgoing[i]));
+        self.find_codes(0..rows.len(), |i| codes(&rows[i]), outgoing.len(), pulse)
+    }
+
+    /// As [`Finder::find`], of some rows of a file, numbered as there.
+    pub fn find_some(
+        &self,
+        rows: &Rows,
+        outgoing: Option<&Rows>,
+        part: Range<usize>,
+    ) -> Vec<Waveform> {
+        let pulses = outgoing.map_or(0, Rows::len);
+        let pulse = |i| outgoing.filter(|outgoing| outgoing.len() > i).map(|o| o.codes(i));
+        self.find_codes(part, |i| rows.codes(i), pulses, pulse)
+    }
+
+    /// The one of `pulses` pulses is all rows'; of several, each row has its own.
+    fn find_codes(
+        &self,
+        part: Range<usize>,
+        codes: impl Fn(usize) -> Codes + Sync,
+        pulses: usize,
+        pulse: impl Fn(usize) -> Option<Codes> + Sync,
+    ) -> Vec<Waveform> {
+        let read = |memory: &mut EchoFinder, i| emitted(memory, &pulse(i)?);
+        let of_all = (pulses == 1).then(|| read(&mut finder(), 0));
+        let row = |memory: &mut Box<EchoFinder>, i| {
+            let pulse = of_all.unwrap_or_else(|| read(memory, i));
+            self.row(memory, i, &codes(i), pulse)
+        };
+        part.into_par_iter().map_init(finder, row).collect()
     }
 
     fn row(
         &self,
         finder: &mut EchoFinder,
         waveform: usize,
-        row: &[f64],
+        codes: &Codes,
         pulse: Option<Pulse>,
     ) -> Waveform {
-        let codes = Codes::from_samples(without_padding(row));
         let search = self.search(codes.shift, pulse);
         let mut found = pieces(finder, &codes.codes, &search);
         let highest = found.iter().map(|echo| echo.amplitude).max().unwrap_or_default();
@@ -95,7 +122,7 @@ impl Finder {
         found.sort_by_key(|echo| echo.amplitude);
         found.drain(..found.len().saturating_sub(self.options.max_echoes));
         found.sort_by_key(|echo| echo.time);
-        let echoes = found.iter().map(|echo| self.echo(echo, &codes)).collect();
+        let echoes = found.iter().map(|echo| self.echo(echo, codes)).collect();
         Waveform { waveform, outgoing_peak_ns: pulse.map(|pulse| self.ns(pulse.time)), echoes }
     }
 
@@ -132,9 +159,13 @@ fn finder() -> Box<EchoFinder> {
 }
 
 /// What a row says of the emitted pulse.
-pub fn pulse(finder: &mut EchoFinder, row: &[f64]) -> Option<Pulse> {
-    let codes = Codes::from_samples(without_padding(row));
+fn emitted(finder: &mut EchoFinder, codes: &Codes) -> Option<Pulse> {
     Pulse::from_record(finder, &codes.codes, codes.shift)
+}
+
+/// Whether a row shows the emitted pulse.
+pub fn shows_pulse(finder: &mut EchoFinder, rows: &Rows, row: usize) -> bool {
+    emitted(finder, &rows.codes(row)).is_some()
 }
 
 /// The echoes of a record of any length. One longer than the DSP's memory is looked at in pieces of

@@ -33,6 +33,8 @@ pub mod finder;
 mod npy;
 mod problem;
 pub mod read;
+mod rows;
 
 pub use echoes::{Echo, Finder, Options, Waveform};
 pub use read::{WaveformError, parse_waveforms, read_waveforms};
+pub use rows::Rows;

@@ -9,6 +9,8 @@
 //! Read here and not by a crate: those bring a parser generator and assembled code for these three
 //! entries.
 
+use echoloop_files::shown;
+
 use super::problem::Problem;
 
 const MAGIC: &[u8] = b"\x93NUMPY";
@@ -18,9 +20,56 @@ pub(super) fn is_npy(bytes: &[u8]) -> bool {
     bytes.starts_with(MAGIC)
 }
 
+/// An array whose numbers are all finite.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Array {
+    bytes: Vec<u8>,
+    /// Where the first number begins.
+    start: usize,
+    rows: usize,
+    columns: usize,
+    number: Number,
+    by_columns: bool,
+}
+
+impl Array {
+    pub(super) fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// The numbers of a row that there is.
+    pub(super) fn row(&self, row: usize) -> impl Iterator<Item = f64> + '_ {
+        (0..self.columns).map(move |column| {
+            let index = match self.by_columns {
+                true => column * self.rows + row,
+                false => row * self.columns + column,
+            };
+            let at = self.start + index * self.number.size;
+            self.number.read(&self.bytes[at..at + self.number.size])
+        })
+    }
+
+    /// A row of whole numbers from 0 to 255, as it lies in the file.
+    pub(super) fn row_of_bytes(&self, row: usize) -> Option<&[u8]> {
+        let lies = !self.by_columns || self.rows == 1;
+        let is_bytes = self.number.size == 1 && self.number.kind != 'i';
+        let at = self.start + row * self.columns;
+        (lies && is_bytes).then(|| &self.bytes[at..at + self.columns])
+    }
+
+    fn check(&self) -> Result<(), Problem> {
+        for row in 0..self.rows {
+            if let Some((column, value)) = self.row(row).enumerate().find(|(_, v)| !v.is_finite()) {
+                return Err(Problem::Cell(row + 1, column + 1, value.to_string(), ""));
+            }
+        }
+        Ok(())
+    }
+}
+
 /// Rows of an array of two dimensions, or the one row of one dimension.
-pub(super) fn parse(bytes: &[u8]) -> Result<Vec<Vec<f64>>, Problem> {
-    let (header, data) = split(bytes)
+pub(super) fn parse(bytes: Vec<u8>) -> Result<Array, Problem> {
+    let (header, data) = split(&bytes)
         .ok_or_else(|| format("a header that ends within the file", "a shorter file"))?;
     let (rows, columns) = shape(entry(header, "shape").unwrap_or_default())?;
     let number = Number::from_descr(entry(header, "descr").unwrap_or_default())?;
@@ -38,18 +87,16 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Vec<Vec<f64>>, Problem> {
         // Rows without a number take no room in the file: nothing bounds how many it claims.
         return Err(format("a number or more a row", &std::format!("{rows} × 0 numbers")));
     }
-    let at = |row: usize, column: usize| {
-        let index = if by_columns { column * rows + row } else { row * columns + column };
-        let value = number.read(&data[index * number.size..][..number.size]);
-        let found = || Problem::Cell(row + 1, column + 1, value.to_string(), "");
-        if value.is_finite() { Ok(value) } else { Err(found()) }
-    };
-    (0..rows).map(|row| (0..columns).map(|column| at(row, column)).collect()).collect()
+    let start = bytes.len() - data.len();
+    let array = Array { bytes, start, rows, columns, number, by_columns };
+    array.check()?;
+    Ok(array)
 }
 
 fn format(expected: &str, found: &str) -> Problem {
     Problem::Format(std::format!(
-        "not a .npy array of waveforms: expected {expected}, found {found}"
+        "not a .npy array of waveforms: expected {expected}, found {}",
+        shown(found)
     ))
 }
 
@@ -92,7 +139,7 @@ fn shape(text: &str) -> Result<(usize, usize), Problem> {
 }
 
 /// How a number is stored.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 struct Number {
     big_endian: bool,
     kind: char,
@@ -144,6 +191,11 @@ impl Number {
 mod tests {
     use super::*;
 
+    fn rows(bytes: &[u8]) -> Result<Vec<Vec<f64>>, Problem> {
+        let array = parse(bytes.to_vec())?;
+        Ok((0..array.rows()).map(|row| array.row(row).collect()).collect())
+    }
+
     fn file(header: &str, data: &[u8]) -> Vec<u8> {
         let length = (header.len() as u16).to_le_bytes();
         [MAGIC, &[1, 0], &length, header.as_bytes(), data].concat()
@@ -160,20 +212,20 @@ mod tests {
             &[0, 1, 255, 255, 0, 2, 0, 5, 0, 3, 0, 6],
         );
         let expected = [vec![1., 2., 3.], vec![-1., 5., 6.]];
-        assert_eq!(parse(&c).unwrap(), expected);
-        assert_eq!(parse(&fortran).unwrap(), expected);
+        assert_eq!(rows(&c).unwrap(), expected);
+        assert_eq!(rows(&fortran).unwrap(), expected);
     }
 
     #[test]
     fn one_dimension_is_one_waveform() {
         let data: Vec<u8> = [1.5f64, -2.0].iter().flat_map(|v| v.to_le_bytes()).collect();
         assert_eq!(
-            parse(&file("{'descr': '<f8', 'fortran_order': False, 'shape': (2,), }", &data))
+            rows(&file("{'descr': '<f8', 'fortran_order': False, 'shape': (2,), }", &data))
                 .unwrap(),
             [[1.5, -2.0]]
         );
         assert_eq!(
-            parse(&file("{'shape': (1,), 'descr': \"|u1\", 'fortran_order': False}", &[200]))
+            rows(&file("{'shape': (1,), 'descr': \"|u1\", 'fortran_order': False}", &[200]))
                 .unwrap(),
             [[200.0]]
         );
@@ -183,7 +235,7 @@ mod tests {
     fn a_number_that_is_not_finite_is_told_by_its_place() {
         let data: Vec<u8> = [1f32, 2., 3., f32::NAN].iter().flat_map(|v| v.to_le_bytes()).collect();
         let file = file("{'descr': '<f4', 'fortran_order': False, 'shape': (2, 2), }", &data);
-        assert_eq!(parse(&file), Err(Problem::Cell(2, 2, "NaN".into(), "")));
+        assert_eq!(rows(&file), Err(Problem::Cell(2, 2, "NaN".into(), "")));
     }
 
     #[test]
@@ -226,7 +278,7 @@ mod tests {
             (MAGIC.to_vec(), "a header that ends within the file"),
         ];
         for (bytes, part) in table {
-            let Err(Problem::Format(problem)) = parse(&bytes) else { panic!("{part}") };
+            let Err(Problem::Format(problem)) = rows(&bytes) else { panic!("{part}") };
             assert!(problem.contains(part), "{problem}");
         }
     }

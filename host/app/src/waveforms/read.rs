@@ -2,7 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
+use echoloop_files::read_data;
+
 use super::problem::Problem;
+use super::rows::Rows;
 use super::{csv, npy};
 
 /// Why a file gives no waveforms.
@@ -51,10 +54,10 @@ pub enum WaveformError {
 ///
 /// [`WaveformError`] names the file and what was expected of it, where one is at fault the row and
 /// column; a file without rows is an error too.
-pub fn read_waveforms(path: &Path) -> Result<Vec<Vec<f64>>, WaveformError> {
+pub fn read_waveforms(path: &Path) -> Result<Rows, WaveformError> {
     let bytes =
-        std::fs::read(path).map_err(|source| WaveformError::Io { path: path.into(), source })?;
-    parse_waveforms(path, &bytes)
+        read_data(path).map_err(|source| WaveformError::Io { path: path.into(), source })?;
+    parse_waveforms(path, bytes)
 }
 
 /// What [`read_waveforms`] makes of a file's bytes; `path` is for messages.
@@ -62,7 +65,7 @@ pub fn read_waveforms(path: &Path) -> Result<Vec<Vec<f64>>, WaveformError> {
 /// # Errors
 ///
 /// As of [`read_waveforms`].
-pub fn parse_waveforms(path: &Path, bytes: &[u8]) -> Result<Vec<Vec<f64>>, WaveformError> {
+pub fn parse_waveforms(path: &Path, bytes: Vec<u8>) -> Result<Rows, WaveformError> {
     parse(bytes).map_err(|problem| match problem {
         Problem::Cell(row, column, found, hint) => {
             WaveformError::Cell { path: path.into(), row, column, found, hint }
@@ -71,55 +74,15 @@ pub fn parse_waveforms(path: &Path, bytes: &[u8]) -> Result<Vec<Vec<f64>>, Wavef
     })
 }
 
-fn parse(bytes: &[u8]) -> Result<Vec<Vec<f64>>, Problem> {
-    let rows = if npy::is_npy(bytes) { npy::parse(bytes)? } else { csv::parse(bytes)? };
+fn parse(bytes: Vec<u8>) -> Result<Rows, Problem> {
+    let rows = if npy::is_npy(&bytes) {
+        Rows::of_array(npy::parse(bytes)?)
+    } else {
+        let (numbers, ends) = csv::parse(&bytes)?;
+        Rows::of_text(numbers, ends)
+    };
     match rows.is_empty() {
         true => Err(Problem::Format("expected at least one row, found none".into())),
         false => Ok(rows),
-    }
-}
-
-/// A waveform without the zeros that pad its row to the others' length.
-///
-/// Zeros at the end are padding, unless the samples before them fall towards zero: with a last step
-/// of d down to v, a zero may follow as a sample if v ≤ d. Or the row begins with two zeros. Then
-/// as many zeros stay as there are, at most 16: such a record rests at zero, and they are the end
-/// of an echo.
-pub fn without_padding(row: &[f64]) -> &[f64] {
-    let end = row.iter().rposition(|&v| v != 0.0).map_or(0, |last| last + 1);
-    let falls_to_zero = match row[..end] {
-        [.., before, last] => {
-            last.abs() <= (before - last).abs() && (before > last) == (last > 0.0)
-        }
-        _ => false,
-    };
-    let kept = if falls_to_zero || row.starts_with(&[0.0, 0.0]) && end > 0 {
-        (end + 16).min(row.len())
-    } else {
-        end
-    };
-    &row[..kept]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn zeros_after_a_record_are_padding() {
-        assert_eq!(without_padding(&[200., 210., 300., 222., 0., 0.]), [200., 210., 300., 222.]);
-        assert_eq!(without_padding(&[3., 5., 10., 19., 0., 0., 0.]), [3., 5., 10., 19.]);
-        assert!(without_padding(&[0.; 9]).is_empty());
-        assert!(without_padding(&[]).is_empty());
-        assert_eq!(without_padding(&[0., 4., 0., 1.]), [0., 4., 0., 1.]);
-    }
-
-    #[test]
-    fn zeros_that_an_echo_falls_to_are_samples() {
-        assert_eq!(without_padding(&[0., 5., 10., 5., 0., 0.]), [0., 5., 10., 5., 0., 0.]);
-        assert_eq!(without_padding(&[0., 0., 100., 0., 0.]), [0., 0., 100., 0., 0.]);
-        let mut row = vec![0., 50., 20., 4.];
-        row.resize(100, 0.);
-        assert_eq!(without_padding(&row).len(), 20);
     }
 }
