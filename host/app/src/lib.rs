@@ -14,4 +14,7 @@ pub mod cli;
 pub mod experiment;
 pub mod link;
 pub mod report;
+mod said;
 pub mod waveforms;
+
+pub use said::say;

@@ -3,6 +3,7 @@
 use std::process::ExitCode;
 
 use echoloop_host::cli::{Cli, READER_GONE, report_failure};
+use echoloop_host::say;
 
 /// `println!` panics where it cannot write. To a closed pipe, `echoloop config | head -1`, the
 /// command ends quietly, as others do; elsewhere, as on a full disk, it says so and fails.
@@ -17,7 +18,7 @@ fn end_with_the_output() {
                 std::process::exit(READER_GONE.into())
             }
             Some(error) => {
-                eprintln!("error: cannot write to standard output: {error}");
+                say(format_args!("error: cannot write to standard output: {error}"));
                 std::process::exit(1);
             }
             None => usual(panic),

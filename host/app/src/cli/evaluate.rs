@@ -1,10 +1,10 @@
 //! `echoloop evaluate`.
 
 use std::collections::BTreeMap;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use echoloop_files::{read_text, shown, text_from};
 use serde::Deserialize;
 use serde_json::Value;
 
@@ -54,6 +54,10 @@ struct Candidate {
 
 /// The number that a candidate gives a named parameter: itself or, of a choice, its name.
 fn number(name: &str, given: &Value) -> Result<f64, String> {
+    told_number(name, given).map_err(|problem| shown(&problem))
+}
+
+fn told_number(name: &str, given: &Value) -> Result<f64, String> {
     let names = choices(name);
     let index = names.iter().zip(0u32..).find(|(choice, _)| given.as_str() == Some(**choice));
     match index {
@@ -111,17 +115,15 @@ fn values(args: &EvaluateArgs) -> Result<Values, Failure> {
 
 fn read(path: &Path) -> Result<String, Failure> {
     let fail = |error| Failure::usage(format!("cannot read {}: {error}", path.display()));
-    if path == Path::new("-") {
-        let mut text = String::new();
-        std::io::stdin().read_to_string(&mut text).map_err(fail)?;
-        return Ok(text);
-    }
-    std::fs::read_to_string(path).map_err(fail)
+    let is_stdin = path == Path::new("-");
+    if is_stdin { text_from(std::io::stdin()) } else { read_text(path) }.map_err(fail)
 }
 
 fn parse<'a, T: Deserialize<'a>>(path: &Path, text: &'a str) -> Result<T, Failure> {
-    serde_json::from_str(text)
-        .map_err(|error| Failure::usage(format!("{}: {error}", path.display())))
+    let fail = |error: serde_json::Error| {
+        Failure::usage(format!("{}: {}", path.display(), shown(&error.to_string())))
+    };
+    serde_json::from_str(text).map_err(fail)
 }
 
 fn judge(args: &EvaluateArgs, config: RunConfig, values: &Values) -> Result<(), Failure> {

@@ -10,6 +10,7 @@ use crate::experiment::journal::JournalError;
 use crate::experiment::tune::TuneError;
 use crate::link::client::ClientError;
 use crate::link::sensor::SensorError;
+use crate::said::{bounded, say};
 
 /// What a shell says of a command that wrote to a closed pipe: 128 + SIGPIPE.
 pub const READER_GONE: u8 = 141;
@@ -26,7 +27,7 @@ pub struct Failure {
 
 impl Failure {
     pub(super) fn new(code: u8, message: impl Display) -> Self {
-        Self { message: message.to_string(), code }
+        Self { message: bounded(&message.to_string()), code }
     }
 
     /// The run failed.
@@ -103,7 +104,7 @@ pub fn report_failure(failure: &Failure) -> std::process::ExitCode {
         end_the_process();
     }
     if failure.code != READER_GONE {
-        eprintln!("error: {}", failure.message.trim_end());
+        say(format_args!("error: {}", failure.message.trim_end()));
     }
     std::process::ExitCode::from(failure.code)
 }

@@ -24,8 +24,10 @@ mod sensor;
 mod serve;
 mod tune;
 
+use clap::error::ContextValue;
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
+use echoloop_files::shown;
 
 use crate::experiment::preset::Preset;
 use echoloop_registration::Method;
@@ -132,12 +134,28 @@ pub fn command() -> clap::Command {
     command.mut_subcommand("echoes", |c| c.mut_arg("json", |json| json.help(JSON_LINES)))
 }
 
+/// The message of clap with what it repeats of the command line as short as that of others.
+fn shortened(mut error: clap::Error) -> clap::Error {
+    let repeated: Vec<_> = error
+        .context()
+        .filter_map(|(kind, value)| match value {
+            ContextValue::String(text) => Some((kind, ContextValue::String(shown(text)))),
+            _ => None,
+        })
+        .collect();
+    for (kind, value) in repeated {
+        error.insert(kind, value);
+    }
+    error
+}
+
 impl Cli {
     /// Reads the command line; with a message for people, ends the process when it makes no sense
     /// or asks for help.
     pub fn from_command_line() -> Self {
-        let matches = command().get_matches();
-        Self::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
+        let matches = command().try_get_matches();
+        let cli = matches.and_then(|matches| Self::from_arg_matches(&matches));
+        cli.unwrap_or_else(|error| shortened(error).exit())
     }
 
     /// Does what was asked.

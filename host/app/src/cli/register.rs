@@ -9,6 +9,7 @@ use super::exit::Failure;
 use super::method_choice::method_parser;
 use super::method_flags::MethodFlags;
 use crate::experiment::params::written;
+use crate::said::say;
 use echoloop_registration::cloud::{Cloud, read_cloud, voxel};
 use echoloop_registration::pose::{Pose, read_pose, to_rows};
 use echoloop_registration::{
@@ -69,12 +70,12 @@ fn check(args: &RegisterArgs) -> Result<(), Failure> {
 fn read(args: &RegisterArgs, path: &Path) -> Result<Cloud, Failure> {
     let (cloud, dropped) = read_cloud(path).map_err(Failure::usage)?;
     if dropped.total() > 0 && !args.common.quiet {
-        eprintln!(
+        say(format_args!(
             "{}: left out {} points that are not finite and {} at range 0",
             path.display(),
             dropped.non_finite,
             dropped.at_origin
-        );
+        ));
     }
     Ok(cloud)
 }
@@ -115,11 +116,11 @@ fn warn(args: &RegisterArgs, outcome: &Outcome) {
     if let Some(consensus) =
         outcome.consensus.filter(|c| c.searched < c.matches && !args.common.quiet)
     {
-        eprintln!(
+        say(format_args!(
             "warning: {} of {} matches were searched: the others are too far out, or all would \
              take too much time and memory",
             consensus.searched, consensus.matches
-        );
+        ));
     }
 }
 

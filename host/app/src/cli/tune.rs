@@ -19,6 +19,7 @@ use crate::experiment::journal::{Generation, Journal};
 use crate::experiment::preset::{LidarPreset, Preset, Protocol};
 use crate::experiment::run::{CONFIG, HISTORY, REPORT, RESULT, RunFolder, RunResult};
 use crate::experiment::tune::{TuneError, TuneSearch, Tuned};
+use crate::said::say;
 
 /// Flags of `tune`.
 #[derive(Clone, Debug, Args)]
@@ -114,11 +115,11 @@ fn tune(
     let outcome = search_and_judge(&search, &mut journal, done, &progress);
     progress.end();
     if let Err(TuneError::Interrupted { .. } | TuneError::Sensor(_)) = &outcome {
-        eprintln!(
+        say(format_args!(
             "go on with: echoloop tune --resume {}{}",
             folder.path().display(),
             args.setup.sensor.again()
-        );
+        ));
     }
     let (tuned, before, after) = outcome?;
     journal.confirm()?;

@@ -17,6 +17,9 @@ const LOG_RATIO: f64 = 20.0;
 /// Below this factor powers of ten alone are too few marks.
 const FEW_DECADES: f64 = 200.0;
 
+/// A logarithmic axis ends here and at one over it: what lies beyond is drawn at its edge.
+const MOST: f64 = 1e100;
+
 /// A linear or logarithmic axis.
 #[derive(Clone, Debug)]
 pub(super) struct Axis {
@@ -30,6 +33,12 @@ pub(super) struct Axis {
 impl Axis {
     /// Exactly these bounds, made usable if they are not.
     pub(super) fn between(low: f64, high: f64, log: bool) -> Self {
+        // plotters counts decades up to the end of a logarithmic axis by multiplying, past the
+        // largest number for ever.
+        let (low, high) = match log && low > 0.0 {
+            true => (low.clamp(1.0 / MOST, MOST / 10.0), high.clamp(10.0 / MOST, MOST)),
+            false => (low, high),
+        };
         let (low, high) = match (high - low).is_finite() {
             true if low < high => (low, high),
             true if low == high => (low - 0.5, high + 0.5),
@@ -154,8 +163,16 @@ mod tests {
 
     #[test]
     fn useless_values_still_give_an_axis() {
-        let pairs =
-            [[-1.0, 0.0], [-1e308, 1e308], [1e16, 1e16 + 2.0], [1.0, 1.0 + 1e-15], [1e-12, 1e-2]];
+        let pairs = [
+            [-1.0, 0.0],
+            [1e-308, 1e308],
+            [0.1, 1e308],
+            [1e307, 1e308],
+            [-1e308, 1e308],
+            [1e16, 1e16 + 2.0],
+            [1.0, 1.0 + 1e-15],
+            [1e-12, 1e-2],
+        ];
         let lone = [vec![], vec![f64::NAN], vec![f64::INFINITY], vec![2.0]];
         for values in lone.into_iter().chain(pairs.map(Vec::from)) {
             for axis in [

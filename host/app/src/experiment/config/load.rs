@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
+use echoloop_files::{MOST_SHOWN, printable, read_text, shown, shown_most};
 use thiserror::Error;
 
 use super::{DataConfig, RunConfig, RunConfigError};
@@ -47,6 +48,9 @@ pub struct Override {
     value: toml::Value,
 }
 
+/// Names that a key is made of at most: the configuration is two deep, and each is a call deep.
+const MOST_KEYS: usize = 8;
+
 impl FromStr for Override {
     type Err = String;
 
@@ -56,7 +60,10 @@ impl FromStr for Override {
         if keys.iter().any(String::is_empty) {
             return Err("expected a.b=value, with a name before and after each dot".into());
         }
-        Ok(Self { text: text.to_owned(), keys, value: parse_value(value.trim()) })
+        if keys.len() > MOST_KEYS {
+            return Err(format!("expected a.b=value, found {} names before =", keys.len()));
+        }
+        Ok(Self { text: shown(text), keys, value: parse_value(value.trim()) })
     }
 }
 
@@ -65,7 +72,7 @@ impl Override {
     pub fn flag(path: &str, value: impl Into<toml::Value>) -> Self {
         let value = value.into();
         Self {
-            text: format!("{path}={value}"),
+            text: shown(&format!("{path}={value}")),
             keys: path.split('.').map(str::to_owned).collect(),
             value,
         }
@@ -115,14 +122,11 @@ pub fn load(path: Option<&Path>, overrides: &[Override]) -> Result<RunConfig, Lo
         let fail = |message: String| LoadError::Override { text: change.text.clone(), message };
         change.insert(&mut table).map_err(fail)?;
         // Each is checked as it is laid down, so that the error is its own.
-        table
-            .clone()
-            .try_into::<RunConfig>()
-            .map_err(|error| fail(error.message().trim().to_owned()))?;
+        table.clone().try_into::<RunConfig>().map_err(|error| fail(message(&error)))?;
     }
     let data = table.get("data").and_then(toml::Value::as_table).cloned().unwrap_or_default();
     let mut config: RunConfig = table.try_into().map_err(|error: toml::de::Error| {
-        LoadError::Override { text: String::new(), message: error.message().to_owned() }
+        LoadError::Override { text: String::new(), message: message(&error) }
     })?;
     follow_method(&mut config, &data);
     config.check()?;
@@ -146,14 +150,45 @@ fn follow_method(config: &mut RunConfig, given: &toml::Table) {
 
 /// The file's table, after its text has been taken for a [`RunConfig`]: errors then show the line.
 fn read(path: &Path) -> Result<toml::Table, LoadError> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
-    let fail = |error: toml::de::Error| LoadError::Parse {
-        path: path.to_owned(),
-        message: error.to_string(),
-    };
-    toml::from_str::<RunConfig>(&text).map_err(fail)?;
-    toml::from_str(&text).map_err(fail)
+    let text =
+        read_text(path).map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
+    parse(&text).map_err(|message| LoadError::Parse { path: path.to_owned(), message })
+}
+
+/// The table of a configuration's text; else what is wrong with it, and where.
+///
+/// # Errors
+///
+/// What is wrong: line, column and, where they are short, the line itself with a caret below.
+pub fn parse(text: &str) -> Result<toml::Table, String> {
+    let told = |error: toml::de::Error| told(&error);
+    toml::from_str::<RunConfig>(text).map_err(told)?;
+    toml::from_str(text).map_err(told)
+}
+
+/// What is wrong with the line at fault above it, unless that is too long to be looked at.
+fn told(error: &toml::de::Error) -> String {
+    let text = error.to_string();
+    let is_excerpt = |line: &&str| line.contains(" | ");
+    let is_long = |line: &str| line.chars().nth(MOST_SHOWN).is_some();
+    let place = text.lines().next().unwrap_or_default();
+    match text.lines().filter(is_excerpt).any(is_long) || is_long(place) {
+        true => format!("{}\n{}", shown(place), message(error)),
+        false => {
+            let excerpt = text.rsplit_once(error.message()).map_or(place, |(before, _)| before);
+            printable(excerpt) + &message(error)
+        }
+    }
+}
+
+/// What is wrong, without its place. The list of what there may be is ours, and long; what stands
+/// there instead is the file's.
+fn message(error: &toml::de::Error) -> String {
+    const EXPECTED: &str = "`, expected ";
+    match error.message().rsplit_once(EXPECTED) {
+        Some((found, ours)) => shown(found) + EXPECTED + &shown_most(ours, 2_000),
+        None => shown(error.message()),
+    }
 }
 
 #[cfg(test)]
@@ -208,6 +243,33 @@ mod tests {
             error.contains("line 2") && error.contains("unknown field `generation`"),
             "{error}"
         );
+    }
+
+    #[test]
+    fn a_message_repeats_no_long_line_and_no_escapes() {
+        for text in [
+            "x".repeat(1_000_000) + "\x1b[31m\n",
+            format!("seed = 1\nname = \"{}\"", "\u{1b}".repeat(300)),
+            format!("[lidar]\npower = \"{}\"", "x".repeat(100_000)),
+            format!("\"{}\x7f\" = 3", "x".repeat(100_000)),
+        ] {
+            let said = file(&text).unwrap_err();
+            assert!(said.len() < 3_000 && !said.contains('\x1b'), "{} bytes: {said}", said.len());
+            assert!(said.contains("line "), "{said}");
+        }
+    }
+
+    #[test]
+    fn a_key_of_many_names_is_refused() {
+        for names in [9, 60_000] {
+            let text = vec!["a"; names].join(".") + "=1";
+            let said = text.parse::<Override>().unwrap_err();
+            assert_eq!(said, format!("expected a.b=value, found {names} names before ="));
+            assert!(file(&text).is_err());
+        }
+        let deep = format!("seed={}", "[".repeat(60_000));
+        assert!(set(&[&deep]).unwrap_err().to_string().len() < 1_000);
+        assert!(file(&deep).is_err());
     }
 
     #[test]

@@ -118,10 +118,10 @@ mod here {
     impl Drop for Logged {
         fn drop(&mut self) {
             if let Err(error) = self.write() {
-                eprintln!(
+                crate::said::say(format_args!(
                     "warning: cannot write the sensor's log to {}: {error}",
                     self.to.display()
-                );
+                ));
             }
         }
     }
