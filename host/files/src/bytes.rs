@@ -4,8 +4,9 @@ use std::fs::File;
 use std::io::{Error, ErrorKind, Read, Result};
 use std::path::Path;
 
-/// Bytes that are read at most of a file for people: a configuration, a pose, a run's result.
-pub const MOST_TEXT: u64 = 16 << 20;
+/// Bytes that are read at most of a file that people write: a configuration, a pose, a candidate. A
+/// table or document of it takes up to 50 times as many.
+pub const MOST_TEXT: u64 = 1 << 20;
 
 /// Bytes that are read at most of a pipe, which has no size that could be asked for.
 const MOST_PIPED: u64 = 4 << 30;
@@ -42,14 +43,14 @@ pub fn read_data(path: &Path) -> Result<Vec<u8>> {
     read_most(file, most)
 }
 
-/// Reads text of at most [`MOST_TEXT`].
+/// Reads text of at most so many bytes, [`MOST_TEXT`] as a rule.
 ///
 /// # Errors
 ///
 /// What the system says; [`ErrorKind::FileTooLarge`] when there is more;
 /// [`ErrorKind::InvalidData`] when it is no UTF-8.
-pub fn read_text(path: &Path) -> Result<String> {
-    text_from(File::open(path)?)
+pub fn read_text(path: &Path, most: u64) -> Result<String> {
+    text_from(File::open(path)?, most)
 }
 
 /// As [`read_text`], from what is open: standard input.
@@ -57,8 +58,8 @@ pub fn read_text(path: &Path) -> Result<String> {
 /// # Errors
 ///
 /// As of [`read_text`].
-pub fn text_from(from: impl Read) -> Result<String> {
-    let bytes = read_most(from, MOST_TEXT)?;
+pub fn text_from(from: impl Read, most: u64) -> Result<String> {
+    let bytes = read_most(from, most)?;
     let not_text = |error: std::string::FromUtf8Error| {
         let at = error.utf8_error().valid_up_to();
         Error::new(ErrorKind::InvalidData, format!("expected text in UTF-8, byte {at} is none"))
@@ -100,8 +101,8 @@ mod tests {
         let path = folder.path().join("a");
         std::fs::write(&path, "ä text").unwrap();
         assert_eq!(read_data(&path).unwrap(), "ä text".as_bytes());
-        assert_eq!(read_text(&path).unwrap(), "ä text");
-        assert!(read_data(folder.path()).is_err() && read_text(folder.path()).is_err());
+        assert_eq!(read_text(&path, MOST_TEXT).unwrap(), "ä text");
+        assert!(read_data(folder.path()).is_err() && read_text(folder.path(), MOST_TEXT).is_err());
     }
 
     #[test]
@@ -109,17 +110,17 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a");
         std::fs::write(&path, vec![b' '; MOST_TEXT as usize + 1]).unwrap();
-        assert_eq!(read_text(&path).unwrap_err().kind(), ErrorKind::FileTooLarge);
+        assert_eq!(read_text(&path, MOST_TEXT).unwrap_err().kind(), ErrorKind::FileTooLarge);
         assert_eq!(read_data(&path).unwrap().len() as u64, MOST_TEXT + 1);
         std::fs::write(&path, b"ab\xff").unwrap();
-        assert!(read_text(&path).unwrap_err().to_string().contains("byte 2"));
+        assert!(read_text(&path, MOST_TEXT).unwrap_err().to_string().contains("byte 2"));
     }
 
     #[cfg(unix)]
     #[test]
     fn a_device_without_an_end_is_given_up() {
         let zeros = Path::new("/dev/zero");
-        for found in [read_data(zeros).map(drop), read_text(zeros).map(drop)] {
+        for found in [read_data(zeros).map(drop), read_text(zeros, MOST_TEXT).map(drop)] {
             assert_eq!(found.unwrap_err().kind(), ErrorKind::FileTooLarge);
         }
         assert!(read_data(Path::new("/dev/null")).unwrap().is_empty());

@@ -14,10 +14,12 @@ use std::fs;
 use std::path::{Component, Path, PathBuf};
 
 use crate::scene::Surface;
-use echoloop_files::{MOST_TEXT, read_text, shown};
+use echoloop_files::{read_text, shown};
 
 /// Material libraries of a mesh at most.
 const MOST_LIBRARIES: usize = 16;
+/// Bytes of all of them at most.
+const MOST_BYTES: u64 = 16 << 20;
 
 /// Which material libraries an OBJ may name. They are a hint: one that is not there is no fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -92,11 +94,11 @@ impl<'a> Shelf<'a> {
     fn read(&mut self, path: &Path, name: &str) -> Result<Vec<(String, Surface)>, String> {
         let named = |what: &dyn std::fmt::Display| format!("mtllib {:?}: {what}", shown(name));
         self.bytes += fs::metadata(path).map_err(|error| named(&error))?.len();
-        if self.bytes > MOST_TEXT {
-            let most = MOST_TEXT >> 20;
+        if self.bytes > MOST_BYTES {
+            let most = MOST_BYTES >> 20;
             return Err(named(&format_args!("all of the mesh have more than {most} MB")));
         }
-        Ok(surfaces(&read_text(path).map_err(|error| named(&error))?))
+        Ok(surfaces(&read_text(path, MOST_BYTES).map_err(|error| named(&error))?))
     }
 }
 
@@ -205,7 +207,7 @@ mod tests {
         let said = Shelf::new(home.path(), Libraries::Beside).open(&names).unwrap_err();
         assert_eq!(said, "mtllib \"16.mtl\" is one of more than 16");
         let big = fs::File::create(home.path().join("big.mtl")).unwrap();
-        big.set_len(MOST_TEXT + 1).unwrap();
+        big.set_len(MOST_BYTES + 1).unwrap();
         let said = Shelf::new(home.path(), Libraries::Beside).open("big.mtl").unwrap_err();
         assert!(said.contains("more than 16 MB"), "{said}");
     }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use echoloop_files::{read_text, shown, text_from};
+use echoloop_files::{MOST_TEXT, read_text, shown, text_from};
 use serde::Deserialize;
 use serde_json::Value;
 
@@ -70,6 +70,9 @@ fn told_number(name: &str, given: &Value) -> Result<f64, String> {
     }
 }
 
+/// Bytes that are read at most of a run's result, of which one part is kept.
+const MOST_RESULT: u64 = 16 << 20;
+
 /// The part of a run's result that is evaluated again.
 #[derive(Deserialize)]
 struct Earlier {
@@ -101,11 +104,11 @@ fn config(args: &EvaluateArgs) -> Result<RunConfig, Failure> {
 fn values(args: &EvaluateArgs) -> Result<Values, Failure> {
     if let Some(run) = &args.run {
         let path = run.join(RESULT);
-        let earlier: Earlier = parse(&path, &read(&path)?)?;
+        let earlier: Earlier = parse(&path, &read(&path, MOST_RESULT)?)?;
         return Ok(earlier.tuned);
     }
     let Some(path) = &args.candidate else { return Ok(Values::new()) };
-    let candidate: Candidate = parse(path, &read(path)?)?;
+    let candidate: Candidate = parse(path, &read(path, MOST_TEXT)?)?;
     let fail = |problem| Failure::usage(format!("{}: {problem}", path.display()));
     let value = |(name, given): (String, Value)| {
         number(&name, &given).map(|value| (name, value)).map_err(fail)
@@ -113,10 +116,10 @@ fn values(args: &EvaluateArgs) -> Result<Values, Failure> {
     candidate.parameters.into_iter().map(value).collect()
 }
 
-fn read(path: &Path) -> Result<String, Failure> {
+fn read(path: &Path, most: u64) -> Result<String, Failure> {
     let fail = |error| Failure::usage(format!("cannot read {}: {error}", path.display()));
     let is_stdin = path == Path::new("-");
-    if is_stdin { text_from(std::io::stdin()) } else { read_text(path) }.map_err(fail)
+    if is_stdin { text_from(std::io::stdin(), most) } else { read_text(path, most) }.map_err(fail)
 }
 
 fn parse<'a, T: Deserialize<'a>>(path: &Path, text: &'a str) -> Result<T, Failure> {

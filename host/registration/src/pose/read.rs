@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use echoloop_files::{read_text, shown};
+use echoloop_files::{MOST_TEXT, read_text, shown};
 use serde_json::Value;
 
 use super::{NotRigid, Pose, from_rows};
@@ -85,7 +85,8 @@ pub enum PoseError {
 ///
 /// [`PoseError`] names the file, what it holds, and what was expected.
 pub fn read_pose(path: &Path) -> Result<Pose, PoseError> {
-    let text = read_text(path).map_err(|source| PoseError::Io { path: path.into(), source })?;
+    let text =
+        read_text(path, MOST_TEXT).map_err(|source| PoseError::Io { path: path.into(), source })?;
     parse_pose(path, &text)
 }
 

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use echoloop_files::{MOST_SHOWN, printable, read_text, shown, shown_most};
+use echoloop_files::{MOST_SHOWN, MOST_TEXT, printable, read_text, shown, shown_most};
 use thiserror::Error;
 
 use super::{DataConfig, RunConfig, RunConfigError};
@@ -150,8 +150,8 @@ fn follow_method(config: &mut RunConfig, given: &toml::Table) {
 
 /// The file's table, after its text has been taken for a [`RunConfig`]: errors then show the line.
 fn read(path: &Path) -> Result<toml::Table, LoadError> {
-    let text =
-        read_text(path).map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
+    let text = read_text(path, MOST_TEXT)
+        .map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
     parse(&text).map_err(|message| LoadError::Parse { path: path.to_owned(), message })
 }
 

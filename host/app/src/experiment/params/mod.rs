@@ -13,6 +13,7 @@ use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
 use echoloop_dsp::{Hardware, Kind, PARAMETERS, ParameterId, Settings};
+use echoloop_files::shown;
 
 use crate::experiment::config::RunConfig;
 use crate::experiment::preset::{LidarPreset, Preset, Protocol};
@@ -135,7 +136,7 @@ impl Parameters {
                 || !self.set(name, value)
             {
                 let known: Vec<String> = self.values(preset).into_keys().collect();
-                return Err(ValueError::Unknown(given.clone(), known.join(", ")));
+                return Err(ValueError::Unknown(shown(given), known.join(", ")));
             }
         }
         self.settings.check(hardware)?;

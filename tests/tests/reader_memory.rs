@@ -1,0 +1,190 @@
+//! No reader takes more memory than 8 times its file and 64 MB, whatever the file.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use echoloop_host::experiment::config;
+use echoloop_host::waveforms::parse_waveforms;
+use echoloop_registration::cloud::parse_cloud;
+use echoloop_registration::pose::parse_pose;
+use echoloop_sim::import::{Ground, ImportOptions, parse_scene};
+
+/// The system's allocator, counted.
+struct Counted;
+
+static NOW: AtomicUsize = AtomicUsize::new(0);
+static MOST: AtomicUsize = AtomicUsize::new(0);
+
+fn grown(by: usize) {
+    let now = NOW.fetch_add(by, Ordering::Relaxed) + by;
+    MOST.fetch_max(now, Ordering::Relaxed);
+}
+
+// SAFETY: everything is handed to the system's allocator as it came.
+unsafe impl GlobalAlloc for Counted {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        grown(layout.size());
+        // SAFETY: as the caller promises.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        NOW.fetch_sub(layout.size(), Ordering::Relaxed);
+        // SAFETY: as the caller promises.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+
+    /// A large block moves by its pages: old and new are never there at once.
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        NOW.fetch_sub(layout.size(), Ordering::Relaxed);
+        grown(size);
+        // SAFETY: as the caller promises.
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counted = Counted;
+
+/// Most that was allocated at once while a file was read, its own bytes included.
+fn most(file: Vec<u8>, read: impl FnOnce(Vec<u8>)) -> usize {
+    let before = NOW.load(Ordering::Relaxed) - file.len();
+    MOST.store(NOW.load(Ordering::Relaxed), Ordering::Relaxed);
+    read(file);
+    MOST.load(Ordering::Relaxed) - before
+}
+
+fn scene(name: &str, file: Vec<u8>) {
+    let options = ImportOptions { ground: Ground::None, ..ImportOptions::default() };
+    drop(parse_scene(Path::new(name), &file, &options));
+}
+
+fn cloud(name: &str, file: Vec<u8>) {
+    drop(parse_cloud(Path::new(name), &file));
+}
+
+fn waveforms(_: &str, file: Vec<u8>) {
+    if let Ok(rows) = parse_waveforms(Path::new("any"), file) {
+        assert!((0..rows.len()).step_by(1000).all(|i| rows.row(i).iter().all(|v| v.is_finite())));
+    }
+}
+
+/// A file that people write is read to its first MB.
+fn short(mut file: Vec<u8>) -> String {
+    file.truncate(echoloop_files::MOST_TEXT as usize);
+    String::from_utf8(file).unwrap()
+}
+
+fn pose(name: &str, file: Vec<u8>) {
+    drop(parse_pose(Path::new(name), &short(file)));
+}
+
+fn configuration(_: &str, file: Vec<u8>) {
+    drop(config::parse(&short(file)));
+}
+
+/// Bytes of each file: what the 64 MB forgive is little beside it.
+const SIZE: usize = 32 << 20;
+
+fn repeated(head: &str, piece: &[u8], tail: &[u8]) -> Vec<u8> {
+    [head.as_bytes(), &piece.repeat((SIZE - head.len()) / piece.len()), tail].concat()
+}
+
+fn ply(format: &str, more: &str, count: usize, body: &[u8]) -> Vec<u8> {
+    let head = format!(
+        "ply\nformat {format} 1.0\n{more}element vertex {count}\nproperty uchar x\nproperty uchar y\n\
+         property uchar z\nelement face 0\nproperty list uchar int vertex_indices\nend_header\n"
+    );
+    repeated(&head, body, &[])
+}
+
+fn npy(descr: &str, rows: usize, columns: usize, size: usize) -> Vec<u8> {
+    let header =
+        format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': ({rows}, {columns}), }}");
+    let length = (header.len() as u16).to_le_bytes();
+    let head = [b"\x93NUMPY\x01\0", &length[..], header.as_bytes()].concat();
+    [head, vec![1; rows * columns * size]].concat()
+}
+
+/// Compressed points of three bytes each, as many as copies make of so little.
+fn packed_pcd(points: u32) -> Vec<u8> {
+    let (copies, left) = ((3 * points - 1) / 264, (3 * points - 1) % 264);
+    let packed =
+        [vec![0, 7], [0xe0, 255, 0].repeat(copies as usize), [0, 7].repeat(left as usize)].concat();
+    let head = format!(
+        "VERSION 0.7\nFIELDS x y z\nSIZE 1 1 1\nTYPE U U U\nCOUNT 1 1 1\nWIDTH {points}\n\
+         HEIGHT 1\nPOINTS {points}\nDATA binary_compressed\n"
+    );
+    let sizes = [packed.len() as u32, 3 * points].map(u32::to_le_bytes).concat();
+    [head.into_bytes(), sizes, packed].concat()
+}
+
+type Reader = fn(&str, Vec<u8>);
+
+#[test]
+fn no_reader_takes_more_than_eight_times_its_file_and_64_mb() {
+    let hollow = format!("element hollow {}\nproperty uchar a\n", SIZE - 1000);
+    let lists = format!("element hollow {}\nproperty list uchar uchar a\n", SIZE / 4);
+    let list = "element hollow 1\nproperty list uint uchar a\n";
+    let ascii = "ply\nformat ascii 1.0\ncomment ";
+    let header = "VERSION 0.7\nFIELDS x y z\nSIZE 1 1 1\nTYPE U U U\nCOUNT 1 1 1\nHEIGHT 1\n";
+    let points = SIZE / 3 - 100;
+    let table: Vec<(&str, Reader, Vec<u8>)> = vec![
+        ("rows of a byte", waveforms, npy("|u1", SIZE, 1, 1)),
+        ("one row of bytes", waveforms, npy("|i1", 1, SIZE, 1)),
+        ("rows of eight bytes", waveforms, npy("<f8", SIZE / 80, 10, 8)),
+        ("short lines", waveforms, repeated("1\n", b"1\n", &[])),
+        ("empty lines", waveforms, repeated("1\n", b"\n", b"1\n")),
+        ("one long line", waveforms, repeated("1", b",1", &[])),
+        ("a.ply", cloud, ply("binary_little_endian", "", points, &[1, 2, 3])),
+        ("a.ply", cloud, ply("ascii", "", SIZE / 6 - 100, b"1 2 3\n")),
+        ("a.ply", cloud, ply("binary_little_endian", &hollow, 0, &[1])),
+        ("a.ply", cloud, ply("binary_little_endian", &lists, 0, &[3, 1, 1, 1])),
+        ("a.ply", cloud, ply("binary_little_endian", list, 0, &[0, 0, 0, 1])),
+        ("a.ply", cloud, ply("ascii", list, 0, b"1 ")),
+        ("a.ply", cloud, repeated(ascii, b"\ncomment", &[])),
+        ("a.ply", cloud, repeated("ply\nformat ascii 1.0\n", b"element a 0\n", &[])),
+        ("a.ply", scene, ply("binary_little_endian", &hollow, 0, &[1])),
+        ("a.ply", scene, ply("binary_big_endian", &lists, 0, &[3, 1, 1, 1])),
+        ("a.obj", scene, repeated("", b"v 1 1 1\n", b"f 1 2 3\n")),
+        ("a.obj", scene, repeated("v 1 1 1\nf 1 1 1", b" 1", &[])),
+        ("a.obj", scene, repeated("v 1 1 1\n", b"f 1 1 1\n", &[])),
+        ("a.obj", scene, repeated("v 1 1 1\nf 1 1 1\n", b"usemtl a\n", &[])),
+        ("a.pcd", cloud, packed_pcd(20_000_000)),
+        ("a.pcd", cloud, packed_pcd(4_000_000)),
+        ("a.pcd", cloud, repeated(&format!("{header}POINTS {points}\nDATA binary\n"), &[1], &[])),
+        ("a.pcd", cloud, repeated(&format!("{header}POINTS 1\nDATA ascii\n"), b"1 ", &[])),
+        ("a.pcd", cloud, repeated("VERSION", b" 1", &[])),
+        ("a.bin", cloud, repeated("", &[0, 0, 128, 63], &[])),
+        ("a.xyz", cloud, repeated("", b"1 1 1\n", &[])),
+        ("a.xyz", cloud, repeated("x,y,z", b",1", &[])),
+        (
+            "a.vtk",
+            cloud,
+            repeated(
+                "# vtk DataFile Version 3.0\nt\nASCII\nDATASET POLYDATA\nPOINTS 5000000 float\n",
+                b"1 ",
+                &[],
+            ),
+        ),
+        ("a.txt", pose, repeated("1", b" 1", &[])),
+        ("a.json", pose, [b"[0".to_vec(), b",0".repeat(1 << 19), b"]".to_vec()].concat()),
+        ("a.toml", configuration, b"a.b=[]\n".repeat(1 << 17)),
+        (
+            "a.toml",
+            configuration,
+            [b"a=[0".to_vec(), b",0".repeat(1 << 19), b"]".to_vec()].concat(),
+        ),
+    ];
+    let mut broken = Vec::new();
+    for (index, (name, read, file)) in table.into_iter().enumerate() {
+        let size = file.len();
+        let found = most(file, |file| read(name, file));
+        if found > 8 * size + (64 << 20) {
+            broken.push(format!("{index} {name}: {found} bytes for {size}"));
+        }
+    }
+    assert!(broken.is_empty(), "{}", broken.join("\n"));
+}
