@@ -52,15 +52,28 @@ impl<'a> Shelf<'a> {
         if self.which == Libraries::None || names.is_empty() {
             return Ok(Vec::new());
         }
-        // One name with blanks, as some programs write it, or several without.
-        let whole = (self.folder.join(names).exists()).then_some(names);
         let mut found = Vec::new();
-        for name in whole.into_iter().chain(names.split_whitespace().filter(|_| whole.is_none())) {
+        for name in self.names(names) {
             if let Some(path) = self.find(name)? {
                 found.extend(self.read(&path, name)?);
             }
         }
         Ok(found)
+    }
+
+    /// The files that [`Shelf::open`] reads.
+    pub(super) fn files(&mut self, names: &str) -> Vec<PathBuf> {
+        let is_open = self.which != Libraries::None && !names.is_empty();
+        let names = if is_open { self.names(names) } else { Vec::new() };
+        names.into_iter().filter_map(|name| self.find(name).ok().flatten()).collect()
+    }
+
+    /// One name with blanks, as some programs write it, or several without.
+    fn names<'n>(&self, names: &'n str) -> Vec<&'n str> {
+        match self.folder.join(names).exists() {
+            true => vec![names],
+            false => names.split_whitespace().collect(),
+        }
     }
 
     /// Where a library lies that may be read and has not been; `None` where there is none.
@@ -154,6 +167,11 @@ mod tests {
     fn libraries_below_the_meshes_folder_are_read_once_and_missing_ones_passed_over() {
         let outer = folders();
         let home = outer.path().join("mesh");
+        let files = Shelf::new(&home, Libraries::Beside).files("in.mtl lost.mtl below/deep.mtl");
+        let paths =
+            ["in.mtl", "below/deep.mtl"].map(|name| home.join(name).canonicalize().unwrap());
+        assert_eq!(files, paths);
+        assert!(Shelf::new(&home, Libraries::None).files("in.mtl").is_empty());
         let mut shelf = Shelf::new(&home, Libraries::Beside);
         let known = [("a".to_owned(), Surface::Brick)];
         for name in ["in.mtl", "two words.mtl", "lost.mtl ./below/deep.mtl"] {

@@ -122,6 +122,21 @@ pub fn parse_scene(
     parse(path, Format::of(path)?, bytes, options)
 }
 
+/// The material libraries that [`load_scene`] reads with a mesh, in their order.
+#[must_use]
+pub fn library_files(path: &Path, libraries: Libraries) -> Vec<PathBuf> {
+    let Ok(Format::Obj) = Format::of(path) else { return Vec::new() };
+    let bytes = read_data(path).unwrap_or_default();
+    let mut shelf = Shelf::new(folder(path), libraries);
+    let names = obj::libraries(&String::from_utf8_lossy(&bytes)).collect::<Vec<_>>();
+    names.iter().flat_map(|names| shelf.files(names)).collect()
+}
+
+/// Where a file lies.
+fn folder(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
 /// The formats there are.
 #[derive(Clone, Copy)]
 enum Format {
@@ -146,8 +161,7 @@ fn parse(
     bytes: &[u8],
     options: &ImportOptions,
 ) -> Result<Scene, ImportError> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-    let mut shelf = Shelf::new(folder.unwrap_or(Path::new(".")), options.libraries);
+    let mut shelf = Shelf::new(folder(path), options.libraries);
     let (format, mesh) = match format {
         Format::Ply => ("PLY", ply::read(bytes, options.default_surface)),
         Format::Obj => {

@@ -36,6 +36,14 @@ pub(super) fn read(
     Ok(reader.finish())
 }
 
+/// What the `mtllib` lines of a file name.
+pub(super) fn libraries(text: &str) -> impl Iterator<Item = String> {
+    lines(text).filter_map(|(_, line)| match keyword(&line) {
+        ("mtllib", names) => Some(names.to_owned()),
+        _ => None,
+    })
+}
+
 /// Lines with their numbers, from 1; one that ends in a backslash goes on in the next.
 fn lines(text: &str) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
     let mut rest = text.lines().zip(1..);

@@ -1,12 +1,12 @@
 //! What a search is made of besides its configuration, as checksums: its numbers go on only from
 //! the same.
 
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::OnceLock;
 
 use echoloop_frontend::SceneResponse;
 use echoloop_registration::pose::to_rows;
+use echoloop_sim::import::{Libraries, library_files};
 use echoloop_sim::scene::SceneKind;
 use serde::{Deserialize, Serialize};
 
@@ -34,10 +34,14 @@ impl Content {
     pub fn of(config: &RunConfig, dataset: &Dataset) -> Self {
         let source = Path::new(&config.scene.source);
         let is_file = config.scene.source.parse::<SceneKind>().is_err();
+        let libraries = config.scene.import().map(|options| options.libraries).unwrap_or_default();
         let scene = is_file.then(|| Checksum::of_file(source).ok()).flatten();
         Self {
             scene: scene.map(|sum| sum.to_string()),
-            materials: is_file.then(|| materials(source)).flatten().map(|sum| sum.to_string()),
+            materials: is_file
+                .then(|| materials(source, libraries))
+                .flatten()
+                .map(|sum| sum.to_string()),
             front_end: front_end(&Model::from(config)).to_string(),
             scans: scans(dataset).to_string(),
         }
@@ -83,25 +87,19 @@ fn add_scan(sum: &mut Running, scan: &SceneResponse) {
     }
 }
 
-/// Of the files behind the `mtllib` lines of an OBJ, in their order; none without any.
-fn materials(scene: &Path) -> Option<Checksum> {
-    let is_obj = scene.extension().is_some_and(|e| e.eq_ignore_ascii_case("obj"));
-    let bytes = is_obj.then(|| fs::read(scene).ok()).flatten()?;
-    let sums: String = named(&bytes, scene)
+/// Of the material libraries that are read with an OBJ, in their order; none without any.
+fn materials(scene: &Path, libraries: Libraries) -> Option<Checksum> {
+    let sums: String = library_files(scene, libraries)
         .iter()
         .map(|path| Checksum::of_file(path).map_or_else(|_| "none".into(), |sum| sum.to_string()))
         .collect();
     (!sums.is_empty()).then(|| Checksum::of(&[sums.as_bytes()]))
 }
 
-fn named(obj: &[u8], scene: &Path) -> Vec<PathBuf> {
-    let folder = scene.parent().unwrap_or(Path::new(""));
-    let lines = obj.split(|&byte| byte == b'\n').filter_map(|line| line.strip_prefix(b"mtllib "));
-    lines.map(|name| folder.join(String::from_utf8_lossy(name.trim_ascii()).as_ref())).collect()
-}
-
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     #[test]
