@@ -12,6 +12,8 @@
 
 use std::collections::HashMap;
 use std::fmt::Debug;
+use std::fs;
+use std::path::Path;
 
 use echoloop_dsp::loops::{Portable, Scalar};
 use echoloop_dsp::settings::PARAMETERS;
@@ -30,6 +32,21 @@ use serde::ser::SerializeTuple;
 use serde::{Serialize, Serializer};
 
 use crate::faults::Target;
+
+/// The inputs that fuzzing kept for a target: a line of hexadecimal digits each.
+///
+/// # Panics
+///
+/// Without such a file below `fuzz/corpus`.
+pub fn corpus(target: &str) -> Vec<Vec<u8>> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus");
+    let text = fs::read_to_string(folder.join(target).with_extension("hex")).expect("a corpus");
+    let byte = |pair: &[u8]| {
+        let digits = str::from_utf8(pair).expect("digits");
+        u8::from_str_radix(digits, 16).expect("hexadecimal")
+    };
+    text.lines().map(|line| line.as_bytes().chunks(2).map(byte).collect()).collect()
+}
 
 const HARDWARE: Hardware = Hardware::REFERENCE;
 

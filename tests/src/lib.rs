@@ -8,6 +8,7 @@
 //! | [`target`], [`gdb`] | does the microcontroller say the same? Boards in QEMU |
 //! | [`faults`] | what if the line is bad? |
 //! | [`harness`] | what if the bytes are any? |
+//! | [`readers`] | what if a file is any? |
 
 pub mod bit_true;
 pub mod faults;
@@ -15,6 +16,7 @@ pub mod float_reference;
 #[cfg(unix)]
 pub mod gdb;
 pub mod harness;
+pub mod readers;
 
 #[cfg(unix)]
 pub mod target;

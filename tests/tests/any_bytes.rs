@@ -1,10 +1,8 @@
 //! The fuzz targets' bodies, on bytes that nobody chose and on every input that fuzzing kept.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use std::fs;
-use std::path::Path;
-
-use echoloop_tests::harness;
+use echoloop_tests::harness::{self, corpus};
+use echoloop_tests::readers::READERS;
 use proptest::collection::vec;
 use proptest::prelude::{any, prop_oneof, proptest};
 
@@ -54,7 +52,6 @@ proptest! {
 
 #[test]
 fn every_input_that_fuzzing_kept_still_holds() {
-    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus");
     type Target = fn(&[u8]);
     let targets: [(&str, Target); 4] = [
         ("frame_decoder", harness::frame_decoder),
@@ -63,11 +60,17 @@ fn every_input_that_fuzzing_kept_still_holds() {
         ("waveforms", harness::waveforms),
     ];
     for (name, target) in targets {
-        let kept = fs::read_to_string(corpus.join(name).with_extension("hex")).unwrap();
-        assert!(kept.lines().count() > 50, "{name}");
-        for line in kept.lines() {
-            let digits = line.as_bytes().chunks(2).map(|pair| str::from_utf8(pair).unwrap());
-            target(&digits.map(|pair| u8::from_str_radix(pair, 16).unwrap()).collect::<Vec<_>>());
+        let kept = corpus(name);
+        assert!(kept.len() > 50, "{name}");
+        kept.iter().for_each(|bytes| target(bytes));
+    }
+}
+
+#[test]
+fn every_reader_takes_the_files_that_it_is_for() {
+    for (name, read) in READERS {
+        for (line, bytes) in corpus(name).iter().enumerate() {
+            assert!(read(bytes), "line {line} of {name}.hex is refused");
         }
     }
 }

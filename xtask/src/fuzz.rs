@@ -7,11 +7,34 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, bail};
 
-use crate::shell::workspace;
+use crate::shell::{cargo_command, succeed, workspace};
 
 /// Targets in `fuzz/fuzz_targets`, and how long an input is worth trying.
-const TARGETS: [(&str, u32); 4] =
-    [("frame_decoder", 2_048), ("session", 1_024), ("store", 513), ("waveforms", 1_024)];
+const TARGETS: [(&str, u32); 15] = [
+    ("frame_decoder", 2_048),
+    ("session", 1_024),
+    ("store", 513),
+    ("waveforms", 1_024),
+    ("obj", 2_048),
+    ("mesh_ply", 2_048),
+    ("cloud_ply", 2_048),
+    ("pcd", 2_048),
+    ("vtk", 1_024),
+    ("kitti", 256),
+    ("xyz", 1_024),
+    ("rows", 2_048),
+    ("pose", 1_024),
+    ("configuration", 2_048),
+    ("journal", 8_192),
+];
+
+/// Sees that every target compiles. Nothing is linked, so libFuzzer itself is not built.
+pub(crate) fn check() -> Result<()> {
+    let mut command = cargo_command()?;
+    command.args(["check", "--manifest-path", "fuzz/Cargo.toml", "--locked", "--quiet"]);
+    command.args(["--bins", "--target-dir", "target/fuzz"]);
+    succeed(command.env("CUSTOM_LIBFUZZER_PATH", "./none"))
+}
 
 /// Runs every target, or only one, for so many seconds, from the inputs that were kept: a line of
 /// hexadecimal digits each in `fuzz/corpus/TARGET.hex`. All inputs lie in `fuzz/target/corpus`.
@@ -71,4 +94,23 @@ fn cargo_fuzz() -> Result<Command> {
     let mut command = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command.current_dir(workspace()?).env("RUSTC_BOOTSTRAP", "1").arg("fuzz");
     Ok(command)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_target_has_a_file_a_binary_and_inputs() {
+        let fuzz = workspace().unwrap().join("fuzz");
+        let manifest = fs::read_to_string(fuzz.join("Cargo.toml")).unwrap();
+        for (name, _) in TARGETS {
+            assert!(manifest.contains(&format!("name = \"{name}\"\n")), "{name}");
+            assert!(fuzz.join("fuzz_targets").join(name).with_extension("rs").exists(), "{name}");
+            let kept = fs::read_to_string(fuzz.join("corpus").join(name).with_extension("hex"));
+            assert!(kept.unwrap().lines().count() > 1, "{name}");
+        }
+        let files = fs::read_dir(fuzz.join("fuzz_targets")).unwrap().count();
+        assert_eq!((files, manifest.matches("[[bin]]").count()), (TARGETS.len(), TARGETS.len()));
+    }
 }

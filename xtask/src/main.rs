@@ -49,10 +49,10 @@ enum Task {
         #[arg(long, default_value_t = 100_000)]
         waveforms: u32,
     },
-    /// Bytes nobody chose, on the link, in the flash and as waveforms: every fuzz target for a
+    /// Bytes nobody chose, on the link, in the flash and to every reader: every fuzz target for a
     /// while.
     Fuzz {
-        /// Only this one: frame_decoder, session, store or waveforms.
+        /// Only this one: a file of fuzz/fuzz_targets, as session or obj.
         #[arg(long)]
         target: Option<String>,
         /// How long each target runs.
@@ -117,6 +117,7 @@ fn prepare_host(all: bool) -> Result<()> {
         let mut doc = cargo_command()?;
         doc.args(["doc", "--workspace", "--no-deps", "--quiet"]);
         succeed(doc.env("RUSTDOCFLAGS", "-D warnings"))?;
+        fuzz::check()?;
     }
     cargo(["test", "--workspace", "--no-run"])
 }

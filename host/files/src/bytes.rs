@@ -5,8 +5,8 @@ use std::io::{Error, ErrorKind, Read, Result};
 use std::path::Path;
 
 /// Bytes that are read at most of a file that people write: a configuration, a pose, a candidate. A
-/// table or document of it takes up to 50 times as many.
-pub const MOST_TEXT: u64 = 1 << 20;
+/// table of it takes up to 100 times as many.
+pub const MOST_TEXT: u64 = 512 << 10;
 
 /// Bytes that are read at most of a pipe, which has no size that could be asked for.
 const MOST_PIPED: u64 = 4 << 30;
@@ -73,7 +73,7 @@ fn read_most(from: impl Read, most: u64) -> Result<Vec<u8>> {
     match bytes.len() as u64 > most {
         true => Err(Error::new(
             ErrorKind::FileTooLarge,
-            format!("it has more than {} MB, the most that is read of it", most >> 20),
+            format!("it has more than {} kB, the most that is read of it", most >> 10),
         )),
         false => Ok(bytes),
     }

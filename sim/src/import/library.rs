@@ -121,8 +121,9 @@ pub(super) fn keyword(line: &str) -> (&str, &str) {
     line.split_once(char::is_whitespace).map_or((line, ""), |(word, rest)| (word, rest.trim()))
 }
 
-/// Surfaces of materials, by the name of the material's picture.
-pub(super) fn surfaces(text: &str) -> Vec<(String, Surface)> {
+/// What a library tells: surfaces of materials, by the name of the material's picture.
+#[must_use]
+pub fn surfaces(text: &str) -> Vec<(String, Surface)> {
     let (mut found, mut material) = (Vec::new(), "");
     for line in text.lines() {
         let (keyword, rest) = keyword(line);

@@ -15,8 +15,8 @@ use fault::Fault;
 
 use crate::scene::{MATERIALS, Mesh, MeshFault, Scene, Surface};
 pub use ground::Plane;
-pub use library::Libraries;
 use library::Shelf;
+pub use library::{Libraries, surfaces as library_surfaces};
 
 /// What lies under an imported place.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -17,6 +17,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 
+use echoloop_files::shown;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use thiserror::Error;
@@ -265,13 +266,36 @@ const DIGITS: usize = 16;
 
 /// A line with its checksum, and that alone.
 fn sealed(before: &str, value: &impl Serialize) -> serde_json::Result<(Vec<u8>, String)> {
-    let mut line = serde_json::to_vec(value)?;
+    Ok(sealed_line(before, serde_json::to_vec(value)?))
+}
+
+fn sealed_line(before: &str, mut line: Vec<u8>) -> (Vec<u8>, String) {
     line.pop(); // the brace that closes it
     let check = Checksum::of(&[before.as_bytes(), &line]).to_string();
     for piece in [SEAL.0, check.as_bytes(), SEAL.1] {
         line.extend(piece);
     }
-    Ok((line, check))
+    (line, check)
+}
+
+/// Any lines as a journal whose checksums are right, to try its reader with.
+pub fn sealed_lines<'a>(lines: impl Iterator<Item = &'a [u8]>) -> Vec<u8> {
+    let (mut journal, mut before) = (Vec::new(), String::new());
+    for line in lines {
+        let (line, check) = sealed_line(&before, line.to_vec());
+        journal.extend(line);
+        before = check;
+    }
+    journal
+}
+
+/// How many whole generations are in a journal's bytes.
+///
+/// # Errors
+///
+/// [`JournalError`] when its first line is no header.
+pub fn whole_generations(bytes: &[u8]) -> Result<usize, JournalError> {
+    parse(Path::new("any"), bytes).map(|found| found.generations.len())
 }
 
 /// The JSON of a whole line and its checksum; or what is wrong with the line.
@@ -376,8 +400,9 @@ fn head(path: &Path, line: &[u8]) -> Result<(Header, String), JournalError> {
         return Err(headless(path, &what));
     }
     let (json, check) = unsealed("", line).map_err(|what| headless(path, &what))?;
-    let header = serde_json::from_slice(&json)
-        .map_err(|error| headless(path, &format!("no journal header ({error})")))?;
+    let header = serde_json::from_slice(&json).map_err(|error| {
+        headless(path, &format!("no journal header ({})", shown(&error.to_string())))
+    })?;
     Ok((header, check))
 }
 
@@ -385,8 +410,8 @@ impl Found {
     /// Takes the next line, or says what is wrong with it.
     fn take(&mut self, line: &[u8]) -> Result<(), String> {
         let (json, check) = unsealed(&self.check, line)?;
-        let generation: Generation =
-            serde_json::from_slice(&json).map_err(|error| format!("no generation ({error})"))?;
+        let generation: Generation = serde_json::from_slice(&json)
+            .map_err(|error| format!("no generation ({})", shown(&error.to_string())))?;
         let (number, expected) = (generation.generation, self.generations.len());
         if number as usize != expected {
             return Err(format!("generation {number} where {expected} was expected"));

@@ -2,5 +2,6 @@
 
 mod bytes;
 mod journal;
+mod readers;
 #[cfg(unix)]
 mod run_folder;

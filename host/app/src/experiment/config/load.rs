@@ -152,18 +152,27 @@ fn follow_method(config: &mut RunConfig, given: &toml::Table) {
 fn read(path: &Path) -> Result<toml::Table, LoadError> {
     let text = read_text(path, MOST_TEXT)
         .map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
-    parse(&text).map_err(|message| LoadError::Parse { path: path.to_owned(), message })
+    let fail = |message| LoadError::Parse { path: path.to_owned(), message };
+    parse(&text).map_err(fail)?;
+    toml::from_str(&text).map_err(|error| fail(told(&error)))
 }
 
-/// The table of a configuration's text; else what is wrong with it, and where.
+/// The configuration of a text, unchecked.
 ///
 /// # Errors
 ///
 /// What is wrong: line, column and, where they are short, the line itself with a caret below.
-pub fn parse(text: &str) -> Result<toml::Table, String> {
-    let told = |error: toml::de::Error| told(&error);
-    toml::from_str::<RunConfig>(text).map_err(told)?;
-    toml::from_str(text).map_err(told)
+pub fn parse(text: &str) -> Result<RunConfig, String> {
+    toml::from_str(text).map_err(|error| told(&error))
+}
+
+/// The text of a configuration.
+///
+/// # Errors
+///
+/// [`toml::ser::Error`], of numbers that TOML does not have.
+pub fn written(config: &RunConfig) -> Result<String, toml::ser::Error> {
+    toml::to_string(config)
 }
 
 /// What is wrong with the line at fault above it, unless that is too long to be looked at.

@@ -25,7 +25,7 @@ pub use echoloop_registration::{FgrMode, Method};
 pub use emitter::EmitterConfig;
 pub use error::RunConfigError;
 pub use lidar::Lidar;
-pub use load::{LoadError, Override, load, parse};
+pub use load::{LoadError, Override, load, parse, written};
 pub use motion::{JitterPer, Motion};
 pub use registration::RegistrationConfig;
 pub use scanner::ScannerConfig;

@@ -1,0 +1,163 @@
+//! What must hold of every reader, whatever the file: it gives what its format can hold, or says
+//! little. The bodies of fuzz targets and of attacks.
+//!
+//! | function | bytes are | must hold of what is read |
+//! |---|---|---|
+//! | [`obj`] | a mesh; after a zero byte its material library | it can be scanned |
+//! | [`mesh_ply`] | a mesh | it can be scanned |
+//! | [`cloud_ply`], [`pcd`], [`vtk`], [`kitti`], [`xyz`] | a cloud | echoes, no more than bytes |
+//! | [`rows`] | waveforms, CSV or NumPy | finite, no more than bytes |
+//! | [`pose`] | a motion | a rotation |
+//! | [`configuration`] | TOML | it reads back as itself |
+//! | [`journal`] | lines; also with checksums put on | no more generations than lines |
+//!
+//! Each says whether it was read.
+
+use std::fmt::Display;
+use std::path::Path;
+
+use echoloop_host::experiment::config;
+use echoloop_host::experiment::journal::{sealed_lines, whole_generations};
+use echoloop_host::waveforms::parse_waveforms;
+use echoloop_registration::cloud::parse_cloud;
+use echoloop_registration::pose::parse_pose;
+use echoloop_sim::import::{Ground, ImportOptions, library_surfaces, parse_scene};
+use echoloop_sim::scene::MATERIALS;
+
+/// A reader: its name, which is that of its fuzz target and its corpus, and what it makes of bytes.
+pub type Reader = (&'static str, fn(&[u8]) -> bool);
+
+/// Every reader.
+pub const READERS: [Reader; 11] = [
+    ("obj", obj),
+    ("mesh_ply", mesh_ply),
+    ("cloud_ply", cloud_ply),
+    ("pcd", pcd),
+    ("vtk", vtk),
+    ("kitti", kitti),
+    ("xyz", xyz),
+    ("rows", rows),
+    ("pose", pose),
+    ("configuration", configuration),
+    ("journal", journal),
+];
+
+/// What was read; of a refusal that it is short and moves no cursor.
+fn told<T>(read: Result<T, impl Display>) -> Option<T> {
+    match read {
+        Ok(read) => Some(read),
+        Err(error) => {
+            let said = error.to_string();
+            assert!(said.len() < 3_000, "{} bytes: {said}", said.len());
+            let hidden = said.chars().find(|c| c.is_control() && *c != '\n');
+            assert_eq!(hidden, None, "{said}");
+            None
+        }
+    }
+}
+
+fn mesh(name: &str, bytes: &[u8]) -> bool {
+    let options = ImportOptions { ground: Ground::None, ..ImportOptions::default() };
+    let Some(scene) = told(parse_scene(Path::new(name), bytes, &options)) else { return false };
+    assert_eq!(scene.mesh.check(MATERIALS.len(), options.max_reach_m), Ok(()));
+    assert!(scene.mesh.triangles.len() <= bytes.len(), "{} bytes", bytes.len());
+    true
+}
+
+/// A mesh, and what follows its first zero byte as a library that nobody named.
+pub fn obj(bytes: &[u8]) -> bool {
+    let (mesh_bytes, library) = match bytes.iter().position(|&byte| byte == 0) {
+        Some(end) => (&bytes[..end], &bytes[end + 1..]),
+        None => (bytes, &[][..]),
+    };
+    let surfaces = library_surfaces(&String::from_utf8_lossy(library));
+    assert!(surfaces.len() <= library.len());
+    mesh("any.obj", mesh_bytes)
+}
+
+/// A mesh.
+pub fn mesh_ply(bytes: &[u8]) -> bool {
+    mesh("any.ply", bytes)
+}
+
+fn cloud(name: &str, bytes: &[u8], most: usize) -> bool {
+    let Some((cloud, _)) = told(parse_cloud(Path::new(name), bytes)) else { return false };
+    assert!(cloud.points.iter().all(|p| p.coords.iter().all(|v| v.is_finite())));
+    assert!(cloud.points.iter().all(|p| p.coords.iter().any(|v| *v != 0.0)));
+    assert!((1..=most).contains(&cloud.points.len()), "{} of {most}", cloud.points.len());
+    true
+}
+
+/// A cloud.
+pub fn cloud_ply(bytes: &[u8]) -> bool {
+    cloud("any.ply", bytes, bytes.len())
+}
+
+/// A cloud, whose points may be packed.
+pub fn pcd(bytes: &[u8]) -> bool {
+    cloud("any.pcd", bytes, 88 * bytes.len())
+}
+
+/// A cloud.
+pub fn vtk(bytes: &[u8]) -> bool {
+    cloud("any.vtk", bytes, bytes.len())
+}
+
+/// A cloud.
+pub fn kitti(bytes: &[u8]) -> bool {
+    cloud("any.bin", bytes, bytes.len())
+}
+
+/// A cloud.
+pub fn xyz(bytes: &[u8]) -> bool {
+    cloud("any.xyz", bytes, bytes.len())
+}
+
+/// Waveforms.
+pub fn rows(bytes: &[u8]) -> bool {
+    let Some(rows) = told(parse_waveforms(Path::new("any"), bytes.to_vec())) else { return false };
+    let numbers: usize = (0..rows.len())
+        .map(|row| {
+            let row = rows.row(row);
+            assert!(row.iter().all(|v| v.is_finite()));
+            row.len()
+        })
+        .sum();
+    assert!(rows.len() + numbers <= 2 * bytes.len(), "{} bytes", bytes.len());
+    true
+}
+
+/// A motion.
+pub fn pose(bytes: &[u8]) -> bool {
+    let text = String::from_utf8_lossy(bytes);
+    let Some(pose) = told(parse_pose(Path::new("any"), &text)) else { return false };
+    let rotation = pose.rotation.to_rotation_matrix();
+    assert!((rotation.matrix().determinant() - 1.0).abs() < 1e-9, "{pose}");
+    assert!(pose.translation.vector.iter().all(|v| v.is_finite()));
+    true
+}
+
+/// A configuration that its own checks may yet refuse.
+pub fn configuration(bytes: &[u8]) -> bool {
+    let text = String::from_utf8_lossy(bytes);
+    let Some(config) = told(config::parse(&text)) else { return false };
+    if told(config.check()).is_none() {
+        return false;
+    }
+    let written = config::written(&config).expect("TOML has its numbers");
+    assert_eq!(config::parse(&written).as_ref(), Ok(&config), "{written}");
+    true
+}
+
+/// A journal as it is, and its lines with checksums that are right.
+pub fn journal(bytes: &[u8]) -> bool {
+    let lines = || bytes.split(|&byte| byte == b'\n').filter(|line| !line.is_empty());
+    let mut whole = false;
+    for journal in [bytes.to_vec(), sealed_lines(lines())] {
+        if let Some(generations) = told(whole_generations(&journal)) {
+            assert!(generations < lines().count());
+            whole |= generations > 0;
+        }
+    }
+    whole
+}
