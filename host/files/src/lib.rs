@@ -2,7 +2,7 @@
 //!
 //! | item | for |
 //! |---|---|
-//! | [`read_data`], [`read_text`], [`text_from`] | a whole file, never more of it than a reader can want |
+//! | [`read_data`], [`read_text`], [`text_from`] | a whole file, within a bound |
 //! | [`check_lines`] | text whose lines are read one by one |
 //! | [`shown`], [`printable`] | what a message may repeat of a file |
 //! | [`ply`] | PLY, an element at a time |

@@ -16,7 +16,8 @@ const MAX_SLOPE: f64 = 0.35;
 const ROUGH_M: f64 = 0.35;
 
 /// Heights of whatever the sky sees, on a grid round the viewpoints' area. Each is looked up when
-/// somebody first asks for it: a place of 10 km has 25 million, a few thousand round its viewpoints.
+/// somebody first asks for it: a place of 10 km has 25 million, a few thousand of them round
+/// its viewpoints.
 ///
 /// A point is ground when no neighbour lies below the cone that falls away from it with the
 /// steepest slope: the slope-based filter of airborne LiDAR (Vosselman 2000).

@@ -122,8 +122,14 @@ impl<'de> Visitor<'de> for Section {
                 Key::Mode => config.mode = map.next_value()?,
                 Key::Refine => config.refine = map.next_value()?,
                 Key::Setting(index) => {
-                    if config.given[index].replace(map.next_value()?).is_some() {
-                        return Err(A::Error::duplicate_field(SETTINGS[index].key));
+                    let (key, value) = (SETTINGS[index].key, map.next_value::<f64>()?);
+                    if !value.is_finite() {
+                        return Err(A::Error::custom(format_args!(
+                            "{key} = {value} must be finite"
+                        )));
+                    }
+                    if config.given[index].replace(value).is_some() {
+                        return Err(A::Error::duplicate_field(key));
                     }
                 }
             }
