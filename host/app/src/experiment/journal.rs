@@ -181,8 +181,8 @@ impl Journal {
     /// # Errors
     ///
     /// [`JournalError`]; of a damaged line its number. With `repair`, the damaged rest is dropped
-    /// and a damaged first line written anew, if the line after it says that it was this one. Before
-    /// that, the whole file is copied beside itself.
+    /// and a damaged first line written anew, if the line after it says that it was this one.
+    /// Before that, the whole file is copied beside itself.
     pub fn resume(
         path: &Path,
         header: &Header,
