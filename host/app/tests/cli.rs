@@ -601,7 +601,7 @@ fn every_parameter_is_listed_with_its_unit_and_range() {
     let json = fixture.succeed(&["config", "--parameters", "--json"]).json();
     let names: Vec<&str> =
         json.as_array().expect("a list").iter().filter_map(|p| p["name"].as_str()).collect();
-    assert_eq!(names.len(), echoloop_dsp::PARAMETERS.len() + 7);
+    assert_eq!(names.len(), echoloop_dsp::PARAMETERS.len() + 8);
     for (name, is_whole) in [
         ("lidar.power", false),
         ("lidar.upsampling", true),

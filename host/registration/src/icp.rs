@@ -5,6 +5,7 @@ pub(super) mod descent;
 pub(super) mod equations;
 pub(super) mod kernel;
 pub(super) mod lanes;
+pub(super) mod normals;
 pub(super) mod pairing;
 pub(super) mod pairs;
 pub(super) mod step;

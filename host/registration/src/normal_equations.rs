@@ -8,7 +8,7 @@ use super::icp::centred::Centred;
 use super::icp::equations::Equations;
 use super::icp::kernel::Kernel;
 use super::icp::lanes::{LANES, Lane, add_product, cross, dot, total};
-use super::icp::pairing::Normals;
+use super::icp::normals::Normals;
 use super::icp::pairs::{Group, Pairs};
 use super::icp::step::Step;
 

@@ -8,7 +8,7 @@ use crate::icp::centred::Centred;
 use crate::icp::equations::Equations;
 use crate::icp::kernel::Kernel;
 use crate::icp::lanes::{LANES, Lane, add_product, cross, dot, total};
-use crate::icp::pairing::Normals;
+use crate::icp::normals::Normals;
 use crate::icp::pairs::{Group, Pairs};
 use crate::icp::step::Step;
 use crate::normal_equations::{MomentSums, NormalEquations, RowSums};

@@ -4,7 +4,7 @@ use nalgebra::{Matrix6, Vector6};
 
 use super::centred::Centred;
 use super::kernel::Kernel;
-use super::pairing::Normals;
+use super::normals::Normals;
 use super::pairs::Pairs;
 use super::step::Step;
 use crate::Observability;

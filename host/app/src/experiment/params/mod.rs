@@ -256,12 +256,12 @@ mod tests {
     }
 
     #[test]
-    fn the_protocols_open_eight_seven_and_fifteen_axes() {
+    fn the_protocols_open_eight_eight_and_sixteen_axes() {
         let count = |protocol| space(protocol).axes().len();
         assert_eq!(count(Protocol::Default), 0);
         assert_eq!(count(Protocol::Lidar), 8);
-        assert_eq!(count(Protocol::Registration), 7);
-        assert_eq!(count(Protocol::Joint), 15);
+        assert_eq!(count(Protocol::Registration), 8);
+        assert_eq!(count(Protocol::Joint), 16);
     }
 
     #[test]
