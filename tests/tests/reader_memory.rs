@@ -93,8 +93,8 @@ fn repeated(head: &str, piece: &[u8], tail: &[u8]) -> Vec<u8> {
 
 fn ply(format: &str, more: &str, count: usize, body: &[u8]) -> Vec<u8> {
     let head = format!(
-        "ply\nformat {format} 1.0\n{more}element vertex {count}\nproperty uchar x\nproperty uchar y\n\
-         property uchar z\nelement face 0\nproperty list uchar int vertex_indices\nend_header\n"
+        "ply\nformat {format} 1.0\n{more}element vertex {count}\nproperty uchar x\n\
+         property uchar y\nproperty uchar z\nelement face 0\nproperty list uchar int vertex_indices\nend_header\n"
     );
     repeated(&head, body, &[])
 }
@@ -176,7 +176,8 @@ fn no_reader_takes_more_than_eight_times_its_file_and_64_mb() {
             cloud,
             Box::new(|| {
                 repeated(
-                    "# vtk DataFile Version 3.0\nt\nASCII\nDATASET POLYDATA\nPOINTS 5000000 float\n",
+                    "# vtk DataFile Version 3.0\nt\nASCII\nDATASET POLYDATA\n\
+                     POINTS 5000000 float\n",
                     b"1 ",
                     &[],
                 )
