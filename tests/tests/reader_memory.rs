@@ -94,7 +94,8 @@ fn repeated(head: &str, piece: &[u8], tail: &[u8]) -> Vec<u8> {
 fn ply(format: &str, more: &str, count: usize, body: &[u8]) -> Vec<u8> {
     let head = format!(
         "ply\nformat {format} 1.0\n{more}element vertex {count}\nproperty uchar x\n\
-         property uchar y\nproperty uchar z\nelement face 0\nproperty list uchar int vertex_indices\nend_header\n"
+         property uchar y\nproperty uchar z\nelement face 0\n\
+         property list uchar int vertex_indices\nend_header\n"
     );
     repeated(&head, body, &[])
 }
