@@ -121,6 +121,18 @@ fn packed_pcd(points: u32) -> Vec<u8> {
     [head.into_bytes(), sizes, packed].concat()
 }
 
+/// A mesh of polygons of so many corners, a byte each.
+fn polygons(corners: u32) -> Vec<u8> {
+    let faces = SIZE / (corners as usize + 4);
+    let head = format!(
+        "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty uchar x\n\
+         property uchar y\nproperty uchar z\nelement face {faces}\n\
+         property list uint uchar vertex_indices\nend_header\n"
+    );
+    let face = [&corners.to_le_bytes()[..], &[0, 1, 2].repeat(corners as usize / 3)].concat();
+    [head.as_bytes(), &[0, 0, 0, 9, 0, 0, 0, 9, 0], &face.repeat(faces)].concat()
+}
+
 type Reader = fn(&str, Vec<u8>) -> bool;
 
 /// Made when its turn comes: all at once would be a GB.
@@ -152,6 +164,9 @@ fn no_reader_takes_more_than_eight_times_its_file_and_64_mb() {
         ("a.ply", cloud, Box::new(|| repeated("ply\nformat ascii 1.0\n", b"element a 0\n", &[]))),
         ("a.ply", scene, Box::new(|| ply("binary_little_endian", &hollow, 0, &[1]))),
         ("a.ply", scene, Box::new(|| ply("binary_big_endian", &lists, 0, &[3, 1, 1, 1]))),
+        ("a.ply", scene, Box::new(|| polygons(300))),
+        ("a.ply", scene, Box::new(|| polygons(30_000_000))),
+        ("a.obj", scene, Box::new(|| repeated("", b"\\\n", b"\n"))),
         ("a.obj", scene, Box::new(|| repeated("", b"v 1 1 1\n", b"f 1 2 3\n"))),
         ("a.obj", scene, Box::new(|| repeated("v 1 1 1\nf 1 1 1", b" 1", &[]))),
         ("a.obj", scene, Box::new(|| repeated("v 1 1 1\n", b"f 1 1 1\n", &[]))),

@@ -18,6 +18,8 @@ use echoloop_files::{read_text, shown};
 
 /// Material libraries of a mesh at most.
 const MOST_LIBRARIES: usize = 16;
+/// Names that its `mtllib` lines list at most: each is looked for.
+const MOST_NAMES: usize = 1024;
 /// Bytes of all of them at most.
 const MOST_BYTES: u64 = 16 << 20;
 
@@ -37,6 +39,7 @@ pub enum Libraries {
 pub(super) struct Shelf<'a> {
     folder: &'a Path,
     which: Libraries,
+    asked: HashSet<String>,
     opened: HashSet<PathBuf>,
     bytes: u64,
 }
@@ -44,7 +47,7 @@ pub(super) struct Shelf<'a> {
 impl<'a> Shelf<'a> {
     /// For a mesh in a folder.
     pub(super) fn new(folder: &'a Path, which: Libraries) -> Self {
-        Self { folder, which, opened: HashSet::new(), bytes: 0 }
+        Self { folder, which, asked: HashSet::new(), opened: HashSet::new(), bytes: 0 }
     }
 
     /// Surfaces of the materials that an `mtllib` line's files tell.
@@ -70,14 +73,29 @@ impl<'a> Shelf<'a> {
 
     /// One name with blanks, as some programs write it, or several without.
     fn names<'n>(&self, names: &'n str) -> Vec<&'n str> {
-        match self.folder.join(names).exists() {
+        let has_blanks = names.contains(char::is_whitespace);
+        match !has_blanks || self.folder.join(names).exists() {
             true => vec![names],
             false => names.split_whitespace().collect(),
         }
     }
 
+    /// Whether a name has not been asked for before: some programs write it before each object.
+    fn is_new(&mut self, name: &str) -> Result<bool, String> {
+        if self.asked.contains(name) {
+            return Ok(false);
+        }
+        if self.asked.len() == MOST_NAMES {
+            return Err(format!("mtllib {:?} is one of more than {MOST_NAMES} names", shown(name)));
+        }
+        Ok(self.asked.insert(name.to_owned()))
+    }
+
     /// Where a library lies that may be read and has not been; `None` where there is none.
     fn find(&mut self, name: &str) -> Result<Option<PathBuf>, String> {
+        if !self.is_new(name)? {
+            return Ok(None);
+        }
         let elsewhere = || {
             let name = shown(name);
             Err(format!(
@@ -121,24 +139,34 @@ pub(super) fn keyword(line: &str) -> (&str, &str) {
     line.split_once(char::is_whitespace).map_or((line, ""), |(word, rest)| (word, rest.trim()))
 }
 
-/// What a library tells: surfaces of materials, by the name of the material's picture.
+/// What a library tells: surfaces of materials, by the name of the material's last picture that
+/// tells one.
 #[must_use]
 pub fn surfaces(text: &str) -> Vec<(String, Surface)> {
-    let (mut found, mut material) = (Vec::new(), "");
+    let mut found: Vec<(String, Surface)> = Vec::new();
+    let (mut material, mut is_told) = ("", false);
     for line in text.lines() {
         let (keyword, rest) = keyword(line);
         match keyword {
-            "newmtl" => material = rest,
+            "newmtl" => (material, is_told) = (rest, false),
             "map_Kd" if !material.is_empty() => {
-                // Options come first, the file's name last.
-                let picture = rest.rsplit(['/', '\\']).next().unwrap_or_default();
-                let surface = Surface::from_loose_name(picture);
-                found.extend(surface.map(|surface| (material.to_owned(), surface)));
+                let Some(surface) = pictured(rest) else { continue };
+                // A name may be as long as the file: it is kept once, whatever follows it.
+                match found.last_mut() {
+                    Some((_, last)) if is_told => *last = surface,
+                    _ => found.push((material.to_owned(), surface)),
+                }
+                is_told = true;
             }
             _ => {}
         }
     }
     found
+}
+
+/// The surface that a `map_Kd` line's picture tells; options come first, the file's name last.
+fn pictured(words: &str) -> Option<Surface> {
+    Surface::from_loose_name(words.rsplit(['/', '\\']).next().unwrap_or_default())
 }
 
 #[cfg(test)]
@@ -152,6 +180,14 @@ mod tests {
                     newmtl two words\nmap_Kd x.png\nNs\nnewmtl\nmap_Kd glass.png\n";
         assert_eq!(surfaces(text), [("Material.012".to_owned(), Surface::Brick)]);
         assert_eq!(surfaces("map_Kd brick.png\n"), []);
+    }
+
+    #[test]
+    fn the_last_picture_of_a_material_counts_and_its_name_is_kept_once() {
+        let name = "a".repeat(1 << 20);
+        let pictures = "map_Kd brick.png\n".repeat(100_000);
+        let text = format!("newmtl {name}\n{pictures}map_Kd x.png\nmap_Kd glass.png\nnewmtl b\n");
+        assert_eq!(surfaces(&text), [(name, Surface::Glass)]);
     }
 
     /// A folder with a mesh's folder in it, and libraries in both.
@@ -229,5 +265,10 @@ mod tests {
         big.set_len(MOST_BYTES + 1).unwrap();
         let said = Shelf::new(home.path(), Libraries::Beside).open("big.mtl").unwrap_err();
         assert!(said.contains("more than 16 MB"), "{said}");
+        let absent: Vec<String> = (0..=MOST_NAMES).map(|i| format!("x{i}.mtl")).collect();
+        let said = Shelf::new(home.path(), Libraries::Beside).open(&absent.join(" ")).unwrap_err();
+        assert_eq!(said, "mtllib \"x1024.mtl\" is one of more than 1024 names");
+        let again = "x.mtl ".repeat(MOST_NAMES + 1);
+        assert_eq!(Shelf::new(home.path(), Libraries::Beside).open(&again), Ok(Vec::new()));
     }
 }

@@ -49,12 +49,19 @@ fn lines(text: &str) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
     let mut rest = text.lines().zip(1..);
     std::iter::from_fn(move || {
         let (line, number) = rest.next()?;
-        let mut line = Cow::Borrowed(line);
-        while let Some(start) = line.strip_suffix('\\') {
+        let Some(start) = line.strip_suffix('\\') else {
+            return Some((number, Cow::Borrowed(line)));
+        };
+        // Grown in place: a file may be nothing but lines that go on.
+        let (mut whole, mut goes_on) = (start.to_owned(), true);
+        while goes_on {
             let next = rest.next().map_or("", |(next, _)| next);
-            line = Cow::Owned([start, " ", next].concat());
+            let start = next.strip_suffix('\\');
+            goes_on = start.is_some();
+            whole.push(' ');
+            whole.push_str(start.unwrap_or(next));
         }
-        Some((number, line))
+        Some((number, Cow::Owned(whole)))
     })
 }
 
@@ -201,6 +208,17 @@ mod tests {
             assert_eq!(mesh.triangles, [[0, 1, 2]], "{face}");
         }
         assert_eq!(parse(&format!("f 2 3 4\n{v}")).unwrap().triangles, [[0, 1, 2]]);
+    }
+
+    #[test]
+    fn a_line_may_go_on_for_a_million_lines_and_keeps_its_number() {
+        let text = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 \\\n{} 3\n", "\\\n".repeat(1_000_000));
+        assert_eq!(parse(&text).unwrap().triangles, [[0, 1, 2]]);
+        assert_eq!(
+            lines("a \\\nb\\\n\\\nc\nd").collect::<Vec<_>>(),
+            [(1, Cow::from("a  b  c")), (5, Cow::from("d")),]
+        );
+        assert_eq!(lines("a\\").collect::<Vec<_>>(), [(1, Cow::from("a "))]);
     }
 
     #[test]

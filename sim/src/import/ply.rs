@@ -1,5 +1,7 @@
 //! PLY: vertices, faces as fans, and what the file says of a face's surface.
 
+use std::collections::HashMap;
+
 use echoloop_files::ply::{self, Body};
 use ply_rs_bw::ply::{ElementDef, Header, Property, PropertyAccess, PropertyAccessResult};
 
@@ -20,6 +22,10 @@ const SEMANTICS: [Surface; 10] = [
     Surface::Concrete,
     Surface::Plaster,
 ];
+
+/// Triangles at most of faces whose corners are numbers of one byte: they name 256 vertices, and
+/// each byte would become a triangle of thirteen.
+const MOST_OF_BYTES: usize = 1 << 20;
 
 /// A face as the file has it: its list of corners is not made longer than it is there.
 #[derive(Debug, Default)]
@@ -86,6 +92,7 @@ pub(super) fn read(bytes: &[u8], default: Surface) -> Result<Mesh, Fault> {
             mesh.vertices = body.vertices(element)?;
         } else if element.name == face.name {
             body.read(element, |face: Face| {
+                check_bytes(&mesh, &face)?;
                 add(&mut mesh, &face, number, vertex.count)?;
                 let surface = face_surface(&face, &parts, default);
                 mesh.materials.resize(mesh.triangles.len(), surface.index());
@@ -99,6 +106,21 @@ pub(super) fn read(bytes: &[u8], default: Surface) -> Result<Mesh, Fault> {
     Ok(mesh)
 }
 
+/// Whether there is room for a face.
+fn check_bytes(mesh: &Mesh, face: &Face) -> Result<(), Fault> {
+    let bytes = match &face.corners {
+        Some(Property::ListUChar(corners)) => corners.len(),
+        Some(Property::ListChar(corners)) => corners.len(),
+        _ => return Ok(()),
+    };
+    match mesh.triangles.len() + bytes > MOST_OF_BYTES {
+        true => Err(Fault::Format(format!(
+            "vertex numbers of one byte make more than {MOST_OF_BYTES} triangles"
+        ))),
+        false => Ok(()),
+    }
+}
+
 /// The faces' part of a header.
 fn faces(header: &Header) -> Result<&ElementDef, String> {
     let face = header.elements.get("face").ok_or("expected an `element face`")?;
@@ -109,10 +131,15 @@ fn faces(header: &Header) -> Result<&ElementDef, String> {
     }
 }
 
-/// What comments say of parts: "part 3 Oak_bark" or "part 0=bark 1=leaf".
-fn part_surfaces(header: &Header) -> Vec<(i64, Surface)> {
+/// What comments say of parts: "part 3 Oak_bark" or "part 0=bark 1=leaf". What is said first
+/// counts.
+fn part_surfaces(header: &Header) -> HashMap<i64, Surface> {
+    let mut parts = HashMap::new();
     let comments = header.comments.iter().map(ToString::to_string);
-    comments.flat_map(|comment| part_names(&comment)).collect()
+    for (part, surface) in comments.flat_map(|comment| part_names(&comment)) {
+        parts.entry(part).or_insert(surface);
+    }
+    parts
 }
 
 fn part_names(comment: &str) -> Vec<(i64, Surface)> {
@@ -130,7 +157,7 @@ fn part_names(comment: &str) -> Vec<(i64, Surface)> {
     after.split_whitespace().filter_map(listed).chain(single(after)).collect()
 }
 
-fn face_surface(face: &Face, parts: &[(i64, Surface)], default: Surface) -> Surface {
+fn face_surface(face: &Face, parts: &HashMap<i64, Surface>, default: Surface) -> Surface {
     if let Some(semantic) = face.semantic {
         return usize::try_from(semantic)
             .ok()
@@ -138,9 +165,7 @@ fn face_surface(face: &Face, parts: &[(i64, Surface)], default: Surface) -> Surf
             .copied()
             .unwrap_or(default);
     }
-    let named =
-        |part: i64| parts.iter().find(|(number, _)| *number == part).map(|(_, surface)| *surface);
-    face.part.and_then(named).unwrap_or(default)
+    face.part.and_then(|part| parts.get(&part)).copied().unwrap_or(default)
 }
 
 /// Adds a polygon as a fan from its first corner.
