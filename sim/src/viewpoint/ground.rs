@@ -79,3 +79,33 @@ fn from_the_sky(caster: &Raycaster, at: [f64; 2], sky_m: f32) -> Option<f64> {
     let hit = caster.cast(origin, [0.0, 0.0, -1.0])?;
     Some(f64::from(sky_m - hit.range_m))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{MATERIALS, Mesh};
+
+    /// Flat ground of 10 km a side, in two triangles.
+    fn plain() -> Scene {
+        let half_m = 5000.0;
+        let corner = |x: f32, y: f32| [x * half_m, y * half_m, 0.0];
+        let vertices = vec![corner(-1., -1.), corner(1., -1.), corner(1., 1.), corner(-1., 1.)];
+        let mesh = Mesh { vertices, triangles: vec![[0, 1, 2], [0, 2, 3]], materials: vec![0, 0] };
+        let area = ([-half_m; 2], [half_m; 2]);
+        Scene { name: "plain".into(), mesh, materials: MATERIALS.to_vec(), area }
+    }
+
+    #[test]
+    fn of_ten_kilometres_only_what_lies_round_a_viewpoint_is_looked_up() {
+        let scene = plain();
+        let caster = Raycaster::from_mesh(&scene.mesh);
+        let ground = GroundMap::new(&scene);
+        assert!(ground.size[0] * ground.size[1] > 25_000_000);
+        assert!(ground.heights.borrow().is_empty());
+        let found = ground.footing(&caster, [1234.5, -2345.6]);
+        assert!(found.is_some_and(|height_m| height_m.abs() < 1e-3), "{found:?}");
+        let around = (2.0 * REACH_M / STEP_M + 2.0) as usize;
+        let looked_up = ground.heights.borrow().len();
+        assert!((1..=around * around).contains(&looked_up), "{looked_up}");
+    }
+}

@@ -111,9 +111,18 @@ fn an_empty_plain_has_no_viable_viewpoint_and_says_why() {
         materials: MATERIALS.to_vec(),
         area: ([-50.0; 2], [50.0; 2]),
     };
-    let error = sample_pairs(&scene, &Raycaster::new(&scene), &PairPlan::default())
+    let heard = std::cell::Cell::new(0);
+    let progress = |found, tried| {
+        assert_eq!((found, tried), (0, heard.get() + 1));
+        heard.set(tried);
+    };
+    let caster = Raycaster::new(&scene);
+    let error = sample_pairs_aloud(&scene, &caster, &PairPlan::default(), &progress)
         .expect_err("nothing to see");
-    let ViewpointError::NoViewpoint { found: 0, rejected, .. } = &error else { panic!("{error}") };
+    let ViewpointError::NoViewpoint { found: 0, rejected, attempts, .. } = &error else {
+        panic!("{error}")
+    };
+    assert_eq!(*attempts, heard.get()); // a large place is not silent
     assert!(rejected.structure > 0 && rejected.footing == 0);
     assert!(
         error.to_string().starts_with("plain has no viable viewpoint for pair 0 of 10"),
