@@ -451,6 +451,7 @@ fn agree(path: &Path, found: &Header, expected: &Header) -> Result<(), JournalEr
         }
         _ => format!("written by another build, whose numbers would not go on; {BEGIN_ANEW}"),
     };
+    let [field, was, is] = [field, was, is].map(|text| shown(&text));
     let what = format!("line 1: {field} is {was} there and {is} now: {advice}");
     Err(JournalError::Other { path: path.to_owned(), what })
 }
@@ -574,6 +575,10 @@ mod tests {
             Header { build: None, ..header() },
             [r#"line 1: build is "b0" there and null now"#, "another build"],
         );
+        let long = serde_json::json!({"seed": 1, "scene": "x".repeat(5_000)});
+        let error = Journal::resume(&path, &Header { config: long, ..header() }, true);
+        let error = error.unwrap_err().to_string();
+        assert!(error.contains("config.scene is null there") && error.len() < 1_000, "{error}");
         fs::write(&path, b"").unwrap();
         assert!(
             Journal::resume(&path, &header(), false).unwrap_err().to_string().contains("empty")

@@ -5,6 +5,7 @@ use std::io;
 use std::time::{Duration, Instant};
 
 use echoloop_dsp::{Echoes, Hardware, Refusal, ScanPattern, Settings};
+use echoloop_files::shown;
 use echoloop_link::{
     BEAMS_PER_REPORT, Command, Counters, Decoder, Greeting, MAX_FRAME, Nack, Report, frame,
     settings_hash,
@@ -92,7 +93,7 @@ pub enum ClientError {
 /// What a sensor says of itself.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Identity {
-    /// Name and version of its firmware, in characters that can be shown: others are escaped.
+    /// Name and version of its firmware, as a message shows it.
     pub build: String,
     /// What its hardware fixes.
     pub hardware: Hardware,
@@ -472,16 +473,6 @@ impl<T: Transport> Client<T> {
             }
         }
     }
-}
-
-/// A text that a sensor sent, for a terminal: what cannot be seen there is escaped, so that no text
-/// moves the cursor, changes colours or turns the line around.
-pub(crate) fn shown(text: &str) -> String {
-    let visible = |c: char| match c {
-        '\'' | '"' | '\\' => c.to_string(),
-        c => c.escape_debug().to_string(),
-    };
-    text.chars().map(visible).collect()
 }
 
 /// A report of this schema; `None` of another. A greeting is understood whatever follows it.

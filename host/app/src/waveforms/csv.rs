@@ -1,5 +1,7 @@
 //! Numbers between commas, one waveform a line.
 
+use echoloop_files::shown_most;
+
 use super::problem::Problem;
 
 /// Rows of numbers, end to end, and where each ends. A line may be empty, end in commas, quote its
@@ -34,17 +36,16 @@ fn parse_cell(cell: &str, row: usize, column: usize) -> Result<f64, Problem> {
     let cell = cell.trim().trim_matches('"');
     match cell.parse::<f64>() {
         Ok(value) if value.is_finite() => Ok(value),
-        _ => Err(Problem::Cell(row, column, shown(cell), hint(cell, row))),
+        _ => Err(Problem::Cell(row, column, quoted(cell), hint(cell, row))),
     }
 }
 
 /// What a cell says, cut to what a message can hold.
-fn shown(cell: &str) -> String {
-    let mut shown: String = cell.chars().take(24).collect();
-    if shown.len() < cell.len() {
-        shown.push('…');
+fn quoted(cell: &str) -> String {
+    match shown_most(cell, 24) {
+        nothing if nothing.is_empty() => "nothing".into(),
+        some => format!("'{some}'"),
     }
-    if shown.is_empty() { "nothing".into() } else { format!("'{}'", shown.escape_debug()) }
 }
 
 fn hint(cell: &str, row: usize) -> &'static str {

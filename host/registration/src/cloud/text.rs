@@ -1,5 +1,6 @@
 //! KITTI's binary scans, and points as text.
 
+use echoloop_files::shown_most;
 use nalgebra::Point3;
 
 /// The points of a KITTI scan: x, y, z, intensity as little-endian `f32`, 16 bytes a point.
@@ -47,7 +48,7 @@ pub(super) fn parse_text(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
     lines
         .map(|(number, line)| {
             point(line, axes)
-                .ok_or(format!("line {number}: expected x y z, found {:?}", start(line)))
+                .ok_or_else(|| format!("line {number}: expected x y z, found {:?}", start(line)))
         })
         .collect()
 }
@@ -58,7 +59,7 @@ fn words(line: &str) -> impl Iterator<Item = &str> {
 
 /// Enough of a line to recognise it.
 fn start(line: &str) -> String {
-    line.chars().take(60).collect()
+    shown_most(line, 60)
 }
 
 fn columns(line: &str) -> Option<[usize; 3]> {

@@ -1,5 +1,6 @@
 //! Legacy VTK files: the points of polygonal data, as libpointmatcher writes its clouds.
 
+use echoloop_files::shown;
 use nalgebra::Point3;
 
 /// Lines of the header may be this long (VTK's own limit), so that a file of another kind is not
@@ -22,6 +23,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
     let mut rest = bytes;
     let version = line(&mut rest)?;
     if !version.starts_with("# vtk DataFile Version") {
+        let version = shown(version);
         return Err(format!("expected \"# vtk DataFile Version\" first, found {version:?}"));
     }
     line(&mut rest)?; // the title says nothing
@@ -31,7 +33,10 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
     match encoding {
         "ASCII" => ascii(rest, count),
         "BINARY" => binary(rest, count, scalar),
-        _ => Err(format!("expected ASCII or BINARY in the VTK header, found {encoding:?}")),
+        _ => {
+            let encoding = shown(encoding);
+            Err(format!("expected ASCII or BINARY in the VTK header, found {encoding:?}"))
+        }
     }
 }
 
@@ -66,14 +71,19 @@ fn expect(rest: &mut &[u8], expected: &str) -> Result<(), String> {
     let found = filled_line(rest)?;
     match found.split_whitespace().eq(expected.split_whitespace()) {
         true => Ok(()),
-        false => Err(format!("expected {expected:?} in the VTK header, found {found:?}")),
+        false => {
+            let found = shown(found);
+            Err(format!("expected {expected:?} in the VTK header, found {found:?}"))
+        }
     }
 }
 
 fn points_line(rest: &mut &[u8]) -> Result<(usize, Scalar), String> {
     let found = filled_line(rest)?;
-    let fail =
-        || format!("expected \"POINTS\", a count, and \"float\" or \"double\", found {found:?}");
+    let fail = || {
+        let found = shown(found);
+        format!("expected \"POINTS\", a count, and \"float\" or \"double\", found {found:?}")
+    };
     let words: Vec<&str> = found.split_whitespace().collect();
     let &["POINTS", count, scalar] = words.as_slice() else { return Err(fail()) };
     let scalar = match scalar {
@@ -196,6 +206,26 @@ mod tests {
             let message = parse(&content).unwrap_err();
             assert!(message.contains(expected), "{message:?} does not say {expected:?}");
         }
+    }
+
+    #[test]
+    fn a_message_repeats_no_more_than_200_characters_of_a_header() {
+        let long = "\u{e9}\x1b".repeat(80); // 240 bytes a line
+        let table = [
+            format!("{long}\n").into_bytes(),
+            file(&long, "POINTS 1 float", b""),
+            file("ASCII", &long, b""),
+            format!("# vtk DataFile Version 3.0\nt\nASCII\n{long}\n").into_bytes(),
+        ];
+        for content in table {
+            let message = parse(&content).unwrap_err();
+            assert!(!message.contains('\x1b'), "{message}");
+            let repeated = message.matches('\u{e9}').count();
+            assert!((1..=80).contains(&repeated), "{message}");
+        }
+        let ascii = "x".repeat(250);
+        let message = parse(&file(&ascii, "POINTS 1 float", b"")).unwrap_err();
+        assert!(message.contains(&"x".repeat(200)) && !message.contains(&ascii), "{message}");
     }
 
     #[test]

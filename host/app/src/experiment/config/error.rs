@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 
+use echoloop_files::shown;
 use echoloop_frontend::OpticsError;
 use thiserror::Error;
 
@@ -13,7 +14,7 @@ pub enum RunConfigError {
     Bound {
         /// The key.
         field: &'static str,
-        /// Its value.
+        /// Its value, as much as a message can hold.
         value: String,
         /// What it must be.
         expected: Cow<'static, str>,
@@ -33,6 +34,10 @@ pub(super) fn require(
     if holds {
         Ok(())
     } else {
-        Err(RunConfigError::Bound { field, value: value.to_string(), expected: expected.into() })
+        Err(RunConfigError::Bound {
+            field,
+            value: shown(&value.to_string()),
+            expected: expected.into(),
+        })
     }
 }

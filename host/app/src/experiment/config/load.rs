@@ -92,8 +92,8 @@ impl Override {
         for key in parents {
             let entry =
                 table.entry(key.clone()).or_insert_with(|| toml::Value::Table(toml::Table::new()));
-            table =
-                entry.as_table_mut().ok_or_else(|| format!("`{key}` is a value, not a section"))?;
+            let no_table = || format!("`{}` is a value, not a section", shown(key));
+            table = entry.as_table_mut().ok_or_else(no_table)?;
         }
         table.insert(last.clone(), self.value.clone());
         Ok(())
@@ -307,6 +307,18 @@ mod tests {
         assert!(error.starts_with("in --set lidar.powr=1: unknown field `powr`"), "{error}");
         assert!("lidar.power".parse::<Override>().is_err());
         assert!("a..b=1".parse::<Override>().is_err());
+    }
+
+    #[test]
+    fn a_long_key_or_list_is_not_repeated_whole() {
+        let long = "k".repeat(5_000);
+        let mut table = toml::Table::from_iter([(long.clone(), 1.into())]);
+        let change: Override = format!("{long}.a=1").parse().unwrap();
+        let said = change.insert(&mut table).unwrap_err();
+        assert!(said.contains("is a value, not a section") && said.len() < 300, "{said}");
+        let towns = vec!["1"; 50_000].join(",");
+        let said = file(&format!("[scene]\ntowns = [{towns}]\n")).unwrap_err();
+        assert!(said.contains("scene.towns = [1, 1,") && said.len() < 500, "{said}");
     }
 
     #[test]

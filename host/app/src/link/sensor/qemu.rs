@@ -28,11 +28,12 @@ mod here {
     use std::sync::{Arc, Mutex};
     use std::time::Duration;
 
+    use echoloop_files::printable;
     use echoloop_sim::qemu::{self, Machine, Qemu, QemuError};
 
     use super::super::{Line, Model, Sensor, SensorError, SensorSpec, SharedFrontEnd};
     use super::QemuOptions;
-    use crate::link::client::{RetryPolicy, shown};
+    use crate::link::client::RetryPolicy;
     use crate::link::defmt_log;
     use crate::link::transport::Transport;
 
@@ -96,7 +97,9 @@ mod here {
             let frames = fs::read(self.line.log_file())?;
             let lines =
                 defmt_log::decode(&fs::read(&self.image)?, &frames).map_err(io::Error::other)?;
-            let numbered = |line: &String| format!("sensor {} {}\n", self.number, shown(line));
+            let numbered = |line: &String| {
+                format!("sensor {} {}\n", self.number, printable(line).replace('\n', " "))
+            };
             let text: String = lines.iter().map(numbered).collect();
             if self.to == Path::new("-") {
                 return io::stderr().write_all(text.as_bytes());
