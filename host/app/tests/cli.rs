@@ -1030,6 +1030,29 @@ fn a_journal_that_vanishes_under_a_run_ends_it_and_is_kept() {
     assert!(fixture.bytes(&result) == finished);
 }
 
+/// The scene comes through a pipe, so that it is traced when the journal has gone.
+#[test]
+#[cfg(unix)]
+fn a_journal_that_vanishes_before_a_run_goes_on_is_missed() {
+    let fixture = Fixture::new();
+    fixture.succeed(&LONG);
+    let folder = "runs/0001-yard-icp-joint";
+    let [mesh, history] = ["yard.obj".into(), format!("{folder}/history.jsonl")];
+    let scene = fixture.bytes(&mesh);
+    fs::remove_file(fixture.path(&mesh)).expect("removed");
+    assert!(Command::new("mkfifo").arg(fixture.path(&mesh)).status().expect("mkfifo").success());
+    let mut resume = fixture.command(&["tune", "-q", "--resume", folder]);
+    let child = resume.stderr(Stdio::piped()).stdout(Stdio::null()).spawn().expect("it starts");
+    let mut pipe = fs::OpenOptions::new().write(true).open(fixture.path(&mesh)).expect("a reader");
+    fs::remove_file(fixture.path(&history)).expect("removed");
+    std::io::copy(&mut &scene[..], &mut pipe).expect("it is read");
+    drop(pipe);
+    let output = CommandOutput::from_output(child.wait_with_output().expect("it ends"));
+    assert_eq!(output.code, Some(2), "{}", output.stderr);
+    assert!(output.stderr.contains("history.jsonl"), "{}", output.stderr);
+    assert!(!fixture.path(&history).exists());
+}
+
 #[test]
 #[cfg(unix)]
 fn an_interrupted_or_killed_run_goes_on_to_the_very_result_of_one_that_was_not() {

@@ -95,8 +95,10 @@ fn tune(
     resumed: Option<RunFolder>,
     stop: &AtomicBool,
 ) -> Result<(), Failure> {
-    if let Some(folder) = resumed.as_ref().filter(|folder| folder.file(HISTORY).exists()) {
-        Journal::check(&folder.file(HISTORY), args.repair)?;
+    // Asked once: a journal that goes away while the scenes are traced is missed later.
+    let begun = resumed.as_ref().map(|folder| folder.file(HISTORY)).filter(|path| path.exists());
+    if let Some(journal) = &begun {
+        Journal::check(journal, args.repair)?;
     }
     let progress = Progress::new(args.setup.common.quiet);
     let runs = args.runs.clone().unwrap_or_else(default_runs_folder);
@@ -107,7 +109,10 @@ fn tune(
     let prepared = Prepared::new(config, &args.setup.sensor, &progress)?;
     let folder = resumed.map_or_else(|| new_folder(&runs, &prepared.config), Ok)?;
     let search = prepared.search(stop);
-    let (mut journal, done) = open_journal(args, &folder, &search)?;
+    let (mut journal, done) = match &begun {
+        Some(path) => Journal::resume(path, &search.header(), args.repair)?,
+        None => (Journal::create(&folder.file(HISTORY), &search.header())?, Vec::new()),
+    };
     let left = search
         .registrations()
         .saturating_sub(done.len() * search.population() * search.batch_size());
@@ -167,18 +172,6 @@ fn run_name(config: &RunConfig) -> String {
         .map_or_else(|| config.scene.source.clone(), |s| s.to_string_lossy().into_owned());
     let method = config.registration.method.name();
     format!("{scene}-{method}-{}", config.tune.protocol.name())
-}
-
-fn open_journal(
-    args: &TuneArgs,
-    folder: &RunFolder,
-    search: &TuneSearch<'_>,
-) -> Result<(Journal, Vec<Generation>), Failure> {
-    let (path, header) = (folder.file(HISTORY), search.header());
-    if args.resume.is_some() && path.exists() {
-        return Ok(Journal::resume(&path, &header, args.repair)?);
-    }
-    Ok((Journal::create(&path, &header)?, Vec::new()))
 }
 
 fn result(

@@ -87,8 +87,12 @@ fn add_scan(sum: &mut Running, scan: &SceneResponse) {
     }
 }
 
-/// Of the material libraries that are read with an OBJ, in their order; none without any.
+/// Of the material libraries that are read with an OBJ, in their order; none without any, and none
+/// of a pipe, which has nothing more to say.
 fn materials(scene: &Path, libraries: Libraries) -> Option<Checksum> {
+    if !scene.is_file() {
+        return None;
+    }
     let sums: String = library_files(scene, libraries)
         .iter()
         .map(|path| Checksum::of_file(path).map_or_else(|_| "none".into(), |sum| sum.to_string()))
