@@ -46,7 +46,7 @@ SUGGESTED = {
 }
 
 
-def make(echoloop, folder, kind, town, baseline_m, heading_deg, scanner):
+def make(args, folder, kind, town, baseline_m, heading_deg, scanner):
     """Writes a town's pairs once; False where it has no such pairs."""
     if (folder / "pairs.json").is_file():
         return True
@@ -62,7 +62,8 @@ def make(echoloop, folder, kind, town, baseline_m, heading_deg, scanner):
         "scanner.rows": rows,
         "scanner.azimuth_deg": 180 * halves,
     }
-    command = [echoloop, "pairs", "-q", "--threads", "1", "--scene", kind, "-o", str(folder)]
+    command = [args.echoloop, "pairs", "-q", "--threads", "1", "--scene", kind, "-o", str(folder)]
+    command += ["--seed", str(args.seed)]
     command += [word for key, value in settings.items() for word in ("--set", f"{key}={value}")]
     folder.parent.mkdir(parents=True, exist_ok=True)
     made = subprocess.run(command, capture_output=True, text=True)
@@ -80,7 +81,7 @@ def pairs(args, kind, baseline_m, heading_deg, scanner):
         if len(found) >= args.pairs:
             break
         folder = args.work / f"{kind}-{town}_{baseline_m:g}m_{heading_deg:g}deg_{scanner}"
-        if not make(args.echoloop, folder, kind, town, baseline_m, heading_deg, scanner):
+        if not make(args, folder, kind, town, baseline_m, heading_deg, scanner):
             continue
         for entry in json.loads((folder / "pairs.json").read_text())["pairs"]:
             number = entry["name"]
@@ -202,6 +203,7 @@ def main():
     parser.add_argument("--voxels", type=float, nargs="+", default=VOXELS_M)
     parser.add_argument("--ours", action="store_true", help="ours anew; the peers' rows stay as they were measured")
     parser.add_argument("--first-town", type=int, default=1, help="towns from this number on")
+    parser.add_argument("--seed", type=int, default=1, help="of the pairs' viewpoints and noise; a --work of its own")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out", type=Path, required=True)
     args = parser.parse_args()

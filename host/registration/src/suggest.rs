@@ -114,7 +114,10 @@ impl<'a> Suggestions<'a> {
 
     fn icp_of_voxel(&self, voxel_m: f64) -> IcpConfig {
         let config = IcpConfig::refinement(voxel_m);
-        let first_m = config.max_pair_distance_m.max(self.radius_m() / 4.0).min(1e6);
+        let outdoor_m = IcpConfig::outdoor().first_pair_distance_m.unwrap_or_default();
+        let radius_m = self.radius_m();
+        let first_m = (outdoor_m * (radius_m / SMALL_RADIUS_M).min(1.0)).max(radius_m / 4.0);
+        let first_m = first_m.max(config.max_pair_distance_m).min(1e6);
         IcpConfig { first_pair_distance_m: Some(first_m), ..config }
     }
 
@@ -136,7 +139,7 @@ impl<'a> Suggestions<'a> {
 /// |---|---|---|
 /// | voxel | 1/80 | 0.3 m |
 /// | normals, of the nearest 20 within | 20 voxels, at most 3 m | 3 m |
-/// | pair distance, first | 1/4 | 6 m |
+/// | pair distance, first | 1/4; at least 5 m, or 5/8 of less than 8 m | 6 m |
 /// | pair distance, last | 2 voxels | 0.6 m |
 pub fn suggest(target: &Cloud, source: &Cloud) -> IcpConfig {
     Suggestions::new(target, source).icp()
