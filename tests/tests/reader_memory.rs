@@ -6,6 +6,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use echoloop_host::experiment::config;
+use echoloop_host::experiment::journal::whole_generations;
 use echoloop_host::waveforms::parse_waveforms;
 use echoloop_registration::cloud::parse_cloud;
 use echoloop_registration::pose::parse_pose;
@@ -78,6 +79,10 @@ fn short(mut file: Vec<u8>) -> String {
 
 fn pose(name: &str, file: Vec<u8>) -> bool {
     parse_pose(Path::new(name), &short(file)).is_ok()
+}
+
+fn journal(_: &str, file: Vec<u8>) -> bool {
+    whole_generations(&file).is_ok()
 }
 
 fn configuration(_: &str, file: Vec<u8>) -> bool {
@@ -199,6 +204,7 @@ fn no_reader_takes_more_than_eight_times_its_file_and_64_mb() {
                 )
             }),
         ),
+        ("history.jsonl", journal, Box::new(|| repeated("{\"journal\":[0", b",0", b"]}\n"))),
         ("a.txt", pose, Box::new(|| repeated("1", b" 1", &[]))),
         (
             "a.json",

@@ -165,11 +165,15 @@ fn search_and_judge(
     }
 }
 
+/// Characters of a mesh's name in that of its run: a folder's may have 255 bytes.
+const MOST_OF_SCENE: usize = 40;
+
 fn run_name(config: &RunConfig) -> String {
     let source = Path::new(&config.scene.source);
     let scene = source
         .file_stem()
         .map_or_else(|| config.scene.source.clone(), |s| s.to_string_lossy().into_owned());
+    let scene: String = scene.chars().filter(|c| !c.is_control()).take(MOST_OF_SCENE).collect();
     let method = config.registration.method.name();
     format!("{scene}-{method}-{}", config.tune.protocol.name())
 }
@@ -222,4 +226,22 @@ fn finish(
         );
     }
     require_recall(args.require_recall, &result.tuned_summary)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_run_has_a_name_that_a_folder_can_have() {
+        let name = |source: &str| {
+            let mut config = RunConfig::default();
+            config.scene.source = source.to_owned();
+            run_name(&config)
+        };
+        assert_eq!(name("structured"), "structured-icp-joint");
+        assert_eq!(name("a/yard.obj"), "yard-icp-joint");
+        assert_eq!(name("a\u{1b}b.ply"), "ab-icp-joint");
+        assert!(name(&format!("{}.ply", "\u{1f332}".repeat(60))).len() < 240);
+    }
 }

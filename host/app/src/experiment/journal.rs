@@ -261,6 +261,10 @@ impl Journal {
 /// What stands before a line's checksum, and after it.
 const SEAL: (&[u8], &[u8]) = (b",\"check\":\"", b"\"}\n");
 
+/// Bytes of a header at most; a configuration has [`echoloop_files::MOST_TEXT`], and a document of
+/// it takes up to twenty times as many.
+const MOST_HEADER: usize = 2 << 20;
+
 /// Digits of a checksum.
 const DIGITS: usize = 16;
 
@@ -390,6 +394,9 @@ fn beheaded(path: &Path, bytes: &[u8], expected: &Header) -> Option<Found> {
 
 /// The header and its checksum.
 fn head(path: &Path, line: &[u8]) -> Result<(Header, String), JournalError> {
+    if line.len() > MOST_HEADER {
+        return Err(headless(path, &format!("longer than {} MB", MOST_HEADER >> 20)));
+    }
     let format = serde_json::from_slice::<Value>(line).ok();
     let format = format.as_ref().and_then(|header| header.get("journal")?.as_u64());
     if let Some(other) = format.filter(|format| *format != u64::from(FORMAT)) {
@@ -692,6 +699,13 @@ mod tests {
             assert!(error.to_string().contains("history.jsonl.rescued"), "{error}");
             assert_eq!(Journal::resume(&kept, &header(), true).unwrap().1.len(), 3);
         }
+    }
+
+    #[test]
+    fn a_first_line_beyond_any_configuration_is_refused_unread() {
+        let long = [&b"{\"journal\":"[..], &b"[".repeat(MOST_HEADER)].concat();
+        let error = whole_generations(&long).unwrap_err().to_string();
+        assert!(error.contains("line 1 is longer than 2 MB"), "{error}");
     }
 
     #[cfg(unix)]
