@@ -83,6 +83,13 @@ fn is_device(_: &Metadata) -> bool {
     false
 }
 
+/// Whether a path is a name for something that a shell has opened for us: `/dev/stdout`, or
+/// `/dev/fd/63` of `>(gzip > cloud.ply.gz)`. To open it waits for nobody.
+fn is_open_already(path: &Path) -> bool {
+    path == Path::new("/dev/stdout")
+        || ["/dev/fd", "/proc/self/fd"].iter().any(|at| path.starts_with(at))
+}
+
 /// Whether a path leads to this open file still, and through no link.
 #[cfg(unix)]
 pub fn is_at(file: &File, path: &Path) -> bool {
@@ -200,8 +207,8 @@ fn replace_by(part: &Path, path: &Path, bytes: &[u8]) -> Result<(), FileError> {
 #[derive(Clone, Debug)]
 pub struct Output {
     path: PathBuf,
-    /// It is a device, as `/dev/null`, and nothing can take its place.
-    is_device: bool,
+    /// It is a device, as `/dev/null`, or a pipe of the shell, and nothing can take its place.
+    is_stream: bool,
 }
 
 impl Output {
@@ -213,9 +220,10 @@ impl Output {
     /// [`FileError`] when a folder or a FIFO lies there, or its folder takes no files.
     pub fn at(named: &Path) -> Result<Self, FileError> {
         let path = fs::canonicalize(named).unwrap_or_else(|_| named.to_owned());
-        let output =
-            Self { is_device: fs::metadata(&path).is_ok_and(|found| is_device(&found)), path };
-        if !output.is_device {
+        let is_stream =
+            |found: Metadata| is_device(&found) || is_fifo(&found) && is_open_already(named);
+        let output = Self { is_stream: fs::metadata(&path).is_ok_and(is_stream), path };
+        if !output.is_stream {
             is_free_for_a_file(&output.path)?;
             let renamed = |error: FileError| FileError { path: named.to_owned(), ..error };
             begin_part(&output.part()).map_err(renamed)?;
@@ -224,15 +232,15 @@ impl Output {
         Ok(output)
     }
 
-    /// Writes it, whole or not at all.
+    /// Writes it, whole or not at all; but to a device or a pipe, as far as it takes it.
     ///
     /// # Errors
     ///
     /// [`FileError`].
     pub fn write(&self, bytes: &[u8]) -> Result<(), FileError> {
-        if self.is_device {
+        if self.is_stream {
             let opened = OpenOptions::new().write(true).open(&self.path);
-            let written = opened.and_then(|mut device| device.write_all(bytes));
+            let written = opened.and_then(|mut stream| stream.write_all(bytes));
             return written.map_err(file_error("write", &self.path));
         }
         replace_by(&self.part(), &self.path, bytes)
@@ -328,6 +336,20 @@ mod tests {
         }
         assert!(open_own(&at("fifo"), OpenOptions::new().read(true)).is_err());
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 4);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn an_output_may_be_a_pipe_that_the_shell_has_opened() {
+        use std::io::Read;
+        use std::os::fd::AsRawFd;
+        let (mut reader, writer) = io::pipe().unwrap();
+        let named = format!("/dev/fd/{}", writer.as_raw_fd());
+        Output::at(Path::new(&named)).unwrap().write(b"cloud").unwrap();
+        drop(writer);
+        let mut read = String::new();
+        reader.read_to_string(&mut read).unwrap();
+        assert_eq!(read, "cloud");
     }
 
     #[cfg(unix)]
