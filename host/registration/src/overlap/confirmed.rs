@@ -11,9 +11,11 @@ use crate::{Outcome, PrepareError, Registration, StopReason};
 /// |---|---|---|
 /// | converged | confirm | converged |
 /// | converged | do not | unconfirmed |
+/// | no consensus | confirm | converged |
 /// | anything else | not asked where nothing was found | the method's |
 ///
 /// A local method converges wherever it starts, and matches agree by chance: neither knows of it.
+/// Few matches that agree may be right, too: the points of both scans say more than they do.
 #[derive(Clone, Debug)]
 pub struct Confirmed<M> {
     /// What finds the motion.
@@ -29,10 +31,11 @@ impl<M: Registration> Registration for Confirmed<M> {
             let motion = &outcome.target_from_source;
             outcome.overlap = overlap(target, source, motion, self.voxel_m).ok();
         }
-        let refused = outcome.overlap.is_some_and(|overlap| !overlap.confirms());
-        if refused && outcome.stop.is_success() {
-            outcome.stop = StopReason::Unconfirmed;
-        }
+        outcome.stop = match (outcome.stop, outcome.overlap.map(|overlap| overlap.confirms())) {
+            (StopReason::NoConsensus, Some(true)) => StopReason::Converged,
+            (stop, Some(false)) if stop.is_success() => StopReason::Unconfirmed,
+            (stop, _) => stop,
+        };
         outcome
     }
 }
@@ -76,6 +79,12 @@ mod tests {
         let wrong = run(-3.0, StopReason::Converged);
         assert_eq!(wrong.stop, StopReason::Unconfirmed);
         assert!(wrong.overlap.is_some_and(|overlap| overlap.seen_through > 0.01), "{wrong:?}");
+    }
+
+    #[test]
+    fn the_scans_bear_out_what_few_matches_say() {
+        assert_eq!(run(5.0, StopReason::NoConsensus).stop, StopReason::Converged);
+        assert_eq!(run(5.0, StopReason::MaxIterations).stop, StopReason::MaxIterations);
     }
 
     #[test]
