@@ -62,7 +62,7 @@ impl<'a> Suggestions<'a> {
 
     /// As [`suggest_features`].
     pub fn features(&self) -> FeatureConfig {
-        let voxel_m = FEATURE_VOXEL_M * (self.radius_m() / SMALL_RADIUS_M).min(1.0);
+        let voxel_m = FEATURE_VOXEL_M * self.share_of_scene();
         let voxel_m = [self.target, self.source].iter().fold(voxel_m, |voxel_m, cloud| {
             let mut echoes = (*cloud).clone();
             echoes.drop_invalid();
@@ -106,8 +106,7 @@ impl<'a> Suggestions<'a> {
     /// The finest voxel of the features that are described at several scales.
     fn auto(&self, voxel_m: Option<f64>) -> AutoConfig {
         let outdoor = AutoConfig::outdoor();
-        let of_scene = (self.radius_m() / SMALL_RADIUS_M).min(1.0);
-        let voxel_m = voxel_m.unwrap_or(outdoor.voxel_m * of_scene);
+        let voxel_m = voxel_m.unwrap_or(outdoor.voxel_m * self.share_of_scene());
         let config = AutoConfig { voxel_m, ..outdoor };
         if config.check().is_ok() { config } else { outdoor }
     }
@@ -115,10 +114,14 @@ impl<'a> Suggestions<'a> {
     fn icp_of_voxel(&self, voxel_m: f64) -> IcpConfig {
         let config = IcpConfig::refinement(voxel_m);
         let outdoor_m = IcpConfig::outdoor().first_pair_distance_m.unwrap_or_default();
-        let radius_m = self.radius_m();
-        let first_m = (outdoor_m * (radius_m / SMALL_RADIUS_M).min(1.0)).max(radius_m / 4.0);
+        let first_m = (outdoor_m * self.share_of_scene()).max(self.radius_m() / 4.0);
         let first_m = first_m.max(config.max_pair_distance_m).min(1e6);
         IcpConfig { first_pair_distance_m: Some(first_m), ..config }
+    }
+
+    /// 1 outdoors; in a cloud smaller than [`SMALL_RADIUS_M`] what is left of lengths for there.
+    fn share_of_scene(&self) -> f64 {
+        (self.radius_m() / SMALL_RADIUS_M).min(1.0)
     }
 
     /// Of the larger cloud: see [`suggest()`].
