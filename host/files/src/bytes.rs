@@ -33,10 +33,13 @@ pub fn check_lines(text: &[u8]) -> std::result::Result<(), String> {
 ///
 /// What the system says; [`ErrorKind::FileTooLarge`] when there is more.
 pub fn read_data(path: &Path) -> Result<Vec<u8>> {
-    let file = File::open(path)?;
-    let found = file.metadata()?;
-    let most = match found.file_type() {
-        kind if kind.is_file() => return std::fs::read(path),
+    let mut file = File::open(path)?;
+    let most = match file.metadata()?.file_type() {
+        kind if kind.is_file() => {
+            let mut bytes = Vec::new();
+            file.read_to_end(&mut bytes)?;
+            return Ok(bytes);
+        }
         kind if is_pipe(kind) => MOST_PIPED,
         _ => MOST_TEXT,
     };
@@ -79,6 +82,12 @@ fn read_most(from: impl Read, most: u64) -> Result<Vec<u8>> {
     }
 }
 
+/// The folder that a path lies in; of a mere name, the one of the process.
+#[must_use]
+pub fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
 #[cfg(unix)]
 fn is_pipe(kind: std::fs::FileType) -> bool {
     use std::os::unix::fs::FileTypeExt;
@@ -114,6 +123,13 @@ mod tests {
         assert_eq!(read_data(&path).unwrap().len() as u64, MOST_TEXT + 1);
         std::fs::write(&path, b"ab\xff").unwrap();
         assert!(read_text(&path, MOST_TEXT).unwrap_err().to_string().contains("byte 2"));
+    }
+
+    #[test]
+    fn a_mere_name_lies_in_the_folder_of_the_process() {
+        for (path, folder) in [("a", "."), ("b/a", "b"), ("/a", "/"), ("./a", ".")] {
+            assert_eq!(folder_of(Path::new(path)), Path::new(folder), "{path}");
+        }
     }
 
     #[cfg(unix)]

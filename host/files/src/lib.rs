@@ -3,6 +3,7 @@
 //! | item | for |
 //! |---|---|
 //! | [`read_data`], [`read_text`], [`text_from`] | a whole file, within a bound |
+//! | [`folder_of`] | files beside a file |
 //! | [`check_lines`] | text whose lines are read one by one |
 //! | [`shown`], [`printable`] | what a message may repeat of a file |
 //! | [`ply`] | PLY, an element at a time |
@@ -14,5 +15,5 @@ mod bytes;
 pub mod ply;
 mod shown;
 
-pub use bytes::{MOST_TEXT, check_lines, read_data, read_text, text_from};
+pub use bytes::{MOST_TEXT, check_lines, folder_of, read_data, read_text, text_from};
 pub use shown::{MOST_SHOWN, printable, shown, shown_most};

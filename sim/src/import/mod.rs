@@ -8,7 +8,7 @@ mod ply;
 
 use std::path::{Path, PathBuf};
 
-use echoloop_files::read_data;
+use echoloop_files::{folder_of, read_data};
 use thiserror::Error;
 
 use fault::Fault;
@@ -127,14 +127,9 @@ pub fn parse_scene(
 pub fn library_files(path: &Path, libraries: Libraries) -> Vec<PathBuf> {
     let Ok(Format::Obj) = Format::of(path) else { return Vec::new() };
     let bytes = read_data(path).unwrap_or_default();
-    let mut shelf = Shelf::new(folder(path), libraries);
+    let mut shelf = Shelf::new(folder_of(path), libraries);
     let names = obj::libraries(&String::from_utf8_lossy(&bytes)).collect::<Vec<_>>();
     names.iter().flat_map(|names| shelf.files(names)).collect()
-}
-
-/// Where a file lies.
-fn folder(path: &Path) -> &Path {
-    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 /// The formats there are.
@@ -161,7 +156,7 @@ fn parse(
     bytes: &[u8],
     options: &ImportOptions,
 ) -> Result<Scene, ImportError> {
-    let mut shelf = Shelf::new(folder(path), options.libraries);
+    let mut shelf = Shelf::new(folder_of(path), options.libraries);
     let (format, mesh) = match format {
         Format::Ply => ("PLY", ply::read(bytes, options.default_surface)),
         Format::Obj => {

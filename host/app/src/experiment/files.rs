@@ -4,6 +4,7 @@ use std::fs::{self, File, Metadata, OpenOptions, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
+use echoloop_files::folder_of;
 use thiserror::Error;
 
 /// A file that cannot be written or read.
@@ -153,10 +154,7 @@ pub fn settle_part(file: &File, part: &Path, path: &Path) -> Result<(), FileErro
 /// Makes the names in a file's folder durable.
 #[cfg(unix)]
 pub fn sync_folder_of(path: &Path) -> Result<(), FileError> {
-    let folder = match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
+    let folder = folder_of(path);
     match File::open(folder).and_then(|folder| folder.sync_all()) {
         // Some file systems keep names without being asked, and refuse to be.
         Err(e) if !matches!(e.kind(), io::ErrorKind::InvalidInput | io::ErrorKind::Unsupported) => {
