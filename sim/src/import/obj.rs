@@ -73,7 +73,8 @@ struct Reader {
     /// Positions of the whole file.
     vertices: usize,
     faces: usize,
-    library: HashMap<String, Surface>,
+    /// What the libraries tell of materials, by their names.
+    told: HashMap<String, Surface>,
     group: Option<Surface>,
     material: Option<Surface>,
     default: Surface,
@@ -86,7 +87,7 @@ impl Reader {
             positions: Vec::with_capacity(vertices),
             vertices,
             faces: 0,
-            library: HashMap::new(),
+            told: HashMap::new(),
             group: None,
             material: None,
             default,
@@ -100,10 +101,10 @@ impl Reader {
             "f" => self.face(rest)?,
             "o" | "g" => self.group = Surface::from_loose_name(rest),
             "usemtl" => {
-                let listed = || self.library.get(rest).copied();
-                self.material = Surface::from_loose_name(rest).or_else(listed);
+                let told = || self.told.get(rest).copied();
+                self.material = Surface::from_loose_name(rest).or_else(told);
             }
-            "mtllib" => self.library.extend(library(rest)?),
+            "mtllib" => self.told.extend(library(rest)?),
             _ => {}
         }
         Ok(())
