@@ -1,6 +1,8 @@
 //! The integer code equals the model that rounds where its tables say: every stage by itself, then
 //! the pipeline.
 
+use std::collections::HashMap;
+
 use echoloop_dsp::SampleLoops;
 use echoloop_dsp::accumulate::Accumulator;
 use echoloop_dsp::choice::EchoChoice;
@@ -11,7 +13,7 @@ use echoloop_dsp::filter::{self, PADDING};
 use echoloop_dsp::hardware::sample_period_fs;
 use echoloop_dsp::loops::{Portable, Scalar};
 use echoloop_dsp::noise::Noise;
-use echoloop_dsp::peak::{self, Peaks};
+use echoloop_dsp::peak::{self, Candidate, Candidates, Peaks};
 use echoloop_dsp::pulse::{self, Pulse};
 use echoloop_dsp::refine::{Refined, Refiner, Waveform};
 use echoloop_dsp::statistics::Statistics;
@@ -296,17 +298,26 @@ fn separation_and_choice_equal_their_models() {
         let mut rng = vectors::rng(seed);
         let min_separation = rng.random_range(1..60);
         Portable.peaks(&y, threshold, &mut found);
-        let before = model_peaks(&found);
-        detect::separate(&mut found, min_separation);
-        let expected = bit_true::separate(&before, min_separation.into());
-        assert_eq!(model_peaks(&found), expected, "seed {seed}");
+        // Few strengths, so that many are equal.
+        let most = [3, 100, u32::MAX][rng.random_range(0..3)];
+        let strengths: HashMap<usize, u32> =
+            found.iter().map(|p| (p.index.into(), rng.random_range(0..=most))).collect();
+        let strength = |peak: &bit_true::Peak| f64::from(strengths[&peak.index]);
+        let mut candidates: Candidates = found
+            .iter()
+            .map(|&peak| Candidate { peak, strength: strengths[&peak.index.into()] })
+            .collect();
+        detect::separate(&mut candidates, min_separation);
+        let expected = bit_true::separate(&model_peaks(&found), min_separation.into(), strength);
+        let kept: Vec<_> = candidates.iter().map(|c| c.peak).collect();
+        assert_eq!(model_peaks(&kept), expected, "seed {seed}");
         for (count, choice) in
             (1..=4).flat_map(|count| EchoChoice::ALL.iter().map(move |&choice| (count, choice)))
         {
-            let chosen = detect::choose(found.clone(), count, choice);
+            let chosen = detect::choose(candidates.clone(), count, choice);
             assert_eq!(
                 model_peaks(&chosen),
-                bit_true::choose(&expected, count, choice),
+                bit_true::choose(&expected, count, choice, strength),
                 "seed {seed}, {count} of {choice:?}"
             );
         }
@@ -478,6 +489,11 @@ fn refined_peaks_equal_their_models() {
             let ours = refiner.refine(|n| at(&f, n), peak);
             let expected = model.refine(&model_wave, peak.into(), &threshold.into(), &noise.into());
             assert_eq!(bit_true::Refined::from(ours), expected, "seed {seed}, {peak:?}");
+            let ours = refiner.candidates(&[peak, peak]);
+            let strength = |candidate: &Candidate| f64::from(candidate.strength);
+            let expected =
+                model.strength(&model_wave, peak.into(), &threshold.into(), &noise.into());
+            assert_eq!(ours.first().map(strength), Some(expected), "seed {seed}, {peak:?}");
         }
     }
 }

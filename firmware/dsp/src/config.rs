@@ -2,6 +2,7 @@
 
 use crate::choice::{AmbientEstimator, EchoChoice, TimingMethod};
 use crate::hardware::{Hardware, SPEED_OF_LIGHT_M_S, sample_period_fs};
+use crate::height::FARTHEST;
 use crate::pulse::Pulse;
 use crate::refusal::Refusal;
 use crate::settings::Settings;
@@ -21,6 +22,7 @@ use crate::timing::Timing;
 /// | reflectivity scale | 1 / (U · P · 10^(G/20)), U ≥ 1/1000 | 2⁻⁷⁴, in `f32`, saturating |
 /// | range origin | R_min | 1/256 mm |
 /// | range step | c/2 · sample period | 2⁻²⁴ mm, nearest |
+/// | range origin in samples | R_min over the range step, at most 4096 | Q16.16, rounded down |
 /// | ΔR, follows the pulse | W · 170.88 µm/ps | µm, rounded down |
 /// | minimum separation | ΔR over the range step | samples, rounded down, at least 1 |
 ///
@@ -68,6 +70,8 @@ pub struct DetectorConfig {
     pub(crate) range_origin: i64,
     /// Range per sample, 1/256 mm, 16 more fraction bits.
     pub(crate) range_step: i64,
+    /// Range of sample 0 in samples, Q16.16.
+    pub(crate) origin_samples: i64,
 }
 
 impl DetectorConfig {
@@ -115,6 +119,7 @@ impl DetectorConfig {
             sample_period_fs: period_fs,
             range_origin: i64::from(hardware.range_min_mm) * 256,
             range_step,
+            origin_samples: origin_samples(hardware, range_step),
         })
     }
 
@@ -197,6 +202,11 @@ impl DetectorConfig {
     pub fn range_step(&self) -> i64 {
         self.range_step
     }
+
+    /// Range of sample 0 in samples, Q16.16.
+    pub fn origin_samples(&self) -> i64 {
+        self.origin_samples
+    }
 }
 
 /// How the codes of several shots become those of one waveform: [`crate::accumulate`].
@@ -265,6 +275,13 @@ fn scaled_floor(settings: &Settings, template: &Template) -> i32 {
 fn range_step(period_fs: u32) -> i64 {
     let scaled = (u128::from(period_fs) * u128::from(SPEED_OF_LIGHT_M_S)) << 23;
     ((scaled + 500_000_000_000) / 1_000_000_000_000) as i64
+}
+
+/// R_min in samples: 2⁻²⁴ mm over 2⁻²⁴ mm.
+#[expect(clippy::arithmetic_side_effects, reason = "2³² mm · 2⁴⁰ is below 2⁷³")]
+fn origin_samples(hardware: &Hardware, range_step: i64) -> i64 {
+    let origin = u128::from(hardware.range_min_mm) << 40;
+    (origin / range_step.max(1) as u128).min(FARTHEST as u128) as i64
 }
 
 /// ΔR in samples, rounded down, so that echoes ΔR apart stay two, at least 1; 1.14·cW/2 when it

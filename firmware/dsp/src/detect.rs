@@ -5,7 +5,7 @@ use heapless::Vec;
 use crate::choice::EchoChoice;
 use crate::config::DetectorConfig;
 use crate::limits::{MAX_ECHOES, MAX_SAMPLES};
-use crate::peak::{Peak, Peaks};
+use crate::peak::{Candidate, Candidates, Peak, Peaks};
 use crate::q::shift_round;
 use crate::statistics::Statistics;
 
@@ -193,44 +193,48 @@ fn insert(found: &mut Peaks, peak: Peak) {
 
 /// Keeps, strongest first, each peak that lies at least `min_separation` samples from every
 /// stronger one kept.
-pub fn separate(found: &mut Peaks, min_separation: u32) {
+pub fn separate(found: &mut Candidates, min_separation: u32) {
     if found.len() < 2 {
         return;
     }
     let mut waiting = found.clone();
-    let mut kept = Peaks::new();
+    let mut kept = Candidates::new();
     while let Some(strongest) = take(&mut waiting, strongest) {
-        if kept.iter().all(|k| u32::from(k.index.abs_diff(strongest.index)) >= min_separation) {
+        let index = strongest.peak.index;
+        if kept.iter().all(|k| u32::from(k.peak.index.abs_diff(index)) >= min_separation) {
             let _ = kept.push(strongest); // no more than were found
         }
     }
-    found.retain(|p| kept.contains(p));
+    found.retain(|c| kept.contains(c));
 }
 
-/// The highest, of equals the first.
-fn strongest(peaks: &[Peak]) -> Option<Peak> {
-    peaks.iter().copied().reduce(|a, b| if b.height > a.height { b } else { a })
+/// The strongest, of equals the first.
+fn strongest(found: &[Candidate]) -> Option<Candidate> {
+    found.iter().copied().reduce(|a, b| if b.strength > a.strength { b } else { a })
 }
 
 /// Removes and returns the one that is picked.
-fn take(peaks: &mut Peaks, pick: impl Fn(&[Peak]) -> Option<Peak>) -> Option<Peak> {
-    let picked = pick(peaks)?;
-    peaks.retain(|p| *p != picked);
+fn take(
+    found: &mut Candidates,
+    pick: impl Fn(&[Candidate]) -> Option<Candidate>,
+) -> Option<Candidate> {
+    let picked = pick(found)?;
+    found.retain(|c| *c != picked);
     Some(picked)
 }
 
 /// The peaks that become echoes: at most `count`, the strongest, first or last, in that order.
-pub fn choose(mut found: Peaks, count: usize, choice: EchoChoice) -> Vec<Peak, MAX_ECHOES> {
-    let pick = |peaks: &[Peak]| match choice {
-        EchoChoice::First => peaks.first().copied(),
-        EchoChoice::Last => peaks.last().copied(),
-        EchoChoice::Strongest => strongest(peaks),
+pub fn choose(mut found: Candidates, count: usize, choice: EchoChoice) -> Vec<Peak, MAX_ECHOES> {
+    let pick = |found: &[Candidate]| match choice {
+        EchoChoice::First => found.first().copied(),
+        EchoChoice::Last => found.last().copied(),
+        EchoChoice::Strongest => strongest(found),
     };
     let mut chosen = Vec::new();
     while chosen.len() < count.min(MAX_ECHOES)
-        && let Some(peak) = take(&mut found, pick)
+        && let Some(candidate) = take(&mut found, pick)
     {
-        let _ = chosen.push(peak); // fewer than MAX_ECHOES
+        let _ = chosen.push(candidate.peak); // fewer than MAX_ECHOES
     }
     chosen
 }
@@ -264,12 +268,12 @@ mod tests {
 
     #[test]
     fn the_weaker_of_two_close_peaks_goes_and_its_own_neighbour_stays() {
-        let mut found = Peaks::new();
-        for (index, height) in [(10, 5), (14, 6), (18, 7)] {
-            found.push(Peak { index, height }).unwrap();
+        let mut found = Candidates::new();
+        for (index, strength) in [(10, 5), (14, 6), (18, 7)] {
+            found.push(Candidate { peak: Peak { index, height: 9 }, strength }).unwrap();
         }
         separate(&mut found, 6);
-        assert_eq!(found.iter().map(|p| p.index).collect::<Vec<_, 4>>()[..], [10, 18]);
+        assert_eq!(found.iter().map(|c| c.peak.index).collect::<Vec<_, 4>>()[..], [10, 18]);
     }
 
     #[test]

@@ -106,6 +106,13 @@ impl EdgeFit<'_> {
         })
     }
 
+    /// The amplitude of [`Self::fit`] alone: one pair says it.
+    #[inline(never)]
+    pub fn amplitude(&self, x: &[i16], run: Run) -> Option<i64> {
+        let solved = self.solve(&self.pair(x, run, 1)?);
+        Some(solved.amplitude.max(self.level).min(MAX_AMPLITUDE))
+    }
+
     /// The samples `i` before the run and `i` after it.
     fn pair(&self, x: &[i16], run: Run, i: usize) -> Option<Pair> {
         let (left, right) = (run.first.checked_sub(i)?, run.last.checked_add(i)?);

@@ -32,6 +32,7 @@
 //! | matched filter | [`filter`] | `x` | `y`, Q1.15 |
 //! | thresholds, peaks | [`detect`] | `y` | candidates |
 //! | overlapping echoes | [`split`] | `x`, candidates | candidates |
+//! | which are kept | [`detect`], [`height`] | candidates | at most four |
 //! | sub-sample time | [`refine`], [`edges`] | `y` at a candidate | time, height, width |
 //! | range, amplitude, SNR | [`echo`] | the refined peak | [`Echo`] |
 //!
@@ -63,6 +64,7 @@ pub mod edges;
 pub mod filter;
 pub mod flags;
 pub mod hardware;
+pub mod height;
 pub mod lagrange;
 pub mod limits;
 pub mod loops;

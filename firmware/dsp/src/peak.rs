@@ -14,5 +14,17 @@ pub struct Peak {
     pub height: i16,
 }
 
+/// A peak, and how strong its echo is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Candidate {
+    /// The peak.
+    pub peak: Peak,
+    /// Amplitude of the echo as if nothing had clipped it, Q1.15.
+    pub strength: u32,
+}
+
+/// Candidates by rising index.
+pub type Candidates = Vec<Candidate, MAX_CANDIDATES>;
+
 /// Peaks by rising index.
 pub type Peaks = Vec<Peak, MAX_CANDIDATES>;

@@ -1,7 +1,7 @@
 //! The stages in a row.
 
 use crate::config::DetectorConfig;
-use crate::detect::{self, Threshold};
+use crate::detect::Threshold;
 use crate::echo::{Echo, Echoes};
 use crate::filter::{self, PADDING};
 use crate::hardware::Hardware;
@@ -148,8 +148,7 @@ impl Pipeline {
             Some(sharpener) => Self::split(sharpener, &refiner, &mut scratch.peaks),
             None => Overlapping::new(),
         };
-        detect::separate(&mut scratch.peaks, config.min_separation);
-        let chosen = detect::choose(scratch.peaks.clone(), config.echoes, config.echo_choice);
+        let chosen = refiner.chosen(&scratch.peaks);
         let exact = |n| filter::exact(taps, padded, codes.len(), n);
         let mut echoes = Echoes::new();
         for peak in chosen {

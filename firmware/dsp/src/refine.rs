@@ -5,14 +5,18 @@
               fraction or a tap 2⁴¹; σ below 2³²; divisors are at least 1"
 )]
 
+use heapless::Vec;
+
 use crate::choice::TimingMethod;
 use crate::config::DetectorConfig;
-use crate::detect::{Threshold, hysteresis};
+use crate::detect::{self, Threshold, hysteresis};
 use crate::edges::{EdgeFit, Edges, Run};
 use crate::flags::Flags;
+use crate::height::Height;
 use crate::lagrange::interpolation;
+use crate::limits::MAX_ECHOES;
 use crate::noise::Noise;
-use crate::peak::Peak;
+use crate::peak::{Candidate, Candidates, Peak};
 use crate::q::{divide_round, shift_round};
 
 /// A peak between samples.
@@ -123,6 +127,41 @@ impl Refiner<'_> {
         refined
     }
 
+    /// The peaks that become echoes, in their order: apart by the least separation, as many as are
+    /// asked for. One alone is compared with nothing.
+    #[inline(never)]
+    pub fn chosen(&self, peaks: &[Peak]) -> Vec<Peak, MAX_ECHOES> {
+        let config = self.config;
+        if let [only] = peaks {
+            let mut chosen = Vec::new();
+            let _ = chosen.push(*only); // at least one is asked for
+            return chosen;
+        }
+        let mut candidates = self.candidates(peaks);
+        detect::separate(&mut candidates, config.min_separation);
+        detect::choose(candidates, config.echoes, config.echo_choice)
+    }
+
+    /// Peaks with the strength of their echoes: [`Height`] of a clipped one, else its amplitude.
+    pub fn candidates(&self, peaks: &[Peak]) -> Candidates {
+        let mut candidates = Candidates::new();
+        for &peak in peaks {
+            let _ = candidates.push(Candidate { peak, strength: self.strength(peak) }); // as many
+        }
+        candidates
+    }
+
+    fn strength(&self, peak: Peak) -> u32 {
+        let Self { config, waveform: Waveform { codes, x, .. }, .. } = *self;
+        match self.clipped_run(peak) {
+            Some(run) => {
+                let (clip_code, origin) = (config.clip_code, config.origin_samples);
+                Height { edges: self.edge_fit(), clip_code, codes, x, origin }.of(run)
+            }
+            None => config.template.amplitude(peak.height.into()).max(0) as u32,
+        }
+    }
+
     /// Whether a peak may hide others: it is not clipped, and its width at half height exceeds
     /// [`Timing`](crate::timing::Timing)'s w or ends in a valley.
     pub fn may_overlap(&self, peak: Peak) -> bool {
@@ -155,16 +194,20 @@ impl Refiner<'_> {
         (scaled / amplitude.max(1) as u64).min(u32::MAX.into()) as u32
     }
 
-    /// Takes time, amplitude and σ from the edges of a clipped run; where they say nothing, the
-    /// time from the middle between the crossings. Their level is the clip code in Q1.15 less the
-    /// ambient, at least 2⁻¹⁵.
-    #[inline(always)]
-    fn time_by_edges(&self, run: Run, middle: i64, refined: &mut Refined) {
-        let Self { config, waveform, threshold, noise } = *self;
-        refined.flags |= Flags::WALK_CORRECTED;
+    /// Reads edges. Their level is the clip code in Q1.15 less the ambient, at least 2⁻¹⁵.
+    fn edge_fit(&self) -> EdgeFit<'_> {
+        let Self { config, threshold, noise, .. } = *self;
         let clip = i64::from(config.clip_code) << config.code_shift;
         let level = (clip - i64::from(threshold.ambient)).max(1);
-        match (EdgeFit { pulse: &config.pulse, noise, level }).fit(waveform.x, run) {
+        EdgeFit { pulse: &config.pulse, noise, level }
+    }
+
+    /// Takes time, amplitude and σ from the edges of a clipped run; where they say nothing, the
+    /// time from the middle between the crossings.
+    #[inline(always)]
+    fn time_by_edges(&self, run: Run, middle: i64, refined: &mut Refined) {
+        refined.flags |= Flags::WALK_CORRECTED;
+        match self.edge_fit().fit(self.waveform.x, run) {
             Some(Edges { time, amplitude, sigma }) => {
                 (refined.time, refined.amplitude, refined.sigma) = (time, amplitude, sigma);
             }

@@ -4,7 +4,7 @@ use echoloop_dsp::choice::{AmbientEstimator, EchoChoice, TimingMethod};
 use echoloop_dsp::template::Template;
 use echoloop_dsp::{DetectorConfig, Hardware, Settings};
 
-use super::numbers::{nearest, two_to};
+use super::numbers::{floor_of, nearest, two_to};
 use super::pulse::Pulse;
 use super::split::Sharpener;
 
@@ -70,6 +70,8 @@ pub struct BitTrue {
     pub range_origin: f64,
     /// Range per sample, 2⁻²⁴ mm.
     pub range_step: f64,
+    /// Range of sample 0, Q16.16 samples, at most 4096 of them.
+    pub origin_samples: f64,
     /// Finds the peaks that others hide.
     pub sharpener: Option<Sharpener>,
 }
@@ -128,6 +130,12 @@ impl BitTrue {
             period_fs,
             range_origin: f64::from(hardware.range_min_mm) * 256.0,
             range_step,
+            origin_samples: floor_of(
+                f64::from(hardware.range_min_mm),
+                two_to(40),
+                range_step.max(1.0),
+            )
+            .min(two_to(28)),
             sharpener: (settings.echoes > 1).then(|| Sharpener::for_pulse(width_ps, period_fs)),
         }
     }

@@ -16,7 +16,7 @@ pub fn hysteresis(height: f64, threshold: f64) -> f64 {
 pub fn peaks(y: &[f64], threshold: f64) -> Vec<Peak> {
     let found =
         climbs(y, threshold, (threshold / 2.0).floor(), |height| hysteresis(height, threshold));
-    let mut strongest = by_strength(&found);
+    let mut strongest = by(&found, |p| p.height);
     strongest.truncate(CANDIDATES);
     strongest.sort_by_key(|p| p.index);
     strongest
@@ -53,18 +53,18 @@ pub fn climbs(y: &[f64], threshold: f64, rest: f64, hysteresis: impl Fn(f64) -> 
     }
 }
 
-/// Strongest first, of equals the first.
-fn by_strength(peaks: &[Peak]) -> Vec<Peak> {
+/// By a strength, greatest first, of equals the first.
+fn by(peaks: &[Peak], strength: impl Fn(&Peak) -> f64) -> Vec<Peak> {
     let mut peaks = peaks.to_vec();
-    peaks.sort_by(|a, b| b.height.total_cmp(&a.height).then(a.index.cmp(&b.index)));
+    peaks.sort_by(|a, b| strength(b).total_cmp(&strength(a)).then(a.index.cmp(&b.index)));
     peaks
 }
 
 /// Greedily, strongest first: whatever lies nearer than `min_separation` to one kept goes. By
 /// rising index.
-pub fn separate(peaks: &[Peak], min_separation: f64) -> Vec<Peak> {
+pub fn separate(peaks: &[Peak], min_separation: f64, strength: impl Fn(&Peak) -> f64) -> Vec<Peak> {
     let mut kept: Vec<Peak> = Vec::new();
-    for peak in by_strength(peaks) {
+    for peak in by(peaks, strength) {
         if !kept.iter().any(|k| (k.index.abs_diff(peak.index) as f64) < min_separation) {
             kept.push(peak);
         }
@@ -74,11 +74,16 @@ pub fn separate(peaks: &[Peak], min_separation: f64) -> Vec<Peak> {
 }
 
 /// At most `count` of peaks that stand by rising index.
-pub fn choose(peaks: &[Peak], count: usize, choice: EchoChoice) -> Vec<Peak> {
+pub fn choose(
+    peaks: &[Peak],
+    count: usize,
+    choice: EchoChoice,
+    strength: impl Fn(&Peak) -> f64,
+) -> Vec<Peak> {
     let mut order = match choice {
         EchoChoice::First => peaks.to_vec(),
         EchoChoice::Last => peaks.iter().rev().copied().collect(),
-        _ => by_strength(peaks),
+        _ => by(peaks, strength),
     };
     order.truncate(count);
     order

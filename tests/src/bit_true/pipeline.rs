@@ -29,13 +29,17 @@ impl BitTrue {
         let wave = Waveform { codes, x: &x, y: &y, f: &f };
         let threshold = self.threshold(&statistics);
         let (found, hidden) = self.split(&wave, peaks(&y, threshold.level), &threshold, &noise);
-        let separate = separate(&found, self.min_separation);
+        let strength = |peak: &Peak| match found.len() {
+            1 => 0.0,
+            _ => self.strength(&wave, *peak, &threshold, &noise),
+        };
+        let separate = separate(&found, self.min_separation, strength);
         let echo = |peak: Peak| {
             let refined = self.refine(&wave, peak, &threshold, &noise);
             let sharp = hidden.contains(&peak.index);
             self.echo(&if sharp { self.sharpen(&x, peak, refined) } else { refined }, &threshold)
         };
-        choose(&separate, self.echoes, self.choice).into_iter().filter_map(echo).collect()
+        choose(&separate, self.echoes, self.choice, strength).into_iter().filter_map(echo).collect()
     }
 
     /// The peaks and those that stand under them; indices of the latter.

@@ -5,6 +5,7 @@ use echoloop_dsp::choice::TimingMethod;
 use super::config::BitTrue;
 use super::edges::Clipped;
 use super::filter::correlate;
+use super::height::Saturated;
 use super::noise::Noise;
 use super::numbers::{nearest, nearest_ratio, product, two_to};
 use super::peaks::hysteresis;
@@ -82,9 +83,7 @@ impl BitTrue {
         let refined = match (self.timing, run) {
             (TimingMethod::WalkCorrected, None) => Refined { time: vertex.unbiased, ..top },
             (TimingMethod::WalkCorrected, Some((first, last))) => {
-                let level = (self.clip_code * self.code - threshold.ambient).max(1.0);
-                let clipped =
-                    Clipped { pulse: &self.pulse, x: wave.x, level, first, last, noise: *noise };
+                let clipped = self.clipped(wave, (first, last), threshold, noise);
                 let middle = ((2.0 * peak.index as f64 * SAMPLE + right.distance - left.distance)
                     / 2.0)
                     .floor();
@@ -107,6 +106,34 @@ impl BitTrue {
         let walks = run.is_some() && self.timing != TimingMethod::WalkCorrected;
         let unknown = walks || refined.flags & TRUNCATED != 0;
         Refined { sigma: if unknown { MOST } else { refined.sigma }, ..refined }
+    }
+
+    /// A run of clipped samples of this waveform.
+    fn clipped<'a>(
+        &'a self,
+        wave: &Waveform<'a>,
+        (first, last): (usize, usize),
+        threshold: &Threshold,
+        noise: &Noise,
+    ) -> Clipped<'a> {
+        let level = (self.clip_code * self.code - threshold.ambient).max(1.0);
+        Clipped { pulse: &self.pulse, x: wave.x, level, first, last, noise: *noise }
+    }
+
+    /// How strong the echo of a peak is, as if nothing had clipped it, Q1.15.
+    pub fn strength(
+        &self,
+        wave: &Waveform<'_>,
+        peak: Peak,
+        threshold: &Threshold,
+        noise: &Noise,
+    ) -> f64 {
+        let Some(run) = self.clipped_run(wave.codes, peak.index) else {
+            return self.amplitude(peak.height).max(0.0);
+        };
+        let clipped = self.clipped(wave, run, threshold, noise);
+        let (codes, clip_code, origin) = (wave.codes, self.clip_code, self.origin_samples);
+        Saturated { clipped, codes, clip_code, origin }.height()
     }
 
     /// Wider than one echo, or merged with a neighbour.

@@ -139,11 +139,11 @@ impl FloatReference {
         let filtered_sigma = sigma * self.noise_gain;
         let threshold = self.floor.max(self.snr_threshold * filtered_sigma);
         let hysteresis = |height: f64| (threshold / 2.0).max(height / 16.0);
-        let peaks =
-            separate(&climbs(&y, threshold, threshold / 2.0, hysteresis), self.min_separation);
+        let found = climbs(&y, threshold, threshold / 2.0, hysteresis);
+        let peaks = separate(&found, self.min_separation, |p| p.height);
         let wave = Waveform { codes, x: &x, y: &y, ambient, sigma };
         let echo = |peak: Peak| self.refine(&wave, peak, hysteresis(peak.height));
-        choose(&peaks, self.echoes, self.choice).into_iter().map(echo).collect()
+        choose(&peaks, self.echoes, self.choice, |p| p.height).into_iter().map(echo).collect()
     }
 
     fn filter(&self, x: &[f64]) -> Vec<f64> {

@@ -3,7 +3,7 @@
 use core::fmt::Write;
 use core::hint::black_box;
 
-use echoloop_dsp::detect::{self, Threshold};
+use echoloop_dsp::detect::Threshold;
 use echoloop_dsp::filter::{self, PADDING};
 use echoloop_dsp::loops::{Portable, Scalar};
 use echoloop_dsp::noise::Noise;
@@ -54,10 +54,9 @@ fn count_with(
     let (statistics, threshold, peaks) =
         over_samples(loops, config, codes, &mut padded, y, &mut line)?;
     let made = Made { config, codes, padded: &padded, y, statistics, threshold, peaks };
-    let wanted = settings.echoes as usize;
     line(
         "report",
-        if made.peaks.is_empty() { 0 } else { per_run(|| drop(black_box(made.report(wanted)))) },
+        if made.peaks.is_empty() { 0 } else { per_run(|| drop(black_box(made.report()))) },
     )?;
 
     let mut scratch = Scratch::new();
@@ -68,7 +67,7 @@ fn count_with(
         }),
     )?;
     let echoes = pipeline.process(loops, codes, &mut scratch);
-    let same = echoes == made.report(wanted)
+    let same = echoes == made.report()
         && scratch.statistics() == &made.statistics
         && scratch.filtered(codes.len()) == made.y;
     if same { Ok(()) } else { Err("the stages are not the pipeline") }
@@ -126,19 +125,16 @@ struct Made<'a> {
 impl Made<'_> {
     /// From candidates to echoes, as the pipeline does it.
     #[inline(always)]
-    fn report(&self, wanted: usize) -> Echoes {
+    fn report(&self) -> Echoes {
         let Self { config, codes, padded, y, statistics, threshold, .. } = self;
         let template = config.template();
-        let mut peaks = self.peaks.clone();
-        detect::separate(&mut peaks, config.min_separation());
-        let chosen = detect::choose(peaks, wanted, config.echo_choice());
         let exact = |n| filter::exact(template.taps(), *padded, codes.len(), n);
         let x = padded.get(template.half()..template.half() + codes.len()).unwrap_or_default();
         let waveform = Waveform { codes, x, y };
         let noise = Noise::new(statistics, config.shot_noise());
         let refiner = Refiner { config, waveform: &waveform, threshold, noise: &noise };
         let mut echoes = Echoes::new();
-        for peak in chosen {
+        for peak in refiner.chosen(&self.peaks) {
             let refined = refiner.refine(exact, peak);
             echoes.extend(Echo::from_peak(config, &refined, threshold));
         }

@@ -1,0 +1,172 @@
+//! How far the default settings see in fog: a target square to the beam, of three reflectances.
+//!
+//! `cargo test -p echoloop-tests --test fog -- --nocapture` prints the table of docs/front-end.md.
+
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+use echoloop_dsp::choice::EchoChoice;
+use echoloop_dsp::hardware::sample_period_fs;
+use echoloop_dsp::{Hardware, Pipeline, Scratch, Settings};
+use echoloop_frontend::{
+    Analog, FrontEnd, Precipitation, Receiver, Return, SceneResponse, Trigger, WaveformFrontEnd,
+    Weather,
+};
+use echoloop_sensor::afe::delay_fs;
+
+const BEAMS: u32 = 40;
+
+const VISIBILITIES_M: [f64; 8] = [10.0, 20.0, 40.0, 60.0, 100.0, 200.0, 400.0, 998.0];
+const REFLECTANCES: [f64; 3] = [0.1, 0.5, 0.9];
+
+/// Which echoes, and how many.
+const KEPT: [(&str, EchoChoice, i32); 4] = [
+    ("strongest", EchoChoice::Strongest, 1),
+    ("last", EchoChoice::Last, 1),
+    ("2 strongest", EchoChoice::Strongest, 2),
+    ("4 strongest", EchoChoice::Strongest, 4),
+];
+
+struct Fog {
+    receiver: Receiver,
+    settings: Settings,
+    analog: Analog,
+    pipeline: Pipeline,
+}
+
+impl Fog {
+    fn new(visibility_m: f64, choice: EchoChoice, echoes: i32) -> Self {
+        let settings = Settings { echo_choice: choice.code(), echoes, ..Settings::default() };
+        let hardware = Hardware::REFERENCE;
+        let weather = Weather { kind: Precipitation::Fog, visibility_m, ..Weather::default() };
+        let analog = Analog {
+            power_w: f64::from(settings.power_cw) / 100.0,
+            pulse_width_ns: f64::from(settings.pulse_width_ps) / 1e3,
+            gain_db: 0.0,
+            sample_period_ns: f64::from(sample_period_fs(settings.bins as u32, &hardware)) / 1e6,
+            delay_ns: f64::from(delay_fs(&settings, &hardware)) / 1e6,
+            pre_trigger: 0,
+        };
+        let pipeline = Pipeline::new(&settings, &hardware).expect("accepted settings");
+        Self { receiver: Receiver { weather, ..Receiver::default() }, settings, analog, pipeline }
+    }
+
+    /// How many of the beams find a target.
+    fn found(&self, reflectance: f64, range_m: f64) -> u32 {
+        let strength_per_m2 = (reflectance / PI / range_m / range_m) as f32;
+        let target = Return { range_m: range_m as f32, strength_per_m2 };
+        let scene =
+            SceneResponse { beams: (0..=BEAMS).collect(), returns: vec![target; BEAMS as usize] };
+        let mut front_end = WaveformFrontEnd::new(self.receiver.clone(), Arc::new(scene), 7);
+        let mut codes = vec![0; self.settings.bins as usize];
+        let mut scratch = Scratch::new();
+        let mut finds = |beam: u32| {
+            front_end.capture(&self.analog, Trigger { frame: 0, beam, shot: 0 }, &mut codes);
+            let echoes = echoloop_kernels::process(&self.pipeline, &codes, &mut scratch);
+            echoes.iter().any(|echo| (echo.range_m() - range_m).abs() < 0.3)
+        };
+        (0..BEAMS).filter(|&beam| finds(beam)).count() as u32
+    }
+
+    /// The farthest of ranges 5 % apart, from 5 m on, at which nine of ten beams find it. Nearer
+    /// ones may be lost: in dense fog their echo is one with the air's.
+    fn reach_m(&self, reflectance: f64) -> f64 {
+        let ranges = (0..65).map(|i| 5.0 * 1.05f64.powi(i)).take_while(|&r| r < 119.0);
+        let seen = |&r: &f64| 10 * self.found(reflectance, r) >= 9 * BEAMS;
+        ranges.filter(seen).last().unwrap_or(0.0)
+    }
+
+    /// Peak of a target's echo over full scale.
+    fn target(&self, reflectance: f64, range_m: f64) -> f64 {
+        let strength = reflectance / PI / range_m / range_m;
+        let peak_ua = self.receiver.peak_current_ua(self.analog.power_w, range_m, strength);
+        peak_ua / self.receiver.full_scale_ua
+    }
+
+    /// Highest light of the fog over full scale, by millimetres of the integral.
+    fn air(&self) -> f64 {
+        let width = self.analog.pulse_width_ns;
+        let light = |ns: f64| -> f64 {
+            let slice = |mm: i32| {
+                let r = f64::from(mm) / 1e3;
+                let overlap = ((r - 0.9) / 0.1).clamp(0.0, 1.0);
+                let since = ns - r / 0.149_896_229;
+                let lit = since > 0.0 && since < 2.0 * width;
+                let pulse = if lit { (PI * since / (2.0 * width)).sin().powi(2) } else { 0.0 };
+                let beta = self.receiver.air().backscatter_per_m_sr;
+                let unit = self.receiver.peak_current_ua(self.analog.power_w, r, 1.0);
+                1e-3 * beta * overlap / (r * r) * pulse * unit
+            };
+            (900..3_000).map(slice).sum::<f64>() / self.receiver.full_scale_ua
+        };
+        (8..30).map(|ns| light(f64::from(ns))).fold(0.0, f64::max)
+    }
+
+    /// Where a falling function of range passes 1.
+    fn where_one(of: impl Fn(f64) -> f64) -> f64 {
+        (100..11_900).map(|cm| f64::from(cm) / 100.0).find(|&r| of(r) < 1.0).unwrap_or(119.0)
+    }
+}
+
+#[test]
+fn in_fog_the_strongest_echo_is_the_target_s_as_far_as_it_outshines_the_air() {
+    for visibility_m in VISIBILITIES_M {
+        let fog = Fog::new(visibility_m, EchoChoice::Strongest, 1);
+        let air = fog.air();
+        for reflectance in REFLECTANCES {
+            let expected_m = Fog::where_one(|r| fog.target(reflectance, r) / air);
+            let reach_m = fog.reach_m(reflectance);
+            if expected_m < 8.5 {
+                continue; // its echo is one with the air's
+            }
+            let case = format!("visibility {visibility_m} m, reflectance {reflectance}");
+            // The light of air that is not clipped counts a third too high: it is longer than the
+            // filter's pulse.
+            assert!(
+                reach_m > 0.75 * expected_m && reach_m < 1.12 * expected_m,
+                "{case}: {reach_m} m, where the physics gives {expected_m} m"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_last_echo_is_the_target_s_as_far_as_noise_allows() {
+    for visibility_m in VISIBILITIES_M {
+        let fog = Fog::new(visibility_m, EchoChoice::Last, 1);
+        for reflectance in REFLECTANCES {
+            // Nine of ten: 1.3 σ above the threshold, in the noise of the dark. The fog's light
+            // trembles, too, and raises the ambient.
+            let sigma = fog.receiver.quiescent_variance_ua2().sqrt() / fog.receiver.full_scale_ua;
+            let samples = fog.analog.pulse_width_ns / fog.analog.sample_period_ns;
+            let least = ((4.7 + 1.3) * sigma / (0.75 * samples).sqrt()).max(0.004);
+            let expected_m = Fog::where_one(|r| fog.target(reflectance, r) / least);
+            let reach_m = fog.reach_m(reflectance);
+            let case = format!("visibility {visibility_m} m, reflectance {reflectance}");
+            assert!(
+                reach_m > 0.8 * expected_m && reach_m < 1.08 * expected_m,
+                "{case}: {reach_m} m, where the physics gives {expected_m} m"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_table_of_the_documentation() {
+    for (name, choice, echoes) in KEPT {
+        for reflectance in REFLECTANCES {
+            print!("| {name}, {:.0} % |", 100.0 * reflectance);
+            for visibility_m in VISIBILITIES_M {
+                let reach_m = Fog::new(visibility_m, choice, echoes).reach_m(reflectance);
+                if reach_m == 0.0 { print!(" – |") } else { print!(" {reach_m:.0} |") }
+            }
+            println!();
+        }
+    }
+    // With the air's echo kept beside it, the target's is found as far as the last is.
+    for visibility_m in VISIBILITIES_M {
+        let reach = |choice, echoes| Fog::new(visibility_m, choice, echoes).reach_m(0.5);
+        let (two, last) = (reach(EchoChoice::Strongest, 2), reach(EchoChoice::Last, 1));
+        assert!(two > 0.9 * last, "visibility {visibility_m} m: {two} m of two, {last} m of last");
+    }
+}
