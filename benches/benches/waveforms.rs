@@ -30,6 +30,7 @@ const ANALOG: Analog = Analog {
     sample_period_ns: 0.775,
     delay_ns: 12.87,
     pre_trigger: 0,
+    black_level: 0.0,
 };
 
 /// Two returns a beam, from strong to none.

@@ -45,6 +45,7 @@ fn analog(settings: &Settings) -> Analog {
         sample_period_ns: f64::from(period_fs) / 1e6,
         delay_ns: 6.671 + pulse_width_ns, // to 1 m and back, and to the middle of the pulse
         pre_trigger: 0,
+        black_level: 0.0,
     }
 }
 

@@ -35,6 +35,7 @@ pub fn read_analog(emitter: &impl Fn(u8) -> u32, adc: &impl Fn(u8) -> u32) -> An
         sample_period_ns: f64::from(adc(adc::SAMPLE_PERIOD)) / 1e6,
         delay_ns: f64::from(adc(adc::DELAY)) / 1e6,
         pre_trigger: adc(adc::PRE_TRIGGER) as usize,
+        black_level: f64::from(adc(adc::BLACK_LEVEL)) / 1e6,
     }
 }
 

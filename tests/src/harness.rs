@@ -130,7 +130,7 @@ impl Draw<'_> {
     fn settings(&mut self) -> Settings {
         let mut settings = Settings::default();
         for _ in 0..self.below(4) {
-            let parameter = &PARAMETERS[usize::from(self.below(15))];
+            let parameter = &PARAMETERS[usize::from(self.below(PARAMETERS.len() as u8))];
             let value = match self.below(4) {
                 0 => parameter.min,
                 1 => parameter.max,

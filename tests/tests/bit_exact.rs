@@ -182,6 +182,7 @@ fn the_ambient_of_every_estimator_equals_its_model() {
                 case.settings.choices().unwrap().ambient,
                 before,
                 config.code_shift(),
+                config.black(),
             );
             assert_eq!(
                 bit_true::Statistics::from(ours),

@@ -46,6 +46,7 @@ impl Fog {
             sample_period_ns: f64::from(sample_period_fs(settings.bins as u32, &hardware)) / 1e6,
             delay_ns: f64::from(delay_fs(&settings, &hardware)) / 1e6,
             pre_trigger: 0,
+            black_level: 0.0,
         };
         let pipeline = Pipeline::new(&settings, &hardware).expect("accepted settings");
         Self { receiver: Receiver { weather, ..Receiver::default() }, settings, analog, pipeline }

@@ -265,9 +265,10 @@ impl Sensor {
             );
             let period = sample_period_fs(bins, &hardware);
             let before = settings.pre_trigger_samples();
-            let expected =
-                [settings.gain_cdb as u32, period, delay_fs(settings, &hardware), bins, before];
-            assert_eq!(converter[1..6], expected);
+            let delay = delay_fs(settings, &hardware);
+            let black = settings.black_level_ppm as u32;
+            let expected = [settings.gain_cdb as u32, period, delay, bins, before, black];
+            assert_eq!(converter[1..7], expected);
             assert_eq!(laser[usize::from(emitter::SHOT)], 0);
         }
     }
@@ -282,6 +283,7 @@ fn other() -> Settings {
         gain_cdb: -300,
         bins: 1_000,
         ambient,
+        black_level_ppm: 9_000,
         ..Settings::default()
     }
 }

@@ -33,6 +33,7 @@ const ANALOG: Analog = Analog {
     sample_period_ns: 1.0,
     delay_ns: 0.0,
     pre_trigger: 0,
+    black_level: 0.0,
 };
 
 /// Nothing but signal: what is left of the shot noise is below 10⁻¹⁵⁰ µA.

@@ -136,6 +136,7 @@ impl Sensor {
             sample_period_ns: f64::from(sample_period_fs(settings.bins as u32, &hardware)) / 1e6,
             delay_ns: f64::from(delay_fs(&settings, &hardware)) / 1e6,
             pre_trigger: 0,
+            black_level: f64::from(settings.black_level_ppm) / 1e6,
         };
         let pipeline = Pipeline::new(&settings, &hardware).expect("accepted settings");
         let codes = vec![0; settings.bins as usize];
@@ -703,4 +704,54 @@ fn a_slanted_surface_is_one_echo_however_many_are_asked_for() {
         }
         assert!(several <= 3, "{depth_mm} mm deep: {several} of 300 fall apart");
     }
+}
+
+/// Windows of `of` in which the sensor finds an echo, with no light but of this irradiance.
+fn alarms(irradiance_w_m2_nm: f64, black_level_ppm: i32, bins: i32, of: u32) -> f64 {
+    let mut sensor =
+        Sensor::new(Settings { snr_threshold_milli: 4_000, black_level_ppm, ..at_rate(bins) });
+    sensor.receiver.irradiance_w_m2_nm = irradiance_w_m2_nm;
+    let nothing = Return { range_m: 50.0, strength_per_m2: 0.0 };
+    let mut alarm = |beam: u32| {
+        sensor.expose(nothing, beam);
+        let echoes =
+            echoloop_kernels::process(&sensor.pipeline, &sensor.codes, &mut sensor.scratch);
+        u32::from(!echoes.is_empty())
+    };
+    f64::from((0..of).map(&mut alarm).sum::<u32>())
+}
+
+#[test]
+fn with_a_black_level_false_alarms_in_the_dark_are_those_of_the_theory() {
+    // As above, 800 ns at k = 4; the noise of the dark is 6.7 codes, the black level 41.
+    const WINDOWS: u32 = 20_000;
+    for (bins, known_sigma) in [(HALF_GS, 0.0106), (ONE_GS, 0.0133), (THREE_GS, 0.0167)] {
+        let expected = known_sigma * libm::exp(128.0 * 1.167f64.powi(2) / f64::from(bins));
+        for irradiance_w_m2_nm in [0.0, 0.65] {
+            let alarms = alarms(irradiance_w_m2_nm, 10_000, bins, WINDOWS);
+            let (rate, confidence) =
+                (alarms / f64::from(WINDOWS), 3.0 * alarms.sqrt() / f64::from(WINDOWS));
+            assert!(
+                (rate - expected).abs() < confidence + 0.06 * expected,
+                "{bins} bins, irradiance {irradiance_w_m2_nm}: {rate} against {expected}"
+            );
+        }
+    }
+    // Without one, half of the noise is clipped and σ̂ is too low.
+    assert!(alarms(0.0, 0, ONE_GS, 1_000) > 100.0);
+}
+
+#[test]
+fn a_black_level_changes_no_range_and_leaves_less_room_above() {
+    let see = |black_level_ppm, albedo| {
+        let mut sensor = Sensor::new(Settings { black_level_ppm, ..at_rate(ONE_GS) });
+        let (echo, error_mm) = sensor.see(albedo, 60.0, 3).expect("an echo");
+        (echo, error_mm, sensor.codes.iter().copied().max())
+    };
+    let ((plain, error_mm, top), (lifted, lifted_mm, lifted_top)) = (see(0, 0.1), see(10_000, 0.1));
+    assert!((error_mm - lifted_mm).abs() < 0.5, "{error_mm} and {lifted_mm} mm");
+    assert!(plain.amplitude.abs_diff(lifted.amplitude) < 16, "{plain:?} and {lifted:?}");
+    assert_eq!(lifted_top.zip(top).map(|(a, b)| a - b), Some(41), "1 % of 4096 codes");
+    let (clipped, clipped_mm, _) = see(10_000, 2.0);
+    assert!(clipped.flags.contains(Flags::SATURATED) && clipped_mm.abs() < 10.0, "{clipped_mm} mm");
 }

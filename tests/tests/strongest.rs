@@ -151,6 +151,7 @@ fn compare(clock: Clock, shapes: [Shape; 2], lower: [f64; 2], runs: u32, seed: u
         sample_period_ns: clock.period_ns,
         delay_ns: 0.0,
         pre_trigger: 0,
+        black_level: 0.0,
     };
     let (mut buffers, mut scratch) = (ShotBuffers::default(), Scratch::new());
     let mut codes = vec![0; clock.settings.bins as usize];

@@ -48,7 +48,7 @@ choices! {
         Median = "median",
         /// The mean of the samples before the trigger.
         PreTrigger = "pre-trigger",
-        /// Code 0.
+        /// The black level.
         None = "none",
     }
     /// What of an echo is timed.

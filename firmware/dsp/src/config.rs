@@ -16,6 +16,7 @@ use crate::timing::Timing;
 /// |---|---|---|
 /// | sample period | 2 (R_max − R_min) / (c·N_w) | fs, nearest |
 /// | clip code | S · full-scale code of as many shots | code, nearest |
+/// | black | black level | Q1.15, nearest |
 /// | floor | g·N | Q1.15, nearest |
 /// | k | SNR threshold | Q8.8, nearest |
 /// | κ, shot noise | shot noise at 0 dB · 10^(G/20) / m | Q0.32, in `f32`, saturating |
@@ -40,6 +41,8 @@ pub struct DetectorConfig {
     /// Codes at or above it are saturated.
     pub(crate) clip_code: u16,
     pub(crate) template: Template,
+    /// What no light reads, Q1.15.
+    pub(crate) black: i32,
     /// The emitted pulse.
     pub(crate) pulse: Pulse,
     /// Samples on either side of a pulse's middle, strictly inside it.
@@ -101,6 +104,7 @@ impl DetectorConfig {
             sum_shift: sum.shift,
             code_shift: sum.code_shift,
             clip_code: clip_code(settings, sum.full_scale),
+            black: black(settings),
             floor: scaled_floor(settings, &template),
             timing: Timing::new(&template, samples_per_width, upsampling_log2, choices.timing),
             sharpener: (settings.echoes > 1).then(|| Sharpener::for_pulse(width_ps, period_fs)),
@@ -161,6 +165,11 @@ impl DetectorConfig {
     /// The lowest saturated code.
     pub fn clip_code(&self) -> u16 {
         self.clip_code
+    }
+
+    /// What no light reads, Q1.15.
+    pub fn black(&self) -> i32 {
+        self.black
     }
 
     /// Noise-floor threshold on the filter's output, Q1.15.
@@ -237,6 +246,12 @@ impl Sum {
 #[expect(clippy::arithmetic_side_effects, reason = "S is checked: 10⁶ ppm of a code below 2¹⁵")]
 fn clip_code(settings: &Settings, full_scale: u32) -> u16 {
     ((settings.saturation_ppm as u64 * u64::from(full_scale) + 500_000) / 1_000_000) as u16
+}
+
+/// The black level of any number of shots.
+#[expect(clippy::arithmetic_side_effects, reason = "checked: below 10⁶ ppm of 2¹⁵")]
+fn black(settings: &Settings) -> i32 {
+    ((i64::from(settings.black_level_ppm) * 32_768 + 500_000) / 1_000_000) as i32
 }
 
 /// 10^(G/20), in `f32`.

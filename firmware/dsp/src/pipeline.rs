@@ -94,7 +94,7 @@ impl Pipeline {
         let codes = codes.get(..MAX_SAMPLES).unwrap_or(codes);
         let statistics = loops
             .statistics(codes, config.code_shift, &scratch.statistics)
-            .with_ambient(config.ambient, before, config.code_shift);
+            .with_ambient(config.ambient, before, config.code_shift, config.black);
         scratch.statistics = statistics;
         self.filter(loops, codes, &statistics, scratch);
         let threshold = Threshold::new(config, &statistics);

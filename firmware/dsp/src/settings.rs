@@ -274,6 +274,11 @@ parameters! {
         codes_per_unit: 1, min: 0, max: last(EchoChoice::NAMES),
         default: Some(EchoChoice::Strongest.code()), acts_in: "DSP peaks",
     }
+    /// Black level, ppm of ADC full scale: what the converter reads of no current.
+    black_level_ppm: i32, BlackLevel {
+        name: "black_level", symbol: "", unit: "of full scale", kind: REAL,
+        codes_per_unit: 1_000_000, min: 0, max: 40_000, default: Some(0), acts_in: "front end",
+    }
 }
 
 impl ParameterId {

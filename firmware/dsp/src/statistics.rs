@@ -69,18 +69,24 @@ impl Statistics {
     ///
     /// ```text
     /// a = Σ x / n over the n samples before the trigger    Q1.15, rounded down; n = 0: median
-    ///   = 0                                                none
+    ///   = black                                            none
     /// ```
     ///
     /// σ̂ stays that of the waveform, around its median.
     #[must_use]
-    pub fn with_ambient(self, estimator: AmbientEstimator, before: &[u16], shift: u32) -> Self {
+    pub fn with_ambient(
+        self,
+        estimator: AmbientEstimator,
+        before: &[u16],
+        shift: u32,
+        black: i32,
+    ) -> Self {
         let ambient = match (estimator, before.len() as u32) {
             (AmbientEstimator::PreTrigger, n @ 1..) => {
                 let sum: u32 = before.iter().map(|&code| u32::from(code)).sum();
                 ((u64::from(sum) << shift) / u64::from(n)) as i32
             }
-            (AmbientEstimator::None, _) => 0,
+            (AmbientEstimator::None, _) => black,
             (AmbientEstimator::Median | AmbientEstimator::PreTrigger, _) => self.ambient,
         };
         Self { ambient, ..self }

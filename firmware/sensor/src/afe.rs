@@ -45,6 +45,8 @@ pub mod adc {
     pub const SAMPLES: u8 = 4;
     /// Samples taken just before the trigger, which come before the window's.
     pub const PRE_TRIGGER: u8 = 5;
+    /// What is added before conversion, ppm of full scale.
+    pub const BLACK_LEVEL: u8 = 6;
     /// What [`ID`] reads.
     pub const ID_VALUE: u32 = 0xEC41_0001;
 }
@@ -95,6 +97,7 @@ pub fn apply(settings: &Settings, board: &mut impl Board) -> Result<(), AfeError
     write_verified(spi, adc::GAIN, settings.gain_cdb as u32)?;
     write_verified(spi, adc::SAMPLE_PERIOD, sample_period_fs(settings.bins as u32, &hardware))?;
     write_verified(spi, adc::DELAY, delay_fs(settings, &hardware))?;
+    write_verified(spi, adc::BLACK_LEVEL, settings.black_level_ppm as u32)?;
     write_verified(spi, adc::PRE_TRIGGER, settings.pre_trigger_samples())?;
     write_verified(spi, adc::SAMPLES, settings.bins as u32)
 }

@@ -9,7 +9,7 @@ pub(crate) const ROUND: f32 = 12_582_912.0;
 /// From a signal current to codes.
 ///
 /// ```text
-/// L[n] = 2^b·G·(i_quiet + i[n] + σ(i[n])·z[n]) / i_fs        codes
+/// L[n] = 2^b·(G·(i_quiet + i[n] + σ(i[n])·z[n]) / i_fs + black)        codes
 /// x[n] = round( clip( L[n] + T[n], 0, limit ) )
 /// e[n] = L[n] − limit                          what the amplifier cannot follow
 /// T[n] = max(T[n−1], a·e[n])                   while e > 0: held, the output is at its limit
@@ -42,6 +42,8 @@ struct Amplifier {
     codes_per_ua: f32,
     /// Largest code.
     limit: f32,
+    /// Codes of no current.
+    black: f32,
     quiet_ua: f32,
     quiet_variance_ua2: f32,
     shot_variance_ua: f32,
@@ -55,6 +57,7 @@ impl Amplifier {
         Self {
             codes_per_ua: (full_scale * gain / receiver.full_scale_ua) as f32,
             limit: (full_scale * receiver.analog_limit).min(full_scale - 1.0) as f32,
+            black: (full_scale * analog.black_level) as f32,
             quiet_ua: receiver.quiescent_current_ua() as f32,
             quiet_variance_ua2: receiver.quiescent_variance_ua2() as f32,
             shot_variance_ua: receiver.shot_variance_ua() as f32,
@@ -72,7 +75,8 @@ impl Amplifier {
     ) {
         for ((code, &signal), &z) in codes.iter_mut().zip(signal_ua).zip(normal) {
             let sigma_ua = (self.quiet_variance_ua2 + self.shot_variance_ua * signal).sqrt();
-            let level = self.codes_per_ua * (self.quiet_ua + signal + sigma_ua * z);
+            let current_ua = self.quiet_ua + signal + sigma_ua * z;
+            let level = self.codes_per_ua * current_ua + self.black;
             let level = recover(level, self.limit).max(0.0).min(self.limit);
             *code = (level + ROUND).to_bits() as u16;
         }

@@ -17,6 +17,8 @@ pub struct Analog {
     pub delay_ns: f64,
     /// Samples taken just before the trigger, in front of those of the window.
     pub pre_trigger: usize,
+    /// What is added before conversion, fraction of full scale.
+    pub black_level: f64,
 }
 
 #[cfg(test)]
@@ -29,6 +31,7 @@ impl Analog {
         sample_period_ns: 1.0,
         delay_ns: 11.0,
         pre_trigger: 0,
+        black_level: 0.0,
     };
 }
 

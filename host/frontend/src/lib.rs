@@ -10,6 +10,7 @@
 //!     sample_period_ns: 1.0,
 //!     delay_ns: 0.0,
 //!     pre_trigger: 0,
+//!     black_level: 0.0,
 //! };
 //! let range_m = 45.0_f32; // a wall of reflectance 0.1, square to the beam
 //! let wall = Return { range_m, strength_per_m2: 0.1 / std::f32::consts::PI / range_m.powi(2) };

@@ -22,6 +22,8 @@ pub struct BitTrue {
     pub pre_trigger: usize,
     /// Which ambient estimator.
     pub ambient: AmbientEstimator,
+    /// Black level, Q1.15.
+    pub black: f64,
     /// Q1.15 LSB of one code, after the shots are added up.
     pub code: f64,
     /// The lowest saturated code.
@@ -106,6 +108,7 @@ impl BitTrue {
             sum_divisor,
             pre_trigger: settings.pre_trigger_samples() as usize,
             ambient: choices.ambient,
+            black: nearest(f64::from(settings.black_level_ppm) * two_to(15) / 1e6),
             code: two_to(15 - bits.min(14)),
             clip_code: nearest(f64::from(settings.saturation_ppm) * full_scale / 1e6),
             noise_gain: taps.iter().map(|h| h * h).sum::<f64>().sqrt().floor(),

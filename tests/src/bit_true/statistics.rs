@@ -43,7 +43,7 @@ impl BitTrue {
             AmbientEstimator::PreTrigger if !before.is_empty() => {
                 (sum * self.code / before.len() as f64).floor()
             }
-            AmbientEstimator::None => 0.0,
+            AmbientEstimator::None => self.black,
             _ => statistics.ambient,
         };
         Statistics { ambient, ..statistics }

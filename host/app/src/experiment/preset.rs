@@ -49,7 +49,7 @@ pub enum LidarPreset {
     /// The eight that the paper names.
     #[default]
     Paper,
-    /// All fifteen.
+    /// All of them.
     Full,
 }
 

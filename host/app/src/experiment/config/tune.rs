@@ -12,7 +12,7 @@ use crate::experiment::preset::{LidarPreset, Protocol};
 pub struct TuneConfig {
     /// What is tuned.
     pub protocol: Protocol,
-    /// Which of the sensor's parameters are tuned: the paper's eight, or `full`, all fifteen.
+    /// Which of the sensor's parameters are tuned: the paper's eight, or `full`, all of them.
     #[serde(skip_serializing_if = "is_default")]
     pub lidar: LidarPreset,
     /// Generations.
