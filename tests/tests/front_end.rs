@@ -312,8 +312,8 @@ fn assert_recovers(mut sensor: Sensor) {
 }
 
 /// Transactions of one request after new settings: the emitter's identity and 3 registers, written
-/// and read; the converter's and 5; the scan's number; two shots.
-const TRANSACTIONS: usize = 7 + 11 + 2 + 2;
+/// and read; the converter's and 6; the scan's number; two shots.
+const TRANSACTIONS: usize = 7 + 13 + 2 + 2;
 
 #[test]
 fn a_bus_that_fails_anywhere_is_reported_and_the_next_request_starts_anew() {
