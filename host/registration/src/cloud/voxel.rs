@@ -1,5 +1,6 @@
 //! One point a voxel.
 
+use echoloop_dispatch::dispatch;
 use nalgebra::{Point3, Vector3};
 
 use super::{Cloud, is_finite};
@@ -60,21 +61,29 @@ fn means(
     if !(voxel_m > 0.0 && voxel_m.is_finite()) {
         return Err(VoxelError::Size(voxel_m));
     }
-    let finite: Vec<u32> =
-        (0..).zip(points).filter(|(_, p)| is_finite(p)).map(|(i, _)| i).collect();
-    if finite.is_empty() {
-        return Ok(Vec::new());
-    }
-    let grid = VoxelGrid::around(finite.iter().map(|&i| &points[i as usize]), voxel_m, start_m)?;
-    let keyed = finite.iter().map(|&i| (grid.key(&points[i as usize]), i)).collect();
-    let sorted = sort_by_key(keyed, grid.last_key);
-    Ok(sorted.chunk_by(|a, b| a.0 == b.0).map(|cell| mean(points, cell)).collect())
+    let grid = match VoxelGrid::around(points, voxel_m, start_m)? {
+        Some(grid) => grid,
+        None => return Ok(Vec::new()),
+    };
+    let sorted = sort_by_key(runs_of(&grid, points), grid.last_key);
+    Ok(sorted.chunk_by(|a, b| a.key == b.key).map(|cell| mean(points, cell)).collect())
 }
 
-fn mean(points: &[Point3<f32>], cell: &[(u64, u32)]) -> Point3<f32> {
+/// Points that follow each other in the input and lie in one cell: scanners write neighbours one
+/// after the other, so there are far fewer runs than points to be sorted.
+#[derive(Clone, Copy, Default)]
+struct Run {
+    key: u64,
+    first: u32,
+    points: u32,
+}
+
+fn mean(points: &[Point3<f32>], cell: &[Run]) -> Point3<f32> {
+    let of_run = |run: &Run| &points[run.first as usize..][..run.points as usize];
     let sum: Vector3<f64> =
-        cell.iter().map(|&(_, i)| points[i as usize].coords.cast::<f64>()).sum();
-    (sum / cell.len() as f64).cast::<f32>().into()
+        cell.iter().flat_map(of_run).map(|point| point.coords.cast::<f64>()).sum();
+    let n: u32 = cell.iter().map(|run| run.points).sum();
+    (sum / f64::from(n)).cast::<f32>().into()
 }
 
 /// Numbers the cells of the box around a cloud, x fastest.
@@ -90,17 +99,21 @@ struct VoxelGrid {
 }
 
 impl VoxelGrid {
-    fn around<'a>(
-        points: impl Iterator<Item = &'a Point3<f32>>,
+    /// Around the finite points, if there are any.
+    fn around(
+        points: &[Point3<f32>],
         voxel_m: f64,
         start_m: [f64; 3],
-    ) -> Result<Self, VoxelError> {
+    ) -> Result<Option<Self>, VoxelError> {
         let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-        for point in points {
+        for point in points.iter().filter(|p| is_finite(p)) {
             for axis in 0..3 {
                 low[axis] = low[axis].min(point[axis]);
                 high[axis] = high[axis].max(point[axis]);
             }
+        }
+        if low[0] > high[0] {
+            return Ok(None);
         }
         let voxels_per_m = voxel_m.recip();
         let cell = |axis: usize, v: f32| ((f64::from(v) - start_m[axis]) * voxels_per_m).floor();
@@ -118,9 +131,10 @@ impl VoxelGrid {
             stride[axis] = cells;
             cells = cells.checked_mul(count as u64).ok_or_else(too_small)?;
         }
-        Ok(Self { voxels_per_m, start_m, first, stride, last_key: cells - 1 })
+        Ok(Some(Self { voxels_per_m, start_m, first, stride, last_key: cells - 1 }))
     }
 
+    #[inline(always)]
     fn key(&self, point: &Point3<f32>) -> u64 {
         (0..3)
             .map(|axis| {
@@ -133,29 +147,47 @@ impl VoxelGrid {
     }
 }
 
+dispatch! {
+    /// The finite points, in the order of the input.
+    fn runs_of(grid: &VoxelGrid, points: &[Point3<f32>]) -> Vec<Run> = runs_inline;
+}
+
+#[inline(always)]
+fn runs_inline(grid: &VoxelGrid, points: &[Point3<f32>]) -> Vec<Run> {
+    let mut runs: Vec<Run> = Vec::new();
+    for (i, point) in (0..).zip(points).filter(|(_, p)| is_finite(p)) {
+        let key = grid.key(point);
+        match runs.last_mut() {
+            Some(run) if run.key == key && run.first + run.points == i => run.points += 1,
+            _ => runs.push(Run { key, first: i, points: 1 }),
+        }
+    }
+    runs
+}
+
 /// Sorts by key, equal keys in the order they came: one counting pass for every 11 bits that
 /// `last_key` has.
-fn sort_by_key(mut pairs: Vec<(u64, u32)>, last_key: u64) -> Vec<(u64, u32)> {
+fn sort_by_key(mut runs: Vec<Run>, last_key: u64) -> Vec<Run> {
     const BITS: u32 = 11;
     const DIGITS: usize = 1 << BITS;
-    let mut sorted = vec![(0, 0); pairs.len()];
+    let mut sorted = vec![Run::default(); runs.len()];
     for pass in 0..(u64::BITS - last_key.leading_zeros()).div_ceil(BITS) {
         let digit = |key: u64| (key >> (pass * BITS)) as usize % DIGITS;
         let mut starts = [0usize; DIGITS + 1];
-        for &(key, _) in &pairs {
-            starts[digit(key) + 1] += 1;
+        for run in &runs {
+            starts[digit(run.key) + 1] += 1;
         }
         for i in 0..DIGITS {
             starts[i + 1] += starts[i];
         }
-        for &pair in &pairs {
-            let at = &mut starts[digit(pair.0)];
-            sorted[*at] = pair;
+        for &run in &runs {
+            let at = &mut starts[digit(run.key)];
+            sorted[*at] = run;
             *at += 1;
         }
-        std::mem::swap(&mut pairs, &mut sorted);
+        std::mem::swap(&mut runs, &mut sorted);
     }
-    pairs
+    runs
 }
 
 #[cfg(test)]
