@@ -1,11 +1,9 @@
 //! What registration needs of a cloud, worked out once.
 
-pub(super) mod box_tree;
-
 use nalgebra::{Point3, Vector3};
 
-use self::box_tree::BoxTree;
 use super::{Convention, GicpConfig, IcpConfig};
+use crate::cloud::box_tree::{self, BoxTree};
 use crate::cloud::voxel::VoxelError;
 use crate::cloud::{Cloud, normals, voxel};
 
@@ -66,9 +64,9 @@ impl Target {
     /// [`PrepareError`] when there is no point, or the voxel is too small for the cloud.
     pub fn prepare(cloud: &Cloud, surface: impl Into<Surface>) -> Result<Self, PrepareError> {
         let surface = surface.into();
-        let points = thin(cloud, surface.voxel_m)?;
-        let normals = surface.normals(&points);
-        Ok(Self { tree: BoxTree::new(points), normals })
+        let tree = BoxTree::new(thin(cloud, surface.voxel_m)?);
+        let normals = surface.normals(&tree);
+        Ok(Self { tree, normals })
     }
 
     /// How many points are left.
@@ -83,8 +81,8 @@ impl Target {
 }
 
 impl Surface {
-    fn normals(&self, points: &[Point3<f32>]) -> Vec<Vector3<f32>> {
-        normals::from_points(points, self.normal_radius_m, self.normal_neighbours)
+    fn normals(&self, tree: &BoxTree) -> Vec<Vector3<f32>> {
+        normals::of_tree(tree, self.normal_radius_m, self.normal_neighbours)
     }
 }
 
@@ -105,8 +103,12 @@ impl Source {
     pub fn prepare(cloud: &Cloud, surface: impl Into<Surface>) -> Result<Self, PrepareError> {
         let surface = surface.into();
         let points = thin(cloud, surface.voxel_m)?;
-        let normals = if surface.source_normals { surface.normals(&points) } else { Vec::new() };
-        Ok(Self { points, normals })
+        if !surface.source_normals {
+            return Ok(Self { points, normals: Vec::new() });
+        }
+        let tree = BoxTree::new(points);
+        let normals = surface.normals(&tree);
+        Ok(Self { points: tree.into_points(), normals })
     }
 
     /// How many points are left.

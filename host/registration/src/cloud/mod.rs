@@ -1,9 +1,11 @@
 //! Point clouds: files, voxels, neighbours, normals.
 
+pub(crate) mod box_tree;
 pub mod eigen;
 mod error;
 pub mod kdtree;
 mod lzf;
+mod nearest;
 pub mod neighbours;
 pub mod normals;
 mod pcd;

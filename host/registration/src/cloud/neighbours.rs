@@ -13,9 +13,6 @@ const BITS: u32 = 21;
 /// Cells along each axis; what lies beyond shares the outermost.
 const MOST_CELLS: u64 = 1 << BITS;
 
-/// Shares of the radius that [`Neighbours::nearest`] searches, one after the other.
-const GROWTH: [f64; 3] = [0.25, 0.5, 1.0];
-
 /// How many points tell where a cloud has its middle.
 const SAMPLES: usize = 1000;
 
@@ -43,29 +40,7 @@ impl Neighbours {
     /// radius: those of three cells in a row lie together in memory, so a search is nine straight
     /// runs. A k-d tree gave the same rows at six times the cost.
     pub fn within(points: &[Point3<f32>], radius_m: f64, max: usize) -> Self {
-        let all = vec![true; points.len()];
-        Self::gather(points.len(), rows(points, &all, radius_m, max))
-    }
-
-    /// The same rows, each in an order of its own, for a radius that few points need: where `max`
-    /// lie near, as close to the sensor, no search looks farther.
-    ///
-    /// A quarter of the radius is searched first, then half of it, and so on, each time for the
-    /// points that have found too few.
-    pub fn nearest(points: &[Point3<f32>], radius_m: f64, max: usize) -> Self {
-        let mut wanted = vec![true; points.len()];
-        let mut found = Vec::new();
-        for share in GROWTH {
-            let last = share == 1.0;
-            for mut rows in rows(points, &wanted, share * radius_m, max) {
-                if !last {
-                    rows.keep_full(max);
-                }
-                rows.heads.iter().for_each(|&(point, _)| wanted[point as usize] = false);
-                found.push(rows);
-            }
-        }
-        Self::gather(points.len(), found)
+        Self::gather(points.len(), rows(points, radius_m, max))
     }
 
     /// Puts rows found by cell into the order of the points.
@@ -117,10 +92,10 @@ impl Neighbours {
     }
 }
 
-/// The rows of the points that are wanted.
-fn rows(points: &[Point3<f32>], wanted: &[bool], radius_m: f64, max: usize) -> Vec<Rows> {
+/// The rows of all points.
+fn rows(points: &[Point3<f32>], radius_m: f64, max: usize) -> Vec<Rows> {
     let grid = CellGrid::new(points, radius_m);
-    let queries = Queries { grid: &grid, wanted, radius_m: radius_m as f32, max };
+    let queries = Queries { grid: &grid, radius_m: radius_m as f32, max };
     let rows = |cells: &[Cell]| {
         let mut rows = Rows::default();
         search(&queries, cells, &mut rows);
@@ -129,11 +104,9 @@ fn rows(points: &[Point3<f32>], wanted: &[bool], radius_m: f64, max: usize) -> V
     grid.cells.par_chunks(CHUNK).map(rows).collect()
 }
 
-/// Whose neighbours are sought, and how many within what.
+/// How many neighbours are sought, and within what.
 struct Queries<'a> {
     grid: &'a CellGrid,
-    /// One a point, in their order.
-    wanted: &'a [bool],
     radius_m: f32,
     max: usize,
 }
@@ -252,17 +225,12 @@ dispatch! {
 
 #[inline(always)]
 fn search_inline(queries: &Queries, cells: &[Cell], rows: &mut Rows) {
-    let Queries { grid, wanted, radius_m, max } = *queries;
+    let Queries { grid, radius_m, max } = *queries;
     let squared = radius_m * radius_m;
     let mut found = Candidates::default();
     for cell in cells {
-        let is_wanted = |query: &usize| wanted[grid.index[*query] as usize];
-        let mut of_cell = (cell.from..cell.to).filter(is_wanted).peekable();
-        if of_cell.peek().is_none() {
-            continue;
-        }
         let runs = grid.runs(cell.key);
-        for query in of_cell {
+        for query in cell.from..cell.to {
             found.clear(runs.iter().map(|run| run.len()).sum());
             let at = [0, 1, 2].map(|axis| grid.at[axis][query]);
             for run in runs.iter().filter(|run| !run.is_empty()) {
@@ -318,24 +286,6 @@ impl Candidates {
 }
 
 impl Rows {
-    /// Only rows of `max` neighbours: whatever lies farther is not among their nearest.
-    fn keep_full(&mut self, max: usize) {
-        let (mut kept, mut at, mut to) = (Vec::new(), 0, 0);
-        for &(point, count) in &self.heads {
-            let (from, length) = (at, count as usize);
-            at += length;
-            if length == max {
-                self.indices.copy_within(from..at, to);
-                self.squared_m2.copy_within(from..at, to);
-                to += length;
-                kept.push((point, count));
-            }
-        }
-        self.heads = kept;
-        self.indices.truncate(to);
-        self.squared_m2.truncate(to);
-    }
-
     fn push(&mut self, point: u32, found: &Candidates) {
         self.heads.push((point, found.count as u32));
         self.indices.extend_from_slice(&found.indices[..found.count]);
@@ -380,8 +330,7 @@ mod tests {
         ) {
             let points: Vec<Point3<f32>> = raw.iter().map(|&p| p.into()).collect();
             let all = Neighbours::within(&points, f64::from(radius), max);
-            let grown = Neighbours::nearest(&points, f64::from(radius), max);
-            prop_assert_eq!((all.len(), grown.len()), (points.len(), points.len()));
+            prop_assert_eq!(all.len(), points.len());
             for (i, query) in points.iter().enumerate() {
                 let squared = |p: &Point3<f32>| {
                     let d = p - query;
@@ -391,8 +340,7 @@ mod tests {
                 expected.retain(|(d, _)| *d < radius * radius);
                 expected.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
                 expected.truncate(max);
-                prop_assert_eq!(&row(&all, i), &expected);
-                prop_assert_eq!(row(&grown, i), expected);
+                prop_assert_eq!(row(&all, i), expected);
             }
         }
 

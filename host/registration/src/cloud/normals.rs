@@ -3,7 +3,9 @@
 use nalgebra::{Matrix3, Point3, Vector3};
 use rayon::prelude::*;
 
+use super::box_tree::{self, BoxTree, WIDE};
 use super::eigen::{eberly, eigenvalues, eigenvector};
+use super::nearest::Nearest;
 use super::neighbours::Neighbours;
 use super::{Cloud, is_finite};
 
@@ -14,8 +16,8 @@ const FLAT_OVER_LONG: f64 = 1e-4;
 /// Fewer neighbours than this, the point included, span no plane.
 const LEAST_NEIGHBOURS: usize = 3;
 
-/// How many points a thread takes at a time.
-const CHUNK: usize = 512;
+/// How many points a thread takes at a time: whole leaves.
+const CHUNK: usize = 64 * WIDE;
 
 /// Sets the normals of a cloud, one a point; a zero normal where there is none. As
 /// [`from_points`].
@@ -48,12 +50,30 @@ pub fn from_points(
     radius_m: f64,
     max_neighbours: usize,
 ) -> Vec<Vector3<f32>> {
-    from_neighbours(
-        points,
-        &Neighbours::nearest(points, radius_m, max_neighbours),
-        radius_m,
-        max_neighbours,
-    )
+    let order = box_tree::order(points);
+    let tree = BoxTree::new(order.iter().map(|&index| points[index as usize]).collect());
+    let mut normals = vec![Vector3::zeros(); points.len()];
+    for (normal, &index) in of_tree(&tree, radius_m, max_neighbours).iter().zip(&order) {
+        normals[index as usize] = *normal;
+    }
+    normals
+}
+
+/// As [`from_points`], of the points of a tree.
+pub(crate) fn of_tree(tree: &BoxTree, radius_m: f64, max_neighbours: usize) -> Vec<Vector3<f32>> {
+    let points = tree.points();
+    let mut normals = vec![Vector3::zeros(); points.len()];
+    normals.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, normals)| {
+        let mut nearest = Nearest::new(tree, radius_m, max_neighbours);
+        for (i, normals) in normals.chunks_mut(WIDE).enumerate() {
+            let leaf = chunk * CHUNK / WIDE + i;
+            let of_points = nearest.of_leaf(leaf).zip(tree.leaf_points(leaf));
+            for (normal, (found, point)) in normals.iter_mut().zip(of_points) {
+                *normal = sensor_normal(points, point, found);
+            }
+        }
+    });
+    normals
 }
 
 /// As [`from_points`], from neighbourhoods that are known: as wide as `radius_m` at least, as many

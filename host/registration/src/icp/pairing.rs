@@ -10,8 +10,8 @@ use super::kernel::Kernel;
 use super::normals::Normals;
 use super::pairs::{CHUNK, Pairs};
 use crate::Target;
+use crate::cloud::box_tree::{BoxTree, LaneKernel, Portable};
 use crate::pose::Pose;
-use crate::prepared::box_tree::{BoxTree, LaneKernel, Portable};
 
 /// Rounding of `f32` distances, relative, with room: a match within this of a tie is searched anew.
 const ROUNDING: f32 = 1e-6;
@@ -229,56 +229,13 @@ fn pair_plain(chunk: &Chunk, matches: &mut [LastSearch], pairs: &mut Pairs) {
 
 #[cfg(target_arch = "x86_64")]
 mod v3 {
-    use std::arch::x86_64::{
-        __m128i, _CMP_LE_OQ, _mm_cvtsi128_si32, _mm_min_epu32, _mm_shuffle_epi32,
-        _mm256_castsi256_si128, _mm256_cmp_ps, _mm256_cmpeq_epi32, _mm256_extracti128_si256,
-        _mm256_loadu_ps, _mm256_loadu_si256, _mm256_movemask_ps, _mm256_or_si256,
-        _mm256_set1_epi32, _mm256_set1_ps, _mm256_storeu_si256,
-    };
-
     use echoloop_dispatch::V3;
 
-    use super::{Chunk, LaneKernel, LastSearch, Pairs};
+    use super::{Chunk, LastSearch, Pairs};
 
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
     pub(super) fn pair(chunk: &Chunk, matches: &mut [LastSearch], pairs: &mut Pairs) {
         chunk.pair_with(V3::here(), matches, pairs);
-    }
-
-    impl LaneKernel for V3 {
-        #[inline(always)]
-        fn at_most(self, lanes: &[f32; 8], limit: f32) -> u32 {
-            // SAFETY: a V3 exists only where AVX2 has been found. Eight f32 are the 32 bytes that
-            // are read; no alignment is asked for.
-            unsafe {
-                let compared = _mm256_cmp_ps::<_CMP_LE_OQ>(
-                    _mm256_loadu_ps(lanes.as_ptr()),
-                    _mm256_set1_ps(limit),
-                );
-                _mm256_movemask_ps(compared) as u32
-            }
-        }
-
-        #[inline(always)]
-        fn take_least(self, lanes: &mut [u32; 8]) -> u32 {
-            // SAFETY: as above; the eight u32 are the 32 bytes that are read and written.
-            unsafe {
-                let all = _mm256_loadu_si256(lanes.as_ptr().cast());
-                let four =
-                    _mm_min_epu32(_mm256_castsi256_si128(all), _mm256_extracti128_si256::<1>(all));
-                let least = least_of_four(four);
-                let taken = _mm256_cmpeq_epi32(all, _mm256_set1_epi32(least as i32));
-                _mm256_storeu_si256(lanes.as_mut_ptr().cast(), _mm256_or_si256(all, taken));
-                least
-            }
-        }
-    }
-
-    #[inline]
-    #[target_feature(enable = "avx2")]
-    fn least_of_four(lanes: __m128i) -> u32 {
-        let two = _mm_min_epu32(lanes, _mm_shuffle_epi32::<0b01_00_11_10>(lanes));
-        _mm_cvtsi128_si32(_mm_min_epu32(two, _mm_shuffle_epi32::<0b10_11_00_01>(two))) as u32
     }
 }
 

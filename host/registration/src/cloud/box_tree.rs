@@ -1,9 +1,11 @@
 //! The nearest point of a cloud, eight boxes at a time.
 
+mod kernel;
+
 use nalgebra::Point3;
 
-/// Children of a node, and points of a leaf: as many as a vector of AVX2 holds.
-const WIDE: usize = 8;
+pub(super) use self::kernel::WIDE;
+pub(crate) use self::kernel::{LaneKernel, Portable};
 
 /// Enough for 2³² points: 8 · 8¹⁰ is more.
 const MOST_LEVELS: usize = 11;
@@ -44,36 +46,6 @@ pub(crate) struct Found {
     pub(crate) index: Option<u32>,
     /// No other point is nearer than this, squared, m².
     pub(crate) others_squared_m2: f32,
-}
-
-/// What a processor compares eight numbers with.
-pub(crate) trait LaneKernel: Copy {
-    /// One bit a lane: whether it is at most `limit`.
-    fn at_most(self, lanes: &[f32; WIDE], limit: f32) -> u32;
-
-    /// The least lane, which is replaced by [`u32::MAX`]; all lanes below that differ.
-    fn take_least(self, lanes: &mut [u32; WIDE]) -> u32;
-}
-
-/// [`LaneKernel`] for every processor.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Portable;
-
-impl LaneKernel for Portable {
-    #[inline(always)]
-    fn at_most(self, lanes: &[f32; WIDE], limit: f32) -> u32 {
-        lanes
-            .iter()
-            .enumerate()
-            .fold(0, |bits, (lane, value)| bits | u32::from(*value <= limit) << lane)
-    }
-
-    #[inline(always)]
-    fn take_least(self, lanes: &mut [u32; WIDE]) -> u32 {
-        let least = lanes.iter().fold(u32::MAX, |a, &b| a.min(b));
-        *lanes = lanes.map(|lane| if lane == least { u32::MAX } else { lane });
-        least
-    }
 }
 
 /// The order in which a tree holds `points`: a walk through space that stays near itself. Points
@@ -185,6 +157,52 @@ impl BoxTree {
             }
         }
         best.found()
+    }
+
+    /// The same, without the tree.
+    pub(crate) fn into_points(self) -> Vec<Point3<f32>> {
+        self.points
+    }
+
+    /// The points of a leaf; of none that is not there.
+    pub(super) fn leaf_points(&self, leaf: usize) -> &[Point3<f32>] {
+        self.points.chunks(WIDE).nth(leaf).unwrap_or_default()
+    }
+
+    /// To the points of a leaf, squared, m²; infinity in lanes without one.
+    #[inline(always)]
+    pub(super) fn squared_to_leaf(&self, leaf: usize, query: &[f32; 3]) -> [f32; WIDE] {
+        self.leaves.get(leaf).unwrap_or(&PointLanes::FAR).squared_to(query)
+    }
+
+    /// The leaves whose boxes are at most so far from a box, squared, in their order. `spare` holds
+    /// what it likes.
+    ///
+    /// Rounding keeps the order of two boxes' gap and the distances of the points in them: no point
+    /// is missed.
+    #[inline(always)]
+    pub(super) fn leaves_near(
+        &self,
+        kernel: impl LaneKernel,
+        around: &Corners,
+        limit: f32,
+        leaves: &mut Vec<u32>,
+        spare: &mut Vec<u32>,
+    ) {
+        leaves.clear();
+        leaves.push(0);
+        for level in self.levels.iter().rev() {
+            std::mem::swap(leaves, spare);
+            leaves.clear();
+            for &index in spare.iter() {
+                let Some(boxes) = level.get(index as usize) else { continue };
+                let mut near = kernel.at_most(&boxes.squared_to_box(around), limit);
+                while near != 0 {
+                    leaves.push(index * WIDE as u32 + near.trailing_zeros());
+                    near &= near - 1;
+                }
+            }
+        }
     }
 }
 
@@ -302,7 +320,7 @@ impl PointLanes {
 }
 
 /// The least and the greatest corner.
-type Corners = ([f32; 3], [f32; 3]);
+pub(super) type Corners = ([f32; 3], [f32; 3]);
 
 fn join(a: Corners, b: Corners) -> Corners {
     (std::array::from_fn(|k| a.0[k].min(b.0[k])), std::array::from_fn(|k| a.1[k].max(b.1[k])))
@@ -310,7 +328,8 @@ fn join(a: Corners, b: Corners) -> Corners {
 
 const EMPTY: Corners = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
 
-fn box_around(points: &[Point3<f32>]) -> Corners {
+/// Around points; the empty box around none.
+pub(super) fn box_around(points: &[Point3<f32>]) -> Corners {
     points.iter().map(|p| ((*p).into(), (*p).into())).fold(EMPTY, join)
 }
 
@@ -336,9 +355,15 @@ impl Boxes {
     /// To the nearest point of each box: 0 within.
     #[inline(always)]
     fn squared_to(&self, query: &[f32; 3]) -> [f32; WIDE] {
+        self.squared_to_box(&(*query, *query))
+    }
+
+    /// From the nearest point of a box to that of each of these: 0 where they meet.
+    #[inline(always)]
+    fn squared_to_box(&self, (low, high): &Corners) -> [f32; WIDE] {
         let outside = |axis: usize, lane: usize| {
             let (below, above) =
-                (self.low.0[axis][lane] - query[axis], query[axis] - self.high.0[axis][lane]);
+                (self.low.0[axis][lane] - high[axis], low[axis] - self.high.0[axis][lane]);
             larger(larger(below, above), 0.0)
         };
         std::array::from_fn(|lane| {

@@ -1,0 +1,295 @@
+//! The nearest points of every point of a tree.
+
+use echoloop_dispatch::dispatch;
+
+use super::box_tree::{BoxTree, Corners, LaneKernel, Portable, WIDE, box_around};
+
+/// A first search goes as far as this many halves of a leaf's diagonal: on a surface some twenty
+/// points.
+const FIRST_REACH: f32 = 1.5;
+
+/// What a search that found too few is widened by.
+const GROWTH: f32 = 1.5;
+
+/// What the next leaf is searched by, of the mean distance of the last one's farthest neighbours.
+const ROOM: f32 = 1.15;
+
+/// The nearest `max` points strictly within a radius of each point, the point itself included, of
+/// equally near ones those of lower index; a leaf of the tree at a time.
+///
+/// The eight points of a leaf have much the same neighbours: the tree is walked once for all of
+/// them, as far as the leaf before needed, and farther for those that found too few. What is found
+/// does not depend on how far that was, nor does its order, the tree's.
+pub(super) struct Nearest<'a> {
+    tree: &'a BoxTree,
+    radius_m: f32,
+    max: usize,
+    /// How far the next leaf is searched first, m.
+    reach_m: Option<f32>,
+    leaves: Vec<u32>,
+    spare: Vec<u32>,
+    near: Near,
+    rows: Rows,
+}
+
+impl<'a> Nearest<'a> {
+    pub(super) fn new(tree: &'a BoxTree, radius_m: f64, max: usize) -> Self {
+        let (leaves, spare) = (Vec::new(), Vec::new());
+        let (near, rows) = (Near::default(), Rows::default());
+        Self { tree, radius_m: radius_m as f32, max, reach_m: None, leaves, spare, near, rows }
+    }
+
+    /// The neighbours of each point of a leaf, in the tree's order.
+    pub(super) fn of_leaf(&mut self, leaf: usize) -> impl Iterator<Item = &[u32]> {
+        search_leaf(self, leaf);
+        let Rows { indices, ranges, points, .. } = &self.rows;
+        ranges[..*points].iter().map(|&(from, to)| &indices[from..to])
+    }
+
+    #[inline(always)]
+    fn search(&mut self, kernel: impl LaneKernel, leaf: usize) {
+        let points = self.tree.leaf_points(leaf);
+        self.rows.clear(points.len());
+        let around = box_around(points);
+        let mut reach_m = self.reach_m.unwrap_or_else(|| first_reach_m(&around, self.radius_m));
+        loop {
+            let last = reach_m >= self.radius_m;
+            reach_m = reach_m.min(self.radius_m);
+            // Neighbours lie strictly within the radius.
+            let limit = if last { (reach_m * reach_m).next_down() } else { reach_m * reach_m };
+            self.tree.leaves_near(kernel, &around, limit, &mut self.leaves, &mut self.spare);
+            for (lane, point) in points.iter().enumerate() {
+                if self.rows.has(lane) {
+                    continue;
+                }
+                self.near.scan(self.tree, &self.leaves, &[point.x, point.y, point.z], limit);
+                if last || self.near.count >= self.max {
+                    let farthest = self.near.keep_nearest(self.max, limit);
+                    self.rows.set(lane, self.near.kept(), farthest.sqrt());
+                }
+            }
+            if self.rows.done() {
+                break;
+            }
+            reach_m *= GROWTH;
+        }
+        self.reach_m = Some(ROOM * self.rows.farthest_m / points.len().max(1) as f32);
+    }
+}
+
+fn first_reach_m((low, high): &Corners, radius_m: f32) -> f32 {
+    let diagonal = (0..3).map(|axis| (high[axis] - low[axis]).powi(2)).sum::<f32>().sqrt();
+    if diagonal > 0.0 { FIRST_REACH * diagonal / 2.0 } else { radius_m / 8.0 }
+}
+
+/// The points near one.
+#[derive(Default)]
+struct Near {
+    /// Of all points of the leaves.
+    all_m2: Vec<[f32; WIDE]>,
+    indices: Vec<u32>,
+    squared_m2: Vec<f32>,
+    count: usize,
+    order: Vec<u32>,
+}
+
+impl Near {
+    /// The points of some leaves that are at most so far, squared, in their order.
+    #[inline(always)]
+    fn scan(&mut self, tree: &BoxTree, leaves: &[u32], query: &[f32; 3], limit: f32) {
+        // One more is written but not kept.
+        let room = leaves.len() * WIDE + 1;
+        if self.indices.len() < room {
+            self.indices.resize(room, 0);
+            self.squared_m2.resize(room, 0.0);
+        }
+        // All distances first: eight at a time, which a loop that keeps some of them hinders.
+        self.all_m2.clear();
+        self.all_m2.extend(leaves.iter().map(|leaf| tree.squared_to_leaf(*leaf as usize, query)));
+        let (indices, squares) = (&mut self.indices[..room], &mut self.squared_m2[..room]);
+        let mut count = 0;
+        for (&leaf, squared) in leaves.iter().zip(&self.all_m2) {
+            for (lane, &d) in (0..).zip(squared) {
+                // Written in any case, kept only when near: no branch to guess.
+                indices[count] = leaf * WIDE as u32 + lane;
+                squares[count] = d;
+                count += usize::from(d <= limit);
+            }
+        }
+        self.count = count;
+    }
+
+    /// Leaves the nearest `max`, and says how far the farthest of them is, squared, or the limit
+    /// if there are fewer.
+    #[inline(always)]
+    fn keep_nearest(&mut self, max: usize, limit: f32) -> f32 {
+        let Some(last) = max.checked_sub(1).filter(|last| *last < self.count) else {
+            self.count = self.count.min(max);
+            return limit;
+        };
+        // The bits of numbers from 0 on are ordered as they are.
+        self.order.clear();
+        self.order.extend(self.squared_m2[..self.count].iter().map(|d| d.to_bits()));
+        let (nearer, &mut farthest, _) = self.order.select_nth_unstable(last);
+        let farthest = f32::from_bits(farthest);
+        let nearer = nearer.iter().filter(|d| f32::from_bits(**d) < farthest).count();
+        let mut ties = max - nearer;
+        let mut kept = 0;
+        for i in 0..self.count {
+            let d = self.squared_m2[i];
+            let tie = d == farthest && ties > 0;
+            ties -= usize::from(tie);
+            self.indices[kept] = self.indices[i];
+            kept += usize::from(d < farthest || tie);
+        }
+        self.count = kept;
+        farthest
+    }
+
+    fn kept(&self) -> &[u32] {
+        &self.indices[..self.count]
+    }
+}
+
+/// What was found for the points of a leaf.
+#[derive(Default)]
+struct Rows {
+    indices: Vec<u32>,
+    ranges: [(usize, usize); WIDE],
+    points: usize,
+    missing: u32,
+    /// The distances of their farthest neighbours together, m.
+    farthest_m: f32,
+}
+
+impl Rows {
+    fn clear(&mut self, points: usize) {
+        self.indices.clear();
+        (self.points, self.farthest_m) = (points, 0.0);
+        self.missing = (1 << points) - 1;
+    }
+
+    fn has(&self, lane: usize) -> bool {
+        self.missing >> lane & 1 == 0
+    }
+
+    fn done(&self) -> bool {
+        self.missing == 0
+    }
+
+    fn set(&mut self, lane: usize, found: &[u32], farthest_m: f32) {
+        let from = self.indices.len();
+        self.indices.extend_from_slice(found);
+        self.ranges[lane] = (from, self.indices.len());
+        self.missing &= !(1 << lane);
+        self.farthest_m += farthest_m;
+    }
+}
+
+dispatch! {
+    /// Finds the neighbours of a leaf's points.
+    fn search_leaf(nearest: &mut Nearest, leaf: usize) = search_plain, v3: v3::search;
+}
+
+#[inline(always)]
+fn search_plain(nearest: &mut Nearest, leaf: usize) {
+    nearest.search(Portable, leaf);
+}
+
+#[cfg(target_arch = "x86_64")]
+mod v3 {
+    use echoloop_dispatch::V3;
+
+    use super::Nearest;
+
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
+    pub(super) fn search(nearest: &mut Nearest, leaf: usize) {
+        nearest.search(V3::here(), leaf);
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use nalgebra::Point3;
+    use proptest::prelude::*;
+
+    use super::super::box_tree::order;
+    use super::*;
+
+    fn tree(raw: &[[f32; 3]]) -> BoxTree {
+        let points: Vec<Point3<f32>> = raw.iter().map(|&p| p.into()).collect();
+        BoxTree::new(order(&points).iter().map(|&i| points[i as usize]).collect())
+    }
+
+    /// Coordinates on a coarse lattice (many ties and duplicates), anywhere, on a line, and a few
+    /// far from the rest.
+    fn points() -> impl Strategy<Value = Vec<[f32; 3]>> {
+        let lattice = prop::array::uniform3((-8i8..8).prop_map(|v| f32::from(v) * 0.5));
+        let near = prop::array::uniform3(-1.0f32..1.0);
+        let far = prop::array::uniform3(-900.0f32..900.0);
+        prop_oneof![
+            prop::collection::vec(lattice, 0..300),
+            prop::collection::vec(near.clone(), 0..300),
+            prop::collection::vec((-900.0f32..900.0).prop_map(|x| [x, 1.0, -2.0]), 0..300),
+            prop::collection::vec(prop_oneof![9 => near, 1 => far], 0..300),
+        ]
+    }
+
+    fn found(tree: &BoxTree, radius_m: f64, max: usize) -> Vec<Vec<u32>> {
+        let mut nearest = Nearest::new(tree, radius_m, max);
+        let leaves = tree.points().len().div_ceil(WIDE);
+        (0..leaves)
+            .flat_map(|leaf| nearest.of_leaf(leaf).map(<[u32]>::to_vec).collect::<Vec<_>>())
+            .collect()
+    }
+
+    /// A full scan's.
+    fn scanned(tree: &BoxTree, query: &Point3<f32>, radius_m: f32, max: usize) -> Vec<u32> {
+        let squared = |p: &Point3<f32>| {
+            let d = p - query;
+            d.x * d.x + d.y * d.y + d.z * d.z
+        };
+        let mut all: Vec<(f32, u32)> = tree.points().iter().map(squared).zip(0..).collect();
+        all.retain(|(d, _)| *d < radius_m * radius_m);
+        all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let mut indices: Vec<u32> = all.iter().take(max).map(|near| near.1).collect();
+        indices.sort_unstable();
+        indices
+    }
+
+    proptest! {
+        #[test]
+        fn the_nearest_are_a_full_scan_s_in_the_order_of_the_tree(
+            raw in points(),
+            radius in 0.1f32..30.0,
+            max in 0usize..60,
+        ) {
+            let tree = tree(&raw);
+            let found = found(&tree, f64::from(radius), max);
+            prop_assert_eq!(found.len(), raw.len());
+            for (query, found) in tree.points().iter().zip(found) {
+                prop_assert_eq!(found, scanned(&tree, query, radius, max));
+            }
+        }
+
+        #[test]
+        fn both_builds_find_the_same(raw in points(), radius in 0.1f32..30.0, max in 1usize..60) {
+            let tree = tree(&raw);
+            let mut nearest = Nearest::new(&tree, f64::from(radius), max);
+            let mut plain = Nearest::new(&tree, f64::from(radius), max);
+            for leaf in 0..raw.len().div_ceil(WIDE) {
+                search_leaf(&mut nearest, leaf);
+                search_plain(&mut plain, leaf);
+                prop_assert_eq!(&nearest.rows.indices, &plain.rows.indices);
+                prop_assert_eq!(nearest.rows.ranges, plain.rows.ranges);
+            }
+        }
+    }
+
+    #[test]
+    fn a_leaf_that_is_not_there_has_no_points() {
+        let tree = tree(&[[1.0; 3]]);
+        assert_eq!(Nearest::new(&tree, 1.0, 5).of_leaf(7).count(), 0);
+    }
+}
