@@ -1,5 +1,7 @@
 """The peers' side: Open3D (legacy and tensor), small_gicp, KISS-Matcher, each stage as its users call it."""
 
+from functools import cached_property
+
 import kiss_matcher
 import numpy as np
 import open3d as o3d
@@ -13,6 +15,20 @@ NORMAL_RADIUS, NORMAL_NEIGHBOURS = 3.0, 30  # radii in voxels
 FEATURE_RADIUS, FEATURE_NEIGHBOURS = 5.0, 100
 LOCAL_PAIR_DISTANCE_M, LOCAL_ITERATIONS = 1.0, 30
 COVARIANCE_NEIGHBOURS, VOXEL_MAP_M = 20, 1.0
+
+OF_THINNED = {"normals", "fpfh", "match", "icp_align", "gicp_align"}  # stages that take the voxels' points
+STARTS_FROM = {
+    ("normals", "Open3D"): "thin",
+    ("normals", "Open3D tensor"): "thin_tensor",
+    ("normals", "small_gicp"): "gicp_thin",
+    ("fpfh", "Open3D"): "normal",
+    ("fpfh", "Open3D tensor"): "normal_tensor",
+    ("match", "Open3D"): "feature",
+    ("icp_align", "Open3D"): "normal",
+    ("icp_align", "Open3D tensor"): "normal_tensor",
+    ("icp_align", "small_gicp"): "prepared",
+    ("gicp_align", "small_gicp"): "prepared",
+}
 
 
 def legacy(points):
@@ -113,36 +129,62 @@ def kiss_gicp(source, target, voxel_m):
 
 
 class Others:
-    """Stages of a pair; what they start from is worked out here, before any clock runs."""
+    """Stages of a pair; what a stage starts from is worked out when it first runs, before the clock."""
 
     def __init__(self, source, target, voxel_m, initial, threads, tensor_icp=True):
         self.source, self.target, self.voxel_m, self.initial, self.threads = source, target, voxel_m, initial, threads
         self.tensor_icp = tensor_icp
-        v = voxel_m
         self.s, self.t = legacy(source), legacy(target)
         self.st, self.tt = tensor(source), tensor(target)
-        self.thin, self.thin_target = (cloud.voxel_down_sample(v) for cloud in (self.s, self.t))
-        self.thin_tensor, thin_target = (cloud.voxel_down_sample(v) for cloud in (self.st, self.tt))
-        self.normal, self.normal_target = (with_normals(cloud, v) for cloud in (self.thin, self.thin_target))
-        self.normal_tensor, self.normal_target_tensor = (
-            with_normals_tensor(cloud, v) for cloud in (self.thin_tensor, thin_target)
-        )
-        self.feature, self.feature_target = (features(cloud, v) for cloud in (self.normal, self.normal_target))
         self.gicp_cloud = small_gicp.PointCloud(source)
-        self.gicp_thin = small_gicp.voxelgrid_sampling(self.gicp_cloud, v, num_threads=threads)
-        prepare = {"downsampling_resolution": v, "num_threads": threads, "num_neighbors": COVARIANCE_NEIGHBOURS}
-        self.gicp_source, _ = small_gicp.preprocess_points(source, **prepare)
-        self.gicp_target, self.gicp_tree = small_gicp.preprocess_points(target, **prepare)
         self.rows = self._rows()
 
+    @cached_property
+    def thin(self):
+        """Open3D's voxels of the source."""
+        return self.s.voxel_down_sample(self.voxel_m)
+
+    @cached_property
+    def thin_tensor(self):
+        """The same, tensor."""
+        return self.st.voxel_down_sample(self.voxel_m)
+
+    @cached_property
+    def gicp_thin(self):
+        """The same, small_gicp."""
+        return small_gicp.voxelgrid_sampling(self.gicp_cloud, self.voxel_m, num_threads=self.threads)
+
+    @cached_property
+    def normal(self):
+        """Source and target with Open3D's normals."""
+        return [with_normals(cloud, self.voxel_m) for cloud in (self.thin, self.t.voxel_down_sample(self.voxel_m))]
+
+    @cached_property
+    def normal_tensor(self):
+        """The same, tensor."""
+        clouds = self.thin_tensor, self.tt.voxel_down_sample(self.voxel_m)
+        return [with_normals_tensor(cloud, self.voxel_m) for cloud in clouds]
+
+    @cached_property
+    def feature(self):
+        """Open3D's features of source and target."""
+        return [features(cloud, self.voxel_m) for cloud in self.normal]
+
+    @cached_property
+    def prepared(self):
+        """What small_gicp aligns: source, target, and the target's tree."""
+        options = {"downsampling_resolution": self.voxel_m, "num_threads": self.threads}
+        options["num_neighbors"] = COVARIANCE_NEIGHBOURS
+        source, _ = small_gicp.preprocess_points(self.source, **options)
+        return source, *small_gicp.preprocess_points(self.target, **options)
+
     def run(self, stage, peer):
-        """One run of a peer's stage."""
-        work, n_in = self.rows[stage][peer]
-        return clocked(work, n_in)
+        """One run of a peer's stage. What it starts from is worked out before the clock runs."""
+        getattr(self, STARTS_FROM.get((stage, peer), "source"))
+        n_in = len(self.thin.points) if stage in OF_THINNED else len(self.source)
+        return clocked(self.rows[stage][peer], n_in)
 
     def _rows(self):
-        points, thin = len(self.source), len(self.thin.points)
-        counts = {"voxel": points, "normals": thin, "fpfh": thin, "describe": points, "match": thin}
         table = {
             "voxel": {"Open3D": self.voxel, "Open3D tensor": self.voxel_tensor, "small_gicp": self.voxel_gicp},
             "normals": {"Open3D": self.normals, "Open3D tensor": self.normals_tensor, "small_gicp": self.normals_gicp},
@@ -165,11 +207,7 @@ class Others:
         }
         if not self.tensor_icp:
             del table["icp_align"]["Open3D tensor"]
-        aligned = {"icp_align": thin, "gicp_align": thin}
-        return {
-            stage: {peer: (work, {**counts, **aligned}.get(stage, points)) for peer, work in peers.items()}
-            for stage, peers in table.items()
-        }
+        return table
 
     def voxel(self):
         """Open3D: the mean of each voxel."""
@@ -200,11 +238,11 @@ class Others:
 
     def fpfh(self):
         """Open3D, from points with normals."""
-        return features(self.normal, self.voxel_m).num(), None
+        return features(self.normal[0], self.voxel_m).num(), None
 
     def fpfh_tensor(self):
         """The same, tensor."""
-        return len(features_tensor(self.normal_tensor, self.voxel_m)), None
+        return len(features_tensor(self.normal_tensor[0], self.voxel_m)), None
 
     def describe(self):
         """Open3D: voxels, normals, FPFH of one cloud."""
@@ -218,11 +256,11 @@ class Others:
 
     def match(self):
         """Open3D: exact mutual nearest neighbours in 33 dimensions."""
-        return len(LEGACY.correspondences_from_features(self.feature, self.feature_target, True, 0.0)), None
+        return len(LEGACY.correspondences_from_features(*self.feature, True, 0.0)), None
 
     def icp(self):
         """Open3D, from points with normals; it builds its tree inside."""
-        return self._open3d(self.normal, self.normal_target)
+        return self._open3d(*self.normal)
 
     def _open3d(self, source, target):
         estimation = LEGACY.TransformationEstimationPointToPlane()
@@ -234,8 +272,7 @@ class Others:
         """The same, tensor."""
         criteria = TENSOR.ICPConvergenceCriteria(1e-6, 1e-6, LOCAL_ITERATIONS)
         found = TENSOR.icp(
-            self.normal_tensor,
-            self.normal_target_tensor,
+            *self.normal_tensor,
             LOCAL_PAIR_DISTANCE_M,
             o3d.core.Tensor(self.initial),
             TENSOR.TransformationEstimationPointToPlane(),
@@ -269,10 +306,11 @@ class Others:
         return self._small("GICP")
 
     def _small(self, kind):
+        source, target, tree = self.prepared
         found = small_gicp.align(
-            self.gicp_target,
-            self.gicp_source,
-            self.gicp_tree,
+            target,
+            source,
+            tree,
             self.initial,
             registration_type=kind,
             max_correspondence_distance=LOCAL_PAIR_DISTANCE_M,

@@ -50,7 +50,7 @@ def measure_recall(args):
 
 
 def measure_scaling(args):
-    """5,000 to 200,000 points."""
+    """5,000 to a million points."""
     short = ["--repeats", 1, "--sizes", 5000, 20000] if args.quick else []
     arguments = ["--stages", args.stages, "--work", args.work / "clouds", *short]
     return report.scaling_table(script("scaling.py", args.work / "scaling.json", *arguments))

@@ -18,7 +18,7 @@ pub(crate) struct Peers {
     /// Recall on hard pairs instead of speed.
     #[arg(long)]
     recall: bool,
-    /// Cost from 5,000 to 200,000 points instead of speed.
+    /// Cost from 5,000 to a million points instead of speed.
     #[arg(long)]
     scaling: bool,
     /// All three.
