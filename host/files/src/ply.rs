@@ -98,11 +98,27 @@ impl<'a> Body<'a> {
     /// What is wrong with the data.
     pub fn vertices(&mut self, element: &ElementDef) -> Result<Vec<[f32; 3]>, String> {
         let mut vertices = Vec::new();
-        self.read(element, |Vertex(at)| {
-            vertices.push(at);
+        self.read(element, |vertex: Vertex| {
+            vertices.push(vertex.at);
             Ok::<_, String>(())
         })?;
         Ok(vertices)
+    }
+
+    /// As [`Self::vertices`], with each one's `range_sd` if they have it.
+    ///
+    /// # Errors
+    ///
+    /// What is wrong with the data.
+    pub fn points(&mut self, element: &ElementDef) -> Result<Points, String> {
+        let (mut at, mut range_sds) = (Vec::new(), Vec::new());
+        self.read(element, |vertex: Vertex| {
+            at.push(vertex.at);
+            range_sds.extend(vertex.range_sd);
+            Ok::<_, String>(())
+        })?;
+        let has_sds = element.properties.contains_key(RANGE_SD);
+        Ok(Points { at, range_sds: has_sds.then_some(range_sds) })
     }
 }
 
@@ -134,22 +150,41 @@ impl PropertyAccess for Skipped {
     }
 }
 
+/// The property that holds the standard deviation of a point's range, m.
+pub const RANGE_SD: &str = "range_sd";
+
+/// Vertices as a sensor's points.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Points {
+    /// x, y and z of each.
+    pub at: Vec<[f32; 3]>,
+    /// The [`RANGE_SD`] of each, if they have it.
+    pub range_sds: Option<Vec<f32>>,
+}
+
 /// A vertex: whatever else it has is passed over.
-struct Vertex([f32; 3]);
+struct Vertex {
+    at: [f32; 3],
+    range_sd: Option<f32>,
+}
 
 impl PropertyAccess for Vertex {
     fn new() -> Self {
-        Self([0.0; 3])
+        Self { at: [0.0; 3], range_sd: None }
     }
 
     fn set_property(&mut self, name: &str, value: Property) -> PropertyAccessResult {
-        let Some(axis) = ["x", "y", "z"].iter().position(|axis| *axis == name) else {
+        let axis = ["x", "y", "z"].iter().position(|axis| *axis == name);
+        if axis.is_none() && name != RANGE_SD {
             return PropertyAccessResult::Ignored;
-        };
+        }
         let Some(value) = value.to_f32_lossy() else {
             return PropertyAccessResult::UnsupportedType;
         };
-        self.0[axis] = value;
+        match axis {
+            Some(axis) => self.at[axis] = value,
+            None => self.range_sd = Some(value),
+        }
         PropertyAccessResult::Set
     }
 }

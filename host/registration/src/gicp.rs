@@ -44,7 +44,8 @@ impl Gicp {
     /// With too few pairs the outcome carries `initial`; with a direction left open it moves in the
     /// others.
     pub fn align(&self, target: &Target, source: &Target, initial: &Pose) -> Outcome {
-        let moving = Moving { points: source.tree.points(), normals: &source.normals };
+        let Target { tree, normals, noise } = source;
+        let moving = Moving { points: tree.points(), normals, noise };
         Descent(IcpConfig::from(&self.config)).run::<PlaneToPlane>(target, &moving, initial)
     }
 }

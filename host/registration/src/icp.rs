@@ -71,7 +71,8 @@ impl Icp {
     /// Points whose nearest has no normal form no pair. With too few pairs the outcome carries
     /// `initial`; with a direction left open it moves in the others.
     pub fn align(&self, target: &Target, source: &Source, initial: &Pose) -> Outcome {
-        let moving = Moving { points: &source.points, normals: &source.normals };
+        let Source { points, normals, noise } = source;
+        let moving = Moving { points, normals, noise };
         Descent(self.config).run::<NormalEquations>(target, &moving, initial)
     }
 }

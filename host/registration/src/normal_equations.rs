@@ -390,7 +390,7 @@ mod tests {
     fn four_pairs_at_a_time_give_the_sums_of_one_at_a_time() {
         let mut chunk = Pairs::default();
         for (s, q, n) in pairs() {
-            chunk.push(&s.coords, &q.cast(), &n, &Vector3::zeros());
+            chunk.push(&s.coords, &q.cast(), &n, &Vector3::zeros(), 0.0);
         }
         let mut together = NormalEquations::default();
         together.add_all(&chunk, Kernel::LEAST_SQUARES);

@@ -54,6 +54,7 @@ pub struct Target {
     pub(super) tree: BoxTree,
     /// One a point of the tree; zero where there is none.
     pub(super) normals: Vec<Vector3<f32>>,
+    pub(super) noise: RangeNoise,
 }
 
 impl Target {
@@ -64,9 +65,11 @@ impl Target {
     /// [`PrepareError`] when there is no point, or the voxel is too small for the cloud.
     pub fn prepare(cloud: &Cloud, surface: impl Into<Surface>) -> Result<Self, PrepareError> {
         let surface = surface.into();
-        let tree = BoxTree::new(thin(cloud, surface.voxel_m)?);
+        let thinned = thin(cloud, surface.voxel_m)?;
+        let tree = BoxTree::new(thinned.points);
         let normals = surface.normals(&tree);
-        Ok(Self { tree, normals })
+        let noise = RangeNoise::of(tree.points(), &normals, thinned.range_sd_m.as_deref());
+        Ok(Self { tree, normals, noise })
     }
 
     /// How many points are left.
@@ -92,6 +95,7 @@ pub struct Source {
     pub(super) points: Vec<Point3<f32>>,
     /// One a point, zero where there is none; or none at all.
     pub(super) normals: Vec<Vector3<f32>>,
+    pub(super) noise: RangeNoise,
 }
 
 impl Source {
@@ -102,13 +106,15 @@ impl Source {
     /// As [`Target::prepare`].
     pub fn prepare(cloud: &Cloud, surface: impl Into<Surface>) -> Result<Self, PrepareError> {
         let surface = surface.into();
-        let points = thin(cloud, surface.voxel_m)?;
+        let thinned = thin(cloud, surface.voxel_m)?;
         if !surface.source_normals {
-            return Ok(Self { points, normals: Vec::new() });
+            let (normals, noise) = (Vec::new(), RangeNoise::default());
+            return Ok(Self { points: thinned.points, normals, noise });
         }
-        let tree = BoxTree::new(points);
+        let tree = BoxTree::new(thinned.points);
         let normals = surface.normals(&tree);
-        Ok(Self { points: tree.into_points(), normals })
+        let noise = RangeNoise::of(tree.points(), &normals, thinned.range_sd_m.as_deref());
+        Ok(Self { points: tree.into_points(), normals, noise })
     }
 
     /// How many points are left.
@@ -122,10 +128,46 @@ impl Source {
     }
 }
 
+/// What the error of each point's range adds to its distance from a plane.
+#[derive(Clone, Debug, Default)]
+pub(super) struct RangeNoise {
+    /// Variance along the point's own normal, m²; none at all where the sensor tells nothing.
+    pub(super) variances_m2: Vec<f32>,
+    /// Their median, m², as the residuals' scale is a median.
+    pub(super) median_m2: f64,
+}
+
+impl RangeNoise {
+    /// Of points in the frame of the sensor, which is at the origin: `(σ_R cos θ)²`, θ between
+    /// beam and normal.
+    fn of(points: &[Point3<f32>], normals: &[Vector3<f32>], range_sd_m: Option<&[f32]>) -> Self {
+        let along = |((point, normal), sd): ((&Point3<f32>, &Vector3<f32>), &f32)| {
+            let range_m = point.coords.norm().max(f32::MIN_POSITIVE);
+            (sd * point.coords.dot(normal) / range_m).powi(2)
+        };
+        let of_points = points.iter().zip(normals).zip(range_sd_m.unwrap_or_default());
+        let variances_m2: Vec<f32> = of_points.map(along).collect();
+        Self { median_m2: median(variances_m2.clone()), variances_m2 }
+    }
+}
+
+/// 0 of none.
+fn median(mut values: Vec<f32>) -> f64 {
+    let middle = values.len() / 2;
+    match values.is_empty() {
+        true => 0.0,
+        false => f64::from(*values.select_nth_unstable_by(middle, f32::total_cmp).1),
+    }
+}
+
 /// The means of the voxels in the order of a tree, without points that are no echo.
-fn thin(cloud: &Cloud, voxel_m: f64) -> Result<Vec<Point3<f32>>, PrepareError> {
-    let points = thinned(cloud, voxel_m, Convention::Sensor)?;
-    Ok(box_tree::order(&points).iter().map(|&index| points[index as usize]).collect())
+fn thin(cloud: &Cloud, voxel_m: f64) -> Result<Cloud, PrepareError> {
+    let thinned = thinned(cloud, voxel_m, Convention::Sensor)?;
+    let order = box_tree::order(&thinned.points);
+    let points = order.iter().map(|&index| thinned.points[index as usize]).collect();
+    let sds = thinned.range_sd_m.as_ref();
+    let range_sd_m = sds.map(|sds| order.iter().map(|&index| sds[index as usize]).collect());
+    Ok(Cloud { range_sd_m, ..Cloud::new(points) })
 }
 
 /// The means of the voxels, without points that are no echo.
@@ -137,18 +179,18 @@ pub(super) fn thinned(
     cloud: &Cloud,
     voxel_m: f64,
     convention: Convention,
-) -> Result<Vec<Point3<f32>>, PrepareError> {
+) -> Result<Cloud, PrepareError> {
     let downsample = match convention {
         Convention::Sensor => voxel::downsample,
         Convention::Open3d => voxel::downsample_open3d,
     };
     // Voxels skip what is not finite; only points at the origin are worth a copy without them.
     let thinned = if cloud.points.iter().any(|p| p.coords == Vector3::zeros()) {
-        let mut echoes = Cloud::new(cloud.points.clone());
+        let mut echoes = Cloud { normals: None, ..cloud.clone() };
         echoes.drop_invalid();
         downsample(&echoes, voxel_m)?
     } else {
         downsample(cloud, voxel_m)?
     };
-    if thinned.points.is_empty() { Err(PrepareError::Empty) } else { Ok(thinned.points) }
+    if thinned.points.is_empty() { Err(PrepareError::Empty) } else { Ok(thinned) }
 }

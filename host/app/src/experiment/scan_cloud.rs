@@ -6,13 +6,18 @@ use echoloop_dsp::{Echo, Echoes, ScanPattern};
 use echoloop_registration::cloud::Cloud;
 use nalgebra::{Point3, Vector3};
 
-/// The points of a scan, sensor frame, m: one for each echo of each beam. `directions` are the
-/// beams' unit vectors.
+/// The points of a scan, sensor frame, m, with their σ_R: one for each echo of each beam.
+/// `directions` are the beams' unit vectors.
 pub fn cloud_from_scan(scan: &[Echoes], directions: &[Vector3<f32>]) -> Cloud {
-    let beams = scan.iter().zip(directions);
-    Cloud::new(
-        beams.flat_map(|(echoes, d)| echoes.iter().map(move |echo| point_m(d, echo))).collect(),
-    )
+    let beams = || scan.iter().zip(directions);
+    let points = beams().flat_map(|(echoes, d)| echoes.iter().map(move |echo| point_m(d, echo)));
+    let range_sd_m = beams().flat_map(|(echoes, _)| echoes.iter().map(range_sd_m)).collect();
+    Cloud { range_sd_m: Some(range_sd_m), ..Cloud::new(points.collect()) }
+}
+
+/// What the sensor tells of an echo's range, m.
+fn range_sd_m(echo: &Echo) -> f32 {
+    f32::from(echo.deviation) / 256e3
 }
 
 /// Unit vectors of a pattern's beams, in their order, sensor frame: x ahead, y left, z up.
@@ -54,6 +59,18 @@ mod tests {
         assert!(directions.iter().all(|direction| (direction.norm() - 1.0).abs() < 1e-6));
         let sum: Vector3<f32> = directions.iter().sum();
         assert!(sum.y.abs() < 1e-5 && sum.z.abs() < 1e-5 && sum.x > 0.0);
+    }
+
+    #[test]
+    fn a_cloud_has_the_deviation_of_each_echo_in_metres() {
+        let mut beam = Echoes::new();
+        for deviation in [256 * 20, 128] {
+            let _ = beam.push(Echo { range: 256_000, deviation, ..Default::default() });
+        }
+        let scan = [Echoes::new(), beam];
+        let cloud = cloud_from_scan(&scan, &directions(&PATTERN));
+        assert_eq!(cloud.range_sd_m, Some(vec![0.02, 0.0005]));
+        assert_eq!(cloud_from_scan(&scan, &[]).range_sd_m, Some(vec![]), "no beam, no echo");
     }
 
     #[test]

@@ -29,12 +29,15 @@ pub struct Cloud {
     /// One normal a point, `[n]`: of length 1, or zero where the surface has no direction. Absent
     /// until estimated.
     pub normals: Option<Vec<Vector3<f32>>>,
+    /// Standard deviation of each point's range, m, `[n]`, as the sensor tells it (σ_R): finite, 0
+    /// or more. Absent where it tells nothing.
+    pub range_sd_m: Option<Vec<f32>>,
 }
 
 impl Cloud {
     /// A cloud without normals.
     pub fn new(points: Vec<Point3<f32>>) -> Self {
-        Self { points, normals: None }
+        Self { points, normals: None, range_sd_m: None }
     }
 
     /// Removes points that are no echo, and says how many.
@@ -42,15 +45,17 @@ impl Cloud {
         let mut dropped = Dropped::default();
         let keep: Vec<bool> = self.points.iter().map(|point| dropped.keeps(point)).collect();
         if dropped.total() > 0 {
-            let mut kept = keep.iter().copied();
-            self.points.retain(|_| kept.next().unwrap_or(true));
-            if let Some(normals) = &mut self.normals {
-                let mut kept = keep.iter().copied();
-                normals.retain(|_| kept.next().unwrap_or(true));
-            }
+            retain(&mut self.points, &keep);
+            self.normals.iter_mut().for_each(|normals| retain(normals, &keep));
+            self.range_sd_m.iter_mut().for_each(|sds| retain(sds, &keep));
         }
         dropped
     }
+}
+
+fn retain<T>(values: &mut Vec<T>, keep: &[bool]) {
+    let mut kept = keep.iter().copied();
+    values.retain(|_| kept.next().unwrap_or(true));
 }
 
 /// How many points were left out because they are no echo.
@@ -94,7 +99,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn points_that_are_no_echo_are_counted_and_removed_with_their_normals() {
+    fn points_that_are_no_echo_are_counted_and_removed_with_all_that_is_known_of_them() {
         let points = vec![
             Point3::new(1.0, 2.0, 3.0),
             Point3::new(f32::NAN, 0.0, 0.0),
@@ -103,9 +108,11 @@ mod tests {
             Point3::new(0.0, 0.0, 4.0),
         ];
         let normals = (0..5).map(|i| Vector3::new(i as f32, 0.0, 0.0)).collect();
-        let mut cloud = Cloud { points, normals: Some(normals) };
+        let range_sd_m = Some(vec![0.0, 0.1, 0.2, 0.3, 0.4]);
+        let mut cloud = Cloud { points, normals: Some(normals), range_sd_m };
         assert_eq!(cloud.drop_invalid(), Dropped { non_finite: 2, at_origin: 1 });
         assert_eq!(cloud.points, [Point3::new(1.0, 2.0, 3.0), Point3::new(0.0, 0.0, 4.0)]);
         assert_eq!(cloud.normals, Some(vec![Vector3::zeros(), Vector3::new(4.0, 0.0, 0.0)]));
+        assert_eq!(cloud.range_sd_m, Some(vec![0.0, 0.4]));
     }
 }

@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use echoloop_files::read_data;
-use nalgebra::Point3;
 
 use super::error::CloudError;
 use super::{Cloud, Dropped, pcd, ply, text, vtk};
@@ -12,7 +11,8 @@ use super::{Cloud, Dropped, pcd, ply, text, vtk};
 /// legacy VTK polydata (ASCII or binary), KITTI `.bin` (x y z intensity, little-endian `f32`) or
 /// text (x y z first, or where a header line names them).
 ///
-/// Other properties are ignored, a PCD viewpoint too. Coordinates become `f32`: shift map
+/// A PLY's `range_sd` is kept as [`Cloud::range_sd_m`]. Other properties are ignored, a PCD
+/// viewpoint too. Coordinates become `f32`: shift map
 /// coordinates before, for at 500 km that is 3 cm. Points that are no echo are left out and
 /// counted.
 ///
@@ -35,24 +35,23 @@ pub fn parse_cloud(path: &Path, bytes: &[u8]) -> Result<(Cloud, Dropped), CloudE
     checked(path, parser(path)?(bytes))
 }
 
-/// Points of a file's bytes, or what was expected of them.
-type Points = Result<Vec<Point3<f32>>, String>;
+/// A file's bytes, or what was expected of them.
+type Read = Result<Cloud, String>;
 
-fn parser(path: &Path) -> Result<fn(&[u8]) -> Points, CloudError> {
+fn parser(path: &Path) -> Result<fn(&[u8]) -> Read, CloudError> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
     Ok(match extension.to_ascii_lowercase().as_str() {
         "ply" => ply::parse,
-        "pcd" => pcd::parse,
-        "vtk" => vtk::parse,
-        "bin" => text::parse_kitti,
-        "xyz" | "txt" | "asc" | "csv" => text::parse_text,
+        "pcd" => |bytes| pcd::parse(bytes).map(Cloud::new),
+        "vtk" => |bytes| vtk::parse(bytes).map(Cloud::new),
+        "bin" => |bytes| text::parse_kitti(bytes).map(Cloud::new),
+        "xyz" | "txt" | "asc" | "csv" => |bytes| text::parse_text(bytes).map(Cloud::new),
         _ => return Err(CloudError::Extension { path: path.into() }),
     })
 }
 
-fn checked(path: &Path, points: Points) -> Result<(Cloud, Dropped), CloudError> {
-    let points = points.map_err(|problem| CloudError::Format { path: path.into(), problem })?;
-    let mut cloud = Cloud::new(points);
+fn checked(path: &Path, read: Read) -> Result<(Cloud, Dropped), CloudError> {
+    let mut cloud = read.map_err(|problem| CloudError::Format { path: path.into(), problem })?;
     let dropped = cloud.drop_invalid();
     if cloud.points.is_empty() {
         return Err(CloudError::Empty { path: path.into(), dropped });
@@ -174,6 +173,16 @@ mod tests {
                 "ine 8",
             ),
             ("novertex.ply", format!("{vertex}0{xyz}").into_bytes(), "at least one point"),
+            (
+                "sd.ply",
+                format!(
+                    "ply\nformat ascii 1.0\nelement vertex 2\nproperty float range_sd{}\
+                     0.1 1 2 3\n-1 4 5 6\n",
+                    &xyz
+                )
+                .into_bytes(),
+                "the range_sd of vertex 1 is -1",
+            ),
             ("empty.pcd", vec![], "PCD"),
             ("noz.pcd", PCD.replace(" z", " w").into_bytes(), "PCD"),
             (
@@ -274,9 +283,12 @@ mod tests {
         let mut cloud = Cloud::new(vec![[0.1, -2.0, 3e7].into(), [1.0, 0.0, -0.0].into()]);
         write_ply(&path, &cloud).unwrap();
         assert_eq!(read_cloud(&path).unwrap(), (cloud.clone(), Dropped::default()));
+        cloud.range_sd_m = Some(vec![0.02, 0.0]);
+        write_ply(&path, &cloud).unwrap();
+        assert_eq!(read_cloud(&path).unwrap().0, cloud);
         cloud.normals = Some(vec![[0.0, 0.0, 1.0].into(); 2]);
         write_ply(&path, &cloud).unwrap();
-        assert_eq!(read_cloud(&path).unwrap().0.points, cloud.points);
+        assert_eq!(read_cloud(&path).unwrap().0, Cloud { normals: None, ..cloud });
     }
 
     #[test]

@@ -21,10 +21,12 @@ pub enum VoxelError {
     },
 }
 
-/// Replaces the points of each voxel by their mean. Normals are dropped: estimate them anew.
+/// Replaces the points of each voxel by their mean, whose range is as sure as that of so many
+/// points, each with an error of its own, is. Normals are dropped: estimate them anew.
 ///
 /// ```text
 /// cell = ⌊p / voxel⌋ per axis, in f64      mean = Σ p / n, in f64, in the order of the input
+/// σ = √(Σ σ²) / n
 /// ```
 ///
 /// The grid starts at the frame's origin, so that equal settings cut each scan alike (Open3D starts
@@ -36,7 +38,7 @@ pub enum VoxelError {
 ///
 /// [`VoxelError`] when the edge is not positive, or so small that 64 bits cannot number the cells.
 pub fn downsample(cloud: &Cloud, voxel_m: f64) -> Result<Cloud, VoxelError> {
-    means(&cloud.points, voxel_m, [0.0; 3]).map(Cloud::new)
+    means(cloud, voxel_m, [0.0; 3])
 }
 
 /// As [`downsample`], on Open3D's grid, which starts half a voxel below the least coordinates.
@@ -50,23 +52,23 @@ pub fn downsample_open3d(cloud: &Cloud, voxel_m: f64) -> Result<Cloud, VoxelErro
         [0, 1, 2].map(|axis| least[axis].min(f64::from(p[axis])))
     });
     let start = least.map(|v| if v.is_finite() { v - 0.5 * voxel_m } else { 0.0 });
-    means(&cloud.points, voxel_m, start).map(Cloud::new)
+    means(cloud, voxel_m, start)
 }
 
-fn means(
-    points: &[Point3<f32>],
-    voxel_m: f64,
-    start_m: [f64; 3],
-) -> Result<Vec<Point3<f32>>, VoxelError> {
+fn means(cloud: &Cloud, voxel_m: f64, start_m: [f64; 3]) -> Result<Cloud, VoxelError> {
     if !(voxel_m > 0.0 && voxel_m.is_finite()) {
         return Err(VoxelError::Size(voxel_m));
     }
-    let grid = match VoxelGrid::around(points, voxel_m, start_m)? {
-        Some(grid) => grid,
-        None => return Ok(Vec::new()),
+    let points = &cloud.points;
+    let Some(grid) = VoxelGrid::around(points, voxel_m, start_m)? else {
+        return Ok(Cloud::new(Vec::new()));
     };
     let sorted = sort_by_key(runs_of(&grid, points), grid.last_key);
-    Ok(sorted.chunk_by(|a, b| a.key == b.key).map(|cell| mean(points, cell)).collect())
+    let cells = || sorted.chunk_by(|a, b| a.key == b.key);
+    let mut means = Cloud::new(cells().map(|cell| mean(points, cell)).collect());
+    means.range_sd_m =
+        cloud.range_sd_m.as_ref().map(|sds| cells().map(|cell| mean_sd(sds, cell)).collect());
+    Ok(means)
 }
 
 /// Points that follow each other in the input and lie in one cell: scanners write neighbours one
@@ -78,12 +80,31 @@ struct Run {
     points: u32,
 }
 
+impl Run {
+    /// What is known of its points; nothing of those beyond the list's end.
+    fn of<T>(self, all: &[T]) -> &[T] {
+        all.get(self.first as usize..)
+            .unwrap_or_default()
+            .get(..self.points as usize)
+            .unwrap_or_default()
+    }
+}
+
+fn points_in(cell: &[Run]) -> f64 {
+    f64::from(cell.iter().map(|run| run.points).sum::<u32>())
+}
+
 fn mean(points: &[Point3<f32>], cell: &[Run]) -> Point3<f32> {
-    let of_run = |run: &Run| &points[run.first as usize..][..run.points as usize];
     let sum: Vector3<f64> =
-        cell.iter().flat_map(of_run).map(|point| point.coords.cast::<f64>()).sum();
-    let n: u32 = cell.iter().map(|run| run.points).sum();
-    (sum / f64::from(n)).cast::<f32>().into()
+        cell.iter().flat_map(|run| run.of(points)).map(|point| point.coords.cast::<f64>()).sum();
+    (sum / points_in(cell)).cast::<f32>().into()
+}
+
+/// Standard deviation of the mean of values with these.
+fn mean_sd(sds: &[f32], cell: &[Run]) -> f32 {
+    let of_cell = cell.iter().flat_map(|run| run.of(sds));
+    let sum: f64 = of_cell.map(|sd| f64::from(*sd) * f64::from(*sd)).sum();
+    (sum.sqrt() / points_in(cell)) as f32
 }
 
 /// Numbers the cells of the box around a cloud, x fastest.
@@ -261,6 +282,15 @@ mod tests {
                 "{edge}"
             );
         }
+    }
+
+    #[test]
+    fn a_mean_of_four_is_twice_as_sure_as_each() {
+        let points = [[0.1, 0.5, 0.5], [9.5, 0.5, 0.5], [0.3, 0.5, 0.5], [0.5; 3], [0.6, 0.5, 0.5]];
+        let mut cloud = cloud(&points);
+        cloud.range_sd_m = Some(vec![0.02, 0.05, 0.02, 0.02, 0.02]);
+        let sds = downsample(&cloud, 1.0).unwrap().range_sd_m.unwrap();
+        assert!((sds[0] - 0.01).abs() < 1e-8 && (sds[1] - 0.05).abs() < 1e-8, "{sds:?}");
     }
 
     #[test]

@@ -26,7 +26,7 @@ impl Described {
     ///
     /// [`PrepareError`] when there is no point, or the voxel is too small for the cloud.
     pub fn prepare(cloud: &Cloud, config: &FeatureConfig) -> Result<Self, PrepareError> {
-        let points = thinned(cloud, config.voxel_m, config.convention)?;
+        let points = thinned(cloud, config.voxel_m, config.convention)?.points;
         let (radius_m, most) = (config.feature_radius_m, config.feature_neighbours);
         let neighbours = Neighbours::within(&points, radius_m, most);
         let normals = normals_of(&points, &neighbours, config);

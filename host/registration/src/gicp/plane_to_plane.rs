@@ -237,7 +237,7 @@ mod tests {
 
     fn sums_with(kernel: Kernel, pairs: &[Pair]) -> PlaneToPlane {
         let mut chunk = Pairs::default();
-        pairs.iter().for_each(|(s, q, n, m)| chunk.push(s, q, n, m));
+        pairs.iter().for_each(|(s, q, n, m)| chunk.push(s, q, n, m, 0.0));
         let (mut sums, mut plain) = (PlaneToPlane::default(), PlaneToPlane::default());
         sums.add_all(&chunk, kernel);
         add_all_inline(&mut plain, &chunk, kernel);
@@ -269,7 +269,7 @@ mod tests {
             for pair in &pairs {
                 let (one_h, one_b) = plainly(pair);
                 let (s, q, n, _) = pair;
-                let w = kernel.weight(n.dot(&(s - q.coords.cast::<f64>())));
+                let w = kernel.weight(n.dot(&(s - q.coords.cast::<f64>())), 0.0);
                 h += one_h * w;
                 b += one_b * w;
             }

@@ -41,6 +41,7 @@ impl Descent {
             let pose = &outcome.target_from_source;
             let placed = Placed { target, source, pose, reach_m, normals };
             let (sums, mut residuals_m): (E, _) = sum_pairs(&placed, kernel, weighs, &mut found);
+            let noise_m2 = placed.noise_m2();
             if sums.pairs() < UNKNOWNS {
                 let nothing = Outcome::nothing(initial, StopReason::TooFewPairs);
                 return Outcome { pairs: sums.pairs(), iterations: outcome.iterations, ..nothing };
@@ -56,7 +57,8 @@ impl Descent {
                 outcome.stop = StopReason::Converged;
                 break;
             }
-            kernel = Kernel::of_residuals(config.kernel_width, &mut residuals_m, reach_m);
+            kernel = Kernel::of_residuals(config.kernel_width, &mut residuals_m, reach_m)
+                .with_noise(noise_m2);
             reach_m = (reach_m * SHRINK).max(config.max_pair_distance_m);
         }
         let pose = &outcome.target_from_source;

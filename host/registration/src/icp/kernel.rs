@@ -16,17 +16,37 @@ const LEAST_OVER_REACH: f64 = 0.04;
 ///
 /// The scale comes from the residuals themselves, so one width serves a sensor of 2 mm noise and
 /// one of 2 cm, a street and a wood.
+///
+/// Where the sensor tells how sure each range is, the pairs that it is sure of say more. With `v`
+/// what the errors of a pair's two ranges add to the variance of its residual:
+///
+/// ```text
+/// w = 1 / k (1 + r² / k c²)²      k = (s² + v) / (s² + v₀)      s² + v₀ = σ²      v₀ the median of v
+/// ```
+///
+/// `k` is 1 of a pair like most, as σ is theirs. `s²` is what surfaces and pairing leave, at least a quarter of σ²: what a sensor tells of itself
+/// explains no more.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Kernel {
     /// 1 / c², 1/m²; 0 for least squares.
     inverse_square: f64,
     /// 0 for the weight, 4 for the slope.
     bend: f64,
+    /// `k` of a pair without noise: `s² / (s² + v₀)`.
+    quiet: f64,
+    /// What noise adds to `k`, 1/m²: `1 / (s² + v₀)`.
+    per_noise: f64,
+    /// σ², m².
+    variance_m2: f64,
 }
+
+/// Least share of the residuals' variance that is not the ranges' error.
+const LEAST_QUIET: f64 = 0.25;
 
 impl Kernel {
     /// Every pair weighs 1.
-    pub(crate) const LEAST_SQUARES: Self = Self { inverse_square: 0.0, bend: 0.0 };
+    pub(crate) const LEAST_SQUARES: Self =
+        Self { inverse_square: 0.0, bend: 0.0, quiet: 1.0, per_noise: 0.0, variance_m2: 0.0 };
 
     /// Of `width` standard deviations of these residuals, m, of pairs `reach_m` apart at most;
     /// least squares without a width or a residual.
@@ -37,7 +57,17 @@ impl Kernel {
         let middle = residuals_m.len() / 2;
         let median_m = f64::from(*residuals_m.select_nth_unstable_by(middle, f32::total_cmp).1);
         let scale_m = (width * SIGMA_OVER_MEDIAN * median_m).max(LEAST_OVER_REACH * reach_m);
-        Self { inverse_square: 1.0 / (scale_m * scale_m), bend: 0.0 }
+        let variance_m2 = (scale_m / width).powi(2);
+        Self { inverse_square: 1.0 / (scale_m * scale_m), variance_m2, ..Self::LEAST_SQUARES }
+    }
+
+    /// The same, with weights by the error of the ranges, which adds so much to the variance of a
+    /// residual in the middle, m², if it is known.
+    pub(crate) fn with_noise(self, median_m2: Option<f64>) -> Self {
+        let Some(median_m2) = median_m2.filter(|_| self.inverse_square > 0.0) else { return self };
+        let quiet_m2 = (self.variance_m2 - median_m2).max(LEAST_QUIET * self.variance_m2);
+        let per_noise = 1.0 / (quiet_m2 + median_m2);
+        Self { quiet: quiet_m2 * per_noise, per_noise, ..self }
     }
 
     /// Instead of the weight, how much `w r` grows with the residual, in the same units:
@@ -51,11 +81,12 @@ impl Kernel {
         Self { bend: 4.0, ..self }
     }
 
-    /// The weight of a residual, m.
+    /// The weight of a residual, m, to whose variance the ranges' errors add `noise_m2`.
     #[inline(always)]
-    pub(crate) fn weight(self, r: f64) -> f64 {
-        let root = 1.0 / (1.0 + r * r * self.inverse_square);
-        root * root * (1.0 + self.bend * (root - 1.0))
+    pub(crate) fn weight(self, r: f64, noise_m2: f64) -> f64 {
+        let share = 1.0 / (self.quiet + noise_m2 * self.per_noise);
+        let root = 1.0 / (1.0 + r * r * self.inverse_square * share);
+        share * root * root * (1.0 + self.bend * (root - 1.0))
     }
 }
 
@@ -70,19 +101,46 @@ mod tests {
         let width_m = 3.0 * SIGMA_OVER_MEDIAN * f64::from(0.01f32);
         for (r, expected) in [(0.0, 1.0), (width_m, 0.25), (-width_m, 0.25), (3.0 * width_m, 0.01)]
         {
-            assert!((kernel.weight(r) - expected).abs() < 1e-12, "{r}");
+            assert!((kernel.weight(r, 0.0) - expected).abs() < 1e-12, "{r}");
         }
     }
 
     #[test]
     fn the_slope_is_what_a_residual_adds_to_its_pull() {
         let kernel = Kernel::of_residuals(Some(3.0), &mut [0.02; 9], 0.5);
-        let pull = |r: f64| r * kernel.weight(r);
+        let pull = |r: f64| r * kernel.weight(r, 0.0);
         for r in [0.0, 0.01, 0.05, 0.2, -0.3] {
             let expected = (pull(r + 1e-6) - pull(r - 1e-6)) / 2e-6;
-            assert!((kernel.slope().weight(r) - expected).abs() < 1e-8, "{r}");
+            assert!((kernel.slope().weight(r, 0.0) - expected).abs() < 1e-8, "{r}");
         }
-        assert_eq!(Kernel::LEAST_SQUARES.slope().weight(7.0), 1.0);
+        assert_eq!(Kernel::LEAST_SQUARES.slope().weight(7.0, 0.5), 1.0);
+    }
+
+    #[test]
+    fn a_pair_whose_ranges_are_surer_than_others_weighs_more() {
+        let sigma_m = SIGMA_OVER_MEDIAN * f64::from(0.02f32);
+        let median_m2 = sigma_m * sigma_m / 2.0;
+        let kernel =
+            Kernel::of_residuals(Some(3.0), &mut [0.02; 9], 0.5).with_noise(Some(median_m2));
+        // Half of the variance is the surfaces', so k is ½ without noise, 1 with the median, 1½.
+        for (noise_m2, expected) in [(0.0, 2.0), (median_m2, 1.0), (2.0 * median_m2, 2.0 / 3.0)] {
+            assert!((kernel.weight(0.0, noise_m2) - expected).abs() < 1e-12, "{noise_m2}");
+        }
+        assert_eq!(kernel.with_noise(None), kernel);
+        let boast = Kernel::of_residuals(Some(3.0), &mut [0.02; 9], 0.5).with_noise(Some(1.0));
+        assert!((boast.weight(0.0, 1.0) - 1.0).abs() < 1e-3 && boast.weight(0.0, 0.0) < 1e5);
+    }
+
+    #[test]
+    fn the_slope_knows_of_the_noise() {
+        let kernel = Kernel::of_residuals(Some(3.0), &mut [0.02; 9], 0.5).with_noise(Some(5e-4));
+        for noise_m2 in [0.0, 2e-3] {
+            let pull = |r: f64| r * kernel.weight(r, noise_m2);
+            for r in [0.01, 0.05, -0.3] {
+                let expected = (pull(r + 1e-6) - pull(r - 1e-6)) / 2e-6;
+                assert!((kernel.slope().weight(r, noise_m2) - expected).abs() < 1e-7, "{r}");
+            }
+        }
     }
 
     #[test]
@@ -92,14 +150,14 @@ mod tests {
             Kernel::of_residuals(Some(3.0), &mut [], 1.0),
         ] {
             assert_eq!(kernel, Kernel::LEAST_SQUARES);
-            assert_eq!(kernel.weight(1e3), 1.0);
+            assert_eq!(kernel.weight(1e3, 0.5), 1.0);
         }
     }
 
     #[test]
     fn residuals_that_vanish_leave_a_width_of_the_pair_distance() {
         let kernel = Kernel::of_residuals(Some(3.0), &mut [0.0; 9], 0.5);
-        assert_eq!(kernel.weight(0.0), 1.0);
-        assert!((kernel.weight(LEAST_OVER_REACH * 0.5) - 0.25).abs() < 1e-12);
+        assert_eq!(kernel.weight(0.0, 0.0), 1.0);
+        assert!((kernel.weight(LEAST_OVER_REACH * 0.5, 0.0) - 0.25).abs() < 1e-12);
     }
 }

@@ -12,6 +12,7 @@ use super::pairs::{CHUNK, Pairs};
 use crate::Target;
 use crate::cloud::box_tree::{BoxTree, LaneKernel, Portable};
 use crate::pose::Pose;
+use crate::prepared::RangeNoise;
 
 /// Rounding of `f32` distances, relative, with room: a match within this of a tie is searched anew.
 const ROUNDING: f32 = 1e-6;
@@ -27,6 +28,7 @@ pub(crate) struct Moving<'a> {
     pub(crate) points: &'a [Point3<f32>],
     /// One a point, or none at all.
     pub(crate) normals: &'a [Vector3<f32>],
+    pub(crate) noise: &'a RangeNoise,
 }
 
 /// What the last search for a source point found. It holds until the point has moved far enough for
@@ -131,6 +133,14 @@ pub(crate) struct Placed<'a> {
 }
 
 impl Placed<'_> {
+    /// What the error of the ranges adds to the variance of a residual, in the middle, m²;
+    /// absent where neither sensor tells it.
+    pub(crate) fn noise_m2(&self) -> Option<f64> {
+        let of = [&self.target.noise, self.source.noise];
+        let told = of.iter().any(|noise| !noise.variances_m2.is_empty());
+        told.then(|| of.iter().map(|noise| noise.median_m2).sum())
+    }
+
     /// What `of` makes of each chunk of source points and their last searches, in the points'
     /// order, on any number of threads.
     pub(crate) fn in_chunks<T: Send>(
@@ -210,7 +220,10 @@ impl Chunk<'_> {
                 own.map_or_else(Vector3::zeros, |own| rotation * own.cast())
             };
             if let Some([n, m]) = normals.of(&target.normals[index].cast(), own) {
-                pairs.push(&moved, &target.tree.points()[index], &n, &m);
+                let known = |noise: &RangeNoise, i: usize| noise.variances_m2.get(i).copied();
+                let of_target = known(&target.noise, index).unwrap_or_default();
+                let noise_m2 = of_target + known(source.noise, self.first + i).unwrap_or_default();
+                pairs.push(&moved, &target.tree.points()[index], &n, &m, noise_m2);
             }
         }
     }
@@ -297,7 +310,8 @@ mod tests {
                 Vector3::repeat(seed as f64 * 0.1),
                 Vector3::new(0.0, 0.1, seed as f64 * 0.05),
             );
-            let moving = Moving { points: &source.points, normals: &source.normals };
+            let Source { points, normals, noise } = &source;
+            let moving = Moving { points, normals, noise };
             for normals in [Normals::Target, Normals::Both(0.5), Normals::Mean(0.5)] {
                 let placed =
                     Placed { target: &target, source: &moving, pose: &pose, reach_m, normals };

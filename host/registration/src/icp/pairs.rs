@@ -20,13 +20,15 @@ pub(crate) struct Pairs {
     n: [[f64; CHUNK]; 3],
     /// The source's normal, turned as the source is; zeros where the method does not want it.
     m: [[f64; CHUNK]; 3],
+    /// What the error of both ranges adds to the variance of the distance from the plane, m².
+    noise_m2: [f64; CHUNK],
     len: usize,
 }
 
 impl Default for Pairs {
     fn default() -> Self {
         let zeros = [[0.0; CHUNK]; 3];
-        Self { s: zeros, d: zeros, n: zeros, m: zeros, len: 0 }
+        Self { s: zeros, d: zeros, n: zeros, m: zeros, noise_m2: [0.0; CHUNK], len: 0 }
     }
 }
 
@@ -56,6 +58,7 @@ impl Pairs {
         q: &Point3<f32>,
         n: &Vector3<f64>,
         m: &Vector3<f64>,
+        noise_m2: f32,
     ) {
         if self.len >= CHUNK {
             return;
@@ -66,6 +69,7 @@ impl Pairs {
             self.n[axis][self.len] = n[axis];
             self.m[axis][self.len] = m[axis];
         }
+        self.noise_m2[self.len] = f64::from(noise_m2);
         self.len += 1;
     }
 
@@ -81,7 +85,9 @@ impl Pairs {
             let (d, n) = (lanes(&self.d, group), lanes(&self.n, group));
             let r = dot(&n, &d);
             let left = self.len - group * LANES;
-            let w = std::array::from_fn(|k| if k < left { kernel.weight(r[k]) } else { 0.0 });
+            let noise: Lane = self.noise_m2.as_chunks().0[group];
+            let weight = |k: usize| kernel.weight(r[k], noise[k]);
+            let w = std::array::from_fn(|k| if k < left { weight(k) } else { 0.0 });
             Group { s: lanes(&self.s, group), d, n, m: lanes(&self.m, group), r, w }
         })
     }

@@ -57,6 +57,7 @@ pub(crate) fn covariance<E: Equations>(
         true => {
             let (_, mut residuals_m) = sum_pairs::<E>(placed, kernel, true, found);
             Kernel::of_residuals(Some(PLAIN_WIDTH), &mut residuals_m, placed.reach_m)
+                .with_noise(placed.noise_m2())
         }
         false => kernel,
     };

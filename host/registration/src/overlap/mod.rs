@@ -104,7 +104,7 @@ impl Scene {
     ///
     /// [`PrepareError`] when there is no point, or the voxel is too small for the cloud.
     pub fn new(cloud: &Cloud, voxel_m: f64) -> Result<Self, PrepareError> {
-        let points = thinned(cloud, voxel_m, Convention::Sensor)?;
+        let points = thinned(cloud, voxel_m, Convention::Sensor)?.points;
         let normals = normals::from_points(&points, NORMAL_VOXELS * voxel_m, NORMAL_NEIGHBOURS);
         let (tree, image) = (KdTree::new(&points), RangeImage::new(&cloud.points, DIRECTION_DEG));
         Ok(Self { points, normals, tree, image, voxel_m: voxel_m as f32 })
