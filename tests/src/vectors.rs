@@ -163,6 +163,7 @@ pub fn settings(rng: &mut impl Rng, hardware: &Hardware) -> Settings {
             echoes: rng.random_range(range(Id::Echoes)),
             echo_choice: rng.random_range(range(Id::EchoChoice)),
             black_level_ppm: 0,
+            dither: 0,
         };
         // Of half of them; not drawn, so that what a seed draws stays what it was.
         let black_level_ppm = settings.bins % 2 * (7_919 * settings.bins % 40_001);

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 
 use echoloop_dsp::SampleLoops;
 use echoloop_dsp::accumulate::Accumulator;
-use echoloop_dsp::choice::EchoChoice;
+use echoloop_dsp::choice::{EchoChoice, TimingMethod};
 use echoloop_dsp::detect::{self, Threshold};
 use echoloop_dsp::echo::Echo;
 use echoloop_dsp::edges::{EdgeFit, MAX_AMPLITUDE, Run};
@@ -18,10 +18,10 @@ use echoloop_dsp::pulse::{self, Pulse};
 use echoloop_dsp::refine::{Refined, Refiner, Waveform};
 use echoloop_dsp::statistics::Statistics;
 use echoloop_dsp::{
-    DetectorConfig, Echoes, Flags, Hardware, MAX_CODES, Pipeline, Scratch, baseline,
+    DetectorConfig, Echoes, Flags, Hardware, MAX_CODES, Pipeline, Scratch, Settings, baseline,
 };
 use echoloop_tests::bit_true::{self, BitTrue};
-use echoloop_tests::vectors::{self, Case, ClippedRun};
+use echoloop_tests::vectors::{self, Case, ClippedRun, Kind};
 use rand::{Rng, RngExt};
 
 /// Waveforms per stage.
@@ -127,11 +127,11 @@ fn summed_shots_equal_their_model_and_begin_anew() {
 fn codes_beyond_the_room_for_them_are_not_summed() {
     let mut accumulator = Accumulator::default();
     for shot in 0..16 {
-        accumulator.add(shot, &[u16::MAX; MAX_CODES + 1]);
+        accumulator.add(shot, &[0x3fff; MAX_CODES + 1]);
     }
     let mut codes = [7; MAX_CODES + 1];
     accumulator.read(4, &mut codes);
-    assert_eq!((codes[0], codes[MAX_CODES - 1], codes[MAX_CODES]), (u16::MAX, u16::MAX, 7));
+    assert_eq!((codes[0], codes[MAX_CODES - 1], codes[MAX_CODES]), (0x3fff, 0x3fff, 7));
     accumulator.read(0, &mut codes);
     assert_eq!(codes[0], u16::MAX, "a sum that 16 bits do not hold saturates");
 }
@@ -477,8 +477,13 @@ fn refined_peaks_equal_their_models() {
             ambient: rng.random::<i16>() >> rng.random_range(0..16),
         };
         let reals_f: Vec<f64> = f.iter().map(|&v| v as f64).collect();
-        let model_wave =
-            bit_true::Waveform { codes: &codes, x: &reals(&x), y: &reals(&y), f: &reals_f };
+        let model_wave = bit_true::Waveform {
+            codes: &codes,
+            x: &reals(&x),
+            y: &reals(&y),
+            f: &reals_f,
+            shots: None,
+        };
         for &peak in found.iter().take(8) {
             let waveform = Waveform { codes: &codes, x: &x, y: &y };
             let refiner = Refiner {
@@ -486,6 +491,7 @@ fn refined_peaks_equal_their_models() {
                 waveform: &waveform,
                 threshold: &threshold,
                 noise: &noise,
+                fine: None,
             };
             let ours = refiner.refine(|n| at(&f, n), peak);
             let expected = model.refine(&model_wave, peak.into(), &threshold.into(), &noise.into());
@@ -570,6 +576,45 @@ fn the_pipeline_equals_its_model_in_every_build() {
             case.kind
         );
     }
+}
+
+#[test]
+fn the_pipeline_equals_its_model_on_dithered_shots() {
+    let mut scratch = Scratch::new();
+    let mut differ = 0;
+    for seed in 0..SEEDS {
+        let (case, ..) = set_up(seed);
+        let mut rng = vectors::rng(seed);
+        let settings = Settings {
+            dither: rng.random_range(0..16).min(1),
+            shots: 1 << rng.random_range(0..5),
+            timing: TimingMethod::WalkCorrected.code(),
+            ..case.settings
+        };
+        let pipeline = Pipeline::new(&settings, &case.hardware).unwrap();
+        let config = pipeline.config();
+        let model = BitTrue::new(&settings, &case.hardware, config);
+        // Shots of one scene that clips, each with a level of its own, now and then shorter ones.
+        let kind = [Kind::ClippedEcho, Kind::ClipEdge, Kind::ManyEchoes][rng.random_range(0..3)];
+        let wave = vectors::waveform(&settings, &case.hardware, kind, &mut rng);
+        let top = case.hardware.full_scale_code();
+        let mut shot = || -> Vec<u16> {
+            let scale = rng.random_range(0.8..1.5);
+            let code = |&code: &u16| (f64::from(code) * scale) as u16;
+            wave.iter().map(|c| code(c).min(top)).collect()
+        };
+        let shots: Vec<Vec<u16>> = (0..settings.shots).map(|_| shot()).collect();
+        (0..).zip(&shots).for_each(|(shot, codes)| scratch.shots().add(shot, codes));
+        let mut codes = vec![0; wave.len()];
+        scratch.shots().read(config.sum_shift(), &mut codes);
+        let ours = models(&echoloop_kernels::process(&pipeline, &codes, &mut scratch));
+        assert_eq!(ours, model.process_shots(&shots), "seed {seed}, {kind:?}, {settings:?}");
+        // The shots have been read: now they are not known.
+        let again = models(&echoloop_kernels::process(&pipeline, &codes, &mut scratch));
+        assert_eq!(again, model.process(&codes), "seed {seed}");
+        differ += u64::from(again != ours);
+    }
+    assert!(differ > SEEDS / 20, "only {differ} waveforms were timed by their shots");
 }
 
 #[test]

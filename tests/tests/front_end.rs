@@ -403,6 +403,29 @@ fn shots_of_a_beam_are_numbered_and_the_next_beam_begins_anew() {
 }
 
 #[test]
+fn dithered_shots_are_sampled_at_four_moments_of_a_period() {
+    let mut sensor = Sensor::opened();
+    let settings = Settings { shots: 8, dither: 1, ..Settings::default() };
+    sensor.configure(&settings);
+    assert!(matches!(sensor.measure(1), Report::Beams { .. }));
+    let shots = std::mem::take(&mut sensor.analog.borrow_mut().shots);
+    let hardware = Hardware::REFERENCE;
+    let period = i64::from(sample_period_fs(800, &hardware));
+    let offsets: Vec<i64> = shots
+        .iter()
+        .take(8)
+        .map(|(_, converter)| i64::from(converter[usize::from(adc::DELAY)]))
+        .map(|delay| delay - i64::from(delay_fs(&settings, &hardware)))
+        .collect();
+    let expected = [-3, -1, 1, 3].map(|eighths| eighths * period / 8);
+    assert_eq!(offsets, [expected, expected].concat());
+    // Not dithered: the window opens where it did.
+    sensor.configure(&Settings::default());
+    assert!(matches!(sensor.measure(2), Report::Beams { .. }));
+    sensor.assert_shots(2, &Settings::default(), 2);
+}
+
+#[test]
 fn a_broken_front_end_does_not_stop_the_conversation() {
     let mut sensor = Sensor::opened();
     sensor.fail(Fault::Bus(0));

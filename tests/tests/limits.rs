@@ -755,3 +755,57 @@ fn a_black_level_changes_no_range_and_leaves_less_room_above() {
     let (clipped, clipped_mm, _) = see(10_000, 2.0);
     assert!(clipped.flags.contains(Flags::SATURATED) && clipped_mm.abs() < 10.0, "{clipped_mm} mm");
 }
+
+impl Sensor {
+    /// The echo of a wall by as many shots as the settings ask for, and its range error, mm.
+    fn see_with_all_shots(&mut self, albedo: f64, range_m: f64, beam: u32) -> Option<(Echo, f64)> {
+        let wall = Return {
+            range_m: range_m as f32,
+            strength_per_m2: (albedo / PI / range_m / range_m) as f32,
+        };
+        let period_fs = self.pipeline.config().sample_period_fs();
+        let delay_ns = self.analog.delay_ns;
+        for shot in 0..self.settings.shots as u32 {
+            let later_ns = f64::from(self.settings.offset_fs(shot, period_fs)) / 1e6;
+            self.analog.delay_ns = delay_ns + later_ns;
+            self.expose(wall, 16 * beam + shot);
+            self.scratch.shots().add(shot, &self.codes);
+        }
+        self.analog.delay_ns = delay_ns;
+        self.scratch.shots().read(self.pipeline.config().sum_shift(), &mut self.codes);
+        let echoes = echoloop_kernels::process(&self.pipeline, &self.codes, &mut self.scratch);
+        let echo = *echoes.first()?;
+        Some((echo, echo.range_m() * 1e3 - f64::from(wall.range_m) * 1e3))
+    }
+
+    /// The greatest mean error over 64 sub-sample phases, mm.
+    fn worst_bias_mm(&mut self, albedo: f64) -> f64 {
+        let step_m = MM_PER_NS * self.analog.sample_period_ns / 1e3;
+        let first_m = 1.0 + (59.0 / step_m).floor() * step_m;
+        let bias = |phase: u32| {
+            let range_m = first_m + f64::from(phase) / 64.0 * step_m;
+            let errors: Vec<f64> = (0..60)
+                .map(|beam| self.see_with_all_shots(albedo, range_m, beam).expect("an echo").1)
+                .collect();
+            mean(&errors).abs()
+        };
+        (0..64).map(bias).fold(0.0, f64::max)
+    }
+}
+
+#[test]
+fn four_dithered_shots_leave_less_than_5_mm_of_bias_at_every_phase() {
+    for bins in [ONE_GS, 800, TWO_GS] {
+        for albedo in [0.1, 0.3, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0] {
+            let bias_mm = |dither| {
+                let settings = Settings { shots: 4, dither, ..at_rate(bins) };
+                Sensor::new(settings).worst_bias_mm(albedo)
+            };
+            let (dithered_mm, plain_mm) = (bias_mm(1), bias_mm(0));
+            println!(
+                "{bins} bins, albedo {albedo}: {dithered_mm:.2} mm, not dithered {plain_mm:.2}"
+            );
+            assert!(dithered_mm < 5.0, "{bins} bins, albedo {albedo}: {dithered_mm} mm");
+        }
+    }
+}

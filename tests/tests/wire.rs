@@ -134,7 +134,7 @@ fn the_document_works_through_nothing_that_is_not_so() {
 #[test]
 fn a_changed_schema_needs_a_changed_protocol() {
     // To change a message: append, raise PROTOCOL, and write both new values here and in WIRE.md.
-    assert_eq!((PROTOCOL, SCHEMA), (4, 0x3a5e_8b9d_60e5_f2df), "the schema is {SCHEMA:#018x}");
+    assert_eq!((PROTOCOL, SCHEMA), (5, 0x02e5_7086_25b7_3f32), "the schema is {SCHEMA:#018x}");
     let document = include_str!("../../firmware/link/WIRE.md");
     assert!(document.contains(&format!("{SCHEMA:#018x}")));
 }
@@ -461,7 +461,7 @@ fn every_variant_has_these_bytes() {
         (
             Report::Settings { generation: 300, hash, settings },
             "05 ac 02 f8 ac d1 91 01 98 75 90 4e 00 c0 0c 02 80 89 7a c0 3e b8 49 02 04 00 06 01 \
-             ae 0d 02 00 00",
+             ae 0d 02 00 00 00",
         ),
         (
             Report::Beams {
@@ -502,6 +502,7 @@ fn fields_and_flags_keep_their_numbers() {
         "echoes",
         "echo_choice",
         "black_level",
+        "dither",
     ];
     assert_eq!(PARAMETERS.map(|p| p.name), names);
     for (number, parameter) in PARAMETERS.iter().enumerate() {
@@ -520,7 +521,7 @@ fn fields_and_flags_keep_their_numbers() {
 
 #[test]
 fn a_hash_covers_settings_of_any_width() {
-    assert_eq!(settings_hash(&Settings::default()), 0xcc70_0743);
+    assert_eq!(settings_hash(&Settings::default()), 0x009a_cd1e);
     let mut settings = Settings::default();
     PARAMETERS.iter().for_each(|p| settings.set(p.id, Some(i32::MIN)));
     let widest = settings_hash(&settings);

@@ -3,7 +3,7 @@
 use echoloop_dsp::{Echoes, Hardware, Pipeline, Refusal, Scratch, Settings};
 use echoloop_kernels::FASTEST;
 
-/// Settings made ready, and 10 kB of memory that every waveform uses again.
+/// Settings made ready, and 30 kB of memory that every waveform uses again.
 ///
 /// ```
 /// use echoloop_dsp::{Hardware, Settings};

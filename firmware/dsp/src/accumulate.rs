@@ -2,24 +2,31 @@
 
 use crate::limits::MAX_CODES;
 
-/// Sums of codes, 9.9 kB.
+/// Lanes that shots are summed in by turns.
+pub const LANES: usize = 4;
+
+/// Sums of codes, 20 kB.
 ///
 /// ```text
-/// Σ[n]    = Σ_m code_m[n]                       m = 1, 2, 4, 8 or 16 shots
+/// Λ_k[n]  = Σ code_m[n]  over m mod 4 = k       m of 1, 2, 4, 8 or 16 shots
+/// Σ[n]    = Λ_0 + … + Λ_3
 /// code[n] = round( Σ[n] / 2^d )                 b' = min(14, b + log₂ m),  d = b + log₂ m − b'
 /// ```
 ///
 /// | name | meaning | format | shape |
 /// |---|---|---|---|
 /// | `code_m` | ADC codes of a shot, b bits | integers | `[N]`, at most [`MAX_CODES`] |
+/// | `Λ` | exact up to 14 bits, else saturating | integers in `u16` | `[N][4]` |
 /// | `Σ` | exact | integers in `u32` | `[N]` |
 /// | `code` | codes of b' bits: nearest, ties up, saturating | integers in `u16` | `[N]` |
 ///
 /// Signal grows with m, noise with √m, the ADC's steps stay: averaging white noise of σ ≥ ½ code
-/// gains √m to the last bit that 14 of them hold.
+/// gains √m to the last bit that 14 of them hold. Lanes stay apart for [`crate::fine`].
 #[derive(Clone, Debug)]
 pub struct Accumulator {
-    sums: [u32; MAX_CODES],
+    lanes: [[u16; LANES]; MAX_CODES],
+    /// Shots added since number 0.
+    added: u32,
 }
 
 impl Default for Accumulator {
@@ -31,22 +38,39 @@ impl Default for Accumulator {
 impl Accumulator {
     /// Nothing yet.
     pub const fn new() -> Self {
-        Self { sums: [0; MAX_CODES] }
+        Self { lanes: [[0; LANES]; MAX_CODES], added: 0 }
     }
 
     /// Adds a shot; number 0 begins anew. Codes beyond [`MAX_CODES`] are ignored.
     pub fn add(&mut self, shot: u32, codes: &[u16]) {
-        for (sum, &code) in self.sums.iter_mut().zip(codes) {
-            let before = if shot == 0 { 0 } else { *sum };
-            *sum = before.wrapping_add(u32::from(code)); // 16 shots of 16 bits are 20
+        let turn = shot as usize % LANES;
+        for (lanes, &code) in self.lanes.iter_mut().zip(codes) {
+            if shot == 0 {
+                *lanes = [0; LANES];
+            }
+            if let Some(lane) = lanes.get_mut(turn) {
+                *lane = lane.saturating_add(code);
+            }
         }
+        self.added = if shot == 0 { 1 } else { self.added.saturating_add(1) };
     }
 
     /// Reads the sums, divided by `2^shift`, into as many codes as there is room for.
     pub fn read(&self, shift: u32, codes: &mut [u16]) {
         let half = (1u32 << shift.min(31)) >> 1;
-        for (code, &sum) in codes.iter_mut().zip(&self.sums) {
+        for (code, lanes) in codes.iter_mut().zip(&self.lanes) {
+            let sum = lanes.iter().fold(0u32, |sum, &lane| sum.saturating_add(lane.into()));
             *code = (sum.saturating_add(half) >> shift.min(31)).min(u32::from(u16::MAX)) as u16;
         }
+    }
+
+    /// The sums of a sample by lane.
+    pub fn lanes(&self, sample: usize) -> [u16; LANES] {
+        self.lanes.get(sample).copied().unwrap_or_default()
+    }
+
+    /// Whether as many shots have been added since the last time this was asked.
+    pub fn take(&mut self, shots: u32) -> bool {
+        core::mem::take(&mut self.added) == shots
     }
 }

@@ -62,6 +62,13 @@ choices! {
         /// Its top without the parabola's bias, or its edges when it is clipped.
         WalkCorrected = "walk-corrected",
     }
+    /// Whether the shots of a beam begin at different moments of a sample period.
+    Dither {
+        /// All at one.
+        Off = "off",
+        /// At two or four, as there are shots.
+        On = "on",
+    }
     /// Which echoes are kept when there are more than asked for.
     EchoChoice {
         /// The strongest.

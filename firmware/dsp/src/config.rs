@@ -1,6 +1,7 @@
 //! From settings to what the stages read: done once, when new settings are committed.
 
 use crate::choice::{AmbientEstimator, EchoChoice, TimingMethod};
+use crate::fine::FineConfig;
 use crate::hardware::{Hardware, SPEED_OF_LIGHT_M_S, sample_period_fs};
 use crate::height::FARTHEST;
 use crate::pulse::Pulse;
@@ -43,6 +44,8 @@ pub struct DetectorConfig {
     pub(crate) template: Template,
     /// What no light reads, Q1.15.
     pub(crate) black: i32,
+    /// What dithered shots are read with; `None` where they are not.
+    pub(crate) fine: Option<FineConfig>,
     /// The emitted pulse.
     pub(crate) pulse: Pulse,
     /// Samples on either side of a pulse's middle, strictly inside it.
@@ -105,6 +108,12 @@ impl DetectorConfig {
             code_shift: sum.code_shift,
             clip_code: clip_code(settings, sum.full_scale),
             black: black(settings),
+            fine: FineConfig::new(
+                settings,
+                period_fs,
+                hardware.full_scale_code(),
+                hardware.code_shift(),
+            ),
             floor: scaled_floor(settings, &template),
             timing: Timing::new(&template, samples_per_width, upsampling_log2, choices.timing),
             sharpener: (settings.echoes > 1).then(|| Sharpener::for_pulse(width_ps, period_fs)),

@@ -12,7 +12,7 @@
 //! }
 //!
 //! let pipeline = Pipeline::new(&Settings::default(), &Hardware::REFERENCE)?;
-//! let mut scratch = Scratch::new(); // 10 kB, reused for every waveform
+//! let mut scratch = Scratch::new(); // 30 kB, reused for every waveform
 //! let echoes = pipeline.process(Portable, &codes, &mut scratch);
 //!
 //! // Sample 0 lies at 1 m; 800 samples span 119 m.
@@ -33,7 +33,7 @@
 //! | thresholds, peaks | [`detect`] | `y` | candidates |
 //! | overlapping echoes | [`split`] | `x`, candidates | candidates |
 //! | which are kept | [`detect`], [`height`] | candidates | at most four |
-//! | sub-sample time | [`refine`], [`edges`] | `y` at a candidate | time, height, width |
+//! | sub-sample time | [`refine`], [`edges`], [`fine`] | `y` at a candidate | time, height, width |
 //! | range, amplitude, SNR | [`echo`] | the refined peak | [`Echo`] |
 //!
 //! [`Settings`] is what a user may set, with its one table [`PARAMETERS`]; [`DetectorConfig`] is
@@ -62,6 +62,7 @@ pub mod detect;
 pub mod echo;
 pub mod edges;
 pub mod filter;
+pub mod fine;
 pub mod flags;
 pub mod hardware;
 pub mod height;

@@ -1,9 +1,11 @@
 //! The stages in a row.
 
+use crate::accumulate::Accumulator;
 use crate::config::DetectorConfig;
 use crate::detect::Threshold;
 use crate::echo::{Echo, Echoes};
 use crate::filter::{self, PADDING};
+use crate::fine::Fine;
 use crate::hardware::Hardware;
 use crate::limits::{MAX_SAMPLES, MAX_TAPS};
 use crate::loops::SampleLoops;
@@ -15,7 +17,7 @@ use crate::settings::Settings;
 use crate::split::{Overlapping, Sharpener, Splitter};
 use crate::statistics::Statistics;
 
-/// Working memory of one waveform: about 10 kB, reused for every waveform.
+/// Working memory of one waveform and its shots: about 30 kB, reused for every waveform.
 ///
 /// What it holds between waveforms saves time but never changes a result.
 #[derive(Clone, Debug)]
@@ -25,6 +27,7 @@ pub struct Scratch {
     y: [i16; MAX_SAMPLES],
     peaks: Peaks,
     statistics: Statistics,
+    shots: Accumulator,
     /// Samples of `padded` that are not zero: `start..end`.
     filled: (usize, usize),
 }
@@ -43,8 +46,15 @@ impl Scratch {
             y: [0; MAX_SAMPLES],
             peaks: Peaks::new(),
             statistics: Statistics { median: 0, deviation: 0, ambient: 0, sigma: 0 },
+            shots: Accumulator::new(),
             filled: (0, 0),
         }
+    }
+
+    /// Where several shots become one waveform. Dithered ones are read once more from there by the
+    /// [`Pipeline::process`] that follows.
+    pub fn shots(&mut self) -> &mut Accumulator {
+        &mut self.shots
     }
 
     /// Ambient and noise of the last waveform.
@@ -97,13 +107,14 @@ impl Pipeline {
             .with_ambient(config.ambient, before, config.code_shift, config.black);
         scratch.statistics = statistics;
         self.filter(loops, codes, &statistics, scratch);
+        let dithered = scratch.shots.take(config.shots);
         let threshold = Threshold::new(config, &statistics);
         let y = scratch.y.get(..codes.len()).unwrap_or_default();
         loops.peaks(y, threshold.level, &mut scratch.peaks);
         if scratch.peaks.is_empty() {
             return Echoes::new();
         }
-        self.report(codes, scratch, &threshold)
+        self.report(codes, scratch, &threshold, dithered)
     }
 
     /// Baseline and matched filter: `scratch.y[..codes.len()]`.
@@ -136,14 +147,28 @@ impl Pipeline {
 
     /// From candidates to echoes. Rarely more than a few: not inlined.
     #[inline(never)]
-    fn report(&self, codes: &[u16], scratch: &mut Scratch, threshold: &Threshold) -> Echoes {
+    fn report(
+        &self,
+        codes: &[u16],
+        scratch: &mut Scratch,
+        threshold: &Threshold,
+        dithered: bool,
+    ) -> Echoes {
         let config = &self.config;
         let y = scratch.y.get(..codes.len()).unwrap_or_default();
         let (taps, padded) = (config.template.taps(), &scratch.padded);
         let (start, end) = scratch.filled;
         let waveform = Waveform { codes, x: padded.get(start..end).unwrap_or_default(), y };
         let noise = Noise::new(&scratch.statistics, config.shot_noise);
-        let refiner = Refiner { config, waveform: &waveform, threshold, noise: &noise };
+        let fine = config.fine.as_ref().filter(|_| dithered).map(|fine| Fine {
+            config: fine,
+            shots: &scratch.shots,
+            before: config.pre_trigger,
+            samples: codes.len(),
+            ambient: threshold.ambient,
+            noise: &noise,
+        });
+        let refiner = Refiner { config, waveform: &waveform, threshold, noise: &noise, fine };
         let overlapping = match &config.sharpener {
             Some(sharpener) => Self::split(sharpener, &refiner, &mut scratch.peaks),
             None => Overlapping::new(),

@@ -11,6 +11,7 @@ use crate::choice::TimingMethod;
 use crate::config::DetectorConfig;
 use crate::detect::{self, Threshold, hysteresis};
 use crate::edges::{EdgeFit, Edges, Run};
+use crate::fine::Fine;
 use crate::flags::Flags;
 use crate::height::Height;
 use crate::lagrange::interpolation;
@@ -58,6 +59,8 @@ pub struct Refiner<'a> {
     pub threshold: &'a Threshold,
     /// The noise of its samples.
     pub noise: &'a Noise,
+    /// Its shots, where they were dithered.
+    pub fine: Option<Fine<'a>>,
 }
 
 impl Refiner<'_> {
@@ -75,7 +78,7 @@ impl Refiner<'_> {
     /// |---|---|---|
     /// | parabola | s + (j + δ)/o, nearest | gain · σ(A) / A |
     /// | walk-corrected | the same less β·⌊δ (1 − 4δ²)⌋, nearest, in δ | as parabola |
-    /// | … clipped | [`EdgeFit`]'s, else ⌊(left + right)/2⌋ | its, else as parabola |
+    /// | … clipped | [`Fine`]'s or [`EdgeFit`]'s, else ⌊(left + right)/2⌋ | its, else as parabola |
     /// | CFD | where f rises to half of the height, plus z | as parabola |
     /// | rising edge | where f rises to T, plus z | σ(level/g) · r / the rise of f |
     ///
@@ -207,7 +210,8 @@ impl Refiner<'_> {
     #[inline(always)]
     fn time_by_edges(&self, run: Run, middle: i64, refined: &mut Refined) {
         refined.flags |= Flags::WALK_CORRECTED;
-        match self.edge_fit().fit(self.waveform.x, run) {
+        let fine = self.fine.as_ref().and_then(|fine| fine.fit(run));
+        match fine.or_else(|| self.edge_fit().fit(self.waveform.x, run)) {
             Some(Edges { time, amplitude, sigma }) => {
                 (refined.time, refined.amplitude, refined.sigma) = (time, amplitude, sigma);
             }

@@ -10,7 +10,8 @@ use core::fmt;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use crate::choice::{AmbientEstimator, DenoiseFilter, EchoChoice, TimingMethod};
+use crate::accumulate::LANES;
+use crate::choice::{AmbientEstimator, DenoiseFilter, Dither, EchoChoice, TimingMethod};
 use crate::limits::PRE_TRIGGER;
 use crate::reason::Reason;
 
@@ -279,6 +280,12 @@ parameters! {
         name: "black_level", symbol: "", unit: "of full scale", kind: REAL,
         codes_per_unit: 1_000_000, min: 0, max: 40_000, default: Some(0), acts_in: "front end",
     }
+    /// Whether shots are dithered against the sampling clock: the code of a [`Dither`].
+    dither: i32, Dither {
+        name: "dither", symbol: "", unit: "", kind: Kind::Choice { names: Dither::NAMES },
+        codes_per_unit: 1, min: 0, max: last(Dither::NAMES),
+        default: Some(Dither::Off.code()), acts_in: "ADC clock, DSP timing",
+    }
 }
 
 impl ParameterId {
@@ -305,6 +312,24 @@ impl Settings {
         // 1.14 × c/2 = 170.88 µm per ps
         let following = i64::from(self.pulse_width_ps).saturating_mul(17_088) / 100_000;
         self.min_separation_mm.unwrap_or(i32::try_from(following).unwrap_or(i32::MAX))
+    }
+
+    /// How many moments of a sample period the shots of a beam begin at: 1, 2 or 4.
+    pub fn phases(&self) -> u32 {
+        let dithered = self.dither == Dither::On.code();
+        if dithered { (self.shots as u32).clamp(1, LANES as u32) } else { 1 }
+    }
+
+    /// How much later than others a shot is sampled, fs: (2 (k mod P) + 1 − P)/(2P) of the period,
+    /// rounded towards 0.
+    #[expect(
+        clippy::arithmetic_side_effects,
+        reason = "phases are 1 to 4: the product is below 2³⁵, divisors are not 0"
+    )]
+    pub fn offset_fs(&self, shot: u32, period_fs: u32) -> i32 {
+        let phases = i64::from(self.phases());
+        let twice = 2 * (i64::from(shot) % phases) + 1 - phases;
+        (i64::from(period_fs) * twice / (2 * phases)) as i32
     }
 
     /// Samples before the trigger that the ambient estimator reads.

@@ -120,6 +120,21 @@ pub fn number_shot(emitter_spi: &mut impl SpiDevice, shot: u32) -> Result<(), Af
     write(emitter_spi, emitter::SHOT, shot)
 }
 
+/// Delays the window of a dithered shot.
+///
+/// # Errors
+///
+/// [`AfeError::Bus`].
+pub fn delay_shot(
+    adc_spi: &mut impl SpiDevice,
+    settings: &Settings,
+    hardware: &Hardware,
+    shot: u32,
+) -> Result<(), AfeError> {
+    let offset = settings.offset_fs(shot, sample_period_fs(settings.bins as u32, hardware));
+    write(adc_spi, adc::DELAY, delay_fs(settings, hardware).saturating_add_signed(offset))
+}
+
 /// Fires one shot.
 ///
 /// # Errors

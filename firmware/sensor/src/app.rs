@@ -1,6 +1,5 @@
 //! The application: takes commands, drives the front end, runs the DSP, answers.
 
-use echoloop_dsp::accumulate::Accumulator;
 use echoloop_dsp::{Echoes, MAX_CODES, Pipeline, Scratch, Settings};
 use echoloop_link::{
     Answer, BEAMS_PER_REPORT, Command, Decoder, FrameError, Greeting, MAX_FRAME, Nack, Report,
@@ -48,7 +47,6 @@ pub struct App<B> {
     frame: Option<u32>,
     scratch: Scratch,
     codes: [u16; MAX_CODES],
-    shots: Accumulator,
     transmit: [u8; MAX_FRAME],
 }
 
@@ -70,7 +68,6 @@ impl<B: Board> App<B> {
             frame: None,
             scratch: Scratch::new(),
             codes: [0; MAX_CODES],
-            shots: Accumulator::new(),
             transmit: [0; MAX_FRAME],
         }
     }
@@ -221,24 +218,30 @@ impl<B: Board> App<B> {
     }
 
     fn shoot(&mut self, beam: u32) -> Result<Echoes, AfeError> {
-        let Some(Configured { pipeline, .. }) = &self.configured else { return Err(AfeError::Bus) };
+        let Some(Configured { settings, pipeline }) = &self.configured else {
+            return Err(AfeError::Bus);
+        };
+        let hardware = self.board.hardware();
         let config = pipeline.config();
         let codes = self.codes.get_mut(..config.codes()).ok_or(AfeError::Bus)?;
         for shot in 0..config.shots() {
             if config.shots() > 1 {
                 afe::number_shot(self.board.emitter(), shot)?;
             }
+            if settings.phases() > 1 {
+                afe::delay_shot(self.board.adc(), settings, &hardware, shot)?;
+            }
             afe::fire(self.board.emitter(), beam)?;
             if !self.board.samples(codes) {
                 return Err(AfeError::Bus);
             }
             if config.shots() > 1 {
-                self.shots.add(shot, codes);
+                self.scratch.shots().add(shot, codes);
                 self.board.feed_watchdog();
             }
         }
         if config.shots() > 1 {
-            self.shots.read(config.sum_shift(), codes);
+            self.scratch.shots().read(config.sum_shift(), codes);
         }
         Ok(self.board.detect(pipeline, codes, &mut self.scratch))
     }

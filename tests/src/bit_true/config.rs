@@ -4,6 +4,7 @@ use echoloop_dsp::choice::{AmbientEstimator, EchoChoice, TimingMethod};
 use echoloop_dsp::template::Template;
 use echoloop_dsp::{DetectorConfig, Hardware, Settings};
 
+use super::fine::Dithered;
 use super::numbers::{floor_of, nearest, two_to};
 use super::pulse::Pulse;
 use super::split::Sharpener;
@@ -74,6 +75,8 @@ pub struct BitTrue {
     pub range_step: f64,
     /// Range of sample 0, Q16.16 samples, at most 4096 of them.
     pub origin_samples: f64,
+    /// How dithered shots are read.
+    pub(super) dithered: Option<Dithered>,
     /// Finds the peaks that others hide.
     pub sharpener: Option<Sharpener>,
 }
@@ -139,6 +142,7 @@ impl BitTrue {
                 range_step.max(1.0),
             )
             .min(two_to(28)),
+            dithered: Dithered::new(settings, hardware, period_fs),
             sharpener: (settings.echoes > 1).then(|| Sharpener::for_pulse(width_ps, period_fs)),
         }
     }

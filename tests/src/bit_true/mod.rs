@@ -13,7 +13,7 @@
 //! | [`statistics`] | `statistics` |
 //! | [`filter`] | `baseline`, `filter`, the threshold of `detect` |
 //! | [`mod@peaks`] | `detect` |
-//! | [`refine`] | `refine`, `height` |
+//! | [`refine`] | `refine`, `height`, `fine` |
 //! | [`noise`], [`pulse`], [`edges`] | those |
 //! | [`echo`] | `echo` |
 
@@ -22,6 +22,7 @@ pub mod echo;
 pub mod edges;
 pub mod filter;
 pub mod finder;
+mod fine;
 mod height;
 pub mod noise;
 pub mod numbers;

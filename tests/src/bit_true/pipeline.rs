@@ -14,19 +14,34 @@ impl BitTrue {
     /// The codes of several shots as those of one.
     pub fn accumulate(&self, shots: &[Vec<u16>]) -> Vec<u16> {
         let length = shots.first().map_or(0, Vec::len);
-        let sum = |n: usize| shots.iter().map(|codes| f64::from(codes[n])).sum::<f64>();
+        // Four sums of 16 bits each.
+        let lane = |n: usize, lane: usize| {
+            let codes = shots.iter().skip(lane).step_by(4).map(|codes| f64::from(codes[n]));
+            codes.sum::<f64>().min(65_535.0)
+        };
+        let sum = |n: usize| (0..4).map(|k| lane(n, k)).sum::<f64>();
         (0..length).map(|n| nearest(sum(n) / self.sum_divisor).min(65_535.0) as u16).collect()
     }
 
     /// All stages: the codes before the trigger, if any are taken, then the waveform's.
     pub fn process(&self, codes: &[u16]) -> Vec<Echo> {
+        self.process_with(codes, None)
+    }
+
+    /// All stages on as many shots as are set.
+    pub fn process_shots(&self, shots: &[Vec<u16>]) -> Vec<Echo> {
+        let windows: Vec<&[u16]> = shots.iter().map(|codes| &codes[self.pre_trigger..]).collect();
+        self.process_with(&self.accumulate(shots), Some(&windows))
+    }
+
+    fn process_with(&self, codes: &[u16], shots: Option<&[&[u16]]>) -> Vec<Echo> {
         let (before, codes) = codes.split_at(self.pre_trigger.min(codes.len()));
         let codes = &codes[..codes.len().min(MAX_SAMPLES)];
         let statistics = self.with_ambient(self.statistics(codes), before);
         let noise = Noise { sigma: statistics.sigma, shot: self.shot_noise };
         let x = self.baseline(codes, statistics.ambient);
         let (y, f) = (self.filter(&x), self.exact(&x));
-        let wave = Waveform { codes, x: &x, y: &y, f: &f };
+        let wave = Waveform { codes, x: &x, y: &y, f: &f, shots };
         let threshold = self.threshold(&statistics);
         let (found, hidden) = self.split(&wave, peaks(&y, threshold.level), &threshold, &noise);
         let strength = |peak: &Peak| match found.len() {

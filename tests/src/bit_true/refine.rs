@@ -29,6 +29,8 @@ pub struct Waveform<'a> {
     pub y: &'a [f64],
     /// Q9.23.
     pub f: &'a [f64],
+    /// The shots that it is the sum of, where they are known.
+    pub shots: Option<&'a [&'a [u16]]>,
 }
 
 /// Where a side of a peak ends: its distance (Q16.16) and why.
@@ -87,7 +89,10 @@ impl BitTrue {
                 let middle = ((2.0 * peak.index as f64 * SAMPLE + right.distance - left.distance)
                     / 2.0)
                     .floor();
-                let fitted = match clipped.fit() {
+                let fine = self.dithered.as_ref().zip(wave.shots).and_then(|(dithered, shots)| {
+                    dithered.fit(shots, (first, last), threshold.ambient, noise)
+                });
+                let fitted = match fine.or_else(|| clipped.fit()) {
                     Some(e) => {
                         Refined { time: e.time, amplitude: e.amplitude, sigma: e.sigma, ..top }
                     }

@@ -132,7 +132,7 @@ impl Made<'_> {
         let x = padded.get(template.half()..template.half() + codes.len()).unwrap_or_default();
         let waveform = Waveform { codes, x, y };
         let noise = Noise::new(statistics, config.shot_noise());
-        let refiner = Refiner { config, waveform: &waveform, threshold, noise: &noise };
+        let refiner = Refiner { config, waveform: &waveform, threshold, noise: &noise, fine: None };
         let mut echoes = Echoes::new();
         for peak in refiner.chosen(&self.peaks) {
             let refined = refiner.refine(exact, peak);

@@ -1,0 +1,88 @@
+//! The edges of clipped echoes from dithered shots.
+
+use echoloop_dsp::{Hardware, Settings};
+
+use super::edges::{Clipped, Edges};
+use super::noise::Noise;
+use super::numbers::{floor_root, nearest, product, two_to};
+use super::pulse::Pulse;
+
+const SAMPLE: f64 = 65_536.0;
+
+/// How shots that begin at different moments are read as one waveform of a higher rate.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Dithered {
+    phases: usize,
+    /// Shots of a phase.
+    shots: f64,
+    /// Q1.15 LSB of a code of one shot.
+    code: f64,
+    /// Lowest saturated sum of a phase.
+    clip: f64,
+    pulse: Pulse,
+}
+
+impl Dithered {
+    /// None where shots are not dithered, or the pulse is longer than can be held.
+    pub(super) fn new(settings: &Settings, hardware: &Hardware, period_fs: f64) -> Option<Self> {
+        let phases = if settings.dither == 1 { settings.shots.min(4) } else { 1 };
+        let shots = f64::from(settings.shots) / f64::from(phases);
+        let bits = hardware.adc_bits as i32;
+        let width_ps = f64::from(settings.pulse_width_ps) * f64::from(phases);
+        (phases > 1 && width_ps * 1e3 <= 127.0 * period_fs).then(|| Self {
+            phases: phases as usize,
+            shots,
+            code: two_to(15 - bits),
+            clip: nearest(f64::from(settings.saturation_ppm) * shots * (two_to(bits) - 1.0) / 1e6)
+                .min(65_535.0),
+            pulse: Pulse::new(width_ps, period_fs),
+        })
+    }
+
+    /// Of a run of clipped samples; `shots` are those of the waveform alone.
+    pub(super) fn fit(
+        &self,
+        shots: &[&[u16]],
+        (first, last): (usize, usize),
+        ambient: f64,
+        noise: &Noise,
+    ) -> Option<Edges> {
+        let samples = shots.first()?.len();
+        // Every fourth shot, in the order in which they sample.
+        let sum = |n: usize, phase: usize| {
+            let of_phase = shots.iter().enumerate().filter(|(k, _)| k % self.phases == phase);
+            of_phase.map(|(_, codes)| f64::from(codes[n])).sum::<f64>()
+        };
+        let from = first.checked_sub(4)?;
+        let to = (last + 5).min(samples);
+        let fine: Vec<f64> =
+            (from..to).flat_map(|n| (0..self.phases).map(move |k| sum(n, k))).collect();
+        let middle = (first + last) * self.phases / 2 - from * self.phases;
+        if fine.len() > 512 || fine[middle] < self.clip {
+            return None;
+        }
+        let begin = (0..middle).rfind(|&j| fine[j] < self.clip).map_or(0, |j| j + 1);
+        let end = (middle..fine.len()).find(|&j| fine[j] < self.clip).unwrap_or(fine.len()) - 1;
+        let in_q15 = |sum: f64| (sum * self.code / self.shots).floor() - ambient;
+        let x: Vec<f64> = fine
+            .iter()
+            .map(|&sum| in_q15(sum.min(self.clip)).clamp(-two_to(15), two_to(15) - 1.0))
+            .collect();
+        let root = floor_root(product(two_to(30), self.phases as f64));
+        let most = two_to(32) - 1.0;
+        let noise = Noise {
+            sigma: ((product(noise.sigma, root) >> 15) as f64).min(most),
+            shot: (noise.shot * self.phases as f64).min(most),
+        };
+        let level = in_q15(self.clip).max(1.0);
+        let clipped = Clipped { pulse: &self.pulse, x: &x, level, first: begin, last: end, noise };
+        let edges = clipped.fit()?;
+        let phases = self.phases as f64;
+        let time = edges.time + (from * self.phases) as f64 * SAMPLE;
+        Some(Edges {
+            time: ((2.0 * time - (phases - 1.0) * SAMPLE) / (2.0 * phases)).floor(),
+            sigma: (edges.sigma / phases).floor(),
+            ..edges
+        })
+    }
+}
