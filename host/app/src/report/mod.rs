@@ -20,6 +20,7 @@ mod format;
 mod page;
 mod pairs;
 mod plot;
+mod response;
 mod theme;
 mod trajectories;
 
@@ -29,6 +30,7 @@ pub use data::{
     ParameterTrace, PoseError, Report, RowKind,
 };
 pub use error::ReportError;
+pub use response::ResponsePage;
 
 impl Report {
     /// The page, complete.

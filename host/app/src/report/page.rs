@@ -23,27 +23,33 @@ pub(super) fn page(report: &Report) -> String {
         notes(&report.notes),
     ]
     .concat();
+    document(&report.title, &sections, VIEWER)
+}
+
+/// A whole page around sections.
+pub(super) fn document(title: &str, sections: &str, script: &str) -> String {
     format!(
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
          <meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\n\
          <meta name=\"color-scheme\" content=\"light dark\">\n<link rel=\"icon\" href=\"data:,\">\n\
          <title>{}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n{sections}</main>\n\
-         <script>\n{VIEWER}</script>\n</body>\n</html>\n",
-        escape(&report.title)
+         <script>\n{script}</script>\n</body>\n</html>\n",
+        escape(title)
     )
 }
 
+/// Names and values.
+pub(super) fn facts(facts: &[(String, String)]) -> String {
+    let fact = |(name, value): &(String, String)| {
+        format!("<div><dt>{}</dt><dd>{}</dd></div>", escape(name), escape(value))
+    };
+    let facts: String = facts.iter().map(fact).collect();
+    if facts.is_empty() { facts } else { format!("<dl class=\"facts\">{facts}</dl>\n") }
+}
+
 fn header(report: &Report) -> String {
-    let facts: String = report
-        .facts
-        .iter()
-        .map(|(name, value)| {
-            format!("<div><dt>{}</dt><dd>{}</dd></div>", escape(name), escape(value))
-        })
-        .collect();
-    let facts =
-        if facts.is_empty() { facts } else { format!("<dl class=\"facts\">{facts}</dl>\n") };
+    let facts = facts(&report.facts);
     format!(
         "<header><p class=\"eyebrow\">Echoloop</p><h1>{}</h1><p class=\"subtitle\">{}</p>\
          <p class=\"headline\">{}</p>{}{facts}</header>\n",

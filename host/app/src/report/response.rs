@@ -1,0 +1,82 @@
+//! The response of an instrument as a page of its own.
+
+use super::axis::Axis;
+use super::format::escape;
+use super::page::{document, facts};
+use super::plot::{Frame, Px, Sample, chart, legend};
+
+const SIZE: Px = [880.0, 310.0];
+
+/// Half of the second plot's height, over the response's: what comes after the lobe is low.
+const CLOSE_UP: f64 = 0.15;
+
+/// A response to draw: equally many lags, levels and spreads.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ResponsePage {
+    /// Whose it is.
+    pub title: String,
+    /// Names and values that stand above.
+    pub facts: Vec<(String, String)>,
+    /// From the top, ns.
+    pub lag_ns: Vec<f64>,
+    /// Over the top's.
+    pub level: Vec<f64>,
+    /// σ of single echoes around it, over their height.
+    pub spread: Vec<f64>,
+}
+
+impl ResponsePage {
+    /// The page, complete.
+    pub fn to_html(&self) -> String {
+        let keys = [
+            ("best", Sample::Line, "response"),
+            ("band", Sample::Area, "single echoes, one σ either way"),
+        ];
+        let whole = self.plot(Axis::around(self.level.iter().copied()), "level");
+        let close = self.plot(Axis::between(-CLOSE_UP, CLOSE_UP, false), "level, close up");
+        let title = escape(&self.title);
+        let sections = format!(
+            "<header><p class=\"eyebrow\">Echoloop</p><h1>{title}</h1>{}</header>\n\
+             <section id=\"response\"><figure>{whole}{close}{}</figure></section>\n",
+            facts(&self.facts),
+            legend(&keys)
+        );
+        document(&self.title, &sections, "")
+    }
+
+    fn plot(&self, y: Axis, y_title: &str) -> String {
+        let around = |sign: f64| {
+            self.level.iter().zip(&self.spread).map(|(l, s)| l + sign * s).collect::<Vec<_>>()
+        };
+        let (low, high) = (around(-1.0), around(1.0));
+        let label = format!("Line plot of the response: {y_title} over the lag from its top.");
+        let frame = Frame { size: SIZE, label: &label, y_title, x_title: "ns after the top" };
+        let ends = (self.lag_ns.first().copied(), self.lag_ns.last().copied());
+        let x = Axis::between(ends.0.unwrap_or(0.0), ends.1.unwrap_or(1.0), false);
+        chart(&frame, x, y, |chart| {
+            chart.band("band", &self.lag_ns, &low, &high)?;
+            chart.line("best", &self.lag_ns, &self.level)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_response_is_drawn_twice_and_one_without_points_is_still_a_page() {
+        let page = ResponsePage {
+            title: "a <b>".into(),
+            facts: vec![("width".into(), "5 ns".into())],
+            lag_ns: vec![-1.0, 0.0, 1.0],
+            level: vec![0.1, 1.0, 0.3],
+            spread: vec![0.01; 3],
+        };
+        let html = page.to_html();
+        assert_eq!(html.matches("Line plot of the response").count(), 2);
+        assert!(html.contains("a &lt;b&gt;") && html.contains("<dd>5 ns</dd>"));
+        let empty = ResponsePage::default().to_html();
+        assert!(empty.ends_with("</html>\n") && !empty.contains("NaN"));
+    }
+}
