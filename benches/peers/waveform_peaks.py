@@ -73,11 +73,11 @@ def write(path, rows):
     path.write_text("".join(",".join(f"{v:g}" for v in row) + "\n" for row in rows))
 
 
-def ours(binary, rows, outgoing=None):
+def ours(binary, rows, outgoing=None, more=()):
     with tempfile.TemporaryDirectory() as folder:
         waves, pulses = Path(folder) / "waves.csv", Path(folder) / "outgoing.csv"
         write(waves, rows)
-        command = [binary, "echoes", waves, "--sample-ns", "1", "--json"]
+        command = [binary, "echoes", waves, "--sample-ns", "1", "--json", *more]
         if outgoing:
             write(pulses, outgoing)
             command += ["--outgoing", pulses]
@@ -121,6 +121,8 @@ def main():
         line(f"`find_peaks`, height and prominence {share:g}", [by_prominence(share)(r) for r in rows], places)
     line("ours", ours(binary, rows), places)
     line("ours, `--outgoing`", with_outgoing, places)
+    line("ours, `--no-response`", ours(binary, rows, more=["--no-response"]), places)
+    line("ours, `--no-response --outgoing`", ours(binary, rows, outgoing, ["--no-response"]), places)
     confusion = Counter((len(p), len(f)) for f, p in zip(with_outgoing, places) if p)
     print("\npublished, found: pulses\n" + ", ".join(f"{p}, {f}: {n}" for (p, f), n in sorted(confusion.items())))
     for calls in ("guess_peaks", "find_peaks"):

@@ -7,6 +7,7 @@
 //! | [`float_reference`] | is that good enough? Never rounds; compared within [`tolerance`] |
 //! | [`target`], [`gdb`] | does the microcontroller say the same? Boards in QEMU |
 //! | [`faults`] | what if the line is bad? |
+//! | [`instruments`] | whose recordings, and which echoes are in them? |
 //! | [`harness`] | what if the bytes are any? |
 //! | [`readers`] | what if a file is any? |
 
@@ -16,6 +17,7 @@ pub mod float_reference;
 #[cfg(unix)]
 pub mod gdb;
 pub mod harness;
+pub mod instruments;
 pub mod readers;
 
 #[cfg(unix)]

@@ -6,7 +6,7 @@
 //! | [`obj`] | a mesh; after a zero byte its material library | it can be scanned |
 //! | [`mesh_ply`] | a mesh | it can be scanned |
 //! | [`cloud_ply`], [`pcd`], [`vtk`], [`kitti`], [`xyz`] | a cloud | echoes, no more than bytes |
-//! | [`rows`] | waveforms, CSV or NumPy | finite, no more than bytes |
+//! | [`rows`] | waveforms or a response, CSV or NumPy | finite, no more than bytes |
 //! | [`pose`] | a motion | a rotation |
 //! | [`configuration`] | TOML | it reads back as itself |
 //! | [`journal`] | lines; also with checksums put on | no more generations than lines |
@@ -18,7 +18,7 @@ use std::path::Path;
 
 use echoloop_host::experiment::config;
 use echoloop_host::experiment::journal::{sealed_lines, whole_generations};
-use echoloop_host::waveforms::parse_waveforms;
+use echoloop_host::waveforms::{Response, parse_waveforms};
 use echoloop_registration::cloud::parse_cloud;
 use echoloop_registration::pose::parse_pose;
 use echoloop_sim::import::{Ground, ImportOptions, library_surfaces, parse_scene};
@@ -113,7 +113,7 @@ pub fn xyz(bytes: &[u8]) -> bool {
     cloud("any.xyz", bytes, bytes.len())
 }
 
-/// Waveforms.
+/// Waveforms, and the same rows as an instrument's response.
 pub fn rows(bytes: &[u8]) -> bool {
     let Some(rows) = told(parse_waveforms(Path::new("any"), bytes.to_vec())) else { return false };
     let numbers: usize = (0..rows.len())
@@ -124,6 +124,9 @@ pub fn rows(bytes: &[u8]) -> bool {
         })
         .sum();
     assert!(rows.len() + numbers <= 2 * bytes.len(), "{} bytes", bytes.len());
+    if let Some(response) = told(Response::of_points(Path::new("any"), &rows, 1.0)) {
+        assert!(response.width() >= 1.0 && response.points().all(|(_, level, _)| level <= 1.0));
+    }
     true
 }
 

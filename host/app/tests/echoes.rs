@@ -368,6 +368,8 @@ fn options_choose_among_the_echoes() {
     assert_eq!(times(&["--floor", "0.01"]), 4);
     assert_eq!(times(&["--floor", "0.5"]), 1);
     assert_eq!(times(&["--max-echoes", "2"]), 2);
+    let only = &echoes(&fixture, std::slice::from_ref(&row), &["--max-echoes", "1"])[0];
+    assert!((numbers(only, "time_ns")[0] - 60.0).abs() < 0.1, "the strongest: {only}");
     assert_eq!(times(&["--max-echoes", "0"]), 0);
     assert_eq!(times(&["--min-separation-ns", "35"]), 1);
 }
@@ -415,6 +417,107 @@ fn the_number_of_threads_changes_nothing_and_people_get_a_table() {
         "{}",
         output.stdout
     );
+}
+
+/// Rows of an instrument of 8 bits whose pulse of 6 ns is repeated at 9 % after 23.4 ns, one wide
+/// or narrow echo a row; every fourth row has another one behind it.
+fn ringing_rows(rows: usize) -> Vec<Vec<f64>> {
+    let row = |i: usize| {
+        let i = i as f64;
+        let (at, high, width) = (30.0 + (i * 0.37) % 7.0, 120.0 + (i * 13.0) % 110.0, 6.0);
+        let width = if i % 3.0 == 0.0 { 2.0 * width } else { width };
+        let mut echoes = vec![(at, high, width), (at + 23.4, 0.09 * high, width)];
+        if i % 4.0 == 1.0 {
+            echoes.push((at + 40.0 + i % 5.0, 0.5 * high, 6.0));
+        }
+        record(130, 12.0, &echoes)
+    };
+    (0..rows).map(row).collect()
+}
+
+fn count(found: &[Value]) -> Vec<usize> {
+    found.iter().map(|waveform| numbers(waveform, "time_ns").len()).collect()
+}
+
+#[test]
+fn what_the_instrument_repeats_after_every_echo_is_no_echo() {
+    let fixture = Fixture::new();
+    let rows = ringing_rows(160);
+    let truth: Vec<usize> = (0..160).map(|i| 1 + usize::from(i % 4 == 1)).collect();
+    assert_eq!(count(&echoes(&fixture, &rows, &[])), truth);
+    let without = count(&echoes(&fixture, &rows, &["--no-response"]));
+    assert!(without.iter().sum::<usize>() > truth.iter().sum::<usize>() + 150, "{without:?}");
+}
+
+#[test]
+fn the_response_is_told_drawn_written_and_read_again() {
+    let fixture = Fixture::new();
+    let rows = ringing_rows(160);
+    let more = ["--write-response", "response.csv", "--plot-response", "response.html"];
+    let found = echoes(&fixture, &rows, &more);
+    let told = fixture.succeed(&["echoes", "waves.csv", "--sample-ns", "1"]).stderr;
+    assert!(
+        told.contains("response: from ") && told.contains("+9.") && told.contains("at 23."),
+        "{told}"
+    );
+    assert!(fixture.read("response.html").contains("Response of waves.csv"));
+    assert_eq!(count(&echoes(&fixture, &rows, &["--response", "response.csv"])), count(&found));
+    let one = std::slice::from_ref(&rows[0]);
+    assert_eq!(count(&echoes(&fixture, one, &[])), [2], "a row alone tells no response");
+    assert_eq!(count(&echoes(&fixture, one, &["--response", "response.csv"])), [1]);
+    // Times of the file are nanoseconds, whatever the samples are.
+    fixture.write("twice.csv", csv(&rows));
+    let read = ["echoes", "twice.csv", "--sample-ns", "2", "--response", "response.csv"];
+    assert!(fixture.succeed(&read).stderr.contains("width 6."));
+}
+
+#[test]
+fn a_recording_that_shows_no_response_gives_what_it_gave_without_one() {
+    let fixture = Fixture::new();
+    let rows = [vec![], vec![7.0; 90], record(90, 10.0, &[(30.0, 500.0, 6.0), (52.0, 60.0, 6.0)])];
+    for rows in [&rows[2..], &rows[..2], &rows[..]] {
+        assert_eq!(echoes(&fixture, rows, &[]), echoes(&fixture, rows, &["--no-response"]));
+        let plain = ["echoes", "waves.csv", "--sample-ns", "1"];
+        let said = fixture.succeed(&plain).stderr;
+        assert!(said.contains("40 are needed to tell the instrument's response"), "{said}");
+        assert_eq!(fixture.succeed(&[&plain[..], &["--quiet"]].concat()).stderr, "");
+        let asked = [&plain[..], &["--write-response", "response.csv"]].concat();
+        fixture.refuses(&asked, &["40 are needed"]);
+    }
+}
+
+#[test]
+fn a_response_longer_than_the_rows_is_as_good_as_its_part() {
+    let fixture = Fixture::new();
+    let point = |k: i32| {
+        let level = (-4.0 * 2f64.ln() * (f64::from(k) / 12.0).powi(2)).exp();
+        vec![f64::from(k) / 2.0, level]
+    };
+    fixture.write("long.csv", csv(&(-400..4000).map(point).collect::<Vec<_>>()));
+    let rows = [record(40, 10.0, &[(14.0, 500.0, 6.0), (26.0, 300.0, 6.0)]), vec![1.0, 9.0, 2.0]];
+    let found = echoes(&fixture, &rows, &["--response", "long.csv"]);
+    assert_eq!(count(&found), [2, 1]);
+}
+
+#[test]
+fn a_file_that_is_no_response_is_refused_with_its_name() {
+    let fixture = Fixture::new();
+    fixture.write("waves.csv", csv(&ringing_rows(3)));
+    fixture.write("row.csv", "1,2,3,4,5,6,7\n");
+    fixture.write("flat.csv", "0,1\n1,1\n2,1\n3,1\n4,1\n5,1\n");
+    fixture.write("nan.csv", "0,1\n1,nan\n");
+    for (name, message) in [
+        ("row.csv", "row.csv: expected 5 to 100000 rows of a response, found 1"),
+        ("flat.csv", "flat.csv: expected levels of a pulse"),
+        ("nan.csv", "nan.csv: row 2, column 2: expected a finite number, found 'nan'"),
+        ("absent.csv", "absent.csv"),
+    ] {
+        let arguments = ["echoes", "waves.csv", "--sample-ns", "1", "--response", name];
+        fixture.refuses(&arguments, &[message]);
+    }
+    let both =
+        ["echoes", "waves.csv", "--sample-ns", "1", "--response", "row.csv", "--no-response"];
+    fixture.refuses(&both, &["--no-response"]);
 }
 
 /// Of places within `tolerance` of each other, greedily by distance, how many pair up.
@@ -474,7 +577,7 @@ fn nine_of_ten_published_components_of_neon_are_found_with_few_extra_echoes() {
         }
         println!("NEON {name}: {hits} of {published} within 2 ns, {extra} extra");
         assert!(hits * 100 >= published * 88, "{name}: {hits} of {published}");
-        assert!(extra <= 60, "{name}: {extra} extra echoes");
+        assert!(extra <= 40, "{name}: {extra} extra echoes");
     }
 }
 

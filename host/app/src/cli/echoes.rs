@@ -10,6 +10,7 @@ use echoloop_dsp::peak::MAX_CANDIDATES;
 
 use super::common::{Common, on_threads};
 use super::exit::{Failure, print};
+use super::response::{ResponseArgs, told};
 use crate::waveforms::{Finder, Options, Rows, Waveform, echoes, read_waveforms};
 
 /// Flags of `echoes`.
@@ -28,6 +29,8 @@ pub(crate) struct EchoesArgs {
     /// width, shape and time.
     #[arg(long, value_name = "FILE")]
     outgoing: Option<PathBuf>,
+    #[command(flatten)]
+    response: ResponseArgs,
     /// Least height of an echo over the noise.
     #[arg(long, default_value_t = 5.0, value_name = "RATIO")]
     snr: f64,
@@ -46,10 +49,20 @@ pub(crate) struct EchoesArgs {
 
 pub(super) fn run(args: &EchoesArgs) -> Result<(), Failure> {
     let finder = Finder::new(options(args)?);
+    let outputs = args.response.outputs()?;
     let rows = read_waveforms(&args.waves).map_err(Failure::usage)?;
     let outgoing =
         args.outgoing.as_ref().map(|path| outgoing(args, path, rows.len())).transpose()?;
-    on_threads(args.common.threads, || print_all(args, &finder, &rows, outgoing.as_ref()))?
+    on_threads(args.common.threads, || {
+        let response = args.response.find(&rows, args.sample_ns, args.common.quiet)?;
+        if let Some(response) = &response {
+            outputs.write(response, &args.waves, args.sample_ns)?;
+            if !args.common.quiet {
+                say(told(response, args.sample_ns));
+            }
+        }
+        print_all(args, &finder.with_response(response), &rows, outgoing.as_ref())
+    })?
 }
 
 /// Part by part, in the order of the rows.

@@ -19,6 +19,7 @@ mod parameter_table;
 mod prepared;
 mod progress;
 mod register;
+mod response;
 mod scan;
 mod sensor;
 mod serve;

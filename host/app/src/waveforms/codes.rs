@@ -47,9 +47,14 @@ impl Codes {
         Self { codes, shift: 15u32.saturating_sub(bits).clamp(1, 7), unit }
     }
 
+    /// A height in Q1.15 in codes.
+    pub fn of_height(&self, height: i64) -> f64 {
+        height as f64 / f64::from(1u32 << self.shift)
+    }
+
     /// A height in Q1.15 in the input's units.
     pub fn to_units(&self, height: i64) -> f64 {
-        (height as f64 / f64::from(1u32 << self.shift) * self.unit).min(f64::MAX)
+        (self.of_height(height) * self.unit).min(f64::MAX)
     }
 }
 

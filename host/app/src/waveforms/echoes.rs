@@ -7,7 +7,8 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::codes::Codes;
-use super::finder::{EchoFinder, FinderConfig, FoundEcho, Pulse};
+use super::finder::{EchoFinder, FinderConfig, FoundEcho, Pulse, from_samples, samples};
+use super::response::{Candidate, Record, Response, Verdict, at_rest};
 use super::rows::{Rows, without_padding};
 
 /// How echoes are looked for.
@@ -54,16 +55,32 @@ pub struct Waveform {
 /// Samples that two pieces of a long record share.
 const OVERLAP: usize = 600;
 
+/// Share of the response's width that the finder takes for the pulse's: the echoes that the
+/// response comes from met surfaces, too.
+const PULSE_OF_RESPONSE: f64 = 0.7;
+
 /// Finds the echoes of many rows, the same on any number of threads.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Finder {
     options: Options,
+    response: Option<Response>,
 }
 
 impl Finder {
     /// A finder.
     pub fn new(options: Options) -> Self {
-        Self { options }
+        Self { options, response: None }
+    }
+
+    /// With the instrument's response: what it explains is no echo.
+    #[must_use]
+    pub fn with_response(self, response: Option<Response>) -> Self {
+        Self { response, ..self }
+    }
+
+    /// The response, if there is one.
+    pub fn response(&self) -> Option<&Response> {
+        self.response.as_ref()
     }
 
     /// Finds the echoes of every row; `outgoing` holds the emitted pulse of each row, or one for
@@ -112,8 +129,11 @@ impl Finder {
         codes: &Codes,
         pulse: Option<Pulse>,
     ) -> Waveform {
-        let search = self.search(codes.shift, pulse);
+        let search = self.search(codes.shift, pulse.or_else(|| self.known_pulse()));
         let mut found = pieces(finder, &codes.codes, &search);
+        if let Some(response) = &self.response {
+            drop_explained(response, codes, &mut found);
+        }
         let highest = found.iter().map(|echo| echo.amplitude).max().unwrap_or_default();
         found.retain(|echo| {
             echo.amplitude as f64 >= self.options.floor * highest as f64
@@ -124,6 +144,12 @@ impl Finder {
         found.sort_by_key(|echo| echo.time);
         let echoes = found.iter().map(|echo| self.echo(echo, codes)).collect();
         Waveform { waveform, outgoing_peak_ns: pulse.map(|pulse| self.ns(pulse.time)), echoes }
+    }
+
+    /// Of an emitted pulse that nobody recorded, the width at least.
+    fn known_pulse(&self) -> Option<Pulse> {
+        let width = PULSE_OF_RESPONSE * self.response.as_ref()?.width();
+        Some(Pulse { width: from_samples(width), ..Pulse::default() })
     }
 
     fn search(&self, code_shift: u32, pulse: Option<Pulse>) -> FinderConfig {
@@ -149,13 +175,38 @@ impl Finder {
     }
 
     /// Q16.16 samples as ns, to a thousandth of a sample or so.
-    fn ns(&self, samples: i64) -> f64 {
-        shortened(samples as f64 / 65_536.0 * self.options.sample_ns)
+    fn ns(&self, time: i64) -> f64 {
+        shortened(samples(time) * self.options.sample_ns)
     }
 }
 
 fn finder() -> Box<EchoFinder> {
     Box::new(EchoFinder::new())
+}
+
+/// Drops the tops that the response explains; an echo that took some in has the time and width of
+/// all.
+fn drop_explained(response: &Response, codes: &Codes, found: &mut Vec<FoundEcho>) {
+    if found.len() < 2 {
+        return;
+    }
+    let piece = &codes.codes[..codes.codes.len().min(MAX_SAMPLES)];
+    let (x, sigma) = at_rest(codes, piece);
+    let candidate = |echo: &FoundEcho| Candidate {
+        time: samples(echo.time),
+        height: codes.of_height(echo.amplitude),
+        width: samples(echo.width),
+    };
+    let candidates: Vec<Candidate> = found.iter().map(candidate).collect();
+    let record = Record { x: &x, sigma, unit: codes.unit };
+    let mut verdicts = response.explain(&record, &candidates).into_iter();
+    found.retain_mut(|echo| match verdicts.next() {
+        Some(Verdict::Whole { time, width }) => {
+            (echo.time, echo.width) = (from_samples(time), from_samples(width));
+            true
+        }
+        verdict => verdict != Some(Verdict::Explained),
+    });
 }
 
 /// What a row says of the emitted pulse.

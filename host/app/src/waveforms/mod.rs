@@ -2,10 +2,12 @@
 //!
 //! ```text
 //! file ─ read → rows of numbers ─ codes → ADC codes ─ finder → samples ─ echoes → ns, own units
+//!                    └─ response: what the instrument adds ───────────────┘
 //! ```
 //!
 //! [`read_waveforms`] takes a file, [`Finder::find`] its rows and, if there are any, the rows of
-//! the emitted pulse. The detector is [`finder`], another than the sensor's. To read another
+//! the emitted pulse. The detector is [`finder`], another than the sensor's; what [`response`]
+//! explains is no echo. To read another
 //! format, add a file beside `csv` and `npy`, and what tells it in [`read`].
 //!
 //! ```
@@ -33,8 +35,10 @@ pub mod finder;
 mod npy;
 mod problem;
 pub mod read;
+pub mod response;
 mod rows;
 
 pub use echoes::{Echo, Finder, Options, Waveform};
 pub use read::{WaveformError, parse_waveforms, read_waveforms};
+pub use response::Response;
 pub use rows::Rows;

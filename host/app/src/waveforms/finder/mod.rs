@@ -386,6 +386,16 @@ impl Pulse {
     }
 }
 
+/// Samples of a time or width in Q16.16.
+pub fn samples(time: i64) -> f64 {
+    time as f64 / 65_536.0
+}
+
+/// As Q16.16, rounded down.
+pub fn from_samples(time: f64) -> i64 {
+    (time * 65_536.0).floor() as i64
+}
+
 /// Keeps the highest, of equals the first, as many as asked for, each far enough from those above
 /// it; by rising time.
 fn keep_strongest(found: &mut FoundEchoes, search: &FinderConfig) {

@@ -1,0 +1,136 @@
+//! The instrument's response, as `echoes` takes it, tells it and writes it.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use super::exit::Failure;
+use crate::experiment::files::Output;
+use crate::report::ResponsePage;
+use crate::said::say;
+use crate::waveforms::response::{Later, Response};
+use crate::waveforms::{Rows, read_waveforms};
+
+/// Where the response comes from, and where it goes.
+#[derive(Clone, Debug, Args)]
+pub(super) struct ResponseArgs {
+    /// The instrument's response, a point a row: time_ns,level or time_ns,level,spread. Without it
+    /// the waveforms' own strong echoes tell it.
+    #[arg(long, value_name = "FILE", conflicts_with = "no_response")]
+    response: Option<PathBuf>,
+    /// Take every top for an echo, whatever the instrument adds after a strong one.
+    #[arg(long)]
+    no_response: bool,
+    /// Where to write the response, in the format that --response reads (CSV).
+    #[arg(long, value_name = "FILE", conflicts_with = "no_response")]
+    write_response: Option<PathBuf>,
+    /// Where to draw the response (HTML).
+    #[arg(long, value_name = "FILE", conflicts_with = "no_response")]
+    plot_response: Option<PathBuf>,
+}
+
+/// The files that are to be written, seen to be free.
+pub(super) struct Outputs {
+    csv: Option<Output>,
+    page: Option<Output>,
+}
+
+impl ResponseArgs {
+    /// Sees whether what is asked can be written, before any work.
+    pub(super) fn outputs(&self) -> Result<Outputs, Failure> {
+        let at = |path: &Option<PathBuf>| path.as_deref().map(Output::at).transpose();
+        Ok(Outputs { csv: at(&self.write_response)?, page: at(&self.plot_response)? })
+    }
+
+    /// The response given, or that of the rows, if they show one.
+    pub(super) fn find(
+        &self,
+        rows: &Rows,
+        sample_ns: f64,
+        quiet: bool,
+    ) -> Result<Option<Response>, Failure> {
+        let found = match (&self.response, self.no_response) {
+            (_, true) => return Ok(None),
+            (Some(path), _) => {
+                let points = read_waveforms(path).map_err(Failure::usage)?;
+                let given = Response::of_points(path, &points, sample_ns);
+                Ok(given.map_err(Failure::usage)?.with_noise_of(rows))
+            }
+            (None, _) => Response::of_rows(rows),
+        };
+        match found {
+            Ok(response) => Ok(Some(response)),
+            Err(problem) if self.write_response.is_some() || self.plot_response.is_some() => {
+                Err(Failure::usage(problem))
+            }
+            Err(problem) => {
+                if !quiet {
+                    say(format_args!("remark: {problem}; what it rings may count as echoes"));
+                }
+                Ok(None)
+            }
+        }
+    }
+}
+
+impl Outputs {
+    /// Writes and draws a response.
+    pub(super) fn write(
+        &self,
+        response: &Response,
+        waves: &Path,
+        sample_ns: f64,
+    ) -> Result<(), Failure> {
+        if let Some(output) = &self.csv {
+            output.write(response.to_csv(sample_ns).as_bytes())?;
+        }
+        if let Some(output) = &self.page {
+            output.write(page(response, waves, sample_ns).to_html().as_bytes())?;
+        }
+        Ok(())
+    }
+}
+
+/// What a response is, in a line.
+pub(super) fn told(response: &Response, sample_ns: f64) -> String {
+    let facts = facts(response, sample_ns);
+    let told: Vec<String> = facts.iter().map(|(name, value)| format!("{name} {value}")).collect();
+    format!("response: {}", told.join("; "))
+}
+
+fn facts(response: &Response, sample_ns: f64) -> Vec<(String, String)> {
+    let later = |at: &Later| format!("{:+.1} % at {:.1} ns", 100.0 * at.level, at.lag * sample_ns);
+    let later: Vec<String> = response.later().iter().map(later).collect();
+    let from = match response.echoes {
+        Some(echoes) => format!("{echoes} echoes"),
+        None => "a file".into(),
+    };
+    let rest = match response.noise {
+        0.0 => "unknown, for too little of the records is at rest".into(),
+        noise => format!("{noise:.3}"),
+    };
+    let afterwards = if later.is_empty() { "nothing of 1 %".into() } else { later.join(", ") };
+    [
+        ("from", from),
+        ("width", format!("{:.3} ns", response.width() * sample_ns)),
+        ("tail", format!("{:.1} % of its light", 100.0 * response.tail())),
+        ("turns after the lobe", afterwards),
+        ("noise at rest", rest),
+    ]
+    .map(|(name, value)| (name.to_owned(), value))
+    .into()
+}
+
+fn page(response: &Response, waves: &Path, sample_ns: f64) -> ResponsePage {
+    let mut page = ResponsePage {
+        title: format!("Response of {}", waves.display()),
+        facts: facts(response, sample_ns),
+        ..ResponsePage::default()
+    };
+    for (lag, level, spread) in response.points() {
+        page.lag_ns.push(lag * sample_ns);
+        page.level.push(level);
+        page.spread.push(spread);
+    }
+    page
+}

@@ -1,0 +1,345 @@
+//! Which of a record's tops are echoes, once the response is known.
+
+use super::curve::FLAT;
+use super::estimate::LOBE;
+use super::fit::{Fit, Part, samples};
+use super::model::Response;
+
+/// What an echo must improve the fit by, over what noise and the model's error do.
+const SIGNIFICANT: f64 = 2.0;
+
+/// Least height over noise and the error of what the others add.
+const CLEAR: f64 = 6.0;
+
+/// Least height over what the others' response has there after its lobe.
+const OVER_REPEATS: f64 = 0.5;
+
+/// Least height over the highest.
+const LEAST: f64 = 0.03;
+
+/// How far a fitted echo may lie from its top, over the greater of both widths.
+const NEAR: f64 = 0.6;
+
+/// How far a surface is from a Gaussian: of an echo much wider than the response, over its height.
+const SURFACE_ERROR: f64 = 0.05;
+
+/// Least depth of a valley that shows two echoes: over noise, and over the lower top.
+const VALLEY_OVER_NOISE: f64 = 10.0;
+const VALLEY: f64 = 0.05;
+
+/// A top of a record: samples and codes.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::waveforms) struct Candidate {
+    pub(in crate::waveforms) time: f64,
+    pub(in crate::waveforms) height: f64,
+    pub(in crate::waveforms) width: f64,
+}
+
+/// What became of a top.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::waveforms) enum Verdict {
+    /// An echo.
+    Echo,
+    /// An echo, and others' tops are its own: the time and width of all together, samples.
+    Whole {
+        /// Of the fitted top.
+        time: f64,
+        /// Full width at half maximum.
+        width: f64,
+    },
+    /// What other echoes explain.
+    Explained,
+}
+
+/// A record: samples without ambient, codes of `unit`, whose own noise is `sigma` codes.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::waveforms) struct Record<'a> {
+    pub(in crate::waveforms) x: &'a [f64],
+    pub(in crate::waveforms) sigma: f64,
+    pub(in crate::waveforms) unit: f64,
+}
+
+impl Response {
+    /// Which tops are echoes, in the order given.
+    ///
+    /// All are fitted, each as the response on a surface. Then, from the lowest up to the second
+    /// highest, a top c is taken out, and its neighbours n are fitted without it (R₁ is left) and
+    /// with it (R₂):
+    ///
+    /// ```text
+    /// significant   √((R₁ − R₂)/Σ h²) ≥ 2·√(σ_A² + e²)
+    /// e²            = Σ A²·(spread² + (0.05·k·h)²)   at c, over the other echoes
+    /// clear         A_c ≥ 6·√(σ_A² + Σ A²·spread²), ½·Σ A·h after the lobe, 0.03·max A
+    /// two           a valley beside c, at least max(10·σ, 5 % of c) deep, at most half of which
+    ///               the others make
+    /// c stays       if it is clear, and significant with its fit in its place, or two
+    /// ```
+    ///
+    /// σ and σ_A are the noise of a sample and of a height; k grows from 0 to 1 with the surface.
+    /// A top that goes leaves its light to its neighbours. The lowest go first, because what two
+    /// wrong ones explain together looks necessary only to each of them.
+    pub(in crate::waveforms) fn explain(
+        &self,
+        record: &Record<'_>,
+        candidates: &[Candidate],
+    ) -> Vec<Verdict> {
+        if candidates.len() < 2 || record.x.is_empty() {
+            return vec![Verdict::Echo; candidates.len()];
+        }
+        let mut order: Vec<usize> = (0..candidates.len()).collect();
+        order.sort_by(|&a, &b| candidates[b].height.total_cmp(&candidates[a].height));
+        let mut work = Work::new(self, record, candidates);
+        work.fit_each(&order);
+        for &index in order[1..].iter().rev() {
+            work.decide(index);
+        }
+        work.verdicts()
+    }
+}
+
+/// A candidate as it is understood so far.
+#[derive(Clone, Copy, Debug)]
+struct State {
+    part: Part,
+    stays: bool,
+    /// Whether it took in another top of its lobe.
+    grew: bool,
+}
+
+struct Work<'a> {
+    response: &'a Response,
+    x: &'a [f64],
+    candidates: &'a [Candidate],
+    /// σ, codes.
+    noise: f64,
+    /// σ_A, codes.
+    height_noise: f64,
+    /// What no part explains.
+    left: Vec<f64>,
+    states: Vec<State>,
+}
+
+impl<'a> Work<'a> {
+    fn new(response: &'a Response, record: &Record<'a>, candidates: &'a [Candidate]) -> Self {
+        let (noise, height_noise) = response.noise_in(record.sigma, record.unit);
+        let state = State { part: Part::NONE, stays: true, grew: false };
+        Self {
+            response,
+            x: record.x,
+            candidates,
+            noise,
+            height_noise,
+            left: record.x.to_vec(),
+            states: vec![state; candidates.len()],
+        }
+    }
+
+    /// Fits each to what the others leave, the highest first, three times over.
+    fn fit_each(&mut self, order: &[usize]) {
+        for round in 0..3 {
+            for &index in order {
+                let part = match round {
+                    0 => self.first_guess(index),
+                    _ => self.taken(index),
+                };
+                let part = self.fit_one(part, self.candidates[index].time);
+                self.put(index, part);
+            }
+        }
+    }
+
+    fn first_guess(&self, index: usize) -> Part {
+        let candidate = &self.candidates[index];
+        let here = candidate.time.round().clamp(0.0, (self.left.len() - 1) as f64) as usize;
+        Part {
+            height: self.left[here].max(0.2 * candidate.height),
+            time: candidate.time,
+            surface: self.response.family.surface(candidate.width),
+        }
+    }
+
+    fn fit_one(&self, part: Part, time: f64) -> Part {
+        let family = &self.response.family;
+        let reach = 0.7 * family.width(part.surface);
+        let range = samples(time - reach..time + reach, self.left.len());
+        let leash = self.response.width() / 4.0;
+        let mut parts = [part];
+        Fit { family, x: &self.left, range, leash }.run(&mut parts);
+        parts[0]
+    }
+
+    /// Takes a part out of the record's model.
+    fn taken(&mut self, index: usize) -> Part {
+        let part = self.states[index].part;
+        part.add(&self.response.family, 1.0, &mut self.left);
+        self.states[index].part = Part::NONE;
+        part
+    }
+
+    fn put(&mut self, index: usize, part: Part) {
+        part.add(&self.response.family, -1.0, &mut self.left);
+        self.states[index].part = part;
+    }
+
+    /// Whether a top stays.
+    fn decide(&mut self, index: usize) {
+        let candidate = self.candidates[index];
+        let group = self.neighbours(index);
+        let own = self.taken(index);
+        self.states[index].stays = false;
+        let around: Vec<Part> = group.iter().map(|&i| self.taken(i)).collect();
+        let (without, with, improvement) = self.both(&around, own, &candidate);
+        let part = with[with.len() - 1];
+        let noise = self.height_noise.hypot(self.model_error(&without, candidate.time));
+        let near = NEAR * candidate.width.max(self.response.width());
+        let is_in_place = (part.time - candidate.time).abs() <= near;
+        let is_needed = improvement >= SIGNIFICANT * noise && is_in_place;
+        // A valley is what it is, however well the fit does.
+        let seen = Part {
+            height: part.height.max(candidate.height / 2.0),
+            time: candidate.time,
+            surface: part.surface,
+        };
+        let stays = is_needed && self.is_clear(&part, &without)
+            || self.has_valley(&candidate, &without) && self.is_clear(&seen, &without);
+        for (&i, part) in group.iter().zip(if stays { &with } else { &without }) {
+            let lobe = self.response.family.width(part.surface) / 2.0;
+            self.states[i].grew |= !stays && (part.time - candidate.time).abs() < lobe;
+            self.put(i, *part);
+        }
+        if stays {
+            self.put(index, part);
+            self.states[index].stays = true;
+        }
+    }
+
+    /// The neighbours without a top and with it as the last, and √((R₁ − R₂)/Σ h²).
+    fn both(&self, around: &[Part], own: Part, top: &Candidate) -> (Vec<Part>, Vec<Part>, f64) {
+        let family = &self.response.family;
+        let begun = [around, &[own]].concat();
+        let x = &self.left;
+        let fit = |leash| Fit { family, x, range: self.range(&begun), leash };
+        let mut without = around.to_vec();
+        let left_without = fit(f64::INFINITY).run(&mut without);
+        // Sums of pulses have many minima: from where they are, from narrow ones, and from the best
+        // without the top.
+        let narrow = |part: &Part| Part { surface: part.surface.min(FLAT), ..*part };
+        let new = Part { height: 0.3 * top.height, time: top.time, surface: FLAT };
+        let starts =
+            [begun.clone(), begun.iter().map(narrow).collect(), [&without[..], &[new]].concat()];
+        let fitted = starts.into_iter().map(|mut parts| {
+            let left = fit(self.response.width() / 2.0).run(&mut parts);
+            (left, parts)
+        });
+        let best = fitted.min_by(|a, b| a.0.total_cmp(&b.0));
+        let (left_with, with) = best.unwrap_or((left_without, begun.clone()));
+        let gain = (left_without - left_with).max(0.0) / self.response.energy();
+        (without, with, gain.sqrt())
+    }
+
+    /// Those that stay beside a top, nearest first on either side, if they reach it.
+    fn neighbours(&self, index: usize) -> Vec<usize> {
+        let candidate = &self.candidates[index];
+        let apart = |i: usize| (self.states[i].part.time - candidate.time).abs();
+        let reaches = |i: &usize| {
+            let width = self.response.family.width(self.states[*i].part.surface);
+            apart(*i) < 1.3 * (width + candidate.width)
+        };
+        let beside = |is_before: bool| {
+            self.others(index)
+                .filter(|&i| (self.states[i].part.time < candidate.time) == is_before)
+                .min_by(|&a, &b| apart(a).total_cmp(&apart(b)))
+                .filter(reaches)
+        };
+        [beside(true), beside(false)].into_iter().flatten().collect()
+    }
+
+    fn others(&self, index: usize) -> impl Iterator<Item = usize> + '_ {
+        (0..self.states.len()).filter(move |&i| i != index && self.states[i].stays)
+    }
+
+    /// Parts that stay and are in the model, and those given.
+    fn with_rest<'b>(&'b self, parts: &'b [Part]) -> impl Iterator<Item = Part> + 'b {
+        let in_model = self.states.iter().filter(|state| state.stays).map(|state| state.part);
+        in_model.filter(|part| part.height > 0.0).chain(parts.iter().copied())
+    }
+
+    /// e: what the model may be wrong by at a time.
+    fn model_error(&self, parts: &[Part], time: f64) -> f64 {
+        let family = &self.response.family;
+        let error = |part: Part| {
+            let lag = time - part.time;
+            let rough = (part.surface - FLAT).max(0.0);
+            let share = SURFACE_ERROR * rough / (rough + 6.0);
+            let of_surface = share * family.at(lag, part.surface).value;
+            part.height * self.response.spread_at(lag).hypot(of_surface)
+        };
+        self.with_rest(parts).map(error).fold(0.0, f64::hypot)
+    }
+
+    /// High enough over noise, and over what follows the others by itself.
+    fn is_clear(&self, own: &Part, around: &[Part]) -> bool {
+        let family = &self.response.family;
+        let lobe = LOBE * self.response.width();
+        let (mut repeats, mut noise, mut highest) = (0.0, self.height_noise, 0.0f64);
+        for part in self.with_rest(around) {
+            let lag = own.time - part.time;
+            if lag > lobe {
+                repeats += part.height * family.at(lag, FLAT).value;
+            }
+            noise = noise.hypot(part.height * self.response.spread_at(lag));
+            highest = highest.max(part.height);
+        }
+        own.height >= (OVER_REPEATS * repeats).max(CLEAR * noise).max(LEAST * highest)
+    }
+
+    /// Whether the record shows a valley beside a top that the others do not make.
+    fn has_valley(&self, candidate: &Candidate, around: &[Part]) -> bool {
+        let reach = (self.response.width() / 6.0).max(1.0);
+        let near = samples(candidate.time - reach..candidate.time + reach, self.x.len());
+        let by_height = |a: &usize, b: &usize| self.x[*a].total_cmp(&self.x[*b]);
+        let Some(top) = near.max_by(by_height) else { return false };
+        let times = || self.with_rest(around).map(|part| part.time);
+        let last = self.x.len() - 1;
+        let left = times().filter(|&t| t < candidate.time).fold(0.0, f64::max) as usize;
+        let right = times().filter(|&t| t > candidate.time).fold(last as f64, f64::min) as usize;
+        let valleys = [
+            (left.min(top)..top).min_by(by_height),
+            (top + 1..(right + 1).min(self.x.len())).min_by(by_height),
+        ];
+        let model = |n: usize| self.modelled(around, n);
+        let (mut seen, mut made) = (f64::INFINITY, f64::INFINITY);
+        for n in valleys.into_iter().flatten() {
+            seen = seen.min(self.x[top] - self.x[n]);
+            made = made.min(model(top) - model(n));
+        }
+        let least = (VALLEY_OVER_NOISE * self.noise).max(VALLEY * candidate.height);
+        seen.is_finite() && seen >= least && made < 0.5 * seen
+    }
+
+    /// The model's value at a sample, with parts that are not in it.
+    fn modelled(&self, parts: &[Part], sample: usize) -> f64 {
+        let more = parts.iter().map(|part| part.at(&self.response.family, sample));
+        self.x[sample] - self.left[sample] + more.sum::<f64>()
+    }
+
+    /// 1.3 widths around all.
+    fn range(&self, parts: &[Part]) -> std::ops::Range<usize> {
+        let reach = |part: &Part| 1.3 * self.response.family.width(part.surface);
+        let first = parts.iter().map(|p| p.time - reach(p)).fold(f64::INFINITY, f64::min);
+        let last = parts.iter().map(|p| p.time + reach(p)).fold(0.0, f64::max);
+        samples(first..last, self.x.len())
+    }
+
+    fn verdicts(&self) -> Vec<Verdict> {
+        let verdict = |state: &State| match (state.stays, state.grew) {
+            (false, _) => Verdict::Explained,
+            (true, false) => Verdict::Echo,
+            (true, true) => Verdict::Whole {
+                time: state.part.time,
+                width: self.response.family.width(state.part.surface),
+            },
+        };
+        self.states.iter().map(verdict).collect()
+    }
+}

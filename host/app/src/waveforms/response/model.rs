@@ -1,0 +1,203 @@
+//! An instrument's response, and what it says of one.
+
+use rayon::prelude::*;
+
+use super::curve::{Curve, Family};
+use super::estimate::{Estimate, FEWEST, LOBE, noise_at_rest};
+use super::strong::Strong;
+use crate::waveforms::codes::Codes;
+use crate::waveforms::finder::EchoFinder;
+use crate::waveforms::rows::{Rows, without_padding};
+
+/// Rows that are looked at, at most, evenly spaced: a recording of a million costs no more.
+const ROWS: usize = 2048;
+
+/// Least spread of a response: no instrument repeats itself better than to 0.4 %.
+const LEAST_SPREAD: f64 = 0.004;
+
+/// What an instrument records of a short echo: its level by the lag from the top, and how far
+/// single echoes are from that.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Response {
+    pub(super) family: Family,
+    /// By point of the response's curve.
+    spread: Vec<f64>,
+    /// How many echoes it was averaged of; `None` when it was given.
+    pub echoes: Option<usize>,
+    /// Noise of a sample in records at rest, in the file's units; 0 when unknown.
+    pub noise: f64,
+    /// Noise of an echo's height in the same.
+    height_noise: f64,
+    /// Σ h² over the middle of the lobe.
+    energy: f64,
+}
+
+/// A recording that does not show its instrument's response.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "{found} of {looked} rows have a strongest echo that stands alone, whole and 20 times over the \
+     noise; {FEWEST} are needed to tell the instrument's response"
+)]
+pub struct NoResponse {
+    /// Rows with such an echo.
+    pub found: usize,
+    /// Rows that were looked at.
+    pub looked: usize,
+}
+
+/// A top or a valley of a response after its main lobe.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Later {
+    /// Samples after the top.
+    pub lag: f64,
+    /// Over the top's height.
+    pub level: f64,
+}
+
+impl Response {
+    /// From a recording's own strong echoes.
+    ///
+    /// # Errors
+    ///
+    /// [`NoResponse`] when it has too few.
+    pub fn of_rows(rows: &Rows) -> Result<Self, NoResponse> {
+        Self::of_codes(rows.len(), |row| rows.codes(row))
+    }
+
+    /// As [`Response::of_rows`], of waveforms in memory.
+    ///
+    /// # Errors
+    ///
+    /// As there.
+    pub fn of_waveforms(rows: &[Vec<f64>]) -> Result<Self, NoResponse> {
+        Self::of_codes(rows.len(), |row| Codes::from_samples(without_padding(&rows[row])))
+    }
+
+    fn of_codes(rows: usize, codes: impl Fn(usize) -> Codes + Sync) -> Result<Self, NoResponse> {
+        let records = strong(rows, codes);
+        let too_few = || NoResponse { found: records.len(), looked: rows.min(ROWS) };
+        let Estimate { curve, spread, echoes } = Estimate::of(&records).ok_or_else(too_few)?;
+        Ok(Self { echoes: Some(echoes), ..Self::new(curve, spread) }.measured(&records))
+    }
+
+    /// A response of given level and spread.
+    pub(super) fn new(curve: Curve, spread: Vec<f64>) -> Self {
+        let mut response = Self {
+            family: Family::new(curve),
+            spread,
+            echoes: None,
+            noise: 0.0,
+            height_noise: 0.0,
+            energy: 1.0,
+        };
+        response.energy = response.taps().iter().map(|tap| tap * tap).sum();
+        response
+    }
+
+    /// With the noise of a recording.
+    #[must_use]
+    pub fn with_noise_of(self, rows: &Rows) -> Self {
+        self.measured(&strong(rows.len(), |row| rows.codes(row)))
+    }
+
+    fn measured(self, records: &[Strong]) -> Self {
+        let noise = noise_at_rest(records, &self.taps(), self.width());
+        let (noise, height_noise) = noise.unwrap_or_default();
+        Self { noise, height_noise, ..self }
+    }
+
+    /// Six tenths of a width either way from the top, a sample apart.
+    fn taps(&self) -> Vec<f64> {
+        let curve = self.family.response();
+        let half = (0.6 * curve.width).floor() as i32;
+        (-half..=half).map(|n| curve.at(n.into()).0).collect()
+    }
+
+    /// Full width at half maximum, samples.
+    pub fn width(&self) -> f64 {
+        self.family.response().width
+    }
+
+    /// Each point: lag in samples, level and spread over the top's height.
+    pub fn points(&self) -> impl Iterator<Item = (f64, f64, f64)> + '_ {
+        let curve = self.family.response();
+        let level = |(point, &level)| (curve.time(point), level, self.spread_at(curve.time(point)));
+        curve.values.iter().enumerate().map(level)
+    }
+
+    /// How far single echoes are from the response at a lag, samples, over their height.
+    pub(super) fn spread_at(&self, lag: f64) -> f64 {
+        let curve = self.family.response();
+        let point = (lag / curve.step + curve.zero as f64).round();
+        let known = (point >= 0.0).then(|| self.spread.get(point as usize)).flatten();
+        known.map_or(0.0, |spread| spread.max(LEAST_SPREAD))
+    }
+
+    /// Noise of a sample and of an echo's height in a record whose samples have a noise of `sigma`:
+    /// all in codes of `unit`. The recording's own counts when it is more, for neighbours are often
+    /// alike, which one record is too short to show.
+    pub(super) fn noise_in(&self, sigma: f64, unit: f64) -> (f64, f64) {
+        let of_height = sigma / self.energy.sqrt();
+        (sigma.max(self.noise / unit), of_height.max(self.height_noise / unit))
+    }
+
+    /// Σ h² over the middle of the lobe.
+    pub(super) fn energy(&self) -> f64 {
+        self.energy
+    }
+
+    /// Share of the light that comes after the main lobe.
+    pub fn tail(&self) -> f64 {
+        let late = |lag: f64| lag > LOBE * self.width();
+        let all: f64 = self.points().map(|(_, level, _)| level).sum();
+        self.points().filter(|p| late(p.0)).map(|p| p.1).sum::<f64>() / all
+    }
+
+    /// Tops and valleys after the main lobe that stand out of what is around by at least 1 % of its
+    /// top, the highest and deepest ones, at most six, by lag.
+    pub fn later(&self) -> Vec<Later> {
+        let lobe = LOBE * self.width();
+        let tail: Vec<Later> = self
+            .points()
+            .filter(|(lag, ..)| *lag > lobe)
+            .map(|(lag, level, _)| Later { lag, level })
+            .collect();
+        let mut found = turns(&tail);
+        found.sort_by(|a, b| b.level.abs().total_cmp(&a.level.abs()));
+        found.truncate(6);
+        found.sort_by(|a, b| a.lag.total_cmp(&b.lag));
+        found
+    }
+}
+
+/// Least height of a top of the response over the valleys beside it.
+const LEAST_TURN: f64 = 0.01;
+
+/// Where a curve turns after it rose, or fell, by at least [`LEAST_TURN`].
+fn turns(curve: &[Later]) -> Vec<Later> {
+    let Some(mut extreme) = curve.first().copied() else { return Vec::new() };
+    // It comes down from the lobe, so the first turn is a valley.
+    let (mut found, mut rising) = (Vec::new(), false);
+    for &at in curve {
+        let onward = if rising { at.level - extreme.level } else { extreme.level - at.level };
+        if onward >= 0.0 {
+            extreme = at;
+        } else if onward < -LEAST_TURN {
+            found.push(extreme);
+            (extreme, rising) = (at, !rising);
+        }
+    }
+    // A valley that is no deeper than the tail is none.
+    found.retain(|turn| turn.level.abs() >= LEAST_TURN);
+    found
+}
+
+/// Records of a recording with a strong echo; of many rows every so many-th.
+fn strong(rows: usize, codes: impl Fn(usize) -> Codes + Sync) -> Vec<Strong> {
+    let looked = rows.min(ROWS);
+    let row = |i: usize| (i as u64 * rows as u64 / looked as u64) as usize;
+    let finder = || Box::new(EchoFinder::new());
+    let look = |finder: &mut Box<EchoFinder>, i| Strong::of_record(finder, &codes(row(i)));
+    let found: Vec<Option<Strong>> = (0..looked).into_par_iter().map_init(finder, look).collect();
+    found.into_iter().flatten().collect()
+}

@@ -1,0 +1,61 @@
+//! The middle of values of which some are of something else.
+
+/// The middle; 0 of none. Sorts them.
+pub(super) fn median(values: &mut [f64]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or_default()
+}
+
+/// σ of normal values over the median of what they are off by.
+pub(super) const MEDIAN_TO_SIGMA: f64 = 1.4826;
+
+/// σ of normal values whose magnitudes are given. Sorts them.
+pub(super) fn sigma_of_magnitudes(magnitudes: &mut [f64]) -> f64 {
+    MEDIAN_TO_SIGMA * median(magnitudes)
+}
+
+/// Root of the mean square of magnitudes that are no outliers: at most four times what the median
+/// says of σ, or the mean, which tells codes of a step or two better. 0 of none.
+pub(super) fn clipped_rms(magnitudes: &mut [f64]) -> f64 {
+    let mean = magnitudes.iter().sum::<f64>() / magnitudes.len().max(1) as f64;
+    let limit = 4.0 * sigma_of_magnitudes(magnitudes).max(1.2533 * mean);
+    let within = &magnitudes[..magnitudes.partition_point(|m| *m <= limit)];
+    (within.iter().map(|m| m * m).sum::<f64>() / within.len().max(1) as f64).sqrt()
+}
+
+/// Mean and σ of the half of the values, in order, that lies closest together: σ as if they were
+/// normal, whose middle half is 1.349 σ wide. (0, 0) of none.
+pub(super) fn densest_half(order: &[f64]) -> (f64, f64) {
+    let half = order.len().div_ceil(2);
+    let halves = order.windows(half.max(1));
+    let extent = |half: &[f64]| half[half.len() - 1] - half[0];
+    let dense = halves.min_by(|a, b| extent(a).total_cmp(&extent(b)));
+    dense.map_or((0.0, 0.0), |d| (d.iter().sum::<f64>() / d.len() as f64, extent(d) / 1.349))
+}
+
+/// What is left of a spread without a part of it.
+pub(super) fn beyond(spread: f64, part: f64) -> f64 {
+    (spread * spread - part * part).max(0.0).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn outliers_do_not_count_and_codes_of_a_step_do() {
+        let mut magnitudes = vec![0.0; 60];
+        magnitudes.extend([1.0; 30]);
+        magnitudes.extend([50.0; 2]);
+        assert!((clipped_rms(&mut magnitudes) - (30.0f64 / 90.0).sqrt()).abs() < 1e-12);
+        assert_eq!(clipped_rms(&mut []), 0.0);
+    }
+
+    #[test]
+    fn the_densest_half_does_not_see_the_others() {
+        let (mean, spread) = densest_half(&[1.0, 2.0, 2.1, 2.2, 2.3, 9.0, 20.0]);
+        assert!((mean - 2.15).abs() < 1e-12 && spread < 0.3);
+        assert_eq!(densest_half(&[]), (0.0, 0.0));
+        assert_eq!(densest_half(&[3.0]), (3.0, 0.0));
+    }
+}

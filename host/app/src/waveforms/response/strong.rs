@@ -1,0 +1,78 @@
+//! A record's strongest echo, as the response is taken from.
+
+use echoloop_dsp::{Flags, MAX_SAMPLES};
+
+use crate::waveforms::codes::Codes;
+use crate::waveforms::finder::baseline::Baseline;
+use crate::waveforms::finder::{EchoFinder, FinderConfig, samples};
+
+/// A record and its strongest echo.
+#[derive(Clone, Debug)]
+pub(super) struct Strong {
+    /// Codes without ambient.
+    pub(super) x: Vec<f64>,
+    /// Noise of a sample, codes.
+    pub(super) sigma: f64,
+    /// One code in the file's units.
+    pub(super) unit: f64,
+    /// Of the strongest echo: samples, codes, samples.
+    pub(super) time: f64,
+    pub(super) height: f64,
+    pub(super) width: f64,
+    /// When the first echo is that is a fifth as high, samples: lower ones may be noise.
+    pub(super) first: f64,
+}
+
+/// Least SNR of an echo that shows its response, Q.8.
+const LEAST_SNR: u32 = 20 << 8;
+
+impl Strong {
+    /// Of a record whose strongest echo stands alone, whole and clear of noise. Of a longer one its
+    /// first [`MAX_SAMPLES`].
+    pub(super) fn of_record(finder: &mut EchoFinder, codes: &Codes) -> Option<Self> {
+        let first = &codes.codes[..codes.codes.len().min(MAX_SAMPLES)];
+        let search = FinderConfig { code_shift: codes.shift, ..FinderConfig::DEFAULT };
+        let echoes = finder.echoes(first, &search);
+        let best = echoes.iter().max_by_key(|echo| echo.amplitude)?;
+        let unfit = Flags::SATURATED | Flags::TRUNCATED | Flags::MERGED;
+        if best.flags.0 & unfit.0 != 0 || best.snr < LEAST_SNR {
+            return None;
+        }
+        let (x, sigma) = at_rest(codes, first);
+        Some(Self {
+            x,
+            sigma,
+            unit: codes.unit,
+            time: samples(best.time),
+            height: codes.of_height(best.amplitude),
+            width: samples(best.width),
+            first: samples(echoes.iter().find(|echo| 5 * echo.amplitude > best.amplitude)?.time),
+        })
+    }
+
+    /// Noise over the echo's height.
+    pub(super) fn noise(&self) -> f64 {
+        self.sigma / self.height
+    }
+
+    /// The value at a time over the echo's height, by Catmull and Rom's cubic; `None` outside.
+    pub(super) fn at(&self, time: f64) -> Option<f64> {
+        let index = time.floor();
+        if !(index >= 1.0 && index + 2.0 < self.x.len() as f64) {
+            return None;
+        }
+        let (i, f) = (index as usize, time - index);
+        let (a, b, c, d) = (self.x[i - 1], self.x[i], self.x[i + 1], self.x[i + 2]);
+        let bend = 2.0 * a - 5.0 * b + 4.0 * c - d + f * (3.0 * b - 3.0 * c + d - a);
+        Some((b + 0.5 * f * (c - a + f * bend)) / self.height)
+    }
+}
+
+/// Samples of a record without its ambient, and their noise, codes; the ambient is that of a piece
+/// of it, of at most [`MAX_SAMPLES`].
+pub(in crate::waveforms) fn at_rest(codes: &Codes, piece: &[u16]) -> (Vec<f64>, f64) {
+    let baseline = Baseline::measure(piece, codes.shift, &mut vec![0; piece.len()]);
+    let ambient = codes.of_height(baseline.ambient.into());
+    let x = codes.codes.iter().map(|&code| f64::from(code) - ambient);
+    (x.collect(), codes.of_height(baseline.sigma.into()) / 16.0)
+}
