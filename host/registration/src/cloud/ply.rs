@@ -34,8 +34,8 @@ fn check_sds(range_sd_m: &[f32]) -> Result<(), String> {
     }
 }
 
-/// Writes a cloud as little-endian binary PLY: `float x y z`, `float nx ny nz` when there are normals,
-/// `float range_sd` when it is known.
+/// Writes a cloud as little-endian binary PLY: `float x y z`, `float nx ny nz` when there are
+/// normals, `float range_sd` when it is known.
 ///
 /// # Errors
 ///

@@ -21,11 +21,11 @@ const LEAST_OVER_REACH: f64 = 0.04;
 /// what the errors of a pair's two ranges add to the variance of its residual:
 ///
 /// ```text
-/// w = 1 / k (1 + r² / k c²)²      k = (s² + v) / (s² + v₀)      s² + v₀ = σ²      v₀ the median of v
+/// w = 1 / k (1 + r² / k c²)²      k = (s² + v) / (s² + v₀)      s² = σ² - v₀      v₀ the median v
 /// ```
 ///
-/// `k` is 1 of a pair like most, as σ is theirs. `s²` is what surfaces and pairing leave, at least a quarter of σ²: what a sensor tells of itself
-/// explains no more.
+/// So `k` is 1 of a pair like most, as σ is theirs. `s²` is what surfaces and pairing leave, at
+/// least a quarter of σ²: no more is explained by what a sensor tells of itself.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Kernel {
     /// 1 / c², 1/m²; 0 for least squares.
