@@ -569,7 +569,7 @@ fn a_reader_that_leaves_early_ends_the_command_quietly() {
 fn output_that_cannot_be_written_is_a_failure_with_a_message() {
     let fixture = Fixture::new();
     fixture.write("waves.csv", "0,0,0,0,9,40,9,0,0,0,0,0\n");
-    let waves = ["echoes", "waves.csv", "--sample-ns", "1"];
+    let waves = ["echoes", "waves.csv", "--sample-ns", "1", "--no-response"];
     let waves_json = [&waves[..], &["--json"]].concat();
     let table: [&[&str]; 6] = [
         &waves,
