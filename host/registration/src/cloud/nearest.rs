@@ -11,6 +11,10 @@ const FIRST_REACH: f32 = 1.5;
 /// What a search that found too few is widened by.
 const GROWTH: f32 = 1.5;
 
+/// Least first reach, of the radius: equal points have their neighbours at no distance, the next
+/// leaf's may have not.
+const LEAST_REACH: f32 = 1e-3;
+
 /// What the next leaf is searched by, of the mean distance of the last one's farthest neighbours.
 const ROOM: f32 = 1.15;
 
@@ -36,7 +40,9 @@ impl<'a> Nearest<'a> {
     pub(super) fn new(tree: &'a BoxTree, radius_m: f64, max: usize) -> Self {
         let (leaves, spare) = (Vec::new(), Vec::new());
         let (near, rows) = (Near::default(), Rows::default());
-        Self { tree, radius_m: radius_m as f32, max, reach_m: None, leaves, spare, near, rows }
+        // Within a radius that is no number lies nothing.
+        let radius_m = (radius_m as f32).max(0.0);
+        Self { tree, radius_m, max, reach_m: None, leaves, spare, near, rows }
     }
 
     /// The neighbours of each point of a leaf, in the tree's order.
@@ -51,7 +57,8 @@ impl<'a> Nearest<'a> {
         let points = self.tree.leaf_points(leaf);
         self.rows.clear(points.len());
         let around = box_around(points);
-        let mut reach_m = self.reach_m.unwrap_or_else(|| first_reach_m(&around, self.radius_m));
+        let first_m = self.reach_m.unwrap_or_else(|| first_reach_m(&around));
+        let mut reach_m = first_m.max(LEAST_REACH * self.radius_m);
         loop {
             let last = reach_m >= self.radius_m;
             reach_m = reach_m.min(self.radius_m);
@@ -77,9 +84,9 @@ impl<'a> Nearest<'a> {
     }
 }
 
-fn first_reach_m((low, high): &Corners, radius_m: f32) -> f32 {
+fn first_reach_m((low, high): &Corners) -> f32 {
     let diagonal = (0..3).map(|axis| (high[axis] - low[axis]).powi(2)).sum::<f32>().sqrt();
-    if diagonal > 0.0 { FIRST_REACH * diagonal / 2.0 } else { radius_m / 8.0 }
+    FIRST_REACH * diagonal / 2.0
 }
 
 /// The points near one.
@@ -284,6 +291,25 @@ mod tests {
                 prop_assert_eq!(&nearest.rows.indices, &plain.rows.indices);
                 prop_assert_eq!(nearest.rows.ranges, plain.rows.ranges);
             }
+        }
+    }
+
+    #[test]
+    fn equal_points_among_others_are_no_trouble() {
+        let raw: Vec<[f32; 3]> = (0..400)
+            .map(|i| if i < 200 { [1.0, 2.0, 3.0] } else { [1.0 + i as f32 * 0.1, 2.0, 3.0] })
+            .collect();
+        let tree = tree(&raw);
+        for (query, found) in tree.points().iter().zip(found(&tree, 90.0, 20)) {
+            assert_eq!(found, scanned(&tree, query, 90.0, 20));
+        }
+    }
+
+    #[test]
+    fn within_no_radius_lies_nothing() {
+        let tree = tree(&[[1.0; 3], [2.0; 3]]);
+        for radius_m in [0.0, -1.0, f64::NAN] {
+            assert_eq!(found(&tree, radius_m, 5), [[0; 0]; 2], "{radius_m}");
         }
     }
 
