@@ -97,12 +97,7 @@ impl<'a> Body<'a> {
     ///
     /// What is wrong with the data.
     pub fn vertices(&mut self, element: &ElementDef) -> Result<Vec<[f32; 3]>, String> {
-        let mut vertices = Vec::new();
-        self.read(element, |vertex: Vertex| {
-            vertices.push(vertex.at);
-            Ok::<_, String>(())
-        })?;
-        Ok(vertices)
+        Ok(self.points(element)?.at)
     }
 
     /// As [`Self::vertices`], with each one's `range_sd` if they have it.

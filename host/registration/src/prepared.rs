@@ -4,6 +4,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::{Convention, GicpConfig, IcpConfig};
 use crate::cloud::box_tree::{self, BoxTree};
+use crate::cloud::quantile::quantile;
 use crate::cloud::voxel::VoxelError;
 use crate::cloud::{Cloud, normals, voxel};
 
@@ -67,7 +68,7 @@ impl Target {
         let surface = surface.into();
         let thinned = thin(cloud, surface.voxel_m)?;
         let tree = BoxTree::new(thinned.points);
-        let normals = surface.normals(&tree);
+        let normals = normals::of_tree(&tree, surface.normal_radius_m, surface.normal_neighbours);
         let noise = RangeNoise::of(tree.points(), &normals, thinned.range_sd_m.as_deref());
         Ok(Self { tree, normals, noise })
     }
@@ -80,12 +81,6 @@ impl Target {
     /// Whether none is left; [`Target::prepare`] never returns such a one.
     pub fn is_empty(&self) -> bool {
         self.tree.points().is_empty()
-    }
-}
-
-impl Surface {
-    fn normals(&self, tree: &BoxTree) -> Vec<Vector3<f32>> {
-        normals::of_tree(tree, self.normal_radius_m, self.normal_neighbours)
     }
 }
 
@@ -106,14 +101,11 @@ impl Source {
     /// As [`Target::prepare`].
     pub fn prepare(cloud: &Cloud, surface: impl Into<Surface>) -> Result<Self, PrepareError> {
         let surface = surface.into();
-        let thinned = thin(cloud, surface.voxel_m)?;
         if !surface.source_normals {
-            let (normals, noise) = (Vec::new(), RangeNoise::default());
-            return Ok(Self { points: thinned.points, normals, noise });
+            let points = thin(cloud, surface.voxel_m)?.points;
+            return Ok(Self { points, normals: Vec::new(), noise: RangeNoise::default() });
         }
-        let tree = BoxTree::new(thinned.points);
-        let normals = surface.normals(&tree);
-        let noise = RangeNoise::of(tree.points(), &normals, thinned.range_sd_m.as_deref());
+        let Target { tree, normals, noise } = Target::prepare(cloud, surface)?;
         Ok(Self { points: tree.into_points(), normals, noise })
     }
 
@@ -147,16 +139,8 @@ impl RangeNoise {
         };
         let of_points = points.iter().zip(normals).zip(range_sd_m.unwrap_or_default());
         let variances_m2: Vec<f32> = of_points.map(along).collect();
-        Self { median_m2: median(variances_m2.clone()), variances_m2 }
-    }
-}
-
-/// 0 of none.
-fn median(mut values: Vec<f32>) -> f64 {
-    let middle = values.len() / 2;
-    match values.is_empty() {
-        true => 0.0,
-        false => f64::from(*values.select_nth_unstable_by(middle, f32::total_cmp).1),
+        let median_m2 = f64::from(quantile(variances_m2.iter().copied(), 0.5));
+        Self { variances_m2, median_m2 }
     }
 }
 
@@ -164,10 +148,8 @@ fn median(mut values: Vec<f32>) -> f64 {
 fn thin(cloud: &Cloud, voxel_m: f64) -> Result<Cloud, PrepareError> {
     let thinned = thinned(cloud, voxel_m, Convention::Sensor)?;
     let order = box_tree::order(&thinned.points);
-    let points = order.iter().map(|&index| thinned.points[index as usize]).collect();
-    let sds = thinned.range_sd_m.as_ref();
-    let range_sd_m = sds.map(|sds| order.iter().map(|&index| sds[index as usize]).collect());
-    Ok(Cloud { range_sd_m, ..Cloud::new(points) })
+    let range_sd_m = thinned.range_sd_m.map(|sds| box_tree::ordered(&sds, &order));
+    Ok(Cloud { range_sd_m, ..Cloud::new(box_tree::ordered(&thinned.points, &order)) })
 }
 
 /// The means of the voxels, without points that are no echo.
@@ -186,7 +168,8 @@ pub(super) fn thinned(
     };
     // Voxels skip what is not finite; only points at the origin are worth a copy without them.
     let thinned = if cloud.points.iter().any(|p| p.coords == Vector3::zeros()) {
-        let mut echoes = Cloud { normals: None, ..cloud.clone() };
+        let range_sd_m = cloud.range_sd_m.clone();
+        let mut echoes = Cloud { range_sd_m, ..Cloud::new(cloud.points.clone()) };
         echoes.drop_invalid();
         downsample(&echoes, voxel_m)?
     } else {

@@ -9,6 +9,7 @@ use super::{
     MethodConfig,
 };
 use crate::cloud::kdtree::KdTree;
+use crate::cloud::quantile::quantile;
 use crate::cloud::{Cloud, is_finite, voxel};
 
 /// Voxels across the radius of a cloud.
@@ -237,12 +238,6 @@ fn radius_m(cloud: &Cloud) -> f64 {
         cloud.points.iter().filter(|p| is_finite(p) && p.coords.norm() > 0.0).collect();
     let middle = Point3::from([0, 1, 2].map(|axis| quantile(echoes.iter().map(|p| p[axis]), 0.5)));
     f64::from(quantile(echoes.iter().map(|p| (*p - middle).norm()), 0.9))
-}
-
-fn quantile(values: impl Iterator<Item = f32>, share: f64) -> f32 {
-    let mut values: Vec<f32> = values.collect();
-    let at = ((values.len() as f64 * share) as usize).min(values.len().saturating_sub(1));
-    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(at, f32::total_cmp).1 }
 }
 
 #[cfg(test)]

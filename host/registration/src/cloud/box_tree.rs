@@ -57,6 +57,11 @@ pub(crate) fn order(points: &[Point3<f32>]) -> Vec<u32> {
     places.iter().map(|place| place.1).collect()
 }
 
+/// Values of points in an order of these.
+pub(crate) fn ordered<T: Copy>(values: &[T], order: &[u32]) -> Vec<T> {
+    order.iter().map(|&index| values[index as usize]).collect()
+}
+
 /// Where a point is, and its index in the input.
 type Place = ([f32; 3], u32);
 
@@ -392,22 +397,12 @@ mod tests {
 
     use super::*;
     use crate::cloud::kdtree::KdTree;
-
-    fn tree(raw: &[[f32; 3]]) -> BoxTree {
-        let points: Vec<Point3<f32>> = raw.iter().map(|&p| p.into()).collect();
-        BoxTree::new(order(&points).iter().map(|&i| points[i as usize]).collect())
-    }
+    use crate::cloud::tests::scanned::{nearest_first, tree};
 
     /// A full scan: the nearest, of equally near ones the first, and the squared distance of the
     /// second.
     fn scan(tree: &BoxTree, query: &Point3<f32>, radius_m: f32) -> (Option<u32>, f32) {
-        let squared = |p: &Point3<f32>| {
-            let d = p - query;
-            d.x * d.x + d.y * d.y + d.z * d.z
-        };
-        let mut all: Vec<(f32, u32)> = tree.points().iter().map(squared).zip(0..).collect();
-        all.retain(|near| near.0 < radius_m * radius_m);
-        all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let all = nearest_first(tree.points(), query, radius_m);
         (all.first().map(|near| near.1), all.get(1).map_or(radius_m * radius_m, |near| near.0))
     }
 

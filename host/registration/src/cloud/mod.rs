@@ -10,6 +10,7 @@ pub mod neighbours;
 pub mod normals;
 mod pcd;
 mod ply;
+pub(crate) mod quantile;
 mod read;
 mod text;
 pub mod voxel;
@@ -96,6 +97,8 @@ pub(crate) fn is_finite(point: &Point3<f32>) -> bool {
 
 #[cfg(test)]
 mod tests {
+    pub(super) mod scanned;
+
     use super::*;
 
     #[test]

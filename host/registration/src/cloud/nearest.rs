@@ -221,13 +221,8 @@ mod tests {
     use nalgebra::Point3;
     use proptest::prelude::*;
 
-    use super::super::box_tree::order;
+    use super::super::tests::scanned::{nearest_first, tree};
     use super::*;
-
-    fn tree(raw: &[[f32; 3]]) -> BoxTree {
-        let points: Vec<Point3<f32>> = raw.iter().map(|&p| p.into()).collect();
-        BoxTree::new(order(&points).iter().map(|&i| points[i as usize]).collect())
-    }
 
     /// Coordinates on a coarse lattice (many ties and duplicates), anywhere, on a line, and a few
     /// far from the rest.
@@ -253,13 +248,7 @@ mod tests {
 
     /// A full scan's.
     fn scanned(tree: &BoxTree, query: &Point3<f32>, radius_m: f32, max: usize) -> Vec<u32> {
-        let squared = |p: &Point3<f32>| {
-            let d = p - query;
-            d.x * d.x + d.y * d.y + d.z * d.z
-        };
-        let mut all: Vec<(f32, u32)> = tree.points().iter().map(squared).zip(0..).collect();
-        all.retain(|(d, _)| *d < radius_m * radius_m);
-        all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let all = nearest_first(tree.points(), query, radius_m);
         let mut indices: Vec<u32> = all.iter().take(max).map(|near| near.1).collect();
         indices.sort_unstable();
         indices

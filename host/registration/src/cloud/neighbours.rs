@@ -4,6 +4,8 @@ use echoloop_dispatch::dispatch;
 use nalgebra::Point3;
 use rayon::prelude::*;
 
+use super::quantile::quantile;
+
 /// Cells a thread takes at a time.
 const CHUNK: usize = 64;
 
@@ -208,14 +210,8 @@ impl CellGrid {
 
 /// The middle of some of the points along an axis; 0 without points.
 fn median(points: &[Point3<f32>], axis: usize) -> f64 {
-    let mut values: Vec<f32> =
-        points.iter().step_by(points.len().div_ceil(SAMPLES).max(1)).map(|p| p[axis]).collect();
-    let middle = values.len() / 2;
-    if values.is_empty() {
-        0.0
-    } else {
-        f64::from(*values.select_nth_unstable_by(middle, f32::total_cmp).1)
-    }
+    let some = points.iter().step_by(points.len().div_ceil(SAMPLES).max(1));
+    f64::from(quantile(some.map(|p| p[axis]), 0.5))
 }
 
 dispatch! {
@@ -300,6 +296,7 @@ mod tests {
 
     use super::*;
     use crate::cloud::kdtree::KdTree;
+    use crate::cloud::tests::scanned::nearest_first;
 
     /// Coordinates on a coarse lattice (many ties and duplicates), anywhere, and on a line.
     fn points() -> impl Strategy<Value = Vec<[f32; 3]>> {
@@ -332,13 +329,7 @@ mod tests {
             let all = Neighbours::within(&points, f64::from(radius), max);
             prop_assert_eq!(all.len(), points.len());
             for (i, query) in points.iter().enumerate() {
-                let squared = |p: &Point3<f32>| {
-                    let d = p - query;
-                    d.x * d.x + d.y * d.y + d.z * d.z
-                };
-                let mut expected: Vec<(f32, u32)> = points.iter().map(squared).zip(0..).collect();
-                expected.retain(|(d, _)| *d < radius * radius);
-                expected.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+                let mut expected = nearest_first(&points, query, radius);
                 expected.truncate(max);
                 prop_assert_eq!(row(&all, i), expected);
             }

@@ -51,7 +51,7 @@ pub fn from_points(
     max_neighbours: usize,
 ) -> Vec<Vector3<f32>> {
     let order = box_tree::order(points);
-    let tree = BoxTree::new(order.iter().map(|&index| points[index as usize]).collect());
+    let tree = BoxTree::new(box_tree::ordered(points, &order));
     let mut normals = vec![Vector3::zeros(); points.len()];
     for (normal, &index) in of_tree(&tree, radius_m, max_neighbours).iter().zip(&order) {
         normals[index as usize] = *normal;
