@@ -190,8 +190,7 @@ fn drop_explained(response: &Response, codes: &Codes, found: &mut Vec<FoundEcho>
     if found.len() < 2 {
         return;
     }
-    let piece = &codes.codes[..codes.codes.len().min(MAX_SAMPLES)];
-    let (x, sigma) = at_rest(codes, piece);
+    let (x, sigma) = at_rest(codes);
     let candidate = |echo: &FoundEcho| Candidate {
         time: samples(echo.time),
         height: codes.of_height(echo.amplitude),

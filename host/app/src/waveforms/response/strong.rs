@@ -30,7 +30,7 @@ impl Strong {
     /// Of a record whose strongest echo stands alone, whole and clear of noise. Of a longer one its
     /// first [`MAX_SAMPLES`].
     pub(super) fn of_record(finder: &mut EchoFinder, codes: &Codes) -> Option<Self> {
-        let first = &codes.codes[..codes.codes.len().min(MAX_SAMPLES)];
+        let first = beginning(codes);
         let search = FinderConfig { code_shift: codes.shift, ..FinderConfig::DEFAULT };
         let echoes = finder.echoes(first, &search);
         let best = echoes.iter().max_by_key(|echo| echo.amplitude)?;
@@ -38,7 +38,7 @@ impl Strong {
         if best.flags.0 & unfit.0 != 0 || best.snr < LEAST_SNR {
             return None;
         }
-        let (x, sigma) = at_rest(codes, first);
+        let (x, sigma) = at_rest(codes);
         Some(Self {
             x,
             sigma,
@@ -68,9 +68,15 @@ impl Strong {
     }
 }
 
-/// Samples of a record without its ambient, and their noise, codes; the ambient is that of a piece
-/// of it, of at most [`MAX_SAMPLES`].
-pub(in crate::waveforms) fn at_rest(codes: &Codes, piece: &[u16]) -> (Vec<f64>, f64) {
+/// The first [`MAX_SAMPLES`] of a record.
+fn beginning(codes: &Codes) -> &[u16] {
+    &codes.codes[..codes.codes.len().min(MAX_SAMPLES)]
+}
+
+/// Samples of a record without its ambient, and their noise, codes; both as its first
+/// [`MAX_SAMPLES`] have them.
+pub(in crate::waveforms) fn at_rest(codes: &Codes) -> (Vec<f64>, f64) {
+    let piece = beginning(codes);
     let baseline = Baseline::measure(piece, codes.shift, &mut vec![0; piece.len()]);
     let ambient = codes.of_height(baseline.ambient.into());
     let x = codes.codes.iter().map(|&code| f64::from(code) - ambient);
