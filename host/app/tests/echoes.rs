@@ -487,6 +487,22 @@ fn a_recording_that_shows_no_response_gives_what_it_gave_without_one() {
 }
 
 #[test]
+fn a_piece_that_was_left_out_hides_echoes_and_makes_none() {
+    let fixture = Fixture::new();
+    let whole = record(160, 210.0, &[(30.0, 400.0, 9.0), (80.0, 90.0, 9.0), (120.0, 200.0, 9.0)]);
+    let cut = |gap: std::ops::Range<usize>| {
+        let sample = |(i, &v): (usize, &f64)| if gap.contains(&i) { 0.0 } else { v };
+        whole.iter().enumerate().map(sample).collect::<Vec<_>>()
+    };
+    // Between two echoes; over the second; from its top on; over its rise.
+    let rows = [cut(48..64), cut(65..95), cut(81..95), cut(60..80), cut(62..63)];
+    let found = echoes(&fixture, &rows, &["--no-response"]);
+    assert_eq!(count(&found), [3, 2, 2, 2, 3]);
+    let heights = numbers(&found[0], "amplitude");
+    assert!((heights[0] - 400.0).abs() < 6.0 && (heights[1] - 90.0).abs() < 6.0, "{heights:?}");
+}
+
+#[test]
 fn a_response_longer_than_the_rows_is_as_good_as_its_part() {
     let fixture = Fixture::new();
     let point = |k: i32| {
@@ -577,7 +593,7 @@ fn nine_of_ten_published_components_of_neon_are_found_with_few_extra_echoes() {
         }
         println!("NEON {name}: {hits} of {published} within 2 ns, {extra} extra");
         assert!(hits * 100 >= published * 88, "{name}: {hits} of {published}");
-        assert!(extra <= 40, "{name}: {extra} extra echoes");
+        assert!(extra <= 30, "{name}: {extra} extra echoes");
     }
 }
 

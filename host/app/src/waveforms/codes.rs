@@ -1,5 +1,9 @@
 //! Any numbers as codes of an ADC, which is what the DSP takes.
 
+use std::ops::Range;
+
+use super::gaps::{bridge, gaps};
+
 /// Largest code: 14 bits.
 const TOP: f64 = 16_383.0;
 
@@ -18,6 +22,8 @@ pub struct Codes {
     pub shift: u32,
     /// What one code is in the input's units.
     pub unit: f64,
+    /// Samples that the instrument left out; the codes there are a line.
+    pub gaps: Vec<Range<usize>>,
 }
 
 impl Codes {
@@ -29,8 +35,23 @@ impl Codes {
     /// shift = 15 − bits of the largest code, 1 to 7
     /// ```
     ///
-    /// Whole numbers stay what they are, so that their step counts as noise.
+    /// Whole numbers stay what they are, so that their step counts as noise. A line over a gap of
+    /// them is rounded.
     pub fn from_samples<S: Sample>(samples: &[S]) -> Self {
+        let gaps = gaps(samples);
+        if gaps.is_empty() {
+            return Self::from_whole_record(samples);
+        }
+        let mut values: Vec<f64> = samples.iter().map(|&v| v.into()).collect();
+        let whole = values.iter().all(|v| v.fract() == 0.0);
+        bridge(&mut values, &gaps);
+        if whole {
+            values.iter_mut().for_each(|v| *v = v.round());
+        }
+        Self { gaps, ..Self::from_whole_record(&values) }
+    }
+
+    fn from_whole_record<S: Sample>(samples: &[S]) -> Self {
         let values = || samples.iter().map(|&v| -> f64 { v.into() });
         let min = values().fold(f64::INFINITY, f64::min);
         let max = values().fold(f64::NEG_INFINITY, f64::max);
@@ -44,7 +65,12 @@ impl Codes {
         };
         let codes: Vec<u16> = values().map(code).collect();
         let bits = 16 - codes.iter().copied().max().unwrap_or_default().leading_zeros();
-        Self { codes, shift: 15u32.saturating_sub(bits).clamp(1, 7), unit }
+        Self { codes, shift: 15u32.saturating_sub(bits).clamp(1, 7), unit, gaps: Vec::new() }
+    }
+
+    /// Whether a sample lies in a gap or beside one.
+    pub fn is_beside_gap(&self, sample: usize) -> bool {
+        self.gaps.iter().any(|gap| (gap.start - 1..=gap.end).contains(&sample))
     }
 
     /// A height in Q1.15 in codes.
@@ -65,7 +91,8 @@ mod tests {
     #[test]
     fn whole_numbers_stay_what_they_are() {
         let codes = Codes::from_samples(&[-3.0, 0.0, 1020.0]);
-        assert_eq!(codes, Codes { codes: vec![0, 3, 1023], shift: 5, unit: 1.0 });
+        let expected = Codes { codes: vec![0, 3, 1023], shift: 5, unit: 1.0, gaps: vec![] };
+        assert_eq!(codes, expected);
         assert_eq!(codes.to_units(1023 << 5), 1023.0);
     }
 

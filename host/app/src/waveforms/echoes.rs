@@ -131,6 +131,7 @@ impl Finder {
     ) -> Waveform {
         let search = self.search(codes.shift, pulse.or_else(|| self.known_pulse()));
         let mut found = pieces(finder, &codes.codes, &search);
+        found.retain(|echo| !codes.is_beside_gap(samples(echo.top).round() as usize));
         if let Some(response) = &self.response {
             drop_explained(response, codes, &mut found);
         }
@@ -236,7 +237,9 @@ fn pieces(finder: &mut EchoFinder, codes: &[u16], search: &FinderConfig) -> Vec<
             if (from..to).contains(&echo.time) {
                 let clipped = if is_lower { Flags::SATURATED.0 } else { 0 };
                 let flags = Flags(echo.flags.0 & !clipped);
-                found.push(FoundEcho { time: echo.time + ((start as i64) << 16), flags, ..echo });
+                let later = |time: i64| time + ((start as i64) << 16);
+                let (time, top, centre) = (later(echo.time), later(echo.top), later(echo.centre));
+                found.push(FoundEcho { time, top, centre, flags, ..echo });
             }
         }
         if end == codes.len() {

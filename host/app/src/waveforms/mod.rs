@@ -32,6 +32,7 @@ pub mod codes;
 mod csv;
 pub mod echoes;
 pub mod finder;
+mod gaps;
 mod npy;
 mod problem;
 pub mod read;

@@ -35,7 +35,7 @@ impl Strong {
         let echoes = finder.echoes(first, &search);
         let best = echoes.iter().max_by_key(|echo| echo.amplitude)?;
         let unfit = Flags::SATURATED | Flags::TRUNCATED | Flags::MERGED;
-        if best.flags.0 & unfit.0 != 0 || best.snr < LEAST_SNR {
+        if best.flags.0 & unfit.0 != 0 || best.snr < LEAST_SNR || !codes.gaps.is_empty() {
             return None;
         }
         let (x, sigma) = at_rest(codes);
