@@ -5,7 +5,7 @@
 //! |---|---|---|
 //! | [`obj`] | a mesh; after a zero byte its material library | it can be scanned |
 //! | [`mesh_ply`] | a mesh | it can be scanned |
-//! | [`cloud_ply`], [`pcd`], [`vtk`], [`kitti`], [`xyz`] | a cloud | echoes, no more than bytes |
+//! | [`cloud_ply`], [`pcd`], [`vtk`], [`kitti`], [`xyz`] | a cloud | echoes, no more than bytes, and writable |
 //! | [`rows`] | waveforms or a response, CSV or NumPy | finite, no more than bytes |
 //! | [`pose`] | a motion | a rotation |
 //! | [`configuration`] | TOML | it reads back as itself |
@@ -19,7 +19,7 @@ use std::path::Path;
 use echoloop_host::experiment::config;
 use echoloop_host::experiment::journal::{sealed_lines, whole_generations};
 use echoloop_host::waveforms::{Response, parse_waveforms};
-use echoloop_registration::cloud::parse_cloud;
+use echoloop_registration::cloud::{CloudFormat, parse_cloud, parse_recorded};
 use echoloop_registration::pose::parse_pose;
 use echoloop_sim::import::{Ground, ImportOptions, library_surfaces, parse_scene};
 use echoloop_sim::scene::MATERIALS;
@@ -85,7 +85,24 @@ fn cloud(name: &str, bytes: &[u8], most: usize) -> bool {
     assert!(cloud.points.iter().all(|p| p.coords.iter().all(|v| v.is_finite())));
     assert!(cloud.points.iter().all(|p| p.coords.iter().any(|v| *v != 0.0)));
     assert!((1..=most).contains(&cloud.points.len()), "{} of {most}", cloud.points.len());
+    whole_cloud(name, bytes, cloud.points.len());
     true
+}
+
+/// All that a cloud says of its points: each column as long as the cloud, and what is written of
+/// it reads back as itself.
+fn whole_cloud(name: &str, bytes: &[u8], points: usize) {
+    let (read, _) = parse_recorded(Path::new(name), bytes).expect("its points were read");
+    assert_eq!(read.cloud.points.len(), points);
+    assert!(read.columns.iter().all(|column| column.len() == points));
+    for format in CloudFormat::ALL {
+        let again = format.bytes(&read.cloud, &read.columns);
+        let path = Path::new("again").with_extension(format.name());
+        let (again, dropped) = parse_recorded(&path, &again).expect("what we wrote");
+        assert_eq!((&again.cloud, dropped.total()), (&read.cloud, 0), "{format:?}");
+        let is_kept = again.columns.iter().zip(&read.columns).all(|(a, b)| a.len() == b.len());
+        assert!(is_kept && again.columns.len() == read.columns.len(), "{format:?}");
+    }
 }
 
 /// A cloud.

@@ -8,11 +8,12 @@ use std::collections::HashSet;
 
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
 use ply_rs_bw::ply::{
-    ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyType,
-    ScalarType,
+    ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyDef,
+    PropertyType, ScalarType,
 };
 
-use crate::{check_lines, shown};
+use crate::attribute::RANGE_SD;
+use crate::{Column, Kind, check_lines, eight, shown};
 
 /// Bytes of a header at most.
 const MOST_HEADER: usize = 1 << 20;
@@ -106,14 +107,31 @@ impl<'a> Body<'a> {
     ///
     /// What is wrong with the data.
     pub fn points(&mut self, element: &ElementDef) -> Result<Points, String> {
-        let (mut at, mut range_sds) = (Vec::new(), Vec::new());
+        let mut points = Points::of(element);
         self.read(element, |vertex: Vertex| {
-            at.push(vertex.at);
-            range_sds.extend(vertex.range_sd);
+            points.push(&vertex);
             Ok::<_, String>(())
         })?;
-        let has_sds = element.properties.contains_key(RANGE_SD);
-        Ok(Points { at, range_sds: has_sds.then_some(range_sds) })
+        Ok(points)
+    }
+
+    /// As [`Self::points`], with everything else that is said of each, but lists.
+    ///
+    /// # Errors
+    ///
+    /// What is wrong with the data.
+    pub fn points_and_columns(
+        &mut self,
+        element: &ElementDef,
+    ) -> Result<(Points, Vec<Column>), String> {
+        let (mut points, mut columns) = (Points::of(element), columns(element));
+        self.read(element, |WholeVertex { vertex, others }| {
+            points.push(&vertex);
+            let others = others.iter().filter_map(number);
+            columns.iter_mut().zip(others).for_each(|(column, bytes)| column.push_number(bytes));
+            Ok::<_, String>(())
+        })?;
+        Ok((points, columns))
     }
 }
 
@@ -126,9 +144,9 @@ pub fn vertex(header: &Header) -> Result<&ElementDef, String> {
     let element = header.elements.get("vertex").ok_or("expected an `element vertex`")?;
     let is_scalar = |axis: &&str| {
         let property = element.properties.get(*axis);
-        property.is_some_and(|p| matches!(p.data_type, PropertyType::Scalar(_)))
+        property.is_some_and(|p| scalar(&p.data_type).is_some())
     };
-    match ["x", "y", "z"].iter().find(|axis| !is_scalar(axis)) {
+    match AXES.iter().find(|axis| !is_scalar(axis)) {
         Some(axis) => {
             Err(format!("expected numeric vertex properties x, y and z, found no {axis:?}"))
         }
@@ -145,8 +163,13 @@ impl PropertyAccess for Skipped {
     }
 }
 
-/// The property that holds the standard deviation of a point's range, m.
-pub const RANGE_SD: &str = "range_sd";
+const AXES: [&str; 3] = ["x", "y", "z"];
+
+/// Names of the vertices' lists, of which nothing is read.
+pub fn lists(vertex: &ElementDef) -> impl Iterator<Item = &str> {
+    let properties = vertex.properties.values();
+    properties.filter(|p| scalar(&p.data_type).is_none()).map(|p| p.name.as_str())
+}
 
 /// Vertices as a sensor's points.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -155,6 +178,61 @@ pub struct Points {
     pub at: Vec<[f32; 3]>,
     /// The [`RANGE_SD`] of each, if they have it.
     pub range_sds: Option<Vec<f32>>,
+}
+
+impl Points {
+    /// Room for the vertices, whose count has been held against the file's size.
+    fn of(element: &ElementDef) -> Self {
+        let has_sds = element.properties.contains_key(RANGE_SD.name);
+        let range_sds = has_sds.then(|| Vec::with_capacity(element.count));
+        Self { at: Vec::with_capacity(element.count), range_sds }
+    }
+
+    fn push(&mut self, vertex: &Vertex) {
+        self.at.push(vertex.at);
+        self.range_sds.iter_mut().for_each(|sds| sds.extend(vertex.range_sd));
+    }
+}
+
+/// Room for what is said of the vertices beside [`Points`].
+fn columns(element: &ElementDef) -> Vec<Column> {
+    let properties = element.properties.values().filter(|p| !is_of_points(&p.name));
+    let column = |p: &PropertyDef| Some(Column::new(&p.name, scalar(&p.data_type)?, element.count));
+    properties.filter_map(column).collect()
+}
+
+fn is_of_points(name: &str) -> bool {
+    AXES.contains(&name) || name == RANGE_SD.name
+}
+
+/// The kind of a property of one number.
+fn scalar(property: &PropertyType) -> Option<Kind> {
+    let PropertyType::Scalar(scalar) = property else { return None };
+    Some(match scalar {
+        ScalarType::Char => Kind::I8,
+        ScalarType::UChar => Kind::U8,
+        ScalarType::Short => Kind::I16,
+        ScalarType::UShort => Kind::U16,
+        ScalarType::Int => Kind::I32,
+        ScalarType::UInt => Kind::U32,
+        ScalarType::Float => Kind::F32,
+        ScalarType::Double => Kind::F64,
+    })
+}
+
+/// The bytes of a number, little endian; of a list nothing.
+fn number(property: &Property) -> Option<[u8; 8]> {
+    Some(match property {
+        Property::Char(v) => eight(v.to_le_bytes()),
+        Property::UChar(v) => eight(v.to_le_bytes()),
+        Property::Short(v) => eight(v.to_le_bytes()),
+        Property::UShort(v) => eight(v.to_le_bytes()),
+        Property::Int(v) => eight(v.to_le_bytes()),
+        Property::UInt(v) => eight(v.to_le_bytes()),
+        Property::Float(v) => eight(v.to_le_bytes()),
+        Property::Double(v) => eight(v.to_le_bytes()),
+        _ => return None,
+    })
 }
 
 /// A vertex: whatever else it has is passed over.
@@ -169,8 +247,8 @@ impl PropertyAccess for Vertex {
     }
 
     fn set_property(&mut self, name: &str, value: Property) -> PropertyAccessResult {
-        let axis = ["x", "y", "z"].iter().position(|axis| *axis == name);
-        if axis.is_none() && name != RANGE_SD {
+        let axis = AXES.iter().position(|axis| *axis == name);
+        if axis.is_none() && name != RANGE_SD.name {
             return PropertyAccessResult::Ignored;
         }
         let Some(value) = value.to_f32_lossy() else {
@@ -180,6 +258,26 @@ impl PropertyAccess for Vertex {
             Some(axis) => self.at[axis] = value,
             None => self.range_sd = Some(value),
         }
+        PropertyAccessResult::Set
+    }
+}
+
+/// A vertex with whatever else it has, in the header's order.
+struct WholeVertex {
+    vertex: Vertex,
+    others: Vec<Property>,
+}
+
+impl PropertyAccess for WholeVertex {
+    fn new() -> Self {
+        Self { vertex: Vertex::new(), others: Vec::new() }
+    }
+
+    fn set_property(&mut self, name: &str, value: Property) -> PropertyAccessResult {
+        if is_of_points(name) {
+            return self.vertex.set_property(name, value);
+        }
+        self.others.push(value);
         PropertyAccessResult::Set
     }
 }

@@ -7,15 +7,15 @@
 //! use echoloop_registration::pose::Pose;
 //! use echoloop_registration::{Icp, Registration, suggest};
 //!
-//! # use echoloop_registration::cloud::{Cloud, write_ply};
+//! # use echoloop_registration::cloud::{Cloud, write_cloud};
 //! # let folder = tempfile::tempdir()?;
 //! # let path = |name: &str| folder.path().join(name);
 //! # let field = |x: f32, y: f32| [x, y, (0.7 * x).sin() + (0.5 * y + 0.2 * x).cos() - 3.0].into();
 //! # let at = |i: i32| field((i % 100) as f32 * 0.2, (i / 100) as f32 * 0.2);
 //! # let mut cloud = Cloud::new((0..10_000).map(at).collect());
-//! # write_ply(&path("target.ply"), &cloud)?;
+//! # write_cloud(&path("target.ply"), &cloud)?;
 //! # cloud.points.iter_mut().for_each(|p| p.x += 0.25);
-//! # write_ply(&path("source.ply"), &cloud)?;
+//! # write_cloud(&path("source.ply"), &cloud)?;
 //! let (target, _) = read_cloud(&path("target.ply"))?;
 //! let (source, dropped) = read_cloud(&path("source.ply"))?;
 //! println!("{} points, {dropped}", source.points.len());

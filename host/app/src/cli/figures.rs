@@ -14,7 +14,7 @@ use crate::report::{
     ParameterTrace, PoseError, Report, RowKind,
 };
 use echoloop_registration::FgrMode;
-use echoloop_registration::cloud::{Cloud, ply_bytes};
+use echoloop_registration::cloud::{Cloud, CloudFormat};
 
 /// Default against tuned, and what was changed.
 pub(super) fn print_table(config: &RunConfig, result: &RunResult, space: &Space) {
@@ -128,7 +128,7 @@ fn pair_bytes(registered: &Registered) -> Vec<u8> {
     let [first, _] = &registered.clouds;
     let mut points = first.points.clone();
     points.extend(laid_on(registered));
-    ply_bytes(&Cloud::new(points))
+    CloudFormat::Ply.bytes(&Cloud::new(points), &[])
 }
 
 fn laid_on(registered: &Registered) -> impl Iterator<Item = nalgebra::Point3<f32>> + '_ {

@@ -21,7 +21,7 @@ use crate::experiment::dataset::ScanPair;
 use crate::experiment::files::{FileError, file_error, make_folders, replace, sync_folder_of};
 use crate::experiment::tune::Observer;
 use crate::link::sensor::View;
-use echoloop_registration::cloud::{Cloud, ply_bytes};
+use echoloop_registration::cloud::{Cloud, CloudFormat};
 use echoloop_registration::pose::{Pose, to_rows};
 
 /// Flags of `pairs`.
@@ -191,7 +191,7 @@ fn write_pair(draft: &Draft, index: usize, scanned: &Scanned<'_>) -> Result<(), 
     let name = name(index);
     let [world_from_target, world_from_source] = &scanned.pair.world_from_sensor;
     for (end, cloud) in ["target", "source"].into_iter().zip(&scanned.clouds) {
-        draft.write(&format!("{name}_{end}.ply"), ply_bytes(cloud))?;
+        draft.write(&format!("{name}_{end}.ply"), CloudFormat::Ply.bytes(cloud, &[]))?;
     }
     draft.write(&format!("{name}_target_from_source.txt"), matrix(&scanned.pair.truth))?;
     draft.write(&format!("{name}_world_from_target.txt"), matrix(world_from_target))?;

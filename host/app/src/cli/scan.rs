@@ -19,7 +19,7 @@ use crate::experiment::params::Parameters;
 use crate::experiment::scan_cloud::{cloud_from_scan, directions};
 use crate::experiment::seed::{Purpose, derive, scan_noise};
 use crate::link::sensor::{Model, View};
-use echoloop_registration::cloud::{Cloud, ply_bytes};
+use echoloop_registration::cloud::{Cloud, CloudFormat};
 use echoloop_registration::pose::Pose;
 
 /// Flags of `scan`.
@@ -87,7 +87,7 @@ fn scan(args: &ScanArgs, config: &RunConfig, output: Option<&Output>) -> Result<
         ));
     }
     if let Some(output) = output {
-        output.write(&ply_bytes(&cloud))?;
+        output.write(&CloudFormat::Ply.bytes(&cloud, &[]))?;
     }
     let sensor = described(&sensors, &identity);
     print(args, &Scan { sensor, seen, settings: hash, beams: pattern.beams(), cloud })

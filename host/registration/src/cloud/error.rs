@@ -24,6 +24,12 @@ pub enum CloudError {
         /// The file.
         path: PathBuf,
     },
+    /// The extension names no format we write.
+    #[error("{}: expected a name that ends in .ply or .pcd", path.display())]
+    Output {
+        /// The file.
+        path: PathBuf,
+    },
     /// The content is not what the format asks for.
     #[error("{}: {problem}", path.display())]
     Format {

@@ -3,7 +3,9 @@
 pub(crate) mod box_tree;
 pub mod eigen;
 mod error;
+mod format;
 pub mod kdtree;
+mod layout;
 mod lzf;
 mod nearest;
 pub mod neighbours;
@@ -12,15 +14,18 @@ mod pcd;
 mod ply;
 pub(crate) mod quantile;
 mod read;
+mod recorded;
 mod text;
 pub mod voxel;
 mod vtk;
 
 use nalgebra::{Point3, Vector3};
 
+pub use echoloop_files::{Column, Kind, attribute};
 pub use error::CloudError;
-pub use ply::{ply_bytes, write_ply};
-pub use read::{parse_cloud, read_cloud};
+pub use format::{CloudFormat, write_cloud};
+pub use read::{parse_cloud, parse_recorded, read_cloud, read_recorded};
+pub use recorded::Recorded;
 
 /// Points in metres, in the frame of the sensor that saw them: the sensor is at the origin.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -44,13 +49,19 @@ impl Cloud {
     /// Removes points that are no echo, and says how many.
     pub fn drop_invalid(&mut self) -> Dropped {
         let mut dropped = Dropped::default();
-        let keep: Vec<bool> = self.points.iter().map(|point| dropped.keeps(point)).collect();
+        self.points.iter().for_each(|point| dropped.count(point));
         if dropped.total() > 0 {
+            let keep = self.valid();
             retain(&mut self.points, &keep);
             self.normals.iter_mut().for_each(|normals| retain(normals, &keep));
             self.range_sd_m.iter_mut().for_each(|sds| retain(sds, &keep));
         }
         dropped
+    }
+
+    /// Of each point, whether it is an echo.
+    fn valid(&self) -> Vec<bool> {
+        self.points.iter().map(|point| is_finite(point) && !is_at_origin(point)).collect()
     }
 }
 
@@ -74,13 +85,10 @@ impl Dropped {
         self.non_finite + self.at_origin
     }
 
-    /// Counts the point if it is no echo; true when it is one.
-    fn keeps(&mut self, point: &Point3<f32>) -> bool {
-        let finite = is_finite(point);
-        let at_origin = point.coords == Vector3::zeros();
-        self.non_finite += usize::from(!finite);
-        self.at_origin += usize::from(at_origin);
-        finite && !at_origin
+    /// Counts the point if it is no echo.
+    fn count(&mut self, point: &Point3<f32>) {
+        self.non_finite += usize::from(!is_finite(point));
+        self.at_origin += usize::from(is_at_origin(point));
     }
 }
 
@@ -93,6 +101,11 @@ impl std::fmt::Display for Dropped {
 /// Whether all coordinates are finite.
 pub(crate) fn is_finite(point: &Point3<f32>) -> bool {
     point.coords.iter().all(|v| v.is_finite())
+}
+
+/// Whether the range is zero.
+fn is_at_origin(point: &Point3<f32>) -> bool {
+    point.coords == Vector3::zeros()
 }
 
 #[cfg(test)]

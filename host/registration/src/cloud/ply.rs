@@ -1,68 +1,70 @@
 //! PLY files.
 
-use std::path::Path;
-
-use super::{Cloud, CloudError};
-use echoloop_files::ply::{self, Body, Points, RANGE_SD};
+use super::Cloud;
+use super::layout::Layout;
+use super::recorded::{Keep, Recorded};
+use echoloop_files::attribute::is_attribute;
+use echoloop_files::ply::{self, Body, Points};
+use echoloop_files::{Column, Kind, shown};
 use nalgebra::Point3;
 
 /// The vertices of a PLY file, or what was expected of it.
-pub(super) fn parse(bytes: &[u8]) -> Result<Cloud, String> {
-    vertices(bytes).map_err(|what| format!("expected a PLY file: {what}"))
+pub(super) fn parse(bytes: &[u8], keep: Keep) -> Result<Recorded, String> {
+    vertices(bytes, keep).map_err(|what| format!("expected a PLY file: {what}"))
 }
 
 /// What follows the vertices is not looked at.
-fn vertices(bytes: &[u8]) -> Result<Cloud, String> {
+fn vertices(bytes: &[u8], keep: Keep) -> Result<Recorded, String> {
     let (header, reader) = ply::header(bytes)?;
     let vertex = ply::vertex(&header)?;
+    if let Some(list) = ply::lists(vertex).find(|name| is_attribute(name)) {
+        return Err(format!("expected one number a vertex of {list:?}, found a list"));
+    }
     let mut body = Body::new(&header, reader, Some("vertex"))?;
     for element in header.elements.values().take_while(|element| element.name != vertex.name) {
         body.skip(element)?;
     }
-    let Points { at, range_sds: range_sd_m } = body.points(vertex)?;
-    check_sds(range_sd_m.as_deref().unwrap_or_default())?;
-    Ok(Cloud { range_sd_m, ..Cloud::new(at.into_iter().map(Point3::from).collect()) })
+    let (points, columns) = match keep {
+        Keep::Points => (body.points(vertex)?, Vec::new()),
+        Keep::All => body.points_and_columns(vertex)?,
+    };
+    let left_out = ply::lists(vertex).map(shown).collect();
+    Ok(Recorded { cloud: cloud(points), columns, left_out })
 }
 
-fn check_sds(range_sd_m: &[f32]) -> Result<(), String> {
-    let wrong = range_sd_m.iter().enumerate().find(|(_, sd)| !(sd.is_finite() && **sd >= 0.0));
-    match wrong {
-        Some((i, sd)) => {
-            Err(format!("the {RANGE_SD} of vertex {i} is {sd}, expected 0 m or more, finite"))
-        }
-        None => Ok(()),
-    }
+fn cloud(points: Points) -> Cloud {
+    let at = points.at.into_iter().map(Point3::from).collect();
+    Cloud { range_sd_m: points.range_sds, ..Cloud::new(at) }
 }
 
-/// Writes a cloud as little-endian binary PLY: `float x y z`, `float nx ny nz` when there are
-/// normals, `float range_sd` when it is known.
-///
-/// # Errors
-///
-/// [`CloudError::Io`] when the file cannot be written.
-pub fn write_ply(path: &Path, cloud: &Cloud) -> Result<(), CloudError> {
-    std::fs::write(path, ply_bytes(cloud))
-        .map_err(|source| CloudError::Io { path: path.into(), source })
-}
+/// Little-endian binary, one element `vertex`. PLY has no whole numbers of 8 bytes: they become
+/// `double`.
+pub(super) const LAYOUT: Layout = Layout {
+    normals: ["nx", "ny", "nz"],
+    kind: |kind| match kind {
+        Kind::I64 | Kind::U64 => Kind::F64,
+        kind => kind,
+    },
+    header,
+};
 
-/// What [`write_ply`] writes.
-pub fn ply_bytes(cloud: &Cloud) -> Vec<u8> {
-    let normal: &[_] = if cloud.normals.is_some() { &["nx", "ny", "nz"] } else { &[] };
-    let range_sd: &[_] = if cloud.range_sd_m.is_some() { &[RANGE_SD] } else { &[] };
-    let names = [&["x", "y", "z"], normal, range_sd].concat();
-    let properties: String = names.iter().map(|name| format!("property float {name}\n")).collect();
-    let count = cloud.points.len();
-    let mut bytes = format!(
+fn header(columns: &[Column], count: usize) -> String {
+    let property = |column: &Column| format!("property {} {}\n", name(column.kind()), column.name);
+    let properties: String = columns.iter().map(property).collect();
+    format!(
         "ply\nformat binary_little_endian 1.0\nelement vertex {count}\n{properties}end_header\n"
     )
-    .into_bytes();
-    for (i, point) in cloud.points.iter().enumerate() {
-        let normal = cloud.normals.as_ref().and_then(|normals| normals.get(i));
-        let range_sd = cloud.range_sd_m.as_ref().and_then(|sds| sds.get(i));
-        let normal = normal.into_iter().flat_map(|normal| normal.iter());
-        for value in point.coords.iter().chain(normal).chain(range_sd) {
-            bytes.extend(value.to_le_bytes());
-        }
+}
+
+fn name(kind: Kind) -> &'static str {
+    match kind {
+        Kind::I8 => "char",
+        Kind::U8 => "uchar",
+        Kind::I16 => "short",
+        Kind::U16 => "ushort",
+        Kind::I32 => "int",
+        Kind::U32 => "uint",
+        Kind::F32 => "float",
+        Kind::F64 | Kind::I64 | Kind::U64 => "double",
     }
-    bytes
 }

@@ -3,16 +3,18 @@
 use std::path::Path;
 
 use echoloop_files::read_data;
+use nalgebra::Point3;
 
 use super::error::CloudError;
+use super::recorded::{Keep, Recorded};
 use super::{Cloud, Dropped, pcd, ply, text, vtk};
 
 /// Reads points in metres from PLY (ASCII or binary, any numeric type), PCD (all three encodings),
 /// legacy VTK polydata (ASCII or binary), KITTI `.bin` (x y z intensity, little-endian `f32`) or
 /// text (x y z first, or where a header line names them).
 ///
-/// A PLY's `range_sd` is kept as [`Cloud::range_sd_m`]. Other properties are ignored, a PCD
-/// viewpoint too. Coordinates become `f32`: shift map
+/// The `range_sd` of a PLY or a PCD is kept as [`Cloud::range_sd_m`]. All else is ignored, a PCD
+/// viewpoint too: [`read_recorded`] keeps it. Coordinates become `f32`: shift map
 /// coordinates before, for at 500 km that is 3 cm. Points that are no echo are left out and
 /// counted.
 ///
@@ -21,9 +23,17 @@ use super::{Cloud, Dropped, pcd, ply, text, vtk};
 /// [`CloudError`] names the file and what was expected of it; a file without echoes is an error
 /// too.
 pub fn read_cloud(path: &Path) -> Result<(Cloud, Dropped), CloudError> {
-    let parse = parser(path)?;
-    let bytes = read_data(path).map_err(|source| CloudError::Io { path: path.into(), source })?;
-    checked(path, parse(&bytes))
+    read(path, Keep::Points).map(|(recorded, dropped)| (recorded.cloud, dropped))
+}
+
+/// As [`read_cloud`], with everything that a PLY or a PCD says of each point, and KITTI's
+/// intensity.
+///
+/// # Errors
+///
+/// As of [`read_cloud`].
+pub fn read_recorded(path: &Path) -> Result<(Recorded, Dropped), CloudError> {
+    read(path, Keep::All)
 }
 
 /// What [`read_cloud`] makes of a file's bytes; `path` tells the format.
@@ -32,31 +42,57 @@ pub fn read_cloud(path: &Path) -> Result<(Cloud, Dropped), CloudError> {
 ///
 /// As of [`read_cloud`].
 pub fn parse_cloud(path: &Path, bytes: &[u8]) -> Result<(Cloud, Dropped), CloudError> {
-    checked(path, parser(path)?(bytes))
+    let (recorded, dropped) = checked(path, parser(path)?(bytes, Keep::Points))?;
+    Ok((recorded.cloud, dropped))
 }
 
-/// A file's bytes, or what was expected of them.
-type Read = Result<Cloud, String>;
+/// What [`read_recorded`] makes of a file's bytes; `path` tells the format.
+///
+/// # Errors
+///
+/// As of [`read_cloud`].
+pub fn parse_recorded(path: &Path, bytes: &[u8]) -> Result<(Recorded, Dropped), CloudError> {
+    checked(path, parser(path)?(bytes, Keep::All))
+}
 
-fn parser(path: &Path) -> Result<fn(&[u8]) -> Read, CloudError> {
+/// What is wanted of a file, or what was expected of its bytes.
+type Read = Result<Recorded, String>;
+
+/// Reads a file's bytes.
+type Parse = fn(&[u8], Keep) -> Read;
+
+fn read(path: &Path, keep: Keep) -> Result<(Recorded, Dropped), CloudError> {
+    let parse = parser(path)?;
+    let bytes = read_data(path).map_err(|source| CloudError::Io { path: path.into(), source })?;
+    checked(path, parse(&bytes, keep))
+}
+
+fn parser(path: &Path) -> Result<Parse, CloudError> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
     Ok(match extension.to_ascii_lowercase().as_str() {
         "ply" => ply::parse,
-        "pcd" => |bytes| pcd::parse(bytes).map(Cloud::new),
-        "vtk" => |bytes| vtk::parse(bytes).map(Cloud::new),
-        "bin" => |bytes| text::parse_kitti(bytes).map(Cloud::new),
-        "xyz" | "txt" | "asc" | "csv" => |bytes| text::parse_text(bytes).map(Cloud::new),
+        "pcd" => pcd::parse,
+        "vtk" => |bytes, _| vtk::parse(bytes).map(bare),
+        "bin" => text::parse_kitti,
+        "xyz" | "txt" | "asc" | "csv" => |bytes, _| text::parse_text(bytes).map(bare),
         _ => return Err(CloudError::Extension { path: path.into() }),
     })
 }
 
-fn checked(path: &Path, read: Read) -> Result<(Cloud, Dropped), CloudError> {
-    let mut cloud = read.map_err(|problem| CloudError::Format { path: path.into(), problem })?;
-    let dropped = cloud.drop_invalid();
-    if cloud.points.is_empty() {
+/// Points of which no more is known.
+fn bare(points: Vec<Point3<f32>>) -> Recorded {
+    Recorded::of(Cloud::new(points))
+}
+
+fn checked(path: &Path, read: Read) -> Result<(Recorded, Dropped), CloudError> {
+    let problem = |problem| CloudError::Format { path: path.into(), problem };
+    let mut recorded = read.map_err(problem)?;
+    recorded.check_sds().map_err(problem)?;
+    let dropped = recorded.drop_invalid();
+    if recorded.cloud.points.is_empty() {
         return Err(CloudError::Empty { path: path.into(), dropped });
     }
-    Ok((cloud, dropped))
+    Ok((recorded, dropped))
 }
 
 #[cfg(test)]
@@ -64,7 +100,10 @@ fn checked(path: &Path, read: Read) -> Result<(Cloud, Dropped), CloudError> {
 mod tests {
 
     use super::*;
-    use crate::cloud::write_ply;
+    use echoloop_files::Column;
+    use echoloop_files::attribute::{ATTRIBUTES, RING};
+
+    use crate::cloud::{CloudFormat, write_cloud};
 
     fn read(name: &str, content: &[u8]) -> Result<(Cloud, Dropped), CloudError> {
         let folder = tempfile::tempdir().unwrap();
@@ -181,7 +220,7 @@ mod tests {
                     &xyz
                 )
                 .into_bytes(),
-                "the range_sd of vertex 1 is -1",
+                "the range_sd of point 1, counted from 0, is -1",
             ),
             ("empty.pcd", vec![], "PCD"),
             ("noz.pcd", PCD.replace(" z", " w").into_bytes(), "PCD"),
@@ -279,16 +318,140 @@ mod tests {
     #[test]
     fn a_written_cloud_reads_back_the_same() {
         let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("cloud.ply");
-        let mut cloud = Cloud::new(vec![[0.1, -2.0, 3e7].into(), [1.0, 0.0, -0.0].into()]);
-        write_ply(&path, &cloud).unwrap();
-        assert_eq!(read_cloud(&path).unwrap(), (cloud.clone(), Dropped::default()));
-        cloud.range_sd_m = Some(vec![0.02, 0.0]);
-        write_ply(&path, &cloud).unwrap();
-        assert_eq!(read_cloud(&path).unwrap().0, cloud);
-        cloud.normals = Some(vec![[0.0, 0.0, 1.0].into(); 2]);
-        write_ply(&path, &cloud).unwrap();
-        assert_eq!(read_cloud(&path).unwrap().0, Cloud { normals: None, ..cloud });
+        for name in ["cloud.ply", "cloud.PCD"] {
+            let path = folder.path().join(name);
+            let mut cloud = Cloud::new(vec![[0.1, -2.0, 3e7].into(), [1.0, 0.0, -0.0].into()]);
+            write_cloud(&path, &cloud).unwrap();
+            assert_eq!(read_cloud(&path).unwrap(), (cloud.clone(), Dropped::default()));
+            cloud.range_sd_m = Some(vec![0.02, 0.0]);
+            write_cloud(&path, &cloud).unwrap();
+            assert_eq!(read_cloud(&path).unwrap().0, cloud);
+            cloud.normals = Some(vec![[0.0, 0.0, 1.0].into(); 2]);
+            write_cloud(&path, &cloud).unwrap();
+            assert_eq!(read_cloud(&path).unwrap().0, Cloud { normals: None, ..cloud });
+        }
+        let said = write_cloud(&folder.path().join("cloud.las"), &Cloud::default()).unwrap_err();
+        assert!(said.to_string().contains(".ply or .pcd"), "{said}");
+    }
+
+    /// Two points with every attribute, each number another.
+    fn told() -> Recorded {
+        let points = vec![[0.1, -2.0, 3e7].into(), [1.0, 0.0, -0.0].into()];
+        let others = ATTRIBUTES.iter().filter(|attribute| attribute.name != "range_sd");
+        let column = |(i, attribute)| {
+            let i = i as f64;
+            Column::of(attribute, [200.0 + i, 7.0 * i].into_iter())
+        };
+        Recorded {
+            cloud: Cloud { range_sd_m: Some(vec![0.02, 0.0]), ..Cloud::new(points) },
+            columns: others.enumerate().map(column).collect(),
+            left_out: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn every_attribute_reads_back_from_both_formats_with_its_kind() {
+        let told = told();
+        assert_eq!(told.columns.len(), 9);
+        for format in CloudFormat::ALL {
+            let bytes = format.bytes(&told.cloud, &told.columns);
+            let path = Path::new("a").with_extension(format.name());
+            assert_eq!(parse_recorded(&path, &bytes).unwrap().0, told, "{format:?}");
+            let (points, _) = parse_cloud(&path, &bytes).unwrap();
+            assert_eq!(points, told.cloud, "{format:?}");
+        }
+    }
+
+    #[test]
+    fn what_others_say_of_their_points_is_kept_whatever_it_is() {
+        let head = "VERSION 0.7\nFIELDS x normal_x y z id _ t desc a#b rgb\n\
+                    SIZE 4 4 4 4 8 1 8 4 1 4\nTYPE F F F F U U F F I F\nCOUNT 1 1 1 1 1 3 1 2 1 1\n\
+                    WIDTH 1\nHEIGHT 1\nPOINTS 1\nDATA binary\n";
+        let head = head.replace("a#b", "a.b");
+        let body = [
+            &le(&[1.0, 0.5, 2.0, 3.0])[..],
+            &(1_u64 << 40).to_le_bytes(),
+            &[9; 3],
+            &1e-3_f64.to_le_bytes(),
+            &le(&[8.0, 8.0]),
+            &[0xff],
+            &0xff8a_bcde_u32.to_le_bytes(), // as a number it is none
+        ];
+        let (read, _) = parse_recorded(Path::new("a.pcd"), &bytes(&head, &body.concat())).unwrap();
+        assert_eq!(read.left_out, ["desc"]);
+        let names: Vec<&str> = read.columns.iter().map(|column| column.name.as_str()).collect();
+        assert_eq!(names, ["normal_x", "id", "t", "a.b", "rgb"]);
+        let ply = CloudFormat::Ply.bytes(&read.cloud, &read.columns);
+        let (again, _) = parse_recorded(Path::new("a.ply"), &ply).unwrap();
+        let names: Vec<&str> = again.columns.iter().map(|column| column.name.as_str()).collect();
+        assert_eq!(names, ["nx", "id", "t", "a_b", "rgb"]);
+        let values: Vec<f64> =
+            again.columns[..4].iter().flat_map(|column| column.values()).collect();
+        assert_eq!(values, [0.5, 2f64.powi(40), 1e-3, -1.0]);
+        assert_eq!(again.columns[4].parts().next().unwrap(), 0xff8a_bcde_u32.to_le_bytes());
+        let kitti = parse_recorded(Path::new("a.bin"), &le(&[1.0, 2.0, 3.0, 0.25])).unwrap().0;
+        assert_eq!(kitti.columns[0].name, "intensity");
+        assert_eq!(kitti.columns[0].values().next(), Some(0.25));
+    }
+
+    #[test]
+    fn names_that_stand_twice_or_that_no_header_takes_are_changed() {
+        let mut columns: Vec<Column> = ["_", "x", "x", "a b\nc", "1st", "nx", "normal_x"]
+            .iter()
+            .map(|name| Column::of(&RING, [1.0].into_iter()).named(name))
+            .collect();
+        columns.push(Column::of(&RING, [1.0, 2.0].into_iter()));
+        let cloud = Cloud::new(vec![[1.0, 2.0, 3.0].into()]);
+        let names = |format: CloudFormat| {
+            let path = Path::new("a").with_extension(format.name());
+            let read = parse_recorded(&path, &format.bytes(&cloud, &columns)).unwrap().0;
+            read.columns.into_iter().map(|column| column.name).collect::<Vec<_>>().join(" ")
+        };
+        assert_eq!(names(CloudFormat::Ply), "__ x_ x__ a_b_c _1st nx nx_");
+        assert_eq!(names(CloudFormat::Pcd), "__ x_ x__ a_b_c _1st normal_x normal_x_");
+    }
+
+    #[test]
+    fn an_attribute_that_is_no_one_number_a_point_is_refused_by_name() {
+        let good = ["FIELDS x y z ring", "SIZE 4 4 4 2", "TYPE F F F U", "COUNT 1 1 1 1"];
+        let pcd = |line: usize, words: &str| {
+            let mut lines = good.map(str::to_owned);
+            lines[line] = words.into();
+            let head = format!("VERSION 0.7\n{}\nWIDTH 1\nHEIGHT 1\n", lines.join("\n"));
+            bytes(&format!("{head}POINTS 1\nDATA ascii\n"), b"1 2 3 4\n\n\n")
+        };
+        let ply = |property: &str| {
+            let head = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\n\
+                        property float y\nproperty float z\n";
+            bytes(&format!("{head}property {property}\nend_header\n"), b"1 2 3 4\n")
+        };
+        assert!(read("good.pcd", &pcd(0, good[0])).is_ok());
+        assert!(read("good.ply", &ply("ushort ring")).is_ok());
+        let table = [
+            ("type.pcd", pcd(2, "TYPE F F F S"), "\"S\""),
+            ("count.pcd", pcd(3, "COUNT 1 1 1 2"), "\"ring\", found 2"),
+            ("nosize.pcd", pcd(1, "SIZE 4 4 4"), "expected a PCD file"),
+            ("size.pcd", pcd(1, "SIZE 4 4 4 3"), "expected a PCD file"),
+            ("list.ply", ply("list uchar ushort ring"), "one number a vertex of \"ring\""),
+            ("type.ply", ply("half ring"), "expected a PLY file"),
+            ("none.ply", ply("ushort"), "expected a PLY file"),
+            ("more.ply", ply("ushort ring\nproperty float time"), "expected a PLY file"),
+        ];
+        for (name, content, expected) in table {
+            let message = read(name, &content).expect_err(name).to_string();
+            assert!(message.contains(name) && message.contains(expected), "{message}");
+        }
+    }
+
+    #[test]
+    fn a_bad_deviation_is_an_error_only_where_there_is_an_echo() {
+        let head = "VERSION 0.7\nFIELDS x y z range_sd\nSIZE 4 4 4 4\nTYPE F F F F\n\
+                    WIDTH 3\nHEIGHT 1\nPOINTS 3\nDATA ascii\n";
+        let pcd = |rows: &str| read("sd.pcd", &bytes(head, rows.as_bytes()));
+        let (cloud, dropped) = pcd("nan nan nan nan\n0 0 0 -1\n1 2 3 0.25\n").unwrap();
+        assert_eq!((cloud.range_sd_m, dropped.total()), (Some(vec![0.25]), 2));
+        let said = pcd("nan nan nan nan\n0 0 1 nan\n1 2 3 0.25\n").unwrap_err().to_string();
+        assert!(said.contains("range_sd of point 1") && said.contains("NaN"), "{said}");
     }
 
     #[test]

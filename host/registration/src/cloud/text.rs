@@ -1,10 +1,14 @@
 //! KITTI's binary scans, and points as text.
 
-use echoloop_files::shown_most;
+use echoloop_files::attribute::INTENSITY;
+use echoloop_files::{Column, shown_most};
 use nalgebra::Point3;
 
+use super::Cloud;
+use super::recorded::{Keep, Recorded};
+
 /// The points of a KITTI scan: x, y, z, intensity as little-endian `f32`, 16 bytes a point.
-pub(super) fn parse_kitti(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
+pub(super) fn parse_kitti(bytes: &[u8], keep: Keep) -> Result<Recorded, String> {
     let (records, rest) = bytes.as_chunks::<16>();
     if !rest.is_empty() {
         return Err(format!(
@@ -12,16 +16,14 @@ pub(super) fn parse_kitti(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
             bytes.len()
         ));
     }
-    Ok(records.iter().map(kitti_point).collect())
-}
-
-fn kitti_point(record: &[u8; 16]) -> Point3<f32> {
-    let (words, _) = record.as_chunks::<4>();
-    Point3::new(
-        f32::from_le_bytes(words[0]),
-        f32::from_le_bytes(words[1]),
-        f32::from_le_bytes(words[2]),
-    )
+    let number = |record: &[u8; 16], at: usize| f32::from_le_bytes(record.as_chunks().0[at]);
+    let points = records.iter().map(|r| Point3::new(number(r, 0), number(r, 1), number(r, 2)));
+    let mut recorded = Recorded::of(Cloud::new(points.collect()));
+    if keep == Keep::All {
+        let intensities = records.iter().map(|record| f64::from(number(record, 3)));
+        recorded.columns.push(Column::of(&INTENSITY, intensities));
+    }
+    Ok(recorded)
 }
 
 /// The points of a text file: a point a line, parted by blanks, commas or semicolons.

@@ -1,0 +1,94 @@
+//! Points and what is known of them as records, which both formats write one after the other.
+
+use std::collections::HashSet;
+
+use echoloop_files::attribute::RANGE_SD;
+use echoloop_files::{Column, Kind};
+use nalgebra::Vector3;
+
+use super::Cloud;
+use super::recorded::NORMALS;
+
+/// How a format has the columns of a cloud.
+pub(super) struct Layout {
+    /// What it calls the parts of a normal.
+    pub(super) normals: [&'static str; 3],
+    /// The kind it has for numbers of a kind.
+    pub(super) kind: fn(Kind) -> Kind,
+    /// What stands before so many records of these columns.
+    pub(super) header: fn(&[Column], usize) -> String,
+}
+
+impl Layout {
+    /// A whole file: x, y, z, the normals, σ_R, and the other columns.
+    pub(super) fn bytes(&self, cloud: &Cloud, others: &[Column]) -> Vec<u8> {
+        let columns = self.columns(cloud, others);
+        let count = cloud.points.len();
+        let mut bytes = (self.header)(&columns, count).into_bytes();
+        let record: usize = columns.iter().map(|column| column.kind().size()).sum();
+        bytes.reserve_exact(count * record);
+        let mut parts: Vec<_> = columns.iter().map(Column::parts).collect();
+        for _ in 0..count {
+            parts.iter_mut().filter_map(Iterator::next).for_each(|part| bytes.extend(part));
+        }
+        bytes
+    }
+
+    /// All columns under names of their own. A column of another length is none of this cloud.
+    fn columns(&self, cloud: &Cloud, others: &[Column]) -> Vec<Column> {
+        let count = cloud.points.len();
+        let mut columns = vectors(["x", "y", "z"], count, cloud.points.iter().map(|p| &p.coords));
+        if let Some(normals) = &cloud.normals {
+            columns.extend(vectors(self.normals, count, normals.iter()));
+        }
+        if let Some(sds) = &cloud.range_sd_m {
+            columns.push(Column::of(&RANGE_SD, sds.iter().map(|sd| f64::from(*sd))));
+        }
+        columns.extend(others.iter().map(|other| self.renamed(other)));
+        columns.retain(|column| column.len() == count);
+        make_unique(&mut columns);
+        columns
+    }
+
+    /// A column of this format: the others' names for normals are its own.
+    fn renamed(&self, other: &Column) -> Column {
+        let axis = NORMALS.iter().find_map(|names| names.iter().position(|n| *n == other.name));
+        let name = axis.map_or_else(|| plain(&other.name), |axis| self.normals[axis].to_owned());
+        let kind = (self.kind)(other.kind());
+        let column = if kind == other.kind() { other.clone() } else { other.to_kind(kind) };
+        column.named(&name)
+    }
+}
+
+fn vectors<'a>(
+    names: [&str; 3],
+    count: usize,
+    vectors: impl Iterator<Item = &'a Vector3<f32>> + Clone,
+) -> Vec<Column> {
+    let column = |(axis, name): (usize, &str)| {
+        let mut column = Column::new(name, Kind::F32, count);
+        vectors.clone().for_each(|vector| column.push(vector[axis].into()));
+        column
+    };
+    names.into_iter().enumerate().map(column).collect()
+}
+
+/// A name that both headers take: one word of letters, digits, `_` and `-`.
+fn plain(name: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+    let name: String = name.chars().map(|c| if is_plain(c) { c } else { '_' }).collect();
+    match name.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_') {
+        true => name,
+        false => format!("_{name}"),
+    }
+}
+
+/// Names that stand twice end otherwise the second time; `_` alone is PCD's for no field.
+fn make_unique(columns: &mut [Column]) {
+    let mut taken = HashSet::from(["_".to_owned()]);
+    for column in columns {
+        while !taken.insert(column.name.clone()) {
+            column.name.push('_');
+        }
+    }
+}
