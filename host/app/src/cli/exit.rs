@@ -87,11 +87,20 @@ impl From<TuneError> for Failure {
 /// [`Failure`] 1 when it cannot be written, as to a full disk; [`READER_GONE`] when nobody reads it
 /// any more.
 pub(super) fn print(text: &str) -> Result<(), Failure> {
-    write_to(&mut std::io::stdout().lock(), text)
+    print_bytes(text.as_bytes())
 }
 
-fn write_to(out: &mut impl Write, text: &str) -> Result<(), Failure> {
-    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|error| match error.kind() {
+/// As [`print`], what is no text.
+///
+/// # Errors
+///
+/// As of [`print`].
+pub(super) fn print_bytes(bytes: &[u8]) -> Result<(), Failure> {
+    write_to(&mut std::io::stdout().lock(), bytes)
+}
+
+fn write_to(out: &mut impl Write, bytes: &[u8]) -> Result<(), Failure> {
+    out.write_all(bytes).and_then(|()| out.flush()).map_err(|error| match error.kind() {
         ErrorKind::BrokenPipe => Failure::new(READER_GONE, error),
         _ => Failure::run(format_args!("cannot write to standard output: {error}")),
     })
@@ -131,9 +140,9 @@ mod tests {
     #[test]
     fn what_cannot_be_written_is_a_failure_even_if_it_was_buffered() {
         let failed =
-            write_to(&mut Full(ErrorKind::StorageFull), "a\n").map_err(|f| (f.code, f.message));
+            write_to(&mut Full(ErrorKind::StorageFull), b"a\n").map_err(|f| (f.code, f.message));
         assert_eq!(failed, Err((1, "cannot write to standard output: no storage space".into())));
-        let left = write_to(&mut Full(ErrorKind::BrokenPipe), "a\n").map_err(|f| f.code);
+        let left = write_to(&mut Full(ErrorKind::BrokenPipe), b"a\n").map_err(|f| f.code);
         assert_eq!(left, Err(READER_GONE));
     }
 }

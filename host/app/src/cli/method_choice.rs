@@ -49,7 +49,7 @@ pub(super) fn mode_parser() -> impl TypedValueParser<Value = FgrMode> {
 }
 
 /// A choice by name, each with a line of help.
-fn one_of<T: Copy + Send + Sync + 'static, const N: usize>(
+pub(super) fn one_of<T: Copy + Send + Sync + 'static, const N: usize>(
     choices: [(&'static str, &'static str, T); N],
 ) -> impl TypedValueParser<Value = T> {
     let values = choices.map(|(name, summary, _)| PossibleValue::new(name).help(summary));

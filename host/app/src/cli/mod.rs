@@ -6,6 +6,7 @@
 //! code. To add one: a file with `Args` and `run`, a variant of `Command`, a line in [`Cli::run`].
 
 mod choice;
+mod cloud_output;
 mod common;
 mod echoes;
 mod evaluate;

@@ -10,6 +10,7 @@ use clap::{Args, ValueHint};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
+use super::cloud_output::format_parser;
 use super::common::{Setup, on_threads};
 use super::exit::Failure;
 use super::interrupt::{INTERRUPTED, stop_on_interrupt};
@@ -19,9 +20,10 @@ use super::progress::Progress;
 use crate::experiment::config::RunConfig;
 use crate::experiment::dataset::ScanPair;
 use crate::experiment::files::{FileError, file_error, make_folders, replace, sync_folder_of};
+use crate::experiment::scan_cloud::recorded_from_scan;
 use crate::experiment::tune::Observer;
 use crate::link::sensor::View;
-use echoloop_registration::cloud::{Cloud, CloudFormat};
+use echoloop_registration::cloud::{CloudFormat, Recorded};
 use echoloop_registration::pose::{Pose, to_rows};
 
 /// Flags of `pairs`.
@@ -31,7 +33,7 @@ pub(crate) struct PairsArgs {
     setup: Setup,
     #[command(flatten)]
     method: MethodChoice,
-    /// Folder to make: NNN_target.ply, NNN_source.ply (sensor frame, m), the 4 × 4 matrices
+    /// Folder to make: NNN_target.ply, NNN_source.ply (sensor frame, m; or .pcd), the 4 × 4 matrices
     /// NNN_target_from_source.txt, NNN_world_from_target.txt and NNN_world_from_source.txt for pair
     /// NNN = 000, 001, …; pairs.json, which lists them with the scans' numbers; config.toml.
     #[arg(short, long, value_name = "FOLDER", value_hint = ValueHint::DirPath)]
@@ -39,13 +41,16 @@ pub(crate) struct PairsArgs {
     /// Which pairs.
     #[arg(long, default_value = "test")]
     pairs: PairSet,
+    /// Format of the clouds.
+    #[arg(long, value_parser = format_parser(), default_value = "ply")]
+    format: CloudFormat,
 }
 
 /// A pair as it came back.
 struct Scanned<'a> {
     pair: &'a ScanPair,
     /// First and second, which a registration calls target and source.
-    clouds: [Cloud; 2],
+    clouds: [Recorded; 2],
 }
 
 pub(super) fn run(args: &PairsArgs) -> Result<(), Failure> {
@@ -74,7 +79,7 @@ fn scan_and_write(args: &PairsArgs, config: RunConfig, stop: &AtomicBool) -> Res
         .collect();
     progress.end();
     let scanned = scanned?;
-    write(&args.output, &prepared, &scanned, stop)?;
+    write(args, &prepared, &scanned, stop)?;
     print(args, &scanned)
 }
 
@@ -101,8 +106,11 @@ fn scan<'a>(
         };
         Ok([look(0)?, look(1)?])
     })?;
-    let clouds = scans.map(|scan| prepared.bench().cloud(&scan));
-    match clouds.iter().position(|cloud| cloud.points.is_empty()) {
+    let config = &prepared.config;
+    let duration_s = config.motion.duration_s;
+    let (directions, pattern) = (&prepared.dataset.directions, config.scanner.pattern());
+    let clouds = scans.map(|scan| recorded_from_scan(&scan, directions, &pattern, duration_s));
+    match clouds.iter().position(|scan| scan.cloud.points.is_empty()) {
         Some(at) => Err(Failure::run(format!(
             "scan {}: no beam returned an echo (is the sensor inside something, or too weak?)",
             pair.viewpoints[at]
@@ -166,15 +174,15 @@ impl Drop for Draft {
 }
 
 fn write(
-    folder: &Path,
+    args: &PairsArgs,
     prepared: &Prepared,
     scanned: &[Scanned<'_>],
     stop: &AtomicBool,
 ) -> Result<(), Failure> {
-    let draft = Draft::beside(folder)?;
+    let draft = Draft::beside(&args.output)?;
     for (index, scanned) in scanned.iter().enumerate() {
         go_on(stop)?;
-        write_pair(&draft, index, scanned)?;
+        write_pair(&draft, index, scanned, args.format)?;
     }
     draft.write("config.toml", toml::to_string(&prepared.config).map_err(Failure::run)?)?;
     let listed = |(index, scanned)| listed(index, scanned);
@@ -184,14 +192,22 @@ fn write(
         "pairs": scanned.iter().enumerate().map(listed).collect::<Vec<_>>(),
     });
     draft.write("pairs.json", serde_json::to_string_pretty(&list).map_err(Failure::run)? + "\n")?;
-    Ok(draft.become_folder(folder)?)
+    Ok(draft.become_folder(&args.output)?)
 }
 
-fn write_pair(draft: &Draft, index: usize, scanned: &Scanned<'_>) -> Result<(), Failure> {
+fn write_pair(
+    draft: &Draft,
+    index: usize,
+    scanned: &Scanned<'_>,
+    format: CloudFormat,
+) -> Result<(), Failure> {
     let name = name(index);
     let [world_from_target, world_from_source] = &scanned.pair.world_from_sensor;
-    for (end, cloud) in ["target", "source"].into_iter().zip(&scanned.clouds) {
-        draft.write(&format!("{name}_{end}.ply"), CloudFormat::Ply.bytes(cloud, &[]))?;
+    for (end, Recorded { cloud, columns, .. }) in
+        ["target", "source"].into_iter().zip(&scanned.clouds)
+    {
+        let file = format!("{name}_{end}.{}", format.name());
+        draft.write(&file, format.bytes(cloud, columns))?;
     }
     draft.write(&format!("{name}_target_from_source.txt"), matrix(&scanned.pair.truth))?;
     draft.write(&format!("{name}_world_from_target.txt"), matrix(world_from_target))?;
@@ -217,15 +233,18 @@ fn listed(index: usize, Scanned { pair, clouds }: &Scanned<'_>) -> Value {
         "name": name(index),
         "place": pair.place,
         "frames": pair.viewpoints,
-        "points": clouds.each_ref().map(|cloud| cloud.points.len()),
+        "points": clouds.each_ref().map(|scan| scan.cloud.points.len()),
         "baseline_m": pair.truth.translation.vector.norm(),
         "turn_deg": pair.truth.rotation.angle().to_degrees(),
     })
 }
 
 fn print(args: &PairsArgs, scanned: &[Scanned<'_>]) -> Result<(), Failure> {
-    let points: usize =
-        scanned.iter().flat_map(|scanned| &scanned.clouds).map(|cloud| cloud.points.len()).sum();
+    let points: usize = scanned
+        .iter()
+        .flat_map(|scanned| &scanned.clouds)
+        .map(|scan| scan.cloud.points.len())
+        .sum();
     let a_scan = points / (2 * scanned.len()).max(1);
     let folder = args.output.display();
     if args.setup.common.json {

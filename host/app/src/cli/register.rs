@@ -4,13 +4,16 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use super::cloud_output::{CloudOutput, format_parser, tell, wrote};
 use super::common::{Common, on_threads};
 use super::exit::Failure;
 use super::method_choice::method_parser;
 use super::method_flags::MethodFlags;
 use crate::experiment::params::written;
 use crate::said::say;
-use echoloop_registration::cloud::{Cloud, read_cloud, voxel};
+use echoloop_registration::cloud::{
+    Cloud, CloudError, CloudFormat, Dropped, Recorded, read_cloud, read_recorded, voxel,
+};
 use echoloop_registration::pose::{Pose, read_pose, to_rows};
 use echoloop_registration::{
     Confirmed, Method, MethodConfig, Outcome, Registration, StopReason, Suggestions, build,
@@ -36,19 +39,31 @@ pub(crate) struct RegisterArgs {
     /// as a 4 × 4 matrix, or as a KITTI row of 12 numbers [default: identity].
     #[arg(long, value_name = "FILE")]
     initial: Option<PathBuf>,
+    /// Where to write the source in the target's frame, with all that its file says of each point:
+    /// FILE.ply, FILE.pcd, or - for standard output. Nothing is written unless it is registered.
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Format of the output [default: that of the file's name, else ply].
+    #[arg(long, value_parser = format_parser(), requires = "output")]
+    format: Option<CloudFormat>,
     #[command(flatten)]
     settings: MethodFlags,
 }
 
 pub(super) fn run(args: &RegisterArgs) -> Result<(), Failure> {
     check(args)?;
-    let target = read(args, &args.target)?;
-    let source = read(args, &args.source)?;
+    let at = |path: &PathBuf| CloudOutput::at(path, args.format);
+    let output = args.output.as_ref().map(at).transpose()?;
+    let target = read(args, &args.target, read_cloud)?;
+    let source = match output {
+        Some(_) => read(args, &args.source, read_recorded)?,
+        None => Recorded { cloud: read(args, &args.source, read_cloud)?, ..Recorded::default() },
+    };
     let initial = match &args.initial {
         Some(path) => read_pose(path).map_err(Failure::usage)?,
         None => Pose::identity(),
     };
-    on_threads(args.common.threads, || register(args, &target, &source, &initial))?
+    on_threads(args.common.threads, || register(args, &target, source, &initial, output.as_ref()))?
 }
 
 /// Flags that do not go together, before anything is read.
@@ -67,8 +82,12 @@ fn check(args: &RegisterArgs) -> Result<(), Failure> {
     args.settings.check(args.method)
 }
 
-fn read(args: &RegisterArgs, path: &Path) -> Result<Cloud, Failure> {
-    let (cloud, dropped) = read_cloud(path).map_err(Failure::usage)?;
+fn read<T>(
+    args: &RegisterArgs,
+    path: &Path,
+    read: fn(&Path) -> Result<(T, Dropped), CloudError>,
+) -> Result<T, Failure> {
+    let (cloud, dropped) = read(path).map_err(Failure::usage)?;
     if dropped.total() > 0 && !args.common.quiet {
         say(format_args!(
             "{}: left out {} points that are not finite and {} at range 0",
@@ -83,10 +102,12 @@ fn read(args: &RegisterArgs, path: &Path) -> Result<Cloud, Failure> {
 fn register(
     args: &RegisterArgs,
     target: &Cloud,
-    source: &Cloud,
+    recorded: Recorded,
     initial: &Pose,
+    output: Option<&CloudOutput>,
 ) -> Result<(), Failure> {
     let began = cpu_s();
+    let source = &recorded.cloud;
     let suggestions = Suggestions::new(target, source);
     let config = args.settings.config(args.method, &suggestions)?;
     let global_voxel_m = config.get("voxel_m").unwrap_or_default();
@@ -99,7 +120,36 @@ fn register(
     if outcome.stop == StopReason::BadSettings {
         name_what_cannot_run(&[(&args.target, target), (&args.source, source)], global_voxel_m)?;
     }
-    print(args, &config, &outcome, cpu_s)
+    let found = outcome.stop.is_success();
+    let mut told = told(args, &config, &outcome, cpu_s)?;
+    if let Some(output) = output.filter(|_| found) {
+        write(args, recorded, &outcome.target_from_source, output)?;
+        told += &wrote(&args.common, &args.output);
+    }
+    tell(output, &args.common, &told)?;
+    let written = if output.is_some() { "; nothing is written" } else { "" };
+    match found {
+        true => Ok(()),
+        false => Err(Failure::run(format!("not registered: {}{written}", outcome.stop))),
+    }
+}
+
+/// Writes the source in the target's frame.
+fn write(
+    args: &RegisterArgs,
+    mut source: Recorded,
+    target_from_source: &Pose,
+    output: &CloudOutput,
+) -> Result<(), Failure> {
+    if !source.left_out.is_empty() && !args.common.quiet {
+        say(format_args!(
+            "{}: not written, for they have more than one number a point: {}",
+            args.source.display(),
+            source.left_out.join(", ")
+        ));
+    }
+    source.transform(target_from_source);
+    output.write(&source)
 }
 
 /// The settings were checked, so it is the voxel that does not go with a cloud: says which.
@@ -129,24 +179,18 @@ fn cpu_s() -> f64 {
     cpu_time::ProcessTime::try_now().map_or(f64::NAN, |t| t.as_duration().as_secs_f64())
 }
 
-fn print(
+/// What is printed: a document, or lines.
+fn told(
     args: &RegisterArgs,
     config: &MethodConfig,
     outcome: &Outcome,
     cpu_s: f64,
-) -> Result<(), Failure> {
+) -> Result<String, Failure> {
     if args.common.json {
-        println!(
-            "{}",
-            serde_json::to_string(&document(args, config, outcome, cpu_s)).map_err(Failure::run)?
-        );
-    } else {
-        print_text(outcome, cpu_s);
+        let document = document(args, config, outcome, cpu_s);
+        return Ok(serde_json::to_string(&document).map_err(Failure::run)? + "\n");
     }
-    match outcome.stop.is_success() {
-        true => Ok(()),
-        false => Err(Failure::run(format!("not registered: {}", outcome.stop))),
-    }
+    Ok(lines(outcome, cpu_s))
 }
 
 fn document(
@@ -192,38 +236,48 @@ fn document(
     document
 }
 
-fn print_text(outcome: &Outcome, cpu_s: f64) {
-    println!("target_from_source");
-    for row in to_rows(&outcome.target_from_source).chunks(4) {
-        println!("{:>12.6} {:>12.6} {:>12.6} {:>12.6}", row[0], row[1], row[2], row[3]);
-    }
-    println!(
-        "{}; {} iterations, {} pairs ({:.0} %), {:.1} mm rms, {:.3} s CPU",
+fn lines(outcome: &Outcome, cpu_s: f64) -> String {
+    let rows = to_rows(&outcome.target_from_source);
+    let row = |r: &[f64]| format!("{:>12.6} {:>12.6} {:>12.6} {:>12.6}\n", r[0], r[1], r[2], r[3]);
+    let matrix: String = rows.chunks(4).map(row).collect();
+    let found = format!(
+        "{}; {} iterations, {} pairs ({:.0} %), {:.1} mm rms, {cpu_s:.3} s CPU\n",
         outcome.stop,
         outcome.iterations,
         outcome.pairs,
         100.0 * outcome.inlier_fraction,
         1e3 * outcome.rmse_m,
-        cpu_s
     );
-    if let Some(overlap) = &outcome.overlap {
-        println!(
-            "{:.0} % of the points lie on the other cloud, {:.1} % were seen through",
+    let more = [overlap(outcome), spread(outcome), consensus(outcome)];
+    let more: String = more.into_iter().flatten().collect();
+    format!("target_from_source\n{matrix}{found}{more}")
+}
+
+fn overlap(outcome: &Outcome) -> Option<String> {
+    outcome.overlap.as_ref().map(|overlap| {
+        format!(
+            "{:.0} % of the points lie on the other cloud, {:.1} % were seen through\n",
             100.0 * overlap.supported,
             100.0 * overlap.seen_through
-        );
-    }
-    if let Some(covariance) = &outcome.covariance {
+        )
+    })
+}
+
+fn spread(outcome: &Outcome) -> Option<String> {
+    outcome.covariance.as_ref().map(|covariance| {
         let [x, y, z] = covariance.translation_sd_m().map(|sd_m| 100.0 * sd_m);
         let [a, b, c] = covariance.rotation_sd_rad().map(f64::to_degrees);
-        println!(
-            "standard deviations x y z: {x:.1} {y:.1} {z:.1} cm, {a:.3} {b:.3} {c:.3}° about them"
-        );
-    }
-    if let Some(consensus) = &outcome.consensus {
-        let margin = consensus
-            .margin
-            .map_or_else(String::new, |margin| format!(", {margin:.2} times the next best"));
-        println!("{} of {} matches agree{margin}", consensus.inliers, consensus.matches);
-    }
+        format!(
+            "standard deviations x y z: {x:.1} {y:.1} {z:.1} cm, {a:.3} {b:.3} {c:.3}° about them\n"
+        )
+    })
+}
+
+fn consensus(outcome: &Outcome) -> Option<String> {
+    outcome.consensus.as_ref().map(|consensus| {
+        let margin = consensus.margin;
+        let margin = margin.map(|margin| format!(", {margin:.2} times the next best"));
+        let (inliers, matches) = (consensus.inliers, consensus.matches);
+        format!("{inliers} of {matches} matches agree{}\n", margin.unwrap_or_default())
+    })
 }

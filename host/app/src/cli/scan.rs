@@ -1,5 +1,6 @@
 //! `echoloop scan`.
 
+use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -9,17 +10,17 @@ use echoloop_sim::viewpoint::{PairPlan, Split, sample_pairs_aloud};
 use nalgebra::{Translation3, UnitQuaternion, Vector3};
 
 use super::choice::{described, hold_to};
+use super::cloud_output::{CloudOutput, format_parser, tell, wrote};
 use super::common::{Setup, on_threads};
 use super::exit::Failure;
 use super::progress::Progress;
 use crate::experiment::config::RunConfig;
 use crate::experiment::dataset::{DatasetError, place, respond};
-use crate::experiment::files::Output;
 use crate::experiment::params::Parameters;
-use crate::experiment::scan_cloud::{cloud_from_scan, directions};
+use crate::experiment::scan_cloud::{directions, recorded_from_scan};
 use crate::experiment::seed::{Purpose, derive, scan_noise};
 use crate::link::sensor::{Model, View};
-use echoloop_registration::cloud::{Cloud, CloudFormat};
+use echoloop_registration::cloud::{CloudFormat, Recorded};
 use echoloop_registration::pose::Pose;
 
 /// Flags of `scan`.
@@ -27,9 +28,13 @@ use echoloop_registration::pose::Pose;
 pub(crate) struct ScanArgs {
     #[command(flatten)]
     setup: Setup,
-    /// Where to write the cloud (PLY, sensor frame, m).
+    /// Where to write the cloud (sensor frame, m), with all that the sensor tells of each point:
+    /// FILE.ply, FILE.pcd, or - for standard output.
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+    /// Format of the cloud [default: that of the file's name, else ply].
+    #[arg(long, value_parser = format_parser(), requires = "output")]
+    format: Option<CloudFormat>,
     /// Pose of the sensor: x y z in m, yaw pitch roll in degrees
     /// [default: the first training viewpoint].
     #[arg(
@@ -43,7 +48,8 @@ pub(crate) struct ScanArgs {
 
 pub(super) fn run(args: &ScanArgs) -> Result<(), Failure> {
     let config = args.setup.source.load(Vec::new())?;
-    let output = args.output.as_deref().map(Output::at).transpose()?; // now: tracing takes long
+    let at = |path: &PathBuf| CloudOutput::at(path, args.format);
+    let output = args.output.as_ref().map(at).transpose()?; // now: tracing takes long
     on_threads(args.setup.common.threads, || scan(args, &config, output.as_ref()))?
 }
 
@@ -56,7 +62,7 @@ struct Scan {
     seen: Option<Seen>,
     settings: u32,
     beams: u32,
-    cloud: Cloud,
+    recorded: Recorded,
 }
 
 /// A place to look at.
@@ -66,7 +72,7 @@ struct Seen {
     response: Arc<SceneResponse>,
 }
 
-fn scan(args: &ScanArgs, config: &RunConfig, output: Option<&Output>) -> Result<(), Failure> {
+fn scan(args: &ScanArgs, config: &RunConfig, output: Option<&CloudOutput>) -> Result<(), Failure> {
     let model = Model::from(config);
     let sensors = args.setup.sensor.sensors(model.clone())?;
     let identity = sensors.identity()?;
@@ -80,17 +86,19 @@ fn scan(args: &ScanArgs, config: &RunConfig, output: Option<&Output>) -> Result<
         View { scene: &response, noise_seed: scan_noise(config.seed), scan: 1, viewpoint: 1 };
     let (hash, scan) =
         sensors.with(|sensor| Ok((sensor.configure(&settings)?, sensor.scan(&view)?)))?;
-    let cloud = cloud_from_scan(&scan, &directions);
-    if cloud.points.is_empty() {
+    let duration_s = config.motion.duration_s;
+    let recorded = recorded_from_scan(&scan, &directions, &pattern, duration_s);
+    if recorded.cloud.points.is_empty() {
         return Err(Failure::run(
             "detection: no beam returned an echo (is the sensor inside something, or too weak?)",
         ));
     }
     if let Some(output) = output {
-        output.write(&CloudFormat::Ply.bytes(&cloud, &[]))?;
+        output.write(&recorded)?;
     }
     let sensor = described(&sensors, &identity);
-    print(args, &Scan { sensor, seen, settings: hash, beams: pattern.beams(), cloud })
+    let scan = Scan { sensor, seen, settings: hash, beams: pattern.beams(), recorded };
+    tell(output, &args.setup.common, &told(args, &scan)?)
 }
 
 /// What a sensor is to look at, when that is for us to say.
@@ -158,8 +166,10 @@ fn first_viewpoint(
         .ok_or_else(|| Failure::run("no viewpoint found"))
 }
 
-fn print(args: &ScanArgs, scan: &Scan) -> Result<(), Failure> {
-    let ranges: Vec<f64> = scan.cloud.points.iter().map(|p| f64::from(p.coords.norm())).collect();
+/// What is printed: a document, or lines.
+fn told(args: &ScanArgs, scan: &Scan) -> Result<String, Failure> {
+    let points = &scan.recorded.cloud.points;
+    let ranges: Vec<f64> = points.iter().map(|p| f64::from(p.coords.norm())).collect();
     let median_m = crate::experiment::evaluate::median(ranges.iter().copied());
     let farthest_m = ranges.iter().copied().fold(0.0, f64::max);
     let (settings, beams, points) = (format!("{:#010x}", scan.settings), scan.beams, ranges.len());
@@ -175,21 +185,18 @@ fn print(args: &ScanArgs, scan: &Scan) -> Result<(), Failure> {
             "world_from_sensor": scan.seen.as_ref().map(rows), "settings": settings,
             "beams": beams, "points": points, "median_range_m": median_m, "farthest_m": farthest_m,
         });
-        println!("{}", serde_json::to_string_pretty(&document).map_err(Failure::run)?);
-        return Ok(());
+        return Ok(serde_json::to_string_pretty(&document).map_err(Failure::run)? + "\n");
     }
-    match &scan.seen {
+    let mut text = match &scan.seen {
         Some(Seen { scene, world_from_sensor, .. }) => {
             let at = world_from_sensor.translation.vector;
-            println!("{scene} from ({:.2}, {:.2}, {:.2}) m, settings {settings}", at.x, at.y, at.z);
+            format!("{scene} from ({:.2}, {:.2}, {:.2}) m, settings {settings}\n", at.x, at.y, at.z)
         }
-        None => println!("viewpoint 1 of {}, settings {settings}", scan.sensor),
-    }
-    println!(
+        None => format!("viewpoint 1 of {}, settings {settings}\n", scan.sensor),
+    };
+    let _ = writeln!(
+        text,
         "{points} points of {beams} beams, median range {median_m:.1} m, farthest {farthest_m:.1} m"
     );
-    if let Some(path) = &args.output {
-        println!("wrote {}", path.display());
-    }
-    Ok(())
+    Ok(text + &wrote(&args.setup.common, &args.output))
 }

@@ -230,6 +230,11 @@ impl Output {
         Ok(output)
     }
 
+    /// Whether it is a device or a pipe, whose name tells nothing of what it takes.
+    pub fn is_stream(&self) -> bool {
+        self.is_stream
+    }
+
     /// Writes it, whole or not at all; but to a device or a pipe, as far as it takes it.
     ///
     /// # Errors

@@ -29,6 +29,15 @@ impl CloudFormat {
         }
     }
 
+    /// A line of help.
+    #[must_use]
+    pub fn summary(self) -> &'static str {
+        match self {
+            Self::Ply => "binary PLY, an element `vertex`",
+            Self::Pcd => "binary PCD 0.7, unorganized",
+        }
+    }
+
     /// The format of a file by its extension, in any case.
     #[must_use]
     pub fn of(path: &Path) -> Option<Self> {

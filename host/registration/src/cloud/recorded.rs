@@ -2,9 +2,10 @@
 
 use echoloop_files::attribute::RANGE_SD;
 use echoloop_files::{Column, Kind};
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::Vector3;
 
 use super::{Cloud, Dropped};
+use crate::pose::Pose;
 
 /// Names that normals have in files: PLY's, and PCL's in PCD.
 pub(super) const NORMALS: [[&str; 3]; 2] =
@@ -51,7 +52,7 @@ impl Recorded {
 
     /// Moves the points, and turns their normals. What else is known of a point stays as it is:
     /// σ_R is that along the beam, which now begins where the sensor has gone.
-    pub fn transform(&mut self, to_from_here: &Isometry3<f64>) {
+    pub fn transform(&mut self, to_from_here: &Pose) {
         let cloud = &mut self.cloud;
         cloud.points.iter_mut().for_each(|p| *p = (to_from_here * p.cast::<f64>()).cast());
         let turned = |n: Vector3<f64>| to_from_here.rotation * n;
@@ -143,7 +144,7 @@ mod tests {
             column("nx", &[1.0]),
         ];
         let quarter = Vector3::z() * std::f64::consts::FRAC_PI_2;
-        recorded.transform(&Isometry3::new(Vector3::new(0.0, 0.0, 5.0), quarter));
+        recorded.transform(&Pose::new(Vector3::new(0.0, 0.0, 5.0), quarter));
         let values = |at: usize| recorded.columns[at].values().next().unwrap();
         assert!((recorded.cloud.points[0].coords - Vector3::new(0.0, 1.0, 5.0)).norm() < 1e-6);
         assert!(values(0).abs() < 1e-6 && (values(2) - 1.0).abs() < 1e-6, "the normal turned");
