@@ -5,7 +5,7 @@
 //! |---|---|---|
 //! | [`obj`] | a mesh; after a zero byte its material library | it can be scanned |
 //! | [`mesh_ply`] | a mesh | it can be scanned |
-//! | [`cloud_ply`], [`pcd`], [`vtk`], [`kitti`], [`xyz`] | a cloud | echoes, no more than bytes, and writable |
+//! | [`cloud_ply`], [`pcd`], [`vtk`], [`kitti`], [`xyz`] | a cloud | echoes, fewer than bytes |
 //! | [`rows`] | waveforms or a response, CSV or NumPy | finite, no more than bytes |
 //! | [`pose`] | a motion | a rotation |
 //! | [`configuration`] | TOML | it reads back as itself |

@@ -1,6 +1,6 @@
 //! What our clouds say of a point beside its place: each name, type and unit once.
 
-use crate::Kind;
+use crate::{Column, Kind};
 
 /// One of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,6 +13,16 @@ pub struct Attribute {
     pub unit: &'static str,
     /// What it is.
     pub what: &'static str,
+}
+
+impl Attribute {
+    /// Its column, of numbers in its unit.
+    #[must_use]
+    pub fn column(&self, values: impl ExactSizeIterator<Item = f64>) -> Column {
+        let mut column = Column::new(self.name, self.kind, values.len());
+        values.for_each(|value| column.push(value));
+        column
+    }
 }
 
 /// As PCL's `PointXYZI`, and the drivers of Velodyne and Ouster.

@@ -1,7 +1,5 @@
 //! What a file says of each of its points beside the place, a column a name.
 
-use crate::Attribute;
-
 /// How a file has a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
@@ -98,14 +96,6 @@ impl Column {
     #[must_use]
     pub fn new(name: &str, kind: Kind, room: usize) -> Self {
         Self { name: name.into(), kind, bytes: Vec::with_capacity(room * kind.size()) }
-    }
-
-    /// An attribute's, from its numbers in its unit.
-    #[must_use]
-    pub fn of(attribute: &Attribute, values: impl ExactSizeIterator<Item = f64>) -> Self {
-        let mut column = Self::new(attribute.name, attribute.kind, values.len());
-        values.for_each(|value| column.push(value));
-        column
     }
 
     /// The same numbers by another name.

@@ -33,7 +33,8 @@ pub(crate) struct PairsArgs {
     setup: Setup,
     #[command(flatten)]
     method: MethodChoice,
-    /// Folder to make: NNN_target.ply, NNN_source.ply (sensor frame, m; or .pcd), the 4 × 4 matrices
+    /// Folder to make: NNN_target.ply, NNN_source.ply (or .pcd; sensor frame, m, with all that the
+    /// sensor tells of each point), the 4 × 4 matrices
     /// NNN_target_from_source.txt, NNN_world_from_target.txt and NNN_world_from_source.txt for pair
     /// NNN = 000, 001, …; pairs.json, which lists them with the scans' numbers; config.toml.
     #[arg(short, long, value_name = "FOLDER", value_hint = ValueHint::DirPath)]

@@ -6,7 +6,7 @@ use echoloop_dsp::{Echo, Echoes, ScanPattern};
 use echoloop_registration::cloud::attribute::{
     Attribute, COLUMN, ECHO, FLAGS, INTENSITY, PULSE_WIDTH, REFLECTIVITY, RING, SNR, TIME,
 };
-use echoloop_registration::cloud::{Cloud, Column, Recorded};
+use echoloop_registration::cloud::{Cloud, Recorded};
 use nalgebra::{Point3, Vector3};
 
 /// The points of a scan, sensor frame, m, with their σ_R: one for each echo of each beam.
@@ -32,10 +32,10 @@ pub fn recorded_from_scan(
     let told: Vec<Told<'_>> =
         beams.flat_map(|(beam, (echoes, _))| Told::of_beam(beam, echoes)).collect();
     let column = |attribute: &Attribute, value: fn(&Told<'_>) -> f64| {
-        Column::of(attribute, told.iter().map(value))
+        attribute.column(told.iter().map(value))
     };
     let of_beam = |attribute: &Attribute, value: &dyn Fn(u32) -> f64| {
-        Column::of(attribute, told.iter().map(|told| value(told.beam)))
+        attribute.column(told.iter().map(|told| value(told.beam)))
     };
     let columns = vec![
         column(&INTENSITY, |told| told.echo.amplitude_fraction().to_num()),
@@ -59,7 +59,8 @@ struct Told<'a> {
 }
 
 impl<'a> Told<'a> {
-    /// The echoes of a beam as they were reported, the strongest first as a rule; numbered by range.
+    /// The echoes of a beam as they were reported, the strongest first as a rule, numbered by
+    /// range.
     fn of_beam(beam: u32, echoes: &'a Echoes) -> impl Iterator<Item = Self> {
         let place = |i: usize, echo: &Echo| (echo.range, i);
         let all = move || echoes.iter().enumerate().map(move |(i, echo)| place(i, echo));

@@ -42,7 +42,7 @@ impl Layout {
             columns.extend(vectors(self.normals, count, normals.iter()));
         }
         if let Some(sds) = &cloud.range_sd_m {
-            columns.push(Column::of(&RANGE_SD, sds.iter().map(|sd| f64::from(*sd))));
+            columns.push(RANGE_SD.column(sds.iter().map(|sd| f64::from(*sd))));
         }
         columns.extend(others.iter().map(|other| self.renamed(other)));
         columns.retain(|column| column.len() == count);

@@ -56,12 +56,13 @@ fn header(columns: &[Column], count: usize) -> String {
     )
 }
 
+/// The first names of PLY, but for `ushort`, which Open3D skips: it reads its other name alone.
 fn name(kind: Kind) -> &'static str {
     match kind {
         Kind::I8 => "char",
         Kind::U8 => "uchar",
         Kind::I16 => "short",
-        Kind::U16 => "ushort",
+        Kind::U16 => "uint16",
         Kind::I32 => "int",
         Kind::U32 => "uint",
         Kind::F32 => "float",

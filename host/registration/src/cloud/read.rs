@@ -101,7 +101,7 @@ mod tests {
 
     use super::*;
     use echoloop_files::Column;
-    use echoloop_files::attribute::{ATTRIBUTES, RING};
+    use echoloop_files::attribute::{ATTRIBUTES, Attribute, RING};
 
     use crate::cloud::{CloudFormat, write_cloud};
 
@@ -338,9 +338,9 @@ mod tests {
     fn told() -> Recorded {
         let points = vec![[0.1, -2.0, 3e7].into(), [1.0, 0.0, -0.0].into()];
         let others = ATTRIBUTES.iter().filter(|attribute| attribute.name != "range_sd");
-        let column = |(i, attribute)| {
+        let column = |(i, attribute): (usize, &Attribute)| {
             let i = i as f64;
-            Column::of(attribute, [200.0 + i, 7.0 * i].into_iter())
+            attribute.column([200.0 + i, 7.0 * i].into_iter())
         };
         Recorded {
             cloud: Cloud { range_sd_m: Some(vec![0.02, 0.0]), ..Cloud::new(points) },
@@ -398,9 +398,9 @@ mod tests {
     fn names_that_stand_twice_or_that_no_header_takes_are_changed() {
         let mut columns: Vec<Column> = ["_", "x", "x", "a b\nc", "1st", "nx", "normal_x"]
             .iter()
-            .map(|name| Column::of(&RING, [1.0].into_iter()).named(name))
+            .map(|name| RING.column([1.0].into_iter()).named(name))
             .collect();
-        columns.push(Column::of(&RING, [1.0, 2.0].into_iter()));
+        columns.push(RING.column([1.0, 2.0].into_iter()));
         let cloud = Cloud::new(vec![[1.0, 2.0, 3.0].into()]);
         let names = |format: CloudFormat| {
             let path = Path::new("a").with_extension(format.name());

@@ -119,7 +119,7 @@ mod tests {
     fn what_is_known_of_a_point_goes_with_it_and_a_bad_sd_counts_only_on_an_echo() {
         let points = vec![[f32::NAN; 3].into(), [1.0, 2.0, 3.0].into(), [0.0; 3].into()];
         let range_sd_m = Some(vec![f32::NAN, 0.1, -1.0]);
-        let ring = Column::of(&RING, [4.0, 5.0, 6.0].into_iter());
+        let ring = RING.column([4.0, 5.0, 6.0].into_iter());
         let mut recorded = Recorded {
             cloud: Cloud { range_sd_m, ..Cloud::new(points) },
             columns: vec![ring],

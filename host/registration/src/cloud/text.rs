@@ -1,7 +1,7 @@
 //! KITTI's binary scans, and points as text.
 
 use echoloop_files::attribute::INTENSITY;
-use echoloop_files::{Column, shown_most};
+use echoloop_files::shown_most;
 use nalgebra::Point3;
 
 use super::Cloud;
@@ -21,7 +21,7 @@ pub(super) fn parse_kitti(bytes: &[u8], keep: Keep) -> Result<Recorded, String> 
     let mut recorded = Recorded::of(Cloud::new(points.collect()));
     if keep == Keep::All {
         let intensities = records.iter().map(|record| f64::from(number(record, 3)));
-        recorded.columns.push(Column::of(&INTENSITY, intensities));
+        recorded.columns.push(INTENSITY.column(intensities));
     }
     Ok(recorded)
 }
