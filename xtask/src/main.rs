@@ -101,7 +101,8 @@ fn test(only_tests: bool) -> Result<()> {
         let images = images.join().map_err(|_| anyhow!("the images' thread panicked"))?;
         host.and(images)
     })?;
-    cargo(["test", "--workspace"])
+    cargo(["test", "--workspace"])?;
+    peers::clouds_where_there_are_peers()
 }
 
 /// Builds the images that the tests run, and counts what they cost, which no load changes.

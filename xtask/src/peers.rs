@@ -27,10 +27,23 @@ pub(crate) struct Peers {
     /// The waveform path beside numpy and scipy instead of registration, and how its cost grows.
     #[arg(long, conflicts_with_all = ["recall", "scaling", "all"])]
     waveforms: bool,
+    /// Only see that Open3D reads our clouds with every attribute, and we its: seconds. The others
+    /// but --waveforms see it first.
+    #[arg(long, conflicts_with_all = ["quick", "recall", "scaling", "all", "waveforms"])]
+    clouds: bool,
 }
+
+/// Where the peers of registration are installed, and which.
+const ENVIRONMENT: &str = "target/peers/venv";
+const REQUIREMENTS: &str = "benches/peers/requirements.txt";
 
 /// Measures, and writes registration-peers.md or waveform-cost.md below benches/record.
 pub(crate) fn run(peers: Peers) -> Result<()> {
+    if peers.clouds {
+        let root = workspace()?;
+        environment(&root.join(ENVIRONMENT), &root.join(REQUIREMENTS))?;
+        return clouds_where_there_are_peers();
+    }
     if peers.waveforms { waveforms(peers.quick) } else { registration(peers) }
 }
 
@@ -38,7 +51,7 @@ fn registration(peers: Peers) -> Result<()> {
     let root = workspace()?;
     let work = root.join("target/peers");
     let scripts = root.join("benches/peers");
-    let python = environment(&work.join("venv"), &scripts.join("requirements.txt"))?;
+    let python = environment(&root.join(ENVIRONMENT), &root.join(REQUIREMENTS))?;
     cargo([
         "build",
         "--release",
@@ -52,6 +65,7 @@ fn registration(peers: Peers) -> Result<()> {
         "stages",
     ])?;
     let built = built(&root);
+    clouds(&root, &python, &built.join("echoloop"))?;
     let page = if peers.quick {
         work.join("quick.md")
     } else {
@@ -62,6 +76,29 @@ fn registration(peers: Peers) -> Result<()> {
     command.arg("--stages").arg(built.join("stages")).arg("--echoloop").arg(built.join("echoloop"));
     command.args(peers.quick.then_some("--quick")).arg("--parts").args(peers.parts());
     succeed(&mut command)
+}
+
+/// Has Open3D read the clouds of our command, and the other way round.
+fn clouds(root: &Path, python: &Path, echoloop: &Path) -> Result<()> {
+    let mut command = Command::new(python);
+    command.arg(root.join("benches/peers/clouds.py")).arg("--echoloop").arg(echoloop);
+    succeed(command.arg("--work").arg(root.join("target/peers/attributes")))
+}
+
+/// The same with what the tests have built, where the peers have been installed; else says that it
+/// is left out.
+pub(crate) fn clouds_where_there_are_peers() -> Result<()> {
+    let root = workspace()?;
+    let environment = root.join(ENVIRONMENT);
+    if !holds(&environment, &root.join(REQUIREMENTS))? {
+        eprintln!(
+            "SKIPPED: no Open3D in target/peers, so our clouds were not read by it: \
+             cargo xtask peers --clouds"
+        );
+        return Ok(());
+    }
+    cargo(["build", "--package", "echoloop-host", "--bin", "echoloop"])?;
+    clouds(&root, &interpreter(&environment), &target(&root).join("debug/echoloop"))
 }
 
 fn waveforms(quick: bool) -> Result<()> {
@@ -88,9 +125,11 @@ fn waveforms(quick: bool) -> Result<()> {
 
 /// Where release builds lie.
 fn built(root: &Path) -> PathBuf {
-    env::var_os("CARGO_TARGET_DIR")
-        .map_or_else(|| root.join("target"), PathBuf::from)
-        .join("release")
+    target(root).join("release")
+}
+
+fn target(root: &Path) -> PathBuf {
+    env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), PathBuf::from)
 }
 
 impl Peers {
@@ -108,11 +147,8 @@ impl Peers {
 /// The Python of an environment that holds exactly these packages; made where there is none, and
 /// again when they change.
 fn environment(folder: &Path, requirements: &Path) -> Result<PathBuf> {
-    let python = folder.join(if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" });
-    let installed = folder.join("requirements.txt");
-    let wanted = std::fs::read(requirements)
-        .with_context(|| format!("cannot read {}", requirements.display()))?;
-    if std::fs::read(&installed).is_ok_and(|found| found == wanted) {
+    let python = interpreter(folder);
+    if holds(folder, requirements)? {
         return Ok(python);
     }
     let outer = ["python3", "python"].into_iter().find(|name| on_path(name));
@@ -123,9 +159,26 @@ fn environment(folder: &Path, requirements: &Path) -> Result<PathBuf> {
             .args(["-m", "pip", "install", "--quiet", "--requirement"])
             .arg(requirements),
     )?;
-    std::fs::write(&installed, wanted)
+    let installed = installed(folder);
+    std::fs::copy(requirements, &installed)
         .with_context(|| format!("cannot write {}", installed.display()))?;
     Ok(python)
+}
+
+/// Whether an environment holds exactly these packages.
+fn holds(folder: &Path, requirements: &Path) -> Result<bool> {
+    let wanted = std::fs::read(requirements)
+        .with_context(|| format!("cannot read {}", requirements.display()))?;
+    Ok(std::fs::read(installed(folder)).is_ok_and(|found| found == wanted))
+}
+
+/// Where an environment says what was installed.
+fn installed(folder: &Path) -> PathBuf {
+    folder.join("requirements.txt")
+}
+
+fn interpreter(folder: &Path) -> PathBuf {
+    folder.join(if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" })
 }
 
 #[cfg(test)]
@@ -135,7 +188,7 @@ mod tests {
     #[test]
     fn speed_is_measured_unless_something_else_is_asked_and_all_is_all() {
         let parts = |recall, scaling, all| {
-            Peers { quick: false, recall, scaling, all, waveforms: false }.parts()
+            Peers { quick: false, recall, scaling, all, waveforms: false, clouds: false }.parts()
         };
         assert_eq!(parts(false, false, false), ["speed"]);
         assert_eq!(parts(true, false, false), ["recall"]);
