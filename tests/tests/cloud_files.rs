@@ -1,0 +1,30 @@
+//! What a cloud's file says of a point: the table of docs/data.md is the one that writes it.
+
+use std::fs;
+use std::path::Path;
+
+use echoloop_registration::cloud::Kind;
+use echoloop_registration::cloud::attribute::{ATTRIBUTES, Attribute};
+
+fn row(attribute: &Attribute) -> String {
+    let kind = match attribute.kind {
+        Kind::U8 => "uint8",
+        Kind::U16 => "uint16",
+        Kind::F32 => "float32",
+        other => panic!("{other:?}: a kind that no page names yet"),
+    };
+    let unit = match attribute.unit {
+        "" => String::new(),
+        unit => format!("{unit} "),
+    };
+    format!("| `{}` | `{kind}` | {unit}| {} |\n", attribute.name, attribute.what)
+}
+
+#[test]
+fn the_page_names_every_attribute_as_it_is_written_and_in_its_order() {
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/data.md");
+    let page = fs::read_to_string(page).expect("docs/data.md");
+    let rows: String = ATTRIBUTES.iter().map(row).collect();
+    let head = "| name | type | unit | what |\n|---|---|---|---|\n";
+    assert!(page.contains(&format!("{head}{rows}\n")), "expected the table\n{head}{rows}");
+}
