@@ -195,4 +195,14 @@ mod tests {
         assert_eq!(parts(true, true, false), ["recall", "scaling"]);
         assert_eq!(parts(false, false, true), ["speed", "recall", "scaling"]);
     }
+
+    #[test]
+    fn an_environment_holds_what_was_asked_only_if_just_that_was_installed() {
+        let scripts = workspace().unwrap().join("benches/peers");
+        let requirements = scripts.join("requirements.txt");
+        assert!(holds(&scripts, &requirements).unwrap(), "it lists the same");
+        assert!(!holds(&scripts, &scripts.join("requirements-waveforms.txt")).unwrap());
+        assert!(!holds(&scripts.join("absent"), &requirements).unwrap());
+        assert!(holds(&scripts, &scripts.join("absent")).is_err(), "nothing is asked for");
+    }
 }
