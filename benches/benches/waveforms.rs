@@ -29,8 +29,7 @@ const ANALOG: Analog = Analog {
     gain_db: 0.0,
     sample_period_ns: 0.775,
     delay_ns: 12.87,
-    pre_trigger: 0,
-    black_level: 0.0,
+    ..Analog::USUAL
 };
 
 /// Two returns a beam, from strong to none.

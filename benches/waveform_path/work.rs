@@ -2,7 +2,6 @@
 
 use std::hint::black_box;
 
-use echoloop_dsp::hardware::sample_period_fs;
 use echoloop_dsp::{Echoes, Hardware, Pipeline, Scratch, Settings};
 use echoloop_frontend::Return;
 use echoloop_frontend::{Analog, Trigger};
@@ -10,6 +9,7 @@ use echoloop_frontend::{
     Exposure, Receiver, ShotBuffers, noise_key, synthesise, synthesise_baseline,
 };
 use echoloop_kernels::{process, process_baseline};
+use echoloop_sim::board::analog_for;
 
 use crate::result::Result;
 
@@ -32,21 +32,6 @@ pub(crate) fn returns(beam: u32, count: usize) -> impl Iterator<Item = Return> {
         let range_m = 8.0 + f64::from(beam % 64) + 13.0 * i as f64;
         Return { range_m: range_m as f32, strength_per_m2: (0.1 / range_m.powi(2)) as f32 }
     })
-}
-
-/// What the registers of a sensor with these settings hold.
-fn analog(settings: &Settings) -> Analog {
-    let period_fs = sample_period_fs(settings.bins as u32, &Hardware::REFERENCE);
-    let pulse_width_ns = f64::from(settings.pulse_width_ps) / 1e3;
-    Analog {
-        power_w: f64::from(settings.power_cw) / 100.0,
-        pulse_width_ns,
-        gain_db: 0.0,
-        sample_period_ns: f64::from(period_fs) / 1e6,
-        delay_ns: 6.671 + pulse_width_ns, // to 1 m and back, and to the middle of the pulse
-        pre_trigger: 0,
-        black_level: 0.0,
-    }
 }
 
 /// A pipeline, the waveforms it reads, and memory.
@@ -72,7 +57,7 @@ impl Stage {
             .map_err(|refusal| format!("{refusal:?}"))?;
         let mut stage = Self {
             pipeline,
-            analog: analog(&settings),
+            analog: analog_for(&settings, &Hardware::REFERENCE),
             receiver: Receiver::default(),
             waveforms: Vec::new(),
             returns: (0..BATCH as u32).map(|beam| returns(beam, count).collect()).collect(),

@@ -7,10 +7,11 @@
 
 use std::collections::VecDeque;
 
-use echoloop_dsp::{Echoes, Hardware, Pipeline, ScanPattern, Scratch};
+use echoloop_dsp::hardware::sample_period_fs;
+use echoloop_dsp::{Echoes, Hardware, Pipeline, ScanPattern, Scratch, Settings};
 use echoloop_frontend::{Analog, FrontEnd, Receiver, Trigger};
 use echoloop_link::Session;
-use echoloop_sensor::afe::{adc, emitter};
+use echoloop_sensor::afe::{self, adc, emitter};
 use echoloop_sensor::mailbox::{self, Registers};
 use echoloop_sensor::{App, Board};
 use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
@@ -36,6 +37,26 @@ pub fn read_analog(emitter: &impl Fn(u8) -> u32, adc: &impl Fn(u8) -> u32) -> An
         delay_ns: f64::from(adc(adc::DELAY)) / 1e6,
         pre_trigger: adc(adc::PRE_TRIGGER) as usize,
         black_level: f64::from(adc(adc::BLACK_LEVEL)) / 1e6,
+        gain_slope_db_ns: f64::from(adc(adc::GAIN_SLOPE)) / 1e6,
+        gain_full_ns: f64::from(adc(adc::GAIN_FULL)) / 1e6,
+        overlap_m: f64::from(emitter(emitter::OVERLAP)) / 1e3,
+    }
+}
+
+/// What the registers hold of a sensor that has taken these settings.
+pub fn analog_for(settings: &Settings, hardware: &Hardware) -> Analog {
+    let period_fs = sample_period_fs(settings.bins as u32, hardware);
+    Analog {
+        power_w: f64::from(settings.power_cw) / 100.0,
+        pulse_width_ns: f64::from(settings.pulse_width_ps) / 1e3,
+        gain_db: f64::from(settings.gain_cdb) / 100.0,
+        sample_period_ns: f64::from(period_fs) / 1e6,
+        delay_ns: f64::from(afe::delay_fs(settings, hardware)) / 1e6,
+        pre_trigger: settings.pre_trigger_samples() as usize,
+        black_level: f64::from(settings.black_level_ppm) / 1e6,
+        gain_slope_db_ns: f64::from(afe::gain_slope(settings)) / 1e6,
+        gain_full_ns: f64::from(afe::gain_full_fs(settings)) / 1e6,
+        overlap_m: f64::from(settings.overlap_mm) / 1e3,
     }
 }
 
@@ -53,7 +74,7 @@ pub fn hardware_for(receiver: &Receiver) -> Hardware {
 /// An SPI device of 32-bit registers.
 #[derive(Clone, Debug)]
 pub struct VirtualSpi {
-    registers: [u32; 8],
+    registers: [u32; mailbox::REGISTERS],
     /// A write to this register counts as a shot.
     fire: Option<u8>,
     fired: bool,
@@ -61,7 +82,7 @@ pub struct VirtualSpi {
 
 impl VirtualSpi {
     fn new(id: u32, fire: Option<u8>) -> Self {
-        let mut registers = [0; 8];
+        let mut registers = [0; mailbox::REGISTERS];
         registers[0] = id;
         Self { registers, fire, fired: false }
     }
@@ -256,10 +277,35 @@ impl<F: FrontEnd> PcSensor<F> {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
+    use echoloop_frontend::{SceneResponse, WaveformFrontEnd};
+
     use super::*;
 
     #[test]
     fn the_reference_sensor_has_the_reference_receiver() {
         assert_eq!(hardware_for(&Receiver::default()), Hardware::REFERENCE);
+    }
+
+    #[test]
+    fn settings_hold_what_their_registers_do() {
+        let settings = Settings {
+            power_cw: 1_234,
+            gain_cdb: -321,
+            bins: 1_111,
+            ambient: 1,
+            black_level_ppm: 9_876,
+            gain_slope_mdb_m: 543,
+            gain_range_mm: 23_456,
+            overlap_mm: 2_345,
+            ..Settings::default()
+        };
+        let nothing =
+            WaveformFrontEnd::new(Receiver::default(), Arc::new(SceneResponse::empty(1)), 1);
+        let mut sensor = PcSensor::new(nothing, ScanPattern::default(), Hardware::REFERENCE);
+        let board = sensor.app.board_mut();
+        afe::apply(&settings, board).unwrap();
+        assert_eq!(board.analog(), analog_for(&settings, &Hardware::REFERENCE));
     }
 }

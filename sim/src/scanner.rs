@@ -5,7 +5,7 @@
 
 use std::f32::consts::PI;
 
-use echoloop_frontend::{OVERLAP_M, Return, SceneResponse};
+use echoloop_frontend::{Return, SceneResponse};
 use nalgebra::{Isometry3, Vector3};
 use rayon::prelude::*;
 
@@ -18,6 +18,9 @@ use crate::scene::Material;
 /// ends sum to one whose peak is 0.1 % lower, while most beams shrink from 25 returns to one or
 /// two.
 pub const CLUSTER_SPAN_M: f64 = 0.03;
+
+/// Nearer than this nothing comes back more strongly: half of the least range that a receiver sees.
+const NEAREST_M: f32 = 0.2;
 
 /// The shape of a beam.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -124,15 +127,9 @@ fn echo(
 ) -> Option<(f64, f64)> {
     let hit = caster.cast(origin, ray)?;
     let albedo = materials[usize::from(hit.material)].backscatter(hit.cos_incidence);
-    let per_m2 =
-        albedo * hit.cos_incidence / PI * overlap(hit.range_m) / (hit.range_m * hit.range_m);
+    let per_m2 = albedo * hit.cos_incidence / PI / hit.range_m.max(NEAREST_M).powi(2);
     let strength = weight * f64::from(per_m2);
     (strength > 0.0).then_some((f64::from(hit.range_m), strength))
-}
-
-/// ξ(R) of docs/physics.md §1.
-fn overlap(range_m: f32) -> f32 {
-    ((range_m - OVERLAP_M[0]) / (OVERLAP_M[1] - OVERLAP_M[0])).clamp(0.0, 1.0)
 }
 
 /// Merges echoes within [`CLUSTER_SPAN_M`] of the nearest of their group; ranges average by
@@ -247,14 +244,6 @@ mod tests {
             );
             assert_eq!(response.of(0).len(), count, "{gap} m");
         }
-    }
-
-    #[test]
-    fn the_receiver_is_blind_below_its_overlap() {
-        let one = BeamOptics { subrays: 1, ..BeamOptics::default() };
-        assert!(look(&walls(&[(0.85, 40.0, 0.0)]), &one).of(0).is_empty());
-        let half = look(&walls(&[(0.95, 40.0, 0.0)]), &one).of(0)[0].strength_per_m2;
-        assert!((half / (0.5 * 0.1 / PI / 0.9025) - 1.0).abs() < 1e-3);
     }
 
     #[test]

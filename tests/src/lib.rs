@@ -9,6 +9,7 @@
 //! | [`faults`] | what if the line is bad? |
 //! | [`instruments`] | whose recordings, and which echoes are in them? |
 //! | [`harness`] | what if the bytes are any? |
+//! | [`wall`] | what does the sensor see? |
 //! | [`readers`] | what if a file is any? |
 
 pub mod bit_true;
@@ -24,3 +25,4 @@ pub mod readers;
 pub mod target;
 pub mod tolerance;
 pub mod vectors;
+pub mod wall;

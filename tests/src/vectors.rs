@@ -164,13 +164,28 @@ pub fn settings(rng: &mut impl Rng, hardware: &Hardware) -> Settings {
             echo_choice: rng.random_range(range(Id::EchoChoice)),
             black_level_ppm: 0,
             dither: 0,
+            gain_slope_mdb_m: 0,
+            gain_range_mm: 40_000,
+            overlap_mm: 1_000,
         };
-        // Of half of them; not drawn, so that what a seed draws stays what it was.
-        let black_level_ppm = settings.bins % 2 * (7_919 * settings.bins % 40_001);
-        let settings = Settings { black_level_ppm, ..settings };
+        // Not drawn, so that what a seed draws stays what it was.
+        let settings = with_later_ones(settings);
         if settings.check(hardware).is_ok() {
             return settings; // else undersampled: draw again
         }
+    }
+}
+
+/// With a black level in half of them, a near gain in two of five, another overlap in a third.
+fn with_later_ones(settings: Settings) -> Settings {
+    let Settings { bins, pulse_width_ps, .. } = settings;
+    let rises = matches!(bins % 5, 1 | 3);
+    Settings {
+        black_level_ppm: bins % 2 * (7_919 * bins % 40_001),
+        gain_slope_mdb_m: if rises { 1 + pulse_width_ps % 1_000 } else { 0 },
+        gain_range_mm: if rises { 5_000 + 7_919 * bins % 35_001 } else { 40_000 },
+        overlap_mm: if bins % 3 == 1 { 500 + pulse_width_ps % 19_501 } else { 1_000 },
+        ..settings
     }
 }
 

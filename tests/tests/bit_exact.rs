@@ -12,6 +12,7 @@ use echoloop_dsp::edges::{EdgeFit, MAX_AMPLITUDE, Run};
 use echoloop_dsp::filter::{self, PADDING};
 use echoloop_dsp::hardware::sample_period_fs;
 use echoloop_dsp::loops::{Portable, Scalar};
+use echoloop_dsp::near::Near;
 use echoloop_dsp::noise::Noise;
 use echoloop_dsp::peak::{self, Candidate, Candidates, Peaks};
 use echoloop_dsp::pulse::{self, Pulse};
@@ -210,6 +211,10 @@ fn the_baseline_equals_its_model() {
         let saturated = Statistics { ambient, ..Statistics::default() }.ambient_q15();
         let mut x = vec![0; case.codes.len()];
         baseline::remove(&case.codes, config.clip_code(), config.code_shift(), saturated, &mut x);
+        if let Some(ramp) = config.ramp() {
+            let near = Near { ramp, config: &config, ambient: saturated };
+            near.remove_baseline(&case.codes, 0..ramp.samples(), &mut x);
+        }
         assert_eq!(reals(&x), model.baseline(&case.codes, ambient.into()), "seed {seed}");
     }
 }
@@ -244,7 +249,7 @@ fn statistics_and_filter_inside_the_pipeline_equal_their_models_in_both_builds()
         case.codes.truncate(config.codes() - config.samples() + echoloop_dsp::MAX_SAMPLES);
         let pipeline = Pipeline::new(&case.settings, &case.hardware).unwrap();
         let (before, codes) = case.split();
-        let statistics = model.with_ambient(model.statistics(codes), before);
+        let statistics = model.with_ambient(model.statistics(model.of_full_gain(codes)), before);
         let y = model.filter(&model.baseline(codes, statistics.ambient));
         for process in [echoloop_kernels::process, echoloop_kernels::process_baseline] {
             process(&pipeline, &case.codes, &mut scratch);
@@ -484,14 +489,17 @@ fn refined_peaks_equal_their_models() {
             f: &reals_f,
             shots: None,
         };
+        let near =
+            config.ramp().map(|ramp| Near { ramp, config: &config, ambient: threshold.ambient });
         for &peak in found.iter().take(8) {
             let waveform = Waveform { codes: &codes, x: &x, y: &y };
             let refiner = Refiner {
                 config: &config,
-                waveform: &waveform,
+                waveform,
                 threshold: &threshold,
                 noise: &noise,
                 fine: None,
+                near,
             };
             let ours = refiner.refine(|n| at(&f, n), peak);
             let expected = model.refine(&model_wave, peak.into(), &threshold.into(), &noise.into());
@@ -547,10 +555,12 @@ fn echoes_equal_their_models() {
                 sigma: rng.random::<u32>() >> rng.random_range(0..32),
                 flags: Flags(rng.random_range(0..32)),
             };
-            let ours = Echo::from_peak(&config, &refined, &threshold).map(bit_true::Echo::from);
+            let index = (refined.time.max(0) >> 16) as usize;
+            let ours =
+                Echo::from_peak(&config, &refined, &threshold, index).map(bit_true::Echo::from);
             assert_eq!(
                 ours,
-                model.echo(&refined.into(), &threshold.into()),
+                model.echo(&refined.into(), &threshold.into(), index),
                 "seed {seed}: {refined:?} {threshold:?}"
             );
         }

@@ -6,26 +6,34 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use echoloop_dsp::choice::EchoChoice;
-use echoloop_dsp::hardware::sample_period_fs;
 use echoloop_dsp::{Hardware, Pipeline, Scratch, Settings};
 use echoloop_frontend::{
     Analog, FrontEnd, Precipitation, Receiver, Return, SceneResponse, Trigger, WaveformFrontEnd,
     Weather,
 };
-use echoloop_sensor::afe::delay_fs;
+use echoloop_sim::board::analog_for;
 
 const BEAMS: u32 = 40;
 
 const VISIBILITIES_M: [f64; 8] = [10.0, 20.0, 40.0, 60.0, 100.0, 200.0, 400.0, 998.0];
 const REFLECTANCES: [f64; 3] = [0.1, 0.5, 0.9];
 
-/// Which echoes, and how many.
-const KEPT: [(&str, EchoChoice, i32); 4] = [
-    ("strongest", EchoChoice::Strongest, 1),
-    ("last", EchoChoice::Last, 1),
-    ("2 strongest", EchoChoice::Strongest, 2),
-    ("4 strongest", EchoChoice::Strongest, 4),
-];
+fn keep(choice: EchoChoice, echoes: i32) -> Settings {
+    Settings { echo_choice: choice.code(), echoes, ..Settings::default() }
+}
+
+/// Which echoes are kept, and how many; the near field as by default, or set for fog.
+fn kept() -> [(&'static str, Settings); 6] {
+    let strongest = Settings::default();
+    [
+        ("strongest", strongest),
+        ("…, `overlap` 5 m", Settings { overlap_mm: 5_000, ..strongest }),
+        ("…, `overlap` 10 m", Settings { overlap_mm: 10_000, ..strongest }),
+        ("last", keep(EchoChoice::Last, 1)),
+        ("2 strongest", keep(EchoChoice::Strongest, 2)),
+        ("4 strongest", keep(EchoChoice::Strongest, 4)),
+    ]
+}
 
 struct Fog {
     receiver: Receiver,
@@ -35,19 +43,10 @@ struct Fog {
 }
 
 impl Fog {
-    fn new(visibility_m: f64, choice: EchoChoice, echoes: i32) -> Self {
-        let settings = Settings { echo_choice: choice.code(), echoes, ..Settings::default() };
+    fn new(visibility_m: f64, settings: Settings) -> Self {
         let hardware = Hardware::REFERENCE;
         let weather = Weather { kind: Precipitation::Fog, visibility_m, ..Weather::default() };
-        let analog = Analog {
-            power_w: f64::from(settings.power_cw) / 100.0,
-            pulse_width_ns: f64::from(settings.pulse_width_ps) / 1e3,
-            gain_db: 0.0,
-            sample_period_ns: f64::from(sample_period_fs(settings.bins as u32, &hardware)) / 1e6,
-            delay_ns: f64::from(delay_fs(&settings, &hardware)) / 1e6,
-            pre_trigger: 0,
-            black_level: 0.0,
-        };
+        let analog = analog_for(&settings, &hardware);
         let pipeline = Pipeline::new(&settings, &hardware).expect("accepted settings");
         Self { receiver: Receiver { weather, ..Receiver::default() }, settings, analog, pipeline }
     }
@@ -112,7 +111,7 @@ impl Fog {
 #[test]
 fn in_fog_the_strongest_echo_is_the_target_s_as_far_as_it_outshines_the_air() {
     for visibility_m in VISIBILITIES_M {
-        let fog = Fog::new(visibility_m, EchoChoice::Strongest, 1);
+        let fog = Fog::new(visibility_m, Settings::default());
         let air = fog.air();
         for reflectance in REFLECTANCES {
             let expected_m = Fog::where_one(|r| fog.target(reflectance, r) / air);
@@ -134,7 +133,7 @@ fn in_fog_the_strongest_echo_is_the_target_s_as_far_as_it_outshines_the_air() {
 #[test]
 fn the_last_echo_is_the_target_s_as_far_as_noise_allows() {
     for visibility_m in VISIBILITIES_M {
-        let fog = Fog::new(visibility_m, EchoChoice::Last, 1);
+        let fog = Fog::new(visibility_m, keep(EchoChoice::Last, 1));
         for reflectance in REFLECTANCES {
             // Nine of ten: 1.3 σ above the threshold, in the noise of the dark. The fog's light
             // trembles, too, and raises the ambient.
@@ -154,11 +153,11 @@ fn the_last_echo_is_the_target_s_as_far_as_noise_allows() {
 
 #[test]
 fn the_table_of_the_documentation() {
-    for (name, choice, echoes) in KEPT {
+    for (name, settings) in kept() {
         for reflectance in REFLECTANCES {
             print!("| {name}, {:.0} % |", 100.0 * reflectance);
             for visibility_m in VISIBILITIES_M {
-                let reach_m = Fog::new(visibility_m, choice, echoes).reach_m(reflectance);
+                let reach_m = Fog::new(visibility_m, settings).reach_m(reflectance);
                 if reach_m == 0.0 { print!(" – |") } else { print!(" {reach_m:.0} |") }
             }
             println!();
@@ -166,7 +165,7 @@ fn the_table_of_the_documentation() {
     }
     // With the air's echo kept beside it, the target's is found as far as the last is.
     for visibility_m in VISIBILITIES_M {
-        let reach = |choice, echoes| Fog::new(visibility_m, choice, echoes).reach_m(0.5);
+        let reach = |choice, echoes| Fog::new(visibility_m, keep(choice, echoes)).reach_m(0.5);
         let (two, last) = (reach(EchoChoice::Strongest, 2), reach(EchoChoice::Last, 1));
         assert!(two > 0.9 * last, "visibility {visibility_m} m: {two} m of two, {last} m of last");
     }

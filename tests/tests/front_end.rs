@@ -13,8 +13,9 @@ use echoloop_dsp::{Hardware, ScanPattern, Settings};
 use echoloop_link::{
     Command, Decoder, Greeting, MAX_FRAME, Nack, Report, decode, encode, settings_hash,
 };
-use echoloop_sensor::afe::{WRITE, adc, delay_fs, emitter};
+use echoloop_sensor::afe::{WRITE, adc, delay_fs, emitter, gain_full_fs, gain_slope};
 use echoloop_sensor::app::LinkLost;
+use echoloop_sensor::mailbox::REGISTERS;
 use echoloop_sensor::{App, Board};
 use echoloop_sim::nor_flash::RamNorFlash;
 use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
@@ -42,11 +43,11 @@ enum Fault {
 
 /// Both devices' registers, and what they held at every shot.
 struct Analog {
-    emitter: [u32; 8],
-    adc: [u32; 8],
+    emitter: [u32; REGISTERS],
+    adc: [u32; REGISTERS],
     fault: Fault,
     transactions: usize,
-    shots: Vec<([u32; 8], [u32; 8])>,
+    shots: Vec<([u32; REGISTERS], [u32; REGISTERS])>,
 }
 
 struct Spi {
@@ -190,7 +191,7 @@ struct Sensor {
 
 impl Sensor {
     fn new() -> Self {
-        let (mut emitter, mut adc) = ([0; 8], [0; 8]);
+        let (mut emitter, mut adc) = ([0; REGISTERS], [0; REGISTERS]);
         (emitter[0], adc[0]) = (emitter::ID_VALUE, adc::ID_VALUE);
         let fault = Fault::None;
         let analog = Rc::new(RefCell::new(Analog {
@@ -267,9 +268,11 @@ impl Sensor {
             let before = settings.pre_trigger_samples();
             let delay = delay_fs(settings, &hardware);
             let black = settings.black_level_ppm as u32;
-            let expected = [settings.gain_cdb as u32, period, delay, bins, before, black];
-            assert_eq!(converter[1..7], expected);
+            let (slope, full) = (gain_slope(settings), gain_full_fs(settings));
+            let gain = settings.gain_cdb as u32;
+            assert_eq!(converter[1..9], [gain, period, delay, bins, before, black, slope, full]);
             assert_eq!(laser[usize::from(emitter::SHOT)], 0);
+            assert_eq!(laser[usize::from(emitter::OVERLAP)], settings.overlap_mm as u32);
         }
     }
 }
@@ -284,6 +287,9 @@ fn other() -> Settings {
         bins: 1_000,
         ambient,
         black_level_ppm: 9_000,
+        gain_slope_mdb_m: 700,
+        gain_range_mm: 30_000,
+        overlap_mm: 3_000,
         ..Settings::default()
     }
 }
@@ -311,9 +317,9 @@ fn assert_recovers(mut sensor: Sensor) {
     sensor.assert_shots(2, &other(), 2);
 }
 
-/// Transactions of one request after new settings: the emitter's identity and 3 registers, written
-/// and read; the converter's and 6; the scan's number; two shots.
-const TRANSACTIONS: usize = 7 + 13 + 2 + 2;
+/// Transactions of one request after new settings: the emitter's identity and 4 registers, written
+/// and read; the converter's and 8; the scan's number; two shots.
+const TRANSACTIONS: usize = 9 + 17 + 2 + 2;
 
 #[test]
 fn a_bus_that_fails_anywhere_is_reported_and_the_next_request_starts_anew() {
@@ -341,7 +347,7 @@ fn another_device_on_the_bus_is_never_written_to() {
             } else {
                 sensor.analog.borrow().adc
             };
-            assert_eq!(written[1..], [0; 7], "{device:?}");
+            assert_eq!(written[1..], [0; REGISTERS - 1], "{device:?}");
             sensor.configure(&other());
             assert_recovers(sensor);
         }
@@ -350,9 +356,11 @@ fn another_device_on_the_bus_is_never_written_to() {
 
 #[test]
 fn a_register_that_does_not_hold_is_reported_before_a_shot() {
-    let emitter =
-        [emitter::POWER, emitter::PULSE_WIDTH, emitter::FRAME].map(|r| (Device::Emitter, r));
-    let adc = [adc::GAIN, adc::SAMPLE_PERIOD, adc::DELAY, adc::SAMPLES].map(|r| (Device::Adc, r));
+    let emitter = [emitter::POWER, emitter::PULSE_WIDTH, emitter::OVERLAP, emitter::FRAME]
+        .map(|r| (Device::Emitter, r));
+    let adc =
+        [adc::GAIN, adc::GAIN_SLOPE, adc::GAIN_FULL, adc::SAMPLE_PERIOD, adc::DELAY, adc::SAMPLES]
+            .map(|r| (Device::Adc, r));
     for (device, register) in emitter.into_iter().chain(adc) {
         let (mut sensor, report) = after(Fault::Stuck(device, register));
         assert_eq!(report, Report::Nack(Nack::FrontEnd), "{device:?} {register}");

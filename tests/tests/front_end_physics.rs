@@ -32,8 +32,7 @@ const ANALOG: Analog = Analog {
     gain_db: 0.0,
     sample_period_ns: 1.0,
     delay_ns: 0.0,
-    pre_trigger: 0,
-    black_level: 0.0,
+    ..Analog::USUAL
 };
 
 /// Nothing but signal: what is left of the shot noise is below 10⁻¹⁵⁰ µA.

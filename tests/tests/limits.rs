@@ -6,26 +6,20 @@
 use std::f64::consts::PI;
 
 use echoloop_dsp::choice::{AmbientEstimator, DenoiseFilter, TimingMethod};
-use echoloop_dsp::hardware::sample_period_fs;
 use echoloop_dsp::{Echo, Flags, Hardware, PRE_TRIGGER, Pipeline, Scratch, Settings};
-use echoloop_frontend::{Analog, Trigger};
-use echoloop_frontend::{Exposure, Receiver, ShotBuffers, WaveformFrontEnd, noise_key, synthesise};
+use echoloop_frontend::{Receiver, WaveformFrontEnd};
 use echoloop_frontend::{Return, SceneResponse};
 use echoloop_host::link::client::{Client, RetryPolicy};
 use echoloop_host::link::transport::InProcess;
-use echoloop_sensor::afe::delay_fs;
 use echoloop_sim::board::PcSensor;
-use echoloop_sim::board::hardware_for;
 use echoloop_tests::vectors::{self, add_echo, digitise, noise};
+use echoloop_tests::wall::{MM_PER_NS, Sensor};
 use rand::RngExt;
 
 const HALF_GS: i32 = 397;
 const ONE_GS: i32 = 794;
 const TWO_GS: i32 = 1588;
 const THREE_GS: i32 = 2382;
-
-/// c/2, mm per ns.
-const MM_PER_NS: f64 = 149.896_229;
 
 /// White noise only, as the Cramér–Rao bound has it.
 const WHITE: Hardware = Hardware { shot_noise_ppm: 0, ..Hardware::REFERENCE };
@@ -111,76 +105,6 @@ impl Bench {
     /// The Cramér–Rao bound of white noise: (cτ/π) / (S √(f_s τ)).
     fn bound_mm(&self, snr: f64) -> f64 {
         2.0 * self.mm_per_sample * self.width / PI / (snr * self.width.sqrt())
-    }
-}
-
-/// The reference receiver in front of a sensor with these settings.
-struct Sensor {
-    receiver: Receiver,
-    settings: Settings,
-    analog: Analog,
-    pipeline: Pipeline,
-    scratch: Scratch,
-    buffers: ShotBuffers,
-    codes: Vec<u16>,
-}
-
-impl Sensor {
-    fn new(settings: Settings) -> Self {
-        let receiver = Receiver::default();
-        let hardware = hardware_for(&receiver);
-        let analog = Analog {
-            power_w: f64::from(settings.power_cw) / 100.0,
-            pulse_width_ns: f64::from(settings.pulse_width_ps) / 1e3,
-            gain_db: f64::from(settings.gain_cdb) / 100.0,
-            sample_period_ns: f64::from(sample_period_fs(settings.bins as u32, &hardware)) / 1e6,
-            delay_ns: f64::from(delay_fs(&settings, &hardware)) / 1e6,
-            pre_trigger: 0,
-            black_level: f64::from(settings.black_level_ppm) / 1e6,
-        };
-        let pipeline = Pipeline::new(&settings, &hardware).expect("accepted settings");
-        let codes = vec![0; settings.bins as usize];
-        Self {
-            receiver,
-            settings,
-            analog,
-            pipeline,
-            scratch: Scratch::new(),
-            buffers: ShotBuffers::default(),
-            codes,
-        }
-    }
-
-    /// The waveform of a wall.
-    fn expose(&mut self, wall: Return, beam: u32) {
-        let exposure = Exposure {
-            receiver: &self.receiver,
-            analog: &self.analog,
-            returns: &[wall],
-            background: &[],
-            key: noise_key(5, Trigger { frame: 0, beam, shot: 0 }),
-        };
-        synthesise(&exposure, &mut self.buffers, &mut self.codes);
-    }
-
-    /// The echo of a wall of one albedo, square to the beam, and its range error, mm.
-    fn see(&mut self, albedo: f64, range_m: f64, beam: u32) -> Option<(Echo, f64)> {
-        let wall = Return {
-            range_m: range_m as f32,
-            strength_per_m2: (albedo / PI / range_m / range_m) as f32,
-        };
-        self.expose(wall, beam);
-        let echoes = echoloop_kernels::process(&self.pipeline, &self.codes, &mut self.scratch);
-        let echo = *echoes.first()?;
-        Some((echo, echo.range_m() * 1e3 - f64::from(wall.range_m) * 1e3))
-    }
-
-    /// As [`Self::see`], `count` times at one sub-sample phase around a range.
-    fn at_phase(&mut self, albedo: f64, range_m: f64, phase: f64, count: u32) -> Vec<(Echo, f64)> {
-        let step_m = MM_PER_NS * self.analog.sample_period_ns / 1e3;
-        let first_m = f64::from(hardware_for(&self.receiver).range_min_mm) / 1e3;
-        let range_m = first_m + (((range_m - first_m) / step_m).floor() + phase) * step_m;
-        (0..count).filter_map(|beam| self.see(albedo, range_m, beam)).collect()
     }
 }
 
@@ -660,8 +584,7 @@ fn a_bright_or_clipped_wall_is_one_echo_however_many_are_asked_for() {
                 let wall =
                     Return { range_m: 60.0, strength_per_m2: (albedo / PI / 3_600.0) as f32 };
                 sensor.expose(wall, beam);
-                let echoes =
-                    echoloop_kernels::process(&sensor.pipeline, &sensor.codes, &mut sensor.scratch);
+                let echoes = sensor.echoes();
                 // one in 800 ns is noise
                 let near = echoes.iter().filter(|echo| (echo.range_m() - 60.0).abs() < 5.0);
                 assert_eq!(near.count(), 1, "{bins} bins, albedo {albedo}, beam {beam}");
@@ -714,8 +637,7 @@ fn alarms(irradiance_w_m2_nm: f64, black_level_ppm: i32, bins: i32, of: u32) -> 
     let nothing = Return { range_m: 50.0, strength_per_m2: 0.0 };
     let mut alarm = |beam: u32| {
         sensor.expose(nothing, beam);
-        let echoes =
-            echoloop_kernels::process(&sensor.pipeline, &sensor.codes, &mut sensor.scratch);
+        let echoes = sensor.echoes();
         u32::from(!echoes.is_empty())
     };
     f64::from((0..of).map(&mut alarm).sum::<u32>())
@@ -756,41 +678,15 @@ fn a_black_level_changes_no_range_and_leaves_less_room_above() {
     assert!(clipped.flags.contains(Flags::SATURATED) && clipped_mm.abs() < 10.0, "{clipped_mm} mm");
 }
 
-impl Sensor {
-    /// The echo of a wall by as many shots as the settings ask for, and its range error, mm.
-    fn see_with_all_shots(&mut self, albedo: f64, range_m: f64, beam: u32) -> Option<(Echo, f64)> {
-        let wall = Return {
-            range_m: range_m as f32,
-            strength_per_m2: (albedo / PI / range_m / range_m) as f32,
-        };
-        let period_fs = self.pipeline.config().sample_period_fs();
-        let delay_ns = self.analog.delay_ns;
-        for shot in 0..self.settings.shots as u32 {
-            let later_ns = f64::from(self.settings.offset_fs(shot, period_fs)) / 1e6;
-            self.analog.delay_ns = delay_ns + later_ns;
-            self.expose(wall, 16 * beam + shot);
-            self.scratch.shots().add(shot, &self.codes);
-        }
-        self.analog.delay_ns = delay_ns;
-        self.scratch.shots().read(self.pipeline.config().sum_shift(), &mut self.codes);
-        let echoes = echoloop_kernels::process(&self.pipeline, &self.codes, &mut self.scratch);
-        let echo = *echoes.first()?;
-        Some((echo, echo.range_m() * 1e3 - f64::from(wall.range_m) * 1e3))
-    }
-
-    /// The greatest mean error over 64 sub-sample phases, mm.
-    fn worst_bias_mm(&mut self, albedo: f64) -> f64 {
-        let step_m = MM_PER_NS * self.analog.sample_period_ns / 1e3;
-        let first_m = 1.0 + (59.0 / step_m).floor() * step_m;
-        let bias = |phase: u32| {
-            let range_m = first_m + f64::from(phase) / 64.0 * step_m;
-            let errors: Vec<f64> = (0..60)
-                .map(|beam| self.see_with_all_shots(albedo, range_m, beam).expect("an echo").1)
-                .collect();
-            mean(&errors).abs()
-        };
-        (0..64).map(bias).fold(0.0, f64::max)
-    }
+/// The greatest mean error over 64 sub-sample phases, mm.
+fn worst_bias_mm(sensor: &mut Sensor, albedo: f64) -> f64 {
+    let mut bias = |phase: u32| {
+        let range_m = sensor.at(60.0, f64::from(phase) / 64.0);
+        let mut error = |beam| sensor.see_with_all_shots(albedo, range_m, beam).expect("an echo").1;
+        let errors: Vec<f64> = (0..60).map(&mut error).collect();
+        mean(&errors).abs()
+    };
+    (0..64).map(&mut bias).fold(0.0, f64::max)
 }
 
 #[test]
@@ -799,7 +695,7 @@ fn four_dithered_shots_leave_less_than_5_mm_of_bias_at_every_phase() {
         for albedo in [0.1, 0.3, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0] {
             let bias_mm = |dither| {
                 let settings = Settings { shots: 4, dither, ..at_rate(bins) };
-                Sensor::new(settings).worst_bias_mm(albedo)
+                worst_bias_mm(&mut Sensor::new(settings), albedo)
             };
             let (dithered_mm, plain_mm) = (bias_mm(1), bias_mm(0));
             println!(

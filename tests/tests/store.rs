@@ -267,7 +267,7 @@ fn the_widest_settings_fit_a_record() {
     let mut flash = RamNorFlash::<4, 256>::default();
     // They pass no check, so they are written and never read.
     assert_eq!(save(&mut flash, &HARDWARE, &widest), Ok(1));
-    assert_eq!(used(flash.bytes()), 20 + 86 + 4);
+    assert_eq!(used(flash.bytes()), 20 + 101 + 4);
     assert_eq!(settings(&mut flash), None);
 }
 

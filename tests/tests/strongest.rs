@@ -150,8 +150,7 @@ fn compare(clock: Clock, shapes: [Shape; 2], lower: [f64; 2], runs: u32, seed: u
         gain_db: 0.0,
         sample_period_ns: clock.period_ns,
         delay_ns: 0.0,
-        pre_trigger: 0,
-        black_level: 0.0,
+        ..Analog::USUAL
     };
     let (mut buffers, mut scratch) = (ShotBuffers::default(), Scratch::new());
     let mut codes = vec![0; clock.settings.bins as usize];

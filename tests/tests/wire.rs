@@ -134,7 +134,7 @@ fn the_document_works_through_nothing_that_is_not_so() {
 #[test]
 fn a_changed_schema_needs_a_changed_protocol() {
     // To change a message: append, raise PROTOCOL, and write both new values here and in WIRE.md.
-    assert_eq!((PROTOCOL, SCHEMA), (5, 0x02e5_7086_25b7_3f32), "the schema is {SCHEMA:#018x}");
+    assert_eq!((PROTOCOL, SCHEMA), (6, 0x7b9c_c02f_a4f8_b002), "the schema is {SCHEMA:#018x}");
     let document = include_str!("../../firmware/link/WIRE.md");
     assert!(document.contains(&format!("{SCHEMA:#018x}")));
 }
@@ -456,12 +456,16 @@ fn every_variant_has_these_bytes() {
             refused(Id::PulseWidth, 5_000, Reason::Undersampled { sample_period_fs: 3_969_413 }),
             "02 01 90 4e 05 85 a3 f2 01",
         ),
+        (
+            refused(Id::GainRange, 40_000, Reason::BeyondMiddle { middle_mm: 25_500 }),
+            "02 12 80 f1 04 06 9c c7 01",
+        ),
         (Report::Staged { hash }, "03 f8 ac d1 91 01"),
         (Report::Committed { generation: 300, hash }, "04 ac 02 f8 ac d1 91 01"),
         (
             Report::Settings { generation: 300, hash, settings },
             "05 ac 02 f8 ac d1 91 01 98 75 90 4e 00 c0 0c 02 80 89 7a c0 3e b8 49 02 04 00 06 01 \
-             ae 0d 02 00 00 00",
+             ae 0d 02 00 00 00 00 80 f1 04 d0 0f",
         ),
         (
             Report::Beams {
@@ -503,6 +507,9 @@ fn fields_and_flags_keep_their_numbers() {
         "echo_choice",
         "black_level",
         "dither",
+        "gain_slope",
+        "gain_range",
+        "overlap",
     ];
     assert_eq!(PARAMETERS.map(|p| p.name), names);
     for (number, parameter) in PARAMETERS.iter().enumerate() {
@@ -521,7 +528,7 @@ fn fields_and_flags_keep_their_numbers() {
 
 #[test]
 fn a_hash_covers_settings_of_any_width() {
-    assert_eq!(settings_hash(&Settings::default()), 0x009a_cd1e);
+    assert_eq!(settings_hash(&Settings::default()), 0xa702_87cd);
     let mut settings = Settings::default();
     PARAMETERS.iter().for_each(|p| settings.set(p.id, Some(i32::MIN)));
     let widest = settings_hash(&settings);

@@ -19,6 +19,12 @@
 #[inline(always)]
 pub fn remove(codes: &[u16], clip_code: u16, shift: u32, ambient: i16, x: &mut [i16]) {
     for (x, &code) in x.iter_mut().zip(codes) {
-        *x = ((code.min(clip_code) << shift) as i16).saturating_sub(ambient);
+        *x = of(code, clip_code, shift, ambient);
     }
+}
+
+/// One sample of [`remove`].
+#[inline(always)]
+pub fn of(code: u16, clip_code: u16, shift: u32, ambient: i16) -> i16 {
+    ((code.min(clip_code) << shift) as i16).saturating_sub(ambient)
 }

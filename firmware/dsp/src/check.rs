@@ -39,6 +39,11 @@ impl Hardware {
     pub const fn shortest_pulse_ps(&self, bins: i32) -> i32 {
         sample_period_fs(bins as u32, self).div_ceil(PERIOD_FS_PER_WIDTH_PS) as i32
     }
+
+    /// The middle of the window, mm: the gain must be full from there on.
+    pub const fn middle_mm(&self) -> u32 {
+        self.range_min_mm.midpoint(self.range_max_mm)
+    }
 }
 
 impl ParameterId {
@@ -77,7 +82,8 @@ impl Settings {
         from_code(value).ok_or(Refusal { field, value, reason: Reason::NotAChoice })
     }
 
-    /// Checks S > N, every field against the table, then pulse energy and sampling.
+    /// Checks S > N, every field against the table, then pulse energy, sampling and the
+    /// gain's ramp.
     ///
     /// # Errors
     ///
@@ -90,7 +96,17 @@ impl Settings {
             }
         }
         self.check_energy(hardware)?;
-        self.check_sampling(hardware)
+        self.check_sampling(hardware)?;
+        self.check_ramp(hardware)
+    }
+
+    fn check_ramp(&self, hardware: &Hardware) -> Result<(), Refusal> {
+        let middle_mm = hardware.middle_mm();
+        if self.gain_slope_mdb_m == 0 || self.gain_range_mm as u32 <= middle_mm {
+            return Ok(());
+        }
+        let reason = Reason::BeyondMiddle { middle_mm };
+        Err(Refusal { field: ParameterId::GainRange, value: self.gain_range_mm, reason })
     }
 
     fn check_energy(&self, hardware: &Hardware) -> Result<(), Refusal> {

@@ -5,6 +5,7 @@ use crate::fine::FineConfig;
 use crate::hardware::{Hardware, SPEED_OF_LIGHT_M_S, sample_period_fs};
 use crate::height::FARTHEST;
 use crate::pulse::Pulse;
+use crate::ramp::Ramp;
 use crate::refusal::Refusal;
 use crate::settings::Settings;
 use crate::split::Sharpener;
@@ -25,6 +26,7 @@ use crate::timing::Timing;
 /// | range origin | R_min | 1/256 mm |
 /// | range step | c/2 · sample period | 2⁻²⁴ mm, nearest |
 /// | range origin in samples | R_min over the range step, at most 4096 | Q16.16, rounded down |
+/// | blind | 0.9 · overlap in whole mm less R_min, at least 0, over the step | Q16.16, down |
 /// | ΔR, follows the pulse | W · 170.88 µm/ps | µm, rounded down |
 /// | minimum separation | ΔR over the range step | samples, rounded down, at least 1 |
 ///
@@ -78,6 +80,12 @@ pub struct DetectorConfig {
     pub(crate) range_step: i64,
     /// Range of sample 0 in samples, Q16.16.
     pub(crate) origin_samples: i64,
+    /// The near gain; `None` where it is full everywhere.
+    pub(crate) ramp: Option<Ramp>,
+    /// Range from which the receiver sees the whole beam, mm.
+    pub(crate) overlap_mm: u32,
+    /// From sample 0 to where it begins to see the beam, Q16.16 samples.
+    pub(crate) blind: i64,
 }
 
 impl DetectorConfig {
@@ -133,6 +141,9 @@ impl DetectorConfig {
             range_origin: i64::from(hardware.range_min_mm) * 256,
             range_step,
             origin_samples: origin_samples(hardware, range_step),
+            ramp: Ramp::new(settings, hardware.range_min_mm, range_step),
+            overlap_mm: settings.overlap_mm as u32,
+            blind: blind(settings, hardware, range_step),
         })
     }
 
@@ -225,6 +236,11 @@ impl DetectorConfig {
     pub fn origin_samples(&self) -> i64 {
         self.origin_samples
     }
+
+    /// The near gain; `None` where it is full everywhere.
+    pub fn ramp(&self) -> Option<&Ramp> {
+        self.ramp.as_ref()
+    }
 }
 
 /// How the codes of several shots become those of one waveform: [`crate::accumulate`].
@@ -306,6 +322,13 @@ fn range_step(period_fs: u32) -> i64 {
 fn origin_samples(hardware: &Hardware, range_step: i64) -> i64 {
     let origin = u128::from(hardware.range_min_mm) << 40;
     (origin / range_step.max(1) as u128).min(FARTHEST as u128) as i64
+}
+
+/// 0.9 of the overlap's range less R_min, at least 0, in samples.
+#[expect(clippy::arithmetic_side_effects, reason = "checked: below 2¹⁵ mm, times 2⁴⁰")]
+fn blind(settings: &Settings, hardware: &Hardware, range_step: i64) -> i64 {
+    let begins_mm = i64::from(settings.overlap_mm) * 9 / 10;
+    ((begins_mm - i64::from(hardware.range_min_mm)).max(0) << 40) / range_step.max(1)
 }
 
 /// ΔR in samples, rounded down, so that echoes ΔR apart stay two, at least 1; 1.14·cW/2 when it

@@ -19,7 +19,7 @@ use crate::refine::Refined;
 /// range        = origin + time · step
 /// amplitude    = height / g                     a lower bound when saturated
 /// deviation    = σ of the time · step
-/// reflectivity = A R² / (U P G)                 of a Lambertian surface square to the beam
+/// reflectivity = A R² / (U P G ξ g)             of a Lambertian surface square to the beam
 /// snr          = height / σ_y                   both after the filter: what k is compared with
 /// ```
 ///
@@ -29,7 +29,7 @@ use crate::refine::Refined;
 /// | amplitude | fraction of full scale, over ambient | U1.15, nearest, saturating |
 /// | width | ns, at half height after the filter | U12.4, nearest, saturating |
 /// | deviation | mm; the step rounded down to 2⁻¹⁶ mm | U8.8, rounded down, saturating |
-/// | reflectivity | white = 1; R whole mm, rounded down, A R² < 2⁶⁴ | U6.10, nearest, saturating |
+/// | reflectivity | white = 1; R whole mm, down, A R²/ξ < 2⁶⁴ | U6.10, nearest, saturating |
 /// | snr | σ_y at least 1 LSB | U8.8, rounded down, saturating |
 ///
 /// A negative height counts as 0.
@@ -99,6 +99,7 @@ impl Echo {
         config: &DetectorConfig,
         refined: &Refined,
         threshold: &Threshold,
+        index: usize,
     ) -> Option<Self> {
         let along = shift_round(refined.time * config.range_step, 32);
         let range = u32::try_from(config.range_origin + along).ok()?;
@@ -113,7 +114,11 @@ impl Echo {
             width: width(config, refined.width),
             snr: snr(height, threshold.sigma),
             deviation: saturate_u16((i64::from(refined.sigma) * (config.range_step >> 8)) >> 24),
-            reflectivity: reflectivity(config, refined.amplitude, range),
+            reflectivity: reflectivity(
+                config,
+                at_full_gain(config, refined.amplitude, index),
+                range,
+            ),
             flags,
         })
     }
@@ -128,17 +133,42 @@ fn width(config: &DetectorConfig, width: i64) -> u16 {
     saturate_u16(divide_round(width * i64::from(config.sample_period_fs), 1_000_000 << 12))
 }
 
-/// A R² / (U P G), R in whole mm, rounded down.
+/// An amplitude seen at a sample over the near gain there, 0 to 2⁴⁵, rounded down.
+fn at_full_gain(config: &DetectorConfig, amplitude: i64, index: usize) -> u64 {
+    let amplitude = amplitude.clamp(0, edges::MAX_AMPLITUDE) as u32;
+    let full = config.ramp.as_ref().map_or(amplitude, |ramp| ramp.at_full_gain(amplitude, index));
+    full.into()
+}
+
+/// A R² / (U P G ξ), R in whole mm, rounded down.
 #[expect(
     clippy::arithmetic_side_effects,
-    reason = "R² is below 2⁴⁸, the product of two u64 below 2¹²⁸ − 2⁶⁴"
+    reason = "R² is below 2⁴⁸, ξ at least 2¹², the product of two u64 below 2¹²⁸ − 2⁶⁴"
 )]
-fn reflectivity(config: &DetectorConfig, amplitude: i64, range: u32) -> u16 {
+fn reflectivity(config: &DetectorConfig, amplitude: u64, range: u32) -> u16 {
     let range_mm = u64::from(range >> 8);
-    let light =
-        (amplitude.clamp(0, edges::MAX_AMPLITUDE) as u64).saturating_mul(range_mm * range_mm);
-    let ratio = (u128::from(light) * u128::from(config.reflectivity_scale) + (1 << 63)) >> 64;
+    let light = amplitude.saturating_mul(range_mm * range_mm);
+    let seen = match overlap(config.overlap_mm, range >> 8) {
+        FULL => light,
+        part => light.saturating_mul(FULL.into()) / u64::from(part),
+    };
+    let ratio = (u128::from(seen) * u128::from(config.reflectivity_scale) + (1 << 63)) >> 64;
     ratio.min(u16::MAX.into()) as u16
+}
+
+/// ξ = 1, Q16.
+const FULL: u32 = 1 << 16;
+
+/// ξ: 0 up to nine tenths of `full_mm`, 1 from there on, linear between. Q16, rounded down, at
+/// least 1/16.
+#[expect(clippy::arithmetic_side_effects, reason = "mm of a range below 2¹⁵: times 2¹⁶ below 2³²")]
+fn overlap(full_mm: u32, range_mm: u32) -> u32 {
+    if range_mm >= full_mm {
+        return FULL;
+    }
+    let begin_mm = full_mm * 9 / 10;
+    let part = (range_mm.saturating_sub(begin_mm) << 16) / (full_mm - begin_mm).max(1);
+    part.max(FULL / 16)
 }
 
 /// Q1.15 over Q13.19 to U8.8, rounded down.

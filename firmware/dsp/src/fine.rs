@@ -8,6 +8,7 @@ use crate::accumulate::{Accumulator, LANES};
 use crate::edges::{EdgeFit, Edges, Run};
 use crate::noise::Noise;
 use crate::pulse::Pulse;
+use crate::ramp::{Ramp, levelled};
 use crate::settings::Settings;
 
 /// Finer samples that are looked at: a run with what lies beside it. A longer one is timed by the
@@ -81,6 +82,8 @@ pub struct Fine<'a> {
     pub ambient: i16,
     /// Of a sample of the waveform.
     pub noise: &'a Noise,
+    /// The near gain.
+    pub ramp: Option<&'a Ramp>,
 }
 
 impl Fine<'_> {
@@ -90,6 +93,7 @@ impl Fine<'_> {
     /// | name | value | format |
     /// |---|---|---|
     /// | x | sum of a phase's shots, at most S, over their number, less ambient | Q1.15, down |
+    /// | … where the gain rises | as if all had the gain of the run's middle | as [`Ramp`]'s z |
     /// | σ̂; κ | of the waveform times ⌊2¹⁵ √P⌋/2¹⁵; P | as [`Noise`], saturating |
     /// | level | S of the phase less ambient, at least 1 | Q1.15 |
     /// | time; σ | of a finer sample over P, rounded down | Q16.16 |
@@ -101,17 +105,28 @@ impl Fine<'_> {
         let end = (run.last + BESIDE + 1).min(self.samples) << log2;
         let mut buffer = [0i16; FINE_SAMPLES];
         let x = buffer.get_mut(..end.checked_sub(first)?)?;
+        let middle = (run.first + run.last) << log2 >> 1;
         for (x, j) in x.iter_mut().zip(first..) {
             let value = self.in_q15(self.sum(j).min(config.clip)) - i64::from(self.ambient);
-            *x = value.clamp(-0x8000, 0x7fff) as i16;
+            *x = self.levelled(value, j, middle);
         }
-        let run = self.clipped((run.first + run.last) << log2 >> 1, first..end)?;
+        let run = self.clipped(middle, first..end)?;
         let run = Run { first: run.first - first, last: run.last - first };
         let level = (self.in_q15(config.clip) - i64::from(self.ambient)).max(1);
         let noise = self.noise();
         let edges = EdgeFit { pulse: &config.pulse, noise: &noise, level }.fit(x, run)?;
         let twice = 2 * (edges.time + ((first as i64) << 16)) - (((1 << log2) - 1) << 16);
         Some(Edges { time: twice >> (log2 + 1), sigma: edges.sigma >> log2, ..edges })
+    }
+
+    /// A finer sample as if it had the gain of another.
+    fn levelled(&self, value: i64, j: usize, of: usize) -> i16 {
+        let log2 = self.config.phases_log2;
+        let octaves = self.ramp.map_or(0, |ramp| {
+            let time = |j: usize| (((2 * j + 1) as i64 - (1 << log2)) << 15 >> log2) as i32;
+            ramp.octaves(time(j)) - ramp.octaves(time(of))
+        });
+        levelled(value as i32, octaves) // below 2²³
     }
 
     /// The run of clipped finer samples around one of them.

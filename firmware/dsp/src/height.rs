@@ -6,6 +6,7 @@
 )]
 
 use crate::edges::{EdgeFit, MAX_AMPLITUDE, Run};
+use crate::ramp::{Ramp, power};
 
 /// Compares clipped echoes by what still shows: how wide the run is, and how fast its sides fall.
 ///
@@ -21,8 +22,9 @@ use crate::edges::{EdgeFit, MAX_AMPLITUDE, Run};
 /// A soft echo is wider at a quarter of the level than a hard one of that run, so of both models
 /// the lower holds. The air before the sensor is softer still on its far side only: `v R²` falls
 /// slowly along it, and a line through two of its places, drawn to where it began, gives `v` there.
-/// It counts as air where the run begins within a pulse of the window's first sample and
-/// `u₁ ≤ 2 u₄`.
+/// It counts as air where the run begins within a pulse of the window's first sample, or of the
+/// first that the receiver sees, and `u₁ ≤ 2 u₄`. Where the gain rises, u₄ is less by the gain at
+/// R₁ over that at R₄, and the height more by the gain at the middle of the run over that at R₁.
 ///
 /// | name | meaning | format |
 /// |---|---|---|
@@ -53,6 +55,10 @@ pub struct Height<'a> {
     pub x: &'a [i16],
     /// Range of sample 0 in samples, Q16.16, at most [`FARTHEST`].
     pub origin: i64,
+    /// From sample 0 to where the receiver begins to see the beam, Q16.16 samples.
+    pub blind: i64,
+    /// The near gain.
+    pub ramp: Option<&'a Ramp>,
 }
 
 /// Beyond this a window begins too far away for the air before it to matter: 4096 samples, Q16.16.
@@ -152,9 +158,9 @@ impl Height<'_> {
 
     /// The height of the air before the sensor; `None` of anything else.
     fn air(&self, run: Run, right: &Side) -> Option<i64> {
-        let Self { edges: EdgeFit { pulse, level, .. }, origin, .. } = *self;
+        let Self { edges: EdgeFit { pulse, level, .. }, origin, blind, .. } = *self;
         let first = (run.first as i64) << 16;
-        if first > 2 * pulse.width() {
+        if first - blind > 2 * pulse.width() {
             return None;
         }
         let end = origin + ((run.last as i64) << 16);
@@ -163,6 +169,7 @@ impl Height<'_> {
             (None, Some((steps, value))) => (end + ((steps as i64) << 16), value),
             (None, None) => return None,
         };
+        let value = self.at_gain_of(value, far - origin, end + ONE / 2 - origin);
         let begin = (origin + first + (pulse.width() >> 1)) >> 8;
         let (near, far) = ((end + ONE / 2) >> 8, far >> 8);
         if near <= begin || far <= near || begin <= 0 {
@@ -174,7 +181,18 @@ impl Height<'_> {
         }
         let slope = ((u_near - u_far).max(0)) >> 8;
         let back = (((near - begin) << 8) / (far - near).max(1)).min(16 << 8);
-        Some((u_near + slope * back) / (begin * begin).max(1))
+        let height = (u_near + slope * back) / (begin * begin).max(1);
+        let middle = ((run.first + run.last) as i64) << 15;
+        Some(self.at_gain_of(height, end + ONE / 2 - origin, middle))
+    }
+
+    /// A value seen at one time as it would have been at an earlier one, rounded down; Q16.16
+    /// samples.
+    fn at_gain_of(&self, value: i64, at: i64, earlier: i64) -> i64 {
+        let Some(ramp) = self.ramp else { return value };
+        // Times lie within the waveform, or a pulse beyond it.
+        let fall = power(ramp.octaves(at as i32) - ramp.octaves(earlier as i32));
+        (value.min(MAX_AMPLITUDE) * i64::from(fall)) >> 24
     }
 }
 

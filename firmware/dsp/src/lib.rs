@@ -28,7 +28,7 @@
 //! | stage | module | in | out |
 //! |---|---|---|---|
 //! | ambient light, noise | [`statistics`] | codes | ambient Q1.15, σ̂ Q13.19 |
-//! | saturation, baseline | [`baseline`] | codes | `x`, Q1.15 |
+//! | saturation, baseline | [`baseline`], [`near`] | codes | `x`, Q1.15 |
 //! | matched filter | [`filter`] | `x` | `y`, Q1.15 |
 //! | thresholds, peaks | [`detect`] | `y` | candidates |
 //! | overlapping echoes | [`split`] | `x`, candidates | candidates |
@@ -69,11 +69,13 @@ pub mod height;
 pub mod lagrange;
 pub mod limits;
 pub mod loops;
+pub mod near;
 pub mod noise;
 pub mod peak;
 pub mod pipeline;
 pub mod pulse;
 pub mod q;
+pub mod ramp;
 pub mod reason;
 pub mod refine;
 pub mod refusal;

@@ -9,9 +9,10 @@ use crate::fine::Fine;
 use crate::hardware::Hardware;
 use crate::limits::{MAX_SAMPLES, MAX_TAPS};
 use crate::loops::SampleLoops;
+use crate::near::Near;
 use crate::noise::Noise;
 use crate::peak::{Peak, Peaks};
-use crate::refine::{Refined, Refiner, Waveform};
+use crate::refine::{Chosen, Refined, Refiner, Waveform};
 use crate::refusal::Refusal;
 use crate::settings::Settings;
 use crate::split::{Overlapping, Sharpener, Splitter};
@@ -62,10 +63,30 @@ impl Scratch {
         &self.statistics
     }
 
+    fn x(&self) -> &[i16] {
+        let (start, end) = self.filled;
+        self.padded.get(start..end).unwrap_or_default()
+    }
+
+    fn x_mut(&mut self) -> &mut [i16] {
+        let (start, end) = self.filled;
+        self.padded.get_mut(start..end).unwrap_or_default()
+    }
+
     /// The filter's output for the last waveform of `samples` samples.
     pub fn filtered(&self, samples: usize) -> &[i16] {
         self.y.get(..samples).unwrap_or(&self.y)
     }
+}
+
+/// What an echo is refined under.
+#[derive(Clone, Copy)]
+struct Conditions<'a> {
+    threshold: &'a Threshold,
+    noise: &'a Noise,
+    near: Option<Near<'a>>,
+    /// The shots are there one by one.
+    dithered: bool,
 }
 
 /// The echo detector: a configuration and the order of the stages.
@@ -103,7 +124,7 @@ impl Pipeline {
         let (before, codes) = codes.split_at_checked(config.pre_trigger).unwrap_or((codes, &[]));
         let codes = codes.get(..MAX_SAMPLES).unwrap_or(codes);
         let statistics = loops
-            .statistics(codes, config.code_shift, &scratch.statistics)
+            .statistics(self.of_full_gain(codes), config.code_shift, &scratch.statistics)
             .with_ambient(config.ambient, before, config.code_shift, config.black);
         scratch.statistics = statistics;
         self.filter(loops, codes, &statistics, scratch);
@@ -115,6 +136,13 @@ impl Pipeline {
             return Echoes::new();
         }
         self.report(codes, scratch, &threshold, dithered)
+    }
+
+    /// The samples that ambient and noise are measured from; all where none has full gain.
+    #[inline(never)]
+    fn of_full_gain<'a>(&self, codes: &'a [u16]) -> &'a [u16] {
+        let full = self.config.ramp.as_ref().and_then(|ramp| codes.get(ramp.samples()..));
+        full.filter(|full| !full.is_empty()).unwrap_or(codes)
     }
 
     /// Baseline and matched filter: `scratch.y[..codes.len()]`.
@@ -141,8 +169,25 @@ impl Pipeline {
             statistics.ambient_q15(),
             x,
         );
+        if config.ramp.is_some() {
+            self.remove_near_baseline(codes, statistics.ambient_q15(), x);
+        }
         let y = scratch.y.get_mut(..codes.len().next_multiple_of(16)).unwrap_or_default();
         loops.correlate(config.template.taps_in_pairs(), &scratch.padded, y);
+    }
+
+    /// Not inlined: the loops over every sample stay as they are without a near gain.
+    #[inline(never)]
+    fn remove_near_baseline(&self, codes: &[u16], ambient: i16, x: &mut [i16]) {
+        if let Some(near) = self.near(ambient) {
+            near.remove_baseline(codes, 0..near.ramp.samples(), x);
+        }
+    }
+
+    /// The near gain of a waveform with this ambient.
+    fn near(&self, ambient: i16) -> Option<Near<'_>> {
+        let config = &self.config;
+        config.ramp.as_ref().map(|ramp| Near { ramp, config, ambient })
     }
 
     /// From candidates to echoes. Rarely more than a few: not inlined.
@@ -154,38 +199,122 @@ impl Pipeline {
         threshold: &Threshold,
         dithered: bool,
     ) -> Echoes {
+        let noise = Noise::new(&scratch.statistics, self.config.shot_noise);
+        let Some(near) = self.near(threshold.ambient) else {
+            let seen = Conditions { threshold, noise: &noise, near: None, dithered };
+            let refiner = self.refiner(codes, scratch, seen);
+            return self.echoes(&refiner, scratch);
+        };
+        let seen = Conditions { threshold, noise: &noise, near: Some(near), dithered };
+        self.echoes_of_rising_gain(codes, scratch, seen, near)
+    }
+
+    #[inline(always)]
+    fn echoes(&self, refiner: &Refiner<'_>, scratch: &Scratch) -> Echoes {
+        let (chosen, overlapping) = self.choose(refiner, &scratch.peaks);
+        let mut echoes = Echoes::new();
+        for peak in chosen {
+            let hidden = overlapping.contains(&peak.index);
+            if let Some(echo) = self.echo(refiner, scratch, peak, hidden) {
+                let _ = echoes.push(echo); // choose() gives no more than fit
+            }
+        }
+        echoes
+    }
+
+    /// Each in the conditions of its own, where the gain rises.
+    #[inline(never)]
+    fn echoes_of_rising_gain(
+        &self,
+        codes: &[u16],
+        scratch: &mut Scratch,
+        seen: Conditions<'_>,
+        near: Near<'_>,
+    ) -> Echoes {
+        let (chosen, overlapping) =
+            self.choose(&self.refiner(codes, scratch, seen), &scratch.peaks);
+        let mut echoes = Echoes::new();
+        for peak in chosen {
+            let hidden = overlapping.contains(&peak.index);
+            let echo = match near.holds(peak.index.into()) {
+                true => self.near_echo(codes, scratch, (seen, near), (peak, hidden)),
+                false => self.echo(&self.refiner(codes, scratch, seen), scratch, peak, hidden),
+            };
+            if let Some(echo) = echo {
+                let _ = echoes.push(echo); // choose() gives no more than fit
+            }
+        }
+        echoes
+    }
+
+    /// The peaks that become echoes, and the indices of those that others hide.
+    #[inline(always)]
+    fn choose(&self, refiner: &Refiner<'_>, peaks: &Peaks) -> (Chosen, Overlapping) {
+        let Some(sharpener) = &self.config.sharpener else {
+            return (refiner.chosen(peaks), Overlapping::new());
+        };
+        let mut peaks = peaks.clone();
+        let overlapping = Self::split(sharpener, refiner, &mut peaks);
+        (refiner.chosen(&peaks), overlapping)
+    }
+
+    /// An echo before the ramp's end, from samples that are made level around it, and as they were
+    /// behind it.
+    fn near_echo(
+        &self,
+        codes: &[u16],
+        scratch: &mut Scratch,
+        (full, near): (Conditions<'_>, Near<'_>),
+        (peak, hidden): (Peak, bool),
+    ) -> Option<Echo> {
+        let n = peak.index.into();
+        let noise = near.noise(n, full.noise);
+        let threshold = near.threshold(n, &noise, full.threshold);
+        let around = self.refiner(codes, scratch, full).around(peak);
+        near.level(n, around.clone(), scratch.x_mut());
+        let here = Conditions { threshold: &threshold, noise: &noise, ..full };
+        let echo = self.echo(&self.refiner(codes, scratch, here), scratch, peak, hidden);
+        near.remove_baseline(codes, around, scratch.x_mut());
+        echo
+    }
+
+    #[inline(always)]
+    fn echo(
+        &self,
+        refiner: &Refiner<'_>,
+        scratch: &Scratch,
+        peak: Peak,
+        hidden: bool,
+    ) -> Option<Echo> {
+        let (taps, samples) = (self.config.template.taps(), refiner.waveform.codes.len());
+        let mut refined =
+            refiner.refine(|n| filter::exact(taps, &scratch.padded, samples, n), peak);
+        if hidden {
+            self.sharpen(refiner, peak, &mut refined);
+        }
+        Echo::from_peak(&self.config, &refined, refiner.threshold, peak.index.into())
+    }
+
+    fn refiner<'a>(
+        &'a self,
+        codes: &'a [u16],
+        scratch: &'a Scratch,
+        seen: Conditions<'a>,
+    ) -> Refiner<'a> {
+        let Conditions { threshold, noise, near, dithered } = seen;
         let config = &self.config;
         let y = scratch.y.get(..codes.len()).unwrap_or_default();
-        let (taps, padded) = (config.template.taps(), &scratch.padded);
-        let (start, end) = scratch.filled;
-        let waveform = Waveform { codes, x: padded.get(start..end).unwrap_or_default(), y };
-        let noise = Noise::new(&scratch.statistics, config.shot_noise);
         let fine = config.fine.as_ref().filter(|_| dithered).map(|fine| Fine {
             config: fine,
             shots: &scratch.shots,
             before: config.pre_trigger,
             samples: codes.len(),
             ambient: threshold.ambient,
-            noise: &noise,
+            noise,
+            ramp: config.ramp.as_ref(),
         });
-        let refiner = Refiner { config, waveform: &waveform, threshold, noise: &noise, fine };
-        let overlapping = match &config.sharpener {
-            Some(sharpener) => Self::split(sharpener, &refiner, &mut scratch.peaks),
-            None => Overlapping::new(),
-        };
-        let chosen = refiner.chosen(&scratch.peaks);
-        let exact = |n| filter::exact(taps, padded, codes.len(), n);
-        let mut echoes = Echoes::new();
-        for peak in chosen {
-            let mut refined = refiner.refine(exact, peak);
-            if overlapping.contains(&peak.index) {
-                self.sharpen(&refiner, peak, &mut refined);
-            }
-            if let Some(echo) = Echo::from_peak(config, &refined, threshold) {
-                let _ = echoes.push(echo); // choose() gives no more than fit
-            }
-        }
-        echoes
+        let waveform = Waveform { codes, x: scratch.x(), y };
+        Refiner { config, waveform, threshold, noise, fine, near }
     }
 
     /// Adds the peaks that broad ones hide; returns which those are. A sharpened sample costs as
@@ -193,7 +322,7 @@ impl Pipeline {
     /// tops have horns behind the sharpener.
     #[inline(never)]
     fn split(sharpener: &Sharpener, refiner: &Refiner<'_>, peaks: &mut Peaks) -> Overlapping {
-        let Waveform { x, y, .. } = *refiner.waveform;
+        let Waveform { x, y, .. } = refiner.waveform;
         let (sigma, level) = (refiner.noise.sigma, refiner.threshold.level);
         let splitter = Splitter { sharpener, x, y, sigma, level };
         let mut overlapping = Overlapping::new();

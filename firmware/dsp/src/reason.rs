@@ -36,4 +36,9 @@ pub enum Reason {
         /// The sample period the resolution gives.
         sample_period_fs: u32,
     },
+    /// The gain must be full from the middle of the window on, where noise is measured.
+    BeyondMiddle {
+        /// The middle of the window, mm.
+        middle_mm: u32,
+    },
 }

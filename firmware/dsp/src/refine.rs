@@ -5,6 +5,8 @@
               fraction or a tap 2⁴¹; σ below 2³²; divisors are at least 1"
 )]
 
+use core::ops::Range;
+
 use heapless::Vec;
 
 use crate::choice::TimingMethod;
@@ -16,6 +18,7 @@ use crate::flags::Flags;
 use crate::height::Height;
 use crate::lagrange::interpolation;
 use crate::limits::MAX_ECHOES;
+use crate::near::Near;
 use crate::noise::Noise;
 use crate::peak::{Candidate, Candidates, Peak};
 use crate::q::{divide_round, shift_round};
@@ -48,26 +51,33 @@ pub struct Waveform<'a> {
     pub y: &'a [i16],
 }
 
-/// What refining looks at: the same for every peak of a waveform.
+/// The peaks that become echoes.
+pub type Chosen = Vec<Peak, MAX_ECHOES>;
+
+/// What refining looks at.
 #[derive(Clone, Copy, Debug)]
 pub struct Refiner<'a> {
     /// What the stages read.
     pub config: &'a DetectorConfig,
     /// The waveform.
-    pub waveform: &'a Waveform<'a>,
+    pub waveform: Waveform<'a>,
     /// The threshold that its peaks reached.
     pub threshold: &'a Threshold,
     /// The noise of its samples.
     pub noise: &'a Noise,
     /// Its shots, where they were dithered.
     pub fine: Option<Fine<'a>>,
+    /// Its near gain. What is refined before its end has been made level: `x` is, and threshold and
+    /// noise are those of there.
+    pub near: Option<Near<'a>>,
 }
 
 impl Refiner<'_> {
     /// Refines one peak of `y`; `f` is the filter's output before it was rounded, Q9.23, 0 outside.
     ///
     /// ```text
-    /// s      = index, moved later one sample at a time while f rises, at most K times
+    /// s      = index, moved later one sample at a time while f rises, at most K times; from one
+    ///          sample before the index where the gain rises
     /// z[j]   = f interpolated at s + j/o, j = −o−1..o+1          Q9.23, nearest
     /// δ      = (z₋ − z₊) / (2 (z₋ − 2 z₀ + z₊))                  Q16.16, nearest, within ±½
     /// height = z₀ − (z₋ − z₊)·δ/4                                Q9.23, then Q1.15, both nearest
@@ -97,7 +107,8 @@ impl Refiner<'_> {
         let clipped = self.clipped_run(peak);
         let corrects = config.method == TimingMethod::WalkCorrected;
         let bias = if corrects && clipped.is_none() { config.timing.bias().into() } else { 0 };
-        let vertex = vertex(&f, peak, config.reach, config.upsampling_log2, bias);
+        let start = i64::from(peak.index) - self.earlier(peak);
+        let vertex = vertex(&f, start, config.reach, config.upsampling_log2, bias);
         let amplitude = config.template.amplitude(vertex.height).max(1);
         let mut refined = Refined {
             time: vertex.time,
@@ -133,10 +144,10 @@ impl Refiner<'_> {
     /// The peaks that become echoes, in their order: apart by the least separation, as many as are
     /// asked for. One alone is compared with nothing.
     #[inline(never)]
-    pub fn chosen(&self, peaks: &[Peak]) -> Vec<Peak, MAX_ECHOES> {
+    pub fn chosen(&self, peaks: &[Peak]) -> Chosen {
         let config = self.config;
         if let [only] = peaks {
-            let mut chosen = Vec::new();
+            let mut chosen = Chosen::new();
             let _ = chosen.push(*only); // at least one is asked for
             return chosen;
         }
@@ -155,14 +166,39 @@ impl Refiner<'_> {
     }
 
     fn strength(&self, peak: Peak) -> u32 {
-        let Self { config, waveform: Waveform { codes, x, .. }, .. } = *self;
-        match self.clipped_run(peak) {
-            Some(run) => {
-                let (clip_code, origin) = (config.clip_code, config.origin_samples);
-                Height { edges: self.edge_fit(), clip_code, codes, x, origin }.of(run)
+        let (n, strength) = match self.clipped_run(peak) {
+            Some(run) => ((run.first + run.last) >> 1, self.height(run)),
+            None => {
+                let amplitude = self.config.template.amplitude(peak.height.into());
+                (peak.index.into(), amplitude.max(0) as u32)
             }
-            None => config.template.amplitude(peak.height.into()).max(0) as u32,
+        };
+        self.near.map_or(strength, |near| near.ramp.at_full_gain(strength, n))
+    }
+
+    fn height(&self, run: Run) -> u32 {
+        let Self { config, waveform: Waveform { codes, x, .. }, .. } = *self;
+        let middle = (run.first + run.last) >> 1;
+        let ambient = self.near.map_or(self.threshold.ambient, |near| near.rest(middle));
+        Height {
+            edges: self.edge_fit(ambient),
+            clip_code: config.clip_code,
+            codes,
+            x,
+            origin: config.origin_samples,
+            blind: config.blind,
+            ramp: config.ramp.as_ref(),
         }
+        .of(run)
+    }
+
+    /// The samples that refining a peak reads: those of its run, or its index, and on either side
+    /// as many as filter and pulse reach, and 16.
+    pub fn around(&self, peak: Peak) -> Range<usize> {
+        let index = peak.index.into();
+        let run = self.clipped_run(peak).unwrap_or(Run { first: index, last: index });
+        let beside = self.config.template.half() + 2 * self.config.reach + 16;
+        run.first.saturating_sub(beside)..run.last + beside + 1
     }
 
     /// Whether a peak may hide others: it is not clipped, and its width at half height exceeds
@@ -185,8 +221,15 @@ impl Refiner<'_> {
         refined.flags |= Flags::MERGED;
         refined.sigma = refined.sigma.saturating_mul(2).saturating_add(overlap);
         if !refined.flags.contains(Flags::SATURATED) {
-            refined.time = vertex(f, peak, config.reach, config.upsampling_log2, 0).time;
+            let start = i64::from(peak.index) - self.earlier(peak);
+            refined.time = vertex(f, start, config.reach, config.upsampling_log2, 0).time;
         }
+    }
+
+    /// How many samples before the index of a peak the summit may lie: one where the gain rises,
+    /// for `y` has not been made level.
+    fn earlier(&self, peak: Peak) -> i64 {
+        self.near.is_some_and(|near| near.holds(peak.index.into())).into()
     }
 
     /// σ of the time of a top: gain · σ(A) / A.
@@ -198,10 +241,10 @@ impl Refiner<'_> {
     }
 
     /// Reads edges. Their level is the clip code in Q1.15 less the ambient, at least 2⁻¹⁵.
-    fn edge_fit(&self) -> EdgeFit<'_> {
-        let Self { config, threshold, noise, .. } = *self;
+    fn edge_fit(&self, ambient: i16) -> EdgeFit<'_> {
+        let Self { config, noise, .. } = *self;
         let clip = i64::from(config.clip_code) << config.code_shift;
-        let level = (clip - i64::from(threshold.ambient)).max(1);
+        let level = (clip - i64::from(ambient)).max(1);
         EdgeFit { pulse: &config.pulse, noise, level }
     }
 
@@ -211,7 +254,7 @@ impl Refiner<'_> {
     fn time_by_edges(&self, run: Run, middle: i64, refined: &mut Refined) {
         refined.flags |= Flags::WALK_CORRECTED;
         let fine = self.fine.as_ref().and_then(|fine| fine.fit(run));
-        match fine.or_else(|| self.edge_fit().fit(self.waveform.x, run)) {
+        match fine.or_else(|| self.edge_fit(self.threshold.ambient).fit(self.waveform.x, run)) {
             Some(Edges { time, amplitude, sigma }) => {
                 (refined.time, refined.amplitude, refined.sigma) = (time, amplitude, sigma);
             }
@@ -249,7 +292,7 @@ impl Refiner<'_> {
 
     /// The run of clipped samples, at the saturation level or above, that holds the one nearest to
     /// the peak, if one lies within ⌈K/2⌉; of two as near the earlier.
-    fn clipped_run(&self, peak: Peak) -> Option<Run> {
+    pub fn clipped_run(&self, peak: Peak) -> Option<Run> {
         let (config, codes) = (self.config, self.waveform.codes);
         let reach = config.reach.div_ceil(2);
         let index = usize::from(peak.index);
@@ -282,13 +325,13 @@ type Around = [i64; 2 * MARGIN as usize + 1];
 /// Parabola through the highest interpolated value and its neighbours.
 fn vertex(
     f: impl Fn(i64) -> i64,
-    peak: Peak,
+    start: i64,
     reach: usize,
     upsampling_log2: u32,
     bias: i64,
 ) -> Vertex {
     let ratio = 1i64 << upsampling_log2;
-    let Climb { summit, height, next } = climb(&f, i64::from(peak.index), reach);
+    let Climb { summit, height, next } = climb(&f, start, reach);
     let margin = if ratio > 1 { MARGIN } else { 1 };
     let around: Around = core::array::from_fn(|i| match i as i64 - MARGIN {
         0 => height,
@@ -326,7 +369,7 @@ struct Climb {
 }
 
 /// Up `f` from `start`, at most `reach` samples. Only later: a peak is the first sample of its
-/// plateau of `y`, so `f` is lower before it.
+/// plateau of `y`, so `f` is lower before it; where the gain rises, `start` lies one earlier.
 fn climb(f: impl Fn(i64) -> i64, start: i64, reach: usize) -> Climb {
     let mut at = Climb { summit: start, height: f(start), next: f(start + 1) };
     for _ in 0..reach {

@@ -46,6 +46,11 @@ impl fmt::Display for Refusal {
                 " spans fewer than 2.5 samples of {:.3} ns (raise it or waveform_resolution)",
                 f64::from(sample_period_fs) / 1e6
             ),
+            Reason::BeyondMiddle { middle_mm } => write!(
+                f,
+                " is beyond the middle of the window, {} m (lower it, or set gain_slope to 0)",
+                f64::from(middle_mm) / 1e3
+            ),
         }
     }
 }

@@ -286,6 +286,24 @@ parameters! {
         codes_per_unit: 1, min: 0, max: last(Dither::NAMES),
         default: Some(Dither::Off.code()), acts_in: "ADC clock, DSP timing",
     }
+    /// By how much the gain rises with range up to where it is full, 0.001 dB/m; 0: it is full
+    /// everywhere.
+    gain_slope_mdb_m: i32, GainSlope {
+        name: "gain_slope", symbol: "", unit: "dB/m", kind: REAL,
+        codes_per_unit: 1000, min: 0, max: 1_000, default: Some(0), acts_in: "front end, DSP",
+    }
+    /// Range from which the gain is full, mm.
+    gain_range_mm: i32, GainRange {
+        name: "gain_range", symbol: "", unit: "m", kind: REAL,
+        codes_per_unit: 1000, min: 5_000, max: 40_000, default: Some(40_000),
+        acts_in: "front end, DSP",
+    }
+    /// Range from which the receiver sees the whole beam, mm; at nine tenths of it, nothing.
+    overlap_mm: i32, Overlap {
+        name: "overlap", symbol: "ξ", unit: "m", kind: LOG,
+        codes_per_unit: 1000, min: 500, max: 20_000, default: Some(1_000),
+        acts_in: "front end, reflectivity",
+    }
 }
 
 impl ParameterId {

@@ -3,7 +3,7 @@
 //! Bodies are postcard, so positions are the format: variants and fields are only ever appended,
 //! and [`SCHEMA`] makes two builds that disagree refuse each other at hello.
 
-use echoloop_dsp::{Echoes, Hardware, Refusal, ScanPattern, Settings};
+use echoloop_dsp::{Echoes, Hardware, PARAMETERS, Refusal, ScanPattern, Settings};
 use heapless::{String, Vec};
 use postcard_schema::Schema;
 use postcard_schema::key::Key;
@@ -15,7 +15,7 @@ use crate::frame::checksum;
 pub const MAGIC: [u8; 4] = *b"ECHO";
 
 /// Version of the conversation: what commands mean, beyond their bytes.
-pub const PROTOCOL: u16 = 5;
+pub const PROTOCOL: u16 = 6;
 
 /// Hash of the bytes' layout: FNV-1a over names and types of every message, computed when compiled.
 pub const SCHEMA: u64 =
@@ -245,7 +245,7 @@ pub struct Counters {
 
 /// CRC-32C of the settings' postcard bytes: what a commit and every scan name them by. Never 0.
 pub fn settings_hash(settings: &Settings) -> u32 {
-    let mut bytes = [0; 96]; // 15 fields of 5 bytes, and 1, fit
+    let mut bytes = [0; 6 * PARAMETERS.len()]; // 5 bytes a field, and 1 where it is an option
     let bytes = postcard::to_slice(settings, &mut bytes).map_or(&[][..], |bytes| bytes);
     checksum(bytes).max(1)
 }

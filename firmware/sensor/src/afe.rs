@@ -27,6 +27,9 @@ pub mod emitter {
     pub const FIRE: u8 = 4;
     /// Of the shots that are added up for one beam, the one that fires next, from 0.
     pub const SHOT: u8 = 5;
+    /// Range from which the receiver sees the whole beam, mm: how far the emitter is tilted towards
+    /// it.
+    pub const OVERLAP: u8 = 6;
     /// What [`ID`] reads.
     pub const ID_VALUE: u32 = 0xEC40_0001;
 }
@@ -47,6 +50,10 @@ pub mod adc {
     pub const PRE_TRIGGER: u8 = 5;
     /// What is added before conversion, ppm of full scale.
     pub const BLACK_LEVEL: u8 = 6;
+    /// By how much the gain rises after a shot, 10⁻⁶ dB/ns, until it is full.
+    pub const GAIN_SLOPE: u8 = 7;
+    /// From the trigger to when the gain is full, fs. Before the trigger it is full.
+    pub const GAIN_FULL: u8 = 8;
     /// What [`ID`] reads.
     pub const ID_VALUE: u32 = 0xEC41_0001;
 }
@@ -69,14 +76,30 @@ pub enum AfeError {
     },
 }
 
-/// Trigger to sample 0: there and back to the first range, and half a pulse, because an echo's time
-/// is its middle.
+/// Trigger to sample 0.
 pub fn delay_fs(settings: &Settings, hardware: &Hardware) -> u32 {
+    echo_fs(settings, hardware.range_min_mm)
+}
+
+/// Trigger to the echo of a range: there and back, and half a pulse, because an echo's time is its
+/// middle.
+fn echo_fs(settings: &Settings, range_mm: u32) -> u32 {
     // mm / (m/s) is ms; 10¹² fs are one. The register holds it up to 600 m; what saturates is far
     // beyond.
-    let there_and_back = u64::from(hardware.range_min_mm).saturating_mul(2_000_000_000_000);
+    let there_and_back = u64::from(range_mm).saturating_mul(2_000_000_000_000);
     let flight = there_and_back.saturating_add(SPEED_OF_LIGHT_M_S / 2) / SPEED_OF_LIGHT_M_S;
     flight.saturating_add((settings.pulse_width_ps as u64).saturating_mul(1000)) as u32
+}
+
+/// Slope of the gain in time, 10⁻⁶ dB/ns, to the nearest: 0.001 dB/m · c/2.
+pub fn gain_slope(settings: &Settings) -> u32 {
+    let slope = (settings.gain_slope_mdb_m.max(0) as u64).saturating_mul(SPEED_OF_LIGHT_M_S);
+    (slope.saturating_add(1_000_000) / 2_000_000) as u32
+}
+
+/// Trigger to when the gain is full, fs.
+pub fn gain_full_fs(settings: &Settings) -> u32 {
+    echo_fs(settings, settings.gain_range_mm.max(0) as u32)
 }
 
 /// Writes a whole set of settings to both of a board's devices.
@@ -91,10 +114,13 @@ pub fn apply(settings: &Settings, board: &mut impl Board) -> Result<(), AfeError
     identify(spi, emitter::ID, emitter::ID_VALUE)?;
     write_verified(spi, emitter::POWER, settings.power_cw as u32)?;
     write_verified(spi, emitter::PULSE_WIDTH, settings.pulse_width_ps as u32)?;
+    write_verified(spi, emitter::OVERLAP, settings.overlap_mm as u32)?;
     write_verified(spi, emitter::SHOT, 0)?;
     let spi = board.adc();
     identify(spi, adc::ID, adc::ID_VALUE)?;
     write_verified(spi, adc::GAIN, settings.gain_cdb as u32)?;
+    write_verified(spi, adc::GAIN_SLOPE, gain_slope(settings))?;
+    write_verified(spi, adc::GAIN_FULL, gain_full_fs(settings))?;
     write_verified(spi, adc::SAMPLE_PERIOD, sample_period_fs(settings.bins as u32, &hardware))?;
     write_verified(spi, adc::DELAY, delay_fs(settings, &hardware))?;
     write_verified(spi, adc::BLACK_LEVEL, settings.black_level_ppm as u32)?;

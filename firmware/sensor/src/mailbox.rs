@@ -11,8 +11,8 @@
 //! | 0x008 | shots whose samples are in the buffer | world |
 //! | 0x00C | run: what the world asks a measuring image to do | world |
 //! | 0x040 | straps: [`Hardware`], [`ScanPattern`]: ten words | world, before the sensor starts |
-//! | 0x080 | laser driver, eight registers | sensor; register 0 by the world |
-//! | 0x0A0 | amplifier and converter, eight registers | sensor; register 0 by the world |
+//! | 0x080 | laser driver, sixteen registers | sensor; register 0 by the world |
+//! | 0x0C0 | amplifier and converter, sixteen registers | sensor; register 0 by the world |
 //! | 0x1000 | DMA buffer: codes, u16 | world |
 //! | 0x4000 | flash, [`FLASH_BYTES`] | sensor |
 //!
@@ -37,9 +37,9 @@ pub const STRAPS: usize = 0x040;
 /// Offset of the laser driver's registers.
 pub const EMITTER: usize = 0x080;
 /// Offset of the amplifier's and converter's registers.
-pub const ADC: usize = 0x0A0;
+pub const ADC: usize = 0x0C0;
 /// Registers of a device.
-pub const REGISTERS: usize = 8;
+pub const REGISTERS: usize = 16;
 /// Offset of the DMA buffer.
 pub const CODES: usize = 0x1000;
 /// Offset of the flash.

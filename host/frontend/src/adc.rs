@@ -9,15 +9,16 @@ pub(crate) const ROUND: f32 = 12_582_912.0;
 /// From a signal current to codes.
 ///
 /// ```text
-/// L[n] = 2^b·(G·(i_quiet + i[n] + σ(i[n])·z[n]) / i_fs + black)        codes
+/// L[n] = 2^b·(G[n]·(i_quiet + i[n] + σ(i[n])·z[n]) / i_fs + black)        codes
 /// x[n] = round( clip( L[n] + T[n], 0, limit ) )
 /// e[n] = L[n] − limit                          what the amplifier cannot follow
 /// T[n] = max(T[n−1], a·e[n])                   while e > 0: held, the output is at its limit
 /// T[n] = T[n−1] · e^(−Δ/τ)                     else: it recovers
 /// ```
 ///
-/// a is `overload_tail`, τ is `overload_tail_ns`. So n samples after the last one that clips the
-/// tail is a·e_max·e^(−nΔ/τ). The tail is the amplifier's: it brings no shot noise.
+/// G[n] is [`Analog::gain_at`], a `overload_tail`, τ `overload_tail_ns`. So n samples after the
+/// last one that clips the tail is a·e_max·e^(−nΔ/τ). The tail is the amplifier's: it brings no
+/// shot noise.
 #[inline(always)]
 pub(crate) fn convert(
     receiver: &Receiver,
@@ -27,13 +28,22 @@ pub(crate) fn convert(
     codes: &mut [u16],
 ) {
     let amplifier = Amplifier::new(receiver, analog);
+    let near = analog.near_samples().min(codes.len());
+    let (near_codes, codes) = codes.split_at_mut(near);
+    let (near_ua, signal_ua) = signal_ua.split_at(near);
+    let (near_normal, normal) = normal.split_at(near);
+    let gain = |n: usize| (analog.gain_at(n) * receiver.codes_per_ua()) as f32;
+    let near_gains = (0..near).map(gain);
+    let gains = std::iter::repeat(amplifier.codes_per_ua);
     // Without a tail no sample hangs on the one before it, and the loop runs in vectors.
     if receiver.overload_tail > 0.0 {
         let mut tail = Tail::new(receiver, analog);
-        amplifier
-            .convert(signal_ua, normal, codes, |level, limit| level + tail.after(level - limit));
+        let mut recover = |level, limit| level + tail.after(level - limit);
+        amplifier.convert(near_gains, near_ua, near_normal, near_codes, &mut recover);
+        amplifier.convert(gains, signal_ua, normal, codes, recover);
     } else {
-        amplifier.convert(signal_ua, normal, codes, |level, _| level);
+        amplifier.convert(near_gains, near_ua, near_normal, near_codes, |level, _| level);
+        amplifier.convert(gains, signal_ua, normal, codes, |level, _| level);
     }
 }
 
@@ -55,7 +65,7 @@ impl Amplifier {
         let gain = libm::pow(10.0, analog.gain_db / 20.0);
         let full_scale = f64::from(1u32 << receiver.adc_bits);
         Self {
-            codes_per_ua: (full_scale * gain / receiver.full_scale_ua) as f32,
+            codes_per_ua: (gain * receiver.codes_per_ua()) as f32,
             limit: (full_scale * receiver.analog_limit).min(full_scale - 1.0) as f32,
             black: (full_scale * analog.black_level) as f32,
             quiet_ua: receiver.quiescent_current_ua() as f32,
@@ -68,15 +78,17 @@ impl Amplifier {
     #[inline(always)]
     fn convert(
         &self,
+        codes_per_ua: impl Iterator<Item = f32>,
         signal_ua: &[f32],
         normal: &[f32],
         codes: &mut [u16],
         mut recover: impl FnMut(f32, f32) -> f32,
     ) {
-        for ((code, &signal), &z) in codes.iter_mut().zip(signal_ua).zip(normal) {
+        let samples = codes.iter_mut().zip(signal_ua).zip(normal);
+        for (((code, &signal), &z), codes_per_ua) in samples.zip(codes_per_ua) {
             let sigma_ua = (self.quiet_variance_ua2 + self.shot_variance_ua * signal).sqrt();
             let current_ua = self.quiet_ua + signal + sigma_ua * z;
-            let level = self.codes_per_ua * current_ua + self.black;
+            let level = codes_per_ua * current_ua + self.black;
             let level = recover(level, self.limit).max(0.0).min(self.limit);
             *code = (level + ROUND).to_bits() as u16;
         }
@@ -192,15 +204,70 @@ mod tests {
         }
     }
 
+    /// 1 dB/m up to 40 m.
+    const RISING: Analog = Analog { gain_slope_db_ns: 0.15, gain_full_ns: 271.85, ..ANALOG };
+
+    /// Means of 400 shots of a wall without noise to speak of, and of as many quiet ones.
+    fn means(analog: &Analog, returns: &[Return]) -> Vec<f64> {
+        let mut sum = vec![0.0; 400];
+        for beam in 0..400 {
+            let receiver = Receiver::default();
+            let key = noise_key(3, Trigger { frame: 0, beam, shot: 0 });
+            let exposure = Exposure { receiver: &receiver, analog, returns, background: &[], key };
+            let mut codes = vec![0; 400];
+            synthesise(&exposure, &mut ShotBuffers::default(), &mut codes);
+            for (sum, code) in sum.iter_mut().zip(codes) {
+                *sum += f64::from(code) / 400.0;
+            }
+        }
+        sum
+    }
+
+    #[test]
+    fn a_gain_that_rises_scales_light_and_noise_but_not_the_black_level() {
+        let weak = Return { strength_per_m2: NEAR.strength_per_m2 / 20.0, ..NEAR };
+        let lifted = |analog: Analog| Analog { black_level: 0.01, ..analog };
+        let (full, rising) = (means(&lifted(ANALOG), &[weak]), means(&lifted(RISING), &[weak]));
+        let black = 0.01 * 4096.0;
+        for (n, (full, rising)) in full.iter().zip(&rising).enumerate() {
+            let below_db = 0.15 * (271.85 - (11.0 + n as f64)).max(0.0);
+            let expected = black + (full - black) * 10f64.powf(-below_db / 20.0);
+            assert!((rising - expected).abs() < 1.0, "sample {n}: {rising} against {expected}");
+        }
+        // 37 dB down the noise is below a code.
+        let mut codes = vec![0; 400];
+        let (receiver, analog) = (slow(), lifted(RISING));
+        let exposure = Exposure { analog: &analog, ..exposure(&receiver, &[], 0) };
+        synthesise(&exposure, &mut ShotBuffers::default(), &mut codes);
+        let spread = |codes: &[u16]| codes.iter().max().unwrap() - codes.iter().min().unwrap();
+        assert!(spread(&codes[..40]) <= 2 && spread(&codes[300..]) > 30, "{codes:?}");
+    }
+
+    #[test]
+    fn the_overlap_is_nothing_below_nine_tenths_of_its_range_and_all_from_there_on() {
+        let top = |overlap_m, range_m: f32| {
+            let wall = Return { range_m, strength_per_m2: 1e-5 };
+            let seen = means(&Analog { overlap_m, ..ANALOG }, &[wall]);
+            seen.iter().copied().fold(0.0, f64::max) - seen[380]
+        };
+        let all = top(1.0, 19.0);
+        for (range_m, part) in [(17.9, 0.0), (19.0, 0.5), (20.5, 1.0)] {
+            let got = top(20.0, range_m) / all;
+            assert!((got - part).abs() < 0.02, "{range_m} m: {got}");
+        }
+    }
+
     #[test]
     fn both_builds_give_the_same_codes() {
         for beam in 0..32 {
             let (slow, mut buffers) = (slow(), ShotBuffers::default());
-            let exposure = exposure(&slow, &[NEAR], beam);
-            let (mut plain, mut fast) = (vec![0; 401], vec![0; 401]);
-            synthesise_baseline(&exposure, &mut buffers, &mut plain);
-            synthesise(&exposure, &mut buffers, &mut fast);
-            assert_eq!(plain, fast);
+            for analog in [ANALOG, RISING] {
+                let exposure = Exposure { analog: &analog, ..exposure(&slow, &[NEAR], beam) };
+                let (mut plain, mut fast) = (vec![0; 401], vec![0; 401]);
+                synthesise_baseline(&exposure, &mut buffers, &mut plain);
+                synthesise(&exposure, &mut buffers, &mut fast);
+                assert_eq!(plain, fast);
+            }
         }
     }
 }

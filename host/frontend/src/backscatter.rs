@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use crate::board::Analog;
-use crate::light::{OVERLAP_M, Return};
+use crate::light::Return;
 
 use crate::receiver::SPEED_OF_LIGHT_M_NS;
 use crate::shares::Shares;
@@ -38,7 +38,7 @@ pub(crate) struct Medium {
 /// beams of a setting.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct BackscatterResponse {
-    key: Option<(Medium, f64)>,
+    key: Option<(Medium, [f64; 2])>,
     /// Time between entries, ns; entry j is for j steps after the pulse begins.
     step_ns: f64,
     /// Cumulative ∫g, ∫g cos, ∫g sin.
@@ -51,23 +51,24 @@ impl BackscatterResponse {
     /// Makes the table reach to the end of a window; nothing is done when it does.
     pub(crate) fn prepare(&mut self, medium: Medium, analog: &Analog, samples: usize) {
         let end_ns = analog.delay_ns + samples as f64 * analog.sample_period_ns;
-        if self.key != Some((medium, analog.pulse_width_ns)) {
-            self.key = Some((medium, analog.pulse_width_ns));
+        let key = Some((medium, [analog.pulse_width_ns, analog.overlap_m]));
+        if self.key != key {
+            self.key = key;
             self.step_ns = analog.pulse_width_ns / STEPS as f64;
             self.integrals.clear();
             self.open.clear();
         }
         let entries = (end_ns / self.step_ns).max(0.0) as usize + 3;
         if self.open.len() < entries {
-            self.extend(medium, entries + PULSE);
+            self.extend(medium, analog, entries + PULSE);
         }
     }
 
     /// Trapezoids up to `entries`.
-    fn extend(&mut self, medium: Medium, entries: usize) {
+    fn extend(&mut self, medium: Medium, analog: &Analog, entries: usize) {
         let step = self.step_ns;
         let density = |j: usize| {
-            let g = medium.density(j as f64 * step);
+            let g = medium.density(j as f64 * step, analog);
             let (sin, cos) = sin_cos(j);
             [g, g * cos, g * sin]
         };
@@ -161,13 +162,12 @@ impl BackscatterResponse {
 
 impl Medium {
     /// g(u), 1/(m²·ns), of light that is back u after it left.
-    fn density(&self, round_trip_ns: f64) -> f64 {
+    fn density(&self, round_trip_ns: f64, analog: &Analog) -> f64 {
         let range_m = 0.5 * SPEED_OF_LIGHT_M_NS * round_trip_ns;
-        let [blind, full] = OVERLAP_M.map(f64::from);
-        if range_m <= blind || range_m < self.from_m {
+        let overlap = analog.overlap(range_m);
+        if overlap <= 0.0 || range_m < self.from_m {
             return 0.0;
         }
-        let overlap = ((range_m - blind) / (full - blind)).min(1.0);
         let through_air = libm::exp(-2.0 * self.extinction_per_m * range_m);
         0.5 * SPEED_OF_LIGHT_M_NS * self.backscatter_per_m_sr * overlap * through_air
             / (range_m * range_m)
@@ -207,7 +207,7 @@ mod tests {
         }
         let slice = |k: usize| {
             let u = from_ns + (k as f64 + 0.5) * step;
-            FOG.density(u) * libm::sin(PI * (t_ns - u) / 10.0).powi(2) * step
+            FOG.density(u, &ANALOG) * libm::sin(PI * (t_ns - u) / 10.0).powi(2) * step
         };
         (0..SLICES).map(slice).sum()
     }

@@ -19,12 +19,36 @@ pub struct Analog {
     pub pre_trigger: usize,
     /// What is added before conversion, fraction of full scale.
     pub black_level: f64,
+    /// By how much the gain rises after the trigger, dB/ns; 0: it is full everywhere.
+    pub gain_slope_db_ns: f64,
+    /// From the trigger to when the gain is full, ns.
+    pub gain_full_ns: f64,
+    /// Range from which the receiver sees the whole beam, m; at nine tenths of it, nothing.
+    pub overlap_m: f64,
 }
 
-#[cfg(test)]
 impl Analog {
-    /// What most tests look with.
-    pub(crate) const USUAL: Self = Self {
+    /// ξ: how much of the beam the receiver sees at a range.
+    pub fn overlap(&self, range_m: f64) -> f64 {
+        let blind_m = 0.9 * self.overlap_m;
+        ((range_m - blind_m) / (self.overlap_m - blind_m)).clamp(0.0, 1.0)
+    }
+
+    /// Gain of a sample of the window, a factor: less than that of `gain_db` while it rises.
+    pub fn gain_at(&self, n: usize) -> f64 {
+        let at_ns = self.delay_ns + n as f64 * self.sample_period_ns;
+        let below_db = self.gain_slope_db_ns * (self.gain_full_ns - at_ns).max(0.0);
+        libm::pow(10.0, (self.gain_db - below_db) / 20.0)
+    }
+
+    /// Samples of the window before the gain is full.
+    pub fn near_samples(&self) -> usize {
+        let near = ((self.gain_full_ns - self.delay_ns) / self.sample_period_ns).ceil();
+        if self.gain_slope_db_ns > 0.0 { near.max(0.0) as usize } else { 0 } // `as` saturates
+    }
+
+    /// The default pulse, all registers at rest, 1 ns a sample.
+    pub const USUAL: Self = Self {
         power_w: 75.0,
         pulse_width_ns: 5.0,
         gain_db: 0.0,
@@ -32,6 +56,9 @@ impl Analog {
         delay_ns: 11.0,
         pre_trigger: 0,
         black_level: 0.0,
+        gain_slope_db_ns: 0.0,
+        gain_full_ns: 0.0,
+        overlap_m: 1.0,
     };
 }
 

@@ -1,6 +1,6 @@
 //! Drops and flakes near the sensor, one by one.
 
-use crate::light::{OVERLAP_M, Return};
+use crate::light::Return;
 
 use crate::shares::Shares;
 use crate::weather::Air;
@@ -18,7 +18,7 @@ const FARTHEST_M: f64 = 60.0;
 ///
 /// ```text
 /// number   Poisson of n·θ_az·θ_el·R³/3 within range R, up to where n·θ_az·θ_el·R²·0.75 m = 4
-/// strength σ_b / (θ_az·θ_el·R²) · ξ(R) / R²,   σ_b = (β/n)·x²/2,  x exponential (diameters are)
+/// strength σ_b / (θ_az·θ_el·R²) / R²,   σ_b = (β/n)·x²/2,  x exponential (diameters are)
 /// ```
 ///
 /// σ_b is a particle's back-scatter, m²/sr; its mean is β/n, so particles and medium together
@@ -68,15 +68,13 @@ impl Hydrometeors {
     }
 
     fn strength_per_m2(&self, range_m: f64, diameter: f64) -> f64 {
-        let [blind, full] = OVERLAP_M.map(f64::from);
-        let overlap = ((range_m - blind) / (full - blind)).clamp(0.0, 1.0);
         let mean_m2_sr = self.air.backscatter_per_m_sr / self.air.particles_per_m3;
         let footprint_m2 = self.solid_angle_sr * range_m * range_m;
         // Extinction is twice the shadow; a shadow as large as the footprint leaves nothing to
         // take.
         let most_per_sr = 2.0 / self.air.lidar_ratio_sr();
         let per_sr = (mean_m2_sr * diameter * diameter / 2.0 / footprint_m2).min(most_per_sr);
-        per_sr * overlap / (range_m * range_m)
+        per_sr / (range_m * range_m)
     }
 }
 

@@ -3,15 +3,7 @@
 //! ```
 //! use echoloop_frontend::*;
 //!
-//! let analog = Analog {
-//!     power_w: 75.0,
-//!     pulse_width_ns: 5.0,
-//!     gain_db: 0.0,
-//!     sample_period_ns: 1.0,
-//!     delay_ns: 0.0,
-//!     pre_trigger: 0,
-//!     black_level: 0.0,
-//! };
+//! let analog = Analog { delay_ns: 0.0, ..Analog::USUAL };
 //! let range_m = 45.0_f32; // a wall of reflectance 0.1, square to the beam
 //! let wall = Return { range_m, strength_per_m2: 0.1 / std::f32::consts::PI / range_m.powi(2) };
 //! let exposure = Exposure {
@@ -62,7 +54,7 @@ mod weather;
 pub use board::{Analog, FrontEnd, Trigger};
 pub use channel::Channel;
 pub use exposure::{Exposure, ShotBuffers};
-pub use light::{OVERLAP_M, Return, SceneResponse};
+pub use light::{Return, SceneResponse};
 pub use mode::Mode;
 pub use noise::{before_the_trigger, noise_key, shaking};
 pub use receiver::{OpticsError, Receiver};

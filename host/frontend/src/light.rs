@@ -1,15 +1,12 @@
 //! What a scene sends back to a scanner's beams, before any electronics.
 
-/// Receiver overlap ξ: nothing below the first range, everything from the second, linear between,
-/// metres.
-pub const OVERLAP_M: [f32; 2] = [0.9, 1.0];
-
 /// A part of a beam's footprint that comes back as one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Return {
     /// Distance, metres.
     pub range_m: f32,
-    /// `Σ_k w_k ρ_k cosθ_k / π · ξ(R_k) / R_k²`, 1/m²: received power over `P0 η A_r` in clear air.
+    /// `Σ_k w_k ρ_k cosθ_k / (π R_k²)`, 1/m²: received power over `P0 η A_r` in clear air, were the
+    /// receiver to see the whole beam.
     pub strength_per_m2: f32,
 }
 

@@ -36,14 +36,13 @@ pub(crate) fn synthesise(
     for echo in returns {
         let range_m = f64::from(echo.range_m);
         let peak = unit * f64::from(echo.strength_per_m2) * receiver.through_air(range_m);
-        add_pulse(analog, range_m, peak, signal);
+        add_pulse(analog, range_m, peak * analog.overlap(range_m), signal);
     }
     normals(key, normal);
-    let gain = libm::pow(10.0, analog.gain_db / 20.0);
     let full_scale = f64::from(1u32 << receiver.adc_bits);
     for (n, ((code, &signal), &z)) in codes.iter_mut().zip(&*signal).zip(&*normal).enumerate() {
         let count = poisson(NOISE_FLOOR + f64::from(signal), z.into(), photons.uniform(n as u64));
-        let signal = (gain * count).min(SATURATION) / SATURATION;
+        let signal = (analog.gain_at(n) * count).min(SATURATION) / SATURATION;
         let level = full_scale * (signal + analog.black_level);
         *code = (level.min(full_scale - 1.0) as f32 + ROUND).to_bits() as u16;
     }

@@ -19,7 +19,7 @@ pub(crate) const SPEED_OF_LIGHT_M_NS: f64 = 0.299_792_458;
 /// ```text
 /// i(t) = M·R0·(P_s + P_b) + i_dark                 R0 = QE·q·λ/(h·c)
 /// P_s  = P0·η·A_r · strength · e^(−2αR) · p(t)
-/// strength = Σ w_k ρ_k cosθ_k ξ(R_k) / (π R_k²)     from the scanner
+/// strength = Σ w_k ρ_k cosθ_k / (π R_k²)           from the scanner
 /// P_b  = E_λ·Δλ·(ρ_b/π)·Ω·A_r·η                     ambient; does not depend on range
 /// σ_i² = 2·q·M²·F·B·(R0·(P_s + P_b) + I_db) + i_TIA²
 /// F    = k·M + (1 − k)(2 − 1/M)                     McIntyre excess noise
@@ -234,6 +234,11 @@ impl Receiver {
     /// A_r, m².
     pub fn aperture_m2(&self) -> f64 {
         FRAC_PI_4 * (self.aperture_mm * 1e-3).powi(2)
+    }
+
+    /// Codes that a current of 1 µA makes at 0 dB.
+    pub fn codes_per_ua(&self) -> f64 {
+        f64::from(1u32 << self.adc_bits) / self.full_scale_ua
     }
 
     /// P_b, W.

@@ -1,11 +1,11 @@
 //! How much of a beam ends at which surface.
 
-use crate::light::{OVERLAP_M, Return};
+use crate::light::Return;
 
 /// Shares of a beam's light by where it ends.
 ///
 /// A scene's response says how strong a return is, not how much of the beam it took. The share is
-/// estimated as `strength · R² / ξ(R)`, normalised: exact where a beam's surfaces are alike. A beam
+/// estimated as `strength · R²`, normalised: exact where a beam's surfaces are alike. A beam
 /// without returns goes on for ever; one with returns ends at the last.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shares<'a> {
@@ -47,9 +47,7 @@ impl<'a> Shares<'a> {
 /// In proportion to a return's share.
 fn weight(echo: &Return) -> f64 {
     let range_m = f64::from(echo.range_m);
-    let [blind, full] = OVERLAP_M.map(f64::from);
-    let overlap = ((range_m - blind) / (full - blind)).clamp(1e-3, 1.0);
-    f64::from(echo.strength_per_m2) * range_m * range_m / overlap
+    f64::from(echo.strength_per_m2) * range_m * range_m
 }
 
 #[cfg(test)]

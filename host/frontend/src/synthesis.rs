@@ -11,7 +11,7 @@ dispatch! {
     /// Fills `codes` with the waveform of one shot.
     ///
     /// ```text
-    /// i    = i_quiet + Σ i_k p(t − 2R_k/c) + σ(t) · z
+    /// i    = i_quiet + Σ i_k ξ(R_k) p(t − 2R_k/c) + σ(t) · z
     /// x[n] = clip( round( 2^b · G·i / i_fs ), 0, 2^b − 1 ),   after clip( G·i, 0, limit )
     /// ```
     ///
@@ -28,7 +28,7 @@ pub fn synthesise_baseline(exposure: &Exposure<'_>, buffers: &mut ShotBuffers, c
     for echo in returns {
         let (range_m, strength_per_m2) = (f64::from(echo.range_m), f64::from(echo.strength_per_m2));
         let current_ua = receiver.peak_current_ua(analog.power_w, range_m, strength_per_m2);
-        add_pulse(analog, range_m, current_ua, signal_ua);
+        add_pulse(analog, range_m, current_ua * analog.overlap(range_m), signal_ua);
     }
     normals(key, normal);
     adc::convert(receiver, analog, signal_ua, normal, codes);

@@ -82,7 +82,9 @@ impl FrontEnd for WaveformFrontEnd {
             return codes.fill(0);
         };
         let (before, window) = codes.split_at_mut(analog.pre_trigger.min(codes.len()));
-        self.render(&analog, trigger, When::Before, Light::default(), before);
+        // The gain falls when the pulse leaves.
+        let quiet = Analog { gain_slope_db_ns: 0.0, ..analog };
+        self.render(&quiet, trigger, When::Before, Light::default(), before);
         let scene = Arc::clone(&self.scene);
         let returns = scene.of(trigger.beam as usize);
         // Taken out so that it can be lent beside the rest.

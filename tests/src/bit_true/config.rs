@@ -7,6 +7,7 @@ use echoloop_dsp::{DetectorConfig, Hardware, Settings};
 use super::fine::Dithered;
 use super::numbers::{floor_of, nearest, two_to};
 use super::pulse::Pulse;
+use super::ramp::Ramp;
 use super::split::Sharpener;
 
 /// Speed of light, m/s.
@@ -75,6 +76,12 @@ pub struct BitTrue {
     pub range_step: f64,
     /// Range of sample 0, Q16.16 samples, at most 4096 of them.
     pub origin_samples: f64,
+    /// From sample 0 to where the receiver begins to see the beam, Q16.16 samples.
+    pub blind: f64,
+    /// From where on it sees all of it, mm.
+    pub overlap_mm: f64,
+    /// How the gain rises.
+    pub ramp: Option<Ramp>,
     /// How dithered shots are read.
     pub(super) dithered: Option<Dithered>,
     /// Finds the peaks that others hide.
@@ -142,6 +149,15 @@ impl BitTrue {
                 range_step.max(1.0),
             )
             .min(two_to(28)),
+            blind: floor_of(
+                ((f64::from(settings.overlap_mm) * 9.0 / 10.0).floor()
+                    - f64::from(hardware.range_min_mm))
+                .max(0.0),
+                two_to(40),
+                range_step.max(1.0),
+            ),
+            overlap_mm: settings.overlap_mm.into(),
+            ramp: Ramp::new(settings, hardware.range_min_mm, range_step),
             dithered: Dithered::new(settings, hardware, period_fs),
             sharpener: (settings.echoes > 1).then(|| Sharpener::for_pulse(width_ps, period_fs)),
         }

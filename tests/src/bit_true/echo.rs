@@ -11,7 +11,7 @@ fn in_u16(value: f64) -> f64 {
 
 impl BitTrue {
     /// A refined peak in wire units; none before range 0.
-    pub fn echo(&self, refined: &Refined, threshold: &Threshold) -> Option<Echo> {
+    pub fn echo(&self, refined: &Refined, threshold: &Threshold, index: usize) -> Option<Echo> {
         // time · step may take 61 bits: whole samples and the fraction apart, and floors of floors
         let samples = (refined.time / two_to(16)).floor();
         let fraction = refined.time - samples * two_to(16);
@@ -32,15 +32,32 @@ impl BitTrue {
                 (self.range_step / two_to(8)).floor(),
                 two_to(24),
             )),
-            reflectivity: self.reflectivity(refined.amplitude, (range / two_to(8)).floor()),
+            reflectivity: self.reflectivity(
+                self.at_full_gain(refined.amplitude.clamp(0.0, two_to(25)), index),
+                (range / two_to(8)).floor(),
+            ),
             flags: refined.flags | low,
         })
     }
 
-    /// A R² / (U P G), U6.10.
+    /// A height seen at a sample as it would be at full gain.
+    pub(super) fn at_full_gain(&self, height: f64, n: usize) -> f64 {
+        self.ramp.map_or(height, |ramp| ramp.at_full_gain(height, n))
+    }
+
+    /// A R² / (U P G ξ), U6.10.
     fn reflectivity(&self, amplitude: f64, range_mm: f64) -> f64 {
-        let light = (product(range_mm, range_mm) * amplitude.clamp(0.0, two_to(25)) as u128)
-            .min(u64::MAX.into());
-        in_u16(((light * u128::from(self.reflectivity_scale) + (1 << 63)) >> 64) as f64)
+        let most = u128::from(u64::MAX);
+        let light = (product(range_mm, range_mm) * amplitude as u128).min(most);
+        let blind_mm = (self.overlap_mm * 9.0 / 10.0).floor();
+        let seen = match range_mm < self.overlap_mm {
+            true => {
+                let part = (range_mm - blind_mm).max(0.0) * two_to(16);
+                let overlap = (part / (self.overlap_mm - blind_mm)).floor().max(two_to(12));
+                (light << 16).min(most) / overlap as u128
+            }
+            false => light,
+        };
+        in_u16(((seen * u128::from(self.reflectivity_scale) + (1 << 63)) >> 64) as f64)
     }
 }

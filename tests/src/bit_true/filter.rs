@@ -1,13 +1,8 @@
 //! Baseline, filter and threshold.
 
 use super::config::BitTrue;
-use super::numbers::{nearest, two_to};
+use super::numbers::{nearest, saturated, two_to};
 use super::values::{Statistics, Threshold};
-
-/// Q1.15 holds no more.
-pub fn saturated(value: f64) -> f64 {
-    value.clamp(-32_768.0, 32_767.0)
-}
 
 /// `Σ h[k] x[n + k − K]`, x = 0 outside.
 pub fn correlate(taps: &[f64], x: &[f64]) -> Vec<f64> {
@@ -24,7 +19,8 @@ impl BitTrue {
     pub fn baseline(&self, codes: &[u16], ambient: f64) -> Vec<f64> {
         let ambient = saturated(ambient);
         let fraction = |&code: &u16| f64::from(code).min(self.clip_code) * self.code;
-        codes.iter().map(|code| saturated(fraction(code) - ambient)).collect()
+        let above = |(n, code)| saturated(fraction(code) - self.rest(n, ambient));
+        codes.iter().enumerate().map(above).collect()
     }
 
     /// y, Q1.15: as long as x.

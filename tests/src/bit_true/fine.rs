@@ -6,6 +6,7 @@ use super::edges::{Clipped, Edges};
 use super::noise::Noise;
 use super::numbers::{floor_root, nearest, product, two_to};
 use super::pulse::Pulse;
+use super::ramp::{Ramp, levelled};
 
 const SAMPLE: f64 = 65_536.0;
 
@@ -44,7 +45,7 @@ impl Dithered {
         &self,
         shots: &[&[u16]],
         (first, last): (usize, usize),
-        ambient: f64,
+        (ambient, ramp): (f64, Option<Ramp>),
         noise: &Noise,
     ) -> Option<Edges> {
         let samples = shots.first()?.len();
@@ -64,9 +65,19 @@ impl Dithered {
         let begin = (0..middle).rfind(|&j| fine[j] < self.clip).map_or(0, |j| j + 1);
         let end = (middle..fine.len()).find(|&j| fine[j] < self.clip).unwrap_or(fine.len()) - 1;
         let in_q15 = |sum: f64| (sum * self.code / self.shots).floor() - ambient;
+        // When a finer sample is taken, Q16.16 samples of the waveform; down.
+        let phases = self.phases as f64;
+        let time = |j: usize| ((2.0 * j as f64 + 1.0 - phases) * SAMPLE / (2.0 * phases)).floor();
+        let whole_middle = (first + last) * self.phases / 2;
+        let octaves = |i: usize| {
+            ramp.map_or(0.0, |ramp| {
+                ramp.octaves(time(from * self.phases + i)) - ramp.octaves(time(whole_middle))
+            })
+        };
         let x: Vec<f64> = fine
             .iter()
-            .map(|&sum| in_q15(sum.min(self.clip)).clamp(-two_to(15), two_to(15) - 1.0))
+            .enumerate()
+            .map(|(i, &sum)| levelled(in_q15(sum.min(self.clip)), octaves(i)))
             .collect();
         let root = floor_root(product(two_to(30), self.phases as f64));
         let most = two_to(32) - 1.0;
@@ -77,7 +88,6 @@ impl Dithered {
         let level = in_q15(self.clip).max(1.0);
         let clipped = Clipped { pulse: &self.pulse, x: &x, level, first: begin, last: end, noise };
         let edges = clipped.fit()?;
-        let phases = self.phases as f64;
         let time = edges.time + (from * self.phases) as f64 * SAMPLE;
         Some(Edges {
             time: ((2.0 * time - (phases - 1.0) * SAMPLE) / (2.0 * phases)).floor(),

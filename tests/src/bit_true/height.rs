@@ -2,6 +2,7 @@
 
 use super::edges::Clipped;
 use super::numbers::{floor_of, two_to};
+use super::ramp::{Ramp, power};
 
 const SAMPLE: f64 = 65_536.0;
 const MOST: f64 = 33_554_432.0;
@@ -17,6 +18,10 @@ pub(super) struct Saturated<'a> {
     pub(super) clip_code: f64,
     /// Range of sample 0, Q16.16 samples.
     pub(super) origin: f64,
+    /// From sample 0 to where the receiver begins to see the beam, Q16.16 samples.
+    pub(super) blind: f64,
+    /// How the gain rises.
+    pub(super) ramp: Option<Ramp>,
 }
 
 /// Beside a run: where it really ends, how far from there the side falls to a quarter, and its
@@ -85,7 +90,7 @@ impl Saturated<'_> {
     /// v R² along the far side, as far back as where the run begins.
     fn air(&self, run: &Clipped<'_>, right: &Beside) -> Option<f64> {
         let Clipped { pulse, level, first, last, .. } = *run;
-        if first as f64 * SAMPLE > pulse.length() {
+        if first as f64 * SAMPLE - self.blind > pulse.length() {
             return None;
         }
         let at = |n: usize| self.origin + n as f64 * SAMPLE;
@@ -94,16 +99,27 @@ impl Saturated<'_> {
             (None, Some((steps, value))) => (at(last + steps), value),
             (None, None) => return None,
         };
+        let end = at(last) + SAMPLE / 2.0;
+        let value = self.at_gain_of(value, far - self.origin, end - self.origin);
         let in_256 = |range: f64| (range / 256.0).floor() as i128;
         let begin = in_256(at(first) + (pulse.width / 2.0).floor());
-        let (near, far) = (in_256(at(last) + SAMPLE / 2.0), in_256(far));
+        let (near, far) = (in_256(end), in_256(far));
         let (near_u, far_u) = (level as i128 * near * near, value as i128 * far * far);
         if begin <= 0 || near <= begin || far <= near || near_u > 2 * far_u {
             return None;
         }
         let slope = (near_u - far_u).max(0) / 256;
         let back = (256 * (near - begin) / (far - near)).min(16 * 256);
-        Some(((near_u + slope * back) / (begin * begin)) as f64)
+        let height = (near_u + slope * back) / (begin * begin);
+        let middle = ((first + last) as f64 * SAMPLE / 2.0).floor();
+        Some(self.at_gain_of(height as f64, end - self.origin, middle))
+    }
+
+    /// A value seen at one time as it would have been at an earlier one.
+    fn at_gain_of(&self, value: f64, at: f64, earlier: f64) -> f64 {
+        let Some(ramp) = &self.ramp else { return value };
+        let fall = power(ramp.octaves(at) - ramp.octaves(earlier));
+        (value.min(MOST) * fall / two_to(24)).floor()
     }
 }
 

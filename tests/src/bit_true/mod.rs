@@ -14,7 +14,7 @@
 //! | [`filter`] | `baseline`, `filter`, the threshold of `detect` |
 //! | [`mod@peaks`] | `detect` |
 //! | [`refine`] | `refine`, `height`, `fine` |
-//! | [`noise`], [`pulse`], [`edges`] | those |
+//! | [`noise`], [`pulse`], [`edges`], `near`, `ramp` | those |
 //! | [`echo`] | `echo` |
 
 mod config;
@@ -24,20 +24,21 @@ pub mod filter;
 pub mod finder;
 mod fine;
 mod height;
+mod near;
 pub mod noise;
 pub mod numbers;
 pub mod peaks;
 mod pipeline;
 pub mod pulse;
+mod ramp;
 pub mod refine;
 pub mod split;
 pub mod statistics;
 mod values;
 
 pub use config::{BitTrue, LIGHT, period_fs};
-pub use filter::saturated;
 pub use noise::Noise;
-pub use numbers::nearest;
+pub use numbers::{nearest, saturated};
 pub use peaks::{choose, climbs, hysteresis, peaks, separate};
 pub use pulse::Pulse;
 pub use refine::{Waveform, lagrange, rounded_lagrange};

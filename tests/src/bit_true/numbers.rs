@@ -16,6 +16,11 @@ pub fn nearest_ratio(numerator: f64, denominator: f64) -> f64 {
     ((2.0 * sign * numerator + denominator.abs()) / (2.0 * denominator.abs())).floor()
 }
 
+/// Q1.15 holds no more.
+pub fn saturated(value: f64) -> f64 {
+    value.clamp(-32_768.0, 32_767.0)
+}
+
 /// 2ⁿ.
 pub fn two_to(n: i32) -> f64 {
     f64::powi(2.0, n)

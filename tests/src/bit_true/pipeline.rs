@@ -37,7 +37,7 @@ impl BitTrue {
     fn process_with(&self, codes: &[u16], shots: Option<&[&[u16]]>) -> Vec<Echo> {
         let (before, codes) = codes.split_at(self.pre_trigger.min(codes.len()));
         let codes = &codes[..codes.len().min(MAX_SAMPLES)];
-        let statistics = self.with_ambient(self.statistics(codes), before);
+        let statistics = self.with_ambient(self.statistics(self.of_full_gain(codes)), before);
         let noise = Noise { sigma: statistics.sigma, shot: self.shot_noise };
         let x = self.baseline(codes, statistics.ambient);
         let (y, f) = (self.filter(&x), self.exact(&x));
@@ -50,11 +50,30 @@ impl BitTrue {
         };
         let separate = separate(&found, self.min_separation, strength);
         let echo = |peak: Peak| {
-            let refined = self.refine(&wave, peak, &threshold, &noise);
             let sharp = hidden.contains(&peak.index);
-            self.echo(&if sharp { self.sharpen(&x, peak, refined) } else { refined }, &threshold)
+            match self.near(&wave, peak, (&threshold, &noise)) {
+                Some((x, threshold, noise)) => {
+                    let f = self.exact(&x);
+                    let wave = Waveform { x: &x, f: &f, ..wave };
+                    self.seen(&wave, peak, (&threshold, &noise), sharp)
+                }
+                None => self.seen(&wave, peak, (&threshold, &noise), sharp),
+            }
         };
         choose(&separate, self.echoes, self.choice, strength).into_iter().filter_map(echo).collect()
+    }
+
+    /// The echo of a peak; `sharp` where another hides it.
+    fn seen(
+        &self,
+        wave: &Waveform<'_>,
+        peak: Peak,
+        (threshold, noise): (&Threshold, &Noise),
+        sharp: bool,
+    ) -> Option<Echo> {
+        let refined = self.refine(wave, peak, threshold, noise);
+        let refined = if sharp { self.sharpen(wave.x, peak, refined) } else { refined };
+        self.echo(&refined, threshold, peak.index)
     }
 
     /// The peaks and those that stand under them; indices of the latter.

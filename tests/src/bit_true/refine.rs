@@ -71,7 +71,7 @@ impl BitTrue {
         let half = (peak.height / 2.0).floor();
         let left = falling(wave.y[..peak.index].iter().rev(), peak.height, half, threshold.level);
         let right = falling(wave.y[peak.index + 1..].iter(), peak.height, half, threshold.level);
-        let vertex = self.vertex(wave.f, self.summit(wave.f, peak.index));
+        let vertex = self.vertex(wave.f, self.summit(wave.f, self.start(peak)));
         let amplitude = self.amplitude(vertex.height).max(1.0);
         let run = self.clipped_run(wave.codes, peak.index);
         let top = Refined {
@@ -90,7 +90,7 @@ impl BitTrue {
                     / 2.0)
                     .floor();
                 let fine = self.dithered.as_ref().zip(wave.shots).and_then(|(dithered, shots)| {
-                    dithered.fit(shots, (first, last), threshold.ambient, noise)
+                    dithered.fit(shots, (first, last), (threshold.ambient, self.ramp), noise)
                 });
                 let fitted = match fine.or_else(|| clipped.fit()) {
                     Some(e) => {
@@ -134,11 +134,15 @@ impl BitTrue {
         noise: &Noise,
     ) -> f64 {
         let Some(run) = self.clipped_run(wave.codes, peak.index) else {
-            return self.amplitude(peak.height).max(0.0);
+            return self.at_full_gain(self.amplitude(peak.height).max(0.0), peak.index);
         };
-        let clipped = self.clipped(wave, run, threshold, noise);
+        let middle = (run.0 + run.1) / 2;
+        let ambient = self.rest(middle, threshold.ambient);
+        let clipped = self.clipped(wave, run, &Threshold { ambient, ..*threshold }, noise);
         let (codes, clip_code, origin) = (wave.codes, self.clip_code, self.origin_samples);
-        Saturated { clipped, codes, clip_code, origin }.height()
+        let (blind, ramp) = (self.blind, self.ramp);
+        let height = Saturated { clipped, codes, clip_code, origin, blind, ramp }.height();
+        self.at_full_gain(height, middle)
     }
 
     /// Wider than one echo, or merged with a neighbour.
@@ -159,7 +163,7 @@ impl BitTrue {
             correlate(&sharpener.taps, x).iter().map(|sum| nearest(sum / two_to(7))).collect();
         let flags = refined.flags | MERGED;
         let time = match refined.flags & SATURATED {
-            0 => self.vertex(&f, self.summit(&f, peak.index)).time,
+            0 => self.vertex(&f, self.summit(&f, self.start(peak))).time,
             _ => refined.time,
         };
         let overlap = (self.pulse.width / 32.0).floor();
@@ -223,14 +227,19 @@ impl BitTrue {
         Some((first, last))
     }
 
-    /// The end of a rising run of f, K samples later at most.
-    fn summit(&self, f: &[f64], index: usize) -> usize {
-        let rises =
-            |n: &usize| f.get(n + 1).copied().unwrap_or(0.0) > f.get(*n).copied().unwrap_or(0.0);
-        index + (index..index + self.reach).take_while(rises).count()
+    /// Where the climb to the summit starts: where the gain rises, one sample before the index.
+    fn start(&self, peak: Peak) -> i64 {
+        peak.index as i64 - i64::from(self.is_near(peak.index))
     }
 
-    fn vertex(&self, f: &[f64], index: usize) -> Vertex {
+    /// The end of a rising run of f, K samples later at most.
+    fn summit(&self, f: &[f64], start: i64) -> i64 {
+        let at = |n: i64| usize::try_from(n).ok().and_then(|n| f.get(n)).copied().unwrap_or(0.0);
+        let rises = |n: &i64| at(n + 1) > at(*n);
+        start + (start..start + self.reach as i64).take_while(rises).count() as i64
+    }
+
+    fn vertex(&self, f: &[f64], index: i64) -> Vertex {
         let o = self.upsampling as i64;
         let z = |j: i64| interpolate(f, index, j, o);
         let mut offsets: Vec<i64> = (-o..=o).collect();
@@ -279,8 +288,8 @@ pub fn rounded_lagrange(t: f64) -> [f64; 8] {
 }
 
 /// y at `index + j/o`, Q9.23; zero outside.
-fn interpolate(f: &[f64], index: usize, j: i64, o: i64) -> f64 {
-    let whole = index as i64 + j.div_euclid(o);
+fn interpolate(f: &[f64], index: i64, j: i64, o: i64) -> f64 {
+    let whole = index + j.div_euclid(o);
     let phase = j.rem_euclid(o);
     let at = |n: i64| if (0..f.len() as i64).contains(&n) { f[n as usize] } else { 0.0 };
     if phase == 0 {

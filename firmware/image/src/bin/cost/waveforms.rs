@@ -35,18 +35,20 @@ pub(crate) struct Case {
     pub(crate) samples: usize,
     range_mm: u32,
     pulse_width_ps: i32,
+    gain_slope_mdb_m: i32,
     /// Amplitudes in codes; they lie evenly over the waveform.
     pub(crate) echoes: &'static [i32],
 }
 
-/// A sample is a nanosecond, to within 1 %; in the last case a third of one. Some echoes reach full
-/// scale.
-pub(crate) const CASES: [Case; 6] = [
+/// A sample is a nanosecond, to within 1 %; where there are 2400 a third of one. Some echoes reach
+/// full scale.
+pub(crate) const CASES: [Case; 7] = [
     Case {
         name: "800x12 noise",
         samples: 800,
         range_mm: 119_000,
         pulse_width_ps: 5_000,
+        gain_slope_mdb_m: 0,
         echoes: &[],
     },
     Case {
@@ -54,6 +56,7 @@ pub(crate) const CASES: [Case; 6] = [
         samples: 800,
         range_mm: 119_000,
         pulse_width_ps: 5_000,
+        gain_slope_mdb_m: 0,
         echoes: &[900],
     },
     Case {
@@ -61,6 +64,7 @@ pub(crate) const CASES: [Case; 6] = [
         samples: 800,
         range_mm: 119_000,
         pulse_width_ps: 5_000,
+        gain_slope_mdb_m: 0,
         echoes: &[900, 300, 6000, 150],
     },
     Case {
@@ -68,6 +72,7 @@ pub(crate) const CASES: [Case; 6] = [
         samples: 256,
         range_mm: 38_373,
         pulse_width_ps: 7_500,
+        gain_slope_mdb_m: 0,
         echoes: &[900],
     },
     Case {
@@ -75,6 +80,7 @@ pub(crate) const CASES: [Case; 6] = [
         samples: 1024,
         range_mm: 153_494,
         pulse_width_ps: 7_500,
+        gain_slope_mdb_m: 0,
         echoes: &[900],
     },
     Case {
@@ -82,11 +88,23 @@ pub(crate) const CASES: [Case; 6] = [
         samples: 2400,
         range_mm: 119_000,
         pulse_width_ps: 10_100,
+        gain_slope_mdb_m: 0,
         echoes: &[900],
+    },
+    Case {
+        name: "800x12 four echoes, near gain",
+        samples: 800,
+        range_mm: 119_000,
+        pulse_width_ps: 5_000,
+        gain_slope_mdb_m: 1_000,
+        echoes: &[900, 300, 6000, 150],
     },
 ];
 
 const AMBIENT: i32 = 200;
+
+/// Codes, and as a setting: what no gain scales.
+const BLACK: (i32, i32) = (160, 39_063);
 
 impl Case {
     pub(crate) fn hardware(&self) -> Hardware {
@@ -102,6 +120,8 @@ impl Case {
             pulse_width_ps: self.pulse_width_ps,
             bins: self.samples as i32,
             echoes: self.echoes.len().max(1) as i32,
+            gain_slope_mdb_m: self.gain_slope_mdb_m,
+            black_level_ppm: if self.gain_slope_mdb_m > 0 { BLACK.1 } else { 0 },
             ..Settings::default()
         }
     }
@@ -110,6 +130,7 @@ impl Case {
     pub(crate) fn waveform(&self, half: usize) -> [u16; MAX_SAMPLES] {
         let mut random = Random::new(1);
         let spacing = self.samples / (self.echoes.len() + 1);
+        let rest = if self.gain_slope_mdb_m > 0 { BLACK.0 } else { AMBIENT };
         let square = |samples: usize| samples as i64 * samples as i64;
         core::array::from_fn(|n| {
             let echoes: i64 = (1..)
@@ -120,7 +141,7 @@ impl Case {
                     i64::from(amplitude) * shape * shape / (width * width)
                 })
                 .sum();
-            (i64::from(AMBIENT + random.noise()) + echoes).clamp(0, 4095) as u16
+            (i64::from(rest + random.noise()) + echoes).clamp(0, 4095) as u16
         })
     }
 }

@@ -6,8 +6,8 @@ use echoloop_dsp::{Hardware, ParameterId, Settings};
 /// Brings settings whose fields are each in range within the joint constraints; names what was
 /// changed.
 ///
-/// Too few samples a pulse: the pulse is widened. Too much energy: the power is lowered. (S > N
-/// holds by the ranges.)
+/// Too few samples a pulse: the pulse is widened. Too much energy: the power is lowered. A gain
+/// that rises beyond the middle of the window: its range ends there. (S > N holds by the ranges.)
 pub fn repair(settings: &mut Settings, hardware: &Hardware) -> Vec<&'static str> {
     let mut repaired = Vec::new();
     let shortest_ps = hardware.shortest_pulse_ps(settings.bins);
@@ -19,6 +19,11 @@ pub fn repair(settings: &mut Settings, hardware: &Hardware) -> Vec<&'static str>
     if settings.power_cw > strongest_cw {
         settings.power_cw = strongest_cw;
         repaired.push(ParameterId::Power.parameter().name);
+    }
+    let middle_mm = i32::try_from(hardware.middle_mm()).unwrap_or(i32::MAX);
+    if settings.gain_slope_mdb_m > 0 && settings.gain_range_mm > middle_mm {
+        settings.gain_range_mm = middle_mm;
+        repaired.push(ParameterId::GainRange.parameter().name);
     }
     repaired
 }
@@ -43,6 +48,15 @@ mod tests {
         settings.check(&Hardware::REFERENCE).unwrap();
         let shorter = Settings { pulse_width_ps: settings.pulse_width_ps - 1, ..settings };
         assert!(shorter.check(&Hardware::REFERENCE).is_err());
+    }
+
+    #[test]
+    fn a_gain_that_rises_ends_in_the_middle_of_a_short_window() {
+        let hardware = Hardware { range_max_mm: 50_000, ..Hardware::REFERENCE };
+        let mut settings = Settings { gain_slope_mdb_m: 300, ..Settings::default() };
+        assert_eq!(repair(&mut settings, &hardware), ["gain_range"]);
+        assert_eq!(settings.gain_range_mm, 25_500);
+        settings.check(&hardware).unwrap();
     }
 
     #[test]

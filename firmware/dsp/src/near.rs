@@ -1,0 +1,82 @@
+//! Waveforms whose gain rises with range: what their samples rest on, and echoes as if the gain had
+//! not risen under them.
+#![expect(
+    clippy::arithmetic_side_effects,
+    reason = "differences and samples of Q1.15, gains at most 2²⁴, σ and κ below 2³²: products \
+              below 2⁶³; indices and reach lie in memory"
+)]
+
+use core::ops::Range;
+
+use crate::baseline;
+use crate::config::DetectorConfig;
+use crate::detect::Threshold;
+use crate::noise::Noise;
+use crate::q::shift_round;
+use crate::ramp::{Ramp, levelled};
+
+/// A waveform whose gain rises, and what it rests on.
+#[derive(Clone, Copy, Debug)]
+pub struct Near<'a> {
+    /// Its gain.
+    pub ramp: &'a Ramp,
+    /// What the stages read.
+    pub config: &'a DetectorConfig,
+    /// What a sample of full gain rests on, Q1.15.
+    pub ambient: i16,
+}
+
+impl Near<'_> {
+    /// Whether an echo at a sample may have some of its pulse before the ramp's end: twice as many
+    /// samples beyond that as lie on either side of a pulse's middle.
+    pub fn holds(&self, n: usize) -> bool {
+        n < self.ramp.samples().saturating_add(2 * self.config.reach)
+    }
+
+    /// b at a sample, Q1.15.
+    #[inline(always)]
+    pub fn rest(&self, n: usize) -> i16 {
+        let black = self.config.black;
+        let above =
+            (i64::from(i32::from(self.ambient) - black) * i64::from(self.ramp.gain(n))) >> 24;
+        (black + above as i32).clamp(-0x8000, 0x7fff) as i16
+    }
+
+    /// x of some samples.
+    pub fn remove_baseline(&self, codes: &[u16], samples: Range<usize>, x: &mut [i16]) {
+        let DetectorConfig { clip_code, code_shift, .. } = *self.config;
+        let end = samples.end.min(codes.len()).min(x.len());
+        let samples = samples.start.min(end)..end;
+        let codes = codes.get(samples.clone()).unwrap_or_default();
+        let x = x.get_mut(samples.clone()).unwrap_or_default();
+        for (n, (&code, x)) in samples.zip(codes.iter().zip(x)) {
+            *x = baseline::of(code, clip_code, code_shift, self.rest(n));
+        }
+    }
+
+    /// z of some samples, which are x, around an echo at `at`.
+    pub fn level(&self, at: usize, samples: Range<usize>, x: &mut [i16]) {
+        let here = self.ramp.octaves((at as i32) << 16);
+        let samples = samples.start..samples.end.min(x.len());
+        let x = x.get_mut(samples.clone()).unwrap_or_default();
+        for (n, x) in samples.zip(x) {
+            *x = levelled((*x).into(), self.ramp.octaves((n as i32) << 16) - here);
+        }
+    }
+
+    /// The noise of an echo at a sample: σ̂ and κ times g, σ̂ at least that of rounding to codes,
+    /// 74/2⁸ of one; rounded down.
+    pub fn noise(&self, at: usize, noise: &Noise) -> Noise {
+        let gain = u64::from(self.ramp.gain(at));
+        let rounding = (74 << (self.config.code_shift + 4)) >> 8;
+        let part = |value: u32| ((u64::from(value) * gain) >> 24) as u32; // the gain is at most 1
+        Noise { sigma: part(noise.sigma).max(rounding).min(noise.sigma), shot: part(noise.shot) }
+    }
+
+    /// The threshold of an echo at a sample, whose level stays that of full gain.
+    pub fn threshold(&self, at: usize, noise: &Noise, threshold: &Threshold) -> Threshold {
+        let noise_gain = i64::from(self.config.template.noise_gain());
+        let sigma = shift_round(i64::from(noise.sigma) * noise_gain, 15) as u32;
+        Threshold { sigma, ambient: self.rest(at), ..*threshold }
+    }
+}

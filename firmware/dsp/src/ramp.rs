@@ -1,0 +1,107 @@
+//! A gain that rises with range, taken back out of the samples around an echo.
+#![expect(
+    clippy::arithmetic_side_effects,
+    reason = "exponents are below 2²³, gains at most 2²⁴, ratios below 2³², samples and sums of \
+              codes below 2²³: products below 2⁶³; shifts are bounded"
+)]
+
+use crate::settings::Settings;
+
+/// The near gain: linear in dB over range, full from its end on.
+///
+/// ```text
+/// e(n) = max(0, slope · (end − n))              octaves below full gain, n in samples
+/// g(n) = 2^(−e(n))
+/// b(n) = black + g(n) (ambient − black)         what a sample rests on
+/// x[n] = min(code[n], S) − b(n)                 before the filter
+/// z[n] = x[n] g(n₀)/g(n)                        around an echo at n₀: as if all had its gain
+/// ```
+///
+/// | name | value | format |
+/// |---|---|---|
+/// | slope | dB/m · step · log₂10/20, 45 656/2³⁰ of mdB/m · 2⁻²⁴ mm, rounded down | Q0.32 |
+/// | end | from sample 0 to where the gain is full, at most 4096 samples | Q16.16, rounded down |
+/// | e | at most 63 | Q6.16, rounded down |
+/// | 2^f | 1 + f (11 674 149 + f (3 792 776 + 1 310 291 f))/2²⁴, f from 0 to 1 | Q.24, each down |
+/// | g; g(n₀)/g(n) | 2^f shifted; below 2⁸ | Q.24, down |
+/// | b | the product rounded down | Q1.15, saturating |
+/// | x, z | z rounded down | Q1.15, saturating |
+///
+/// 2^f is within 1.1 × 10⁻⁴. A gain that rises as R² would shift every echo by another distance,
+/// 0.304 (cW/2)²/R behind a matched filter; this one shifts them alike, and `z` not at all.
+/// Derived in `docs/detector.md`, A gain that rises with range.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Ramp {
+    /// Octaves a sample, Q0.32.
+    slope: u32,
+    /// Q16.16 samples.
+    end: i32,
+}
+
+/// 1 in Q.24.
+const ONE: u32 = 1 << 24;
+
+/// The greatest exponent, Q16.
+const MOST: u64 = 63 << 16;
+
+/// It ends here at the farthest: 4096 samples, Q16.16.
+const FARTHEST: i64 = 1 << 28;
+
+/// log₂10/20 octaves a dB, over 10⁶ · 2²⁴ / 2³², times 2³⁰.
+const OCTAVES: i64 = 45_656;
+
+impl Ramp {
+    /// `None` where the gain is the same everywhere. `step` is [`DetectorConfig::range_step`].
+    pub fn new(settings: &Settings, range_min_mm: u32, step: i64) -> Option<Self> {
+        let slope = (i64::from(settings.gain_slope_mdb_m).clamp(0, 1 << 10)
+            * step.clamp(0, 1 << 36)
+            * OCTAVES)
+            >> 30;
+        let rising_mm =
+            i64::from(settings.gain_range_mm).clamp(0, 1 << 16) - i64::from(range_min_mm);
+        let end = ((rising_mm.max(0) << 40) / step.max(1)).min(FARTHEST) as i32;
+        (slope > 0 && end > 0).then_some(Self { slope: slope.min(u32::MAX.into()) as u32, end })
+    }
+
+    /// Samples before its end.
+    pub fn samples(&self) -> usize {
+        ((self.end + 0xffff) >> 16) as usize
+    }
+
+    /// e at a time, Q16.16 samples: octaves, Q6.16.
+    #[inline(always)]
+    pub fn octaves(&self, time: i32) -> i32 {
+        let before = (self.end - time).max(0) as u32;
+        ((u64::from(self.slope) * u64::from(before)) >> 32).min(MOST) as i32
+    }
+
+    /// A height seen at a sample over g there: Q1.15, rounded down, saturating.
+    pub fn at_full_gain(&self, height: u32, n: usize) -> u32 {
+        let full = u64::from(height) * u64::from(power(self.octaves((n as i32) << 16)));
+        (full >> 24).min(u32::MAX.into()) as u32
+    }
+
+    /// g at a sample, Q.24.
+    #[inline(always)]
+    pub fn gain(&self, n: usize) -> u32 {
+        power(-self.octaves((n as i32) << 16))
+    }
+}
+
+/// 2^x, x in Q16: Q.24, below 2⁸.
+#[inline(always)]
+pub fn power(x: i32) -> u32 {
+    let f = (x & 0xffff) as u32;
+    let by = |a: u32| ((u64::from(a) * u64::from(f)) >> 16) as u32; // below 2²⁵ times below 1
+    let mantissa = ONE + by(11_674_149 + by(3_792_776 + by(1_310_291)));
+    match x >> 16 {
+        up @ 0.. => mantissa << up.min(7),
+        down => mantissa >> down.unsigned_abs().min(31),
+    }
+}
+
+/// A sample times 2^octaves, rounded down: Q1.15, saturating.
+#[inline(always)]
+pub fn levelled(x: i32, octaves: i32) -> i16 {
+    ((i64::from(x) * i64::from(power(octaves))) >> 24).clamp(-0x8000, 0x7fff) as i16
+}
