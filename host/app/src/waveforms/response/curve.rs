@@ -109,6 +109,44 @@ pub(super) struct Family {
     curves: Vec<Curve>,
 }
 
+/// An echo of height 1 on a surface, between two that are prepared: their points lie equally apart,
+/// so a time is as far between two points of the one as of the other.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shape<'f> {
+    near: &'f [f64],
+    far: &'f [f64],
+    /// Which points are time 0.
+    zeros: (isize, isize),
+    /// How far from the first to the second.
+    share: f64,
+    /// Points a sample.
+    per_sample: f64,
+}
+
+impl Shape<'_> {
+    /// The value at a time from its top, linear between points and surfaces.
+    #[inline]
+    pub(super) fn at(&self, time: f64) -> Value {
+        let place = time * self.per_sample;
+        let whole = place as isize;
+        // Rounded down, without a call.
+        let whole = whole - isize::from(place < whole as f64);
+        let (a, da) = between(self.near, whole + self.zeros.0, place - whole as f64);
+        let (b, db) = between(self.far, whole + self.zeros.1, place - whole as f64);
+        let slope = (da + (db - da) * self.share) * self.per_sample;
+        Value { value: a + (b - a) * self.share, slope, growth: b - a }
+    }
+}
+
+/// The value a share from a point to the next, and their difference; 0 outside.
+#[inline]
+fn between(values: &[f64], point: isize, share: f64) -> (f64, f64) {
+    match values.get(point as usize..) {
+        Some(&[a, b, ..]) => (a + (b - a) * share, b - a),
+        _ => (0.0, 0.0),
+    }
+}
+
 /// What an echo of height 1 is at a time.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Value {
@@ -164,11 +202,17 @@ impl Family {
         self.curves[self.between(surface).0 + 1].reach()
     }
 
-    /// An echo's value at a time from its top, linear between surfaces.
-    pub(super) fn at(&self, time: f64, surface: f64) -> Value {
+    /// An echo on a surface.
+    pub(super) fn shape(&self, surface: f64) -> Shape<'_> {
         let (k, share) = self.between(surface);
-        let ((a, da), (b, db)) = (self.curves[k].at(time), self.curves[k + 1].at(time));
-        Value { value: a + (b - a) * share, slope: da + (db - da) * share, growth: b - a }
+        let (near, far) = (&self.curves[k], &self.curves[k + 1]);
+        Shape {
+            near: &near.values,
+            far: &far.values,
+            zeros: (near.zero as isize, far.zero as isize),
+            share,
+            per_sample: 1.0 / near.step,
+        }
     }
 
     fn between(&self, surface: f64) -> (usize, f64) {
@@ -203,8 +247,8 @@ mod tests {
         let family = Family::new(gaussian(6.0));
         for (time, surface) in [(-2.1, 4.4), (0.9, 7.3), (5.2, 18.6), (1.1, 1.5)] {
             let h = 1e-6;
-            let at = |t: f64, s: f64| family.at(t, s).value;
-            let exact = family.at(time, surface);
+            let at = |t: f64, s: f64| family.shape(s).at(t).value;
+            let exact = family.shape(surface).at(time);
             let slope = (at(time + h, surface) - at(time - h, surface)) / (2.0 * h);
             let growth = (at(time, surface + h) - at(time, surface - h)) / (2.0 * h);
             assert!((exact.slope - slope).abs() < 1e-6 && (exact.growth - growth).abs() < 1e-6);

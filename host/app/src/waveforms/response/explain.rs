@@ -271,7 +271,7 @@ impl<'a> Work<'a> {
             let lag = time - part.time;
             let rough = (part.surface - FLAT).max(0.0);
             let share = SURFACE_ERROR * rough / (rough + 6.0);
-            let of_surface = share * family.at(lag, part.surface).value;
+            let of_surface = share * family.shape(part.surface).at(lag).value;
             part.height * self.response.spread_at(lag).hypot(of_surface)
         };
         self.with_rest(parts).map(error).fold(0.0, f64::hypot)
@@ -285,7 +285,7 @@ impl<'a> Work<'a> {
         for part in self.with_rest(around) {
             let lag = own.time - part.time;
             if lag > lobe {
-                repeats += part.height * family.at(lag, FLAT).value;
+                repeats += part.height * family.shape(FLAT).at(lag).value;
             }
             noise = noise.hypot(part.height * self.response.spread_at(lag));
             highest = highest.max(part.height);

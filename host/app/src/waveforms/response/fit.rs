@@ -9,17 +9,11 @@ use super::curve::{FLAT, Family};
 /// Echoes that are fitted together at most: one, and its neighbour on either side.
 const MOST: usize = 3;
 
-/// Parameters of as many echoes.
-const PARAMETERS: usize = 3 * MOST;
-
 /// Steps of a fit at most.
 const STEPS: usize = 14;
 
 /// Least gain of a step, as a share of what is left, that another one follows.
 const GAIN: f64 = 1e-4;
-
-type Normal = SMatrix<f64, PARAMETERS, PARAMETERS>;
-type Vector = SVector<f64, PARAMETERS>;
 
 /// An echo as the response has it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,15 +32,16 @@ impl Part {
 
     /// Its value at a sample.
     pub(super) fn at(&self, family: &Family, sample: usize) -> f64 {
-        self.height * family.at(sample as f64 - self.time, self.surface).value
+        self.height * family.shape(self.surface).at(sample as f64 - self.time).value
     }
 
     /// Adds it, or with a negative sign takes it away.
     pub(super) fn add(&self, family: &Family, sign: f64, x: &mut [f64]) {
         let (before, after) = family.reach(self.surface);
         let range = samples(self.time + before..self.time + after, x.len());
+        let shape = family.shape(self.surface);
         for (n, x) in range.clone().zip(&mut x[range]) {
-            *x += sign * self.at(family, n);
+            *x += sign * self.height * shape.at(n as f64 - self.time).value;
         }
     }
 }
@@ -67,19 +62,39 @@ pub(super) struct Fit<'a> {
     pub(super) leash: f64,
 }
 
+/// What is left of the record by some parts, and the normal equations there: the lower triangle,
+/// and the right side.
+struct Equations<const P: usize> {
+    left: f64,
+    normal: SMatrix<f64, P, P>,
+    right: SVector<f64, P>,
+}
+
 impl Fit<'_> {
     /// Levenberg–Marquardt on at most [`MOST`] echoes; gives the sum of squares that is left.
     pub(super) fn run(&self, parts: &mut [Part]) -> f64 {
-        let begun: Vec<f64> = parts.iter().map(|part| part.time).collect();
-        let (mut left, mut damping) = (self.left(parts), 1e-3);
+        match parts {
+            [] => self.x[self.range.clone()].iter().map(|x| x * x).sum(),
+            [a] => self.run_on::<1, 3>(std::array::from_mut(a)),
+            [_, _] => self.run_some::<2, 6>(parts),
+            _ => self.run_some::<MOST, { 3 * MOST }>(parts),
+        }
+    }
+
+    fn run_some<const N: usize, const P: usize>(&self, parts: &mut [Part]) -> f64 {
+        parts.first_chunk_mut().map_or(0.0, |parts| self.run_on::<N, P>(parts))
+    }
+
+    /// Of N parts, which have P parameters.
+    fn run_on<const N: usize, const P: usize>(&self, parts: &mut [Part; N]) -> f64 {
+        let begun = *parts;
+        let (mut here, mut damping) = (self.equations::<N, P>(parts), 1e-3);
         for _ in 0..STEPS {
-            let Some(next) = self.step(parts, &begun, damping) else { break };
-            let next = &next[..parts.len()];
-            let after = self.left(next);
-            if after < left {
-                let is_still = left - after < GAIN * left;
-                parts.copy_from_slice(next);
-                (left, damping) = (after, (0.2 * damping).max(1e-6));
+            let Some(next) = self.step(&here, parts, &begun, damping) else { break };
+            let there = self.equations::<N, P>(&next);
+            if there.left < here.left {
+                let is_still = here.left - there.left < GAIN * here.left;
+                (*parts, here, damping) = (next, there, (0.2 * damping).max(1e-6));
                 if is_still {
                     break;
                 }
@@ -89,27 +104,27 @@ impl Fit<'_> {
                 damping *= 8.0;
             }
         }
-        left
-    }
-
-    fn left(&self, parts: &[Part]) -> f64 {
-        let model = |n| parts.iter().map(|part| part.at(self.family, n)).sum::<f64>();
-        self.range.clone().map(|n| (self.x[n] - model(n)).powi(2)).sum()
+        here.left
     }
 
     /// The parts after a damped step.
-    fn step(&self, parts: &[Part], begun: &[f64], damping: f64) -> Option<[Part; MOST]> {
-        let (mut normal, right) = self.normal(parts);
-        for i in 0..PARAMETERS {
+    fn step<const N: usize, const P: usize>(
+        &self,
+        at: &Equations<P>,
+        parts: &[Part; N],
+        begun: &[Part; N],
+        damping: f64,
+    ) -> Option<[Part; N]> {
+        let mut normal = at.normal;
+        for i in 0..P {
             let diagonal = normal[(i, i)];
             normal[(i, i)] = if diagonal > 0.0 { diagonal * (1.0 + damping) } else { 1.0 };
         }
-        normal.fill_upper_triangle_with_lower_triangle();
-        let step = normal.cholesky()?.solve(&right);
-        let mut next = [Part::NONE; MOST];
-        for (i, next) in next.iter_mut().enumerate().take(parts.len()) {
-            *next =
-                self.moved(&parts[i], begun[i], [step[3 * i], step[3 * i + 1], step[3 * i + 2]]);
+        let step = normal.cholesky()?.solve(&at.right);
+        let mut next = *parts;
+        for (i, next) in next.iter_mut().enumerate() {
+            let step = [step[3 * i], step[3 * i + 1], step[3 * i + 2]];
+            *next = self.moved(&parts[i], begun[i].time, step);
         }
         Some(next)
     }
@@ -126,24 +141,27 @@ impl Fit<'_> {
         }
     }
 
-    /// Normal equations, the lower triangle.
-    fn normal(&self, parts: &[Part]) -> (Normal, Vector) {
-        let (mut normal, mut right) = (Normal::zeros(), Vector::zeros());
-        let mut row = [0.0; PARAMETERS];
+    fn equations<const N: usize, const P: usize>(&self, parts: &[Part; N]) -> Equations<P> {
+        let shapes = parts.map(|part| self.family.shape(part.surface));
+        let (mut sum, mut normal, mut right) = (0.0, [[0.0; P]; P], [0.0; P]);
         for n in self.range.clone() {
-            let mut left = self.x[n];
-            for (part, row) in parts.iter().zip(row.chunks_exact_mut(3)) {
-                let at = self.family.at(n as f64 - part.time, part.surface);
+            let (mut left, mut row) = (self.x[n], [0.0; P]);
+            for i in 0..N {
+                let (part, at) = (&parts[i], shapes[i].at(n as f64 - parts[i].time));
                 left -= part.height * at.value;
-                row.copy_from_slice(&[at.value, -part.height * at.slope, part.height * at.growth]);
+                row[3 * i] = at.value;
+                row[3 * i + 1] = -part.height * at.slope;
+                row[3 * i + 2] = part.height * at.growth;
             }
-            for i in 0..3 * parts.len() {
+            sum += left * left;
+            for i in 0..P {
                 right[i] += row[i] * left;
                 for j in 0..=i {
-                    normal[(i, j)] += row[i] * row[j];
+                    normal[i][j] += row[i] * row[j];
                 }
             }
         }
-        (normal, right)
+        let normal = SMatrix::from_fn(|i, j| normal[i.max(j)][i.min(j)]);
+        Equations { left: sum, normal, right: right.into() }
     }
 }
