@@ -2,15 +2,16 @@
 //! beside plain local maxima.
 //!
 //! ```sh
-//! ECHOLOOP_INSTRUMENTS=1000..1040 cargo test -p echoloop-tests --release --test instruments -- \
+//! ECHOLOOP_INSTRUMENTS=3000..3040 cargo test -p echoloop-tests --release --test instruments -- \
 //!     --nocapture
 //! ```
 //!
-//! prints the table of docs/waveforms.md. Seeds below 100 were looked at while the constants were
+//! prints the tables of docs/waveforms.md. Seeds below 100 were looked at while the constants were
 //! chosen.
 
 use std::ops::Range;
 
+use echoloop_host::waveforms::response::LEAST_ECHOES;
 use echoloop_host::waveforms::{Finder, Options, Response};
 use echoloop_tests::instruments::{Instrument, KINDS, Kind, LocalMaxima, Record, Score};
 
@@ -62,7 +63,8 @@ impl Recording {
 
     /// With the response that they show, without one, by local maxima.
     fn scores(&self, kind: Kind) -> [Score; 3] {
-        let response = Response::of_waveforms(&self.rows).expect("strong echoes enough");
+        let response = Response::of_waveforms(&self.rows, LEAST_ECHOES);
+        let response = response.expect("strong echoes enough");
         let maxima = local_maxima(kind);
         let plain = self.rows.iter().map(|row| maxima.find(row));
         [self.ours(Some(response)), self.ours(None), self.score(plain)]
@@ -119,13 +121,60 @@ fn the_response_halves_extra_echoes_keeps_single_ones_single_and_loses_none() {
     }
 }
 
+/// Rows of short recordings.
+const SHORT: [u64; 3] = [20, 28, 36];
+
+/// All records in one score.
+fn together(scores: &[Score]) -> Score {
+    let mut sum = Score::default();
+    for score in scores {
+        sum.echoes += score.echoes;
+        sum.found += score.found;
+        sum.extra += score.extra;
+        sum.records += score.records;
+        sum.singles += score.singles;
+        sum.kept += score.kept;
+    }
+    sum
+}
+
+#[test]
+fn a_response_of_sixteen_echoes_or_more_is_better_than_none() {
+    let seeds = if std::env::var("ECHOLOOP_INSTRUMENTS").is_ok() { asked().0 } else { 600..616 };
+    println!("| kind, rows | recall without, with | extra without, with | responses |");
+    for (name, kind) in KINDS {
+        for rows in SHORT {
+            let (mut without, mut with, mut told) = (Vec::new(), Vec::new(), 0);
+            for seed in seeds.clone() {
+                let recording = Recording::of(kind, seed, rows);
+                let response = Response::of_waveforms(&recording.rows, 16).ok();
+                told += usize::from(response.is_some());
+                with.push(recording.ours(response));
+                without.push(recording.ours(None));
+            }
+            let (without, with) = (together(&without), together(&with));
+            let percent = |score: &Score| 100.0 * score.recall();
+            println!(
+                "| {name}, {rows} | {:.1} %, {:.1} % | {:.3}, {:.3} | {told} |",
+                percent(&without),
+                percent(&with),
+                without.extras(),
+                with.extras()
+            );
+            assert!(with.extras() < 0.6 * without.extras(), "{name}, {rows}: extra echoes");
+            assert!(with.recall() > without.recall() - 0.01, "{name}, {rows}: recall");
+        }
+    }
+}
+
 #[test]
 fn what_the_response_tells_is_what_the_instrument_was_made_with() {
     let mut told = 0;
     for seed in SEEDS.start..SEEDS.start + 12 {
         let instrument = Instrument::drawn(Kind::Airborne, seed);
         let recording = Recording::of(Kind::Airborne, seed, 150);
-        let response = Response::of_waveforms(&recording.rows).expect("strong echoes enough");
+        let response = Response::of_waveforms(&recording.rows, LEAST_ECHOES);
+        let response = response.expect("strong echoes enough");
         let width = instrument.response_width();
         assert!((response.width() / width - 1.0).abs() < 0.15, "{seed}: {width} samples");
         for &(delay, level) in instrument.after.iter().filter(|(_, level)| *level > 0.06) {

@@ -8,7 +8,7 @@ use super::exit::Failure;
 use crate::experiment::files::Output;
 use crate::report::ResponsePage;
 use crate::said::say;
-use crate::waveforms::response::{Later, Response};
+use crate::waveforms::response::{LEAST_ECHOES, Later, NoResponse, Response};
 use crate::waveforms::{Rows, read_waveforms};
 
 /// Where the response comes from, and where it goes.
@@ -18,6 +18,11 @@ pub(super) struct ResponseArgs {
     /// the waveforms' own strong echoes tell it.
     #[arg(long, value_name = "FILE", conflicts_with = "no_response")]
     response: Option<PathBuf>,
+    /// Strong echoes that must stand alone in the waveforms for them to tell the response; 16 at
+    /// least. What fewer have in common may be their targets'.
+    #[arg(long, default_value_t = LEAST_ECHOES, value_name = "N",
+          conflicts_with_all = ["no_response", "response"])]
+    least_echoes: usize,
     /// Take every top for an echo, whatever the instrument adds after a strong one.
     #[arg(long)]
     no_response: bool,
@@ -29,6 +34,9 @@ pub(super) struct ResponseArgs {
     plot_response: Option<PathBuf>,
 }
 
+/// Echoes below which a response has been seen to lose more than it is worth: docs/waveforms.md.
+const FEWEST: usize = 16;
+
 /// The files that are to be written, seen to be free.
 pub(super) struct Outputs {
     csv: Option<Output>,
@@ -36,8 +44,13 @@ pub(super) struct Outputs {
 }
 
 impl ResponseArgs {
-    /// Sees whether what is asked can be written, before any work.
+    /// Sees whether what is asked can be done and written, before any work.
     pub(super) fn outputs(&self) -> Result<Outputs, Failure> {
+        let least = self.least_echoes;
+        if least < FEWEST {
+            let message = format!("--least-echoes {least} must be {FEWEST} or more");
+            return Err(Failure::usage(message));
+        }
         let at = |path: &Option<PathBuf>| path.as_deref().map(Output::at).transpose();
         Ok(Outputs { csv: at(&self.write_response)?, page: at(&self.plot_response)? })
     }
@@ -56,7 +69,7 @@ impl ResponseArgs {
                 let given = Response::of_points(path, &points, sample_ns);
                 Ok(given.map_err(Failure::usage)?.with_noise_of(rows))
             }
-            (None, _) => Response::of_rows(rows),
+            (None, _) => Response::of_rows(rows, self.least_echoes),
         };
         match found {
             Ok(response) => Ok(Some(response)),
@@ -65,12 +78,22 @@ impl ResponseArgs {
             }
             Err(problem) => {
                 if !quiet {
-                    say(format_args!("remark: {problem}; what it rings may count as echoes"));
+                    say(format_args!("remark: {problem}{}", advice(&problem)));
                 }
                 Ok(None)
             }
         }
     }
+}
+
+/// What to do about it.
+fn advice(problem: &NoResponse) -> String {
+    let found = problem.found;
+    let fewer = match found {
+        FEWEST.. => format!(" (--least-echoes {found} makes do with them)"),
+        _ => String::new(),
+    };
+    format!("; what it rings may count as echoes{fewer}")
 }
 
 impl Outputs {

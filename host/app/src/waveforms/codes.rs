@@ -3,15 +3,10 @@
 use std::ops::Range;
 
 use super::gaps::{bridge, gaps};
+use super::sample::Sample;
 
 /// Largest code: 14 bits.
 const TOP: f64 = 16_383.0;
-
-/// A number of a waveform.
-pub trait Sample: Copy + PartialEq + Into<f64> {}
-
-impl Sample for f64 {}
-impl Sample for u8 {}
 
 /// A waveform as codes, and the way back to its units.
 #[derive(Clone, Debug, PartialEq)]

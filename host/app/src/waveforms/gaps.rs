@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::codes::Sample;
+use super::sample::Sample;
 
 /// Runs of zeros inside a record that no signal falls to.
 ///

@@ -38,6 +38,7 @@ mod problem;
 pub mod read;
 pub mod response;
 mod rows;
+pub mod sample;
 
 pub use echoes::{Echo, Finder, Options, Waveform};
 pub use read::{WaveformError, parse_waveforms, read_waveforms};

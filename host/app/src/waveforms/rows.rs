@@ -3,8 +3,9 @@
 
 use std::borrow::Cow;
 
-use super::codes::{Codes, Sample};
+use super::codes::Codes;
 use super::npy::Array;
+use super::sample::Sample;
 
 /// The rows of a file, each looked at by itself.
 #[derive(Clone, Debug, PartialEq)]

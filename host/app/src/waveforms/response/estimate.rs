@@ -5,12 +5,15 @@ use super::fit::{Fit, Part, samples};
 use super::robust::{beyond, clipped_rms, densest_half, median, sigma_of_magnitudes};
 use super::strong::Strong;
 
-/// Strong echoes that a recording needs: of fewer, what many of them have in common may be their
-/// targets'.
-pub(super) const FEWEST: usize = 40;
+/// Strong echoes that a recording needs, unless one says otherwise: of fewer, what many of them
+/// have in common may be their targets'.
+pub const LEAST_ECHOES: usize = 40;
 
 /// Narrow ones of them that are enough.
 const FEWEST_NARROW: usize = 24;
+
+/// Values at a lag that tell a level and a spread: see [`densest_half`].
+const FEWEST_VALUES: usize = 6;
 
 /// Echoes that are averaged at most: noise falls with the root of their number only.
 const MOST: usize = 400;
@@ -42,7 +45,8 @@ impl Estimate {
     /// From echoes of which some have others behind them.
     ///
     /// ```text
-    /// narrow   at most 1.2 times as wide as a tenth of all, at least 24; of them the 400 clearest
+    /// narrow   at most 1.2 times as wide as a tenth of all, at least 24, or three fifths of fewer
+    ///          than 40; of them the 400 clearest
     /// h(lag)   the mean of the densest half of x(t + lag)/A over the echoes
     /// t, A     least squares against h within 0.8 widths; 3 rounds with h. In the second only the
     ///          half stays that differs least from h after its lobe: the others have more echoes
@@ -53,8 +57,10 @@ impl Estimate {
     /// Where the densest half is wider than noise and a third of its level make it, the records
     /// differ by their targets. Echoes only add, so there h is their lower end: the fifth of the
     /// values, and what noise takes it down by.
-    pub(super) fn of(strong: &[Strong]) -> Option<Self> {
-        let mut narrow = narrow(strong)?;
+    ///
+    /// `None` of fewer than `least`.
+    pub(super) fn of(strong: &[Strong], least: usize) -> Option<Self> {
+        let mut narrow = narrow(strong, least)?;
         let width = narrow.iter().map(|s| s.width).sum::<f64>() / narrow.len() as f64;
         let mut estimate = averaged(&narrow, width)?;
         for round in 1..=ROUNDS {
@@ -86,14 +92,15 @@ impl Estimate {
 }
 
 /// The narrow ones, the clearest first.
-fn narrow(strong: &[Strong]) -> Option<Vec<Strong>> {
-    if strong.len() < FEWEST {
+fn narrow(strong: &[Strong], least: usize) -> Option<Vec<Strong>> {
+    if strong.len() < least.max(FEWEST_VALUES) {
         return None;
     }
     let mut order: Vec<&Strong> = strong.iter().collect();
     order.sort_by(|a, b| a.width.total_cmp(&b.width));
     let limit = NARROW * order[order.len() / 10].width;
-    let count = order.iter().filter(|s| s.width <= limit).count().max(FEWEST_NARROW);
+    let enough = FEWEST_NARROW.min(3 * order.len() / 5);
+    let count = order.iter().filter(|s| s.width <= limit).count().max(enough);
     order.truncate(count);
     order.sort_by(|a, b| a.noise().total_cmp(&b.noise()));
     Some(order.into_iter().take(MOST).cloned().collect())
@@ -121,7 +128,7 @@ fn averaged(narrow: &[Strong], width: f64) -> Option<Estimate> {
 
 /// Level and spread of the values at a lag, pulse widths; nothing of too few.
 fn most(mut values: Vec<f64>, lag: f64, noise: f64) -> (f64, f64) {
-    if values.len() < FEWEST_NARROW / 2 {
+    if values.len() < FEWEST_VALUES {
         return (0.0, 0.0);
     }
     values.sort_by(f64::total_cmp);

@@ -9,7 +9,7 @@ use super::model::Response;
 const SIGNIFICANT: f64 = 2.0;
 
 /// Least height over noise and the error of what the others add.
-const CLEAR: f64 = 6.0;
+const CLEAR: f64 = 5.5;
 
 /// Least height over what the others' response has there after its lobe.
 const OVER_REPEATS: f64 = 0.5;
@@ -69,7 +69,7 @@ impl Response {
     /// ```text
     /// significant   √((R₁ − R₂)/Σ h²) ≥ 2·√(σ_A² + e²)
     /// e²            = Σ A²·(spread² + (0.05·k·h)²)   at c, over the other echoes
-    /// clear         A_c ≥ 6·√(σ_A² + Σ A²·spread²), ½·Σ A·h after the lobe, 0.03·max A
+    /// clear         A_c ≥ 5.5·√(σ_A² + Σ A²·spread²), ½·Σ A·h after the lobe, 0.03·max A
     /// two           a valley beside c, at least max(10·σ, 5 % of c) deep, at most half of which
     ///               the others make
     /// c stays       if it is clear, and significant with its fit in its place, or two

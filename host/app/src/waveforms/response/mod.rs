@@ -18,6 +18,7 @@ mod robust;
 mod strong;
 mod text;
 
+pub use estimate::LEAST_ECHOES;
 pub(super) use explain::{Candidate, Record, Verdict};
 pub use model::{Later, NoResponse, Response};
 pub(super) use strong::at_rest;

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::curve::{Curve, Family};
-use super::estimate::{Estimate, FEWEST, LOBE, noise_at_rest};
+use super::estimate::{Estimate, LOBE, noise_at_rest};
 use super::strong::Strong;
 use crate::waveforms::codes::Codes;
 use crate::waveforms::finder::EchoFinder;
@@ -36,13 +36,15 @@ pub struct Response {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "{found} of {looked} rows have a strongest echo that stands alone, whole and 20 times over the \
-     noise; {FEWEST} are needed to tell the instrument's response"
+     noise; {least} are needed to tell the instrument's response"
 )]
 pub struct NoResponse {
     /// Rows with such an echo.
     pub found: usize,
     /// Rows that were looked at.
     pub looked: usize,
+    /// Rows with such an echo that were asked for.
+    pub least: usize,
 }
 
 /// A top or a valley of a response after its main lobe.
@@ -55,13 +57,15 @@ pub struct Later {
 }
 
 impl Response {
-    /// From a recording's own strong echoes.
+    /// From a recording's own strong echoes, of which there must be `least`: see [`LEAST_ECHOES`].
+    ///
+    /// [`LEAST_ECHOES`]: super::LEAST_ECHOES
     ///
     /// # Errors
     ///
     /// [`NoResponse`] when it has too few.
-    pub fn of_rows(rows: &Rows) -> Result<Self, NoResponse> {
-        Self::of_codes(rows.len(), |row| rows.codes(row))
+    pub fn of_rows(rows: &Rows, least: usize) -> Result<Self, NoResponse> {
+        Self::of_codes(rows.len(), least, |row| rows.codes(row))
     }
 
     /// As [`Response::of_rows`], of waveforms in memory.
@@ -69,14 +73,20 @@ impl Response {
     /// # Errors
     ///
     /// As there.
-    pub fn of_waveforms(rows: &[Vec<f64>]) -> Result<Self, NoResponse> {
-        Self::of_codes(rows.len(), |row| Codes::from_samples(without_padding(&rows[row])))
+    pub fn of_waveforms(rows: &[Vec<f64>], least: usize) -> Result<Self, NoResponse> {
+        let codes = |row: usize| Codes::from_samples(without_padding(&rows[row]));
+        Self::of_codes(rows.len(), least, codes)
     }
 
-    fn of_codes(rows: usize, codes: impl Fn(usize) -> Codes + Sync) -> Result<Self, NoResponse> {
+    fn of_codes(
+        rows: usize,
+        least: usize,
+        codes: impl Fn(usize) -> Codes + Sync,
+    ) -> Result<Self, NoResponse> {
         let records = strong(rows, codes);
-        let too_few = || NoResponse { found: records.len(), looked: rows.min(ROWS) };
-        let Estimate { curve, spread, echoes } = Estimate::of(&records).ok_or_else(too_few)?;
+        let too_few = || NoResponse { found: records.len(), looked: rows.min(ROWS), least };
+        let Estimate { curve, spread, echoes } =
+            Estimate::of(&records, least).ok_or_else(too_few)?;
         Ok(Self { echoes: Some(echoes), ..Self::new(curve, spread) }.measured(&records))
     }
 
