@@ -7,9 +7,11 @@ use crate::raycast::Raycaster;
 use crate::scene::Scene;
 use echoloop_random::Generator;
 
+mod alone;
 mod ground;
 mod split;
 
+pub use alone::{Footing, Standpoint, stand_alone, stands_aloft};
 use ground::GroundMap;
 pub use split::Split;
 use split::Territory;
@@ -94,6 +96,17 @@ pub enum ViewpointError {
         value: f64,
         /// What it should be.
         expected: &'static str,
+    },
+    /// There is no place even for one sensor.
+    #[error(
+        "{scene} has no place where a sensor could stand, after {attempts} tried: no level ground, \
+         or something within a metre everywhere"
+    )]
+    Nowhere {
+        /// The scene's name.
+        scene: String,
+        /// Places tried.
+        attempts: usize,
     },
     /// The place has too few viewpoints.
     #[error(
@@ -283,15 +296,19 @@ impl PairSearch<'_> {
         Ok(PosePair { world_from_first: first, world_from_second: second })
     }
 
-    /// Nothing within [`CLEARANCE_M`] sideways, at the sensor and at its carrier's hip; nothing
+    /// Nothing within [`CLEARANCE_M`] sideways, at the sensor and at its carrier's hip, and nothing
     /// overhead.
     fn is_clear(&self, eye: [f32; 3]) -> bool {
+        self.is_clear_sideways(eye) && self.caster.cast(eye, [0.0, 0.0, 1.0]).is_none()
+    }
+
+    fn is_clear_sideways(&self, eye: [f32; 3]) -> bool {
         let hip = [eye[0], eye[1], eye[2] - 0.5 * self.plan.height_m as f32];
         let around = |from: [f32; 3]| {
             level_rays(16, 0.0, 0.0, std::f64::consts::TAU)
                 .all(|d| self.caster.cast_within(from, d, CLEARANCE_M).is_none())
         };
-        around(eye) && around(hip) && self.caster.cast(eye, [0.0, 0.0, 1.0]).is_none()
+        around(eye) && around(hip)
     }
 
     /// Leaves may hide a part: the middle or four points half a metre beside it, three of the five

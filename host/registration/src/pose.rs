@@ -1,10 +1,12 @@
 //! Poses: what one frame looks like from another, and how far an estimate is from the truth.
 
 mod read;
+mod trajectory;
 
 use nalgebra::{Isometry3, Matrix3, Matrix4, Rotation3, Translation3, UnitQuaternion};
 
 pub use read::{PoseError, parse_pose, read_pose};
+pub use trajectory::{Stamped, TrajectoryError, parse_trajectory, read_trajectory};
 
 /// A rigid motion. A variable of this type says what it maps: `target_from_source`.
 pub type Pose = Isometry3<f64>;

@@ -9,7 +9,7 @@ use crate::scene::Scene;
 /// Distance between survey points, metres.
 const STEP_M: f64 = 2.0;
 /// How far around a point lower ground is looked for, metres: half the width of a large roof.
-const REACH_M: f64 = 24.0;
+pub(super) const REACH_M: f64 = 24.0;
 /// Ground may rise this much a metre.
 const MAX_SLOPE: f64 = 0.35;
 /// And stands this much above what lies beside it, metres: kerbs, tufts.
@@ -26,25 +26,30 @@ pub(super) struct GroundMap {
     size: [usize; 2],
     heights: RefCell<HashMap<usize, Option<f64>>>,
     sky_m: f32,
+    depth_m: f32,
 }
 
 impl GroundMap {
     pub(super) fn new(scene: &Scene) -> Self {
         let (low, high) = scene.area;
-        let sky_m = scene.mesh.bounds().map_or(0.0, |(_, top)| top[2]) + 1.0;
+        let bounds = scene.mesh.bounds();
+        let sky_m = bounds.map_or(0.0, |(_, top)| top[2]) + 1.0;
+        let depth_m = bounds.map_or(0.0, |(bottom, _)| bottom[2]) - 1.0;
         let low = low.map(|x| f64::from(x) - REACH_M);
         let size = [0, 1].map(|i| ((f64::from(high[i]) + REACH_M - low[i]) / STEP_M) as usize + 1);
-        Self { low, size, heights: RefCell::default(), sky_m }
+        Self { low, size, heights: RefCell::default(), sky_m, depth_m }
+    }
+
+    /// Height below everything, metres.
+    pub(super) fn depth_m(&self) -> f32 {
+        self.depth_m
     }
 
     /// Height of the ground at a point where one can stand, metres.
     pub(super) fn footing(&self, caster: &Raycaster, at: [f64; 2]) -> Option<f64> {
         let z = from_the_sky(caster, at, self.sky_m)?;
-        let level = [[0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]].iter().all(|d| {
-            let beside = from_the_sky(caster, [at[0] + d[0], at[1] + d[1]], self.sky_m);
-            beside.is_some_and(|b| (b - z).abs() < 0.5 * MAX_SLOPE + ROUGH_M)
-        });
-        (level && self.is_lowest(caster, at, z)).then_some(z)
+        let level = |at| from_the_sky(caster, at, self.sky_m);
+        (is_level(level, at, z) && self.is_lowest(caster, at, z)).then_some(z)
     }
 
     /// Height at a point of the grid, metres.
@@ -66,15 +71,29 @@ impl GroundMap {
                     self.low[0] + STEP_M * i as f64 - at[0],
                     self.low[1] + STEP_M * j as f64 - at[1],
                 );
-                let fall = ROUGH_M + MAX_SLOPE * (dx * dx + dy * dy).sqrt();
+                let fall = most_fall_m((dx * dx + dy * dy).sqrt());
                 self.height(caster, [i, j]).is_none_or(|low| z - low <= fall)
             })
         })
     }
 }
 
+/// How much lower ground may be at a distance, metres.
+pub(super) fn most_fall_m(away_m: f64) -> f64 {
+    ROUGH_M + MAX_SLOPE * away_m
+}
+
+/// Whether a surface, of which `height` tells the height, is hardly higher or lower half a metre
+/// beside a point at `z`.
+pub(super) fn is_level(height: impl Fn([f64; 2]) -> Option<f64>, at: [f64; 2], z: f64) -> bool {
+    [[0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]].iter().all(|d| {
+        let beside = height([at[0] + d[0], at[1] + d[1]]);
+        beside.is_some_and(|b| (b - z).abs() < 0.5 * MAX_SLOPE + ROUGH_M)
+    })
+}
+
 /// Height of the first surface below the sky, metres.
-fn from_the_sky(caster: &Raycaster, at: [f64; 2], sky_m: f32) -> Option<f64> {
+pub(super) fn from_the_sky(caster: &Raycaster, at: [f64; 2], sky_m: f32) -> Option<f64> {
     let origin = [at[0] as f32, at[1] as f32, sky_m];
     let hit = caster.cast(origin, [0.0, 0.0, -1.0])?;
     Some(f64::from(sky_m - hit.range_m))

@@ -137,3 +137,91 @@ fn a_senseless_plan_names_its_field() {
     let error = sample_pairs(&scene, &Raycaster::new(&scene), &plan).expect_err("no baseline");
     assert_eq!(error.to_string(), "baseline_m is NaN, which is no distance in metres");
 }
+
+fn mesh_scene(vertices: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>) -> Scene {
+    let materials = vec![0; triangles.len()];
+    let mesh = Mesh { vertices, triangles, materials };
+    Scene {
+        name: "mesh".into(),
+        mesh,
+        materials: MATERIALS.to_vec(),
+        area: ([-12.0; 2], [12.0; 2]),
+    }
+}
+
+/// A square of ± `half` at a height, in steps of a metre.
+fn sheet(half: i32, z: f32) -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
+    let side = 2 * half as u32 + 1;
+    let vertices =
+        (-half..=half).flat_map(|y| (-half..=half).map(move |x| [x as f32, y as f32, z])).collect();
+    let cell = |(x, y): (u32, u32)| {
+        let at = y * side + x;
+        [[at, at + 1, at + side + 1], [at, at + side + 1, at + side]]
+    };
+    let cells = (0..side - 1).flat_map(|y| (0..side - 1).map(move |x| (x, y)));
+    (vertices, cells.flat_map(cell).collect())
+}
+
+/// Both, the second after the first.
+fn both(
+    (mut vertices, mut triangles): (Vec<[f32; 3]>, Vec<[u32; 3]>),
+    (more, theirs): (Vec<[f32; 3]>, Vec<[u32; 3]>),
+) -> Scene {
+    let first = vertices.len() as u32;
+    vertices.extend(more);
+    triangles.extend(theirs.into_iter().map(|t| t.map(|v| v + first)));
+    mesh_scene(vertices, triangles)
+}
+
+fn alone_in(scene: &Scene) -> (Standpoint, bool) {
+    let caster = Raycaster::new(scene);
+    let plan = PairPlan::default();
+    sample_pairs(scene, &caster, &plan).expect_err("no pair fits");
+    let standpoint = stand_alone(scene, &caster, &plan).expect("a place for one");
+    (standpoint, stands_aloft(scene, &caster, &standpoint.world_from_sensor))
+}
+
+#[test]
+fn where_there_is_nothing_to_see_one_sensor_stands_on_open_ground() {
+    let (vertices, triangles) = sheet(40, 0.5);
+    let (standpoint, aloft) = alone_in(&mesh_scene(vertices, triangles));
+    assert_eq!((standpoint.footing, standpoint.sees_enough, aloft), (Footing::Open, false, false));
+    assert!((standpoint.world_from_sensor.translation.vector.z - 2.5).abs() < 1e-6);
+}
+
+#[test]
+fn below_a_canopy_one_sensor_stands_on_the_ground_and_not_on_the_canopy() {
+    let scene = both(sheet(40, 0.0), sheet(40, 4.0));
+    let (standpoint, aloft) = alone_in(&scene);
+    assert_eq!((standpoint.footing, aloft), (Footing::Covered, false));
+    assert!((standpoint.world_from_sensor.translation.vector.z - 2.0).abs() < 1e-6);
+    let above = Isometry3::translation(0.3, 0.4, 6.0);
+    assert!(stands_aloft(&scene, &Raycaster::new(&scene), &above), "on the canopy");
+}
+
+#[test]
+fn what_stands_on_a_crown_without_ground_around_it_is_told_apart() {
+    let (vertices, triangles) = sheet(4, 7.0);
+    let (standpoint, aloft) = alone_in(&mesh_scene(vertices, triangles));
+    assert_eq!((standpoint.footing, aloft), (Footing::Aloft, true));
+    // A slab is ground: its underside faces down.
+    let (vertices, triangles) = sheet(40, -3.0);
+    let under = triangles.into_iter().map(|[a, b, c]| [a, c, b]).collect();
+    let slab = both(sheet(40, 0.0), (vertices, under));
+    let z = stand_alone(&slab, &Raycaster::new(&slab), &PairPlan::default())
+        .expect("a place")
+        .world_from_sensor
+        .translation
+        .vector
+        .z;
+    assert!((z - 2.0).abs() < 1e-6, "{z}");
+}
+
+#[test]
+fn a_speck_has_no_place_to_stand_and_says_so() {
+    let speck = mesh_scene(vec![[0.0; 3], [0.01, 0.0, 0.0], [0.0, 0.01, 0.0]], vec![[0, 1, 2]]);
+    let error = stand_alone(&speck, &Raycaster::new(&speck), &PairPlan::default())
+        .expect_err("nowhere")
+        .to_string();
+    assert!(error.starts_with("mesh has no place where a sensor could stand, after"), "{error}");
+}

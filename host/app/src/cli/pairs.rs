@@ -1,10 +1,8 @@
 //! `echoloop pairs`.
 
 use std::fmt::Write as _;
-use std::fs;
-use std::io;
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
 
 use clap::{Args, ValueHint};
 use rayon::prelude::*;
@@ -12,14 +10,14 @@ use serde_json::{Value, json};
 
 use super::cloud_output::format_parser;
 use super::common::{Setup, on_threads};
+use super::draft::{Draft, check_free, go_on};
 use super::exit::Failure;
-use super::interrupt::{INTERRUPTED, stop_on_interrupt};
+use super::interrupt::stop_on_interrupt;
 use super::method_choice::MethodChoice;
 use super::prepared::{PairSet, Prepared};
 use super::progress::Progress;
 use crate::experiment::config::RunConfig;
 use crate::experiment::dataset::ScanPair;
-use crate::experiment::files::{FileError, file_error, make_folders, replace, sync_folder_of};
 use crate::experiment::scan_cloud::recorded_from_scan;
 use crate::experiment::tune::Observer;
 use crate::link::sensor::View;
@@ -84,14 +82,6 @@ fn scan_and_write(args: &PairsArgs, config: RunConfig, stop: &AtomicBool) -> Res
     print(args, &scanned)
 }
 
-fn go_on(stop: &AtomicBool) -> Result<(), Failure> {
-    if stop.load(Ordering::Relaxed) {
-        Err(Failure::new(INTERRUPTED, "interrupted; nothing is written"))
-    } else {
-        Ok(())
-    }
-}
-
 /// Both scans with the configured settings.
 fn scan<'a>(
     prepared: &Prepared,
@@ -117,60 +107,6 @@ fn scan<'a>(
             pair.viewpoints[at]
         ))),
         None => Ok(Scanned { pair, clouds }),
-    }
-}
-
-/// Whether the folder can be made; one that holds something stays as it is.
-fn check_free(folder: &Path) -> Result<(), Failure> {
-    let refused = |why: &str| Failure::usage(format!("--output {}: {why}", folder.display()));
-    if folder.file_name().is_none() {
-        return Err(refused("expected the name of a folder to make"));
-    }
-    match fs::read_dir(folder).map(|mut entries| entries.next().is_none()) {
-        Ok(true) => Ok(()),
-        Ok(false) => Err(refused("the folder is not empty")),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
-        Err(error) => Err(refused(&error.to_string())),
-    }
-}
-
-/// A folder beside the one wanted, which becomes that one when it is complete; else it goes.
-struct Draft {
-    path: PathBuf,
-}
-
-impl Draft {
-    fn beside(folder: &Path) -> Result<Self, Failure> {
-        let mut name = folder
-            .file_name()
-            .ok_or_else(|| Failure::usage("--output needs the name of a folder"))?
-            .to_owned();
-        name.push(format!(".part{}", std::process::id()));
-        let path = folder.with_file_name(name);
-        let above = path.parent().unwrap_or(Path::new(""));
-        make_folders(above)?;
-        // Its own, never one that is there.
-        fs::create_dir(&path).map_err(file_error("make the folder", &path))?;
-        Ok(Self { path })
-    }
-
-    fn write(&self, name: &str, content: impl AsRef<[u8]>) -> Result<(), Failure> {
-        Ok(replace(&self.path.join(name), content.as_ref())?)
-    }
-
-    fn become_folder(self, folder: &Path) -> Result<(), FileError> {
-        if folder.exists() {
-            // Empty, else this fails.
-            fs::remove_dir(folder).map_err(file_error("replace", folder))?;
-        }
-        fs::rename(&self.path, folder).map_err(file_error("make the folder", folder))?;
-        sync_folder_of(folder)
-    }
-}
-
-impl Drop for Draft {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.path); // gone already when it became the folder
     }
 }
 

@@ -4,22 +4,26 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use clap::Args;
+use clap::{Args, ValueHint};
 use echoloop_frontend::SceneResponse;
-use echoloop_sim::viewpoint::{PairPlan, Split, sample_pairs_aloud};
+use echoloop_sim::scene::Scene;
+use echoloop_sim::viewpoint::{
+    Footing, PairPlan, Split, Standpoint, ViewpointError, sample_pairs_aloud, stand_alone,
+    stands_aloft,
+};
 use nalgebra::{Translation3, UnitQuaternion, Vector3};
 
-use super::choice::{described, hold_to};
 use super::cloud_output::{CloudOutput, format_parser, tell, wrote};
 use super::common::{Setup, on_threads};
 use super::exit::Failure;
 use super::progress::Progress;
+use super::ready::Ready;
+use super::scan_along::{Along, scan_along};
 use crate::experiment::config::RunConfig;
-use crate::experiment::dataset::{DatasetError, place, respond};
-use crate::experiment::params::Parameters;
-use crate::experiment::scan_cloud::{directions, recorded_from_scan};
+use crate::experiment::dataset::{DatasetError, Place, place, respond};
+use crate::experiment::scan_cloud::recorded_from_scan;
 use crate::experiment::seed::{Purpose, derive, scan_noise};
-use crate::link::sensor::{Model, View};
+use crate::link::sensor::View;
 use echoloop_registration::cloud::{CloudFormat, Recorded};
 use echoloop_registration::pose::Pose;
 
@@ -29,12 +33,17 @@ pub(crate) struct ScanArgs {
     #[command(flatten)]
     setup: Setup,
     /// Where to write the cloud (sensor frame, m), with all that the sensor tells of each point:
-    /// FILE.ply, FILE.pcd, or - for standard output.
+    /// FILE.ply, FILE.pcd, or - for standard output. With --trajectory a folder to make.
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Format of the cloud [default: that of the file's name, else ply].
     #[arg(long, value_parser = format_parser(), requires = "output")]
     format: Option<CloudFormat>,
+    /// Scans along poses: a file of lines `time x y z qx qy qz qw` (TUM; s, m) or of KITTI's
+    /// twelve numbers, world from sensor. The folder of -o gets NNNNNN.ply (or .pcd) for each pose
+    /// 000000, 000001, …; poses.txt, as KITTI has them; times.txt, if there are times; config.toml.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, conflicts_with = "pose")]
+    trajectory: Option<PathBuf>,
     /// Pose of the sensor: x y z in m, yaw pitch roll in degrees
     /// [default: the first training viewpoint].
     #[arg(
@@ -48,6 +57,16 @@ pub(crate) struct ScanArgs {
 
 pub(super) fn run(args: &ScanArgs) -> Result<(), Failure> {
     let config = args.setup.source.load(Vec::new())?;
+    if let Some(trajectory) = &args.trajectory {
+        let along = Along {
+            setup: &args.setup,
+            trajectory,
+            output: args.output.as_deref(),
+            format: args.format.unwrap_or(CloudFormat::Ply),
+        };
+        let run = || scan_along(&along, &config);
+        return on_threads(args.setup.common.threads, run)?;
+    }
     let at = |path: &PathBuf| CloudOutput::at(path, args.format);
     let output = args.output.as_ref().map(at).transpose()?; // now: tracing takes long
     on_threads(args.setup.common.threads, || scan(args, &config, output.as_ref()))?
@@ -73,21 +92,16 @@ struct Seen {
 }
 
 fn scan(args: &ScanArgs, config: &RunConfig, output: Option<&CloudOutput>) -> Result<(), Failure> {
-    let model = Model::from(config);
-    let sensors = args.setup.sensor.sensors(model.clone())?;
-    let identity = sensors.identity()?;
-    hold_to(&sensors, &identity, &model)?;
-    let settings = Parameters::start(config, &identity.hardware).map_err(Failure::usage)?.settings;
-    let pattern = identity.pattern;
-    let directions = directions(&pattern);
-    let seen = seen(args, config, &directions)?;
+    let ready = Ready::new(&args.setup, config)?;
+    let Ready { sensors, settings, pattern, directions, .. } = &ready;
+    let seen = seen(args, config, directions)?;
     let response = seen.as_ref().map_or_else(Arc::default, |seen| Arc::clone(&seen.response));
     let view =
         View { scene: &response, noise_seed: scan_noise(config.seed), scan: 1, viewpoint: 1 };
     let (hash, scan) =
-        sensors.with(|sensor| Ok((sensor.configure(&settings)?, sensor.scan(&view)?)))?;
+        sensors.with(|sensor| Ok((sensor.configure(settings)?, sensor.scan(&view)?)))?;
     let duration_s = config.motion.duration_s;
-    let recorded = recorded_from_scan(&scan, &directions, &pattern, duration_s);
+    let recorded = recorded_from_scan(&scan, directions, pattern, duration_s);
     if recorded.cloud.points.is_empty() {
         return Err(Failure::run(
             "detection: no beam returned an echo (is the sensor inside something, or too weak?)",
@@ -96,8 +110,8 @@ fn scan(args: &ScanArgs, config: &RunConfig, output: Option<&CloudOutput>) -> Re
     if let Some(output) = output {
         output.write(&recorded)?;
     }
-    let sensor = described(&sensors, &identity);
-    let scan = Scan { sensor, seen, settings: hash, beams: pattern.beams(), recorded };
+    let beams = pattern.beams();
+    let scan = Scan { sensor: ready.sensor, seen, settings: hash, beams, recorded };
     tell(output, &args.setup.common, &told(args, &scan)?)
 }
 
@@ -137,9 +151,10 @@ fn pose(numbers: &[f64]) -> Result<Pose, Failure> {
     Ok(Pose::from_parts(Translation3::new(x, y, z), rotation))
 }
 
+/// Where a first pair begins; where no pair fits, a place for one sensor.
 fn first_viewpoint(
     config: &RunConfig,
-    place: &crate::experiment::dataset::Place,
+    place: &Place,
     town: u64,
     quiet: bool,
 ) -> Result<Pose, Failure> {
@@ -152,18 +167,49 @@ fn first_viewpoint(
         seed: derive(config.seed, Purpose::TrainPoses, town),
         split: Split::Train,
     };
+    let Place { scene, caster } = place;
     let progress = Progress::new(quiet);
     progress.begin("viewpoint", 2000);
-    let pairs = sample_pairs_aloud(&place.scene, &place.caster, &plan, &|_, tried| {
-        progress.at(tried as u64);
-    });
+    let heard = |_, tried| progress.at(tried as u64);
+    let pose = match sample_pairs_aloud(scene, caster, &plan, &heard) {
+        Ok(pairs) => pairs.first().map(|pair| pair.world_from_first),
+        Err(ViewpointError::NoViewpoint { .. }) => None,
+        Err(source) => return Err(nowhere(scene, source)),
+    };
+    let pose = match pose {
+        Some(pose) => pose,
+        None => alone(place, &plan, &progress)?,
+    };
+    if stands_aloft(scene, caster, &pose) {
+        progress.say(
+            "the sensor stands on something else than ground (a crown, a roof?); --pose puts it \
+             elsewhere",
+        );
+    }
     progress.end();
-    let pairs = pairs
-        .map_err(|source| DatasetError::Viewpoints { scene: place.scene.name.clone(), source })?;
-    pairs
-        .first()
-        .map(|pair| pair.world_from_first)
-        .ok_or_else(|| Failure::run("no viewpoint found"))
+    Ok(pose)
+}
+
+fn alone(place: &Place, plan: &PairPlan, progress: &Progress) -> Result<Pose, Failure> {
+    let Place { scene, caster } = place;
+    let Standpoint { world_from_sensor, footing, sees_enough } =
+        stand_alone(scene, caster, plan).map_err(|source| nowhere(scene, source))?;
+    let on = match footing {
+        Footing::Open => "on open ground",
+        Footing::Covered => "on the ground, below something",
+        Footing::Aloft => "on what lies on top",
+    };
+    progress.say(&format!(
+        "{}: no place for two sensors {} m apart; one stands {on}{}",
+        scene.name,
+        plan.baseline_m,
+        if sees_enough { "" } else { ", with little to see" }
+    ));
+    Ok(world_from_sensor)
+}
+
+fn nowhere(scene: &Scene, source: ViewpointError) -> Failure {
+    DatasetError::Viewpoints { scene: scene.name.clone(), source }.into()
 }
 
 /// What is printed: a document, or lines.

@@ -1,0 +1,178 @@
+//! Where one sensor could stand, where no pair fits.
+
+use nalgebra::Isometry3;
+
+use super::ground::{GroundMap, REACH_M, from_the_sky, is_level, most_fall_m};
+use super::{PairPlan, PairSearch, STRUCTURE_SHARE, Split, Territory, ViewpointError, pose};
+use crate::raycast::Raycaster;
+use crate::scene::Scene;
+use echoloop_random::Generator;
+
+/// Places tried for each kind of footing.
+const ATTEMPTS: usize = 2000;
+
+/// Stream of random numbers, beside those of the pairs.
+const STREAM: u64 = 110;
+
+/// What stands this much above the ground below it stands on something else, metres: a crown, a
+/// roof, a bridge.
+const ABOVE_GROUND_M: f64 = 0.5;
+
+/// No more than this share of the corners around a place lies lower than ground may.
+const MOST_BELOW: f64 = 0.2;
+
+/// Ground goes on around a place: no more than this share of the places within 6 m to every side may
+/// have nothing below them.
+const MOST_NOTHING: f64 = 0.25;
+
+/// What a sensor stands on, the best first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Footing {
+    /// Open ground, from which there is something to see.
+    Open,
+    /// Ground below a canopy or a roof.
+    Covered,
+    /// The uppermost surface, with ground below it: a crown, a roof, a bridge.
+    Aloft,
+}
+
+/// What is looked for, one after the other: a footing, and whether there must be something to see.
+const WISHES: [(Footing, bool); 5] = [
+    (Footing::Open, true),
+    (Footing::Covered, true),
+    (Footing::Open, false),
+    (Footing::Covered, false),
+    (Footing::Aloft, false),
+];
+
+/// A place for one sensor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Standpoint {
+    /// x forward, y left, z up.
+    pub world_from_sensor: Isometry3<f64>,
+    /// What it stands on.
+    pub footing: Footing,
+    /// Whether there is as much to see as a pair needs.
+    pub sees_enough: bool,
+}
+
+/// A viewpoint for one sensor: [`PairPlan::seed`], height and tilt count of the plan.
+///
+/// Open ground is looked for as for a pair, then ground below something; first where there is
+/// something to see, then anywhere; last what lies on top. All have nothing within a metre sideways.
+///
+/// # Errors
+///
+/// [`ViewpointError`] when the plan makes no sense or no place is fit.
+pub fn stand_alone(
+    scene: &Scene,
+    caster: &Raycaster,
+    plan: &PairPlan,
+) -> Result<Standpoint, ViewpointError> {
+    plan.check()?;
+    let mut search = PairSearch {
+        caster,
+        plan,
+        area: scene.area,
+        ground: GroundMap::new(scene),
+        territory: Territory::new(scene.area, Split::Train),
+        rejected: super::Rejections::default(),
+        rng: Generator::new(plan.seed, STREAM),
+    };
+    for (footing, must_see) in WISHES {
+        for _ in 0..ATTEMPTS {
+            let draft = search.draw();
+            let Some(eye) = search.stand(scene, draft.places[0], footing) else { continue };
+            let seen = eye.map(|x| x as f32);
+            let sees_enough = search.structure(seen, draft.headings[0]) >= STRUCTURE_SHARE;
+            if search.is_free(seen, footing) && (sees_enough || !must_see) {
+                let world_from_sensor = pose(eye, draft.headings[0], draft.tilts[0]);
+                return Ok(Standpoint { world_from_sensor, footing, sees_enough });
+            }
+        }
+    }
+    Err(ViewpointError::Nowhere { scene: scene.name.clone(), attempts: WISHES.len() * ATTEMPTS })
+}
+
+impl PairSearch<'_> {
+    fn stand(&self, scene: &Scene, at: [f64; 2], footing: Footing) -> Option<[f64; 3]> {
+        let depth_m = self.ground.depth_m();
+        let ground = |at| ground_at(scene, self.caster, at, depth_m);
+        let z = match footing {
+            Footing::Covered => ground(at).filter(|z| is_level(ground, at, *z))?,
+            Footing::Open | Footing::Aloft => self.ground.footing(self.caster, at)?,
+        };
+        let fits = footing == Footing::Aloft || !is_aloft(scene, self.caster, at, z);
+        fits.then_some([at[0], at[1], z + self.plan.height_m])
+    }
+
+    fn is_free(&self, eye: [f32; 3], footing: Footing) -> bool {
+        match footing {
+            Footing::Covered => self.is_clear_sideways(eye),
+            Footing::Open | Footing::Aloft => self.is_clear(eye),
+        }
+    }
+}
+
+/// Whether a sensor stands on something else than ground: a crown, a roof, a bridge.
+pub fn stands_aloft(scene: &Scene, caster: &Raycaster, world_from_sensor: &Isometry3<f64>) -> bool {
+    let [x, y, z]: [f64; 3] = world_from_sensor.translation.vector.into();
+    let down = caster.cast([x, y, z].map(|x| x as f32), [0.0, 0.0, -1.0]);
+    down.is_some_and(|hit| is_aloft(scene, caster, [x, y], z - f64::from(hit.range_m)))
+}
+
+/// Whether a surface of height `z` has ground below it, or more lies around it that is lower than
+/// ground would be.
+fn is_aloft(scene: &Scene, caster: &Raycaster, at: [f64; 2], z: f64) -> bool {
+    let depth_m = scene.mesh.bounds().map_or(0.0, |(bottom, _)| bottom[2]) - 1.0;
+    let below = ground_at(scene, caster, at, depth_m);
+    below.is_some_and(|ground| z - ground > ABOVE_GROUND_M)
+        || share_below(scene, at, z) > MOST_BELOW
+        || share_of_nothing(scene, caster, at) > MOST_NOTHING
+}
+
+/// Share of the places around one below which there is nothing at all.
+fn share_of_nothing(scene: &Scene, caster: &Raycaster, at: [f64; 2]) -> f64 {
+    let sky_m = scene.mesh.bounds().map_or(0.0, |(_, top)| top[2]) + 1.0;
+    let steps = || (-3..=3).map(|k| 2.0 * f64::from(k));
+    let around = || steps().flat_map(|dx| steps().map(move |dy| [at[0] + dx, at[1] + dy]));
+    let nothing = around().filter(|at| from_the_sky(caster, *at, sky_m).is_none());
+    nothing.count() as f64 / around().count() as f64
+}
+
+/// Share of the mesh's corners around a place that lie lower than ground of that height may.
+fn share_below(scene: &Scene, at: [f64; 2], z: f64) -> f64 {
+    let near = |v: &[f32; 3]| {
+        let away = [0, 1].map(|i| f64::from(v[i]) - at[i]);
+        let away_m = (away[0] * away[0] + away[1] * away[1]).sqrt();
+        (away_m < REACH_M).then(|| f64::from(v[2]) < z - most_fall_m(away_m))
+    };
+    let lower = scene.mesh.vertices.iter().filter_map(near);
+    let (all, below) =
+        lower.fold((0usize, 0usize), |(all, below), lower| (all + 1, below + usize::from(lower)));
+    below as f64 / all.max(1) as f64
+}
+
+/// Height of the lowest surface that faces up, metres. The underside of a slab faces down.
+fn ground_at(scene: &Scene, caster: &Raycaster, [x, y]: [f64; 2], depth_m: f32) -> Option<f64> {
+    /// So that the same surface is not met again.
+    const PAST_M: f32 = 0.01;
+    /// Surfaces looked at: a crown has some ten.
+    const MOST: usize = 64;
+    let mut from_m = depth_m;
+    for _ in 0..MOST {
+        let hit = caster.cast([x as f32, y as f32, from_m], [0.0, 0.0, 1.0])?;
+        let height_m = from_m + hit.range_m;
+        if faces_up(scene.mesh.corners(hit.triangle as usize)) {
+            return Some(height_m.into());
+        }
+        from_m = height_m + PAST_M;
+    }
+    None
+}
+
+fn faces_up([a, b, c]: [[f32; 3]; 3]) -> bool {
+    let side = |p: [f32; 3]| [p[0] - a[0], p[1] - a[1]];
+    let (u, v) = (side(b), side(c));
+    u[0] * v[1] > u[1] * v[0]
+}
