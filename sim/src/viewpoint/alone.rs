@@ -21,8 +21,8 @@ const ABOVE_GROUND_M: f64 = 0.5;
 /// No more than this share of the corners around a place lies lower than ground may.
 const MOST_BELOW: f64 = 0.2;
 
-/// Ground goes on around a place: no more than this share of the places within 6 m to every side may
-/// have nothing below them.
+/// Ground goes on around a place: no more than this share of the places within 6 m to every side
+/// may have nothing below them.
 const MOST_NOTHING: f64 = 0.25;
 
 /// What a sensor stands on, the best first.
@@ -59,7 +59,8 @@ pub struct Standpoint {
 /// A viewpoint for one sensor: [`PairPlan::seed`], height and tilt count of the plan.
 ///
 /// Open ground is looked for as for a pair, then ground below something; first where there is
-/// something to see, then anywhere; last what lies on top. All have nothing within a metre sideways.
+/// something to see, then anywhere; last what lies on top. All have nothing within a metre
+/// sideways.
 ///
 /// # Errors
 ///
