@@ -143,13 +143,15 @@ def contestants(ours):
 
 
 def agreement(ours):
-    """How far the two sides' ranges lie apart, mm, and in how many waveforms only one has an echo."""
+    """How far the two sides' ranges lie apart, mm: where something is clipped, where nothing is. In how many waveforms only one has
+    an echo."""
     reading = Reading(ours.known)
     theirs = reading.run(ours.codes, FILTERS["lfilter"])
     mine = np.array([np.nan if value is None else value for value in ours.known["ranges_m"]])
     both = np.isfinite(mine) & np.isfinite(theirs)
-    apart = 1e3 * np.abs(mine - theirs)[both]
-    return float(np.median(apart)), int((np.isfinite(mine) != np.isfinite(theirs)).sum()), int(both.sum())
+    clipped = (ours.codes >= ours.known["clip_code"]).any(axis=1)
+    apart = [1e3 * np.abs(mine - theirs)[both & kind] for kind in (clipped, ~clipped)]
+    return apart, int((np.isfinite(mine) != np.isfinite(theirs)).sum()), int(both.sum())
 
 
 def page(ours, runs, rounds):
@@ -168,7 +170,10 @@ def page(ours, runs, rounds):
     apart, alone, both = agreement(ours)
     text = table(["step", "who", "Gsample/s", "ns a sample", "CPU over ours"], rows)
     text += f"\nMedians of {rounds} rounds; the last column is the median of the ratios of each round. "
-    text += f"{both} waveforms have an echo for both sides, {alone} for one only; the ranges lie {apart:.2f} mm apart (median).\n"
+    (clipped, whole) = apart
+    text += f"{both} waveforms have an echo for both sides, {alone} for one only. Ranges lie {np.median(whole):.2f} mm apart (median) in the "
+    text += f"{len(whole)} waveforms in which nothing is clipped. In the other {len(clipped)}, {np.median(clipped):.2f} mm: there numpy reads the "
+    text += "top of the clipped pulse, ours its edges, and the strongest is not always the same echo.\n"
     return text
 
 
