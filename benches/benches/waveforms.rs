@@ -10,7 +10,7 @@ use std::hint::black_box;
 use std::sync::Arc;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use echoloop_dsp::{Echoes, Hardware, Pipeline, ScanPattern, Scratch, Settings};
+use echoloop_dsp::{Echoes, Grid, Hardware, Pipeline, ScanPattern, Scratch, Settings};
 use echoloop_frontend::{Analog, Exposure, Trigger};
 use echoloop_frontend::{
     Receiver, ShotBuffers, WaveformFrontEnd, noise_key, synthesise, synthesise_baseline,
@@ -111,7 +111,7 @@ fn front_end(c: &mut Criterion) {
 type Synthesise = fn(&Exposure<'_>, &mut ShotBuffers, &mut [u16]);
 
 fn scan(c: &mut Criterion) {
-    let pattern = ScanPattern { columns: 250, rows: 128, ..ScanPattern::default() };
+    let pattern = ScanPattern::Grid(Grid { columns: 250, rows: 128, ..Grid::default() });
     let beams = pattern.beams();
     let scene = SceneResponse {
         beams: (0..=beams).map(|beam| 2 * beam).collect(),

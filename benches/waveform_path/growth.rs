@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use echoloop_dsp::{Hardware, ScanPattern, Settings};
+use echoloop_dsp::{Grid, Hardware, ScanPattern, Settings};
 use echoloop_frontend::SceneResponse;
 use echoloop_frontend::{Receiver, WaveformFrontEnd};
 use echoloop_host::link::client::{Client, RetryPolicy};
@@ -83,7 +83,7 @@ fn table(mut rows: Vec<Row>, rounds: usize) {
 fn beams(rounds: usize) -> Result<()> {
     let mut clients = Vec::new();
     for columns in [8, 32, 128, 250] {
-        let pattern = ScanPattern { columns, rows: 128, ..ScanPattern::default() };
+        let pattern = ScanPattern::Grid(Grid { columns, rows: 128, ..Grid::default() });
         let beams = pattern.beams();
         let scene = SceneResponse {
             beams: (0..=beams).map(|beam| 2 * beam).collect(),

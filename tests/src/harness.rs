@@ -17,7 +17,7 @@ use std::path::Path;
 
 use echoloop_dsp::loops::{Portable, Scalar};
 use echoloop_dsp::settings::PARAMETERS;
-use echoloop_dsp::{Hardware, Pipeline, ScanPattern, Scratch, Settings};
+use echoloop_dsp::{Grid, Hardware, Pipeline, ScanPattern, Scratch, Settings};
 use echoloop_host::waveforms::finder::{EchoFinder, FinderConfig, Pulse};
 use echoloop_host::waveforms::{Finder, Options, parse_waveforms};
 use echoloop_link::{
@@ -156,7 +156,7 @@ struct Observer {
 
 impl Observer {
     fn switch_on(store: RamNorFlash) -> Self {
-        let pattern = ScanPattern { columns: 2, rows: 2, ..ScanPattern::default() };
+        let pattern = ScanPattern::Grid(Grid { columns: 2, rows: 2, ..Grid::default() });
         let sensor = PcSensor::with_store(Target::default(), pattern, HARDWARE, store);
         Self {
             sensor,

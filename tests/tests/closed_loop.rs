@@ -7,10 +7,11 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, LazyLock};
 
 use echoloop_dsp::hardware::sample_period_fs;
-use echoloop_dsp::{Echo, Echoes, Flags, Hardware, ParameterId, ScanPattern, Settings};
+use echoloop_dsp::{Echo, Echoes, Flags, Grid, Hardware, ParameterId, ScanPattern, Settings};
 use echoloop_frontend::Receiver;
 use echoloop_frontend::{Analog, FrontEnd, Trigger};
 use echoloop_frontend::{Return, SceneResponse};
+use echoloop_host::experiment::beams::Beams;
 use echoloop_host::experiment::config::{RunConfig, load};
 use echoloop_host::experiment::dataset::{Dataset, Place, ScanPair, respond};
 use echoloop_host::experiment::evaluate::{NoisyPairs, evaluate};
@@ -18,7 +19,7 @@ use echoloop_host::experiment::journal::Journal;
 use echoloop_host::experiment::objective::{Bench, PairError, fitness};
 use echoloop_host::experiment::params::{Parameters, Space};
 use echoloop_host::experiment::preset::{LidarPreset, PAPER_LIDAR, Preset, Protocol};
-use echoloop_host::experiment::scan_cloud::{cloud_from_scan, directions};
+use echoloop_host::experiment::scan_cloud::cloud_from_scan;
 use echoloop_host::experiment::seed::Purpose;
 use echoloop_host::experiment::tune::{Silent, TuneSearch, Tuned};
 use echoloop_host::link::client::{Client, ClientError, RetryPolicy};
@@ -332,7 +333,7 @@ const ROWS: u16 = 16;
 impl Targets {
     /// Beam i's echo fills `height(i / beams)` of full scale at the default power and gain.
     fn new(height: impl Fn(f64) -> f64) -> Self {
-        let pattern = ScanPattern { columns: COLUMNS, rows: ROWS, ..ScanPattern::default() };
+        let pattern = ScanPattern::Grid(Grid { columns: COLUMNS, rows: ROWS, ..Grid::default() });
         let receiver = Receiver::default();
         let beams = pattern.beams();
         // 17 mm apart: every phase between two samples occurs.
@@ -484,7 +485,7 @@ impl FrontEnd for Spy {
 
 #[test]
 fn power_width_gain_and_clock_reach_the_front_end_when_committed_and_not_before() {
-    let pattern = ScanPattern { columns: 1, rows: 1, ..ScanPattern::default() };
+    let pattern = ScanPattern::Grid(Grid { columns: 1, rows: 1, ..Grid::default() });
     let sensor = PcSensor::new(Spy::default(), pattern, HARDWARE);
     let mut client = Client::connect(InProcess(sensor), RetryPolicy::default()).expect("a sensor");
     let mut seen = |settings: Option<Settings>| {
@@ -530,7 +531,7 @@ fn other(id: ParameterId) -> f64 {
 
 #[test]
 fn what_only_the_dsp_needs_leaves_the_front_end_alone() {
-    let pattern = ScanPattern { columns: 1, rows: 1, ..ScanPattern::default() };
+    let pattern = ScanPattern::Grid(Grid { columns: 1, rows: 1, ..Grid::default() });
     let sensor = PcSensor::new(Spy::default(), pattern, HARDWARE);
     let mut client = Client::connect(InProcess(sensor), RetryPolicy::default()).expect("a sensor");
     let mut seen = |settings: &Settings| {
@@ -588,16 +589,22 @@ fn rectangles(corners: &[[[f32; 3]; 3]], reflectance_905nm: f32) -> Place {
 #[test]
 fn a_wall_is_scanned_where_it_stands_whatever_its_albedo() {
     const WALL_M: f64 = 18.0;
-    let pattern = ScanPattern { columns: 48, rows: 16, azimuth_cdeg: 5_000, elevation_cdeg: 2_000 };
+    let pattern = ScanPattern::Grid(Grid {
+        columns: 48,
+        rows: 16,
+        azimuth_cdeg: 5_000,
+        elevation_cdeg: 2_000,
+    });
     let config = config(&[]);
-    let directions = directions(&pattern);
+    let beams = Beams::new(pattern);
+    let directions = beams.directions(1);
     let x = WALL_M as f32;
     println!("albedo    yaw     bias      rms   points");
     for albedo in [0.05, 0.1, 0.3, 0.6, 0.9] {
         let place = rectangles(&[[[x, -60.0, -20.0], [x, 60.0, -20.0], [x, 60.0, 20.0]]], albedo);
         for yaw_deg in [0.0_f64, 25.0] {
             let pose = Pose::new(Vector3::zeros(), Vector3::new(0.0, 0.0, yaw_deg.to_radians()));
-            let response = Arc::new(respond(&config, &place, &pose, &directions));
+            let response = Arc::new(respond(&config, &place, &pose, &beams));
             let mut sensor = sensor(&config.receiver, pattern);
             sensor.configure(&Settings::default()).expect("accepted");
             let view = View { scene: &response, noise_seed: 3, scan: 1, viewpoint: 1 };
@@ -650,23 +657,22 @@ fn two_scans_of_a_yard_are_registered_to_the_motion_between_them() {
     let mut sides = vec![ground];
     sides.extend(blocks.iter().flatten());
     let place = rectangles(&sides, 0.3);
-    let pattern =
-        ScanPattern { columns: 128, rows: 64, azimuth_cdeg: 18_000, elevation_cdeg: 6_000 };
-    let directions = directions(&pattern);
+    let pattern = ScanPattern::Grid(Grid {
+        columns: 128,
+        rows: 64,
+        azimuth_cdeg: 18_000,
+        elevation_cdeg: 6_000,
+    });
+    let beams = Beams::new(pattern);
     let config = config(&[]);
     let start = Parameters::start(&config, &HARDWARE).expect("a start");
     let pose = |v: [f64; 3], turn_deg: [f64; 3]| {
         Pose::new(Vector3::from(v), Vector3::from(turn_deg.map(f64::to_radians)))
     };
     let first = pose([0.0, 0.0, 2.0], [0.5, -0.5, 10.0]);
-    let look = |pose: &Pose| Arc::new(respond(&config, &place, pose, &directions));
-    let dataset = Dataset {
-        pattern,
-        directions: directions.clone(),
-        train: Vec::new(),
-        test: Vec::new(),
-        triangles: 0,
-    };
+    let look = |pose: &Pose| Arc::new(respond(&config, &place, pose, &beams));
+    let dataset =
+        Dataset { beams: beams.clone(), train: Vec::new(), test: Vec::new(), triangles: 0 };
     let sensors = Sensors::in_process(model(&config.receiver, pattern));
     let bench = Bench { dataset: &dataset, sensors: &sensors };
     for (shift, turn) in

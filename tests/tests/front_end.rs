@@ -9,7 +9,7 @@ use std::rc::Rc;
 
 use echoloop_dsp::choice::AmbientEstimator;
 use echoloop_dsp::hardware::sample_period_fs;
-use echoloop_dsp::{Hardware, ScanPattern, Settings};
+use echoloop_dsp::{Grid, Hardware, ScanPattern, Settings};
 use echoloop_link::{
     Command, Decoder, Greeting, MAX_FRAME, Nack, Report, decode, encode, settings_hash,
 };
@@ -150,7 +150,7 @@ impl Board for Bench {
     }
 
     fn pattern(&self) -> ScanPattern {
-        ScanPattern { columns: 4, rows: 2, ..ScanPattern::default() }
+        ScanPattern::Grid(Grid { columns: 4, rows: 2, ..Grid::default() })
     }
 
     fn emitter(&mut self) -> &mut Spi {

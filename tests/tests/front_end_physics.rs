@@ -13,7 +13,6 @@ use echoloop_frontend::{Mode, Precipitation, Receiver, WaveformFrontEnd, Weather
 use echoloop_frontend::{Return, SceneResponse};
 use echoloop_host::experiment::config::{JitterPer, Motion, RunConfig};
 use echoloop_host::experiment::dataset::{Place, respond, respond_at};
-use echoloop_host::experiment::scan_cloud::directions;
 use echoloop_host::link::sensor::{Model, Sensor, View};
 use echoloop_registration::pose::Pose;
 use echoloop_sensor::afe::delay_fs;
@@ -587,8 +586,8 @@ fn place() -> Place {
 
 fn moving(motion: Motion) -> RunConfig {
     let mut config = RunConfig { motion, ..RunConfig::default() };
-    (config.scanner.columns, config.scanner.rows) = (60, 8);
-    (config.scanner.azimuth_deg, config.scanner.elevation_deg) = (90.0, 20.0);
+    (config.scanner.columns, config.scanner.rows) = (Some(60), Some(8));
+    (config.scanner.azimuth_deg, config.scanner.elevation_deg) = (Some(90.0), Some(20.0));
     config.receiver.subrays = 1;
     config.check().unwrap();
     config
@@ -596,9 +595,9 @@ fn moving(motion: Motion) -> RunConfig {
 
 /// Points of a scan of the wall, laid out as from one pose: beam, x, y in m.
 fn points(config: &RunConfig, viewpoint: u32) -> Vec<(usize, f64, f64)> {
-    let pattern = config.scanner.pattern();
-    let directions = directions(&pattern);
-    let response = respond_at(config, &place(), &Pose::identity(), viewpoint, &directions);
+    let beams = config.scanner.beams();
+    let directions = beams.directions(viewpoint);
+    let response = respond_at(config, &place(), &Pose::identity(), viewpoint, &beams);
     let point = |(beam, d): (usize, &nalgebra::Vector3<f32>)| {
         let range_m = response.of(beam).first()?.range_m;
         Some((beam, f64::from(range_m * d.x), f64::from(range_m * d.y)))
@@ -634,9 +633,9 @@ fn a_wall_turns_into_a_curve_as_the_angular_velocity_says() {
 #[test]
 fn a_sensor_that_stands_still_scans_as_ever() {
     let plain = moving(Motion::default());
-    let pattern = plain.scanner.pattern();
-    let directions = directions(&pattern);
-    let scan = |config: &RunConfig| respond(config, &place(), &Pose::identity(), &directions);
+    let beams = plain.scanner.beams();
+    let directions = beams.directions(1);
+    let scan = |config: &RunConfig| respond(config, &place(), &Pose::identity(), &beams);
     let optics = BeamOptics { divergence_mrad: plain.receiver.divergence_mrad, subrays: 1 };
     let arrays: Vec<[f32; 3]> = directions.iter().map(|&d| d.into()).collect();
     let at_once = Scanner::scan(&place().caster, MATERIALS, &Pose::identity(), &arrays, &optics);

@@ -430,8 +430,11 @@ fn through_the_link(
         strength_per_m2: (albedo / PI / range_m / range_m) as f32,
     };
     let scene = SceneResponse { beams: (0..=beams).collect(), returns: vec![wall; beams as usize] };
-    let pattern =
-        echoloop_dsp::ScanPattern { columns: beams as u16, rows: 1, ..Default::default() };
+    let pattern = echoloop_dsp::ScanPattern::Grid(echoloop_dsp::Grid {
+        columns: beams as u16,
+        rows: 1,
+        ..Default::default()
+    });
     let front_end = WaveformFrontEnd::new(Receiver::default(), scene.into(), 3);
     let sensor = PcSensor::new(front_end, pattern, Hardware::REFERENCE);
     let mut client = Client::connect(InProcess(sensor), RetryPolicy::default()).expect("a sensor");

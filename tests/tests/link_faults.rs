@@ -8,7 +8,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use echoloop_dsp::{Hardware, ScanPattern, Settings};
+use echoloop_dsp::{Grid, Hardware, ScanPattern, Settings};
 use echoloop_frontend::SceneResponse;
 use echoloop_frontend::{Receiver, WaveformFrontEnd};
 use echoloop_host::link::client::{Client, ClientError, RetryPolicy};
@@ -23,7 +23,7 @@ use rand::RngExt;
 fn sensor() -> InProcess<WaveformFrontEnd> {
     let scene = SceneResponse { beams: vec![0; 9], returns: Vec::new() };
     let front_end = WaveformFrontEnd::new(Receiver::default(), Arc::new(scene), 1);
-    let pattern = ScanPattern { columns: 4, rows: 2, ..ScanPattern::default() };
+    let pattern = ScanPattern::Grid(Grid { columns: 4, rows: 2, ..Grid::default() });
     InProcess(PcSensor::new(front_end, pattern, Hardware::REFERENCE))
 }
 
@@ -254,7 +254,7 @@ fn a_commit_that_a_dead_program_left_pending_is_what_the_next_one_finds() {
 fn wide_sensor() -> InProcess<WaveformFrontEnd> {
     let scene = SceneResponse { beams: vec![0; 65], returns: Vec::new() };
     let front_end = WaveformFrontEnd::new(Receiver::default(), Arc::new(scene), 1);
-    let pattern = ScanPattern { columns: 8, rows: 8, ..ScanPattern::default() };
+    let pattern = ScanPattern::Grid(Grid { columns: 8, rows: 8, ..Grid::default() });
     InProcess(PcSensor::new(front_end, pattern, Hardware::REFERENCE))
 }
 

@@ -5,7 +5,7 @@
 use std::collections::HashMap;
 use std::time::{Duration, Instant};
 
-use echoloop_dsp::{Hardware, ScanPattern, Settings};
+use echoloop_dsp::{Grid, Hardware, ScanPattern, Settings};
 use echoloop_host::link::client::{Client, ClientError, RetryPolicy};
 use echoloop_host::link::transport::InProcess;
 use echoloop_link::Nack;
@@ -26,7 +26,7 @@ const RETRY_POLICY: RetryPolicy = RetryPolicy { timeout: Duration::from_secs(1),
 const FRAMES: u64 = 1_000_000;
 
 fn sensor(store: RamNorFlash) -> InProcess<Target> {
-    let pattern = ScanPattern { columns: 2, rows: 1, ..ScanPattern::default() };
+    let pattern = ScanPattern::Grid(Grid { columns: 2, rows: 1, ..Grid::default() });
     InProcess(PcSensor::with_store(Target::default(), pattern, HARDWARE, store))
 }
 

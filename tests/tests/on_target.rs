@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use echoloop_dsp::accumulate::Accumulator;
 use echoloop_dsp::loops::Scalar;
-use echoloop_dsp::{Echoes, Hardware, Pipeline, ScanPattern, Scratch, Settings};
+use echoloop_dsp::{Echoes, Grid, Hardware, Pipeline, ScanPattern, Scratch, Settings};
 use echoloop_frontend::{Analog, FrontEnd, Trigger};
 use echoloop_host::link::client::{Client, RetryPolicy};
 use echoloop_host::link::defmt_log;
@@ -27,7 +27,7 @@ use object::{Object, ObjectSymbol};
 
 /// As many beams as one report holds.
 const PATTERN: ScanPattern =
-    ScanPattern { columns: 8, rows: 4, azimuth_cdeg: 18_000, elevation_cdeg: 9_000 };
+    ScanPattern::Grid(Grid { columns: 8, rows: 4, azimuth_cdeg: 18_000, elevation_cdeg: 9_000 });
 const BEAMS: usize = 32;
 
 /// An emulator may be kept waiting by everything else that the machine does.

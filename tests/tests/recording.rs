@@ -3,14 +3,14 @@
 
 use std::time::Duration;
 
-use echoloop_dsp::{Hardware, ScanPattern, Settings};
+use echoloop_dsp::{Grid, Hardware, ScanPattern, Settings};
 use echoloop_host::link::client::{Client, RetryPolicy};
 use echoloop_host::link::transport::{Conversation, Direction, InProcess, Recording};
 use echoloop_sim::board::PcSensor;
 use echoloop_tests::faults::Target;
 
 fn sensor() -> InProcess<Target> {
-    let pattern = ScanPattern { columns: 12, rows: 8, ..ScanPattern::default() };
+    let pattern = ScanPattern::Grid(Grid { columns: 12, rows: 8, ..Grid::default() });
     InProcess(PcSensor::new(Target::default(), pattern, Hardware::REFERENCE))
 }
 
@@ -42,7 +42,7 @@ fn a_recorded_conversation_said_again_to_a_new_sensor_has_the_same_answers() {
 #[test]
 fn a_sensor_that_does_something_else_is_found_out() {
     let recorded = talk();
-    let pattern = ScanPattern { columns: 12, rows: 9, ..ScanPattern::default() };
+    let pattern = ScanPattern::Grid(Grid { columns: 12, rows: 9, ..Grid::default() });
     let other = InProcess(PcSensor::new(Target::default(), pattern, Hardware::REFERENCE));
     assert_ne!(recorded.replay(other, Duration::ZERO).unwrap(), recorded);
 }

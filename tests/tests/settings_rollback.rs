@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use echoloop_dsp::{Hardware, ScanPattern, Settings};
+use echoloop_dsp::{Grid, Hardware, ScanPattern, Settings};
 use echoloop_host::link::client::{Client, ClientError, RetryPolicy};
 use echoloop_host::link::transport::InProcess;
 use echoloop_sim::board::PcSensor;
@@ -12,7 +12,7 @@ use echoloop_tests::faults::{Faulty, Rates, Target};
 type Host = Client<Faulty<InProcess<Target>>>;
 
 fn host() -> Host {
-    let pattern = ScanPattern { columns: 12, rows: 8, ..ScanPattern::default() };
+    let pattern = ScanPattern::Grid(Grid { columns: 12, rows: 8, ..Grid::default() });
     let sensor = PcSensor::new(Target::default(), pattern, Hardware::REFERENCE);
     let retry_policy = RetryPolicy { timeout: Duration::from_secs(1), tries: 2 };
     Client::connect_from(Faulty::new(InProcess(sensor), 1), retry_policy, 0).unwrap()

@@ -5,7 +5,7 @@
 use std::time::Duration;
 
 use echoloop_dsp::settings::PARAMETERS;
-use echoloop_dsp::{Hardware, ScanPattern, Settings};
+use echoloop_dsp::{Grid, Hardware, ScanPattern, Settings};
 use echoloop_host::link::client::{Client, ClientError, RetryPolicy};
 use echoloop_host::link::transport::InProcess;
 use echoloop_link::{Nack, SETTINGS_SCHEMA, checksum};
@@ -277,7 +277,7 @@ fn switch_on(store: RamNorFlash) -> Client<InProcess<Target>> {
 }
 
 fn pattern() -> ScanPattern {
-    ScanPattern { columns: 2, rows: 2, ..ScanPattern::default() }
+    ScanPattern::Grid(Grid { columns: 2, rows: 2, ..Grid::default() })
 }
 
 fn retry_policy() -> RetryPolicy {

@@ -6,7 +6,8 @@ use std::time::Duration;
 
 use echoloop_dsp::settings::PARAMETERS;
 use echoloop_dsp::{
-    Echo, Echoes, Flags, Hardware, ParameterId, Reason, Refusal, ScanPattern, Settings,
+    BeamTable, Echo, Echoes, Flags, Grid, Hardware, ParameterId, Reason, Refusal, Rosette,
+    ScanPattern, Settings, Spinning, SpinningModel,
 };
 use echoloop_host::link::client::{Client, ClientError, RetryPolicy};
 use echoloop_host::link::transport::Transport;
@@ -134,7 +135,7 @@ fn the_document_works_through_nothing_that_is_not_so() {
 #[test]
 fn a_changed_schema_needs_a_changed_protocol() {
     // To change a message: append, raise PROTOCOL, and write both new values here and in WIRE.md.
-    assert_eq!((PROTOCOL, SCHEMA), (6, 0x7b9c_c02f_a4f8_b002), "the schema is {SCHEMA:#018x}");
+    assert_eq!((PROTOCOL, SCHEMA), (7, 0xbb6f_ba72_56e4_fd26), "the schema is {SCHEMA:#018x}");
     let document = include_str!("../../firmware/link/WIRE.md");
     assert!(document.contains(&format!("{SCHEMA:#018x}")));
 }
@@ -191,6 +192,26 @@ fn every_message_keeps_its_number() {
     }
     for (number, report) in reports().iter().enumerate() {
         assert_eq!(payload(report)[2], number as u8, "{report:?}");
+    }
+    let grid = Grid::default();
+    let patterns = [
+        ScanPattern::Grid(grid),
+        ScanPattern::Raster(grid),
+        ScanPattern::Spinning(Spinning { model: SpinningModel::Vlp16, columns: 1 }),
+        ScanPattern::Rosette(Rosette::MID_40),
+        ScanPattern::Table(BeamTable::default()),
+    ];
+    for (number, pattern) in patterns.into_iter().enumerate() {
+        let Report::Hello { greeting, build, hardware, .. } = hello_reply() else {
+            panic!("a hello")
+        };
+        // The grid's number and its nine bytes end the answer.
+        let before = payload(&hello_reply()).len() - 10;
+        let bytes = payload(&Report::Hello { greeting, build, hardware, pattern });
+        assert_eq!(bytes[before], number as u8, "{pattern:?}");
+    }
+    for (number, model) in SpinningModel::ALL.into_iter().enumerate() {
+        assert_eq!(model as usize, number, "{model:?}");
     }
     let nacks = [
         Nack::NotReady,

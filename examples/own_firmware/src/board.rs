@@ -1,6 +1,6 @@
 //! A board over the traits of any HAL.
 
-use echoloop_dsp::{Echoes, Hardware, Pipeline, ScanPattern, Scratch};
+use echoloop_dsp::{Echoes, Grid, Hardware, Pipeline, ScanPattern, Scratch};
 use echoloop_kernels::FASTEST;
 use echoloop_sensor::Board;
 use embedded_hal::spi::SpiDevice;
@@ -58,7 +58,12 @@ where
     }
 
     fn pattern(&self) -> ScanPattern {
-        ScanPattern { columns: 64, rows: 16, azimuth_cdeg: 9_000, elevation_cdeg: 3_000 }
+        ScanPattern::Grid(Grid {
+            columns: 64,
+            rows: 16,
+            azimuth_cdeg: 9_000,
+            elevation_cdeg: 3_000,
+        })
     }
 
     fn emitter(&mut self) -> &mut Spi {

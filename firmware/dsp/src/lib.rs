@@ -98,4 +98,8 @@ pub use pipeline::{Pipeline, Scratch};
 pub use reason::Reason;
 pub use refusal::Refusal;
 pub use scan_pattern::ScanPattern;
+pub use scan_pattern::grid::Grid;
+pub use scan_pattern::rosette::Rosette;
+pub use scan_pattern::spinning::{Spinning, SpinningModel};
+pub use scan_pattern::table::BeamTable;
 pub use settings::{Kind, PARAMETERS, Parameter, ParameterId, Settings};

@@ -2,7 +2,7 @@
 //! [`Session`] answers it, and the answer comes back in a frame of the same number.
 //!
 //! ```
-//! use echoloop_dsp::{Hardware, ScanPattern, Settings};
+//! use echoloop_dsp::{Hardware, Grid, ScanPattern, Settings};
 //! use echoloop_link::{Answer, Command, Decoder, FrameError, Greeting, MAX_FRAME, Report, Session};
 //! use echoloop_link::{decode, encode};
 //!
@@ -12,7 +12,8 @@
 //! let sent = encode(7, &Command::Hello(Greeting::OURS), &mut there)?;
 //!
 //! // The sensor collects bytes until a frame is whole, reads it and answers.
-//! let pattern = ScanPattern { columns: 8, rows: 4, azimuth_cdeg: 18_000, elevation_cdeg: 9_000 };
+//! let grid = Grid { columns: 8, rows: 4, azimuth_cdeg: 18_000, elevation_cdeg: 9_000 };
+//! let pattern = ScanPattern::Grid(grid);
 //! let mut session = Session::new(Hardware::REFERENCE, pattern, "mine 1.0", Settings::default());
 //! let (mut decoder, mut back) = (Decoder::new(), [0; MAX_FRAME]);
 //! let mut length = 0;

@@ -322,11 +322,17 @@ fn nack(reason: Nack) -> Answer {
 
 #[cfg(test)]
 mod tests {
+    use echoloop_dsp::Grid;
+
     use super::*;
     use crate::message::SCHEMA;
 
-    const PATTERN: ScanPattern =
-        ScanPattern { columns: 10, rows: 10, azimuth_cdeg: 18_000, elevation_cdeg: 9_000 };
+    const PATTERN: ScanPattern = ScanPattern::Grid(Grid {
+        columns: 10,
+        rows: 10,
+        azimuth_cdeg: 18_000,
+        elevation_cdeg: 9_000,
+    });
 
     fn opened() -> Session {
         let mut session = Session::new(Hardware::REFERENCE, PATTERN, "test", Settings::default());

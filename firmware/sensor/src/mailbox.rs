@@ -10,7 +10,7 @@
 //! | 0x004 | doorbell: shots fired so far, wrapping | sensor |
 //! | 0x008 | shots whose samples are in the buffer | world |
 //! | 0x00C | run: what the world asks a measuring image to do | world |
-//! | 0x040 | straps: [`Hardware`], [`ScanPattern`]: ten words | world, before the sensor starts |
+//! | 0x040 | straps: [`Hardware`], [`ScanPattern`]: 13 words | world, before the sensor starts |
 //! | 0x080 | laser driver, sixteen registers | sensor; register 0 by the world |
 //! | 0x0C0 | amplifier and converter, sixteen registers | sensor; register 0 by the world |
 //! | 0x1000 | DMA buffer: codes, u16 | world |
@@ -19,7 +19,7 @@
 //! A shot: the sensor writes the registers, then the doorbell; the world fills the buffer, then
 //! answers with the doorbell's number. Each side writes its own words only, so no lock is needed.
 
-use echoloop_dsp::{Hardware, ScanPattern};
+use echoloop_dsp::{BeamTable, Grid, Hardware, Rosette, ScanPattern, Spinning, SpinningModel};
 use embedded_hal::spi::{ErrorKind, Operation};
 
 use crate::afe::WRITE;
@@ -51,11 +51,15 @@ pub const FLASH_BLOCK: usize = 4096;
 /// Bytes of the whole mailbox.
 pub const BYTES: usize = 0x8000;
 
-/// Words of the straps.
-pub const STRAP_WORDS: usize = 10;
+/// Words of the straps: those of the hardware, then those of the pattern.
+pub const STRAP_WORDS: usize = 6 + PATTERN_WORDS;
+
+/// Words of a pattern: its kind's number, and up to six more.
+const PATTERN_WORDS: usize = 7;
 
 /// What a board's maker sets once: the words at [`STRAPS`].
 pub fn straps(hardware: &Hardware, pattern: &ScanPattern) -> [u32; STRAP_WORDS] {
+    let [kind, a, b, c, d, e, f] = pattern_words(pattern);
     [
         hardware.adc_bits,
         hardware.range_min_mm,
@@ -63,11 +67,61 @@ pub fn straps(hardware: &Hardware, pattern: &ScanPattern) -> [u32; STRAP_WORDS] 
         hardware.energy_limit_pj,
         hardware.unit_echo_milli,
         hardware.shot_noise_ppm,
-        pattern.columns.into(),
-        pattern.rows.into(),
-        pattern.azimuth_cdeg.into(),
-        pattern.elevation_cdeg.into(),
+        kind,
+        a,
+        b,
+        c,
+        d,
+        e,
+        f,
     ]
+}
+
+fn pattern_words(pattern: &ScanPattern) -> [u32; PATTERN_WORDS] {
+    let grid = |kind, grid: &Grid| {
+        let Grid { columns, rows, azimuth_cdeg, elevation_cdeg } = *grid;
+        let [columns, rows] = [columns, rows].map(u32::from);
+        [kind, columns, rows, azimuth_cdeg.into(), elevation_cdeg.into(), 0, 0]
+    };
+    match pattern {
+        ScanPattern::Grid(g) => grid(0, g),
+        ScanPattern::Raster(g) => grid(1, g),
+        ScanPattern::Spinning(Spinning { model, columns }) => {
+            [2, *model as u32, (*columns).into(), 0, 0, 0, 0]
+        }
+        ScanPattern::Rosette(Rosette { beams, rate_hz, rotors_rpm, bends_cdeg }) => {
+            let [first, second] = rotors_rpm.map(i32::cast_unsigned);
+            let [a, b] = bends_cdeg.map(u32::from);
+            [3, *beams, *rate_hz, first, second, a, b]
+        }
+        ScanPattern::Table(BeamTable { beams, channels, hash }) => {
+            [4, *beams, (*channels).into(), *hash, 0, 0, 0]
+        }
+    }
+}
+
+fn read_pattern([kind, a, b, c, d, e, f]: [u32; PATTERN_WORDS]) -> Option<ScanPattern> {
+    let short = |word: u32| u16::try_from(word).ok();
+    let grid = || {
+        let (azimuth_cdeg, elevation_cdeg) = (short(c)?, short(d)?);
+        Some(Grid { columns: short(a)?, rows: short(b)?, azimuth_cdeg, elevation_cdeg })
+    };
+    Some(match kind {
+        0 => ScanPattern::Grid(grid()?),
+        1 => ScanPattern::Raster(grid()?),
+        2 => {
+            let model = *SpinningModel::ALL.get(a as usize)?;
+            ScanPattern::Spinning(Spinning { model, columns: short(b)? })
+        }
+        3 => ScanPattern::Rosette(Rosette {
+            beams: a,
+            rate_hz: b,
+            rotors_rpm: [c, d].map(u32::cast_signed),
+            bends_cdeg: [short(e)?, short(f)?],
+        }),
+        4 => ScanPattern::Table(BeamTable { beams: a, channels: short(b)?, hash: c }),
+        _ => return None,
+    })
 }
 
 /// The straps read back; `None` when they make no sensor.
@@ -81,7 +135,6 @@ pub fn read_straps(words: [u32; STRAP_WORDS]) -> Option<(Hardware, ScanPattern)>
         shot_noise_ppm,
         view @ ..,
     ] = words;
-    let [columns, rows, azimuth, elevation] = view;
     let hardware = Hardware {
         adc_bits,
         range_min_mm,
@@ -90,12 +143,7 @@ pub fn read_straps(words: [u32; STRAP_WORDS]) -> Option<(Hardware, ScanPattern)>
         unit_echo_milli,
         shot_noise_ppm,
     };
-    let pattern = ScanPattern {
-        columns: columns.try_into().ok()?,
-        rows: rows.try_into().ok()?,
-        azimuth_cdeg: azimuth.try_into().ok()?,
-        elevation_cdeg: elevation.try_into().ok()?,
-    };
+    let pattern = read_pattern(view)?;
     let works =
         (8..=14).contains(&adc_bits) && range_min_mm < range_max_mm && range_max_mm < 1_000_000;
     works.then_some((hardware, pattern))
@@ -148,10 +196,32 @@ mod tests {
 
     #[test]
     fn straps_come_back_as_they_were_set() {
-        let pattern =
-            ScanPattern { columns: 7, rows: 5, azimuth_cdeg: 18_000, elevation_cdeg: 9_000 };
-        let words = straps(&Hardware::REFERENCE, &pattern);
-        assert_eq!(read_straps(words), Some((Hardware::REFERENCE, pattern)));
+        let grid = Grid { columns: 7, rows: 5, azimuth_cdeg: 18_000, elevation_cdeg: 9_000 };
+        let spinning =
+            SpinningModel::ALL.map(|model| ScanPattern::Spinning(Spinning { model, columns: 9 }));
+        let others = [
+            ScanPattern::Grid(grid),
+            ScanPattern::Raster(grid),
+            ScanPattern::Rosette(Rosette::MID_40),
+            ScanPattern::Table(BeamTable { beams: 131_072, channels: 300, hash: u32::MAX }),
+        ];
+        for pattern in spinning.into_iter().chain(others) {
+            let words = straps(&Hardware::REFERENCE, &pattern);
+            assert_eq!(read_straps(words), Some((Hardware::REFERENCE, pattern)));
+        }
+    }
+
+    #[test]
+    fn straps_of_no_pattern_make_no_sensor() {
+        let hardware = Hardware::REFERENCE;
+        let words = straps(&hardware, &ScanPattern::default());
+        for (at, wrong) in [(6, 5), (7, 65_536), (6, u32::MAX)] {
+            let other = core::array::from_fn(|i| match words.get(i) {
+                Some(word) if i != at => *word,
+                _ => wrong,
+            });
+            assert_eq!(read_straps(other), None, "word {at} is {wrong}");
+        }
     }
 
     #[test]

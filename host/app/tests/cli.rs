@@ -40,7 +40,7 @@ fn a_bad_configuration_file_is_refused_with_file_line_and_caret() {
 #[test]
 fn a_value_that_makes_no_sense_is_refused_by_name_everywhere() {
     let fixture = Fixture::new();
-    let table: [(&str, &[&str]); 25] = [
+    let table: [(&str, &[&str]); 27] = [
         ("lidar.powr=1", &["--set lidar.powr=1", "unknown field `powr`"]),
         ("optics.power=1", &["unknown field `optics`"]),
         ("lidar.power", &["a.b=value"]),
@@ -61,6 +61,8 @@ fn a_value_that_makes_no_sense_is_refused_by_name_everywhere() {
         ("data.baseline_m=nan", &["data.baseline_m = NaN"]),
         ("data.train_pairs=0", &["data.train_pairs = 0"]),
         ("scanner.columns=0", &["scanner.columns = 0"]),
+        ("scanner.pattern=os2", &["scanner.pattern = \"os2\" must be one of grid, raster, vlp-16"]),
+        ("scanner.pattern=os1-64", &["scanner.rows = 16 must be left out"]),
         ("scanner.height_m=0", &["scanner.height_m = 0"]),
         ("scene.towns=[]", &["scene.towns"]),
         ("tune.generations=0", &["tune.generations = 0"]),

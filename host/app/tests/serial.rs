@@ -11,7 +11,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use echoloop_dsp::{Hardware, ScanPattern, Settings};
+use echoloop_dsp::{
+    BeamTable, Grid, Hardware, Rosette, ScanPattern, Settings, Spinning, SpinningModel,
+};
 use echoloop_host::experiment::config::{RunConfig, load};
 use echoloop_host::experiment::dataset::Dataset;
 use echoloop_host::experiment::seed::scan_noise;
@@ -293,6 +295,42 @@ fn a_board_of_other_beams_than_the_configuration_s_is_refused() {
     assert!(!fixture.path("runs").exists());
 }
 
+#[test]
+fn a_board_of_another_pattern_is_refused_with_both() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("mine.csv");
+    let rows = "azimuth_deg,elevation_deg,time_s,channel\n1,2,0,0\n3,4,0,1\n";
+    std::fs::write(&path, rows).expect("a file");
+    let mine = format!("scanner.pattern={}", path.display());
+    let vlp = ScanPattern::Spinning(Spinning { model: SpinningModel::Vlp16, columns: 1808 });
+    let table = ScanPattern::Table(BeamTable { beams: 2, channels: 2, hash: 0x1234 });
+    for (theirs, ours, parts) in [
+        (vlp, "scanner.pattern=os1-64", ["1808 × 16 of a Vlp16", "1024 × 64 of a Os1x64"]),
+        (ScanPattern::Rosette(Rosette::MID_40), "seed=1", ["10000 of a rosette", "192 × 64 over"]),
+        (table, &mine, ["(2 channels, hash 0x00001234)", "2 of a table (2 channels, hash 0x"]),
+        (ScanPattern::Raster(Grid::default()), "seed=1", ["line by line", "192 × 64 over"]),
+    ] {
+        let output = ask_a_liar("liar", theirs, &["scan", "--set", ours]);
+        assert_eq!(output.code, Some(2), "{}", output.stderr);
+        for part in parts {
+            assert!(output.stderr.contains(part), "{part}: {}", output.stderr);
+        }
+    }
+}
+
+#[test]
+fn a_table_or_rosette_of_more_beams_than_there_can_be_is_refused() {
+    for beams in [0, 131_073, u32::MAX] {
+        let table = ScanPattern::Table(BeamTable { beams, channels: 2, hash: 1 });
+        for pattern in [table, ScanPattern::Rosette(Rosette { beams, ..Rosette::MID_40 })] {
+            let output = ask_a_liar("liar", pattern, &["scan"]);
+            assert_eq!(output.code, Some(3), "{}", output.stderr);
+            let said = format!("it has {beams} beams; expected");
+            assert!(output.stderr.contains(&said), "{}", output.stderr);
+        }
+    }
+}
+
 /// A sensor that says hello as it likes and knows nothing else, until told to stop.
 fn liar(hello: Report, line: TTYPort, stop: &Arc<AtomicBool>) -> JoinHandle<()> {
     let mut line = Serial::from_open_port(line, "liar").expect("a port");
@@ -336,11 +374,11 @@ fn ask_a_liar(build: &str, pattern: ScanPattern, arguments: &[&str]) -> CommandO
 #[test]
 fn a_sensor_of_more_beams_than_there_can_be_is_refused_before_there_is_room_for_them() {
     for (columns, rows) in [(65_535, 65_535), (4_097, 1), (1, 1_025), (0, 64), (64, 0)] {
-        let pattern = ScanPattern { columns, rows, ..ScanPattern::default() };
+        let pattern = ScanPattern::Grid(Grid { columns, rows, ..Grid::default() });
         for command in ["scan", "evaluate", "sensor"] {
             let output = ask_a_liar("liar", pattern, &[command]);
             assert_eq!(output.code, Some(3), "{command}: {}", output.stderr);
-            let said = format!("it has {columns} × {rows} beams; expected 1 to 4096 × 1 to 1024");
+            let said = format!("it has {columns} × {rows} beams; expected 1 to 4096 × 1 to 1024,");
             assert!(output.stderr.contains(&said), "{command}: {}", output.stderr);
         }
     }

@@ -23,7 +23,9 @@ impl Receiver {
         if self.dead_channels == 0.0 && self.weak_channels == 0.0 {
             return Channel::Alive(1.0);
         }
-        let row = beam.checked_rem(self.rows.into()).unwrap_or(beam);
+        let listed = self.channels.get(beam as usize).map(|channel| u32::from(*channel));
+        let in_turn = || beam.checked_rem(self.rows.into()).unwrap_or(beam);
+        let row = listed.unwrap_or_else(in_turn);
         let lot = Purpose::Channels.for_number(self.channel_seed, row.into()).uniform(0);
         if lot < self.dead_channels {
             Channel::Dead
@@ -80,6 +82,16 @@ mod tests {
         for beam in 0..16 * 20 {
             assert_eq!(receiver.channel(beam), receiver.channel(beam % 16), "beam {beam}");
         }
+    }
+
+    #[test]
+    fn a_beam_of_a_list_has_the_channel_that_the_list_says() {
+        let plain = Receiver { dead_channels: 0.3, rows: 16, ..Receiver::default() };
+        let listed = Receiver { channels: [7, 7, 0, 15].into(), ..plain.clone() };
+        for (beam, channel) in [(0, 7), (1, 7), (2, 0), (3, 15)] {
+            assert_eq!(listed.channel(beam), plain.channel(channel));
+        }
+        assert!((0..16).any(|row| plain.channel(row) != plain.channel(7)));
     }
 
     #[test]

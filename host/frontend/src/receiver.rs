@@ -1,6 +1,7 @@
 //! Optics, detector, amplifier and converter.
 
 use std::f64::consts::{FRAC_PI_4, PI};
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -71,7 +72,7 @@ pub struct Receiver {
     /// Spread of the moment at which the pulse leaves, from shot to shot, ns rms.
     pub timing_jitter_ns: f64,
     /// Fraction of the channels that are dead: their converter reads 0. A channel is a row of
-    /// beams.
+    /// beams, or a laser.
     pub dead_channels: f64,
     /// Fraction of the channels that are weak, …
     pub weak_channels: f64,
@@ -87,10 +88,13 @@ pub struct Receiver {
     /// The weather before it: the configuration's `[weather]`.
     #[serde(skip)]
     pub weather: Weather,
-    /// Rows of its scan pattern, from `[scanner]`; 0: not known, every beam has a channel of its
-    /// own.
+    /// Channels of its scan pattern, from `[scanner]`, which beams have in turn: rows of a grid,
+    /// lasers of a head; 0: not known, every beam has a channel of its own.
     #[serde(skip)]
     pub rows: u16,
+    /// Channel of each beam, where they do not come in turn; empty: they do.
+    #[serde(skip)]
+    pub channels: Arc<[u16]>,
 }
 
 impl Default for Receiver {
@@ -125,6 +129,7 @@ impl Default for Receiver {
             overload_tail_ns: 20.0,
             weather: Weather::default(),
             rows: 0,
+            channels: Arc::default(),
         }
     }
 }

@@ -9,6 +9,7 @@ use super::exit::Failure;
 use super::interrupt::end_on_interrupt;
 use super::progress::Progress;
 use crate::link::client::Identity;
+use crate::link::pattern::described as beams_of;
 use crate::link::sensor::{Model, QemuOptions, SensorSpec, Sensors};
 
 /// Flags of every command that speaks to a sensor.
@@ -108,14 +109,10 @@ pub(super) fn hold_to(
     if theirs == ours {
         return Ok(());
     }
-    let shown = |p: echoloop_dsp::ScanPattern| {
-        let [azimuth, elevation] = [p.azimuth_cdeg, p.elevation_cdeg].map(|c| f64::from(c) / 100.0);
-        format!("{} × {} over {azimuth}° × {elevation}°", p.columns, p.rows)
-    };
     Err(Failure::usage(format!(
         "{}: its beams are {}, the configuration's [scanner] has {}",
         sensors.name(),
-        shown(theirs),
-        shown(ours)
+        beams_of(&theirs),
+        beams_of(&ours)
     )))
 }

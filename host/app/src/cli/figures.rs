@@ -9,10 +9,12 @@ use crate::experiment::params::{self, Axis, Parameters, Space, effective};
 use crate::experiment::run::{AFTER, BEFORE, REPORT, RunFolder, RunResult};
 use crate::experiment::seed::{Purpose, derive};
 use crate::experiment::tune::{TuneSearch, Tuned};
+use crate::link::pattern::{described as beams_of, size};
 use crate::report::{
     CloudLayer, Convergence, Correlation, EvaluationRow, EvaluationTable, PairClouds, PairError,
     ParameterTrace, PoseError, Report, RowKind,
 };
+use echoloop_dsp::ScanPattern;
 use echoloop_registration::FgrMode;
 use echoloop_registration::cloud::{Cloud, CloudFormat};
 
@@ -173,10 +175,14 @@ fn write_report(run: &Finished<'_>, shown: Shown) -> Result<(), Failure> {
 fn facts(run: &Finished<'_>) -> Vec<(String, String)> {
     let Finished { prepared, search, result, .. } = run;
     let config = &prepared.config;
-    let pattern = prepared.dataset.pattern;
+    let pattern = prepared.dataset.beams.pattern();
+    let beams = match pattern {
+        ScanPattern::Grid(_) => size(pattern),
+        _ => beams_of(pattern),
+    };
     [
         ("Scene", format!("{}, {} triangles", result.scene, prepared.dataset.triangles)),
-        ("Beams", format!("{} × {}", pattern.columns, pattern.rows)),
+        ("Beams", beams),
         ("Protocol", result.protocol.clone()),
         ("Method", result.method.clone()),
         (

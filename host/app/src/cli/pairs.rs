@@ -97,10 +97,9 @@ fn scan<'a>(
         };
         Ok([look(0)?, look(1)?])
     })?;
-    let config = &prepared.config;
-    let duration_s = config.motion.duration_s;
-    let (directions, pattern) = (&prepared.dataset.directions, config.scanner.pattern());
-    let clouds = scans.map(|scan| recorded_from_scan(&scan, directions, &pattern, duration_s));
+    let (beams, duration_s) = (&prepared.dataset.beams, prepared.config.motion.duration_s);
+    let recorded = |i: usize| recorded_from_scan(&scans[i], beams, pair.viewpoints[i], duration_s);
+    let clouds = [recorded(0), recorded(1)];
     match clouds.iter().position(|scan| scan.cloud.points.is_empty()) {
         Some(at) => Err(Failure::run(format!(
             "scan {}: no beam returned an echo (is the sensor inside something, or too weak?)",

@@ -1,14 +1,13 @@
 //! A sensor that holds what is configured, and what it is told.
 
-use echoloop_dsp::{ScanPattern, Settings};
-use nalgebra::Vector3;
+use echoloop_dsp::Settings;
 
 use super::choice::{described, hold_to};
 use super::common::Setup;
 use super::exit::Failure;
+use crate::experiment::beams::Beams;
 use crate::experiment::config::RunConfig;
 use crate::experiment::params::Parameters;
-use crate::experiment::scan_cloud::directions;
 use crate::link::sensor::{Model, Sensors};
 
 /// Sensors that were asked who they are.
@@ -18,9 +17,8 @@ pub(super) struct Ready {
     pub(super) sensor: String,
     /// What the configuration starts with.
     pub(super) settings: Settings,
-    pub(super) pattern: ScanPattern,
-    /// Of every beam.
-    pub(super) directions: Vec<Vector3<f32>>,
+    /// Where they point, and when.
+    pub(super) beams: Beams,
 }
 
 impl Ready {
@@ -32,8 +30,7 @@ impl Ready {
         hold_to(&sensors, &identity, &model)?;
         let start = Parameters::start(config, &identity.hardware).map_err(Failure::usage)?;
         let sensor = described(&sensors, &identity);
-        let pattern = identity.pattern;
-        let directions = directions(&pattern);
-        Ok(Self { sensors, sensor, settings: start.settings, pattern, directions })
+        let beams = config.scanner.beams(); // the sensor's too, or it would have been refused
+        Ok(Self { sensors, sensor, settings: start.settings, beams })
     }
 }

@@ -11,7 +11,7 @@ use echoloop_sim::viewpoint::{
     Footing, PairPlan, Split, Standpoint, ViewpointError, sample_pairs_aloud, stand_alone,
     stands_aloft,
 };
-use nalgebra::{Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Translation3, UnitQuaternion};
 
 use super::cloud_output::{CloudOutput, format_parser, tell, wrote};
 use super::common::{Setup, on_threads};
@@ -19,6 +19,7 @@ use super::exit::Failure;
 use super::progress::Progress;
 use super::ready::Ready;
 use super::scan_along::{Along, scan_along};
+use crate::experiment::beams::Beams;
 use crate::experiment::config::RunConfig;
 use crate::experiment::dataset::{DatasetError, Place, place, respond};
 use crate::experiment::scan_cloud::recorded_from_scan;
@@ -93,15 +94,15 @@ struct Seen {
 
 fn scan(args: &ScanArgs, config: &RunConfig, output: Option<&CloudOutput>) -> Result<(), Failure> {
     let ready = Ready::new(&args.setup, config)?;
-    let Ready { sensors, settings, pattern, directions, .. } = &ready;
-    let seen = seen(args, config, directions)?;
+    let Ready { sensors, settings, beams, .. } = &ready;
+    let seen = seen(args, config, beams)?;
     let response = seen.as_ref().map_or_else(Arc::default, |seen| Arc::clone(&seen.response));
     let view =
         View { scene: &response, noise_seed: scan_noise(config.seed), scan: 1, viewpoint: 1 };
     let (hash, scan) =
         sensors.with(|sensor| Ok((sensor.configure(settings)?, sensor.scan(&view)?)))?;
     let duration_s = config.motion.duration_s;
-    let recorded = recorded_from_scan(&scan, directions, pattern, duration_s);
+    let recorded = recorded_from_scan(&scan, beams, view.viewpoint, duration_s);
     if recorded.cloud.points.is_empty() {
         return Err(Failure::run(
             "detection: no beam returned an echo (is the sensor inside something, or too weak?)",
@@ -110,17 +111,13 @@ fn scan(args: &ScanArgs, config: &RunConfig, output: Option<&CloudOutput>) -> Re
     if let Some(output) = output {
         output.write(&recorded)?;
     }
-    let beams = pattern.beams();
+    let beams = beams.pattern().beams();
     let scan = Scan { sensor: ready.sensor, seen, settings: hash, beams, recorded };
     tell(output, &args.setup.common, &told(args, &scan)?)
 }
 
 /// What a sensor is to look at, when that is for us to say.
-fn seen(
-    args: &ScanArgs,
-    config: &RunConfig,
-    directions: &[Vector3<f32>],
-) -> Result<Option<Seen>, Failure> {
+fn seen(args: &ScanArgs, config: &RunConfig, beams: &Beams) -> Result<Option<Seen>, Failure> {
     if args.setup.sensor.is_turned_by_others() {
         return match args.pose {
             Some(_) => {
@@ -135,7 +132,7 @@ fn seen(
         Some(numbers) => pose(numbers)?,
         None => first_viewpoint(config, &place, town, args.setup.common.quiet)?,
     };
-    let response = Arc::new(respond(config, &place, &world_from_sensor, directions));
+    let response = Arc::new(respond(config, &place, &world_from_sensor, beams));
     Ok(Some(Seen { scene: place.scene.name, world_from_sensor, response }))
 }
 

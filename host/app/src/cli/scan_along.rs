@@ -14,7 +14,7 @@ use super::interrupt::stop_on_interrupt;
 use super::progress::Progress;
 use super::ready::Ready;
 use crate::experiment::config::RunConfig;
-use crate::experiment::dataset::{Place, place, respond};
+use crate::experiment::dataset::{Place, place, respond_at};
 use crate::experiment::scan_cloud::recorded_from_scan;
 use crate::experiment::seed::scan_noise;
 use crate::experiment::tune::Observer;
@@ -111,9 +111,9 @@ impl Way<'_> {
     /// The scan of a pose: number 1 is the first.
     fn scan(&self, index: usize, at: &Stamped) -> Result<Recorded, Failure> {
         let Self { config, place, ready, .. } = self;
-        let Ready { sensors, settings, pattern, directions, .. } = ready;
-        let response = Arc::new(respond(config, place, &at.pose, directions));
+        let Ready { sensors, settings, beams, .. } = ready;
         let number = index as u32 + 1;
+        let response = Arc::new(respond_at(config, place, &at.pose, number, beams));
         let noise_seed = scan_noise(config.seed);
         let view = View { scene: &response, noise_seed, scan: number, viewpoint: number };
         let scan = sensors.with(|sensor| {
@@ -121,7 +121,7 @@ impl Way<'_> {
             sensor.scan(&view)
         })?;
         let duration_s = config.motion.duration_s;
-        let recorded = recorded_from_scan(&scan, directions, pattern, duration_s);
+        let recorded = recorded_from_scan(&scan, beams, number, duration_s);
         if recorded.cloud.points.is_empty() {
             return Err(Failure::run(format!(
                 "{}:{}: no beam returned an echo (is the sensor inside something, or too weak?)",

@@ -10,6 +10,7 @@ use super::exit::Failure;
 use super::parameter_table::choices;
 use crate::experiment::config::{Lidar, RunConfig};
 use crate::link::client::Identity;
+use crate::link::pattern::{described as beams_of, document};
 use crate::link::sensor::Model;
 
 /// Flags of `sensor`.
@@ -65,7 +66,7 @@ fn print_json(
         "protocol": Greeting::OURS.protocol,
         "schema": format!("{:#018x}", Greeting::OURS.schema),
         "hardware": identity.hardware,
-        "pattern": identity.pattern,
+        "pattern": document(&identity.pattern),
         "hash": format!("{:#010x}", settings_hash(settings)),
         "settings": Lidar(*settings),
         "counters": counters,
@@ -81,7 +82,7 @@ fn print_text(name: &str, identity: &Identity, settings: &Settings, counters: &C
     let [from_m, to_m, limit_nj] =
         [h.range_min_mm, h.range_max_mm, h.energy_limit_pj].map(|v| f64::from(v) / 1e3);
     println!("{} bits, {from_m} to {to_m} m, pulses up to {limit_nj} nJ", h.adc_bits);
-    println!("{} × {} beams", identity.pattern.columns, identity.pattern.rows);
+    println!("beams: {}", beams_of(&identity.pattern));
     println!("\nsettings {:#010x}", settings_hash(settings));
     for parameter in &PARAMETERS {
         println!(

@@ -115,8 +115,7 @@ mod tests {
         let mut config = RunConfig::default();
         config.scene.source = obj.to_string_lossy().into_owned();
         let empty = Dataset {
-            pattern: config.scanner.pattern(),
-            directions: Vec::new(),
+            beams: config.scanner.beams(),
             train: Vec::new(),
             test: Vec::new(),
             triangles: 0,

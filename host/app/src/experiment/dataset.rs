@@ -6,7 +6,6 @@ mod motion;
 use std::path::Path;
 use std::sync::Arc;
 
-use echoloop_dsp::ScanPattern;
 use echoloop_files::shown;
 use echoloop_frontend::SceneResponse;
 use echoloop_sim::import::{ImportError, load_scene};
@@ -14,11 +13,10 @@ use echoloop_sim::raycast::Raycaster;
 use echoloop_sim::scanner::{BeamOptics, Scanner};
 use echoloop_sim::scene::{Scene, SceneKind, generate};
 use echoloop_sim::viewpoint::{PairPlan, PosePair, Split, ViewpointError, sample_pairs_aloud};
-use nalgebra::Vector3;
 use thiserror::Error;
 
+use crate::experiment::beams::Beams;
 use crate::experiment::config::{RunConfig, RunConfigError};
-use crate::experiment::scan_cloud::directions;
 use crate::experiment::seed::{Purpose, derive};
 use echoloop_registration::pose::{Pose, relative};
 use motion::Path as MotionPath;
@@ -79,10 +77,8 @@ pub fn viewpoints(place: usize) -> [u32; 2] {
 /// The pairs of a run.
 #[derive(Clone, Debug)]
 pub struct Dataset {
-    /// Where the beams point.
-    pub pattern: ScanPattern,
-    /// Unit vector of every beam.
-    pub directions: Vec<Vector3<f32>>,
+    /// Where the beams point, and when.
+    pub beams: Beams,
     /// Pairs to tune on.
     pub train: Vec<ScanPair>,
     /// Pairs to judge on.
@@ -107,10 +103,8 @@ impl Dataset {
     ///
     /// [`DatasetError`].
     pub fn build(config: &RunConfig, progress: &dyn Fn(f64, &str)) -> Result<Self, DatasetError> {
-        let pattern = config.scanner.pattern();
-        let directions = directions(&pattern);
-        let mut dataset =
-            Self { pattern, directions, train: Vec::new(), test: Vec::new(), triangles: 0 };
+        let beams = config.scanner.beams();
+        let mut dataset = Self { beams, train: Vec::new(), test: Vec::new(), triangles: 0 };
         let towns = towns(config);
         let total = (config.data.train_pairs + config.data.test_pairs) as f64;
         for (index, town) in towns.iter().enumerate() {
@@ -131,8 +125,7 @@ impl Dataset {
                         Split::Train => dataset.train.len(),
                         Split::Test => config.data.train_pairs + dataset.test.len(),
                     };
-                    let pair =
-                        trace(config, &place, &pair, viewpoints(number), &dataset.directions);
+                    let pair = trace(config, &place, &pair, viewpoints(number), &dataset.beams);
                     match split {
                         Split::Train => dataset.train.push(pair),
                         Split::Test => dataset.test.push(pair),
@@ -215,10 +208,10 @@ fn trace(
     place: &Place,
     pair: &PosePair,
     viewpoints: [u32; 2],
-    directions: &[Vector3<f32>],
+    beams: &Beams,
 ) -> ScanPair {
     let truth = relative(&pair.world_from_first, &pair.world_from_second);
-    let look = |pose, viewpoint| Arc::new(respond_at(config, place, pose, viewpoint, directions));
+    let look = |pose, viewpoint| Arc::new(respond_at(config, place, pose, viewpoint, beams));
     ScanPair {
         place: place.scene.name.clone(),
         truth,
@@ -234,9 +227,9 @@ pub fn respond(
     config: &RunConfig,
     place: &Place,
     world_from_sensor: &Pose,
-    directions: &[Vector3<f32>],
+    beams: &Beams,
 ) -> SceneResponse {
-    respond_at(config, place, world_from_sensor, 1, directions)
+    respond_at(config, place, world_from_sensor, 1, beams)
 }
 
 /// What the scan of a viewpoint sees; of a sensor that moves, the pose is that of the middle of the
@@ -246,19 +239,20 @@ pub fn respond_at(
     place: &Place,
     world_from_sensor: &Pose,
     viewpoint: u32,
-    directions: &[Vector3<f32>],
+    beams: &Beams,
 ) -> SceneResponse {
     let optics = BeamOptics {
         divergence_mrad: config.receiver.divergence_mrad,
         subrays: config.receiver.subrays,
     };
+    let directions = beams.directions(viewpoint);
     let directions: Vec<[f32; 3]> = directions.iter().map(|&d| d.into()).collect();
     let (caster, materials) = (&place.caster, &place.scene.materials);
     if config.motion.is_still() {
         return Scanner::scan(caster, materials, world_from_sensor, &directions, &optics);
     }
     let seed = derive(config.seed, Purpose::Motion, viewpoint.into());
-    let path = MotionPath::new(&config.motion, config.scanner.pattern(), *world_from_sensor, seed);
+    let path = MotionPath::new(&config.motion, beams, *world_from_sensor, seed);
     Scanner::scan_moving(
         caster,
         materials,

@@ -50,6 +50,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod beam_list;
+pub mod beams;
 pub mod checksum;
 pub mod config;
 pub mod content;

@@ -73,7 +73,7 @@ impl Bench<'_> {
         let scans = self
             .sensors
             .with(|sensor| scan_pair(sensor, &parameters.settings, pair, noise_seed))?;
-        let [first, second] = scans.map(|scan| self.cloud(&scan));
+        let [first, second] = [0, 1].map(|i| self.cloud(&scans[i], pair.viewpoints[i]));
         let initial = Pose::identity();
         let outcome = match parameters.registration.build() {
             Ok(method) => method.register(&first, &second, &initial),
@@ -88,9 +88,9 @@ impl Bench<'_> {
         })
     }
 
-    /// The points of a scan, sensor frame.
-    pub fn cloud(&self, scan: &[Echoes]) -> Cloud {
-        cloud_from_scan(scan, &self.dataset.directions)
+    /// The points of the scan of a viewpoint, sensor frame.
+    pub fn cloud(&self, scan: &[Echoes], viewpoint: u32) -> Cloud {
+        cloud_from_scan(scan, &self.dataset.beams.directions(viewpoint))
     }
 }
 

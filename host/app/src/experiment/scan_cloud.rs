@@ -1,13 +1,13 @@
 //! From a scan's echoes to a cloud.
 
-use std::f32::consts::PI;
-
-use echoloop_dsp::{Echo, Echoes, ScanPattern};
+use echoloop_dsp::{Echo, Echoes};
 use echoloop_registration::cloud::attribute::{
     Attribute, COLUMN, ECHO, FLAGS, INTENSITY, PULSE_WIDTH, REFLECTIVITY, RING, SNR, TIME,
 };
 use echoloop_registration::cloud::{Cloud, Recorded};
 use nalgebra::{Point3, Vector3};
+
+use crate::experiment::beams::Beams;
 
 /// The points of a scan, sensor frame, m, with their σ_R: one for each echo of each beam.
 /// `directions` are the beams' unit vectors.
@@ -18,19 +18,18 @@ pub fn cloud_from_scan(scan: &[Echoes], directions: &[Vector3<f32>]) -> Cloud {
     Cloud { range_sd_m: Some(range_sd_m), ..Cloud::new(points.collect()) }
 }
 
-/// As [`cloud_from_scan`], with all that the sensor tells of each echo. Beam `b` of `n` is fired
-/// `(b + ½)/n · duration` after the scan's beginning, as configured: the link tells no times.
+/// As [`cloud_from_scan`], with all that the sensor tells of each echo. Ring, column and time are
+/// the pattern's, of a scan that takes as long as configured: the link tells no times.
 pub fn recorded_from_scan(
     scan: &[Echoes],
-    directions: &[Vector3<f32>],
-    pattern: &ScanPattern,
+    beams: &Beams,
+    viewpoint: u32,
     duration_s: f64,
 ) -> Recorded {
-    let rows = u32::from(pattern.rows.max(1));
-    let s_a_beam = duration_s / f64::from(pattern.beams().max(1));
-    let beams = (0..).zip(scan.iter().zip(directions));
+    let directions = &beams.directions(viewpoint);
+    let fired = (0..).zip(scan.iter().zip(directions.iter()));
     let told: Vec<Told<'_>> =
-        beams.flat_map(|(beam, (echoes, _))| Told::of_beam(beam, echoes)).collect();
+        fired.flat_map(|(beam, (echoes, _))| Told::of_beam(beam, echoes)).collect();
     let column = |attribute: &Attribute, value: fn(&Told<'_>) -> f64| {
         attribute.column(told.iter().map(value))
     };
@@ -43,10 +42,10 @@ pub fn recorded_from_scan(
         column(&SNR, |told| told.echo.snr_ratio().to_num()),
         column(&PULSE_WIDTH, |told| told.echo.width_ns().to_num()),
         column(&FLAGS, |told| told.echo.flags.0.into()),
-        of_beam(&RING, &|beam| (beam % rows).into()),
-        of_beam(&COLUMN, &|beam| (beam / rows).into()),
+        of_beam(&RING, &|beam| beams.ring(beam).into()),
+        of_beam(&COLUMN, &|beam| beams.column(beam).into()),
         column(&ECHO, |told| told.number as f64),
-        of_beam(&TIME, &|beam| (f64::from(beam) + 0.5) * s_a_beam),
+        of_beam(&TIME, &|beam| beams.time_s(beam, duration_s)),
     ];
     Recorded { cloud: cloud_from_scan(scan, directions), columns, left_out: Vec::new() }
 }
@@ -75,27 +74,6 @@ fn range_sd_m(echo: &Echo) -> f32 {
     f32::from(echo.deviation) / 256e3
 }
 
-/// Unit vectors of a pattern's beams, in their order, sensor frame: x ahead, y left, z up.
-pub fn directions(pattern: &ScanPattern) -> Vec<Vector3<f32>> {
-    (0..pattern.beams()).map(|beam| direction(pattern, beam)).collect()
-}
-
-fn direction(pattern: &ScanPattern, beam: u32) -> Vector3<f32> {
-    let rows = u32::from(pattern.rows).max(1);
-    let azimuth = angle_rad(beam / rows, pattern.columns, pattern.azimuth_cdeg);
-    let elevation = angle_rad(beam % rows, pattern.rows, pattern.elevation_cdeg);
-    // The same bits on every machine, unlike the standard library's.
-    let (sin_azimuth, cos_azimuth) = libm::sincosf(azimuth);
-    let (sin_elevation, cos_elevation) = libm::sincosf(elevation);
-    Vector3::new(cos_elevation * cos_azimuth, cos_elevation * sin_azimuth, sin_elevation)
-}
-
-/// Middle of cell `index` of `count` over a full range centred on 0.
-fn angle_rad(index: u32, count: u16, full_cdeg: u16) -> f32 {
-    let full_rad = f32::from(full_cdeg) * (PI / 18_000.0);
-    ((index as f32 + 0.5) / f32::from(count.max(1)) - 0.5) * full_rad
-}
-
 /// The point an echo comes from along a beam's unit vector, m.
 fn point_m(direction: &Vector3<f32>, echo: &Echo) -> Point3<f32> {
     Point3::from(direction * (echo.range as f32 / 256e3))
@@ -103,17 +81,26 @@ fn point_m(direction: &Vector3<f32>, echo: &Echo) -> Point3<f32> {
 
 #[cfg(test)]
 mod tests {
-    use echoloop_dsp::Flags;
+    use echoloop_dsp::{Flags, Grid, ScanPattern};
     use echoloop_registration::cloud::attribute::ATTRIBUTES;
 
     use super::*;
 
-    const PATTERN: ScanPattern =
-        ScanPattern { columns: 4, rows: 2, azimuth_cdeg: 18_000, elevation_cdeg: 9_000 };
+    const PATTERN: ScanPattern = ScanPattern::Grid(Grid {
+        columns: 4,
+        rows: 2,
+        azimuth_cdeg: 18_000,
+        elevation_cdeg: 9_000,
+    });
+
+    fn beams() -> Beams {
+        Beams::new(PATTERN)
+    }
 
     #[test]
     fn beams_are_unit_vectors_and_symmetric_about_the_axis() {
-        let directions = directions(&PATTERN);
+        let beams = beams();
+        let directions = beams.directions(1);
         assert!(directions.iter().all(|direction| (direction.norm() - 1.0).abs() < 1e-6));
         let sum: Vector3<f32> = directions.iter().sum();
         assert!(sum.y.abs() < 1e-5 && sum.z.abs() < 1e-5 && sum.x > 0.0);
@@ -126,7 +113,7 @@ mod tests {
             let _ = beam.push(Echo { range: 256_000, deviation, ..Default::default() });
         }
         let scan = [Echoes::new(), beam];
-        let cloud = cloud_from_scan(&scan, &directions(&PATTERN));
+        let cloud = cloud_from_scan(&scan, &beams().directions(1));
         assert_eq!(cloud.range_sd_m, Some(vec![0.02, 0.0005]));
         assert_eq!(cloud_from_scan(&scan, &[]).range_sd_m, Some(vec![]), "no beam, no echo");
     }
@@ -146,7 +133,7 @@ mod tests {
         let _ = [9, 4, 4].map(|range_m| beam.push(echo(range_m))); // the strongest first
         let scan: Vec<Echoes> =
             (0..8).map(|i| if i == 5 { beam.clone() } else { Echoes::new() }).collect();
-        let told = recorded_from_scan(&scan, &directions(&PATTERN), &PATTERN, 0.16);
+        let told = recorded_from_scan(&scan, &beams(), 1, 0.16);
         let values = |attribute: &Attribute| -> Vec<f64> {
             let found = told.columns.iter().find(|column| column.name == attribute.name);
             let found = found.map(|column| (column.kind(), column.values().collect()));
@@ -169,12 +156,12 @@ mod tests {
         for (attribute, expected) in expected {
             assert_eq!(values(&attribute), expected, "{}", attribute.name);
         }
-        assert_eq!(told.cloud, cloud_from_scan(&scan, &directions(&PATTERN)));
+        assert_eq!(told.cloud, cloud_from_scan(&scan, &beams().directions(1)));
     }
 
     #[test]
     fn a_point_lies_at_the_echo_s_range() {
         let echo = Echo { range: 256_000 * 7, ..Default::default() };
-        assert!((point_m(&directions(&PATTERN)[3], &echo).coords.norm() - 7.0).abs() < 1e-5);
+        assert!((point_m(&beams().directions(1)[3], &echo).coords.norm() - 7.0).abs() < 1e-5);
     }
 }

@@ -12,11 +12,8 @@ use echoloop_link::{
 };
 use thiserror::Error;
 
+use crate::link::pattern::{MOST_BEAMS, MOST_IN_ALL, is_possible, size};
 use crate::link::transport::Transport;
-
-/// Most beams along azimuth and along elevation, of a sensor and of a configuration: scans of more
-/// are not what memory is made for.
-pub const MOST_BEAMS: [u16; 2] = [4096, 1024];
 
 /// Why a sensor did not do what it was asked.
 #[derive(Debug, Error)]
@@ -51,8 +48,9 @@ pub enum ClientError {
     },
     /// It says that it has no beams, or more than there can be.
     #[error(
-        "the sensor ({build}) says it has {} × {} beams; expected 1 to {} × 1 to {}",
-        pattern.columns, pattern.rows, MOST_BEAMS[0], MOST_BEAMS[1]
+        "the sensor ({build}) says it has {} beams; expected 1 to {} × 1 to {}, or 1 to \
+         {MOST_IN_ALL}",
+        size(pattern), MOST_BEAMS[0], MOST_BEAMS[1]
     )]
     Pattern {
         /// Where it says its beams point.
@@ -201,8 +199,7 @@ impl<T: Transport> Client<T> {
         if greeting != Greeting::OURS {
             return Err(ClientError::Version { theirs: greeting, build });
         }
-        let [columns, rows] = MOST_BEAMS.map(|most| 1..=most);
-        if !columns.contains(&pattern.columns) || !rows.contains(&pattern.rows) {
+        if !is_possible(&pattern) {
             return Err(ClientError::Pattern { pattern, build });
         }
         self.identity = Identity { build, hardware, pattern };

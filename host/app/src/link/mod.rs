@@ -15,7 +15,7 @@
 //! use echoloop_sim::board::PcSensor;
 //!
 //! let mut config = RunConfig::default();
-//! (config.scanner.columns, config.scanner.rows) = (24, 8);
+//! (config.scanner.columns, config.scanner.rows) = (Some(24), Some(8));
 //! let model = Model::from(&config);
 //! let sensor = PcSensor::new(model.front_end(), model.pattern, model.hardware);
 //! let mut client = Client::connect(InProcess(sensor), RetryPolicy::default())?;
@@ -28,6 +28,7 @@
 
 pub mod client;
 pub mod defmt_log;
+pub mod pattern;
 pub mod sensor;
 pub mod serve;
 pub mod transport;

@@ -19,6 +19,14 @@ pub enum RunConfigError {
         /// What it must be.
         expected: Cow<'static, str>,
     },
+    /// A table of beams that is none.
+    #[error("scanner.pattern = {path}: {reason}")]
+    Table {
+        /// The file.
+        path: String,
+        /// Which line, and what is wrong.
+        reason: String,
+    },
     /// In the receiver.
     #[error(transparent)]
     Optics(#[from] OpticsError),

@@ -91,9 +91,16 @@ impl From<&RunConfig> for Model {
 }
 
 impl RunConfig {
-    /// The receiver in this weather and with this scanner's rows: all that a front end is made of.
+    /// The receiver in this weather and with this scanner's channels: all that a front end is made
+    /// of.
     pub fn front_end(&self) -> Receiver {
-        Receiver { weather: self.weather, rows: self.scanner.rows, ..self.receiver.clone() }
+        let list = self.scanner.list();
+        Receiver {
+            weather: self.weather,
+            rows: self.scanner.pattern().channels(),
+            channels: list.map(|list| list.channels()).unwrap_or_default(),
+            ..self.receiver.clone()
+        }
     }
 
     /// What the hardware of a sensor of this configuration fixes.
@@ -115,6 +122,7 @@ impl RunConfig {
         }
         self.motion.check()?;
         self.scanner.check()?;
+        self.scanner.check_times(self.motion.duration_s)?;
         self.emitter.check()?;
         self.data.check()?;
         self.tune.check()?;

@@ -6,7 +6,7 @@ use super::error::{RunConfigError, require};
 
 /// How the sensor moves during a scan. Off: it stands still, and a scan is taken at once.
 ///
-/// Beams are fired one after the other, column by column; beam `b` of `n` at
+/// A beam is fired when the pattern says, of the grid's `n` beams the one `b` at
 /// `t = ((b + ½)/n − ½) · duration`. The pose of a scan, and so the truth of a pair, is that of its
 /// middle, t = 0; points are laid out as if all were measured from there.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -1,8 +1,8 @@
 //! Where a moving sensor is at each beam.
 
-use echoloop_dsp::ScanPattern;
 use nalgebra::{Translation3, UnitQuaternion, Vector3};
 
+use crate::experiment::beams::Beams;
 use crate::experiment::config::{JitterPer, Motion};
 use echoloop_frontend::shaking;
 use echoloop_registration::pose::Pose;
@@ -11,41 +11,37 @@ use echoloop_registration::pose::Pose;
 ///
 /// ```text
 /// world_from_sensor(b) = world_from_middle · (v·t, exp(ω·t)) · (shift, exp(turn))
-/// t = ((b + ½)/n − ½) · duration
+/// t = (fraction(b) − ½) · duration
 /// ```
 ///
-/// v and ω in the sensor's frame at the middle; shift and turn normal, for each column or beam, a
-/// pure function of the seed and its number.
-pub(super) struct Path {
+/// `fraction` is when the pattern fires a beam, as part of the scan. v and ω in the sensor's frame
+/// at the middle; shift and turn normal, for each column or beam, a pure function of the seed and
+/// its number.
+pub(super) struct Path<'a> {
     motion: Motion,
-    beams: f64,
-    rows: usize,
+    beams: &'a Beams,
     world_from_middle: Pose,
     seed: u64,
 }
 
-impl Path {
+impl<'a> Path<'a> {
     /// The way that passes through a pose in its middle.
     pub(super) fn new(
         motion: &Motion,
-        pattern: ScanPattern,
+        beams: &'a Beams,
         world_from_middle: Pose,
         seed: u64,
     ) -> Self {
-        let beams = f64::from(pattern.beams().max(1));
-        Self {
-            motion: *motion,
-            beams,
-            rows: usize::from(pattern.rows.max(1)),
-            world_from_middle,
-            seed,
-        }
+        Self { motion: *motion, beams, world_from_middle, seed }
     }
 
     /// The pose at a beam.
     pub(super) fn world_from_sensor(&self, beam: usize) -> Pose {
         let Motion { duration_s, linear_m_s, angular_deg_s, .. } = self.motion;
-        let t = ((beam as f64 + 0.5) / self.beams - 0.5) * duration_s;
+        let t = match duration_s {
+            0.0 => 0.0,
+            _ => (self.beams.fraction(beam, duration_s) - 0.5) * duration_s,
+        };
         let moved = rigid(
             Vector3::from(linear_m_s) * t,
             Vector3::from(angular_deg_s.map(f64::to_radians)) * t,
@@ -58,8 +54,11 @@ impl Path {
         if jitter_mrad == 0.0 && jitter_mm == 0.0 {
             return Pose::identity();
         }
-        let number = if jitter_per == JitterPer::Column { beam / self.rows } else { beam };
-        let stream = shaking(self.seed, number as u64);
+        let number = match jitter_per {
+            JitterPer::Column => self.beams.together(beam as u32).into(),
+            JitterPer::Beam => beam as u64,
+        };
+        let stream = shaking(self.seed, number);
         let draw = |first: u64, sigma: f64| {
             Vector3::from([0, 2, 4].map(|i| 1e-3 * sigma * stream.normal(first + i)))
         };
@@ -73,13 +72,24 @@ fn rigid(shift_m: Vector3<f64>, turn_rad: Vector3<f64>) -> Pose {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::LazyLock;
+
+    use echoloop_dsp::{Grid, ScanPattern, Spinning, SpinningModel};
+
     use super::*;
+    use crate::experiment::beam_list::BeamList;
 
-    const PATTERN: ScanPattern =
-        ScanPattern { columns: 100, rows: 20, azimuth_cdeg: 18_000, elevation_cdeg: 9_000 };
+    const PATTERN: ScanPattern = ScanPattern::Grid(Grid {
+        columns: 100,
+        rows: 20,
+        azimuth_cdeg: 18_000,
+        elevation_cdeg: 9_000,
+    });
 
-    fn path(motion: Motion) -> Path {
-        Path::new(&motion, PATTERN, Pose::translation(1.0, 2.0, 3.0), 5)
+    static BEAMS: LazyLock<Beams> = LazyLock::new(|| Beams::new(PATTERN));
+
+    fn path(motion: Motion) -> Path<'static> {
+        Path::new(&motion, &BEAMS, Pose::translation(1.0, 2.0, 3.0), 5)
     }
 
     #[test]
@@ -101,6 +111,33 @@ mod tests {
         );
         let turn = first.rotation.inverse() * last.rotation;
         assert!((turn.scaled_axis().z - 9_f64.to_radians() * 1999.0 / 2000.0).abs() < 1e-9);
+    }
+
+    /// At 10 m/s for 0.1 s: 1 m from the first instant to the last, 0 in the middle.
+    #[test]
+    fn a_beam_is_where_the_sensor_is_when_the_pattern_fires_it() {
+        let motion = Motion { duration_s: 0.1, linear_m_s: [10.0, 0.0, 0.0], ..Motion::default() };
+        let x = |beams: &Beams, beam: usize| {
+            let path = Path::new(&motion, beams, Pose::identity(), 5);
+            path.world_from_sensor(beam).translation.x
+        };
+        let near = |got: f64, expected: f64| {
+            assert!((got - expected).abs() < 1e-12, "{got} for {expected}");
+        };
+        // The first and the last laser of a VLP-16's column: slots 0 and 15 of 24.
+        let head = Spinning { model: SpinningModel::Vlp16, columns: 10 };
+        let vlp = Beams::new(ScanPattern::Spinning(head));
+        near(x(&vlp, 3 * 16), (3.0 + 0.5 / 24.0) / 10.0 - 0.5);
+        near(x(&vlp, 3 * 16 + 15), (3.0 + 15.5 / 24.0) / 10.0 - 0.5);
+        // All of a column of an OS1 at once.
+        let head = Spinning { model: SpinningModel::Os1x64, columns: 10 };
+        let os1 = Beams::new(ScanPattern::Spinning(head));
+        near(x(&os1, 9 * 64), 0.45);
+        near(x(&os1, 9 * 64 + 63), 0.45);
+        // As a table says, in whatever order.
+        let rows = "azimuth_deg,elevation_deg,time_s,channel\n0,0,0.1,0\n0,0,0,0\n0,0,0.03,0\n";
+        let table = Beams::of_list(BeamList::from_csv(rows.as_bytes()).unwrap().into());
+        [0.5, -0.5, -0.2].iter().enumerate().for_each(|(beam, at)| near(x(&table, beam), *at));
     }
 
     #[test]

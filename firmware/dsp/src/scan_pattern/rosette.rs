@@ -1,0 +1,67 @@
+//! A rosette that does not repeat.
+
+use core::f32::consts::{PI, TAU};
+
+use nalgebra::{Vector2, Vector3};
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
+/// Two prisms that turn against each other, each of which bends the beam by its angle: what Livox
+/// publishes of its sensors (Liu, Wang, Zhang, "Low-Cost Retina-Like Robotic Lidars Based on
+/// Incommensurable Scanning", IEEE/ASME Trans. Mechatronics 27, 2022).
+///
+/// ```text
+/// k = scan · beams + beam + ½        φᵢ = 2π · rotorᵢ/60 · k/rate
+/// v = Σ bendᵢ · (cos φᵢ, sin φᵢ)     the beam leaves at |v| from x, towards v in y and z
+/// ```
+///
+/// The curve goes on from scan to scan. To first order in the bends: the prisms' glass is not
+/// traced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Rosette {
+    /// Beams of a scan.
+    pub beams: u32,
+    /// Beams a second, along the curve.
+    pub rate_hz: u32,
+    /// Turns of the prisms, rpm; counter-clockwise seen from behind is positive.
+    pub rotors_rpm: [i32; 2],
+    /// What each bends, 0.01°.
+    pub bends_cdeg: [u16; 2],
+}
+
+impl Rosette {
+    /// Livox Mid-40: 38.4° across, prisms at 7294 and −4664 rpm, 100,000 beams a second, here 0.1 s
+    /// of them. Its curve closes after 30 s: 300 scans.
+    pub const MID_40: Self =
+        Self { beams: 10_000, rate_hz: 100_000, rotors_rpm: [7294, -4664], bends_cdeg: [960, 960] };
+
+    /// Turns of a prism at a beam, modulo 1, exact: numerator and denominator.
+    ///
+    /// `rpm · (2 · (scan · beams + beam) + 1) / (120 · rate)`.
+    pub fn turn(&self, rotor_rpm: i32, scan: u32, beam: u32) -> [i64; 2] {
+        let whole = i64::from(self.rate_hz.max(1)).saturating_mul(120);
+        let before = i64::from(scan).saturating_mul(self.beams.into());
+        // 2⁶³ halves of beams are further than a program runs.
+        let halves = before.saturating_add(beam.into()).saturating_mul(2).saturating_add(1);
+        let halves = halves.checked_rem_euclid(whole).unwrap_or(0);
+        let turns = halves.saturating_mul(rotor_rpm.into());
+        [turns.checked_rem_euclid(whole).unwrap_or(0), whole]
+    }
+
+    /// Unit vector of a beam of a scan. In f32, within 10⁻⁶ of the exact one.
+    pub fn direction(&self, scan: u32, beam: u32) -> Vector3<f32> {
+        let [first, second] = self.rotors_rpm.map(|rpm| self.turn(rpm, scan, beam));
+        let [a, b] = self.bends_cdeg.map(|bend| f32::from(bend) * (PI / 18_000.0));
+        let v = arm(a, first).zip_map(&arm(b, second), |a, b| a + b);
+        let off = v.norm();
+        // sin(off)/off, which is 1 to f32 below this.
+        let side = if off > 1e-4 { libm::sinf(off) / off } else { 1.0 };
+        Vector3::new(libm::cosf(off), v.x * side, v.y * side)
+    }
+}
+
+fn arm(bend_rad: f32, [part, whole]: [i64; 2]) -> Vector2<f32> {
+    let (sin, cos) = libm::sincosf(TAU * (part as f32 / whole as f32));
+    Vector2::new(cos * bend_rad, sin * bend_rad)
+}
