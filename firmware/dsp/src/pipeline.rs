@@ -234,7 +234,7 @@ impl Pipeline {
         let (chosen, overlapping) =
             self.choose(&self.refiner(codes, scratch, seen), &scratch.peaks);
         let mut echoes = Echoes::new();
-        for peak in chosen {
+        for &peak in &chosen {
             let hidden = overlapping.contains(&peak.index);
             let echo = match near.holds(peak.index.into()) {
                 true => self.near_echo(codes, scratch, (seen, near), (peak, hidden)),
