@@ -11,7 +11,7 @@ use echoloop_dsp::{Echo, Hardware, Pipeline, Scratch, Settings};
 use echoloop_frontend::{Analog, FrontEnd, Trigger};
 use echoloop_frontend::{Mode, Precipitation, Receiver, WaveformFrontEnd, Weather, litl};
 use echoloop_frontend::{Return, SceneResponse};
-use echoloop_host::experiment::config::{JitterPer, Motion, RunConfig};
+use echoloop_host::experiment::config::{JitterPer, Motion, RunConfig, ScannerConfig};
 use echoloop_host::experiment::dataset::{Place, respond, respond_at};
 use echoloop_host::link::sensor::{Model, Sensor, View};
 use echoloop_registration::pose::Pose;
@@ -615,6 +615,38 @@ fn a_wall_shears_as_the_velocity_says() {
         // The sensor has come 30·t nearer when it measures; the point is laid out as if it had not.
         assert!((x - (20.0 - 30.0 * t)).abs() < 1e-4, "beam {beam}: {x} m");
     }
+}
+
+#[test]
+fn a_wall_shears_by_when_each_laser_of_a_spinning_sensor_fires() {
+    let mut config =
+        moving(Motion { duration_s: 0.1, linear_m_s: [30.0, 0.0, 0.0], ..Motion::default() });
+    config.scanner = ScannerConfig::of("vlp-16");
+    config.scanner.columns = Some(90);
+    config.check().unwrap();
+    let points = points(&config, 1);
+    assert!(points.len() > 200, "{}", points.len());
+    for (beam, x, _) in points {
+        // Columns of 24 slots, a laser in each of the first sixteen.
+        let slot = (24 * (beam / 16) + beam % 16) as f64;
+        let t = ((slot + 0.5) / (24.0 * 90.0) - 0.5) * 0.1;
+        assert!((x - (20.0 - 30.0 * t)).abs() < 1e-4, "beam {beam}: {x} m");
+    }
+}
+
+#[test]
+fn a_rosette_s_scan_is_laid_out_by_the_beams_of_its_own_viewpoint() {
+    let mut config = moving(Motion::default());
+    config.scanner = ScannerConfig::of("livox-mid-40");
+    config.scanner.beams = Some(600);
+    let beams = config.scanner.beams();
+    let own = points(&config, 5);
+    assert_eq!(own.len(), 600);
+    assert!(own.iter().all(|(_, x, _)| (x - 20.0).abs() < 1e-4));
+    let response = respond_at(&config, &place(), &Pose::identity(), 5, &beams);
+    let others = beams.directions(4);
+    let off = |beam: &usize| (response.of(*beam)[0].range_m * others[*beam].x - 20.0).abs() > 0.01;
+    assert!((0..600).filter(off).count() > 500, "another viewpoint's beams are others");
 }
 
 #[test]
