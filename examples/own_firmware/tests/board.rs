@@ -25,7 +25,7 @@ fn waveform() -> [u16; 800] {
 }
 
 #[derive(Default)]
-struct Chip([u32; 8]);
+struct Chip([u32; 16]);
 
 impl Registers for Chip {
     fn get(&self, register: u8) -> u32 {
@@ -106,7 +106,7 @@ impl Watchdog for Dog {
 type Sensor = App<OwnBoard<Chip, Line, RamNorFlash, Shots, Dog>>;
 
 fn sensor(line: &Line, shots: Shots, fed: &Rc<RefCell<u32>>) -> Box<Sensor> {
-    let chip = |id| Chip([id, 0, 0, 0, 0, 0, 0, 0]);
+    let chip = |id| Chip(std::array::from_fn(|register| if register == 0 { id } else { 0 }));
     Box::new(App::new(OwnBoard {
         emitter: chip(emitter::ID_VALUE),
         adc: chip(adc::ID_VALUE),
