@@ -73,7 +73,9 @@ fn a_table_that_is_none_is_refused_with_its_line_and_costs_nothing() {
 #[test]
 fn a_configuration_that_is_printed_reads_back_with_its_pattern() {
     let fixture = Fixture::new();
+    let help = fixture.succeed(&["config", "--help"]).stdout;
     for pattern in ["grid", "os1-64", "livox-mid-40"] {
+        assert!(help.contains(pattern), "{help}");
         let set = format!("scanner.pattern={pattern}");
         let text = fixture.succeed(&["config", "--set", &set]).stdout;
         assert!(text.contains(&format!("pattern = \"{pattern}\"")), "{text}");

@@ -98,6 +98,10 @@ enum Command {
     /// other to `tune --sensor serial:`, with the same configuration.
     Serve(serve::ServeArgs),
     /// Print the effective configuration, or every parameter with unit and range.
+    ///
+    /// scanner.pattern says where beams point: grid, raster, vlp-16, vlp-32c, vls-128, hdl-64e,
+    /// os1-64, os1-128, livox-mid-40, or a table of azimuth_deg, elevation_deg, time_s and channel:
+    /// FILE.csv. What a pattern has no use for is left out.
     Config(ConfigArgs),
     /// Print shell completions.
     Completions {
