@@ -488,6 +488,7 @@ fn refined_peaks_equal_their_models() {
             y: &reals(&y),
             f: &reals_f,
             shots: None,
+            level: None,
         };
         let near =
             config.ramp().map(|ramp| Near { ramp, config: &config, ambient: threshold.ambient });
@@ -500,6 +501,7 @@ fn refined_peaks_equal_their_models() {
                 noise: &noise,
                 fine: None,
                 near,
+                level: near.map(|_| usize::from(peak.index)),
             };
             let ours = refiner.refine(|n| at(&f, n), peak);
             let expected = model.refine(&model_wave, peak.into(), &threshold.into(), &noise.into());

@@ -40,7 +40,7 @@ impl Hardware {
         sample_period_fs(bins as u32, self).div_ceil(PERIOD_FS_PER_WIDTH_PS) as i32
     }
 
-    /// The middle of the window, mm: the gain must be full from there on.
+    /// The middle of the window, mm: the gain must be full by there.
     pub const fn middle_mm(&self) -> u32 {
         self.range_min_mm.midpoint(self.range_max_mm)
     }

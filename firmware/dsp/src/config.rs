@@ -1,7 +1,7 @@
 //! From settings to what the stages read: done once, when new settings are committed.
 
 use crate::choice::{AmbientEstimator, EchoChoice, TimingMethod};
-use crate::fine::FineConfig;
+use crate::fine_config::FineConfig;
 use crate::hardware::{Hardware, SPEED_OF_LIGHT_M_S, sample_period_fs};
 use crate::height::FARTHEST;
 use crate::pulse::Pulse;
@@ -41,6 +41,8 @@ pub struct DetectorConfig {
     pub(crate) sum_shift: u32,
     /// Left shift that brings a code, after the shots are added up, to Q1.15.
     pub(crate) code_shift: u32,
+    /// Left shift that brings a code of one shot to Q1.15.
+    pub(crate) shot_code_shift: u32,
     /// Codes at or above it are saturated.
     pub(crate) clip_code: u16,
     pub(crate) template: Template,
@@ -114,6 +116,7 @@ impl DetectorConfig {
             shots: sum.shots,
             sum_shift: sum.shift,
             code_shift: sum.code_shift,
+            shot_code_shift: hardware.code_shift(),
             clip_code: clip_code(settings, sum.full_scale),
             black: black(settings),
             fine: FineConfig::new(

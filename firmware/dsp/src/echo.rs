@@ -19,9 +19,11 @@ use crate::refine::Refined;
 /// range        = origin + time · step
 /// amplitude    = height / g                     a lower bound when saturated
 /// deviation    = σ of the time · step
-/// reflectivity = A R² / (U P G ξ g)             of a Lambertian surface square to the beam
+/// reflectivity = A R² / (U P G ξ v)             of a Lambertian surface square to the beam
 /// snr          = height / σ_y                   both after the filter: what k is compared with
 /// ```
+///
+/// v is the near gain at the echo ([`crate::ramp`]); amplitude is as converted, v in it.
 ///
 /// | field | unit | format |
 /// |---|---|---|
@@ -29,7 +31,7 @@ use crate::refine::Refined;
 /// | amplitude | fraction of full scale, over ambient | U1.15, nearest, saturating |
 /// | width | ns, at half height after the filter | U12.4, nearest, saturating |
 /// | deviation | mm; the step rounded down to 2⁻¹⁶ mm | U8.8, rounded down, saturating |
-/// | reflectivity | white = 1; R whole mm, down, A R²/ξ < 2⁶⁴ | U6.10, nearest, saturating |
+/// | reflectivity | white = 1; R whole mm, A/(ξ v) down, A R² < 2⁶⁴ | U6.10, nearest, saturating |
 /// | snr | σ_y at least 1 LSB | U8.8, rounded down, saturating |
 ///
 /// A negative height counts as 0.
@@ -147,12 +149,12 @@ fn at_full_gain(config: &DetectorConfig, amplitude: i64, index: usize) -> u64 {
 )]
 fn reflectivity(config: &DetectorConfig, amplitude: u64, range: u32) -> u16 {
     let range_mm = u64::from(range >> 8);
-    let light = amplitude.saturating_mul(range_mm * range_mm);
-    let seen = match overlap(config.overlap_mm, range >> 8) {
-        FULL => light,
-        part => light.saturating_mul(FULL.into()) / u64::from(part),
+    let whole = match overlap(config.overlap_mm, range >> 8) {
+        FULL => amplitude,
+        part => amplitude * u64::from(FULL) / u64::from(part), // below 2³² · 2¹⁶
     };
-    let ratio = (u128::from(seen) * u128::from(config.reflectivity_scale) + (1 << 63)) >> 64;
+    let light = whole.saturating_mul(range_mm * range_mm);
+    let ratio = (u128::from(light) * u128::from(config.reflectivity_scale) + (1 << 63)) >> 64;
     ratio.min(u16::MAX.into()) as u16
 }
 

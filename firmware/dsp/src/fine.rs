@@ -6,10 +6,10 @@
 
 use crate::accumulate::{Accumulator, LANES};
 use crate::edges::{EdgeFit, Edges, Run};
+use crate::fine_config::FineConfig;
+use crate::near::Near;
 use crate::noise::Noise;
-use crate::pulse::Pulse;
-use crate::ramp::{Ramp, levelled};
-use crate::settings::Settings;
+use crate::ramp::levelled;
 
 /// Finer samples that are looked at: a run with what lies beside it. A longer one is timed by the
 /// sum of its shots.
@@ -17,55 +17,6 @@ pub const FINE_SAMPLES: usize = 512;
 
 /// Samples of the waveform on either side of a run that are looked at.
 const BESIDE: usize = 4;
-
-/// The longest pulse width that [`Pulse`] holds, samples.
-const MOST_SAMPLES: u64 = 127;
-
-/// What dithered shots are read with.
-///
-/// ```text
-/// P         phases: as many as shots, at most 4
-/// offset    (2 (k mod P) + 1 − P) / (2P) samples, by which shot k is sampled later
-/// x[nP + k] of shots k, k + P, …: a waveform of P times the rate, at (j − (P − 1)/2)/P samples
-/// ```
-#[derive(Clone, Debug)]
-pub struct FineConfig {
-    /// log₂ P.
-    pub(crate) phases_log2: u32,
-    /// log₂ of the shots of a phase.
-    pub(crate) shots_log2: u32,
-    /// Left shift that brings a code of one shot to Q1.15.
-    pub(crate) code_shift: u32,
-    /// Sums of a phase at or above it are saturated.
-    pub(crate) clip: u16,
-    /// The pulse at P times the rate.
-    pub(crate) pulse: Pulse,
-}
-
-impl FineConfig {
-    /// `None` where shots are not dithered, or where a pulse's width is more than 127 of the finer
-    /// samples, which need no help. `full_scale` is the code of one shot there.
-    pub(crate) fn new(
-        settings: &Settings,
-        period_fs: u32,
-        full_scale: u16,
-        code_shift: u32,
-    ) -> Option<Self> {
-        let phases_log2 = settings.phases().trailing_zeros();
-        let shots_log2 = (settings.shots as u32).trailing_zeros() - phases_log2;
-        let width_ps = (settings.pulse_width_ps as u32) << phases_log2;
-        let fits = u64::from(width_ps) * 1000 <= MOST_SAMPLES * u64::from(period_fs);
-        let most = u64::from(full_scale) << shots_log2;
-        let clip = (settings.saturation_ppm as u64 * most + 500_000) / 1_000_000;
-        (phases_log2 > 0 && fits).then(|| Self {
-            phases_log2,
-            shots_log2,
-            code_shift,
-            clip: clip.min(u16::MAX.into()) as u16,
-            pulse: Pulse::new(width_ps, period_fs),
-        })
-    }
-}
 
 /// The shots of a waveform.
 #[derive(Clone, Copy, Debug)]
@@ -82,8 +33,8 @@ pub struct Fine<'a> {
     pub ambient: i16,
     /// Of a sample of the waveform.
     pub noise: &'a Noise,
-    /// The near gain.
-    pub ramp: Option<&'a Ramp>,
+    /// Where the gain rises: how, and the sample whose gain all are given.
+    pub level: Option<(Near<'a>, usize)>,
 }
 
 impl Fine<'_> {
@@ -93,7 +44,7 @@ impl Fine<'_> {
     /// | name | value | format |
     /// |---|---|---|
     /// | x | sum of a phase's shots, at most S, over their number, less ambient | Q1.15, down |
-    /// | … where the gain rises | as if all had the gain of the run's middle | as [`Ramp`]'s z |
+    /// | … where the gain rises | less b of its sample, and as [`Near`]'s z of the echo | Q1.15 |
     /// | σ̂; κ | of the waveform times ⌊2¹⁵ √P⌋/2¹⁵; P | as [`Noise`], saturating |
     /// | level | S of the phase less ambient, at least 1 | Q1.15 |
     /// | time; σ | of a finer sample over P, rounded down | Q16.16 |
@@ -107,8 +58,7 @@ impl Fine<'_> {
         let x = buffer.get_mut(..end.checked_sub(first)?)?;
         let middle = (run.first + run.last) << log2 >> 1;
         for (x, j) in x.iter_mut().zip(first..) {
-            let value = self.in_q15(self.sum(j).min(config.clip)) - i64::from(self.ambient);
-            *x = self.levelled(value, j, middle);
+            *x = self.level(j, self.in_q15(self.sum(j).min(config.clip)));
         }
         let run = self.clipped(middle, first..end)?;
         let run = Run { first: run.first - first, last: run.last - first };
@@ -119,14 +69,16 @@ impl Fine<'_> {
         Some(Edges { time: twice >> (log2 + 1), sigma: edges.sigma >> log2, ..edges })
     }
 
-    /// A finer sample as if it had the gain of another.
-    fn levelled(&self, value: i64, j: usize, of: usize) -> i16 {
+    /// A finer sample without its baseline, as if it had the gain of the echo.
+    fn level(&self, j: usize, value: i64) -> i16 {
         let log2 = self.config.phases_log2;
-        let octaves = self.ramp.map_or(0, |ramp| {
-            let time = |j: usize| (((2 * j + 1) as i64 - (1 << log2)) << 15 >> log2) as i32;
-            ramp.octaves(time(j)) - ramp.octaves(time(of))
-        });
-        levelled(value as i32, octaves) // below 2²³
+        let Some((near, at)) = self.level else {
+            return (value - i64::from(self.ambient)).clamp(-0x8000, 0x7fff) as i16;
+        };
+        let time = (((2 * j + 1) as i64 - (1 << log2)) << 15 >> log2) as i32;
+        let octaves = near.ramp.octaves(time) - near.ramp.octaves((at as i32) << 16);
+        let above = value - i64::from(near.rest(j >> log2));
+        levelled(above as i32, octaves) // below 2²³
     }
 
     /// The run of clipped finer samples around one of them.

@@ -63,6 +63,7 @@ pub mod echo;
 pub mod edges;
 pub mod filter;
 pub mod fine;
+mod fine_config;
 pub mod flags;
 pub mod hardware;
 pub mod height;

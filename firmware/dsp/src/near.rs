@@ -64,11 +64,12 @@ impl Near<'_> {
         }
     }
 
-    /// The noise of an echo at a sample: σ̂ and κ times g, σ̂ at least that of rounding to codes,
-    /// 74/2⁸ of one; rounded down.
+    /// The noise of an echo at a sample: σ̂ and κ times g, σ̂ at least that of rounding to codes of
+    /// one shot, 74/2⁸ of one; rounded down. Where noise is less than a code all shots are rounded
+    /// alike.
     pub fn noise(&self, at: usize, noise: &Noise) -> Noise {
         let gain = u64::from(self.ramp.gain(at));
-        let rounding = (74 << (self.config.code_shift + 4)) >> 8;
+        let rounding = (74 << (self.config.shot_code_shift + 4)) >> 8;
         let part = |value: u32| ((u64::from(value) * gain) >> 24) as u32; // the gain is at most 1
         Noise { sigma: part(noise.sigma).max(rounding).min(noise.sigma), shot: part(noise.shot) }
     }

@@ -1,5 +1,7 @@
 //! The stages in a row.
 
+use core::ops::Range;
+
 use crate::accumulate::Accumulator;
 use crate::config::DetectorConfig;
 use crate::detect::Threshold;
@@ -85,6 +87,8 @@ struct Conditions<'a> {
     threshold: &'a Threshold,
     noise: &'a Noise,
     near: Option<Near<'a>>,
+    /// The sample whose gain those around it have been given.
+    level: Option<usize>,
     /// The shots are there one by one.
     dithered: bool,
 }
@@ -201,11 +205,11 @@ impl Pipeline {
     ) -> Echoes {
         let noise = Noise::new(&scratch.statistics, self.config.shot_noise);
         let Some(near) = self.near(threshold.ambient) else {
-            let seen = Conditions { threshold, noise: &noise, near: None, dithered };
+            let seen = Conditions { threshold, noise: &noise, near: None, level: None, dithered };
             let refiner = self.refiner(codes, scratch, seen);
             return self.echoes(&refiner, scratch);
         };
-        let seen = Conditions { threshold, noise: &noise, near: Some(near), dithered };
+        let seen = Conditions { threshold, noise: &noise, near: Some(near), level: None, dithered };
         self.echoes_of_rising_gain(codes, scratch, seen, near)
     }
 
@@ -272,10 +276,43 @@ impl Pipeline {
         let threshold = near.threshold(n, &noise, full.threshold);
         let around = self.refiner(codes, scratch, full).around(peak);
         near.level(n, around.clone(), scratch.x_mut());
-        let here = Conditions { threshold: &threshold, noise: &noise, ..full };
-        let echo = self.echo(&self.refiner(codes, scratch, here), scratch, peak, hidden);
-        near.remove_baseline(codes, around, scratch.x_mut());
+        self.filter_again(around.clone(), scratch);
+        let level = if hidden { peak } else { self.summit(scratch, peak) };
+        let here = Conditions { threshold: &threshold, noise: &noise, level: Some(n), ..full };
+        let echo = self.echo(&self.refiner(codes, scratch, here), scratch, level, hidden);
+        near.remove_baseline(codes, around.clone(), scratch.x_mut());
+        self.filter_again(around, scratch);
         echo
+    }
+
+    /// y of the samples whose taps all lie within some of x.
+    fn filter_again(&self, x: Range<usize>, scratch: &mut Scratch) {
+        let template = &self.config.template;
+        let (start, end) = scratch.filled;
+        let samples = end.saturating_sub(start);
+        // Beyond either end of the waveform there are zeros, at every gain.
+        let first = if x.start == 0 { 0 } else { x.start.saturating_add(template.half()) };
+        let last = match x.end < samples {
+            true => x.end.saturating_sub(template.half()),
+            false => samples,
+        };
+        let y = scratch.y.get_mut(first..last).unwrap_or_default();
+        for (n, y) in (first..).zip(y) {
+            *y = filter::at(template.taps(), &scratch.padded, n);
+        }
+    }
+
+    /// The first sample of a peak's plateau in y, at most K samples earlier.
+    fn summit(&self, scratch: &Scratch, peak: Peak) -> Peak {
+        let height = |n: u16| scratch.y.get(usize::from(n)).copied().unwrap_or(0);
+        let mut index = peak.index;
+        for _ in 0..self.config.reach {
+            match index.checked_sub(1) {
+                Some(before) if height(before) >= height(index) => index = before,
+                _ => break,
+            }
+        }
+        Peak { index, height: height(index) }
     }
 
     #[inline(always)]
@@ -292,7 +329,8 @@ impl Pipeline {
         if hidden {
             self.sharpen(refiner, peak, &mut refined);
         }
-        Echo::from_peak(&self.config, &refined, refiner.threshold, peak.index.into())
+        let seen_at = refiner.level.unwrap_or(peak.index.into());
+        Echo::from_peak(&self.config, &refined, refiner.threshold, seen_at)
     }
 
     fn refiner<'a>(
@@ -301,7 +339,7 @@ impl Pipeline {
         scratch: &'a Scratch,
         seen: Conditions<'a>,
     ) -> Refiner<'a> {
-        let Conditions { threshold, noise, near, dithered } = seen;
+        let Conditions { threshold, noise, near, level, dithered } = seen;
         let config = &self.config;
         let y = scratch.y.get(..codes.len()).unwrap_or_default();
         let fine = config.fine.as_ref().filter(|_| dithered).map(|fine| Fine {
@@ -311,10 +349,10 @@ impl Pipeline {
             samples: codes.len(),
             ambient: threshold.ambient,
             noise,
-            ramp: config.ramp.as_ref(),
+            level: near.zip(level),
         });
         let waveform = Waveform { codes, x: scratch.x(), y };
-        Refiner { config, waveform, threshold, noise, fine, near }
+        Refiner { config, waveform, threshold, noise, fine, near, level }
     }
 
     /// Adds the peaks that broad ones hide; returns which those are. A sharpened sample costs as

@@ -27,7 +27,7 @@ use crate::settings::Settings;
 /// | b | the product rounded down | Q1.15, saturating |
 /// | x, z | z rounded down | Q1.15, saturating |
 ///
-/// 2^f is within 1.1 × 10⁻⁴. A gain that rises as R² would shift every echo by another distance,
+/// 2^f is within 1.5 × 10⁻⁴. A gain that rises as R² would shift every echo by another distance,
 /// 0.304 (cW/2)²/R behind a matched filter; this one shifts them alike, and `z` not at all.
 /// Derived in `docs/detector.md`, A gain that rises with range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,7 +51,7 @@ const FARTHEST: i64 = 1 << 28;
 const OCTAVES: i64 = 45_656;
 
 impl Ramp {
-    /// `None` where the gain is the same everywhere. `step` is [`DetectorConfig::range_step`].
+    /// `None` where the gain is the same everywhere; `step` is a sample's range, 2⁻²⁴ mm.
     pub fn new(settings: &Settings, range_min_mm: u32, step: i64) -> Option<Self> {
         let slope = (i64::from(settings.gain_slope_mdb_m).clamp(0, 1 << 10)
             * step.clamp(0, 1 << 36)

@@ -36,7 +36,7 @@ pub enum Reason {
         /// The sample period the resolution gives.
         sample_period_fs: u32,
     },
-    /// The gain must be full from the middle of the window on, where noise is measured.
+    /// Noise is measured where the gain is full, which must be half of the window at least.
     BeyondMiddle {
         /// The middle of the window, mm.
         middle_mm: u32,

@@ -67,17 +67,18 @@ pub struct Refiner<'a> {
     pub noise: &'a Noise,
     /// Its shots, where they were dithered.
     pub fine: Option<Fine<'a>>,
-    /// Its near gain. What is refined before its end has been made level: `x` is, and threshold and
-    /// noise are those of there.
+    /// Its near gain. What is refined before its end has been made level: `x` and `y` are, and
+    /// threshold and noise are those of there.
     pub near: Option<Near<'a>>,
+    /// The sample whose gain those around it have been given.
+    pub level: Option<usize>,
 }
 
 impl Refiner<'_> {
     /// Refines one peak of `y`; `f` is the filter's output before it was rounded, Q9.23, 0 outside.
     ///
     /// ```text
-    /// s      = index, moved later one sample at a time while f rises, at most K times; from one
-    ///          sample before the index where the gain rises
+    /// s      = index, moved later one sample at a time while f rises, at most K times
     /// z[j]   = f interpolated at s + j/o, j = −o−1..o+1          Q9.23, nearest
     /// δ      = (z₋ − z₊) / (2 (z₋ − 2 z₀ + z₊))                  Q16.16, nearest, within ±½
     /// height = z₀ − (z₋ − z₊)·δ/4                                Q9.23, then Q1.15, both nearest
@@ -107,7 +108,7 @@ impl Refiner<'_> {
         let clipped = self.clipped_run(peak);
         let corrects = config.method == TimingMethod::WalkCorrected;
         let bias = if corrects && clipped.is_none() { config.timing.bias().into() } else { 0 };
-        let start = i64::from(peak.index) - self.earlier(peak);
+        let start = i64::from(peak.index);
         let vertex = vertex(&f, start, config.reach, config.upsampling_log2, bias);
         let amplitude = config.template.amplitude(vertex.height).max(1);
         let mut refined = Refined {
@@ -221,15 +222,10 @@ impl Refiner<'_> {
         refined.flags |= Flags::MERGED;
         refined.sigma = refined.sigma.saturating_mul(2).saturating_add(overlap);
         if !refined.flags.contains(Flags::SATURATED) {
-            let start = i64::from(peak.index) - self.earlier(peak);
+            let most = if self.level.is_some() { config.reach } else { 0 };
+            let start = earliest(&f, peak.index.into(), most);
             refined.time = vertex(f, start, config.reach, config.upsampling_log2, 0).time;
         }
-    }
-
-    /// How many samples before the index of a peak the summit may lie: one where the gain rises,
-    /// for `y` has not been made level.
-    fn earlier(&self, peak: Peak) -> i64 {
-        self.near.is_some_and(|near| near.holds(peak.index.into())).into()
     }
 
     /// σ of the time of a top: gain · σ(A) / A.
@@ -361,6 +357,19 @@ fn vertex(
     Vertex { time, height: shift_round(height, 8) as i32 }
 }
 
+/// Where a climb of at most `most` samples to earlier ones ends: what was found before a rising gain
+/// was taken out lies late.
+fn earliest(f: impl Fn(i64) -> i64, start: i64, most: usize) -> i64 {
+    let mut at = start;
+    for _ in 0..most {
+        if f(at - 1) <= f(at) {
+            break;
+        }
+        at -= 1;
+    }
+    at
+}
+
 /// A summit of `f`, its height and that of the sample after it.
 struct Climb {
     summit: i64,
@@ -369,7 +378,7 @@ struct Climb {
 }
 
 /// Up `f` from `start`, at most `reach` samples. Only later: a peak is the first sample of its
-/// plateau of `y`, so `f` is lower before it; where the gain rises, `start` lies one earlier.
+/// plateau of `y`, so `f` is lower before it.
 fn climb(f: impl Fn(i64) -> i64, start: i64, reach: usize) -> Climb {
     let mut at = Climb { summit: start, height: f(start), next: f(start + 1) };
     for _ in 0..reach {

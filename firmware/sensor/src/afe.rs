@@ -88,7 +88,8 @@ fn echo_fs(settings: &Settings, range_mm: u32) -> u32 {
     // beyond.
     let there_and_back = u64::from(range_mm).saturating_mul(2_000_000_000_000);
     let flight = there_and_back.saturating_add(SPEED_OF_LIGHT_M_S / 2) / SPEED_OF_LIGHT_M_S;
-    flight.saturating_add((settings.pulse_width_ps as u64).saturating_mul(1000)) as u32
+    let echo = flight.saturating_add((settings.pulse_width_ps as u64).saturating_mul(1000));
+    echo.min(u32::MAX.into()) as u32
 }
 
 /// Slope of the gain in time, 10⁻⁶ dB/ns, to the nearest: 0.001 dB/m · c/2.

@@ -57,6 +57,8 @@ fn what_is_no_trajectory_or_has_no_room_is_refused_and_leaves_nothing() {
         (&["--trajectory", "bad.txt", "-o", "way"][..], &["bad.txt:2: found 3 numbers"][..]),
         (&["--trajectory", "absent.txt", "-o", "way"], &["absent.txt"]),
         (&["--trajectory", "good.txt", "-o", "full"], &["full", "not empty"]),
+        (&["--trajectory", "good.txt", "-o", "-"], &["--output -", "a folder"]),
+        (&["--trajectory", "good.txt", "-o", "way.pcd"], &["--output way.pcd", "a folder"]),
         (&["--trajectory", "good.txt", "--pose", "0", "0", "2", "0", "0", "0"], &["--pose"]),
         (&["--trajectory", "good.txt", "--sensor", "serial:none"], &["--trajectory", "serial"]),
     ] {

@@ -22,7 +22,7 @@ const MANY: f64 = 64.0;
 ///
 /// ```text
 /// λ[n] = ambient + Σ P · K · (Σ_k w_k ρ_k cosθ_k ξ / R_k²) · e^(−2αR) · sin²(π(t − 2R/c) / 2W)
-/// x[n] = clip( round( 2^b (min(G Poisson(λ[n]), saturation)/saturation + black) ), 0, 2^b − 1 )
+/// x[n] = clip( round( 2^b (min(G[n] Poisson(λ[n]), saturation)/saturation + black) ), 0, 2^b − 1 )
 /// ```
 pub(crate) fn synthesise(
     exposure: &Exposure<'_>,
@@ -40,9 +40,11 @@ pub(crate) fn synthesise(
     }
     normals(key, normal);
     let full_scale = f64::from(1u32 << receiver.adc_bits);
+    let (full, near) = (libm::pow(10.0, analog.gain_db / 20.0), analog.near_samples());
     for (n, ((code, &signal), &z)) in codes.iter_mut().zip(&*signal).zip(&*normal).enumerate() {
         let count = poisson(NOISE_FLOOR + f64::from(signal), z.into(), photons.uniform(n as u64));
-        let signal = (analog.gain_at(n) * count).min(SATURATION) / SATURATION;
+        let gain = if n < near { analog.gain_at(n) } else { full };
+        let signal = (gain * count).min(SATURATION) / SATURATION;
         let level = full_scale * (signal + analog.black_level);
         *code = (level.min(full_scale - 1.0) as f32 + ROUND).to_bits() as u16;
     }

@@ -83,10 +83,14 @@ pub fn stand_alone(
     for (footing, must_see) in WISHES {
         for _ in 0..ATTEMPTS {
             let draft = search.draw();
-            let Some(eye) = search.stand(scene, draft.places[0], footing) else { continue };
+            let at = draft.places[0];
+            let Some(eye) = search.stand(scene, at, footing) else { continue };
             let seen = eye.map(|x| x as f32);
             let sees_enough = search.structure(seen, draft.headings[0]) >= STRUCTURE_SHARE;
-            if search.is_free(seen, footing) && (sees_enough || !must_see) {
+            let fits = search.is_free(seen, footing) && (sees_enough || !must_see);
+            // Last, for it looks at the whole mesh.
+            let aloft = || is_aloft(scene, caster, at, eye[2] - plan.height_m);
+            if fits && (footing == Footing::Aloft || !aloft()) {
                 let world_from_sensor = pose(eye, draft.headings[0], draft.tilts[0]);
                 return Ok(Standpoint { world_from_sensor, footing, sees_enough });
             }
@@ -103,13 +107,17 @@ impl PairSearch<'_> {
             Footing::Covered => ground(at).filter(|z| is_level(ground, at, *z))?,
             Footing::Open | Footing::Aloft => self.ground.footing(self.caster, at)?,
         };
-        let fits = footing == Footing::Aloft || !is_aloft(scene, self.caster, at, z);
-        fits.then_some([at[0], at[1], z + self.plan.height_m])
+        Some([at[0], at[1], z + self.plan.height_m])
     }
 
     fn is_free(&self, eye: [f32; 3], footing: Footing) -> bool {
         match footing {
-            Footing::Covered => self.is_clear_sideways(eye),
+            Footing::Covered => {
+                let down = self.caster.cast(eye, [0.0, 0.0, -1.0]);
+                let stands = down.is_some_and(|hit| hit.range_m > self.plan.height_m as f32 - 0.1);
+                let covered = self.caster.cast(eye, [0.0, 0.0, 1.0]).is_some();
+                stands && covered && self.is_clear_sideways(eye)
+            }
             Footing::Open | Footing::Aloft => self.is_clear(eye),
         }
     }

@@ -197,6 +197,9 @@ fn below_a_canopy_one_sensor_stands_on_the_ground_and_not_on_the_canopy() {
     assert!((standpoint.world_from_sensor.translation.vector.z - 2.0).abs() < 1e-6);
     let above = Isometry3::translation(0.3, 0.4, 6.0);
     assert!(stands_aloft(&scene, &Raycaster::new(&scene), &above), "on the canopy");
+    // One so low that nobody stands below it: on it, and said to be.
+    let (standpoint, aloft) = alone_in(&both(sheet(40, 0.0), sheet(40, 1.5)));
+    assert_eq!((standpoint.footing, aloft), (Footing::Aloft, true));
 }
 
 #[test]

@@ -28,6 +28,8 @@ pub struct BitTrue {
     pub black: f64,
     /// Q1.15 LSB of one code, after the shots are added up.
     pub code: f64,
+    /// Q1.15 LSB of one code of one shot.
+    pub shot_code: f64,
     /// The lowest saturated code.
     pub clip_code: f64,
     /// The filter, Q1.15.
@@ -120,6 +122,7 @@ impl BitTrue {
             ambient: choices.ambient,
             black: nearest(f64::from(settings.black_level_ppm) * two_to(15) / 1e6),
             code: two_to(15 - bits.min(14)),
+            shot_code: two_to(15 - hardware.adc_bits as i32),
             clip_code: nearest(f64::from(settings.saturation_ppm) * full_scale / 1e6),
             noise_gain: taps.iter().map(|h| h * h).sum::<f64>().sqrt().floor(),
             inverse_gain: (two_to(29) / peak_gain).floor().min(65_535.0),

@@ -48,16 +48,16 @@ impl BitTrue {
     /// A R² / (U P G ξ), U6.10.
     fn reflectivity(&self, amplitude: f64, range_mm: f64) -> f64 {
         let most = u128::from(u64::MAX);
-        let light = (product(range_mm, range_mm) * amplitude as u128).min(most);
         let blind_mm = (self.overlap_mm * 9.0 / 10.0).floor();
-        let seen = match range_mm < self.overlap_mm {
+        let whole = match range_mm < self.overlap_mm {
             true => {
                 let part = (range_mm - blind_mm).max(0.0) * two_to(16);
                 let overlap = (part / (self.overlap_mm - blind_mm)).floor().max(two_to(12));
-                (light << 16).min(most) / overlap as u128
+                (amplitude * two_to(16) / overlap).floor()
             }
-            false => light,
+            false => amplitude,
         };
-        in_u16(((seen * u128::from(self.reflectivity_scale) + (1 << 63)) >> 64) as f64)
+        let light = (product(range_mm, range_mm) * whole as u128).min(most);
+        in_u16(((light * u128::from(self.reflectivity_scale) + (1 << 63)) >> 64) as f64)
     }
 }

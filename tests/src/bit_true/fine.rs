@@ -6,7 +6,6 @@ use super::edges::{Clipped, Edges};
 use super::noise::Noise;
 use super::numbers::{floor_root, nearest, product, two_to};
 use super::pulse::Pulse;
-use super::ramp::{Ramp, levelled};
 
 const SAMPLE: f64 = 65_536.0;
 
@@ -45,7 +44,7 @@ impl Dithered {
         &self,
         shots: &[&[u16]],
         (first, last): (usize, usize),
-        (ambient, ramp): (f64, Option<Ramp>),
+        (ambient, above): (f64, impl Fn(usize, f64, f64) -> f64),
         noise: &Noise,
     ) -> Option<Edges> {
         let samples = shots.first()?.len();
@@ -64,20 +63,17 @@ impl Dithered {
         }
         let begin = (0..middle).rfind(|&j| fine[j] < self.clip).map_or(0, |j| j + 1);
         let end = (middle..fine.len()).find(|&j| fine[j] < self.clip).unwrap_or(fine.len()) - 1;
-        let in_q15 = |sum: f64| (sum * self.code / self.shots).floor() - ambient;
         // When a finer sample is taken, Q16.16 samples of the waveform; down.
         let phases = self.phases as f64;
         let time = |j: usize| ((2.0 * j as f64 + 1.0 - phases) * SAMPLE / (2.0 * phases)).floor();
-        let whole_middle = (first + last) * self.phases / 2;
-        let octaves = |i: usize| {
-            ramp.map_or(0.0, |ramp| {
-                ramp.octaves(time(from * self.phases + i)) - ramp.octaves(time(whole_middle))
-            })
-        };
+        let in_q15 = |sum: f64| (sum * self.code / self.shots).floor();
         let x: Vec<f64> = fine
             .iter()
             .enumerate()
-            .map(|(i, &sum)| levelled(in_q15(sum.min(self.clip)), octaves(i)))
+            .map(|(i, &sum)| {
+                let j = from * self.phases + i;
+                above(j / self.phases, time(j), in_q15(sum.min(self.clip)))
+            })
             .collect();
         let root = floor_root(product(two_to(30), self.phases as f64));
         let most = two_to(32) - 1.0;
@@ -85,7 +81,7 @@ impl Dithered {
             sigma: ((product(noise.sigma, root) >> 15) as f64).min(most),
             shot: (noise.shot * self.phases as f64).min(most),
         };
-        let level = in_q15(self.clip).max(1.0);
+        let level = (in_q15(self.clip) - ambient).max(1.0);
         let clipped = Clipped { pulse: &self.pulse, x: &x, level, first: begin, last: end, noise };
         let edges = clipped.fit()?;
         let time = edges.time + (from * self.phases) as f64 * SAMPLE;

@@ -7,6 +7,14 @@ use super::ramp::{levelled, power};
 use super::refine::Waveform;
 use super::values::{Peak, Threshold};
 
+/// A waveform as if all samples around an echo had its gain.
+pub(super) struct Level {
+    pub(super) x: Vec<f64>,
+    pub(super) y: Vec<f64>,
+    /// The first of the echo's plateau.
+    pub(super) summit: Peak,
+}
+
 impl BitTrue {
     /// The samples that ambient and noise are measured from; all where none has full gain.
     pub fn of_full_gain<'a>(&self, codes: &'a [u16]) -> &'a [u16] {
@@ -26,18 +34,36 @@ impl BitTrue {
         self.ramp.is_some_and(|ramp| n < ramp.samples() + 2 * self.reach)
     }
 
-    /// What an echo is seen under that stands where the gain still rises: noise, threshold, and a
-    /// waveform as if all around it had its gain. None where the gain is full.
+    /// A finer sample (Q1.15, at a time in Q16.16, of the sample n) without its baseline, as if it
+    /// had the gain of the echo.
+    pub(super) fn level(
+        &self,
+        wave: &Waveform<'_>,
+        ambient: f64,
+        (n, time): (usize, f64),
+        value: f64,
+    ) -> f64 {
+        match (self.ramp, wave.level) {
+            (Some(ramp), Some((at, full))) => {
+                levelled(value - self.rest(n, saturated(full)), ramp.octaves(time) - ramp.below(at))
+            }
+            _ => saturated(value - ambient),
+        }
+    }
+
+    /// What an echo is seen under that stands where the gain still rises: noise, threshold, a
+    /// waveform as if all around it had its gain, before and after the filter, and its peak there.
+    /// None where the gain is full.
     pub(super) fn near(
         &self,
         wave: &Waveform<'_>,
         peak: Peak,
         (threshold, noise): (&Threshold, &Noise),
-    ) -> Option<(Vec<f64>, Threshold, Noise)> {
+    ) -> Option<(Level, Threshold, Noise)> {
         let ramp = self.ramp.as_ref().filter(|_| self.is_near(peak.index))?;
         let here = ramp.below(peak.index);
         let gain = power(-here);
-        let rounding = (74.0 * self.code * two_to(4) / two_to(8)).floor();
+        let rounding = (74.0 * self.shot_code * two_to(4) / two_to(8)).floor();
         let part = |value: f64| floor_of(value, gain, two_to(24));
         let noise = Noise {
             sigma: part(noise.sigma).max(rounding).min(noise.sigma),
@@ -56,6 +82,20 @@ impl BitTrue {
             true => levelled(x, ramp.below(n) - here),
             false => x,
         };
-        Some((wave.x.iter().enumerate().map(level).collect(), threshold, noise))
+        let x: Vec<f64> = wave.x.iter().enumerate().map(level).collect();
+        let half = (self.taps.len() - 1) / 2;
+        let from = if *around.start() == 0 { 0 } else { around.start() + half };
+        let to = if around.end() + 1 < x.len() { around.end() + 1 - half } else { x.len() };
+        let mut y = wave.y.to_vec();
+        let again = self.filter(&x);
+        if from < to {
+            y[from..to].copy_from_slice(&again[from..to]);
+        }
+        let earlier = (1..=self.reach)
+            .take_while(|k| peak.index >= *k && y[peak.index - k] >= y[peak.index + 1 - k])
+            .count();
+        let index = peak.index - earlier;
+        let summit = Peak { index, height: y[index] };
+        Some((Level { x, y, summit }, threshold, noise))
     }
 }

@@ -3,6 +3,7 @@
 use echoloop_dsp::MAX_SAMPLES;
 
 use super::config::BitTrue;
+use super::near::Level;
 use super::noise::Noise;
 use super::numbers::nearest;
 use super::peaks::{choose, peaks, separate};
@@ -41,7 +42,7 @@ impl BitTrue {
         let noise = Noise { sigma: statistics.sigma, shot: self.shot_noise };
         let x = self.baseline(codes, statistics.ambient);
         let (y, f) = (self.filter(&x), self.exact(&x));
-        let wave = Waveform { codes, x: &x, y: &y, f: &f, shots };
+        let wave = Waveform { codes, x: &x, y: &y, f: &f, shots, level: None };
         let threshold = self.threshold(&statistics);
         let (found, hidden) = self.split(&wave, peaks(&y, threshold.level), &threshold, &noise);
         let strength = |peak: &Peak| match found.len() {
@@ -52,9 +53,11 @@ impl BitTrue {
         let echo = |peak: Peak| {
             let sharp = hidden.contains(&peak.index);
             match self.near(&wave, peak, (&threshold, &noise)) {
-                Some((x, threshold, noise)) => {
+                Some((Level { x, y, summit }, threshold, noise)) => {
                     let f = self.exact(&x);
-                    let wave = Waveform { x: &x, f: &f, ..wave };
+                    let level = Some((peak.index, statistics.ambient));
+                    let wave = Waveform { x: &x, y: &y, f: &f, level, ..wave };
+                    let peak = if sharp { peak } else { summit };
                     self.seen(&wave, peak, (&threshold, &noise), sharp)
                 }
                 None => self.seen(&wave, peak, (&threshold, &noise), sharp),
@@ -72,8 +75,8 @@ impl BitTrue {
         sharp: bool,
     ) -> Option<Echo> {
         let refined = self.refine(wave, peak, threshold, noise);
-        let refined = if sharp { self.sharpen(wave.x, peak, refined) } else { refined };
-        self.echo(&refined, threshold, peak.index)
+        let refined = if sharp { self.sharpen(wave, peak, refined) } else { refined };
+        self.echo(&refined, threshold, wave.level.map_or(peak.index, |(at, _)| at))
     }
 
     /// The peaks and those that stand under them; indices of the latter.

@@ -31,6 +31,8 @@ pub struct Waveform<'a> {
     pub f: &'a [f64],
     /// The shots that it is the sum of, where they are known.
     pub shots: Option<&'a [&'a [u16]]>,
+    /// The sample whose gain those around it have been given, and the ambient of full gain.
+    pub level: Option<(usize, f64)>,
 }
 
 /// Where a side of a peak ends: its distance (Q16.16) and why.
@@ -71,7 +73,7 @@ impl BitTrue {
         let half = (peak.height / 2.0).floor();
         let left = falling(wave.y[..peak.index].iter().rev(), peak.height, half, threshold.level);
         let right = falling(wave.y[peak.index + 1..].iter(), peak.height, half, threshold.level);
-        let vertex = self.vertex(wave.f, self.summit(wave.f, self.start(peak)));
+        let vertex = self.vertex(wave.f, self.summit(wave.f, peak.index as i64));
         let amplitude = self.amplitude(vertex.height).max(1.0);
         let run = self.clipped_run(wave.codes, peak.index);
         let top = Refined {
@@ -90,7 +92,14 @@ impl BitTrue {
                     / 2.0)
                     .floor();
                 let fine = self.dithered.as_ref().zip(wave.shots).and_then(|(dithered, shots)| {
-                    dithered.fit(shots, (first, last), (threshold.ambient, self.ramp), noise)
+                    dithered.fit(
+                        shots,
+                        (first, last),
+                        (threshold.ambient, |n, time, sum| {
+                            self.level(wave, threshold.ambient, (n, time), sum)
+                        }),
+                        noise,
+                    )
                 });
                 let fitted = match fine.or_else(|| clipped.fit()) {
                     Some(e) => {
@@ -157,13 +166,19 @@ impl BitTrue {
     }
 
     /// A peak that another hid, timed behind the sharper filter.
-    pub fn sharpen(&self, x: &[f64], peak: Peak, refined: Refined) -> Refined {
+    pub fn sharpen(&self, wave: &Waveform<'_>, peak: Peak, refined: Refined) -> Refined {
         let Some(sharpener) = &self.sharpener else { return refined };
         let f: Vec<f64> =
-            correlate(&sharpener.taps, x).iter().map(|sum| nearest(sum / two_to(7))).collect();
+            correlate(&sharpener.taps, wave.x).iter().map(|sum| nearest(sum / two_to(7))).collect();
         let flags = refined.flags | MERGED;
         let time = match refined.flags & SATURATED {
-            0 => self.vertex(&f, self.summit(&f, self.start(peak))).time,
+            0 => {
+                let most = if wave.level.is_some() { self.reach } else { 0 };
+                let rises =
+                    |k: &usize| peak.index >= *k && f[peak.index - k] > f[peak.index + 1 - k];
+                let earlier = (1..=most).take_while(rises).count();
+                self.vertex(&f, self.summit(&f, (peak.index - earlier) as i64)).time
+            }
             _ => refined.time,
         };
         let overlap = (self.pulse.width / 32.0).floor();
@@ -225,11 +240,6 @@ impl BitTrue {
         let first = (0..nearest).rfind(|&n| !clipped(n)).map_or(0, |n| n + 1);
         let last = (nearest..codes.len()).find(|&n| !clipped(n)).unwrap_or(codes.len()) - 1;
         Some((first, last))
-    }
-
-    /// Where the climb to the summit starts: where the gain rises, one sample before the index.
-    fn start(&self, peak: Peak) -> i64 {
-        peak.index as i64 - i64::from(self.is_near(peak.index))
     }
 
     /// The end of a rising run of f, K samples later at most.

@@ -171,12 +171,16 @@ fn first_viewpoint(
     let pose = match sample_pairs_aloud(scene, caster, &plan, &heard) {
         Ok(pairs) => pairs.first().map(|pair| pair.world_from_first),
         Err(ViewpointError::NoViewpoint { .. }) => None,
-        Err(source) => return Err(nowhere(scene, source)),
+        Err(source) => {
+            progress.end();
+            return Err(nowhere(scene, source));
+        }
     };
     let pose = match pose {
-        Some(pose) => pose,
-        None => alone(place, &plan, &progress)?,
+        Some(pose) => Ok(pose),
+        None => alone(place, &plan, &progress),
     };
+    let pose = pose.inspect_err(|_| progress.end())?;
     if stands_aloft(scene, caster, &pose) {
         progress.say(
             "the sensor stands on something else than ground (a crown, a roof?); --pose puts it \

@@ -45,6 +45,13 @@ pub(super) fn scan_along(args: &Along<'_>, config: &RunConfig) -> Result<(), Fai
     }
     let stamped = read_trajectory(trajectory).map_err(Failure::usage)?;
     if let Some(folder) = output {
+        if folder == Path::new("-") || CloudFormat::of(folder).is_some() {
+            let named = folder.display();
+            return Err(Failure::usage(format!(
+                "--output {named}: with --trajectory expected a folder to make (--format says what \
+                 the clouds are)"
+            )));
+        }
         check_free(folder)?; // now: the scans take long
     }
     let ready = Ready::new(args.setup, config)?;

@@ -142,8 +142,15 @@ impl Made<'_> {
         let x = padded.get(template.half()..template.half() + codes.len()).unwrap_or_default();
         let waveform = Waveform { codes, x, y };
         let noise = Noise::new(statistics, config.shot_noise());
-        let refiner =
-            Refiner { config, waveform, threshold, noise: &noise, fine: None, near: None };
+        let refiner = Refiner {
+            config,
+            waveform,
+            threshold,
+            noise: &noise,
+            fine: None,
+            near: None,
+            level: None,
+        };
         let mut echoes = Echoes::new();
         for peak in refiner.chosen(&self.peaks) {
             let refined = refiner.refine(exact, peak);

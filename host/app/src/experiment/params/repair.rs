@@ -7,7 +7,8 @@ use echoloop_dsp::{Hardware, ParameterId, Settings};
 /// changed.
 ///
 /// Too few samples a pulse: the pulse is widened. Too much energy: the power is lowered. A gain
-/// that rises beyond the middle of the window: its range ends there. (S > N holds by the ranges.)
+/// that rises beyond the middle of the window: its range ends there, or it rises nowhere. (S > N
+/// holds by the ranges.)
 pub fn repair(settings: &mut Settings, hardware: &Hardware) -> Vec<&'static str> {
     let mut repaired = Vec::new();
     let shortest_ps = hardware.shortest_pulse_ps(settings.bins);
@@ -21,7 +22,10 @@ pub fn repair(settings: &mut Settings, hardware: &Hardware) -> Vec<&'static str>
         repaired.push(ParameterId::Power.parameter().name);
     }
     let middle_mm = i32::try_from(hardware.middle_mm()).unwrap_or(i32::MAX);
-    if settings.gain_slope_mdb_m > 0 && settings.gain_range_mm > middle_mm {
+    if settings.gain_slope_mdb_m > 0 && middle_mm < ParameterId::GainRange.parameter().min {
+        settings.gain_slope_mdb_m = 0;
+        repaired.push(ParameterId::GainSlope.parameter().name);
+    } else if settings.gain_slope_mdb_m > 0 && settings.gain_range_mm > middle_mm {
         settings.gain_range_mm = middle_mm;
         repaired.push(ParameterId::GainRange.parameter().name);
     }
@@ -57,6 +61,9 @@ mod tests {
         assert_eq!(repair(&mut settings, &hardware), ["gain_range"]);
         assert_eq!(settings.gain_range_mm, 25_500);
         settings.check(&hardware).unwrap();
+        let shorter = Hardware { range_max_mm: 8_000, ..hardware };
+        assert_eq!(repair(&mut settings, &shorter), ["gain_slope"]);
+        settings.check(&shorter).unwrap();
     }
 
     #[test]

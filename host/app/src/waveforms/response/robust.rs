@@ -28,7 +28,7 @@ pub(super) fn clipped_rms(magnitudes: &mut [f64]) -> f64 {
 ///
 /// The middle half of many normal values is 1.349 σ wide. Of n values the closest half is narrower,
 /// for it is chosen, by 2.23 n^(−2/3) of that: so it is of 4000 samples of 6 to 400 values each, to
-/// 2 %. Of fewer than six it tells too little, and counts as of six.
+/// 3 %. Of fewer than six it tells too little, and counts as of six.
 pub(super) fn densest_half(order: &[f64]) -> (f64, f64) {
     let half = order.len().div_ceil(2);
     let halves = order.windows(half.max(1));
