@@ -63,8 +63,8 @@ const RANGES_M: [f64; 10] = [3.0, 6.0, 10.0, 11.5, 12.0, 12.5, 20.0, 30.0, 39.7,
 
 #[test]
 fn a_gain_that_rises_shifts_no_echo_however_steep_it_is() {
-    // Behind a matched filter 1 dB/m shifts the 5 ns pulse by 9.8 mm, an edge of a clipped one by up
-    // to 13. Reached: 0.9 mm, of which 0.5 are the noise of the mean.
+    // Behind a matched filter 1 dB/m shifts the 5 ns pulse by 9.8 mm, an edge of a clipped one by
+    // up to 13. Reached: 0.9 mm, of which 0.5 are the noise of the mean.
     for (slope, range_mm) in [(300, 40_000), (1_000, 12_000), (1_000, 40_000)] {
         for albedo in [0.02, 0.1, 0.5, 2.0] {
             for range_m in RANGES_M {

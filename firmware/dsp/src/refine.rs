@@ -357,8 +357,8 @@ fn vertex(
     Vertex { time, height: shift_round(height, 8) as i32 }
 }
 
-/// Where a climb of at most `most` samples to earlier ones ends: what was found before a rising gain
-/// was taken out lies late.
+/// Where a climb of at most `most` samples to earlier ones ends: what was found before a rising
+/// gain was taken out lies late.
 fn earliest(f: impl Fn(i64) -> i64, start: i64, most: usize) -> i64 {
     let mut at = start;
     for _ in 0..most {
