@@ -74,15 +74,20 @@ pub const FLAGS: Attribute = Attribute {
 };
 
 /// As the drivers of Velodyne, Ouster, Hesai and RoboSense.
-pub const RING: Attribute =
-    Attribute { name: "ring", kind: Kind::U16, unit: "", what: "row of the beam, 0 the lowest" };
+pub const RING: Attribute = Attribute {
+    name: "ring",
+    kind: Kind::U16,
+    unit: "",
+    what: "row of the beam, 0 the lowest; of a table its channel",
+};
 
 /// As in an Ouster's scan.
 pub const COLUMN: Attribute = Attribute {
     name: "column",
     kind: Kind::U16,
     unit: "",
-    what: "azimuth index of the beam, 0 the first",
+    what: "azimuth index of the beam, 0 the first; of a rosette or a table the how manieth of its \
+           ring; 65,535 means at least that",
 };
 
 /// As of SICK's driver.

@@ -6,10 +6,10 @@ use super::sample::Sample;
 
 /// Runs of zeros inside a record that no signal falls to.
 ///
-/// An instrument that keeps only what lies near an echo writes the rest as zeros. A run is such a
-/// gap when both of its neighbours are higher than any step between two samples beside the runs:
-/// what changes so slowly elsewhere did not fall to zero there. Zeros of a record that rests at
-/// zero, or swings through it, are samples.
+/// An instrument that keeps only what lies near an echo writes the rest as zeros. The runs of a
+/// record are such gaps when the neighbours of all are higher than any step between two samples
+/// beside the runs: what changes so slowly elsewhere did not fall to zero there. Zeros of a record
+/// that rests at zero, or swings through it, are samples, and one such makes all of them samples.
 pub(super) fn gaps<S: Sample>(row: &[S]) -> Vec<Range<usize>> {
     let runs = inner_runs(row);
     if runs.is_empty() {
