@@ -240,6 +240,11 @@ impl DetectorConfig {
         self.origin_samples
     }
 
+    /// A height seen at a sample over the near gain there: Q1.15, rounded down, saturating.
+    pub(crate) fn at_full_gain(&self, height: u32, n: usize) -> u32 {
+        self.ramp.as_ref().map_or(height, |ramp| ramp.at_full_gain(height, n))
+    }
+
     /// The near gain; `None` where it is full everywhere.
     pub fn ramp(&self) -> Option<&Ramp> {
         self.ramp.as_ref()

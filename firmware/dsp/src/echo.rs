@@ -116,11 +116,7 @@ impl Echo {
             width: width(config, refined.width),
             snr: snr(height, threshold.sigma),
             deviation: saturate_u16((i64::from(refined.sigma) * (config.range_step >> 8)) >> 24),
-            reflectivity: reflectivity(
-                config,
-                at_full_gain(config, refined.amplitude, index),
-                range,
-            ),
+            reflectivity: reflectivity(config, refined.amplitude, index, range),
             flags,
         })
     }
@@ -135,19 +131,14 @@ fn width(config: &DetectorConfig, width: i64) -> u16 {
     saturate_u16(divide_round(width * i64::from(config.sample_period_fs), 1_000_000 << 12))
 }
 
-/// An amplitude seen at a sample over the near gain there, 0 to 2⁴⁵, rounded down.
-fn at_full_gain(config: &DetectorConfig, amplitude: i64, index: usize) -> u64 {
-    let amplitude = amplitude.clamp(0, edges::MAX_AMPLITUDE) as u32;
-    let full = config.ramp.as_ref().map_or(amplitude, |ramp| ramp.at_full_gain(amplitude, index));
-    full.into()
-}
-
-/// A R² / (U P G ξ), R in whole mm, rounded down.
+/// A R² / (U P G ξ v), R in whole mm, rounded down; v that at a sample.
 #[expect(
     clippy::arithmetic_side_effects,
     reason = "R² is below 2⁴⁸, ξ at least 2¹², the product of two u64 below 2¹²⁸ − 2⁶⁴"
 )]
-fn reflectivity(config: &DetectorConfig, amplitude: u64, range: u32) -> u16 {
+fn reflectivity(config: &DetectorConfig, amplitude: i64, index: usize, range: u32) -> u16 {
+    let amplitude = amplitude.clamp(0, edges::MAX_AMPLITUDE) as u32;
+    let amplitude = u64::from(config.at_full_gain(amplitude, index));
     let range_mm = u64::from(range >> 8);
     let whole = match overlap(config.overlap_mm, range >> 8) {
         FULL => amplitude,

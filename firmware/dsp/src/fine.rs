@@ -56,11 +56,10 @@ impl Fine<'_> {
         let end = (run.last + BESIDE + 1).min(self.samples) << log2;
         let mut buffer = [0i16; FINE_SAMPLES];
         let x = buffer.get_mut(..end.checked_sub(first)?)?;
-        let middle = (run.first + run.last) << log2 >> 1;
         for (x, j) in x.iter_mut().zip(first..) {
             *x = self.level(j, self.in_q15(self.sum(j).min(config.clip)));
         }
-        let run = self.clipped(middle, first..end)?;
+        let run = self.clipped((run.first + run.last) << log2 >> 1, first..end)?;
         let run = Run { first: run.first - first, last: run.last - first };
         let level = (self.in_q15(config.clip) - i64::from(self.ambient)).max(1);
         let noise = self.noise();
@@ -76,7 +75,7 @@ impl Fine<'_> {
             return (value - i64::from(self.ambient)).clamp(-0x8000, 0x7fff) as i16;
         };
         let time = (((2 * j + 1) as i64 - (1 << log2)) << 15 >> log2) as i32;
-        let octaves = near.ramp.octaves(time) - near.ramp.octaves((at as i32) << 16);
+        let octaves = near.ramp.octaves(time) - near.ramp.below(at);
         let above = value - i64::from(near.rest(j >> log2));
         levelled(above as i32, octaves) // below 2²³
     }

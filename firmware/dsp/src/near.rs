@@ -56,11 +56,11 @@ impl Near<'_> {
 
     /// z of some samples, which are x, around an echo at `at`.
     pub fn level(&self, at: usize, samples: Range<usize>, x: &mut [i16]) {
-        let here = self.ramp.octaves((at as i32) << 16);
+        let here = self.ramp.below(at);
         let samples = samples.start..samples.end.min(x.len());
         let x = x.get_mut(samples.clone()).unwrap_or_default();
         for (n, x) in samples.zip(x) {
-            *x = levelled((*x).into(), self.ramp.octaves((n as i32) << 16) - here);
+            *x = levelled((*x).into(), self.ramp.below(n) - here);
         }
     }
 

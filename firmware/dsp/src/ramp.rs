@@ -75,16 +75,22 @@ impl Ramp {
         ((u64::from(self.slope) * u64::from(before)) >> 32).min(MOST) as i32
     }
 
+    /// e at a sample: octaves, Q6.16.
+    #[inline(always)]
+    pub fn below(&self, n: usize) -> i32 {
+        self.octaves((n as i32) << 16)
+    }
+
     /// A height seen at a sample over g there: Q1.15, rounded down, saturating.
     pub fn at_full_gain(&self, height: u32, n: usize) -> u32 {
-        let full = u64::from(height) * u64::from(power(self.octaves((n as i32) << 16)));
+        let full = u64::from(height) * u64::from(power(self.below(n)));
         (full >> 24).min(u32::MAX.into()) as u32
     }
 
     /// g at a sample, Q.24.
     #[inline(always)]
     pub fn gain(&self, n: usize) -> u32 {
-        power(-self.octaves((n as i32) << 16))
+        power(-self.below(n))
     }
 }
 

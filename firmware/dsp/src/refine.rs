@@ -174,7 +174,7 @@ impl Refiner<'_> {
                 (peak.index.into(), amplitude.max(0) as u32)
             }
         };
-        self.near.map_or(strength, |near| near.ramp.at_full_gain(strength, n))
+        self.config.at_full_gain(strength, n)
     }
 
     fn height(&self, run: Run) -> u32 {
@@ -288,7 +288,7 @@ impl Refiner<'_> {
 
     /// The run of clipped samples, at the saturation level or above, that holds the one nearest to
     /// the peak, if one lies within ⌈K/2⌉; of two as near the earlier.
-    pub fn clipped_run(&self, peak: Peak) -> Option<Run> {
+    fn clipped_run(&self, peak: Peak) -> Option<Run> {
         let (config, codes) = (self.config, self.waveform.codes);
         let reach = config.reach.div_ceil(2);
         let index = usize::from(peak.index);
