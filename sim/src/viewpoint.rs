@@ -155,17 +155,9 @@ pub fn sample_pairs_aloud(
     progress: &dyn Fn(usize, usize),
 ) -> Result<Vec<PosePair>, ViewpointError> {
     plan.check()?;
-    let mut search = PairSearch {
-        caster,
-        plan,
-        area: scene.area,
-        ground: GroundMap::new(scene),
-        territory: Territory::new(scene.area, plan.split),
-        rejected: Rejections::default(),
-        // Train and test draw from streams of their own, so that one's count does not move the
-        // other's poses.
-        rng: Generator::new(plan.seed, 100 + plan.split as u64),
-    };
+    // Train and test draw from streams of their own, so that one's count does not move the other's
+    // poses.
+    let mut search = PairSearch::new(scene, caster, plan, 100 + plan.split as u64);
     let (mut pairs, mut attempts) = (Vec::new(), 0);
     while pairs.len() < plan.count && attempts < plan.patience(pairs.len()) {
         pairs.extend(search.candidate());
@@ -246,7 +238,20 @@ struct PairSearch<'a> {
     rng: Generator,
 }
 
-impl PairSearch<'_> {
+impl<'a> PairSearch<'a> {
+    /// Draws from a stream of random numbers of its own.
+    fn new(scene: &Scene, caster: &'a Raycaster, plan: &'a PairPlan, stream: u64) -> Self {
+        Self {
+            caster,
+            plan,
+            area: scene.area,
+            ground: GroundMap::new(scene),
+            territory: Territory::new(scene.area, plan.split),
+            rejected: Rejections::default(),
+            rng: Generator::new(plan.seed, stream),
+        }
+    }
+
     /// One throw: a pair, or one more rejection.
     fn candidate(&mut self) -> Option<PosePair> {
         let draft = self.draw();

@@ -2,11 +2,10 @@
 
 use nalgebra::Isometry3;
 
-use super::ground::{GroundMap, REACH_M, from_the_sky, is_level, most_fall_m};
-use super::{PairPlan, PairSearch, STRUCTURE_SHARE, Split, Territory, ViewpointError, pose};
+use super::ground::{GroundMap, REACH_M, is_level, most_fall_m};
+use super::{PairPlan, PairSearch, STRUCTURE_SHARE, ViewpointError, pose};
 use crate::raycast::Raycaster;
 use crate::scene::Scene;
-use echoloop_random::Generator;
 
 /// Places tried for each kind of footing.
 const ATTEMPTS: usize = 2000;
@@ -71,26 +70,20 @@ pub fn stand_alone(
     plan: &PairPlan,
 ) -> Result<Standpoint, ViewpointError> {
     plan.check()?;
-    let mut search = PairSearch {
-        caster,
-        plan,
-        area: scene.area,
-        ground: GroundMap::new(scene),
-        territory: Territory::new(scene.area, Split::Train),
-        rejected: super::Rejections::default(),
-        rng: Generator::new(plan.seed, STREAM),
-    };
+    let mut search = PairSearch::new(scene, caster, plan, STREAM);
     for (footing, must_see) in WISHES {
         for _ in 0..ATTEMPTS {
             let draft = search.draw();
             let at = draft.places[0];
             let Some(eye) = search.stand(scene, at, footing) else { continue };
             let seen = eye.map(|x| x as f32);
+            if !search.is_free(seen, footing) {
+                continue;
+            }
             let sees_enough = search.structure(seen, draft.headings[0]) >= STRUCTURE_SHARE;
-            let fits = search.is_free(seen, footing) && (sees_enough || !must_see);
             // Last, for it looks at the whole mesh.
-            let aloft = || is_aloft(scene, caster, at, eye[2] - plan.height_m);
-            if fits && (footing == Footing::Aloft || !aloft()) {
+            let aloft = || search.ground.is_aloft(scene, caster, at, eye[2] - plan.height_m);
+            if (sees_enough || !must_see) && (footing == Footing::Aloft || !aloft()) {
                 let world_from_sensor = pose(eye, draft.headings[0], draft.tilts[0]);
                 return Ok(Standpoint { world_from_sensor, footing, sees_enough });
             }
@@ -101,8 +94,7 @@ pub fn stand_alone(
 
 impl PairSearch<'_> {
     fn stand(&self, scene: &Scene, at: [f64; 2], footing: Footing) -> Option<[f64; 3]> {
-        let depth_m = self.ground.depth_m();
-        let ground = |at| ground_at(scene, self.caster, at, depth_m);
+        let ground = |at| self.ground.lowest(scene, self.caster, at);
         let z = match footing {
             Footing::Covered => ground(at).filter(|z| is_level(ground, at, *z))?,
             Footing::Open | Footing::Aloft => self.ground.footing(self.caster, at)?,
@@ -127,26 +119,45 @@ impl PairSearch<'_> {
 pub fn stands_aloft(scene: &Scene, caster: &Raycaster, world_from_sensor: &Isometry3<f64>) -> bool {
     let [x, y, z]: [f64; 3] = world_from_sensor.translation.vector.into();
     let down = caster.cast([x, y, z].map(|x| x as f32), [0.0, 0.0, -1.0]);
-    down.is_some_and(|hit| is_aloft(scene, caster, [x, y], z - f64::from(hit.range_m)))
+    let z = down.map(|hit| z - f64::from(hit.range_m));
+    z.is_some_and(|z| GroundMap::new(scene).is_aloft(scene, caster, [x, y], z))
 }
 
-/// Whether a surface of height `z` has ground below it, or more lies around it that is lower than
-/// ground would be.
-fn is_aloft(scene: &Scene, caster: &Raycaster, at: [f64; 2], z: f64) -> bool {
-    let depth_m = scene.mesh.bounds().map_or(0.0, |(bottom, _)| bottom[2]) - 1.0;
-    let below = ground_at(scene, caster, at, depth_m);
-    below.is_some_and(|ground| z - ground > ABOVE_GROUND_M)
-        || share_below(scene, at, z) > MOST_BELOW
-        || share_of_nothing(scene, caster, at) > MOST_NOTHING
-}
+impl GroundMap {
+    /// Whether a surface of height `z` has ground below it, more around it that is lower than
+    /// ground would be than there may be, or too little around it.
+    fn is_aloft(&self, scene: &Scene, caster: &Raycaster, at: [f64; 2], z: f64) -> bool {
+        let below = self.lowest(scene, caster, at);
+        below.is_some_and(|ground| z - ground > ABOVE_GROUND_M)
+            || share_below(scene, at, z) > MOST_BELOW
+            || self.share_of_nothing(caster, at) > MOST_NOTHING
+    }
 
-/// Share of the places around one below which there is nothing at all.
-fn share_of_nothing(scene: &Scene, caster: &Raycaster, at: [f64; 2]) -> f64 {
-    let sky_m = scene.mesh.bounds().map_or(0.0, |(_, top)| top[2]) + 1.0;
-    let steps = || (-3..=3).map(|k| 2.0 * f64::from(k));
-    let around = || steps().flat_map(|dx| steps().map(move |dy| [at[0] + dx, at[1] + dy]));
-    let nothing = around().filter(|at| from_the_sky(caster, *at, sky_m).is_none());
-    nothing.count() as f64 / around().count() as f64
+    /// Share of the places around one below which there is nothing at all.
+    fn share_of_nothing(&self, caster: &Raycaster, at: [f64; 2]) -> f64 {
+        let steps = || (-3..=3).map(|k| 2.0 * f64::from(k));
+        let around = || steps().flat_map(|dx| steps().map(move |dy| [at[0] + dx, at[1] + dy]));
+        let nothing = around().filter(|at| self.seen_from_above(caster, *at).is_none());
+        nothing.count() as f64 / around().count() as f64
+    }
+
+    /// Height of the lowest surface that faces up, metres. The underside of a slab faces down.
+    fn lowest(&self, scene: &Scene, caster: &Raycaster, [x, y]: [f64; 2]) -> Option<f64> {
+        /// So that the same surface is not met again.
+        const PAST_M: f32 = 0.01;
+        /// Surfaces looked at: a crown has some ten.
+        const MOST: usize = 64;
+        let mut from_m = self.depth_m;
+        for _ in 0..MOST {
+            let hit = caster.cast([x as f32, y as f32, from_m], [0.0, 0.0, 1.0])?;
+            let height_m = from_m + hit.range_m;
+            if faces_up(scene.mesh.corners(hit.triangle as usize)) {
+                return Some(height_m.into());
+            }
+            from_m = height_m + PAST_M;
+        }
+        None
+    }
 }
 
 /// Share of the mesh's corners around a place that lie lower than ground of that height may.
@@ -160,24 +171,6 @@ fn share_below(scene: &Scene, at: [f64; 2], z: f64) -> f64 {
     let (all, below) =
         lower.fold((0usize, 0usize), |(all, below), lower| (all + 1, below + usize::from(lower)));
     below as f64 / all.max(1) as f64
-}
-
-/// Height of the lowest surface that faces up, metres. The underside of a slab faces down.
-fn ground_at(scene: &Scene, caster: &Raycaster, [x, y]: [f64; 2], depth_m: f32) -> Option<f64> {
-    /// So that the same surface is not met again.
-    const PAST_M: f32 = 0.01;
-    /// Surfaces looked at: a crown has some ten.
-    const MOST: usize = 64;
-    let mut from_m = depth_m;
-    for _ in 0..MOST {
-        let hit = caster.cast([x as f32, y as f32, from_m], [0.0, 0.0, 1.0])?;
-        let height_m = from_m + hit.range_m;
-        if faces_up(scene.mesh.corners(hit.triangle as usize)) {
-            return Some(height_m.into());
-        }
-        from_m = height_m + PAST_M;
-    }
-    None
 }
 
 fn faces_up([a, b, c]: [[f32; 3]; 3]) -> bool {

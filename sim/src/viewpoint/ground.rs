@@ -25,8 +25,9 @@ pub(super) struct GroundMap {
     low: [f64; 2],
     size: [usize; 2],
     heights: RefCell<HashMap<usize, Option<f64>>>,
+    /// Above and below everything, metres.
     sky_m: f32,
-    depth_m: f32,
+    pub(super) depth_m: f32,
 }
 
 impl GroundMap {
@@ -40,23 +41,24 @@ impl GroundMap {
         Self { low, size, heights: RefCell::default(), sky_m, depth_m }
     }
 
-    /// Height below everything, metres.
-    pub(super) fn depth_m(&self) -> f32 {
-        self.depth_m
-    }
-
     /// Height of the ground at a point where one can stand, metres.
     pub(super) fn footing(&self, caster: &Raycaster, at: [f64; 2]) -> Option<f64> {
-        let z = from_the_sky(caster, at, self.sky_m)?;
-        let level = |at| from_the_sky(caster, at, self.sky_m);
-        (is_level(level, at, z) && self.is_lowest(caster, at, z)).then_some(z)
+        let z = self.seen_from_above(caster, at)?;
+        (is_level(|at| self.seen_from_above(caster, at), at, z) && self.is_lowest(caster, at, z))
+            .then_some(z)
+    }
+
+    /// Height of the first surface below the sky, metres.
+    pub(super) fn seen_from_above(&self, caster: &Raycaster, at: [f64; 2]) -> Option<f64> {
+        let hit = caster.cast([at[0] as f32, at[1] as f32, self.sky_m], [0.0, 0.0, -1.0])?;
+        Some(f64::from(self.sky_m - hit.range_m))
     }
 
     /// Height at a point of the grid, metres.
     fn height(&self, caster: &Raycaster, [i, j]: [usize; 2]) -> Option<f64> {
         let at = [self.low[0] + STEP_M * i as f64, self.low[1] + STEP_M * j as f64];
         let mut heights = self.heights.borrow_mut();
-        *heights.entry(j * self.size[0] + i).or_insert_with(|| from_the_sky(caster, at, self.sky_m))
+        *heights.entry(j * self.size[0] + i).or_insert_with(|| self.seen_from_above(caster, at))
     }
 
     fn is_lowest(&self, caster: &Raycaster, at: [f64; 2], z: f64) -> bool {
@@ -90,13 +92,6 @@ pub(super) fn is_level(height: impl Fn([f64; 2]) -> Option<f64>, at: [f64; 2], z
         let beside = height([at[0] + d[0], at[1] + d[1]]);
         beside.is_some_and(|b| (b - z).abs() < 0.5 * MAX_SLOPE + ROUGH_M)
     })
-}
-
-/// Height of the first surface below the sky, metres.
-pub(super) fn from_the_sky(caster: &Raycaster, at: [f64; 2], sky_m: f32) -> Option<f64> {
-    let origin = [at[0] as f32, at[1] as f32, sky_m];
-    let hit = caster.cast(origin, [0.0, 0.0, -1.0])?;
-    Some(f64::from(sky_m - hit.range_m))
 }
 
 #[cfg(test)]
