@@ -26,7 +26,7 @@ use crate::experiment::scan_cloud::recorded_from_scan;
 use crate::experiment::seed::{Purpose, derive, scan_noise};
 use crate::link::sensor::View;
 use echoloop_registration::cloud::{CloudFormat, Recorded};
-use echoloop_registration::pose::Pose;
+use echoloop_registration::pose::{Pose, to_rows};
 
 /// Flags of `scan`.
 #[derive(Clone, Debug, Args)]
@@ -164,30 +164,27 @@ fn first_viewpoint(
         seed: derive(config.seed, Purpose::TrainPoses, town),
         split: Split::Train,
     };
-    let Place { scene, caster } = place;
     let progress = Progress::new(quiet);
     progress.begin("viewpoint", 2000);
+    let pose = viewpoint(place, &plan, &progress);
+    progress.end();
+    pose
+}
+
+fn viewpoint(place: &Place, plan: &PairPlan, progress: &Progress) -> Result<Pose, Failure> {
+    let Place { scene, caster } = place;
     let heard = |_, tried| progress.at(tried as u64);
-    let pose = match sample_pairs_aloud(scene, caster, &plan, &heard) {
-        Ok(pairs) => pairs.first().map(|pair| pair.world_from_first),
-        Err(ViewpointError::NoViewpoint { .. }) => None,
-        Err(source) => {
-            progress.end();
-            return Err(nowhere(scene, source));
-        }
+    let pose = match sample_pairs_aloud(scene, caster, plan, &heard).as_deref() {
+        Ok([pair, ..]) => pair.world_from_first,
+        Ok([]) | Err(ViewpointError::NoViewpoint { .. }) => alone(place, plan, progress)?,
+        Err(source) => return Err(nowhere(scene, source.clone())),
     };
-    let pose = match pose {
-        Some(pose) => Ok(pose),
-        None => alone(place, &plan, &progress),
-    };
-    let pose = pose.inspect_err(|_| progress.end())?;
     if stands_aloft(scene, caster, &pose) {
         progress.say(
             "the sensor stands on something else than ground (a crown, a roof?); --pose puts it \
              elsewhere",
         );
     }
-    progress.end();
     Ok(pose)
 }
 
@@ -221,12 +218,7 @@ fn told(args: &ScanArgs, scan: &Scan) -> Result<String, Failure> {
     let farthest_m = ranges.iter().copied().fold(0.0, f64::max);
     let (settings, beams, points) = (format!("{:#010x}", scan.settings), scan.beams, ranges.len());
     if args.setup.common.json {
-        let rows = |seen: &Seen| -> Vec<Vec<f64>> {
-            echoloop_registration::pose::to_rows(&seen.world_from_sensor)
-                .chunks(4)
-                .map(<[f64]>::to_vec)
-                .collect()
-        };
+        let rows = |seen: &Seen| to_rows(&seen.world_from_sensor).as_chunks::<4>().0.to_vec();
         let document = serde_json::json!({
             "format": 1, "sensor": scan.sensor, "scene": scan.seen.as_ref().map(|seen| &seen.scene),
             "world_from_sensor": scan.seen.as_ref().map(rows), "settings": settings,
