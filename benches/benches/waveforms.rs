@@ -63,7 +63,7 @@ fn pipeline(c: &mut Criterion) {
     let settings = Settings {
         bins: SAMPLES as i32,
         pulse_width_ps: 6_200,
-        power_cw: 6_000,
+        power_uw: 60_000_000,
         ..Settings::default()
     };
     let Ok(pipeline) = Pipeline::new(&settings, &Hardware::REFERENCE) else { return };

@@ -21,8 +21,8 @@ pub(crate) const BATCH: usize = 256;
 /// Settings of so many samples and such a pulse: 119 m in all.
 pub(crate) fn settings(samples: usize, pulse_width_ps: i32) -> Settings {
     // 372 nJ a pulse, below what is allowed.
-    let power_cw = (37_200_000 / pulse_width_ps).clamp(500, 6_000);
-    Settings { bins: samples as i32, pulse_width_ps, power_cw, ..Settings::default() }
+    let power_uw = (37_200_000 / pulse_width_ps).clamp(500, 6_000) * 10_000;
+    Settings { bins: samples as i32, pulse_width_ps, power_uw, ..Settings::default() }
 }
 
 /// A beam's returns, 13 m apart, a white wall's each: from far beyond saturation to a hundredth of

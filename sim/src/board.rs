@@ -30,7 +30,7 @@ pub fn read_trigger(emitter: &impl Fn(u8) -> u32) -> Trigger {
 /// What the laser driver's and the converter's registers say.
 pub fn read_analog(emitter: &impl Fn(u8) -> u32, adc: &impl Fn(u8) -> u32) -> Analog {
     Analog {
-        power_w: f64::from(emitter(emitter::POWER)) / 100.0,
+        power_w: f64::from(emitter(emitter::POWER)) / 1e6,
         pulse_width_ns: f64::from(emitter(emitter::PULSE_WIDTH)) / 1e3,
         gain_db: f64::from(adc(adc::GAIN) as i32) / 100.0,
         sample_period_ns: f64::from(adc(adc::SAMPLE_PERIOD)) / 1e6,
@@ -47,7 +47,7 @@ pub fn read_analog(emitter: &impl Fn(u8) -> u32, adc: &impl Fn(u8) -> u32) -> An
 pub fn analog_for(settings: &Settings, hardware: &Hardware) -> Analog {
     let period_fs = sample_period_fs(settings.bins as u32, hardware);
     Analog {
-        power_w: f64::from(settings.power_cw) / 100.0,
+        power_w: f64::from(settings.power_uw) / 1e6,
         pulse_width_ns: f64::from(settings.pulse_width_ps) / 1e3,
         gain_db: f64::from(settings.gain_cdb) / 100.0,
         sample_period_ns: f64::from(period_fs) / 1e6,
@@ -291,7 +291,7 @@ mod tests {
     #[test]
     fn settings_hold_what_their_registers_do() {
         let settings = Settings {
-            power_cw: 1_234,
+            power_uw: 12_340_000,
             gain_cdb: -321,
             bins: 1_111,
             ambient: 1,

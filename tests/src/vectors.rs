@@ -139,7 +139,7 @@ pub fn settings(rng: &mut impl Rng, hardware: &Hardware) -> Settings {
     loop {
         let settings = Settings {
             // With any width below the energy limit.
-            power_cw: rng.random_range(*range(Id::Power).start()..=2_000),
+            power_uw: log_uniform(rng, (*range(Id::Power).start()).into(), 2e7).round() as i32,
             pulse_width_ps: with_ends(rng, Id::PulseWidth),
             gain_cdb: with_ends(rng, Id::Gain),
             bins: with_ends(rng, Id::WaveformResolution),

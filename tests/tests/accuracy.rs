@@ -273,7 +273,8 @@ fn reflectivity_is_that_of_the_surface_whole_or_clipped() {
     let hardware = Hardware::REFERENCE;
     for timing in [TimingMethod::Parabola.code(), TimingMethod::WalkCorrected.code()] {
         for gain_cdb in [-1_000, 0, 600] {
-            let settings = Settings { gain_cdb, power_cw: 6_000, timing, ..Settings::default() };
+            let settings =
+                Settings { gain_cdb, power_uw: 60_000_000, timing, ..Settings::default() };
             let mut bench = Bench::new(settings, hardware);
             let at = 150.3;
             let range_m = bench.ideal.range_mm(at) / 1e3;

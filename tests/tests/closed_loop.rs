@@ -338,7 +338,7 @@ impl Targets {
         let beams = pattern.beams();
         // 17 mm apart: every phase between two samples occurs.
         let ranges_m: Vec<f64> = (0..beams).map(|i| 20.0 + 0.017 * f64::from(i)).collect();
-        let power_w = f64::from(Settings::default().power_cw) / 100.0;
+        let power_w = f64::from(Settings::default().power_uw) / 1e6;
         let returns = ranges_m.iter().zip(0..).map(|(&range_m, i)| {
             let full_scale =
                 receiver.peak_current_ua(power_w, range_m, 1.0) / receiver.full_scale_ua;
@@ -401,7 +401,7 @@ fn amplitude(scan: &[Echoes]) -> f64 {
 #[test]
 fn twice_the_power_or_six_decibels_double_every_amplitude() {
     let targets = Targets::new(|_| 0.2);
-    let half = Settings { power_cw: 3_750, ..Settings::default() };
+    let half = Settings { power_uw: 37_500_000, ..Settings::default() };
     let louder = Settings { gain_cdb: 602, ..half };
     let [half, full, louder] =
         [half, Settings::default(), louder].map(|s| amplitude(&targets.scan(&s)));
@@ -414,7 +414,7 @@ fn twice_the_power_or_six_decibels_double_every_amplitude() {
 fn a_pulse_twice_as_wide_makes_echoes_twice_as_wide() {
     let targets = Targets::new(|_| 0.4);
     let width = |pulse_width_ps| {
-        let settings = Settings { power_cw: 4_000, pulse_width_ps, ..Settings::default() };
+        let settings = Settings { power_uw: 40_000_000, pulse_width_ps, ..Settings::default() };
         mean(&targets.scan(&settings), |echo| echo.width_ns().to_num())
     };
     let (narrow, wide) = (width(5_000), width(10_000));
@@ -495,7 +495,7 @@ fn power_width_gain_and_clock_reach_the_front_end_when_committed_and_not_before(
         (refused, analog, samples)
     };
     let asked = Settings {
-        power_cw: 2_000,
+        power_uw: 20_000_000,
         pulse_width_ps: 8_000,
         gain_cdb: -550,
         bins: 1_000,
@@ -511,7 +511,7 @@ fn power_width_gain_and_clock_reach_the_front_end_when_committed_and_not_before(
     assert_eq!((refused, samples), (Some(false), 1_000));
     assert_eq!((analog.power_w, analog.pulse_width_ns, analog.gain_db), (20.0, 8.0, -5.5));
     assert_eq!(analog.sample_period_ns, period_ns);
-    let too_strong = Settings { power_cw: 10_000, pulse_width_ps: 20_000, ..asked };
+    let too_strong = Settings { power_uw: 100_000_000, pulse_width_ps: 20_000, ..asked };
     assert_eq!(seen(Some(too_strong)), (Some(true), analog, samples), "a refusal changes nothing");
 }
 

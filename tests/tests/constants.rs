@@ -146,7 +146,7 @@ fn shot_noise_and_the_scale_of_reflectivity_are_those_of_real_numbers() {
     for seed in 0..SEEDS {
         let (settings, hardware, config) = draw(seed);
         let gain = f64::powf(10.0, f64::from(settings.gain_cdb) / 2_000.0);
-        let power_w = f64::from(settings.power_cw) / 100.0;
+        let power_w = f64::from(settings.power_uw) / 1e6;
         let kappa = f64::from(hardware.shot_noise_ppm) * 1e-6 * gain / f64::from(settings.shots)
             * f64::powi(2.0, 32);
         // A R² / (U P G): Q1.15 and mm², to Q6.10 and 64 bits more

@@ -262,7 +262,7 @@ impl Sensor {
         for (laser, converter) in shots {
             assert_eq!(
                 laser[1..4],
-                [settings.power_cw as u32, settings.pulse_width_ps as u32, frame]
+                [settings.power_uw as u32, settings.pulse_width_ps as u32, frame]
             );
             let period = sample_period_fs(bins, &hardware);
             let before = settings.pre_trigger_samples();
@@ -281,7 +281,7 @@ impl Sensor {
 fn other() -> Settings {
     let ambient = AmbientEstimator::PreTrigger.code();
     Settings {
-        power_cw: 5_000,
+        power_uw: 50_000_000,
         pulse_width_ps: 6_000,
         gain_cdb: -300,
         bins: 1_000,

@@ -402,9 +402,9 @@ fn reflectivity_is_that_of_the_wall_from_its_amplitude_and_clipped_from_its_edge
 fn reflectivity_does_not_depend_on_power_gain_width_or_rate() {
     let settings = [
         at_rate(ONE_GS),
-        Settings { power_cw: 1_500, ..at_rate(ONE_GS) },
+        Settings { power_uw: 15_000_000, ..at_rate(ONE_GS) },
         Settings { gain_cdb: 1_000, ..at_rate(ONE_GS) },
-        Settings { gain_cdb: -600, pulse_width_ps: 8_000, power_cw: 5_000, ..at_rate(TWO_GS) },
+        Settings { gain_cdb: -600, pulse_width_ps: 8_000, power_uw: 50_000_000, ..at_rate(TWO_GS) },
         Settings { denoise: DenoiseFilter::None.code(), ..at_rate(ONE_GS) },
         Settings { denoise: DenoiseFilter::Gaussian.code(), ..at_rate(ONE_GS) },
     ];

@@ -91,7 +91,7 @@ fn no_timing_method_and_no_width_of_pulse_is_shifted_where_nothing_clips() {
                 timing: timing.code(),
                 pulse_width_ps,
                 bins,
-                power_cw: 2_000,
+                power_uw: 20_000_000,
                 ..rising(1_000, 40_000)
             };
             for range_m in [6.0, 12.0, 30.0] {
@@ -208,7 +208,7 @@ fn a_wall_in_the_overlap_shows_less_and_has_its_reflectivity_all_the_same() {
     // Bright ones, too: of white and of a sign half is seen at 19 m.
     for albedo in [1.0, 3.0] {
         let mut sensor =
-            Sensor::new(Settings { gain_cdb: -1_000, power_cw: 500, ..overlap(20_000) });
+            Sensor::new(Settings { gain_cdb: -1_000, power_uw: 5_000_000, ..overlap(20_000) });
         let seen: Vec<_> = (0..40).filter_map(|beam| sensor.see(albedo, 19.0, beam)).collect();
         assert!((mean(&seen, reflectivity) / albedo - 1.0).abs() < 0.05, "{albedo}");
     }

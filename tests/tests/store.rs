@@ -198,7 +198,7 @@ fn what_is_not_a_record_of_ours_is_none() {
 #[test]
 fn settings_that_this_hardware_refuses_are_passed_over() {
     let mut flash = worn::<4, 256>(1);
-    let strong = Settings { power_cw: 10_000, pulse_width_ps: 8_000, ..Settings::default() };
+    let strong = Settings { power_uw: 100_000_000, pulse_width_ps: 8_000, ..Settings::default() };
     let strong_hardware = Hardware { energy_limit_pj: 1_000_000, ..HARDWARE };
     save(&mut flash, &strong_hardware, &strong).unwrap();
     assert_eq!(load(&mut flash, &strong_hardware).map(|s| s.settings), Some(strong));

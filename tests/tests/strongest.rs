@@ -42,8 +42,8 @@ struct Clock {
 
 impl Clock {
     fn new(bins: i32, pulse_width_ps: i32) -> Self {
-        let power_cw = Hardware::REFERENCE.strongest_power_cw(pulse_width_ps).min(7_500);
-        let settings = Settings { bins, pulse_width_ps, power_cw, ..Settings::default() };
+        let power_uw = Hardware::REFERENCE.strongest_power_uw(pulse_width_ps).min(75_000_000);
+        let settings = Settings { bins, pulse_width_ps, power_uw, ..Settings::default() };
         Self {
             settings,
             period_ns: f64::from(sample_period_fs(bins as u32, &Hardware::REFERENCE)) / 1e6,

@@ -66,7 +66,7 @@ fn examples() -> Vec<(&'static str, Vec<u8>)> {
     let hash = settings_hash(&Settings::default());
     let refusal = Refusal {
         field: ParameterId::Power,
-        value: 10_000,
+        value: 100_000_000,
         reason: Reason::EnergyAboveLimit { energy_pj: 500_000, limit_pj: 400_000 },
     };
     let beams = Report::Beams {
@@ -135,7 +135,7 @@ fn the_document_works_through_nothing_that_is_not_so() {
 #[test]
 fn a_changed_schema_needs_a_changed_protocol() {
     // To change a message: append, raise PROTOCOL, and write both new values here and in WIRE.md.
-    assert_eq!((PROTOCOL, SCHEMA), (7, 0xbb6f_ba72_56e4_fd26), "the schema is {SCHEMA:#018x}");
+    assert_eq!((PROTOCOL, SCHEMA), (8, 0xdf80_3bed_4ac3_939e), "the schema is {SCHEMA:#018x}");
     let document = include_str!("../../firmware/link/WIRE.md");
     assert!(document.contains(&format!("{SCHEMA:#018x}")));
 }
@@ -460,10 +460,10 @@ fn every_variant_has_these_bytes() {
         (
             refused(
                 Id::Power,
-                10_000,
+                100_000_000,
                 Reason::EnergyAboveLimit { energy_pj: 500_000, limit_pj: 400_000 },
             ),
-            "02 00 a0 9c 01 03 a0 c2 1e 80 b5 18",
+            "02 00 80 84 af 5f 03 a0 c2 1e 80 b5 18",
         ),
         (
             refused(
@@ -485,8 +485,8 @@ fn every_variant_has_these_bytes() {
         (Report::Committed { generation: 300, hash }, "04 ac 02 f8 ac d1 91 01"),
         (
             Report::Settings { generation: 300, hash, settings },
-            "05 ac 02 f8 ac d1 91 01 98 75 90 4e 00 c0 0c 02 80 89 7a c0 3e b8 49 02 04 00 06 01 \
-             ae 0d 02 00 00 00 00 80 f1 04 d0 0f",
+            "05 ac 02 f8 ac d1 91 01 80 a3 c3 47 90 4e 00 c0 0c 02 80 89 7a c0 3e b8 49 02 04 00 \
+             06 01 ae 0d 02 00 00 00 00 80 f1 04 d0 0f",
         ),
         (
             Report::Beams {
@@ -549,7 +549,7 @@ fn fields_and_flags_keep_their_numbers() {
 
 #[test]
 fn a_hash_covers_settings_of_any_width() {
-    assert_eq!(settings_hash(&Settings::default()), 0xa702_87cd);
+    assert_eq!(settings_hash(&Settings::default()), 0xde85_37dd);
     let mut settings = Settings::default();
     PARAMETERS.iter().for_each(|p| settings.set(p.id, Some(i32::MIN)));
     let widest = settings_hash(&settings);

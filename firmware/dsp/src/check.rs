@@ -22,17 +22,21 @@ pub struct Choices {
 /// W ≥ 2.5 samples, so the sample period is at most 1000 fs / 2.5 for each picosecond of W.
 const PERIOD_FS_PER_WIDTH_PS: u32 = 400;
 
-/// Energy of a pulse, pJ, rounded up: 0.01 W × 1 ps = 0.01 pJ. In range it is at most 2 × 10⁶.
-pub const fn pulse_energy_pj(power_cw: i32, width_ps: i32) -> u32 {
-    (power_cw as u32).saturating_mul(width_ps as u32).div_ceil(100)
+/// Energy of a pulse, pJ, rounded up: 1 µW × 1 ps = 10⁻⁶ pJ. In range it is at most 2 × 10⁶.
+pub const fn pulse_energy_pj(power_uw: i32, width_ps: i32) -> u32 {
+    let energy = (power_uw as u32 as u64).saturating_mul(width_ps as u32 as u64);
+    match energy.div_ceil(1_000_000) {
+        energy_pj if energy_pj <= u32::MAX as u64 => energy_pj as u32,
+        _ => u32::MAX,
+    }
 }
 
 impl Hardware {
-    /// The greatest power, 0.01 W, that a pulse of this width may have.
-    pub fn strongest_power_cw(&self, width_ps: i32) -> i32 {
-        let limit = u64::from(self.energy_limit_pj).saturating_mul(100);
-        let power_cw = limit.checked_div(width_ps.max(0) as u64);
-        power_cw.and_then(|power_cw| power_cw.try_into().ok()).unwrap_or(i32::MAX)
+    /// The greatest power, µW, that a pulse of this width may have.
+    pub fn strongest_power_uw(&self, width_ps: i32) -> i32 {
+        let limit = u64::from(self.energy_limit_pj).saturating_mul(1_000_000);
+        let power_uw = limit.checked_div(width_ps.max(0) as u64);
+        power_uw.and_then(|power_uw| power_uw.try_into().ok()).unwrap_or(i32::MAX)
     }
 
     /// The shortest pulse that so many bins sample often enough, ps.
@@ -110,12 +114,12 @@ impl Settings {
     }
 
     fn check_energy(&self, hardware: &Hardware) -> Result<(), Refusal> {
-        let energy_pj = pulse_energy_pj(self.power_cw, self.pulse_width_ps);
+        let energy_pj = pulse_energy_pj(self.power_uw, self.pulse_width_ps);
         if energy_pj <= hardware.energy_limit_pj {
             return Ok(());
         }
         let reason = Reason::EnergyAboveLimit { energy_pj, limit_pj: hardware.energy_limit_pj };
-        Err(Refusal { field: ParameterId::Power, value: self.power_cw, reason })
+        Err(Refusal { field: ParameterId::Power, value: self.power_uw, reason })
     }
 
     fn check_saturation(&self) -> Result<(), Refusal> {
@@ -153,11 +157,11 @@ mod tests {
     fn the_strongest_and_the_shortest_pulse_are_the_last_that_are_accepted() {
         for (bins, pulse_width_ps) in [(256, 5_000), (800, 20_000), (1_200, 3_333)] {
             let hardware = Hardware { energy_limit_pj: 123_457, ..Hardware::REFERENCE };
-            let power_cw = hardware.strongest_power_cw(pulse_width_ps);
-            let with = |power_cw| Settings { power_cw, pulse_width_ps, ..Settings::default() };
-            assert_eq!(with(power_cw).check_energy(&hardware), Ok(()));
-            assert!(with(power_cw + 1).check_energy(&hardware).is_err());
-            assert_eq!(hardware.strongest_power_cw(0), i32::MAX);
+            let power_uw = hardware.strongest_power_uw(pulse_width_ps);
+            let with = |power_uw| Settings { power_uw, pulse_width_ps, ..Settings::default() };
+            assert_eq!(with(power_uw).check_energy(&hardware), Ok(()));
+            assert!(with(power_uw + 1).check_energy(&hardware).is_err());
+            assert_eq!(hardware.strongest_power_uw(0), i32::MAX);
             let pulse_width_ps = hardware.shortest_pulse_ps(bins);
             let with = |pulse_width_ps| Settings { bins, pulse_width_ps, ..Settings::default() };
             assert_eq!(with(pulse_width_ps).check_sampling(&hardware), Ok(()));
@@ -184,7 +188,7 @@ mod tests {
             (|s| s.pulse_width_ps = 25_000, "pulse_width 25 ns is above its maximum 20 ns"),
             (|s| s.gain_cdb = -1_001, "gain -10.01 dB is below its minimum -10 dB"),
             (
-                |s| s.power_cw = 10_000,
+                |s| s.power_uw = 100_000_000,
                 "power 100 W times pulse_width is 500.0 nJ, \
                  above the pulse energy limit of 400.0 nJ",
             ),

@@ -299,11 +299,11 @@ fn shot_noise(settings: &Settings, hardware: &Hardware) -> u32 {
     libm::roundf(kappa * 4_294_967_296.0) as u32 // `as` saturates
 }
 
-/// ρ = A R² / (U P G): 2¹⁰ of ρ per 2⁻¹⁵ of full scale and 10⁻⁶ m², 0.01 W, 1/1000 of the unit
+/// ρ = A R² / (U P G): 2¹⁰ of ρ per 2⁻¹⁵ of full scale and 10⁻⁶ m², 10⁻⁶ W, 1/1000 of the unit
 /// echo; times 2⁶⁴.
 fn reflectivity_scale(settings: &Settings, hardware: &Hardware) -> u64 {
     let unit = hardware.unit_echo_milli.max(1) as f32 * 1e-3;
-    let per_square_m = 1.0 / (unit * settings.power_cw as f32 * 0.01 * gain(settings));
+    let per_square_m = 1.0 / (unit * settings.power_uw as f32 * 1e-6 * gain(settings));
     const TWO_TO_64: f32 = 18_446_744_073_709_551_616.0;
     libm::roundf(per_square_m * (1e-6 / 32.0) * TWO_TO_64) as u64 // `as` saturates
 }
@@ -361,8 +361,12 @@ mod tests {
     #[test]
     fn the_last_bin_lies_one_step_before_the_far_end() {
         for bins in [200, 800, 2400] {
-            let settings =
-                Settings { bins, pulse_width_ps: 10_000, power_cw: 3_000, ..Settings::default() };
+            let settings = Settings {
+                bins,
+                pulse_width_ps: 10_000,
+                power_uw: 30_000_000,
+                ..Settings::default()
+            };
             let config = DetectorConfig::new(&settings, &Hardware::REFERENCE).unwrap();
             let span_mm = (config.range_step() * i64::from(bins)) as f64 / 256.0 / 65536.0;
             assert!((span_mm - 119_000.0).abs() < 1.0, "{bins} bins span {span_mm} mm");

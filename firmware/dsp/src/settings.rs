@@ -191,10 +191,11 @@ const fn last(names: &[&str]) -> i32 {
 }
 
 parameters! {
-    /// Peak laser power P, 0.01 W.
-    power_cw: i32, Power {
+    /// Peak laser power P, µW. At the least nothing is detected, whatever else is set.
+    power_uw: i32, Power {
         name: "power", symbol: "P", unit: "W", kind: LOG,
-        codes_per_unit: 100, min: 500, max: 10_000, default: Some(7_500), acts_in: "front end",
+        codes_per_unit: 1_000_000, min: 10, max: 100_000_000, default: Some(75_000_000),
+        acts_in: "front end",
     }
     /// Pulse width W (FWHM), ps.
     pulse_width_ps: i32, PulseWidth {

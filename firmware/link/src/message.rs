@@ -15,7 +15,7 @@ use crate::frame::checksum;
 pub const MAGIC: [u8; 4] = *b"ECHO";
 
 /// Version of the conversation: what commands mean, beyond their bytes.
-pub const PROTOCOL: u16 = 7;
+pub const PROTOCOL: u16 = 8;
 
 /// Hash of the bytes' layout: FNV-1a over names and types of every message, computed when compiled.
 pub const SCHEMA: u64 =

@@ -17,7 +17,7 @@ pub const WRITE: u8 = 0x80;
 pub mod emitter {
     /// Reads [`ID_VALUE`].
     pub const ID: u8 = 0;
-    /// Peak power, 0.01 W.
+    /// Peak power, µW.
     pub const POWER: u8 = 1;
     /// Full width at half maximum, ps.
     pub const PULSE_WIDTH: u8 = 2;
@@ -113,7 +113,7 @@ pub fn apply(settings: &Settings, board: &mut impl Board) -> Result<(), AfeError
     let hardware = board.hardware();
     let spi = board.emitter();
     identify(spi, emitter::ID, emitter::ID_VALUE)?;
-    write_verified(spi, emitter::POWER, settings.power_cw as u32)?;
+    write_verified(spi, emitter::POWER, settings.power_uw as u32)?;
     write_verified(spi, emitter::PULSE_WIDTH, settings.pulse_width_ps as u32)?;
     write_verified(spi, emitter::OVERLAP, settings.overlap_mm as u32)?;
     write_verified(spi, emitter::SHOT, 0)?;

@@ -143,7 +143,7 @@ impl Drop for Board {
 fn over_a_line_a_sensor_gives_the_echoes_it_gives_in_process() {
     let fixture = Fixture::new();
     let board = Board::new(&fixture);
-    let settings = Settings { power_cw: 5_000, upsampling: 2, ..Settings::default() };
+    let settings = Settings { power_uw: 50_000_000, upsampling: 2, ..Settings::default() };
     let mut far = Sensor::serial(&board.port).expect("a sensor");
     let mut near = Sensor::in_process(&Model::from(&board.config)).expect("a sensor");
     assert_eq!(far.identity(), near.identity());

@@ -63,6 +63,38 @@ impl LidarPreset {
     }
 }
 
+/// How far down a search may take the power.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PowerRange {
+    /// To 5 W, as in the paper.
+    Paper,
+    /// As far as the sensor goes, to where nothing is detected: for whoever pays for energy.
+    Whole,
+}
+
+/// The least power that the paper searched, W.
+const PAPER_LEAST_POWER_W: f64 = 5.0;
+
+impl From<LidarPreset> for PowerRange {
+    fn from(preset: LidarPreset) -> Self {
+        match preset {
+            LidarPreset::Paper => Self::Paper,
+            LidarPreset::Full => Self::Whole,
+        }
+    }
+}
+
+impl PowerRange {
+    /// The least power of a search, W; one that starts below begins there.
+    pub fn least_w(self, start_w: f64) -> f64 {
+        let power = ParameterId::Power.parameter();
+        match self {
+            Self::Paper => PAPER_LEAST_POWER_W.min(start_w),
+            Self::Whole => power.to_unit(power.min),
+        }
+    }
+}
+
 /// The eight of Θ_lidar that the paper names.
 pub const PAPER_LIDAR: [ParameterId; 8] = [
     ParameterId::Power,

@@ -19,7 +19,7 @@
 //! let model = Model::from(&config);
 //! let sensor = PcSensor::new(model.front_end(), model.pattern, model.hardware);
 //! let mut client = Client::connect(InProcess(sensor), RetryPolicy::default())?;
-//! client.configure(&Settings { power_cw: 2_000, ..Settings::default() })?;
+//! client.configure(&Settings { power_uw: 20_000_000, ..Settings::default() })?;
 //! let beams = client.scan(1)?;
 //! assert_eq!(beams.len(), 24 * 8);
 //! assert!(beams.iter().all(|echoes| echoes.is_empty()), "there is nothing to see");

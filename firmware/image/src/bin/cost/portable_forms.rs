@@ -170,7 +170,7 @@ fn order_statistics_agree(random: &mut Random) -> bool {
 /// Waveforms that some settings gave the same echoes of.
 fn pipelines_agree(random: &mut Random) -> Result<u32, &'static str> {
     let settings = Settings {
-        power_cw: 500,
+        power_uw: 5_000_000,
         pulse_width_ps: 2_000 + random.below(18_001) as i32,
         bins: 200 + random.below(600) as i32,
         saturation_ppm: 250_000 + random.below(750_001) as i32,

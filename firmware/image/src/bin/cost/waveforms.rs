@@ -116,7 +116,7 @@ impl Case {
     /// default, or four.
     pub(crate) fn settings(&self) -> Settings {
         Settings {
-            power_cw: 3_000,
+            power_uw: 30_000_000,
             pulse_width_ps: self.pulse_width_ps,
             bins: self.samples as i32,
             echoes: self.echoes.len().max(1) as i32,

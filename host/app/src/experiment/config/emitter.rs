@@ -34,9 +34,10 @@ impl EmitterConfig {
     }
 }
 
-/// Of the longest pulse, with the least power and with the greatest: 5 and 100 W in 20 ns.
+/// Of the longest pulse, with the least power, and with the greatest: 10 µW and 100 W in 20 ns. The
+/// sensor counts whole pJ.
 fn energy_bounds_nj() -> (f64, f64) {
     let (power, width) = (ParameterId::Power.parameter(), ParameterId::PulseWidth.parameter());
-    let energy_nj = |power_cw| f64::from(pulse_energy_pj(power_cw, width.max)) / 1e3;
+    let energy_nj = |power_uw| f64::from(pulse_energy_pj(power_uw, width.max)) / 1e3;
     (energy_nj(power.min), energy_nj(power.max))
 }

@@ -287,7 +287,7 @@ mod tests {
         assert!(error.contains("line 2") && error.contains("above its maximum 100 W"), "{error}");
         for (text, part) in [
             ("[lidar]\npower = nan", "must be finite"),
-            ("[lidar]\npower = -3", "below its minimum 5 W"),
+            ("[lidar]\npower = -3", "below its minimum 0.00001 W"),
             ("[lidar]\nwaveform_resolution = 800.5", "must be a whole number"),
             ("[lidar]\ntiming = \"late\"", "rising-edge"),
             ("[lidar]\ntiming = 3", "invalid type"),
@@ -327,6 +327,9 @@ mod tests {
         let path = folder.path().join("run.toml");
         std::fs::write(&path, "seed = 9\n[lidar]\npower = 20\ngain = 3\n").unwrap();
         let config = load(Some(&path), &["lidar.power=30".parse().unwrap()]).unwrap();
-        assert_eq!((config.seed, config.lidar.0.power_cw, config.lidar.0.gain_cdb), (9, 3000, 300));
+        assert_eq!(
+            (config.seed, config.lidar.0.power_uw, config.lidar.0.gain_cdb),
+            (9, 30_000_000, 300)
+        );
     }
 }

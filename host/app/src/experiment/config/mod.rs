@@ -157,17 +157,17 @@ mod tests {
             emitter: EmitterConfig { energy_limit_nj },
             ..RunConfig::default()
         };
-        let bounds =
-            [power.min, power.max].map(|code| power.to_unit(code) * width.to_unit(width.max));
-        assert_eq!(bounds, [100.0, 2000.0]);
+        let picojoules = |code| power.to_unit(code) * width.to_unit(width.max) * 1e3;
+        let bounds = [power.min, power.max].map(|code| picojoules(code).ceil() / 1e3);
+        assert_eq!(bounds, [0.001, 2000.0]);
         for limit_nj in bounds {
             with(limit_nj).check().unwrap();
         }
-        for limit_nj in [0.0, -1.0, 99.9, 2000.1, f64::NAN, f64::INFINITY] {
+        for limit_nj in [0.0, -1.0, 0.0009, 2000.1, f64::NAN, f64::INFINITY] {
             let problem = with(limit_nj).check().unwrap_err().to_string();
             assert_eq!(
                 problem,
-                format!("emitter.energy_limit_nj = {limit_nj} must be 100 to 2000")
+                format!("emitter.energy_limit_nj = {limit_nj} must be 0.001 to 2000")
             );
         }
     }

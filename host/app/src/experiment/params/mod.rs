@@ -16,7 +16,7 @@ use echoloop_dsp::{Hardware, Kind, PARAMETERS, ParameterId, Settings};
 use echoloop_files::shown;
 
 use crate::experiment::config::RunConfig;
-use crate::experiment::preset::{LidarPreset, Preset, Protocol};
+use crate::experiment::preset::{LidarPreset, PowerRange, Preset, Protocol};
 
 pub use axis::{Axis, Scale};
 pub use error::ValueError;
@@ -161,7 +161,7 @@ pub struct Space {
 }
 
 impl Space {
-    /// The axes of a protocol around a start.
+    /// The axes of a protocol around a start; that of power as far as the preset takes it.
     pub fn new(
         protocol: Protocol,
         lidar: LidarPreset,
@@ -171,12 +171,20 @@ impl Space {
     ) -> Self {
         let mut axes = Vec::new();
         if matches!(protocol, Protocol::Lidar | Protocol::Joint) {
-            axes.extend(lidar.parameters().into_iter().map(|id| lidar_axis(id, &start.settings)));
+            let axis = |id| lidar_axis(id, lidar.into(), &start.settings);
+            axes.extend(lidar.parameters().into_iter().map(axis));
         }
         if matches!(protocol, Protocol::Registration | Protocol::Joint) {
             axes.extend(start.registration_axes(preset));
         }
         Self { axes, start, hardware }
+    }
+
+    /// The same, with power taken as far as said.
+    pub fn with_power(mut self, power: PowerRange) -> Self {
+        let own = lidar_axis(ParameterId::Power, power, &self.start.settings);
+        self.axes.iter_mut().filter(|axis| axis.name == own.name).for_each(|axis| *axis = own);
+        self
     }
 
     /// The axes, in the order of the cube's coordinates.
@@ -210,8 +218,8 @@ impl Space {
     }
 }
 
-/// An axis of Θ_lidar, from the firmware's table.
-fn lidar_axis(id: ParameterId, start: &Settings) -> Axis {
+/// An axis of Θ_lidar, from the firmware's table; that of power as far as a search may go.
+fn lidar_axis(id: ParameterId, power: PowerRange, start: &Settings) -> Axis {
     let p = id.parameter();
     let scale = match p.kind {
         Kind::Real { log: true } => Scale::Log,
@@ -221,11 +229,15 @@ fn lidar_axis(id: ParameterId, start: &Settings) -> Axis {
         Kind::Choice { .. } => Scale::Integer,
     };
     let default = p.to_unit(p.default.unwrap_or_else(|| start.separation_mm().clamp(p.min, p.max)));
+    let min = match id {
+        ParameterId::Power => power.least_w(p.to_unit(start.power_uw)),
+        _ => p.to_unit(p.min),
+    };
     Axis {
         name: &LIDAR_NAMES[id as usize],
         unit: p.unit,
         scale,
-        min: p.to_unit(p.min),
+        min,
         max: p.to_unit(p.max),
         default,
     }
@@ -280,6 +292,29 @@ mod tests {
         // 1.14 · cW/2 of 5 ns, which the start leaves to follow the pulse.
         let expected = Settings { min_separation_mm: Some(854), ..start.settings };
         assert_eq!(parameters.settings, expected);
+    }
+
+    #[test]
+    fn power_is_searched_from_the_paper_s_five_watts_or_from_where_nothing_is_detected() {
+        let powers = |lidar, power: Option<PowerRange>, start_uw| {
+            let mut start = space(Protocol::Lidar).start;
+            start.settings.power_uw = start_uw;
+            let hardware = Hardware::REFERENCE;
+            let space = Space::new(Protocol::Lidar, lidar, Preset::Outdoor, start, hardware);
+            let space = power.map_or(space.clone(), |power| space.with_power(power));
+            let least = space.parameters(&vec![0.0; space.axes().len()]).0;
+            let (axis, least) = (space.axes()[0], least.get("lidar.power").unwrap());
+            assert_eq!((axis.name, least), ("lidar.power", axis.min));
+            let again = space.parameters(&space.start_point()).0.settings;
+            assert_eq!(again.power_uw, start_uw, "a start below is where the axis begins");
+            [axis.min, axis.max]
+        };
+        let (paper, full) = (LidarPreset::Paper, LidarPreset::Full);
+        assert_eq!(powers(paper, None, 75_000_000), [5.0, 100.0]);
+        assert_eq!(powers(full, None, 75_000_000), [1e-5, 100.0]);
+        assert_eq!(powers(paper, Some(PowerRange::Whole), 75_000_000), [1e-5, 100.0]);
+        assert_eq!(powers(full, Some(PowerRange::Paper), 75_000_000), [5.0, 100.0]);
+        assert_eq!(powers(paper, None, 200_000), [0.2, 100.0]);
     }
 
     #[test]
@@ -343,7 +378,7 @@ mod tests {
                 .with_values(&values, Preset::Outdoor, &Hardware::REFERENCE)
                 .map_err(|e| e.to_string())
         };
-        assert_eq!(with("lidar.power", 20.0).unwrap().settings.power_cw, 2000);
+        assert_eq!(with("lidar.power", 20.0).unwrap().settings.power_uw, 20_000_000);
         assert_eq!(
             with("lidar.power", 500.0).unwrap_err(),
             "lidar.power 500 W is above its maximum 100 W"

@@ -16,9 +16,9 @@ pub fn repair(settings: &mut Settings, hardware: &Hardware) -> Vec<&'static str>
         settings.pulse_width_ps = shortest_ps;
         repaired.push(ParameterId::PulseWidth.parameter().name);
     }
-    let strongest_cw = hardware.strongest_power_cw(settings.pulse_width_ps);
-    if settings.power_cw > strongest_cw {
-        settings.power_cw = strongest_cw;
+    let strongest_uw = hardware.strongest_power_uw(settings.pulse_width_ps);
+    if settings.power_uw > strongest_uw {
+        settings.power_uw = strongest_uw;
         repaired.push(ParameterId::Power.parameter().name);
     }
     let middle_mm = i32::try_from(hardware.middle_mm()).unwrap_or(i32::MAX);
@@ -39,9 +39,9 @@ mod tests {
     #[test]
     fn too_much_energy_lowers_the_power_to_the_limit() {
         let mut settings =
-            Settings { power_cw: 10_000, pulse_width_ps: 20_000, ..Settings::default() };
+            Settings { power_uw: 100_000_000, pulse_width_ps: 20_000, ..Settings::default() };
         assert_eq!(repair(&mut settings, &Hardware::REFERENCE), ["power"]);
-        assert_eq!((settings.power_cw, settings.pulse_width_ps), (2_000, 20_000));
+        assert_eq!((settings.power_uw, settings.pulse_width_ps), (20_000_000, 20_000));
         settings.check(&Hardware::REFERENCE).unwrap();
     }
 
