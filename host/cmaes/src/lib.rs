@@ -26,6 +26,7 @@
 //! | bounds | the unit cube, by reflection ([`reflect`]) |
 //! | whole numbers | cells of 0 to 1, with margin (arXiv:2205.13482) |
 //! | constants | the tutorial's, or pycma 4.5's ([`Constants`]) |
+//! | two objectives | [`Pareto`]: NSGA-II, by ask and tell as well |
 //! | stops | generations, target, too small or large steps, condition ([`Stops`]) |
 //!
 //! Hansen, "The CMA Evolution Strategy: A Tutorial" (arXiv:1604.00772), with active covariance
@@ -35,12 +36,17 @@ mod bounds;
 mod cmaes;
 mod config;
 mod margin;
+mod pareto;
 mod random;
 mod strategy;
 
 pub use bounds::reflect;
 pub use cmaes::{Candidate, CmaEs};
 pub use config::{CmaEsConfig, CmaEsConfigError, StopReason, Stops, TellError};
+pub use pareto::{
+    Objectives, Pareto, ParetoConfig, ParetoConfigError, Valued, dominates, hypervolume, ranks,
+    sorted_by_crowding,
+};
 pub use strategy::{Constants, Strategy};
 
 #[cfg(doctest)]
