@@ -15,7 +15,7 @@ use std::error::Error;
 use std::io::{BufRead, Lines, StdinLock, Write, stdin, stdout};
 use std::str::FromStr;
 
-use echoloop_cmaes::{CmaEs, CmaEsConfig, Constants, Stops, Strategy};
+use echoloop_cmaes::{CmaEs, CmaEsConfig, Constants, Coordinate, Stops, Strategy};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -48,9 +48,10 @@ impl Problem {
         Ok(Self { seed, whole: whole as usize, lower, upper, start })
     }
 
-    /// How many whole numbers a coordinate has; `None` where every value is allowed.
-    fn cells(&self, i: usize) -> Option<usize> {
-        (i < self.whole).then(|| (self.upper[i] - self.lower[i]) as usize + 1)
+    /// The whole numbers from bound to bound, or every value.
+    fn kind(&self, i: usize) -> Coordinate {
+        let count = || (self.upper[i] - self.lower[i]) as usize + 1;
+        if i < self.whole { Coordinate::Whole(count()) } else { Coordinate::Real }
     }
 
     /// The value at 0 and at 1: of whole numbers, the outer walls of the outermost cells.
@@ -84,7 +85,7 @@ impl Problem {
             Constants::Tutorial
         };
         config.lambda = Some(Strategy::default_lambda(n) << restart.min(9));
-        config.cells = (0..n).map(|i| self.cells(i)).collect();
+        config.coordinates = (0..n).map(|i| self.kind(i)).collect();
         config.stops = Stops { tol_x: 1e-11, ..Stops::default() };
         Ok(CmaEs::new(config)?)
     }

@@ -1,12 +1,13 @@
 //! Time of one generation, ask and tell, in ms; what evaluations cost comes on top.
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
-use echoloop_cmaes::{CmaEs, CmaEsConfig};
+use echoloop_cmaes::{CmaEs, CmaEsConfig, Coordinate};
 
-fn generation(criterion: &mut Criterion, n: usize, lambda: usize, whole: bool) {
+fn generation(criterion: &mut Criterion, kind: &str, coordinates: Vec<Coordinate>, lambda: usize) {
+    let n = coordinates.len();
     let mut config = CmaEsConfig::unit_cube(vec![0.5; n], 0.2, 1);
     config.lambda = Some(lambda);
-    config.cells = vec![whole.then_some(21); n];
+    config.coordinates = coordinates;
     let Ok(mut search) = CmaEs::new(config) else {
         return;
     };
@@ -18,7 +19,6 @@ fn generation(criterion: &mut Criterion, n: usize, lambda: usize, whole: bool) {
         let _ = search.tell(&worth(&search));
     }
     let values = worth(&search);
-    let kind = if whole { "generation-whole" } else { "generation" };
     criterion.bench_function(&format!("{kind}/{n}x{lambda}"), |b| {
         b.iter_batched_ref(
             || search.clone(),
@@ -29,9 +29,12 @@ fn generation(criterion: &mut Criterion, n: usize, lambda: usize, whole: bool) {
 }
 
 fn generations(criterion: &mut Criterion) {
+    use Coordinate::{Choice, Real, Whole};
     for (n, lambda) in [(16, 16), (100, 17)] {
-        generation(criterion, n, lambda, false);
-        generation(criterion, n, lambda, true);
+        generation(criterion, "generation", vec![Real; n], lambda);
+        generation(criterion, "generation-whole", vec![Whole(21); n], lambda);
+        let choices = [vec![Real; n - 3], vec![Choice(2), Choice(3), Choice(4)]].concat();
+        generation(criterion, "generation-choices", choices, lambda);
     }
 }
 

@@ -20,11 +20,34 @@ pub struct CmaEsConfig {
     /// Whether the search stays in the unit cube, by reflection. Standard deviations then stay
     /// below 1/3.
     pub bounded: bool,
-    /// Of each coordinate that stands for whole numbers, how many: equal cells of 0 to 1. Empty:
-    /// none does.
-    pub cells: Vec<Option<usize>>,
+    /// What values each coordinate takes. Empty: every one, all of them.
+    pub coordinates: Vec<Coordinate>,
     /// When to stop.
     pub stops: Stops,
+}
+
+/// What values a coordinate takes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Coordinate {
+    /// Every number.
+    #[default]
+    Real,
+    /// So many numbers, in order: the middles of equal cells of 0 to 1.
+    Whole(usize),
+    /// So many names, in no order, at the middles of equal cells of 0 to 1. The start's name is
+    /// drawn half of the time at first.
+    Choice(usize),
+}
+
+impl Coordinate {
+    /// Cells of a coordinate that has an order.
+    pub(super) fn cells(self) -> Option<usize> {
+        if let Self::Whole(count) = self { Some(count) } else { None }
+    }
+
+    fn is_possible(self) -> bool {
+        !matches!(self, Self::Whole(0) | Self::Choice(0))
+    }
 }
 
 impl CmaEsConfig {
@@ -32,7 +55,16 @@ impl CmaEsConfig {
     pub fn unit_cube(mean: Vec<f64>, sigma: f64, seed: u64) -> Self {
         let stops = Stops::default();
         let constants = Constants::default();
-        Self { mean, sigma, lambda: None, seed, constants, bounded: true, cells: Vec::new(), stops }
+        Self {
+            mean,
+            sigma,
+            lambda: None,
+            seed,
+            constants,
+            bounded: true,
+            coordinates: Vec::new(),
+            stops,
+        }
     }
 }
 
@@ -106,15 +138,13 @@ pub(super) fn check(config: &CmaEsConfig) -> Result<(), CmaEsConfigError> {
     if !(config.sigma > 0.0 && config.sigma.is_finite()) {
         return fail("sigma", config.sigma.to_string(), "above 0");
     }
-    if !config.cells.is_empty() && config.cells.len() != config.mean.len() {
-        return fail(
-            "cells",
-            format!("{:?}", config.cells),
-            "empty or as many as there are coordinates",
-        );
+    let coordinates = &config.coordinates;
+    if !coordinates.is_empty() && coordinates.len() != config.mean.len() {
+        let expected = "empty or as many as the mean has";
+        return fail("coordinates", format!("{coordinates:?}"), expected);
     }
-    if config.cells.contains(&Some(0)) {
-        return fail("cells", format!("{:?}", config.cells), "at least 1 where given");
+    if !coordinates.iter().all(|coordinate| coordinate.is_possible()) {
+        return fail("coordinates", format!("{coordinates:?}"), "of at least 1 value each");
     }
     match config.lambda {
         Some(lambda) if lambda < 2 => fail("lambda", lambda.to_string(), "at least 2"),

@@ -24,7 +24,8 @@
 //! | what | how |
 //! |---|---|
 //! | bounds | the unit cube, by reflection ([`reflect`]) |
-//! | whole numbers | cells of 0 to 1, with margin (arXiv:2205.13482) |
+//! | whole numbers | cells of 0 to 1, with margin (arXiv:2205.13482): [`Coordinate::Whole`] |
+//! | choices | a probability for each name: CatCMA (arXiv:2405.09962): [`Coordinate::Choice`] |
 //! | constants | the tutorial's, or pycma 4.5's ([`Constants`]) |
 //! | two objectives | [`Pareto`]: NSGA-II, by ask and tell as well |
 //! | stops | generations, target, too small or large steps, condition ([`Stops`]) |
@@ -33,8 +34,10 @@
 //! updates. Own code, because bounds, replay and what a report shows sit inside the update.
 
 mod bounds;
+mod choices;
 mod cmaes;
 mod config;
+mod gaussian;
 mod margin;
 mod pareto;
 mod random;
@@ -42,7 +45,7 @@ mod strategy;
 
 pub use bounds::reflect;
 pub use cmaes::{Candidate, CmaEs};
-pub use config::{CmaEsConfig, CmaEsConfigError, StopReason, Stops, TellError};
+pub use config::{CmaEsConfig, CmaEsConfigError, Coordinate, StopReason, Stops, TellError};
 pub use pareto::{
     Objectives, Pareto, ParetoConfig, ParetoConfigError, Valued, dominates, hypervolume, ranks,
     sorted_by_crowding,

@@ -13,7 +13,7 @@ pub enum Constants {
 /// Everything about a search that does not move.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Strategy {
-    /// n.
+    /// n: real and whole coordinates.
     pub dimension: usize,
     /// λ.
     pub lambda: usize,
@@ -45,9 +45,10 @@ impl Strategy {
         4 + (3.0 * libm::log(dimension as f64)) as usize
     }
 
-    /// The constants for n parameters and λ candidates, at least 2.
+    /// The constants for n parameters and λ candidates, at least 2. Without a parameter, those of
+    /// one.
     pub fn new(dimension: usize, lambda: usize, constants: Constants) -> Self {
-        let n = dimension as f64;
+        let n = dimension.max(1) as f64;
         let mu = lambda / 2;
         let raw: Vec<f64> = (1..=lambda)
             .map(|i| libm::log((lambda as f64 + 1.0) / 2.0) - libm::log(i as f64))
