@@ -8,7 +8,7 @@ use std::process::Command;
 const ALLOWED: [(&str, &str, &[&str]); 19] = [
     ("echoloop-dsp", "firmware/dsp", &[]),
     ("echoloop-dispatch", "host/dispatch", &[]),
-    ("echoloop-random", "host/random", &[]),
+    ("echoloop-random", "host/random", &["echoloop-dispatch"]),
     ("echoloop-files", "host/files", &[]),
     ("echoloop-needs", "tests/needs", &[]),
     (

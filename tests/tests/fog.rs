@@ -13,7 +13,7 @@ use echoloop_frontend::{
 };
 use echoloop_sim::board::analog_for;
 
-const BEAMS: u32 = 40;
+const BEAMS: u32 = 200;
 
 const VISIBILITIES_M: [f64; 8] = [10.0, 20.0, 40.0, 60.0, 100.0, 200.0, 400.0, 998.0];
 const REFLECTANCES: [f64; 3] = [0.1, 0.5, 0.9];

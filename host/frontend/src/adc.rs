@@ -1,15 +1,17 @@
 //! Noise, gain, clip and quantisation, by an amplifier that may take time to recover.
 
+use std::ops::Range;
+
 use crate::board::Analog;
 use crate::receiver::Receiver;
 
 /// 1.5 · 2²³: adding it to 0 ≤ x < 2²² leaves `round(x)`, ties to even, in the low bits.
 pub(crate) const ROUND: f32 = 12_582_912.0;
 
-/// From a signal current to codes.
+/// What turns a signal current into codes: the constants of one set of settings.
 ///
 /// ```text
-/// L[n] = 2^b·(G[n]·(i_quiet + i[n] + σ(i[n])·z[n]) / i_fs + black)        codes
+/// L[n] = 2^b·(G[n]·(i_quiet + i[n]) / i_fs + black) + 2^b·G[n]·σ(i[n]) / i_fs · z[n]      codes
 /// x[n] = round( clip( L[n] + T[n], 0, limit ) )
 /// e[n] = L[n] − limit                          what the amplifier cannot follow
 /// T[n] = max(T[n−1], a·e[n])                   while e > 0: held, the output is at its limit
@@ -19,37 +21,11 @@ pub(crate) const ROUND: f32 = 12_582_912.0;
 /// G[n] is [`Analog::gain_at`], a `overload_tail`, τ `overload_tail_ns`. So n samples after the
 /// last one that clips the tail is a·e_max·e^(−nΔ/τ). The tail is the amplifier's: it brings no
 /// shot noise.
-#[inline(always)]
-pub(crate) fn convert(
-    receiver: &Receiver,
-    analog: &Analog,
-    signal_ua: &[f32],
-    normal: &[f32],
-    codes: &mut [u16],
-) {
-    let amplifier = Amplifier::new(receiver, analog);
-    let near = analog.near_samples().min(codes.len());
-    let (near_codes, codes) = codes.split_at_mut(near);
-    let (near_ua, signal_ua) = signal_ua.split_at(near);
-    let (near_normal, normal) = normal.split_at(near);
-    let gain = |n: usize| (analog.gain_at(n) * receiver.codes_per_ua()) as f32;
-    let near_gains = (0..near).map(gain);
-    let gains = std::iter::repeat(amplifier.codes_per_ua);
-    // Without a tail no sample hangs on the one before it, and the loop runs in vectors.
-    if receiver.overload_tail > 0.0 {
-        let mut tail = Tail::new(receiver, analog);
-        let mut recover = |level, limit| level + tail.after(level - limit);
-        amplifier.convert(near_gains, near_ua, near_normal, near_codes, &mut recover);
-        amplifier.convert(gains, signal_ua, normal, codes, recover);
-    } else {
-        amplifier.convert(near_gains, near_ua, near_normal, near_codes, |level, _| level);
-        amplifier.convert(gains, signal_ua, normal, codes, |level, _| level);
-    }
-}
-
-/// The constants of a conversion.
-struct Amplifier {
+#[derive(Clone, Debug)]
+pub(crate) struct Amplifier {
     codes_per_ua: f32,
+    /// The same of each sample before the gain is full.
+    near_codes_per_ua: Vec<f32>,
     /// Largest code.
     limit: f32,
     /// Codes of no current.
@@ -57,26 +33,67 @@ struct Amplifier {
     quiet_ua: f32,
     quiet_variance_ua2: f32,
     shot_variance_ua: f32,
+    /// Where an overload leaves one.
+    tail: Option<Tail>,
 }
 
 impl Amplifier {
-    #[inline(always)]
-    fn new(receiver: &Receiver, analog: &Analog) -> Self {
-        let gain = libm::pow(10.0, analog.gain_db / 20.0);
+    /// For so many samples.
+    pub(crate) fn new(receiver: &Receiver, analog: &Analog, samples: usize) -> Self {
         let full_scale = f64::from(1u32 << receiver.adc_bits);
+        let codes_per_ua = |gain: f64| (gain * receiver.codes_per_ua()) as f32;
+        let near = 0..analog.near_samples().min(samples);
         Self {
-            codes_per_ua: (gain * receiver.codes_per_ua()) as f32,
+            codes_per_ua: codes_per_ua(libm::pow(10.0, analog.gain_db / 20.0)),
+            near_codes_per_ua: near.map(|n| codes_per_ua(analog.gain_at(n))).collect(),
             limit: (full_scale * receiver.analog_limit).min(full_scale - 1.0) as f32,
             black: (full_scale * analog.black_level) as f32,
             quiet_ua: receiver.quiescent_current_ua() as f32,
             quiet_variance_ua2: receiver.quiescent_variance_ua2() as f32,
             shot_variance_ua: receiver.shot_variance_ua() as f32,
+            tail: (receiver.overload_tail > 0.0).then(|| Tail::new(receiver, analog)),
+        }
+    }
+
+    /// Codes of a signal that is nowhere but in the spans `lit`.
+    #[inline(always)]
+    pub(crate) fn convert(
+        &self,
+        lit: &[Range<usize>],
+        signal_ua: &[f32],
+        normal: &[f32],
+        codes: &mut [u16],
+    ) {
+        let near = self.near_codes_per_ua.iter().copied();
+        let full = std::iter::repeat(self.codes_per_ua);
+        if let Some(mut tail) = self.tail.clone() {
+            let recover = |level, limit| level + tail.after(level - limit);
+            return self.convert_each(near.chain(full), signal_ua, normal, codes, recover);
+        }
+        // Without a tail no sample hangs on the one before it, and loops run in vectors.
+        let begin = near.len().min(codes.len());
+        self.convert_quiet(&normal[begin..], &mut codes[begin..]);
+        let (signal, z, out) = (&signal_ua[..begin], &normal[..begin], &mut codes[..begin]);
+        self.convert_each(near, signal, z, out, |level, _| level);
+        for span in lit {
+            let span = span.start.max(begin)..span.end.max(begin);
+            let (signal, z) = (&signal_ua[span.clone()], &normal[span.clone()]);
+            self.convert_each(full.clone(), signal, z, &mut codes[span], |level, _| level);
+        }
+    }
+
+    /// Codes without a signal at full gain: those of [`Self::convert_each`].
+    #[inline(always)]
+    fn convert_quiet(&self, normal: &[f32], codes: &mut [u16]) {
+        let (level, spread) = self.level_and_spread(self.codes_per_ua, 0.0);
+        for (code, &z) in codes.iter_mut().zip(normal) {
+            *code = self.code(level + spread * z);
         }
     }
 
     /// `recover` says what becomes of a level, given the limit.
     #[inline(always)]
-    fn convert(
+    fn convert_each(
         &self,
         codes_per_ua: impl Iterator<Item = f32>,
         signal_ua: &[f32],
@@ -86,16 +103,26 @@ impl Amplifier {
     ) {
         let samples = codes.iter_mut().zip(signal_ua).zip(normal);
         for (((code, &signal), &z), codes_per_ua) in samples.zip(codes_per_ua) {
-            let sigma_ua = (self.quiet_variance_ua2 + self.shot_variance_ua * signal).sqrt();
-            let current_ua = self.quiet_ua + signal + sigma_ua * z;
-            let level = codes_per_ua * current_ua + self.black;
-            let level = recover(level, self.limit).max(0.0).min(self.limit);
-            *code = (level + ROUND).to_bits() as u16;
+            let (level, spread) = self.level_and_spread(codes_per_ua, signal);
+            *code = self.code(recover(level + spread * z, self.limit));
         }
+    }
+
+    /// Mean and σ of a sample, codes.
+    #[inline(always)]
+    fn level_and_spread(&self, codes_per_ua: f32, signal_ua: f32) -> (f32, f32) {
+        let sigma_ua = (self.quiet_variance_ua2 + self.shot_variance_ua * signal_ua).sqrt();
+        (codes_per_ua * (self.quiet_ua + signal_ua) + self.black, codes_per_ua * sigma_ua)
+    }
+
+    #[inline(always)]
+    fn code(&self, level: f32) -> u16 {
+        (level.max(0.0).min(self.limit) + ROUND).to_bits() as u16
     }
 }
 
-/// T of [`convert`].
+/// T of [`Amplifier`].
+#[derive(Clone, Debug)]
 struct Tail {
     fraction: f32,
     decay: f32,

@@ -10,7 +10,7 @@ use echoloop_random::{Stream, normals};
 
 use crate::adc::ROUND;
 use crate::exposure::{Exposure, ShotBuffers};
-use crate::pulse::add_pulse;
+use crate::pulse::Pulse;
 
 pub use crate::litl_units::*;
 
@@ -31,23 +31,25 @@ pub(crate) fn synthesise(
     codes: &mut [u16],
 ) {
     let Exposure { receiver, analog, returns, background, key } = *exposure;
-    let (signal, normal) = buffers.begin(codes.len(), background);
-    let unit = units(analog.power_w);
+    let shot = buffers.begin(codes.len(), background);
+    let (unit, pulse) = (units(analog.power_w), Pulse::new(analog));
     for echo in returns {
         let range_m = f64::from(echo.range_m);
         let peak = unit * f64::from(echo.strength_per_m2) * receiver.through_air(range_m);
-        add_pulse(analog, range_m, peak * analog.overlap(range_m), signal);
+        shot.lit.push(pulse.add(range_m, peak * analog.overlap(range_m), shot.signal_ua));
     }
-    normals(key, normal);
+    normals(key, shot.normal);
     let full_scale = f64::from(1u32 << receiver.adc_bits);
     let (full, near) = (libm::pow(10.0, analog.gain_db / 20.0), analog.near_samples());
-    for (n, ((code, &signal), &z)) in codes.iter_mut().zip(&*signal).zip(&*normal).enumerate() {
+    let samples = codes.iter_mut().zip(&*shot.signal_ua).zip(&*shot.normal);
+    for (n, ((code, &signal), &z)) in samples.enumerate() {
         let count = poisson(NOISE_FLOOR + f64::from(signal), z.into(), photons.uniform(n as u64));
         let gain = if n < near { analog.gain_at(n) } else { full };
         let signal = (gain * count).min(SATURATION) / SATURATION;
         let level = full_scale * (signal + analog.black_level);
         *code = (level.min(full_scale - 1.0) as f32 + ROUND).to_bits() as u16;
     }
+    shot.end();
 }
 
 /// A Poisson count of this mean: by its distribution function from a uniform number, or for large

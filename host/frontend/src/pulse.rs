@@ -1,25 +1,47 @@
 //! The emitted pulse as the receiver sees it.
 
 use std::f64::consts::PI;
+use std::ops::Range;
 
 use crate::board::Analog;
 use crate::receiver::SPEED_OF_LIGHT_M_NS;
 
-/// Adds `current · sin²(π(t − 2R/c) / 2W)`; the cosine by Chebyshev's recurrence, two evaluations a
-/// pulse.
-pub(crate) fn add_pulse(analog: &Analog, range_m: f64, current_ua: f64, signal_ua: &mut [f32]) {
-    let begin = (2.0 * range_m / SPEED_OF_LIGHT_M_NS - analog.delay_ns) / analog.sample_period_ns;
-    let length = 2.0 * analog.pulse_width_ns / analog.sample_period_ns;
-    let first = (begin.ceil().max(0.0)) as usize;
-    let last = (begin + length).ceil().clamp(0.0, signal_ua.len() as f64) as usize;
-    let Some(span) = signal_ua.get_mut(first..last) else { return };
-    // sin²(πu/L) = (1 − cos(2πu/L)) / 2, u samples after the begin.
-    let step = 2.0 * PI / length;
-    let phase = step * (first as f64 - begin);
-    let twice_cos_step = 2.0 * libm::cos(step);
-    let (mut cosine, mut previous) = (libm::cos(phase), libm::cos(phase - step));
-    for sample in span {
-        *sample += (current_ua * 0.5 * (1.0 - cosine)) as f32;
-        (cosine, previous) = (twice_cos_step * cosine - previous, cosine);
+/// The pulse of one set of settings, on the grid of its samples.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Pulse {
+    delay_ns: f64,
+    sample_period_ns: f64,
+    /// Samples from its beginning to its end.
+    length: f64,
+    /// Phase that the cosine gains in a sample, and its sine and cosine.
+    step: f64,
+    step_sine: f64,
+    step_cosine: f64,
+}
+
+impl Pulse {
+    pub(crate) fn new(analog: &Analog) -> Self {
+        let Analog { delay_ns, sample_period_ns, pulse_width_ns, .. } = *analog;
+        let length = 2.0 * pulse_width_ns / sample_period_ns;
+        let step = 2.0 * PI / length;
+        let (step_sine, step_cosine) = libm::sincos(step);
+        Self { delay_ns, sample_period_ns, length, step, step_sine, step_cosine }
+    }
+
+    /// Adds `current · sin²(π(t − 2R/c) / 2W)`, the cosine by Chebyshev's recurrence; the samples
+    /// that it reaches.
+    pub(crate) fn add(&self, range_m: f64, current: f64, signal: &mut [f32]) -> Range<usize> {
+        let begin = (2.0 * range_m / SPEED_OF_LIGHT_M_NS - self.delay_ns) / self.sample_period_ns;
+        let first = (begin.ceil().max(0.0)) as usize;
+        let last = (begin + self.length).ceil().clamp(0.0, signal.len() as f64) as usize;
+        let Some(samples) = signal.get_mut(first..last) else { return 0..0 };
+        // sin²(πu/L) = (1 − cos(2πu/L)) / 2, u samples after the begin.
+        let (sine, mut cosine) = libm::sincos(self.step * (first as f64 - begin));
+        let mut previous = cosine * self.step_cosine + sine * self.step_sine;
+        for sample in samples {
+            *sample += (current * 0.5 * (1.0 - cosine)) as f32;
+            (cosine, previous) = (2.0 * self.step_cosine * cosine - previous, cosine);
+        }
+        first..last
     }
 }

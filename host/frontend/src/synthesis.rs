@@ -1,37 +1,123 @@
 //! From returns to ADC codes.
 
 use echoloop_dispatch::dispatch;
-use echoloop_random::normals;
+use echoloop_random::{Key, normals, normals_baseline};
 
-use crate::adc;
+use crate::adc::Amplifier;
+use crate::aerosol::Light;
+use crate::board::Analog;
 use crate::exposure::{Exposure, ShotBuffers};
-use crate::pulse::add_pulse;
+use crate::pulse::Pulse;
+use crate::receiver::Receiver;
 
-dispatch! {
-    /// Fills `codes` with the waveform of one shot.
-    ///
-    /// ```text
-    /// i    = i_quiet + Σ i_k ξ(R_k) p(t − 2R_k/c) + σ(t) · z
-    /// x[n] = clip( round( 2^b · G·i / i_fs ), 0, 2^b − 1 ),   after clip( G·i, 0, limit )
-    /// ```
-    ///
-    /// Compiled twice, as the DSP is: for the baseline and for x86-64-v3. Same bytes.
-    pub fn synthesise(exposure: &Exposure<'_>, buffers: &mut ShotBuffers, codes: &mut [u16])
-        = synthesise_baseline;
+/// Fills `codes` with the waveform of one shot.
+///
+/// ```text
+/// i    = i_quiet + Σ i_k ξ(R_k) p(t − 2R_k/c) + σ(t) · z
+/// x[n] = clip( round( 2^b · G·i / i_fs ), 0, 2^b − 1 ),   after clip( G·i, 0, limit )
+/// ```
+///
+/// Compiled twice, as the DSP is: for the baseline and for x86-64-v3. Same bytes.
+pub fn synthesise(exposure: &Exposure<'_>, buffers: &mut ShotBuffers, codes: &mut [u16]) {
+    let Exposure { receiver, analog, returns, background, key } = *exposure;
+    let prepared = Prepared::new(receiver, analog, codes.len());
+    render(&prepared, Light { returns, background }, key, buffers, codes);
 }
 
 /// [`synthesise`] as compiled for the target's baseline.
-#[inline(always)]
 pub fn synthesise_baseline(exposure: &Exposure<'_>, buffers: &mut ShotBuffers, codes: &mut [u16]) {
     let Exposure { receiver, analog, returns, background, key } = *exposure;
-    let (signal_ua, normal) = buffers.begin(codes.len(), background);
+    let prepared = Prepared::new(receiver, analog, codes.len());
+    render_baseline(&prepared, Light { returns, background }, key, buffers, codes);
+}
+
+/// All that shots with the same settings have in common.
+#[derive(Clone, Debug)]
+pub(crate) struct Prepared {
+    analog: Analog,
+    samples: usize,
+    amplifier: Amplifier,
+    pulse: Pulse,
+    /// Peak current of a return of 1/m² in clear air, µA.
+    unit_ua: f64,
+    extinction_per_m: f64,
+}
+
+impl Prepared {
+    pub(crate) fn new(receiver: &Receiver, analog: &Analog, samples: usize) -> Self {
+        Self {
+            analog: *analog,
+            samples,
+            amplifier: Amplifier::new(receiver, analog, samples),
+            pulse: Pulse::new(analog),
+            unit_ua: receiver.peak_current_ua(analog.power_w, 0.0, 1.0),
+            extinction_per_m: receiver.extinction_per_m(),
+        }
+    }
+
+    /// Whether it is for these settings and so many samples.
+    pub(crate) fn is_for(&self, analog: &Analog, samples: usize) -> bool {
+        (&self.analog, self.samples) == (analog, samples)
+    }
+
+    /// Peak current of a return, µA.
+    fn peak_ua(&self, range_m: f64, strength_per_m2: f64) -> f64 {
+        let through_air = libm::exp(-2.0 * self.extinction_per_m * range_m);
+        self.unit_ua * strength_per_m2 * through_air * self.analog.overlap(range_m)
+    }
+}
+
+dispatch! {
+    /// The waveform of one shot; its samples must be those that were prepared for.
+    pub(crate) fn render(
+        prepared: &Prepared,
+        light: Light<'_>,
+        key: Key,
+        buffers: &mut ShotBuffers,
+        codes: &mut [u16],
+    ) = render_baseline, v3: render_v3;
+}
+
+fn render_baseline(
+    prepared: &Prepared,
+    light: Light<'_>,
+    key: Key,
+    buffers: &mut ShotBuffers,
+    codes: &mut [u16],
+) {
+    render_with(normals_baseline, prepared, light, key, buffers, codes);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
+fn render_v3(
+    prepared: &Prepared,
+    light: Light<'_>,
+    key: Key,
+    buffers: &mut ShotBuffers,
+    codes: &mut [u16],
+) {
+    render_with(normals, prepared, light, key, buffers, codes);
+}
+
+#[inline(always)]
+fn render_with(
+    normals: impl Fn(Key, &mut [f32]),
+    prepared: &Prepared,
+    Light { returns, background }: Light<'_>,
+    key: Key,
+    buffers: &mut ShotBuffers,
+    codes: &mut [u16],
+) {
+    let shot = buffers.begin(codes.len(), background);
     for echo in returns {
         let (range_m, strength_per_m2) = (f64::from(echo.range_m), f64::from(echo.strength_per_m2));
-        let current_ua = receiver.peak_current_ua(analog.power_w, range_m, strength_per_m2);
-        add_pulse(analog, range_m, current_ua * analog.overlap(range_m), signal_ua);
+        let current_ua = prepared.peak_ua(range_m, strength_per_m2);
+        shot.lit.push(prepared.pulse.add(range_m, current_ua, shot.signal_ua));
     }
-    normals(key, normal);
-    adc::convert(receiver, analog, signal_ua, normal, codes);
+    normals(key, shot.normal);
+    prepared.amplifier.convert(shot.lit, shot.signal_ua, shot.normal, codes);
+    shot.end();
 }
 
 #[cfg(test)]

@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use echoloop_random::{Key, Stream};
+
 use crate::aerosol::{Aerosol, Light};
 use crate::board::{Analog, FrontEnd, Trigger};
 use crate::exposure::{Exposure, ShotBuffers};
@@ -10,7 +12,7 @@ use crate::litl;
 use crate::mode::Mode;
 use crate::noise::{Purpose, before_the_trigger, noise_key};
 use crate::receiver::Receiver;
-use crate::synthesis::synthesise;
+use crate::synthesis::{Prepared, render};
 use crate::weather::Weather;
 
 /// A front end that looks at one scene response.
@@ -19,8 +21,9 @@ pub struct WaveformFrontEnd {
     receiver: Receiver,
     scene: Arc<SceneResponse>,
     seed: u64,
-    buffers: ShotBuffers,
     aerosol: Option<Box<Aerosol>>,
+    before: Rendering,
+    window: Rendering,
 }
 
 impl WaveformFrontEnd {
@@ -30,46 +33,44 @@ impl WaveformFrontEnd {
         // The air's α is a matter of every return: worked out once.
         let extinction_per_m = receiver.extinction_per_m();
         let receiver = Receiver { extinction_per_m, weather: Weather::default(), ..receiver };
-        Self { receiver, scene, seed, buffers: ShotBuffers::default(), aerosol }
+        let (before, window) = (Rendering::default(), Rendering::default());
+        Self { receiver, scene, seed, aerosol, before, window }
     }
 
     /// Looks at another scene from now on.
     pub fn look_at(&mut self, scene: Arc<SceneResponse>, seed: u64) {
         (self.scene, self.seed) = (scene, seed);
     }
-
-    /// Renders one waveform; `light` is what comes back: returns, and a background.
-    fn render(
-        &mut self,
-        analog: &Analog,
-        trigger: Trigger,
-        when: When,
-        light: Light<'_>,
-        codes: &mut [u16],
-    ) {
-        let (receiver, buffers) = (&self.receiver, &mut self.buffers);
-        let window = noise_key(self.seed, trigger);
-        let (key, photons) = match when {
-            When::Before => (before_the_trigger(window), Purpose::PhotonsBefore),
-            When::Window => (window, Purpose::Photons),
-        };
-        let Light { returns, background } = light;
-        let exposure = Exposure { receiver, analog, returns, background, key };
-        match receiver.mode {
-            Mode::Physical => synthesise(&exposure, buffers, codes),
-            Mode::LitlCompat => {
-                let photons = photons.for_shot(self.seed, trigger);
-                litl::synthesise(&exposure, photons, buffers, codes);
-            }
-        }
-    }
 }
 
-/// Before the shot, or after it.
-#[derive(Clone, Copy)]
-enum When {
-    Before,
-    Window,
+/// What waveforms of one part of a shot are made in.
+#[derive(Clone, Debug, Default)]
+struct Rendering {
+    buffers: ShotBuffers,
+    /// For the settings of the last shot.
+    prepared: Option<Prepared>,
+}
+
+impl Rendering {
+    /// Renders one waveform; `light` is what comes back.
+    fn render(
+        &mut self,
+        receiver: &Receiver,
+        analog: &Analog,
+        light: Light<'_>,
+        (key, photons): (Key, impl FnOnce() -> Stream),
+        codes: &mut [u16],
+    ) {
+        if receiver.mode == Mode::LitlCompat {
+            let Light { returns, background } = light;
+            let exposure = Exposure { receiver, analog, returns, background, key };
+            return litl::synthesise(&exposure, photons(), &mut self.buffers, codes);
+        }
+        self.prepared.take_if(|of| !of.is_for(analog, codes.len()));
+        let prepare = || Prepared::new(receiver, analog, codes.len());
+        let prepared = self.prepared.get_or_insert_with(prepare);
+        render(prepared, light, key, &mut self.buffers, codes);
+    }
 }
 
 impl FrontEnd for WaveformFrontEnd {
@@ -81,25 +82,22 @@ impl FrontEnd for WaveformFrontEnd {
         let Some(analog) = self.receiver.hear(analog, self.seed, trigger) else {
             return codes.fill(0);
         };
-        let (before, window) = codes.split_at_mut(analog.pre_trigger.min(codes.len()));
-        // The gain falls when the pulse leaves.
-        let quiet = Analog { gain_slope_db_ns: 0.0, ..analog };
-        self.render(&quiet, trigger, When::Before, Light::default(), before);
-        let scene = Arc::clone(&self.scene);
+        let Self { receiver, scene, seed, aerosol, before, window } = self;
+        let key = noise_key(*seed, trigger);
+        let (early, codes) = codes.split_at_mut(analog.pre_trigger.min(codes.len()));
+        if !early.is_empty() {
+            // The gain falls when the pulse leaves.
+            let quiet = Analog { gain_slope_db_ns: 0.0, ..analog };
+            let photons = || Purpose::PhotonsBefore.for_shot(*seed, trigger);
+            let noise = (before_the_trigger(key), photons);
+            before.render(receiver, &quiet, Light::default(), noise, early);
+        }
         let returns = scene.of(trigger.beam as usize);
-        // Taken out so that it can be lent beside the rest.
-        let Some(mut aerosol) = self.aerosol.take() else {
-            return self.render(
-                &analog,
-                trigger,
-                When::Window,
-                Light { returns, background: &[] },
-                window,
-            );
+        let light = match aerosol {
+            Some(air) => air.fill(receiver, &analog, returns, (*seed, trigger), codes.len()),
+            None => Light { returns, background: &[] },
         };
-        let light =
-            aerosol.fill(&self.receiver, &analog, returns, (self.seed, trigger), window.len());
-        self.render(&analog, trigger, When::Window, light, window);
-        self.aerosol = Some(aerosol);
+        let photons = || Purpose::Photons.for_shot(*seed, trigger);
+        window.render(receiver, &analog, light, (key, photons), codes);
     }
 }

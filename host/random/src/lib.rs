@@ -14,7 +14,7 @@
 //! |---|---|---|
 //! | [`Generator`] | ChaCha8, one after the other | scenes, the optimiser's samples |
 //! | [`Stream`] | SplitMix64 by index, `f64` | jitter, drops, photons |
-//! | [`normals`] | two 32-bit mixes by index, `f32`, 16 lanes | the noise of samples |
+//! | [`normals()`] | a 32-bit mix by index, four tables, `f32` | the noise of samples |
 //!
 //! Uniform and normal numbers are made here from raw bits, not by a distribution crate, whose
 //! sampling may change between versions. Logarithms and cosines are `libm`'s, as the platform's own
@@ -27,7 +27,7 @@ mod stream;
 mod uniform;
 
 pub use generator::Generator;
-pub use normals::{Key, normals};
+pub use normals::{Key, normals, normals_baseline};
 pub use split_mix::{derive, mix_64, split_mix_64};
 pub use stream::Stream;
 pub use uniform::box_muller;
