@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use echoloop_dsp::{Grid, Hardware, ScanPattern, Settings};
 use echoloop_host::link::client::{Client, RetryPolicy};
+use echoloop_host::link::size::scan_bits;
 use echoloop_host::link::transport::{Conversation, Direction, InProcess, Recording};
 use echoloop_sim::board::PcSensor;
 use echoloop_tests::faults::Target;
@@ -45,4 +46,28 @@ fn a_sensor_that_does_something_else_is_found_out() {
     let pattern = ScanPattern::Grid(Grid { columns: 12, rows: 9, ..Grid::default() });
     let other = InProcess(PcSensor::new(Target::default(), pattern, Hardware::REFERENCE));
     assert_ne!(recorded.replay(other, Duration::ZERO).unwrap(), recorded);
+}
+
+/// Both ways, so far.
+fn carried_bits(client: &mut Client<Recording<InProcess<Target>>>) -> u64 {
+    let conversation = client.transport_mut().conversation();
+    let ways = [Direction::ToSensor, Direction::ToHost];
+    8 * ways.map(|way| conversation.bytes(way).len() as u64).iter().sum::<u64>()
+}
+
+#[test]
+fn the_bits_of_a_scan_are_those_that_went_over_the_line() {
+    let retry_policy = RetryPolicy { timeout: Duration::from_secs(1), tries: 1 };
+    let pattern = ScanPattern::Grid(Grid { columns: 48, rows: 32, ..Grid::default() });
+    let line = InProcess(PcSensor::new(Target::default(), pattern, Hardware::REFERENCE));
+    let mut client = Client::connect_from(Recording::new(line), retry_policy, 0).unwrap();
+    for settings in [Settings::default(), Settings { echoes: 4, ..Settings::default() }] {
+        let hash = client.configure(&settings).unwrap();
+        let before = carried_bits(&mut client);
+        let scan = client.scan(1).unwrap();
+        let carried = carried_bits(&mut client) - before;
+        assert!(scan.iter().any(|echoes| !echoes.is_empty()), "there is something to tell");
+        let counted = scan_bits(&scan, hash);
+        assert!(counted.abs_diff(carried) * 1_000 <= carried, "{counted} of {carried}");
+    }
 }

@@ -3,6 +3,7 @@
 use super::exit::Failure;
 use super::prepared::Prepared;
 use crate::experiment::config::RunConfig;
+use crate::experiment::cost::{CostKind, ScanCost};
 use crate::experiment::evaluate::{Summary, median};
 use crate::experiment::objective::Registered;
 use crate::experiment::params::{self, Axis, Parameters, Space, effective};
@@ -11,8 +12,8 @@ use crate::experiment::seed::{Purpose, derive};
 use crate::experiment::tune::{TuneSearch, Tuned};
 use crate::link::pattern::{described as beams_of, size};
 use crate::report::{
-    CloudLayer, Convergence, Correlation, EvaluationRow, EvaluationTable, PairClouds, PairError,
-    ParameterTrace, PoseError, Report, RowKind,
+    CloudLayer, Convergence, Correlation, Costs, EvaluationRow, EvaluationTable, PairClouds,
+    PairError, ParameterTrace, PoseError, Report, RowKind,
 };
 use echoloop_dsp::ScanPattern;
 use echoloop_registration::FgrMode;
@@ -38,6 +39,7 @@ pub(super) fn print_table(config: &RunConfig, result: &RunResult, space: &Space)
     {
         println!("{name:<10} {}", row(summary));
     }
+    print_costs(&costs(result));
     if space.axes().is_empty() {
         return;
     }
@@ -46,6 +48,40 @@ pub(super) fn print_table(config: &RunConfig, result: &RunResult, space: &Space)
         let [before, after] = [&result.default, &result.tuned]
             .map(|values| shown(axis.name, effective(values, axis.name)));
         println!("{:<34} {before:>12} {after:>12}  {:<14} {}", axis.name, axis.unit, range(axis));
+    }
+}
+
+/// What a scan costs before and after, and what that comes to.
+fn print_costs(costs: &Costs) {
+    let line = |name: &str, cells: &[String]| {
+        let cells: String = cells.iter().map(|cell| format!(" {cell:>24}")).collect();
+        println!("{name:<10}{cells}");
+    };
+    println!();
+    line("", &costs.heads);
+    costs.rows.iter().for_each(|(name, cells)| line(name, cells));
+    println!("{}", costs.verdict);
+}
+
+/// What scans of the held-out pairs cost.
+fn costs(result: &RunResult) -> Costs {
+    let summaries = [("default", &result.default_summary), ("tuned", &result.tuned_summary)];
+    let known: Vec<(&str, &ScanCost)> = summaries
+        .into_iter()
+        .filter_map(|(name, summary)| Some((name, summary.cost.as_ref()?)))
+        .collect();
+    let [(_, before), (_, after)] = known[..] else { return Costs::default() };
+    let cells = |cost| CostKind::ALL.map(|kind| kind.text(kind.of(cost))).to_vec();
+    let said = result.comparison.at_cost(CostKind::Energy, before, after);
+    let [low, high] = result.comparison.interval;
+    let difference = result.comparison.difference;
+    Costs {
+        heads: CostKind::ALL.map(|kind| kind.title().to_owned()).to_vec(),
+        rows: known.iter().map(|(name, cost)| ((*name).to_owned(), cells(cost))).collect(),
+        verdict: format!(
+            "Tuned: {said}. Its ‖T − T*‖_F is {difference:+.4} from the default's in the mean, \
+             {low:+.4} to {high:+.4} with 95 %."
+        ),
     }
 }
 
@@ -161,6 +197,7 @@ fn write_report(run: &Finished<'_>, shown: Shown) -> Result<(), Failure> {
             ],
             success_within,
         },
+        costs: costs(result),
         convergence: convergence(config, run.tuned),
         parameters: traces(run),
         correlation: correlation(run),

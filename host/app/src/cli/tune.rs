@@ -12,6 +12,7 @@ use super::interrupt::stop_on_interrupt;
 use super::method_choice::{MethodChoice, toml_name};
 use super::prepared::{Prepared, require_recall};
 use super::progress::Progress;
+use crate::experiment::compare::Comparison;
 use crate::experiment::config::{Override, RunConfig, default_runs_folder, load};
 use crate::experiment::evaluate::Summary;
 use crate::experiment::files::FileError;
@@ -203,6 +204,7 @@ fn result(
         default: prepared.start.values(preset),
         tuned: tuned.parameters.values(preset),
         finalists: tuned.finalists.clone(),
+        comparison: Comparison::new(&before.errors, &after.errors, prepared.config.tune.error_cap),
         default_summary: before,
         tuned_summary: after,
     }

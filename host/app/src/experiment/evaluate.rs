@@ -4,8 +4,9 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::experiment::config::DataConfig;
+use crate::experiment::cost::{ScanCost, Scanner};
 use crate::experiment::dataset::ScanPair;
-use crate::experiment::objective::{Bench, PairError};
+use crate::experiment::objective::{Bench, PairError, Registered};
 use crate::experiment::params::Parameters;
 use crate::experiment::seed::{Purpose, derive};
 use crate::link::sensor::SensorError;
@@ -29,6 +30,9 @@ pub struct Summary {
     pub mean_frobenius: f64,
     /// Mean points of a cloud.
     pub mean_points: f64,
+    /// What a scan of these pairs cost in the mean, where that was asked.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cost: Option<ScanCost>,
     /// Every pair.
     pub errors: Vec<PairError>,
 }
@@ -58,6 +62,7 @@ impl Summary {
             median_rotation_deg: median(errors.iter().map(|e| e.rotation_deg)),
             mean_frobenius: mean(|e| e.frobenius),
             mean_points: mean(|e| (e.points[0] + e.points[1]) as f64 / 2.0),
+            cost: None,
             errors,
         }
     }
@@ -103,6 +108,37 @@ pub fn evaluate(
     noisy: &NoisyPairs<'_>,
     done: &(dyn Fn() + Sync),
 ) -> Result<Vec<PairError>, SensorError> {
+    evaluate_with(bench, parameters, noisy, done, &|registered| registered.error)
+}
+
+/// As [`evaluate`], with what a scan cost in the mean of all.
+///
+/// # Errors
+///
+/// As [`evaluate`].
+pub fn evaluate_and_cost(
+    bench: &Bench<'_>,
+    parameters: &Parameters,
+    noisy: &NoisyPairs<'_>,
+    scanner: &Scanner,
+    done: &(dyn Fn() + Sync),
+) -> Result<(Vec<PairError>, Option<ScanCost>), SensorError> {
+    let with_costs = |registered: Registered| {
+        let costs = registered.scans.map(|scan| scanner.cost(&parameters.settings, &scan));
+        (registered.error, costs)
+    };
+    let each = evaluate_with(bench, parameters, noisy, done, &with_costs)?;
+    let (errors, costs): (Vec<PairError>, Vec<_>) = each.into_iter().unzip();
+    Ok((errors, ScanCost::mean(costs.as_flattened())))
+}
+
+fn evaluate_with<T: Send>(
+    bench: &Bench<'_>,
+    parameters: &Parameters,
+    noisy: &NoisyPairs<'_>,
+    done: &(dyn Fn() + Sync),
+    keep: &(dyn Fn(Registered) -> T + Sync),
+) -> Result<Vec<T>, SensorError> {
     noisy
         .pairs
         .par_iter()
@@ -110,7 +146,7 @@ pub fn evaluate(
         .map(|(index, pair)| {
             let result = bench.register(parameters, index, pair, noisy.noise_seed(index));
             done();
-            result.map(|registered| registered.error)
+            result.map(keep)
         })
         .collect()
 }

@@ -53,8 +53,10 @@
 pub mod beam_list;
 pub mod beams;
 pub mod checksum;
+pub mod compare;
 pub mod config;
 pub mod content;
+pub mod cost;
 pub mod dataset;
 pub mod evaluate;
 pub mod files;

@@ -3,6 +3,8 @@
 use echoloop_dsp::{Echoes, Settings};
 use serde::{Deserialize, Serialize};
 
+use crate::experiment::config::RunConfig;
+use crate::experiment::cost::Scanner;
 use crate::experiment::dataset::{Dataset, ScanPair};
 use crate::experiment::params::Parameters;
 use crate::experiment::scan_cloud::cloud_from_scan;
@@ -41,6 +43,8 @@ pub struct Registered {
     pub clouds: [Cloud; 2],
     /// The motion found.
     pub first_from_second: Pose,
+    /// First and second scan, as they came over the link.
+    pub scans: [Vec<Echoes>; 2],
 }
 
 /// What every evaluation shares.
@@ -85,7 +89,13 @@ impl Bench<'_> {
             error,
             clouds: [first, second],
             first_from_second: outcome.target_from_source,
+            scans,
         })
+    }
+
+    /// What costs hang on: the hardware of a configuration, and the pattern that is scanned with.
+    pub fn scanner(&self, config: &RunConfig) -> Scanner {
+        Scanner::new(config.hardware(), self.dataset.beams.pattern(), config.motion.duration_s)
     }
 
     /// The points of the scan of a viewpoint, sensor frame.

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use echoloop_dsp::{Kind, PARAMETERS, Parameter};
 use serde::{Deserialize, Serialize};
 
+use crate::experiment::compare::Comparison;
 use crate::experiment::config::RunConfig;
 use crate::experiment::evaluate::Summary;
 use crate::experiment::files::{
@@ -68,6 +69,8 @@ pub struct RunResult {
     pub default_summary: Summary,
     /// The tuned parameters on held-out pairs.
     pub tuned_summary: Summary,
+    /// Their error less that of the start, on the same pairs.
+    pub comparison: Comparison,
 }
 
 /// A run's folder, which no other process writes as long as this lives.

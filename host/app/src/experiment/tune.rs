@@ -11,7 +11,7 @@ use thiserror::Error;
 use crate::experiment::config::RunConfig;
 use crate::experiment::content::{Content, build};
 use crate::experiment::dataset::ScanPair;
-use crate::experiment::evaluate::{NoisyPairs, Summary, evaluate, median};
+use crate::experiment::evaluate::{NoisyPairs, Summary, evaluate, evaluate_and_cost, median};
 use crate::experiment::journal::{
     CandidateRecord, FORMAT, Generation, Header, Journal, JournalError,
 };
@@ -473,8 +473,10 @@ impl TuneSearch<'_> {
         observer: &dyn Observer,
     ) -> Result<Summary, SensorError> {
         let noisy = self.noisy(&self.bench.dataset.test, Purpose::TestNoise);
-        let errors = evaluate(&self.bench, parameters, &noisy, &|| observer.evaluated())?;
-        Ok(Summary::from_errors(errors, &self.config.data))
+        let (bench, scanner) = (&self.bench, &self.bench.scanner(self.config));
+        let done = || observer.evaluated();
+        let (errors, cost) = evaluate_and_cost(bench, parameters, &noisy, scanner, &done)?;
+        Ok(Summary { cost, ..Summary::from_errors(errors, &self.config.data) })
     }
 }
 

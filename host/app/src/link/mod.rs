@@ -31,4 +31,5 @@ pub mod defmt_log;
 pub mod pattern;
 pub mod sensor;
 pub mod serve;
+pub mod size;
 pub mod transport;

@@ -14,6 +14,8 @@ pub struct Report {
     pub facts: Vec<(String, String)>,
     /// Default against tuned on the test pairs.
     pub table: EvaluationTable,
+    /// What a scan costs.
+    pub costs: Costs,
     /// Fitness and step size by generation.
     pub convergence: Convergence,
     /// One trace for each tuned parameter.
@@ -116,6 +118,17 @@ impl Default for EvaluationRow {
             median_rotation_deg: f64::NAN,
         }
     }
+}
+
+/// What a scan costs, in words: a column for each cost.
+#[derive(Clone, Debug, Default)]
+pub struct Costs {
+    /// Names of the costs.
+    pub heads: Vec<String>,
+    /// Name of a row, and its cells.
+    pub rows: Vec<(String, Vec<String>)>,
+    /// What the difference comes to, a sentence.
+    pub verdict: String,
 }
 
 /// Fitness (lower is better) and step size by generation. Each series is as long as `generation`,

@@ -13,6 +13,7 @@ mod axis;
 mod clouds;
 mod convergence;
 mod correlation;
+mod cost;
 mod data;
 mod error;
 mod evaluation;
@@ -26,8 +27,8 @@ mod trajectories;
 
 pub use clouds::MAX_LAYER_POINTS;
 pub use data::{
-    CloudLayer, Convergence, Correlation, EvaluationRow, EvaluationTable, PairClouds, PairError,
-    ParameterTrace, PoseError, Report, RowKind,
+    CloudLayer, Convergence, Correlation, Costs, EvaluationRow, EvaluationTable, PairClouds,
+    PairError, ParameterTrace, PoseError, Report, RowKind,
 };
 pub use error::ReportError;
 pub use response::ResponsePage;

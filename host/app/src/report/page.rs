@@ -2,7 +2,7 @@
 
 use super::data::Report;
 use super::format::escape;
-use super::{clouds, convergence, correlation, evaluation, pairs, trajectories};
+use super::{clouds, convergence, correlation, cost, evaluation, pairs, trajectories};
 
 const STYLE: &str = include_str!("report.css");
 const VIEWER: &str = include_str!("viewer.js");
@@ -15,6 +15,7 @@ pub(super) fn page(report: &Report) -> String {
     let sections = [
         header(report),
         evaluation::section(&report.table),
+        cost::section(&report.costs),
         convergence::section(&report.convergence),
         trajectories::section(report),
         correlation::section(report.correlation.as_ref(), report.convergence.generation.len()),

@@ -48,6 +48,7 @@ fn count_with(
     let config = pipeline.config();
     let waveform = case.waveform(config.template().half());
     let codes = waveform.get(..case.samples).ok_or("waveform too long")?;
+    count_shots(name, config, case, codes, text)?;
     let spent = Cell::new(0u32);
     let mut line = |stage, instructions| {
         spent.set(spent.get().wrapping_add(instructions));
@@ -76,6 +77,27 @@ fn count_with(
         && scratch.statistics() == &made.statistics
         && scratch.filtered(codes.len()) == made.y;
     if same { Ok(()) } else { Err("the stages are not the pipeline") }
+}
+
+/// What several shots cost before they are one waveform: adding one, and reading their sum. They are
+/// no stages of the pipeline, and the same in every kernel.
+fn count_shots(
+    name: &str,
+    config: &DetectorConfig,
+    case: &Case,
+    codes: &[u16],
+    text: &mut Text,
+) -> Result<(), &'static str> {
+    let mut scratch = Scratch::new();
+    let mut sums = [0; MAX_SAMPLES];
+    let sums = sums.get_mut(..codes.len()).ok_or("waveform too long")?;
+    let add = per_run(|| scratch.shots().add(black_box(1), black_box(codes)));
+    let read = per_run(|| scratch.shots().read(black_box(config.sum_shift()), black_box(sums)));
+    for (stage, instructions) in [("shot", add), ("sum", read)] {
+        writeln!(text, "cost\t{name}\t{}\t{stage}\t{instructions}", case.name)
+            .map_err(|_| "no text")?;
+    }
+    Ok(())
 }
 
 /// The stages that look at every sample, each with its line; `padded` and `y` are left as they fill

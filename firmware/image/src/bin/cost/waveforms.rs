@@ -36,19 +36,22 @@ pub(crate) struct Case {
     range_mm: u32,
     pulse_width_ps: i32,
     gain_slope_mdb_m: i32,
+    /// Echoes kept at most.
+    keeps: i32,
     /// Amplitudes in codes; they lie evenly over the waveform.
     pub(crate) echoes: &'static [i32],
 }
 
 /// A sample is a nanosecond, to within 1 %; where there are 2400 a third of one. Some echoes reach
 /// full scale.
-pub(crate) const CASES: [Case; 7] = [
+pub(crate) const CASES: [Case; 8] = [
     Case {
         name: "800x12 noise",
         samples: 800,
         range_mm: 119_000,
         pulse_width_ps: 5_000,
         gain_slope_mdb_m: 0,
+        keeps: 1,
         echoes: &[],
     },
     Case {
@@ -57,6 +60,7 @@ pub(crate) const CASES: [Case; 7] = [
         range_mm: 119_000,
         pulse_width_ps: 5_000,
         gain_slope_mdb_m: 0,
+        keeps: 1,
         echoes: &[900],
     },
     Case {
@@ -65,7 +69,17 @@ pub(crate) const CASES: [Case; 7] = [
         range_mm: 119_000,
         pulse_width_ps: 5_000,
         gain_slope_mdb_m: 0,
+        keeps: 4,
         echoes: &[900, 300, 6000, 150],
+    },
+    Case {
+        name: "800x12 one echo of four",
+        samples: 800,
+        range_mm: 119_000,
+        pulse_width_ps: 5_000,
+        gain_slope_mdb_m: 0,
+        keeps: 4,
+        echoes: &[900],
     },
     Case {
         name: "256x16 one echo",
@@ -73,6 +87,7 @@ pub(crate) const CASES: [Case; 7] = [
         range_mm: 38_373,
         pulse_width_ps: 7_500,
         gain_slope_mdb_m: 0,
+        keeps: 1,
         echoes: &[900],
     },
     Case {
@@ -81,6 +96,7 @@ pub(crate) const CASES: [Case; 7] = [
         range_mm: 153_494,
         pulse_width_ps: 7_500,
         gain_slope_mdb_m: 0,
+        keeps: 1,
         echoes: &[900],
     },
     Case {
@@ -89,6 +105,7 @@ pub(crate) const CASES: [Case; 7] = [
         range_mm: 119_000,
         pulse_width_ps: 10_100,
         gain_slope_mdb_m: 0,
+        keeps: 1,
         echoes: &[900],
     },
     Case {
@@ -97,6 +114,7 @@ pub(crate) const CASES: [Case; 7] = [
         range_mm: 119_000,
         pulse_width_ps: 5_000,
         gain_slope_mdb_m: 1_000,
+        keeps: 4,
         echoes: &[900, 300, 6000, 150],
     },
 ];
@@ -112,14 +130,13 @@ impl Case {
         Hardware { range_max_mm: reference.range_min_mm + self.range_mm, ..reference }
     }
 
-    /// The default settings but for size and pulse, and as many echoes as there are: one, the
-    /// default, or four.
+    /// The default settings but for size, pulse, and how many echoes are kept.
     pub(crate) fn settings(&self) -> Settings {
         Settings {
             power_uw: 30_000_000,
             pulse_width_ps: self.pulse_width_ps,
             bins: self.samples as i32,
-            echoes: self.echoes.len().max(1) as i32,
+            echoes: self.keeps,
             gain_slope_mdb_m: self.gain_slope_mdb_m,
             black_level_ppm: if self.gain_slope_mdb_m > 0 { BLACK.1 } else { 0 },
             ..Settings::default()
