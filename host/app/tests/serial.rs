@@ -427,6 +427,8 @@ fn a_run_that_lost_its_board_goes_on_with_another_to_the_same_end() {
     let tiny = [
         "-c",
         "small.toml",
+        "--strategy",
+        "paper",
         "--generations",
         "2",
         "--population",

@@ -2,14 +2,14 @@
 
 use super::exit::Failure;
 use super::prepared::Prepared;
-use crate::experiment::config::RunConfig;
+use crate::experiment::config::{RunConfig, TuneConfig};
 use crate::experiment::cost::{CostKind, ScanCost};
 use crate::experiment::evaluate::{Summary, median};
-use crate::experiment::objective::Registered;
+use crate::experiment::objective::{ErrorMean, Registered};
 use crate::experiment::params::{self, Axis, Parameters, Space, effective};
 use crate::experiment::run::{AFTER, BEFORE, REPORT, RunFolder, RunResult};
 use crate::experiment::seed::{Purpose, derive};
-use crate::experiment::tune::{TuneSearch, Tuned};
+use crate::experiment::tune::{Stage, TuneSearch, Tuned};
 use crate::link::pattern::{described as beams_of, size};
 use crate::report::{
     CloudLayer, Convergence, Correlation, Costs, EvaluationRow, EvaluationTable, PairClouds,
@@ -222,18 +222,25 @@ fn facts(run: &Finished<'_>) -> Vec<(String, String)> {
         ("Beams", beams),
         ("Protocol", result.protocol.clone()),
         ("Method", result.method.clone()),
-        (
-            "Training pairs",
-            format!("{}, {} a generation", config.data.train_pairs, search.batch_size()),
-        ),
+        ("Strategy", config.tune.strategy.name().into()),
+        ("Training pairs", config.data.train_pairs.to_string()),
         ("Held-out pairs", result.tuned_summary.pairs.to_string()),
         ("Distance of a pair", format!("{} m", config.data.baseline_m)),
-        ("Population", search.population().to_string()),
+        ("Searches", searches(&search.stages())),
         ("Seed", config.seed.to_string()),
         ("Chosen", result.origin.clone()),
     ]
     .map(|(name, value)| (name.to_owned(), value))
     .to_vec()
+}
+
+/// The stages of a search, a line each.
+fn searches(stages: &[Stage]) -> String {
+    let told = stages.iter().map(|stage| {
+        let Stage { name, generations, population, pairs, .. } = stage;
+        format!("{name}: {generations} generations of {population} candidates on {pairs} pairs")
+    });
+    told.collect::<Vec<_>>().join("; ")
 }
 
 fn table_row(label: &str, kind: RowKind, summary: &Summary) -> EvaluationRow {
@@ -252,10 +259,7 @@ fn table_row(label: &str, kind: RowKind, summary: &Summary) -> EvaluationRow {
 fn convergence(config: &RunConfig, tuned: &Tuned) -> Convergence {
     let mut series = Convergence {
         default_fitness: tuned.finalists.iter().find(|f| f.origin == "start").map(|f| f.fitness),
-        fitness_name: match config.tune.error_cap {
-            cap if cap > 0.0 => format!("mean ‖T − T*‖_F, capped at {cap}"),
-            _ => "mean ‖T − T*‖_F".into(),
-        },
+        fitness_name: fitness_name(&config.tune),
         ..Convergence::default()
     };
     for generation in &tuned.generations {
@@ -270,6 +274,17 @@ fn convergence(config: &RunConfig, tuned: &Tuned) -> Convergence {
         series.sigma.push(generation.sigma);
     }
     series
+}
+
+fn fitness_name(tune: &TuneConfig) -> String {
+    let mean = match tune.error_mean {
+        ErrorMean::Arithmetic => "mean",
+        ErrorMean::Geometric => "geometric mean",
+    };
+    match tune.error_cap {
+        cap if cap > 0.0 => format!("{mean} ‖T − T*‖_F, capped at {cap}"),
+        _ => format!("{mean} ‖T − T*‖_F"),
+    }
 }
 
 fn traces(run: &Finished<'_>) -> Vec<ParameterTrace> {

@@ -17,7 +17,7 @@ use crate::experiment::config::{Override, RunConfig, default_runs_folder, load};
 use crate::experiment::evaluate::Summary;
 use crate::experiment::files::FileError;
 use crate::experiment::journal::{Generation, Journal};
-use crate::experiment::preset::{LidarPreset, Preset, Protocol};
+use crate::experiment::preset::{LidarPreset, Preset, Protocol, Strategy};
 use crate::experiment::run::{CONFIG, HISTORY, REPORT, RESULT, RunFolder, RunResult};
 use crate::experiment::tune::{TuneError, TuneSearch, Tuned};
 use crate::said::say;
@@ -29,6 +29,9 @@ pub(crate) struct TuneArgs {
     setup: Setup,
     #[command(flatten)]
     method: MethodChoice,
+    /// How to search.
+    #[arg(long)]
+    strategy: Option<Strategy>,
     /// What is tuned.
     #[arg(long)]
     protocol: Option<Protocol>,
@@ -52,7 +55,7 @@ pub(crate) struct TuneArgs {
         long,
         value_name = "RUN",
         conflicts_with_all = [
-            "config", "set", "scene", "seed", "method", "mode", "refine", "protocol", "lidar",
+            "config", "set", "scene", "seed", "method", "mode", "refine", "strategy", "protocol", "lidar",
             "preset", "generations", "population", "runs",
         ],
     )]
@@ -74,6 +77,7 @@ impl TuneArgs {
         let mut flag = |path: &str, value: Option<toml::Value>| {
             own.extend(value.map(|v| Override::flag(path, v)))
         };
+        flag("tune.strategy", self.strategy.map(toml_name));
         flag("tune.protocol", self.protocol.map(toml_name));
         flag("tune.lidar", self.lidar.map(toml_name));
         flag("registration.preset", self.preset.map(toml_name));
@@ -114,10 +118,7 @@ fn tune(
         Some(path) => Journal::resume(path, &search.header(), args.repair)?,
         None => (Journal::create(&folder.file(HISTORY), &search.header())?, Vec::new()),
     };
-    let left = search
-        .registrations()
-        .saturating_sub(done.len() * search.population() * search.batch_size());
-    progress.begin("tuning", left as u64);
+    progress.begin("tuning", search.registrations() as u64);
     let outcome = search_and_judge(&search, &mut journal, done, &progress);
     progress.end();
     if let Err(TuneError::Interrupted { .. } | TuneError::Sensor(_)) = &outcome {
@@ -129,7 +130,7 @@ fn tune(
     }
     let (tuned, before, after) = outcome?;
     journal.confirm()?;
-    let result = result(&prepared, &search, &tuned, before, after);
+    let result = result(&prepared, &tuned, before, after);
     folder.write_result(&result)?;
     write_figures(&Finished {
         folder: &folder,
@@ -179,13 +180,7 @@ fn run_name(config: &RunConfig) -> String {
     format!("{scene}-{method}-{}", config.tune.protocol.name())
 }
 
-fn result(
-    prepared: &Prepared,
-    search: &TuneSearch<'_>,
-    tuned: &Tuned,
-    before: Summary,
-    after: Summary,
-) -> RunResult {
+fn result(prepared: &Prepared, tuned: &Tuned, before: Summary, after: Summary) -> RunResult {
     let preset = prepared.config.registration.preset;
     RunResult {
         format: 1,
@@ -194,12 +189,7 @@ fn result(
         scene: prepared.config.scene.source.clone(),
         seed: prepared.config.seed,
         generations: tuned.generations.len(),
-        registrations: tuned
-            .generations
-            .iter()
-            .map(|g| g.candidates.len() * g.pairs.len())
-            .sum::<usize>()
-            + tuned.finalists.len() * search.bench.dataset.train.len(),
+        registrations: tuned.registrations,
         origin: tuned.origin.clone(),
         default: prepared.start.values(preset),
         tuned: tuned.parameters.values(preset),

@@ -47,14 +47,12 @@ pub struct Header {
     pub config: Value,
     /// The axes searched, in the cube's order.
     pub axes: Vec<String>,
-    /// Candidates a generation.
-    pub population: usize,
     /// What was scanned, and with what.
     pub content: Content,
 }
 
-/// Version of the journal's format. Lines of format 1 had no checksums.
-pub const FORMAT: u32 = 2;
+/// Version of the journal's format. Lines of format 1 had no checksums, those of format 2 no stage.
+pub const FORMAT: u32 = 3;
 
 /// One candidate.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -82,6 +80,8 @@ pub struct CandidateRecord {
 pub struct Generation {
     /// Its number, from 0.
     pub generation: u32,
+    /// The search that it is of: `registration`, `lidar` or `joint`.
+    pub stage: String,
     /// The training pairs it saw.
     pub pairs: Vec<usize>,
     /// Middle of the distribution that its candidates were drawn from, in the cube.
@@ -492,7 +492,6 @@ mod tests {
             build: Some("b0".into()),
             link_schema: "0x1".into(),
             axes: vec!["lidar.power".into()],
-            population: 2,
             config: serde_json::json!({"seed": 1}),
             content: Content::default(),
         }
@@ -509,6 +508,7 @@ mod tests {
         };
         Generation {
             generation: number,
+            stage: "joint".into(),
             pairs: vec![1, 2],
             mean: vec![0.5],
             deviations: vec![0.2],
@@ -654,7 +654,7 @@ mod tests {
             bytes.splice(30..30 + damage.len(), damage.iter().copied());
             fs::write(&path, &bytes).unwrap();
             assert!(Journal::resume(&path, &header(), false).is_err());
-            let other = Header { population: 9, ..header() };
+            let other = Header { program: "another".into(), ..header() };
             assert!(Journal::resume(&path, &other, true).is_err());
             assert_eq!(fs::read(&path).unwrap(), bytes);
             assert_eq!(Journal::resume(&path, &header(), true).unwrap().1.len(), 3);

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::experiment::config::RunConfig;
 use crate::experiment::cost::Scanner;
 use crate::experiment::dataset::{Dataset, ScanPair};
-use crate::experiment::params::Parameters;
+use crate::experiment::params::{Parameters, ThetaReg};
 use crate::experiment::scan_cloud::cloud_from_scan;
 use crate::link::client::ClientError;
 use crate::link::sensor::{Sensor, SensorError, Sensors, View};
@@ -56,12 +56,22 @@ pub struct Bench<'a> {
     pub sensors: &'a Sensors,
 }
 
+/// A pair, as one set of settings scanned it.
+#[derive(Clone, Debug)]
+pub struct Scanned {
+    /// First and second scan, as they came over the link.
+    pub scans: [Vec<Echoes>; 2],
+    /// First and second cloud, each in its sensor's frame.
+    pub clouds: [Cloud; 2],
+    /// Index of the pair in its set.
+    pub pair: usize,
+    /// T*: `first_from_second`.
+    pub truth: Pose,
+}
+
 impl Bench<'_> {
     /// f_opt of Eq. 4: both scans of a pair with one set of parameters, registered from the
     /// identity (which global methods do not look at).
-    ///
-    /// The settings reach the sensor over the link, and every echo comes back over it. A
-    /// registration that finds nothing counts as the identity, its initial guess.
     ///
     /// # Errors
     ///
@@ -73,24 +83,28 @@ impl Bench<'_> {
         pair: &ScanPair,
         noise_seed: u64,
     ) -> Result<Registered, SensorError> {
-        // Given back before the registration: others can scan meanwhile.
-        let scans = self
-            .sensors
-            .with(|sensor| scan_pair(sensor, &parameters.settings, pair, noise_seed))?;
-        let [first, second] = [0, 1].map(|i| self.cloud(&scans[i], pair.viewpoints[i]));
-        let initial = Pose::identity();
-        let outcome = match parameters.registration.build() {
-            Ok(method) => method.register(&first, &second, &initial),
-            Err(_) => Outcome::nothing(&initial, StopReason::BadSettings),
-        };
-        let error =
-            pair_error(index, &outcome, &pair.truth, [first.points.len(), second.points.len()]);
-        Ok(Registered {
-            error,
-            clouds: [first, second],
-            first_from_second: outcome.target_from_source,
-            scans,
-        })
+        let scanned = self.scan(&parameters.settings, index, pair, noise_seed)?;
+        let (error, first_from_second) = scanned.register(&parameters.registration);
+        let Scanned { scans, clouds, .. } = scanned;
+        Ok(Registered { error, clouds, first_from_second, scans })
+    }
+
+    /// Both scans of a pair. The settings reach the sensor over the link, and every echo comes back
+    /// over it.
+    ///
+    /// # Errors
+    ///
+    /// [`SensorError`] when the sensor does not do its part.
+    pub fn scan(
+        &self,
+        settings: &Settings,
+        index: usize,
+        pair: &ScanPair,
+        noise_seed: u64,
+    ) -> Result<Scanned, SensorError> {
+        let scans = self.sensors.with(|sensor| scan_pair(sensor, settings, pair, noise_seed))?;
+        let clouds = [0, 1].map(|i| self.cloud(&scans[i], pair.viewpoints[i]));
+        Ok(Scanned { scans, clouds, pair: index, truth: pair.truth })
     }
 
     /// What costs hang on: the hardware of a configuration, and the pattern that is scanned with.
@@ -101,6 +115,22 @@ impl Bench<'_> {
     /// The points of the scan of a viewpoint, sensor frame.
     pub fn cloud(&self, scan: &[Echoes], viewpoint: u32) -> Cloud {
         cloud_from_scan(scan, &self.dataset.beams.directions(viewpoint))
+    }
+}
+
+impl Scanned {
+    /// How a registration comes out, from the identity, and the motion found.
+    ///
+    /// One that finds nothing counts as the identity, its initial guess.
+    pub fn register(&self, registration: &ThetaReg) -> (PairError, Pose) {
+        let [first, second] = &self.clouds;
+        let initial = Pose::identity();
+        let outcome = match registration.build() {
+            Ok(method) => method.register(first, second, &initial),
+            Err(_) => Outcome::nothing(&initial, StopReason::BadSettings),
+        };
+        let points = [first.points.len(), second.points.len()];
+        (pair_error(self.pair, &outcome, &self.truth, points), outcome.target_from_source)
     }
 }
 
@@ -132,10 +162,48 @@ fn pair_error(pair: usize, outcome: &Outcome, truth: &Pose, points: [usize; 2]) 
     }
 }
 
-/// Fitness: the mean of ‖T_est − T*‖_F, each at most `cap` (0: no cap, Eq. 3).
-pub fn fitness(errors: &[PairError], cap: f64) -> f64 {
-    let capped = |e: &PairError| if cap > 0.0 { e.frobenius.min(cap) } else { e.frobenius };
-    errors.iter().map(capped).sum::<f64>() / errors.len() as f64
+/// How the errors of a candidate's pairs become one number.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum ErrorMean {
+    /// Their mean (Eq. 4): the worst pairs decide.
+    Arithmetic,
+    /// Their geometric mean: each pair counts by how much nearer it comes.
+    #[default]
+    Geometric,
+}
+
+/// No error counts for less in a geometric mean, ‖T_est − T*‖_F: a tenth of a millimetre.
+const LEAST: f64 = 1e-4;
+
+/// What errors are worth: smaller is better.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Worth {
+    /// How they are put together.
+    pub mean: ErrorMean,
+    /// None counts for more than this; 0: no cap (Eq. 3).
+    pub cap: f64,
+}
+
+impl Worth {
+    /// Fitness: the mean of ‖T_est − T*‖_F, each at most the cap.
+    pub fn of(&self, errors: &[PairError]) -> f64 {
+        let mean = errors.iter().map(|error| self.loss(error)).sum::<f64>() / errors.len() as f64;
+        match self.mean {
+            ErrorMean::Arithmetic => mean,
+            ErrorMean::Geometric => libm::exp(mean),
+        }
+    }
+
+    /// One pair's part in the mean: its error, or the logarithm.
+    pub fn loss(&self, error: &PairError) -> f64 {
+        let cap = if self.cap > 0.0 { self.cap } else { f64::INFINITY };
+        let capped = error.frobenius.min(cap);
+        match self.mean {
+            ErrorMean::Arithmetic => capped,
+            ErrorMean::Geometric => libm::log(capped.max(LEAST)),
+        }
+    }
 }
 
 #[cfg(test)]
@@ -167,7 +235,20 @@ mod tests {
             (&[7.0], 1.0, 1.0),
         ];
         for (frobenius, cap, expected) in table {
-            assert_eq!(fitness(&errors(frobenius), cap), expected, "{frobenius:?}, cap {cap}");
+            let worth = Worth { mean: ErrorMean::Arithmetic, cap };
+            assert_eq!(worth.of(&errors(frobenius)), expected, "{frobenius:?}, cap {cap}");
         }
+    }
+
+    #[test]
+    fn in_a_geometric_mean_each_pair_counts_by_its_ratio_and_none_for_nothing() {
+        let worth = |cap, frobenius: &[f64]| {
+            Worth { mean: ErrorMean::Geometric, cap }.of(&errors(frobenius))
+        };
+        let close = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-12;
+        assert!(close(worth(0.0, &[0.01, 1.0]), 0.1));
+        assert!(close(worth(0.0, &[0.005, 1.0]), worth(0.0, &[0.01, 0.5])));
+        assert!(close(worth(0.25, &[0.01, 9.0]), 0.05)); // 9 counts as the cap
+        assert!(close(worth(1.0, &[0.0, 1.0]), 0.01)); // and nothing for less than 1e-4
     }
 }

@@ -31,6 +31,27 @@ impl Protocol {
     }
 }
 
+/// How to search.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Strategy {
+    /// Registration on shared scans, the sensor, then both together, few pairs a generation.
+    #[default]
+    Fast,
+    /// The paper's (Sec. 4.2): one search, all pairs, the plain mean of the errors.
+    Paper,
+}
+
+impl Strategy {
+    /// Name on the command line and in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Fast => "fast",
+            Self::Paper => "paper",
+        }
+    }
+}
+
 /// Ranges and defaults of Θ_reg.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
@@ -46,8 +67,10 @@ pub enum Preset {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum LidarPreset {
-    /// The eight that the paper names.
+    /// The paper's eight, shots, and how the gain rises with range.
     #[default]
+    Usual,
+    /// The eight that the paper names.
     Paper,
     /// All of them.
     Full,
@@ -57,6 +80,7 @@ impl LidarPreset {
     /// Its parameters.
     pub fn parameters(self) -> Vec<ParameterId> {
         match self {
+            Self::Usual => [&PAPER_LIDAR[..], &BESIDE_THE_PAPER_S].concat(),
             Self::Paper => PAPER_LIDAR.to_vec(),
             Self::Full => PARAMETERS.iter().map(|p| p.id).collect(),
         }
@@ -106,3 +130,9 @@ pub const PAPER_LIDAR: [ParameterId; 8] = [
     ParameterId::WaveformResolution,
     ParameterId::Upsampling,
 ];
+
+/// What is tuned beside them unless the paper's alone are asked for. Shots buy range with time, and
+/// a gain that rises with range keeps near echoes, which hold a registration, off the converter's
+/// limit.
+const BESIDE_THE_PAPER_S: [ParameterId; 3] =
+    [ParameterId::Shots, ParameterId::GainSlope, ParameterId::GainRange];

@@ -6,7 +6,7 @@ use std::str::FromStr;
 use echoloop_files::{MOST_SHOWN, MOST_TEXT, printable, read_text, shown, shown_most};
 use thiserror::Error;
 
-use super::{DataConfig, RunConfig, RunConfigError};
+use super::{DataConfig, RunConfig, RunConfigError, TuneConfig};
 
 /// Why there is no configuration.
 #[derive(Debug, Error)]
@@ -124,11 +124,13 @@ pub fn load(path: Option<&Path>, overrides: &[Override]) -> Result<RunConfig, Lo
         // Each is checked as it is laid down, so that the error is its own.
         table.clone().try_into::<RunConfig>().map_err(|error| fail(message(&error)))?;
     }
-    let data = table.get("data").and_then(toml::Value::as_table).cloned().unwrap_or_default();
+    let section = |name: &str| table.get(name).and_then(toml::Value::as_table).cloned();
+    let (data, tune) = (section("data").unwrap_or_default(), section("tune").unwrap_or_default());
     let mut config: RunConfig = table.try_into().map_err(|error: toml::de::Error| {
         LoadError::Override { text: String::new(), message: message(&error) }
     })?;
     follow_method(&mut config, &data);
+    follow_strategy(&mut config, tune)?;
     config.check()?;
     Ok(config)
 }
@@ -146,6 +148,16 @@ fn follow_method(config: &mut RunConfig, given: &toml::Table) {
             *slot = value;
         }
     }
+}
+
+/// What is left out of `[tune]` and hangs on the strategy: see [`TuneConfig::for_strategy`].
+fn follow_strategy(config: &mut RunConfig, given: toml::Table) -> Result<(), LoadError> {
+    let fail = |message: String| LoadError::Override { text: "tune".into(), message };
+    let usual = TuneConfig::for_strategy(config.tune.strategy);
+    let mut tune = toml::Table::try_from(usual).map_err(|error| fail(error.to_string()))?;
+    tune.extend(given);
+    config.tune = tune.try_into().map_err(|error| fail(message(&error)))?;
+    Ok(())
 }
 
 /// The file's table, after its text has been taken for a [`RunConfig`]: errors then show the line.

@@ -1,7 +1,6 @@
 //! The configuration of a run: TOML file, then `--set a.b=v`, then flags; unknown keys are errors.
 
 mod data;
-mod default;
 mod emitter;
 mod error;
 mod lidar;

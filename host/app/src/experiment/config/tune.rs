@@ -2,18 +2,20 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::default::is_default;
 use super::error::{RunConfigError, require};
-use crate::experiment::preset::{LidarPreset, Protocol};
+use crate::experiment::objective::{ErrorMean, Worth};
+use crate::experiment::preset::{LidarPreset, Protocol, Strategy};
 
 /// How to search.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TuneConfig {
+    /// How: what is left out below follows it.
+    pub strategy: Strategy,
     /// What is tuned.
     pub protocol: Protocol,
-    /// Which of the sensor's parameters are tuned: the paper's eight, or `full`, all of them.
-    #[serde(skip_serializing_if = "is_default")]
+    /// Which of the sensor's parameters are tuned: `usual`, eleven, the `paper`'s eight, or `full`,
+    /// all of them.
     pub lidar: LidarPreset,
     /// Generations.
     pub generations: u32,
@@ -22,6 +24,9 @@ pub struct TuneConfig {
     /// Training pairs a generation sees, drawn anew each time and shared by its candidates; 0: all,
     /// as in the paper.
     pub pairs_per_generation: usize,
+    /// How the errors of a candidate's pairs are put together: `arithmetic`, as in the paper, or
+    /// `geometric`.
+    pub error_mean: ErrorMean,
     /// No pair counts for more than this, ‖T_est − T*‖_F; 0: no cap, as in the paper.
     pub error_cap: f64,
     /// Whether the candidates of a generation meet the same noise.
@@ -34,21 +39,46 @@ pub struct TuneConfig {
 
 impl Default for TuneConfig {
     fn default() -> Self {
-        Self {
-            protocol: Protocol::Joint,
-            lidar: LidarPreset::Paper,
-            generations: 30,
-            population: 0,
-            pairs_per_generation: 3,
-            error_cap: 1.0,
-            common_noise: true,
-            sigma: 0.2,
-            shortlist: 4,
-        }
+        Self::for_strategy(Strategy::default())
     }
 }
 
 impl TuneConfig {
+    /// What a strategy does unless it is told otherwise.
+    pub fn for_strategy(strategy: Strategy) -> Self {
+        let fast = Self {
+            strategy,
+            protocol: Protocol::Joint,
+            lidar: LidarPreset::Usual,
+            generations: 30,
+            population: 0,
+            pairs_per_generation: 3,
+            error_mean: ErrorMean::Geometric,
+            error_cap: 1.0,
+            common_noise: true,
+            sigma: 0.2,
+            shortlist: 4,
+        };
+        match strategy {
+            Strategy::Fast => fast,
+            Strategy::Paper => Self {
+                lidar: LidarPreset::Paper,
+                generations: 30,
+                pairs_per_generation: 0,
+                error_mean: ErrorMean::Arithmetic,
+                error_cap: 0.0,
+                common_noise: false,
+                shortlist: 0,
+                ..fast
+            },
+        }
+    }
+
+    /// What the errors of a candidate are worth.
+    pub fn worth(&self) -> Worth {
+        Worth { mean: self.error_mean, cap: self.error_cap }
+    }
+
     pub(super) fn check(&self) -> Result<(), RunConfigError> {
         let generations = self.generations;
         require(

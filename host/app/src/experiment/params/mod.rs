@@ -192,6 +192,21 @@ impl Space {
         &self.axes
     }
 
+    /// The numbers of the sensor's axes.
+    pub fn lidar_axes(&self) -> Vec<usize> {
+        self.numbers(|name| name.starts_with("lidar."))
+    }
+
+    /// The numbers of the registration's axes.
+    pub fn registration_axes(&self) -> Vec<usize> {
+        self.numbers(|name| !name.starts_with("lidar."))
+    }
+
+    fn numbers(&self, is_asked: impl Fn(&str) -> bool) -> Vec<usize> {
+        let axes = self.axes.iter().enumerate();
+        axes.filter(|(_, axis)| is_asked(axis.name)).map(|(i, _)| i).collect()
+    }
+
     /// The start as a point of the cube.
     pub fn start_point(&self) -> Vec<f64> {
         self.point(&self.start)

@@ -1,0 +1,346 @@
+//! The stages of a run, one after the other, and the choice at the end.
+
+use std::collections::VecDeque;
+
+use echoloop_cmaes::{CmaEs, CmaEsConfig};
+use echoloop_link::settings_hash;
+
+use super::race::Race;
+use super::replay::difference;
+use super::tasks::{Crew, Task};
+use super::{Finalist, Observer, Stage, TuneError, TuneSearch, Tuned};
+use crate::experiment::evaluate::median;
+use crate::experiment::journal::{CandidateRecord, Generation, Journal};
+use crate::experiment::params::Parameters;
+use crate::experiment::preset::Strategy;
+use crate::experiment::seed::{Purpose, derive};
+
+/// A run on its way.
+pub(super) struct Course<'a> {
+    search: &'a TuneSearch<'a>,
+    journal: &'a mut Journal,
+    crew: Crew<'a>,
+    /// Generations that the journal had and that have not been gone through yet.
+    ahead: VecDeque<Generation>,
+    generations: Vec<Generation>,
+    /// How often each training pair is drawn, compared with the others.
+    weights: Vec<f64>,
+}
+
+impl<'a> Course<'a> {
+    pub(super) fn new(
+        search: &'a TuneSearch<'a>,
+        journal: &'a mut Journal,
+        done: Vec<Generation>,
+        observer: &'a dyn Observer,
+    ) -> Self {
+        let crew = Crew { bench: search.bench, stop: search.stop, observer };
+        let weights = vec![1.0; search.bench.dataset.train.len()];
+        Self { search, journal, crew, ahead: done.into(), generations: Vec::new(), weights }
+    }
+
+    pub(super) fn run(mut self) -> Result<Tuned, TuneError> {
+        match self.search.config.tune.strategy {
+            Strategy::Paper => self.paper(),
+            Strategy::Fast => self.fast(),
+        }
+    }
+
+    /// One search; its best candidate is the choice (Sec. 4.2).
+    fn paper(&mut self) -> Result<Tuned, TuneError> {
+        let start = self.search.space.start_point();
+        let mut optimizer = None;
+        for (number, stage) in self.search.stages().iter().enumerate() {
+            optimizer = Some(self.walk(number, stage, &start)?);
+        }
+        self.ends()?;
+        let candidates = self.generations.iter().flat_map(|generation| {
+            generation.candidates.iter().enumerate().map(move |(i, c)| (generation, i, c))
+        });
+        let best = candidates.min_by(|a, b| a.2.fitness.total_cmp(&b.2.fitness));
+        let Some((generation, i, best)) = best else { return Ok(self.untuned()) };
+        let origin = origin(generation, i);
+        let finalist = Finalist {
+            origin: origin.clone(),
+            values: best.values.clone(),
+            fitness: best.fitness,
+            pairs: best.errors.len(),
+        };
+        let (parameters, _) = self.search.space.parameters(&best.point);
+        Ok(self.tuned(parameters, origin, vec![finalist], optimizer.as_ref(), 0))
+    }
+
+    /// Searches one after the other, each from the winner of the one before; then the winner of all.
+    fn fast(&mut self) -> Result<Tuned, TuneError> {
+        let search = self.search;
+        let stages = search.stages();
+        let mut race = Race::new(search);
+        let mut at = race.enter("start".into(), search.start);
+        if !stages.is_empty() {
+            self.winner(&mut race, vec![at])?;
+            self.weights = harder_oftener(race.losses(at));
+        }
+        let mut winners = vec![at];
+        let mut last = None;
+        for (number, stage) in stages.iter().enumerate() {
+            let base = search.space.point(race.parameters(at));
+            let optimizer = self.walk(number, stage, &base)?;
+            let mut entrants = self.shortlist(stage, &optimizer, &base);
+            if number + 1 == stages.len() {
+                entrants.extend(self.half_alone(&stages, &race, at));
+            }
+            let mut runners = winners.clone();
+            runners.extend(entrants.into_iter().map(|(origin, who)| race.enter(origin, who)));
+            at = self.winner(&mut race, runners)?;
+            winners.push(at);
+            last = Some(optimizer);
+        }
+        self.ends()?;
+        let origin = race.origin(at).to_owned();
+        let (parameters, finalists) = (*race.parameters(at), race.finalists());
+        Ok(self.tuned(parameters, origin, finalists, last.as_ref(), race.registrations()))
+    }
+
+    /// The sensor's settings of the last winner with registration's of the start: a half that no
+    /// search of its own has found.
+    fn half_alone(
+        &self,
+        stages: &[Stage],
+        race: &Race<'_>,
+        at: usize,
+    ) -> Option<(String, Parameters)> {
+        let start = self.search.start;
+        let settings = race.parameters(at).settings;
+        (stages.len() > 1).then(|| ("lidar alone".to_owned(), Parameters { settings, ..start }))
+    }
+
+    fn winner(&self, race: &mut Race<'_>, runners: Vec<usize>) -> Result<usize, TuneError> {
+        let most = runners.len() * self.search.bench.dataset.train.len();
+        self.crew.observer.stage("choosing", most);
+        race.winner(runners, &self.crew)?.ok_or_else(|| self.interrupted())
+    }
+
+    fn interrupted(&self) -> TuneError {
+        TuneError::Interrupted { generations: self.generations.len() }
+    }
+
+    /// Whether the journal ends where the search does.
+    fn ends(&self) -> Result<(), TuneError> {
+        match self.ahead.is_empty() {
+            true => Ok(()),
+            false => Err(TuneError::Diverged {
+                generation: self.generations.len(),
+                field: "generation, after the search's end,".into(),
+            }),
+        }
+    }
+
+    fn untuned(&mut self) -> Tuned {
+        self.tuned(self.search.start, "start".into(), Vec::new(), None, 0)
+    }
+
+    fn tuned(
+        &mut self,
+        parameters: Parameters,
+        origin: String,
+        finalists: Vec<Finalist>,
+        optimizer: Option<&CmaEs>,
+        raced: usize,
+    ) -> Tuned {
+        let generations = std::mem::take(&mut self.generations);
+        let searched = generations.iter().map(|g| g.candidates.len() * g.pairs.len());
+        Tuned {
+            parameters,
+            origin,
+            finalists,
+            registrations: searched.sum::<usize>() + raced,
+            correlations: optimizer.map(CmaEs::correlations).unwrap_or_default(),
+            covariance_learned: optimizer.map_or(0.0, CmaEs::covariance_learned),
+            generations,
+        }
+    }
+
+    /// One stage's search from a point of the whole cube; generations that the journal has are
+    /// compared with those that would be drawn now.
+    fn walk(&mut self, number: usize, stage: &Stage, base: &[f64]) -> Result<CmaEs, TuneError> {
+        self.crew.observer.stage(stage.name, stage.registrations());
+        let mut optimizer = self.optimizer(number, stage, base)?;
+        while optimizer.stop().is_none() {
+            let (drawn, parameters) = self.draw(stage, &optimizer, base);
+            let generation = match self.ahead.pop_front() {
+                Some(found) => self.same(found, &drawn)?,
+                None => {
+                    let evaluated = self.evaluated(drawn, &parameters)?;
+                    self.journal.add(&evaluated)?;
+                    evaluated
+                }
+            };
+            let values: Vec<f64> = generation.candidates.iter().map(|c| c.fitness).collect();
+            // There is a candidate for each that was asked for: drawn here, or compared with it.
+            let _ = optimizer.tell(&values);
+            self.crew.observer.generation(&generation, stage.generations);
+            self.generations.push(generation);
+        }
+        Ok(optimizer)
+    }
+
+    /// A generation of the journal, when it is the one that is drawn now.
+    fn same(&self, found: Generation, drawn: &Generation) -> Result<Generation, TuneError> {
+        match difference(&found, drawn, self.search.config.tune.worth()) {
+            None => Ok(found),
+            Some(field) => Err(TuneError::Diverged { generation: self.generations.len(), field }),
+        }
+    }
+
+    fn optimizer(&self, number: usize, stage: &Stage, base: &[f64]) -> Result<CmaEs, TuneError> {
+        let seed = derive(self.search.config.seed, Purpose::Search, number as u64);
+        let mut config = CmaEsConfig::unit_cube(stage.own(base), stage.sigma, seed);
+        config.lambda = Some(stage.population);
+        config.stops.generations = Some(stage.generations.into());
+        Ok(CmaEs::new(config)?)
+    }
+
+    /// The next generation as far as it is known before a scan: without errors and fitness. And its
+    /// candidates' parameters.
+    fn draw(
+        &self,
+        stage: &Stage,
+        optimizer: &CmaEs,
+        base: &[f64],
+    ) -> (Generation, Vec<Parameters>) {
+        let number = self.generations.len();
+        let points = optimizer.ask().into_iter().map(|c| stage.expanded(&c.phenotype, base));
+        let (parameters, candidates) = points
+            .map(|point| {
+                let (parameters, repaired) = self.search.space.parameters(&point);
+                (parameters, self.record(point, &parameters, &repaired))
+            })
+            .unzip();
+        let still = vec![0.0; base.len()];
+        let generation = Generation {
+            generation: number as u32,
+            stage: stage.name.to_owned(),
+            pairs: self.batch(number as u64, stage.pairs),
+            mean: stage.expanded(optimizer.mean(), base),
+            deviations: stage.expanded(&optimizer.deviations(), &still),
+            sigma: optimizer.sigma(),
+            candidates,
+        };
+        (generation, parameters)
+    }
+
+    /// What is known of a candidate before a scan.
+    fn record(
+        &self,
+        point: Vec<f64>,
+        parameters: &Parameters,
+        repaired: &[&'static str],
+    ) -> CandidateRecord {
+        CandidateRecord {
+            point,
+            values: self.search.searched_values(parameters),
+            repaired: repaired.iter().map(|&name| name.to_owned()).collect(),
+            settings: settings_hash(&parameters.settings),
+            errors: Vec::new(),
+            fitness: f64::NAN,
+        }
+    }
+
+    /// Evaluates one generation: every candidate on the same pairs.
+    fn evaluated(
+        &self,
+        mut generation: Generation,
+        parameters: &[Parameters],
+    ) -> Result<Generation, TuneError> {
+        let config = &self.search.config.tune;
+        let seed = self.search.config.seed;
+        let number = u64::from(generation.generation);
+        let noise = |candidate: usize, pair: usize| {
+            let own = if config.common_noise { 0 } else { candidate as u64 + 1 };
+            // Each part has bits of its own, so no two registrations draw the same noise by chance.
+            derive(seed, Purpose::TrainNoise, number << 32 | (pair as u64) << 16 | own)
+        };
+        let each = parameters.iter().enumerate();
+        let tasks: Vec<Task<'_>> = each
+            .flat_map(|(candidate, parameters)| {
+                let task = move |&pair| Task { parameters, pair, noise: noise(candidate, pair) };
+                generation.pairs.iter().map(task).collect::<Vec<_>>()
+            })
+            .collect();
+        let errors = self.crew.errors(&tasks)?.ok_or_else(|| self.interrupted())?;
+        let each = errors.chunks(generation.pairs.len());
+        for (candidate, errors) in generation.candidates.iter_mut().zip(each) {
+            candidate.fitness = config.worth().of(errors);
+            candidate.errors = errors.to_vec();
+        }
+        Ok(generation)
+    }
+
+    /// The pairs of a generation: some of all, drawn by weight without repetition, ascending.
+    fn batch(&self, generation: u64, count: usize) -> Vec<usize> {
+        let mut indices: Vec<usize> = (0..self.weights.len()).collect();
+        let seed = derive(self.search.config.seed, Purpose::Batch, generation);
+        // The least of exponential variates of these rates (Efraimidis and Spirakis 2006).
+        let turn = |i: usize| {
+            let uniform =
+                (derive(seed, Purpose::Batch, i as u64) >> 11) as f64 / (1u64 << 53) as f64;
+            -libm::log1p(-uniform) / self.weights[i]
+        };
+        indices.sort_by(|&a, &b| turn(a).total_cmp(&turn(b)));
+        indices.truncate(count);
+        indices.sort_unstable();
+        indices
+    }
+
+    /// Who could win of a stage: its mean, and its best candidates, of each generation the best.
+    fn shortlist(
+        &self,
+        stage: &Stage,
+        optimizer: &CmaEs,
+        base: &[f64],
+    ) -> Vec<(String, Parameters)> {
+        let space = &self.search.space;
+        // The first half of the search was still on its way.
+        let own = stage.generations as usize / 2;
+        let late = &self.generations[self.generations.len().saturating_sub(own)..];
+        let mut best: Vec<(f64, &Generation, usize)> = late.iter().filter_map(best_of).collect();
+        best.reverse(); // the later generations first among equals
+        best.sort_by(|a, b| a.0.total_cmp(&b.0));
+        best.truncate(self.search.config.tune.shortlist);
+        let mean = stage.expanded(optimizer.mean(), base);
+        let mut entrants = vec![(format!("{}, mean", stage.name), space.parameters(&mean).0)];
+        entrants.extend(best.into_iter().map(|(_, generation, i)| {
+            (origin(generation, i), space.parameters(&generation.candidates[i].point).0)
+        }));
+        entrants
+    }
+}
+
+/// The best of a generation, compared with its median: pairs differ in difficulty from batch to
+/// batch.
+fn best_of(generation: &Generation) -> Option<(f64, &Generation, usize)> {
+    let fitness = |i: usize| generation.candidates[i].fitness;
+    let best =
+        (0..generation.candidates.len()).min_by(|&a, &b| fitness(a).total_cmp(&fitness(b)))?;
+    let median = median(generation.candidates.iter().map(|c| c.fitness));
+    Some((fitness(best) / median.max(f64::MIN_POSITIVE), generation, best))
+}
+
+/// Weights of pairs by what the start loses on them: from 1 for the easiest evenly up to
+/// [`HARDEST`]. Those that it solves say little, and those that nobody solves say nothing, so none
+/// is left out and none decides.
+fn harder_oftener(losses: Vec<f64>) -> Vec<f64> {
+    let easier = |i: usize| {
+        let before = |j: &usize| losses[*j].total_cmp(&losses[i]).then(j.cmp(&i)).is_lt();
+        (0..losses.len()).filter(before).count() as f64
+    };
+    let most = losses.len().saturating_sub(1).max(1) as f64;
+    (0..losses.len()).map(|i| 1.0 + (HARDEST - 1.0) * easier(i) / most).collect()
+}
+
+/// How much oftener the hardest training pair is drawn than the easiest.
+const HARDEST: f64 = 3.0;
+
+fn origin(generation: &Generation, candidate: usize) -> String {
+    format!("{}, generation {}, candidate {candidate}", generation.stage, generation.generation)
+}

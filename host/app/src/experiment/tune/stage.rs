@@ -1,0 +1,96 @@
+//! What is searched after what.
+
+use crate::experiment::config::TuneConfig;
+use crate::experiment::params::Space;
+use crate::experiment::preset::Strategy;
+
+/// One search of a run: some of the axes, from where the one before it ended.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stage {
+    /// Its name in the journal: `registration`, `lidar` or `joint`.
+    pub name: &'static str,
+    /// The axes it moves, by number; the others stay where they are.
+    pub axes: Vec<usize>,
+    /// Generations.
+    pub generations: u32,
+    /// Candidates a generation.
+    pub population: usize,
+    /// Training pairs a generation sees.
+    pub pairs: usize,
+    /// Start of the step size, in the unit cube.
+    pub sigma: f64,
+}
+
+impl Stage {
+    /// A point of the whole cube: this stage's coordinates, at `base` in all others.
+    pub fn expanded(&self, coordinates: &[f64], base: &[f64]) -> Vec<f64> {
+        let mut point = base.to_vec();
+        for (&axis, &coordinate) in self.axes.iter().zip(coordinates) {
+            point[axis] = coordinate;
+        }
+        point
+    }
+
+    /// This stage's coordinates of a point of the whole cube.
+    pub fn own(&self, point: &[f64]) -> Vec<f64> {
+        self.axes.iter().map(|&axis| point[axis]).collect()
+    }
+
+    /// Registrations it takes.
+    pub fn registrations(&self) -> usize {
+        self.generations as usize * self.population * self.pairs
+    }
+}
+
+/// The searches of a run on so many training pairs.
+pub(super) fn stages(config: &TuneConfig, space: &Space, train_pairs: usize) -> Vec<Stage> {
+    let plan = Plan { config, space, train_pairs };
+    let (lidar, registration) = (space.lidar_axes(), space.registration_axes());
+    let all: Vec<usize> = (0..space.axes().len()).collect();
+    let is_joint = !lidar.is_empty() && !registration.is_empty();
+    match config.strategy {
+        _ if all.is_empty() => Vec::new(),
+        Strategy::Fast if is_joint => vec![
+            plan.stage("registration", registration, 1.0),
+            plan.stage("lidar", lidar, 0.5),
+            plan.stage("joint", all, 0.5),
+        ],
+        _ => vec![plan.stage(config.protocol.name(), all, 1.0)],
+    }
+}
+
+struct Plan<'a> {
+    config: &'a TuneConfig,
+    space: &'a Space,
+    train_pairs: usize,
+}
+
+impl Plan<'_> {
+    /// A stage of some of the axes, with a share of the generations.
+    fn stage(&self, name: &'static str, axes: Vec<usize>, share: f64) -> Stage {
+        let config = self.config;
+        let scans_are_shared =
+            axes.iter().all(|axis| self.space.registration_axes().contains(axis));
+        let pairs = match config.pairs_per_generation {
+            0 => self.train_pairs,
+            some if scans_are_shared && config.strategy == Strategy::Fast => 2 * some,
+            some => some,
+        };
+        Stage {
+            name,
+            generations: (f64::from(config.generations) * share).ceil() as u32,
+            population: self.population(axes.len()),
+            pairs: pairs.min(self.train_pairs),
+            sigma: config.sigma,
+            axes,
+        }
+    }
+
+    /// λ as configured; else as many as there are axes (Sec. 4.2).
+    fn population(&self, axes: usize) -> usize {
+        match self.config.population {
+            0 => axes.max(2),
+            population => population,
+        }
+    }
+}
