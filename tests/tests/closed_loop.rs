@@ -138,12 +138,13 @@ fn the_fast_search_moves_registration_then_the_sensor_then_both() {
         let differs = |i: usize| generation.candidates.iter().any(|c| c.point[i] != first[i]);
         (0..first.len()).map(differs).collect()
     };
-    let [sensor, both] = [8, 16];
+    let sensor = LidarPreset::Usual.parameters().len();
+    let both = sensor + 8;
     for generation in &tuned.generations {
         let (own, size) = match &*generation.stage {
             "registration" => (sensor..both, 8),
-            "lidar" => (0..sensor, 8),
-            _ => (0..both, 16),
+            "lidar" => (0..sensor, sensor),
+            _ => (0..both, both),
         };
         assert_eq!(generation.candidates.len(), size, "{}", generation.stage);
         for (i, moved) in moved(generation).into_iter().enumerate() {
@@ -162,6 +163,7 @@ fn the_paper_s_search_sees_all_pairs_and_takes_the_best_candidate_that_it_saw() 
     let (_, tuned) = tuned(&config, 2);
     let seen: Vec<_> = tuned.generations.iter().flat_map(|g| &g.candidates).collect();
     assert_eq!(seen.len(), 2 * 16, "as many as there are axes");
+    assert!(seen.iter().all(|c| !c.values.contains_key("lidar.gain_slope")), "the paper's eight");
     for candidate in &seen {
         let errors: Vec<f64> = candidate.errors.iter().map(|e| e.frobenius).collect();
         assert_eq!(errors.len(), 4);

@@ -9,6 +9,7 @@ mod fuzz;
 mod image;
 mod peers;
 mod shell;
+mod study;
 mod thumb;
 mod toolchain;
 
@@ -73,6 +74,9 @@ enum Task {
     /// Registration against Open3D, small_gicp and KISS-Matcher on the same files, or the waveform
     /// path against numpy and scipy; needs python3 and the Python registry.
     Peers(peers::Peers),
+    /// Default, LiDAR, registration and both, by every method in every kind of scene, by both
+    /// strategies: what tuning gains on held-out pairs. Hours; goes on where it was left.
+    Study(study::Study),
 }
 
 fn main() -> Result<()> {
@@ -86,6 +90,7 @@ fn main() -> Result<()> {
         Task::Cost { update } => cost::run(update),
         Task::Figures(asked) => figures::run(&asked),
         Task::Peers(asked) => peers::run(asked),
+        Task::Study(asked) => study::run(&asked),
     }
 }
 

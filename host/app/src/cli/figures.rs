@@ -35,8 +35,7 @@ pub(super) fn print_table(config: &RunConfig, result: &RunResult, space: &Space)
         "{:<10} {:>9} {:>12} {:>11} {:>12} {:>12} {:>8}",
         "", "recall", "mean e_t", "mean e_R", "median e_t", "median e_R", "points"
     );
-    for (name, summary) in [("default", &result.default_summary), ("tuned", &result.tuned_summary)]
-    {
+    for (_, name, summary) in judged(result) {
         println!("{name:<10} {}", row(summary));
     }
     print_costs(&costs(result));
@@ -83,6 +82,16 @@ fn costs(result: &RunResult) -> Costs {
              {low:+.4} to {high:+.4} with 95 %."
         ),
     }
+}
+
+/// What was judged, by name: the plain method, where ours is not that, the start, the choice.
+fn judged(result: &RunResult) -> impl Iterator<Item = (RowKind, String, &Summary)> {
+    let plain = result.plain_summary.as_ref();
+    let plain = plain.map(|plain| (RowKind::Reference, format!("plain {}", result.method), plain));
+    plain.into_iter().chain([
+        (RowKind::Default, "default".to_owned(), &result.default_summary),
+        (RowKind::Tuned, "tuned".to_owned(), &result.tuned_summary),
+    ])
 }
 
 /// A value as the table has it: a choice by name.
@@ -191,10 +200,9 @@ fn write_report(run: &Finished<'_>, shown: Shown) -> Result<(), Failure> {
         ),
         facts: facts(run),
         table: EvaluationTable {
-            rows: vec![
-                table_row("default", RowKind::Default, &result.default_summary),
-                table_row("tuned", RowKind::Tuned, &result.tuned_summary),
-            ],
+            rows: judged(result)
+                .map(|(kind, name, summary)| table_row(&name, kind, summary))
+                .collect(),
             success_within,
         },
         costs: costs(result),

@@ -17,6 +17,7 @@ use crate::experiment::config::{Override, RunConfig, default_runs_folder, load};
 use crate::experiment::evaluate::Summary;
 use crate::experiment::files::FileError;
 use crate::experiment::journal::{Generation, Journal};
+use crate::experiment::params::Parameters;
 use crate::experiment::preset::{LidarPreset, Preset, Protocol, Strategy};
 use crate::experiment::run::{CONFIG, HISTORY, REPORT, RESULT, RunFolder, RunResult};
 use crate::experiment::tune::{TuneError, TuneSearch, Tuned};
@@ -128,9 +129,9 @@ fn tune(
             args.setup.sensor.again()
         ));
     }
-    let (tuned, before, after) = outcome?;
+    let (tuned, judged) = outcome?;
     journal.confirm()?;
-    let result = result(&prepared, &tuned, before, after);
+    let result = result(&prepared, &tuned, judged);
     folder.write_result(&result)?;
     write_figures(&Finished {
         folder: &folder,
@@ -150,20 +151,33 @@ fn new_folder(runs: &Path, config: &RunConfig) -> Result<RunFolder, FileError> {
     Ok(folder)
 }
 
-/// The search, then start and choice on the held-out pairs.
+/// The plain method, the start and the choice on the held-out pairs.
+struct Judged {
+    plain: Option<Summary>,
+    before: Summary,
+    after: Summary,
+}
+
+/// The search, then the judgement.
 fn search_and_judge(
     search: &TuneSearch<'_>,
     journal: &mut Journal,
     done: Vec<Generation>,
     progress: &Progress,
-) -> Result<(Tuned, Summary, Summary), TuneError> {
+) -> Result<(Tuned, Judged), TuneError> {
     let tuned = search.run(journal, done, progress)?;
-    progress.begin("judging", 2 * search.bench.dataset.test.len() as u64);
-    let before = search.judge(&search.start, progress)?;
-    let after = search.judge(&tuned.parameters, progress)?;
+    let start = search.start;
+    let plain = start.registration.plain().map(|registration| Parameters { registration, ..start });
+    let judgements = 2 + usize::from(plain.is_some());
+    progress.begin("judging", (judgements * search.bench.dataset.test.len()) as u64);
+    let judged = Judged {
+        plain: plain.map(|plain| search.judge(&plain, progress)).transpose()?,
+        before: search.judge(&start, progress)?,
+        after: search.judge(&tuned.parameters, progress)?,
+    };
     match search.stop.load(Ordering::Relaxed) {
         true => Err(TuneError::Interrupted { generations: tuned.generations.len() }),
-        false => Ok((tuned, before, after)),
+        false => Ok((tuned, judged)),
     }
 }
 
@@ -180,7 +194,7 @@ fn run_name(config: &RunConfig) -> String {
     format!("{scene}-{method}-{}", config.tune.protocol.name())
 }
 
-fn result(prepared: &Prepared, tuned: &Tuned, before: Summary, after: Summary) -> RunResult {
+fn result(prepared: &Prepared, tuned: &Tuned, judged: Judged) -> RunResult {
     let preset = prepared.config.registration.preset;
     RunResult {
         format: 1,
@@ -194,9 +208,14 @@ fn result(prepared: &Prepared, tuned: &Tuned, before: Summary, after: Summary) -
         default: prepared.start.values(preset),
         tuned: tuned.parameters.values(preset),
         finalists: tuned.finalists.clone(),
-        comparison: Comparison::new(&before.errors, &after.errors, prepared.config.tune.error_cap),
-        default_summary: before,
-        tuned_summary: after,
+        comparison: Comparison::new(
+            &judged.before.errors,
+            &judged.after.errors,
+            prepared.config.tune.error_cap,
+        ),
+        plain_summary: judged.plain,
+        default_summary: judged.before,
+        tuned_summary: judged.after,
     }
 }
 

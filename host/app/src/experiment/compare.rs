@@ -4,7 +4,7 @@ use echoloop_random::Generator;
 use serde::{Deserialize, Serialize};
 
 use crate::experiment::cost::{CostKind, ScanCost};
-use crate::experiment::objective::{PairError, fitness};
+use crate::experiment::objective::{ErrorMean, PairError, Worth};
 
 /// Samples that a bootstrap draws.
 const RESAMPLES: u64 = 2_000;
@@ -29,9 +29,10 @@ pub fn mean_interval(values: &[f64]) -> [f64; 2] {
     [at(0.025), at(0.975)]
 }
 
-/// What each pair counts for, as in [`fitness`]: ‖T_est − T*‖_F, at most `cap`.
+/// What each pair counts for: ‖T_est − T*‖_F, at most `cap`.
 pub fn worths(errors: &[PairError], cap: f64) -> Vec<f64> {
-    errors.iter().map(|error| fitness(std::slice::from_ref(error), cap)).collect()
+    let worth = Worth { mean: ErrorMean::Arithmetic, cap };
+    errors.iter().map(|error| worth.loss(error)).collect()
 }
 
 /// How the error of one set of parameters differs from that of another, in the mean of the same

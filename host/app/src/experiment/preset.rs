@@ -92,6 +92,8 @@ impl LidarPreset {
 pub enum PowerRange {
     /// To 5 W, as in the paper.
     Paper,
+    /// To a tenth of a watt: as far as what stands around a sensor is still seen.
+    Usual,
     /// As far as the sensor goes, to where nothing is detected: for whoever pays for energy.
     Whole,
 }
@@ -99,9 +101,13 @@ pub enum PowerRange {
 /// The least power that the paper searched, W.
 const PAPER_LEAST_POWER_W: f64 = 5.0;
 
+/// The least of [`PowerRange::Usual`], W.
+const USUAL_LEAST_POWER_W: f64 = 0.1;
+
 impl From<LidarPreset> for PowerRange {
     fn from(preset: LidarPreset) -> Self {
         match preset {
+            LidarPreset::Usual => Self::Usual,
             LidarPreset::Paper => Self::Paper,
             LidarPreset::Full => Self::Whole,
         }
@@ -114,6 +120,7 @@ impl PowerRange {
         let power = ParameterId::Power.parameter();
         match self {
             Self::Paper => PAPER_LEAST_POWER_W.min(start_w),
+            Self::Usual => USUAL_LEAST_POWER_W.min(start_w),
             Self::Whole => power.to_unit(power.min),
         }
     }

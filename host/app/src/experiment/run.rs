@@ -14,6 +14,8 @@ use crate::experiment::files::{
     FileError, Lock, Output, PART, beside, file_error, is_free_for_a_file, make_folders, replace,
     sync_folder_of,
 };
+#[cfg(doc)]
+use crate::experiment::params::ThetaReg;
 use crate::experiment::params::{Values, written_values};
 use crate::experiment::tune::Finalist;
 
@@ -65,6 +67,9 @@ pub struct RunResult {
     pub tuned: Values,
     /// The last choice, best first.
     pub finalists: Vec<Finalist>,
+    /// The start's sensor with the plain method, where ours is not: [`ThetaReg::plain`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plain_summary: Option<Summary>,
     /// The start on held-out pairs.
     pub default_summary: Summary,
     /// The tuned parameters on held-out pairs.

@@ -88,6 +88,21 @@ impl ThetaReg {
         Ok(())
     }
 
+    /// The method as the paper has it, with these settings as far as it has them: ICP without a
+    /// kernel, without normals that must agree, and with one pair distance from the first iteration
+    /// on. `None` where that is what this is.
+    pub fn plain(&self) -> Option<Self> {
+        let method = self.method.method();
+        let mut plain = Self { method: defaults(method, Preset::Paper), refine: self.refine };
+        for axis in axes(method, Preset::Paper) {
+            self.get(axis.name).map(|value| plain.set(axis.name, value));
+        }
+        let is_same = axes(method, Preset::Outdoor)
+            .iter()
+            .all(|axis| plain.get(axis.name) == self.get(axis.name));
+        (!is_same).then_some(plain)
+    }
+
     /// The value of a named axis, in its unit.
     pub fn get(&self, name: &str) -> Option<f64> {
         name.strip_prefix(SECTION).and_then(|key| self.method.get(key))
@@ -230,6 +245,21 @@ mod tests {
             let theta = ThetaReg::start(&config(method, Preset::Paper)).unwrap();
             assert_eq!(OURS.map(|name| theta.get(name)), [None; 3], "plain {method:?}");
         }
+    }
+
+    #[test]
+    fn the_plain_method_has_what_the_paper_s_has_at_our_settings_and_no_more() {
+        let icp = ThetaReg::start(&config(Method::Icp, Preset::Outdoor)).unwrap();
+        let plain = icp.plain().unwrap();
+        for axis in axes(Method::Icp, Preset::Outdoor) {
+            let is_the_paper_s =
+                axes(Method::Icp, Preset::Paper).iter().any(|p| p.name == axis.name);
+            let expected = icp.get(axis.name).filter(|_| is_the_paper_s);
+            assert_eq!(plain.get(axis.name), expected, "{}", axis.name);
+        }
+        assert_eq!(plain.plain(), None);
+        let fgr = ThetaReg::start(&config(Method::Fgr, Preset::Outdoor)).unwrap();
+        assert_eq!(fgr.plain(), None);
     }
 
     #[test]

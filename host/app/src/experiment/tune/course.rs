@@ -23,6 +23,8 @@ pub(super) struct Course<'a> {
     /// Generations that the journal had and that have not been gone through yet.
     ahead: VecDeque<Generation>,
     generations: Vec<Generation>,
+    /// Generations of all stages.
+    total: u32,
     /// How often each training pair is drawn, compared with the others.
     weights: Vec<f64>,
 }
@@ -36,7 +38,8 @@ impl<'a> Course<'a> {
     ) -> Self {
         let crew = Crew { bench: search.bench, stop: search.stop, observer };
         let weights = vec![1.0; search.bench.dataset.train.len()];
-        Self { search, journal, crew, ahead: done.into(), generations: Vec::new(), weights }
+        let total = search.stages().iter().map(|stage| stage.generations).sum();
+        Self { search, journal, crew, ahead: done.into(), generations: Vec::new(), total, weights }
     }
 
     pub(super) fn run(mut self) -> Result<Tuned, TuneError> {
@@ -178,7 +181,7 @@ impl<'a> Course<'a> {
             let values: Vec<f64> = generation.candidates.iter().map(|c| c.fitness).collect();
             // There is a candidate for each that was asked for: drawn here, or compared with it.
             let _ = optimizer.tell(&values);
-            self.crew.observer.generation(&generation, stage.generations);
+            self.crew.observer.generation(&generation, self.total);
             self.generations.push(generation);
         }
         Ok(optimizer)

@@ -1,0 +1,113 @@
+//! One run of the study.
+
+use std::fmt;
+
+use clap::ValueEnum;
+use serde::{Deserialize, Serialize};
+
+/// Held-out pairs of a run.
+const TEST_PAIRS: &str = "data.test_pairs=100";
+
+macro_rules! choice {
+    ($(#[$doc:meta])* $name:ident { $($(#[$variant_doc:meta])* $variant:ident),+ $(,)? }) => {
+        $(#[$doc])*
+        #[derive(
+            Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, ValueEnum, Serialize, Deserialize,
+        )]
+        #[serde(rename_all = "kebab-case")]
+        pub(crate) enum $name { $($(#[$variant_doc])* $variant),+ }
+
+        impl fmt::Display for $name {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                let value = self.to_possible_value();
+                f.write_str(value.as_ref().map_or("", |value| value.get_name()))
+            }
+        }
+    };
+}
+
+choice! {
+    /// How it is searched.
+    Strategy { Fast, Paper }
+}
+
+choice! {
+    /// What is tuned.
+    Protocol { Lidar, Registration, Joint }
+}
+
+choice! {
+    /// The method in the loop.
+    Method { Icp, Gicp, Fgr, Mac }
+}
+
+choice! {
+    /// The kind of country.
+    Scene { Structured, SemiStructured, Unstructured }
+}
+
+choice! {
+    /// The air, and the light that there is.
+    Condition {
+        /// As by default: nothing in the air.
+        Clear,
+        /// Visibility 100 m.
+        Fog,
+        /// 25 mm an hour.
+        Rain,
+        /// A tenth of the power at the start, and no more in the search.
+        TenthEnergy,
+    }
+}
+
+/// One run of the study.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub(crate) struct Cell {
+    pub(crate) strategy: Strategy,
+    pub(crate) protocol: Protocol,
+    pub(crate) method: Method,
+    pub(crate) scene: Scene,
+    pub(crate) condition: Condition,
+    pub(crate) seed: u64,
+}
+
+impl Cell {
+    /// What `echoloop tune` is told. The towns are those of the seed alone.
+    pub(super) fn arguments(&self) -> Vec<String> {
+        let Self { strategy, protocol, method, scene, condition, seed } = self;
+        let first = 100 * seed + 1;
+        let towns = format!("scene.towns=[{first},{},{}]", first + 1, first + 2);
+        let mut arguments = vec![
+            format!("--strategy={strategy}"),
+            format!("--protocol={protocol}"),
+            format!("--method={method}"),
+            format!("--scene={scene}"),
+            format!("--seed={seed}"),
+        ];
+        let mut sets = vec![towns, TEST_PAIRS.to_owned()];
+        if *strategy == Strategy::Paper {
+            sets.push("data.train_pairs=10".into()); // Sec. 4.1
+        }
+        sets.extend(condition.sets().iter().map(|&set| set.to_owned()));
+        arguments.extend(sets.into_iter().flat_map(|set| ["--set".to_owned(), set]));
+        arguments
+    }
+}
+
+impl Condition {
+    fn sets(self) -> &'static [&'static str] {
+        match self {
+            Self::Clear => &[],
+            Self::Fog => &["weather.kind=fog", "weather.visibility_m=100"],
+            Self::Rain => &["weather.kind=rain", "weather.rate_mm_h=25"],
+            Self::TenthEnergy => &["lidar.power=7.5", "emitter.energy_limit_nj=37.5"],
+        }
+    }
+}
+
+impl fmt::Display for Cell {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { strategy, protocol, method, scene, condition, seed } = self;
+        write!(f, "{strategy} {protocol} {method} {scene} {condition} seed {seed}")
+    }
+}

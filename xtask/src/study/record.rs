@@ -1,0 +1,149 @@
+//! The record: a line for each cell that is done.
+
+use std::fs::{self, OpenOptions};
+use std::io::{ErrorKind, Write};
+use std::path::Path;
+
+use anyhow::{Context, Result, anyhow, ensure};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::cell::Cell;
+use crate::day::today;
+
+/// No error counts for more, ‖T − T*‖_F.
+const CAP: f64 = 1.0;
+
+/// A cell that is done.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Line {
+    pub(super) cell: Cell,
+    /// Day and commit.
+    pub(super) made: String,
+    /// Registrations of the search, its last race included.
+    pub(super) registrations: u64,
+    /// What was chosen: a finalist's origin.
+    pub(super) origin: String,
+    /// The start on the held-out pairs.
+    pub(super) start: Judged,
+    /// What was tuned.
+    pub(super) tuned: Judged,
+}
+
+/// Parameters on the held-out pairs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Judged {
+    /// Share within the bounds of success, percent.
+    pub(super) recall_pct: f64,
+    /// Mean translation error over the successes, cm.
+    pub(super) mean_cm: Option<f64>,
+    /// ‖T − T*‖_F of every pair, at most 1, in units of 10⁻⁵.
+    pub(super) errors: Vec<u32>,
+}
+
+impl Line {
+    /// From what `echoloop tune --json` printed.
+    pub(super) fn new(cell: Cell, code: String, result: &Value) -> Result<Self> {
+        let missing = |what: &str| anyhow!("the result has no {what}");
+        Ok(Self {
+            cell,
+            made: format!("{}, {code}", today()),
+            registrations: result["registrations"]
+                .as_u64()
+                .ok_or_else(|| missing("registrations"))?,
+            origin: result["origin"].as_str().ok_or_else(|| missing("origin"))?.to_owned(),
+            start: Judged::new(&result["default_summary"]).ok_or_else(|| missing("start"))?,
+            tuned: Judged::new(&result["tuned_summary"]).ok_or_else(|| missing("tuned"))?,
+        })
+    }
+}
+
+impl Judged {
+    fn new(summary: &Value) -> Option<Self> {
+        let errors = summary["errors"].as_array()?.iter();
+        let error = |e: &Value| Some((e["frobenius"].as_f64()?.min(CAP) * 1e5).round() as u32);
+        Some(Self {
+            recall_pct: summary["recall_pct"].as_f64()?,
+            mean_cm: summary["mean_translation_m"].as_f64().map(|m| (1e4 * m).round() / 100.0),
+            errors: errors.map(error).collect::<Option<_>>()?,
+        })
+    }
+
+    /// Each pair's error, ‖T − T*‖_F, at most 1.
+    pub(super) fn losses(&self) -> Vec<f64> {
+        self.errors.iter().map(|&error| f64::from(error) / 1e5).collect()
+    }
+}
+
+/// All that are done; none where there is no record yet.
+pub(super) fn lines(path: &Path) -> Result<Vec<Line>> {
+    let text = match fs::read_to_string(path) {
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
+        text => text.with_context(|| format!("cannot read {}", path.display()))?,
+    };
+    let line = |(i, line): (usize, &str)| {
+        let line: Line = serde_json::from_str(line)
+            .with_context(|| format!("{}: line {}", path.display(), i + 1))?;
+        let pairs = [line.start.errors.len(), line.tuned.errors.len()];
+        ensure!(pairs[0] == pairs[1] && pairs[0] > 0, "line {}: pairs {pairs:?}", i + 1);
+        Ok(line)
+    };
+    text.lines().enumerate().map(line).collect()
+}
+
+/// Adds a line.
+pub(super) fn append(path: &Path, line: &Line) -> Result<()> {
+    let mut text = serde_json::to_string(line)?;
+    text.push('\n');
+    let fail = || format!("cannot write {}", path.display());
+    let mut file = OpenOptions::new().create(true).append(true).open(path).with_context(fail)?;
+    file.write_all(text.as_bytes()).and_then(|()| file.sync_data()).with_context(fail)
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::super::cell::{Condition, Method, Protocol, Scene, Strategy};
+    use super::*;
+
+    pub(super) fn cell(seed: u64) -> Cell {
+        Cell {
+            strategy: Strategy::Fast,
+            protocol: Protocol::Joint,
+            method: Method::Icp,
+            scene: Scene::SemiStructured,
+            condition: Condition::TenthEnergy,
+            seed,
+        }
+    }
+
+    #[test]
+    fn what_a_run_prints_is_a_line_that_reads_back() {
+        let summary = |scale: f64| {
+            let error = |e: f64| json!({"frobenius": scale * e, "translation_m": 1.0});
+            json!({"recall_pct": 50.0, "mean_translation_m": 0.012_345, "errors": [error(0.5), error(9.0)]})
+        };
+        let result = json!({
+            "registrations": 7, "origin": "start",
+            "default_summary": summary(1.0), "tuned_summary": summary(0.01),
+        });
+        let line = Line::new(cell(3), "abc".into(), &result).unwrap();
+        assert_eq!(
+            (&*line.start.errors, &*line.tuned.errors),
+            (&[50_000, 100_000][..], &[500, 9_000][..])
+        );
+        assert_eq!(line.start.mean_cm, Some(1.23));
+        let folder = std::env::temp_dir().join(format!("study-{}", std::process::id()));
+        assert_eq!(lines(&folder).unwrap(), []);
+        append(&folder, &line).unwrap();
+        append(&folder, &line).unwrap();
+        assert_eq!(lines(&folder).unwrap(), [line.clone(), line]);
+        fs::write(&folder, "{}\n").unwrap();
+        assert!(format!("{:#}", lines(&folder).unwrap_err()).contains("line 1"));
+        fs::remove_file(&folder).unwrap();
+        assert!(Line::new(cell(3), "abc".into(), &json!({})).is_err());
+    }
+}

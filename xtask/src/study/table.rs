@@ -1,0 +1,177 @@
+//! The page's table, written between two marks.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+use anyhow::{Context, Result};
+
+use super::bootstrap::{Interval, mean};
+use super::cell::{Cell, Condition, Method, Protocol, Scene, Strategy};
+use super::record::{Judged, Line};
+
+const BEGIN: &str = "<!-- written by cargo xtask study -->\n";
+const END: &str = "<!-- end -->\n";
+
+/// The page with the tables of these lines in place of those that it has.
+pub(super) fn written_into(page: &str, lines: &[Line]) -> Result<String> {
+    let (before, rest) = page.split_once(BEGIN).context("the page has no mark to write after")?;
+    let (_, after) = rest.split_once(END).context("the page has no mark to write up to")?;
+    Ok(format!("{before}{BEGIN}{}{END}{after}", tables(lines)))
+}
+
+/// What is compared: the same in everything but strategy, protocol and seed.
+type Place = (Condition, Method, Scene);
+
+fn tables(lines: &[Line]) -> String {
+    let mut places: BTreeMap<Place, Vec<&Line>> = BTreeMap::new();
+    for line in lines {
+        let Cell { condition, method, scene, .. } = line.cell;
+        places.entry((condition, method, scene)).or_default().push(line);
+    }
+    let mut text = String::new();
+    let mut heading = None;
+    for ((condition, method, scene), lines) in places {
+        if heading != Some((condition, method)) {
+            heading = Some((condition, method));
+            let _ =
+                write!(text, "\n### {}, {condition}\n\n{HEAD}", method.to_string().to_uppercase());
+        }
+        rows(&mut text, scene, &lines);
+    }
+    text.push('\n');
+    text
+}
+
+const HEAD: &str = "\
+| scene | tuned | by | runs | registrations a run | recall | mean error | against the start | against registration alone |
+|---|---|---|---|---|---|---|---|---|
+";
+
+fn rows(text: &mut String, scene: Scene, lines: &[&Line]) {
+    let starts: Vec<&Judged> = lines.iter().map(|line| &line.start).collect();
+    row(
+        text,
+        &[scene.to_string(), "nothing".into(), "–".into()],
+        &starts,
+        None,
+        ["–"; 2].map(String::from),
+    );
+    for strategy in [Strategy::Paper, Strategy::Fast] {
+        let of = |protocol: Protocol| -> Vec<&Line> {
+            let is_asked =
+                |line: &&&Line| (line.cell.strategy, line.cell.protocol) == (strategy, protocol);
+            lines.iter().filter(is_asked).copied().collect()
+        };
+        for protocol in [Protocol::Lidar, Protocol::Registration, Protocol::Joint] {
+            let runs = of(protocol);
+            if runs.is_empty() {
+                continue;
+            }
+            let tuned: Vec<&Judged> = runs.iter().map(|line| &line.tuned).collect();
+            let count = runs.iter().map(|line| line.registrations).sum::<u64>() / runs.len() as u64;
+            let gains = [
+                against(&runs, |line| Some(&line.start)),
+                against(&runs, |line| {
+                    let alone = of(Protocol::Registration);
+                    let same = alone.into_iter().find(|other| other.cell.seed == line.cell.seed);
+                    same.map(|other| &other.tuned).filter(|_| protocol == Protocol::Joint)
+                }),
+            ];
+            let names = [scene.to_string(), protocol.to_string(), strategy.to_string()];
+            row(text, &names, &tuned, Some(count), gains.map(|gain| gain.map_or("–".into(), told)));
+        }
+    }
+}
+
+fn row(
+    text: &mut String,
+    names: &[String; 3],
+    judged: &[&Judged],
+    count: Option<u64>,
+    gains: [String; 2],
+) {
+    let of = |value: fn(&Judged) -> f64| {
+        judged.iter().map(|judged| value(judged)).sum::<f64>() / judged.len() as f64
+    };
+    let recall_pct = of(|judged| judged.recall_pct);
+    let mean_cm = of(|judged| judged.mean_cm.unwrap_or(f64::NAN));
+    let count = count.map_or("–".to_owned(), |count| count.to_string());
+    let [scene, tuned, by] = names;
+    let [start, alone] = gains;
+    let runs = judged.len();
+    let _ = writeln!(
+        text,
+        "| {scene} | {tuned} | {by} | {runs} | {count} | {recall_pct:.1} % | {mean_cm:.2} cm | {start} | {alone} |"
+    );
+}
+
+/// By how much the errors of runs differ from those of others on the same pairs: the mean
+/// difference of the logarithms, a run a group.
+fn against<'a>(
+    runs: &[&'a Line],
+    other: impl Fn(&'a Line) -> Option<&'a Judged>,
+) -> Option<Interval> {
+    /// A tenth of a millimetre: nothing counts for less.
+    const LEAST: f64 = 1e-4;
+    let differences = |line: &&'a Line| {
+        let other = other(line)?.losses();
+        let pairs = line.tuned.losses().into_iter().zip(other);
+        Some(pairs.map(|(a, b)| (a.max(LEAST) / b.max(LEAST)).ln()).collect::<Vec<f64>>())
+    };
+    mean(&runs.iter().filter_map(differences).collect::<Vec<_>>())
+}
+
+/// A difference of logarithms as a ratio.
+fn told(interval: Interval) -> String {
+    let Interval { value, low, high } = interval;
+    let [value, low, high] = [value, low, high].map(f64::exp);
+    let doubt = if interval.holds(0.0) { "" } else { "**" };
+    format!("{doubt}× {value:.2}{doubt} ({low:.2} to {high:.2})")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(protocol: Protocol, seed: u64, start: u32, tuned: u32) -> Line {
+        let judged = |error: u32| Judged {
+            recall_pct: 100.0,
+            mean_cm: Some(f64::from(error) / 1e3),
+            errors: (0..100).map(|i| error + i % 2).collect(),
+        };
+        let cell = Cell {
+            strategy: Strategy::Fast,
+            protocol,
+            method: Method::Icp,
+            scene: Scene::Structured,
+            condition: Condition::Clear,
+            seed,
+        };
+        let (made, origin) = ("today".into(), "start".into());
+        Line { cell, made, registrations: 900, origin, start: judged(start), tuned: judged(tuned) }
+    }
+
+    #[test]
+    fn both_together_are_compared_with_registration_alone_of_the_same_seed() {
+        let lines = [
+            line(Protocol::Registration, 1, 1000, 800),
+            line(Protocol::Registration, 2, 2000, 1000),
+            line(Protocol::Joint, 1, 1000, 400),
+            line(Protocol::Joint, 2, 2000, 500),
+        ];
+        let page = format!("# Study\n\n{BEGIN}old\n{END}\nmore\n");
+        let page = written_into(&page, &lines).unwrap();
+        assert!(page.starts_with("# Study\n\n<!--") && page.ends_with("<!-- end -->\n\nmore\n"));
+        assert!(!page.contains("old"), "{page}");
+        let row = page.lines().find(|row| row.contains("| joint |")).unwrap();
+        assert!(row.contains("| 2 | 900 | 100.0 % | 0.45 cm |"), "{row}");
+        assert!(row.contains("**× 0.50** (0.50 to 0.50) |"), "{row}");
+        assert!(row.contains("× 0.32**"), "{row}"); // √(0.4 · 0.25)
+        let alone = page.lines().find(|row| row.contains("| registration |")).unwrap();
+        assert!(alone.ends_with("| – |"), "{alone}");
+        let start = page.lines().find(|row| row.contains("| nothing |")).unwrap();
+        assert!(start.contains("| 4 | – | 100.0 % | 1.50 cm | – | – |"), "{start}");
+        assert_eq!(written_into(&page, &lines).unwrap(), page);
+        assert!(written_into("no marks", &lines).is_err());
+    }
+}
