@@ -146,10 +146,13 @@ impl embedded_io::Write for Pipe {
 }
 
 fn take(queue: &mut VecDeque<u8>, buffer: &mut [u8]) -> usize {
-    let length = queue.len().min(buffer.len());
-    for (slot, byte) in buffer.iter_mut().zip(queue.drain(..length)) {
-        *slot = byte;
-    }
+    let (first, second) = queue.as_slices();
+    let (head, tail) = buffer.split_at_mut(first.len().min(buffer.len()));
+    let rest = second.len().min(tail.len());
+    head.copy_from_slice(&first[..head.len()]);
+    tail[..rest].copy_from_slice(&second[..rest]);
+    let length = head.len() + rest;
+    queue.drain(..length);
     length
 }
 

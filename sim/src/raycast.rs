@@ -1,5 +1,8 @@
 //! Where a ray first meets a scene.
 
+mod packet;
+mod triangle;
+
 use std::time::Duration;
 
 use obvhs::aabb::Aabb;
@@ -8,6 +11,11 @@ use obvhs::ray::{Ray, RayHit};
 use obvhs::{Boundable, BvhBuildParams};
 
 use crate::scene::{Mesh, Scene};
+use packet::{Meeting, Node, nearest};
+use triangle::{Sheared, Triangle, cos_incidence, difference, dot};
+
+/// So few rays are cast faster one by one than as a packet.
+const FEW: usize = 4;
 
 /// The nearest surface along a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,15 +38,10 @@ pub struct Hit {
 #[derive(Clone)]
 pub struct Raycaster {
     bvh: Bvh2,
+    /// Of the hierarchy, for packets.
+    nodes: Vec<Node>,
     /// In the order of the hierarchy's leaves.
     triangles: Vec<Triangle>,
-}
-
-#[derive(Clone, Copy)]
-struct Triangle {
-    corners: [[f32; 3]; 3],
-    index: u32,
-    material: u8,
 }
 
 /// The box round a triangle, as the hierarchy wants it.
@@ -75,7 +78,8 @@ impl Raycaster {
             material: mesh.materials[index as usize],
         };
         let triangles = bvh.primitive_indices.iter().map(triangle).collect();
-        Self { bvh, triangles }
+        let nodes = bvh.nodes.iter().map(Node::from).collect();
+        Self { bvh, nodes, triangles }
     }
 
     /// The first surface from `origin` (metres) along `direction` (unit).
@@ -94,13 +98,34 @@ impl Raycaster {
         if !self.bvh.ray_traverse(ray, &mut nearest, meet) {
             return None;
         }
-        let triangle = &self.triangles[nearest.primitive_id as usize];
-        Some(Hit {
-            range_m: nearest.t,
+        Some(self.hit(nearest.primitive_id, nearest.t, direction))
+    }
+
+    /// [`Raycaster::cast`] for each of many directions from one place: the faster, the nearer they
+    /// are to each other.
+    #[must_use]
+    pub fn cast_beam(&self, origin: [f32; 3], directions: &[[f32; 3]]) -> Vec<Option<Hit>> {
+        if directions.len() < FEW {
+            return directions.iter().map(|&direction| self.cast(origin, direction)).collect();
+        }
+        let mut meetings = Vec::with_capacity(directions.len());
+        nearest(&self.nodes, &self.triangles, origin, directions, &mut meetings);
+        let hit = |(meeting, &direction): (Meeting, &[f32; 3])| match meeting {
+            Meeting::Nothing => None,
+            Meeting::One(slot, range_m) => Some(self.hit(slot, range_m, direction)),
+            Meeting::Unknown => self.cast(origin, direction),
+        };
+        meetings.into_iter().zip(directions).map(hit).collect()
+    }
+
+    fn hit(&self, slot: u32, range_m: f32, direction: [f32; 3]) -> Hit {
+        let triangle = &self.triangles[slot as usize];
+        Hit {
+            range_m,
             triangle: triangle.index,
             cos_incidence: cos_incidence(&triangle.corners, direction),
             material: triangle.material,
-        })
+        }
     }
 
     /// True when nothing lies between two points, metres.
@@ -110,69 +135,6 @@ impl Raycaster {
         let distance = dot(way, way).sqrt();
         distance == 0.0 || self.cast_within(from, way.map(|x| x / distance), distance).is_none()
     }
-}
-
-/// A ray in coordinates in which it runs along +z from the origin with unit slope.
-#[derive(Clone, Copy)]
-struct Sheared {
-    origin: [f32; 3],
-    axes: [usize; 3],
-    shear: [f32; 3],
-}
-
-impl Sheared {
-    fn new(origin: [f32; 3], direction: [f32; 3]) -> Self {
-        let magnitude = direction.map(f32::abs);
-        let z = (0..3).fold(0, |best, i| if magnitude[i] > magnitude[best] { i } else { best });
-        let axes = [(z + 1) % 3, (z + 2) % 3, z];
-        let shear = [
-            direction[axes[0]] / direction[z],
-            direction[axes[1]] / direction[z],
-            1.0 / direction[z],
-        ];
-        Self { origin, axes, shear }
-    }
-
-    /// Distance to a triangle, infinite for a miss.
-    fn meets(&self, corners: &[[f32; 3]; 3]) -> f32 {
-        let [a, b, c] = corners.map(|p| self.shift(p));
-        let mut edges =
-            [c[0] * b[1] - c[1] * b[0], a[0] * c[1] - a[1] * c[0], b[0] * a[1] - b[1] * a[0]];
-        if edges.contains(&0.0) {
-            // On an edge, as far as f32 can tell: exact products decide for both neighbours alike.
-            let exact = |p: [f32; 3], q: [f32; 3]| {
-                (f64::from(p[0]) * f64::from(q[1]) - f64::from(p[1]) * f64::from(q[0])) as f32
-            };
-            edges = [exact(c, b), exact(a, c), exact(b, a)];
-        }
-        let outside = edges.iter().any(|&e| e < 0.0) && edges.iter().any(|&e| e > 0.0);
-        let whole = edges[0] + edges[1] + edges[2];
-        if outside || whole == 0.0 {
-            return f32::INFINITY;
-        }
-        let depth = (edges[0] * a[2] + edges[1] * b[2] + edges[2] * c[2]) / whole;
-        if depth > 0.0 { depth } else { f32::INFINITY }
-    }
-
-    fn shift(&self, p: [f32; 3]) -> [f32; 3] {
-        let [x, y, z] = self.axes.map(|axis| p[axis] - self.origin[axis]);
-        [x - self.shear[0] * z, y - self.shear[1] * z, self.shear[2] * z]
-    }
-}
-
-fn cos_incidence(&[a, b, c]: &[[f32; 3]; 3], direction: [f32; 3]) -> f32 {
-    let (e, f) = (difference(b, a), difference(c, a));
-    let normal = [e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]];
-    let length = (dot(normal, normal) * dot(direction, direction)).sqrt();
-    if length > 0.0 { (dot(normal, direction) / length).abs().min(1.0) } else { 0.0 }
-}
-
-fn difference(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
-    std::array::from_fn(|i| a[i] - b[i])
-}
-
-fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 #[cfg(test)]
@@ -223,14 +185,7 @@ mod tests {
     #[test]
     fn the_nearest_hit_is_the_one_brute_force_finds() {
         let mut rng = Generator::new(11, 0);
-        let soup = (0..300).map(|_| {
-            let centre = point(&mut rng, 10.0);
-            [0; 3].map(|_| {
-                let p = point(&mut rng, 4.0);
-                std::array::from_fn(|i| centre[i] + p[i])
-            })
-        });
-        let mesh = mesh(soup.collect());
+        let mesh = soup(&mut rng, 300);
         let caster = Raycaster::from_mesh(&mesh);
         let mut hits = 0;
         for _ in 0..5000 {
@@ -243,6 +198,78 @@ mod tests {
             hits += usize::from(found.is_some());
         }
         assert!(hits > 1000);
+    }
+
+    /// Triangles of all sizes, many of them overlapping.
+    fn soup(rng: &mut Generator, count: usize) -> Mesh {
+        let triangle = |_| {
+            let (centre, size) = (point(rng, 10.0), rng.range(0.05, 4.0));
+            [0; 3].map(|_| {
+                let p = point(rng, size);
+                std::array::from_fn(|i| centre[i] + p[i])
+            })
+        };
+        mesh((0..count).map(triangle).collect())
+    }
+
+    #[test]
+    fn each_ray_of_a_beam_meets_what_it_meets_alone() {
+        let mut rng = Generator::new(13, 0);
+        let caster = Raycaster::from_mesh(&soup(&mut rng, 2000));
+        let mut hits = 0;
+        for k in 0..2000 {
+            // From rays that are nearly one to rays all round; packets that are full and not.
+            let (origin, axis) = (point(&mut rng, 12.0), rng.direction());
+            let width = [1e-3, 1e-2, 0.3, 3.0][k % 4];
+            let mut ray = || {
+                let way: [f32; 3] = std::array::from_fn(|i| (axis[i] + rng.spread(width)) as f32);
+                way.map(|x| x / dot(way, way).sqrt())
+            };
+            let rays: Vec<[f32; 3]> = (0..k % 35).map(|_| ray()).collect();
+            let alone: Vec<Option<Hit>> = rays.iter().map(|&r| caster.cast(origin, r)).collect();
+            assert_eq!(caster.cast_beam(origin, &rays), alone);
+            hits += alone.iter().flatten().count();
+        }
+        assert!(hits > 10_000, "{hits}");
+    }
+
+    #[test]
+    fn of_triangles_in_one_plane_a_beam_meets_those_that_its_rays_meet_alone() {
+        let mut rng = Generator::new(15, 0);
+        let corner = |rng: &mut Generator| [5.0, rng.spread(3.0) as f32, rng.spread(3.0) as f32];
+        let triangles = (0..40).map(|_| [0; 3].map(|_| corner(&mut rng))).collect();
+        let caster = Raycaster::from_mesh(&mesh(triangles));
+        for _ in 0..2000 {
+            let origin = point(&mut rng, 2.0);
+            let aim = [1.0, 0.3 * rng.spread(1.0), 0.3 * rng.spread(1.0)];
+            let rays: [[f32; 3]; 25] = std::array::from_fn(|_| {
+                let way: [f32; 3] = std::array::from_fn(|i| (aim[i] + rng.spread(0.02)) as f32);
+                way.map(|x| x / dot(way, way).sqrt())
+            });
+            let alone = rays.map(|ray| caster.cast(origin, ray));
+            assert_eq!(caster.cast_beam(origin, &rays), alone);
+        }
+    }
+
+    #[test]
+    fn rays_of_a_beam_along_edges_and_corners_leak_nowhere_either() {
+        let mut rng = Generator::new(14, 0);
+        let mesh = closed(&mut rng);
+        let caster = Raycaster::from_mesh(&mesh);
+        for _ in 0..2000 {
+            let origin = point(&mut rng, 3.0);
+            let rays: [[f32; 3]; 25] = std::array::from_fn(|k| {
+                let [a, b, _] = mesh.corners(rng.index(mesh.triangles.len()));
+                let target =
+                    if k % 2 == 0 { a } else { std::array::from_fn(|i| 0.5 * (a[i] + b[i])) };
+                let way = difference(target, origin);
+                way.map(|x| x / dot(way, way).sqrt())
+            });
+            for (hit, ray) in caster.cast_beam(origin, &rays).iter().zip(rays) {
+                assert_eq!(*hit, caster.cast(origin, ray));
+                assert!(hit.is_some());
+            }
+        }
     }
 
     #[test]
@@ -314,6 +341,8 @@ mod tests {
 
     #[test]
     fn an_empty_mesh_is_never_hit() {
+        let nothing = Raycaster::from_mesh(&Mesh::default());
+        assert_eq!(nothing.cast_beam([0.0; 3], &[[1.0, 0.0, 0.0]]), [None]);
         assert_eq!(Raycaster::from_mesh(&Mesh::default()).cast([0.0; 3], [1.0, 0.0, 0.0]), None);
     }
 }

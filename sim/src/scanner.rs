@@ -9,7 +9,7 @@ use echoloop_frontend::{Return, SceneResponse};
 use nalgebra::{Isometry3, Vector3};
 use rayon::prelude::*;
 
-use crate::raycast::Raycaster;
+use crate::raycast::{Hit, Raycaster};
 use crate::scene::Material;
 
 /// Returns closer together than this are one, metres.
@@ -72,9 +72,12 @@ impl Scanner {
         let beam = |(index, direction): (usize, &[f32; 3])| {
             let world_from_sensor = world_from_sensor(index);
             let origin = world_from_sensor.translation.vector.cast::<f32>().into();
-            let rays = spread(direction, &grid, &world_from_sensor);
-            let mut echoes: Vec<(f64, f64)> = rays
-                .filter_map(|(ray, weight)| echo(caster, materials, origin, ray, weight))
+            let rays: Vec<[f32; 3]> = spread(direction, &grid, &world_from_sensor).collect();
+            let hits = caster.cast_beam(origin, &rays);
+            let mut echoes: Vec<(f64, f64)> = hits
+                .iter()
+                .zip(&grid)
+                .filter_map(|(hit, (_, weight))| echo(hit.as_ref()?, materials, *weight))
                 .collect();
             cluster(&mut echoes)
         };
@@ -99,33 +102,25 @@ fn footprint(optics: &BeamOptics) -> Vec<SubRay> {
     grid.into_iter().map(|(at, weight)| (at, weight / total)).collect()
 }
 
-/// World directions and weights of a beam's sub-rays.
+/// World directions of a beam's sub-rays.
 fn spread<'a>(
     direction: &[f32; 3],
     grid: &'a [SubRay],
     world_from_sensor: &Isometry3<f64>,
-) -> impl Iterator<Item = ([f32; 3], f64)> + 'a {
+) -> impl Iterator<Item = [f32; 3]> + 'a {
     let axis = Vector3::from(direction.map(f64::from));
     // Straight up or down there is no azimuth: any two directions square to the beam will do.
     let azimuth = Vector3::z().cross(&axis).try_normalize(1e-6).unwrap_or_else(Vector3::y);
     let elevation = axis.cross(&azimuth);
     let [axis, azimuth, elevation] =
         [axis, azimuth, elevation].map(|v| world_from_sensor.rotation * v);
-    grid.iter().map(move |&([u, v], weight)| {
-        let ray = (axis + u * azimuth + v * elevation).normalize();
-        (ray.cast::<f32>().into(), weight)
+    grid.iter().map(move |&([u, v], _)| {
+        (axis + u * azimuth + v * elevation).normalize().cast::<f32>().into()
     })
 }
 
 /// Range and strength of one sub-ray; `None` when nothing comes back.
-fn echo(
-    caster: &Raycaster,
-    materials: &[Material],
-    origin: [f32; 3],
-    ray: [f32; 3],
-    weight: f64,
-) -> Option<(f64, f64)> {
-    let hit = caster.cast(origin, ray)?;
+fn echo(hit: &Hit, materials: &[Material], weight: f64) -> Option<(f64, f64)> {
     let albedo = materials[usize::from(hit.material)].backscatter(hit.cos_incidence);
     let per_m2 = albedo * hit.cos_incidence / PI / hit.range_m.max(NEAREST_M).powi(2);
     let strength = weight * f64::from(per_m2);

@@ -34,6 +34,7 @@ const ALLOWED: [(&str, &str, &[&str]); 19] = [
         "echoloop-sim",
         "sim",
         &[
+            "echoloop-dispatch",
             "echoloop-dsp",
             "echoloop-files",
             "echoloop-frontend",
