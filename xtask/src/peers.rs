@@ -1,5 +1,5 @@
-//! Registration and the waveform path against their peers: a Python environment with them, our side
-//! built, both on the same files.
+//! Registration, the waveform path and the optimiser against their peers: a Python environment with
+//! them, our side built, both on the same files or functions.
 
 use std::env;
 use std::path::{Path, PathBuf};
@@ -27,9 +27,15 @@ pub(crate) struct Peers {
     /// The waveform path beside numpy and scipy instead of registration, and how its cost grows.
     #[arg(long, conflicts_with_all = ["recall", "scaling", "all"])]
     waveforms: bool,
-    /// Only see that Open3D reads our clouds with every attribute, and we its: seconds. The others
-    /// but --waveforms see it first.
-    #[arg(long, conflicts_with_all = ["quick", "recall", "scaling", "all", "waveforms"])]
+    /// The optimiser beside pycma and cmaes instead of registration: evaluations, not time.
+    #[arg(long, conflicts_with_all = ["recall", "scaling", "all", "waveforms"])]
+    optimiser: bool,
+    /// Only see that Open3D reads our clouds with every attribute, and we its: seconds. The
+    /// measurements of registration see it first.
+    #[arg(
+        long,
+        conflicts_with_all = ["quick", "recall", "scaling", "all", "waveforms", "optimiser"],
+    )]
     clouds: bool,
 }
 
@@ -37,14 +43,18 @@ pub(crate) struct Peers {
 const ENVIRONMENT: &str = "target/peers/venv";
 const REQUIREMENTS: &str = "benches/peers/requirements.txt";
 
-/// Measures, and writes registration-peers.md or waveform-cost.md below benches/record.
+/// Measures, and writes registration-peers.md, waveform-cost.md or optimiser.md below
+/// benches/record.
 pub(crate) fn run(peers: Peers) -> Result<()> {
     if peers.clouds {
         let root = workspace()?;
         environment(&root.join(ENVIRONMENT), &root.join(REQUIREMENTS))?;
         return clouds_where_there_are_peers();
     }
-    if peers.waveforms { waveforms(peers.quick) } else { registration(peers) }
+    if peers.waveforms {
+        return beside(&WAVEFORMS, peers.quick);
+    }
+    if peers.optimiser { beside(&OPTIMISER, peers.quick) } else { registration(peers) }
 }
 
 fn registration(peers: Peers) -> Result<()> {
@@ -101,24 +111,37 @@ pub(crate) fn clouds_where_there_are_peers() -> Result<()> {
     clouds(&root, &interpreter(&environment), &target(&root).join("debug/echoloop"))
 }
 
-fn waveforms(quick: bool) -> Result<()> {
+/// A measurement whose script is given our program and writes its page.
+struct Beside {
+    /// The script and what it needs: `NAME.py`, `requirements-NAME.txt`.
+    name: &'static str,
+    /// Our program, which the script takes as `--NAME`.
+    program: &'static str,
+    /// Below benches/record.
+    page: &'static str,
+}
+
+const WAVEFORMS: Beside =
+    Beside { name: "waveforms", program: "waveform_path", page: "waveform-cost.md" };
+const OPTIMISER: Beside = Beside { name: "optimiser", program: "optimiser", page: "optimiser.md" };
+
+fn beside(what: &Beside, quick: bool) -> Result<()> {
     let root = workspace()?;
     let work = root.join("target/peers");
     let scripts = root.join("benches/peers");
-    let python =
-        environment(&work.join("venv-waveforms"), &scripts.join("requirements-waveforms.txt"))?;
-    cargo(["build", "--release", "--package", "echoloop-benches", "--bin", "waveform_path"])?;
+    let name = what.name;
+    let requirements = scripts.join(format!("requirements-{name}.txt"));
+    let python = environment(&work.join(format!("venv-{name}")), &requirements)?;
+    cargo(["build", "--release", "--package", "echoloop-benches", "--bin", what.program])?;
     let page = if quick {
-        work.join("quick-waveforms.md")
+        work.join(format!("quick-{name}.md"))
     } else {
-        root.join("benches/record/waveform-cost.md")
+        root.join("benches/record").join(what.page)
     };
     let mut command = Command::new(python);
-    command.arg(scripts.join("waveforms.py")).arg("--work").arg(&work).arg("--out").arg(page);
-    command
-        .arg("--waveforms")
-        .arg(built(&root).join("waveform_path"))
-        .args(quick.then_some("--quick"));
+    command.arg(scripts.join(format!("{name}.py"))).arg("--work").arg(&work).arg("--out").arg(page);
+    command.arg(format!("--{name}")).arg(built(&root).join(what.program));
+    command.args(quick.then_some("--quick"));
     // One thread each, whatever numpy was built with.
     succeed(command.env("OMP_NUM_THREADS", "1").env("OPENBLAS_NUM_THREADS", "1"))
 }
@@ -188,7 +211,8 @@ mod tests {
     #[test]
     fn speed_is_measured_unless_something_else_is_asked_and_all_is_all() {
         let parts = |recall, scaling, all| {
-            Peers { quick: false, recall, scaling, all, waveforms: false, clouds: false }.parts()
+            let [quick, waveforms, optimiser, clouds] = [false; 4];
+            Peers { quick, recall, scaling, all, waveforms, optimiser, clouds }.parts()
         };
         assert_eq!(parts(false, false, false), ["speed"]);
         assert_eq!(parts(true, false, false), ["recall"]);

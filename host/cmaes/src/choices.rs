@@ -51,13 +51,13 @@ struct Row {
 
 impl Choices {
     /// For choices of so many names each, with the coordinate that each starts at, among `n`
-    /// coordinates of all kinds and λ candidates.
-    ///
-    /// The start's name is drawn half of the time, the others share the rest.
-    pub(super) fn new(starts: &[(usize, f64)], n: usize, lambda: usize) -> Self {
+    /// coordinates of all kinds and λ candidates. `trust`: how likely the start's names are drawn;
+    /// the others share the rest.
+    pub(super) fn new(starts: &[(usize, f64)], trust: f64, n: usize, lambda: usize) -> Self {
         let margin = 1.0 - libm::pow(0.73, 1.0 / n as f64);
+        let row = |&(count, start): &(usize, f64)| Row::new(count, start, trust, margin);
         Self {
-            rows: starts.iter().map(|&(count, start)| Row::new(count, start, margin)).collect(),
+            rows: starts.iter().map(row).collect(),
             caution: 1.0,
             gamma: 0.0,
             still: 0,
@@ -149,18 +149,11 @@ const ALPHA: f64 = 1.5;
 const FASTEST: f64 = 0.5;
 
 impl Row {
-    fn new(count: usize, start: f64, margin: f64) -> Self {
+    fn new(count: usize, start: f64, trust: f64, margin: f64) -> Self {
         let first = ((start * count as f64) as usize).min(count - 1);
         let others = (count - 1).max(1) as f64;
-        let q = |name| {
-            if count == 1 {
-                1.0
-            } else if name == first {
-                0.5
-            } else {
-                0.5 / others
-            }
-        };
+        let trust = if count == 1 { 1.0 } else { trust.clamp(1.0 / count as f64, 1.0 - margin) };
+        let q = |name| if name == first { trust } else { (1.0 - trust) / others };
         Self { q: (0..count).map(q).collect(), path: vec![0.0; count], least: margin / others }
     }
 
@@ -231,7 +224,7 @@ mod tests {
 
     /// Choices of ten coordinates and ten candidates.
     fn choices(starts: &[(usize, f64)]) -> Choices {
-        Choices::new(starts, 10, 10)
+        Choices::new(starts, 0.5, 10, 10)
     }
 
     /// After generations whose better half drew what `names` says of (generation, rank).
@@ -248,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn the_starts_name_is_drawn_half_of_the_time_and_the_others_share_the_rest() {
+    fn the_starts_name_is_drawn_as_often_as_trusted_and_the_others_share_the_rest() {
         let choices = choices(&[(4, 0.6), (2, 0.0), (1, 0.5)]);
         let mut counts = [[0_i32; 4]; 3];
         for candidate in 0..4_000 {
@@ -260,6 +253,15 @@ mod tests {
         }
         assert!((counts[1][0] - 2_000).abs() < 100 && counts[2][0] == 4_000, "{counts:?}");
         assert_eq!([0, 1, 2].map(|j| choices.middle(j)), [0.625, 0.25, 0.5]);
+    }
+
+    #[test]
+    fn without_trust_all_names_are_alike_and_with_all_of_it_none_is_lost() {
+        let first = |trust| Choices::new(&[(4, 0.6)], trust, 10, 10).probabilities(0).to_vec();
+        assert_eq!(first(0.0), [0.25; 4]);
+        let margin = 1.0 - 0.73f64.powf(0.1);
+        assert!((first(1.0)[2] - (1.0 - margin)).abs() < 1e-12, "{:?}", first(1.0));
+        assert!((first(1.0)[0] - margin / 3.0).abs() < 1e-12, "{:?}", first(1.0));
     }
 
     #[test]

@@ -94,7 +94,7 @@ impl CmaEs {
             initial_sigma: config.sigma,
             places: split.places,
             gaussian: Gaussian::new(strategy, config.bounded, start, split.cells),
-            choices: Choices::new(&split.choices, n, lambda),
+            choices: Choices::new(&split.choices, config.trust, n, lambda),
             generation: 0,
             mean: Vec::new(),
             best: f64::INFINITY,

@@ -11,6 +11,7 @@ fn free(n: usize, seed: u64) -> CmaEsConfig {
         constants: Constants::Tutorial,
         bounded: false,
         coordinates: Vec::new(),
+        trust: 0.0,
         stops: Stops { target: Some(1e-8), ..Stops::default() },
     }
 }
@@ -191,6 +192,7 @@ fn settings_that_cannot_run_are_named() {
     assert_eq!(error(|c| c.mean[0] = 1.5), "mean");
     assert_eq!(error(|c| c.sigma = f64::NAN), "sigma");
     assert_eq!(error(|c| c.lambda = Some(1)), "lambda");
+    assert_eq!(error(|c| c.trust = f64::NAN), "trust");
     assert_eq!(error(|c| c.coordinates = vec![Coordinate::Whole(3)]), "coordinates");
     assert_eq!(
         error(|c| c.coordinates = vec![Coordinate::Real, Coordinate::Whole(0)]),
@@ -262,8 +264,9 @@ fn whole_numbers_and_choices_take_at_most_as_long_as_published() {
     type Function = fn(&[f64], &[f64]) -> f64;
     let sphere_bits: Function = |real, bits| sphere(real) + zeros(bits);
     let steep_bits: Function = |real, bits| steep(real) + zeros(bits);
-    let table: [(&str, Coordinate, Function, f64); 5] = [
+    let table: [(&str, Coordinate, Function, f64); 6] = [
         ("SphereInt", Whole(21), |real, whole| sphere(real) + sphere(whole), 3777.0),
+        ("EllipsoidInt", Whole(21), |real, whole| steep(&[real, whole].concat()), 8279.0),
         ("SphereOneMax", Whole(2), sphere_bits, 3811.0),
         ("EllipsoidOneMax", Whole(2), steep_bits, 11130.0),
         ("SphereOneMax", Choice(2), sphere_bits, 2457.0),
