@@ -40,7 +40,7 @@ fn a_bad_configuration_file_is_refused_with_file_line_and_caret() {
 #[test]
 fn a_value_that_makes_no_sense_is_refused_by_name_everywhere() {
     let fixture = Fixture::new();
-    let table: [(&str, &[&str]); 27] = [
+    let table: [(&str, &[&str]); 32] = [
         ("lidar.powr=1", &["--set lidar.powr=1", "unknown field `powr`"]),
         ("optics.power=1", &["unknown field `optics`"]),
         ("lidar.power", &["a.b=value"]),
@@ -67,6 +67,11 @@ fn a_value_that_makes_no_sense_is_refused_by_name_everywhere() {
         ("scene.towns=[]", &["scene.towns"]),
         ("tune.generations=0", &["tune.generations = 0"]),
         ("tune.population=1", &["tune.population = 1"]),
+        ("front.cost=love", &["front", "energy"]),
+        ("front.points=1", &["front.points = 1 must be 2 to 1000"]),
+        ("front.population=3", &["front.population = 3 must be 4 to 10000"]),
+        ("front.generations=0", &["front.generations = 0 must be 1 to 100000"]),
+        ("front.pairs=0", &["front.pairs = 0 must be 1 to 10000"]),
         ("tune.error_cap=-1", &["tune.error_cap = -1"]),
     ];
     for (set, parts) in table {

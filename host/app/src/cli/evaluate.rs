@@ -14,7 +14,8 @@ use super::method_choice::MethodChoice;
 use super::prepared::{PairSet, Prepared, require_recall};
 use super::progress::Progress;
 use crate::experiment::config::{RunConfig, load};
-use crate::experiment::evaluate::{Summary, evaluate};
+use crate::experiment::cost::CostKind;
+use crate::experiment::evaluate::{Summary, evaluate_and_cost};
 use crate::experiment::params::{Values, choices, written_values};
 use crate::experiment::run::{CONFIG, RESULT};
 use crate::experiment::tune::Observer;
@@ -137,9 +138,11 @@ fn judge(args: &EvaluateArgs, config: RunConfig, values: &Values) -> Result<(), 
         prepared.start.with_values(values, preset, &prepared.hardware).map_err(Failure::usage)?;
     let noisy = prepared.pairs(args.pairs());
     progress.begin("judging", noisy.pairs.len() as u64);
-    let errors = evaluate(&prepared.bench(), &parameters, &noisy, &|| progress.evaluated())?;
+    let bench = prepared.bench();
+    let (scanner, done) = (bench.scanner(&prepared.config), || progress.evaluated());
+    let (errors, cost) = evaluate_and_cost(&bench, &parameters, &noisy, &scanner, &done)?;
     progress.end();
-    let summary = Summary::from_errors(errors, &prepared.config.data);
+    let summary = Summary { cost, ..Summary::from_errors(errors, &prepared.config.data) };
     print(args, &prepared.sensor, &parameters.values(preset), &summary)?;
     require_recall(args.require_recall, &summary)
 }
@@ -173,5 +176,9 @@ fn print(
         summary.median_rotation_deg
     );
     println!("points        {:.0} a scan", summary.mean_points);
+    for (kind, cost) in CostKind::ALL.map(|kind| (kind, summary.cost)) {
+        let value = cost.map_or(f64::NAN, |cost| kind.of(&cost));
+        println!("{:<13} {}", kind.name(), kind.text(value));
+    }
     Ok(())
 }

@@ -5,6 +5,7 @@ use super::prepared::Prepared;
 use crate::experiment::config::{RunConfig, TuneConfig};
 use crate::experiment::cost::{CostKind, ScanCost};
 use crate::experiment::evaluate::{Summary, median};
+use crate::experiment::front::{Front, Mark};
 use crate::experiment::objective::{ErrorMean, Registered};
 use crate::experiment::params::{self, Axis, Parameters, Space, effective};
 use crate::experiment::run::{AFTER, BEFORE, REPORT, RunFolder, RunResult};
@@ -12,8 +13,8 @@ use crate::experiment::seed::{Purpose, derive};
 use crate::experiment::tune::{Stage, TuneSearch, Tuned};
 use crate::link::pattern::{described as beams_of, size};
 use crate::report::{
-    CloudLayer, Convergence, Correlation, Costs, EvaluationRow, EvaluationTable, PairClouds,
-    PairError, ParameterTrace, PoseError, Report, RowKind,
+    self, CloudLayer, Convergence, Correlation, Costs, EvaluationRow, EvaluationTable, FrontDot,
+    PairClouds, PairError, ParameterTrace, PoseError, Report, RowKind,
 };
 use echoloop_dsp::ScanPattern;
 use echoloop_registration::FgrMode;
@@ -39,6 +40,7 @@ pub(super) fn print_table(config: &RunConfig, result: &RunResult, space: &Space)
         println!("{name:<10} {}", row(summary));
     }
     print_costs(&costs(result));
+    result.front.iter().for_each(print_front);
     if space.axes().is_empty() {
         return;
     }
@@ -60,6 +62,71 @@ fn print_costs(costs: &Costs) {
     line("", &costs.heads);
     costs.rows.iter().for_each(|(name, cells)| line(name, cells));
     println!("{}", costs.verdict);
+}
+
+/// The points of a front, and what they come to.
+fn print_front(front: &Front) {
+    println!(
+        "\nerror against {}: {} points, chosen on training pairs\n\n{:<10} {:>12} {:>9} {:>18} {:>9} \
+         {:>12}  against default",
+        front.cost.name(),
+        front.points.len(),
+        "",
+        front.cost.name(),
+        "error",
+        "95 % interval",
+        "recall",
+        "median e_t"
+    );
+    println!("{}", mark_row("default", front, &front.default, ""));
+    println!("{}", mark_row("tuned", front, &front.tuned, ""));
+    for (i, point) in (1..).zip(&front.points) {
+        let against = point.comparison.error();
+        println!("{}", mark_row(&format!("point {i}"), front, &point.mark, against));
+    }
+    println!("\nThe cheapest point that errs no more than the default: {}.", front.verdict());
+}
+
+fn mark_row(name: &str, front: &Front, mark: &Mark, against: &str) -> String {
+    let [low, high] = mark.interval;
+    format!(
+        "{name:<10} {:>12} {:>9.4} {:>18} {:>7.1} % {:>9.2} cm  {against}",
+        front.cost.text(front.cost.of(&mark.cost)),
+        mark.error,
+        format!("{low:.4} to {high:.4}"),
+        mark.recall_pct,
+        100.0 * mark.median_translation_m
+    )
+    .trim_end()
+    .to_owned()
+}
+
+/// The front as the report draws it.
+fn front_plot(front: &Front) -> report::Front {
+    let dot = |mark: &Mark, against_default: &str| FrontDot {
+        cost: front.cost.of(&mark.cost),
+        cost_text: front.cost.text(front.cost.of(&mark.cost)),
+        error: mark.error,
+        interval: mark.interval,
+        recall_pct: mark.recall_pct,
+        median_translation_cm: 100.0 * mark.median_translation_m,
+        against_default: against_default.into(),
+    };
+    let unit = match front.cost.unit() {
+        "" => String::new(),
+        unit => format!(", {unit}"),
+    };
+    report::Front {
+        name: front.cost.name().into(),
+        axis: format!("{}{unit}", front.cost.title()),
+        verdict: format!(
+            "The cheapest point that errs no more than the default: {}.",
+            front.verdict()
+        ),
+        default: dot(&front.default, ""),
+        tuned: dot(&front.tuned, ""),
+        points: front.points.iter().map(|p| dot(&p.mark, p.comparison.error())).collect(),
+    }
 }
 
 /// What scans of the held-out pairs cost.
@@ -206,6 +273,7 @@ fn write_report(run: &Finished<'_>, shown: Shown) -> Result<(), Failure> {
             success_within,
         },
         costs: costs(result),
+        front: result.front.as_ref().map(front_plot).unwrap_or_default(),
         convergence: convergence(config, run.tuned),
         parameters: traces(run),
         correlation: correlation(run),

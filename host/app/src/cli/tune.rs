@@ -14,12 +14,14 @@ use super::prepared::{Prepared, require_recall};
 use super::progress::Progress;
 use crate::experiment::compare::Comparison;
 use crate::experiment::config::{Override, RunConfig, default_runs_folder, load};
+use crate::experiment::cost::CostKind;
 use crate::experiment::evaluate::Summary;
 use crate::experiment::files::FileError;
+use crate::experiment::front::{Front, FrontSearch};
 use crate::experiment::journal::{Generation, Journal};
 use crate::experiment::params::Parameters;
-use crate::experiment::preset::{LidarPreset, Preset, Protocol, Strategy};
-use crate::experiment::run::{CONFIG, HISTORY, REPORT, RESULT, RunFolder, RunResult};
+use crate::experiment::preset::{LidarPreset, PowerRange, Preset, Protocol, Strategy};
+use crate::experiment::run::{CONFIG, FRONT, HISTORY, REPORT, RESULT, RunFolder, RunResult};
 use crate::experiment::tune::{TuneError, TuneSearch, Tuned};
 use crate::said::say;
 
@@ -48,6 +50,12 @@ pub(crate) struct TuneArgs {
     /// Candidates a generation; 0: as many as there are parameters.
     #[arg(long, value_name = "N")]
     population: Option<u32>,
+    /// Then search for a front of error against a cost of a scan [default cost: energy].
+    #[arg(long, value_name = "COST", num_args = 0..=1, default_missing_value = "energy")]
+    pareto: Option<CostKind>,
+    /// Points of the front at most, 2 to 1000.
+    #[arg(long, value_name = "N", requires = "pareto")]
+    points: Option<u32>,
     /// Folder for run folders [default: runs].
     #[arg(long, value_name = "FOLDER")]
     runs: Option<PathBuf>,
@@ -57,7 +65,7 @@ pub(crate) struct TuneArgs {
         value_name = "RUN",
         conflicts_with_all = [
             "config", "set", "scene", "seed", "method", "mode", "refine", "strategy", "protocol", "lidar",
-            "preset", "generations", "population", "runs",
+            "preset", "generations", "population", "pareto", "points", "runs",
         ],
     )]
     resume: Option<PathBuf>,
@@ -84,6 +92,8 @@ impl TuneArgs {
         flag("registration.preset", self.preset.map(toml_name));
         flag("tune.generations", self.generations.map(|n| i64::from(n).into()));
         flag("tune.population", self.population.map(|n| i64::from(n).into()));
+        flag("front.cost", self.pareto.map(toml_name));
+        flag("front.points", self.points.map(|n| i64::from(n).into()));
         self.setup.source.load(own)
     }
 }
@@ -120,7 +130,10 @@ fn tune(
         None => (Journal::create(&folder.file(HISTORY), &search.header())?, Vec::new()),
     };
     progress.begin("tuning", search.registrations() as u64);
-    let outcome = search_and_judge(&search, &mut journal, done, &progress);
+    let outcome = search_and_judge(&search, &mut journal, done, &progress).and_then(|judged| {
+        let front = front(&prepared, &search, &judged.0, &folder, (args.repair, &progress))?;
+        Ok((judged, front))
+    });
     progress.end();
     if let Err(TuneError::Interrupted { .. } | TuneError::Sensor(_)) = &outcome {
         say(format_args!(
@@ -129,9 +142,9 @@ fn tune(
             args.setup.sensor.again()
         ));
     }
-    let (tuned, judged) = outcome?;
+    let ((tuned, judged), front) = outcome?;
     journal.confirm()?;
-    let result = result(&prepared, &tuned, judged);
+    let result = RunResult { front, ..result(&prepared, &tuned, judged) };
     folder.write_result(&result)?;
     write_figures(&Finished {
         folder: &folder,
@@ -181,6 +194,33 @@ fn search_and_judge(
     }
 }
 
+/// The front, where one is asked for, with a journal of its own.
+fn front(
+    prepared: &Prepared,
+    search: &TuneSearch<'_>,
+    tuned: &Tuned,
+    folder: &RunFolder,
+    (repair, progress): (bool, &Progress),
+) -> Result<Option<Front>, TuneError> {
+    let Some(cost) = prepared.config.front.cost else { return Ok(None) };
+    let power = match cost {
+        CostKind::Energy => PowerRange::Whole,
+        _ => prepared.config.tune.lidar.into(),
+    };
+    let space = search.space.clone().with_power(power);
+    let of_front = FrontSearch { search, space, tuned: tuned.parameters, cost };
+    let (path, header) = (folder.file(FRONT), of_front.header());
+    let (mut journal, done) = match path.exists() {
+        true => Journal::resume(&path, &header, repair)?,
+        false => (Journal::create(&path, &header)?, Vec::new()),
+    };
+    let each = of_front.registrations() / prepared.config.front.generations.max(1) as usize;
+    progress.begin("front", of_front.registrations().saturating_sub(each * done.len()) as u64);
+    let front = of_front.run(&mut journal, done, progress)?;
+    journal.confirm()?;
+    Ok(Some(front))
+}
+
 /// Characters of a mesh's name in that of its run: a folder's may have 255 bytes.
 const MOST_OF_SCENE: usize = 40;
 
@@ -216,6 +256,7 @@ fn result(prepared: &Prepared, tuned: &Tuned, judged: Judged) -> RunResult {
         plain_summary: judged.plain,
         default_summary: judged.before,
         tuned_summary: judged.after,
+        front: None,
     }
 }
 

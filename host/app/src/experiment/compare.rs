@@ -85,9 +85,13 @@ fn part(share: f64, of: &str) -> String {
     }
 }
 
-/// Two digits and more.
+/// Two digits.
 fn times(factor: f64) -> String {
-    if factor < 9.95 { format!("{factor:.1}") } else { format!("{factor:.0}") }
+    if factor < 9.95 {
+        return format!("{factor:.1}");
+    }
+    let unit = libm::pow(10.0, libm::log10(factor).floor() - 1.0);
+    format!("{:.0}", (factor / unit).round() * unit)
 }
 
 #[cfg(test)]
@@ -145,6 +149,7 @@ mod tests {
         let same = Comparison { difference: 0.0, interval: [-0.1, 0.1] };
         let said = |a, b| same.at_cost(CostKind::Energy, &cost(a), &cost(b));
         assert_eq!(said(5e-3, 1e-4), "the same error at 1/50 of the energy");
+        assert_eq!(said(5.678, 1e-3), "the same error at 1/5700 of the energy");
         assert_eq!(said(5e-3, 2e-3), "the same error at 1/2.5 of the energy");
         assert_eq!(said(5e-3, 5e-3), "the same error at the same energy");
         assert_eq!(said(2e-3, 5e-3), "the same error at 2.5 times the energy");

@@ -24,6 +24,7 @@ use thiserror::Error;
 
 use crate::experiment::checksum::Checksum;
 use crate::experiment::content::Content;
+use crate::experiment::cost::ScanCost;
 use crate::experiment::files::{
     FileError, PART, begin_part, beside, file_error, is_at, open_own, replace, settle_part,
     sync_folder_of,
@@ -72,6 +73,9 @@ pub struct CandidateRecord {
     pub errors: Vec<PairError>,
     /// What the optimiser was told.
     pub fitness: f64,
+    /// What a scan costs, where that is told as well.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cost: Option<ScanCost>,
 }
 
 /// One generation.
@@ -505,6 +509,7 @@ mod tests {
             settings: 7,
             errors: vec![],
             fitness: 1e-300,
+            cost: None,
         };
         Generation {
             generation: number,

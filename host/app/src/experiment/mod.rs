@@ -60,6 +60,7 @@ pub mod cost;
 pub mod dataset;
 pub mod evaluate;
 pub mod files;
+pub mod front;
 pub mod journal;
 pub mod objective;
 pub mod params;

@@ -14,6 +14,7 @@ use crate::experiment::files::{
     FileError, Lock, Output, PART, beside, file_error, is_free_for_a_file, make_folders, replace,
     sync_folder_of,
 };
+use crate::experiment::front::Front;
 #[cfg(doc)]
 use crate::experiment::params::ThetaReg;
 use crate::experiment::params::{Values, written_values};
@@ -23,6 +24,8 @@ use crate::experiment::tune::Finalist;
 pub const CONFIG: &str = "config.toml";
 /// The journal.
 pub const HISTORY: &str = "history.jsonl";
+/// The journal of the search for a front.
+pub const FRONT: &str = "front.jsonl";
 /// What came out.
 pub const RESULT: &str = "result.json";
 /// To look at.
@@ -38,7 +41,7 @@ const README: &str = "README.txt";
 const LOCK: &str = "run.lock";
 
 /// All that is written in a run's folder.
-const WRITTEN: [&str; 7] = [CONFIG, HISTORY, RESULT, REPORT, BEFORE, AFTER, README];
+const WRITTEN: [&str; 8] = [CONFIG, HISTORY, FRONT, RESULT, REPORT, BEFORE, AFTER, README];
 
 /// What came out of a run. No times, no paths: the same configuration gives the same bytes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -76,6 +79,9 @@ pub struct RunResult {
     pub tuned_summary: Summary,
     /// Their error less that of the start, on the same pairs.
     pub comparison: Comparison,
+    /// The front of error against a cost, where one was asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub front: Option<Front>,
 }
 
 /// A run's folder, which no other process writes as long as this lives.
@@ -259,6 +265,7 @@ history.jsonl  the journal: one JSON line a generation, on the disk before the n
 `echoloop tune --resume .`
                goes on from it; `check` is a CRC-64/XZ of the line's text before it, and of the \
 check before that
+front.jsonl    of `--pareto`: the journal of the search for a front
 result.json    parameters before and after, the final choice, and every held-out pair; no times, \
 so equal runs are equal
 report.html    the same to look at: one file, no network needed

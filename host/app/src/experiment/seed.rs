@@ -19,6 +19,10 @@ pub enum Purpose {
     Batch = 7,
     /// How the sensor shakes while it scans.
     Motion = 8,
+    /// What the search for a front draws.
+    Front = 16,
+    /// Its noise.
+    FrontNoise = 17,
 }
 
 /// A seed for one purpose and one index of it.

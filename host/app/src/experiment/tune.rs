@@ -42,6 +42,9 @@ pub enum TuneError {
     /// The optimiser cannot run.
     #[error("the optimiser: {0}")]
     Optimizer(#[from] echoloop_cmaes::CmaEsConfigError),
+    /// The search for a front cannot run.
+    #[error("the search for a front: {0}")]
+    Front(#[from] echoloop_cmaes::ParetoConfigError),
     /// The journal's candidates are not those that this search asks for.
     #[error(
         "line {} of the journal is not of this search: its {field} is not what the configuration \

@@ -16,6 +16,8 @@ pub struct Report {
     pub table: EvaluationTable,
     /// What a scan costs.
     pub costs: Costs,
+    /// Error against a cost.
+    pub front: Front,
     /// Fitness and step size by generation.
     pub convergence: Convergence,
     /// One trace for each tuned parameter.
@@ -129,6 +131,42 @@ pub struct Costs {
     pub rows: Vec<(String, Vec<String>)>,
     /// What the difference comes to, a sentence.
     pub verdict: String,
+}
+
+/// A front of error against a cost.
+#[derive(Clone, Debug, Default)]
+pub struct Front {
+    /// Name of the cost, as in a sentence.
+    pub name: String,
+    /// Title of its axis, with its unit.
+    pub axis: String,
+    /// What the front comes to, a sentence.
+    pub verdict: String,
+    /// The parameters before tuning.
+    pub default: FrontDot,
+    /// Those tuned for the error alone.
+    pub tuned: FrontDot,
+    /// The points, cheapest first.
+    pub points: Vec<FrontDot>,
+}
+
+/// One set of parameters on a front's plot.
+#[derive(Clone, Debug, Default)]
+pub struct FrontDot {
+    /// What it costs.
+    pub cost: f64,
+    /// The same in words.
+    pub cost_text: String,
+    /// Its error.
+    pub error: f64,
+    /// The error's 95 % interval.
+    pub interval: [f64; 2],
+    /// Share of pairs that succeed, 0 to 100.
+    pub recall_pct: f64,
+    /// Median translation error over all pairs.
+    pub median_translation_cm: f64,
+    /// How its error differs from the default's, in words.
+    pub against_default: String,
 }
 
 /// Fitness (lower is better) and step size by generation. Each series is as long as `generation`,

@@ -18,6 +18,7 @@ mod data;
 mod error;
 mod evaluation;
 mod format;
+mod front;
 mod page;
 mod pairs;
 mod plot;
@@ -27,8 +28,8 @@ mod trajectories;
 
 pub use clouds::MAX_LAYER_POINTS;
 pub use data::{
-    CloudLayer, Convergence, Correlation, Costs, EvaluationRow, EvaluationTable, PairClouds,
-    PairError, ParameterTrace, PoseError, Report, RowKind,
+    CloudLayer, Convergence, Correlation, Costs, EvaluationRow, EvaluationTable, Front, FrontDot,
+    PairClouds, PairError, ParameterTrace, PoseError, Report, RowKind,
 };
 pub use error::ReportError;
 pub use response::ResponsePage;

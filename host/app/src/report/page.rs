@@ -2,7 +2,7 @@
 
 use super::data::Report;
 use super::format::escape;
-use super::{clouds, convergence, correlation, cost, evaluation, pairs, trajectories};
+use super::{clouds, convergence, correlation, cost, evaluation, front, pairs, trajectories};
 
 const STYLE: &str = include_str!("report.css");
 const VIEWER: &str = include_str!("viewer.js");
@@ -16,6 +16,7 @@ pub(super) fn page(report: &Report) -> String {
         header(report),
         evaluation::section(&report.table),
         cost::section(&report.costs),
+        front::section(&report.front),
         convergence::section(&report.convergence),
         trajectories::section(report),
         correlation::section(report.correlation.as_ref(), report.convergence.generation.len()),

@@ -4,8 +4,8 @@
 use std::cmp::Ordering;
 
 use echoloop_host::report::{
-    CloudLayer, Convergence, Correlation, Costs, EvaluationRow, EvaluationTable, PairClouds,
-    PairError, ParameterTrace, PoseError, Report, RowKind,
+    CloudLayer, Convergence, Correlation, Costs, EvaluationRow, EvaluationTable, Front, FrontDot,
+    PairClouds, PairError, ParameterTrace, PoseError, Report, RowKind,
 };
 use echoloop_random::Generator;
 
@@ -24,6 +24,7 @@ pub(crate) fn report(seed: u64) -> Report {
         facts: facts(),
         table: table(),
         costs: costs(),
+        front: front(),
         convergence: convergence(&mut rng),
         correlation: Some(correlation(&mut rng, &parameters)),
         parameters,
@@ -66,6 +67,31 @@ fn costs() -> Costs {
             ("tuned".into(), words(["0.92 mJ", "60.4 k", "1.72 Mbit", "9.84 ms"])),
         ],
         verdict: "Tuned: a lower error at 1/5.0 of the energy.".into(),
+    }
+}
+
+/// Errors that fall with the energy spent, as far as they can.
+fn front() -> Front {
+    let dot = |cost: f64, against: &str| {
+        let error = 0.004 + 2e-6 / cost.sqrt();
+        FrontDot {
+            cost,
+            cost_text: format!("{:.1} µJ", 1e6 * cost),
+            error,
+            interval: [0.8 * error, 1.3 * error],
+            recall_pct: 100.0,
+            median_translation_cm: 50.0 * error,
+            against_default: against.into(),
+        }
+    };
+    let points = (0..24).map(|i| 1e-7 * libm::pow(1.5, f64::from(i)));
+    Front {
+        name: "energy".into(),
+        axis: "energy of a scan, J".into(),
+        verdict: "The same error at 1/50 of the energy.".into(),
+        default: dot(4.6e-3, ""),
+        tuned: dot(1e-3, ""),
+        points: points.map(|cost| dot(cost, "the same error")).collect(),
     }
 }
 

@@ -3,6 +3,7 @@
 mod data;
 mod emitter;
 mod error;
+mod front;
 mod lidar;
 mod load;
 mod motion;
@@ -23,6 +24,7 @@ pub use data::DataConfig;
 pub use echoloop_registration::{FgrMode, Method};
 pub use emitter::EmitterConfig;
 pub use error::RunConfigError;
+pub use front::FrontConfig;
 pub use lidar::Lidar;
 pub use load::{LoadError, Override, load, parse, written};
 pub use motion::{JitterPer, Motion};
@@ -52,6 +54,8 @@ pub struct RunConfig {
     pub registration: RegistrationConfig,
     /// How to search.
     pub tune: TuneConfig,
+    /// Whether and how to search for a front of error against a cost.
+    pub front: FrontConfig,
     /// Optics, detector and converter.
     pub receiver: Receiver,
     /// What is in the air.
@@ -71,6 +75,7 @@ impl Default for RunConfig {
             lidar: Lidar::default(),
             registration: RegistrationConfig::default(),
             tune: TuneConfig::default(),
+            front: FrontConfig::default(),
             receiver: Receiver::default(),
             weather: Weather::default(),
             motion: Motion::default(),
@@ -125,6 +130,7 @@ impl RunConfig {
         self.emitter.check()?;
         self.data.check()?;
         self.tune.check()?;
+        self.front.check(self.tune.protocol)?;
         self.scene.check()
     }
 }

@@ -105,6 +105,10 @@ impl Scanner {
 }
 
 impl ScanCost {
+    /// One that nobody knows.
+    pub const UNKNOWN: Self =
+        Self { energy_j: f64::NAN, instructions: f64::NAN, bits: f64::NAN, seconds: f64::NAN };
+
     /// The mean of some; `None` of none.
     pub fn mean(costs: &[Self]) -> Option<Self> {
         let mean =

@@ -246,6 +246,7 @@ impl<'a> Course<'a> {
             settings: settings_hash(&parameters.settings),
             errors: Vec::new(),
             fitness: f64::NAN,
+            cost: None,
         }
     }
 

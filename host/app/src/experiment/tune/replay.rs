@@ -77,6 +77,7 @@ mod tests {
             settings: 7,
             errors: vec![error(1), error(4)],
             fitness: 2.0, // capped at 3
+            cost: None,
         };
         Generation {
             generation: optimizer.generation() as u32,

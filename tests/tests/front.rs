@@ -1,0 +1,135 @@
+//! A front of error against energy: small, to ask whether it hangs together.
+
+use std::path::Path;
+use std::sync::LazyLock;
+use std::sync::atomic::AtomicBool;
+
+use echoloop_dsp::Hardware;
+use echoloop_host::experiment::config::{RunConfig, load};
+use echoloop_host::experiment::cost::CostKind;
+use echoloop_host::experiment::dataset::Dataset;
+use echoloop_host::experiment::front::{Front, FrontSearch};
+use echoloop_host::experiment::journal::{Generation, Journal};
+use echoloop_host::experiment::objective::Bench;
+use echoloop_host::experiment::params::{Parameters, Space};
+use echoloop_host::experiment::preset::PowerRange;
+use echoloop_host::experiment::tune::{Silent, TuneError, TuneSearch};
+use echoloop_host::link::sensor::{Model, Sensors};
+
+const GENERATIONS: usize = 3;
+
+static CONFIG: LazyLock<RunConfig> = LazyLock::new(|| {
+    let small = [
+        "scene.towns=[1]",
+        "scanner.columns=48",
+        "scanner.rows=16",
+        "data.train_pairs=3",
+        "data.test_pairs=3",
+        "data.baseline_m=0.5",
+        "front.cost=energy",
+        "front.points=5",
+        "front.population=8",
+        "front.generations=3",
+        "front.pairs=2",
+    ];
+    let overrides = small.map(|text| text.parse().expect("an override"));
+    load(None, &overrides).expect("a configuration")
+});
+static TOWN: LazyLock<Dataset> =
+    LazyLock::new(|| Dataset::build(&CONFIG, &|_, _| ()).expect("a town"));
+static SENSORS: LazyLock<Sensors> = LazyLock::new(|| Sensors::in_process(Model::from(&*CONFIG)));
+
+fn search(stop: &AtomicBool) -> TuneSearch<'_> {
+    let (config, hardware) = (&*CONFIG, Hardware::REFERENCE);
+    let start = Parameters::start(config, &hardware).expect("a start");
+    let (tune, preset) = (config.tune, config.registration.preset);
+    let space = Space::new(tune.protocol, tune.lidar, preset, start, hardware);
+    TuneSearch { config, bench: Bench { dataset: &TOWN, sensors: &SENSORS }, space, start, stop }
+}
+
+/// Of a choice that has so much power, µW.
+fn of_choice<'a>(search: &'a TuneSearch<'a>, power_uw: i32) -> FrontSearch<'a> {
+    let mut tuned = search.start;
+    tuned.settings.power_uw = power_uw;
+    let space = search.space.clone().with_power(PowerRange::Whole);
+    FrontSearch { search, space, tuned, cost: CostKind::Energy }
+}
+
+/// On so many threads, after what a journal has already.
+fn found(
+    path: &Path,
+    threads: usize,
+    power_uw: i32,
+    done: &[Generation],
+) -> Result<(Vec<u8>, Front), TuneError> {
+    let never = AtomicBool::new(false);
+    let search = search(&never);
+    let front = of_choice(&search, power_uw);
+    let mut journal = Journal::create(path, &front.header())?;
+    for generation in done {
+        journal.add(generation)?;
+    }
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+    let found = pool.install(|| front.run(&mut journal, done.to_vec(), &Silent))?;
+    Ok((std::fs::read(path).expect("a journal"), found))
+}
+
+#[test]
+fn a_front_is_the_same_on_any_number_of_threads_and_after_a_stop() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    let (bytes, front) = found(&at("one"), 1, 20_000_000, &[]).expect("a front");
+    let (again, same) = found(&at("three"), 3, 20_000_000, &[]).expect("a front");
+    assert!(bytes == again, "the journals differ");
+    assert_eq!(front, same);
+
+    let header = of_choice(&search(&AtomicBool::new(false)), 20_000_000).header();
+    let (_, generations) = Journal::resume(&at("one"), &header, false).expect("a journal");
+    assert_eq!(generations.len(), GENERATIONS);
+    for done in [1, GENERATIONS] {
+        let name = format!("after {done}");
+        let resumed = found(&at(&name), 2, 20_000_000, &generations[..done]);
+        let (again, same) = resumed.expect("a front");
+        assert!(bytes == again && front == same, "after {done} generations");
+    }
+
+    let other = found(&at("other"), 2, 30_000_000, &generations[..1]).expect_err("another search");
+    assert!(matches!(other, TuneError::Diverged { generation: 0, .. }), "{other}");
+}
+
+#[test]
+fn a_front_has_its_ends_and_says_what_the_start_s_error_can_be_had_for() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (_, front) = found(&folder.path().join("a"), 2, 20_000_000, &[]).expect("a front");
+    assert!((2..=5).contains(&front.points.len()), "{} points", front.points.len());
+    let energies: Vec<f64> = front.points.iter().map(|p| p.mark.cost.energy_j).collect();
+    assert!(energies.is_sorted(), "{energies:?}");
+    assert!(energies[0] < 1e-2 * front.default.cost.energy_j, "{energies:?}");
+    assert_eq!(front.default.cost.energy_j, 48.0 * 16.0 * 375e-9);
+    assert!((front.tuned.cost.energy_j / front.default.cost.energy_j - 20.0 / 75.0).abs() < 1e-12);
+    for point in &front.points {
+        let [low, high] = point.mark.interval;
+        assert!(low <= point.mark.error && point.mark.error <= high, "{point:?}");
+        let difference = point.mark.error - front.default.error;
+        assert!((point.comparison.difference - difference).abs() < 1e-12);
+    }
+    if let Some(cheapest) = front.cheapest_as_good() {
+        let at = front.points.iter().position(|point| point == cheapest).expect("one of them");
+        assert!(front.points[..at].iter().all(|point| point.comparison.is_worse()));
+        let verdict = front.verdict();
+        assert!(verdict.contains("energy, as far as 3 pairs tell"), "{verdict}");
+    }
+}
+
+#[test]
+fn a_search_that_is_stopped_keeps_what_is_done() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let stop = AtomicBool::new(true);
+    let search = search(&stop);
+    let front = of_choice(&search, 20_000_000);
+    let path = folder.path().join("a");
+    let mut journal = Journal::create(&path, &front.header()).expect("a journal");
+    let stopped = front.run(&mut journal, Vec::new(), &Silent).expect_err("nobody waits");
+    assert!(matches!(stopped, TuneError::Interrupted { generations: 0 }), "{stopped}");
+    assert!(Journal::resume(&path, &front.header(), false).is_ok());
+}
