@@ -12,6 +12,7 @@ mod written;
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
+use echoloop_cmaes::Coordinate;
 use echoloop_dsp::{Hardware, Kind, PARAMETERS, ParameterId, Settings};
 use echoloop_files::shown;
 
@@ -207,6 +208,16 @@ impl Space {
         axes.filter(|(_, axis)| is_asked(axis.name)).map(|(i, _)| i).collect()
     }
 
+    /// What the optimiser is told of an axis: a choice has names, in no order. Counts are rounded:
+    /// a margin does nothing for them in as few generations (benches/record/optimiser.md).
+    pub fn coordinate(&self, axis: usize) -> Coordinate {
+        let axis = &self.axes[axis];
+        match axis.cells() {
+            Some(count) if !choices(axis.name).is_empty() => Coordinate::Choice(count),
+            _ => Coordinate::Real,
+        }
+    }
+
     /// The start as a point of the cube.
     pub fn start_point(&self) -> Vec<f64> {
         self.point(&self.start)
@@ -330,6 +341,22 @@ mod tests {
         assert_eq!(powers(paper, Some(PowerRange::Whole), 75_000_000), [1e-5, 100.0]);
         assert_eq!(powers(full, Some(PowerRange::Paper), 75_000_000), [5.0, 100.0]);
         assert_eq!(powers(paper, None, 200_000), [0.2, 100.0]);
+    }
+
+    #[test]
+    fn the_optimiser_is_told_which_axes_have_names() {
+        let start = space(Protocol::Lidar).start;
+        let hardware = Hardware::REFERENCE;
+        let space =
+            Space::new(Protocol::Joint, LidarPreset::Full, Preset::Outdoor, start, hardware);
+        let told = |name: &str| {
+            let axis = space.axes().iter().position(|axis| axis.name == name);
+            space.coordinate(axis.unwrap())
+        };
+        assert_eq!(told("lidar.power"), Coordinate::Real);
+        assert_eq!(told("lidar.upsampling"), Coordinate::Real);
+        assert_eq!(told("lidar.denoise"), Coordinate::Choice(3));
+        assert_eq!(told("lidar.timing"), Coordinate::Choice(4));
     }
 
     #[test]

@@ -200,6 +200,10 @@ impl<'a> Course<'a> {
         let mut config = CmaEsConfig::unit_cube(stage.own(base), stage.sigma, seed);
         config.lambda = Some(stage.population);
         config.stops.generations = Some(stage.generations.into());
+        if self.search.config.tune.strategy == Strategy::Fast {
+            let space = &self.search.space;
+            config.coordinates = stage.axes.iter().map(|&axis| space.coordinate(axis)).collect();
+        }
         Ok(CmaEs::new(config)?)
     }
 
