@@ -139,7 +139,8 @@ fn judge(args: &EvaluateArgs, config: RunConfig, values: &Values) -> Result<(), 
     let noisy = prepared.pairs(args.pairs());
     progress.begin("judging", noisy.pairs.len() as u64);
     let bench = prepared.bench();
-    let (scanner, done) = (bench.scanner(&prepared.config), || progress.evaluated());
+    let duration_s = prepared.config.motion.duration_s;
+    let (scanner, done) = (bench.scanner(prepared.hardware, duration_s), || progress.evaluated());
     let (errors, cost) = evaluate_and_cost(&bench, &parameters, &noisy, &scanner, &done)?;
     progress.end();
     let summary = Summary { cost, ..Summary::from_errors(errors, &prepared.config.data) };

@@ -64,8 +64,8 @@ pub(crate) struct TuneArgs {
         long,
         value_name = "RUN",
         conflicts_with_all = [
-            "config", "set", "scene", "seed", "method", "mode", "refine", "strategy", "protocol", "lidar",
-            "preset", "generations", "population", "pareto", "points", "runs",
+            "config", "set", "scene", "seed", "method", "mode", "refine", "strategy", "protocol",
+            "lidar", "preset", "generations", "population", "pareto", "points", "runs",
         ],
     )]
     resume: Option<PathBuf>,

@@ -1,9 +1,8 @@
 //! What a candidate is worth: two scans through the sensor, a registration, an error.
 
-use echoloop_dsp::{Echoes, Settings};
+use echoloop_dsp::{Echoes, Hardware, Settings};
 use serde::{Deserialize, Serialize};
 
-use crate::experiment::config::RunConfig;
 use crate::experiment::cost::Scanner;
 use crate::experiment::dataset::{Dataset, ScanPair};
 use crate::experiment::params::{Parameters, ThetaReg};
@@ -107,9 +106,10 @@ impl Bench<'_> {
         Ok(Scanned { scans, clouds, pair: index, truth: pair.truth })
     }
 
-    /// What costs hang on: the hardware of a configuration, and the pattern that is scanned with.
-    pub fn scanner(&self, config: &RunConfig) -> Scanner {
-        Scanner::new(config.hardware(), self.dataset.beams.pattern(), config.motion.duration_s)
+    /// What costs hang on: a hardware, the pattern that is scanned with, and the time that a
+    /// configuration gives a scan, s.
+    pub fn scanner(&self, hardware: Hardware, duration_s: f64) -> Scanner {
+        Scanner::new(hardware, self.dataset.beams.pattern(), duration_s)
     }
 
     /// The points of the scan of a viewpoint, sensor frame.

@@ -19,6 +19,7 @@ use thiserror::Error;
 
 use crate::experiment::config::RunConfig;
 use crate::experiment::content::{Content, build};
+use crate::experiment::cost::Scanner;
 use crate::experiment::evaluate::{NoisyPairs, Summary, evaluate_and_cost};
 use crate::experiment::journal::{FORMAT, Generation, Header, Journal, JournalError};
 use crate::experiment::objective::Bench;
@@ -172,6 +173,11 @@ impl TuneSearch<'_> {
             .collect()
     }
 
+    /// What the costs of its scans hang on.
+    pub fn scanner(&self) -> Scanner {
+        self.bench.scanner(self.config.hardware(), self.config.motion.duration_s)
+    }
+
     /// Judges parameters on the held-out pairs.
     ///
     /// # Errors
@@ -184,7 +190,7 @@ impl TuneSearch<'_> {
     ) -> Result<Summary, SensorError> {
         let pairs = &self.bench.dataset.test;
         let noisy = NoisyPairs { pairs, seed: self.config.seed, purpose: Purpose::TestNoise };
-        let (bench, scanner) = (&self.bench, &self.bench.scanner(self.config));
+        let (bench, scanner) = (&self.bench, &self.scanner());
         let done = || observer.evaluated();
         let (errors, cost) = evaluate_and_cost(bench, parameters, &noisy, scanner, &done)?;
         Ok(Summary { cost, ..Summary::from_errors(errors, &self.config.data) })

@@ -225,7 +225,7 @@ impl FrontSearch<'_> {
             .iter()
             .flat_map(|candidate| pairs.iter().map(move |&pair| (candidate, pair)))
             .collect();
-        let scanner = self.scanner();
+        let scanner = self.search.scanner();
         let each: Option<Vec<(PairError, ScanCost)>> = tasks
             .par_iter()
             .map(|(candidate, pair)| self.task(candidate, *pair, &scanner, observer))
@@ -243,10 +243,6 @@ impl FrontSearch<'_> {
     /// The plain mean, whatever the search before took: what the front is drawn with.
     fn worth(&self) -> Worth {
         Worth { mean: ErrorMean::Arithmetic, cap: self.search.config.tune.error_cap }
-    }
-
-    fn scanner(&self) -> Scanner {
-        self.search.bench.scanner(self.search.config)
     }
 
     /// One registration, and the mean cost of its two scans; `None` when the search is to stop.
@@ -330,7 +326,8 @@ impl FrontSearch<'_> {
         let pairs = &self.search.bench.dataset.train;
         let noisy = NoisyPairs { pairs, seed: config.seed, purpose: Purpose::ShortlistNoise };
         let (bench, done) = (&self.search.bench, || observer.evaluated());
-        let (errors, cost) = evaluate_and_cost(bench, &parameters, &noisy, &self.scanner(), &done)?;
+        let (errors, cost) =
+            evaluate_and_cost(bench, &parameters, &noisy, &self.search.scanner(), &done)?;
         let cost = cost.map_or(f64::NAN, |cost| self.cost.of(&cost));
         Ok(Raced { parameters, values: logarithms(self.worth().of(&errors), cost) })
     }
