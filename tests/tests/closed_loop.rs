@@ -16,9 +16,9 @@ use echoloop_host::experiment::config::{RunConfig, load};
 use echoloop_host::experiment::dataset::{Dataset, Place, ScanPair, respond};
 use echoloop_host::experiment::evaluate::{NoisyPairs, evaluate};
 use echoloop_host::experiment::journal::{Generation, Journal};
-use echoloop_host::experiment::objective::{Bench, ErrorMean, PairError};
+use echoloop_host::experiment::objective::{Bench, PairError, Worth};
 use echoloop_host::experiment::params::{Parameters, Space};
-use echoloop_host::experiment::preset::{LidarPreset, PAPER_LIDAR, Preset, Protocol};
+use echoloop_host::experiment::preset::{ErrorMean, LidarPreset, PAPER_LIDAR, Preset, Protocol};
 use echoloop_host::experiment::scan_cloud::cloud_from_scan;
 use echoloop_host::experiment::seed::Purpose;
 use echoloop_host::experiment::tune::{Observer, Silent, TuneSearch, Tuned};
@@ -203,6 +203,25 @@ fn every_registration_is_counted_and_nobody_is_raced_twice_on_a_pair() {
 }
 
 #[test]
+fn what_scans_cost_is_recorded_where_it_counts_and_decides_between_equal_errors() {
+    let error = tuned(&config(&["tune.objective=error", "tune.generations=1"]), 2).1;
+    assert!(error.generations.iter().flat_map(|g| &g.candidates).all(|c| c.cost.is_none()));
+    // All errors are the cap: what is left is energy.
+    let equal = ["tune.error_cap=1e-7", "tune.error_mean=arithmetic", "tune.weights.energy=1"];
+    let energy = tuned(&config(&equal), 2).1;
+    let energy_j = |p: &Parameters| {
+        f64::from(p.settings.power_uw) * f64::from(p.settings.pulse_width_ps) * 1e-18
+    };
+    let start = search(&config(&[])).start;
+    for candidate in energy.generations.iter().flat_map(|g| &g.candidates) {
+        let parameters = search(&config(&equal)).space.parameters(&candidate.point).0;
+        let ratio = energy_j(&parameters) / energy_j(&start);
+        assert!((candidate.fitness / (1e-7 * ratio) - 1.0).abs() < 1e-9, "{}", candidate.fitness);
+    }
+    assert!(energy_j(&energy.parameters) < 0.5 * energy_j(&start));
+}
+
+#[test]
 fn the_winners_of_the_halves_are_in_the_last_race() {
     let (_, tuned) = tuned(&config(&[]), 2);
     for stage in ["start", "registration", "lidar", "lidar alone", "joint, mean"] {
@@ -252,7 +271,7 @@ fn another_seed_searches_elsewhere() {
 
 #[test]
 fn every_candidate_is_recorded_under_the_hash_by_which_the_sensor_calls_its_settings() {
-    let config = config(&["tune.generations=2"]);
+    let config = config(&["tune.generations=2", "tune.objective=error"]);
     let (_, tuned) = tuned(&config, 2);
     let search = search(&config);
     let mut sensor = Sensor::in_process(&Model::from(&config)).expect("a sensor");
@@ -267,7 +286,7 @@ fn every_candidate_is_recorded_under_the_hash_by_which_the_sensor_calls_its_sett
         assert_eq!(candidate.settings, settings_hash(&by_name.settings));
         assert_eq!(sensor.configure(&by_name.settings).expect("accepted"), candidate.settings);
         assert_eq!(sensor.client().read_settings().expect("settings"), by_name.settings);
-        assert_eq!(candidate.fitness, config.tune.worth().of(&candidate.errors));
+        assert_eq!(candidate.fitness, Worth::from(&config.tune).of(&candidate.errors));
     }
     let different: BTreeSet<u32> = candidates.iter().map(|c| c.settings).collect();
     assert!(different.len() > candidates.len() / 3, "the search varies the sensor");
@@ -295,8 +314,8 @@ fn every_recorded_error_is_that_of_a_training_pair_with_its_own_noise() {
 #[test]
 fn a_pair_s_error_counts_no_more_than_the_cap() {
     let worth = |cap: &str| {
-        let mean = "tune.error_mean=arithmetic";
-        let (_, tuned) = tuned(&config(&["tune.generations=1", mean, cap]), 2);
+        let plain = ["tune.generations=1", "tune.error_mean=arithmetic", "tune.objective=error"];
+        let (_, tuned) = tuned(&config(&[&plain[..], &[cap]].concat()), 2);
         let searched: Vec<f64> =
             tuned.generations[0].candidates.iter().map(|c| c.fitness).collect();
         (searched, tuned.finalists.iter().map(|f| f.fitness).collect::<Vec<f64>>())
@@ -353,12 +372,12 @@ fn nothing_is_judged_within_ten_metres_of_a_place_that_was_tuned_on() {
 #[test]
 fn the_choice_is_never_worse_than_the_start_on_the_training_pairs() {
     for seed in ["seed=1", "seed=2"] {
-        let config = config(&[seed]);
+        let config = config(&[seed, "tune.objective=error"]);
         let (_, tuned) = tuned(&config, 2);
         let search = search(&config);
         let worth = |parameters: &Parameters| {
             let errors = evaluate(&search.bench, parameters, &shortlist_pairs(&config), &|| ());
-            config.tune.worth().of(&errors.expect("errors"))
+            Worth::from(&config.tune).of(&errors.expect("errors"))
         };
         let (start, chosen) = (worth(&search.start), worth(&tuned.parameters));
         assert!(chosen <= start, "{seed}: {chosen} after {start}");

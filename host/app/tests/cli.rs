@@ -40,7 +40,7 @@ fn a_bad_configuration_file_is_refused_with_file_line_and_caret() {
 #[test]
 fn a_value_that_makes_no_sense_is_refused_by_name_everywhere() {
     let fixture = Fixture::new();
-    let table: [(&str, &[&str]); 32] = [
+    let table: [(&str, &[&str]); 35] = [
         ("lidar.powr=1", &["--set lidar.powr=1", "unknown field `powr`"]),
         ("optics.power=1", &["unknown field `optics`"]),
         ("lidar.power", &["a.b=value"]),
@@ -72,6 +72,9 @@ fn a_value_that_makes_no_sense_is_refused_by_name_everywhere() {
         ("front.population=3", &["front.population = 3 must be 4 to 10000"]),
         ("front.generations=0", &["front.generations = 0 must be 1 to 100000"]),
         ("front.pairs=0", &["front.pairs = 0 must be 1 to 10000"]),
+        ("tune.weights.energy=-1", &["tune.weights.energy = -1 must be 0 to 10"]),
+        ("tune.at_most_error=0.5", &["tune.at_most_error = 0.5 must be 1 to 100"]),
+        ("tune.minimise=light", &["unknown variant `light`"]),
         ("tune.error_cap=-1", &["tune.error_cap = -1"]),
     ];
     for (set, parts) in table {

@@ -9,7 +9,7 @@ use super::bootstrap::{Interval, mean};
 use super::cell::{Cell, Condition, Method, Protocol, Scene, Strategy};
 use super::record::{Judged, Line};
 
-const BEGIN: &str = "<!-- written by cargo xtask study -->\n";
+const BEGIN: &str = "<!-- written by `cargo xtask study` -->\n";
 const END: &str = "<!-- end -->\n";
 
 /// The page with the tables of these lines in place of those that it has.

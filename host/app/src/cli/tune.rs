@@ -20,7 +20,7 @@ use crate::experiment::files::FileError;
 use crate::experiment::front::{Front, FrontSearch};
 use crate::experiment::journal::{Generation, Journal};
 use crate::experiment::params::Parameters;
-use crate::experiment::preset::{LidarPreset, PowerRange, Preset, Protocol, Strategy};
+use crate::experiment::preset::{LidarPreset, Objective, PowerRange, Preset, Protocol, Strategy};
 use crate::experiment::run::{CONFIG, FRONT, HISTORY, REPORT, RESULT, RunFolder, RunResult};
 use crate::experiment::tune::{TuneError, TuneSearch, Tuned};
 use crate::said::say;
@@ -35,6 +35,15 @@ pub(crate) struct TuneArgs {
     /// How to search.
     #[arg(long)]
     strategy: Option<Strategy>,
+    /// What is made small.
+    #[arg(long)]
+    objective: Option<Objective>,
+    /// Make this cost of a scan small instead, at an error as by --at-most-error.
+    #[arg(long, value_name = "COST")]
+    minimise: Option<CostKind>,
+    /// With --minimise: so many times the start's error, 1 to 100 [default: 1.2x].
+    #[arg(long, value_name = "TIMES", value_parser = times)]
+    at_most_error: Option<f64>,
     /// What is tuned.
     #[arg(long)]
     protocol: Option<Protocol>,
@@ -64,8 +73,9 @@ pub(crate) struct TuneArgs {
         long,
         value_name = "RUN",
         conflicts_with_all = [
-            "config", "set", "scene", "seed", "method", "mode", "refine", "strategy", "protocol",
-            "lidar", "preset", "generations", "population", "pareto", "points", "runs",
+            "config", "set", "scene", "seed", "method", "mode", "refine", "strategy", "objective",
+            "minimise", "at_most_error", "protocol", "lidar", "preset", "generations",
+            "population", "pareto", "points", "runs",
         ],
     )]
     resume: Option<PathBuf>,
@@ -75,6 +85,12 @@ pub(crate) struct TuneArgs {
     /// Exit with 4 when the tuned recall on held-out pairs is below this, percent.
     #[arg(long, value_name = "PERCENT")]
     require_recall: Option<f64>,
+}
+
+/// `1.2x`, or `1.2`.
+fn times(text: &str) -> Result<f64, String> {
+    let number = text.strip_suffix('x').unwrap_or(text);
+    number.parse().map_err(|_| "expected a number of times, as 1.2x".to_owned())
 }
 
 impl TuneArgs {
@@ -87,6 +103,9 @@ impl TuneArgs {
             own.extend(value.map(|v| Override::flag(path, v)))
         };
         flag("tune.strategy", self.strategy.map(toml_name));
+        flag("tune.objective", self.objective.map(toml_name));
+        flag("tune.minimise", self.minimise.map(toml_name));
+        flag("tune.at_most_error", self.at_most_error.map(toml::Value::from));
         flag("tune.protocol", self.protocol.map(toml_name));
         flag("tune.lidar", self.lidar.map(toml_name));
         flag("registration.preset", self.preset.map(toml_name));

@@ -4,7 +4,8 @@ use echoloop_random::Generator;
 use serde::{Deserialize, Serialize};
 
 use crate::experiment::cost::{CostKind, ScanCost};
-use crate::experiment::objective::{ErrorMean, PairError, Worth};
+use crate::experiment::objective::{PairError, Worth};
+use crate::experiment::preset::ErrorMean;
 
 /// Samples that a bootstrap draws.
 const RESAMPLES: u64 = 2_000;

@@ -3,9 +3,11 @@
 use echoloop_dsp::{Echoes, Hardware, Settings};
 use serde::{Deserialize, Serialize};
 
+use crate::experiment::config::TuneConfig;
 use crate::experiment::cost::Scanner;
 use crate::experiment::dataset::{Dataset, ScanPair};
 use crate::experiment::params::{Parameters, ThetaReg};
+use crate::experiment::preset::ErrorMean;
 use crate::experiment::scan_cloud::cloud_from_scan;
 use crate::link::client::ClientError;
 use crate::link::sensor::{Sensor, SensorError, Sensors, View};
@@ -162,17 +164,6 @@ fn pair_error(pair: usize, outcome: &Outcome, truth: &Pose, points: [usize; 2]) 
     }
 }
 
-/// How the errors of a candidate's pairs become one number.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "lowercase")]
-pub enum ErrorMean {
-    /// Their mean (Eq. 4): the worst pairs decide.
-    Arithmetic,
-    /// Their geometric mean: each pair counts by how much nearer it comes.
-    #[default]
-    Geometric,
-}
-
 /// No error counts for less in a geometric mean, ‖T_est − T*‖_F: a tenth of a millimetre.
 const LEAST: f64 = 1e-4;
 
@@ -183,6 +174,12 @@ pub struct Worth {
     pub mean: ErrorMean,
     /// None counts for more than this; 0: no cap (Eq. 3).
     pub cap: f64,
+}
+
+impl From<&TuneConfig> for Worth {
+    fn from(tune: &TuneConfig) -> Self {
+        Self { mean: tune.error_mean, cap: tune.error_cap }
+    }
 }
 
 impl Worth {

@@ -4,6 +4,28 @@
 use echoloop_dsp::{PARAMETERS, ParameterId};
 use serde::{Deserialize, Serialize};
 
+/// What a search makes small.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Objective {
+    /// The error alone.
+    Error,
+    /// The error, and what a scan costs as far as `[tune.weights]` says.
+    #[default]
+    Weighted,
+}
+
+/// How the errors of a candidate's pairs become one number.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum ErrorMean {
+    /// Their mean (Eq. 4): the worst pairs decide.
+    Arithmetic,
+    /// Their geometric mean: each pair counts by how much nearer it comes.
+    #[default]
+    Geometric,
+}
+
 /// What a search may change (Sec. 4.4).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
@@ -67,7 +89,7 @@ pub enum Preset {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum LidarPreset {
-    /// The paper's eight, shots, and how the gain rises with range.
+    /// The paper's eight, and how the gain rises with range.
     #[default]
     Usual,
     /// The eight that the paper names.
@@ -92,7 +114,7 @@ impl LidarPreset {
 pub enum PowerRange {
     /// To 5 W, as in the paper.
     Paper,
-    /// To a tenth of a watt: as far as what stands around a sensor is still seen.
+    /// To a hundredth of a watt: half of a scan's points are then still there.
     Usual,
     /// As far as the sensor goes, to where nothing is detected: for whoever pays for energy.
     Whole,
@@ -102,7 +124,7 @@ pub enum PowerRange {
 const PAPER_LEAST_POWER_W: f64 = 5.0;
 
 /// The least of [`PowerRange::Usual`], W.
-const USUAL_LEAST_POWER_W: f64 = 0.1;
+const USUAL_LEAST_POWER_W: f64 = 0.01;
 
 impl From<LidarPreset> for PowerRange {
     fn from(preset: LidarPreset) -> Self {
@@ -138,8 +160,7 @@ pub const PAPER_LIDAR: [ParameterId; 8] = [
     ParameterId::Upsampling,
 ];
 
-/// What is tuned beside them unless the paper's alone are asked for. Shots buy range with time, and
-/// a gain that rises with range keeps near echoes, which hold a registration, off the converter's
-/// limit.
-const BESIDE_THE_PAPER_S: [ParameterId; 3] =
-    [ParameterId::Shots, ParameterId::GainSlope, ParameterId::GainRange];
+/// What is tuned beside them unless the paper's alone are asked for: a gain that rises with range
+/// keeps near echoes, which hold a registration, off the converter's limit. Shots are not among
+/// them: each costs a scan's time and light once more.
+const BESIDE_THE_PAPER_S: [ParameterId; 2] = [ParameterId::GainSlope, ParameterId::GainRange];

@@ -11,6 +11,7 @@ mod registration;
 mod scanner;
 mod scene;
 mod tune;
+mod weights;
 
 use std::path::PathBuf;
 
@@ -32,6 +33,7 @@ pub use registration::RegistrationConfig;
 pub use scanner::ScannerConfig;
 pub use scene::SceneConfig;
 pub use tune::TuneConfig;
+pub use weights::Weights;
 
 /// Everything a run depends on. The same configuration gives the same result, on any number of
 /// threads.

@@ -3,8 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::error::{RunConfigError, require};
-use crate::experiment::objective::{ErrorMean, Worth};
-use crate::experiment::preset::{LidarPreset, Protocol, Strategy};
+use super::weights::Weights;
+use crate::experiment::cost::CostKind;
+use crate::experiment::preset::{ErrorMean, LidarPreset, Objective, Protocol, Strategy};
 
 /// How to search.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -14,7 +15,7 @@ pub struct TuneConfig {
     pub strategy: Strategy,
     /// What is tuned.
     pub protocol: Protocol,
-    /// Which of the sensor's parameters are tuned: `usual`, eleven, the `paper`'s eight, or `full`,
+    /// Which of the sensor's parameters are tuned: `usual`, ten, the `paper`'s eight, or `full`,
     /// all of them.
     pub lidar: LidarPreset,
     /// Generations.
@@ -35,6 +36,15 @@ pub struct TuneConfig {
     pub sigma: f64,
     /// Candidates judged again on all training pairs at the end, besides the mean and the start.
     pub shortlist: usize,
+    /// What is made small: the `error` alone, or `weighted`, also what a scan costs.
+    pub objective: Objective,
+    /// Instead of either the least of this cost: `energy`, `instructions`, `bits` or `seconds`, …
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub minimise: Option<CostKind>,
+    /// … at no more than so many times the start's error, and no more pairs lost.
+    pub at_most_error: f64,
+    /// What costs count when they are weighted.
+    pub weights: Weights,
 }
 
 impl Default for TuneConfig {
@@ -58,6 +68,10 @@ impl TuneConfig {
             common_noise: true,
             sigma: 0.2,
             shortlist: 4,
+            objective: Objective::Weighted,
+            minimise: None,
+            at_most_error: 1.2,
+            weights: Weights::default(),
         };
         match strategy {
             Strategy::Fast => fast,
@@ -69,14 +83,15 @@ impl TuneConfig {
                 error_cap: 0.0,
                 common_noise: false,
                 shortlist: 0,
+                objective: Objective::Error,
                 ..fast
             },
         }
     }
 
-    /// What the errors of a candidate are worth.
-    pub fn worth(&self) -> Worth {
-        Worth { mean: self.error_mean, cap: self.error_cap }
+    /// Whether it matters what a scan costs.
+    pub fn counts_costs(&self) -> bool {
+        self.objective == Objective::Weighted || self.minimise.is_some()
     }
 
     pub(super) fn check(&self) -> Result<(), RunConfigError> {
@@ -106,6 +121,17 @@ impl TuneConfig {
             self.sigma > 0.0 && self.sigma <= 1.0,
             "above 0, at most 1",
         )?;
-        require("tune.shortlist", self.shortlist, self.shortlist <= 1000, "at most 1000")
+        require("tune.shortlist", self.shortlist, self.shortlist <= 1000, "at most 1000")?;
+        require(
+            "tune.at_most_error",
+            self.at_most_error,
+            (1.0..=100.0).contains(&self.at_most_error),
+            "1 to 100",
+        )?;
+        let is_ours = self.strategy == Strategy::Fast;
+        let objective = format!("{:?}", self.objective).to_lowercase();
+        let only_error = "error with tune.strategy = paper, which knows no costs";
+        require("tune.objective", objective, is_ours || !self.counts_costs(), only_error)?;
+        self.weights.check()
     }
 }

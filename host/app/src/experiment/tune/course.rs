@@ -5,18 +5,38 @@ use std::collections::VecDeque;
 use echoloop_cmaes::{CmaEs, CmaEsConfig};
 use echoloop_link::settings_hash;
 
+use super::price::{Price, mean_cost};
 use super::race::Race;
 use super::replay::difference;
+use super::search::{Finalist, Observer, TuneError, TuneSearch, Tuned};
+use super::stage::Stage;
 use super::tasks::{Crew, Task};
-use super::{Finalist, Observer, Stage, TuneError, TuneSearch, Tuned};
 use crate::experiment::evaluate::median;
 use crate::experiment::journal::{CandidateRecord, Generation, Journal};
+use crate::experiment::objective::Worth;
 use crate::experiment::params::Parameters;
 use crate::experiment::preset::Strategy;
 use crate::experiment::seed::{Purpose, derive};
 
+impl TuneSearch<'_> {
+    /// Searches, writing each generation to the journal. `done` are generations that the journal
+    /// already has.
+    ///
+    /// # Errors
+    ///
+    /// [`TuneError`]; whatever happens, the journal holds every whole generation.
+    pub fn run(
+        &self,
+        journal: &mut Journal,
+        done: Vec<Generation>,
+        observer: &dyn Observer,
+    ) -> Result<Tuned, TuneError> {
+        Course::new(self, journal, done, observer).run()
+    }
+}
+
 /// A run on its way.
-pub(super) struct Course<'a> {
+struct Course<'a> {
     search: &'a TuneSearch<'a>,
     journal: &'a mut Journal,
     crew: Crew<'a>,
@@ -26,23 +46,36 @@ pub(super) struct Course<'a> {
     /// Generations of all stages.
     total: u32,
     /// How often each training pair is drawn, compared with the others.
-    weights: Vec<f64>,
+    turns: Vec<f64>,
+    price: Price<'a>,
 }
 
 impl<'a> Course<'a> {
-    pub(super) fn new(
+    fn new(
         search: &'a TuneSearch<'a>,
         journal: &'a mut Journal,
         done: Vec<Generation>,
         observer: &'a dyn Observer,
     ) -> Self {
-        let crew = Crew { bench: search.bench, stop: search.stop, observer };
-        let weights = vec![1.0; search.bench.dataset.train.len()];
+        let config = search.config;
+        let price = Price { tune: &config.tune, data: &config.data, start: Vec::new() };
+        let scanner = config.tune.counts_costs().then(|| search.scanner());
+        let crew = Crew { bench: search.bench, stop: search.stop, observer, scanner };
+        let turns = vec![1.0; search.bench.dataset.train.len()];
         let total = search.stages().iter().map(|stage| stage.generations).sum();
-        Self { search, journal, crew, ahead: done.into(), generations: Vec::new(), total, weights }
+        Self {
+            search,
+            journal,
+            crew,
+            ahead: done.into(),
+            generations: Vec::new(),
+            total,
+            turns,
+            price,
+        }
     }
 
-    pub(super) fn run(mut self) -> Result<Tuned, TuneError> {
+    fn run(mut self) -> Result<Tuned, TuneError> {
         match self.search.config.tune.strategy {
             Strategy::Paper => self.paper(),
             Strategy::Fast => self.fast(),
@@ -81,7 +114,8 @@ impl<'a> Course<'a> {
         let mut at = race.enter("start".into(), search.start);
         if !stages.is_empty() {
             self.winner(&mut race, vec![at])?;
-            self.weights = harder_oftener(race.losses(at));
+            self.price.start = race.judged(at).to_vec();
+            self.turns = harder_oftener(&self.losses_of_start());
         }
         let mut winners = vec![at];
         let mut last = None;
@@ -100,7 +134,7 @@ impl<'a> Course<'a> {
         }
         self.ends()?;
         let origin = race.origin(at).to_owned();
-        let (parameters, finalists) = (*race.parameters(at), race.finalists());
+        let (parameters, finalists) = (*race.parameters(at), race.finalists(&self.price));
         Ok(self.tuned(parameters, origin, finalists, last.as_ref(), race.registrations()))
     }
 
@@ -117,10 +151,15 @@ impl<'a> Course<'a> {
         (stages.len() > 1).then(|| ("lidar alone".to_owned(), Parameters { settings, ..start }))
     }
 
+    fn losses_of_start(&self) -> Vec<f64> {
+        let worth = Worth::from(&self.search.config.tune);
+        self.price.start.iter().map(|judged| worth.loss(&judged.error)).collect()
+    }
+
     fn winner(&self, race: &mut Race<'_>, runners: Vec<usize>) -> Result<usize, TuneError> {
         let most = runners.len() * self.search.bench.dataset.train.len();
         self.crew.observer.stage("choosing", most);
-        race.winner(runners, &self.crew)?.ok_or_else(|| self.interrupted())
+        race.winner(runners, &self.price, &self.crew)?.ok_or_else(|| self.interrupted())
     }
 
     fn interrupted(&self) -> TuneError {
@@ -189,7 +228,7 @@ impl<'a> Course<'a> {
 
     /// A generation of the journal, when it is the one that is drawn now.
     fn same(&self, found: Generation, drawn: &Generation) -> Result<Generation, TuneError> {
-        match difference(&found, drawn, self.search.config.tune.worth()) {
+        match difference(&found, drawn, &self.price) {
             None => Ok(found),
             Some(field) => Err(TuneError::Diverged { generation: self.generations.len(), field }),
         }
@@ -275,24 +314,25 @@ impl<'a> Course<'a> {
                 generation.pairs.iter().map(task).collect::<Vec<_>>()
             })
             .collect();
-        let errors = self.crew.errors(&tasks)?.ok_or_else(|| self.interrupted())?;
-        let each = errors.chunks(generation.pairs.len());
-        for (candidate, errors) in generation.candidates.iter_mut().zip(each) {
-            candidate.fitness = config.worth().of(errors);
-            candidate.errors = errors.to_vec();
+        let judged = self.crew.judged(&tasks)?.ok_or_else(|| self.interrupted())?;
+        let each = judged.chunks(generation.pairs.len());
+        for (candidate, judged) in generation.candidates.iter_mut().zip(each) {
+            candidate.errors = judged.iter().map(|judged| judged.error.clone()).collect();
+            candidate.cost = mean_cost(judged);
+            candidate.fitness = self.price.fitness(&candidate.errors, candidate.cost.as_ref());
         }
         Ok(generation)
     }
 
     /// The pairs of a generation: some of all, drawn by weight without repetition, ascending.
     fn batch(&self, generation: u64, count: usize) -> Vec<usize> {
-        let mut indices: Vec<usize> = (0..self.weights.len()).collect();
+        let mut indices: Vec<usize> = (0..self.turns.len()).collect();
         let seed = derive(self.search.config.seed, Purpose::Batch, generation);
         // The least of exponential variates of these rates (Efraimidis and Spirakis 2006).
         let turn = |i: usize| {
             let uniform =
                 (derive(seed, Purpose::Batch, i as u64) >> 11) as f64 / (1u64 << 53) as f64;
-            -libm::log1p(-uniform) / self.weights[i]
+            -libm::log1p(-uniform) / self.turns[i]
         };
         indices.sort_by(|&a, &b| turn(a).total_cmp(&turn(b)));
         indices.truncate(count);
@@ -337,7 +377,7 @@ fn best_of(generation: &Generation) -> Option<(f64, &Generation, usize)> {
 /// Weights of pairs by what the start loses on them: from 1 for the easiest evenly up to
 /// [`HARDEST`]. Those that it solves say little, and those that nobody solves say nothing, so none
 /// is left out and none decides.
-fn harder_oftener(losses: Vec<f64>) -> Vec<f64> {
+fn harder_oftener(losses: &[f64]) -> Vec<f64> {
     let easier = |i: usize| {
         let before = |j: &usize| losses[*j].total_cmp(&losses[i]).then(j.cmp(&i)).is_lt();
         (0..losses.len()).filter(before).count() as f64

@@ -1,14 +1,18 @@
 //! Whether a journal's generations are those that a search would write now.
 
+use super::price::Price;
 use crate::experiment::journal::{CandidateRecord, Generation};
-use crate::experiment::objective::Worth;
 
 /// Where a generation of the journal first differs from the one that would be written now, bit for
 /// bit. Only the errors of the pairs are not known now; what is made of them is.
 ///
 /// A search's start hangs on more than its configuration: on the defaults of this version. The same
 /// header would else go on from candidates that were never asked for.
-pub(super) fn difference(found: &Generation, drawn: &Generation, worth: Worth) -> Option<String> {
+pub(super) fn difference(
+    found: &Generation,
+    drawn: &Generation,
+    price: &Price<'_>,
+) -> Option<String> {
     let fields = [
         ("generation", found.generation == drawn.generation),
         ("stage", found.stage == drawn.stage),
@@ -23,7 +27,7 @@ pub(super) fn difference(found: &Generation, drawn: &Generation, worth: Worth) -
     }
     let candidates = found.candidates.iter().zip(&drawn.candidates).enumerate();
     candidates.into_iter().find_map(|(i, (found, asked))| {
-        let field = candidate_difference(found, asked, &drawn.pairs, worth)?;
+        let field = candidate_difference(found, asked, &drawn.pairs, price)?;
         Some(format!("candidates[{i}].{field}"))
     })
 }
@@ -32,7 +36,7 @@ fn candidate_difference(
     found: &CandidateRecord,
     asked: &CandidateRecord,
     pairs: &[usize],
-    worth: Worth,
+    price: &Price<'_>,
 ) -> Option<&'static str> {
     let fields = [
         ("point", found.point == asked.point),
@@ -40,7 +44,7 @@ fn candidate_difference(
         ("repaired", found.repaired == asked.repaired),
         ("settings", found.settings == asked.settings),
         ("errors", found.errors.iter().map(|error| &error.pair).eq(pairs)),
-        ("fitness", found.fitness == worth.of(&found.errors)),
+        ("fitness", found.fitness == price.fitness(&found.errors, found.cost.as_ref())),
     ];
     fields.into_iter().find(|(_, same)| !same).map(|(field, _)| field)
 }
@@ -50,10 +54,11 @@ mod tests {
     use echoloop_cmaes::{CmaEs, CmaEsConfig};
 
     use super::*;
-    use crate::experiment::objective::{ErrorMean, PairError};
+    use crate::experiment::config::{DataConfig, TuneConfig};
+    use crate::experiment::objective::PairError;
     use crate::experiment::params::Values;
-
-    const WORTH: Worth = Worth { mean: ErrorMean::Arithmetic, cap: 3.0 };
+    use crate::experiment::preset::ErrorMean;
+    use crate::experiment::preset::Objective;
 
     fn search(start: f64) -> CmaEs {
         CmaEs::new(CmaEsConfig::unit_cube(vec![start; 3], 0.2, 1)).unwrap()
@@ -92,9 +97,16 @@ mod tests {
 
     #[test]
     fn a_search_goes_on_only_from_what_it_would_have_written_itself() {
+        let tune = TuneConfig {
+            error_mean: ErrorMean::Arithmetic,
+            error_cap: 3.0,
+            objective: Objective::Error,
+            ..TuneConfig::default()
+        };
+        let price = Price { tune: &tune, data: &DataConfig::default(), start: Vec::new() };
         let drawn = written(&search(0.5));
-        assert_eq!(difference(&written(&search(0.5)), &drawn, WORTH), None);
-        assert_eq!(difference(&written(&search(0.6)), &drawn, WORTH).unwrap(), "mean");
+        assert_eq!(difference(&written(&search(0.5)), &drawn, &price), None);
+        assert_eq!(difference(&written(&search(0.6)), &drawn, &price).unwrap(), "mean");
         type Change = fn(&mut Generation);
         let changes: [(&str, Change); 15] = [
             ("generation", |g| g.generation += 1),
@@ -116,7 +128,7 @@ mod tests {
         for (field, change) in changes {
             let mut found = written(&search(0.5));
             change(&mut found);
-            assert_eq!(difference(&found, &drawn, WORTH).as_deref(), Some(field));
+            assert_eq!(difference(&found, &drawn, &price).as_deref(), Some(field));
         }
     }
 }

@@ -4,9 +4,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use rayon::prelude::*;
 
-use super::Observer;
+use super::price::Judged;
+use super::search::Observer;
+use crate::experiment::cost::{ScanCost, Scanner};
 use crate::experiment::dataset::ScanPair;
-use crate::experiment::objective::{Bench, PairError};
+use crate::experiment::objective::Bench;
 use crate::experiment::params::Parameters;
 use crate::link::sensor::SensorError;
 
@@ -26,22 +28,24 @@ pub(super) struct Crew<'a> {
     pub bench: Bench<'a>,
     pub stop: &'a AtomicBool,
     pub observer: &'a dyn Observer,
+    /// What scans are weighed with, where their costs matter.
+    pub scanner: Option<Scanner>,
 }
 
 impl Crew<'_> {
-    /// The errors, in the tasks' order; `None` when the search is to stop.
+    /// How they come out, in the tasks' order; `None` when the search is to stop.
     ///
     /// A scan is a function of settings, pair and noise, and a registration one of the clouds and
     /// its own settings: what two tasks have in common is done once, and the errors are the same.
-    pub(super) fn errors(&self, tasks: &[Task<'_>]) -> Result<Option<Vec<PairError>>, SensorError> {
+    pub(super) fn judged(&self, tasks: &[Task<'_>]) -> Result<Option<Vec<Judged>>, SensorError> {
         let groups = grouped(tasks.len(), |a, b| is_same_scan(&tasks[a], &tasks[b]));
         let done = groups.par_iter().map(|group| self.group(tasks, group));
         let Some(done) = done.collect::<Result<Option<Vec<_>>, SensorError>>()? else {
             return Ok(None);
         };
-        let mut errors: Vec<(usize, PairError)> = done.into_iter().flatten().collect();
-        errors.sort_by_key(|(task, _)| *task);
-        Ok(Some(errors.into_iter().map(|(_, error)| error).collect()))
+        let mut judged: Vec<(usize, Judged)> = done.into_iter().flatten().collect();
+        judged.sort_by_key(|(task, _)| *task);
+        Ok(Some(judged.into_iter().map(|(_, judged)| judged).collect()))
     }
 
     /// Tasks of one scan.
@@ -49,22 +53,27 @@ impl Crew<'_> {
         &self,
         tasks: &[Task<'_>],
         group: &[usize],
-    ) -> Result<Option<Vec<(usize, PairError)>>, SensorError> {
+    ) -> Result<Option<Vec<(usize, Judged)>>, SensorError> {
         let Task { parameters, pair, noise } = tasks[group[0]];
         if self.stop.load(Ordering::Relaxed) {
             return Ok(None);
         }
         let scene: &ScanPair = &self.bench.dataset.train[pair];
-        let clouds = self.bench.scan(&parameters.settings, pair, scene, noise)?;
+        let scanned = self.bench.scan(&parameters.settings, pair, scene, noise)?;
+        let cost = self.scanner.and_then(|scanner| {
+            let weighed = |scan| scanner.cost(&parameters.settings, scan);
+            ScanCost::mean(&scanned.scans.each_ref().map(|scan| weighed(scan)))
+        });
         let registration = |i: usize| &tasks[group[i]].parameters.registration;
         let same = grouped(group.len(), |a, b| registration(a) == registration(b));
         let done = same.par_iter().map(|same| {
             if self.stop.load(Ordering::Relaxed) {
                 return None;
             }
-            let (error, _) = clouds.register(registration(same[0]));
+            let (error, _) = scanned.register(registration(same[0]));
             same.iter().for_each(|_| self.observer.evaluated());
-            Some(same.iter().map(|&i| (group[i], error.clone())).collect::<Vec<_>>())
+            let judged = Judged { error, cost };
+            Some(same.iter().map(|&i| (group[i], judged.clone())).collect::<Vec<_>>())
         });
         let done: Option<Vec<_>> = done.collect();
         Ok(done.map(|done| done.into_iter().flatten().collect()))
