@@ -68,8 +68,8 @@ fn print_costs(costs: &Costs) {
 /// The points of a front, and what they come to.
 fn print_front(front: &Front) {
     println!(
-        "\nerror against {}: {} points, chosen on training pairs\n\n{:<10} {:>12} {:>9} {:>18} {:>9} \
-         {:>12}  against default",
+        "\nerror against {}: {} points, chosen on training pairs\n\n\
+         {:<10} {:>12} {:>9} {:>18} {:>9} {:>12}  against default",
         front.cost.name(),
         front.points.len(),
         "",

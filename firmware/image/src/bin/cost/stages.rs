@@ -79,8 +79,8 @@ fn count_with(
     if same { Ok(()) } else { Err("the stages are not the pipeline") }
 }
 
-/// What several shots cost before they are one waveform: adding one, and reading their sum. They are
-/// no stages of the pipeline, and the same in every kernel.
+/// What several shots cost before they are one waveform: adding one, and reading their sum. They
+/// are no stages of the pipeline, and the same in every kernel.
 fn count_shots(
     name: &str,
     config: &DetectorConfig,

@@ -1,11 +1,12 @@
 //! What a scan costs: energy, the detector's instructions, bits on the link, time.
 //!
-//! | what | how |
-//! |---|---|
-//! | energy, J | P · W · shots · beams: a sin² pulse of peak P and FWHM W carries exactly P · W (docs/physics.md) |
-//! | instructions a waveform | a model of the microcontroller's, fitted to `firmware/image/cost.tsv`, which `cargo xtask cost` writes |
-//! | bits | the frames of the scan, both ways ([`scan_bits`]) |
-//! | seconds | one converter: beams · shots · 2 R_max/c, or the pattern's time where that is more |
+//! - **Energy**, J: P · W · shots · beams. A sin² pulse of peak P and FWHM W carries exactly P · W
+//!   (docs/physics.md).
+//! - **Instructions** a waveform: a model of the microcontroller's, fitted to
+//!   `firmware/image/cost.tsv`, which `cargo xtask cost` writes.
+//! - **Bits**: the frames of the scan, both ways ([`scan_bits`]).
+//! - **Seconds**: one converter, so beams · shots · 2 R_max/c, or the pattern's time where that is
+//!   more.
 
 mod instructions;
 mod kind;
