@@ -113,7 +113,7 @@ pub(crate) fn clouds_where_there_are_peers() -> Result<()> {
 
 /// A measurement whose script is given our program and writes its page.
 struct Beside {
-    /// The script and what it needs: `NAME.py`, `requirements-NAME.txt`.
+    /// The script and what it needs: its own file of the folder, and its requirements.
     name: &'static str,
     /// Our program, which the script takes as `--NAME`.
     program: &'static str,

@@ -120,7 +120,8 @@ fn head(measured_with: &str) -> String {
          again and fails when a figure grew by more than {TOLERANCE_PERCENT} %.\n\
          Counted with {measured_with}.\n\n\
          Instructions, not cycles: QEMU counts them exactly and knows no pipeline, cache or wait\n\
-         state. The same image first compares the kernels with their portable form. Where there are\n\
+         state. The same image first compares the kernels with their portable form. Where \
+         there are\n\
          several shots, each costs `shot` and all of them `sum` more; the pipeline has neither.\n\n"
     )
 }

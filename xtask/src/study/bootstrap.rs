@@ -23,8 +23,8 @@ impl Interval {
 }
 
 /// Mean of values that come in groups, each group's mean counting alike, with its interval: groups
-/// are drawn with repetition, and values within each. Groups are runs, so that what a run has of its
-/// own is part of the doubt.
+/// are drawn with repetition, and values within each. Groups are runs, so that what a run has of
+/// its own is part of the doubt.
 pub(super) fn mean(groups: &[Vec<f64>]) -> Option<Interval> {
     if groups.is_empty() || groups.iter().any(Vec::is_empty) {
         return None;

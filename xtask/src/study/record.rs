@@ -124,7 +124,8 @@ mod tests {
     fn what_a_run_prints_is_a_line_that_reads_back() {
         let summary = |scale: f64| {
             let error = |e: f64| json!({"frobenius": scale * e, "translation_m": 1.0});
-            json!({"recall_pct": 50.0, "mean_translation_m": 0.012_345, "errors": [error(0.5), error(9.0)]})
+            let errors = [error(0.5), error(9.0)];
+            json!({"recall_pct": 50.0, "mean_translation_m": 0.012_345, "errors": errors})
         };
         let result = json!({
             "registrations": 7, "origin": "start",

@@ -43,7 +43,7 @@ fn tables(lines: &[Line]) -> String {
 }
 
 const HEAD: &str = "\
-| scene | tuned | by | runs | registrations a run | recall | mean error | against the start | against registration alone |
+| scene | tuned | by | runs | searched | recall | mean error | to the start | to registration |
 |---|---|---|---|---|---|---|---|---|
 ";
 
@@ -101,7 +101,8 @@ fn row(
     let runs = judged.len();
     let _ = writeln!(
         text,
-        "| {scene} | {tuned} | {by} | {runs} | {count} | {recall_pct:.1} % | {mean_cm:.2} cm | {start} | {alone} |"
+        "| {scene} | {tuned} | {by} | {runs} | {count} | {recall_pct:.1} % | {mean_cm:.2} cm \
+         | {start} | {alone} |"
     );
 }
 

@@ -106,7 +106,7 @@ impl<'a> Course<'a> {
         Ok(self.tuned(parameters, origin, vec![finalist], optimizer.as_ref(), 0))
     }
 
-    /// Searches one after the other, each from the winner of the one before; then the winner of all.
+    /// Searches one after the other, each from the winner of the one before.
     fn fast(&mut self) -> Result<Tuned, TuneError> {
         let search = self.search;
         let stages = search.stages();

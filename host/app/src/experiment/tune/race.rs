@@ -113,7 +113,7 @@ impl<'a> Race<'a> {
         left.iter().copied().min_by(|&a, &b| fitness(a).total_cmp(&fitness(b))).unwrap_or_default()
     }
 
-    /// Whether one is worse than the leader beyond doubt: by the paired differences of their losses.
+    /// Whether one is worse than the leader beyond doubt, by the paired differences of losses.
     fn is_behind(&self, i: usize, leader: usize, seen: usize, price: &Price<'_>) -> bool {
         let losses = |i: usize| -> Option<Vec<f64>> {
             let judged = &self.runners[i].judged[..seen];
