@@ -18,6 +18,7 @@ use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 
 use echoloop_files::shown;
+use echoloop_link::settings_hash;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use thiserror::Error;
@@ -30,7 +31,7 @@ use crate::experiment::files::{
     sync_folder_of,
 };
 use crate::experiment::objective::PairError;
-use crate::experiment::params::{Values, written_values};
+use crate::experiment::params::{Parameters, Space, Values, written_values};
 
 /// First line: what the search was.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -76,6 +77,23 @@ pub struct CandidateRecord {
     /// What a scan costs, where that is told as well.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cost: Option<ScanCost>,
+}
+
+impl CandidateRecord {
+    /// What is known of the candidate at a point before a scan, and its parameters.
+    pub fn drawn(space: &Space, point: Vec<f64>) -> (Parameters, Self) {
+        let (parameters, repaired) = space.parameters(&point);
+        let record = Self {
+            point,
+            values: space.values(&parameters),
+            repaired: repaired.into_iter().map(str::to_owned).collect(),
+            settings: settings_hash(&parameters.settings),
+            errors: Vec::new(),
+            fitness: f64::NAN,
+            cost: None,
+        };
+        (parameters, record)
+    }
 }
 
 /// One generation.

@@ -16,5 +16,7 @@ mod tasks;
 
 #[cfg(doc)]
 use crate::experiment::preset::Strategy;
+pub(super) use price::mean_cost;
 pub use search::{Finalist, Observer, Silent, TuneError, TuneSearch, Tuned};
 pub use stage::Stage;
+pub(super) use tasks::{Crew, Task};

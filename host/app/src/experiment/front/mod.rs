@@ -13,19 +13,16 @@ use std::collections::BTreeSet;
 use std::sync::atomic::Ordering;
 
 use echoloop_cmaes::{Objectives, Pareto, ParetoConfig, dominates, sorted_by_crowding};
-use echoloop_link::settings_hash;
 use echoloop_random::Generator;
-use rayon::prelude::*;
 
-use crate::experiment::cost::{CostKind, ScanCost, Scanner};
+use crate::experiment::cost::CostKind;
 use crate::experiment::evaluate::{NoisyPairs, evaluate_and_cost};
 use crate::experiment::journal::{CandidateRecord, Generation, Header, Journal};
-use crate::experiment::objective::{PairError, Worth};
+use crate::experiment::objective::Worth;
 use crate::experiment::params::{Parameters, Space};
 use crate::experiment::preset::ErrorMean;
 use crate::experiment::seed::{Purpose, derive};
-use crate::experiment::tune::{Observer, TuneError, TuneSearch};
-use crate::link::sensor::SensorError;
+use crate::experiment::tune::{Crew, Observer, Task, TuneError, TuneSearch, mean_cost};
 pub use point::{Front, FrontPoint, Mark};
 
 /// A search for a front, ready to run.
@@ -178,10 +175,7 @@ impl FrontSearch<'_> {
         let (parameters, candidates) = optimizer
             .ask()
             .into_iter()
-            .map(|point| {
-                let (parameters, repaired) = self.space.parameters(&point);
-                (parameters, self.record(point, &parameters, &repaired))
-            })
+            .map(|point| CandidateRecord::drawn(&self.space, point))
             .unzip();
         let generation = Generation {
             generation: optimizer.generation() as u32,
@@ -195,25 +189,6 @@ impl FrontSearch<'_> {
         (generation, parameters)
     }
 
-    fn record(
-        &self,
-        point: Vec<f64>,
-        parameters: &Parameters,
-        repaired: &[&'static str],
-    ) -> CandidateRecord {
-        let axes = self.space.axes().iter();
-        let value = |name: &str| parameters.get(name).map(|value| (name.to_owned(), value));
-        CandidateRecord {
-            point,
-            values: axes.filter_map(|axis| value(axis.name)).collect(),
-            repaired: repaired.iter().map(|&name| name.to_owned()).collect(),
-            settings: settings_hash(&parameters.settings),
-            errors: Vec::new(),
-            fitness: f64::NAN,
-            cost: None,
-        }
-    }
-
     /// Evaluates one generation. `None`: interrupted.
     fn generation(
         &self,
@@ -221,22 +196,28 @@ impl FrontSearch<'_> {
         observer: &dyn Observer,
     ) -> Result<Option<Generation>, TuneError> {
         let (mut generation, parameters) = self.draw(optimizer);
+        let crew = Crew {
+            bench: self.search.bench,
+            stop: self.search.stop,
+            observer,
+            scanner: Some(self.search.scanner()),
+        };
+        let seed = self.search.config.seed;
+        let task = |parameters, pair| Task {
+            parameters,
+            pair,
+            noise: derive(seed, Purpose::FrontNoise, pair as u64),
+        };
         let pairs = &generation.pairs;
-        let tasks: Vec<(&Parameters, usize)> = parameters
-            .iter()
-            .flat_map(|candidate| pairs.iter().map(move |&pair| (candidate, pair)))
-            .collect();
-        let scanner = self.search.scanner();
-        let each: Option<Vec<(PairError, ScanCost)>> = tasks
-            .par_iter()
-            .map(|(candidate, pair)| self.task(candidate, *pair, &scanner, observer))
-            .collect::<Result<_, SensorError>>()?;
-        let Some(each) = each else { return Ok(None) };
-        for (candidate, each) in generation.candidates.iter_mut().zip(each.chunks(pairs.len())) {
-            let (errors, costs): (Vec<PairError>, Vec<ScanCost>) = each.iter().cloned().unzip();
-            candidate.fitness = self.worth().of(&errors);
-            candidate.errors = errors;
-            candidate.cost = ScanCost::mean(&costs);
+        let each = parameters.iter();
+        let tasks: Vec<Task<'_>> =
+            each.flat_map(|own| pairs.iter().map(move |&pair| task(own, pair))).collect();
+        let Some(judged) = crew.judged(&tasks)? else { return Ok(None) };
+        let each = judged.chunks(pairs.len());
+        for (candidate, judged) in generation.candidates.iter_mut().zip(each) {
+            candidate.errors = judged.iter().map(|judged| judged.error.clone()).collect();
+            candidate.fitness = self.worth().of(&candidate.errors);
+            candidate.cost = mean_cost(judged);
         }
         Ok(Some(generation))
     }
@@ -244,25 +225,6 @@ impl FrontSearch<'_> {
     /// The plain mean, whatever the search before took: what the front is drawn with.
     fn worth(&self) -> Worth {
         Worth { mean: ErrorMean::Arithmetic, cap: self.search.config.tune.error_cap }
-    }
-
-    /// One registration, and the mean cost of its two scans; `None` when the search is to stop.
-    fn task(
-        &self,
-        parameters: &Parameters,
-        pair: usize,
-        scanner: &Scanner,
-        observer: &dyn Observer,
-    ) -> Result<Option<(PairError, ScanCost)>, SensorError> {
-        if self.search.stop.load(Ordering::Relaxed) {
-            return Ok(None);
-        }
-        let noise = derive(self.search.config.seed, Purpose::FrontNoise, pair as u64);
-        let bench = &self.search.bench;
-        let registered = bench.register(parameters, pair, &bench.dataset.train[pair], noise)?;
-        let costs = registered.scans.map(|scan| scanner.cost(&parameters.settings, &scan));
-        observer.evaluated();
-        Ok(ScanCost::mean(&costs).map(|cost| (registered.error, cost)))
     }
 
     fn tell(&self, optimizer: &mut Pareto, generation: &Generation) {

@@ -231,6 +231,13 @@ impl Space {
             .collect()
     }
 
+    /// The searched parameters by name.
+    pub fn values(&self, parameters: &Parameters) -> Values {
+        let axes = self.axes.iter();
+        axes.filter_map(|axis| parameters.get(axis.name).map(|value| (axis.name.to_owned(), value)))
+            .collect()
+    }
+
     /// A point of the cube as parameters that every constraint accepts, and the names of those that
     /// had to be repaired.
     pub fn parameters(&self, point: &[f64]) -> (Parameters, Vec<&'static str>) {

@@ -3,7 +3,6 @@
 use std::collections::VecDeque;
 
 use echoloop_cmaes::{CmaEs, CmaEsConfig};
-use echoloop_link::settings_hash;
 
 use super::price::{Price, mean_cost};
 use super::race::Race;
@@ -256,12 +255,9 @@ impl<'a> Course<'a> {
     ) -> (Generation, Vec<Parameters>) {
         let number = self.generations.len();
         let points = optimizer.ask().into_iter().map(|c| stage.expanded(&c.phenotype, base));
-        let (parameters, candidates) = points
-            .map(|point| {
-                let (parameters, repaired) = self.search.space.parameters(&point);
-                (parameters, self.record(point, &parameters, &repaired))
-            })
-            .unzip();
+        let space = &self.search.space;
+        let (parameters, candidates) =
+            points.map(|point| CandidateRecord::drawn(space, point)).unzip();
         let still = vec![0.0; base.len()];
         let generation = Generation {
             generation: number as u32,
@@ -273,24 +269,6 @@ impl<'a> Course<'a> {
             candidates,
         };
         (generation, parameters)
-    }
-
-    /// What is known of a candidate before a scan.
-    fn record(
-        &self,
-        point: Vec<f64>,
-        parameters: &Parameters,
-        repaired: &[&'static str],
-    ) -> CandidateRecord {
-        CandidateRecord {
-            point,
-            values: self.search.searched_values(parameters),
-            repaired: repaired.iter().map(|&name| name.to_owned()).collect(),
-            settings: settings_hash(&parameters.settings),
-            errors: Vec::new(),
-            fitness: f64::NAN,
-            cost: None,
-        }
     }
 
     /// Evaluates one generation: every candidate on the same pairs.

@@ -8,7 +8,7 @@ use crate::experiment::preset::ErrorMean;
 
 /// One registration: how it came out, and what a scan of it cost, where that matters.
 #[derive(Clone, Debug)]
-pub(super) struct Judged {
+pub(in crate::experiment) struct Judged {
     pub error: PairError,
     pub cost: Option<ScanCost>,
 }
@@ -69,7 +69,7 @@ impl Price<'_> {
 }
 
 /// The mean cost of some; `None` where none was weighed.
-pub(super) fn mean_cost(judged: &[Judged]) -> Option<ScanCost> {
+pub(in crate::experiment) fn mean_cost(judged: &[Judged]) -> Option<ScanCost> {
     let costs: Vec<ScanCost> = judged.iter().filter_map(|judged| judged.cost).collect();
     ScanCost::mean(&costs)
 }

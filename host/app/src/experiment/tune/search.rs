@@ -138,9 +138,7 @@ impl TuneSearch<'_> {
 
     /// The searched parameters by name.
     pub fn searched_values(&self, parameters: &Parameters) -> Values {
-        let axes = self.space.axes().iter();
-        axes.filter_map(|axis| parameters.get(axis.name).map(|value| (axis.name.to_owned(), value)))
-            .collect()
+        self.space.values(parameters)
     }
 
     /// What the costs of its scans hang on.

@@ -7,14 +7,13 @@ use rayon::prelude::*;
 use super::price::Judged;
 use super::search::Observer;
 use crate::experiment::cost::{ScanCost, Scanner};
-use crate::experiment::dataset::ScanPair;
 use crate::experiment::objective::Bench;
 use crate::experiment::params::Parameters;
 use crate::link::sensor::SensorError;
 
 /// One registration to make.
 #[derive(Clone, Copy)]
-pub(super) struct Task<'a> {
+pub(in crate::experiment) struct Task<'a> {
     /// What to scan and register with.
     pub parameters: &'a Parameters,
     /// Index of the training pair.
@@ -24,7 +23,7 @@ pub(super) struct Task<'a> {
 }
 
 /// Who makes them.
-pub(super) struct Crew<'a> {
+pub(in crate::experiment) struct Crew<'a> {
     pub bench: Bench<'a>,
     pub stop: &'a AtomicBool,
     pub observer: &'a dyn Observer,
@@ -37,7 +36,10 @@ impl Crew<'_> {
     ///
     /// A scan is a function of settings, pair and noise, and a registration one of the clouds and
     /// its own settings: what two tasks have in common is done once, and the errors are the same.
-    pub(super) fn judged(&self, tasks: &[Task<'_>]) -> Result<Option<Vec<Judged>>, SensorError> {
+    pub(in crate::experiment) fn judged(
+        &self,
+        tasks: &[Task<'_>],
+    ) -> Result<Option<Vec<Judged>>, SensorError> {
         let groups = grouped(tasks.len(), |a, b| is_same_scan(&tasks[a], &tasks[b]));
         let done = groups.par_iter().map(|group| self.group(tasks, group));
         let Some(done) = done.collect::<Result<Option<Vec<_>>, SensorError>>()? else {
@@ -58,7 +60,7 @@ impl Crew<'_> {
         if self.stop.load(Ordering::Relaxed) {
             return Ok(None);
         }
-        let scene: &ScanPair = &self.bench.dataset.train[pair];
+        let scene = &self.bench.dataset.train[pair];
         let scanned = self.bench.scan(&parameters.settings, pair, scene, noise)?;
         let cost = self.scanner.and_then(|scanner| {
             let weighed = |scan| scanner.cost(&parameters.settings, scan);
