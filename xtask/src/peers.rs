@@ -1,13 +1,12 @@
 //! Registration, the waveform path and the optimiser against their peers: a Python environment with
 //! them, our side built, both on the same files or functions.
 
-use std::env;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result, bail};
 
-use crate::shell::{cargo, on_path, succeed, workspace};
+use crate::shell::{built, cargo, on_path, succeed, workspace};
 
 /// What to measure besides speed.
 #[derive(Clone, Copy, Debug, clap::Args)]
@@ -74,7 +73,7 @@ fn registration(peers: Peers) -> Result<()> {
         "--bin",
         "stages",
     ])?;
-    let built = built(&root);
+    let built = built(&root).join("release");
     clouds(&root, &python, &built.join("echoloop"))?;
     let page = if peers.quick {
         work.join("quick.md")
@@ -108,7 +107,7 @@ pub(crate) fn clouds_where_there_are_peers() -> Result<()> {
         return Ok(());
     }
     cargo(["build", "--package", "echoloop-host", "--bin", "echoloop"])?;
-    clouds(&root, &interpreter(&environment), &target(&root).join("debug/echoloop"))
+    clouds(&root, &interpreter(&environment), &built(&root).join("debug/echoloop"))
 }
 
 /// A measurement whose script is given our program and writes its page.
@@ -140,19 +139,10 @@ fn beside(what: &Beside, quick: bool) -> Result<()> {
     };
     let mut command = Command::new(python);
     command.arg(scripts.join(format!("{name}.py"))).arg("--work").arg(&work).arg("--out").arg(page);
-    command.arg(format!("--{name}")).arg(built(&root).join(what.program));
+    command.arg(format!("--{name}")).arg(built(&root).join("release").join(what.program));
     command.args(quick.then_some("--quick"));
     // One thread each, whatever numpy was built with.
     succeed(command.env("OMP_NUM_THREADS", "1").env("OPENBLAS_NUM_THREADS", "1"))
-}
-
-/// Where release builds lie.
-fn built(root: &Path) -> PathBuf {
-    target(root).join("release")
-}
-
-fn target(root: &Path) -> PathBuf {
-    env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), PathBuf::from)
 }
 
 impl Peers {

@@ -50,6 +50,11 @@ pub(crate) fn first_line(program: &str, arguments: &[&str]) -> Result<String> {
     Ok(output(program, arguments)?.lines().next().unwrap_or_default().to_owned())
 }
 
+/// Where builds lie.
+pub(crate) fn built(root: &Path) -> PathBuf {
+    env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), PathBuf::from)
+}
+
 /// The workspace's root.
 pub(crate) fn workspace() -> Result<PathBuf> {
     Ok(Path::new(env!("CARGO_MANIFEST_DIR"))

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::env;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, ensure};
@@ -10,7 +10,7 @@ use serde_json::{Map, Value, json};
 
 use super::book::{Kind, Run};
 use crate::day::today;
-use crate::shell::{cargo, first_line};
+use crate::shell::{built, cargo, first_line};
 use crate::{cost, firmware};
 
 /// Runs each; what cannot be run on this machine is skipped aloud.
@@ -60,11 +60,6 @@ fn echoloop(root: &Path, run: &Run) -> Result<Option<Value>> {
     let output = command.stderr(Stdio::inherit()).output().context("cannot run echoloop")?;
     ensure!(output.status.success(), "{}: echoloop failed", run.name);
     Ok(Some(serde_json::from_slice(&output.stdout).context("echoloop prints JSON")?))
-}
-
-/// Where builds lie.
-fn built(root: &Path) -> PathBuf {
-    env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), PathBuf::from)
 }
 
 /// Sizes of the images; `None` when one cannot be built here.

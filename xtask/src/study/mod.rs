@@ -16,7 +16,7 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, ensure};
 
-use crate::shell::{cargo, first_line, workspace};
+use crate::shell::{built, cargo, first_line, workspace};
 use cell::{Cell, Condition, Method, Protocol, Scene, Strategy};
 use record::{Line, append, lines};
 
@@ -112,7 +112,7 @@ fn chosen<T: clap::ValueEnum + Clone>(some: &[T]) -> Vec<T> {
 fn measured(cell: &Cell) -> Result<Line> {
     let folder = folder(cell)?;
     let latest = folder.join("latest");
-    let mut command = Command::new(built()?.join("release/echoloop"));
+    let mut command = Command::new(built(&workspace()?).join("release/echoloop"));
     match latest.join("history.jsonl").exists() {
         true => command.args(["tune", "--json", "--resume"]).arg(&latest),
         false => command.args(["tune", "--json", "--runs"]).arg(&folder).args(cell.arguments()),
@@ -128,13 +128,5 @@ fn measured(cell: &Cell) -> Result<Line> {
 }
 
 fn folder(cell: &Cell) -> Result<PathBuf> {
-    Ok(built()?.join("study").join(cell.to_string().replace(' ', "-")))
-}
-
-/// Where builds lie.
-fn built() -> Result<PathBuf> {
-    Ok(match std::env::var_os("CARGO_TARGET_DIR") {
-        Some(folder) => folder.into(),
-        None => workspace()?.join("target"),
-    })
+    Ok(built(&workspace()?).join("study").join(cell.to_string().replace(' ', "-")))
 }
