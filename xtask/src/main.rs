@@ -1,6 +1,7 @@
 //! Project commands: `cargo xtask test`.
 
 mod attack;
+mod bootstrap;
 mod cost;
 mod day;
 mod figures;
@@ -8,6 +9,7 @@ mod firmware;
 mod fuzz;
 mod image;
 mod peers;
+mod record;
 mod shell;
 mod study;
 mod thumb;

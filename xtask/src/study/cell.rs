@@ -79,6 +79,8 @@ impl Cell {
         let towns = format!("scene.towns=[{first},{},{}]", first + 1, first + 2);
         let mut arguments = vec![
             format!("--strategy={strategy}"),
+            // The lowest error is asked for, so that what is compared is what was searched for.
+            "--objective=error".into(),
             format!("--protocol={protocol}"),
             format!("--method={method}"),
             format!("--scene={scene}"),

@@ -5,20 +5,20 @@
 //! error of every held-out pair, so a study goes on where it was left, on any machine. The table
 //! of `docs/study.md` is written from those lines alone.
 
-mod bootstrap;
 mod cell;
 mod record;
 mod table;
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, ensure};
 
+use crate::record::{append, lines, written_into};
 use crate::shell::{built, cargo, first_line, workspace};
 use cell::{Cell, Condition, Method, Protocol, Scene, Strategy};
-use record::{Line, append, lines};
+use record::Line;
 
 const RECORD: &str = "benches/record/study.jsonl";
 const PAGE: &str = "docs/study.md";
@@ -58,7 +58,7 @@ pub(crate) fn run(asked: &Study) -> Result<()> {
     let root = workspace()?;
     let record = root.join(RECORD);
     if !asked.page {
-        let done = lines(&record)?;
+        let done = checked(&record)?;
         let is_done = |cell: &Cell| done.iter().any(|line| line.cell == *cell);
         let left: Vec<Cell> = asked.cells().into_iter().filter(|cell| !is_done(cell)).collect();
         cargo(["build", "--release", "--package", "echoloop-host", "--bin", "echoloop"])?;
@@ -69,7 +69,7 @@ pub(crate) fn run(asked: &Study) -> Result<()> {
     }
     let page = root.join(PAGE);
     let text = fs::read_to_string(&page).with_context(|| format!("cannot read {PAGE}"))?;
-    let new = table::written_into(&text, &lines(&record)?)?;
+    let new = written_into(&text, "cargo xtask study", &table::tables(&checked(&record)?))?;
     fs::write(&page, new).with_context(|| format!("cannot write {PAGE}"))
 }
 
@@ -106,6 +106,16 @@ impl Study {
 /// The values asked for, or all.
 fn chosen<T: clap::ValueEnum + Clone>(some: &[T]) -> Vec<T> {
     if some.is_empty() { T::value_variants().to_vec() } else { some.to_vec() }
+}
+
+/// The record's lines, each with the same pairs before and after.
+fn checked(record: &Path) -> Result<Vec<Line>> {
+    let lines: Vec<Line> = lines(record)?;
+    for (i, line) in lines.iter().enumerate() {
+        let pairs = [line.start.errors.len(), line.tuned.errors.len()];
+        ensure!(pairs[0] == pairs[1] && pairs[0] > 0, "{RECORD}: line {}: pairs {pairs:?}", i + 1);
+    }
+    Ok(lines)
 }
 
 /// Runs one cell, or goes on with it.

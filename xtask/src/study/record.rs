@@ -1,15 +1,12 @@
 //! The record: a line for each cell that is done.
 
-use std::fs::{self, OpenOptions};
-use std::io::{ErrorKind, Write};
-use std::path::Path;
-
-use anyhow::{Context, Result, anyhow, ensure};
+use anyhow::{Result, anyhow};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::cell::Cell;
 use crate::day::today;
+use crate::record::three_digits;
 
 /// No error counts for more, ‖T − T*‖_F.
 const CAP: f64 = 1.0;
@@ -39,6 +36,8 @@ pub(super) struct Judged {
     pub(super) recall_pct: f64,
     /// Mean translation error over the successes, cm.
     pub(super) mean_cm: Option<f64>,
+    /// Energy that a scan emits, mJ.
+    pub(super) energy_mj: f64,
     /// ‖T − T*‖_F of every pair, at most 1, in units of 10⁻⁵.
     pub(super) errors: Vec<u32>,
 }
@@ -67,6 +66,7 @@ impl Judged {
         Some(Self {
             recall_pct: summary["recall_pct"].as_f64()?,
             mean_cm: summary["mean_translation_m"].as_f64().map(|m| (1e4 * m).round() / 100.0),
+            energy_mj: three_digits(1e3 * summary["cost"]["energy_j"].as_f64()?),
             errors: errors.map(error).collect::<Option<_>>()?,
         })
     }
@@ -75,31 +75,6 @@ impl Judged {
     pub(super) fn losses(&self) -> Vec<f64> {
         self.errors.iter().map(|&error| f64::from(error) / 1e5).collect()
     }
-}
-
-/// All that are done; none where there is no record yet.
-pub(super) fn lines(path: &Path) -> Result<Vec<Line>> {
-    let text = match fs::read_to_string(path) {
-        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
-        text => text.with_context(|| format!("cannot read {}", path.display()))?,
-    };
-    let line = |(i, line): (usize, &str)| {
-        let line: Line = serde_json::from_str(line)
-            .with_context(|| format!("{}: line {}", path.display(), i + 1))?;
-        let pairs = [line.start.errors.len(), line.tuned.errors.len()];
-        ensure!(pairs[0] == pairs[1] && pairs[0] > 0, "line {}: pairs {pairs:?}", i + 1);
-        Ok(line)
-    };
-    text.lines().enumerate().map(line).collect()
-}
-
-/// Adds a line.
-pub(super) fn append(path: &Path, line: &Line) -> Result<()> {
-    let mut text = serde_json::to_string(line)?;
-    text.push('\n');
-    let fail = || format!("cannot write {}", path.display());
-    let mut file = OpenOptions::new().create(true).append(true).open(path).with_context(fail)?;
-    file.write_all(text.as_bytes()).and_then(|()| file.sync_data()).with_context(fail)
 }
 
 #[cfg(test)]
@@ -125,7 +100,10 @@ mod tests {
         let summary = |scale: f64| {
             let error = |e: f64| json!({"frobenius": scale * e, "translation_m": 1.0});
             let errors = [error(0.5), error(9.0)];
-            json!({"recall_pct": 50.0, "mean_translation_m": 0.012_345, "errors": errors})
+            json!({
+                "recall_pct": 50.0, "mean_translation_m": 0.012_345,
+                "cost": {"energy_j": 0.004_608_4}, "errors": errors,
+            })
         };
         let result = json!({
             "registrations": 7, "origin": "start",
@@ -136,15 +114,9 @@ mod tests {
             (&*line.start.errors, &*line.tuned.errors),
             (&[50_000, 100_000][..], &[500, 9_000][..])
         );
-        assert_eq!(line.start.mean_cm, Some(1.23));
-        let folder = std::env::temp_dir().join(format!("study-{}", std::process::id()));
-        assert_eq!(lines(&folder).unwrap(), []);
-        append(&folder, &line).unwrap();
-        append(&folder, &line).unwrap();
-        assert_eq!(lines(&folder).unwrap(), [line.clone(), line]);
-        fs::write(&folder, "{}\n").unwrap();
-        assert!(format!("{:#}", lines(&folder).unwrap_err()).contains("line 1"));
-        fs::remove_file(&folder).unwrap();
+        assert_eq!((line.start.mean_cm, line.start.energy_mj), (Some(1.23), 4.61));
+        let text = serde_json::to_string(&line).unwrap();
+        assert_eq!(serde_json::from_str::<Line>(&text).unwrap(), line);
         assert!(Line::new(cell(3), "abc".into(), &json!({})).is_err());
     }
 }

@@ -3,26 +3,14 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use anyhow::{Context, Result};
-
-use super::bootstrap::{Interval, mean};
 use super::cell::{Cell, Condition, Method, Protocol, Scene, Strategy};
 use super::record::{Judged, Line};
-
-const BEGIN: &str = "<!-- written by `cargo xtask study` -->\n";
-const END: &str = "<!-- end -->\n";
-
-/// The page with the tables of these lines in place of those that it has.
-pub(super) fn written_into(page: &str, lines: &[Line]) -> Result<String> {
-    let (before, rest) = page.split_once(BEGIN).context("the page has no mark to write after")?;
-    let (_, after) = rest.split_once(END).context("the page has no mark to write up to")?;
-    Ok(format!("{before}{BEGIN}{}{END}{after}", tables(lines)))
-}
+use crate::bootstrap::{Interval, mean};
 
 /// What is compared: the same in everything but strategy, protocol and seed.
 type Place = (Condition, Method, Scene);
 
-fn tables(lines: &[Line]) -> String {
+pub(super) fn tables(lines: &[Line]) -> String {
     let mut places: BTreeMap<Place, Vec<&Line>> = BTreeMap::new();
     for line in lines {
         let Cell { condition, method, scene, .. } = line.cell;
@@ -43,8 +31,9 @@ fn tables(lines: &[Line]) -> String {
 }
 
 const HEAD: &str = "\
-| scene | tuned | by | runs | searched | recall | mean error | to the start | to registration |
-|---|---|---|---|---|---|---|---|---|
+| scene | tuned | by | runs | searched | recall | mean error | energy a scan | to the start \
+| to registration |
+|---|---|---|---|---|---|---|---|---|---|
 ";
 
 fn rows(text: &mut String, scene: Scene, lines: &[&Line]) {
@@ -95,6 +84,7 @@ fn row(
     };
     let recall_pct = of(|judged| judged.recall_pct);
     let mean_cm = of(|judged| judged.mean_cm.unwrap_or(f64::NAN));
+    let energy_mj = of(|judged| judged.energy_mj);
     let count = count.map_or("–".to_owned(), |count| count.to_string());
     let [scene, tuned, by] = names;
     let [start, alone] = gains;
@@ -102,7 +92,7 @@ fn row(
     let _ = writeln!(
         text,
         "| {scene} | {tuned} | {by} | {runs} | {count} | {recall_pct:.1} % | {mean_cm:.2} cm \
-         | {start} | {alone} |"
+         | {energy_mj:.2} mJ | {start} | {alone} |"
     );
 }
 
@@ -138,6 +128,7 @@ mod tests {
         let judged = |error: u32| Judged {
             recall_pct: 100.0,
             mean_cm: Some(f64::from(error) / 1e3),
+            energy_mj: 4.6,
             errors: (0..100).map(|i| error + i % 2).collect(),
         };
         let cell = Cell {
@@ -160,19 +151,14 @@ mod tests {
             line(Protocol::Joint, 1, 1000, 400),
             line(Protocol::Joint, 2, 2000, 500),
         ];
-        let page = format!("# Study\n\n{BEGIN}old\n{END}\nmore\n");
-        let page = written_into(&page, &lines).unwrap();
-        assert!(page.starts_with("# Study\n\n<!--") && page.ends_with("<!-- end -->\n\nmore\n"));
-        assert!(!page.contains("old"), "{page}");
+        let page = tables(&lines);
         let row = page.lines().find(|row| row.contains("| joint |")).unwrap();
-        assert!(row.contains("| 2 | 900 | 100.0 % | 0.45 cm |"), "{row}");
+        assert!(row.contains("| 2 | 900 | 100.0 % | 0.45 cm | 4.60 mJ |"), "{row}");
         assert!(row.contains("**× 0.50** (0.50 to 0.50) |"), "{row}");
         assert!(row.contains("× 0.32**"), "{row}"); // √(0.4 · 0.25)
         let alone = page.lines().find(|row| row.contains("| registration |")).unwrap();
         assert!(alone.ends_with("| – |"), "{alone}");
         let start = page.lines().find(|row| row.contains("| nothing |")).unwrap();
-        assert!(start.contains("| 4 | – | 100.0 % | 1.50 cm | – | – |"), "{start}");
-        assert_eq!(written_into(&page, &lines).unwrap(), page);
-        assert!(written_into("no marks", &lines).is_err());
+        assert!(start.contains("| 4 | – | 100.0 % | 1.50 cm | 4.60 mJ | – | – |"), "{start}");
     }
 }

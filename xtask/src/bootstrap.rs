@@ -9,15 +9,15 @@ const DRAWS: usize = 4000;
 
 /// A value and its 95 % interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Interval {
-    pub(super) value: f64,
-    pub(super) low: f64,
-    pub(super) high: f64,
+pub(crate) struct Interval {
+    pub(crate) value: f64,
+    pub(crate) low: f64,
+    pub(crate) high: f64,
 }
 
 impl Interval {
     /// Whether a difference cannot be told from nothing.
-    pub(super) fn holds(&self, value: f64) -> bool {
+    pub(crate) fn holds(&self, value: f64) -> bool {
         (self.low..=self.high).contains(&value)
     }
 }
@@ -25,7 +25,7 @@ impl Interval {
 /// Mean of values that come in groups, each group's mean counting alike, with its interval: groups
 /// are drawn with repetition, and values within each. Groups are runs, so that what a run has of
 /// its own is part of the doubt.
-pub(super) fn mean(groups: &[Vec<f64>]) -> Option<Interval> {
+pub(crate) fn mean(groups: &[Vec<f64>]) -> Option<Interval> {
     if groups.is_empty() || groups.iter().any(Vec::is_empty) {
         return None;
     }

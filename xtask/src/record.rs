@@ -1,0 +1,74 @@
+//! Records that grow by a line for each run that is done, and the page written from them.
+
+use std::fs::{self, OpenOptions};
+use std::io::{ErrorKind, Write};
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+const END: &str = "<!-- end -->\n";
+
+/// All lines of a record; none where there is no record yet.
+pub(crate) fn lines<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>> {
+    let text = match fs::read_to_string(path) {
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
+        text => text.with_context(|| format!("cannot read {}", path.display()))?,
+    };
+    let read = |(i, line): (usize, &str)| {
+        serde_json::from_str(line).with_context(|| format!("{}: line {}", path.display(), i + 1))
+    };
+    text.lines().enumerate().map(read).collect()
+}
+
+/// Adds a line.
+pub(crate) fn append<T: Serialize>(path: &Path, line: &T) -> Result<()> {
+    let mut text = serde_json::to_string(line)?;
+    text.push('\n');
+    let fail = || format!("cannot write {}", path.display());
+    let mut file = OpenOptions::new().create(true).append(true).open(path).with_context(fail)?;
+    file.write_all(text.as_bytes()).and_then(|()| file.sync_data()).with_context(fail)
+}
+
+/// The page with another text between the mark of a command and the end's.
+pub(crate) fn written_into(page: &str, command: &str, text: &str) -> Result<String> {
+    let begin = format!("<!-- written by `{command}` -->\n");
+    let parted = page.split_once(&begin);
+    let (before, rest) = parted.context("the page has no mark to write after")?;
+    let (_, after) = rest.split_once(END).context("the page has no mark to write up to")?;
+    Ok(format!("{before}{begin}{text}{END}{after}"))
+}
+
+/// To three significant digits: records are read by people too.
+pub(crate) fn three_digits(value: f64) -> f64 {
+    format!("{value:.2e}").parse().unwrap_or(value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_that_were_added_are_read_back_and_a_broken_one_is_named() {
+        let path = std::env::temp_dir().join(format!("record-{}", std::process::id()));
+        assert_eq!(lines::<Vec<u32>>(&path).unwrap(), Vec::<Vec<u32>>::new());
+        append(&path, &[1, 2]).unwrap();
+        append(&path, &[3]).unwrap();
+        assert_eq!(lines::<Vec<u32>>(&path).unwrap(), [vec![1, 2], vec![3]]);
+        fs::write(&path, "[1]\n{}\n").unwrap();
+        assert!(format!("{:#}", lines::<Vec<u32>>(&path).unwrap_err()).contains("line 2"));
+        fs::remove_file(&path).unwrap();
+    }
+
+    #[test]
+    fn what_lies_between_the_marks_of_a_command_is_replaced() {
+        let mark = "<!-- written by `it` -->\n";
+        let page = format!("# A\n\n{mark}old\n{END}\nmore\n");
+        let new = written_into(&page, "it", "new\n").unwrap();
+        assert_eq!(new, format!("# A\n\n{mark}new\n{END}\nmore\n"));
+        assert_eq!(written_into(&new, "it", "new\n").unwrap(), new);
+        assert!(written_into("no marks", "it", "new").is_err());
+        assert_eq!(three_digits(4.6084), 4.61);
+    }
+}
