@@ -8,6 +8,7 @@ mod figures;
 mod firmware;
 mod fuzz;
 mod image;
+mod patterns;
 mod peers;
 mod record;
 mod shell;
@@ -76,6 +77,9 @@ enum Task {
     /// Registration against Open3D, small_gicp and KISS-Matcher on the same files, or the waveform
     /// path against numpy and scipy; needs python3 and the Python registry.
     Peers(peers::Peers),
+    /// What registration gains with each scan pattern, at equal time and at equal energy; goes on
+    /// where it was left.
+    Patterns(patterns::Patterns),
     /// Default, LiDAR, registration and both, by every method in every kind of scene, by both
     /// strategies: what tuning gains on held-out pairs. Hours; goes on where it was left.
     Study(study::Study),
@@ -92,6 +96,7 @@ fn main() -> Result<()> {
         Task::Cost { update } => cost::run(update),
         Task::Figures(asked) => figures::run(&asked),
         Task::Peers(asked) => peers::run(asked),
+        Task::Patterns(asked) => patterns::run(&asked),
         Task::Study(asked) => study::run(&asked),
     }
 }
