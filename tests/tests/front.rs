@@ -42,7 +42,7 @@ static SENSORS: LazyLock<Sensors> = LazyLock::new(|| Sensors::in_process(Model::
 fn search(stop: &AtomicBool) -> TuneSearch<'_> {
     let (config, hardware) = (&*CONFIG, Hardware::REFERENCE);
     let start = Parameters::start(config, &hardware).expect("a start");
-    let (tune, preset) = (config.tune, config.registration.preset);
+    let (tune, preset) = (&config.tune, config.registration.preset);
     let space = Space::new(tune.protocol, tune.lidar, preset, start, hardware);
     TuneSearch { config, bench: Bench { dataset: &TOWN, sensors: &SENSORS }, space, start, stop }
 }

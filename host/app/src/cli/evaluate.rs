@@ -133,9 +133,10 @@ fn parse<'a, T: Deserialize<'a>>(path: &Path, text: &'a str) -> Result<T, Failur
 fn judge(args: &EvaluateArgs, config: RunConfig, values: &Values) -> Result<(), Failure> {
     let progress = Progress::new(args.setup.common.quiet);
     let prepared = Prepared::new(config, &args.setup.sensor, &progress)?;
-    let preset = prepared.config.registration.preset;
-    let parameters =
-        prepared.start.with_values(values, preset, &prepared.hardware).map_err(Failure::usage)?;
+    let parameters = prepared
+        .start
+        .with_values(values, &prepared.config, &prepared.hardware)
+        .map_err(Failure::usage)?;
     let noisy = prepared.pairs(args.pairs());
     progress.begin("judging", noisy.pairs.len() as u64);
     let bench = prepared.bench();
@@ -144,7 +145,7 @@ fn judge(args: &EvaluateArgs, config: RunConfig, values: &Values) -> Result<(), 
     let (errors, cost) = evaluate_and_cost(&bench, &parameters, &noisy, &scanner, &done)?;
     progress.end();
     let summary = Summary { cost, ..Summary::from_errors(errors, &prepared.config.data) };
-    print(args, &prepared.sensor, &parameters.values(preset), &summary)?;
+    print(args, &prepared.sensor, &parameters.values(&prepared.config), &summary)?;
     require_recall(args.require_recall, &summary)
 }
 

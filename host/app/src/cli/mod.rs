@@ -5,6 +5,7 @@
 //! and prints it as text or as one JSON document. It ends with a [`Failure`], which has the exit
 //! code. To add one: a file with `Args` and `run`, a variant of `Command`, a line in [`Cli::run`].
 
+mod axis_flags;
 mod choice;
 mod cloud_output;
 mod common;

@@ -41,6 +41,8 @@ pub(super) struct Prepared {
     pub(super) config: RunConfig,
     pub(super) dataset: Dataset,
     pub(super) start: Parameters,
+    /// What a search of this configuration moves.
+    pub(super) space: Space,
     /// As the sensor says.
     pub(super) hardware: Hardware,
     pub(super) sensors: Sensors,
@@ -60,9 +62,10 @@ impl Prepared {
         let identity = introduce(&sensors, &model, progress)?;
         let (hardware, sensor) = (identity.hardware, described(&sensors, &identity));
         let start = Parameters::start(&config, &hardware).map_err(Failure::usage)?;
+        let space = space(&config, start, hardware)?;
         progress.begin("scanning", 1000);
         let dataset = Dataset::build(&config, &|fraction, what| progress.at_what(fraction, what))?;
-        Ok(Self { config, dataset, start, hardware, sensors, sensor })
+        Ok(Self { config, dataset, start, space, hardware, sensors, sensor })
     }
 
     pub(super) fn bench(&self) -> Bench<'_> {
@@ -79,10 +82,16 @@ impl Prepared {
     }
 
     pub(super) fn search<'a>(&'a self, stop: &'a AtomicBool) -> TuneSearch<'a> {
-        let (protocol, preset) = (self.config.tune.protocol, self.config.registration.preset);
-        let space = Space::new(protocol, self.config.tune.lidar, preset, self.start, self.hardware);
-        TuneSearch { config: &self.config, bench: self.bench(), space, start: self.start, stop }
+        let (start, space) = (self.start, self.space.clone());
+        TuneSearch { config: &self.config, bench: self.bench(), space, start, stop }
     }
+}
+
+/// The axes of a configuration, with those that the user chose.
+fn space(config: &RunConfig, start: Parameters, hardware: Hardware) -> Result<Space, Failure> {
+    let (tune, preset) = (&config.tune, config.registration.preset);
+    let space = Space::new(tune.protocol, tune.lidar, preset, start, hardware);
+    space.with_own(&tune.axes).map_err(Failure::usage)
 }
 
 /// Fails with exit code 4 when the recall is below what was asked, percent.

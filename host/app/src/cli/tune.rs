@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
 
+use super::axis_flags::AxisFlags;
 use super::common::{Setup, on_threads};
 use super::exit::Failure;
 use super::figures::{Finished, print_table, write_figures};
@@ -50,6 +51,8 @@ pub(crate) struct TuneArgs {
     /// Which of the sensor's parameters are tuned.
     #[arg(long)]
     lidar: Option<LidarPreset>,
+    #[command(flatten)]
+    axes: AxisFlags,
     /// Ranges and defaults of the registration parameters.
     #[arg(long)]
     preset: Option<Preset>,
@@ -74,8 +77,8 @@ pub(crate) struct TuneArgs {
         value_name = "RUN",
         conflicts_with_all = [
             "config", "set", "scene", "seed", "method", "mode", "refine", "strategy", "objective",
-            "minimise", "at_most_error", "protocol", "lidar", "preset", "generations",
-            "population", "pareto", "points", "runs",
+            "minimise", "at_most_error", "protocol", "lidar", "preset", "tune", "fix",
+            "generations", "population", "pareto", "points", "runs",
         ],
     )]
     resume: Option<PathBuf>,
@@ -99,6 +102,7 @@ impl TuneArgs {
             return load(Some(&run.join(CONFIG)), &[]).map_err(Failure::usage);
         }
         let mut own = self.method.overrides();
+        own.extend(self.axes.overrides());
         let mut flag = |path: &str, value: Option<toml::Value>| {
             own.extend(value.map(|v| Override::flag(path, v)))
         };
@@ -222,11 +226,11 @@ fn front(
     (repair, progress): (bool, &Progress),
 ) -> Result<Option<Front>, TuneError> {
     let Some(cost) = prepared.config.front.cost else { return Ok(None) };
-    let power = match cost {
-        CostKind::Energy => PowerRange::Whole,
-        _ => prepared.config.tune.lidar.into(),
+    let is_bounded = prepared.config.tune.axes.of("lidar.power").is_some();
+    let space = match cost {
+        CostKind::Energy if !is_bounded => search.space.clone().with_power(PowerRange::Whole),
+        _ => search.space.clone(),
     };
-    let space = search.space.clone().with_power(power);
     let of_front = FrontSearch { search, space, tuned: tuned.parameters, cost };
     let (path, header) = (folder.file(FRONT), of_front.header());
     let (mut journal, done) = match path.exists() {
@@ -254,7 +258,6 @@ fn run_name(config: &RunConfig) -> String {
 }
 
 fn result(prepared: &Prepared, tuned: &Tuned, judged: Judged) -> RunResult {
-    let preset = prepared.config.registration.preset;
     RunResult {
         format: 1,
         protocol: prepared.config.tune.protocol.name().into(),
@@ -264,8 +267,8 @@ fn result(prepared: &Prepared, tuned: &Tuned, judged: Judged) -> RunResult {
         generations: tuned.generations.len(),
         registrations: tuned.registrations,
         origin: tuned.origin.clone(),
-        default: prepared.start.values(preset),
-        tuned: tuned.parameters.values(preset),
+        default: prepared.start.values(&prepared.config),
+        tuned: tuned.parameters.values(&prepared.config),
         finalists: tuned.finalists.clone(),
         comparison: Comparison::new(
             &judged.before.errors,

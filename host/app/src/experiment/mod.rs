@@ -29,7 +29,7 @@
 //! ];
 //! let overrides: Result<Vec<_>, _> = small.iter().map(|text| text.parse()).collect();
 //! let config = load(None, &overrides?)?;
-//! let (tune, hardware) = (config.tune, config.hardware());
+//! let (tune, hardware) = (&config.tune, config.hardware());
 //! let start = Parameters::start(&config, &hardware)?;
 //! let dataset = Dataset::build(&config, &|_, _| ())?;
 //! let sensors = Sensors::in_process(Model::from(&config));

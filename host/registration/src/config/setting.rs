@@ -94,6 +94,13 @@ pub struct Bound {
     pub not_below: Option<(&'static str, &'static str)>,
 }
 
+impl Bound {
+    /// Whether a value is one that a method runs with, whatever its other settings are.
+    pub fn allows(&self, value: f64) -> bool {
+        (self.holds)(value)
+    }
+}
+
 impl Setting {
     /// Of no method yet.
     pub(super) const fn new(

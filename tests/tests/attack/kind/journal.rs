@@ -87,7 +87,7 @@ impl Subject {
     }
 
     fn search(&self) -> TuneSearch<'_> {
-        let (tune, preset) = (self.config.tune, self.config.registration.preset);
+        let (tune, preset) = (&self.config.tune, self.config.registration.preset);
         let start = Parameters::start(&self.config, &HARDWARE).expect("a start");
         let space = Space::new(tune.protocol, tune.lidar, preset, start, HARDWARE);
         let bench = Bench { dataset: &self.dataset, sensors: &self.sensors };

@@ -1,5 +1,6 @@
 //! The configuration of a run: TOML file, then `--set a.b=v`, then flags; unknown keys are errors.
 
+mod axes;
 mod data;
 mod emitter;
 mod error;
@@ -21,6 +22,7 @@ use echoloop_sim::board::hardware_for;
 use serde::{Deserialize, Serialize};
 
 use crate::link::sensor::Model;
+pub use axes::{AxisChoice, OwnAxes};
 pub use data::DataConfig;
 pub use echoloop_registration::{FgrMode, Method};
 pub use emitter::EmitterConfig;

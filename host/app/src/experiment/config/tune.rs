@@ -2,13 +2,14 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::axes::OwnAxes;
 use super::error::{RunConfigError, require};
 use super::weights::Weights;
 use crate::experiment::cost::CostKind;
 use crate::experiment::preset::{ErrorMean, LidarPreset, Objective, Protocol, Strategy};
 
 /// How to search.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TuneConfig {
     /// How: what is left out below follows it.
@@ -45,6 +46,9 @@ pub struct TuneConfig {
     pub at_most_error: f64,
     /// What costs count when they are weighted.
     pub weights: Weights,
+    /// Which parameters are searched, and how far, where that is not as usual.
+    #[serde(skip_serializing_if = "OwnAxes::is_empty")]
+    pub axes: OwnAxes,
 }
 
 impl Default for TuneConfig {
@@ -72,6 +76,7 @@ impl TuneConfig {
             minimise: None,
             at_most_error: 1.2,
             weights: Weights::default(),
+            axes: OwnAxes::default(),
         };
         match strategy {
             Strategy::Fast => fast,

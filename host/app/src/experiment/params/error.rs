@@ -22,6 +22,14 @@ pub enum ValueError {
         /// Unit, with a blank before it.
         unit: String,
     },
+    /// The search cannot move it as the user wants.
+    #[error("tune.axes.{name}: {problem}")]
+    Axis {
+        /// The parameter.
+        name: String,
+        /// What is wrong.
+        problem: String,
+    },
     /// A fraction where whole numbers go.
     #[error("{name} = {value} must be a whole number")]
     Fraction {

@@ -5,6 +5,7 @@
 
 mod axis;
 mod error;
+mod own;
 mod repair;
 mod theta_reg;
 mod written;
@@ -21,6 +22,7 @@ use crate::experiment::preset::{LidarPreset, PowerRange, Preset, Protocol};
 
 pub use axis::{Axis, Scale};
 pub use error::ValueError;
+pub use own::Ranges;
 pub use repair::repair;
 pub use theta_reg::{ThetaReg, axes};
 pub use written::{written, written_values};
@@ -74,8 +76,8 @@ impl Parameters {
     /// [`ValueError`] of the first registration parameter outside the preset's range, or of the
     /// joint constraints.
     pub fn start(config: &RunConfig, hardware: &Hardware) -> Result<Self, ValueError> {
-        let parameters =
-            Self { settings: config.lidar.0, registration: ThetaReg::start(&config.registration)? };
+        let registration = ThetaReg::start(&config.registration, config.into())?;
+        let parameters = Self { settings: config.lidar.0, registration };
         parameters.settings.check(hardware)?;
         Ok(parameters)
     }
@@ -98,17 +100,17 @@ impl Parameters {
     }
 
     /// Every parameter by name, in its unit.
-    pub fn values(&self, preset: Preset) -> Values {
+    pub fn values<'a>(&self, ranges: impl Into<Ranges<'a>>) -> Values {
         let lidar = PARAMETERS.iter().map(|p| format!("lidar.{}", p.name));
         let registration =
-            self.registration_axes(preset).into_iter().map(|axis| axis.name.to_owned());
+            self.registration_axes(ranges).into_iter().map(|axis| axis.name.to_owned());
         let names = lidar.chain(registration);
         names.filter_map(|name| self.get(&name).map(|value| (name, value))).collect()
     }
 
     /// The axes of the method these parameters are for.
-    pub fn registration_axes(&self, preset: Preset) -> Vec<Axis> {
-        axes(self.registration.method.method(), preset)
+    pub fn registration_axes<'a>(&self, ranges: impl Into<Ranges<'a>>) -> Vec<Axis> {
+        ranges.into().of_registration(self.registration.method.method())
     }
 
     /// Lays named values over these parameters, checking each.
@@ -117,13 +119,14 @@ impl Parameters {
     ///
     /// [`ValueError`] names the first that is unknown, out of range or refused by the joint
     /// constraints.
-    pub fn with_values(
+    pub fn with_values<'a>(
         mut self,
         values: &Values,
-        preset: Preset,
+        ranges: impl Into<Ranges<'a>>,
         hardware: &Hardware,
     ) -> Result<Self, ValueError> {
-        let axes = self.registration_axes(preset);
+        let ranges = ranges.into();
+        let axes = self.registration_axes(ranges);
         for (given, &value) in values {
             let name = &theta_reg::current_name(given);
             if let Some(axis) = axes.iter().find(|axis| axis.name == name) {
@@ -136,7 +139,7 @@ impl Parameters {
             if !(is_finite_lidar || axes.iter().any(|axis| axis.name == name))
                 || !self.set(name, value)
             {
-                let known: Vec<String> = self.values(preset).into_keys().collect();
+                let known: Vec<String> = self.values(ranges).into_keys().collect();
                 return Err(ValueError::Unknown(shown(given), known.join(", ")));
             }
         }

@@ -8,6 +8,7 @@ use echoloop_registration::{
 
 use super::axis::{Axis, Scale};
 use super::error::ValueError;
+use super::own::Ranges;
 use crate::experiment::config::RegistrationConfig;
 use crate::experiment::preset::Preset;
 
@@ -40,8 +41,9 @@ impl ThetaReg {
     /// # Errors
     ///
     /// [`ValueError`] of the first value outside its axis, or that the method does not have.
-    pub fn start(config: &RegistrationConfig) -> Result<Self, ValueError> {
-        let axes = axes(config.method, config.preset);
+    pub fn start(config: &RegistrationConfig, ranges: Ranges<'_>) -> Result<Self, ValueError> {
+        let usual = axes(config.method, config.preset);
+        let axes = ranges.of_registration(config.method);
         let mut theta =
             Self { method: defaults(config.method, config.preset), refine: config.refine };
         if config.refine && !config.method.is_rough() {
@@ -56,7 +58,7 @@ impl ThetaReg {
         // Open3D's own example has its own radii and counts; only the voxel is the preset's.
         let own =
             |axis: &&Axis| config.mode == FgrMode::Annealed || axis.name == "registration.voxel_m";
-        for axis in axes.iter().filter(own) {
+        for axis in usual.iter().filter(own) {
             theta.set(axis.name, axis.default);
             if let (FgrMode::Open3d, MethodConfig::Fgr(fgr)) = (config.mode, &mut theta.method) {
                 *fgr = FgrConfig::open3d(axis.default);
@@ -175,6 +177,10 @@ pub fn axes(method: Method, preset: Preset) -> Vec<Axis> {
 mod tests {
     use super::*;
 
+    fn start(config: &RegistrationConfig) -> Result<ThetaReg, ValueError> {
+        ThetaReg::start(config, config.preset.into())
+    }
+
     fn config(method: Method, preset: Preset) -> RegistrationConfig {
         RegistrationConfig { method, preset, ..RegistrationConfig::default() }
     }
@@ -183,7 +189,7 @@ mod tests {
     fn every_method_has_all_its_axes_in_both_presets_and_starts_at_their_defaults() {
         for method in Method::ALL {
             for preset in [Preset::Outdoor, Preset::Paper] {
-                let theta = ThetaReg::start(&config(method, preset)).unwrap();
+                let theta = start(&config(method, preset)).unwrap();
                 for axis in axes(method, preset) {
                     assert_eq!(
                         theta.get(axis.name),
@@ -202,17 +208,14 @@ mod tests {
     fn open3ds_way_starts_at_its_own_example() {
         let open3d =
             RegistrationConfig { mode: FgrMode::Open3d, ..config(Method::Fgr, Preset::Paper) };
-        assert_eq!(
-            ThetaReg::start(&open3d).unwrap().method,
-            MethodConfig::Fgr(FgrConfig::open3d(0.05))
-        );
+        assert_eq!(start(&open3d).unwrap().method, MethodConfig::Fgr(FgrConfig::open3d(0.05)));
     }
 
     #[test]
     fn a_setting_that_is_no_axis_is_given_within_the_method_s_bounds() {
         let icp = config(Method::Icp, Preset::Outdoor);
         let given = |key: &str, value: f64| {
-            let theta = ThetaReg::start(&icp.with(key, value)).map_err(|error| error.to_string());
+            let theta = start(&icp.with(key, value)).map_err(|error| error.to_string());
             theta.map(|theta| theta.method.get(key))
         };
         assert_eq!(given("translation_tolerance_m", 0.002), Ok(Some(0.002)));
@@ -223,7 +226,7 @@ mod tests {
         );
         let mac = config(Method::Mac, Preset::Outdoor).with("max_matches", 900.5);
         assert_eq!(
-            ThetaReg::start(&mac).map_err(|error| error.to_string()),
+            start(&mac).map_err(|error| error.to_string()),
             Err("registration.max_matches = 900.5 must be a whole number".into())
         );
     }
@@ -242,14 +245,14 @@ mod tests {
             let mut outdoor = names(Preset::Outdoor);
             outdoor.retain(|name| !OURS.contains(name));
             assert_eq!(outdoor, names(Preset::Paper));
-            let theta = ThetaReg::start(&config(method, Preset::Paper)).unwrap();
+            let theta = start(&config(method, Preset::Paper)).unwrap();
             assert_eq!(OURS.map(|name| theta.get(name)), [None; 3], "plain {method:?}");
         }
     }
 
     #[test]
     fn the_plain_method_has_what_the_paper_s_has_at_our_settings_and_no_more() {
-        let icp = ThetaReg::start(&config(Method::Icp, Preset::Outdoor)).unwrap();
+        let icp = start(&config(Method::Icp, Preset::Outdoor)).unwrap();
         let plain = icp.plain().unwrap();
         for axis in axes(Method::Icp, Preset::Outdoor) {
             let is_the_paper_s =
@@ -258,13 +261,13 @@ mod tests {
             assert_eq!(plain.get(axis.name), expected, "{}", axis.name);
         }
         assert_eq!(plain.plain(), None);
-        let fgr = ThetaReg::start(&config(Method::Fgr, Preset::Outdoor)).unwrap();
+        let fgr = start(&config(Method::Fgr, Preset::Outdoor)).unwrap();
         assert_eq!(fgr.plain(), None);
     }
 
     #[test]
     fn a_feature_radius_below_the_normal_radius_is_widened_and_says_so() {
-        let mut theta = ThetaReg::start(&config(Method::Fgr, Preset::Outdoor)).unwrap();
+        let mut theta = start(&config(Method::Fgr, Preset::Outdoor)).unwrap();
         theta.set("registration.feature_radius_m", 1.0);
         assert_eq!(theta.check().map_err(|e| e.field), Err("feature_radius_m"));
         assert_eq!(theta.repair(), ["feature_radius_m"]);
@@ -277,9 +280,8 @@ mod tests {
 
     #[test]
     fn what_a_method_does_not_have_is_refused_by_name() {
-        let error = |config: RegistrationConfig| {
-            ThetaReg::start(&config).map_err(|e| e.to_string()).unwrap_err()
-        };
+        let error =
+            |config: RegistrationConfig| start(&config).map_err(|e| e.to_string()).unwrap_err();
         let icp = config(Method::Icp, Preset::Outdoor);
         let wide = icp.with("feature_radius_m", 2.0);
         assert_eq!(error(wide), "registration.feature_radius_m is no setting of icp");

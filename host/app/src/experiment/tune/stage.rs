@@ -55,7 +55,14 @@ pub(super) fn stages(config: &TuneConfig, space: &Space, train_pairs: usize) -> 
             plan.stage("lidar", lidar, 0.5),
             plan.stage("joint", all, 0.5),
         ],
-        _ => vec![plan.stage(config.protocol.name(), all, 1.0)],
+        _ => {
+            let name = match (lidar.is_empty(), registration.is_empty()) {
+                (false, true) => "lidar",
+                (true, false) => "registration",
+                _ => "joint",
+            };
+            vec![plan.stage(name, all, 1.0)]
+        }
     }
 }
 
