@@ -71,14 +71,14 @@ pub(crate) struct TuneArgs {
     /// Folder for run folders [default: runs].
     #[arg(long, value_name = "FOLDER")]
     runs: Option<PathBuf>,
-    /// Go on with an interrupted run.
+    /// Go on with an interrupted run; with --generations, beyond what it was to have.
     #[arg(
         long,
         value_name = "RUN",
         conflicts_with_all = [
             "config", "set", "scene", "seed", "method", "mode", "refine", "strategy", "objective",
             "minimise", "at_most_error", "protocol", "lidar", "preset", "tune", "fix",
-            "generations", "population", "pareto", "points", "runs",
+            "population", "pareto", "points", "runs",
         ],
     )]
     resume: Option<PathBuf>,
@@ -99,7 +99,8 @@ fn times(text: &str) -> Result<f64, String> {
 impl TuneArgs {
     fn config(&self) -> Result<RunConfig, Failure> {
         if let Some(run) = &self.resume {
-            return load(Some(&run.join(CONFIG)), &[]).map_err(Failure::usage);
+            let config = load(Some(&run.join(CONFIG)), &[]).map_err(Failure::usage)?;
+            return self.extended(config);
         }
         let mut own = self.method.overrides();
         own.extend(self.axes.overrides());
@@ -118,6 +119,22 @@ impl TuneArgs {
         flag("front.cost", self.pareto.map(toml_name));
         flag("front.points", self.points.map(|n| i64::from(n).into()));
         self.setup.source.load(own)
+    }
+
+    /// A run's configuration with more generations, where they are asked for.
+    fn extended(&self, mut config: RunConfig) -> Result<RunConfig, Failure> {
+        let Some(asked) = self.generations else { return Ok(config) };
+        let had = config.tune.last_generations();
+        if asked < had {
+            return Err(Failure::usage(format!(
+                "--generations {asked}: the run is to have {had} already; more can be asked for"
+            )));
+        }
+        if asked > config.tune.generations {
+            config.tune.extended_to = Some(asked);
+        }
+        config.check().map_err(Failure::usage)?;
+        Ok(config)
     }
 }
 
@@ -152,6 +169,9 @@ fn tune(
         Some(path) => Journal::resume(path, &search.header(), args.repair)?,
         None => (Journal::create(&folder.file(HISTORY), &search.header())?, Vec::new()),
     };
+    if begun.is_some() && args.generations.is_some() {
+        extend(&folder, &prepared.config)?;
+    }
     progress.begin("tuning", search.registrations() as u64);
     let outcome = search_and_judge(&search, &mut journal, done, &progress).and_then(|judged| {
         let front = front(&prepared, &search, &judged.0, &folder, (args.repair, &progress))?;
@@ -177,6 +197,17 @@ fn tune(
         result: &result,
     })?;
     finish(args, &folder, &prepared, &result)
+}
+
+/// Notes in the folder that its run goes on beyond its end. A front begins at the tuned parameters,
+/// which will be others: its search begins anew.
+fn extend(folder: &RunFolder, config: &RunConfig) -> Result<(), Failure> {
+    let was = load(Some(&folder.file(CONFIG)), &[]).map_err(Failure::usage)?;
+    if was.tune.extended_to != config.tune.extended_to {
+        folder.put_aside(FRONT)?;
+        folder.write_config(config)?;
+    }
+    Ok(())
 }
 
 /// A new folder with the configuration in it.

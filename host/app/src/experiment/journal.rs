@@ -465,7 +465,12 @@ const BEGIN_ANEW: &str = "begin anew with `echoloop tune --config` and the run's
 
 /// A search may only go on as it began.
 fn agree(path: &Path, found: &Header, expected: &Header) -> Result<(), JournalError> {
-    let json = |header| {
+    let json = |header: &Header| {
+        // How far a run was extended says where it ends, and nothing of what is in the journal.
+        let mut header = header.clone();
+        if let Some(tune) = header.config.get_mut("tune").and_then(Value::as_object_mut) {
+            tune.remove("extended_to");
+        }
         serde_json::to_value(header).map_err(|error| file_error("compare", path)(error.into()))
     };
     let Some((field, was, is)) = difference("", &json(found)?, &json(expected)?) else {

@@ -37,6 +37,9 @@ pub const AFTER: &str = "after.ply";
 
 const README: &str = "README.txt";
 
+/// The end of the name of a journal that was put aside when its run was extended.
+const BEFORE_EXTENDED: &str = ".before";
+
 /// Held by the process that writes the run, and gone with it.
 const LOCK: &str = "run.lock";
 
@@ -196,6 +199,22 @@ impl RunFolder {
             .map_err(io::Error::from)
             .map_err(file_error("write", &path))?;
         self.write(RESULT, text + "\n")
+    }
+
+    /// Puts a journal aside that the run will not go on with; one that is not there, or that was
+    /// put aside before, is no matter.
+    ///
+    /// # Errors
+    ///
+    /// [`FileError`].
+    pub fn put_aside(&self, name: &str) -> Result<(), FileError> {
+        let path = self.file(name);
+        if !path.exists() {
+            return Ok(());
+        }
+        let aside = beside(&path, BEFORE_EXTENDED);
+        fs::rename(&path, &aside).map_err(file_error("rename", &path))?;
+        sync_folder_of(&path)
     }
 
     /// Points `latest` of the folder above here. Where there are no links, a file holds the name.

@@ -21,6 +21,9 @@ pub struct TuneConfig {
     pub lidar: LidarPreset,
     /// Generations.
     pub generations: u32,
+    /// Of a run that was extended: as many of the last search as if there were these generations.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub extended_to: Option<u32>,
     /// Candidates a generation; 0: as many as there are parameters, as in the paper.
     pub population: usize,
     /// Training pairs a generation sees, drawn anew each time and shared by its candidates; 0: all,
@@ -65,6 +68,7 @@ impl TuneConfig {
             protocol: Protocol::Joint,
             lidar: LidarPreset::Usual,
             generations: 30,
+            extended_to: None,
             population: 0,
             pairs_per_generation: 3,
             error_mean: ErrorMean::Geometric,
@@ -94,6 +98,11 @@ impl TuneConfig {
         }
     }
 
+    /// Generations of the last search, before it is given its share of them.
+    pub fn last_generations(&self) -> u32 {
+        self.extended_to.unwrap_or(self.generations)
+    }
+
     /// Whether it matters what a scan costs.
     pub fn counts_costs(&self) -> bool {
         self.objective == Objective::Weighted || self.minimise.is_some()
@@ -106,6 +115,13 @@ impl TuneConfig {
             generations,
             (1..=100_000).contains(&generations),
             "1 to 100000",
+        )?;
+        let extended_to = self.extended_to.unwrap_or(generations);
+        require(
+            "tune.extended_to",
+            extended_to,
+            (generations..=100_000).contains(&extended_to),
+            "tune.generations to 100000",
         )?;
         let population = self.population;
         require(

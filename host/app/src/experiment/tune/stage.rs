@@ -48,12 +48,12 @@ pub(super) fn stages(config: &TuneConfig, space: &Space, train_pairs: usize) -> 
     let (lidar, registration) = (space.lidar_axes(), space.registration_axes());
     let all: Vec<usize> = (0..space.axes().len()).collect();
     let is_joint = !lidar.is_empty() && !registration.is_empty();
-    match config.strategy {
+    let mut stages = match config.strategy {
         _ if all.is_empty() => Vec::new(),
         Strategy::Fast if is_joint => vec![
             plan.stage("registration", registration, 1.0),
-            plan.stage("lidar", lidar, 0.5),
-            plan.stage("joint", all, 0.5),
+            plan.stage("lidar", lidar, HALF),
+            plan.stage("joint", all, HALF),
         ],
         _ => {
             let name = match (lidar.is_empty(), registration.is_empty()) {
@@ -63,7 +63,19 @@ pub(super) fn stages(config: &TuneConfig, space: &Space, train_pairs: usize) -> 
             };
             vec![plan.stage(name, all, 1.0)]
         }
+    };
+    let share = if stages.len() > 1 { HALF } else { 1.0 };
+    if let Some(last) = stages.last_mut() {
+        last.generations = of_generations(config.last_generations(), share);
     }
+    stages
+}
+
+/// The share of the generations that the sensor's search and the joint one take each.
+const HALF: f64 = 0.5;
+
+fn of_generations(generations: u32, share: f64) -> u32 {
+    (f64::from(generations) * share).ceil() as u32
 }
 
 struct Plan<'a> {
@@ -85,7 +97,7 @@ impl Plan<'_> {
         };
         Stage {
             name,
-            generations: (f64::from(config.generations) * share).ceil() as u32,
+            generations: of_generations(config.generations, share),
             population: self.population(axes.len()),
             pairs: pairs.min(self.train_pairs),
             sigma: config.sigma,
