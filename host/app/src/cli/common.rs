@@ -6,7 +6,8 @@ use clap::Args;
 
 use super::choice::SensorChoice;
 use super::exit::Failure;
-use crate::experiment::config::{Override, RunConfig, load};
+use super::tuned_run::tuned_config;
+use crate::experiment::config::{Override, RunConfig, changed, load};
 
 /// What every command takes.
 #[derive(Clone, Debug, Args)]
@@ -22,12 +23,15 @@ pub(super) struct Common {
     pub(super) threads: usize,
 }
 
-/// Where a configuration comes from. Later ones win: file, --set, flags.
+/// Where a configuration comes from. Later ones win: file or run, --set, flags.
 #[derive(Clone, Debug, Args)]
 pub(super) struct ConfigSource {
     /// Configuration file (TOML).
     #[arg(short, long, value_name = "FILE")]
     pub(super) config: Option<PathBuf>,
+    /// Begin with what a run tuned: its configuration with the tuned parameters.
+    #[arg(long, value_name = "RUN", conflicts_with = "config")]
+    pub(super) run: Option<PathBuf>,
     /// Set one value, as lidar.power=50; may be repeated.
     #[arg(long = "set", value_name = "KEY=VALUE", value_parser = parse_override)]
     pub(super) set: Vec<Override>,
@@ -44,7 +48,7 @@ fn parse_override(text: &str) -> Result<Override, String> {
 }
 
 impl ConfigSource {
-    /// File, then `--set`, then the flags given (and only those), with a command's own flags last.
+    /// File or run, then `--set`, then the flags given (and only those), with a command's own flags last.
     pub(super) fn load(&self, own: Vec<Override>) -> Result<RunConfig, Failure> {
         let mut overrides = self.set.clone();
         overrides.extend(self.scene.clone().map(|scene| Override::flag("scene.source", scene)));
@@ -54,7 +58,10 @@ impl ConfigSource {
             overrides.push(Override::flag("seed", seed));
         }
         overrides.extend(own);
-        load(self.config.as_deref(), &overrides).map_err(Failure::usage)
+        match &self.run {
+            Some(run) => changed(&tuned_config(run)?, &overrides).map_err(Failure::usage),
+            None => load(self.config.as_deref(), &overrides).map_err(Failure::usage),
+        }
     }
 }
 

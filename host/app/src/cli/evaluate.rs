@@ -13,11 +13,10 @@ use super::exit::Failure;
 use super::method_choice::MethodChoice;
 use super::prepared::{PairSet, Prepared, require_recall};
 use super::progress::Progress;
-use crate::experiment::config::{RunConfig, load};
+use crate::experiment::config::RunConfig;
 use crate::experiment::cost::CostKind;
 use crate::experiment::evaluate::{Summary, evaluate_and_cost};
 use crate::experiment::params::{Values, choices, written_values};
-use crate::experiment::run::{CONFIG, RESULT};
 use crate::experiment::tune::Observer;
 
 /// Flags of `evaluate`.
@@ -27,13 +26,6 @@ pub(crate) struct EvaluateArgs {
     setup: Setup,
     #[command(flatten)]
     method: MethodChoice,
-    /// Judge the tuned parameters of a run, with its configuration.
-    #[arg(
-        long,
-        value_name = "RUN",
-        conflicts_with_all = ["config", "candidate", "method", "mode", "refine"],
-    )]
-    run: Option<PathBuf>,
     /// JSON file with {"parameters": {"lidar.power": 50, "lidar.timing": "cfd", …}} laid over the
     /// configuration's; - is standard input.
     #[arg(long, value_name = "FILE")]
@@ -71,17 +63,8 @@ fn told_number(name: &str, given: &Value) -> Result<f64, String> {
     }
 }
 
-/// Bytes that are read at most of a run's result, of which one part is kept.
-const MOST_RESULT: u64 = 16 << 20;
-
-/// The part of a run's result that is evaluated again.
-#[derive(Deserialize)]
-struct Earlier {
-    tuned: Values,
-}
-
 pub(super) fn run(args: &EvaluateArgs) -> Result<(), Failure> {
-    let config = config(args)?;
+    let config = args.setup.source.load(args.method.overrides())?;
     let values = values(args)?;
     on_threads(args.setup.common.threads, || judge(args, config, &values))?
 }
@@ -95,21 +78,9 @@ impl EvaluateArgs {
     }
 }
 
-fn config(args: &EvaluateArgs) -> Result<RunConfig, Failure> {
-    match &args.run {
-        Some(run) => load(Some(&run.join(CONFIG)), &args.setup.source.set).map_err(Failure::usage),
-        None => args.setup.source.load(args.method.overrides()),
-    }
-}
-
 fn values(args: &EvaluateArgs) -> Result<Values, Failure> {
-    if let Some(run) = &args.run {
-        let path = run.join(RESULT);
-        let earlier: Earlier = parse(&path, &read(&path, MOST_RESULT)?)?;
-        return Ok(earlier.tuned);
-    }
     let Some(path) = &args.candidate else { return Ok(Values::new()) };
-    let candidate: Candidate = parse(path, &read(path, MOST_TEXT)?)?;
+    let candidate: Candidate = parse(path, &read(path)?)?;
     let fail = |problem| Failure::usage(format!("{}: {problem}", path.display()));
     let value = |(name, given): (String, Value)| {
         number(&name, &given).map(|value| (name, value)).map_err(fail)
@@ -117,10 +88,10 @@ fn values(args: &EvaluateArgs) -> Result<Values, Failure> {
     candidate.parameters.into_iter().map(value).collect()
 }
 
-fn read(path: &Path, most: u64) -> Result<String, Failure> {
+fn read(path: &Path) -> Result<String, Failure> {
     let fail = |error| Failure::usage(format!("cannot read {}: {error}", path.display()));
     let is_stdin = path == Path::new("-");
-    if is_stdin { text_from(std::io::stdin(), most) } else { read_text(path, most) }.map_err(fail)
+    if is_stdin { text_from(std::io::stdin(), MOST_TEXT) } else { read_text(path, MOST_TEXT) }.map_err(fail)
 }
 
 fn parse<'a, T: Deserialize<'a>>(path: &Path, text: &'a str) -> Result<T, Failure> {

@@ -145,7 +145,12 @@ impl MethodFlags {
     ) -> Result<MethodConfig, Failure> {
         let voxel = self.given.iter().find(|(setting, _)| setting.key == "voxel_m");
         let mode = self.own.mode.unwrap_or_default();
-        let mut config = suggestions.method(method, mode, voxel.map(|(_, voxel_m)| *voxel_m));
+        let config = suggestions.method(method, mode, voxel.map(|(_, voxel_m)| *voxel_m));
+        self.laid_over(config)
+    }
+
+    /// Settings as given, the others as they are there.
+    pub(super) fn laid_over(&self, mut config: MethodConfig) -> Result<MethodConfig, Failure> {
         if let (MethodConfig::Fgr(fgr), Some(seed)) = (&mut config, self.own.seed) {
             fgr.seed = seed;
         }

@@ -29,6 +29,7 @@ mod scan_along;
 mod sensor;
 mod serve;
 mod tune;
+mod tuned_run;
 
 use clap::error::ContextValue;
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};

@@ -9,14 +9,16 @@ use super::common::{Common, on_threads};
 use super::exit::Failure;
 use super::method_choice::method_parser;
 use super::method_flags::MethodFlags;
-use crate::experiment::params::written;
+use super::tuned_run::tuned_config;
+use crate::experiment::params::{ThetaReg, written};
 use crate::said::say;
 use echoloop_registration::cloud::{
     Cloud, CloudError, CloudFormat, Dropped, Recorded, read_cloud, read_recorded, voxel,
 };
 use echoloop_registration::pose::{Pose, read_pose, to_rows};
 use echoloop_registration::{
-    Confirmed, Method, MethodConfig, Outcome, Registration, StopReason, Suggestions, build,
+    Confirmed, IcpConfig, Method, MethodConfig, Outcome, Registration, StopReason, Suggestions,
+    build,
 };
 
 /// Flags of `register`. Without any, they are chosen from the clouds.
@@ -35,6 +37,12 @@ pub(crate) struct RegisterArgs {
     /// Finish what a global method finds with point-to-plane ICP.
     #[arg(long)]
     refine: bool,
+    /// With the method and the settings that a run tuned; flags of settings are laid over them.
+    #[arg(long, value_name = "RUN", conflicts_with_all = ["method", "refine", "mode"])]
+    run: Option<PathBuf>,
+    /// What the run tuned.
+    #[arg(skip)]
+    tuned: Option<MethodConfig>,
     /// Of icp, gicp and auto, where to start: a file with target_from_source, as --json writes it,
     /// as a 4 × 4 matrix, or as a KITTI row of 12 numbers [default: identity].
     #[arg(long, value_name = "FILE")]
@@ -51,6 +59,7 @@ pub(crate) struct RegisterArgs {
 }
 
 pub(super) fn run(args: &RegisterArgs) -> Result<(), Failure> {
+    let args = &with_run(args.clone())?;
     check(args)?;
     let at = |path: &PathBuf| CloudOutput::at(path, args.format);
     let output = args.output.as_ref().map(at).transpose()?;
@@ -64,6 +73,18 @@ pub(super) fn run(args: &RegisterArgs) -> Result<(), Failure> {
         None => Pose::identity(),
     };
     on_threads(args.common.threads, || register(args, &target, source, &initial, output.as_ref()))?
+}
+
+/// Takes method and settings from the run that was named.
+fn with_run(mut args: RegisterArgs) -> Result<RegisterArgs, Failure> {
+    if let Some(run) = &args.run {
+        let config = tuned_config(run)?;
+        let theta = ThetaReg::start(&config.registration, (&config).into());
+        let theta = theta.map_err(Failure::usage)?;
+        args.method = theta.method.method();
+        (args.refine, args.tuned) = (theta.refine, Some(theta.method));
+    }
+    Ok(args)
 }
 
 /// Flags that do not go together, before anything is read.
@@ -109,9 +130,15 @@ fn register(
     let began = cpu_s();
     let source = &recorded.cloud;
     let suggestions = Suggestions::new(target, source);
-    let config = args.settings.config(args.method, &suggestions)?;
+    let config = match args.tuned {
+        Some(tuned) => args.settings.laid_over(tuned)?,
+        None => args.settings.config(args.method, &suggestions)?,
+    };
     let global_voxel_m = config.get("voxel_m").unwrap_or_default();
-    let finish = args.refine.then(|| suggestions.refinement(global_voxel_m));
+    let finish = args.refine.then(|| match args.tuned {
+        Some(_) => IcpConfig::refinement(global_voxel_m), // as it was judged
+        None => suggestions.refinement(global_voxel_m),
+    });
     let method = build(&config, finish).map_err(Failure::usage)?;
     let method = Confirmed { method, voxel_m: suggestions.scene_voxel_m() };
     let outcome = method.register(target, source, initial);

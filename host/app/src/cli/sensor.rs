@@ -100,7 +100,7 @@ fn print_text(name: &str, identity: &Identity, settings: &Settings, counters: &C
 
 /// The sensor's own settings with what was asked for laid over.
 fn asked(source: &ConfigSource, config: &RunConfig, own: Settings) -> Settings {
-    if source.config.is_some() {
+    if source.config.is_some() || source.run.is_some() {
         return config.lidar.0;
     }
     let mut settings = own;

@@ -76,7 +76,7 @@ pub(crate) struct TuneArgs {
         long,
         value_name = "RUN",
         conflicts_with_all = [
-            "config", "set", "scene", "seed", "method", "mode", "refine", "strategy", "objective",
+            "config", "run", "set", "scene", "seed", "method", "mode", "refine", "strategy", "objective",
             "minimise", "at_most_error", "protocol", "lidar", "preset", "tune", "fix",
             "population", "pareto", "points", "runs",
         ],
@@ -188,6 +188,7 @@ fn tune(
     let ((tuned, judged), front) = outcome?;
     journal.confirm()?;
     let result = RunResult { front, ..result(&prepared, &tuned, judged) };
+    folder.write_tuned(&tuned.parameters.as_start_of(&prepared.config))?;
     folder.write_result(&result)?;
     write_figures(&Finished {
         folder: &folder,

@@ -26,6 +26,8 @@ pub const CONFIG: &str = "config.toml";
 pub const HISTORY: &str = "history.jsonl";
 /// The journal of the search for a front.
 pub const FRONT: &str = "front.jsonl";
+/// The configuration, starting with the tuned parameters.
+pub const TUNED: &str = "tuned.toml";
 /// What came out.
 pub const RESULT: &str = "result.json";
 /// To look at.
@@ -44,7 +46,7 @@ const BEFORE_EXTENDED: &str = ".before";
 const LOCK: &str = "run.lock";
 
 /// All that is written in a run's folder.
-const WRITTEN: [&str; 8] = [CONFIG, HISTORY, FRONT, RESULT, REPORT, BEFORE, AFTER, README];
+const WRITTEN: [&str; 9] = [CONFIG, HISTORY, FRONT, TUNED, RESULT, REPORT, BEFORE, AFTER, README];
 
 /// What came out of a run. No times, no paths: the same configuration gives the same bytes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -181,11 +183,24 @@ impl RunFolder {
     ///
     /// [`FileError`].
     pub fn write_config(&self, config: &RunConfig) -> Result<(), FileError> {
-        let path = self.file(CONFIG);
+        self.write_as(CONFIG, config)
+    }
+
+    /// Writes the configuration that starts with what was tuned.
+    ///
+    /// # Errors
+    ///
+    /// [`FileError`].
+    pub fn write_tuned(&self, config: &RunConfig) -> Result<(), FileError> {
+        self.write_as(TUNED, config)
+    }
+
+    fn write_as(&self, name: &str, config: &RunConfig) -> Result<(), FileError> {
+        let path = self.file(name);
         let text = toml::to_string(config)
             .map_err(io::Error::other)
             .map_err(file_error("write", &path))?;
-        self.write(CONFIG, text)
+        self.write(name, text)
     }
 
     /// Writes the result.
@@ -285,6 +300,8 @@ history.jsonl  the journal: one JSON line a generation, on the disk before the n
                goes on from it; `check` is a CRC-64/XZ of the line's text before it, and of the \
 check before that
 front.jsonl    of `--pareto`: the journal of the search for a front
+tuned.toml     config.toml with the tuned parameters to start with: `echoloop scan --config \
+tuned.toml`
 result.json    parameters before and after, the final choice, and every held-out pair; no times, \
 so equal runs are equal
 report.html    the same to look at: one file, no network needed

@@ -114,10 +114,25 @@ fn parse_value(text: &str) -> toml::Value {
 ///
 /// [`LoadError`] names file, line and key, or the override at fault.
 pub fn load(path: Option<&Path>, overrides: &[Override]) -> Result<RunConfig, LoadError> {
-    let mut table = match path {
+    let table = match path {
         Some(path) => read(path)?,
         None => toml::Table::new(),
     };
+    laid_over(table, overrides)
+}
+
+/// A configuration with overrides laid over it, one by one.
+///
+/// # Errors
+///
+/// [`LoadError`] names the override at fault.
+pub fn changed(config: &RunConfig, overrides: &[Override]) -> Result<RunConfig, LoadError> {
+    let table = toml::Table::try_from(config)
+        .map_err(|error| LoadError::Override { text: String::new(), message: error.to_string() })?;
+    laid_over(table, overrides)
+}
+
+fn laid_over(mut table: toml::Table, overrides: &[Override]) -> Result<RunConfig, LoadError> {
     for change in overrides {
         let fail = |message: String| LoadError::Override { text: change.text.clone(), message };
         change.insert(&mut table).map_err(fail)?;

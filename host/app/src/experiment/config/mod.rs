@@ -29,7 +29,7 @@ pub use emitter::EmitterConfig;
 pub use error::RunConfigError;
 pub use front::FrontConfig;
 pub use lidar::Lidar;
-pub use load::{LoadError, Override, load, parse, written};
+pub use load::{LoadError, Override, changed, load, parse, written};
 pub use motion::{JitterPer, Motion};
 pub use registration::RegistrationConfig;
 pub use scanner::ScannerConfig;

@@ -82,6 +82,20 @@ impl Parameters {
         Ok(parameters)
     }
 
+    /// A configuration that is as another, but starts with these parameters.
+    pub fn as_start_of(&self, config: &RunConfig) -> RunConfig {
+        let mut config = config.clone();
+        config.lidar.0 = self.settings;
+        config.tune.extended_to = None; // a run that starts here has gone nowhere yet
+        for axis in self.registration_axes(&config) {
+            let key = axis.name.strip_prefix(theta_reg::SECTION).unwrap_or(axis.name);
+            if let Some(value) = self.registration.get(axis.name) {
+                config.registration = config.registration.with(key, value);
+            }
+        }
+        config
+    }
+
     /// The value of a named axis, in its unit.
     pub fn get(&self, name: &str) -> Option<f64> {
         if let Some(id) = name.strip_prefix("lidar.").and_then(ParameterId::by_name) {
