@@ -114,7 +114,8 @@ fn test(only_tests: bool) -> Result<()> {
         host.and(images)
     })?;
     cargo(["test", "--workspace"])?;
-    peers::clouds_where_there_are_peers()
+    peers::clouds_where_there_are_peers()?;
+    peers::searches::run_where_they_can_be_had()
 }
 
 /// Builds the images that the tests run, and counts what they cost, which no load changes.

@@ -1,6 +1,8 @@
 //! Registration, the waveform path and the optimiser against their peers: a Python environment with
 //! them, our side built, both on the same files or functions.
 
+pub(crate) mod searches;
+
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -36,6 +38,15 @@ pub(crate) struct Peers {
         conflicts_with_all = ["quick", "recall", "scaling", "all", "waveforms", "optimiser"],
     )]
     clouds: bool,
+    /// Only see that pycma, Optuna and Nevergrad drive the loop through `evaluate --stream`: a
+    /// minute.
+    #[arg(
+        long,
+        conflicts_with_all = [
+            "quick", "recall", "scaling", "all", "waveforms", "optimiser", "clouds",
+        ],
+    )]
+    searches: bool,
 }
 
 /// Where the peers of registration are installed, and which.
@@ -49,6 +60,9 @@ pub(crate) fn run(peers: Peers) -> Result<()> {
         let root = workspace()?;
         environment(&root.join(ENVIRONMENT), &root.join(REQUIREMENTS))?;
         return clouds_where_there_are_peers();
+    }
+    if peers.searches {
+        return searches::run();
     }
     if peers.waveforms {
         return beside(&WAVEFORMS, peers.quick);
@@ -201,8 +215,8 @@ mod tests {
     #[test]
     fn speed_is_measured_unless_something_else_is_asked_and_all_is_all() {
         let parts = |recall, scaling, all| {
-            let [quick, waveforms, optimiser, clouds] = [false; 4];
-            Peers { quick, recall, scaling, all, waveforms, optimiser, clouds }.parts()
+            let [quick, waveforms, optimiser, clouds, searches] = [false; 5];
+            Peers { quick, recall, scaling, all, waveforms, optimiser, clouds, searches }.parts()
         };
         assert_eq!(parts(false, false, false), ["speed"]);
         assert_eq!(parts(true, false, false), ["recall"]);

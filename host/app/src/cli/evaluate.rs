@@ -8,11 +8,13 @@ use echoloop_files::{MOST_TEXT, read_text, shown, text_from};
 use serde::Deserialize;
 use serde_json::Value;
 
+use super::axis_flags::AxisFlags;
 use super::common::{Setup, on_threads};
 use super::exit::Failure;
 use super::method_choice::MethodChoice;
 use super::prepared::{PairSet, Prepared, require_recall};
 use super::progress::Progress;
+use super::stream;
 use crate::experiment::config::RunConfig;
 use crate::experiment::cost::CostKind;
 use crate::experiment::evaluate::{Summary, evaluate_and_cost};
@@ -30,8 +32,15 @@ pub(crate) struct EvaluateArgs {
     /// configuration's; - is standard input.
     #[arg(long, value_name = "FILE")]
     candidate: Option<PathBuf>,
-    /// Which pairs [default: test; with --candidate train, because whoever searches with the test
-    /// pairs is judged by what was searched with].
+    /// Judge candidates of an outside search, each a line of JSON on standard input, answered by a
+    /// line: {"parameters": {…}}, or {"point": […]} of the unit cube of the axes, which the first
+    /// line out lists. The scenes are traced once.
+    #[arg(long, conflicts_with_all = ["candidate", "require_recall"])]
+    stream: bool,
+    #[command(flatten)]
+    axes: AxisFlags,
+    /// Which pairs [default: test; with --candidate or --stream train, because whoever searches with
+    /// the test pairs is judged by what was searched with].
     #[arg(long)]
     pairs: Option<PairSet>,
     /// Exit with 4 when the recall is below this, percent.
@@ -46,7 +55,7 @@ struct Candidate {
 }
 
 /// The number that a candidate gives a named parameter: itself or, of a choice, its name.
-fn number(name: &str, given: &Value) -> Result<f64, String> {
+pub(super) fn number(name: &str, given: &Value) -> Result<f64, String> {
     told_number(name, given).map_err(|problem| shown(&problem))
 }
 
@@ -64,7 +73,8 @@ fn told_number(name: &str, given: &Value) -> Result<f64, String> {
 }
 
 pub(super) fn run(args: &EvaluateArgs) -> Result<(), Failure> {
-    let config = args.setup.source.load(args.method.overrides())?;
+    let own = args.method.overrides().into_iter().chain(args.axes.overrides());
+    let config = args.setup.source.load(own.collect())?;
     let values = values(args)?;
     on_threads(args.setup.common.threads, || judge(args, config, &values))?
 }
@@ -73,7 +83,8 @@ impl EvaluateArgs {
     /// The pairs asked for. A candidate comes from a search that goes on with what it is told: it
     /// gets the training pairs, so that the test pairs stay unseen.
     fn pairs(&self) -> PairSet {
-        let usual = if self.candidate.is_some() { PairSet::Train } else { PairSet::Test };
+        let usual =
+            if self.candidate.is_some() || self.stream { PairSet::Train } else { PairSet::Test };
         self.pairs.unwrap_or(usual)
     }
 }
@@ -91,7 +102,8 @@ fn values(args: &EvaluateArgs) -> Result<Values, Failure> {
 fn read(path: &Path) -> Result<String, Failure> {
     let fail = |error| Failure::usage(format!("cannot read {}: {error}", path.display()));
     let is_stdin = path == Path::new("-");
-    if is_stdin { text_from(std::io::stdin(), MOST_TEXT) } else { read_text(path, MOST_TEXT) }.map_err(fail)
+    if is_stdin { text_from(std::io::stdin(), MOST_TEXT) } else { read_text(path, MOST_TEXT) }
+        .map_err(fail)
 }
 
 fn parse<'a, T: Deserialize<'a>>(path: &Path, text: &'a str) -> Result<T, Failure> {
@@ -104,6 +116,9 @@ fn parse<'a, T: Deserialize<'a>>(path: &Path, text: &'a str) -> Result<T, Failur
 fn judge(args: &EvaluateArgs, config: RunConfig, values: &Values) -> Result<(), Failure> {
     let progress = Progress::new(args.setup.common.quiet);
     let prepared = Prepared::new(config, &args.setup.sensor, &progress)?;
+    if args.stream {
+        return stream::serve(&prepared, args.pairs(), &progress);
+    }
     let parameters = prepared
         .start
         .with_values(values, &prepared.config, &prepared.hardware)

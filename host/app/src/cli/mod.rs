@@ -28,6 +28,7 @@ mod scan;
 mod scan_along;
 mod sensor;
 mod serve;
+mod stream;
 mod tune;
 mod tuned_run;
 

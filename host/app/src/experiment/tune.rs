@@ -7,6 +7,7 @@
 //! training pairs.
 
 mod course;
+mod judge;
 mod price;
 mod race;
 mod replay;
@@ -16,6 +17,7 @@ mod tasks;
 
 #[cfg(doc)]
 use crate::experiment::preset::Strategy;
+pub use judge::Judge;
 pub(super) use price::mean_cost;
 pub use search::{Finalist, Observer, Silent, TuneError, TuneSearch, Tuned};
 pub use stage::Stage;

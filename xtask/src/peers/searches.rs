@@ -1,0 +1,97 @@
+//! Optimisers of others in our loop: host/app/searches, as a user would run them.
+
+use std::env;
+use std::io::Write;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+use anyhow::{Context, Result, anyhow, ensure};
+use serde_json::Value;
+
+use super::environment;
+use crate::shell::{built, cargo, workspace};
+
+const SCRIPTS: [&str; 3] = ["pycma_search.py", "optuna_search.py", "nevergrad_search.py"];
+
+/// A small town, two lengths, a choice and a count: all that axes can be.
+const FLAGS: &[&str] = &[
+    "--set=scene.towns=[1]",
+    "--set=scanner.columns=48",
+    "--set=scanner.rows=16",
+    "--set=scanner.elevation_deg=60.0",
+    "--set=data.train_pairs=4",
+    "--set=data.test_pairs=1",
+    "--set=tune.protocol=default",
+    "--tune=lidar.power=1..100,log",
+    "--tune=lidar.timing",
+    "--tune=lidar.shots",
+    "--tune=registration.voxel_m",
+];
+
+/// Installs the optimisers and has each search.
+///
+/// # Errors
+///
+/// When one cannot be installed, does not run, or finds nothing better than the start.
+pub(crate) fn run() -> Result<()> {
+    let root = workspace()?;
+    let scripts = root.join("host/app/searches");
+    let folder = root.join("target/peers/venv-searches");
+    let python = environment(&folder, &scripts.join("requirements.txt"))?;
+    cargo(["build", "--package", "echoloop-host", "--bin", "echoloop"])?;
+    let ours = built(&root).join("debug");
+    let start = answers(start(&ours)?)?;
+    for script in SCRIPTS {
+        let mut command = Command::new(&python);
+        command.arg(scripts.join(script)).args(FLAGS).env("PATH", with_first(&ours)?);
+        let output = command.output().with_context(|| format!("cannot run {script}"))?;
+        let found = answers(output).with_context(|| script.to_owned())?;
+        println!("{script}: {found:.4} where the start has {start:.4}");
+        ensure!(found < start, "{script} found nothing better than the start");
+    }
+    Ok(())
+}
+
+/// The same, or says that it is left out: the registry of Python may be out of reach.
+pub(crate) fn run_where_they_can_be_had() -> Result<()> {
+    let root = workspace()?;
+    let requirements = root.join("host/app/searches/requirements.txt");
+    match environment(&root.join("target/peers/venv-searches"), &requirements) {
+        Ok(_) => run(),
+        Err(error) => {
+            eprintln!(
+                "SKIPPED: pycma, Optuna and Nevergrad could not be installed ({error:#}), so none \
+                 of them drove the loop: cargo xtask peers --searches"
+            );
+            Ok(())
+        }
+    }
+}
+
+/// What the loop says of the start.
+fn start(ours: &Path) -> Result<Output> {
+    let mut command = Command::new(ours.join("echoloop"));
+    command.args(["evaluate", "--stream", "--quiet"]).args(FLAGS);
+    let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn()?;
+    let mut input = child.stdin.take().context("it has an input")?;
+    writeln!(input, "{{\"parameters\": {{}}}}")?;
+    drop(input);
+    Ok(child.wait_with_output()?)
+}
+
+/// The fitness in the last line of an output.
+fn answers(output: Output) -> Result<f64> {
+    let said = String::from_utf8_lossy(&output.stderr);
+    ensure!(output.status.success(), "it failed: {said}");
+    let text = String::from_utf8_lossy(&output.stdout);
+    let last = text.lines().last().context("it says nothing")?;
+    let answer: Value = serde_json::from_str(last).with_context(|| last.to_owned())?;
+    answer["fitness"].as_f64().ok_or_else(|| anyhow!("no fitness in {last}"))
+}
+
+/// The PATH with a folder before all others.
+fn with_first(folder: &Path) -> Result<std::ffi::OsString> {
+    let path = env::var_os("PATH").unwrap_or_default();
+    let folders = std::iter::once(folder.to_owned()).chain(env::split_paths(&path));
+    env::join_paths(folders).context("a PATH")
+}
