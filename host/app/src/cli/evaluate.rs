@@ -10,11 +10,12 @@ use serde_json::Value;
 
 use super::axis_flags::AxisFlags;
 use super::common::{Setup, on_threads};
-use super::exit::Failure;
+use super::exit::{self, Failure};
 use super::method_choice::MethodChoice;
 use super::prepared::{PairSet, Prepared, require_recall};
 use super::progress::Progress;
 use super::stream;
+use super::table_format::{TableFormat, csv};
 use crate::experiment::config::RunConfig;
 use crate::experiment::cost::CostKind;
 use crate::experiment::evaluate::{Summary, evaluate_and_cost};
@@ -35,10 +36,13 @@ pub(crate) struct EvaluateArgs {
     /// Judge candidates of an outside search, each a line of JSON on standard input, answered by a
     /// line: {"parameters": {…}}, or {"point": […]} of the unit cube of the axes, which the first
     /// line out lists. The scenes are traced once.
-    #[arg(long, conflicts_with_all = ["candidate", "require_recall"])]
+    #[arg(long, conflicts_with_all = ["candidate", "require_recall", "format"])]
     stream: bool,
     #[command(flatten)]
     axes: AxisFlags,
+    /// A row for each pair instead of text.
+    #[arg(long, value_enum, conflicts_with = "json")]
+    format: Option<TableFormat>,
     /// Which pairs [default: test; with --candidate or --stream train, because whoever searches with
     /// the test pairs is judged by what was searched with].
     #[arg(long)]
@@ -141,6 +145,9 @@ fn print(
     values: &Values,
     summary: &Summary,
 ) -> Result<(), Failure> {
+    if let Some(TableFormat::Csv) = args.format {
+        return exit::print(&csv([(args.pairs().name(), summary)])?);
+    }
     if args.setup.common.json {
         let parameters =
             written_values(values, serde_json::value::Serializer).map_err(Failure::run)?;

@@ -153,7 +153,7 @@ fn costs(result: &RunResult) -> Costs {
 }
 
 /// What was judged, by name: the plain method, where ours is not that, the start, the choice.
-fn judged(result: &RunResult) -> impl Iterator<Item = (RowKind, String, &Summary)> {
+pub(super) fn judged(result: &RunResult) -> impl Iterator<Item = (RowKind, String, &Summary)> {
     let plain = result.plain_summary.as_ref();
     let plain = plain.map(|plain| (RowKind::Reference, format!("plain {}", result.method), plain));
     plain.into_iter().chain([

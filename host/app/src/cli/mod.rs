@@ -29,6 +29,7 @@ mod scan_along;
 mod sensor;
 mod serve;
 mod stream;
+mod table_format;
 mod tune;
 mod tuned_run;
 

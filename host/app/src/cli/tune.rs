@@ -7,12 +7,13 @@ use clap::Args;
 
 use super::axis_flags::AxisFlags;
 use super::common::{Setup, on_threads};
-use super::exit::Failure;
-use super::figures::{Finished, print_table, write_figures};
+use super::exit::{Failure, print};
+use super::figures::{Finished, judged, print_table, write_figures};
 use super::interrupt::stop_on_interrupt;
 use super::method_choice::{MethodChoice, toml_name};
 use super::prepared::{Prepared, require_recall};
 use super::progress::Progress;
+use super::table_format::{TableFormat, csv};
 use crate::experiment::compare::Comparison;
 use crate::experiment::config::{Override, RunConfig, default_runs_folder, load};
 use crate::experiment::cost::CostKind;
@@ -76,8 +77,8 @@ pub(crate) struct TuneArgs {
         long,
         value_name = "RUN",
         conflicts_with_all = [
-            "config", "run", "set", "scene", "seed", "method", "mode", "refine", "strategy", "objective",
-            "minimise", "at_most_error", "protocol", "lidar", "preset", "tune", "fix",
+            "config", "run", "set", "scene", "seed", "method", "mode", "refine", "strategy",
+            "objective", "minimise", "at_most_error", "protocol", "lidar", "preset", "tune", "fix",
             "population", "pareto", "points", "runs",
         ],
     )]
@@ -85,6 +86,9 @@ pub(crate) struct TuneArgs {
     /// With --resume: drop the damaged end of a journal, after copying it.
     #[arg(long, requires = "resume")]
     repair: bool,
+    /// Print a row for each held-out pair instead of text.
+    #[arg(long, value_enum, conflicts_with = "json")]
+    format: Option<TableFormat>,
     /// Exit with 4 when the tuned recall on held-out pairs is below this, percent.
     #[arg(long, value_name = "PERCENT")]
     require_recall: Option<f64>,
@@ -321,7 +325,11 @@ fn finish(
     prepared: &Prepared,
     result: &RunResult,
 ) -> Result<(), Failure> {
-    if args.setup.common.json {
+    if let Some(TableFormat::Csv) = args.format {
+        let sets: Vec<_> = judged(result).collect();
+        let sets = sets.iter().map(|(_, name, summary)| (name.as_str(), *summary));
+        print(&csv(sets)?)?;
+    } else if args.setup.common.json {
         println!("{}", serde_json::to_string_pretty(result).map_err(Failure::run)?);
     } else {
         print_table(&prepared.config, result, &prepared.search(&AtomicBool::new(false)).space);

@@ -1,0 +1,281 @@
+//! Who tunes chooses the axes, goes on with what is finished, begins with what was tuned, and
+//! brings an optimiser of their own.
+
+mod fixture;
+
+use std::fs;
+use std::io::{BufRead, BufReader, Write};
+use std::process::Stdio;
+
+use fixture::{CommandOutput, Fixture};
+use serde_json::{Value, json};
+
+const RUN: &str = "runs/latest";
+
+fn result(fixture: &Fixture) -> Value {
+    serde_json::from_str(&fixture.read("runs/latest/result.json")).expect("a result")
+}
+
+/// Lines of a journal without the first: one a generation.
+fn generations(fixture: &Fixture) -> Vec<Value> {
+    let text = fixture.read("runs/latest/history.jsonl");
+    text.lines().skip(1).map(|line| serde_json::from_str(line).expect("a line")).collect()
+}
+
+#[test]
+fn only_the_axes_that_the_user_chose_are_moved_and_within_the_user_s_bounds() {
+    let fixture = Fixture::new();
+    fixture.tune(&[
+        "--protocol=default",
+        "--tune=lidar.power=60..80,linear",
+        "--tune=registration.voxel_m=0.1..2",
+        "--fix=lidar.gain=3",
+        "--fix=registration.max_pair_distance_m=0.7",
+    ]);
+    let config = fixture.read("runs/latest/config.toml");
+    for part in ["power = \"60..80,linear\"", "voxel_m = \"0.1..2\"", "gain = \"fixed\""] {
+        assert!(config.contains(part), "{part}: {config}");
+    }
+    let generations = generations(&fixture);
+    assert_eq!(generations.len(), 2 + 1 + 1, "registration, the sensor, both");
+    for candidate in generations.iter().flat_map(|g| g["candidates"].as_array().unwrap()) {
+        let values = candidate["values"].as_object().unwrap();
+        let names: Vec<&str> = values.keys().map(String::as_str).collect();
+        assert_eq!(names, ["lidar.power", "registration.voxel_m"]);
+        assert!((60.0..=80.0).contains(&values["lidar.power"].as_f64().unwrap()));
+    }
+    let result = result(&fixture);
+    assert_eq!(result["tuned"]["lidar.gain"], 3.0);
+    assert_eq!(result["tuned"]["registration.max_pair_distance_m"], 0.7);
+}
+
+#[test]
+fn an_axis_that_makes_no_sense_is_refused_before_anything_is_made() {
+    let fixture = Fixture::new();
+    let table: [(&str, &[&str]); 10] = [
+        ("--tune=lidar.power=100..1", &["--tune", "expected bounds that rise, found 100 to 1"]),
+        ("--tune=lidar.power=1..500", &["tune.axes.lidar.power", "what the sensor takes", "100 W"]),
+        ("--tune=lidar.power=1..50", &["the start, 75, is outside 1 to 50"]),
+        ("--tune=lidar.powr", &["no parameter `lidar.powr`"]),
+        ("--tune=powr", &["--tune", "expected a parameter, as lidar.power"]),
+        ("--tune=lidar.timing=0..2", &["tune.axes.lidar.timing", "it chooses from"]),
+        ("--tune=registration.feature_radius_m", &["it is no setting of icp"]),
+        ("--fix=registration.voxel", &["no parameter `registration.voxel`"]),
+        ("--fix=lidar.power=500", &["power 500 W is above its maximum 100 W"]),
+        ("--set=tune.axes.lidar.power=maybe", &["expected fixed, free, or bounds"]),
+    ];
+    for (flag, parts) in table {
+        fixture.refuses(&["tune", "-c", "small.toml", flag], parts);
+    }
+}
+
+#[test]
+fn a_finished_run_is_extended_to_what_it_would_have_been() {
+    for strategy in ["--strategy=paper", "--strategy=fast"] {
+        let (whole, extended) = (Fixture::new(), Fixture::new());
+        extended.tune(&[strategy]);
+        let before = generations(&extended);
+        extended.succeed(&["tune", "-q", "--resume", RUN, "--generations", "6"]);
+        let after = generations(&extended);
+        assert_eq!(after[..before.len()], before, "what was done is kept");
+        assert!(after.len() > before.len(), "{strategy}");
+        assert_eq!(result(&extended)["generations"], after.len());
+        // As if that many had been asked for; of several searches only the last goes on.
+        let set = match strategy {
+            "--strategy=paper" => "tune.generations=6",
+            _ => "tune.extended_to=6",
+        };
+        whole.tune(&[strategy, "--set", set]);
+        let [mut a, mut b] = [&whole, &extended].map(result);
+        assert_eq!(a["tuned"].take(), b["tuned"].take(), "{strategy}");
+        let again = extended.succeed(&["tune", "-q", "--resume", RUN]);
+        assert!(again.stdout.contains("recall"), "{}", again.stdout);
+        assert_eq!(generations(&extended), after, "there is nothing left to do");
+        extended.refuses(
+            &["tune", "--resume", RUN, "--generations", "5"],
+            &["--generations 5", "the run is to have 6 already"],
+        );
+    }
+}
+
+#[test]
+fn every_command_begins_with_what_a_run_tuned() {
+    let fixture = Fixture::new();
+    fixture.tune(&["--fix=lidar.power=40", "--tune=lidar.shots"]);
+    let tuned = result(&fixture)["tuned"].clone();
+    let shown: Value = fixture.succeed(&["config", "--json", "--run", RUN]).json();
+    assert_eq!(shown["lidar"]["power"], 40.0);
+    assert_eq!(shown["lidar"]["shots"], tuned["lidar.shots"]);
+    assert_eq!(shown["registration"]["voxel_m"], tuned["registration.voxel_m"]);
+    let file = fixture.succeed(&["config", "--json", "-c", "runs/latest/tuned.toml"]).json();
+    assert_eq!(file, shown);
+
+    let again = fixture.succeed(&["evaluate", "-q", "--json", "--run", RUN]).json();
+    assert_eq!(again["summary"], result(&fixture)["tuned_summary"]);
+    let sensor = fixture.succeed(&["sensor", "--json", "--run", RUN]).json();
+    assert_eq!(sensor["settings"]["power"], 40.0);
+    fixture.succeed(&["scan", "-q", "--run", RUN, "-o", "a.ply"]);
+    fixture.succeed(&["scan", "-q", "-c", "runs/latest/tuned.toml", "-o", "b.ply"]);
+    assert!(fixture.bytes("a.ply") == fixture.bytes("b.ply"), "the same scan");
+
+    fixture.succeed(&["pairs", "-q", "--run", RUN, "-o", "pairs"]);
+    let clouds = ["pairs/000_target.ply", "pairs/000_source.ply"];
+    let register = |more: &[&str]| {
+        let own = [&["register", clouds[0], clouds[1], "--json"], more].concat();
+        fixture.run(&own).json()
+    };
+    let found = register(&["--run", RUN]);
+    assert_eq!(
+        (&found["method"], &found["voxel_m"]),
+        (&json!("icp"), &tuned["registration.voxel_m"])
+    );
+    assert_eq!(register(&["--run", RUN, "--voxel-m", "0.25"])["voxel_m"], 0.25);
+    fixture
+        .refuses(&["register", clouds[0], clouds[1], "--run", RUN, "--method", "fgr"], &["--run"]);
+
+    // A warm start: what is tuned next begins where the run before ended.
+    fixture.succeed(&["tune", "-q", "--run", RUN, "--seed", "5", "--generations", "1"]);
+    assert_eq!(result(&fixture)["default"], tuned);
+    assert_eq!(result(&fixture)["seed"], 5);
+}
+
+#[test]
+fn a_folder_that_holds_no_result_is_refused_by_name() {
+    let fixture = Fixture::new();
+    fs::create_dir(fixture.path("empty")).expect("a folder");
+    fs::create_dir(fixture.path("half")).expect("a folder");
+    fixture.write("half/config.toml", "");
+    for command in ["scan", "evaluate", "tune", "sensor", "config"] {
+        fixture.refuses(&[command, "--run", "empty"], &["empty/config.toml"]);
+        fixture.refuses(&[command, "--run", "half"], &["half/result.json"]);
+        fixture.refuses(&[command, "--run", "half", "-c", "small.toml"], &["--run", "--config"]);
+    }
+    fixture.write("half/result.json", "{\"tuned\": {\"lidar.powr\": 3}}");
+    fixture.refuses(&["scan", "--run", "half"], &["half/result.json", "lidar.powr"]);
+}
+
+/// A stream on the small configuration: what is said to it, and all that it answers.
+fn stream(fixture: &Fixture, more: &[&str], lines: &str) -> (CommandOutput, Vec<Value>) {
+    let own = ["evaluate", "--stream", "-q", "-c", "small.toml", "--pairs", "test"];
+    let mut command = fixture.command(&[&own, more].concat());
+    command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().expect("echoloop starts");
+    let mut input = child.stdin.take().expect("an input");
+    input.write_all(lines.as_bytes()).expect("it reads");
+    drop(input);
+    let output = CommandOutput::from_output(child.wait_with_output().expect("it ends"));
+    let answers = output.stdout.lines().map(|line| serde_json::from_str(line).expect("JSON"));
+    let answers = answers.collect();
+    (output, answers)
+}
+
+#[test]
+fn a_stream_answers_every_line_and_goes_on_after_what_it_cannot_judge() {
+    let fixture = Fixture::new();
+    let lines = "{\"parameters\": {\"lidar.power\": 50}, \"id\": [7]}\n\nnonsense\n\
+                 {\"parameters\": {\"lidar.power\": 500}}\n{\"parameters\": {\"lidar.powr\": 5}}\n\
+                 {\"parameters\": {\"lidar.pulse_width\": 20}}\n{\"point\": [0.5]}\n{}\n\
+                 {\"parameters\": {\"lidar.timing\": \"late\"}}\n{\"power\": 3}\n\
+                 {\"parameters\": {\"lidar.power\": 50}}";
+    let (output, answers) = stream(&fixture, &[], lines);
+    assert_eq!(output.code, Some(0), "{}", output.stderr);
+    let [greeting, first, rest @ .., last] = &answers[..] else { panic!("{answers:?}") };
+    assert_eq!((&greeting["pairs"], &greeting["count"]), (&json!("test"), &json!(3)));
+    assert_eq!(greeting["axes"][0]["name"], "lidar.power");
+    assert_eq!((&first["id"], &first["line"]), (&json!([7]), &json!(1)));
+    let said: Vec<(u64, &str, &str)> = rest
+        .iter()
+        .map(|answer| {
+            let kind = if answer["error"].is_string() { "error" } else { "infeasible" };
+            (answer["line"].as_u64().unwrap(), kind, answer[kind].as_str().expect("a reason"))
+        })
+        .collect();
+    let expected = [
+        (3, "error", "expected"),
+        (4, "infeasible", "lidar.power 500 W is above its maximum 100 W"),
+        (5, "infeasible", "unknown parameter `lidar.powr`"),
+        (6, "infeasible", "pulse energy limit"),
+        (7, "error", "point has 1 numbers, expected 18"),
+        (8, "error", "expected either parameters or point"),
+        (9, "infeasible", "must be one of"),
+        (10, "error", "unknown field `power`"),
+    ];
+    assert_eq!(said.len(), expected.len(), "{said:?}");
+    for ((line, kind, reason), (at, expected, part)) in said.iter().zip(expected) {
+        assert!((*line, *kind) == (at, expected) && reason.contains(part), "{line} {reason}");
+    }
+    assert_eq!((&last["summary"], &last["fitness"]), (&first["summary"], &first["fitness"]));
+
+    // The numbers are those of one evaluation of the same candidate.
+    fixture.write("a.json", "{\"parameters\": {\"lidar.power\": 50}}");
+    let own = ["evaluate", "-q", "--json", "-c", "small.toml", "--pairs", "test"];
+    let alone = fixture.succeed(&[&own[..], &["--candidate", "a.json"]].concat()).json();
+    assert_eq!(alone["summary"], first["summary"]);
+    assert_eq!(alone["parameters"], first["parameters"]);
+}
+
+#[test]
+fn a_point_of_the_cube_is_what_its_axes_make_of_it_and_repaired_where_it_must_be() {
+    let fixture = Fixture::new();
+    let axes = [
+        "--set=tune.protocol=default",
+        "--tune=lidar.power=1..100,log",
+        "--tune=lidar.pulse_width",
+        "--set=tune.objective=error",
+        "--set=tune.error_mean=arithmetic",
+    ];
+    let (_, answers) = stream(
+        &fixture,
+        &axes,
+        "{\"point\": [0.5, 0]}\n{\"point\": [1, 1]}\n\
+                                               {\"point\": [2, 0]}\n",
+    );
+    let names: Vec<&Value> =
+        answers[0]["axes"].as_array().unwrap().iter().map(|a| &a["name"]).collect();
+    assert_eq!(names, ["lidar.power", "lidar.pulse_width"]);
+    assert_eq!(answers[1]["parameters"]["lidar.power"], 10.0);
+    assert_eq!(answers[1]["fitness"], answers[1]["summary"]["mean_frobenius"]);
+    assert_eq!(answers[2]["repaired"], json!(["power"]));
+    assert!(answers[3]["infeasible"].as_str().unwrap().contains("from 0 to 1"), "{answers:?}");
+}
+
+#[test]
+fn an_answer_comes_before_the_next_line_is_asked_for() {
+    let fixture = Fixture::new();
+    let mut command = fixture.command(&["evaluate", "--stream", "-q", "-c", "small.toml"]);
+    let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("a start");
+    let mut input = child.stdin.take().expect("an input");
+    let mut output = BufReader::new(child.stdout.take().expect("an output")).lines();
+    let mut next = || -> Value {
+        serde_json::from_str(&output.next().expect("a line").expect("text")).expect("JSON")
+    };
+    assert_eq!(next()["pairs"], "train");
+    for power in [40, 60] {
+        writeln!(input, "{{\"parameters\": {{\"lidar.power\": {power}}}}}").expect("it reads");
+        assert_eq!(next()["parameters"]["lidar.power"], f64::from(power));
+    }
+    drop(input);
+    assert!(child.wait().expect("it ends").success());
+}
+
+#[test]
+fn a_table_has_a_row_for_each_pair_as_it_is_stored() {
+    let fixture = Fixture::new();
+    let table = fixture.tune(&["--format=csv", "--protocol=default"]).stdout;
+    let rows: Vec<Vec<&str>> = table.lines().map(|line| line.split(',').collect()).collect();
+    assert_eq!(rows[0][..3], ["set", "pair", "translation_m"]);
+    let result = result(&fixture);
+    let of = |set: &str, summary: &str| {
+        let errors = result[summary]["errors"].as_array().unwrap();
+        let own = rows.iter().filter(|row| row[0] == set);
+        for (row, error) in own.clone().zip(errors) {
+            assert_eq!(row[2].parse::<f64>().unwrap(), error["translation_m"].as_f64().unwrap());
+        }
+        assert_eq!((own.count(), errors.len()), (3, 3));
+    };
+    of("default", "default_summary");
+    of("tuned", "tuned_summary");
+    let evaluated = fixture.succeed(&["evaluate", "-q", "--run", RUN, "--format=csv"]).stdout;
+    assert_eq!(evaluated.lines().count(), 1 + 3);
+    assert!(evaluated.lines().nth(1).unwrap().starts_with("test,0,"), "{evaluated}");
+}
