@@ -32,6 +32,8 @@ pub struct PairPlan {
     pub count: usize,
     /// Horizontal distance from the first sensor to the second, metres.
     pub baseline_m: f64,
+    /// Up to how many times as far apart some are: each throw has a distance between, drawn evenly.
+    pub baseline_factor: f64,
     /// The second sensor's heading, and the way to it, lie within ± this of the first's heading,
     /// degrees.
     pub heading_range_deg: f64,
@@ -50,6 +52,7 @@ impl Default for PairPlan {
         Self {
             count: 10,
             baseline_m: 5.0,
+            baseline_factor: 1.0,
             heading_range_deg: 20.0,
             tilt_range_deg: 2.0,
             height_m: 2.0,
@@ -186,6 +189,12 @@ impl PairPlan {
     fn check(&self) -> Result<(), ViewpointError> {
         let rules = [
             ("baseline_m", self.baseline_m, self.baseline_m >= 0.0, "distance in metres"),
+            (
+                "baseline_factor",
+                self.baseline_factor,
+                self.baseline_factor >= 1.0,
+                "factor of 1 or more",
+            ),
             ("height_m", self.height_m, self.height_m > 0.0, "height in metres"),
             (
                 "heading_range_deg",
@@ -275,11 +284,21 @@ impl<'a> PairSearch<'a> {
         let tilt = self.plan.tilt_range_deg.to_radians();
         let heading = self.rng.turn();
         let way = heading + self.rng.spread(reach);
-        let step = [libm::cos(way), libm::sin(way)].map(|x| x * self.plan.baseline_m);
+        let distance_m = self.distance_m();
+        let step = [libm::cos(way), libm::sin(way)].map(|x| x * distance_m);
         Draft {
             places: [at, [at[0] + step[0], at[1] + step[1]]],
             headings: [heading, heading + self.rng.spread(reach)],
             tilts: [0; 2].map(|_| [0; 2].map(|_| self.rng.spread(tilt))),
+        }
+    }
+
+    /// Nothing is drawn where all pairs are as far apart.
+    fn distance_m(&mut self) -> f64 {
+        let PairPlan { baseline_m, baseline_factor, .. } = *self.plan;
+        match baseline_factor > 1.0 {
+            true => self.rng.range(baseline_m, baseline_factor * baseline_m),
+            false => baseline_m,
         }
     }
 

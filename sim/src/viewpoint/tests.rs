@@ -35,6 +35,24 @@ fn viewpoints_of_every_kind_stand_two_metres_above_open_ground() {
 }
 
 #[test]
+fn with_a_factor_baselines_lie_between_once_and_so_many_times_as_much() {
+    let scene = generate(SceneKind::Structured, 3);
+    let caster = Raycaster::new(&scene);
+    let plan = PairPlan { count: 20, baseline_m: 2.0, baseline_factor: 2.0, ..PairPlan::default() };
+    let apart = |pair: &PosePair| {
+        let [a, b] = [pair.world_from_first, pair.world_from_second];
+        flat(a.translation.vector.into(), b.translation.vector.into())
+    };
+    let pairs = sample_pairs(&scene, &caster, &plan).expect("viewpoints");
+    let apart: Vec<f64> = pairs.iter().map(apart).collect();
+    assert!(apart.iter().all(|distance| (2.0..=4.0).contains(distance)), "{apart:?}");
+    assert!(apart.iter().any(|d| *d < 2.7) && apart.iter().any(|d| *d > 3.3), "{apart:?}");
+    let nearer = PairPlan { baseline_factor: 0.9, ..plan };
+    let error = sample_pairs(&scene, &caster, &nearer).expect_err("below 1");
+    assert_eq!(error.to_string(), "baseline_factor is 0.9, which is no factor of 1 or more");
+}
+
+#[test]
 fn the_second_pose_is_a_baseline_away_and_turned_within_the_plan() {
     let scene = generate(SceneKind::Structured, 3);
     let caster = Raycaster::new(&scene);

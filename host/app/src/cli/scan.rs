@@ -158,6 +158,7 @@ fn first_viewpoint(
     let plan = PairPlan {
         count: 1,
         baseline_m: config.data.baseline_m,
+        baseline_factor: config.data.train_baseline_factor,
         heading_range_deg: config.data.heading_range_deg,
         tilt_range_deg: config.data.tilt_range_deg,
         height_m: config.scanner.height_m,

@@ -185,14 +185,15 @@ fn poses(
     looking: &dyn Fn(usize, usize),
 ) -> Result<Vec<PosePair>, DatasetError> {
     let data = &config.data;
-    let (total, purpose) = match split {
-        Split::Train => (data.train_pairs, Purpose::TrainPoses),
-        Split::Test => (data.test_pairs, Purpose::TestPoses),
+    let (total, purpose, baseline_factor) = match split {
+        Split::Train => (data.train_pairs, Purpose::TrainPoses, data.train_baseline_factor),
+        Split::Test => (data.test_pairs, Purpose::TestPoses, 1.0),
     };
     let count = total / towns + usize::from(index < total % towns);
     let plan = PairPlan {
         count,
         baseline_m: data.baseline_m,
+        baseline_factor,
         heading_range_deg: data.heading_range_deg,
         tilt_range_deg: data.tilt_range_deg,
         height_m: config.scanner.height_m,

@@ -16,6 +16,9 @@ pub struct DataConfig {
     pub test_pairs: usize,
     /// Distance of a pair's scans, m: the paper's 2 for local methods, 5 for global ones.
     pub baseline_m: f64,
+    /// Pairs to tune on are up to so many times as far apart, evenly: what is chosen on them keeps
+    /// away from where registrations begin to fail. 1 with `tune.strategy = "paper"`.
+    pub train_baseline_factor: f64,
     /// The second scan's heading differs by at most this, degrees.
     pub heading_range_deg: f64,
     /// Roll and pitch of each scan, at most, degrees.
@@ -32,6 +35,7 @@ impl Default for DataConfig {
             train_pairs: 30,
             test_pairs: 40,
             baseline_m: 2.0,
+            train_baseline_factor: 2.0,
             heading_range_deg: 10.0,
             tilt_range_deg: 2.0,
             success_translation_m: 0.5,
@@ -66,6 +70,8 @@ impl DataConfig {
             (0.0..=100.0).contains(&self.baseline_m),
             "0 to 100",
         )?;
+        let factor = self.train_baseline_factor;
+        require("data.train_baseline_factor", factor, (1.0..=10.0).contains(&factor), "1 to 10")?;
         let angle = |v: f64| (0.0..=180.0).contains(&v);
         require(
             "data.heading_range_deg",

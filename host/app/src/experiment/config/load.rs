@@ -7,6 +7,7 @@ use echoloop_files::{MOST_SHOWN, MOST_TEXT, printable, read_text, shown, shown_m
 use thiserror::Error;
 
 use super::{DataConfig, RunConfig, RunConfigError, TuneConfig};
+use crate::experiment::preset::Strategy;
 
 /// Why there is no configuration.
 #[derive(Debug, Error)]
@@ -150,7 +151,8 @@ fn laid_over(mut table: toml::Table, overrides: &[Override]) -> Result<RunConfig
     Ok(config)
 }
 
-/// What is left out of `[data]` and hangs on the method: see [`DataConfig::for_method`].
+/// What is left out of `[data]` and hangs on the method, see [`DataConfig::for_method`], and on the
+/// strategy.
 fn follow_method(config: &mut RunConfig, given: &toml::Table) {
     let usual = DataConfig::for_method(config.registration.method);
     let data = &mut config.data;
@@ -162,6 +164,9 @@ fn follow_method(config: &mut RunConfig, given: &toml::Table) {
         if !given.contains_key(key) {
             *slot = value;
         }
+    }
+    if config.tune.strategy == Strategy::Paper && !given.contains_key("train_baseline_factor") {
+        data.train_baseline_factor = 1.0; // Sec. 4.1
     }
 }
 
@@ -242,6 +247,14 @@ mod tests {
         );
         let own = data(&["data.baseline_m=3", "registration.method=fgr"]);
         assert_eq!((own.baseline_m, own.success_translation_m), (3.0, 1.0));
+    }
+
+    #[test]
+    fn pairs_to_tune_on_lie_as_far_apart_as_the_others_in_the_paper_s_way_alone() {
+        let factor = |texts: &[&str]| set(texts).unwrap().data.train_baseline_factor;
+        assert_eq!(factor(&[]), 2.0);
+        assert_eq!(factor(&["tune.strategy=paper"]), 1.0);
+        assert_eq!(factor(&["tune.strategy=paper", "data.train_baseline_factor=1.5"]), 1.5);
     }
 
     fn set(texts: &[&str]) -> Result<RunConfig, LoadError> {
