@@ -41,9 +41,9 @@ pub(crate) struct Study {
     /// Under these conditions [default: clear].
     #[arg(long, value_delimiter = ',')]
     condition: Vec<Condition>,
-    /// Seeds from 1 to this one; the towns of a seed are its own.
-    #[arg(long, default_value_t = 5)]
-    seeds: u64,
+    /// Of these seeds; the towns of a seed are its own.
+    #[arg(long, value_delimiter = ',', default_value = "1,2,3,4,5")]
+    seed: Vec<u64>,
     /// Runs nothing: writes the page from the record.
     #[arg(long)]
     page: bool,
@@ -81,7 +81,7 @@ impl Study {
             some => some.to_vec(),
         };
         let mut cells = Vec::new();
-        for seed in 1..=self.seeds {
+        for &seed in &self.seed {
             for condition in all(&self.condition) {
                 for method in chosen(&self.method) {
                     for scene in chosen(&self.scene) {
