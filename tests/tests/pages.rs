@@ -12,7 +12,7 @@ const BUILT: [&str; 4] = ["target", ".git", "runs", "node_modules"];
 const ENDINGS: [&str; 8] = [".rs", ".md", ".toml", ".tsv", ".py", ".s", ".x", ".sh"];
 
 /// Files that a page names and a user makes.
-const MADE: [&str; 2] = ["runs/latest/report.html", "my_sensor.toml"];
+const MADE: [&str; 3] = ["runs/latest/report.html", "my_sensor.toml", "tuned.toml"];
 
 /// Characters of a line of Rust, or of a page's prose.
 const COLUMNS: usize = 100;

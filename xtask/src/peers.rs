@@ -1,14 +1,16 @@
 //! Registration, the waveform path and the optimiser against their peers: a Python environment with
 //! them, our side built, both on the same files or functions.
 
+mod environment;
 pub(crate) mod searches;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
-use anyhow::{Context, Result, bail};
+use anyhow::Result;
 
-use crate::shell::{built, cargo, on_path, succeed, workspace};
+use crate::shell::{built, cargo, succeed, workspace};
+use environment::{environment, holds, interpreter};
 
 /// What to measure besides speed.
 #[derive(Clone, Copy, Debug, clap::Args)]
@@ -171,43 +173,6 @@ impl Peers {
     }
 }
 
-/// The Python of an environment that holds exactly these packages; made where there is none, and
-/// again when they change.
-fn environment(folder: &Path, requirements: &Path) -> Result<PathBuf> {
-    let python = interpreter(folder);
-    if holds(folder, requirements)? {
-        return Ok(python);
-    }
-    let outer = ["python3", "python"].into_iter().find(|name| on_path(name));
-    let Some(outer) = outer else { bail!("there is no python3 on the PATH, which the peers need") };
-    succeed(Command::new(outer).args(["-m", "venv"]).arg(folder))?;
-    succeed(
-        Command::new(&python)
-            .args(["-m", "pip", "install", "--quiet", "--requirement"])
-            .arg(requirements),
-    )?;
-    let installed = installed(folder);
-    std::fs::copy(requirements, &installed)
-        .with_context(|| format!("cannot write {}", installed.display()))?;
-    Ok(python)
-}
-
-/// Whether an environment holds exactly these packages.
-fn holds(folder: &Path, requirements: &Path) -> Result<bool> {
-    let wanted = std::fs::read(requirements)
-        .with_context(|| format!("cannot read {}", requirements.display()))?;
-    Ok(std::fs::read(installed(folder)).is_ok_and(|found| found == wanted))
-}
-
-/// Where an environment says what was installed.
-fn installed(folder: &Path) -> PathBuf {
-    folder.join("requirements.txt")
-}
-
-fn interpreter(folder: &Path) -> PathBuf {
-    folder.join(if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -222,15 +187,5 @@ mod tests {
         assert_eq!(parts(true, false, false), ["recall"]);
         assert_eq!(parts(true, true, false), ["recall", "scaling"]);
         assert_eq!(parts(false, false, true), ["speed", "recall", "scaling"]);
-    }
-
-    #[test]
-    fn an_environment_holds_what_was_asked_only_if_just_that_was_installed() {
-        let scripts = workspace().unwrap().join("benches/peers");
-        let requirements = scripts.join("requirements.txt");
-        assert!(holds(&scripts, &requirements).unwrap(), "it lists the same");
-        assert!(!holds(&scripts, &scripts.join("requirements-waveforms.txt")).unwrap());
-        assert!(!holds(&scripts.join("absent"), &requirements).unwrap());
-        assert!(holds(&scripts, &scripts.join("absent")).is_err(), "nothing is asked for");
     }
 }

@@ -8,7 +8,7 @@ use std::process::{Command, Output, Stdio};
 use anyhow::{Context, Result, anyhow, ensure};
 use serde_json::Value;
 
-use super::environment;
+use super::environment::environment;
 use crate::shell::{built, cargo, workspace};
 
 const SCRIPTS: [&str; 3] = ["pycma_search.py", "optuna_search.py", "nevergrad_search.py"];

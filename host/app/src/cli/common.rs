@@ -48,7 +48,8 @@ fn parse_override(text: &str) -> Result<Override, String> {
 }
 
 impl ConfigSource {
-    /// File or run, then `--set`, then the flags given (and only those), with a command's own flags last.
+    /// File or run, then `--set`, then the flags given (and only those), with a command's own flags
+    /// last.
     pub(super) fn load(&self, own: Vec<Override>) -> Result<RunConfig, Failure> {
         let mut overrides = self.set.clone();
         overrides.extend(self.scene.clone().map(|scene| Override::flag("scene.source", scene)));

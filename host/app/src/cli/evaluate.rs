@@ -9,6 +9,7 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::axis_flags::AxisFlags;
+use super::candidate::number;
 use super::common::{Setup, on_threads};
 use super::exit::{self, Failure};
 use super::method_choice::MethodChoice;
@@ -19,7 +20,7 @@ use super::table_format::{TableFormat, csv};
 use crate::experiment::config::RunConfig;
 use crate::experiment::cost::CostKind;
 use crate::experiment::evaluate::{Summary, evaluate_and_cost};
-use crate::experiment::params::{Values, choices, written_values};
+use crate::experiment::params::{Values, written_values};
 use crate::experiment::tune::Observer;
 
 /// Flags of `evaluate`.
@@ -43,8 +44,8 @@ pub(crate) struct EvaluateArgs {
     /// A row for each pair instead of text.
     #[arg(long, value_enum, conflicts_with = "json")]
     format: Option<TableFormat>,
-    /// Which pairs [default: test; with --candidate or --stream train, because whoever searches with
-    /// the test pairs is judged by what was searched with].
+    /// Which pairs [default: test; with --candidate or --stream train, because whoever searches
+    /// with the test pairs is judged by what was searched with].
     #[arg(long)]
     pairs: Option<PairSet>,
     /// Exit with 4 when the recall is below this, percent.
@@ -56,24 +57,6 @@ pub(crate) struct EvaluateArgs {
 #[serde(deny_unknown_fields)]
 struct Candidate {
     parameters: BTreeMap<String, Value>,
-}
-
-/// The number that a candidate gives a named parameter: itself or, of a choice, its name.
-pub(super) fn number(name: &str, given: &Value) -> Result<f64, String> {
-    told_number(name, given).map_err(|problem| shown(&problem))
-}
-
-fn told_number(name: &str, given: &Value) -> Result<f64, String> {
-    let names = choices(name);
-    let index = names.iter().zip(0u32..).find(|(choice, _)| given.as_str() == Some(**choice));
-    match index {
-        Some((_, index)) => Ok(f64::from(index)),
-        None if given.is_number() => {
-            given.as_f64().ok_or_else(|| format!("{name} = {given} must be finite"))
-        }
-        None if names.is_empty() => Err(format!("{name} = {given} must be a number")),
-        None => Err(format!("{name} = {given} must be one of {}", names.join(", "))),
-    }
 }
 
 pub(super) fn run(args: &EvaluateArgs) -> Result<(), Failure> {

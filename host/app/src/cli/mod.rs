@@ -6,6 +6,7 @@
 //! code. To add one: a file with `Args` and `run`, a variant of `Command`, a line in [`Cli::run`].
 
 mod axis_flags;
+mod candidate;
 mod choice;
 mod cloud_output;
 mod common;

@@ -10,7 +10,7 @@ use super::exit::Failure;
 use super::method_choice::method_parser;
 use super::method_flags::MethodFlags;
 use super::tuned_run::tuned_config;
-use crate::experiment::params::{ThetaReg, written};
+use crate::experiment::params::{Parameters, written};
 use crate::said::say;
 use echoloop_registration::cloud::{
     Cloud, CloudError, CloudFormat, Dropped, Recorded, read_cloud, read_recorded, voxel,
@@ -79,8 +79,8 @@ pub(super) fn run(args: &RegisterArgs) -> Result<(), Failure> {
 fn with_run(mut args: RegisterArgs) -> Result<RegisterArgs, Failure> {
     if let Some(run) = &args.run {
         let config = tuned_config(run)?;
-        let theta = ThetaReg::start(&config.registration, (&config).into());
-        let theta = theta.map_err(Failure::usage)?;
+        let start = Parameters::start(&config, &config.hardware()).map_err(Failure::usage)?;
+        let theta = start.registration;
         args.method = theta.method.method();
         (args.refine, args.tuned) = (theta.refine, Some(theta.method));
     }

@@ -10,7 +10,7 @@ use echoloop_files::{MOST_TEXT, shown};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::evaluate::number;
+use super::candidate::number;
 use super::exit::{Failure, print};
 use super::prepared::{PairSet, Prepared};
 use super::progress::Progress;

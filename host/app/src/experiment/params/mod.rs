@@ -6,6 +6,7 @@
 mod axis;
 mod error;
 mod own;
+mod ranges;
 mod repair;
 mod theta_reg;
 mod written;
@@ -22,7 +23,7 @@ use crate::experiment::preset::{LidarPreset, PowerRange, Preset, Protocol};
 
 pub use axis::{Axis, Scale};
 pub use error::ValueError;
-pub use own::Ranges;
+pub use ranges::Ranges;
 pub use repair::repair;
 pub use theta_reg::{ThetaReg, axes};
 pub use written::{written, written_values};
@@ -76,7 +77,8 @@ impl Parameters {
     /// [`ValueError`] of the first registration parameter outside the preset's range, or of the
     /// joint constraints.
     pub fn start(config: &RunConfig, hardware: &Hardware) -> Result<Self, ValueError> {
-        let registration = ThetaReg::start(&config.registration, config.into())?;
+        let ranges = Ranges::from(config).of_registration(config.registration.method);
+        let registration = ThetaReg::start(&config.registration, &ranges)?;
         let parameters = Self { settings: config.lidar.0, registration };
         parameters.settings.check(hardware)?;
         Ok(parameters)

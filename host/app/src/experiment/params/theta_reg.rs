@@ -8,7 +8,6 @@ use echoloop_registration::{
 
 use super::axis::{Axis, Scale};
 use super::error::ValueError;
-use super::own::Ranges;
 use crate::experiment::config::RegistrationConfig;
 use crate::experiment::preset::Preset;
 
@@ -36,14 +35,14 @@ pub struct ThetaReg {
 }
 
 impl ThetaReg {
-    /// Where a configuration starts: the preset's defaults, then what it chooses.
+    /// Where a configuration starts: the preset's defaults, then what it chooses within
+    /// these ranges.
     ///
     /// # Errors
     ///
     /// [`ValueError`] of the first value outside its axis, or that the method does not have.
-    pub fn start(config: &RegistrationConfig, ranges: Ranges<'_>) -> Result<Self, ValueError> {
+    pub fn start(config: &RegistrationConfig, ranges: &[Axis]) -> Result<Self, ValueError> {
         let usual = axes(config.method, config.preset);
-        let axes = ranges.of_registration(config.method);
         let mut theta =
             Self { method: defaults(config.method, config.preset), refine: config.refine };
         if config.refine && !config.method.is_rough() {
@@ -65,7 +64,7 @@ impl ThetaReg {
             }
         }
         for (key, value) in config.chosen() {
-            theta.give(key, value, &axes)?;
+            theta.give(key, value, ranges)?;
         }
         theta.check()?;
         Ok(theta)
@@ -178,7 +177,7 @@ mod tests {
     use super::*;
 
     fn start(config: &RegistrationConfig) -> Result<ThetaReg, ValueError> {
-        ThetaReg::start(config, config.preset.into())
+        ThetaReg::start(config, &axes(config.method, config.preset))
     }
 
     fn config(method: Method, preset: Preset) -> RegistrationConfig {
