@@ -6,11 +6,15 @@
 //! | [`link`] | the client of a sensor, what carries its bytes, the sensors behind it |
 //! | [`waveforms`] | echoes in what other instruments recorded |
 //! | [`report`] | a run as one HTML page: plain data in, a string out |
+//! | [`desk`] | runs that are over: read back from their folders, told, compared |
 //! | [`cli`] | the program `echoloop` |
 //!
-//! `cli` uses all others, `experiment` uses `link`. Each room's page begins with its recipe.
+//! `cli` uses all others, `experiment` uses `link`, `desk` uses `experiment` and `report`. Each
+//! room's page begins with its recipe.
 
+mod chance;
 pub mod cli;
+pub mod desk;
 pub mod experiment;
 pub mod link;
 pub mod report;

@@ -308,6 +308,7 @@ fn a_run_leaves_everything_to_look_at_and_repeats_itself() {
         "config.toml",
         "history.jsonl",
         "result.json",
+        "about.json",
         "report.html",
         "README.txt",
         "before.ply",
@@ -335,9 +336,9 @@ fn a_run_leaves_everything_to_look_at_and_repeats_itself() {
     for name in
         ["config.toml", "history.jsonl", "result.json", "report.html", "before.ply", "after.ply"]
     {
-        let again = fixture.bytes(&format!("runs/0002-yard-icp-joint/{name}"));
+        let again = fixture.repeatable(&format!("runs/0002-yard-icp-joint/{name}"));
         assert!(
-            again == fixture.bytes(&format!("{folder}/{name}")),
+            again == fixture.repeatable(&format!("{folder}/{name}")),
             "{name} differs on one thread"
         );
     }
@@ -1071,7 +1072,7 @@ fn an_interrupted_or_killed_run_goes_on_to_the_very_result_of_one_that_was_not()
     let folder = "runs/0001-yard-icp-joint";
     let names = ["history.jsonl", "result.json", "report.html", "after.ply"]
         .map(|name| format!("{folder}/{name}"));
-    let whole: Vec<_> = names.iter().map(|name| fixture.bytes(name)).collect();
+    let whole: Vec<_> = names.iter().map(|name| fixture.repeatable(name)).collect();
     for (signal, code) in [("-INT", Some(130)), ("-KILL", None)] {
         fs::remove_dir_all(fixture.path("runs")).expect("removed");
         let output = interrupted(&fixture, signal);
@@ -1085,7 +1086,7 @@ fn an_interrupted_or_killed_run_goes_on_to_the_very_result_of_one_that_was_not()
         }
         fixture.succeed(&["tune", "-q", "--resume", "runs/latest"]);
         for (name, whole) in names.iter().zip(&whole) {
-            assert!(fixture.bytes(name) == *whole, "{signal}: {name} differs");
+            assert!(fixture.repeatable(name) == *whole, "{signal}: {name} differs");
         }
     }
 }

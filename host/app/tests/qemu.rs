@@ -94,7 +94,7 @@ fn a_run_through_the_emulated_board_ends_with_the_numbers_of_the_run_in_process(
     );
     for file in ["history.jsonl", "result.json", "report.html"] {
         let [pc, board] =
-            ["pc", "board"].map(|runs| fixture.read(&format!("{runs}/latest/{file}")));
+            ["pc", "board"].map(|runs| fixture.repeatable(&format!("{runs}/latest/{file}")));
         assert!(pc == board, "{file} differs");
     }
     let again = ["evaluate", "--run", "board/latest", "--json", "-q"];

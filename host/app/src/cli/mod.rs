@@ -10,6 +10,7 @@ mod candidate;
 mod choice;
 mod cloud_output;
 mod common;
+mod compare;
 mod draft;
 mod echoes;
 mod evaluate;
@@ -24,11 +25,13 @@ mod prepared;
 mod progress;
 mod ready;
 mod register;
+mod report;
 mod response;
 mod scan;
 mod scan_along;
 mod sensor;
 mod serve;
+mod shown_pair;
 mod stream;
 mod table_format;
 mod tune;
@@ -72,6 +75,10 @@ enum Command {
     Tune(tune::TuneArgs),
     /// Judge one set of parameters; `--candidate -` reads it as JSON from standard input.
     Evaluate(evaluate::EvaluateArgs),
+    /// Write a run's page again, from its folder alone; its charts as files.
+    Report(report::ReportArgs),
+    /// Put runs side by side: what their tuned parameters are worth, and in what they differ.
+    Compare(compare::CompareArgs),
     /// Scan a scene through the sensor and write the cloud.
     Scan(scan::ScanArgs),
     /// Scan the configured pairs through the sensor and write them as files: clouds, true motions,
@@ -181,6 +188,8 @@ impl Cli {
         match self.command.unwrap_or(Command::Tune(self.tune)) {
             Command::Tune(args) => tune::run(&args),
             Command::Evaluate(args) => evaluate::run(&args),
+            Command::Report(args) => report::run(&args),
+            Command::Compare(args) => compare::run(&args),
             Command::Scan(args) => scan::run(&args),
             Command::Pairs(args) => pairs::run(&args),
             Command::Register(args) => register::run(&args),

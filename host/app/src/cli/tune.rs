@@ -4,16 +4,21 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
+use echoloop_dsp::ScanPattern;
 
 use super::axis_flags::AxisFlags;
 use super::common::{Setup, on_threads};
 use super::exit::{Failure, print};
-use super::figures::{Finished, judged, print_table, write_figures};
+use super::figures::print_table;
 use super::interrupt::stop_on_interrupt;
 use super::method_choice::{MethodChoice, toml_name};
 use super::prepared::{Prepared, require_recall};
 use super::progress::Progress;
+use super::report::write_page;
+use super::shown_pair::write_clouds;
 use super::table_format::{TableFormat, csv};
+use crate::desk::judged;
+use crate::experiment::about::About;
 use crate::experiment::compare::Comparison;
 use crate::experiment::config::{Override, RunConfig, default_runs_folder, load};
 use crate::experiment::cost::CostKind;
@@ -23,8 +28,12 @@ use crate::experiment::front::{Front, FrontSearch};
 use crate::experiment::journal::{Generation, Journal};
 use crate::experiment::params::Parameters;
 use crate::experiment::preset::{LidarPreset, Objective, PowerRange, Preset, Protocol, Strategy};
-use crate::experiment::run::{CONFIG, FRONT, HISTORY, REPORT, RESULT, RunFolder, RunResult};
+use crate::experiment::run::{
+    AxisRecord, Background, CONFIG, FRONT, HISTORY, REPORT, RESULT, RunFolder, RunResult,
+    StageRecord,
+};
 use crate::experiment::tune::{TuneError, TuneSearch, Tuned};
+use crate::link::pattern::{described, size};
 use crate::said::say;
 
 /// Flags of `tune`.
@@ -160,6 +169,7 @@ fn tune(
     if let Some(journal) = &begun {
         Journal::check(journal, args.repair)?;
     }
+    let about = resumed.as_ref().map(|folder| About::read(folder.path())).transpose()?;
     let progress = Progress::new(args.setup.common.quiet);
     let runs = args.runs.clone().unwrap_or_else(default_runs_folder);
     if resumed.is_none() {
@@ -176,6 +186,7 @@ fn tune(
     if begun.is_some() && args.generations.is_some() {
         extend(&folder, &prepared.config)?;
     }
+    about.unwrap_or_default().record(&folder)?;
     progress.begin("tuning", search.registrations() as u64);
     let outcome = search_and_judge(&search, &mut journal, done, &progress).and_then(|judged| {
         let front = front(&prepared, &search, &judged.0, &folder, (args.repair, &progress))?;
@@ -192,15 +203,11 @@ fn tune(
     let ((tuned, judged), front) = outcome?;
     journal.confirm()?;
     let result = RunResult { front, ..result(&prepared, &tuned, judged) };
+    let result = RunResult { background: Some(background(&search, &tuned)), ..result };
     folder.write_tuned(&tuned.parameters.as_start_of(&prepared.config))?;
     folder.write_result(&result)?;
-    write_figures(&Finished {
-        folder: &folder,
-        prepared: &prepared,
-        search: &search,
-        tuned: &tuned,
-        result: &result,
-    })?;
+    write_clouds(&folder, &prepared, &tuned.parameters, &result)?;
+    write_page(&folder)?;
     finish(args, &folder, &prepared, &result)
 }
 
@@ -315,6 +322,28 @@ fn result(prepared: &Prepared, tuned: &Tuned, judged: Judged) -> RunResult {
         default_summary: judged.before,
         tuned_summary: judged.after,
         front: None,
+        background: None,
+    }
+}
+
+/// What the page tells of the search besides its result.
+fn background(search: &TuneSearch<'_>, tuned: &Tuned) -> Background {
+    let (dataset, axes) = (search.bench.dataset, search.space.axes());
+    let pattern = dataset.beams.pattern();
+    let stages = search.stages();
+    let last = stages.last().map(|stage| stage.axes.clone()).unwrap_or_default();
+    Background {
+        triangles: dataset.triangles,
+        beams: match pattern {
+            ScanPattern::Grid(_) => size(pattern),
+            _ => described(pattern),
+        },
+        places: dataset.test.iter().map(|pair| pair.place.clone()).collect(),
+        stages: stages.iter().map(StageRecord::from).collect(),
+        axes: axes.iter().map(AxisRecord::from).collect(),
+        correlated: last.iter().map(|&axis| axes[axis].name.to_owned()).collect(),
+        correlations: tuned.correlations.clone(),
+        covariance_learned: tuned.covariance_learned,
     }
 }
 

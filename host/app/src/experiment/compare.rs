@@ -16,17 +16,26 @@ const PURPOSE: u64 = 0x626f_6f74_7374_7261;
 /// The interval that holds the mean of such values with 95 %: percentile bootstrap (Efron and
 /// Tibshirani 1993, Ch. 13). Of none, no numbers.
 pub fn mean_interval(values: &[f64]) -> [f64; 2] {
-    if values.is_empty() {
+    let mean =
+        |drawn: &[usize]| drawn.iter().map(|&i| values[i]).sum::<f64>() / values.len() as f64;
+    bootstrap(values.len(), &mean)
+}
+
+/// The 95 % interval of a figure of `count` things, by percentiles of what it is of as many drawn
+/// from them with repetition. Draws that have no such figure are left out; where those are most,
+/// there is no interval, nor is there one of nothing.
+pub fn bootstrap(count: usize, figure: &dyn Fn(&[usize]) -> f64) -> [f64; 2] {
+    let resampled = |sample: u64| {
+        let mut random = Generator::from_key([sample, count as u64, 0, PURPOSE]);
+        figure(&(0..count).map(|_| random.index(count)).collect::<Vec<_>>())
+    };
+    let samples = if count == 0 { 0 } else { RESAMPLES };
+    let mut figures: Vec<f64> = (0..samples).map(resampled).filter(|f| f.is_finite()).collect();
+    if figures.len() <= RESAMPLES as usize / 2 {
         return [f64::NAN; 2];
     }
-    let resampled = |sample: u64| {
-        let mut random = Generator::from_key([sample, values.len() as u64, 0, PURPOSE]);
-        let drawn = values.iter().map(|_| values[random.index(values.len())]);
-        drawn.sum::<f64>() / values.len() as f64
-    };
-    let mut means: Vec<f64> = (0..RESAMPLES).map(resampled).collect();
-    means.sort_by(f64::total_cmp);
-    let at = |share: f64| means[(share * (RESAMPLES - 1) as f64).round() as usize];
+    figures.sort_by(f64::total_cmp);
+    let at = |share: f64| figures[(share * (figures.len() - 1) as f64).round() as usize];
     [at(0.025), at(0.975)]
 }
 

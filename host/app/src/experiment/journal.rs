@@ -198,6 +198,16 @@ impl Journal {
         }
     }
 
+    /// What is in a whole journal, to look at.
+    ///
+    /// # Errors
+    ///
+    /// [`JournalError`]; of a damaged line its number.
+    pub fn read(path: &Path) -> Result<(Header, Vec<Generation>), JournalError> {
+        let found = parse(path, &read(path)?)?;
+        found.damage.map_or(Ok((found.header, found.generations)), Err)
+    }
+
     /// Opens a journal to go on with it.
     ///
     /// # Errors

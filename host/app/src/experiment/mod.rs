@@ -50,6 +50,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod about;
 pub mod beam_list;
 pub mod beams;
 pub mod checksum;
@@ -61,6 +62,7 @@ pub mod dataset;
 pub mod evaluate;
 pub mod files;
 pub mod front;
+pub mod gain;
 pub mod journal;
 pub mod objective;
 pub mod params;

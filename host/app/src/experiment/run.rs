@@ -17,8 +17,8 @@ use crate::experiment::files::{
 use crate::experiment::front::Front;
 #[cfg(doc)]
 use crate::experiment::params::ThetaReg;
-use crate::experiment::params::{Values, written_values};
-use crate::experiment::tune::Finalist;
+use crate::experiment::params::{Axis, Scale, Values, written_values};
+use crate::experiment::tune::{Finalist, Stage};
 
 /// Configuration of the run, every value.
 pub const CONFIG: &str = "config.toml";
@@ -30,6 +30,8 @@ pub const FRONT: &str = "front.jsonl";
 pub const TUNED: &str = "tuned.toml";
 /// What came out.
 pub const RESULT: &str = "result.json";
+/// Who made it, when and how.
+pub const ABOUT: &str = "about.json";
 /// To look at.
 pub const REPORT: &str = "report.html";
 /// The shown pair with default parameters.
@@ -46,7 +48,11 @@ const BEFORE_EXTENDED: &str = ".before";
 const LOCK: &str = "run.lock";
 
 /// All that is written in a run's folder.
-const WRITTEN: [&str; 9] = [CONFIG, HISTORY, FRONT, TUNED, RESULT, REPORT, BEFORE, AFTER, README];
+const WRITTEN: [&str; 10] =
+    [CONFIG, HISTORY, FRONT, TUNED, RESULT, ABOUT, REPORT, BEFORE, AFTER, README];
+
+/// Version of [`RESULT`]'s format.
+pub const RESULT_FORMAT: u64 = 1;
 
 /// What came out of a run. No times, no paths: the same configuration gives the same bytes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -87,6 +93,94 @@ pub struct RunResult {
     /// The front of error against a cost, where one was asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub front: Option<Front>,
+    /// What a page tells besides; results of earlier versions have none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub background: Option<Background>,
+}
+
+impl RunResult {
+    /// The held-out pair to show: the one the default parameters did worst on.
+    pub fn shown_pair(&self) -> usize {
+        let errors = &self.default_summary.errors;
+        let worst = errors.iter().max_by(|a, b| a.frobenius.total_cmp(&b.frobenius));
+        worst.map_or(0, |error| error.pair)
+    }
+}
+
+/// What only a search that runs knows, kept so that its page can be written again without it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Background {
+    /// The scene's triangles.
+    pub triangles: usize,
+    /// The scan pattern in a few words.
+    pub beams: String,
+    /// Where each held-out pair stands.
+    pub places: Vec<String>,
+    /// The searches, in their order.
+    pub stages: Vec<StageRecord>,
+    /// The axes of the cube, in the order of its coordinates.
+    pub axes: Vec<AxisRecord>,
+    /// Names of the axes of the last stage.
+    pub correlated: Vec<String>,
+    /// Their correlations at its end.
+    pub correlations: Vec<Vec<f64>>,
+    /// How much of them can have been learned, 0 to 1.
+    pub covariance_learned: f64,
+}
+
+/// One search of a run.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct StageRecord {
+    /// Its name in the journal.
+    pub name: String,
+    /// Generations.
+    pub generations: u32,
+    /// Candidates a generation.
+    pub population: usize,
+    /// Training pairs a generation sees.
+    pub pairs: usize,
+}
+
+impl From<&Stage> for StageRecord {
+    fn from(stage: &Stage) -> Self {
+        let Stage { name, generations, population, pairs, .. } = *stage;
+        Self { name: name.into(), generations, population, pairs }
+    }
+}
+
+/// An axis of the cube.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AxisRecord {
+    /// Section and key of the configuration.
+    pub name: String,
+    /// Unit; empty for plain numbers.
+    pub unit: String,
+    /// How values lie along it.
+    pub scale: Scale,
+    /// Least value.
+    pub min: f64,
+    /// Greatest value.
+    pub max: f64,
+}
+
+impl AxisRecord {
+    /// The axis again.
+    pub fn axis(&self) -> Axis {
+        let Self { scale, min, max, .. } = *self;
+        Axis { name: "", unit: "", scale, min, max, default: min }
+    }
+}
+
+impl From<&Axis> for AxisRecord {
+    fn from(axis: &Axis) -> Self {
+        Self {
+            name: axis.name.into(),
+            unit: axis.unit.into(),
+            scale: axis.scale,
+            min: axis.min,
+            max: axis.max,
+        }
+    }
 }
 
 /// A run's folder, which no other process writes as long as this lives.
@@ -304,7 +398,8 @@ tuned.toml     config.toml with the tuned parameters to start with: `echoloop sc
 tuned.toml`
 result.json    parameters before and after, the final choice, and every held-out pair; no times, \
 so equal runs are equal
-report.html    the same to look at: one file, no network needed
+about.json     the commands that made the run: version, build, date; what result.json leaves out
+report.html    the same to look at: one file, no network needed; `echoloop report .` writes it again
 before.ply     one held-out pair with the default parameters: target, and source laid on it \
 (target's frame, metres)
 after.ply      the same pair with the tuned parameters

@@ -3,10 +3,12 @@
 use super::axis::Axis;
 use super::data::Convergence;
 use super::format::significant;
-use super::plot::{Frame, Key, Px, Sample, chart, legend};
+use super::plot::{Caption, Frame, Key, Px, Sample, chart, legend};
 
 const SIZE: Px = [520.0, 310.0];
 const SIGMA_SIZE: Px = [360.0, 310.0];
+
+const SIGMA_KEYS: [Key<'static>; 1] = [("sigma", Sample::Line, "step size σ of the search")];
 
 /// Both plots with their legend, or nothing without generations.
 pub(super) fn section(convergence: &Convergence) -> String {
@@ -40,7 +42,9 @@ fn fitness(c: &Convergence, xs: &[f64]) -> String {
         [&c.best, &c.lower_quartile, &c.median, &c.upper_quartile, &c.mean_point, &c.held_out];
     let y = Axis::around(series.into_iter().flatten().copied().chain(c.default_fitness));
     let (label, y_title) = (fitness_label(c), fitness_title(c, y.is_log()));
-    let frame = Frame { size: SIZE, label: &label, y_title: &y_title, x_title: "generation" };
+    let caption = Caption { name: "fitness", title: "Convergence", keys: &keys(c) };
+    let x_title = "generation";
+    let frame = Frame { caption, size: SIZE, label: &label, y_title: &y_title, x_title };
     chart(&frame, generation_axis(xs), y, |chart| {
         chart.band("band", xs, &c.lower_quartile, &c.upper_quartile)?;
         chart.level("default", c.default_fitness.unwrap_or(f64::NAN))?;
@@ -109,11 +113,9 @@ fn sigma(c: &Convergence, xs: &[f64]) -> String {
         significant(last)
     );
     let y_title = "σ, widths of the unit cube, log axis";
-    let frame = Frame { size: SIGMA_SIZE, label: &label, y_title, x_title: "generation" };
+    let caption = Caption { name: "step-size", title: "Step size", keys: &SIGMA_KEYS };
+    let frame = Frame { caption, size: SIGMA_SIZE, label: &label, y_title, x_title: "generation" };
     let y = Axis::log_around(c.sigma.iter().copied(), 1e-9);
     let plot = chart(&frame, generation_axis(xs), y, |chart| chart.line("sigma", xs, &c.sigma));
-    format!(
-        "<figure>{plot}{}</figure>",
-        legend(&[("sigma", Sample::Line, "step size σ of the search")])
-    )
+    format!("<figure>{plot}{}</figure>", legend(&SIGMA_KEYS))
 }

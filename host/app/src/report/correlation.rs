@@ -7,7 +7,7 @@ use plotters::style::text_anchor::{HPos, VPos};
 
 use super::data::Correlation;
 use super::format::{escape, fixed};
-use super::plot::{Canvas, Drawn, Px, at, drawing, hint, text};
+use super::plot::{Canvas, Caption, Drawn, Px, at, drawing, hint, text};
 use super::theme::ink;
 
 const CELL: f64 = 34.0;
@@ -94,7 +94,9 @@ fn heat_map(c: &Correlation) -> String {
     let Layout { left, top, size } = Layout::new(&c.names);
     let label = format!("Heat map of the correlations between {} parameters.", c.names.len());
     let corner = |column: usize, row: usize| [left + column as f64 * CELL, top + row as f64 * CELL];
-    let svg = drawing(size, &label, |canvas, hints| {
+    let title = "What moved together in the search: correlations";
+    let caption = Caption { name: "correlations", title, keys: &[] };
+    let svg = drawing(&caption, size, &label, |canvas, hints| {
         for (row, column, r) in pairs(c) {
             let [x, y] = corner(column, row - 1);
             cell(canvas, [x, y], r)?;

@@ -10,7 +10,8 @@ pub(super) fn section(costs: &Costs) -> String {
     }
     let heads: String =
         costs.heads.iter().map(|head| format!("<th scope=\"col\">{}</th>", escape(head))).collect();
-    let rows: String = costs.rows.iter().map(|(name, cells)| row(name, cells)).collect();
+    let rows: String =
+        costs.rows.iter().map(|(name, cells)| row(name, &costs.heads, cells)).collect();
     format!(
         "<section id=\"cost\"><h2>What a scan costs</h2><p class=\"lead\">{}</p>\
          <div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"Costs\">\
@@ -20,10 +21,13 @@ pub(super) fn section(costs: &Costs) -> String {
     )
 }
 
-fn row(name: &str, cells: &[String]) -> String {
-    let cells: String = cells
-        .iter()
-        .map(|cell| format!("<td><span class=\"value\">{}</span></td>", escape(cell)))
-        .collect();
+fn row(name: &str, heads: &[String], cells: &[String]) -> String {
+    let cells: String =
+        heads.iter().zip(cells).map(|(head, cell)| figure_cell(head, cell)).collect();
     format!("<tr><th scope=\"row\">{}</th>{cells}</tr>", escape(name))
+}
+
+/// A cell of a table of figures, which on a narrow page says what its column is.
+pub(super) fn figure_cell(head: &str, cell: &str) -> String {
+    format!("<td data-head=\"{}\"><span class=\"value\">{}</span></td>", escape(head), escape(cell))
 }

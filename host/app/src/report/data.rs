@@ -12,6 +12,8 @@ pub struct Report {
     pub subtitle: String,
     /// Name and value of what identifies the run: scene, seed, method, protocol, generations…
     pub facts: Vec<(String, String)>,
+    /// Who made the run, when, how.
+    pub identity: Identity,
     /// Default against tuned on the test pairs.
     pub table: EvaluationTable,
     /// What a scan costs.
@@ -22,6 +24,8 @@ pub struct Report {
     pub convergence: Convergence,
     /// One trace for each tuned parameter.
     pub parameters: Vec<ParameterTrace>,
+    /// What mattered.
+    pub importance: Importance,
     /// Correlations of the search distribution at the end.
     pub correlation: Option<Correlation>,
     /// Errors of each test pair, default against tuned.
@@ -30,6 +34,16 @@ pub struct Report {
     pub clouds: Option<PairClouds>,
     /// Remarks, a paragraph each.
     pub notes: Vec<String>,
+}
+
+/// What identifies a run besides its result.
+#[derive(Clone, Debug, Default)]
+pub struct Identity {
+    /// Of each command that worked on it: when it began (UTC), the program's version, its build,
+    /// and the command itself.
+    pub sessions: Vec<[String; 4]>,
+    /// The whole configuration, as a file has it.
+    pub configuration: String,
 }
 
 /// How far an estimated pose is from the truth. Not finite when registration found nothing.
@@ -68,8 +82,13 @@ pub struct EvaluationTable {
 }
 
 impl EvaluationTable {
-    pub(super) fn first(&self, kind: RowKind) -> Option<&EvaluationRow> {
+    fn first(&self, kind: RowKind) -> Option<&EvaluationRow> {
         self.rows.iter().find(|row| row.kind == kind)
+    }
+
+    /// The rows that the headline compares.
+    pub(super) fn both(&self) -> Option<(&EvaluationRow, &EvaluationRow)> {
+        self.first(RowKind::Default).zip(self.first(RowKind::Tuned))
     }
 }
 
@@ -104,6 +123,21 @@ pub struct EvaluationRow {
     pub median_translation_cm: f64,
     /// Median rotation error over all pairs.
     pub median_rotation_deg: f64,
+    /// The 95 % intervals of the five figures above, in their order.
+    pub intervals: [[f64; 2]; 5],
+    /// How the five differ from the default row's on the same pairs, if that is known.
+    pub gain: Option<[Difference; 5]>,
+}
+
+/// A difference from the default row.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Difference {
+    /// This row's figure less the default's.
+    pub value: f64,
+    /// Its 95 % interval.
+    pub interval: [f64; 2],
+    /// Whether it is more than chance could do.
+    pub is_shown: bool,
 }
 
 impl Default for EvaluationRow {
@@ -118,6 +152,8 @@ impl Default for EvaluationRow {
             mean_rotation_deg: f64::NAN,
             median_translation_cm: f64::NAN,
             median_rotation_deg: f64::NAN,
+            intervals: [[f64::NAN; 2]; 5],
+            gain: None,
         }
     }
 }
@@ -223,6 +259,56 @@ pub struct ParameterTrace {
     pub high: Vec<f64>,
 }
 
+/// Which parameters mattered, as the candidates themselves say.
+#[derive(Clone, Debug, Default)]
+pub struct Importance {
+    /// What was found, or why nothing can be said.
+    pub verdict: String,
+    /// The parameters, most important first.
+    pub bars: Vec<Bar>,
+    /// Fitness along the most important ones.
+    pub slices: Vec<Slice>,
+    /// Why the chosen point lies where the search did not end: what it is, then a sentence for each
+    /// parameter.
+    pub chosen: Vec<String>,
+}
+
+/// The importance of a parameter.
+#[derive(Clone, Debug, Default)]
+pub struct Bar {
+    /// The parameter.
+    pub name: String,
+    /// Share of the variation, 0 to 1.
+    pub value: f64,
+    /// Its 95 % interval.
+    pub interval: [f64; 2],
+    /// Whether that is more than chance.
+    pub is_shown: bool,
+}
+
+/// Fitness along a parameter, all others as chosen.
+#[derive(Clone, Debug, Default)]
+pub struct Slice {
+    /// The parameter.
+    pub name: String,
+    /// Its unit; empty when it has none.
+    pub unit: String,
+    /// Whether it is drawn on a logarithmic axis.
+    pub log: bool,
+    /// Names of its values, from 0, when it is a choice; else none.
+    pub choices: &'static [&'static str],
+    /// Where the curve is known.
+    pub at: Vec<f64>,
+    /// Fitness over that of the chosen point.
+    pub ratio: Vec<f64>,
+    /// The band around it, from and to.
+    pub band: [Vec<f64>; 2],
+    /// Candidates: value and ratio.
+    pub dots: Vec<[f64; 2]>,
+    /// The chosen value.
+    pub chosen: f64,
+}
+
 /// Correlations of the search distribution, `D^-1/2 C D^-1/2`.
 #[derive(Clone, Debug, Default)]
 pub struct Correlation {
@@ -280,6 +366,9 @@ impl Report {
         for trace in &self.parameters {
             trace.check(generations)?;
         }
+        for slice in &self.importance.slices {
+            slice.check()?;
+        }
         if let Some(correlation) = &self.correlation {
             correlation.check()?;
         }
@@ -312,6 +401,15 @@ impl ParameterTrace {
                 optional_length(&series, values.len(), generations, "generations")
             },
         )
+    }
+}
+
+impl Slice {
+    fn check(&self) -> Result<(), ReportError> {
+        let series = [("curve", &self.ratio), ("band", &self.band[0]), ("band", &self.band[1])];
+        series.iter().try_for_each(|(name, values)| {
+            length(&format!("{name} of {}", self.name), values.len(), self.at.len(), "places")
+        })
     }
 }
 

@@ -22,6 +22,11 @@ pub(super) fn escape(text: &str) -> String {
     out
 }
 
+/// A name as one of a file: letters, digits and dashes.
+pub(super) fn file_name(name: &str) -> String {
+    name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect()
+}
+
 /// `value` with a fixed number of decimals and a true minus sign.
 pub(super) fn fixed(value: f64, decimals: usize) -> String {
     if !value.is_finite() {
@@ -46,7 +51,7 @@ pub(super) fn signed(value: f64, decimals: usize) -> String {
 }
 
 /// Three significant digits without trailing zeros; powers of ten only far from one.
-pub(super) fn significant(value: f64) -> String {
+pub(crate) fn significant(value: f64) -> String {
     if !value.is_finite() || value == 0.0 {
         return fixed(value, 0);
     }

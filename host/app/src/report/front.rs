@@ -1,14 +1,21 @@
 //! A front of error against a cost.
 
 use super::axis::Axis;
+use super::cost::figure_cell;
 use super::data::{Front, FrontDot};
 use super::format::{escape, fixed, significant};
-use super::plot::{Frame, Px, Sample, chart, legend};
+use super::plot::{Caption, Frame, Key, Px, Sample, chart, legend};
 
 const SIZE: Px = [880.0, 360.0];
 
 /// No cost of a scan is less, in J, s, bits or instructions.
 const LEAST_COST: f64 = 1e-12;
+
+const KEYS: [Key<'static>; 3] = [
+    ("held-out", Sample::Dot, "point of the front"),
+    ("dot-default", Sample::Dot, "default parameters"),
+    ("dot-tuned", Sample::Dot, "tuned for the error alone"),
+];
 
 /// The plot and its table, or nothing without points.
 pub(super) fn section(front: &Front) -> String {
@@ -23,11 +30,7 @@ pub(super) fn section(front: &Front) -> String {
         escape(&front.name),
         escape(&front.verdict),
         plot(front),
-        legend(&[
-            ("held-out", Sample::Dot, "point of the front"),
-            ("dot-default", Sample::Dot, "default parameters"),
-            ("dot-tuned", Sample::Dot, "tuned for the error alone"),
-        ]),
+        legend(&KEYS),
         table(front)
     )
 }
@@ -44,7 +47,9 @@ fn plot(front: &Front) -> String {
     let y_title = format!("error, mean ‖T − T*‖_F{}", if y.is_log() { ", log axis" } else { "" });
     let label = label(front);
     let x_title = &format!("{}, log axis", front.axis);
-    let frame = Frame { size: SIZE, label: &label, y_title: &y_title, x_title };
+    let title = format!("Error against {}", front.name);
+    let caption = Caption { name: "front", title: &title, keys: &KEYS };
+    let frame = Frame { caption, size: SIZE, label: &label, y_title: &y_title, x_title };
     chart(&frame, x, y, |chart| {
         for dot in all(front) {
             chart.line("whisker", &[dot.cost; 2], &dot.interval)?;
@@ -75,10 +80,11 @@ fn label(front: &Front) -> String {
 }
 
 fn table(front: &Front) -> String {
-    let heads =
+    let names =
         [front.axis.as_str(), "Error", "95 % interval", "Recall", "Median e_t", "Against default"];
     let heads: String =
-        heads.iter().map(|head| format!("<th scope=\"col\">{}</th>", escape(head))).collect();
+        names.iter().map(|head| format!("<th scope=\"col\">{}</th>", escape(head))).collect();
+    let row = |name: &str, dot: &FrontDot| row(name, &names, dot);
     let named = [("default", &front.default), ("tuned", &front.tuned)];
     let named = named.into_iter().map(|(name, dot)| row(name, dot));
     let points = (1..).zip(&front.points).map(|(i, dot)| row(&format!("point {i}"), dot));
@@ -90,7 +96,7 @@ fn table(front: &Front) -> String {
     )
 }
 
-fn row(name: &str, dot: &FrontDot) -> String {
+fn row(name: &str, heads: &[&str; 6], dot: &FrontDot) -> String {
     let [low, high] = dot.interval.map(significant);
     let cells = [
         dot.cost_text.clone(),
@@ -100,9 +106,7 @@ fn row(name: &str, dot: &FrontDot) -> String {
         format!("{}\u{a0}cm", fixed(dot.median_translation_cm, 2)),
         dot.against_default.clone(),
     ];
-    let cells: String = cells
-        .iter()
-        .map(|cell| format!("<td><span class=\"value\">{}</span></td>", escape(cell)))
-        .collect();
+    let cells: String =
+        heads.iter().zip(&cells).map(|(head, cell)| figure_cell(head, cell)).collect();
     format!("<tr><th scope=\"row\">{}</th>{cells}</tr>", escape(name))
 }

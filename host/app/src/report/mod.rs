@@ -17,22 +17,30 @@ mod cost;
 mod data;
 mod error;
 mod evaluation;
+mod figure;
 mod format;
 mod front;
+mod identity;
+mod importance;
 mod page;
 mod pairs;
 mod plot;
 mod response;
+mod runs;
 mod theme;
 mod trajectories;
 
 pub use clouds::MAX_LAYER_POINTS;
 pub use data::{
-    CloudLayer, Convergence, Correlation, Costs, EvaluationRow, EvaluationTable, Front, FrontDot,
-    PairClouds, PairError, ParameterTrace, PoseError, Report, RowKind,
+    Bar, CloudLayer, Convergence, Correlation, Costs, Difference, EvaluationRow, EvaluationTable,
+    Front, FrontDot, Identity, Importance, PairClouds, PairError, ParameterTrace, PoseError,
+    Report, RowKind, Slice,
 };
 pub use error::ReportError;
+pub use figure::Figure;
+pub(crate) use format::significant;
 pub use response::ResponsePage;
+pub use runs::{DifferingTable, RunsPage};
 
 impl Report {
     /// The page, complete.
@@ -46,6 +54,15 @@ impl Report {
     pub fn to_html(&self) -> Result<String, ReportError> {
         self.check()?;
         Ok(page::page(self))
+    }
+
+    /// Every chart of the page, standing alone.
+    ///
+    /// # Errors
+    ///
+    /// As of [`Self::to_html`], and [`ReportError::Drawing`].
+    pub fn figures(&self) -> Result<Vec<Figure>, ReportError> {
+        figure::figures(&self.to_html()?).map_err(ReportError::Drawing)
     }
 }
 

@@ -2,10 +2,14 @@
 
 use super::data::Report;
 use super::format::escape;
-use super::{clouds, convergence, correlation, cost, evaluation, front, pairs, trajectories};
+use super::{
+    clouds, convergence, correlation, cost, evaluation, front, identity, importance, pairs,
+    trajectories,
+};
 
 const STYLE: &str = include_str!("report.css");
 const VIEWER: &str = include_str!("viewer.js");
+const SAVE: &str = include_str!("save.js");
 
 /// Nothing may be fetched: the browser enforces what the report promises.
 const POLICY: &str =
@@ -19,13 +23,15 @@ pub(super) fn page(report: &Report) -> String {
         front::section(&report.front),
         convergence::section(&report.convergence),
         trajectories::section(report),
+        importance::section(&report.importance),
         correlation::section(report.correlation.as_ref(), report.convergence.generation.len()),
         pairs::section(report),
         clouds::section(report.clouds.as_ref()),
+        identity::section(&report.identity),
         notes(&report.notes),
     ]
     .concat();
-    document(&report.title, &sections, VIEWER)
+    document(&report.title, &sections, &[SAVE, VIEWER].concat())
 }
 
 /// A whole page around sections.
@@ -54,7 +60,7 @@ fn header(report: &Report) -> String {
     let facts = facts(&report.facts);
     format!(
         "<header><p class=\"eyebrow\">Echoloop</p><h1>{}</h1><p class=\"subtitle\">{}</p>\
-         <p class=\"headline\">{}</p>{}{facts}</header>\n",
+         {}{}{facts}</header>\n",
         escape(&report.title),
         escape(&report.subtitle),
         evaluation::headline(report),

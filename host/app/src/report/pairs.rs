@@ -1,16 +1,15 @@
 //! Each test pair before and after, and the distributions of both.
 
-use std::f64::consts::LN_2;
-
 use plotters::element::{Circle, Cross, PathElement};
 use plotters::series::LineSeries;
 use plotters::style::Color;
 
 use super::axis::Axis;
 use super::data::{PairError, PoseError, Report};
-use super::format::{fixed, with_unit};
-use super::plot::{Chart, Drawn, Frame, Px, Sample, chart, fine, legend};
+use super::format::{file_name, fixed, with_unit};
+use super::plot::{Caption, Chart, Drawn, Frame, Key, Px, Sample, chart, fine, legend};
 use super::theme::ink;
+use crate::chance::coin;
 
 const SLOPES: Px = [900.0, 300.0];
 const CURVE: Px = [440.0, 270.0];
@@ -44,10 +43,10 @@ pub(super) fn section(report: &Report) -> String {
          <div class=\"pair\"><figure>{}</figure><figure>{}</figure></div>{}</section>\n",
         gains(pairs, within),
         slopes(pairs, within),
-        slope_legend(),
+        legend(&SLOPE_KEYS),
         curve(&TRANSLATION, pairs, within),
         curve(&ROTATION, pairs, within),
-        curve_legend()
+        legend(&CURVE_KEYS)
     )
 }
 
@@ -71,22 +70,16 @@ fn gains(pairs: &[PairError], within: &PoseError) -> String {
     )
 }
 
-/// Probability that `a + b` throws of a fair coin fall at least as unevenly as `a` to `b`.
-fn coin(a: usize, b: usize) -> f64 {
-    let factorial = |n: usize| libm::lgamma(n as f64 + 1.0);
-    let n = a + b;
-    let share = |k| factorial(n) - factorial(k) - factorial(n - k) - n as f64 * LN_2;
-    let sum: f64 = (0..=a.min(b)).map(|k| libm::exp(share(k))).sum();
-    (2.0 * sum).min(1.0)
-}
-
 /// A stroke for each pair from its default to its tuned error, worst default first.
 fn slopes(pairs: &[PairError], within: &PoseError) -> String {
     let mut sorted: Vec<&PairError> = pairs.iter().collect();
     sorted.sort_by(|a, b| b.default.translation_m.total_cmp(&a.default.translation_m));
     let label =
         format!("Translation error of {} pairs with default and tuned parameters.", pairs.len());
+    let caption =
+        Caption { name: "pairs", title: "Default and tuned, pair by pair", keys: &SLOPE_KEYS };
     let frame = Frame {
+        caption,
         size: SLOPES,
         label: &label,
         y_title: "translation error, m, log axis; ✕ at the top: nothing found",
@@ -154,7 +147,9 @@ fn curve(part: &Part, pairs: &[PairError], within: &PoseError) -> String {
     let label =
         format!("Cumulative distribution of the {} with default and tuned parameters.", part.name);
     let x_title = format!("{}, {}, log axis", part.name, part.unit);
+    let (name, keys) = (file_name(part.name), &CURVE_KEYS);
     let frame = Frame {
+        caption: Caption { name: &name, title: part.name, keys },
         size: CURVE,
         label: &label,
         y_title: "% of pairs with at most this error",
@@ -191,36 +186,18 @@ fn part_axis(part: &Part, pairs: &[PairError], within: &PoseError) -> Axis {
     Axis::log_around(errors.chain([(part.read)(within)]), FLOOR)
 }
 
-fn slope_legend() -> String {
-    legend(&[
-        ("dot-default", Sample::Dot, "default, success"),
-        ("dot-default hollow", Sample::Dot, "default, failure"),
-        ("dot-tuned", Sample::Dot, "tuned, success"),
-        ("dot-tuned hollow", Sample::Dot, "tuned, failure"),
-        ("slope good", Sample::Line, "smaller error"),
-        ("slope bad", Sample::Line, "larger error"),
-        ("limit", Sample::Line, "bound of success"),
-    ])
-}
+const SLOPE_KEYS: [Key<'static>; 7] = [
+    ("dot-default", Sample::Dot, "default, success"),
+    ("dot-default hollow", Sample::Dot, "default, failure"),
+    ("dot-tuned", Sample::Dot, "tuned, success"),
+    ("dot-tuned hollow", Sample::Dot, "tuned, failure"),
+    ("slope good", Sample::Line, "smaller error"),
+    ("slope bad", Sample::Line, "larger error"),
+    ("limit", Sample::Line, "bound of success"),
+];
 
-fn curve_legend() -> String {
-    legend(&[
-        ("curve-default", Sample::Line, "default"),
-        ("curve-tuned", Sample::Line, "tuned"),
-        ("limit", Sample::Line, "bound of success"),
-    ])
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_coin_is_fair() {
-        for (a, b, p) in
-            [(0, 0, 1.0), (3, 3, 1.0), (5, 0, 2.0 / 32.0), (1, 7, 18.0 / 256.0), (999, 999, 1.0)]
-        {
-            assert!((coin(a, b) - p).abs() < 1e-9, "{a} to {b}");
-        }
-    }
-}
+const CURVE_KEYS: [Key<'static>; 3] = [
+    ("curve-default", Sample::Line, "default"),
+    ("curve-tuned", Sample::Line, "tuned"),
+    ("limit", Sample::Line, "bound of success"),
+];

@@ -15,7 +15,7 @@ use super::theme::{ink, themed};
 
 /// plotters places things on whole units; this many of them make one of ours, a pixel at the
 /// natural size.
-const FINE: f64 = 10.0;
+pub(super) const FINE: f64 = 10.0;
 
 /// A point on the drawing, y down.
 pub(super) type Px = [f64; 2];
@@ -31,9 +31,20 @@ pub(super) fn at([x, y]: Px) -> (i32, i32) {
     (fine(x), fine(y))
 }
 
+/// What a chart is called, and what is said beside it: with these it can stand alone. Without a
+/// name it is part of a page only.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Caption<'a> {
+    /// Letters, digits and dashes.
+    pub(super) name: &'a str,
+    pub(super) title: &'a str,
+    pub(super) keys: &'a [Key<'a>],
+}
+
 /// An SVG element of this size; `label` is what a screen reader says. What `draw` puts into the
 /// string lies on top.
 pub(super) fn drawing(
+    caption: &Caption<'_>,
     size: Px,
     label: &str,
     draw: impl FnOnce(&Canvas<'_>, &mut String) -> Drawn,
@@ -44,11 +55,64 @@ pub(super) fn drawing(
         SVGBackend::with_string(&mut svg, (width as u32, height as u32)).into_drawing_area();
     draw(&canvas, &mut top).and_then(|()| canvas.present()).expect("a string takes every drawing");
     drop(canvas);
-    let content = themed(&svg).replace("</svg>", &top);
+    let (tag, own) = own_caption(caption, size);
+    let content = themed(&svg).replace("</svg>", &(top + &own));
     format!(
-        "<svg role=\"img\" aria-label=\"{}\" viewBox=\"0 0 {width} {height}\">{content}</svg>",
+        "<svg role=\"img\" aria-label=\"{}\"{tag} viewBox=\"0 0 {width} {height}\">{content}</svg>",
         escape(label)
     )
+}
+
+/// Height of a line of a caption.
+const LINE: f64 = 20.0;
+
+/// Room around a chart that stands alone.
+const MARGIN: f64 = 10.0;
+
+/// Wide enough for a letter of a caption.
+const LETTER: f64 = 6.8;
+
+/// Of a named chart the attributes that say so, and its title and legend, which only show where it
+/// stands alone: in a page they are text beside it.
+fn own_caption(caption: &Caption<'_>, [width, height]: Px) -> (String, String) {
+    if caption.name.is_empty() {
+        return Default::default();
+    }
+    let width = width.max(240.0);
+    let above = if caption.title.is_empty() { MARGIN } else { MARGIN + LINE };
+    let (keys, below) = own_legend(caption.keys, width, height + LINE);
+    let [left, top, wide, high] =
+        [-MARGIN, -above, width + 2.0 * MARGIN, above + height + below + MARGIN].map(fine);
+    let title = match caption.title {
+        "" => String::new(),
+        title => own_text([4.0, -8.0], "own-title", title),
+    };
+    (
+        format!(" data-figure=\"{}\" data-box=\"{left} {top} {wide} {high}\"", caption.name),
+        format!("<g class=\"alone\">{title}{keys}</g>"),
+    )
+}
+
+fn own_text([x, y]: Px, class: &str, text: &str) -> String {
+    let (x, y) = at([x, y]);
+    format!("<text class=\"{class}\" x=\"{x}\" y=\"{y}\">{}</text>", escape(text))
+}
+
+/// A legend in lines from `y` on, and how high it is.
+fn own_legend(keys: &[Key<'_>], width: f64, y: f64) -> (String, f64) {
+    let (mut x, mut line, mut drawn) = (4.0, 0.0, String::new());
+    for (class, sample, text) in keys {
+        let wide = 30.0 + LETTER * text.chars().count() as f64 + 14.0;
+        if x > 4.0 && x + wide > width {
+            (x, line) = (4.0, line + 1.0);
+        }
+        let base = y + LINE * line;
+        drawn += &shape(class, *sample, [x, base - 10.0], FINE);
+        drawn += &own_text([x + 30.0, base], "tick", text);
+        x += wide;
+    }
+    let height = if keys.is_empty() { 0.0 } else { LINE * (line + 1.0) + 4.0 };
+    (drawn, height)
 }
 
 /// Text of a class, placed by `h` and `v`. Font and size are the style sheet's.
@@ -69,6 +133,7 @@ pub(super) fn hint((left, top): (i32, i32), (right, bottom): (i32, i32), hint: &
 
 /// What stands around a chart.
 pub(super) struct Frame<'a> {
+    pub(super) caption: Caption<'a>,
     pub(super) size: Px,
     pub(super) label: &'a str,
     /// Above the left axis; none leaves no room.
@@ -90,7 +155,7 @@ pub(super) fn chart(
     y: Axis,
     draw: impl FnOnce(&mut Chart<'_, '_>) -> Drawn,
 ) -> String {
-    drawing(frame.size, frame.label, |canvas, top| {
+    drawing(&frame.caption, frame.size, frame.label, |canvas, top| {
         let room = |title: &str, with, without| fine(if title.is_empty() { without } else { with });
         canvas.draw_text(
             frame.y_title,
@@ -205,10 +270,29 @@ pub(super) fn legend(keys: &[Key<'_>]) -> String {
 }
 
 fn key(class: &str, sample: Sample, text: &str) -> String {
-    let shape = match sample {
-        Sample::Line => format!("<path class=\"{class}\" d=\"M1 6L23 6\"/>"),
-        Sample::Area => format!("<path class=\"{class}\" d=\"M1 1L23 1L23 11L1 11Z\"/>"),
-        Sample::Dot => format!("<circle class=\"{class}\" cx=\"12\" cy=\"6\" r=\"4\"/>"),
-    };
+    let shape = shape(class, sample, [0.0; 2], 1.0);
     format!("<li><svg viewBox=\"0 0 24 12\" aria-hidden=\"true\">{shape}</svg>{text}</li>")
+}
+
+/// A key's sample, 24 by 12 from a corner on, in units of which `scale` are a pixel.
+fn shape(class: &str, sample: Sample, [x, y]: Px, scale: f64) -> String {
+    let to = |right: f64, down: f64| {
+        let [right, down] = [scale * (x + right), scale * (y + down)].map(f64::round);
+        format!("{right} {down}")
+    };
+    match sample {
+        Sample::Line => {
+            format!("<path class=\"{class}\" d=\"M{}L{}\"/>", to(1.0, 6.0), to(23.0, 6.0))
+        }
+        Sample::Area => {
+            let corners = [to(1.0, 1.0), to(23.0, 1.0), to(23.0, 11.0), to(1.0, 11.0)].join("L");
+            format!("<path class=\"{class}\" d=\"M{corners}Z\"/>")
+        }
+        Sample::Dot => {
+            let centre = to(12.0, 6.0);
+            let (x, y) = centre.split_once(' ').unwrap_or_default();
+            let radius = 4.0 * scale;
+            format!("<circle class=\"{class}\" cx=\"{x}\" cy=\"{y}\" r=\"{radius}\"/>")
+        }
+    }
 }

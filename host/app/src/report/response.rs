@@ -3,7 +3,7 @@
 use super::axis::Axis;
 use super::format::escape;
 use super::page::{document, facts};
-use super::plot::{Frame, Px, Sample, chart, legend};
+use super::plot::{Caption, Frame, Px, Sample, chart, legend};
 
 const SIZE: Px = [880.0, 310.0];
 
@@ -50,7 +50,9 @@ impl ResponsePage {
         };
         let (low, high) = (around(-1.0), around(1.0));
         let label = format!("Line plot of the response: {y_title} over the lag from its top.");
-        let frame = Frame { size: SIZE, label: &label, y_title, x_title: "ns after the top" };
+        let caption = Caption::default();
+        let x_title = "ns after the top";
+        let frame = Frame { caption, size: SIZE, label: &label, y_title, x_title };
         let ends = (self.lag_ns.first().copied(), self.lag_ns.last().copied());
         let x = Axis::between(ends.0.unwrap_or(0.0), ends.1.unwrap_or(1.0), false);
         chart(&frame, x, y, |chart| {

@@ -5,11 +5,12 @@ use plotters::style::RGBColor;
 
 /// Every class a plot may use. Each has a colour of its own while plotters draws, and none after.
 #[rustfmt::skip]
-const CLASSES: [&str; 32] = [
+pub(super) const CLASSES: [&str; 35] = [
     "grid", "frame", "tick", "axis", "limit", "default", "best", "median", "mean-point", "band",
     "held-out", "sigma", "mean", "spread", "tuned", "slope good", "slope bad", "dot-default",
     "dot-default hollow", "dot-tuned", "dot-tuned hollow", "curve-default", "curve-tuned", "cell",
     "plus", "minus", "value", "value strong", "name", "bar-back", "bar", "whisker",
+    "own-title", "candidate", "bar strong-bar",
 ];
 
 /// The colour that stands for `class` until [`themed`] has seen it.

@@ -3,10 +3,17 @@
 use super::axis::Axis;
 use super::convergence::{generation_axis, generations};
 use super::data::{ParameterTrace, Report};
-use super::format::{escape, significant, with_unit};
-use super::plot::{Frame, Px, Sample, chart, legend};
+use super::format::{escape, file_name, significant, with_unit};
+use super::plot::{Caption, Frame, Key, Px, Sample, chart, legend};
 
 const SIZE: Px = [240.0, 132.0];
+
+const KEYS: [Key<'static>; 4] = [
+    ("mean", Sample::Line, "mean of the search"),
+    ("spread", Sample::Area, "± one standard deviation"),
+    ("default", Sample::Line, "default"),
+    ("tuned", Sample::Dot, "tuned"),
+];
 
 /// The small multiples and the same figures as a table, or nothing without parameters.
 pub(super) fn section(report: &Report) -> String {
@@ -15,19 +22,13 @@ pub(super) fn section(report: &Report) -> String {
     }
     let xs = generations(&report.convergence);
     let plots: String = report.parameters.iter().map(|p| plot(p, &xs)).collect();
-    let keys = [
-        ("mean", Sample::Line, "mean of the search"),
-        ("spread", Sample::Area, "± one standard deviation"),
-        ("default", Sample::Line, "default"),
-        ("tuned", Sample::Dot, "tuned"),
-    ];
     format!(
         "<section id=\"parameters\"><h2>Parameters</h2>\
          <p class=\"lead\">Each plot spans the parameter’s bounds, bottom to top. A band that \
          stays wide means the parameter hardly matters to the fitness, or that the search was too \
          short to tell; a value at a bound asks for a wider range.</p>\
          {}<div class=\"multiples\">{plots}</div>{}</section>\n",
-        legend(&keys),
+        legend(&KEYS),
         table(&report.parameters)
     )
 }
@@ -61,7 +62,13 @@ fn value(p: &ParameterTrace, value: f64) -> String {
 
 fn drawing(p: &ParameterTrace, xs: &[f64]) -> String {
     let label = format!("{} by generation, {}, bounds {}", p.name, change(p), bounds(p));
-    let frame = Frame { size: SIZE, label: &label, y_title: "", x_title: "" };
+    let name = format!("parameter-{}", file_name(&p.name));
+    let title = match p.unit.as_str() {
+        "" => p.name.clone(),
+        unit => format!("{}, {unit}", p.name),
+    };
+    let caption = Caption { name: &name, title: &title, keys: &KEYS };
+    let frame = Frame { caption, size: SIZE, label: &label, y_title: "", x_title: "" };
     let y = Axis::between(p.min, p.max, p.log).with_ticks(&[p.min, p.max]);
     let ends: Vec<f64> = xs.first().into_iter().chain(xs.last()).copied().collect();
     chart(&frame, generation_axis(xs).with_ticks(&ends), y, |chart| {

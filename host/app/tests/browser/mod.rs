@@ -1,6 +1,8 @@
 //! A browser without a window, to open pages in. Without Chromium it says so loudly; with `CI` set,
 //! that is a failure.
 
+#![allow(dead_code)] // each test file uses what it needs
+
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -59,10 +61,15 @@ impl Opened {
         text.parse().expect("a number of pixels")
     }
 
-    /// The script reached its end without a complaint.
-    pub(crate) fn assert_silent(&self) {
+    /// Nobody complained.
+    pub(crate) fn assert_no_complaints(&self) {
         let complaints: Vec<_> = self.log.lines().filter(|line| is_complaint(line)).collect();
         assert!(complaints.is_empty(), "the console says: {complaints:#?}");
+    }
+
+    /// The script reached its end without a complaint.
+    pub(crate) fn assert_silent(&self) {
+        self.assert_no_complaints();
         assert_eq!(self.body("data-error"), None);
         assert_eq!(self.body("data-ready"), Some("1"), "{}", self.log);
     }

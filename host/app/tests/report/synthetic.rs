@@ -4,8 +4,9 @@
 use std::cmp::Ordering;
 
 use echoloop_host::report::{
-    CloudLayer, Convergence, Correlation, Costs, EvaluationRow, EvaluationTable, Front, FrontDot,
-    PairClouds, PairError, ParameterTrace, PoseError, Report, RowKind,
+    Bar, CloudLayer, Convergence, Correlation, Costs, Difference, EvaluationRow, EvaluationTable,
+    Front, FrontDot, Identity, Importance, PairClouds, PairError, ParameterTrace, PoseError,
+    Report, RowKind, Slice,
 };
 use echoloop_random::Generator;
 
@@ -22,10 +23,12 @@ pub(crate) fn report(seed: u64) -> Report {
         title: "Unstructured terrain, FGR, joint tuning".into(),
         subtitle: "Sensor and registration parameters tuned together for one kind of scene".into(),
         facts: facts(),
+        identity: identity(),
         table: table(),
         costs: costs(),
         front: front(),
         convergence: convergence(&mut rng),
+        importance: importance(&parameters),
         correlation: Some(correlation(&mut rng, &parameters)),
         parameters,
         pair_errors: pair_errors(&mut rng),
@@ -55,6 +58,53 @@ fn facts() -> Vec<(String, String)> {
     ]
     .map(|(name, value)| (name.to_owned(), value.to_owned()))
     .to_vec()
+}
+
+fn identity() -> Identity {
+    let session = ["2026-11-22T17:00:00Z", "0.1.0", "995dc9bbdf1939fa", "echoloop tune"];
+    Identity {
+        sessions: vec![session.map(str::to_owned)],
+        configuration: "seed = 20260417\n\n[tune]\ngenerations = 30\n".into(),
+    }
+}
+
+/// Importance that falls from parameter to parameter, and slices of the first.
+fn importance(parameters: &[ParameterTrace]) -> Importance {
+    let bars = parameters.iter().zip(0..).map(|(p, rank)| {
+        let value = 0.4 * libm::pow(0.6, f64::from(rank));
+        Bar {
+            name: p.name.clone(),
+            value,
+            interval: [value - 0.05, value + 0.06],
+            is_shown: rank < 4,
+        }
+    });
+    let slices = parameters.iter().take(4).map(|p| {
+        let at: Vec<f64> = (0..21).map(|i| p.min + (p.max - p.min) * f64::from(i) / 20.0).collect();
+        let far = |x: &f64| (x - p.tuned) / (p.max - p.min);
+        let ratio: Vec<f64> = at.iter().map(|x| libm::exp(2.0 * far(x) * far(x))).collect();
+        let scaled = |by: f64| ratio.iter().map(|r| r * by).collect();
+        Slice {
+            name: p.name.clone(),
+            unit: p.unit.clone(),
+            log: p.log,
+            choices: &[],
+            dots: at.iter().zip(&ratio).map(|(x, r)| [*x, 1.1 * r]).collect(),
+            band: [scaled(0.9), scaled(1.1)],
+            at,
+            ratio,
+            chosen: p.tuned,
+        }
+    });
+    Importance {
+        verdict: "A response surface predicts 61 % of the variation.".into(),
+        bars: bars.collect(),
+        slices: slices.collect(),
+        chosen: vec![
+            "1 of 12 parameters was chosen outside the search’s last band.".into(),
+            "voxel = 0.47 m is above the band of 0.3 to 0.4 m".into(),
+        ],
+    }
 }
 
 fn costs() -> Costs {
@@ -97,6 +147,16 @@ fn front() -> Front {
 
 fn table() -> EvaluationTable {
     let row = |label: &str, kind, pairs, [recall, mt, mr, t, r]: [f64; 5]| EvaluationRow {
+        intervals: [recall, mt, mr, t, r].map(|value| [0.8 * value, 1.15 * value]),
+        gain: (kind == RowKind::Tuned).then(|| {
+            // One figure got better, one worse; of the others nothing is proven.
+            let of = |value: f64, is_shown| Difference {
+                value,
+                interval: [value - 9.0, value + 9.0],
+                is_shown,
+            };
+            [of(50.0, true), of(21.7, true), of(-1.1, false), of(-3.0, false), of(-2.0, false)]
+        }),
         label: label.into(),
         kind,
         pairs,

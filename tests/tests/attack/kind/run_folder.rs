@@ -16,10 +16,11 @@ use tempfile::TempDir;
 use crate::campaign::{Campaign, Verdict};
 
 /// Everything that a run writes, and what it holds.
-const NAMES: [&str; 8] = [
+const NAMES: [&str; 9] = [
     "config.toml",
     "history.jsonl",
     "result.json",
+    "about.json",
     "report.html",
     "before.ply",
     "after.ply",

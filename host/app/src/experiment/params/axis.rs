@@ -1,11 +1,13 @@
 //! One axis of the unit cube.
 
 use echoloop_registration::config::Spacing;
+use serde::{Deserialize, Serialize};
 
 use super::error::ValueError;
 
 /// How values lie along an axis.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Scale {
     /// Evenly.
     Linear,

@@ -1,0 +1,81 @@
+//! `echoloop report`.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use super::exit::{Failure, print};
+use crate::desk::{FinishedRun, RunError, page};
+use crate::experiment::files::{Output, make_folders, replace};
+use crate::experiment::run::{REPORT, RunFolder};
+use crate::report::{Figure, Report};
+
+/// Flags of `report`.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct ReportArgs {
+    /// Folder of a run that came to its end.
+    #[arg(value_name = "RUN")]
+    run: PathBuf,
+    /// Where to write the page; `-`: standard output [default: report.html in RUN].
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Write every chart as well, as SVG and as PNG.
+    #[arg(long, value_name = "FOLDER")]
+    figures: Option<PathBuf>,
+    /// No remarks.
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+pub(super) fn run(args: &ReportArgs) -> Result<(), Failure> {
+    let report = page(&FinishedRun::read(&args.run)?)?;
+    let html = report.to_html().map_err(Failure::run)?;
+    let figures =
+        args.figures.as_deref().map(|folder| write_figures(&report, folder)).transpose()?;
+    let written = match args.output.as_deref() {
+        Some(path) if is_standard_output(path) => return print(&html),
+        Some(path) => {
+            Output::at(path)?.write(html.as_bytes())?;
+            path.to_owned()
+        }
+        None => {
+            RunFolder::open(&args.run)?.write(REPORT, &html)?;
+            args.run.join(REPORT)
+        }
+    };
+    if !args.quiet {
+        println!("report   {}", written.display());
+        if let Some((folder, count)) = args.figures.as_ref().zip(figures) {
+            println!("figures  {count} charts, each .svg and .png, in {}", folder.display());
+        }
+    }
+    Ok(())
+}
+
+/// `-`, as elsewhere.
+pub(super) fn is_standard_output(path: &Path) -> bool {
+    path == Path::new("-")
+}
+
+/// Writes the page of a run into its folder, as `report` does: nothing but the folder is read.
+pub(super) fn write_page(folder: &RunFolder) -> Result<(), Failure> {
+    let html = page(&FinishedRun::read(folder.path())?)?.to_html().map_err(Failure::run)?;
+    Ok(folder.write(REPORT, &html)?)
+}
+
+/// Writes every chart; says how many there are.
+fn write_figures(report: &Report, folder: &Path) -> Result<usize, Failure> {
+    let figures = report.figures().map_err(Failure::run)?;
+    make_folders(folder)?;
+    for Figure { name, svg, png } in &figures {
+        replace(&folder.join(format!("{name}.svg")), svg.as_bytes())?;
+        replace(&folder.join(format!("{name}.png")), png)?;
+    }
+    Ok(figures.len())
+}
+
+impl From<RunError> for Failure {
+    fn from(error: RunError) -> Self {
+        Self::usage(error)
+    }
+}

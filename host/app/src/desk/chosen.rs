@@ -1,0 +1,146 @@
+//! Why the chosen point may lie outside the search's last band, parameter by parameter.
+
+use crate::experiment::journal::Generation;
+use crate::experiment::params::{choices, effective};
+use crate::experiment::run::{AxisRecord, RunResult};
+
+/// A sentence for each parameter whose chosen value is not within one standard deviation of where
+/// the search ended, and where the choice comes from; nothing where all are.
+pub(super) fn explained(
+    result: &RunResult,
+    axes: &[AxisRecord],
+    generations: &[Generation],
+) -> Vec<String> {
+    let Some(last) = generations.last() else { return Vec::new() };
+    let outside: Vec<String> =
+        axes.iter().enumerate().filter_map(|(i, axis)| outside(result, axis, i, last)).collect();
+    if outside.is_empty() {
+        return Vec::new();
+    }
+    let from = format!(
+        "Chosen outside the search’s last band: {} of {} parameters, for {}.",
+        outside.len(),
+        axes.len(),
+        origin(result, last)
+    );
+    [from].into_iter().chain(outside).collect()
+}
+
+/// Where a value lies that the last generation's mean ± sd leaves out. An axis that the last search
+/// held still has no band, and a choice of names none that could be left.
+fn outside(
+    result: &RunResult,
+    axis: &AxisRecord,
+    number: usize,
+    last: &Generation,
+) -> Option<String> {
+    let (mean, deviation) = (last.mean.get(number)?, last.deviations.get(number)?);
+    let chosen = effective(&result.tuned, &axis.name)?;
+    if *deviation <= 0.0 || !choices(&axis.name).is_empty() {
+        return None;
+    }
+    let [low, high] = [mean - deviation, mean + deviation].map(|u| axis.axis().from_cube(u));
+    // A value that was rounded to the sensor's steps may miss its own band by one.
+    let within = (low - 1e-6 * low.abs()..=high + 1e-6 * high.abs()).contains(&chosen);
+    let side = if chosen < low { "below" } else { "above" };
+    let unit = if axis.unit.is_empty() { String::new() } else { format!(" {}", axis.unit) };
+    (!within).then(|| {
+        format!(
+            "{} = {}{unit} is {side} the band of {} to {}{unit} (mean ± one standard deviation)",
+            axis.name,
+            three(chosen),
+            three(low),
+            three(high)
+        )
+    })
+}
+
+/// In words, where the chosen parameters come from and why that is no mistake.
+fn origin(result: &RunResult, last: &Generation) -> String {
+    let raced = "won the race on the training pairs, where what the search had passed runs as well \
+                 as where it ended";
+    match result.origin.as_str() {
+        "start" => format!("the choice is the start itself, which {raced}"),
+        "lidar alone" => {
+            format!("the choice is the tuned sensor with the start’s registration, which {raced}")
+        }
+        mean if mean.ends_with(", mean") => {
+            format!("the choice is the mean of an earlier search ({mean}), which {raced}")
+        }
+        candidate => match generation_of(candidate) {
+            Some(number) if number < last.generation => format!(
+                "the choice is an early candidate ({candidate}; the search went on to generation \
+                 {}), which {raced}",
+                last.generation
+            ),
+            _ => format!(
+                "the choice is a single candidate ({candidate}), drawn from the band but not bound \
+                 to it, which {raced}"
+            ),
+        },
+    }
+}
+
+/// The number in `joint, generation 12, candidate 3`.
+fn generation_of(origin: &str) -> Option<u32> {
+    origin.split(", ").find_map(|part| part.strip_prefix("generation ")?.parse().ok())
+}
+
+/// Three digits.
+fn three(value: f64) -> String {
+    crate::report::significant(value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiment::params::Scale;
+
+    fn axis(name: &str, scale: Scale) -> AxisRecord {
+        AxisRecord { name: name.into(), unit: "m".into(), scale, min: 1.0, max: 100.0 }
+    }
+
+    fn last(deviations: [f64; 3]) -> Generation {
+        Generation {
+            generation: 40,
+            stage: "joint".into(),
+            pairs: vec![0],
+            mean: vec![0.5; 3],
+            deviations: deviations.to_vec(),
+            sigma: 0.1,
+            candidates: Vec::new(),
+        }
+    }
+
+    fn told(origin: &str, tuned: [f64; 3], deviations: [f64; 3]) -> Vec<String> {
+        let axes = [axis("a", Scale::Log), axis("b", Scale::Log), axis("c", Scale::Integer)];
+        let names = axes.iter().map(|axis| axis.name.clone());
+        let result = crate::desk::tests::result(origin, names.zip(tuned).collect());
+        explained(&result, &axes, &[last(deviations)])
+    }
+
+    #[test]
+    fn a_value_outside_the_last_band_is_named_with_the_band_and_where_the_choice_came_from() {
+        let told = told("joint, generation 3, candidate 7", [10.0, 50.0, 45.0], [0.1; 3]);
+        assert_eq!(told.len(), 2, "{told:?}");
+        assert!(
+            told[0].starts_with("Chosen outside the search’s last band: 1 of 3"),
+            "{}",
+            told[0]
+        );
+        assert!(told[0].contains(
+            "an early candidate (joint, generation 3, candidate 7; the search \
+                                  went on to generation 40), which won the race"
+        ));
+        let band = "b = 50 m is above the band of 6.31 to 15.8 m (mean ± one standard deviation)";
+        assert_eq!(told[1], band);
+    }
+
+    #[test]
+    fn what_lies_within_or_was_held_still_is_not_explained() {
+        assert!(told("joint, mean", [10.0, 9.0, 50.0], [0.1; 3]).is_empty());
+        assert!(told("start", [99.0, 99.0, 99.0], [0.0; 3]).is_empty());
+        let start = told("start", [99.0, 10.0, 50.0], [0.1; 3]);
+        assert!(start[0].contains("the choice is the start itself"), "{start:?}");
+    }
+}

@@ -1,0 +1,238 @@
+//! Several runs side by side: what their tuned parameters are worth, and in what they differ.
+
+use std::collections::BTreeMap;
+
+use serde::{Serialize, Serializer};
+
+use super::folder::FinishedRun;
+use crate::experiment::cost::ScanCost;
+use crate::experiment::gain::{Difference, Estimate, Figures};
+use crate::experiment::params::{choices, written};
+
+/// Runs beside the first.
+#[derive(Clone, Debug, Serialize)]
+pub struct Compared {
+    /// Version of this format.
+    pub format: u32,
+    /// The runs, in the order given.
+    pub runs: Vec<ComparedRun>,
+    /// Settings that are not the same in all: a value for each run, none where a run has none.
+    pub settings: BTreeMap<String, Vec<Option<String>>>,
+    /// Tuned parameters that are not the same in all, likewise.
+    pub parameters: BTreeMap<String, Vec<Option<String>>>,
+}
+
+/// One of them.
+#[derive(Clone, Debug, Serialize)]
+pub struct ComparedRun {
+    /// Its folder, as it was named.
+    pub run: String,
+    /// The scene.
+    pub scene: String,
+    /// The registration method.
+    pub method: String,
+    /// What was tuned.
+    pub protocol: String,
+    /// The seed.
+    pub seed: u64,
+    /// Registrations that the search made.
+    pub registrations: usize,
+    /// Held-out pairs.
+    pub pairs: usize,
+    /// What its tuned parameters are worth on them.
+    pub tuned: Figures<Estimate>,
+    /// What a scan costs with them.
+    pub cost: Option<ScanCost>,
+    /// How that differs from the first run.
+    pub against_first: Against,
+}
+
+/// A run beside the first.
+#[derive(Clone, Debug)]
+pub enum Against {
+    /// It is the first.
+    Itself,
+    /// Its held-out pairs are the first's: differences pair by pair.
+    Paired(Box<Figures<Difference>>),
+    /// They are others, and this is why.
+    OtherPairs(String),
+}
+
+impl Serialize for Against {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Itself => serializer.serialize_none(),
+            Self::Paired(differences) => differences.serialize(serializer),
+            Self::OtherPairs(why) => serializer.collect_map([("other_pairs", why.as_str())]),
+        }
+    }
+}
+
+/// Puts runs side by side; the first is what the others are compared with.
+pub fn compared(runs: &[FinishedRun]) -> Compared {
+    let tables: Vec<Settings> = runs.iter().map(settings).collect();
+    let parameters: Vec<Settings> = runs.iter().map(parameters).collect();
+    Compared {
+        format: 1,
+        runs: runs.iter().enumerate().map(|(i, run)| compared_run(run, &runs[0], i)).collect(),
+        settings: differing(&tables),
+        parameters: differing(&parameters),
+    }
+}
+
+fn compared_run(run: &FinishedRun, first: &FinishedRun, number: usize) -> ComparedRun {
+    let (result, data) = (&run.result, &run.config.data);
+    let against_first = match (number, other_pairs(run, first)) {
+        (0, _) => Against::Itself,
+        (_, Some(why)) => Against::OtherPairs(why),
+        (_, None) => Against::Paired(Box::new(Figures::between(
+            &first.result.tuned_summary,
+            &result.tuned_summary,
+            data,
+        ))),
+    };
+    ComparedRun {
+        run: run.path.display().to_string(),
+        scene: result.scene.clone(),
+        method: result.method.clone(),
+        protocol: result.protocol.clone(),
+        seed: result.seed,
+        registrations: result.registrations,
+        pairs: result.tuned_summary.pairs,
+        tuned: Figures::of(&result.tuned_summary, data),
+        cost: result.tuned_summary.cost,
+        against_first,
+    }
+}
+
+/// In what the held-out pairs of two runs differ, or what counts as a success there; nothing where
+/// they are the same.
+fn other_pairs(run: &FinishedRun, first: &FinishedRun) -> Option<String> {
+    let (own, theirs) = (settings(run), settings(first));
+    let decides =
+        |key: &String| key == "seed" || key.starts_with("scene.") || key.starts_with("data.");
+    let keys = own.keys().chain(theirs.keys()).filter(|key| decides(key));
+    let value = |table: &Settings, key: &str| {
+        table.get(key).map_or_else(|| "not set".to_owned(), ToOwned::to_owned)
+    };
+    let differs = keys.map(|key| (key, value(&own, key), value(&theirs, key)));
+    if let Some((key, own, theirs)) = { differs }.find(|(_, own, theirs)| own != theirs) {
+        return Some(format!("{key} is {own} here and {theirs} in the first"));
+    }
+    let pairs = |run: &FinishedRun| {
+        run.result.tuned_summary.errors.iter().map(|error| error.pair).collect::<Vec<_>>()
+    };
+    if pairs(run) != pairs(first) {
+        return Some("other pairs were judged".to_owned());
+    }
+    // A mesh may have changed under its name; where a journal cannot be read, nobody knows.
+    let scene = |run: &FinishedRun| run.journal().ok().map(|(header, _)| header.content.scene);
+    let (own, theirs) = (scene(run)?, scene(first)?);
+    (own != theirs).then(|| "the scene's file is another".to_owned())
+}
+
+/// Keys, with the section before the dot, and their values.
+type Settings = BTreeMap<String, String>;
+
+fn settings(run: &FinishedRun) -> Settings {
+    let table: toml::Table = run.config_text.parse().unwrap_or_default();
+    let mut settings = Settings::new();
+    flatten("", &table, &mut settings);
+    settings
+}
+
+fn flatten(section: &str, table: &toml::Table, settings: &mut Settings) {
+    for (key, value) in table {
+        let name = if section.is_empty() { key.clone() } else { format!("{section}.{key}") };
+        match value {
+            toml::Value::Table(inner) => flatten(&name, inner, settings),
+            value => drop(settings.insert(name, value.to_string())),
+        }
+    }
+}
+
+/// The tuned parameters as they are written; a choice by name.
+fn parameters(run: &FinishedRun) -> Settings {
+    let text = |name: &String, value: f64| match choices(name).get(value as usize) {
+        Some(choice) => (*choice).to_owned(),
+        None => serde_json::to_string(&written(name, value)).unwrap_or_default(),
+    };
+    run.result.tuned.iter().map(|(name, value)| (name.clone(), text(name, *value))).collect()
+}
+
+/// Those that are not the same in all.
+fn differing(tables: &[Settings]) -> BTreeMap<String, Vec<Option<String>>> {
+    let names = tables.iter().flat_map(BTreeMap::keys);
+    let all = names.map(|name| {
+        let values = tables.iter().map(|table| table.get(name).cloned()).collect::<Vec<_>>();
+        (name.clone(), values)
+    });
+    all.filter(|(_, values)| values.iter().any(|value| *value != values[0])).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::desk::tests::result;
+    use crate::experiment::about::About;
+    use crate::experiment::config::RunConfig;
+
+    fn run(seed: u64, power: f64) -> FinishedRun {
+        let config = RunConfig { seed, ..RunConfig::default() };
+        let config_text = toml::to_string(&config).unwrap();
+        let tuned = [("lidar.denoise", 1.0), ("lidar.power", power)];
+        let tuned = tuned.map(|(name, value)| (name.to_owned(), value)).into();
+        FinishedRun {
+            path: Path::new("runs").join(seed.to_string()),
+            config: toml::from_str(&config_text).unwrap(),
+            config_text,
+            about: About::default(),
+            result: result("start", tuned),
+        }
+    }
+
+    #[test]
+    fn only_what_differs_is_told_and_choices_by_name() {
+        let mut third = run(1, 40.0);
+        third.result.tuned.insert("lidar.denoise".into(), 2.0);
+        third.result.tuned.insert("registration.voxel_m".into(), 0.3);
+        let compared = compared(&[run(1, 40.0), run(2, 75.0), third]);
+        let values = |values: [Option<&str>; 3]| values.map(|v| v.map(str::to_owned)).to_vec();
+        assert_eq!(
+            compared.settings.into_iter().collect::<Vec<_>>(),
+            [("seed".to_owned(), values([Some("1"), Some("2"), Some("1")]))]
+        );
+        assert_eq!(
+            compared.parameters.into_iter().collect::<Vec<_>>(),
+            [
+                (
+                    "lidar.denoise".to_owned(),
+                    values([Some("gaussian"), Some("gaussian"), Some("matched")])
+                ),
+                ("lidar.power".to_owned(), values([Some("40.0"), Some("75.0"), Some("40.0")])),
+                ("registration.voxel_m".to_owned(), values([None, None, Some("0.3")])),
+            ]
+        );
+    }
+
+    #[test]
+    fn differences_are_paired_only_where_the_pairs_are_the_same() {
+        let mut fewer = run(1, 40.0);
+        fewer.result.tuned_summary.errors.pop();
+        let mut better = run(1, 75.0);
+        better.result.tuned_summary.errors.iter_mut().for_each(|e| e.translation_m = 0.05);
+        let compared = compared(&[run(1, 40.0), run(2, 75.0), fewer, better]);
+        let against = |i: usize| compared.runs[i].against_first.clone();
+        assert!(matches!(against(0), Against::Itself));
+        assert!(matches!(against(1), Against::OtherPairs(why)
+            if why == "seed is 2 here and 1 in the first"));
+        assert!(matches!(against(2), Against::OtherPairs(why) if why.contains("other pairs")));
+        let Against::Paired(differences) = against(3) else { panic!("{:?}", against(3)) };
+        assert!(differences.mean_translation_m.is_shown && !differences.recall_pct.is_shown);
+        let json = serde_json::to_value(&compared).unwrap();
+        assert!(json["runs"][0]["against_first"].is_null());
+        assert_eq!(json["runs"][3]["against_first"]["mean_translation_m"]["is_shown"], true);
+    }
+}

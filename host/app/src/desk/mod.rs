@@ -1,0 +1,60 @@
+//! Runs that are over: their folders read back and told, without a sensor and without a scan.
+//!
+//! [`FinishedRun::read`] takes a run's folder, [`page`] makes its page, and [`compared`] puts
+//! several runs side by side.
+
+mod chosen;
+mod compared;
+mod folder;
+mod importance;
+mod page;
+mod runs_page;
+mod surrogate;
+
+pub use compared::{Against, Compared, ComparedRun, compared};
+pub use folder::{FinishedRun, Known, RunError};
+pub use page::{costs, judged, page};
+pub use runs_page::runs_page;
+
+#[cfg(test)]
+mod tests {
+    use crate::experiment::compare::Comparison;
+    use crate::experiment::config::DataConfig;
+    use crate::experiment::evaluate::Summary;
+    use crate::experiment::objective::PairError;
+    use crate::experiment::params::Values;
+    use crate::experiment::run::RunResult;
+
+    /// A result whose figures are of no matter.
+    pub(super) fn result(origin: &str, tuned: Values) -> RunResult {
+        let error = |pair| PairError {
+            pair,
+            translation_m: 0.1,
+            rotation_deg: 0.1,
+            frobenius: 0.1,
+            points: [10, 10],
+            stop: String::new(),
+            iterations: 1,
+        };
+        let summary = Summary::from_errors((0..8).map(error).collect(), &DataConfig::default());
+        RunResult {
+            format: 1,
+            protocol: "joint".into(),
+            method: "icp".into(),
+            scene: "unstructured".into(),
+            seed: 1,
+            generations: 41,
+            registrations: 1000,
+            origin: origin.into(),
+            default: Values::new(),
+            tuned,
+            finalists: Vec::new(),
+            plain_summary: None,
+            default_summary: summary.clone(),
+            tuned_summary: summary,
+            comparison: Comparison { difference: 0.0, interval: [0.0; 2] },
+            front: None,
+            background: None,
+        }
+    }
+}

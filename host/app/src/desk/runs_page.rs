@@ -1,0 +1,73 @@
+//! Several runs as a page.
+
+use super::compared::{Against, Compared, ComparedRun};
+use super::page::evaluation_row;
+use crate::experiment::cost::CostKind;
+use crate::report::{Costs, DifferingTable, EvaluationRow, EvaluationTable, RowKind, RunsPage};
+
+/// The page of runs that were put side by side.
+pub fn runs_page(compared: &Compared) -> RunsPage {
+    let runs = &compared.runs;
+    let first = runs.first().map_or("", |run| run.run.as_str());
+    let names: Vec<String> = runs.iter().map(|run| run.run.clone()).collect();
+    let table = |title: &str, values: &std::collections::BTreeMap<String, Vec<Option<String>>>| {
+        DifferingTable {
+            title: title.to_owned(),
+            runs: names.clone(),
+            rows: values.iter().map(|(name, values)| (name.clone(), values.clone())).collect(),
+        }
+    };
+    RunsPage {
+        title: format!("Echoloop: {} runs compared", runs.len()),
+        facts: runs.iter().map(|run| (run.run.clone(), told(run))).collect(),
+        remarks: runs.iter().filter_map(|run| remark(run, first)).collect(),
+        table: EvaluationTable {
+            rows: runs.iter().map(row).collect(),
+            ..EvaluationTable::default()
+        },
+        costs: costs(runs),
+        differing: vec![
+            table("Settings that differ", &compared.settings),
+            table("Tuned parameters that differ", &compared.parameters),
+        ],
+    }
+}
+
+fn told(run: &ComparedRun) -> String {
+    format!(
+        "{}, {}, {}, seed {}, {} registrations, {} held-out pairs",
+        run.scene, run.method, run.protocol, run.seed, run.registrations, run.pairs
+    )
+}
+
+fn remark(run: &ComparedRun, first: &str) -> Option<String> {
+    match &run.against_first {
+        Against::OtherPairs(why) => Some(format!(
+            "{} has other held-out pairs than {first} ({why}), so no differences are shown.",
+            run.run
+        )),
+        Against::Itself | Against::Paired(_) => None,
+    }
+}
+
+fn row(run: &ComparedRun) -> EvaluationRow {
+    let (kind, gain) = match &run.against_first {
+        Against::Itself => (RowKind::Default, None),
+        Against::Paired(gain) => (RowKind::Tuned, Some(**gain)),
+        Against::OtherPairs(_) => (RowKind::Reference, None),
+    };
+    evaluation_row(&run.run, kind, run.pairs, run.tuned, gain)
+}
+
+fn costs(runs: &[ComparedRun]) -> Costs {
+    let row = |run: &ComparedRun| {
+        let cost = run.cost?;
+        let cells = CostKind::ALL.map(|kind| kind.text(kind.of(&cost))).to_vec();
+        Some((run.run.clone(), cells))
+    };
+    Costs {
+        heads: CostKind::ALL.map(|kind| kind.title().to_owned()).to_vec(),
+        rows: runs.iter().filter_map(row).collect(),
+        verdict: "Of the tuned parameters, in the mean over scans of the held-out pairs.".into(),
+    }
+}

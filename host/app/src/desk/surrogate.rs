@@ -1,0 +1,433 @@
+//! What a search's own candidates say of the fitness: a second-order response surface.
+//!
+//! ln fitness = b_g + Σ_k (α_k P₁(u_k) + β_k P₂(u_k)) + Σ_{j<k} γ_jk P₁(u_j) P₁(u_k)
+//!
+//! with Legendre's polynomials of the cube's coordinates, orthonormal there (a polynomial chaos of
+//! second order: Sudret, Reliab. Eng. Syst. Saf. 93, 2008); of a choice of names each name has a
+//! number of its own in place of the polynomials. Each generation g has its own level b_g: its
+//! pairs are harder or easier than those of others, so candidates are compared with those of their
+//! generation alone. That is the same as taking the generation's mean off every column and off
+//! ln fitness. Coefficients are shrunk (ridge: Hoerl and Kennard, Technometrics 12, 1970) as much
+//! as predicts best the generations that a fit has not seen.
+//!
+//! Sums are plain loops: the same bits on every processor.
+
+/// A candidate: its point in the cube, ln fitness, and the number of its generation.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Sample {
+    pub(super) point: Vec<f64>,
+    pub(super) response: f64,
+    pub(super) group: usize,
+}
+
+/// What an axis is to the surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// Values in an order.
+    Ordered,
+    /// So many names.
+    Names(usize),
+}
+
+/// The columns of the surface.
+#[derive(Clone, Debug)]
+pub(super) struct Basis {
+    kinds: Vec<Kind>,
+    terms: Vec<Term>,
+    /// Of each axis, the numbers of the terms that it is in.
+    of_axis: Vec<Vec<usize>>,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Term {
+    First(usize),
+    Second(usize),
+    Name(usize, usize),
+    Both(usize, usize),
+}
+
+impl Basis {
+    pub(super) fn new(kinds: Vec<Kind>) -> Self {
+        let mut terms = Vec::new();
+        for (axis, kind) in kinds.iter().enumerate() {
+            match *kind {
+                Kind::Ordered => terms.extend([Term::First(axis), Term::Second(axis)]),
+                Kind::Names(count) => terms.extend((1..count).map(|name| Term::Name(axis, name))),
+            }
+        }
+        let ordered: Vec<usize> =
+            (0..kinds.len()).filter(|&axis| kinds[axis] == Kind::Ordered).collect();
+        for (i, &one) in ordered.iter().enumerate() {
+            terms.extend(ordered[..i].iter().map(|&other| Term::Both(other, one)));
+        }
+        let mut of_axis = vec![Vec::new(); kinds.len()];
+        for (number, term) in terms.iter().enumerate() {
+            match *term {
+                Term::First(axis) | Term::Second(axis) | Term::Name(axis, _) => {
+                    of_axis[axis].push(number)
+                }
+                Term::Both(one, other) => {
+                    of_axis[one].push(number);
+                    of_axis[other].push(number);
+                }
+            }
+        }
+        Self { kinds, terms, of_axis }
+    }
+
+    fn value(&self, term: usize, point: &[f64]) -> f64 {
+        match self.terms[term] {
+            Term::First(axis) => first(point[axis]),
+            Term::Second(axis) => second(point[axis]),
+            Term::Name(axis, name) => f64::from(u8::from(self.name(axis, point[axis]) == name)),
+            Term::Both(one, other) => first(point[one]) * first(point[other]),
+        }
+    }
+
+    fn name(&self, axis: usize, u: f64) -> usize {
+        match self.kinds[axis] {
+            Kind::Ordered => 0,
+            Kind::Names(count) => ((u * count as f64) as usize).min(count.saturating_sub(1)),
+        }
+    }
+
+    fn row(&self, point: &[f64]) -> Vec<f64> {
+        (0..self.terms.len()).map(|term| self.value(term, point)).collect()
+    }
+
+    /// The part of a surface that an axis is in, at a point.
+    pub(super) fn part(&self, weights: &[f64], axis: usize, point: &[f64]) -> f64 {
+        self.of_axis[axis].iter().map(|&term| weights[term] * self.value(term, point)).sum()
+    }
+
+    /// By how much each term differs at two points that are the same but for an axis.
+    fn step(&self, axis: usize, to: &[f64], from: &[f64]) -> Vec<f64> {
+        let mut step = vec![0.0; self.terms.len()];
+        for &term in &self.of_axis[axis] {
+            step[term] = self.value(term, to) - self.value(term, from);
+        }
+        step
+    }
+}
+
+fn first(u: f64) -> f64 {
+    1.732_050_807_568_877_2 * (2.0 * u - 1.0)
+}
+
+fn second(u: f64) -> f64 {
+    2.236_067_977_499_79 * (6.0 * u * u - 6.0 * u + 1.0)
+}
+
+/// Takes the mean of its group off every value.
+pub(super) fn centred(values: &[f64], groups: &[std::ops::Range<usize>]) -> Vec<f64> {
+    let mut centred = values.to_vec();
+    for group in groups {
+        let mean = values[group.clone()].iter().sum::<f64>() / group.len() as f64;
+        centred[group.clone()].iter_mut().for_each(|value| *value -= mean);
+    }
+    centred
+}
+
+/// Sums of squares and products of some rows.
+#[derive(Clone)]
+struct Sums {
+    count: usize,
+    /// Lower triangle by rows.
+    squares: Vec<f64>,
+    products: Vec<f64>,
+}
+
+impl Sums {
+    fn new(terms: usize) -> Self {
+        let squares = vec![0.0; terms * (terms + 1) / 2];
+        Self { count: 0, squares, products: vec![0.0; terms] }
+    }
+
+    fn add(&mut self, row: &[f64], response: f64) {
+        self.count += 1;
+        let mut at = 0;
+        for (i, &value) in row.iter().enumerate() {
+            self.products[i] += value * response;
+            let line = &mut self.squares[at..=at + i];
+            line.iter_mut().zip(row).for_each(|(sum, other)| *sum += value * other);
+            at += i + 1;
+        }
+    }
+
+    fn add_all(&mut self, other: &Self) {
+        self.count += other.count;
+        let both = [(&mut self.squares, &other.squares), (&mut self.products, &other.products)];
+        for (own, others) in both {
+            own.iter_mut().zip(others).for_each(|(own, other)| *own += other);
+        }
+    }
+}
+
+/// A fit: its coefficients, and what its uncertainty hangs on.
+pub(super) struct Fit {
+    pub(super) weights: Vec<f64>,
+    factor: Factor,
+}
+
+impl Fit {
+    /// The ridge's answer to the sums; the penalty is for each row, so that it means the same for
+    /// few and for many.
+    fn new(sums: &Sums, penalty: f64) -> Self {
+        let factor = Factor::new(sums, penalty * sums.count as f64);
+        Self { weights: factor.solve(&sums.products), factor }
+    }
+
+    /// Standard deviation of the surface's difference between two points that are the same but for
+    /// an axis, where single candidates scatter by `scatter`: the posterior of a linear model
+    /// (Rasmussen and Williams 2006, Eq. 2.8).
+    pub(super) fn spread(
+        &self,
+        basis: &Basis,
+        axis: usize,
+        [to, from]: [&[f64]; 2],
+        scatter: f64,
+    ) -> f64 {
+        let step = basis.step(axis, to, from);
+        let half = self.factor.forward(&step);
+        scatter * half.iter().map(|value| value * value).sum::<f64>().sqrt()
+    }
+}
+
+/// Cholesky's factor, lower triangle by rows.
+struct Factor {
+    size: usize,
+    lower: Vec<f64>,
+}
+
+impl Factor {
+    /// Of the squares with a ridge, which makes them positive definite.
+    fn new(sums: &Sums, ridge: f64) -> Self {
+        let size = sums.products.len();
+        let mut lower = sums.squares.clone();
+        let at = |row: usize| row * (row + 1) / 2;
+        for row in 0..size {
+            for column in 0..=row {
+                let (above, below) = lower.split_at_mut(at(row));
+                let other =
+                    if column == row { &below[..column] } else { &above[at(column)..][..column] };
+                let known: f64 = below[..column].iter().zip(other).map(|(a, b)| a * b).sum();
+                let value = below[column] - known;
+                below[column] = match column == row {
+                    true => (value + ridge).max(f64::MIN_POSITIVE).sqrt(),
+                    false => value / above[at(column) + column],
+                };
+            }
+        }
+        Self { size, lower }
+    }
+
+    fn row(&self, row: usize) -> &[f64] {
+        &self.lower[row * (row + 1) / 2..][..=row]
+    }
+
+    /// z of L z = b.
+    fn forward(&self, right: &[f64]) -> Vec<f64> {
+        let mut z: Vec<f64> = Vec::with_capacity(self.size);
+        for (i, &value) in right.iter().enumerate() {
+            let row = self.row(i);
+            let known: f64 = row[..i].iter().zip(&z).map(|(a, b)| a * b).sum();
+            z.push((value - known) / row[i]);
+        }
+        z
+    }
+
+    /// x of L Lᵀ x = b.
+    fn solve(&self, right: &[f64]) -> Vec<f64> {
+        let mut x = self.forward(right);
+        for i in (0..self.size).rev() {
+            let row = self.row(i);
+            x[i] /= row[i];
+            let value = x[i];
+            x[..i].iter_mut().zip(row).for_each(|(x, l)| *x -= l * value);
+        }
+        x
+    }
+}
+
+/// A surface that was fitted, with what it says of candidates that a fit has not seen.
+pub(super) struct Surrogate {
+    pub(super) basis: Basis,
+    /// The candidates of each generation.
+    pub(super) groups: Vec<std::ops::Range<usize>>,
+    /// ln fitness less its generation's mean.
+    pub(super) responses: Vec<f64>,
+    /// What is left of that by the fit without the candidate's fold.
+    pub(super) unseen: Vec<f64>,
+    /// What is left of it by the fit of all.
+    pub(super) residuals: Vec<f64>,
+    /// Of all candidates.
+    pub(super) whole: Fit,
+    /// Without the generations of a fold.
+    folds: Vec<Fit>,
+}
+
+/// Parts of the generations; each is predicted by the others.
+const FOLDS: usize = 5;
+
+/// Ridges that are tried, for each candidate.
+const PENALTIES: [f64; 8] = [3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0];
+
+impl Surrogate {
+    /// Fits samples that are sorted by group.
+    pub(super) fn new(kinds: Vec<Kind>, samples: &[Sample]) -> Self {
+        let basis = Basis::new(kinds);
+        let groups = groups(samples);
+        let responses: Vec<f64> = samples.iter().map(|sample| sample.response).collect();
+        let responses = centred(&responses, &groups);
+        let rows = centred_rows(&basis, samples, &groups);
+        let terms = basis.terms.len();
+        let mut parts = vec![Sums::new(terms); FOLDS];
+        for (number, group) in groups.iter().enumerate() {
+            for i in group.clone() {
+                parts[number % FOLDS].add(&rows[i], responses[i]);
+            }
+        }
+        let others = |fold: Option<usize>| {
+            let mut sums = Sums::new(terms);
+            let parts = parts.iter().enumerate().filter(|(part, _)| Some(*part) != fold);
+            parts.for_each(|(_, part)| sums.add_all(part));
+            sums
+        };
+        let without: Vec<Sums> = (0..FOLDS).map(|fold| others(Some(fold))).collect();
+        let left = |fits: &dyn Fn(usize) -> Vec<f64>| -> Vec<f64> {
+            let weights: Vec<Vec<f64>> = (0..FOLDS).map(fits).collect();
+            let each = groups
+                .iter()
+                .enumerate()
+                .flat_map(|(number, group)| group.clone().map(move |i| (i, number % FOLDS)));
+            each.map(|(i, fold)| responses[i] - dot(&rows[i], &weights[fold])).collect()
+        };
+        let error = |penalty: f64| {
+            let left = left(&|fold| Fit::new(&without[fold], penalty).weights);
+            left.iter().map(|e| e * e).sum::<f64>()
+        };
+        let errors: Vec<f64> = PENALTIES.iter().map(|&penalty| error(penalty)).collect();
+        let best = (0..PENALTIES.len()).min_by(|&a, &b| errors[a].total_cmp(&errors[b]));
+        let penalty = best.map_or(1.0, |best| PENALTIES[best]);
+        let folds: Vec<Fit> = without.iter().map(|sums| Fit::new(sums, penalty)).collect();
+        let unseen = left(&|fold| folds[fold].weights.clone());
+        let whole = Fit::new(&others(None), penalty);
+        let residuals = left(&|_| whole.weights.clone());
+        Self { basis, groups, responses, unseen, residuals, whole, folds }
+    }
+
+    /// The coefficients that know nothing of a group.
+    pub(super) fn blind_to(&self, group: usize) -> &[f64] {
+        &self.folds[group % FOLDS].weights
+    }
+
+    /// How far single candidates scatter around the surface, by those it has not seen.
+    pub(super) fn scatter(&self) -> f64 {
+        let free = self.unseen.len().saturating_sub(self.groups.len()).max(1);
+        (self.unseen.iter().map(|e| e * e).sum::<f64>() / free as f64).sqrt()
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Where each group begins and ends.
+fn groups(samples: &[Sample]) -> Vec<std::ops::Range<usize>> {
+    let mut groups: Vec<std::ops::Range<usize>> = Vec::new();
+    for (i, sample) in samples.iter().enumerate() {
+        match groups.last_mut() {
+            Some(last) if samples[last.start].group == sample.group => last.end = i + 1,
+            _ => groups.push(i..i + 1),
+        }
+    }
+    groups
+}
+
+fn centred_rows(
+    basis: &Basis,
+    samples: &[Sample],
+    groups: &[std::ops::Range<usize>],
+) -> Vec<Vec<f64>> {
+    let mut rows: Vec<Vec<f64>> = samples.iter().map(|s| basis.row(&s.point)).collect();
+    for group in groups {
+        for term in 0..basis.terms.len() {
+            let mean = rows[group.clone()].iter().map(|row| row[term]).sum::<f64>();
+            let mean = mean / group.len() as f64;
+            rows[group.clone()].iter_mut().for_each(|row| row[term] -= mean);
+        }
+    }
+    rows
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use echoloop_random::Generator;
+
+    /// Candidates of a surface, with a level for each generation that is no candidate's doing.
+    fn samples(surface: impl Fn(&[f64]) -> f64, noise: f64, groups: usize) -> Vec<Sample> {
+        let mut random = Generator::new(11, 0);
+        let mut samples = Vec::new();
+        for group in 0..groups {
+            let level = 3.0 * random.normals(1)[0];
+            for _ in 0..12 {
+                let point: Vec<f64> = (0..4).map(|_| random.unit()).collect();
+                let response = level + surface(&point) + noise * random.normals(1)[0];
+                samples.push(Sample { point, response, group });
+            }
+        }
+        samples
+    }
+
+    const KINDS: [Kind; 4] = [Kind::Ordered, Kind::Ordered, Kind::Ordered, Kind::Names(3)];
+
+    fn quadratic(u: &[f64]) -> f64 {
+        let name = [0.0, 0.7, -0.4][((u[3] * 3.0) as usize).min(2)];
+        2.0 * (u[0] - 0.3) * (u[0] - 0.3) - u[0] * u[1] + name
+    }
+
+    #[test]
+    fn a_surface_of_second_order_is_found_whatever_each_generation_s_level() {
+        let samples = samples(quadratic, 0.0, 40);
+        let surrogate = Surrogate::new(KINDS.to_vec(), &samples);
+        let worst = surrogate.unseen.iter().fold(0.0_f64, |worst, e| worst.max(e.abs()));
+        assert!(worst < 0.02, "{worst}");
+        let (from, mut to) = ([0.5, 0.6, 0.2, 0.1], [0.5, 0.6, 0.2, 0.1]);
+        for (axis, value) in [(0, 0.9), (1, 0.1), (2, 0.9), (3, 0.5), (3, 0.9)] {
+            to[axis] = value;
+            let part = |point| surrogate.basis.part(&surrogate.whole.weights, axis, point);
+            let (said, is) = (part(&to) - part(&from), quadratic(&to) - quadratic(&from));
+            assert!((said - is).abs() < 0.02, "axis {axis}: {said} for {is}");
+            to = from;
+        }
+    }
+
+    #[test]
+    fn the_spread_of_a_step_holds_the_truth_about_as_often_as_it_says() {
+        let (mut missed, mut all) = (0, 0);
+        for seed in 0..40 {
+            let mut random = Generator::new(100 + seed, 0);
+            let mut noisy = samples(quadratic, 0.0, 25);
+            noisy.iter_mut().for_each(|sample| sample.response += 0.5 * random.normals(1)[0]);
+            let surrogate = Surrogate::new(KINDS.to_vec(), &noisy);
+            let (from, to) = ([0.5, 0.6, 0.2, 0.1], [0.9, 0.6, 0.2, 0.1]);
+            let part = |point| surrogate.basis.part(&surrogate.whole.weights, 0, point);
+            let error = part(&to) - part(&from) - (quadratic(&to) - quadratic(&from));
+            let spread =
+                surrogate.whole.spread(&surrogate.basis, 0, [&to, &from], surrogate.scatter());
+            missed += u32::from(error.abs() > 1.96 * spread);
+            all += 1;
+        }
+        assert!(missed <= 7, "{missed} of {all} miss, 5 % should");
+    }
+
+    #[test]
+    fn what_is_noise_alone_is_not_predicted() {
+        let noise = samples(|_| 0.0, 1.0, 40);
+        let surrogate = Surrogate::new(KINDS.to_vec(), &noise);
+        let squares = |values: &[f64]| values.iter().map(|v| v * v).sum::<f64>();
+        let left = squares(&surrogate.unseen) / squares(&surrogate.responses);
+        assert!((0.95..1.1).contains(&left), "{left}");
+    }
+}

@@ -1,0 +1,170 @@
+//! When a run was made, by which program, with which command: what its result leaves out, so that
+//! equal runs have equal results.
+
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use echoloop_files::{MOST_TEXT, read_text, shown};
+use serde::{Deserialize, Serialize};
+
+use crate::experiment::content::build;
+use crate::experiment::files::{FileError, file_error};
+use crate::experiment::run::{ABOUT, RunFolder};
+
+/// Version of the file's format.
+const FORMAT: u32 = 1;
+
+/// What made a run: who began it, then everybody who went on with it.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct About {
+    /// Version of this format.
+    pub format: u32,
+    /// The commands, oldest first.
+    pub sessions: Vec<Session>,
+}
+
+/// One command that worked on a run.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Session {
+    /// Version of the program.
+    pub version: String,
+    /// Checksum of the program's file, where it can be read.
+    pub build: Option<String>,
+    /// When it began, UTC: 2026-11-22T17:05:00Z.
+    pub begun: String,
+    /// The command as a shell takes it.
+    pub command: String,
+}
+
+impl Session {
+    /// This process.
+    pub fn now() -> Self {
+        let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        let own = std::env::args_os().skip(1);
+        let words = own.map(|word| quoted(&word.to_string_lossy()));
+        Self {
+            version: env!("CARGO_PKG_VERSION").into(),
+            build: build(),
+            begun: utc(since.as_secs()),
+            command: [String::from("echoloop")]
+                .into_iter()
+                .chain(words)
+                .collect::<Vec<_>>()
+                .join(" "),
+        }
+    }
+}
+
+impl About {
+    /// What a run's folder says of itself; nothing where it says nothing, as in one of an earlier
+    /// version.
+    ///
+    /// # Errors
+    ///
+    /// [`FileError`] when there is something that cannot be read, or is of another format.
+    pub fn read(folder: &std::path::Path) -> Result<Self, FileError> {
+        let path = folder.join(ABOUT);
+        let fail = |what: String| {
+            file_error("read", &path)(std::io::Error::other(format!(
+                "{what}; without the file the run goes on, and says less of itself"
+            )))
+        };
+        let text = match read_text(&path, MOST_TEXT) {
+            Ok(text) => text,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                return Ok(Self { format: FORMAT, sessions: Vec::new() });
+            }
+            Err(error) => return Err(fail(error.to_string())),
+        };
+        let about: Self = serde_json::from_str(&text).map_err(|e| fail(shown(&e.to_string())))?;
+        match about.format {
+            FORMAT => Ok(about),
+            other => Err(fail(format!("it is of format {other}, not {FORMAT}"))),
+        }
+    }
+
+    /// Adds this process to what a run's folder says of itself.
+    ///
+    /// # Errors
+    ///
+    /// [`FileError`].
+    pub fn record(mut self, folder: &RunFolder) -> Result<(), FileError> {
+        self.format = FORMAT;
+        self.sessions.push(Session::now());
+        let text = serde_json::to_string_pretty(&self).map_err(std::io::Error::from);
+        let text = text.map_err(file_error("write", &folder.file(ABOUT)))?;
+        folder.write(ABOUT, text + "\n")
+    }
+}
+
+/// A word as a shell takes it, in quotes where it needs them.
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_=+.,/:@%".contains(c);
+    match !word.is_empty() && word.chars().all(plain) {
+        true => word.to_owned(),
+        false => format!("'{}'", word.replace('\'', r"'\''")),
+    }
+}
+
+const DAY_S: u64 = 24 * 60 * 60;
+
+/// That many seconds after 1970, UTC.
+fn utc(since_s: u64) -> String {
+    let s = since_s % DAY_S;
+    format!("{}T{:02}:{:02}:{:02}Z", date(since_s / DAY_S), s / 3600, s / 60 % 60, s % 60)
+}
+
+/// The date that many days after 1970-01-01.
+///
+/// Years are counted from March, so that the day that may be missing is the last; 400 of them have
+/// 146,097 days, and five months from March or August on have 153.
+fn date(days: u64) -> String {
+    let from_march_0000 = days + 719_468;
+    let (era, day) = (from_march_0000 / 146_097, from_march_0000 % 146_097);
+    let year = (day - day / 1_460 + day / 36_524 - day / 146_096) / 365;
+    let day = day - (365 * year + year / 4 - year / 100);
+    let month = (5 * day + 2) / 153;
+    let day = day - (153 * month + 2) / 5 + 1;
+    let (month, next) = if month < 10 { (month + 3, 0) } else { (month - 9, 1) };
+    format!("{:04}-{month:02}-{day:02}", 400 * era + year + next)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn seconds_since_1970_are_a_date_and_a_time() {
+        for (seconds, expected) in [
+            (0, "1970-01-01T00:00:00Z"),
+            (951_827_696, "2000-02-29T12:34:56Z"),
+            (1_795_367_099, "2026-11-22T17:04:59Z"),
+            (4_107_542_400, "2100-03-01T00:00:00Z"),
+        ] {
+            assert_eq!(utc(seconds), expected);
+        }
+    }
+
+    #[test]
+    fn a_command_is_quoted_as_a_shell_takes_it() {
+        assert_eq!(quoted("lidar.power=50"), "lidar.power=50");
+        assert_eq!(quoted("my mesh.ply"), "'my mesh.ply'");
+        assert_eq!(quoted("it's"), r"'it'\''s'");
+        assert_eq!(quoted(""), "''");
+    }
+
+    #[test]
+    fn whoever_works_on_a_run_is_added_and_what_cannot_be_read_is_kept() {
+        let runs = tempfile::tempdir().unwrap();
+        let folder = RunFolder::create(runs.path(), "a").unwrap();
+        for sessions in 0..3 {
+            let about = About::read(folder.path()).unwrap();
+            assert_eq!(about.sessions.len(), sessions);
+            about.record(&folder).unwrap();
+        }
+        for damaged in ["{", r#"{"format": 7, "sessions": []}"#] {
+            std::fs::write(folder.file(ABOUT), damaged).unwrap();
+            let error = About::read(folder.path()).unwrap_err().to_string();
+            assert!(error.contains(ABOUT) && error.contains("the run goes on"), "{error}");
+        }
+    }
+}

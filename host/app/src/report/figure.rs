@@ -1,0 +1,228 @@
+//! Charts that stand alone: each chart of a page as SVG with its own colours, and as PNG.
+//!
+//! They are taken out of the page itself, so that no chart can be forgotten and none can differ. In
+//! a page a chart has classes, and colours come from the style sheet; here the rules for those
+//! classes go with it, with the light theme's values in place of variables. Lines keep their width
+//! there whatever the chart's size; here everything scales, so widths are given in the drawing's
+//! own units.
+
+use std::sync::{Arc, LazyLock};
+
+use resvg::tiny_skia::{Pixmap, Transform};
+use resvg::usvg::fontdb::Database;
+use resvg::usvg::{Options, Tree};
+
+use super::plot::FINE;
+use super::theme::CLASSES;
+
+/// A chart that stands alone.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Figure {
+    /// Its name: letters, digits and dashes, good for a file's.
+    pub name: String,
+    /// The drawing.
+    pub svg: String,
+    /// The same, twice its natural size.
+    pub png: Vec<u8>,
+}
+
+/// Pixels of a PNG for one of the drawing at its natural size.
+const PNG_SCALE: f32 = 2.0;
+
+const STYLE: &str = include_str!("report.css");
+
+/// Letters of all charts: DejaVu Sans, as far as a chart writes. It goes with the program, so that
+/// a machine without fonts draws the same picture.
+const FONT: &[u8] = include_bytes!("font/dejavu-sans-subset.ttf");
+const FONT_NAME: &str = "DejaVu Sans";
+
+/// Every chart of a page, in its order.
+///
+/// # Errors
+///
+/// What is wrong with a drawing.
+pub(super) fn figures(html: &str) -> Result<Vec<Figure>, String> {
+    charts(html).map(figure).collect()
+}
+
+/// From the tag that opens a named chart to the one that closes it. All text of a page is escaped,
+/// so that no other `<svg` is there.
+fn charts(html: &str) -> impl Iterator<Item = &str> {
+    let pieces = html.split("<svg ").skip(1);
+    let charts = pieces.filter_map(|piece| Some(piece.split_once("</svg>")?.0));
+    charts.filter(|chart| attribute(chart, "data-figure").is_some())
+}
+
+/// What an attribute of the opening tag holds.
+fn attribute<'a>(chart: &'a str, name: &str) -> Option<&'a str> {
+    let tag = chart.split_once('>')?.0;
+    Some(tag.split_once(&format!("{name}=\""))?.1.split_once('"')?.0)
+}
+
+fn figure(chart: &str) -> Result<Figure, String> {
+    let name = attribute(chart, "data-figure").unwrap_or_default().to_owned();
+    let svg = alone(chart).ok_or_else(|| format!("the chart {name} has no box"))?;
+    let png = png(&svg).map_err(|error| format!("the chart {name}: {error}"))?;
+    Ok(Figure { name, svg, png })
+}
+
+fn alone(chart: &str) -> Option<String> {
+    let view = attribute(chart, "data-box")?;
+    let label = attribute(chart, "aria-label")?;
+    let sides: Vec<f64> = view.split(' ').filter_map(|side| side.parse().ok()).collect();
+    let [left, top, width, height] = sides[..] else { return None };
+    let content = chart.split_once('>')?.1;
+    Some(format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{}\" height=\"{}\" viewBox=\"{view}\" \
+         role=\"img\"><title>{label}</title><style>{}</style><rect class=\"paper\" x=\"{left}\" \
+         y=\"{top}\" width=\"{width}\" height=\"{height}\"/>{content}</svg>\n",
+        width / FINE,
+        height / FINE,
+        *RULES
+    ))
+}
+
+/// The style sheet's rules for drawings.
+static RULES: LazyLock<String> = LazyLock::new(|| {
+    let rules = drawing_rules(STYLE).map(|(selector, body)| format!("{selector}{{{body}}}"));
+    // What is under the pointer is told there too, through areas that nobody sees.
+    let hints = ".hint-area{fill:none;pointer-events:all}";
+    let own = format!(".paper{{fill:{}}}{hints}", variable("surface"));
+    rules.chain([own]).collect()
+});
+
+/// Of a style sheet without its `@media`, each rule that can only mean a drawing.
+fn drawing_rules(style: &str) -> impl Iterator<Item = (String, String)> {
+    let plain = style.split("\n@media").map(|part| match part.split_once("\n}\n") {
+        Some((_, after)) if !part.starts_with(':') => after,
+        _ => part,
+    });
+    let plain: String = plain.collect();
+    let plain = without_comments(&plain);
+    let rules: Vec<(String, String)> = plain
+        .split('}')
+        .filter_map(|rule| rule.split_once('{'))
+        .map(|(selectors, body)| (of_drawings(selectors), body_alone(body)))
+        .collect();
+    rules.into_iter().filter(|(selectors, body)| !selectors.is_empty() && !body.is_empty())
+}
+
+fn without_comments(style: &str) -> String {
+    let pieces = style.split("/*").enumerate();
+    pieces
+        .map(|(i, piece)| if i == 0 { piece } else { piece.split_once("*/").map_or("", |p| p.1) })
+        .collect()
+}
+
+/// Those of a rule's selectors that begin in a drawing: `svg text`, `.grid`, but not
+/// `.legend svg`.
+fn of_drawings(selectors: &str) -> String {
+    let is_class = |word: &str| {
+        let mut names = word.split('.').skip(1);
+        word.starts_with('.')
+            && names.all(|name| CLASSES.iter().any(|c| c.split(' ').any(|part| part == name)))
+    };
+    let is_ours = |selector: &&str| match selector.split_once(' ') {
+        Some(("svg", inner)) => !inner.contains(' '),
+        Some(_) => false,
+        None => is_class(selector),
+    };
+    selectors.split(',').map(str::trim).filter(is_ours).collect::<Vec<_>>().join(",")
+}
+
+/// Declarations with values for variables, and lengths in the drawing's units.
+fn body_alone(body: &str) -> String {
+    let declarations = body.split(';').filter_map(|d| d.trim().split_once(": "));
+    let alone = declarations.filter_map(|(name, value)| match name {
+        "vector-effect" | "font-variant-numeric" | "display" => None,
+        "font-family" => Some(format!("{name}:\"{FONT_NAME}\",sans-serif")),
+        "stroke-width" | "stroke-dasharray" => Some(format!("{name}:{}", in_units(value))),
+        _ => Some(format!("{name}:{}", resolved(value))),
+    });
+    alone.collect::<Vec<_>>().join(";")
+}
+
+fn in_units(lengths: &str) -> String {
+    let numbers = lengths.split(' ').filter_map(|number| number.parse::<f64>().ok());
+    numbers.map(|number| (FINE * number).to_string()).collect::<Vec<_>>().join(" ")
+}
+
+fn resolved(value: &str) -> String {
+    let name = value.strip_prefix("var(--").and_then(|rest| rest.strip_suffix(')'));
+    name.map_or_else(|| value.to_owned(), variable)
+}
+
+/// What a variable is in the light theme, which the style sheet has first.
+fn variable(name: &str) -> String {
+    let found = STYLE.split_once(&format!("--{name}: ")).and_then(|(_, rest)| rest.split_once(';'));
+    found.map_or_else(String::new, |(value, _)| value.to_owned())
+}
+
+fn png(svg: &str) -> Result<Vec<u8>, String> {
+    let tree = Tree::from_str(svg, &OPTIONS).map_err(|error| error.to_string())?;
+    let size = tree.size();
+    let [width, height] = [size.width(), size.height()].map(|s| (PNG_SCALE * s).ceil() as u32);
+    let mut pixels = Pixmap::new(width, height).ok_or("it has no size")?;
+    resvg::render(&tree, Transform::from_scale(PNG_SCALE, PNG_SCALE), &mut pixels.as_mut());
+    pixels.encode_png().map_err(|error| error.to_string())
+}
+
+static OPTIONS: LazyLock<Options<'static>> = LazyLock::new(|| {
+    let mut fonts = Database::new();
+    fonts.load_font_data(FONT.to_vec());
+    fonts.set_sans_serif_family(FONT_NAME);
+    Options { fontdb: Arc::new(fonts), font_family: FONT_NAME.into(), ..Options::default() }
+});
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::{PairError, PoseError, Report};
+
+    #[test]
+    fn the_rules_for_drawings_have_every_class_and_no_variable() {
+        let rules = &*RULES;
+        for class in CLASSES.iter().flat_map(|classes| classes.split(' ')) {
+            assert!(rules.contains(&format!(".{class}")), "{class}: {rules}");
+        }
+        assert!(rules.contains("svg text{font-family:\"DejaVu Sans\",sans-serif;font-size:120px"));
+        assert!(rules.contains(".default{stroke:#767f8e;stroke-width:15;stroke-dasharray:60 40}"));
+        for foreign in ["var(", "vector-effect", ".legend", ".figures", "@media", "width:100%"] {
+            assert!(!rules.contains(foreign), "{foreign}: {rules}");
+        }
+        assert!(rules.contains(".paper{fill:#ffffff}"));
+    }
+
+    #[test]
+    fn a_chart_that_stands_alone_is_ink_on_paper() {
+        let pairs = [0.1, 0.3].map(|error| PairError {
+            default: PoseError { translation_m: error, rotation_deg: error },
+            tuned: PoseError { translation_m: 0.5 * error, rotation_deg: error },
+            ..PairError::default()
+        });
+        let report = Report { pair_errors: pairs.to_vec(), ..Report::default() };
+        let figures = report.figures().expect("consistent");
+        assert_eq!(figures.len(), 3);
+        for Figure { name, svg, png } in figures {
+            let pixels = Pixmap::decode_png(&png).expect("a PNG");
+            let width: f32 = svg.split('"').nth(3).expect("a width").parse().expect("a number");
+            assert_eq!(pixels.width(), (PNG_SCALE * width).ceil() as u32);
+            let paper = pixels.pixels().iter().filter(|p| p.red() == 255 && p.alpha() == 255);
+            let share = paper.count() as f64 / pixels.pixels().len() as f64;
+            assert!((0.8..0.999).contains(&share), "{name}: {share} is paper");
+        }
+    }
+
+    #[test]
+    fn the_font_has_every_letter_that_a_chart_may_write() {
+        let drawn = |letter: char| {
+            let text = format!("<text x=\"20\" y=\"90\" font-size=\"60\">{letter}</text>");
+            let svg = "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"120\" height=\"120\">";
+            png(&format!("{svg}{text}</svg>")).expect("a drawing")
+        };
+        let missing = drawn('\u{4e00}');
+        for letter in "0Aaz%~äöüéñß‖−→±°✕µσΔ×·≤≥²’–Øλθ".chars() {
+            assert!(drawn(letter) != missing, "{letter}");
+        }
+    }
+}
