@@ -15,7 +15,7 @@ use serde_json::Value;
 use crate::bootstrap::mean;
 use crate::day::today;
 use crate::record::{append, lines, written_into};
-use crate::shell::{built, cargo, first_line, workspace};
+use crate::shell::{built, cargo, commit, workspace};
 
 const RECORD: &str = "benches/record/patterns.jsonl";
 const PAGE: &str = "docs/data.md";
@@ -157,7 +157,7 @@ fn measured(asked: Asked, power_w: f64) -> Result<Line> {
     let output = command.stderr(Stdio::inherit()).output().context("cannot run echoloop")?;
     ensure!(output.status.success(), "{asked:?}: echoloop failed");
     let result: Value = serde_json::from_slice(&output.stdout).context("echoloop prints JSON")?;
-    let code = first_line("git", &["describe", "--always", "--dirty", "--exclude", "*"])?;
+    let code = commit()?;
     Line::new(asked, format!("{}, {code}", today()), power_w, &result["summary"])
 }
 

@@ -37,8 +37,12 @@ pub(crate) fn succeed(command: &mut Command) -> Result<()> {
 
 /// What a program prints, run in the workspace's root; fails when it does.
 pub(crate) fn output(program: &str, arguments: &[&str]) -> Result<String> {
+    output_in(&workspace()?, program, arguments)
+}
+
+fn output_in(folder: &Path, program: &str, arguments: &[&str]) -> Result<String> {
     let mut command = Command::new(program);
-    let output = command.current_dir(workspace()?).args(arguments).output();
+    let output = command.current_dir(folder).args(arguments).output();
     let output = output.with_context(|| format!("cannot run {program}"))?;
     let why = String::from_utf8_lossy(&output.stderr);
     ensure!(output.status.success(), "failed: {program} {}: {why}", arguments.join(" "));
@@ -48,6 +52,20 @@ pub(crate) fn output(program: &str, arguments: &[&str]) -> Result<String> {
 /// The first line that a program prints.
 pub(crate) fn first_line(program: &str, arguments: &[&str]) -> Result<String> {
     Ok(output(program, arguments)?.lines().next().unwrap_or_default().to_owned())
+}
+
+/// What a record says of the code: the commit, and `-dirty` where a file differs from it. Records
+/// and pages do not count: those a study writes itself, line by line.
+pub(crate) fn commit() -> Result<String> {
+    commit_of(&workspace()?)
+}
+
+fn commit_of(root: &Path) -> Result<String> {
+    let commit = output_in(root, "git", &["rev-parse", "--short", "HEAD"])?;
+    let counted = [".", ":(exclude)benches/record", ":(exclude)docs"];
+    let status = ["status", "--porcelain", "--untracked-files=no", "--"];
+    let changed = output_in(root, "git", &[&status[..], &counted].concat())?;
+    Ok(commit.trim().to_owned() + if changed.is_empty() { "" } else { "-dirty" })
 }
 
 /// Where builds lie.
@@ -61,4 +79,37 @@ pub(crate) fn workspace() -> Result<PathBuf> {
         .parent()
         .context("xtask lies in the workspace")?
         .to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+
+    #[test]
+    fn a_commit_is_dirty_when_code_differs_and_not_when_a_record_or_a_page_grows() {
+        let folder = tempfile::tempdir().unwrap();
+        let root = folder.path();
+        let git = |arguments: &[&str]| output_in(root, "git", arguments).unwrap();
+        let files = ["src/a.rs", "benches/record/study.jsonl", "docs/study.md"];
+        for file in files {
+            fs::create_dir_all(root.join(file).parent().unwrap()).unwrap();
+            fs::write(root.join(file), "1\n").unwrap();
+        }
+        git(&["init", "--quiet"]);
+        git(&["add", "."]);
+        let own = ["-c", "user.name=a", "-c", "user.email=a@b", "-c", "commit.gpgsign=false"];
+        git(&[&own[..], &["commit", "--quiet", "--message", "a"]].concat());
+        let clean = commit_of(root).unwrap();
+        assert!(clean.len() >= 7 && clean.chars().all(|c| c.is_ascii_hexdigit()), "{clean}");
+        for file in &files[1..] {
+            fs::write(root.join(file), "1\n2\n").unwrap();
+            assert_eq!(commit_of(root).unwrap(), clean, "{file}");
+        }
+        fs::write(root.join("new"), "what git does not know").unwrap();
+        assert_eq!(commit_of(root).unwrap(), clean);
+        fs::write(root.join(files[0]), "2\n").unwrap();
+        assert_eq!(commit_of(root).unwrap(), clean + "-dirty");
+    }
 }

@@ -16,7 +16,7 @@ use std::process::{Command, Stdio};
 use anyhow::{Context, Result, ensure};
 
 use crate::record::{append, lines, written_into};
-use crate::shell::{built, cargo, first_line, workspace};
+use crate::shell::{built, cargo, commit, workspace};
 use cell::{Cell, Condition, Method, Protocol, Scene, Strategy};
 use record::Line;
 
@@ -131,7 +131,7 @@ fn measured(cell: &Cell) -> Result<Line> {
     let output = command.stderr(Stdio::inherit()).output().context("cannot run echoloop")?;
     ensure!(output.status.success(), "{cell}: echoloop failed");
     let result = serde_json::from_slice(&output.stdout).context("echoloop prints JSON")?;
-    let code = first_line("git", &["describe", "--always", "--dirty", "--exclude", "*"])?;
+    let code = commit()?;
     let line = Line::new(cell.clone(), code, &result)?;
     fs::remove_dir_all(&folder).with_context(|| format!("cannot remove {}", folder.display()))?;
     Ok(line)
