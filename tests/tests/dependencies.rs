@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Each crate of ours, its folder, and those of ours that it may name in its dependencies.
-const ALLOWED: [(&str, &str, &[&str]); 19] = [
+const ALLOWED: [(&str, &str, &[&str]); 20] = [
     ("echoloop-dsp", "firmware/dsp", &[]),
     ("echoloop-dispatch", "host/dispatch", &[]),
     ("echoloop-random", "host/random", &["echoloop-dispatch"]),
     ("echoloop-files", "host/files", &[]),
+    ("echoloop-keys", "host/keys", &[]),
     ("echoloop-needs", "tests/needs", &[]),
     (
         "echoloop-kernels",
@@ -28,7 +29,11 @@ const ALLOWED: [(&str, &str, &[&str]); 19] = [
         "host/registration",
         &["echoloop-dispatch", "echoloop-files", "echoloop-needs"],
     ),
-    ("echoloop-frontend", "host/frontend", &["echoloop-dispatch", "echoloop-random"]),
+    (
+        "echoloop-frontend",
+        "host/frontend",
+        &["echoloop-dispatch", "echoloop-keys", "echoloop-random"],
+    ),
     ("echoloop-cmaes", "host/cmaes", &["echoloop-random"]),
     (
         "echoloop-sim",
@@ -65,6 +70,7 @@ const LIBRARIES: &[&str] = &[
     "echoloop-files",
     "echoloop-frontend",
     "echoloop-kernels",
+    "echoloop-keys",
     "echoloop-link",
     "echoloop-needs",
     "echoloop-random",
@@ -82,6 +88,7 @@ const PROGRAM: &[&str] = &[
     "echoloop-frontend",
     "echoloop-host",
     "echoloop-kernels",
+    "echoloop-keys",
     "echoloop-link",
     "echoloop-needs",
     "echoloop-random",

@@ -57,7 +57,7 @@ pub use exposure::{Exposure, ShotBuffers};
 pub use light::{Return, SceneResponse};
 pub use mode::Mode;
 pub use noise::{before_the_trigger, noise_key, shaking};
-pub use receiver::{OpticsError, Receiver};
+pub use receiver::Receiver;
 pub use synthesis::{synthesise, synthesise_baseline};
 pub use waveform_front_end::WaveformFrontEnd;
 pub use weather::{Air, Precipitation, Weather};

@@ -1,5 +1,6 @@
 //! What waveforms are made of.
 
+use echoloop_keys::Value;
 use serde::{Deserialize, Serialize};
 
 /// What the waveforms are made of.
@@ -12,3 +13,5 @@ pub enum Mode {
     /// Arbitrary units and Poisson noise.
     LitlCompat,
 }
+
+impl Value for Mode {}

@@ -3,8 +3,8 @@
 use std::f64::consts::{FRAC_PI_4, PI};
 use std::sync::Arc;
 
+use echoloop_keys::{Must, Refused, section};
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
 use crate::litl_units as litl;
 use crate::mode::Mode;
@@ -14,87 +14,92 @@ const ELEMENTARY_CHARGE_C: f64 = 1.602_176_634e-19;
 const PLANCK_J_S: f64 = 6.626_070_15e-34;
 pub(crate) const SPEED_OF_LIGHT_M_NS: f64 = 0.299_792_458;
 
-/// The receiver's constants. Defaults are the reference receiver; parts from data sheets, the set
-/// our own.
-///
-/// ```text
-/// i(t) = M·R0·(P_s + P_b) + i_dark                 R0 = QE·q·λ/(h·c)
-/// P_s  = P0·η·A_r · strength · e^(−2αR) · p(t)
-/// strength = Σ w_k ρ_k cosθ_k / (π R_k²)           from the scanner
-/// P_b  = E_λ·Δλ·(ρ_b/π)·Ω·A_r·η                     ambient; does not depend on range
-/// σ_i² = 2·q·M²·F·B·(R0·(P_s + P_b) + I_db) + i_TIA²
-/// F    = k·M + (1 − k)(2 − 1/M)                     McIntyre excess noise
-/// ```
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Receiver {
-    /// Diameter of the aperture, mm.
-    pub aperture_mm: f64,
-    /// η, transmission of the optics.
-    pub transmission: f64,
-    /// QE of the avalanche photodiode.
-    pub quantum_efficiency: f64,
-    /// M, its gain.
-    pub multiplication: f64,
-    /// k, its ratio of ionisation.
-    pub ionisation_ratio: f64,
-    /// I_db, bulk dark current before multiplication, nA.
-    pub bulk_dark_current_na: f64,
-    /// i_dark, dark current that is not multiplied, nA.
-    pub surface_dark_current_na: f64,
-    /// B, noise bandwidth, MHz.
-    pub bandwidth_mhz: f64,
-    /// i_TIA, noise of the amplifier, nA rms.
-    pub amplifier_noise_na: f64,
-    /// Wavelength, nm.
-    pub wavelength_nm: f64,
-    /// Δλ of the optical filter, nm.
-    pub filter_nm: f64,
-    /// E_λ, sunlight on the scene, W/m²/nm.
-    pub irradiance_w_m2_nm: f64,
-    /// ρ_b, reflectance of what the ambient light comes from.
-    pub background_reflectance: f64,
-    /// Beam divergence, which is also the field of view of a pixel, mrad.
-    pub divergence_mrad: [f64; 2],
-    /// Sub-rays along each axis of the divergence, odd.
-    pub subrays: u8,
-    /// Current that fills the converter at 0 dB, µA.
-    pub full_scale_ua: f64,
-    /// Where the amplifier clips, as a fraction of the converter's full scale.
-    pub analog_limit: f64,
-    /// b, bits of the converter.
-    pub adc_bits: u32,
-    /// α of clear air, 1/m; that of the weather comes on top.
-    pub extinction_per_m: f64,
-    /// What waveforms are made of: `physical`, or `litl-compat`, arbitrary units with Poisson
-    /// noise.
-    pub mode: Mode,
-    /// Spread of the moment at which the pulse leaves, from shot to shot, ns rms.
-    pub timing_jitter_ns: f64,
-    /// Fraction of the channels that are dead: their converter reads 0. A channel is a row of
-    /// beams, or a laser.
-    pub dead_channels: f64,
-    /// Fraction of the channels that are weak, …
-    pub weak_channels: f64,
-    /// … and how much of the light they lose, dB of optical power.
-    pub weak_channel_db: f64,
-    /// Decides which channels; the same in every scan.
-    pub channel_seed: u64,
-    /// Tail of an amplifier that was overloaded, as a fraction of what it could not follow; 0: it
-    /// recovers at once.
-    pub overload_tail: f64,
-    /// Time constant with which that tail decays, ns.
-    pub overload_tail_ns: f64,
-    /// The weather before it: the configuration's `[weather]`.
-    #[serde(skip)]
-    pub weather: Weather,
-    /// Channels of its scan pattern, from `[scanner]`, which beams have in turn: rows of a grid,
-    /// lasers of a head; 0: not known, every beam has a channel of its own.
-    #[serde(skip)]
-    pub rows: u16,
-    /// Channel of each beam, where they do not come in turn; empty: they do.
-    #[serde(skip)]
-    pub channels: Arc<[u16]>,
+section! {
+    /// The receiver's constants. Defaults are the reference receiver; parts from data sheets, the
+    /// set our own.
+    ///
+    /// ```text
+    /// i(t) = M·R0·(P_s + P_b) + i_dark                 R0 = QE·q·λ/(h·c)
+    /// P_s  = P0·η·A_r · strength · e^(−2αR) · p(t)
+    /// strength = Σ w_k ρ_k cosθ_k / (π R_k²)           from the scanner
+    /// P_b  = E_λ·Δλ·(ρ_b/π)·Ω·A_r·η                     ambient; does not depend on range
+    /// σ_i² = 2·q·M²·F·B·(R0·(P_s + P_b) + I_db) + i_TIA²
+    /// F    = k·M + (1 − k)(2 − 1/M)                     McIntyre excess noise
+    /// ```
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct Receiver in "receiver" {
+        aperture_mm: f64, "mm", Must::above(0.0, 1e3),
+            "Diameter of the aperture, mm.";
+        transmission: f64, "", Must::above(0.0, 1.0),
+            "η, transmission of the optics.";
+        quantum_efficiency: f64, "", Must::above(0.0, 1.0),
+            "QE of the avalanche photodiode.";
+        multiplication: f64, "", Must::between(1.0, 1e7),
+            "M, gain of the photodiode.";
+        ionisation_ratio: f64, "", Must::between(0.0, 1.0),
+            "k, ratio of ionisation of the photodiode.";
+        bulk_dark_current_na: f64, "nA", Must::between(0.0, 1e6),
+            "I_db, bulk dark current before multiplication, nA.";
+        surface_dark_current_na: f64, "nA", Must::between(0.0, 1e6),
+            "i_dark, dark current that is not multiplied, nA.";
+        bandwidth_mhz: f64, "MHz", Must::above(0.0, 1e5),
+            "B, noise bandwidth, MHz.";
+        amplifier_noise_na: f64, "nA", Must::between(0.0, 1e6),
+            "i_TIA, noise of the amplifier, nA rms.";
+        wavelength_nm: f64, "nm", Must::between(200.0, 3000.0),
+            "Wavelength, nm.";
+        filter_nm: f64, "nm", Must::between(0.0, 1000.0),
+            "Δλ of the optical filter, nm.";
+        irradiance_w_m2_nm: f64, "W/m²/nm", Must::between(0.0, 10.0),
+            "E_λ, sunlight on the scene, W/m²/nm.";
+        background_reflectance: f64, "", Must::between(0.0, 1.0),
+            "ρ_b, reflectance of what the ambient light comes from.";
+        divergence_mrad: [f64; 2], "mrad", Must::between(0.0, 100.0),
+            "Beam divergence, which is also the field of view of a pixel, mrad.";
+        subrays: u8, "", Must::odd(1.0, 15.0),
+            "Sub-rays along each axis of the divergence.";
+        full_scale_ua: f64, "µA", Must::above(0.0, 1e6),
+            "Current that fills the converter at 0 dB, µA.";
+        analog_limit: f64, "of full scale", Must::above(0.0, 10.0),
+            "Where the amplifier clips, as a fraction of the converter's full scale.";
+        adc_bits: u32, "bits", Must::between(8.0, 14.0),
+            "b, bits of the converter.";
+        extinction_per_m: f64, "1/m", Must::between(0.0, 10.0),
+            "α of clear air, 1/m; that of the weather comes on top.";
+        mode: Mode, "", Must::Name(&["physical", "litl-compat"]),
+            "What waveforms are made of: `physical`, or `litl-compat`, arbitrary units with Poisson \
+             noise.";
+        timing_jitter_ns: f64, "ns", Must::between(0.0, 10.0),
+            "Spread of the moment at which the pulse leaves, from shot to shot, ns rms.";
+        dead_channels: f64, "", Must::between(0.0, 1.0),
+            "Fraction of the channels that are dead: their converter reads 0. A channel is a row of \
+             beams, or a laser.";
+        weak_channels: f64, "", Must::between(0.0, 1.0),
+            "Fraction of the channels that lose `weak_channel_db` of the light; with the dead ones \
+             no more than all.";
+        weak_channel_db: f64, "dB", Must::between(0.0, 60.0),
+            "How much of the light weak channels lose, dB of optical power.";
+        channel_seed: u64, "", Must::SEED,
+            "Decides which channels are dead or weak; the same in every scan.";
+        overload_tail: f64, "", Must::between(0.0, 1.0),
+            "Tail of an amplifier that was overloaded, as a fraction of what it could not follow; 0: \
+             it recovers at once.";
+        overload_tail_ns: f64, "ns", Must::between(0.1, 1e4),
+            "Time constant with which that tail decays, ns.";
+    }
+    beside {
+        /// The weather before it: the configuration's `[weather]`.
+        #[serde(skip)]
+        pub weather: Weather,
+        /// Channels of its scan pattern, from `[scanner]`, which beams have in turn: rows of a
+        /// grid, lasers of a head; 0: not known, every beam has a channel of its own.
+        #[serde(skip)]
+        pub rows: u16,
+        /// Channel of each beam, where they do not come in turn; empty: they do.
+        #[serde(skip)]
+        pub channels: Arc<[u16]>,
+    }
 }
 
 impl Default for Receiver {
@@ -134,68 +139,19 @@ impl Default for Receiver {
     }
 }
 
-/// A constant of the receiver that physics does not allow.
-#[derive(Clone, Debug, PartialEq, Error)]
-#[error("receiver.{field} = {value} must be {expected}")]
-pub struct OpticsError {
-    /// The field.
-    pub field: &'static str,
-    /// Its value.
-    pub value: f64,
-    /// What it must be.
-    pub expected: &'static str,
-}
-
-/// A field's name, value, limits and what they are called.
-type Bound = (&'static str, f64, std::ops::RangeInclusive<f64>, &'static str);
-
 impl Receiver {
     /// Checks every constant.
     ///
     /// # Errors
     ///
-    /// [`OpticsError`] names the first that is out of bounds.
-    pub fn check(&self) -> Result<(), OpticsError> {
-        let tiny = f64::MIN_POSITIVE;
-        let bounds: [Bound; 26] = [
-            ("aperture_mm", self.aperture_mm, tiny..=1e3, "above 0 and at most 1000"),
-            ("transmission", self.transmission, tiny..=1.0, "above 0 and at most 1"),
-            ("quantum_efficiency", self.quantum_efficiency, tiny..=1.0, "above 0 and at most 1"),
-            ("multiplication", self.multiplication, 1.0..=1e7, "1 to 10^7"),
-            ("ionisation_ratio", self.ionisation_ratio, 0.0..=1.0, "0 to 1"),
-            ("bulk_dark_current_na", self.bulk_dark_current_na, 0.0..=1e6, "0 to 10^6"),
-            ("surface_dark_current_na", self.surface_dark_current_na, 0.0..=1e6, "0 to 10^6"),
-            ("bandwidth_mhz", self.bandwidth_mhz, tiny..=1e5, "above 0 and at most 10^5"),
-            ("amplifier_noise_na", self.amplifier_noise_na, 0.0..=1e6, "0 to 10^6"),
-            ("wavelength_nm", self.wavelength_nm, 200.0..=3000.0, "200 to 3000"),
-            ("filter_nm", self.filter_nm, 0.0..=1000.0, "0 to 1000"),
-            ("irradiance_w_m2_nm", self.irradiance_w_m2_nm, 0.0..=10.0, "0 to 10"),
-            ("background_reflectance", self.background_reflectance, 0.0..=1.0, "0 to 1"),
-            ("divergence_mrad[0]", self.divergence_mrad[0], 0.0..=100.0, "0 to 100"),
-            ("divergence_mrad[1]", self.divergence_mrad[1], 0.0..=100.0, "0 to 100"),
-            ("subrays", f64::from(self.subrays), 1.0..=15.0, "odd, 1 to 15"),
-            ("full_scale_ua", self.full_scale_ua, tiny..=1e6, "above 0 and at most 10^6"),
-            ("analog_limit", self.analog_limit, tiny..=10.0, "above 0 and at most 10"),
-            ("adc_bits", f64::from(self.adc_bits), 8.0..=14.0, "8 to 14"),
-            ("extinction_per_m", self.extinction_per_m, 0.0..=10.0, "0 to 10"),
-            ("timing_jitter_ns", self.timing_jitter_ns, 0.0..=10.0, "0 to 10"),
-            ("dead_channels", self.dead_channels, 0.0..=1.0, "0 to 1"),
-            (
-                "weak_channels",
-                self.weak_channels,
-                0.0..=1.0 - self.dead_channels,
-                "0 to 1 less dead_channels",
-            ),
-            ("weak_channel_db", self.weak_channel_db, 0.0..=60.0, "0 to 60"),
-            ("overload_tail", self.overload_tail, 0.0..=1.0, "0 to 1"),
-            ("overload_tail_ns", self.overload_tail_ns, 0.1..=1e4, "0.1 to 10^4"),
-        ];
-        for (field, value, limits, expected) in bounds {
-            if !limits.contains(&value) || (field == "subrays" && self.subrays.is_multiple_of(2)) {
-                return Err(OpticsError { field, value, expected });
-            }
+    /// [`Refused`] names the first that is out of bounds.
+    pub fn check(&self) -> Result<(), Refused> {
+        self.check_keys()?;
+        let weak = Self::KEYS.iter().find(|key| key.name == "receiver.weak_channels");
+        match weak.filter(|_| self.weak_channels > 1.0 - self.dead_channels) {
+            Some(key) => Err(key.refused(self.weak_channels, "0 to 1 less dead_channels")),
+            None => Ok(()),
         }
-        Ok(())
     }
 
     /// The peak of an echo of 1 W from 1/(π m²), in clear air at 0 dB, over the converter's full
@@ -333,10 +289,10 @@ mod tests {
         let bad = Receiver { transmission: f64::NAN, ..Receiver::default() };
         assert_eq!(
             bad.check().unwrap_err().to_string(),
-            "receiver.transmission = NaN must be above 0 and at most 1"
+            "receiver.transmission = NaN must be above 0, at most 1"
         );
         let even = Receiver { subrays: 4, ..Receiver::default() };
-        assert_eq!(even.check().unwrap_err().field, "subrays");
+        assert_eq!(even.check().unwrap_err().key, "receiver.subrays");
         Receiver::default().check().unwrap();
     }
 }

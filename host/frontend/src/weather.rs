@@ -1,5 +1,6 @@
 //! What is in the air: the `[weather]` section, and the optical constants that follow from it.
 
+use echoloop_keys::{Case, Must, Range, Refused, Value, section};
 use serde::{Deserialize, Serialize};
 
 /// What falls or floats.
@@ -19,20 +20,29 @@ pub enum Precipitation {
     WetSnow,
 }
 
-/// The weather between the sensor and the scene. Off unless `kind` is given.
-///
-/// It weakens every echo by `e^(−2αR)` and adds light of its own: a continuous return, and near the
-/// sensor, in rain and snow, single drops and flakes that look like small targets.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Weather {
-    /// `none`, `fog`, `rain`, `snow` (dry) or `wet-snow`.
-    pub kind: Precipitation,
-    /// MOR, meteorological optical range of fog, m: 6 to 998, which is α 0.5 to 0.003 /m.
-    pub visibility_m: f64,
-    /// Rate of rain or snow, mm of water an hour.
-    pub rate_mm_h: f64,
+section! {
+    /// The weather between the sensor and the scene. Off unless `kind` is given.
+    ///
+    /// It weakens every echo by `e^(−2αR)` and adds light of its own: a continuous return, and near
+    /// the sensor, in rain and snow, single drops and flakes that look like small targets.
+    #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct Weather in "weather" {
+        kind: Precipitation, "", Must::Name(&["none", "fog", "rain", "snow", "wet-snow"]),
+            "What falls or floats: `none`, `fog`, `rain`, `snow` (dry) or `wet-snow`.";
+        visibility_m: f64, "m", Must::Cases(&[Case { when: FOG, range: Range::new(6.0, 998.0) }]),
+            "MOR, meteorological optical range of fog, m: 6 to 998 are α 0.5 to 0.003 /m.";
+        rate_mm_h: f64, "mm/h", Must::Cases(&[
+            Case { when: RAIN, range: Range::new(0.1, 200.0) },
+            Case { when: SNOW, range: Range::new(0.1, 50.0) },
+        ]),
+            "Rate of rain or snow, mm of water an hour.";
+    }
 }
+
+const FOG: &str = "in fog";
+const RAIN: &str = "in rain";
+const SNOW: &str = "in snow";
 
 impl Default for Weather {
     fn default() -> Self {
@@ -108,22 +118,23 @@ impl Weather {
         }
     }
 
-    /// The first value out of bounds: key, value, what it must be.
-    pub fn fault(&self) -> Option<(&'static str, f64, &'static str)> {
-        let rate = self.rate_mm_h;
+    /// Checks what matters in this weather.
+    ///
+    /// # Errors
+    ///
+    /// [`Refused`] names the key that is out of bounds.
+    pub fn check(&self) -> Result<(), Refused> {
+        let [_, visibility, rate] = Self::KEYS else { return Ok(()) };
         match self.kind {
-            Precipitation::None => None,
-            Precipitation::Fog if (6.0..=998.0).contains(&self.visibility_m) => None,
-            Precipitation::Fog => Some(("weather.visibility_m", self.visibility_m, "6 to 998")),
-            Precipitation::Rain if (0.1..=200.0).contains(&rate) => None,
-            Precipitation::Rain => Some(("weather.rate_mm_h", rate, "0.1 to 200 in rain")),
-            Precipitation::Snow | Precipitation::WetSnow if (0.1..=50.0).contains(&rate) => None,
-            Precipitation::Snow | Precipitation::WetSnow => {
-                Some(("weather.rate_mm_h", rate, "0.1 to 50 in snow"))
-            }
+            Precipitation::None => Ok(()),
+            Precipitation::Fog => visibility.check_in(FOG, self.visibility_m),
+            Precipitation::Rain => rate.check_in(RAIN, self.rate_mm_h),
+            Precipitation::Snow | Precipitation::WetSnow => rate.check_in(SNOW, self.rate_mm_h),
         }
     }
 }
+
+impl Value for Precipitation {}
 
 fn fog(visibility_m: f64) -> Air {
     Air {
@@ -180,11 +191,15 @@ mod tests {
 
     #[test]
     fn a_value_out_of_bounds_is_named_when_it_matters() {
+        let said = |weather: Weather| weather.check().map_err(|fault| fault.to_string());
         let fog = Weather { kind: Precipitation::Fog, visibility_m: 1.0, rate_mm_h: -1.0 };
-        assert_eq!(fog.fault(), Some(("weather.visibility_m", 1.0, "6 to 998")));
+        assert_eq!(said(fog), Err("weather.visibility_m = 1 must be 6 to 998 in fog".into()));
         let rain = Weather { kind: Precipitation::Rain, ..fog };
-        assert_eq!(rain.fault(), Some(("weather.rate_mm_h", -1.0, "0.1 to 200 in rain")));
-        assert!(Weather { rate_mm_h: f64::NAN, ..rain }.fault().is_some());
-        assert_eq!(Weather::default().fault(), None);
+        assert_eq!(said(rain), Err("weather.rate_mm_h = -1 must be 0.1 to 200 in rain".into()));
+        let snow = Weather { kind: Precipitation::WetSnow, rate_mm_h: 50.1, ..fog };
+        assert_eq!(said(snow), Err("weather.rate_mm_h = 50.1 must be 0.1 to 50 in snow".into()));
+        assert!(said(Weather { rate_mm_h: f64::NAN, ..rain }).is_err());
+        assert_eq!(said(Weather { kind: Precipitation::None, ..fog }), Ok(()));
+        assert_eq!(said(Weather::default()), Ok(()));
     }
 }

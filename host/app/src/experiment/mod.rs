@@ -10,7 +10,8 @@
 //!
 //! A new parameter of the sensor is a row of the firmware's table (`firmware/dsp/src/settings.rs`),
 //! one of a method a row of `host/registration/src/config/table.rs`; both then are axes of the
-//! cube. A new key of a configuration goes into [`config`].
+//! cube. A new key of a configuration is a row of its section in
+//! [`config`], and [`explained::explained`] then says what it is.
 //!
 //! ```
 //! use std::sync::atomic::AtomicBool;
@@ -60,6 +61,7 @@ pub mod content;
 pub mod cost;
 pub mod dataset;
 pub mod evaluate;
+pub mod explained;
 pub mod files;
 pub mod front;
 pub mod gain;

@@ -23,7 +23,7 @@ macro_rules! choice {
             pub const ALL: [Self; [$($name),+].len()] = [$(Self::$value),+];
 
             /// Name on the command line, in files and in reports.
-            pub fn name(self) -> &'static str {
+            pub const fn name(self) -> &'static str {
                 match self {
                     $(Self::$value => $name,)+
                 }

@@ -150,6 +150,19 @@ impl Setting {
         each.collect::<Vec<_>>().join("; ")
     }
 
+    /// Checks a value by itself.
+    ///
+    /// # Errors
+    ///
+    /// [`ConfigError`] names the setting and its bound.
+    pub fn check_alone(&self, of: &Use, value: f64) -> Result<(), ConfigError> {
+        let bound = self.bound(of);
+        match bound.allows(value) {
+            true => Ok(()),
+            false => Err(ConfigError { field: self.key, value, bound: bound.words }),
+        }
+    }
+
     /// Checks a value, and that it is not below the setting that bounds it.
     pub(super) fn check(
         &self,
@@ -157,13 +170,11 @@ impl Setting {
         get: impl Fn(&str) -> Option<f64>,
     ) -> Result<(), ConfigError> {
         let Some(value) = get(self.key) else { return Ok(()) };
-        let bound = self.bound(of);
-        let fails = |bound| Err(ConfigError { field: self.key, value, bound });
-        if !(bound.holds)(value) {
-            return fails(bound.words);
-        }
-        match bound.not_below {
-            Some((other, words)) if get(other).is_some_and(|least| value < least) => fails(words),
+        self.check_alone(of, value)?;
+        match self.bound(of).not_below {
+            Some((other, bound)) if get(other).is_some_and(|least| value < least) => {
+                Err(ConfigError { field: self.key, value, bound })
+            }
             _ => Ok(()),
         }
     }

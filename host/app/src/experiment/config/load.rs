@@ -4,8 +4,10 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use echoloop_files::{MOST_SHOWN, MOST_TEXT, printable, read_text, shown, shown_most};
+use echoloop_keys::{Key, Kind};
 use thiserror::Error;
 
+use super::keys::{key, keys};
 use super::{DataConfig, RunConfig, RunConfigError, TuneConfig};
 use crate::experiment::preset::Strategy;
 
@@ -87,6 +89,12 @@ impl Override {
         }
     }
 
+    /// What its key takes, of one that takes numbers.
+    fn wanted(&self) -> Option<String> {
+        let key = key(&self.keys.join(".")).filter(|key| takes_numbers(key))?;
+        Some(format!("expected {}", key.wanted()))
+    }
+
     fn insert(&self, table: &mut toml::Table) -> Result<(), String> {
         let Some((last, parents)) = self.keys.split_last() else { return Ok(()) };
         let mut table = table;
@@ -138,7 +146,8 @@ fn laid_over(mut table: toml::Table, overrides: &[Override]) -> Result<RunConfig
         let fail = |message: String| LoadError::Override { text: change.text.clone(), message };
         change.insert(&mut table).map_err(fail)?;
         // Each is checked as it is laid down, so that the error is its own.
-        table.clone().try_into::<RunConfig>().map_err(|error| fail(message(&error)))?;
+        let read = table.clone().try_into::<RunConfig>();
+        read.map_err(|error| fail(change.wanted().unwrap_or_else(|| message(&error))))?;
     }
     let section = |name: &str| table.get(name).and_then(toml::Value::as_table).cloned();
     let (data, tune) = (section("data").unwrap_or_default(), section("tune").unwrap_or_default());
@@ -185,8 +194,30 @@ fn read(path: &Path) -> Result<toml::Table, LoadError> {
     let text = read_text(path, MOST_TEXT)
         .map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
     let fail = |message| LoadError::Parse { path: path.to_owned(), message };
-    parse(&text).map_err(fail)?;
+    parse(&text).map_err(|problem| fail(problem + &wanted(&text).unwrap_or_default()))?;
     toml::from_str(&text).map_err(|error| fail(told(&error)))
+}
+
+/// Of its key a reader's message says the type alone, `usize`: what it takes is said here.
+fn takes_numbers(key: &Key) -> bool {
+    !matches!(key.kind, Kind::Text)
+}
+
+/// Which key of a file takes no such value, and what it takes.
+fn wanted(text: &str) -> Option<String> {
+    let table: toml::Table = toml::from_str(text).ok()?;
+    let is_wrong = |key: &&Key| {
+        let path: Vec<String> = key.name.split('.').map(str::to_owned).collect();
+        let at = |value: &toml::Value, key: &String| value.as_table()?.get(key).cloned();
+        let whole = toml::Value::Table(table.clone());
+        let Some(value) = path.iter().try_fold(whole, |value, key| at(&value, key)) else {
+            return false;
+        };
+        let (mut alone, change) = (toml::Table::new(), Override::flag(key.name, value));
+        change.insert(&mut alone).is_ok() && alone.try_into::<RunConfig>().is_err()
+    };
+    let key = keys().filter(|key| takes_numbers(key)).find(is_wrong)?;
+    Some(format!("\n{}: expected {}", key.name, key.wanted()))
 }
 
 /// The configuration of a text, unchecked.
@@ -339,6 +370,30 @@ mod tests {
             let error = file(text).unwrap_err();
             assert!(error.contains(part), "{text}: {error}");
         }
+    }
+
+    #[test]
+    fn a_number_of_the_wrong_kind_is_told_the_key_and_its_bound() {
+        for (set, expected) in [
+            ("data.train_pairs=-1", "expected a whole number, 1 to 10000"),
+            ("data.train_pairs=1180591620717411303424", "expected a whole number, 1 to 10000"),
+            ("tune.population=1.5", "expected a whole number, 0 (automatic) or 2 to 10000"),
+            ("scanner.columns=70000", "expected a whole number, 1 to 4096"),
+            ("data.baseline_m=far", "expected a number, 0 to 100"),
+            ("seed=-1", "expected a whole number, 0 or more, below 2^63"),
+            ("scene.towns=3", "expected a list, as [1, 2, 3], of 1 to 100 seeds"),
+            ("motion.linear_m_s=[1, 2]", "expected three numbers, -100 to 100"),
+            ("tune.common_noise=1", "expected true or false"),
+        ] {
+            let said = self::set(&[set]).unwrap_err().to_string();
+            assert_eq!(said, format!("in --set {set}: {expected}"));
+        }
+        let said = file("[tune.weights]\nbits = 1\n[data]\ntrain_pairs = 1.5\n").unwrap_err();
+        assert!(said.contains("line 4") && said.contains('^'), "{said}");
+        assert!(
+            said.ends_with("\ndata.train_pairs: expected a whole number, 1 to 10000"),
+            "{said}"
+        );
     }
 
     #[test]

@@ -1,10 +1,12 @@
 //! The configuration of a run: TOML file, then `--set a.b=v`, then flags; unknown keys are errors.
 
 mod axes;
+mod choices;
 mod data;
 mod emitter;
 mod error;
 mod front;
+mod keys;
 mod lidar;
 mod load;
 mod motion;
@@ -28,7 +30,8 @@ pub use echoloop_registration::{FgrMode, Method};
 pub use emitter::EmitterConfig;
 pub use error::RunConfigError;
 pub use front::FrontConfig;
-pub use lidar::Lidar;
+pub use keys::{key, keys};
+pub use lidar::{Lidar, meaning};
 pub use load::{LoadError, Override, changed, load, parse, written};
 pub use motion::{JitterPer, Motion};
 pub use registration::RegistrationConfig;
@@ -124,15 +127,12 @@ impl RunConfig {
     /// [`RunConfigError`] names the first key out of bounds.
     pub fn check(&self) -> Result<(), RunConfigError> {
         self.receiver.check()?;
-        if let Some((field, value, expected)) = self.weather.fault() {
-            let (value, expected) = (value.to_string(), expected.into());
-            return Err(RunConfigError::Bound { field, value, expected });
-        }
-        self.motion.check()?;
+        self.weather.check()?;
+        self.motion.check_keys()?;
         self.scanner.check()?;
         self.scanner.check_times(self.motion.duration_s)?;
-        self.emitter.check()?;
-        self.data.check()?;
+        self.emitter.check_keys()?;
+        self.data.check_keys()?;
         self.tune.check()?;
         self.front.check(self.tune.protocol)?;
         self.scene.check()

@@ -1,29 +1,30 @@
 //! The `[motion]` section: a sensor that moves and shakes while it scans.
 
+use echoloop_keys::{Must, Value, section};
 use serde::{Deserialize, Serialize};
 
-use super::error::{RunConfigError, require};
-
-/// How the sensor moves during a scan. Off: it stands still, and a scan is taken at once.
-///
-/// A beam is fired when the pattern says, of the grid's `n` beams the one `b` at
-/// `t = ((b + ½)/n − ½) · duration`. The pose of a scan, and so the truth of a pair, is that of its
-/// middle, t = 0; points are laid out as if all were measured from there.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Motion {
-    /// Time from a scan's first beam to its last, s; 0: all at once.
-    pub duration_s: f64,
-    /// Velocity in the sensor's frame (x forward, y left, z up), m/s.
-    pub linear_m_s: [f64; 3],
-    /// Angular velocity about the sensor's axes, degrees/s.
-    pub angular_deg_s: [f64; 3],
-    /// Spread of the shaking about each axis, mrad.
-    pub jitter_mrad: f64,
-    /// Spread of the shaking along each axis, mm.
-    pub jitter_mm: f64,
-    /// What shakes as one: `column` or `beam`.
-    pub jitter_per: JitterPer,
+section! {
+    /// How the sensor moves during a scan. Off: it stands still, and a scan is taken at once.
+    ///
+    /// A beam is fired when the pattern says, of the grid's `n` beams the one `b` at
+    /// `t = ((b + ½)/n − ½) · duration`. The pose of a scan, and so the truth of a pair, is that of
+    /// its middle, t = 0; points are laid out as if all were measured from there.
+    #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct Motion in "motion" {
+        duration_s: f64, "s", Must::between(0.0, 10.0),
+            "Time from a scan's first beam to its last, s; 0: all at once.";
+        linear_m_s: [f64; 3], "m/s", Must::between(-100.0, 100.0),
+            "Velocity in the sensor's frame (x forward, y left, z up), m/s.";
+        angular_deg_s: [f64; 3], "°/s", Must::between(-3600.0, 3600.0),
+            "Angular velocity about the sensor's axes, degrees/s.";
+        jitter_mrad: f64, "mrad", Must::between(0.0, 100.0),
+            "Spread of the shaking about each axis, mrad.";
+        jitter_mm: f64, "mm", Must::between(0.0, 1000.0),
+            "Spread of the shaking along each axis, mm.";
+        jitter_per: JitterPer, "", Must::Name(&["column", "beam"]),
+            "What shakes as one: `column` or `beam`.";
+    }
 }
 
 /// What shakes as one.
@@ -57,42 +58,9 @@ impl Motion {
             || (self.linear_m_s == [0.0; 3] && self.angular_deg_s == [0.0; 3]);
         steady && self.jitter_mrad == 0.0 && self.jitter_mm == 0.0
     }
-
-    pub(super) fn check(&self) -> Result<(), RunConfigError> {
-        let within = |values: &[f64; 3], limit: f64| values.iter().all(|v| v.abs() <= limit);
-        require(
-            "motion.duration_s",
-            self.duration_s,
-            (0.0..=10.0).contains(&self.duration_s),
-            "0 to 10",
-        )?;
-        let (linear, angular) = (&self.linear_m_s, &self.angular_deg_s);
-        require(
-            "motion.linear_m_s",
-            format!("{linear:?}"),
-            within(linear, 100.0),
-            "three numbers, -100 to 100",
-        )?;
-        require(
-            "motion.angular_deg_s",
-            format!("{angular:?}"),
-            within(angular, 3600.0),
-            "three numbers, -3600 to 3600",
-        )?;
-        require(
-            "motion.jitter_mrad",
-            self.jitter_mrad,
-            (0.0..=100.0).contains(&self.jitter_mrad),
-            "0 to 100",
-        )?;
-        require(
-            "motion.jitter_mm",
-            self.jitter_mm,
-            (0.0..=1000.0).contains(&self.jitter_mm),
-            "0 to 1000",
-        )
-    }
 }
+
+impl Value for JitterPer {}
 
 #[cfg(test)]
 mod tests {
@@ -136,7 +104,7 @@ mod tests {
             ),
             (
                 "[receiver]\noverload_tail_ns = 0.0",
-                "receiver.overload_tail_ns = 0 must be 0.1 to 10^4",
+                "receiver.overload_tail_ns = 0 must be 0.1 to 10000",
             ),
         ] {
             let fault = fault(text);

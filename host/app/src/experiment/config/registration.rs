@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use echoloop_keys::{Key as KeyRow, Kind as KeyKind, Must};
 use echoloop_registration::{FgrMode, Kind, Method, SETTINGS};
 use serde::de::{Error, MapAccess, Visitor};
 use serde::ser::SerializeMap;
@@ -23,6 +24,50 @@ pub struct RegistrationConfig {
     pub refine: bool,
     /// The settings that are given, in the order of [`SETTINGS`].
     pub(crate) given: [Option<f64>; SETTINGS.len()],
+}
+
+/// The keys that are no settings of registration's table.
+pub(super) const OWN_KEYS: &[KeyRow] = &[
+    KeyRow {
+        must: Must::Name(&METHODS),
+        ..text("registration.method", "How scans are registered, from near or from anywhere.")
+    },
+    KeyRow {
+        must: Must::Name(&["outdoor", "paper"]),
+        ..text(
+            "registration.preset",
+            "Ranges and defaults: `outdoor`, or `paper` (Sec. 3.3, made for indoor spacing).",
+        )
+    },
+    KeyRow {
+        must: Must::Name(&["annealed", "open3d"]),
+        ..text(
+            "registration.mode",
+            "Of FGR: `annealed`, or `open3d` (as Open3D 0.20 runs it, the paper's baseline).",
+        )
+    },
+    KeyRow {
+        kind: KeyKind::Flag,
+        must: Must::FLAG,
+        ..text(
+            "registration.refine",
+            "Whether point-to-plane ICP finishes what a global method finds.",
+        )
+    },
+];
+
+const METHODS: [&str; Method::ALL.len()] = {
+    let mut names = [""; Method::ALL.len()];
+    let mut i = 0;
+    while i < names.len() {
+        names[i] = Method::ALL[i].name();
+        i += 1;
+    }
+    names
+};
+
+const fn text(name: &'static str, help: &'static str) -> KeyRow {
+    KeyRow { name, unit: "", kind: KeyKind::Text, must: Must::Name(&[]), help }
 }
 
 impl RegistrationConfig {

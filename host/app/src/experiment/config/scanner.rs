@@ -5,42 +5,48 @@ use std::sync::{Arc, OnceLock};
 
 use echoloop_dsp::{Grid, Rosette, ScanPattern, Spinning, SpinningModel};
 use echoloop_files::shown;
+use echoloop_keys::{Must, Refused, section};
 use serde::{Deserialize, Serialize};
 
-use super::error::{RunConfigError, require};
+use super::error::RunConfigError;
 use crate::experiment::beam_list::{BeamList, MOST_LISTED};
 use crate::experiment::beams::Beams;
 use crate::link::pattern::MOST_BEAMS;
 
-/// How the sensor looks around.
-///
-/// What does not apply to the pattern is absent, and refused when it is given.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(from = "Given")]
-pub struct ScannerConfig {
-    /// Where the beams point: `grid`, `raster`, a sensor (`vlp-16`, `vlp-32c`, `vls-128`,
-    /// `hdl-64e`, `os1-64`, `os1-128`, `livox-mid-40`), or a table: FILE.csv.
-    pub pattern: String,
-    /// Beams along azimuth: of a grid, a raster, a turn of a spinning sensor.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub columns: Option<u16>,
-    /// Beams along elevation, of a grid or a raster.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub rows: Option<u16>,
-    /// Full azimuth range of a grid or a raster, degrees.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub azimuth_deg: Option<f64>,
-    /// Full elevation range of a grid or a raster, degrees.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub elevation_deg: Option<f64>,
-    /// Beams of a scan, of a rosette.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub beams: Option<u32>,
-    /// Height above the ground, m.
-    pub height_m: f64,
-    /// The table, once it is read.
-    #[serde(skip)]
-    list: Read,
+section! {
+    /// How the sensor looks around.
+    ///
+    /// What does not apply to the pattern is absent, and refused when it is given.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(from = "Given")]
+    pub struct ScannerConfig in "scanner" {
+        pattern: String, "", Must::Read("one of grid, raster, vlp-16, vlp-32c, vls-128, hdl-64e, \
+             os1-64, os1-128, livox-mid-40, or a table as FILE.csv"),
+            "Where the beams point: `grid`, `raster`, a sensor (`vlp-16`, `vlp-32c`, `vls-128`, \
+             `hdl-64e`, `os1-64`, `os1-128`, `livox-mid-40`), or a table: FILE.csv.";
+        #[serde(skip_serializing_if = "Option::is_none")]
+        columns: Option<u16>, "beams", Must::between(1.0, MOST_BEAMS[0] as f64),
+            "Beams along azimuth: of a grid, a raster, a turn of a spinning sensor.";
+        #[serde(skip_serializing_if = "Option::is_none")]
+        rows: Option<u16>, "beams", Must::between(1.0, MOST_BEAMS[1] as f64),
+            "Beams along elevation, of a grid or a raster.";
+        #[serde(skip_serializing_if = "Option::is_none")]
+        azimuth_deg: Option<f64>, "°", Must::between(0.01, 360.0),
+            "Full azimuth range of a grid or a raster, degrees.";
+        #[serde(skip_serializing_if = "Option::is_none")]
+        elevation_deg: Option<f64>, "°", Must::between(0.01, 180.0),
+            "Full elevation range of a grid or a raster, degrees.";
+        #[serde(skip_serializing_if = "Option::is_none")]
+        beams: Option<u32>, "beams", Must::between(1.0, MOST_LISTED as f64),
+            "Beams of a scan, of a rosette (`livox-mid-40`).";
+        height_m: f64, "m", Must::between(0.1, 100.0),
+            "Height above the ground, m.";
+    }
+    beside {
+        /// The table, once it is read.
+        #[serde(skip)]
+        list: Read,
+    }
 }
 
 /// What a file says; what it leaves out follows the pattern.
@@ -156,6 +162,11 @@ impl ScannerConfig {
         Given { pattern: pattern.into(), ..Given::default() }.into()
     }
 
+    /// Every pattern that has a name.
+    pub fn patterns() -> impl Iterator<Item = &'static str> {
+        NAMED.iter().map(|(name, _)| *name)
+    }
+
     /// The firmware's form. Of what [`super::RunConfig::check`] refuses, one without beams.
     pub fn pattern(&self) -> ScanPattern {
         match Kind::of(&self.pattern) {
@@ -207,35 +218,18 @@ impl ScannerConfig {
 
     /// Checks all but the table's times, which hang on the scan's.
     pub(super) fn check(&self) -> Result<(), RunConfigError> {
-        let Some(kind) = Kind::of(&self.pattern) else { return Err(self.unknown()) };
+        let Some(kind) = Kind::of(&self.pattern) else { return Err(self.unknown().into()) };
         self.check_what_applies(kind)?;
-        match kind {
-            Kind::Grid | Kind::Raster => self.check_grid()?,
-            Kind::Spinning(_) => self.check_columns()?,
-            Kind::Rosette => {
-                let beams = self.beams.unwrap_or(0);
-                let fits = (1..=MOST_LISTED as u32).contains(&beams);
-                require("scanner.beams", beams, fits, "1 to 131072")?;
-            }
-            Kind::Table => {
-                self.read().as_ref().map_err(|reason| self.table(reason))?;
-            }
+        self.check_keys()?;
+        match (kind, self.read()) {
+            (Kind::Table, Err(reason)) => Err(self.table(reason)),
+            _ => Ok(()),
         }
-        require(
-            "scanner.height_m",
-            self.height_m,
-            (0.1..=100.0).contains(&self.height_m),
-            "0.1 to 100",
-        )
     }
 
-    fn unknown(&self) -> RunConfigError {
-        let names = NAMED.map(|(name, _)| name).join(", ");
-        RunConfigError::Bound {
-            field: "scanner.pattern",
-            value: format!("{:?}", shown(&self.pattern)),
-            expected: format!("one of {names}, or a table as FILE.csv").into(),
-        }
+    fn unknown(&self) -> Refused {
+        let key = &Self::KEYS[0];
+        key.refused(format_args!("{:?}", shown(&self.pattern)), key.must)
     }
 
     fn table(&self, reason: &str) -> RunConfigError {
@@ -254,42 +248,26 @@ impl ScannerConfig {
         }
     }
 
-    /// Refuses what the pattern has no use for.
-    fn check_what_applies(&self, kind: Kind) -> Result<(), RunConfigError> {
+    /// Refuses what the pattern has no use for, and a pattern without what it needs.
+    fn check_what_applies(&self, kind: Kind) -> Result<(), Refused> {
         let grid = matches!(kind, Kind::Grid | Kind::Raster);
         let columns = grid || matches!(kind, Kind::Spinning(_));
-        let shown = |degrees: Option<f64>| degrees.map(|value| value.to_string());
-        for (field, given, applies) in [
-            ("scanner.columns", self.columns.map(|n| n.to_string()), columns),
-            ("scanner.rows", self.rows.map(|n| n.to_string()), grid),
-            ("scanner.azimuth_deg", shown(self.azimuth_deg), grid),
-            ("scanner.elevation_deg", shown(self.elevation_deg), grid),
-            ("scanner.beams", self.beams.map(|n| n.to_string()), kind == Kind::Rosette),
-        ] {
-            if let Some(value) = given.filter(|_| !applies) {
-                let expected = format!("left out: a pattern {:?} has none", self.pattern).into();
-                return Err(RunConfigError::Bound { field, value, expected });
+        let given = [
+            (self.columns.map(f64::from), columns),
+            (self.rows.map(f64::from), grid),
+            (self.azimuth_deg, grid),
+            (self.elevation_deg, grid),
+            (self.beams.map(f64::from), kind == Kind::Rosette),
+        ];
+        for (key, (value, applies)) in Self::KEYS[1..].iter().zip(given) {
+            match value {
+                Some(value) if !applies => {
+                    let expected = format!("left out: a pattern {:?} has none", self.pattern);
+                    return Err(key.refused(value, expected));
+                }
+                None if applies => return Err(key.refused("none", key.must)),
+                _ => {}
             }
-        }
-        Ok(())
-    }
-
-    fn check_columns(&self) -> Result<(), RunConfigError> {
-        let columns = self.columns.unwrap_or(0);
-        let fits = (1..=MOST_BEAMS[0]).contains(&columns);
-        require("scanner.columns", columns, fits, "1 to 4096")
-    }
-
-    fn check_grid(&self) -> Result<(), RunConfigError> {
-        self.check_columns()?;
-        let rows = self.rows.unwrap_or(0);
-        require("scanner.rows", rows, (1..=MOST_BEAMS[1]).contains(&rows), "1 to 1024")?;
-        for (field, range, most, expected) in [
-            ("scanner.azimuth_deg", self.azimuth_deg, 360.0, "0.01 to 360"),
-            ("scanner.elevation_deg", self.elevation_deg, 180.0, "0.01 to 180"),
-        ] {
-            let range = range.unwrap_or(0.0);
-            require(field, range, (0.01..=most).contains(&range), expected)?;
         }
         Ok(())
     }
@@ -327,6 +305,15 @@ mod tests {
             ("livox-mid-40", 10_000),
         ];
         assert_eq!(beams, expected);
+    }
+
+    #[test]
+    fn the_key_names_every_pattern() {
+        let names = NAMED.map(|(name, _)| name).join(", ");
+        let expected = format!("one of {names}, or a table as FILE.csv");
+        assert_eq!(ScannerConfig::KEYS[0].must.to_string(), expected);
+        let named = |name| ScannerConfig::KEYS[0].help.contains(&format!("`{name}`"));
+        assert!(NAMED.iter().all(|(name, _)| named(name)));
     }
 
     #[test]

@@ -1,26 +1,30 @@
 //! `[scene]`: where to scan.
 
 use echoloop_files::shown;
+use echoloop_keys::{Must, Refused, section};
 use echoloop_sim::import::{Ground, ImportOptions, Libraries, Plane};
 use serde::{Deserialize, Serialize};
 
-use super::error::{RunConfigError, require};
+use super::error::RunConfigError;
 
-/// Where to scan.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct SceneConfig {
-    /// `structured`, `semi-structured`, `unstructured`, or a mesh: PLY or OBJ, metres, z up.
-    pub source: String,
-    /// Seeds of the generated towns; the pairs are shared out among them. There are no more towns
-    /// than `train_pairs` or `test_pairs`, whichever is less: the others are left out.
-    pub towns: Vec<u64>,
-    /// Ground below a mesh: `auto` (fitted when the mesh has none), `none`, or the plane z = a·x +
-    /// b·y + c as `a,b,c`.
-    pub ground: String,
-    /// Material libraries that an OBJ may name: `beside` (in its own folder and below), `anywhere`
-    /// or `none`.
-    pub libraries: String,
+section! {
+    /// Where to scan.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct SceneConfig in "scene" {
+        source: String, "", Must::Read("structured, semi-structured, unstructured, or a mesh"),
+            "What is scanned: a kind of town that is generated, or a mesh: PLY or OBJ, metres, \
+             z up.";
+        towns: Vec<u64>, "", Must::count(1.0, 100.0, "seeds"),
+            "Seeds of the generated towns; the pairs are shared out among them. There are no more \
+             towns than `train_pairs` or `test_pairs`, whichever is less: the others are left out.";
+        ground: String, "", Must::Read("auto, none, or a plane as a,b,c"),
+            "Ground below a mesh: `auto` (fitted when the mesh has none), `none`, or the plane \
+             z = a·x + b·y + c as `a,b,c`.";
+        libraries: String, "", Must::Name(&["beside", "anywhere", "none"]),
+            "Material libraries that an OBJ may name: `beside` (in its own folder and below), \
+             `anywhere` or `none`.";
+    }
 }
 
 impl Default for SceneConfig {
@@ -51,27 +55,21 @@ impl SceneConfig {
 
     pub(super) fn check(&self) -> Result<(), RunConfigError> {
         self.import()?;
-        require(
-            "scene.towns",
-            format!("{:?}", self.towns),
-            !self.towns.is_empty() && self.towns.len() <= 100,
-            "1 to 100 seeds",
-        )
+        Ok(self.check_keys()?)
     }
 
-    fn ground(&self, max_reach_m: f32) -> Result<Ground, RunConfigError> {
+    fn ground(&self, max_reach_m: f32) -> Result<Ground, Refused> {
         let numbers = || -> Option<[f64; 3]> {
             let numbers = self.ground.split(',').map(|part| part.trim().parse().ok());
             numbers.collect::<Option<Vec<f64>>>()?.try_into().ok()
         };
-        let refused = || RunConfigError::Bound {
-            field: "scene.ground",
-            value: format!("{:?}", shown(&self.ground)),
-            expected: format!(
-                "auto, none, or a plane as a,b,c (z = a·x + b·y + c) with a and b within ±1 and c \
-                 within ±{max_reach_m} m"
-            )
-            .into(),
+        let [_, _, key, _] = Self::KEYS else { return Ok(Ground::Auto) };
+        let refused = || {
+            let expected = format!(
+                "{} (z = a·x + b·y + c) with a and b within ±1 and c within ±{max_reach_m} m",
+                key.must
+            );
+            key.refused(format_args!("{:?}", shown(&self.ground)), expected)
         };
         match &*self.ground {
             "auto" => Ok(Ground::Auto),
@@ -83,16 +81,13 @@ impl SceneConfig {
         }
     }
 
-    fn libraries(&self) -> Result<Libraries, RunConfigError> {
+    fn libraries(&self) -> Result<Libraries, Refused> {
+        let [.., key] = Self::KEYS else { return Ok(Libraries::None) };
         match &*self.libraries {
             "beside" => Ok(Libraries::Beside),
             "anywhere" => Ok(Libraries::Anywhere),
             "none" => Ok(Libraries::None),
-            other => Err(RunConfigError::Bound {
-                field: "scene.libraries",
-                value: format!("{:?}", shown(other)),
-                expected: "beside, anywhere or none".into(),
-            }),
+            other => Err(key.refused(format_args!("{:?}", shown(other)), key.must)),
         }
     }
 }
@@ -124,6 +119,6 @@ mod tests {
             assert!(said.starts_with(&format!("scene.ground = {bad:?} must be auto")), "{said}");
         }
         let said = of("auto", "here").unwrap_err();
-        assert_eq!(said, "scene.libraries = \"here\" must be beside, anywhere or none");
+        assert_eq!(said, "scene.libraries = \"here\" must be one of beside, anywhere, none");
     }
 }

@@ -1,24 +1,27 @@
 //! `[tune.weights]`: what a scan's costs count beside the error.
 
+use echoloop_keys::{Must, section};
 use serde::{Deserialize, Serialize};
 
-use super::error::{RunConfigError, require};
 use crate::experiment::cost::{CostKind, ScanCost};
 
-/// Powers of a scan's costs, each over the start's, that the error is multiplied by.
-///
-/// With 0.05 of energy a tenth of the light is worth 11 % of the error. 0: it does not count.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Weights {
-    /// Of the light emitted.
-    pub energy: f64,
-    /// Of the detector's instructions a waveform.
-    pub instructions: f64,
-    /// Of the bits on the link.
-    pub bits: f64,
-    /// Of the time.
-    pub seconds: f64,
+section! {
+    /// Powers of a scan's costs, each over the start's, that the error is multiplied by.
+    ///
+    /// With 0.05 of energy a tenth of the light is worth 11 % of the error. 0: it does not count.
+    #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct Weights in "tune.weights" {
+        energy: f64, "", Must::between(0.0, 10.0),
+            "Power of the light emitted, over the start's, that the error is multiplied by; 0: it \
+             does not count.";
+        instructions: f64, "", Must::between(0.0, 10.0),
+            "The same of the detector's instructions a waveform.";
+        bits: f64, "", Must::between(0.0, 10.0),
+            "The same of the bits on the link.";
+        seconds: f64, "", Must::between(0.0, 10.0),
+            "The same of the time.";
+    }
 }
 
 impl Default for Weights {
@@ -44,18 +47,6 @@ impl Weights {
             weight => libm::pow(kind.of(cost) / kind.of(reference), weight),
         };
         CostKind::ALL.into_iter().map(power).product()
-    }
-
-    pub(super) fn check(&self) -> Result<(), RunConfigError> {
-        for (field, weight) in [
-            ("tune.weights.energy", self.energy),
-            ("tune.weights.instructions", self.instructions),
-            ("tune.weights.bits", self.bits),
-            ("tune.weights.seconds", self.seconds),
-        ] {
-            require(field, weight, (0.0..=10.0).contains(&weight), "0 to 10")?;
-        }
-        Ok(())
     }
 }
 

@@ -1,0 +1,52 @@
+//! Every key whose row is ours: all but those of `[lidar]` and the settings of `[registration]`,
+//! which have tables of their own.
+
+use echoloop_frontend::{Receiver, Weather};
+use echoloop_keys::{Key, Kind, Must};
+
+use super::registration::OWN_KEYS;
+use super::{
+    DataConfig, EmitterConfig, FrontConfig, Motion, ScannerConfig, SceneConfig, TuneConfig, Weights,
+};
+
+const RUN: &[Key] = &[Key {
+    name: "seed",
+    unit: "",
+    kind: Kind::Whole,
+    must: Must::SEED,
+    help: "Decides every random choice.",
+}];
+
+/// A section with a key for each parameter of a search.
+const AXES: &[Key] = &[Key {
+    name: "tune.axes",
+    unit: "",
+    kind: Kind::Text,
+    must: Must::Read("of a parameter, as lidar.power: fixed, free, or bounds as 1..100 or 1..100,log"),
+    help: "Which parameters are searched, and how far, where that is not as usual.",
+}];
+
+/// The keys, in the order of the file.
+pub fn keys() -> impl Iterator<Item = &'static Key> {
+    let sections = [
+        RUN,
+        SceneConfig::KEYS,
+        ScannerConfig::KEYS,
+        EmitterConfig::KEYS,
+        DataConfig::KEYS,
+        OWN_KEYS,
+        TuneConfig::KEYS,
+        Weights::KEYS,
+        AXES,
+        FrontConfig::KEYS,
+        Receiver::KEYS,
+        Weather::KEYS,
+        Motion::KEYS,
+    ];
+    sections.into_iter().flatten()
+}
+
+/// The key of that name.
+pub fn key(name: &str) -> Option<&'static Key> {
+    keys().find(|key| key.name == name)
+}
