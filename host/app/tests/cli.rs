@@ -98,9 +98,151 @@ fn a_value_that_makes_no_sense_is_refused_by_name_everywhere() {
     for flag in ["--generations=-1", "--seed=x", "--method=magic", "--threads=many"] {
         fixture.refuses(&["tune", flag], &[flag.split('=').next().expect("a name")]);
     }
-    fixture.refuses(&["tune", "--generations", "0"], &["tune.generations = 0"]);
     fixture.refuses(&["tune", "--repair"], &["--resume"]);
     fixture.refuses(&["conjure"], &["conjure"]);
+}
+
+/// A scene that is not there: what is refused before it is looked for was refused in time.
+const NOWHERE: [&str; 4] = ["-c", "small.toml", "--scene", "absent.ply"];
+
+#[test]
+fn a_flag_that_takes_no_such_number_says_which_it_takes_before_anything_is_traced() {
+    let fixture = Fixture::new();
+    let huge = "1180591620717411303424";
+    let generations = "expected a whole number, 1 to 100000";
+    let recall = "expected a number, 0 to 100";
+    let seed = "expected a whole number, 0 or more, below 2^63";
+    for (command, flag, value, expected) in [
+        ("tune", "--generations", "0", generations),
+        ("tune", "--generations", "-1", generations),
+        ("tune", "--generations", "1.5", generations),
+        ("tune", "--generations", huge, generations),
+        ("tune", "--population", "1", "expected a whole number, 0 (automatic) or 2 to 10000"),
+        ("tune", "--at-most-error", "0.5x", "expected a number, 1 to 100 times, as 1.2x"),
+        ("tune", "--threads", "-1", "expected a whole number, 0 to 1024"),
+        ("tune", "--seed", "-1", seed),
+        ("tune", "--seed", "9223372036854775808", seed),
+        ("tune", "--require-recall", "200", recall),
+        ("evaluate", "--require-recall", "nan", recall),
+        ("evaluate", "--require-recall", "-1", recall),
+        ("scan", "--threads", "1.5", "expected a whole number, 0 to 1024"),
+    ] {
+        fixture.refuses(&[&[command][..], &NOWHERE, &[flag, value]].concat(), &[flag, expected]);
+    }
+    let points = ["tune", "--pareto", "--points", "1"];
+    fixture.refuses(&points, &["--points", "expected a whole number, 2 to 1000"]);
+    fixture
+        .refuses(&["echoes", "a.csv", "--sample-ns", "1", "--least-echoes", "3"], &["16 or more"]);
+    let register = ["register", "absent.xyz", "absent.xyz", "--method", "icp"];
+    for (flag, value, expected) in [
+        ("--max-iterations", "-1", "expected a whole number, icp, gicp: 1 or more"),
+        ("--max-iterations", "0", "max_iterations is 0, expected 1 or more"),
+        ("--voxel-m", "-1", "voxel_m is -1, expected a length above 0 m"),
+    ] {
+        fixture.refuses(&[&register[..], &[flag, value]].concat(), &[expected]);
+    }
+}
+
+#[test]
+fn config_refuses_what_evaluate_refuses_in_the_same_words() {
+    let fixture = Fixture::new();
+    for set in [
+        "registration.voxel_m=-1",
+        "registration.max_iterations=1.5",
+        "registration.refine=true",
+        "registration.least_clique=4",
+        "tune.axes.lidar.power=0.000001..1",
+        "tune.axes.registration.least_clique=free",
+        "registration.rotation_tolerance_rad=-1",
+        "lidar.pulse_width=20",
+        "data.train_pairs=0",
+    ] {
+        let said = |command: &str| {
+            let output = fixture.run(&[&[command][..], &NOWHERE, &["-q", "--set", set]].concat());
+            assert_eq!((output.code, &*output.stdout), (Some(2), ""), "{command} {set}");
+            output.stderr
+        };
+        assert_eq!(said("config"), said("evaluate"), "{set}");
+        fixture.refuses(&["config", "--set", set, "--json"], &[]);
+    }
+    // The hardware is the configuration's.
+    let wide = ["config", "--set", "lidar.pulse_width=20", "--set", "emitter.energy_limit_nj=1500"];
+    fixture.succeed(&wide);
+}
+
+#[test]
+fn a_key_is_explained_with_its_bound_and_its_defaults() {
+    let fixture = Fixture::new();
+    let explain = |more: &[&str]| fixture.succeed(&[&["config", "--explain"], more].concat());
+    assert_eq!(
+        explain(&["data.baseline_m", "--set", "data.baseline_m=3"]).stdout,
+        "data.baseline_m = 2.0 m\n    \
+         Distance of a pair's scans, m: the paper's 2 for local methods, 5 for global ones.\n    \
+         must be 0 to 100\n    \
+         5.0 with registration.method = \"fgr\", \"mac\", \"auto\"\n    \
+         now 3.0\n"
+    );
+    assert_eq!(explain(&["baseline_m"]).stdout.lines().next(), Some("data.baseline_m = 2.0 m"));
+    let keys = |more: &[&str]| -> Vec<String> {
+        let rows = explain(&[more, &["--json"]].concat()).json();
+        let rows = rows.as_array().expect("rows").iter();
+        rows.map(|row| row["key"].as_str().expect("a name").to_owned()).collect()
+    };
+    let weights =
+        ["energy", "instructions", "bits", "seconds"].map(|k| format!("tune.weights.{k}"));
+    assert_eq!(keys(&["tune.weights"]), weights);
+    let of_tune = keys(&["tune"]);
+    assert!(weights.iter().all(|key| of_tune.contains(key)), "a section has those below it");
+    let all = keys(&[]);
+    for key in ["seed", "scene.towns", "lidar.power", "registration.voxel_m", "motion.jitter_per"] {
+        assert!(all.iter().any(|name| name == key), "{key}");
+    }
+    let row = &explain(&["lidar.power", "--json"]).json()[0];
+    assert_eq!(
+        (&row["min"], &row["max"], &row["unit"]),
+        (&1e-5.into(), &100.0.into(), &"W".into())
+    );
+    let parts = ["--explain conjured", "scene", "tune.weights", "motion"];
+    fixture.refuses(&["config", "--explain", "conjured"], &parts);
+    fixture.refuses(&["config", "--explain", "data", "--set", "data.train_pairs=0"], &["data"]);
+}
+
+#[test]
+fn flags_count_before_the_command_s_name_as_after_it() {
+    let fixture = Fixture::new();
+    let plain = fixture.succeed(&["config", "--seed", "3", "--set", "lidar.power=50"]).stdout;
+    assert!(plain.starts_with("seed = 3\n") && plain.contains("power = 50.0"), "{plain}");
+    let before = fixture.succeed(&["--seed", "3", "--set", "lidar.power=50", "config"]).stdout;
+    let between = fixture.succeed(&["--seed=3", "config", "--set", "lidar.power=50"]).stdout;
+    assert_eq!([&before, &between], [&plain, &plain]);
+    // What a command has no use for is not passed over.
+    fixture.refuses(&["--seed", "3", "echoes", "a.csv", "--sample-ns", "1"], &["--seed"]);
+    fixture.refuses(&["--generations", "3", "config"], &["--generations"]);
+    fixture.refuses(&["--seed", "3", "config", "--seed", "4"], &["--seed"]);
+    fixture.refuses(&["--seed", "x", "evaluate"], &["--seed", "expected a whole number"]);
+    fixture.refuses(&[&["--seed", "3"], &NOWHERE[..]].concat(), &["absent.ply"]);
+}
+
+#[test]
+fn a_sensor_says_what_it_saved() {
+    let fixture = Fixture::new();
+    let saves = ["sensor", "--set", "lidar.power=50", "--set", "lidar.timing=cfd", "--save"];
+    let said = fixture.succeed(&saves).stdout;
+    let last = said.lines().last().expect("a line");
+    let hash = said.lines().find_map(|line| line.strip_prefix("settings ")).expect("their hash");
+    let own = "power = 50 W, timing = cfd; all others are the defaults";
+    assert_eq!(last, format!("saved {hash}: {own}"));
+    let document = fixture.succeed(&[&saves[..], &["--json"]].concat()).json();
+    assert_eq!(document["saved"], serde_json::json!(["power", "timing"]));
+    assert_eq!(document["hash"], hash);
+    let said = fixture.succeed(&["sensor", "--save"]).stdout;
+    assert!(said.ends_with(": all settings are the defaults\n"), "{said}");
+    let said = fixture.succeed(&["sensor", "--forget"]).stdout;
+    assert!(
+        said.ends_with("forgot what was saved: its next start is with its defaults\n"),
+        "{said}"
+    );
+    assert!(!fixture.succeed(&["sensor"]).stdout.contains("saved"), "nothing was");
 }
 
 #[test]
@@ -290,8 +432,8 @@ fn a_candidate_that_is_none_is_refused_by_name() {
     for (text, problem) in table {
         fixture.write("bad.json", text);
         fixture.refuses(
-            &["evaluate", "-q", "-c", "small.toml", "--candidate", "bad.json"],
-            &[problem],
+            &[&["evaluate", "-q", "--candidate", "bad.json"], &NOWHERE[..]].concat(),
+            &["error: bad.json: ", problem],
         );
     }
     fixture
@@ -378,7 +520,7 @@ fn a_search_of_all_fifteen_is_shown_with_the_names_of_choices_and_the_value_of_w
     assert!(!output.stdout.contains("NaN"), "{}", output.stdout);
     let separation = line("lidar.min_separation");
     assert!(
-        separation.contains(" 0.8540 "),
+        separation.contains(" 0.854 "),
         "1.14 of half the way that light goes in 5 ns: {separation}"
     );
     let report = fixture.read("runs/latest/report.html");
@@ -451,9 +593,11 @@ fn a_flag_left_out_never_wipes_a_configured_value() {
 #[test]
 fn the_recall_asked_for_decides_the_exit_code() {
     let fixture = Fixture::new();
-    let output = fixture.run(&["evaluate", "-q", "-c", "small.toml", "--require-recall", "101"]);
+    let evaluate = ["evaluate", "-q", "-c", "small.toml", "--require-recall", "100"];
+    let strict = ["--set", "data.success_translation_m=1e-9"];
+    let output = fixture.run(&[&evaluate[..], &strict].concat());
     assert_eq!(output.code, Some(4), "{}", output.stderr);
-    assert!(output.stderr.contains("below the 101 % asked"), "{}", output.stderr);
+    assert!(output.stderr.contains("below the 100 % asked"), "{}", output.stderr);
     fixture.succeed(&["evaluate", "-q", "-c", "small.toml", "--require-recall", "0"]);
 }
 
@@ -867,6 +1011,24 @@ fn a_damaged_journal_is_kept_until_repair_which_finishes_the_run() {
             &["history.jsonl: line 1", "begin anew"],
         );
     }
+}
+
+#[test]
+fn the_table_of_a_run_has_the_numbers_of_its_result() {
+    let fixture = Fixture::new();
+    let printed = fixture.tune(&["--generations", "1"]).stdout;
+    let result = fixture.read("runs/0001-yard-icp-joint/result.json");
+    let result: Value = serde_json::from_str(&result).expect("JSON");
+    let mut numbers = 0;
+    for line in printed.lines().filter(|line| line.starts_with("registration.")) {
+        let cells: Vec<&str> = line.split_whitespace().collect();
+        for (cell, stored) in cells[1..3].iter().zip(["default", "tuned"]) {
+            let stored = result[stored][cells[0]].as_f64().expect("a number");
+            assert_eq!(cell.parse(), Ok(stored), "{line}");
+            numbers += 1;
+        }
+    }
+    assert!(numbers > 10, "{printed}");
 }
 
 #[test]

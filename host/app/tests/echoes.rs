@@ -514,7 +514,7 @@ fn fewer_strong_echoes_tell_the_response_when_one_asks_for_it() {
     assert_eq!(count(&echoes(&fixture, &rows, &["--least-echoes", "24"])), truth);
     assert_eq!(echoes(&fixture, &rows, &["--least-echoes", "25"]), plain);
     let few = ["echoes", "waves.csv", "--sample-ns", "1", "--least-echoes", "15"];
-    fixture.refuses(&few, &["--least-echoes 15 must be 16 or more"]);
+    fixture.refuses(&few, &["--least-echoes", "expected a whole number, 16 or more"]);
 }
 
 #[test]

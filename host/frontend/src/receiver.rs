@@ -68,13 +68,13 @@ section! {
         extinction_per_m: f64, "1/m", Must::between(0.0, 10.0),
             "α of clear air, 1/m; that of the weather comes on top.";
         mode: Mode, "", Must::Name(&["physical", "litl-compat"]),
-            "What waveforms are made of: `physical`, or `litl-compat`, arbitrary units with Poisson \
-             noise.";
+            "What waveforms are made of: `physical`, or `litl-compat`, arbitrary units with \
+             Poisson noise.";
         timing_jitter_ns: f64, "ns", Must::between(0.0, 10.0),
             "Spread of the moment at which the pulse leaves, from shot to shot, ns rms.";
         dead_channels: f64, "", Must::between(0.0, 1.0),
-            "Fraction of the channels that are dead: their converter reads 0. A channel is a row of \
-             beams, or a laser.";
+            "Fraction of the channels that are dead: their converter reads 0. A channel is a row \
+             of beams, or a laser.";
         weak_channels: f64, "", Must::between(0.0, 1.0),
             "Fraction of the channels that lose `weak_channel_db` of the light; with the dead ones \
              no more than all.";
@@ -83,8 +83,8 @@ section! {
         channel_seed: u64, "", Must::SEED,
             "Decides which channels are dead or weak; the same in every scan.";
         overload_tail: f64, "", Must::between(0.0, 1.0),
-            "Tail of an amplifier that was overloaded, as a fraction of what it could not follow; 0: \
-             it recovers at once.";
+            "Tail of an amplifier that was overloaded, as a fraction of what it could not follow; \
+             0: it recovers at once.";
         overload_tail_ns: f64, "ns", Must::between(0.1, 1e4),
             "Time constant with which that tail decays, ns.";
     }

@@ -6,6 +6,7 @@ use clap::Args;
 
 use super::choice::SensorChoice;
 use super::exit::Failure;
+use super::number::{self, THREADS, number_as};
 use super::tuned_run::tuned_config;
 use crate::experiment::config::{Override, RunConfig, changed, load};
 
@@ -19,7 +20,7 @@ pub(super) struct Common {
     #[arg(short, long)]
     pub(super) quiet: bool,
     /// Threads; 0: as many as there are processors. Results do not depend on it.
-    #[arg(long, default_value_t = 0, value_name = "N")]
+    #[arg(long, default_value_t = 0, value_name = "N", value_parser = number_as::<usize>(THREADS))]
     pub(super) threads: usize,
 }
 
@@ -39,7 +40,7 @@ pub(super) struct ConfigSource {
     #[arg(long, value_name = "KIND|FILE")]
     pub(super) scene: Option<String>,
     /// Decides every random choice.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = number::seed)]
     pub(super) seed: Option<u64>,
 }
 
@@ -54,8 +55,7 @@ impl ConfigSource {
         let mut overrides = self.set.clone();
         overrides.extend(self.scene.clone().map(|scene| Override::flag("scene.source", scene)));
         if let Some(seed) = self.seed {
-            let seed =
-                i64::try_from(seed).map_err(|_| Failure::usage("--seed must be below 2^63"))?;
+            let seed = i64::try_from(seed).unwrap_or(i64::MAX); // the parser takes no more
             overrides.push(Override::flag("seed", seed));
         }
         overrides.extend(own);

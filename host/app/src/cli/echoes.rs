@@ -10,6 +10,7 @@ use echoloop_dsp::peak::MAX_CANDIDATES;
 
 use super::common::{Common, on_threads};
 use super::exit::{Failure, print};
+use super::number::{ANY, number_as};
 use super::response::{ResponseArgs, told};
 use crate::waveforms::{Finder, Options, Rows, Waveform, echoes, read_waveforms};
 
@@ -40,7 +41,8 @@ pub(crate) struct EchoesArgs {
     floor: f64,
     /// Echoes of a row at most; the strongest are kept. No more than 32 are found in any 2400
     /// samples.
-    #[arg(long, default_value_t = MAX_CANDIDATES, value_name = "N")]
+    #[arg(long, default_value_t = MAX_CANDIDATES, value_name = "N",
+          value_parser = number_as::<usize>(ANY))]
     max_echoes: usize,
     /// Least distance of two echoes, ns; the stronger stays.
     #[arg(long, default_value_t = 0.0, value_name = "NS")]

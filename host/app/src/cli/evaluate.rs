@@ -1,6 +1,7 @@
 //! `echoloop evaluate`.
 
 use std::collections::BTreeMap;
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -13,7 +14,7 @@ use super::candidate::number;
 use super::common::{Setup, on_threads};
 use super::exit::{self, Failure};
 use super::method_choice::MethodChoice;
-use super::prepared::{PairSet, Prepared, require_recall};
+use super::prepared::{Met, PairSet, percent, require_recall};
 use super::progress::Progress;
 use super::stream;
 use super::table_format::{TableFormat, csv};
@@ -49,7 +50,7 @@ pub(crate) struct EvaluateArgs {
     #[arg(long)]
     pairs: Option<PairSet>,
     /// Exit with 4 when the recall is below this, percent.
-    #[arg(long, value_name = "PERCENT")]
+    #[arg(long, value_name = "PERCENT", value_parser = percent)]
     require_recall: Option<f64>,
 }
 
@@ -74,14 +75,21 @@ impl EvaluateArgs {
             if self.candidate.is_some() || self.stream { PairSet::Train } else { PairSet::Test };
         self.pairs.unwrap_or(usual)
     }
+
+    /// What is wrong with the parameters, and in which file.
+    fn refused(&self, problem: impl Display) -> Failure {
+        match &self.candidate {
+            Some(path) => Failure::usage(format_args!("{}: {problem}", path.display())),
+            None => Failure::usage(problem),
+        }
+    }
 }
 
 fn values(args: &EvaluateArgs) -> Result<Values, Failure> {
     let Some(path) = &args.candidate else { return Ok(Values::new()) };
     let candidate: Candidate = parse(path, &read(path)?)?;
-    let fail = |problem| Failure::usage(format!("{}: {problem}", path.display()));
     let value = |(name, given): (String, Value)| {
-        number(&name, &given).map(|value| (name, value)).map_err(fail)
+        number(&name, &given).map(|value| (name, value)).map_err(|problem| args.refused(problem))
     };
     candidate.parameters.into_iter().map(value).collect()
 }
@@ -102,14 +110,13 @@ fn parse<'a, T: Deserialize<'a>>(path: &Path, text: &'a str) -> Result<T, Failur
 
 fn judge(args: &EvaluateArgs, config: RunConfig, values: &Values) -> Result<(), Failure> {
     let progress = Progress::new(args.setup.common.quiet);
-    let prepared = Prepared::new(config, &args.setup.sensor, &progress)?;
+    let met = Met::new(config, &args.setup.sensor, &progress)?;
+    let laid = met.start.with_values(values, &met.config, &met.hardware);
+    let parameters = laid.map_err(|problem| args.refused(problem))?;
+    let prepared = met.traced(&progress)?;
     if args.stream {
         return stream::serve(&prepared, args.pairs(), &progress);
     }
-    let parameters = prepared
-        .start
-        .with_values(values, &prepared.config, &prepared.hardware)
-        .map_err(Failure::usage)?;
     let noisy = prepared.pairs(args.pairs());
     progress.begin("judging", noisy.pairs.len() as u64);
     let bench = prepared.bench();

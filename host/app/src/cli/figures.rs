@@ -32,12 +32,26 @@ pub(super) fn print_table(config: &RunConfig, result: &RunResult, space: &Space)
     if space.axes().is_empty() {
         return;
     }
-    println!("\n{:<34} {:>12} {:>12}  {:<14} range", "parameter", "default", "tuned", "unit");
-    for axis in space.axes() {
-        let [before, after] = [&result.default, &result.tuned]
-            .map(|values| shown(axis.name, effective(values, axis.name)));
-        println!("{:<34} {before:>12} {after:>12}  {:<14} {}", axis.name, axis.unit, range(axis));
-    }
+    println!("\n{}", parameters(result, space));
+}
+
+/// Every axis before and after, in as many digits as the result has.
+fn parameters(result: &RunResult, space: &Space) -> String {
+    let rows: Vec<[String; 2]> = (space.axes().iter())
+        .map(|axis| {
+            [&result.default, &result.tuned]
+                .map(|values| shown(axis.name, effective(values, axis.name)))
+        })
+        .collect();
+    let wide = rows.iter().flatten().map(|cell| cell.chars().count()).max().unwrap_or(0).max(12);
+    let line = |name: &str, [before, after]: [&str; 2], unit: &str, range: &str| {
+        format!("{name:<34} {before:>wide$} {after:>wide$}  {unit:<14} {range}")
+    };
+    let head = line("parameter", ["default", "tuned"], "unit", "range");
+    let lines = space.axes().iter().zip(&rows).map(|(axis, cells)| {
+        line(axis.name, cells.each_ref().map(String::as_str), axis.unit, &range(axis))
+    });
+    std::iter::once(head).chain(lines).collect::<Vec<_>>().join("\n")
 }
 
 /// What a scan costs before and after, and what that comes to.
@@ -89,11 +103,11 @@ fn mark_row(name: &str, front: &Front, mark: &Mark, against: &str) -> String {
     .to_owned()
 }
 
-/// A value as the table has it: a choice by name.
+/// A value as the table has it: a choice by name, a number so that it reads back as itself.
 fn shown(name: &str, value: Option<f64>) -> String {
     let Some(value) = value else { return "–".into() };
     let choice = params::choices(name).get(value as usize);
-    choice.map_or_else(|| format!("{value:.4}"), |&choice| choice.to_owned())
+    choice.map_or_else(|| value.to_string(), |&choice| choice.to_owned())
 }
 
 fn range(axis: &Axis) -> String {

@@ -6,6 +6,7 @@ use clap::{Arg, ArgMatches, Args, Command, FromArgMatches, value_parser};
 
 use super::exit::Failure;
 use super::method_choice::{MODE_HELP, mode_parser};
+use super::number::seed;
 use echoloop_registration::{FgrMode, Kind, Method, MethodConfig, SETTINGS, Setting, Suggestions};
 
 const HEADING: &str = "Settings; those left out are chosen from the clouds";
@@ -25,7 +26,7 @@ struct OwnFlags {
     #[arg(long, value_name = "MODE", help = MODE_HELP, value_parser = mode_parser())]
     mode: Option<FgrMode>,
     /// Of fgr: seed of its draws [default: 0].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = seed)]
     seed: Option<u64>,
 }
 
@@ -57,7 +58,7 @@ impl Flag {
             .help(help(self.setting))
             .help_heading(HEADING);
         let arg = match self.setting.kind {
-            Kind::Count => arg.value_parser(value_parser!(usize)),
+            Kind::Count => arg.value_parser(move |text: &str| whole(self.setting, text)),
             Kind::Real | Kind::Optional => arg.value_parser(value_parser!(f64)),
         };
         self.former.iter().fold(arg, |arg, former| arg.alias(former.as_str()))
@@ -71,6 +72,11 @@ impl Flag {
         };
         value.map(|value| (self.setting, value))
     }
+}
+
+/// Reads a count; the method, which may have a bound of its own, is known later.
+fn whole(setting: &Setting, text: &str) -> Result<usize, String> {
+    text.parse().map_err(|_| format!("expected a whole number, {}", setting.bounds()))
 }
 
 fn value_name(setting: &Setting) -> &'static str {
@@ -122,19 +128,21 @@ impl MethodFlags {
         self.given.iter().any(|(setting, _)| setting.key == key)
     }
 
-    /// Whether the method has what was given.
+    /// Whether the method has what was given, and takes each by itself.
     pub(super) fn check(&self, method: Method) -> Result<(), Failure> {
         let strange = self.given.iter().find(|(setting, _)| setting.of(method).is_none());
         let own = [("mode", self.own.mode.is_some()), ("seed", self.own.seed.is_some())];
         let own =
             own.into_iter().find(|(_, given)| *given && method != Method::Fgr).map(|(key, _)| key);
-        match strange.map(|(setting, _)| setting.key).or(own) {
-            Some(key) => {
-                let flag = dashed(key);
-                Err(Failure::usage(format!("--{flag} is no setting of {}", method.name())))
-            }
-            None => Ok(()),
+        if let Some(key) = strange.map(|(setting, _)| setting.key).or(own) {
+            let flag = dashed(key);
+            return Err(Failure::usage(format!("--{flag} is no setting of {}", method.name())));
         }
+        for (setting, value) in &self.given {
+            let checked = setting.of(method).map(|of| setting.check_alone(&of, *value));
+            checked.transpose().map_err(Failure::usage)?;
+        }
+        Ok(())
     }
 
     /// Settings for two clouds: chosen from them, then as given.
@@ -209,7 +217,9 @@ mod tests {
                 let flags = read(&dashed(name), "7").unwrap();
                 assert!(matches!(flags.given[..], [(given, 7.0)] if given.key == setting.key));
                 for method in Method::ALL {
-                    assert_eq!(flags.check(method).is_ok(), setting.of(method).is_some());
+                    let said = flags.check(method).map_err(|failure| failure.message);
+                    let is_strange = said.is_err_and(|said| said.contains("is no setting of"));
+                    assert_eq!(is_strange, setting.of(method).is_none());
                 }
             }
             let fraction = read(&dashed(setting.key), "7.5");

@@ -11,6 +11,7 @@ mod choice;
 mod cloud_output;
 mod common;
 mod compare;
+mod config;
 mod draft;
 mod echoes;
 mod evaluate;
@@ -19,6 +20,8 @@ mod figures;
 mod interrupt;
 mod method_choice;
 mod method_flags;
+mod number;
+mod order;
 mod pairs;
 mod parameter_table;
 mod prepared;
@@ -37,21 +40,22 @@ mod table_format;
 mod tune;
 mod tuned_run;
 
+use std::ffi::OsString;
+
 use clap::error::ContextValue;
-use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
 use echoloop_files::shown;
 
 use crate::experiment::preset::Preset;
 use echoloop_registration::Method;
 
-use common::{Common, ConfigSource};
 pub use exit::{Failure, READER_GONE, report_failure};
 
 /// A LiDAR that tunes itself: sensor and registration parameters, searched together through the
 /// sensor's own link.
 ///
-/// Without a command: `tune`.
+/// Without a command: `tune`. Flags may stand before a command's name or after it.
 #[derive(Debug, Parser)]
 #[command(
     name = "echoloop",
@@ -109,28 +113,19 @@ enum Command {
     /// `socat -d -d pty,raw,echo=0 pty,raw,echo=0`, serve the one terminal it names, and give the
     /// other to `tune --sensor serial:`, with the same configuration.
     Serve(serve::ServeArgs),
-    /// Print the effective configuration, or every parameter with unit and range.
+    /// Print the effective configuration, every parameter with unit and range, or what a key is.
+    ///
+    /// A configuration that a run would refuse is refused.
     ///
     /// scanner.pattern says where beams point: grid, raster, vlp-16, vlp-32c, vls-128, hdl-64e,
     /// os1-64, os1-128, livox-mid-40, or a table of azimuth_deg, elevation_deg, time_s and channel:
     /// FILE.csv. What a pattern has no use for is left out.
-    Config(ConfigArgs),
+    Config(config::ConfigArgs),
     /// Print shell completions.
     Completions {
         /// The shell.
         shell: Shell,
     },
-}
-
-#[derive(Clone, Debug, Args)]
-struct ConfigArgs {
-    #[command(flatten)]
-    source: ConfigSource,
-    #[command(flatten)]
-    common: Common,
-    /// List every tunable parameter with unit, range and default.
-    #[arg(long)]
-    parameters: bool,
 }
 
 /// What --json prints of `echoes`, where all other commands print one document.
@@ -152,7 +147,23 @@ pub fn command() -> clap::Command {
         .mut_subcommand("evaluate", with_parameters)
         .mut_subcommand("pairs", with_parameters);
     let command = command.mut_subcommand("scan", with_parameters);
-    command.mut_subcommand("echoes", |c| c.mut_arg("json", |json| json.help(JSON_LINES)))
+    let command =
+        command.mut_subcommand("echoes", |c| c.mut_arg("json", |json| json.help(JSON_LINES)));
+    // So that a flag can say what it takes instead of -1.
+    command.allow_negative_numbers(true).mut_subcommands(|c| c.allow_negative_numbers(true))
+}
+
+/// Reads a command line, beginning with the program's name.
+///
+/// # Errors
+///
+/// [`clap::Error`] when it makes no sense or asks for help.
+pub fn matches_of<A: Into<OsString>>(
+    line: impl IntoIterator<Item = A>,
+) -> Result<ArgMatches, clap::Error> {
+    let command = command();
+    let line = order::command_first(&command, line.into_iter().map(Into::into).collect());
+    command.try_get_matches_from(line)
 }
 
 /// The message of clap with what it repeats of the command line as short as that of others.
@@ -174,7 +185,7 @@ impl Cli {
     /// Reads the command line; with a message for people, ends the process when it makes no sense
     /// or asks for help.
     pub fn from_command_line() -> Self {
-        let matches = command().try_get_matches();
+        let matches = matches_of(std::env::args_os());
         let cli = matches.and_then(|matches| Self::from_arg_matches(&matches));
         cli.unwrap_or_else(|error| shortened(error).exit())
     }
@@ -196,7 +207,7 @@ impl Cli {
             Command::Echoes(args) => echoes::run(&args),
             Command::Sensor(args) => sensor::run(&args),
             Command::Serve(args) => serve::run(&args),
-            Command::Config(args) => show_config(&args),
+            Command::Config(args) => config::run(&args),
             Command::Completions { shell } => {
                 let mut script = Vec::new();
                 clap_complete::generate(shell, &mut Self::command(), "echoloop", &mut script);
@@ -204,17 +215,6 @@ impl Cli {
             }
         }
     }
-}
-
-fn show_config(args: &ConfigArgs) -> Result<(), Failure> {
-    let config = args.source.load(Vec::new())?;
-    let (method, preset) = (config.registration.method, config.registration.preset);
-    exit::print(&match (args.parameters, args.common.json) {
-        (true, true) => format!("{}\n", parameter_table::parameter_json(method, preset)),
-        (true, false) => parameter_table::parameter_table(method, preset),
-        (false, true) => serde_json::to_string_pretty(&config).map_err(Failure::run)? + "\n",
-        (false, false) => toml::to_string(&config).map_err(Failure::run)?,
-    })
 }
 
 #[cfg(test)]

@@ -4,9 +4,11 @@ use std::sync::atomic::AtomicBool;
 
 use clap::ValueEnum;
 use echoloop_dsp::Hardware;
+use echoloop_keys::{Kind, Must};
 
 use super::choice::{SensorChoice, described, introduce};
 use super::exit::Failure;
+use super::number::{flag, read};
 use super::progress::Progress;
 use crate::experiment::config::RunConfig;
 use crate::experiment::dataset::Dataset;
@@ -36,6 +38,43 @@ impl PairSet {
     }
 }
 
+/// A sensor that was met, and a start that its hardware takes. Nothing is traced yet.
+pub(super) struct Met {
+    pub(super) config: RunConfig,
+    /// Where the configuration starts.
+    pub(super) start: Parameters,
+    space: Space,
+    /// As the sensor says.
+    pub(super) hardware: Hardware,
+    sensors: Sensors,
+    sensor: String,
+}
+
+impl Met {
+    /// Meets the sensor, checks the start against its hardware.
+    pub(super) fn new(
+        config: RunConfig,
+        choice: &SensorChoice,
+        progress: &Progress,
+    ) -> Result<Self, Failure> {
+        let model = Model::from(&config);
+        let sensors = choice.sensors(model.clone())?;
+        let identity = introduce(&sensors, &model, progress)?;
+        let (hardware, sensor) = (identity.hardware, described(&sensors, &identity));
+        let start = Parameters::start(&config, &hardware).map_err(Failure::usage)?;
+        let space = space(&config, start, hardware)?;
+        Ok(Self { config, start, space, hardware, sensors, sensor })
+    }
+
+    /// Traces the scans.
+    pub(super) fn traced(self, progress: &Progress) -> Result<Prepared, Failure> {
+        let Self { config, start, space, hardware, sensors, sensor } = self;
+        progress.begin("scanning", 1000);
+        let dataset = Dataset::build(&config, &|fraction, what| progress.at_what(fraction, what))?;
+        Ok(Prepared { config, dataset, start, space, hardware, sensors, sensor })
+    }
+}
+
 /// Everything a search needs, made from a configuration.
 pub(super) struct Prepared {
     pub(super) config: RunConfig,
@@ -57,15 +96,7 @@ impl Prepared {
         choice: &SensorChoice,
         progress: &Progress,
     ) -> Result<Self, Failure> {
-        let model = Model::from(&config);
-        let sensors = choice.sensors(model.clone())?;
-        let identity = introduce(&sensors, &model, progress)?;
-        let (hardware, sensor) = (identity.hardware, described(&sensors, &identity));
-        let start = Parameters::start(&config, &hardware).map_err(Failure::usage)?;
-        let space = space(&config, start, hardware)?;
-        progress.begin("scanning", 1000);
-        let dataset = Dataset::build(&config, &|fraction, what| progress.at_what(fraction, what))?;
-        Ok(Self { config, dataset, start, space, hardware, sensors, sensor })
+        Met::new(config, choice, progress)?.traced(progress)
     }
 
     pub(super) fn bench(&self) -> Bench<'_> {
@@ -88,10 +119,19 @@ impl Prepared {
 }
 
 /// The axes of a configuration, with those that the user chose.
-fn space(config: &RunConfig, start: Parameters, hardware: Hardware) -> Result<Space, Failure> {
+pub(super) fn space(
+    config: &RunConfig,
+    start: Parameters,
+    hardware: Hardware,
+) -> Result<Space, Failure> {
     let (tune, preset) = (&config.tune, config.registration.preset);
     let space = Space::new(tune.protocol, tune.lidar, preset, start, hardware);
     space.with_own(&tune.axes).map_err(Failure::usage)
+}
+
+/// Reads `--require-recall`.
+pub(super) fn percent(text: &str) -> Result<f64, String> {
+    read(&flag(Kind::Number, Must::between(0.0, 100.0)), text)
 }
 
 /// Fails with exit code 4 when the recall is below what was asked, percent.

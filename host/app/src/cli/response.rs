@@ -3,8 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use echoloop_keys::{Kind, Must};
 
 use super::exit::Failure;
+use super::number::{flag, number_as};
 use crate::experiment::files::Output;
 use crate::report::ResponsePage;
 use crate::said::say;
@@ -21,6 +23,7 @@ pub(super) struct ResponseArgs {
     /// Strong echoes that must stand alone in the waveforms for them to tell the response; 16 at
     /// least. What fewer have in common may be their targets'.
     #[arg(long, default_value_t = LEAST_ECHOES, value_name = "N",
+          value_parser = number_as::<usize>(flag(Kind::Whole, Must::at_least(FEWEST as f64))),
           conflicts_with_all = ["no_response", "response"])]
     least_echoes: usize,
     /// Take every top for an echo, whatever the instrument adds after a strong one.
@@ -46,11 +49,6 @@ pub(super) struct Outputs {
 impl ResponseArgs {
     /// Sees whether what is asked can be done and written, before any work.
     pub(super) fn outputs(&self) -> Result<Outputs, Failure> {
-        let least = self.least_echoes;
-        if least < FEWEST {
-            let message = format!("--least-echoes {least} must be {FEWEST} or more");
-            return Err(Failure::usage(message));
-        }
         let at = |path: &Option<PathBuf>| path.as_deref().map(Output::at).transpose();
         Ok(Outputs { csv: at(&self.write_response)?, page: at(&self.plot_response)? })
     }

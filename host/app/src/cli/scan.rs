@@ -51,6 +51,7 @@ pub(crate) struct ScanArgs {
         long,
         num_args = 6,
         allow_negative_numbers = true,
+        value_parser = finite,
         value_names = ["X", "Y", "Z", "YAW", "PITCH", "ROLL"],
     )]
     pose: Option<Vec<f64>>,
@@ -136,13 +137,16 @@ fn seen(args: &ScanArgs, config: &RunConfig, beams: &Beams) -> Result<Option<See
     Ok(Some(Seen { scene: place.scene.name, world_from_sensor, response }))
 }
 
+/// Reads a number of `--pose`.
+fn finite(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|number: &f64| number.is_finite());
+    number.ok_or_else(|| "expected a finite number".to_owned())
+}
+
 fn pose(numbers: &[f64]) -> Result<Pose, Failure> {
     let &[x, y, z, yaw, pitch, roll] = numbers else {
         return Err(Failure::usage("--pose takes six numbers"));
     };
-    if numbers.iter().any(|v| !v.is_finite()) {
-        return Err(Failure::usage(format!("--pose {numbers:?}: every number must be finite")));
-    }
     let rotation =
         UnitQuaternion::from_euler_angles(roll.to_radians(), pitch.to_radians(), yaw.to_radians());
     Ok(Pose::from_parts(Translation3::new(x, y, z), rotation))

@@ -44,21 +44,51 @@ pub(super) fn run(args: &SensorArgs) -> Result<(), Failure> {
         Ok((sensor.client().read_settings()?, sensor.client().read_counters()?))
     })?;
     let name = described(&sensors, &identity);
-    match args.setup.common.json {
-        true => print_json(&name, &identity, &settings, &counters),
-        false => {
-            print_text(&name, &identity, &settings, &counters);
-            Ok(())
+    if args.setup.common.json {
+        return print_json(args, (&name, &identity), &settings, &counters);
+    }
+    print_text(&name, &identity, &settings, &counters);
+    print!("{}", args.told(&settings));
+    Ok(())
+}
+
+impl SensorArgs {
+    /// What became of what the sensor keeps, in a line.
+    fn told(&self, settings: &Settings) -> String {
+        match (self.save, self.forget) {
+            (true, _) => format!("\nsaved {:#010x}: {}\n", settings_hash(settings), own(settings)),
+            (_, true) => "\nforgot what was saved: its next start is with its defaults\n".into(),
+            _ => String::new(),
         }
     }
 }
 
+/// The settings that are not the defaults.
+fn changed(settings: &Settings) -> impl Iterator<Item = &'static Parameter> {
+    let (settings, usual) = (*settings, Settings::default());
+    PARAMETERS.iter().filter(move |p| settings.get(p.id) != usual.get(p.id))
+}
+
+/// Settings as far as they are not the defaults, in words.
+fn own(settings: &Settings) -> String {
+    let one = |p: &Parameter| {
+        let said = format!("{} = {} {}", p.name, shown(p, settings.get(p.id)), p.unit);
+        said.trim_end().to_owned()
+    };
+    match changed(settings).map(one).collect::<Vec<_>>() {
+        none if none.is_empty() => "all settings are the defaults".into(),
+        all if all.len() == PARAMETERS.len() => all.join(", "),
+        some => format!("{}; all others are the defaults", some.join(", ")),
+    }
+}
+
 fn print_json(
-    name: &str,
-    identity: &Identity,
+    args: &SensorArgs,
+    (name, identity): (&str, &Identity),
     settings: &Settings,
     counters: &Counters,
 ) -> Result<(), Failure> {
+    let saved = args.save.then(|| changed(settings).map(|p| p.name).collect::<Vec<_>>());
     let document = serde_json::json!({
         "format": 1,
         "sensor": name,
@@ -69,6 +99,8 @@ fn print_json(
         "pattern": document(&identity.pattern),
         "hash": format!("{:#010x}", settings_hash(settings)),
         "settings": Lidar(*settings),
+        "saved": saved,
+        "forgot": args.forget,
         "counters": counters,
     });
     println!("{}", serde_json::to_string_pretty(&document).map_err(Failure::run)?);

@@ -8,6 +8,7 @@ use clap::{Args, ValueHint};
 use super::common::{ConfigSource, on_threads};
 use super::exit::Failure;
 use super::interrupt::stop_once_listening;
+use super::number::{THREADS, number_as};
 use super::progress::Progress;
 use crate::experiment::config::RunConfig;
 use crate::experiment::dataset::Dataset;
@@ -25,7 +26,7 @@ pub(crate) struct ServeArgs {
     #[arg(short, long)]
     quiet: bool,
     /// Threads to trace the viewpoints with; 0: as many as there are processors.
-    #[arg(long, default_value_t = 0, value_name = "N")]
+    #[arg(long, default_value_t = 0, value_name = "N", value_parser = number_as::<usize>(THREADS))]
     threads: usize,
     /// Serial port or pseudo-terminal to answer on, as /dev/pts/5 or /dev/ttyUSB0@115200.
     #[arg(value_name = "PORT[@BAUD]", value_hint = ValueHint::FilePath)]

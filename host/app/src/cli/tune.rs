@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
 use echoloop_dsp::ScanPattern;
+use echoloop_keys::{Kind, Must};
 
 use super::axis_flags::AxisFlags;
 use super::common::{Setup, on_threads};
@@ -12,7 +13,8 @@ use super::exit::{Failure, print};
 use super::figures::print_table;
 use super::interrupt::stop_on_interrupt;
 use super::method_choice::{MethodChoice, toml_name};
-use super::prepared::{Prepared, require_recall};
+use super::number::{flag, number_of, read};
+use super::prepared::{Prepared, percent, require_recall};
 use super::progress::Progress;
 use super::report::write_page;
 use super::shown_pair::write_clouds;
@@ -20,7 +22,7 @@ use super::table_format::{TableFormat, csv};
 use crate::desk::judged;
 use crate::experiment::about::About;
 use crate::experiment::compare::Comparison;
-use crate::experiment::config::{Override, RunConfig, default_runs_folder, load};
+use crate::experiment::config::{Override, RunConfig, default_runs_folder, key, load};
 use crate::experiment::cost::CostKind;
 use crate::experiment::evaluate::Summary;
 use crate::experiment::files::FileError;
@@ -67,16 +69,17 @@ pub(crate) struct TuneArgs {
     #[arg(long)]
     preset: Option<Preset>,
     /// Generations, 1 to 100000.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = number_of::<u32>("tune.generations"))]
     generations: Option<u32>,
     /// Candidates a generation; 0: as many as there are parameters.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = number_of::<u32>("tune.population"))]
     population: Option<u32>,
     /// Then search for a front of error against a cost of a scan [default cost: energy].
     #[arg(long, value_name = "COST", num_args = 0..=1, default_missing_value = "energy")]
     pareto: Option<CostKind>,
     /// Points of the front at most, 2 to 1000.
-    #[arg(long, value_name = "N", requires = "pareto")]
+    #[arg(long, value_name = "N", requires = "pareto",
+          value_parser = number_of::<u32>("front.points"))]
     points: Option<u32>,
     /// Folder for run folders [default: runs].
     #[arg(long, value_name = "FOLDER")]
@@ -99,14 +102,16 @@ pub(crate) struct TuneArgs {
     #[arg(long, value_enum, conflicts_with = "json")]
     format: Option<TableFormat>,
     /// Exit with 4 when the tuned recall on held-out pairs is below this, percent.
-    #[arg(long, value_name = "PERCENT")]
+    #[arg(long, value_name = "PERCENT", value_parser = percent)]
     require_recall: Option<f64>,
 }
 
 /// `1.2x`, or `1.2`.
 fn times(text: &str) -> Result<f64, String> {
-    let number = text.strip_suffix('x').unwrap_or(text);
-    number.parse().map_err(|_| "expected a number of times, as 1.2x".to_owned())
+    let times =
+        key("tune.at_most_error").copied().unwrap_or(flag(Kind::Number, Must::at_least(1.0)));
+    let said = |problem| format!("{problem} times, as 1.2x");
+    read(&times, text.strip_suffix('x').unwrap_or(text)).map_err(said)
 }
 
 impl TuneArgs {

@@ -10,7 +10,7 @@ use serde::Serialize;
 use toml::Value;
 
 use super::config::{LoadError, Override, RunConfig, ScannerConfig, keys, load, meaning};
-use super::params::{Ranges, ThetaReg};
+use super::params::{Axis, Ranges, ThetaReg};
 use super::preset::{Preset, Strategy};
 
 /// A key, explained.
@@ -170,7 +170,8 @@ fn values(config: &RunConfig) -> ValuesByKey {
         ("registration.refine", config.registration.refine.into()),
     ];
     values.extend(own.map(|(key, value): (&str, Value)| (key.to_owned(), value)));
-    let Ok(theta) = ThetaReg::start(&config.registration, config.into()) else { return values };
+    let axes = Ranges::from(config).of_registration(config.registration.method);
+    let Ok(theta) = ThetaReg::start(&config.registration, &axes) else { return values };
     let of_method = SETTINGS.iter().filter_map(|setting| {
         let value = theta.get(setting.path)?;
         let is_count = setting.kind == SettingKind::Count;
@@ -248,7 +249,8 @@ fn of_lidar(parameter: &Parameter) -> Row {
 /// A setting of registration. One that the method's search knows must lie where the search may go.
 fn of_setting(setting: &Setting, config: &RunConfig) -> Row {
     let axes = Ranges::from(config).of_registration(config.registration.method);
-    let axis = axes.into_iter().find(|axis| axis.name == setting.path);
+    let is_bounded = |axis: &Axis| axis.name == setting.path && axis.max.is_finite();
+    let axis = axes.into_iter().find(is_bounded);
     let bounds = setting.bounds();
     let must = match &axis {
         Some(axis) => format!("{} to {} in a run; {bounds}", axis.min, axis.max),
@@ -273,6 +275,7 @@ mod tests {
     /// What must be set beside a key for its bound to matter.
     fn beside(key: &str, when: Option<&str>) -> Vec<&'static str> {
         match (key, when) {
+            ("tune.extended_to", _) => vec!["tune.generations=1"],
             ("scanner.beams", _) => vec!["scanner.pattern=livox-mid-40"],
             (_, Some("in fog")) => vec!["weather.kind=fog"],
             (_, Some("in rain")) => vec!["weather.kind=rain"],

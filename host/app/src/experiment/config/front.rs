@@ -39,7 +39,8 @@ impl FrontConfig {
         match self.cost.filter(|_| !sensors) {
             Some(kind) => Err(cost.refused(
                 kind.name(),
-                "left out unless tune.protocol is lidar or joint: only the sensor's parameters cost",
+                "left out unless tune.protocol is lidar or joint: only the sensor's parameters \
+                 cost",
             )),
             None => self.check_keys(),
         }

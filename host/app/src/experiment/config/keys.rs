@@ -22,7 +22,9 @@ const AXES: &[Key] = &[Key {
     name: "tune.axes",
     unit: "",
     kind: Kind::Text,
-    must: Must::Read("of a parameter, as lidar.power: fixed, free, or bounds as 1..100 or 1..100,log"),
+    must: Must::Read(
+        "of a parameter, as lidar.power: fixed, free, or bounds as 1..100 or 1..100,log",
+    ),
     help: "Which parameters are searched, and how far, where that is not as usual.",
 }];
 

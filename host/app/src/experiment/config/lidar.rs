@@ -93,7 +93,7 @@ pub fn meaning(id: ParameterId) -> &'static str {
             "Whether the shots of a beam begin at different moments of the sampling clock."
         }
         ParameterId::GainSlope => {
-            "By how much the gain rises with range, up to where it is full; 0: it is full everywhere."
+            "By how much the gain rises with range up to where it is full; 0: it is so everywhere."
         }
         ParameterId::GainRange => "Range from which the gain is full.",
         ParameterId::Overlap => {

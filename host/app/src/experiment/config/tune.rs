@@ -33,8 +33,8 @@ section! {
             "Training pairs a generation sees, drawn anew each time and shared by its candidates; \
              0: all, as in the paper.";
         error_mean: ErrorMean, "", Must::Name(&["arithmetic", "geometric"]),
-            "How the errors of a candidate's pairs are put together: `arithmetic`, as in the paper, \
-             or `geometric`.";
+            "How the errors of a candidate's pairs are put together: `arithmetic`, as in the \
+             paper, or `geometric`.";
         error_cap: f64, "", Must::at_least(0.0),
             "No pair counts for more than this, ‖T_est − T*‖_F; 0: no cap, as in the paper.";
         common_noise: bool, "", Must::FLAG,
