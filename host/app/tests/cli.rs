@@ -451,6 +451,7 @@ fn a_run_leaves_everything_to_look_at_and_repeats_itself() {
         "history.jsonl",
         "result.json",
         "about.json",
+        "tuned.toml",
         "report.html",
         "README.txt",
         "before.ply",

@@ -111,6 +111,21 @@ fn what_is_no_finished_run_is_refused_by_name() {
         fixture.write(&result, damaged);
         fixture.refuses(&["report", RUN], &[said]);
     }
+    for (path, forged, said) in [
+        ("/background/axes/0/max", serde_json::json!(-1e9), "background.axes: lidar.power goes "),
+        ("/background/axes/0/max", serde_json::json!(1e300), "background.axes: lidar.power goes "),
+        ("/background/correlations", serde_json::json!([[1.0]]), "correlation matrix holds 1 "),
+        ("/default_summary/errors/0/points/0", serde_json::json!(u64::MAX), "before.ply: holds "),
+    ] {
+        let mut document: Value = serde_json::from_str(&whole).expect("JSON");
+        *document.pointer_mut(path).expect(path) = forged;
+        if path.contains("points") {
+            // The pair that is shown is the one of the largest error.
+            document["default_summary"]["errors"][0]["frobenius"] = serde_json::json!(1e9);
+        }
+        fixture.write(&result, document.to_string());
+        fixture.refuses(&["report", RUN], &[said]);
+    }
     fixture.write(&result, &whole);
     let after = format!("{RUN}/after.ply");
     let cloud = fixture.bytes(&after);

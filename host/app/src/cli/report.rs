@@ -7,7 +7,7 @@ use clap::Args;
 use super::exit::{Failure, print};
 use crate::desk::{FinishedRun, RunError, page};
 use crate::experiment::files::{Output, make_folders, replace};
-use crate::experiment::run::{REPORT, RunFolder};
+use crate::experiment::run::{REPORT, RESULT, RunFolder};
 use crate::report::{Figure, Report};
 
 /// Flags of `report`.
@@ -29,7 +29,9 @@ pub(crate) struct ReportArgs {
 
 pub(super) fn run(args: &ReportArgs) -> Result<(), Failure> {
     let report = page(&FinishedRun::read(&args.run)?)?;
-    let html = report.to_html().map_err(Failure::run)?;
+    let contradicts =
+        |error| Failure::usage(format_args!("{}: {error}", args.run.join(RESULT).display()));
+    let html = report.to_html().map_err(contradicts)?;
     let figures =
         args.figures.as_deref().map(|folder| write_figures(&report, folder)).transpose()?;
     let written = match args.output.as_deref() {

@@ -14,7 +14,7 @@ use crate::experiment::config::{DataConfig, RegistrationConfig, TuneConfig};
 use crate::experiment::files::FileError;
 use crate::experiment::journal::{Generation, Header, Journal, JournalError};
 use crate::experiment::run::{
-    AFTER, BEFORE, Background, CONFIG, HISTORY, RESULT, RESULT_FORMAT, RunResult,
+    AFTER, AxisRecord, BEFORE, Background, CONFIG, HISTORY, RESULT, RESULT_FORMAT, RunResult,
 };
 
 /// Bytes that are read at most of a run's result.
@@ -128,10 +128,18 @@ impl FinishedRun {
     ///
     /// # Errors
     ///
-    /// [`RunError::Earlier`].
+    /// [`RunError::Earlier`]; [`RunError::File`] of an axis that no search can have had.
     pub fn background(&self) -> Result<&Background, RunError> {
-        let earlier = || RunError::Earlier { path: self.path.join(RESULT) };
-        self.result.background.as_ref().ok_or_else(earlier)
+        let path = self.path.join(RESULT);
+        let background = self.result.background.as_ref();
+        let background = background.ok_or_else(|| RunError::Earlier { path: path.clone() })?;
+        match background.axes.iter().find(|axis| !is_possible(axis)) {
+            Some(AxisRecord { name, min, max, .. }) => Err(file_fault(
+                &path,
+                format_args!("background.axes: {} goes from {min} to {max}", shown(name)),
+            )),
+            None => Ok(background),
+        }
     }
 
     /// The held-out pair that is shown: the one the default parameters did worst on.
@@ -156,6 +164,11 @@ impl FinishedRun {
             halves(&self.path.join(AFTER), points(&tuned_summary.errors))?,
         ])
     }
+}
+
+/// An axis has two ends, and fewer values than memory has bytes.
+fn is_possible(axis: &AxisRecord) -> bool {
+    axis.min < axis.max && axis.max - axis.min < 1e9
 }
 
 fn result(folder: &Path) -> Result<RunResult, RunError> {
@@ -184,7 +197,8 @@ fn halves(path: &Path, points: [usize; 2]) -> Result<[Cloud; 2], RunError> {
         Err(CloudError::Empty { dropped, .. }) => (Cloud::default(), dropped),
         read => read?,
     };
-    let (found, expected) = (both.points.len() + dropped.total(), points[0] + points[1]);
+    let (found, expected) =
+        (both.points.len() + dropped.total(), points[0].saturating_add(points[1]));
     if found != expected {
         let what = format!("holds {found} points, and {RESULT} says {expected}");
         return Err(file_fault(path, what));

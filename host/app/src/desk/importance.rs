@@ -1,13 +1,13 @@
 //! How much each parameter matters, from the candidates of the search themselves.
 //!
 //! A response surface is fitted to them ([`super::surrogate`]). A parameter's importance is half of
-//! what the squared error of candidates that a fit has not seen grows by when the parameter's values
-//! are dealt anew among the candidates of their generation (permutation importance: Breiman, Machine
-//! Learning 45, 2001; on held-out folds: Fisher, Rudin and Dominici, JMLR 20, 2019). It is a share
-//! of the variation of ln fitness within generations, of those generations that moved it: half,
-//! since of independent parameters that is the total index of Sobol (Wei, Lu and Song, Reliab. Eng.
-//! Syst. Saf. 142, 2015). Its interval is a bootstrap over generations, whose candidates share their
-//! pairs and so their luck.
+//! what the squared error of candidates that a fit has not seen grows by when the parameter's
+//! values are dealt anew among the candidates of their generation (permutation importance: Breiman,
+//! Machine Learning 45, 2001; on held-out folds: Fisher, Rudin and Dominici, JMLR 20, 2019). It is
+//! a share of the variation of ln fitness within generations, of those generations that moved it:
+//! half, since of independent parameters that is the total index of Sobol (Wei, Lu and Song,
+//! Reliab. Eng. Syst. Saf. 142, 2015). Its interval is a bootstrap over generations, whose
+//! candidates share their pairs and so their luck.
 //!
 //! It says what mattered where the search looked: a parameter that is important far from there does
 //! not show.

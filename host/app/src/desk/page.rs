@@ -165,9 +165,12 @@ fn convergence(run: &FinishedRun, generations: &[Generation]) -> Convergence {
     for generation in generations {
         let mut fitness: Vec<f64> = generation.candidates.iter().map(|c| c.fitness).collect();
         fitness.sort_by(f64::total_cmp);
-        let quantile = |q: f64| fitness[((fitness.len() - 1) as f64 * q).round() as usize];
-        series.generation.push(generation.generation + 1);
-        series.best.push(fitness[0]);
+        let quantile = |q: f64| {
+            let at = (fitness.len().saturating_sub(1) as f64 * q).round() as usize;
+            fitness.get(at).copied().unwrap_or(f64::NAN)
+        };
+        series.generation.push(generation.generation.saturating_add(1));
+        series.best.push(quantile(0.0));
         series.lower_quartile.push(quantile(0.25));
         series.median.push(median(fitness.iter().copied()));
         series.upper_quartile.push(quantile(0.75));

@@ -155,7 +155,7 @@ fn table() -> EvaluationTable {
                 interval: [value - 9.0, value + 9.0],
                 is_shown,
             };
-            [of(50.0, true), of(21.7, true), of(-1.1, false), of(-3.0, false), of(-2.0, false)]
+            [of(50.0, true), of(-3.0, false), of(1.1, true), of(-3.0, false), of(-2.0, false)]
         }),
         label: label.into(),
         kind,
