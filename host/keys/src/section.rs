@@ -46,7 +46,7 @@ macro_rules! section {
             ///
             /// # Errors
             ///
-            /// [`Refused`]($crate::Refused) names it and its bound.
+            /// `Refused` names it and its bound.
             pub fn check_keys(&self) -> Result<(), $crate::Refused> {
                 let mut keys = Self::KEYS.iter();
                 $(
