@@ -45,7 +45,7 @@ fn rows(text: &mut String, scene: Scene, lines: &[&Line]) {
         None,
         ["–"; 2].map(String::from),
     );
-    for strategy in [Strategy::Paper, Strategy::Fast] {
+    for strategy in [Strategy::Paper, Strategy::Short, Strategy::Fast] {
         let of = |protocol: Protocol| -> Vec<&Line> {
             let is_asked =
                 |line: &&&Line| (line.cell.strategy, line.cell.protocol) == (strategy, protocol);
