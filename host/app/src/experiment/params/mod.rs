@@ -24,7 +24,7 @@ use crate::experiment::preset::{LidarPreset, PowerRange, Preset, Protocol};
 pub use axis::{Axis, Scale};
 pub use error::ValueError;
 pub use ranges::Ranges;
-pub use repair::repair;
+pub use repair::{Limits, repair};
 pub use theta_reg::{ThetaReg, axes};
 pub use written::{written, written_values};
 
@@ -257,6 +257,21 @@ impl Space {
             .collect()
     }
 
+    /// What is not searched stays where it starts, what is searched within its bounds.
+    fn limits(&self) -> Limits {
+        let settings = &self.start.settings;
+        let bounds = |id: ParameterId, fixed: i32| {
+            let name = &LIDAR_NAMES[id as usize];
+            let axis = self.axes.iter().find(|axis| axis.name == name);
+            let code = |value| id.parameter().to_code(value);
+            axis.map_or([fixed; 2], |axis| [code(axis.min), code(axis.max)])
+        };
+        Limits {
+            least_power_uw: bounds(ParameterId::Power, settings.power_uw)[0],
+            pulse_ps: bounds(ParameterId::PulseWidth, settings.pulse_width_ps),
+        }
+    }
+
     /// A point of the cube as parameters that every constraint accepts, and the names of those that
     /// had to be repaired.
     pub fn parameters(&self, point: &[f64]) -> (Parameters, Vec<&'static str>) {
@@ -264,7 +279,7 @@ impl Space {
         for (axis, &coordinate) in self.axes.iter().zip(point) {
             parameters.set(axis.name, axis.from_cube(coordinate));
         }
-        let mut repaired = repair(&mut parameters.settings, &self.hardware);
+        let mut repaired = repair(&mut parameters.settings, &self.hardware, &self.limits());
         repaired.extend(parameters.registration.repair());
         (parameters, repaired)
     }

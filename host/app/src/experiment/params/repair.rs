@@ -3,14 +3,38 @@
 
 use echoloop_dsp::{Hardware, ParameterId, Settings};
 
+/// How far a repair may go where there is a choice: codes, both ends included.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// Least power, µW.
+    pub least_power_uw: i32,
+    /// Shortest and longest pulse, ps.
+    pub pulse_ps: [i32; 2],
+}
+
+impl Limits {
+    /// As far as the sensor goes.
+    pub fn of_sensor() -> Self {
+        let width = ParameterId::PulseWidth.parameter();
+        let least_power_uw = ParameterId::Power.parameter().min;
+        Self { least_power_uw, pulse_ps: [width.min, width.max] }
+    }
+}
+
 /// Brings settings whose fields are each in range within the joint constraints; names what was
 /// changed.
 ///
-/// Too few samples a pulse: the pulse is widened. Too much energy: the power is lowered. A gain
-/// that rises beyond the middle of the window: its range ends there, or it rises nowhere. (S > N
-/// holds by the ranges.)
-pub fn repair(settings: &mut Settings, hardware: &Hardware) -> Vec<&'static str> {
+/// Too few samples a pulse: the pulse is widened as far as the limits let it, else there are more
+/// bins. Too much energy: the power is lowered, as far as
+/// the limits let it; then the pulse is shortened; where neither is enough, the power is lowered
+/// beyond its limit. A gain that rises beyond the middle of the window: its range ends there, or it
+/// rises nowhere. (S > N holds by the ranges.)
+pub fn repair(settings: &mut Settings, hardware: &Hardware, limits: &Limits) -> Vec<&'static str> {
     let mut repaired = Vec::new();
+    if hardware.shortest_pulse_ps(settings.bins) > limits.pulse_ps[1] {
+        settings.bins = bins_for(limits.pulse_ps[1], settings.bins, hardware);
+        repaired.push(ParameterId::WaveformResolution.parameter().name);
+    }
     let shortest_ps = hardware.shortest_pulse_ps(settings.bins);
     if settings.pulse_width_ps < shortest_ps {
         settings.pulse_width_ps = shortest_ps;
@@ -18,8 +42,15 @@ pub fn repair(settings: &mut Settings, hardware: &Hardware) -> Vec<&'static str>
     }
     let strongest_uw = hardware.strongest_power_uw(settings.pulse_width_ps);
     if settings.power_uw > strongest_uw {
-        settings.power_uw = strongest_uw;
-        repaired.push(ParameterId::Power.parameter().name);
+        let shortest_ps = shortest_ps.max(limits.pulse_ps[0]);
+        if let Some(id) = weaken(settings, hardware, limits.least_power_uw, shortest_ps) {
+            repaired.push(id.parameter().name);
+        }
+        let strongest_uw = hardware.strongest_power_uw(settings.pulse_width_ps);
+        if settings.power_uw > strongest_uw {
+            settings.power_uw = strongest_uw;
+            repaired.push(ParameterId::Power.parameter().name);
+        }
     }
     let middle_mm = i32::try_from(hardware.middle_mm()).unwrap_or(i32::MAX);
     if settings.gain_slope_mdb_m > 0 && middle_mm < ParameterId::GainRange.parameter().min {
@@ -32,9 +63,73 @@ pub fn repair(settings: &mut Settings, hardware: &Hardware) -> Vec<&'static str>
     repaired
 }
 
+/// The fewest bins, from so many on, that sample a pulse often enough; the most that there are,
+/// where that is not enough.
+fn bins_for(width_ps: i32, bins: i32, hardware: &Hardware) -> i32 {
+    let most = ParameterId::WaveformResolution.parameter().max;
+    (bins..most).find(|&bins| hardware.shortest_pulse_ps(bins) <= width_ps).unwrap_or(most)
+}
+
+/// Shortens a pulse that has too much energy at the least power there may be, and no more than to
+/// the shortest; says so. The power is then brought down as far as is still needed.
+fn weaken(
+    settings: &mut Settings,
+    hardware: &Hardware,
+    least_power_uw: i32,
+    shortest_ps: i32,
+) -> Option<ParameterId> {
+    let power_uw = settings.power_uw.min(least_power_uw);
+    if hardware.strongest_power_uw(settings.pulse_width_ps) >= power_uw {
+        return None;
+    }
+    // 1 µW · 1 ps is 10⁻⁶ pJ.
+    let longest_ps = i64::from(hardware.energy_limit_pj) * 1_000_000 / i64::from(power_uw.max(1));
+    let longest_ps = i32::try_from(longest_ps).unwrap_or(i32::MAX);
+    let fits = longest_ps >= shortest_ps && longest_ps < settings.pulse_width_ps;
+    fits.then(|| {
+        settings.pulse_width_ps = longest_ps;
+        ParameterId::PulseWidth
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn repair(settings: &mut Settings, hardware: &Hardware) -> Vec<&'static str> {
+        super::repair(settings, hardware, &Limits::of_sensor())
+    }
+
+    #[test]
+    fn where_the_power_may_not_fall_the_pulse_is_shortened_and_else_the_power_falls() {
+        let wide = Settings { power_uw: 75_000_000, pulse_width_ps: 20_000, ..Settings::default() };
+        let with = |least_power_uw, shortest_pulse_ps| {
+            let (mut settings, hardware) = (wide, Hardware::REFERENCE);
+            let limits = Limits { least_power_uw, pulse_ps: [shortest_pulse_ps, 20_000] };
+            let repaired = super::repair(&mut settings, &hardware, &limits);
+            settings.check(&hardware).unwrap();
+            (repaired, settings.power_uw, settings.pulse_width_ps)
+        };
+        assert_eq!(with(75_000_000, 2_000), (vec!["pulse_width"], 75_000_000, 5_333));
+        assert_eq!(
+            with(40_000_000, 2_000),
+            (vec!["pulse_width", "power"], 40_000_000, 10_000),
+            "as little of either as must be"
+        );
+        assert_eq!(with(10_000_000, 2_000), (vec!["power"], 20_000_000, 20_000));
+        assert_eq!(with(75_000_000, 20_000), (vec!["power"], 20_000_000, 20_000), "no other way");
+    }
+
+    #[test]
+    fn a_pulse_that_may_not_be_widened_gets_as_many_bins_as_it_needs() {
+        let hardware = Hardware::REFERENCE;
+        let mut settings = Settings { bins: 200, pulse_width_ps: 5_000, ..Settings::default() };
+        let limits = Limits { pulse_ps: [5_000, 5_000], ..Limits::of_sensor() };
+        let repaired = super::repair(&mut settings, &hardware, &limits);
+        assert_eq!((repaired, settings.pulse_width_ps), (vec!["waveform_resolution"], 5_000));
+        settings.check(&hardware).unwrap();
+        assert!(Settings { bins: settings.bins - 1, ..settings }.check(&hardware).is_err());
+    }
 
     #[test]
     fn too_much_energy_lowers_the_power_to_the_limit() {
