@@ -52,7 +52,7 @@ mod tests {
             plain_summary: None,
             default_summary: summary.clone(),
             tuned_summary: summary,
-            comparison: Comparison { difference: 0.0, interval: [0.0; 2] },
+            comparison: Comparison { difference: 0.0, interval: [0.0; 2], reference: 0.0 },
             front: None,
             background: None,
         }

@@ -53,7 +53,13 @@ pub struct Comparison {
     pub difference: f64,
     /// Its 95 % interval, by bootstrap over pairs.
     pub interval: [f64; 2],
+    /// The first's mean; 0 in results of before it was kept.
+    #[serde(default)]
+    pub reference: f64,
 }
+
+/// Errors are the same when their difference is, with 95 %, less than this share of the first's.
+const SAME: f64 = 0.25;
 
 impl Comparison {
     /// The second's errors less the first's, each at most `cap` (0: no cap).
@@ -61,7 +67,8 @@ impl Comparison {
         let (first, second) = (worths(first, cap), worths(second, cap));
         let differences: Vec<f64> = first.iter().zip(&second).map(|(a, b)| b - a).collect();
         let difference = differences.iter().sum::<f64>() / differences.len() as f64;
-        Self { difference, interval: mean_interval(&differences) }
+        let reference = first.iter().sum::<f64>() / first.len() as f64;
+        Self { difference, interval: mean_interval(&differences), reference }
     }
 
     /// The second errs more, beyond doubt.
@@ -69,12 +76,14 @@ impl Comparison {
         self.interval[0] > 0.0
     }
 
-    /// As words have it: `the same error`, where the interval holds zero.
+    /// As words have it. Where the interval holds zero, the error is the same only if it holds
+    /// nothing far from zero either: few pairs prove nothing.
     pub fn error(&self) -> &'static str {
         match self.interval {
             [low, _] if low > 0.0 => "a higher error",
             [_, high] if high < 0.0 => "a lower error",
-            _ => "the same error",
+            [low, high] if high.max(-low) <= SAME * self.reference => "the same error",
+            _ => "an error not shown to differ",
         }
     }
 
@@ -148,6 +157,8 @@ mod tests {
         let noisy: Vec<f64> =
             hard.iter().enumerate().map(|(i, e)| e + [0.1, -0.1][i % 2]).collect();
         assert_eq!(compare(&hard, &noisy).error(), "the same error");
+        let few = compare(&hard[..6], &noisy[..6]);
+        assert_eq!(few.error(), "an error not shown to differ", "{few:?}");
         let one_lost: Vec<f64> = [100.0].into_iter().chain(less[1..].to_vec()).collect();
         let capped = compare(&hard, &one_lost);
         assert!(capped.difference < 0.03, "a pair counts for the cap at most: {capped:?}");
@@ -156,7 +167,7 @@ mod tests {
     #[test]
     fn a_cost_is_said_as_a_part_or_as_so_many_times() {
         let cost = |energy_j| ScanCost { energy_j, instructions: 1.0, bits: 1.0, seconds: 1.0 };
-        let same = Comparison { difference: 0.0, interval: [-0.1, 0.1] };
+        let same = Comparison { difference: 0.0, interval: [-0.1, 0.1], reference: 1.0 };
         let said = |a, b| same.at_cost(CostKind::Energy, &cost(a), &cost(b));
         assert_eq!(said(5e-3, 1e-4), "the same error at 1/50 of the energy");
         assert_eq!(said(5.678, 1e-3), "the same error at 1/5700 of the energy");

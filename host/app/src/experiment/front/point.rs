@@ -148,7 +148,7 @@ mod tests {
                 judged(5e-4, 0.05, 0.0),
                 judged(2e-6, 0.09, 0.0),
                 judged(1e-8, 0.50, 0.0),
-                judged(1e-6, 0.11, 0.08),
+                judged(1e-6, 0.105, 0.03),
             ],
         );
         let energies: Vec<f64> = front.points.iter().map(|p| p.mark.cost.energy_j).collect();
