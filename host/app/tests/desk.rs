@@ -52,11 +52,12 @@ fn only_the_axes_that_the_user_chose_are_moved_and_within_the_user_s_bounds() {
 #[test]
 fn an_axis_that_makes_no_sense_is_refused_before_anything_is_made() {
     let fixture = Fixture::new();
-    let table: [(&str, &[&str]); 10] = [
+    let table: [(&str, &[&str]); 11] = [
+        ("--tune=lidar.shots=1..3", &["tune.axes.lidar.shots", "powers of two"]),
         ("--tune=lidar.power=100..1", &["--tune", "expected bounds that rise, found 100 to 1"]),
         ("--tune=lidar.power=1..500", &["tune.axes.lidar.power", "what the sensor takes", "100 W"]),
         ("--tune=lidar.power=1..50", &["the start, 75, is outside 1 to 50"]),
-        ("--tune=lidar.powr", &["no parameter `lidar.powr`"]),
+        ("--tune=lidar.powr", &["in --tune lidar.powr: there is no parameter `lidar.powr`"]),
         ("--tune=powr", &["--tune", "expected a parameter, as lidar.power"]),
         ("--tune=lidar.timing=0..2", &["tune.axes.lidar.timing", "it chooses from"]),
         ("--tune=registration.feature_radius_m", &["it is no setting of icp"]),
@@ -67,6 +68,8 @@ fn an_axis_that_makes_no_sense_is_refused_before_anything_is_made() {
     for (flag, parts) in table {
         fixture.refuses(&["tune", "-c", "small.toml", flag], parts);
     }
+    let twice = ["tune", "--fix=lidar.power=60", "--tune=lidar.power=50..70"];
+    fixture.refuses(&twice, &["expected lidar.power once"]);
 }
 
 #[test]
@@ -137,6 +140,43 @@ fn every_command_begins_with_what_a_run_tuned() {
     fixture.succeed(&["tune", "-q", "--run", RUN, "--seed", "5", "--generations", "1"]);
     assert_eq!(result(&fixture)["default"], tuned);
     assert_eq!(result(&fixture)["seed"], 5);
+    let other = fixture.succeed(&["config", "--run", RUN, "--set", "registration.method=fgr"]);
+    assert!(other.stderr.contains("so fgr starts at its own settings"), "{}", other.stderr);
+    assert!(other.stdout.contains("power = 40"), "{}", other.stdout);
+}
+
+#[test]
+fn what_is_fixed_or_bounded_stays_so_where_a_pulse_has_too_much_energy() {
+    let fixture = Fixture::new();
+    let width = "--tune=lidar.pulse_width=5..20";
+    let (_, answers) = stream(
+        &fixture,
+        &["--set=tune.protocol=default", "--fix=lidar.power=75", width],
+        "{\"point\": [1]}\n",
+    );
+    let parameters = &answers[1]["parameters"];
+    assert_eq!(
+        (&parameters["lidar.power"], &answers[1]["repaired"]),
+        (&json!(75.0), &json!(["pulse_width"]))
+    );
+    fixture.tune(&["--protocol=default", "--tune=lidar.power=60..100", width]);
+    for generation in generations(&fixture) {
+        for candidate in generation["candidates"].as_array().unwrap() {
+            assert!(candidate["values"]["lidar.power"].as_f64().unwrap() >= 60.0, "{candidate}");
+        }
+    }
+    fixture.succeed(&["config", "--run", RUN]);
+}
+
+#[test]
+fn a_run_that_was_extended_and_interrupted_has_no_page_until_it_has_ended() {
+    let fixture = Fixture::new();
+    fixture.tune(&["--strategy=paper"]);
+    let journal = fixture.read("runs/latest/history.jsonl");
+    fixture.succeed(&["tune", "-q", "--resume", RUN, "--generations", "3"]);
+    fixture.succeed(&["report", "-q", RUN, "-o", "whole.html"]);
+    fixture.write("runs/latest/history.jsonl", journal);
+    fixture.refuses(&["report", RUN], &["was extended and interrupted", "--resume"]);
 }
 
 #[test]
@@ -175,7 +215,7 @@ fn a_stream_answers_every_line_and_goes_on_after_what_it_cannot_judge() {
     let lines = "{\"parameters\": {\"lidar.power\": 50}, \"id\": [7]}\n\nnonsense\n\
                  {\"parameters\": {\"lidar.power\": 500}}\n{\"parameters\": {\"lidar.powr\": 5}}\n\
                  {\"parameters\": {\"lidar.pulse_width\": 20}}\n{\"point\": [0.5]}\n{}\n\
-                 {\"parameters\": {\"lidar.timing\": \"late\"}}\n{\"power\": 3}\n\
+                 {\"parameters\": {\"lidar.timing\": \"late\"}}\n{\"power\": 3, \"id\": 9}\n\
                  {\"parameters\": {\"lidar.power\": 50}}";
     let (output, answers) = stream(&fixture, &[], lines);
     assert_eq!(output.code, Some(0), "{}", output.stderr);
@@ -193,17 +233,18 @@ fn a_stream_answers_every_line_and_goes_on_after_what_it_cannot_judge() {
     let expected = [
         (3, "error", "expected"),
         (4, "infeasible", "lidar.power 500 W is above its maximum 100 W"),
-        (5, "infeasible", "unknown parameter `lidar.powr`"),
+        (5, "error", "unknown parameter `lidar.powr`"),
         (6, "infeasible", "pulse energy limit"),
         (7, "error", "point has 1 numbers, expected 18"),
         (8, "error", "expected either parameters or point"),
-        (9, "infeasible", "must be one of"),
+        (9, "error", "must be one of"),
         (10, "error", "unknown field `power`"),
     ];
     assert_eq!(said.len(), expected.len(), "{said:?}");
     for ((line, kind, reason), (at, expected, part)) in said.iter().zip(expected) {
         assert!((*line, *kind) == (at, expected) && reason.contains(part), "{line} {reason}");
     }
+    assert_eq!(rest.last().map(|answer| &answer["id"]), Some(&json!(9)));
     assert_eq!((&last["summary"], &last["fitness"]), (&first["summary"], &first["fitness"]));
 
     // The numbers are those of one evaluation of the same candidate.

@@ -171,7 +171,7 @@ fn runs_stand_side_by_side_with_differences_where_their_pairs_are_the_same() {
         "  recall      ",
         "no difference shown",
         "runs/0003-yard-icp-joint against runs/0001-yard-icp-joint: no differences pair by pair, \
-         for the held-out pairs are others (seed is 7 here and 1 in the first)",
+         for pairs or what counts as success are not the same (seed is 7 here and 1 in the first)",
         "settings that differ",
         "tune.generations",
         "parameters that differ",

@@ -1,7 +1,9 @@
 //! `--tune` and `--fix`: what a search moves, axis by axis.
 
 use clap::Args;
+use echoloop_files::shown;
 
+use super::exit::Failure;
 use crate::experiment::config::{AxisChoice, Override};
 
 /// Flags of commands that search, or serve a search.
@@ -24,35 +26,58 @@ struct Fixed {
 }
 
 impl AxisFlags {
-    /// As changes of the configuration, the later ones last.
-    pub(super) fn overrides(&self) -> Vec<Override> {
+    /// As changes of the configuration.
+    ///
+    /// # Errors
+    ///
+    /// [`Failure`] where one parameter is spoken of twice.
+    pub(super) fn overrides(&self) -> Result<Vec<Override>, Failure> {
+        let axes = self.tune.iter().chain(self.fix.iter().map(|fixed| &fixed.axis));
+        let mut names: Vec<String> = axes.map(Override::path).collect();
+        names.sort();
+        if let Some([name, ..]) = names.windows(2).find(|pair| pair[0] == pair[1]) {
+            let name = name.strip_prefix(AXES).unwrap_or(name);
+            return Err(Failure::usage(format_args!(
+                "--tune and --fix: expected {} once, found it twice",
+                shown(name)
+            )));
+        }
         let fixed =
             self.fix.iter().flat_map(|fixed| [Some(fixed.axis.clone()), fixed.value.clone()]);
-        self.tune.iter().cloned().map(Some).chain(fixed).flatten().collect()
+        Ok(self.tune.iter().cloned().map(Some).chain(fixed).flatten().collect())
     }
 }
 
 fn tuned(text: &str) -> Result<Override, String> {
     let (name, choice) = text.split_once('=').unwrap_or((text, "free"));
     let choice: AxisChoice = choice.trim().parse()?;
-    axis(name, choice)
+    axis("--tune", text, name, choice)
 }
 
 fn fixed(text: &str) -> Result<Fixed, String> {
     let (name, value) = match text.split_once('=') {
-        Some((name, _)) => (name, Some(text.parse()?)),
+        Some((name, _)) => (name, Some(text.parse::<Override>()?.written(&written("--fix", text)))),
         None => (text, None),
     };
-    Ok(Fixed { axis: axis(name, AxisChoice::Fixed)?, value })
+    Ok(Fixed { axis: axis("--fix", text, name, AxisChoice::Fixed)?, value })
+}
+
+/// Where choices lie in the configuration.
+const AXES: &str = "tune.axes.";
+
+/// A flag as the user wrote it.
+fn written(flag: &str, text: &str) -> String {
+    format!("{flag} {text}")
 }
 
 /// The choice for a parameter, which lies in a section: whether there is one, the configuration
 /// says.
-fn axis(name: &str, choice: AxisChoice) -> Result<Override, String> {
+fn axis(flag: &str, text: &str, name: &str, choice: AxisChoice) -> Result<Override, String> {
     let name = name.trim();
     match name.split_once('.') {
         Some(("lidar" | "registration", key)) if !key.is_empty() && !key.contains('.') => {
-            Ok(Override::flag(&format!("tune.axes.{name}"), choice.to_string()))
+            let choice = Override::flag(&format!("{AXES}{name}"), choice.to_string());
+            Ok(choice.written(&written(flag, text)))
         }
         _ => Err("expected a parameter, as lidar.power or registration.voxel_m".into()),
     }

@@ -1,6 +1,6 @@
 //! Flags that commands share, and the threads they run on.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
@@ -8,7 +8,8 @@ use super::choice::SensorChoice;
 use super::exit::Failure;
 use super::number::{self, THREADS, number_as};
 use super::tuned_run::tuned_config;
-use crate::experiment::config::{Override, RunConfig, changed, load};
+use crate::experiment::config::{Override, RegistrationConfig, RunConfig, changed, load};
+use crate::said::say;
 
 /// What every command takes.
 #[derive(Clone, Debug, Args)]
@@ -60,10 +61,24 @@ impl ConfigSource {
         }
         overrides.extend(own);
         match &self.run {
-            Some(run) => changed(&tuned_config(run)?, &overrides).map_err(Failure::usage),
+            Some(run) => changed(&start_of(run, &overrides)?, &overrides).map_err(Failure::usage),
             None => load(self.config.as_deref(), &overrides).map_err(Failure::usage),
         }
     }
+}
+
+/// What a run tuned; of registration, where another method is asked for, that one's defaults.
+fn start_of(run: &Path, overrides: &[Override]) -> Result<RunConfig, Failure> {
+    let mut config = tuned_config(run)?;
+    let asked = overrides.iter().rev().find_map(|change| change.text_of("registration.method"));
+    let was = config.registration.method.name();
+    if let Some(method) = asked.filter(|method| *method != was) {
+        config.registration =
+            RegistrationConfig { preset: config.registration.preset, ..Default::default() };
+        config.tune.axes.forget("registration.");
+        say(format_args!("{}: of {was}, so {method} starts at its own settings", run.display()));
+    }
+    Ok(config)
 }
 
 /// What every command takes that speaks to a sensor.

@@ -61,7 +61,7 @@ struct Candidate {
 }
 
 pub(super) fn run(args: &EvaluateArgs) -> Result<(), Failure> {
-    let own = args.method.overrides().into_iter().chain(args.axes.overrides());
+    let own = args.method.overrides().into_iter().chain(args.axes.overrides()?);
     let config = args.setup.source.load(own.collect())?;
     let values = values(args)?;
     on_threads(args.setup.common.threads, || judge(args, config, &values))?

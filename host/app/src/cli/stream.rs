@@ -15,11 +15,11 @@ use super::exit::{Failure, print};
 use super::prepared::{PairSet, Prepared};
 use super::progress::Progress;
 use crate::experiment::params::{
-    Axis, Parameters, Scale, Values, choices, written, written_values,
+    Axis, Parameters, Scale, ValueError, Values, choices, written, written_values,
 };
 use crate::experiment::tune::{Judge, Observer};
 
-/// A line of the stream.
+/// A line of the stream, but for its `id`, which may be anything and comes back with the answer.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Candidate {
@@ -27,8 +27,6 @@ struct Candidate {
     parameters: Option<BTreeMap<String, Value>>,
     /// Or a point of the unit cube of the axes; what joint constraints refuse is repaired.
     point: Option<Vec<f64>>,
-    /// Anything; comes back with the answer.
-    id: Option<Value>,
 }
 
 /// What a line asks to be judged.
@@ -141,25 +139,40 @@ fn answer(
 
 /// A line's id, and its candidate.
 fn read(prepared: &Prepared, text: &str) -> (Option<Value>, Result<Asked, Refused>) {
-    let candidate: Candidate = match serde_json::from_str(text) {
-        Ok(candidate) => candidate,
-        Err(error) => return (None, Err(Refused::Malformed(shown(&error.to_string())))),
+    let malformed = |error: serde_json::Error| Refused::Malformed(shown(&error.to_string()));
+    let mut document: Value = match serde_json::from_str(text) {
+        Ok(document) => document,
+        Err(error) => return (None, Err(malformed(error))),
     };
-    let asked = match (candidate.parameters, candidate.point) {
+    let id = document.as_object_mut().and_then(|members| members.remove("id"));
+    if !document.is_object() {
+        return (None, Err(Refused::Malformed("expected {\"parameters\": {…}}".into())));
+    }
+    let asked = serde_json::from_value(document).map_err(malformed);
+    (id, asked.and_then(|candidate| asked_of(prepared, candidate)))
+}
+
+fn asked_of(prepared: &Prepared, candidate: Candidate) -> Result<Asked, Refused> {
+    match (candidate.parameters, candidate.point) {
         (Some(parameters), None) => by_name(prepared, parameters),
         (None, Some(point)) => by_point(prepared, &point),
         _ => Err(Refused::Malformed("expected either parameters or point".into())),
-    };
-    (candidate.id, asked)
+    }
 }
 
 fn by_name(prepared: &Prepared, given: BTreeMap<String, Value>) -> Result<Asked, Refused> {
     let value = |(name, given): (String, Value)| number(&name, &given).map(|value| (name, value));
     let values: Result<Values, String> = given.into_iter().map(value).collect();
-    let values = values.map_err(Refused::Infeasible)?;
+    let values = values.map_err(Refused::Malformed)?;
     let (config, hardware) = (&prepared.config, &prepared.hardware);
     let parameters = prepared.start.with_values(&values, config, hardware);
-    let parameters = parameters.map_err(|error| Refused::Infeasible(shown(&error.to_string())))?;
+    let parameters = parameters.map_err(|error| {
+        let said = shown(&error.to_string());
+        match error {
+            ValueError::Unknown(..) => Refused::Malformed(said),
+            _ => Refused::Infeasible(said),
+        }
+    })?;
     Ok(Asked { parameters, repaired: Vec::new() })
 }
 

@@ -121,7 +121,7 @@ impl TuneArgs {
             return self.extended(config);
         }
         let mut own = self.method.overrides();
-        own.extend(self.axes.overrides());
+        own.extend(self.axes.overrides()?);
         let mut flag = |path: &str, value: Option<toml::Value>| {
             own.extend(value.map(|v| Override::flag(path, v)))
         };
@@ -192,6 +192,9 @@ fn tune(
         extend(&folder, &prepared.config)?;
     }
     about.unwrap_or_default().record(&folder)?;
+    if search.space.axes().is_empty() && search.config.tune.protocol != Protocol::Default {
+        say(format_args!("nothing is searched: every parameter is fixed"));
+    }
     progress.begin("tuning", search.registrations() as u64);
     let outcome = search_and_judge(&search, &mut journal, done, &progress).and_then(|judged| {
         let front = front(&prepared, &search, &judged.0, &folder, (args.repair, &progress))?;

@@ -26,8 +26,13 @@ pub(super) fn tuned_config(run: &Path) -> Result<RunConfig, Failure> {
     let named = |problem: &dyn std::fmt::Display| {
         Failure::usage(format!("{}: {}", path.display(), shown(&problem.to_string())))
     };
-    let text = read_text(&path, MOST_RESULT)
-        .map_err(|error| Failure::usage(format!("cannot read {}: {error}", path.display())))?;
+    let text = read_text(&path, MOST_RESULT).map_err(|error| {
+        Failure::usage(format!(
+            "cannot read {}: {error} (a run that was interrupted goes on with `echoloop tune \
+             --resume`)",
+            path.display()
+        ))
+    })?;
     let earlier: Earlier = serde_json::from_str(&text).map_err(|error| named(&error))?;
     let hardware = config.hardware();
     let start = Parameters::start(&config, &hardware).map_err(Failure::usage)?;

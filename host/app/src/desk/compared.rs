@@ -109,8 +109,10 @@ fn compared_run(run: &FinishedRun, first: &FinishedRun, number: usize) -> Compar
 /// they are the same.
 fn other_pairs(run: &FinishedRun, first: &FinishedRun) -> Option<String> {
     let (own, theirs) = (settings(run), settings(first));
-    let decides =
-        |key: &String| key == "seed" || key.starts_with("scene.") || key.starts_with("data.");
+    let decides = |key: &String| {
+        let of_pairs = key == "seed" || key.starts_with("scene.") || key.starts_with("data.");
+        of_pairs && key != "data.train_baseline_factor"
+    };
     let keys = own.keys().chain(theirs.keys()).filter(|key| decides(key));
     let value = |table: &Settings, key: &str| {
         table.get(key).map_or_else(|| "not set".to_owned(), ToOwned::to_owned)
@@ -146,6 +148,7 @@ fn flatten(section: &str, table: &toml::Table, settings: &mut Settings) {
         let name = if section.is_empty() { key.clone() } else { format!("{section}.{key}") };
         match value {
             toml::Value::Table(inner) => flatten(&name, inner, settings),
+            toml::Value::String(text) => drop(settings.insert(name, text.clone())),
             value => drop(settings.insert(name, value.to_string())),
         }
     }

@@ -50,6 +50,16 @@ pub enum RunError {
         /// The folder.
         path: PathBuf,
     },
+    /// Its journal and its result are of different lengths.
+    #[error(
+        "{}: its journal is not as long as its {RESULT} says: it was extended and interrupted, and \
+         goes on with `echoloop tune --resume`",
+        path.display()
+    )]
+    GoesOn {
+        /// The folder.
+        path: PathBuf,
+    },
     /// Its result is of an earlier version, which kept less.
     #[error(
         "{}: it keeps no background: an earlier version wrote it, and what its page needs is lost; \
@@ -119,9 +129,13 @@ impl FinishedRun {
     ///
     /// # Errors
     ///
-    /// [`RunError::Journal`].
+    /// [`RunError::Journal`]; [`RunError::GoesOn`] of one that has got beyond the result.
     pub fn journal(&self) -> Result<(Header, Vec<Generation>), RunError> {
-        Ok(Journal::read(&self.path.join(HISTORY))?)
+        let (header, generations) = Journal::read(&self.path.join(HISTORY))?;
+        match generations.len() == self.result.generations {
+            true => Ok((header, generations)),
+            false => Err(RunError::GoesOn { path: self.path.clone() }),
+        }
     }
 
     /// What its search has left besides figures.

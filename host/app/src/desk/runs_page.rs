@@ -43,7 +43,8 @@ fn told(run: &ComparedRun) -> String {
 fn remark(run: &ComparedRun, first: &str) -> Option<String> {
     match &run.against_first {
         Against::OtherPairs(why) => Some(format!(
-            "{} has other held-out pairs than {first} ({why}), so no differences are shown.",
+            "{} and {first} have other held-out pairs, or count success otherwise ({why}), so no \
+             differences are shown.",
             run.run
         )),
         Against::Itself | Against::Paired(_) => None,

@@ -14,7 +14,7 @@ const LEAST_COST: f64 = 1e-12;
 const KEYS: [Key<'static>; 3] = [
     ("held-out", Sample::Dot, "point of the front"),
     ("dot-default", Sample::Dot, "default parameters"),
-    ("dot-tuned", Sample::Dot, "tuned for the error alone"),
+    ("dot-tuned", Sample::Dot, "what the run tuned"),
 ];
 
 /// The plot and its table, or nothing without points.

@@ -92,6 +92,11 @@ impl OwnAxes {
         self.0.get(name).copied()
     }
 
+    /// Leaves out what is chosen for parameters whose full name begins so.
+    pub fn forget(&mut self, beginning: &str) {
+        self.0.retain(|name, _| !name.starts_with(beginning));
+    }
+
     /// All, by full name.
     pub fn iter(&self) -> impl Iterator<Item = (&str, AxisChoice)> {
         self.0.iter().map(|(name, choice)| (name.as_str(), *choice))

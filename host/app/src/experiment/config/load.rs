@@ -31,7 +31,7 @@ pub enum LoadError {
         message: String,
     },
     /// A `--set` is none.
-    #[error("in --set {text}: {message}")]
+    #[error("in {text}: {message}")]
     Override {
         /// As given.
         text: String,
@@ -66,7 +66,8 @@ impl FromStr for Override {
         if keys.len() > MOST_KEYS {
             return Err(format!("expected a.b=value, found {} names before =", keys.len()));
         }
-        Ok(Self { text: shown(text), keys, value: parse_value(value.trim()) })
+        let text = format!("--set {}", shown(text));
+        Ok(Self { text, keys, value: parse_value(value.trim()) })
     }
 }
 
@@ -75,10 +76,27 @@ impl Override {
     pub fn flag(path: &str, value: impl Into<toml::Value>) -> Self {
         let value = value.into();
         Self {
-            text: shown(&format!("{path}={value}")),
+            text: format!("--set {}", shown(&format!("{path}={value}"))),
             keys: path.split('.').map(str::to_owned).collect(),
             value,
         }
+    }
+
+    /// The same, called as the user wrote it.
+    #[must_use]
+    pub fn written(self, text: &str) -> Self {
+        Self { text: shown(text), ..self }
+    }
+
+    /// The text that it gives a key of that path.
+    pub fn text_of(&self, path: &str) -> Option<&str> {
+        let is_it = self.keys.iter().map(String::as_str).eq(path.split('.'));
+        self.value.as_str().filter(|_| is_it)
+    }
+
+    /// The path that it sets.
+    pub fn path(&self) -> String {
+        self.keys.join(".")
     }
 
     /// The key it sets in a section.
