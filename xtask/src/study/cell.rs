@@ -108,7 +108,7 @@ impl Strategy {
         let ours = "--strategy=fast".to_owned();
         match self {
             Self::Fast => vec![ours],
-            Self::Short => vec![ours, "--generations=7".into()],
+            Self::Short => vec![ours, "--generations=6".into()],
             Self::Paper => vec!["--strategy=paper".into()],
         }
     }

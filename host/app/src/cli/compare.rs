@@ -133,8 +133,8 @@ fn against(run: &ComparedRun, first: &str) -> String {
     match &run.against_first {
         Against::Itself => String::new(),
         Against::OtherPairs(why) => format!(
-            "\n{} against {first}: no differences pair by pair, for pairs or what counts as success \
-             are not the same ({why}).\n",
+            "\n{} against {first}: no differences pair by pair, for pairs or what counts as \
+             success are not the same ({why}).\n",
             run.run
         ),
         Against::Paired(differences) => {
