@@ -5,6 +5,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use echoloop_files::{MOST_TEXT, read_text, shown};
 use serde::{Deserialize, Serialize};
+use time::OffsetDateTime;
 
 use crate::experiment::content::build;
 use crate::experiment::files::{FileError, file_error};
@@ -105,27 +106,12 @@ fn quoted(word: &str) -> String {
     }
 }
 
-const DAY_S: u64 = 24 * 60 * 60;
-
-/// That many seconds after 1970, UTC.
+/// That many seconds after 1970, UTC. A clock beyond the year 9999 is as good as none.
 fn utc(since_s: u64) -> String {
-    let s = since_s % DAY_S;
-    format!("{}T{:02}:{:02}:{:02}Z", date(since_s / DAY_S), s / 3600, s / 60 % 60, s % 60)
-}
-
-/// The date that many days after 1970-01-01.
-///
-/// Years are counted from March, so that the day that may be missing is the last; 400 of them have
-/// 146,097 days, and five months from March or August on have 153.
-fn date(days: u64) -> String {
-    let from_march_0000 = days + 719_468;
-    let (era, day) = (from_march_0000 / 146_097, from_march_0000 % 146_097);
-    let year = (day - day / 1_460 + day / 36_524 - day / 146_096) / 365;
-    let day = day - (365 * year + year / 4 - year / 100);
-    let month = (5 * day + 2) / 153;
-    let day = day - (153 * month + 2) / 5 + 1;
-    let (month, next) = if month < 10 { (month + 3, 0) } else { (month - 9, 1) };
-    format!("{:04}-{month:02}-{day:02}", 400 * era + year + next)
+    let since_s = i64::try_from(since_s).unwrap_or_default();
+    let time = OffsetDateTime::from_unix_timestamp(since_s).unwrap_or(OffsetDateTime::UNIX_EPOCH);
+    let (hour, minute, second) = time.to_hms();
+    format!("{}T{hour:02}:{minute:02}:{second:02}Z", time.date())
 }
 
 #[cfg(test)]
