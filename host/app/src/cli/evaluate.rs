@@ -122,9 +122,9 @@ fn judge(args: &EvaluateArgs, config: RunConfig, values: &Values) -> Result<(), 
     let bench = prepared.bench();
     let duration_s = prepared.config.motion.duration_s;
     let (scanner, done) = (bench.scanner(prepared.hardware, duration_s), || progress.evaluated());
-    let (errors, cost) = evaluate_and_cost(&bench, &parameters, &noisy, &scanner, &done)?;
+    let data = &prepared.config.data;
+    let summary = evaluate_and_cost(&bench, &parameters, &noisy, &scanner, data, &done)?;
     progress.end();
-    let summary = Summary { cost, ..Summary::from_errors(errors, &prepared.config.data) };
     print(args, &prepared.sensor, &parameters.values(&prepared.config), &summary)?;
     require_recall(args.require_recall, &summary)
 }

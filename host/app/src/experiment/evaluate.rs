@@ -111,7 +111,7 @@ pub fn evaluate(
     evaluate_with(bench, parameters, noisy, done, &|registered| registered.error)
 }
 
-/// As [`evaluate`], with what a scan cost in the mean of all.
+/// As [`evaluate`], summed up, with what a scan cost in the mean of all.
 ///
 /// # Errors
 ///
@@ -121,15 +121,17 @@ pub fn evaluate_and_cost(
     parameters: &Parameters,
     noisy: &NoisyPairs<'_>,
     scanner: &Scanner,
+    data: &DataConfig,
     done: &(dyn Fn() + Sync),
-) -> Result<(Vec<PairError>, Option<ScanCost>), SensorError> {
+) -> Result<Summary, SensorError> {
     let with_costs = |registered: Registered| {
         let costs = registered.scans.map(|scan| scanner.cost(&parameters.settings, &scan));
         (registered.error, costs)
     };
     let each = evaluate_with(bench, parameters, noisy, done, &with_costs)?;
     let (errors, costs): (Vec<PairError>, Vec<_>) = each.into_iter().unzip();
-    Ok((errors, ScanCost::mean(costs.as_flattened())))
+    let cost = ScanCost::mean(costs.as_flattened());
+    Ok(Summary { cost, ..Summary::from_errors(errors, data) })
 }
 
 fn evaluate_with<T: Send>(

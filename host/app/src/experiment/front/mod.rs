@@ -289,10 +289,10 @@ impl FrontSearch<'_> {
         let pairs = &self.search.bench.dataset.train;
         let noisy = NoisyPairs { pairs, seed: config.seed, purpose: Purpose::ShortlistNoise };
         let (bench, done) = (&self.search.bench, || observer.evaluated());
-        let (errors, cost) =
-            evaluate_and_cost(bench, &parameters, &noisy, &self.search.scanner(), &done)?;
-        let cost = cost.map_or(f64::NAN, |cost| self.cost.of(&cost));
-        Ok(Raced { parameters, values: logarithms(self.worth().of(&errors), cost) })
+        let scanner = self.search.scanner();
+        let summary = evaluate_and_cost(bench, &parameters, &noisy, &scanner, &config.data, &done)?;
+        let cost = summary.cost.map_or(f64::NAN, |cost| self.cost.of(&cost));
+        Ok(Raced { parameters, values: logarithms(self.worth().of(&summary.errors), cost) })
     }
 
     /// The front on the held-out pairs.
@@ -310,7 +310,7 @@ impl FrontSearch<'_> {
                 return Err(TuneError::Interrupted { generations: generations.len() });
             }
             let summary = self.search.judge(&parameters, observer)?;
-            judged.push((parameters.values(self.search.config.registration.preset), summary));
+            judged.push((parameters.values(self.search.config), summary));
         }
         Ok(Front::new(self.cost, self.search.config.tune.error_cap, judged))
     }

@@ -36,6 +36,7 @@ impl<'a> Judge<'a> {
         let scanner = bench.scanner(hardware, config.motion.duration_s);
         let price = Price { tune: &config.tune, data: &config.data, start: Vec::new() };
         let mut judge = Self { config, bench, scanner, pairs, price };
+        // Without the start's, no cost counts.
         if config.tune.counts_costs() {
             let (summary, _) = judge.judged_aloud(start, done)?;
             let cost = summary.cost;
@@ -59,10 +60,9 @@ impl<'a> Judge<'a> {
         candidate: &Parameters,
         done: &(dyn Fn() + Sync),
     ) -> Result<(Summary, f64), SensorError> {
-        let (errors, cost) =
-            evaluate_and_cost(&self.bench, candidate, &self.pairs, &self.scanner, done)?;
-        let counted = cost.as_ref().filter(|_| self.config.tune.counts_costs());
-        let fitness = self.price.fitness(&errors, counted);
-        Ok((Summary { cost, ..Summary::from_errors(errors, &self.config.data) }, fitness))
+        let Self { config, bench, scanner, pairs, price } = self;
+        let summary = evaluate_and_cost(bench, candidate, pairs, scanner, &config.data, done)?;
+        let fitness = price.fitness(&summary.errors, summary.cost.as_ref());
+        Ok((summary, fitness))
     }
 }

@@ -160,7 +160,6 @@ impl TuneSearch<'_> {
         let noisy = NoisyPairs { pairs, seed: self.config.seed, purpose: Purpose::TestNoise };
         let (bench, scanner) = (&self.bench, &self.scanner());
         let done = || observer.evaluated();
-        let (errors, cost) = evaluate_and_cost(bench, parameters, &noisy, scanner, &done)?;
-        Ok(Summary { cost, ..Summary::from_errors(errors, &self.config.data) })
+        evaluate_and_cost(bench, parameters, &noisy, scanner, &self.config.data, &done)
     }
 }

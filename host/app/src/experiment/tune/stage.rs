@@ -48,12 +48,13 @@ pub(super) fn stages(config: &TuneConfig, space: &Space, train_pairs: usize) -> 
     let (lidar, registration) = (space.lidar_axes(), space.registration_axes());
     let all: Vec<usize> = (0..space.axes().len()).collect();
     let is_joint = !lidar.is_empty() && !registration.is_empty();
-    let mut stages = match config.strategy {
+    let (generations, last) = (config.generations, config.last_generations());
+    match config.strategy {
         _ if all.is_empty() => Vec::new(),
         Strategy::Fast if is_joint => vec![
-            plan.stage("registration", registration, 1.0),
-            plan.stage("lidar", lidar, HALF),
-            plan.stage("joint", all, HALF),
+            plan.stage("registration", registration, generations),
+            plan.stage("lidar", lidar, generations.div_ceil(2)),
+            plan.stage("joint", all, last.div_ceil(2)),
         ],
         _ => {
             let name = match (lidar.is_empty(), registration.is_empty()) {
@@ -61,21 +62,9 @@ pub(super) fn stages(config: &TuneConfig, space: &Space, train_pairs: usize) -> 
                 (true, false) => "registration",
                 _ => "joint",
             };
-            vec![plan.stage(name, all, 1.0)]
+            vec![plan.stage(name, all, last)]
         }
-    };
-    let share = if stages.len() > 1 { HALF } else { 1.0 };
-    if let Some(last) = stages.last_mut() {
-        last.generations = of_generations(config.last_generations(), share);
     }
-    stages
-}
-
-/// The share of the generations that the sensor's search and the joint one take each.
-const HALF: f64 = 0.5;
-
-fn of_generations(generations: u32, share: f64) -> u32 {
-    (f64::from(generations) * share).ceil() as u32
 }
 
 struct Plan<'a> {
@@ -85,8 +74,8 @@ struct Plan<'a> {
 }
 
 impl Plan<'_> {
-    /// A stage of some of the axes, with a share of the generations.
-    fn stage(&self, name: &'static str, axes: Vec<usize>, share: f64) -> Stage {
+    /// A stage of some of the axes.
+    fn stage(&self, name: &'static str, axes: Vec<usize>, generations: u32) -> Stage {
         let config = self.config;
         let scans_are_shared =
             axes.iter().all(|axis| self.space.registration_axes().contains(axis));
@@ -97,7 +86,7 @@ impl Plan<'_> {
         };
         Stage {
             name,
-            generations: of_generations(config.generations, share),
+            generations,
             population: self.population(axes.len()),
             pairs: pairs.min(self.train_pairs),
             sigma: config.sigma,
