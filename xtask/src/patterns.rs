@@ -4,18 +4,14 @@
 //! written from those lines alone.
 
 use std::fmt::Write;
-use std::fs;
-use std::path::Path;
-use std::process::{Command, Stdio};
 
-use anyhow::{Context, Result, anyhow, ensure};
+use anyhow::{Context, Result, anyhow};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::bootstrap::mean;
-use crate::day::today;
-use crate::record::{append, lines, written_into};
-use crate::shell::{built, cargo, commit, workspace};
+use crate::record::{append, echoloop, lines, printed, stamp, write_page};
+use crate::shell::{cargo, workspace};
 
 const RECORD: &str = "benches/record/patterns.jsonl";
 const PAGE: &str = "docs/data.md";
@@ -48,11 +44,17 @@ const MOST_DEG: f64 = 2.5;
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct Patterns {
     /// Only these patterns.
-    #[arg(long, value_delimiter = ',')]
+    #[arg(long, value_delimiter = ',', value_parser = PATTERNS)]
     pattern: Vec<String>,
     /// Runs nothing: writes the table from the record.
     #[arg(long)]
     page: bool,
+}
+
+impl Patterns {
+    fn has(&self, pattern: &str) -> bool {
+        self.pattern.is_empty() || self.pattern.iter().any(|one| one == pattern)
+    }
 }
 
 /// What is asked of one run.
@@ -100,50 +102,40 @@ pub(crate) fn run(asked: &Patterns) -> Result<()> {
     let record = root.join(RECORD);
     if !asked.page {
         cargo(["build", "--release", "--package", "echoloop-host", "--bin", "echoloop"])?;
-        for pattern in PATTERNS {
-            if asked.pattern.is_empty() || asked.pattern.iter().any(|one| one == pattern) {
-                measure(&record, pattern)?;
+        let mut done: Vec<Line> = lines(&record)?;
+        for run in PATTERNS.into_iter().filter(|name| asked.has(name)).flat_map(all_of) {
+            let is_done = done.iter().any(|line| line.asked == run);
+            if let Some(power_w) = power_w(&run, &done)?.filter(|_| !is_done) {
+                let line = measured(run, power_w)?;
+                append(&record, &line)?;
+                done.push(line);
             }
         }
     }
-    let page = root.join(PAGE);
-    let text = fs::read_to_string(&page).with_context(|| format!("cannot read {PAGE}"))?;
-    let new = written_into(&text, "cargo xtask patterns", &table(&lines(&record)?))?;
-    fs::write(&page, new).with_context(|| format!("cannot write {PAGE}"))
+    write_page(PAGE, "cargo xtask patterns", &table(&lines(&record)?))
 }
 
-/// All runs of a pattern that the record lacks.
-fn measure(record: &Path, pattern: &str) -> Result<()> {
-    for light in [Light::Time, Light::Energy] {
-        for scene in SCENES {
-            for method in METHODS {
-                let done: Vec<Line> = lines(record)?;
-                let asked = Asked::new(pattern, light, method, scene);
-                let power_w = match light {
-                    Light::Time => POWER_W,
-                    Light::Energy => {
-                        let of_all = Asked { light: Light::Time, ..asked.clone() };
-                        let of_all = done.iter().find(|line| line.asked == of_all);
-                        let beams = of_all.context("the run at equal time comes first")?.beams();
-                        if beams <= GRID_BEAMS {
-                            continue;
-                        }
-                        POWER_W * GRID_BEAMS / beams
-                    }
-                };
-                if done.iter().all(|line| line.asked != asked) {
-                    append(record, &measured(asked, power_w)?)?;
-                }
-            }
-        }
+/// All that is asked of a pattern; what has the time comes before what has the energy.
+fn all_of(pattern: &str) -> impl Iterator<Item = Asked> {
+    let scenes = |light| SCENES.map(|scene| METHODS.map(|m| Asked::new(pattern, light, m, scene)));
+    [Light::Time, Light::Energy].into_iter().flat_map(scenes).flatten()
+}
+
+/// The power of a run, W; none where the grid's energy is no less than what there is.
+fn power_w(asked: &Asked, done: &[Line]) -> Result<Option<f64>> {
+    if asked.light == Light::Time {
+        return Ok(Some(POWER_W));
     }
-    Ok(())
+    let of_all = Asked { light: Light::Time, ..asked.clone() };
+    let of_all = done.iter().find(|line| line.asked == of_all);
+    let beams = of_all.context("the run at equal time comes first")?.beams();
+    Ok((beams > GRID_BEAMS).then_some(POWER_W * GRID_BEAMS / beams))
 }
 
 /// One run of `echoloop evaluate`, in towns that nothing was tuned on.
 fn measured(asked: Asked, power_w: f64) -> Result<Line> {
     let Asked { pattern, method, scene, .. } = &asked;
-    let mut command = Command::new(built(&workspace()?).join("release/echoloop"));
+    let mut command = echoloop()?;
     command.args(["evaluate", "--json", "--seed", "51", "--scene", scene, "--method", method]);
     let sets = [
         "scene.towns=[51,52]".into(),
@@ -153,12 +145,8 @@ fn measured(asked: Asked, power_w: f64) -> Result<Line> {
         format!("lidar.power={power_w:.2}"),
     ];
     command.args(sets.iter().flat_map(|set| ["--set", set]));
-    eprintln!("+ {command:?}");
-    let output = command.stderr(Stdio::inherit()).output().context("cannot run echoloop")?;
-    ensure!(output.status.success(), "{asked:?}: echoloop failed");
-    let result: Value = serde_json::from_slice(&output.stdout).context("echoloop prints JSON")?;
-    let code = commit()?;
-    Line::new(asked, format!("{}, {code}", today()), power_w, &result["summary"])
+    let result = printed(&mut command)?;
+    Line::new(asked, stamp()?, power_w, &result["summary"])
 }
 
 impl Asked {

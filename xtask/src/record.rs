@@ -3,10 +3,15 @@
 use std::fs::{self, OpenOptions};
 use std::io::{ErrorKind, Write};
 use std::path::Path;
+use std::process::{Command, Stdio};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde_json::Value;
+
+use crate::day::today;
+use crate::shell::{built, commit, workspace};
 
 const END: &str = "<!-- end -->\n";
 
@@ -31,8 +36,34 @@ pub(crate) fn append<T: Serialize>(path: &Path, line: &T) -> Result<()> {
     file.write_all(text.as_bytes()).and_then(|()| file.sync_data()).with_context(fail)
 }
 
+/// What our release build prints as JSON; its progress is shown.
+pub(crate) fn printed(command: &mut Command) -> Result<Value> {
+    eprintln!("+ {command:?}");
+    let output = command.stderr(Stdio::inherit()).output().context("cannot run echoloop")?;
+    ensure!(output.status.success(), "failed: {command:?}");
+    serde_json::from_slice(&output.stdout).context("echoloop prints JSON")
+}
+
+/// Our command, as a record is made with.
+pub(crate) fn echoloop() -> Result<Command> {
+    Ok(Command::new(built(&workspace()?).join("release/echoloop")))
+}
+
+/// The day, and the commit that this is.
+pub(crate) fn stamp() -> Result<String> {
+    Ok(format!("{}, {}", today(), commit()?))
+}
+
+/// Writes a text into a page of the workspace, between the marks of a command.
+pub(crate) fn write_page(page: &str, command: &str, text: &str) -> Result<()> {
+    let path = workspace()?.join(page);
+    let old = fs::read_to_string(&path).with_context(|| format!("cannot read {page}"))?;
+    let new = written_into(&old, command, text)?;
+    fs::write(&path, new).with_context(|| format!("cannot write {page}"))
+}
+
 /// The page with another text between the mark of a command and the end's.
-pub(crate) fn written_into(page: &str, command: &str, text: &str) -> Result<String> {
+fn written_into(page: &str, command: &str, text: &str) -> Result<String> {
     let begin = format!("<!-- written by `{command}` -->\n");
     let parted = page.split_once(&begin);
     let (before, rest) = parted.context("the page has no mark to write after")?;

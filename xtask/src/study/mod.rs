@@ -3,24 +3,28 @@
 //! Every cell is a run of `echoloop tune`: a strategy, a protocol, a method, a kind of scene, a
 //! condition and a seed. A cell that is done is a line of `benches/record/study.jsonl`, with the
 //! error of every held-out pair, so a study goes on where it was left, on any machine. The table
-//! of `docs/study.md` is written from those lines alone.
+//! of `docs/study.md` is written from those lines alone. `--front` does the same for fronts of
+//! error against energy.
 
 mod cell;
+mod front;
 mod record;
 mod table;
 
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
+use serde_json::Value;
 
-use crate::record::{append, lines, written_into};
+use crate::record::{append, echoloop, lines, printed, stamp, write_page};
 use crate::shell::{built, cargo, commit, workspace};
 use cell::{Cell, Condition, Method, Protocol, Scene, Strategy};
+use front::FrontLine;
 use record::Line;
 
 const RECORD: &str = "benches/record/study.jsonl";
+const FRONTS: &str = "benches/record/fronts.jsonl";
 const PAGE: &str = "docs/study.md";
 
 /// Which cells.
@@ -44,6 +48,9 @@ pub(crate) struct Study {
     /// Of these seeds; the towns of a seed are its own.
     #[arg(long, value_delimiter = ',', default_value = "1,2,3,4,5")]
     seed: Vec<u64>,
+    /// Fronts of error against energy instead, of these kinds and seeds.
+    #[arg(long, conflicts_with_all = ["strategy", "protocol", "method", "condition"])]
+    front: bool,
     /// Runs nothing: writes the page from the record.
     #[arg(long)]
     page: bool,
@@ -56,24 +63,48 @@ pub(crate) struct Study {
 /// When a run fails, or the record cannot be read or written. What is done stays done.
 pub(crate) fn run(asked: &Study) -> Result<()> {
     let root = workspace()?;
-    let record = root.join(RECORD);
+    let (record, fronts) = (root.join(RECORD), root.join(FRONTS));
     if !asked.page {
-        let done = checked(&record)?;
-        let is_done = |cell: &Cell| done.iter().any(|line| line.cell == *cell);
-        let left: Vec<Cell> = asked.cells().into_iter().filter(|cell| !is_done(cell)).collect();
         cargo(["build", "--release", "--package", "echoloop-host", "--bin", "echoloop"])?;
-        for (number, cell) in left.iter().enumerate() {
-            eprintln!("{} of {}: {cell}", number + 1, left.len());
-            append(&record, &measured(cell)?)?;
+        match asked.front {
+            true => asked.run_fronts(&fronts)?,
+            false => asked.run_cells(&record)?,
         }
     }
-    let page = root.join(PAGE);
-    let text = fs::read_to_string(&page).with_context(|| format!("cannot read {PAGE}"))?;
-    let new = written_into(&text, "cargo xtask study", &table::tables(&checked(&record)?))?;
-    fs::write(&page, new).with_context(|| format!("cannot write {PAGE}"))
+    write_page(PAGE, "cargo xtask study", &table::tables(&checked(&record)?))?;
+    write_page(PAGE, "cargo xtask study --front", &front::tables(&lines(&fronts)?))
 }
 
 impl Study {
+    fn run_cells(&self, record: &Path) -> Result<()> {
+        let done = checked(record)?;
+        let is_done = |cell: &Cell| done.iter().any(|line| line.cell == *cell);
+        let left: Vec<Cell> = self.cells().into_iter().filter(|cell| !is_done(cell)).collect();
+        for (number, cell) in left.iter().enumerate() {
+            eprintln!("{} of {}: {cell}", number + 1, left.len());
+            let line = |result: &Value| Line::new(cell.clone(), stamp()?, result);
+            append(record, &measured(&cell.to_string(), cell.arguments(), line)?)?;
+        }
+        Ok(())
+    }
+
+    fn run_fronts(&self, record: &Path) -> Result<()> {
+        let done: Vec<FrontLine> = lines(record)?;
+        for &seed in &self.seed {
+            for scene in chosen(&self.scene) {
+                let cell = front::cell(scene, seed);
+                if done.iter().any(|line| line.cell == cell) {
+                    continue;
+                }
+                let mut arguments = cell.arguments();
+                arguments.extend(["--pareto".into(), "energy".into()]);
+                let line = |result: &Value| FrontLine::new(cell.clone(), stamp()?, result);
+                append(record, &measured(&format!("front {cell}"), arguments, line)?)?;
+            }
+        }
+        Ok(())
+    }
+
     /// All cells asked for: a seed is done before the next begins.
     fn cells(&self) -> Vec<Cell> {
         let all = |chosen: &[Condition]| match chosen {
@@ -118,25 +149,21 @@ fn checked(record: &Path) -> Result<Vec<Line>> {
     Ok(lines)
 }
 
-/// Runs one cell, or goes on with it.
-fn measured(cell: &Cell) -> Result<Line> {
-    let folder = folder(cell)?;
+/// Makes one run, or goes on with it, if this code began it; its folder goes when its line is made.
+fn measured<T>(
+    name: &str,
+    arguments: Vec<String>,
+    line: impl FnOnce(&Value) -> Result<T>,
+) -> Result<T> {
+    let runs = built(&workspace()?).join("study").join(commit()?);
+    let folder = runs.join(name.replace(' ', "-"));
     let latest = folder.join("latest");
-    let mut command = Command::new(built(&workspace()?).join("release/echoloop"));
+    let mut command = echoloop()?;
     match latest.join("history.jsonl").exists() {
         true => command.args(["tune", "--json", "--resume"]).arg(&latest),
-        false => command.args(["tune", "--json", "--runs"]).arg(&folder).args(cell.arguments()),
+        false => command.args(["tune", "--json", "--runs"]).arg(&folder).args(arguments),
     };
-    eprintln!("+ {command:?}");
-    let output = command.stderr(Stdio::inherit()).output().context("cannot run echoloop")?;
-    ensure!(output.status.success(), "{cell}: echoloop failed");
-    let result = serde_json::from_slice(&output.stdout).context("echoloop prints JSON")?;
-    let code = commit()?;
-    let line = Line::new(cell.clone(), code, &result)?;
+    let line = line(&printed(&mut command)?)?;
     fs::remove_dir_all(&folder).with_context(|| format!("cannot remove {}", folder.display()))?;
     Ok(line)
-}
-
-fn folder(cell: &Cell) -> Result<PathBuf> {
-    Ok(built(&workspace()?).join("study").join(cell.to_string().replace(' ', "-")))
 }

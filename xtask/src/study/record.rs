@@ -5,7 +5,6 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::cell::Cell;
-use crate::day::today;
 use crate::record::three_digits;
 
 /// No error counts for more, ‖T − T*‖_F.
@@ -44,11 +43,11 @@ pub(super) struct Judged {
 
 impl Line {
     /// From what `echoloop tune --json` printed.
-    pub(super) fn new(cell: Cell, code: String, result: &Value) -> Result<Self> {
+    pub(super) fn new(cell: Cell, made: String, result: &Value) -> Result<Self> {
         let missing = |what: &str| anyhow!("the result has no {what}");
         Ok(Self {
             cell,
-            made: format!("{}, {code}", today()),
+            made,
             registrations: result["registrations"]
                 .as_u64()
                 .ok_or_else(|| missing("registrations"))?,
@@ -77,6 +76,15 @@ impl Judged {
     }
 }
 
+/// An energy of so many mJ.
+pub(super) fn energy(mj: f64) -> String {
+    match mj {
+        mj if mj < 9.95e-5 => format!("{:.2} nJ", 1e6 * mj),
+        mj if mj < 0.0995 => format!("{:.2} µJ", 1e3 * mj),
+        mj => format!("{mj:.2} mJ"),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use serde_json::json;
@@ -93,6 +101,13 @@ mod tests {
             condition: Condition::TenthEnergy,
             seed,
         }
+    }
+
+    #[test]
+    fn an_energy_is_told_in_the_unit_that_leaves_it_digits() {
+        assert_eq!(energy(4.61), "4.61 mJ");
+        assert_eq!(energy(0.0612), "61.20 µJ");
+        assert_eq!(energy(1.11e-6), "1.11 nJ");
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use super::cell::{Cell, Condition, Method, Protocol, Scene, Strategy};
-use super::record::{Judged, Line};
+use super::record::{Judged, Line, energy};
 use crate::bootstrap::{Interval, mean};
 
 /// What is compared: the same in everything but strategy, protocol and seed.
@@ -37,15 +37,17 @@ const HEAD: &str = "\
 ";
 
 fn rows(text: &mut String, scene: Scene, lines: &[&Line]) {
-    let starts: Vec<&Judged> = lines.iter().map(|line| &line.start).collect();
+    // A seed's start is the same for all that was tuned from it.
+    let starts: BTreeMap<u64, &Judged> =
+        lines.iter().map(|line| (line.cell.seed, &line.start)).collect();
     row(
         text,
         &[scene.to_string(), "nothing".into(), "–".into()],
-        &starts,
+        &starts.into_values().collect::<Vec<_>>(),
         None,
         ["–"; 2].map(String::from),
     );
-    for strategy in [Strategy::Paper, Strategy::Short, Strategy::Fast] {
+    for strategy in [Strategy::Paper, Strategy::Short, Strategy::Fast, Strategy::Thrift] {
         let of = |protocol: Protocol| -> Vec<&Line> {
             let is_asked =
                 |line: &&&Line| (line.cell.strategy, line.cell.protocol) == (strategy, protocol);
@@ -83,7 +85,12 @@ fn row(
         judged.iter().map(|judged| value(judged)).sum::<f64>() / judged.len() as f64
     };
     let recall_pct = of(|judged| judged.recall_pct);
-    let mean_cm = of(|judged| judged.mean_cm.unwrap_or(f64::NAN));
+    let means: Vec<f64> = judged.iter().filter_map(|judged| judged.mean_cm).collect();
+    // Over the runs that found a pair.
+    let mean_cm = match means.len() {
+        0 => "–".to_owned(),
+        runs => format!("{:.2} cm", means.iter().sum::<f64>() / runs as f64),
+    };
     let energy_mj = of(|judged| judged.energy_mj);
     let count = count.map_or("–".to_owned(), |count| count.to_string());
     let [scene, tuned, by] = names;
@@ -91,8 +98,9 @@ fn row(
     let runs = judged.len();
     let _ = writeln!(
         text,
-        "| {scene} | {tuned} | {by} | {runs} | {count} | {recall_pct:.1} % | {mean_cm:.2} cm \
-         | {energy_mj:.2} mJ | {start} | {alone} |"
+        "| {scene} | {tuned} | {by} | {runs} | {count} | {recall_pct:.1} % | {mean_cm} \
+         | {} | {start} | {alone} |",
+        energy(energy_mj)
     );
 }
 
@@ -159,6 +167,6 @@ mod tests {
         let alone = page.lines().find(|row| row.contains("| registration |")).unwrap();
         assert!(alone.ends_with("| – |"), "{alone}");
         let start = page.lines().find(|row| row.contains("| nothing |")).unwrap();
-        assert!(start.contains("| 4 | – | 100.0 % | 1.50 cm | 4.60 mJ | – | – |"), "{start}");
+        assert!(start.contains("| 2 | – | 100.0 % | 1.50 cm | 4.60 mJ | – | – |"), "{start}");
     }
 }
