@@ -5,6 +5,7 @@
 
 use std::f32::consts::PI;
 
+use echoloop_dispatch::dispatch;
 use echoloop_frontend::{Return, SceneResponse};
 use nalgebra::{Isometry3, Vector3};
 use rayon::prelude::*;
@@ -72,7 +73,7 @@ impl Scanner {
         let beam = |(index, direction): (usize, &[f32; 3])| {
             let world_from_sensor = world_from_sensor(index);
             let origin = world_from_sensor.translation.vector.cast::<f32>().into();
-            let rays: Vec<[f32; 3]> = spread(direction, &grid, &world_from_sensor).collect();
+            let rays = spread(direction, &grid, &world_from_sensor);
             let hits = caster.cast_beam(origin, &rays);
             let mut echoes: Vec<(f64, f64)> = hits
                 .iter()
@@ -102,29 +103,75 @@ fn footprint(optics: &BeamOptics) -> Vec<SubRay> {
     grid.into_iter().map(|(at, weight)| (at, weight / total)).collect()
 }
 
-/// World directions of a beam's sub-rays.
-fn spread<'a>(
+/// World directions of the sub-rays of a beam along `direction`, unit vectors: row by row of
+/// increasing elevation.
+#[must_use]
+pub fn sub_rays(
     direction: &[f32; 3],
-    grid: &'a [SubRay],
+    optics: &BeamOptics,
     world_from_sensor: &Isometry3<f64>,
-) -> impl Iterator<Item = [f32; 3]> + 'a {
+) -> Vec<[f32; 3]> {
+    spread(direction, &footprint(optics), world_from_sensor)
+}
+
+fn spread(
+    direction: &[f32; 3],
+    grid: &[SubRay],
+    world_from_sensor: &Isometry3<f64>,
+) -> Vec<[f32; 3]> {
     let axis = Vector3::from(direction.map(f64::from));
     // Straight up or down there is no azimuth: any two directions square to the beam will do.
     let azimuth = Vector3::z().cross(&axis).try_normalize(1e-6).unwrap_or_else(Vector3::y);
     let elevation = axis.cross(&azimuth);
-    let [axis, azimuth, elevation] =
-        [axis, azimuth, elevation].map(|v| world_from_sensor.rotation * v);
-    grid.iter().map(move |&([u, v], _)| {
-        (axis + u * azimuth + v * elevation).normalize().cast::<f32>().into()
-    })
+    let frame = [axis, azimuth, elevation].map(|v| (world_from_sensor.rotation * v).into());
+    let mut rays = Vec::with_capacity(grid.len());
+    grid.chunks(FAN).for_each(|chunk| fan(&frame, chunk, &mut rays));
+    rays
+}
+
+/// Sub-rays at a time.
+const FAN: usize = 32;
+
+dispatch! {
+    /// Adds unit vectors along `axis + u · azimuth + v · elevation` for up to [`FAN`] offsets.
+    fn fan(frame: &[[f64; 3]; 3], grid: &[SubRay], rays: &mut Vec<[f32; 3]>) = fan_inline;
+}
+
+#[inline(always)]
+fn fan_inline(
+    [axis, azimuth, elevation]: &[[f64; 3]; 3],
+    grid: &[SubRay],
+    rays: &mut Vec<[f32; 3]>,
+) {
+    let mut offsets = [[0.0; FAN]; 2];
+    for (k, ([u, v], _)) in grid.iter().enumerate().take(FAN) {
+        (offsets[0][k], offsets[1][k]) = (*u, *v);
+    }
+    let (mut way, mut unit) = ([[0.0; FAN]; 3], [[0.0; FAN]; 3]);
+    for i in 0..3 {
+        for k in 0..FAN {
+            way[i][k] = axis[i] + offsets[0][k] * azimuth[i] + offsets[1][k] * elevation[i];
+        }
+    }
+    for k in 0..FAN {
+        let [x, y, z] = [way[0][k], way[1][k], way[2][k]];
+        let length = (x * x + y * y + z * z).sqrt();
+        (unit[0][k], unit[1][k], unit[2][k]) = (x / length, y / length, z / length);
+    }
+    rays.extend((0..grid.len().min(FAN)).map(|k| [0, 1, 2].map(|i| unit[i][k] as f32)));
 }
 
 /// Range and strength of one sub-ray; `None` when nothing comes back.
 fn echo(hit: &Hit, materials: &[Material], weight: f64) -> Option<(f64, f64)> {
-    let albedo = materials[usize::from(hit.material)].backscatter(hit.cos_incidence);
-    let per_m2 = albedo * hit.cos_incidence / PI / hit.range_m.max(NEAREST_M).powi(2);
-    let strength = weight * f64::from(per_m2);
+    let material = &materials[usize::from(hit.material)];
+    let strength = weight * f64::from(backscattered(material, hit.cos_incidence, hit.range_m));
     (strength > 0.0).then_some((f64::from(hit.range_m), strength))
+}
+
+/// `ρ cosθ / (π R²)`: what a surface sends back to each m² beside the sensor, of the light on it.
+pub(crate) fn backscattered(material: &Material, cos_incidence: f32, range_m: f32) -> f32 {
+    let albedo = material.backscatter(cos_incidence);
+    albedo * cos_incidence / PI / range_m.max(NEAREST_M).powi(2)
 }
 
 /// Merges echoes within [`CLUSTER_SPAN_M`] of the nearest of their group; ranges average by
@@ -238,6 +285,25 @@ mod tests {
                 &BeamOptics::default(),
             );
             assert_eq!(response.of(0).len(), count, "{gap} m");
+        }
+    }
+
+    #[test]
+    fn sub_rays_are_unit_vectors_at_their_offsets_from_the_beam() {
+        let pose = Isometry3::new(Vector3::new(1.0, 2.0, 3.0), Vector3::new(0.3, -0.2, 2.0));
+        for (direction, subrays) in
+            [([0.6, 0.0, 0.8], 5), ([0.0, -1.0, 0.0], 7), ([0.0, 0.0, 1.0], 1)]
+        {
+            let optics = BeamOptics { subrays, ..BeamOptics::default() };
+            let axis = Vector3::from(direction.map(f64::from));
+            let azimuth = Vector3::z().cross(&axis).try_normalize(1e-6).unwrap_or_else(Vector3::y);
+            let frame = [axis, azimuth, axis.cross(&azimuth)].map(|v| pose.rotation * v);
+            let expected = footprint(&optics).into_iter().map(|([u, v], _)| {
+                let way = frame[0] + u * frame[1] + v * frame[2];
+                way.normalize().cast::<f32>().into()
+            });
+            let expected: Vec<[f32; 3]> = expected.collect();
+            assert_eq!(sub_rays(&direction, &optics, &pose), expected);
         }
     }
 

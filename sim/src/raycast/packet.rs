@@ -5,229 +5,218 @@
 //! loops over lanes are loops, not closures, which would not be compiled for the vector unit.
 
 use echoloop_dispatch::dispatch;
-use obvhs::bvh2::node::Bvh2Node;
 
-use super::triangle::{Sheared, Triangle};
+use super::frustum::{DEPTH, Frustum, Pending, Rays, larger, smaller};
+use super::triangle::{Sheared, Triangle, axes, steepest};
+use super::wide::{Child, Wide};
 
-/// Rays at a time: as many as a beam has by default, 25, and what fills vectors. Four packets of
-/// eight take longer.
-const LANES: usize = 32;
+/// Rays at a time: as many as a beam has by default, 25, and what fills vectors.
+pub(super) const LANES: usize = 32;
 
 type Lanes = [f32; LANES];
 
-/// A box of the hierarchy. Two to a cache line; those of one parent are neighbours.
-#[derive(Clone, Copy)]
-#[repr(align(32))]
-pub(super) struct Node {
-    low: [f32; 3],
-    /// Of its first child, or of its first triangle.
-    first: u32,
-    high: [f32; 3],
-    /// Triangles in it; 0: it has children.
-    count: u32,
+/// What a ray meets first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Meeting {
+    /// The triangle, in the order of the hierarchy's leaves; [`Meeting::NOTHING`]'s for none.
+    pub(super) slot: u32,
+    /// Metres.
+    pub(super) range_m: f32,
+    /// The triangle in its mesh: of two in the same distance the later one counts, whatever the
+    /// hierarchy. What is modelled later lies on what was there, as paint does.
+    index: u32,
 }
 
-impl From<&Bvh2Node> for Node {
-    fn from(node: &Bvh2Node) -> Self {
-        let bounds = node.aabb();
-        let (low, high) = (bounds.min.into(), bounds.max.into());
-        Self { low, first: node.first_index, high, count: node.prim_count }
+impl Meeting {
+    /// No triangle up to a distance.
+    const fn nothing_within(range_m: f32) -> Self {
+        Self { slot: u32::MAX, range_m, index: u32::MAX }
+    }
+
+    /// None at all.
+    pub(super) const NOTHING: Self = Self::nothing_within(f32::INFINITY);
+
+    #[inline(always)]
+    fn offer(&mut self, slot: u32, range_m: f32, index: u32) {
+        let later = (range_m == self.range_m) & (index > self.index);
+        if (range_m < self.range_m) | later {
+            *self = Self { slot, range_m, index };
+        }
     }
 }
 
 dispatch! {
-    /// Adds what each direction meets first.
+    /// What each of up to [`LANES`] directions meets first.
     pub(super) fn nearest(
-        nodes: &[Node],
+        nodes: &[Wide],
         triangles: &[Triangle],
         origin: [f32; 3],
         directions: &[[f32; 3]],
-        meetings: &mut Vec<Meeting>,
-    ) = nearest_inline;
+        stack: &mut Vec<Pending>,
+    ) -> [Meeting; LANES] = nearest_inline;
+
+    /// What one direction meets first within a distance, metres.
+    pub(super) fn nearest_alone(
+        nodes: &[Wide],
+        triangles: &[Triangle],
+        origin: [f32; 3],
+        direction: [f32; 3],
+        within_m: f32,
+    ) -> Meeting = nearest_alone_inline;
 }
 
 #[inline(always)]
 fn nearest_inline(
-    nodes: &[Node],
+    nodes: &[Wide],
     triangles: &[Triangle],
     origin: [f32; 3],
     directions: &[[f32; 3]],
-    meetings: &mut Vec<Meeting>,
-) {
-    let mut stack = Vec::with_capacity(64);
-    for directions in directions.chunks(LANES) {
-        let packet = Packet::new(origin, directions);
-        let Some(mut packet) = packet else {
-            meetings.extend(directions.iter().map(|_| Meeting::Unknown));
-            continue;
-        };
-        packet.traverse(nodes, triangles, &mut stack);
-        meetings.extend((0..directions.len()).map(|lane| packet.meeting(lane)));
+    stack: &mut Vec<Pending>,
+) -> [Meeting; LANES] {
+    let mut meetings = [Meeting::NOTHING; LANES];
+    for axis in 0..3 {
+        let (mut lanes, mut along, mut count) = ([0; LANES], [[0.0; 3]; LANES], 0);
+        for (lane, &direction) in directions.iter().enumerate().take(LANES) {
+            if steepest(direction) == axis {
+                (lanes[count], along[count]) = (lane, direction);
+                count += 1;
+            }
+        }
+        if count > 0 {
+            let along = &along[..count];
+            let mut packet = Packet::new(triangles, origin, axis, along);
+            Frustum::new(origin, along).traverse(nodes, &mut packet, stack);
+            for (k, &lane) in lanes.iter().enumerate().take(count) {
+                meetings[lane] = packet.meeting(k);
+            }
+        }
+    }
+    meetings
+}
+
+#[inline(always)]
+fn nearest_alone_inline(
+    nodes: &[Wide],
+    triangles: &[Triangle],
+    origin: [f32; 3],
+    direction: [f32; 3],
+    within_m: f32,
+) -> Meeting {
+    let (ray, meeting) = (Sheared::new(origin, direction), Meeting::nothing_within(within_m));
+    let mut alone = Alone { triangles, ray, meeting };
+    let mut stack = Vec::with_capacity(DEPTH);
+    Frustum::new(origin, &[direction]).traverse(nodes, &mut alone, &mut stack);
+    alone.meeting
+}
+
+/// One ray, and what it has met.
+struct Alone<'a> {
+    triangles: &'a [Triangle],
+    ray: Sheared,
+    meeting: Meeting,
+}
+
+impl Rays for Alone<'_> {
+    #[inline(always)]
+    fn farthest_m(&self) -> f32 {
+        self.meeting.range_m
+    }
+
+    #[inline(always)]
+    fn meet(&mut self, leaf: Child) {
+        for slot in leaf.first..leaf.first + leaf.count {
+            let triangle = &self.triangles[slot as usize];
+            let range_m = self.ray.meets(&triangle.corners);
+            self.meeting.offer(slot, range_m, triangle.index);
+        }
     }
 }
 
-/// What a ray meets first.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Meeting {
-    Nothing,
-    /// A triangle's slot, and the distance.
-    One(u32, f32),
-    /// To be cast alone: it meets triangles in one place, of which the order decides in which they
-    /// are found, or runs along another axis than those beside it.
-    Unknown,
-}
-
 /// Rays that run along the same axis, and what they have met.
-struct Packet {
+struct Packet<'a> {
+    triangles: &'a [Triangle],
     origin: [f32; 3],
-    inverse: [Lanes; 3],
     axes: [usize; 3],
     shear: [Lanes; 3],
     /// Distance of the nearest triangle so far; of a lane without a ray, −∞.
     range_m: Lanes,
-    /// The triangle.
+    /// The greatest of them.
+    farthest_m: f32,
+    /// The triangle, and its number in the mesh, as [`Meeting`] has them.
     slot: [u32; LANES],
-    /// Whether another is in the same distance: 0 or 1.
-    tied: [u32; LANES],
+    index: [u32; LANES],
 }
 
-impl Packet {
-    /// Lanes without a ray repeat the last; `None` when they run along more axes than one.
-    fn new(origin: [f32; 3], directions: &[[f32; 3]]) -> Option<Self> {
-        let of = |lane: usize| directions[lane.min(directions.len() - 1)];
-        let sheared: [Sheared; LANES] = std::array::from_fn(|lane| Sheared::new(origin, of(lane)));
-        if sheared.iter().any(|ray| ray.axes != sheared[0].axes) {
-            return None;
+impl<'a> Packet<'a> {
+    /// Of rays that run along `z`; lanes without a ray repeat the last.
+    #[inline(always)]
+    fn new(triangles: &'a [Triangle], origin: [f32; 3], z: usize, directions: &[[f32; 3]]) -> Self {
+        let axes = axes(z);
+        let mut way = [[0.0; LANES]; 3];
+        for lane in 0..LANES {
+            let direction = &directions[lane.min(directions.len() - 1)];
+            for axis in 0..3 {
+                way[axis][lane] = direction[axes[axis]];
+            }
         }
-        let farthest =
-            |lane| if lane < directions.len() { f32::INFINITY } else { f32::NEG_INFINITY };
-        Some(Self {
-            origin,
-            inverse: [0, 1, 2].map(|i| std::array::from_fn(|lane| inverse(of(lane)[i]))),
-            axes: sheared[0].axes,
-            shear: [0, 1, 2].map(|i| std::array::from_fn(|lane| sheared[lane].shear[i])),
-            range_m: std::array::from_fn(farthest),
-            slot: [u32::MAX; LANES],
-            tied: [0; LANES],
-        })
+        let mut shear = way;
+        for lane in 0..LANES {
+            shear[0][lane] = way[0][lane] / way[2][lane];
+            shear[1][lane] = way[1][lane] / way[2][lane];
+            shear[2][lane] = 1.0 / way[2][lane];
+        }
+        let mut range_m = [f32::NEG_INFINITY; LANES];
+        range_m[..directions.len()].fill(f32::INFINITY);
+        let (slot, index) = ([u32::MAX; LANES], [u32::MAX; LANES]);
+        Self { triangles, origin, axes, shear, range_m, farthest_m: f32::INFINITY, slot, index }
     }
 
     fn meeting(&self, lane: usize) -> Meeting {
-        match (self.slot[lane], self.tied[lane]) {
-            (u32::MAX, _) => Meeting::Nothing,
-            (slot, 0) => Meeting::One(slot, self.range_m[lane]),
-            _ => Meeting::Unknown,
-        }
+        Meeting { slot: self.slot[lane], range_m: self.range_m[lane], index: self.index[lane] }
     }
 
-    /// Visits what any of the rays may meet, near boxes first.
+    /// [`Sheared::meets`] of all rays, and [`Meeting::offer`].
     #[inline(always)]
-    fn traverse(&mut self, nodes: &[Node], triangles: &[Triangle], stack: &mut Vec<u32>) {
-        if let Some(root) = nodes.first() {
-            self.visit([root], triangles, stack);
-        }
-        while let Some(first) = stack.pop() {
-            if let Some([left, right]) = nodes.get(first as usize..).and_then(|n| n.first_chunk()) {
-                self.visit([left, right], triangles, stack);
-            }
-        }
-    }
-
-    /// Meets the triangles of those that are leaves; the children of the others go on the stack,
-    /// those of the nearest last.
-    #[inline(always)]
-    fn visit<const N: usize>(
-        &mut self,
-        siblings: [&Node; N],
-        triangles: &[Triangle],
-        stack: &mut Vec<u32>,
-    ) {
-        let mut entered = siblings.map(|node| (node, Entry::NOWHERE));
-        for (node, entry) in &mut entered {
-            *entry = self.enter(node);
-        }
-        if N == 2 && entered[1].1.nearest_m < entered[0].1.nearest_m {
-            entered.reverse();
-        }
-        for (node, entry) in entered.iter().rev() {
-            if entry.nearest_m < f32::INFINITY && node.count == 0 {
-                stack.push(node.first);
-            }
-        }
-        for (node, entry) in &entered {
-            if entry.nearest_m < f32::INFINITY && node.count > 0 {
-                for slot in node.first..node.first + node.count {
-                    self.meet(slot, &triangles[slot as usize], &entry.range_m);
-                }
-            }
-        }
-    }
-
-    /// Where the rays enter a box that is nearer than what they have met.
-    #[inline(always)]
-    fn enter(&self, node: &Node) -> Entry {
-        let (mut enter, mut leave) = ([f32::NEG_INFINITY; LANES], [f32::INFINITY; LANES]);
-        for axis in 0..3 {
-            let low = node.low[axis] - self.origin[axis];
-            let high = node.high[axis] - self.origin[axis];
-            for lane in 0..LANES {
-                let (a, b) = (low * self.inverse[axis][lane], high * self.inverse[axis][lane]);
-                enter[lane] = larger(enter[lane], smaller(a, b));
-                leave[lane] = smaller(leave[lane], larger(a, b));
-            }
-        }
-        let mut range_m = [f32::INFINITY; LANES];
-        for lane in 0..LANES {
-            let inside = leave[lane] >= larger(enter[lane], 0.0);
-            let within = inside & (enter[lane] < self.range_m[lane]);
-            range_m[lane] = if within { enter[lane] } else { f32::INFINITY };
-        }
-        Entry { nearest_m: least(range_m), range_m }
-    }
-
-    /// [`Sheared::meets`] of all rays that have entered the triangle's box.
-    #[inline(always)]
-    fn meet(&mut self, slot: u32, triangle: &Triangle, entry_m: &Lanes) {
+    fn meet_one(&mut self, slot: u32, triangle: &Triangle) {
         let [a, b, c] = &triangle.corners;
         let [a, b, c] = [self.shift(a), self.shift(b), self.shift(c)];
         let edges = [edge(&c, &b), edge(&a, &c), edge(&b, &a)];
-        let mut nearest_edge = [0.0; LANES];
+        let (mut nearest_edge, mut outside) = ([0.0; LANES], [0.0; LANES]);
         for lane in 0..LANES {
-            let [u, v, w] = [edges[0][lane].abs(), edges[1][lane].abs(), edges[2][lane].abs()];
-            nearest_edge[lane] = smaller(smaller(u, v), w);
+            let [u, v, w] = [edges[0][lane], edges[1][lane], edges[2][lane]];
+            nearest_edge[lane] = smaller(smaller(u.abs(), v.abs()), w.abs());
+            let one_sign = (smaller(smaller(u, v), w) > 0.0) | (larger(larger(u, v), w) < 0.0);
+            outside[lane] = if one_sign { 0.0 } else { 1.0 };
         }
         if least(nearest_edge) == 0.0 {
-            return self.meet_on_an_edge(slot, triangle, entry_m);
+            return self.meet_on_an_edge(slot, triangle);
+        }
+        if least(outside) > 0.0 {
+            return;
         }
         for lane in 0..LANES {
             let [u, v, w] = [edges[0][lane], edges[1][lane], edges[2][lane]];
-            let one_sign = (smaller(smaller(u, v), w) > 0.0) | (larger(larger(u, v), w) < 0.0);
             let whole = u + v + w;
             let depth = (u * a[2][lane] + v * b[2][lane] + w * c[2][lane]) / whole;
-            let met = one_sign & (whole != 0.0) & (depth > 0.0) & (entry_m[lane] < f32::INFINITY);
-            let (nearer, tied) = (depth < self.range_m[lane], depth == self.range_m[lane]);
-            self.tied[lane] = if met & tied { 1 } else { self.tied[lane] };
-            self.tied[lane] = if met & nearer { 0 } else { self.tied[lane] };
-            self.slot[lane] = if met & nearer { slot } else { self.slot[lane] };
-            self.range_m[lane] = if met & nearer { depth } else { self.range_m[lane] };
+            let met = (outside[lane] == 0.0) & (whole != 0.0) & (depth > 0.0);
+            let later = (depth == self.range_m[lane]) & (triangle.index > self.index[lane]);
+            let nearer = met & ((depth < self.range_m[lane]) | later);
+            self.slot[lane] = if nearer { slot } else { self.slot[lane] };
+            self.index[lane] = if nearer { triangle.index } else { self.index[lane] };
+            self.range_m[lane] = if nearer { depth } else { self.range_m[lane] };
         }
     }
 
     /// The same where a ray meets an edge, as far as `f32` can tell: one by one.
     #[cold]
-    fn meet_on_an_edge(&mut self, slot: u32, triangle: &Triangle, entry_m: &Lanes) {
-        for (lane, entry_m) in entry_m.iter().enumerate() {
+    fn meet_on_an_edge(&mut self, slot: u32, triangle: &Triangle) {
+        for lane in 0..LANES {
             let shear = self.shear.map(|axis| axis[lane]);
             let ray = Sheared { origin: self.origin, axes: self.axes, shear };
-            let depth = ray.meets(&triangle.corners);
-            if *entry_m == f32::INFINITY || depth == f32::INFINITY {
-                continue;
-            }
-            if depth < self.range_m[lane] {
-                (self.range_m[lane], self.slot[lane], self.tied[lane]) = (depth, slot, 0);
-            } else if depth == self.range_m[lane] {
-                self.tied[lane] = 1;
-            }
+            let mut meeting = self.meeting(lane);
+            meeting.offer(slot, ray.meets(&triangle.corners), triangle.index);
+            (self.slot[lane], self.range_m[lane], self.index[lane]) =
+                (meeting.slot, meeting.range_m, meeting.index);
         }
     }
 
@@ -247,6 +236,22 @@ impl Packet {
     }
 }
 
+impl Rays for Packet<'_> {
+    #[inline(always)]
+    fn farthest_m(&self) -> f32 {
+        self.farthest_m
+    }
+
+    #[inline(always)]
+    fn meet(&mut self, leaf: Child) {
+        for slot in leaf.first..leaf.first + leaf.count {
+            let triangle = self.triangles[slot as usize];
+            self.meet_one(slot, &triangle);
+        }
+        self.farthest_m = greatest(self.range_m);
+    }
+}
+
 /// On which side of the edge between two corners the rays pass.
 #[inline(always)]
 fn edge(p: &[Lanes; 3], q: &[Lanes; 3]) -> Lanes {
@@ -257,34 +262,15 @@ fn edge(p: &[Lanes; 3], q: &[Lanes; 3]) -> Lanes {
     side
 }
 
-/// Where rays enter a box.
-struct Entry {
-    /// The first of them; infinite where none does.
-    nearest_m: f32,
-    /// Each; infinite where it does not.
-    range_m: Lanes,
-}
-
-impl Entry {
-    const NOWHERE: Self = Self { nearest_m: f32::INFINITY, range_m: [f32::INFINITY; LANES] };
-}
-
-/// 1/x, as the hierarchy wants it: finite.
-fn inverse(x: f32) -> f32 {
-    if x.abs() <= f32::EPSILON { x.signum() / f32::EPSILON } else { 1.0 / x }
-}
-
-// One instruction each; `f32::min` looks for NaN, too, of which there are none.
 #[inline(always)]
-fn smaller(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
+fn greatest(mut lanes: Lanes) -> f32 {
+    for lane in &mut lanes {
+        *lane = -*lane;
+    }
+    -least(lanes)
 }
 
-#[inline(always)]
-fn larger(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
-}
-
+// Written out: a function to be called for each pair would not be compiled for the vector unit.
 #[inline(always)]
 fn least(mut lanes: Lanes) -> f32 {
     let mut half = LANES / 2;

@@ -19,10 +19,10 @@ pub(super) struct Sheared {
 }
 
 impl Sheared {
+    #[inline(always)]
     pub(super) fn new(origin: [f32; 3], direction: [f32; 3]) -> Self {
-        let magnitude = direction.map(f32::abs);
-        let z = (0..3).fold(0, |best, i| if magnitude[i] > magnitude[best] { i } else { best });
-        let axes = [(z + 1) % 3, (z + 2) % 3, z];
+        let z = steepest(direction);
+        let axes = axes(z);
         let shear = [
             direction[axes[0]] / direction[z],
             direction[axes[1]] / direction[z],
@@ -32,6 +32,7 @@ impl Sheared {
     }
 
     /// Distance to a triangle, infinite for a miss.
+    #[inline(always)]
     pub(super) fn meets(&self, corners: &[[f32; 3]; 3]) -> f32 {
         let [a, b, c] = [self.shift(&corners[0]), self.shift(&corners[1]), self.shift(&corners[2])];
         let mut edges =
@@ -60,6 +61,19 @@ impl Sheared {
     }
 }
 
+/// The two axes that are not `z`, and `z`.
+#[inline(always)]
+pub(super) fn axes(z: usize) -> [usize; 3] {
+    [(z + 1) % 3, (z + 2) % 3, z]
+}
+
+/// The axis that a direction runs along.
+#[inline(always)]
+pub(super) fn steepest(direction: [f32; 3]) -> usize {
+    let magnitude = direction.map(f32::abs);
+    (0..3).fold(0, |best, i| if magnitude[i] > magnitude[best] { i } else { best })
+}
+
 pub(super) fn cos_incidence(&[a, b, c]: &[[f32; 3]; 3], direction: [f32; 3]) -> f32 {
     let (e, f) = (difference(b, a), difference(c, a));
     let normal = [e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]];
@@ -67,10 +81,10 @@ pub(super) fn cos_incidence(&[a, b, c]: &[[f32; 3]; 3], direction: [f32; 3]) -> 
     if length > 0.0 { (dot(normal, direction) / length).abs().min(1.0) } else { 0.0 }
 }
 
-pub(super) fn difference(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+pub(crate) fn difference(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
     std::array::from_fn(|i| a[i] - b[i])
 }
 
-pub(super) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+pub(crate) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
