@@ -93,6 +93,14 @@ surfaces! {
     RetroSign = Material::matt("retro-reflective sign", 50.0);
     // Imported faces that say nothing
     Unknown = Material::matt("unknown", 0.30);
+    // Rows are numbered in files of meshes: new ones follow here.
+    // earthlib paint, median of 76
+    RoadPaint = Material::matt("road paint", 0.314);               // .137 / .314 / .513
+    // earthlib litter, median of 35
+    Litter = Material::matt("forest litter", 0.252);               // .187 / .252 / .511
+    Sand = Material::matt("sand", 0.300);                          // earthlib, median of 39
+    // Absorbs 7 /m at 905 nm; F0 of n = 1.328 (Hale and Querry 1973); ripples ours
+    Water = Material::matt("water", 0.005).coated(0.02, 0.12);
 }
 
 impl Surface {
@@ -114,6 +122,8 @@ impl Surface {
 /// First match wins: specific words before general ones.
 const LOOSE_NAMES: &[(&[&str], Surface)] = &[
     (&["retro", "sign"], Surface::RetroSign),
+    (&["marking", "road_paint", "roadpaint", "roadline"], Surface::RoadPaint),
+    (&["water"], Surface::Water),
     (&["glass", "window", "windshield"], Surface::Glass),
     (&["rooftile", "roof_tile", "roof"], Surface::RoofTile),
     (&["asphalt", "road", "tarmac"], Surface::Asphalt),
@@ -126,7 +136,9 @@ const LOOSE_NAMES: &[(&[&str], Surface)] = &[
     (&["grass", "lawn", "vegetation"], Surface::Grass),
     (&["wood", "door", "fence", "timber"], Surface::Wood),
     (&["gravel"], Surface::Gravel),
+    (&["litter"], Surface::Litter),
     (&["rock", "stone"], Surface::Rock),
+    (&["sand"], Surface::Sand),
     (&["soil", "dirt", "earth", "terrain", "ground"], Surface::Soil),
     (&["tire", "tyre", "wheel", "rubber"], Surface::Rubber),
     (&["car", "paint", "body"], Surface::CarPaint),
@@ -141,7 +153,8 @@ mod tests {
     fn each_surface_names_its_own_row() {
         assert_eq!(MATERIALS[usize::from(Surface::Asphalt.index())].name, "asphalt");
         assert_eq!(MATERIALS[usize::from(Surface::Bark.index())].name, "bark");
-        assert_eq!(MATERIALS.len(), usize::from(Surface::Unknown.index()) + 1);
+        assert_eq!(MATERIALS[usize::from(Surface::Unknown.index())].name, "unknown");
+        assert_eq!(MATERIALS.len(), usize::from(Surface::Water.index()) + 1);
     }
 
     #[test]
