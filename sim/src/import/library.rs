@@ -1,4 +1,5 @@
-//! MTL: the files that an OBJ names, and what they say of its materials.
+//! The files that a mesh names: the buffers of a glTF, and MTL with what it says of an OBJ's
+//! materials.
 //!
 //! ```text
 //! newmtl Material.012               a material of an OBJ's usemtl
@@ -23,7 +24,8 @@ const MOST_NAMES: usize = 1024;
 /// Bytes of all of them at most.
 const MOST_BYTES: u64 = 16 << 20;
 
-/// Which material libraries an OBJ may name. They are a hint: one that is not there is no fault.
+/// Which files a mesh may name: an OBJ's material libraries, which are a hint, so that one that is
+/// not there is no fault; a glTF's buffers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Libraries {
     /// Files in its own folder and below.
@@ -96,10 +98,19 @@ impl<'a> Shelf<'a> {
         if !self.is_new(name)? {
             return Ok(None);
         }
+        let Some(path) = self.place("mtllib", name)? else { return Ok(None) };
+        if self.opened.len() == MOST_LIBRARIES && !self.opened.contains(&path) {
+            return Err(format!("mtllib {:?} is one of more than {MOST_LIBRARIES}", shown(name)));
+        }
+        Ok(self.opened.insert(path.clone()).then_some(path))
+    }
+
+    /// The file that a name means, if there is one and the mesh may name it.
+    fn place(&self, what: &str, name: &str) -> Result<Option<PathBuf>, String> {
         let elsewhere = || {
             let name = shown(name);
             Err(format!(
-                "mtllib {name:?} lies in another folder than the mesh: it is read with \
+                "{what} {name:?} lies in another folder than the mesh: it is read with \
                  scene.libraries = \"anywhere\", and with \"none\" no library is"
             ))
         };
@@ -113,13 +124,35 @@ impl<'a> Shelf<'a> {
         if self.which == Libraries::Beside && !path.starts_with(home) {
             return elsewhere();
         }
-        if !fs::metadata(&path).is_ok_and(|found| found.is_file()) {
-            return Err(format!("mtllib {:?} is no regular file", shown(name)));
+        match fs::metadata(&path).is_ok_and(|found| found.is_file()) {
+            true => Ok(Some(path)),
+            false => Err(format!("{what} {:?} is no regular file", shown(name))),
         }
-        if self.opened.len() == MOST_LIBRARIES && !self.opened.contains(&path) {
-            return Err(format!("mtllib {:?} is one of more than {MOST_LIBRARIES}", shown(name)));
+    }
+
+    /// The bytes of a buffer that a glTF names. Without it there is no mesh, so that one that is
+    /// not there is a fault.
+    pub(super) fn buffer(&mut self, uri: &str) -> Result<Vec<u8>, String> {
+        let path = self.buffer_file(uri)?;
+        fs::read(&path).map_err(|error| format!("buffer {:?}: {error}", shown(uri)))
+    }
+
+    /// Where it lies.
+    pub(super) fn buffer_file(&mut self, uri: &str) -> Result<PathBuf, String> {
+        let name = shown(uri);
+        if self.which == Libraries::None {
+            return Err(format!("buffer {name:?} is not read with scene.libraries = \"none\""));
         }
-        Ok(self.opened.insert(path.clone()).then_some(path))
+        let path =
+            decoded(uri).ok_or_else(|| format!("buffer {name:?} is not written in UTF-8"))?;
+        if path.contains(':') {
+            return Err(format!("buffer {name:?} is no file beside the mesh"));
+        }
+        if self.asked.len() == MOST_NAMES {
+            return Err(format!("buffer {name:?} is one of more than {MOST_NAMES}"));
+        }
+        self.asked.insert(uri.to_owned());
+        self.place("buffer", &path)?.ok_or_else(|| format!("buffer {name:?} is not there"))
     }
 
     fn read(&mut self, path: &Path, name: &str) -> Result<Vec<(String, Surface)>, String> {
@@ -137,6 +170,18 @@ impl<'a> Shelf<'a> {
 pub(super) fn keyword(line: &str) -> (&str, &str) {
     let line = line.trim();
     line.split_once(char::is_whitespace).map_or((line, ""), |(word, rest)| (word, rest.trim()))
+}
+
+/// The path that a URI means: "two%20words.bin".
+fn decoded(uri: &str) -> Option<String> {
+    let mut bytes = Vec::new();
+    let mut parts = uri.split('%');
+    bytes.extend(parts.next()?.bytes());
+    for part in parts {
+        bytes.push(u8::from_str_radix(part.get(..2)?, 16).ok()?);
+        bytes.extend(part[2..].bytes());
+    }
+    String::from_utf8(bytes).ok()
 }
 
 /// What a library tells: surfaces of materials, by the name of the material's last picture that
@@ -234,6 +279,32 @@ mod tests {
             let found = Shelf::new(&home, Libraries::Anywhere).open(name).unwrap();
             assert_eq!(found, [("a".to_owned(), Surface::Brick)], "{name}");
         }
+    }
+
+    #[test]
+    fn a_buffer_is_a_file_below_the_meshes_folder_and_must_be_there() {
+        let outer = folders();
+        let home = outer.path().join("mesh");
+        fs::write(home.join("a b.bin"), "12").unwrap();
+        let open = |which, uri: &str| Shelf::new(&home, which).buffer(uri);
+        assert_eq!(open(Libraries::Beside, "a%20b.bin"), Ok(b"12".to_vec()));
+        assert_eq!(open(Libraries::Anywhere, "below/../a b.bin"), Ok(b"12".to_vec()));
+        let table = [
+            ("lost.bin", "is not there"),
+            ("../out.mtl", "another folder"),
+            ("%2e%2e/out.mtl", "another folder"),
+            ("/etc/passwd", "another folder"),
+            ("http://example.org/a.bin", "no file beside"),
+            ("file:///etc/passwd", "no file beside"),
+            ("below", "no regular file"),
+            ("a%zz", "not written in UTF-8"),
+            ("a%2", "not written in UTF-8"),
+        ];
+        for (uri, expected) in table {
+            let said = open(Libraries::Beside, uri).unwrap_err();
+            assert!(said.contains(expected), "{uri}: {said}");
+        }
+        assert!(open(Libraries::None, "a%20b.bin").unwrap_err().contains("\"none\""));
     }
 
     #[cfg(unix)]

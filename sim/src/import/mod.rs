@@ -1,10 +1,13 @@
-//! Places made by others: PLY and OBJ files become scenes.
+//! Places made by others: PLY, OBJ, glTF and STL files become scenes.
 
 mod fault;
+mod gltf;
 mod ground;
 mod library;
 mod obj;
 mod ply;
+mod semantic;
+mod stl;
 
 use std::path::{Path, PathBuf};
 
@@ -17,6 +20,7 @@ use crate::scene::{MATERIALS, Mesh, MeshFault, Scene, Surface};
 pub use ground::Plane;
 use library::Shelf;
 pub use library::{Libraries, surfaces as library_surfaces};
+pub use semantic::{Seen, Tags, parse_semantic};
 
 /// What lies under an imported place.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -37,13 +41,13 @@ pub struct ImportOptions {
     pub ground: Ground,
     /// Metres per unit of the file.
     pub scale: f32,
-    /// True when the file's y axis points up; z does otherwise.
+    /// True when the file's y axis points up; z does otherwise. A glTF's does by definition.
     pub y_up: bool,
     /// Surface of faces that say nothing.
     pub default_surface: Surface,
     /// Largest coordinate a place may have, metres.
     pub max_reach_m: f32,
-    /// Which material libraries an OBJ may name.
+    /// Which files a mesh may name.
     pub libraries: Libraries,
 }
 
@@ -71,8 +75,8 @@ pub enum ImportError {
         /// What the system said.
         source: std::io::Error,
     },
-    /// Its name ends in neither `.ply` nor `.obj`.
-    #[error("{} is neither a .ply nor an .obj file", path.display())]
+    /// Its name ends as none of the formats' does.
+    #[error("{} is no .ply, .obj, .gltf, .glb or .stl file", path.display())]
     UnknownFormat {
         /// The file.
         path: PathBuf,
@@ -82,7 +86,7 @@ pub enum ImportError {
     Malformed {
         /// The file.
         path: PathBuf,
-        /// "PLY" or "OBJ".
+        /// "PLY", "OBJ", "glTF" or "STL".
         format: &'static str,
         /// What is wrong, what was expected, where.
         what: String,
@@ -97,7 +101,7 @@ pub enum ImportError {
     },
 }
 
-/// Reads a PLY (ascii or binary) or OBJ file as a scene.
+/// Reads a PLY or STL (text or binary), OBJ, glTF or GLB file as a scene.
 ///
 /// # Errors
 ///
@@ -122,14 +126,23 @@ pub fn parse_scene(
     parse(path, Format::of(path)?, bytes, options)
 }
 
-/// The material libraries that [`load_scene`] reads with a mesh, in their order.
+/// The files that [`load_scene`] reads with a mesh, in their order: an OBJ's material libraries, a
+/// glTF's buffers.
 #[must_use]
 pub fn library_files(path: &Path, libraries: Libraries) -> Vec<PathBuf> {
-    let Ok(Format::Obj) = Format::of(path) else { return Vec::new() };
-    let bytes = read_data(path).unwrap_or_default();
     let mut shelf = Shelf::new(folder_of(path), libraries);
-    let names = obj::libraries(&String::from_utf8_lossy(&bytes)).collect::<Vec<_>>();
-    names.iter().flat_map(|names| shelf.files(names)).collect()
+    match Format::of(path) {
+        Ok(Format::Obj) => {
+            let bytes = read_data(path).unwrap_or_default();
+            let names = obj::libraries(&String::from_utf8_lossy(&bytes)).collect::<Vec<_>>();
+            names.iter().flat_map(|names| shelf.files(names)).collect()
+        }
+        Ok(Format::Gltf) => {
+            let uris = gltf::files(&read_data(path).unwrap_or_default());
+            uris.iter().filter_map(|uri| shelf.buffer_file(uri).ok()).collect()
+        }
+        _ => Vec::new(),
+    }
 }
 
 /// The formats there are.
@@ -137,6 +150,8 @@ pub fn library_files(path: &Path, libraries: Libraries) -> Vec<PathBuf> {
 enum Format {
     Ply,
     Obj,
+    Gltf,
+    Stl,
 }
 
 impl Format {
@@ -145,6 +160,8 @@ impl Format {
         match extension.to_ascii_lowercase().as_str() {
             "ply" => Ok(Self::Ply),
             "obj" => Ok(Self::Obj),
+            "gltf" | "glb" => Ok(Self::Gltf),
+            "stl" => Ok(Self::Stl),
             _ => Err(ImportError::UnknownFormat { path: path.into() }),
         }
     }
@@ -157,26 +174,34 @@ fn parse(
     options: &ImportOptions,
 ) -> Result<Scene, ImportError> {
     let mut shelf = Shelf::new(folder_of(path), options.libraries);
-    let (format, mesh) = match format {
-        Format::Ply => ("PLY", ply::read(bytes, options.default_surface)),
-        Format::Obj => {
-            ("OBJ", obj::read(bytes, &mut |names| shelf.open(names), options.default_surface))
-        }
+    let default = options.default_surface;
+    let (name, mesh) = match format {
+        Format::Ply => ("PLY", ply::read(bytes, default)),
+        Format::Obj => ("OBJ", obj::read(bytes, &mut |names| shelf.open(names), default)),
+        Format::Gltf => ("glTF", gltf::read(bytes, &mut |uri| shelf.buffer(uri), default)),
+        Format::Stl => ("STL", stl::read(bytes, default)),
     };
+    let y_up = options.y_up || matches!(format, Format::Gltf);
+    let format = name;
     let name = path
         .file_stem()
         .map_or_else(|| "imported".into(), |stem| stem.to_string_lossy().into_owned());
-    mesh.and_then(|mesh| furnish(mesh, name, options)).map_err(|fault| match fault {
+    mesh.and_then(|mesh| furnish(mesh, name, y_up, options)).map_err(|fault| match fault {
         Fault::Format(what) => ImportError::Malformed { path: path.into(), format, what },
         Fault::Mesh(fault) => ImportError::Unusable { path: path.into(), fault },
     })
 }
 
 /// Metres, z up, on its ground.
-fn furnish(mut mesh: Mesh, name: String, options: &ImportOptions) -> Result<Scene, Fault> {
+fn furnish(
+    mut mesh: Mesh,
+    name: String,
+    y_up: bool,
+    options: &ImportOptions,
+) -> Result<Scene, Fault> {
     for vertex in &mut mesh.vertices {
         let [x, y, z] = vertex.map(|v| v * options.scale);
-        *vertex = if options.y_up { [x, -z, y] } else { [x, y, z] };
+        *vertex = if y_up { [x, -z, y] } else { [x, y, z] };
     }
     mesh.check(MATERIALS.len(), options.max_reach_m)?;
     let (low, high) = mesh.bounds().ok_or(MeshFault::NoFaces)?;

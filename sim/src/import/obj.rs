@@ -165,12 +165,14 @@ impl Reader {
 
 /// The first three numbers of a `v` line; a weight and colours may follow.
 fn position(words: &str) -> Result<[f32; 3], Fault> {
+    three(words).ok_or_else(|| Fault::Format("expected a position of three numbers after v".into()))
+}
+
+/// The first three of a line's words, if they are numbers.
+pub(super) fn three(words: &str) -> Option<[f32; 3]> {
     let mut words = words.split_whitespace();
-    let mut number = || words.next().and_then(|word| word.parse().ok());
-    match [number(), number(), number()] {
-        [Some(x), Some(y), Some(z)] => Ok([x, y, z]),
-        _ => Err(Fault::Format("expected a position of three numbers after v".into())),
-    }
+    let mut number = || words.next()?.parse().ok();
+    Some([number()?, number()?, number()?])
 }
 
 /// First number of "7", "7/1", "7//2" or "7/1/2"; the others, of textures and normals, must be

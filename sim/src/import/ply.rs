@@ -33,6 +33,7 @@ struct Face {
     corners: Option<Property>,
     semantic: Option<i64>,
     part: Option<i64>,
+    label: Option<i64>,
 }
 
 impl PropertyAccess for Face {
@@ -48,7 +49,32 @@ impl PropertyAccess for Face {
             "vertex_indices" | "vertex_index" => return PropertyAccessResult::UnsupportedType,
             "semantic" => self.semantic = integer(&value),
             "part" => self.part = integer(&value),
+            LABEL => self.label = integer(&value),
             _ => return PropertyAccessResult::Ignored,
+        }
+        PropertyAccessResult::Set
+    }
+}
+
+/// A vertex as the file has it.
+#[derive(Debug, Default)]
+struct Vertex {
+    at: [f32; 3],
+    label: Option<i64>,
+}
+
+impl PropertyAccess for Vertex {
+    fn new() -> Self {
+        Self::default()
+    }
+
+    fn set_property(&mut self, name: &str, value: Property) -> PropertyAccessResult {
+        let axis = ["x", "y", "z"].iter().position(|axis| *axis == name);
+        match (axis, value.to_f32_lossy()) {
+            (Some(axis), Some(value)) => self.at[axis] = value,
+            (Some(_), None) => return PropertyAccessResult::UnsupportedType,
+            (None, _) if name == LABEL => self.label = integer(&value),
+            (None, _) => return PropertyAccessResult::Ignored,
         }
         PropertyAccessResult::Set
     }
@@ -85,16 +111,25 @@ pub(super) fn read(bytes: &[u8], default: Surface) -> Result<Mesh, Fault> {
     let (header, reader) = ply::header(bytes)?;
     let (vertex, face) = (ply::vertex(&header)?, faces(&header)?);
     let mut body = Body::new(&header, reader, None)?;
-    let parts = part_surfaces(&header);
+    let parts = told(&header, "part ");
+    let mut labels = Labels { surfaces: told(&header, "label "), of_vertices: Vec::new() };
     let (mut mesh, mut number) = (Mesh::default(), 0);
     for element in header.elements.values() {
         if element.name == vertex.name {
-            mesh.vertices = body.vertices(element)?;
+            let has_labels = vertex.properties.contains_key(LABEL);
+            mesh.vertices.reserve(element.count);
+            body.read(element, |vertex: Vertex| {
+                mesh.vertices.push(vertex.at);
+                if has_labels {
+                    labels.of_vertices.push(labels.surface(vertex.label));
+                }
+                Ok::<_, String>(())
+            })?;
         } else if element.name == face.name {
             body.read(element, |face: Face| {
                 check_bytes(&mesh, &face)?;
                 add(&mut mesh, &face, number, vertex.count)?;
-                let surface = face_surface(&face, &parts, default);
+                let surface = face_surface(&face, &parts, &labels).unwrap_or(default);
                 mesh.materials.resize(mesh.triangles.len(), surface.index());
                 number += 1;
                 Ok::<_, Fault>(())
@@ -131,19 +166,19 @@ fn faces(header: &Header) -> Result<&ElementDef, String> {
     }
 }
 
-/// What comments say of parts: "part 3 Oak_bark" or "part 0=bark 1=leaf". What is said first
-/// counts.
-fn part_surfaces(header: &Header) -> HashMap<i64, Surface> {
-    let mut parts = HashMap::new();
+/// What comments say of parts or labels: "part 3 Oak_bark" or "part 0=bark 1=leaf". What is said
+/// first counts.
+fn told(header: &Header, what: &str) -> HashMap<i64, Surface> {
+    let mut told = HashMap::new();
     let comments = header.comments.iter().map(ToString::to_string);
-    for (part, surface) in comments.flat_map(|comment| part_names(&comment)) {
-        parts.entry(part).or_insert(surface);
+    for (number, surface) in comments.flat_map(|comment| names(&comment, what)) {
+        told.entry(number).or_insert(surface);
     }
-    parts
+    told
 }
 
-fn part_names(comment: &str) -> Vec<(i64, Surface)> {
-    let Some((_, after)) = comment.split_once("part ") else {
+fn names(comment: &str, what: &str) -> Vec<(i64, Surface)> {
+    let Some((_, after)) = comment.split_once(what) else {
         return Vec::new();
     };
     let listed = |word: &str| {
@@ -157,15 +192,35 @@ fn part_names(comment: &str) -> Vec<(i64, Surface)> {
     after.split_whitespace().filter_map(listed).chain(single(after)).collect()
 }
 
-fn face_surface(face: &Face, parts: &HashMap<i64, Surface>, default: Surface) -> Surface {
-    if let Some(semantic) = face.semantic {
-        return usize::try_from(semantic)
-            .ok()
-            .and_then(|s| SEMANTICS.get(s))
-            .copied()
-            .unwrap_or(default);
+/// The property of a face or a vertex that is a number for what it belongs to.
+const LABEL: &str = "label";
+
+/// What labels mean, and those of the vertices.
+struct Labels {
+    surfaces: HashMap<i64, Surface>,
+    of_vertices: Vec<Option<Surface>>,
+}
+
+impl Labels {
+    fn surface(&self, label: Option<i64>) -> Option<Surface> {
+        self.surfaces.get(&label?).copied()
     }
-    face.part.and_then(|part| parts.get(&part)).copied().unwrap_or(default)
+
+    /// That of two of the first three corners, else of the first.
+    fn of_corners(&self, face: &Face) -> Option<Surface> {
+        let corners = face.corners.as_ref().and_then(integers)?;
+        let of = |corner: i64| *self.of_vertices.get(usize::try_from(corner).ok()?)?;
+        let [a, b, c] = corners.take(3).map(of).collect::<Vec<_>>().try_into().ok()?;
+        if b == c { b } else { a }
+    }
+}
+
+fn face_surface(face: &Face, parts: &HashMap<i64, Surface>, labels: &Labels) -> Option<Surface> {
+    if let Some(semantic) = face.semantic {
+        return SEMANTICS.get(usize::try_from(semantic).ok()?).copied();
+    }
+    let of_part = || parts.get(&face.part?).copied();
+    labels.surface(face.label).or_else(of_part).or_else(|| labels.of_corners(face))
 }
 
 /// Adds a polygon as a fan from its first corner.
@@ -194,13 +249,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn comments_name_the_surfaces_of_parts() {
+    fn comments_name_the_surfaces_of_parts_and_labels() {
         assert_eq!(
-            part_names("a tree; part 0=bark 1=leaf quad"),
+            names("a tree; part 0=bark 1=leaf quad", "part "),
             [(0, Surface::Bark), (1, Surface::Leaf)]
         );
-        assert_eq!(part_names("part 12 red_brick-mesh"), [(12, Surface::Brick)]);
-        assert_eq!(part_names("part 1 Cube-mesh"), []);
-        assert_eq!(part_names("made by hand"), []);
+        assert_eq!(names("part 12 red_brick-mesh", "part "), [(12, Surface::Brick)]);
+        assert_eq!(names("part 1 Cube-mesh", "part "), []);
+        assert_eq!(names("label 12 road", "label "), [(12, Surface::Asphalt)]);
+        assert_eq!(names("made by hand", "part "), []);
     }
 }

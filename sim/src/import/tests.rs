@@ -79,7 +79,12 @@ fn a_malformed_file_is_refused_by_name_and_reason() {
         ("words.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf one two three\n".into(), "line 4"),
         ("short.obj", "v 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n".into(), "position"),
         ("nan.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n".into(), "not finite"),
-        ("mesh.stl", "solid\n".into(), "neither a .ply nor an .obj"),
+        ("mesh.stl", "solid\n".into(), "is not a STL mesh: end of file before endsolid"),
+        ("none.stl", "solid\nendsolid\n".into(), "no faces"),
+        ("none.gltf", r#"{"asset":{"version":"2.0"}}"#.into(), "no faces"),
+        ("text.gltf", "hello".into(), "is not a glTF mesh: expected value at line 1"),
+        ("cut.glb", "glTF\u{2}\0\0\0".into(), "its header is cut short"),
+        ("mesh.fbx", "solid\n".into(), "is no .ply, .obj, .gltf, .glb or .stl file"),
     ];
     for (name, content, reason) in table {
         let error = load(name, content.as_bytes()).expect_err(name).to_string();
@@ -87,6 +92,74 @@ fn a_malformed_file_is_refused_by_name_and_reason() {
         assert!(error.contains(reason), "{name}: {error}");
         assert!(!error.contains('\n'), "{name}: {error}");
     }
+}
+
+/// A triangle of so many metres in a glTF whose buffer lies in a file.
+fn gltf(size_m: f32) -> (String, Vec<u8>) {
+    let positions = [0.0, 0.0, 0.0, size_m, 0.0, 0.0, 0.0, size_m, 0.0];
+    let text = format!(
+        r#"{{"asset":{{"version":"2.0"}},"nodes":[{{"mesh":0,"translation":[0,3,0]}}],
+        "meshes":[{{"name":"brick","primitives":[{{"attributes":{{"POSITION":0}}}}]}}],
+        "buffers":[{{"uri":"a%20b.bin","byteLength":36}}],
+        "bufferViews":[{{"buffer":0,"byteLength":36}}],
+        "accessors":[{{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3",
+                       "min":[0,0,0],"max":[{size_m},{size_m},0]}}]}}"#
+    );
+    (text, positions.iter().flat_map(|n| f32::to_le_bytes(*n)).collect())
+}
+
+#[test]
+fn a_gltf_stands_upright_with_its_buffer_from_beside_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("yard.gltf");
+    let (text, buffer) = gltf(2.0);
+    std::fs::write(&path, text).expect("a file");
+    let options = ImportOptions { ground: Ground::None, ..ImportOptions::default() };
+    let lost = load_scene(&path, &options).expect_err("no buffer").to_string();
+    assert!(lost.contains("buffer \"a%20b.bin\" is not there"), "{lost}");
+    assert!(library_files(&path, Libraries::Beside).is_empty());
+    std::fs::write(folder.path().join("a b.bin"), buffer).expect("a file");
+    let scene = load_scene(&path, &options).expect("a scene");
+    // y of the file points up.
+    assert_eq!(scene.mesh.vertices, [[0.0, 0.0, 3.0], [2.0, 0.0, 3.0], [0.0, 0.0, 5.0]]);
+    assert_eq!(scene.mesh.materials, [Surface::Brick.index()]);
+    let files = library_files(&path, Libraries::Beside);
+    assert_eq!(files, [folder.path().join("a b.bin").canonicalize().expect("a path")]);
+}
+
+#[test]
+fn a_gltf_or_stl_of_100_km_is_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("far.gltf");
+    let (text, buffer) = gltf(1e5);
+    std::fs::write(&path, text).expect("a file");
+    std::fs::write(folder.path().join("a b.bin"), buffer).expect("a file");
+    let said = load_scene(&path, &ImportOptions::default()).expect_err("far").to_string();
+    assert!(said.contains("it reaches 100003 m"), "{said}");
+    let stl = "solid\nfacet\nouter loop\nvertex 0 0 0\nvertex 1e5 0 0\nvertex 0 1 0\nendloop\n\
+               endfacet\nendsolid\n";
+    let said = load("far.stl", stl.as_bytes()).expect_err("far").to_string();
+    assert!(said.contains("it reaches 100000 m"), "{said}");
+}
+
+#[test]
+fn labels_of_faces_or_vertices_are_surfaces_by_the_names_in_comments() {
+    let named = HEADER.replace("element vertex", "comment label 3 brick_wall\nelement vertex");
+    let of_faces = named.replace(
+        "list uchar int vertex_indices",
+        "list uchar int vertex_indices\nproperty int label",
+    );
+    let file = format!("{of_faces}{SQUARE}4 0 1 2 3 3\n");
+    let scene = load("faces.ply", file.as_bytes()).expect("a scene");
+    assert_eq!(scene.mesh.materials, [Surface::Brick.index(); 2]);
+    let of_vertices = named.replace("property float z", "property float z\nproperty uchar label");
+    let labelled = "0 0 0 9\n1 0 0 3\n1 1 0 3\n0 1 0 7\n";
+    let file = format!("{of_vertices}{labelled}4 0 1 2 3\n");
+    let scene = load("vertices.ply", file.as_bytes()).expect("a scene");
+    assert_eq!(scene.mesh.materials, [Surface::Brick.index(); 2]);
+    let unnamed = file.replace("comment label 3 brick_wall\n", "");
+    let scene = load("unnamed.ply", unnamed.as_bytes()).expect("a scene");
+    assert_eq!(scene.mesh.materials, [Surface::Unknown.index(); 2]);
 }
 
 #[test]
