@@ -33,6 +33,7 @@ pub mod nor_flash;
 #[cfg(unix)]
 pub mod qemu;
 pub mod raycast;
+pub mod roads;
 pub mod scanner;
 pub mod scene;
 pub mod viewpoint;

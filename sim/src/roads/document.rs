@@ -1,0 +1,352 @@
+//! The XML of an OpenDRIVE file: what it must be before anything is built of it, and the records
+//! of its roads.
+
+use std::collections::HashSet;
+
+use echoloop_files::shown;
+use roxmltree::{Document, Node};
+
+use super::fault::RoadFault;
+use super::profile::{Cubic, Curve, Geometry, Profile, Section};
+
+/// Bytes of a file at most. CARLA's towns have 1 to 20 MB.
+const MOST_BYTES: usize = 64 << 20;
+/// Length of all roads at most, km. CARLA's towns have 4 to 40.
+const MOST_KM: f64 = 150.0;
+/// Length of a piece of a road at most, metres.
+const MOST_PIECE_M: f64 = 1e5;
+/// Length of all lanes at most, km.
+const MOST_LANES_KM: f64 = 1500.0;
+/// Times that a road goes round at most: the tighter and longer, the more points it takes.
+const MOST_ROUNDS: f64 = 100.0;
+/// Bytes of a file for each of its tags and attributes at least: a reader of XML takes some 40 for
+/// each. CARLA's towns have 25.
+const BYTES_A_MARK: usize = 8;
+/// Elements within elements at most: the reader of XML goes as deep on its stack.
+const MOST_DEPTH: usize = 64;
+
+/// Attributes that are numbers, wherever below a road they stand.
+const NUMBERS: &[&str] = &[
+    "s",
+    "t",
+    "x",
+    "y",
+    "hdg",
+    "length",
+    "curvature",
+    "curvStart",
+    "curvEnd",
+    "a",
+    "b",
+    "c",
+    "d",
+    "aU",
+    "bU",
+    "cU",
+    "dU",
+    "aV",
+    "bV",
+    "cV",
+    "dV",
+    "sOffset",
+    "tOffset",
+    "zOffset",
+    "width",
+    "inner",
+    "outer",
+    "u",
+    "v",
+    "z",
+    "dz",
+];
+
+/// Reads the records of all roads.
+pub(super) fn profiles(text: &str) -> Result<Vec<Profile>, RoadFault> {
+    let format = |what: String| Err(RoadFault::Format(what));
+    if text.len() > MOST_BYTES {
+        return format(format!("it has more than {} MB", MOST_BYTES >> 20));
+    }
+    if marks(text) > text.len() / BYTES_A_MARK + 10_000 {
+        return format(format!(
+            "it has more than a tag or an attribute every {BYTES_A_MARK} bytes"
+        ));
+    }
+    if depth(text) > MOST_DEPTH {
+        return format(format!("its elements are nested more than {MOST_DEPTH} deep"));
+    }
+    let document = Document::parse(text).map_err(|error| {
+        RoadFault::Format(format!("it is no XML: {}", shown(&error.to_string())))
+    })?;
+    let root = document.root_element();
+    if !root.has_tag_name("OpenDRIVE") {
+        let name = shown(root.tag_name().name());
+        return format(format!("its root is <{name}>, expected <OpenDRIVE>"));
+    }
+    refuse_includes(&document)?;
+    let roads: Vec<Node<'_, '_>> = children(root, "road").collect();
+    check_length(&roads)?;
+    let mut seen = HashSet::new();
+    let profiles = roads.into_iter().map(|road| {
+        let profile = profile(road)?;
+        match seen.insert(profile.id.clone()) {
+            true => Ok(profile),
+            false => Err(RoadFault::of(&profile.id, "its id is that of another road too")),
+        }
+    });
+    let profiles: Vec<Profile> = profiles.collect::<Result<_, _>>()?;
+    check_work(&profiles)?;
+    Ok(profiles)
+}
+
+/// Before anything is built: what would take more points than a place has.
+fn check_work(profiles: &[Profile]) -> Result<(), RoadFault> {
+    let mut lanes_m = 0.0;
+    for (k, profile) in profiles.iter().enumerate() {
+        let turn_rad: f64 = profile.geometries.iter().map(Geometry::turn_rad).sum();
+        let rounds = turn_rad / std::f64::consts::TAU;
+        // A file of many pieces may turn more: a piece takes bytes.
+        if rounds > MOST_ROUNDS.max(profile.geometries.len() as f64) {
+            let what = format!("it goes round {rounds:.0} times, more than {MOST_ROUNDS:.0}");
+            return Err(RoadFault::of(&profile.id, what));
+        }
+        let sections = 0..profile.sections.len();
+        let lanes_of = |section: usize| {
+            let [first, last] = profiles[k].span(section);
+            (last - first).max(0.0) * profile.sections[section].widths.len() as f64
+        };
+        lanes_m += sections.map(lanes_of).sum::<f64>();
+    }
+    match lanes_m <= 1000.0 * MOST_LANES_KM {
+        true => Ok(()),
+        false => Err(RoadFault::Format(format!(
+            "it has {:.0} km of lanes, more than {MOST_LANES_KM:.0} km: cut out a part of it",
+            0.001 * lanes_m
+        ))),
+    }
+}
+
+/// Tags and attributes, or a few more.
+fn marks(text: &str) -> usize {
+    text.bytes().filter(|byte| matches!(byte, b'<' | b'=')).count()
+}
+
+/// How deep elements are nested. Counts a little too much rather than too little.
+fn depth(text: &str) -> usize {
+    let (mut rest, mut depth, mut most) = (text, 0_usize, 0);
+    while let Some(start) = rest.find('<') {
+        rest = &rest[start..];
+        let skip = |end: &str| rest.find(end).map_or(rest.len(), |at| at + end.len());
+        let end = match rest.as_bytes() {
+            [b'<', b'!', b'-', b'-', ..] => skip("-->"),
+            [b'<', b'!', b'[', ..] => skip("]]>"),
+            _ => skip(">"),
+        };
+        let tag = &rest[..end];
+        match tag.as_bytes() {
+            [_, b'/', ..] => depth = depth.saturating_sub(1),
+            [_, b'!' | b'?', ..] => {}
+            [.., b'/', b'>'] => most = most.max(depth + 1),
+            _ => depth += 1,
+        }
+        most = most.max(depth);
+        rest = &rest[end..];
+    }
+    most
+}
+
+/// A network may come from anybody: no file is opened on its word.
+fn refuse_includes(document: &Document<'_>) -> Result<(), RoadFault> {
+    match document.descendants().find(|node| node.has_tag_name("include")) {
+        None => Ok(()),
+        Some(node) => {
+            let (file, line) = (
+                shown(node.attribute("file").unwrap_or_default()),
+                document.text_pos_at(node.range().start).row,
+            );
+            let what = format!(
+                "line {line} includes {file:?}, and no other file is read: write in what it has"
+            );
+            Err(RoadFault::Format(what))
+        }
+    }
+}
+
+/// Before anything is built: a kilometre of road takes many points.
+fn check_length(roads: &[Node<'_, '_>]) -> Result<(), RoadFault> {
+    if roads.is_empty() {
+        return Err(RoadFault::NoRoads);
+    }
+    let mut sum_m = 0.0;
+    for road in roads {
+        sum_m += number(*road, *road, "length")?;
+    }
+    match sum_m <= 1000.0 * MOST_KM {
+        true => Ok(()),
+        false => Err(RoadFault::TooLong { found_km: 0.001 * sum_m, most_km: MOST_KM }),
+    }
+}
+
+fn children<'a, 'b>(node: Node<'a, 'b>, name: &str) -> impl Iterator<Item = Node<'a, 'b>> {
+    node.children().filter(move |child| child.has_tag_name(name))
+}
+
+fn id<'a>(road: Node<'a, '_>) -> &'a str {
+    road.attribute("id").unwrap_or("(without an id)")
+}
+
+/// A number of a road, or that it is none.
+fn number(road: Node<'_, '_>, node: Node<'_, '_>, name: &str) -> Result<f64, RoadFault> {
+    let (tag, text) = (node.tag_name().name(), node.attribute(name));
+    let text = text.ok_or_else(|| RoadFault::of(id(road), format!("<{tag}> has no {name}")))?;
+    let value = text.trim().parse::<f64>().ok().filter(|value| value.is_finite());
+    value.ok_or_else(|| {
+        let text = shown(text);
+        RoadFault::of(id(road), format!("<{tag}> has {name}={text:?}, expected a finite number"))
+    })
+}
+
+/// The same, of a record that may leave it out.
+fn number_or_zero(road: Node<'_, '_>, node: Node<'_, '_>, name: &str) -> Result<f64, RoadFault> {
+    node.attribute(name).map_or(Ok(0.0), |_| number(road, node, name))
+}
+
+fn check_numbers(road: Node<'_, '_>) -> Result<(), RoadFault> {
+    let is_theirs = |node: &Node<'_, '_>| {
+        node.is_element() && !node.ancestors().any(|above| above.has_tag_name("userData"))
+    };
+    for node in road.descendants().filter(is_theirs) {
+        for attribute in node.attributes().filter(|found| NUMBERS.contains(&found.name())) {
+            // Elsewhere a width or a length may be left empty.
+            if !attribute.value().is_empty() {
+                number(road, node, attribute.name())?;
+            }
+        }
+    }
+    Ok(())
+}
+
+fn profile(road: Node<'_, '_>) -> Result<Profile, RoadFault> {
+    check_numbers(road)?;
+    let length_m = number(road, road, "length")?;
+    if length_m <= 0.0 {
+        return Err(RoadFault::of(id(road), format!("its length is {length_m} m")));
+    }
+    let below = |path: &[&str]| path.iter().try_fold(road, |at, name| children(at, name).next());
+    let plan =
+        below(&["planView"]).ok_or_else(|| RoadFault::of(id(road), "it has no <planView>"))?;
+    let mut geometries = children(plan, "geometry")
+        .map(|node| geometry(road, node))
+        .collect::<Result<Vec<_>, _>>()?;
+    geometries.retain(|piece| piece.length_m > 0.0); // some exporters end a road with such a piece
+    if geometries.is_empty() {
+        return Err(RoadFault::of(id(road), "its <planView> has no <geometry> with a length"));
+    }
+    geometries.sort_by(|a, b| a.s.total_cmp(&b.s));
+    let lanes = below(&["lanes"]).ok_or_else(|| RoadFault::of(id(road), "it has no <lanes>"))?;
+    let mut sections = children(lanes, "laneSection")
+        .map(|node| section(road, node))
+        .collect::<Result<Vec<_>, _>>()?;
+    sections.sort_by(|a, b| a.s.total_cmp(&b.s));
+    Ok(Profile {
+        id: id(road).to_owned(),
+        length_m,
+        in_junction: road.attribute("junction").is_some_and(|junction| junction != "-1"),
+        geometries,
+        elevations: cubics(road, below(&["elevationProfile"]), "elevation", "s")?,
+        lane_offsets: cubics(road, Some(lanes), "laneOffset", "s")?,
+        sections,
+    })
+}
+
+fn cubics(
+    road: Node<'_, '_>,
+    list: Option<Node<'_, '_>>,
+    name: &str,
+    start: &str,
+) -> Result<Vec<Cubic>, RoadFault> {
+    let nodes = list.into_iter().flat_map(|list| children(list, name));
+    let read = nodes.map(|node| {
+        let at = |name| number_or_zero(road, node, name);
+        Ok(Cubic { s: at(start)?, b: at("b")?, c: at("c")?, d: at("d")? })
+    });
+    let mut records = read.collect::<Result<Vec<_>, _>>()?;
+    records.sort_by(|a, b| a.s.total_cmp(&b.s));
+    Ok(records)
+}
+
+fn geometry(road: Node<'_, '_>, node: Node<'_, '_>) -> Result<Geometry, RoadFault> {
+    let at = |name| number(road, node, name);
+    let geometry = |curve| {
+        let (s, heading_rad, length_m) = (at("s")?, at("hdg")?, at("length")?);
+        for name in ["x", "y"] {
+            at(name)?;
+        }
+        match (0.0..=MOST_PIECE_M).contains(&length_m) {
+            true => Ok(Geometry { s, heading_rad, length_m, curve }),
+            false => {
+                let what = format!("<geometry> at s = {s} has a length of {length_m} m");
+                Err(RoadFault::of(id(road), what))
+            }
+        }
+    };
+    let Some(shape) =
+        node.children().find(|child| child.is_element() && !child.has_tag_name("userData"))
+    else {
+        return Err(RoadFault::of(id(road), "a <geometry> has no shape"));
+    };
+    let of = |name| number(road, shape, name);
+    let three = |suffix: &str| -> Result<[f64; 3], RoadFault> {
+        let of = |letter: &str| number(road, shape, &format!("{letter}{suffix}"));
+        Ok([of("b")?, of("c")?, of("d")?])
+    };
+    match shape.tag_name().name() {
+        "line" => geometry(Curve::Line),
+        "arc" => geometry(Curve::Spiral([of("curvature")?; 2])),
+        "spiral" => geometry(Curve::Spiral([of("curvStart")?, of("curvEnd")?])),
+        "poly3" => geometry(Curve::Poly3(three("")?)),
+        "paramPoly3" => {
+            let is_long = shape
+                .attribute("pRange")
+                .is_some_and(|range| range.eq_ignore_ascii_case("arcLength"));
+            let most = if is_long { at("length")? } else { 1.0 };
+            geometry(Curve::ParamPoly3 { u: three("U")?, v: three("V")?, most })
+        }
+        other => {
+            let what = format!(
+                "a <geometry> has the shape <{}>, expected line, arc, spiral, poly3 or paramPoly3",
+                shown(other)
+            );
+            Err(RoadFault::of(id(road), what))
+        }
+    }
+}
+
+fn section(road: Node<'_, '_>, node: Node<'_, '_>) -> Result<Section, RoadFault> {
+    let mut section = Section { s: number_or_zero(road, node, "s")?, ..Section::default() };
+    for lane in node.descendants().filter(|node| node.has_tag_name("lane")) {
+        let text = lane.attribute("id").unwrap_or_default();
+        let number = text.trim().parse::<i32>().map_err(|_| {
+            let what = format!("a <lane> has id={:?}, expected a whole number", shown(text));
+            RoadFault::of(id(road), what)
+        })?;
+        let widths = cubics(road, Some(lane), "width", "sOffset")?;
+        if section.widths.insert(number, widths).is_some() {
+            let what = format!("the section at s = {} has lane {number} twice", section.s);
+            return Err(RoadFault::of(id(road), what));
+        }
+    }
+    Ok(section)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn depth_counts_what_is_open_and_passes_over_comments() {
+        assert_eq!(depth("<a><b/><c><d></d></c></a>"), 3);
+        assert_eq!(depth("<?xml?><a><!-- <b><c> --><![CDATA[<d>]]></a>"), 1);
+        assert!(depth(&"<a>".repeat(100_000)) > MOST_DEPTH);
+        assert_eq!(depth("<"), 1);
+    }
+}

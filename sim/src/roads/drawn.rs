@@ -1,0 +1,403 @@
+//! A network of ours as OpenDRIVE 1.4 text, which CARLA and its editors read too.
+//!
+//! Every piece of road is one cubic (`paramPoly3`): a Bézier curve that leaves its ends in given
+//! directions. Streets carry a lane each way; in a crossing one road leads from each arm to every
+//! other, and one with the sidewalk alone round each corner.
+
+use std::f64::consts::PI;
+use std::fmt::Write;
+
+use super::plan::{Manner, NetworkStyle, Plan, out};
+
+/// A place and a heading, radians.
+#[derive(Clone, Copy, Debug)]
+struct End {
+    at: [f64; 2],
+    heading: f64,
+}
+
+impl End {
+    /// So far ahead, and to the left.
+    fn moved(&self, ahead: f64, left: f64) -> Self {
+        let (cos, sin) = (libm::cos(self.heading), libm::sin(self.heading));
+        let at = [self.at[0] + cos * ahead - sin * left, self.at[1] + sin * ahead + cos * left];
+        Self { at, ..*self }
+    }
+
+    fn turned(&self) -> Self {
+        Self { heading: self.heading + PI, ..*self }
+    }
+}
+
+/// One cubic from an end to an end, in the first one's frame: u and v as b, c, d.
+struct Cubic {
+    from: End,
+    u: [f64; 3],
+    v: [f64; 3],
+    length_m: f64,
+}
+
+impl Cubic {
+    fn between(from: End, to: End) -> Self {
+        let away = [to.at[0] - from.at[0], to.at[1] - from.at[1]];
+        let reach = 0.39 * (away[0] * away[0] + away[1] * away[1]).sqrt();
+        let (cos, sin) = (libm::cos(from.heading), libm::sin(from.heading));
+        let local = |p: [f64; 2]| [cos * p[0] + sin * p[1], cos * p[1] - sin * p[0]];
+        let end = local(away);
+        let turn = to.heading - from.heading;
+        let last = [end[0] - reach * libm::cos(turn), end[1] - reach * libm::sin(turn)];
+        // Bézier's points 0, (reach, 0), last, end as powers of p.
+        let powers =
+            |p1: f64, p2: f64, p3: f64| [3.0 * p1, 3.0 * (p2 - 2.0 * p1), p3 - 3.0 * p2 + 3.0 * p1];
+        let (u, v) = (powers(reach, last[0], end[0]), powers(0.0, last[1], end[1]));
+        let length_m = length(u, v);
+        Self { from, u, v, length_m }
+    }
+}
+
+/// By Simpson's rule.
+fn length(u: [f64; 3], v: [f64; 3]) -> f64 {
+    const STEPS: u32 = 128;
+    let rate = |k: u32| {
+        let p = f64::from(k) / f64::from(STEPS);
+        let of = |[b, c, d]: [f64; 3]| b + p * (2.0 * c + p * 3.0 * d);
+        (of(u) * of(u) + of(v) * of(v)).sqrt()
+    };
+    let weight = |k: u32| if k == 0 || k == STEPS { 1.0 } else { f64::from(2 + 2 * (k % 2)) };
+    (0..=STEPS).map(|k| weight(k) * rate(k)).sum::<f64>() / (3.0 * f64::from(STEPS))
+}
+
+/// What a road is linked with at an end.
+enum Link {
+    None,
+    Junction(usize),
+    /// A street, and whether its beginning is meant.
+    Street(usize, bool),
+}
+
+impl Link {
+    fn write(&self, text: &mut String, tag: &str) {
+        let _ = match self {
+            Self::None => Ok(()),
+            Self::Junction(id) => {
+                writeln!(text, r#"<{tag} elementType="junction" elementId="{id}"/>"#)
+            }
+            Self::Street(id, begins) => {
+                let contact = if *begins { "start" } else { "end" };
+                writeln!(
+                    text,
+                    r#"<{tag} elementType="road" elementId="{id}" contactPoint="{contact}"/>"#
+                )
+            }
+        };
+    }
+}
+
+/// A lane as written: id, kind, width, mark, and the lanes it comes from and goes to.
+struct Strip {
+    id: i32,
+    kind: &'static str,
+    width_m: f64,
+    mark: &'static str,
+    links: [Option<i32>; 2],
+}
+
+/// One road as written.
+struct Road {
+    id: usize,
+    junction: Option<usize>,
+    links: [Link; 2],
+    cubic: Cubic,
+    /// Heights of its ends, metres.
+    heights_m: [f64; 2],
+    strips: Vec<Strip>,
+    middle: &'static str,
+    signals: String,
+}
+
+/// A turn through a crossing, for the junction's table.
+struct Turn {
+    street: usize,
+    road: usize,
+    from: i32,
+}
+
+/// Draws a network: the same text on every machine.
+#[must_use]
+pub fn draw_network(style: NetworkStyle, seed: u64) -> String {
+    let (plan, manner) = (Plan::new(style, seed), style.manner());
+    let mut text = String::from(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<OpenDRIVE>\n<header revMajor=\"1\" \
+         revMinor=\"4\" name=\"\" version=\"1\" vendor=\"Echoloop\"/>\n",
+    );
+    for k in 0..plan.streets.len() {
+        street(&plan, &manner, style, k).write(&mut text);
+    }
+    let mut next = plan.streets.len();
+    let mut junctions = String::new();
+    for node in 0..plan.nodes.len() {
+        if plan.nodes[node].arms.len() < 2 {
+            continue;
+        }
+        let turns = crossing(&plan, &manner, node, &mut next, &mut text);
+        junction(&mut junctions, junction_id(&plan, node), &turns);
+    }
+    text + &junctions + "</OpenDRIVE>\n"
+}
+
+/// Ids of junctions follow those that roads may have.
+fn junction_id(plan: &Plan, node: usize) -> usize {
+    100_000 + plan.streets.len() + node
+}
+
+/// Where an arm's middle ends before its crossing, heading out of the crossing.
+fn mouth(plan: &Plan, node: usize, arm: (usize, bool)) -> End {
+    let middle = End { at: plan.nodes[node].at, heading: out(&plan.streets, arm) };
+    middle.moved(plan.nodes[node].radius_m, 0.0)
+}
+
+fn street(plan: &Plan, manner: &Manner, style: NetworkStyle, k: usize) -> Road {
+    let ends = plan.streets[k].nodes;
+    let first = mouth(plan, ends[0], (k, true));
+    let last = mouth(plan, ends[1], (k, false)).turned();
+    let link = |node: usize| match plan.nodes[node].arms.len() {
+        0 | 1 => Link::None,
+        _ => Link::Junction(junction_id(plan, node)),
+    };
+    let strips = [1, -1].into_iter().flat_map(|side| {
+        manner.lanes.iter().enumerate().map(move |(n, (kind, width_m))| {
+            let mark = match (*kind, manner.lanes.get(n + 1).map(|(kind, _)| *kind)) {
+                ("shoulder", Some(_)) => "curb",
+                ("driving", _) => "solid",
+                _ => "none",
+            };
+            Strip { id: side * (n as i32 + 1), kind, width_m: *width_m, mark, links: [None; 2] }
+        })
+    });
+    let cubic = Cubic::between(first, last);
+    let lights = [ends[1], ends[0]].map(|node| plan.nodes[node].arms.len() >= 3);
+    let signals = match style {
+        NetworkStyle::Grid => signals(manner, &cubic, lights, true),
+        _ => signals(manner, &cubic, lights, false),
+    };
+    Road {
+        id: k,
+        junction: None,
+        links: ends.map(link),
+        cubic,
+        heights_m: ends.map(|node| plan.nodes[node].height_m),
+        strips: strips.collect(),
+        middle: "broken",
+        signals,
+    }
+}
+
+/// At each end whose crossing has three arms or more a light, or a plate, on the right of those who
+/// come.
+fn signals(manner: &Manner, cubic: &Cubic, at: [bool; 2], is_light: bool) -> String {
+    let mut text = String::new();
+    let (name, kind, dynamic) =
+        if is_light { ("Light", "1000001", "yes") } else { ("Yield", "205", "no") };
+    let side = manner.paved_m() + 0.8;
+    let ends = [(cubic.length_m - 1.0, -side, "+"), (1.0, side, "-")];
+    for (n, (s, t, orientation)) in ends.into_iter().enumerate().filter(|(n, _)| at[*n]) {
+        let _ = writeln!(
+            text,
+            "<signal name=\"{name}\" id=\"{n}\" s=\"{s}\" t=\"{t}\" zOffset=\"2.4\" \
+             orientation=\"{orientation}\" dynamic=\"{dynamic}\" country=\"OpenDRIVE\" \
+             type=\"{kind}\" subtype=\"-1\" value=\"-1\"/>"
+        );
+    }
+    text
+}
+
+/// The roads of one crossing; returns its turns.
+fn crossing(
+    plan: &Plan,
+    manner: &Manner,
+    node: usize,
+    next: &mut usize,
+    text: &mut String,
+) -> Vec<Turn> {
+    let arms = &plan.nodes[node].arms;
+    let height_m = plan.nodes[node].height_m;
+    let mut turns = Vec::new();
+    let mut write = |links: [Link; 2], cubic: Cubic, strips: Vec<Strip>| {
+        let junction = Some(junction_id(plan, node));
+        let (id, heights_m, signals) = (*next, [height_m; 2], String::new());
+        Road { id, junction, links, cubic, heights_m, strips, middle: "none", signals }.write(text);
+        *next += 1;
+        id
+    };
+    for (k, &from) in arms.iter().enumerate() {
+        for (_, &to) in arms.iter().enumerate().filter(|(n, _)| *n != k) {
+            let cubic = Cubic::between(mouth(plan, node, from).turned(), mouth(plan, node, to));
+            let links = [incoming(from), -incoming(to)];
+            let strip = Strip {
+                id: -1,
+                kind: "driving",
+                width_m: manner.driven_m(),
+                mark: "none",
+                links: links.map(Some),
+            };
+            let road =
+                write([Link::Street(from.0, from.1), Link::Street(to.0, to.1)], cubic, vec![strip]);
+            turns.push(Turn { street: from.0, road, from: links[0] });
+        }
+        // The corner to the left of an arm that leads out of the crossing, to the next arm.
+        let to = arms[(k + 1) % arms.len()];
+        let edge = manner.paved_m();
+        let cubic = Cubic::between(
+            mouth(plan, node, from).moved(0.0, edge).turned(),
+            mouth(plan, node, to).moved(0.0, -edge),
+        );
+        let strips =
+            manner.lanes.iter().filter(|(kind, _)| *kind == "shoulder" || *kind == "sidewalk");
+        let strips = strips.enumerate().map(|(n, (kind, width_m))| Strip {
+            id: -1 - n as i32,
+            kind,
+            width_m: *width_m,
+            mark: if n == 0 { "curb" } else { "none" },
+            links: [None; 2],
+        });
+        write([Link::None, Link::None], cubic, strips.collect());
+    }
+    turns
+}
+
+/// The lane by which an arm's traffic comes into its crossing; it leaves by the other.
+fn incoming((_, begins): (usize, bool)) -> i32 {
+    if begins { 1 } else { -1 }
+}
+
+fn junction(text: &mut String, id: usize, turns: &[Turn]) {
+    let _ = writeln!(text, r#"<junction id="{id}" name="">"#);
+    for (k, Turn { street, road, from }) in turns.iter().enumerate() {
+        let _ = writeln!(
+            text,
+            "<connection id=\"{k}\" incomingRoad=\"{street}\" connectingRoad=\"{road}\" \
+             contactPoint=\"start\"><laneLink from=\"{from}\" to=\"-1\"/></connection>"
+        );
+    }
+    text.push_str("</junction>\n");
+}
+
+impl Road {
+    fn write(&self, text: &mut String) {
+        let Cubic { from, u, v, length_m } = &self.cubic;
+        let junction = self.junction.map_or_else(|| "-1".to_owned(), |id| id.to_string());
+        let _ = writeln!(
+            text,
+            r#"<road name="" length="{length_m}" id="{}" junction="{junction}">"#,
+            self.id
+        );
+        text.push_str("<link>\n");
+        self.links[0].write(text, "predecessor");
+        self.links[1].write(text, "successor");
+        text.push_str("</link>\n<type s=\"0\" type=\"town\"/>\n<planView>\n");
+        let ([x, y], [bu, cu, du], [bv, cv, dv]) = (from.at, u, v);
+        let _ = writeln!(
+            text,
+            "<geometry s=\"0\" x=\"{x}\" y=\"{y}\" hdg=\"{}\" length=\"{length_m}\"><paramPoly3 \
+             pRange=\"normalized\" aU=\"0\" bU=\"{bu}\" cU=\"{cu}\" dU=\"{du}\" aV=\"0\" \
+             bV=\"{bv}\" cV=\"{cv}\" dV=\"{dv}\"/></geometry>",
+            from.heading
+        );
+        text.push_str("</planView>\n<elevationProfile>\n");
+        let [low, high] = self.heights_m;
+        // Level at both ends, where crossings are.
+        let (c, d) = (
+            3.0 * (high - low) / (length_m * length_m),
+            -2.0 * (high - low) / libm::pow(*length_m, 3.0),
+        );
+        let _ = writeln!(text, r#"<elevation s="0" a="{low}" b="0" c="{c}" d="{d}"/>"#);
+        text.push_str("</elevationProfile>\n<lanes>\n<laneSection s=\"0\">\n");
+        self.side(text, "left", |id| id > 0);
+        let _ = writeln!(
+            text,
+            "<center><lane id=\"0\" type=\"none\" level=\"false\"><roadMark sOffset=\"0\" \
+             type=\"{}\" weight=\"standard\" color=\"standard\" width=\"0.12\" \
+             laneChange=\"none\"/></lane></center>",
+            self.middle
+        );
+        self.side(text, "right", |id| id < 0);
+        text.push_str("</laneSection>\n</lanes>\n");
+        if !self.signals.is_empty() {
+            // Ids are unique in the whole file.
+            let signals = self.signals.replace(" id=\"", &format!(" id=\"{}0", self.id + 1));
+            let _ = writeln!(text, "<signals>\n{signals}</signals>");
+        }
+        text.push_str("</road>\n");
+    }
+
+    fn side(&self, text: &mut String, tag: &str, is_here: impl Fn(i32) -> bool) {
+        let mut strips: Vec<&Strip> =
+            self.strips.iter().filter(|strip| is_here(strip.id)).collect();
+        if strips.is_empty() {
+            return;
+        }
+        strips.sort_by_key(|strip| -strip.id);
+        let _ = writeln!(text, "<{tag}>");
+        for Strip { id, kind, width_m, mark, links: [before, after] } in strips {
+            let _ = write!(text, r#"<lane id="{id}" type="{kind}" level="false"><link>"#);
+            for (tag, link) in [("predecessor", before), ("successor", after)] {
+                let _ = link.map(|link| write!(text, r#"<{tag} id="{link}"/>"#));
+            }
+            let _ = writeln!(
+                text,
+                "</link><width sOffset=\"0\" a=\"{width_m}\" b=\"0\" c=\"0\" d=\"0\"/><roadMark \
+                 sOffset=\"0\" type=\"{mark}\" weight=\"standard\" color=\"standard\" \
+                 width=\"0.12\" laneChange=\"none\"/></lane>"
+            );
+        }
+        let _ = writeln!(text, "</{tag}>");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{LaneKind, RoadNetwork};
+    use super::*;
+
+    const STYLES: [NetworkStyle; 3] =
+        [NetworkStyle::Grid, NetworkStyle::Suburb, NetworkStyle::Hillside];
+
+    #[test]
+    fn what_is_drawn_is_read_without_a_remark() {
+        for style in STYLES {
+            for seed in 0..5 {
+                let network = RoadNetwork::parse("ours", &draw_network(style, seed)).expect("ours");
+                assert_eq!(network.remarks(), [""; 0], "{style:?} {seed}");
+                assert!(network.length_m() > 1500.0, "{style:?} {seed}: {}", network.length_m());
+            }
+        }
+        let [once, again] = [3, 4].map(|seed| draw_network(NetworkStyle::Grid, seed));
+        assert_eq!(draw_network(NetworkStyle::Grid, 3), once);
+        assert_ne!(once, again);
+    }
+
+    #[test]
+    fn every_lane_leads_on_and_into_a_lane_that_begins_where_it_ends() {
+        for style in STYLES {
+            let network = RoadNetwork::parse("ours", &draw_network(style, 1)).expect("ours");
+            let mut checked = 0;
+            for lane in network.lanes().iter().filter(|lane| lane.kind == LaneKind::Driving) {
+                assert!(!lane.in_junction || lane.successors.len() == 1, "{lane:?}");
+                let end = if lane.id < 0 { lane.ribs.last() } else { lane.ribs.first() };
+                for next in &lane.successors {
+                    let next = &network.lanes()[*next];
+                    let start = if next.id < 0 { next.ribs.first() } else { next.ribs.last() };
+                    let middle = |rib: Option<&[[f64; 3]; 2]>| {
+                        let [a, b] = *rib.expect("two ribs");
+                        [0, 1, 2].map(|i| 0.5 * (a[i] + b[i]))
+                    };
+                    let (end, start) = (middle(end), middle(start));
+                    let gap = (0..3).map(|i| (end[i] - start[i]).powi(2)).sum::<f64>().sqrt();
+                    assert!(gap < 0.02, "{style:?}: {gap} m from {} to {}", lane.road, next.road);
+                    checked += 1;
+                }
+            }
+            assert!(checked > 60, "{style:?}: {checked}");
+        }
+    }
+}

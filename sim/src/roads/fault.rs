@@ -1,0 +1,72 @@
+//! Why a file is not a road network.
+
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+/// What is wrong with a road network, before anybody knows its file's name.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum RoadFault {
+    /// The file does not follow OpenDRIVE; what is wrong, and where.
+    #[error("{0}")]
+    Format(String),
+    /// A road cannot be built.
+    #[error("road {road}: {what}")]
+    Road {
+        /// The road's id.
+        road: String,
+        /// What is wrong, what was expected.
+        what: String,
+    },
+    /// It has no road.
+    #[error("it has no road")]
+    NoRoads,
+    /// More road than a place has.
+    #[error("it has {found_km:.0} km of road, more than {most_km:.0} km: cut out a part of it")]
+    TooLong {
+        /// Length of all its roads, km.
+        found_km: f64,
+        /// The limit, km.
+        most_km: f64,
+    },
+    /// It reaches farther than a place may.
+    #[error(
+        "road {road} reaches {reach_m:.0} m from the origin, more than {most_m:.0} m: is its \
+         origin near?"
+    )]
+    TooFar {
+        /// The road's id.
+        road: String,
+        /// Largest absolute coordinate, metres.
+        reach_m: f64,
+        /// The limit, metres.
+        most_m: f64,
+    },
+}
+
+impl RoadFault {
+    pub(super) fn of(road: &str, what: impl Into<String>) -> Self {
+        Self::Road { road: echoloop_files::shown(road), what: what.into() }
+    }
+}
+
+/// Why a file is not a road network.
+#[derive(Debug, Error)]
+pub enum RoadsError {
+    /// It cannot be read.
+    #[error("cannot read {}: {source}", path.display())]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// It is no network of roads that can be built.
+    #[error("{} is no OpenDRIVE road network: {fault}", path.display())]
+    Malformed {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        fault: RoadFault,
+    },
+}

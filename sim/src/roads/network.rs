@@ -1,0 +1,410 @@
+//! A road network: the surfaces of its lanes, what is painted on them, and what stands beside.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use echoloop_files::{read_data, shown};
+use xodr::{LaneType, Layer, Shape, Warning};
+
+use super::document;
+use super::fault::{RoadFault, RoadsError};
+use super::profile::Profile;
+
+/// A network reaches no farther from its origin, metres: as far as an imported place.
+const MOST_REACH_M: f64 = 5000.0;
+
+/// What a lane is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum LaneKind {
+    /// Traffic; the only ones with waypoints, as CARLA has it.
+    Driving,
+    /// Traffic of a kind: buses, bicycles, ramps.
+    Traffic,
+    /// Parked cars.
+    Parking,
+    /// Paved, not driven on: shoulders, kerbs, closed lanes.
+    Shoulder,
+    /// People on foot.
+    Sidewalk,
+    /// Between carriageways.
+    Median,
+    /// Rails.
+    Rail,
+    /// Part of a road without a use, or of one that is not known.
+    Verge,
+}
+
+impl LaneKind {
+    /// All of them.
+    pub const ALL: [Self; 8] = [
+        Self::Driving,
+        Self::Traffic,
+        Self::Parking,
+        Self::Shoulder,
+        Self::Sidewalk,
+        Self::Median,
+        Self::Rail,
+        Self::Verge,
+    ];
+
+    /// What it is called.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Driving => "driving",
+            Self::Traffic => "other traffic",
+            Self::Parking => "parking",
+            Self::Shoulder => "shoulder",
+            Self::Sidewalk => "sidewalk",
+            Self::Median => "median",
+            Self::Rail => "rail",
+            Self::Verge => "verge",
+        }
+    }
+
+    fn of(kind: LaneType) -> Self {
+        use LaneType as L;
+        match kind {
+            L::Driving => Self::Driving,
+            L::Parking => Self::Parking,
+            L::Stop | L::Restricted | L::Shoulder | L::Border | L::Curb | L::RoadWorks => {
+                Self::Shoulder
+            }
+            L::Sidewalk => Self::Sidewalk,
+            L::Median => Self::Median,
+            L::Tram | L::Rail => Self::Rail,
+            L::None | L::Special1 | L::Special2 | L::Special3 | L::Unknown => Self::Verge,
+            _ => Self::Traffic,
+        }
+    }
+}
+
+/// One lane of one section of a road.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Lane {
+    /// Id of its road.
+    pub road: String,
+    /// Index of the lane section within the road, by rising s.
+    pub section: usize,
+    /// OpenDRIVE's: negative on the right of the reference line, positive on the left.
+    pub id: i32,
+    /// What it is for.
+    pub kind: LaneKind,
+    /// True for a road within a junction.
+    pub in_junction: bool,
+    /// Left and right border of its surface, seen along the road; two points or more, metres.
+    pub ribs: Vec<[[f64; 3]; 2]>,
+    /// Lanes that its traffic may go on to, as indices into [`RoadNetwork::lanes`].
+    pub successors: Vec<usize>,
+    /// First and last s along the road's reference line, metres.
+    pub span_m: [f64; 2],
+    /// The crate's.
+    pub(super) key: xodr::LaneId,
+    /// Its road's profile.
+    pub(super) profile: usize,
+}
+
+/// What a sign is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SignKind {
+    /// Lights that change.
+    TrafficLight,
+    /// A plate.
+    Plate,
+}
+
+/// A traffic light or sign.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sign {
+    /// What it is.
+    pub kind: SignKind,
+    /// Below its plate, on the road's surface or beside it, metres.
+    pub foot: [f64; 3],
+    /// Where it faces, radians counter-clockwise from x.
+    pub facing_rad: f64,
+}
+
+/// An object that stands on the network, or is painted on it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Prop {
+    /// Its name or, without one, its kind.
+    pub name: String,
+    /// Its foot's outline, metres; three corners or more.
+    pub outline: Vec<[f64; 3]>,
+    /// How high it stands; 0 for paint, metres.
+    pub height_m: f64,
+}
+
+/// Roads, and what belongs to them. See [`crate::roads`].
+#[derive(Clone, Debug)]
+pub struct RoadNetwork {
+    /// What to call it: the file's name without its end.
+    pub name: String,
+    lanes: Vec<Lane>,
+    paint: Vec<[[f64; 3]; 4]>,
+    signs: Vec<Sign>,
+    props: Vec<Prop>,
+    remarks: Vec<String>,
+    length_m: f64,
+    pub(super) source: xodr::RoadNetwork,
+    pub(super) profiles: Vec<Profile>,
+}
+
+/// Reads an OpenDRIVE file.
+///
+/// # Errors
+///
+/// [`RoadsError`], which names the file, and the road where one is at fault.
+pub fn load_network(path: &Path) -> Result<RoadNetwork, RoadsError> {
+    let bytes =
+        read_data(path).map_err(|source| RoadsError::Unreadable { path: path.into(), source })?;
+    parse_network(path, &bytes)
+}
+
+/// What [`load_network`] makes of a file's bytes; `path` gives the name.
+///
+/// # Errors
+///
+/// As of [`load_network`].
+pub fn parse_network(path: &Path, bytes: &[u8]) -> Result<RoadNetwork, RoadsError> {
+    let name = path.file_stem().map_or_else(String::new, |stem| shown(&stem.to_string_lossy()));
+    let text = std::str::from_utf8(bytes)
+        .map_err(|error| RoadFault::Format(format!("it is no text in UTF-8: {error}")));
+    text.and_then(|text| RoadNetwork::parse(&name, text))
+        .map_err(|fault| RoadsError::Malformed { path: path.into(), fault })
+}
+
+impl RoadNetwork {
+    /// Builds a network of the text of an OpenDRIVE file.
+    ///
+    /// # Errors
+    ///
+    /// [`RoadFault`].
+    pub fn parse(name: &str, text: &str) -> Result<Self, RoadFault> {
+        let profiles = document::profiles(text)?;
+        let (source, found) = xodr::load_str_with_provenance(text)
+            .map_err(|error| RoadFault::Format(shown(&error.to_string())))?;
+        let mut remarks = Vec::new();
+        for warning in found.warnings.iter().filter(|warning| !warning.is_ignored()) {
+            match breaks_a_road(warning) {
+                true => return Err(RoadFault::of(warning.road_id(), shown(&warning.to_string()))),
+                false => remarks.push(shown(&warning.to_string())),
+            }
+        }
+        let lanes = lanes(&source, &profiles)?;
+        let length_m = profiles.iter().map(|profile| profile.length_m).sum();
+        Ok(Self {
+            name: name.to_owned(),
+            lanes,
+            paint: paint(&source),
+            signs: source.signals().iter().map(sign).collect(),
+            props: source.objects().iter().filter_map(prop).collect(),
+            remarks,
+            length_m,
+            source,
+            profiles,
+        })
+    }
+
+    /// All lanes, of every kind.
+    #[must_use]
+    pub fn lanes(&self) -> &[Lane] {
+        &self.lanes
+    }
+
+    /// Painted stripes: four corners each, metres.
+    #[must_use]
+    pub fn paint(&self) -> &[[[f64; 3]; 4]] {
+        &self.paint
+    }
+
+    /// Traffic lights and signs.
+    #[must_use]
+    pub fn signs(&self) -> &[Sign] {
+        &self.signs
+    }
+
+    /// Objects.
+    #[must_use]
+    pub fn props(&self) -> &[Prop] {
+        &self.props
+    }
+
+    /// What the file says against the rules, and what was left out for it, without harm to a road:
+    /// a link that leads nowhere, an object without a place.
+    #[must_use]
+    pub fn remarks(&self) -> &[String] {
+        &self.remarks
+    }
+
+    /// Roads there are.
+    #[must_use]
+    pub fn roads(&self) -> usize {
+        self.profiles.len()
+    }
+
+    /// Length of all roads, metres.
+    #[must_use]
+    pub fn length_m(&self) -> f64 {
+        self.length_m
+    }
+
+    /// Smallest and largest (x, y) of all lanes, metres.
+    #[must_use]
+    pub fn bounds(&self) -> ([f64; 2], [f64; 2]) {
+        let points = self.lanes.iter().flat_map(|lane| lane.ribs.iter().flatten());
+        let start = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        points.fold(start, |(low, high), p| {
+            ([0, 1].map(|i| low[i].min(p[i])), [0, 1].map(|i| high[i].max(p[i])))
+        })
+    }
+
+    /// A place on a lane: `s` along its road, `across` to the left of the lane's middle, metres;
+    /// none beyond the lane's ends.
+    #[must_use]
+    pub fn point(&self, lane: usize, s: f64, across_m: f64) -> Option<[f64; 3]> {
+        let lane = xodr::LanePosition { lane: self.lanes.get(lane)?.key, s, offset: across_m };
+        self.source.lane_point(lane).map(place)
+    }
+
+    /// How wide a lane is at `s`, metres.
+    #[must_use]
+    pub fn width_m(&self, lane: usize, s: f64) -> Option<f64> {
+        let key = self.lanes.get(lane)?.key;
+        let along = self.source.centerline_s(xodr::LanePosition { lane: key, s, offset: 0.0 })?;
+        Some(f64::from(self.source.lane(key)?.width_at(along)))
+    }
+}
+
+/// Rounded to 2⁻¹² m: see [`crate::roads`].
+fn place(p: xodr::Point) -> [f64; 3] {
+    const STEPS: f64 = 4096.0;
+    [p.x, p.y, p.z].map(|x| (f64::from(x) * STEPS).round() / STEPS)
+}
+
+/// Whether a warning is that a road, or a part of its surface, would be missing or wrong. Others
+/// are of links, marks, signs, objects, and of pieces without length; those of its reference line
+/// are looked at before.
+fn breaks_a_road(warning: &Warning) -> bool {
+    matches!(
+        warning,
+        Warning::RoadSkipped { .. }
+            | Warning::LaneIdUnreadable { .. }
+            | Warning::LaneIdRepeated { .. }
+            | Warning::LaneOnWrongSide { .. }
+            | Warning::LaneDropped { .. }
+            | Warning::RecordDropped { .. }
+            | Warning::RecordValueUnreadable { .. }
+    )
+}
+
+fn lanes(source: &xodr::RoadNetwork, profiles: &[Profile]) -> Result<Vec<Lane>, RoadFault> {
+    let by_id: HashMap<&str, usize> =
+        profiles.iter().enumerate().map(|(k, profile)| (profile.id.as_str(), k)).collect();
+    let mesh = source.surface_mesh();
+    let mut lanes = Vec::with_capacity(mesh.lanes.len());
+    for span in &mesh.lanes {
+        let (Some(lane), Some(on)) = (source.lane(span.lane), source.road_lane(span.lane)) else {
+            continue;
+        };
+        let Some(road) = source.road(on.road) else { continue };
+        let Some(&profile) = by_id.get(road.od_id()) else { continue };
+        let corners = &mesh.vertices[span.vertices.start as usize..span.vertices.end as usize];
+        let ribs: Vec<_> =
+            corners.chunks_exact(2).map(|pair| [place(pair[0]), place(pair[1])]).collect();
+        check_reach(road.od_id(), &ribs)?;
+        lanes.push(Lane {
+            road: road.od_id().to_owned(),
+            section: on.section,
+            id: on.od_id,
+            kind: if lane.layer == Layer::Permanent { LaneKind::of(lane.kind) } else { continue },
+            in_junction: profiles[profile].in_junction,
+            ribs,
+            successors: Vec::new(),
+            span_m: profiles[profile].span(on.section),
+            key: span.lane,
+            profile,
+        });
+    }
+    link(source, &mut lanes);
+    match lanes.is_empty() {
+        true => Err(RoadFault::Format("none of its roads has a lane".into())),
+        false => Ok(lanes),
+    }
+}
+
+fn link(source: &xodr::RoadNetwork, lanes: &mut [Lane]) {
+    let index: HashMap<xodr::LaneId, usize> =
+        lanes.iter().enumerate().map(|(k, lane)| (lane.key, k)).collect();
+    for lane in lanes {
+        let next = source.successors(lane.key).filter_map(|next| index.get(&next.id).copied());
+        lane.successors = next.collect();
+    }
+}
+
+fn check_reach(road: &str, ribs: &[[[f64; 3]; 2]]) -> Result<(), RoadFault> {
+    let reach_m = ribs.iter().flatten().flatten().fold(0.0, |most: f64, x| most.max(x.abs()));
+    match reach_m <= MOST_REACH_M {
+        true => Ok(()),
+        false => Err(RoadFault::TooFar { road: shown(road), reach_m, most_m: MOST_REACH_M }),
+    }
+}
+
+fn paint(source: &xodr::RoadNetwork) -> Vec<[[f64; 3]; 4]> {
+    let lines = source.road_marks().iter().flat_map(|mark| &mark.lines);
+    lines.flat_map(|line| line.pieces.iter().map(|piece| piece.map(place))).collect()
+}
+
+fn sign(signal: &xodr::Signal) -> Sign {
+    let [x, y, _] = place(signal.position);
+    // The plate may hang high or, in CARLA's files, below the road: its foot is on the surface.
+    let surface = signal.applies_at.first().map_or(signal.position.z, |p| p.z);
+    Sign {
+        kind: if signal.dynamic { SignKind::TrafficLight } else { SignKind::Plate },
+        foot: [x, y, f64::from(surface)],
+        facing_rad: f64::from(signal.heading),
+    }
+}
+
+fn prop(object: &xodr::Object) -> Option<Prop> {
+    let name = if object.name.is_empty() { object.kind.as_str() } else { &object.name };
+    let (outline, height_m) = match &object.shape {
+        Shape::Outline { corners, closed: true, .. } => {
+            let rise = |corner: &xodr::Corner| f64::from(corner.top.z - corner.base.z);
+            let height_m = corners.iter().map(rise).fold(0.0, f64::max);
+            (corners.iter().map(|corner| place(corner.base)).collect(), height_m)
+        }
+        Shape::Solid { position, heading, extent: Some(extent), .. } => {
+            (foot(place(*position), f64::from(*heading), extent)?, height(extent)?)
+        }
+        _ => return None,
+    };
+    let outline: Vec<[f64; 3]> = outline;
+    (outline.len() >= 3).then(|| Prop { name: shown(name), outline, height_m })
+}
+
+fn height(extent: &xodr::Extent) -> Option<f64> {
+    match extent {
+        xodr::Extent::Box { height, .. } | xodr::Extent::Cylinder { height, .. } => {
+            Some(f64::from(*height))
+        }
+        _ => None,
+    }
+}
+
+fn foot([x, y, z]: [f64; 3], heading: f64, extent: &xodr::Extent) -> Option<Vec<[f64; 3]>> {
+    let [along, across] = match extent {
+        xodr::Extent::Box { length, width, .. } => [*length, *width],
+        xodr::Extent::Cylinder { radius, .. } => [2.0 * radius; 2],
+        _ => return None,
+    }
+    .map(|size| 0.5 * f64::from(size));
+    let (cos, sin) = (libm::cos(heading), libm::sin(heading));
+    let corner = |u: f64, v: f64| [x + cos * u - sin * v, y + sin * u + cos * v, z];
+    Some(vec![
+        corner(-along, -across),
+        corner(along, -across),
+        corner(along, across),
+        corner(-along, across),
+    ])
+}

@@ -1,0 +1,203 @@
+//! What a road's own records say at a distance s along its reference line: heading, rise, and how
+//! the middle of a lane drifts across.
+//!
+//! Equations and names are of ASAM OpenDRIVE 1.8, chapters 9 (geometry), 10 (elevation) and 11
+//! (lanes).
+
+use std::collections::BTreeMap;
+
+/// `a + b·x + c·x² + d·x³` from `s` on, x = distance from there.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Cubic {
+    pub(super) s: f64,
+    pub(super) b: f64,
+    pub(super) c: f64,
+    pub(super) d: f64,
+}
+
+impl Cubic {
+    fn slope(&self, s: f64) -> f64 {
+        let x = s - self.s;
+        self.b + x * (2.0 * self.c + x * 3.0 * self.d)
+    }
+}
+
+/// The slope at `s` of the last record that begins there or before.
+fn slope_at(records: &[Cubic], s: f64) -> f64 {
+    let last = records.iter().rev().find(|record| record.s <= s + 1e-9);
+    last.or(records.first()).map_or(0.0, |record| record.slope(s))
+}
+
+/// The shape of a piece of the reference line.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Curve {
+    /// Straight.
+    Line,
+    /// Curvature at its ends, 1/m: equal for an arc, linear between for a spiral.
+    Spiral([f64; 2]),
+    /// v(u) = a + b·u + c·u² + d·u³; b, c, d.
+    Poly3([f64; 3]),
+    /// u(p) and v(p): b, c, d of each; p runs to `most`.
+    ParamPoly3 { u: [f64; 3], v: [f64; 3], most: f64 },
+}
+
+/// A piece of the reference line.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Geometry {
+    pub(super) s: f64,
+    pub(super) heading_rad: f64,
+    pub(super) length_m: f64,
+    pub(super) curve: Curve,
+}
+
+fn slope_of([b, c, d]: [f64; 3], x: f64) -> f64 {
+    b + x * (2.0 * c + x * 3.0 * d)
+}
+
+impl Geometry {
+    /// How far it turns in all, radians, at most.
+    pub(super) fn turn_rad(&self) -> f64 {
+        match self.curve {
+            Curve::Line => 0.0,
+            Curve::Spiral([from, to]) => from.abs().max(to.abs()) * self.length_m,
+            // The tangent of a cubic goes round once at most.
+            Curve::Poly3(_) | Curve::ParamPoly3 { .. } => std::f64::consts::TAU,
+        }
+    }
+
+    fn heading(&self, s: f64) -> f64 {
+        let along = (s - self.s).clamp(0.0, self.length_m);
+        self.heading_rad
+            + match self.curve {
+                Curve::Line => 0.0,
+                Curve::Spiral([from, to]) => {
+                    along * (from + 0.5 * (to - from) * along / self.length_m)
+                }
+                Curve::Poly3(v) => libm::atan(slope_of(v, reach_of(v, along))),
+                Curve::ParamPoly3 { u, v, most } => {
+                    let p = most * along / self.length_m;
+                    libm::atan2(slope_of(v, p), slope_of(u, p))
+                }
+            }
+    }
+}
+
+/// The u at which the curve v(u) is `along` metres long.
+fn reach_of(v: [f64; 3], along: f64) -> f64 {
+    const STEPS: usize = 64;
+    let step = along / STEPS as f64;
+    (0..STEPS).fold(0.0, |u, _| {
+        // Midpoint rule: a step along the curve is shorter in u.
+        let rate = |u: f64| 1.0 / (1.0 + slope_of(v, u) * slope_of(v, u)).sqrt();
+        u + step * rate(u + 0.5 * step * rate(u))
+    })
+}
+
+/// Widths of the lanes of a lane section, which begins at `s`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Section {
+    pub(super) s: f64,
+    /// By the lane's id.
+    pub(super) widths: BTreeMap<i32, Vec<Cubic>>,
+}
+
+/// The records of one road.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Profile {
+    pub(super) id: String,
+    pub(super) length_m: f64,
+    pub(super) in_junction: bool,
+    /// Each list by rising s.
+    pub(super) geometries: Vec<Geometry>,
+    pub(super) elevations: Vec<Cubic>,
+    pub(super) lane_offsets: Vec<Cubic>,
+    pub(super) sections: Vec<Section>,
+}
+
+impl Profile {
+    /// Heading of the reference line, radians counter-clockwise from x.
+    pub(super) fn heading(&self, s: f64) -> f64 {
+        let last = self.geometries.iter().rev().find(|piece| piece.s <= s + 1e-9);
+        last.or(self.geometries.first()).map_or(0.0, |piece| piece.heading(s))
+    }
+
+    /// Rise of the reference line, metres a metre.
+    pub(super) fn rise(&self, s: f64) -> f64 {
+        slope_at(&self.elevations, s)
+    }
+
+    /// First and last s of a section.
+    pub(super) fn span(&self, section: usize) -> [f64; 2] {
+        let start = |k: usize| self.sections.get(k).map(|section| section.s);
+        [start(section).unwrap_or(0.0), start(section + 1).unwrap_or(self.length_m)]
+    }
+
+    /// The section at `s`.
+    pub(super) fn section_at(&self, s: f64) -> usize {
+        self.sections.iter().rposition(|section| section.s <= s + 1e-9).unwrap_or(0)
+    }
+
+    /// How a lane's heading differs from its reference line's, radians: the slope of its middle's
+    /// offset, taken as the angle.
+    ///
+    /// ```text
+    /// right lane   O′ − (w₋₁′ + … + ½ w′)        O: lane offset, w: widths from the middle out
+    /// left lane    (w₁′ + … + ½ w′) − O′
+    /// ```
+    ///
+    /// That of a left lane should have + O′. This is CARLA's convention (`Map::ComputeTransform`),
+    /// whose waypoints ours are compared with.
+    pub(super) fn drift(&self, section: usize, lane: i32, s: f64) -> f64 {
+        let widths = |id: i32| {
+            let section = self.sections.get(section)?;
+            let begun = s - section.s;
+            section.widths.get(&id).map(|records| slope_at(records, begun))
+        };
+        let side = lane.signum();
+        let inner: f64 = (1..lane.abs()).filter_map(|k| widths(side * k)).sum();
+        let across = inner + 0.5 * widths(lane).unwrap_or(0.0);
+        let offset = slope_at(&self.lane_offsets, s);
+        if side < 0 { offset - across } else { across - offset }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn piece(curve: Curve) -> Geometry {
+        Geometry { s: 10.0, heading_rad: 0.5, length_m: 20.0, curve }
+    }
+
+    #[test]
+    fn an_arc_turns_by_its_curvature_and_a_spiral_by_its_mean() {
+        assert!((piece(Curve::Spiral([0.02; 2])).heading(25.0) - 0.8).abs() < 1e-12);
+        assert!((piece(Curve::Spiral([0.0, 0.04])).heading(30.0) - 0.9).abs() < 1e-12);
+        assert_eq!(piece(Curve::Line).heading(17.0), 0.5);
+    }
+
+    #[test]
+    fn cubic_curves_head_along_their_tangent() {
+        // v = u: everywhere 45 degrees, and 20 m along it u is 20 / √2.
+        let diagonal = piece(Curve::Poly3([1.0, 0.0, 0.0]));
+        let quarter = std::f64::consts::FRAC_PI_4;
+        assert!((diagonal.heading(30.0) - 0.5 - quarter).abs() < 1e-12);
+        // v = u² / 2: the slope is u, and 20 m of curve reach less than 20 m.
+        let reach = reach_of([0.0, 0.5, 0.0], 20.0);
+        let length = 0.5 * (reach * (1.0 + reach * reach).sqrt() + libm::asinh(reach));
+        assert!((length - 20.0).abs() < 0.02, "{length}");
+        let param = Curve::ParamPoly3 { u: [20.0, 0.0, 0.0], v: [0.0, 10.0, 0.0], most: 1.0 };
+        assert!((piece(param).heading(30.0) - 0.5 - quarter).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_lane_drifts_by_what_widens_inside_it() {
+        let wide = |b: f64| vec![Cubic { b, ..Cubic::default() }];
+        let widths = BTreeMap::from([(-1, wide(0.01)), (-2, wide(0.02)), (1, wide(0.03))]);
+        let lane_offsets = wide(0.1);
+        let sections = vec![Section { s: 0.0, widths }];
+        let profile = Profile { lane_offsets, sections, ..Profile::default() };
+        assert!((profile.drift(0, -2, 5.0) - (0.1 - 0.01 - 0.01)).abs() < 1e-12);
+        assert!((profile.drift(0, 1, 5.0) - (0.015 - 0.1)).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,254 @@
+use std::path::Path;
+
+use super::*;
+
+/// A straight road of 40 m along x with a lane on each side.
+fn straight() -> String {
+    road_of(r#"<geometry s="0" x="0" y="0" hdg="0" length="40"><line/></geometry>"#)
+}
+
+fn road_of(plan: &str) -> String {
+    let lane = |id: i32, kind: &str, wide: &str| {
+        format!(r#"<lane id="{id}" type="{kind}"><width sOffset="0" a="{wide}" b="0"/></lane>"#)
+    };
+    let (left, right) = (lane(1, "driving", "3"), lane(-1, "driving", "3.5"));
+    let walk = lane(-2, "sidewalk", "2");
+    format!(
+        r#"<OpenDRIVE><header revMajor="1" revMinor="4"/>
+<road name="" length="40" id="7" junction="-1">
+<planView>{plan}</planView>
+<lanes><laneSection s="0"><left>{left}</left>
+<center><lane id="0" type="none"/></center>
+<right>{right}{walk}</right></laneSection></lanes></road></OpenDRIVE>"#
+    )
+}
+
+fn lanes(count: usize) -> String {
+    (10..10 + count).map(|id| format!(r#"<lane id="{id}" type="driving"/>"#)).collect()
+}
+
+fn parse(text: &str) -> Result<RoadNetwork, String> {
+    parse_network(Path::new("some/town.xodr"), text.as_bytes()).map_err(|error| error.to_string())
+}
+
+#[test]
+fn a_straight_road_has_lanes_on_both_sides() {
+    let network = parse(&straight()).expect("a network");
+    assert_eq!((network.name.as_str(), network.roads()), ("town", 1));
+    let kinds: Vec<(i32, LaneKind)> = network.lanes().iter().map(|l| (l.id, l.kind)).collect();
+    assert!(kinds.contains(&(-2, LaneKind::Sidewalk)) && kinds.len() == 3, "{kinds:?}");
+    assert_eq!(network.bounds(), ([0.0, -5.5], [40.0, 3.0]));
+    let waypoints = network.waypoints(15.0);
+    assert_eq!(waypoints.len(), 6);
+    for at in waypoints {
+        let lane = &network.lanes()[at.lane];
+        let (y, heading) = if lane.id > 0 { (1.5, std::f64::consts::PI) } else { (-1.75, 0.0) };
+        assert!((at.at[1] - y).abs() < 1e-3 && (at.heading_rad - heading).abs() < 1e-9, "{at:?}");
+        assert!((at.at[0] - at.s_m).abs() < 1e-3 && (at.width_m - 2.0 * y.abs()).abs() < 1e-3);
+    }
+}
+
+#[test]
+fn a_piece_without_length_is_passed_over() {
+    let pieces = r#"<geometry s="0" x="0" y="0" hdg="0" length="40"><line/></geometry>
+<geometry s="40" x="40" y="0" hdg="1" length="0"><line/></geometry>"#;
+    let network = parse(&road_of(pieces)).expect("a network");
+    assert_eq!(network.remarks().len(), 1, "{:?}", network.remarks());
+    assert!(network.waypoints(39.9).iter().all(|at| libm::sin(at.heading_rad).abs() < 1e-9));
+}
+
+#[test]
+fn an_arc_is_followed() {
+    let plan =
+        r#"<geometry s="0" x="0" y="0" hdg="0" length="40"><arc curvature="0.02"/></geometry>"#;
+    let network = parse(&road_of(plan)).expect("a network");
+    for at in network.waypoints(7.0).iter().filter(|at| network.lanes()[at.lane].id == -1) {
+        // The right lane's middle is 1.75 m outside a circle of 50 m round (0, 50).
+        let [x, y, _] = at.at;
+        let radius = (x * x + (y - 50.0) * (y - 50.0)).sqrt();
+        assert!((radius - 51.75).abs() < 1e-3, "{at:?}");
+        assert!((at.heading_rad - 0.02 * at.s_m).abs() < 1e-9, "{at:?}");
+    }
+}
+
+#[test]
+fn what_is_broken_is_refused_by_name() {
+    let line = r#"<geometry s="0" x="0" y="0" hdg="0" length="40"><line/></geometry>"#;
+    let far = line.replace(r#"x="0""#, r#"x="7e6""#);
+    let cases = [
+        ("hello".to_owned(), "it is no XML"),
+        ("<a/>".to_owned(), "its root is <a>, expected <OpenDRIVE>"),
+        ("<OpenDRIVE/>".to_owned(), "it has no road"),
+        ("<a>".repeat(500), "its elements are nested more than 64 deep"),
+        (road_of(""), "road 7: its <planView> has no <geometry>"),
+        (
+            straight().replace("<width sOffset=\"0\" a=\"3\" b=\"0\"/>", ""),
+            "road 7: road \"7\", lane section 0: lane 1",
+        ),
+        (
+            road_of(&line.replace("hdg=\"0\"", "hdg=\"NaN\"")),
+            "road 7: <geometry> has hdg=\"NaN\", expected a finite number",
+        ),
+        (road_of(&line.replace("hdg=\"0\"", "")), "road 7: <geometry> has no hdg"),
+        (
+            road_of(&line.replace("length=\"40\"", "length=\"-1\"")),
+            "road 7: <geometry> at s = 0 has a length of -1 m",
+        ),
+        (
+            road_of(&line.replace("<line/>", "<clothoid/>")),
+            "road 7: a <geometry> has the shape <clothoid>",
+        ),
+        (road_of(&far), "road 7 reaches 7000040 m from the origin, more than 5000 m"),
+        (
+            straight().replace("length=\"40\" id", "length=\"5e5\" id"),
+            "it has 500 km of road, more than 150 km",
+        ),
+        (
+            straight()
+                .replace("length=\"40\"", "length=\"1e5\"")
+                .replace("<line/>", "<arc curvature=\"1\"/>"),
+            "road 7: it goes round 15915 times, more than 100",
+        ),
+        (
+            straight()
+                .replace("length=\"40\"", "length=\"5e4\"")
+                .replace("<center>", &format!("<center>{}", lanes(400))),
+            "it has 20200 km of lanes, more than 1500 km",
+        ),
+        (
+            straight().replace("length=\"40\" id", "length=\"inf\" id"),
+            "road 7: <road> has length=\"inf\"",
+        ),
+        (straight().replace("a=\"3\"", "a=\"3x\""), "road 7: <width> has a=\"3x\""),
+        (
+            straight().replace("id=\"-2\"", "id=\"-1\""),
+            "road 7: the section at s = 0 has lane -1 twice",
+        ),
+        (
+            straight().replace("<lanes>", "<lanes><include file=\"/etc/passwd\"/>"),
+            "line 4 includes \"/etc/passwd\", and no other file is read",
+        ),
+        (
+            straight().replace(
+                "<header revMajor=\"1\" revMinor=\"4\"/>",
+                "<road id=\"7\" length=\"1\"/>",
+            ),
+            "road 7: it has no <planView>",
+        ),
+    ];
+    for (text, expected) in cases {
+        let said = parse(&text).expect_err(expected);
+        let start = format!("some/town.xodr is no OpenDRIVE road network: {expected}");
+        assert!(said.starts_with(&start), "{said}\n{start}");
+    }
+}
+
+#[test]
+fn no_prefix_and_no_flipped_byte_of_a_network_panics() {
+    let text = straight();
+    for k in 0..text.len() {
+        let _ = RoadNetwork::parse("cut", &text[..k]);
+        let mut bytes = text.clone().into_bytes();
+        for flip in [0x01, 0x10, 0x40] {
+            bytes[k] ^= flip;
+            let _ = parse_network(Path::new("bad.xodr"), &bytes);
+            bytes[k] ^= flip;
+        }
+    }
+}
+
+const TOWNS: [&str; 3] = ["Town01", "Town07", "Town10HD"];
+
+fn carla(what: &str) -> Option<std::path::PathBuf> {
+    echoloop_needs::data_folder(what).map(|folder| folder.join("carla_xodr"))
+}
+
+/// A row of the oracle: road, section, lane; then s, x, y, z, pitch, yaw, roll, width.
+type Row = ((String, usize, i32), Vec<f64>);
+
+fn rows(text: &str) -> Vec<Row> {
+    let rows = text.lines().skip(1).map(|line| {
+        let cells: Vec<&str> = line.split(',').collect();
+        let number = |k: usize| cells[k].parse::<f64>().expect("a number");
+        let key = (cells[0].to_owned(), number(1) as usize, number(2) as i32);
+        (key, (3..11).map(number).collect())
+    });
+    rows.collect()
+}
+
+/// Degrees between two angles.
+fn apart_deg(a: f64, b: f64) -> f64 {
+    let turn = (a - b).rem_euclid(360.0);
+    turn.min(360.0 - turn)
+}
+
+#[test]
+fn waypoints_of_carlas_towns_lie_where_carla_has_them() {
+    let Some(folder) = carla("CARLA's waypoints") else { return };
+    for town in TOWNS {
+        let network = load_network(&folder.join(format!("{town}.xodr"))).expect(town);
+        let file = folder.join(format!("oracle_{town}_waypoints10m.csv"));
+        let oracle = rows(&std::fs::read_to_string(file).expect("an oracle"));
+        let ours = network.waypoints(10.0);
+        assert_eq!(ours.len(), oracle.len(), "{town}");
+        let key = |at: &Waypoint| {
+            let lane = &network.lanes()[at.lane];
+            (lane.road.clone(), lane.section, lane.id, (at.s_m * 1e3).round() as i64)
+        };
+        let ours: std::collections::HashMap<_, _> = ours.iter().map(|at| (key(at), at)).collect();
+        let mut worst = [0.0_f64; 4];
+        for ((road, section, lane), row) in oracle {
+            let key = (road, section, lane, (row[0] * 1e3).round() as i64);
+            let at = ours.get(&key).unwrap_or_else(|| panic!("{town} lacks {key:?}"));
+            let carlas = [row[1], -row[2], row[3]];
+            let away = (0..3).map(|i| (at.at[i] - carlas[i]).powi(2)).sum::<f64>().sqrt();
+            let yaw = apart_deg(-at.heading_rad.to_degrees(), row[5]);
+            let pitch = apart_deg(at.rise.to_degrees(), row[4]);
+            let wide = (at.width_m - row[7]).abs();
+            for (worst, new) in worst.iter_mut().zip([away, yaw, pitch, wide]) {
+                *worst = worst.max(new);
+            }
+        }
+        eprintln!("{town}: {} roads, worst m, deg, deg, m: {worst:?}", network.roads());
+        assert!(worst[0] < 0.01 && worst[1] < 0.02 && worst[2] < 0.02 && worst[3] < 0.02, "{town}");
+    }
+}
+
+#[test]
+fn lanes_of_carlas_towns_lead_where_carla_has_them_lead() {
+    let Some(folder) = carla("CARLA's topology") else { return };
+    for town in TOWNS {
+        let network = load_network(&folder.join(format!("{town}.xodr"))).expect(town);
+        let text = std::fs::read_to_string(folder.join(format!("oracle_{town}_topology.json")))
+            .expect("an oracle");
+        let mut theirs = segments(&text);
+        let ours = network.topology();
+        assert_eq!(ours.len(), theirs.len(), "{town}");
+        let mut worst: f64 = 0.0;
+        for pair in ours {
+            let ends = pair.map(|at| [at.at[0], -at.at[1], at.at[2]]);
+            let gap = |their: &[[f64; 3]; 2]| {
+                let square =
+                    |k: usize| (0..3).map(|i| (ends[k][i] - their[k][i]).powi(2)).sum::<f64>();
+                square(0).max(square(1)).sqrt()
+            };
+            let nearest =
+                (0..theirs.len()).min_by(|a, b| gap(&theirs[*a]).total_cmp(&gap(&theirs[*b])));
+            let pair = theirs.swap_remove(nearest.expect("as many"));
+            worst = worst.max(gap(&pair));
+        }
+        eprintln!("{town}: worst end {worst} m");
+        assert!(worst < 0.01, "{town}: {worst}");
+    }
+}
+
+/// The numbers below "topology", six a segment.
+fn segments(json: &str) -> Vec<[[f64; 3]; 2]> {
+    let (_, list) = json.split_once("\"topology\":").expect("a topology");
+    let numbers: Vec<f64> = list
+        .split(|c: char| !(c.is_ascii_digit() || "+-.e".contains(c)))
+        .filter_map(|word| word.parse().ok())
+        .collect();
+    let point = |c: &[f64]| [c[0], c[1], c[2]];
+    numbers.chunks_exact(6).map(|c| [point(&c[..3]), point(&c[3..])]).collect()
+}

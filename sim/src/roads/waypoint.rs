@@ -1,0 +1,89 @@
+//! Places on driving lanes, and which lane leads into which, as CARLA's map has them.
+
+use std::f64::consts::{PI, TAU};
+
+use super::network::{Lane, LaneKind, RoadNetwork};
+
+/// So near to an end of a lane as its first place is, metres: not on the end, which is the next
+/// lane's.
+const INSET_M: f64 = 1e-9;
+
+/// A place in the middle of a driving lane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Waypoint {
+    /// Index into [`RoadNetwork::lanes`].
+    pub lane: usize,
+    /// Along the road's reference line, metres.
+    pub s_m: f64,
+    /// Metres, right-handed.
+    pub at: [f64; 3],
+    /// The way traffic goes, radians counter-clockwise from x, from 0 to 2π.
+    pub heading_rad: f64,
+    /// Rise on that way, metres a metre.
+    pub rise: f64,
+    /// Of the lane, metres.
+    pub width_m: f64,
+}
+
+impl RoadNetwork {
+    /// The middle of every driving lane, every `step_m` metres of its road's reference line from
+    /// the road's beginning: CARLA's `generate_waypoints`.
+    #[must_use]
+    pub fn waypoints(&self, step_m: f64) -> Vec<Waypoint> {
+        let indices = 0..self.lanes().len();
+        let driven = indices.filter(|&k| self.lanes()[k].kind == LaneKind::Driving);
+        driven.flat_map(|k| self.along(k, step_m)).collect()
+    }
+
+    fn along(&self, index: usize, step_m: f64) -> Vec<Waypoint> {
+        let lane = &self.lanes()[index];
+        let profile = &self.profiles[lane.profile];
+        let steps = (profile.length_m / step_m.max(0.01)).ceil() as usize;
+        let places = (0..steps).map(|k| k as f64 * step_m + INSET_M);
+        places
+            .filter(|s| *s < profile.length_m && profile.section_at(*s) == lane.section)
+            .filter_map(|s| self.waypoint(index, s))
+            .collect()
+    }
+
+    /// The middle of a lane at `s`; none beyond its ends.
+    #[must_use]
+    pub fn waypoint(&self, index: usize, s: f64) -> Option<Waypoint> {
+        let lane = self.lanes().get(index)?;
+        let profile = &self.profiles[lane.profile];
+        let along = profile.heading(s) + profile.drift(lane.section, lane.id, s);
+        let (turned, sign) = if lane.id > 0 { (along + PI, -1.0) } else { (along, 1.0) };
+        Some(Waypoint {
+            lane: index,
+            s_m: s,
+            at: self.point(index, s, 0.0)?,
+            heading_rad: turned.rem_euclid(TAU),
+            rise: sign * profile.rise(s),
+            width_m: self.width_m(index, s)?,
+        })
+    }
+
+    /// Where traffic enters a lane.
+    #[must_use]
+    pub fn entry(&self, index: usize) -> Option<Waypoint> {
+        let lane = self.lanes().get(index)?;
+        self.waypoint(index, entry_s(lane))
+    }
+
+    /// The entries of every driving lane and of each lane that it leads into, in pairs: CARLA's
+    /// `get_topology`.
+    #[must_use]
+    pub fn topology(&self) -> Vec<[Waypoint; 2]> {
+        let lanes = self.lanes().iter().enumerate();
+        let driven = lanes.filter(|(_, lane)| lane.kind == LaneKind::Driving);
+        let pairs =
+            driven.flat_map(|(from, lane)| lane.successors.iter().map(move |to| (from, *to)));
+        pairs.filter_map(|(from, to)| Some([self.entry(from)?, self.entry(to)?])).collect()
+    }
+}
+
+/// Right lanes are entered at their road's beginning.
+fn entry_s(lane: &Lane) -> f64 {
+    let [first, last] = lane.span_m;
+    if lane.id < 0 { first + INSET_M.min(last - first) } else { (last - INSET_M).max(first) }
+}
