@@ -5,6 +5,7 @@
 //! |---|---|---|
 //! | [`obj`] | a mesh; after a zero byte its material library | it can be scanned |
 //! | [`mesh_ply`] | a mesh | it can be scanned |
+//! | [`roads`] | a road network | lanes of finite points, waypoints on each that is driven |
 //! | [`cloud_ply`], [`pcd`], [`vtk`], [`kitti`], [`xyz`] | a cloud | echoes, fewer than bytes |
 //! | [`rows`] | waveforms or a response, CSV or NumPy | finite, no more than bytes |
 //! | [`pose`] | a motion | a rotation |
@@ -22,15 +23,19 @@ use echoloop_host::waveforms::{Response, parse_waveforms};
 use echoloop_registration::cloud::{CloudFormat, parse_cloud, parse_recorded};
 use echoloop_registration::pose::parse_pose;
 use echoloop_sim::import::{Ground, ImportOptions, library_surfaces, parse_scene};
+use echoloop_sim::roads::{Waypoint, parse_network};
 use echoloop_sim::scene::MATERIALS;
 
 /// A reader: its name, which is that of its fuzz target and its corpus, and what it makes of bytes.
 pub type Reader = (&'static str, fn(&[u8]) -> bool);
 
 /// Every reader.
-pub const READERS: [Reader; 11] = [
+pub const READERS: [Reader; 14] = [
     ("obj", obj),
+    ("gltf", gltf),
+    ("stl", stl),
     ("mesh_ply", mesh_ply),
+    ("roads", roads),
     ("cloud_ply", cloud_ply),
     ("pcd", pcd),
     ("vtk", vtk),
@@ -56,12 +61,27 @@ fn told<T>(read: Result<T, impl Display>) -> Option<T> {
     }
 }
 
-fn mesh(name: &str, bytes: &[u8]) -> bool {
+/// A mesh of so many triangles at most.
+fn mesh_within(name: &str, bytes: &[u8], most: usize) -> bool {
     let options = ImportOptions { ground: Ground::None, ..ImportOptions::default() };
     let Some(scene) = told(parse_scene(Path::new(name), bytes, &options)) else { return false };
     assert_eq!(scene.mesh.check(MATERIALS.len(), options.max_reach_m), Ok(()));
-    assert!(scene.mesh.triangles.len() <= bytes.len(), "{} bytes", bytes.len());
+    assert!(scene.mesh.triangles.len() <= most, "{} bytes", bytes.len());
     true
+}
+
+fn mesh(name: &str, bytes: &[u8]) -> bool {
+    mesh_within(name, bytes, bytes.len())
+}
+
+/// A mesh, as text or as chunks; nodes may show it more than once.
+pub fn gltf(bytes: &[u8]) -> bool {
+    mesh_within("any.gltf", bytes, bytes.len() + (1 << 21))
+}
+
+/// A mesh, as text or as records.
+pub fn stl(bytes: &[u8]) -> bool {
+    mesh("any.stl", bytes)
 }
 
 /// A mesh, and what follows its first zero byte as a library that nobody named.
@@ -78,6 +98,23 @@ pub fn obj(bytes: &[u8]) -> bool {
 /// A mesh.
 pub fn mesh_ply(bytes: &[u8]) -> bool {
     mesh("any.ply", bytes)
+}
+
+/// A road network.
+pub fn roads(bytes: &[u8]) -> bool {
+    let Some(network) = told(parse_network(Path::new("any.xodr"), bytes)) else { return false };
+    assert!(!network.lanes().is_empty());
+    for lane in network.lanes() {
+        assert!(
+            lane.ribs.len() > 1
+                && lane.ribs.as_flattened().as_flattened().iter().all(|x| x.is_finite())
+        );
+        assert!(lane.successors.iter().all(|next| *next < network.lanes().len()));
+    }
+    let finite = |at: &Waypoint| at.at.iter().all(|x| x.is_finite()) && at.heading_rad.is_finite();
+    assert!(network.waypoints(100.0).iter().all(finite));
+    assert!(network.topology().as_flattened().iter().all(finite));
+    true
 }
 
 fn cloud(name: &str, bytes: &[u8], most: usize) -> bool {
