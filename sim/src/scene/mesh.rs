@@ -157,3 +157,14 @@ impl Mesh {
         Ok(())
     }
 }
+
+/// FNV-1a over every vertex, corner and surface.
+#[cfg(test)]
+pub(crate) fn fingerprint(mesh: &Mesh) -> u64 {
+    let vertices = mesh.vertices.iter().flatten().map(|v| v.to_bits());
+    let rest = mesh.triangles.iter().flatten().copied();
+    let words = vertices.chain(rest).chain(mesh.materials.iter().map(|&m| u32::from(m)));
+    words.fold(0xcbf2_9ce4_8422_2325, |hash, word| {
+        (hash ^ u64::from(word)).wrapping_mul(0x0100_0000_01b3)
+    })
+}

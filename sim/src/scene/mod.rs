@@ -1,10 +1,13 @@
 //! Places to scan: made from a seed, or imported.
 
+mod landscape;
 mod material;
 mod mesh;
+mod nine;
 mod parts;
 mod semi_structured;
 mod structured;
+mod town;
 mod unstructured;
 pub(crate) mod value_noise;
 
@@ -15,6 +18,7 @@ use thiserror::Error;
 
 pub use material::{MATERIALS, Material, Surface};
 pub use mesh::{Mesh, MeshFault};
+pub use nine::{Town, TownError, UnknownTown, build_town, load_town};
 
 /// Something to scan, and where to stand in it.
 #[derive(Clone, Debug, PartialEq)]
@@ -93,6 +97,7 @@ pub fn generate(kind: SceneKind, seed: u64) -> Scene {
 
 #[cfg(test)]
 mod tests {
+    use super::mesh::fingerprint;
     use super::*;
 
     #[test]
@@ -122,16 +127,6 @@ mod tests {
             assert_eq!(generate(kind, 5), generate(kind, 5));
             assert_ne!(generate(kind, 5).mesh, generate(kind, 6).mesh);
         }
-    }
-
-    /// FNV-1a over every vertex, corner and surface.
-    fn fingerprint(mesh: &Mesh) -> u64 {
-        let vertices = mesh.vertices.iter().flatten().map(|v| v.to_bits());
-        let rest = mesh.triangles.iter().flatten().copied();
-        let words = vertices.chain(rest).chain(mesh.materials.iter().map(|&m| u32::from(m)));
-        words.fold(0xcbf2_9ce4_8422_2325, |hash, word| {
-            (hash ^ u64::from(word)).wrapping_mul(0x0100_0000_01b3)
-        })
     }
 
     #[test]

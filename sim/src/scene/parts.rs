@@ -1,6 +1,8 @@
 //! Shapes that places are put together from.
 
 pub(crate) mod building;
+pub(crate) mod dwelling;
+pub(crate) mod grove;
 pub(crate) mod house;
 pub(crate) mod plants;
 mod roof;
@@ -87,6 +89,11 @@ pub(crate) struct Builder {
 impl Builder {
     pub(crate) fn finish(self) -> Mesh {
         self.mesh
+    }
+
+    /// Triangles so far.
+    pub(crate) fn triangles(&self) -> usize {
+        self.mesh.triangles.len()
     }
 
     fn vertex(&mut self, p: Point) -> u32 {

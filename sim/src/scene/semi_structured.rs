@@ -4,8 +4,8 @@ use std::f64::consts::PI;
 
 use super::material::Surface;
 use super::mesh::Mesh;
-use super::parts::house::{House, Roof};
-use super::parts::plants::{Broadleaf, bush, conifer, hedge, tuft};
+use super::parts::dwelling::{cottage, garage, garden_tree};
+use super::parts::plants::{bush, hedge, tuft};
 use super::parts::street::{bench, lamp, pickets, sign};
 use super::parts::terrain::{ground, rock};
 use super::parts::vehicle::car;
@@ -241,48 +241,5 @@ impl Suburb {
                 tuft(b, self.point(x, y), rng.range(0.08, 0.25), 4, rng);
             }
         }
-    }
-}
-
-fn garden_tree(b: &mut Builder, foot: Point, rng: &mut Generator) {
-    if rng.chance(0.25) {
-        return conifer(b, foot, rng.range(4.0, 8.0), rng);
-    }
-    let height_m = rng.range(4.0, 8.0);
-    let leaves = 360 + (48.0 * height_m) as usize;
-    Broadleaf { height_m, clear_m: rng.range(1.0, 1.8), spread_m: 0.35 * height_m, leaves }
-        .build(b, foot, rng);
-}
-
-fn cottage(plot_width: f64, rng: &mut Generator) -> House {
-    let pitch = rng.range(0.55, 1.0);
-    House {
-        width_m: rng.range(8.5, plot_width - 8.0),
-        depth_m: rng.range(7.0, 9.5),
-        floors: 1 + rng.index(2),
-        floor_m: rng.range(2.6, 2.9),
-        bay_m: rng.range(2.4, 3.4),
-        roof: if rng.chance(0.7) { Roof::Gable(pitch) } else { Roof::Hip(0.8 * pitch) },
-        wall: rng.pick(&[Surface::Plaster, Surface::Brick, Surface::Plaster, Surface::Wood]),
-        roof_surface: rng.pick(&[Surface::RoofTile, Surface::DarkTile]),
-        open: [true; 4],
-        balconies: false,
-        shop: false,
-    }
-}
-
-fn garage(rng: &mut Generator) -> House {
-    House {
-        width_m: 3.6,
-        depth_m: 5.5,
-        floors: 1,
-        floor_m: 2.5,
-        bay_m: 3.6,
-        roof: if rng.chance(0.5) { Roof::Flat } else { Roof::Gable(0.5) },
-        wall: Surface::Concrete,
-        roof_surface: Surface::RoofTile,
-        open: [true, false, false, false],
-        balconies: false,
-        shop: false,
     }
 }

@@ -2,9 +2,10 @@
 
 use super::material::Surface;
 use super::mesh::Mesh;
-use super::parts::plants::{Broadleaf, bush, conifer, tuft};
+use super::parts::grove::{fallen_trunk, stump, wild_tree};
+use super::parts::plants::{bush, tuft};
 use super::parts::terrain::{ground, rock};
-use super::parts::{Builder, Point, add, unit};
+use super::parts::{Builder, Point, add};
 use super::value_noise::Noise;
 use echoloop_random::Generator;
 
@@ -79,22 +80,8 @@ impl Country {
                 continue;
             }
             feet.push(p);
-            self.tree(b, self.point(p[0], p[1]), rng);
+            wild_tree(b, self.point(p[0], p[1]), [5.0, 13.0], self.conifers, rng);
         }
-    }
-
-    fn tree(&self, b: &mut Builder, foot: Point, rng: &mut Generator) {
-        let height_m = rng.range(5.0, 13.0);
-        if rng.chance(self.conifers) {
-            return conifer(b, foot, height_m, rng);
-        }
-        let tree = Broadleaf {
-            height_m,
-            clear_m: rng.range(0.15, 0.35) * height_m,
-            spread_m: rng.range(0.28, 0.4) * height_m,
-            leaves: 420 + (55.0 * height_m) as usize,
-        };
-        tree.build(b, foot, rng);
     }
 
     /// Stumps and trunks that lie on the ground.
@@ -103,33 +90,14 @@ impl Country {
             let foot = self.point(rng.spread(HALF_M), rng.spread(HALF_M));
             let radius = rng.range(0.12, 0.3);
             if rng.chance(0.5) {
-                let top = add(foot, [rng.spread(0.1), rng.spread(0.1), rng.range(0.3, 1.2)]);
-                b.tube(
-                    (add(foot, [0.0, 0.0, -0.3]), 1.4 * radius),
-                    (top, radius),
-                    12,
-                    Surface::Bark,
-                );
+                stump(b, foot, radius, rng);
                 continue;
             }
             let turn = rng.turn();
             let length = rng.range(3.0, 8.0);
             let end =
                 self.point(foot[0] + length * libm::cos(turn), foot[1] + length * libm::sin(turn));
-            let lift = [0.0, 0.0, radius];
-            b.tube((add(foot, lift), radius), (add(end, lift), 0.6 * radius), 12, Surface::Bark);
-            for k in 1..6 {
-                let t = f64::from(k) / 6.0;
-                let at: Point = std::array::from_fn(|i| foot[i] + t * (end[i] - foot[i]) + lift[i]);
-                let up = rng.direction();
-                let twig = unit([up[0], up[1], up[2].abs() + 0.2]);
-                b.tube(
-                    (at, 0.05),
-                    (add(at, twig.map(|x| x * rng.range(0.4, 1.2))), 0.02),
-                    5,
-                    Surface::Bark,
-                );
-            }
+            fallen_trunk(b, [foot, end], radius, rng);
         }
     }
 

@@ -18,6 +18,19 @@ pub(crate) fn sign(b: &mut Builder, frame: &Frame) {
     b.tube((at(0.035, 2.5), 0.3), (at(0.055, 2.5), 0.3), 20, Surface::RetroSign);
 }
 
+/// A traffic light 3.4 m high facing the frame's x: a pole, a box, three lenses below visors.
+pub(crate) fn traffic_light(b: &mut Builder, frame: &Frame) {
+    let at = |x: f64, z: f64| frame.at([x, 0.0, z]);
+    b.tube((at(0.0, -0.3), 0.09), (at(0.0, 0.6), 0.09), 12, Surface::Metal);
+    b.tube((at(0.0, 0.6), 0.06), (at(0.0, 3.4), 0.05), 12, Surface::Metal);
+    b.cuboid(frame, [0.06, -0.17, 2.3], [0.28, 0.17, 3.3], Surface::DarkPaint);
+    for k in 0..3 {
+        let z = 2.47 + 0.32 * f64::from(k);
+        b.tube((at(0.28, z), 0.11), (at(0.29, z), 0.11), 14, Surface::Glass);
+        b.cuboid(frame, [0.28, -0.13, z + 0.12], [0.48, 0.13, z + 0.14], Surface::DarkPaint);
+    }
+}
+
 /// A waste bin.
 pub(crate) fn bin(b: &mut Builder, frame: &Frame) {
     let at = |z: f64| frame.at([0.0, 0.0, z]);

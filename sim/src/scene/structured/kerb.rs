@@ -2,7 +2,8 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use super::town::{Ground, HALF_M, Street, Town, street_tree};
+use super::town::{Ground, HALF_M, Street, Town};
+use crate::scene::parts::dwelling::street_tree;
 use crate::scene::parts::street::{bench, bin, bollard, lamp, sign};
 use crate::scene::parts::vehicle::car;
 use crate::scene::parts::{Builder, Frame};

@@ -3,8 +3,8 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use crate::scene::material::Surface;
-use crate::scene::parts::house::{House, Roof};
-use crate::scene::parts::plants::{Broadleaf, bush};
+use crate::scene::parts::dwelling::{shed, street_tree, town_house};
+use crate::scene::parts::plants::bush;
 use crate::scene::parts::vehicle::car;
 use crate::scene::parts::{Builder, Frame, Point};
 use crate::scene::value_noise::Noise;
@@ -233,55 +233,5 @@ fn surface(kind: Ground) -> Surface {
         Ground::Road => Surface::Asphalt,
         Ground::Walk => Surface::Paving,
         Ground::Block => Surface::Gravel,
-    }
-}
-
-pub(super) fn street_tree(b: &mut Builder, foot: Point, rng: &mut Generator) {
-    let height_m = rng.range(6.0, 10.0);
-    let tree = Broadleaf {
-        height_m,
-        clear_m: rng.range(2.3, 3.2),
-        spread_m: 0.33 * height_m,
-        leaves: 450 + (45.0 * height_m) as usize,
-    };
-    tree.build(b, foot, rng);
-}
-
-fn town_house(width_m: f64, depth_m: f64, rng: &mut Generator) -> House {
-    let pitch = rng.range(0.5, 0.9);
-    House {
-        width_m,
-        depth_m,
-        floors: 2 + rng.index(4),
-        floor_m: rng.range(2.9, 3.5),
-        bay_m: rng.range(2.2, 3.2),
-        roof: if rng.chance(0.6) { Roof::Gable(pitch) } else { Roof::Flat },
-        wall: rng.pick(&[
-            Surface::Plaster,
-            Surface::Plaster,
-            Surface::Brick,
-            Surface::Stone,
-            Surface::Concrete,
-        ]),
-        roof_surface: rng.pick(&[Surface::RoofTile, Surface::RoofTile, Surface::DarkTile]),
-        open: [true, rng.chance(0.3), true, rng.chance(0.3)],
-        balconies: rng.chance(0.35),
-        shop: rng.chance(0.35),
-    }
-}
-
-fn shed(rng: &mut Generator) -> House {
-    House {
-        width_m: rng.range(3.0, 4.5),
-        depth_m: rng.range(2.4, 3.2),
-        floors: 1,
-        floor_m: 2.4,
-        bay_m: 3.0,
-        roof: Roof::Gable(rng.range(0.3, 0.6)),
-        wall: rng.pick(&[Surface::Wood, Surface::Concrete]),
-        roof_surface: Surface::DarkTile,
-        open: [true, false, false, true],
-        balconies: false,
-        shop: false,
     }
 }

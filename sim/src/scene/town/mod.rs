@@ -1,0 +1,42 @@
+//! Towns on road networks: roads, the ground between them, houses along them, what stands and
+//! drives there.
+
+mod front;
+mod ground;
+mod place;
+mod quarter;
+mod site;
+mod suburb;
+mod surface;
+mod traffic;
+
+use super::mesh::Mesh;
+use super::parts::Builder;
+use crate::roads::RoadNetwork;
+use echoloop_random::Generator;
+use place::Place;
+
+pub(crate) use place::Dress;
+
+/// Viewpoints may lie where a place goes: smallest and largest (x, y), metres.
+pub(crate) type Area = ([f32; 2], [f32; 2]);
+
+/// Builds a town: the same bytes for the same network, dress and seed.
+pub(crate) fn build(network: &RoadNetwork, dress: Dress, seed: u64) -> (Mesh, Area) {
+    let mut b = Builder::default();
+    let mut rng = Generator::new(seed, 50 + dress as u64);
+    let mut place = Place::new(network, dress, seed);
+    surface::build(&mut b, network, &place.site);
+    place.ground.build(&mut b, |at| place.surface(at));
+    let plants = match dress {
+        Dress::Quarter => quarter::build(&mut b, &mut place, &mut rng),
+        Dress::Suburb => suburb::build(&mut b, &mut place, &mut rng),
+    };
+    traffic::build(&mut b, &mut place, network, &mut rng);
+    place.plant(&mut b, plants, &mut rng);
+    let (low, high) = network.bounds();
+    (b.finish(), (low.map(|x| x as f32), high.map(|x| x as f32)))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,123 @@
+//! A quarter of a town: houses wall to wall along the sidewalks, lamps, trees and benches on them.
+
+use std::f64::consts::FRAC_PI_2;
+
+use super::place::{Place, Plant};
+use crate::scene::parts::dwelling::{shed, town_house};
+use crate::scene::parts::house::House;
+use crate::scene::parts::street::{lamp, sign};
+use crate::scene::parts::{Builder, Frame};
+use echoloop_random::Generator;
+
+/// From lamp to lamp, and between things on a sidewalk, metres.
+const LAMP_M: f64 = 28.0;
+const THING_M: f64 = 7.0;
+/// Floors of a house at most.
+const FLOORS: usize = 6;
+
+pub(super) fn build(b: &mut Builder, place: &mut Place, rng: &mut Generator) -> Vec<Plant> {
+    let mut plants = Vec::new();
+    for k in 0..place.fronts.len() {
+        houses(b, place, k, &mut plants, rng);
+    }
+    for k in 0..place.fronts.len() {
+        sidewalk(b, place, k, &mut plants, rng);
+    }
+    place.wild(&mut plants, rng);
+    plants
+}
+
+/// A row of houses with a gap now and then.
+fn houses(
+    b: &mut Builder,
+    place: &mut Place,
+    front: usize,
+    plants: &mut Vec<Plant>,
+    rng: &mut Generator,
+) {
+    let long = place.fronts[front].length_m();
+    // Without a sidewalk there is a strip before the door.
+    let set_back = if place.fronts[front].walk_m > 1.0 { 0.4 } else { 3.0 };
+    let mut along = rng.range(0.0, 3.0);
+    while along + 6.0 < long {
+        let width = rng.range(9.0, 17.0).min(long - along);
+        let depth = rng.range(9.0, 12.5);
+        let edge = place.fronts[front].frame(along + 0.5 * width);
+        if rng.chance(0.9) {
+            if !stands(b, place, &edge, [width, depth], set_back, rng) {
+                // A bend or a neighbour is in the way: a smaller one a little farther off may fit.
+                stands(b, place, &edge, [0.7 * width, 0.8 * depth], set_back + 2.0, rng);
+            }
+        } else {
+            let [x, y, _] = edge.at([0.0, 5.0, 0.0]);
+            if place.site.take_spot([x, y], 1.5) {
+                plants.push(Plant::StreetTree(place.stand([x, y])));
+            }
+        }
+        along += width + if rng.chance(0.15) { rng.range(2.5, 6.0) } else { 0.25 };
+    }
+}
+
+/// Builds a house behind an edge, if there is room.
+fn stands(
+    b: &mut Builder,
+    place: &mut Place,
+    edge: &Frame,
+    [width, depth]: [f64; 2],
+    set_back: f64,
+    rng: &mut Generator,
+) -> bool {
+    // Houses of a row share the cells where they meet.
+    let half = 0.5 * width - 0.45;
+    if width < 5.0 || !place.site.take(edge, [-half, set_back], [half, set_back + depth]) {
+        return false;
+    }
+    let drawn = town_house(width - 0.1, depth, rng);
+    let house = House {
+        floors: drawn.floors.min(FLOORS),
+        bay_m: drawn.bay_m.max(2.6),
+        open: if Place::is_rich(b) { drawn.open } else { [true, false, false, false] },
+        ..drawn
+    };
+    house.build(b, &place.frame(edge, [0.0, set_back + 0.5 * depth], 0.0), rng);
+    let yard = [rng.spread(0.3 * width), set_back + depth + 3.5];
+    let back = place.frame(edge, yard, 0.0);
+    if rng.chance(0.2) && place.site.take(&back, [-2.4, -1.8], [2.4, 1.8]) {
+        shed(rng).build(b, &back, rng);
+    }
+    true
+}
+
+/// Lamps, trees, signs, bins and benches.
+fn sidewalk(
+    b: &mut Builder,
+    place: &mut Place,
+    front: usize,
+    plants: &mut Vec<Plant>,
+    rng: &mut Generator,
+) {
+    let (long, walk) = (place.fronts[front].length_m(), place.fronts[front].walk_m);
+    // From the edge of the road back over the sidewalk to its kerb.
+    let kerb = if walk > 1.0 { 0.5 - walk } else { 0.6 };
+    let mut since_lamp = 0.5 * LAMP_M;
+    let mut along = rng.range(3.0, THING_M);
+    while along < long - 2.0 {
+        let edge = place.fronts[front].frame(along);
+        let at = place.frame(&edge, [0.0, kerb], -FRAC_PI_2);
+        since_lamp += THING_M;
+        let wide = walk >= 2.4;
+        match rng.index(8) {
+            _ if since_lamp >= LAMP_M => {
+                lamp(b, &at, 6.5 + rng.unit());
+                since_lamp = 0.0;
+            }
+            0..=2 if wide => plants.push(Plant::StreetTree(at.at([0.0; 3]))),
+            3 if wide => sign(b, &at.child([0.0; 3], FRAC_PI_2)),
+            4 if wide => plants.push(Plant::Bin(place.frame(&edge, [0.0, -0.5], 0.0))),
+            5 if wide => plants.push(Plant::Bench(place.frame(&edge, [0.0, -0.5], 0.0))),
+            6 => plants.push(Plant::Bollard(at)),
+            _ => {}
+        }
+        along += THING_M + rng.spread(0.8);
+    }
+}
