@@ -9,10 +9,12 @@ use echoloop_random::Generator;
 
 mod alone;
 mod ground;
+mod overlap;
 mod split;
 
 pub use alone::{Footing, Standpoint, stand_alone, stands_aloft};
 use ground::GroundMap;
+pub use overlap::Sight;
 pub use split::Split;
 use split::Territory;
 
@@ -85,6 +87,8 @@ pub struct Rejections {
     pub sight: usize,
     /// Too little to see.
     pub structure: usize,
+    /// Not as was asked: they share too much, or too little.
+    pub unwanted: usize,
 }
 
 /// Why no pairs could be sampled.
@@ -115,8 +119,9 @@ pub enum ViewpointError {
     #[error(
         "{scene} has no viable viewpoint for pair {found} of {wanted} after {attempts} candidates \
          ({} in the other split, {} without footing, {} hemmed in, {} out of sight, {} with too \
-         little to see)",
-        rejected.territory, rejected.footing, rejected.clearance, rejected.sight, rejected.structure
+         little to see, {} that share too much or too little)",
+        rejected.territory, rejected.footing, rejected.clearance, rejected.sight,
+        rejected.structure, rejected.unwanted
     )]
     NoViewpoint {
         /// The scene's name.
@@ -142,11 +147,11 @@ pub fn sample_pairs(
     caster: &Raycaster,
     plan: &PairPlan,
 ) -> Result<Vec<PosePair>, ViewpointError> {
-    sample_pairs_aloud(scene, caster, plan, &|_, _| ())
+    sample_pairs_aloud(scene, caster, plan, &|_| true, &|_, _| ())
 }
 
-/// [`sample_pairs`], and `progress` hears after every candidate how many pairs there are and how
-/// many candidates were tried: in a large place that takes a while.
+/// [`sample_pairs`] of those that are `wanted`; and `progress` hears after every candidate how many
+/// pairs there are and how many candidates were tried: in a large place that takes a while.
 ///
 /// # Errors
 ///
@@ -155,6 +160,7 @@ pub fn sample_pairs_aloud(
     scene: &Scene,
     caster: &Raycaster,
     plan: &PairPlan,
+    wanted: &dyn Fn(&PosePair) -> bool,
     progress: &dyn Fn(usize, usize),
 ) -> Result<Vec<PosePair>, ViewpointError> {
     plan.check()?;
@@ -163,7 +169,8 @@ pub fn sample_pairs_aloud(
     let mut search = PairSearch::new(scene, caster, plan, 100 + plan.split as u64);
     let (mut pairs, mut attempts) = (Vec::new(), 0);
     while pairs.len() < plan.count && attempts < plan.patience(pairs.len()) {
-        pairs.extend(search.candidate());
+        let found = search.candidate();
+        pairs.extend(found.filter(|pair| search.require(wanted(pair))));
         attempts += 1;
         progress(pairs.len(), attempts);
     }
@@ -275,6 +282,12 @@ impl<'a> PairSearch<'a> {
             Err(Reason::Structure) => rejected.structure += 1,
         }
         None
+    }
+
+    /// Counts a pair that is not wanted.
+    fn require(&mut self, is_wanted: bool) -> bool {
+        self.rejected.unwanted += usize::from(!is_wanted);
+        is_wanted
     }
 
     fn draw(&mut self) -> Draft {

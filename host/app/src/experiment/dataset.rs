@@ -200,7 +200,7 @@ fn poses(
         seed: derive(config.seed, purpose, town),
         split,
     };
-    sample_pairs_aloud(&place.scene, &place.caster, &plan, looking)
+    sample_pairs_aloud(&place.scene, &place.caster, &plan, &|_| true, looking)
         .map_err(|source| DatasetError::Viewpoints { scene: place.scene.name.clone(), source })
 }
 
