@@ -8,6 +8,7 @@
 //!    nothing of the sensor's settings.
 //! 4. [`board::PcSensor`] runs the sensor's application in this process behind a front end that
 //!    renders such answers; `qemu::Qemu` does the same with the image of a microcontroller.
+//! 5. [`picture::draw`] shows a scene to people.
 //!
 //! ```
 //! use echoloop_sim::raycast::Raycaster;
@@ -30,6 +31,7 @@
 pub mod board;
 pub mod import;
 pub mod nor_flash;
+pub mod picture;
 #[cfg(unix)]
 pub mod qemu;
 pub mod raycast;
