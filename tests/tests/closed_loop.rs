@@ -814,6 +814,7 @@ fn two_scans_of_a_yard_are_registered_to_the_motion_between_them() {
             first: look(&first),
             second: look(&second),
             viewpoints: [1, 2],
+            overlap: 1.0,
         };
         let back = ScanPair {
             place: "yard".into(),
@@ -822,6 +823,7 @@ fn two_scans_of_a_yard_are_registered_to_the_motion_between_them() {
             first: Arc::clone(&pair.second),
             second: Arc::clone(&pair.first),
             viewpoints: [2, 1],
+            overlap: 1.0,
         };
         for pair in [pair, back] {
             let error = bench.register(&start, 0, &pair, 9).expect("a registration").error;

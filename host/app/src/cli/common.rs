@@ -9,6 +9,7 @@ use super::exit::Failure;
 use super::number::{self, THREADS, number_as};
 use super::tuned_run::tuned_config;
 use crate::experiment::config::{Override, RegistrationConfig, RunConfig, changed, load};
+use crate::experiment::dataset::stored_config;
 use crate::said::say;
 
 /// What every command takes.
@@ -34,10 +35,15 @@ pub(super) struct ConfigSource {
     /// Begin with what a run tuned: its configuration with the tuned parameters.
     #[arg(long, value_name = "RUN", conflicts_with = "config")]
     pub(super) run: Option<PathBuf>,
+    /// Pairs that `echoloop store` kept, instead of tracing them. Without --config or --run their
+    /// configuration is begun with.
+    #[arg(long, value_name = "FILE")]
+    pub(super) stored: Option<PathBuf>,
     /// Set one value, as lidar.power=50; may be repeated.
     #[arg(long = "set", value_name = "KEY=VALUE", value_parser = parse_override)]
     pub(super) set: Vec<Override>,
-    /// structured, semi-structured, unstructured, or a mesh: PLY or OBJ, metres, z up.
+    /// structured, semi-structured, unstructured, one of nine towns as old-town or town01, roads
+    /// (FILE.xodr), or a mesh: PLY, OBJ, glTF or STL, metres, z up.
     #[arg(long, value_name = "KIND|FILE")]
     pub(super) scene: Option<String>,
     /// Decides every random choice.
@@ -54,16 +60,24 @@ impl ConfigSource {
     /// last.
     pub(super) fn load(&self, own: Vec<Override>) -> Result<RunConfig, Failure> {
         let mut overrides = self.set.clone();
+        let stored = self.stored.as_deref();
+        overrides.extend(
+            stored.map(|path| Override::flag("scene.stored", path.to_string_lossy().into_owned())),
+        );
         overrides.extend(self.scene.clone().map(|scene| Override::flag("scene.source", scene)));
         if let Some(seed) = self.seed {
             let seed = i64::try_from(seed).unwrap_or(i64::MAX); // the parser takes no more
             overrides.push(Override::flag("seed", seed));
         }
         overrides.extend(own);
-        match &self.run {
-            Some(run) => changed(&start_of(run, &overrides)?, &overrides).map_err(Failure::usage),
-            None => load(self.config.as_deref(), &overrides).map_err(Failure::usage),
+        match (&self.run, &self.config, stored) {
+            (Some(run), ..) => changed(&start_of(run, &overrides)?, &overrides),
+            (None, None, Some(path)) => {
+                changed(&stored_config(path).map_err(Failure::usage)?, &overrides)
+            }
+            (None, config, _) => load(config.as_deref(), &overrides),
         }
+        .map_err(Failure::usage)
     }
 }
 

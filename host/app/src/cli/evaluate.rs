@@ -14,12 +14,13 @@ use super::candidate::number;
 use super::common::{Setup, on_threads};
 use super::exit::{self, Failure};
 use super::method_choice::MethodChoice;
-use super::prepared::{Met, PairSet, percent, require_recall};
+use super::prepared::{Met, PairSet, Prepared, percent, require_recall};
 use super::progress::Progress;
 use super::stream;
 use super::table_format::{TableFormat, csv};
 use crate::experiment::config::RunConfig;
 use crate::experiment::cost::CostKind;
+use crate::experiment::dataset::Facts;
 use crate::experiment::evaluate::{Summary, evaluate_and_cost};
 use crate::experiment::params::{Values, written_values};
 use crate::experiment::tune::Observer;
@@ -125,13 +126,13 @@ fn judge(args: &EvaluateArgs, config: RunConfig, values: &Values) -> Result<(), 
     let data = &prepared.config.data;
     let summary = evaluate_and_cost(&bench, &parameters, &noisy, &scanner, data, &done)?;
     progress.end();
-    print(args, &prepared.sensor, &parameters.values(&prepared.config), &summary)?;
+    print(args, &prepared, &parameters.values(&prepared.config), &summary)?;
     require_recall(args.require_recall, &summary)
 }
 
 fn print(
     args: &EvaluateArgs,
-    sensor: &str,
+    prepared: &Prepared,
     values: &Values,
     summary: &Summary,
 ) -> Result<(), Failure> {
@@ -142,8 +143,9 @@ fn print(
         let parameters =
             written_values(values, serde_json::value::Serializer).map_err(Failure::run)?;
         let document = serde_json::json!({
-            "format": 1, "sensor": sensor, "parameters": parameters,
-            "pairs": args.pairs().name(), "summary": summary,
+            "format": 1, "sensor": prepared.sensor, "parameters": parameters,
+            "set": Facts::new(&prepared.dataset), "pairs": args.pairs().name(),
+            "summary": summary,
         });
         println!("{}", serde_json::to_string_pretty(&document).map_err(Failure::run)?);
         return Ok(());

@@ -12,6 +12,7 @@ mod cloud_output;
 mod common;
 mod compare;
 mod config;
+mod difficulty;
 mod draft;
 mod echoes;
 mod evaluate;
@@ -35,6 +36,7 @@ mod scan_along;
 mod sensor;
 mod serve;
 mod shown_pair;
+mod store;
 mod stream;
 mod table_format;
 mod tune;
@@ -92,6 +94,14 @@ enum Command {
     /// hard for every method:
     /// `--set data.baseline_m=15 --set data.heading_range_deg=180 --set scanner.azimuth_deg=360`.
     Pairs(pairs::PairsArgs),
+    /// Trace the configured pairs and keep them in a file, for `--stored FILE` of the others.
+    Store(store::StoreArgs),
+    /// Find how hard pairs must be for a recall: for which `data.difficulty` the settings that a
+    /// run starts with register 90, 50 or 20 % of them.
+    ///
+    /// Tries ever harder training pairs, takes the difficulty between them, and says what it gives
+    /// on the held-out pairs.
+    Difficulty(difficulty::DifficultyArgs),
     /// Register two clouds: PLY, PCD, VTK, KITTI .bin or XYZ.
     Register(register::RegisterArgs),
     /// Find the echoes of waveforms that another instrument recorded.
@@ -203,6 +213,8 @@ impl Cli {
             Command::Compare(args) => compare::run(&args),
             Command::Scan(args) => scan::run(&args),
             Command::Pairs(args) => pairs::run(&args),
+            Command::Store(args) => store::run(&args),
+            Command::Difficulty(args) => difficulty::run(&args),
             Command::Register(args) => register::run(&args),
             Command::Echoes(args) => echoes::run(&args),
             Command::Sensor(args) => sensor::run(&args),

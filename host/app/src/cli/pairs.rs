@@ -17,7 +17,7 @@ use super::method_choice::MethodChoice;
 use super::prepared::{PairSet, Prepared};
 use super::progress::Progress;
 use crate::experiment::config::RunConfig;
-use crate::experiment::dataset::ScanPair;
+use crate::experiment::dataset::{Facts, ScanPair};
 use crate::experiment::scan_cloud::recorded_from_scan;
 use crate::experiment::tune::Observer;
 use crate::link::sensor::View;
@@ -125,6 +125,7 @@ fn write(
     let list = json!({
         "format": 1,
         "sensor": prepared.sensor,
+        "set": Facts::new(&prepared.dataset),
         "pairs": scanned.iter().enumerate().map(listed).collect::<Vec<_>>(),
     });
     draft.write("pairs.json", serde_json::to_string_pretty(&list).map_err(Failure::run)? + "\n")?;
@@ -172,6 +173,7 @@ fn listed(index: usize, Scanned { pair, clouds }: &Scanned<'_>) -> Value {
         "points": clouds.each_ref().map(|scan| scan.cloud.points.len()),
         "baseline_m": pair.truth.translation.vector.norm(),
         "turn_deg": pair.truth.rotation.angle().to_degrees(),
+        "overlap": pair.overlap,
     })
 }
 

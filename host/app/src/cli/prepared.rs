@@ -11,7 +11,7 @@ use super::exit::Failure;
 use super::number::{flag, read};
 use super::progress::Progress;
 use crate::experiment::config::RunConfig;
-use crate::experiment::dataset::Dataset;
+use crate::experiment::dataset::{Dataset, Facts};
 use crate::experiment::evaluate::{NoisyPairs, Summary};
 use crate::experiment::objective::Bench;
 use crate::experiment::params::{Parameters, Space};
@@ -71,6 +71,7 @@ impl Met {
         let Self { config, start, space, hardware, sensors, sensor } = self;
         progress.begin("scanning", 1000);
         let dataset = Dataset::build(&config, &|fraction, what| progress.at_what(fraction, what))?;
+        progress.say(&Facts::new(&dataset).to_string());
         Ok(Prepared { config, dataset, start, space, hardware, sensors, sensor })
     }
 }

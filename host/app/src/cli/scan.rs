@@ -21,9 +21,11 @@ use super::ready::Ready;
 use super::scan_along::{Along, scan_along};
 use crate::experiment::beams::Beams;
 use crate::experiment::config::RunConfig;
-use crate::experiment::dataset::{DatasetError, Place, place, respond};
+use crate::experiment::dataset::{
+    Dataset, DatasetError, Place, is_recorded, pair_plan, place, respond,
+};
 use crate::experiment::scan_cloud::recorded_from_scan;
-use crate::experiment::seed::{Purpose, derive, scan_noise};
+use crate::experiment::seed::scan_noise;
 use crate::link::sensor::View;
 use echoloop_registration::cloud::{CloudFormat, Recorded};
 use echoloop_registration::pose::{Pose, to_rows};
@@ -87,6 +89,7 @@ struct Scan {
 }
 
 /// A place to look at.
+#[derive(Clone)]
 struct Seen {
     scene: String,
     world_from_sensor: Pose,
@@ -96,7 +99,10 @@ struct Seen {
 fn scan(args: &ScanArgs, config: &RunConfig, output: Option<&CloudOutput>) -> Result<(), Failure> {
     let ready = Ready::new(&args.setup, config)?;
     let Ready { sensors, settings, beams, .. } = &ready;
-    let seen = seen(args, config, beams)?;
+    let (seen, beams) = &match is_recorded(config) {
+        true => recorded(args, config)?,
+        false => (seen(args, config, beams)?, beams.clone()),
+    };
     let response = seen.as_ref().map_or_else(Arc::default, |seen| Arc::clone(&seen.response));
     let view =
         View { scene: &response, noise_seed: scan_noise(config.seed), scan: 1, viewpoint: 1 };
@@ -112,9 +118,24 @@ fn scan(args: &ScanArgs, config: &RunConfig, output: Option<&CloudOutput>) -> Re
     if let Some(output) = output {
         output.write(&recorded)?;
     }
-    let beams = beams.pattern().beams();
+    let (seen, beams) = (seen.clone(), beams.pattern().beams());
     let scan = Scan { sensor: ready.sensor, seen, settings: hash, beams, recorded };
     tell(output, &args.setup.common, &told(args, &scan)?)
+}
+
+/// The first recorded scan that is tuned on, and where its beams point.
+fn recorded(args: &ScanArgs, config: &RunConfig) -> Result<(Option<Seen>, Beams), Failure> {
+    if args.pose.is_some() || args.setup.sensor.is_turned_by_others() {
+        let said = "recorded scans are seen from where they were made, by a sensor of ours alone";
+        return Err(Failure::usage(format!("--scene: {said}")));
+    }
+    let dataset = Dataset::build(config, &|_, _| {})?;
+    let seen = dataset.train.first().map(|pair| Seen {
+        scene: pair.place.clone(),
+        world_from_sensor: pair.world_from_sensor[0],
+        response: Arc::clone(&pair.first),
+    });
+    Ok((seen, dataset.beams))
 }
 
 /// What a sensor is to look at, when that is for us to say.
@@ -159,16 +180,7 @@ fn first_viewpoint(
     town: u64,
     quiet: bool,
 ) -> Result<Pose, Failure> {
-    let plan = PairPlan {
-        count: 1,
-        baseline_m: config.data.baseline_m,
-        baseline_factor: config.data.train_baseline_factor,
-        heading_range_deg: config.data.heading_range_deg,
-        tilt_range_deg: config.data.tilt_range_deg,
-        height_m: config.scanner.height_m,
-        seed: derive(config.seed, Purpose::TrainPoses, town),
-        split: Split::Train,
-    };
+    let plan = pair_plan(config, Split::Train, 1, town);
     let progress = Progress::new(quiet);
     progress.begin("viewpoint", 2000);
     let pose = viewpoint(place, &plan, &progress);

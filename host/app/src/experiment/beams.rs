@@ -19,7 +19,12 @@ pub struct Beams {
     rings: Vec<u32>,
     /// Unit vectors, where every scan has the same.
     always: Option<Vec<Vector3<f32>>>,
+    /// Of recorded scans, those of each viewpoint from 1.
+    recorded: Option<Recorded>,
 }
+
+/// Unit vectors of each viewpoint.
+type Recorded = Arc<Vec<Arc<Vec<Vector3<f32>>>>>;
 
 impl Beams {
     /// Those of a pattern; none of a table, which a pattern has the name of only.
@@ -37,11 +42,17 @@ impl Beams {
             ScanPattern::Spinning(Spinning { model, .. }) => ranks(model.lasers()),
             _ => Vec::new(),
         };
-        let mut beams = Self { pattern, list, rings, always: None };
+        let mut beams = Self { pattern, list, rings, always: None, recorded: None };
         if !matches!(pattern, ScanPattern::Rosette(_)) {
             beams.always = Some(beams.traced(0));
         }
         beams
+    }
+
+    /// As many beams that point elsewhere: where those of recorded scans did, of each viewpoint
+    /// from 1.
+    pub(super) fn recorded(self, of_viewpoints: Vec<Arc<Vec<Vector3<f32>>>>) -> Self {
+        Self { recorded: Some(of_viewpoints.into()), ..self }
     }
 
     /// Their pattern, as the sensor has it.
@@ -53,6 +64,10 @@ impl Beams {
     /// viewpoint, by its number. Scans are alike but for a rosette's, which goes on where that of
     /// the viewpoint before ended.
     pub fn directions(&self, viewpoint: u32) -> Cow<'_, [Vector3<f32>]> {
+        let recorded = || self.recorded.as_ref()?.get((viewpoint as usize).checked_sub(1)?);
+        if let Some(directions) = recorded() {
+            return Cow::Borrowed(directions);
+        }
         match &self.always {
             Some(directions) => Cow::Borrowed(directions),
             None => Cow::Owned(self.traced(viewpoint)),

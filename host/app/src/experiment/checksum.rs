@@ -46,6 +46,11 @@ impl Default for Running {
 }
 
 impl Checksum {
+    /// As files hold it.
+    pub fn to_le_bytes(self) -> [u8; 8] {
+        self.0.to_le_bytes()
+    }
+
     /// Of several pieces, one after the other.
     pub fn of(pieces: &[&[u8]]) -> Self {
         let mut running = Running::new();

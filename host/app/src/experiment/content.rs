@@ -7,12 +7,12 @@ use std::sync::OnceLock;
 use echoloop_frontend::SceneResponse;
 use echoloop_registration::pose::to_rows;
 use echoloop_sim::import::{Libraries, library_files};
-use echoloop_sim::scene::SceneKind;
 use serde::{Deserialize, Serialize};
 
 use crate::experiment::checksum::{Checksum, Running};
 use crate::experiment::config::RunConfig;
 use crate::experiment::dataset::{Dataset, ScanPair};
+use crate::experiment::source::Source;
 use crate::link::sensor::Model;
 
 /// Checksums, each of 16 hexadecimal digits.
@@ -32,16 +32,12 @@ pub struct Content {
 impl Content {
     /// What a configuration and its traced scans come to.
     pub fn of(config: &RunConfig, dataset: &Dataset) -> Self {
-        let source = Path::new(&config.scene.source);
-        let is_file = config.scene.source.parse::<SceneKind>().is_err();
+        let file = Source::of(&config.scene.source).file();
         let libraries = config.scene.import().map(|options| options.libraries).unwrap_or_default();
-        let scene = is_file.then(|| Checksum::of_file(source).ok()).flatten();
+        let scene = file.as_deref().and_then(|file| Checksum::of_file(file).ok());
         Self {
             scene: scene.map(|sum| sum.to_string()),
-            materials: is_file
-                .then(|| materials(source, libraries))
-                .flatten()
-                .map(|sum| sum.to_string()),
+            materials: file.and_then(|file| materials(&file, libraries)).map(|sum| sum.to_string()),
             front_end: front_end(&Model::from(config)).to_string(),
             scans: scans(dataset).to_string(),
         }

@@ -1,41 +1,51 @@
 //! Pairs of scans to register: scene responses and true motions, traced once for every candidate to
 //! come.
 
+mod facts;
 mod motion;
+mod pairs;
+mod recording;
+mod store;
 
 use std::path::Path;
 use std::sync::Arc;
 
 use echoloop_files::shown;
 use echoloop_frontend::SceneResponse;
-use echoloop_sim::import::{ImportError, load_scene};
 use echoloop_sim::raycast::Raycaster;
 use echoloop_sim::scanner::{BeamOptics, Scanner};
-use echoloop_sim::scene::{Scene, SceneKind, generate};
-use echoloop_sim::viewpoint::{PairPlan, PosePair, Split, ViewpointError, sample_pairs_aloud};
+use echoloop_sim::scene::Scene;
+use echoloop_sim::viewpoint::{
+    PairPlan, PosePair, Sight, Split, ViewpointError, sample_pairs_aloud,
+};
 use thiserror::Error;
 
 use crate::experiment::beams::Beams;
-use crate::experiment::config::{RunConfig, RunConfigError};
+use crate::experiment::config::RunConfig;
 use crate::experiment::seed::{Purpose, derive};
+use crate::experiment::source::{Source, SourceError};
 use echoloop_registration::pose::{Pose, relative};
+pub use facts::{Facts, Overlaps, apart_m};
 use motion::Path as MotionPath;
+pub use pairs::{Dataset, ScanPair, viewpoints};
+pub use recording::RecordingError;
+pub use store::{StoreError, stored, stored_config};
 
 /// Why there are no pairs.
 #[derive(Debug, Error)]
 pub enum DatasetError {
-    /// The mesh cannot be used.
+    /// There is no scene.
     #[error(transparent)]
-    Import(#[from] ImportError),
-    /// `scene.source` is neither a kind nor a file.
-    #[error(
-        "scene.source = {0:?} is neither structured, semi-structured, unstructured nor a mesh file \
-         that exists"
-    )]
-    Source(String),
-    /// A key of `[scene]` is out of bounds.
-    #[error(transparent)]
-    Config(#[from] RunConfigError),
+    Source(#[from] SourceError),
+    /// Stored pairs cannot be used.
+    #[error("scene.stored: {0}")]
+    Stored(#[from] StoreError),
+    /// Recorded scans cannot be used.
+    #[error("scene.source: {0}")]
+    Recording(#[from] RecordingError),
+    /// Recorded scans cannot be scanned.
+    #[error("scene.source = {0:?} is a folder of recorded scans, which have no surfaces to scan")]
+    Recorded(String),
     /// Nowhere to stand.
     #[error("{scene}: {source}")]
     Viewpoints {
@@ -44,47 +54,6 @@ pub enum DatasetError {
         /// Why.
         source: ViewpointError,
     },
-}
-
-/// Two scans of a place.
-#[derive(Clone, Debug)]
-pub struct ScanPair {
-    /// The town.
-    pub place: String,
-    /// T*: `first_from_second`.
-    pub truth: Pose,
-    /// Where the sensor stood, first and second; of one that moved, in the middle of each scan.
-    pub world_from_sensor: [Pose; 2],
-    /// What the first scan sees.
-    pub first: Arc<SceneResponse>,
-    /// What the second scan sees.
-    pub second: Arc<SceneResponse>,
-    /// Numbers of the two viewpoints, for a sensor that somebody else turns: see [`viewpoints`].
-    pub viewpoints: [u32; 2],
-}
-
-/// Numbers of a pair's viewpoints, from 1: those of the training pairs, two each, then those of the
-/// pairs to judge on. A scan alone is of viewpoint 1.
-///
-/// ```text
-/// training pair p   2p + 1                   2p + 2                     p = 0..
-/// held-out pair p   2·train_pairs + 2p + 1   2·train_pairs + 2p + 2
-/// ```
-pub fn viewpoints(place: usize) -> [u32; 2] {
-    [1, 2].map(|scan| 2 * place as u32 + scan)
-}
-
-/// The pairs of a run.
-#[derive(Clone, Debug)]
-pub struct Dataset {
-    /// Where the beams point, and when.
-    pub beams: Beams,
-    /// Pairs to tune on.
-    pub train: Vec<ScanPair>,
-    /// Pairs to judge on.
-    pub test: Vec<ScanPair>,
-    /// Triangles in all towns.
-    pub triangles: usize,
 }
 
 /// A scene ready to be scanned.
@@ -96,14 +65,21 @@ pub struct Place {
 }
 
 impl Dataset {
-    /// Makes or loads the scenes, finds viewpoints, traces every scan. `progress` hears a fraction
-    /// of 1 and what is done.
+    /// Makes or loads the scenes, finds viewpoints, traces every scan; or reads them, where
+    /// `scene.stored` names a file or `scene.source` a folder of recorded scans. `progress` hears a
+    /// fraction of 1 and what is done.
     ///
     /// # Errors
     ///
     /// [`DatasetError`].
     pub fn build(config: &RunConfig, progress: &dyn Fn(f64, &str)) -> Result<Self, DatasetError> {
         let beams = config.scanner.beams();
+        if !config.scene.stored.is_empty() {
+            return Ok(store::load_stored(Path::new(&config.scene.stored), config, beams)?);
+        }
+        if let Some(folder) = recording::folder(config) {
+            return Ok(recording::load(&folder, config, beams, progress)?);
+        }
         let mut dataset = Self { beams, train: Vec::new(), test: Vec::new(), triangles: 0 };
         let towns = towns(config);
         let total = (config.data.train_pairs + config.data.test_pairs) as f64;
@@ -118,14 +94,17 @@ impl Dataset {
                         progress(done(&dataset), &text);
                     }
                 };
-                let poses = poses(config, &place, split, (index, towns.len()), *town, &looking)?;
-                for pair in poses {
+                let sight = sight(&place, &dataset.beams);
+                let count = share(config, split, (index, towns.len()));
+                let plan = pair_plan(config, split, count, *town);
+                for pair in poses(config, &place, &sight, &plan, &looking)? {
                     progress(done(&dataset), &place.scene.name);
                     let number = match split {
                         Split::Train => dataset.train.len(),
                         Split::Test => config.data.train_pairs + dataset.test.len(),
                     };
-                    let pair = trace(config, &place, &pair, viewpoints(number), &dataset.beams);
+                    let seen = trace(config, &place, &pair, viewpoints(number), &dataset.beams);
+                    let pair = ScanPair { overlap: sight.overlap(&pair), ..seen };
                     match split {
                         Split::Train => dataset.train.push(pair),
                         Split::Test => dataset.test.push(pair),
@@ -136,21 +115,21 @@ impl Dataset {
         progress(1.0, "");
         Ok(dataset)
     }
-
-    /// What is seen from every viewpoint, in the order of their numbers.
-    pub fn views(&self) -> impl Iterator<Item = &Arc<SceneResponse>> {
-        self.train.iter().chain(&self.test).flat_map(|pair| [&pair.first, &pair.second])
-    }
 }
 
-/// Seeds of the towns; an imported mesh is one town. No more towns than pairs.
-fn towns(config: &RunConfig) -> Vec<u64> {
+/// Seeds of the towns; a town of the nine and a file are one. No more towns than pairs.
+pub fn towns(config: &RunConfig) -> Vec<u64> {
     let mut towns = config.scene.towns.clone();
-    if config.scene.source.parse::<SceneKind>().is_err() {
+    if !matches!(Source::of(&config.scene.source), Source::Kind(_)) {
         towns.truncate(1);
     }
     towns.truncate(config.data.train_pairs.min(config.data.test_pairs).max(1));
     towns
+}
+
+/// Whether pairs were recorded: there are no surfaces, and no other places to scan from.
+pub fn is_recorded(config: &RunConfig) -> bool {
+    recording::folder(config).is_some()
 }
 
 /// Makes or loads one town.
@@ -159,48 +138,63 @@ fn towns(config: &RunConfig) -> Vec<u64> {
 ///
 /// [`DatasetError`].
 pub fn place(config: &RunConfig, town: u64) -> Result<Place, DatasetError> {
-    let source = &config.scene.source;
-    let scene = match source.parse::<SceneKind>() {
-        Ok(kind) => generate(kind, town),
-        Err(_) => {
-            let path = Path::new(source);
-            let looks_like_a_file = path.extension().is_some() || path.exists();
-            if !looks_like_a_file {
-                return Err(DatasetError::Source(shown(source)));
-            }
-            load_scene(path, &config.scene.import()?)?
-        }
-    };
+    if is_recorded(config) {
+        return Err(DatasetError::Recorded(shown(&config.scene.source)));
+    }
+    let scene = Source::of(&config.scene.source).scene(&config.scene, town)?;
     let caster = Raycaster::new(&scene);
     Ok(Place { scene, caster })
 }
 
-/// This town's share of the pairs.
-fn poses(
-    config: &RunConfig,
-    place: &Place,
-    split: Split,
-    (index, towns): (usize, usize),
-    town: u64,
-    looking: &dyn Fn(usize, usize),
-) -> Result<Vec<PosePair>, DatasetError> {
+/// What the scanner of these beams can see of a place.
+pub fn sight<'a>(place: &'a Place, beams: &Beams) -> Sight<'a> {
+    let directions: Vec<[f32; 3]> = beams.directions(1).iter().map(|&d| d.into()).collect();
+    Sight::new(&place.caster, &directions)
+}
+
+/// So many pairs of a town, as a configuration has them.
+pub fn pair_plan(config: &RunConfig, split: Split, count: usize, town: u64) -> PairPlan {
     let data = &config.data;
-    let (total, purpose, baseline_factor) = match split {
-        Split::Train => (data.train_pairs, Purpose::TrainPoses, data.train_baseline_factor),
-        Split::Test => (data.test_pairs, Purpose::TestPoses, 1.0),
+    let (purpose, baseline_factor) = match split {
+        Split::Train => (Purpose::TrainPoses, data.train_baseline_factor),
+        Split::Test => (Purpose::TestPoses, 1.0),
     };
-    let count = total / towns + usize::from(index < total % towns);
-    let plan = PairPlan {
+    PairPlan {
         count,
-        baseline_m: data.baseline_m,
+        baseline_m: data.hard_baseline_m(),
         baseline_factor,
-        heading_range_deg: data.heading_range_deg,
+        heading_range_deg: data.hard_heading_range_deg(),
         tilt_range_deg: data.tilt_range_deg,
         height_m: config.scanner.height_m,
         seed: derive(config.seed, purpose, town),
         split,
+    }
+}
+
+/// A town's share of the pairs.
+pub fn share(config: &RunConfig, split: Split, (index, towns): (usize, usize)) -> usize {
+    let total = match split {
+        Split::Train => config.data.train_pairs,
+        Split::Test => config.data.test_pairs,
     };
-    sample_pairs_aloud(&place.scene, &place.caster, &plan, &|_| true, looking)
+    total / towns + usize::from(index < total % towns)
+}
+
+/// Pairs of a town as a plan wants them, which share as much as the configuration says. `looking`
+/// hears how many there are and how many candidates were tried.
+///
+/// # Errors
+///
+/// [`DatasetError::Viewpoints`].
+pub fn poses(
+    config: &RunConfig,
+    place: &Place,
+    sight: &Sight<'_>,
+    plan: &PairPlan,
+    looking: &dyn Fn(usize, usize),
+) -> Result<Vec<PosePair>, DatasetError> {
+    let wanted = |pair: &PosePair| config.data.wants(sight.overlap(pair));
+    sample_pairs_aloud(&place.scene, &place.caster, plan, &wanted, looking)
         .map_err(|source| DatasetError::Viewpoints { scene: place.scene.name.clone(), source })
 }
 
@@ -220,6 +214,7 @@ fn trace(
         first: look(&pair.world_from_first, viewpoints[0]),
         second: look(&pair.world_from_second, viewpoints[1]),
         viewpoints,
+        overlap: 0.0,
     }
 }
 

@@ -72,5 +72,6 @@ pub mod preset;
 pub mod run;
 pub mod scan_cloud;
 pub mod seed;
+pub mod source;
 pub mod tune;
 pub mod written;

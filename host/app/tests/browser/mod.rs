@@ -15,7 +15,7 @@ fn chromium() -> Option<PathBuf> {
         })
         .find(|path| path.is_file());
     if found.is_none() {
-        echoloop_needs::missing("no Chromium on the PATH, so nobody looked at the report");
+        echoloop_needs::missing("no Chromium on the PATH, so nobody looked at the pages");
     }
     found
 }

@@ -4,6 +4,8 @@ use echoloop_keys::{Must, section};
 use echoloop_registration::Method;
 use serde::{Deserialize, Serialize};
 
+use super::RunConfigError;
+
 section! {
     /// Which pairs of scans to register.
     #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -19,6 +21,14 @@ section! {
         train_baseline_factor: f64, "times", Must::between(1.0, 10.0),
             "Pairs to tune on are up to so many times as far apart, evenly: what is chosen on them \
              keeps away from where registrations begin to fail.";
+        difficulty: f64, "steps", Must::between(0.0, 6.0),
+            "How hard pairs are made: each step doubles `baseline_m` and `heading_range_deg` (up \
+             to 180).";
+        least_overlap: f64, "of 1", Must::between(0.0, 1.0),
+            "Share of what either scan of a pair sees that the other sees, too, at least; pairs \
+             that share less are drawn again.";
+        most_overlap: f64, "of 1", Must::between(0.0, 1.0),
+            "The same at most.";
         heading_range_deg: f64, "°", Must::between(0.0, 180.0),
             "The second scan's heading differs by at most this, degrees.";
         tilt_range_deg: f64, "°", Must::between(0.0, 45.0),
@@ -37,6 +47,9 @@ impl Default for DataConfig {
             test_pairs: 40,
             baseline_m: 2.0,
             train_baseline_factor: 2.0,
+            difficulty: 0.0,
+            least_overlap: 0.0,
+            most_overlap: 1.0,
             heading_range_deg: 10.0,
             tilt_range_deg: 2.0,
             success_translation_m: 0.5,
@@ -46,6 +59,41 @@ impl Default for DataConfig {
 }
 
 impl DataConfig {
+    /// How often the difficulty has the distance and the turn of a pair.
+    fn times(&self) -> f64 {
+        libm::exp2(self.difficulty)
+    }
+
+    /// Distance of a pair's scans at this difficulty, m.
+    pub fn hard_baseline_m(&self) -> f64 {
+        self.times() * self.baseline_m
+    }
+
+    /// By how much headings differ at most at this difficulty, degrees.
+    pub fn hard_heading_range_deg(&self) -> f64 {
+        (self.times() * self.heading_range_deg).min(180.0)
+    }
+
+    /// Whether a pair shares what is asked for.
+    pub fn wants(&self, overlap: f64) -> bool {
+        (self.least_overlap..=self.most_overlap).contains(&overlap)
+    }
+
+    /// Refuses what no pair can be.
+    ///
+    /// # Errors
+    ///
+    /// [`RunConfigError`] names the key.
+    pub fn check(&self) -> Result<(), RunConfigError> {
+        self.check_keys()?;
+        match self.least_overlap <= self.most_overlap {
+            true => Ok(()),
+            false => {
+                Err(RunConfigError::Overlap { least: self.least_overlap, most: self.most_overlap })
+            }
+        }
+    }
+
     /// As in the paper: local methods get scans 2 m apart and succeed within 0.5 m and 2.5°, global
     /// ones 5 m, 1 m and 5°.
     pub fn for_method(method: Method) -> Self {

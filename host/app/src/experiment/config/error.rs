@@ -18,6 +18,14 @@ pub enum RunConfigError {
         /// Which line, and what is wrong.
         reason: String,
     },
+    /// Bounds that no pair lies between.
+    #[error("data.least_overlap = {least} must be at most data.most_overlap = {most}")]
+    Overlap {
+        /// The lower.
+        least: f64,
+        /// The upper.
+        most: f64,
+    },
 }
 
 /// Of a value as much as a message can hold.

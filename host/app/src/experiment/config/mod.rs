@@ -132,7 +132,7 @@ impl RunConfig {
         self.scanner.check()?;
         self.scanner.check_times(self.motion.duration_s)?;
         self.emitter.check_keys()?;
-        self.data.check_keys()?;
+        self.data.check()?;
         self.tune.check()?;
         self.front.check(self.tune.protocol)?;
         self.scene.check()

@@ -2,7 +2,8 @@
 
 use echoloop_files::shown;
 use echoloop_keys::{Must, Refused, section};
-use echoloop_sim::import::{Ground, ImportOptions, Libraries, Plane};
+use echoloop_sim::import::{Ground, ImportOptions, Libraries, Plane, Tags};
+use echoloop_sim::scene::SceneKind;
 use serde::{Deserialize, Serialize};
 
 use super::error::RunConfigError;
@@ -12,18 +13,31 @@ section! {
     #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     pub struct SceneConfig in "scene" {
-        source: String, "", Must::Read("structured, semi-structured, unstructured, or a mesh"),
-            "What is scanned: a kind of town that is generated, or a mesh: PLY or OBJ, metres, \
-             z up.";
+        source: String, "",
+            Must::Read("structured, semi-structured, unstructured, a town's name, or a file"),
+            "What is scanned: a kind of small town that is generated; `town01`, `town10hd`, \
+             `old-town`, `town07`, `garden-suburb`, `hillside`, `forest-hills`, `rocky-valley` or \
+             `lake-shore`; the roads of an OpenDRIVE file (`.xodr`); or a mesh: PLY, OBJ, glTF \
+             or STL, metres, z up; or a folder of recorded scans.";
         towns: Vec<u64>, "", Must::count(1.0, 100.0, "seeds"),
-            "Seeds of the generated towns; the pairs are shared out among them. There are no more \
-             towns than `train_pairs` or `test_pairs`, whichever is less: the others are left out.";
+            "Seeds of the generated towns, and of what stands on the roads of a file; the pairs \
+             are shared out among them. There are no more towns than `train_pairs` or \
+             `test_pairs`, whichever is less: the others are left out.";
         ground: String, "", Must::Read("auto, none, or a plane as a,b,c"),
             "Ground below a mesh: `auto` (fitted when the mesh has none), `none`, or the plane \
              z = a·x + b·y + c as `a,b,c`.";
+        tags: String, "", Must::Name(&["carla-0.9.14", "carla-0.9.11"]),
+            "What the numbers of classes in recorded scans mean: those of CARLA 0.9.14 and later, \
+             or of 0.9.11 to 0.9.13.";
         libraries: String, "", Must::Name(&["beside", "anywhere", "none"]),
-            "Material libraries that an OBJ may name: `beside` (in its own folder and below), \
-             `anywhere` or `none`.";
+            "Files that a mesh may name, an OBJ's material libraries or a glTF's buffers: `beside` \
+             (in its own folder and below), `anywhere` or `none`.";
+        stored: String, "", Must::Read("a file that `echoloop store` wrote, or empty"),
+            "Pairs to read instead of tracing them (`--stored FILE`). They must be those of this \
+             configuration. Empty: none.";
+        dressing: String, "", Must::Name(&["structured", "semi-structured"]),
+            "What stands along the roads of an OpenDRIVE file: `structured` (houses wall to wall) \
+             or `semi-structured` (houses in gardens).";
     }
 }
 
@@ -33,7 +47,10 @@ impl Default for SceneConfig {
             source: "structured".into(),
             towns: vec![1, 2, 3],
             ground: "auto".into(),
+            tags: Tags::NAMES[0].into(),
             libraries: "beside".into(),
+            stored: String::new(),
+            dressing: "structured".into(),
         }
     }
 }
@@ -53,8 +70,35 @@ impl SceneConfig {
         })
     }
 
+    /// What stands along the roads of a file.
+    ///
+    /// # Errors
+    ///
+    /// [`RunConfigError`] names `scene.dressing`.
+    pub fn dressing(&self) -> Result<SceneKind, RunConfigError> {
+        let [.., key] = Self::KEYS else { return Ok(SceneKind::Structured) };
+        match &*self.dressing {
+            "structured" => Ok(SceneKind::Structured),
+            "semi-structured" => Ok(SceneKind::SemiStructured),
+            other => Err(key.refused(format_args!("{:?}", shown(other)), key.must).into()),
+        }
+    }
+
+    /// What the numbers of classes in recorded scans mean.
+    ///
+    /// # Errors
+    ///
+    /// [`RunConfigError`] names `scene.tags`.
+    pub fn tags(&self) -> Result<Tags, RunConfigError> {
+        let [_, _, _, key, ..] = Self::KEYS else { return Ok(Tags::Carla0914) };
+        let refused = || key.refused(format_args!("{:?}", shown(&self.tags)), key.must);
+        Tags::named(&self.tags).ok_or_else(|| refused().into())
+    }
+
     pub(super) fn check(&self) -> Result<(), RunConfigError> {
         self.import()?;
+        self.dressing()?;
+        self.tags()?;
         Ok(self.check_keys()?)
     }
 
@@ -63,7 +107,7 @@ impl SceneConfig {
             let numbers = self.ground.split(',').map(|part| part.trim().parse().ok());
             numbers.collect::<Option<Vec<f64>>>()?.try_into().ok()
         };
-        let [_, _, key, _] = Self::KEYS else { return Ok(Ground::Auto) };
+        let [_, _, key, ..] = Self::KEYS else { return Ok(Ground::Auto) };
         let refused = || {
             let expected = format!(
                 "{} (z = a·x + b·y + c) with a and b within ±1 and c within ±{max_reach_m} m",
@@ -82,7 +126,7 @@ impl SceneConfig {
     }
 
     fn libraries(&self) -> Result<Libraries, Refused> {
-        let [.., key] = Self::KEYS else { return Ok(Libraries::None) };
+        let [.., key, _, _] = Self::KEYS else { return Ok(Libraries::None) };
         match &*self.libraries {
             "beside" => Ok(Libraries::Beside),
             "anywhere" => Ok(Libraries::Anywhere),
@@ -120,5 +164,17 @@ mod tests {
         }
         let said = of("auto", "here").unwrap_err();
         assert_eq!(said, "scene.libraries = \"here\" must be one of beside, anywhere, none");
+    }
+
+    #[test]
+    fn roads_are_dressed_as_one_of_two_kinds() {
+        let of = |dressing: &str| {
+            let config = SceneConfig { dressing: dressing.into(), ..SceneConfig::default() };
+            config.dressing().map_err(|error| error.to_string())
+        };
+        assert_eq!(of("semi-structured"), Ok(SceneKind::SemiStructured));
+        let said = of("unstructured").unwrap_err();
+        let bad = "scene.dressing = \"unstructured\" must be one of structured, semi-structured";
+        assert_eq!(said, bad);
     }
 }

@@ -1,0 +1,51 @@
+//! `echoloop store`.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueHint};
+use serde_json::json;
+
+use super::common::{Setup, on_threads};
+use super::exit::{self, Failure};
+use super::method_choice::MethodChoice;
+use super::prepared::Prepared;
+use super::progress::Progress;
+use crate::experiment::config::RunConfig;
+use crate::experiment::dataset::{Facts, stored};
+use crate::experiment::files::Output;
+
+/// Flags of `store`.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct StoreArgs {
+    #[command(flatten)]
+    setup: Setup,
+    #[command(flatten)]
+    method: MethodChoice,
+    /// File to write.
+    #[arg(short, long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    output: PathBuf,
+}
+
+pub(super) fn run(args: &StoreArgs) -> Result<(), Failure> {
+    let config = args.setup.source.load(args.method.overrides())?;
+    let output = Output::at(&args.output)?; // now: tracing takes long
+    on_threads(args.setup.common.threads, || store(args, config, &output))?
+}
+
+fn store(args: &StoreArgs, config: RunConfig, output: &Output) -> Result<(), Failure> {
+    let progress = Progress::new(args.setup.common.quiet);
+    let prepared = Prepared::new(config, &args.setup.sensor, &progress)?;
+    progress.end();
+    let (config, dataset) = (&prepared.config, &prepared.dataset);
+    let bytes = stored(config, dataset).map_err(Failure::run)?;
+    output.write(&bytes)?;
+    let (facts, file) = (Facts::new(dataset), args.output.display());
+    if args.setup.common.json {
+        let document =
+            json!({ "format": 1, "file": file.to_string(), "bytes": bytes.len(), "set": facts });
+        let text = serde_json::to_string_pretty(&document).map_err(Failure::run)?;
+        return exit::print(&(text + "\n"));
+    }
+    let megabytes = bytes.len() as f64 / 1e6;
+    exit::print(&format!("wrote {megabytes:.1} MB to {file}\n"))
+}

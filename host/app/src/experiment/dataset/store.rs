@@ -1,0 +1,454 @@
+//! Pairs in a file: traced once, read in a moment.
+//!
+//! ```text
+//! "ECHOPAIR"  version: u32  header's bytes: u32  header: JSON  body: zlib  CRC-64/XZ of all before
+//! ```
+//!
+//! Little endian. The header has the configuration that the pairs were traced with, and of each
+//! pair its place, poses and how many returns there are. The body has the scans, first and second
+//! of each pair to tune on and then of each to judge on: a count of returns a beam (u16), then all
+//! ranges, then all strengths (f32), of each four bytes the first of all numbers, then the second
+//! of all, and so on: exponents are much alike, and pack better side by side.
+
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use echoloop_files::{read_data, shown};
+use echoloop_frontend::{Return, SceneResponse};
+use flate2::Compression;
+use flate2::read::ZlibDecoder;
+use flate2::write::ZlibEncoder;
+use nalgebra::{Quaternion, Translation3, UnitQuaternion};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::pairs::{Dataset, ScanPair};
+use super::recording;
+use crate::experiment::beams::Beams;
+use crate::experiment::checksum::Checksum;
+use crate::experiment::config::{RunConfig, parse, written};
+use echoloop_registration::pose::Pose;
+
+const MAGIC: &[u8; 8] = b"ECHOPAIR";
+/// Pairs of another version are traced anew.
+const VERSION: u32 = 1;
+const PREFIX: usize = 16;
+const SUFFIX: usize = 8;
+/// What is read takes at most so many times the file, and [`ROOM`].
+const MOST_GROWTH: u64 = 8;
+const ROOM: u64 = 64 << 20;
+/// Returns of a scan at most: of 131,072 beams with 225 sub-rays each.
+const MOST_RETURNS: u64 = 131_072 * 225;
+
+/// A file of pairs that cannot be used.
+#[derive(Debug, Error)]
+#[error("{}: {what}", path.display())]
+pub struct StoreError {
+    path: PathBuf,
+    what: String,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Header {
+    /// TOML.
+    config: String,
+    pattern: String,
+    triangles: usize,
+    train: Vec<Head>,
+    test: Vec<Head>,
+}
+
+/// A pair without its returns.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Head {
+    place: String,
+    truth: Placed,
+    world_from_sensor: [Placed; 2],
+    viewpoints: [u32; 2],
+    overlap: f64,
+    /// Returns of both scans.
+    returns: [u64; 2],
+}
+
+/// A pose to the last bit: x, y, z, m, then the rotation's i, j, k, w.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+struct Placed([f64; 7]);
+
+/// Pairs as a file's bytes.
+///
+/// # Errors
+///
+/// What cannot be written down.
+pub fn stored(config: &RunConfig, dataset: &Dataset) -> Result<Vec<u8>, String> {
+    if recording::folder(config).is_some() {
+        return Err("recorded scans need no store: they are read as fast".into());
+    }
+    let header = Header {
+        config: written(config).map_err(|error| error.to_string())?,
+        pattern: pattern(&dataset.beams),
+        triangles: dataset.triangles,
+        train: dataset.train.iter().map(Head::new).collect(),
+        test: dataset.test.iter().map(Head::new).collect(),
+    };
+    let header = serde_json::to_vec(&header).map_err(|error| error.to_string())?;
+    let length = u32::try_from(header.len()).map_err(|_| "too many pairs for a file")?;
+    let mut bytes = MAGIC.to_vec();
+    bytes.extend(VERSION.to_le_bytes());
+    bytes.extend(length.to_le_bytes());
+    bytes.extend(header);
+    let mut body = ZlibEncoder::new(bytes, Compression::fast());
+    let written = dataset.views().try_for_each(|scan| write_scan(&mut body, scan));
+    let done = written.and_then(|()| body.finish()).map_err(|error| error.to_string());
+    let mut bytes = done?;
+    bytes.extend(Checksum::of(&[&bytes]).to_le_bytes());
+    Ok(bytes)
+}
+
+/// The configuration that the pairs of a file were traced with.
+///
+/// # Errors
+///
+/// [`StoreError`].
+pub fn stored_config(path: &Path) -> Result<RunConfig, StoreError> {
+    let fail = |what: String| StoreError { path: path.to_owned(), what };
+    let bytes = read_data(path).map_err(|error| fail(format!("cannot be read: {error}")))?;
+    let (header, _) = open(&bytes).map_err(fail)?;
+    parse(&header.config).map_err(|error| fail(shown(&error)))
+}
+
+/// The pairs of a file, which must be those of the configuration.
+///
+/// # Errors
+///
+/// [`StoreError`] says what is wrong with the file, or which key differs from its.
+pub(super) fn load_stored(
+    path: &Path,
+    config: &RunConfig,
+    beams: Beams,
+) -> Result<Dataset, StoreError> {
+    let fail = |what: String| StoreError { path: path.to_owned(), what };
+    let bytes = read_data(path).map_err(|error| fail(format!("cannot be read: {error}")))?;
+    let (header, body) = open(&bytes).map_err(fail)?;
+    let traced_with = parse(&header.config).map_err(|error| fail(shown(&error)))?;
+    same(&traced_with, config).map_err(fail)?;
+    if header.pattern != pattern(&beams) {
+        return Err(fail("its beams are not those of scanner.pattern any more".into()));
+    }
+    read_pairs(header, body, bytes.len() as u64, beams).map_err(fail)
+}
+
+/// The pattern, of a table with what is in it.
+fn pattern(beams: &Beams) -> String {
+    format!("{:?}", beams.pattern())
+}
+
+/// Header and body of a file that is whole.
+fn open(bytes: &[u8]) -> Result<(Header, &[u8]), String> {
+    let no_pairs = || "no file of pairs (of `echoloop store`)".to_owned();
+    let number = |from: usize| -> Option<u32> {
+        Some(u32::from_le_bytes(bytes.get(from..from + 4)?.try_into().ok()?))
+    };
+    if !bytes.starts_with(MAGIC) {
+        return Err(no_pairs());
+    }
+    let (version, length) = number(8).zip(number(12)).ok_or_else(no_pairs)?;
+    if version != VERSION {
+        return Err(format!("of version {version}, expected {VERSION}: store the pairs anew"));
+    }
+    let cut = || "cut short or damaged: its checksum is another".to_owned();
+    let (content, sum) = bytes.split_last_chunk::<SUFFIX>().ok_or_else(cut)?;
+    if Checksum::of(&[content]).to_le_bytes() != *sum {
+        return Err(cut());
+    }
+    let rest = content.get(PREFIX..).ok_or_else(cut)?;
+    let (header, body) = rest.split_at_checked(length as usize).ok_or_else(cut)?;
+    let header = serde_json::from_slice(header);
+    Ok((header.map_err(|error| format!("header: {}", shown(&error.to_string())))?, body))
+}
+
+/// Refuses pairs that are not those of a configuration, by the first key that differs.
+fn same(stored: &RunConfig, now: &RunConfig) -> Result<(), String> {
+    let told = |config: &RunConfig| toml::Table::try_from(shaping(config));
+    let (Ok(stored), Ok(now)) = (told(stored), told(now)) else {
+        return Err("holds a configuration that cannot be written".into());
+    };
+    match difference("", &toml::Value::Table(stored), &toml::Value::Table(now)) {
+        None => Ok(()),
+        Some((key, stored, now)) => Err(format!(
+            "its pairs have {key} = {}, and {} is asked for: trace anew without scene.stored, or \
+             leave the key as it is there",
+            shown(&stored),
+            shown(&now)
+        )),
+    }
+}
+
+/// A configuration with everything else than what shapes pairs as it is by default.
+fn shaping(config: &RunConfig) -> RunConfig {
+    let usual = RunConfig::default();
+    let mut own = RunConfig {
+        seed: config.seed,
+        scene: config.scene.clone(),
+        scanner: config.scanner.clone(),
+        data: config.data,
+        motion: config.motion,
+        ..usual.clone()
+    };
+    own.scene.stored = String::new();
+    own.data.success_translation_m = usual.data.success_translation_m;
+    own.data.success_rotation_deg = usual.data.success_rotation_deg;
+    own.receiver.divergence_mrad = config.receiver.divergence_mrad;
+    own.receiver.subrays = config.receiver.subrays;
+    own
+}
+
+/// The first key that differs, with both values; of one that is missing nothing.
+fn difference(
+    path: &str,
+    stored: &toml::Value,
+    now: &toml::Value,
+) -> Option<(String, String, String)> {
+    if let (toml::Value::Table(stored), toml::Value::Table(now)) = (stored, now) {
+        let keys = stored.keys().chain(now.keys().filter(|key| !stored.contains_key(*key)));
+        let none = toml::Value::String(String::new());
+        return keys.into_iter().find_map(|key| {
+            let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
+            difference(&path, stored.get(key).unwrap_or(&none), now.get(key).unwrap_or(&none))
+        });
+    }
+    (stored != now).then(|| (path.to_owned(), stored.to_string(), now.to_string()))
+}
+
+fn read_pairs(header: Header, body: &[u8], file: u64, beams: Beams) -> Result<Dataset, String> {
+    let heads = || header.train.iter().chain(&header.test);
+    let (count, of_beams) = (heads().count() as u64, u64::from(beams.pattern().beams()));
+    let returns = heads().flat_map(|head| head.returns).map(|n| n.min(MOST_RETURNS + 1));
+    let size = 2 * count * 2 * of_beams + 8 * returns.sum::<u64>();
+    if size > MOST_GROWTH * file + ROOM {
+        return Err("says that it holds far more than its size".into());
+    }
+    let mut body = ZlibDecoder::new(body);
+    let mut pairs = |heads: Vec<Head>| -> Result<Vec<ScanPair>, String> {
+        heads.into_iter().map(|head| head.with(&mut body, of_beams as usize)).collect()
+    };
+    let (train, test) = (pairs(header.train)?, pairs(header.test)?);
+    match body.read(&mut [0]) {
+        Ok(0) => Ok(Dataset { beams, train, test, triangles: header.triangles }),
+        _ => Err("holds more than it says".into()),
+    }
+}
+
+impl Head {
+    fn new(pair: &ScanPair) -> Self {
+        let returns = |scan: &SceneResponse| scan.returns.len() as u64;
+        Self {
+            place: pair.place.clone(),
+            truth: pair.truth.into(),
+            world_from_sensor: pair.world_from_sensor.map(Placed::from),
+            viewpoints: pair.viewpoints,
+            overlap: pair.overlap,
+            returns: [returns(&pair.first), returns(&pair.second)],
+        }
+    }
+
+    fn with(self, body: &mut impl Read, beams: usize) -> Result<ScanPair, String> {
+        let [first, second] = self.returns.map(|returns| read_scan(body, beams, returns));
+        let [from_first, from_second] = self.world_from_sensor.map(Placed::pose);
+        Ok(ScanPair {
+            place: self.place,
+            truth: self.truth.pose()?,
+            world_from_sensor: [from_first?, from_second?],
+            first: Arc::new(first?),
+            second: Arc::new(second?),
+            viewpoints: self.viewpoints,
+            overlap: self.overlap,
+        })
+    }
+}
+
+impl From<Pose> for Placed {
+    fn from(pose: Pose) -> Self {
+        let ([x, y, z], turn) = (pose.translation.vector.into(), pose.rotation.coords);
+        Self([x, y, z, turn.x, turn.y, turn.z, turn.w])
+    }
+}
+
+impl Placed {
+    fn pose(self) -> Result<Pose, String> {
+        let Self([x, y, z, i, j, k, w]) = self;
+        let turn = Quaternion::new(w, i, j, k);
+        match self.0.iter().all(|v| v.is_finite()) && (turn.norm() - 1.0).abs() < 1e-6 {
+            true => Ok(Pose::from_parts(
+                Translation3::new(x, y, z),
+                UnitQuaternion::new_unchecked(turn), // to the bit, as it was
+            )),
+            false => Err("holds a pose that is none".into()),
+        }
+    }
+}
+
+fn write_scan(body: &mut impl Write, scan: &SceneResponse) -> std::io::Result<()> {
+    let counts = scan.beams.windows(2).map(|pair| (pair[1] - pair[0]) as u16);
+    body.write_all(&counts.flat_map(u16::to_le_bytes).collect::<Vec<u8>>())?;
+    body.write_all(&planes(scan.returns.iter().map(|one| one.range_m)))?;
+    body.write_all(&planes(scan.returns.iter().map(|one| one.strength_per_m2)))
+}
+
+fn read_scan(body: &mut impl Read, beams: usize, returns: u64) -> Result<SceneResponse, String> {
+    let cut = || "holds less than it says".to_owned();
+    let count = usize::try_from(returns).ok().filter(|_| returns <= MOST_RETURNS);
+    let count = count.ok_or("says that it holds more returns than a scan has")?;
+    let mut take = |bytes: usize| -> Result<Vec<u8>, String> {
+        let mut taken = Vec::new();
+        let read = body.by_ref().take(bytes as u64).read_to_end(&mut taken);
+        read.ok().filter(|&read| read == bytes).map(|_| taken).ok_or_else(cut)
+    };
+    let counts = take(2 * beams)?;
+    let ends = counts.as_chunks().0.iter().scan(0_u32, |end, count| {
+        *end += u32::from(u16::from_le_bytes(*count));
+        Some(*end)
+    });
+    let beams: Vec<u32> = std::iter::once(0).chain(ends).collect();
+    if beams.last().is_none_or(|&end| end as usize != count) {
+        return Err("holds beams whose returns are not as many as it says".into());
+    }
+    let (ranges, strengths) = (take(4 * count)?, take(4 * count)?);
+    let each = numbers(&ranges).zip(numbers(&strengths));
+    let returns = each.map(|(range_m, strength_per_m2)| Return { range_m, strength_per_m2 });
+    let scan = SceneResponse { beams, returns: returns.collect() };
+    is_sound(&scan).then_some(scan).ok_or_else(|| "holds a return that is none".into())
+}
+
+/// Ranges rise within a beam; all numbers are finite, and no return is without strength.
+fn is_sound(scan: &SceneResponse) -> bool {
+    let number = |one: &Return| {
+        (0.0..f32::INFINITY).contains(&one.range_m)
+            && one.strength_per_m2 > 0.0
+            && one.strength_per_m2.is_finite()
+    };
+    let rise = |beam| scan.of(beam).is_sorted_by(|a, b| a.range_m <= b.range_m);
+    scan.returns.iter().all(number) && (0..scan.len()).all(rise)
+}
+
+/// The first bytes of all numbers, then the second, the third, the fourth.
+fn planes(values: impl Iterator<Item = f32>) -> Vec<u8> {
+    let values: Vec<[u8; 4]> = values.map(f32::to_le_bytes).collect();
+    (0..4).flat_map(|plane| values.iter().map(move |bytes| bytes[plane])).collect()
+}
+
+fn numbers(planes: &[u8]) -> impl Iterator<Item = f32> {
+    let count = planes.len() / 4;
+    (0..count).map(move |i| f32::from_le_bytes([0, 1, 2, 3].map(|plane| planes[plane * count + i])))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn config(more: &[&str]) -> RunConfig {
+        let sets = [
+            "scene.towns=[1]",
+            "scanner.columns=24",
+            "scanner.rows=8",
+            "data.train_pairs=2",
+            "data.test_pairs=1",
+        ];
+        let overrides: Vec<_> = sets.iter().chain(more).map(|set| set.parse().unwrap()).collect();
+        crate::experiment::config::load(None, &overrides).unwrap()
+    }
+
+    fn load(bytes: &[u8], config: &RunConfig) -> Result<Dataset, String> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.pairs");
+        std::fs::write(&path, bytes).unwrap();
+        let told = |error: StoreError| error.to_string().replace(&path.display().to_string(), "F");
+        load_stored(&path, config, config.scanner.beams()).map_err(told)
+    }
+
+    /// With another checksum, as after a change on purpose.
+    fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
+        bytes.truncate(bytes.len() - SUFFIX);
+        let sum = Checksum::of(&[&bytes]).to_le_bytes();
+        bytes.extend(sum);
+        bytes
+    }
+
+    #[test]
+    fn pairs_come_back_to_the_bit() {
+        let config = config(&[]);
+        let traced = Dataset::build(&config, &|_, _| ()).unwrap();
+        let bytes = stored(&config, &traced).unwrap();
+        let back = load(&bytes, &config).unwrap();
+        let told = |set: &Dataset| format!("{:?} {:?} {}", set.train, set.test, set.triangles);
+        assert_eq!(told(&back), told(&traced));
+        let bits = |set: &Dataset| {
+            set.train.iter().map(|pair| Placed::from(pair.truth).0.map(f64::to_bits)).collect()
+        };
+        let (own, found): (Vec<_>, Vec<_>) = (bits(&traced), bits(&back));
+        assert_eq!(own, found);
+    }
+
+    #[test]
+    fn pairs_of_another_configuration_are_refused_by_the_key_that_differs() {
+        let own = config(&[]);
+        let bytes = stored(&own, &Dataset::build(&own, &|_, _| ()).unwrap()).unwrap();
+        for (set, key) in [
+            ("data.baseline_m=3", "data.baseline_m = 2.0, and 3.0"),
+            ("seed=9", "seed = 1, and 9"),
+            ("scanner.rows=9", "scanner.rows = 8, and 9"),
+            ("receiver.subrays=3", "receiver.subrays = 5, and 3"),
+            ("scene.source=unstructured", "scene.source = \"structured\", and \"unstructured\""),
+        ] {
+            let said = load(&bytes, &config(&[set])).unwrap_err();
+            assert!(said.contains(key), "{said}");
+        }
+        // What shapes no pair may differ.
+        for set in ["lidar.power=9", "data.success_translation_m=2", "weather.kind=fog"] {
+            assert!(load(&bytes, &config(&[set])).is_ok(), "{set}");
+        }
+    }
+
+    #[test]
+    fn a_file_that_is_cut_changed_of_another_version_or_none_is_refused() {
+        let own = config(&[]);
+        let bytes = stored(&own, &Dataset::build(&own, &|_, _| ()).unwrap()).unwrap();
+        for length in [0, 7, 12, 15, 16, 40, bytes.len() / 2, bytes.len() - 1] {
+            assert!(load(&bytes[..length], &own).is_err(), "{length} bytes");
+        }
+        let mut changed = bytes.clone();
+        changed[bytes.len() / 2] ^= 1;
+        assert!(load(&changed, &own).unwrap_err().contains("checksum"));
+        let mut later = bytes.clone();
+        later[8] = 2;
+        assert_eq!(
+            load(&later, &own).unwrap_err(),
+            "F: of version 2, expected 1: store the pairs anew"
+        );
+        assert_eq!(load(b"ply\n", &own).unwrap_err(), "F: no file of pairs (of `echoloop store`)");
+    }
+
+    #[test]
+    fn a_file_that_lies_about_itself_is_refused() {
+        let own = config(&[]);
+        let dataset = Dataset::build(&own, &|_, _| ()).unwrap();
+        let bytes = stored(&own, &dataset).unwrap();
+        let changed = |from: &str, to: &str| {
+            assert_eq!(from.len(), to.len());
+            let at = bytes.windows(from.len()).position(|part| part == from.as_bytes()).unwrap();
+            let mut changed = bytes.clone();
+            changed[at..at + to.len()].copy_from_slice(to.as_bytes());
+            load(&sealed(changed), &own)
+        };
+        let count = format!("\"returns\":[{}", dataset.train[0].first.returns.len());
+        let more = count.replace("[1", "[9").replace("[2", "[8").replace("[3", "[7");
+        assert_ne!(count, more);
+        assert!(changed(&count, &more).unwrap_err().contains("returns"));
+        assert!(changed("\"triangles\"", "\"quadrangle").is_err());
+        let mut header = bytes.clone();
+        header[12..16].copy_from_slice(&u32::MAX.to_le_bytes());
+        assert!(load(&sealed(header), &own).is_err());
+    }
+}

@@ -1,0 +1,108 @@
+//! What `scene.source` names: a kind of place, one of the nine towns, a road network, a mesh.
+
+use std::path::{Path, PathBuf};
+
+use echoloop_files::shown;
+use echoloop_sim::import::{ImportError, load_scene};
+use echoloop_sim::scene::{Scene, SceneKind, Town, TownError, build_town, generate, load_town};
+use thiserror::Error;
+
+use crate::experiment::config::{RunConfigError, SceneConfig};
+
+/// Why there is no scene.
+#[derive(Debug, Error)]
+pub enum SourceError {
+    /// Neither a name nor a file.
+    #[error(
+        "scene.source = {0:?} is neither structured, semi-structured, unstructured, one of the \
+         nine towns ({towns}) nor a file that exists",
+        towns = Town::ALL.map(Town::name).join(", ")
+    )]
+    Unknown(String),
+    /// The mesh cannot be used.
+    #[error(transparent)]
+    Import(#[from] ImportError),
+    /// The town cannot be built.
+    #[error(transparent)]
+    Town(#[from] TownError),
+    /// A key of `[scene]` is out of bounds.
+    #[error(transparent)]
+    Config(#[from] RunConfigError),
+}
+
+/// Where a scene comes from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Source {
+    /// A place is made from a seed.
+    Kind(SceneKind),
+    /// One of the nine.
+    Town(Town),
+    /// A town is built on an OpenDRIVE file's roads.
+    Roads(PathBuf),
+    /// A mesh.
+    Mesh(PathBuf),
+}
+
+impl Source {
+    /// Reads `scene.source`. Whether a file is there is not looked at.
+    pub fn of(source: &str) -> Self {
+        if let Ok(kind) = source.parse() {
+            return Self::Kind(kind);
+        }
+        if let Ok(town) = source.parse() {
+            return Self::Town(town);
+        }
+        let path = PathBuf::from(source);
+        let is_network = path.extension().is_some_and(|end| end.eq_ignore_ascii_case("xodr"));
+        if is_network { Self::Roads(path) } else { Self::Mesh(path) }
+    }
+
+    /// The file it stands on.
+    pub fn file(&self) -> Option<PathBuf> {
+        match self {
+            Self::Kind(_) => None,
+            Self::Town(town) => town.file(data_folder().as_deref()),
+            Self::Roads(path) | Self::Mesh(path) => Some(path.clone()),
+        }
+    }
+
+    /// Makes or loads the scene; `town` is the seed of what is generated.
+    ///
+    /// # Errors
+    ///
+    /// [`SourceError`].
+    pub fn scene(&self, config: &SceneConfig, town: u64) -> Result<Scene, SourceError> {
+        match self {
+            Self::Kind(kind) => Ok(generate(*kind, town)),
+            Self::Town(town) => Ok(build_town(*town, data_folder().as_deref())?),
+            Self::Roads(path) => Ok(load_town(path, config.dressing()?, town)?),
+            Self::Mesh(path) => {
+                let looks_like_a_file = path.extension().is_some() || path.exists();
+                if !looks_like_a_file {
+                    return Err(SourceError::Unknown(shown(&config.source)));
+                }
+                Ok(load_scene(path, &config.import()?)?)
+            }
+        }
+    }
+}
+
+/// Where CARLA's files lie, of the towns that stand on its roads.
+fn data_folder() -> Option<PathBuf> {
+    std::env::var_os("ECHOLOOP_DATA").map(|folder| Path::new(&folder).to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_is_a_kind_or_a_town_and_anything_else_a_file() {
+        assert_eq!(Source::of("structured"), Source::Kind(SceneKind::Structured));
+        assert_eq!(Source::of("rocky-valley"), Source::Town(Town::RockyValley));
+        assert_eq!(Source::of("a/Town04.XODR"), Source::Roads("a/Town04.XODR".into()));
+        assert_eq!(Source::of("yard.obj"), Source::Mesh("yard.obj".into()));
+        assert_eq!(Source::of("rocky-valley").file(), None);
+        assert_eq!(Source::of("yard.obj").file(), Some("yard.obj".into()));
+    }
+}

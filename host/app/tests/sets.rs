@@ -1,0 +1,105 @@
+//! Sets of pairs: kept in a file, as hard as is asked for.
+
+mod fixture;
+
+use fixture::Fixture;
+use serde_json::Value;
+
+fn stored(fixture: &Fixture) {
+    fixture.succeed(&["store", "-q", "-c", "small.toml", "-o", "kept.pairs"]);
+}
+
+fn evaluated(fixture: &Fixture, from: &[&str]) -> Value {
+    fixture.succeed(&[&["evaluate", "-q", "--json"], from].concat()).json()
+}
+
+#[test]
+fn stored_pairs_are_judged_as_traced_ones_and_bring_their_configuration() {
+    let fixture = Fixture::new();
+    stored(&fixture);
+    let traced = evaluated(&fixture, &["-c", "small.toml"]);
+    assert_eq!(evaluated(&fixture, &["--stored", "kept.pairs"]), traced);
+    // The sensor's settings are free; what the pairs are of is not.
+    let weaker = ["--set", "lidar.power=0.01"];
+    let from_file = evaluated(&fixture, &[&["--stored", "kept.pairs"], &weaker[..]].concat());
+    let from_scene = evaluated(&fixture, &[&["-c", "small.toml"], &weaker[..]].concat());
+    assert_eq!(from_file, from_scene);
+    assert_ne!(from_file["summary"], traced["summary"]);
+}
+
+#[test]
+fn a_run_on_stored_pairs_is_the_run_on_traced_ones() {
+    let fixture = Fixture::new();
+    stored(&fixture);
+    let run = |from: &[&str]| {
+        let result = fixture.succeed(&[&["tune", "-q", "--json"], from].concat()).json();
+        (result["tuned_summary"].clone(), result["default_summary"].clone())
+    };
+    assert_eq!(run(&["--stored", "kept.pairs"]), run(&["-c", "small.toml"]));
+}
+
+#[test]
+fn stored_pairs_of_something_else_are_refused_by_name() {
+    let fixture = Fixture::new();
+    stored(&fixture);
+    fixture.write("cut.pairs", &std::fs::read(fixture.path("kept.pairs")).unwrap()[..900]);
+    for (arguments, said) in [
+        (&["--stored", "kept.pairs", "--seed", "2"][..], "seed = 1, and 2 is asked for"),
+        (&["--stored", "kept.pairs", "--set", "data.test_pairs=9"], "data.test_pairs = 3"),
+        (&["--stored", "cut.pairs"], "cut.pairs: cut short or damaged"),
+        (&["--stored", "small.toml"], "small.toml: no file of pairs"),
+        (&["--stored", "none.pairs"], "none.pairs: cannot be read"),
+        (&["--set", "scene.stored=none.pairs"], "none.pairs: cannot be read"),
+    ] {
+        let output = fixture.run(&[&["evaluate", "-q"], arguments].concat());
+        assert_eq!(output.code, Some(2), "{arguments:?}: {}", output.stderr);
+        assert!(output.stderr.contains(said), "{arguments:?}: {}", output.stderr);
+    }
+    let output = fixture.run(&["store", "-q", "-c", "small.toml", "-o", "no/such/kept.pairs"]);
+    assert_eq!(output.code, Some(2), "{}", output.stderr);
+}
+
+#[test]
+fn a_set_says_how_much_its_pairs_share_and_takes_only_those_that_are_asked_for() {
+    let fixture = Fixture::new();
+    let list = |folder: &str, more: &[&str]| -> Value {
+        fixture.succeed(&[&["pairs", "-q", "-c", "small.toml", "-o", folder][..], more].concat());
+        serde_json::from_str(&fixture.read(&format!("{folder}/pairs.json"))).expect("JSON")
+    };
+    let overlaps = |list: &Value| -> Vec<f64> {
+        let pairs = list["pairs"].as_array().expect("a list");
+        pairs.iter().map(|pair| pair["overlap"].as_f64().expect("a number")).collect()
+    };
+    let near = list("near", &[]);
+    assert!(near["set"]["least_apart_m"].as_f64().unwrap() > 5.0, "{}", near["set"]);
+    let far = list("far", &["--set", "data.most_overlap=0.7", "--set", "data.difficulty=5"]);
+    assert!(overlaps(&near).iter().all(|&share| share > 0.9), "{:?}", overlaps(&near));
+    assert!(overlaps(&far).iter().all(|&share| share <= 0.7), "{:?}", overlaps(&far));
+    for (set, said) in [
+        ("data.least_overlap=1.5", "data.least_overlap = 1.5"),
+        ("data.difficulty=7", "data.difficulty = 7"),
+        ("data.most_overlap=0.001", "share too much or too little"),
+    ] {
+        let output = fixture.run(&["evaluate", "-q", "-c", "small.toml", "--set", set]);
+        assert_eq!(output.code, Some(2), "{set}: {}", output.stderr);
+        assert!(output.stderr.contains(said), "{set}: {}", output.stderr);
+    }
+    let both = ["--set", "data.least_overlap=0.6", "--set", "data.most_overlap=0.5"];
+    let output = fixture.run(&[&["evaluate", "-q", "-c", "small.toml"], &both[..]].concat());
+    assert!(output.stderr.contains("data.least_overlap = 0.6 must be at most"));
+}
+
+#[test]
+fn the_harder_pairs_are_the_fewer_are_registered_and_the_difficulty_between_is_found() {
+    let fixture = Fixture::new();
+    let more = ["--set", "data.train_pairs=12", "--set", "data.test_pairs=12"];
+    let arguments = ["difficulty", "-q", "--json", "-c", "small.toml", "--recall", "50"];
+    let found = fixture.succeed(&[&arguments[..], &more].concat()).json();
+    let steps = found["steps"].as_array().expect("steps");
+    let successes = |step: &Value| step["successes"].as_u64().expect("a count");
+    assert_eq!(successes(&steps[0]), 12, "{found}");
+    assert!(successes(&steps[steps.len() - 1]) < 6, "{found}");
+    let held_out = &found["found"][0]["held_out"];
+    assert!(held_out["difficulty"].as_f64().unwrap() > 0.5, "{found}");
+    assert!((2..=10).contains(&successes(held_out)), "{found}");
+}
