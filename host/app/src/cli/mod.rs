@@ -31,8 +31,10 @@ mod ready;
 mod register;
 mod report;
 mod response;
+mod roads;
 mod scan;
 mod scan_along;
+mod scene;
 mod sensor;
 mod serve;
 mod shown_pair;
@@ -87,6 +89,10 @@ enum Command {
     Compare(compare::CompareArgs),
     /// Scan a scene through the sensor and write the cloud.
     Scan(scan::ScanArgs),
+    /// Show a scene: a page in three dimensions with its viewpoints and pairs, or a still picture.
+    ///
+    /// Without -o and --picture its facts are printed.
+    Scene(scene::SceneArgs),
     /// Scan the configured pairs through the sensor and write them as files: clouds, true motions,
     /// poses.
     ///
@@ -110,6 +116,11 @@ enum Command {
     /// [{"time_ns": …, "amplitude": …, "width_ns": …, "snr": …, "flags": […]}]}, times from the
     /// row's first sample, amplitudes above ambient in the input's units.
     Echoes(echoes::EchoesArgs),
+    /// Read a road network (OpenDRIVE): what it has, its waypoints as a table.
+    ///
+    /// With --json its topology too: the entries of each driving lane and of each that it leads
+    /// into. Of a town of ours `-o FILE.xodr` writes the roads, for CARLA and its editors.
+    Roads(roads::RoadsArgs),
     /// Ask a sensor who it is, read its settings, set them.
     ///
     /// `--set lidar.power=50` and the like are laid over the sensor's own settings and sent to it,
@@ -212,11 +223,13 @@ impl Cli {
             Command::Report(args) => report::run(&args),
             Command::Compare(args) => compare::run(&args),
             Command::Scan(args) => scan::run(&args),
+            Command::Scene(args) => scene::run(&args),
             Command::Pairs(args) => pairs::run(&args),
             Command::Store(args) => store::run(&args),
             Command::Difficulty(args) => difficulty::run(&args),
             Command::Register(args) => register::run(&args),
             Command::Echoes(args) => echoes::run(&args),
+            Command::Roads(args) => roads::run(&args),
             Command::Sensor(args) => sensor::run(&args),
             Command::Serve(args) => serve::run(&args),
             Command::Config(args) => config::run(&args),

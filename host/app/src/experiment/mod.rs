@@ -73,5 +73,6 @@ pub mod run;
 pub mod scan_cloud;
 pub mod seed;
 pub mod source;
+pub mod survey;
 pub mod tune;
 pub mod written;

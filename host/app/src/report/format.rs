@@ -28,7 +28,7 @@ pub(super) fn file_name(name: &str) -> String {
 }
 
 /// `value` with a fixed number of decimals and a true minus sign.
-pub(super) fn fixed(value: f64, decimals: usize) -> String {
+pub(crate) fn fixed(value: f64, decimals: usize) -> String {
     if !value.is_finite() {
         return NONE.to_owned();
     }
@@ -88,6 +88,16 @@ pub(super) fn with_unit(number: &str, unit: &str) -> String {
     format!("{number}{GAP}{unit}")
 }
 
+/// A count with commas, as 516,048.
+pub(crate) fn grouped(count: usize) -> String {
+    let digits = count.to_string();
+    let comma = |k: usize| k > 0 && (digits.len() - k).is_multiple_of(3);
+    digits
+        .char_indices()
+        .flat_map(|(k, digit)| [comma(k).then_some(','), Some(digit)].into_iter().flatten())
+        .collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -118,5 +128,11 @@ mod tests {
         assert_eq!(with_unit(&fixed(f64::NAN, 1), "cm"), NONE);
         assert_eq!(with_unit("3.0", "cm"), "3.0\u{a0}cm");
         assert_eq!(with_unit("3.0", "°"), "3.0°");
+    }
+
+    #[test]
+    fn counts_have_a_comma_before_every_three_digits() {
+        let written = [0, 7, 999, 1000, 516_048, 1_234_567].map(grouped);
+        assert_eq!(written, ["0", "7", "999", "1,000", "516,048", "1,234,567"]);
     }
 }

@@ -6,10 +6,11 @@
 //!
 //! Plain data in, one string out. The file refers to nothing outside itself (a content security
 //! policy in its head forbids it), so it opens from disk, by mail and in ten years. Plots are SVG
-//! whose colours come from the style sheet, so that dark mode and print follow; only the 3D viewer
-//! is a script. The same data gives the same bytes.
+//! whose colours come from the style sheet, so that dark mode and print follow; only the 3D viewers
+//! are scripts. The same data gives the same bytes.
 
 mod axis;
+mod base64;
 mod clouds;
 mod convergence;
 mod correlation;
@@ -22,11 +23,14 @@ mod format;
 mod front;
 mod identity;
 mod importance;
+mod packed;
 mod page;
 mod pairs;
+mod picture;
 mod plot;
 mod response;
 mod runs;
+mod scene;
 mod theme;
 mod trajectories;
 
@@ -38,9 +42,11 @@ pub use data::{
 };
 pub use error::ReportError;
 pub use figure::Figure;
-pub(crate) use format::significant;
+pub(crate) use format::{fixed, grouped, significant};
+pub use picture::picture_png;
 pub use response::ResponsePage;
 pub use runs::{DifferingTable, RunsPage};
+pub use scene::{ScenePage, ShownPair};
 
 impl Report {
     /// The page, complete.

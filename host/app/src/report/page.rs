@@ -8,6 +8,7 @@ use super::{
 };
 
 const STYLE: &str = include_str!("report.css");
+const CAMERA: &str = include_str!("camera.js");
 const VIEWER: &str = include_str!("viewer.js");
 const SAVE: &str = include_str!("save.js");
 
@@ -31,18 +32,30 @@ pub(super) fn page(report: &Report) -> String {
         notes(&report.notes),
     ]
     .concat();
-    document(&report.title, &sections, &[SAVE, VIEWER].concat())
+    document(&report.title, &sections, &[CAMERA, SAVE, VIEWER].concat())
 }
 
 /// A whole page around sections.
 pub(super) fn document(title: &str, sections: &str, script: &str) -> String {
+    document_with("", "", title, sections, script)
+}
+
+/// As [`document`], with more style, and a class for its middle.
+pub(super) fn document_with(
+    style: &str,
+    class: &str,
+    title: &str,
+    sections: &str,
+    script: &str,
+) -> String {
+    let class = if class.is_empty() { String::new() } else { format!(" class=\"{class}\"") };
     format!(
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
          <meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\n\
          <meta name=\"color-scheme\" content=\"light dark\">\n<link rel=\"icon\" href=\"data:,\">\n\
-         <title>{}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n{sections}</main>\n\
-         <script>\n{script}</script>\n</body>\n</html>\n",
+         <title>{}</title>\n<style>\n{STYLE}{style}</style>\n</head>\n<body>\n\
+         <main{class}>\n{sections}</main>\n<script>\n{script}</script>\n</body>\n</html>\n",
         escape(title)
     )
 }
