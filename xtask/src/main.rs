@@ -10,6 +10,7 @@ mod fuzz;
 mod image;
 mod patterns;
 mod peers;
+mod pictures;
 mod record;
 mod shell;
 mod study;
@@ -77,6 +78,8 @@ enum Task {
     /// Registration against Open3D, small_gicp and KISS-Matcher on the same files, or the waveform
     /// path against numpy and scipy; needs python3 and the Python registry.
     Peers(peers::Peers),
+    /// The pictures of scenes in the docs, drawn again.
+    Pictures,
     /// What registration gains with each scan pattern, at equal time and at equal energy; goes on
     /// where it was left.
     Patterns(patterns::Patterns),
@@ -96,6 +99,7 @@ fn main() -> Result<()> {
         Task::Cost { update } => cost::run(update),
         Task::Figures(asked) => figures::run(&asked),
         Task::Peers(asked) => peers::run(asked),
+        Task::Pictures => pictures::run(),
         Task::Patterns(asked) => patterns::run(&asked),
         Task::Study(asked) => study::run(&asked),
     }
@@ -172,7 +176,7 @@ fn say_what_is_missing() {
         }
     }
     if !browser {
-        eprintln!("note: no Chromium: the report will not be looked at (apt-get install chromium)");
+        eprintln!("note: no Chromium: the pages will not be looked at (apt-get install chromium)");
     }
 }
 
