@@ -147,22 +147,23 @@ pub fn sample_pairs(
     caster: &Raycaster,
     plan: &PairPlan,
 ) -> Result<Vec<PosePair>, ViewpointError> {
-    sample_pairs_aloud(scene, caster, plan, &|_| true, &|_, _| ())
+    sample_pairs_aloud(scene, caster, plan, &Some, &|_, _| ())
 }
 
-/// [`sample_pairs`] of those that are `wanted`; and `progress` hears after every candidate how many
-/// pairs there are and how many candidates were tried: in a large place that takes a while.
+/// What `accept` makes of pairs as of [`sample_pairs`], without those that it makes nothing of; and
+/// `progress` hears after every candidate how many pairs there are and how many candidates were
+/// tried: in a large place that takes a while.
 ///
 /// # Errors
 ///
 /// As of [`sample_pairs`].
-pub fn sample_pairs_aloud(
+pub fn sample_pairs_aloud<T>(
     scene: &Scene,
     caster: &Raycaster,
     plan: &PairPlan,
-    wanted: &dyn Fn(&PosePair) -> bool,
+    accept: &dyn Fn(PosePair) -> Option<T>,
     progress: &dyn Fn(usize, usize),
-) -> Result<Vec<PosePair>, ViewpointError> {
+) -> Result<Vec<T>, ViewpointError> {
     plan.check()?;
     // Train and test draw from streams of their own, so that one's count does not move the other's
     // poses.
@@ -170,7 +171,7 @@ pub fn sample_pairs_aloud(
     let (mut pairs, mut attempts) = (Vec::new(), 0);
     while pairs.len() < plan.count && attempts < plan.patience(pairs.len()) {
         let found = search.candidate();
-        pairs.extend(found.filter(|pair| search.require(wanted(pair))));
+        pairs.extend(found.and_then(|pair| search.accepted(accept(pair))));
         attempts += 1;
         progress(pairs.len(), attempts);
     }
@@ -285,9 +286,9 @@ impl<'a> PairSearch<'a> {
     }
 
     /// Counts a pair that is not wanted.
-    fn require(&mut self, is_wanted: bool) -> bool {
-        self.rejected.unwanted += usize::from(!is_wanted);
-        is_wanted
+    fn accepted<T>(&mut self, made: Option<T>) -> Option<T> {
+        self.rejected.unwanted += usize::from(made.is_none());
+        made
     }
 
     fn draw(&mut self) -> Draft {

@@ -191,7 +191,7 @@ fn first_viewpoint(
 fn viewpoint(place: &Place, plan: &PairPlan, progress: &Progress) -> Result<Pose, Failure> {
     let Place { scene, caster } = place;
     let heard = |_, tried| progress.at(tried as u64);
-    let pose = match sample_pairs_aloud(scene, caster, plan, &|_| true, &heard).as_deref() {
+    let pose = match sample_pairs_aloud(scene, caster, plan, &Some, &heard).as_deref() {
         Ok([pair, ..]) => pair.world_from_first,
         Ok([]) | Err(ViewpointError::NoViewpoint { .. }) => alone(place, plan, progress)?,
         Err(source) => return Err(nowhere(scene, source.clone())),

@@ -86,6 +86,7 @@ impl Dataset {
         for (index, town) in towns.iter().enumerate() {
             let place = place(config, *town)?;
             dataset.triangles += place.scene.mesh.triangles.len();
+            let sight = sight(&place, &dataset.beams);
             for split in [Split::Train, Split::Test] {
                 let done = |d: &Self| (d.train.len() + d.test.len()) as f64 / total;
                 let looking = |found, tried| {
@@ -94,7 +95,6 @@ impl Dataset {
                         progress(done(&dataset), &text);
                     }
                 };
-                let sight = sight(&place, &dataset.beams);
                 let count = share(config, split, (index, towns.len()));
                 let plan = pair_plan(config, split, count, *town);
                 for pair in poses(config, &place, &sight, &plan, &looking)? {
@@ -103,8 +103,7 @@ impl Dataset {
                         Split::Train => dataset.train.len(),
                         Split::Test => config.data.train_pairs + dataset.test.len(),
                     };
-                    let seen = trace(config, &place, &pair, viewpoints(number), &dataset.beams);
-                    let pair = ScanPair { overlap: sight.overlap(&pair), ..seen };
+                    let pair = trace(config, &place, &pair, viewpoints(number), &dataset.beams);
                     match split {
                         Split::Train => dataset.train.push(pair),
                         Split::Test => dataset.test.push(pair),
@@ -180,6 +179,15 @@ pub fn share(config: &RunConfig, split: Split, (index, towns): (usize, usize)) -
     total / towns + usize::from(index < total % towns)
 }
 
+/// Where the two scans of a pair are to be made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlannedPair {
+    /// The poses.
+    pub poses: PosePair,
+    /// Share of what either scanner sees that the other sees, too.
+    pub overlap: f64,
+}
+
 /// Pairs of a town as a plan wants them, which share as much as the configuration says. `looking`
 /// hears how many there are and how many candidates were tried.
 ///
@@ -192,19 +200,23 @@ pub fn poses(
     sight: &Sight<'_>,
     plan: &PairPlan,
     looking: &dyn Fn(usize, usize),
-) -> Result<Vec<PosePair>, DatasetError> {
-    let wanted = |pair: &PosePair| config.data.wants(sight.overlap(pair));
-    sample_pairs_aloud(&place.scene, &place.caster, plan, &wanted, looking)
+) -> Result<Vec<PlannedPair>, DatasetError> {
+    let accept = |poses: PosePair| {
+        let overlap = sight.overlap(&poses);
+        config.data.wants(overlap).then_some(PlannedPair { poses, overlap })
+    };
+    sample_pairs_aloud(&place.scene, &place.caster, plan, &accept, looking)
         .map_err(|source| DatasetError::Viewpoints { scene: place.scene.name.clone(), source })
 }
 
 fn trace(
     config: &RunConfig,
     place: &Place,
-    pair: &PosePair,
+    planned: &PlannedPair,
     viewpoints: [u32; 2],
     beams: &Beams,
 ) -> ScanPair {
+    let pair = &planned.poses;
     let truth = relative(&pair.world_from_first, &pair.world_from_second);
     let look = |pose, viewpoint| Arc::new(respond_at(config, place, pose, viewpoint, beams));
     ScanPair {
@@ -214,7 +226,7 @@ fn trace(
         first: look(&pair.world_from_first, viewpoints[0]),
         second: look(&pair.world_from_second, viewpoints[1]),
         viewpoints,
-        overlap: 0.0,
+        overlap: planned.overlap,
     }
 }
 

@@ -1,13 +1,13 @@
 //! A town and where its pairs stand, with nothing scanned.
 
 use echoloop_sim::scene::Scene;
-use echoloop_sim::viewpoint::{PosePair, Split};
+use echoloop_sim::viewpoint::Split;
 
 use crate::experiment::checksum::{Checksum, Running};
 use crate::experiment::config::RunConfig;
 use crate::experiment::dataset::{
-    DatasetError, Overlaps, Place, apart_m, pair_plan, place, poses, share, sight, towns,
-    viewpoints,
+    DatasetError, Overlaps, Place, PlannedPair, apart_m, pair_plan, place, poses, share, sight,
+    towns, viewpoints,
 };
 use crate::experiment::source::Source;
 use echoloop_registration::pose::{Pose, relative, to_rows};
@@ -80,8 +80,7 @@ impl Survey {
             let plan = pair_plan(config, split, count, town);
             match poses(config, &place, &sight, &plan, looking) {
                 Ok(found) => {
-                    let found = found.iter().map(|pair| (pair, sight.overlap(pair)));
-                    pairs.extend(numbered(config, split, (index, seeds.len()), found));
+                    pairs.extend(numbered(config, split, (index, seeds.len()), &found));
                 }
                 Err(error @ DatasetError::Viewpoints { .. }) => missing.push(error),
                 Err(error) => return Err(error),
@@ -130,19 +129,19 @@ fn is_generated(config: &RunConfig) -> bool {
 }
 
 /// The pairs of one town with their numbers among those of all.
-fn numbered<'a>(
+fn numbered(
     config: &RunConfig,
     split: Split,
     (index, towns): (usize, usize),
-    found: impl Iterator<Item = (&'a PosePair, f64)>,
+    found: &[PlannedPair],
 ) -> impl Iterator<Item = SurveyedPair> {
     let before: usize = (0..index).map(|other| share(config, split, (other, towns))).sum();
     let trained = if split == Split::Train { 0 } else { config.data.train_pairs };
-    found.enumerate().map(move |(k, (pair, overlap))| SurveyedPair {
+    found.iter().enumerate().map(move |(k, &PlannedPair { poses, overlap })| SurveyedPair {
         split,
         number: before + k,
         viewpoints: viewpoints(trained + before + k),
-        world_from_sensor: [pair.world_from_first, pair.world_from_second],
+        world_from_sensor: [poses.world_from_first, poses.world_from_second],
         overlap,
     })
 }
