@@ -21,11 +21,10 @@ use super::ready::Ready;
 use super::scan_along::{Along, scan_along};
 use crate::experiment::beams::Beams;
 use crate::experiment::config::RunConfig;
-use crate::experiment::dataset::{
-    Dataset, DatasetError, Place, is_recorded, pair_plan, place, respond,
-};
+use crate::experiment::dataset::{Dataset, DatasetError, Place, pair_plan, place, respond};
 use crate::experiment::scan_cloud::recorded_from_scan;
 use crate::experiment::seed::scan_noise;
+use crate::experiment::source::Source;
 use crate::link::sensor::View;
 use echoloop_registration::cloud::{CloudFormat, Recorded};
 use echoloop_registration::pose::{Pose, to_rows};
@@ -99,9 +98,9 @@ struct Seen {
 fn scan(args: &ScanArgs, config: &RunConfig, output: Option<&CloudOutput>) -> Result<(), Failure> {
     let ready = Ready::new(&args.setup, config)?;
     let Ready { sensors, settings, beams, .. } = &ready;
-    let (seen, beams) = &match is_recorded(config) {
-        true => recorded(args, config)?,
-        false => (seen(args, config, beams)?, beams.clone()),
+    let (seen, beams) = &match Source::of(&config.scene.source) {
+        Source::Recording(_) => recorded(args, config)?,
+        _ => (seen(args, config, beams)?, beams.clone()),
     };
     let response = seen.as_ref().map_or_else(Arc::default, |seen| Arc::clone(&seen.response));
     let view =

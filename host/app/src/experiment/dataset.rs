@@ -10,7 +10,6 @@ mod store;
 use std::path::Path;
 use std::sync::Arc;
 
-use echoloop_files::shown;
 use echoloop_frontend::SceneResponse;
 use echoloop_sim::raycast::Raycaster;
 use echoloop_sim::scanner::{BeamOptics, Scanner};
@@ -43,9 +42,6 @@ pub enum DatasetError {
     /// Recorded scans cannot be used.
     #[error("scene.source: {0}")]
     Recording(#[from] RecordingError),
-    /// Recorded scans cannot be scanned.
-    #[error("scene.source = {0:?} is a folder of recorded scans, which have no surfaces to scan")]
-    Recorded(String),
     /// Nowhere to stand.
     #[error("{scene}: {source}")]
     Viewpoints {
@@ -77,7 +73,7 @@ impl Dataset {
         if !config.scene.stored.is_empty() {
             return Ok(store::load_stored(Path::new(&config.scene.stored), config, beams)?);
         }
-        if let Some(folder) = recording::folder(config) {
+        if let Source::Recording(folder) = Source::of(&config.scene.source) {
             return Ok(recording::load(&folder, config, beams, progress)?);
         }
         let mut dataset = Self { beams, train: Vec::new(), test: Vec::new(), triangles: 0 };
@@ -126,20 +122,12 @@ pub fn towns(config: &RunConfig) -> Vec<u64> {
     towns
 }
 
-/// Whether pairs were recorded: there are no surfaces, and no other places to scan from.
-pub fn is_recorded(config: &RunConfig) -> bool {
-    recording::folder(config).is_some()
-}
-
 /// Makes or loads one town.
 ///
 /// # Errors
 ///
 /// [`DatasetError`].
 pub fn place(config: &RunConfig, town: u64) -> Result<Place, DatasetError> {
-    if is_recorded(config) {
-        return Err(DatasetError::Recorded(shown(&config.scene.source)));
-    }
     let scene = Source::of(&config.scene.source).scene(&config.scene, town)?;
     let caster = Raycaster::new(&scene);
     Ok(Place { scene, caster })

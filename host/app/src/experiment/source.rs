@@ -1,4 +1,5 @@
-//! What `scene.source` names: a kind of place, one of the nine towns, a road network, a mesh.
+//! What `scene.source` names: a kind of place, one of the nine towns, a road network, a mesh,
+//! recorded scans.
 
 use std::path::{Path, PathBuf};
 
@@ -19,6 +20,9 @@ pub enum SourceError {
         towns = Town::ALL.map(Town::name).join(", ")
     )]
     Unknown(String),
+    /// Recorded scans cannot be scanned.
+    #[error("scene.source = {0:?} is a folder of recorded scans, which have no surfaces to scan")]
+    Recorded(String),
     /// The mesh cannot be used.
     #[error(transparent)]
     Import(#[from] ImportError),
@@ -41,10 +45,12 @@ pub enum Source {
     Roads(PathBuf),
     /// A mesh.
     Mesh(PathBuf),
+    /// A folder of recorded scans: there are no surfaces, and no other places to scan from.
+    Recording(PathBuf),
 }
 
 impl Source {
-    /// Reads `scene.source`. Whether a file is there is not looked at.
+    /// Reads `scene.source`. What is no name is a file, there or not, or a folder that is there.
     pub fn of(source: &str) -> Self {
         if let Ok(kind) = source.parse() {
             return Self::Kind(kind);
@@ -53,6 +59,9 @@ impl Source {
             return Self::Town(town);
         }
         let path = PathBuf::from(source);
+        if path.is_dir() {
+            return Self::Recording(path);
+        }
         let is_network = path.extension().is_some_and(|end| end.eq_ignore_ascii_case("xodr"));
         if is_network { Self::Roads(path) } else { Self::Mesh(path) }
     }
@@ -60,7 +69,7 @@ impl Source {
     /// The file it stands on.
     pub fn file(&self) -> Option<PathBuf> {
         match self {
-            Self::Kind(_) => None,
+            Self::Kind(_) | Self::Recording(_) => None,
             Self::Town(town) => town.file(data_folder().as_deref()),
             Self::Roads(path) | Self::Mesh(path) => Some(path.clone()),
         }
@@ -83,6 +92,7 @@ impl Source {
                 }
                 Ok(load_scene(path, &config.import()?)?)
             }
+            Self::Recording(_) => Err(SourceError::Recorded(shown(&config.source))),
         }
     }
 }

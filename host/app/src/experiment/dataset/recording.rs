@@ -26,7 +26,6 @@ use thiserror::Error;
 use super::pairs::{Dataset, ScanPair, viewpoints};
 use crate::experiment::beams::Beams;
 use crate::experiment::config::RunConfig;
-use crate::experiment::source::Source;
 
 /// A partner is at most so many times the baseline away.
 const FARTHEST: f64 = 2.0;
@@ -39,14 +38,6 @@ const CELL_M: f64 = 1.0;
 pub struct RecordingError {
     path: PathBuf,
     what: String,
-}
-
-/// The folder of recorded scans that a configuration names.
-pub(super) fn folder(config: &RunConfig) -> Option<PathBuf> {
-    match Source::of(&config.scene.source) {
-        Source::Mesh(path) if path.is_dir() => Some(path),
-        _ => None,
-    }
 }
 
 /// The pairs of a recording.

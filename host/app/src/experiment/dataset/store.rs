@@ -24,10 +24,10 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::pairs::{Dataset, ScanPair};
-use super::recording;
 use crate::experiment::beams::Beams;
 use crate::experiment::checksum::Checksum;
 use crate::experiment::config::{RunConfig, parse, written};
+use crate::experiment::source::Source;
 use echoloop_registration::pose::Pose;
 
 const MAGIC: &[u8; 8] = b"ECHOPAIR";
@@ -83,7 +83,7 @@ struct Placed([f64; 7]);
 ///
 /// What cannot be written down.
 pub fn stored(config: &RunConfig, dataset: &Dataset) -> Result<Vec<u8>, String> {
-    if recording::folder(config).is_some() {
+    if matches!(Source::of(&config.scene.source), Source::Recording(_)) {
         return Err("recorded scans need no store: they are read as fast".into());
     }
     let header = Header {
