@@ -2,9 +2,8 @@
 
 use std::array::from_fn;
 
-use super::base64::base64;
 use super::data::{CloudLayer, PairClouds, PoseError};
-use super::format::{escape, fixed, with_unit};
+use super::format::{base64, escape, fixed, with_unit};
 
 /// The most points of a cloud that a report carries.
 pub const MAX_LAYER_POINTS: usize = 40_000;

@@ -1,5 +1,8 @@
 //! Numbers and text as the page writes them.
 
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+
 /// What stands for a value that is not finite.
 pub(super) const NONE: &str = "–";
 
@@ -86,6 +89,11 @@ pub(super) fn with_unit(number: &str, unit: &str) -> String {
         return format!("{number}{unit}");
     }
     format!("{number}{GAP}{unit}")
+}
+
+/// Bytes as text that a page decodes.
+pub(super) fn base64(bytes: &[u8]) -> String {
+    STANDARD.encode(bytes)
 }
 
 /// A count with commas, as 516,048.

@@ -10,7 +10,6 @@
 //! are scripts. The same data gives the same bytes.
 
 mod axis;
-mod base64;
 mod clouds;
 mod convergence;
 mod correlation;

@@ -4,9 +4,8 @@ use echoloop_sim::picture::{PITCH_RAD, Picture, YAW_RAD, colour, shown_box};
 use echoloop_sim::scene::{Material, Scene};
 use serde_json::{Value, json};
 
-use super::base64::base64;
 use super::error::ReportError;
-use super::format::{escape, grouped, significant};
+use super::format::{base64, escape, grouped, significant};
 use super::packed::{MOST_TRIANGLES, Packed};
 use super::page::{document_with, facts};
 use super::picture::picture_png;
