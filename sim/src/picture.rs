@@ -70,7 +70,7 @@ fn directions(eye: &Eye, columns: &[usize], row: usize, size: [usize; 2]) -> Vec
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{MATERIALS, Mesh, Surface};
+    use crate::scene::{Mesh, Surface};
 
     /// A lawn 40 m wide with a brick cube of 8 m in its middle.
     fn lawn() -> Scene {
@@ -89,7 +89,7 @@ mod tests {
             quad([[ax, ay, 0.0], [bx, by, 0.0], [bx, by, 8.0], [ax, ay, 8.0]], Surface::Brick);
         }
         let area = ([-20.0; 2], [20.0; 2]);
-        Scene { name: "lawn".into(), mesh, materials: MATERIALS.to_vec(), area }
+        Scene::new("lawn", mesh, area)
     }
 
     fn drawn(size: [usize; 2]) -> Picture {

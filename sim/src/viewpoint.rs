@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use thiserror::Error;
 
 use crate::raycast::Raycaster;
-use crate::scene::Scene;
+use crate::scene::{Placement, Scene};
 use echoloop_random::Generator;
 
 mod alone;
@@ -24,6 +24,8 @@ const CLEARANCE_M: f32 = 1.0;
 const STRUCTURE_M: f32 = 60.0;
 /// Share of level rays into the field of view that must meet structure.
 const STRUCTURE_SHARE: f64 = 0.3;
+/// So far from the middle of its lane a sensor drives at most, metres.
+const ASIDE_M: f64 = 0.5;
 /// Candidates tried a pair before giving up.
 const ATTEMPTS_A_PAIR: usize = 2000;
 
@@ -147,10 +149,11 @@ pub fn sample_pairs(
     caster: &Raycaster,
     plan: &PairPlan,
 ) -> Result<Vec<PosePair>, ViewpointError> {
-    sample_pairs_aloud(scene, caster, plan, &Some, &|_, _| ())
+    sample_pairs_aloud(scene, [caster; 2], plan, &Some, &|_, _| ())
 }
 
-/// What `accept` makes of pairs as of [`sample_pairs`], without those that it makes nothing of; and
+/// What `accept` makes of pairs as of [`sample_pairs`], without those that it makes nothing of, in
+/// the place as it is at the first scan and at the second; and
 /// `progress` hears after every candidate how many pairs there are and how many candidates were
 /// tried: in a large place that takes a while.
 ///
@@ -159,7 +162,7 @@ pub fn sample_pairs(
 /// As of [`sample_pairs`].
 pub fn sample_pairs_aloud<T>(
     scene: &Scene,
-    caster: &Raycaster,
+    [caster, later]: [&Raycaster; 2],
     plan: &PairPlan,
     accept: &dyn Fn(PosePair) -> Option<T>,
     progress: &dyn Fn(usize, usize),
@@ -167,7 +170,8 @@ pub fn sample_pairs_aloud<T>(
     plan.check()?;
     // Train and test draw from streams of their own, so that one's count does not move the other's
     // poses.
-    let mut search = PairSearch::new(scene, caster, plan, 100 + plan.split as u64);
+    let search = PairSearch::new(scene, caster, plan, 100 + plan.split as u64);
+    let mut search = PairSearch { later, ..search };
     let (mut pairs, mut attempts) = (Vec::new(), 0);
     while pairs.len() < plan.count && attempts < plan.patience(pairs.len()) {
         let found = search.candidate();
@@ -247,8 +251,11 @@ enum Reason {
 
 struct PairSearch<'a> {
     caster: &'a Raycaster,
+    /// Of the place at the second scan.
+    later: &'a Raycaster,
     plan: &'a PairPlan,
     area: ([f32; 2], [f32; 2]),
+    roads: &'a [Placement],
     ground: GroundMap,
     territory: Territory,
     rejected: Rejections,
@@ -257,11 +264,13 @@ struct PairSearch<'a> {
 
 impl<'a> PairSearch<'a> {
     /// Draws from a stream of random numbers of its own.
-    fn new(scene: &Scene, caster: &'a Raycaster, plan: &'a PairPlan, stream: u64) -> Self {
+    fn new(scene: &'a Scene, caster: &'a Raycaster, plan: &'a PairPlan, stream: u64) -> Self {
         Self {
             caster,
+            later: caster,
             plan,
             area: scene.area,
+            roads: &scene.roads,
             ground: GroundMap::new(scene),
             territory: Territory::new(scene.area, plan.split),
             rejected: Rejections::default(),
@@ -292,19 +301,30 @@ impl<'a> PairSearch<'a> {
     }
 
     fn draw(&mut self) -> Draft {
-        let (low, high) = self.area;
-        let at = [0, 1].map(|i| self.rng.range(f64::from(low[i]), f64::from(high[i])));
+        let Placement { at: [x, y, _], heading_rad: heading } = self.place();
         let reach = self.plan.heading_range_deg.to_radians();
         let tilt = self.plan.tilt_range_deg.to_radians();
-        let heading = self.rng.turn();
         let way = heading + self.rng.spread(reach);
         let distance_m = self.distance_m();
         let step = [libm::cos(way), libm::sin(way)].map(|x| x * distance_m);
         Draft {
-            places: [at, [at[0] + step[0], at[1] + step[1]]],
+            places: [[x, y], [x + step[0], y + step[1]]],
             headings: [heading, heading + self.rng.spread(reach)],
             tilts: [0; 2].map(|_| [0; 2].map(|_| self.rng.spread(tilt))),
         }
+    }
+
+    /// Somewhere, or where there are roads beside the middle of a lane, with its heading.
+    fn place(&mut self) -> Placement {
+        let (low, high) = self.area;
+        if self.roads.is_empty() {
+            let [x, y] = [0, 1].map(|i| self.rng.range(f64::from(low[i]), f64::from(high[i])));
+            return Placement { at: [x, y, 0.0], heading_rad: self.rng.turn() };
+        }
+        let Placement { at: [x, y, z], heading_rad } = self.roads[self.rng.index(self.roads.len())];
+        let aside = self.rng.spread(ASIDE_M);
+        let (sin, cos) = (libm::sin(heading_rad), libm::cos(heading_rad));
+        Placement { at: [x - aside * sin, y + aside * cos, z], heading_rad }
     }
 
     /// Nothing is drawn where all pairs are as far apart.
@@ -326,7 +346,8 @@ impl<'a> PairSearch<'a> {
         };
         let eyes = [stand(draft.places[0])?, stand(draft.places[1])?];
         let seen = eyes.map(|eye| eye.map(|x| x as f32));
-        require(seen.iter().all(|eye| self.is_clear(*eye)), Reason::Clearance)?;
+        let is_clear = self.is_clear(self.caster, seen[0]) && self.is_clear(self.later, seen[1]);
+        require(is_clear, Reason::Clearance)?;
         require(self.are_in_sight(seen[0], seen[1]), Reason::Sight)?;
         let enough = |k: usize| self.structure(seen[k], draft.headings[k]) >= STRUCTURE_SHARE;
         require(enough(0) && enough(1), Reason::Structure)?;
@@ -336,15 +357,15 @@ impl<'a> PairSearch<'a> {
 
     /// Nothing within [`CLEARANCE_M`] sideways, at the sensor and at its carrier's hip, and nothing
     /// overhead.
-    fn is_clear(&self, eye: [f32; 3]) -> bool {
-        self.is_clear_sideways(eye) && self.caster.cast(eye, [0.0, 0.0, 1.0]).is_none()
+    fn is_clear(&self, caster: &Raycaster, eye: [f32; 3]) -> bool {
+        self.is_clear_sideways(caster, eye) && caster.cast(eye, [0.0, 0.0, 1.0]).is_none()
     }
 
-    fn is_clear_sideways(&self, eye: [f32; 3]) -> bool {
+    fn is_clear_sideways(&self, caster: &Raycaster, eye: [f32; 3]) -> bool {
         let hip = [eye[0], eye[1], eye[2] - 0.5 * self.plan.height_m as f32];
         let around = |from: [f32; 3]| {
             level_rays(16, 0.0, 0.0, std::f64::consts::TAU)
-                .all(|d| self.caster.cast_within(from, d, CLEARANCE_M).is_none())
+                .all(|d| caster.cast_within(from, d, CLEARANCE_M).is_none())
         };
         around(eye) && around(hip)
     }

@@ -703,14 +703,10 @@ fn rectangles(corners: &[[[f32; 3]; 3]], reflectance_905nm: f32) -> Place {
         mesh.materials.extend([0, 0]);
     }
     let material = Material { name: "test", reflectance_905nm, specular_f0: 0.0, roughness: 1.0 };
-    let scene = Scene {
-        name: "test".into(),
-        mesh,
-        materials: vec![material],
-        area: ([-30.0; 2], [30.0; 2]),
-    };
+    let area = ([-30.0; 2], [30.0; 2]);
+    let scene = Scene { materials: vec![material], ..Scene::new("test", mesh, area) };
     let caster = Raycaster::new(&scene);
-    Place { scene, caster }
+    Place { scene, caster, later: None }
 }
 
 #[test]

@@ -578,10 +578,7 @@ fn place() -> Place {
     let mesh = plane(20.0, 0.0);
     let caster = Raycaster::from_mesh(&mesh);
     let area = ([-50.0; 2], [50.0; 2]);
-    Place {
-        scene: Scene { name: "wall".into(), mesh, materials: MATERIALS.to_vec(), area },
-        caster,
-    }
+    Place { scene: Scene::new("wall", mesh, area), caster, later: None }
 }
 
 fn moving(motion: Motion) -> RunConfig {

@@ -2,6 +2,8 @@
 
 mod fixture;
 
+use echoloop_host::experiment::config::load;
+use echoloop_host::experiment::dataset::Dataset;
 use fixture::Fixture;
 use serde_json::Value;
 
@@ -102,4 +104,31 @@ fn the_harder_pairs_are_the_fewer_are_registered_and_the_difficulty_between_is_f
     let held_out = &found["found"][0]["held_out"];
     assert!(held_out["difficulty"].as_f64().unwrap() > 0.5, "{found}");
     assert!((2..=10).contains(&successes(held_out)), "{found}");
+}
+
+#[test]
+fn vehicles_drive_on_between_the_scans_of_a_pair_and_nothing_else_does() {
+    let pairs = |interval_s: &str| {
+        let sets = [
+            "scene.source=old-town",
+            "scanner.columns=90",
+            "scanner.rows=8",
+            "scanner.azimuth_deg=360",
+            "data.train_pairs=4",
+            "data.test_pairs=1",
+            interval_s,
+        ];
+        let overrides: Vec<_> = sets.iter().map(|set| set.parse().unwrap()).collect();
+        Dataset::build(&load(None, &overrides).unwrap(), &|_, _| ()).unwrap().train
+    };
+    let (still, moved) = (pairs("data.interval_s=0"), pairs("data.interval_s=2"));
+    let (mut changed, mut of) = (0, 0);
+    for (a, b) in still.iter().zip(&moved) {
+        assert_eq!(a.world_from_sensor, b.world_from_sensor);
+        assert_eq!(a.first, b.first);
+        let differs = |beam: &usize| a.second.of(*beam) != b.second.of(*beam);
+        changed += (0..a.second.len()).filter(differs).count();
+        of += a.second.len();
+    }
+    assert!(0 < changed && 10 * changed < of, "{changed} of {of} beams");
 }

@@ -220,7 +220,7 @@ fn furnish(
         mesh.append(&plane.mesh(low, high));
     }
     let area = ([low[0] - margin, low[1] - margin], [high[0] + margin, high[1] + margin]);
-    Ok(Scene { name, mesh, materials: MATERIALS.to_vec(), area })
+    Ok(Scene::new(name, mesh, area))
 }
 
 #[cfg(test)]

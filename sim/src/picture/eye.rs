@@ -86,7 +86,7 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{MATERIALS, Mesh};
+    use crate::scene::Mesh;
 
     #[test]
     fn the_middle_of_the_picture_is_the_middle_of_the_box_and_all_of_it_is_in_front() {
@@ -102,16 +102,12 @@ mod tests {
 
     #[test]
     fn what_is_shown_is_the_area_as_far_as_the_mesh_reaches() {
-        let scene = |area| Scene {
-            name: "three points".into(),
-            mesh: Mesh {
-                vertices: vec![[-10.0, -10.0, 0.0], [10.0, 0.0, 0.0], [0.0, 10.0, 5.0]],
-                triangles: vec![[0, 1, 2]],
-                materials: vec![0],
-            },
-            materials: MATERIALS.to_vec(),
-            area,
+        let mesh = Mesh {
+            vertices: vec![[-10.0, -10.0, 0.0], [10.0, 0.0, 0.0], [0.0, 10.0, 5.0]],
+            triangles: vec![[0, 1, 2]],
+            materials: vec![0],
         };
+        let scene = |area| Scene::new("three points", mesh.clone(), area);
         let inside = shown_box(&scene(([-4.0, -40.0], [4.0, 40.0])));
         assert_eq!(inside, ([-4.0, -10.0, 0.0], [4.0, 10.0, 5.0]));
         let beside = shown_box(&scene(([20.0, 20.0], [30.0, 30.0])));

@@ -3,6 +3,7 @@
 mod landscape;
 mod material;
 mod mesh;
+mod mover;
 mod nine;
 mod parts;
 mod semi_structured;
@@ -18,6 +19,7 @@ use thiserror::Error;
 
 pub use material::{MATERIALS, Material, Surface};
 pub use mesh::{Mesh, MeshFault};
+pub use mover::{Mover, Placement};
 pub use nine::{Town, TownError, UnknownTown, build_town, load_town};
 
 /// Something to scan, and where to stand in it.
@@ -31,6 +33,10 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// Box in which viewpoints may lie: smallest and largest (x, y), metres.
     pub area: ([f32; 2], [f32; 2]),
+    /// Where vehicles may be and the way they look: viewpoints lie there; anywhere, if empty.
+    pub roads: Vec<Placement>,
+    /// What drives on from one scan to the next.
+    pub movers: Vec<Mover>,
 }
 
 /// The three environments of the paper (Sec. 4).
@@ -87,11 +93,15 @@ pub fn generate(kind: SceneKind, seed: u64) -> Scene {
         SceneKind::SemiStructured => semi_structured::generate(seed),
         SceneKind::Unstructured => unstructured::generate(seed),
     };
-    Scene {
-        name: format!("{kind}-{seed}"),
-        mesh,
-        materials: MATERIALS.to_vec(),
-        area: ([-half_m; 2], [half_m; 2]),
+    Scene::new(format!("{kind}-{seed}"), mesh, ([-half_m; 2], [half_m; 2]))
+}
+
+impl Scene {
+    /// Surfaces of [`MATERIALS`] without roads, of which none moves.
+    #[must_use]
+    pub fn new(name: impl Into<String>, mesh: Mesh, area: ([f32; 2], [f32; 2])) -> Self {
+        let (name, materials) = (name.into(), MATERIALS.to_vec());
+        Self { name, mesh, materials, area, roads: Vec::new(), movers: Vec::new() }
     }
 }
 

@@ -8,11 +8,14 @@ use thiserror::Error;
 
 use super::landscape::{self, Landscape};
 use super::town::{self, Dress};
-use super::{MATERIALS, Mesh, Scene, SceneKind};
+use super::{Placement, Scene, SceneKind};
 use crate::roads::{NetworkStyle, RoadFault, RoadNetwork, RoadsError, draw_network, load_network};
 
 /// A town on roads is no wider than this, metres: one scan sees 120 m.
 const MOST_SIDE_M: f64 = 2500.0;
+
+/// From place to place where a sensor may drive, metres.
+const ROAD_STEP_M: f64 = 1.0;
 
 /// Where CARLA's files come from.
 const ORIGIN: &str = "github.com/BerkeleyLearnVerify/Scenic, folder assets/maps/CARLA";
@@ -175,18 +178,21 @@ pub enum TownError {
 ///
 /// [`TownError`], of CARLA's towns alone.
 pub fn build_town(town: Town, data: Option<&Path>) -> Result<Scene, TownError> {
-    let of_roads = |network: &RoadNetwork| dressed(network, town.kind(), 1);
-    let (mesh, area) = match town.base() {
-        Base::Land(landscape, seed) => landscape::build(landscape, seed),
-        Base::Ours(..) => of_roads(&ours(town, &town.drawn().unwrap_or_default())?)?,
+    let name = town.name().to_owned();
+    let of_roads = |network: &RoadNetwork| dressed(name.clone(), network, town.kind(), 1);
+    match town.base() {
+        Base::Land(landscape, seed) => {
+            let (mesh, area) = landscape::build(landscape, seed);
+            Ok(Scene::new(name, mesh, area))
+        }
+        Base::Ours(..) => of_roads(&ours(town, &town.drawn().unwrap_or_default())?),
         Base::Carla(file) => {
             let found = town.file(data);
             let path = found.clone().filter(|path| path.is_file());
             let path = path.ok_or(TownError::NoFile { town, file, found })?;
-            of_roads(&load_network(&path)?)?
+            of_roads(&load_network(&path)?)
         }
-    };
-    Ok(scene(town.name().to_owned(), mesh, area))
+    }
 }
 
 /// Builds a town on the roads of an OpenDRIVE file, dressed as structured or semi-structured.
@@ -206,8 +212,7 @@ pub fn load_town(path: &Path, dress: SceneKind, seed: u64) -> Result<Scene, Town
             RoadsError::Malformed { path: path.into(), fault: RoadFault::Format(what) }.into()
         );
     }
-    let (mesh, area) = dressed(&network, dress, seed)?;
-    Ok(scene(network.name, mesh, area))
+    dressed(network.name.clone(), &network, dress, seed)
 }
 
 fn ours(town: Town, text: &str) -> Result<RoadNetwork, RoadsError> {
@@ -216,20 +221,20 @@ fn ours(town: Town, text: &str) -> Result<RoadNetwork, RoadsError> {
 }
 
 fn dressed(
+    name: String,
     network: &RoadNetwork,
     kind: SceneKind,
     seed: u64,
-) -> Result<(Mesh, town::Area), TownError> {
+) -> Result<Scene, TownError> {
     let dress = match kind {
         SceneKind::Structured => Dress::Quarter,
         SceneKind::SemiStructured => Dress::Suburb,
         SceneKind::Unstructured => return Err(TownError::Dress),
     };
-    Ok(town::build(network, dress, seed))
-}
-
-fn scene(name: String, mesh: Mesh, area: town::Area) -> Scene {
-    Scene { name, mesh, materials: MATERIALS.to_vec(), area }
+    let town::Built { mesh, area, movers } = town::build(network, dress, seed);
+    let driven = network.waypoints(ROAD_STEP_M).into_iter();
+    let roads = driven.map(|way| Placement { at: way.at, heading_rad: way.heading_rad }).collect();
+    Ok(Scene { roads, movers, ..Scene::new(name, mesh, area) })
 }
 
 #[cfg(test)]
@@ -310,8 +315,8 @@ mod tests {
         let towns = [Town::OldTown, Town::Hillside, Town::ForestHills, Town::LakeShore];
         let found = towns.map(|town| fingerprint(&build_town(town, None).expect("ours").mesh));
         let pinned = [
-            4_035_393_036_706_797_007,
-            14_643_438_769_627_036_497,
+            16_970_146_060_443_705_267,
+            14_421_337_472_787_107_411,
             2_345_407_353_754_977_446,
             15_651_798_679_853_142_343,
         ];

@@ -96,6 +96,11 @@ impl Builder {
         self.mesh.triangles.len()
     }
 
+    /// Corners so far.
+    pub(crate) fn vertices(&self) -> usize {
+        self.mesh.vertices.len()
+    }
+
     fn vertex(&mut self, p: Point) -> u32 {
         self.mesh.vertices.push(p.map(|x| x as f32));
         self.mesh.vertices.len() as u32 - 1

@@ -108,9 +108,9 @@ impl PairSearch<'_> {
                 let down = self.caster.cast(eye, [0.0, 0.0, -1.0]);
                 let stands = down.is_some_and(|hit| hit.range_m > self.plan.height_m as f32 - 0.1);
                 let covered = self.caster.cast(eye, [0.0, 0.0, 1.0]).is_some();
-                stands && covered && self.is_clear_sideways(eye)
+                stands && covered && self.is_clear_sideways(self.caster, eye)
             }
-            Footing::Open | Footing::Aloft => self.is_clear(eye),
+            Footing::Open | Footing::Aloft => self.is_clear(self.caster, eye),
         }
     }
 }

@@ -97,7 +97,7 @@ pub(super) fn is_level(height: impl Fn([f64; 2]) -> Option<f64>, at: [f64; 2], z
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{MATERIALS, Mesh};
+    use crate::scene::Mesh;
 
     /// Flat ground of 10 km a side, in two triangles.
     fn plain() -> Scene {
@@ -106,7 +106,7 @@ mod tests {
         let vertices = vec![corner(-1., -1.), corner(1., -1.), corner(1., 1.), corner(-1., 1.)];
         let mesh = Mesh { vertices, triangles: vec![[0, 1, 2], [0, 2, 3]], materials: vec![0, 0] };
         let area = ([-half_m; 2], [half_m; 2]);
-        Scene { name: "plain".into(), mesh, materials: MATERIALS.to_vec(), area }
+        Scene::new("plain", mesh, area)
     }
 
     #[test]

@@ -1,5 +1,5 @@
 use super::*;
-use crate::scene::{MATERIALS, Mesh, SceneKind, generate};
+use crate::scene::{Mesh, SceneKind, generate};
 
 fn places(pairs: &[PosePair]) -> Vec<[f64; 3]> {
     let both = |pair: &PosePair| [pair.world_from_first, pair.world_from_second];
@@ -123,19 +123,14 @@ fn an_empty_plain_has_no_viable_viewpoint_and_says_why() {
         triangles: vec![[0, 1, 2]],
         materials: vec![0],
     };
-    let scene = Scene {
-        name: "plain".into(),
-        mesh,
-        materials: MATERIALS.to_vec(),
-        area: ([-50.0; 2], [50.0; 2]),
-    };
+    let scene = Scene::new("plain", mesh, ([-50.0; 2], [50.0; 2]));
     let heard = std::cell::Cell::new(0);
     let progress = |found, tried| {
         assert_eq!((found, tried), (0, heard.get() + 1));
         heard.set(tried);
     };
     let caster = Raycaster::new(&scene);
-    let error = sample_pairs_aloud(&scene, &caster, &PairPlan::default(), &Some, &progress)
+    let error = sample_pairs_aloud(&scene, [&caster; 2], &PairPlan::default(), &Some, &progress)
         .expect_err("nothing to see");
     let ViewpointError::NoViewpoint { found: 0, rejected, attempts, .. } = &error else {
         panic!("{error}")
@@ -159,12 +154,7 @@ fn a_senseless_plan_names_its_field() {
 fn mesh_scene(vertices: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>) -> Scene {
     let materials = vec![0; triangles.len()];
     let mesh = Mesh { vertices, triangles, materials };
-    Scene {
-        name: "mesh".into(),
-        mesh,
-        materials: MATERIALS.to_vec(),
-        area: ([-12.0; 2], [12.0; 2]),
-    }
+    Scene::new("mesh", mesh, ([-12.0; 2], [12.0; 2]))
 }
 
 /// A square of ± `half` at a height, in steps of a metre.
@@ -245,4 +235,21 @@ fn a_speck_has_no_place_to_stand_and_says_so() {
         .expect_err("nowhere")
         .to_string();
     assert!(error.starts_with("mesh has no place where a sensor could stand, after"), "{error}");
+}
+
+#[test]
+fn where_there_are_roads_sensors_stand_on_them_and_look_along_them() {
+    let mut scene = generate(SceneKind::Unstructured, 3);
+    let line = |k: i32| Placement {
+        at: [20.0 - 40.0 * f64::from(k.rem_euclid(2)), f64::from(k), 0.0],
+        heading_rad: std::f64::consts::FRAC_PI_2,
+    };
+    scene.roads = (-60..60).map(line).collect();
+    let plan = PairPlan { count: 5, heading_range_deg: 20.0, ..PairPlan::default() };
+    for pair in sample_pairs(&scene, &Raycaster::new(&scene), &plan).expect("pairs on two lines") {
+        let from_first = pair.world_from_first;
+        assert!((from_first.translation.x.abs() - 20.0).abs() <= 0.5, "{from_first}");
+        let ahead = from_first.rotation * nalgebra::Vector3::x();
+        assert!(ahead.y > 0.99, "{ahead}");
+    }
 }

@@ -188,9 +188,9 @@ fn first_viewpoint(
 }
 
 fn viewpoint(place: &Place, plan: &PairPlan, progress: &Progress) -> Result<Pose, Failure> {
-    let Place { scene, caster } = place;
+    let Place { scene, caster, .. } = place;
     let heard = |_, tried| progress.at(tried as u64);
-    let pose = match sample_pairs_aloud(scene, caster, plan, &Some, &heard).as_deref() {
+    let pose = match sample_pairs_aloud(scene, place.casters(), plan, &Some, &heard).as_deref() {
         Ok([pair, ..]) => pair.world_from_first,
         Ok([]) | Err(ViewpointError::NoViewpoint { .. }) => alone(place, plan, progress)?,
         Err(source) => return Err(nowhere(scene, source.clone())),
@@ -205,7 +205,7 @@ fn viewpoint(place: &Place, plan: &PairPlan, progress: &Progress) -> Result<Pose
 }
 
 fn alone(place: &Place, plan: &PairPlan, progress: &Progress) -> Result<Pose, Failure> {
-    let Place { scene, caster } = place;
+    let Place { scene, caster, .. } = place;
     let Standpoint { world_from_sensor, footing, sees_enough } =
         stand_alone(scene, caster, plan).map_err(|source| nowhere(scene, source))?;
     let on = match footing {

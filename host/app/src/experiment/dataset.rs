@@ -13,7 +13,7 @@ use std::sync::Arc;
 use echoloop_frontend::SceneResponse;
 use echoloop_sim::raycast::Raycaster;
 use echoloop_sim::scanner::{BeamOptics, Scanner};
-use echoloop_sim::scene::Scene;
+use echoloop_sim::scene::{Material, Scene};
 use echoloop_sim::viewpoint::{
     PairPlan, PosePair, Sight, Split, ViewpointError, sample_pairs_aloud,
 };
@@ -58,6 +58,15 @@ pub struct Place {
     pub scene: Scene,
     /// Its ray caster.
     pub caster: Raycaster,
+    /// That of the second scan of a pair, where something moves between them.
+    pub later: Option<Raycaster>,
+}
+
+impl Place {
+    /// As the first scan of a pair finds it, and as the second does.
+    pub fn casters(&self) -> [&Raycaster; 2] {
+        [&self.caster, self.later.as_ref().unwrap_or(&self.caster)]
+    }
 }
 
 impl Dataset {
@@ -130,7 +139,8 @@ pub fn towns(config: &RunConfig) -> Vec<u64> {
 pub fn place(config: &RunConfig, town: u64) -> Result<Place, DatasetError> {
     let scene = Source::of(&config.scene.source).scene(&config.scene, town)?;
     let caster = Raycaster::new(&scene);
-    Ok(Place { scene, caster })
+    let later = scene.mesh_after(config.data.interval_s).map(|mesh| Raycaster::from_mesh(&mesh));
+    Ok(Place { scene, caster, later })
 }
 
 /// What the scanner of these beams can see of a place.
@@ -193,7 +203,7 @@ pub fn poses(
         let overlap = sight.overlap(&poses);
         config.data.wants(overlap).then_some(PlannedPair { poses, overlap })
     };
-    sample_pairs_aloud(&place.scene, &place.caster, plan, &accept, looking)
+    sample_pairs_aloud(&place.scene, place.casters(), plan, &accept, looking)
         .map_err(|source| DatasetError::Viewpoints { scene: place.scene.name.clone(), source })
 }
 
@@ -206,13 +216,16 @@ fn trace(
 ) -> ScanPair {
     let pair = &planned.poses;
     let truth = relative(&pair.world_from_first, &pair.world_from_second);
-    let look = |pose, viewpoint| Arc::new(respond_at(config, place, pose, viewpoint, beams));
+    let [first, later] = place.casters();
+    let look = |caster, pose, viewpoint| {
+        Arc::new(response(config, (caster, &place.scene.materials), pose, viewpoint, beams))
+    };
     ScanPair {
         place: place.scene.name.clone(),
         truth,
         world_from_sensor: [pair.world_from_first, pair.world_from_second],
-        first: look(&pair.world_from_first, viewpoints[0]),
-        second: look(&pair.world_from_second, viewpoints[1]),
+        first: look(first, &pair.world_from_first, viewpoints[0]),
+        second: look(later, &pair.world_from_second, viewpoints[1]),
         viewpoints,
         overlap: planned.overlap,
     }
@@ -237,13 +250,23 @@ pub fn respond_at(
     viewpoint: u32,
     beams: &Beams,
 ) -> SceneResponse {
+    let world = (&place.caster, &place.scene.materials[..]);
+    response(config, world, world_from_sensor, viewpoint, beams)
+}
+
+fn response(
+    config: &RunConfig,
+    (caster, materials): (&Raycaster, &[Material]),
+    world_from_sensor: &Pose,
+    viewpoint: u32,
+    beams: &Beams,
+) -> SceneResponse {
     let optics = BeamOptics {
         divergence_mrad: config.receiver.divergence_mrad,
         subrays: config.receiver.subrays,
     };
     let directions = beams.directions(viewpoint);
     let directions: Vec<[f32; 3]> = directions.iter().map(|&d| d.into()).collect();
-    let (caster, materials) = (&place.caster, &place.scene.materials);
     if config.motion.is_still() {
         return Scanner::scan(caster, materials, world_from_sensor, &directions, &optics);
     }

@@ -2,7 +2,8 @@ use super::*;
 use crate::raycast::Raycaster;
 use crate::roads::{LaneKind, NetworkStyle, draw_network, load_network};
 use crate::scene::material::Surface;
-use crate::scene::parts::Point;
+use crate::scene::mover::Placement;
+use crate::scene::parts::{Frame, Point};
 use site::{Cover, Site};
 
 fn ours(style: NetworkStyle, seed: u64) -> RoadNetwork {
@@ -42,7 +43,7 @@ fn towns_are_whole_and_no_house_stands_on_a_road() {
     for (network, dress) in towns() {
         let name = network.name.clone();
         let start = std::time::Instant::now();
-        let (mesh, _) = build(&network, dress, 1);
+        let mesh = build(&network, dress, 1).mesh;
         let count = mesh.triangles.len();
         eprintln!("{name} {dress:?}: {count} triangles, {:.1} s", start.elapsed().as_secs_f64());
         mesh.check(crate::scene::MATERIALS.len(), 1500.0).expect("sound");
@@ -111,7 +112,7 @@ fn ground_meets_roads_and_never_shows_through_them() {
 #[test]
 fn a_town_has_lights_paint_and_vehicles_on_its_roads() {
     let network = ours(NetworkStyle::Grid, 2);
-    let (mesh, _) = build(&network, Dress::Quarter, 2);
+    let mesh = build(&network, Dress::Quarter, 2).mesh;
     let site = Site::new(&network);
     let on = |surface: Surface, cover: Cover| {
         let of = |t: &usize| mesh.materials[*t] == surface.index();
@@ -127,10 +128,45 @@ fn a_town_has_lights_paint_and_vehicles_on_its_roads() {
     assert!(on(Surface::DarkPaint, Cover::Raised) > 12 * 10, "traffic lights");
 }
 
+/// Five points below a vehicle.
+fn below(at: Placement) -> [Point; 5] {
+    let frame = Frame::new(at.at, at.heading_rad);
+    [-2.0, -1.0, 0.0, 1.0, 2.0].map(|x| frame.at([x, 0.0, 0.0]))
+}
+
+#[test]
+fn vehicles_drive_on_along_roads_and_never_into_each_other() {
+    for (network, dress) in towns() {
+        let (name, town, site) = (&network.name, build(&network, dress, 1), Site::new(&network));
+        let on_road = |[x, y, _]: &Point| {
+            matches!(site.cover([*x, *y]), Cover::Driven | Cover::Paved | Cover::Infill)
+        };
+        assert!(town.movers.len() > 20, "{name}: {}", town.movers.len());
+        for seconds in [0.5, 1.0, 2.5] {
+            let now = town.movers.iter().filter_map(|mover| mover.after(seconds));
+            let now: Vec<[Point; 5]> = now.map(below).collect();
+            let off = now.as_flattened().iter().filter(|at| !on_road(at)).count();
+            assert!(50 * off < 5 * now.len(), "{name}: {off} of {} off the road", 5 * now.len());
+            for (k, one) in now.iter().enumerate() {
+                let others = now[..k].as_flattened();
+                let nearest = one.iter().flat_map(|a| others.iter().map(|b| site::flat(*a, *b)));
+                let nearest = nearest.fold(f64::INFINITY, f64::min);
+                assert!(nearest > 1.8, "{name}: {nearest} m apart after {seconds} s");
+            }
+        }
+        let far = |mover: &&Mover| {
+            let to = mover.after(0.5).expect("a place").at;
+            site::flat(mover.way[0].at, to) > 2.0
+        };
+        let far = town.movers.iter().filter(far).count();
+        assert!(10 * far > 9 * town.movers.len(), "{name}: {far} of {}", town.movers.len());
+    }
+}
+
 #[test]
 fn one_seed_gives_one_town() {
     let network = ours(NetworkStyle::Suburb, 3);
     let once = build(&network, Dress::Suburb, 3);
     assert_eq!(build(&ours(NetworkStyle::Suburb, 3), Dress::Suburb, 3), once);
-    assert_ne!(build(&network, Dress::Suburb, 4).0, once.0);
+    assert_ne!(build(&network, Dress::Suburb, 4).mesh, once.mesh);
 }

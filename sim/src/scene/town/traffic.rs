@@ -3,9 +3,10 @@
 use std::f64::consts::PI;
 
 use super::place::Place;
-use super::site::Cover;
+use super::site::{Cover, flat};
 use crate::roads::{Lane, LaneKind, RoadNetwork, Sign, SignKind, Waypoint};
 use crate::scene::material::Surface;
+use crate::scene::mover::{Mover, Placement, STEP_M};
 use crate::scene::parts::street::{sign, traffic_light};
 use crate::scene::parts::vehicle::car;
 use crate::scene::parts::{Builder, Frame, Point};
@@ -17,27 +18,42 @@ const SPACE_M: f64 = 6.4;
 const BAY_M: f64 = 1.9;
 /// Half the length and width of the room a vehicle takes, metres; mirrors may reach over a kerb.
 const VEHICLE_M: [f64; 2] = [2.9, 0.75];
+/// How far a vehicle on its way goes on at most, metres.
+const FARTHEST_M: f64 = 20.0;
+/// No nearer do the middles of two vehicles' ways come, metres: 1.8 wide, and their mirrors.
+const APART_M: f64 = 2.3;
 
+/// Vehicles, and where each of them passes.
+struct Traffic<'a> {
+    network: &'a RoadNetwork,
+    movers: Vec<Mover>,
+    /// Every metre below a vehicle and before it as far as it goes.
+    passed: Vec<[f64; 2]>,
+}
+
+/// Puts up what the roads carry; returns the vehicles that are on their way.
 pub(super) fn build(
     b: &mut Builder,
     place: &mut Place,
     network: &RoadNetwork,
     rng: &mut Generator,
-) {
+) -> Vec<Mover> {
+    let mut traffic = Traffic { network, movers: Vec::new(), passed: Vec::new() };
     network.signs().iter().for_each(|sign| put_up(b, place, sign));
     for prop in network.props().iter().filter(|prop| prop.height_m > 0.0) {
         stand(b, &prop.name, &prop.outline, prop.height_m);
     }
     for (index, lane) in network.lanes().iter().enumerate() {
-        let wide = lane.ribs.iter().any(|[l, r]| super::site::flat(*l, *r) > BAY_M);
+        let wide = lane.ribs.iter().any(|[l, r]| flat(*l, *r) > BAY_M);
         match lane.kind {
             LaneKind::Parking | LaneKind::Shoulder if wide && !lane.in_junction => {
-                park(b, place, network, (index, lane), rng);
+                traffic.park(b, place, (index, lane), rng);
             }
-            LaneKind::Driving => drive(b, place, network, (index, lane), rng),
+            LaneKind::Driving => traffic.drive(b, place, (index, lane), rng),
             _ => {}
         }
     }
+    traffic.movers
 }
 
 /// Where traffic does not go: CARLA has the feet of some lights on a lane.
@@ -77,53 +93,108 @@ fn stand(b: &mut Builder, name: &str, outline: &[Point], height_m: f64) {
     }
 }
 
-fn park(
-    b: &mut Builder,
-    place: &mut Place,
-    network: &RoadNetwork,
-    (index, lane): (usize, &Lane),
-    rng: &mut Generator,
-) {
-    let mut s = lane.span_m[0] + 5.0 + rng.range(0.0, SPACE_M);
-    while s < lane.span_m[1] - 6.0 {
-        let wide = network.width_m(index, s).unwrap_or(0.0);
-        if wide > BAY_M && rng.chance(0.6) {
-            vehicle(b, place, network.waypoint(index, s), 0.0, rng);
+impl Traffic<'_> {
+    fn park(
+        &mut self,
+        b: &mut Builder,
+        place: &mut Place,
+        (index, lane): (usize, &Lane),
+        rng: &mut Generator,
+    ) {
+        let mut s = lane.span_m[0] + 5.0 + rng.range(0.0, SPACE_M);
+        while s < lane.span_m[1] - 6.0 {
+            let wide = self.network.width_m(index, s).unwrap_or(0.0);
+            if wide > BAY_M && rng.chance(0.6) {
+                self.vehicle(b, place, self.network.waypoint(index, s), 0.0, rng);
+            }
+            s += SPACE_M + rng.range(0.0, 1.5);
         }
-        s += SPACE_M + rng.range(0.0, 1.5);
     }
-}
 
-fn drive(
-    b: &mut Builder,
-    place: &mut Place,
-    network: &RoadNetwork,
-    (index, lane): (usize, &Lane),
-    rng: &mut Generator,
-) {
-    let mut s = lane.span_m[0] + rng.range(2.0, 90.0);
-    while s < lane.span_m[1] {
-        if !lane.in_junction || rng.chance(0.3) {
-            vehicle(b, place, network.waypoint(index, s), rng.spread(0.25), rng);
+    fn drive(
+        &mut self,
+        b: &mut Builder,
+        place: &mut Place,
+        (index, lane): (usize, &Lane),
+        rng: &mut Generator,
+    ) {
+        let mut s = lane.span_m[0] + rng.range(2.0, 90.0);
+        while s < lane.span_m[1] {
+            if !lane.in_junction || rng.chance(0.3) {
+                let (first, at) = (b.vertices(), self.network.waypoint(index, s));
+                let aside_m = rng.spread(0.25);
+                if let Some(start) = self.vehicle(b, place, at, aside_m, rng) {
+                    let way = self.way(start, (index, s), aside_m);
+                    let speed_m_s = rng.range(5.0, 10.0);
+                    self.movers.push(Mover { vertices: first..b.vertices(), speed_m_s, way });
+                }
+            }
+            s += rng.range(25.0, 110.0);
         }
-        s += rng.range(25.0, 110.0);
     }
-}
 
-/// A vehicle in a lane, so far to the left of its middle, if there is room.
-fn vehicle(
-    b: &mut Builder,
-    place: &mut Place,
-    at: Option<Waypoint>,
-    aside_m: f64,
-    rng: &mut Generator,
-) {
-    let Some(at) = at else { return };
-    let frame =
-        Frame::new(at.at, at.heading_rad + rng.spread(0.02)).child([0.0, aside_m, 0.0], 0.0);
-    let [along, across] = VEHICLE_M;
-    let is_road = |cover: Cover| matches!(cover, Cover::Driven | Cover::Paved | Cover::Infill);
-    if place.site.take_if(&frame, [-along, -across], [along, across], is_road) {
+    /// A vehicle in a lane, so far to the left of its middle, if there is room.
+    fn vehicle(
+        &mut self,
+        b: &mut Builder,
+        place: &mut Place,
+        at: Option<Waypoint>,
+        aside_m: f64,
+        rng: &mut Generator,
+    ) -> Option<Placement> {
+        let at = at?;
+        let heading_rad = at.heading_rad + rng.spread(0.02);
+        let frame = Frame::new(at.at, heading_rad).child([0.0, aside_m, 0.0], 0.0);
+        let [along, across] = VEHICLE_M;
+        let is_road = |cover: Cover| matches!(cover, Cover::Driven | Cover::Paved | Cover::Infill);
+        let below: Vec<Point> =
+            [-2.0, -1.0, 0.0, 1.0, 2.0].map(|x| frame.at([x, 0.0, 0.0])).to_vec();
+        if !below.iter().all(|at| self.is_free(*at, self.passed.len()))
+            || !place.site.take_if(&frame, [-along, -across], [along, across], is_road)
+        {
+            return None;
+        }
         car(b, &frame, rng);
+        self.passed.extend(below.iter().map(|[x, y, _]| [*x, *y]));
+        Some(Placement { at: frame.at([0.0; 3]), heading_rad })
+    }
+
+    /// Along its lane and the next as far as nobody else comes, from where a vehicle stands.
+    fn way(&mut self, start: Placement, (lane, s): (usize, f64), aside_m: f64) -> Vec<Placement> {
+        let (others, mut way, mut on) = (self.passed.len() - 5, vec![start], (lane, s));
+        while (way.len() as f64) * STEP_M <= FARTHEST_M {
+            let Some(next) = self.next(on) else { break };
+            let frame = Frame::new(next.at, next.heading_rad).child([0.0, aside_m, 0.0], 0.0);
+            let nose = frame.at([VEHICLE_M[0], 0.0, 0.0]);
+            if !self.is_free(nose, others) {
+                break;
+            }
+            self.passed.push([nose[0], nose[1]]);
+            way.push(Placement { at: frame.at([0.0; 3]), heading_rad: next.heading_rad });
+            on = (next.lane, next.s_m);
+        }
+        way
+    }
+
+    /// A step on in a lane as its traffic goes, or the beginning of the lane that it leads into.
+    fn next(&self, (lane, s): (usize, f64)) -> Option<Waypoint> {
+        let found = &self.network.lanes()[lane];
+        let [low, high] = found.span_m;
+        let s = if found.id < 0 { s + STEP_M } else { s - STEP_M };
+        if (low..high).contains(&s) {
+            return self.network.waypoint(lane, s);
+        }
+        let beyond = if found.id < 0 { s - high } else { low - s };
+        let next = *found.successors.first()?;
+        let lane = self.network.lanes().get(next)?;
+        let [low, high] = lane.span_m;
+        let s = if lane.id < 0 { low + beyond } else { high - beyond };
+        (low..high).contains(&s).then(|| self.network.waypoint(next, s)).flatten()
+    }
+
+    /// Whether none of the first so many vehicles' places is near.
+    fn is_free(&self, [x, y, _]: Point, others: usize) -> bool {
+        let near = |[a, b]: &[f64; 2]| (x - a).powi(2) + (y - b).powi(2) < APART_M * APART_M;
+        !self.passed[..others].iter().any(near)
     }
 }

@@ -24,6 +24,9 @@ section! {
         difficulty: f64, "steps", Must::between(0.0, 6.0),
             "How hard pairs are made: each step doubles `baseline_m` and `heading_range_deg` (up \
              to 180).";
+        interval_s: f64, "s", Must::between(0.0, 60.0),
+            "Time from the first scan of a pair to the second: vehicles on the roads of towns drive \
+             on, 5 to 10 m/s, 20 m at most.";
         least_overlap: f64, "of 1", Must::between(0.0, 1.0),
             "Share of what either scan of a pair sees that the other sees, too, at least; pairs \
              that share less are drawn again.";
@@ -48,6 +51,7 @@ impl Default for DataConfig {
             baseline_m: 2.0,
             train_baseline_factor: 2.0,
             difficulty: 0.0,
+            interval_s: 0.5,
             least_overlap: 0.0,
             most_overlap: 1.0,
             heading_range_deg: 10.0,
