@@ -36,6 +36,12 @@ fn value_noise(seed: u64, x: f64, y: f64) -> f64 {
     low * (1.0 - v) + high * v
 }
 
+/// 0 below `from`, 1 above `to`, smooth between.
+pub(crate) fn ramp(x: f64, from: f64, to: f64) -> f64 {
+    let t = ((x - from) / (to - from)).clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
 fn ease(t: f64) -> f64 {
     t * t * t * (t * (6.0 * t - 15.0) + 10.0)
 }

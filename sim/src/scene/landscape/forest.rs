@@ -1,12 +1,12 @@
 //! A forest on hills: dense woods with a floor of litter, clearings, a track that winds through.
 
-use super::wild::{Wild, ramp};
+use super::wild::Wild;
 use crate::scene::material::Surface;
 use crate::scene::parts::grove::{fallen_trunk, stump, wild_tree};
 use crate::scene::parts::plants::{bush, tuft};
 use crate::scene::parts::terrain::rock;
 use crate::scene::parts::{Builder, Point, add};
-use crate::scene::value_noise::Noise;
+use crate::scene::value_noise::{Noise, ramp};
 use echoloop_random::Generator;
 
 /// Half the width of the track, metres.

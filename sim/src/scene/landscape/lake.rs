@@ -1,12 +1,12 @@
 //! The shore of a lake: water, a beach, reeds, trees behind, a jetty.
 
-use super::wild::{HALF_M, Wild, ramp};
+use super::wild::{HALF_M, Wild};
 use crate::scene::material::Surface;
 use crate::scene::parts::grove::{fallen_trunk, wild_tree};
 use crate::scene::parts::plants::{bush, tuft};
 use crate::scene::parts::terrain::rock;
 use crate::scene::parts::{Builder, Frame, Point, add};
-use crate::scene::value_noise::Noise;
+use crate::scene::value_noise::{Noise, ramp};
 use echoloop_random::Generator;
 
 /// Where the shore lies on average, and how far it swings, metres along x.

@@ -1,12 +1,12 @@
 //! A rocky valley: a dry bed of gravel between slopes that rise in steps, boulders at their feet.
 
-use super::wild::{Wild, ramp};
+use super::wild::Wild;
 use crate::scene::material::Surface;
 use crate::scene::parts::grove::wild_tree;
 use crate::scene::parts::plants::{bush, tuft};
 use crate::scene::parts::terrain::rock;
 use crate::scene::parts::{Builder, Point, add};
-use crate::scene::value_noise::Noise;
+use crate::scene::value_noise::{Noise, ramp};
 use echoloop_random::Generator;
 
 /// Half the width of the gravel bed and of the level floor, metres.

@@ -80,9 +80,3 @@ impl Wild {
 fn cell(at: [f64; 2]) -> [i64; 2] {
     at.map(|x| (x / 4.0).floor() as i64)
 }
-
-/// 0 below `from`, 1 above `to`, smooth between.
-pub(super) fn ramp(x: f64, from: f64, to: f64) -> f64 {
-    let t = ((x - from) / (to - from)).clamp(0.0, 1.0);
-    t * t * (3.0 - 2.0 * t)
-}

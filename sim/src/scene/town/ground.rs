@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use super::site::Site;
 use crate::scene::material::Surface;
 use crate::scene::parts::{Builder, Point};
-use crate::scene::value_noise::Noise;
+use crate::scene::value_noise::{Noise, ramp};
 
 /// Side of a cell, metres; larger where there would be more than so many.
 const CELL_M: f64 = 1.0;
@@ -115,9 +115,9 @@ impl Ground {
 
     fn raise(&mut self, relief: Noise, relief_m: f64) {
         for k in 0..self.heights_m.len() {
-            let t = ((self.away_m[k] - CALM_M) / RISE_M).clamp(0.0, 1.0);
             let [x, y] = self.place(k);
-            self.heights_m[k] += relief_m * t * t * (3.0 - 2.0 * t) * relief.at(x, y);
+            let rise_m = relief_m * ramp(self.away_m[k], CALM_M, CALM_M + RISE_M);
+            self.heights_m[k] += rise_m * relief.at(x, y);
         }
     }
 
