@@ -37,7 +37,7 @@ fn store(args: &StoreArgs, config: RunConfig, output: &Output) -> Result<(), Fai
     let prepared = Prepared::new(config, &args.setup.sensor, &progress)?;
     progress.end();
     let (config, dataset) = (&prepared.config, &prepared.dataset);
-    let bytes = stored(config, dataset).map_err(Failure::run)?;
+    let bytes = stored(config, dataset).map_err(Failure::usage)?;
     output.write(&bytes)?;
     let (facts, file) = (Facts::new(dataset), args.output.display());
     if args.setup.common.json {
