@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::exit::{Failure, print};
+use super::exit::{self, Failure, print};
 use super::report::is_standard_output;
 use super::table_format::TableFormat;
 use crate::desk::{Against, Compared, ComparedRun, FinishedRun, compared, runs_page};
@@ -46,7 +46,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<(), Failure> {
         Output::at(path)?.write(html.as_bytes())?;
     }
     print(&match (args.json, args.format) {
-        (true, _) => serde_json::to_string_pretty(&compared).map_err(Failure::run)? + "\n",
+        (true, _) => exit::json(&compared)?,
         (false, None) => text(&compared),
         (false, Some(TableFormat::Csv)) => csv(&compared)?,
     })

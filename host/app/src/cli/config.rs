@@ -4,7 +4,7 @@ use clap::Args;
 use echoloop_files::shown;
 
 use super::common::{Common, ConfigSource};
-use super::exit::{Failure, print};
+use super::exit::{self, Failure, print};
 use super::parameter_table::{parameter_json, parameter_table};
 use super::prepared::space;
 use crate::experiment::config::RunConfig;
@@ -40,7 +40,7 @@ pub(super) fn run(args: &ConfigArgs) -> Result<(), Failure> {
     print(&match (args.parameters, json) {
         (true, true) => format!("{}\n", parameter_json(method, preset)),
         (true, false) => parameter_table(method, preset),
-        (false, true) => serde_json::to_string_pretty(&config).map_err(Failure::run)? + "\n",
+        (false, true) => exit::json(&config)?,
         (false, false) => toml::to_string(&config).map_err(Failure::run)?,
     })
 }
@@ -48,7 +48,7 @@ pub(super) fn run(args: &ConfigArgs) -> Result<(), Failure> {
 fn explain(config: &RunConfig, asked: &str, json: bool) -> Result<(), Failure> {
     let rows = chosen(explained(config).map_err(Failure::usage)?, asked)?;
     match json {
-        true => print(&(serde_json::to_string_pretty(&rows).map_err(Failure::run)? + "\n")),
+        true => print(&exit::json(&rows)?),
         false => print(&rows.iter().map(told).collect::<Vec<_>>().join("\n")),
     }
 }

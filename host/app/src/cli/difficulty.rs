@@ -8,7 +8,7 @@ use serde_json::json;
 
 use super::common::{Setup, on_threads};
 use super::draft::go_on;
-use super::exit::Failure;
+use super::exit::{self, Failure};
 use super::interrupt::stop_on_interrupt;
 use super::method_choice::MethodChoice;
 use super::number::{flag, read};
@@ -183,7 +183,7 @@ fn print(args: &DifficultyArgs, steps: &[Step], found: &[Found]) -> Result<(), F
         let document = json!({
             "format": 1, "steps": steps, "found": found.collect::<Vec<_>>(),
         });
-        println!("{}", serde_json::to_string_pretty(&document).map_err(Failure::run)?);
+        exit::print(&exit::json(&document)?)?;
         return Ok(());
     }
     for step in steps {

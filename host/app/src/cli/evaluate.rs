@@ -147,7 +147,7 @@ fn print(
             "set": Facts::new(&prepared.dataset), "pairs": args.pairs().name(),
             "summary": summary,
         });
-        println!("{}", serde_json::to_string_pretty(&document).map_err(Failure::run)?);
+        exit::print(&exit::json(&document)?)?;
         return Ok(());
     }
     let (pairs, which) = (summary.pairs, args.pairs().name());

@@ -3,6 +3,8 @@
 use std::fmt::Display;
 use std::io::{ErrorKind, Write};
 
+use serde::Serialize;
+
 use super::interrupt::{INTERRUPTED, end_the_process, is_ending};
 use crate::experiment::dataset::DatasetError;
 use crate::experiment::files::FileError;
@@ -90,6 +92,15 @@ impl From<TuneError> for Failure {
 /// any more.
 pub(super) fn print(text: &str) -> Result<(), Failure> {
     print_bytes(text.as_bytes())
+}
+
+/// A document as JSON for people and scripts, with the end of its last line.
+///
+/// # Errors
+///
+/// [`Failure`] 1 when it cannot be written down.
+pub(super) fn json(document: &impl Serialize) -> Result<String, Failure> {
+    Ok(serde_json::to_string_pretty(document).map_err(Failure::run)? + "\n")
 }
 
 /// As [`print`], what is no text.

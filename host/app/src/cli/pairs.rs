@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use super::cloud_output::format_parser;
 use super::common::{Setup, on_threads};
 use super::draft::{Draft, check_free, go_on};
-use super::exit::Failure;
+use super::exit::{self, Failure};
 use super::interrupt::stop_on_interrupt;
 use super::method_choice::MethodChoice;
 use super::prepared::{PairSet, Prepared};
@@ -128,7 +128,7 @@ fn write(
         "set": Facts::new(&prepared.dataset),
         "pairs": scanned.iter().enumerate().map(listed).collect::<Vec<_>>(),
     });
-    draft.write("pairs.json", serde_json::to_string_pretty(&list).map_err(Failure::run)? + "\n")?;
+    draft.write("pairs.json", exit::json(&list)?)?;
     Ok(draft.become_folder(&args.output)?)
 }
 
@@ -192,7 +192,7 @@ fn print(args: &PairsArgs, scanned: &[Scanned<'_>]) -> Result<(), Failure> {
             "pairs": scanned.len(),
             "mean_points": a_scan,
         });
-        println!("{}", serde_json::to_string_pretty(&document).map_err(Failure::run)?);
+        exit::print(&exit::json(&document)?)?;
     } else {
         println!("wrote {} pairs to {folder}, {a_scan} points a scan", scanned.len());
     }

@@ -15,7 +15,7 @@ use nalgebra::{Translation3, UnitQuaternion};
 
 use super::cloud_output::{CloudOutput, format_parser, tell, wrote};
 use super::common::{Setup, on_threads};
-use super::exit::Failure;
+use super::exit::{self, Failure};
 use super::progress::Progress;
 use super::ready::Ready;
 use super::scan_along::{Along, scan_along};
@@ -240,7 +240,7 @@ fn told(args: &ScanArgs, scan: &Scan) -> Result<String, Failure> {
             "world_from_sensor": scan.seen.as_ref().map(rows), "settings": settings,
             "beams": beams, "points": points, "median_range_m": median_m, "farthest_m": farthest_m,
         });
-        return Ok(serde_json::to_string_pretty(&document).map_err(Failure::run)? + "\n");
+        return exit::json(&document);
     }
     let mut text = match &scan.seen {
         Some(Seen { scene, world_from_sensor, .. }) => {

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use super::common::Setup;
 use super::draft::{Draft, check_free, go_on};
-use super::exit::{Failure, print};
+use super::exit::{self, Failure, print};
 use super::interrupt::stop_on_interrupt;
 use super::progress::Progress;
 use super::ready::Ready;
@@ -158,7 +158,7 @@ fn told(args: &Along<'_>, way: &Way<'_>, scans: &[Value]) -> Result<(), Failure>
     let scene = &way.place.scene.name;
     if args.setup.common.json {
         let document = json!({"format": 1, "sensor": sensor, "scene": scene, "scans": scans});
-        return print(&(serde_json::to_string_pretty(&document).map_err(Failure::run)? + "\n"));
+        return print(&exit::json(&document)?);
     }
     let points: u64 = scans.iter().filter_map(|scan| scan["points"].as_u64()).sum();
     let mut text = format!(

@@ -11,7 +11,7 @@ use echoloop_sim::viewpoint::Split;
 use serde_json::{Value, json};
 
 use super::common::{Common, ConfigSource, on_threads};
-use super::exit::{Failure, print};
+use super::exit::{self, Failure, print};
 use super::number::{flag, number_as};
 use super::progress::Progress;
 use super::report::is_standard_output;
@@ -228,7 +228,7 @@ fn shown(survey: &Survey, pair: &SurveyedPair) -> ShownPair {
 fn told(args: &SceneArgs, config: &RunConfig, survey: &Survey) -> Result<String, Failure> {
     if args.common.json {
         let document = document(args, config, survey);
-        return Ok(serde_json::to_string_pretty(&document).map_err(Failure::run)? + "\n");
+        return exit::json(&document);
     }
     let line = |(name, value): &(String, String)| format!("{name:<31}{value}\n");
     let facts: String = facts(config, survey).iter().map(line).collect();

@@ -6,7 +6,7 @@ use echoloop_link::{Counters, Greeting, settings_hash};
 
 use super::choice::described;
 use super::common::{ConfigSource, Setup};
-use super::exit::Failure;
+use super::exit::{self, Failure};
 use super::parameter_table::choices;
 use crate::experiment::config::{Lidar, RunConfig};
 use crate::link::client::Identity;
@@ -103,7 +103,7 @@ fn print_json(
         "forgot": args.forget,
         "counters": counters,
     });
-    println!("{}", serde_json::to_string_pretty(&document).map_err(Failure::run)?);
+    exit::print(&exit::json(&document)?)?;
     Ok(())
 }
 

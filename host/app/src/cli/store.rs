@@ -43,8 +43,7 @@ fn store(args: &StoreArgs, config: RunConfig, output: &Output) -> Result<(), Fai
     if args.setup.common.json {
         let document =
             json!({ "format": 1, "file": file.to_string(), "bytes": bytes.len(), "set": facts });
-        let text = serde_json::to_string_pretty(&document).map_err(Failure::run)?;
-        return exit::print(&(text + "\n"));
+        return exit::print(&exit::json(&document)?);
     }
     let megabytes = bytes.len() as f64 / 1e6;
     exit::print(&format!("wrote {megabytes:.1} MB to {file}\n"))

@@ -9,7 +9,7 @@ use echoloop_keys::{Kind, Must};
 
 use super::axis_flags::AxisFlags;
 use super::common::{Setup, on_threads};
-use super::exit::{Failure, print};
+use super::exit::{self, Failure, print};
 use super::figures::print_table;
 use super::interrupt::stop_on_interrupt;
 use super::method_choice::{MethodChoice, toml_name};
@@ -367,7 +367,7 @@ fn finish(
         let sets = sets.iter().map(|(_, name, summary)| (name.as_str(), *summary));
         print(&csv(sets)?)?;
     } else if args.setup.common.json {
-        println!("{}", serde_json::to_string_pretty(result).map_err(Failure::run)?);
+        print(&exit::json(result)?)?;
     } else {
         print_table(&prepared.config, result, &prepared.search(&AtomicBool::new(false)).space);
         println!(
