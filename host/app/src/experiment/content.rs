@@ -29,15 +29,37 @@ pub struct Content {
     pub scans: String,
 }
 
-impl Content {
-    /// What a configuration and its traced scans come to.
-    pub fn of(config: &RunConfig, dataset: &Dataset) -> Self {
+/// The files that a scene is read from, as checksums.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SceneFiles {
+    /// As [`Content::scene`].
+    pub scene: Option<String>,
+    /// As [`Content::materials`].
+    pub materials: Option<String>,
+}
+
+impl SceneFiles {
+    /// As they are now; none of a file that is not there.
+    pub fn of(config: &RunConfig) -> Self {
         let file = Source::of(&config.scene.source).file();
         let libraries = config.scene.import().map(|options| options.libraries).unwrap_or_default();
         let scene = file.as_deref().and_then(|file| Checksum::of_file(file).ok());
+        let materials = file.and_then(|file| materials(&file, libraries));
         Self {
             scene: scene.map(|sum| sum.to_string()),
-            materials: file.and_then(|file| materials(&file, libraries)).map(|sum| sum.to_string()),
+            materials: materials.map(|sum| sum.to_string()),
+        }
+    }
+}
+
+impl Content {
+    /// What a configuration and its traced scans come to.
+    pub fn of(config: &RunConfig, dataset: &Dataset) -> Self {
+        let SceneFiles { scene, materials } = SceneFiles::of(config);
+        Self {
+            scene,
+            materials,
             front_end: front_end(&Model::from(config)).to_string(),
             scans: scans(dataset).to_string(),
         }

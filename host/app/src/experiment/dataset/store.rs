@@ -4,8 +4,8 @@
 //! "ECHOPAIR"  version: u32  header's bytes: u32  header: JSON  body: zlib  CRC-64/XZ of all before
 //! ```
 //!
-//! Little endian. The header has the configuration that the pairs were traced with, and of each
-//! pair its place, poses and how many returns there are. The body has the scans, first and second
+//! Little endian. The header has the configuration that the pairs were traced with, checksums of
+//! the files of their scene, and of each pair its place, poses and how many returns there are. The body has the scans, first and second
 //! of each pair to tune on and then of each to judge on: a count of returns a beam (u16), then all
 //! ranges, then all strengths (f32), of each four bytes the first of all numbers, then the second
 //! of all, and so on: exponents are much alike, and pack better side by side.
@@ -23,16 +23,18 @@ use nalgebra::{Quaternion, Translation3, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::pairs::{Dataset, ScanPair};
+use super::pairs::{Dataset, ScanPair, viewpoints};
 use crate::experiment::beams::Beams;
 use crate::experiment::checksum::Checksum;
 use crate::experiment::config::{RunConfig, parse, written};
+use crate::experiment::content::SceneFiles;
 use crate::experiment::source::Source;
-use echoloop_registration::pose::Pose;
+use echoloop_registration::pose::{Pose, relative};
 
 const MAGIC: &[u8; 8] = b"ECHOPAIR";
-/// Pairs of another version are traced anew.
-const VERSION: u32 = 1;
+/// Pairs of another version are traced anew. It rises with the format, and when the same
+/// configuration makes other scenes.
+const VERSION: u32 = 2;
 const PREFIX: usize = 16;
 const SUFFIX: usize = 8;
 /// What is read takes at most so many times the file, and [`ROOM`].
@@ -54,6 +56,7 @@ pub struct StoreError {
 struct Header {
     /// TOML.
     config: String,
+    files: SceneFiles,
     pattern: String,
     triangles: usize,
     train: Vec<Head>,
@@ -65,9 +68,7 @@ struct Header {
 #[serde(deny_unknown_fields)]
 struct Head {
     place: String,
-    truth: Placed,
     world_from_sensor: [Placed; 2],
-    viewpoints: [u32; 2],
     overlap: f64,
     /// Returns of both scans.
     returns: [u64; 2],
@@ -88,6 +89,7 @@ pub fn stored(config: &RunConfig, dataset: &Dataset) -> Result<Vec<u8>, String> 
     }
     let header = Header {
         config: written(config).map_err(|error| error.to_string())?,
+        files: SceneFiles::of(config),
         pattern: pattern(&dataset.beams),
         triangles: dataset.triangles,
         train: dataset.train.iter().map(Head::new).collect(),
@@ -136,6 +138,13 @@ pub(super) fn load_stored(
     same(&traced_with, config).map_err(fail)?;
     if header.pattern != pattern(&beams) {
         return Err(fail("its beams are not those of scanner.pattern any more".into()));
+    }
+    same_files(&header.files, &SceneFiles::of(config)).map_err(fail)?;
+    let (train, test) = (header.train.len(), header.test.len());
+    if (train, test) != (config.data.train_pairs, config.data.test_pairs) {
+        return Err(fail(format!(
+            "holds {train} and {test} pairs, not those of its configuration"
+        )));
     }
     read_pairs(header, body, bytes.len() as u64, beams).map_err(fail)
 }
@@ -186,6 +195,16 @@ fn same(stored: &RunConfig, now: &RunConfig) -> Result<(), String> {
     }
 }
 
+/// Refuses pairs of a scene whose files have changed. A file that is not there any more is not
+/// needed.
+fn same_files(stored: &SceneFiles, now: &SceneFiles) -> Result<(), String> {
+    let differ = |stored: &Option<String>, now: &Option<String>| now.is_some() && stored != now;
+    if differ(&stored.scene, &now.scene) || differ(&stored.materials, &now.materials) {
+        return Err("its pairs are of a scene whose files have changed: store them anew".into());
+    }
+    Ok(())
+}
+
 /// A configuration with everything else than what shapes pairs as it is by default.
 fn shaping(config: &RunConfig) -> RunConfig {
     let usual = RunConfig::default();
@@ -231,10 +250,12 @@ fn read_pairs(header: Header, body: &[u8], file: u64, beams: Beams) -> Result<Da
         return Err("says that it holds far more than its size".into());
     }
     let mut body = ZlibDecoder::new(body);
-    let mut pairs = |heads: Vec<Head>| -> Result<Vec<ScanPair>, String> {
-        heads.into_iter().map(|head| head.with(&mut body, of_beams as usize)).collect()
+    let mut pairs = |heads: Vec<Head>, first: usize| -> Result<Vec<ScanPair>, String> {
+        let numbered = (first..).zip(heads);
+        numbered.map(|(number, head)| head.with(number, &mut body, of_beams as usize)).collect()
     };
-    let (train, test) = (pairs(header.train)?, pairs(header.test)?);
+    let judged_from = header.train.len();
+    let (train, test) = (pairs(header.train, 0)?, pairs(header.test, judged_from)?);
     match body.read(&mut [0]) {
         Ok(0) => Ok(Dataset { beams, train, test, triangles: header.triangles }),
         _ => Err("holds more than it says".into()),
@@ -246,24 +267,26 @@ impl Head {
         let returns = |scan: &SceneResponse| scan.returns.len() as u64;
         Self {
             place: pair.place.clone(),
-            truth: pair.truth.into(),
             world_from_sensor: pair.world_from_sensor.map(Placed::from),
-            viewpoints: pair.viewpoints,
             overlap: pair.overlap,
             returns: [returns(&pair.first), returns(&pair.second)],
         }
     }
 
-    fn with(self, body: &mut impl Read, beams: usize) -> Result<ScanPair, String> {
+    fn with(self, number: usize, body: &mut impl Read, beams: usize) -> Result<ScanPair, String> {
+        if !(0.0..=1.0).contains(&self.overlap) || self.place.contains(char::is_control) {
+            return Err("holds a pair that is none".into());
+        }
         let [first, second] = self.returns.map(|returns| read_scan(body, beams, returns));
         let [from_first, from_second] = self.world_from_sensor.map(Placed::pose);
+        let world_from_sensor = [from_first?, from_second?];
         Ok(ScanPair {
             place: self.place,
-            truth: self.truth.pose()?,
-            world_from_sensor: [from_first?, from_second?],
+            truth: relative(&world_from_sensor[0], &world_from_sensor[1]),
+            world_from_sensor,
             first: Arc::new(first?),
             second: Arc::new(second?),
-            viewpoints: self.viewpoints,
+            viewpoints: viewpoints(number),
             overlap: self.overlap,
         })
     }
@@ -307,14 +330,15 @@ fn read_scan(body: &mut impl Read, beams: usize, returns: u64) -> Result<SceneRe
         read.ok().filter(|&read| read == bytes).map(|_| taken).ok_or_else(cut)
     };
     let counts = take(2 * beams)?;
-    let ends = counts.as_chunks().0.iter().scan(0_u32, |end, count| {
-        *end += u32::from(u16::from_le_bytes(*count));
+    let ends = counts.as_chunks().0.iter().scan(0_u64, |end, count| {
+        *end += u64::from(u16::from_le_bytes(*count));
         Some(*end)
     });
-    let beams: Vec<u32> = std::iter::once(0).chain(ends).collect();
-    if beams.last().is_none_or(|&end| end as usize != count) {
+    let ends: Vec<u64> = std::iter::once(0).chain(ends).collect();
+    if ends.last() != Some(&returns) {
         return Err("holds beams whose returns are not as many as it says".into());
     }
+    let beams = ends.iter().map(|&end| end as u32).collect(); // no more than there are returns
     let (ranges, strengths) = (take(4 * count)?, take(4 * count)?);
     let each = numbers(&ranges).zip(numbers(&strengths));
     let returns = each.map(|(range_m, strength_per_m2)| Return { range_m, strength_per_m2 });
@@ -422,10 +446,10 @@ mod tests {
         changed[bytes.len() / 2] ^= 1;
         assert!(load(&changed, &own).unwrap_err().contains("checksum"));
         let mut later = bytes.clone();
-        later[8] = 2;
+        later[8] = 3;
         assert_eq!(
             load(&later, &own).unwrap_err(),
-            "F: of version 2, expected 1: store the pairs anew"
+            "F: of version 3, expected 2: store the pairs anew"
         );
         assert_eq!(load(b"ply\n", &own).unwrap_err(), "F: no file of pairs (of `echoloop store`)");
     }
@@ -450,5 +474,100 @@ mod tests {
         let mut header = bytes.clone();
         header[12..16].copy_from_slice(&u32::MAX.to_le_bytes());
         assert!(load(&sealed(header), &own).is_err());
+    }
+
+    /// The bytes with another header, and another body if there is one.
+    fn rewritten(bytes: &[u8], change: impl FnOnce(&mut Header), body: Option<Vec<u8>>) -> Vec<u8> {
+        let (mut header, own) = open(bytes).unwrap();
+        change(&mut header);
+        let text = serde_json::to_vec(&header).unwrap();
+        let length = (text.len() as u32).to_le_bytes();
+        let body = body.map_or_else(
+            || own.to_vec(),
+            |body| {
+                let mut packed = ZlibEncoder::new(Vec::new(), Compression::fast());
+                packed.write_all(&body).unwrap();
+                packed.finish().unwrap()
+            },
+        );
+        sealed([&bytes[..12], &length, &text, &body, &[0; SUFFIX]].concat())
+    }
+
+    #[test]
+    fn a_file_whose_checksum_is_right_and_whose_content_is_not_is_refused() {
+        let own = config(&[]);
+        let bytes = stored(&own, &Dataset::build(&own, &|_, _| ()).unwrap()).unwrap();
+        let said = |change: fn(&mut Header), body: Option<Vec<u8>>| {
+            load(&rewritten(&bytes, change, body), &own).unwrap_err()
+        };
+        assert!(load(&rewritten(&bytes, |_| (), None), &own).is_ok());
+        let none = said(|header| header.train.clear(), None);
+        assert_eq!(none, "F: holds 0 and 1 pairs, not those of its configuration");
+        for change in [
+            |header: &mut Header| header.train[0].overlap = -5.0,
+            |header: &mut Header| header.train[0].overlap = 1.5,
+            |header: &mut Header| header.test[0].place = "a\u{1b}[2J".into(),
+        ] {
+            assert_eq!(said(change, None), "F: holds a pair that is none");
+        }
+        let turned = |header: &mut Header| header.train[0].world_from_sensor[1].0[6] = 9.0;
+        assert_eq!(said(turned, None), "F: holds a pose that is none");
+    }
+
+    #[test]
+    fn counts_of_returns_that_add_up_past_what_a_scan_has_are_refused() {
+        let own = config(&["scanner.columns=512", "scanner.rows=256"]);
+        let mut small = Dataset::build(&config(&[]), &|_, _| ()).unwrap();
+        small.beams = own.scanner.beams();
+        let bytes = stored(&own, &small).unwrap();
+        // 2³² + 1 in all, which is 1 in 32 bits.
+        let mut left = (1_u64 << 32) + 1;
+        let mut counts = Vec::new();
+        for _ in 0..512 * 256 {
+            let count = left.min(u64::from(u16::MAX));
+            counts.extend((count as u16).to_le_bytes());
+            left -= count;
+        }
+        let one = [&5.0_f32.to_le_bytes()[..], &1e-6_f32.to_le_bytes()].concat();
+        let no_returns = vec![0; 2 * 512 * 256];
+        let body = [counts, one, no_returns.repeat(5)].concat();
+        let change = |header: &mut Header| {
+            let heads = header.train.iter_mut().chain(&mut header.test);
+            heads.for_each(|head| head.returns = [0, 0]);
+            header.train[0].returns = [1, 0];
+        };
+        let said = load(&rewritten(&bytes, change, Some(body)), &own).unwrap_err();
+        assert_eq!(said, "F: holds beams whose returns are not as many as it says");
+    }
+
+    #[test]
+    fn pairs_of_a_file_that_has_changed_are_refused_and_of_one_that_is_gone_are_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let scene = folder.path().join("pillars.obj");
+        // A floor, and pillars on it.
+        let write = |height: f64| {
+            let mut text = "v -60 -60 0\nv 60 -60 0\nv 60 60 0\nv -60 60 0\nf 1 2 3 4\n".to_owned();
+            for at in 0..36 {
+                let (x, y) = (16 * (at % 6) - 40, 16 * (at / 6) - 40);
+                for (u, v) in [(x, y), (x + 3, y), (x + 3, y + 3), (x, y + 3)] {
+                    text += &format!("v {u} {v} 0\nv {u} {v} {height}\n");
+                }
+                let corner = |k: i32| 5 + 8 * at + 2 * (k % 4);
+                for k in 0..4 {
+                    let (a, b) = (corner(k), corner(k + 1));
+                    text += &format!("f {a} {b} {} {}\n", b + 1, a + 1);
+                }
+            }
+            std::fs::write(&scene, text).unwrap();
+        };
+        write(8.0);
+        let own = config(&[&format!("scene.source={}", scene.display())]);
+        let bytes = stored(&own, &Dataset::build(&own, &|_, _| ()).unwrap()).unwrap();
+        assert!(load(&bytes, &own).is_ok());
+        write(8.5);
+        let said = load(&bytes, &own).unwrap_err();
+        assert!(said.contains("files have changed"), "{said}");
+        std::fs::remove_file(&scene).unwrap();
+        assert!(load(&bytes, &own).is_ok());
     }
 }
