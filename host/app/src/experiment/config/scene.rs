@@ -1,5 +1,7 @@
 //! `[scene]`: where to scan.
 
+use std::fmt::Display;
+
 use echoloop_files::shown;
 use echoloop_keys::{Must, Refused, section};
 use echoloop_sim::import::{Ground, ImportOptions, Libraries, Plane, Tags};
@@ -7,6 +9,11 @@ use echoloop_sim::scene::SceneKind;
 use serde::{Deserialize, Serialize};
 
 use super::error::RunConfigError;
+
+const GROUND: Must = Must::Read("auto, none, or a plane as a,b,c");
+const TAGS: Must = Must::Name(&Tags::NAMES);
+const LIBRARIES: Must = Must::Name(&["beside", "anywhere", "none"]);
+const DRESSING: Must = Must::Name(&["structured", "semi-structured"]);
 
 section! {
     /// Where to scan.
@@ -23,19 +30,19 @@ section! {
             "Seeds of the generated towns, and of what stands on the roads of a file; the pairs \
              are shared out among them. There are no more towns than `train_pairs` or \
              `test_pairs`, whichever is less: the others are left out.";
-        ground: String, "", Must::Read("auto, none, or a plane as a,b,c"),
+        ground: String, "", GROUND,
             "Ground below a mesh: `auto` (fitted when the mesh has none), `none`, or the plane \
              z = a·x + b·y + c as `a,b,c`.";
-        tags: String, "", Must::Name(&["carla-0.9.14", "carla-0.9.11"]),
+        tags: String, "", TAGS,
             "What the numbers of classes in recorded scans mean: those of CARLA 0.9.14 and later, \
              or of 0.9.11 to 0.9.13.";
-        libraries: String, "", Must::Name(&["beside", "anywhere", "none"]),
+        libraries: String, "", LIBRARIES,
             "Files that a mesh may name, an OBJ's material libraries or a glTF's buffers: `beside` \
              (in its own folder and below), `anywhere` or `none`.";
         stored: String, "", Must::Read("a file that `echoloop store` wrote, or empty"),
             "Pairs to read instead of tracing them (`--stored FILE`). They must be those of this \
              configuration. Empty: none.";
-        dressing: String, "", Must::Name(&["structured", "semi-structured"]),
+        dressing: String, "", DRESSING,
             "What stands along the roads of an OpenDRIVE file: `structured` (houses wall to wall) \
              or `semi-structured` (houses in gardens).";
     }
@@ -76,11 +83,10 @@ impl SceneConfig {
     ///
     /// [`RunConfigError`] names `scene.dressing`.
     pub fn dressing(&self) -> Result<SceneKind, RunConfigError> {
-        let [.., key] = Self::KEYS else { return Ok(SceneKind::Structured) };
         match &*self.dressing {
             "structured" => Ok(SceneKind::Structured),
             "semi-structured" => Ok(SceneKind::SemiStructured),
-            other => Err(key.refused(format_args!("{:?}", shown(other)), key.must).into()),
+            other => Err(refused("scene.dressing", other, DRESSING).into()),
         }
     }
 
@@ -90,9 +96,7 @@ impl SceneConfig {
     ///
     /// [`RunConfigError`] names `scene.tags`.
     pub fn tags(&self) -> Result<Tags, RunConfigError> {
-        let [_, _, _, key, ..] = Self::KEYS else { return Ok(Tags::Carla0914) };
-        let refused = || key.refused(format_args!("{:?}", shown(&self.tags)), key.must);
-        Tags::named(&self.tags).ok_or_else(|| refused().into())
+        Tags::named(&self.tags).ok_or_else(|| refused("scene.tags", &self.tags, TAGS).into())
     }
 
     pub(super) fn check(&self) -> Result<(), RunConfigError> {
@@ -107,13 +111,11 @@ impl SceneConfig {
             let numbers = self.ground.split(',').map(|part| part.trim().parse().ok());
             numbers.collect::<Option<Vec<f64>>>()?.try_into().ok()
         };
-        let [_, _, key, ..] = Self::KEYS else { return Ok(Ground::Auto) };
         let refused = || {
             let expected = format!(
-                "{} (z = a·x + b·y + c) with a and b within ±1 and c within ±{max_reach_m} m",
-                key.must
+                "{GROUND} (z = a·x + b·y + c) with a and b within ±1 and c within ±{max_reach_m} m"
             );
-            key.refused(format_args!("{:?}", shown(&self.ground)), expected)
+            refused("scene.ground", &self.ground, expected)
         };
         match &*self.ground {
             "auto" => Ok(Ground::Auto),
@@ -126,14 +128,18 @@ impl SceneConfig {
     }
 
     fn libraries(&self) -> Result<Libraries, Refused> {
-        let [.., key, _, _] = Self::KEYS else { return Ok(Libraries::None) };
         match &*self.libraries {
             "beside" => Ok(Libraries::Beside),
             "anywhere" => Ok(Libraries::Anywhere),
             "none" => Ok(Libraries::None),
-            other => Err(key.refused(format_args!("{:?}", shown(other)), key.must)),
+            other => Err(refused("scene.libraries", other, LIBRARIES)),
         }
     }
+}
+
+/// What is said of a text that a key does not take.
+fn refused(key: &'static str, value: &str, expected: impl Display) -> Refused {
+    Refused { key, value: format!("{:?}", shown(value)), expected: expected.to_string() }
 }
 
 #[cfg(test)]
