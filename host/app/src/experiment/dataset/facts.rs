@@ -5,6 +5,7 @@ use std::fmt;
 use serde::Serialize;
 
 use super::pairs::{Dataset, ScanPair};
+use crate::experiment::evaluate::median;
 use echoloop_registration::pose::Pose;
 
 /// What a set of pairs is like.
@@ -55,7 +56,8 @@ impl Overlaps {
             let index = (share * sorted.len().saturating_sub(1) as f64).round() as usize;
             sorted.get(index).copied().unwrap_or(0.0)
         };
-        Self { pairs: sorted.len(), overlap: [0.0, 0.1, 0.5, 0.9, 1.0].map(at) }
+        let middle = if sorted.is_empty() { 0.0 } else { median(sorted.iter().copied()) };
+        Self { pairs: sorted.len(), overlap: [at(0.0), at(0.1), middle, at(0.9), at(1.0)] }
     }
 }
 
