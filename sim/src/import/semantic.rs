@@ -54,10 +54,8 @@ const CARLA_0914: [Class; 29] = [
     ("static", Surface::Unknown),
     ("dynamic", Surface::Unknown),
     ("other", Surface::Unknown),
-    // Dark, and a mirror: the nearest there is.
-    ("water", Surface::Glass),
-    // Paint on asphalt, without a value of its own.
-    ("road line", Surface::Paving),
+    ("water", Surface::Water),
+    ("road line", Surface::RoadPaint),
     ("ground", Surface::Soil),
     ("bridge", Surface::Concrete),
     ("rail track", Surface::Gravel),
