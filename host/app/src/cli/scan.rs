@@ -8,8 +8,7 @@ use clap::{Args, ValueHint};
 use echoloop_frontend::SceneResponse;
 use echoloop_sim::scene::Scene;
 use echoloop_sim::viewpoint::{
-    Footing, PairPlan, Split, Standpoint, ViewpointError, sample_pairs_aloud, stand_alone,
-    stands_aloft,
+    Footing, PairPlan, Split, Standpoint, ViewpointError, stand_alone, stands_aloft,
 };
 use nalgebra::{Translation3, UnitQuaternion};
 
@@ -21,7 +20,9 @@ use super::ready::Ready;
 use super::scan_along::{Along, scan_along};
 use crate::experiment::beams::Beams;
 use crate::experiment::config::RunConfig;
-use crate::experiment::dataset::{Dataset, DatasetError, Place, pair_plan, place, respond};
+use crate::experiment::dataset::{
+    Dataset, DatasetError, Place, pair_plan, place, poses, respond, sight,
+};
 use crate::experiment::scan_cloud::recorded_from_scan;
 use crate::experiment::seed::scan_noise;
 use crate::experiment::source::Source;
@@ -182,19 +183,27 @@ fn first_viewpoint(
     let plan = pair_plan(config, Split::Train, 1, town);
     let progress = Progress::new(quiet);
     progress.begin("viewpoint", 2000);
-    let pose = viewpoint(place, &plan, &progress);
+    let pose = viewpoint(config, place, &plan, &progress);
     progress.end();
     pose
 }
 
-fn viewpoint(place: &Place, plan: &PairPlan, progress: &Progress) -> Result<Pose, Failure> {
+/// Where the first scan of the first pair is made; where no pair fits, somewhere else.
+fn viewpoint(
+    config: &RunConfig,
+    place: &Place,
+    plan: &PairPlan,
+    progress: &Progress,
+) -> Result<Pose, Failure> {
     let Place { scene, caster, .. } = place;
     let heard = |_, tried| progress.at(tried as u64);
-    let pose = match sample_pairs_aloud(scene, place.casters(), plan, &Some, &heard).as_deref() {
-        Ok([pair, ..]) => pair.world_from_first,
-        Ok([]) | Err(ViewpointError::NoViewpoint { .. }) => alone(place, plan, progress)?,
-        Err(source) => return Err(nowhere(scene, source.clone())),
+    let sight = sight(place, &config.scanner.beams());
+    let first = match poses(config, place, &sight, plan, &heard) {
+        Ok(pairs) => pairs.first().map(|pair| pair.poses.world_from_first),
+        Err(DatasetError::Viewpoints { source: ViewpointError::NoViewpoint { .. }, .. }) => None,
+        Err(error) => return Err(error.into()),
     };
+    let pose = first.map_or_else(|| alone(place, plan, progress), Ok)?;
     if stands_aloft(scene, caster, &pose) {
         progress.say(
             "the sensor stands on something else than ground (a crown, a roof?); --pose puts it \
