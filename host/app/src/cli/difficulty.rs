@@ -11,12 +11,12 @@ use super::draft::go_on;
 use super::exit::{self, Failure};
 use super::interrupt::stop_on_interrupt;
 use super::method_choice::MethodChoice;
-use super::number::{flag, read};
-use super::prepared::{PairSet, Prepared};
+use super::number::{flag, number_of, read};
+use super::prepared::{Met, PairSet};
 use super::progress::Progress;
 use crate::chance::wilson;
 use crate::experiment::config::RunConfig;
-use crate::experiment::dataset::Facts;
+use crate::experiment::dataset::{DatasetError, Facts};
 use crate::experiment::evaluate::{evaluate, succeeds};
 use crate::experiment::tune::Observer;
 
@@ -37,6 +37,9 @@ pub(crate) struct DifficultyArgs {
         value_parser = recall
     )]
     recall: Vec<f64>,
+    /// Pairs that each difficulty is judged on, and as many others in the end.
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = number_of::<usize>("data.test_pairs"))]
+    pairs: usize,
 }
 
 fn recall(text: &str) -> Result<f64, String> {
@@ -51,17 +54,22 @@ struct Step {
     pairs: usize,
 }
 
+/// A difficulty that was judged, and what its pairs are like; or that its pairs fit nowhere.
+type Judged = Result<(Step, Facts), DatasetError>;
+
 /// What was asked for, and what was found.
 struct Found {
     asked_pct: f64,
     difficulty: f64,
-    /// On other pairs, with what they are like.
-    held_out: Step,
-    facts: Facts,
+    held_out: Judged,
 }
 
 pub(super) fn run(args: &DifficultyArgs) -> Result<(), Failure> {
     let config = args.setup.source.load(args.method.overrides())?;
+    if !config.scene.stored.is_empty() {
+        let said = "scene.stored: kept pairs are of one difficulty; difficulty traces its own";
+        return Err(Failure::usage(said));
+    }
     let stop = stop_on_interrupt();
     on_threads(args.setup.common.threads, || find(args, &config, &stop))?
 }
@@ -72,10 +80,10 @@ fn find(args: &DifficultyArgs, config: &RunConfig, stop: &AtomicBool) -> Result<
     while steps.len() as f64 * STEP <= MOST && !is_far_below(&steps, least_pct) {
         go_on(stop)?;
         let difficulty = steps.len() as f64 * STEP;
-        match judged(args, config, difficulty, PairSet::Train) {
+        match judged(args, config, difficulty, PairSet::Train)? {
             Ok((step, _)) => steps.push(step),
             // A place may be too small for what is asked; what it bears is told.
-            Err(failure) if steps.is_empty() => return Err(failure),
+            Err(error) if steps.is_empty() => return Err(error.into()),
             Err(_) => break,
         }
     }
@@ -85,8 +93,8 @@ fn find(args: &DifficultyArgs, config: &RunConfig, stop: &AtomicBool) -> Result<
         go_on(stop)?;
         if let Some(difficulty) = where_it_is(&curve, asked_pct / 100.0) {
             let difficulty = (100.0 * difficulty).round() / 100.0;
-            let (held_out, facts) = judged(args, config, difficulty, PairSet::Test)?;
-            found.push(Found { asked_pct, difficulty, held_out, facts });
+            let held_out = judged(args, config, difficulty, PairSet::Test)?;
+            found.push(Found { asked_pct, difficulty, held_out });
         }
     }
     print(args, &steps, &found)
@@ -99,17 +107,21 @@ fn judged(
     config: &RunConfig,
     difficulty: f64,
     which: PairSet,
-) -> Result<(Step, Facts), Failure> {
+) -> Result<Judged, Failure> {
     let mut config = config.clone();
     // One set is judged: of the other a town has no more than it must.
     let (data, towns) = (&mut config.data, config.scene.towns.len().max(1));
-    match which {
-        PairSet::Train => data.test_pairs = towns,
-        PairSet::Test => data.train_pairs = towns,
-    }
+    (data.train_pairs, data.test_pairs) = match which {
+        PairSet::Train => (args.pairs, towns),
+        PairSet::Test => (towns, args.pairs),
+    };
     (data.difficulty, data.train_baseline_factor) = (difficulty, 1.0);
     let progress = Progress::new(args.setup.common.quiet);
-    let prepared = Prepared::new(config, &args.setup.sensor, &progress)?;
+    let met = Met::new(config, &args.setup.sensor, &progress)?;
+    let prepared = match met.traced(&progress) {
+        Err(error @ DatasetError::Viewpoints { .. }) => return Ok(Err(error)),
+        prepared => prepared?,
+    };
     let noisy = prepared.pairs(which);
     progress.begin("judging", noisy.pairs.len() as u64);
     let (start, done) = (&prepared.start, || progress.evaluated());
@@ -117,7 +129,7 @@ fn judged(
     progress.end();
     let successes = errors.iter().filter(|error| succeeds(error, &prepared.config.data)).count();
     let step = Step { difficulty, successes, pairs: errors.len() };
-    Ok((step, Facts::new(&prepared.dataset)))
+    Ok(Ok((step, Facts::new(&prepared.dataset))))
 }
 
 /// Whether the last two steps are below what is asked for: farther on it only falls.
@@ -176,8 +188,15 @@ fn print(args: &DifficultyArgs, steps: &[Step], found: &[Found]) -> Result<(), F
             json!({ "difficulty": difficulty, "successes": successes, "pairs": pairs })
         };
         let found = found.iter().map(|found| {
-            let Found { asked_pct, held_out, facts, .. } = found;
-            json!({ "asked_pct": asked_pct, "held_out": step(held_out), "set": facts })
+            let Found { asked_pct, difficulty, held_out } = found;
+            match held_out {
+                Ok((held_out, facts)) => {
+                    json!({ "asked_pct": asked_pct, "held_out": step(held_out), "set": facts })
+                }
+                Err(error) => json!({
+                    "asked_pct": asked_pct, "difficulty": difficulty, "error": error.to_string(),
+                }),
+            }
         });
         let steps: Vec<_> = steps.iter().map(step).collect();
         let document = json!({
@@ -191,13 +210,19 @@ fn print(args: &DifficultyArgs, steps: &[Step], found: &[Found]) -> Result<(), F
     }
     for asked_pct in &args.recall {
         match found.iter().find(|found| found.asked_pct == *asked_pct) {
-            Some(Found { difficulty, held_out, facts, .. }) => println!(
+            Some(Found { difficulty, held_out: Ok((held_out, facts)), .. }) => println!(
                 "for {asked_pct} %: --set data.difficulty={difficulty}, of {} held-out pairs {}, \
                  overlap {:.2} in the median",
                 held_out.pairs,
                 held_out.text(),
                 facts.test.overlap[2]
             ),
+            Some(Found { difficulty, held_out: Err(error), .. }) => {
+                println!("for {asked_pct} %: data.difficulty={difficulty}, not held out: {error}");
+            }
+            None if steps.first().is_some_and(|step| 100.0 * step.recall() < *asked_pct) => {
+                println!("for {asked_pct} %: none; fewer are found without any difficulty");
+            }
             None => println!("for {asked_pct} %: none; no difficulty that fits the place does"),
         }
     }

@@ -11,7 +11,7 @@ use super::exit::Failure;
 use super::number::{flag, read};
 use super::progress::Progress;
 use crate::experiment::config::RunConfig;
-use crate::experiment::dataset::{Dataset, Facts};
+use crate::experiment::dataset::{Dataset, DatasetError, Facts};
 use crate::experiment::evaluate::{NoisyPairs, Summary};
 use crate::experiment::objective::Bench;
 use crate::experiment::params::{Parameters, Space};
@@ -67,7 +67,7 @@ impl Met {
     }
 
     /// Traces the scans.
-    pub(super) fn traced(self, progress: &Progress) -> Result<Prepared, Failure> {
+    pub(super) fn traced(self, progress: &Progress) -> Result<Prepared, DatasetError> {
         let Self { config, start, space, hardware, sensors, sensor } = self;
         progress.begin("scanning", 1000);
         let dataset = Dataset::build(&config, &|fraction, what| progress.at_what(fraction, what))?;
@@ -97,7 +97,7 @@ impl Prepared {
         choice: &SensorChoice,
         progress: &Progress,
     ) -> Result<Self, Failure> {
-        Met::new(config, choice, progress)?.traced(progress)
+        Ok(Met::new(config, choice, progress)?.traced(progress)?)
     }
 
     pub(super) fn bench(&self) -> Bench<'_> {
