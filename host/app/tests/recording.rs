@@ -13,11 +13,11 @@ use fixture::Fixture;
 use nalgebra::{Translation3, UnitQuaternion, Vector3};
 use serde_json::json;
 
-const SCANS: usize = 40;
+const SCANS: usize = 80;
 
 /// Where the sensor is, and CARLA's transform of it: left-handed, degrees.
 fn pose(k: usize) -> (Pose, serde_json::Value) {
-    let (x, y, yaw) = (-20.0 + 0.5 * k as f64, -12.0, 0.4 + 0.02 * k as f64);
+    let (x, y, yaw) = (-20.0 + 0.5 * k as f64, -12.0, 0.4 + 0.01 * k as f64);
     let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw);
     let told = json!({ "location": [x, -y, 1.8], "pitch": 0, "yaw": -yaw.to_degrees(), "roll": 0 });
     (Pose::from_parts(Translation3::new(x, y, 1.8), turn), told)
@@ -127,7 +127,7 @@ fn what_a_recording_cannot_give_is_said_with_exit_code_2_and_nothing_is_written(
             &["scan", "-o", "one.ply", "--pose", "0", "0", "2", "0", "0", "0"],
             "--scene: recorded scans",
         ),
-        (&["evaluate", "--set", "data.test_pairs=90"], "but of its 40 scans 1 have a partner"),
+        (&["evaluate", "--set", "data.test_pairs=90"], "but of its 80 scans"),
         (&["evaluate", "--set", "scene.tags=carla-0.8"], "scene.tags"),
     ] {
         let output = fixture.run(&[command, &DRIVE[..]].concat());

@@ -7,7 +7,8 @@
 //! ```
 //!
 //! Each point is a beam of its own, so that beams differ from scan to scan; beams of the sensor
-//! that are left see nothing. The beginning of the way is tuned on, the rest judged on.
+//! that are left see nothing. The beginning of the way is tuned on; of the rest that is judged on which lies
+//! apart from it, so that a way that comes back is not judged where it was tuned.
 
 mod poses;
 
@@ -19,7 +20,6 @@ use echoloop_files::{printable, read_data, shown};
 use echoloop_frontend::SceneResponse;
 use echoloop_registration::pose::{Pose, relative};
 use echoloop_sim::import::{Seen, parse_semantic};
-use echoloop_sim::viewpoint::Split;
 use nalgebra::{Point3, Vector3};
 use thiserror::Error;
 
@@ -31,6 +31,8 @@ use crate::experiment::config::RunConfig;
 const FARTHEST: f64 = 2.0;
 /// Points of two scans are of the same place within a cube of so much, m.
 const CELL_M: f64 = 1.0;
+/// What is judged on is at least so far from what is tuned on, seen from above, m.
+const APART_M: f64 = 10.0;
 
 /// A recording that cannot be used.
 #[derive(Debug, Error)]
@@ -133,24 +135,34 @@ impl Way {
         let (train, test) = (data.train_pairs, data.test_pairs);
         let cut = self.poses.len() * train / (train + test).max(1);
         let cut = cut.clamp(self.poses.len().min(2), self.poses.len().saturating_sub(2).max(2));
-        let of = |split: Split, from: usize, to: usize, count: usize| {
-            let found = self.candidates(config, from, to.min(self.poses.len()));
-            let key = match split {
-                Split::Train => "data.train_pairs",
-                Split::Test => "data.test_pairs",
+        let of = |key: &str, from: usize, to: usize, count: usize, others: &[usize]| {
+            let mut found = self.candidates(config, from, to.min(self.poses.len()));
+            found.retain(|pair| pair.iter().all(|&scan| self.is_apart(scan, others)));
+            let far = match others.is_empty() {
+                true => String::new(),
+                false => format!(", {APART_M} m and more from those that are tuned on"),
             };
             if found.len() < count {
                 let (scans, found) = (self.poses.len(), found.len());
                 let baseline_m = data.hard_baseline_m();
                 return Err(format!(
                     "{key} = {count}, but of its {scans} scans {found} have a partner \
-                     {baseline_m} to {} m on: ask for fewer pairs, or change data.baseline_m",
+                     {baseline_m} to {} m on{far}: ask for fewer pairs, or change data.baseline_m",
                     FARTHEST * baseline_m
                 ));
             }
-            Ok((0..count).map(|k| found[k * found.len() / count]).collect())
+            Ok((0..count).map(|k| found[k * found.len() / count]).collect::<Vec<_>>())
         };
-        Ok([of(Split::Train, 0, cut, train)?, of(Split::Test, cut, self.poses.len(), test)?])
+        let tuned_on = of("data.train_pairs", 0, cut, train, &[])?;
+        let others = tuned_on.as_flattened();
+        let judged_on = of("data.test_pairs", cut, self.poses.len(), test, others)?;
+        Ok([tuned_on, judged_on])
+    }
+
+    /// Whether a scan was made apart from others.
+    fn is_apart(&self, scan: usize, others: &[usize]) -> bool {
+        let at = |scan: usize| self.poses[scan].translation.vector.xy();
+        others.iter().all(|&other| (at(scan) - at(other)).norm() >= APART_M)
     }
 
     /// Each scan of a part of the way with the next that is a baseline away.
@@ -283,12 +295,12 @@ mod tests {
         let at = |pair: &ScanPair| pair.world_from_sensor.map(|pose| pose.translation.x);
         let last = dataset.train.iter().flat_map(at).fold(0.0, f64::max);
         let first = dataset.test.iter().flat_map(at).fold(f64::INFINITY, f64::min);
-        assert!(last < first, "{last} {first}");
+        assert!(first - last >= 10.0, "{last} {first}");
     }
 
     #[test]
     fn each_point_is_a_beam_of_its_own_viewpoint() {
-        let folder = recording(12);
+        let folder = recording(20);
         let dataset = build(&config(folder.path(), 1, 2)).unwrap();
         let directions = dataset.beams.directions(1);
         assert_eq!(directions.len(), dataset.beams.pattern().beams() as usize);
@@ -302,7 +314,7 @@ mod tests {
     #[test]
     fn what_cannot_be_used_of_a_recording_is_named() {
         let said = |change: &dyn Fn(&Path, &mut RunConfig)| {
-            let folder = recording(12);
+            let folder = recording(20);
             let mut config = config(folder.path(), 1, 2);
             change(folder.path(), &mut config);
             build(&config).unwrap_err()
@@ -322,13 +334,13 @@ mod tests {
             (write("000003.ply", scan(3.0, 40)[..400].into()), "000003.ply: "),
             (write("000003.ply", scan(3.0, 0)), "holds no point"),
             (write("000003.ply", scan(3.0, 40).replace("CosAngle", "I")), "found no CosAngle"),
-            (remove("000011.ply"), "has 12 poses for 11 scans"),
+            (remove("000019.ply"), "has 20 poses for 19 scans"),
             (remove("poses.txt"), "poses.txt or transforms.json"),
             (write("poses.txt", "0 0 0 0 0 0 0 2\n".into()), "poses.txt:1: expected a quaternion"),
             (write("transforms.json", "[]".into()), "both"),
             (
                 Box::new(|_, config| config.data.train_pairs = 50),
-                "data.train_pairs = 50, but of its 12",
+                "data.train_pairs = 50, but of its 20",
             ),
             (Box::new(|_, config| config.data.baseline_m = 40.0), "data.baseline_m"),
             (Box::new(|_, config| config.motion.jitter_mm = 1.0), "motion"),
