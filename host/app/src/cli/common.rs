@@ -35,8 +35,8 @@ pub(super) struct ConfigSource {
     /// Begin with what a run tuned: its configuration with the tuned parameters.
     #[arg(long, value_name = "RUN", conflicts_with = "config")]
     pub(super) run: Option<PathBuf>,
-    /// Pairs that `echoloop store` kept, instead of tracing them. Without --config or --run their
-    /// configuration is begun with.
+    /// Pairs that `echoloop store` kept: commands that register pairs read them instead of tracing.
+    /// Without --config or --run their configuration is begun with.
     #[arg(long, value_name = "FILE")]
     pub(super) stored: Option<PathBuf>,
     /// Set one value, as lidar.power=50; may be repeated.

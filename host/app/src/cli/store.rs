@@ -45,6 +45,9 @@ fn store(args: &StoreArgs, config: RunConfig, output: &Output) -> Result<(), Fai
             json!({ "format": 1, "file": file.to_string(), "bytes": bytes.len(), "set": facts });
         return exit::print(&exit::json(&document)?);
     }
-    let megabytes = bytes.len() as f64 / 1e6;
-    exit::print(&format!("wrote {megabytes:.1} MB to {file}\n"))
+    let size = match bytes.len() as f64 / 1e3 {
+        kilobytes if kilobytes < 100.0 => format!("{kilobytes:.1} kB"),
+        kilobytes => format!("{:.1} MB", kilobytes / 1e3),
+    };
+    exit::print(&format!("wrote {size} to {file}\n"))
 }
