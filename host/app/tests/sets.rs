@@ -94,7 +94,7 @@ fn a_set_says_how_much_its_pairs_share_and_takes_only_those_that_are_asked_for()
 #[test]
 fn the_harder_pairs_are_the_fewer_are_registered_and_the_difficulty_between_is_found() {
     let fixture = Fixture::new();
-    let more = ["--set", "data.train_pairs=12", "--set", "data.test_pairs=12"];
+    let more = ["--pairs", "12"];
     let arguments = ["difficulty", "-q", "--json", "-c", "small.toml", "--recall", "50"];
     let found = fixture.succeed(&[&arguments[..], &more].concat()).json();
     let steps = found["steps"].as_array().expect("steps");

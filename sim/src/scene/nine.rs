@@ -91,6 +91,13 @@ impl Town {
         }
     }
 
+    /// The three of a kind.
+    #[must_use]
+    pub fn of_kind(kind: SceneKind) -> [Self; 3] {
+        let first = 3 * kind as usize;
+        [0, 1, 2].map(|k| Self::ALL[first + k])
+    }
+
     const fn base(self) -> Base {
         match self {
             Self::Town01 => Base::Carla("Town01.xodr"),
@@ -250,6 +257,7 @@ mod tests {
     fn there_are_three_towns_of_each_kind_and_names_are_read_as_written() {
         for kind in SceneKind::ALL {
             assert_eq!(Town::ALL.into_iter().filter(|town| town.kind() == kind).count(), 3);
+            assert_eq!(Town::of_kind(kind).map(Town::kind), [kind; 3]);
         }
         for town in Town::ALL {
             assert_eq!(town.to_string().parse(), Ok(town));

@@ -42,14 +42,16 @@ pub struct SceneFiles {
 impl SceneFiles {
     /// As they are now; none of a file that is not there.
     pub fn of(config: &RunConfig) -> Self {
-        let file = Source::of(&config.scene.source).file();
+        let files = Source::of(&config.scene.source).files();
         let libraries = config.scene.import().map(|options| options.libraries).unwrap_or_default();
-        let scene = file.as_deref().and_then(|file| Checksum::of_file(file).ok());
-        let materials = file.and_then(|file| materials(&file, libraries));
-        Self {
-            scene: scene.map(|sum| sum.to_string()),
-            materials: materials.map(|sum| sum.to_string()),
-        }
+        let sums = files.iter().filter_map(|file| Checksum::of_file(file).ok());
+        let sums: Vec<String> = sums.map(|sum| sum.to_string()).collect();
+        let scene = match &sums[..] {
+            [] | [_] => sums.into_iter().next(),
+            _ => Some(Checksum::of(&[sums.concat().as_bytes()]).to_string()),
+        };
+        let materials = files.first().and_then(|file| materials(file, libraries));
+        Self { scene, materials: materials.map(|sum| sum.to_string()) }
     }
 }
 

@@ -121,12 +121,9 @@ impl Dataset {
     }
 }
 
-/// Seeds of the towns; a town of the nine and a file are one. No more towns than pairs.
+/// Seeds of the towns, no more towns than pairs.
 pub fn towns(config: &RunConfig) -> Vec<u64> {
-    let mut towns = config.scene.towns.clone();
-    if !matches!(Source::of(&config.scene.source), Source::Kind(_)) {
-        towns.truncate(1);
-    }
+    let mut towns = Source::of(&config.scene.source).seeds(&config.scene.towns);
     towns.truncate(config.data.train_pairs.min(config.data.test_pairs).max(1));
     towns
 }

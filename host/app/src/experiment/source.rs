@@ -16,7 +16,7 @@ pub enum SourceError {
     /// Neither a name nor a file.
     #[error(
         "scene.source = {0:?} is neither structured, semi-structured, unstructured, one of the \
-         nine towns ({towns}) nor a file that exists",
+         nine towns ({towns}), the three of a kind (structured-towns) nor a file that exists",
         towns = Town::ALL.map(Town::name).join(", ")
     )]
     Unknown(String),
@@ -41,6 +41,8 @@ pub enum Source {
     Kind(SceneKind),
     /// One of the nine.
     Town(Town),
+    /// The three of a kind, among which pairs are shared out.
+    Towns(SceneKind),
     /// A town is built on an OpenDRIVE file's roads.
     Roads(PathBuf),
     /// A mesh.
@@ -58,6 +60,9 @@ impl Source {
         if let Ok(town) = source.parse() {
             return Self::Town(town);
         }
+        if let Some(kind) = source.strip_suffix("-towns").and_then(|kind| kind.parse().ok()) {
+            return Self::Towns(kind);
+        }
         let path = PathBuf::from(source);
         if path.is_dir() {
             return Self::Recording(path);
@@ -66,16 +71,35 @@ impl Source {
         if is_network { Self::Roads(path) } else { Self::Mesh(path) }
     }
 
-    /// The file it stands on.
-    pub fn file(&self) -> Option<PathBuf> {
+    /// The files it stands on.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let data = data_folder();
+        let of_town = |town: Town| town.file(data.as_deref());
         match self {
-            Self::Kind(_) | Self::Recording(_) => None,
-            Self::Town(town) => town.file(data_folder().as_deref()),
-            Self::Roads(path) | Self::Mesh(path) => Some(path.clone()),
+            Self::Kind(_) | Self::Recording(_) => Vec::new(),
+            Self::Town(town) => of_town(*town).into_iter().collect(),
+            Self::Towns(kind) => Town::of_kind(*kind).into_iter().filter_map(of_town).collect(),
+            Self::Roads(path) | Self::Mesh(path) => vec![path.clone()],
         }
     }
 
-    /// Makes or loads the scene; `town` is the seed of what is generated.
+    /// The first of [`Source::files`].
+    pub fn file(&self) -> Option<PathBuf> {
+        self.files().into_iter().next()
+    }
+
+    /// What the pairs are shared out among, as seeds: `towns` of what is made from them, the numbers
+    /// of the towns of a kind; else there is one.
+    pub fn seeds(&self, towns: &[u64]) -> Vec<u64> {
+        match self {
+            Self::Kind(_) => towns.to_vec(),
+            Self::Towns(_) => vec![1, 2, 3],
+            _ => towns[..towns.len().min(1)].to_vec(),
+        }
+    }
+
+    /// Makes or loads the scene; `town` is the seed of what is generated, or a number of
+    /// [`Source::seeds`].
     ///
     /// # Errors
     ///
@@ -84,6 +108,15 @@ impl Source {
         match self {
             Self::Kind(kind) => Ok(generate(*kind, town)),
             Self::Town(town) => Ok(build_town(*town, data_folder().as_deref())?),
+            Self::Towns(kind) => {
+                let [first, second, third] = Town::of_kind(*kind);
+                let of_kind = match town {
+                    2 => second,
+                    3 => third,
+                    _ => first,
+                };
+                Self::Town(of_kind).scene(config, town)
+            }
             Self::Roads(path) => Ok(load_town(path, config.dressing()?, town)?),
             Self::Mesh(path) => {
                 let looks_like_a_file = path.extension().is_some() || path.exists();
@@ -112,7 +145,11 @@ mod tests {
         assert_eq!(Source::of("rocky-valley"), Source::Town(Town::RockyValley));
         assert_eq!(Source::of("a/Town04.XODR"), Source::Roads("a/Town04.XODR".into()));
         assert_eq!(Source::of("yard.obj"), Source::Mesh("yard.obj".into()));
-        assert_eq!(Source::of("rocky-valley").file(), None);
-        assert_eq!(Source::of("yard.obj").file(), Some("yard.obj".into()));
+        assert_eq!(Source::of("structured-towns"), Source::Towns(SceneKind::Structured));
+        assert_eq!(Source::of("rocky-valley").files(), Vec::<PathBuf>::new());
+        assert_eq!(Source::of("yard.obj").files(), [PathBuf::from("yard.obj")]);
+        assert_eq!(Source::of("structured").seeds(&[4, 9]), [4, 9]);
+        assert_eq!(Source::of("unstructured-towns").seeds(&[4]), [1, 2, 3]);
+        assert_eq!(Source::of("yard.obj").seeds(&[4, 9]), [4]);
     }
 }
