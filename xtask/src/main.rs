@@ -16,6 +16,7 @@ mod shell;
 mod study;
 mod thumb;
 mod toolchain;
+mod towns;
 
 use std::env;
 use std::thread;
@@ -80,6 +81,8 @@ enum Task {
     Peers(peers::Peers),
     /// The pictures of scenes in the docs, drawn again.
     Pictures,
+    /// Pairs of the nine towns: how long they take to trace, keep and read, in the docs.
+    Towns,
     /// What registration gains with each scan pattern, at equal time and at equal energy; goes on
     /// where it was left.
     Patterns(patterns::Patterns),
@@ -100,6 +103,7 @@ fn main() -> Result<()> {
         Task::Figures(asked) => figures::run(&asked),
         Task::Peers(asked) => peers::run(asked),
         Task::Pictures => pictures::run(),
+        Task::Towns => towns::run(),
         Task::Patterns(asked) => patterns::run(&asked),
         Task::Study(asked) => study::run(&asked),
     }

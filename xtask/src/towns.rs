@@ -1,0 +1,105 @@
+//! `cargo xtask towns`: pairs of the nine towns, traced, kept and read back; what that takes goes
+//! into `docs/data.md`. Those on CARLA's roads need its files, which `ECHOLOOP_DATA` names.
+
+use std::fmt::Write;
+use std::path::Path;
+use std::time::Instant;
+
+use anyhow::{Context, Result};
+use serde_json::Value;
+
+use crate::record::{echoloop, printed, stamp, write_page};
+use crate::shell::{built, cargo, workspace};
+
+const PAGE: &str = "docs/data.md";
+
+/// The nine, and those of a kind together.
+const SCENES: [&str; 12] = [
+    "town01",
+    "town10hd",
+    "old-town",
+    "town07",
+    "garden-suburb",
+    "hillside",
+    "forest-hills",
+    "rocky-valley",
+    "lake-shore",
+    "structured-towns",
+    "semi-structured-towns",
+    "unstructured-towns",
+];
+
+/// Pairs that a scene has, of the paper's numbers (Sec. 4.1).
+const PAIRS: [&str; 2] = ["data.train_pairs=10", "data.test_pairs=100"];
+
+/// # Errors
+///
+/// When a set cannot be made or read, or the page not be written.
+pub(crate) fn run() -> Result<()> {
+    cargo(["build", "--release", "--package", "echoloop-host", "--bin", "echoloop"])?;
+    let folder = built(&workspace()?).join("towns");
+    std::fs::create_dir_all(&folder).with_context(|| format!("{}", folder.display()))?;
+    let mut rows = String::new();
+    let mut all_s = 0.0;
+    for scene in SCENES {
+        let (row, took_s) = measured(scene, &folder)?;
+        rows += &row;
+        all_s += if scene.ends_with("-towns") { 0.0 } else { took_s };
+    }
+    let text = format!(
+        "\
+{}. All nine: {all_s:.0} s.
+
+| scene | traced and kept in | file | read and kept again in | overlap of the held-out, median | \
+least distance |
+|---|---|---|---|---|---|
+{rows}",
+        stamp()?
+    );
+    write_page(PAGE, "cargo xtask towns", &text)
+}
+
+/// A row of the table, and the seconds that the first column has.
+fn measured(scene: &str, folder: &Path) -> Result<(String, f64)> {
+    let kept = folder.join(format!("{scene}.pairs"));
+    let sets = PAIRS.iter().flat_map(|set| ["--set", set]);
+    let begun = Instant::now();
+    let mut trace = echoloop()?;
+    trace.args(["store", "--json", "-q", "--scene", scene]).args(sets).arg("-o").arg(&kept);
+    printed(&mut trace)?;
+    let traced_s = begun.elapsed().as_secs_f64();
+    let begun = Instant::now();
+    let mut read = echoloop()?;
+    read.args(["store", "--json", "-q", "--stored"]).arg(&kept).arg("-o").arg(&kept);
+    let document = printed(&mut read)?;
+    Ok((row(scene, traced_s, begun.elapsed().as_secs_f64(), &document), traced_s))
+}
+
+fn row(scene: &str, traced_s: f64, read_s: f64, document: &Value) -> String {
+    let number = |value: &Value| value.as_f64().unwrap_or(f64::NAN);
+    let megabytes = number(&document["bytes"]) / 1e6;
+    let overlap = number(&document["set"]["test"]["overlap"][2]);
+    let apart_m = number(&document["set"]["least_apart_m"]);
+    let mut text = String::new();
+    let _ = writeln!(
+        text,
+        "| `{scene}` | {traced_s:.1} s | {megabytes:.1} MB | {read_s:.1} s | {overlap:.2} | \
+         {apart_m:.1} m |"
+    );
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn a_row_has_what_was_measured_and_what_the_set_says_of_itself() {
+        let set = json!({"test": {"overlap": [0.1, 0.2, 0.734, 0.8, 0.9]}, "least_apart_m": 10.04});
+        let document = json!({"bytes": 17_600_000, "set": set});
+        let expected = "| `town01` | 12.3 s | 17.6 MB | 0.4 s | 0.73 | 10.0 m |\n";
+        assert_eq!(row("town01", 12.34, 0.41, &document), expected);
+    }
+}
