@@ -5,6 +5,7 @@
 //! |---|---|---|
 //! | [`obj`] | a mesh; after a zero byte its material library | it can be scanned |
 //! | [`mesh_ply`] | a mesh | it can be scanned |
+//! | [`semantic`] | a scan of CARLA's semantic LiDAR | finite directions, echoes of some strength |
 //! | [`roads`] | a road network | lanes of finite points, waypoints on each that is driven |
 //! | [`cloud_ply`], [`pcd`], [`vtk`], [`kitti`], [`xyz`] | a cloud | echoes, fewer than bytes |
 //! | [`rows`] | waveforms or a response, CSV or NumPy | finite, no more than bytes |
@@ -22,7 +23,9 @@ use echoloop_host::experiment::journal::{sealed_lines, whole_generations};
 use echoloop_host::waveforms::{Response, parse_waveforms};
 use echoloop_registration::cloud::{CloudFormat, parse_cloud, parse_recorded};
 use echoloop_registration::pose::parse_pose;
-use echoloop_sim::import::{Ground, ImportOptions, library_surfaces, parse_scene};
+use echoloop_sim::import::{
+    Ground, ImportOptions, Tags, library_surfaces, parse_scene, parse_semantic,
+};
 use echoloop_sim::roads::{Waypoint, parse_network};
 use echoloop_sim::scene::MATERIALS;
 
@@ -30,10 +33,11 @@ use echoloop_sim::scene::MATERIALS;
 pub type Reader = (&'static str, fn(&[u8]) -> bool);
 
 /// Every reader.
-pub const READERS: [Reader; 14] = [
+pub const READERS: [Reader; 15] = [
     ("obj", obj),
     ("gltf", gltf),
     ("stl", stl),
+    ("semantic", semantic),
     ("mesh_ply", mesh_ply),
     ("roads", roads),
     ("cloud_ply", cloud_ply),
@@ -82,6 +86,20 @@ pub fn gltf(bytes: &[u8]) -> bool {
 /// A mesh, as text or as records.
 pub fn stl(bytes: &[u8]) -> bool {
     mesh("any.stl", bytes)
+}
+
+/// A scan that CARLA recorded.
+pub fn semantic(bytes: &[u8]) -> bool {
+    let Some(seen) = told(parse_semantic(bytes, Tags::Carla0914)) else { return false };
+    assert!(!seen.is_empty() && seen.len() < bytes.len());
+    for one in seen {
+        assert!(one.direction.iter().all(|x| x.is_finite()), "{one:?}");
+        if let Some(echo) = one.echo {
+            let sound = (0.0..f32::INFINITY).contains(&echo.range_m) && echo.strength_per_m2 > 0.0;
+            assert!(sound && echo.strength_per_m2.is_finite(), "{one:?}");
+        }
+    }
+    true
 }
 
 /// A mesh, and what follows its first zero byte as a library that nobody named.

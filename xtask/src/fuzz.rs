@@ -10,7 +10,7 @@ use anyhow::{Context, Result, bail};
 use crate::shell::{cargo_command, succeed, workspace};
 
 /// Targets in `fuzz/fuzz_targets`, and how long an input is worth trying.
-const TARGETS: [(&str, u32); 18] = [
+const TARGETS: [(&str, u32); 19] = [
     ("frame_decoder", 2_048),
     ("session", 1_024),
     ("store", 513),
@@ -20,6 +20,7 @@ const TARGETS: [(&str, u32); 18] = [
     ("roads", 2_048),
     ("gltf", 4_096),
     ("stl", 2_048),
+    ("semantic", 2_048),
     ("cloud_ply", 2_048),
     ("pcd", 2_048),
     ("vtk", 1_024),
