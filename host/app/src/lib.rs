@@ -7,10 +7,11 @@
 //! | [`waveforms`] | echoes in what other instruments recorded |
 //! | [`report`] | a run as one HTML page: plain data in, a string out |
 //! | [`desk`] | runs that are over: read back from their folders, told, compared |
+//! | [`reproduce`] | the paper's table: its cells, what is kept of them, the table made of it |
 //! | [`cli`] | the program `echoloop` |
 //!
-//! `cli` uses all others, `experiment` uses `link`, `desk` uses `experiment` and `report`. Each
-//! room's page begins with its recipe.
+//! `cli` uses all others, `experiment` uses `link`, `desk` uses `experiment` and `report`,
+//! `reproduce` all three. Each room's page begins with its recipe.
 
 mod chance;
 pub mod cli;
@@ -18,6 +19,7 @@ pub mod desk;
 pub mod experiment;
 pub mod link;
 pub mod report;
+pub mod reproduce;
 mod said;
 pub mod waveforms;
 

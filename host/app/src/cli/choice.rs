@@ -35,6 +35,11 @@ pub(crate) struct SensorChoice {
 }
 
 impl SensorChoice {
+    /// The firmware in this program.
+    pub(super) fn in_process() -> Self {
+        Self { sensor: SensorSpec::InProcess, firmware: None, sensor_log: None }
+    }
+
     /// The sensors asked for; none is opened yet.
     pub(super) fn sensors(&self, model: Model) -> Result<Sensors, Failure> {
         let is_qemu = matches!(self.sensor, SensorSpec::Qemu(_));

@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::exit::{self, Failure, print};
 use super::report::is_standard_output;
-use super::table_format::TableFormat;
+use super::table_format::{TableFormat, aligned};
 use crate::desk::{Against, Compared, ComparedRun, FinishedRun, compared, runs_page};
 use crate::experiment::cost::CostKind;
 use crate::experiment::files::Output;
@@ -152,21 +152,6 @@ fn against(run: &ComparedRun, first: &str) -> String {
             format!("\n{} against {first}, pair by pair on {} pairs:\n{lines}", run.run, run.pairs)
         }
     }
-}
-
-/// Rows in columns, the first to the left, the others to the right.
-fn aligned(rows: &[Vec<String>]) -> String {
-    let columns = rows.first().map_or(0, Vec::len);
-    let width = |i: usize| rows.iter().map(|row| row[i].chars().count()).max().unwrap_or(0);
-    let widths: Vec<usize> = (0..columns).map(width).collect();
-    let line = |row: &Vec<String>| {
-        let cells = row.iter().zip(&widths).enumerate().map(|(i, (cell, &width))| match i {
-            0 => format!("{cell:<width$}"),
-            _ => format!("  {cell:>width$}"),
-        });
-        cells.collect::<String>().trim_end().to_owned() + "\n"
-    };
-    rows.iter().map(line).collect()
 }
 
 /// A line a run: figures with their intervals, differences from the first where they are paired,

@@ -30,6 +30,7 @@ mod progress;
 mod ready;
 mod register;
 mod report;
+mod reproduce;
 mod response;
 mod roads;
 mod scan;
@@ -87,6 +88,11 @@ enum Command {
     Report(report::ReportArgs),
     /// Put runs side by side: what their tuned parameters are worth, and in what they differ.
     Compare(compare::CompareArgs),
+    /// Run the paper's Table 1, cell by cell, and print it beside the paper's numbers.
+    ///
+    /// Killed at any time, the same command goes on where it was. --quick shows the table's shape
+    /// in some minutes; --table prints what is done and runs nothing.
+    Reproduce(reproduce::ReproduceArgs),
     /// Scan a scene through the sensor and write the cloud.
     Scan(scan::ScanArgs),
     /// Show a scene: a page in three dimensions with its viewpoints and pairs, or a still picture.
@@ -222,6 +228,7 @@ impl Cli {
             Command::Evaluate(args) => evaluate::run(&args),
             Command::Report(args) => report::run(&args),
             Command::Compare(args) => compare::run(&args),
+            Command::Reproduce(args) => reproduce::run(&args),
             Command::Scan(args) => scan::run(&args),
             Command::Scene(args) => scene::run(&args),
             Command::Pairs(args) => pairs::run(&args),

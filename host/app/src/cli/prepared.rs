@@ -15,8 +15,9 @@ use crate::experiment::dataset::{Dataset, DatasetError, Facts};
 use crate::experiment::evaluate::{NoisyPairs, Summary};
 use crate::experiment::objective::Bench;
 use crate::experiment::params::{Parameters, Space};
+use crate::experiment::preset::Strategy;
 use crate::experiment::seed::Purpose;
-use crate::experiment::tune::TuneSearch;
+use crate::experiment::tune::{Stage, TuneSearch, stages};
 use crate::link::sensor::{Model, Sensors};
 
 /// Which pairs.
@@ -68,12 +69,31 @@ impl Met {
 
     /// Traces the scans.
     pub(super) fn traced(self, progress: &Progress) -> Result<Prepared, DatasetError> {
-        let Self { config, start, space, hardware, sensors, sensor } = self;
-        progress.begin("scanning", 1000);
-        let dataset = Dataset::build(&config, &|fraction, what| progress.at_what(fraction, what))?;
+        let dataset = traced(&self.config, progress)?;
         progress.say(&Facts::new(&dataset).to_string());
-        Ok(Prepared { config, dataset, start, space, hardware, sensors, sensor })
+        Ok(self.with(dataset))
     }
+
+    /// Takes scans that were traced before.
+    pub(super) fn with(self, dataset: Dataset) -> Prepared {
+        let Self { config, start, space, hardware, sensors, sensor } = self;
+        Prepared { config, dataset, start, space, hardware, sensors, sensor }
+    }
+
+    /// Registrations that a search takes about: those of its stages, and some at the end of each.
+    pub(super) fn registrations(&self) -> usize {
+        let (tune, pairs) = (&self.config.tune, self.config.data.train_pairs);
+        let stages = stages(tune, &self.space, pairs);
+        let raced = if tune.strategy == Strategy::Fast { tune.shortlist + 2 } else { 0 };
+        let of_stages: usize = stages.iter().map(Stage::registrations).sum();
+        of_stages + stages.len() * raced * pairs
+    }
+}
+
+/// Traces the scans of a configuration.
+pub(super) fn traced(config: &RunConfig, progress: &Progress) -> Result<Dataset, DatasetError> {
+    progress.begin("scanning", 1000);
+    Dataset::build(config, &|fraction, what| progress.at_what(fraction, what))
 }
 
 /// Everything a search needs, made from a configuration.

@@ -212,11 +212,21 @@ fn tune(
     journal.confirm()?;
     let result = RunResult { front, ..result(&prepared, &tuned, judged) };
     let result = RunResult { background: Some(background(&search, &tuned)), ..result };
-    folder.write_tuned(&tuned.parameters.as_start_of(&prepared.config))?;
-    folder.write_result(&result)?;
-    write_clouds(&folder, &prepared, &tuned.parameters, &result)?;
-    write_page(&folder)?;
+    write_run(&folder, &prepared, &tuned, &result)?;
     finish(args, &folder, &prepared, &result)
+}
+
+/// Writes what came out of a run into its folder.
+pub(super) fn write_run(
+    folder: &RunFolder,
+    prepared: &Prepared,
+    tuned: &Tuned,
+    result: &RunResult,
+) -> Result<(), Failure> {
+    folder.write_tuned(&tuned.parameters.as_start_of(&prepared.config))?;
+    folder.write_result(result)?;
+    write_clouds(folder, prepared, &tuned.parameters, result)?;
+    write_page(folder)
 }
 
 /// Notes in the folder that its run goes on beyond its end. A front begins at the tuned parameters,
@@ -239,10 +249,10 @@ fn new_folder(runs: &Path, config: &RunConfig) -> Result<RunFolder, FileError> {
 }
 
 /// The plain method, the start and the choice on the held-out pairs.
-struct Judged {
-    plain: Option<Summary>,
-    before: Summary,
-    after: Summary,
+pub(super) struct Judged {
+    pub(super) plain: Option<Summary>,
+    pub(super) before: Summary,
+    pub(super) after: Summary,
 }
 
 /// The search, then the judgement.
@@ -308,7 +318,8 @@ fn run_name(config: &RunConfig) -> String {
     format!("{scene}-{method}-{}", config.tune.protocol.name())
 }
 
-fn result(prepared: &Prepared, tuned: &Tuned, judged: Judged) -> RunResult {
+/// What came out of a run, but for its front and what its page tells besides.
+pub(super) fn result(prepared: &Prepared, tuned: &Tuned, judged: Judged) -> RunResult {
     RunResult {
         format: 1,
         protocol: prepared.config.tune.protocol.name().into(),
@@ -335,7 +346,7 @@ fn result(prepared: &Prepared, tuned: &Tuned, judged: Judged) -> RunResult {
 }
 
 /// What the page tells of the search besides its result.
-fn background(search: &TuneSearch<'_>, tuned: &Tuned) -> Background {
+pub(super) fn background(search: &TuneSearch<'_>, tuned: &Tuned) -> Background {
     let (dataset, axes) = (search.bench.dataset, search.space.axes());
     let pattern = dataset.beams.pattern();
     let stages = search.stages();

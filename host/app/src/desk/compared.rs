@@ -134,7 +134,7 @@ fn other_pairs(run: &FinishedRun, first: &FinishedRun) -> Option<String> {
 }
 
 /// Keys, with the section before the dot, and their values.
-type Settings = BTreeMap<String, String>;
+pub(crate) type Settings = BTreeMap<String, String>;
 
 fn settings(run: &FinishedRun) -> Settings {
     let table: toml::Table = run.config_text.parse().unwrap_or_default();
@@ -143,7 +143,8 @@ fn settings(run: &FinishedRun) -> Settings {
     settings
 }
 
-fn flatten(section: &str, table: &toml::Table, settings: &mut Settings) {
+/// Lays the keys of a table down, each with its section before the dot.
+pub(crate) fn flatten(section: &str, table: &toml::Table, settings: &mut Settings) {
     for (key, value) in table {
         let name = if section.is_empty() { key.clone() } else { format!("{section}.{key}") };
         match value {

@@ -235,6 +235,22 @@ impl RunFolder {
         Ok(folder)
     }
 
+    /// Opens the folder of a run of this configuration, or makes it: under this very name.
+    ///
+    /// # Errors
+    ///
+    /// [`FileError`], as of [`Self::create`] and [`Self::open`].
+    pub fn at(path: &Path, config: &RunConfig) -> Result<Self, FileError> {
+        if path.join(CONFIG).exists() {
+            return Self::open(path);
+        }
+        make_folders(path)?;
+        let folder = Self { _lock: Lock::take(&path.join(LOCK))?, path: path.to_owned() };
+        folder.write(README, readme())?;
+        folder.write_config(config)?;
+        Ok(folder)
+    }
+
     /// Opens a folder that a run has made, to go on with it.
     ///
     /// # Errors

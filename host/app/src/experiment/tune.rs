@@ -20,5 +20,5 @@ use crate::experiment::preset::Strategy;
 pub use judge::Judge;
 pub(super) use price::mean_cost;
 pub use search::{Finalist, Observer, Silent, TuneError, TuneSearch, Tuned};
-pub use stage::Stage;
+pub use stage::{Stage, stages};
 pub(super) use tasks::{Crew, Task};

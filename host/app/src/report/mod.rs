@@ -30,6 +30,7 @@ mod plot;
 mod response;
 mod runs;
 mod scene;
+mod tables;
 mod theme;
 mod trajectories;
 
@@ -46,6 +47,7 @@ pub use picture::picture_png;
 pub use response::ResponsePage;
 pub use runs::{DifferingTable, RunsPage};
 pub use scene::{ScenePage, ShownPair};
+pub use tables::{FigureCell, FigureRow, FigureTable, TablesPage};
 
 impl Report {
     /// The page, complete.

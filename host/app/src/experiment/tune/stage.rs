@@ -43,7 +43,7 @@ impl Stage {
 }
 
 /// The searches of a run on so many training pairs.
-pub(super) fn stages(config: &TuneConfig, space: &Space, train_pairs: usize) -> Vec<Stage> {
+pub fn stages(config: &TuneConfig, space: &Space, train_pairs: usize) -> Vec<Stage> {
     let plan = Plan { config, space, train_pairs };
     let (lidar, registration) = (space.lidar_axes(), space.registration_axes());
     let all: Vec<usize> = (0..space.axes().len()).collect();

@@ -1,0 +1,225 @@
+//! `echoloop reproduce`.
+
+mod runner;
+mod written;
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+use clap::{Args, ValueEnum};
+
+use super::common::{Common, on_threads};
+use super::exit::{Failure, print};
+use super::interrupt::stop_on_interrupt;
+use super::number::{number_of, seed};
+use super::progress::Progress;
+use super::report::is_standard_output;
+use crate::experiment::config::{Override, default_runs_folder};
+use crate::experiment::files::Output;
+use crate::experiment::preset::{Preset, Protocol, Strategy};
+use crate::reproduce::{
+    Ablation, Asked, Base, Cell, Folder, FolderError, Plan, Scene, Table, TableMethod, page,
+};
+use crate::said::say;
+use runner::Runner;
+
+/// Flags of `reproduce`.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct ReproduceArgs {
+    /// Only these methods.
+    #[arg(long, value_delimiter = ',')]
+    method: Vec<TableMethod>,
+    /// Only these kinds of country.
+    #[arg(long, value_delimiter = ',')]
+    scene: Vec<Scene>,
+    /// Only these protocols: what is tuned.
+    #[arg(long, value_delimiter = ',')]
+    protocol: Vec<Protocol>,
+    /// Only these ranges and defaults of registration.
+    #[arg(long, value_delimiter = ',')]
+    ranges: Vec<Preset>,
+    /// Only these ways to search.
+    #[arg(long, value_delimiter = ',')]
+    strategy: Vec<Strategy>,
+    /// Switch one thing, or one after the other, for a second table; unless told otherwise with
+    /// our search and ranges for outdoors.
+    #[arg(long, value_delimiter = ',')]
+    ablation: Vec<Ablation>,
+    /// Few pairs, few generations, our search and ranges for outdoors: shows the table's shape in
+    /// some minutes, and proves nothing.
+    #[arg(long)]
+    quick: bool,
+    /// Run nothing: print the table of what is done.
+    #[arg(long)]
+    table: bool,
+    /// Decides every random choice.
+    #[arg(long, value_name = "N", value_parser = seed)]
+    seed: Option<u64>,
+    /// Held-out pairs of a cell [default: 100].
+    #[arg(long, value_name = "N", value_parser = number_of::<u32>("data.test_pairs"))]
+    pairs: Option<u32>,
+    /// Pairs to tune on [default: 10].
+    #[arg(long, value_name = "N", value_parser = number_of::<u32>("data.train_pairs"))]
+    train_pairs: Option<u32>,
+    /// Generations of each search [default: 30].
+    #[arg(long, value_name = "N", value_parser = number_of::<u32>("tune.generations"))]
+    generations: Option<u32>,
+    /// Set one value of every cell, as scanner.columns=384; may be repeated.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    set: Vec<Override>,
+    /// Folder of the cells [default: runs/reproduce; with --quick runs/reproduce-quick].
+    #[arg(long, value_name = "FOLDER")]
+    runs: Option<PathBuf>,
+    /// How the table is printed.
+    #[arg(long, value_enum, default_value_t = Format::Text, conflicts_with = "json")]
+    format: Format,
+    /// Write the page here as well; `-`: to standard output, instead of the table.
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    common: Common,
+}
+
+/// How the table is printed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Format {
+    /// To read.
+    Text,
+    /// One document.
+    Json,
+    /// A line a cell.
+    Csv,
+    /// A `tabular` for a paper.
+    Latex,
+}
+
+impl ReproduceArgs {
+    /// The cells asked for. A small table has one range and one search, and so have switches.
+    fn asked(&self) -> Asked {
+        let one = self.quick || !self.ablation.is_empty();
+        let or = |given: bool| given && one;
+        let (mut ranges, mut strategies) = (self.ranges.clone(), self.strategy.clone());
+        ranges.extend(or(ranges.is_empty()).then_some(Preset::Outdoor));
+        strategies.extend(or(strategies.is_empty()).then_some(Strategy::Fast));
+        Asked {
+            methods: self.method.clone(),
+            scenes: self.scene.clone(),
+            protocols: self.protocol.clone(),
+            ranges,
+            strategies,
+            ablations: self.ablation.clone(),
+        }
+    }
+
+    /// What all cells share.
+    fn base(&self) -> Result<Base, Failure> {
+        const QUICK: [(&str, i64); 3] =
+            [("data.train_pairs", 6), ("data.test_pairs", 20), ("tune.generations", 2)];
+        let quick = QUICK.iter().filter(|_| self.quick);
+        let quick = quick.map(|&(key, count)| Override::flag(key, count));
+        let seed = self.seed.map(|seed| i64::try_from(seed).unwrap_or(i64::MAX)); // no more is read
+        let own = [
+            ("seed", seed),
+            ("data.test_pairs", self.pairs.map(i64::from)),
+            ("data.train_pairs", self.train_pairs.map(i64::from)),
+            ("tune.generations", self.generations.map(i64::from)),
+        ];
+        let own = own.into_iter().filter_map(|(key, value)| Some(Override::flag(key, value?)));
+        let base = Base::paper(quick.chain(self.set.iter().cloned()).chain(own).collect());
+        match base.sets_an_axis() {
+            Some((key, flag)) => Err(Failure::usage(format!(
+                "--set {key}: the cells set it themselves; {flag} says which cells there are"
+            ))),
+            None => Ok(base),
+        }
+    }
+
+    fn folder(&self) -> PathBuf {
+        let name = if self.quick { "reproduce-quick" } else { "reproduce" };
+        self.runs.clone().unwrap_or_else(|| default_runs_folder().join(name))
+    }
+}
+
+impl From<FolderError> for Failure {
+    fn from(error: FolderError) -> Self {
+        Self::usage(error)
+    }
+}
+
+pub(super) fn run(args: &ReproduceArgs) -> Result<(), Failure> {
+    let (base, cells) = (args.base()?, args.asked().cells());
+    let plan = Plan::new(&base.config().map_err(Failure::usage)?, args.quick);
+    let output = args.output.as_deref().filter(|path| !is_standard_output(path));
+    let output = output.map(Output::at).transpose()?;
+    let folder = match args.table {
+        true => Folder::look(&args.folder())?,
+        false => Folder::open(&args.folder(), plan)?,
+    };
+    let ended = match args.table {
+        true => Ok(()),
+        false => {
+            let stop = stop_on_interrupt();
+            on_threads(args.common.threads, || run_cells(args, &base, &folder, &cells, &stop))?
+        }
+    };
+    let table = Table::new(&folder, &with_plain(&folder, &cells)?)?;
+    let html = page(&table).to_html();
+    let written = folder.save_table(&table, &html)?;
+    ended?;
+    output.map(|output| output.write(html.as_bytes())).transpose()?;
+    match args.output.as_deref() {
+        Some(path) if is_standard_output(path) => print(&html)?,
+        _ => print_table(args, &table, &written)?,
+    }
+    outcome(&table)
+}
+
+fn run_cells(
+    args: &ReproduceArgs,
+    base: &Base,
+    folder: &Folder,
+    cells: &[Cell],
+    stop: &AtomicBool,
+) -> Result<(), Failure> {
+    let progress = Progress::new(args.common.quiet);
+    let ended = Runner::new(base, folder, &progress, stop)?.run(cells);
+    progress.end();
+    ended
+}
+
+/// The cells, and of those with a switch the same without it, where they are done.
+fn with_plain(folder: &Folder, cells: &[Cell]) -> Result<Vec<Cell>, Failure> {
+    let mut all = cells.to_vec();
+    for plain in cells.iter().filter(|cell| cell.ablation.is_some()).map(Cell::plain) {
+        if !all.contains(&plain) && folder.record(&plain)?.is_some() {
+            all.push(plain);
+        }
+    }
+    Ok(all)
+}
+
+fn print_table(args: &ReproduceArgs, table: &Table, page: &Path) -> Result<(), Failure> {
+    match args.format {
+        _ if args.common.json => print(&written::json(table)?),
+        Format::Json => print(&written::json(table)?),
+        Format::Csv => print(&written::csv(table)?),
+        Format::Latex => print(&written::latex(table)),
+        Format::Text => print(&format!("{}\nreport  {}\n", written::text(table), page.display())),
+    }
+}
+
+/// A failure where cells failed: the others are done, and these are tried again.
+fn outcome(table: &Table) -> Result<(), Failure> {
+    let failed: Vec<String> = table.failed().map(|(cell, why)| format!("{cell}: {why}")).collect();
+    match failed.as_slice() {
+        [] => Ok(()),
+        _ => {
+            failed.iter().for_each(|line| say(format_args!("failed: {line}")));
+            Err(Failure::run(format!(
+                "{} of {} cells failed; the same command tries them again",
+                failed.len(),
+                table.rows.len()
+            )))
+        }
+    }
+}

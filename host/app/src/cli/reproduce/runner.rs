@@ -1,0 +1,326 @@
+//! Runs cells, one after the other; what they share is traced and judged once.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use indicatif::HumanDuration;
+
+use super::super::choice::SensorChoice;
+use super::super::exit::Failure;
+use super::super::interrupt::INTERRUPTED;
+use super::super::prepared::{Met, Prepared, traced};
+use super::super::progress::Progress;
+use super::super::tune::{Judged, background, result, write_run};
+use crate::experiment::about::About;
+use crate::experiment::checksum::Checksum;
+use crate::experiment::config::RunConfig;
+use crate::experiment::content::{Content, build};
+use crate::experiment::dataset::Dataset;
+use crate::experiment::evaluate::Summary;
+use crate::experiment::journal::{Generation, Journal};
+use crate::experiment::params::Parameters;
+use crate::experiment::preset::Protocol;
+use crate::experiment::run::{HISTORY, RunFolder, RunResult};
+use crate::experiment::tune::{Observer, TuneSearch, Tuned};
+use crate::reproduce::{Base, Cell, Folder, Record, Times, Took};
+
+/// Returns of all scans that are kept: more than so many, and the oldest scans go.
+const MOST_RETURNS: usize = 120_000_000;
+
+/// Runs the cells of a folder.
+pub(super) struct Runner<'a> {
+    base: &'a Base,
+    folder: &'a Folder,
+    progress: &'a Progress,
+    stop: &'a AtomicBool,
+    /// Traced pairs by what they are traced from, oldest first.
+    kept: Vec<(String, Dataset)>,
+    times: Times,
+}
+
+/// A cell that is done, and the registrations that were made for it now.
+type Done = (Record, usize);
+
+impl<'a> Runner<'a> {
+    /// For a folder, with the times that it knows.
+    pub(super) fn new(
+        base: &'a Base,
+        folder: &'a Folder,
+        progress: &'a Progress,
+        stop: &'a AtomicBool,
+    ) -> Result<Self, Failure> {
+        let times = folder.times()?;
+        Ok(Self { base, folder, progress, stop, kept: Vec::new(), times })
+    }
+
+    /// Runs those cells that are not done. One that fails is told and kept as failed; the others go
+    /// on.
+    pub(super) fn run(&mut self, cells: &[Cell]) -> Result<(), Failure> {
+        let mut left = Vec::new();
+        for cell in cells {
+            if self.folder.record(cell)?.is_none() {
+                left.push((*cell, self.registrations(cell)));
+            }
+        }
+        let (begun, done) = (Instant::now(), cells.len() - left.len());
+        self.progress.say(&format!("{} cells, {done} of them done before", cells.len()));
+        for number in 0..left.len() {
+            if self.stop.load(Ordering::Relaxed) {
+                return Err(self.interrupted(left.len() - number));
+            }
+            let place = format!("cell {} of {}", done + number + 1, cells.len());
+            self.run_one(&left[number..], &place)?;
+        }
+        if !left.is_empty() {
+            self.progress.say(&format!(
+                "{} cells took {}; all that are in the folder {}",
+                left.len(),
+                HumanDuration(begun.elapsed()),
+                HumanDuration(Duration::from_secs_f64(self.times.seconds()))
+            ));
+        }
+        Ok(())
+    }
+
+    /// Runs the first of those that are left.
+    fn run_one(&mut self, left: &[(Cell, usize)], place: &str) -> Result<(), Failure> {
+        let [(cell, registrations), ..] = left else { return Ok(()) };
+        let rest = self.times.of(left);
+        let rest = rest.map_or("time left not known yet".into(), |rest| {
+            format!("about {} left", HumanDuration(rest))
+        });
+        self.progress.say(&format!("{place}: {cell}; {rest}"));
+        let watch = Instant::now();
+        match self.done(cell, *registrations) {
+            Ok((record, made)) => {
+                self.folder.save(&record)?;
+                let seconds = watch.elapsed().as_secs_f64();
+                self.times.add(Took { cell: *cell, seconds, registrations: made });
+                Ok(self.folder.save_times(&self.times)?)
+            }
+            Err(failure) if failure.code == INTERRUPTED => Err(self.interrupted(left.len())),
+            Err(failure) => {
+                self.progress.say(&format!("failed: {cell}: {}", failure.message.trim_end()));
+                Ok(self.folder.save_failure(cell, failure.message.trim_end())?)
+            }
+        }
+    }
+
+    fn interrupted(&self, left: usize) -> Failure {
+        let what = format!("interrupted, {left} cells left; the same command goes on");
+        Failure::new(INTERRUPTED, what)
+    }
+
+    /// Registrations that a cell takes about; one that cannot run says so when it is its turn.
+    fn registrations(&self, cell: &Cell) -> usize {
+        let met = self.met(cell);
+        met.map_or(0, |met| met.registrations() + met.config.data.test_pairs)
+    }
+
+    fn met(&self, cell: &Cell) -> Result<Met, Failure> {
+        let config = cell.config(self.base).map_err(Failure::usage)?;
+        Met::new(config, &SensorChoice::in_process(), &Progress::new(true))
+    }
+
+    /// What comes of a cell.
+    fn done(&mut self, cell: &Cell, registrations: usize) -> Result<Done, Failure> {
+        let met = self.met(cell)?;
+        let dataset = self.scans(cell, &met.config)?;
+        let prepared = met.with(dataset);
+        self.progress.begin(&cell.file_name(), registrations as u64);
+        match cell.protocol {
+            Protocol::Default => self.judged(cell, &prepared),
+            _ => self.searched(cell, &prepared),
+        }
+    }
+
+    /// The start alone.
+    fn judged(&self, cell: &Cell, prepared: &Prepared) -> Result<Done, Failure> {
+        let search = prepared.search(self.stop);
+        let summary = search.judge(&search.start, &Steps(self.progress))?;
+        let made = summary.pairs;
+        let start = Chosen { parameters: &search.start, origin: "start", searched: [0; 2] };
+        Ok((record(cell, prepared, &start, summary), made))
+    }
+
+    /// A search, from where its journal ends, and its judgement.
+    fn searched(&self, cell: &Cell, prepared: &Prepared) -> Result<Done, Failure> {
+        let run = RunFolder::at(&self.folder.run_of(cell), &prepared.config)?;
+        let search = prepared.search(self.stop);
+        let (mut journal, done) = journal(&run, &search)?;
+        About::read(run.path())?.record(&run)?;
+        let before: usize = done.iter().map(|g| g.candidates.len() * g.pairs.len()).sum();
+        let steps = Steps(self.progress);
+        let tuned = search.run(&mut journal, done, &steps)?;
+        let start = self.start_of(cell, &search)?;
+        let after = search.judge(&tuned.parameters, &steps)?;
+        journal.confirm()?;
+        let judged = Judged { plain: None, before: start, after: after.clone() };
+        self.write(&run, prepared, &search, &tuned, judged)?;
+        let made = (tuned.registrations + after.pairs).saturating_sub(before);
+        let chosen = Chosen {
+            parameters: &tuned.parameters,
+            origin: &tuned.origin,
+            searched: [tuned.generations.len(), tuned.registrations],
+        };
+        Ok((record(cell, prepared, &chosen, after), made))
+    }
+
+    /// The start on the held-out pairs: judged before as a cell of its own, if it is the same.
+    fn start_of(&self, cell: &Cell, search: &TuneSearch<'_>) -> Result<Summary, Failure> {
+        let values = search.start.values(search.config);
+        let is_same = |record: &Record| {
+            let pairs = search.bench.dataset.test.len();
+            record.parameters == values && record.summary.pairs == pairs
+        };
+        match self.folder.record(&cell.untuned())?.filter(is_same) {
+            Some(record) => Ok(record.summary),
+            None => Ok(search.judge(&search.start, &Steps(self.progress))?),
+        }
+    }
+
+    /// The run's own files, as `tune` writes them.
+    fn write(
+        &self,
+        run: &RunFolder,
+        prepared: &Prepared,
+        search: &TuneSearch<'_>,
+        tuned: &Tuned,
+        judged: Judged,
+    ) -> Result<(), Failure> {
+        let background = Some(background(search, tuned));
+        let result = RunResult { background, ..result(prepared, tuned, judged) };
+        write_run(run, prepared, tuned, &result)
+    }
+
+    /// The pairs of a cell; where it is trained elsewhere, the training pairs are from there.
+    fn scans(&mut self, cell: &Cell, config: &RunConfig) -> Result<Dataset, Failure> {
+        let dataset = self.traced(config)?;
+        let elsewhere = cell.ablation.and_then(|of| of.trained_in(config, cell.scene));
+        match elsewhere {
+            Some(other) => Ok(Dataset { train: self.traced(&other)?.train, ..dataset }),
+            None => Ok(dataset),
+        }
+    }
+
+    /// The pairs of a configuration, traced if no cell before had the same.
+    fn traced(&mut self, config: &RunConfig) -> Result<Dataset, Failure> {
+        let key = traced_from(config);
+        if let Some((_, dataset)) = self.kept.iter().find(|(kept, _)| *kept == key) {
+            return Ok(dataset.clone());
+        }
+        let dataset = traced(config, self.progress)?;
+        self.kept.push((key, dataset.clone()));
+        while self.kept.len() > 1 && returns(&self.kept) > MOST_RETURNS {
+            self.kept.remove(0);
+        }
+        Ok(dataset)
+    }
+}
+
+/// What pairs are traced from: of a configuration all but what sensor, registration and search do
+/// with them.
+fn traced_from(config: &RunConfig) -> String {
+    let usual = RunConfig::default();
+    let mut of_scans = RunConfig {
+        seed: config.seed,
+        scene: config.scene.clone(),
+        scanner: config.scanner.clone(),
+        data: config.data,
+        receiver: config.receiver.clone(),
+        motion: config.motion,
+        ..usual
+    };
+    of_scans.data.success_translation_m = usual.data.success_translation_m;
+    of_scans.data.success_rotation_deg = usual.data.success_rotation_deg;
+    toml::to_string(&of_scans).unwrap_or_default()
+}
+
+fn returns(kept: &[(String, Dataset)]) -> usize {
+    kept.iter().flat_map(|(_, dataset)| dataset.views()).map(|view| view.returns.len()).sum()
+}
+
+/// The journal of a run, begun or gone on with. Of one that was cut off the whole lines are kept.
+fn journal(
+    run: &RunFolder,
+    search: &TuneSearch<'_>,
+) -> Result<(Journal, Vec<Generation>), Failure> {
+    let (path, header) = (run.file(HISTORY), search.header());
+    match path.exists() {
+        true => Ok(Journal::resume(&path, &header, true)?),
+        false => Ok((Journal::create(&path, &header)?, Vec::new())),
+    }
+}
+
+/// Parameters, where they come from, and the generations and registrations it took.
+struct Chosen<'a> {
+    parameters: &'a Parameters,
+    origin: &'a str,
+    searched: [usize; 2],
+}
+
+fn record(cell: &Cell, prepared: &Prepared, chosen: &Chosen<'_>, summary: Summary) -> Record {
+    let (config, [generations, registrations]) = (&prepared.config, chosen.searched);
+    let text = toml::to_string(config).unwrap_or_default();
+    Record {
+        format: Record::FORMAT,
+        cell: *cell,
+        seed: config.seed,
+        version: env!("CARGO_PKG_VERSION").into(),
+        build: build(),
+        configuration: Checksum::of(&[text.as_bytes()]).to_string(),
+        content: Content::of(config, &prepared.dataset),
+        origin: chosen.origin.to_owned(),
+        generations,
+        registrations,
+        parameters: chosen.parameters.values(config),
+        data: config.data,
+        summary,
+    }
+}
+
+/// Counts registrations, and says nothing of generations: there are thousands.
+struct Steps<'a>(&'a Progress);
+
+impl Observer for Steps<'_> {
+    fn evaluated(&self) {
+        self.0.evaluated();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiment::preset::{Preset, Strategy};
+    use crate::reproduce::{Ablation, Scene, TableMethod};
+
+    #[test]
+    fn cells_share_scans_unless_place_distance_or_scanner_differ() {
+        let base = Base::paper(Vec::new());
+        let cell = Cell {
+            ablation: None,
+            ranges: Preset::Outdoor,
+            strategy: Some(Strategy::Paper),
+            protocol: Protocol::Joint,
+            method: TableMethod::Fgr,
+            scene: Scene::Structured,
+        };
+        let key = |cell: Cell| traced_from(&cell.config(&base).unwrap());
+        let same = [
+            Cell { ranges: Preset::Paper, ..cell },
+            Cell { protocol: Protocol::Lidar, ..cell },
+            Cell { method: TableMethod::Mac, ..cell },
+            Cell { method: TableMethod::FgrOpen3d, ..cell },
+            Cell { ablation: Some(Ablation::Rain), ..cell },
+            Cell { ablation: Some(Ablation::TenthEnergy), ..cell },
+        ];
+        assert!(same.iter().all(|other| key(*other) == key(cell)));
+        let others = [
+            Cell { scene: Scene::Unstructured, ..cell },
+            Cell { method: TableMethod::Icp, ..cell },
+            Cell { ablation: Some(Ablation::Motion), ..cell },
+            Cell { ablation: Some(Ablation::QuarterDensity), ..cell },
+        ];
+        assert!(others.iter().all(|other| key(*other) != key(cell)));
+    }
+}

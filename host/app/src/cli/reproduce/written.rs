@@ -1,0 +1,201 @@
+//! The table as text, JSON, CSV and LaTeX.
+
+use std::fmt::Write as _;
+
+use super::super::exit::Failure;
+use super::super::table_format::aligned;
+use crate::experiment::preset::{Preset, Protocol, Strategy};
+use crate::reproduce::{
+    Cell, FIGURES, Row, Scene, Table, TableMethod, absent, name_of, paper, remarks, search,
+    subtitle, tuned,
+};
+
+/// To read: a table for each range and search, then what has to be known.
+pub(super) fn text(table: &Table) -> String {
+    let mut text = format!("The paper's Table 1: {}\n", subtitle(table));
+    for (ranges, strategy) in table.searches() {
+        let rows = table.of_search(ranges, strategy);
+        let mut lines = vec![heads(&["method", "scene", "tuned"], "paper")];
+        lines.extend(rows.iter().map(|row| line(row)));
+        let _ = write!(text, "\n{}\n\n{}", sentence(ranges, strategy), aligned(&lines));
+    }
+    let ablations = table.of_ablations();
+    if !ablations.is_empty() {
+        let mut lines = vec![heads(&["switch", "method", "scene", "tuned"], "without")];
+        lines.extend(ablations.iter().map(|row| ablation_line(table, row)));
+        let _ = write!(text, "\nOne thing switched\n\n{}", aligned(&lines));
+    }
+    text.push('\n');
+    for remark in remarks(table) {
+        let _ = writeln!(text, "{remark}");
+    }
+    text
+}
+
+fn sentence(ranges: Preset, strategy: Option<Strategy>) -> String {
+    let text = search(ranges, strategy);
+    let mut letters = text.chars();
+    let first = letters.next().map(|first| first.to_uppercase().to_string());
+    first.unwrap_or_default() + letters.as_str()
+}
+
+fn heads(names: &[&str], beside: &str) -> Vec<String> {
+    let figures = FIGURES.iter().flat_map(|figure| [figure.title, beside]);
+    names.iter().copied().chain(figures).map(str::to_owned).collect()
+}
+
+fn line(row: &Row) -> Vec<String> {
+    let cell = &row.cell;
+    let names = [cell.method.title().into(), name_of(cell.scene), tuned(cell).into()];
+    let theirs = |i: usize| row.paper.as_ref().map(|paper| FIGURES[i].theirs(paper));
+    names.into_iter().chain(figures(row, &theirs)).collect()
+}
+
+fn ablation_line(table: &Table, row: &Row) -> Vec<String> {
+    let cell = &row.cell;
+    let switch = cell.ablation.map(name_of).unwrap_or_default();
+    let names = [switch, cell.method.title().into(), name_of(cell.scene), tuned(cell).into()];
+    let plain = table.row(&cell.plain()).and_then(|row| row.figures);
+    let without = |i: usize| plain.as_ref().map(|plain| FIGURES[i].value(plain));
+    names.into_iter().chain(figures(row, &without)).collect()
+}
+
+/// Each figure with its interval, and what stands beside it.
+fn figures(row: &Row, beside: &dyn Fn(usize) -> Option<String>) -> Vec<String> {
+    let own = |i: usize| match &row.figures {
+        Some(figures) => match FIGURES[i].within(figures) {
+            within if within.is_empty() => FIGURES[i].value(figures),
+            within => format!("{} ({within})", FIGURES[i].value(figures)),
+        },
+        None => absent(row).to_owned(),
+    };
+    let both = |i: usize| [own(i), beside(i).unwrap_or_else(|| "–".into())];
+    (0..FIGURES.len()).flat_map(both).collect()
+}
+
+/// One document.
+pub(super) fn json(table: &Table) -> Result<String, Failure> {
+    Ok(serde_json::to_string_pretty(table).map_err(Failure::run)? + "\n")
+}
+
+/// A line a cell; what is unknown is an empty field.
+pub(super) fn csv(table: &Table) -> Result<String, Failure> {
+    let mut lines = csv::Writer::from_writer(Vec::new());
+    let names = ["ablation", "ranges", "strategy", "tuned", "method", "scene", "seed", "pairs"];
+    let mut head: Vec<String> = names.map(str::to_owned).to_vec();
+    for figure in &FIGURES {
+        head.extend(["", "_low", "_high", "_paper"].map(|end| format!("{}{end}", figure.key)));
+    }
+    head.extend(["registrations", "scans", "configuration", "error"].map(str::to_owned));
+    lines.write_record(head).map_err(Failure::run)?;
+    for row in &table.rows {
+        lines.write_record(csv_line(table, row)).map_err(Failure::run)?;
+    }
+    let bytes = lines.into_inner().map_err(Failure::run)?;
+    String::from_utf8(bytes).map_err(Failure::run)
+}
+
+fn csv_line(table: &Table, row: &Row) -> Vec<String> {
+    let number = |value: f64| if value.is_finite() { value.to_string() } else { String::new() };
+    let Cell { ablation, ranges, strategy, protocol, method, scene } = row.cell;
+    let made = row.made.as_ref();
+    let mut line = vec![
+        ablation.map(name_of).unwrap_or_default(),
+        name_of(ranges),
+        strategy.map(name_of).unwrap_or_default(),
+        name_of(protocol),
+        name_of(method),
+        name_of(scene),
+        table.plan.seed.to_string(),
+        made.map_or_else(String::new, |made| made.pairs.to_string()),
+    ];
+    for figure in &FIGURES {
+        let own = row.figures.as_ref().map_or([f64::NAN; 3], |figures| figure.numbers(figures));
+        let theirs = row.paper.as_ref().map_or(f64::NAN, |paper| figure.paper(paper));
+        line.extend(own.into_iter().chain([theirs]).map(number));
+    }
+    line.extend([
+        made.map_or_else(String::new, |made| made.registrations.to_string()),
+        made.map_or_else(String::new, |made| made.content.scans.clone()),
+        made.map_or_else(String::new, |made| made.configuration.clone()),
+        row.error.clone().unwrap_or_default(),
+    ]);
+    line
+}
+
+/// A `tabular` for each range and search: translation, rotation and recall as in the paper's table,
+/// the paper's own in grey below. Needs the packages booktabs and xcolor.
+pub(super) fn latex(table: &Table) -> String {
+    let mut text = format!("% {}\n", subtitle(table));
+    for remark in remarks(table) {
+        let _ = writeln!(text, "% {remark}");
+    }
+    for (ranges, strategy) in table.searches() {
+        let _ = write!(text, "\n% {}\n{LATEX_HEAD}", search(ranges, strategy));
+        let rows = table.of_search(ranges, strategy);
+        for protocol in
+            [Protocol::Default, Protocol::Lidar, Protocol::Registration, Protocol::Joint]
+        {
+            latex_rows(&mut text, protocol, &rows);
+        }
+        text.push_str("\\bottomrule\n\\end{tabular}\n");
+    }
+    text
+}
+
+const LATEX_HEAD: &str = "\
+\\begin{tabular}{ll*{9}{r}}
+\\toprule
+& & \\multicolumn{3}{c}{Structured} & \\multicolumn{3}{c}{Semi-structured} \
+& \\multicolumn{3}{c}{Unstructured} \\\\
+Tuned & Method & RTE [cm] & RRE [$^\\circ$] & Recall [\\%] & RTE [cm] & RRE [$^\\circ$] \
+& Recall [\\%] & RTE [cm] & RRE [$^\\circ$] & Recall [\\%] \\\\
+\\midrule
+";
+
+/// In the paper's order of columns, as places in [`FIGURES`].
+const LATEX_ORDER: [usize; 3] = [1, 2, 0];
+
+fn latex_rows(text: &mut String, protocol: Protocol, rows: &[&Row]) {
+    let methods = [TableMethod::Icp, TableMethod::FgrOpen3d, TableMethod::Fgr, TableMethod::Mac];
+    let of = |method: TableMethod| -> Vec<&&Row> {
+        let is_of = |row: &&&Row| (row.cell.protocol, row.cell.method) == (protocol, method);
+        rows.iter().filter(is_of).collect()
+    };
+    for (method, of_method) in methods.map(|method| (method, of(method))) {
+        let Some(first) = of_method.first() else { continue };
+        let scenes = [Scene::Structured, Scene::SemiStructured, Scene::Unstructured];
+        let at = |scene: Scene| of_method.iter().find(|row| row.cell.scene == scene);
+        let own = scenes.iter().flat_map(|&scene| latex_own(at(scene).map(|row| **row)));
+        let own: Vec<String> = own.collect();
+        let theirs = scenes.iter().flat_map(|&scene| latex_paper(protocol, method, scene));
+        let theirs: Vec<String> = theirs.collect();
+        let _ = writeln!(
+            text,
+            "{} & {} & {} \\\\",
+            tuned(&first.cell),
+            method.title(),
+            own.join(" & ")
+        );
+        let _ = writeln!(text, "& & {} \\\\", theirs.join(" & "));
+    }
+}
+
+fn latex_own(row: Option<&Row>) -> [String; 3] {
+    LATEX_ORDER.map(|i| match row.and_then(|row| row.figures.as_ref()) {
+        Some(figures) => {
+            let [value, low, high] = FIGURES[i].numbers(figures);
+            match (value.is_finite(), low.is_finite()) {
+                (true, true) => format!("{value:.2} {{\\scriptsize [{low:.2}, {high:.2}]}}"),
+                (true, false) => format!("{value:.2}"),
+                _ => "--".into(),
+            }
+        }
+        None => "--".into(),
+    })
+}
+
+fn latex_paper(protocol: Protocol, method: TableMethod, scene: Scene) -> [String; 3] {
+    let figures = paper(protocol, method, scene);
+    LATEX_ORDER.map(|i| format!("\\textcolor{{gray}}{{{}}}", FIGURES[i].paper(&figures)))
+}

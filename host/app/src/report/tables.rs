@@ -1,0 +1,140 @@
+//! Tables of figures as a page of their own.
+
+use super::format::escape;
+use super::page::{document, facts};
+
+/// Tables, one below the other.
+#[derive(Clone, Debug, Default)]
+pub struct TablesPage {
+    /// The page's heading.
+    pub title: String,
+    /// What it is, in a sentence.
+    pub subtitle: String,
+    /// Names and values.
+    pub facts: Vec<(String, String)>,
+    /// What has to be known to read it, a sentence each.
+    pub remarks: Vec<String>,
+    /// The tables.
+    pub tables: Vec<FigureTable>,
+}
+
+/// One of them.
+#[derive(Clone, Debug, Default)]
+pub struct FigureTable {
+    /// Its heading.
+    pub title: String,
+    /// What it says, in a sentence.
+    pub lead: String,
+    /// Heads of the columns, that of the rows' names first.
+    pub heads: Vec<String>,
+    /// Its rows.
+    pub rows: Vec<FigureRow>,
+}
+
+/// A row.
+#[derive(Clone, Debug, Default)]
+pub struct FigureRow {
+    /// Its name.
+    pub name: String,
+    /// Whether it is what the table is about.
+    pub strong: bool,
+    /// Its cells.
+    pub cells: Vec<FigureCell>,
+}
+
+/// A figure, what it lies within, and what stands beside it.
+#[derive(Clone, Debug, Default)]
+pub struct FigureCell {
+    /// With its unit.
+    pub value: String,
+    /// Its interval, or nothing.
+    pub within: String,
+    /// Another's figure, or nothing.
+    pub beside: String,
+}
+
+impl TablesPage {
+    /// The page, complete.
+    pub fn to_html(&self) -> String {
+        let remarks: String =
+            self.remarks.iter().map(|text| format!("<li>{}</li>", escape(text))).collect();
+        let header = format!(
+            "<header><p class=\"eyebrow\">Echoloop</p><h1>{}</h1><p class=\"subtitle\">{}</p>{}\
+             <ul class=\"notes\">{remarks}</ul></header>\n",
+            escape(&self.title),
+            escape(&self.subtitle),
+            facts(&self.facts)
+        );
+        let tables: String = self.tables.iter().map(table).collect();
+        document(&self.title, &(header + &tables), "")
+    }
+}
+
+fn table(table: &FigureTable) -> String {
+    let title = escape(&table.title);
+    let head = |head: &String| format!("<th scope=\"col\">{}</th>", escape(head));
+    let heads: String = table.heads.iter().map(head).collect();
+    let rows: String = table.rows.iter().map(|r| row(r, &table.heads)).collect();
+    format!(
+        "<section><h2>{title}</h2><p class=\"lead\">{}</p><div class=\"scroll\" tabindex=\"0\" \
+         role=\"region\" aria-label=\"{title}\"><table class=\"figures\"><thead><tr>{heads}</tr>\
+         </thead><tbody>{rows}</tbody></table></div></section>\n",
+        escape(&table.lead)
+    )
+}
+
+fn row(row: &FigureRow, heads: &[String]) -> String {
+    let class = if row.strong { " class=\"row-tuned\"" } else { "" };
+    let cells: String = row.cells.iter().zip(&heads[1.min(heads.len())..]).map(cell).collect();
+    format!("<tr{class}><th scope=\"row\">{}</th>{cells}</tr>", escape(&row.name))
+}
+
+/// The column's name stands in each cell too: on a narrow page a row is a card.
+fn cell((cell, head): (&FigureCell, &String)) -> String {
+    let small = |class: &str, text: &str| match text {
+        "" => String::new(),
+        text => format!("<span class=\"{class}\">{}</span>", escape(text)),
+    };
+    format!(
+        "<td data-head=\"{}\"><span class=\"value\">{}</span>{}{}</td>",
+        escape(head),
+        escape(&cell.value),
+        small("within", &cell.within),
+        small("change", &cell.beside)
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_text_is_on_the_page_escaped_and_each_cell_says_its_column() {
+        let cell = |value: &str| FigureCell {
+            value: value.into(),
+            within: "1 to 3".into(),
+            beside: "paper 4".into(),
+        };
+        let page = TablesPage {
+            title: "<T>".into(),
+            facts: vec![("seed".into(), "7".into())],
+            remarks: vec!["a & b".into()],
+            tables: vec![FigureTable {
+                title: "One".into(),
+                heads: ["", "A<", "B"].map(str::to_owned).to_vec(),
+                rows: vec![FigureRow {
+                    name: "row".into(),
+                    strong: true,
+                    cells: vec![cell("2"), cell("5")],
+                }],
+                ..FigureTable::default()
+            }],
+            ..TablesPage::default()
+        };
+        let html = page.to_html();
+        assert!(html.contains("<h1>&lt;T&gt;</h1>") && html.contains("a &amp; b"));
+        let first = "<td data-head=\"A&lt;\"><span class=\"value\">2</span>";
+        assert!(html.contains(first) && html.contains("data-head=\"B\"><span class=\"value\">5"));
+        assert!(html.contains("<tr class=\"row-tuned\"><th scope=\"row\">row</th>"));
+    }
+}

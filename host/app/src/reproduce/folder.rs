@@ -1,0 +1,292 @@
+//! The folder of a table: its plan, a record a cell, a run folder a search.
+//!
+//! ```text
+//! plan.json           what all cells share: seed, version, settings
+//! cells/NAME.json     a cell that is done: written whole, or not there
+//! cells/NAME.failed   why a cell failed; it is tried again
+//! runs/NAME/          the run of a search, with its journal
+//! times.json          how long each cell took
+//! table.json          the table
+//! report.html         the same to look at
+//! ```
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use echoloop_files::{MOST_TEXT, read_text, shown};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use thiserror::Error;
+
+use super::cell::Cell;
+use super::estimate::Times;
+use super::plan::Plan;
+use super::record::Record;
+use crate::experiment::files::{FileError, Lock, file_error, make_folders, replace};
+
+const PLAN: &str = "plan.json";
+const CELLS: &str = "cells";
+const RUNS: &str = "runs";
+const TIMES: &str = "times.json";
+const TABLE: &str = "table.json";
+const PAGE: &str = "report.html";
+/// Held by the process that writes the folder.
+const LOCK: &str = "run.lock";
+
+/// Bytes of a record at most: ten thousand pairs.
+const MOST_RECORD: u64 = 16 << 20;
+
+/// Why a folder cannot be gone on with.
+#[derive(Debug, Error)]
+pub enum FolderError {
+    /// A file of it cannot be read or written.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// It holds something else.
+    #[error(
+        "{}: there are files and no {PLAN}, so no table is kept there; expected a folder of \
+         `echoloop reproduce`, an empty one or none",
+        path.display()
+    )]
+    NoPlan {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// Its cells are of another plan.
+    #[error(
+        "{}: {name} is {was} there and {is} now, and cells of both do not stand in one table; give \
+         another folder with --runs, or what is there",
+        path.display()
+    )]
+    OtherPlan {
+        /// The folder.
+        path: PathBuf,
+        /// In what they differ.
+        name: String,
+        /// What it is there.
+        was: String,
+        /// What was asked for.
+        is: String,
+    },
+}
+
+/// A folder that no other process writes as long as this lives.
+#[derive(Debug)]
+pub struct Folder {
+    path: PathBuf,
+    /// What its cells share.
+    pub plan: Plan,
+    _lock: Lock,
+}
+
+impl Folder {
+    /// Opens a folder of this plan, or makes it.
+    ///
+    /// # Errors
+    ///
+    /// [`FolderError`] names the folder, what differs, and both values; nothing is changed then.
+    pub fn open(path: &Path, plan: Plan) -> Result<Self, FolderError> {
+        if Self::plan_of(path)?.is_none() {
+            make_folders(path)?;
+        }
+        let lock = Lock::take(&path.join(LOCK))?;
+        // Only now does nobody else write one.
+        let found = Self::plan_of(path)?;
+        let is_new = found.is_none();
+        found.map(|found| check_plan(path, &found, &plan)).transpose()?;
+        let folder = Self { path: path.to_owned(), plan, _lock: lock };
+        make_folders(&path.join(CELLS))?;
+        if is_new {
+            folder.write(&folder.path.join(PLAN), &folder.plan)?;
+        }
+        Ok(folder)
+    }
+
+    /// Opens a folder to look at what is done there, whoever made it.
+    ///
+    /// # Errors
+    ///
+    /// [`FolderError`].
+    pub fn look(path: &Path) -> Result<Self, FolderError> {
+        let Some(plan) = Self::plan_of(path)? else {
+            let problem = io::Error::from(io::ErrorKind::NotFound);
+            return Err(file_error("read", &path.join(PLAN))(problem).into());
+        };
+        Ok(Self { path: path.to_owned(), plan, _lock: Lock::take(&path.join(LOCK))? })
+    }
+
+    /// The plan of a folder; none where there is no folder, or nothing in it.
+    fn plan_of(path: &Path) -> Result<Option<Plan>, FolderError> {
+        if let Some(plan) = read(&path.join(PLAN))? {
+            return Ok(Some(plan));
+        }
+        let entries = match fs::read_dir(path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+            entries => entries.map_err(file_error("read the folder", path))?,
+        };
+        // A process that died before it wrote its plan leaves these.
+        let ours = [LOCK, CELLS, "plan.json.part"];
+        let is_foreign = |name: &std::ffi::OsString| !ours.iter().any(|own| name == own);
+        let mut names = entries.filter_map(|entry| Some(entry.ok()?.file_name()));
+        match names.any(|name| is_foreign(&name)) {
+            true => Err(FolderError::NoPlan { path: path.to_owned() }),
+            false => Ok(None),
+        }
+    }
+
+    /// What is kept of a cell that is done.
+    ///
+    /// # Errors
+    ///
+    /// [`FolderError`] of a record that cannot be read.
+    pub fn record(&self, cell: &Cell) -> Result<Option<Record>, FolderError> {
+        Ok(read(&self.cell_file(cell, "json"))?)
+    }
+
+    /// Why a cell failed when it was tried last.
+    ///
+    /// # Errors
+    ///
+    /// [`FolderError`].
+    pub fn failure(&self, cell: &Cell) -> Result<Option<String>, FolderError> {
+        Ok(read(&self.cell_file(cell, "failed"))?)
+    }
+
+    /// Keeps a cell that is done: it is there whole, or not at all.
+    ///
+    /// # Errors
+    ///
+    /// [`FolderError`].
+    pub fn save(&self, record: &Record) -> Result<(), FolderError> {
+        self.write(&self.cell_file(&record.cell, "json"), record)?;
+        self.forget_failure(&record.cell)
+    }
+
+    /// Keeps why a cell failed.
+    ///
+    /// # Errors
+    ///
+    /// [`FolderError`].
+    pub fn save_failure(&self, cell: &Cell, why: &str) -> Result<(), FolderError> {
+        self.write(&self.cell_file(cell, "failed"), &why)
+    }
+
+    fn forget_failure(&self, cell: &Cell) -> Result<(), FolderError> {
+        let path = self.cell_file(cell, "failed");
+        match fs::remove_file(&path) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                Err(file_error("remove", &path)(error).into())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Where the run of a cell's search is.
+    pub fn run_of(&self, cell: &Cell) -> PathBuf {
+        self.path.join(RUNS).join(cell.file_name())
+    }
+
+    /// How long cells took.
+    ///
+    /// # Errors
+    ///
+    /// [`FolderError`].
+    pub fn times(&self) -> Result<Times, FolderError> {
+        Ok(read(&self.path.join(TIMES))?.unwrap_or_default())
+    }
+
+    /// Keeps how long cells took.
+    ///
+    /// # Errors
+    ///
+    /// [`FolderError`].
+    pub fn save_times(&self, times: &Times) -> Result<(), FolderError> {
+        self.write(&self.path.join(TIMES), times)
+    }
+
+    /// Writes the table and its page; gives the page's place.
+    ///
+    /// # Errors
+    ///
+    /// [`FolderError`].
+    pub fn save_table(&self, table: &impl Serialize, page: &str) -> Result<PathBuf, FolderError> {
+        self.write(&self.path.join(TABLE), table)?;
+        let path = self.path.join(PAGE);
+        replace(&path, page.as_bytes())?;
+        Ok(path)
+    }
+
+    fn cell_file(&self, cell: &Cell, ending: &str) -> PathBuf {
+        self.path.join(CELLS).join(format!("{}.{ending}", cell.file_name()))
+    }
+
+    fn write(&self, path: &Path, value: &impl Serialize) -> Result<(), FolderError> {
+        let text = serde_json::to_string_pretty(value).map_err(io::Error::from);
+        let text = text.map_err(file_error("write", path))?;
+        Ok(replace(path, (text + "\n").as_bytes())?)
+    }
+}
+
+fn check_plan(path: &Path, found: &Plan, asked: &Plan) -> Result<(), FolderError> {
+    match found.difference(asked) {
+        None => Ok(()),
+        Some((name, was, is)) => {
+            let [name, was, is] = [name, was, is].map(|text| shown(&text));
+            Err(FolderError::OtherPlan { path: path.to_owned(), name, was, is })
+        }
+    }
+}
+
+/// A JSON document; none where there is no file.
+fn read<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, FileError> {
+    let text = match read_text(path, MOST_RECORD.max(MOST_TEXT)) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        text => text.map_err(file_error("read", path))?,
+    };
+    let told = |error: serde_json::Error| io::Error::other(shown(&error.to_string()));
+    serde_json::from_str(&text).map(Some).map_err(told).map_err(file_error("read", path))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiment::config::RunConfig;
+
+    fn plan(seed: u64) -> Plan {
+        Plan::new(&RunConfig { seed, ..RunConfig::default() }, false)
+    }
+
+    #[test]
+    fn a_folder_of_another_seed_or_of_something_else_is_named_and_left_as_it_is() {
+        let runs = tempfile::tempdir().unwrap();
+        let path = runs.path().join("a/b");
+        drop(Folder::open(&path, plan(1)).unwrap());
+        drop(Folder::open(&path, plan(1)).unwrap());
+        let before = fs::read(path.join(PLAN)).unwrap();
+        for detour in ["a/b", "missing/../a/b"] {
+            let error = Folder::open(&runs.path().join(detour), plan(2)).unwrap_err().to_string();
+            assert!(error.contains("seed is 1 there and 2 now"), "{error}");
+        }
+        assert_eq!(fs::read(path.join(PLAN)).unwrap(), before);
+
+        let other = runs.path().join("photos");
+        fs::create_dir(&other).unwrap();
+        fs::write(other.join("cat.png"), "").unwrap();
+        let error = Folder::open(&other, plan(1)).unwrap_err().to_string();
+        assert!(error.contains("photos") && error.contains(PLAN), "{error}");
+        assert_eq!(fs::read_dir(&other).unwrap().count(), 1);
+
+        fs::write(path.join(PLAN), "{").unwrap();
+        let error = Folder::open(&path, plan(1)).unwrap_err().to_string();
+        assert!(error.contains(PLAN), "{error}");
+    }
+
+    #[test]
+    fn a_folder_is_one_process_s_at_a_time() {
+        let runs = tempfile::tempdir().unwrap();
+        let _held = Folder::open(runs.path(), plan(1)).unwrap();
+        let error = Folder::open(runs.path(), plan(1)).unwrap_err().to_string();
+        assert!(error.contains("another process"), "{error}");
+    }
+}

@@ -1,0 +1,30 @@
+//! The paper's Table 1: its cells, the folder that keeps them, the table and its page.
+//!
+//! 1. [`Asked::cells`] says which cells there are; [`Cell::config`] what a cell is a run of.
+//! 2. [`Folder`] keeps a [`Record`] for each cell that is done, and says where its search goes on.
+//! 3. [`Table::new`] puts records beside the paper's numbers, with intervals and verdicts.
+//! 4. [`page`] is the table to look at.
+//!
+//! Nothing here scans: the command line runs the cells.
+
+mod ablation;
+mod cell;
+mod estimate;
+mod folder;
+mod page;
+mod paper;
+mod plan;
+mod record;
+mod table;
+mod told;
+
+pub use ablation::Ablation;
+pub use cell::{Asked, Base, Cell, Scene, TableMethod, name_of};
+pub use estimate::{Times, Took};
+pub use folder::{Folder, FolderError};
+pub use page::page;
+pub use paper::{PaperFigures, paper};
+pub use plan::Plan;
+pub use record::Record;
+pub use table::{Made, Row, Table, Verdict};
+pub use told::{FIGURES, Figure, absent, remarks, search, subtitle, tuned};

@@ -1,0 +1,97 @@
+//! The table as a page.
+
+use super::cell::name_of;
+use super::table::{Row, Table};
+use super::told::{self, FIGURES};
+use crate::report::{FigureCell, FigureRow, FigureTable, TablesPage};
+
+/// The page of a table.
+pub fn page(table: &Table) -> TablesPage {
+    let searches = table.searches().into_iter().map(|(ranges, strategy)| FigureTable {
+        title: told::search(ranges, strategy),
+        lead: "Each figure with its 95 % interval, and the paper's below.".into(),
+        heads: heads("Method, scene, what was tuned"),
+        rows: table.of_search(ranges, strategy).into_iter().map(row).collect(),
+    });
+    let mut tables: Vec<FigureTable> = searches.filter(|table| !table.rows.is_empty()).collect();
+    let ablations: Vec<FigureRow> =
+        table.of_ablations().into_iter().map(|of| ablation(table, of)).collect();
+    if !ablations.is_empty() {
+        tables.push(FigureTable {
+            title: "One thing switched".into(),
+            lead: "Each figure with its 95 % interval, and that of the same cell without the \
+                   switch below, where it was run."
+                .into(),
+            heads: heads("Switch, method, scene, what was tuned"),
+            rows: ablations,
+        });
+    }
+    TablesPage {
+        title: "Echoloop: the paper's Table 1".into(),
+        subtitle: told::subtitle(table),
+        facts: facts(table),
+        remarks: told::remarks(table),
+        tables,
+    }
+}
+
+fn heads(first: &str) -> Vec<String> {
+    let named = FIGURES.iter().map(|figure| figure.title.to_owned());
+    [first.to_owned()].into_iter().chain(named).chain(["Registrations".into()]).collect()
+}
+
+fn facts(table: &Table) -> Vec<(String, String)> {
+    let plan = &table.plan;
+    let build = plan.build.clone().unwrap_or_else(|| "unknown".into());
+    [
+        ("Seed", plan.seed.to_string()),
+        ("Version", format!("{}, build {build}", plan.version)),
+        ("Settings", plan.configuration.clone()),
+    ]
+    .map(|(name, value)| (name.to_owned(), value))
+    .to_vec()
+}
+
+fn row(row: &Row) -> FigureRow {
+    let cell = &row.cell;
+    let name = format!("{}, {}: {}", cell.method.title(), name_of(cell.scene), told::tuned(cell));
+    let paper = |i: usize| {
+        let theirs = row.paper.as_ref().map(|paper| FIGURES[i].theirs(paper));
+        theirs.map_or_else(String::new, |theirs| format!("paper {theirs}"))
+    };
+    FigureRow { name, strong: told::is_joint(cell), cells: cells(row, &paper) }
+}
+
+fn ablation(table: &Table, row: &Row) -> FigureRow {
+    let cell = &row.cell;
+    let switch = cell.ablation.map(name_of).unwrap_or_default();
+    let name = format!(
+        "{switch}: {}, {}, {}",
+        cell.method.title(),
+        name_of(cell.scene),
+        told::tuned(cell)
+    );
+    let plain = table.row(&cell.plain()).and_then(|row| row.figures);
+    let without = |i: usize| {
+        plain.map_or_else(String::new, |plain| format!("without {}", FIGURES[i].value(&plain)))
+    };
+    FigureRow { name, strong: told::is_joint(cell), cells: cells(row, &without) }
+}
+
+fn cells(row: &Row, beside: &dyn Fn(usize) -> String) -> Vec<FigureCell> {
+    let figure = |i: usize| match &row.figures {
+        Some(figures) => FigureCell {
+            value: FIGURES[i].value(figures),
+            within: FIGURES[i].within(figures),
+            beside: beside(i),
+        },
+        None => FigureCell {
+            value: told::absent(row).into(),
+            within: row.error.clone().unwrap_or_default(),
+            beside: beside(i),
+        },
+    };
+    let count = row.made.as_ref().map_or_else(String::new, |made| made.registrations.to_string());
+    let count = FigureCell { value: count, ..FigureCell::default() };
+    (0..FIGURES.len()).map(figure).chain([count]).collect()
+}

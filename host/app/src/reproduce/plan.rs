@@ -1,0 +1,106 @@
+//! What a folder of cells is of: cells of two plans do not stand in one table.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use crate::desk::flatten;
+use crate::experiment::checksum::Checksum;
+use crate::experiment::config::RunConfig;
+use crate::experiment::content::build;
+
+/// What all cells of a folder share.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Plan {
+    /// Version of this format.
+    pub format: u32,
+    /// Version of the program.
+    pub version: String,
+    /// Checksum of the program's file, where it can be read.
+    pub build: Option<String>,
+    /// The seed.
+    pub seed: u64,
+    /// Whether the table is the small one, which proves nothing.
+    pub quick: bool,
+    /// Checksum of the settings.
+    pub configuration: String,
+    /// Every setting that the cells share, by its key.
+    pub settings: BTreeMap<String, String>,
+}
+
+impl Plan {
+    /// Version of the format that is written.
+    pub const FORMAT: u32 = 1;
+
+    /// Of what a configuration says of all cells.
+    pub fn new(config: &RunConfig, quick: bool) -> Self {
+        let settings = settings(config);
+        Self {
+            format: Self::FORMAT,
+            version: env!("CARGO_PKG_VERSION").into(),
+            build: build(),
+            seed: config.seed,
+            quick,
+            configuration: configuration(config),
+            settings,
+        }
+    }
+
+    /// In what another plan differs first: the name, what it is there and here.
+    pub fn difference(&self, other: &Self) -> Option<(String, String, String)> {
+        let text = |value: &Option<String>| value.clone().unwrap_or_else(|| "unknown".into());
+        let facts = |plan: &Self| {
+            [
+                ("format", plan.format.to_string()),
+                ("seed", plan.seed.to_string()),
+                ("version", plan.version.clone()),
+                ("build", text(&plan.build)),
+                ("--quick", plan.quick.to_string()),
+            ]
+        };
+        let mut pairs = facts(self).into_iter().zip(facts(other));
+        let found = pairs.find(|((_, was), (_, is))| was != is);
+        found.map(|((name, was), (_, is))| (name.to_owned(), was, is)).or_else(|| {
+            let keys = self.settings.keys().chain(other.settings.keys());
+            let at = |plan: &Self, key: &String| plan.settings.get(key).cloned();
+            let mut told = keys.map(|key| (key.clone(), at(self, key), at(other, key)));
+            let none = || "not set".to_owned();
+            let (key, was, is) = told.find(|(_, was, is)| was != is)?;
+            Some((key, was.unwrap_or_else(none), is.unwrap_or_else(none)))
+        })
+    }
+}
+
+/// The checksum of a configuration, every value.
+pub(crate) fn configuration(config: &RunConfig) -> String {
+    Checksum::of(&[toml::to_string(config).unwrap_or_default().as_bytes()]).to_string()
+}
+
+fn settings(config: &RunConfig) -> BTreeMap<String, String> {
+    let mut settings = BTreeMap::new();
+    let table = toml::Table::try_from(config).unwrap_or_default();
+    flatten("", &table, &mut settings);
+    settings
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_difference_of_two_plans_is_named_with_both_values() {
+        let config = RunConfig::default();
+        let plan = Plan::new(&config, false);
+        assert_eq!(plan.difference(&Plan::new(&config, false)), None);
+        let mut other = config.clone();
+        other.data.test_pairs = 7;
+        let told = |a: &str, b: &str, c: &str| Some((a.into(), b.into(), c.into()));
+        assert_eq!(plan.difference(&Plan::new(&other, false)), told("data.test_pairs", "40", "7"));
+        other.seed = 9;
+        assert_eq!(plan.difference(&Plan::new(&other, false)), told("seed", "1", "9"));
+        assert_eq!(plan.difference(&Plan::new(&config, true)), told("--quick", "false", "true"));
+        let older = Plan { version: "0.0.1".into(), ..plan.clone() };
+        assert_eq!(older.difference(&plan).unwrap().0, "version");
+    }
+}

@@ -1,0 +1,273 @@
+//! The table: records beside the paper's numbers, with intervals, and where joint tuning stands.
+
+use serde::Serialize;
+
+use super::cell::{Cell, Scene, TableMethod};
+use super::folder::{Folder, FolderError};
+use super::paper::{PaperFigures, paper};
+use super::plan::Plan;
+use super::record::Record;
+use crate::experiment::content::Content;
+use crate::experiment::gain::{Estimate, Figures};
+use crate::experiment::params::{Values, written_values};
+use crate::experiment::preset::{Preset, Protocol, Strategy};
+
+/// The table of a folder's cells. No times, no paths: equal cells give equal tables.
+#[derive(Clone, Debug, Serialize)]
+pub struct Table {
+    /// Version of this format.
+    pub format: u32,
+    /// What all cells share: seed, version, settings.
+    pub plan: Plan,
+    /// The cells, in the order they are run.
+    pub rows: Vec<Row>,
+    /// Where joint tuning stands, for each method, kind, range and strategy.
+    pub joint: Vec<Verdict>,
+}
+
+/// A cell of the table.
+#[derive(Clone, Debug, Serialize)]
+pub struct Row {
+    /// Which.
+    pub cell: Cell,
+    /// The paper's; none of a cell that the paper does not have.
+    pub paper: Option<PaperFigures>,
+    /// Ours, with 95 % intervals; none of a cell that is not done.
+    pub figures: Option<Figures<Estimate>>,
+    /// What it was made of.
+    pub made: Option<Made>,
+    /// Why it failed.
+    pub error: Option<String>,
+}
+
+/// What a cell was made of.
+#[derive(Clone, Debug, Serialize)]
+pub struct Made {
+    /// Checksum of its configuration.
+    pub configuration: String,
+    /// Checksums of the scene, the front end and every scan.
+    pub content: Content,
+    /// Where its parameters come from.
+    pub origin: String,
+    /// Registrations of its search.
+    pub registrations: usize,
+    /// Held-out pairs.
+    pub pairs: usize,
+    /// Its parameters.
+    #[serde(serialize_with = "written_values")]
+    pub parameters: Values,
+}
+
+/// How joint tuning compares with the other protocols of the same method, kind, range and
+/// strategy: for each figure whether it is the best, or holds the best within its interval. None
+/// where joint tuning, or everything else, is missing or has no such figure.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Verdict {
+    /// The cell of joint tuning.
+    pub cell: Cell,
+    /// Of recall.
+    pub recall: Option<bool>,
+    /// Of the mean translation error over successes.
+    pub translation: Option<bool>,
+    /// Of the mean rotation error over successes.
+    pub rotation: Option<bool>,
+}
+
+impl Verdict {
+    /// Whether it is so of every figure there is.
+    pub fn holds(&self) -> Option<bool> {
+        let all = [self.recall, self.translation, self.rotation];
+        self.recall.map(|_| all.into_iter().flatten().all(|holds| holds))
+    }
+}
+
+impl Table {
+    /// Of what a folder has of some cells.
+    ///
+    /// # Errors
+    ///
+    /// [`FolderError`] of a record that cannot be read.
+    pub fn new(folder: &Folder, cells: &[Cell]) -> Result<Self, FolderError> {
+        let rows = cells.iter().map(|cell| row(folder, cell)).collect::<Result<Vec<_>, _>>()?;
+        let joint = cells.iter().filter(|cell| cell.protocol == Protocol::Joint);
+        let joint = joint.map(|cell| verdict(cell, &rows)).collect();
+        Ok(Self { format: 1, plan: folder.plan.clone(), rows, joint })
+    }
+
+    /// The row of a cell.
+    pub fn row(&self, cell: &Cell) -> Option<&Row> {
+        self.rows.iter().find(|row| row.cell == *cell)
+    }
+
+    /// Cells that failed, with why.
+    pub fn failed(&self) -> impl Iterator<Item = (&Cell, &str)> {
+        self.rows.iter().filter_map(|row| Some((&row.cell, row.error.as_deref()?)))
+    }
+
+    /// Cells that are neither done nor failed.
+    pub fn missing(&self) -> usize {
+        self.rows.iter().filter(|row| row.figures.is_none() && row.error.is_none()).count()
+    }
+
+    /// The ranges and strategies that there are searches of, each once, without a switch.
+    pub fn searches(&self) -> Vec<(Preset, Option<Strategy>)> {
+        let plain = || self.rows.iter().map(|row| row.cell).filter(|cell| cell.ablation.is_none());
+        let mut found = Vec::new();
+        let has_searches = plain().any(|cell| cell.strategy.is_some());
+        for cell in plain().filter(|cell| cell.strategy.is_some() || !has_searches) {
+            if !found.contains(&(cell.ranges, cell.strategy)) {
+                found.push((cell.ranges, cell.strategy));
+            }
+        }
+        found
+    }
+
+    /// The rows of one search and of its start, a method after the other, each kind by kind.
+    pub fn of_search(&self, ranges: Preset, strategy: Option<Strategy>) -> Vec<&Row> {
+        let is_of = |row: &&Row| {
+            let cell = row.cell;
+            let same = cell.strategy == strategy || cell.strategy.is_none();
+            cell.ablation.is_none() && cell.ranges == ranges && same
+        };
+        let mut rows: Vec<&Row> = self.rows.iter().filter(is_of).collect();
+        let place = |method: TableMethod, scene: Scene, protocol: Protocol| {
+            (method as usize, scene as usize, protocol as usize)
+        };
+        rows.sort_by_key(|row| place(row.cell.method, row.cell.scene, row.cell.protocol));
+        rows
+    }
+
+    /// The rows of cells with a switch, those of a switch together.
+    pub fn of_ablations(&self) -> Vec<&Row> {
+        let mut rows: Vec<&Row> =
+            self.rows.iter().filter(|row| row.cell.ablation.is_some()).collect();
+        rows.sort_by_key(|row| {
+            let Cell { ablation, ranges, strategy, protocol, method, scene } = row.cell;
+            let place = ablation.map(|ablation| ablation as usize);
+            let search = (ranges as usize, strategy.map(|strategy| strategy as usize));
+            (place, method as usize, scene as usize, search, protocol as usize)
+        });
+        rows
+    }
+}
+
+fn row(folder: &Folder, cell: &Cell) -> Result<Row, FolderError> {
+    let record = folder.record(cell)?;
+    let error = if record.is_some() { None } else { folder.failure(cell)? };
+    Ok(Row {
+        cell: *cell,
+        paper: cell.ablation.is_none().then(|| paper(cell.protocol, cell.method, cell.scene)),
+        figures: record.as_ref().map(|record| Figures::of(&record.summary, &record.data)),
+        made: record.map(made),
+        error,
+    })
+}
+
+fn made(record: Record) -> Made {
+    Made {
+        configuration: record.configuration,
+        content: record.content,
+        origin: record.origin,
+        registrations: record.registrations,
+        pairs: record.summary.pairs,
+        parameters: record.parameters,
+    }
+}
+
+fn verdict(cell: &Cell, rows: &[Row]) -> Verdict {
+    let figures = |cell: &Cell| rows.iter().find(|row| row.cell == *cell)?.figures;
+    let others: Vec<Figures<Estimate>> = [
+        cell.untuned(),
+        Cell { protocol: Protocol::Lidar, ..*cell },
+        Cell { protocol: Protocol::Registration, ..*cell },
+    ]
+    .iter()
+    .filter_map(figures)
+    .collect();
+    let of = |read: fn(&Figures<Estimate>) -> Estimate, more_is_better: bool| {
+        let own = read(&figures(cell)?);
+        let values = others.iter().map(|other| read(other).value).filter(|v| v.is_finite());
+        let best = values.reduce(if more_is_better { f64::max } else { f64::min })?;
+        own.value.is_finite().then(|| is_best_or_holds(own, best, more_is_better))
+    };
+    Verdict {
+        cell: *cell,
+        recall: of(|figures| figures.recall_pct, true),
+        translation: of(|figures| figures.mean_translation_m, false),
+        rotation: of(|figures| figures.mean_rotation_deg, false),
+    }
+}
+
+fn is_best_or_holds(own: Estimate, best: f64, more_is_better: bool) -> bool {
+    let [low, high] = own.interval;
+    match more_is_better {
+        true => own.value >= best || high >= best,
+        false => own.value <= best || low <= best,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiment::config::DataConfig;
+    use crate::experiment::evaluate::Summary;
+    use crate::experiment::objective::PairError;
+
+    fn figures(errors_m: &[f64]) -> Figures<Estimate> {
+        let error = |(pair, &translation_m): (usize, &f64)| PairError {
+            pair,
+            translation_m,
+            rotation_deg: translation_m,
+            frobenius: translation_m,
+            points: [100, 100],
+            stop: String::new(),
+            iterations: 1,
+        };
+        let data = DataConfig::default();
+        let errors = errors_m.iter().enumerate().map(error).collect();
+        Figures::of(&Summary::from_errors(errors, &data), &data)
+    }
+
+    fn row(protocol: Protocol, errors_m: &[f64]) -> Row {
+        let strategy = (protocol != Protocol::Default).then_some(Strategy::Fast);
+        let cell = Cell {
+            ablation: None,
+            ranges: Preset::Outdoor,
+            strategy,
+            protocol,
+            method: TableMethod::Icp,
+            scene: Scene::Structured,
+        };
+        let figures = (!errors_m.is_empty()).then(|| figures(errors_m));
+        Row { cell, paper: None, figures, made: None, error: None }
+    }
+
+    /// What is said of joint tuning beside a start and registration alone.
+    fn joint(start: &[f64], registration: &[f64], joint: &[f64]) -> Verdict {
+        let rows = [
+            row(Protocol::Default, start),
+            row(Protocol::Registration, registration),
+            row(Protocol::Joint, joint),
+        ];
+        verdict(&rows[2].cell, &rows)
+    }
+
+    #[test]
+    fn joint_tuning_is_held_to_the_best_of_the_others_figure_by_figure() {
+        let spread = |middle: f64| (0..40).map(|i| middle + 0.001 * f64::from(i % 5)).collect();
+        let [low, high]: [Vec<f64>; 2] = [spread(0.01), spread(0.02)];
+        assert_eq!(joint(&high, &high, &low).holds(), Some(true));
+        let worse = joint(&high, &low, &high);
+        assert_eq!((worse.recall, worse.translation), (Some(true), Some(false)));
+        assert_eq!(worse.holds(), Some(false));
+        let nearly: Vec<f64> = low.iter().map(|e| e + 0.0002).collect();
+        assert_eq!(joint(&high, &low, &nearly).holds(), Some(true), "the best is within");
+        // 30 of 40 found against 40 of 40: Wilson's interval of 75 % ends below 90 %.
+        let lost: Vec<f64> = [[9.0; 10].to_vec(), low[10..].to_vec()].concat();
+        assert_eq!(joint(&low, &low, &lost).recall, Some(false));
+        assert_eq!(joint(&[], &[], &low).holds(), None, "nothing to be held to");
+        assert_eq!(joint(&low, &low, &[]).holds(), None, "not done");
+        let none = joint(&low, &low, &[9.0; 40]);
+        assert_eq!((none.recall, none.translation), (Some(false), None));
+    }
+}

@@ -1,0 +1,199 @@
+//! The words and numbers of the table, the same in text and page.
+
+use super::cell::{Cell, name_of};
+use super::paper::PaperFigures;
+use super::table::{Row, Table, Verdict};
+use crate::experiment::gain::{Estimate, Figures};
+use crate::experiment::preset::{Preset, Protocol, Strategy};
+
+/// A figure of the table: how it is read, its unit, and units of it in one of ours.
+pub struct Figure {
+    /// Head of its column.
+    pub title: &'static str,
+    /// Its name in files.
+    pub key: &'static str,
+    unit: &'static str,
+    scale: f64,
+    decimals: usize,
+    read: fn(&Figures<Estimate>) -> Estimate,
+    paper: fn(&PaperFigures) -> f64,
+}
+
+/// In the table's order.
+pub const FIGURES: [Figure; 3] = [
+    Figure {
+        title: "Recall",
+        key: "recall_pct",
+        unit: " %",
+        scale: 1.0,
+        decimals: 1,
+        read: |figures| figures.recall_pct,
+        paper: |paper| paper.recall_pct,
+    },
+    Figure {
+        title: "RTE",
+        key: "rte_cm",
+        unit: " cm",
+        scale: 100.0,
+        decimals: 2,
+        read: |figures| figures.mean_translation_m,
+        paper: |paper| paper.translation_cm,
+    },
+    Figure {
+        title: "RRE",
+        key: "rre_deg",
+        unit: "°",
+        scale: 1.0,
+        decimals: 3,
+        read: |figures| figures.mean_rotation_deg,
+        paper: |paper| paper.rotation_deg,
+    },
+];
+
+impl Figure {
+    /// Ours, from and to, in the table's unit.
+    pub fn numbers(&self, figures: &Figures<Estimate>) -> [f64; 3] {
+        let Estimate { value, interval: [low, high] } = (self.read)(figures);
+        [value, low, high].map(|number| self.scale * number)
+    }
+
+    /// Ours, with its unit; a dash where there is none, as of means without a success.
+    pub fn value(&self, figures: &Figures<Estimate>) -> String {
+        let [value, ..] = self.numbers(figures);
+        let digits = self.decimals;
+        if value.is_finite() { format!("{value:.digits$}{}", self.unit) } else { "–".into() }
+    }
+
+    /// `1.20 to 1.44`; nothing where there is no interval.
+    pub fn within(&self, figures: &Figures<Estimate>) -> String {
+        let [_, low, high] = self.numbers(figures);
+        let digits = self.decimals;
+        match low.is_finite() && high.is_finite() {
+            true => format!("{low:.digits$} to {high:.digits$}"),
+            false => String::new(),
+        }
+    }
+
+    /// The paper's number.
+    pub fn paper(&self, paper: &PaperFigures) -> f64 {
+        (self.paper)(paper)
+    }
+
+    /// The paper's, with its unit and its digits.
+    pub fn theirs(&self, paper: &PaperFigures) -> String {
+        format!("{}{}", self.paper(paper), self.unit)
+    }
+}
+
+/// Heading of a search's rows.
+pub fn search(ranges: Preset, strategy: Option<Strategy>) -> String {
+    let of = match ranges {
+        Preset::Outdoor => "ranges for outdoors",
+        Preset::Paper => "the paper's ranges",
+    };
+    let by = match strategy {
+        Some(Strategy::Fast) => ", searched our way (fast)",
+        Some(Strategy::Paper) => ", searched the paper's way",
+        None => "",
+    };
+    format!("{of}{by}")
+}
+
+/// What was tuned, as a row's name.
+pub fn tuned(cell: &Cell) -> &'static str {
+    match cell.protocol {
+        Protocol::Default => "default",
+        Protocol::Lidar => "LiDAR",
+        Protocol::Registration => "registration",
+        Protocol::Joint => "joint",
+    }
+}
+
+/// Whether it is what the table is about.
+pub(super) fn is_joint(cell: &Cell) -> bool {
+    cell.protocol == Protocol::Joint
+}
+
+/// What stands for the figures of a cell that has none.
+pub fn absent(row: &Row) -> &'static str {
+    if row.error.is_some() { "failed" } else { "not run" }
+}
+
+/// How much there is.
+pub fn subtitle(table: &Table) -> String {
+    let all = table.rows.len();
+    let done = table.rows.iter().filter(|row| row.figures.is_some()).count();
+    let pairs = table.rows.iter().find_map(|row| row.made.as_ref()).map(|made| made.pairs);
+    let pairs = pairs.map_or_else(String::new, |pairs| format!(", {pairs} held-out pairs each"));
+    format!("{done} of {all} cells done{pairs}, seed {}", table.plan.seed)
+}
+
+/// What has to be known to read it.
+pub fn remarks(table: &Table) -> Vec<String> {
+    let mut said = Vec::new();
+    if table.plan.quick {
+        said.push(
+            "This is the small table of --quick: few pairs, few generations. It shows the shape of \
+             the whole one and proves nothing."
+                .to_owned(),
+        );
+    }
+    said.push(
+        "Recall is the share of held-out pairs within 0.5 m and 2.5° (ICP) or 1 m and 5° (FGR, \
+         MAC). RTE and RRE are means over those alone, so they are of other pairs where recall \
+         differs."
+            .to_owned(),
+    );
+    said.push(
+        "Intervals are of 95 %: Wilson's of recall, a bootstrap over pairs of the means. They say \
+         nothing of another seed."
+            .to_owned(),
+    );
+    said.push(
+        "Both FGR rows stand beside the paper's one: FGR (Open3D) runs as Open3D's Python defaults \
+         do, which the paper most likely measured; FGR (published) anneals as its authors say."
+            .to_owned(),
+    );
+    said.extend(verdicts(table));
+    said
+}
+
+/// Where joint tuning is best or holds the best within its interval, a sentence a search.
+pub(super) fn verdicts(table: &Table) -> Vec<String> {
+    let sentence = |(ranges, strategy): (Preset, Option<Strategy>)| {
+        let is_of = |verdict: &&Verdict| {
+            let cell = verdict.cell;
+            (cell.ranges, cell.strategy, cell.ablation) == (ranges, strategy, None)
+        };
+        let judged: Vec<&Verdict> = table.joint.iter().filter(is_of).collect();
+        let known: Vec<&Verdict> =
+            judged.iter().copied().filter(|verdict| verdict.holds().is_some()).collect();
+        let best = known.iter().filter(|verdict| verdict.holds() == Some(true)).count();
+        let not: Vec<String> = known.iter().filter_map(|verdict| lost(verdict)).collect();
+        let behind = if not.is_empty() {
+            String::new()
+        } else {
+            format!(" It is not in {}.", not.join("; "))
+        };
+        (!known.is_empty()).then(|| {
+            format!(
+                "With {}, tuning both together is best, or the best lies within its interval, in \
+                 {best} of {} cells.{behind}",
+                search(ranges, strategy),
+                known.len()
+            )
+        })
+    };
+    table.searches().into_iter().filter_map(sentence).collect()
+}
+
+/// A cell where it is not, and in which figures.
+fn lost(verdict: &Verdict) -> Option<String> {
+    let named =
+        [("recall", verdict.recall), ("RTE", verdict.translation), ("RRE", verdict.rotation)];
+    let behind: Vec<&str> =
+        named.iter().filter(|(_, holds)| *holds == Some(false)).map(|(name, _)| *name).collect();
+    let cell = &verdict.cell;
+    (!behind.is_empty())
+        .then(|| format!("{} {} ({})", cell.method.title(), name_of(cell.scene), behind.join(", ")))
+}
