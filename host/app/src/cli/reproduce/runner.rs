@@ -90,11 +90,9 @@ impl<'a> Runner<'a> {
             format!("about {} left", HumanDuration(rest))
         });
         self.progress.say(&format!("{place}: {cell}; {rest}"));
-        let watch = Instant::now();
-        match self.done(cell, *registrations) {
-            Ok((record, made)) => {
+        match self.prepared(cell).and_then(|prepared| self.done(cell, &prepared, *registrations)) {
+            Ok((record, made, seconds)) => {
                 self.folder.save(&record)?;
-                let seconds = watch.elapsed().as_secs_f64();
                 self.times.add(Took { cell: *cell, seconds, registrations: made });
                 Ok(self.folder.save_times(&self.times)?)
             }
@@ -122,16 +120,27 @@ impl<'a> Runner<'a> {
         Met::new(config, &SensorChoice::in_process(), &Progress::new(true))
     }
 
-    /// What comes of a cell.
-    fn done(&mut self, cell: &Cell, registrations: usize) -> Result<Done, Failure> {
+    /// Everything that a cell needs.
+    fn prepared(&mut self, cell: &Cell) -> Result<Prepared, Failure> {
         let met = self.met(cell)?;
         let dataset = self.scans(cell, &met.config)?;
-        let prepared = met.with(dataset);
+        Ok(met.with(dataset))
+    }
+
+    /// What comes of a cell, the registrations that were made for it now, and the seconds.
+    fn done(
+        &self,
+        cell: &Cell,
+        prepared: &Prepared,
+        registrations: usize,
+    ) -> Result<(Record, usize, f64), Failure> {
+        let watch = Instant::now();
         self.progress.begin(&cell.file_name(), registrations as u64);
-        match cell.protocol {
-            Protocol::Default => self.judged(cell, &prepared),
-            _ => self.searched(cell, &prepared),
-        }
+        let (record, made) = match cell.protocol {
+            Protocol::Default => self.judged(cell, prepared)?,
+            _ => self.searched(cell, prepared)?,
+        };
+        Ok((record, made, watch.elapsed().as_secs_f64()))
     }
 
     /// The start alone.

@@ -1,0 +1,235 @@
+//! The paper's table: an end by force loses nothing, other folders are left alone, one cell's
+//! failure is not the others', and nothing that is judged on reaches what is chosen.
+
+mod fixture;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::process::Stdio;
+use std::time::Duration;
+
+use echoloop_host::experiment::journal::Journal;
+use fixture::Fixture;
+use serde_json::Value;
+
+/// Cells that take a moment each.
+const SMALL: [&str; 21] = [
+    "reproduce",
+    "-q",
+    "--scene",
+    "structured",
+    "--ranges",
+    "outdoor",
+    "--strategy",
+    "fast",
+    "--train-pairs",
+    "3",
+    "--generations",
+    "3",
+    "--set",
+    "scene.towns=[1]",
+    "--set",
+    "scanner.columns=48",
+    "--set",
+    "scanner.rows=16",
+    "--set",
+    "tune.population=4",
+    "--pairs=3",
+];
+
+fn small<'a>(more: &[&'a str]) -> Vec<&'a str> {
+    [&SMALL, more].concat()
+}
+
+fn table(fixture: &Fixture, folder: &str) -> Value {
+    serde_json::from_slice(&fixture.bytes(&format!("{folder}/table.json"))).expect("a table")
+}
+
+/// Each cell with a part of it.
+fn of_rows(table: &Value, part: &str) -> BTreeMap<String, Value> {
+    let rows = table["rows"].as_array().expect("rows").iter();
+    rows.map(|row| (row["cell"].to_string(), row.pointer(part).cloned().unwrap_or_default()))
+        .collect()
+}
+
+#[test]
+fn killed_at_any_moment_it_goes_on_and_the_table_is_the_same_on_one_thread_and_two() {
+    let fixture = Fixture::new();
+    let cells = ["--method", "icp,mac"];
+    fixture.succeed(&small(&[&cells[..], &["--runs", "whole", "--threads", "1"]].concat()));
+    let killed = small(&[&cells[..], &["--runs", "killed", "--threads", "2"]].concat());
+    let mut child = fixture.command(&killed).stdout(Stdio::null()).spawn().expect("it starts");
+    let journal = fixture.path("killed/runs/outdoor-fast-joint-icp-structured/history.jsonl");
+    let lines = || fs::read_to_string(&journal).unwrap_or_default().lines().count();
+    while lines() < 3 && child.try_wait().expect("a child").is_none() {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    child.kill().expect("SIGKILL");
+    child.wait().expect("it ends");
+    let done = || fs::read_dir(fixture.path("killed/cells")).expect("cells").count();
+    let before = done();
+    assert!((2..8).contains(&before), "{before} cells done when it was killed");
+    fixture.succeed(&killed);
+    assert_eq!(done(), 8);
+    for name in [
+        "table.json",
+        "report.html",
+        "runs/outdoor-fast-joint-icp-structured/history.jsonl",
+        "runs/outdoor-fast-joint-icp-structured/result.json",
+        "cells/outdoor-fast-joint-mac-structured.json",
+    ] {
+        let [whole, killed] = ["whole", "killed"].map(|of| fixture.bytes(&format!("{of}/{name}")));
+        assert!(whole == killed, "{name} is another after a kill, or on other threads");
+    }
+    // Nothing is left to do, and a run is one that other commands know.
+    let again = fixture.succeed(&small(&[&cells[..], &["--runs", "whole", "--json"]].concat()));
+    assert_eq!(again.stdout.as_bytes(), fixture.bytes("whole/table.json"));
+    fixture.succeed(&["report", "whole/runs/outdoor-fast-joint-icp-structured"]);
+}
+
+#[test]
+fn what_is_judged_on_reaches_neither_the_search_nor_the_choice() {
+    let fixture = Fixture::new();
+    let more = |pairs, runs| small(&["--method", "icp", "--pairs", pairs, "--runs", runs]);
+    // The last of a flag given twice is not taken: the small one is left out.
+    let with = |pairs: &'static str, runs: &'static str| {
+        let mut arguments = more(pairs, runs);
+        arguments.retain(|argument| *argument != "--pairs=3");
+        arguments
+    };
+    fixture.succeed(&with("3", "three"));
+    fixture.succeed(&with("5", "five"));
+    let tables = ["three", "five"].map(|folder| table(&fixture, folder));
+    for part in ["/made/parameters", "/made/origin", "/made/registrations"] {
+        let [three, five] = tables.each_ref().map(|table| of_rows(table, part));
+        assert_eq!(three, five, "{part} hangs on the held-out pairs");
+    }
+    let [three, five] = tables.each_ref().map(|table| of_rows(table, "/figures"));
+    assert!(three != five, "other pairs were judged on");
+    for protocol in ["lidar", "registration", "joint"] {
+        let run = format!("runs/outdoor-fast-{protocol}-icp-structured/history.jsonl");
+        let generations = |folder: &str| {
+            let (_, generations) =
+                Journal::read(&fixture.path(folder).join(&run)).expect("a journal");
+            serde_json::to_vec(&generations).expect("they are written")
+        };
+        assert!(generations("three") == generations("five"), "{protocol}: another search");
+    }
+}
+
+#[test]
+fn a_folder_of_another_seed_or_other_settings_is_refused_with_both_values_and_stays() {
+    let fixture = Fixture::new();
+    let start = ["--method", "icp", "--protocol", "default", "--runs", "table"];
+    fixture.succeed(&small(&start));
+    fixture.refuses(
+        &small(&[&start[..], &["--seed", "7"]].concat()),
+        &["table", "seed is 1 there and 7 now", "--runs"],
+    );
+    fixture.refuses(
+        &small(&[&start[..], &["--set", "data.tilt_range_deg=3"]].concat()),
+        &["data.tilt_range_deg is 2.0 there and 3.0 now"],
+    );
+    fixture.refuses(&small(&[&start[..], &["--quick"]].concat()), &["--quick is false there"]);
+    let plan = fixture.read("table/plan.json").replace("\"version\": \"", "\"version\": \"0.0.1-");
+    fixture.write("table/plan.json", plan);
+    fixture.refuses(&small(&start), &["version is 0.0.1-", "there and "]);
+    // To look at it, whoever made it, is no harm.
+    let seen = fixture.succeed(&small(&[&start[..], &["--table"]].concat()));
+    assert!(seen.stdout.contains("1 of 1 cells done"), "{}", seen.stdout);
+}
+
+#[test]
+fn a_cell_that_fails_is_told_and_kept_the_others_go_on_and_it_is_tried_again() {
+    let fixture = Fixture::new();
+    let cells = ["--method", "icp", "--protocol", "lidar,registration", "--runs", "table"];
+    let in_the_way = "table/runs/outdoor-fast-lidar-icp-structured";
+    fs::create_dir_all(fixture.path("table/runs")).expect("a folder");
+    // A folder of something else is none of ours.
+    fixture.refuses(&small(&cells), &["table", "plan.json"]);
+    fs::remove_dir_all(fixture.path("table")).expect("it goes");
+    fixture.succeed(&small(&["--method", "icp", "--protocol", "default", "--runs", "table"]));
+    fs::create_dir_all(fixture.path("table/runs")).expect("a folder");
+    fixture.write(in_the_way, "in the way");
+    let output = fixture.run(&small(&cells));
+    assert_eq!(output.code, Some(1), "{}", output.stderr);
+    assert!(output.stderr.contains("1 of 2 cells failed"), "{}", output.stderr);
+    assert!(output.stderr.contains("outdoor-fast-lidar-icp-structured"), "{}", output.stderr);
+    assert!(output.stdout.contains("failed") && output.stdout.contains("1 of 2 cells done"));
+    let errors = of_rows(&table(&fixture, "table"), "/error");
+    assert_eq!(errors.values().filter(|error| error.is_string()).count(), 1);
+    fs::remove_file(fixture.path(in_the_way)).expect("it goes");
+    let output = fixture.succeed(&small(&cells));
+    assert!(output.stdout.contains("2 of 2 cells done"), "{}", output.stdout);
+    assert!(!fixture.path("table/cells/outdoor-fast-lidar-icp-structured.failed").exists());
+}
+
+#[test]
+fn the_table_stands_beside_the_paper_s_in_every_form_and_names_seed_version_and_scans() {
+    let fixture = Fixture::new();
+    let cells = small(&["--method", "icp", "--runs", "table", "--seed", "5"]);
+    let text = fixture.succeed(&[&cells[..], &["-o", "page.html"]].concat()).stdout;
+    let joint = text.lines().find(|line| line.starts_with("ICP") && line.contains(" joint"));
+    let joint = joint.expect("a row");
+    assert!(
+        joint.contains("100 %") && joint.contains("1 cm") && joint.ends_with("0.1°"),
+        "{joint}"
+    );
+    assert!(text.contains("tuning both together is best") && text.contains("seed 5"), "{text}");
+    assert_eq!(fixture.bytes("page.html"), fixture.bytes("table/report.html"));
+    let form = |form| fixture.succeed(&[&cells[..], &["--format", form]].concat()).stdout;
+    let json: Value = serde_json::from_str(&form("json")).expect("JSON");
+    assert_eq!(json["plan"]["seed"], 5);
+    assert_eq!(json["plan"]["version"], env!("CARGO_PKG_VERSION"));
+    let scans = of_rows(&json, "/made/content/scans");
+    assert!(scans.values().all(|sum| sum.as_str().is_some_and(|sum| sum.len() == 16)));
+    let csv = form("csv");
+    assert_eq!(csv.lines().count(), 5, "a head and four protocols: {csv}");
+    assert!(csv.starts_with("ablation,ranges,strategy,tuned,method,scene,seed,pairs,recall_pct,"));
+    let latex = form("latex");
+    assert!(latex.contains("\\begin{tabular}") && latex.contains("joint & ICP & "), "{latex}");
+    let ends = latex.lines().filter(|line| line.ends_with("\\\\")).count();
+    assert_eq!(ends, 2 + 2 * 4, "two lines of heads, two a protocol: {latex}");
+}
+
+#[test]
+fn switches_make_a_second_table_beside_the_cells_without_them() {
+    let fixture = Fixture::new();
+    let cells = small(&["--method", "icp", "--protocol", "registration", "--runs", "table"]);
+    fixture.succeed(&cells);
+    let switched = [&cells[..], &["--ablation", "other-town,quarter-density,os1-64"]].concat();
+    let output = fixture.run(&switched);
+    // Sixteen rows are none of an OS1-64's.
+    assert_eq!(output.code, Some(1), "{}", output.stderr);
+    assert!(output.stderr.contains("scanner.rows = 16 must be left out"), "{}", output.stderr);
+    assert!(output.stdout.contains("One thing switched"), "{}", output.stdout);
+    for switch in ["other-town", "quarter-density"] {
+        let row = output.stdout.lines().find(|line| line.starts_with(switch)).expect(switch);
+        assert!(!row.ends_with('–'), "nothing beside it: {row}");
+    }
+    let name = |ablation: &str| {
+        format!("table/cells/{ablation}outdoor-fast-registration-icp-structured.json")
+    };
+    let record = |ablation: &str| -> Value {
+        serde_json::from_slice(&fixture.bytes(&name(ablation))).expect("a record")
+    };
+    let [plain, other] = [record(""), record("other-town-")];
+    assert_eq!(plain["configuration"], other["configuration"], "it is judged in the same town");
+    assert_ne!(plain["content"]["scans"], other["content"]["scans"], "and tuned in another");
+    assert!(!Path::new(&fixture.path(&name("os1-64-"))).exists());
+}
+
+#[test]
+fn what_the_cells_set_themselves_is_refused_with_the_flag_for_it() {
+    let fixture = Fixture::new();
+    for (set, flag) in [
+        ("scene.source=structured", "--scene"),
+        ("registration.mode=open3d", "--method"),
+        ("tune.protocol=joint", "--protocol"),
+    ] {
+        fixture.refuses(&["reproduce", "--set", set], &[set.split('=').next().unwrap(), flag]);
+    }
+    fixture.refuses(&["reproduce", "--pairs", "0"], &["--pairs"]);
+    fixture.refuses(&["reproduce", "--table", "--runs", "none"], &["none", "plan.json"]);
+}
