@@ -164,12 +164,15 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<(), Failure> {
     };
     let table = Table::new(&folder, &with_plain(&folder, &cells)?)?;
     let html = page(&table).to_html();
-    let written = folder.save_table(&table, &html)?;
+    let written = match args.table {
+        true => None,
+        false => Some(folder.save_table(&table, &html)?),
+    };
     ended?;
     output.map(|output| output.write(html.as_bytes())).transpose()?;
     match args.output.as_deref() {
         Some(path) if is_standard_output(path) => print(&html)?,
-        _ => print_table(args, &table, &written)?,
+        _ => print_table(args, &table, written.as_deref())?,
     }
     outcome(&table)
 }
@@ -198,13 +201,16 @@ fn with_plain(folder: &Folder, cells: &[Cell]) -> Result<Vec<Cell>, Failure> {
     Ok(all)
 }
 
-fn print_table(args: &ReproduceArgs, table: &Table, page: &Path) -> Result<(), Failure> {
+fn print_table(args: &ReproduceArgs, table: &Table, page: Option<&Path>) -> Result<(), Failure> {
     match args.format {
         _ if args.common.json => print(&written::json(table)?),
         Format::Json => print(&written::json(table)?),
         Format::Csv => print(&written::csv(table)?),
         Format::Latex => print(&written::latex(table)),
-        Format::Text => print(&format!("{}\nreport  {}\n", written::text(table), page.display())),
+        Format::Text => {
+            let place = page.map(|page| format!("\nreport  {}\n", page.display()));
+            print(&(written::text(table) + &place.unwrap_or_default()))
+        }
     }
 }
 

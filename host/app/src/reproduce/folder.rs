@@ -71,13 +71,13 @@ pub enum FolderError {
     },
 }
 
-/// A folder that no other process writes as long as this lives.
+/// A folder that no other process writes as long as this lives, unless it is only looked at.
 #[derive(Debug)]
 pub struct Folder {
     path: PathBuf,
     /// What its cells share.
     pub plan: Plan,
-    _lock: Lock,
+    _lock: Option<Lock>,
 }
 
 impl Folder {
@@ -95,7 +95,7 @@ impl Folder {
         let found = Self::plan_of(path)?;
         let is_new = found.is_none();
         found.map(|found| check_plan(path, &found, &plan)).transpose()?;
-        let folder = Self { path: path.to_owned(), plan, _lock: lock };
+        let folder = Self { path: path.to_owned(), plan, _lock: Some(lock) };
         make_folders(&path.join(CELLS))?;
         if is_new {
             folder.write(&folder.path.join(PLAN), &folder.plan)?;
@@ -103,7 +103,7 @@ impl Folder {
         Ok(folder)
     }
 
-    /// Opens a folder to look at what is done there, whoever made it.
+    /// Opens a folder to look at what is done there, whoever made it and whoever is at it.
     ///
     /// # Errors
     ///
@@ -113,7 +113,7 @@ impl Folder {
             let problem = io::Error::from(io::ErrorKind::NotFound);
             return Err(file_error("read", &path.join(PLAN))(problem).into());
         };
-        Ok(Self { path: path.to_owned(), plan, _lock: Lock::take(&path.join(LOCK))? })
+        Ok(Self { path: path.to_owned(), plan, _lock: None })
     }
 
     /// The plan of a folder; none where there is no folder, or nothing in it.
@@ -288,5 +288,6 @@ mod tests {
         let _held = Folder::open(runs.path(), plan(1)).unwrap();
         let error = Folder::open(runs.path(), plan(1)).unwrap_err().to_string();
         assert!(error.contains("another process"), "{error}");
+        assert_eq!(Folder::look(runs.path()).unwrap().plan, plan(1), "others may look");
     }
 }
