@@ -3,7 +3,7 @@
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
-use super::cell::Scene;
+use super::axes::{Scene, name_of};
 use crate::experiment::config::{Override, RunConfig};
 
 /// What is switched in a cell, and nothing else.
@@ -69,7 +69,7 @@ impl Ablation {
                 let first = config.scene.towns.first().copied().unwrap_or_default();
                 other.scene.towns = vec![first.saturating_add(OTHER_TOWN)];
             }
-            Self::OtherKind => other.scene.source = super::cell::name_of(scene.next()),
+            Self::OtherKind => other.scene.source = name_of(scene.next()),
             _ => return None,
         }
         other.data.test_pairs = other.scene.towns.len();

@@ -73,7 +73,7 @@ impl Times {
 
 #[cfg(test)]
 mod tests {
-    use super::super::cell::{Scene, TableMethod};
+    use super::super::axes::{Scene, TableMethod};
     use super::*;
     use crate::experiment::preset::{Preset, Strategy};
 

@@ -8,6 +8,7 @@
 //! Nothing here scans: the command line runs the cells.
 
 mod ablation;
+mod axes;
 mod cell;
 mod estimate;
 mod folder;
@@ -19,7 +20,8 @@ mod table;
 mod told;
 
 pub use ablation::Ablation;
-pub use cell::{Asked, Base, Cell, Scene, TableMethod, name_of};
+pub use axes::{Scene, TableMethod, name_of};
+pub use cell::{Asked, Base, Cell};
 pub use estimate::{Times, Took};
 pub use folder::{Folder, FolderError};
 pub use page::page;

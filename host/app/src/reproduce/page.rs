@@ -1,6 +1,6 @@
 //! The table as a page.
 
-use super::cell::name_of;
+use super::axes::name_of;
 use super::table::{Row, Table};
 use super::told::{self, FIGURES};
 use crate::report::{FigureCell, FigureRow, FigureTable, TablesPage};

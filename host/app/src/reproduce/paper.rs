@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::cell::{Scene, TableMethod};
+use super::axes::{Scene, TableMethod};
 use crate::experiment::preset::Protocol;
 
 /// A cell of it.

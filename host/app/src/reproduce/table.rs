@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-use super::cell::{Cell, Scene, TableMethod};
+use super::axes::{Scene, TableMethod};
+use super::cell::Cell;
 use super::folder::{Folder, FolderError};
 use super::paper::{PaperFigures, paper};
 use super::plan::Plan;

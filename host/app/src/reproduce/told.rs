@@ -1,6 +1,7 @@
 //! The words and numbers of the table, the same in text and page.
 
-use super::cell::{Cell, name_of};
+use super::axes::name_of;
+use super::cell::Cell;
 use super::paper::PaperFigures;
 use super::table::{Row, Table, Verdict};
 use crate::experiment::gain::{Estimate, Figures};

@@ -1,0 +1,75 @@
+//! The rows and columns of the table.
+
+use clap::ValueEnum;
+use serde::{Deserialize, Serialize};
+
+use crate::experiment::config::Override;
+
+/// A method of the table. FGR has two rows: what Open3D runs is not what was published.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum TableMethod {
+    /// Point-to-plane ICP.
+    Icp,
+    /// FGR as Open3D 0.20 runs it from Python, most likely the paper's.
+    #[value(name = "fgr-open3d")]
+    #[serde(rename = "fgr-open3d")]
+    FgrOpen3d,
+    /// FGR as published.
+    Fgr,
+    /// Maximal cliques.
+    Mac,
+}
+
+impl TableMethod {
+    /// What the table calls it.
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Icp => "ICP",
+            Self::FgrOpen3d => "FGR (Open3D)",
+            Self::Fgr => "FGR (published)",
+            Self::Mac => "MAC",
+        }
+    }
+
+    /// What a run of it sets.
+    pub(super) fn overrides(self) -> Vec<Override> {
+        let (method, mode) = match self {
+            Self::Icp => ("icp", None),
+            Self::FgrOpen3d => ("fgr", Some("open3d")),
+            Self::Fgr => ("fgr", Some("annealed")),
+            Self::Mac => ("mac", None),
+        };
+        let method = Override::flag("registration.method", method);
+        let mode = mode.map(|mode| Override::flag("registration.mode", mode));
+        [method].into_iter().chain(mode).collect()
+    }
+}
+
+/// A kind of country.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Scene {
+    /// Streets, facades, cars.
+    Structured,
+    /// Houses, gardens, trees.
+    SemiStructured,
+    /// Trees, bushes, rocks.
+    Unstructured,
+}
+
+impl Scene {
+    /// The one after it, and after the last the first.
+    pub fn next(self) -> Self {
+        match self {
+            Self::Structured => Self::SemiStructured,
+            Self::SemiStructured => Self::Unstructured,
+            Self::Unstructured => Self::Structured,
+        }
+    }
+}
+
+/// A choice's name on the command line, which is also its name in files.
+pub fn name_of(value: impl ValueEnum) -> String {
+    value.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default()
+}
