@@ -22,8 +22,13 @@ const MOST_ROUNDS: f64 = 100.0;
 /// Bytes of a file for each of its tags and attributes at least: a reader of XML takes some 40 for
 /// each. CARLA's towns have 25.
 const BYTES_A_MARK: usize = 8;
-/// Elements within elements at most: the reader of XML goes as deep on its stack.
+/// Elements within elements at most. CARLA's towns have 8.
 const MOST_DEPTH: usize = 64;
+/// Attributes of an element at most: the reader of XML compares each with all others of its element.
+const MOST_ATTRIBUTES: usize = 1000;
+/// Times that a file says `xmlns` at most: an element that declares a namespace has those of all
+/// elements around it copied.
+const MOST_NAMESPACES: usize = 100;
 
 /// Attributes that are numbers, wherever below a road they stand.
 const NUMBERS: &[&str] = &[
@@ -66,14 +71,7 @@ pub(super) fn profiles(text: &str) -> Result<Vec<Profile>, RoadFault> {
     if text.len() > MOST_BYTES {
         return format(format!("it has more than {} MB", MOST_BYTES >> 20));
     }
-    if marks(text) > text.len() / BYTES_A_MARK + 10_000 {
-        return format(format!(
-            "it has more than a tag or an attribute every {BYTES_A_MARK} bytes"
-        ));
-    }
-    if depth(text) > MOST_DEPTH {
-        return format(format!("its elements are nested more than {MOST_DEPTH} deep"));
-    }
+    check_marks(text)?;
     let document = Document::parse(text).map_err(|error| {
         RoadFault::Format(format!("it is no XML: {}", shown(&error.to_string())))
     })?;
@@ -82,6 +80,7 @@ pub(super) fn profiles(text: &str) -> Result<Vec<Profile>, RoadFault> {
         let name = shown(root.tag_name().name());
         return format(format!("its root is <{name}>, expected <OpenDRIVE>"));
     }
+    check_depth(&document)?;
     refuse_includes(&document)?;
     let roads: Vec<Node<'_, '_>> = children(root, "road").collect();
     check_length(&roads)?;
@@ -125,33 +124,37 @@ fn check_work(profiles: &[Profile]) -> Result<(), RoadFault> {
     }
 }
 
-/// Tags and attributes, or a few more.
-fn marks(text: &str) -> usize {
-    text.bytes().filter(|byte| matches!(byte, b'<' | b'=')).count()
+/// Before the XML is read: what would take it long, or much memory. Counts what looks like a tag or
+/// an attribute, never too little: no value of an attribute has a `<`.
+fn check_marks(text: &str) -> Result<(), RoadFault> {
+    let format = |what: String| Err(RoadFault::Format(what));
+    let marks = text.bytes().filter(|byte| matches!(byte, b'<' | b'=')).count();
+    if marks > text.len() / BYTES_A_MARK + 10_000 {
+        return format(format!(
+            "it has more than a tag or an attribute every {BYTES_A_MARK} bytes"
+        ));
+    }
+    let attributes = |tag: &[u8]| tag.iter().filter(|byte| **byte == b'=').count();
+    if text.as_bytes().split(|byte| *byte == b'<').any(|tag| attributes(tag) > MOST_ATTRIBUTES) {
+        return format(format!("an element has more than {MOST_ATTRIBUTES} attributes"));
+    }
+    match text.matches("xmlns").nth(MOST_NAMESPACES) {
+        None => Ok(()),
+        Some(_) => format(format!("it declares more than {MOST_NAMESPACES} namespaces")),
+    }
 }
 
-/// How deep elements are nested. Counts a little too much rather than too little.
-fn depth(text: &str) -> usize {
-    let (mut rest, mut depth, mut most) = (text, 0_usize, 0);
-    while let Some(start) = rest.find('<') {
-        rest = &rest[start..];
-        let skip = |end: &str| rest.find(end).map_or(rest.len(), |at| at + end.len());
-        let end = match rest.as_bytes() {
-            [b'<', b'!', b'-', b'-', ..] => skip("-->"),
-            [b'<', b'!', b'[', ..] => skip("]]>"),
-            _ => skip(">"),
-        };
-        let tag = &rest[..end];
-        match tag.as_bytes() {
-            [_, b'/', ..] => depth = depth.saturating_sub(1),
-            [_, b'!' | b'?', ..] => {}
-            [.., b'/', b'>'] => most = most.max(depth + 1),
-            _ => depth += 1,
+/// The reader of XML takes any depth; those who walk down after it need not.
+fn check_depth(document: &Document<'_>) -> Result<(), RoadFault> {
+    let mut open = vec![(document.root_element(), 1)];
+    while let Some((node, depth)) = open.pop() {
+        if depth > MOST_DEPTH {
+            let what = format!("its elements are nested more than {MOST_DEPTH} deep");
+            return Err(RoadFault::Format(what));
         }
-        most = most.max(depth);
-        rest = &rest[end..];
+        open.extend(node.children().filter(Node::is_element).map(|child| (child, depth + 1)));
     }
-    most
+    Ok(())
 }
 
 /// A network may come from anybody: no file is opened on its word.
@@ -210,17 +213,19 @@ fn number_or_zero(road: Node<'_, '_>, node: Node<'_, '_>, name: &str) -> Result<
     node.attribute(name).map_or(Ok(0.0), |_| number(road, node, name))
 }
 
+/// All numbers of a road but those of `userData`, which are of others.
 fn check_numbers(road: Node<'_, '_>) -> Result<(), RoadFault> {
-    let is_theirs = |node: &Node<'_, '_>| {
-        node.is_element() && !node.ancestors().any(|above| above.has_tag_name("userData"))
-    };
-    for node in road.descendants().filter(is_theirs) {
+    let mut open = vec![road];
+    while let Some(node) = open.pop() {
         for attribute in node.attributes().filter(|found| NUMBERS.contains(&found.name())) {
             // Elsewhere a width or a length may be left empty.
             if !attribute.value().is_empty() {
                 number(road, node, attribute.name())?;
             }
         }
+        let theirs =
+            |child: &Node<'_, '_>| child.is_element() && !child.has_tag_name("userData");
+        open.extend(node.children().rev().filter(theirs));
     }
     Ok(())
 }
@@ -336,17 +341,4 @@ fn section(road: Node<'_, '_>, node: Node<'_, '_>) -> Result<Section, RoadFault>
         }
     }
     Ok(section)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn depth_counts_what_is_open_and_passes_over_comments() {
-        assert_eq!(depth("<a><b/><c><d></d></c></a>"), 3);
-        assert_eq!(depth("<?xml?><a><!-- <b><c> --><![CDATA[<d>]]></a>"), 1);
-        assert!(depth(&"<a>".repeat(100_000)) > MOST_DEPTH);
-        assert_eq!(depth("<"), 1);
-    }
 }

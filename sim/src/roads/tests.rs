@@ -27,6 +27,16 @@ fn lanes(count: usize) -> String {
     (10..10 + count).map(|id| format!(r#"<lane id="{id}" type="driving"/>"#)).collect()
 }
 
+/// A straight road with elements around each other below it. A `/>` in an attribute closes none.
+fn nested(levels: usize) -> String {
+    let (open, closed) = (r#"<q w="/>">"#.repeat(levels), "</q>".repeat(levels));
+    straight().replace("</lanes>", &format!("</lanes>{open}{closed}"))
+}
+
+fn attributes(count: usize, name: impl Fn(usize) -> String) -> String {
+    (0..count).map(|k| format!(" {}=\"1\"", name(k))).collect()
+}
+
 fn parse(text: &str) -> Result<RoadNetwork, String> {
     parse_network(Path::new("some/town.xodr"), text.as_bytes()).map_err(|error| error.to_string())
 }
@@ -46,6 +56,16 @@ fn a_straight_road_has_lanes_on_both_sides() {
         assert!((at.at[1] - y).abs() < 1e-3 && (at.heading_rad - heading).abs() < 1e-9, "{at:?}");
         assert!((at.at[0] - at.s_m).abs() < 1e-3 && (at.width_m - 2.0 * y.abs()).abs() < 1e-3);
     }
+}
+
+#[test]
+fn elements_may_be_nested_and_what_others_keep_in_a_road_is_not_read() {
+    assert!(parse(&nested(62)).is_ok());
+    let theirs = r#"<userData s="x"><q hdg="NaN"><q a="-"/></q></userData>"#;
+    let kept = straight().replace("</lanes>", &format!("</lanes>{theirs}"));
+    assert_eq!(parse(&kept).map(|network| network.lanes().len()), Ok(3));
+    let said = parse(&kept.replace("userData", "ours")).expect_err("numbers that are none");
+    assert!(said.contains("road 7: <ours> has s=\"x\", expected a finite number"), "{said}");
 }
 
 #[test]
@@ -79,7 +99,15 @@ fn what_is_broken_is_refused_by_name() {
         ("hello".to_owned(), "it is no XML"),
         ("<a/>".to_owned(), "its root is <a>, expected <OpenDRIVE>"),
         ("<OpenDRIVE/>".to_owned(), "it has no road"),
-        ("<a>".repeat(500), "its elements are nested more than 64 deep"),
+        (nested(64), "its elements are nested more than 64 deep"),
+        (
+            format!("<OpenDRIVE{}/>", attributes(1001, |k| format!("a{k}"))),
+            "an element has more than 1000 attributes",
+        ),
+        (
+            format!("<OpenDRIVE{}/>", attributes(101, |k| format!("xmlns:a{k}"))),
+            "it declares more than 100 namespaces",
+        ),
         (road_of(""), "road 7: its <planView> has no <geometry>"),
         (
             straight().replace("<width sOffset=\"0\" a=\"3\" b=\"0\"/>", ""),
