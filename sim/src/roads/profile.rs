@@ -22,10 +22,15 @@ impl Cubic {
     }
 }
 
-/// The slope at `s` of the last record that begins there or before.
+/// Index of the last record that begins at `s` or before, else of the first; records are by rising
+/// `start`.
+fn last_at<T>(records: &[T], start: impl Fn(&T) -> f64, s: f64) -> usize {
+    records.partition_point(|record| start(record) <= s + 1e-9).saturating_sub(1)
+}
+
+/// The slope at `s` of the record that holds there.
 fn slope_at(records: &[Cubic], s: f64) -> f64 {
-    let last = records.iter().rev().find(|record| record.s <= s + 1e-9);
-    last.or(records.first()).map_or(0.0, |record| record.slope(s))
+    records.get(last_at(records, |record| record.s, s)).map_or(0.0, |record| record.slope(s))
 }
 
 /// The shape of a piece of the reference line.
@@ -117,8 +122,8 @@ pub(super) struct Profile {
 impl Profile {
     /// Heading of the reference line, radians counter-clockwise from x.
     pub(super) fn heading(&self, s: f64) -> f64 {
-        let last = self.geometries.iter().rev().find(|piece| piece.s <= s + 1e-9);
-        last.or(self.geometries.first()).map_or(0.0, |piece| piece.heading(s))
+        let pieces = &self.geometries;
+        pieces.get(last_at(pieces, |piece| piece.s, s)).map_or(0.0, |piece| piece.heading(s))
     }
 
     /// Rise of the reference line, metres a metre.
@@ -134,7 +139,7 @@ impl Profile {
 
     /// The section at `s`.
     pub(super) fn section_at(&self, s: f64) -> usize {
-        self.sections.iter().rposition(|section| section.s <= s + 1e-9).unwrap_or(0)
+        last_at(&self.sections, |section| section.s, s)
     }
 
     /// How a lane's heading differs from its reference line's, radians: the slope of its middle's

@@ -38,9 +38,12 @@ impl RoadNetwork {
     fn along(&self, index: usize, step_m: f64) -> Vec<Waypoint> {
         let lane = &self.lanes()[index];
         let profile = &self.profiles[lane.profile];
-        let steps = (profile.length_m / step_m.max(0.01)).ceil() as usize;
-        let places = (0..steps).map(|k| k as f64 * step_m + INSET_M);
-        places
+        let step_m = step_m.max(0.01);
+        // A section's places are among these; which, the last bit of each decides.
+        let [first, last] = lane.span_m;
+        let first = if lane.section == 0 { 0.0 } else { first };
+        let near = (first / step_m - 1.0) as usize..(last / step_m + 2.0) as usize;
+        near.map(|k| k as f64 * step_m + INSET_M)
             .filter(|s| *s < profile.length_m && profile.section_at(*s) == lane.section)
             .filter_map(|s| self.waypoint(index, s))
             .collect()
