@@ -30,7 +30,21 @@ fn roads_of_ours_are_written_and_read_back() {
 #[test]
 fn a_broken_network_is_refused_by_file_and_road_and_leaves_nothing() {
     let fixture = Fixture::new();
+    let piece = "<geometry s=\"0\" x=\"0\" y=\"0\" hdg=\"0\" length=\"40\"><line/></geometry>";
+    let far = "<geometry s=\"20\" x=\"2000\" y=\"900\" hdg=\"1\" length=\"20\"><line/></geometry>";
+    let gap = piece.replace("length=\"40\"", "length=\"20\"") + far;
+    let at = |part: &str| STRAIGHT.find(part).expect("it is there");
+    let bare = STRAIGHT[..at("<laneSection")].to_owned() + &STRAIGHT[at("</lanes>")..];
     let files = [
+        ("gap.xodr", STRAIGHT.replace(piece, &gap), "road 7: the <geometry> at s = 20"),
+        (
+            "kink.xodr",
+            STRAIGHT.replace(piece, &gap.replace("x=\"2000\" y=\"900\"", "x=\"20\" y=\"0\"")),
+            "57.3°",
+        ),
+        ("short.xodr", STRAIGHT.replace("length=\"40\" id", "length=\"400\" id"), "ends at s = 40"),
+        ("width.xodr", STRAIGHT.replace("a=\"3.5\"", "a=\"-3.5\""), "road 7: lane -1"),
+        ("lanes.xodr", bare, "no <laneSection>"),
         ("curve.xodr", STRAIGHT.replace("<line/>", "<helix/>"), "road 7"),
         ("nan.xodr", STRAIGHT.replace("hdg=\"0\"", "hdg=\"nan\""), "road 7"),
         ("long.xodr", STRAIGHT.replace("length=\"40\" id", "length=\"5e5\" id"), "500 km"),

@@ -7,6 +7,7 @@ use echoloop_files::shown;
 use roxmltree::{Document, Node};
 
 use super::fault::RoadFault;
+use super::holes;
 use super::profile::{Cubic, Curve, Geometry, Profile, Section};
 
 /// Bytes of a file at most. CARLA's towns have 1 to 20 MB.
@@ -65,8 +66,8 @@ const NUMBERS: &[&str] = &[
     "dz",
 ];
 
-/// Reads the records of all roads.
-pub(super) fn profiles(text: &str) -> Result<Vec<Profile>, RoadFault> {
+/// Reads the records of all roads, and remarks on what they name that is not there.
+pub(super) fn profiles(text: &str) -> Result<(Vec<Profile>, Vec<String>), RoadFault> {
     let format = |what: String| Err(RoadFault::Format(what));
     if text.len() > MOST_BYTES {
         return format(format!("it has more than {} MB", MOST_BYTES >> 20));
@@ -85,8 +86,8 @@ pub(super) fn profiles(text: &str) -> Result<Vec<Profile>, RoadFault> {
     let roads: Vec<Node<'_, '_>> = children(root, "road").collect();
     check_length(&roads)?;
     let mut seen = HashSet::new();
-    let profiles = roads.into_iter().map(|road| {
-        let profile = profile(road)?;
+    let profiles = roads.iter().map(|road| {
+        let profile = profile(*road)?;
         match seen.insert(profile.id.clone()) {
             true => Ok(profile),
             false => Err(RoadFault::of(&profile.id, "its id is that of another road too")),
@@ -94,7 +95,34 @@ pub(super) fn profiles(text: &str) -> Result<Vec<Profile>, RoadFault> {
     });
     let profiles: Vec<Profile> = profiles.collect::<Result<_, _>>()?;
     check_work(&profiles)?;
-    Ok(profiles)
+    profiles.iter().try_for_each(holes::check)?;
+    Ok((profiles, lost_links(root, &roads)))
+}
+
+/// A remark for each link of a road to a road or a junction that the file does not have.
+fn lost_links(root: Node<'_, '_>, roads: &[Node<'_, '_>]) -> Vec<String> {
+    let ids = |name| children(root, name).filter_map(|node| node.attribute("id"));
+    let (all_roads, junctions): (HashSet<&str>, HashSet<&str>) =
+        (ids("road").collect(), ids("junction").collect());
+    let mut remarks = Vec::new();
+    for road in roads {
+        let links = children(*road, "link").flat_map(|link| link.children());
+        let ends = links.filter(|link| {
+            ["predecessor", "successor"].map(|end| link.has_tag_name(end)).contains(&true)
+        });
+        for end in ends {
+            let to = end.attribute("elementId").unwrap_or_default();
+            let (kind, there) = match end.attribute("elementType") {
+                Some("junction") => ("junction", &junctions),
+                _ => ("road", &all_roads),
+            };
+            if !there.contains(to) {
+                let (id, tag, to) = (shown(id(*road)), end.tag_name().name(), shown(to));
+                remarks.push(format!("road {id}: its {tag} is {kind} {to:?}, which is not there"));
+            }
+        }
+    }
+    remarks
 }
 
 /// Before anything is built: what would take more points than a place has.
@@ -223,8 +251,7 @@ fn check_numbers(road: Node<'_, '_>) -> Result<(), RoadFault> {
                 number(road, node, attribute.name())?;
             }
         }
-        let theirs =
-            |child: &Node<'_, '_>| child.is_element() && !child.has_tag_name("userData");
+        let theirs = |child: &Node<'_, '_>| child.is_element() && !child.has_tag_name("userData");
         open.extend(node.children().rev().filter(theirs));
     }
     Ok(())
@@ -251,6 +278,9 @@ fn profile(road: Node<'_, '_>) -> Result<Profile, RoadFault> {
     let mut sections = children(lanes, "laneSection")
         .map(|node| section(road, node))
         .collect::<Result<Vec<_>, _>>()?;
+    if sections.is_empty() {
+        return Err(RoadFault::of(id(road), "its <lanes> has no <laneSection>"));
+    }
     sections.sort_by(|a, b| a.s.total_cmp(&b.s));
     Ok(Profile {
         id: id(road).to_owned(),
@@ -272,7 +302,7 @@ fn cubics(
     let nodes = list.into_iter().flat_map(|list| children(list, name));
     let read = nodes.map(|node| {
         let at = |name| number_or_zero(road, node, name);
-        Ok(Cubic { s: at(start)?, b: at("b")?, c: at("c")?, d: at("d")? })
+        Ok(Cubic { s: at(start)?, a: at("a")?, b: at("b")?, c: at("c")?, d: at("d")? })
     });
     let mut records = read.collect::<Result<Vec<_>, _>>()?;
     records.sort_by(|a, b| a.s.total_cmp(&b.s));
@@ -281,40 +311,44 @@ fn cubics(
 
 fn geometry(road: Node<'_, '_>, node: Node<'_, '_>) -> Result<Geometry, RoadFault> {
     let at = |name| number(road, node, name);
-    let geometry = |curve| {
-        let (s, heading_rad, length_m) = (at("s")?, at("hdg")?, at("length")?);
-        for name in ["x", "y"] {
-            at(name)?;
-        }
-        match (0.0..=MOST_PIECE_M).contains(&length_m) {
-            true => Ok(Geometry { s, heading_rad, length_m, curve }),
-            false => {
-                let what = format!("<geometry> at s = {s} has a length of {length_m} m");
-                Err(RoadFault::of(id(road), what))
-            }
-        }
-    };
-    let Some(shape) =
-        node.children().find(|child| child.is_element() && !child.has_tag_name("userData"))
-    else {
-        return Err(RoadFault::of(id(road), "a <geometry> has no shape"));
-    };
-    let of = |name| number(road, shape, name);
+    let (s, heading_rad, length_m) = (at("s")?, at("hdg")?, at("length")?);
+    let [x, y] = [at("x")?, at("y")?];
+    if !(0.0..=MOST_PIECE_M).contains(&length_m) {
+        let what = format!("<geometry> at s = {s} has a length of {length_m} m");
+        return Err(RoadFault::of(id(road), what));
+    }
+    let shape = node.children().find(|child| child.is_element() && !child.has_tag_name("userData"));
+    let shape = shape.ok_or_else(|| RoadFault::of(id(road), "a <geometry> has no shape"))?;
+    let (curve, [u, v]) = curve(road, shape, length_m)?;
+    let (cos, sin) = (libm::cos(heading_rad), libm::sin(heading_rad));
+    let at = [x + cos * u - sin * v, y + sin * u + cos * v];
+    Ok(Geometry { s, at, heading_rad, length_m, curve })
+}
+
+/// A shape, and how far it begins from its piece's place, in that one's frame.
+fn curve(
+    road: Node<'_, '_>,
+    shape: Node<'_, '_>,
+    length_m: f64,
+) -> Result<(Curve, [f64; 2]), RoadFault> {
+    let of = |name: &str| number(road, shape, name);
     let three = |suffix: &str| -> Result<[f64; 3], RoadFault> {
-        let of = |letter: &str| number(road, shape, &format!("{letter}{suffix}"));
+        let of = |letter: &str| of(&format!("{letter}{suffix}"));
         Ok([of("b")?, of("c")?, of("d")?])
     };
+    let begins = |name| number_or_zero(road, shape, name);
     match shape.tag_name().name() {
-        "line" => geometry(Curve::Line),
-        "arc" => geometry(Curve::Spiral([of("curvature")?; 2])),
-        "spiral" => geometry(Curve::Spiral([of("curvStart")?, of("curvEnd")?])),
-        "poly3" => geometry(Curve::Poly3(three("")?)),
+        "line" => Ok((Curve::Line, [0.0; 2])),
+        "arc" => Ok((Curve::Spiral([of("curvature")?; 2]), [0.0; 2])),
+        "spiral" => Ok((Curve::Spiral([of("curvStart")?, of("curvEnd")?]), [0.0; 2])),
+        "poly3" => Ok((Curve::Poly3(three("")?), [0.0, begins("a")?])),
         "paramPoly3" => {
             let is_long = shape
                 .attribute("pRange")
                 .is_some_and(|range| range.eq_ignore_ascii_case("arcLength"));
-            let most = if is_long { at("length")? } else { 1.0 };
-            geometry(Curve::ParamPoly3 { u: three("U")?, v: three("V")?, most })
+            let most = if is_long { length_m } else { 1.0 };
+            let curve = Curve::ParamPoly3 { u: three("U")?, v: three("V")?, most };
+            Ok((curve, [begins("aU")?, begins("aV")?]))
         }
         other => {
             let what = format!(

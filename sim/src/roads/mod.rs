@@ -18,6 +18,7 @@
 mod document;
 mod drawn;
 mod fault;
+mod holes;
 mod network;
 mod plan;
 mod profile;

@@ -181,10 +181,9 @@ impl RoadNetwork {
     ///
     /// [`RoadFault`].
     pub fn parse(name: &str, text: &str) -> Result<Self, RoadFault> {
-        let profiles = document::profiles(text)?;
+        let (profiles, mut remarks) = document::profiles(text)?;
         let (source, found) = xodr::load_str_with_provenance(text)
             .map_err(|error| RoadFault::Format(shown(&error.to_string())))?;
-        let mut remarks = Vec::new();
         for warning in found.warnings.iter().filter(|warning| !warning.is_ignored()) {
             match breaks_a_road(warning) {
                 true => return Err(RoadFault::of(warning.road_id(), shown(&warning.to_string()))),

@@ -10,12 +10,24 @@ use std::collections::BTreeMap;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Cubic {
     pub(super) s: f64,
+    pub(super) a: f64,
     pub(super) b: f64,
     pub(super) c: f64,
     pub(super) d: f64,
 }
 
 impl Cubic {
+    /// The smallest value from its beginning to `length` metres on.
+    pub(super) fn least(&self, length: f64) -> f64 {
+        let Self { a, b, c, d, .. } = *self;
+        // Where the slope b + 2 c x + 3 d x² is none; of a parabola at x = -b / 2 c.
+        let root = (c * c - 3.0 * b * d).sqrt();
+        let level = [-0.5 * b / c, (-c - root) / (3.0 * d), (-c + root) / (3.0 * d)];
+        let within = level.into_iter().filter(|x| (0.0..=length).contains(x));
+        let values = within.chain([0.0, length]).map(|x| a + x * (b + x * (c + x * d)));
+        values.fold(f64::INFINITY, f64::min)
+    }
+
     fn slope(&self, s: f64) -> f64 {
         let x = s - self.s;
         self.b + x * (2.0 * self.c + x * 3.0 * self.d)
@@ -50,6 +62,8 @@ pub(super) enum Curve {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Geometry {
     pub(super) s: f64,
+    /// Where it begins, metres.
+    pub(super) at: [f64; 2],
     pub(super) heading_rad: f64,
     pub(super) length_m: f64,
     pub(super) curve: Curve,
@@ -70,6 +84,26 @@ impl Geometry {
         }
     }
 
+    /// Where it ends, metres.
+    pub(super) fn end(&self) -> [f64; 2] {
+        let (u, v) = match self.curve {
+            Curve::Line => (self.length_m, 0.0),
+            Curve::Spiral(bend) => spiral_end(bend, self.length_m),
+            Curve::Poly3(v) => {
+                let u = reach_of(v, self.length_m);
+                (u, value_of(v, u))
+            }
+            Curve::ParamPoly3 { u, v, most } => (value_of(u, most), value_of(v, most)),
+        };
+        let (cos, sin) = (libm::cos(self.heading_rad), libm::sin(self.heading_rad));
+        [self.at[0] + cos * u - sin * v, self.at[1] + sin * u + cos * v]
+    }
+
+    /// Its heading at its beginning and at its end, radians.
+    pub(super) fn ends_rad(&self) -> [f64; 2] {
+        [self.s, self.s + self.length_m].map(|s| self.heading(s))
+    }
+
     fn heading(&self, s: f64) -> f64 {
         let along = (s - self.s).clamp(0.0, self.length_m);
         self.heading_rad
@@ -85,6 +119,24 @@ impl Geometry {
                 }
             }
     }
+}
+
+fn value_of([b, c, d]: [f64; 3], x: f64) -> f64 {
+    x * (b + x * (c + x * d))
+}
+
+/// Where a piece ends whose curvature is linear, in the frame of its beginning: Simpson's rule over
+/// steps that turn by a quarter radian at most.
+fn spiral_end([from, to]: [f64; 2], length: f64) -> (f64, f64) {
+    let turn = from.abs().max(to.abs()) * length;
+    let steps = (4.0 * turn).ceil().clamp(2.0, 1e5) as u32;
+    let step = length / f64::from(steps);
+    let angle = |s: f64| s * (from + 0.5 * (to - from) * s / length);
+    (0..steps).fold((0.0, 0.0), |(u, v), k| {
+        let at = [0.0, 0.5, 1.0].map(|part| angle((f64::from(k) + part) * step));
+        let mean = |[a, b, c]: [f64; 3]| step * (a + 4.0 * b + c) / 6.0;
+        (u + mean(at.map(libm::cos)), v + mean(at.map(libm::sin)))
+    })
 }
 
 /// The u at which the curve v(u) is `along` metres long.
@@ -171,7 +223,7 @@ mod tests {
     use super::*;
 
     fn piece(curve: Curve) -> Geometry {
-        Geometry { s: 10.0, heading_rad: 0.5, length_m: 20.0, curve }
+        Geometry { s: 10.0, at: [0.0; 2], heading_rad: 0.5, length_m: 20.0, curve }
     }
 
     #[test]
@@ -193,6 +245,51 @@ mod tests {
         assert!((length - 20.0).abs() < 0.02, "{length}");
         let param = Curve::ParamPoly3 { u: [20.0, 0.0, 0.0], v: [0.0, 10.0, 0.0], most: 1.0 };
         assert!((piece(param).heading(30.0) - 0.5 - quarter).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_piece_ends_where_its_curve_does() {
+        let ends = |curve, [u, v]: [f64; 2]| {
+            let [x, y] = Geometry { heading_rad: 0.0, ..piece(curve) }.end();
+            assert!((x - u).abs() < 1e-3 && (y - v).abs() < 1e-3, "{curve:?}: {x} {y}");
+            let (cos, sin) = (libm::cos(0.5), libm::sin(0.5));
+            let [p, q] = Geometry { at: [3.0, 4.0], ..piece(curve) }.end();
+            let turned = [3.0 + cos * x - sin * y, 4.0 + sin * x + cos * y];
+            assert!((p - turned[0]).hypot(q - turned[1]) < 1e-9, "{curve:?}: {p} {q}");
+        };
+        ends(Curve::Line, [20.0, 0.0]);
+        // A circle of 10 m about (0, 10), after two radians; and 20 m of Euler's spiral to 1/10 m,
+        // whose C and S at √(2 / π) are 0.7217 and 0.2476 or so.
+        ends(Curve::Spiral([0.1; 2]), [10.0 * libm::sin(2.0), 10.0 - 10.0 * libm::cos(2.0)]);
+        let [c, s] = fresnel(1.0).map(|part| part * 20.0);
+        ends(Curve::Spiral([0.0, 0.1]), [c, s]);
+        ends(Curve::Poly3([1.0, 0.0, 0.0]), [20.0 / 2.0_f64.sqrt(); 2]);
+        let cubic = Curve::ParamPoly3 { u: [9.0, 1.0, 0.0], v: [0.0, 4.0, 2.0], most: 1.0 };
+        ends(cubic, [10.0, 6.0]);
+    }
+
+    /// ∫ cos, ∫ sin of a·t² over t from 0 to 1, by their series.
+    fn fresnel(a: f64) -> [f64; 2] {
+        let mut sums = [0.0; 2];
+        let mut term = 1.0;
+        for k in 0..30_u32 {
+            let sign = if k % 4 < 2 { 1.0 } else { -1.0 };
+            sums[(k % 2) as usize] += sign * term / f64::from(2 * k + 1);
+            term *= a / f64::from(k + 1);
+        }
+        sums
+    }
+
+    #[test]
+    fn the_least_of_a_cubic_is_at_an_end_or_where_it_is_level() {
+        let least = |a, b, c, d, length| Cubic { s: 7.0, a, b, c, d }.least(length);
+        assert_eq!(least(3.0, 0.0, 0.0, 0.0, 40.0), 3.0);
+        assert_eq!(least(3.0, -0.5, 0.0, 0.0, 8.0), -1.0);
+        assert_eq!(least(3.0, -4.0, 1.0, 0.0, 8.0), -1.0); // at 2
+        assert_eq!(least(3.0, -4.0, 1.0, 0.0, 1.0), 0.0);
+        // Up to 1, down to 3: x³ - 6 x² + 9 x.
+        assert_eq!(least(1.0, 9.0, -6.0, 1.0, 9.0), 1.0);
+        assert!((least(1.0, -9.0, 0.0, 3.0, 9.0) + 5.0).abs() < 1e-12); // at 1
     }
 
     #[test]

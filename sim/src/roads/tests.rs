@@ -23,6 +23,20 @@ fn road_of(plan: &str) -> String {
     )
 }
 
+/// Two straight pieces of 20 m each, the second where it is told.
+fn two_pieces(x: &str, y: &str, heading: &str) -> String {
+    format!(
+        r#"<geometry s="0" x="0" y="0" hdg="0" length="20"><line/></geometry>
+<geometry s="20" x="{x}" y="{y}" hdg="{heading}" length="20"><line/></geometry>"#
+    )
+}
+
+fn without_sections() -> String {
+    let text = straight();
+    let at = |part: &str| text.find(part).expect("it is there");
+    text[..at("<laneSection")].to_owned() + &text[at("</lanes>")..]
+}
+
 fn lanes(count: usize) -> String {
     (10..10 + count).map(|id| format!(r#"<lane id="{id}" type="driving"/>"#)).collect()
 }
@@ -75,6 +89,33 @@ fn a_piece_without_length_is_passed_over() {
     let network = parse(&road_of(pieces)).expect("a network");
     assert_eq!(network.remarks().len(), 1, "{:?}", network.remarks());
     assert!(network.waypoints(39.9).iter().all(|at| libm::sin(at.heading_rad).abs() < 1e-9));
+}
+
+#[test]
+fn pieces_meet_within_a_rounding_and_headings_may_go_round() {
+    let turned = two_pieces("20.3", "0.3", "-6.2"); // 4.8 degrees and a whole turn
+    assert!(parse(&road_of(&turned)).is_ok());
+    let taper = straight().replace("a=\"3\" b=\"0\"", "a=\"3\" b=\"-0.076\""); // to -4 cm
+    assert!(parse(&taper).is_ok());
+    // A piece of 1 cm between them heads elsewhere: there is no hole.
+    let short = r#"<geometry s="20" x="20" y="0" hdg="2" length="0.01"><line/></geometry>"#;
+    let rest = two_pieces("20.01", "0", "0").replace("s=\"20\"", "s=\"20.01\"");
+    assert!(parse(&road_of(&(rest + short))).is_ok());
+}
+
+#[test]
+fn links_that_lead_nowhere_are_remarks() {
+    let linked = |kind: &str| {
+        let link = r#"<link><predecessor elementType="road" elementId="7" contactPoint="end"/>
+<successor elementType="KIND" elementId="99" contactPoint="start"/></link><planView>"#;
+        straight().replace("<planView>", &link.replace("KIND", kind))
+    };
+    for kind in ["road", "junction"] {
+        let network = parse(&linked(kind)).expect("a network");
+        let said = format!("road 7: its successor is {kind} \"99\", which is not there");
+        let of_links = network.remarks().iter().filter(|remark| remark.contains("not there"));
+        assert_eq!(of_links.collect::<Vec<_>>(), [&said]);
+    }
 }
 
 #[test]
@@ -155,6 +196,48 @@ fn what_is_broken_is_refused_by_name() {
         (
             straight().replace("<lanes>", "<lanes><include file=\"/etc/passwd\"/>"),
             "line 4 includes \"/etc/passwd\", and no other file is read",
+        ),
+        (
+            road_of(&two_pieces("2000", "900", "1")),
+            "road 7: the <geometry> at s = 20 begins at (2000.00, 900.00), 2174.49 m from the end \
+             of the one before, expected (20.00, 0.00)",
+        ),
+        (
+            road_of(&two_pieces("20", "0.6", "0")),
+            "road 7: the <geometry> at s = 20 begins at (20.00, 0.60), 0.60 m from the end",
+        ),
+        (
+            road_of(&two_pieces("20", "0", "1")),
+            "road 7: the <geometry> at s = 20 heads 57.3° away from the end of the one before",
+        ),
+        (
+            road_of(&two_pieces("20", "0", "0").replace("s=\"20\"", "s=\"25\"")),
+            "road 7: the <geometry> at s = 0 ends at s = 20.000, but the next begins at s = 25",
+        ),
+        (
+            road_of(&line.replace("s=\"0\"", "s=\"5\"")),
+            "road 7: its first <geometry> begins at s = 5, expected 0",
+        ),
+        (
+            straight().replace("length=\"40\" id", "length=\"400\" id"),
+            "road 7: its length is 400 m, but its <planView> ends at s = 40.000",
+        ),
+        (
+            straight().replace("length=\"40\" id", "length=\"39\" id"),
+            "road 7: its length is 39 m, but its <planView> ends at s = 40.000",
+        ),
+        (without_sections(), "road 7: its <lanes> has no <laneSection>"),
+        (
+            straight().replace("<laneSection s=\"0\"", "<laneSection s=\"20\""),
+            "road 7: its first <laneSection> begins at s = 20, expected 0",
+        ),
+        (
+            straight().replace("a=\"3.5\"", "a=\"-3.5\""),
+            "road 7: lane -1 of the section at s = 0 has a width of -3.50 m, expected 0 or more",
+        ),
+        (
+            straight().replace("a=\"3\" b=\"0\"", "a=\"3\" b=\"-0.1\""),
+            "road 7: lane 1 of the section at s = 0 has a width of -1.00 m, expected 0 or more",
         ),
         (
             straight().replace(

@@ -1,0 +1,98 @@
+//! What would leave a hole in a road: pieces of its reference line that do not meet, a line shorter
+//! than the road, lanes that begin late or are of negative width.
+
+use std::f64::consts::PI;
+
+use super::fault::RoadFault;
+use super::profile::{Cubic, Geometry, Profile};
+
+/// A piece ends so near to the next one's beginning, metres, in place and along the road; so near is
+/// the road's length to its reference line's. In CARLA's Town01, Town07 and Town10HD places differ
+/// by 1.7 mm at most, lengths by 10⁻¹³ m.
+const MOST_APART_M: f64 = 0.5;
+/// A piece ends so near to the next one's heading, radians: 5°. In those towns 0.018° at most.
+const MOST_TURN_RAD: f64 = 5.0 * PI / 180.0;
+/// The heading of a piece shorter than this is not looked at, metres: editors leave such pieces, and
+/// no hole comes of them. Town07 has one of 10⁻⁷ m.
+const LEAST_PIECE_M: f64 = 0.1;
+/// So far below 0 a width may fall, metres: it is taken as 0 there. In those towns 10⁻¹⁴ m.
+const MOST_BELOW_M: f64 = 0.05;
+
+/// Refuses a road with a hole.
+pub(super) fn check(road: &Profile) -> Result<(), RoadFault> {
+    let found = plan(road).or_else(|| sections(road)).or_else(|| widths(road));
+    found.map_or(Ok(()), |what| Err(RoadFault::of(&road.id, what)))
+}
+
+fn plan(road: &Profile) -> Option<String> {
+    let (first, last) = (road.geometries.first()?, road.geometries.last()?);
+    if first.s.abs() > MOST_APART_M {
+        return Some(format!("its first <geometry> begins at s = {}, expected 0", first.s));
+    }
+    let pairs = road.geometries.iter().zip(road.geometries.iter().skip(1));
+    if let Some(found) = pairs.into_iter().find_map(|(piece, next)| joint(piece, next)) {
+        return Some(found);
+    }
+    let end_m = last.s + last.length_m;
+    ((end_m - road.length_m).abs() > MOST_APART_M).then(|| {
+        format!("its length is {} m, but its <planView> ends at s = {end_m:.3}", road.length_m)
+    })
+}
+
+/// What is wrong between a piece and the next.
+fn joint(piece: &Geometry, next: &Geometry) -> Option<String> {
+    let end_m = piece.s + piece.length_m;
+    if (end_m - next.s).abs() > MOST_APART_M {
+        return Some(format!(
+            "the <geometry> at s = {} ends at s = {end_m:.3}, but the next begins at s = {}",
+            piece.s, next.s
+        ));
+    }
+    let (from, to) = (piece.end(), next.at);
+    let apart_m = [0, 1].map(|i| (to[i] - from[i]).powi(2)).iter().sum::<f64>().sqrt();
+    if apart_m > MOST_APART_M {
+        return Some(format!(
+            "the <geometry> at s = {} begins at ({:.2}, {:.2}), {apart_m:.2} m from the end of the \
+             one before, expected ({:.2}, {:.2})",
+            next.s, to[0], to[1], from[0], from[1]
+        ));
+    }
+    let turn_rad = next.ends_rad()[0] - piece.ends_rad()[1];
+    let turn_rad = (turn_rad + PI).rem_euclid(2.0 * PI) - PI;
+    let is_long = piece.length_m.min(next.length_m) >= LEAST_PIECE_M;
+    (is_long && turn_rad.abs() > MOST_TURN_RAD).then(|| {
+        format!(
+            "the <geometry> at s = {} heads {:.1}° away from the end of the one before",
+            next.s,
+            turn_rad.abs().to_degrees()
+        )
+    })
+}
+
+fn sections(road: &Profile) -> Option<String> {
+    let first = road.sections.first()?;
+    (first.s > MOST_APART_M)
+        .then(|| format!("its first <laneSection> begins at s = {}, expected 0", first.s))
+}
+
+fn widths(road: &Profile) -> Option<String> {
+    road.sections.iter().enumerate().find_map(|(k, section)| {
+        let [first, last] = road.span(k);
+        let lanes = section.widths.iter().filter(|(lane, _)| **lane != 0);
+        lanes.into_iter().find_map(|(lane, records)| {
+            let ends = records.iter().skip(1).map(|next| next.s).chain([f64::INFINITY]);
+            let of_record = |(record, end): (&Cubic, f64)| {
+                let length_m = end.min(last - first) - record.s;
+                (length_m > 0.0).then(|| record.least(length_m))
+            };
+            let least_m = records.iter().zip(ends).filter_map(of_record).fold(0.0, f64::min);
+            (least_m < -MOST_BELOW_M).then(|| {
+                format!(
+                    "lane {lane} of the section at s = {} has a width of {least_m:.2} m, expected \
+                     0 or more",
+                    section.s
+                )
+            })
+        })
+    })
+}
