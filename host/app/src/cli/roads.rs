@@ -1,7 +1,7 @@
 //! `echoloop roads`.
 
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueHint};
 use echoloop_keys::{Kind, Must};
@@ -14,6 +14,9 @@ use super::number::{flag, read};
 use crate::experiment::files::Output;
 use crate::experiment::source::Source;
 
+/// From waypoint to waypoint, metres, where nothing is given.
+const STEP_M: f64 = 2.0;
+
 /// Flags of `roads`.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct RoadsArgs {
@@ -22,9 +25,9 @@ pub(crate) struct RoadsArgs {
     /// An OpenDRIVE file (.xodr), or the name of a town on roads, as town01 or old-town.
     #[arg(value_name = "TOWN|FILE", value_hint = ValueHint::FilePath)]
     source: String,
-    /// Metres from waypoint to waypoint, along each road.
-    #[arg(long, value_name = "METRES", default_value = "2", value_parser = step)]
-    step: f64,
+    /// Metres from waypoint to waypoint in the .csv, along each road; 2 where not given.
+    #[arg(long, value_name = "METRES", value_parser = step)]
+    step: Option<f64>,
     /// File to write: waypoints as .csv; of a town of ours its roads as .xodr.
     #[arg(short, long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     output: Option<PathBuf>,
@@ -34,27 +37,48 @@ fn step(text: &str) -> Result<f64, String> {
     read(&flag(Kind::Number, Must::between(0.1, 1000.0)), text)
 }
 
+/// What is written.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Written {
+    Waypoints,
+    Roads,
+}
+
+impl Written {
+    fn at(path: &Path) -> Result<Self, Failure> {
+        match path.extension().and_then(|end| end.to_str()) {
+            Some("csv") => Ok(Self::Waypoints),
+            Some("xodr") => Ok(Self::Roads),
+            _ => {
+                let what = "its name must end in .csv or .xodr";
+                Err(Failure::usage(format!("{}: {what}", path.display())))
+            }
+        }
+    }
+}
+
 pub(super) fn run(args: &RoadsArgs) -> Result<(), Failure> {
+    let written = args.output.as_deref().map(Written::at).transpose()?;
+    if args.step.is_some() && written != Some(Written::Waypoints) {
+        return Err(Failure::usage("--step is of waypoints: expected -o FILE.csv with it"));
+    }
     let output = args.output.as_deref().map(Output::at).transpose()?;
     let (network, drawn) = network(&args.source)?;
-    if let (Some(output), Some(path)) = (output, &args.output) {
-        let text = match path.extension().and_then(|end| end.to_str()) {
-            Some("csv") => waypoints(&network, args.step),
-            Some("xodr") => drawn.ok_or_else(|| {
+    if let (Some(output), Some(written), Some(path)) = (output, written, &args.output) {
+        let text = match written {
+            Written::Waypoints => waypoints(&network, args.step.unwrap_or(STEP_M)),
+            Written::Roads => drawn.ok_or_else(|| {
                 let of = "roads are written of old-town, garden-suburb and hillside";
                 Failure::usage(format!("{}: {of}; others have a file", path.display()))
             })?,
-            _ => {
-                let what = "its name must end in .csv or .xodr";
-                return Err(Failure::usage(format!("{}: {what}", path.display())));
-            }
         };
         output.write(text.as_bytes())?;
     }
-    match args.common.json {
-        true => exit::print(&(format!("{:#}", document(&network)) + "\n")),
-        false => exit::print(&told(&network)),
+    if args.common.json {
+        return exit::print(&exit::json(&document(&network))?);
     }
+    let wrote = args.output.iter().map(|path| format!("wrote {}\n", path.display()));
+    exit::print(&(told(&network) + &wrote.collect::<String>()))
 }
 
 /// The roads of a town or a file; of a town of ours their text, too.
