@@ -61,12 +61,36 @@ fn a_broken_network_is_refused_by_file_and_road_and_leaves_nothing() {
     fixture.refuses(&["roads", "rocky-valley"], &["rocky-valley", "no roads"]);
     fixture.refuses(&["roads", "yard.obj"], &["yard.obj", "no road network"]);
     fixture.refuses(&["roads", "old-town", "-o", "way.txt"], &["way.txt", ".csv or .xodr"]);
+    fixture.refuses(&["roads", "old-town", "--step", "5"], &["--step", "-o FILE.csv"]);
+    fixture.refuses(&["roads", "old-town", "--step", "5", "-o", "a.xodr"], &["--step", ".csv"]);
     fixture.write("good.xodr", STRAIGHT);
     fixture.refuses(&["roads", "good.xodr", "-o", "out.xodr"], &["out.xodr", "old-town"]);
     fixture.refuses(
         &["scan", "--scene", "good.xodr", "--set", "scene.dressing=wild"],
         &["scene.dressing", "structured, semi-structured"],
     );
+}
+
+#[test]
+fn roads_far_away_have_waypoints_and_no_town() {
+    let fixture = Fixture::new();
+    fixture.write("far.xodr", STRAIGHT.replace("x=\"0\"", "x=\"9000\""));
+    let said = fixture.succeed(&["roads", "far.xodr", "-o", "far.csv"]).stdout;
+    assert!(said.ends_with("\nwrote far.csv\n"), "{said}");
+    assert_eq!(fixture.read("far.csv").lines().count(), 21);
+    let expected = ["no town", "far.xodr", "road 7 reaches 9040 m", "5000 m"];
+    fixture.refuses(&["scan", "--scene", "far.xodr", "-o", "cloud.ply"], &expected);
+}
+
+#[test]
+fn a_link_to_a_road_that_is_not_there_is_a_remark() {
+    let fixture = Fixture::new();
+    let link =
+        r#"<link><successor elementType="road" elementId="99" contactPoint="start"/></link>"#;
+    fixture.write("link.xodr", STRAIGHT.replace("<planView>", &format!("{link}<planView>")));
+    let read = fixture.succeed(&["roads", "link.xodr", "--json"]).json();
+    let said = "road 7: its successor is road \"99\", which is not there";
+    assert_eq!(read["remarks"], serde_json::json!([said]));
 }
 
 #[test]

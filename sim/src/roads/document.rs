@@ -13,7 +13,7 @@ use super::profile::{Cubic, Curve, Geometry, Profile, Section};
 /// Bytes of a file at most. CARLA's towns have 1 to 20 MB.
 const MOST_BYTES: usize = 64 << 20;
 /// Length of all roads at most, km. CARLA's towns have 4 to 40.
-const MOST_KM: f64 = 150.0;
+const MOST_KM: f64 = 400.0;
 /// Length of a piece of a road at most, metres.
 const MOST_PIECE_M: f64 = 1e5;
 /// Length of all lanes at most, km.
@@ -30,6 +30,10 @@ const MOST_ATTRIBUTES: usize = 1000;
 /// Times that a file says `xmlns` at most: an element that declares a namespace has those of all
 /// elements around it copied.
 const MOST_NAMESPACES: usize = 100;
+
+/// Records of a list at most, as pieces of a reference line or lane sections of a road: they are gone
+/// through for each place. CARLA's towns have 100 and less.
+const MOST_RECORDS: usize = 10_000;
 
 /// Attributes that are numbers, wherever below a road they stand.
 const NUMBERS: &[&str] = &[
@@ -266,7 +270,7 @@ fn profile(road: Node<'_, '_>) -> Result<Profile, RoadFault> {
     let below = |path: &[&str]| path.iter().try_fold(road, |at, name| children(at, name).next());
     let plan =
         below(&["planView"]).ok_or_else(|| RoadFault::of(id(road), "it has no <planView>"))?;
-    let mut geometries = children(plan, "geometry")
+    let mut geometries = records(road, plan, "geometry")?
         .map(|node| geometry(road, node))
         .collect::<Result<Vec<_>, _>>()?;
     geometries.retain(|piece| piece.length_m > 0.0); // some exporters end a road with such a piece
@@ -275,7 +279,7 @@ fn profile(road: Node<'_, '_>) -> Result<Profile, RoadFault> {
     }
     geometries.sort_by(|a, b| a.s.total_cmp(&b.s));
     let lanes = below(&["lanes"]).ok_or_else(|| RoadFault::of(id(road), "it has no <lanes>"))?;
-    let mut sections = children(lanes, "laneSection")
+    let mut sections = records(road, lanes, "laneSection")?
         .map(|node| section(road, node))
         .collect::<Result<Vec<_>, _>>()?;
     if sections.is_empty() {
@@ -293,14 +297,29 @@ fn profile(road: Node<'_, '_>) -> Result<Profile, RoadFault> {
     })
 }
 
+/// The records of a list of a road.
+fn records<'a, 'b>(
+    road: Node<'a, 'b>,
+    list: Node<'a, 'b>,
+    name: &'static str,
+) -> Result<impl Iterator<Item = Node<'a, 'b>>, RoadFault> {
+    match children(list, name).nth(MOST_RECORDS) {
+        None => Ok(children(list, name)),
+        Some(_) => {
+            let what = format!("it has more than {MOST_RECORDS} <{name}> in a list");
+            Err(RoadFault::of(id(road), what))
+        }
+    }
+}
+
 fn cubics(
     road: Node<'_, '_>,
     list: Option<Node<'_, '_>>,
-    name: &str,
+    name: &'static str,
     start: &str,
 ) -> Result<Vec<Cubic>, RoadFault> {
-    let nodes = list.into_iter().flat_map(|list| children(list, name));
-    let read = nodes.map(|node| {
+    let Some(list) = list else { return Ok(Vec::new()) };
+    let read = records(road, list, name)?.map(|node| {
         let at = |name| number_or_zero(road, node, name);
         Ok(Cubic { s: at(start)?, a: at("a")?, b: at("b")?, c: at("c")?, d: at("d")? })
     });

@@ -10,8 +10,8 @@ use super::document;
 use super::fault::{RoadFault, RoadsError};
 use super::profile::Profile;
 
-/// A network reaches no farther from its origin, metres: as far as an imported place.
-const MOST_REACH_M: f64 = 5000.0;
+/// A network reaches no farther from its origin, metres: points of 32 bits are rounded by 2 mm there.
+const MOST_REACH_M: f64 = 50_000.0;
 
 /// What a lane is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -192,7 +192,7 @@ impl RoadNetwork {
         }
         let lanes = lanes(&source, &profiles)?;
         let length_m = profiles.iter().map(|profile| profile.length_m).sum();
-        Ok(Self {
+        let network = Self {
             name: name.to_owned(),
             lanes,
             paint: paint(&source),
@@ -202,6 +202,24 @@ impl RoadNetwork {
             length_m,
             source,
             profiles,
+        };
+        network.check_reach(MOST_REACH_M)?;
+        Ok(network)
+    }
+
+    /// Refuses a network that reaches farther than `most_m` from its origin.
+    ///
+    /// # Errors
+    ///
+    /// [`RoadFault::TooFar`].
+    pub fn check_reach(&self, most_m: f64) -> Result<(), RoadFault> {
+        self.lanes.iter().try_for_each(|lane| {
+            let numbers = lane.ribs.as_flattened().as_flattened().iter();
+            let reach_m = numbers.fold(0.0, |most: f64, x| most.max(x.abs()));
+            match reach_m <= most_m {
+                true => Ok(()),
+                false => Err(RoadFault::TooFar { road: shown(&lane.road), reach_m, most_m }),
+            }
         })
     }
 
@@ -311,7 +329,6 @@ fn lanes(source: &xodr::RoadNetwork, profiles: &[Profile]) -> Result<Vec<Lane>, 
         let corners = &mesh.vertices[span.vertices.start as usize..span.vertices.end as usize];
         let ribs: Vec<_> =
             corners.chunks_exact(2).map(|pair| [place(pair[0]), place(pair[1])]).collect();
-        check_reach(road.od_id(), &ribs)?;
         lanes.push(Lane {
             road: road.od_id().to_owned(),
             section: on.section,
@@ -338,14 +355,6 @@ fn link(source: &xodr::RoadNetwork, lanes: &mut [Lane]) {
     for lane in lanes {
         let next = source.successors(lane.key).filter_map(|next| index.get(&next.id).copied());
         lane.successors = next.collect();
-    }
-}
-
-fn check_reach(road: &str, ribs: &[[[f64; 3]; 2]]) -> Result<(), RoadFault> {
-    let reach_m = ribs.iter().flatten().flatten().fold(0.0, |most: f64, x| most.max(x.abs()));
-    match reach_m <= MOST_REACH_M {
-        true => Ok(()),
-        false => Err(RoadFault::TooFar { road: shown(road), reach_m, most_m: MOST_REACH_M }),
     }
 }
 

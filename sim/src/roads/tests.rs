@@ -104,6 +104,23 @@ fn pieces_meet_within_a_rounding_and_headings_may_go_round() {
 }
 
 #[test]
+fn places_of_a_network_lie_in_any_part_of_a_large_map() {
+    let line = r#"<geometry s="0" x="-9000" y="12000" hdg="0" length="40"><line/></geometry>"#;
+    let network = parse(&road_of(line)).expect("a network");
+    let ways = network.waypoints(10.0);
+    assert_eq!(ways.len(), 8);
+    for way in ways {
+        assert!((way.at[0] + 9000.0 - way.s_m).abs() < 1e-3, "{way:?}");
+    }
+    assert_eq!(network.check_reach(12_003.0), Ok(()));
+    let said = network.check_reach(12_002.0).expect_err("too far").to_string();
+    assert!(
+        said.starts_with("road 7 reaches 12003 m from the origin, more than 12002 m"),
+        "{said}"
+    );
+}
+
+#[test]
 fn links_that_lead_nowhere_are_remarks() {
     let linked = |kind: &str| {
         let link = r#"<link><predecessor elementType="road" elementId="7" contactPoint="end"/>
@@ -116,6 +133,28 @@ fn links_that_lead_nowhere_are_remarks() {
         let of_links = network.remarks().iter().filter(|remark| remark.contains("not there"));
         assert_eq!(of_links.collect::<Vec<_>>(), [&said]);
     }
+}
+
+#[test]
+fn sections_have_the_places_between_their_ends() {
+    let section = |s: f64| {
+        format!(
+            r#"<laneSection s="{s}"><center><lane id="0" type="none"/></center><right>
+<lane id="-1" type="driving"><width sOffset="0" a="3.5"/></lane></right></laneSection>"#
+        )
+    };
+    let text = without_sections();
+    let starts = [0.0, 7.5, 20.0, 20.4, 33.0];
+    let sections: String = starts.into_iter().map(section).collect();
+    let network = parse(&text.replace("</lanes>", &format!("{sections}</lanes>"))).expect("one");
+    let found = |step_m: f64| -> Vec<(i64, usize)> {
+        let ways = network.waypoints(step_m).into_iter();
+        ways.map(|at| ((at.s_m * 10.0).round() as i64, network.lanes()[at.lane].section)).collect()
+    };
+    let expected = [(0, 0), (50, 0), (100, 1), (150, 1), (200, 2), (250, 3), (300, 3), (350, 4)];
+    assert_eq!(found(5.0), expected);
+    assert_eq!(found(0.1).len(), 400);
+    assert_eq!(found(1000.0), [(0, 0)]);
 }
 
 #[test]
@@ -167,10 +206,10 @@ fn what_is_broken_is_refused_by_name() {
             road_of(&line.replace("<line/>", "<clothoid/>")),
             "road 7: a <geometry> has the shape <clothoid>",
         ),
-        (road_of(&far), "road 7 reaches 7000040 m from the origin, more than 5000 m"),
+        (road_of(&far), "road 7 reaches 7000040 m from the origin, more than 50000 m"),
         (
             straight().replace("length=\"40\" id", "length=\"5e5\" id"),
-            "it has 500 km of road, more than 150 km",
+            "it has 500 km of road, more than 400 km",
         ),
         (
             straight()
@@ -199,7 +238,7 @@ fn what_is_broken_is_refused_by_name() {
         ),
         (
             road_of(&two_pieces("2000", "900", "1")),
-            "road 7: the <geometry> at s = 20 begins at (2000.00, 900.00), 2174.49 m from the end \
+            "road 7: the <geometry> at s = 20 begins at (2000.00, 900.00), 2174.95 m from the end \
              of the one before, expected (20.00, 0.00)",
         ),
         (
@@ -225,6 +264,11 @@ fn what_is_broken_is_refused_by_name() {
         (
             straight().replace("length=\"40\" id", "length=\"39\" id"),
             "road 7: its length is 39 m, but its <planView> ends at s = 40.000",
+        ),
+        (
+            straight()
+                .replace("<lanes>", &format!("<lanes>{}", "<laneOffset s=\"0\"/>".repeat(10_001))),
+            "road 7: it has more than 10000 <laneOffset> in a list",
         ),
         (without_sections(), "road 7: its <lanes> has no <laneSection>"),
         (

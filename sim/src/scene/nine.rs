@@ -14,6 +14,9 @@ use crate::roads::{NetworkStyle, RoadFault, RoadNetwork, RoadsError, draw_networ
 /// A town on roads is no wider than this, metres: one scan sees 120 m.
 const MOST_SIDE_M: f64 = 2500.0;
 
+/// It reaches no farther from its origin, metres: as far as an imported place.
+const MOST_REACH_M: f64 = 5000.0;
+
 /// From place to place where a sensor may drive, metres.
 const ROAD_STEP_M: f64 = 1.0;
 
@@ -174,6 +177,14 @@ pub enum TownError {
     /// The road network cannot be read.
     #[error(transparent)]
     Roads(#[from] RoadsError),
+    /// The road network is larger than a town, or lies too far away.
+    #[error("no town is built on {}: {fault}", path.display())]
+    Unfit {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        fault: RoadFault,
+    },
     /// Unstructured country has no roads.
     #[error("a road network is dressed as structured or semi-structured, not as unstructured")]
     Dress,
@@ -197,7 +208,7 @@ pub fn build_town(town: Town, data: Option<&Path>) -> Result<Scene, TownError> {
             let found = town.file(data);
             let path = found.clone().filter(|path| path.is_file());
             let path = path.ok_or(TownError::NoFile { town, file, found })?;
-            of_roads(&load_network(&path)?)
+            of_roads(&load_fit(&path)?)
         }
     }
 }
@@ -208,18 +219,23 @@ pub fn build_town(town: Town, data: Option<&Path>) -> Result<Scene, TownError> {
 ///
 /// [`TownError`].
 pub fn load_town(path: &Path, dress: SceneKind, seed: u64) -> Result<Scene, TownError> {
+    let network = load_fit(path)?;
+    dressed(network.name.clone(), &network, dress, seed)
+}
+
+/// A network that a town can be built on.
+fn load_fit(path: &Path) -> Result<RoadNetwork, TownError> {
     let network = load_network(path)?;
     let (low, high) = network.bounds();
     let side_m = (0..2).map(|i| high[i] - low[i]).fold(0.0, f64::max);
-    if side_m > MOST_SIDE_M {
-        let what = format!(
-            "it is {side_m:.0} m wide, more than {MOST_SIDE_M:.0} m for a town: cut out a part"
-        );
-        return Err(
-            RoadsError::Malformed { path: path.into(), fault: RoadFault::Format(what) }.into()
-        );
-    }
-    dressed(network.name.clone(), &network, dress, seed)
+    let fault = match (network.check_reach(MOST_REACH_M), side_m <= MOST_SIDE_M) {
+        (Ok(()), true) => return Ok(network),
+        (Err(fault), _) => fault,
+        (_, false) => RoadFault::Format(format!(
+            "it is {side_m:.0} m wide, more than {MOST_SIDE_M:.0} m: cut out a part of it"
+        )),
+    };
+    Err(TownError::Unfit { path: path.into(), fault })
 }
 
 fn ours(town: Town, text: &str) -> Result<RoadNetwork, RoadsError> {
@@ -278,6 +294,30 @@ mod tests {
         assert!(said.contains("carla_xodr/Town01.xodr is not there"), "{said}");
     }
 
+    #[test]
+    fn a_town_is_built_on_no_more_than_a_town() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("roads.xodr");
+        let said = |[x, length]: [&str; 2]| {
+            let text = r#"<OpenDRIVE><road id="7" length="LONG"><planView>
+<geometry s="0" x="WEST" y="0" hdg="0" length="LONG"><line/></geometry></planView><lanes>
+<laneSection s="0"><right><lane id="-1" type="driving"><width sOffset="0" a="3"/></lane></right>
+</laneSection></lanes></road></OpenDRIVE>"#;
+            std::fs::write(&path, text.replace("WEST", x).replace("LONG", length)).expect("text");
+            assert!(load_network(&path).is_ok(), "{x} {length}");
+            let town = load_town(&path, SceneKind::Structured, 1);
+            town.map(|scene| scene.name).map_err(|error| error.to_string())
+        };
+        assert_eq!(said(["-100", "200"]), Ok("roads".to_owned()));
+        for (place, what) in [
+            (["6000", "200"], "road 7 reaches 6200 m from the origin, more than 5000 m"),
+            (["-1300", "2600"], "it is 2600 m wide, more than 2500 m"),
+        ] {
+            let said = said(place).expect_err(what);
+            assert!(said.contains("no town is built on") && said.contains(what), "{said}");
+        }
+    }
+
     fn pairs_are_found(town: Town, data: Option<&Path>, [train, test]: [usize; 2]) {
         let start = Instant::now();
         let scene = build_town(town, data).unwrap_or_else(|error| panic!("{error}"));
@@ -319,7 +359,7 @@ mod tests {
     }
 
     #[test]
-    fn towns_of_ours_are_the_same_bytes_on_every_machine() {
+    fn towns_of_ours_are_the_bytes_that_are_pinned() {
         let towns = [Town::OldTown, Town::Hillside, Town::ForestHills, Town::LakeShore];
         let found = towns.map(|town| fingerprint(&build_town(town, None).expect("ours").mesh));
         let pinned = [
