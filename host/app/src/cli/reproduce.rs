@@ -9,7 +9,7 @@ use std::sync::atomic::AtomicBool;
 use clap::{Args, ValueEnum};
 
 use super::common::{Common, on_threads};
-use super::exit::{Failure, print};
+use super::exit::{self, Failure, print};
 use super::interrupt::stop_on_interrupt;
 use super::number::{number_of, seed};
 use super::progress::Progress;
@@ -203,8 +203,8 @@ fn with_plain(folder: &Folder, cells: &[Cell]) -> Result<Vec<Cell>, Failure> {
 
 fn print_table(args: &ReproduceArgs, table: &Table, page: Option<&Path>) -> Result<(), Failure> {
     match args.format {
-        _ if args.common.json => print(&written::json(table)?),
-        Format::Json => print(&written::json(table)?),
+        _ if args.common.json => print(&exit::json(table)?),
+        Format::Json => print(&exit::json(table)?),
         Format::Csv => print(&written::csv(table)?),
         Format::Latex => print(&written::latex(table)),
         Format::Text => {

@@ -73,11 +73,6 @@ fn figures(row: &Row, beside: &dyn Fn(usize) -> Option<String>) -> Vec<String> {
     (0..FIGURES.len()).flat_map(both).collect()
 }
 
-/// One document.
-pub(super) fn json(table: &Table) -> Result<String, Failure> {
-    Ok(serde_json::to_string_pretty(table).map_err(Failure::run)? + "\n")
-}
-
 /// A line a cell; what is unknown is an empty field.
 pub(super) fn csv(table: &Table) -> Result<String, Failure> {
     let mut lines = csv::Writer::from_writer(Vec::new());
