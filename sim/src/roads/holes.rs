@@ -33,6 +33,13 @@ fn plan(road: &Profile) -> Option<String> {
     if let Some(found) = pairs.into_iter().find_map(|(piece, next)| joint(piece, next)) {
         return Some(found);
     }
+    let collapsed = |piece: &&Geometry| piece.drawn_m() < 0.5 * piece.length_m - MOST_APART_M;
+    if let Some(piece) = road.geometries.iter().find(collapsed) {
+        let (s, length_m, drawn_m) = (piece.s, piece.length_m, piece.drawn_m());
+        return Some(format!(
+            "the <geometry> at s = {s} has a length of {length_m} m, but its curve of {drawn_m:.2} m"
+        ));
+    }
     let end_m = last.s + last.length_m;
     ((end_m - road.length_m).abs() > MOST_APART_M).then(|| {
         format!("its length is {} m, but its <planView> ends at s = {end_m:.3}", road.length_m)

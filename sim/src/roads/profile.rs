@@ -99,6 +99,17 @@ impl Geometry {
         [self.at[0] + cos * u - sin * v, self.at[1] + sin * u + cos * v]
     }
 
+    /// How long a curve of its own parameter is, metres, roughly and never too much; others are as
+    /// long as they say.
+    pub(super) fn drawn_m(&self) -> f64 {
+        let Curve::ParamPoly3 { u, v, most } = self.curve else { return self.length_m };
+        let at = |k: u32| [u, v].map(|of| value_of(of, most * f64::from(k) / 16.0));
+        let chord = |[from, to]: [[f64; 2]; 2]| {
+            [0, 1].map(|i| (to[i] - from[i]).powi(2)).iter().sum::<f64>().sqrt()
+        };
+        (0..16).map(|k| chord([at(k), at(k + 1)])).sum()
+    }
+
     /// Its heading at its beginning and at its end, radians.
     pub(super) fn ends_rad(&self) -> [f64; 2] {
         [self.s, self.s + self.length_m].map(|s| self.heading(s))

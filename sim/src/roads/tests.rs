@@ -258,6 +258,13 @@ fn what_is_broken_is_refused_by_name() {
             "road 7: its first <geometry> begins at s = 5, expected 0",
         ),
         (
+            road_of(&line.replace(
+                "<line/>",
+                "<paramPoly3 bU=\"9\" cU=\"0\" dU=\"0\" bV=\"0\" cV=\"0\" dV=\"0\"/>",
+            )),
+            "road 7: the <geometry> at s = 0 has a length of 40 m, but its curve of 9.00 m",
+        ),
+        (
             straight().replace("length=\"40\" id", "length=\"400\" id"),
             "road 7: its length is 400 m, but its <planView> ends at s = 40.000",
         ),
