@@ -25,14 +25,14 @@ const MOST_ROUNDS: f64 = 100.0;
 const BYTES_A_MARK: usize = 8;
 /// Elements within elements at most. CARLA's towns have 8.
 const MOST_DEPTH: usize = 64;
-/// Attributes of an element at most: the reader of XML compares each with all others of its element.
+/// Attributes of an element at most: the reader of XML compares each with all others there.
 const MOST_ATTRIBUTES: usize = 1000;
 /// Times that a file says `xmlns` at most: an element that declares a namespace has those of all
 /// elements around it copied.
 const MOST_NAMESPACES: usize = 100;
 
-/// Records of a list at most, as pieces of a reference line or lane sections of a road: they are gone
-/// through for each place. CARLA's towns have 100 and less.
+/// Records of a list at most, as pieces of a reference line or lane sections of a road: they are
+/// gone through for each place. CARLA's towns have 100 and less.
 const MOST_RECORDS: usize = 10_000;
 
 /// Attributes that are numbers, wherever below a road they stand.

@@ -6,14 +6,14 @@ use std::f64::consts::PI;
 use super::fault::RoadFault;
 use super::profile::{Cubic, Geometry, Profile};
 
-/// A piece ends so near to the next one's beginning, metres, in place and along the road; so near is
-/// the road's length to its reference line's. In CARLA's Town01, Town07 and Town10HD places differ
+/// A piece ends so near to the next one's beginning, metres, in place and along the road; so near
+/// is the road's length to its reference line's. In CARLA's Town01, Town07 and Town10HD places differ
 /// by 1.7 mm at most, lengths by 10⁻¹³ m.
 const MOST_APART_M: f64 = 0.5;
 /// A piece ends so near to the next one's heading, radians: 5°. In those towns 0.018° at most.
 const MOST_TURN_RAD: f64 = 5.0 * PI / 180.0;
-/// The heading of a piece shorter than this is not looked at, metres: editors leave such pieces, and
-/// no hole comes of them. Town07 has one of 10⁻⁷ m.
+/// The heading of a piece shorter than this is not looked at, metres: editors leave such pieces,
+/// and no hole comes of them. Town07 has one of 10⁻⁷ m.
 const LEAST_PIECE_M: f64 = 0.1;
 /// So far below 0 a width may fall, metres: it is taken as 0 there. In those towns 10⁻¹⁴ m.
 const MOST_BELOW_M: f64 = 0.05;
