@@ -7,8 +7,8 @@ use super::fault::RoadFault;
 use super::profile::{Cubic, Geometry, Profile};
 
 /// A piece ends so near to the next one's beginning, metres, in place and along the road; so near
-/// is the road's length to its reference line's. In CARLA's Town01, Town07 and Town10HD places differ
-/// by 1.7 mm at most, lengths by 10⁻¹³ m.
+/// is the road's length to its reference line's. In CARLA's Town01, Town07 and Town10HD places
+/// differ by 1.7 mm at most, lengths by 10⁻¹³ m.
 const MOST_APART_M: f64 = 0.5;
 /// A piece ends so near to the next one's heading, radians: 5°. In those towns 0.018° at most.
 const MOST_TURN_RAD: f64 = 5.0 * PI / 180.0;
@@ -37,7 +37,8 @@ fn plan(road: &Profile) -> Option<String> {
     if let Some(piece) = road.geometries.iter().find(collapsed) {
         let (s, length_m, drawn_m) = (piece.s, piece.length_m, piece.drawn_m());
         return Some(format!(
-            "the <geometry> at s = {s} has a length of {length_m} m, but its curve of {drawn_m:.2} m"
+            "the <geometry> at s = {s} has a length of {length_m} m, but its curve of \
+             {drawn_m:.2} m"
         ));
     }
     let end_m = last.s + last.length_m;

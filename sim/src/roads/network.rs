@@ -10,7 +10,8 @@ use super::document;
 use super::fault::{RoadFault, RoadsError};
 use super::profile::Profile;
 
-/// A network reaches no farther from its origin, metres: points of 32 bits are rounded by 2 mm there.
+/// A network reaches no farther from its origin, metres: there points of 32 bits are rounded by
+/// 2 mm.
 const MOST_REACH_M: f64 = 50_000.0;
 
 /// What a lane is for.
