@@ -25,8 +25,8 @@ section! {
             "How hard pairs are made: each step doubles `baseline_m` and `heading_range_deg` (up \
              to 180).";
         interval_s: f64, "s", Must::between(0.0, 60.0),
-            "Time from the first scan of a pair to the second: vehicles on the roads of towns drive \
-             on, 5 to 10 m/s, 20 m at most.";
+            "Time from the first scan of a pair to the second: vehicles on the roads of towns \
+             drive on, 5 to 10 m/s, 20 m at most.";
         least_overlap: f64, "of 1", Must::between(0.0, 1.0),
             "Share of what either scan of a pair sees that the other sees, too, at least; pairs \
              that share less are drawn again.";
