@@ -103,6 +103,17 @@ impl Scene {
         let (name, materials) = (name.into(), MATERIALS.to_vec());
         Self { name, mesh, materials, area, roads: Vec::new(), movers: Vec::new() }
     }
+
+    /// Its surfaces so many seconds later; none where nothing moves.
+    #[must_use]
+    pub fn mesh_after(&self, seconds: f64) -> Option<Mesh> {
+        if self.movers.is_empty() || seconds <= 0.0 {
+            return None;
+        }
+        let mut mesh = self.mesh.clone();
+        self.movers.iter().for_each(|mover| mover.drive(&mut mesh, seconds));
+        Some(mesh)
+    }
 }
 
 #[cfg(test)]
@@ -165,5 +176,26 @@ mod tests {
         }
         let error = "urban".parse::<SceneKind>().expect_err("not a kind");
         assert!(error.to_string().contains("`urban`"));
+    }
+
+    #[test]
+    fn the_corners_of_a_vehicle_go_with_it_and_all_others_stay() {
+        let at = |x: f64, y: f64, heading_rad| Placement { at: [x, y, 0.5], heading_rad };
+        let quarter = std::f64::consts::FRAC_PI_2;
+        let way = vec![at(0.0, 0.0, 0.0), at(1.0, 0.0, 0.0), at(2.0, 1.0, quarter)];
+        let mover = Mover { vertices: 1..2, speed_m_s: 2.0, way };
+        let vertices = vec![[7.0; 3], [1.0, 0.0, 1.0], [8.0; 3]];
+        let mesh = Mesh { vertices, triangles: vec![[0, 1, 2]], materials: vec![0] };
+        let area = ([0.0; 2], [1.0; 2]);
+        let still = Scene::new("one", mesh, area);
+        assert_eq!(still.mesh_after(9.0), None);
+        let scene = Scene { movers: vec![mover], ..still };
+        assert_eq!(scene.mesh_after(0.0), None);
+        let later = scene.mesh_after(9.0).expect("it moved");
+        assert_eq!((later.vertices[0], later.vertices[2]), ([7.0; 3], [8.0; 3]));
+        // A metre ahead of its middle and half a metre above: the middle has gone to (2, 1).
+        let off =
+            [2.0, 2.0, 1.0].iter().zip(later.vertices[1]).map(|(a, b): (&f32, f32)| (a - b).abs());
+        assert!(off.fold(0.0, f32::max) < 1e-6, "{:?}", later.vertices[1]);
     }
 }

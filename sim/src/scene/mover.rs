@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::{Mesh, Scene};
+use super::mesh::Mesh;
 
 /// From place to place of a way, metres.
 pub(crate) const STEP_M: f64 = 1.0;
@@ -43,7 +43,7 @@ impl Mover {
         })
     }
 
-    fn drive(&self, mesh: &mut Mesh, seconds: f64) {
+    pub(super) fn drive(&self, mesh: &mut Mesh, seconds: f64) {
         let (Some(from), Some(to)) = (self.way.first(), self.after(seconds)) else { return };
         let turn = to.heading_rad - from.heading_rad;
         let (sin, cos) = (libm::sin(turn), libm::cos(turn));
@@ -58,19 +58,6 @@ impl Mover {
 /// The same angle between −π and π.
 fn turned(angle_rad: f64) -> f64 {
     libm::atan2(libm::sin(angle_rad), libm::cos(angle_rad))
-}
-
-impl Scene {
-    /// Its surfaces so many seconds later; none where nothing moves.
-    #[must_use]
-    pub fn mesh_after(&self, seconds: f64) -> Option<Mesh> {
-        if self.movers.is_empty() || seconds <= 0.0 {
-            return None;
-        }
-        let mut mesh = self.mesh.clone();
-        self.movers.iter().for_each(|mover| mover.drive(&mut mesh, seconds));
-        Some(mesh)
-    }
 }
 
 #[cfg(test)]
@@ -101,22 +88,5 @@ mod tests {
         let mover = Mover { vertices: 0..0, speed_m_s: 1.0, way: way.to_vec() };
         let half = mover.after(0.5).expect("a place").heading_rad;
         assert!((half - PI).abs() < 1e-12, "{half}");
-    }
-
-    #[test]
-    fn its_corners_go_with_it_and_all_others_stay() {
-        let vertices = vec![[7.0; 3], [1.0, 0.0, 1.0], [8.0; 3]];
-        let mesh = Mesh { vertices, triangles: vec![[0, 1, 2]], materials: vec![0] };
-        let area = ([0.0; 2], [1.0; 2]);
-        let still = Scene::new("one", mesh, area);
-        assert_eq!(still.mesh_after(9.0), None);
-        let scene = Scene { movers: vec![mover()], ..still };
-        assert_eq!(scene.mesh_after(0.0), None);
-        let later = scene.mesh_after(9.0).expect("it moved");
-        assert_eq!((later.vertices[0], later.vertices[2]), ([7.0; 3], [8.0; 3]));
-        // A metre ahead of its middle and half a metre above: the middle has gone to (2, 1).
-        let off =
-            [2.0, 2.0, 1.0].iter().zip(later.vertices[1]).map(|(a, b): (&f32, f32)| (a - b).abs());
-        assert!(off.fold(0.0, f32::max) < 1e-6, "{:?}", later.vertices[1]);
     }
 }
