@@ -38,7 +38,10 @@ pub(crate) struct DifficultyArgs {
     )]
     recall: Vec<f64>,
     /// Pairs that each difficulty is judged on, and as many others in the end.
-    #[arg(long, value_name = "N", default_value_t = 100, value_parser = number_of::<usize>("data.test_pairs"))]
+    #[arg(
+        long, value_name = "N", default_value_t = 100,
+        value_parser = number_of::<usize>("data.test_pairs")
+    )]
     pairs: usize,
 }
 

@@ -88,8 +88,8 @@ impl Source {
         self.files().into_iter().next()
     }
 
-    /// What the pairs are shared out among, as seeds: `towns` of what is made from them, the numbers
-    /// of the towns of a kind; else there is one.
+    /// What the pairs are shared out among, as seeds: `towns` of what is made from them, the
+    /// numbers of the towns of a kind; else there is one.
     pub fn seeds(&self, towns: &[u64]) -> Vec<u64> {
         match self {
             Self::Kind(_) => towns.to_vec(),

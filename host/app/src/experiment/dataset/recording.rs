@@ -7,8 +7,8 @@
 //! ```
 //!
 //! Each point is a beam of its own, so that beams differ from scan to scan; beams of the sensor
-//! that are left see nothing. The beginning of the way is tuned on; of the rest that is judged on which lies
-//! apart from it, so that a way that comes back is not judged where it was tuned.
+//! that are left see nothing. The beginning of the way is tuned on; of the rest that is judged on
+//! which lies apart from it, so that a way that comes back is not judged where it was tuned.
 
 mod poses;
 

@@ -5,10 +5,11 @@
 //! ```
 //!
 //! Little endian. The header has the configuration that the pairs were traced with, checksums of
-//! the files of their scene, and of each pair its place, poses and how many returns there are. The body has the scans, first and second
-//! of each pair to tune on and then of each to judge on: a count of returns a beam (u16), then all
-//! ranges, then all strengths (f32), of each four bytes the first of all numbers, then the second
-//! of all, and so on: exponents are much alike, and pack better side by side.
+//! the files of their scene, and of each pair its place, poses and how many returns there are. The
+//! body has the scans, first and second of each pair to tune on and then of each to judge on: a
+//! count of returns a beam (u16), then all ranges, then all strengths (f32), of each four bytes the
+//! first of all numbers, then the second of all, and so on: exponents are much alike, and pack
+//! better side by side.
 
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
