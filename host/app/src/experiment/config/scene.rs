@@ -25,7 +25,8 @@ section! {
             "What is scanned: a kind of small town that is generated; `town01`, `town10hd`, \
              `old-town`, `town07`, `garden-suburb`, `hillside`, `forest-hills`, `rocky-valley` or \
              `lake-shore`, or the three of a kind as `structured-towns`; the roads of an \
-             OpenDRIVE file (`.xodr`); or a mesh: PLY, OBJ, glTF or STL, metres, z up; or a folder of recorded scans.";
+             OpenDRIVE file (`.xodr`); or a mesh: PLY, OBJ, glTF or STL, metres, z up; or a folder \
+             of recorded scans.";
         towns: Vec<u64>, "", Must::count(1.0, 100.0, "seeds"),
             "Seeds of the generated towns, and of what stands on the roads of a file; the pairs \
              are shared out among them. There are no more towns than `train_pairs` or \
