@@ -5,6 +5,7 @@ use serde::Serialize;
 use super::axes::{Scene, TableMethod};
 use super::cell::Cell;
 use super::folder::{Folder, FolderError};
+use super::paired::{Paired, paired};
 use super::paper::{PaperFigures, paper};
 use super::plan::Plan;
 use super::record::Record;
@@ -24,6 +25,8 @@ pub struct Table {
     pub rows: Vec<Row>,
     /// Where joint tuning stands, for each method, kind, range and strategy.
     pub joint: Vec<Verdict>,
+    /// Joint tuning beside each other protocol, on the pairs that both find.
+    pub paired: Vec<Paired>,
 }
 
 /// A cell of the table.
@@ -89,10 +92,14 @@ impl Table {
     ///
     /// [`FolderError`] of a record that cannot be read.
     pub fn new(folder: &Folder, cells: &[Cell]) -> Result<Self, FolderError> {
-        let rows = cells.iter().map(|cell| row(folder, cell)).collect::<Result<Vec<_>, _>>()?;
+        let records = cells.iter().map(|cell| folder.record(cell));
+        let records = records.collect::<Result<Vec<_>, _>>()?;
+        let paired = paired(&records.iter().flatten().collect::<Vec<_>>());
+        let rows = cells.iter().zip(records).map(|(cell, record)| row(folder, cell, record));
+        let rows = rows.collect::<Result<Vec<_>, _>>()?;
         let joint = cells.iter().filter(|cell| cell.protocol == Protocol::Joint);
         let joint = joint.map(|cell| verdict(cell, &rows)).collect();
-        Ok(Self { format: 1, plan: folder.plan.clone(), rows, joint })
+        Ok(Self { format: 1, plan: folder.plan.clone(), rows, joint, paired })
     }
 
     /// The row of a cell.
@@ -152,8 +159,7 @@ impl Table {
     }
 }
 
-fn row(folder: &Folder, cell: &Cell) -> Result<Row, FolderError> {
-    let record = folder.record(cell)?;
+fn row(folder: &Folder, cell: &Cell, record: Option<Record>) -> Result<Row, FolderError> {
     let error = if record.is_some() { None } else { folder.failure(cell)? };
     Ok(Row {
         cell: *cell,

@@ -2,6 +2,7 @@
 
 use super::axes::name_of;
 use super::cell::Cell;
+use super::paired::Paired;
 use super::paper::PaperFigures;
 use super::table::{Row, Table, Verdict};
 use crate::experiment::gain::{Estimate, Figures};
@@ -156,7 +157,38 @@ pub fn remarks(table: &Table) -> Vec<String> {
             .to_owned(),
     );
     said.extend(verdicts(table));
+    said.extend(paired(table));
     said
+}
+
+/// Joint tuning beside registration's alone on the pairs that both find, a sentence a search.
+fn paired(table: &Table) -> Vec<String> {
+    let sentence = |(ranges, strategy): (Preset, Option<Strategy>)| {
+        let is_of = |paired: &&Paired| {
+            let cell = paired.cell;
+            (cell.ranges, cell.strategy, cell.ablation) == (ranges, strategy, None)
+                && paired.other.protocol == Protocol::Registration
+        };
+        let each: Vec<String> = table.paired.iter().filter(is_of).filter_map(beside).collect();
+        (!each.is_empty()).then(|| {
+            format!(
+                "On the pairs that both find, with {}, both together err so many times as much as \
+                 registration alone (RTE, geometric mean): {}.",
+                search(ranges, strategy),
+                each.join("; ")
+            )
+        })
+    };
+    table.searches().into_iter().filter_map(sentence).collect()
+}
+
+fn beside(paired: &Paired) -> Option<String> {
+    let Estimate { value, interval: [low, high] } = paired.translation_ratio?;
+    let (method, scene) = (paired.cell.method.title(), name_of(paired.cell.scene));
+    Some(format!(
+        "{method} {scene} {value:.2} ({low:.2} to {high:.2}; {} of both, {} gained, {} lost)",
+        paired.both, paired.gained, paired.lost
+    ))
 }
 
 /// Where joint tuning is best or holds the best within its interval, a sentence a search.

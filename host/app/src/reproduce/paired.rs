@@ -1,0 +1,163 @@
+//! Two protocols on the same held-out pairs.
+//!
+//! Means over successes are of other pairs where recall differs, and who finds more finds harder
+//! ones. So errors are compared on the pairs that both find, and what only one finds is counted.
+
+use serde::Serialize;
+
+use super::cell::Cell;
+use super::record::Record;
+use crate::experiment::compare::bootstrap;
+use crate::experiment::evaluate::succeeds;
+use crate::experiment::gain::Estimate;
+use crate::experiment::objective::PairError;
+use crate::experiment::preset::Protocol;
+
+/// No error counts for less in a ratio, m: a tenth of a millimetre.
+const LEAST_M: f64 = 1e-4;
+
+/// Joint tuning beside another protocol of the same method, kind, range and strategy.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Paired {
+    /// The cell of joint tuning.
+    pub cell: Cell,
+    /// The other.
+    pub other: Cell,
+    /// Pairs that both find.
+    pub both: usize,
+    /// Pairs that joint tuning alone finds.
+    pub gained: usize,
+    /// Pairs that the other alone finds.
+    pub lost: usize,
+    /// e_t of joint tuning over the other's on the pairs that both find: the geometric mean, with
+    /// its 95 % interval by bootstrap over pairs. Below 1 is better.
+    pub translation_ratio: Option<Estimate>,
+}
+
+/// Every cell of joint tuning beside each other protocol that is done on the same pairs.
+pub(super) fn paired(records: &[&Record]) -> Vec<Paired> {
+    let joint = records.iter().filter(|record| record.cell.protocol == Protocol::Joint);
+    joint
+        .flat_map(|joint| {
+            let cell = joint.cell;
+            let others = [
+                cell.untuned(),
+                Cell { protocol: Protocol::Lidar, ..cell },
+                Cell { protocol: Protocol::Registration, ..cell },
+            ];
+            let of = |other: &Cell| records.iter().find(|record| record.cell == *other);
+            let found: Vec<&Record> = others.iter().filter_map(of).copied().collect();
+            found.into_iter().filter_map(move |other| beside(joint, other))
+        })
+        .collect()
+}
+
+/// A folder's cells of a kind and a method are judged on the same pairs; none where they are not as
+/// many, as in a folder that somebody else filled.
+fn beside(joint: &Record, other: &Record) -> Option<Paired> {
+    let (own, theirs) = (&joint.summary.errors, &other.summary.errors);
+    if own.len() != theirs.len() {
+        return None;
+    }
+    let found = |error: &PairError| succeeds(error, &joint.data);
+    let count = |wanted: (bool, bool)| {
+        own.iter().zip(theirs).filter(|(a, b)| (found(a), found(b)) == wanted).count()
+    };
+    let ratios: Vec<f64> = own
+        .iter()
+        .zip(theirs)
+        .filter(|(a, b)| found(a) && found(b))
+        .map(|(a, b)| {
+            libm::log(a.translation_m.max(LEAST_M)) - libm::log(b.translation_m.max(LEAST_M))
+        })
+        .collect();
+    let mean = |drawn: &[usize]| {
+        libm::exp(drawn.iter().map(|&i| ratios[i]).sum::<f64>() / drawn.len() as f64)
+    };
+    let translation_ratio = (!ratios.is_empty()).then(|| Estimate {
+        value: mean(&(0..ratios.len()).collect::<Vec<_>>()),
+        interval: bootstrap(ratios.len(), &mean),
+    });
+    Some(Paired {
+        cell: joint.cell,
+        other: other.cell,
+        both: ratios.len(),
+        gained: count((true, false)),
+        lost: count((false, true)),
+        translation_ratio,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiment::config::DataConfig;
+    use crate::experiment::content::Content;
+    use crate::experiment::evaluate::Summary;
+    use crate::experiment::params::Values;
+    use crate::experiment::preset::{Preset, Strategy};
+    use crate::reproduce::{Scene, TableMethod};
+
+    fn record(protocol: Protocol, errors_m: &[f64]) -> Record {
+        let error = |(pair, &translation_m): (usize, &f64)| PairError {
+            pair,
+            translation_m,
+            rotation_deg: 0.0,
+            frobenius: translation_m,
+            points: [100, 100],
+            stop: String::new(),
+            iterations: 1,
+        };
+        let data = DataConfig::default();
+        let errors = errors_m.iter().enumerate().map(error).collect();
+        Record {
+            format: Record::FORMAT,
+            cell: Cell {
+                ablation: None,
+                ranges: Preset::Outdoor,
+                strategy: (protocol != Protocol::Default).then_some(Strategy::Fast),
+                protocol,
+                method: TableMethod::Icp,
+                scene: Scene::Structured,
+            },
+            seed: 1,
+            version: String::new(),
+            build: None,
+            configuration: String::new(),
+            content: Content::default(),
+            origin: String::new(),
+            generations: 0,
+            registrations: 0,
+            parameters: Values::default(),
+            data,
+            summary: Summary::from_errors(errors, &data),
+        }
+    }
+
+    #[test]
+    fn only_pairs_that_both_find_are_compared_and_what_one_finds_is_counted() {
+        let joint = record(Protocol::Joint, &[0.01, 0.02, 0.40, 9.0]);
+        let registration = record(Protocol::Registration, &[0.02, 0.04, 9.0, 0.01]);
+        let start = record(Protocol::Default, &[0.01, 0.02, 9.0, 9.0]);
+        let found = paired(&[&start, &registration, &joint]);
+        let others: Vec<Protocol> = found.iter().map(|paired| paired.other.protocol).collect();
+        assert_eq!(others, [Protocol::Default, Protocol::Registration]);
+        let [to_start, to_registration] = &found[..] else { panic!("{found:?}") };
+        let counts = |paired: &Paired| (paired.both, paired.gained, paired.lost);
+        assert_eq!((counts(to_start), counts(to_registration)), ((2, 1, 0), (2, 1, 1)));
+        let ratio = |paired: &Paired| paired.translation_ratio.unwrap().value;
+        assert!((ratio(to_registration) - 0.5).abs() < 1e-12);
+        assert!((ratio(to_start) - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn where_no_pair_is_found_by_both_there_is_no_ratio_and_other_pairs_are_not_compared() {
+        let joint = record(Protocol::Joint, &[9.0, 0.02]);
+        let lidar = record(Protocol::Lidar, &[0.02, 9.0]);
+        let found = paired(&[&lidar, &joint]);
+        assert_eq!(found[0].translation_ratio, None);
+        assert_eq!((found[0].both, found[0].gained, found[0].lost), (0, 1, 1));
+        let fewer = record(Protocol::Lidar, &[0.02]);
+        assert_eq!(paired(&[&fewer, &joint]), []);
+    }
+}
