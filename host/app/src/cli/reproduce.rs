@@ -17,8 +17,10 @@ use super::report::is_standard_output;
 use crate::experiment::config::{Override, default_runs_folder};
 use crate::experiment::files::Output;
 use crate::experiment::preset::{Preset, Protocol, Strategy};
+use crate::experiment::tune::Observer;
 use crate::reproduce::{
-    Ablation, Asked, Base, Cell, Folder, FolderError, Plan, Scene, Table, TableMethod, page,
+    Ablation, Asked, Base, Cell, Folder, FolderError, Plan, RealPair, RealRow, Scene, Table,
+    TableMethod, judge_real, page, read_real_pairs,
 };
 use crate::said::say;
 use runner::Runner;
@@ -70,6 +72,13 @@ pub(crate) struct ReproduceArgs {
     /// Folder of the cells [default: runs/reproduce; with --quick runs/reproduce-quick].
     #[arg(long, value_name = "FOLDER")]
     runs: Option<PathBuf>,
+    /// A list of pairs of real clouds with their true motions: a second table, of what was tuned
+    /// on them.
+    #[arg(long, value_name = "LIST")]
+    real: Option<PathBuf>,
+    /// Where the list's relative paths begin [default: the list's folder].
+    #[arg(long, value_name = "FOLDER", requires = "real")]
+    real_data: Option<PathBuf>,
     /// How the table is printed.
     #[arg(long, value_enum, default_value_t = Format::Text, conflicts_with = "json")]
     format: Format,
@@ -149,6 +158,7 @@ impl From<FolderError> for Failure {
 pub(super) fn run(args: &ReproduceArgs) -> Result<(), Failure> {
     let (base, cells) = (args.base()?, args.asked().cells());
     let plan = Plan::new(&base.config().map_err(Failure::usage)?, args.quick);
+    let real = args.real.as_deref().map(|list| real_pairs(args, list)).transpose()?;
     let output = args.output.as_deref().filter(|path| !is_standard_output(path));
     let output = output.map(Output::at).transpose()?;
     let folder = match args.table {
@@ -162,7 +172,11 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<(), Failure> {
             on_threads(args.common.threads, || run_cells(args, &base, &folder, &cells, &stop))?
         }
     };
-    let table = Table::new(&folder, &with_plain(&folder, &cells)?)?;
+    let mut table = Table::new(&folder, &with_plain(&folder, &cells)?)?;
+    if let Some(pairs) = &real {
+        let judged = || on_real_clouds(args, &base, &folder, &cells, pairs);
+        table.real = on_threads(args.common.threads, judged)??;
+    }
     let html = page(&table).to_html();
     let written = match args.table {
         true => None,
@@ -188,6 +202,27 @@ fn run_cells(
     let ended = Runner::new(base, folder, &progress, stop)?.run(cells);
     progress.end();
     ended
+}
+
+/// The pairs of a list, before anything is run.
+fn real_pairs(args: &ReproduceArgs, list: &Path) -> Result<Vec<RealPair>, Failure> {
+    let own = list.parent().unwrap_or(Path::new(""));
+    let folder = args.real_data.as_deref().unwrap_or(own);
+    read_real_pairs(list, folder).map_err(Failure::usage)
+}
+
+fn on_real_clouds(
+    args: &ReproduceArgs,
+    base: &Base,
+    folder: &Folder,
+    cells: &[Cell],
+    pairs: &[RealPair],
+) -> Result<Vec<RealRow>, Failure> {
+    let progress = Progress::new(args.common.quiet);
+    let begun = |registrations| progress.begin("real clouds", registrations as u64);
+    let rows = judge_real(pairs, base, folder, cells, &begun, &|| progress.evaluated());
+    progress.end();
+    rows.map_err(Failure::usage)
 }
 
 /// The cells, and of those with a switch the same without it, where they are done.

@@ -3,7 +3,7 @@
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
-use crate::experiment::config::Override;
+use crate::experiment::config::{FgrMode, Method, Override};
 
 /// A method of the table. FGR has two rows: what Open3D runs is not what was published.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
@@ -29,6 +29,16 @@ impl TableMethod {
             Self::FgrOpen3d => "FGR (Open3D)",
             Self::Fgr => "FGR (published)",
             Self::Mac => "MAC",
+        }
+    }
+
+    /// The method, and FGR's mode, which is not looked at of others.
+    pub(super) fn method(self) -> (Method, FgrMode) {
+        match self {
+            Self::Icp => (Method::Icp, FgrMode::default()),
+            Self::FgrOpen3d => (Method::Fgr, FgrMode::Open3d),
+            Self::Fgr => (Method::Fgr, FgrMode::Annealed),
+            Self::Mac => (Method::Mac, FgrMode::default()),
         }
     }
 

@@ -4,6 +4,7 @@
 //! 2. [`Folder`] keeps a [`Record`] for each cell that is done, and says where its search goes on.
 //! 3. [`Table::new`] puts records beside the paper's numbers, with intervals and verdicts.
 //! 4. [`page`] is the table to look at.
+//! 5. [`judge_real`] takes what was tuned to clouds that nobody simulated.
 //!
 //! Nothing here scans: the command line runs the cells.
 
@@ -16,6 +17,7 @@ mod page;
 mod paired;
 mod paper;
 mod plan;
+mod real;
 mod record;
 mod table;
 mod told;
@@ -29,6 +31,7 @@ pub use page::page;
 pub use paired::Paired;
 pub use paper::{PaperFigures, paper};
 pub use plan::Plan;
+pub use real::{RealError, RealPair, RealRow, judge_real, read_real_pairs, real_lines};
 pub use record::Record;
 pub use table::{Made, Row, Table, Verdict};
 pub use told::{FIGURES, Figure, absent, remarks, search, subtitle, tuned};

@@ -1,6 +1,7 @@
 //! The table as a page.
 
 use super::axes::name_of;
+use super::real::{RealRow, real_lines};
 use super::table::{Row, Table};
 use super::told::{self, FIGURES};
 use crate::report::{FigureCell, FigureRow, FigureTable, TablesPage};
@@ -26,12 +27,39 @@ pub fn page(table: &Table) -> TablesPage {
             rows: ablations,
         });
     }
+    if !table.real.is_empty() {
+        tables.push(real(&table.real));
+    }
     TablesPage {
         title: "Echoloop: the paper's Table 1".into(),
         subtitle: told::subtitle(table),
         facts: facts(table),
         remarks: told::remarks(table),
         tables,
+    }
+}
+
+/// What was tuned, on real clouds.
+fn real(rows: &[RealRow]) -> FigureTable {
+    let mut lines = real_lines(rows).into_iter();
+    let heads = lines.next().map_or_else(Vec::new, |head| {
+        [vec!["Method, settings".to_owned()], head[2..].to_vec()].concat()
+    });
+    let row = |(line, row): (Vec<String>, &RealRow)| FigureRow {
+        name: format!("{}, {}", line[0], line[1]),
+        strong: row.cell.as_ref().is_some_and(told::is_joint),
+        cells: line[2..]
+            .iter()
+            .map(|value| FigureCell { value: value.clone(), ..FigureCell::default() })
+            .collect(),
+    };
+    FigureTable {
+        title: "Real clouds".into(),
+        lead: "Settings of registration on pairs that nobody simulated: pairs found, means over \
+               them, and each pair's translation error."
+            .into(),
+        heads,
+        rows: lines.zip(rows).map(row).collect(),
     }
 }
 

@@ -8,6 +8,7 @@ use super::folder::{Folder, FolderError};
 use super::paired::{Paired, paired};
 use super::paper::{PaperFigures, paper};
 use super::plan::Plan;
+use super::real::RealRow;
 use super::record::Record;
 use crate::experiment::content::Content;
 use crate::experiment::gain::{Estimate, Figures};
@@ -27,6 +28,9 @@ pub struct Table {
     pub joint: Vec<Verdict>,
     /// Joint tuning beside each other protocol, on the pairs that both find.
     pub paired: Vec<Paired>,
+    /// What was tuned, on real clouds; empty where none were given.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub real: Vec<RealRow>,
 }
 
 /// A cell of the table.
@@ -99,7 +103,7 @@ impl Table {
         let rows = rows.collect::<Result<Vec<_>, _>>()?;
         let joint = cells.iter().filter(|cell| cell.protocol == Protocol::Joint);
         let joint = joint.map(|cell| verdict(cell, &rows)).collect();
-        Ok(Self { format: 1, plan: folder.plan.clone(), rows, joint, paired })
+        Ok(Self { format: 1, plan: folder.plan.clone(), rows, joint, paired, real: Vec::new() })
     }
 
     /// The row of a cell.

@@ -158,6 +158,13 @@ pub fn remarks(table: &Table) -> Vec<String> {
     );
     said.extend(verdicts(table));
     said.extend(paired(table));
+    if !table.real.is_empty() {
+        said.push(
+            "Real clouds are registered from the identity, with settings alone: nothing of their \
+             true motions is known to whoever chose them."
+                .to_owned(),
+        );
+    }
     said
 }
 

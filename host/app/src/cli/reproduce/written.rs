@@ -6,8 +6,8 @@ use super::super::exit::Failure;
 use super::super::table_format::aligned;
 use crate::experiment::preset::{Preset, Protocol, Strategy};
 use crate::reproduce::{
-    Cell, FIGURES, Row, Scene, Table, TableMethod, absent, name_of, paper, remarks, search,
-    subtitle, tuned,
+    Cell, FIGURES, Row, Scene, Table, TableMethod, absent, name_of, paper, real_lines, remarks,
+    search, subtitle, tuned,
 };
 
 /// To read: a table for each range and search, then what has to be known.
@@ -24,6 +24,9 @@ pub(super) fn text(table: &Table) -> String {
         let mut lines = vec![heads(&["switch", "method", "scene", "tuned"], "without")];
         lines.extend(ablations.iter().map(|row| ablation_line(table, row)));
         let _ = write!(text, "\nOne thing switched\n\n{}", aligned(&lines));
+    }
+    if !table.real.is_empty() {
+        let _ = write!(text, "\nReal clouds\n\n{}", aligned(&real_lines(&table.real)));
     }
     text.push('\n');
     for remark in remarks(table) {

@@ -1,0 +1,366 @@
+//! Real clouds: registration settings that were tuned in simulation, on pairs that no simulator
+//! made, beside the defaults and beside settings chosen from the clouds themselves.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use echoloop_files::{MOST_TEXT, read_text, shown};
+use echoloop_registration::cloud::{Cloud, CloudError, read_cloud};
+use echoloop_registration::pose::{
+    Pose, PoseError, read_pose, rotation_error_deg, translation_error_m,
+};
+use echoloop_registration::{Registration, build, suggest_method};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::axes::{TableMethod, name_of};
+use super::cell::{Base, Cell};
+use super::folder::{Folder, FolderError};
+use super::told::tuned;
+use crate::experiment::config::{DataConfig, LoadError};
+use crate::experiment::files::{FileError, file_error};
+use crate::experiment::params::{Parameters, ThetaReg, ValueError};
+use crate::experiment::preset::{Preset, Protocol, Strategy};
+
+/// Why real clouds cannot be judged on.
+#[derive(Debug, Error)]
+pub enum RealError {
+    /// The list or a file that it names cannot be read.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The list is none.
+    #[error("{}: {problem}", path.display())]
+    List {
+        /// The list.
+        path: PathBuf,
+        /// What is wrong.
+        problem: String,
+    },
+    /// A cloud cannot be read.
+    #[error(transparent)]
+    Cloud(#[from] CloudError),
+    /// A true motion cannot be read.
+    #[error(transparent)]
+    Pose(#[from] PoseError),
+    /// A cell cannot be configured.
+    #[error(transparent)]
+    Load(#[from] LoadError),
+    /// A cell's parameters are not of its configuration.
+    #[error("{cell}: {error}")]
+    Parameters {
+        /// The cell.
+        cell: String,
+        /// What is wrong.
+        error: ValueError,
+    },
+    /// A cell cannot be read.
+    #[error(transparent)]
+    Folder(#[from] FolderError),
+}
+
+/// A pair as a list names it.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Entry {
+    name: String,
+    target: PathBuf,
+    source: PathBuf,
+    target_from_source: Option<PathBuf>,
+    world_from_target: Option<PathBuf>,
+    world_from_source: Option<PathBuf>,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct List {
+    pair: Vec<Entry>,
+}
+
+/// Two clouds and the motion between them.
+#[derive(Clone, Debug)]
+pub struct RealPair {
+    /// What the list calls it.
+    pub name: String,
+    target: Cloud,
+    source: Cloud,
+    target_from_source: Pose,
+}
+
+/// Reads a list and all that it names; relative paths begin in `folder`.
+///
+/// # Errors
+///
+/// [`RealError`] names the file.
+pub fn read_real_pairs(list: &Path, folder: &Path) -> Result<Vec<RealPair>, RealError> {
+    let wrong = |problem: String| RealError::List { path: list.to_owned(), problem };
+    let text = read_text(list, MOST_TEXT).map_err(file_error("read", list))?;
+    let entries: List = toml::from_str(&text).map_err(|error| wrong(shown(&error.to_string())))?;
+    if entries.pair.is_empty() {
+        return Err(wrong("no pair; expected [[pair]] with name, target and source".into()));
+    }
+    entries.pair.iter().map(|entry| entry.read(folder, &wrong)).collect()
+}
+
+impl Entry {
+    fn read(
+        &self,
+        folder: &Path,
+        wrong: &dyn Fn(String) -> RealError,
+    ) -> Result<RealPair, RealError> {
+        let pose = |file: &PathBuf| read_pose(&folder.join(file));
+        let target_from_source =
+            match (&self.target_from_source, &self.world_from_target, &self.world_from_source) {
+                (Some(motion), None, None) => pose(motion)?,
+                (None, Some(target), Some(source)) => pose(target)?.inverse() * pose(source)?,
+                _ => {
+                    return Err(wrong(format!(
+                        "pair {:?}: expected target_from_source, or world_from_target and \
+                         world_from_source",
+                        shown(&self.name)
+                    )));
+                }
+            };
+        let cloud = |file: &PathBuf| read_cloud(&folder.join(file)).map(|(cloud, _)| cloud);
+        let (target, source) = (cloud(&self.target)?, cloud(&self.source)?);
+        for (cloud, file) in [(&target, &self.target), (&source, &self.source)] {
+            if cloud.points.is_empty() {
+                let empty = io::Error::other("no point; expected a scan");
+                return Err(file_error("register", &folder.join(file))(empty).into());
+            }
+        }
+        Ok(RealPair { name: self.name.clone(), target, source, target_from_source })
+    }
+}
+
+/// Where settings come from.
+#[derive(Clone, Debug, PartialEq)]
+enum Origin {
+    /// The preset's.
+    Default(Preset),
+    /// Chosen from the two clouds, without truth.
+    Clouds,
+    /// A cell's search.
+    Tuned(Cell),
+}
+
+/// A method with settings from somewhere.
+#[derive(Clone, Debug)]
+struct Entrant {
+    method: TableMethod,
+    origin: Origin,
+    /// None: chosen from each pair's clouds.
+    settings: Option<ThetaReg>,
+    data: DataConfig,
+}
+
+/// How one pair came out.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RealOutcome {
+    /// The pair.
+    pub name: String,
+    /// e_t of Eq. 7, m.
+    pub translation_m: f64,
+    /// e_R of Eq. 7, degrees.
+    pub rotation_deg: f64,
+    /// Whether it is within the cells' limits.
+    pub found: bool,
+    /// Why the registration ended.
+    pub stop: String,
+}
+
+/// A method and settings on all pairs.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RealRow {
+    /// The method.
+    pub method: TableMethod,
+    /// Where its settings come from, to read.
+    pub settings: String,
+    /// The cell that tuned them, if one did.
+    pub cell: Option<Cell>,
+    /// Each pair.
+    pub pairs: Vec<RealOutcome>,
+    /// Pairs found.
+    pub found: usize,
+    /// Mean over the pairs found, m.
+    pub mean_translation_m: Option<f64>,
+    /// Mean over the pairs found, degrees.
+    pub mean_rotation_deg: Option<f64>,
+}
+
+/// Judges defaults, what is chosen from the clouds, and what every done cell of registration or of
+/// both together chose. `done` hears of each registration, of so many.
+///
+/// # Errors
+///
+/// [`RealError`] of a cell that cannot be read.
+pub fn judge_real(
+    pairs: &[RealPair],
+    base: &Base,
+    folder: &Folder,
+    cells: &[Cell],
+    begun: &dyn Fn(usize),
+    done: &(dyn Fn() + Sync),
+) -> Result<Vec<RealRow>, RealError> {
+    let entrants = entrants(base, folder, cells)?;
+    begun(entrants.len() * pairs.len());
+    let tasks: Vec<(&Entrant, &RealPair)> =
+        entrants.iter().flat_map(|entrant| pairs.iter().map(move |pair| (entrant, pair))).collect();
+    let judged: Vec<RealOutcome> = tasks
+        .par_iter()
+        .map(|(entrant, pair)| {
+            let outcome = entrant.judge(pair);
+            done();
+            outcome
+        })
+        .collect();
+    let each = judged.chunks(pairs.len());
+    Ok(entrants.iter().zip(each).map(|(entrant, judged)| entrant.row(judged)).collect())
+}
+
+/// Each once, in the table's order: of a method first what no search gave.
+fn entrants(base: &Base, folder: &Folder, cells: &[Cell]) -> Result<Vec<Entrant>, RealError> {
+    let mut entrants: Vec<Entrant> = Vec::new();
+    let mut methods: Vec<TableMethod> = Vec::new();
+    for cell in cells.iter().filter(|cell| cell.ablation.is_none()) {
+        if !methods.contains(&cell.method) {
+            methods.push(cell.method);
+        }
+    }
+    for method in methods {
+        let of_method: Vec<&Cell> =
+            cells.iter().filter(|c| c.ablation.is_none() && c.method == method).collect();
+        let mut add = |entrant: Entrant| {
+            if !entrants.iter().any(|e| (e.method, &e.origin) == (method, &entrant.origin)) {
+                entrants.push(entrant);
+            }
+        };
+        for cell in &of_method {
+            add(untuned(base, cell)?);
+        }
+        for cell in &of_method {
+            let data = cell.config(base)?.data;
+            add(Entrant { method, origin: Origin::Clouds, settings: None, data });
+        }
+        for cell in of_method {
+            if matches!(cell.protocol, Protocol::Registration | Protocol::Joint)
+                && let Some(tuned) = of_cell(base, folder, cell)?
+            {
+                add(tuned);
+            }
+        }
+    }
+    Ok(entrants)
+}
+
+fn untuned(base: &Base, cell: &Cell) -> Result<Entrant, RealError> {
+    let config = cell.untuned().config(base)?;
+    let named = |error| RealError::Parameters { cell: cell.to_string(), error };
+    let start = Parameters::start(&config, &config.hardware()).map_err(named)?;
+    Ok(Entrant {
+        method: cell.method,
+        origin: Origin::Default(cell.ranges),
+        settings: Some(start.registration),
+        data: config.data,
+    })
+}
+
+/// What a cell's search chose; none where it is not done.
+fn of_cell(base: &Base, folder: &Folder, cell: &Cell) -> Result<Option<Entrant>, RealError> {
+    let Some(record) = folder.record(cell)? else { return Ok(None) };
+    let config = cell.config(base)?;
+    let named = |error| RealError::Parameters { cell: cell.to_string(), error };
+    let hardware = config.hardware();
+    let start = Parameters::start(&config, &hardware).map_err(named)?;
+    let tuned = start.with_values(&record.parameters, &config, &hardware).map_err(named)?;
+    Ok(Some(Entrant {
+        method: cell.method,
+        origin: Origin::Tuned(*cell),
+        settings: Some(tuned.registration),
+        data: config.data,
+    }))
+}
+
+impl Entrant {
+    /// From the identity, as cells are judged.
+    fn judge(&self, pair: &RealPair) -> RealOutcome {
+        let (target, source) = (&pair.target, &pair.source);
+        let built: Option<Box<dyn Registration>> = match &self.settings {
+            Some(settings) => settings.build().ok(),
+            None => {
+                let (method, mode) = self.method.method();
+                build(&suggest_method(method, mode, None, target, source), None).ok()
+            }
+        };
+        let start = Pose::identity();
+        let outcome = built.map(|method| method.register(target, source, &start));
+        let (estimate, stop) = outcome.map_or((start, "bad settings".to_owned()), |outcome| {
+            (outcome.target_from_source, outcome.stop.name().to_owned())
+        });
+        let translation_m = translation_error_m(&estimate, &pair.target_from_source);
+        let rotation_deg = rotation_error_deg(&estimate, &pair.target_from_source);
+        let found = translation_m <= self.data.success_translation_m
+            && rotation_deg <= self.data.success_rotation_deg;
+        RealOutcome { name: pair.name.clone(), translation_m, rotation_deg, found, stop }
+    }
+
+    fn row(&self, judged: &[RealOutcome]) -> RealRow {
+        let found: Vec<&RealOutcome> = judged.iter().filter(|outcome| outcome.found).collect();
+        let mean = |value: fn(&RealOutcome) -> f64| {
+            let sum: f64 = found.iter().map(|outcome| value(outcome)).sum();
+            (!found.is_empty()).then(|| sum / found.len() as f64)
+        };
+        RealRow {
+            method: self.method,
+            settings: self.settings_from(),
+            cell: match self.origin {
+                Origin::Tuned(cell) => Some(cell),
+                _ => None,
+            },
+            found: found.len(),
+            mean_translation_m: mean(|outcome| outcome.translation_m),
+            mean_rotation_deg: mean(|outcome| outcome.rotation_deg),
+            pairs: judged.to_vec(),
+        }
+    }
+
+    fn settings_from(&self) -> String {
+        match &self.origin {
+            Origin::Default(ranges) => format!("default, {}", name_of(*ranges)),
+            Origin::Clouds => "chosen from the clouds".into(),
+            Origin::Tuned(cell) => {
+                let by = match cell.strategy {
+                    Some(Strategy::Paper) => ", paper's search",
+                    _ => "",
+                };
+                let (scene, ranges) = (name_of(cell.scene), name_of(cell.ranges));
+                format!("tuned, {}, {scene}, {ranges}{by}", tuned(cell))
+            }
+        }
+    }
+}
+
+/// A table to read: each pair's errors, a dash before those that were not found.
+pub fn real_lines(rows: &[RealRow]) -> Vec<Vec<String>> {
+    let names = rows.first().into_iter().flat_map(|row| row.pairs.iter().map(|p| p.name.clone()));
+    let head = ["method", "settings", "found", "RTE", "RRE"].map(str::to_owned);
+    let mut lines: Vec<Vec<String>> = vec![head.into_iter().chain(names).collect()];
+    let number = |value: Option<f64>, scale: f64, digits: usize, unit: &str| {
+        value.map_or("–".into(), |value| format!("{:.digits$}{unit}", scale * value))
+    };
+    lines.extend(rows.iter().map(|row| {
+        let own = [
+            row.method.title().to_owned(),
+            row.settings.clone(),
+            format!("{} of {}", row.found, row.pairs.len()),
+            number(row.mean_translation_m, 100.0, 2, " cm"),
+            number(row.mean_rotation_deg, 1.0, 3, "°"),
+        ];
+        let pairs = row.pairs.iter().map(|pair| match pair.found {
+            true => number(Some(pair.translation_m), 100.0, 2, " cm"),
+            false => "not found".into(),
+        });
+        own.into_iter().chain(pairs).collect()
+    }));
+    lines
+}
