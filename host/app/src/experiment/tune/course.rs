@@ -112,7 +112,7 @@ impl<'a> Course<'a> {
         let mut race = Race::new(search);
         let mut at = race.enter("start".into(), search.start);
         if !stages.is_empty() {
-            self.winner(&mut race, vec![at])?;
+            self.winner(&mut race, at, Vec::new())?;
             self.price.start = race.judged(at).to_vec();
             self.turns = harder_oftener(&self.losses_of_start());
         }
@@ -127,7 +127,7 @@ impl<'a> Course<'a> {
             }
             let mut runners = winners.clone();
             runners.extend(entrants.into_iter().map(|(origin, who)| race.enter(origin, who)));
-            at = self.winner(&mut race, runners)?;
+            at = self.winner(&mut race, at, runners)?;
             winners.push(at);
             last = Some(optimizer);
         }
@@ -155,10 +155,16 @@ impl<'a> Course<'a> {
         self.price.start.iter().map(|judged| worth.loss(&judged.error)).collect()
     }
 
-    fn winner(&self, race: &mut Race<'_>, runners: Vec<usize>) -> Result<usize, TuneError> {
-        let most = runners.len() * self.search.bench.dataset.train.len();
+    /// Who wins: the holder, or one of the runners.
+    fn winner(
+        &self,
+        race: &mut Race<'_>,
+        holder: usize,
+        runners: Vec<usize>,
+    ) -> Result<usize, TuneError> {
+        let most = (1 + runners.len()) * self.search.bench.dataset.train.len();
         self.crew.observer.stage("choosing", most);
-        race.winner(runners, &self.price, &self.crew)?.ok_or_else(|| self.interrupted())
+        race.winner(holder, runners, &self.price, &self.crew)?.ok_or_else(|| self.interrupted())
     }
 
     fn interrupted(&self) -> TuneError {

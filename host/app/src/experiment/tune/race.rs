@@ -3,7 +3,9 @@
 //! A candidate's own fitness saw few pairs and was picked for being low, so it flatters: it only
 //! makes the shortlist. In the race all see the same pairs with the same noise, some more at a
 //! time, and who is behind the leader beyond doubt falls out (F-Race: Birattari et al., "A Racing
-//! Algorithm for Configuring Metaheuristics", GECCO 2002; here by paired differences).
+//! Algorithm for Configuring Metaheuristics", GECCO 2002; here by paired differences). Where
+//! registrations fail often nobody is behind beyond doubt for long, so the farther the race the
+//! fewer may go on (successive halving: Jamieson and Talwalkar, AISTATS 2016).
 
 use super::price::{Judged, Price, mean_cost};
 use super::search::{Finalist, TuneSearch};
@@ -21,6 +23,13 @@ const FIRST_LOOK: usize = 10;
 
 /// Who is so many standard errors behind the leader falls out.
 const BEHIND: f64 = 2.5;
+
+/// Who is to follow the holder must be so many standard errors ahead of it: the best of many that
+/// are as good is ahead by about one, by chance.
+const AHEAD: f64 = 1.0;
+
+/// How many go on at most once so many pairs have been seen.
+const GO_ON: [(usize, usize); 3] = [(20, 8), (40, 4), (60, 2)];
 
 /// One who could win.
 #[derive(Clone, Debug)]
@@ -58,13 +67,16 @@ impl<'a> Race<'a> {
         self.runners.iter().map(|runner| runner.judged.len()).sum()
     }
 
-    /// The best of some on all training pairs, by number; `None` when the search is to stop.
+    /// The best of some on all training pairs, by number; `None` when the search is to stop. The
+    /// holder, who won the race before, stays unless another is ahead of it.
     pub(super) fn winner(
         &mut self,
+        holder: usize,
         mut left: Vec<usize>,
         price: &Price<'_>,
         crew: &Crew<'_>,
     ) -> Result<Option<usize>, SensorError> {
+        left.push(holder);
         left.sort_unstable();
         left.dedup();
         let all = self.search.bench.dataset.train.len();
@@ -75,9 +87,10 @@ impl<'a> Race<'a> {
             }
             let leader = self.leader(&left, seen, price);
             if seen == all {
-                return Ok(Some(leader));
+                let stays = self.behind(holder, leader, seen, price).is_some_and(|b| b <= AHEAD);
+                return Ok(Some(if stays { holder } else { leader }));
             }
-            left.retain(|&i| !self.is_behind(i, leader, seen, price));
+            left = self.go_on(&left, leader, seen, price);
             seen = (seen + LEG).min(all);
         }
     }
@@ -113,19 +126,38 @@ impl<'a> Race<'a> {
         left.iter().copied().min_by(|&a, &b| fitness(a).total_cmp(&fitness(b))).unwrap_or_default()
     }
 
-    /// Whether one is worse than the leader beyond doubt, by the paired differences of losses.
-    fn is_behind(&self, i: usize, leader: usize, seen: usize, price: &Price<'_>) -> bool {
+    /// Those who go on: of equals the first that were entered. Who has seen all pairs before stays:
+    /// it costs nothing, and nobody wins who was not compared with it on all of them.
+    fn go_on(&self, left: &[usize], leader: usize, seen: usize, price: &Price<'_>) -> Vec<usize> {
+        let all = self.search.bench.dataset.train.len();
+        let (mut stay, mut others): (Vec<usize>, Vec<usize>) =
+            left.iter().partition(|&&i| self.runners[i].judged.len() == all);
+        others.retain(|&i| self.behind(i, leader, seen, price).is_none_or(|b| b <= BEHIND));
+        let fitness = |i: &usize| self.fitness(*i, seen, price);
+        others.sort_by(|a, b| fitness(a).total_cmp(&fitness(b)));
+        let most = GO_ON.iter().rev().find(|(pairs, _)| seen >= *pairs);
+        others.truncate(most.map_or(others.len(), |&(_, most)| most));
+        stay.append(&mut others);
+        stay.sort_unstable();
+        stay
+    }
+
+    /// By how many standard errors one is behind the leader, by the paired differences of losses;
+    /// `None` where a candidate's fitness is no mean of losses.
+    fn behind(&self, i: usize, leader: usize, seen: usize, price: &Price<'_>) -> Option<f64> {
         let losses = |i: usize| -> Option<Vec<f64>> {
             let judged = &self.runners[i].judged[..seen];
             let cost = mean_cost(judged);
             judged.iter().map(|judged| price.loss(&judged.error, cost.as_ref())).collect()
         };
-        let Some((own, best)) = losses(i).zip(losses(leader)) else { return false };
+        let (own, best) = losses(i).zip(losses(leader))?;
         let differences: Vec<f64> = own.iter().zip(&best).map(|(a, b)| a - b).collect();
         let count = seen as f64;
         let mean = differences.iter().sum::<f64>() / count;
         let squares = differences.iter().map(|d| (d - mean) * (d - mean)).sum::<f64>();
-        mean > BEHIND * (squares / (count - 1.0).max(1.0) / count).sqrt()
+        let error = (squares / (count - 1.0).max(1.0) / count).sqrt();
+        // Of two that never differ neither is behind.
+        Some(if mean == 0.0 { 0.0 } else { mean / error })
     }
 
     pub(super) fn origin(&self, i: usize) -> &str {
