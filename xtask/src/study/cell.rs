@@ -94,9 +94,6 @@ impl Cell {
             format!("--seed={seed}"),
         ]);
         let mut sets = vec![towns, TEST_PAIRS.to_owned()];
-        if *strategy == Strategy::Paper {
-            sets.push("data.train_pairs=10".into()); // Sec. 4.1
-        }
         sets.extend(condition.sets().iter().map(|&set| set.to_owned()));
         arguments.extend(sets.into_iter().flat_map(|set| ["--set".to_owned(), set]));
         arguments

@@ -185,6 +185,7 @@ fn follow_method(config: &mut RunConfig, given: &toml::Table) {
     let data = &mut config.data;
     for (key, slot, value) in [
         ("baseline_m", &mut data.baseline_m, usual.baseline_m),
+        ("train_baseline_factor", &mut data.train_baseline_factor, usual.train_baseline_factor),
         ("success_translation_m", &mut data.success_translation_m, usual.success_translation_m),
         ("success_rotation_deg", &mut data.success_rotation_deg, usual.success_rotation_deg),
     ] {
@@ -192,8 +193,12 @@ fn follow_method(config: &mut RunConfig, given: &toml::Table) {
             *slot = value;
         }
     }
-    if config.tune.strategy == Strategy::Paper && !given.contains_key("train_baseline_factor") {
-        data.train_baseline_factor = 1.0; // Sec. 4.1
+    let is_paper = config.tune.strategy == Strategy::Paper; // Sec. 4.1
+    if !given.contains_key("train_pairs") {
+        data.train_pairs = if is_paper { 10 } else { usual.train_pairs };
+    }
+    if is_paper && !given.contains_key("train_baseline_factor") {
+        data.train_baseline_factor = 1.0;
     }
 }
 
