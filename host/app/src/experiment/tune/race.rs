@@ -135,15 +135,14 @@ impl<'a> Race<'a> {
         others.retain(|&i| self.behind(i, leader, seen, price).is_none_or(|b| b <= BEHIND));
         let fitness = |i: &usize| self.fitness(*i, seen, price);
         others.sort_by(|a, b| fitness(a).total_cmp(&fitness(b)));
-        let most = GO_ON.iter().rev().find(|(pairs, _)| seen >= *pairs);
-        others.truncate(most.map_or(others.len(), |&(_, most)| most));
+        others.truncate(most_after(seen));
         stay.append(&mut others);
         stay.sort_unstable();
         stay
     }
 
     /// By how many standard errors one is behind the leader, by the paired differences of losses;
-    /// `None` where a candidate's fitness is no mean of losses.
+    /// `None` where fitness is no mean of losses.
     fn behind(&self, i: usize, leader: usize, seen: usize, price: &Price<'_>) -> Option<f64> {
         let losses = |i: usize| -> Option<Vec<f64>> {
             let judged = &self.runners[i].judged[..seen];
@@ -151,13 +150,7 @@ impl<'a> Race<'a> {
             judged.iter().map(|judged| price.loss(&judged.error, cost.as_ref())).collect()
         };
         let (own, best) = losses(i).zip(losses(leader))?;
-        let differences: Vec<f64> = own.iter().zip(&best).map(|(a, b)| a - b).collect();
-        let count = seen as f64;
-        let mean = differences.iter().sum::<f64>() / count;
-        let squares = differences.iter().map(|d| (d - mean) * (d - mean)).sum::<f64>();
-        let error = (squares / (count - 1.0).max(1.0) / count).sqrt();
-        // Of two that never differ neither is behind.
-        Some(if mean == 0.0 { 0.0 } else { mean / error })
+        Some(standard_errors_behind(&own, &best))
     }
 
     pub(super) fn origin(&self, i: usize) -> &str {
@@ -187,5 +180,60 @@ impl<'a> Race<'a> {
             .collect();
         finalists.sort_by(|a, b| b.pairs.cmp(&a.pairs).then(a.fitness.total_cmp(&b.fitness)));
         finalists
+    }
+}
+
+/// How many go on at most after so many pairs.
+fn most_after(pairs: usize) -> usize {
+    GO_ON.iter().rev().find(|(from, _)| pairs >= *from).map_or(usize::MAX, |&(_, most)| most)
+}
+
+/// The mean of the paired differences of two's losses, in its own standard errors: infinite where
+/// every pair says the same, 0 of two that never differ.
+fn standard_errors_behind(own: &[f64], best: &[f64]) -> f64 {
+    let differences: Vec<f64> = own.iter().zip(best).map(|(a, b)| a - b).collect();
+    let count = differences.len() as f64;
+    let mean = differences.iter().sum::<f64>() / count;
+    let squares = differences.iter().map(|d| (d - mean) * (d - mean)).sum::<f64>();
+    let error = (squares / (count - 1.0).max(1.0) / count).sqrt();
+    if mean == 0.0 { 0.0 } else { mean / error }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use echoloop_random::Generator;
+
+    #[test]
+    fn the_farther_the_race_the_fewer_go_on() {
+        let most: Vec<usize> = [10, 20, 35, 40, 60, 95].into_iter().map(most_after).collect();
+        assert_eq!(most, [usize::MAX, 8, 8, 4, 2, 2]);
+    }
+
+    #[test]
+    fn who_is_behind_by_so_many_standard_errors_is_so_pair_by_pair() {
+        let best = [0.1, 0.9, 0.3, 0.5];
+        assert_eq!(standard_errors_behind(&best, &best), 0.0);
+        let worse = best.map(|loss| loss + 0.125);
+        assert!(standard_errors_behind(&worse, &best) > 1e6, "as much behind on every pair");
+        assert!(standard_errors_behind(&best, &worse) < -1e6);
+        // Differences 1, -1, 1, 3: mean 1, standard deviation √(8/3), of the mean √(2/3).
+        let own = [1.1, -0.1, 1.3, 3.5];
+        let best = [0.1, 0.9, 0.3, 0.5];
+        let expected = 1.0 / (2.0f64 / 3.0).sqrt();
+        assert!((standard_errors_behind(&own, &best) - expected).abs() < 1e-12);
+    }
+
+    #[test]
+    fn one_that_is_as_good_as_the_holder_is_seldom_followed() {
+        let mut random = Generator::new(11, 0);
+        let mut followed = 0;
+        for _ in 0..400 {
+            let holder = random.normals(100);
+            let is_ahead = |other: Vec<f64>| standard_errors_behind(&holder, &other) > AHEAD;
+            followed += usize::from(is_ahead(random.normals(100)));
+        }
+        // A standard normal variate is above 1 in 16 % of cases.
+        assert!((40..90).contains(&followed), "{followed} of 400");
     }
 }
