@@ -9,8 +9,8 @@ use std::collections::VecDeque;
 
 use echoloop_dsp::hardware::sample_period_fs;
 use echoloop_dsp::{Echoes, Hardware, Pipeline, ScanPattern, Scratch, Settings};
-use echoloop_frontend::{Analog, FrontEnd, Receiver, Trigger};
-use echoloop_link::Session;
+use echoloop_frontend::{Analog, FrontEnd, Receiver, ScanNoise, Trigger};
+use echoloop_link::{MAX_FRAME, Session};
 use echoloop_sensor::afe::{self, adc, emitter};
 use echoloop_sensor::mailbox::{self, Registers};
 use echoloop_sensor::{App, Board};
@@ -25,6 +25,13 @@ pub fn read_trigger(emitter: &impl Fn(u8) -> u32) -> Trigger {
         beam: emitter(emitter::FIRE),
         shot: emitter(emitter::SHOT),
     }
+}
+
+/// What decides the noise, if the laser driver's registers say so.
+pub fn read_noise(emitter: &impl Fn(u8) -> u32) -> Option<ScanNoise> {
+    let scan = emitter(emitter::NOISE_SCAN);
+    let [low, high] = [emitter::NOISE_SEED_LOW, emitter::NOISE_SEED_HIGH].map(emitter);
+    (scan > 0).then_some(ScanNoise { scan, seed: u64::from(high) << 32 | u64::from(low) })
 }
 
 /// What the laser driver's and the converter's registers say.
@@ -156,6 +163,9 @@ fn take(queue: &mut VecDeque<u8>, buffer: &mut [u8]) -> usize {
     length
 }
 
+/// Frames that the board in process says its link holds while it works.
+const LINK_FRAMES: usize = 7;
+
 /// The board in process.
 pub struct PcBoard<F> {
     hardware: Hardware,
@@ -168,6 +178,28 @@ pub struct PcBoard<F> {
 }
 
 impl<F: FrontEnd> PcBoard<F> {
+    /// A board that never was on. `hardware.adc_bits` is taken from the front end.
+    pub(crate) fn new(
+        front_end: F,
+        pattern: ScanPattern,
+        hardware: Hardware,
+        store: RamNorFlash,
+    ) -> Self {
+        Self {
+            hardware: Hardware { adc_bits: front_end.adc_bits(), ..hardware },
+            pattern,
+            emitter: VirtualSpi::new(emitter::ID_VALUE, Some(emitter::FIRE)),
+            adc: VirtualSpi::new(adc::ID_VALUE, None),
+            link: Pipe::default(),
+            store,
+            front_end,
+        }
+    }
+
+    pub(crate) fn front_end_mut(&mut self) -> &mut F {
+        &mut self.front_end
+    }
+
     fn analog(&self) -> Analog {
         read_analog(&|register| self.emitter.get(register), &|register| self.adc.get(register))
     }
@@ -202,6 +234,11 @@ impl<F: FrontEnd> Board for PcBoard<F> {
         &mut self.store
     }
 
+    /// The pipe holds all that comes.
+    fn link_buffer(&self) -> usize {
+        LINK_FRAMES * MAX_FRAME
+    }
+
     fn samples(&mut self, codes: &mut [u16]) -> bool {
         let fired = std::mem::take(&mut self.emitter.fired);
         let analog = self.analog();
@@ -211,7 +248,9 @@ impl<F: FrontEnd> Board for PcBoard<F> {
         {
             return false;
         }
-        let trigger = read_trigger(&|register| self.emitter.get(register));
+        let registers = |register| self.emitter.get(register);
+        let trigger = read_trigger(&registers);
+        self.front_end.name_noise(read_noise(&registers));
         self.front_end.capture(&analog, trigger, codes);
         true
     }
@@ -239,21 +278,13 @@ impl<F: FrontEnd> PcSensor<F> {
         hardware: Hardware,
         store: RamNorFlash,
     ) -> Self {
-        let board = PcBoard {
-            hardware: Hardware { adc_bits: front_end.adc_bits(), ..hardware },
-            pattern,
-            emitter: VirtualSpi::new(emitter::ID_VALUE, Some(emitter::FIRE)),
-            adc: VirtualSpi::new(adc::ID_VALUE, None),
-            link: Pipe::default(),
-            store,
-            front_end,
-        };
+        let board = PcBoard::new(front_end, pattern, hardware, store);
         Self { app: Box::new(App::new(board)) }
     }
 
     /// The front end, to look at another scene with.
     pub fn front_end_mut(&mut self) -> &mut F {
-        &mut self.app.board_mut().front_end
+        self.app.board_mut().front_end_mut()
     }
 
     /// Its flash, to take along into the next life or to cut its power.

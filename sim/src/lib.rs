@@ -8,6 +8,7 @@
 //!    nothing of the sensor's settings.
 //! 4. [`board::PcSensor`] runs the sensor's application in this process behind a front end that
 //!    renders such answers; `qemu::Qemu` does the same with the image of a microcontroller.
+//!    [`shots::Shots`] drives such a front end alone, for a board that has none.
 //! 5. [`picture::draw`] shows a scene to people.
 //!
 //! ```
@@ -38,4 +39,5 @@ pub mod raycast;
 pub mod roads;
 pub mod scanner;
 pub mod scene;
+pub mod shots;
 pub mod viewpoint;

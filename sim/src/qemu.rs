@@ -27,7 +27,7 @@ use memmap2::{MmapOptions, MmapRaw};
 use object::{Architecture, Object, ObjectSegment};
 use thiserror::Error;
 
-use crate::board::{read_analog, read_trigger};
+use crate::board::{read_analog, read_noise, read_trigger};
 use echoloop_frontend::FrontEnd;
 use guard::Guard;
 
@@ -337,6 +337,7 @@ impl<F: FrontEnd> Qemu<F> {
         let analog = read_analog(&emitter, &adc);
         let samples =
             (adc(adc::SAMPLES) as usize).saturating_add(analog.pre_trigger).min(MAX_CODES);
+        self.front_end.name_noise(read_noise(&emitter));
         self.front_end.capture(&analog, read_trigger(&emitter), &mut self.codes[..samples]);
         self.page.write_codes(&self.codes[..samples]);
         self.shots = shots;

@@ -21,15 +21,14 @@ use echoloop_dsp::{Grid, Hardware, Pipeline, ScanPattern, Scratch, Settings};
 use echoloop_host::waveforms::finder::{EchoFinder, FinderConfig, Pulse};
 use echoloop_host::waveforms::{Finder, Options, parse_waveforms};
 use echoloop_link::{
-    Command, Decoder, Greeting, MAX_FRAME, Report, SETTINGS_SCHEMA, checksum, decode, encode,
-    settings_hash,
+    Command, Decoder, Greeting, MAX_FRAME, Noise, PACKED_BYTES, Place, Report, SETTINGS_SCHEMA,
+    checksum, decode, encode, settings_hash,
 };
 use echoloop_sensor::store::{MAGIC, forget, load, save};
 use echoloop_sim::board::PcSensor;
 use echoloop_sim::nor_flash::RamNorFlash;
-use serde::de::DeserializeOwned;
 use serde::ser::SerializeTuple;
-use serde::{Serialize, Serializer};
+use serde::{Deserialize, Serialize, Serializer};
 
 use crate::faults::Target;
 
@@ -62,16 +61,19 @@ impl Serialize for Raw<'_> {
 }
 
 /// What is accepted, said again, is understood the same.
-fn said_again<T: Serialize + DeserializeOwned + PartialEq + Debug>(frame: &[u8]) {
-    let Ok((sequence, message)) = decode::<T>(&mut frame.to_vec()) else { return };
-    let mut again = [0; MAX_FRAME];
-    let again =
-        encode(sequence, &message, &mut again).expect("what came in a frame fits one").to_vec();
+fn said_again<'a, T>(frame: &'a mut [u8], again: &'a mut [u8; MAX_FRAME])
+where
+    T: Serialize + Deserialize<'a> + PartialEq + Debug,
+{
+    let Ok((sequence, message)) = decode::<T>(frame) else { return };
+    let length = encode(sequence, &message, again).expect("what came in a frame fits one").len();
     let mut decoder = Decoder::new();
-    let mut frames =
-        again.iter().filter_map(|&byte| decoder.push(byte).map(|frame| frame.map(|f| f.to_vec())));
-    let mut frame = frames.next().expect("a frame ends").expect("it is not too long");
-    assert_eq!(decode::<T>(&mut frame), Ok((sequence, message)));
+    let mut frames = again[..length]
+        .iter()
+        .filter_map(|&byte| decoder.push(byte).map(|frame| frame.map(|f| f.to_vec())));
+    let frame = frames.next().expect("a frame ends").expect("it is not too long");
+    again[..frame.len()].copy_from_slice(&frame);
+    assert_eq!(decode::<T>(&mut again[..frame.len()]), Ok((sequence, message)));
 }
 
 /// Any bytes, on the line as they are and as the body of a frame.
@@ -81,8 +83,9 @@ pub fn frame_decoder(bytes: &[u8]) {
     let framed = encode(7, &Raw(bytes), &mut framed).unwrap_or_default();
     for &byte in bytes.iter().chain(framed) {
         if let Some(Ok(frame)) = decoder.push(byte) {
-            said_again::<Command>(frame);
-            said_again::<Report>(frame);
+            let mut again = [0; MAX_FRAME];
+            said_again::<Report>(&mut frame.to_vec(), &mut again);
+            said_again::<Command<'_>>(frame, &mut again);
         }
     }
 }
@@ -98,10 +101,10 @@ pub fn resynchronises(garbage: &[u8]) {
     let mut last = None;
     for &byte in frame {
         if let Some(Ok(frame)) = decoder.push(byte) {
-            last = Some(decode::<Command>(frame));
+            last = Some(decode::<Command<'_>>(frame) == Ok((9, Command::ReadSettings)));
         }
     }
-    assert_eq!(last, Some(Ok((9, Command::ReadSettings))));
+    assert_eq!(last, Some(true));
 }
 
 /// Bytes to draw from; zeros when they are used up.
@@ -207,7 +210,7 @@ impl Observer {
         }
     }
 
-    fn command(&mut self, draw: &mut Draw<'_>) -> Command {
+    fn command(&mut self, draw: &mut Draw<'_>) -> Command<'static> {
         let (generation, active) = self.sensor.session().version();
         let hash = match draw.below(4) {
             0 => active,
@@ -243,6 +246,29 @@ impl Observer {
     }
 }
 
+/// One of the commands about waveforms; their codes are the bytes drawn, over and over.
+fn say_of_waveforms(observer: &mut Observer, draw: &mut Draw<'_>) {
+    let (frame, beam) = (draw.word() % 4, draw.word() % 6);
+    match draw.below(4) {
+        0 => observer.say(&Command::ReadRoom),
+        1 => {
+            let noise = Noise { scan: draw.word(), seed: draw.word().into() };
+            let count = draw.below(6).into();
+            observer.say(&Command::ReadNoisyBeams { frame, first: beam, count, noise });
+        }
+        _ => {
+            let from = match draw.below(3) {
+                0 => Place { beam, shot: draw.word() as u16, sample: draw.word() as u16 },
+                _ => Place::of_beam(beam),
+            };
+            let seed = draw.bytes();
+            let length = usize::from(draw.byte()) * 11;
+            let packed: Vec<u8> = seed.into_iter().cycle().take(length.min(PACKED_BYTES)).collect();
+            observer.say(&Command::Waveforms { frame, from, packed: &packed });
+        }
+    }
+}
+
 /// A program of at most 64 steps, run by a whole sensor.
 pub fn session(bytes: &[u8]) {
     let mut draw = Draw(bytes);
@@ -256,7 +282,8 @@ pub fn session(bytes: &[u8]) {
                 let command = observer.command(&mut draw);
                 observer.say(&command);
             }
-            9 | 10 => observer.say(&Command::Hello(Greeting::OURS)),
+            9 => observer.say(&Command::Hello(Greeting::OURS)),
+            10 => say_of_waveforms(&mut observer, &mut draw),
             11 => observer.hear(&draw.bytes()),
             12 => observer.say(&Raw(&draw.bytes())),
             13 => observer.sequence = draw.word() as u16,

@@ -12,8 +12,9 @@ use echoloop_dsp::{
 use echoloop_host::link::client::{Client, ClientError, RetryPolicy};
 use echoloop_host::link::transport::Transport;
 use echoloop_link::{
-    BEAMS_PER_REPORT, Command, Counters, Decoder, FrameError, Greeting, MAX_FRAME, Nack, PROTOCOL,
-    Report, SCHEMA, decode, encode, settings_hash,
+    BEAMS_PER_REPORT, Command, Counters, Decoder, FrameError, Greeting, MAX_FRAME, MAX_PAYLOAD,
+    Nack, Noise, PACKED_BYTES, PROTOCOL, Place, Report, Room, SCHEMA, decode, encode,
+    settings_hash,
 };
 use echoloop_tests::vectors;
 use proptest::collection::vec;
@@ -92,8 +93,24 @@ fn examples() -> Vec<(&'static str, Vec<u8>)> {
         ("saved", frame(7, &Report::Saved { hash, revision: 5 })),
         ("forget", frame(8, &Command::Forget)),
         ("forgotten", frame(8, &Report::Forgotten)),
+        ("read-room", frame(9, &Command::ReadRoom)),
+        ("room", frame(9, &Report::Room(ROOM))),
+        ("read-noisy-beams", frame(10, &READ_NOISY_BEAMS)),
+        ("waveforms", frame(11, &Command::Waveforms { frame: 1, from: FROM, packed: &PACKED })),
+        ("awaited", frame(11, &Report::Nack(Nack::Awaited { place: FROM }))),
     ]
 }
+
+const ROOM: Room = Room { codes: 2_528, frames: 2 };
+const READ_NOISY_BEAMS: Command<'_> = Command::ReadNoisyBeams {
+    frame: 7,
+    first: 32,
+    count: 2,
+    noise: Noise { scan: 1, seed: 0x0123_4567_89AB_CDEF },
+};
+/// Codes 0xABC and 0x123.
+const PACKED: [u8; 3] = [0xBC, 0x3A, 0x12];
+const FROM: Place = Place { beam: 300, shot: 1, sample: 798 };
 
 fn hello_reply() -> Report {
     Report::Hello {
@@ -135,7 +152,7 @@ fn the_document_works_through_nothing_that_is_not_so() {
 #[test]
 fn a_changed_schema_needs_a_changed_protocol() {
     // To change a message: append, raise PROTOCOL, and write both new values here and in WIRE.md.
-    assert_eq!((PROTOCOL, SCHEMA), (8, 0xdf80_3bed_4ac3_939e), "the schema is {SCHEMA:#018x}");
+    assert_eq!((PROTOCOL, SCHEMA), (9, 0x2be8_1eb0_99d7_bd58), "the schema is {SCHEMA:#018x}");
     let document = include_str!("../../firmware/link/WIRE.md");
     assert!(document.contains(&format!("{SCHEMA:#018x}")));
 }
@@ -151,7 +168,7 @@ fn the_greeting_never_changes() {
 }
 
 /// One command of every kind, by number.
-fn commands() -> [Command; 9] {
+fn commands() -> [Command<'static>; 12] {
     [
         Command::Hello(Greeting::OURS),
         Command::Stage(Settings::default()),
@@ -162,6 +179,9 @@ fn commands() -> [Command; 9] {
         Command::Confirm { generation: 0 },
         Command::Save { hash: 0 },
         Command::Forget,
+        Command::ReadRoom,
+        READ_NOISY_BEAMS,
+        Command::Waveforms { frame: 0, from: Place::default(), packed: &PACKED },
     ]
 }
 
@@ -169,7 +189,7 @@ const REFUSAL: Refusal =
     Refusal { field: ParameterId::EchoChoice, value: -1, reason: Reason::NotAChoice };
 
 /// One report of every kind, by number.
-fn reports() -> [Report; 11] {
+fn reports() -> [Report; 12] {
     [
         hello_reply(),
         Report::Nack(Nack::NotReady),
@@ -182,6 +202,7 @@ fn reports() -> [Report; 11] {
         Report::Confirmed { generation: 0 },
         Report::Saved { hash: 0, revision: 0 },
         Report::Forgotten,
+        Report::Room(ROOM),
     ]
 }
 
@@ -224,6 +245,7 @@ fn every_message_keeps_its_number() {
         Nack::OnTrial,
         Nack::Storage,
         Nack::Overtaken { newest: 0 },
+        Nack::Awaited { place: Place::default() },
     ];
     for (number, nack) in nacks.into_iter().enumerate() {
         assert_eq!(payload(&Report::Nack(nack))[3], number as u8, "{nack:?}");
@@ -279,6 +301,18 @@ fn the_fullest_report_fits_a_frame() {
         beams,
     };
     assert!(encode(u16::MAX, &report, &mut [0; MAX_FRAME]).is_ok());
+}
+
+#[test]
+fn the_most_codes_with_the_widest_numbers_before_them_fill_a_frame() {
+    let from = Place { beam: u32::MAX, shot: u16::MAX, sample: u16::MAX };
+    let fullest = |bytes: usize| {
+        let command =
+            Command::Waveforms { frame: u32::MAX, from, packed: &[0xA5; MAX_PAYLOAD][..bytes] };
+        encode(u16::MAX, &command, &mut [0; MAX_FRAME]).map(<[u8]>::len)
+    };
+    assert!(fullest(PACKED_BYTES).is_ok());
+    assert_eq!(fullest(PACKED_BYTES + 2), Err(FrameError::TooLong), "little is left over");
 }
 
 #[test]
@@ -340,9 +374,10 @@ fn one_wrong_bit_or_byte_of_any_message_is_seen_by_the_checksum() {
         let kind = payload[2];
         let refused = |damaged: &[u8]| {
             let bytes = stuffed(damaged);
-            let command = decode::<Command>(&mut bytes.clone());
-            let report = decode::<Report>(&mut bytes.clone());
+            let mut copy = bytes.clone();
+            let command = decode::<Command<'_>>(&mut copy);
             assert_eq!(command, Err(FrameError::Crc), "kind {kind}: {damaged:02x?}");
+            let report = decode::<Report>(&mut bytes.clone());
             assert_eq!(report, Err(FrameError::Crc), "kind {kind}: {damaged:02x?}");
             let opened = echoloop_link::open(&mut bytes.clone()).map(|(number, _)| number);
             assert_eq!(opened, Err(FrameError::Crc), "kind {kind}: {damaged:02x?}");
@@ -419,6 +454,12 @@ fn every_variant_has_these_bytes() {
         (Command::Confirm { generation: 300 }, "06 ac 02"),
         (Command::Save { hash }, "07 f8 ac d1 91 01"),
         (Command::Forget, "08"),
+        (Command::ReadRoom, "09"),
+        (READ_NOISY_BEAMS, "0a 07 20 02 01 ef 9b af cd f8 ac d1 91 01"),
+        (
+            Command::Waveforms { frame: 300, from: FROM, packed: &PACKED },
+            "0b ac 02 ac 02 01 9e 06 03 bc 3a 12",
+        ),
     ];
     for (command, bytes) in commands {
         assert_eq!(hex(&payload(&command)[2..]), bytes, "{command:?}");
@@ -448,6 +489,7 @@ fn every_variant_has_these_bytes() {
         (Report::Nack(Nack::OnTrial), "01 07"),
         (Report::Nack(Nack::Storage), "01 08"),
         (Report::Nack(Nack::Overtaken { newest: 300 }), "01 09 ac 02"),
+        (Report::Nack(Nack::Awaited { place: FROM }), "01 0a ac 02 01 9e 06"),
         (
             refused(Id::Gain, -1_001, Reason::BelowMinimum { minimum: -1_000 }),
             "02 02 d1 0f 00 cf 0f",
@@ -502,6 +544,7 @@ fn every_variant_has_these_bytes() {
         (Report::Confirmed { generation: 300 }, "08 ac 02"),
         (Report::Saved { hash, revision: 129 }, "09 f8 ac d1 91 01 81 01"),
         (Report::Forgotten, "0a"),
+        (Report::Room(ROOM), "0b e0 13 02"),
     ];
     for (report, bytes) in reports {
         assert_eq!(hex(&payload(&report)[2..]), bytes, "{report:?}");
@@ -641,7 +684,7 @@ proptest! {
     /// What a faulty sender could say: any body under a right checksum.
     #[test]
     fn a_body_is_read_back_as_it_stands_or_not_at_all(
-        body in vec(prop_oneof![0..11u8, any::<u8>()], 0..200),
+        body in vec(prop_oneof![0..12u8, any::<u8>()], 0..200),
     ) {
         let mut payload = [&[7, 0], &body[..]].concat();
         payload.extend(crc::Crc::<u32>::new(&crc::CRC_32_ISCSI).checksum(&payload).to_le_bytes());

@@ -3,8 +3,7 @@
 use core::fmt;
 
 use crc::{CRC_32_ISCSI, Crc};
-use serde::Serialize;
-use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 
 use crate::cobs;
 
@@ -92,13 +91,13 @@ fn fill<'a>(
 ///
 /// [`FrameError`]; nothing of a frame is looked at before its checksum holds, and nothing may be
 /// left over after its body.
-pub fn decode<T: DeserializeOwned>(frame: &mut [u8]) -> Result<(u16, T), FrameError> {
+pub fn decode<'a, T: Deserialize<'a>>(frame: &'a mut [u8]) -> Result<(u16, T), FrameError> {
     let (sequence, body) = open(frame)?;
     message(body).map(|message| (sequence, message)).ok_or(FrameError::Body { sequence })
 }
 
 /// The message that a body is, and nothing more.
-pub fn message<T: DeserializeOwned>(body: &[u8]) -> Option<T> {
+pub fn message<'a, T: Deserialize<'a>>(body: &'a [u8]) -> Option<T> {
     postcard::take_from_bytes(body)
         .ok()
         .filter(|(_, rest)| rest.is_empty())

@@ -43,6 +43,7 @@
 //! |---|---|
 //! | [`frame`] | `00 · COBS(sequence · postcard body · CRC-32C) · 00`: made and read |
 //! | [`message`] | what the bodies may be |
+//! | [`packed`] | codes of a converter without gaps |
 //! | [`session`] | the sensor's side of the conversation |
 //!
 //! Slices in, slices out: no I/O, no clock, no allocation, the same code on both sides. WIRE.md,
@@ -71,11 +72,12 @@ mod cobs;
 
 pub mod frame;
 pub mod message;
+pub mod packed;
 pub mod session;
 
 pub use frame::{Decoder, FrameError, MAX_FRAME, MAX_PAYLOAD, checksum, decode, encode, open};
 pub use message::{
-    BEAMS_PER_REPORT, Command, Counters, Greeting, MAGIC, Nack, PROTOCOL, Report, SCHEMA,
-    SETTINGS_SCHEMA, settings_hash,
+    BEAMS_PER_REPORT, Command, Counters, Greeting, MAGIC, Nack, Noise, PACKED_BYTES, PROTOCOL,
+    Place, Report, Room, SCHEMA, SETTINGS_SCHEMA, settings_hash,
 };
 pub use session::{Answer, Session};

@@ -15,11 +15,11 @@ use crate::frame::checksum;
 pub const MAGIC: [u8; 4] = *b"ECHO";
 
 /// Version of the conversation: what commands mean, beyond their bytes.
-pub const PROTOCOL: u16 = 8;
+pub const PROTOCOL: u16 = 9;
 
 /// Hash of the bytes' layout: FNV-1a over names and types of every message, computed when compiled.
 pub const SCHEMA: u64 =
-    u64::from_le_bytes(Key::for_path::<(Command, Report)>("echoloop/link").to_bytes());
+    u64::from_le_bytes(Key::for_path::<(Command<'static>, Report)>("echoloop/link").to_bytes());
 
 /// Hash of the layout of [`Settings`] alone, as [`SCHEMA`]: what is stored is only read by firmware
 /// that lays it out the same.
@@ -29,9 +29,13 @@ pub const SETTINGS_SCHEMA: u64 =
 /// Beams a [`Report::Beams`] holds at most: with four echoes each they fill a frame.
 pub const BEAMS_PER_REPORT: usize = 32;
 
+/// Bytes of codes that a [`Command::Waveforms`] holds at most: with the widest numbers before them
+/// they fill a frame.
+pub const PACKED_BYTES: usize = 2790;
+
 /// From host to sensor. Every command is idempotent: said twice, it answers twice and acts once.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
-pub enum Command {
+pub enum Command<'a> {
     /// Opens a session. Everything else before it is answered with [`Nack::NotReady`].
     Hello(Greeting),
     /// Checks a whole set of settings and holds it ready. Nothing changes yet.
@@ -71,6 +75,71 @@ pub enum Command {
     },
     /// Drops what is saved: the next start has the defaults.
     Forget,
+    /// Asks what room there is for [`Command::Waveforms`].
+    ReadRoom,
+    /// As [`Command::ReadBeams`], and says what noise a front end that is simulated adds.
+    ReadNoisyBeams {
+        /// Number of the scan; a new number is a frame boundary.
+        frame: u32,
+        /// First beam.
+        first: u32,
+        /// How many.
+        count: u16,
+        /// What decides the noise.
+        noise: Noise,
+    },
+    /// Codes of a converter that the host has: a part of scan `frame`, which is all its beams one
+    /// after the other, of each all its shots, of each all its samples, those before the trigger
+    /// first. Answered with [`Report::Beams`], of the beams whose last code is among them.
+    ///
+    /// A part goes on where the one before it ended, else it is a [`Nack::Awaited`]; but one that
+    /// begins with a beam is always taken, and that beam is begun anew.
+    Waveforms {
+        /// Number of the scan; a new number is a frame boundary.
+        frame: u32,
+        /// Of the first code.
+        from: Place,
+        /// The codes, [`crate::packed`] at the converter's bits.
+        #[serde(borrow)]
+        packed: &'a [u8],
+    },
+}
+
+/// What decides the noise of a scan, beside beam and shot.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Noise {
+    /// Which scan it is, where that is not the number that the sensor's viewpoint goes by: the
+    /// first or the second of a pair.
+    pub scan: u32,
+    /// Seed of the random numbers.
+    pub seed: u64,
+}
+
+/// Where in a scan a code lies.
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, Schema,
+)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Place {
+    /// The beam.
+    pub beam: u32,
+    /// Of the shots that are added up for the beam, the how manieth, from 0.
+    pub shot: u16,
+    /// The sample, counted from the first before the trigger.
+    pub sample: u16,
+}
+
+impl Place {
+    /// Where a beam begins.
+    pub const fn of_beam(beam: u32) -> Self {
+        Self { beam, shot: 0, sample: 0 }
+    }
+
+    /// Whether a beam begins there.
+    pub fn begins_beam(&self) -> bool {
+        (self.shot, self.sample) == (0, 0)
+    }
 }
 
 /// From sensor to host: the answer to the command of the same sequence number.
@@ -145,6 +214,19 @@ pub enum Report {
     },
     /// Nothing is saved.
     Forgotten,
+    /// The room for [`Command::Waveforms`].
+    Room(Room),
+}
+
+/// What room a sensor has for waveforms that come over the link.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Room {
+    /// Codes that a shot may have.
+    pub codes: u32,
+    /// Frames that may be under way without an answer: the one that is worked on, and those that
+    /// the link holds meanwhile.
+    pub frames: u16,
 }
 
 /// Who speaks, and which language. Its bytes never change: magic, then protocol and schema in fixed
@@ -216,6 +298,11 @@ pub enum Nack {
     Overtaken {
         /// Of the newest command.
         newest: u16,
+    },
+    /// Codes that do not follow those before them: some were lost, or have been taken.
+    Awaited {
+        /// Where the sensor goes on; it begins any beam anew, too.
+        place: Place,
     },
 }
 

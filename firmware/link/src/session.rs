@@ -4,7 +4,9 @@
 use echoloop_dsp::{Echoes, Hardware, ScanPattern, Settings};
 use heapless::String;
 
-use crate::message::{BEAMS_PER_REPORT, Command, Counters, Greeting, Nack, Report, settings_hash};
+use crate::message::{
+    BEAMS_PER_REPORT, Command, Counters, Greeting, Nack, Noise, Place, Report, settings_hash,
+};
 
 /// Settings with the name they go by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,7 +45,7 @@ struct Frame {
     clippy::large_enum_variant,
     reason = "lives for one answer, and there is no heap to box it on"
 )]
-pub enum Answer {
+pub enum Answer<'a> {
     /// Send this.
     Report(Report),
     /// Measure these beams with the active settings, tell [`Session::measured`], and send them.
@@ -54,7 +56,21 @@ pub enum Answer {
         first: u32,
         /// How many, 1 to [`BEAMS_PER_REPORT`].
         count: u16,
+        /// What decides the noise of a front end that is simulated, if the host says so.
+        noise: Option<Noise>,
     },
+    /// Take these codes for those of the active settings' shots, tell [`Session::measured`] which
+    /// beams they complete, and send those beams.
+    Take {
+        /// Number of the scan.
+        frame: u32,
+        /// Of the first code. There is such a beam.
+        from: Place,
+        /// The codes.
+        packed: &'a [u8],
+    },
+    /// Say what room there is for waveforms.
+    TellRoom,
     /// Store these settings, which go by this hash, unless they are what is stored.
     Save {
         /// The active settings.
@@ -138,7 +154,7 @@ impl Session {
     }
 
     /// Takes one command.
-    pub fn handle(&mut self, command: Command) -> Answer {
+    pub fn handle<'a>(&mut self, command: Command<'a>) -> Answer<'a> {
         if let Command::Hello(greeting) = command {
             return Answer::Report(self.hello(greeting));
         }
@@ -153,20 +169,32 @@ impl Session {
                 Answer::Report(self.commit(hash, base_generation, confirm_within))
             }
             Command::ReadSettings => Answer::Report(self.read_settings()),
-            Command::ReadBeams { frame, first, count } => self.read_beams(frame, first, count),
+            Command::ReadBeams { frame, first, count } => {
+                self.read_beams(frame, first, count, None)
+            }
+            Command::ReadNoisyBeams { frame, first, count, noise } => {
+                self.read_beams(frame, first, count, Some(noise))
+            }
             Command::ReadCounters => Answer::Report(Report::Counters(self.counters)),
             Command::Confirm { generation } => Answer::Report(self.confirm(generation)),
             Command::Save { hash } => self.save(hash),
             Command::Forget => Answer::Forget,
+            Command::ReadRoom => Answer::TellRoom,
+            Command::Waveforms { frame, from, packed } => self.take(frame, from, packed),
         }
     }
 
-    /// Hears what was measured for an [`Answer::Measure`]: a trial needs echoes.
+    /// Hears what was measured for an [`Answer::Measure`] or an [`Answer::Take`]: a trial needs
+    /// echoes.
     pub fn measured(&mut self, first: u32, beams: &[Echoes]) {
         let Some(frame) = &mut self.frame else { return };
         frame.seen |= beams.iter().any(|echoes| !echoes.is_empty());
+        let end = first.saturating_add(beams.len() as u32);
+        if !beams.is_empty() {
+            frame.complete = end == self.pattern.beams();
+        }
         if first <= frame.measured {
-            frame.measured = frame.measured.max(first.saturating_add(beams.len() as u32));
+            frame.measured = frame.measured.max(end);
         }
     }
 
@@ -239,7 +267,7 @@ impl Session {
         Report::Confirmed { generation }
     }
 
-    fn save(&self, hash: u32) -> Answer {
+    fn save(&self, hash: u32) -> Answer<'static> {
         let active = self.active;
         if hash != active.hash {
             return nack(Nack::NotActive { hash: active.hash });
@@ -255,23 +283,44 @@ impl Session {
         Report::Settings { generation, hash, settings }
     }
 
-    fn read_beams(&mut self, number: u32, first: u32, count: u16) -> Answer {
+    fn read_beams(
+        &mut self,
+        number: u32,
+        first: u32,
+        count: u16,
+        noise: Option<Noise>,
+    ) -> Answer<'static> {
         let beams = self.pattern.beams();
         let fits = (1..=BEAMS_PER_REPORT).contains(&usize::from(count));
         let end = first.checked_add(u32::from(count)).filter(|&end| fits && end <= beams);
         let Some(end) = end else { return nack(Nack::NoSuchBeams { beams }) };
-        let open =
-            self.frame.unwrap_or(Frame { number, complete: false, measured: 0, seen: false });
-        self.frame = Some(Frame { complete: end == beams, ..open });
-        Answer::Measure { frame: number, first, count }
+        self.open_frame(number).complete = end == beams;
+        Answer::Measure { frame: number, first, count, noise }
+    }
+
+    fn take<'a>(&mut self, number: u32, from: Place, packed: &'a [u8]) -> Answer<'a> {
+        let beams = self.pattern.beams();
+        if from.beam >= beams {
+            return nack(Nack::NoSuchBeams { beams });
+        }
+        self.open_frame(number); // complete when its last beam has been measured
+        Answer::Take { frame: number, from, packed }
+    }
+
+    /// The open frame goes on, or one begins.
+    fn open_frame(&mut self, number: u32) -> &mut Frame {
+        let begun = Frame { number, complete: false, measured: 0, seen: false };
+        self.frame.get_or_insert(begun)
     }
 
     /// A frame boundary: what was committed during the frame takes its place, and a trial is
     /// judged. A confirmation is heard before the frame it follows is.
-    fn end_frame_before(&mut self, command: &Command) {
+    fn end_frame_before(&mut self, command: &Command<'_>) {
         let Some(open) = self.frame else { return };
         let ends = match command {
-            Command::ReadBeams { frame, .. } => *frame != open.number,
+            Command::ReadBeams { frame, .. }
+            | Command::ReadNoisyBeams { frame, .. }
+            | Command::Waveforms { frame, .. } => *frame != open.number,
             Command::Confirm { .. } => false,
             _ => open.complete,
         };
@@ -316,7 +365,7 @@ impl Session {
     }
 }
 
-fn nack(reason: Nack) -> Answer {
+fn nack(reason: Nack) -> Answer<'static> {
     Answer::Report(Report::Nack(reason))
 }
 
@@ -340,7 +389,7 @@ mod tests {
         session
     }
 
-    fn report(session: &mut Session, command: Command) -> Report {
+    fn report(session: &mut Session, command: Command<'_>) -> Report {
         match session.handle(command) {
             Answer::Report(report) => report,
             other => panic!("a report was expected, not {other:?}"),

@@ -6,6 +6,7 @@
 
 use echoloop_dsp::hardware::{Hardware, SPEED_OF_LIGHT_M_S, sample_period_fs};
 use echoloop_dsp::settings::Settings;
+use echoloop_link::Noise;
 use embedded_hal::spi::{Operation, SpiDevice};
 
 use crate::board::Board;
@@ -30,6 +31,13 @@ pub mod emitter {
     /// Range from which the receiver sees the whole beam, mm: how far the emitter is tilted towards
     /// it.
     pub const OVERLAP: u8 = 6;
+    /// Number of the scan that decides the noise of a simulated front end, together with the seed;
+    /// 0: FRAME does, and a seed of its own.
+    pub const NOISE_SCAN: u8 = 7;
+    /// Seed of that noise, the lower half.
+    pub const NOISE_SEED_LOW: u8 = 8;
+    /// Seed of that noise, the upper half.
+    pub const NOISE_SEED_HIGH: u8 = 9;
     /// What [`ID`] reads.
     pub const ID_VALUE: u32 = 0xEC40_0001;
 }
@@ -138,37 +146,43 @@ pub fn begin_frame(emitter_spi: &mut impl SpiDevice, frame: u32) -> Result<(), A
     write_verified(emitter_spi, emitter::FRAME, frame)
 }
 
-/// Numbers the next shot of a beam.
+/// Tells the emitter what decides the noise of the scan that begins, which concerns a front end
+/// that is simulated alone: what one that is not holds there does not matter.
 ///
 /// # Errors
 ///
 /// [`AfeError::Bus`].
-pub fn number_shot(emitter_spi: &mut impl SpiDevice, shot: u32) -> Result<(), AfeError> {
-    write(emitter_spi, emitter::SHOT, shot)
+pub fn name_noise(emitter_spi: &mut impl SpiDevice, noise: Option<Noise>) -> Result<(), AfeError> {
+    let Some(Noise { scan, seed }) = noise else {
+        return write(emitter_spi, emitter::NOISE_SCAN, 0);
+    };
+    write(emitter_spi, emitter::NOISE_SCAN, scan)?;
+    write(emitter_spi, emitter::NOISE_SEED_LOW, seed as u32)?;
+    write(emitter_spi, emitter::NOISE_SEED_HIGH, (seed >> 32) as u32)
 }
 
-/// Delays the window of a dithered shot.
+/// Fires one shot of those that are added up for a beam: numbers it where there are several, and
+/// delays its window where shots are dithered.
 ///
 /// # Errors
 ///
 /// [`AfeError::Bus`].
-pub fn delay_shot(
-    adc_spi: &mut impl SpiDevice,
+pub fn fire(
+    board: &mut impl Board,
     settings: &Settings,
-    hardware: &Hardware,
+    beam: u32,
     shot: u32,
 ) -> Result<(), AfeError> {
-    let offset = settings.offset_fs(shot, sample_period_fs(settings.bins as u32, hardware));
-    write(adc_spi, adc::DELAY, delay_fs(settings, hardware).saturating_add_signed(offset))
-}
-
-/// Fires one shot.
-///
-/// # Errors
-///
-/// [`AfeError::Bus`].
-pub fn fire(emitter_spi: &mut impl SpiDevice, beam: u32) -> Result<(), AfeError> {
-    write(emitter_spi, emitter::FIRE, beam)
+    if settings.shots > 1 {
+        write(board.emitter(), emitter::SHOT, shot)?;
+    }
+    if settings.phases() > 1 {
+        let hardware = board.hardware();
+        let offset = settings.offset_fs(shot, sample_period_fs(settings.bins as u32, &hardware));
+        let delay = delay_fs(settings, &hardware).saturating_add_signed(offset);
+        write(board.adc(), adc::DELAY, delay)?;
+    }
+    write(board.emitter(), emitter::FIRE, beam)
 }
 
 fn identify(spi: &mut impl SpiDevice, register: u8, expected: u32) -> Result<(), AfeError> {

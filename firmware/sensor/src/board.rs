@@ -37,6 +37,13 @@ pub trait Board {
         0
     }
 
+    /// Bytes of the link that are kept for it while it works. Where it is 0, what comes before the
+    /// answer to a frame may be lost, and a host that sends waveforms waits for each answer. Room
+    /// for a frame ([`MAX_FRAME`](echoloop_link::MAX_FRAME)) keeps the line busy.
+    fn link_buffer(&self) -> usize {
+        0
+    }
+
     /// Waits for the shot fired last and copies its samples out of the converter's buffer. False:
     /// it never came.
     fn samples(&mut self, codes: &mut [u16]) -> bool;

@@ -19,7 +19,9 @@
 //! | module | holds |
 //! |---|---|
 //! | [`board`] | what the application needs of the hardware |
-//! | [`app`] | commands in, front end and DSP at work, answers out |
+//! | [`app`] | bytes in, answers out |
+//! | `program` | what a command does: front end and DSP at work |
+//! | `waveforms` | codes that come over the link, where the board has no front end |
 //! | [`afe`] | laser driver, amplifier and converter, by their registers |
 //! | [`store`] | the settings of the next start, in NOR flash |
 //! | [`mailbox`] | the front end of an emulated board, as shared memory |
@@ -40,7 +42,10 @@ pub mod afe;
 pub mod app;
 pub mod board;
 pub mod mailbox;
+mod program;
 pub mod store;
+mod waveforms;
 
-pub use app::{App, BUILD};
+pub use app::App;
 pub use board::Board;
+pub use program::BUILD;

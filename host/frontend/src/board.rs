@@ -73,10 +73,23 @@ pub struct Trigger {
     pub shot: u32,
 }
 
+/// What decides the noise of a scan, beside beam and shot, where whoever asks for it says so.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ScanNoise {
+    /// Takes the place of [`Trigger::frame`].
+    pub scan: u32,
+    /// Seed of the random numbers.
+    pub seed: u64,
+}
+
 /// The analog world: light out, codes in.
 pub trait FrontEnd {
     /// Resolution of its converter, bits.
     fn adc_bits(&self) -> u32;
+
+    /// Hears what decides the noise of the shots to come; `None`: nobody says. Those whose owner
+    /// decides that need not listen, nor those that are not simulated.
+    fn name_noise(&mut self, _noise: Option<ScanNoise>) {}
 
     /// Fills `codes` with the samples of one shot: [`Analog::pre_trigger`] from before it, then the
     /// window's. A pure function of its arguments and of what the front end was made with.
@@ -87,6 +100,10 @@ pub trait FrontEnd {
 impl<F: FrontEnd> FrontEnd for Arc<Mutex<F>> {
     fn adc_bits(&self) -> u32 {
         locked(self).adc_bits()
+    }
+
+    fn name_noise(&mut self, noise: Option<ScanNoise>) {
+        locked(self).name_noise(noise);
     }
 
     fn capture(&mut self, analog: &Analog, trigger: Trigger, codes: &mut [u16]) {

@@ -51,7 +51,7 @@ mod synthesis;
 mod waveform_front_end;
 mod weather;
 
-pub use board::{Analog, FrontEnd, Trigger};
+pub use board::{Analog, FrontEnd, ScanNoise, Trigger};
 pub use channel::Channel;
 pub use exposure::{Exposure, ShotBuffers};
 pub use light::{Return, SceneResponse};

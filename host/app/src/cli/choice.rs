@@ -3,14 +3,18 @@
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
+use clap::builder::TypedValueParser;
 use clap::{Args, ValueHint};
+use echoloop_dsp::{Hardware, MAX_CODES};
+use echoloop_link::Room;
 
 use super::exit::Failure;
 use super::interrupt::end_on_interrupt;
+use super::method_choice::one_of;
 use super::progress::Progress;
 use crate::link::client::Identity;
 use crate::link::pattern::described as beams_of;
-use crate::link::sensor::{Model, QemuOptions, SensorSpec, Sensors};
+use crate::link::sensor::{FrontEndAt, Model, QemuOptions, SensorSpec, Sensors};
 
 /// Flags of every command that speaks to a sensor.
 #[derive(Clone, Debug, Args)]
@@ -26,6 +30,9 @@ pub(crate) struct SensorChoice {
     /// same way; `scan` asks for 1. `echoloop serve` is the other end, to rehearse with.
     #[arg(long, value_name = "SENSOR", default_value = "in-process")]
     sensor: SensorSpec,
+    /// Where light becomes codes.
+    #[arg(long, value_name = "WHERE", value_parser = front_end(), default_value = "sensor")]
+    front_end: FrontEndAt,
     /// With --sensor qemu: the firmware's image.
     #[arg(long, value_name = "ELF", value_hint = ValueHint::FilePath)]
     firmware: Option<PathBuf>,
@@ -37,7 +44,8 @@ pub(crate) struct SensorChoice {
 impl SensorChoice {
     /// The firmware in this program.
     pub(super) fn in_process() -> Self {
-        Self { sensor: SensorSpec::InProcess, firmware: None, sensor_log: None }
+        let sensor = SensorSpec::InProcess;
+        Self { sensor, front_end: FrontEndAt::Sensor, firmware: None, sensor_log: None }
     }
 
     /// The sensors asked for; none is opened yet.
@@ -63,7 +71,7 @@ impl SensorChoice {
             end_on_interrupt();
         }
         let qemu = QemuOptions { firmware: self.firmware.clone(), log: self.sensor_log.clone() };
-        Ok(Sensors::new(&self.sensor, model, qemu))
+        Ok(Sensors::new(&self.sensor, self.front_end, model, qemu))
     }
 
     /// The flags again, to go on with; nothing for the usual sensor.
@@ -74,16 +82,25 @@ impl SensorChoice {
         let files = file("--firmware", &self.firmware)
             .into_iter()
             .chain(file("--sensor-log", &self.sensor_log));
-        match self.sensor {
+        let sensor = match self.sensor {
             SensorSpec::InProcess => String::new(),
             _ => format!(" --sensor {}", self.sensor) + &files.collect::<String>(),
+        };
+        match self.front_end {
+            FrontEndAt::Sensor => sensor,
+            FrontEndAt::Host => sensor + " --front-end host",
         }
     }
 
     /// Whether what the sensor sees is not ours to choose.
     pub(super) fn is_turned_by_others(&self) -> bool {
-        matches!(self.sensor, SensorSpec::Serial(_))
+        matches!(self.sensor, SensorSpec::Serial(_)) && self.front_end == FrontEndAt::Sensor
     }
+}
+
+/// Reads `--front-end`.
+fn front_end() -> impl TypedValueParser<Value = FrontEndAt> {
+    one_of(FrontEndAt::ALL.map(|at| (at.name(), at.summary(), at)))
 }
 
 /// A sensor and its firmware, as in `serial:/dev/ttyACM0@115200, echoloop-sensor 0.1.0`.
@@ -104,20 +121,45 @@ pub(super) fn introduce(
 }
 
 /// Its beams must point where the configuration says: there the scenes are traced, and for as many
-/// there is memory.
+/// there is memory. One that gets its waveforms from here must be what they are made for.
 pub(super) fn hold_to(
     sensors: &Sensors,
     identity: &Identity,
     model: &Model,
 ) -> Result<(), Failure> {
+    let refused = |what: String| Err(Failure::usage(format!("{}: {what}", sensors.name())));
     let (theirs, ours) = (identity.pattern, model.pattern);
-    if theirs == ours {
-        return Ok(());
+    if theirs != ours {
+        let [theirs, ours] = [theirs, ours].map(|pattern| beams_of(&pattern));
+        return refused(format!(
+            "its beams are {theirs}, the configuration's [scanner] has {ours}"
+        ));
     }
-    Err(Failure::usage(format!(
-        "{}: its beams are {}, the configuration's [scanner] has {}",
-        sensors.name(),
-        beams_of(&theirs),
-        beams_of(&ours)
-    )))
+    let Some(Room { codes, .. }) = sensors.with(|sensor| Ok(sensor.room()))? else {
+        return Ok(());
+    };
+    if let Some((name, theirs, ours)) = different(&identity.hardware, &model.hardware) {
+        return refused(format!(
+            "its {name} is {theirs}, that of the configuration's front end {ours}"
+        ));
+    }
+    if codes < MAX_CODES as u32 {
+        return refused(format!(
+            "it has memory for waveforms of {codes} codes; they have up to {MAX_CODES}"
+        ));
+    }
+    Ok(())
+}
+
+/// What of two sensors is not the same: its name, and both values.
+fn different(theirs: &Hardware, ours: &Hardware) -> Option<(&'static str, u32, u32)> {
+    let table = [
+        ("adc_bits", theirs.adc_bits, ours.adc_bits),
+        ("range_min_mm", theirs.range_min_mm, ours.range_min_mm),
+        ("range_max_mm", theirs.range_max_mm, ours.range_max_mm),
+        ("energy_limit_pj", theirs.energy_limit_pj, ours.energy_limit_pj),
+        ("unit_echo_milli", theirs.unit_echo_milli, ours.unit_echo_milli),
+        ("shot_noise_ppm", theirs.shot_noise_ppm, ours.shot_noise_ppm),
+    ];
+    table.into_iter().find(|(_, theirs, ours)| theirs != ours)
 }

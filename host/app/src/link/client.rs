@@ -1,5 +1,7 @@
 //! The host's side of the link: asks, waits, asks again, and never mixes settings.
 
+mod waveforms;
+
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io;
 use std::time::{Duration, Instant};
@@ -7,13 +9,14 @@ use std::time::{Duration, Instant};
 use echoloop_dsp::{Echoes, Hardware, Refusal, ScanPattern, Settings};
 use echoloop_files::shown;
 use echoloop_link::{
-    BEAMS_PER_REPORT, Command, Counters, Decoder, Greeting, MAX_FRAME, Nack, Report, frame,
-    settings_hash,
+    BEAMS_PER_REPORT, Command, Counters, Decoder, Greeting, MAX_FRAME, Nack, Noise, Report, Room,
+    frame, settings_hash,
 };
 use thiserror::Error;
 
 use crate::link::pattern::{MOST_BEAMS, MOST_IN_ALL, is_possible, size};
 use crate::link::transport::Transport;
+pub use waveforms::Shoot;
 
 /// Why a sensor did not do what it was asked.
 #[derive(Debug, Error)]
@@ -83,6 +86,14 @@ pub enum ClientError {
         /// Hash of the active ones.
         got: u32,
     },
+    /// It has no room for the waveforms that its settings make.
+    #[error("the sensor has room for {room} codes a shot; its settings make {needed}")]
+    Room {
+        /// Codes there is room for.
+        room: u32,
+        /// Codes of a shot.
+        needed: u32,
+    },
     /// The line is gone.
     #[error("the link is lost: {0}")]
     Line(#[from] io::Error),
@@ -123,6 +134,8 @@ pub struct Client<T> {
     identity: Identity,
     generation: u32,
     hash: u32,
+    /// The settings of that hash.
+    settings: Settings,
     /// The settings committed last are on trial: at any frame boundary they may be replaced, and
     /// the generation rise.
     on_trial: bool,
@@ -164,6 +177,7 @@ impl<T: Transport> Client<T> {
         };
         let decoder = Box::new(Decoder::new());
         let (generation, hash, on_trial, unsure) = (0, 0, false, true);
+        let settings = Settings::default();
         let mut client = Self {
             transport,
             decoder,
@@ -172,6 +186,7 @@ impl<T: Transport> Client<T> {
             identity,
             generation,
             hash,
+            settings,
             on_trial,
             unsure,
         };
@@ -231,7 +246,17 @@ impl<T: Transport> Client<T> {
         };
         self.on_trial &= (generation, hash) == (self.generation, self.hash);
         (self.generation, self.hash, self.unsure) = (generation, hash, false);
+        self.settings = settings;
         Ok(settings)
+    }
+
+    /// The active settings, as far as this side knows; it asks when it does not.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError`].
+    pub fn settings(&mut self) -> Result<Settings, ClientError> {
+        if self.unsure { self.read_settings() } else { Ok(self.settings) }
     }
 
     /// How the link has been, as the sensor counts.
@@ -308,6 +333,7 @@ impl<T: Transport> Client<T> {
         };
         (self.generation, self.hash, self.on_trial, self.unsure) =
             (generation, hash, frames > 0, false);
+        self.settings = *settings;
         Ok(hash)
     }
 
@@ -380,6 +406,18 @@ impl<T: Transport> Client<T> {
         Err(ClientError::Changed { expected, got })
     }
 
+    /// What room there is for waveforms.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError`].
+    pub fn read_room(&mut self) -> Result<Room, ClientError> {
+        match self.ask(&Command::ReadRoom)? {
+            Report::Room(room) => Ok(room),
+            _ => Err(ClientError::Unexpected { command: "read room" }),
+        }
+    }
+
     /// Measures all beams as scan `frame`; the echoes, beam by beam.
     ///
     /// # Errors
@@ -387,27 +425,46 @@ impl<T: Transport> Client<T> {
     /// [`ClientError::Mixed`] when any beam was made with other settings than those committed last;
     /// else [`ClientError`].
     pub fn scan(&mut self, frame: u32) -> Result<Vec<Echoes>, ClientError> {
+        self.read_scan(frame, |first, count| Command::ReadBeams { frame, first, count })
+    }
+
+    /// As [`Client::scan`], with the noise that a simulated front end is to have.
+    ///
+    /// # Errors
+    ///
+    /// As [`Client::scan`].
+    pub fn scan_with(&mut self, frame: u32, noise: Noise) -> Result<Vec<Echoes>, ClientError> {
+        self.read_scan(frame, |first, count| Command::ReadNoisyBeams { frame, first, count, noise })
+    }
+
+    fn read_scan(
+        &mut self,
+        frame: u32,
+        question: impl Fn(u32, u16) -> Command<'static>,
+    ) -> Result<Vec<Echoes>, ClientError> {
         let total = self.identity.pattern.beams();
         let mut scan = Vec::with_capacity(total as usize);
         while (scan.len() as u32) < total {
             let first = scan.len() as u32;
             let count = (total - first).min(BEAMS_PER_REPORT as u32) as u16;
-            scan.extend(self.read_beams(frame, first, count)?);
+            let report = self.ask(&question(first, count))?;
+            scan.extend(self.beams(report, frame, first, count.into())?);
         }
         Ok(scan)
     }
 
-    fn read_beams(
+    /// The echoes of so many beams of a scan, by the settings committed last.
+    fn beams(
         &mut self,
+        report: Report,
         frame: u32,
         first: u32,
-        count: u16,
+        count: usize,
     ) -> Result<heapless::Vec<Echoes, BEAMS_PER_REPORT>, ClientError> {
-        let report = self.ask(&Command::ReadBeams { frame, first, count })?;
         let Report::Beams { frame: of, first: from, generation, hash, beams } = report else {
             return Err(ClientError::Unexpected { command: "read beams" });
         };
-        if (of, from, beams.len()) != (frame, first, usize::from(count)) {
+        if (of, from, beams.len()) != (frame, first, count) {
             return Err(ClientError::Unexpected { command: "read beams" });
         }
         if (generation, hash) != (self.generation, self.hash) {
@@ -419,54 +476,63 @@ impl<T: Transport> Client<T> {
 
     /// Sends a command and waits for its own answer, asking again when it does not come. Refusals
     /// become errors.
-    fn ask(&mut self, command: &Command) -> Result<Report, ClientError> {
-        self.sequence = self.sequence.wrapping_add(1);
+    fn ask(&mut self, command: &Command<'_>) -> Result<Report, ClientError> {
         let mut frame = [0; MAX_FRAME];
-        let name = name(command);
-        let bytes = echoloop_link::encode(self.sequence, command, &mut frame)
-            .map_err(|error| io::Error::new(io::ErrorKind::InvalidInput, error))?;
+        let bytes = self.numbered(command, &mut frame)?;
+        let sequence = self.sequence;
         for _ in 0..self.retry_policy.tries {
             self.transport.send(bytes)?;
-            match self.wait()? {
-                Some(Report::Refused(refusal)) => return Err(refusal.into()),
-                Some(Report::Nack(reason)) => {
+            match self.listen(|of| of == sequence)?.pop() {
+                Some((_, Report::Refused(refusal))) => return Err(refusal.into()),
+                Some((_, Report::Nack(reason))) => {
                     self.unsure |= reason == Nack::NotReady;
                     return Err(ClientError::Nack(reason));
                 }
-                Some(report) => return Ok(report),
+                Some((_, report)) => return Ok(report),
                 None => {}
             }
         }
-        self.unsure = true;
-        Err(ClientError::Silent {
-            command: name,
-            tries: self.retry_policy.tries,
-            timeout: self.retry_policy.timeout,
-        })
+        Err(self.silent(name(command)))
     }
 
-    /// The report of the current sequence number, if it comes in time. Broken frames and answers to
-    /// older questions are dropped; a line that never falls quiet is not listened to for longer.
-    fn wait(&mut self) -> Result<Option<Report>, ClientError> {
+    /// A command as a frame with a number of its own.
+    fn numbered<'a>(
+        &mut self,
+        command: &Command<'_>,
+        frame: &'a mut [u8; MAX_FRAME],
+    ) -> Result<&'a [u8], ClientError> {
+        self.sequence = self.sequence.wrapping_add(1);
+        let frame = echoloop_link::encode(self.sequence, command, frame);
+        frame.map_err(|error| io::Error::new(io::ErrorKind::InvalidInput, error).into())
+    }
+
+    /// It was asked often enough.
+    fn silent(&mut self, command: &'static str) -> ClientError {
+        self.unsure = true;
+        let RetryPolicy { timeout, tries } = self.retry_policy;
+        ClientError::Silent { command, tries, timeout }
+    }
+
+    /// The reports of numbers that are awaited, in the order in which they come: those of the first
+    /// bytes that hold any; none when none comes in time. Broken frames and answers to older
+    /// questions are dropped; a line that never falls quiet is not listened to for longer.
+    fn listen(&mut self, awaited: impl Fn(u16) -> bool) -> Result<Vec<(u16, Report)>, ClientError> {
         let deadline = Instant::now() + self.retry_policy.timeout;
         let mut chunk = [0; 1024];
         loop {
             let left = deadline.saturating_duration_since(Instant::now());
             let length = self.transport.receive(&mut chunk, left)?;
-            if length == 0 {
-                return Ok(None);
-            }
-            let mut answer = None;
+            let mut answers = Vec::new();
             for &byte in &chunk[..length] {
                 if let Some(Ok(frame)) = self.decoder.push(byte)
                     && let Ok((sequence, body)) = echoloop_link::open(frame)
-                    && sequence == self.sequence
+                    && awaited(sequence)
                 {
-                    answer = read(body)?.or(answer);
+                    answers.extend(read(body)?.map(|report| (sequence, report)));
                 }
             }
-            if answer.is_some() || left.is_zero() {
-                return Ok(answer);
+            if length == 0 || !answers.is_empty() || left.is_zero() {
+                return Ok(answers);
             }
         }
     }
@@ -483,16 +549,18 @@ fn read(body: &[u8]) -> Result<Option<Report>, ClientError> {
     }
 }
 
-fn name(command: &Command) -> &'static str {
+fn name(command: &Command<'_>) -> &'static str {
     match command {
         Command::Hello(_) => "hello",
         Command::Stage(_) => "stage",
         Command::Commit { .. } => "commit",
         Command::ReadSettings => "read settings",
-        Command::ReadBeams { .. } => "read beams",
+        Command::ReadBeams { .. } | Command::ReadNoisyBeams { .. } => "read beams",
         Command::ReadCounters => "read counters",
         Command::Confirm { .. } => "confirm",
         Command::Save { .. } => "save",
         Command::Forget => "forget",
+        Command::ReadRoom => "read room",
+        Command::Waveforms { .. } => "waveforms",
     }
 }

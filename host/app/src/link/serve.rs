@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use echoloop_dsp::{Hardware, ScanPattern};
 use echoloop_frontend::SceneResponse;
-use echoloop_frontend::{Analog, FrontEnd, Trigger};
+use echoloop_frontend::{Analog, FrontEnd, ScanNoise, Trigger};
 use echoloop_sim::board::PcSensor;
 
 use crate::link::sensor::Model;
@@ -18,7 +18,8 @@ use echoloop_frontend::WaveformFrontEnd;
 const PIECE: usize = 16;
 
 /// A front end that shows viewpoint n for scan n, n from 1, and nothing for other numbers. Its
-/// noise depends on seed, scan and beam only, so a viewpoint looks the same to every candidate.
+/// noise is what the request says; of one that says nothing it depends on the seed here, on scan
+/// and beam only, so a viewpoint looks the same to every candidate.
 #[derive(Clone, Debug)]
 pub struct Viewpoints {
     front_end: WaveformFrontEnd,
@@ -27,7 +28,10 @@ pub struct Viewpoints {
     views: Vec<Arc<SceneResponse>>,
     nothing: Arc<SceneResponse>,
     seed: u64,
-    showing: u32,
+    /// As the request has it.
+    noise: Option<ScanNoise>,
+    /// Viewpoint and seed before the front end.
+    showing: (u32, u64),
 }
 
 impl Viewpoints {
@@ -35,7 +39,8 @@ impl Viewpoints {
     pub fn new(model: &Model, views: Vec<Arc<SceneResponse>>, seed: u64) -> Self {
         let nothing = Arc::new(SceneResponse::empty(model.pattern.beams()));
         let Model { pattern, hardware, .. } = *model;
-        Self { front_end: model.front_end(), pattern, hardware, views, nothing, seed, showing: 0 }
+        let (front_end, showing) = (model.front_end(), (0, seed));
+        Self { front_end, pattern, hardware, views, nothing, seed, noise: None, showing }
     }
 
     /// The sensor with this front end.
@@ -44,11 +49,14 @@ impl Viewpoints {
         PcSensor::new(self, pattern, hardware)
     }
 
-    fn show(&mut self, number: u32) {
+    fn show(&mut self, number: u32, seed: u64) {
+        if self.showing == (number, seed) {
+            return;
+        }
         let place = (number as usize).checked_sub(1);
         let view = place.and_then(|place| self.views.get(place)).unwrap_or(&self.nothing);
-        self.front_end.look_at(Arc::clone(view), self.seed);
-        self.showing = number;
+        self.front_end.look_at(Arc::clone(view), seed);
+        self.showing = (number, seed);
     }
 }
 
@@ -57,11 +65,15 @@ impl FrontEnd for Viewpoints {
         self.front_end.adc_bits()
     }
 
+    fn name_noise(&mut self, noise: Option<ScanNoise>) {
+        self.noise = noise;
+    }
+
     fn capture(&mut self, analog: &Analog, trigger: Trigger, codes: &mut [u16]) {
-        if trigger.frame != self.showing {
-            self.show(trigger.frame);
-        }
-        self.front_end.capture(analog, trigger, codes);
+        let own = ScanNoise { scan: trigger.frame, seed: self.seed };
+        let ScanNoise { scan, seed } = self.noise.unwrap_or(own);
+        self.show(trigger.frame, seed);
+        self.front_end.capture(analog, Trigger { frame: scan, ..trigger }, codes);
     }
 }
 

@@ -4,7 +4,8 @@
 //! The client is the same for all. What differs is how a sensor comes to look somewhere. A
 //! simulated one is given the scene. What a board on a serial line sees is not ours to choose: it
 //! is asked for the scan of a numbered viewpoint, and whoever turns it reads the number off the
-//! emitter's FRAME register. See [`crate::experiment::dataset::ScanPair::viewpoints`].
+//! emitter's FRAME register. See [`crate::experiment::dataset::ScanPair::viewpoints`]. Any sensor
+//! may instead be given the waveforms that a front end makes here: [`Sensor::fed`].
 
 mod boards;
 mod pool;
@@ -17,7 +18,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use echoloop_dsp::{Echoes, Hardware, ScanPattern, Settings};
 use echoloop_frontend::SceneResponse;
+use echoloop_link::{Noise, Room};
 use echoloop_sim::board::PcSensor;
+use echoloop_sim::shots::Shots;
 use thiserror::Error;
 
 use crate::link::client::{Client, ClientError, Identity, RetryPolicy};
@@ -27,7 +30,7 @@ use echoloop_frontend::{Receiver, WaveformFrontEnd};
 pub use pool::Sensors;
 pub use qemu::QemuOptions;
 pub(crate) use qemu::end_emulators;
-pub use spec::{Port, SensorSpec, SpecError};
+pub use spec::{FrontEndAt, Port, SensorSpec, SpecError};
 
 /// A line to a sensor, whichever.
 pub type Line = Box<dyn Transport + Send>;
@@ -105,7 +108,8 @@ impl Model {
 pub struct View<'a> {
     /// What is there to see.
     pub scene: &'a Arc<SceneResponse>,
-    /// Decides the noise of a simulated front end, together with the scan's number.
+    /// Decides the noise of a simulated front end, together with the scan's number. A sensor that
+    /// somebody else turns is told both.
     pub noise_seed: u64,
     /// Number of the scan where the scene comes with the view: the first or the second of a pair.
     pub scan: u32,
@@ -119,6 +123,8 @@ enum ViewControl {
     Simulated(SharedFrontEnd),
     /// It is asked for scans by the number of the viewpoint.
     Numbered,
+    /// It gets waveforms that are made here.
+    Fed(Box<Shots<WaveformFrontEnd>>, Room),
 }
 
 /// One sensor, and what it looks at.
@@ -137,6 +143,16 @@ impl Sensor {
         let front_end = Arc::new(Mutex::new(model.front_end()));
         let sensor = PcSensor::new(Arc::clone(&front_end), model.pattern, model.hardware);
         Self::simulated(Box::new(InProcess(sensor)), front_end, RetryPolicy::default())
+    }
+
+    /// As [`Sensor::in_process`], and it gets its waveforms over its link.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError`].
+    pub fn in_process_fed(model: &Model) -> Result<Self, ClientError> {
+        let sensor = PcSensor::new(model.front_end(), model.pattern, model.hardware);
+        Self::fed(Box::new(InProcess(sensor)), model, RetryPolicy::default())
     }
 
     /// A sensor behind a line whose front end is simulated here.
@@ -167,28 +183,53 @@ impl Sensor {
         })
     }
 
+    /// A sensor behind a line that gets its waveforms over it: one that has no front end, or whose
+    /// own is not used.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError`].
+    pub fn fed(line: Line, model: &Model, retry_policy: RetryPolicy) -> Result<Self, ClientError> {
+        let mut client = Client::connect(line, retry_policy)?;
+        let room = client.read_room()?;
+        let shots = Shots::new(model.front_end(), model.pattern, model.hardware);
+        Ok(Self { client, view_control: ViewControl::Fed(Box::new(shots), room) })
+    }
+
     /// A board on a serial port.
     ///
     /// # Errors
     ///
     /// [`SensorError::Open`] names the port and says why it cannot be opened.
     pub fn serial(port: &Port) -> Result<Self, SensorError> {
+        Self::on_port(port, Self::numbered)
+    }
+
+    /// A board on a serial port that gets its waveforms over it.
+    ///
+    /// # Errors
+    ///
+    /// As [`Sensor::serial`].
+    pub fn serial_fed(port: &Port, model: &Model) -> Result<Self, SensorError> {
+        Self::on_port(port, |line, retry_policy| Self::fed(line, model, retry_policy))
+    }
+
+    fn on_port(
+        port: &Port,
+        connect: impl FnOnce(Line, RetryPolicy) -> Result<Self, ClientError>,
+    ) -> Result<Self, SensorError> {
         let name = || SensorSpec::Serial(port.clone());
         let line = Serial::open(&port.path, port.baud)
             .map_err(|reason| SensorError::open(name(), reason))?;
-        Self::numbered(Box::new(line), Serial::retry_policy(port.baud))
+        connect(Box::new(line), Serial::retry_policy(port.baud))
             .map_err(SensorError::client(name()))
     }
 
-    /// Turns to a view; the number of the scan to ask for.
-    pub fn look_at(&mut self, view: &View<'_>) -> u32 {
+    /// What room it has for waveforms, where it gets them over its link.
+    pub fn room(&self) -> Option<Room> {
         match &self.view_control {
-            ViewControl::Simulated(front_end) => {
-                let mut front_end = front_end.lock().unwrap_or_else(PoisonError::into_inner);
-                front_end.look_at(Arc::clone(view.scene), view.noise_seed);
-                view.scan
-            }
-            ViewControl::Numbered => view.viewpoint,
+            ViewControl::Fed(_, room) => Some(*room),
+            _ => None,
         }
     }
 
@@ -198,8 +239,23 @@ impl Sensor {
     ///
     /// [`ClientError`].
     pub fn scan(&mut self, view: &View<'_>) -> Result<Vec<Echoes>, ClientError> {
-        let frame = self.look_at(view);
-        self.client.scan(frame)
+        let Self { client, view_control } = self;
+        match view_control {
+            ViewControl::Simulated(front_end) => {
+                let mut front_end = front_end.lock().unwrap_or_else(PoisonError::into_inner);
+                front_end.look_at(Arc::clone(view.scene), view.noise_seed);
+                drop(front_end); // the sensor needs it
+                client.scan(view.scan)
+            }
+            ViewControl::Numbered => {
+                let noise = Noise { scan: view.scan, seed: view.noise_seed };
+                client.scan_with(view.viewpoint, noise)
+            }
+            ViewControl::Fed(shots, room) => {
+                shots.front_end_mut().look_at(Arc::clone(view.scene), view.noise_seed);
+                scan_fed(client, shots, *room, view.scan)
+            }
+        }
     }
 
     /// Sets it; the hash its settings now go by.
@@ -220,4 +276,17 @@ impl Sensor {
     pub fn client(&mut self) -> &mut Client<Line> {
         &mut self.client
     }
+}
+
+/// Scans what a front end here sees, by the settings that the sensor has.
+fn scan_fed(
+    client: &mut Client<Line>,
+    shots: &mut Shots<WaveformFrontEnd>,
+    room: Room,
+    scan: u32,
+) -> Result<Vec<Echoes>, ClientError> {
+    let failed = |error| io::Error::other(format!("the front end here: {error:?}"));
+    shots.begin(&client.settings()?, scan).map_err(failed)?;
+    let mut shoot = |beam, shot, codes: &mut [u16]| shots.fire(beam, shot, codes).map_err(failed);
+    client.scan_waveforms(scan, room, &mut shoot)
 }

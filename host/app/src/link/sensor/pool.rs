@@ -3,7 +3,7 @@
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
 use super::qemu::open_qemu;
-use super::{Model, QemuOptions, Sensor, SensorError, SensorSpec};
+use super::{FrontEndAt, Model, QemuOptions, Sensor, SensorError, SensorSpec};
 use crate::link::client::{ClientError, Identity};
 
 type Open = dyn Fn() -> Result<Sensor, SensorError> + Send + Sync;
@@ -28,25 +28,32 @@ struct State {
 }
 
 impl Sensors {
-    /// Sensors as `--sensor` names them.
-    pub fn new(spec: &SensorSpec, model: Model, qemu: QemuOptions) -> Self {
+    /// Sensors as `--sensor` and `--front-end` name them.
+    pub fn new(spec: &SensorSpec, at: FrontEndAt, model: Model, qemu: QemuOptions) -> Self {
         let name = spec.to_string();
         match spec.clone() {
             SensorSpec::InProcess => {
                 let named = SensorSpec::InProcess;
-                let open = move || Sensor::in_process(&model).map_err(SensorError::client(&named));
+                let open = move || match at {
+                    FrontEndAt::Sensor => Sensor::in_process(&model),
+                    FrontEndAt::Host => Sensor::in_process_fed(&model),
+                };
+                let open = move || open().map_err(SensorError::client(&named));
                 Self::opened_by(name, usize::MAX, open)
             }
             SensorSpec::Qemu(board) => {
-                Self::opened_by(name, usize::MAX, move || open_qemu(&model, &board, &qemu))
+                Self::opened_by(name, usize::MAX, move || open_qemu(&model, at, &board, &qemu))
             }
-            SensorSpec::Serial(port) => Self::opened_by(name, 1, move || Sensor::serial(&port)),
+            SensorSpec::Serial(port) => Self::opened_by(name, 1, move || match at {
+                FrontEndAt::Sensor => Sensor::serial(&port),
+                FrontEndAt::Host => Sensor::serial_fed(&port, &model),
+            }),
         }
     }
 
     /// Sensors in this process.
     pub fn in_process(model: Model) -> Self {
-        Self::new(&SensorSpec::InProcess, model, QemuOptions::default())
+        Self::new(&SensorSpec::InProcess, FrontEndAt::Sensor, model, QemuOptions::default())
     }
 
     /// At most `limit` sensors at a time, each opened by `open`.

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 #[cfg(not(unix))]
-use super::{Model, Sensor, SensorError, SensorSpec};
+use super::{FrontEndAt, Model, Sensor, SensorError, SensorSpec};
 
 /// How to run it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -31,7 +31,7 @@ mod here {
     use echoloop_files::printable;
     use echoloop_sim::qemu::{self, Machine, Qemu, QemuError};
 
-    use super::super::{Line, Model, Sensor, SensorError, SensorSpec, SharedFrontEnd};
+    use super::super::{FrontEndAt, Line, Model, Sensor, SensorError, SensorSpec, SharedFrontEnd};
     use super::QemuOptions;
     use crate::link::client::RetryPolicy;
     use crate::link::defmt_log;
@@ -48,6 +48,7 @@ mod here {
     /// answer.
     pub(crate) fn open_qemu(
         model: &Model,
+        at: FrontEndAt,
         board: &str,
         options: &QemuOptions,
     ) -> Result<Sensor, SensorError> {
@@ -68,7 +69,11 @@ mod here {
             None => Box::new(line),
             Some(log) => Box::new(Logged::new(line, how.image, log.clone())),
         };
-        Sensor::simulated(line, front_end, RETRY_POLICY).map_err(SensorError::client(&name))
+        let sensor = match at {
+            FrontEndAt::Sensor => Sensor::simulated(line, front_end, RETRY_POLICY),
+            FrontEndAt::Host => Sensor::fed(line, model, RETRY_POLICY),
+        };
+        sensor.map_err(SensorError::client(&name))
     }
 
     /// Ends what a process that is about to exit would leave running.
@@ -136,6 +141,7 @@ pub(crate) fn end_emulators() {}
 #[cfg(not(unix))]
 pub(super) fn open_qemu(
     _model: &Model,
+    _at: FrontEndAt,
     board: &str,
     _options: &QemuOptions,
 ) -> Result<Sensor, SensorError> {

@@ -21,6 +21,36 @@ pub enum SensorSpec {
     Serial(Port),
 }
 
+/// `--front-end`: where the light becomes codes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FrontEndAt {
+    /// At the sensor, as its maker has it.
+    Sensor,
+    /// Here: the sensor gets waveforms over its link, and has the DSP alone.
+    Host,
+}
+
+impl FrontEndAt {
+    /// Both, the usual one first.
+    pub const ALL: [Self; 2] = [Self::Sensor, Self::Host];
+
+    /// As `--front-end` has it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Sensor => "sensor",
+            Self::Host => "host",
+        }
+    }
+
+    /// What it means, in a line.
+    pub const fn summary(self) -> &'static str {
+        match self {
+            Self::Sensor => "At the sensor, as its maker has it",
+            Self::Host => "Here: the sensor gets waveforms over its link, to find echoes in",
+        }
+    }
+}
+
 /// A serial port and its speed: `PORT[@BAUD]`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Port {

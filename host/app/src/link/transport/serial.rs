@@ -36,6 +36,7 @@ impl Serial {
     pub fn open(name: &str, baud: u32) -> Result<Self, String> {
         let port = serialport::new(name, baud).timeout(LOOK_UP).open_native();
         let port = port.map_err(|error| why_not(&error))?;
+        alone(&port).map_err(|_| why_not(&taken()))?;
         Self::from_open_port(port, name)
             .map_err(|error| format!("the port cannot be opened: {error}"))
     }
@@ -93,6 +94,29 @@ fn never_block(port: &NativePort) -> io::Result<()> {
     // SAFETY: the port is borrowed for the whole call, so its descriptor stays open.
     let descriptor = unsafe { BorrowedFd::borrow_raw(port.as_raw_fd()) };
     Ok(fcntl_setfl(descriptor, fcntl_getfl(descriptor)? | OFlags::NONBLOCK)?)
+}
+
+/// Two hosts on one line would take each other's answers. The system keeps others from opening the
+/// port, but for those who may do anything: they are kept out by a lock.
+#[cfg(unix)]
+fn alone(port: &NativePort) -> io::Result<()> {
+    use std::os::fd::{AsRawFd, BorrowedFd};
+
+    use rustix::fs::{FlockOperation, flock};
+
+    // SAFETY: the port is borrowed for the whole call, so its descriptor stays open.
+    let descriptor = unsafe { BorrowedFd::borrow_raw(port.as_raw_fd()) };
+    Ok(flock(descriptor, FlockOperation::NonBlockingLockExclusive)?)
+}
+
+/// A port is opened by one program alone.
+#[cfg(windows)]
+fn alone(_port: &NativePort) -> io::Result<()> {
+    Ok(())
+}
+
+fn taken() -> serialport::Error {
+    serialport::Error::new(ErrorKind::NoDevice, "Device or resource busy")
 }
 
 /// The port's own time limit holds for all of a write.

@@ -1,0 +1,281 @@
+//! What the sensor does: takes commands, drives the front end, runs the DSP, answers.
+
+use echoloop_dsp::{Echoes, MAX_CODES, Pipeline, Settings};
+use echoloop_link::{
+    Answer, BEAMS_PER_REPORT, Command, FrameError, Greeting, MAX_FRAME, Nack, Noise, Report, Room,
+};
+use embedded_io::Write;
+use heapless::Vec;
+
+use crate::afe::{self, AfeError};
+use crate::app::{App, LinkLost};
+use crate::board::Board;
+use crate::store;
+
+/// Name and version of this firmware.
+pub const BUILD: &str = concat!("echoloop-sensor ", env!("CARGO_PKG_VERSION"));
+
+/// How far ahead of the newest command the next may be numbered. A host counts on when it gives a
+/// command up; after so many it has to say hello.
+pub const MAX_SKIPPED: u16 = 256;
+
+/// How far behind the newest command a hello counts as overtaken: were it taken, it would end a
+/// trial, and other overtaken commands could act after it. A new host that begins there by chance
+/// is told so.
+pub const MAX_LATE_HELLO: u16 = 64;
+
+/// What one set of settings turned into, and whose it is.
+pub(crate) struct Configured {
+    settings: Settings,
+    pub(crate) pipeline: Pipeline,
+    /// The front end has taken the settings.
+    front_end_set: bool,
+}
+
+impl<B: Board> App<B> {
+    /// Answers a command.
+    pub(crate) fn take(&mut self, sequence: u16, command: Command<'_>) -> Result<(), LinkLost> {
+        if let Some(newest) = self.overtaken(sequence, &command) {
+            return self.take_stale(sequence, &command, newest);
+        }
+        self.sequence = Some(sequence);
+        let report = self.answer(command);
+        self.session.counters.frames = self.session.counters.frames.wrapping_add(1);
+        self.send(sequence, &report)
+    }
+
+    /// The number of the newest command, when this one was overtaken by it or is of an earlier
+    /// session: its host has given it up, so it must not act now, nor make what follows look old. A
+    /// hello begins anew, unless it is one of those just overtaken.
+    fn overtaken(&self, sequence: u16, command: &Command<'_>) -> Option<u16> {
+        self.sequence.filter(|newest| match command {
+            Command::Hello(Greeting::OURS) => {
+                (1..=MAX_LATE_HELLO).contains(&newest.wrapping_sub(sequence))
+            }
+            Command::Hello(_) => false,
+            _ => sequence.wrapping_sub(*newest) > MAX_SKIPPED,
+        })
+    }
+
+    /// It is counted; only a hello is answered, which may be a new host's.
+    fn take_stale(
+        &mut self,
+        sequence: u16,
+        command: &Command<'_>,
+        newest: u16,
+    ) -> Result<(), LinkLost> {
+        self.session.counters.stale = self.session.counters.stale.wrapping_add(1);
+        match command {
+            Command::Hello(_) => self.send(sequence, &Report::Nack(Nack::Overtaken { newest })),
+            _ => Ok(()),
+        }
+    }
+
+    /// A broken frame is counted and never acted on; only an intact one of another schema can be
+    /// answered.
+    pub(crate) fn take_bad_frame(&mut self, error: FrameError) -> Result<(), LinkLost> {
+        #[cfg(feature = "defmt")]
+        defmt::warn!("frame dropped: {}", error);
+        let counters = &mut self.session.counters;
+        let counter = match error {
+            FrameError::Crc => &mut counters.crc_failures,
+            FrameError::Cobs => &mut counters.cobs_failures,
+            FrameError::TooLong => &mut counters.overflows,
+            FrameError::Body { .. } => &mut counters.unintelligible,
+        };
+        *counter = counter.wrapping_add(1);
+        match error {
+            FrameError::Body { sequence } => {
+                self.send(sequence, &Report::Nack(Nack::Unintelligible))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Does what a command asks for.
+    #[inline(never)]
+    fn answer(&mut self, command: Command<'_>) -> Report {
+        match self.session.handle(command) {
+            Answer::Report(report) => report,
+            Answer::Measure { frame, first, count, noise } => {
+                self.measure((frame, noise), first, count)
+            }
+            Answer::Take { frame, from, packed } => self.take_codes(frame, from, packed),
+            Answer::TellRoom => Report::Room(self.room()),
+            Answer::Save { settings, hash } => self.save(&settings, hash),
+            Answer::Forget => self.forget(),
+        }
+    }
+
+    fn save(&mut self, settings: &Settings, hash: u32) -> Report {
+        let hardware = self.board.hardware();
+        match store::save(self.board.store(), &hardware, settings) {
+            Ok(revision) => Report::Saved { hash, revision },
+            Err(error) => storage_failed(error),
+        }
+    }
+
+    fn forget(&mut self) -> Report {
+        let hardware = self.board.hardware();
+        store::forget(self.board.store(), &hardware)
+            .map_or_else(storage_failed, |()| Report::Forgotten)
+    }
+
+    fn room(&self) -> Room {
+        let waiting = self.board.link_buffer() / MAX_FRAME;
+        let frames = u16::try_from(waiting.saturating_add(1)).unwrap_or(u16::MAX);
+        Room { codes: MAX_CODES as u32, frames }
+    }
+
+    /// Fires the beams and reports their echoes under the name of the settings that made them.
+    // Its own frame, with the one list of echoes there is beside the report that it goes into.
+    #[inline(never)]
+    fn measure(&mut self, scan: (u32, Option<Noise>), first: u32, count: u16) -> Report {
+        let mut beams: Vec<Echoes, BEAMS_PER_REPORT> = Vec::new();
+        match self.fire_beams(scan, first, count, &mut beams) {
+            Ok(()) => self.measured(scan.0, first, beams),
+            Err(_) => self.front_end_failed(),
+        }
+    }
+
+    fn fire_beams(
+        &mut self,
+        scan: (u32, Option<Noise>),
+        first: u32,
+        count: u16,
+        beams: &mut Vec<Echoes, BEAMS_PER_REPORT>,
+    ) -> Result<(), AfeError> {
+        self.intake = None; // its memory is needed
+        self.configure()?;
+        self.set_front_end()?;
+        self.begin_scan(scan)?;
+        for beam in first..first.saturating_add(u32::from(count)) {
+            self.board.feed_watchdog();
+            let echoes = self.shoot(beam)?;
+            let _ = beams.push(echoes); // the session grants no more than fit
+        }
+        Ok(())
+    }
+
+    /// Tells the front end of a scan that it does not know of.
+    fn begin_scan(&mut self, scan: (u32, Option<Noise>)) -> Result<(), AfeError> {
+        if self.frame == Some(scan) {
+            return Ok(());
+        }
+        self.frame = None;
+        afe::begin_frame(self.board.emitter(), scan.0)?;
+        afe::name_noise(self.board.emitter(), scan.1)?;
+        self.frame = Some(scan);
+        Ok(())
+    }
+
+    /// Echoes under the name of the settings that made them.
+    pub(crate) fn measured(
+        &mut self,
+        frame: u32,
+        first: u32,
+        beams: Vec<Echoes, BEAMS_PER_REPORT>,
+    ) -> Report {
+        self.session.measured(first, &beams);
+        let (generation, hash) = self.session.version();
+        Report::Beams { frame, first, generation, hash, beams }
+    }
+
+    fn shoot(&mut self, beam: u32) -> Result<Echoes, AfeError> {
+        let shots = self.configured.as_ref().map_or(0, |c| c.pipeline.config().shots());
+        for shot in 0..shots {
+            self.fire(beam, shot)?;
+            self.end_shot(shot);
+        }
+        self.detect().ok_or(AfeError::Bus)
+    }
+
+    fn fire(&mut self, beam: u32, shot: u32) -> Result<(), AfeError> {
+        let Some(Configured { settings, pipeline, .. }) = &self.configured else {
+            return Err(AfeError::Bus);
+        };
+        let codes = self.codes.get_mut(..pipeline.config().codes()).ok_or(AfeError::Bus)?;
+        afe::fire(&mut self.board, settings, beam, shot)?;
+        if self.board.samples(codes) { Ok(()) } else { Err(AfeError::Bus) }
+    }
+
+    /// A shot's codes are all there: where several make a waveform, they are added up.
+    pub(crate) fn end_shot(&mut self, shot: u32) {
+        let Some(Configured { pipeline, .. }) = &self.configured else { return };
+        let config = pipeline.config();
+        if let Some(codes) = self.codes.get(..config.codes()).filter(|_| config.shots() > 1) {
+            self.scratch.shots().add(shot, codes);
+            self.board.feed_watchdog();
+        }
+    }
+
+    /// The echoes of the beam whose shots are all there; `None` without settings.
+    pub(crate) fn detect(&mut self) -> Option<Echoes> {
+        let Configured { pipeline, .. } = self.configured.as_ref()?;
+        let config = pipeline.config();
+        let codes = self.codes.get_mut(..config.codes())?;
+        if config.shots() > 1 {
+            self.scratch.shots().read(config.sum_shift(), codes);
+        }
+        Some(self.board.detect(pipeline, codes, &mut self.scratch))
+    }
+
+    /// Brings the DSP to the active settings; the front end has still those before.
+    pub(crate) fn configure(&mut self) -> Result<(), AfeError> {
+        let settings = *self.session.settings();
+        if self.configured.as_ref().is_some_and(|c| c.settings == settings) {
+            return Ok(());
+        }
+        (self.configured, self.intake) = (None, None);
+        let hardware = self.board.hardware();
+        // The session checked the settings before it let them be active.
+        let pipeline = Pipeline::new(&settings, &hardware).map_err(|_| AfeError::Bus)?;
+        self.configured = Some(Configured { settings, pipeline, front_end_set: false });
+        #[cfg(feature = "defmt")]
+        defmt::info!("settings {=u32:#010x} active: {}", self.session.version().1, settings);
+        Ok(())
+    }
+
+    /// Brings the front end to the settings that the DSP has.
+    fn set_front_end(&mut self) -> Result<(), AfeError> {
+        let Some(configured) = self.configured.as_mut().filter(|c| !c.front_end_set) else {
+            return Ok(());
+        };
+        afe::apply(&configured.settings, &mut self.board)?;
+        configured.front_end_set = true;
+        Ok(())
+    }
+
+    /// Start anew next time: what the front end holds is not known.
+    fn front_end_failed(&mut self) -> Report {
+        self.configured = None;
+        self.frame = None;
+        Report::Nack(Nack::FrontEnd)
+    }
+
+    fn send(&mut self, sequence: u16, report: &Report) -> Result<(), LinkLost> {
+        // Every report fits: beams are bounded by BEAMS_PER_REPORT, which a test fills.
+        let Ok(bytes) = echoloop_link::encode(sequence, report, &mut self.transmit) else {
+            return Ok(());
+        };
+        let link = self.board.link();
+        write_all(link, bytes)?;
+        link.flush().map_err(|_| LinkLost)
+    }
+}
+
+/// [`Write::write_all`], but for its panic when the link takes nothing.
+fn write_all(link: &mut impl Write, mut bytes: &[u8]) -> Result<(), LinkLost> {
+    while !bytes.is_empty() {
+        let taken = link.write(bytes).map_err(|_| LinkLost)?;
+        bytes = bytes.get(taken..).filter(|_| taken > 0).ok_or(LinkLost)?;
+    }
+    Ok(())
+}
+
+#[cfg_attr(not(feature = "defmt"), allow(unused_variables, reason = "only the log says it"))]
+fn storage_failed(error: store::StoreError) -> Report {
+    #[cfg(feature = "defmt")]
+    defmt::warn!("settings not stored: {}", error);
+    Report::Nack(Nack::Storage)
+}

@@ -1,0 +1,115 @@
+//! Waveforms that come over the link, in the place of a converter's: a scan is one row of codes,
+//! which comes in parts.
+
+use echoloop_dsp::{Echoes, PARAMETERS, ParameterId};
+use echoloop_link::packed::{self, Codes};
+use echoloop_link::{BEAMS_PER_REPORT, MAX_PAYLOAD, Nack, Place, Report};
+use heapless::Vec;
+
+use crate::app::App;
+use crate::board::Board;
+
+/// Fewest samples of a shot.
+#[expect(clippy::indexing_slicing, reason = "when it is compiled")]
+const FEWEST: usize = PARAMETERS[ParameterId::WaveformResolution as usize].min as usize;
+
+// A code has 8 bits or more: the beams that end in a frame fit a report.
+const _: () = assert!(MAX_PAYLOAD / FEWEST < BEAMS_PER_REPORT);
+
+/// How far the row of a scan has come. The shot at hand lies in the sensor's codes, the shots
+/// before it in its sums.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Intake {
+    frame: u32,
+    next: Place,
+}
+
+impl<B: Board> App<B> {
+    /// Takes a part of a scan; the echoes of the beams that end in it.
+    ///
+    /// A part that does not follow the last one changes nothing, so that one that comes twice does
+    /// no harm. A beam may be begun anew: its echoes are the same again.
+    // Its own frame, as has `measure`.
+    #[inline(never)]
+    pub(crate) fn take_codes(&mut self, frame: u32, from: Place, packed: &[u8]) -> Report {
+        if let Err(reason) = self.go_on(frame, from, packed) {
+            return Report::Nack(reason);
+        }
+        let mut beams: Vec<Echoes, BEAMS_PER_REPORT> = Vec::new();
+        let mut codes = packed::unpack(packed, self.board.hardware().adc_bits);
+        while let Some(shot) = self.take_shot(&mut codes) {
+            if let Some(echoes) = self.end_beam_with(shot) {
+                let _ = beams.push(echoes); // no more end in it than fit, above
+            }
+            self.board.feed_watchdog();
+        }
+        self.measured(frame, from.beam, beams)
+    }
+
+    /// Sees that a part follows, or begins a beam anew.
+    fn go_on(&mut self, frame: u32, from: Place, packed: &[u8]) -> Result<(), Nack> {
+        self.configure().map_err(|_| Nack::FrontEnd)?;
+        let here = Intake { frame, next: from };
+        if !from.begins_beam() && self.intake != Some(here) {
+            return Err(Nack::Awaited { place: self.awaited(frame, from) });
+        }
+        self.hold_to_the_scan(from, packed)?;
+        self.intake = Some(here);
+        Ok(())
+    }
+
+    /// Fills up the shot at hand; its number. `None`: there are not codes enough.
+    fn take_shot(&mut self, codes: &mut Codes<'_>) -> Option<u32> {
+        let (samples, next) = (self.samples()?, &mut self.intake.as_mut()?.next);
+        let missing = self.codes.get_mut(usize::from(next.sample)..samples)?;
+        for slot in missing {
+            *slot = codes.next()?;
+            next.sample = next.sample.saturating_add(1);
+        }
+        Some(next.shot.into())
+    }
+
+    /// Ends a shot, and with its last one a beam: its echoes.
+    fn end_beam_with(&mut self, shot: u32) -> Option<Echoes> {
+        self.end_shot(shot);
+        let last = shot.saturating_add(1) >= self.shots()?;
+        let next = &mut self.intake.as_mut()?.next;
+        *next = match last {
+            true => Place::of_beam(next.beam.saturating_add(1)),
+            false => Place { shot: next.shot.saturating_add(1), sample: 0, ..*next },
+        };
+        if last { self.detect() } else { None }
+    }
+
+    /// Codes of a shot.
+    fn samples(&self) -> Option<usize> {
+        self.configured.as_ref().map(|c| c.pipeline.config().codes())
+    }
+
+    /// Shots of a beam.
+    fn shots(&self) -> Option<u32> {
+        self.configured.as_ref().map(|c| c.pipeline.config().shots())
+    }
+
+    /// Where the row goes on; of another scan, where its beam begins.
+    fn awaited(&self, frame: u32, from: Place) -> Place {
+        let here = self.intake.filter(|intake| intake.frame == frame);
+        here.map_or(Place::of_beam(from.beam), |intake| intake.next)
+    }
+
+    /// A part must end within the scan.
+    fn hold_to_the_scan(&self, from: Place, packed: &[u8]) -> Result<(), Nack> {
+        let (Some(samples), Some(shots)) = (self.samples(), self.shots()) else {
+            return Err(Nack::FrontEnd);
+        };
+        let before = (samples as u32).saturating_mul(from.shot.into());
+        let codes = packed::codes_in(packed.len(), self.board.hardware().adc_bits) as u32;
+        let end = before.saturating_add(from.sample.into()).saturating_add(codes);
+        let of_beam = (samples as u32).saturating_mul(shots).max(1);
+        let (touched, beams) = (end.div_ceil(of_beam), self.board.pattern().beams());
+        match from.beam.saturating_add(touched) <= beams {
+            true => Ok(()),
+            false => Err(Nack::NoSuchBeams { beams }),
+        }
+    }
+}
