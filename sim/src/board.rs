@@ -164,7 +164,7 @@ fn take(queue: &mut VecDeque<u8>, buffer: &mut [u8]) -> usize {
 }
 
 /// Frames that the board in process says its link holds while it works.
-const LINK_FRAMES: usize = 7;
+const LINK_FRAMES: usize = 3;
 
 /// The board in process.
 pub struct PcBoard<F> {

@@ -6,11 +6,20 @@ use embedded_io::{Read, ReadReady};
 use heapless::Vec;
 
 use crate::board::Board;
-use crate::program::Configured;
+use crate::state::{Configured, Intake};
 use crate::store;
-use crate::waveforms::Intake;
 
-pub use crate::program::{BUILD, MAX_LATE_HELLO, MAX_SKIPPED};
+/// Name and version of this firmware.
+pub const BUILD: &str = concat!("echoloop-sensor ", env!("CARGO_PKG_VERSION"));
+
+/// How far ahead of the newest command the next may be numbered. A host counts on when it gives a
+/// command up; after so many it has to say hello.
+pub const MAX_SKIPPED: u16 = 256;
+
+/// How far behind the newest command a hello counts as overtaken: were it taken, it would end a
+/// trial, and other overtaken commands could act after it. A new host that begins there by chance
+/// is told so.
+pub const MAX_LATE_HELLO: u16 = 64;
 
 /// The link is gone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -43,9 +43,9 @@ pub mod app;
 pub mod board;
 pub mod mailbox;
 mod program;
+mod state;
 pub mod store;
 mod waveforms;
 
-pub use app::App;
+pub use app::{App, BUILD};
 pub use board::Board;
-pub use program::BUILD;

@@ -8,29 +8,10 @@ use embedded_io::Write;
 use heapless::Vec;
 
 use crate::afe::{self, AfeError};
-use crate::app::{App, LinkLost};
+use crate::app::{App, LinkLost, MAX_LATE_HELLO, MAX_SKIPPED};
 use crate::board::Board;
+use crate::state::Configured;
 use crate::store;
-
-/// Name and version of this firmware.
-pub const BUILD: &str = concat!("echoloop-sensor ", env!("CARGO_PKG_VERSION"));
-
-/// How far ahead of the newest command the next may be numbered. A host counts on when it gives a
-/// command up; after so many it has to say hello.
-pub const MAX_SKIPPED: u16 = 256;
-
-/// How far behind the newest command a hello counts as overtaken: were it taken, it would end a
-/// trial, and other overtaken commands could act after it. A new host that begins there by chance
-/// is told so.
-pub const MAX_LATE_HELLO: u16 = 64;
-
-/// What one set of settings turned into, and whose it is.
-pub(crate) struct Configured {
-    settings: Settings,
-    pub(crate) pipeline: Pipeline,
-    /// The front end has taken the settings.
-    front_end_set: bool,
-}
 
 impl<B: Board> App<B> {
     /// Answers a command.

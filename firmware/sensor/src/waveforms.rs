@@ -8,6 +8,7 @@ use heapless::Vec;
 
 use crate::app::App;
 use crate::board::Board;
+use crate::state::Intake;
 
 /// Fewest samples of a shot.
 #[expect(clippy::indexing_slicing, reason = "when it is compiled")]
@@ -15,14 +16,6 @@ const FEWEST: usize = PARAMETERS[ParameterId::WaveformResolution as usize].min a
 
 // A code has 8 bits or more: the beams that end in a frame fit a report.
 const _: () = assert!(MAX_PAYLOAD / FEWEST < BEAMS_PER_REPORT);
-
-/// How far the row of a scan has come. The shot at hand lies in the sensor's codes, the shots
-/// before it in its sums.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Intake {
-    frame: u32,
-    next: Place,
-}
 
 impl<B: Board> App<B> {
     /// Takes a part of a scan; the echoes of the beams that end in it.

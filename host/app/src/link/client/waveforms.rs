@@ -17,9 +17,9 @@ use echoloop_link::{
 use super::{Client, ClientError};
 use crate::link::transport::Transport;
 
-/// Parts under way at most, whatever a sensor has room for: their answers must not fill the line's
-/// buffers while nobody reads.
-const MOST_UNDER_WAY: u16 = 8;
+/// Parts under way at most, whatever a sensor has room for: what follows a lost one has to leave
+/// the line before it is sent again.
+const MOST_UNDER_WAY: u16 = 4;
 
 /// Makes all codes of a shot, by beam and shot.
 pub type Shoot<'a> = dyn FnMut(u32, u32, &mut [u16]) -> io::Result<()> + 'a;
@@ -170,7 +170,7 @@ impl<'a> Feed<'a> {
                 Step::Back(_) if self.tries + 1 >= client.retry_policy.tries => {
                     return Err(client.silent("waveforms"));
                 }
-                Step::Back(place) => self.go_back(place),
+                Step::Back(place) => self.go_back(client, place)?,
             }
         }
         Ok(self.scan)
@@ -200,11 +200,23 @@ impl<'a> Feed<'a> {
         Ok(())
     }
 
-    fn go_back(&mut self, place: Place) {
-        self.tries += 1;
-        self.next = place;
-        self.ready = None;
-        self.under_way.clear();
+    /// Gives up what is under way, and goes on from `place`. What is on the line comes before what
+    /// is sent next, so its answers are waited for: on a slow one they take longer than a timeout.
+    fn go_back<T: Transport>(
+        &mut self,
+        client: &mut Client<T>,
+        place: Place,
+    ) -> Result<(), ClientError> {
+        (self.tries, self.next, self.ready) = (self.tries + 1, place, None);
+        let mut given_up: VecDeque<u16> =
+            self.under_way.drain(..).map(|part| part.sequence).collect();
+        while !given_up.is_empty() {
+            let answers = client.listen(|of| given_up.contains(&of))?;
+            let Some((newest, _)) = answers.last() else { break };
+            let at = given_up.iter().position(|of| of == newest).unwrap_or_default();
+            given_up.drain(..=at);
+        }
+        Ok(())
     }
 
     /// Waits for answers to what is under way.
@@ -212,7 +224,9 @@ impl<'a> Feed<'a> {
         let numbers: Vec<u16> = self.under_way.iter().map(|part| part.sequence).collect();
         let answers = client.listen(|of| numbers.contains(&of))?;
         if answers.is_empty() {
-            return Ok(Step::Back(self.under_way.front().map_or(self.next, |part| part.from)));
+            let first = self.under_way.front().map_or(self.next, |part| part.from);
+            self.under_way.clear(); // nothing of it has been heard for long enough
+            return Ok(Step::Back(first));
         }
         for (sequence, report) in answers {
             if let back @ Step::Back(_) = self.take(client, sequence, report)? {
@@ -231,6 +245,8 @@ impl<'a> Feed<'a> {
         let Some(at) = self.under_way.iter().position(|part| part.sequence == sequence) else {
             return Ok(Step::On); // answered twice
         };
+        let Part { from, ended, .. } = self.under_way[at];
+        let before: usize = self.under_way.drain(..=at).take(at).map(|part| part.ended).sum();
         match report {
             Report::Nack(Nack::Awaited { place }) => return Ok(Step::Back(self.resumed_at(place))),
             Report::Nack(reason) => {
@@ -239,10 +255,9 @@ impl<'a> Feed<'a> {
             }
             _ => {}
         }
-        let Part { from, ended, .. } = self.under_way[at];
         let beams = client.beams(report, self.frame, from.beam, ended)?;
-        // Those before it were taken, too, or it would not be; but not their echoes.
-        if self.under_way.drain(..=at).take(at).any(|before| before.ended > 0) {
+        if before > 0 {
+            // Those before it were taken, or it would not be; the answers were lost.
             return Ok(Step::Back(self.first_missing()));
         }
         self.scan.extend(beams);
