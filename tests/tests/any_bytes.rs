@@ -9,7 +9,7 @@ use proptest::prelude::{any, prop_oneof, proptest};
 proptest! {
     #[test]
     fn what_a_decoder_accepts_it_accepts_again(
-        bytes in vec(prop_oneof![0..11u8, any::<u8>()], 0..300),
+        bytes in vec(prop_oneof![0..12u8, any::<u8>()], 0..300),
     ) {
         harness::frame_decoder(&bytes);
     }

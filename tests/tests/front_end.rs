@@ -227,7 +227,7 @@ impl Sensor {
         said.iter().filter_map(|&b| decoder.push(b).map(|f| decode(f.unwrap()).unwrap())).collect()
     }
 
-    fn ask(&mut self, command: &Command) -> Report {
+    fn ask(&mut self, command: &Command<'_>) -> Report {
         self.sequence += 1;
         let answers = self.hear(encode(self.sequence, command, &mut [0; MAX_FRAME]).unwrap());
         let [(sequence, report)] = <[_; 1]>::try_from(answers).unwrap();
@@ -488,7 +488,7 @@ fn a_front_end_that_fails_through_a_trial_does_not_prolong_it() {
     assert_eq!(*sensor.app.session().settings(), Settings::default());
 }
 
-fn commands() -> impl Strategy<Value = Command> {
+fn commands() -> impl Strategy<Value = Command<'static>> {
     let value = || prop_oneof![-2..12i32, any::<i32>()];
     let settings = (vec(value(), 15), 0..16usize).prop_map(|(values, changed)| {
         let mut settings = Settings::default();

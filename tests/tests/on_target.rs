@@ -10,13 +10,13 @@ use std::time::{Duration, Instant};
 
 use echoloop_dsp::accumulate::Accumulator;
 use echoloop_dsp::loops::Scalar;
-use echoloop_dsp::{Echoes, Grid, Hardware, Pipeline, ScanPattern, Scratch, Settings};
+use echoloop_dsp::{Echoes, Grid, Hardware, MAX_CODES, Pipeline, ScanPattern, Scratch, Settings};
 use echoloop_frontend::{Analog, FrontEnd, Trigger};
-use echoloop_host::link::client::{Client, RetryPolicy};
+use echoloop_host::link::client::{Client, ClientError, RetryPolicy};
 use echoloop_host::link::defmt_log;
 use echoloop_host::link::transport::{Direction, InProcess, Recording, Transport};
 use echoloop_kernels::process_baseline;
-use echoloop_link::{Command, MAX_FRAME, encode, settings_hash};
+use echoloop_link::{Command, MAX_FRAME, Room, encode, settings_hash};
 use echoloop_sim::board::PcSensor;
 use echoloop_sim::qemu::{Machine, Qemu, QemuOptions};
 use echoloop_tests::faults::{Faulty, Rates};
@@ -337,4 +337,51 @@ fn the_board_s_log_says_which_settings_became_active() {
             .any(|l| l.contains(&format!("settings {hash:#010x} active")) && l.contains("700")),
         "{lines:?}"
     );
+}
+
+/// Scans waveforms over the link of a board.
+fn feed<T: Transport>(
+    client: &mut Client<T>,
+    room: Room,
+    beams: &[Vec<u16>],
+) -> Result<Vec<Echoes>, ClientError> {
+    client.scan_waveforms(1, room, &mut |beam, _, codes| {
+        codes.copy_from_slice(&beams[beam as usize]);
+        Ok(())
+    })
+}
+
+#[test]
+fn every_board_says_of_waveforms_over_a_bad_uart_what_the_pc_says_with_a_front_end() {
+    let hardware = Hardware::REFERENCE;
+    for options in machines() {
+        let blind = Waveforms { adc_bits: hardware.adc_bits, ..Waveforms::default() };
+        let pc = InProcess(PcSensor::new(blind.clone(), PATTERN, hardware));
+        let mut pc = Client::connect(pc, RetryPolicy::default()).unwrap();
+        let qemu = Qemu::start(&options, blind, PATTERN, hardware).unwrap();
+        let retry_policy = RetryPolicy { timeout: Duration::from_secs(2), tries: 20 };
+        let mut board = Client::connect_from(Faulty::new(qemu, 5), retry_policy, 0).unwrap();
+        let room = board.read_room().unwrap();
+        assert_eq!(room, Room { codes: MAX_CODES as u32, frames: room.frames });
+        let mut echoes = 0;
+        for seed in 0..3 {
+            let (drawn, mut beams) = case(seed, &hardware);
+            // A converter has no greater ones, so none travel.
+            let full_scale = hardware.full_scale_code();
+            beams.iter_mut().flatten().for_each(|code| *code = (*code).min(full_scale));
+            let settings = Settings { shots: 1 + (seed % 2) as i32, ..drawn };
+            pc.transport_mut().0.front_end_mut().beams.clone_from(&beams);
+            let expected = measure(&mut pc, &settings);
+            board.transport_mut().rates = Rates::NONE;
+            let configured = board.configure(&settings);
+            configured.or_else(|_| board.configure(&settings)).unwrap();
+            board.transport_mut().rates = if seed == 0 { Rates::NONE } else { Rates::all(0.008) };
+            let fed = feed(&mut board, room, &beams).unwrap();
+            assert_eq!(fed, expected, "{}, seed {seed}: {settings:?}", options.machine.name());
+            echoes += fed.iter().flatten().count();
+        }
+        let harmed = board.transport_mut().harmed;
+        println!("{}: {echoes} echoes, {harmed} messages harmed", options.machine.name());
+        assert!(echoes > 30 && harmed > 0, "{echoes} echoes, {harmed} harms compare little");
+    }
 }

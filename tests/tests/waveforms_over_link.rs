@@ -3,12 +3,14 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::cell::RefCell;
+use std::collections::VecDeque;
+use std::convert::Infallible;
 use std::io;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
-use echoloop_dsp::{Echoes, Grid, MAX_CODES, ScanPattern, Settings};
+use echoloop_dsp::{Echoes, Grid, Hardware, MAX_CODES, ScanPattern, Settings};
 use echoloop_frontend::{Receiver, Return, SceneResponse};
 use echoloop_host::link::client::{Client, ClientError, RetryPolicy};
 use echoloop_host::link::sensor::{Line, Model, Sensor, View};
@@ -17,10 +19,13 @@ use echoloop_link::packed::pack;
 use echoloop_link::{
     Command, Decoder, Greeting, MAX_FRAME, Nack, Place, Report, Room, decode, encode,
 };
+use echoloop_sensor::{App, Board};
 use echoloop_sim::board::{PcSensor, hardware_for};
+use echoloop_sim::nor_flash::RamNorFlash;
 use echoloop_sim::shots::Shots;
 use echoloop_tests::faults::{Faulty, Rates};
 use echoloop_tests::vectors;
+use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
 
 const PATTERN: ScanPattern =
     ScanPattern::Grid(Grid { columns: 10, rows: 7, azimuth_cdeg: 18_000, elevation_cdeg: 9_000 });
@@ -120,7 +125,7 @@ fn feed<T: Transport>(client: &mut Client<T>, model: &Model) -> Result<Vec<Echoe
     shots.front_end_mut().look_at(scene(), 11);
     let settings = client.settings()?;
     shots.begin(&settings, 2).unwrap();
-    let room = Room { codes: MAX_CODES as u32, frames: 8 };
+    let room = Room { codes: MAX_CODES as u32, frames: 4 };
     client.scan_waveforms(2, room, &mut |beam, shot, codes| {
         shots.fire(beam, shot, codes).map_err(|_| io::ErrorKind::Other.into())
     })
@@ -283,7 +288,7 @@ fn a_sensor_without_the_room_is_refused_with_both_numbers() {
     let model = model(12);
     let sensor = PcSensor::new(model.front_end(), PATTERN, model.hardware);
     let mut client = Client::connect_from(InProcess(sensor), RetryPolicy::default(), 0).unwrap();
-    assert_eq!(client.read_room().unwrap(), Room { codes: MAX_CODES as u32, frames: 8 });
+    assert_eq!(client.read_room().unwrap(), Room { codes: MAX_CODES as u32, frames: 4 });
     let small = Room { codes: 799, frames: 1 };
     let error = client.scan_waveforms(1, small, &mut |_, _, _| Ok(())).unwrap_err();
     assert!(matches!(error, ClientError::Room { room: 799, needed: 800 }), "{error}");
@@ -317,4 +322,123 @@ fn a_fed_sensor_of_any_line_is_a_sensor() {
     let scan = sensor.scan(&view(&scene)).unwrap();
     assert_eq!(scan, at_the_sensor(&model, &Settings::default()));
     assert!(scan.iter().flatten().count() > 60);
+}
+
+/// A bus with nothing on it.
+struct NoBus;
+
+impl ErrorType for NoBus {
+    type Error = ErrorKind;
+}
+
+impl SpiDevice for NoBus {
+    fn transaction(&mut self, _: &mut [Operation<'_, u8>]) -> Result<(), ErrorKind> {
+        Err(ErrorKind::Other)
+    }
+}
+
+/// Bytes under way, both ways.
+#[derive(Clone, Default)]
+struct Wire(Rc<RefCell<[VecDeque<u8>; 2]>>);
+
+impl embedded_io::ErrorType for Wire {
+    type Error = Infallible;
+}
+
+impl embedded_io::Read for Wire {
+    fn read(&mut self, buffer: &mut [u8]) -> Result<usize, Infallible> {
+        Ok(io::Read::read(&mut self.0.borrow_mut()[0], buffer).unwrap())
+    }
+}
+
+impl embedded_io::ReadReady for Wire {
+    fn read_ready(&mut self) -> Result<bool, Infallible> {
+        Ok(!self.0.borrow()[0].is_empty())
+    }
+}
+
+impl embedded_io::Write for Wire {
+    fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
+        self.0.borrow_mut()[1].extend(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> Result<(), Infallible> {
+        Ok(())
+    }
+}
+
+/// A board with a processor, a line and a flash, and nothing else.
+struct Bare {
+    nothing: NoBus,
+    wire: Wire,
+    flash: RamNorFlash,
+}
+
+impl Board for Bare {
+    type Spi = NoBus;
+    type Link = Wire;
+    type Store = RamNorFlash;
+
+    fn hardware(&self) -> Hardware {
+        Hardware::REFERENCE
+    }
+
+    fn pattern(&self) -> ScanPattern {
+        PATTERN
+    }
+
+    fn emitter(&mut self) -> &mut NoBus {
+        &mut self.nothing
+    }
+
+    fn adc(&mut self) -> &mut NoBus {
+        &mut self.nothing
+    }
+
+    fn link(&mut self) -> &mut Wire {
+        &mut self.wire
+    }
+
+    fn store(&mut self) -> &mut RamNorFlash {
+        &mut self.flash
+    }
+
+    fn samples(&mut self, _: &mut [u16]) -> bool {
+        false
+    }
+}
+
+/// The bare board, which works whenever somebody looks whether it has.
+struct BareLine {
+    app: Box<App<Bare>>,
+    wire: Wire,
+}
+
+impl Transport for BareLine {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.wire.0.borrow_mut()[0].extend(bytes);
+        self.app.poll().map_err(|_| io::ErrorKind::BrokenPipe.into())
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], _timeout: Duration) -> io::Result<usize> {
+        io::Read::read(&mut self.wire.0.borrow_mut()[1], buffer)
+    }
+}
+
+#[test]
+fn a_board_without_a_front_end_finds_the_echoes_and_says_that_it_has_none() {
+    let (model, wire) = (model(12), Wire::default());
+    let flash = RamNorFlash::default();
+    let app = Box::new(App::new(Bare { nothing: NoBus, wire: wire.clone(), flash }));
+    let line = BareLine { app, wire };
+    let mut client = Client::connect_from(line, RetryPolicy::default(), 0).unwrap();
+    let room = client.read_room().unwrap();
+    assert_eq!(room, Room { codes: MAX_CODES as u32, frames: 1 }, "it keeps no bytes");
+    for settings in [settings(300, 4), Settings::default()] {
+        client.configure(&settings).unwrap();
+        assert_eq!(feed(&mut client, &model).unwrap(), at_the_sensor(&model, &settings));
+        let own = client.scan(3).unwrap_err();
+        assert!(matches!(own, ClientError::Nack(Nack::FrontEnd)), "{own}");
+    }
 }

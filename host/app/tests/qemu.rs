@@ -104,6 +104,24 @@ fn a_run_through_the_emulated_board_ends_with_the_numbers_of_the_run_in_process(
     assert_eq!(on_board["summary"], fixture.succeed(&again).json()["summary"]);
 }
 
+#[test]
+fn an_emulated_board_that_gets_waveforms_over_its_uart_gives_the_numbers_of_the_run_in_process() {
+    let Some(image) = image() else { return };
+    let fixture = Fixture::new();
+    let few = ["-c", "small.toml", "--set", "scanner.columns=16", "--set", "scanner.rows=8"];
+    let pairs = ["--set", "data.train_pairs=2", "--set", "data.test_pairs=2"];
+    let fed = ["--sensor", "qemu", "--firmware", &image, "--front-end", "host"];
+    let scan = [&["scan", "-q"][..], &few, &pairs].concat();
+    fixture.succeed(&[&scan[..], &["-o", "pc.ply"]].concat());
+    fixture.succeed(&[&scan[..], &fed, &["-o", "board.ply"]].concat());
+    assert!(fixture.bytes("board.ply") == fixture.bytes("pc.ply"), "the clouds differ");
+    let evaluate = [&["evaluate", "-q", "--json"][..], &few, &pairs].concat();
+    let on_board = fixture.succeed(&[&evaluate[..], &fed].concat()).json();
+    let on_pc = fixture.succeed(&evaluate).json();
+    assert_eq!(on_board["summary"], on_pc["summary"]);
+    assert!(on_pc["summary"]["mean_points"].as_f64() > Some(50.0), "{on_pc}");
+}
+
 /// Processes that another has started.
 fn children(parent: u32) -> Vec<u32> {
     let list = |task: PathBuf| fs::read_to_string(task.join("children")).unwrap_or_default();
