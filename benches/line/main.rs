@@ -70,8 +70,8 @@ mod measured {
 
     fn row(baud: u32, samples: i32, seconds: f64) {
         let beam_kbit = 12e-3 * f64::from(samples);
-        let beams = (seconds * limit_kbit_s(baud) / beam_kbit).clamp(8.0, 65_535.0);
-        let model = model(beams as u16);
+        let beams = (seconds * limit_kbit_s(baud) / beam_kbit).clamp(8.0, 100_000.0);
+        let model = model(beams as u32);
         let taken_s = scan_s(&model, samples, baud);
         let kbit_s = beam_kbit * f64::from(model.pattern.beams()) / taken_s;
         println!(
@@ -82,10 +82,13 @@ mod measured {
         );
     }
 
-    fn model(columns: u16) -> Model {
+    /// Of about so many beams: no row has more than 1,000.
+    fn model(beams: u32) -> Model {
         let receiver = Receiver::default();
         let hardware = hardware_for(&receiver);
-        let pattern = ScanPattern::Grid(Grid { columns, rows: 1, ..Grid::default() });
+        let rows = beams.div_ceil(1_000);
+        let (columns, rows) = ((beams / rows) as u16, rows as u16);
+        let pattern = ScanPattern::Grid(Grid { columns, rows, ..Grid::default() });
         Model { receiver, pattern, hardware }
     }
 
@@ -105,7 +108,8 @@ mod measured {
             scope.spawn(|| {
                 let mut sensor = PcSensor::new(model.front_end(), model.pattern, model.hardware);
                 let mut line = Serial::from_open_port(board, "board").expect("a port");
-                serve(&mut line, &mut sensor, &|| stop.load(Ordering::Relaxed)).expect("a line");
+                // At the end the relay may go first.
+                let _ = serve(&mut line, &mut sensor, &|| stop.load(Ordering::Relaxed));
             });
             let line = Serial::from_open_port(host, "host").expect("a port");
             let line = Box::new(line);
