@@ -7,7 +7,7 @@ use crate::flash::Flash;
 use crate::front_end::{Device, FrontEnd};
 use crate::idle::Idle;
 use crate::uart::{Port, Uart};
-use crate::watchdog::{Watchdog, count_restarts};
+use crate::watchdog::Watchdog;
 
 /// Arm MPS2 with application note 385 (Cortex-M3), 386 (Cortex-M4F) or 500 (Cortex-M7): one map but
 /// for the PSRAM.
@@ -125,7 +125,7 @@ pub struct EmulatedBoard {
 impl EmulatedBoard {
     /// The board this runs on; `None` without a front end or straps, and on later calls.
     pub fn take() -> Option<Self> {
-        let restarts = count_restarts()?;
+        let restarts = echoloop_restarts::count()?;
         let front_end = FrontEnd::new(map::psram())?;
         let (hardware, pattern) = front_end.straps()?;
         let watchdog = map::WATCHDOG.map(|block| Watchdog::start(block, WATCHDOG_TICKS));
