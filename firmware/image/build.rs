@@ -48,7 +48,10 @@ fn main() {
             println!("cargo:rerun-if-changed=../../memory.x");
             &["link.x"]
         }
-        "an505" => &["link/an505.x"],
+        "an505" => {
+            println!("cargo:rustc-link-search={}", here.join("link").display());
+            &["link/an505.x"]
+        }
         _ => &["link/virt.x", "link.x"],
     };
     for script in scripts.iter().chain(&["defmt.x"]) {
