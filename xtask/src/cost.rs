@@ -137,7 +137,8 @@ fn count_all() -> Result<Table> {
     let mut images = BTreeMap::new();
     for machine in &MACHINES {
         if !images.contains_key(machine.target) {
-            images.insert(machine.target, firmware::build(machine.target, "echoloop-cost")?);
+            let image = firmware::build("echoloop-image", "echoloop-cost", machine.target)?;
+            images.insert(machine.target, image);
         }
         let image = &images[machine.target];
         let output =

@@ -3,22 +3,59 @@
 use std::env;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 
-use crate::image::{self, Size};
+use crate::image::{self, Map, Size};
 use crate::shell::{succeed, workspace};
 use crate::toolchain::Toolchain;
 
-/// Targets there are images for, the reference board's first, and the memory map of each.
-pub(crate) const TARGETS: [(&str, &str); 4] = [
-    ("thumbv7em-none-eabihf", "memory.x"),
-    ("thumbv8m.main-none-eabihf", "firmware/image/link/an505.x"),
-    ("riscv32imac-unknown-none-elf", "firmware/image/link/virt.x"),
-    ("thumbv6m-none-eabi", "memory.x"),
+/// An image of the sensor's program.
+pub(crate) struct Image {
+    /// What pages call it: its target, or its part.
+    pub(crate) name: &'static str,
+    package: &'static str,
+    program: &'static str,
+    /// What it is built for.
+    pub(crate) target: &'static str,
+    /// The script that begins with its board's memory map.
+    map: &'static str,
+    /// Exceptions that can interrupt each other: all others stay masked, or wait.
+    nested: u64,
+    /// Functions of its start that can panic by constants of theirs alone, at every start or at
+    /// none: no input decides it. A test of each says that there is none.
+    by_constants: &'static [&'static str],
+}
+
+impl Image {
+    /// One for an emulated board.
+    const fn emulated(target: &'static str, map: &'static str, nested: u64) -> Self {
+        let (package, program) = ("echoloop-image", "echoloop-sensor");
+        Self { name: target, package, program, target, map, nested, by_constants: &[] }
+    }
+
+    /// Builds it.
+    ///
+    /// # Errors
+    ///
+    /// As [`build`].
+    pub(crate) fn build(&self) -> Result<PathBuf> {
+        build(self.package, self.program, self.target)
+    }
+}
+
+/// An NMI in a hard fault, on Arm.
+const FAULTS: u64 = 2;
+
+/// The images, the reference board's first.
+pub(crate) const IMAGES: [Image; 4] = [
+    Image::emulated("thumbv7em-none-eabihf", "memory.x", FAULTS),
+    Image::emulated("thumbv8m.main-none-eabihf", "firmware/image/link/an505.x", FAULTS),
+    Image::emulated("riscv32imac-unknown-none-elf", "firmware/image/link/virt.x", 1),
+    Image::emulated("thumbv6m-none-eabi", "memory.x", FAULTS),
 ];
 
 /// The target of `examples/own_firmware`.
-const COPIED: &str = TARGETS[0].0;
+const COPIED: &str = IMAGES[0].target;
 
 /// The profile of the images.
 const PROFILE: &str = "firmware";
@@ -46,7 +83,7 @@ pub(crate) fn toolchain(target: &str) -> Result<Toolchain> {
 /// As [`run`].
 pub(crate) fn for_tests(lint: bool) -> Result<()> {
     let mut found = Vec::new();
-    for (target, _) in TARGETS {
+    for target in targets() {
         match toolchain(target) {
             Ok(toolchain) => {
                 found.push(target.to_owned());
@@ -54,11 +91,13 @@ pub(crate) fn for_tests(lint: bool) -> Result<()> {
                     link_copied(&toolchain)?;
                 }
                 if lint && toolchain.is_prebuilt() {
-                    // By itself without the log, which the images have.
-                    clippy(&toolchain, target, "echoloop-sensor")?;
-                    clippy(&toolchain, target, "echoloop-image")?;
-                    // What users copy, too.
-                    clippy(&toolchain, target, "echoloop-own-firmware")?;
+                    // By itself without the log, which the images have; and what users copy.
+                    for package in ["echoloop-sensor", "echoloop-own-firmware"] {
+                        clippy(&toolchain, target, package)?;
+                    }
+                    for image in IMAGES.iter().filter(|image| image.target == target) {
+                        clippy(&toolchain, target, image.package)?;
+                    }
                 }
             }
             Err(error) if env::var_os("CI").is_some() => return Err(error),
@@ -66,6 +105,19 @@ pub(crate) fn for_tests(lint: bool) -> Result<()> {
         }
     }
     if found.is_empty() { Ok(()) } else { run(&found, false) }
+}
+
+/// Every target once.
+fn targets() -> Vec<&'static str> {
+    let mut targets: Vec<&str> = IMAGES.iter().map(|image| image.target).collect();
+    let mut seen = Vec::new();
+    targets.retain(|target| {
+        !seen.contains(target) && {
+            seen.push(*target);
+            true
+        }
+    });
+    targets
 }
 
 /// Links the firmware that users copy, for the target that docs/porting.md names.
@@ -85,24 +137,17 @@ fn clippy(toolchain: &Toolchain, target: &str, package: &str) -> Result<()> {
     succeed(command.args(["--", "-D", "warnings"]))
 }
 
-/// Builds one of the image crate's programs for a target.
+/// Builds a program for a target.
 ///
 /// # Errors
 ///
 /// When there is no toolchain for it, or the build fails.
-pub(crate) fn build(target: &str, program: &str) -> Result<PathBuf> {
+pub(crate) fn build(package: &str, program: &str, target: &str) -> Result<PathBuf> {
     let toolchain = toolchain(target)?;
     eprintln!("{target}: {}", toolchain.describe());
     let root = workspace()?;
     let mut command = toolchain.cargo(target);
-    command.current_dir(&root).args([
-        "build",
-        "--quiet",
-        "--package",
-        "echoloop-image",
-        "--bin",
-        program,
-    ]);
+    command.current_dir(&root).args(["build", "--quiet", "--package", package, "--bin", program]);
     command.args(["--profile", PROFILE, "--target", target, "--target-dir", TARGET_DIR]);
     command.env("DEFMT_LOG", "info");
     succeed(toolchain.finish(&mut command))?;
@@ -115,28 +160,28 @@ pub(crate) fn build(target: &str, program: &str) -> Result<PathBuf> {
 ///
 /// When one cannot be built, does not fit its board, has no bound on its stack, or can panic.
 pub(crate) fn run(targets: &[String], verbose: bool) -> Result<()> {
-    let chosen: Vec<(&str, &str)> = match targets {
-        [] => TARGETS.to_vec(),
-        some => some.iter().map(|target| known(target)).collect::<Result<_>>()?,
+    let chosen: Vec<&Image> = match targets {
+        [] => IMAGES.iter().collect(),
+        some => some.iter().map(|target| known(target)).collect::<Result<Vec<_>>>()?.concat(),
     };
     let (mut rows, mut panics) = (Vec::new(), Vec::new());
-    for (target, map) in chosen {
-        let elf = build(target, "echoloop-sensor")?;
-        rows.push((target, check(&elf, map)?));
-        panics.extend(
-            image::panics(&image::read(&elf)?)?.iter().map(|symbol| format!("{target}: {symbol}")),
-        );
+    for image in chosen {
+        let elf = image.build()?;
+        rows.push((image.name, check(&elf, image)?));
+        let found = image::panics(&image::read(&elf)?, image.by_constants)?;
+        panics.extend(found.iter().map(|symbol| format!("{}: {symbol}", image.name)));
     }
     println!(
         "{:<30} {:>9} {:>9} {:>9}   of flash, RAM",
         "image", "flash B", "statics B", "stack B"
     );
-    for (target, (size, flash, ram)) in &rows {
+    for (name, (size, map)) in &rows {
         let Size { flash: in_flash, statics, stack, .. } = size;
         let share = |part: u64, whole: u64| 100.0 * part as f64 / whole as f64;
-        let (of_flash, of_ram) = (share(*in_flash, *flash), share(statics + stack, *ram));
+        let of_flash = share(*in_flash, map.flash_bytes());
+        let of_ram = share(statics + stack, map.ram.length);
         println!(
-            "{target:<30} {in_flash:>9} {statics:>9} {stack:>9}   {of_flash:.1} %, {of_ram:.1} %"
+            "{name:<30} {in_flash:>9} {statics:>9} {stack:>9}   {of_flash:.1} %, {of_ram:.1} %"
         );
         if verbose {
             for (name, frame) in &size.deepest {
@@ -152,25 +197,25 @@ pub(crate) fn run(targets: &[String], verbose: bool) -> Result<()> {
     Ok(())
 }
 
-fn known(target: &str) -> Result<(&'static str, &'static str)> {
-    let names: Vec<&str> = TARGETS.iter().map(|(name, _)| *name).collect();
-    let found = TARGETS.into_iter().find(|(name, _)| *name == target);
-    found.with_context(|| format!("--target {target}: there are images for {}", names.join(", ")))
+/// The images for a target.
+fn known(target: &str) -> Result<Vec<&'static Image>> {
+    let found: Vec<&Image> = IMAGES.iter().filter(|image| image.target == target).collect();
+    ensure!(!found.is_empty(), "--target {target}: there are images for {}", targets().join(", "));
+    Ok(found)
 }
 
-/// What an image takes, with flash and RAM of its board.
-pub(crate) fn check(elf: &Path, map: &str) -> Result<(Size, u64, u64)> {
+/// What an image takes, with the memory map of its board.
+pub(crate) fn check(elf: &Path, image: &Image) -> Result<(Size, Map)> {
     let bytes = image::read(elf)?;
-    let script = std::fs::read_to_string(workspace()?.join(map))
-        .with_context(|| format!("cannot read {map}"))?;
-    let (flash, ram) = image::regions(&script).with_context(|| map.to_owned())?;
-    let size = image::measure(&bytes, (flash, ram)).with_context(|| elf.display().to_string())?;
+    let script = std::fs::read_to_string(workspace()?.join(image.map))
+        .with_context(|| format!("cannot read {}", image.map))?;
+    let map = image::regions(&script).with_context(|| image.map.to_owned())?;
+    let size =
+        image::measure(&bytes, &map, image.nested).with_context(|| elf.display().to_string())?;
     // For the test that measures it on a board.
     let record = elf.with_extension("stack");
     std::fs::write(&record, size.stack.to_string())
         .with_context(|| format!("cannot write {}", record.display()))?;
-    if size.flash > flash.length || size.statics + size.stack > ram.length {
-        bail!("{} does not fit {map}: {size:?}", elf.display());
-    }
-    Ok((size, flash.length, ram.length))
+    ensure!(map.fits(&size), "{} does not fit {}: {size:?}", elf.display(), image.map);
+    Ok((size, map))
 }

@@ -45,24 +45,57 @@ pub(crate) struct Region {
     pub(crate) length: u64,
 }
 
-/// Flash and RAM of a memory map (`memory.x` or a script that begins with one).
+impl Region {
+    fn holds(&self, address: u64, size: u64) -> bool {
+        self.origin <= address && address + size <= self.origin + self.length
+    }
+}
+
+/// Flash and RAM of a board: flash may lie in several regions.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Map {
+    pub(crate) flash: Vec<Region>,
+    pub(crate) ram: Region,
+}
+
+impl Map {
+    /// Bytes of flash.
+    pub(crate) fn flash_bytes(&self) -> u64 {
+        self.flash.iter().map(|region| region.length).sum()
+    }
+
+    /// Whether an image has room on the board.
+    pub(crate) fn fits(&self, size: &Size) -> bool {
+        size.flash <= self.flash_bytes() && size.statics + size.stack <= self.ram.length
+    }
+}
+
+/// The memory map that a linker's script begins with: `RAM`, and all regions whose names begin with
+/// `FLASH`.
 ///
 /// # Errors
 ///
 /// When it does not say.
-pub(crate) fn regions(script: &str) -> Result<(Region, Region)> {
-    let region = |name: &str| -> Option<Region> {
-        let line = script
-            .lines()
-            .find(|line| line.trim_start().starts_with(name) && line.contains("ORIGIN"))?;
-        let value = |key: &str| {
-            let text = line.split_once(key)?.1.split_once('=')?.1;
-            number(text.split(',').next()?.trim())
-        };
-        Some(Region { origin: value("ORIGIN")?, length: value("LENGTH")? })
+pub(crate) fn regions(script: &str) -> Result<Map> {
+    let named = |name: &'static str| {
+        let lines = script.lines().map(str::trim_start);
+        lines.filter(move |line| line.starts_with(name) && line.contains("ORIGIN"))
     };
-    let both = region("FLASH").zip(region("RAM"));
-    both.context("the memory map names no FLASH and RAM with ORIGIN and LENGTH")
+    let what = "the memory map names no FLASH and RAM with ORIGIN and LENGTH";
+    let flash = named("FLASH").map(region).collect::<Option<Vec<Region>>>().context(what)?;
+    let ram = named("RAM").next().and_then(region);
+    match ram {
+        Some(ram) if !flash.is_empty() => Ok(Map { flash, ram }),
+        _ => bail!(what),
+    }
+}
+
+fn region(line: &str) -> Option<Region> {
+    let value = |key: &str| {
+        let text = line.split_once(key)?.1.split_once('=')?.1;
+        number(text.split(',').next()?.trim())
+    };
+    Some(Region { origin: value("ORIGIN")?, length: value("LENGTH")? })
 }
 
 /// As linkers write them: hexadecimal, or with K or M.
@@ -81,12 +114,12 @@ fn number(text: &str) -> Option<u64> {
 /// Panics that an image can reach, each with the calls that lead to it. None: no input reaches one.
 ///
 /// A function is reached from the entry point, from the vectors, and from any table of constants
-/// that names it.
+/// that names it. What only the functions `by_constants` call is not followed.
 ///
 /// # Errors
 ///
 /// When the file is no such image.
-pub(crate) fn panics(elf: &[u8]) -> Result<Vec<String>> {
+pub(crate) fn panics(elf: &[u8], by_constants: &[&str]) -> Result<Vec<String>> {
     let file = object::File::parse(elf)?;
     let functions = functions(&file)?;
     let constants = file.sections().filter(|s| s.kind() != SectionKind::Text && is_allocated(s));
@@ -97,7 +130,7 @@ pub(crate) fn panics(elf: &[u8]) -> Result<Vec<String>> {
         .map(|reference| reference.to)
         .chain([entry])
         .filter_map(|to| holder(&functions, to));
-    let callers = reached(&functions, roots);
+    let callers = reached(&functions, roots, by_constants);
     let found = callers.keys().filter(|&&index| is_panic(&functions[index].name));
     Ok(found.map(|&index| path_to(&functions, &callers, index)).collect())
 }
@@ -106,14 +139,19 @@ fn is_panic(name: &str) -> bool {
     name.contains("panicking") || name.contains("rust_begin_unwind")
 }
 
-/// Every function reached from the roots, and whose call reaches it first.
+/// Every function reached from the roots other than through those named, and whose call reaches it
+/// first.
 fn reached(
     functions: &[Function],
     roots: impl Iterator<Item = usize>,
+    by_constants: &[&str],
 ) -> BTreeMap<usize, Option<usize>> {
     let mut callers = BTreeMap::new();
     let mut ahead: Vec<(usize, Option<usize>)> = roots.map(|root| (root, None)).collect();
     while let Some((index, caller)) = ahead.pop() {
+        if by_constants.contains(&functions[index].name.as_str()) {
+            continue;
+        }
         if let Entry::Vacant(place) = callers.entry(index) {
             place.insert(caller);
             ahead.extend(functions[index].calls.iter().map(|&callee| (callee, Some(index))));
@@ -166,36 +204,33 @@ const EXCEPTION_FRAME: u64 = 4 * 27;
 /// RISC-V's trap handlers; Arm's are in its vectors.
 const TRAPS: [&str; 2] = ["_start_trap", "_default_start_trap"];
 
-/// Exceptions that can interrupt each other on Arm: an NMI in a hard fault. Everything else stays
-/// masked.
-const NESTED: u64 = 2;
-
-/// Measures an image.
+/// Measures an image in which so many exceptions can interrupt each other.
 ///
 /// # Errors
 ///
-/// When the file is no such image, or a function calls itself: then there is no bound.
-pub(crate) fn measure(elf: &[u8], (flash, ram): (Region, Region)) -> Result<Size> {
+/// When the file is no such image, a section of it lies outside of the map, or a function calls
+/// itself: then there is no bound.
+pub(crate) fn measure(elf: &[u8], map: &Map, nested: u64) -> Result<Size> {
     let file = object::File::parse(elf)?;
-    let in_region = |address: u64, r: Region| (r.origin..r.origin + r.length).contains(&address);
     let allocated = file.sections().filter(is_allocated);
     let (mut in_flash, mut statics) = (0, 0);
     for section in allocated {
         let stored = section.file_range().is_some_and(|(_, size)| size > 0);
         let name = section.name().unwrap_or("?").to_owned();
-        if in_region(section.address(), ram) {
+        let (address, bytes) = (section.address(), section.size());
+        if map.ram.holds(address, bytes) {
             if name != ".stack" && name != ".heap" {
                 statics += section.size();
             }
             if stored {
                 in_flash += section.size(); // initial values
             }
-        } else if in_region(section.address(), flash) {
+        } else if map.flash.iter().any(|region| region.holds(address, bytes)) {
             in_flash += section.size();
         } else {
             bail!(
-                "section {name} at {:#x} lies outside flash and RAM of the memory map",
-                section.address()
+                "section {name}, {bytes} bytes at {address:#x}, lies outside flash and RAM of the \
+                 memory map"
             );
         }
     }
@@ -205,7 +240,7 @@ pub(crate) fn measure(elf: &[u8], (flash, ram): (Region, Region)) -> Result<Size
         holder(&functions, clean(&file, file.entry())).context("the entry point is no function")?;
     let (program, path) = deepest(&functions, &[entry])?;
     let (handler, _) = deepest(&functions, &handlers(&file, &functions, entry)?)?;
-    let exceptions = (EXCEPTION_FRAME + handler) * if is_thumb(&file) { NESTED } else { 1 };
+    let exceptions = (EXCEPTION_FRAME + handler) * nested;
     let frame = |f: &Function| f.frame.unwrap_or(LABEL_FRAME);
     let mut deepest: Vec<(String, u64)> =
         path.iter().map(|&i| (functions[i].name.clone(), frame(&functions[i]))).collect();
@@ -486,10 +521,29 @@ mod tests {
     fn memory_maps_are_read_as_linkers_write_them() {
         let map = "MEMORY\n{\n  FLASH : ORIGIN = 0x10000000, LENGTH = 4M\n  \
                    RAM   : ORIGIN = 0x38000000, LENGTH = 16K\n}";
-        let (flash, ram) = regions(map).unwrap();
-        assert_eq!((flash.origin, flash.length), (0x1000_0000, 4 << 20));
-        assert_eq!((ram.origin, ram.length), (0x3800_0000, 16 << 10));
+        let flash = Region { origin: 0x1000_0000, length: 4 << 20 };
+        let ram = Region { origin: 0x3800_0000, length: 16 << 10 };
+        assert_eq!(regions(map).unwrap(), Map { flash: vec![flash], ram });
+        let two = map.replace("FLASH", "FLASH_A : ORIGIN = 0, LENGTH = 1K\n  FLASH");
+        let first = Region { origin: 0, length: 1 << 10 };
+        assert_eq!(regions(&two).unwrap(), Map { flash: vec![first, flash], ram });
         assert!(regions("RAM : ORIGIN = 0, LENGTH = 1K").is_err());
+        assert!(regions("FLASH : ORIGIN = 0, LENGTH = 1K").is_err());
+    }
+
+    #[test]
+    fn an_image_of_one_byte_too_many_in_flash_or_ram_does_not_fit() {
+        let region = |origin, length| Region { origin, length };
+        let map = Map { flash: vec![region(0, 16), region(64, 100)], ram: region(256, 100) };
+        let size = |flash, statics, stack| {
+            let (deepest, unknown) = (Vec::new(), Vec::new());
+            Size { flash, statics, stack, deepest, unknown }
+        };
+        assert!(map.fits(&size(116, 40, 60)));
+        assert!(!map.fits(&size(117, 40, 60)));
+        assert!(!map.fits(&size(116, 41, 60)) && !map.fits(&size(116, 40, 61)));
+        let [_, code] = map.flash[..] else { panic!("two regions") };
+        assert!(code.holds(64, 100) && !code.holds(64, 101) && !code.holds(63, 10));
     }
 
     fn function(name: &str, frame: u64, calls: &[usize]) -> Function {
@@ -516,11 +570,26 @@ mod tests {
             function("core::panicking::panic", 0, &[]),
             function("b", 0, &[2]),
         ];
-        let callers = reached(&functions, [0].into_iter());
+        let callers = reached(&functions, [0].into_iter(), &[]);
         assert!(
             is_panic(&functions[2].name) && callers.contains_key(&2) && !callers.contains_key(&3)
         );
         assert_eq!(path_to(&functions, &callers, 2), "core::panicking::panic ← a ← Reset");
+    }
+
+    #[test]
+    fn a_panic_that_constants_decide_counts_when_anything_else_reaches_it_too() {
+        let functions = |of_main: &[usize]| {
+            [
+                function("Reset", 0, of_main),
+                function("clock", 0, &[2]),
+                function("search", 0, &[3]),
+                function("core::panicking::panic", 0, &[]),
+            ]
+        };
+        let found = |of_main| reached(&functions(of_main), [0].into_iter(), &["clock"]);
+        assert!(!found(&[1]).contains_key(&3));
+        assert!(found(&[1, 2]).contains_key(&3));
     }
 
     #[test]

@@ -35,7 +35,9 @@ pub(super) fn stamp(run: &Run) -> Result<String> {
     let code = first_line("git", &["describe", "--always", "--exclude", "*"])?;
     let compiler = match run.kind {
         Kind::Echoloop => first_line("rustc", &["--version"])?,
-        Kind::Images | Kind::Cost => firmware::toolchain(firmware::TARGETS[0].0)?.version().into(),
+        Kind::Images | Kind::Cost => {
+            firmware::toolchain(firmware::IMAGES[0].target)?.version().into()
+        }
     };
     let compiler = compiler.split(" (").next().unwrap_or_default();
     Ok(format!("{}, {code}, {compiler}", today()))
@@ -65,14 +67,14 @@ fn echoloop(root: &Path, run: &Run) -> Result<Option<Value>> {
 /// Sizes of the images; `None` when one cannot be built here.
 fn images() -> Result<Option<Value>> {
     let mut sizes = Map::new();
-    for (target, map) in firmware::TARGETS {
-        if let Err(error) = firmware::toolchain(target) {
+    for image in &firmware::IMAGES {
+        if let Err(error) = firmware::toolchain(image.target) {
             eprintln!("SKIPPED: the images: {error:#}");
             return Ok(None);
         }
-        let (size, ..) = firmware::check(&firmware::build(target, "echoloop-sensor")?, map)?;
+        let (size, _) = firmware::check(&image.build()?, image)?;
         let size = json!({"flash": size.flash, "statics": size.statics, "stack": size.stack});
-        sizes.insert(target.to_owned(), size);
+        sizes.insert(image.name.to_owned(), size);
     }
     Ok(Some(Value::Object(sizes)))
 }
