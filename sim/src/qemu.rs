@@ -44,11 +44,19 @@ pub enum Machine {
     An505,
     /// RISC-V virt, RV32IMAC.
     Virt,
+    /// Netduino Plus 2, STM32F405, Cortex-M4F: a part on sale, without a front end.
+    NetduinoPlus2,
 }
 
 impl Machine {
     /// All of them, the reference board first.
-    pub const ALL: [Self; 5] = [Self::An386, Self::An500, Self::An505, Self::An385, Self::Virt];
+    pub const ALL: [Self; 6] =
+        [Self::An386, Self::An500, Self::An505, Self::An385, Self::Virt, Self::NetduinoPlus2];
+
+    /// Whether it has a front end, in memory. One that has none takes waveforms over its link.
+    pub const fn has_front_end(self) -> bool {
+        self.memory().is_some()
+    }
 
     /// QEMU's name for it.
     pub const fn name(self) -> &'static str {
@@ -58,6 +66,7 @@ impl Machine {
             Self::An500 => "mps2-an500",
             Self::An505 => "mps2-an505",
             Self::Virt => "virt",
+            Self::NetduinoPlus2 => "netduinoplus2",
         }
     }
 
@@ -70,7 +79,7 @@ impl Machine {
     pub const fn target(self) -> &'static str {
         match self {
             Self::An385 => "thumbv6m-none-eabi",
-            Self::An386 | Self::An500 => "thumbv7em-none-eabihf",
+            Self::An386 | Self::An500 | Self::NetduinoPlus2 => "thumbv7em-none-eabihf",
             Self::An505 => "thumbv8m.main-none-eabihf",
             Self::Virt => "riscv32imac-unknown-none-elf",
         }
@@ -86,7 +95,11 @@ impl Machine {
 
     /// Where `cargo xtask firmware` puts its image, below the workspace's root.
     pub fn image(self) -> PathBuf {
-        Path::new("target/firmware").join(self.target()).join("firmware/echoloop-sensor")
+        let program = match self {
+            Self::NetduinoPlus2 => "firmware/echoloop-stm32f405",
+            _ => "firmware/echoloop-sensor",
+        };
+        Path::new("target/firmware").join(self.target()).join(program)
     }
 
     /// What its processor's ELF files say, and where its flash begins.
@@ -95,14 +108,17 @@ impl Machine {
             Self::An385 | Self::An386 | Self::An500 => (Architecture::Arm, 0),
             Self::An505 => (Architecture::Arm, 0x1000_0000),
             Self::Virt => (Architecture::Riscv32, 0x8000_0000),
+            Self::NetduinoPlus2 => (Architecture::Arm, 0x0800_0000),
         }
     }
 
-    /// Bytes of the shared memory, and where in it the mailbox begins.
-    const fn memory(self) -> (u64, u64) {
+    /// Bytes of the shared memory, and where in it the mailbox begins; `None` where there is no
+    /// such memory, and so no front end.
+    const fn memory(self) -> Option<(u64, u64)> {
         match self {
-            Self::Virt => (32 << 20, 16 << 20), // all of its RAM
-            _ => (16 << 20, 0),
+            Self::Virt => Some((32 << 20, 16 << 20)), // all of its RAM
+            Self::NetduinoPlus2 => None,
+            _ => Some((16 << 20, 0)),
         }
     }
 }
@@ -182,7 +198,7 @@ impl QemuOptions {
 pub struct Qemu<F> {
     emulator: Arc<Mutex<Emulator>>,
     link: UnixStream,
-    page: Page,
+    page: Option<Page>,
     front_end: F,
     shots: u32,
     codes: Vec<u16>,
@@ -237,7 +253,8 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl<F: FrontEnd> Qemu<F> {
-    /// Switches a sensor on. `hardware.adc_bits` is taken from the front end.
+    /// Switches a sensor on. `hardware.adc_bits` is taken from the front end. A machine without a
+    /// front end in memory has hardware and pattern of its own, and takes none of the three.
     ///
     /// # Errors
     ///
@@ -253,8 +270,14 @@ impl<F: FrontEnd> Qemu<F> {
         check_image(*machine, image)?;
         let (folder, guard) = folder(options)?;
         let hardware = Hardware { adc_bits: front_end.adc_bits(), ..hardware };
-        let page =
-            Page::make(*machine, &folder.join(MEMORY), &mailbox::straps(&hardware, &pattern))?;
+        let straps = mailbox::straps(&hardware, &pattern);
+        let page = match machine.memory() {
+            Some(place) => Some(Page::make(place, &folder.join(MEMORY), &straps)?),
+            None => {
+                blank_flash(&folder)?;
+                None
+            }
+        };
         let emulator = Emulator::start(options, &folder, guard)?;
         let link = connect(&emulator, *machine, &folder).inspect_err(|_| lock(&emulator).stop())?;
         let codes = vec![0; MAX_CODES];
@@ -326,12 +349,12 @@ impl<F: FrontEnd> Qemu<F> {
 
     /// Answers the doorbell. False: nobody rang.
     fn serve(&mut self) -> bool {
-        let shots = self.page.read(mailbox::DOORBELL);
+        let Some(page) = &self.page else { return false };
+        let shots = page.read(mailbox::DOORBELL);
         if shots == self.shots {
             return false;
         }
-        let register =
-            |device: usize, register: u8| self.page.read(device + 4 * usize::from(register));
+        let register = |device: usize, register: u8| page.read(device + 4 * usize::from(register));
         let emitter = |number| register(mailbox::EMITTER, number);
         let adc = |number| register(mailbox::ADC, number);
         let analog = read_analog(&emitter, &adc);
@@ -339,9 +362,9 @@ impl<F: FrontEnd> Qemu<F> {
             (adc(adc::SAMPLES) as usize).saturating_add(analog.pre_trigger).min(MAX_CODES);
         self.front_end.name_noise(read_noise(&emitter));
         self.front_end.capture(&analog, read_trigger(&emitter), &mut self.codes[..samples]);
-        self.page.write_codes(&self.codes[..samples]);
+        page.write_codes(&self.codes[..samples]);
         self.shots = shots;
-        self.page.write(mailbox::ANSWER, shots);
+        page.write(mailbox::ANSWER, shots);
         true
     }
 
@@ -379,6 +402,9 @@ impl<F> Drop for Qemu<F> {
 }
 
 const MEMORY: &str = "memory.bin";
+/// The settings' sectors of a machine without shared memory: `firmware/stm32f4/src/file.rs`.
+const FLASH: &str = "flash.bin";
+const FLASH_BYTES: usize = 32 << 10;
 const LOG: &str = "log.bin";
 const LINK: &str = "link";
 const ERRORS: &str = "errors.txt";
@@ -437,6 +463,15 @@ fn folder(options: &QemuOptions) -> Result<(PathBuf, Guard), QemuError> {
     Ok((guard.folder().unwrap_or(&parent).to_owned(), guard))
 }
 
+/// A flash in which nothing was ever saved, where there is none.
+fn blank_flash(folder: &Path) -> Result<(), QemuError> {
+    let path = folder.join(FLASH);
+    if fs::metadata(&path).is_ok_and(|file| file.len() == FLASH_BYTES as u64) {
+        return Ok(());
+    }
+    fs::write(&path, [0xFF; FLASH_BYTES]).map_err(io_error("write", &path))
+}
+
 fn io_error(verb: &str, path: &Path) -> impl FnOnce(io::Error) -> QemuError {
     let what = format!("{verb} {}", path.display());
     move |source| QemuError::Io { what, source }
@@ -444,22 +479,26 @@ fn io_error(verb: &str, path: &Path) -> impl FnOnce(io::Error) -> QemuError {
 
 fn spawn(options: &QemuOptions, folder: &Path, group: i32) -> Result<Child, QemuError> {
     let machine = options.machine;
-    let at = |name: &str| folder.join(name).display().to_string();
+    // An emulator whose settings are a file runs in its folder.
+    let absolute = |path: &Path| std::path::absolute(path).map_err(io_error("find", path));
+    let (image, own_folder) = (absolute(&options.image)?, absolute(folder)?);
+    let at = |name: &str| own_folder.join(name).display().to_string();
     let _ = fs::remove_file(folder.join(LINK)); // of an earlier run in the same folder
     let errors = File::create(folder.join(ERRORS)).map_err(io_error("write in", folder))?;
-    let (bytes, _) = machine.memory();
     let mut command = Command::new(machine.emulator());
+    if let Some((bytes, _)) = machine.memory() {
+        let memory = at(MEMORY);
+        command
+            .args(["-M", &format!("{},memory-backend=shared", machine.name())])
+            .args(["-m", &format!("{}M", bytes >> 20)])
+            .arg("-object")
+            .arg(format!("memory-backend-file,id=shared,size={bytes},mem-path={memory},share=on"));
+    } else {
+        // Its settings are a file.
+        command.args(["-M", machine.name(), "-semihosting-config", "enable=on,target=native"]);
+        command.current_dir(folder);
+    }
     command
-        .args([
-            "-M",
-            &format!("{},memory-backend=shared", machine.name()),
-            "-m",
-            &format!("{}M", bytes >> 20),
-        ])
-        .args([
-            "-object",
-            &format!("memory-backend-file,id=shared,size={bytes},mem-path={},share=on", at(MEMORY)),
-        ])
         .args(["-display", "none", "-monitor", "none", "-nodefaults"])
         .args([
             "-chardev",
@@ -470,7 +509,7 @@ fn spawn(options: &QemuOptions, folder: &Path, group: i32) -> Result<Child, Qemu
         .args(["-serial", &format!("file:{}", at(LOG))])
         .args(&options.arguments)
         .arg("-kernel")
-        .arg(&options.image);
+        .arg(image);
     if machine == Machine::Virt {
         command.args(["-bios", "none"]);
     }
@@ -540,11 +579,10 @@ struct Page {
 
 impl Page {
     fn make(
-        machine: Machine,
+        (bytes, offset): (u64, u64),
         path: &Path,
         straps: &[u32; mailbox::STRAP_WORDS],
     ) -> Result<Self, QemuError> {
-        let (bytes, offset) = machine.memory();
         let open = || -> io::Result<MmapRaw> {
             let file = OpenOptions::new()
                 .read(true)
@@ -612,8 +650,8 @@ mod tests {
     #[test]
     fn samples_lie_in_the_buffer_as_the_sensor_reads_them() {
         let folder = tempfile::tempdir().unwrap();
-        let page = Page::make(Machine::Virt, &folder.path().join("m"), &[1; mailbox::STRAP_WORDS])
-            .unwrap();
+        let place = Machine::Virt.memory().unwrap();
+        let page = Page::make(place, &folder.path().join("m"), &[1; mailbox::STRAP_WORDS]).unwrap();
         page.write_codes(&[1, 2, 3]);
         let bytes = fs::read(folder.path().join("m")).unwrap();
         let buffer = (16 << 20) + mailbox::CODES;

@@ -6,6 +6,9 @@ use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+/// The register's number.
+const PROGRAM_COUNTER: u8 = 15;
+
 /// A debugger; the processor stands still while it is connected.
 pub struct Gdb(UnixStream);
 
@@ -78,13 +81,43 @@ impl Gdb {
     ///
     /// When the emulator refuses.
     pub fn jump(&mut self, address: u32) -> io::Result<()> {
-        const PROGRAM_COUNTER: u8 = 15;
         let little_endian: String =
             address.to_le_bytes().iter().map(|byte| format!("{byte:02x}")).collect();
         match self.ask(&format!("P{PROGRAM_COUNTER:x}={little_endian}"))?.as_str() {
             "OK" => Ok(()),
             answer => Err(io::Error::other(format!("jump to {address:#x}: {answer}"))),
         }
+    }
+
+    /// Lets the processor run to an address, which what is done meanwhile makes it come to.
+    ///
+    /// # Errors
+    ///
+    /// When the emulator refuses, or does not come there in ten seconds.
+    pub fn run_to(&mut self, address: u32, meanwhile: impl FnOnce()) -> io::Result<()> {
+        self.breakpoint('Z', address)?;
+        self.send("c")?;
+        meanwhile();
+        while !self.packet()?.starts_with('T') {} // until it says that it has stopped
+        self.breakpoint('z', address)
+    }
+
+    /// Sets one (Z) or takes it back (z).
+    fn breakpoint(&mut self, set: char, address: u32) -> io::Result<()> {
+        match self.ask(&format!("{set}0,{address:x},2"))?.as_str() {
+            "OK" => Ok(()),
+            answer => Err(io::Error::other(format!("{set}0 at {address:#x}: {answer}"))),
+        }
+    }
+
+    /// Where the processor is.
+    ///
+    /// # Errors
+    ///
+    /// When the emulator refuses.
+    pub fn program_counter(&mut self) -> io::Result<u32> {
+        let hex = self.ask(&format!("p{PROGRAM_COUNTER:x}"))?;
+        u32::from_str_radix(&hex, 16).map(u32::swap_bytes).map_err(io::Error::other)
     }
 
     /// Lets the processor run and goes.
@@ -96,9 +129,13 @@ impl Gdb {
         self.ask("D").map(drop)
     }
 
-    fn ask(&mut self, command: &str) -> io::Result<String> {
+    fn send(&mut self, command: &str) -> io::Result<()> {
         let sum = command.bytes().fold(0u8, u8::wrapping_add);
-        self.0.write_all(format!("${command}#{sum:02x}").as_bytes())?;
+        self.0.write_all(format!("${command}#{sum:02x}").as_bytes())
+    }
+
+    fn ask(&mut self, command: &str) -> io::Result<String> {
+        self.send(command)?;
         loop {
             let answer = self.packet()?;
             // That the processor has stopped is said unasked, too.

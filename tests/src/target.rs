@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use object::{Object, ObjectSymbol};
+
 use echoloop_sim::qemu::{Machine, QemuOptions, check_installed};
 
 /// The workspace's root.
@@ -32,7 +34,22 @@ pub fn machine(machine: Machine) -> Option<QemuOptions> {
     None
 }
 
-/// All machines that can be had; see [`machine`].
+/// All machines with a front end that can be had; see [`machine`].
 pub fn machines() -> impl Iterator<Item = QemuOptions> {
-    Machine::ALL.into_iter().filter_map(machine)
+    Machine::ALL.into_iter().filter(|machine| machine.has_front_end()).filter_map(machine)
+}
+
+/// Where an image has a symbol: of this name, or the only one whose mangled name holds it.
+///
+/// # Panics
+///
+/// When there is none, or the image is no ELF file.
+pub fn symbol(options: &QemuOptions, name: &str) -> u32 {
+    let elf = std::fs::read(&options.image).expect("the image");
+    let file = object::File::parse(&*elf).expect("an ELF file");
+    let found = |matches: &dyn Fn(&str) -> bool| {
+        file.symbols().find(|symbol| symbol.name().is_ok_and(matches))
+    };
+    let symbol = found(&|symbol| symbol == name).or_else(|| found(&|symbol| symbol.contains(name)));
+    symbol.unwrap_or_else(|| panic!("no {name}")).address() as u32
 }

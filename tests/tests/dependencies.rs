@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Each crate of ours, its folder, and those of ours that it may name in its dependencies.
-const ALLOWED: [(&str, &str, &[&str]); 21] = [
+const ALLOWED: [(&str, &str, &[&str]); 22] = [
     ("echoloop-dsp", "firmware/dsp", &[]),
     ("echoloop-dispatch", "host/dispatch", &[]),
     ("echoloop-random", "host/random", &["echoloop-dispatch"]),
@@ -21,6 +21,7 @@ const ALLOWED: [(&str, &str, &[&str]); 21] = [
     ("echoloop-sensor", "firmware/sensor", &["echoloop-dsp", "echoloop-link"]),
     ("echoloop-restarts", "firmware/restarts", &[]),
     ("echoloop-image", "firmware/image", IMAGE),
+    ("echoloop-stm32f4", "firmware/stm32f4", IMAGE),
     (
         "echoloop-registration",
         "host/registration",
@@ -60,13 +61,8 @@ const ALLOWED: [(&str, &str, &[&str]); 21] = [
 ];
 
 /// What an image is made of.
-const IMAGE: &[&str] = &[
-    "echoloop-dsp",
-    "echoloop-kernels",
-    "echoloop-link",
-    "echoloop-restarts",
-    "echoloop-sensor",
-];
+const IMAGE: &[&str] =
+    &["echoloop-dsp", "echoloop-kernels", "echoloop-link", "echoloop-restarts", "echoloop-sensor"];
 
 /// What the program is made of, and what its tests need.
 const LIBRARIES: &[&str] = &[
@@ -104,23 +100,25 @@ const PROGRAM: &[&str] = &[
 ];
 
 /// The crates that run on a microcontroller.
-const NO_STD: [&str; 6] = [
+const NO_STD: [&str; 7] = [
     "echoloop-dsp",
     "echoloop-kernels",
     "echoloop-link",
     "echoloop-sensor",
     "echoloop-restarts",
     "echoloop-image",
+    "echoloop-stm32f4",
 ];
 
 /// Processors with images, one of each kind: what is built for them is looked at.
 const BOARDS: [&str; 2] = ["thumbv7em-none-eabihf", "riscv32imac-unknown-none-elf"];
 
 /// Crates of which another dependency brings an older version too, and which one that is.
-const BROUGHT_TWICE: [(&str, &str); 4] = [
+const BROUGHT_TWICE: [(&str, &str); 5] = [
     ("thiserror", "pcd-rs"),
     ("criterion", "rdst"),
     ("embedded-hal", "cortex-m"),
+    ("embedded-io", "stm32f4xx-hal"),
     ("syn", "zerocopy-derive"),
 ];
 

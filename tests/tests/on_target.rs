@@ -21,9 +21,8 @@ use echoloop_sim::board::PcSensor;
 use echoloop_sim::qemu::{Machine, Qemu, QemuOptions};
 use echoloop_tests::faults::{Faulty, Rates};
 use echoloop_tests::gdb::Gdb;
-use echoloop_tests::target::{machine, machines};
+use echoloop_tests::target::{machine, machines, symbol};
 use echoloop_tests::vectors::{self, KINDS};
-use object::{Object, ObjectSymbol};
 
 /// As many beams as one report holds.
 const PATTERN: ScanPattern =
@@ -139,14 +138,6 @@ fn every_board_says_of_every_waveform_what_the_pc_says() {
         );
         assert!(echoes > waveforms / 4, "{echoes} echoes of {waveforms} waveforms compare little");
     }
-}
-
-/// Address of a symbol of the image.
-fn symbol(options: &QemuOptions, name: &str) -> u32 {
-    let elf = fs::read(&options.image).unwrap();
-    let file = object::File::parse(&*elf).unwrap();
-    file.symbols().find(|s| s.name() == Ok(name)).unwrap_or_else(|| panic!("no {name}")).address()
-        as u32
 }
 
 #[test]

@@ -47,11 +47,20 @@ impl Image {
 const FAULTS: u64 = 2;
 
 /// The images, the reference board's first.
-pub(crate) const IMAGES: [Image; 4] = [
+pub(crate) const IMAGES: [Image; 5] = [
     Image::emulated("thumbv7em-none-eabihf", "memory.x", FAULTS),
     Image::emulated("thumbv8m.main-none-eabihf", "firmware/image/link/an505.x", FAULTS),
     Image::emulated("riscv32imac-unknown-none-elf", "firmware/image/link/virt.x", 1),
     Image::emulated("thumbv6m-none-eabi", "memory.x", FAULTS),
+    Image {
+        name: "stm32f405",
+        package: "echoloop-stm32f4",
+        program: "echoloop-stm32f405",
+        target: "thumbv7em-none-eabihf",
+        map: "firmware/stm32f4/link/stm32f405.x",
+        nested: FAULTS + 1, // the link's interrupt or the tick: of one priority
+        by_constants: &["echoloop_stm32f4::clock::start", "echoloop_stm32f4::log::start"],
+    },
 ];
 
 /// The target of `examples/own_firmware`.

@@ -250,6 +250,10 @@ fn an_image_that_is_not_there_is_named_with_what_builds_it() {
     );
     fixture
         .refuses(&["scan", "-c", "small.toml", "--sensor", "qemu:mps3"], &["mps3", "mps2-an386"]);
+    fixture.refuses(
+        &["scan", "-c", "small.toml", "--sensor", "qemu:netduinoplus2"],
+        &["netduinoplus2", "no front end", "--front-end host"],
+    );
 }
 
 #[test]

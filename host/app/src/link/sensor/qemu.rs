@@ -55,6 +55,9 @@ mod here {
         let name = SensorSpec::Qemu(board.to_owned());
         let machine =
             Machine::from_name(board).ok_or_else(|| SensorError::open(&name, "no such board"))?;
+        if at == FrontEndAt::Sensor && !machine.has_front_end() {
+            return Err(SensorError::open(&name, "it has no front end: --front-end host"));
+        }
         let mut how = qemu::QemuOptions::new(machine, Path::new(""));
         how.image = options.firmware.clone().unwrap_or(how.image);
         let front_end = Arc::new(Mutex::new(model.front_end()));

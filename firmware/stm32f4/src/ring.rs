@@ -1,0 +1,71 @@
+//! Bytes from an interrupt to the program: one writes, one reads, nobody waits.
+//!
+//! heapless has such a queue, too. Its two ends do not know its length while they are compiled, so
+//! each byte would take a division in the interrupt, and a panic for a length of none.
+
+use core::sync::atomic::{AtomicU8, AtomicUsize, Ordering};
+
+/// A ring of `N` bytes, a power of two.
+///
+/// ```
+/// use echoloop_stm32f4::ring::Ring;
+///
+/// static RING: Ring<4> = Ring::new();
+/// assert!(RING.push(7));
+/// assert_eq!((RING.pop(), RING.pop()), (Some(7), None));
+/// ```
+pub struct Ring<const N: usize> {
+    bytes: [AtomicU8; N],
+    /// Bytes that ever went in and out, wrapping: each is written by one side alone.
+    pushed: AtomicUsize,
+    popped: AtomicUsize,
+}
+
+impl<const N: usize> Ring<N> {
+    /// The bits of a count that are a place.
+    const PLACE: usize = N.wrapping_sub(1);
+
+    /// An empty one.
+    pub const fn new() -> Self {
+        const { assert!(N.is_power_of_two(), "so that counts wrap where places do") };
+        Self {
+            bytes: [const { AtomicU8::new(0) }; N],
+            pushed: AtomicUsize::new(0),
+            popped: AtomicUsize::new(0),
+        }
+    }
+
+    /// Takes a byte in; false when there is no room. For one side alone.
+    pub fn push(&self, byte: u8) -> bool {
+        let pushed = self.pushed.load(Ordering::Relaxed);
+        let waiting = pushed.wrapping_sub(self.popped.load(Ordering::Acquire));
+        match self.bytes.get(pushed & Self::PLACE) {
+            Some(place) if waiting < N => place.store(byte, Ordering::Relaxed),
+            _ => return false,
+        }
+        self.pushed.store(pushed.wrapping_add(1), Ordering::Release);
+        true
+    }
+
+    /// Gives the oldest byte out. For the other side alone.
+    pub fn pop(&self) -> Option<u8> {
+        let popped = self.popped.load(Ordering::Relaxed);
+        if self.is_empty() {
+            return None;
+        }
+        let byte = self.bytes.get(popped & Self::PLACE)?.load(Ordering::Relaxed);
+        self.popped.store(popped.wrapping_add(1), Ordering::Release);
+        Some(byte)
+    }
+
+    /// Whether no byte waits.
+    pub fn is_empty(&self) -> bool {
+        self.pushed.load(Ordering::Acquire) == self.popped.load(Ordering::Relaxed)
+    }
+}
+
+impl<const N: usize> Default for Ring<N> {
+    fn default() -> Self {
+        Self::new()
+    }
+}

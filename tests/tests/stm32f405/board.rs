@@ -1,0 +1,91 @@
+//! The board in the emulator, and what it says.
+
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use echoloop_dsp::{Hardware, ScanPattern, Settings};
+use echoloop_host::link::client::{Client, RetryPolicy};
+use echoloop_host::link::defmt_log;
+use echoloop_link::{Decoder, Report, decode};
+use echoloop_sim::qemu::{Machine, Qemu, QemuOptions};
+use echoloop_tests::faults::Target;
+use echoloop_tests::gdb::Gdb;
+use echoloop_tests::target::machine;
+use tempfile::TempDir;
+
+/// An emulator may be kept waiting by everything else that the machine does.
+pub(crate) const RETRY_POLICY: RetryPolicy =
+    RetryPolicy { timeout: Duration::from_secs(5), tries: 4 };
+
+/// The board, with a folder that outlives the emulator. It says what it is not, aloud.
+pub(crate) fn board() -> Option<(QemuOptions, TempDir)> {
+    let mut options = machine(Machine::NetduinoPlus2)?;
+    let folder = tempfile::tempdir().unwrap();
+    options.folder = Some(folder.path().to_owned());
+    // Past the harness: a passing test's words are kept from the terminal otherwise.
+    let _ = writeln!(
+        std::io::stderr(),
+        "netduinoplus2: emulated; no clocks, flash interface, independent watchdog of the part"
+    );
+    Some((options, folder))
+}
+
+/// Switches it on. It has no front end: what is given here for one is not asked.
+pub(crate) fn start(options: &QemuOptions) -> Qemu<Target> {
+    Qemu::start(options, Target::default(), ScanPattern::default(), Hardware::REFERENCE).unwrap()
+}
+
+/// Switches it on and waits for its first words: what comes before its port is open is lost.
+pub(crate) fn start_and_wait(options: &QemuOptions) -> Qemu<Target> {
+    let board = start(options);
+    wait_for_words(&board);
+    board
+}
+
+pub(crate) fn wait_for_words(board: &Qemu<Target>) {
+    let deadline = Instant::now() + Duration::from_secs(30);
+    while fs::metadata(board.log_file()).map_or(0, |log| log.len()) == 0 {
+        assert!(Instant::now() < deadline, "it says nothing");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+pub(crate) fn connect(options: &QemuOptions) -> Client<Qemu<Target>> {
+    Client::connect_from(start_and_wait(options), RETRY_POLICY, 0).unwrap()
+}
+
+/// With a debugger's socket.
+pub(crate) fn with_gdb(options: &mut QemuOptions, folder: &TempDir) -> PathBuf {
+    let socket = folder.path().join("gdb");
+    options.arguments = Gdb::arguments(&socket).into();
+    socket
+}
+
+pub(crate) fn gain(gain_cdb: i32) -> Settings {
+    Settings { gain_cdb, ..Settings::default() }
+}
+
+/// The log, line by line.
+pub(crate) fn log(image: &Path, frames: &[u8]) -> Vec<String> {
+    defmt_log::decode(&fs::read(image).unwrap(), frames).unwrap()
+}
+
+/// So many answers, with their numbers; fewer where nothing comes for long.
+pub(crate) fn answers(board: &mut Qemu<Target>, count: usize) -> Vec<(u16, Report)> {
+    let (mut decoder, mut found) = (Decoder::new(), Vec::new());
+    let mut buffer = [0; 4096];
+    while found.len() < count {
+        let length = board.receive(&mut buffer, Duration::from_secs(30)).unwrap();
+        if length == 0 {
+            break;
+        }
+        for &byte in &buffer[..length] {
+            if let Some(frame) = decoder.push(byte) {
+                found.push(decode(frame.unwrap()).unwrap());
+            }
+        }
+    }
+    found
+}

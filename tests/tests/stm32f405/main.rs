@@ -1,0 +1,203 @@
+//! The image for an STM32F405, a part on sale, in QEMU's `netduinoplus2`: the file that is flashed.
+//!
+//! QEMU 7.2 has no model of the part's clocks, flash interface and independent watchdog. There the
+//! image leaves the clocks, keeps settings in a file and has the tick as its watchdog, and says so
+//! (`firmware/stm32f4/src/lib.rs`). So these tests say nothing of the flash's driver, which
+//! `firmware/stm32f4/tests/flash` runs over a model of the registers, nor of the independent
+//! watchdog and the speed of the lines, which wait for a board.
+#![cfg(unix)]
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+mod board;
+mod clock;
+mod fed;
+
+use std::fs;
+use std::time::Duration;
+
+use echoloop_dsp::Settings;
+use echoloop_host::link::client::{Client, ClientError, RetryPolicy};
+use echoloop_link::{Command, Greeting, MAX_FRAME, Nack, encode, settings_hash};
+use echoloop_tests::faults::{Faulty, Rates};
+use echoloop_tests::gdb::Gdb;
+use echoloop_tests::target::symbol;
+
+use board::{answers, board, connect, gain, log, start, start_and_wait, wait_for_words, with_gdb};
+use fed::{BEAMS, Fed, case, on_the_pc};
+
+#[test]
+fn it_says_where_it_runs_on_its_second_port_and_to_the_debugger_alike() {
+    let Some((mut options, folder)) = board() else { return };
+    let socket = with_gdb(&mut options, &folder);
+    let mut client = connect(&options);
+    assert!(client.identity().build.starts_with("echoloop-sensor "), "{:?}", client.identity());
+    client.configure(&gain(700)).unwrap();
+    assert_eq!(client.read_settings().unwrap(), gain(700));
+    // It has no laser and no converter, and says so.
+    assert!(matches!(client.scan(1), Err(ClientError::Nack(Nack::FrontEnd))));
+    let frames = fs::read(client.transport_mut().log_file()).unwrap();
+    let lines = log(&options.image, &frames);
+    assert!(lines[0].contains("QEMU") && lines[0].contains("watchdog"), "{lines:?}");
+    assert!(lines[1].contains("echoloop-sensor"), "{lines:?}");
+
+    // The control block that a debugger looks for: name, sizes, then the first channel.
+    let mut gdb = Gdb::connect(&socket).unwrap();
+    let block = gdb.read(symbol(&options, "_SEGGER_RTT"), 48).unwrap();
+    assert_eq!(&block[..16], b"SEGGER RTT\0\0\0\0\0\0");
+    let word = |at: usize| u32::from_le_bytes(block[at..at + 4].try_into().unwrap());
+    let [channels, name, buffer, written] = [16, 24, 28, 36].map(word);
+    assert_eq!(channels, 1);
+    assert_eq!(gdb.read(name, 6).unwrap(), b"defmt\0");
+    assert_eq!(gdb.read(buffer, written as usize).unwrap(), frames);
+}
+
+#[test]
+fn settings_outlive_the_power_wherever_in_a_save_it_goes() {
+    let Some((options, _folder)) = board() else { return };
+    let mut before = Settings::default();
+    let (mut old, mut new) = (0, 0);
+    for round in 0..30 {
+        let mut client = connect(&options);
+        assert_eq!(client.read_settings().unwrap(), before, "round {round}");
+        let wanted = gain(round + 1);
+        let hash = client.configure(&wanted).unwrap();
+        let save = Command::Save { hash };
+        client.transport_mut().send(encode(100, &save, &mut [0; MAX_FRAME]).unwrap()).unwrap();
+        std::thread::sleep(Duration::from_micros(100 * round as u64));
+        drop(client); // the emulator is killed
+        let found = connect(&options).read_settings().unwrap();
+        assert!(found == before || found == wanted, "round {round}: {found:?}");
+        if found == wanted {
+            new += 1
+        } else {
+            old += 1
+        }
+        before = found;
+    }
+    println!("{old} times the old settings, {new} times the new");
+    assert!(new > 0 && old > 0, "{new} saves were done, {old} were cut");
+}
+
+#[test]
+fn a_program_that_hangs_is_restarted_and_begins_with_what_was_saved() {
+    let Some((mut options, folder)) = board() else { return };
+    let socket = with_gdb(&mut options, &folder);
+    let mut client = connect(&options);
+    let (saved, active) = (gain(1_100), gain(1_200));
+    client.configure(&saved).unwrap();
+    client.save().unwrap();
+    client.configure(&active).unwrap();
+    assert_eq!(client.read_counters().unwrap().restarts, 0);
+    // While it is at work: asleep, it has interrupts masked, and the tick in the watchdog's place
+    // is one.
+    let hello =
+        encode(60_000, &Command::Hello(Greeting::OURS), &mut [0; MAX_FRAME]).unwrap().to_vec();
+    let mut gdb = Gdb::connect(&socket).unwrap();
+    let send = || client.transport_mut().send(&hello).unwrap();
+    gdb.run_to(symbol(&options, "take_byte") & !1, send).unwrap();
+    gdb.jump(symbol(&options, "DefaultHandler_") & !1).unwrap(); // turns for ever
+    gdb.detach().unwrap();
+    let after = (0..8).find_map(|_| client.read_settings().ok()).unwrap();
+    assert_eq!(after, saved);
+    assert_eq!(client.read_counters().unwrap().restarts, 1);
+    assert_eq!(client.configure(&active).map_err(|e| e.to_string()), Ok(settings_hash(&active)));
+}
+
+#[test]
+fn behind_a_bad_line_it_never_has_settings_that_nobody_asked_for() {
+    let Some((options, _folder)) = board() else { return };
+    let retry_policy = RetryPolicy { timeout: Duration::from_millis(40), tries: 12 };
+    let line = Faulty::new(start_and_wait(&options), 5);
+    let mut client = Client::connect_from(line, retry_policy, 0).unwrap();
+    let mut before = Settings::default();
+    let (mut done, mut reported) = (0, 0);
+    for step in 0..150 {
+        let wanted = gain(step + 1);
+        client.transport_mut().rates = Rates::all(0.03);
+        let configured = client.configure(&wanted);
+        client.transport_mut().rates = Rates::NONE;
+        let now = (0..4).find_map(|_| client.read_settings().ok()).unwrap();
+        match configured {
+            Ok(_) => {
+                done += 1;
+                assert_eq!(now, wanted, "step {step}");
+            }
+            Err(_) => {
+                reported += 1;
+                assert!(now == before || now == wanted, "step {step}: {now:?}");
+            }
+        }
+        before = now;
+    }
+    let harmed = client.transport_mut().harmed;
+    println!("{done} done, {reported} reported, {harmed} messages harmed");
+    assert!(done > 100, "{done} of 150 were done");
+}
+
+#[test]
+fn what_comes_in_one_go_while_it_is_at_work_waits_in_the_ring() {
+    let Some((options, _folder)) = board() else { return };
+    let mut board = start_and_wait(&options);
+    // As much as two frames of the longest: what may be under way.
+    let mut burst = Vec::new();
+    let mut count = 0;
+    while burst.len() + 16 < 2 * MAX_FRAME {
+        count += 1;
+        let command =
+            if count == 1 { Command::Hello(Greeting::OURS) } else { Command::ReadSettings };
+        burst.extend_from_slice(encode(count, &command, &mut [0; MAX_FRAME]).unwrap());
+    }
+    board.send(&burst).unwrap();
+    let numbers: Vec<u16> = answers(&mut board, count.into()).iter().map(|(n, _)| *n).collect();
+    assert_eq!(numbers, (1..=count).collect::<Vec<u16>>(), "{} bytes", burst.len());
+    let lines = log(&options.image, &fs::read(board.log_file()).unwrap());
+    assert!(!lines.iter().any(|line| line.contains("lost")), "{lines:?}");
+}
+
+#[test]
+fn it_finds_in_2048_waveforms_what_the_pc_finds() {
+    let Some((options, _folder)) = board() else { return };
+    let waveforms: usize =
+        std::env::var("ECHOLOOP_WAVEFORMS").map_or(2_048, |text| text.parse().unwrap());
+    let (mut fed, mut echoes) = (Fed::of(start_and_wait(&options)), 0);
+    for seed in 0..waveforms.div_ceil(BEAMS) as u64 {
+        let (settings, waves) = case(seed);
+        fed.configure(&settings);
+        let found = fed.echoes(&waves, settings.shots as usize);
+        assert_eq!(found, on_the_pc(&settings, &waves), "seed {seed}: {settings:?}");
+        echoes += found.iter().map(|echoes| echoes.len()).sum::<usize>();
+    }
+    println!("{waveforms} waveforms, {echoes} echoes");
+    assert!(echoes > waveforms / 4, "{echoes} echoes of {waveforms} waveforms compare little");
+    let lines = log(&options.image, &fs::read(fed.board.log_file()).unwrap());
+    assert!(!lines.iter().any(|line| line.contains("lost")), "{lines:?}");
+}
+
+#[test]
+fn the_stack_stays_within_its_bound() {
+    const PAINT: u8 = 0xA5;
+    let Some((mut options, folder)) = board() else { return };
+    let socket = with_gdb(&mut options, &folder);
+    options.arguments.push("-S".into()); // stopped before its first instruction
+    let painted = 72 << 10;
+    let top = symbol(&options, "_stack_start");
+    let board = start(&options);
+    let mut gdb = Gdb::connect(&socket).unwrap();
+    gdb.fill(top - painted, painted as usize, PAINT).unwrap();
+    gdb.detach().unwrap();
+    wait_for_words(&board);
+    let mut fed = Fed::of(board);
+    for seed in 0..4 {
+        let (settings, waves) = case(seed);
+        fed.configure(&settings);
+        fed.echoes(&waves, settings.shots as usize);
+    }
+    fed.ask(&[Command::ReadCounters]);
+    let memory = Gdb::connect(&socket).unwrap().read(top - painted, painted as usize).unwrap();
+    let used = memory.len() - memory.iter().position(|&byte| byte != PAINT).unwrap();
+    let record = options.image.with_extension("stack");
+    let bound: usize = fs::read_to_string(&record).unwrap().trim().parse().unwrap();
+    println!("{used} bytes of stack used, bound {bound}");
+    assert!(used <= bound, "{used} bytes were used, the bound is {bound}");
+    assert!(2 * used > bound, "a bound of {bound} for {used} bytes bounds little");
+}
