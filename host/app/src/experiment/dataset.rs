@@ -2,6 +2,7 @@
 //! come.
 
 mod facts;
+mod held_out;
 mod motion;
 mod pairs;
 mod recording;
