@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::exit::{Failure, print};
 use crate::desk::{FinishedRun, RunError, page};
-use crate::experiment::files::{Output, make_folders, replace};
+use crate::experiment::files::{Output, PART, beside, is_free_for_a_file, make_folders, replace};
 use crate::experiment::run::{REPORT, RESULT, RunFolder};
 use crate::report::{Figure, Report};
 
@@ -32,8 +32,7 @@ pub(super) fn run(args: &ReportArgs) -> Result<(), Failure> {
     let contradicts =
         |error| Failure::usage(format_args!("{}: {error}", args.run.join(RESULT).display()));
     let html = report.to_html().map_err(contradicts)?;
-    let figures =
-        args.figures.as_deref().map(|folder| write_figures(&report, folder)).transpose()?;
+    let figures = args.figures.as_deref().map(|folder| charts(&report, folder)).transpose()?;
     let written = match args.output.as_deref() {
         Some(path) if is_standard_output(path) => return print(&html),
         Some(path) => {
@@ -66,14 +65,27 @@ pub(super) fn write_page(folder: &RunFolder) -> Result<(), Failure> {
 }
 
 /// Writes every chart; says how many there are.
-fn write_figures(report: &Report, folder: &Path) -> Result<usize, Failure> {
+fn charts(report: &Report, folder: &Path) -> Result<usize, Failure> {
     let figures = report.figures().map_err(Failure::run)?;
-    make_folders(folder)?;
-    for Figure { name, svg, png } in &figures {
-        replace(&folder.join(format!("{name}.svg")), svg.as_bytes())?;
-        replace(&folder.join(format!("{name}.png")), png)?;
-    }
+    write_figures(&figures, folder)?;
     Ok(figures.len())
+}
+
+/// Writes figures as SVG and as PNG into a folder, which is made where there is none. Nothing is
+/// written where anything but a file is in the way of one.
+pub(super) fn write_figures(figures: &[Figure], folder: &Path) -> Result<(), Failure> {
+    let places = |name: &str| ["svg", "png"].map(|ending| folder.join(format!("{name}.{ending}")));
+    for path in figures.iter().flat_map(|figure| places(&figure.name)) {
+        is_free_for_a_file(&path)?;
+        is_free_for_a_file(&beside(&path, PART))?;
+    }
+    make_folders(folder)?;
+    for Figure { name, svg, png } in figures {
+        let [drawing, picture] = places(name);
+        replace(&drawing, svg.as_bytes())?;
+        replace(&picture, png)?;
+    }
+    Ok(())
 }
 
 impl From<RunError> for Failure {

@@ -1,19 +1,22 @@
 //! Which parameters the search moved together, with the caution this needs.
 
-use plotters::element::Rectangle;
+use plotters::element::{PathElement, Rectangle};
 use plotters::style::Color;
 use plotters::style::FontTransform;
 use plotters::style::text_anchor::{HPos, VPos};
 
 use super::data::Correlation;
 use super::format::{escape, fixed};
-use super::plot::{Canvas, Caption, Drawn, Px, at, drawing, hint, text};
+use super::plot::{Canvas, Caption, Drawn, Key, Px, Sample, at, drawing, hint, text};
 use super::theme::ink;
 
 const CELL: f64 = 34.0;
 
 /// Correlations weaker than this are drawn without their number.
 const WORTH_A_NUMBER: f64 = 0.15;
+
+/// Of a correlation that is more than chance, the faintest colour.
+const FAINTEST: f64 = 0.2;
 
 /// The heat map and its caution, or nothing without one pair of parameters.
 pub(super) fn section(correlation: Option<&Correlation>, generations: usize) -> String {
@@ -91,18 +94,80 @@ impl Layout {
 }
 
 fn heat_map(c: &Correlation) -> String {
+    let title = "What moved together in the search: correlations";
+    triangle(c, &Caption { name: "correlations", title, keys: &[] }, None)
+}
+
+/// Which parameters a search moved together, with what chance alone would show greyed.
+#[derive(Clone, Debug)]
+pub struct Moved {
+    /// The correlations.
+    pub correlation: Correlation,
+    /// How many of the first parameters are the sensor's.
+    pub of_sensor: usize,
+    /// Correlations no stronger than this are greyed.
+    pub chance: f64,
+}
+
+pub(super) const MOVED_KEYS: [Key<'static>; 3] = [
+    ("plus", Sample::Area, "positive"),
+    ("minus", Sample::Area, "negative"),
+    ("unlearned", Sample::Area, "not told from chance"),
+];
+
+impl Moved {
+    pub(super) fn svg(&self, caption: &Caption<'_>) -> String {
+        triangle(&self.correlation, caption, Some(self))
+    }
+
+    /// Correlations that are not greyed, of all that there are.
+    pub fn learned(&self) -> [usize; 2] {
+        let all = pairs(&self.correlation);
+        let (mut learned, mut count) = (0, 0);
+        for (_, _, r) in all {
+            learned += usize::from(self.is_learned(r));
+            count += 1;
+        }
+        [learned, count]
+    }
+
+    fn is_learned(&self, r: f64) -> bool {
+        r.abs() > self.chance
+    }
+
+    /// Lines between the sensor's parameters and registration's.
+    fn divide(&self, canvas: &Canvas<'_>, corner: &dyn Fn(usize, usize) -> Px) -> Drawn {
+        let (sensor, all) = (self.of_sensor, self.correlation.names.len());
+        if sensor == 0 || sensor >= all {
+            return Ok(());
+        }
+        let shifted = |[x, y]: Px| at([x - 1.0, y - 1.0]);
+        let across = [corner(0, sensor - 1), corner(sensor, sensor - 1)].map(shifted);
+        let down = [corner(sensor, sensor - 1), corner(sensor, all - 1)].map(shifted);
+        canvas.draw(&PathElement::new(across, ink("limit")))?;
+        canvas.draw(&PathElement::new(down, ink("limit")))
+    }
+}
+
+/// The lower triangle with names beside and above.
+fn triangle(c: &Correlation, caption: &Caption<'_>, moved: Option<&Moved>) -> String {
     let Layout { left, top, size } = Layout::new(&c.names);
     let label = format!("Heat map of the correlations between {} parameters.", c.names.len());
     let corner = |column: usize, row: usize| [left + column as f64 * CELL, top + row as f64 * CELL];
-    let title = "What moved together in the search: correlations";
-    let caption = Caption { name: "correlations", title, keys: &[] };
-    let svg = drawing(&caption, size, &label, |canvas, hints| {
+    let svg = drawing(caption, size, &label, |canvas, hints| {
         for (row, column, r) in pairs(c) {
             let [x, y] = corner(column, row - 1);
-            cell(canvas, [x, y], r)?;
-            let words = format!("{} · {}: {}", c.names[row], c.names[column], fixed(r, 2));
+            let is_learned = moved.is_none_or(|moved| moved.is_learned(r));
+            match (is_learned, moved) {
+                (true, None) => cell(canvas, [x, y], r, 0.0)?,
+                (true, Some(_)) => cell(canvas, [x, y], r, FAINTEST)?,
+                (false, _) => grey(canvas, [x, y])?,
+            }
+            let chance = if is_learned { "" } else { ", not told from chance" };
+            let words = format!("{} · {}: {}{chance}", c.names[row], c.names[column], fixed(r, 2));
             *hints += &hint(at([x, y]), at([x + CELL, y + CELL]), &words);
         }
+        moved.map_or(Ok(()), |moved| moved.divide(canvas, &corner))?;
         let beside = text("name", HPos::Right, VPos::Center);
         let above = text("name", HPos::Left, VPos::Center).transform(FontTransform::Rotate270);
         for (k, name) in c.names.iter().enumerate() {
@@ -121,10 +186,19 @@ fn heat_map(c: &Correlation) -> String {
     svg.replacen("<svg ", &style, 1).replace("rotate(270,", "rotate(-45,")
 }
 
-fn cell(canvas: &Canvas<'_>, [x, y]: Px, r: f64) -> Drawn {
-    let strength = if r.is_finite() { r.abs().min(1.0) } else { 0.0 };
+fn square([x, y]: Px) -> [(i32, i32); 2] {
+    [at([x, y]), at([x + CELL - 2.0, y + CELL - 2.0])]
+}
+
+fn grey(canvas: &Canvas<'_>, place: Px) -> Drawn {
+    canvas.draw(&Rectangle::new(square(place), ink("unlearned").filled()))
+}
+
+/// A correlation's cell, no fainter than `least`, so that it is told from a grey one.
+fn cell(canvas: &Canvas<'_>, [x, y]: Px, r: f64, least: f64) -> Drawn {
+    let strength = if r.is_finite() { r.abs().clamp(least, 1.0) } else { 0.0 };
     let inner = CELL - 2.0;
-    let square = [at([x, y]), at([x + inner, y + inner])];
+    let square = square([x, y]);
     canvas.draw(&Rectangle::new(square, ink("cell").filled()))?;
     let colour =
         ink(if r > 0.0 { "plus" } else { "minus" }).mix((strength * 100.0).round() / 100.0);

@@ -54,7 +54,7 @@ fn charts(html: &str) -> impl Iterator<Item = &str> {
 }
 
 /// What an attribute of the opening tag holds.
-fn attribute<'a>(chart: &'a str, name: &str) -> Option<&'a str> {
+pub(super) fn attribute<'a>(chart: &'a str, name: &str) -> Option<&'a str> {
     let tag = chart.split_once('>')?.0;
     Some(tag.split_once(&format!("{name}=\""))?.1.split_once('"')?.0)
 }
@@ -83,7 +83,7 @@ fn alone(chart: &str) -> Option<String> {
 }
 
 /// The style sheet's rules for drawings.
-static RULES: LazyLock<String> = LazyLock::new(|| {
+pub(super) static RULES: LazyLock<String> = LazyLock::new(|| {
     let rules = drawing_rules(STYLE).map(|(selector, body)| format!("{selector}{{{body}}}"));
     // What is under the pointer is told there too, through areas that nobody sees.
     let hints = ".hint-area{fill:none;pointer-events:all}";
@@ -158,7 +158,7 @@ fn variable(name: &str) -> String {
     found.map_or_else(String::new, |(value, _)| value.to_owned())
 }
 
-fn png(svg: &str) -> Result<Vec<u8>, String> {
+pub(super) fn png(svg: &str) -> Result<Vec<u8>, String> {
     let tree = Tree::from_str(svg, &OPTIONS).map_err(|error| error.to_string())?;
     let size = tree.size();
     let [width, height] = [size.width(), size.height()].map(|s| (PNG_SCALE * s).ceil() as u32);

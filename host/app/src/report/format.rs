@@ -25,6 +25,16 @@ pub(super) fn escape(text: &str) -> String {
     out
 }
 
+/// Text for HTML, with what stands between backticks as code.
+pub(super) fn with_code(text: &str) -> String {
+    let pieces = text.split('`').map(escape).enumerate();
+    let told = pieces.map(|(k, piece)| match k % 2 {
+        0 => piece,
+        _ => format!("<code>{piece}</code>"),
+    });
+    told.collect()
+}
+
 /// A name as one of a file: letters, digits and dashes.
 pub(super) fn file_name(name: &str) -> String {
     name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect()
@@ -129,6 +139,11 @@ mod tests {
         assert_eq!(fixed(-0.01, 1), "0.0");
         assert_eq!(signed(1.25, 1), "+1.2");
         assert_eq!(signed(0.01, 1), "0.0");
+    }
+
+    #[test]
+    fn a_command_in_a_text_is_code_and_escaped() {
+        assert_eq!(with_code("run `a <b>`, & wait"), "run <code>a &lt;b&gt;</code>, &amp; wait");
     }
 
     #[test]

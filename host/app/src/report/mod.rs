@@ -10,6 +10,7 @@
 //! are scripts. The same data gives the same bytes.
 
 mod axis;
+mod chosen;
 mod clouds;
 mod convergence;
 mod correlation;
@@ -22,19 +23,28 @@ mod format;
 mod front;
 mod identity;
 mod importance;
+mod overlay;
 mod packed;
 mod page;
 mod pairs;
 mod picture;
+mod plates;
 mod plot;
 mod response;
+mod ruler;
 mod runs;
 mod scene;
+mod series;
+mod shares;
+mod sheet;
+mod strips;
 mod tables;
 mod theme;
 mod trajectories;
 
+pub use chosen::{ChosenLane, ChosenRange};
 pub use clouds::MAX_LAYER_POINTS;
+pub use correlation::Moved;
 pub use data::{
     Bar, CloudLayer, Convergence, Correlation, Costs, Difference, EvaluationRow, EvaluationTable,
     Front, FrontDot, Identity, Importance, PairClouds, PairError, ParameterTrace, PoseError,
@@ -43,10 +53,15 @@ pub use data::{
 pub use error::ReportError;
 pub use figure::Figure;
 pub(crate) use format::{fixed, grouped, significant};
+pub use overlay::Overlay;
 pub use picture::picture_png;
+pub use plates::{Panel, PanelDrawing, Plate};
 pub use response::ResponsePage;
 pub use runs::{DifferingTable, RunsPage};
 pub use scene::{ScenePage, ShownPair};
+pub use series::Series;
+pub use shares::{ShareCurve, Shares};
+pub use strips::{StripRow, Strips};
 pub use tables::{FigureCell, FigureRow, FigureTable, TablesPage};
 
 impl Report {

@@ -35,6 +35,11 @@ pub(super) fn page(report: &Report) -> String {
     document(&report.title, &sections, &[CAMERA, SAVE, VIEWER].concat())
 }
 
+/// Puts buttons under charts that save them.
+pub(super) fn save_script() -> &'static str {
+    SAVE
+}
+
 /// A whole page around sections.
 pub(super) fn document(title: &str, sections: &str, script: &str) -> String {
     document_with("", "", title, sections, script)

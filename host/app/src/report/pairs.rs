@@ -166,7 +166,7 @@ fn curve(part: &Part, pairs: &[PairError], within: &PoseError) -> String {
 }
 
 /// The outline of the staircase; pairs without an error never arrive.
-fn steps(mut errors: Vec<f64>) -> Vec<(f64, f64)> {
+pub(super) fn steps(mut errors: Vec<f64>) -> Vec<(f64, f64)> {
     let share = 100.0 / errors.len() as f64;
     errors.retain(|e| e.is_finite());
     errors.sort_by(f64::total_cmp);

@@ -93,13 +93,13 @@ fn own_caption(caption: &Caption<'_>, [width, height]: Px) -> (String, String) {
     )
 }
 
-fn own_text([x, y]: Px, class: &str, text: &str) -> String {
+pub(super) fn own_text([x, y]: Px, class: &str, text: &str) -> String {
     let (x, y) = at([x, y]);
     format!("<text class=\"{class}\" x=\"{x}\" y=\"{y}\">{}</text>", escape(text))
 }
 
 /// A legend in lines from `y` on, and how high it is.
-fn own_legend(keys: &[Key<'_>], width: f64, y: f64) -> (String, f64) {
+pub(super) fn own_legend(keys: &[Key<'_>], width: f64, y: f64) -> (String, f64) {
     let (mut x, mut line, mut drawn) = (4.0, 0.0, String::new());
     for (class, sample, text) in keys {
         let wide = 30.0 + LETTER * text.chars().count() as f64 + 14.0;
@@ -241,6 +241,20 @@ impl<'b> Chart<'_, 'b> {
     pub(super) fn upright(&mut self, class: &str, x: f64) -> Drawn {
         let ends = [f64::NEG_INFINITY, f64::INFINITY].map(|y| (x, y));
         self.draw(x.is_finite().then(|| PathElement::new(ends, ink(class))))
+    }
+
+    /// A text in the middle.
+    pub(super) fn note(&mut self, words: &str) -> Drawn {
+        let (x, y) = self.chart.plotting_area().get_base_pixel();
+        let (width, height) = self.chart.plotting_area().dim_in_pixel();
+        let middle = (x + width as i32 / 2, y + height as i32 / 2);
+        *self.top += &format!(
+            "<text class=\"tick\" text-anchor=\"middle\" x=\"{}\" y=\"{}\">{}</text>",
+            middle.0,
+            middle.1,
+            escape(words)
+        );
+        Ok(())
     }
 
     /// The chart from `left` to `right` shows `text` under the pointer.

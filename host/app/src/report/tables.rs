@@ -1,7 +1,10 @@
 //! Tables of figures as a page of their own.
 
-use super::format::escape;
-use super::page::{document, facts};
+use super::error::ReportError;
+use super::figure::Figure;
+use super::format::{escape, with_code};
+use super::page::{document, facts, save_script};
+use super::plates::Plate;
 
 /// Tables, one below the other.
 #[derive(Clone, Debug, Default)]
@@ -16,6 +19,8 @@ pub struct TablesPage {
     pub remarks: Vec<String>,
     /// The tables.
     pub tables: Vec<FigureTable>,
+    /// Figures, below the tables.
+    pub plates: Vec<Plate>,
 }
 
 /// One of them.
@@ -57,7 +62,7 @@ impl TablesPage {
     /// The page, complete.
     pub fn to_html(&self) -> String {
         let remarks: String =
-            self.remarks.iter().map(|text| format!("<li>{}</li>", escape(text))).collect();
+            self.remarks.iter().map(|text| format!("<li>{}</li>", with_code(text))).collect();
         let header = format!(
             "<header><p class=\"eyebrow\">Echoloop</p><h1>{}</h1><p class=\"subtitle\">{}</p>{}\
              <ul class=\"notes\">{remarks}</ul></header>\n",
@@ -66,7 +71,19 @@ impl TablesPage {
             facts(&self.facts)
         );
         let tables: String = self.tables.iter().map(table).collect();
-        document(&self.title, &(header + &tables), "")
+        let plates: String = self.plates.iter().map(Plate::section).collect();
+        let script = if plates.is_empty() { "" } else { save_script() };
+        document(&self.title, &(header + &tables + &plates), script)
+    }
+
+    /// Every figure, standing alone.
+    ///
+    /// # Errors
+    ///
+    /// [`ReportError::Drawing`].
+    pub fn figures(&self) -> Result<Vec<Figure>, ReportError> {
+        let figures = self.plates.iter().map(Plate::figure).collect::<Result<_, _>>();
+        figures.map_err(ReportError::Drawing)
     }
 }
 

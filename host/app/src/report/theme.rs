@@ -5,12 +5,14 @@ use plotters::style::RGBColor;
 
 /// Every class a plot may use. Each has a colour of its own while plotters draws, and none after.
 #[rustfmt::skip]
-pub(super) const CLASSES: [&str; 35] = [
+pub(super) const CLASSES: [&str; 45] = [
     "grid", "frame", "tick", "axis", "limit", "default", "best", "median", "mean-point", "band",
     "held-out", "sigma", "mean", "spread", "tuned", "slope good", "slope bad", "dot-default",
     "dot-default hollow", "dot-tuned", "dot-tuned hollow", "curve-default", "curve-tuned", "cell",
     "plus", "minus", "value", "value strong", "name", "bar-back", "bar", "whisker",
-    "own-title", "candidate", "bar strong-bar",
+    "own-title", "candidate", "bar strong-bar", "curve-lidar", "curve-registration",
+    "ring-lidar", "ring-registration", "cloud-target", "cloud-source", "key-target", "key-source",
+    "middle", "unlearned",
 ];
 
 /// The colour that stands for `class` until [`themed`] has seen it.

@@ -36,6 +36,7 @@ pub fn page(table: &Table) -> TablesPage {
         facts: facts(table),
         remarks: told::remarks(table),
         tables,
+        ..TablesPage::default()
     }
 }
 

@@ -1,0 +1,81 @@
+//! Two clouds from above, one laid on the other.
+
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+
+use plotters::element::{PathElement, Rectangle};
+use plotters::style::text_anchor::{HPos, VPos};
+
+use super::plot::{Caption, Key, Sample, at, drawing, text};
+use super::theme::ink;
+
+const SIDE: f64 = 330.0;
+
+/// Points of one cloud nearer than this on the drawing are drawn as one.
+const GRAIN: f64 = 0.8;
+
+pub(super) const KEYS: [Key<'static>; 2] =
+    [("key-target", Sample::Dot, "target"), ("key-source", Sample::Dot, "source, laid on it")];
+
+/// A panel of two clouds.
+#[derive(Clone, Debug)]
+pub struct Overlay {
+    /// Half of the side of the square that is seen, m.
+    pub half_m: f64,
+    /// Its middle, m.
+    pub centre_m: [f64; 2],
+    /// Target and source, x and y in the target's frame, m.
+    pub clouds: [Vec<[f64; 2]>; 2],
+    /// Length of the bar that tells the scale, m.
+    pub bar_m: f64,
+}
+
+impl Overlay {
+    pub(super) fn svg(&self, caption: &Caption<'_>) -> String {
+        let label = format!(
+            "{}: {} points of the target and {} of the source from above.",
+            caption.title,
+            self.clouds[0].len(),
+            self.clouds[1].len()
+        );
+        let scale = SIDE / (2.0 * self.half_m);
+        drawing(caption, [SIDE, SIDE + 4.0], &label, |canvas, top| {
+            let edges = [at([0.5, 0.5]), at([SIDE - 0.5, SIDE - 0.5])];
+            canvas.draw(&Rectangle::new(edges, ink("frame")))?;
+            let (from, y) = (14.0, SIDE - 14.0);
+            let to = from + scale * self.bar_m;
+            for line in [
+                [[from, y], [to, y]],
+                [[from, y - 4.0], [from, y + 4.0]],
+                [[to, y - 4.0], [to, y + 4.0]],
+            ] {
+                canvas.draw(&PathElement::new(line.map(at), ink("middle")))?;
+            }
+            let name = text("tick", HPos::Left, VPos::Center);
+            canvas.draw_text(&format!("{} m", self.bar_m), &name, at([to + 7.0, y]))?;
+            for (class, cloud) in ["cloud-target", "cloud-source"].iter().zip(&self.clouds) {
+                *top += &self.dots(class, cloud, scale);
+            }
+            Ok(())
+        })
+    }
+
+    /// All points as one path of dots: strokes of no length to speak of, with round ends.
+    fn dots(&self, class: &str, cloud: &[[f64; 2]], scale: f64) -> String {
+        let mut seen = BTreeSet::new();
+        let mut path = String::new();
+        for [x, y] in cloud {
+            let place = [
+                0.5 * SIDE + scale * (x - self.centre_m[0]),
+                0.5 * SIDE - scale * (y - self.centre_m[1]),
+            ];
+            let is_inside = place.iter().all(|side| (2.0..SIDE - 2.0).contains(side));
+            let grain = place.map(|side| (side / GRAIN).floor() as i32);
+            if is_inside && seen.insert(grain) {
+                let (x, y) = at(place);
+                let _ = write!(path, "M{x} {y}h1");
+            }
+        }
+        format!("<path class=\"{class}\" d=\"{path}\"/>")
+    }
+}

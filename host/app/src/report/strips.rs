@@ -1,0 +1,117 @@
+//! The error of every pair as a dot, a row for each set of parameters.
+
+use plotters::element::{Circle, PathElement};
+use plotters::style::Color;
+use plotters::style::text_anchor::{HPos, VPos};
+
+use super::axis::Axis;
+use super::plot::{Canvas, Caption, Drawn, Key, Sample, at, drawing, fine, text};
+use super::ruler::Ruler;
+use super::theme::ink;
+
+const TRACK: f64 = 205.0;
+const ROW: f64 = 27.0;
+/// Left of the tracks and right of them.
+const NAMES: f64 = 78.0;
+const SAID: f64 = 52.0;
+
+pub(super) const KEYS: [Key<'static>; 5] = [
+    ("dot-default", Sample::Dot, "a pair"),
+    ("dot-tuned", Sample::Dot, "a pair, both tuned"),
+    ("dot-default hollow", Sample::Dot, "a pair that failed"),
+    ("middle", Sample::Line, "median of all"),
+    ("limit", Sample::Line, "bound of success"),
+];
+
+/// A panel of rows.
+#[derive(Clone, Debug)]
+pub struct Strips {
+    /// What the error is, with its unit.
+    pub axis: String,
+    /// Ends of the axis, which is logarithmic.
+    pub span: [f64; 2],
+    /// A pair beyond it has failed.
+    pub bound: f64,
+    /// Head of what stands at the end of the rows.
+    pub said: String,
+    /// The rows, from the top.
+    pub rows: Vec<StripRow>,
+}
+
+/// A row.
+#[derive(Clone, Debug)]
+pub struct StripRow {
+    /// Its name.
+    pub name: String,
+    /// Whether it is what the figure is about.
+    pub strong: bool,
+    /// Each pair's error, and whether it was registered.
+    pub pairs: Vec<(f64, bool)>,
+    /// The median; not finite without pairs.
+    pub median: f64,
+    /// What stands at its end.
+    pub said: String,
+}
+
+impl Strips {
+    pub(super) fn svg(&self, caption: &Caption<'_>) -> String {
+        let height = 20.0 + ROW * self.rows.len() as f64;
+        let size = [NAMES + TRACK + SAID, height + 46.0];
+        let told = self.rows.iter().map(|row| format!("{}: {}", row.name, row.said));
+        let label = format!("{}. {}.", caption.title, told.collect::<Vec<_>>().join(", "));
+        let [low, high] = self.span;
+        let ruler = Ruler { axis: Axis::between(low, high, true), left: NAMES, width: TRACK };
+        drawing(caption, size, &label, |canvas, _| {
+            let head = text("tick", HPos::Right, VPos::Center);
+            canvas.draw_text(&self.said, &head, at([size[0] - 2.0, 9.0]))?;
+            self.foot(canvas, &ruler, height)?;
+            (0..self.rows.len()).try_for_each(|row| self.row(canvas, &ruler, row))
+        })
+    }
+
+    fn row(&self, canvas: &Canvas<'_>, ruler: &Ruler, number: usize) -> Drawn {
+        let row = &self.rows[number];
+        let middle = 20.0 + ROW * (number as f64 + 0.5);
+        let name = text("name", HPos::Right, VPos::Center);
+        canvas.draw_text(&row.name, &name, at([NAMES - 8.0, middle]))?;
+        let said = text("tick", HPos::Right, VPos::Center);
+        canvas.draw_text(&row.said, &said, at([NAMES + TRACK + SAID - 2.0, middle]))?;
+        for (k, &(error, is_found)) in row.pairs.iter().enumerate() {
+            let class = match (row.strong, is_found) {
+                (true, true) => "dot-tuned",
+                (true, false) => "dot-tuned hollow",
+                (false, true) => "dot-default",
+                (false, false) => "dot-default hollow",
+            };
+            // Spread by the golden ratio: neighbours in a list lie apart, and no draw is needed.
+            let off = (0.618_034 * k as f64).fract() - 0.5;
+            let place = at([ruler.across(error), middle + 0.62 * ROW * off]);
+            canvas.draw(&Circle::new(place, fine(1.7), ink(class).filled()))?;
+        }
+        if !row.median.is_finite() {
+            return Ok(());
+        }
+        let x = ruler.across(row.median);
+        let mark = [[x, middle - 0.42 * ROW], [x, middle + 0.42 * ROW]].map(at);
+        canvas.draw(&PathElement::new(mark, ink("middle")))
+    }
+
+    /// The axis under the rows, and the bound through them.
+    fn foot(&self, canvas: &Canvas<'_>, ruler: &Ruler, height: f64) -> Drawn {
+        let ticks = ruler.ticks();
+        for &tick in &ticks {
+            let x = ruler.across(tick);
+            let line = [[x, 20.0], [x, height]].map(at);
+            canvas.draw(&PathElement::new(line, ink("grid")))?;
+        }
+        let labels: Vec<_> = ticks.iter().map(|&tick| (tick, ruler.number(tick))).collect();
+        ruler.labels(canvas, height, &labels)?;
+        let ends = [[NAMES, height], [NAMES + TRACK, height]].map(at);
+        canvas.draw(&PathElement::new(ends, ink("frame")))?;
+        let x = ruler.across(self.bound);
+        canvas.draw(&PathElement::new([[x, 20.0], [x, height]].map(at), ink("limit")))?;
+        let title = text("axis", HPos::Center, VPos::Bottom);
+        let title_at = at([NAMES + 0.5 * TRACK, height + 42.0]);
+        canvas.draw_text(&format!("{}, log axis", self.axis), &title, title_at)
+    }
+}
