@@ -19,8 +19,8 @@ use crate::experiment::files::Output;
 use crate::experiment::preset::{Preset, Protocol, Strategy};
 use crate::experiment::tune::Observer;
 use crate::reproduce::{
-    Ablation, Asked, Base, Cell, Folder, FolderError, Plan, RealPair, RealRow, Scene, Table,
-    TableMethod, judge_real, page, read_real_pairs,
+    Ablation, Asked, Base, ByHand, Cell, Folder, FolderError, Plan, RealPair, RealRow, Scene,
+    Table, TableMethod, judge_real, name_of, page, read_real_pairs,
 };
 use crate::said::say;
 use runner::Runner;
@@ -47,6 +47,9 @@ pub(crate) struct ReproduceArgs {
     /// our search and ranges for outdoors.
     #[arg(long, value_delimiter = ',')]
     ablation: Vec<Ablation>,
+    /// Also three cases tuned by hand, as in the paper's Fig. 1, of ICP.
+    #[arg(long, conflicts_with = "ablation")]
+    by_hand: bool,
     /// Few pairs, few generations, our search and ranges for outdoors: shows the table's shape in
     /// some minutes, and proves nothing.
     #[arg(long)]
@@ -118,15 +121,26 @@ impl ReproduceArgs {
             ranges,
             strategies,
             ablations: self.ablation.clone(),
+            by_hand: self.by_hand,
+        }
+    }
+
+    /// Cases tuned by hand are of one method.
+    fn check_by_hand(&self) -> Result<(), Failure> {
+        let has_method = self.method.is_empty() || self.method.contains(&ByHand::METHOD);
+        match self.by_hand && !has_method {
+            true => Err(Failure::usage(format!(
+                "--by-hand: its cases are of {0}, as the paper's Fig. 1, and --method leaves {0} \
+                 out",
+                name_of(ByHand::METHOD)
+            ))),
+            false => Ok(()),
         }
     }
 
     /// What all cells share.
     fn base(&self) -> Result<Base, Failure> {
-        const QUICK: [(&str, i64); 3] =
-            [("data.train_pairs", 6), ("data.test_pairs", 20), ("tune.generations", 2)];
-        let quick = QUICK.iter().filter(|_| self.quick);
-        let quick = quick.map(|&(key, count)| Override::flag(key, count));
+        let quick = Base::quick().into_iter().filter(|_| self.quick);
         let seed = self.seed.map(|seed| i64::try_from(seed).unwrap_or(i64::MAX)); // no more is read
         let own = [
             ("seed", seed),
@@ -157,6 +171,7 @@ impl From<FolderError> for Failure {
 }
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<(), Failure> {
+    args.check_by_hand()?;
     let (base, cells) = (args.base()?, args.asked().cells());
     let plan = Plan::new(&base.config().map_err(Failure::usage)?, args.quick);
     let real = args.real.as_deref().map(|list| real_pairs(args, list)).transpose()?;

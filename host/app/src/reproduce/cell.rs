@@ -2,11 +2,11 @@
 
 use std::fmt;
 
-use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
 use super::ablation::Ablation;
 use super::axes::{Scene, TableMethod, name_of};
+use super::by_hand::ByHand;
 use crate::experiment::config::{LoadError, Override, RunConfig, load};
 use crate::experiment::preset::{Preset, Protocol, Strategy};
 
@@ -16,6 +16,9 @@ use crate::experiment::preset::{Preset, Protocol, Strategy};
 pub struct Cell {
     /// What is switched; nothing in the first table.
     pub ablation: Option<Ablation>,
+    /// By which hand it is set, where nothing is searched.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub by_hand: Option<ByHand>,
     /// Ranges and defaults of registration.
     pub ranges: Preset,
     /// How it is searched; none where nothing is tuned.
@@ -54,6 +57,18 @@ impl Base {
         Self { overrides: [pairs, objective].into_iter().chain(changes).collect() }
     }
 
+    /// As [`Self::paper`] without changes, or for the small table.
+    pub fn usual(quick: bool) -> Self {
+        Self::paper(if quick { Self::quick() } else { Vec::new() })
+    }
+
+    /// What makes the small table small.
+    pub fn quick() -> Vec<Override> {
+        [("data.train_pairs", 6_i64), ("data.test_pairs", 20), ("tune.generations", 2)]
+            .map(|(key, count)| Override::flag(key, count))
+            .to_vec()
+    }
+
     /// The configuration that cells vary.
     ///
     /// # Errors
@@ -88,6 +103,7 @@ impl Cell {
         );
         let strategy = self.strategy.map(name_of);
         overrides.extend(strategy.map(|name| Override::flag("tune.strategy", name)));
+        overrides.extend(self.by_hand.iter().flat_map(|hand| hand.overrides(self.ranges)));
         if let Some(ablation) = self.ablation {
             overrides.extend(ablation.overrides(&base.config()?));
         }
@@ -96,12 +112,33 @@ impl Cell {
 
     /// The cell of the same start where nothing is tuned.
     pub fn untuned(&self) -> Self {
-        Self { strategy: None, protocol: Protocol::Default, ..*self }
+        Self { strategy: None, protocol: Protocol::Default, by_hand: None, ..*self }
+    }
+
+    /// Whether something is searched.
+    pub fn is_searched(&self) -> bool {
+        self.protocol != Protocol::Default
+    }
+
+    /// Whether sensor and registration are tuned together.
+    pub fn is_joint(&self) -> bool {
+        self.protocol == Protocol::Joint
+    }
+
+    /// Whether it is one of the paper's table: nothing switched, nothing set by hand.
+    pub fn is_of_the_table(&self) -> bool {
+        self.ablation.is_none() && self.by_hand.is_none()
     }
 
     /// The cell without its switch.
     pub fn plain(&self) -> Self {
         Self { ablation: None, ..*self }
+    }
+
+    /// What was tuned: the protocol's name, or the hand's.
+    pub fn tuned_name(&self) -> String {
+        self.by_hand
+            .map_or_else(|| name_of(self.protocol), |hand| format!("hand-{}", name_of(hand)))
     }
 
     /// What files of the cell are called: `outdoor-fast-joint-icp-structured`.
@@ -110,7 +147,7 @@ impl Cell {
             self.ablation.map(name_of),
             Some(name_of(self.ranges)),
             self.strategy.map(name_of),
-            Some(name_of(self.protocol)),
+            Some(self.tuned_name()),
             Some(name_of(self.method)),
             Some(name_of(self.scene)),
         ];
@@ -120,12 +157,13 @@ impl Cell {
 
 impl fmt::Display for Cell {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { ablation, ranges, strategy, protocol, method, scene } = *self;
-        let tuned = match protocol {
-            Protocol::Default => "nothing tuned",
-            Protocol::Lidar => "lidar tuned",
-            Protocol::Registration => "registration tuned",
-            Protocol::Joint => "both tuned",
+        let Self { ablation, by_hand, ranges, strategy, protocol, method, scene } = *self;
+        let tuned = match (by_hand, protocol) {
+            (Some(hand), _) => format!("tuned by hand ({})", name_of(hand)),
+            (None, Protocol::Default) => "nothing tuned".into(),
+            (None, Protocol::Lidar) => "lidar tuned".into(),
+            (None, Protocol::Registration) => "registration tuned".into(),
+            (None, Protocol::Joint) => "both tuned".into(),
         };
         write!(f, "{}, {}, {tuned}, {} ranges", method.title(), name_of(scene), name_of(ranges))?;
         strategy.map_or(Ok(()), |strategy| write!(f, ", {} strategy", name_of(strategy)))?;
@@ -133,99 +171,19 @@ impl fmt::Display for Cell {
     }
 }
 
-/// Which cells are wanted; of an axis without any all.
-#[derive(Clone, Debug, Default)]
-pub struct Asked {
-    /// Methods.
-    pub methods: Vec<TableMethod>,
-    /// Kinds of country.
-    pub scenes: Vec<Scene>,
-    /// What is tuned.
-    pub protocols: Vec<Protocol>,
-    /// Ranges of registration.
-    pub ranges: Vec<Preset>,
-    /// How it is searched.
-    pub strategies: Vec<Strategy>,
-    /// Switches; none: the table itself.
-    pub ablations: Vec<Ablation>,
-}
-
-impl Asked {
-    /// The cells in the order they are run: first those where nothing is tuned, which say how long
-    /// the others will take; then searches, ours with ranges for outdoors before the paper's.
-    pub fn cells(&self) -> Vec<Cell> {
-        let mut all = vec![None];
-        if !self.ablations.is_empty() {
-            all = self.ablations.iter().copied().map(Some).collect();
-        }
-        let protocols = chosen(&self.protocols);
-        let mut cells = Vec::new();
-        for ablation in all.iter().copied().filter(|_| protocols.contains(&Protocol::Default)) {
-            self.fill(&mut cells, ablation, None, &[Protocol::Default]);
-        }
-        let tuned: Vec<Protocol> =
-            protocols.into_iter().filter(|protocol| *protocol != Protocol::Default).collect();
-        for ablation in all {
-            for strategy in chosen(&self.strategies) {
-                self.fill(&mut cells, ablation, Some(strategy), &tuned);
-            }
-        }
-        cells
-    }
-
-    fn fill(
-        &self,
-        cells: &mut Vec<Cell>,
-        ablation: Option<Ablation>,
-        strategy: Option<Strategy>,
-        protocols: &[Protocol],
-    ) {
-        for ranges in chosen(&self.ranges) {
-            for scene in chosen(&self.scenes) {
-                for method in chosen(&self.methods) {
-                    let cell = |&protocol: &Protocol| Cell {
-                        ablation,
-                        ranges,
-                        strategy,
-                        protocol,
-                        method,
-                        scene,
-                    };
-                    cells.extend(protocols.iter().map(cell));
-                }
-            }
-        }
-    }
-}
-
-/// The values asked for, or all, each once.
-fn chosen<T: ValueEnum + Clone + PartialEq>(some: &[T]) -> Vec<T> {
-    let is_wanted = |value: &&T| some.is_empty() || some.contains(value);
-    T::value_variants().iter().filter(is_wanted).cloned().collect()
-}
-
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeSet;
+    use clap::ValueEnum;
 
     use super::*;
     use crate::experiment::config::{FgrMode, Method};
-
-    #[test]
-    fn the_whole_table_has_each_cell_once_and_nothing_tuned_once_a_method_kind_and_range() {
-        let cells = Asked::default().cells();
-        let names: BTreeSet<String> = cells.iter().map(Cell::file_name).collect();
-        assert_eq!((cells.len(), names.len()), (168, 168)); // 24 starts, 3 · 2 · 24 searches
-        let untuned = cells.iter().take_while(|cell| cell.protocol == Protocol::Default).count();
-        assert_eq!(untuned, 24);
-        assert!(cells[24..].iter().all(|cell| cell.strategy.is_some()));
-    }
 
     #[test]
     fn a_cell_is_a_run_of_its_method_s_pairs_and_bounds() {
         let base = Base::default();
         let cell = Cell {
             ablation: None,
+            by_hand: None,
             ranges: Preset::Paper,
             strategy: Some(Strategy::Paper),
             protocol: Protocol::Lidar,
@@ -257,6 +215,7 @@ mod tests {
         let base = Base::default();
         let plain = Cell {
             ablation: None,
+            by_hand: None,
             ranges: Preset::Outdoor,
             strategy: Some(Strategy::Fast),
             protocol: Protocol::Joint,

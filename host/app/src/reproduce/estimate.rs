@@ -81,6 +81,7 @@ mod tests {
     fn a_search_is_estimated_by_its_like_and_before_that_by_its_start() {
         let start = |scene| Cell {
             ablation: None,
+            by_hand: None,
             ranges: Preset::Outdoor,
             strategy: None,
             protocol: Protocol::Default,

@@ -9,7 +9,9 @@
 //! Nothing here scans: the command line runs the cells.
 
 mod ablation;
+mod asked;
 mod axes;
+mod by_hand;
 mod cell;
 mod estimate;
 mod folder;
@@ -23,8 +25,10 @@ mod table;
 mod told;
 
 pub use ablation::Ablation;
+pub use asked::Asked;
 pub use axes::{Scene, TableMethod, name_of};
-pub use cell::{Asked, Base, Cell};
+pub use by_hand::ByHand;
+pub use cell::{Base, Cell};
 pub use estimate::{Times, Took};
 pub use folder::{Folder, FolderError};
 pub use page::page;

@@ -15,6 +15,18 @@ pub fn page(table: &Table) -> TablesPage {
         rows: table.of_search(ranges, strategy).into_iter().map(row).collect(),
     });
     let mut tables: Vec<FigureTable> = searches.filter(|table| !table.rows.is_empty()).collect();
+    let by_hand: Vec<FigureRow> =
+        table.of_by_hand().into_iter().map(|of| hand_set(table, of)).collect();
+    if !by_hand.is_empty() {
+        tables.push(FigureTable {
+            title: "Tuned by hand".into(),
+            lead: "The three cases of the paper's Fig. 1. Each figure with its 95 % interval, and \
+                   that of the default below, where it was run."
+                .into(),
+            heads: heads("Case, ranges, method, scene"),
+            rows: by_hand,
+        });
+    }
     let ablations: Vec<FigureRow> =
         table.of_ablations().into_iter().map(|of| ablation(table, of)).collect();
     if !ablations.is_empty() {
@@ -89,6 +101,21 @@ fn row(row: &Row) -> FigureRow {
         theirs.map_or_else(String::new, |theirs| format!("paper {theirs}"))
     };
     FigureRow { name, strong: told::is_joint(cell), cells: cells(row, &paper) }
+}
+
+fn hand_set(table: &Table, row: &Row) -> FigureRow {
+    let cell = &row.cell;
+    let names = [
+        cell.by_hand.map(name_of).unwrap_or_default(),
+        name_of(cell.ranges),
+        cell.method.title().to_owned(),
+        name_of(cell.scene),
+    ];
+    let start = table.row(&cell.untuned()).and_then(|row| row.figures);
+    let default = |i: usize| {
+        start.map_or_else(String::new, |start| format!("default {}", FIGURES[i].value(&start)))
+    };
+    FigureRow { name: names.join(", "), strong: false, cells: cells(row, &default) }
 }
 
 fn ablation(table: &Table, row: &Row) -> FigureRow {

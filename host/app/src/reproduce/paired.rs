@@ -114,6 +114,7 @@ mod tests {
             format: Record::FORMAT,
             cell: Cell {
                 ablation: None,
+                by_hand: None,
                 ranges: Preset::Outdoor,
                 strategy: (protocol != Protocol::Default).then_some(Strategy::Fast),
                 protocol,

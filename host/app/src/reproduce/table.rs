@@ -123,7 +123,7 @@ impl Table {
 
     /// The ranges and strategies that there are searches of, each once, without a switch.
     pub fn searches(&self) -> Vec<(Preset, Option<Strategy>)> {
-        let plain = || self.rows.iter().map(|row| row.cell).filter(|cell| cell.ablation.is_none());
+        let plain = || self.rows.iter().map(|row| row.cell).filter(Cell::is_of_the_table);
         let mut found = Vec::new();
         let has_searches = plain().any(|cell| cell.strategy.is_some());
         for cell in plain().filter(|cell| cell.strategy.is_some() || !has_searches) {
@@ -139,7 +139,7 @@ impl Table {
         let is_of = |row: &&Row| {
             let cell = row.cell;
             let same = cell.strategy == strategy || cell.strategy.is_none();
-            cell.ablation.is_none() && cell.ranges == ranges && same
+            cell.is_of_the_table() && cell.ranges == ranges && same
         };
         let mut rows: Vec<&Row> = self.rows.iter().filter(is_of).collect();
         let place = |method: TableMethod, scene: Scene, protocol: Protocol| {
@@ -149,12 +149,23 @@ impl Table {
         rows
     }
 
+    /// The rows of cells set by hand, those of a kind together.
+    pub fn of_by_hand(&self) -> Vec<&Row> {
+        let mut rows: Vec<&Row> =
+            self.rows.iter().filter(|row| row.cell.by_hand.is_some()).collect();
+        rows.sort_by_key(|row| {
+            let hand = row.cell.by_hand.map(|hand| hand as usize);
+            (row.cell.ranges as usize, row.cell.scene as usize, hand)
+        });
+        rows
+    }
+
     /// The rows of cells with a switch, those of a switch together.
     pub fn of_ablations(&self) -> Vec<&Row> {
         let mut rows: Vec<&Row> =
             self.rows.iter().filter(|row| row.cell.ablation.is_some()).collect();
         rows.sort_by_key(|row| {
-            let Cell { ablation, ranges, strategy, protocol, method, scene } = row.cell;
+            let Cell { ablation, ranges, strategy, protocol, method, scene, .. } = row.cell;
             let place = ablation.map(|ablation| ablation as usize);
             let search = (ranges as usize, strategy.map(|strategy| strategy as usize));
             (place, method as usize, scene as usize, search, protocol as usize)
@@ -167,7 +178,7 @@ fn row(folder: &Folder, cell: &Cell, record: Option<Record>) -> Result<Row, Fold
     let error = if record.is_some() { None } else { folder.failure(cell)? };
     Ok(Row {
         cell: *cell,
-        paper: cell.ablation.is_none().then(|| paper(cell.protocol, cell.method, cell.scene)),
+        paper: cell.is_of_the_table().then(|| paper(cell.protocol, cell.method, cell.scene)),
         figures: record.as_ref().map(|record| Figures::of(&record.summary, &record.data)),
         made: record.map(made),
         error,
@@ -243,6 +254,7 @@ mod tests {
         let strategy = (protocol != Protocol::Default).then_some(Strategy::Fast);
         let cell = Cell {
             ablation: None,
+            by_hand: None,
             ranges: Preset::Outdoor,
             strategy,
             protocol,

@@ -308,6 +308,7 @@ mod tests {
         let base = Base::paper(Vec::new());
         let cell = Cell {
             ablation: None,
+            by_hand: None,
             ranges: Preset::Outdoor,
             strategy: Some(Strategy::Paper),
             protocol: Protocol::Joint,

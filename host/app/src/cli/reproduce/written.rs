@@ -19,6 +19,12 @@ pub(super) fn text(table: &Table) -> String {
         lines.extend(rows.iter().map(|row| line(row)));
         let _ = write!(text, "\n{}\n\n{}", sentence(ranges, strategy), aligned(&lines));
     }
+    let by_hand = table.of_by_hand();
+    if !by_hand.is_empty() {
+        let mut lines = vec![heads(&["case", "ranges", "method", "scene"], "default")];
+        lines.extend(by_hand.iter().map(|row| by_hand_line(table, row)));
+        let _ = write!(text, "\nTuned by hand, as in the paper's Fig. 1\n\n{}", aligned(&lines));
+    }
     let ablations = table.of_ablations();
     if !ablations.is_empty() {
         let mut lines = vec![heads(&["switch", "method", "scene", "tuned"], "without")];
@@ -52,6 +58,15 @@ fn line(row: &Row) -> Vec<String> {
     let names = [cell.method.title().into(), name_of(cell.scene), tuned(cell).into()];
     let theirs = |i: usize| row.paper.as_ref().map(|paper| FIGURES[i].theirs(paper));
     names.into_iter().chain(figures(row, &theirs)).collect()
+}
+
+fn by_hand_line(table: &Table, row: &Row) -> Vec<String> {
+    let cell = &row.cell;
+    let case = cell.by_hand.map(name_of).unwrap_or_default();
+    let names = [case, name_of(cell.ranges), cell.method.title().into(), name_of(cell.scene)];
+    let start = table.row(&cell.untuned()).and_then(|row| row.figures);
+    let default = |i: usize| start.as_ref().map(|start| FIGURES[i].value(start));
+    names.into_iter().chain(figures(row, &default)).collect()
 }
 
 fn ablation_line(table: &Table, row: &Row) -> Vec<String> {
@@ -95,13 +110,13 @@ pub(super) fn csv(table: &Table) -> Result<String, Failure> {
 
 fn csv_line(table: &Table, row: &Row) -> Vec<String> {
     let number = |value: f64| if value.is_finite() { value.to_string() } else { String::new() };
-    let Cell { ablation, ranges, strategy, protocol, method, scene } = row.cell;
+    let Cell { ablation, ranges, strategy, method, scene, .. } = row.cell;
     let made = row.made.as_ref();
     let mut line = vec![
         ablation.map(name_of).unwrap_or_default(),
         name_of(ranges),
         strategy.map(name_of).unwrap_or_default(),
-        name_of(protocol),
+        row.cell.tuned_name(),
         name_of(method),
         name_of(scene),
         table.plan.seed.to_string(),
