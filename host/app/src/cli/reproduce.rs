@@ -1,5 +1,7 @@
 //! `echoloop reproduce`.
 
+mod drawn;
+mod overlays;
 mod runner;
 mod written;
 
@@ -13,14 +15,14 @@ use super::exit::{self, Failure, print};
 use super::interrupt::stop_on_interrupt;
 use super::number::{number_of, seed};
 use super::progress::Progress;
-use super::report::is_standard_output;
+use super::report::{is_standard_output, write_figures};
 use crate::experiment::config::{Override, default_runs_folder};
 use crate::experiment::files::Output;
 use crate::experiment::preset::{Preset, Protocol, Strategy};
 use crate::experiment::tune::Observer;
 use crate::reproduce::{
-    Ablation, Asked, Base, ByHand, Cell, Folder, FolderError, Plan, RealPair, RealRow, Scene,
-    Table, TableMethod, judge_real, name_of, page, read_real_pairs,
+    Ablation, Asked, Base, ByHand, Cell, Figures, Folder, FolderError, Plan, RealPair, RealRow,
+    Scene, Table, TableMethod, judge_real, name_of, page, read_real_pairs,
 };
 use crate::said::say;
 use runner::Runner;
@@ -89,6 +91,9 @@ pub(crate) struct ReproduceArgs {
     /// Write the page here as well; `-`: to standard output, instead of the table.
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+    /// Write every figure of what is done as well, as SVG and as PNG.
+    #[arg(long, value_name = "FOLDER", conflicts_with = "ablation")]
+    figures: Option<PathBuf>,
     #[command(flatten)]
     common: Common,
 }
@@ -177,6 +182,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<(), Failure> {
     let real = args.real.as_deref().map(|list| real_pairs(args, list)).transpose()?;
     let output = args.output.as_deref().filter(|path| !is_standard_output(path));
     let output = output.map(Output::at).transpose()?;
+    args.figures.as_deref().map(drawn::check_place).transpose()?;
     let folder = match args.table {
         true => Folder::look(&args.folder())?,
         false => Folder::open(&args.folder(), plan)?,
@@ -193,18 +199,69 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<(), Failure> {
         let judged = || on_real_clouds(args, &base, &folder, &cells, pairs);
         table.real = on_threads(args.common.threads, judged)??;
     }
-    let html = page(&table).to_html();
-    let written = match args.table {
-        true => None,
-        false => Some(folder.save_table(&table, &html)?),
-    };
-    ended?;
-    output.map(|output| output.write(html.as_bytes())).transpose()?;
+    if ended.is_err() {
+        // Stopped: what there is, without the pictures of clouds that have to be scanned.
+        folder.save_table(&table, &page(&table, Figures::default()).to_html())?;
+        return ended;
+    }
+    let told = Told::new(args, &folder, &table)?;
+    output.map(|output| output.write(told.html.as_bytes())).transpose()?;
     match args.output.as_deref() {
-        Some(path) if is_standard_output(path) => print(&html)?,
-        _ => print_table(args, &table, written.as_deref())?,
+        Some(path) if is_standard_output(path) => print(&told.html)?,
+        _ => print_table(args, &table, &told.places)?,
     }
     outcome(&table)
+}
+
+/// What is told besides the table.
+struct Told {
+    /// The page; empty where nobody asked for one.
+    html: String,
+    /// What was written, and where.
+    places: String,
+}
+
+impl Told {
+    /// Draws what is asked for, and writes it.
+    fn new(args: &ReproduceArgs, folder: &Folder, table: &Table) -> Result<Self, Failure> {
+        if args.table && args.output.is_none() && args.figures.is_none() {
+            return Ok(Self { html: String::new(), places: String::new() });
+        }
+        // A switch has no figure in the paper.
+        let drawn = || match args.ablation.is_empty() {
+            true => drawn::drawn(folder, table),
+            false => Ok(Figures::default()),
+        };
+        let drawn = on_threads(args.common.threads, drawn)??;
+        if args.figures.is_some() && drawn.plates.is_empty() {
+            let what = drawn.left_out.join(" ");
+            let place = args.folder();
+            return Err(Failure::usage(format!(
+                "{}: no cell of those asked for is done, so there is nothing to draw. {what}",
+                place.display()
+            )));
+        }
+        let left_out = drawn.left_out.clone();
+        let page = page(table, drawn);
+        let html = page.to_html();
+        let mut places = String::new();
+        if !args.table {
+            let place = folder.save_table(table, &html)?;
+            places += &format!("\nreport   {}\n", place.display());
+        }
+        if let Some(at) = &args.figures {
+            let figures = page.figures().map_err(Failure::run)?;
+            write_figures(&figures, at)?;
+            places += &format!(
+                "{}figures  {}, each .svg and .png, in {}\n",
+                if places.is_empty() { "\n" } else { "" },
+                figures.len(),
+                at.display()
+            );
+            left_out.iter().for_each(|why| places += &format!("{why}\n"));
+        }
+        Ok(Self { html, places })
+    }
 }
 
 fn run_cells(
@@ -252,16 +309,13 @@ fn with_plain(folder: &Folder, cells: &[Cell]) -> Result<Vec<Cell>, Failure> {
     Ok(all)
 }
 
-fn print_table(args: &ReproduceArgs, table: &Table, page: Option<&Path>) -> Result<(), Failure> {
+fn print_table(args: &ReproduceArgs, table: &Table, places: &str) -> Result<(), Failure> {
     match args.format {
         _ if args.common.json => print(&exit::json(table)?),
         Format::Json => print(&exit::json(table)?),
         Format::Csv => print(&written::csv(table)?),
         Format::Latex => print(&written::latex(table)),
-        Format::Text => {
-            let place = page.map(|page| format!("\nreport  {}\n", page.display()));
-            print(&(written::text(table) + &place.unwrap_or_default()))
-        }
+        Format::Text => print(&(written::text(table) + places)),
     }
 }
 

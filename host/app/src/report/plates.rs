@@ -4,7 +4,7 @@
 use super::chosen::ChosenRange;
 use super::correlation::Moved;
 use super::figure::Figure;
-use super::format::{escape, with_code};
+use super::format::{escape, file_name, with_code};
 use super::overlay::Overlay;
 use super::plot::{Caption, Key, legend};
 use super::shares::Shares;
@@ -31,7 +31,7 @@ pub struct Plate {
 /// A part of a figure.
 #[derive(Clone, Debug)]
 pub struct Panel {
-    /// Letters, digits and dashes; different in each panel of a page.
+    /// Different in each panel of a page.
     pub name: String,
     /// What it shows.
     pub title: String,
@@ -113,7 +113,8 @@ impl Panel {
     }
 
     fn svg(&self) -> String {
-        let caption = Caption { name: &self.name, title: &self.title, keys: &[] };
+        let name = file_name(&self.name);
+        let caption = Caption { name: &name, title: &self.title, keys: &[] };
         match &self.drawing {
             PanelDrawing::Shares(shares) => shares.svg(&caption),
             PanelDrawing::Strips(strips) => strips.svg(&caption),

@@ -1,13 +1,14 @@
 //! The table as a page.
 
 use super::axes::name_of;
+use super::figures::Figures;
 use super::real::{RealRow, real_lines};
 use super::table::{Row, Table};
 use super::told::{self, FIGURES};
 use crate::report::{FigureCell, FigureRow, FigureTable, TablesPage};
 
-/// The page of a table.
-pub fn page(table: &Table) -> TablesPage {
+/// The page of a table and its figures.
+pub fn page(table: &Table, figures: Figures) -> TablesPage {
     let searches = table.searches().into_iter().map(|(ranges, strategy)| FigureTable {
         title: told::search(ranges, strategy),
         lead: "Each figure with its 95 % interval, and the paper's below.".into(),
@@ -46,9 +47,9 @@ pub fn page(table: &Table) -> TablesPage {
         title: "Echoloop: the paper's Table 1".into(),
         subtitle: told::subtitle(table),
         facts: facts(table),
-        remarks: told::remarks(table),
+        remarks: told::remarks(table).into_iter().chain(figures.left_out).collect(),
         tables,
-        ..TablesPage::default()
+        plates: figures.plates,
     }
 }
 

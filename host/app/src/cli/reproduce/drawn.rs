@@ -1,0 +1,31 @@
+//! The figures of `echoloop reproduce`: drawn from a folder, and written to another.
+
+use std::path::Path;
+
+use super::super::exit::Failure;
+use super::overlays::overlays;
+use crate::experiment::files::{Output, file_error};
+use crate::reproduce::{Cells, Figures, Folder, Table, figures};
+
+/// All figures of a table's cells.
+pub(super) fn drawn(folder: &Folder, table: &Table) -> Result<Figures, Failure> {
+    let cells = Cells::read(folder, table)?;
+    Ok(figures(&cells, &overlays(folder, &cells)))
+}
+
+/// Whether figures can be written there, as far as can be seen before any work.
+///
+/// # Errors
+///
+/// A file in the way, or a folder that takes none.
+pub(super) fn check_place(folder: &Path) -> Result<(), Failure> {
+    let is_there = |path: &&Path| path.as_os_str().is_empty() || path.symlink_metadata().is_ok();
+    let nearest = folder.ancestors().find(is_there).unwrap_or(Path::new(""));
+    let nearest = if nearest.as_os_str().is_empty() { Path::new(".") } else { nearest };
+    let fail = |kind: std::io::ErrorKind| file_error("write figures in", folder)(kind.into());
+    if !nearest.is_dir() {
+        return Err(fail(std::io::ErrorKind::NotADirectory).into());
+    }
+    Output::at(&nearest.join("figure.svg.probe")).map_err(|error| fail(error.source.kind()))?;
+    Ok(())
+}

@@ -1,0 +1,111 @@
+//! Fig. 1: settings tuned by hand against the default and ours.
+
+use super::super::axes::name_of;
+use super::super::by_hand::ByHand;
+use super::super::cell::Cell;
+use super::super::record::Record;
+use super::cells::Cells;
+use super::errors::{PARTS, Part};
+use super::missing::Missing;
+use super::search::Search;
+use crate::experiment::evaluate::{median, succeeds};
+use crate::experiment::objective::PairError;
+use crate::experiment::preset::Protocol;
+use crate::report::{Panel, PanelDrawing, Plate, StripRow, Strips, fixed};
+
+/// The figure of a search; none where its method is not asked for.
+pub(super) fn plate(
+    cells: &Cells,
+    search: &Search,
+    missing: &Missing,
+) -> Option<Result<Plate, String>> {
+    let is_of_method = |cell: &&Cell| cell.method == ByHand::METHOD;
+    search.cells.iter().find(is_of_method)?;
+    Some(drawn(cells, search, missing))
+}
+
+fn drawn(cells: &Cells, search: &Search, missing: &Missing) -> Result<Plate, String> {
+    let scenes = search.scenes();
+    let wanted: Vec<Vec<Cell>> = scenes
+        .iter()
+        .map(|&scene| {
+            let is_wanted =
+                |cell: &&Cell| matches!(cell.protocol, Protocol::Default | Protocol::Joint);
+            let mut rows: Vec<Cell> =
+                search.of(ByHand::METHOD, scene).filter(is_wanted).copied().collect();
+            let start = rows.first().map(Cell::untuned).into_iter();
+            let hands = start
+                .flat_map(|start| ByHand::ALL.map(|hand| Cell { by_hand: Some(hand), ..start }));
+            let place = usize::from(rows.iter().any(|cell| cell.protocol == Protocol::Default));
+            rows.splice(place..place, hands.collect::<Vec<_>>());
+            rows
+        })
+        .collect();
+    let all = wanted.concat();
+    let absent: Vec<Cell> =
+        all.iter().filter(|cell| cells.record(cell).is_none()).copied().collect();
+    let is_there = |cell: &Cell| cell.by_hand.is_some() && cells.record(cell).is_some();
+    if !all.iter().any(is_there) {
+        let hands: Vec<Cell> = all.into_iter().filter(|cell| cell.by_hand.is_some()).collect();
+        let figure = format!("tuned by hand against ours (Fig. 1), {}", search.told());
+        return Err(missing.of_all(&figure, &hands));
+    }
+    let mut panels = Vec::new();
+    for part in &PARTS {
+        let records: Vec<&Record> = all.iter().filter_map(|cell| cells.record(cell)).collect();
+        let bound = records.first().map_or(1.0, |record| (part.bound)(&record.data));
+        let errors = records.iter().flat_map(|record| record.summary.errors.iter());
+        let span = part.span(errors.map(part.read), bound);
+        panels.extend(scenes.iter().zip(&wanted).map(|(&scene, of_scene)| Panel {
+            name: format!("by-hand-{}-{}-{}", search.name(), name_of(scene), part.name),
+            title: format!("{}, {}", ByHand::METHOD.title(), name_of(scene)),
+            drawing: PanelDrawing::Strips(Strips {
+                axis: part.axis.into(),
+                span,
+                bound,
+                said: "recall".into(),
+                rows: of_scene.iter().map(|cell| row(cell, cells.record(cell), part)).collect(),
+            }),
+        }));
+    }
+    Ok(Plate {
+        name: format!("by-hand-{}", search.name()),
+        title: format!("Tuned by hand against ours (Fig. 1), {}", search.told()),
+        caption: caption(cells, search, &all),
+        missing: missing.of_some(all.len(), &absent),
+        columns: scenes.len(),
+        panels,
+    })
+}
+
+fn caption(cells: &Cells, search: &Search, all: &[Cell]) -> String {
+    let cases = ByHand::ALL.map(|hand| {
+        format!("Case {} ({}): {}.", hand.number(), name_of(hand), hand.told(search.ranges))
+    });
+    format!(
+        "The error of every held-out pair with the default, with three cases tuned by hand as the \
+         paper describes them, and with both tuned by the search; at the right the recall. {} All \
+         else is the default. {}",
+        cases.join(" "),
+        cells.told(all)
+    )
+}
+
+/// A cell's row; empty where it is not done.
+fn row(cell: &Cell, record: Option<&Record>, part: &Part) -> StripRow {
+    let name = match cell.by_hand {
+        Some(hand) => format!("{} {}", hand.number(), name_of(hand)),
+        None => name_of(cell.protocol),
+    };
+    let pair = |of: &Record, error: &PairError| ((part.read)(error), succeeds(error, &of.data));
+    let pairs = |of: &Record| of.summary.errors.iter().map(|error| pair(of, error)).collect();
+    let pairs: Vec<(f64, bool)> = record.map_or_else(Vec::new, pairs);
+    let recall = |of: &Record| format!("{} %", fixed(of.summary.recall_pct, 0));
+    StripRow {
+        name,
+        strong: cell.is_joint(),
+        median: median(pairs.iter().map(|(error, _)| *error)),
+        pairs,
+        said: record.map_or_else(|| "not run".into(), recall),
+    }
+}

@@ -1,0 +1,91 @@
+//! What a folder has of the cells that figures are drawn from.
+
+use super::super::asked::Asked;
+use super::super::cell::Cell;
+use super::super::folder::{Folder, FolderError};
+use super::super::plan::Plan;
+use super::super::record::Record;
+use super::super::table::Table;
+use super::search::Search;
+use crate::desk::{FinishedRun, RunError};
+
+/// Records of cells that are done, and runs of their searches.
+#[derive(Clone, Debug)]
+pub struct Cells {
+    /// What they share.
+    pub plan: Plan,
+    searches: Vec<Search>,
+    records: Vec<Record>,
+    runs: Vec<(Cell, FinishedRun)>,
+    /// Of each run that is there and cannot be read, why.
+    pub(super) unread: Vec<String>,
+}
+
+impl Cells {
+    /// Of the cells of a table; and of those set by hand, where the folder has them.
+    ///
+    /// # Errors
+    ///
+    /// [`FolderError`] of a record that cannot be read.
+    pub fn read(folder: &Folder, table: &Table) -> Result<Self, FolderError> {
+        let searches = table.searches().into_iter().map(|(ranges, strategy)| Search {
+            ranges,
+            strategy,
+            cells: table.of_search(ranges, strategy).iter().map(|row| row.cell).collect(),
+        });
+        let searches: Vec<Search> = searches.collect();
+        let of_table = table.rows.iter().map(|row| row.cell).filter(Cell::is_of_the_table);
+        let all = of_table.chain(Asked::default().set_by_hand());
+        let records: Vec<Option<Record>> =
+            all.map(|cell| folder.record(&cell)).collect::<Result<_, _>>()?;
+        let records: Vec<Record> = records.into_iter().flatten().collect();
+        let searched = records.iter().map(|record| record.cell).filter(Cell::is_searched);
+        let (mut runs, mut unread) = (Vec::new(), Vec::new());
+        for cell in searched {
+            match FinishedRun::read(&folder.run_of(&cell)) {
+                Ok(run) => runs.push((cell, run)),
+                // Removed: it is missing.
+                Err(RunError::Unfinished { .. }) => {}
+                Err(error) => unread.push(format!("The run of {cell} cannot be read: {error}.")),
+            }
+        }
+        Ok(Self { plan: folder.plan.clone(), searches, records, runs, unread })
+    }
+
+    /// The ways to search.
+    pub fn searches(&self) -> Vec<Search> {
+        self.searches.clone()
+    }
+
+    /// The way to search whose pairs are looked at: the first that has a cell where both were
+    /// tuned; where none has, the first.
+    pub fn seen_search(&self) -> Option<&Search> {
+        let is_done = |cell: &Cell| cell.is_joint() && self.run(cell).is_some();
+        let has_some = |search: &&Search| search.cells.iter().any(is_done);
+        self.searches.iter().find(has_some).or_else(|| self.searches.first())
+    }
+
+    /// What is kept of a cell that is done.
+    pub fn record(&self, cell: &Cell) -> Option<&Record> {
+        self.records.iter().find(|record| record.cell == *cell)
+    }
+
+    /// The run of a cell's search, if it is that of its record.
+    pub fn run(&self, cell: &Cell) -> Option<&FinishedRun> {
+        let record = self.record(cell)?;
+        let (_, run) = self.runs.iter().find(|(of, _)| of == cell)?;
+        (run.result.tuned == record.parameters).then_some(run)
+    }
+
+    /// How many pairs each cell was judged on, and from how many cells something is drawn.
+    pub(super) fn told(&self, cells: &[Cell]) -> String {
+        let done: Vec<&Record> = cells.iter().filter_map(|cell| self.record(cell)).collect();
+        let pairs = done.first().map_or(0, |record| record.summary.pairs);
+        format!(
+            "From {} of {} cells; {pairs} held-out pairs each, seed {}.",
+            done.len(),
+            cells.len(),
+            self.plan.seed
+        )
+    }
+}

@@ -1,0 +1,101 @@
+//! How strong the correlations of a search are that has learned nothing.
+
+use std::collections::BTreeMap;
+
+use echoloop_cmaes::{CmaEs, CmaEsConfig, Coordinate};
+use echoloop_random::{Generator, derive};
+
+/// Searches that are told chance instead of errors.
+const SEARCHES: u64 = 32;
+
+/// Share of their correlations that are no stronger than what is taken for chance.
+const QUANTILE: f64 = 0.95;
+
+/// "null" as a number: keeps these draws apart from those of other uses.
+const PURPOSE: u64 = 0x6e75_6c6c;
+
+/// More generations leave no more chance: what is learned is forgotten as fast.
+const MOST_GENERATIONS: u32 = 1000;
+
+/// More candidates than a search is made with.
+const MOST_CANDIDATES: usize = 2000;
+
+/// A search without its errors.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct BlindSearch {
+    /// Of each axis that a choice is made on, the number of its names.
+    pub(super) choices: Vec<Option<usize>>,
+    /// Start of the step size.
+    pub(super) sigma: f64,
+    /// Candidates a generation.
+    pub(super) population: usize,
+    /// Generations.
+    pub(super) generations: u32,
+}
+
+/// What was found for each search before.
+#[derive(Default)]
+pub(super) struct Chance(BTreeMap<String, f64>);
+
+impl Chance {
+    /// The strength that 95 % of the correlations stay below, of the same search when a random
+    /// number stands for each error; infinite where such a search cannot run.
+    pub(super) fn of(&mut self, search: &BlindSearch) -> f64 {
+        *self.0.entry(format!("{search:?}")).or_insert_with(|| quantile(search))
+    }
+}
+
+fn quantile(search: &BlindSearch) -> f64 {
+    let all: Option<Vec<Vec<f64>>> = (0..SEARCHES).map(|seed| strengths(search, seed)).collect();
+    let mut all = all.unwrap_or_default().concat();
+    all.sort_by(f64::total_cmp);
+    let at = (QUANTILE * all.len().saturating_sub(1) as f64).ceil() as usize;
+    all.get(at).copied().unwrap_or(f64::INFINITY)
+}
+
+/// The correlations of one such search, choices left out: those are drawn apart from all others.
+fn strengths(search: &BlindSearch, seed: u64) -> Option<Vec<f64>> {
+    if search.population > MOST_CANDIDATES {
+        return None;
+    }
+    let mut config = CmaEsConfig::unit_cube(
+        vec![0.5; search.choices.len()],
+        search.sigma,
+        derive(seed, PURPOSE, 0),
+    );
+    config.lambda = Some(search.population);
+    config.stops.generations = Some(search.generations.min(MOST_GENERATIONS).into());
+    let coordinate = |count: &Option<usize>| count.map_or(Coordinate::Real, Coordinate::Choice);
+    config.coordinates = search.choices.iter().map(coordinate).collect();
+    let mut optimizer = CmaEs::new(config).ok()?;
+    let mut chance = Generator::new(derive(seed, PURPOSE, 1), 0);
+    while optimizer.stop().is_none() {
+        let told: Vec<f64> = optimizer.ask().iter().map(|_| chance.range(0.0, 1.0)).collect();
+        optimizer.tell(&told).ok()?;
+    }
+    let correlations = optimizer.correlations();
+    let reals: Vec<usize> =
+        (0..search.choices.len()).filter(|&axis| search.choices[axis].is_none()).collect();
+    let below = |k: usize| reals[..k].iter().map(move |&column| (k, column));
+    let pairs = (0..reals.len()).flat_map(below);
+    Some(pairs.map(|(k, column)| correlations[reals[k]][column].abs()).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn search(generations: u32) -> BlindSearch {
+        let choices = vec![None, None, Some(3), None, None];
+        BlindSearch { choices, sigma: 0.2, population: 8, generations }
+    }
+
+    #[test]
+    fn chance_is_the_same_each_time_and_a_longer_search_has_more_of_it() {
+        let mut chance = Chance::default();
+        let [short, long] = [2, 40].map(|generations| chance.of(&search(generations)));
+        assert_eq!(Chance::default().of(&search(2)), short);
+        assert!(0.0 < short && short < long && long < 1.0, "{short}, {long}");
+        assert_eq!(chance.of(&BlindSearch { choices: Vec::new(), ..search(2) }), f64::INFINITY);
+    }
+}

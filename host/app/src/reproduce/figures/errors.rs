@@ -1,0 +1,135 @@
+//! How errors are distributed on the held-out pairs, a curve for each protocol.
+
+use super::super::axes::name_of;
+use super::super::cell::Cell;
+use super::super::record::Record;
+use super::cells::Cells;
+use super::missing::Missing;
+use super::search::Search;
+use crate::experiment::config::DataConfig;
+use crate::experiment::evaluate::succeeds;
+use crate::experiment::objective::PairError;
+use crate::experiment::preset::Protocol;
+use crate::report::{Panel, PanelDrawing, Plate, Series, ShareCurve, Shares};
+
+/// A part of a pose error.
+pub(super) struct Part {
+    /// In files' names.
+    pub(super) name: &'static str,
+    /// With its unit.
+    pub(super) axis: &'static str,
+    /// Errors below this are drawn there, in its unit.
+    floor: f64,
+    pub(super) read: fn(&PairError) -> f64,
+    pub(super) bound: fn(&DataConfig) -> f64,
+}
+
+/// In the units of the table.
+pub(super) const PARTS: [Part; 2] = [
+    Part {
+        name: "translation",
+        axis: "translation error, cm",
+        floor: 0.01,
+        read: |error| 100.0 * error.translation_m,
+        bound: |data| 100.0 * data.success_translation_m,
+    },
+    Part {
+        name: "rotation",
+        axis: "rotation error, °",
+        floor: 1e-4,
+        read: |error| error.rotation_deg,
+        bound: |data| data.success_rotation_deg,
+    },
+];
+
+impl Part {
+    /// Ends of a logarithmic axis that has these errors, the bound, and a tenth of it.
+    pub(super) fn span(&self, errors: impl Iterator<Item = f64>, bound: f64) -> [f64; 2] {
+        let known = errors.filter(|error| error.is_finite()).map(|error| error.max(self.floor));
+        let ends = (0.1 * bound, bound);
+        let (low, high) = known.fold(ends, |(low, high), e| (low.min(e), high.max(e)));
+        [low / 1.3, high * 1.3]
+    }
+}
+
+pub(super) fn series(protocol: Protocol) -> Series {
+    match protocol {
+        Protocol::Default => Series::Default,
+        Protocol::Lidar => Series::Lidar,
+        Protocol::Registration => Series::Registration,
+        Protocol::Joint => Series::Joint,
+    }
+}
+
+/// The figure of a search: a row a method and part, a column a kind of country.
+pub(super) fn plate(cells: &Cells, search: &Search, missing: &Missing) -> Result<Plate, String> {
+    let figure = format!("errors by protocol, {}", search.told());
+    let (done, absent): (Vec<Cell>, Vec<Cell>) =
+        search.cells.iter().partition(|cell| cells.record(cell).is_some());
+    if done.is_empty() {
+        return Err(missing.of_all(&figure, &absent));
+    }
+    let scenes = search.scenes();
+    let mut panels = Vec::new();
+    for method in search.methods() {
+        for part in &PARTS {
+            let of_row = || done.iter().filter(|cell| cell.method == method);
+            let records: Vec<&Record> = of_row().filter_map(|cell| cells.record(cell)).collect();
+            let bound = records.first().map_or(1.0, |record| (part.bound)(&record.data));
+            let found = records.iter().flat_map(|record| found(record, part));
+            let span = part.span(found, bound);
+            panels.extend(scenes.iter().map(|&scene| {
+                let curve = |cell: &Cell| {
+                    let record = cells.record(cell)?;
+                    Some(ShareCurve {
+                        series: series(cell.protocol),
+                        errors: found_or_never(record, part),
+                    })
+                };
+                let curves = search.of(method, scene).filter_map(curve).collect();
+                Panel {
+                    name: format!(
+                        "errors-{}-{}-{}-{}",
+                        search.name(),
+                        name_of(method),
+                        name_of(scene),
+                        part.name
+                    ),
+                    title: format!("{}, {}", method.title(), name_of(scene)),
+                    drawing: PanelDrawing::Shares(Shares {
+                        axis: part.axis.into(),
+                        span,
+                        bound,
+                        curves,
+                    }),
+                }
+            }));
+        }
+    }
+    Ok(Plate {
+        name: format!("errors-{}", search.name()),
+        title: format!("Errors on the held-out pairs, {}", search.told()),
+        caption: format!(
+            "Share of all pairs that are registered within both bounds of success with at most \
+             this error, by what was tuned. What a curve lacks to 100 % at its right end failed: \
+             it ends at the cell's recall. Where curves are one, the dashed lie on the full. {}",
+            cells.told(&search.cells)
+        ),
+        missing: missing.of_some(search.cells.len(), &absent),
+        columns: scenes.len(),
+        panels,
+    })
+}
+
+/// Of each pair its error, or infinity where it failed.
+fn found_or_never(record: &Record, part: &Part) -> Vec<f64> {
+    let error = |error: &PairError| match succeeds(error, &record.data) {
+        true => (part.read)(error),
+        false => f64::INFINITY,
+    };
+    record.summary.errors.iter().map(error).collect()
+}
+
+fn found(record: &Record, part: &Part) -> impl Iterator<Item = f64> {
+    found_or_never(record, part).into_iter().filter(|error| error.is_finite())
+}

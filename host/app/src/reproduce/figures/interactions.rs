@@ -1,0 +1,111 @@
+//! Fig. 1: how parameters interact, as the search that tunes both together has it.
+
+use super::super::axes::name_of;
+use super::super::cell::Cell;
+use super::cells::Cells;
+use super::chance::{BlindSearch, Chance};
+use super::missing::Missing;
+use super::search::Search;
+use crate::desk::FinishedRun;
+use crate::experiment::params::choices;
+use crate::experiment::preset::Strategy;
+use crate::experiment::run::Background;
+use crate::report::{Correlation, Moved, Panel, PanelDrawing, Plate, fixed, significant};
+
+/// More parameters than there are at all: a file that says so is none of ours.
+const MOST_NAMES: usize = 100;
+
+/// A figure for each cell where both were tuned, and what is said of those that are missing.
+pub(super) fn plates(
+    cells: &Cells,
+    search: &Search,
+    missing: &Missing,
+) -> Vec<Result<Plate, String>> {
+    let mut chance = Chance::default();
+    let joint: Vec<Cell> =
+        search.methods().into_iter().flat_map(|method| search.joint(method)).collect();
+    let drawn: Vec<Option<Plate>> =
+        joint.iter().map(|cell| plate(cells, search, cell, &mut chance)).collect();
+    let absent = joint.iter().zip(&drawn).filter(|(_, plate)| plate.is_none());
+    let absent: Vec<Cell> = absent.map(|(cell, _)| *cell).collect();
+    let mut all: Vec<Result<Plate, String>> = drawn.into_iter().flatten().map(Ok).collect();
+    if !absent.is_empty() {
+        let figure = format!(
+            "{} of {} maps of how parameters interact (Fig. 1), {}",
+            absent.len(),
+            joint.len(),
+            search.told()
+        );
+        all.push(Err(missing.of_all(&figure, &absent)));
+    }
+    all
+}
+
+fn plate(cells: &Cells, search: &Search, cell: &Cell, chance: &mut Chance) -> Option<Plate> {
+    let run = cells.run(cell)?;
+    let background = run.background().ok()?;
+    let moved = moved(run, background, chance)?;
+    let [learned, all] = moved.learned();
+    let of = format!("{}, {}", cell.method.title(), name_of(cell.scene));
+    let (name, strength) = (format!("interactions-{}", search_cell(search, cell)), moved.chance);
+    let stage = background.stages.last()?;
+    let title = format!("How parameters interact (Fig. 1): {of}, {}", search.told());
+    Some(Plate {
+        title: title.clone(),
+        caption: format!(
+            "Correlations of what the search draws from at its end, D^−1/2 C D^−1/2 of CMA-ES: red \
+             where two parameters grew together, blue where one grew as the other fell. Sensor's \
+             before the lines, registration's behind. Grey is no stronger than {}, which 95 % of \
+             the correlations stay below when the same search ({} generations of {} candidates) is \
+             told random numbers for errors; {learned} of {all} are stronger, and chance alone \
+             leaves about {}. They tell where good candidates lay in one run, not how a parameter \
+             acts on the error. From the cell {}.",
+            significant(strength),
+            stage.generations,
+            stage.population,
+            fixed(0.05 * all as f64, 0),
+            cell.file_name()
+        ),
+        missing: String::new(),
+        columns: 1,
+        panels: vec![Panel {
+            name: format!("{name}-map"),
+            title: of,
+            drawing: PanelDrawing::Moved(moved),
+        }],
+        name,
+    })
+}
+
+fn search_cell(search: &Search, cell: &Cell) -> String {
+    format!("{}-{}-{}", search.name(), name_of(cell.method), name_of(cell.scene))
+}
+
+fn moved(run: &FinishedRun, background: &Background, chance: &mut Chance) -> Option<Moved> {
+    let names = &background.correlated;
+    let square = &background.correlations;
+    let is_square = square.len() == names.len() && square.iter().all(|r| r.len() == names.len());
+    if !(2..=MOST_NAMES).contains(&names.len()) || !is_square {
+        return None;
+    }
+    let stage = background.stages.last()?;
+    // The paper's way to search knows no choices.
+    let knows_choices = run.config.tune.strategy == Strategy::Fast;
+    let count = |name: &String| Some(choices(name).len()).filter(|&n| n > 0 && knows_choices);
+    let blind = BlindSearch {
+        choices: names.iter().map(count).collect(),
+        sigma: run.config.tune.sigma,
+        population: stage.population,
+        generations: stage.generations,
+    };
+    let short = |name: &String| name.rsplit('.').next().unwrap_or(name).to_owned();
+    Some(Moved {
+        of_sensor: names.iter().filter(|name| name.starts_with("lidar.")).count(),
+        chance: chance.of(&blind),
+        correlation: Correlation {
+            names: names.iter().map(short).collect(),
+            matrix: square.clone(),
+            covariance_learned: Some(background.covariance_learned),
+        },
+    })
+}

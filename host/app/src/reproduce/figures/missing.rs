@@ -1,0 +1,83 @@
+//! What is missing of a figure, and the command that runs it.
+
+use clap::ValueEnum;
+
+use super::super::axes::name_of;
+use super::super::cell::{Base, Cell};
+use super::super::plan::Plan;
+
+/// Says what is missing of a folder's cells.
+pub(super) struct Missing {
+    /// The command of the folder, without what says which cells.
+    command: String,
+}
+
+impl Missing {
+    /// Of a folder: the command has the settings in which it differs from the usual ones.
+    pub(super) fn of(plan: &Plan) -> Self {
+        let usual = Base::usual(plan.quick).config().map(|config| Plan::new(&config, plan.quick));
+        let usual = usual.map(|plan| plan.settings).unwrap_or_default();
+        let differs = |(key, value): &(&String, &String)| usual.get(*key) != Some(value);
+        let set = plan.settings.iter().filter(differs).map(|(key, value)| match key.as_str() {
+            "seed" => format!(" --seed {value}"),
+            "data.test_pairs" => format!(" --pairs {value}"),
+            "data.train_pairs" => format!(" --train-pairs {value}"),
+            "tune.generations" => format!(" --generations {value}"),
+            key => format!(" --set {}", quoted(&format!("{key}={value}"))),
+        });
+        let quick = if plan.quick { " --quick" } else { "" };
+        Self { command: format!("echoloop reproduce{quick}{}", set.collect::<String>()) }
+    }
+
+    /// What is missing of some cells; nothing where all are done.
+    pub(super) fn of_some(&self, all: usize, missing: &[Cell]) -> String {
+        match missing.len() {
+            0 => String::new(),
+            1 => format!("One of {all} cells is missing; {}", self.runs(missing)),
+            some => format!("{some} of {all} cells are missing; {}", self.runs(missing)),
+        }
+    }
+
+    /// Why a figure is left out that has no cell.
+    pub(super) fn of_all(&self, figure: &str, missing: &[Cell]) -> String {
+        format!("Left out: {figure}. No cell for it is done; {}", self.runs(missing))
+    }
+
+    fn runs(&self, missing: &[Cell]) -> String {
+        format!("`{}{}` runs them, with the folder's --runs.", self.command, axes(missing))
+    }
+}
+
+/// The flags for some cells: along each axis those values that they have.
+fn axes(cells: &[Cell]) -> String {
+    let by_hand = cells.iter().any(|cell| cell.by_hand.is_some());
+    let flag = |name: &str, values: Vec<String>| match values.is_empty() {
+        true => String::new(),
+        false => format!(" --{name} {}", values.join(",")),
+    };
+    [
+        if by_hand { " --by-hand".to_owned() } else { String::new() },
+        flag("protocol", values(cells, |cell| Some(cell.protocol))),
+        flag("method", values(cells, |cell| Some(cell.method))),
+        flag("scene", values(cells, |cell| Some(cell.scene))),
+        flag("ranges", values(cells, |cell| Some(cell.ranges))),
+        flag("strategy", values(cells, |cell| cell.strategy)),
+    ]
+    .concat()
+}
+
+/// Names of the values that cells have along an axis, in its order.
+fn values<T: ValueEnum + PartialEq>(cells: &[Cell], of: fn(&Cell) -> Option<T>) -> Vec<String> {
+    let has = |value: &&T| cells.iter().any(|cell| of(cell).as_ref() == Some(*value));
+    T::value_variants().iter().filter(has).map(|value| name_of(value.clone())).collect()
+}
+
+/// For a shell.
+fn quoted(text: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "._-=/,".contains(c);
+    if text.chars().all(is_plain) {
+        text.to_owned()
+    } else {
+        format!("'{}'", text.replace('\'', "'\\''"))
+    }
+}

@@ -1,0 +1,167 @@
+//! A held-out pair of each kind of country from above, before and after registration.
+
+use super::super::axes::{TableMethod, name_of};
+use super::super::cell::Cell;
+use super::super::record::Record;
+use super::cells::Cells;
+use super::missing::Missing;
+use super::search::Search;
+use crate::experiment::evaluate::median;
+use crate::report::{Overlay, Panel, PanelDrawing, Plate, fixed};
+use echoloop_registration::cloud::Cloud;
+use echoloop_registration::pose::{Pose, rotation_error_deg, translation_error_m};
+
+/// Half of the side of what is seen, m.
+const HALF_M: f64 = 16.0;
+
+/// Length of the bar that tells the scale, m.
+const BAR_M: f64 = 5.0;
+
+/// Points of the target nearer than this to its sensor, m, say where the middle is.
+const NEAR_M: f64 = 25.0;
+
+/// Points lower than this under their sensor, m, are the ground around it, and left out.
+const GROUND_M: f64 = -1.4;
+
+/// A pair that was scanned and registered again.
+#[derive(Clone, Debug)]
+pub struct SeenPair {
+    /// The cell where both were tuned.
+    pub cell: Cell,
+    /// Its number among the held-out pairs.
+    pub pair: usize,
+    /// Before registration, with the default, with both tuned.
+    pub views: [LaidOn; 3],
+}
+
+/// What came of looking at pairs again.
+#[derive(Clone, Debug, Default)]
+pub struct Seen {
+    /// The pairs.
+    pub pairs: Vec<SeenPair>,
+    /// Cells that are done and whose pair cannot be shown, with why.
+    pub unseen: Vec<(Cell, String)>,
+}
+
+/// Two clouds, one laid on the other.
+#[derive(Clone, Debug)]
+pub struct LaidOn {
+    /// x and y of target and source in the target's frame, m, without the ground around the
+    /// sensor.
+    pub clouds: [Vec<[f64; 2]>; 2],
+    /// e_t, m.
+    pub translation_m: f64,
+    /// e_R, degrees.
+    pub rotation_deg: f64,
+}
+
+impl LaidOn {
+    /// Clouds, each in its sensor's frame, laid on each other by a motion.
+    pub fn new([target, source]: &[Cloud; 2], target_from_source: &Pose, truth: &Pose) -> Self {
+        let above = |cloud: &Cloud, pose: &Pose| -> Vec<[f64; 2]> {
+            let points = cloud.points.iter().filter(|point| f64::from(point.z) > GROUND_M);
+            let laid = points.map(|point| pose * point.cast::<f64>());
+            laid.map(|point| [point.x, point.y]).collect()
+        };
+        Self {
+            clouds: [above(target, &Pose::identity()), above(source, target_from_source)],
+            translation_m: translation_error_m(target_from_source, truth),
+            rotation_deg: rotation_error_deg(target_from_source, truth),
+        }
+    }
+}
+
+/// The pair to show of a cell: of all, sorted by ‖T − T*‖_F, the one in the middle; of an even
+/// number the better of the two.
+pub fn shown_pair(record: &Record) -> Option<usize> {
+    let mut errors: Vec<_> = record.summary.errors.iter().collect();
+    errors.sort_by(|a, b| a.frobenius.total_cmp(&b.frobenius).then(a.pair.cmp(&b.pair)));
+    errors.get(errors.len().checked_sub(1)? / 2).map(|error| error.pair)
+}
+
+/// A figure for each method, or why there is none.
+pub(super) fn plates(
+    cells: &Cells,
+    search: &Search,
+    seen: &Seen,
+    missing: &Missing,
+) -> Vec<Result<Plate, String>> {
+    let methods = search.methods().into_iter().map(|method| (method, search.joint(method)));
+    let wanted = methods.filter(|(_, joint)| !joint.is_empty());
+    wanted.map(|(method, joint)| plate(cells, search, seen, missing, (method, &joint))).collect()
+}
+
+fn plate(
+    cells: &Cells,
+    search: &Search,
+    seen: &Seen,
+    missing: &Missing,
+    (method, joint): (TableMethod, &[Cell]),
+) -> Result<Plate, String> {
+    let of = |cell: &Cell| seen.pairs.iter().find(|pair| pair.cell == *cell);
+    let pairs: Vec<&SeenPair> = joint.iter().filter_map(of).collect();
+    let is_unseen = |cell: &Cell| seen.unseen.iter().any(|(unseen, _)| unseen == cell);
+    let is_missing = |cell: &&Cell| of(cell).is_none() && !is_unseen(cell);
+    let absent: Vec<Cell> = joint.iter().filter(is_missing).copied().collect();
+    let unseen = seen.unseen.iter().filter(|(cell, _)| joint.contains(cell));
+    let unseen: Vec<String> = unseen.map(|(cell, why)| format!("{cell}: {why}.")).collect();
+    if pairs.is_empty() {
+        let figure = format!("registered clouds, {}, {}", method.title(), search.told());
+        return Err(match unseen.is_empty() {
+            true => missing.of_all(&figure, &absent),
+            false => format!("Left out: {figure}. {}", unseen.join(" ")),
+        });
+    }
+    let told = pairs.iter().map(|pair| format!("{} pair {}", name_of(pair.cell.scene), pair.pair));
+    let missing = missing.of_some(joint.len(), &absent);
+    Ok(Plate {
+        name: format!("overlays-{}-{}", search.name(), name_of(method)),
+        title: format!("Registered clouds: {}, {}", method.title(), search.told()),
+        caption: format!(
+            "A held-out pair of each kind from above: as scanned with the default, registered with \
+             the default, and scanned and registered with both tuned. It is the pair of median \
+             error with both tuned ({}). Seen are {} m around the middle of the target; points \
+             more than {} m below their sensor, the ground around it, are left out. {}",
+            told.collect::<Vec<_>>().join(", "),
+            2.0 * HALF_M,
+            -GROUND_M,
+            cells.told(joint)
+        ),
+        missing: [vec![missing], unseen].concat().join(" ").trim().to_owned(),
+        columns: 3,
+        panels: pairs.iter().flat_map(|pair| panels(search, pair)).collect(),
+    })
+}
+
+fn panels(search: &Search, pair: &SeenPair) -> Vec<Panel> {
+    let scene = name_of(pair.cell.scene);
+    let steps = ["before", "default", "both tuned"];
+    let centre_m = middle(&pair.views[0].clouds[0]);
+    let panel = |(step, view): (&str, &LaidOn)| Panel {
+        name: format!(
+            "overlay-{}-{}-{scene}-{}",
+            search.name(),
+            name_of(pair.cell.method),
+            step.replace(' ', "-")
+        ),
+        title: format!(
+            "{scene}, {step}: {} cm, {}°",
+            fixed(100.0 * view.translation_m, 1),
+            fixed(view.rotation_deg, 2)
+        ),
+        drawing: PanelDrawing::Overlay(Overlay {
+            half_m: HALF_M,
+            centre_m,
+            clouds: view.clouds.clone(),
+            bar_m: BAR_M,
+        }),
+    };
+    steps.into_iter().zip(&pair.views).map(panel).collect()
+}
+
+/// The median of the points that are seen around the sensor, on either axis.
+fn middle(target: &[[f64; 2]]) -> [f64; 2] {
+    let near = |point: &&[f64; 2]| point[0].hypot(point[1]) < NEAR_M;
+    let along = |axis: usize| median(target.iter().filter(near).map(|point| point[axis]));
+    [0, 1].map(along).map(|middle| if middle.is_finite() { middle } else { 0.0 })
+}

@@ -1,0 +1,130 @@
+//! What was chosen of each parameter, by kind of country.
+
+use super::super::axes::{Scene, TableMethod, name_of};
+use super::super::cell::Cell;
+use super::cells::Cells;
+use super::errors::series;
+use super::missing::Missing;
+use super::search::Search;
+use crate::experiment::params::{Scale, choices, effective};
+use crate::experiment::preset::Protocol;
+use crate::experiment::run::AxisRecord;
+use crate::report::{ChosenLane, ChosenRange, Panel, PanelDrawing, Plate};
+
+/// A figure for each method, or why there is none.
+pub(super) fn plates(
+    cells: &Cells,
+    search: &Search,
+    missing: &Missing,
+) -> Vec<Result<Plate, String>> {
+    let methods = search.methods().into_iter();
+    methods.filter_map(|method| plate(cells, search, method, missing)).collect()
+}
+
+/// None where no search of the method is asked for.
+fn plate(
+    cells: &Cells,
+    search: &Search,
+    method: TableMethod,
+    missing: &Missing,
+) -> Option<Result<Plate, String>> {
+    let is_of = |cell: &&Cell| cell.method == method && cell.is_searched();
+    let wanted: Vec<Cell> = search.cells.iter().filter(is_of).copied().collect();
+    if wanted.is_empty() {
+        return None;
+    }
+    let (done, absent): (Vec<Cell>, Vec<Cell>) =
+        wanted.iter().partition(|cell| cells.run(cell).is_some());
+    let axes = axes(cells, &done);
+    if axes.is_empty() {
+        let figure = format!("what was chosen, {}, {}", method.title(), search.told());
+        return Some(Err(missing.of_all(&figure, &wanted)));
+    }
+    let panel = |axis: &AxisRecord| panel(cells, search, &done, axis);
+    Some(Ok(Plate {
+        name: format!("parameters-{}-{}", search.name(), name_of(method)),
+        title: format!("What was chosen: {}, {}", method.title(), search.told()),
+        caption: format!(
+            "Every parameter that was searched over its range, which is logarithmic where the \
+             search is: where all searches start (dashed), and what each chose in each kind of \
+             country. A dot at an end asks for a wider range. {}",
+            cells.told(&wanted)
+        ),
+        missing: missing.of_some(wanted.len(), &absent),
+        columns: 3,
+        panels: axes.iter().map(panel).collect(),
+    }))
+}
+
+/// The axes of all searches, each once: the sensor's first.
+fn axes(cells: &Cells, done: &[Cell]) -> Vec<AxisRecord> {
+    let mut all: Vec<AxisRecord> = Vec::new();
+    for cell in done {
+        let background = cells.run(cell).and_then(|run| run.background().ok());
+        for axis in background.into_iter().flat_map(|background| &background.axes) {
+            if !all.iter().any(|known| known.name == axis.name) {
+                all.push(axis.clone());
+            }
+        }
+    }
+    all.sort_by_key(|axis| !axis.name.starts_with("lidar."));
+    all
+}
+
+fn panel(cells: &Cells, search: &Search, done: &[Cell], record: &AxisRecord) -> Panel {
+    let (section, short) = record.name.split_once('.').unwrap_or(("", &record.name));
+    let of_method = done.first().map_or_else(String::new, |cell| name_of(cell.method));
+    let start = done.first().and_then(|cell| cells.run(cell));
+    let start = start.and_then(|run| effective(&run.result.default, &record.name));
+    let is_in_name = short.ends_with(&format!("_{}", record.unit));
+    let unit = match record.unit.as_str() {
+        "" => String::new(),
+        _ if is_in_name => String::new(),
+        unit => format!(", {unit}"),
+    };
+    let log = record.scale == Scale::Log || record.scale == Scale::PowerOfTwo;
+    let tag = if log { ", log axis" } else { "" };
+    let lane = |scene: Scene| lane(cells, done, scene, record);
+    Panel {
+        name: format!(
+            "chosen-{}-{of_method}-{section}-{}",
+            search.name(),
+            short.replace(['_', '.'], "-")
+        ),
+        title: format!("{short}{unit}{tag}"),
+        drawing: PanelDrawing::Chosen(ChosenRange {
+            unit: record.unit.clone(),
+            min: record.min,
+            max: record.max,
+            log,
+            steps: powers(record),
+            choices: choices(&record.name),
+            start: start.unwrap_or(f64::NAN),
+            lanes: search.scenes().into_iter().map(lane).collect(),
+        }),
+    }
+}
+
+/// 1, 2, 4, … where these are all values there are.
+fn powers(record: &AxisRecord) -> Vec<f64> {
+    let is_power = record.scale == Scale::PowerOfTwo;
+    let all = std::iter::successors(Some(record.min), |value| Some(2.0 * value));
+    all.take_while(|value| is_power && *value <= record.max).take(32).collect()
+}
+
+/// What each search chose that moved the parameter.
+fn lane(cells: &Cells, done: &[Cell], scene: Scene, record: &AxisRecord) -> ChosenLane {
+    let mark = |cell: &Cell| {
+        let run = cells.run(cell)?;
+        let background = run.background().ok()?;
+        background.axes.iter().find(|axis| axis.name == record.name)?;
+        Some((series(cell.protocol), effective(&run.result.tuned, &record.name)?))
+    };
+    // Both together last: its dot lies inside the rings.
+    let order = [Protocol::Lidar, Protocol::Registration, Protocol::Joint];
+    let of = |protocol: Protocol| {
+        let is_it = move |cell: &&Cell| (cell.scene, cell.protocol) == (scene, protocol);
+        done.iter().filter(is_it).filter_map(mark).collect::<Vec<_>>()
+    };
+    ChosenLane { name: name_of(scene), marks: order.into_iter().flat_map(of).collect() }
+}

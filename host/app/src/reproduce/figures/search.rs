@@ -1,0 +1,65 @@
+//! One way to search, and the cells of the table that it has.
+
+use super::super::axes::{Scene, TableMethod, name_of};
+use super::super::cell::Cell;
+use super::super::told;
+use crate::experiment::preset::{Preset, Protocol, Strategy};
+
+/// The cells of one range and strategy, with those of the start.
+#[derive(Clone, Debug)]
+pub struct Search {
+    /// Ranges of registration.
+    pub ranges: Preset,
+    /// How was searched; none where nothing was.
+    pub strategy: Option<Strategy>,
+    /// Its cells.
+    pub cells: Vec<Cell>,
+}
+
+impl Search {
+    /// In files' names: `outdoor-fast`.
+    pub(super) fn name(&self) -> String {
+        let strategy = self.strategy.map(name_of);
+        [Some(name_of(self.ranges)), strategy].into_iter().flatten().collect::<Vec<_>>().join("-")
+    }
+
+    /// In words.
+    pub(super) fn told(&self) -> String {
+        told::search(self.ranges, self.strategy)
+    }
+
+    /// Its methods, each once.
+    pub(super) fn methods(&self) -> Vec<TableMethod> {
+        distinct(self.cells.iter().map(|cell| cell.method))
+    }
+
+    /// Its kinds of country, each once.
+    pub(super) fn scenes(&self) -> Vec<Scene> {
+        distinct(self.cells.iter().map(|cell| cell.scene))
+    }
+
+    /// Its cells of a method and kind.
+    pub(super) fn of(
+        &self,
+        method: TableMethod,
+        scene: Scene,
+    ) -> impl Iterator<Item = &Cell> + use<'_> {
+        self.cells.iter().filter(move |cell| (cell.method, cell.scene) == (method, scene))
+    }
+
+    /// Its cells where both were tuned, of a method.
+    pub(super) fn joint(&self, method: TableMethod) -> Vec<Cell> {
+        let is_joint = |cell: &&Cell| (cell.method, cell.protocol) == (method, Protocol::Joint);
+        self.cells.iter().filter(is_joint).copied().collect()
+    }
+}
+
+fn distinct<T: PartialEq>(all: impl Iterator<Item = T>) -> Vec<T> {
+    let mut found = Vec::new();
+    for one in all {
+        if !found.contains(&one) {
+            found.push(one);
+        }
+    }
+    found
+}
