@@ -171,6 +171,16 @@ impl fmt::Display for Cell {
     }
 }
 
+/// What was tuned, as a row's name.
+pub fn tuned(cell: &Cell) -> &'static str {
+    match cell.protocol {
+        Protocol::Default => "default",
+        Protocol::Lidar => "LiDAR",
+        Protocol::Registration => "registration",
+        Protocol::Joint => "joint",
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use clap::ValueEnum;

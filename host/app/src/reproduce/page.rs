@@ -1,6 +1,7 @@
 //! The table as a page.
 
 use super::axes::name_of;
+use super::cell::tuned;
 use super::figures::Figures;
 use super::real::{RealRow, real_lines};
 use super::table::{Row, Table};
@@ -96,7 +97,7 @@ fn facts(table: &Table) -> Vec<(String, String)> {
 
 fn row(row: &Row) -> FigureRow {
     let cell = &row.cell;
-    let name = format!("{}, {}: {}", cell.method.title(), name_of(cell.scene), told::tuned(cell));
+    let name = format!("{}, {}: {}", cell.method.title(), name_of(cell.scene), tuned(cell));
     let paper = |i: usize| {
         let theirs = row.paper.as_ref().map(|paper| FIGURES[i].theirs(paper));
         theirs.map_or_else(String::new, |theirs| format!("paper {theirs}"))
@@ -122,12 +123,8 @@ fn hand_set(table: &Table, row: &Row) -> FigureRow {
 fn ablation(table: &Table, row: &Row) -> FigureRow {
     let cell = &row.cell;
     let switch = cell.ablation.map(name_of).unwrap_or_default();
-    let name = format!(
-        "{switch}: {}, {}, {}",
-        cell.method.title(),
-        name_of(cell.scene),
-        told::tuned(cell)
-    );
+    let name =
+        format!("{switch}: {}, {}, {}", cell.method.title(), name_of(cell.scene), tuned(cell));
     let plain = table.row(&cell.plain()).and_then(|row| row.figures);
     let without = |i: usize| {
         plain.map_or_else(String::new, |plain| format!("without {}", FIGURES[i].value(&plain)))

@@ -15,9 +15,8 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::axes::{TableMethod, name_of};
-use super::cell::{Base, Cell};
+use super::cell::{Base, Cell, tuned};
 use super::folder::{Folder, FolderError};
-use super::told::tuned;
 use crate::experiment::config::{DataConfig, LoadError};
 use crate::experiment::files::{FileError, file_error};
 use crate::experiment::params::{Parameters, ThetaReg, ValueError};

@@ -101,16 +101,6 @@ pub fn search(ranges: Preset, strategy: Option<Strategy>) -> String {
     format!("{of}{by}")
 }
 
-/// What was tuned, as a row's name.
-pub fn tuned(cell: &Cell) -> &'static str {
-    match cell.protocol {
-        Protocol::Default => "default",
-        Protocol::Lidar => "LiDAR",
-        Protocol::Registration => "registration",
-        Protocol::Joint => "joint",
-    }
-}
-
 /// Whether it is what the table is about.
 pub(super) fn is_joint(cell: &Cell) -> bool {
     cell.protocol == Protocol::Joint
