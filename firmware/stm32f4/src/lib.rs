@@ -5,11 +5,11 @@
 //! ```
 //!
 //! Clocks, pins, serial ports and watchdog are stm32f4xx-hal's. The board has no front end: what
-//! fires a laser, and the converter, are for whoever builds one ([`board`]).
+//! fires a laser, and the converter, are for whoever builds one (`src/board.rs`).
 //!
 //! One ELF file runs on the part and in QEMU's `netduinoplus2`, which has no model of the clocks,
 //! the flash interface and the independent watchdog. It finds out at its start where it is, and
-//! says so in its log ([`clock`]). What differs in the emulator:
+//! says so in its log (`src/clock.rs`). What differs in the emulator:
 //!
 //! | | on the part | in QEMU |
 //! |---|---|---|
