@@ -120,6 +120,12 @@ impl Cell {
         self.protocol != Protocol::Default
     }
 
+    /// The cells that joint tuning is held to: nothing tuned, and each half alone.
+    pub fn others(&self) -> [Self; 3] {
+        let half = |protocol| Self { protocol, ..*self };
+        [self.untuned(), half(Protocol::Lidar), half(Protocol::Registration)]
+    }
+
     /// Whether sensor and registration are tuned together.
     pub fn is_joint(&self) -> bool {
         self.protocol == Protocol::Joint

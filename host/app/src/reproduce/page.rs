@@ -1,7 +1,7 @@
 //! The table as a page.
 
 use super::axes::name_of;
-use super::cell::tuned;
+use super::cell::{Cell, tuned};
 use super::figures::Figures;
 use super::real::{RealRow, real_lines};
 use super::table::{Row, Table};
@@ -62,7 +62,7 @@ fn real(rows: &[RealRow]) -> FigureTable {
     });
     let row = |(line, row): (Vec<String>, &RealRow)| FigureRow {
         name: format!("{}, {}", line[0], line[1]),
-        strong: row.cell.as_ref().is_some_and(told::is_joint),
+        strong: row.cell.as_ref().is_some_and(Cell::is_joint),
         cells: line[2..]
             .iter()
             .map(|value| FigureCell { value: value.clone(), ..FigureCell::default() })
@@ -102,7 +102,7 @@ fn row(row: &Row) -> FigureRow {
         let theirs = row.paper.as_ref().map(|paper| FIGURES[i].theirs(paper));
         theirs.map_or_else(String::new, |theirs| format!("paper {theirs}"))
     };
-    FigureRow { name, strong: told::is_joint(cell), cells: cells(row, &paper) }
+    FigureRow { name, strong: cell.is_joint(), cells: cells(row, &paper) }
 }
 
 fn hand_set(table: &Table, row: &Row) -> FigureRow {
@@ -129,7 +129,7 @@ fn ablation(table: &Table, row: &Row) -> FigureRow {
     let without = |i: usize| {
         plain.map_or_else(String::new, |plain| format!("without {}", FIGURES[i].value(&plain)))
     };
-    FigureRow { name, strong: told::is_joint(cell), cells: cells(row, &without) }
+    FigureRow { name, strong: cell.is_joint(), cells: cells(row, &without) }
 }
 
 fn cells(row: &Row, beside: &dyn Fn(usize) -> String) -> Vec<FigureCell> {

@@ -11,7 +11,6 @@ use crate::experiment::compare::bootstrap;
 use crate::experiment::evaluate::succeeds;
 use crate::experiment::gain::Estimate;
 use crate::experiment::objective::PairError;
-use crate::experiment::preset::Protocol;
 
 /// No error counts for less in a ratio, m: a tenth of a millimetre.
 const LEAST_M: f64 = 1e-4;
@@ -36,17 +35,11 @@ pub struct Paired {
 
 /// Every cell of joint tuning beside each other protocol that is done on the same pairs.
 pub(super) fn paired(records: &[&Record]) -> Vec<Paired> {
-    let joint = records.iter().filter(|record| record.cell.protocol == Protocol::Joint);
+    let joint = records.iter().filter(|record| record.cell.is_joint());
     joint
         .flat_map(|joint| {
-            let cell = joint.cell;
-            let others = [
-                cell.untuned(),
-                Cell { protocol: Protocol::Lidar, ..cell },
-                Cell { protocol: Protocol::Registration, ..cell },
-            ];
             let of = |other: &Cell| records.iter().find(|record| record.cell == *other);
-            let found: Vec<&Record> = others.iter().filter_map(of).copied().collect();
+            let found: Vec<&Record> = joint.cell.others().iter().filter_map(of).copied().collect();
             found.into_iter().filter_map(move |other| beside(joint, other))
         })
         .collect()
@@ -95,7 +88,7 @@ mod tests {
     use crate::experiment::content::Content;
     use crate::experiment::evaluate::Summary;
     use crate::experiment::params::Values;
-    use crate::experiment::preset::{Preset, Strategy};
+    use crate::experiment::preset::{Preset, Protocol, Strategy};
     use crate::reproduce::{Scene, TableMethod};
 
     fn record(protocol: Protocol, errors_m: &[f64]) -> Record {

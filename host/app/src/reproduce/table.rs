@@ -101,7 +101,7 @@ impl Table {
         let paired = paired(&records.iter().flatten().collect::<Vec<_>>());
         let rows = cells.iter().zip(records).map(|(cell, record)| row(folder, cell, record));
         let rows = rows.collect::<Result<Vec<_>, _>>()?;
-        let joint = cells.iter().filter(|cell| cell.protocol == Protocol::Joint);
+        let joint = cells.iter().filter(|cell| cell.is_joint());
         let joint = joint.map(|cell| verdict(cell, &rows)).collect();
         Ok(Self { format: 1, plan: folder.plan.clone(), rows, joint, paired, real: Vec::new() })
     }
@@ -198,14 +198,7 @@ fn made(record: Record) -> Made {
 
 fn verdict(cell: &Cell, rows: &[Row]) -> Verdict {
     let figures = |cell: &Cell| rows.iter().find(|row| row.cell == *cell)?.figures;
-    let others: Vec<Figures<Estimate>> = [
-        cell.untuned(),
-        Cell { protocol: Protocol::Lidar, ..*cell },
-        Cell { protocol: Protocol::Registration, ..*cell },
-    ]
-    .iter()
-    .filter_map(figures)
-    .collect();
+    let others: Vec<Figures<Estimate>> = cell.others().iter().filter_map(figures).collect();
     let of = |read: fn(&Figures<Estimate>) -> Estimate, more_is_better: bool| {
         let own = read(&figures(cell)?);
         let values = others.iter().map(|other| read(other).value).filter(|v| v.is_finite());

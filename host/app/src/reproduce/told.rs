@@ -1,7 +1,6 @@
 //! The words and numbers of the table, the same in text and page.
 
 use super::axes::name_of;
-use super::cell::Cell;
 use super::paired::Paired;
 use super::paper::PaperFigures;
 use super::table::{Row, Table, Verdict};
@@ -99,11 +98,6 @@ pub fn search(ranges: Preset, strategy: Option<Strategy>) -> String {
         None => "",
     };
     format!("{of}{by}")
-}
-
-/// Whether it is what the table is about.
-pub(super) fn is_joint(cell: &Cell) -> bool {
-    cell.protocol == Protocol::Joint
 }
 
 /// What stands for the figures of a cell that has none.
