@@ -55,11 +55,9 @@ impl<B: Board> App<B> {
     fn take_shot(&mut self, codes: &mut Codes<'_>) -> Option<u32> {
         let (samples, next) = (self.samples()?, &mut self.intake.as_mut()?.next);
         let missing = self.codes.get_mut(usize::from(next.sample)..samples)?;
-        for slot in missing {
-            *slot = codes.next()?;
-            next.sample = next.sample.saturating_add(1);
-        }
-        Some(next.shot.into())
+        let filled = codes.fill(missing);
+        next.sample = next.sample.saturating_add(filled as u16); // at most MAX_CODES
+        (filled == missing.len()).then_some(next.shot.into())
     }
 
     /// Ends a shot, and with its last one a beam: its echoes.
