@@ -181,6 +181,10 @@ impl Board for EmulatedBoard {
         self.restarts
     }
 
+    fn begin_shot(&mut self) {
+        self.front_end.ring();
+    }
+
     fn samples(&mut self, codes: &mut [u16]) -> bool {
         let watchdog = self.watchdog;
         self.front_end.samples(codes, || {

@@ -66,14 +66,17 @@ impl FrontEnd {
         self.page.part(mailbox::FLASH, mailbox::FLASH_BYTES)
     }
 
-    /// Rings for the shot whose registers are written, waits, and copies its samples out. False:
-    /// nobody answered.
-    ///
-    /// The wait has an end, so `waiting` may feed the watchdog meanwhile.
-    pub fn samples(&mut self, codes: &mut [u16], waiting: impl Fn()) -> bool {
+    /// Rings for the shot whose registers are written.
+    pub fn ring(&mut self) {
         self.fired = self.fired.wrapping_add(1);
         publish();
         self.page.write(mailbox::DOORBELL, self.fired);
+    }
+
+    /// Waits for the shot rung for last, and copies its samples out. False: nobody answered.
+    ///
+    /// The wait has an end, so `waiting` may feed the watchdog meanwhile.
+    pub fn samples(&mut self, codes: &mut [u16], waiting: impl Fn()) -> bool {
         let (spells, turns) = SHOT_TIMEOUT;
         let answered = (0..spells).any(|_| {
             waiting();

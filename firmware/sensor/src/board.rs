@@ -44,8 +44,12 @@ pub trait Board {
         0
     }
 
-    /// Waits for the shot fired last and copies its samples out of the converter's buffer. False:
-    /// it never came.
+    /// Begins the shot whose registers have just been written, where writing FIRE does not do it.
+    /// The converter fills its buffer while the program works on the shot before.
+    fn begin_shot(&mut self) {}
+
+    /// Waits for the shot fired last and copies its samples out of the converter's buffer, which
+    /// the next shot may then have. False: it never came.
     fn samples(&mut self, codes: &mut [u16]) -> bool;
 
     /// Runs the DSP, as fast as this board can; the bytes are the same on all.

@@ -130,9 +130,20 @@ impl<B: Board> App<B> {
         self.configure()?;
         self.set_front_end()?;
         self.begin_scan(scan)?;
-        for beam in first..first.saturating_add(u32::from(count)) {
+        let shots = self.configured.as_ref().map_or(0, |c| c.pipeline.config().shots());
+        let end = first.saturating_add(u32::from(count));
+        self.fire(first, 0)?;
+        for beam in first..end {
             self.board.feed_watchdog();
-            let echoes = self.shoot(beam)?;
+            for shot in 0..shots {
+                self.take_samples()?;
+                // The converter has the next shot while this one is worked on.
+                if let Some((beam, shot)) = shot_after(beam, shot, shots, end) {
+                    self.fire(beam, shot)?;
+                }
+                self.end_shot(shot);
+            }
+            let echoes = self.detect().ok_or(AfeError::Bus)?;
             let _ = beams.push(echoes); // the session grants no more than fit
         }
         Ok(())
@@ -162,21 +173,20 @@ impl<B: Board> App<B> {
         Report::Beams { frame, first, generation, hash, beams }
     }
 
-    fn shoot(&mut self, beam: u32) -> Result<Echoes, AfeError> {
-        let shots = self.configured.as_ref().map_or(0, |c| c.pipeline.config().shots());
-        for shot in 0..shots {
-            self.fire(beam, shot)?;
-            self.end_shot(shot);
-        }
-        self.detect().ok_or(AfeError::Bus)
-    }
-
+    /// Begins a shot.
     fn fire(&mut self, beam: u32, shot: u32) -> Result<(), AfeError> {
-        let Some(Configured { settings, pipeline, .. }) = &self.configured else {
+        let Some(Configured { settings, .. }) = &self.configured else {
             return Err(AfeError::Bus);
         };
-        let codes = self.codes.get_mut(..pipeline.config().codes()).ok_or(AfeError::Bus)?;
         afe::fire(&mut self.board, settings, beam, shot)?;
+        self.board.begin_shot();
+        Ok(())
+    }
+
+    /// Waits for the codes of the shot that is under way.
+    fn take_samples(&mut self) -> Result<(), AfeError> {
+        let codes = self.configured.as_ref().map_or(0, |c| c.pipeline.config().codes());
+        let codes = self.codes.get_mut(..codes).ok_or(AfeError::Bus)?;
         if self.board.samples(codes) { Ok(()) } else { Err(AfeError::Bus) }
     }
 
@@ -242,6 +252,15 @@ impl<B: Board> App<B> {
         let link = self.board.link();
         write_all(link, bytes)?;
         link.flush().map_err(|_| LinkLost)
+    }
+}
+
+/// The beam and the shot that come after these, of so many shots a beam, up to beam `end`.
+fn shot_after(beam: u32, shot: u32, shots: u32, end: u32) -> Option<(u32, u32)> {
+    let (next_shot, next_beam) = (shot.saturating_add(1), beam.saturating_add(1));
+    match next_shot < shots {
+        true => Some((beam, next_shot)),
+        false => (next_beam < end).then_some((next_beam, 0)),
     }
 }
 
