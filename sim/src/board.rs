@@ -175,7 +175,11 @@ pub struct PcBoard<F> {
     link: Pipe,
     store: RamNorFlash,
     front_end: F,
+    clock: Option<Clock>,
 }
+
+/// Microseconds since any moment.
+type Clock = Box<dyn FnMut() -> u32 + Send>;
 
 impl<F: FrontEnd> PcBoard<F> {
     /// A board that never was on. `hardware.adc_bits` is taken from the front end.
@@ -193,6 +197,7 @@ impl<F: FrontEnd> PcBoard<F> {
             link: Pipe::default(),
             store,
             front_end,
+            clock: None,
         }
     }
 
@@ -237,6 +242,10 @@ impl<F: FrontEnd> Board for PcBoard<F> {
     /// The pipe holds all that comes.
     fn link_buffer(&self) -> usize {
         LINK_FRAMES * MAX_FRAME
+    }
+
+    fn now_us(&mut self) -> Option<u32> {
+        self.clock.as_mut().map(|clock| clock())
     }
 
     fn samples(&mut self, codes: &mut [u16]) -> bool {
@@ -285,6 +294,11 @@ impl<F: FrontEnd> PcSensor<F> {
     /// The front end, to look at another scene with.
     pub fn front_end_mut(&mut self) -> &mut F {
         self.app.board_mut().front_end_mut()
+    }
+
+    /// Gives it a clock of microseconds, by which it times its scans; else it has none.
+    pub fn set_clock(&mut self, clock: impl FnMut() -> u32 + Send + 'static) {
+        self.app.board_mut().clock = Some(Box::new(clock));
     }
 
     /// Its flash, to take along into the next life or to cut its power.

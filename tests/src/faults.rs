@@ -85,34 +85,47 @@ impl Way {
     }
 }
 
-/// How often the host had to ask.
+/// How often the host had to ask, and for how long it waited.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Tries {
     /// Commands that were answered, or given up, after so many tries; number 0 counts none.
     pub commands: Vec<u64>,
+    /// The longest that a command took until it was answered, or given up.
+    pub longest: Duration,
     last: Vec<u8>,
     tries: usize,
+    began: Duration,
 }
 
 impl Tries {
     /// A repetition is the same bytes again: every command has a number of its own.
-    fn sent(&mut self, frame: &[u8]) {
+    fn sent(&mut self, frame: &[u8], now: Duration) {
         if self.last == frame {
             self.tries += 1;
             return;
         }
-        self.end();
+        self.end(now);
         self.last = frame.to_vec();
-        self.tries = 1;
+        (self.tries, self.began) = (1, now);
     }
 
-    fn end(&mut self) {
+    /// The command at hand was the last.
+    pub fn end(&mut self, now: Duration) {
         if self.tries > 0 {
             self.commands.resize(self.commands.len().max(self.tries + 1), 0);
             self.commands[self.tries] += 1;
+            self.longest = self.longest.max(now.saturating_sub(self.began));
         }
         self.tries = 0;
     }
+}
+
+/// Speed of the line, bits a second; a byte is ten.
+pub const BAUD: u32 = 921_600;
+
+/// How long so many bytes are on the line.
+pub fn on_the_line(bytes: usize) -> Duration {
+    Duration::from_secs_f64(10.0 * bytes as f64 / f64::from(BAUD))
 }
 
 /// Does harm to messages, either way, each kind at its own rate. The same seed does the same.
@@ -129,6 +142,9 @@ pub struct Faulty<T> {
     pub carried: [u64; 2],
     /// What the host did about it.
     pub tries: Tries,
+    /// What a clock beside the line would have counted: bytes at [`BAUD`], and each wait for what
+    /// never came in full.
+    pub now: Duration,
     rng: ChaCha8Rng,
     ways: [Way; 2],
     /// Came out, not yet fetched.
@@ -144,6 +160,7 @@ impl<T> Faulty<T> {
             harmed: 0,
             carried: [0; 2],
             tries: Tries::default(),
+            now: Duration::ZERO,
             rng: crate::vectors::rng(seed),
             ways: Default::default(),
             out: VecDeque::new(),
@@ -160,7 +177,8 @@ impl<T> Faulty<T> {
 
 impl<T: Transport> Transport for Faulty<T> {
     fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.tries.sent(bytes);
+        self.tries.sent(bytes, self.now);
+        self.now += on_the_line(bytes.len());
         let bytes = self.carry(bytes, 0);
         self.inner.send(&bytes)
     }
@@ -169,6 +187,7 @@ impl<T: Transport> Transport for Faulty<T> {
         if self.out.is_empty() {
             let mut chunk = vec![0; 8192];
             let length = self.inner.receive(&mut chunk, timeout)?;
+            self.now += if length == 0 { timeout } else { on_the_line(length) };
             for message in messages(&chunk[..length]) {
                 let bytes = self.carry(message, 1);
                 self.out.extend(bytes);

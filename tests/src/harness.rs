@@ -21,8 +21,8 @@ use echoloop_dsp::{Grid, Hardware, Pipeline, ScanPattern, Scratch, Settings};
 use echoloop_host::waveforms::finder::{EchoFinder, FinderConfig, Pulse};
 use echoloop_host::waveforms::{Finder, Options, parse_waveforms};
 use echoloop_link::{
-    Command, Decoder, Greeting, MAX_FRAME, Noise, PACKED_BYTES, Place, Report, SETTINGS_SCHEMA,
-    checksum, decode, encode, settings_hash,
+    Command, Decoder, Greeting, MAX_FRAME, Message, Noise, PACKED_BYTES, Place, Report,
+    SETTINGS_SCHEMA, Way, checksum, decode, encode, encode_for, settings_hash,
 };
 use echoloop_sensor::store::{MAGIC, forget, load, save};
 use echoloop_sim::board::PcSensor;
@@ -63,7 +63,7 @@ impl Serialize for Raw<'_> {
 /// What is accepted, said again, is understood the same.
 fn said_again<'a, T>(frame: &'a mut [u8], again: &'a mut [u8; MAX_FRAME])
 where
-    T: Serialize + Deserialize<'a> + PartialEq + Debug,
+    T: Message + Deserialize<'a> + PartialEq + Debug,
 {
     let Ok((sequence, message)) = decode::<T>(frame) else { return };
     let length = encode(sequence, &message, again).expect("what came in a frame fits one").len();
@@ -79,9 +79,11 @@ where
 /// Any bytes, on the line as they are and as the body of a frame.
 pub fn frame_decoder(bytes: &[u8]) {
     let mut decoder = Decoder::new();
-    let mut framed = [0; MAX_FRAME];
-    let framed = encode(7, &Raw(bytes), &mut framed).unwrap_or_default();
-    for &byte in bytes.iter().chain(framed) {
+    let framed = [Way::ToSensor, Way::ToHost].map(|way| {
+        let mut frame = [0; MAX_FRAME];
+        encode_for(way, 7, &Raw(bytes), &mut frame).unwrap_or_default().to_vec()
+    });
+    for &byte in bytes.iter().chain(framed.iter().flatten()) {
         if let Some(Ok(frame)) = decoder.push(byte) {
             let mut again = [0; MAX_FRAME];
             said_again::<Report>(&mut frame.to_vec(), &mut again);
@@ -187,7 +189,7 @@ impl Observer {
     fn say(&mut self, body: &impl Serialize) {
         self.sequence = self.sequence.wrapping_add(1);
         let mut frame = [0; MAX_FRAME];
-        if let Ok(frame) = encode(self.sequence, body, &mut frame) {
+        if let Ok(frame) = encode_for(Way::ToSensor, self.sequence, body, &mut frame) {
             self.hear(frame);
         }
     }
@@ -220,7 +222,7 @@ impl Observer {
         let near = generation
             .wrapping_add(u32::from(draw.below(4)))
             .wrapping_sub(u32::from(draw.below(3)));
-        match draw.below(9) {
+        match draw.below(11) {
             0 => Command::Hello(Greeting { protocol: draw.word() as u16, ..Greeting::OURS }),
             1 => {
                 let settings = draw.settings();
@@ -241,6 +243,8 @@ impl Observer {
             5 => Command::ReadCounters,
             6 => Command::Confirm { generation: near },
             7 => Command::Save { hash },
+            8 => Command::SetDeadline { scan_us: draw.word() },
+            9 => Command::ReadTimes,
             _ => Command::Forget,
         }
     }

@@ -16,7 +16,7 @@ use echoloop_host::link::client::{Client, ClientError, RetryPolicy};
 use echoloop_host::link::defmt_log;
 use echoloop_host::link::transport::{Direction, InProcess, Recording, Transport};
 use echoloop_kernels::process_baseline;
-use echoloop_link::{Command, MAX_FRAME, Room, encode, settings_hash};
+use echoloop_link::{Command, MAX_FRAME, Room, Times, encode, settings_hash};
 use echoloop_sim::board::PcSensor;
 use echoloop_sim::qemu::{Machine, Qemu, QemuOptions};
 use echoloop_tests::faults::{Faulty, Rates};
@@ -87,6 +87,61 @@ fn summed(pipeline: &Pipeline, wave: &[u16]) -> Vec<u16> {
 fn measure<T: Transport>(client: &mut Client<T>, settings: &Settings) -> Vec<Echoes> {
     client.configure(settings).unwrap();
     client.scan(1).unwrap()
+}
+
+#[test]
+fn every_board_counts_the_scans_that_take_too_long() {
+    for options in machines() {
+        let name = options.machine.name();
+        let mut board = start(&options, Hardware::REFERENCE);
+        for (deadline_us, late) in [(1, 3), (u32::MAX, 0), (0, 0)] {
+            board.set_deadline(deadline_us).unwrap();
+            let begun = Instant::now();
+            (1..4).for_each(|scan| drop(board.scan(scan).unwrap()));
+            let most = begun.elapsed().as_micros();
+            let Times { clock, scans, late: found, last_us, longest_us, .. } =
+                board.read_times().unwrap();
+            assert_eq!((clock, scans, found), (true, 3, late), "{name}, {deadline_us} µs");
+            assert!(0 < last_us && last_us <= longest_us, "{name}: {last_us} of {longest_us}");
+            // An emulator's clock is the machine's.
+            assert!(u128::from(longest_us) <= most, "{name}: {longest_us} µs of {most}");
+        }
+    }
+}
+
+/// In QEMU an instruction takes 64 ns where its clock counts instructions, so the stopwatch does,
+/// too.
+#[test]
+fn where_waveforms_travel_the_program_costs_about_as_much_as_its_detector() {
+    const NS: f64 = 64.0;
+    let Some(mut options) = machine(Machine::An386) else { return };
+    options.arguments = ["-icount", "shift=6,sleep=off"].map(String::from).to_vec();
+    let mut board = start(&options, Hardware::REFERENCE);
+    let settings = Settings::default();
+    board.configure(&settings).unwrap();
+    let room = Room { frames: 1, ..board.read_room().unwrap() };
+    let pulse = |i: usize| 1_000.0 * (1.0 - (i as f64 - 300.0).abs() / 5.0).max(0.0);
+    let wave: Vec<u16> = (0..800).map(|i| 200 + (i % 5) as u16 + pulse(i) as u16).collect();
+    let mut shoot = |_, _, codes: &mut [u16]| {
+        codes.copy_from_slice(&wave);
+        Ok(())
+    };
+    board.set_deadline(1).unwrap();
+    let beams = board.scan_waveforms(1, room, &mut shoot).unwrap();
+    assert!(beams.iter().all(|echoes| echoes.len() == 1), "one echo a beam");
+    let busy_us = f64::from(board.read_times().unwrap().last_us);
+    let each = 1e3 * busy_us / NS / BEAMS as f64;
+    let detector = counted("cortex-m4", "dual_multiply", "800x12 one echo");
+    println!("{each:.0} instructions a beam, {detector} of them the detector's");
+    assert!((1.5..2.5).contains(&(each / detector)), "{each} of {detector}");
+}
+
+/// Instructions of the detector as the record has them.
+fn counted(processor: &str, kernel: &str, case: &str) -> f64 {
+    let record = include_str!("../../firmware/image/cost.tsv");
+    let name = [processor, kernel, case, "pipeline", ""].join("\t");
+    let figure = record.lines().find_map(|line| line.strip_prefix(&name)).unwrap();
+    figure.parse().unwrap()
 }
 
 #[test]

@@ -13,21 +13,22 @@ use echoloop_host::link::client::{Client, ClientError, RetryPolicy};
 use echoloop_host::link::transport::Transport;
 use echoloop_link::{
     BEAMS_PER_REPORT, Command, Counters, Decoder, FrameError, Greeting, MAX_FRAME, MAX_PAYLOAD,
-    Nack, Noise, PACKED_BYTES, PROTOCOL, Place, Report, Room, SCHEMA, decode, encode,
-    settings_hash,
+    Message, Nack, Noise, PACKED_BYTES, PROTOCOL, Place, Report, Room, SCHEMA, Times, Way, decode,
+    encode, encode_for, settings_hash,
 };
+use echoloop_sim::board::PcSensor;
+use echoloop_tests::faults::Target;
 use echoloop_tests::vectors;
 use proptest::collection::vec;
 use proptest::prelude::{any, prop_assert, prop_assert_eq, prop_oneof, proptest};
 use rand::RngExt;
-use serde::Serialize;
 
-fn frame(sequence: u16, body: &impl Serialize) -> Vec<u8> {
+fn frame(sequence: u16, body: &impl Message) -> Vec<u8> {
     encode(sequence, body, &mut [0; MAX_FRAME]).unwrap().to_vec()
 }
 
 /// Payload without its checksum: sequence and body.
-fn payload(body: &impl Serialize) -> Vec<u8> {
+fn payload(body: &impl Message) -> Vec<u8> {
     let mut bytes = frame(0x1234, body);
     let inner = bytes.len() - 1;
     let length = cobs::decode_in_place(&mut bytes[1..inner]).unwrap();
@@ -98,10 +99,23 @@ fn examples() -> Vec<(&'static str, Vec<u8>)> {
         ("read-noisy-beams", frame(10, &READ_NOISY_BEAMS)),
         ("waveforms", frame(11, &Command::Waveforms { frame: 1, from: FROM, packed: &PACKED })),
         ("awaited", frame(11, &Report::Nack(Nack::Awaited { place: FROM }))),
+        ("set-deadline", frame(12, &Command::SetDeadline { scan_us: 100_000 })),
+        (
+            "times",
+            frame(12, &Report::Times(Times { last_us: 99_000, longest_us: 132_000, ..TIMES })),
+        ),
     ]
 }
 
 const ROOM: Room = Room { codes: 2_528, frames: 2 };
+const TIMES: Times = Times {
+    clock: true,
+    deadline_us: 100_000,
+    scans: 3,
+    late: 1,
+    last_us: u32::MAX,
+    longest_us: u32::MAX,
+};
 const READ_NOISY_BEAMS: Command<'_> = Command::ReadNoisyBeams {
     frame: 7,
     first: 32,
@@ -152,7 +166,7 @@ fn the_document_works_through_nothing_that_is_not_so() {
 #[test]
 fn a_changed_schema_needs_a_changed_protocol() {
     // To change a message: append, raise PROTOCOL, and write both new values here and in WIRE.md.
-    assert_eq!((PROTOCOL, SCHEMA), (9, 0x2be8_1eb0_99d7_bd58), "the schema is {SCHEMA:#018x}");
+    assert_eq!((PROTOCOL, SCHEMA), (10, 0x0e4f_4b89_50ed_4804), "the schema is {SCHEMA:#018x}");
     let document = include_str!("../../firmware/link/WIRE.md");
     assert!(document.contains(&format!("{SCHEMA:#018x}")));
 }
@@ -168,7 +182,7 @@ fn the_greeting_never_changes() {
 }
 
 /// One command of every kind, by number.
-fn commands() -> [Command<'static>; 12] {
+fn commands() -> [Command<'static>; 14] {
     [
         Command::Hello(Greeting::OURS),
         Command::Stage(Settings::default()),
@@ -182,6 +196,8 @@ fn commands() -> [Command<'static>; 12] {
         Command::ReadRoom,
         READ_NOISY_BEAMS,
         Command::Waveforms { frame: 0, from: Place::default(), packed: &PACKED },
+        Command::SetDeadline { scan_us: 0 },
+        Command::ReadTimes,
     ]
 }
 
@@ -189,7 +205,7 @@ const REFUSAL: Refusal =
     Refusal { field: ParameterId::EchoChoice, value: -1, reason: Reason::NotAChoice };
 
 /// One report of every kind, by number.
-fn reports() -> [Report; 12] {
+fn reports() -> [Report; 13] {
     [
         hello_reply(),
         Report::Nack(Nack::NotReady),
@@ -203,6 +219,7 @@ fn reports() -> [Report; 12] {
         Report::Saved { hash: 0, revision: 0 },
         Report::Forgotten,
         Report::Room(ROOM),
+        Report::Times(TIMES),
     ]
 }
 
@@ -364,6 +381,103 @@ fn stuffed(payload: &[u8]) -> Vec<u8> {
     bytes
 }
 
+#[test]
+fn a_frame_of_one_way_is_never_taken_for_one_of_the_other() {
+    let echo = FrameError::Echo { sequence: 0x1234 };
+    for command in commands() {
+        let bytes = frame(0x1234, &command);
+        let inner = bytes[1..bytes.len() - 1].to_vec();
+        assert_eq!(decode::<Report>(&mut inner.clone()), Err(echo), "{command:?}");
+        assert!(decode::<Command<'_>>(&mut inner.clone()).is_ok(), "{command:?}");
+    }
+    for report in reports() {
+        let bytes = frame(0x1234, &report);
+        let inner = bytes[1..bytes.len() - 1].to_vec();
+        assert_eq!(decode::<Command<'_>>(&mut inner.clone()), Err(echo), "{report:?}");
+        assert!(decode::<Report>(&mut inner.clone()).is_ok(), "{report:?}");
+    }
+}
+
+fn sensor() -> PcSensor<Target> {
+    let pattern = ScanPattern::Grid(Grid { columns: 2, rows: 1, ..Grid::default() });
+    PcSensor::new(Target::default(), pattern, Hardware::REFERENCE)
+}
+
+#[test]
+fn a_sensor_that_hears_its_own_answers_keeps_silent_and_counts_them() {
+    let mut sensor = sensor();
+    for report in reports() {
+        sensor.send(&frame(1, &report));
+    }
+    assert_eq!(sensor.receive(&mut [0; 64]), 0);
+    let counters = sensor.session().counters;
+    assert_eq!(counters, Counters { echoes: reports().len() as u32, ..Counters::default() });
+}
+
+/// A line that gives back what is sent; and what a sensor says, if there is one.
+struct Echoing {
+    sensor: Option<PcSensor<Target>>,
+    back: Vec<u8>,
+}
+
+impl Transport for Echoing {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.back.extend(bytes);
+        if let Some(sensor) = &mut self.sensor {
+            sensor.send(bytes);
+        }
+        Ok(())
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], _timeout: Duration) -> io::Result<usize> {
+        if !self.back.is_empty() {
+            let length = self.back.len().min(buffer.len());
+            buffer[..length].copy_from_slice(&self.back[..length]);
+            self.back.drain(..length);
+            return Ok(length);
+        }
+        Ok(self.sensor.as_mut().map_or(0, |sensor| sensor.receive(buffer)))
+    }
+}
+
+const TWICE: RetryPolicy = RetryPolicy { timeout: Duration::from_secs(1), tries: 2 };
+
+#[test]
+fn a_line_that_only_echoes_is_named_as_such() {
+    let line = Echoing { sensor: None, back: Vec::new() };
+    let error = Client::connect(line, TWICE).err().unwrap();
+    assert!(matches!(error, ClientError::Echo { command: "hello", echoes: 2 }), "{error}");
+}
+
+#[test]
+fn one_wire_for_both_ways_is_no_hindrance() {
+    let line = Echoing { sensor: Some(sensor()), back: Vec::new() };
+    let mut client = Client::connect(line, TWICE).unwrap();
+    let wanted = Settings { gain_cdb: 7, ..Settings::default() };
+    client.configure(&wanted).unwrap();
+    assert_eq!(client.read_settings().unwrap(), wanted);
+    assert_eq!(client.scan(1).unwrap().len(), 2);
+}
+
+/// Hosts of protocol 9 know no mark: they must be able to read why they are refused.
+#[test]
+fn only_a_hello_of_another_protocol_is_answered_without_the_mark_of_the_way() {
+    let ways = |command: &Command<'_>, sensor: &mut PcSensor<Target>| {
+        sensor.send(&frame(5, command));
+        let mut bytes = vec![0; 256];
+        let length = sensor.receive(&mut bytes);
+        let (way, _, body) = echoloop_link::open(&mut bytes[1..length - 1]).unwrap();
+        (way, Greeting::from_answer(body))
+    };
+    let older = Greeting { protocol: 9, schema: 1, ..Greeting::OURS };
+    let mut sensor = sensor();
+    let hello = ways(&Command::Hello(older), &mut sensor);
+    assert_eq!(hello, (Way::ToSensor, Some(Greeting::OURS)));
+    assert_eq!(ways(&Command::ReadCounters, &mut sensor), (Way::ToHost, None), "not ready");
+    let hello = ways(&Command::Hello(Greeting::OURS), &mut sensor);
+    assert_eq!(hello, (Way::ToHost, Some(Greeting::OURS)));
+}
+
 /// Whole COBS, a body that may well be a message, and one thing wrong: the checksum alone can tell.
 #[test]
 fn one_wrong_bit_or_byte_of_any_message_is_seen_by_the_checksum() {
@@ -379,7 +493,7 @@ fn one_wrong_bit_or_byte_of_any_message_is_seen_by_the_checksum() {
             assert_eq!(command, Err(FrameError::Crc), "kind {kind}: {damaged:02x?}");
             let report = decode::<Report>(&mut bytes.clone());
             assert_eq!(report, Err(FrameError::Crc), "kind {kind}: {damaged:02x?}");
-            let opened = echoloop_link::open(&mut bytes.clone()).map(|(number, _)| number);
+            let opened = echoloop_link::open(&mut bytes.clone()).map(|(_, number, _)| number);
             assert_eq!(opened, Err(FrameError::Crc), "kind {kind}: {damaged:02x?}");
         };
         for at in 0..payload.len() {
@@ -460,6 +574,8 @@ fn every_variant_has_these_bytes() {
             Command::Waveforms { frame: 300, from: FROM, packed: &PACKED },
             "0b ac 02 ac 02 01 9e 06 03 bc 3a 12",
         ),
+        (Command::SetDeadline { scan_us: 100_000 }, "0c a0 8d 06"),
+        (Command::ReadTimes, "0d"),
     ];
     for (command, bytes) in commands {
         assert_eq!(hex(&payload(&command)[2..]), bytes, "{command:?}");
@@ -476,6 +592,7 @@ fn every_variant_has_these_bytes() {
         stale: 300,
         rollbacks: 7,
         restarts: 8,
+        echoes: 9,
     };
     use ParameterId as Id;
     let reports = [
@@ -540,11 +657,12 @@ fn every_variant_has_these_bytes() {
             },
             "06 01 02 03 04 00",
         ),
-        (Report::Counters(counters), "07 01 02 03 04 05 06 ac 02 07 08"),
+        (Report::Counters(counters), "07 01 02 03 04 05 06 ac 02 07 08 09"),
         (Report::Confirmed { generation: 300 }, "08 ac 02"),
         (Report::Saved { hash, revision: 129 }, "09 f8 ac d1 91 01 81 01"),
         (Report::Forgotten, "0a"),
         (Report::Room(ROOM), "0b e0 13 02"),
+        (Report::Times(TIMES), "0c 01 a0 8d 06 03 01 ff ff ff ff 0f ff ff ff ff 0f"),
     ];
     for (report, bytes) in reports {
         assert_eq!(hex(&payload(&report)[2..]), bytes, "{report:?}");
@@ -655,7 +773,8 @@ proptest! {
             _ => b,
         };
         let body: Vec<u8> = bytes.iter().map(|&b| stuffed(b)).collect();
-        let mut made = frame(0x0101, &&body[..]);
+        let mut made = [0; MAX_FRAME];
+        let mut made = encode_for(Way::ToSensor, 0x0101, &&body[..], &mut made).unwrap().to_vec();
         let mut payload = [&[1, 1][..], &postcard_bytes(&body)].concat();
         payload.extend(crc::Crc::<u32>::new(&crc::CRC_32_ISCSI).checksum(&payload).to_le_bytes());
         let mut theirs = vec![0; 1_100];
@@ -700,9 +819,8 @@ proptest! {
             }
             Err(error) => prop_assert_eq!(error, FrameError::Body { sequence: 7 }),
         }
-        if let Err(error) = decode::<Report>(&mut copy[..length]) {
-            prop_assert_eq!(error, FrameError::Body { sequence: 7 });
-        }
+        let report = decode::<Report>(&mut copy[..length]);
+        prop_assert_eq!(report, Err(FrameError::Echo { sequence: 7 }));
     }
 }
 
@@ -717,7 +835,7 @@ impl Transport for Foreign {
     fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
         for &byte in bytes {
             if let Some(Ok(frame)) = self.heard.push(byte) {
-                let (sequence, _) = echoloop_link::open(frame).unwrap();
+                let (_, sequence, _) = echoloop_link::open(frame).unwrap();
                 let payload = [&sequence.to_le_bytes()[..], &self.body].concat();
                 let checksum = crc::Crc::<u32>::new(&crc::CRC_32_ISCSI).checksum(&payload);
                 let whole = [payload, checksum.to_le_bytes().to_vec()].concat();

@@ -3,6 +3,7 @@
 use echoloop_dsp::{Echoes, Hardware, Pipeline, ScanPattern, Scratch};
 use echoloop_sensor::{Board, mailbox};
 
+use crate::clock::Clock;
 use crate::flash::Flash;
 use crate::front_end::{Device, FrontEnd};
 use crate::idle::Idle;
@@ -13,6 +14,7 @@ use crate::watchdog::Watchdog;
 /// for the PSRAM.
 #[cfg(board = "mps2")]
 mod map {
+    use crate::clock::Counter;
     use crate::idle::InterruptLine;
     use crate::mmio::Block;
     use echoloop_sensor::mailbox;
@@ -26,12 +28,18 @@ mod map {
     pub(super) const LOG: Block = unsafe { Block::new(0x4000_5000, 0x1000) };
     // SAFETY: the watchdog, and nothing of Rust's.
     pub(super) const WATCHDOG: Option<Block> = Some(unsafe { Block::new(0x4000_8000, 0x1000) });
+    // SAFETY: timer 0, and nothing of Rust's.
+    const TIMER: Block = unsafe { Block::new(0x4000_0000, 0x1000) };
     /// A byte has come on UART0.
     // SAFETY: the board has it.
     pub(super) const LINK_INTERRUPT: InterruptLine = unsafe { InterruptLine::new(0) };
     // SAFETY: the processor's identity register.
     const CPU_ID: Block = unsafe { Block::new(0xE000_ED00, 4) };
     const CORTEX_M7: u32 = 0xC27;
+
+    pub(super) fn counter() -> Counter {
+        Counter::start_cmsdk(TIMER, 25)
+    }
 
     pub(super) fn psram() -> Block {
         let part = CPU_ID.read(0) >> 4 & 0xfff;
@@ -44,6 +52,7 @@ mod map {
 /// Arm MPS2 with application note 505 (Cortex-M33), at the secure addresses.
 #[cfg(board = "an505")]
 mod map {
+    use crate::clock::Counter;
     use crate::idle::InterruptLine;
     use crate::mmio::Block;
     use echoloop_sensor::mailbox;
@@ -57,9 +66,15 @@ mod map {
     pub(super) const LOG: Block = unsafe { Block::new(0x5020_1000, 0x1000) };
     // SAFETY: the secure watchdog, and nothing of Rust's.
     pub(super) const WATCHDOG: Option<Block> = Some(unsafe { Block::new(0x5008_1000, 0x1000) });
+    // SAFETY: timer 0, and nothing of Rust's.
+    const TIMER: Block = unsafe { Block::new(0x5000_0000, 0x1000) };
     /// A byte has come on UART0.
     // SAFETY: the board has it.
     pub(super) const LINK_INTERRUPT: InterruptLine = unsafe { InterruptLine::new(32) };
+
+    pub(super) fn counter() -> Counter {
+        Counter::start_cmsdk(TIMER, 20)
+    }
 
     pub(super) fn psram() -> Block {
         // SAFETY: 16 MB of PSRAM, where the linker puts nothing.
@@ -71,6 +86,7 @@ mod map {
 /// no watchdog.
 #[cfg(board = "virt")]
 mod map {
+    use crate::clock::Counter;
     use crate::idle::InterruptLine;
     use crate::mmio::Block;
     use echoloop_sensor::mailbox;
@@ -82,8 +98,14 @@ mod map {
     pub(super) const LINK: Block = unsafe { Block::new(0x1000_0000, 8) };
     pub(super) const LOG: Block = LINK;
     pub(super) const WATCHDOG: Option<Block> = None;
+    // SAFETY: mtime, the lower half, and nothing of Rust's.
+    const MTIME: Block = unsafe { Block::new(0x0200_BFF8, 4) };
     // SAFETY: the board has it.
     pub(super) const LINK_INTERRUPT: InterruptLine = unsafe { InterruptLine::new(10) };
+
+    pub(super) fn counter() -> Counter {
+        Counter::up(MTIME, 0, 10)
+    }
 
     pub(super) fn psram() -> Block {
         // SAFETY: the second 16 MB of RAM, where the linker puts nothing (link/virt.x).
@@ -118,6 +140,7 @@ pub struct EmulatedBoard {
     flash: Flash,
     link: Uart<map::Link>,
     watchdog: Option<Watchdog>,
+    clock: Clock,
     restarts: u32,
     idle: Idle,
 }
@@ -129,10 +152,11 @@ impl EmulatedBoard {
         let front_end = FrontEnd::new(map::psram())?;
         let (hardware, pattern) = front_end.straps()?;
         let watchdog = map::WATCHDOG.map(|block| Watchdog::start(block, WATCHDOG_TICKS));
+        let clock = Clock::new(map::counter());
         let flash = Flash::new(front_end.flash());
         let idle = Idle::new(map::LINK_INTERRUPT)?;
         let link = Uart(map::Link::new(map::LINK));
-        Some(Self { hardware, pattern, front_end, flash, link, watchdog, restarts, idle })
+        Some(Self { hardware, pattern, front_end, flash, link, watchdog, clock, restarts, idle })
     }
 
     /// Sleeps until a byte comes on the link, or some milliseconds.
@@ -179,6 +203,10 @@ impl Board for EmulatedBoard {
 
     fn restarts(&self) -> u32 {
         self.restarts
+    }
+
+    fn now_us(&mut self) -> Option<u32> {
+        Some(self.clock.now_us())
     }
 
     fn begin_shot(&mut self) {

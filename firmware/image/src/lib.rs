@@ -14,6 +14,7 @@
 )]
 
 pub mod board;
+pub mod clock;
 pub mod flash;
 pub mod front_end;
 pub mod idle;

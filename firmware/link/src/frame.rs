@@ -1,4 +1,4 @@
-//! Frames: COBS, CRC-32C, sequence numbers.
+//! Frames: COBS, CRC-32C, sequence numbers, and which way they go.
 
 use core::fmt;
 
@@ -15,6 +15,36 @@ pub const MAX_PAYLOAD: usize = 2816;
 /// Bytes a frame takes on the wire at most: COBS adds one in 254, zeros stand at both ends.
 pub const MAX_FRAME: usize = MAX_PAYLOAD + MAX_PAYLOAD.div_ceil(254) + 2;
 
+/// Which way a frame goes.
+///
+/// It costs no byte: the checksum of what goes to the host is complemented. So an end that hears
+/// itself, on a line that echoes, knows its own frames and takes none of them for the other's; and
+/// 32 bits would have to be wrong to turn one into the other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Way {
+    /// Commands.
+    ToSensor,
+    /// Reports.
+    ToHost,
+}
+
+impl Way {
+    /// What the checksum is exclusively or-ed with.
+    const fn mark(self) -> u32 {
+        match self {
+            Self::ToSensor => 0,
+            Self::ToHost => u32::MAX,
+        }
+    }
+}
+
+/// What a frame may hold.
+pub trait Message: Serialize {
+    /// The way it goes.
+    const WAY: Way;
+}
+
 /// What is wrong with a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -30,6 +60,11 @@ pub enum FrameError {
         /// The sequence number, which the checksum vouches for.
         sequence: u16,
     },
+    /// Whole, and on its way to the other end: the line gives back what was sent.
+    Echo {
+        /// Its sequence number.
+        sequence: u16,
+    },
 }
 
 impl fmt::Display for FrameError {
@@ -40,6 +75,9 @@ impl fmt::Display for FrameError {
             Self::Crc => f.write_str("the frame's CRC-32C does not match"),
             Self::Body { sequence } => {
                 write!(f, "frame {sequence} holds no message of this schema")
+            }
+            Self::Echo { sequence } => {
+                write!(f, "frame {sequence} goes the other way: the line echoes")
             }
         }
     }
@@ -57,13 +95,28 @@ pub fn checksum(bytes: &[u8]) -> u32 {
 /// # Errors
 ///
 /// [`FrameError::TooLong`] when the body does not fit.
-pub fn encode<'a>(
+pub fn encode<'a, T: Message>(
+    sequence: u16,
+    body: &T,
+    frame: &'a mut [u8; MAX_FRAME],
+) -> Result<&'a [u8], FrameError> {
+    encode_for(T::WAY, sequence, body, frame)
+}
+
+/// As [`encode`], marked as going another way than its message does: so a sensor answers a hello
+/// that is not its own, which sensors and hosts before protocol 10 can read.
+///
+/// # Errors
+///
+/// As [`encode`].
+pub fn encode_for<'a>(
+    way: Way,
     sequence: u16,
     body: &impl Serialize,
     frame: &'a mut [u8; MAX_FRAME],
 ) -> Result<&'a [u8], FrameError> {
     let mut payload = [0; MAX_PAYLOAD];
-    let payload = fill(sequence, body, &mut payload).ok_or(FrameError::TooLong)?;
+    let payload = fill(way, sequence, body, &mut payload).ok_or(FrameError::TooLong)?;
     let (first, rest) = frame.split_first_mut().ok_or(FrameError::TooLong)?;
     *first = 0;
     let inner = cobs::encode(payload, rest).ok_or(FrameError::TooLong)?;
@@ -73,6 +126,7 @@ pub fn encode<'a>(
 
 /// Sequence, body and checksum, one after the other.
 fn fill<'a>(
+    way: Way,
     sequence: u16,
     body: &impl Serialize,
     payload: &'a mut [u8; MAX_PAYLOAD],
@@ -80,7 +134,7 @@ fn fill<'a>(
     let (head, room) = payload.split_first_chunk_mut::<2>()?;
     *head = sequence.to_le_bytes();
     let end = postcard::to_slice(body, room).ok()?.len().checked_add(2)?;
-    let checksum = checksum(payload.get(..end)?);
+    let checksum = checksum(payload.get(..end)?) ^ way.mark();
     *payload.get_mut(end..)?.first_chunk_mut::<4>()? = checksum.to_le_bytes();
     payload.get(..end.checked_add(4)?)
 }
@@ -91,8 +145,13 @@ fn fill<'a>(
 ///
 /// [`FrameError`]; nothing of a frame is looked at before its checksum holds, and nothing may be
 /// left over after its body.
-pub fn decode<'a, T: Deserialize<'a>>(frame: &'a mut [u8]) -> Result<(u16, T), FrameError> {
-    let (sequence, body) = open(frame)?;
+pub fn decode<'a, T: Message + Deserialize<'a>>(
+    frame: &'a mut [u8],
+) -> Result<(u16, T), FrameError> {
+    let (way, sequence, body) = open(frame)?;
+    if way != T::WAY {
+        return Err(FrameError::Echo { sequence });
+    }
     message(body).map(|message| (sequence, message)).ok_or(FrameError::Body { sequence })
 }
 
@@ -104,20 +163,20 @@ pub fn message<'a, T: Deserialize<'a>>(body: &'a [u8]) -> Option<T> {
         .map(|(message, _)| message)
 }
 
-/// Reads what stood between two delimiters, in place: sequence number and body, of whatever schema.
+/// Reads what stood between two delimiters, in place: the way it goes, sequence number and body, of
+/// whatever schema.
 ///
 /// # Errors
 ///
 /// [`FrameError`]; nothing of a frame is looked at before its checksum holds.
-pub fn open(frame: &mut [u8]) -> Result<(u16, &[u8]), FrameError> {
+pub fn open(frame: &mut [u8]) -> Result<(Way, u16, &[u8]), FrameError> {
     let length = cobs::decode_in_place(frame).ok_or(FrameError::Cobs)?;
     let payload = frame.get(..length).ok_or(FrameError::Cobs)?;
     let (content, expected) = payload.split_last_chunk::<4>().ok_or(FrameError::Crc)?;
     let (sequence, body) = content.split_first_chunk::<2>().ok_or(FrameError::Crc)?;
-    if checksum(content) != u32::from_le_bytes(*expected) {
-        return Err(FrameError::Crc);
-    }
-    Ok((u16::from_le_bytes(*sequence), body))
+    let difference = checksum(content) ^ u32::from_le_bytes(*expected);
+    let way = [Way::ToSensor, Way::ToHost].into_iter().find(|way| way.mark() == difference);
+    Ok((way.ok_or(FrameError::Crc)?, u16::from_le_bytes(*sequence), body))
 }
 
 /// Collects bytes into frames.

@@ -75,9 +75,12 @@ pub mod message;
 pub mod packed;
 pub mod session;
 
-pub use frame::{Decoder, FrameError, MAX_FRAME, MAX_PAYLOAD, checksum, decode, encode, open};
+pub use frame::{
+    Decoder, FrameError, MAX_FRAME, MAX_PAYLOAD, Message, Way, checksum, decode, encode,
+    encode_for, open,
+};
 pub use message::{
     BEAMS_PER_REPORT, Command, Counters, Greeting, MAGIC, Nack, Noise, PACKED_BYTES, PROTOCOL,
-    Place, Report, Room, SCHEMA, SETTINGS_SCHEMA, settings_hash,
+    Place, Report, Room, SCHEMA, SETTINGS_SCHEMA, Times, settings_hash,
 };
 pub use session::{Answer, Session};

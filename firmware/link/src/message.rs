@@ -9,13 +9,13 @@ use postcard_schema::Schema;
 use postcard_schema::key::Key;
 use serde::{Deserialize, Serialize};
 
-use crate::frame::checksum;
+use crate::frame::{Message, Way, checksum};
 
 /// First bytes of every greeting.
 pub const MAGIC: [u8; 4] = *b"ECHO";
 
 /// Version of the conversation: what commands mean, beyond their bytes.
-pub const PROTOCOL: u16 = 9;
+pub const PROTOCOL: u16 = 10;
 
 /// Hash of the bytes' layout: FNV-1a over names and types of every message, computed when compiled.
 pub const SCHEMA: u64 =
@@ -103,6 +103,17 @@ pub enum Command<'a> {
         #[serde(borrow)]
         packed: &'a [u8],
     },
+    /// Says how long a scan may take, and begins to count anew; answered with [`Report::Times`].
+    SetDeadline {
+        /// From the first beam of a scan to its last, µs; 0: as long as it likes.
+        scan_us: u32,
+    },
+    /// Asks how long scans have taken.
+    ReadTimes,
+}
+
+impl Message for Command<'_> {
+    const WAY: Way = Way::ToSensor;
 }
 
 /// What decides the noise of a scan, beside beam and shot.
@@ -216,6 +227,35 @@ pub enum Report {
     Forgotten,
     /// The room for [`Command::Waveforms`].
     Room(Room),
+    /// How long scans have taken.
+    Times(Times),
+}
+
+impl Message for Report {
+    const WAY: Way = Way::ToHost;
+}
+
+/// How long whole scans have taken the sensor since its deadline was set, or since it started.
+///
+/// The time of a scan is what the sensor was busy for it: for each command that asks for beams or
+/// brings waveforms, from its last byte to the last of its answer. What the host takes in between
+/// is not part of it; what it asks for twice counts twice. A scan of which beams were never asked
+/// for is none.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Times {
+    /// Whether the board has a clock; without one nothing is timed.
+    pub clock: bool,
+    /// As set, µs; 0: none.
+    pub deadline_us: u32,
+    /// Scans that were timed.
+    pub scans: u32,
+    /// Those that took longer than the deadline.
+    pub late: u32,
+    /// Time of the newest, µs.
+    pub last_us: u32,
+    /// Time of the slowest, µs.
+    pub longest_us: u32,
 }
 
 /// What room a sensor has for waveforms that come over the link.
@@ -328,6 +368,8 @@ pub struct Counters {
     pub rollbacks: u32,
     /// Starts since power came on, but for the first: by the watchdog.
     pub restarts: u32,
+    /// Whole frames that go to the host: the line gives the sensor its own back.
+    pub echoes: u32,
 }
 
 /// CRC-32C of the settings' postcard bytes: what a commit and every scan name them by. Never 0.

@@ -71,6 +71,13 @@ pub enum Answer<'a> {
     },
     /// Say what room there is for waveforms.
     TellRoom,
+    /// Hold scans to so many µs from now on, 0: to nothing, and say so.
+    SetDeadline {
+        /// From the first beam to the last.
+        scan_us: u32,
+    },
+    /// Say how long scans have taken.
+    TellTimes,
     /// Store these settings, which go by this hash, unless they are what is stored.
     Save {
         /// The active settings.
@@ -153,6 +160,17 @@ impl Session {
         self.trial.is_some()
     }
 
+    /// Whether a matching hello has been said.
+    pub fn is_open(&self) -> bool {
+        self.ready
+    }
+
+    /// Whether all beams of a scan have been measured, and nothing was asked since.
+    pub fn has_measured(&self, number: u32) -> bool {
+        let whole = |frame: Frame| frame.number == number && frame.measured == self.pattern.beams();
+        self.frame.is_some_and(whole)
+    }
+
     /// Takes one command.
     pub fn handle<'a>(&mut self, command: Command<'a>) -> Answer<'a> {
         if let Command::Hello(greeting) = command {
@@ -180,6 +198,8 @@ impl Session {
             Command::Save { hash } => self.save(hash),
             Command::Forget => Answer::Forget,
             Command::ReadRoom => Answer::TellRoom,
+            Command::SetDeadline { scan_us } => Answer::SetDeadline { scan_us },
+            Command::ReadTimes => Answer::TellTimes,
             Command::Waveforms { frame, from, packed } => self.take(frame, from, packed),
         }
     }

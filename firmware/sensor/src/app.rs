@@ -7,6 +7,7 @@ use heapless::Vec;
 
 use crate::board::Board;
 use crate::state::{Configured, Intake};
+use crate::stopwatch::Stopwatch;
 use crate::store;
 
 /// Name and version of this firmware.
@@ -39,6 +40,7 @@ pub struct App<B> {
     pub(crate) frame: Option<(u32, Option<Noise>)>,
     /// The waveform that is coming over the link.
     pub(crate) intake: Option<Intake>,
+    pub(crate) stopwatch: Stopwatch,
     pub(crate) scratch: Scratch,
     pub(crate) codes: [u16; MAX_CODES],
     pub(crate) transmit: [u8; MAX_FRAME],
@@ -61,6 +63,7 @@ impl<B: Board> App<B> {
             configured: None,
             frame: None,
             intake: None,
+            stopwatch: Stopwatch::default(),
             scratch: Scratch::new(),
             codes: [0; MAX_CODES],
             transmit: [0; MAX_FRAME],

@@ -44,6 +44,12 @@ pub trait Board {
         0
     }
 
+    /// Microseconds since any moment, wrapping: by them the sensor says which scans were late.
+    /// `None`: there is no clock.
+    fn now_us(&mut self) -> Option<u32> {
+        None
+    }
+
     /// Begins the shot whose registers have just been written, where writing FIRE does not do it.
     /// The converter fills its buffer while the program works on the shot before.
     fn begin_shot(&mut self) {}

@@ -22,6 +22,7 @@
 //! | [`app`] | bytes in, answers out |
 //! | `program` | what a command does: front end and DSP at work |
 //! | `waveforms` | codes that come over the link, where the board has no front end |
+//! | `stopwatch` | how long scans take, and which are late |
 //! | [`afe`] | laser driver, amplifier and converter, by their registers |
 //! | [`store`] | the settings of the next start, in NOR flash |
 //! | [`mailbox`] | the front end of an emulated board, as shared memory |
@@ -44,6 +45,7 @@ pub mod board;
 pub mod mailbox;
 mod program;
 mod state;
+mod stopwatch;
 pub mod store;
 mod waveforms;
 

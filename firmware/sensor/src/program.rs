@@ -2,7 +2,8 @@
 
 use echoloop_dsp::{Echoes, MAX_CODES, Pipeline, Settings};
 use echoloop_link::{
-    Answer, BEAMS_PER_REPORT, Command, FrameError, Greeting, MAX_FRAME, Nack, Noise, Report, Room,
+    Answer, BEAMS_PER_REPORT, Command, FrameError, Greeting, MAX_FRAME, Message, Nack, Noise,
+    Report, Room, Way,
 };
 use embedded_io::Write;
 use heapless::Vec;
@@ -20,9 +21,22 @@ impl<B: Board> App<B> {
             return self.take_stale(sequence, &command, newest);
         }
         self.sequence = Some(sequence);
+        let began_us = self.board.now_us();
         let report = self.answer(command);
         self.session.counters.frames = self.session.counters.frames.wrapping_add(1);
-        self.send(sequence, &report)
+        self.send(sequence, &report)?;
+        self.time(&report, began_us);
+        Ok(())
+    }
+
+    /// The beams of a scan, on the line now, have been worked on since then.
+    fn time(&mut self, report: &Report, began_us: Option<u32>) {
+        if let Report::Beams { frame, .. } = report
+            && let (Some(began_us), Some(now_us)) = (began_us, self.board.now_us())
+        {
+            let whole = self.session.has_measured(*frame);
+            self.stopwatch.add(*frame, now_us.wrapping_sub(began_us), whole);
+        }
     }
 
     /// The number of the newest command, when this one was overtaken by it or is of an earlier
@@ -63,6 +77,8 @@ impl<B: Board> App<B> {
             FrameError::Cobs => &mut counters.cobs_failures,
             FrameError::TooLong => &mut counters.overflows,
             FrameError::Body { .. } => &mut counters.unintelligible,
+            // Its own, given back. An answer to it would come back, too, and so on.
+            FrameError::Echo { .. } => &mut counters.echoes,
         };
         *counter = counter.wrapping_add(1);
         match error {
@@ -83,6 +99,11 @@ impl<B: Board> App<B> {
             }
             Answer::Take { frame, from, packed } => self.take_codes(frame, from, packed),
             Answer::TellRoom => Report::Room(self.room()),
+            Answer::SetDeadline { scan_us } => {
+                self.stopwatch.set_deadline(scan_us);
+                self.times()
+            }
+            Answer::TellTimes => self.times(),
             Answer::Save { settings, hash } => self.save(&settings, hash),
             Answer::Forget => self.forget(),
         }
@@ -106,6 +127,10 @@ impl<B: Board> App<B> {
         let waiting = self.board.link_buffer() / MAX_FRAME;
         let frames = u16::try_from(waiting.saturating_add(1)).unwrap_or(u16::MAX);
         Room { codes: MAX_CODES as u32, frames }
+    }
+
+    fn times(&mut self) -> Report {
+        Report::Times(self.stopwatch.times(self.board.now_us().is_some()))
     }
 
     /// Fires the beams and reports their echoes under the name of the settings that made them.
@@ -246,9 +271,13 @@ impl<B: Board> App<B> {
 
     fn send(&mut self, sequence: u16, report: &Report) -> Result<(), LinkLost> {
         // Every report fits: beams are bounded by BEAMS_PER_REPORT, which a test fills.
-        let Ok(bytes) = echoloop_link::encode(sequence, report, &mut self.transmit) else {
-            return Ok(());
+        // Whoever said another hello may be older than the mark, and must read why it is refused.
+        let way = match report {
+            Report::Hello { .. } if !self.session.is_open() => Way::ToSensor,
+            _ => Report::WAY,
         };
+        let bytes = echoloop_link::encode_for(way, sequence, report, &mut self.transmit);
+        let Ok(bytes) = bytes else { return Ok(()) };
         let link = self.board.link();
         write_all(link, bytes)?;
         link.flush().map_err(|_| LinkLost)

@@ -5,6 +5,7 @@
 //! | link | USART1: PA9 sends, PA10 receives, 921,600 baud |
 //! | log | RTT, and USART2: PA2 sends, 921,600 baud |
 //! | settings | sectors 1 and 2 of the flash |
+//! | clock of the scans' times | timer 5 |
 //! | front end | none: a board with a laser and a converter puts its own in [`FrontEnd`]'s place |
 //!
 //! Without one the host sends the waveforms (`--front-end host`).
@@ -22,6 +23,7 @@ use stm32f4xx_hal::watchdog::IndependentWatchdog;
 use crate::file::File;
 use crate::flash::Flash;
 use crate::link::{BAUD, HELD, Link};
+use crate::microseconds::Microseconds;
 use crate::registers::Registers;
 use crate::store::Store;
 use crate::watchdog::Watchdog;
@@ -36,6 +38,7 @@ pub struct Stm32f405 {
     link: Link,
     store: Store,
     watchdog: Watchdog,
+    clock: Microseconds,
     restarts: u32,
 }
 
@@ -70,7 +73,8 @@ impl Stm32f405 {
             (Store::Flash(Flash::new(Registers(part.FLASH))), Watchdog::start(watchdog))
         };
         start(&mut core.SYST);
-        Some(Self { front_end: FrontEnd, link, store, watchdog, restarts })
+        let clock = Microseconds::start(part.TIM5, &mut rcc, emulated);
+        Some(Self { front_end: FrontEnd, link, store, watchdog, clock, restarts })
     }
 
     /// Sleeps until a byte comes on the link, or a tick.
@@ -150,6 +154,10 @@ impl Board for Stm32f405 {
 
     fn link_buffer(&self) -> usize {
         HELD
+    }
+
+    fn now_us(&mut self) -> Option<u32> {
+        Some(self.clock.now())
     }
 
     fn samples(&mut self, _codes: &mut [u16]) -> bool {

@@ -42,6 +42,8 @@ pub mod link;
 #[cfg(stm32f405)]
 pub mod log;
 #[cfg(stm32f405)]
+mod microseconds;
+#[cfg(stm32f405)]
 mod registers;
 #[cfg(stm32f405)]
 mod store;

@@ -13,11 +13,12 @@ mod clock;
 mod fed;
 
 use std::fs;
-use std::time::Duration;
+use std::thread;
+use std::time::{Duration, Instant};
 
 use echoloop_dsp::Settings;
 use echoloop_host::link::client::{Client, ClientError, RetryPolicy};
-use echoloop_link::{Command, Greeting, MAX_FRAME, Nack, encode, settings_hash};
+use echoloop_link::{Command, Greeting, MAX_FRAME, Nack, Report, Times, encode, settings_hash};
 use echoloop_tests::faults::{Faulty, Rates};
 use echoloop_tests::gdb::Gdb;
 use echoloop_tests::target::symbol;
@@ -64,7 +65,7 @@ fn settings_outlive_the_power_wherever_in_a_save_it_goes() {
         let save = Command::Save { hash };
         client.transport_mut().send(encode(100, &save, &mut [0; MAX_FRAME]).unwrap()).unwrap();
         // From at once to 3 ms: soonest the save has not begun, latest it is done.
-        std::thread::sleep(Duration::from_micros(25 * (round * round) as u64));
+        thread::sleep(Duration::from_micros(25 * (round * round) as u64));
         drop(client); // the emulator is killed
         let found = connect(&options).read_settings().unwrap();
         assert!(found == before || found == wanted, "round {round}: {found:?}");
@@ -172,6 +173,29 @@ fn it_finds_in_2048_waveforms_what_the_pc_finds() {
     assert!(echoes > waveforms / 4, "{echoes} echoes of {waveforms} waveforms compare little");
     let lines = log(&options.image, &fs::read(fed.board.log_file()).unwrap());
     assert!(!lines.iter().any(|line| line.contains("lost")), "{lines:?}");
+}
+
+#[test]
+fn its_clock_counts_microseconds() {
+    const COUNTER: u32 = 0x4000_0C24;
+    let Some((mut options, folder)) = board() else { return };
+    let socket = with_gdb(&mut options, &folder);
+    let begun = Instant::now();
+    let mut fed = Fed::of(start_and_wait(&options));
+    let set = fed.ask(&[Command::SetDeadline { scan_us: 100_000 }]).pop();
+    let expected = Times { clock: true, deadline_us: 100_000, ..Times::default() };
+    assert_eq!(set, Some(Report::Times(expected)));
+    let now_us = || {
+        let mut gdb = Gdb::connect(&socket).unwrap(); // it stands still meanwhile
+        let bytes = gdb.read(COUNTER, 4).unwrap();
+        gdb.detach().unwrap();
+        u32::from_le_bytes(bytes.try_into().unwrap())
+    };
+    let before = now_us();
+    thread::sleep(Duration::from_millis(300));
+    let passed = now_us().wrapping_sub(before);
+    let most = begun.elapsed().as_micros();
+    assert!(passed > 250_000 && u128::from(passed) < most, "{passed} µs of 300 ms to {most} µs");
 }
 
 #[test]

@@ -10,7 +10,7 @@ use echoloop_dsp::{Echoes, Hardware, Refusal, ScanPattern, Settings};
 use echoloop_files::shown;
 use echoloop_link::{
     BEAMS_PER_REPORT, Command, Counters, Decoder, Greeting, MAX_FRAME, Nack, Noise, Report, Room,
-    frame, settings_hash,
+    Times, Way, frame, settings_hash,
 };
 use thiserror::Error;
 
@@ -36,6 +36,17 @@ pub enum ClientError {
         tries: u32,
         /// How long each.
         timeout: Duration,
+    },
+    /// It did not answer, and what was sent came back.
+    #[error(
+        "no answer from the sensor to {command}, but {echoes} frames of our own: the line echoes. \
+         Are its two wires joined, or is it one wire for both ways?"
+    )]
+    Echo {
+        /// What was asked.
+        command: &'static str,
+        /// Frames that came back.
+        echoes: u32,
     },
     /// It speaks another version.
     #[error(
@@ -142,6 +153,8 @@ pub struct Client<T> {
     /// An answer was lost, or the sensor knows nothing of a session: say hello and read back before
     /// going on.
     unsure: bool,
+    /// Frames of our own that came back since the last command was numbered.
+    echoes: u32,
 }
 
 impl<T: Transport> Client<T> {
@@ -189,6 +202,7 @@ impl<T: Transport> Client<T> {
             settings,
             on_trial,
             unsure,
+            echoes: 0,
         };
         client.read_settings()?; // unsure, it says hello first
         Ok(client)
@@ -268,6 +282,31 @@ impl<T: Transport> Client<T> {
         match self.ask(&Command::ReadCounters)? {
             Report::Counters(counters) => Ok(counters),
             _ => Err(ClientError::Unexpected { command: "read counters" }),
+        }
+    }
+
+    /// Says how long a scan may take, µs, 0: as long as it likes, and begins to count anew.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError`].
+    pub fn set_deadline(&mut self, scan_us: u32) -> Result<Times, ClientError> {
+        self.ask_times(&Command::SetDeadline { scan_us })
+    }
+
+    /// How long scans have taken the sensor since its deadline was set.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError`].
+    pub fn read_times(&mut self) -> Result<Times, ClientError> {
+        self.ask_times(&Command::ReadTimes)
+    }
+
+    fn ask_times(&mut self, command: &Command<'_>) -> Result<Times, ClientError> {
+        match self.ask(command)? {
+            Report::Times(times) => Ok(times),
+            _ => Err(ClientError::Unexpected { command: name(command) }),
         }
     }
 
@@ -502,6 +541,7 @@ impl<T: Transport> Client<T> {
         frame: &'a mut [u8; MAX_FRAME],
     ) -> Result<&'a [u8], ClientError> {
         self.sequence = self.sequence.wrapping_add(1);
+        self.echoes = 0;
         let frame = echoloop_link::encode(self.sequence, command, frame);
         frame.map_err(|error| io::Error::new(io::ErrorKind::InvalidInput, error).into())
     }
@@ -509,6 +549,9 @@ impl<T: Transport> Client<T> {
     /// It was asked often enough.
     fn silent(&mut self, command: &'static str) -> ClientError {
         self.unsure = true;
+        if self.echoes > 0 {
+            return ClientError::Echo { command, echoes: self.echoes };
+        }
         let RetryPolicy { timeout, tries } = self.retry_policy;
         ClientError::Silent { command, tries, timeout }
     }
@@ -524,11 +567,15 @@ impl<T: Transport> Client<T> {
             let length = self.transport.receive(&mut chunk, left)?;
             let mut answers = Vec::new();
             for &byte in &chunk[..length] {
-                if let Some(Ok(frame)) = self.decoder.push(byte)
-                    && let Ok((sequence, body)) = echoloop_link::open(frame)
-                    && awaited(sequence)
-                {
-                    answers.extend(read(body)?.map(|report| (sequence, report)));
+                let Some(Ok(frame)) = self.decoder.push(byte) else { continue };
+                match echoloop_link::open(frame) {
+                    Ok((Way::ToSensor, _, body)) if !answers_another_hello(body) => {
+                        self.echoes = self.echoes.saturating_add(1);
+                    }
+                    Ok((_, sequence, body)) if awaited(sequence) => {
+                        answers.extend(read(body)?.map(|report| (sequence, report)));
+                    }
+                    _ => {} // broken, or an answer to another question
                 }
             }
             if length == 0 || !answers.is_empty() || left.is_zero() {
@@ -536,6 +583,12 @@ impl<T: Transport> Client<T> {
             }
         }
     }
+}
+
+/// Whether it is an answer to a hello, of a sensor whose protocol is not ours: it has not the mark
+/// of its way.
+fn answers_another_hello(body: &[u8]) -> bool {
+    Greeting::from_answer(body).is_some_and(|theirs| theirs != Greeting::OURS)
 }
 
 /// A report of this schema; `None` of another. A greeting is understood whatever follows it.
@@ -562,5 +615,7 @@ fn name(command: &Command<'_>) -> &'static str {
         Command::Forget => "forget",
         Command::ReadRoom => "read room",
         Command::Waveforms { .. } => "waveforms",
+        Command::SetDeadline { .. } => "set deadline",
+        Command::ReadTimes => "read times",
     }
 }

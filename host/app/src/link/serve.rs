@@ -3,6 +3,7 @@
 
 use std::io;
 use std::sync::Arc;
+use std::time::Instant;
 
 use echoloop_dsp::{Hardware, ScanPattern};
 use echoloop_frontend::SceneResponse;
@@ -43,10 +44,13 @@ impl Viewpoints {
         Self { front_end, pattern, hardware, views, nothing, seed, noise: None, showing }
     }
 
-    /// The sensor with this front end.
+    /// The sensor with this front end, and this machine's clock.
     pub fn sensor(self) -> PcSensor<Self> {
         let (pattern, hardware) = (self.pattern, self.hardware);
-        PcSensor::new(self, pattern, hardware)
+        let mut sensor = PcSensor::new(self, pattern, hardware);
+        let began = Instant::now();
+        sensor.set_clock(move || began.elapsed().as_micros() as u32); // wraps, as it may
+        sensor
     }
 
     fn show(&mut self, number: u32, seed: u64) {

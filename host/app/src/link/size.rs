@@ -1,8 +1,7 @@
 //! How many bits a scan is on the link.
 
 use echoloop_dsp::Echoes;
-use echoloop_link::{BEAMS_PER_REPORT, Command, MAX_FRAME, Report, encode};
-use serde::Serialize;
+use echoloop_link::{BEAMS_PER_REPORT, Command, MAX_FRAME, Message, Report, encode};
 
 /// Bits of a scan both ways, from the delimiter before the first question to that behind the last
 /// answer: the frames of [`Client::scan`](super::client::Client::scan) on a line that loses
@@ -26,7 +25,7 @@ pub fn scan_bits(scan: &[Echoes], settings_hash: u32) -> u64 {
     8 * scan.chunks(BEAMS_PER_REPORT).enumerate().map(beams_of).sum::<u64>()
 }
 
-fn bytes(sequence: u16, message: &impl Serialize) -> u64 {
+fn bytes(sequence: u16, message: &impl Message) -> u64 {
     let mut frame = [0; MAX_FRAME];
     // Every message of a scan fits: tests/tests/wire.rs fills the fullest.
     encode(sequence, message, &mut frame).map_or(0, |frame| frame.len() as u64)
