@@ -55,6 +55,16 @@ enum Task {
         #[arg(long, default_value_t = 100_000)]
         waveforms: u32,
     },
+    /// The long storm: a program that tunes a sensor over a line that does six harms to one message
+    /// in twenty each.
+    Storm {
+        /// Frames to send and answers to get.
+        #[arg(long, default_value_t = 10_000_000)]
+        frames: u64,
+        /// Decides all of it.
+        #[arg(long, default_value_t = 41)]
+        seed: u64,
+    },
     /// Bytes nobody chose, on the link, in the flash and to every reader: every fuzz target for a
     /// while.
     Fuzz {
@@ -97,6 +107,7 @@ fn main() -> Result<()> {
         Task::Firmware { target, verbose } => firmware::run(&target, verbose),
         Task::Bench => cargo(["bench", "--workspace"]),
         Task::OnTarget { waveforms } => on_target(waveforms),
+        Task::Storm { frames, seed } => storm(frames, seed),
         Task::Fuzz { target, seconds } => fuzz::run(target.as_deref(), seconds),
         Task::Attack(asked) => attack::run(&asked),
         Task::Cost { update } => cost::run(update),
@@ -158,6 +169,15 @@ fn on_target(waveforms: u32) -> Result<()> {
         "--nocapture",
     ]);
     succeed(command.env("ECHOLOOP_WAVEFORMS", waveforms.to_string()))
+}
+
+/// Built as the tests are, so that numbers that overflow panic.
+fn storm(frames: u64, seed: u64) -> Result<()> {
+    let mut command = cargo_command()?;
+    command.args(["test", "--package", "echoloop-tests", "--test", "link_fuzz", "a_storm_of"]);
+    command.args(["--", "--nocapture"]);
+    command.env("ECHOLOOP_FRAMES", frames.to_string());
+    succeed(command.env("ECHOLOOP_SEED", seed.to_string()))
 }
 
 /// Tests skip what they cannot do, aloud; this says it before they begin.
