@@ -1253,3 +1253,47 @@ fn an_interrupted_or_killed_run_goes_on_to_the_very_result_of_one_that_was_not()
         }
     }
 }
+
+#[test]
+fn a_rate_goes_with_the_clock_and_against_beams_samples_and_shots() {
+    let fixture = Fixture::new();
+    let ask = |more: &[&str]| {
+        let line = [&["rate", "--json", "--set", "scanner.columns=96"][..], more].concat();
+        fixture.succeed(&line).json()
+    };
+    let usual = ask(&[]);
+    assert_eq!([&usual["beams"], &usual["samples"], &usual["taps"]], [6_144, 800, 11]);
+    let of = |rate: &serde_json::Value, what: &str| {
+        let processors = rate["processors"].as_array().expect("a list").clone();
+        assert!(processors.len() >= 4, "{rate}");
+        processors.iter().map(|one| one[what].as_f64().expect("a number")).collect::<Vec<_>>()
+    };
+    let ratio = |more: &[&str], what: &str| {
+        let pairs = of(&ask(more), what).into_iter().zip(of(&usual, what));
+        pairs.map(|(new, old)| new / old).collect::<Vec<_>>()
+    };
+    let near = |ratios: Vec<f64>, expected: f64| {
+        assert!(ratios.iter().all(|ratio| (ratio - expected).abs() < 1e-9), "{ratios:?}");
+    };
+    near(ratio(&["--hz", "20"], "clock_mhz_needed"), 2.0);
+    near(ratio(&["--hz", "20"], "scans_a_second"), 1.0);
+    near(ratio(&["--set", "scanner.columns=192"], "scans_a_second"), 0.5);
+    near(ratio(&["--cycles-per-instruction", "3"], "scans_a_second"), 0.5);
+    for more in ["lidar.waveform_resolution=1600", "lidar.shots=4"] {
+        let ratios = ratio(&["--set", more], "scans_a_second");
+        assert!(ratios.iter().all(|&ratio| ratio < 0.75), "{more}: {ratios:?}");
+    }
+    for (key, expected) in [("lidar.shots=4", 0.25), ("scanner.columns=192", 0.5)] {
+        let light = ask(&["--set", key])["light_scans_a_second"].as_f64().expect("a number");
+        let before = usual["light_scans_a_second"].as_f64().expect("a number");
+        assert!((light / before - expected).abs() < 1e-9, "{key}");
+    }
+    let text = fixture.succeed(&["rate"]).stdout;
+    for part in ["cortex-m4", "STM32F405", "at 115200 baud", "12288 beams of 800 samples"] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+    for (flag, wrong) in [("--hz", "0"), ("--echoes", "5"), ("--cycles-per-instruction", "-1")] {
+        fixture.refuses(&["rate", flag, wrong], &[flag]);
+    }
+    fixture.refuses(&["rate", "--set", "lidar.pulse_width=15"], &["pulse_width"]);
+}

@@ -122,6 +122,23 @@ fn an_emulated_board_that_gets_waveforms_over_its_uart_gives_the_numbers_of_the_
     assert!(on_pc["summary"]["mean_points"].as_f64() > Some(50.0), "{on_pc}");
 }
 
+#[test]
+fn an_emulated_board_says_whether_its_scans_are_in_time() {
+    let Some(image) = image() else { return };
+    let fixture = Fixture::new();
+    let ask = |hz: &str| {
+        let few = ["scanner.columns=8", "scanner.rows=4", "lidar.waveform_resolution=400"];
+        let few = few.map(|set| ["--set", set]).concat();
+        let line = [&["rate", "--json", "--scans", "2", "--hz", hz][..], &few].concat();
+        let board = ["--sensor", "qemu", "--firmware", &image, "--front-end", "host"];
+        fixture.succeed(&[&line[..], &board].concat()).json()["measured"].clone()
+    };
+    let (fast, slow) = (ask("10000"), ask("0.001"));
+    assert_eq!([&fast["scans"], &fast["late"], &fast["deadline_us"]], [2, 2, 100], "{fast}");
+    assert_eq!([&slow["scans"], &slow["late"]], [2, 0], "{slow}");
+    assert!(slow["longest_us"].as_u64() >= slow["last_us"].as_u64(), "{slow}");
+}
+
 /// Processes that another has started.
 fn children(parent: u32) -> Vec<u32> {
     let list = |task: PathBuf| fs::read_to_string(task.join("children")).unwrap_or_default();

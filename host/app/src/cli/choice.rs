@@ -48,6 +48,11 @@ impl SensorChoice {
         Self { sensor, front_end: FrontEndAt::Sensor, firmware: None, sensor_log: None }
     }
 
+    /// Whether it is the firmware in this program.
+    pub(super) fn is_in_process(&self) -> bool {
+        matches!(self.sensor, SensorSpec::InProcess)
+    }
+
     /// The sensors asked for; none is opened yet.
     pub(super) fn sensors(&self, model: Model) -> Result<Sensors, Failure> {
         let is_qemu = matches!(self.sensor, SensorSpec::Qemu(_));

@@ -27,6 +27,7 @@ mod pairs;
 mod parameter_table;
 mod prepared;
 mod progress;
+mod rate;
 mod ready;
 mod register;
 mod report;
@@ -133,6 +134,13 @@ enum Command {
     /// which checks them itself; of a configuration file, all of [lidar] is sent. With neither,
     /// nothing is changed.
     Sensor(sensor::SensorArgs),
+    /// How many scans a second a processor, a line and the light allow, with this configuration's
+    /// beams and settings.
+    ///
+    /// Instructions are those of `cargo xtask cost`, counted in an emulator and fitted. With
+    /// --sensor qemu or serial the sensor is asked as well: it times its scans itself, and counts
+    /// those that take longer than --hz allows.
+    Rate(rate::RateArgs),
     /// Be a sensor on a serial port, to rehearse `--sensor serial:` with.
     ///
     /// The sensor shows viewpoint n for scan n: those of the configuration's pairs, numbered as
@@ -238,6 +246,7 @@ impl Cli {
             Command::Echoes(args) => echoes::run(&args),
             Command::Roads(args) => roads::run(&args),
             Command::Sensor(args) => sensor::run(&args),
+            Command::Rate(args) => rate::run(&args),
             Command::Serve(args) => serve::run(&args),
             Command::Config(args) => config::run(&args),
             Command::Completions { shell } => {

@@ -18,12 +18,41 @@ use nalgebra::{DMatrix, DVector};
 
 use super::record::{CASES, Case, Load};
 
-/// Instructions a waveform.
+/// Instructions a waveform on the reference processor.
 pub(super) fn instructions(load: &Load) -> f64 {
-    let of = |stages: &[Stage]| stages.iter().map(|stage| stage.instructions(load)).sum::<f64>();
-    let [shot, sum] = [&SHOTS[..1], &SHOTS[1..]].map(of);
-    let summed = if load.shots > 1.0 { load.shots * shot + sum } else { 0.0 };
-    summed + of(&PIPELINE)
+    REFERENCE.instructions(load)
+}
+
+static REFERENCE: LazyLock<Model> = LazyLock::new(|| Model::fitted(&CASES));
+
+/// The stages of a processor, fitted.
+pub(super) struct Model {
+    shot: Stage,
+    sum: Stage,
+    /// From a waveform to its echoes.
+    pipeline: Vec<Stage>,
+}
+
+impl Model {
+    /// Fitted to what was counted.
+    pub(super) fn fitted(cases: &[Case]) -> Self {
+        let of_shots: Terms = |load| vec![1.0, load.samples];
+        let pipeline = OF_PIPELINE.iter().map(|(name, terms)| Stage::fitted(name, *terms, cases));
+        Self {
+            shot: Stage::fitted("shot", of_shots, cases),
+            sum: Stage::fitted("sum", of_shots, cases),
+            pipeline: pipeline.collect(),
+        }
+    }
+
+    /// Instructions a waveform.
+    pub(super) fn instructions(&self, load: &Load) -> f64 {
+        let summed = match load.shots > 1.0 {
+            true => load.shots * self.shot.instructions(load) + self.sum.instructions(load),
+            false => 0.0,
+        };
+        summed + self.pipeline.iter().map(|stage| stage.instructions(load)).sum::<f64>()
+    }
 }
 
 /// What a stage's instructions are a sum of.
@@ -59,12 +88,6 @@ impl Stage {
     }
 }
 
-/// Before there is one waveform.
-static SHOTS: LazyLock<Vec<Stage>> = LazyLock::new(|| {
-    let terms: Terms = |load| vec![1.0, load.samples];
-    ["shot", "sum"].map(|name| Stage::fitted(name, terms, &CASES)).into()
-});
-
 const OF_PIPELINE: [(&str, Terms); 5] = [
     ("statistics", |load| vec![1.0, load.samples - load.near_samples]),
     ("baseline", |load| vec![1.0, load.samples, load.near_samples]),
@@ -76,11 +99,6 @@ const OF_PIPELINE: [(&str, Terms); 5] = [
         vec![echoes, echoes * load.taps, several, several * echoes, near]
     }),
 ];
-
-/// From a waveform to its echoes.
-static PIPELINE: LazyLock<Vec<Stage>> = LazyLock::new(|| {
-    OF_PIPELINE.iter().map(|(name, terms)| Stage::fitted(name, *terms, &CASES)).collect()
-});
 
 #[cfg(test)]
 mod tests {

@@ -10,6 +10,7 @@
 
 mod instructions;
 mod kind;
+mod processor;
 mod record;
 
 use echoloop_dsp::hardware::SPEED_OF_LIGHT_M_S;
@@ -20,6 +21,7 @@ use serde::{Deserialize, Serialize};
 use crate::link::size::scan_bits;
 use instructions::instructions;
 pub use kind::CostKind;
+pub use processor::Processor;
 use record::Load;
 
 /// What a scan costs.

@@ -5,11 +5,10 @@ use std::sync::LazyLock;
 
 use echoloop_dsp::{DetectorConfig, Hardware, Settings};
 
+use super::processor::Processor;
+
 /// `cargo xtask cost --update` writes it.
 const TABLE: &str = include_str!("../../../../../firmware/image/cost.tsv");
-
-/// Whose instructions count: what a sensor runs on that has the fastest loops.
-const PROCESSOR: [&str; 2] = ["cortex-m4", "dual_multiply"];
 
 /// A waveform that was counted.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,18 +60,17 @@ impl Load {
     }
 }
 
-/// What was counted, waveform by waveform.
-pub(super) static CASES: LazyLock<Vec<Case>> = LazyLock::new(|| cases(TABLE));
+/// What was counted on the reference processor, waveform by waveform.
+pub(super) static CASES: LazyLock<Vec<Case>> = LazyLock::new(|| cases(&Processor::REFERENCE));
 
-fn cases(table: &'static str) -> Vec<Case> {
+/// What was counted on a processor, waveform by waveform.
+pub(super) fn cases(processor: &Processor) -> Vec<Case> {
     let mut cases: Vec<Case> = Vec::new();
-    for line in table.lines() {
+    for line in TABLE.lines() {
         let fields: Vec<&str> = line.split('\t').collect();
-        let [processor, kernel, name, stage, instructions] = fields[..] else { continue };
-        let (true, Ok(instructions)) = ([processor, kernel] == PROCESSOR, instructions.parse())
-        else {
-            continue;
-        };
+        let [of, loops, name, stage, instructions] = fields[..] else { continue };
+        let is_its_own = [of, loops] == [processor.name, processor.loops];
+        let (true, Ok(instructions)) = (is_its_own, instructions.parse()) else { continue };
         match cases.iter_mut().find(|case| case.name == name) {
             Some(case) => drop(case.stages.insert(stage, instructions)),
             None => cases.extend(load(name).map(|load| Case {

@@ -1,0 +1,83 @@
+//! Processors whose instructions were counted, and how many scans a second they hold.
+
+use std::sync::LazyLock;
+
+use echoloop_dsp::{Hardware, Settings};
+
+use super::instructions::Model;
+use super::record::{Load, cases};
+
+/// A processor, with the fastest loops there are for it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Processor {
+    /// As in `firmware/image/cost.tsv`.
+    pub name: &'static str,
+    /// Its loops, as there.
+    pub loops: &'static str,
+    /// A part that has it.
+    pub part: &'static str,
+    /// The fastest clock of that part, by its data sheet, MHz.
+    pub clock_mhz: f64,
+}
+
+impl Processor {
+    /// The one whose instructions a search counts.
+    pub const REFERENCE: Self =
+        Self { name: "cortex-m4", loops: "dual_multiply", part: "STM32F405", clock_mhz: 168.0 };
+
+    /// All of them, the slowest part first.
+    pub const ALL: [Self; 4] = [
+        Self { name: "rv32imac", loops: "scalar", part: "GD32VF103", clock_mhz: 108.0 },
+        Self::REFERENCE,
+        Self { name: "cortex-m33", loops: "dual_multiply", part: "STM32H563", clock_mhz: 250.0 },
+        Self { name: "cortex-m7", loops: "dual_multiply", part: "STM32H723", clock_mhz: 550.0 },
+    ];
+
+    /// Instructions of the detector for a beam, all its shots together, with so many echoes;
+    /// `None` of settings that are refused.
+    pub fn instructions(
+        &self,
+        settings: &Settings,
+        hardware: &Hardware,
+        echoes: u32,
+    ) -> Option<f64> {
+        let near_mm = if settings.gain_slope_mdb_m == 0 { 0 } else { settings.gain_range_mm };
+        let near_echoes = if near_mm > 0 { f64::from(echoes.min(1)) } else { 0.0 };
+        let load = Load::new(settings, hardware, [echoes.into(), near_echoes])?;
+        let models = MODELS.iter().find(|(processor, _)| processor == self)?;
+        Some(models.1.instructions(&load))
+    }
+}
+
+static MODELS: LazyLock<Vec<(Processor, Model)>> = LazyLock::new(|| {
+    Processor::ALL.map(|processor| (processor, Model::fitted(&cases(&processor)))).into()
+});
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_every_processor_the_model_is_within_six_percent_of_what_was_counted() {
+        for (processor, model) in MODELS.iter() {
+            let cases = cases(processor);
+            assert!(cases.len() >= 8, "{} cases of {}", cases.len(), processor.name);
+            for case in &cases {
+                let off = model.instructions(&case.load) / case.stages["pipeline"] - 1.0;
+                assert!(off.abs() < 0.06, "{}, {}: {off:+.3}", processor.name, case.name);
+            }
+        }
+    }
+
+    #[test]
+    fn a_processor_takes_more_for_more_echoes_and_none_for_settings_that_are_refused() {
+        let hardware = Hardware::REFERENCE;
+        let settings = Settings { echoes: 4, ..Settings::default() };
+        for processor in Processor::ALL {
+            let of = |echoes| processor.instructions(&settings, &hardware, echoes).unwrap();
+            assert!(of(0) < of(1) && of(1) < of(4), "{}", processor.name);
+            let wrong = Settings { bins: 1, ..settings };
+            assert_eq!(processor.instructions(&wrong, &hardware, 1), None);
+        }
+    }
+}
