@@ -21,6 +21,8 @@
 #[cfg(dual_multiply)]
 mod dual_multiply;
 #[cfg(target_arch = "x86_64")]
+mod four_probes;
+#[cfg(target_arch = "x86_64")]
 mod x86;
 
 use echoloop_dsp::loops::Portable;

@@ -10,7 +10,9 @@ use core::arch::x86_64::{
 use core::mem::MaybeUninit;
 
 use echoloop_dsp::MAX_SAMPLES;
-use echoloop_dsp::statistics::{OrderStatistic, OrderStatistics, Statistics};
+use echoloop_dsp::statistics::{OrderStatistics, Statistics};
+
+use crate::four_probes;
 
 /// Samples a register holds as bytes.
 const LANES: usize = 32;
@@ -25,56 +27,14 @@ const _: () = assert!(REGISTERS <= u8::MAX as usize, "a byte counts one sample o
 ///
 /// The codes are written once as their distance from the guessed median, a byte each. Most noise
 /// fits; where it does not, or where a bound lies too far away, the codes themselves are counted.
-/// With a good guess one pass finds the median and one the deviation.
 #[inline]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
 pub(super) fn order_statistics(codes: &[u16], guess: &Statistics) -> OrderStatistics {
     let mut room = [const { MaybeUninit::uninit() }; REGISTERS];
     let near = Near::new(codes, guess.median, &mut room);
-    // From one waveform to the next the median moves by 1.9 deviations/√N, the deviation by 1.2:
-    // from 1,024 samples up, an eighth encloses most of them.
-    let stride = 1 + i32::from(guess.deviation) / 8;
-    let n = codes.len() as u32;
-    let median = search(|bounds| near.at_most(bounds), n, guess.median, stride);
-    let deviation = search(|bounds| near.within(median.value, bounds), n, guess.deviation, stride);
-    OrderStatistics { median, deviation }
-}
-
-/// The smallest value whose cumulative count reaches ⌈n/2⌉, with the counts below it and at it.
-///
-/// Four probes at a time: around the guess, then outwards in growing strides until the value is
-/// enclosed, then at fifths.
-#[inline(always)]
-fn search(
-    cumulative: impl Fn([i32; 4]) -> [u32; 4],
-    n: u32,
-    guess: u16,
-    stride: i32,
-) -> OrderStatistic {
-    // Invariant: cumulative(low) < ⌈n/2⌉ ≤ cumulative(high).
-    let (mut low, mut below) = (-1, 0);
-    let (mut high, mut up_to) = (0xffff, n);
-    let guess = i32::from(guess);
-    let mut probes = [guess - 1 - stride, guess - 1, guess, guess + stride];
-    let mut stride = stride;
-    while high - low > 1 {
-        for (probe, count) in probes.into_iter().zip(cumulative(probes)) {
-            if count < n.div_ceil(2) {
-                (low, below) = if probe > low { (probe, count) } else { (low, below) };
-            } else {
-                (high, up_to) = if probe < high { (probe, count) } else { (high, up_to) };
-            }
-        }
-        stride = (4 * stride).min(0x10000); // no code lies further
-        probes = if low < 0 && high > 5 * stride {
-            [8, 4, 2, 1].map(|i| high - i * stride)
-        } else if high == 0xffff && low < 0xffff - 5 * stride {
-            [1, 2, 4, 8].map(|i| low + i * stride)
-        } else {
-            [1, 2, 3, 4].map(|i| low + ((high - low) * i + 4) / 5)
-        };
-    }
-    OrderStatistic { value: high as u16, below, at: up_to - below }
+    let at_most = |bounds| near.at_most(bounds);
+    let within = |median, bounds| near.within(median, bounds);
+    four_probes::order_statistics(codes.len() as u32, guess, at_most, within)
 }
 
 /// A waveform, and its distances from a centre in bytes.
