@@ -1,13 +1,28 @@
-//! Says whether the target has the DSP extension's dual multiplications.
+//! Says which instructions the target has for the loops: cfg `dual_multiply` or `mve`.
 
 use std::env;
 
+/// Processors with the vector unit for integers, MVE.
+const WITH_MVE: [&str; 3] = ["cortex-m52", "cortex-m55", "cortex-m85"];
+
 fn main() {
     println!("cargo:rerun-if-changed=build.rs");
-    println!("cargo:rustc-check-cfg=cfg(dual_multiply)");
-    // Stable hides target_feature = "dsp", so the target's name has to say it.
+    println!("cargo:rustc-check-cfg=cfg(dual_multiply, mve)");
+    // Stable hides target_feature = "dsp" and "mve", so what the compiler was told has to say it.
     let target = env::var("TARGET").unwrap_or_default();
-    if target.starts_with("thumbv7em") || target.starts_with("thumbv8m.main") {
+    let arguments = env::var("CARGO_ENCODED_RUSTFLAGS").unwrap_or_default();
+    let is_armv8_main = target.starts_with("thumbv8m.main");
+    // A part that was made without the unit: -C target-feature=-mve.
+    let has_mve = WITH_MVE.contains(&processor(&arguments)) && !arguments.contains("-mve");
+    if is_armv8_main && has_mve {
+        println!("cargo:rustc-cfg=mve");
+    } else if is_armv8_main || target.starts_with("thumbv7em") {
         println!("cargo:rustc-cfg=dual_multiply");
     }
+}
+
+/// The last `-C target-cpu` among the compiler's arguments; empty without one.
+fn processor(arguments: &str) -> &str {
+    let named = arguments.split('\x1f').filter_map(|argument| argument.split_once("target-cpu="));
+    named.last().map_or("", |(_, processor)| processor)
 }

@@ -12,6 +12,7 @@
 //! |---|---|
 //! | x86-64-v3 | `x86`: the same source compiled once more, and what AVX2 does better by hand |
 //! | Armv7E-M, Armv8-M with the DSP extension | `dual_multiply`: two samples an instruction |
+//! | Armv8.1-M with MVE (`-C target-cpu=cortex-m55`) | `mve`: eight samples an instruction |
 //! | any other | [`echoloop_dsp::loops::Portable`], [`echoloop_dsp::loops::Scalar`] |
 //!
 //! All of them give the same bytes; tests compare them.
@@ -20,8 +21,10 @@
 
 #[cfg(dual_multiply)]
 mod dual_multiply;
-#[cfg(target_arch = "x86_64")]
+#[cfg(any(mve, target_arch = "x86_64"))]
 mod four_probes;
+#[cfg(mve)]
+mod mve;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
@@ -32,28 +35,43 @@ use echoloop_dsp::{Echoes, Pipeline, Scratch};
 pub use dual_multiply::{DualMultiply, count};
 #[cfg(not(dual_multiply))]
 pub use echoloop_dsp::statistics::count;
+#[cfg(mve)]
+pub use mve::Mve;
 #[cfg(target_arch = "x86_64")]
 pub use x86::{process, process_compiled};
 
-/// Whether this processor multiplies two samples at a time: Armv7E-M, or Armv8-M with the DSP
-/// extension.
-pub const HAS_DUAL_MULTIPLY: bool = cfg!(dual_multiply);
+/// The fastest loops of a microcontroller.
+#[cfg(mve)]
+pub type Fastest = Mve;
 
 /// The fastest loops of a microcontroller.
 #[cfg(dual_multiply)]
 pub type Fastest = DualMultiply;
 
 /// The fastest loops of a microcontroller.
+#[cfg(not(any(dual_multiply, mve)))]
+pub type Fastest = echoloop_dsp::loops::Scalar;
+
+/// The fastest loops of a microcontroller.
+#[cfg(mve)]
+pub const FASTEST: Fastest = Mve;
+
+/// The fastest loops of a microcontroller.
 #[cfg(dual_multiply)]
 pub const FASTEST: Fastest = DualMultiply;
 
 /// The fastest loops of a microcontroller.
-#[cfg(not(dual_multiply))]
-pub type Fastest = echoloop_dsp::loops::Scalar;
-
-/// The fastest loops of a microcontroller.
-#[cfg(not(dual_multiply))]
+#[cfg(not(any(dual_multiply, mve)))]
 pub const FASTEST: Fastest = echoloop_dsp::loops::Scalar;
+
+/// What [`FASTEST`] is made of, as benches/record/cost.md has it; `None` where it is plain Rust.
+pub const OWN_INSTRUCTIONS: Option<&str> = if cfg!(mve) {
+    Some("mve")
+} else if cfg!(dual_multiply) {
+    Some("dual_multiply")
+} else {
+    None
+};
 
 /// [`Pipeline::process`] as compiled for the target's baseline.
 #[inline(always)]

@@ -2,6 +2,7 @@
 //! not.
 
 use echoloop_dsp::loops::{Portable, Scalar};
+use echoloop_dsp::peak::Peaks;
 use echoloop_dsp::statistics::Statistics;
 use echoloop_dsp::{Hardware, MAX_TAPS, Pipeline, SampleLoops, Scratch, Settings};
 use echoloop_kernels::FASTEST;
@@ -18,6 +19,7 @@ pub(crate) fn agree() -> Result<u32, &'static str> {
         baselines_agree(&mut random).then_some(()).ok_or("remove_baseline differs")?;
         filters_agree(&mut random).then_some(()).ok_or("correlate differs")?;
         thresholds_agree(&mut random).then_some(()).ok_or("reaches differs")?;
+        peaks_agree(&mut random).then_some(()).ok_or("peaks differ")?;
         counts_agree(&mut random).then_some(()).ok_or("count differs")?;
         order_statistics_agree(&mut random).then_some(()).ok_or("order statistics differ")?;
     }
@@ -28,7 +30,7 @@ pub(crate) fn agree() -> Result<u32, &'static str> {
     for case in &CASES {
         waveforms += echoes_agree(case)?;
     }
-    Ok(5 * LOOPS + waveforms)
+    Ok(6 * LOOPS + waveforms)
 }
 
 /// Codes of one kind: any, all extreme, narrow, or narrow with a few wild ones.
@@ -84,10 +86,12 @@ fn baselines_agree(random: &mut Random) -> bool {
 }
 
 fn filters_agree(random: &mut Random) -> bool {
-    let mut taps = [0i16; MAX_TAPS + 2];
+    let mut around = [0x5555; MAX_TAPS + 2]; // no taps
     let start = random.below(2) as usize;
-    let count = random.below(MAX_TAPS as u32 + 2) as usize;
-    let taps = &mut taps[start..(start + count).min(MAX_TAPS + 2)];
+    let most = [20, MAX_TAPS as u32 + 2][random.below(2) as usize];
+    let count = random.below(most) as usize;
+    let taps = &mut around[start..(start + count).min(MAX_TAPS + 2)];
+    taps.fill(0);
     fill_taps(taps, random);
     let mut padded = [0; 300];
     fill_q15(&mut padded, random);
@@ -128,6 +132,24 @@ fn thresholds_agree(random: &mut Random) -> bool {
         .all(|threshold| FASTEST.reaches(values, threshold) == Portable.reaches(values, threshold))
 }
 
+/// Hills of any steepness: noise that is held for some samples.
+fn peaks_agree(random: &mut Random) -> bool {
+    let mut values = [0; 150];
+    fill_q15(&mut values, random);
+    let (held, start) = (1 + random.below(9) as usize, random.below(4) as usize);
+    for i in 0..values.len() {
+        values[i] = values[i - i % held];
+    }
+    let values = &values[start..start + random.below(146) as usize];
+    let some = values.first().copied().unwrap_or(0);
+    [some, some / 2, random.next() as i16, i16::MIN, 1, i16::MAX].into_iter().all(|threshold| {
+        let (mut ours, mut portable) = (Peaks::new(), Peaks::new());
+        FASTEST.peaks(values, threshold, &mut ours);
+        Portable.peaks(values, threshold, &mut portable);
+        ours == portable
+    })
+}
+
 /// Bins and what lies behind them.
 fn counts_agree(random: &mut Random) -> bool {
     use echoloop_dsp::statistics::{self, BINS};
@@ -161,7 +183,9 @@ fn order_statistics_agree(random: &mut Random) -> bool {
     let codes = &codes[start..start + 1 + random.below(100) as usize];
     let near = codes[0].wrapping_add(random.below(100) as u16);
     let median = if random.below(2) == 0 { near } else { random.next() as u16 };
-    let guess = Statistics { median, deviation: random.below(100) as u16, ..Statistics::default() };
+    let any = random.next() as u16;
+    let deviation = [random.below(100) as u16, any, u16::MAX][random.below(3) as usize];
+    let guess = Statistics { median, deviation, ..Statistics::default() };
     let portable = Portable.order_statistics(codes, 0xfff, &guess);
     FASTEST.order_statistics(codes, 0xfff, &guess) == portable
         && Scalar.order_statistics(codes, 0xfff, &guess) == portable

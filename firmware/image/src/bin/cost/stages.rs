@@ -17,7 +17,7 @@ use echoloop_dsp::{
     DetectorConfig, Echo, Echoes, MAX_SAMPLES, MAX_TAPS, Pipeline, SampleLoops, Scratch,
 };
 use echoloop_image::measure::{Text, instructions};
-use echoloop_kernels::{FASTEST, HAS_DUAL_MULTIPLY};
+use echoloop_kernels::{FASTEST, OWN_INSTRUCTIONS};
 
 use crate::waveforms::{CASES, Case};
 
@@ -28,8 +28,8 @@ pub(crate) fn count(text: &mut Text) -> Result<(), &'static str> {
     for case in &CASES {
         count_with("portable", Portable, case, text)?;
         count_with("scalar", Scalar, case, text)?;
-        if HAS_DUAL_MULTIPLY {
-            count_with("dual_multiply", FASTEST, case, text)?;
+        if let Some(name) = OWN_INSTRUCTIONS {
+            count_with(name, FASTEST, case, text)?;
         }
     }
     Ok(())
