@@ -1,4 +1,5 @@
-//! Chooses board and linker script from the target.
+//! Chooses board and linker script from the target, and from the processor where a target has
+//! several.
 //!
 //! The linker looks for `memory.x` in the folder it is started in before all others, and cargo
 //! starts it in the workspace's root: the root's `memory.x`, the reference board's, always wins. So
@@ -9,7 +10,7 @@ use std::env;
 use std::path::Path;
 
 /// Boards, and what builds for them.
-const BOARDS: [(&str, &[&str]); 3] = [
+const BOARDS: [(&str, &[&str]); 4] = [
     (
         "mps2",
         &[
@@ -20,18 +21,25 @@ const BOARDS: [(&str, &[&str]); 3] = [
         ],
     ),
     ("an505", &["thumbv8m.main-none-eabi", "thumbv8m.main-none-eabihf"]),
+    ("an547", &[CORTEX_M55]),
     ("virt", &["riscv32imac-unknown-none-elf", "riscv32imc-unknown-none-elf"]),
 ];
+
+/// Stands for `thumbv8m.main-none-eabihf` with `-C target-cpu=cortex-m55`: the compiler has no
+/// target for Armv8.1-M.
+const CORTEX_M55: &str = "cortex-m55";
 
 fn main() {
     println!("cargo:rerun-if-changed=build.rs");
     println!("cargo:rerun-if-changed=link");
-    println!("cargo:rustc-check-cfg=cfg(board, values(\"mps2\", \"an505\", \"virt\"))");
+    println!("cargo:rustc-check-cfg=cfg(board, values(\"mps2\", \"an505\", \"an547\", \"virt\"))");
     let variable = |name: &str| env::var(name).unwrap_or_default();
     if variable("CARGO_CFG_TARGET_OS") != "none" {
         return; // on a PC the image is a program that says how to build it
     }
-    let target = variable("TARGET");
+    let arguments = variable("CARGO_ENCODED_RUSTFLAGS");
+    let is_cortex_m55 = arguments.split('\x1f').any(|a| a.ends_with("target-cpu=cortex-m55"));
+    let target = if is_cortex_m55 { CORTEX_M55.to_owned() } else { variable("TARGET") };
     let Some((board, _)) = BOARDS.iter().find(|(_, targets)| targets.contains(&target.as_str()))
     else {
         println!(
@@ -48,9 +56,9 @@ fn main() {
             println!("cargo:rerun-if-changed=../../memory.x");
             &["link.x"]
         }
-        "an505" => {
+        "an505" | "an547" => {
             println!("cargo:rustc-link-search={}", here.join("link").display());
-            &["link/an505.x"]
+            if *board == "an505" { &["link/an505.x"] } else { &["link/an547.x"] }
         }
         _ => &["link/virt.x", "link.x"],
     };

@@ -107,7 +107,7 @@ fn count() -> Result<Option<Table>> {
 /// that is an error.
 fn can_build() -> Result<bool> {
     for machine in &MACHINES {
-        match firmware::toolchain(machine.target) {
+        match firmware::toolchain(&machine.target) {
             Err(error) if env::var_os("CI").is_some() => return Err(error),
             Err(error) => {
                 eprintln!("SKIPPED: the cost on a microcontroller was not counted: {error:#}");
@@ -136,11 +136,12 @@ fn count_all() -> Result<Table> {
     let mut table = Table { measured_with: measured_with()?, figures: Vec::new() };
     let mut images = BTreeMap::new();
     for machine in &MACHINES {
-        if !images.contains_key(machine.target) {
-            let image = firmware::build("echoloop-image", "echoloop-cost", machine.target)?;
-            images.insert(machine.target, image);
+        let target = &machine.target;
+        if !images.contains_key(target.name) {
+            let image = firmware::build("echoloop-image", "echoloop-cost", target)?;
+            images.insert(target.name, image);
         }
-        let image = &images[machine.target];
+        let image = &images[target.name];
         let output =
             emulate(machine, image).with_context(|| format!("{} in QEMU", machine.processor))?;
         let figures = output.lines().filter_map(|line| line.strip_prefix("cost\t"));
@@ -194,7 +195,7 @@ fn emulate(machine: &Machine, image: &Path) -> Result<String> {
 
 /// Versions and date.
 fn measured_with() -> Result<String> {
-    let rustc = firmware::toolchain(MACHINES[0].target)?.version().to_owned();
+    let rustc = firmware::toolchain(&MACHINES[0].target)?.version().to_owned();
     let qemu = first_line("qemu-system-arm", &["--version"])?;
     let qemu = qemu.replace("QEMU emulator version", "QEMU");
     let qemu = qemu.split(" (").next().unwrap_or_default();

@@ -2,11 +2,13 @@
 
 use std::env;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
 
 use crate::image::{self, Map, Size};
 use crate::shell::{succeed, workspace};
+use crate::target::{ARMV6M, ARMV7EM, ARMV8M, CORTEX_M55, RV32, Target};
 use crate::toolchain::Toolchain;
 
 /// An image of the sensor's program.
@@ -16,7 +18,7 @@ pub(crate) struct Image {
     package: &'static str,
     program: &'static str,
     /// What it is built for.
-    pub(crate) target: &'static str,
+    pub(crate) target: Target,
     /// The script that begins with its board's memory map.
     map: &'static str,
     /// Exceptions that can interrupt each other: all others stay masked, or wait.
@@ -28,9 +30,9 @@ pub(crate) struct Image {
 
 impl Image {
     /// One for an emulated board.
-    const fn emulated(target: &'static str, map: &'static str, nested: u64) -> Self {
+    const fn emulated(target: Target, map: &'static str, nested: u64) -> Self {
         let (package, program) = ("echoloop-image", "echoloop-sensor");
-        Self { name: target, package, program, target, map, nested, by_constants: &[] }
+        Self { name: target.name, package, program, target, map, nested, by_constants: &[] }
     }
 
     /// Builds it.
@@ -39,7 +41,7 @@ impl Image {
     ///
     /// As [`build`].
     pub(crate) fn build(&self) -> Result<PathBuf> {
-        build(self.package, self.program, self.target)
+        build(self.package, self.program, &self.target)
     }
 }
 
@@ -47,16 +49,17 @@ impl Image {
 const FAULTS: u64 = 2;
 
 /// The images, the reference board's first.
-pub(crate) const IMAGES: [Image; 5] = [
-    Image::emulated("thumbv7em-none-eabihf", "memory.x", FAULTS),
-    Image::emulated("thumbv8m.main-none-eabihf", "firmware/image/link/an505.x", FAULTS),
-    Image::emulated("riscv32imac-unknown-none-elf", "firmware/image/link/virt.x", 1),
-    Image::emulated("thumbv6m-none-eabi", "memory.x", FAULTS),
+pub(crate) const IMAGES: [Image; 6] = [
+    Image::emulated(ARMV7EM, "memory.x", FAULTS),
+    Image::emulated(ARMV8M, "firmware/image/link/an505.x", FAULTS),
+    Image::emulated(CORTEX_M55, "firmware/image/link/an547.x", FAULTS),
+    Image::emulated(RV32, "firmware/image/link/virt.x", 1),
+    Image::emulated(ARMV6M, "memory.x", FAULTS),
     Image {
         name: "stm32f405",
         package: "echoloop-stm32f4",
         program: "echoloop-stm32f405",
-        target: "thumbv7em-none-eabihf",
+        target: ARMV7EM,
         map: "firmware/stm32f4/link/stm32f405.x",
         nested: FAULTS + 1, // the link's interrupt or the tick: of one priority
         by_constants: &["echoloop_stm32f4::clock::start", "echoloop_stm32f4::log::start"],
@@ -64,13 +67,10 @@ pub(crate) const IMAGES: [Image; 5] = [
 ];
 
 /// The target of `examples/own_firmware`.
-const COPIED: &str = IMAGES[0].target;
+const COPIED: &Target = &IMAGES[0].target;
 
 /// The profile of the images.
 const PROFILE: &str = "firmware";
-
-/// Where they are built.
-pub(crate) const TARGET_DIR: &str = "target/firmware";
 
 /// `rust-version` of the workspace.
 const AT_LEAST: (u32, u32) = (1, 93);
@@ -80,7 +80,7 @@ const AT_LEAST: (u32, u32) = (1, 93);
 /// # Errors
 ///
 /// When nothing here does.
-pub(crate) fn toolchain(target: &str) -> Result<Toolchain> {
+pub(crate) fn toolchain(target: &Target) -> Result<Toolchain> {
     Toolchain::find(target, AT_LEAST)
 }
 
@@ -95,7 +95,7 @@ pub(crate) fn for_tests(lint: bool) -> Result<()> {
     for target in targets() {
         match toolchain(target) {
             Ok(toolchain) => {
-                found.push(target.to_owned());
+                found.push(target.name.to_owned());
                 if lint && target == COPIED {
                     link_copied(&toolchain)?;
                 }
@@ -104,7 +104,7 @@ pub(crate) fn for_tests(lint: bool) -> Result<()> {
                     for package in ["echoloop-sensor", "echoloop-own-firmware"] {
                         clippy(&toolchain, target, package)?;
                     }
-                    for image in IMAGES.iter().filter(|image| image.target == target) {
+                    for image in IMAGES.iter().filter(|image| image.target == *target) {
                         clippy(&toolchain, target, image.package)?;
                     }
                 }
@@ -117,15 +117,13 @@ pub(crate) fn for_tests(lint: bool) -> Result<()> {
 }
 
 /// Every target once.
-fn targets() -> Vec<&'static str> {
-    let mut targets: Vec<&str> = IMAGES.iter().map(|image| image.target).collect();
-    let mut seen = Vec::new();
-    targets.retain(|target| {
-        !seen.contains(target) && {
-            seen.push(*target);
-            true
+fn targets() -> Vec<&'static Target> {
+    let mut targets: Vec<&Target> = Vec::new();
+    for Image { target, .. } in &IMAGES {
+        if !targets.contains(&target) {
+            targets.push(target);
         }
-    });
+    }
     targets
 }
 
@@ -134,16 +132,21 @@ fn link_copied(toolchain: &Toolchain) -> Result<()> {
     let mut command = toolchain.cargo(COPIED);
     command.current_dir(workspace()?).args(["build", "--quiet", "--bin", "own-firmware"]);
     command.args(["--package", "echoloop-own-firmware", "--profile", PROFILE]);
-    command.args(["--target", COPIED, "--target-dir", TARGET_DIR]);
+    for_target(&mut command, COPIED);
     succeed(toolchain.finish(&mut command))
 }
 
 /// Lints a package as it is compiled for a target; a warning is an error.
-fn clippy(toolchain: &Toolchain, target: &str, package: &str) -> Result<()> {
+fn clippy(toolchain: &Toolchain, target: &Target, package: &str) -> Result<()> {
     let mut command = toolchain.cargo(target);
     command.current_dir(workspace()?).args(["clippy", "--quiet", "--package", package]);
-    command.args(["--profile", PROFILE, "--target", target, "--target-dir", TARGET_DIR]);
+    for_target(command.args(["--profile", PROFILE]), target);
     succeed(command.args(["--", "-D", "warnings"]))
+}
+
+/// Tells cargo what to build for, and where.
+fn for_target(command: &mut Command, target: &Target) {
+    command.args(["--target", target.triple, "--target-dir"]).arg(target.folder());
 }
 
 /// Builds a program for a target.
@@ -151,16 +154,16 @@ fn clippy(toolchain: &Toolchain, target: &str, package: &str) -> Result<()> {
 /// # Errors
 ///
 /// When there is no toolchain for it, or the build fails.
-pub(crate) fn build(package: &str, program: &str, target: &str) -> Result<PathBuf> {
+pub(crate) fn build(package: &str, program: &str, target: &Target) -> Result<PathBuf> {
     let toolchain = toolchain(target)?;
-    eprintln!("{target}: {}", toolchain.describe());
+    eprintln!("{}: {}", target.name, toolchain.describe());
     let root = workspace()?;
     let mut command = toolchain.cargo(target);
     command.current_dir(&root).args(["build", "--quiet", "--package", package, "--bin", program]);
-    command.args(["--profile", PROFILE, "--target", target, "--target-dir", TARGET_DIR]);
+    for_target(command.args(["--profile", PROFILE]), target);
     command.env("DEFMT_LOG", "info");
     succeed(toolchain.finish(&mut command))?;
-    Ok(root.join(TARGET_DIR).join(target).join(PROFILE).join(program))
+    Ok(root.join(target.folder()).join(target.triple).join(PROFILE).join(program))
 }
 
 /// Builds the sensor's images and reports on them.
@@ -208,8 +211,9 @@ pub(crate) fn run(targets: &[String], verbose: bool) -> Result<()> {
 
 /// The images for a target.
 fn known(target: &str) -> Result<Vec<&'static Image>> {
-    let found: Vec<&Image> = IMAGES.iter().filter(|image| image.target == target).collect();
-    ensure!(!found.is_empty(), "--target {target}: there are images for {}", targets().join(", "));
+    let found: Vec<&Image> = IMAGES.iter().filter(|image| image.target.name == target).collect();
+    let names: Vec<&str> = targets().iter().map(|target| target.name).collect();
+    ensure!(!found.is_empty(), "--target {target}: there are images for {}", names.join(", "));
     Ok(found)
 }
 

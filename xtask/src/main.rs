@@ -14,6 +14,7 @@ mod pictures;
 mod record;
 mod shell;
 mod study;
+mod target;
 mod thumb;
 mod toolchain;
 mod towns;
@@ -40,8 +41,8 @@ enum Task {
     /// The sensor's images for microcontrollers, with flash, RAM and worst-case stack; fails when
     /// one can panic.
     Firmware {
-        /// Only for this target; may be repeated.
-        #[arg(long, value_name = "TRIPLE")]
+        /// Only for this target, a triple or cortex-m55; may be repeated.
+        #[arg(long)]
         target: Vec<String>,
         /// Also print the deepest path of calls.
         #[arg(short, long)]

@@ -62,14 +62,18 @@ fn short(
     }
 }
 
-/// 32-bit instructions: PUSH.W, STR with pre-decrement, VPUSH, SUB.W and SUBW of SP.
+/// 32-bit instructions: PUSH.W, STR and STRD with pre-decrement, VPUSH, VSTR of a system register
+/// (MVE's predicate) with pre-decrement, SUB.W and SUBW of SP. Vectors are never stored so.
 fn long(first: u32, second: u32) -> Option<u64> {
     let to_sp = second >> 8 & 0xf == 13;
     let immediate = (first >> 10 & 1) << 11 | (second >> 12 & 7) << 8 | second & 0xff;
     match first {
         0xe92d => Some(4 * u64::from(second.count_ones())),
         0xf84d if second & 0xfff == 0xd04 => Some(4),
+        c if c & 0xfeef == 0xe86d => Some(4 * u64::from(second & 0xff)),
         c if c & 0xffbf == 0xed2d && second >> 9 & 7 == 5 => Some(4 * u64::from(second & 0xff)),
+        c if c & 0xffbf == 0xed2d && second & 0x1f80 == 0xf80 => Some(4 * u64::from(second & 0x7f)),
+        c if c & 0xfeaf == 0xec2d => None, // any other that lowers it and stores
         c if c & 0xfbef == 0xf1ad && to_sp => Some(expand(immediate).into()),
         c if c & 0xfbff == 0xf2ad && to_sp => Some(immediate.into()),
         c if c & 0xffef == 0xebad && to_sp => None, // by a register
@@ -110,7 +114,13 @@ mod tests {
             (&[0xb082], 8),                 // sub sp, #8
             (&[0xe92d, 0x0f00], 16),        // push.w {r8-r11}
             (&[0xf84d, 0xbd04], 4),         // str r11, [sp, #-4]!
+            (&[0xe96d, 0x0102], 8),         // strd r0, r1, [sp, #-8]!
             (&[0xed2d, 0x8b04], 16),        // vpush {d8, d9}
+            (&[0xed6d, 0x8f82], 8),         // vstr vpr, [sp, #-8]!
+            (&[0xed8d, 0x1f04], 0),         // vstrw.32 q0, [sp, #16]
+            (&[0xed0d, 0x3e10], 0),         // vstrb.8 q1, [sp, #-16]
+            (&[0xecbd, 0x8b10], 0),         // vpop {d8-d15}
+            (&[0xf043, 0xe001], 0),         // dls lr, r3
             (&[0xf5ad, 0x5d00], 8192),      // sub.w sp, sp, #8192
             (&[0xf5ad, 0x7d02], 520),       // sub.w sp, sp, #520
             (&[0xf6ad, 0x5d4c], 3404),      // subw sp, sp, #3404
@@ -129,5 +139,6 @@ mod tests {
     #[test]
     fn a_frame_of_unknown_size_is_none() {
         assert_eq!(frame_of(&[0xebad, 0x0d00]), None); // sub.w sp, sp, r0
+        assert_eq!(frame_of(&[0xed2d, 0x5e04]), None); // stc p14, c5, [sp, #-16]!
     }
 }

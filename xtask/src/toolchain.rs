@@ -9,6 +9,8 @@ use std::process::Command;
 
 use anyhow::{Result, bail};
 
+use crate::target::Target;
+
 /// Cargo and rustc that build for a target, and what they need said.
 #[derive(Clone, Debug)]
 pub(crate) struct Toolchain {
@@ -35,10 +37,10 @@ impl Toolchain {
     /// # Errors
     ///
     /// When none can: every candidate with its reason, and the commands that help.
-    pub(crate) fn find(target: &str, at_least: (u32, u32)) -> Result<Self> {
+    pub(crate) fn find(target: &Target, at_least: (u32, u32)) -> Result<Self> {
         let mut reasons = String::new();
         for (name, cargo, rustc) in candidates() {
-            match Self::check(&cargo, &rustc, target, at_least) {
+            match Self::check(&cargo, &rustc, target.triple, at_least) {
                 Ok(toolchain) => return Ok(toolchain),
                 Err(reason) => {
                     let _ = write!(reasons, "\n  {name} ({}): {reason}", rustc.display());
@@ -46,9 +48,11 @@ impl Toolchain {
             }
         }
         bail!(
-            "no toolchain for {target}:{reasons}\nEither of these helps:\n  \
-             rustup target add {target}\n  \
-             apt-get install --no-install-recommends rustc-web cargo-web rust-web-src lld"
+            "no toolchain for {}:{reasons}\nEither of these helps:\n  \
+             rustup target add {}\n  \
+             apt-get install --no-install-recommends rustc-web cargo-web rust-web-src lld",
+            target.name,
+            target.triple
         )
     }
 
@@ -102,23 +106,19 @@ impl Toolchain {
     }
 
     /// `cargo` for a target, as this toolchain needs it.
-    pub(crate) fn cargo(&self, target: &str) -> Command {
+    pub(crate) fn cargo(&self, target: &Target) -> Command {
         let mut command = Command::new(&self.cargo);
         // What an outer cargo set for its own toolchain must not reach this one.
         command.env_remove("RUSTUP_TOOLCHAIN").env_remove("CARGO").env("RUSTC", &self.rustc);
-        let mut flags = Vec::new();
+        let mut flags = target.flags();
         if let Some(linker) = &self.linker {
             flags.extend([
                 format!("-Clinker={}", linker.display()),
                 "-Clinker-flavor=ld.lld".into(),
             ]);
         }
-        if target.starts_with("riscv") {
-            // the bound on the stack is read from them
-            flags.push("-Cforce-unwind-tables=yes".into());
-        }
         if !flags.is_empty() {
-            command.args(["--config", &format!("target.{target}.rustflags={flags:?}")]);
+            command.args(["--config", &format!("target.{}.rustflags={flags:?}", target.triple)]);
         }
         command
     }
@@ -190,6 +190,7 @@ fn linker(sysroot: &Path) -> Result<Option<PathBuf>, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::target::ARMV7EM;
 
     #[test]
     fn versions_are_compared_as_numbers() {
@@ -200,7 +201,9 @@ mod tests {
 
     #[test]
     fn a_target_that_nothing_builds_for_is_refused_with_every_reason_and_what_helps() {
-        let error = Toolchain::find("thumbv99-none-eabi", (1, 93)).unwrap_err().to_string();
+        let target =
+            Target { name: "future", triple: "thumbv99-none-eabi", processor: Some("cortex-m99") };
+        let error = Toolchain::find(&target, (1, 93)).unwrap_err().to_string();
         assert!(error.contains("active") && error.contains("does not know the target"), "{error}");
         assert!(
             error.contains("Debian") && error.contains("rustup target add thumbv99-none-eabi"),
@@ -210,7 +213,7 @@ mod tests {
 
     #[test]
     fn a_toolchain_that_is_too_old_is_passed_over() {
-        let error = Toolchain::find("thumbv7em-none-eabihf", (99, 0)).unwrap_err().to_string();
+        let error = Toolchain::find(&ARMV7EM, (99, 0)).unwrap_err().to_string();
         assert!(error.contains("is older than 99.0"), "{error}");
     }
 }

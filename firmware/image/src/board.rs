@@ -28,6 +28,8 @@ mod map {
     pub(super) const LOG: Block = unsafe { Block::new(0x4000_5000, 0x1000) };
     // SAFETY: the watchdog, and nothing of Rust's.
     pub(super) const WATCHDOG: Option<Block> = Some(unsafe { Block::new(0x4000_8000, 0x1000) });
+    /// Its clock.
+    pub(super) const WATCHDOG_HZ: u32 = 25_000_000;
     // SAFETY: timer 0, and nothing of Rust's.
     const TIMER: Block = unsafe { Block::new(0x4000_0000, 0x1000) };
     /// A byte has come on UART0.
@@ -66,6 +68,8 @@ mod map {
     pub(super) const LOG: Block = unsafe { Block::new(0x5020_1000, 0x1000) };
     // SAFETY: the secure watchdog, and nothing of Rust's.
     pub(super) const WATCHDOG: Option<Block> = Some(unsafe { Block::new(0x5008_1000, 0x1000) });
+    /// Its clock.
+    pub(super) const WATCHDOG_HZ: u32 = 20_000_000;
     // SAFETY: timer 0, and nothing of Rust's.
     const TIMER: Block = unsafe { Block::new(0x5000_0000, 0x1000) };
     /// A byte has come on UART0.
@@ -79,6 +83,46 @@ mod map {
     pub(super) fn psram() -> Block {
         // SAFETY: 16 MB of PSRAM, where the linker puts nothing.
         unsafe { Block::new(0x8000_0000, mailbox::BYTES) }
+    }
+}
+
+/// Arm MPS3 with application note 547 (Cortex-M55), at the secure addresses.
+#[cfg(board = "an547")]
+mod map {
+    use crate::clock::Counter;
+    use crate::idle::InterruptLine;
+    use crate::mmio::Block;
+    use echoloop_sensor::mailbox;
+
+    pub(super) type Link = crate::uart::Cmsdk;
+    pub(super) type Log = crate::uart::Cmsdk;
+
+    // SAFETY: UART0, and nothing of Rust's.
+    pub(super) const LINK: Block = unsafe { Block::new(0x5930_3000, 0x1000) };
+    // SAFETY: UART1, and nothing of Rust's.
+    pub(super) const LOG: Block = unsafe { Block::new(0x5930_4000, 0x1000) };
+    // SAFETY: the watchdog of the slow clock, and nothing of Rust's.
+    pub(super) const WATCHDOG: Option<Block> = Some(unsafe { Block::new(0x5802_E000, 0x1000) });
+    /// That clock.
+    pub(super) const WATCHDOG_HZ: u32 = 32_768;
+    // SAFETY: the system's counter, and nothing of Rust's.
+    const COUNTER: Block = unsafe { Block::new(0x5810_0000, 0x1000) };
+    // SAFETY: timer 0, which reads that counter, and nothing of Rust's.
+    const TIMER: Block = unsafe { Block::new(0x5800_0000, 0x1000) };
+    /// A byte has come on UART0.
+    // SAFETY: the board has it.
+    pub(super) const LINK_INTERRUPT: InterruptLine = unsafe { InterruptLine::new(33) };
+
+    pub(super) fn counter() -> Counter {
+        const CONTROL: usize = 0x00;
+        const ON: u32 = 1;
+        COUNTER.write(CONTROL, ON);
+        Counter::up(TIMER, 0, 32)
+    }
+
+    pub(super) fn psram() -> Block {
+        // SAFETY: the first 16 MB of DDR4, where the linker puts nothing.
+        unsafe { Block::new(0x6000_0000, mailbox::BYTES) }
     }
 }
 
@@ -98,6 +142,7 @@ mod map {
     pub(super) const LINK: Block = unsafe { Block::new(0x1000_0000, 8) };
     pub(super) const LOG: Block = LINK;
     pub(super) const WATCHDOG: Option<Block> = None;
+    pub(super) const WATCHDOG_HZ: u32 = 0;
     // SAFETY: mtime, the lower half, and nothing of Rust's.
     const MTIME: Block = unsafe { Block::new(0x0200_BFF8, 4) };
     // SAFETY: the board has it.
@@ -127,10 +172,9 @@ pub fn text_port() -> impl Port {
     map::Link::new(map::LINK)
 }
 
-/// Watchdog period, ticks of 25 MHz (20 MHz on the AN505): 4 s, because an emulator's clock runs on
-/// while the emulator is kept from running. After one period the board hangs in its interrupt,
-/// after two it restarts.
-const WATCHDOG_TICKS: u32 = 100_000_000;
+/// Watchdog period in ticks: 4 s, because an emulator's clock runs on while the emulator is kept
+/// from running. After one period the board hangs in its interrupt, after two it restarts.
+const WATCHDOG_TICKS: u32 = 4 * map::WATCHDOG_HZ;
 
 /// An emulated board: real serial ports and watchdog, and a front end in shared memory.
 pub struct EmulatedBoard {

@@ -30,9 +30,14 @@ mod clock {
     /// On, by the processor's clock, no interrupt.
     const ON: u32 = 0b101;
 
-    /// Ticks that last [`INSTRUCTIONS`]: 25 MHz, 20 MHz on the AN505.
-    const TICKS: u64 = if cfg!(board = "an505") { 32 } else { 40 };
-    const INSTRUCTIONS: u64 = 25;
+    /// The processor's clock.
+    const MHZ: u64 = match () {
+        () if cfg!(board = "an505") => 20,
+        () if cfg!(board = "an547") => 32,
+        () => 25,
+    };
+    /// What the emulator lets an instruction take.
+    const INSTRUCTION_NS: u64 = 64;
 
     pub(super) fn now() -> u32 {
         SYS_TICK.write(RELOAD, LARGEST);
@@ -47,7 +52,8 @@ mod clock {
 
     /// The nearest.
     pub(super) fn instructions(ticks: u32) -> u32 {
-        (u64::from(ticks).saturating_mul(INSTRUCTIONS).saturating_add(TICKS / 2) / TICKS) as u32
+        const THOUSAND: u64 = INSTRUCTION_NS * MHZ; // ticks of a thousand instructions
+        (u64::from(ticks).saturating_mul(1_000).saturating_add(THOUSAND / 2) / THOUSAND) as u32
     }
 }
 

@@ -1,9 +1,11 @@
 //! The machines that the cost is counted on.
 
+use crate::target::{ARMV7EM, ARMV8M, CORTEX_M55, RV32, Target};
+
 /// A processor, and how QEMU runs an image on it.
 pub(super) struct Machine {
     pub(super) processor: &'static str,
-    pub(super) target: &'static str,
+    pub(super) target: Target,
     pub(super) emulator: &'static str,
     /// Debian's name of what the emulator is in.
     pub(super) package: &'static str,
@@ -14,18 +16,19 @@ pub(super) struct Machine {
 }
 
 /// In the order of the table.
-pub(super) const MACHINES: [Machine; 4] = {
-    const fn arm(processor: &'static str, target: &'static str, machine: &'static str) -> Machine {
+pub(super) const MACHINES: [Machine; 5] = {
+    const fn arm(processor: &'static str, target: Target, machine: &'static str) -> Machine {
         let (emulator, package) = ("qemu-system-arm", "qemu-system-arm");
         Machine { processor, target, emulator, package, machine, shift: 6 }
     }
     [
-        arm("cortex-m4", "thumbv7em-none-eabihf", "mps2-an386"),
-        arm("cortex-m7", "thumbv7em-none-eabihf", "mps2-an500"),
-        arm("cortex-m33", "thumbv8m.main-none-eabihf", "mps2-an505"),
+        arm("cortex-m4", ARMV7EM, "mps2-an386"),
+        arm("cortex-m7", ARMV7EM, "mps2-an500"),
+        arm("cortex-m33", ARMV8M, "mps2-an505"),
+        arm("cortex-m55", CORTEX_M55, "mps3-an547"),
         Machine {
             processor: "rv32imac",
-            target: "riscv32imac-unknown-none-elf",
+            target: RV32,
             emulator: "qemu-system-riscv32",
             package: "qemu-system-misc",
             machine: "virt",

@@ -36,7 +36,7 @@ pub(super) fn stamp(run: &Run) -> Result<String> {
     let compiler = match run.kind {
         Kind::Echoloop => first_line("rustc", &["--version"])?,
         Kind::Images | Kind::Cost => {
-            firmware::toolchain(firmware::IMAGES[0].target)?.version().into()
+            firmware::toolchain(&firmware::IMAGES[0].target)?.version().into()
         }
     };
     let compiler = compiler.split(" (").next().unwrap_or_default();
@@ -68,7 +68,7 @@ fn echoloop(root: &Path, run: &Run) -> Result<Option<Value>> {
 fn images() -> Result<Option<Value>> {
     let mut sizes = Map::new();
     for image in &firmware::IMAGES {
-        if let Err(error) = firmware::toolchain(image.target) {
+        if let Err(error) = firmware::toolchain(&image.target) {
             eprintln!("SKIPPED: the images: {error:#}");
             return Ok(None);
         }
