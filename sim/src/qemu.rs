@@ -42,6 +42,8 @@ pub enum Machine {
     An500,
     /// Arm MPS2 AN505, Cortex-M33.
     An505,
+    /// Arm MPS3 AN547, Cortex-M55.
+    An547,
     /// RISC-V virt, RV32IMAC.
     Virt,
     /// Netduino Plus 2, STM32F405, Cortex-M4F: a part on sale, without a front end.
@@ -50,8 +52,15 @@ pub enum Machine {
 
 impl Machine {
     /// All of them, the reference board first.
-    pub const ALL: [Self; 6] =
-        [Self::An386, Self::An500, Self::An505, Self::An385, Self::Virt, Self::NetduinoPlus2];
+    pub const ALL: [Self; 7] = [
+        Self::An386,
+        Self::An500,
+        Self::An505,
+        Self::An547,
+        Self::An385,
+        Self::Virt,
+        Self::NetduinoPlus2,
+    ];
 
     /// Whether it has a front end, in memory. One that has none takes waveforms over its link.
     pub const fn has_front_end(self) -> bool {
@@ -65,6 +74,7 @@ impl Machine {
             Self::An386 => "mps2-an386",
             Self::An500 => "mps2-an500",
             Self::An505 => "mps2-an505",
+            Self::An547 => "mps3-an547",
             Self::Virt => "virt",
             Self::NetduinoPlus2 => "netduinoplus2",
         }
@@ -75,12 +85,13 @@ impl Machine {
         Self::ALL.into_iter().find(|machine| machine.name() == name)
     }
 
-    /// The target its image is built for.
+    /// What its image is built for: `cargo xtask firmware --target` has it.
     pub const fn target(self) -> &'static str {
         match self {
             Self::An385 => "thumbv6m-none-eabi",
             Self::An386 | Self::An500 | Self::NetduinoPlus2 => "thumbv7em-none-eabihf",
             Self::An505 => "thumbv8m.main-none-eabihf",
+            Self::An547 => "cortex-m55",
             Self::Virt => "riscv32imac-unknown-none-elf",
         }
     }
@@ -99,16 +110,31 @@ impl Machine {
             Self::NetduinoPlus2 => "firmware/echoloop-stm32f405",
             _ => "firmware/echoloop-sensor",
         };
-        Path::new("target/firmware").join(self.target()).join(program)
+        let folder = match self {
+            // No target of the compiler.
+            Self::An547 => "cortex-m55/thumbv8m.main-none-eabihf",
+            _ => self.target(),
+        };
+        Path::new("target/firmware").join(folder).join(program)
     }
 
     /// What its processor's ELF files say, and where its flash begins.
     const fn code(self) -> (Architecture, u64) {
         match self {
             Self::An385 | Self::An386 | Self::An500 => (Architecture::Arm, 0),
-            Self::An505 => (Architecture::Arm, 0x1000_0000),
+            Self::An505 | Self::An547 => (Architecture::Arm, 0x1000_0000),
             Self::Virt => (Architecture::Riscv32, 0x8000_0000),
             Self::NetduinoPlus2 => (Architecture::Arm, 0x0800_0000),
+        }
+    }
+
+    /// Where the stack of its images begins, the first word of an Arm's flash: somewhere in these
+    /// 16 MB. It tells boards apart whose flash begins at the same place.
+    const fn stack(self) -> Option<u32> {
+        match self {
+            Self::An505 => Some(0x3800_0000),
+            Self::An547 => Some(0x3000_0000),
+            _ => None,
         }
     }
 
@@ -117,6 +143,7 @@ impl Machine {
     const fn memory(self) -> Option<(u64, u64)> {
         match self {
             Self::Virt => Some((32 << 20, 16 << 20)), // all of its RAM
+            Self::An547 => Some((2 << 30, 0)),        // all of its DDR4, of which little is touched
             Self::NetduinoPlus2 => None,
             _ => Some((16 << 20, 0)),
         }
@@ -436,13 +463,24 @@ fn check_image(machine: Machine, path: &Path) -> Result<(), QemuError> {
     let bytes = fs::read(path).map_err(io_error("read", path))?;
     let file = object::File::parse(&*bytes).map_err(|_| bad("not an ELF file".into()))?;
     let (architecture, flash) = machine.code();
-    let start = file.segments().map(|segment| segment.address()).min();
+    let first = file.segments().min_by_key(|segment| segment.address());
+    let start = first.as_ref().map(|segment| segment.address());
     if file.architecture() != architecture || start != Some(flash) {
         let start = start.map_or("nowhere".into(), |address| format!("at {address:#x}"));
         return Err(bad(format!(
             "for {:?}, loaded {start}; {} runs {architecture:?} code at {flash:#x} (cargo xtask \
              firmware --target {})",
             file.architecture(),
+            machine.name(),
+            machine.target()
+        )));
+    }
+    let word = first.and_then(|segment| segment.data_range(flash, 4).ok().flatten());
+    let stack = word.and_then(|bytes| bytes.try_into().ok()).map_or(0, u32::from_le_bytes);
+    if let Some(expected) = machine.stack().filter(|ram| stack.wrapping_sub(*ram) > 16 << 20) {
+        return Err(bad(format!(
+            "for another board: its stack begins at {stack:#x}, that of {} within 16 MB of \
+             {expected:#x} (cargo xtask firmware --target {})",
             machine.name(),
             machine.target()
         )));

@@ -269,7 +269,7 @@ fn a_conversation_with_a_board_said_again_in_process_has_the_same_answers() {
 
 #[test]
 fn a_program_that_hangs_is_restarted_by_the_watchdog_and_begins_with_what_was_saved() {
-    for kind in [Machine::An386, Machine::An500, Machine::An505] {
+    for kind in [Machine::An386, Machine::An500, Machine::An505, Machine::An547] {
         let Some(mut options) = machine(kind) else { continue };
         let folder = tempfile::tempdir().unwrap();
         options.folder = Some(folder.path().to_owned());
@@ -294,6 +294,20 @@ fn a_program_that_hangs_is_restarted_by_the_watchdog_and_begins_with_what_was_sa
             Ok(settings_hash(&active))
         );
         client.scan(9).unwrap();
+    }
+}
+
+#[test]
+fn an_image_for_another_board_is_refused_though_its_flash_begins_at_the_same_address() {
+    let (Some(an505), Some(an547)) = (machine(Machine::An505), machine(Machine::An547)) else {
+        return;
+    };
+    for (board, other) in [(&an505, &an547), (&an547, &an505)] {
+        let options = QemuOptions { image: other.image.clone(), ..board.clone() };
+        let blind = Waveforms { adc_bits: 12, ..Waveforms::default() };
+        let refused = Qemu::start(&options, blind, PATTERN, Hardware::REFERENCE).err().unwrap();
+        let (what, wanted) = (refused.to_string(), board.machine.target());
+        assert!(what.contains("another board") && what.contains(wanted), "{what}");
     }
 }
 
