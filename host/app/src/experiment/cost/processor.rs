@@ -26,11 +26,12 @@ impl Processor {
         Self { name: "cortex-m4", loops: "dual_multiply", part: "STM32F405", clock_mhz: 168.0 };
 
     /// All of them, the slowest part first.
-    pub const ALL: [Self; 4] = [
+    pub const ALL: [Self; 5] = [
         Self { name: "rv32imac", loops: "scalar", part: "GD32VF103", clock_mhz: 108.0 },
         Self::REFERENCE,
         Self { name: "cortex-m33", loops: "dual_multiply", part: "STM32H563", clock_mhz: 250.0 },
         Self { name: "cortex-m7", loops: "dual_multiply", part: "STM32H723", clock_mhz: 550.0 },
+        Self { name: "cortex-m55", loops: "mve", part: "STM32N657", clock_mhz: 800.0 },
     ];
 
     /// Instructions of the detector for a beam, all its shots together, with so many echoes;
