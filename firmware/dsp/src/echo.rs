@@ -2,8 +2,6 @@
 
 use fixed::types::{U1F15, U6F10, U8F8, U12F4, U24F8};
 use heapless::Vec;
-use postcard_schema::Schema;
-use serde::{Deserialize, Serialize};
 
 use crate::config::DetectorConfig;
 use crate::detect::Threshold;
@@ -35,7 +33,8 @@ use crate::refine::Refined;
 /// | snr | σ_y at least 1 LSB | U8.8, rounded down, saturating |
 ///
 /// A negative height counts as 0.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "wire", derive(serde::Serialize, serde::Deserialize, postcard_schema::Schema))]
 pub struct Echo {
     /// Slant range, U24.8 mm.
     pub range: u32,

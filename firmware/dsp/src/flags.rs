@@ -2,11 +2,9 @@
 
 use core::ops::{BitOr, BitOrAssign};
 
-use postcard_schema::Schema;
-use serde::{Deserialize, Serialize};
-
 /// A set of remarks on an echo. Bits are only ever appended: they are on the wire.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "wire", derive(serde::Serialize, serde::Deserialize, postcard_schema::Schema))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Flags(pub u8);
 

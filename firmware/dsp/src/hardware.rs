@@ -1,13 +1,11 @@
 //! What the sensor is built of.
 
-use postcard_schema::Schema;
-use serde::{Deserialize, Serialize};
-
 /// Speed of light, m/s.
 pub const SPEED_OF_LIGHT_M_S: u64 = 299_792_458;
 
 /// What the sensor's hardware fixes: no setting changes it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "wire", derive(serde::Serialize, serde::Deserialize, postcard_schema::Schema))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Hardware {
     /// Resolution of the ADC, 8 to 14 bits; any other counts as the nearest.

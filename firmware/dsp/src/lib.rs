@@ -40,6 +40,15 @@
 //! what the stages read, derived from it once; [`Pipeline`] runs them, with the loops over every
 //! sample behind [`SampleLoops`]. Every format and rounding rule is stated at its stage, and a
 //! model in `f64` in the tests follows it bit for bit. Derivations are in `docs/detector.md`.
+//!
+//! | feature | brings | for |
+//! |---|---|---|
+//! | `wire`, on by default | serde, postcard-schema | settings and echoes as messages |
+//! | `nalgebra`, on by default | nalgebra | beams and points as its vectors |
+//! | `defmt` | defmt | settings and echoes in a log |
+//!
+//! With none of them the crate needs fixed, heapless, libm and micromath, and the echoes are the
+//! same.
 #![no_std]
 #![forbid(unsafe_code)]
 // No input reaches a panic, in any build: what cannot be proven by a type is proven by a bound,

@@ -1,10 +1,8 @@
 //! What can be wrong with a value of a setting.
 
-use postcard_schema::Schema;
-use serde::{Deserialize, Serialize};
-
 /// What is wrong with a value. Bounds are in the field's wire unit unless said otherwise.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "wire", derive(serde::Serialize, serde::Deserialize, postcard_schema::Schema))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Reason {
     /// Below the least value.

@@ -2,14 +2,12 @@
 
 use core::fmt;
 
-use postcard_schema::Schema;
-use serde::{Deserialize, Serialize};
-
 use crate::reason::Reason;
 use crate::settings::{Kind, Parameter, ParameterId};
 
 /// One refused field. The sensor keeps the settings it had.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "wire", derive(serde::Serialize, serde::Deserialize, postcard_schema::Schema))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Refusal {
     /// The field at fault.

@@ -7,10 +7,6 @@ pub mod rosette;
 pub mod spinning;
 pub mod table;
 
-use nalgebra::{Point3, Vector3};
-use postcard_schema::Schema;
-use serde::{Deserialize, Serialize};
-
 use crate::echo::Echo;
 use grid::Grid;
 use rosette::Rosette;
@@ -18,7 +14,8 @@ use spinning::Spinning;
 use table::BeamTable;
 
 /// Where the beams of a scan point, in the sensor's frame: x ahead, y left, z up.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "wire", derive(serde::Serialize, serde::Deserialize, postcard_schema::Schema))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ScanPattern {
     /// A grid, column by column: beam `column · rows + row`.
@@ -61,9 +58,9 @@ impl ScanPattern {
         }
     }
 
-    /// Unit vector of a beam of a scan; `None` of a table, and of a beam that there is not. Scans
-    /// are alike but for a rosette's.
-    pub fn direction(&self, scan: u32, beam: u32) -> Option<Vector3<f32>> {
+    /// Unit vector of a beam of a scan: x, y, z. `None` of a table, and of a beam that there is
+    /// not. Scans are alike but for a rosette's.
+    pub fn unit(&self, scan: u32, beam: u32) -> Option<[f32; 3]> {
         let unit = match self {
             _ if beam >= self.beams() => return None,
             Self::Grid(grid) => grid.direction(grid.by_columns(beam)),
@@ -75,12 +72,24 @@ impl ScanPattern {
         Some(unit)
     }
 
-    /// The point that an echo of a beam comes from, m; `None` as of [`ScanPattern::direction`].
+    /// The point that an echo of a beam comes from, m: x, y, z; `None` as of [`ScanPattern::unit`].
     ///
     /// Within 10⁻⁶ of the range of the exact one: 0.12 mm at 120 m.
-    pub fn point_m(&self, scan: u32, beam: u32, echo: &Echo) -> Option<Point3<f32>> {
+    pub fn xyz_m(&self, scan: u32, beam: u32, echo: &Echo) -> Option<[f32; 3]> {
         let range_m = echo.range as f32 / 256e3;
-        Some(Point3::from(self.direction(scan, beam)?.scale(range_m)))
+        Some(self.unit(scan, beam)?.map(|part| part * range_m))
+    }
+
+    /// [`ScanPattern::unit`] as a vector to reckon with.
+    #[cfg(feature = "nalgebra")]
+    pub fn direction(&self, scan: u32, beam: u32) -> Option<nalgebra::Vector3<f32>> {
+        self.unit(scan, beam).map(nalgebra::Vector3::from)
+    }
+
+    /// [`ScanPattern::xyz_m`] as a point to move.
+    #[cfg(feature = "nalgebra")]
+    pub fn point_m(&self, scan: u32, beam: u32, echo: &Echo) -> Option<nalgebra::Point3<f32>> {
+        self.xyz_m(scan, beam, echo).map(nalgebra::Point3::from)
     }
 }
 
@@ -103,12 +112,16 @@ mod tests {
         radians * (180.0 / core::f32::consts::PI)
     }
 
-    fn elevation_deg(unit: &Vector3<f32>) -> f32 {
-        degrees(libm::asinf(unit.z))
+    fn elevation_deg([_, _, z]: [f32; 3]) -> f32 {
+        degrees(libm::asinf(z))
     }
 
-    fn azimuth_deg(unit: &Vector3<f32>) -> f32 {
-        degrees(libm::atan2f(unit.y, unit.x))
+    fn azimuth_deg([x, y, _]: [f32; 3]) -> f32 {
+        degrees(libm::atan2f(y, x))
+    }
+
+    fn norm(vector: [f32; 3]) -> f32 {
+        libm::sqrtf(vector.map(|part| part * part).iter().sum())
     }
 
     #[test]
@@ -118,7 +131,7 @@ mod tests {
             for beam in 0..pattern.beams() {
                 let laser = (beam % u32::from(sensor.lasers())) as usize;
                 let expected = sensor.model.lasers()[laser][0] as f32 * 1e-4;
-                let got = elevation_deg(&pattern.direction(0, beam).unwrap());
+                let got = elevation_deg(pattern.unit(0, beam).unwrap());
                 assert!((got - expected).abs() < 1e-4, "{sensor:?} {beam}: {got}, {expected}");
             }
         }
@@ -130,7 +143,7 @@ mod tests {
             let lasers = u32::from(sensor.lasers());
             for laser in 0..lasers {
                 let at =
-                    |column: u32| azimuth_deg(&sensor.direction(column % 1024 * lasers + laser));
+                    |column: u32| azimuth_deg(sensor.direction(column % 1024 * lasers + laser));
                 for column in 0..1024 {
                     let step = (at(column) - at(column + 1)).rem_euclid(360.0);
                     assert!((step - 360.0 / 1024.0).abs() < 1e-4, "{sensor:?} {laser}: {step}");
@@ -145,7 +158,7 @@ mod tests {
     fn a_turn_begins_where_the_maker_has_it_begin() {
         let at = |model, column: u32, laser: u32| {
             let sensor = Spinning { model, columns: 1024 };
-            azimuth_deg(&sensor.direction(column * u32::from(sensor.lasers()) + laser))
+            azimuth_deg(sensor.direction(column * u32::from(sensor.lasers()) + laser))
         };
         let step = 360.0 / 1024.0;
         let near = |got: f32, expected: f32| {
@@ -187,18 +200,18 @@ mod tests {
         let order = [0, 1, 2, 3, 4, 5].map(|beam| grid.by_lines(beam));
         assert_eq!(order, [[0, 0], [1, 0], [2, 0], [2, 1], [1, 1], [0, 1]]);
         let (raster, plain) = (ScanPattern::Raster(grid), ScanPattern::Grid(grid));
-        assert_eq!(raster.direction(0, 3), plain.direction(0, 2 * 2 + 1));
+        assert_eq!(raster.unit(0, 3), plain.unit(0, 2 * 2 + 1));
         assert_eq!((raster.beams(), raster.channels(), plain.channels()), (6, 1, 2));
     }
 
     #[test]
     fn a_rosette_stays_within_its_circle_and_passes_its_middle_and_its_edge() {
         let rosette = Rosette::MID_40;
-        let off = |scan, beam| degrees(libm::acosf(rosette.direction(scan, beam).x.min(1.0)));
+        let off = |scan, beam| degrees(libm::acosf(rosette.direction(scan, beam)[0].min(1.0)));
         let (mut least, mut most) = (90.0_f32, 0.0_f32);
         for (scan, beam) in (0..10).flat_map(|scan| (0..rosette.beams).map(move |b| (scan, b))) {
             let unit = rosette.direction(scan, beam);
-            assert!((unit.norm() - 1.0).abs() < 1e-6);
+            assert!((norm(unit) - 1.0).abs() < 1e-6);
             (least, most) = (least.min(off(scan, beam)), most.max(off(scan, beam)));
         }
         assert!(most <= 19.201 && most > 19.19, "{most}");
@@ -225,16 +238,27 @@ mod tests {
     #[test]
     fn a_beam_that_there_is_not_and_a_table_have_no_direction() {
         let table = ScanPattern::Table(BeamTable { beams: 4, channels: 2, hash: 1 });
-        assert_eq!((table.direction(0, 0), table.beams(), table.channels()), (None, 4, 2));
+        assert_eq!((table.unit(0, 0), table.beams(), table.channels()), (None, 4, 2));
         let grid = ScanPattern::default();
-        assert_eq!(grid.direction(0, grid.beams()), None);
-        assert!(grid.direction(0, grid.beams() - 1).is_some());
+        assert_eq!(grid.unit(0, grid.beams()), None);
+        assert!(grid.unit(0, grid.beams() - 1).is_some());
     }
 
     #[test]
     fn a_point_lies_at_the_echo_s_range() {
         let echo = Echo { range: 256_000 * 7, ..Default::default() };
-        let point = ScanPattern::default().point_m(0, 3, &echo).unwrap();
-        assert!((point.coords.norm() - 7.0).abs() < 1e-5);
+        let point = ScanPattern::default().xyz_m(0, 3, &echo).unwrap();
+        assert!((norm(point) - 7.0).abs() < 1e-5);
+    }
+
+    #[cfg(feature = "nalgebra")]
+    #[test]
+    fn vectors_have_the_same_numbers() {
+        let (pattern, echo) =
+            (ScanPattern::default(), Echo { range: 256_000, ..Default::default() });
+        let direction = pattern.direction(0, 5).unwrap();
+        assert_eq!(Some(direction.into()), pattern.unit(0, 5));
+        assert_eq!(pattern.point_m(0, 5, &echo).unwrap().coords, direction);
+        assert_eq!(pattern.direction(0, pattern.beams()), None);
     }
 }

@@ -7,9 +7,6 @@
 
 use core::fmt;
 
-use postcard_schema::Schema;
-use serde::{Deserialize, Serialize};
-
 use crate::accumulate::LANES;
 use crate::choice::{AmbientEstimator, DenoiseFilter, Dither, EchoChoice, TimingMethod};
 use crate::limits::PRE_TRIGGER;
@@ -104,7 +101,11 @@ fn is_power_of_two(value: i32) -> bool {
 macro_rules! parameters {
     ($($(#[$doc:meta])* $field:ident: $value:ty, $id:ident { $($row:tt)* })*) => {
         /// One whole set of sensor settings, in wire units. It is taken or refused whole.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        #[cfg_attr(
+            feature = "wire",
+            derive(serde::Serialize, serde::Deserialize, postcard_schema::Schema)
+        )]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         pub struct Settings {
             $($(#[$doc])* pub $field: $value,)*
@@ -112,9 +113,10 @@ macro_rules! parameters {
 
         /// Names one field of [`Settings`]. Variants are only ever appended: their order is on the
         /// wire.
-        #[derive(
-            Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash,
-            Serialize, Deserialize, Schema,
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        #[cfg_attr(
+            feature = "wire",
+            derive(serde::Serialize, serde::Deserialize, postcard_schema::Schema)
         )]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         pub enum ParameterId {

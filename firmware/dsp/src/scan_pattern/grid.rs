@@ -2,10 +2,6 @@
 
 use core::f32::consts::PI;
 
-use nalgebra::Vector3;
-use postcard_schema::Schema;
-use serde::{Deserialize, Serialize};
-
 use super::angle::unit;
 
 /// A grid of beams, uniform in azimuth and elevation, in the sensor's frame: x ahead, y left, z up.
@@ -13,7 +9,8 @@ use super::angle::unit;
 /// The beam of a column and a row points to azimuth `(column + ½) · Δaz − az/2` (towards y
 /// positive) and elevation `(row + ½) · Δel − el/2`. The paper's sensor sees ±90° in both
 /// (Sec. 4.1).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "wire", derive(serde::Serialize, serde::Deserialize, postcard_schema::Schema))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Grid {
     /// Beams along azimuth.
@@ -56,7 +53,7 @@ impl Grid {
     }
 
     /// Unit vector of the beam in a column and a row. In f32, within 10⁻⁶ of the exact one.
-    pub fn direction(&self, [column, row]: [u32; 2]) -> Vector3<f32> {
+    pub fn direction(&self, [column, row]: [u32; 2]) -> [f32; 3] {
         let azimuth = angle_rad(column, self.columns, self.azimuth_cdeg);
         let elevation = angle_rad(row, self.rows, self.elevation_cdeg);
         unit(azimuth, elevation)

@@ -2,10 +2,6 @@
 
 use core::f32::consts::{PI, TAU};
 
-use nalgebra::{Vector2, Vector3};
-use postcard_schema::Schema;
-use serde::{Deserialize, Serialize};
-
 /// Two prisms that turn against each other, each of which bends the beam by its angle: what Livox
 /// publishes of its sensors (Liu, Wang, Zhang, "Low-Cost Retina-Like Robotic Lidars Based on
 /// Incommensurable Scanning", IEEE/ASME Trans. Mechatronics 27, 2022).
@@ -17,7 +13,8 @@ use serde::{Deserialize, Serialize};
 ///
 /// The curve goes on from scan to scan. To first order in the bends: the prisms' glass is not
 /// traced.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "wire", derive(serde::Serialize, serde::Deserialize, postcard_schema::Schema))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Rosette {
     /// Beams of a scan.
@@ -50,18 +47,19 @@ impl Rosette {
     }
 
     /// Unit vector of a beam of a scan. In f32, within 10⁻⁶ of the exact one.
-    pub fn direction(&self, scan: u32, beam: u32) -> Vector3<f32> {
+    pub fn direction(&self, scan: u32, beam: u32) -> [f32; 3] {
         let [first, second] = self.rotors_rpm.map(|rpm| self.turn(rpm, scan, beam));
         let [a, b] = self.bends_cdeg.map(|bend| f32::from(bend) * (PI / 18_000.0));
-        let v = arm(a, first).zip_map(&arm(b, second), |a, b| a + b);
-        let off = v.norm();
+        let ([a_y, a_z], [b_y, b_z]) = (arm(a, first), arm(b, second));
+        let [y, z] = [a_y + b_y, a_z + b_z];
+        let off = libm::sqrtf(y * y + z * z);
         // sin(off)/off, which is 1 to f32 below this.
         let side = if off > 1e-4 { libm::sinf(off) / off } else { 1.0 };
-        Vector3::new(libm::cosf(off), v.x * side, v.y * side)
+        [libm::cosf(off), y * side, z * side]
     }
 }
 
-fn arm(bend_rad: f32, [part, whole]: [i64; 2]) -> Vector2<f32> {
+fn arm(bend_rad: f32, [part, whole]: [i64; 2]) -> [f32; 2] {
     let (sin, cos) = libm::sincosf(TAU * (part as f32 / whole as f32));
-    Vector2::new(cos * bend_rad, sin * bend_rad)
+    [cos * bend_rad, sin * bend_rad]
 }

@@ -2,15 +2,12 @@
 
 use core::f32::consts::{PI, TAU};
 
-use nalgebra::Vector3;
-use postcard_schema::Schema;
-use serde::{Deserialize, Serialize};
-
 use super::angle::unit;
 use super::lasers::{HDL_64E, Laser, OS1_64, OS1_128, VLP_16, VLP_32C, VLS_128};
 
 /// A sensor whose lasers are known.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "wire", derive(serde::Serialize, serde::Deserialize, postcard_schema::Schema))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum SpinningModel {
     /// Velodyne VLP-16.
@@ -84,7 +81,8 @@ impl SpinningModel {
 ///
 /// Beam `column · lasers + laser`. It is fired at `(column · slots + slot + ½) / (columns · slots)`
 /// of the scan, and the head has then turned by as much of 360°, clockwise.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "wire", derive(serde::Serialize, serde::Deserialize, postcard_schema::Schema))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Spinning {
     /// Which.
@@ -120,7 +118,7 @@ impl Spinning {
     }
 
     /// Unit vector of a beam. In f32, within 10⁻⁶ of the exact one.
-    pub fn direction(&self, beam: u32) -> Vector3<f32> {
+    pub fn direction(&self, beam: u32) -> [f32; 3] {
         let [_, laser] = self.column_and_laser(beam);
         let [elevation, azimuth] = self.model.lasers().get(laser as usize).map_or([0; 2], |l| *l);
         let [part, whole] = self.time(beam);

@@ -77,7 +77,7 @@ impl Beams {
     fn traced(&self, viewpoint: u32) -> Vec<Vector3<f32>> {
         let direction = |beam| match self.pattern {
             // The sensor's own, to the bit: what was measured with the paper's grid stays so.
-            ScanPattern::Grid(grid) => Some(grid.direction(grid.by_columns(beam))),
+            ScanPattern::Grid(_) => self.pattern.direction(viewpoint, beam),
             _ => self.exact_direction(viewpoint, beam).map(|exact| exact.cast()),
         };
         (0..self.pattern.beams()).filter_map(direction).collect()
