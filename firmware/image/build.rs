@@ -67,7 +67,5 @@ fn main() {
         let script = if own.exists() { own.display().to_string() } else { (*script).to_owned() };
         println!("cargo:rustc-link-arg-bins=-T{script}");
     }
-    // The graph of calls, for the bound on the stack.
-    println!("cargo:rustc-link-arg-bins=--emit-relocs");
     println!("cargo:rustc-link-arg-bins=--nmagic"); // no page alignment: there are no pages
 }

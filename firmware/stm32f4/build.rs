@@ -20,7 +20,5 @@ fn main() {
     println!("cargo:rustc-link-search={}", here.join("../image/link").display());
     println!("cargo:rustc-link-arg-bins=-T{}", here.join("link/stm32f405.x").display());
     println!("cargo:rustc-link-arg-bins=-Tdefmt.x");
-    // The graph of calls, for the bound on the stack.
-    println!("cargo:rustc-link-arg-bins=--emit-relocs");
     println!("cargo:rustc-link-arg-bins=--nmagic"); // no page alignment: there are no pages
 }

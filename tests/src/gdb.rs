@@ -61,15 +61,23 @@ impl Gdb {
     ///
     /// When the emulator refuses.
     pub fn fill(&mut self, address: u32, length: usize, byte: u8) -> io::Result<()> {
-        for offset in (0..length).step_by(1024) {
-            let part = (length - offset).min(1024);
-            let hex = (0..part).fold(String::new(), |mut hex, _| {
+        self.write(address, &vec![byte; length])
+    }
+
+    /// Writes memory.
+    ///
+    /// # Errors
+    ///
+    /// When the emulator refuses.
+    pub fn write(&mut self, address: u32, bytes: &[u8]) -> io::Result<()> {
+        for (at, part) in (address as usize..).step_by(1024).zip(bytes.chunks(1024)) {
+            let hex = part.iter().fold(String::new(), |mut hex, byte| {
                 let _ = write!(hex, "{byte:02x}");
                 hex
             });
-            let answer = self.ask(&format!("M{:x},{part:x}:{hex}", address as usize + offset))?;
+            let answer = self.ask(&format!("M{at:x},{:x}:{hex}", part.len()))?;
             if answer != "OK" {
-                return Err(io::Error::other(format!("memory at {address:#x}: {answer}")));
+                return Err(io::Error::other(format!("memory at {at:#x}: {answer}")));
             }
         }
         Ok(())
@@ -95,18 +103,40 @@ impl Gdb {
     ///
     /// When the emulator refuses, or does not come there in ten seconds.
     pub fn run_to(&mut self, address: u32, meanwhile: impl FnOnce()) -> io::Result<()> {
-        self.breakpoint('Z', address)?;
+        self.run_until(&format!("0,{address:x},2"), meanwhile)
+    }
+
+    /// Lets the processor run until it has written the word at an address.
+    ///
+    /// # Errors
+    ///
+    /// When the emulator refuses, or it is not written in ten seconds.
+    pub fn run_to_write(&mut self, address: u32) -> io::Result<()> {
+        self.run_until(&format!("2,{address:x},4"), || {})?;
+        self.send("s")?; // it stops before the instruction that writes
+        self.wait()
+    }
+
+    /// Runs to a breakpoint: kind, address, length.
+    fn run_until(&mut self, breakpoint: &str, meanwhile: impl FnOnce()) -> io::Result<()> {
+        self.breakpoint('Z', breakpoint)?;
         self.send("c")?;
         meanwhile();
-        while !self.packet()?.starts_with('T') {} // until it says that it has stopped
-        self.breakpoint('z', address)
+        self.wait()?;
+        self.breakpoint('z', breakpoint)
+    }
+
+    /// Waits until the processor says that it has stopped.
+    fn wait(&mut self) -> io::Result<()> {
+        while !self.packet()?.starts_with('T') {}
+        Ok(())
     }
 
     /// Sets one (Z) or takes it back (z).
-    fn breakpoint(&mut self, set: char, address: u32) -> io::Result<()> {
-        match self.ask(&format!("{set}0,{address:x},2"))?.as_str() {
+    fn breakpoint(&mut self, set: char, breakpoint: &str) -> io::Result<()> {
+        match self.ask(&format!("{set}{breakpoint}"))?.as_str() {
             "OK" => Ok(()),
-            answer => Err(io::Error::other(format!("{set}0 at {address:#x}: {answer}"))),
+            answer => Err(io::Error::other(format!("{set}{breakpoint}: {answer}"))),
         }
     }
 

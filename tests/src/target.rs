@@ -18,7 +18,22 @@ pub fn workspace() -> PathBuf {
 ///
 /// In CI, when something is missing.
 pub fn machine(machine: Machine) -> Option<QemuOptions> {
-    let options = QemuOptions::new(machine, &workspace());
+    ready(QemuOptions::new(machine, &workspace()))
+}
+
+/// The same with another program that `cargo xtask firmware` builds for its target.
+///
+/// # Panics
+///
+/// As [`machine`].
+pub fn machine_with(machine: Machine, program: &str) -> Option<QemuOptions> {
+    let mut options = QemuOptions::new(machine, &workspace());
+    options.image.set_file_name(program);
+    ready(options)
+}
+
+fn ready(options: QemuOptions) -> Option<QemuOptions> {
+    let machine = options.machine;
     let missing = match check_installed(machine) {
         Err(error) => error.to_string(),
         Ok(()) if !options.image.is_file() => {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Each crate of ours, its folder, and those of ours that it may name in its dependencies.
-const ALLOWED: [(&str, &str, &[&str]); 22] = [
+const ALLOWED: [(&str, &str, &[&str]); 23] = [
     ("echoloop-dsp", "firmware/dsp", &[]),
     ("echoloop-dispatch", "host/dispatch", &[]),
     ("echoloop-random", "host/random", &["echoloop-dispatch"]),
@@ -56,6 +56,11 @@ const ALLOWED: [(&str, &str, &[&str]); 22] = [
         "echoloop-own-firmware",
         "examples/own_firmware",
         &["echoloop-dsp", "echoloop-kernels", "echoloop-link", "echoloop-sensor", "echoloop-sim"],
+    ),
+    (
+        "echoloop-detector-firmware",
+        "examples/detector_firmware",
+        &["echoloop-dsp", "echoloop-kernels"],
     ),
     ("xtask", "xtask", &[]),
 ];
@@ -129,6 +134,11 @@ fn workspace() -> PathBuf {
 /// What is built into a crate, itself included, one line `name vX.Y.Z|feature,feature` each, for
 /// this machine or for a target. Procedural macros run at build time only and do not count.
 fn built_into(package: &str, target: Option<&str>) -> BTreeSet<String> {
+    built_with(package, target, &[])
+}
+
+/// [`built_into`], with flags that choose features.
+fn built_with(package: &str, target: Option<&str>, features: &[&str]) -> BTreeSet<String> {
     let target = target.map(|triple| ["--target", triple]);
     let output = Command::new(env!("CARGO"))
         .current_dir(workspace())
@@ -142,6 +152,7 @@ fn built_into(package: &str, target: Option<&str>) -> BTreeSet<String> {
             "normal,no-proc-macro",
         ])
         .args(target.iter().flatten())
+        .args(features)
         .args(["--prefix", "none", "--no-dedupe", "--format", "{p}|{f}"])
         .output()
         .expect("cargo runs");
@@ -246,6 +257,22 @@ fn what_is_in_an_image_lies_below_firmware() {
     }
     for (package, folder, _) in ALLOWED {
         assert_eq!(NO_STD.contains(&package), folder.starts_with("firmware/"), "{package}");
+    }
+}
+
+#[test]
+fn the_detector_alone_brings_neither_nalgebra_nor_serde_nor_postcard() {
+    let unwanted = |line: &&String| {
+        ["nalgebra", "serde", "postcard"].iter().any(|part| name(line).starts_with(part))
+    };
+    for target in BOARDS.map(Some).into_iter().chain([None]) {
+        for package in ["echoloop-dsp", "echoloop-kernels", "echoloop-detector-firmware"] {
+            let built = built_with(package, target, &["--no-default-features"]);
+            assert_eq!(built.iter().find(unwanted), None, "{package} for {target:?}");
+            assert!(built.iter().any(|line| name(line) == "echoloop-dsp"), "{package}");
+        }
+        let whole = built_into("echoloop-dsp", target);
+        assert!(whole.iter().filter(unwanted).count() >= 3, "{whole:?}");
     }
 }
 

@@ -244,6 +244,20 @@ fn every_echoloop_command_in_a_code_span_is_understood() {
 }
 
 #[test]
+fn the_porting_guide_has_a_row_for_each_function_of_a_board() {
+    let read = |path| fs::read_to_string(root().join(path)).expect("a file");
+    let (source, page) = (read("firmware/sensor/src/board.rs"), read("docs/porting.md"));
+    let functions = between(&source, "\n    fn ", "(");
+    assert!(functions.len() > 10, "{functions:?}");
+    let rows: Vec<&str> = page.lines().filter(|line| line.starts_with("| `")).collect();
+    for function in functions {
+        let name = format!("`{function}`");
+        let has_it = |row: &&str| row.split('|').nth(1).is_some_and(|cell| cell.contains(&name));
+        assert!(rows.iter().any(has_it), "docs/porting.md: {function}");
+    }
+}
+
+#[test]
 fn the_readme_keeps_to_its_size_and_reaches_each_page() {
     let text = fs::read_to_string(root().join("README.md")).expect("the README");
     assert!(text.lines().count() <= 120, "{} lines", text.lines().count());

@@ -11,9 +11,9 @@ use crate::shell::{succeed, workspace};
 use crate::target::{ARMV6M, ARMV7EM, ARMV8M, CORTEX_M55, RV32, Target};
 use crate::toolchain::Toolchain;
 
-/// An image of the sensor's program.
+/// A program for a microcontroller.
 pub(crate) struct Image {
-    /// What pages call it: its target, or its part.
+    /// What pages call it: its target or its part, after what it is if not the whole sensor.
     pub(crate) name: &'static str,
     package: &'static str,
     program: &'static str,
@@ -35,6 +35,12 @@ impl Image {
         Self { name: target.name, package, program, target, map, nested, by_constants: &[] }
     }
 
+    /// The example that is the detector alone, for the same board.
+    const fn detector_of(name: &'static str, board: &Self) -> Self {
+        let (package, program) = ("echoloop-detector-firmware", "detector-firmware");
+        Self { name, package, program, ..Self::emulated(board.target, board.map, board.nested) }
+    }
+
     /// Builds it.
     ///
     /// # Errors
@@ -48,13 +54,18 @@ impl Image {
 /// An NMI in a hard fault, on Arm.
 const FAULTS: u64 = 2;
 
+/// The reference board.
+const CORTEX_M4: Image = Image::emulated(ARMV7EM, "memory.x", FAULTS);
+const CORTEX_M0: Image = Image::emulated(ARMV6M, "memory.x", FAULTS);
+const RISC_V: Image = Image::emulated(RV32, "firmware/image/link/virt.x", 1);
+
 /// The images, the reference board's first.
-pub(crate) const IMAGES: [Image; 6] = [
-    Image::emulated(ARMV7EM, "memory.x", FAULTS),
+pub(crate) const IMAGES: [Image; 9] = [
+    CORTEX_M4,
     Image::emulated(ARMV8M, "firmware/image/link/an505.x", FAULTS),
     Image::emulated(CORTEX_M55, "firmware/image/link/an547.x", FAULTS),
-    Image::emulated(RV32, "firmware/image/link/virt.x", 1),
-    Image::emulated(ARMV6M, "memory.x", FAULTS),
+    RISC_V,
+    CORTEX_M0,
     Image {
         name: "stm32f405",
         package: "echoloop-stm32f4",
@@ -64,6 +75,12 @@ pub(crate) const IMAGES: [Image; 6] = [
         nested: FAULTS + 1, // the link's interrupt or the tick: of one priority
         by_constants: &["echoloop_stm32f4::clock::start", "echoloop_stm32f4::log::start"],
     },
+    Image::detector_of("detector thumbv7em-none-eabihf", &CORTEX_M4),
+    Image {
+        map: "examples/detector_firmware/riscv.x",
+        ..Image::detector_of("detector riscv32imac-unknown-none-elf", &RISC_V)
+    },
+    Image::detector_of("detector thumbv6m-none-eabi", &CORTEX_M0),
 ];
 
 /// The target of `examples/own_firmware`.
@@ -159,10 +176,11 @@ pub(crate) fn build(package: &str, program: &str, target: &Target) -> Result<Pat
     eprintln!("{}: {}", target.name, toolchain.describe());
     let root = workspace()?;
     let mut command = toolchain.cargo(target);
-    command.current_dir(&root).args(["build", "--quiet", "--package", package, "--bin", program]);
+    command.current_dir(&root).args(["rustc", "--quiet", "--package", package, "--bin", program]);
     for_target(command.args(["--profile", PROFILE]), target);
     command.env("DEFMT_LOG", "info");
-    succeed(toolchain.finish(&mut command))?;
+    // The graph of calls, for the bound on the stack.
+    succeed(toolchain.finish(&mut command).args(["--", "-Clink-arg=--emit-relocs"]))?;
     Ok(root.join(target.folder()).join(target.triple).join(PROFILE).join(program))
 }
 
@@ -184,7 +202,7 @@ pub(crate) fn run(targets: &[String], verbose: bool) -> Result<()> {
         panics.extend(found.iter().map(|symbol| format!("{}: {symbol}", image.name)));
     }
     println!(
-        "{:<30} {:>9} {:>9} {:>9}   of flash, RAM",
+        "{:<38} {:>9} {:>9} {:>9}   of flash, RAM",
         "image", "flash B", "statics B", "stack B"
     );
     for (name, (size, map)) in &rows {
@@ -193,7 +211,7 @@ pub(crate) fn run(targets: &[String], verbose: bool) -> Result<()> {
         let of_flash = share(*in_flash, map.flash_bytes());
         let of_ram = share(statics + stack, map.ram.length);
         println!(
-            "{name:<30} {in_flash:>9} {statics:>9} {stack:>9}   {of_flash:.1} %, {of_ram:.1} %"
+            "{name:<38} {in_flash:>9} {statics:>9} {stack:>9}   {of_flash:.1} %, {of_ram:.1} %"
         );
         if verbose {
             for (name, frame) in &size.deepest {

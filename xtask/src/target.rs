@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 /// A target of the compiler; or a processor of which it has no target, beside those of the
 /// processors it extends.
 #[derive(Debug, PartialEq, Eq)]
+#[derive(Clone, Copy)]
 pub(crate) struct Target {
     /// As `--target` has it.
     pub(crate) name: &'static str,
