@@ -348,9 +348,6 @@ fn a_sensor_that_is_none_is_refused_by_name() {
             fixture.refuses(&[command, "--sensor", sensor], &["--sensor", problem]);
         }
     }
-    for flag in ["--firmware", "--sensor-log"] {
-        fixture.refuses(&["scan", flag, "file"], &[flag, "in-process"]);
-    }
     fixture.refuses(&["serve", "/dev/ttyS0@fast"], &["'fast' is no speed"]);
 }
 

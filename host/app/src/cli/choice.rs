@@ -1,7 +1,6 @@
 //! `--sensor`: which sensor a command speaks to.
 
-use std::fs::File;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::builder::TypedValueParser;
 use clap::{Args, ValueHint};
@@ -13,8 +12,11 @@ use super::interrupt::end_on_interrupt;
 use super::method_choice::one_of;
 use super::progress::Progress;
 use crate::link::client::Identity;
+use crate::link::defmt_log::begin_file;
 use crate::link::pattern::described as beams_of;
-use crate::link::sensor::{FrontEndAt, Model, QemuOptions, SensorSpec, Sensors};
+use crate::link::sensor::{
+    BoardLog, FrontEndAt, LogSource, Model, QemuOptions, SensorSpec, Sensors,
+};
 
 /// Flags of every command that speaks to a sensor.
 #[derive(Clone, Debug, Args)]
@@ -33,19 +35,27 @@ pub(crate) struct SensorChoice {
     /// Where light becomes codes.
     #[arg(long, value_name = "WHERE", value_parser = front_end(), default_value = "sensor")]
     front_end: FrontEndAt,
-    /// With --sensor qemu: the firmware's image.
+    /// The firmware's image: what --sensor qemu runs; with --sensor serial, what the board does.
     #[arg(long, value_name = "ELF", value_hint = ValueHint::FilePath)]
     firmware: Option<PathBuf>,
-    /// With --sensor qemu: where the firmware's log goes; - is standard error.
+    /// Where the firmware's log goes; - is standard error. With --sensor serial it takes
+    /// --log-from and --firmware.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     sensor_log: Option<PathBuf>,
+    /// With --sensor serial: where the log comes from, serial:PORT[@BAUD] or tcp:HOST:PORT.
+    ///
+    /// serial: the board's second line. tcp: a debugger's server of what it reads by RTT, as
+    /// OpenOCD's `rtt server start 19021 0`.
+    #[arg(long, value_name = "SOURCE")]
+    log_from: Option<LogSource>,
 }
 
 impl SensorChoice {
     /// The firmware in this program.
     pub(super) fn in_process() -> Self {
         let sensor = SensorSpec::InProcess;
-        Self { sensor, front_end: FrontEndAt::Sensor, firmware: None, sensor_log: None }
+        let (firmware, sensor_log, log_from) = (None, None, None);
+        Self { sensor, front_end: FrontEndAt::Sensor, firmware, sensor_log, log_from }
     }
 
     /// Whether it is the firmware in this program.
@@ -55,28 +65,59 @@ impl SensorChoice {
 
     /// The sensors asked for; none is opened yet.
     pub(super) fn sensors(&self, model: Model) -> Result<Sensors, Failure> {
-        let is_qemu = matches!(self.sensor, SensorSpec::Qemu(_));
-        for (flag, given) in
-            [("--firmware", self.firmware.is_some()), ("--sensor-log", self.sensor_log.is_some())]
-        {
-            if given && !is_qemu {
-                return Err(Failure::usage(format!(
-                    "{flag} is for --sensor qemu, not {}",
-                    self.sensor
-                )));
-            }
-        }
-        if let Some(log) = self.sensor_log.as_deref().filter(|log| *log != Path::new("-")) {
-            let made = File::create(log); // now, not when the sensors are switched off
-            made.map_err(|error| {
-                Failure::usage(format!("--sensor-log {}: {error}", log.display()))
-            })?;
-        }
-        if is_qemu {
+        self.check_log().map_err(Failure::usage)?;
+        if matches!(self.sensor, SensorSpec::Qemu(_)) {
             end_on_interrupt();
         }
+        let log = match (&self.log_from, &self.firmware, &self.sensor_log) {
+            (Some(from), Some(image), Some(to)) => {
+                Some(BoardLog::start(from, image, to).map_err(Failure::usage)?)
+            }
+            // Now, not when the sensors are switched off.
+            (_, _, Some(to)) => begin_file(to).map(|()| None).map_err(Failure::usage)?,
+            _ => None,
+        };
         let qemu = QemuOptions { firmware: self.firmware.clone(), log: self.sensor_log.clone() };
-        Ok(Sensors::new(&self.sensor, self.front_end, model, qemu))
+        let sensors = Sensors::new(&self.sensor, self.front_end, model, qemu);
+        Ok(match log {
+            Some(log) => sensors.with_log(log),
+            None => sensors,
+        })
+    }
+
+    /// Whether the flags of the log go together.
+    fn check_log(&self) -> Result<(), String> {
+        let flags = [
+            ("--firmware", self.firmware.is_some()),
+            ("--sensor-log", self.sensor_log.is_some()),
+            ("--log-from", self.log_from.is_some()),
+        ];
+        let given = flags.iter().find(|(_, given)| *given);
+        match (&self.sensor, given) {
+            (_, None) => Ok(()),
+            (SensorSpec::Qemu(_), _) if self.log_from.is_none() => Ok(()),
+            (SensorSpec::Qemu(_), _) => {
+                Err(format!("--log-from is for --sensor serial, not {}", self.sensor))
+            }
+            (SensorSpec::InProcess, Some((flag, _))) => {
+                Err(format!("{flag} is for --sensor qemu or serial, not in-process"))
+            }
+            (SensorSpec::Serial(port), Some((flag, _))) => {
+                if let Some((missing, _)) = flags.iter().find(|(_, given)| !given) {
+                    return Err(format!(
+                        "{flag} needs {missing}, too: a board's log takes --log-from SOURCE, \
+                         --firmware ELF and --sensor-log FILE"
+                    ));
+                }
+                match &self.log_from {
+                    Some(LogSource::Serial(log)) if log.path == port.path => Err(format!(
+                        "--log-from {}: that is the link's port, and the log comes from another",
+                        log.path
+                    )),
+                    _ => Ok(()),
+                }
+            }
+        }
     }
 
     /// The flags again, to go on with; nothing for the usual sensor.
@@ -86,7 +127,8 @@ impl SensorChoice {
         };
         let files = file("--firmware", &self.firmware)
             .into_iter()
-            .chain(file("--sensor-log", &self.sensor_log));
+            .chain(file("--sensor-log", &self.sensor_log))
+            .chain(self.log_from.as_ref().map(|from| format!(" --log-from {from}")));
         let sensor = match self.sensor {
             SensorSpec::InProcess => String::new(),
             _ => format!(" --sensor {}", self.sensor) + &files.collect::<String>(),

@@ -1,7 +1,12 @@
 //! The sensor's log: defmt's frames, which say only which message of the image, made readable with
 //! the image.
 
-use defmt_decoder::{DecodeError, Table};
+use std::fs::{File, OpenOptions};
+use std::io::{self, Write};
+use std::path::Path;
+
+use defmt_decoder::{DecodeError, Frame, StreamDecoder, Table};
+use echoloop_files::printable;
 use thiserror::Error;
 
 /// Why a log cannot be read.
@@ -15,29 +20,115 @@ pub enum LogError {
     Silent,
 }
 
-/// The lines of a log: number, level, text. Frames that are broken, or cut off at the end, are left
-/// out.
+/// The messages of an image.
+pub struct Messages(Table);
+
+impl Messages {
+    /// Those of an ELF file.
+    ///
+    /// # Errors
+    ///
+    /// [`LogError`] when the image is not one that logs.
+    pub fn from_elf(elf: &[u8]) -> Result<Self, LogError> {
+        let table = Table::parse(elf).map_err(|error| LogError::Image(error.to_string()))?;
+        table.map(Self).ok_or(LogError::Silent)
+    }
+
+    /// A reader of a log, from anywhere in it.
+    pub fn reader(&self) -> LogReader<'_> {
+        let (table, stream) = (&self.0, self.0.new_stream_decoder());
+        LogReader { table, stream, unfinished: 0, broken: 0 }
+    }
+}
+
+/// Bytes of a frame at most, a hundred times the longest: what goes on without an end is no log.
+const LONGEST: usize = 16 << 10;
+
+/// Makes lines of a log as it comes.
+pub struct LogReader<'a> {
+    table: &'a Table,
+    stream: Box<dyn StreamDecoder + Send + Sync + 'a>,
+    unfinished: usize,
+    broken: usize,
+}
+
+impl LogReader<'_> {
+    /// The lines that these bytes complete: number, level, text. Frames that are broken are left
+    /// out.
+    pub fn read(&mut self, bytes: &[u8]) -> Vec<String> {
+        self.bound(bytes);
+        self.stream.received(bytes);
+        let mut lines = Vec::new();
+        loop {
+            match self.stream.decode() {
+                Ok(frame) => lines.push(line(&frame)),
+                Err(DecodeError::Malformed) if self.table.encoding().can_recover() => {
+                    self.broken += 1;
+                }
+                Err(_) => return lines,
+            }
+        }
+    }
+
+    /// Frames that were left out. Where the log was joined in its midst, the first is one.
+    pub fn broken(&self) -> usize {
+        self.broken
+    }
+
+    /// Keeps what has no end from filling the memory.
+    fn bound(&mut self, bytes: &[u8]) {
+        self.unfinished = match bytes.iter().rev().position(|&byte| byte == 0) {
+            Some(after) => after,
+            None => self.unfinished + bytes.len(),
+        };
+        if self.unfinished > LONGEST {
+            self.stream = self.table.new_stream_decoder();
+            (self.unfinished, self.broken) = (0, self.broken + 1);
+        }
+    }
+}
+
+fn line(frame: &Frame<'_>) -> String {
+    let number = frame.display_timestamp().map(|t| t.to_string()).unwrap_or_default();
+    let level = frame.level().map_or("println", |level| level.as_str());
+    format!("{number:>6} {level:<5} {}", frame.display_message())
+}
+
+/// The lines of a whole log.
 ///
 /// # Errors
 ///
 /// [`LogError`] when the image is not one that logs.
 pub fn decode(elf: &[u8], frames: &[u8]) -> Result<Vec<String>, LogError> {
-    let table = Table::parse(elf)
-        .map_err(|error| LogError::Image(error.to_string()))?
-        .ok_or(LogError::Silent)?;
-    let mut decoder = table.new_stream_decoder();
-    decoder.received(frames);
-    let mut lines = Vec::new();
-    loop {
-        match decoder.decode() {
-            Ok(frame) => {
-                let number = frame.display_timestamp().map(|t| t.to_string()).unwrap_or_default();
-                let level = frame.level().map_or("println", |level| level.as_str());
-                lines.push(format!("{number:>6} {level:<5} {}", frame.display_message()));
-            }
-            Err(DecodeError::Malformed) if table.encoding().can_recover() => {}
-            Err(_) => return Ok(lines),
-        }
+    Ok(Messages::from_elf(elf)?.reader().read(frames))
+}
+
+/// Begins a file anew for [`write_lines`].
+///
+/// # Errors
+///
+/// That it cannot be made, and why.
+pub(crate) fn begin_file(to: &Path) -> Result<(), String> {
+    if to == Path::new("-") {
+        return Ok(());
+    }
+    let made = File::create(to).map(drop);
+    made.map_err(|error| format!("--sensor-log {}: {error}", to.display()))
+}
+
+/// Adds the lines of a sensor's log to a file, all at once: sensors do not mix theirs. `-` is
+/// standard error.
+///
+/// # Errors
+///
+/// When it cannot be written.
+pub(crate) fn write_lines(to: &Path, sensor: usize, lines: &[String]) -> io::Result<()> {
+    let one = |line: &String| format!("sensor {sensor} {}\n", printable(line).replace('\n', " "));
+    let text: String = lines.iter().map(one).collect();
+    match to.to_str() {
+        _ if text.is_empty() => Ok(()),
+        Some("-") => io::stderr().write_all(text.as_bytes()),
+        _ => OpenOptions::new().create(true).append(true).open(to)?.write_all(text.as_bytes()),
     }
 }
 

@@ -7,6 +7,7 @@
 //! emitter's FRAME register. See [`crate::experiment::dataset::ScanPair::viewpoints`]. Any sensor
 //! may instead be given the waveforms that a front end makes here: [`Sensor::fed`].
 
+mod board_log;
 mod boards;
 mod pool;
 mod qemu;
@@ -27,6 +28,7 @@ use crate::link::client::{Client, ClientError, Identity, RetryPolicy};
 use crate::link::transport::{InProcess, Serial, Transport};
 use echoloop_frontend::{Receiver, WaveformFrontEnd};
 
+pub use board_log::{BoardLog, LogSource, LogSourceError};
 pub use pool::Sensors;
 pub use qemu::QemuOptions;
 pub(crate) use qemu::end_emulators;

@@ -2,6 +2,7 @@
 
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
+use super::board_log::BoardLog;
 use super::qemu::open_qemu;
 use super::{FrontEndAt, Model, QemuOptions, Sensor, SensorError, SensorSpec};
 use crate::link::client::{ClientError, Identity};
@@ -16,6 +17,7 @@ pub struct Sensors {
     limit: usize,
     state: Mutex<State>,
     freed: Condvar,
+    _log: Option<BoardLog>,
 }
 
 #[derive(Default)]
@@ -63,7 +65,13 @@ impl Sensors {
         open: impl Fn() -> Result<Sensor, SensorError> + Send + Sync + 'static,
     ) -> Self {
         let (open, limit) = (Box::new(open), limit.max(1));
-        Self { name: name.into(), open, limit, state: Mutex::default(), freed: Condvar::new() }
+        let (state, freed) = (Mutex::default(), Condvar::new());
+        Self { name: name.into(), open, limit, state, freed, _log: None }
+    }
+
+    /// With a log that is written down as long as they are there.
+    pub fn with_log(self, log: BoardLog) -> Self {
+        Self { _log: Some(log), ..self }
     }
 
     /// Which they are, as in `--sensor`.

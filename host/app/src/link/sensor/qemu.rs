@@ -21,20 +21,19 @@ pub(super) use here::open_qemu;
 
 #[cfg(unix)]
 mod here {
-    use std::fs::{self, OpenOptions};
-    use std::io::{self, Write};
+    use std::fs;
+    use std::io;
     use std::path::{Path, PathBuf};
     use std::sync::atomic::{AtomicUsize, Ordering};
     use std::sync::{Arc, Mutex};
     use std::time::Duration;
 
-    use echoloop_files::printable;
     use echoloop_sim::qemu::{self, Machine, Qemu, QemuError};
 
     use super::super::{FrontEndAt, Line, Model, Sensor, SensorError, SensorSpec, SharedFrontEnd};
     use super::QemuOptions;
     use crate::link::client::RetryPolicy;
-    use crate::link::defmt_log;
+    use crate::link::defmt_log::{self, write_lines};
     use crate::link::transport::Transport;
 
     /// An emulated processor may be slow when others need this one.
@@ -100,19 +99,11 @@ mod here {
             Self { line, image, to, number: 1 + SENSORS.fetch_add(1, Ordering::Relaxed) }
         }
 
-        /// All lines at once: sensors that are switched off at the same time do not mix theirs.
         fn write(&self) -> io::Result<()> {
             let frames = fs::read(self.line.log_file())?;
             let lines =
                 defmt_log::decode(&fs::read(&self.image)?, &frames).map_err(io::Error::other)?;
-            let numbered = |line: &String| {
-                format!("sensor {} {}\n", self.number, printable(line).replace('\n', " "))
-            };
-            let text: String = lines.iter().map(numbered).collect();
-            if self.to == Path::new("-") {
-                return io::stderr().write_all(text.as_bytes());
-            }
-            OpenOptions::new().create(true).append(true).open(&self.to)?.write_all(text.as_bytes())
+            write_lines(&self.to, self.number, &lines)
         }
     }
 

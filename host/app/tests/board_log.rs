@@ -1,0 +1,214 @@
+//! `--sensor-log` of a board on a serial line: what comes on its second port, or from a debugger's
+//! RTT server, is written down as that of an emulated board is; and nothing about it ends a run.
+//!
+//! The frames are those of the emulated STM32F405, whose image `cargo xtask firmware` builds.
+//! Without it or QEMU these tests are skipped aloud; where `CI` is set, they fail.
+#![cfg(unix)]
+
+mod board;
+mod fixture;
+
+use std::fs;
+use std::io::Write;
+use std::net::{Shutdown, TcpListener};
+use std::path::{Path, PathBuf};
+use std::process::Child;
+use std::time::{Duration, Instant};
+
+use board::{Board, end, run, start, terminals};
+use echoloop_dsp::{Hardware, ScanPattern, Settings};
+use echoloop_host::experiment::config::RunConfig;
+use echoloop_host::link::client::{Client, RetryPolicy};
+use echoloop_host::link::defmt_log;
+use echoloop_host::link::sensor::Model;
+use echoloop_sim::qemu::{Machine, Qemu, QemuOptions, check_installed};
+use fixture::{CommandOutput, Fixture};
+
+/// A board's log: the image that wrote it, and its frames.
+struct Log {
+    image: PathBuf,
+    frames: Vec<u8>,
+}
+
+impl Log {
+    /// What an STM32F405 in the emulator says while it is asked this and that.
+    fn record() -> Option<Self> {
+        let machine = Machine::NetduinoPlus2;
+        let options = QemuOptions::new(machine, &root());
+        let missing = match check_installed(machine) {
+            Err(error) => error.to_string(),
+            Ok(()) if !options.image.is_file() => {
+                format!("no image {}: cargo xtask firmware", options.image.display())
+            }
+            Ok(()) => String::new(),
+        };
+        if !missing.is_empty() {
+            echoloop_needs::missing(&missing);
+            return None;
+        }
+        let front_end = Model::from(&RunConfig::default()).front_end();
+        let (pattern, hardware) = (ScanPattern::default(), Hardware::REFERENCE);
+        let qemu = Qemu::start(&options, front_end, pattern, hardware).expect("a board");
+        let file = qemu.log_file();
+        let deadline = Instant::now() + Duration::from_secs(30);
+        while fs::metadata(&file).map_or(0, |log| log.len()) == 0 {
+            assert!(Instant::now() < deadline, "it says nothing");
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        let retry_policy = RetryPolicy { timeout: Duration::from_secs(5), tries: 4 };
+        let mut client = Client::connect(qemu, retry_policy).expect("it answers");
+        client.configure(&Settings { gain_cdb: 700, ..Settings::default() }).expect("accepted");
+        for _ in 0..8 {
+            client.transport_mut().send(&[1, 2, 3, 0]).expect("it listens"); // no frame: it says so
+            client.read_settings().expect("an answer");
+        }
+        let frames = fs::read(&file).expect("a log");
+        Some(Self { image: options.image, frames })
+    }
+
+    /// As the emulated board's log is written.
+    fn lines(&self) -> String {
+        let elf = fs::read(&self.image).expect("an image");
+        let lines = defmt_log::decode(&elf, &self.frames).expect("a log");
+        assert!(lines.len() > 9 && lines[0].contains("QEMU"), "{lines:?}");
+        lines.iter().map(|line| format!("sensor 1 {line}\n")).collect()
+    }
+
+    fn flags<'a>(&'a self, from: &'a str) -> [&'a str; 6] {
+        let image = self.image.to_str().expect("UTF-8");
+        ["--log-from", from, "--firmware", image, "--sensor-log", "log.txt"]
+    }
+}
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().expect("the workspace")
+}
+
+/// A scan through a board on a line, beside which its log comes from somewhere.
+fn scan(fixture: &Fixture, board: &Board, log: &[&str]) -> Child {
+    let scan = ["scan", "-c", "small.toml", "-o", "far.ply", "--sensor", &board.spec];
+    start(fixture, &[&scan[..], log].concat())
+}
+
+fn succeeded(child: Child) -> CommandOutput {
+    let output = end(child);
+    assert_eq!(output.code, Some(0), "{}", output.stderr);
+    output
+}
+
+#[test]
+fn what_a_debugger_hands_on_is_written_as_an_emulated_board_s_log_is() {
+    let Some(log) = Log::record() else { return };
+    let fixture = Fixture::new();
+    let board = Board::new(&fixture);
+    let debugger = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let from = format!("tcp:{}", debugger.local_addr().expect("an address"));
+    let child = scan(&fixture, &board, &log.flags(&from));
+    let (mut line, _) = debugger.accept().expect("it calls");
+    for part in log.frames.chunks(7) {
+        line.write_all(part).expect("it listens");
+    }
+    let output = succeeded(child);
+    assert_eq!(fixture.read("log.txt"), log.lines());
+    assert!(!output.stderr.contains("warning"), "{}", output.stderr);
+}
+
+#[test]
+fn what_comes_on_a_second_port_is_written_from_where_it_is_joined() {
+    let Some(log) = Log::record() else { return };
+    let fixture = Fixture::new();
+    let board = Board::new(&fixture);
+    let (mut here, _plug, path) = terminals();
+    let child = scan(&fixture, &board, &log.flags(&format!("serial:{path}@921600")));
+    // Opening the port drops what is in it: the file is begun once it is open.
+    let deadline = Instant::now() + Duration::from_secs(30);
+    while fixture.path("log.txt").metadata().is_err() {
+        assert!(Instant::now() < deadline, "no log was begun");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    // The start of a message is lost: until then nobody listened.
+    here.write_all(&log.frames[3..]).expect("it listens");
+    let output = succeeded(child);
+    let whole = log.lines();
+    let (_, rest) = whole.split_once('\n').expect("lines");
+    assert_eq!(fixture.read("log.txt"), rest);
+    assert!(!output.stderr.contains("warning"), "{}", output.stderr);
+}
+
+#[test]
+fn a_log_that_ends_does_not_end_the_run() {
+    let Some(log) = Log::record() else { return };
+    let fixture = Fixture::new();
+    let board = Board::new(&fixture);
+    let debugger = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let from = format!("tcp:{}", debugger.local_addr().expect("an address"));
+    let child = scan(&fixture, &board, &log.flags(&from));
+    let (mut line, _) = debugger.accept().expect("it calls");
+    let half = log.frames.len() / 2;
+    line.write_all(&log.frames[..half]).expect("it listens");
+    line.shutdown(Shutdown::Both).expect("it is open");
+    let output = succeeded(child);
+    let said = format!("warning: the log from {from} has ended");
+    assert!(output.stderr.contains(&said), "{}", output.stderr);
+    let found = fixture.read("log.txt");
+    assert!(found.lines().count() > 1 && log.lines().starts_with(&found), "{found}");
+    assert!(found.len() < log.lines().len(), "{found}");
+    assert!(fixture.bytes("far.ply").len() > 1_000);
+}
+
+#[test]
+fn a_log_that_cannot_be_read_is_said_to_be_lost_bytes_or_another_image() {
+    let Some(log) = Log::record() else { return };
+    let fixture = Fixture::new();
+    let board = Board::new(&fixture);
+    let debugger = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let from = format!("tcp:{}", debugger.local_addr().expect("an address"));
+    let child = scan(&fixture, &board, &log.flags(&from));
+    let (mut line, _) = debugger.accept().expect("it calls");
+    // Numbers of messages that the image has none for; then what never ends.
+    line.write_all(&[0xfe, 0xfe, 0xfe, 0x7f, 0].repeat(3)).expect("it listens");
+    line.write_all(&[0x55; 40_000]).expect("it listens");
+    line.write_all(&[0]).expect("it listens");
+    line.write_all(&log.frames).expect("it listens");
+    let output = succeeded(child);
+    let said = "cannot be read: bytes were lost, or the board does not run";
+    assert!(output.stderr.contains(said), "{}", output.stderr);
+    assert_eq!(fixture.read("log.txt"), log.lines());
+}
+
+#[test]
+fn flags_that_do_not_go_together_and_what_cannot_be_used_are_refused() {
+    let fixture = Fixture::new();
+    for (flag, value) in
+        [("--firmware", "file"), ("--sensor-log", "file"), ("--log-from", "tcp:localhost:1")]
+    {
+        fixture.refuses(&["scan", flag, value], &[flag, "in-process"]);
+        let alone = ["scan", "--sensor", "serial:/dev/ttyX", flag, value];
+        fixture.refuses(&alone, &[flag, "--log-from SOURCE", "--firmware ELF"]);
+    }
+    let on_qemu = ["scan", "--sensor", "qemu", "--log-from", "tcp:localhost:1"];
+    fixture.refuses(&on_qemu, &["--log-from is for --sensor serial"]);
+    let from = |from: &str, image: &str, problem: &[&str]| {
+        let log = ["--log-from", from, "--firmware", image, "--sensor-log", "log.txt"];
+        let line = [&["sensor", "--sensor", "serial:/dev/ttyX"][..], &log].concat();
+        fixture.refuses(&line, problem);
+    };
+    from("rtt", "a.elf", &["--log-from", "expected serial:PORT[@BAUD] or tcp:HOST:PORT"]);
+    from("serial:/dev/ttyX@9600", "a.elf", &["/dev/ttyX", "the link's port"]);
+    from("tcp:localhost:1", "a.elf", &["--firmware a.elf", "No such file"]);
+    from("tcp:localhost:1", "small.toml", &["--firmware small.toml", "log table"]);
+    let silent = env!("CARGO_BIN_EXE_echoloop");
+    from("tcp:localhost:1", silent, &["--firmware", "built without defmt"]);
+}
+
+#[test]
+fn a_source_that_is_not_there_is_named() {
+    let Some(log) = Log::record() else { return };
+    let fixture = Fixture::new();
+    for from in ["tcp:127.0.0.1:1", "serial:/dev/nowhere"] {
+        let line = [&["sensor", "--sensor", "serial:/dev/ttyX"][..], &log.flags(from)].concat();
+        let output = run(&fixture, &line);
+        assert_eq!(output.code, Some(2), "{}", output.stderr);
+        assert!(output.stderr.contains(&format!("--log-from {from}")), "{}", output.stderr);
+    }
+}
