@@ -9,10 +9,10 @@ mod board;
 mod fixture;
 
 use std::fs;
-use std::io::Write;
+use std::io::{BufRead, BufReader, Write};
 use std::net::{Shutdown, TcpListener};
 use std::path::{Path, PathBuf};
-use std::process::Child;
+use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use board::{Board, end, run, start, terminals};
@@ -33,19 +33,7 @@ struct Log {
 impl Log {
     /// What an STM32F405 in the emulator says while it is asked this and that.
     fn record() -> Option<Self> {
-        let machine = Machine::NetduinoPlus2;
-        let options = QemuOptions::new(machine, &root());
-        let missing = match check_installed(machine) {
-            Err(error) => error.to_string(),
-            Ok(()) if !options.image.is_file() => {
-                format!("no image {}: cargo xtask firmware", options.image.display())
-            }
-            Ok(()) => String::new(),
-        };
-        if !missing.is_empty() {
-            echoloop_needs::missing(&missing);
-            return None;
-        }
+        let options = emulated()?;
         let front_end = Model::from(&RunConfig::default()).front_end();
         let (pattern, hardware) = (ScanPattern::default(), Hardware::REFERENCE);
         let qemu = Qemu::start(&options, front_end, pattern, hardware).expect("a board");
@@ -80,8 +68,56 @@ impl Log {
     }
 }
 
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().expect("the workspace")
+/// The emulated STM32F405 with its image, if they can be had.
+fn emulated() -> Option<QemuOptions> {
+    let machine = Machine::NetduinoPlus2;
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let options = QemuOptions::new(machine, &root.canonicalize().expect("the workspace"));
+    let missing = match check_installed(machine) {
+        Err(error) => error.to_string(),
+        Ok(()) if !options.image.is_file() => {
+            format!("no image {}: cargo xtask firmware", options.image.display())
+        }
+        Ok(()) => return Some(options),
+    };
+    echoloop_needs::missing(&missing);
+    None
+}
+
+/// The same on lines of this machine: its link is a terminal, its log a port that it waits at.
+struct OnLines {
+    emulator: Child,
+    link: String,
+    log: String,
+}
+
+impl OnLines {
+    fn start(image: &Path, folder: &Path) -> Self {
+        // What the image finds there instead of a flash.
+        fs::write(folder.join("flash.bin"), [0xFF; 32 << 10]).expect("a file");
+        let free = TcpListener::bind("127.0.0.1:0").expect("a port");
+        let log = format!("tcp:{}", free.local_addr().expect("an address"));
+        drop(free);
+        let mut command = Command::new(Machine::NetduinoPlus2.emulator());
+        command.args(["-M", Machine::NetduinoPlus2.name(), "-display", "none", "-monitor", "none"]);
+        command.args(["-semihosting-config", "enable=on,target=native", "-serial", "pty"]);
+        command.args(["-serial", &format!("{log},server=on,wait=on"), "-kernel"]).arg(image);
+        command.current_dir(folder).stdout(Stdio::piped()).stderr(Stdio::null());
+        let mut emulator = command.spawn().expect("an emulator");
+        let mut said = BufReader::new(emulator.stdout.as_mut().expect("a pipe"));
+        let mut line = String::new();
+        said.read_line(&mut line).expect("text"); // char device redirected to /dev/pts/0 (label …)
+        let link = line.split_whitespace().find(|word| word.starts_with('/'));
+        let link = link.unwrap_or_else(|| panic!("no terminal: {line}")).to_owned();
+        Self { emulator, link, log }
+    }
+}
+
+impl Drop for OnLines {
+    fn drop(&mut self) {
+        let _ = self.emulator.kill();
+        let _ = self.emulator.wait();
+    }
 }
 
 /// A scan through a board on a line, beside which its log comes from somewhere.
@@ -94,6 +130,22 @@ fn succeeded(child: Child) -> CommandOutput {
     let output = end(child);
     assert_eq!(output.code, Some(0), "{}", output.stderr);
     output
+}
+
+#[test]
+fn a_board_on_a_line_is_heard_as_the_emulated_one_is_from_its_first_word() {
+    let Some(options) = emulated() else { return };
+    let (fixture, image) = (Fixture::new(), options.image.to_str().expect("UTF-8"));
+    let ask = ["sensor", "--front-end", "host", "--set", "lidar.gain=3", "--firmware", image];
+    let near = ["--sensor", "qemu:netduinoplus2", "--sensor-log", "near.txt"];
+    fixture.succeed(&[&ask[..], &near].concat());
+    let board = OnLines::start(&options.image, &fixture.path(""));
+    let sensor = format!("serial:{}", board.link);
+    let far = ["--sensor", &sensor, "--sensor-log", "far.txt", "--log-from", &board.log];
+    fixture.succeed(&[&ask[..], &far].concat());
+    let [near, far] = ["near.txt", "far.txt"].map(|name| fixture.read(name));
+    assert!(near.contains("QEMU") && near.contains("echoloop-sensor"), "{near}");
+    assert_eq!(far, near);
 }
 
 #[test]
