@@ -4,8 +4,7 @@ use std::path::{Path, PathBuf};
 
 /// A target of the compiler; or a processor of which it has no target, beside those of the
 /// processors it extends.
-#[derive(Debug, PartialEq, Eq)]
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Target {
     /// As `--target` has it.
     pub(crate) name: &'static str,
