@@ -23,6 +23,7 @@ fn main() {
 
 /// The last `-C target-cpu` among the compiler's arguments; empty without one.
 fn processor(arguments: &str) -> &str {
-    let named = arguments.split('\x1f').filter_map(|argument| argument.split_once("target-cpu="));
-    named.last().map_or("", |(_, processor)| processor)
+    let mut named =
+        arguments.split('\x1f').filter_map(|argument| argument.split_once("target-cpu="));
+    named.next_back().map_or("", |(_, processor)| processor)
 }

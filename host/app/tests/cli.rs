@@ -1263,7 +1263,7 @@ fn a_rate_goes_with_the_clock_and_against_beams_samples_and_shots() {
     };
     let usual = ask(&[]);
     assert_eq!([&usual["beams"], &usual["samples"], &usual["taps"]], [6_144, 800, 11]);
-    let of = |rate: &serde_json::Value, what: &str| {
+    let of = |rate: &Value, what: &str| {
         let processors = rate["processors"].as_array().expect("a list").clone();
         assert!(processors.len() >= 4, "{rate}");
         processors.iter().map(|one| one[what].as_f64().expect("a number")).collect::<Vec<_>>()
