@@ -32,9 +32,9 @@ const VECTOR_AIMS: (f64, f64) = (1.0 / 3.0, 0.5);
 /// What a search costs that begins at the wrong place, counted once with the guess of
 /// `firmware/image/src/bin/cost/stages.rs` moved by 1, 4 and 40 codes.
 const ASTRAY: &str = "\n\
-    `mve` looks for the median where the last waveform had it, and finds it in one pass within a\n\
-    code, as here. 4 codes off its statistics take 3.6 instructions per sample more, 40 codes 7.1;\n\
-    the histogram of `dual_multiply` takes no more for 40.\n";
+    `mve` looks for the median where the last waveform had it, and finds it in one pass within\n\
+    a code, as here. 4 codes off, its statistics take 3.6 instructions per sample more, 40 codes\n\
+    off 7.1; the histogram of `dual_multiply` takes no more for 40.\n";
 
 /// Samples of a case, from its name: `256x16 one echo` has 256.
 fn samples(case: &str) -> Result<f64> {
