@@ -55,9 +55,9 @@ impl Clock {
         let ticks = self.counter.ticks();
         let since = ticks.wrapping_sub(self.ticks).saturating_add(self.rest);
         self.ticks = ticks;
-        let per_us = self.counter.ticks_per_us.max(1);
-        self.rest = since % per_us;
-        self.us = self.us.wrapping_add(since / per_us);
+        let per_us = self.counter.ticks_per_us;
+        self.rest = since.checked_rem(per_us).unwrap_or(0);
+        self.us = self.us.wrapping_add(since.checked_div(per_us).unwrap_or(0));
         self.us
     }
 }
