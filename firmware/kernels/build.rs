@@ -12,13 +12,20 @@ fn main() {
     let target = env::var("TARGET").unwrap_or_default();
     let arguments = env::var("CARGO_ENCODED_RUSTFLAGS").unwrap_or_default();
     let is_armv8_main = target.starts_with("thumbv8m.main");
-    // A part that was made without the unit: -C target-feature=-mve.
-    let has_mve = WITH_MVE.contains(&processor(&arguments)) && !arguments.contains("-mve");
-    if is_armv8_main && has_mve {
+    // Who starts with hard floats switches the unit on; else its first instruction faults.
+    let has_mve = target.ends_with("eabihf") && WITH_MVE.contains(&processor(&arguments));
+    if is_armv8_main && has_mve && !is_without_mve(&arguments) {
         println!("cargo:rustc-cfg=mve");
     } else if is_armv8_main || target.starts_with("thumbv7em") {
         println!("cargo:rustc-cfg=dual_multiply");
     }
+}
+
+/// A part that was made without the unit: `-C target-feature=-mve`.
+fn is_without_mve(arguments: &str) -> bool {
+    let lists =
+        arguments.split('\x1f').filter_map(|argument| argument.split_once("target-feature="));
+    lists.flat_map(|(_, features)| features.split(',')).any(|feature| feature == "-mve")
 }
 
 /// The last `-C target-cpu` among the compiler's arguments; empty without one.

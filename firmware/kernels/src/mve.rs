@@ -38,6 +38,9 @@ pub struct Mve;
 /// Samples of a vector.
 const LANES: usize = 8;
 
+// A block is two vectors: what `correlate` promises the assembly counts on it.
+const _: () = assert!(filter::BLOCK == 2 * LANES);
+
 /// Vectors that the longest template fills, and one lane.
 const MAX_VECTORS: usize = MAX_TAPS / LANES + 1;
 

@@ -18,8 +18,8 @@ pub const MAX_FRAME: usize = MAX_PAYLOAD + MAX_PAYLOAD.div_ceil(254) + 2;
 /// Which way a frame goes.
 ///
 /// It costs no byte: the checksum of what goes to the host is complemented. So an end that hears
-/// itself, on a line that echoes, knows its own frames and takes none of them for the other's; and
-/// 32 bits would have to be wrong to turn one into the other.
+/// itself, on a line that echoes, knows its own frames and takes none of them for the other's;
+/// damage turns one into the other as seldom as it passes the checksum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Way {

@@ -105,7 +105,7 @@ pub enum Command<'a> {
     },
     /// Says how long a scan may take, and begins to count anew; answered with [`Report::Times`].
     SetDeadline {
-        /// From the first beam of a scan to its last, µs; 0: as long as it likes.
+        /// As long may the sensor be busy for a scan, µs; 0: as long as it likes.
         scan_us: u32,
     },
     /// Asks how long scans have taken.

@@ -73,7 +73,7 @@ pub enum Answer<'a> {
     TellRoom,
     /// Hold scans to so many µs from now on, 0: to nothing, and say so.
     SetDeadline {
-        /// From the first beam to the last.
+        /// As long may the sensor be busy for a scan.
         scan_us: u32,
     },
     /// Say how long scans have taken.
@@ -111,6 +111,8 @@ pub struct Session {
     /// Committed while a frame was open; takes its place when the frame ends.
     pending: Option<Version>,
     frame: Option<Frame>,
+    /// Scans begun, wrapping.
+    begun: u32,
     /// How the link has been.
     pub counters: Counters,
 }
@@ -141,6 +143,7 @@ impl Session {
             trial: None,
             pending: None,
             frame: None,
+            begun: 0,
             counters: Counters::default(),
         }
     }
@@ -165,10 +168,10 @@ impl Session {
         self.ready
     }
 
-    /// Whether all beams of a scan have been measured, and nothing was asked since.
-    pub fn has_measured(&self, number: u32) -> bool {
-        let whole = |frame: Frame| frame.number == number && frame.measured == self.pattern.beams();
-        self.frame.is_some_and(whole)
+    /// The how manieth scan is open, from 1, wrapping, and whether all its beams have been
+    /// measured. A scan that another session asks for under the same number is another scan.
+    pub fn open_scan(&self) -> Option<(u32, bool)> {
+        self.frame.map(|frame| (self.begun, frame.measured == self.pattern.beams()))
     }
 
     /// Takes one command.
@@ -329,6 +332,9 @@ impl Session {
 
     /// The open frame goes on, or one begins.
     fn open_frame(&mut self, number: u32) -> &mut Frame {
+        if self.frame.is_none() {
+            self.begun = self.begun.wrapping_add(1);
+        }
         let begun = Frame { number, complete: false, measured: 0, seen: false };
         self.frame.get_or_insert(begun)
     }

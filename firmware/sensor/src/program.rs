@@ -31,11 +31,10 @@ impl<B: Board> App<B> {
 
     /// The beams of a scan, on the line now, have been worked on since then.
     fn time(&mut self, report: &Report, began_us: Option<u32>) {
-        if let Report::Beams { frame, .. } = report
+        if let (Report::Beams { .. }, Some((scan, whole))) = (report, self.session.open_scan())
             && let (Some(began_us), Some(now_us)) = (began_us, self.board.now_us())
         {
-            let whole = self.session.has_measured(*frame);
-            self.stopwatch.add(*frame, now_us.wrapping_sub(began_us), whole);
+            self.stopwatch.add(scan, now_us.wrapping_sub(began_us), whole);
         }
     }
 

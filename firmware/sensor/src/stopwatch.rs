@@ -12,6 +12,7 @@ pub(crate) struct Stopwatch {
 /// The scan that is being timed.
 #[derive(Clone, Copy, Debug)]
 struct Scan {
+    /// The how manieth since the start.
     number: u32,
     busy_us: u32,
     /// It has been counted: beams that are asked for again are no scan of their own.
