@@ -36,8 +36,9 @@ static ECHO_COUNT: AtomicU32 = AtomicU32::new(0);
 /// Shots answered; counted on when their echoes are there.
 static SHOTS: AtomicU32 = AtomicU32::new(0);
 
-/// Your HAL's part: give DMA the buffer, start the converter's timer. Here the addresses are given
-/// away, and somebody, a debugger, plays DMA.
+/// Your HAL's part: give DMA the buffer, start the converter's timer. DMA fills the buffer only
+/// while `ADC_FULL` is false, or codes of two shots mix. Here the addresses are given away, and
+/// somebody, a debugger, plays DMA.
 fn start_converter() {
     black_box((&ADC_CODES, &ADC_FULL, &ECHO_WORDS, &ECHO_COUNT, &SHOTS));
 }

@@ -11,6 +11,8 @@ use embedded_storage::nor_flash::NorFlash;
 pub trait Buffer {
     /// The codes of the shot fired last, once all of them have come.
     fn finished(&mut self) -> Option<&[u16]>;
+    /// They have been copied: DMA may fill the buffer with the next shot, which is fired at once.
+    fn arm(&mut self);
 }
 
 /// The watchdog: no HAL's trait for it is part of embedded-hal 1.0.
@@ -35,6 +37,8 @@ pub struct OwnBoard<Spi, Link, Flash, Samples, Dog> {
     pub watchdog: Dog,
     /// Starts since power came on, but for the first: count them in memory that a reset leaves.
     pub restarts: u32,
+    /// Microseconds since any moment, of a timer: by them the host hears which scans were late.
+    pub now_us: fn() -> Option<u32>,
 }
 
 /// Looks at the buffer before a shot counts as lost: take a bound of time if you have a timer.
@@ -90,11 +94,16 @@ where
         self.restarts
     }
 
+    fn now_us(&mut self) -> Option<u32> {
+        (self.now_us)()
+    }
+
     fn samples(&mut self, codes: &mut [u16]) -> bool {
         for _ in 0..SHOT_TIMEOUT {
             if let Some(finished) = self.buffer.finished() {
                 let Some(finished) = finished.get(..codes.len()) else { return false };
                 codes.copy_from_slice(finished);
+                self.buffer.arm();
                 return true;
             }
             self.watchdog.feed();

@@ -93,6 +93,8 @@ impl Buffer for Shots {
     fn finished(&mut self) -> Option<&[u16]> {
         self.0.as_ref().map(|codes| &codes[..])
     }
+
+    fn arm(&mut self) {}
 }
 
 struct Dog(Rc<RefCell<u32>>);
@@ -115,6 +117,7 @@ fn sensor(line: &Line, shots: Shots, fed: &Rc<RefCell<u32>>) -> Box<Sensor> {
         buffer: shots,
         watchdog: Dog(Rc::clone(fed)),
         restarts: 0,
+        now_us: || None,
     }))
 }
 

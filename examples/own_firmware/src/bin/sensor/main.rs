@@ -21,9 +21,10 @@ fn start() -> ! {
         adc: Nothing,     // an `SpiDevice`: amplifier and converter
         link: Nothing,    // `Read`, `ReadReady`, `Write` of embedded-io: a UART or USB serial line
         flash: Nothing,   // a `NorFlash` of embedded-storage: two slots that memory.x leaves out
-        buffer: Nothing,  // `Buffer`: what DMA fills when the emitter fires
+        buffer: Nothing,  // `Buffer`: what DMA fills when the emitter fires; armed
         watchdog: Nothing, // `Watchdog`: already started
         restarts: 0,
+        now_us: || None, // a timer of 1 MHz, if there is one
     };
     // `cortex_m::asm::wfi` in its place, once an interrupt of the link or a timer ends the sleep.
     serve(board, core::hint::spin_loop)

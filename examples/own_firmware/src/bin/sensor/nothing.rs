@@ -87,6 +87,8 @@ impl Buffer for Nothing {
     fn finished(&mut self) -> Option<&[u16]> {
         is_there().then_some(&[])
     }
+
+    fn arm(&mut self) {}
 }
 
 impl Watchdog for Nothing {
