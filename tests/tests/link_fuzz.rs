@@ -1,6 +1,7 @@
-//! A million frames over a line that does every harm to one in twenty: nothing wrong is committed,
-//! confirmed or saved, every command ends within its time, and once the line is good again the
-//! next one is done within a bound. Time is the line's, so that no load of this machine counts.
+//! A million frames over a line that does every harm to one in twenty: nothing wrong is
+//! committed, confirmed or saved, every command ends within its time, and where the line is
+//! good again, which it is after every other command that was given up, the next one is done
+//! within a bound. Time is the line's, so that no load of this machine counts.
 //!
 //! `cargo xtask storm` sends ten million: `ECHOLOOP_FRAMES`, and `ECHOLOOP_SEED` for others.
 #![allow(clippy::unwrap_used, reason = "tests")]
@@ -350,11 +351,12 @@ fn fuzz(seed: u64, rates: Rates, frames: u64) -> LinkFuzz {
 #[test]
 fn a_storm_of_a_million_frames_does_nothing_wrong_and_every_recovery_has_its_bound() {
     let seed = number("ECHOLOOP_SEED", 41);
-    let mut run = fuzz(seed, Rates::all(0.05), number("ECHOLOOP_FRAMES", FRAMES));
+    let frames = number("ECHOLOOP_FRAMES", FRAMES);
+    let mut run = fuzz(seed, Rates::all(0.05), frames);
     let tries = std::mem::take(&mut run.client.transport_mut().tries.commands);
     let count = &run.count;
-    assert!(count.rollbacks > 1_000 && count.starts > 100, "{count:?}");
-    assert!(count.done > 1_000 * count.silent && count.recoveries > 50, "{count:?}");
+    assert!(count.rollbacks > frames / 1_000 && count.starts > frames / 10_000, "{count:?}");
+    assert!(count.done > 1_000 * count.silent && count.recoveries > frames / 20_000, "{count:?}");
     assert!(tries.len() <= 1 + RETRY_POLICY.tries as usize, "{tries:?}");
     // Nine of ten commands that were harmed are answered by the third repetition: one good frame
     // each way is enough.

@@ -91,6 +91,8 @@ struct Rate {
     lines: Vec<OnLine>,
     /// What a sensor that was asked for took.
     measured: Option<Times>,
+    /// Whether it saw nothing in those scans, so that there were no echoes to report.
+    measured_in_the_dark: bool,
 }
 
 pub(super) fn run(args: &RateArgs) -> Result<(), Failure> {
@@ -142,6 +144,7 @@ fn estimate(args: &RateArgs, config: &RunConfig) -> Result<Rate, Failure> {
         bytes_a_scan: cost.bits / 8.0,
         lines: LINES.map(line).into(),
         measured: None,
+        measured_in_the_dark: !args.setup.sensor.is_turned_by_others(),
     })
 }
 
@@ -179,32 +182,59 @@ fn measure(args: &RateArgs, config: &RunConfig) -> Result<Times, Failure> {
         progress.end();
         sensor.client().read_times()
     })?;
+    let is_whole = (times.deadline_us, times.scans) == (deadline_us, args.scans);
+    if times.clock && !is_whole {
+        let what = format!(
+            "{} timed {} of {} scans: it started anew",
+            sensors.name(),
+            times.scans,
+            args.scans
+        );
+        return Err(Failure::new(3, what));
+    }
     Ok(times)
 }
 
 impl Rate {
     fn told(&self) -> String {
-        let Self { hz, beams, samples, taps, shots, echoes_a_beam, .. } = self;
-        let many = |n: i64, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
-        let [shots, echoes] =
-            [(i64::from(*shots), "shot"), ((*echoes_a_beam).into(), "echo")].map(|(n, what)| {
-                if what == "echo" && n != 1 { format!("{n} echoes") } else { many(n, what) }
-            });
-        let mut text = format!(
-            "{beams} beams of {samples} samples, a filter of {taps} taps, {shots} and {echoes} a \
-             beam; {} cycles an instruction assumed\n\n",
-            self.cycles_per_instruction
-        );
+        let mut text = self.load() + &self.table();
         let _ = writeln!(
             text,
-            "{:<12} {:<14} {:<11} {:>5} {:>14} {:>9} {:>14}",
-            "processor",
-            "loops",
-            "part",
-            "MHz",
-            "instr. a beam",
-            "scans/s",
-            format!("MHz at {hz} Hz")
+            "\nlight, one shot after the other: {} scans/s",
+            rounded(self.light_scans_a_second)
+        );
+        let of_line = |line: &OnLine| {
+            format!("{} scans/s at {} baud", rounded(line.scans_a_second), line.baud)
+        };
+        let lines: Vec<String> = self.lines.iter().map(of_line).collect();
+        let kb = self.bytes_a_scan / 1e3;
+        let _ = writeln!(text, "echoes on the link, {kb:.1} kB a scan: {}", lines.join(", "));
+        if let Some(times) = &self.measured {
+            let seen = if self.measured_in_the_dark { " that saw nothing" } else { "" };
+            text += &told_of(times, self.hz, seen);
+        }
+        text
+    }
+
+    /// What the processors have to do.
+    fn load(&self) -> String {
+        let Self { beams, samples, taps, shots, echoes_a_beam, cycles_per_instruction, .. } = self;
+        let shots = if *shots == 1 { "1 shot".into() } else { format!("{shots} shots") };
+        let echoes = match echoes_a_beam {
+            1 => "1 echo".into(),
+            n => format!("{n} echoes"),
+        };
+        format!(
+            "{beams} beams of {samples} samples, a filter of {taps} taps, {shots} and {echoes} a \
+             beam; {cycles_per_instruction} cycles an instruction assumed\n\n"
+        )
+    }
+
+    fn table(&self) -> String {
+        let needed = format!("MHz at {} Hz", self.hz);
+        let mut text = format!(
+            "{:<12} {:<14} {:<11} {:>5} {:>14} {:>9} {needed:>14}\n",
+            "processor", "loops", "part", "MHz", "instr. a beam", "scans/s"
         );
         for p in &self.processors {
             let _ = writeln!(
@@ -219,39 +249,20 @@ impl Rate {
                 p.clock_mhz_needed
             );
         }
-        let _ = writeln!(
-            text,
-            "\nlight, one shot after the other: {} scans/s",
-            rounded(self.light_scans_a_second)
-        );
-        let lines = self
-            .lines
-            .iter()
-            .map(|line| format!("{} scans/s at {} baud", rounded(line.scans_a_second), line.baud));
-        let lines: Vec<String> = lines.collect();
-        let _ = writeln!(
-            text,
-            "the link, {:.1} kB a scan: {}",
-            self.bytes_a_scan / 1e3,
-            lines.join(", ")
-        );
-        if let Some(times) = &self.measured {
-            text += &told_of(times, *hz);
-        }
         text
     }
 }
 
 /// What a sensor's stopwatch says.
-fn told_of(times: &Times, hz: f64) -> String {
+fn told_of(times: &Times, hz: f64, seen: &str) -> String {
     let Times { clock, scans, late, longest_us, .. } = times;
     if !clock {
         return "the sensor has no clock: it cannot say how long its scans take\n".into();
     }
     let longest_ms = f64::from(*longest_us) / 1e3;
     format!(
-        "the sensor: {late} of {scans} scans late at {hz} Hz; the longest took {longest_ms:.1} ms, \
-         so {} scans/s hold\n",
+        "the sensor: {late} of {scans} scans{seen} late at {hz} Hz; the longest took \
+         {longest_ms:.1} ms, so {} scans/s hold\n",
         rounded(1e3 / longest_ms)
     )
 }
@@ -275,8 +286,8 @@ mod tests {
             Times { clock: true, scans: 3, late: 1, longest_us: 125_000, ..Times::default() };
         let told = "the sensor: 1 of 3 scans late at 10 Hz; the longest took 125.0 ms, so 8.00 \
                     scans/s hold\n";
-        assert_eq!(told_of(&times, 10.0), told);
-        assert!(told_of(&Times::default(), 10.0).contains("no clock"));
+        assert_eq!(told_of(&times, 10.0, ""), told);
+        assert!(told_of(&Times::default(), 10.0, "").contains("no clock"));
     }
 
     #[test]
