@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Each crate of ours, its folder, and those of ours that it may name in its dependencies.
-const ALLOWED: [(&str, &str, &[&str]); 23] = [
+const ALLOWED: [(&str, &str, &[&str]); 24] = [
     ("echoloop-dsp", "firmware/dsp", &[]),
     ("echoloop-dispatch", "host/dispatch", &[]),
     ("echoloop-random", "host/random", &["echoloop-dispatch"]),
@@ -21,7 +21,12 @@ const ALLOWED: [(&str, &str, &[&str]); 23] = [
     ("echoloop-sensor", "firmware/sensor", &["echoloop-dsp", "echoloop-link"]),
     ("echoloop-restarts", "firmware/restarts", &[]),
     ("echoloop-image", "firmware/image", IMAGE),
-    ("echoloop-stm32f4", "firmware/stm32f4", IMAGE),
+    (
+        "echoloop-part",
+        "firmware/part",
+        &["echoloop-dsp", "echoloop-kernels", "echoloop-link", "echoloop-sensor"],
+    ),
+    ("echoloop-stm32f4", "firmware/stm32f4", PART),
     (
         "echoloop-registration",
         "host/registration",
@@ -69,6 +74,9 @@ const ALLOWED: [(&str, &str, &[&str]); 23] = [
 const IMAGE: &[&str] =
     &["echoloop-dsp", "echoloop-kernels", "echoloop-link", "echoloop-restarts", "echoloop-sensor"];
 
+/// What an image for a part on sale is made of, and what its tests need.
+const PART: &[&str] = &["echoloop-dsp", "echoloop-part", "echoloop-restarts", "echoloop-sensor"];
+
 /// What the program is made of, and what its tests need.
 const LIBRARIES: &[&str] = &[
     "echoloop-cmaes",
@@ -105,13 +113,14 @@ const PROGRAM: &[&str] = &[
 ];
 
 /// The crates that run on a microcontroller.
-const NO_STD: [&str; 7] = [
+const NO_STD: [&str; 8] = [
     "echoloop-dsp",
     "echoloop-kernels",
     "echoloop-link",
     "echoloop-sensor",
     "echoloop-restarts",
     "echoloop-image",
+    "echoloop-part",
     "echoloop-stm32f4",
 ];
 

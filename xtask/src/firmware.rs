@@ -73,7 +73,7 @@ pub(crate) const IMAGES: [Image; 9] = [
         target: ARMV7EM,
         map: "firmware/stm32f4/link/stm32f405.x",
         nested: FAULTS + 1, // the link's interrupt or the tick: of one priority
-        by_constants: &["echoloop_stm32f4::clock::start", "echoloop_stm32f4::log::start"],
+        by_constants: &["echoloop_stm32f4::clock::start", "echoloop_part::log::debugger"],
     },
     Image::detector_of("detector thumbv7em-none-eabihf", &CORTEX_M4),
     Image {

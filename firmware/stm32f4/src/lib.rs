@@ -5,7 +5,7 @@
 //! ```
 //!
 //! Clocks, pins, serial ports and watchdog are stm32f4xx-hal's. The board has no front end: what
-//! fires a laser, and the converter, are for whoever builds one (`src/board.rs`).
+//! fires a laser, and the converter, are for whoever builds one ([`echoloop_part::board`]).
 //!
 //! One ELF file runs on the part and in QEMU's `netduinoplus2`, which has no model of the clocks,
 //! the flash interface and the independent watchdog. It finds out at its start where it is, and
@@ -29,7 +29,6 @@
 )]
 
 pub mod flash;
-pub mod ring;
 
 #[cfg(stm32f405)]
 pub mod board;
@@ -38,9 +37,9 @@ pub mod clock;
 #[cfg(stm32f405)]
 mod file;
 #[cfg(stm32f405)]
-pub mod link;
+mod link;
 #[cfg(stm32f405)]
-pub mod log;
+mod log;
 #[cfg(stm32f405)]
 mod microseconds;
 #[cfg(stm32f405)]
@@ -49,12 +48,3 @@ mod registers;
 mod store;
 #[cfg(stm32f405)]
 mod watchdog;
-
-/// Says why and does nothing more; the watchdog, once it runs, restarts the board.
-#[cfg(stm32f405)]
-pub fn stop(why: &str) -> ! {
-    defmt::error!("{=str}", why);
-    loop {
-        core::hint::spin_loop();
-    }
-}

@@ -4,10 +4,11 @@
 #[cfg(stm32f405)]
 #[cortex_m_rt::entry]
 fn start() -> ! {
+    use echoloop_part::stop;
     use echoloop_sensor::{App, BUILD};
-    use echoloop_stm32f4::{board::Stm32f405, stop};
+    use echoloop_stm32f4::board;
 
-    let Some(board) = Stm32f405::take() else { stop("a port, or the emulator's file, is missing") };
+    let Some(board) = board::take() else { stop("a port, or the emulator's file, is missing") };
     defmt::info!("{=str}", BUILD);
     let mut app = App::new(board);
     loop {
@@ -21,7 +22,7 @@ fn start() -> ! {
 #[cfg(stm32f405)]
 #[panic_handler]
 fn panicked(_: &core::panic::PanicInfo<'_>) -> ! {
-    echoloop_stm32f4::stop("panic")
+    echoloop_part::stop("panic")
 }
 
 /// On anything else.

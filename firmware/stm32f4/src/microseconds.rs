@@ -1,5 +1,6 @@
 //! A clock of microseconds: timer 5, which has 32 bits.
 
+use echoloop_part::board::Clock;
 use stm32f4xx_hal::pac::TIM5;
 use stm32f4xx_hal::rcc::{Enable, Rcc};
 
@@ -8,7 +9,7 @@ use stm32f4xx_hal::rcc::{Enable, Rcc};
 const EMULATED_PER_US: u32 = 1_000;
 
 /// The timer, running.
-pub(crate) struct Microseconds(TIM5);
+pub struct Microseconds(TIM5);
 
 impl Microseconds {
     /// Starts it. Its clock has a whole number of ticks a microsecond: 84, or 16 as after a reset.
@@ -25,9 +26,11 @@ impl Microseconds {
         timer.cr1().modify(|_, w| w.cen().set_bit());
         Self(timer)
     }
+}
 
-    /// Now, wrapping after 71 minutes.
-    pub(crate) fn now(&self) -> u32 {
+impl Clock for Microseconds {
+    /// Wraps after 71 minutes.
+    fn now_us(&self) -> u32 {
         self.0.cnt().read().bits()
     }
 }

@@ -21,7 +21,7 @@ static UNFED: AtomicU32 = AtomicU32::new(0);
 static LIMIT: AtomicU32 = AtomicU32::new(u32::MAX);
 
 /// A watchdog that runs.
-pub(crate) enum Watchdog {
+pub enum Watchdog {
     /// On the part: nothing stops it.
     Independent(IndependentWatchdog),
     /// In the emulator: a program that hangs with interrupts masked stops it, too.
@@ -40,9 +40,10 @@ impl Watchdog {
         LIMIT.store(EMULATED_TICKS, Ordering::Relaxed);
         Self::Tick
     }
+}
 
-    /// Begins the period anew.
-    pub(crate) fn feed(&mut self) {
+impl echoloop_part::board::Watchdog for Watchdog {
+    fn feed(&mut self) {
         match self {
             Self::Independent(watchdog) => watchdog.feed(),
             Self::Tick => UNFED.store(0, Ordering::Relaxed),

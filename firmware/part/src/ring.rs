@@ -8,7 +8,7 @@ use core::sync::atomic::{AtomicU8, AtomicUsize, Ordering};
 /// A ring of `N` bytes, a power of two.
 ///
 /// ```
-/// use echoloop_stm32f4::ring::Ring;
+/// use echoloop_part::ring::Ring;
 ///
 /// static RING: Ring<4> = Ring::new();
 /// assert!(RING.push(7));

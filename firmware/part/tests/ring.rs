@@ -2,7 +2,7 @@
 
 use std::thread;
 
-use echoloop_stm32f4::ring::Ring;
+use echoloop_part::ring::Ring;
 
 #[test]
 fn a_full_ring_takes_nothing_and_loses_nothing_that_it_has() {

@@ -1,0 +1,105 @@
+//! Log messages (defmt) to the debugger, by RTT, and to a serial port, for who has none.
+//!
+//! An image makes a [`Log`] its `#[defmt::global_logger]`, and [`number`] its timestamp.
+
+use core::cell::UnsafeCell;
+use core::sync::atomic::{AtomicU32, Ordering};
+
+use rtt_target::{UpChannel, rtt_init};
+
+use crate::link::Port;
+
+/// The log's frames on their way: nowhere until [`start`](Self::start).
+pub struct Log<P>(UnsafeCell<(defmt::Encoder, Sinks<P>)>);
+
+// SAFETY: defmt calls the logger's functions between `acquire` and `release` only. Nothing logs
+// from an interrupt, and there is one core, so they never overlap.
+unsafe impl<P> Sync for Log<P> {}
+
+struct Sinks<P> {
+    debugger: Option<UpChannel>,
+    port: Option<P>,
+}
+
+impl<P: Port> Sinks<P> {
+    /// A debugger that does not read, or is not there, never holds the program up.
+    fn send(&mut self, bytes: &[u8]) {
+        if let Some(debugger) = &mut self.debugger {
+            debugger.write(bytes);
+        }
+        if let Some(port) = &mut self.port {
+            bytes.iter().for_each(|&byte| port.send(byte));
+        }
+    }
+}
+
+impl<P: Port> Log<P> {
+    /// A log that goes nowhere yet.
+    pub const fn new() -> Self {
+        Self(UnsafeCell::new((defmt::Encoder::new(), Sinks { debugger: None, port: None })))
+    }
+
+    /// Sends what follows to the debugger, and to a port where there is one. To be called once, and
+    /// not from an interrupt.
+    pub fn start(&self, port: Option<P>) {
+        let debugger = Some(debugger());
+        // SAFETY: no message is under way, as for `Sync`.
+        unsafe { (*self.0.get()).1 = Sinks { debugger, port } };
+    }
+
+    /// Begins a message.
+    ///
+    /// # Safety
+    ///
+    /// For defmt's logger alone.
+    pub unsafe fn acquire(&self) {
+        // SAFETY: as for `Sync`.
+        let (encoder, sinks) = unsafe { &mut *self.0.get() };
+        encoder.start_frame(|bytes| sinks.send(bytes));
+    }
+
+    /// Goes on with it.
+    ///
+    /// # Safety
+    ///
+    /// For defmt's logger alone.
+    pub unsafe fn write(&self, bytes: &[u8]) {
+        // SAFETY: as for `Sync`.
+        let (encoder, sinks) = unsafe { &mut *self.0.get() };
+        encoder.write(bytes, |bytes| sinks.send(bytes));
+    }
+
+    /// Ends it.
+    ///
+    /// # Safety
+    ///
+    /// For defmt's logger alone.
+    pub unsafe fn release(&self) {
+        // SAFETY: as for `Sync`.
+        let (encoder, sinks) = unsafe { &mut *self.0.get() };
+        encoder.end_frame(|bytes| sinks.send(bytes));
+    }
+}
+
+impl<P: Port> Default for Log<P> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Opens the debugger's channel. rtt-target panics when it is called twice: a function of its own,
+/// which the board's start calls once, so that the check for panics can tell.
+#[inline(never)]
+fn debugger() -> UpChannel {
+    // probe-rs decodes a channel of this name.
+    rtt_init! { up: { 0: { size: 1024, name: "defmt" } } }.up.0
+}
+
+/// Messages so far, in place of a clock: the same conversation writes the same log.
+pub fn number() -> u32 {
+    static MESSAGES: AtomicU32 = AtomicU32::new(0);
+    let number = MESSAGES.load(Ordering::Relaxed);
+    // One core, and no interrupt logs: nobody comes in between.
+    MESSAGES.store(number.wrapping_add(1), Ordering::Relaxed);
+    number
+}
