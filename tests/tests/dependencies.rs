@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Each crate of ours, its folder, and those of ours that it may name in its dependencies.
-const ALLOWED: [(&str, &str, &[&str]); 24] = [
+const ALLOWED: [(&str, &str, &[&str]); 25] = [
     ("echoloop-dsp", "firmware/dsp", &[]),
     ("echoloop-dispatch", "host/dispatch", &[]),
     ("echoloop-random", "host/random", &["echoloop-dispatch"]),
@@ -27,6 +27,7 @@ const ALLOWED: [(&str, &str, &[&str]); 24] = [
         &["echoloop-dsp", "echoloop-kernels", "echoloop-link", "echoloop-sensor"],
     ),
     ("echoloop-stm32f4", "firmware/stm32f4", PART),
+    ("echoloop-nrf52840", "firmware/nrf52840", PART),
     (
         "echoloop-registration",
         "host/registration",
@@ -113,7 +114,7 @@ const PROGRAM: &[&str] = &[
 ];
 
 /// The crates that run on a microcontroller.
-const NO_STD: [&str; 8] = [
+const NO_STD: [&str; 9] = [
     "echoloop-dsp",
     "echoloop-kernels",
     "echoloop-link",
@@ -122,17 +123,19 @@ const NO_STD: [&str; 8] = [
     "echoloop-image",
     "echoloop-part",
     "echoloop-stm32f4",
+    "echoloop-nrf52840",
 ];
 
 /// Processors with images, one of each kind: what is built for them is looked at.
 const BOARDS: [&str; 2] = ["thumbv7em-none-eabihf", "riscv32imac-unknown-none-elf"];
 
 /// Crates of which another dependency brings an older version too, and which one that is.
-const BROUGHT_TWICE: [(&str, &str); 5] = [
+const BROUGHT_TWICE: [(&str, &str); 6] = [
     ("thiserror", "pcd-rs"),
     ("criterion", "rdst"),
     ("embedded-hal", "cortex-m"),
     ("embedded-io", "stm32f4xx-hal"),
+    ("heapless", "usb-device"),
     ("syn", "zerocopy-derive"),
 ];
 

@@ -60,7 +60,7 @@ const CORTEX_M0: Image = Image::emulated(ARMV6M, "memory.x", FAULTS);
 const RISC_V: Image = Image::emulated(RV32, "firmware/image/link/virt.x", 1);
 
 /// The images, the reference board's first.
-pub(crate) const IMAGES: [Image; 9] = [
+pub(crate) const IMAGES: [Image; 10] = [
     CORTEX_M4,
     Image::emulated(ARMV8M, "firmware/image/link/an505.x", FAULTS),
     Image::emulated(CORTEX_M55, "firmware/image/link/an547.x", FAULTS),
@@ -74,6 +74,15 @@ pub(crate) const IMAGES: [Image; 9] = [
         map: "firmware/stm32f4/link/stm32f405.x",
         nested: FAULTS + 1, // the link's interrupt or the tick: of one priority
         by_constants: &["echoloop_stm32f4::clock::start", "echoloop_part::log::debugger"],
+    },
+    Image {
+        name: "nrf52840",
+        package: "echoloop-nrf52840",
+        program: "echoloop-nrf52840",
+        target: ARMV7EM,
+        map: "firmware/nrf52840/link/nrf52840.x",
+        nested: FAULTS + 1, // the link's interrupt or the tick: of one priority
+        by_constants: &["echoloop_part::log::debugger"],
     },
     Image::detector_of("detector thumbv7em-none-eabihf", &CORTEX_M4),
     Image {

@@ -1,7 +1,8 @@
 //! What the sensor's images for microcontrollers on sale share: the board without a front end, the
 //! link's receiving side, the log, and the sleep.
 //!
-//! A part's own crate brings its clocks, pins, interrupts, flash and watchdog: `firmware/stm32f4`.
+//! A part's own crate brings its clocks, pins, interrupts, flash and watchdog: `firmware/stm32f4`,
+//! `firmware/nrf52840`.
 #![no_std]
 #![warn(
     clippy::indexing_slicing,

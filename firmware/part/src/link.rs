@@ -27,6 +27,13 @@ pub trait Port {
     fn send(&mut self, byte: u8);
 }
 
+/// A port that there is not.
+impl Port for Infallible {
+    fn send(&mut self, _: u8) {
+        match *self {}
+    }
+}
+
 /// From a port's interrupt to the program.
 pub struct Received {
     ring: Ring<RING>,

@@ -1,0 +1,33 @@
+//! The sensor's program for an nRF52840: `cargo xtask firmware` builds it.
+#![cfg_attr(nrf52840, no_std, no_main)]
+
+#[cfg(nrf52840)]
+#[cortex_m_rt::entry]
+fn start() -> ! {
+    use echoloop_nrf52840::board;
+    use echoloop_part::stop;
+    use echoloop_sensor::{App, BUILD};
+
+    let Some(board) = board::take() else { stop("somebody else's watchdog runs") };
+    defmt::info!("{=str}", BUILD);
+    let mut app = App::new(board);
+    loop {
+        let _ = app.poll(); // a UART is never lost
+        app.board_mut().idle();
+    }
+}
+
+/// Nothing but the log's start reaches it, by a constant of its own alone: `cargo xtask firmware`
+/// looks for anything else that does.
+#[cfg(nrf52840)]
+#[panic_handler]
+fn panicked(_: &core::panic::PanicInfo<'_>) -> ! {
+    echoloop_part::stop("panic")
+}
+
+/// On anything else.
+#[cfg(all(not(nrf52840), not(target_os = "none")))]
+fn main() {
+    eprintln!("this is an nRF52840's program; build it with: cargo xtask firmware");
+    std::process::exit(2);
+}
