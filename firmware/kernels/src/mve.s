@@ -18,7 +18,7 @@
 @ y[0 .. 8·eights].
 @
 @ The taps stay in registers, once as they are and once a sample later: so two outputs share their
-@ samples. Sums are exact.
+@ samples. Sums are exact: with Σ abs(taps) ≤ 1 (Q1.15) they stay within 2^30.
 
 x       .req r2             @ running
 y       .req r3             @ running

@@ -238,9 +238,9 @@ impl Message for Report {
 /// How long whole scans have taken the sensor since its deadline was set, or since it started.
 ///
 /// The time of a scan is what the sensor was busy for it: for each command that asks for beams or
-/// brings waveforms, from its last byte to the last of its answer. What the host takes in between
-/// is not part of it; what it asks for twice counts twice. A scan of which beams were never asked
-/// for is none.
+/// brings waveforms, from when it was understood to the last byte of its answer. What the host
+/// takes in between is not part of it; what it asks for twice counts twice. A scan of which beams
+/// were never asked for is none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Times {

@@ -315,8 +315,8 @@ impl<T: Transport> Client<T> {
     /// # Errors
     ///
     /// [`ClientError::Refused`] with field and bound, and the sensor keeps what it had. After
-    /// [`ClientError::Silent`] it has the old settings or the new, and the next call of this or of
-    /// [`Client::read_settings`] finds out which before it goes on.
+    /// [`ClientError::Silent`] or [`ClientError::Echo`] it has the old settings or the new, and the
+    /// next call of this or of [`Client::read_settings`] finds out which before it goes on.
     pub fn configure(&mut self, settings: &Settings) -> Result<u32, ClientError> {
         self.configure_on_trial(settings, 0)
     }
@@ -381,7 +381,8 @@ impl<T: Transport> Client<T> {
     /// # Errors
     ///
     /// [`ClientError::Nack`] with [`Nack::WrongGeneration`] or [`ClientError::Changed`] when their
-    /// trial is over already. After [`ClientError::Silent`], another call finds out.
+    /// trial is over already. After [`ClientError::Silent`] or [`ClientError::Echo`], another call
+    /// finds out.
     pub fn confirm(&mut self) -> Result<(), ClientError> {
         self.be_sure_of_settings()?;
         let generation = self.generation;
@@ -402,8 +403,8 @@ impl<T: Transport> Client<T> {
     ///
     /// [`ClientError::Nack`] with [`Nack::OnTrial`] before they are confirmed, with
     /// [`Nack::Storage`] when the flash failed; [`ClientError::Changed`] when they are active no
-    /// longer. After [`ClientError::Silent`] the sensor starts with the settings saved before or
-    /// with these; another call makes it these.
+    /// longer. After [`ClientError::Silent`] or [`ClientError::Echo`] the sensor starts with the
+    /// settings saved before or with these; another call makes it these.
     pub fn save(&mut self) -> Result<u32, ClientError> {
         self.be_sure_of_settings()?;
         let hash = self.hash;
