@@ -12,18 +12,10 @@
 //! N samples, T taps, E echoes found. By least squares of relative errors on the recorded cases, at
 //! run time: no coefficient is written anywhere. Upsampling adds less than the model is off by.
 
-use std::sync::LazyLock;
-
+use echoloop_dsp::{Hardware, Settings};
 use nalgebra::{DMatrix, DVector};
 
-use super::record::{CASES, Case, Load};
-
-/// Instructions a waveform on the reference processor.
-pub(super) fn instructions(load: &Load) -> f64 {
-    REFERENCE.instructions(load)
-}
-
-static REFERENCE: LazyLock<Model> = LazyLock::new(|| Model::fitted(&CASES));
+use super::record::{Case, Load};
 
 /// The stages of a processor, fitted.
 pub(super) struct Model {
@@ -43,6 +35,17 @@ impl Model {
             sum: Stage::fitted("sum", of_shots, cases),
             pipeline: pipeline.collect(),
         }
+    }
+
+    /// Instructions a waveform of settings, of so many echoes and near ones; `None` of settings
+    /// that are refused.
+    pub(super) fn of(
+        &self,
+        settings: &Settings,
+        hardware: &Hardware,
+        echoes: [f64; 2],
+    ) -> Option<f64> {
+        Load::new(settings, hardware, echoes).map(|load| self.instructions(&load))
     }
 
     /// Instructions a waveform.
@@ -103,15 +106,18 @@ const OF_PIPELINE: [(&str, Terms); 5] = [
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::experiment::cost::record::{REFERENCE, cases};
 
     /// How far the model may be off what was counted, as a fraction.
     const TOLERANCE: f64 = 0.05;
 
     #[test]
     fn the_model_is_within_five_percent_of_every_waveform_that_was_counted() {
-        assert!(CASES.len() >= 8, "{} cases are read of the record", CASES.len());
-        for case in CASES.iter() {
-            let (model, counted) = (instructions(&case.load), case.stages["pipeline"]);
+        let cases = cases(REFERENCE);
+        let model = Model::fitted(&cases);
+        assert!(cases.len() >= 8, "{} cases are read of the record", cases.len());
+        for case in &cases {
+            let (model, counted) = (model.instructions(&case.load), case.stages["pipeline"]);
             let off = model / counted - 1.0;
             assert!(off.abs() < TOLERANCE, "{}: {model:.0} for {counted}, {off:+.3}", case.name);
         }
@@ -119,8 +125,10 @@ mod tests {
 
     #[test]
     fn sixteen_shots_cost_what_sixteen_were_counted_to_cost_and_their_sum() {
-        for case in CASES.iter() {
-            let with = |shots| instructions(&Load { shots, ..case.load });
+        let cases = cases(REFERENCE);
+        let model = Model::fitted(&cases);
+        for case in &cases {
+            let with = |shots| model.instructions(&Load { shots, ..case.load });
             let counted = 16.0 * case.stages["shot"] + case.stages["sum"];
             let off = (with(16.0) - with(1.0)) / counted - 1.0;
             assert!(off.abs() < TOLERANCE, "{}: {off:+.3}", case.name);
@@ -129,9 +137,9 @@ mod tests {
 
     #[test]
     fn a_waveform_that_was_left_out_of_the_fit_is_foretold_to_a_tenth() {
-        let left_out = "1024x16 one echo";
-        let rest: Vec<Case> = CASES.iter().filter(|case| case.name != left_out).cloned().collect();
-        let case = CASES.iter().find(|case| case.name == left_out).expect("it was counted");
+        let mut rest = cases(REFERENCE);
+        let left_out = rest.iter().position(|case| case.name == "1024x16 one echo");
+        let case = rest.remove(left_out.expect("it was counted"));
         for (name, terms) in OF_PIPELINE {
             let model = Stage::fitted(name, terms, &rest).instructions(&case.load);
             let off = model / case.stages[name] - 1.0;

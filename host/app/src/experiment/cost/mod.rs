@@ -19,10 +19,9 @@ use echoloop_link::settings_hash;
 use serde::{Deserialize, Serialize};
 
 use crate::link::size::scan_bits;
-use instructions::instructions;
 pub use kind::CostKind;
 pub use processor::Processor;
-use record::Load;
+use record::near_mm;
 
 /// What a scan costs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -96,14 +95,12 @@ impl Scanner {
     /// The mean over the waveforms of a scan; NaN of settings that no sensor takes.
     fn instructions(&self, settings: &Settings, scan: &[Echoes]) -> f64 {
         let waveforms = scan.len().max(1) as f64;
-        let near_mm = match settings.gain_slope_mdb_m {
-            0 => 0,
-            _ => settings.gain_range_mm as u32,
-        };
+        let near_mm = near_mm(settings);
         let echoes = scan.iter().flatten();
         let near = echoes.clone().filter(|echo| echo.range >> 8 < near_mm).count();
         let found = [echoes.count(), near].map(|count| count as f64 / waveforms);
-        Load::new(settings, &self.hardware, found).map_or(f64::NAN, |load| instructions(&load))
+        let model = Processor::REFERENCE.model();
+        model.and_then(|model| model.of(settings, &self.hardware, found)).unwrap_or(f64::NAN)
     }
 }
 

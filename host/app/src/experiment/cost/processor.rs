@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 use echoloop_dsp::{Hardware, Settings};
 
 use super::instructions::Model;
-use super::record::{Load, REFERENCE, cases};
+use super::record::{REFERENCE, cases, near_mm};
 
 /// A processor, with the fastest loops there are for it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,11 +47,13 @@ impl Processor {
         hardware: &Hardware,
         echoes: u32,
     ) -> Option<f64> {
-        let near_mm = if settings.gain_slope_mdb_m == 0 { 0 } else { settings.gain_range_mm };
-        let near_echoes = if near_mm > 0 { f64::from(echoes.min(1)) } else { 0.0 };
-        let load = Load::new(settings, hardware, [echoes.into(), near_echoes])?;
-        let models = MODELS.iter().find(|(processor, _)| processor == self)?;
-        Some(models.1.instructions(&load))
+        let near_echoes = if near_mm(settings) > 0 { f64::from(echoes.min(1)) } else { 0.0 };
+        self.model()?.of(settings, hardware, [echoes.into(), near_echoes])
+    }
+
+    /// Its model; `None` of a processor that is none of these.
+    pub(super) fn model(&self) -> Option<&'static Model> {
+        MODELS.iter().find(|(processor, _)| processor == self).map(|(_, model)| model)
     }
 }
 

@@ -1,7 +1,6 @@
 //! The detector's instructions, as they were counted on the microcontroller.
 
 use std::collections::BTreeMap;
-use std::sync::LazyLock;
 
 use echoloop_dsp::{DetectorConfig, Hardware, Settings};
 
@@ -61,8 +60,13 @@ impl Load {
     }
 }
 
-/// What was counted on the reference processor, waveform by waveform.
-pub(super) static CASES: LazyLock<Vec<Case>> = LazyLock::new(|| cases(REFERENCE));
+/// Echoes nearer than that, in mm, are detected at a gain that still rises; 0: it never does.
+pub(super) fn near_mm(settings: &Settings) -> u32 {
+    match settings.gain_slope_mdb_m {
+        0 => 0,
+        _ => settings.gain_range_mm as u32,
+    }
+}
 
 /// What was counted on a processor with its loops, waveform by waveform.
 pub(super) fn cases(of: [&str; 2]) -> Vec<Case> {
