@@ -10,7 +10,7 @@ mod fixture;
 
 use std::fs;
 use std::io::{BufRead, BufReader, Write};
-use std::net::{Shutdown, TcpListener};
+use std::net::{Shutdown, TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -126,6 +126,15 @@ fn scan(fixture: &Fixture, board: &Board, log: &[&str]) -> Child {
     start(fixture, &[&scan[..], log].concat())
 }
 
+/// A scan whose board has a debugger: the scan, the debugger's end of the log, and its name.
+fn debugged(fixture: &Fixture, board: &Board, log: &Log) -> (Child, TcpStream, String) {
+    let debugger = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let from = format!("tcp:{}", debugger.local_addr().expect("an address"));
+    let child = scan(fixture, board, &log.flags(&from));
+    let (line, _) = debugger.accept().expect("it calls");
+    (child, line, from)
+}
+
 fn succeeded(child: Child) -> CommandOutput {
     let output = end(child);
     assert_eq!(output.code, Some(0), "{}", output.stderr);
@@ -153,10 +162,7 @@ fn what_a_debugger_hands_on_is_written_as_an_emulated_board_s_log_is() {
     let Some(log) = Log::record() else { return };
     let fixture = Fixture::new();
     let board = Board::new(&fixture);
-    let debugger = TcpListener::bind("127.0.0.1:0").expect("a port");
-    let from = format!("tcp:{}", debugger.local_addr().expect("an address"));
-    let child = scan(&fixture, &board, &log.flags(&from));
-    let (mut line, _) = debugger.accept().expect("it calls");
+    let (child, mut line, _) = debugged(&fixture, &board, &log);
     for part in log.frames.chunks(7) {
         line.write_all(part).expect("it listens");
     }
@@ -192,10 +198,7 @@ fn a_log_that_ends_does_not_end_the_run() {
     let Some(log) = Log::record() else { return };
     let fixture = Fixture::new();
     let board = Board::new(&fixture);
-    let debugger = TcpListener::bind("127.0.0.1:0").expect("a port");
-    let from = format!("tcp:{}", debugger.local_addr().expect("an address"));
-    let child = scan(&fixture, &board, &log.flags(&from));
-    let (mut line, _) = debugger.accept().expect("it calls");
+    let (child, mut line, from) = debugged(&fixture, &board, &log);
     let half = log.frames.len() / 2;
     line.write_all(&log.frames[..half]).expect("it listens");
     line.shutdown(Shutdown::Both).expect("it is open");
@@ -213,10 +216,7 @@ fn a_log_that_cannot_be_read_is_said_to_be_lost_bytes_or_another_image() {
     let Some(log) = Log::record() else { return };
     let fixture = Fixture::new();
     let board = Board::new(&fixture);
-    let debugger = TcpListener::bind("127.0.0.1:0").expect("a port");
-    let from = format!("tcp:{}", debugger.local_addr().expect("an address"));
-    let child = scan(&fixture, &board, &log.flags(&from));
-    let (mut line, _) = debugger.accept().expect("it calls");
+    let (child, mut line, _) = debugged(&fixture, &board, &log);
     // Numbers of messages that the image has none for; then what never ends.
     line.write_all(&[0xfe, 0xfe, 0xfe, 0x7f, 0].repeat(3)).expect("it listens");
     line.write_all(&[0x55; 40_000]).expect("it listens");
@@ -231,10 +231,13 @@ fn a_log_that_cannot_be_read_is_said_to_be_lost_bytes_or_another_image() {
 #[test]
 fn flags_that_do_not_go_together_and_what_cannot_be_used_are_refused() {
     let fixture = Fixture::new();
-    for (flag, value) in
-        [("--firmware", "file"), ("--sensor-log", "file"), ("--log-from", "tcp:localhost:1")]
-    {
-        fixture.refuses(&["scan", flag, value], &[flag, "in-process"]);
+    for (flag, value, sensors) in [
+        ("--firmware", "file", "qemu or serial"),
+        ("--sensor-log", "file", "qemu or serial"),
+        ("--log-from", "tcp:localhost:1", "serial"),
+    ] {
+        let said = format!("{flag} is for --sensor {sensors}, not in-process");
+        fixture.refuses(&["scan", flag, value], &[&said]);
         let alone = ["scan", "--sensor", "serial:/dev/ttyX", flag, value];
         fixture.refuses(&alone, &[flag, "--log-from SOURCE", "--firmware ELF"]);
     }

@@ -95,10 +95,10 @@ impl SensorChoice {
         let given = flags.iter().find(|(_, given)| *given);
         match (&self.sensor, given) {
             (_, None) => Ok(()),
-            (SensorSpec::Qemu(_), _) if self.log_from.is_none() => Ok(()),
-            (SensorSpec::Qemu(_), _) => {
+            (SensorSpec::Qemu(_) | SensorSpec::InProcess, _) if self.log_from.is_some() => {
                 Err(format!("--log-from is for --sensor serial, not {}", self.sensor))
             }
+            (SensorSpec::Qemu(_), _) => Ok(()),
             (SensorSpec::InProcess, Some((flag, _))) => {
                 Err(format!("{flag} is for --sensor qemu or serial, not in-process"))
             }

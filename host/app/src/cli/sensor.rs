@@ -124,10 +124,27 @@ fn print_text(name: &str, identity: &Identity, settings: &Settings, counters: &C
             range(parameter)
         );
     }
-    println!(
-        "\n{} frames, {} refused, {} restarts",
-        counters.frames, counters.refusals, counters.restarts
-    );
+    println!("\n{}", counted(counters));
+}
+
+/// What the sensor has counted, in a line; of what goes wrong on a line only what did.
+fn counted(counters: &Counters) -> String {
+    let usual = [
+        (counters.frames, "frames"),
+        (counters.refusals, "refused"),
+        (counters.restarts, "restarts"),
+    ];
+    let wrong = [
+        (counters.crc_failures, "with a wrong checksum"),
+        (counters.cobs_failures, "that were not COBS"),
+        (counters.overflows, "too long"),
+        (counters.unintelligible, "that were no command"),
+        (counters.stale, "out of date"),
+        (counters.rollbacks, "trials undone"),
+        (counters.echoes, "of its own, given back by the line"),
+    ];
+    let shown = usual.iter().chain(wrong.iter().filter(|(count, _)| *count > 0));
+    shown.map(|(count, what)| format!("{count} {what}")).collect::<Vec<_>>().join(", ")
 }
 
 /// The sensor's own settings with what was asked for laid over.
@@ -163,5 +180,20 @@ fn range(parameter: &Parameter) -> String {
             parameter.to_unit(parameter.max),
             parameter.unit
         ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_went_wrong_on_the_line_is_said_where_something_did() {
+        let counters = Counters { frames: 12, restarts: 1, ..Counters::default() };
+        assert_eq!(counted(&counters), "12 frames, 0 refused, 1 restarts");
+        let bad = Counters { crc_failures: 3, echoes: 2, ..counters };
+        let said = "12 frames, 0 refused, 1 restarts, 3 with a wrong checksum, \
+                    2 of its own, given back by the line";
+        assert_eq!(counted(&bad), said);
     }
 }
