@@ -9,7 +9,7 @@ use std::process::Command;
 
 use anyhow::Result;
 
-use crate::shell::{built, cargo, succeed, workspace};
+use crate::shell::{build_as_tested, built, cargo, succeed, workspace};
 use environment::{environment, holds, interpreter};
 
 /// What to measure besides speed.
@@ -122,7 +122,7 @@ pub(crate) fn clouds_where_there_are_peers() -> Result<()> {
         );
         return Ok(());
     }
-    cargo(["build", "--package", "echoloop-host", "--bin", "echoloop"])?;
+    build_as_tested()?;
     clouds(&root, &interpreter(&environment), &built(&root).join("debug/echoloop"))
 }
 

@@ -25,6 +25,12 @@ pub(crate) fn cargo_command() -> Result<Command> {
     Ok(command)
 }
 
+/// Builds the program as the tests have it. By itself it would be built once more: which features
+/// its packages have hangs on what else is built.
+pub(crate) fn build_as_tested() -> Result<()> {
+    cargo(["test", "--workspace", "--no-run", "--quiet"])
+}
+
 /// Shows a command, runs it, and fails when it does.
 pub(crate) fn succeed(command: &mut Command) -> Result<()> {
     let shown = format!("{command:?}");

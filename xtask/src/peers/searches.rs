@@ -9,7 +9,7 @@ use anyhow::{Context, Result, anyhow, ensure};
 use serde_json::Value;
 
 use super::environment::environment;
-use crate::shell::{built, cargo, workspace};
+use crate::shell::{build_as_tested, built, workspace};
 
 const SCRIPTS: [&str; 3] = ["pycma_search.py", "optuna_search.py", "nevergrad_search.py"];
 
@@ -38,7 +38,7 @@ pub(crate) fn run() -> Result<()> {
     let scripts = root.join("host/app/searches");
     let folder = root.join("target/peers/venv-searches");
     let python = environment(&folder, &scripts.join("requirements.txt"))?;
-    cargo(["build", "--package", "echoloop-host", "--bin", "echoloop"])?;
+    build_as_tested()?;
     let ours = built(&root).join("debug");
     let start = answers(start(&ours)?)?;
     for script in SCRIPTS {
