@@ -91,6 +91,18 @@ fn on_the_clouds_that_a_cell_was_judged_on_its_settings_err_as_they_did_there() 
     let text = fixture.succeed(&cells(&real)).stdout;
     let line = text.lines().find(|line| line.contains("chosen from the clouds")).expect("a line");
     assert!(line.contains("of 3") && line.matches(" cm").count() >= 2, "{line}");
+    let form = |form| fixture.succeed(&cells(&[&real[..], &["--format", form]].concat())).stdout;
+    let csv = form("csv");
+    let head: Vec<&str> = csv.lines().next().expect("a head").split(',').collect();
+    let tuned: Vec<&str> = csv.lines().last().expect("lines").split(',').collect();
+    let field = |name: &str| tuned[head.iter().position(|head| *head == name).expect(name)];
+    assert_eq!(["tuned", "scene", "clouds"].map(field), ["registration", "structured", "real"]);
+    let mean_cm = 100.0 * rows[2]["mean_translation_m"].as_f64().expect("some were found");
+    assert_eq!(field("rte_cm").parse(), Ok(mean_cm));
+    let latex = form("latex");
+    let (_, real) = latex.split_once("% real clouds").expect("a table of its own");
+    let row = format!("ICP & tuned, registration, structured, outdoor & {mean_cm:.2} & ");
+    assert!(real.contains(&row), "{real}");
 }
 
 #[test]

@@ -6,8 +6,8 @@ use super::super::exit::Failure;
 use super::super::table_format::aligned;
 use crate::experiment::preset::{Preset, Protocol, Strategy};
 use crate::reproduce::{
-    Cell, FIGURES, Row, Scene, Table, TableMethod, absent, name_of, paper, real_lines, remarks,
-    search, subtitle, tuned,
+    Cell, FIGURES, RealRow, Row, Scene, Table, TableMethod, absent, name_of, paper, real_lines,
+    remarks, search, subtitle, tuned,
 };
 
 /// To read: a table for each range and search, then what has to be known.
@@ -91,7 +91,8 @@ fn figures(row: &Row, beside: &dyn Fn(usize) -> Option<String>) -> Vec<String> {
     (0..FIGURES.len()).flat_map(both).collect()
 }
 
-/// A line a cell; what is unknown is an empty field.
+/// A line a cell, then one for each method and its settings on real clouds; what is unknown is an
+/// empty field.
 pub(super) fn csv(table: &Table) -> Result<String, Failure> {
     let mut lines = csv::Writer::from_writer(Vec::new());
     let names = ["ablation", "ranges", "strategy", "tuned", "method", "scene", "seed", "pairs"];
@@ -99,17 +100,25 @@ pub(super) fn csv(table: &Table) -> Result<String, Failure> {
     for figure in &FIGURES {
         head.extend(["", "_low", "_high", "_paper"].map(|end| format!("{}{end}", figure.key)));
     }
-    head.extend(["registrations", "scans", "configuration", "error"].map(str::to_owned));
+    let rest = ["registrations", "scans", "configuration", "error", "clouds"];
+    head.extend(rest.map(str::to_owned));
     lines.write_record(head).map_err(Failure::run)?;
     for row in &table.rows {
         lines.write_record(csv_line(table, row)).map_err(Failure::run)?;
+    }
+    for row in &table.real {
+        lines.write_record(csv_real_line(table, row)).map_err(Failure::run)?;
     }
     let bytes = lines.into_inner().map_err(Failure::run)?;
     String::from_utf8(bytes).map_err(Failure::run)
 }
 
+/// Empty where it is none.
+fn number(value: f64) -> String {
+    if value.is_finite() { value.to_string() } else { String::new() }
+}
+
 fn csv_line(table: &Table, row: &Row) -> Vec<String> {
-    let number = |value: f64| if value.is_finite() { value.to_string() } else { String::new() };
     let Cell { ablation, ranges, strategy, method, scene, .. } = row.cell;
     let made = row.made.as_ref();
     let mut line = vec![
@@ -132,12 +141,43 @@ fn csv_line(table: &Table, row: &Row) -> Vec<String> {
         made.map_or_else(String::new, |made| made.content.scans.clone()),
         made.map_or_else(String::new, |made| made.configuration.clone()),
         row.error.clone().unwrap_or_default(),
+        "simulated".into(),
     ]);
     line
 }
 
+/// Ranges, search, what was tuned and where are those of the cell that gave the settings; without
+/// one, `tuned` says what did.
+fn csv_real_line(table: &Table, row: &RealRow) -> Vec<String> {
+    let cell = row.cell.as_ref();
+    let mut line = vec![
+        String::new(),
+        cell.map(|cell| name_of(cell.ranges)).unwrap_or_default(),
+        cell.and_then(|cell| cell.strategy).map(name_of).unwrap_or_default(),
+        cell.map_or_else(|| row.settings.clone(), Cell::tuned_name),
+        name_of(row.method),
+        cell.map(|cell| name_of(cell.scene)).unwrap_or_default(),
+        table.plan.seed.to_string(),
+        row.pairs.len().to_string(),
+    ];
+    for figure in real_figures(row) {
+        line.extend([number(figure), String::new(), String::new(), String::new()]);
+    }
+    let registrations = row.pairs.len().to_string();
+    let rest = [registrations, String::new(), String::new(), String::new(), "real".into()];
+    line.extend(rest);
+    line
+}
+
+/// Recall, RTE and RRE in the units of [`FIGURES`]; NaN where there is none.
+fn real_figures(row: &RealRow) -> [f64; 3] {
+    let recall_pct = 100.0 * row.found as f64 / row.pairs.len() as f64;
+    let rte_cm = row.mean_translation_m.map_or(f64::NAN, |mean_m| 100.0 * mean_m);
+    [recall_pct, rte_cm, row.mean_rotation_deg.unwrap_or(f64::NAN)]
+}
+
 /// A `tabular` for each range and search: translation, rotation and recall as in the paper's table,
-/// the paper's own in grey below. Needs the packages booktabs and xcolor.
+/// the paper's own in grey below; then one of real clouds. Needs the packages booktabs and xcolor.
 pub(super) fn latex(table: &Table) -> String {
     let mut text = format!("% {}\n", subtitle(table));
     for remark in remarks(table) {
@@ -151,9 +191,38 @@ pub(super) fn latex(table: &Table) -> String {
         {
             latex_rows(&mut text, protocol, &rows);
         }
-        text.push_str("\\bottomrule\n\\end{tabular}\n");
+        text.push_str(LATEX_END);
+    }
+    if !table.real.is_empty() {
+        let _ = write!(text, "\n% real clouds\n{LATEX_REAL_HEAD}");
+        table.real.iter().for_each(|row| latex_real_row(&mut text, row));
+        text.push_str(LATEX_END);
     }
     text
+}
+
+const LATEX_END: &str = "\\bottomrule\n\\end{tabular}\n";
+
+const LATEX_REAL_HEAD: &str = "\
+\\begin{tabular}{llrrr}
+\\toprule
+Method & Settings & RTE [cm] & RRE [$^\\circ$] & Found \\\\
+\\midrule
+";
+
+fn latex_real_row(text: &mut String, row: &RealRow) {
+    let [_, rte_cm, rre_deg] = real_figures(row);
+    let mean = |value: f64| if value.is_finite() { format!("{value:.2}") } else { "--".into() };
+    let _ = writeln!(
+        text,
+        "{} & {} & {} & {} & {} of {} \\\\",
+        row.method.title(),
+        row.settings,
+        mean(rte_cm),
+        mean(rre_deg),
+        row.found,
+        row.pairs.len()
+    );
 }
 
 const LATEX_HEAD: &str = "\
