@@ -31,7 +31,7 @@ mod measured {
     use clap::Parser;
     use echoloop_dsp::{Grid, ScanPattern, Settings};
     use echoloop_frontend::{Receiver, Return, SceneResponse};
-    use echoloop_host::link::sensor::{Model, Sensor, View};
+    use echoloop_host::link::sensor::{Detector, Model, Sensor, View};
     use echoloop_host::link::serve::serve;
     use echoloop_host::link::transport::Serial;
     use echoloop_sim::board::{PcSensor, hardware_for};
@@ -89,7 +89,7 @@ mod measured {
         let rows = beams.div_ceil(1_000);
         let (columns, rows) = ((beams / rows) as u16, rows as u16);
         let pattern = ScanPattern::Grid(Grid { columns, rows, ..Grid::default() });
-        Model { receiver, pattern, hardware }
+        Model { receiver, pattern, hardware, detector: Detector::Firmware }
     }
 
     /// A wall before every beam.

@@ -16,6 +16,7 @@ use echoloop_sensor::mailbox::{self, Registers};
 use echoloop_sensor::{App, Board};
 use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
 
+use crate::ideal::{IdealDetector, Shots};
 use crate::nor_flash::RamNorFlash;
 
 /// Which shot the laser driver's registers say.
@@ -176,6 +177,37 @@ pub struct PcBoard<F> {
     store: RamNorFlash,
     front_end: F,
     clock: Option<Clock>,
+    ideal: Option<Ideal>,
+}
+
+/// Has the ideal detector in the place of the program's.
+#[derive(Default)]
+struct Ideal(Option<IdealDetector>);
+
+impl Ideal {
+    /// Follows the sensor's settings.
+    fn follow(&mut self, settings: &Settings, hardware: &Hardware) {
+        if self.0.as_ref().is_none_or(|detector| detector.settings() != settings) {
+            self.0 = IdealDetector::new(settings, hardware);
+        }
+    }
+
+    /// The echoes of the shots at hand: those that were summed, or the one in `codes`.
+    fn detect(&self, codes: &[u16], scratch: &mut Scratch) -> Echoes {
+        let Some(detector) = &self.0 else { return Echoes::new() };
+        let settings = detector.settings();
+        if settings.shots == 1 {
+            return detector.process(&Shots::one(codes));
+        }
+        let phases = settings.phases() as usize;
+        let lanes = scratch.shots();
+        let sum = |phase: usize, n: usize| -> u32 {
+            let lanes = lanes.lanes(n);
+            lanes.iter().skip(phase).step_by(phases).map(|&lane| u32::from(lane)).sum()
+        };
+        let sums = |phase: usize| (0..codes.len()).map(|n| sum(phase, n)).collect();
+        detector.process(&Shots { sums: (0..phases).map(sums).collect() })
+    }
 }
 
 /// Microseconds since any moment.
@@ -198,6 +230,7 @@ impl<F: FrontEnd> PcBoard<F> {
             store,
             front_end,
             clock: None,
+            ideal: None,
         }
     }
 
@@ -265,7 +298,10 @@ impl<F: FrontEnd> Board for PcBoard<F> {
     }
 
     fn detect(&mut self, pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Echoes {
-        echoloop_kernels::process(pipeline, codes, scratch)
+        match &self.ideal {
+            None => echoloop_kernels::process(pipeline, codes, scratch),
+            Some(ideal) => ideal.detect(codes, scratch),
+        }
     }
 }
 
@@ -291,6 +327,12 @@ impl<F: FrontEnd> PcSensor<F> {
         Self { app: Box::new(App::new(board)) }
     }
 
+    /// Has the [`IdealDetector`] find the echoes in the place of the program's: no sensor could.
+    pub fn with_ideal_detector(mut self) -> Self {
+        self.app.board_mut().ideal = Some(Ideal::default());
+        self
+    }
+
     /// The front end, to look at another scene with.
     pub fn front_end_mut(&mut self) -> &mut F {
         self.app.board_mut().front_end_mut()
@@ -313,8 +355,17 @@ impl<F: FrontEnd> PcSensor<F> {
 
     /// Sends bytes to the sensor and lets it answer.
     pub fn send(&mut self, bytes: &[u8]) {
-        self.app.board_mut().link.to_sensor.extend(bytes);
-        let _ = self.app.poll(); // a pipe in memory is never lost
+        // Settings come with one frame, the scan that they are for with another.
+        for frame in bytes.split_inclusive(|&byte| byte == 0) {
+            let settings = *self.app.session().settings();
+            let board = self.app.board_mut();
+            let hardware = board.hardware;
+            if let Some(ideal) = &mut board.ideal {
+                ideal.follow(&settings, &hardware);
+            }
+            board.link.to_sensor.extend(frame);
+            let _ = self.app.poll(); // a pipe in memory is never lost
+        }
     }
 
     /// Takes bytes that the sensor has sent.

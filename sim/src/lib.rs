@@ -30,6 +30,7 @@
 //! ```
 
 pub mod board;
+pub mod ideal;
 pub mod import;
 pub mod nor_flash;
 pub mod picture;

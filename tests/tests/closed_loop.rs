@@ -23,7 +23,7 @@ use echoloop_host::experiment::scan_cloud::cloud_from_scan;
 use echoloop_host::experiment::seed::Purpose;
 use echoloop_host::experiment::tune::{Observer, Silent, TuneSearch, Tuned};
 use echoloop_host::link::client::{Client, ClientError, RetryPolicy};
-use echoloop_host::link::sensor::{Model, Sensor, SensorError, Sensors, View};
+use echoloop_host::link::sensor::{Detector, Model, Sensor, SensorError, Sensors, View};
 use echoloop_host::link::transport::InProcess;
 use echoloop_link::settings_hash;
 use echoloop_registration::pose::{Pose, relative};
@@ -502,7 +502,7 @@ impl Targets {
 }
 
 fn model(receiver: &Receiver, pattern: ScanPattern) -> Model {
-    Model { receiver: receiver.clone(), pattern, hardware: HARDWARE }
+    Model { receiver: receiver.clone(), pattern, hardware: HARDWARE, detector: Detector::Firmware }
 }
 
 fn sensor(receiver: &Receiver, pattern: ScanPattern) -> Sensor {

@@ -13,7 +13,7 @@ use std::time::Duration;
 use echoloop_dsp::{Echoes, Grid, Hardware, MAX_CODES, ScanPattern, Settings};
 use echoloop_frontend::{Receiver, Return, SceneResponse};
 use echoloop_host::link::client::{Client, ClientError, RetryPolicy};
-use echoloop_host::link::sensor::{Line, Model, Sensor, View};
+use echoloop_host::link::sensor::{Detector, Line, Model, Sensor, View};
 use echoloop_host::link::transport::{InProcess, Transport};
 use echoloop_link::packed::pack;
 use echoloop_link::{
@@ -46,7 +46,7 @@ fn scene() -> Arc<SceneResponse> {
 fn model(adc_bits: u32) -> Model {
     let receiver = Receiver { adc_bits, ..Receiver::default() };
     let hardware = hardware_for(&receiver);
-    Model { receiver, pattern: PATTERN, hardware }
+    Model { receiver, pattern: PATTERN, hardware, detector: Detector::Firmware }
 }
 
 fn view(scene: &Arc<SceneResponse>) -> View<'_> {

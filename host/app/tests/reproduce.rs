@@ -198,13 +198,14 @@ fn switches_make_a_second_table_beside_the_cells_without_them() {
     let fixture = Fixture::new();
     let cells = small(&["--method", "icp", "--protocol", "registration", "--runs", "table"]);
     fixture.succeed(&cells);
-    let switched = [&cells[..], &["--ablation", "other-town,quarter-density,os1-64"]].concat();
+    let switches = "other-town,quarter-density,ideal-detector,os1-64";
+    let switched = [&cells[..], &["--ablation", switches]].concat();
     let output = fixture.run(&switched);
     // Sixteen rows are none of an OS1-64's.
     assert_eq!(output.code, Some(1), "{}", output.stderr);
     assert!(output.stderr.contains("scanner.rows = 16 must be left out"), "{}", output.stderr);
     assert!(output.stdout.contains("One thing switched"), "{}", output.stdout);
-    for switch in ["other-town", "quarter-density"] {
+    for switch in ["other-town", "quarter-density", "ideal-detector"] {
         let row = output.stdout.lines().find(|line| line.starts_with(switch)).expect(switch);
         assert!(!row.ends_with('–'), "nothing beside it: {row}");
     }
@@ -217,6 +218,7 @@ fn switches_make_a_second_table_beside_the_cells_without_them() {
     let [plain, other] = [record(""), record("other-town-")];
     assert_eq!(plain["configuration"], other["configuration"], "it is judged in the same town");
     assert_ne!(plain["content"]["scans"], other["content"]["scans"], "and tuned in another");
+    assert_ne!(record("ideal-detector-")["summary"], plain["summary"], "another found the echoes");
     assert!(!Path::new(&fixture.path(&name("os1-64-"))).exists());
 }
 

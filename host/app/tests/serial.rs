@@ -335,6 +335,17 @@ fn a_port_that_is_none_is_refused_by_name() {
 }
 
 #[test]
+fn the_ideal_detector_is_in_process_alone() {
+    let fixture = Fixture::new();
+    for sensor in ["qemu", "serial:/dev/ttyX"] {
+        let line = ["scan", "--set", "detector.kind=ideal", "--sensor", sensor, "-o", "a.ply"];
+        let said = format!("detector.kind = ideal is for --sensor in-process, not {sensor}");
+        fixture.refuses(&line, &[&said]);
+    }
+    fixture.refuses(&["scan", "--set", "detector.kind=none"], &["detector.kind", "ideal"]);
+}
+
+#[test]
 fn a_sensor_that_is_none_is_refused_by_name() {
     let fixture = Fixture::new();
     let table = [

@@ -15,7 +15,7 @@ use crate::link::client::Identity;
 use crate::link::defmt_log::begin_file;
 use crate::link::pattern::described as beams_of;
 use crate::link::sensor::{
-    BoardLog, FrontEndAt, LogSource, Model, QemuOptions, SensorSpec, Sensors,
+    BoardLog, Detector, FrontEndAt, LogSource, Model, QemuOptions, SensorSpec, Sensors,
 };
 
 /// Flags of every command that speaks to a sensor.
@@ -66,6 +66,12 @@ impl SensorChoice {
     /// The sensors asked for; none is opened yet.
     pub(super) fn sensors(&self, model: Model) -> Result<Sensors, Failure> {
         self.check_log().map_err(Failure::usage)?;
+        if model.detector == Detector::Ideal && !self.is_in_process() {
+            return Err(Failure::usage(format_args!(
+                "detector.kind = ideal is for --sensor in-process, not {}",
+                self.sensor
+            )));
+        }
         if matches!(self.sensor, SensorSpec::Qemu(_)) {
             end_on_interrupt();
         }

@@ -30,6 +30,8 @@ pub enum Ablation {
     Os164,
     /// A tenth of the energy: 7.5 W at the start, no pulse above 37.5 nJ.
     TenthEnergy,
+    /// Maximum likelihood in floating point finds the echoes, not the sensor's program.
+    IdealDetector,
 }
 
 /// Added to a town's number where others are trained in.
@@ -57,6 +59,7 @@ impl Ablation {
             Self::TenthEnergy => {
                 vec![number("lidar.power", 7.5), number("emitter.energy_limit_nj", 37.5)]
             }
+            Self::IdealDetector => vec![set("detector.kind", "ideal".into())],
         }
     }
 

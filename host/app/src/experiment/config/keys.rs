@@ -6,7 +6,8 @@ use echoloop_keys::{Key, Kind, Must};
 
 use super::registration::OWN_KEYS;
 use super::{
-    DataConfig, EmitterConfig, FrontConfig, Motion, ScannerConfig, SceneConfig, TuneConfig, Weights,
+    DataConfig, DetectorConfig, EmitterConfig, FrontConfig, Motion, ScannerConfig, SceneConfig,
+    TuneConfig, Weights,
 };
 
 const RUN: &[Key] = &[Key {
@@ -35,6 +36,7 @@ pub fn keys() -> impl Iterator<Item = &'static Key> {
         SceneConfig::KEYS,
         ScannerConfig::KEYS,
         EmitterConfig::KEYS,
+        DetectorConfig::KEYS,
         DataConfig::KEYS,
         OWN_KEYS,
         TuneConfig::KEYS,

@@ -3,6 +3,7 @@
 mod axes;
 mod choices;
 mod data;
+mod detector;
 mod emitter;
 mod error;
 mod front;
@@ -26,6 +27,7 @@ use serde::{Deserialize, Serialize};
 use crate::link::sensor::Model;
 pub use axes::{AxisChoice, OwnAxes};
 pub use data::DataConfig;
+pub use detector::DetectorConfig;
 pub use echoloop_registration::{FgrMode, Method};
 pub use emitter::EmitterConfig;
 pub use error::RunConfigError;
@@ -53,6 +55,8 @@ pub struct RunConfig {
     pub scanner: ScannerConfig,
     /// What the laser may emit.
     pub emitter: EmitterConfig,
+    /// Who finds the echoes.
+    pub detector: DetectorConfig,
     /// Which pairs of scans to register.
     pub data: DataConfig,
     /// Θ_lidar to start from.
@@ -78,6 +82,7 @@ impl Default for RunConfig {
             scene: SceneConfig::default(),
             scanner: ScannerConfig::default(),
             emitter: EmitterConfig::default(),
+            detector: DetectorConfig::default(),
             data: DataConfig::default(),
             lidar: Lidar::default(),
             registration: RegistrationConfig::default(),
@@ -97,6 +102,7 @@ impl From<&RunConfig> for Model {
             receiver: config.front_end(),
             pattern: config.scanner.pattern(),
             hardware: config.hardware(),
+            detector: config.detector.kind,
         }
     }
 }

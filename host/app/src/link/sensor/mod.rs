@@ -22,11 +22,12 @@ use echoloop_frontend::SceneResponse;
 use echoloop_link::{Noise, Room};
 use echoloop_sim::board::PcSensor;
 use echoloop_sim::shots::Shots;
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::link::client::{Client, ClientError, Identity, RetryPolicy};
 use crate::link::transport::{InProcess, Serial, Transport};
-use echoloop_frontend::{Receiver, WaveformFrontEnd};
+use echoloop_frontend::{FrontEnd, Receiver, WaveformFrontEnd};
 
 pub use board_log::{BoardLog, LogSource, LogSourceError};
 pub use pool::Sensors;
@@ -83,6 +84,27 @@ impl SensorError {
     }
 }
 
+/// Who finds the echoes of a sensor in process.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Detector {
+    /// Its program.
+    #[default]
+    Firmware,
+    /// [`echoloop_sim::ideal`], in the program's place.
+    Ideal,
+}
+
+impl Detector {
+    /// A sensor whose echoes it finds.
+    pub fn of<F: FrontEnd>(self, sensor: PcSensor<F>) -> PcSensor<F> {
+        match self {
+            Self::Firmware => sensor,
+            Self::Ideal => sensor.with_ideal_detector(),
+        }
+    }
+}
+
 /// What a simulated sensor is made of.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model {
@@ -92,6 +114,8 @@ pub struct Model {
     pub pattern: ScanPattern,
     /// What its hardware fixes.
     pub hardware: Hardware,
+    /// Who finds its echoes, in process.
+    pub detector: Detector,
 }
 
 impl Model {
@@ -144,6 +168,7 @@ impl Sensor {
     pub fn in_process(model: &Model) -> Result<Self, ClientError> {
         let front_end = Arc::new(Mutex::new(model.front_end()));
         let sensor = PcSensor::new(Arc::clone(&front_end), model.pattern, model.hardware);
+        let sensor = model.detector.of(sensor);
         Self::simulated(Box::new(InProcess(sensor)), front_end, RetryPolicy::default())
     }
 
@@ -154,6 +179,7 @@ impl Sensor {
     /// [`ClientError`].
     pub fn in_process_fed(model: &Model) -> Result<Self, ClientError> {
         let sensor = PcSensor::new(model.front_end(), model.pattern, model.hardware);
+        let sensor = model.detector.of(sensor);
         Self::fed(Box::new(InProcess(sensor)), model, RetryPolicy::default())
     }
 

@@ -1,0 +1,174 @@
+//! The detector that an ideal processor would have: maximum likelihood, in floating point.
+//!
+//! What the sensor's program does in integers, with a matched filter, a parabola and two edges, is
+//! held to this: `detector.kind = "ideal"` puts it in the program's place, in process. It has no
+//! memory or time to keep to, and no choice of filter or timing: those settings do nothing.
+//!
+//! 1. Ambient and σ of the samples of full gain, as the program estimates them (`samples`).
+//! 2. Candidates: peaks of the best amplitude at each sample over its own σ, by the program's
+//!    threshold, hysteresis and separation (`candidates`).
+//! 3. Amplitudes and times of all candidates together, by Gauss and Newton, clipped samples as what
+//!    they are: at least so much (`fit`).
+//! 4. Where more than one echo is kept, what the fit leaves over is searched in the same way, and
+//!    all is fitted again, from several beginnings.
+//!
+//! Dithered shots are fitted phase by phase, each at its own moments.
+
+mod candidates;
+mod fit;
+mod samples;
+
+use echoloop_dsp::choice::EchoChoice;
+use echoloop_dsp::hardware::{SPEED_OF_LIGHT_M_S, sample_period_fs};
+use echoloop_dsp::{Echo, Echoes, Flags, Hardware, Settings};
+
+pub use samples::Shots;
+
+use candidates::{Finder, MOST};
+use fit::Pulse;
+use samples::Samples;
+
+/// How often what is left over is searched.
+const SEARCHES: usize = 4;
+
+/// An echo behind another is one where it has at least this part of the other's amplitude: below,
+/// it may be what a surface that is not square to the beam does to a pulse.
+const LEAST_BEHIND: f64 = 1.0 / 16.0;
+
+/// The detector for one set of settings.
+#[derive(Clone, Debug)]
+pub struct IdealDetector {
+    settings: Settings,
+    hardware: Hardware,
+    /// FWHM of the pulse, samples.
+    width: f64,
+    /// Range of a sample, mm.
+    step_mm: f64,
+    choice: EchoChoice,
+}
+
+impl IdealDetector {
+    /// `None` of settings that the sensor refuses.
+    pub fn new(settings: &Settings, hardware: &Hardware) -> Option<Self> {
+        settings.check(hardware).ok()?;
+        let period_ns = f64::from(sample_period_fs(settings.bins as u32, hardware)) / 1e6;
+        Some(Self {
+            settings: *settings,
+            hardware: *hardware,
+            width: f64::from(settings.pulse_width_ps) / 1e3 / period_ns,
+            step_mm: period_ns * SPEED_OF_LIGHT_M_S as f64 / 2e6,
+            choice: settings.choices().ok()?.echoes,
+        })
+    }
+
+    /// The settings it is for.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// The echoes of a beam.
+    pub fn process(&self, shots: &Shots) -> Echoes {
+        let samples = Samples::new(shots, &self.settings, &self.hardware, self.step_mm);
+        let finder = Finder { width: self.width, settings: &self.settings, step_mm: self.step_mm };
+        let mut pulses = finder.find(&samples, &[]);
+        fit::refine(&samples, self.width, &mut pulses);
+        if self.settings.echoes > 1 {
+            self.find_hidden(&samples, &finder, &mut pulses);
+        }
+        let mut found: Vec<Echo> =
+            pulses.iter().filter_map(|pulse| self.echo(&samples, &finder, pulse)).collect();
+        match self.choice {
+            EchoChoice::First => found.sort_by_key(|echo| echo.range),
+            EchoChoice::Last => found.sort_by_key(|echo| core::cmp::Reverse(echo.range)),
+            EchoChoice::Strongest => {
+                found.sort_by_key(|echo| (core::cmp::Reverse(echo.snr), echo.range));
+            }
+        }
+        found.into_iter().take(self.settings.echoes as usize).collect()
+    }
+
+    /// Looks for pulses that others hide: in what the fit leaves over.
+    fn find_hidden(&self, samples: &Samples, finder: &Finder<'_>, pulses: &mut Vec<Pulse>) {
+        for _ in 0..SEARCHES {
+            let Some(more) = finder.find(samples, pulses).first().copied() else { return };
+            // Two that are one at first leave over what is near neither: so other beginnings, too.
+            let mut best = self.fitted(samples, pulses, [more].to_vec());
+            let nearest = (0..pulses.len()).min_by(|&a, &b| {
+                let apart = |i: usize| (pulses[i].time - more.time).abs();
+                apart(a).total_cmp(&apart(b))
+            });
+            if let Some(nearest) = nearest.filter(|&i| self.overlap(&pulses[i], &more)) {
+                let mut others = pulses.clone();
+                let one = others.swap_remove(nearest);
+                for widths in [0.25, 0.5] {
+                    let moved =
+                        |by: f64| Pulse::new(0.6 * one.amplitude, one.time + by * self.width);
+                    let two = [moved(-widths), moved(widths)].to_vec();
+                    let other = self.fitted(samples, &others, two);
+                    let misfit = |of: &[Pulse]| fit::misfit(samples, self.width, of, pulses);
+                    if misfit(&other) < misfit(&best) {
+                        best = other;
+                    }
+                }
+            }
+            if best.len() > MOST || self.has_tail(&best) {
+                return;
+            }
+            *pulses = best;
+        }
+    }
+
+    fn fitted(&self, samples: &Samples, pulses: &[Pulse], more: Vec<Pulse>) -> Vec<Pulse> {
+        let mut all = [pulses, &more].concat();
+        fit::refine(samples, self.width, &mut all);
+        all
+    }
+
+    fn overlap(&self, one: &Pulse, other: &Pulse) -> bool {
+        (one.time - other.time).abs() < 2.0 * self.width
+    }
+
+    /// Whether a pulse is so small beside one that it overlaps that it may be the other's tail.
+    fn has_tail(&self, pulses: &[Pulse]) -> bool {
+        let is_tail = |small: &Pulse, of: &Pulse| {
+            self.overlap(small, of) && small.amplitude < LEAST_BEHIND * of.amplitude
+        };
+        pulses.iter().any(|small| pulses.iter().any(|of| is_tail(small, of)))
+    }
+
+    /// What the sensor would report of it; `None` where it would report nothing.
+    fn echo(&self, samples: &Samples, finder: &Finder<'_>, pulse: &Pulse) -> Option<Echo> {
+        let seen = fit::seen(samples, self.width, pulse);
+        let range_mm = f64::from(self.hardware.range_min_mm) + pulse.time * self.step_mm;
+        let here = samples.gain(pulse.time);
+        if range_mm < 0.0 || !finder.passes(pulse.amplitude * here, seen.snr) {
+            return None;
+        }
+        let mut flags = Flags::NONE;
+        if seen.clipped {
+            flags |= Flags::SATURATED;
+        }
+        if seen.snr < 1.25 * finder.least_snr() {
+            flags |= Flags::LOW_CONFIDENCE;
+        }
+        let width_ns = f64::from(self.settings.pulse_width_ps) / 1e3;
+        Some(Echo {
+            range: (range_mm * 256.0).round() as u32, // `as` saturates, here and below
+            amplitude: (pulse.amplitude * here * 32_768.0).round() as u16,
+            width: (width_ns * 16.0).round() as u16,
+            snr: (seen.snr * 256.0) as u16,
+            deviation: (seen.deviation * self.step_mm * 256.0) as u16,
+            reflectivity: (self.reflectivity(pulse.amplitude, range_mm) * 1_024.0).round() as u16,
+            flags,
+        })
+    }
+
+    /// A R² / (U P G ξ), as [`Echo`] has it.
+    fn reflectivity(&self, amplitude: f64, range_mm: f64) -> f64 {
+        let overlap_mm = f64::from(self.settings.overlap_mm);
+        let begin_mm = 0.9 * overlap_mm;
+        let overlap = ((range_mm - begin_mm) / (overlap_mm - begin_mm)).clamp(1.0 / 16.0, 1.0);
+        let white = samples::white(&self.settings, &self.hardware);
+        amplitude * (range_mm / 1e3).powi(2) / (white * overlap)
+    }
+}
