@@ -8,7 +8,7 @@ fn start() -> ! {
     use echoloop_part::stop;
     use echoloop_sensor::{App, BUILD};
 
-    let Some(board) = board::take() else { stop("somebody else's watchdog runs") };
+    let Some(board) = board::take() else { stop("taken before, or another watchdog runs") };
     defmt::info!("{=str}", BUILD);
     let mut app = App::new(board);
     loop {

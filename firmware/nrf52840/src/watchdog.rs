@@ -14,14 +14,19 @@ const PERIOD_S: u32 = 2;
 pub struct Watchdog(WatchdogHandle<Hdl0>);
 
 impl Watchdog {
-    /// Starts it, or takes over one that a reset has left running. `None`: it is set up otherwise.
+    /// Starts it, or takes over one that a reset has left running. `None`: it is set up otherwise,
+    /// and restarts the board once more when it is not fed.
     pub(crate) fn start(watchdog: WDT) -> Option<Self> {
+        let ticks = PERIOD_S * LFCLK_FREQ;
         let parts = match wdt::Watchdog::try_new(watchdog) {
             Ok(mut idle) => {
-                idle.set_lfosc_ticks(PERIOD_S * LFCLK_FREQ);
+                idle.set_lfosc_ticks(ticks);
                 idle.activate::<One>()
             }
-            Err(running) => wdt::Watchdog::try_recover::<One>(running).ok()?,
+            Err(running) if running.crv.read().bits() == ticks => {
+                wdt::Watchdog::try_recover::<One>(running).ok()?
+            }
+            Err(_) => return None,
         };
         Some(Self(parts.handles.0))
     }

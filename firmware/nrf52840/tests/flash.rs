@@ -112,6 +112,7 @@ impl Interface for Model {
 
     fn word(&self, offset: u32) -> u32 {
         assert_eq!(self.busy.get(), 0, "the array is read while the controller is busy");
+        assert!(self.off || self.access != Access::Erase, "the array is read while it is open");
         let at = offset as usize - START;
         u32::from_le_bytes(self.array[at..at + 4].try_into().unwrap())
     }

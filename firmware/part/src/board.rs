@@ -46,7 +46,7 @@ impl<P, S, W, C> Bare<P, S, W, C> {
         crate::sleep_unless(|| self.link.has_received());
         match self.link.lost() {
             0 => {}
-            lost => defmt::warn!("{=u32} bytes of the link lost", lost),
+            lost => defmt::warn!("the link lost bytes {=u32} times", lost),
         }
     }
 }

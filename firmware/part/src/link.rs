@@ -12,9 +12,6 @@ use embedded_io::{ErrorType, Read, ReadReady, Write};
 
 use crate::ring::Ring;
 
-/// Bits per second.
-pub const BAUD: u32 = 921_600;
-
 /// Bytes of the ring.
 pub const RING: usize = (2 * MAX_FRAME).next_power_of_two();
 
@@ -23,7 +20,7 @@ pub const HELD: usize = RING - MAX_FRAME;
 
 /// The sending side of a serial port.
 pub trait Port {
-    /// Waits for room and sends a byte.
+    /// Sends a byte; waits for room before, or until it is out afterwards.
     fn send(&mut self, byte: u8);
 }
 
@@ -37,7 +34,7 @@ impl Port for Infallible {
 /// From a port's interrupt to the program.
 pub struct Received {
     ring: Ring<RING>,
-    /// Bytes that came while the ring was full, or that the port lost.
+    /// How often bytes were lost: one while the ring was full, or any the port was not asked for.
     lost: AtomicU32,
 }
 
@@ -54,7 +51,7 @@ impl Received {
         }
     }
 
-    /// Counts a byte that the port lost. For the interrupt alone.
+    /// Counts that the port lost bytes; how many it does not say. For the interrupt alone.
     pub fn lose(&self) {
         // Only the interrupt writes it.
         self.lost.store(self.lost.load(Ordering::Relaxed).wrapping_add(1), Ordering::Relaxed);
@@ -71,7 +68,7 @@ impl Default for Received {
 pub struct Link<P> {
     port: P,
     received: &'static Received,
-    /// Of the lost bytes, those that the log has told.
+    /// Of the losses, those that the log has told.
     told: u32,
 }
 
@@ -86,7 +83,7 @@ impl<P> Link<P> {
         !self.received.ring.is_empty()
     }
 
-    /// Bytes lost since this was last asked.
+    /// How often bytes were lost since this was last asked.
     pub fn lost(&mut self) -> u32 {
         let lost = self.received.lost.load(Ordering::Relaxed);
         lost.wrapping_sub(core::mem::replace(&mut self.told, lost))

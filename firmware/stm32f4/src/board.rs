@@ -11,7 +11,6 @@
 use cortex_m::peripheral::SYST;
 use cortex_m::peripheral::syst::SystClkSource;
 use echoloop_part::board::Bare;
-use echoloop_part::link::BAUD;
 use stm32f4xx_hal::pac::{Peripherals, USART1};
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::serial::{Config, Serial};
@@ -19,7 +18,7 @@ use stm32f4xx_hal::watchdog::IndependentWatchdog;
 
 use crate::file::File;
 use crate::flash::Flash;
-use crate::link::Sender;
+use crate::link::{BAUD, Sender};
 use crate::log::LOG;
 use crate::microseconds::Microseconds;
 use crate::registers::Registers;

@@ -13,6 +13,9 @@ use stm32f4xx_hal::pac::{Interrupt, USART1, interrupt};
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::serial::{Instance, Rx, Serial, Tx};
 
+/// Bits per second.
+pub(crate) const BAUD: u32 = 921_600;
+
 /// From the interrupt to the program.
 static RECEIVED: Received = Received::new();
 
