@@ -355,17 +355,23 @@ impl<F: FrontEnd> PcSensor<F> {
 
     /// Sends bytes to the sensor and lets it answer.
     pub fn send(&mut self, bytes: &[u8]) {
+        if self.app.board_mut().ideal.is_none() {
+            return self.take(bytes);
+        }
         // Settings come with one frame, the scan that they are for with another.
         for frame in bytes.split_inclusive(|&byte| byte == 0) {
             let settings = *self.app.session().settings();
             let board = self.app.board_mut();
-            let hardware = board.hardware;
             if let Some(ideal) = &mut board.ideal {
-                ideal.follow(&settings, &hardware);
+                ideal.follow(&settings, &board.hardware);
             }
-            board.link.to_sensor.extend(frame);
-            let _ = self.app.poll(); // a pipe in memory is never lost
+            self.take(frame);
         }
+    }
+
+    fn take(&mut self, bytes: &[u8]) {
+        self.app.board_mut().link.to_sensor.extend(bytes);
+        let _ = self.app.poll(); // a pipe in memory is never lost
     }
 
     /// Takes bytes that the sensor has sent.

@@ -130,6 +130,20 @@ fn of_two_pulses_that_overlap_each_is_found_where_it_is() {
 }
 
 #[test]
+fn the_strongest_of_two_is_kept_however_well_the_weaker_is_seen() {
+    let bench = Bench::new(&at_rate(794), Hardware::REFERENCE);
+    let mut rng = vectors::rng(11);
+    for (near, far) in [(1_000.0, 1_500.0), (1.5 * 4_095.0, 4.0 * 4_095.0)] {
+        let mut wave = noise(&mut rng, 400, 200.0, 2.0);
+        add_echo(&mut wave, 60.3, near, bench.width);
+        add_echo(&mut wave, 150.7, far, bench.width);
+        let echoes = bench.see(&wave);
+        assert_eq!(echoes.len(), 1);
+        assert!(bench.error_mm(&echoes[0], 150.7).abs() < 20.0, "{near} {far}: {echoes:?}");
+    }
+}
+
+#[test]
 fn noise_alone_yields_no_more_than_the_threshold_lets_through() {
     let bench = Bench::new(&at_rate(794), WHITE);
     let mut rng = vectors::rng(10);

@@ -342,6 +342,8 @@ fn the_ideal_detector_is_in_process_alone() {
         let said = format!("detector.kind = ideal is for --sensor in-process, not {sensor}");
         fixture.refuses(&line, &[&said]);
     }
+    let serve = ["serve", "/dev/ttyX", "--set", "detector.kind=ideal"];
+    fixture.refuses(&serve, &["detector.kind = ideal is for --sensor in-process"]);
     fixture.refuses(&["scan", "--set", "detector.kind=none"], &["detector.kind", "ideal"]);
 }
 

@@ -1,12 +1,12 @@
 //! Where pulses may be.
 
-use echoloop_dsp::{MAX_ECHOES, Settings};
+use echoloop_dsp::Settings;
 
 use super::fit::{Pulse, model, shape};
 use super::samples::{Phase, Sample, Samples};
 
-/// The most that is fitted at a time; a waveform of noise alone has none, fog may have many.
-pub(super) const MOST: usize = 2 * MAX_ECHOES;
+/// The most that are looked at: as many as the program keeps.
+pub(super) const MOST: usize = 32;
 
 /// Finds pulses, as settings ask for them.
 pub(super) struct Finder<'a> {
@@ -29,7 +29,7 @@ struct Place {
 
 impl Finder<'_> {
     /// What an amplitude over its σ must reach.
-    pub(super) fn least_snr(&self) -> f64 {
+    fn least_snr(&self) -> f64 {
         f64::from(self.settings.snr_threshold_milli) / 1e3
     }
 
@@ -60,6 +60,18 @@ impl Finder<'_> {
         kept.truncate(MOST);
         let pulse = |place: Place| Pulse::new(place.amplitude, place.time);
         kept.into_iter().map(pulse).collect()
+    }
+
+    /// Of pulses, strongest first, those that are far enough from each stronger one.
+    pub(super) fn separate(&self, pulses: &[Pulse]) -> Vec<Pulse> {
+        let apart = self.apart();
+        let mut kept: Vec<Pulse> = Vec::new();
+        for pulse in pulses {
+            if kept.iter().all(|k| (k.time - pulse.time).abs() >= apart) {
+                kept.push(*pulse);
+            }
+        }
+        kept
     }
 
     /// What known pulses leave of a phase.

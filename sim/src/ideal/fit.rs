@@ -1,5 +1,7 @@
 //! Amplitudes and times of pulses, by Gauss and Newton.
 
+use core::cmp::Ordering;
+use core::f64::consts::SQRT_2;
 use core::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
@@ -32,27 +34,47 @@ pub(super) fn shape(u: f64, width: f64) -> [f64; 2] {
     [0.5 + 0.5 * libm::cos(turn * u), -0.5 * turn * libm::sin(turn * u)]
 }
 
+/// How often all are fitted, where some move to others.
+const MOST_FITS: usize = 3;
 /// Steps until a fit is given up as it is.
 const MOST_STEPS: usize = 40;
 /// A step that is smaller, in widths of a pulse, is the last.
 const LEAST_STEP: f64 = 1e-7;
 
-/// Fits all of them at once, those that overlap together.
+/// By amplitude, then by time.
+pub(super) fn strongest_first(a: &Pulse, b: &Pulse) -> Ordering {
+    b.amplitude.total_cmp(&a.amplitude).then(a.time.total_cmp(&b.time))
+}
+
+/// Fits all of them at once, those that overlap together; again where they have moved together.
 pub(super) fn refine(samples: &Samples, width: f64, pulses: &mut [Pulse]) {
-    pulses.sort_by(|a, b| a.time.total_cmp(&b.time));
     let fit = Fit { samples, width };
-    for together in pulses.chunk_by_mut(|a, b| b.time - a.time < 2.0 * width) {
-        fit.refine(together);
-        if let [alone] = together {
-            fit.weigh_amplitudes(alone);
+    let overlap = |a: &Pulse, b: &Pulse| b.time - a.time < 2.0 * width;
+    for _ in 0..MOST_FITS {
+        pulses.sort_by(|a, b| a.time.total_cmp(&b.time));
+        let sizes = |pulses: &[Pulse]| pulses.chunk_by(overlap).map(<[_]>::len).collect();
+        let before: Vec<usize> = sizes(pulses);
+        for together in pulses.chunk_by_mut(overlap) {
+            fit.refine(together);
+            if let [alone] = together {
+                fit.weigh_amplitudes(alone);
+            }
+        }
+        pulses.sort_by(|a, b| a.time.total_cmp(&b.time));
+        if sizes(pulses) == before {
+            return;
         }
     }
 }
 
-/// χ² of pulses, each sample weighed by its noise under those of `weigher`.
-pub(super) fn misfit(samples: &Samples, width: f64, pulses: &[Pulse], weigher: &[Pulse]) -> f64 {
-    let all: Vec<Pulse> = [pulses, weigher].concat();
-    let Some(span) = span(&all, width) else { return 0.0 };
+/// χ² of pulses over a span of time, each sample weighed by its noise under those of `weigher`.
+pub(super) fn misfit(
+    samples: &Samples,
+    width: f64,
+    span: &Range<f64>,
+    pulses: &[Pulse],
+    weigher: &[Pulse],
+) -> f64 {
     let of_phase = |phase: &Phase| -> f64 {
         let of = |(time, sample): (f64, &Sample)| {
             let left = sample.x - model(pulses, sample, time, width);
@@ -130,12 +152,14 @@ impl Fit<'_> {
         let Some((middle, level)) = self.clipped_run(pulse) else { return };
         let times = (self.samples.white(middle) / level).max(LEAST_TIMES);
         let ratio = libm::pow(times, 1.0 / AMPLITUDES as f64);
+        let far = 2.5 * self.width + 1.0;
+        let span = middle - far..middle + far;
         if self.amplitude_sigma(pulse) < ratio - 1.0 {
             return; // its edges tell the amplitude
         }
         let amplitudes = (0..=AMPLITUDES).map(|step| level * libm::pow(ratio, step as f64));
         let told: Vec<Told> =
-            amplitudes.map(|amplitude| self.told(Pulse::new(amplitude, middle))).collect();
+            amplitudes.map(|amplitude| self.told(Pulse::new(amplitude, middle), &span)).collect();
         let least = told.iter().map(|of| of.misfit).fold(f64::INFINITY, f64::min);
         let weight = |of: &Told| of.sigma * libm::exp(0.5 * (least - of.misfit));
         let weights: Vec<f64> = told.iter().map(weight).collect();
@@ -174,7 +198,7 @@ impl Fit<'_> {
     }
 
     /// The best time of a pulse of one amplitude.
-    fn told(&self, mut pulse: Pulse) -> Told {
+    fn told(&self, mut pulse: Pulse, span: &Range<f64>) -> Told {
         let mut sigma = MOST_SPREAD;
         for _ in 0..TIME_STEPS {
             let Some(Equations { normal, right, .. }) = self.equations(&[pulse], &[pulse]) else {
@@ -191,7 +215,22 @@ impl Fit<'_> {
                 break;
             }
         }
-        Told { pulse, sigma, misfit: misfit(self.samples, self.width, &[pulse], &[pulse]) }
+        Told { pulse, sigma, misfit: self.unlikelihood(&pulse, span) }
+    }
+
+    /// −2 ln of how likely the samples around a pulse are, but for a constant.
+    fn unlikelihood(&self, pulse: &Pulse, span: &Range<f64>) -> f64 {
+        let of = |(time, sample): (f64, &Sample)| {
+            let model = model(&[*pulse], sample, time, self.width);
+            let variance = sample.dark + self.samples.shot * sample.gain * model;
+            let over = (model - sample.x) / variance.sqrt();
+            match sample.clipped {
+                // Φ; what no float holds is as good as nothing.
+                true => -2.0 * libm::log((0.5 * libm::erfc(-over / SQRT_2)).max(1e-300)),
+                false => over * over + libm::log(variance / sample.dark),
+            }
+        };
+        self.samples.phases.iter().flat_map(|phase| phase.within(span.clone()).map(of)).sum()
     }
 
     /// No pulse farther than half its width at a time, none that takes light away.
@@ -241,7 +280,7 @@ impl Fit<'_> {
 }
 
 /// From the first pulse's beginning to the last one's end, and a little.
-fn span(pulses: &[Pulse], width: f64) -> Option<Range<f64>> {
+pub(super) fn span(pulses: &[Pulse], width: f64) -> Option<Range<f64>> {
     let times = pulses.iter().map(|pulse| pulse.time);
     let (from, to) = (times.clone().reduce(f64::min)?, times.reduce(f64::max)?);
     Some(from - 1.25 * width - 1.0..to + 1.25 * width + 1.0)
@@ -262,10 +301,12 @@ pub(super) struct Seen {
     pub(super) deviation: f64,
     /// Whether a sample of it was clipped.
     pub(super) clipped: bool,
+    /// The most that was converted of it, where it was.
+    pub(super) level: f64,
 }
 
 pub(super) fn seen(samples: &Samples, width: f64, pulse: &Pulse) -> Seen {
-    let (mut dark, mut clipped) = (0.0, false);
+    let (mut dark, mut clipped, mut level) = (0.0, false, f64::INFINITY);
     let (mut square, mut product, mut slope_square) = (0.0, 0.0, 0.0);
     for phase in &samples.phases {
         for (time, sample) in phase.within(pulse.time - width..pulse.time + width) {
@@ -273,6 +314,7 @@ pub(super) fn seen(samples: &Samples, width: f64, pulse: &Pulse) -> Seen {
             dark += value * value / sample.dark;
             clipped |= sample.clipped;
             if sample.clipped {
+                level = sample.x;
                 continue; // how much more there was nobody knows
             }
             let light = pulse.amplitude * value;
@@ -285,5 +327,5 @@ pub(super) fn seen(samples: &Samples, width: f64, pulse: &Pulse) -> Seen {
     let information = slope_square - product * product / square.max(f64::MIN_POSITIVE);
     let least = if information > 0.0 { information.powf(-0.5) } else { width };
     let deviation = pulse.spread.unwrap_or(least);
-    Seen { snr: pulse.amplitude * dark.sqrt(), deviation, clipped }
+    Seen { snr: pulse.amplitude * dark.sqrt(), deviation, clipped, level }
 }

@@ -25,7 +25,7 @@ use echoloop_dsp::{Echo, Echoes, Flags, Hardware, Settings};
 pub use samples::Shots;
 
 use candidates::{Finder, MOST};
-use fit::Pulse;
+use fit::{Pulse, strongest_first};
 use samples::Samples;
 
 /// How often what is left over is searched.
@@ -75,16 +75,17 @@ impl IdealDetector {
         if self.settings.echoes > 1 {
             self.find_hidden(&samples, &finder, &mut pulses);
         }
-        let mut found: Vec<Echo> =
-            pulses.iter().filter_map(|pulse| self.echo(&samples, &finder, pulse)).collect();
-        match self.choice {
-            EchoChoice::First => found.sort_by_key(|echo| echo.range),
-            EchoChoice::Last => found.sort_by_key(|echo| core::cmp::Reverse(echo.range)),
-            EchoChoice::Strongest => {
-                found.sort_by_key(|echo| (core::cmp::Reverse(echo.snr), echo.range));
-            }
+        pulses.sort_by(strongest_first);
+        if self.settings.min_separation_mm.is_some() {
+            pulses = finder.separate(&pulses);
         }
-        found.into_iter().take(self.settings.echoes as usize).collect()
+        match self.choice {
+            EchoChoice::First => pulses.sort_by(|a, b| a.time.total_cmp(&b.time)),
+            EchoChoice::Last => pulses.sort_by(|a, b| b.time.total_cmp(&a.time)),
+            EchoChoice::Strongest => {}
+        }
+        let found = pulses.iter().filter_map(|pulse| self.echo(&samples, &finder, pulse));
+        found.take(self.settings.echoes as usize).collect()
     }
 
     /// Looks for pulses that others hide: in what the fit leaves over.
@@ -105,7 +106,9 @@ impl IdealDetector {
                         |by: f64| Pulse::new(0.6 * one.amplitude, one.time + by * self.width);
                     let two = [moved(-widths), moved(widths)].to_vec();
                     let other = self.fitted(samples, &others, two);
-                    let misfit = |of: &[Pulse]| fit::misfit(samples, self.width, of, pulses);
+                    let all = [&best, &other, &*pulses].map(Vec::as_slice).concat();
+                    let Some(span) = fit::span(&all, self.width) else { return };
+                    let misfit = |of: &[Pulse]| fit::misfit(samples, self.width, &span, of, pulses);
                     if misfit(&other) < misfit(&best) {
                         best = other;
                     }
@@ -148,16 +151,23 @@ impl IdealDetector {
         if seen.clipped {
             flags |= Flags::SATURATED;
         }
-        if seen.snr < 1.25 * finder.least_snr() {
+        if !finder.passes(pulse.amplitude * here / 1.25, seen.snr / 1.25) {
             flags |= Flags::LOW_CONFIDENCE;
         }
+        let ends = [pulse.time - self.width, pulse.time + self.width];
+        let truncated = ends[0] < 0.0 || ends[1] > samples.len() as f64 - 1.0;
+        if truncated {
+            flags |= Flags::TRUNCATED;
+        }
+        let converted = (pulse.amplitude * here).min(seen.level); // clipped: at least so much
+        let deviation = if truncated { f64::INFINITY } else { seen.deviation };
         let width_ns = f64::from(self.settings.pulse_width_ps) / 1e3;
         Some(Echo {
             range: (range_mm * 256.0).round() as u32, // `as` saturates, here and below
-            amplitude: (pulse.amplitude * here * 32_768.0).round() as u16,
+            amplitude: (converted * 32_768.0).round() as u16,
             width: (width_ns * 16.0).round() as u16,
             snr: (seen.snr * 256.0) as u16,
-            deviation: (seen.deviation * self.step_mm * 256.0) as u16,
+            deviation: (deviation * self.step_mm * 256.0) as u16,
             reflectivity: (self.reflectivity(pulse.amplitude, range_mm) * 1_024.0).round() as u16,
             flags,
         })

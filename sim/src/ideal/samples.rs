@@ -190,7 +190,9 @@ struct Mean {
 impl Mean {
     fn of(shots: &Shots, count: f64) -> Self {
         let codes = shots.sums.first().map_or(0, Vec::len);
-        let sum = |n: usize| shots.sums.iter().map(|sums| f64::from(sums[n])).sum::<f64>();
+        let sum = |n: usize| {
+            shots.sums.iter().map(|sums| f64::from(sums.get(n).copied().unwrap_or(0))).sum::<f64>()
+        };
         Self { codes: (0..codes).map(|n| sum(n) / count).collect(), step: 1.0 / count }
     }
 

@@ -13,7 +13,7 @@ use super::progress::Progress;
 use crate::experiment::config::RunConfig;
 use crate::experiment::dataset::Dataset;
 use crate::experiment::seed::scan_noise;
-use crate::link::sensor::{Model, Port, SensorError};
+use crate::link::sensor::{Detector, Model, Port, SensorError};
 use crate::link::serve::{Viewpoints, serve};
 use crate::link::transport::Serial;
 
@@ -35,6 +35,10 @@ pub(crate) struct ServeArgs {
 
 pub(super) fn run(args: &ServeArgs) -> Result<(), Failure> {
     let config = args.source.load(Vec::new())?;
+    if config.detector.kind == Detector::Ideal {
+        let problem = "detector.kind = ideal is for --sensor in-process, not for one on a line";
+        return Err(Failure::usage(problem));
+    }
     on_threads(args.threads, || answer(args, &config))?
 }
 

@@ -10,7 +10,7 @@ use echoloop_frontend::SceneResponse;
 use echoloop_frontend::{Analog, FrontEnd, ScanNoise, Trigger};
 use echoloop_sim::board::PcSensor;
 
-use crate::link::sensor::{Detector, Model};
+use crate::link::sensor::Model;
 use crate::link::transport::{LOOK_UP, Transport, send_until};
 use echoloop_frontend::WaveformFrontEnd;
 
@@ -26,7 +26,6 @@ pub struct Viewpoints {
     front_end: WaveformFrontEnd,
     pattern: ScanPattern,
     hardware: Hardware,
-    detector: Detector,
     views: Vec<Arc<SceneResponse>>,
     nothing: Arc<SceneResponse>,
     seed: u64,
@@ -40,15 +39,15 @@ impl Viewpoints {
     /// A front end that has these viewpoints.
     pub fn new(model: &Model, views: Vec<Arc<SceneResponse>>, seed: u64) -> Self {
         let nothing = Arc::new(SceneResponse::empty(model.pattern.beams()));
-        let Model { pattern, hardware, detector, .. } = *model;
+        let Model { pattern, hardware, .. } = *model;
         let (front_end, showing) = (model.front_end(), (0, seed));
-        Self { front_end, pattern, hardware, detector, views, nothing, seed, noise: None, showing }
+        Self { front_end, pattern, hardware, views, nothing, seed, noise: None, showing }
     }
 
     /// The sensor with this front end, and this machine's clock.
     pub fn sensor(self) -> PcSensor<Self> {
-        let (pattern, hardware, detector) = (self.pattern, self.hardware, self.detector);
-        let mut sensor = detector.of(PcSensor::new(self, pattern, hardware));
+        let (pattern, hardware) = (self.pattern, self.hardware);
+        let mut sensor = PcSensor::new(self, pattern, hardware);
         let began = Instant::now();
         sensor.set_clock(move || began.elapsed().as_micros() as u32); // wraps, as it may
         sensor
