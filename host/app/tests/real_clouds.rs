@@ -99,6 +99,9 @@ fn on_the_clouds_that_a_cell_was_judged_on_its_settings_err_as_they_did_there() 
     assert_eq!(["tuned", "scene", "clouds"].map(field), ["registration", "structured", "real"]);
     let mean_cm = 100.0 * rows[2]["mean_translation_m"].as_f64().expect("some were found");
     assert_eq!(field("rte_cm").parse(), Ok(mean_cm));
+    let of = |start: &str| csv.lines().filter(|line| line.starts_with(start)).count();
+    assert_eq!(of(",outdoor,,default,icp,,"), 1, "{csv}");
+    assert_eq!(of(",,,clouds,icp,,"), 1, "{csv}");
     let latex = form("latex");
     let (_, real) = latex.split_once("% real clouds").expect("a table of its own");
     let row = format!("ICP & tuned, registration, structured, outdoor & {mean_cm:.2} & ");

@@ -175,6 +175,8 @@ pub struct RealRow {
     pub method: TableMethod,
     /// Where its settings come from, to read.
     pub settings: String,
+    /// The preset whose defaults they are, if they are.
+    pub default: Option<Preset>,
     /// The cell that tuned them, if one did.
     pub cell: Option<Cell>,
     /// Each pair.
@@ -312,6 +314,10 @@ impl Entrant {
         RealRow {
             method: self.method,
             settings: self.settings_from(),
+            default: match self.origin {
+                Origin::Default(ranges) => Some(ranges),
+                _ => None,
+            },
             cell: match self.origin {
                 Origin::Tuned(cell) => Some(cell),
                 _ => None,

@@ -146,15 +146,19 @@ fn csv_line(table: &Table, row: &Row) -> Vec<String> {
     line
 }
 
-/// Ranges, search, what was tuned and where are those of the cell that gave the settings; without
-/// one, `tuned` says what did.
+/// Ranges, search, what was tuned and where are those of the cell that gave the settings; what was
+/// chosen from the clouds has none of them.
 fn csv_real_line(table: &Table, row: &RealRow) -> Vec<String> {
     let cell = row.cell.as_ref();
     let mut line = vec![
         String::new(),
-        cell.map(|cell| name_of(cell.ranges)).unwrap_or_default(),
+        cell.map(|cell| cell.ranges).or(row.default).map(name_of).unwrap_or_default(),
         cell.and_then(|cell| cell.strategy).map(name_of).unwrap_or_default(),
-        cell.map_or_else(|| row.settings.clone(), Cell::tuned_name),
+        match (cell, row.default) {
+            (Some(cell), _) => cell.tuned_name(),
+            (None, Some(_)) => name_of(Protocol::Default),
+            (None, None) => "clouds".into(),
+        },
         name_of(row.method),
         cell.map(|cell| name_of(cell.scene)).unwrap_or_default(),
         table.plan.seed.to_string(),
