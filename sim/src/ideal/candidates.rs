@@ -50,25 +50,19 @@ impl Finder<'_> {
             (0..samples.len()).map(|n| self.place(samples, &phases, n)).collect();
         let mut peaks = climbs(&places);
         peaks.sort_by(|a, b| b.snr.total_cmp(&a.snr).then(a.time.total_cmp(&b.time)));
-        let apart = self.apart();
-        let mut kept: Vec<Place> = Vec::new();
-        for peak in peaks {
-            if kept.iter().all(|k| (k.time - peak.time).abs() >= apart) {
-                kept.push(peak);
-            }
-        }
+        let pulse = |place: &Place| Pulse::new(place.amplitude, place.time);
+        let mut kept = self.separate(peaks.iter().map(pulse));
         kept.truncate(MOST);
-        let pulse = |place: Place| Pulse::new(place.amplitude, place.time);
-        kept.into_iter().map(pulse).collect()
+        kept
     }
 
     /// Of pulses, strongest first, those that are far enough from each stronger one.
-    pub(super) fn separate(&self, pulses: &[Pulse]) -> Vec<Pulse> {
+    pub(super) fn separate(&self, pulses: impl IntoIterator<Item = Pulse>) -> Vec<Pulse> {
         let apart = self.apart();
         let mut kept: Vec<Pulse> = Vec::new();
         for pulse in pulses {
             if kept.iter().all(|k| (k.time - pulse.time).abs() >= apart) {
-                kept.push(*pulse);
+                kept.push(pulse);
             }
         }
         kept
@@ -135,18 +129,18 @@ fn climbs(places: &[Place]) -> Vec<Place> {
     let mut tops: Vec<Place> = Vec::new();
     let (mut top, mut valley): (Option<Place>, f64) = (None, 0.0);
     for place in places {
-        let step = (place.least / 2.0).max(place.snr / 16.0);
+        let step = |snr: f64| (place.least / 2.0).max(snr / 16.0);
         match &mut top {
             Some(highest) if place.snr > highest.snr => *highest = *place,
             Some(highest) => {
-                if place.snr < highest.snr - (place.least / 2.0).max(highest.snr / 16.0) {
+                if place.snr < highest.snr - step(highest.snr) {
                     tops.push(*highest);
                     (top, valley) = (None, place.snr);
                 }
             }
             None => {
                 valley = valley.min(place.snr);
-                let risen = valley < place.least / 2.0 || place.snr > valley + step;
+                let risen = valley < place.least / 2.0 || place.snr > valley + step(place.snr);
                 if place.snr >= place.least && risen {
                     top = Some(*place);
                 }

@@ -50,8 +50,8 @@ pub(super) fn strongest_first(a: &Pulse, b: &Pulse) -> Ordering {
 pub(super) fn refine(samples: &Samples, width: f64, pulses: &mut [Pulse]) {
     let fit = Fit { samples, width };
     let overlap = |a: &Pulse, b: &Pulse| b.time - a.time < 2.0 * width;
+    pulses.sort_by(|a, b| a.time.total_cmp(&b.time));
     for _ in 0..MOST_FITS {
-        pulses.sort_by(|a, b| a.time.total_cmp(&b.time));
         let sizes = |pulses: &[Pulse]| pulses.chunk_by(overlap).map(<[_]>::len).collect();
         let before: Vec<usize> = sizes(pulses);
         for together in pulses.chunk_by_mut(overlap) {
@@ -80,7 +80,7 @@ pub(super) fn misfit(
             let left = sample.x - model(pulses, sample, time, width);
             let left = if sample.clipped { left.max(0.0) } else { left };
             let light = model(weigher, sample, time, width);
-            left * left / (sample.dark + samples.shot * sample.gain * light)
+            left * left / samples.variance(sample, light)
         };
         phase.within(span.clone()).map(of).sum()
     };
@@ -152,11 +152,11 @@ impl Fit<'_> {
         let Some((middle, level)) = self.clipped_run(pulse) else { return };
         let times = (self.samples.white(middle) / level).max(LEAST_TIMES);
         let ratio = libm::pow(times, 1.0 / AMPLITUDES as f64);
-        let far = 2.5 * self.width + 1.0;
-        let span = middle - far..middle + far;
         if self.amplitude_sigma(pulse) < ratio - 1.0 {
             return; // its edges tell the amplitude
         }
+        let far = 2.5 * self.width + 1.0;
+        let span = middle - far..middle + far;
         let amplitudes = (0..=AMPLITUDES).map(|step| level * libm::pow(ratio, step as f64));
         let told: Vec<Told> =
             amplitudes.map(|amplitude| self.told(Pulse::new(amplitude, middle), &span)).collect();
@@ -222,7 +222,7 @@ impl Fit<'_> {
     fn unlikelihood(&self, pulse: &Pulse, span: &Range<f64>) -> f64 {
         let of = |(time, sample): (f64, &Sample)| {
             let model = model(&[*pulse], sample, time, self.width);
-            let variance = sample.dark + self.samples.shot * sample.gain * model;
+            let variance = self.samples.variance(sample, model);
             let over = (model - sample.x) / variance.sqrt();
             match sample.clipped {
                 // Φ; what no float holds is as good as nothing.
@@ -259,7 +259,7 @@ impl Fit<'_> {
                     continue; // as it should be
                 }
                 let light = self::model(weigher, sample, time, self.width);
-                let weight = 1.0 / (sample.dark + self.samples.shot * sample.gain * light);
+                let weight = 1.0 / self.samples.variance(sample, light);
                 for (i, pulse) in pulses.iter().enumerate() {
                     let [value, slope] = shape(time - pulse.time, self.width);
                     slopes[2 * i] = sample.gain * value;
@@ -318,7 +318,7 @@ pub(super) fn seen(samples: &Samples, width: f64, pulse: &Pulse) -> Seen {
                 continue; // how much more there was nobody knows
             }
             let light = pulse.amplitude * value;
-            let weight = 1.0 / (sample.dark + samples.shot * sample.gain * light);
+            let weight = 1.0 / samples.variance(sample, light);
             square += weight * value * value;
             product -= weight * value * pulse.amplitude * slope;
             slope_square += weight * (pulse.amplitude * slope).powi(2);

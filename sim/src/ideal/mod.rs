@@ -77,7 +77,7 @@ impl IdealDetector {
         }
         pulses.sort_by(strongest_first);
         if self.settings.min_separation_mm.is_some() {
-            pulses = finder.separate(&pulses);
+            pulses = finder.separate(pulses);
         }
         match self.choice {
             EchoChoice::First => pulses.sort_by(|a, b| a.time.total_cmp(&b.time)),
@@ -93,7 +93,7 @@ impl IdealDetector {
         for _ in 0..SEARCHES {
             let Some(more) = finder.find(samples, pulses).first().copied() else { return };
             // Two that are one at first leave over what is near neither: so other beginnings, too.
-            let mut best = self.fitted(samples, pulses, [more].to_vec());
+            let mut best = self.fitted(samples, pulses, &[more]);
             let nearest = (0..pulses.len()).min_by(|&a, &b| {
                 let apart = |i: usize| (pulses[i].time - more.time).abs();
                 apart(a).total_cmp(&apart(b))
@@ -104,8 +104,8 @@ impl IdealDetector {
                 for widths in [0.25, 0.5] {
                     let moved =
                         |by: f64| Pulse::new(0.6 * one.amplitude, one.time + by * self.width);
-                    let two = [moved(-widths), moved(widths)].to_vec();
-                    let other = self.fitted(samples, &others, two);
+                    let two = [moved(-widths), moved(widths)];
+                    let other = self.fitted(samples, &others, &two);
                     let all = [&best, &other, &*pulses].map(Vec::as_slice).concat();
                     let Some(span) = fit::span(&all, self.width) else { return };
                     let misfit = |of: &[Pulse]| fit::misfit(samples, self.width, &span, of, pulses);
@@ -121,8 +121,8 @@ impl IdealDetector {
         }
     }
 
-    fn fitted(&self, samples: &Samples, pulses: &[Pulse], more: Vec<Pulse>) -> Vec<Pulse> {
-        let mut all = [pulses, &more].concat();
+    fn fitted(&self, samples: &Samples, pulses: &[Pulse], more: &[Pulse]) -> Vec<Pulse> {
+        let mut all = [pulses, more].concat();
         fit::refine(samples, self.width, &mut all);
         all
     }

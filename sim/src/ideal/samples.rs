@@ -35,7 +35,7 @@ pub(super) struct Samples {
     /// Of shots that were taken at the same moments.
     pub(super) phases: Vec<Phase>,
     /// Variance that a signal of 1 adds to a sample of a phase.
-    pub(super) shot: f64,
+    shot: f64,
     ramp: Ramp,
     /// Amplitude of a white wall at 1 m.
     white: f64,
@@ -130,6 +130,11 @@ impl Samples {
     pub(super) fn white(&self, time: f64) -> f64 {
         let range_m = (self.origin_m + time * self.step_m).max(self.step_m);
         self.white / (range_m * range_m)
+    }
+
+    /// Variance of a sample with so much light in it, as it is converted.
+    pub(super) fn variance(&self, sample: &Sample, light: f64) -> f64 {
+        sample.dark + self.shot * sample.gain * light
     }
 
     /// The gain at a time.
