@@ -68,16 +68,6 @@ pub fn exact(taps: &[i16], padded: &[i16], samples: usize, n: i64) -> i64 {
     shift_round(sum.into(), 7)
 }
 
-/// Output `n` of [`correlate`] alone; 0 where `padded` ends.
-#[expect(
-    clippy::arithmetic_side_effects,
-    reason = "Σ abs(h) ≤ 1 in Q1.15, abs(x) ≤ 1: the sum stays within 2³⁰; lengths are of memory"
-)]
-pub fn at(taps: &[i16], padded: &[i16], n: usize) -> i16 {
-    let window = padded.get(n..n + taps.len()).unwrap_or_default();
-    round(taps.iter().zip(window).map(|(&h, &x)| i32::from(h) * i32::from(x)).sum())
-}
-
 /// Q2.30 to Q1.15: nearest, ties up, saturating.
 #[inline(always)]
 #[expect(clippy::arithmetic_side_effects, reason = "a sum stays within 2³⁰")]

@@ -1,11 +1,14 @@
-//! The loops over every sample, which processors do in their own ways.
+//! The loops over every sample, and those that a near gain adds, which processors do in their own
+//! ways.
 
+use core::ops::Range;
+
+use crate::near::Near;
 use crate::peak::Peaks;
 use crate::statistics::{OrderStatistics, Statistics};
 use crate::{baseline, detect, filter, statistics};
 
-/// The four loops that take nearly all of the time. Every method is plain Rust unless a processor
-/// knows better.
+/// What takes nearly all of the time. Every method is plain Rust unless a processor knows better.
 ///
 /// Every implementation must equal [`Portable`] bit for bit, whatever the input: sums are exact, so
 /// only speed can differ.
@@ -36,10 +39,46 @@ pub trait SampleLoops: Copy {
         baseline::remove(codes, clip_code, shift, ambient, x);
     }
 
+    /// [`Near::remove_baseline`]. Neither this nor what else a near gain needs is inlined: most
+    /// waveforms have none.
+    #[inline(never)]
+    fn remove_near_baseline(
+        self,
+        near: &Near<'_>,
+        codes: &[u16],
+        samples: Range<usize>,
+        x: &mut [i16],
+    ) {
+        near.remove_baseline(codes, samples, x);
+    }
+
+    /// [`Near::level`].
+    #[inline(never)]
+    fn level(self, near: &Near<'_>, at: usize, samples: Range<usize>, x: &mut [i16]) {
+        near.level(at, samples, x);
+    }
+
     /// [`filter::correlate`].
     #[inline(always)]
     fn correlate(self, taps: &[i16], padded: &[i16], y: &mut [i16]) {
         filter::correlate(taps, padded, y);
+    }
+
+    /// [`Self::correlate`] of any number of outputs: those beyond whole blocks come from one of
+    /// their own. `padded` holds them, the taps and one [`filter::BLOCK`] more.
+    #[inline(never)]
+    fn correlate_all(self, taps: &[i16], padded: &[i16], y: &mut [i16]) {
+        self.correlate(taps, padded, y);
+        let (whole, rest) = y.as_chunks_mut::<{ filter::BLOCK }>();
+        if rest.is_empty() {
+            return;
+        }
+        let mut last = [0; filter::BLOCK];
+        let padded = padded.get(whole.as_flattened().len()..).unwrap_or_default();
+        self.correlate(taps, padded, &mut last);
+        for (y, last) in rest.iter_mut().zip(last) {
+            *y = last;
+        }
     }
 
     /// [`detect::reaches`].
@@ -70,5 +109,29 @@ impl SampleLoops for Scalar {
     #[inline(always)]
     fn order_statistics(self, codes: &[u16], top: u16, guess: &Statistics) -> OrderStatistics {
         statistics::by_histogram(codes, top, guess)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn any_number_of_outputs_are_as_among_whole_blocks_and_nothing_else_is_written() {
+        let taps = [-700, 9_000, 15_000, 3_000, 0, 0];
+        let padded: [i16; 160] = core::array::from_fn(|n| (n as i16).wrapping_mul(12_345));
+        let mut expected = [0; 5 * filter::BLOCK];
+        Portable.correlate(&taps, &padded, &mut expected);
+        for first in [0, 1, 7] {
+            for samples in 0..=3 * filter::BLOCK + 1 {
+                let mut y = [7; 5 * filter::BLOCK];
+                let outputs = first..first + samples;
+                Portable.correlate_all(&taps, &padded[first..], &mut y[outputs.clone()]);
+                for (n, (&y, &expected)) in y.iter().zip(&expected).enumerate() {
+                    let expected = if outputs.contains(&n) { expected } else { 7 };
+                    assert_eq!(y, expected, "output {n} of {outputs:?}");
+                }
+            }
+        }
     }
 }

@@ -42,7 +42,9 @@ impl Near<'_> {
         (black + above as i32).clamp(-0x8000, 0x7fff) as i16
     }
 
-    /// x of some samples.
+    /// x of some samples. The portable form of
+    /// [`SampleLoops::remove_near_baseline`](crate::SampleLoops::remove_near_baseline).
+    #[inline(always)]
     pub fn remove_baseline(&self, codes: &[u16], samples: Range<usize>, x: &mut [i16]) {
         let DetectorConfig { clip_code, code_shift, .. } = *self.config;
         let end = samples.end.min(codes.len()).min(x.len());
@@ -54,7 +56,9 @@ impl Near<'_> {
         }
     }
 
-    /// z of some samples, which are x, around an echo at `at`.
+    /// z of some samples, which are x, around an echo at `at`. The portable form of
+    /// [`SampleLoops::level`](crate::SampleLoops::level).
+    #[inline(always)]
     pub fn level(&self, at: usize, samples: Range<usize>, x: &mut [i16]) {
         let here = self.ramp.below(at);
         let samples = samples.start..samples.end.min(x.len());

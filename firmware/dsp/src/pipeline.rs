@@ -139,7 +139,7 @@ impl Pipeline {
         if scratch.peaks.is_empty() {
             return Echoes::new();
         }
-        self.report(codes, scratch, &threshold, dithered)
+        self.report(loops, codes, scratch, &threshold, dithered)
     }
 
     /// The samples that ambient and noise are measured from; all where none has full gain.
@@ -173,19 +173,11 @@ impl Pipeline {
             statistics.ambient_q15(),
             x,
         );
-        if config.ramp.is_some() {
-            self.remove_near_baseline(codes, statistics.ambient_q15(), x);
+        if let Some(near) = self.near(statistics.ambient_q15()) {
+            loops.remove_near_baseline(&near, codes, 0..near.ramp.samples(), x);
         }
         let y = scratch.y.get_mut(..codes.len().next_multiple_of(16)).unwrap_or_default();
         loops.correlate(config.template.taps_in_pairs(), &scratch.padded, y);
-    }
-
-    /// Not inlined: the loops over every sample stay as they are without a near gain.
-    #[inline(never)]
-    fn remove_near_baseline(&self, codes: &[u16], ambient: i16, x: &mut [i16]) {
-        if let Some(near) = self.near(ambient) {
-            near.remove_baseline(codes, 0..near.ramp.samples(), x);
-        }
     }
 
     /// The near gain of a waveform with this ambient.
@@ -198,6 +190,7 @@ impl Pipeline {
     #[inline(never)]
     fn report(
         &self,
+        loops: impl SampleLoops,
         codes: &[u16],
         scratch: &mut Scratch,
         threshold: &Threshold,
@@ -210,7 +203,7 @@ impl Pipeline {
             return self.echoes(&refiner, scratch);
         };
         let seen = Conditions { threshold, noise: &noise, near: Some(near), level: None, dithered };
-        self.echoes_of_rising_gain(codes, scratch, seen, near)
+        self.echoes_of_rising_gain(loops, codes, scratch, (seen, near))
     }
 
     #[inline(always)]
@@ -230,10 +223,10 @@ impl Pipeline {
     #[inline(never)]
     fn echoes_of_rising_gain(
         &self,
+        loops: impl SampleLoops,
         codes: &[u16],
         scratch: &mut Scratch,
-        seen: Conditions<'_>,
-        near: Near<'_>,
+        (seen, near): (Conditions<'_>, Near<'_>),
     ) -> Echoes {
         let (chosen, overlapping) =
             self.choose(&self.refiner(codes, scratch, seen), &scratch.peaks);
@@ -241,7 +234,7 @@ impl Pipeline {
         for &peak in &chosen {
             let hidden = overlapping.contains(&peak.index);
             let echo = match near.holds(peak.index.into()) {
-                true => self.near_echo(codes, scratch, (seen, near), (peak, hidden)),
+                true => self.near_echo(loops, codes, scratch, (seen, near), (peak, hidden)),
                 false => self.echo(&self.refiner(codes, scratch, seen), scratch, peak, hidden),
             };
             if let Some(echo) = echo {
@@ -266,6 +259,7 @@ impl Pipeline {
     /// behind it.
     fn near_echo(
         &self,
+        loops: impl SampleLoops,
         codes: &[u16],
         scratch: &mut Scratch,
         (full, near): (Conditions<'_>, Near<'_>),
@@ -275,18 +269,18 @@ impl Pipeline {
         let noise = near.noise(n, full.noise);
         let threshold = near.threshold(n, &noise, full.threshold);
         let around = self.refiner(codes, scratch, full).around(peak);
-        near.level(n, around.clone(), scratch.x_mut());
-        self.filter_again(around.clone(), scratch);
+        loops.level(&near, n, around.clone(), scratch.x_mut());
+        self.filter_again(loops, around.clone(), scratch);
         let level = if hidden { peak } else { self.summit(scratch, peak) };
         let here = Conditions { threshold: &threshold, noise: &noise, level: Some(n), ..full };
         let echo = self.echo(&self.refiner(codes, scratch, here), scratch, level, hidden);
-        near.remove_baseline(codes, around.clone(), scratch.x_mut());
-        self.filter_again(around, scratch);
+        loops.remove_near_baseline(&near, codes, around.clone(), scratch.x_mut());
+        self.filter_again(loops, around, scratch);
         echo
     }
 
     /// y of the samples whose taps all lie within some of x.
-    fn filter_again(&self, x: Range<usize>, scratch: &mut Scratch) {
+    fn filter_again(&self, loops: impl SampleLoops, x: Range<usize>, scratch: &mut Scratch) {
         let template = &self.config.template;
         let (start, end) = scratch.filled;
         let samples = end.saturating_sub(start);
@@ -297,9 +291,8 @@ impl Pipeline {
             false => samples,
         };
         let y = scratch.y.get_mut(first..last).unwrap_or_default();
-        for (n, y) in (first..).zip(y) {
-            *y = filter::at(template.taps(), &scratch.padded, n);
-        }
+        let padded = scratch.padded.get(first..).unwrap_or_default();
+        loops.correlate_all(template.taps_in_pairs(), padded, y);
     }
 
     /// The first sample of a peak's plateau in y, at most K samples earlier.

@@ -42,7 +42,7 @@ pub struct Ramp {
 const ONE: u32 = 1 << 24;
 
 /// The greatest exponent, Q16.
-const MOST: u64 = 63 << 16;
+const MOST: u32 = 63 << 16;
 
 /// It ends here at the farthest: 4096 samples, Q16.16.
 const FARTHEST: i64 = 1 << 28;
@@ -72,7 +72,7 @@ impl Ramp {
     #[inline(always)]
     pub fn octaves(&self, time: i32) -> i32 {
         let before = (self.end - time).max(0) as u32;
-        ((u64::from(self.slope) * u64::from(before)) >> 32).min(MOST) as i32
+        high(self.slope, before).min(MOST) as i32
     }
 
     /// e at a sample: octaves, Q6.16.
@@ -97,17 +97,23 @@ impl Ramp {
 /// 2^x, x in Q16: Q.24, below 2⁸.
 #[inline(always)]
 pub fn power(x: i32) -> u32 {
-    let f = (x & 0xffff) as u32;
-    let by = |a: u32| ((u64::from(a) * u64::from(f)) >> 16) as u32; // below 2²⁵ times below 1
-    let mantissa = ONE + by(11_674_149 + by(3_792_776 + by(1_310_291)));
+    let f = (x as u32) << 16; // Q0.32
+    let mantissa = ONE + high(11_674_149 + high(3_792_776 + high(1_310_291, f), f), f);
     match x >> 16 {
         up @ 0.. => mantissa << up.min(7),
         down => mantissa >> down.unsigned_abs().min(31),
     }
 }
 
-/// A sample times 2^octaves, rounded down: Q1.15, saturating.
+/// The upper word of a product: one instruction, where all of it takes more.
+#[inline(always)]
+fn high(a: u32, b: u32) -> u32 {
+    ((u64::from(a) * u64::from(b)) >> 32) as u32
+}
+
+/// A sample, below 2²³, times 2^octaves, rounded down: Q1.15, saturating.
 #[inline(always)]
 pub fn levelled(x: i32, octaves: i32) -> i16 {
-    ((i64::from(x) * i64::from(power(octaves))) >> 24).clamp(-0x8000, 0x7fff) as i16
+    let level = (i64::from(x) * i64::from(power(octaves))) >> 24; // within 2³¹
+    (level as i32).clamp(-0x8000, 0x7fff) as i16
 }

@@ -3,15 +3,20 @@
 //! LLVM vectorises the loops over the samples as they stand; what a vector unit does better in
 //! another way is said by hand: the filter in multiply-adds of pairs (`filter`), the order
 //! statistics in bytes, four counts a pass (`order_statistics`), the search for peaks from hill to
-//! hill (`peaks`).
+//! hill (`peaks`). The loops of a near gain, which are not inlined into the pipeline, are compiled
+//! once more by themselves (`near`).
 
 mod filter;
+mod near;
 mod order_statistics;
 mod peaks;
+
+use core::ops::Range;
 
 use echoloop_dispatch::{V3, dispatch};
 use echoloop_dsp::detect;
 use echoloop_dsp::loops::SampleLoops;
+use echoloop_dsp::near::Near;
 use echoloop_dsp::peak::Peaks;
 use echoloop_dsp::statistics::{OrderStatistics, Statistics};
 use echoloop_dsp::{Echoes, Pipeline, Scratch};
@@ -24,7 +29,7 @@ dispatch! {
         = process_baseline, v3: process_v3;
 
     /// [`Pipeline::process`] without the loops written by hand: x86-64-v3 as the compiler
-    /// vectorises it; the baseline where there is none.
+    /// vectorises it, those of a near gain for the baseline; all for it where there is no v3.
     ///
     /// For benchmarks and tests: slower than [`process()`], same bytes.
     pub fn process_compiled(pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Echoes
@@ -36,7 +41,7 @@ fn process_v3(pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Echo
     pipeline.process(Avx2(V3::here()), codes, scratch)
 }
 
-/// The loops that are said by hand.
+/// The loops that are said by hand, and those of a near gain.
 #[derive(Clone, Copy)]
 struct Avx2(V3);
 
@@ -45,6 +50,24 @@ impl SampleLoops for Avx2 {
     fn order_statistics(self, codes: &[u16], _top: u16, guess: &Statistics) -> OrderStatistics {
         // SAFETY: a V3 exists only where AVX2 has been found.
         unsafe { order_statistics::order_statistics(codes, guess) }
+    }
+
+    #[inline(always)]
+    fn remove_near_baseline(
+        self,
+        near: &Near<'_>,
+        codes: &[u16],
+        samples: Range<usize>,
+        x: &mut [i16],
+    ) {
+        // SAFETY: as above.
+        unsafe { near::remove_baseline(near, codes, samples, x) };
+    }
+
+    #[inline(always)]
+    fn level(self, near: &Near<'_>, at: usize, samples: Range<usize>, x: &mut [i16]) {
+        // SAFETY: as above.
+        unsafe { near::level(near, at, samples, x) };
     }
 
     #[inline(always)]

@@ -126,7 +126,8 @@ fn over_samples(
         per_run(|| {
             loops.remove_baseline(black_box(codes), clip, shift, ambient, black_box(x));
             if let Some(ramp) = config.ramp() {
-                Near { ramp, config, ambient }.remove_baseline(codes, 0..near, black_box(x));
+                let rising = Near { ramp, config, ambient };
+                loops.remove_near_baseline(&rising, codes, 0..near, black_box(x));
             }
         }),
     )?;
