@@ -320,6 +320,18 @@ fn a_correlation_is_red_where_positive_blue_where_negative_and_grey_where_it_is_
 }
 
 #[test]
+fn pairs_of_every_way_to_search_are_looked_at() {
+    let fixture = Fixture::new();
+    let both = SMALL.map(|word| if word == "fast" { "fast,paper" } else { word });
+    let more = ["--protocol", "default,joint", "--figures", "figures"];
+    fixture.succeed(&[&["reproduce", "-q"][..], &both, &more].concat());
+    for search in ["fast", "paper"] {
+        let file = format!("figures/overlays-outdoor-{search}-icp.svg");
+        assert!(fixture.path(&file).exists(), "{file}");
+    }
+}
+
+#[test]
 fn what_is_missing_is_said_and_the_command_that_is_named_brings_it() {
     let fixture = Fixture::new();
     let some = ["--protocol", "default,registration", "--figures", "figures"];

@@ -17,13 +17,13 @@ use crate::reproduce::{
 };
 use echoloop_registration::pose::Pose;
 
-/// A pair of each cell where both were tuned, of one way to search. What cannot be shown is said,
-/// and no failure: the table has no need of it.
+/// A pair of each cell where both were tuned. What cannot be shown is said, and no failure: the
+/// table has no need of it.
 pub(super) fn overlays(folder: &Folder, cells: &Cells) -> Seen {
     let mut seen = Seen::default();
     let is_done = |cell: &&Cell| cell.is_joint() && cells.run(cell).is_some();
-    let wanted = cells.seen_search().map(|search| search.cells.as_slice()).unwrap_or_default();
-    for cell in wanted.iter().filter(is_done) {
+    let searches = cells.searches();
+    for cell in searches.iter().flat_map(|search| &search.cells).filter(is_done) {
         match seen_pair(folder, cells, cell) {
             Ok(pair) => seen.pairs.push(pair),
             Err(why) => seen.unseen.push((*cell, why.message)),

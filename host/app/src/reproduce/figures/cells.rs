@@ -57,14 +57,6 @@ impl Cells {
         self.searches.clone()
     }
 
-    /// The way to search whose pairs are looked at: the first that has a cell where both were
-    /// tuned; where none has, the first.
-    pub fn seen_search(&self) -> Option<&Search> {
-        let is_done = |cell: &Cell| cell.is_joint() && self.run(cell).is_some();
-        let has_some = |search: &&Search| search.cells.iter().any(is_done);
-        self.searches.iter().find(has_some).or_else(|| self.searches.first())
-    }
-
     /// What is kept of a cell that is done.
     pub fn record(&self, cell: &Cell) -> Option<&Record> {
         self.records.iter().find(|record| record.cell == *cell)

@@ -43,7 +43,7 @@ impl Figures {
     }
 }
 
-/// All figures of a table, and the pairs that were looked at: those of one way to search.
+/// All figures of a table, and the pairs that were looked at.
 pub fn figures(cells: &Cells, seen: &Seen) -> Figures {
     let mut all = Figures { left_out: cells.unread.clone(), ..Figures::default() };
     let missing = Missing::of(&cells.plan);
@@ -52,9 +52,7 @@ pub fn figures(cells: &Cells, seen: &Seen) -> Figures {
         figure.into_iter().for_each(|figure| all.add(figure));
         interactions::plates(cells, &search, &missing).into_iter().for_each(|of| all.add(of));
         all.add(errors::plate(cells, &search, &missing));
-        if cells.seen_search().is_some_and(|of| of.name() == search.name()) {
-            overlays::plates(cells, &search, seen, &missing).into_iter().for_each(|of| all.add(of));
-        }
+        overlays::plates(cells, &search, seen, &missing).into_iter().for_each(|of| all.add(of));
         parameters::plates(cells, &search, &missing).into_iter().for_each(|of| all.add(of));
     }
     all
