@@ -1,19 +1,20 @@
 //! A front of error against energy: small, to ask whether it hangs together.
 
 use std::path::Path;
-use std::sync::LazyLock;
 use std::sync::atomic::AtomicBool;
+use std::sync::{LazyLock, Mutex};
 
 use echoloop_dsp::Hardware;
 use echoloop_host::experiment::config::{RunConfig, load};
 use echoloop_host::experiment::cost::CostKind;
 use echoloop_host::experiment::dataset::Dataset;
-use echoloop_host::experiment::front::{Front, FrontSearch};
+use echoloop_host::experiment::evaluate::Summary;
+use echoloop_host::experiment::front::{Front, FrontPoint, FrontSearch};
 use echoloop_host::experiment::journal::{Generation, Journal};
 use echoloop_host::experiment::objective::Bench;
 use echoloop_host::experiment::params::{Parameters, Space};
 use echoloop_host::experiment::preset::PowerRange;
-use echoloop_host::experiment::tune::{Silent, TuneError, TuneSearch};
+use echoloop_host::experiment::tune::{Observer, Silent, TuneError, TuneSearch};
 use echoloop_host::link::sensor::{Model, Sensors};
 
 const GENERATIONS: usize = 3;
@@ -47,12 +48,28 @@ fn search(stop: &AtomicBool) -> TuneSearch<'_> {
     TuneSearch { config, bench: Bench { dataset: &TOWN, sensors: &SENSORS }, space, start, stop }
 }
 
-/// Of a choice that has so much power, µW.
-fn of_choice<'a>(search: &'a TuneSearch<'a>, power_uw: i32) -> FrontSearch<'a> {
+/// The start with so much power, µW: a choice.
+fn choice(search: &TuneSearch<'_>, power_uw: i32) -> Parameters {
     let mut tuned = search.start;
     tuned.settings.power_uw = power_uw;
+    tuned
+}
+
+/// Start and choice on the held-out pairs.
+fn judged(search: &TuneSearch<'_>, power_uw: i32) -> [Summary; 2] {
+    [search.start, choice(search, power_uw)]
+        .map(|own| search.judge(&own, &Silent).expect("it is judged"))
+}
+
+/// Of a choice that has so much power, µW.
+fn of_choice<'a>(
+    search: &'a TuneSearch<'a>,
+    power_uw: i32,
+    judged: &'a [Summary; 2],
+) -> FrontSearch<'a> {
+    let tuned = choice(search, power_uw);
     let space = search.space.clone().with_power(PowerRange::Whole);
-    FrontSearch { search, space, tuned, cost: CostKind::Energy }
+    FrontSearch { search, space, tuned, judged: judged.each_ref(), cost: CostKind::Energy }
 }
 
 /// On so many threads, after what a journal has already.
@@ -64,7 +81,8 @@ fn found(
 ) -> Result<(Vec<u8>, Front), TuneError> {
     let never = AtomicBool::new(false);
     let search = search(&never);
-    let front = of_choice(&search, power_uw);
+    let judged = judged(&search, power_uw);
+    let front = of_choice(&search, power_uw, &judged);
     let mut journal = Journal::create(path, &front.header())?;
     for generation in done {
         journal.add(generation)?;
@@ -83,7 +101,9 @@ fn a_front_is_the_same_on_any_number_of_threads_and_after_a_stop() {
     assert!(bytes == again, "the journals differ");
     assert_eq!(front, same);
 
-    let header = of_choice(&search(&AtomicBool::new(false)), 20_000_000).header();
+    let never = AtomicBool::new(false);
+    let search = search(&never);
+    let header = of_choice(&search, 20_000_000, &judged(&search, 20_000_000)).header();
     let (_, generations) = Journal::resume(&at("one"), &header, false).expect("a journal");
     assert_eq!(generations.len(), GENERATIONS);
     for done in [1, GENERATIONS] {
@@ -126,10 +146,53 @@ fn a_search_that_is_stopped_keeps_what_is_done() {
     let folder = tempfile::tempdir().expect("a folder");
     let stop = AtomicBool::new(true);
     let search = search(&stop);
-    let front = of_choice(&search, 20_000_000);
+    let judged = judged(&search, 20_000_000);
+    let front = of_choice(&search, 20_000_000, &judged);
     let path = folder.path().join("a");
     let mut journal = Journal::create(&path, &front.header()).expect("a journal");
     let stopped = front.run(&mut journal, Vec::new(), &Silent).expect_err("nobody waits");
     assert!(matches!(stopped, TuneError::Interrupted { generations: 0 }), "{stopped}");
     assert!(Journal::resume(&path, &front.header(), false).is_ok());
+}
+
+/// Registrations of the last stage: as announced, and as made.
+#[derive(Default)]
+struct Last(Mutex<(usize, usize)>);
+
+impl Observer for Last {
+    fn evaluated(&self) {
+        self.0.lock().expect("nobody panicked").1 += 1;
+    }
+
+    fn stage(&self, _name: &str, registrations: usize) {
+        *self.0.lock().expect("nobody panicked") = (registrations, 0);
+    }
+}
+
+#[test]
+fn start_and_choice_are_not_judged_again_where_they_are_on_the_front() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    let never = AtomicBool::new(false);
+    let search = search(&never);
+    // A choice that nothing dominates: a point of a front before.
+    let (_, front) = found(&at("before"), 2, 20_000_000, &[]).expect("a front");
+    let mut on_both = 0;
+    for (number, point) in front.points.iter().enumerate() {
+        let tuned = search.start.with_values(&point.values, &*CONFIG, &Hardware::REFERENCE);
+        let tuned = tuned.expect("parameters");
+        let judged = [search.start, tuned].map(|own| search.judge(&own, &Silent).expect("judged"));
+        let front = FrontSearch { tuned, ..of_choice(&search, 1, &judged) };
+        let mut journal =
+            Journal::create(&at(&number.to_string()), &front.header()).expect("a journal");
+        let last = Last::default();
+        let found = front.run(&mut journal, Vec::new(), &last).expect("a front");
+        let known = [search.start, tuned].map(|own| own.values(&*CONFIG));
+        let is_known = |point: &&FrontPoint| known.contains(&point.values);
+        let rest = found.points.iter().filter(|point| !is_known(point)).count();
+        let (announced, made) = last.0.into_inner().expect("nobody panicked");
+        assert_eq!((announced, made), (3 * rest, 3 * rest));
+        on_both += found.points.len() - rest;
+    }
+    assert!(on_both > 0, "none of {} stayed on a front", front.points.len());
 }

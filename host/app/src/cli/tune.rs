@@ -197,7 +197,7 @@ fn tune(
     }
     progress.begin("tuning", search.registrations() as u64);
     let outcome = search_and_judge(&search, &mut journal, done, &progress).and_then(|judged| {
-        let front = front(&prepared, &search, &judged.0, &folder, (args.repair, &progress))?;
+        let front = front(&prepared, &search, &judged, &folder, (args.repair, &progress))?;
         Ok((judged, front))
     });
     progress.end();
@@ -282,7 +282,7 @@ fn search_and_judge(
 fn front(
     prepared: &Prepared,
     search: &TuneSearch<'_>,
-    tuned: &Tuned,
+    (tuned, judged): &(Tuned, Judged),
     folder: &RunFolder,
     (repair, progress): (bool, &Progress),
 ) -> Result<Option<Front>, TuneError> {
@@ -292,7 +292,8 @@ fn front(
         CostKind::Energy if !is_bounded => search.space.clone().with_power(PowerRange::Whole),
         _ => search.space.clone(),
     };
-    let of_front = FrontSearch { search, space, tuned: tuned.parameters, cost };
+    let judged = [&judged.before, &judged.after];
+    let of_front = FrontSearch { search, space, tuned: tuned.parameters, judged, cost };
     let (path, header) = (folder.file(FRONT), of_front.header());
     let (mut journal, done) = match path.exists() {
         true => Journal::resume(&path, &header, repair)?,

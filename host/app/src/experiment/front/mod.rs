@@ -16,10 +16,10 @@ use echoloop_cmaes::{Objectives, Pareto, ParetoConfig, dominates, sorted_by_crow
 use echoloop_random::Generator;
 
 use crate::experiment::cost::CostKind;
-use crate::experiment::evaluate::{NoisyPairs, evaluate_and_cost};
+use crate::experiment::evaluate::{NoisyPairs, Summary, evaluate_and_cost};
 use crate::experiment::journal::{CandidateRecord, Generation, Header, Journal};
 use crate::experiment::objective::Worth;
-use crate::experiment::params::{Parameters, Space};
+use crate::experiment::params::{Parameters, Space, Values};
 use crate::experiment::preset::ErrorMean;
 use crate::experiment::seed::{Purpose, derive};
 use crate::experiment::tune::{Crew, Observer, Task, TuneError, TuneSearch, mean_cost};
@@ -33,6 +33,8 @@ pub struct FrontSearch<'a> {
     pub space: Space,
     /// What the search before chose.
     pub tuned: Parameters,
+    /// Start and choice on the held-out pairs, which the search before has judged.
+    pub judged: [&'a Summary; 2],
     /// The second objective.
     pub cost: CostKind,
 }
@@ -302,15 +304,23 @@ impl FrontSearch<'_> {
         generations: &[Generation],
         observer: &dyn Observer,
     ) -> Result<Front, TuneError> {
-        let all = [self.search.start, self.tuned].into_iter().chain(chosen);
-        observer.stage("judging front", all.clone().count() * self.search.bench.dataset.test.len());
-        let mut judged = Vec::new();
-        for parameters in all {
+        let values = |parameters: &Parameters| parameters.values(self.search.config);
+        let known = [self.search.start, self.tuned].into_iter().zip(self.judged);
+        let known: Vec<(Parameters, &Summary)> = known.collect();
+        let of_known = |own: &Parameters| known.iter().find(|(other, _)| other == own);
+        let rest = chosen.iter().filter(|own| of_known(own).is_none()).count();
+        observer.stage("judging front", rest * self.search.bench.dataset.test.len());
+        let mut judged: Vec<(Values, Summary)> =
+            known.iter().map(|(own, summary)| (values(own), (*summary).clone())).collect();
+        for parameters in &chosen {
             if self.search.stop.load(Ordering::Relaxed) {
                 return Err(TuneError::Interrupted { generations: generations.len() });
             }
-            let summary = self.search.judge(&parameters, observer)?;
-            judged.push((parameters.values(self.search.config), summary));
+            let summary = match of_known(parameters) {
+                Some((_, summary)) => (*summary).clone(),
+                None => self.search.judge(parameters, observer)?,
+            };
+            judged.push((values(parameters), summary));
         }
         Ok(Front::new(self.cost, self.search.config.tune.error_cap, judged))
     }
@@ -322,10 +332,13 @@ fn logarithms(error: f64, cost: f64) -> Objectives {
     [libm::log(error), libm::log(cost)]
 }
 
-/// What nothing dominates.
+/// What nothing dominates; of those that come out alike, which differ in what nothing reads, the
+/// first.
 fn front_of(raced: &[Raced]) -> Vec<&Raced> {
-    let free = |own: &&Raced| !raced.iter().any(|other| dominates(other.values, own.values));
-    raced.iter().filter(free).collect()
+    let is_free = |own: &Raced| !raced.iter().any(|other| dominates(other.values, own.values));
+    let is_first = |i: usize| raced[..i].iter().all(|other| other.values != raced[i].values);
+    let each = raced.iter().enumerate();
+    each.filter(|&(i, own)| is_first(i) && is_free(own)).map(|(_, own)| own).collect()
 }
 
 /// At most so many, without those that stand closest to others, one after the other.
@@ -354,6 +367,7 @@ mod tests {
             [2.1, 8.8],
             [3.0, 9.5], // dominated
             [5.0, 5.0],
+            [5.0, 5.0], // the same again
             [9.0, 1.0],
         ]
         .map(raced)
