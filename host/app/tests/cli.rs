@@ -102,6 +102,30 @@ fn a_value_that_makes_no_sense_is_refused_by_name_everywhere() {
     fixture.refuses(&["conjure"], &["conjure"]);
 }
 
+#[test]
+fn a_search_whose_every_registration_finds_nothing_says_so_and_keeps_its_journal() {
+    for strategy in ["fast", "paper"] {
+        let fixture = Fixture::new();
+        // So little light that no scan has a point.
+        let dark = ["lidar.power=0.00001", "emitter.energy_limit_nj=0.001"];
+        let dark = dark.iter().flat_map(|set| ["--set", set]);
+        let tune = ["tune", "-c", "small.toml", "-q", "--protocol", "registration"];
+        let more = ["--strategy", strategy, "--generations", "2", "--runs", "runs"];
+        let arguments: Vec<&str> = tune.into_iter().chain(more).chain(dark).collect();
+        let output = fixture.run(&arguments);
+        assert_eq!(output.code, Some(2), "{strategy}: {}", output.stderr);
+        for part in ["none of the ", "found a motion", "TooFewPairs", "journal"] {
+            assert!(output.stderr.contains(part), "{strategy}: no {part:?}: {}", output.stderr);
+        }
+        assert!(!fixture.path("runs/latest/result.json").exists(), "{strategy}");
+        let journal = fixture.bytes("runs/latest/history.jsonl");
+        let again = fixture.run(&["tune", "-q", "--resume", "runs/latest"]);
+        assert_eq!((again.code, &again.stderr), (Some(2), &output.stderr), "{strategy}");
+        assert!(journal.split(|byte| *byte == b'\n').count() > 2, "{strategy}: no generations");
+        assert!(fixture.bytes("runs/latest/history.jsonl") == journal, "{strategy}");
+    }
+}
+
 /// A scene that is not there: what is refused before it is looked for was refused in time.
 const NOWHERE: [&str; 4] = ["-c", "small.toml", "--scene", "absent.ply"];
 

@@ -76,9 +76,10 @@ impl From<TuneError> for Failure {
         match error {
             TuneError::Sensor(error) => error.into(),
             TuneError::Journal(error) => error.into(),
-            TuneError::Optimizer(_) | TuneError::Front(_) | TuneError::Diverged { .. } => {
-                Self::usage(error)
-            }
+            TuneError::Optimizer(_)
+            | TuneError::Front(_)
+            | TuneError::Diverged { .. }
+            | TuneError::NothingFound { .. } => Self::usage(error),
             TuneError::Interrupted { .. } => Self::new(INTERRUPTED, error),
         }
     }

@@ -263,15 +263,22 @@ fn search_and_judge(
     progress: &Progress,
 ) -> Result<(Tuned, Judged), TuneError> {
     let tuned = search.run(journal, done, progress)?;
+    if let Some(stop) = tuned.nothing_found {
+        return Err(TuneError::NothingFound { registrations: tuned.registrations, stop });
+    }
     let start = search.start;
     let plain = start.registration.plain().map(|registration| Parameters { registration, ..start });
-    let judgements = 2 + usize::from(plain.is_some());
+    // A search that kept its start has nothing more to be judged.
+    let is_start = tuned.parameters == start;
+    let judgements = 1 + usize::from(plain.is_some()) + usize::from(!is_start);
     progress.begin("judging", (judgements * search.bench.dataset.test.len()) as u64);
-    let judged = Judged {
-        plain: plain.map(|plain| search.judge(&plain, progress)).transpose()?,
-        before: search.judge(&start, progress)?,
-        after: search.judge(&tuned.parameters, progress)?,
+    let plain = plain.map(|plain| search.judge(&plain, progress)).transpose()?;
+    let before = search.judge(&start, progress)?;
+    let after = match is_start {
+        true => before.clone(),
+        false => search.judge(&tuned.parameters, progress)?,
     };
+    let judged = Judged { plain, before, after };
     match search.stop.load(Ordering::Relaxed) {
         true => Err(TuneError::Interrupted { generations: tuned.generations.len() }),
         false => Ok((tuned, judged)),

@@ -35,6 +35,20 @@ pub struct PairError {
     pub iterations: usize,
 }
 
+impl PairError {
+    /// Whether no motion was found, so that the error is the initial guess's: for want of points,
+    /// pairs or matches, or of settings that can run.
+    pub fn is_of_no_motion(&self) -> bool {
+        let of_nothing = [
+            StopReason::EmptyCloud,
+            StopReason::TooFewPairs,
+            StopReason::TooFewMatches,
+            StopReason::BadSettings,
+        ];
+        of_nothing.iter().any(|reason| reason.name() == self.stop)
+    }
+}
+
 /// A pair's clouds and the motion found, for those who want to look.
 #[derive(Clone, Debug)]
 pub struct Registered {

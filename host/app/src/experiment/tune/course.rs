@@ -12,7 +12,7 @@ use super::stage::Stage;
 use super::tasks::{Crew, Task};
 use crate::experiment::evaluate::median;
 use crate::experiment::journal::{CandidateRecord, Generation, Journal};
-use crate::experiment::objective::Worth;
+use crate::experiment::objective::{PairError, Worth};
 use crate::experiment::params::Parameters;
 use crate::experiment::preset::Strategy;
 use crate::experiment::seed::{Purpose, derive};
@@ -102,7 +102,7 @@ impl<'a> Course<'a> {
             pairs: best.errors.len(),
         };
         let (parameters, _) = self.search.space.parameters(&best.point);
-        Ok(self.tuned(parameters, origin, vec![finalist], optimizer.as_ref(), 0))
+        Ok(self.tuned(parameters, origin, vec![finalist], optimizer.as_ref(), &[]))
     }
 
     /// Searches one after the other, each from the winner of the one before.
@@ -134,7 +134,7 @@ impl<'a> Course<'a> {
         self.ends()?;
         let origin = race.origin(at).to_owned();
         let (parameters, finalists) = (*race.parameters(at), race.finalists(&self.price));
-        Ok(self.tuned(parameters, origin, finalists, last.as_ref(), race.registrations()))
+        Ok(self.tuned(parameters, origin, finalists, last.as_ref(), &race.errors()))
     }
 
     /// The sensor's settings of the last winner with registration's of the start: a half that no
@@ -183,7 +183,7 @@ impl<'a> Course<'a> {
     }
 
     fn untuned(&mut self) -> Tuned {
-        self.tuned(self.search.start, "start".into(), Vec::new(), None, 0)
+        self.tuned(self.search.start, "start".into(), Vec::new(), None, &[])
     }
 
     fn tuned(
@@ -192,15 +192,21 @@ impl<'a> Course<'a> {
         origin: String,
         finalists: Vec<Finalist>,
         optimizer: Option<&CmaEs>,
-        raced: usize,
+        raced: &[&PairError],
     ) -> Tuned {
         let generations = std::mem::take(&mut self.generations);
-        let searched = generations.iter().map(|g| g.candidates.len() * g.pairs.len());
+        let candidates = generations.iter().flat_map(|generation| &generation.candidates);
+        let mut errors: Vec<&PairError> = candidates.flat_map(|each| &each.errors).collect();
+        errors.extend(raced);
+        let registrations = errors.len();
+        let is_nothing = errors.iter().all(|error| error.is_of_no_motion());
+        let nothing_found = errors.last().filter(|_| is_nothing).map(|error| error.stop.clone());
         Tuned {
             parameters,
             origin,
             finalists,
-            registrations: searched.sum::<usize>() + raced,
+            registrations,
+            nothing_found,
             correlations: optimizer.map(CmaEs::correlations).unwrap_or_default(),
             covariance_learned: optimizer.map_or(0.0, CmaEs::covariance_learned),
             generations,

@@ -62,9 +62,10 @@ impl<'a> Race<'a> {
         }
     }
 
-    /// Registrations made.
-    pub(super) fn registrations(&self) -> usize {
-        self.runners.iter().map(|runner| runner.judged.len()).sum()
+    /// How each registration came out.
+    pub(super) fn errors(&self) -> Vec<&PairError> {
+        let judged = self.runners.iter().flat_map(|runner| &runner.judged);
+        judged.map(|judged| &judged.error).collect()
     }
 
     /// The best of some on all training pairs, by number; `None` when the search is to stop. The

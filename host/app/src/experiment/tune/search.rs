@@ -43,6 +43,18 @@ pub enum TuneError {
         /// What differs first.
         field: String,
     },
+    /// There was nothing to choose by.
+    #[error(
+        "none of the {registrations} registrations of the search found a motion, the last for \
+         this: {stop}; so nothing can be chosen. The journal is kept; look at what is scanned \
+         with `echoloop scan` and this configuration"
+    )]
+    NothingFound {
+        /// How many there were.
+        registrations: usize,
+        /// Why the last of them stopped, as it is in the journal.
+        stop: String,
+    },
     /// Someone asked to stop. What was done is in the journal.
     #[error("interrupted after {generations} generations")]
     Interrupted {
@@ -92,6 +104,8 @@ pub struct Tuned {
     pub generations: Vec<Generation>,
     /// Registrations made, those of the race included.
     pub registrations: usize,
+    /// Why the last one stopped, if none found a motion and all errors are the initial guess's.
+    pub nothing_found: Option<String>,
     /// Correlations of the last stage's axes at its end.
     pub correlations: Vec<Vec<f64>>,
     /// How much of them can have been learned, 0 to 1.
