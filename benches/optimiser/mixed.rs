@@ -1,7 +1,9 @@
 //! Half real, half whole numbers or bits: the functions of "CMA-ES with Margin" (Hamano et al.,
 //! GECCO 2022), as its authors' EvoConJP/CMA-ES_with_Margin defines them.
 
-use echoloop_cmaes::{CmaEs, CmaEsConfig, CmaEsConfigError, Coordinate, StopReason, Stops};
+use echoloop_cmaes::{
+    CmaEs, CmaEsConfig, CmaEsConfigError, Constants, Coordinate, StopReason, Stops,
+};
 use echoloop_random::Generator;
 
 use super::functions::{ellipsoid, sphere};
@@ -56,6 +58,7 @@ impl Function {
         };
         let mean: Vec<f64> = (0..n).map(start).collect();
         let mut config = CmaEsConfig::unit_cube(mean, 1.0 / width, seed);
+        config.constants = Constants::Tutorial;
         config.bounded = false;
         config.trust = 0.0;
         config.coordinates = [vec![Coordinate::Real; n / 2], vec![discrete; n / 2]].concat();
