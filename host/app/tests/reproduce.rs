@@ -132,8 +132,11 @@ fn a_folder_of_another_seed_or_other_settings_is_refused_with_both_values_and_st
         &["data.tilt_range_deg is 2.0 there and 3.0 now"],
     );
     fixture.refuses(&small(&[&start[..], &["--quick"]].concat()), &["--quick is false there"]);
-    let plan = fixture.read("table/plan.json").replace("\"version\": \"", "\"version\": \"0.0.1-");
-    fixture.write("table/plan.json", plan);
+    for name in ["plan.json", "cells/outdoor-default-icp-structured.json"] {
+        let name = format!("table/{name}");
+        let older = fixture.read(&name).replace("\"version\": \"", "\"version\": \"0.0.1-");
+        fixture.write(&name, older);
+    }
     fixture.refuses(&small(&start), &["version is 0.0.1-", "there and "]);
     // To look at it, whoever made it, is no harm.
     let seen = fixture.succeed(&small(&[&start[..], &["--table"]].concat()));
@@ -163,6 +166,36 @@ fn a_cell_that_fails_is_told_and_kept_the_others_go_on_and_it_is_tried_again() {
     let output = fixture.succeed(&small(&cells));
     assert!(output.stdout.contains("2 of 2 cells done"), "{}", output.stdout);
     assert!(!fixture.path("table/cells/outdoor-fast-lidar-icp-structured.failed").exists());
+}
+
+#[test]
+fn a_record_that_is_broken_or_of_something_else_is_its_cell_s_failure_and_stays_as_it_is() {
+    let fixture = Fixture::new();
+    let cells = ["--method", "icp,mac", "--protocol", "default", "--runs", "table"];
+    fixture.succeed(&small(&cells));
+    let [icp, mac] = ["icp", "mac"].map(|method| {
+        let name = format!("table/cells/outdoor-default-{method}-structured.json");
+        (fixture.read(&name), name)
+    });
+    let changes: [(&str, String); 4] = [
+        ("EOF", icp.0[..icp.0.len() / 2].to_owned()),
+        ("seed is 7 in it and 1 in the table", icp.0.replace("\"seed\": 1", "\"seed\": 7")),
+        ("cell is MAC", mac.0.clone()),
+        ("build is ", icp.0.replace("\"build\": \"", "\"build\": \"0")),
+    ];
+    for (told, text) in changes {
+        assert_ne!(text, icp.0, "{told}");
+        fixture.write(&icp.1, &text);
+        let output = fixture.run(&small(&cells));
+        assert_eq!(output.code, Some(1), "{told}: {}", output.stderr);
+        assert!(output.stderr.contains(told), "no {told:?}: {}", output.stderr);
+        assert!(output.stderr.contains("outdoor-default-icp-structured.json"), "{told}");
+        assert!(output.stdout.contains("1 of 2 cells done"), "{told}: {}", output.stdout);
+        assert_eq!(fixture.read(&icp.1), text, "{told}: it was written over");
+    }
+    fs::remove_file(fixture.path(&icp.1)).expect("it goes");
+    fixture.succeed(&small(&cells));
+    assert_eq!(fixture.read(&icp.1), icp.0, "the same cell again");
 }
 
 #[test]

@@ -194,7 +194,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<(), Failure> {
             on_threads(args.common.threads, || run_cells(args, &base, &folder, &cells, &stop))?
         }
     };
-    let mut table = Table::new(&folder, &with_plain(&folder, &cells)?)?;
+    let mut table = Table::new(&folder, &with_plain(&folder, &cells))?;
     if let Some(pairs) = &real {
         let judged = || on_real_clouds(args, &base, &folder, &cells, pairs);
         table.real = on_threads(args.common.threads, judged)??;
@@ -230,9 +230,9 @@ impl Told {
         // A switch has no figure in the paper.
         let drawn = || match args.ablation.is_empty() {
             true => drawn::drawn(folder, table),
-            false => Ok(Figures::default()),
+            false => Figures::default(),
         };
-        let drawn = on_threads(args.common.threads, drawn)??;
+        let drawn = on_threads(args.common.threads, drawn)?;
         if args.figures.is_some() && drawn.plates.is_empty() {
             let what = drawn.left_out.join(" ");
             let place = args.folder();
@@ -299,14 +299,14 @@ fn on_real_clouds(
 }
 
 /// The cells, and of those with a switch the same without it, where they are done.
-fn with_plain(folder: &Folder, cells: &[Cell]) -> Result<Vec<Cell>, Failure> {
+fn with_plain(folder: &Folder, cells: &[Cell]) -> Vec<Cell> {
     let mut all = cells.to_vec();
     for plain in cells.iter().filter(|cell| cell.ablation.is_some()).map(Cell::plain) {
-        if !all.contains(&plain) && folder.record(&plain)?.is_some() {
+        if !all.contains(&plain) && !matches!(folder.record(&plain), Ok(None)) {
             all.push(plain);
         }
     }
-    Ok(all)
+    all
 }
 
 fn print_table(args: &ReproduceArgs, table: &Table, places: &str) -> Result<(), Failure> {

@@ -53,6 +53,21 @@ pub enum FolderError {
         /// The folder.
         path: PathBuf,
     },
+    /// A record of it is of something else.
+    #[error(
+        "{}: {name} is {was} in it and {is} in the table; remove it, and the cell is run again",
+        path.display()
+    )]
+    OtherRecord {
+        /// The record.
+        path: PathBuf,
+        /// In what it differs.
+        name: &'static str,
+        /// What it is in the record.
+        was: String,
+        /// What it is in the plan, or by the file's name.
+        is: String,
+    },
     /// Its cells are of another plan.
     #[error(
         "{}: {name} is {was} there and {is} now, and cells of both do not stand in one table; give \
@@ -139,9 +154,18 @@ impl Folder {
     ///
     /// # Errors
     ///
-    /// [`FolderError`] of a record that cannot be read.
+    /// [`FolderError`] of a record that cannot be read, or is of another cell, seed, version or
+    /// build than this folder's.
     pub fn record(&self, cell: &Cell) -> Result<Option<Record>, FolderError> {
-        Ok(read(&self.cell_file(cell, "json"))?)
+        let path = self.cell_file(cell, "json");
+        let Some(record) = read::<Record>(&path)? else { return Ok(None) };
+        match self.plan.other_in(&record, cell) {
+            None => Ok(Some(record)),
+            Some((name, was, is)) => {
+                let [was, is] = [was, is].map(|text| shown(&text));
+                Err(FolderError::OtherRecord { path, name, was, is })
+            }
+        }
     }
 
     /// Why a cell failed when it was tried last.

@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use super::cell::Cell;
+use super::record::Record;
 use crate::desk::flatten;
 use crate::experiment::checksum::Checksum;
 use crate::experiment::config::RunConfig;
@@ -47,9 +49,25 @@ impl Plan {
         }
     }
 
+    /// In what a record differs first from that of a cell of this plan: the name, what it is in the
+    /// record and what it should be.
+    pub(super) fn other_in(
+        &self,
+        record: &Record,
+        cell: &Cell,
+    ) -> Option<(&'static str, String, String)> {
+        let facts = [
+            ("format", record.format.to_string(), Record::FORMAT.to_string()),
+            ("cell", record.cell.to_string(), cell.to_string()),
+            ("seed", record.seed.to_string(), self.seed.to_string()),
+            ("version", record.version.clone(), self.version.clone()),
+            ("build", text(&record.build), text(&self.build)),
+        ];
+        facts.into_iter().find(|(_, was, is)| was != is)
+    }
+
     /// In what another plan differs first: the name, what it is there and here.
     pub fn difference(&self, other: &Self) -> Option<(String, String, String)> {
-        let text = |value: &Option<String>| value.clone().unwrap_or_else(|| "unknown".into());
         let facts = |plan: &Self| {
             [
                 ("format", plan.format.to_string()),
@@ -70,6 +88,10 @@ impl Plan {
             Some((key, was.unwrap_or_else(none), is.unwrap_or_else(none)))
         })
     }
+}
+
+fn text(value: &Option<String>) -> String {
+    value.clone().unwrap_or_else(|| "unknown".into())
 }
 
 /// The checksum of a configuration, every value.

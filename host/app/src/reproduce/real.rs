@@ -266,9 +266,9 @@ fn untuned(base: &Base, cell: &Cell) -> Result<Entrant, RealError> {
     })
 }
 
-/// What a cell's search chose; none where it is not done.
+/// What a cell's search chose; none where it is not done, or its record is of no use.
 fn of_cell(base: &Base, folder: &Folder, cell: &Cell) -> Result<Option<Entrant>, RealError> {
-    let Some(record) = folder.record(cell)? else { return Ok(None) };
+    let Some(record) = folder.record(cell).ok().flatten() else { return Ok(None) };
     let config = cell.config(base)?;
     let named = |error| RealError::Parameters { cell: cell.to_string(), error };
     let hardware = config.hardware();

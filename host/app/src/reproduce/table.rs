@@ -94,11 +94,12 @@ impl Table {
     ///
     /// # Errors
     ///
-    /// [`FolderError`] of a record that cannot be read.
+    /// [`FolderError`] where it cannot be read why a cell failed.
     pub fn new(folder: &Folder, cells: &[Cell]) -> Result<Self, FolderError> {
-        let records = cells.iter().map(|cell| folder.record(cell));
-        let records = records.collect::<Result<Vec<_>, _>>()?;
-        let paired = paired(&records.iter().flatten().collect::<Vec<_>>());
+        // One that cannot be used is its cell's failure, and not the others'.
+        let records: Vec<Result<Option<Record>, FolderError>> =
+            cells.iter().map(|cell| folder.record(cell)).collect();
+        let paired = paired(&records.iter().flatten().flatten().collect::<Vec<_>>());
         let rows = cells.iter().zip(records).map(|(cell, record)| row(folder, cell, record));
         let rows = rows.collect::<Result<Vec<_>, _>>()?;
         let joint = cells.iter().filter(|cell| cell.is_joint());
@@ -174,8 +175,16 @@ impl Table {
     }
 }
 
-fn row(folder: &Folder, cell: &Cell, record: Option<Record>) -> Result<Row, FolderError> {
-    let error = if record.is_some() { None } else { folder.failure(cell)? };
+fn row(
+    folder: &Folder,
+    cell: &Cell,
+    record: Result<Option<Record>, FolderError>,
+) -> Result<Row, FolderError> {
+    let (record, error) = match record {
+        Ok(None) => (None, folder.failure(cell)?),
+        Ok(record) => (record, None),
+        Err(error) => (None, Some(error.to_string())),
+    };
     Ok(Row {
         cell: *cell,
         paper: cell.is_of_the_table().then(|| paper(cell.protocol, cell.method, cell.scene)),

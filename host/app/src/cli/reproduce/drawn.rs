@@ -8,9 +8,9 @@ use crate::experiment::files::{Output, file_error};
 use crate::reproduce::{Cells, Figures, Folder, Table, figures};
 
 /// All figures of a table's cells.
-pub(super) fn drawn(folder: &Folder, table: &Table) -> Result<Figures, Failure> {
-    let cells = Cells::read(folder, table)?;
-    Ok(figures(&cells, &overlays(folder, &cells)))
+pub(super) fn drawn(folder: &Folder, table: &Table) -> Figures {
+    let cells = Cells::read(folder, table);
+    figures(&cells, &overlays(folder, &cells))
 }
 
 /// Whether figures can be written there, as far as can be seen before any work.

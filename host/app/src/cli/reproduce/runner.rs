@@ -58,8 +58,11 @@ impl<'a> Runner<'a> {
     pub(super) fn run(&mut self, cells: &[Cell]) -> Result<(), Failure> {
         let mut left = Vec::new();
         for cell in cells {
-            if self.folder.record(cell)?.is_none() {
-                left.push((*cell, self.registrations(cell)));
+            match self.folder.record(cell) {
+                Ok(Some(_)) => {}
+                Ok(None) => left.push((*cell, self.registrations(cell))),
+                // Whose it is, is not known: it is neither used nor overwritten.
+                Err(error) => self.progress.say(&format!("failed: {cell}: {error}")),
             }
         }
         let (begun, done) = (Instant::now(), cells.len() - left.len());
@@ -182,7 +185,7 @@ impl<'a> Runner<'a> {
             let pairs = search.bench.dataset.test.len();
             record.parameters == values && record.summary.pairs == pairs
         };
-        match self.folder.record(&cell.untuned())?.filter(is_same) {
+        match self.folder.record(&cell.untuned()).ok().flatten().filter(is_same) {
             Some(record) => Ok(record.summary),
             None => Ok(search.judge(&search.start, &Steps(self.progress))?),
         }

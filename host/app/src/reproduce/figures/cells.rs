@@ -2,7 +2,7 @@
 
 use super::super::asked::Asked;
 use super::super::cell::Cell;
-use super::super::folder::{Folder, FolderError};
+use super::super::folder::Folder;
 use super::super::plan::Plan;
 use super::super::record::Record;
 use super::super::table::Table;
@@ -22,12 +22,9 @@ pub struct Cells {
 }
 
 impl Cells {
-    /// Of the cells of a table; and of those set by hand, where the folder has them.
-    ///
-    /// # Errors
-    ///
-    /// [`FolderError`] of a record that cannot be read.
-    pub fn read(folder: &Folder, table: &Table) -> Result<Self, FolderError> {
+    /// Of the cells of a table; and of those set by hand, where the folder has them. A record that
+    /// cannot be used is left out, and told by the table.
+    pub fn read(folder: &Folder, table: &Table) -> Self {
         let searches = table.searches().into_iter().map(|(ranges, strategy)| Search {
             ranges,
             strategy,
@@ -36,9 +33,8 @@ impl Cells {
         let searches: Vec<Search> = searches.collect();
         let of_table = table.rows.iter().map(|row| row.cell).filter(Cell::is_of_the_table);
         let all = of_table.chain(Asked::default().set_by_hand());
-        let records: Vec<Option<Record>> =
-            all.map(|cell| folder.record(&cell)).collect::<Result<_, _>>()?;
-        let records: Vec<Record> = records.into_iter().flatten().collect();
+        let records: Vec<Record> =
+            all.filter_map(|cell| folder.record(&cell).ok().flatten()).collect();
         let searched = records.iter().map(|record| record.cell).filter(Cell::is_searched);
         let (mut runs, mut unread) = (Vec::new(), Vec::new());
         for cell in searched {
@@ -49,7 +45,7 @@ impl Cells {
                 Err(error) => unread.push(format!("The run of {cell} cannot be read: {error}.")),
             }
         }
-        Ok(Self { plan: folder.plan.clone(), searches, records, runs, unread })
+        Self { plan: folder.plan.clone(), searches, records, runs, unread }
     }
 
     /// The ways to search.
