@@ -10,6 +10,7 @@ use crate::experiment::config::{RunConfig, load};
 use crate::experiment::dataset::{Dataset, ScanPair};
 use crate::experiment::objective::{Bench, PairError, Registered};
 use crate::experiment::params::Parameters;
+use crate::experiment::preset::Protocol;
 use crate::experiment::run::{CONFIG, TUNED};
 use crate::experiment::seed::{Purpose, derive};
 use crate::reproduce::{
@@ -38,9 +39,7 @@ fn seen_pair(folder: &Folder, cells: &Cells, cell: &Cell) -> Result<SeenPair, Fa
         return Err(Failure::usage("the cell where nothing is tuned is missing"));
     };
     let Some(index) = shown_pair(joint) else { return Err(Failure::usage("it has no pair")) };
-    let run = folder.run_of(cell);
-    let [config, tuned] = [CONFIG, TUNED].map(|name| of_file(&run.join(name)));
-    let (config, tuned) = (config?, tuned?);
+    let config = of_file(&folder.run_of(cell).join(CONFIG))?;
     if configuration(&config) != joint.configuration {
         return Err(Failure::usage("the run's configuration is not the cell's"));
     }
@@ -48,24 +47,33 @@ fn seen_pair(folder: &Folder, cells: &Cells, cell: &Cell) -> Result<SeenPair, Fa
         return Err(Failure::usage(format_args!("there is no pair {index}")));
     };
     let met = Met::new(config, &SensorChoice::in_process(), &Progress::new(true))?;
-    let after = Parameters::start(&tuned, &met.hardware).map_err(Failure::usage)?;
+    let hardware = met.hardware;
     let prepared = met.with(dataset);
     let noise = derive(prepared.config.seed, Purpose::TestNoise, index as u64);
     let pair = &prepared.dataset.test[0];
-    let looked = |parameters: &Parameters| again(prepared.bench(), parameters, index, pair, noise);
-    let [before, after] = [looked(&prepared.start)?, looked(&after)?];
-    for (registered, record) in [(&before, start), (&after, joint)] {
-        if !is_as_recorded(&registered.error, record) {
-            return Err(Failure::usage(format_args!(
-                "in this build pair {index} comes out otherwise"
-            )));
+    let looked = |parameters: &Parameters, record: &Record| {
+        let registered = again(prepared.bench(), parameters, index, pair, noise)?;
+        match is_as_recorded(&registered.error, record) {
+            true => Ok(registered),
+            false => Err(Failure::usage(format_args!(
+                "in this build pair {index} comes out otherwise with {}",
+                record.cell.tuned_name()
+            ))),
         }
-    }
-    let views = [
-        LaidOn::new(&before.clouds, &Pose::identity(), &pair.truth),
-        LaidOn::new(&before.clouds, &before.first_from_second, &pair.truth),
-        LaidOn::new(&after.clouds, &after.first_from_second, &pair.truth),
-    ];
+    };
+    let laid = |seen: &Registered| LaidOn::new(&seen.clouds, &seen.first_from_second, &pair.truth);
+    let tuned = |protocol: Protocol| -> Result<Option<LaidOn>, Failure> {
+        let half = Cell { protocol, ..*cell };
+        let Some(record) = cells.record(&half) else { return Ok(None) };
+        let tuned = of_file(&folder.run_of(&half).join(TUNED))?;
+        let tuned = Parameters::start(&tuned, &hardware).map_err(Failure::usage)?;
+        Ok(Some(laid(&looked(&tuned, record)?)))
+    };
+    let first = looked(&prepared.start, start)?;
+    let before = LaidOn::new(&first.clouds, &Pose::identity(), &pair.truth);
+    let [lidar, registration, both] =
+        [Protocol::Lidar, Protocol::Registration, Protocol::Joint].map(tuned);
+    let views = [Some(before), Some(laid(&first)), lidar?, registration?, both?];
     Ok(SeenPair { cell: *cell, pair: index, views })
 }
 

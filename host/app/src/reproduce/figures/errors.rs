@@ -7,7 +7,6 @@ use super::cells::Cells;
 use super::missing::Missing;
 use super::search::Search;
 use crate::experiment::config::DataConfig;
-use crate::experiment::evaluate::succeeds;
 use crate::experiment::objective::PairError;
 use crate::experiment::preset::Protocol;
 use crate::report::{Panel, PanelDrawing, Plate, Series, ShareCurve, Shares};
@@ -76,14 +75,14 @@ pub(super) fn plate(cells: &Cells, search: &Search, missing: &Missing) -> Result
             let of_row = || done.iter().filter(|cell| cell.method == method);
             let records: Vec<&Record> = of_row().filter_map(|cell| cells.record(cell)).collect();
             let bound = records.first().map_or(1.0, |record| (part.bound)(&record.data));
-            let found = records.iter().flat_map(|record| found(record, part));
-            let span = part.span(found, bound);
+            let errors = records.iter().flat_map(|record| all(record, part));
+            let span = part.span(errors, bound);
             panels.extend(scenes.iter().map(|&scene| {
                 let curve = |cell: &Cell| {
                     let record = cells.record(cell)?;
                     Some(ShareCurve {
                         series: series(cell.protocol),
-                        errors: found_or_never(record, part),
+                        errors: all(record, part).collect(),
                     })
                 };
                 let curves = search.of(method, scene).filter_map(curve).collect();
@@ -110,9 +109,10 @@ pub(super) fn plate(cells: &Cells, search: &Search, missing: &Missing) -> Result
         name: format!("errors-{}", search.name()),
         title: format!("Errors on the held-out pairs, {}", search.told()),
         caption: format!(
-            "Share of all pairs that are registered within both bounds of success with at most \
-             this error, by what was tuned. What a curve lacks to 100 % at its right end failed: \
-             it ends at the cell's recall. Where curves are one, the dashed lie on the full. {}",
+            "Share of all pairs that come out with at most this error, those that failed among \
+             them, by what was tuned. The line is the bound of success; who is found is within \
+             both, of translation and rotation. Where curves are one, the dashed lie on the full. \
+             {}",
             cells.told(&search.cells)
         ),
         missing: missing.of_some(search.cells.len(), &absent),
@@ -121,15 +121,7 @@ pub(super) fn plate(cells: &Cells, search: &Search, missing: &Missing) -> Result
     })
 }
 
-/// Of each pair its error, or infinity where it failed.
-fn found_or_never(record: &Record, part: &Part) -> Vec<f64> {
-    let error = |error: &PairError| match succeeds(error, &record.data) {
-        true => (part.read)(error),
-        false => f64::INFINITY,
-    };
-    record.summary.errors.iter().map(error).collect()
-}
-
-fn found(record: &Record, part: &Part) -> impl Iterator<Item = f64> {
-    found_or_never(record, part).into_iter().filter(|error| error.is_finite())
+/// Of each pair its error, whether it was found or not.
+fn all(record: &Record, part: &Part) -> impl Iterator<Item = f64> {
+    record.summary.errors.iter().map(part.read)
 }

@@ -30,9 +30,13 @@ pub struct SeenPair {
     pub cell: Cell,
     /// Its number among the held-out pairs.
     pub pair: usize,
-    /// Before registration, with the default, with both tuned.
-    pub views: [LaidOn; 3],
+    /// Before registration, with the default, with the LiDAR tuned, registration, both; none of a
+    /// half that is not done.
+    pub views: [Option<LaidOn>; 5],
 }
+
+/// What the views of a pair are called.
+const STEPS: [&str; 5] = ["before", "default", "LiDAR tuned", "registration tuned", "both tuned"];
 
 /// What came of looking at pairs again.
 #[derive(Clone, Debug, Default)]
@@ -119,44 +123,48 @@ fn plate(
         title: format!("Registered clouds: {}, {}", method.title(), search.told()),
         caption: format!(
             "A held-out pair of each kind from above: as scanned with the default, registered with \
-             the default, and scanned and registered with both tuned. It is the pair of median \
-             error with both tuned ({}). Seen are {} m around the middle of the target; points \
-             more than {} m below their sensor, the ground around it, are left out. {}",
+             the default, and scanned and registered with the LiDAR tuned, registration, and both. \
+             It is the pair of median error with both tuned ({}). Seen are {} m around the middle \
+             of the target; points more than {} m below their sensor, the ground around it, are \
+             left out. {}",
             told.collect::<Vec<_>>().join(", "),
             2.0 * HALF_M,
             -GROUND_M,
             cells.told(joint)
         ),
         missing: [vec![missing], unseen].concat().join(" ").trim().to_owned(),
-        columns: 3,
+        columns: STEPS.len(),
         panels: pairs.iter().flat_map(|pair| panels(search, pair)).collect(),
     })
 }
 
 fn panels(search: &Search, pair: &SeenPair) -> Vec<Panel> {
     let scene = name_of(pair.cell.scene);
-    let steps = ["before", "default", "both tuned"];
-    let centre_m = middle(&pair.views[0].clouds[0]);
-    let panel = |(step, view): (&str, &LaidOn)| Panel {
+    let target = pair.views.iter().flatten().next().map(|view| &view.clouds[0]);
+    let centre_m = middle(target.map_or(&[], Vec::as_slice));
+    let panel = |(step, view): (&str, &Option<LaidOn>)| Panel {
         name: format!(
             "overlay-{}-{}-{scene}-{}",
             search.name(),
             name_of(pair.cell.method),
-            step.replace(' ', "-")
+            step.to_lowercase().replace(' ', "-")
         ),
-        title: format!(
-            "{scene}, {step}: {} cm, {}°",
-            fixed(100.0 * view.translation_m, 1),
-            fixed(view.rotation_deg, 2)
-        ),
+        title: match view {
+            Some(view) => format!(
+                "{scene}, {step}: {} cm, {}°",
+                fixed(100.0 * view.translation_m, 1),
+                fixed(view.rotation_deg, 2)
+            ),
+            None => format!("{scene}, {step}: not run"),
+        },
         drawing: PanelDrawing::Overlay(Overlay {
             half_m: HALF_M,
             centre_m,
-            clouds: view.clouds.clone(),
+            clouds: view.as_ref().map(|view| view.clouds.clone()).unwrap_or_default(),
             bar_m: BAR_M,
         }),
     };
-    steps.into_iter().zip(&pair.views).map(panel).collect()
+    STEPS.into_iter().zip(&pair.views).map(panel).collect()
 }
 
 /// The median of the points that are seen around the sensor, on either axis.
