@@ -202,7 +202,17 @@ fn a_record_that_is_broken_or_of_something_else_is_its_cell_s_failure_and_stays_
 fn the_table_stands_beside_the_paper_s_in_every_form_and_names_seed_version_and_scans() {
     let fixture = Fixture::new();
     let cells = small(&["--method", "icp", "--runs", "table", "--seed", "5"]);
-    let text = fixture.succeed(&[&cells[..], &["-o", "page.html"]].concat()).stdout;
+    // Aloud, it says how far it is.
+    let aloud: Vec<&str> = cells.iter().copied().filter(|word| *word != "-q").collect();
+    let output = fixture.succeed(&[&aloud[..], &["-o", "page.html"]].concat());
+    for said in ["4 cells, 0 of them done before", "cell 1 of 4: ICP, structured, nothing tuned"] {
+        assert!(output.stderr.contains(said), "no {said:?}: {}", output.stderr);
+    }
+    assert!(output.stderr.contains("time left not known yet"), "{}", output.stderr);
+    let last = output.stderr.lines().find(|line| line.starts_with("cell 4 of 4: "));
+    assert!(last.is_some_and(|line| line.ends_with(" left")), "{}", output.stderr);
+    assert!(output.stderr.contains("4 cells took "), "{}", output.stderr);
+    let text = output.stdout;
     let joint = text.lines().find(|line| line.starts_with("ICP") && line.contains(" joint"));
     let joint = joint.expect("a row");
     assert!(
@@ -220,10 +230,27 @@ fn the_table_stands_beside_the_paper_s_in_every_form_and_names_seed_version_and_
     let csv = form("csv");
     assert_eq!(csv.lines().count(), 5, "a head and four protocols: {csv}");
     assert!(csv.starts_with("ablation,ranges,strategy,tuned,method,scene,seed,pairs,recall_pct,"));
+    let fields = |line: &str| line.split(',').map(str::to_owned).collect::<Vec<_>>();
+    let head = fields(csv.lines().next().expect("a head"));
+    let field = |tuned: &str, name: &str| {
+        let place = |name: &str| head.iter().position(|own| own == name).expect("a column");
+        let of = |line: &Vec<String>| line[place("tuned")] == tuned;
+        csv.lines().map(fields).find(of).expect("a line")[place(name)].clone()
+    };
+    assert_eq!(field("joint", "version"), env!("CARGO_PKG_VERSION"));
+    assert_eq!(field("joint", "build"), json["plan"]["build"].as_str().expect("a build"));
+    let beside = &json["paired"].as_array().expect("pairs")[2]; // registration alone
+    assert_eq!(beside["other"]["protocol"], "registration");
+    assert_eq!(field("joint", "rte_ratio"), beside["translation_ratio"]["value"].to_string());
+    assert_eq!(field("joint", "lost"), beside["lost"].to_string());
+    assert_eq!(field("registration", "rte_ratio"), "");
     let latex = form("latex");
     assert!(latex.contains("\\begin{tabular}") && latex.contains("joint & ICP & "), "{latex}");
     let ends = latex.lines().filter(|line| line.ends_with("\\\\")).count();
     assert_eq!(ends, 2 + 2 * 4, "two lines of heads, two a protocol: {latex}");
+    let errors_m = of_rows(&json, "/figures/mean_translation_m/value");
+    let least_m = errors_m.values().filter_map(Value::as_f64).fold(f64::INFINITY, f64::min);
+    assert!(latex.contains(&format!("\\textbf{{{:.2}}}", 100.0 * least_m)), "{least_m}: {latex}");
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! `echoloop reproduce`.
 
 mod drawn;
+mod latex;
 mod overlays;
 mod runner;
 mod written;
@@ -314,7 +315,7 @@ fn print_table(args: &ReproduceArgs, table: &Table, places: &str) -> Result<(), 
         _ if args.common.json => print(&exit::json(table)?),
         Format::Json => print(&exit::json(table)?),
         Format::Csv => print(&written::csv(table)?),
-        Format::Latex => print(&written::latex(table)),
+        Format::Latex => print(&latex::latex(table)),
         Format::Text => print(&(written::text(table) + places)),
     }
 }

@@ -1,4 +1,4 @@
-//! The table as text, JSON, CSV and LaTeX.
+//! The table as text and CSV.
 
 use std::fmt::Write as _;
 
@@ -6,8 +6,8 @@ use super::super::exit::Failure;
 use super::super::table_format::aligned;
 use crate::experiment::preset::{Preset, Protocol, Strategy};
 use crate::reproduce::{
-    Cell, FIGURES, RealRow, Row, Scene, Table, TableMethod, absent, name_of, paper, real_lines,
-    remarks, search, subtitle, tuned,
+    Cell, FIGURES, Paired, RealRow, Row, Table, absent, name_of, real_lines, remarks, search,
+    subtitle, tuned,
 };
 
 /// To read: a table for each range and search, then what has to be known.
@@ -100,8 +100,11 @@ pub(super) fn csv(table: &Table) -> Result<String, Failure> {
     for figure in &FIGURES {
         head.extend(["", "_low", "_high", "_paper"].map(|end| format!("{}{end}", figure.key)));
     }
-    let rest = ["registrations", "scans", "configuration", "error", "clouds"];
+    let rest = ["registrations", "scans", "configuration", "error", "clouds", "version", "build"];
     head.extend(rest.map(str::to_owned));
+    // Joint tuning beside registration alone, on the same pairs.
+    head.extend(["", "_low", "_high"].map(|end| format!("rte_ratio{end}")));
+    head.extend(["both", "gained", "lost"].map(str::to_owned));
     lines.write_record(head).map_err(Failure::run)?;
     for row in &table.rows {
         lines.write_record(csv_line(table, row)).map_err(Failure::run)?;
@@ -143,7 +146,25 @@ fn csv_line(table: &Table, row: &Row) -> Vec<String> {
         row.error.clone().unwrap_or_default(),
         "simulated".into(),
     ]);
+    line.extend(csv_made_by(table));
+    line.extend(csv_beside(table, &row.cell));
     line
+}
+
+fn csv_made_by(table: &Table) -> [String; 2] {
+    [table.plan.version.clone(), table.plan.build.clone().unwrap_or_default()]
+}
+
+fn csv_beside(table: &Table, cell: &Cell) -> [String; 6] {
+    let is_asked = |p: &&Paired| p.cell == *cell && p.other.protocol == Protocol::Registration;
+    let Some(paired) = table.paired.iter().find(is_asked) else { return Default::default() };
+    let ratio = paired.translation_ratio.map(|ratio| {
+        let [low, high] = ratio.interval;
+        [ratio.value, low, high].map(number)
+    });
+    let [ratio, low, high] = ratio.unwrap_or_default();
+    let [both, gained, lost] = [paired.both, paired.gained, paired.lost].map(|n| n.to_string());
+    [ratio, low, high, both, gained, lost]
 }
 
 /// Ranges, search, what was tuned and where are those of the cell that gave the settings; what was
@@ -169,119 +190,14 @@ fn csv_real_line(table: &Table, row: &RealRow) -> Vec<String> {
     }
     let registrations = row.pairs.len().to_string();
     let rest = [registrations, String::new(), String::new(), String::new(), "real".into()];
-    line.extend(rest);
+    line.extend(rest.into_iter().chain(csv_made_by(table)));
+    line.extend([const { String::new() }; 6]);
     line
 }
 
 /// Recall, RTE and RRE in the units of [`FIGURES`]; NaN where there is none.
-fn real_figures(row: &RealRow) -> [f64; 3] {
+pub(super) fn real_figures(row: &RealRow) -> [f64; 3] {
     let recall_pct = 100.0 * row.found as f64 / row.pairs.len() as f64;
     let rte_cm = row.mean_translation_m.map_or(f64::NAN, |mean_m| 100.0 * mean_m);
     [recall_pct, rte_cm, row.mean_rotation_deg.unwrap_or(f64::NAN)]
-}
-
-/// A `tabular` for each range and search: translation, rotation and recall as in the paper's table,
-/// the paper's own in grey below; then one of real clouds. Needs the packages booktabs and xcolor.
-pub(super) fn latex(table: &Table) -> String {
-    let mut text = format!("% {}\n", subtitle(table));
-    for remark in remarks(table) {
-        let _ = writeln!(text, "% {remark}");
-    }
-    for (ranges, strategy) in table.searches() {
-        let _ = write!(text, "\n% {}\n{LATEX_HEAD}", search(ranges, strategy));
-        let rows = table.of_search(ranges, strategy);
-        for protocol in
-            [Protocol::Default, Protocol::Lidar, Protocol::Registration, Protocol::Joint]
-        {
-            latex_rows(&mut text, protocol, &rows);
-        }
-        text.push_str(LATEX_END);
-    }
-    if !table.real.is_empty() {
-        let _ = write!(text, "\n% real clouds\n{LATEX_REAL_HEAD}");
-        table.real.iter().for_each(|row| latex_real_row(&mut text, row));
-        text.push_str(LATEX_END);
-    }
-    text
-}
-
-const LATEX_END: &str = "\\bottomrule\n\\end{tabular}\n";
-
-const LATEX_REAL_HEAD: &str = "\
-\\begin{tabular}{llrrr}
-\\toprule
-Method & Settings & RTE [cm] & RRE [$^\\circ$] & Found \\\\
-\\midrule
-";
-
-fn latex_real_row(text: &mut String, row: &RealRow) {
-    let [_, rte_cm, rre_deg] = real_figures(row);
-    let mean = |value: f64| if value.is_finite() { format!("{value:.2}") } else { "--".into() };
-    let _ = writeln!(
-        text,
-        "{} & {} & {} & {} & {} of {} \\\\",
-        row.method.title(),
-        row.settings,
-        mean(rte_cm),
-        mean(rre_deg),
-        row.found,
-        row.pairs.len()
-    );
-}
-
-const LATEX_HEAD: &str = "\
-\\begin{tabular}{ll*{9}{r}}
-\\toprule
-& & \\multicolumn{3}{c}{Structured} & \\multicolumn{3}{c}{Semi-structured} \
-& \\multicolumn{3}{c}{Unstructured} \\\\
-Tuned & Method & RTE [cm] & RRE [$^\\circ$] & Recall [\\%] & RTE [cm] & RRE [$^\\circ$] \
-& Recall [\\%] & RTE [cm] & RRE [$^\\circ$] & Recall [\\%] \\\\
-\\midrule
-";
-
-/// In the paper's order of columns, as places in [`FIGURES`].
-const LATEX_ORDER: [usize; 3] = [1, 2, 0];
-
-fn latex_rows(text: &mut String, protocol: Protocol, rows: &[&Row]) {
-    let methods = [TableMethod::Icp, TableMethod::FgrOpen3d, TableMethod::Fgr, TableMethod::Mac];
-    let of = |method: TableMethod| -> Vec<&&Row> {
-        let is_of = |row: &&&Row| (row.cell.protocol, row.cell.method) == (protocol, method);
-        rows.iter().filter(is_of).collect()
-    };
-    for (method, of_method) in methods.map(|method| (method, of(method))) {
-        let Some(first) = of_method.first() else { continue };
-        let scenes = [Scene::Structured, Scene::SemiStructured, Scene::Unstructured];
-        let at = |scene: Scene| of_method.iter().find(|row| row.cell.scene == scene);
-        let own = scenes.iter().flat_map(|&scene| latex_own(at(scene).map(|row| **row)));
-        let own: Vec<String> = own.collect();
-        let theirs = scenes.iter().flat_map(|&scene| latex_paper(protocol, method, scene));
-        let theirs: Vec<String> = theirs.collect();
-        let _ = writeln!(
-            text,
-            "{} & {} & {} \\\\",
-            tuned(&first.cell),
-            method.title(),
-            own.join(" & ")
-        );
-        let _ = writeln!(text, "& & {} \\\\", theirs.join(" & "));
-    }
-}
-
-fn latex_own(row: Option<&Row>) -> [String; 3] {
-    LATEX_ORDER.map(|i| match row.and_then(|row| row.figures.as_ref()) {
-        Some(figures) => {
-            let [value, low, high] = FIGURES[i].numbers(figures);
-            match (value.is_finite(), low.is_finite()) {
-                (true, true) => format!("{value:.2} {{\\scriptsize [{low:.2}, {high:.2}]}}"),
-                (true, false) => format!("{value:.2}"),
-                _ => "--".into(),
-            }
-        }
-        None => "--".into(),
-    })
-}
-
-fn latex_paper(protocol: Protocol, method: TableMethod, scene: Scene) -> [String; 3] {
-    let figures = paper(protocol, method, scene);
-    LATEX_ORDER.map(|i| format!("\\textcolor{{gray}}{{{}}}", FIGURES[i].paper(&figures)))
 }

@@ -1,0 +1,189 @@
+//! The table as LaTeX.
+
+use std::fmt::{Display, Write as _};
+
+use super::written::real_figures;
+use crate::experiment::preset::Protocol;
+use crate::reproduce::{
+    FIGURES, RealRow, Row, Scene, Table, TableMethod, name_of, paper, remarks, search, subtitle,
+    tuned,
+};
+
+/// A `tabular` for each range and search: translation, rotation and recall as in the paper's table,
+/// the best of a method and kind bold, the paper's own in grey below; then one of cases set by hand,
+/// of switches, of real clouds. Needs the packages booktabs and xcolor.
+pub(super) fn latex(table: &Table) -> String {
+    let mut text = format!("% {}\n", subtitle(table));
+    for remark in remarks(table) {
+        let _ = writeln!(text, "% {remark}");
+    }
+    for (ranges, strategy) in table.searches() {
+        let _ = write!(text, "\n% {}\n{LATEX_HEAD}", search(ranges, strategy));
+        let rows = table.of_search(ranges, strategy);
+        for protocol in
+            [Protocol::Default, Protocol::Lidar, Protocol::Registration, Protocol::Joint]
+        {
+            latex_rows(&mut text, protocol, &rows);
+        }
+        text.push_str(LATEX_END);
+    }
+    let start = |row: &Row| row.cell.untuned();
+    latex_beside(&mut text, "Set by hand", &table.of_by_hand(), &|row| table.row(&start(row)));
+    let plain = |row: &Row| row.cell.plain();
+    latex_beside(&mut text, "Switch", &table.of_ablations(), &|row| table.row(&plain(row)));
+    if !table.real.is_empty() {
+        let _ = write!(text, "\n% real clouds\n{LATEX_REAL_HEAD}");
+        table.real.iter().for_each(|row| latex_real_row(&mut text, row));
+        text.push_str(LATEX_END);
+    }
+    text
+}
+
+const LATEX_END: &str = "\\bottomrule\n\\end{tabular}\n";
+
+/// Rows with what stands beside each, in grey: the default, or the same cell without its switch.
+fn latex_beside<'a>(
+    text: &mut String,
+    head: &str,
+    rows: &[&Row],
+    beside: &dyn Fn(&Row) -> Option<&'a Row>,
+) {
+    if rows.is_empty() {
+        return;
+    }
+    let figures = "RTE [cm] & & RRE [$^\\circ$] & & Recall [\\%] &";
+    let _ = write!(
+        text,
+        "\n% {}, beside each what it is without\n\\begin{{tabular}}{{lllll*{{6}}{{r}}}}\n\
+         \\toprule\n{head} & Ranges & Method & Scene & Tuned & {figures} \\\\\n\\midrule\n",
+        head.to_lowercase()
+    );
+    for row in rows {
+        let cell = &row.cell;
+        let other = beside(row).and_then(|other| other.figures.as_ref());
+        let own = latex_own(Some(row), [false; 3]).into_iter().zip(LATEX_ORDER);
+        let fields = own.flat_map(|(own, i)| {
+            let theirs = other.map(|other| FIGURES[i].numbers(other)[0]).filter(|v| v.is_finite());
+            [own, theirs.map_or("--".into(), |value| grey(format_args!("{value:.2}")))]
+        });
+        let _ = writeln!(
+            text,
+            "{} & {} & {} & {} & {} & {} \\\\",
+            cell.ablation.map(name_of).or(cell.by_hand.map(name_of)).unwrap_or_default(),
+            name_of(cell.ranges),
+            cell.method.title(),
+            name_of(cell.scene),
+            tuned(cell),
+            fields.collect::<Vec<_>>().join(" & ")
+        );
+    }
+    text.push_str(LATEX_END);
+}
+
+fn grey(text: impl Display) -> String {
+    format!("\\textcolor{{gray}}{{{text}}}")
+}
+
+const LATEX_REAL_HEAD: &str = "\
+\\begin{tabular}{llrrr}
+\\toprule
+Method & Settings & RTE [cm] & RRE [$^\\circ$] & Found \\\\
+\\midrule
+";
+
+fn latex_real_row(text: &mut String, row: &RealRow) {
+    let [_, rte_cm, rre_deg] = real_figures(row);
+    let mean = |value: f64| if value.is_finite() { format!("{value:.2}") } else { "--".into() };
+    let _ = writeln!(
+        text,
+        "{} & {} & {} & {} & {} of {} \\\\",
+        row.method.title(),
+        row.settings,
+        mean(rte_cm),
+        mean(rre_deg),
+        row.found,
+        row.pairs.len()
+    );
+}
+
+const LATEX_HEAD: &str = "\
+\\begin{tabular}{ll*{9}{r}}
+\\toprule
+& & \\multicolumn{3}{c}{Structured} & \\multicolumn{3}{c}{Semi-structured} \
+& \\multicolumn{3}{c}{Unstructured} \\\\
+Tuned & Method & RTE [cm] & RRE [$^\\circ$] & Recall [\\%] & RTE [cm] & RRE [$^\\circ$] \
+& Recall [\\%] & RTE [cm] & RRE [$^\\circ$] & Recall [\\%] \\\\
+\\midrule
+";
+
+/// In the paper's order of columns, as places in [`FIGURES`].
+const LATEX_ORDER: [usize; 3] = [1, 2, 0];
+
+fn latex_rows(text: &mut String, protocol: Protocol, rows: &[&Row]) {
+    let methods = [TableMethod::Icp, TableMethod::FgrOpen3d, TableMethod::Fgr, TableMethod::Mac];
+    let of = |method: TableMethod| -> Vec<&&Row> {
+        let is_of = |row: &&&Row| (row.cell.protocol, row.cell.method) == (protocol, method);
+        rows.iter().filter(is_of).collect()
+    };
+    for (method, of_method) in methods.map(|method| (method, of(method))) {
+        let Some(first) = of_method.first() else { continue };
+        let scenes = [Scene::Structured, Scene::SemiStructured, Scene::Unstructured];
+        let at = |scene: Scene| of_method.iter().find(|row| row.cell.scene == scene);
+        let own = scenes.iter().flat_map(|&scene| {
+            let row = at(scene).map(|row| **row);
+            latex_own(row, row.map_or([false; 3], |row| is_best(row, rows)))
+        });
+        let own: Vec<String> = own.collect();
+        let theirs = scenes.iter().flat_map(|&scene| latex_paper(protocol, method, scene));
+        let theirs: Vec<String> = theirs.collect();
+        let _ = writeln!(
+            text,
+            "{} & {} & {} \\\\",
+            tuned(&first.cell),
+            method.title(),
+            own.join(" & ")
+        );
+        let _ = writeln!(text, "& & {} \\\\", theirs.join(" & "));
+    }
+}
+
+/// Which of its figures no other row of its method and kind is better in; none where it is alone.
+fn is_best(row: &Row, rows: &[&Row]) -> [bool; 3] {
+    let is_rival = |other: &&&Row| {
+        let same = (other.cell.method, other.cell.scene) == (row.cell.method, row.cell.scene);
+        same && other.cell != row.cell
+    };
+    let value = |row: &Row, i: usize| {
+        let value = row.figures.as_ref().map_or(f64::NAN, |figures| FIGURES[i].numbers(figures)[0]);
+        // Of recall the greatest is best.
+        if i == 0 { -value } else { value }
+    };
+    std::array::from_fn(|i| {
+        let rivals: Vec<f64> = rows.iter().filter(is_rival).map(|other| value(other, i)).collect();
+        let own = value(row, i);
+        let known = || rivals.iter().filter(|rival| rival.is_finite());
+        own.is_finite() && known().next().is_some() && known().all(|rival| own <= *rival)
+    })
+}
+
+/// Each figure with its interval, by [`LATEX_ORDER`]; bold where `best`, which is by [`FIGURES`].
+fn latex_own(row: Option<&Row>, best: [bool; 3]) -> [String; 3] {
+    LATEX_ORDER.map(|i| match row.and_then(|row| row.figures.as_ref()) {
+        Some(figures) => {
+            let [value, low, high] = FIGURES[i].numbers(figures);
+            let told = format!("{value:.2}");
+            let told = if best[i] { format!("\\textbf{{{told}}}") } else { told };
+            match (value.is_finite(), low.is_finite()) {
+                (true, true) => format!("{told} {{\\scriptsize [{low:.2}, {high:.2}]}}"),
+                (true, false) => told,
+                _ => "--".into(),
+            }
+        }
+        None => "--".into(),
+    })
+}
+
+fn latex_paper(protocol: Protocol, method: TableMethod, scene: Scene) -> [String; 3] {
+    let figures = paper(protocol, method, scene);
+    LATEX_ORDER.map(|i| grey(FIGURES[i].paper(&figures)))
+}
