@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use echoloop_host::experiment::journal::Journal;
 use fixture::Fixture;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 /// Cells that take a moment each.
 const SMALL: [&str; 21] = [
@@ -91,7 +91,8 @@ fn killed_at_any_moment_it_goes_on_and_the_table_is_the_same_on_one_thread_and_t
 #[test]
 fn what_is_judged_on_reaches_neither_the_search_nor_the_choice() {
     let fixture = Fixture::new();
-    let more = |pairs, runs| small(&["--method", "icp", "--pairs", pairs, "--runs", runs]);
+    let methods = "icp,fgr,mac";
+    let more = |pairs, runs| small(&["--method", methods, "--pairs", pairs, "--runs", runs]);
     // The last of a flag given twice is not taken: the small one is left out.
     let with = |pairs: &'static str, runs: &'static str| {
         let mut arguments = more(pairs, runs);
@@ -107,14 +108,17 @@ fn what_is_judged_on_reaches_neither_the_search_nor_the_choice() {
     }
     let [three, five] = tables.each_ref().map(|table| of_rows(table, "/figures"));
     assert!(three != five, "other pairs were judged on");
-    for protocol in ["lidar", "registration", "joint"] {
-        let run = format!("runs/outdoor-fast-{protocol}-icp-structured/history.jsonl");
+    let searches = ["lidar", "registration", "joint"]
+        .into_iter()
+        .flat_map(|protocol| methods.split(',').map(move |method| format!("{protocol}-{method}")));
+    for search in searches {
+        let run = format!("runs/outdoor-fast-{search}-structured/history.jsonl");
         let generations = |folder: &str| {
             let (_, generations) =
                 Journal::read(&fixture.path(folder).join(&run)).expect("a journal");
             serde_json::to_vec(&generations).expect("they are written")
         };
-        assert!(generations("three") == generations("five"), "{protocol}: another search");
+        assert!(generations("three") == generations("five"), "{search}: another search");
     }
 }
 
@@ -258,14 +262,16 @@ fn switches_make_a_second_table_beside_the_cells_without_them() {
     let fixture = Fixture::new();
     let cells = small(&["--method", "icp", "--protocol", "registration", "--runs", "table"]);
     fixture.succeed(&cells);
-    let switches = "other-town,quarter-density,ideal-detector,os1-64";
+    let switches = "other-town,other-kind,quarter-density,ideal-detector,rain-and-motion,os1-64";
     let switched = [&cells[..], &["--ablation", switches]].concat();
     let output = fixture.run(&switched);
     // Sixteen rows are none of an OS1-64's.
     assert_eq!(output.code, Some(1), "{}", output.stderr);
     assert!(output.stderr.contains("scanner.rows = 16 must be left out"), "{}", output.stderr);
     assert!(output.stdout.contains("One thing switched"), "{}", output.stdout);
-    for switch in ["other-town", "quarter-density", "ideal-detector"] {
+    for switch in
+        ["other-town", "other-kind", "quarter-density", "ideal-detector", "rain-and-motion"]
+    {
         let row = output.stdout.lines().find(|line| line.starts_with(switch)).expect(switch);
         assert!(!row.ends_with('–'), "nothing beside it: {row}");
     }
@@ -275,9 +281,22 @@ fn switches_make_a_second_table_beside_the_cells_without_them() {
     let record = |ablation: &str| -> Value {
         serde_json::from_slice(&fixture.bytes(&name(ablation))).expect("a record")
     };
-    let [plain, other] = [record(""), record("other-town-")];
-    assert_eq!(plain["configuration"], other["configuration"], "it is judged in the same town");
-    assert_ne!(plain["content"]["scans"], other["content"]["scans"], "and tuned in another");
+    let plain = record("");
+    for (elsewhere, source, towns) in
+        [("other-town-", "structured", [101]), ("other-kind-", "semi-structured", [1])]
+    {
+        let other = record(elsewhere);
+        assert_eq!(plain["configuration"], other["configuration"], "it is judged in the same town");
+        assert_ne!(plain["content"]["scans"], other["content"]["scans"], "and tuned in another");
+        assert_eq!(other["trained_in"], json!({"source": source, "towns": towns}));
+    }
+    assert!(plain.get("trained_in").is_none(), "where it is tuned where it is judged");
+    let latex = fixture.run(&[&switched[..], &["--format", "latex"]].concat()).stdout;
+    let of_switches = latex.split_once("\nSwitch & ").expect("a table of switches").1;
+    for switch in switches.split(',').filter(|switch| *switch != "os1-64") {
+        let row = of_switches.lines().find(|line| line.starts_with(switch)).expect(switch);
+        assert_eq!((row.matches('&').count(), row.matches("textcolor").count()), (10, 3), "{row}");
+    }
     assert_ne!(record("ideal-detector-")["summary"], plain["summary"], "another found the echoes");
     assert!(!Path::new(&fixture.path(&name("os1-64-"))).exists());
 }

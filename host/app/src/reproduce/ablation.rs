@@ -12,11 +12,15 @@ use crate::experiment::config::{Override, RunConfig};
 pub enum Ablation {
     /// The sensor is searched as in the paper: its eight parameters, no power below 5 W.
     SensorRanges,
+    /// Registration starts and is searched within the paper's ranges, made for indoors.
+    RegistrationRanges,
     /// Rain of 25 mm an hour.
     Rain,
     /// The sensor drives 10 m/s and turns 20°/s during scans of 0.1 s.
     Motion,
-    /// Tuned in one other town of the same kind.
+    /// Both.
+    RainAndMotion,
+    /// Tuned in as many other towns of the same kind.
     OtherTown,
     /// Tuned in the next kind of country: town, suburb, wild, town.
     OtherKind,
@@ -34,7 +38,7 @@ pub enum Ablation {
     IdealDetector,
 }
 
-/// Added to a town's number where others are trained in.
+/// Added to the towns' numbers where others are trained in.
 const OTHER_TOWN: u64 = 100;
 
 impl Ablation {
@@ -44,6 +48,7 @@ impl Ablation {
         let number = |key: &str, value: f64| set(key, value.into());
         match self {
             Self::SensorRanges => vec![set("tune.lidar", "paper".into())],
+            Self::RegistrationRanges => vec![set("registration.preset", "paper".into())],
             Self::Rain => {
                 vec![set("weather.kind", "rain".into()), number("weather.rate_mm_h", 25.0)]
             }
@@ -52,6 +57,9 @@ impl Ablation {
                 set("motion.linear_m_s", vec![10.0, 0.0, 0.0].into()),
                 set("motion.angular_deg_s", vec![0.0, 0.0, 20.0].into()),
             ],
+            Self::RainAndMotion => {
+                [Self::Rain, Self::Motion].iter().flat_map(|each| each.overrides(base)).collect()
+            }
             Self::OtherTown | Self::OtherKind => Vec::new(),
             Self::QuarterDensity => beams(base, |beams| beams.div_ceil(2)),
             Self::FourfoldDensity => beams(base, |beams| beams.saturating_mul(2)),
@@ -69,8 +77,8 @@ impl Ablation {
         let mut other = config.clone();
         match self {
             Self::OtherTown => {
-                let first = config.scene.towns.first().copied().unwrap_or_default();
-                other.scene.towns = vec![first.saturating_add(OTHER_TOWN)];
+                let towns = other.scene.towns.iter_mut();
+                towns.for_each(|town| *town = town.saturating_add(OTHER_TOWN));
             }
             Self::OtherKind => other.scene.source = name_of(scene.next()),
             _ => return None,
@@ -85,4 +93,71 @@ fn beams(base: &RunConfig, of: fn(u16) -> u16) -> Vec<Override> {
     let along = [("scanner.columns", base.scanner.columns), ("scanner.rows", base.scanner.rows)];
     let changed = along.into_iter().filter_map(|(key, beams)| Some((key, of(beams?))));
     changed.map(|(key, beams)| Override::flag(key, i64::from(beams))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::{BTreeMap, BTreeSet};
+
+    use super::super::axes::TableMethod;
+    use super::super::cell::{Base, Cell};
+    use super::super::plan::Plan;
+    use super::*;
+    use crate::experiment::preset::{Preset, Protocol, Strategy};
+
+    fn settings(ablation: Option<Ablation>) -> BTreeMap<String, String> {
+        let cell = Cell {
+            ablation,
+            by_hand: None,
+            ranges: Preset::Outdoor,
+            strategy: Some(Strategy::Fast),
+            protocol: Protocol::Joint,
+            method: TableMethod::Icp,
+            scene: Scene::Structured,
+        };
+        let config = cell.config(&Base::paper(Vec::new())).expect("a configuration");
+        Plan::new(&config, false).settings
+    }
+
+    #[test]
+    fn a_switch_changes_what_it_is_named_for_and_nothing_else() {
+        let plain = settings(None);
+        for &ablation in Ablation::value_variants() {
+            let expected: &[&str] = match ablation {
+                Ablation::SensorRanges => &["tune.lidar"],
+                Ablation::RegistrationRanges => &["registration.preset"],
+                Ablation::Rain => &["weather.kind", "weather.rate_mm_h"],
+                Ablation::Motion => {
+                    &["motion.angular_deg_s", "motion.duration_s", "motion.linear_m_s"]
+                }
+                Ablation::RainAndMotion => &[
+                    "motion.angular_deg_s",
+                    "motion.duration_s",
+                    "motion.linear_m_s",
+                    "weather.kind",
+                    "weather.rate_mm_h",
+                ],
+                Ablation::OtherTown | Ablation::OtherKind => &[],
+                Ablation::QuarterDensity | Ablation::FourfoldDensity => {
+                    &["scanner.columns", "scanner.rows"]
+                }
+                // A pattern brings its own beams.
+                Ablation::Os164 => &[
+                    "scanner.azimuth_deg",
+                    "scanner.columns",
+                    "scanner.elevation_deg",
+                    "scanner.pattern",
+                    "scanner.rows",
+                ],
+                Ablation::TenthEnergy => &["emitter.energy_limit_nj", "lidar.power"],
+                Ablation::IdealDetector => &["detector.kind"],
+            };
+            let switched = settings(Some(ablation));
+            let keys: BTreeSet<&str> =
+                plain.keys().chain(switched.keys()).map(String::as_str).collect();
+            let is_changed = |key: &&str| plain.get(*key) != switched.get(*key);
+            let changed: Vec<&str> = keys.into_iter().filter(is_changed).collect();
+            assert_eq!(changed, expected, "{ablation:?}");
+        }
+    }
 }

@@ -40,6 +40,6 @@ pub use paper::{PaperFigures, paper};
 pub use plan::Plan;
 pub(crate) use plan::configuration;
 pub use real::{RealError, RealPair, RealRow, judge_real, read_real_pairs, real_lines};
-pub use record::Record;
+pub use record::{Record, TrainedIn};
 pub use table::{Made, Row, Table, Verdict};
 pub use told::{FIGURES, Figure, absent, remarks, search, subtitle};

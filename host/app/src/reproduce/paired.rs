@@ -118,6 +118,7 @@ mod tests {
             version: String::new(),
             build: None,
             configuration: String::new(),
+            trained_in: None,
             content: Content::default(),
             origin: String::new(),
             generations: 0,

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::cell::Cell;
-use crate::experiment::config::DataConfig;
+use crate::experiment::config::{DataConfig, RunConfig};
 use crate::experiment::content::Content;
 use crate::experiment::evaluate::Summary;
 use crate::experiment::params::{Values, written_values};
@@ -24,6 +24,9 @@ pub struct Record {
     pub build: Option<String>,
     /// Checksum of the cell's configuration.
     pub configuration: String,
+    /// Where it was tuned, where that is not where it is judged.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub trained_in: Option<TrainedIn>,
     /// Checksums of the scene, the front end and every scan.
     pub content: Content,
     /// Where the parameters come from: `start`, or generation and candidate.
@@ -39,6 +42,22 @@ pub struct Record {
     pub data: DataConfig,
     /// The parameters on the held-out pairs.
     pub summary: Summary,
+}
+
+/// A kind of country and its towns, by their numbers.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrainedIn {
+    /// As `scene.source`.
+    pub source: String,
+    /// As `scene.towns`.
+    pub towns: Vec<u64>,
+}
+
+impl From<&RunConfig> for TrainedIn {
+    fn from(config: &RunConfig) -> Self {
+        Self { source: config.scene.source.clone(), towns: config.scene.towns.clone() }
+    }
 }
 
 impl Record {

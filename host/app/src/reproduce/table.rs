@@ -9,7 +9,7 @@ use super::paired::{Paired, paired};
 use super::paper::{PaperFigures, paper};
 use super::plan::Plan;
 use super::real::RealRow;
-use super::record::Record;
+use super::record::{Record, TrainedIn};
 use crate::experiment::content::Content;
 use crate::experiment::gain::{Estimate, Figures};
 use crate::experiment::params::{Values, written_values};
@@ -53,6 +53,9 @@ pub struct Row {
 pub struct Made {
     /// Checksum of its configuration.
     pub configuration: String,
+    /// Where it was tuned, where that is not where it is judged.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub trained_in: Option<TrainedIn>,
     /// Checksums of the scene, the front end and every scan.
     pub content: Content,
     /// Where its parameters come from.
@@ -197,6 +200,7 @@ fn row(
 fn made(record: Record) -> Made {
     Made {
         configuration: record.configuration,
+        trained_in: record.trained_in,
         content: record.content,
         origin: record.origin,
         registrations: record.registrations,

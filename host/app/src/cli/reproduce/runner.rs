@@ -22,7 +22,7 @@ use crate::experiment::params::Parameters;
 use crate::experiment::preset::Protocol;
 use crate::experiment::run::{HISTORY, RunFolder, RunResult};
 use crate::experiment::tune::{Observer, TuneSearch, Tuned};
-use crate::reproduce::{Base, Cell, Folder, Record, Times, Took};
+use crate::reproduce::{Base, Cell, Folder, Record, Times, Took, TrainedIn};
 
 /// Returns of all scans that are kept: more than so many, and the oldest scans go.
 const MOST_RETURNS: usize = 120_000_000;
@@ -274,6 +274,7 @@ struct Chosen<'a> {
 fn record(cell: &Cell, prepared: &Prepared, chosen: &Chosen<'_>, summary: Summary) -> Record {
     let (config, [generations, registrations]) = (&prepared.config, chosen.searched);
     let text = toml::to_string(config).unwrap_or_default();
+    let elsewhere = cell.ablation.and_then(|switch| switch.trained_in(config, cell.scene));
     Record {
         format: Record::FORMAT,
         cell: *cell,
@@ -281,6 +282,7 @@ fn record(cell: &Cell, prepared: &Prepared, chosen: &Chosen<'_>, summary: Summar
         version: env!("CARGO_PKG_VERSION").into(),
         build: build(),
         configuration: Checksum::of(&[text.as_bytes()]).to_string(),
+        trained_in: elsewhere.as_ref().filter(|_| cell.is_searched()).map(TrainedIn::from),
         content: Content::of(config, &prepared.dataset),
         origin: chosen.origin.to_owned(),
         generations,
