@@ -3,7 +3,9 @@
 
 use std::collections::BTreeSet;
 use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex};
 
+use echoloop_frontend::{Analog, FrontEnd, ScanNoise, SceneResponse, Trigger};
 use echoloop_host::experiment::config::{Override, RunConfig, load};
 use echoloop_host::experiment::dataset::{Dataset, ScanPair};
 use echoloop_host::experiment::journal::Journal;
@@ -11,7 +13,11 @@ use echoloop_host::experiment::objective::Bench;
 use echoloop_host::experiment::params::{Parameters, Space};
 use echoloop_host::experiment::seed::{Purpose, derive};
 use echoloop_host::experiment::tune::{Silent, TuneSearch};
-use echoloop_host::link::sensor::{Model, Sensors};
+use echoloop_host::link::client::RetryPolicy;
+use echoloop_host::link::sensor::{Model, Sensor, SensorError, Sensors};
+use echoloop_host::link::serve::Viewpoints;
+use echoloop_host::link::transport::InProcess;
+use echoloop_sim::board::PcSensor;
 
 const SMALL: [&str; 9] = [
     "scene.towns=[1]",
@@ -35,6 +41,15 @@ fn dataset(config: &RunConfig) -> Dataset {
     Dataset::build(config, &|_, _| ()).expect("pairs")
 }
 
+/// A search for what the configuration says, that nobody stops.
+fn of<'a>(config: &'a RunConfig, dataset: &'a Dataset, sensors: &'a Sensors) -> TuneSearch<'a> {
+    static NEVER: AtomicBool = AtomicBool::new(false);
+    let start = Parameters::start(config, &config.hardware()).expect("a start");
+    let (tune, preset) = (&config.tune, config.registration.preset);
+    let space = Space::new(tune.protocol, tune.lidar, preset, start, config.hardware());
+    TuneSearch { config, bench: Bench { dataset, sensors }, space, start, stop: &NEVER }
+}
+
 /// What a search leaves: its journal and its choice, to the byte.
 #[derive(PartialEq)]
 struct Left {
@@ -46,25 +61,10 @@ struct Left {
 /// pairs too, so it is that of `named` each time; the checksums of all lines follow it.
 fn searched(config: &RunConfig, named: &Dataset, scanned: &Dataset, judged_first: bool) -> Left {
     let sensors = Sensors::in_process(Model::from(config));
-    let start = Parameters::start(config, &config.hardware()).expect("a start");
-    let (tune, stop) = (&config.tune, AtomicBool::new(false));
-    let search = |dataset| TuneSearch {
-        config,
-        bench: Bench { dataset, sensors: &sensors },
-        space: Space::new(
-            tune.protocol,
-            tune.lidar,
-            config.registration.preset,
-            start,
-            config.hardware(),
-        ),
-        start,
-        stop: &stop,
-    };
-    let header = search(named).header();
-    let search = search(scanned);
+    let header = of(config, named, &sensors).header();
+    let search = of(config, scanned, &sensors);
     if judged_first {
-        search.judge(&start, &Silent).expect("it is judged");
+        search.judge(&search.start, &Silent).expect("it is judged");
     }
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("history.jsonl");
@@ -80,17 +80,8 @@ fn searched(config: &RunConfig, named: &Dataset, scanned: &Dataset, judged_first
 /// A start's errors on the held-out pairs.
 fn errors(config: &RunConfig, dataset: &Dataset) -> Vec<f64> {
     let sensors = Sensors::in_process(Model::from(config));
-    let start = Parameters::start(config, &config.hardware()).expect("a start");
-    let (bench, stop) = (Bench { dataset, sensors: &sensors }, AtomicBool::new(false));
-    let space = Space::new(
-        config.tune.protocol,
-        config.tune.lidar,
-        config.registration.preset,
-        start,
-        config.hardware(),
-    );
-    let search = TuneSearch { config, bench, space, start, stop: &stop };
-    let summary = search.judge(&start, &Silent).expect("it is judged");
+    let search = of(config, dataset, &sensors);
+    let summary = search.judge(&search.start, &Silent).expect("it is judged");
     summary.errors.iter().map(|error| error.frobenius).collect()
 }
 
@@ -126,6 +117,91 @@ fn no_place_no_noise_and_no_error_of_a_held_out_pair_reaches_the_search_or_the_c
         for (what, scanned, _) in &variants[..3] {
             assert_ne!(errors(&config, scanned), errors(&config, &usual), "{what}");
         }
+    }
+}
+
+/// What a sensor was asked to show: viewpoints by their number, each with the seed of its noise.
+type Asked = BTreeSet<(u32, u64)>;
+
+/// Shows viewpoints, and notes which.
+struct Noting {
+    shown: Viewpoints,
+    noise: Option<ScanNoise>,
+    asked: Arc<Mutex<Asked>>,
+}
+
+impl FrontEnd for Noting {
+    fn adc_bits(&self) -> u32 {
+        self.shown.adc_bits()
+    }
+
+    fn name_noise(&mut self, noise: Option<ScanNoise>) {
+        self.noise = noise;
+        self.shown.name_noise(noise);
+    }
+
+    fn capture(&mut self, analog: &Analog, trigger: Trigger, codes: &mut [u16]) {
+        let seed = self.noise.expect("every request says what decides its noise").seed;
+        self.asked.lock().expect("nobody panicked").insert((trigger.frame, seed));
+        self.shown.capture(analog, trigger, codes);
+    }
+}
+
+/// Sensors that have all viewpoints of some pairs before them, as boards on a turntable do, and
+/// what they are asked for.
+fn noting(config: &RunConfig, dataset: &Dataset) -> (Sensors, Arc<Mutex<Asked>>) {
+    let mut views: Vec<Arc<SceneResponse>> = Vec::new();
+    let nothing = Arc::new(SceneResponse::empty(dataset.beams.pattern().beams()));
+    for pair in dataset.train.iter().chain(&dataset.test) {
+        for (viewpoint, view) in pair.viewpoints.into_iter().zip([&pair.first, &pair.second]) {
+            let needed = views.len().max(viewpoint as usize);
+            views.resize(needed, Arc::clone(&nothing));
+            views[viewpoint as usize - 1] = Arc::clone(view);
+        }
+    }
+    let (model, asked) = (Model::from(config), Arc::new(Mutex::new(Asked::new())));
+    let noted = Arc::clone(&asked);
+    let open = move || {
+        let shown = Viewpoints::new(&model, views.clone(), 0);
+        let front_end = Noting { shown, noise: None, asked: Arc::clone(&noted) };
+        let sensor = PcSensor::new(front_end, model.pattern, model.hardware);
+        Sensor::numbered(Box::new(InProcess(sensor)), RetryPolicy::default())
+            .map_err(SensorError::client("noting"))
+    };
+    (Sensors::opened_by("noting", usize::MAX, open), asked)
+}
+
+#[test]
+fn a_search_asks_for_no_held_out_view_and_no_noise_that_judges_and_the_judgement_for_no_other() {
+    for more in [
+        ["tune.strategy=fast", "registration.method=icp"],
+        ["tune.strategy=paper", "registration.method=icp"],
+        ["tune.strategy=fast", "registration.method=fgr"],
+        ["tune.strategy=fast", "registration.method=mac"],
+    ] {
+        let config = config(&more);
+        let dataset = dataset(&config);
+        let (sensors, asked) = noting(&config, &dataset);
+        let search = of(&config, &dataset, &sensors);
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut journal =
+            Journal::create(&folder.path().join("a"), &search.header()).expect("a journal");
+        let tuned = search.run(&mut journal, Vec::new(), &Silent).expect("a search");
+        let views = |pairs: &[ScanPair]| -> BTreeSet<u32> {
+            pairs.iter().flat_map(|pair| pair.viewpoints).collect()
+        };
+        let take = || std::mem::take(&mut *asked.lock().expect("nobody panicked"));
+        let split = |asked: Asked| -> (BTreeSet<u32>, BTreeSet<u64>) { asked.into_iter().unzip() };
+        let judging: BTreeSet<u64> =
+            (0..1_000).map(|pair| derive(config.seed, Purpose::TestNoise, pair)).collect();
+
+        let (seen, noise) = split(take());
+        assert_eq!(seen, views(&dataset.train), "{more:?}: what a search sees");
+        assert!(noise.is_disjoint(&judging), "{more:?}: it hears noise that judges");
+        search.judge(&tuned.parameters, &Silent).expect("it is judged");
+        let (seen, noise) = split(take());
+        assert_eq!(seen, views(&dataset.test), "{more:?}: what is judged on");
+        assert!(noise.is_subset(&judging), "{more:?}: other noise judges");
     }
 }
 
