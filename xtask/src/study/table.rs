@@ -32,8 +32,8 @@ pub(super) fn tables(lines: &[Line]) -> String {
 
 const HEAD: &str = "\
 | scene | tuned | by | runs | searched | recall | mean error | energy a scan | to the start \
-| to registration |
-|---|---|---|---|---|---|---|---|---|---|
+| to registration | to the sensor | to `paper` |
+|---|---|---|---|---|---|---|---|---|---|---|---|
 ";
 
 fn rows(text: &mut String, scene: Scene, lines: &[&Line]) {
@@ -45,28 +45,37 @@ fn rows(text: &mut String, scene: Scene, lines: &[&Line]) {
         &[scene.to_string(), "nothing".into(), "–".into()],
         &starts.into_values().collect::<Vec<_>>(),
         None,
-        ["–"; 2].map(String::from),
+        ["–"; 4].map(String::from),
     );
+    let of = |strategy: Strategy, protocol: Protocol| -> Vec<&Line> {
+        let is_asked =
+            |line: &&&Line| (line.cell.strategy, line.cell.protocol) == (strategy, protocol);
+        lines.iter().filter(is_asked).copied().collect()
+    };
     for strategy in [Strategy::Paper, Strategy::Short, Strategy::Fast, Strategy::Thrift] {
-        let of = |protocol: Protocol| -> Vec<&Line> {
-            let is_asked =
-                |line: &&&Line| (line.cell.strategy, line.cell.protocol) == (strategy, protocol);
-            lines.iter().filter(is_asked).copied().collect()
-        };
         for protocol in [Protocol::Lidar, Protocol::Registration, Protocol::Joint] {
-            let runs = of(protocol);
+            let runs = of(strategy, protocol);
             if runs.is_empty() {
                 continue;
             }
             let tuned: Vec<&Judged> = runs.iter().map(|line| &line.tuned).collect();
             let count = runs.iter().map(|line| line.registrations).sum::<u64>() / runs.len() as u64;
+            // Beside what else was tuned with the same seed, where that is another row.
+            let beside = |strategy, protocol| {
+                let others = of(strategy, protocol);
+                against(&runs, move |line| {
+                    let same = others.iter().find(|other| other.cell.seed == line.cell.seed);
+                    same.map(|other| &other.tuned)
+                })
+            };
+            let half = |half| (protocol == Protocol::Joint).then(|| beside(strategy, half))?;
+            let papers =
+                || (strategy != Strategy::Paper).then(|| beside(Strategy::Paper, protocol))?;
             let gains = [
                 against(&runs, |line| Some(&line.start)),
-                against(&runs, |line| {
-                    let alone = of(Protocol::Registration);
-                    let same = alone.into_iter().find(|other| other.cell.seed == line.cell.seed);
-                    same.map(|other| &other.tuned).filter(|_| protocol == Protocol::Joint)
-                }),
+                half(Protocol::Registration),
+                half(Protocol::Lidar),
+                papers(),
             ];
             let names = [scene.to_string(), protocol.to_string(), strategy.to_string()];
             row(text, &names, &tuned, Some(count), gains.map(|gain| gain.map_or("–".into(), told)));
@@ -79,7 +88,7 @@ fn row(
     names: &[String; 3],
     judged: &[&Judged],
     count: Option<u64>,
-    gains: [String; 2],
+    gains: [String; 4],
 ) {
     let of = |value: fn(&Judged) -> f64| {
         judged.iter().map(|judged| value(judged)).sum::<f64>() / judged.len() as f64
@@ -94,12 +103,11 @@ fn row(
     let energy_mj = of(|judged| judged.energy_mj);
     let count = count.map_or("–".to_owned(), |count| count.to_string());
     let [scene, tuned, by] = names;
-    let [start, alone] = gains;
-    let runs = judged.len();
+    let (runs, gains) = (judged.len(), gains.join(" | "));
     let _ = writeln!(
         text,
         "| {scene} | {tuned} | {by} | {runs} | {count} | {recall_pct:.1} % | {mean_cm} \
-         | {} | {start} | {alone} |",
+         | {} | {gains} |",
         energy(energy_mj)
     );
 }
@@ -165,8 +173,26 @@ mod tests {
         assert!(row.contains("**× 0.50** (0.50 to 0.50) |"), "{row}");
         assert!(row.contains("× 0.32**"), "{row}"); // √(0.4 · 0.25)
         let alone = page.lines().find(|row| row.contains("| registration |")).unwrap();
-        assert!(alone.ends_with("| – |"), "{alone}");
+        assert!(alone.ends_with("| – | – | – |"), "{alone}");
         let start = page.lines().find(|row| row.contains("| nothing |")).unwrap();
         assert!(start.contains("| 2 | – | 100.0 % | 1.50 cm | 4.60 mJ | – | – |"), "{start}");
+    }
+
+    #[test]
+    fn of_two_runs_only_those_of_one_seed_are_compared_with_the_sensor_s_and_the_paper_s() {
+        let mut papers = line(Protocol::Joint, 2, 2000, 250);
+        papers.cell.strategy = Strategy::Paper;
+        let lines = [
+            line(Protocol::Lidar, 1, 1000, 800),
+            line(Protocol::Joint, 1, 1000, 400),
+            line(Protocol::Joint, 2, 2000, 500),
+            papers,
+        ];
+        let page = tables(&lines);
+        let row = |by: &str| page.lines().find(|row| row.contains(&format!("| joint | {by} |")));
+        let (fast, paper) = (row("fast").unwrap(), row("paper").unwrap());
+        let ends = "| – | **× 0.50** (0.50 to 0.50) | **× 2.00** (2.00 to 2.00) |";
+        assert!(fast.ends_with(ends), "{fast}");
+        assert!(paper.ends_with("| – | – | – |"), "{paper}");
     }
 }
