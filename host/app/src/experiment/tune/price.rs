@@ -16,6 +16,11 @@ pub(in crate::experiment) struct Judged {
 /// By what power an error beyond the limit counts: a tenth too much more than doubles the cost.
 const BEYOND: f64 = 8.0;
 
+/// So many standard errors above its mean an error is held to the limit, once there are so many
+/// pairs to tell them from: the cheapest of many that are near the limit is there by luck.
+const SURE: f64 = 1.0;
+const TOLD_BY: usize = 10;
+
 /// What a pair counts that the start finds and a candidate loses.
 const LOST: f64 = 10.0;
 
@@ -59,13 +64,38 @@ impl Price<'_> {
             errors.iter().filter_map(|e| Some(self.start.get(e.pair)?.error.clone())).collect();
         let lost = |errors: &[PairError]| errors.iter().filter(|e| !succeeds(e, self.data)).count();
         let more_lost = lost(errors).saturating_sub(lost(&of_start)) as i32;
-        let limit = self.tune.at_most_error * Worth::from(self.tune).of(&of_start);
-        libm::pow((worth / limit).max(1.0), BEYOND) * LOST.powi(more_lost)
+        let ratio = self.at_most(errors, &of_start, worth / Worth::from(self.tune).of(&of_start));
+        libm::pow((ratio / self.tune.at_most_error).max(1.0), BEYOND) * LOST.powi(more_lost)
+    }
+
+    /// What the ratio of two means over the same pairs is at most, as far as so many tell.
+    fn at_most(&self, errors: &[PairError], of_start: &[PairError], ratio: f64) -> f64 {
+        if errors.len() < TOLD_BY || errors.len() != of_start.len() {
+            return ratio;
+        }
+        let worth = Worth::from(self.tune);
+        let losses = |errors: &[PairError]| -> Vec<f64> {
+            errors.iter().map(|error| worth.loss(error)).collect()
+        };
+        let above = SURE * standard_error(&losses(errors), &losses(of_start));
+        match self.tune.error_mean {
+            ErrorMean::Arithmetic => ratio + above / worth.of(of_start),
+            ErrorMean::Geometric => ratio * libm::exp(above),
+        }
     }
 
     fn start_cost(&self) -> Option<ScanCost> {
         mean_cost(&self.start)
     }
+}
+
+/// Of the mean of the paired differences of two's losses.
+pub(super) fn standard_error(own: &[f64], other: &[f64]) -> f64 {
+    let differences: Vec<f64> = own.iter().zip(other).map(|(a, b)| a - b).collect();
+    let count = differences.len() as f64;
+    let mean = differences.iter().sum::<f64>() / count;
+    let squares = differences.iter().map(|d| (d - mean) * (d - mean)).sum::<f64>();
+    (squares / (count - 1.0).max(1.0) / count).sqrt()
 }
 
 /// The mean cost of some; `None` where none was weighed.
@@ -137,5 +167,26 @@ mod tests {
         let second = price.fitness(&[error(1, 0.048)], cost(0.1).as_ref());
         assert!(close(second, 0.1), "{second}");
         assert_eq!(price.loss(&error(0, 0.01), cost(0.1).as_ref()), None);
+    }
+
+    #[test]
+    fn many_pairs_hold_the_error_to_the_limit_with_its_own_doubt() {
+        let data = DataConfig::default();
+        // Both means are just below 1.2.
+        for (mean, low) in [(ErrorMean::Geometric, 0.7), (ErrorMean::Arithmetic, 0.35)] {
+            let minimise = Some(CostKind::Energy);
+            let tune = TuneConfig { minimise, error_mean: mean, ..TuneConfig::default() };
+            let start = (0..16).map(|i| Judged { error: error(i, 0.02), cost: cost(1.0) });
+            let price = Price { tune: &tune, data: &data, start: start.collect() };
+            let fitness = |pairs: usize, factors: [f64; 2]| {
+                let own = |i: usize| error(i, 0.02 * factors[i % 2]);
+                price.fitness(&(0..pairs).map(own).collect::<Vec<_>>(), cost(0.1).as_ref())
+            };
+            // The same on every pair leaves no doubt; twice as much on half of them and less on the
+            // others does, where there are pairs enough to tell.
+            assert!(close(fitness(16, [1.19, 1.19]), 0.1), "{mean:?}");
+            assert!(close(fitness(8, [2.0, low]), 0.1), "{mean:?}");
+            assert!(fitness(16, [2.0, low]) > 0.11, "{mean:?}");
+        }
     }
 }

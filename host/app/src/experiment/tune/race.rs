@@ -7,7 +7,7 @@
 //! registrations fail often nobody is behind beyond doubt for long, so the farther the race the
 //! fewer may go on (successive halving: Jamieson and Talwalkar, AISTATS 2016).
 
-use super::price::{Judged, Price, mean_cost};
+use super::price::{Judged, Price, mean_cost, standard_error};
 use super::search::{Finalist, TuneSearch};
 use super::tasks::{Crew, Task};
 use crate::experiment::objective::PairError;
@@ -192,12 +192,9 @@ fn most_after(pairs: usize) -> usize {
 /// The mean of the paired differences of two's losses, in its own standard errors: infinite where
 /// every pair says the same, 0 of two that never differ.
 fn standard_errors_behind(own: &[f64], best: &[f64]) -> f64 {
-    let differences: Vec<f64> = own.iter().zip(best).map(|(a, b)| a - b).collect();
-    let count = differences.len() as f64;
-    let mean = differences.iter().sum::<f64>() / count;
-    let squares = differences.iter().map(|d| (d - mean) * (d - mean)).sum::<f64>();
-    let error = (squares / (count - 1.0).max(1.0) / count).sqrt();
-    if mean == 0.0 { 0.0 } else { mean / error }
+    let differences = own.iter().zip(best).map(|(a, b)| a - b);
+    let mean = differences.sum::<f64>() / own.len() as f64;
+    if mean == 0.0 { 0.0 } else { mean / standard_error(own, best) }
 }
 
 #[cfg(test)]
