@@ -50,8 +50,8 @@ section! {
         minimise: Option<CostKind>, "", Must::Name(&COSTS),
             "Instead of either the least of this cost, at an error as by `at_most_error`.";
         at_most_error: f64, "times", Must::between(1.0, 100.0),
-            "With `minimise`: no more than so many times the start's error, and no more pairs \
-             lost.";
+            "With `minimise`: no more than so many times the start's error, on ten pairs or more \
+             with one standard error on top, and no more pairs lost.";
     }
     beside {
         /// What costs count when they are weighted.

@@ -2,8 +2,9 @@
 
 use std::collections::VecDeque;
 
-use echoloop_cmaes::{CmaEs, CmaEsConfig, Constants};
+use echoloop_cmaes::{CmaEs, CmaEsConfig};
 
+use super::CONSTANTS;
 use super::price::{Price, mean_cost};
 use super::race::Race;
 use super::replay::difference;
@@ -94,6 +95,10 @@ impl<'a> Course<'a> {
         });
         let best = candidates.min_by(|a, b| a.2.fitness.total_cmp(&b.2.fitness));
         let Some((generation, i, best)) = best else { return Ok(self.untuned()) };
+        // Nothing to choose by: the first of equals is no better than the start.
+        if self.nothing_found(&[]).is_some() {
+            return Ok(self.untuned());
+        }
         let origin = origin(generation, i);
         let finalist = Finalist {
             origin: origin.clone(),
@@ -194,23 +199,31 @@ impl<'a> Course<'a> {
         optimizer: Option<&CmaEs>,
         raced: &[&PairError],
     ) -> Tuned {
+        let nothing_found = self.nothing_found(raced);
         let generations = std::mem::take(&mut self.generations);
-        let candidates = generations.iter().flat_map(|generation| &generation.candidates);
-        let mut errors: Vec<&PairError> = candidates.flat_map(|each| &each.errors).collect();
-        errors.extend(raced);
-        let registrations = errors.len();
-        let is_nothing = errors.iter().all(|error| error.is_of_no_motion());
-        let nothing_found = errors.last().filter(|_| is_nothing).map(|error| error.stop.clone());
+        let searched = generations.iter().map(|g| g.candidates.len() * g.pairs.len());
         Tuned {
             parameters,
             origin,
             finalists,
-            registrations,
+            registrations: searched.sum::<usize>() + raced.len(),
             nothing_found,
             correlations: optimizer.map(CmaEs::correlations).unwrap_or_default(),
             covariance_learned: optimizer.map_or(0.0, CmaEs::covariance_learned),
             generations,
         }
+    }
+
+    /// Why the last registration stopped, if none of the search and of those raced found a motion.
+    fn nothing_found(&self, raced: &[&PairError]) -> Option<String> {
+        let candidates = self.generations.iter().flat_map(|generation| &generation.candidates);
+        let searched = candidates.flat_map(|candidate| &candidate.errors);
+        let mut errors = searched.chain(raced.iter().copied());
+        errors
+            .clone()
+            .all(PairError::is_of_no_motion)
+            .then(|| errors.next_back())?
+            .map(|error| error.stop.clone())
     }
 
     /// One stage's search from a point of the whole cube; generations that the journal has are
@@ -249,9 +262,7 @@ impl<'a> Course<'a> {
         let seed = derive(self.search.config.seed, Purpose::Search, number as u64);
         let mut config = CmaEsConfig::unit_cube(stage.own(base), stage.sigma, seed);
         config.lambda = Some(stage.population);
-        // What all records were made with; the default's need some 3 % less where there are as many
-        // axes as here.
-        config.constants = Constants::Tutorial;
+        config.constants = CONSTANTS;
         config.stops.generations = Some(stage.generations.into());
         if self.search.config.tune.strategy == Strategy::Fast {
             let space = &self.search.space;

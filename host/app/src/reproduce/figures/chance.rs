@@ -5,6 +5,8 @@ use std::collections::BTreeMap;
 use echoloop_cmaes::{CmaEs, CmaEsConfig, Coordinate};
 use echoloop_random::{Generator, derive};
 
+use crate::experiment::tune::CONSTANTS;
+
 /// Searches that are told chance instead of errors.
 const SEARCHES: u64 = 32;
 
@@ -63,6 +65,7 @@ fn strengths(search: &BlindSearch, seed: u64) -> Option<Vec<f64>> {
         search.sigma,
         derive(seed, PURPOSE, 0),
     );
+    config.constants = CONSTANTS;
     config.lambda = Some(search.population);
     config.stops.generations = Some(search.generations.min(MOST_GENERATIONS).into());
     let coordinate = |count: &Option<usize>| count.map_or(Coordinate::Real, Coordinate::Choice);
