@@ -60,19 +60,22 @@ pub(crate) struct Study {
 ///
 /// # Errors
 ///
-/// When a run fails, or the record cannot be read or written. What is done stays done.
+/// When runs fail, which the others do not wait for, or the record cannot be read or written. What
+/// is done stays done.
 pub(crate) fn run(asked: &Study) -> Result<()> {
     let root = workspace()?;
     let (record, fronts) = (root.join(RECORD), root.join(FRONTS));
+    let mut ended = Ok(());
     if !asked.page {
         cargo(["build", "--release", "--package", "echoloop-host", "--bin", "echoloop"])?;
         match asked.front {
             true => asked.run_fronts(&fronts)?,
-            false => asked.run_cells(&record)?,
+            false => ended = asked.run_cells(&record),
         }
     }
     write_page(PAGE, "cargo xtask study", &table::tables(&checked(&record)?))?;
-    write_page(PAGE, "cargo xtask study --front", &front::tables(&lines(&fronts)?))
+    write_page(PAGE, "cargo xtask study --front", &front::tables(&lines(&fronts)?))?;
+    ended
 }
 
 impl Study {
@@ -80,11 +83,16 @@ impl Study {
         let done = checked(record)?;
         let is_done = |cell: &Cell| done.iter().any(|line| line.cell == *cell);
         let left: Vec<Cell> = self.cells().into_iter().filter(|cell| !is_done(cell)).collect();
+        let mut failed = Vec::new();
         for (number, cell) in left.iter().enumerate() {
             eprintln!("{} of {}: {cell}", number + 1, left.len());
             let line = |result: &Value| Line::new(cell.clone(), stamp()?, result);
-            append(record, &measured(&cell.to_string(), cell.arguments(), line)?)?;
+            match measured(&cell.to_string(), cell.arguments(), line) {
+                Ok(line) => append(record, &line)?,
+                Err(error) => failed.push(format!("{cell}: {error:#}")),
+            }
         }
+        ensure!(failed.is_empty(), "no line of:\n{}", failed.join("\n"));
         Ok(())
     }
 
