@@ -3,6 +3,8 @@
 
 mod fixture;
 
+use std::collections::BTreeSet;
+
 use fixture::Fixture;
 use serde_json::Value;
 
@@ -86,6 +88,12 @@ fn on_the_clouds_that_a_cell_was_judged_on_its_settings_err_as_they_did_there() 
         }
         assert_eq!((judged.len(), found.len()), (3, 3));
     }
+    let sums = |row: usize| -> Vec<&str> {
+        let pairs = rows[row]["pairs"].as_array().expect("pairs").iter();
+        pairs.map(|pair| pair["content"].as_str().expect("a checksum")).collect()
+    };
+    assert_eq!(sums(0), sums(2), "the same clouds");
+    assert_eq!(BTreeSet::from_iter(sums(0)).len(), 3, "no pair's clouds are another's");
     let [default, tuned] = [0, 2].map(|row| translations(&rows[row]["pairs"]));
     assert_ne!(default, tuned, "the search chose nothing of its own: try another seed");
     let text = fixture.succeed(&cells(&real)).stdout;

@@ -203,6 +203,23 @@ fn a_record_that_is_broken_or_of_something_else_is_its_cell_s_failure_and_stays_
 }
 
 #[test]
+fn a_search_that_finds_nothing_is_a_cell_that_keeps_its_start() {
+    let fixture = Fixture::new();
+    // So little light that no scan has points enough.
+    let dark = ["--set", "lidar.power=0.00001", "--set", "emitter.energy_limit_nj=0.001"];
+    let cells = ["--method", "icp", "--protocol", "registration", "--runs", "table"];
+    for strategy in ["fast", "paper"] {
+        let both = SMALL.map(|word| if word == "fast" { strategy } else { word });
+        fixture.succeed(&[&both[..], &cells, &dark].concat());
+        let name = format!("table/cells/outdoor-{strategy}-registration-icp-structured.json");
+        let record: Value = serde_json::from_slice(&fixture.bytes(&name)).expect("a record");
+        assert_eq!(record["origin"], "start", "{strategy}");
+        assert_eq!(record["summary"]["recall_pct"], 0.0, "{strategy}");
+        assert!(record["registrations"].as_u64().is_some_and(|made| made > 10), "{strategy}");
+    }
+}
+
+#[test]
 fn the_table_stands_beside_the_paper_s_in_every_form_and_names_seed_version_and_scans() {
     let fixture = Fixture::new();
     let cells = small(&["--method", "icp", "--runs", "table", "--seed", "5"]);
@@ -311,6 +328,8 @@ fn what_the_cells_set_themselves_is_refused_with_the_flag_for_it() {
     ] {
         fixture.refuses(&["reproduce", "--set", set], &[set.split('=').next().unwrap(), flag]);
     }
+    let switched = ["reproduce", "--ranges", "paper", "--ablation", "registration-ranges"];
+    fixture.refuses(&switched, &["--ablation registration-ranges", "--ranges outdoor"]);
     fixture.refuses(&["reproduce", "--pairs", "0"], &["--pairs"]);
     fixture.refuses(&["reproduce", "--table", "--runs", "none"], &["none", "plan.json"]);
 }

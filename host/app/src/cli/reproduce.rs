@@ -131,6 +131,21 @@ impl ReproduceArgs {
         }
     }
 
+    /// A switch must switch something.
+    fn check_switches(&self) -> Result<(), Failure> {
+        let same = self.ablation.contains(&Ablation::RegistrationRanges)
+            && self.ranges.contains(&Preset::Paper);
+        match same {
+            true => Err(Failure::usage(format!(
+                "--ablation {}: with --ranges {} nothing is switched; expected --ranges {}",
+                name_of(Ablation::RegistrationRanges),
+                name_of(Preset::Paper),
+                name_of(Preset::Outdoor)
+            ))),
+            false => Ok(()),
+        }
+    }
+
     /// Cases tuned by hand are of one method.
     fn check_by_hand(&self) -> Result<(), Failure> {
         let has_method = self.method.is_empty() || self.method.contains(&ByHand::METHOD);
@@ -178,6 +193,7 @@ impl From<FolderError> for Failure {
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<(), Failure> {
     args.check_by_hand()?;
+    args.check_switches()?;
     let (base, cells) = (args.base()?, args.asked().cells());
     let plan = Plan::new(&base.config().map_err(Failure::usage)?, args.quick);
     let real = args.real.as_deref().map(|list| real_pairs(args, list)).transpose()?;
@@ -303,7 +319,7 @@ fn on_real_clouds(
 fn with_plain(folder: &Folder, cells: &[Cell]) -> Vec<Cell> {
     let mut all = cells.to_vec();
     for plain in cells.iter().filter(|cell| cell.ablation.is_some()).map(Cell::plain) {
-        if !all.contains(&plain) && !matches!(folder.record(&plain), Ok(None)) {
+        if !all.contains(&plain) && matches!(folder.record(&plain), Ok(Some(_))) {
             all.push(plain);
         }
     }
@@ -320,7 +336,7 @@ fn print_table(args: &ReproduceArgs, table: &Table, places: &str) -> Result<(), 
     }
 }
 
-/// A failure where cells failed: the others are done, and these are tried again.
+/// A failure where cells failed: the others are done, and those without a record are tried again.
 fn outcome(table: &Table) -> Result<(), Failure> {
     let failed: Vec<String> = table.failed().map(|(cell, why)| format!("{cell}: {why}")).collect();
     match failed.as_slice() {
@@ -328,7 +344,7 @@ fn outcome(table: &Table) -> Result<(), Failure> {
         _ => {
             failed.iter().for_each(|line| say(format_args!("failed: {line}")));
             Err(Failure::run(format!(
-                "{} of {} cells failed; the same command tries them again",
+                "{} of {} cells failed; the same command tries those again that have no record",
                 failed.len(),
                 table.rows.len()
             )))

@@ -1,4 +1,4 @@
-//! Shares of pairs by error: a curve for each way of tuning, that ends at its recall.
+//! Shares of pairs by error: a curve for each way of tuning.
 
 use plotters::series::LineSeries;
 
@@ -32,14 +32,14 @@ pub struct Shares {
 pub struct ShareCurve {
     /// Whose.
     pub series: Series,
-    /// The error of every pair; infinite of one that failed.
+    /// The error of every pair.
     pub errors: Vec<f64>,
 }
 
 impl ShareCurve {
-    /// Percent of the pairs that did not fail.
-    fn end(&self) -> f64 {
-        let found = self.errors.iter().filter(|error| error.is_finite()).count();
+    /// Percent of the pairs that err by no more.
+    fn within(&self, bound: f64) -> f64 {
+        let found = self.errors.iter().filter(|error| **error <= bound).count();
         100.0 * found as f64 / self.errors.len() as f64
     }
 }
@@ -71,10 +71,10 @@ impl Shares {
     }
 
     fn label(&self, title: &str) -> String {
-        let told = self
-            .curves
-            .iter()
-            .map(|curve| format!("{} reaches {} %", curve.series.title(), fixed(curve.end(), 1)));
+        let told = self.curves.iter().map(|curve| {
+            let within = fixed(curve.within(self.bound), 1);
+            format!("{}: {within} % within the bound", curve.series.title())
+        });
         format!("{title}: {}.", told.collect::<Vec<_>>().join(", "))
     }
 }

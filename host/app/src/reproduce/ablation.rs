@@ -38,7 +38,7 @@ pub enum Ablation {
     IdealDetector,
 }
 
-/// Added to the towns' numbers where others are trained in.
+/// The towns' numbers grow by a multiple of this where others are trained in.
 const OTHER_TOWN: u64 = 100;
 
 impl Ablation {
@@ -77,8 +77,11 @@ impl Ablation {
         let mut other = config.clone();
         match self {
             Self::OtherTown => {
+                // Beyond the greatest, so that none is judged in.
+                let greatest = config.scene.towns.iter().max().copied().unwrap_or_default();
+                let further = OTHER_TOWN * (greatest / OTHER_TOWN + 1);
                 let towns = other.scene.towns.iter_mut();
-                towns.for_each(|town| *town = town.saturating_add(OTHER_TOWN));
+                towns.for_each(|town| *town = town.saturating_add(further));
             }
             Self::OtherKind => other.scene.source = name_of(scene.next()),
             _ => return None,
@@ -117,6 +120,19 @@ mod tests {
         };
         let config = cell.config(&Base::paper(Vec::new())).expect("a configuration");
         Plan::new(&config, false).settings
+    }
+
+    #[test]
+    fn other_towns_are_as_many_and_none_that_is_judged_in() {
+        for (towns, expected) in
+            [(vec![1, 2, 3], vec![101, 102, 103]), (vec![1, 101], vec![201, 301])]
+        {
+            let mut config = RunConfig::default();
+            config.scene.towns = towns;
+            let other = Ablation::OtherTown.trained_in(&config, Scene::Structured).unwrap();
+            assert_eq!(other.scene.towns, expected);
+            assert_eq!(other.scene.source, config.scene.source);
+        }
     }
 
     #[test]

@@ -187,6 +187,15 @@ pub fn tuned(cell: &Cell) -> &'static str {
     }
 }
 
+/// What was tuned, and by which search where that is not ours.
+pub fn tuned_by(cell: &Cell) -> String {
+    match (cell.by_hand, cell.strategy) {
+        (Some(_), _) => "by hand".into(),
+        (None, Some(Strategy::Paper)) => format!("{}, paper's search", tuned(cell)),
+        (None, _) => tuned(cell).into(),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use clap::ValueEnum;

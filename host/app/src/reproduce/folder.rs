@@ -53,6 +53,9 @@ pub enum FolderError {
         /// The folder.
         path: PathBuf,
     },
+    /// A record of it cannot be read.
+    #[error("{0}; remove it, and the cell is run again")]
+    BrokenRecord(FileError),
     /// A record of it is of something else.
     #[error(
         "{}: {name} is {was} in it and {is} in the table; remove it, and the cell is run again",
@@ -158,7 +161,8 @@ impl Folder {
     /// build than this folder's.
     pub fn record(&self, cell: &Cell) -> Result<Option<Record>, FolderError> {
         let path = self.cell_file(cell, "json");
-        let Some(record) = read::<Record>(&path)? else { return Ok(None) };
+        let record = read::<Record>(&path).map_err(FolderError::BrokenRecord)?;
+        let Some(record) = record else { return Ok(None) };
         match self.plan.other_in(&record, cell) {
             None => Ok(Some(record)),
             Some((name, was, is)) => {

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use echoloop_files::{MOST_TEXT, read_text, shown};
 use echoloop_registration::cloud::{Cloud, CloudError, read_cloud};
 use echoloop_registration::pose::{
-    Pose, PoseError, read_pose, rotation_error_deg, translation_error_m,
+    Pose, PoseError, read_pose, rotation_error_deg, to_rows, translation_error_m,
 };
 use echoloop_registration::{Registration, build, suggest_method};
 use rayon::prelude::*;
@@ -16,7 +16,8 @@ use thiserror::Error;
 
 use super::axes::{TableMethod, name_of};
 use super::cell::{Base, Cell, tuned};
-use super::folder::{Folder, FolderError};
+use super::folder::Folder;
+use crate::experiment::checksum::Checksum;
 use crate::experiment::config::{DataConfig, LoadError};
 use crate::experiment::files::{FileError, file_error};
 use crate::experiment::params::{Parameters, ThetaReg, ValueError};
@@ -53,9 +54,6 @@ pub enum RealError {
         /// What is wrong.
         error: ValueError,
     },
-    /// A cell cannot be read.
-    #[error(transparent)]
-    Folder(#[from] FolderError),
 }
 
 /// A pair as a list names it.
@@ -81,6 +79,8 @@ struct List {
 pub struct RealPair {
     /// What the list calls it.
     pub name: String,
+    /// Checksum of both clouds' points and of the motion.
+    content: String,
     target: Cloud,
     source: Cloud,
     target_from_source: Pose,
@@ -128,8 +128,20 @@ impl Entry {
                 return Err(file_error("register", &folder.join(file))(empty).into());
             }
         }
-        Ok(RealPair { name: self.name.clone(), target, source, target_from_source })
+        let content = content([&target, &source], &target_from_source);
+        Ok(RealPair { name: self.name.clone(), content, target, source, target_from_source })
     }
+}
+
+fn content(clouds: [&Cloud; 2], motion: &Pose) -> String {
+    let points = clouds.into_iter().flat_map(|cloud| &cloud.points);
+    let points: Vec<u8> = points
+        .flat_map(|point| [point.x, point.y, point.z].map(f32::to_le_bytes))
+        .flatten()
+        .collect();
+    let motion: Vec<u8> = to_rows(motion).into_iter().flat_map(f64::to_le_bytes).collect();
+    let count = clouds[0].points.len() as u64; // where one cloud ends
+    Checksum::of(&[&count.to_le_bytes(), &points, &motion]).to_string()
 }
 
 /// Where settings come from.
@@ -158,6 +170,8 @@ struct Entrant {
 pub struct RealOutcome {
     /// The pair.
     pub name: String,
+    /// Checksum of its clouds' points and of its true motion.
+    pub content: String,
     /// e_t of Eq. 7, m.
     pub translation_m: f64,
     /// e_R of Eq. 7, degrees.
@@ -302,7 +316,8 @@ impl Entrant {
         let rotation_deg = rotation_error_deg(&estimate, &pair.target_from_source);
         let found = translation_m <= self.data.success_translation_m
             && rotation_deg <= self.data.success_rotation_deg;
-        RealOutcome { name: pair.name.clone(), translation_m, rotation_deg, found, stop }
+        let (name, content) = (pair.name.clone(), pair.content.clone());
+        RealOutcome { name, content, translation_m, rotation_deg, found, stop }
     }
 
     fn row(&self, judged: &[RealOutcome]) -> RealRow {
@@ -345,7 +360,7 @@ impl Entrant {
     }
 }
 
-/// A table to read: each pair's errors, a dash before those that were not found.
+/// A table to read: each pair's error, where it was found.
 pub fn real_lines(rows: &[RealRow]) -> Vec<Vec<String>> {
     let names = rows.first().into_iter().flat_map(|row| row.pairs.iter().map(|p| p.name.clone()));
     let head = ["method", "settings", "found", "RTE", "RRE"].map(str::to_owned);

@@ -75,6 +75,12 @@ impl Figure {
         }
     }
 
+    /// A number of the table's unit, without it.
+    pub fn digits(&self, number: f64) -> String {
+        let digits = self.decimals;
+        format!("{number:.digits$}")
+    }
+
     /// The paper's number.
     pub fn paper(&self, paper: &PaperFigures) -> f64 {
         (self.paper)(paper)

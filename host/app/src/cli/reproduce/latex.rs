@@ -6,12 +6,12 @@ use super::written::real_figures;
 use crate::experiment::preset::Protocol;
 use crate::reproduce::{
     FIGURES, RealRow, Row, Scene, Table, TableMethod, name_of, paper, remarks, search, subtitle,
-    tuned,
+    tuned, tuned_by,
 };
 
 /// A `tabular` for each range and search: translation, rotation and recall as in the paper's table,
-/// the best of a method and kind bold, the paper's own in grey below; then one of cases set by hand,
-/// of switches, of real clouds. Needs the packages booktabs and xcolor.
+/// the best of a method and kind bold, the paper's own in grey below; then one of cases set by
+/// hand, of switches, of real clouds. Needs the packages booktabs and xcolor.
 pub(super) fn latex(table: &Table) -> String {
     let mut text = format!("% {}\n", subtitle(table));
     for remark in remarks(table) {
@@ -64,7 +64,7 @@ fn latex_beside<'a>(
         let own = latex_own(Some(row), [false; 3]).into_iter().zip(LATEX_ORDER);
         let fields = own.flat_map(|(own, i)| {
             let theirs = other.map(|other| FIGURES[i].numbers(other)[0]).filter(|v| v.is_finite());
-            [own, theirs.map_or("--".into(), |value| grey(format_args!("{value:.2}")))]
+            [own, theirs.map_or("--".into(), |value| grey(FIGURES[i].digits(value)))]
         });
         let _ = writeln!(
             text,
@@ -73,7 +73,7 @@ fn latex_beside<'a>(
             name_of(cell.ranges),
             cell.method.title(),
             name_of(cell.scene),
-            tuned(cell),
+            tuned_by(cell),
             fields.collect::<Vec<_>>().join(" & ")
         );
     }
@@ -171,10 +171,10 @@ fn latex_own(row: Option<&Row>, best: [bool; 3]) -> [String; 3] {
     LATEX_ORDER.map(|i| match row.and_then(|row| row.figures.as_ref()) {
         Some(figures) => {
             let [value, low, high] = FIGURES[i].numbers(figures);
-            let told = format!("{value:.2}");
+            let [told, low_told, high_told] = [value, low, high].map(|v| FIGURES[i].digits(v));
             let told = if best[i] { format!("\\textbf{{{told}}}") } else { told };
             match (value.is_finite(), low.is_finite()) {
-                (true, true) => format!("{told} {{\\scriptsize [{low:.2}, {high:.2}]}}"),
+                (true, true) => format!("{told} {{\\scriptsize [{low_told}, {high_told}]}}"),
                 (true, false) => told,
                 _ => "--".into(),
             }

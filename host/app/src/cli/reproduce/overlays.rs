@@ -10,11 +10,10 @@ use crate::experiment::config::{RunConfig, load};
 use crate::experiment::dataset::{Dataset, ScanPair};
 use crate::experiment::objective::{Bench, PairError, Registered};
 use crate::experiment::params::Parameters;
-use crate::experiment::preset::Protocol;
 use crate::experiment::run::{CONFIG, TUNED};
 use crate::experiment::seed::{Purpose, derive};
 use crate::reproduce::{
-    Cell, Cells, Folder, LaidOn, Record, Seen, SeenPair, configuration, shown_pair,
+    Cell, Cells, Folder, LaidOn, Record, Seen, SeenPair, configuration, halves, shown_pair,
 };
 use echoloop_registration::pose::Pose;
 
@@ -26,15 +25,21 @@ pub(super) fn overlays(folder: &Folder, cells: &Cells) -> Seen {
     let searches = cells.searches();
     for cell in searches.iter().flat_map(|search| &search.cells).filter(is_done) {
         match seen_pair(folder, cells, cell) {
-            Ok(pair) => seen.pairs.push(pair),
+            Ok((pair, unseen)) => {
+                seen.pairs.push(pair);
+                seen.unseen.extend(unseen);
+            }
             Err(why) => seen.unseen.push((*cell, why.message)),
         }
     }
     seen
 }
 
-/// The pair of a cell, or why there is none to be seen.
-fn seen_pair(folder: &Folder, cells: &Cells, cell: &Cell) -> Result<SeenPair, Failure> {
+/// Cells that cannot be shown, each with why.
+type Unseen = Vec<(Cell, String)>;
+
+/// The pair of a cell, and the halves that it cannot be seen with; or why there is none to be seen.
+fn seen_pair(folder: &Folder, cells: &Cells, cell: &Cell) -> Result<(SeenPair, Unseen), Failure> {
     let (Some(joint), Some(start)) = (cells.record(cell), cells.record(&cell.untuned())) else {
         return Err(Failure::usage("the cell where nothing is tuned is missing"));
     };
@@ -62,19 +67,23 @@ fn seen_pair(folder: &Folder, cells: &Cells, cell: &Cell) -> Result<SeenPair, Fa
         }
     };
     let laid = |seen: &Registered| LaidOn::new(&seen.clouds, &seen.first_from_second, &pair.truth);
-    let tuned = |protocol: Protocol| -> Result<Option<LaidOn>, Failure> {
-        let half = Cell { protocol, ..*cell };
-        let Some(record) = cells.record(&half) else { return Ok(None) };
-        let tuned = of_file(&folder.run_of(&half).join(TUNED))?;
+    let tuned = |record: &Record| -> Result<LaidOn, Failure> {
+        let tuned = of_file(&folder.run_of(&record.cell).join(TUNED))?;
         let tuned = Parameters::start(&tuned, &hardware).map_err(Failure::usage)?;
-        Ok(Some(laid(&looked(&tuned, record)?)))
+        Ok(laid(&looked(&tuned, record)?))
     };
     let first = looked(&prepared.start, start)?;
     let before = LaidOn::new(&first.clouds, &Pose::identity(), &pair.truth);
-    let [lidar, registration, both] =
-        [Protocol::Lidar, Protocol::Registration, Protocol::Joint].map(tuned);
-    let views = [Some(before), Some(laid(&first)), lidar?, registration?, both?];
-    Ok(SeenPair { cell: *cell, pair: index, views })
+    let mut unseen = Unseen::new();
+    let [lidar, registration] = halves(cell).map(|half| match tuned(cells.record(&half)?) {
+        Ok(laid) => Some(laid),
+        Err(why) => {
+            unseen.push((half, why.message));
+            None
+        }
+    });
+    let views = [Some(before), Some(laid(&first)), lidar, registration, Some(tuned(joint)?)];
+    Ok((SeenPair { cell: *cell, pair: index, views }, unseen))
 }
 
 fn of_file(path: &Path) -> Result<RunConfig, Failure> {

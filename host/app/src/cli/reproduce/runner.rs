@@ -56,16 +56,16 @@ impl<'a> Runner<'a> {
     /// Runs those cells that are not done. One that fails is told and kept as failed; the others go
     /// on.
     pub(super) fn run(&mut self, cells: &[Cell]) -> Result<(), Failure> {
-        let mut left = Vec::new();
+        let (mut left, mut done) = (Vec::new(), 0);
         for cell in cells {
             match self.folder.record(cell) {
-                Ok(Some(_)) => {}
+                Ok(Some(_)) => done += 1,
                 Ok(None) => left.push((*cell, self.registrations(cell))),
                 // Whose it is, is not known: it is neither used nor overwritten.
                 Err(error) => self.progress.say(&format!("failed: {cell}: {error}")),
             }
         }
-        let (begun, done) = (Instant::now(), cells.len() - left.len());
+        let begun = Instant::now();
         self.progress.say(&format!("{} cells, {done} of them done before", cells.len()));
         for number in 0..left.len() {
             if self.stop.load(Ordering::Relaxed) {

@@ -7,7 +7,7 @@ use super::super::table_format::aligned;
 use crate::experiment::preset::{Preset, Protocol, Strategy};
 use crate::reproduce::{
     Cell, FIGURES, Paired, RealRow, Row, Table, absent, name_of, real_lines, remarks, search,
-    subtitle, tuned,
+    subtitle, tuned, tuned_by,
 };
 
 /// To read: a table for each range and search, then what has to be known.
@@ -27,7 +27,7 @@ pub(super) fn text(table: &Table) -> String {
     }
     let ablations = table.of_ablations();
     if !ablations.is_empty() {
-        let mut lines = vec![heads(&["switch", "method", "scene", "tuned"], "without")];
+        let mut lines = vec![heads(&["switch", "ranges", "method", "scene", "tuned"], "without")];
         lines.extend(ablations.iter().map(|row| ablation_line(table, row)));
         let _ = write!(text, "\nOne thing switched\n\n{}", aligned(&lines));
     }
@@ -72,7 +72,8 @@ fn by_hand_line(table: &Table, row: &Row) -> Vec<String> {
 fn ablation_line(table: &Table, row: &Row) -> Vec<String> {
     let cell = &row.cell;
     let switch = cell.ablation.map(name_of).unwrap_or_default();
-    let names = [switch, cell.method.title().into(), name_of(cell.scene), tuned(cell).into()];
+    let (method, scene) = (cell.method.title().into(), name_of(cell.scene));
+    let names = [switch, name_of(cell.ranges), method, scene, tuned_by(cell)];
     let plain = table.row(&cell.plain()).and_then(|row| row.figures);
     let without = |i: usize| plain.as_ref().map(|plain| FIGURES[i].value(plain));
     names.into_iter().chain(figures(row, &without)).collect()

@@ -17,13 +17,13 @@ pub struct Cells {
     searches: Vec<Search>,
     records: Vec<Record>,
     runs: Vec<(Cell, FinishedRun)>,
-    /// Of each run that is there and cannot be read, why.
+    /// Of each record and each run that is there and cannot be used, why.
     pub(super) unread: Vec<String>,
 }
 
 impl Cells {
     /// Of the cells of a table; and of those set by hand, where the folder has them. A record that
-    /// cannot be used is left out, and told by the table.
+    /// cannot be used is left out, and told.
     pub fn read(folder: &Folder, table: &Table) -> Self {
         let searches = table.searches().into_iter().map(|(ranges, strategy)| Search {
             ranges,
@@ -33,10 +33,15 @@ impl Cells {
         let searches: Vec<Search> = searches.collect();
         let of_table = table.rows.iter().map(|row| row.cell).filter(Cell::is_of_the_table);
         let all = of_table.chain(Asked::default().set_by_hand());
-        let records: Vec<Record> =
-            all.filter_map(|cell| folder.record(&cell).ok().flatten()).collect();
+        let (mut records, mut unread) = (Vec::new(), Vec::new());
+        for cell in all {
+            match folder.record(&cell) {
+                Ok(record) => records.extend(record),
+                Err(error) => unread.push(format!("The cell {cell} cannot be used: {error}.")),
+            }
+        }
         let searched = records.iter().map(|record| record.cell).filter(Cell::is_searched);
-        let (mut runs, mut unread) = (Vec::new(), Vec::new());
+        let mut runs = Vec::new();
         for cell in searched {
             match FinishedRun::read(&folder.run_of(&cell)) {
                 Ok(run) => runs.push((cell, run)),

@@ -7,6 +7,7 @@ use super::cells::Cells;
 use super::missing::Missing;
 use super::search::Search;
 use crate::experiment::evaluate::median;
+use crate::experiment::preset::Protocol;
 use crate::report::{Overlay, Panel, PanelDrawing, Plate, fixed};
 use echoloop_registration::cloud::Cloud;
 use echoloop_registration::pose::{Pose, rotation_error_deg, translation_error_m};
@@ -31,7 +32,7 @@ pub struct SeenPair {
     /// Its number among the held-out pairs.
     pub pair: usize,
     /// Before registration, with the default, with the LiDAR tuned, registration, both; none of a
-    /// half that is not done.
+    /// half that is not done, or cannot be shown.
     pub views: [Option<LaidOn>; 5],
 }
 
@@ -106,8 +107,13 @@ fn plate(
     let pairs: Vec<&SeenPair> = joint.iter().filter_map(of).collect();
     let is_unseen = |cell: &Cell| seen.unseen.iter().any(|(unseen, _)| unseen == cell);
     let is_missing = |cell: &&Cell| of(cell).is_none() && !is_unseen(cell);
-    let absent: Vec<Cell> = joint.iter().filter(is_missing).copied().collect();
-    let unseen = seen.unseen.iter().filter(|(cell, _)| joint.contains(cell));
+    let mut absent: Vec<Cell> = joint.iter().filter(is_missing).copied().collect();
+    let is_half = |cell: &Cell, half: &Cell| halves(cell).contains(half);
+    let wanted = |half: &Cell| pairs.iter().any(|pair| is_half(&pair.cell, half));
+    let missing_half = |half: &&Cell| wanted(half) && cells.record(half).is_none();
+    absent.extend(search.cells.iter().filter(missing_half));
+    let is_own = |cell: &Cell| joint.iter().any(|own| own == cell || is_half(own, cell));
+    let unseen = seen.unseen.iter().filter(|(cell, _)| is_own(cell));
     let unseen: Vec<String> = unseen.map(|(cell, why)| format!("{cell}: {why}.")).collect();
     if pairs.is_empty() {
         let figure = format!("registered clouds, {}, {}", method.title(), search.told());
@@ -138,6 +144,11 @@ fn plate(
     })
 }
 
+/// The cells of both halves of one where both were tuned.
+pub fn halves(cell: &Cell) -> [Cell; 2] {
+    [Protocol::Lidar, Protocol::Registration].map(|protocol| Cell { protocol, ..*cell })
+}
+
 fn panels(search: &Search, pair: &SeenPair) -> Vec<Panel> {
     let scene = name_of(pair.cell.scene);
     let target = pair.views.iter().flatten().next().map(|view| &view.clouds[0]);
@@ -155,7 +166,7 @@ fn panels(search: &Search, pair: &SeenPair) -> Vec<Panel> {
                 fixed(100.0 * view.translation_m, 1),
                 fixed(view.rotation_deg, 2)
             ),
-            None => format!("{scene}, {step}: not run"),
+            None => format!("{scene}, {step}: not to be had"),
         },
         drawing: PanelDrawing::Overlay(Overlay {
             half_m: HALF_M,
