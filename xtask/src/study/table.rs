@@ -69,8 +69,9 @@ fn rows(text: &mut String, scene: Scene, lines: &[&Line]) {
                 })
             };
             let half = |half| (protocol == Protocol::Joint).then(|| beside(strategy, half))?;
-            let papers =
-                || (strategy != Strategy::Paper).then(|| beside(Strategy::Paper, protocol))?;
+            // One that searched for the least energy was not after the paper's error.
+            let is_for_error = matches!(strategy, Strategy::Fast | Strategy::Short);
+            let papers = || is_for_error.then(|| beside(Strategy::Paper, protocol))?;
             let gains = [
                 against(&runs, |line| Some(&line.start)),
                 half(Protocol::Registration),
