@@ -122,8 +122,13 @@ impl Cell {
 
     /// The cells that joint tuning is held to: nothing tuned, and each half alone.
     pub fn others(&self) -> [Self; 3] {
-        let half = |protocol| Self { protocol, ..*self };
-        [self.untuned(), half(Protocol::Lidar), half(Protocol::Registration)]
+        let [lidar, registration] = self.halves();
+        [self.untuned(), lidar, registration]
+    }
+
+    /// The same with each half tuned alone: the LiDAR, then registration.
+    pub fn halves(&self) -> [Self; 2] {
+        [Protocol::Lidar, Protocol::Registration].map(|protocol| Self { protocol, ..*self })
     }
 
     /// Whether sensor and registration are tuned together.

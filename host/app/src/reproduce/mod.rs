@@ -32,7 +32,7 @@ pub use axes::{Scene, TableMethod, name_of};
 pub use by_hand::ByHand;
 pub use cell::{Base, Cell, tuned, tuned_by};
 pub use estimate::{Times, Took};
-pub use figures::{Cells, Figures, LaidOn, Search, Seen, SeenPair, figures, halves, shown_pair};
+pub use figures::{Cells, Figures, LaidOn, Search, Seen, SeenPair, figures, shown_pair};
 pub use folder::{Folder, FolderError};
 pub use page::page;
 pub use paired::Paired;

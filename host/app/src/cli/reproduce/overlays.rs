@@ -13,7 +13,7 @@ use crate::experiment::params::Parameters;
 use crate::experiment::run::{CONFIG, TUNED};
 use crate::experiment::seed::{Purpose, derive};
 use crate::reproduce::{
-    Cell, Cells, Folder, LaidOn, Record, Seen, SeenPair, configuration, halves, shown_pair,
+    Cell, Cells, Folder, LaidOn, Record, Seen, SeenPair, configuration, shown_pair,
 };
 use echoloop_registration::pose::Pose;
 
@@ -75,7 +75,7 @@ fn seen_pair(folder: &Folder, cells: &Cells, cell: &Cell) -> Result<(SeenPair, U
     let first = looked(&prepared.start, start)?;
     let before = LaidOn::new(&first.clouds, &Pose::identity(), &pair.truth);
     let mut unseen = Unseen::new();
-    let [lidar, registration] = halves(cell).map(|half| match tuned(cells.record(&half)?) {
+    let [lidar, registration] = cell.halves().map(|half| match tuned(cells.record(&half)?) {
         Ok(laid) => Some(laid),
         Err(why) => {
             unseen.push((half, why.message));

@@ -18,7 +18,7 @@ mod parameters;
 mod search;
 
 pub use cells::Cells;
-pub use overlays::{LaidOn, Seen, SeenPair, halves, shown_pair};
+pub use overlays::{LaidOn, Seen, SeenPair, shown_pair};
 pub use search::Search;
 
 use crate::report::Plate;

@@ -7,7 +7,6 @@ use super::cells::Cells;
 use super::missing::Missing;
 use super::search::Search;
 use crate::experiment::evaluate::median;
-use crate::experiment::preset::Protocol;
 use crate::report::{Overlay, Panel, PanelDrawing, Plate, fixed};
 use echoloop_registration::cloud::Cloud;
 use echoloop_registration::pose::{Pose, rotation_error_deg, translation_error_m};
@@ -108,7 +107,7 @@ fn plate(
     let is_unseen = |cell: &Cell| seen.unseen.iter().any(|(unseen, _)| unseen == cell);
     let is_missing = |cell: &&Cell| of(cell).is_none() && !is_unseen(cell);
     let mut absent: Vec<Cell> = joint.iter().filter(is_missing).copied().collect();
-    let is_half = |cell: &Cell, half: &Cell| halves(cell).contains(half);
+    let is_half = |cell: &Cell, half: &Cell| cell.halves().contains(half);
     let wanted = |half: &Cell| pairs.iter().any(|pair| is_half(&pair.cell, half));
     let missing_half = |half: &&Cell| wanted(half) && cells.record(half).is_none();
     absent.extend(search.cells.iter().filter(missing_half));
@@ -142,11 +141,6 @@ fn plate(
         columns: STEPS.len(),
         panels: pairs.iter().flat_map(|pair| panels(search, pair)).collect(),
     })
-}
-
-/// The cells of both halves of one where both were tuned.
-pub fn halves(cell: &Cell) -> [Cell; 2] {
-    [Protocol::Lidar, Protocol::Registration].map(|protocol| Cell { protocol, ..*cell })
 }
 
 fn panels(search: &Search, pair: &SeenPair) -> Vec<Panel> {
