@@ -45,7 +45,14 @@ fn search(stop: &AtomicBool) -> TuneSearch<'_> {
     let start = Parameters::start(config, &hardware).expect("a start");
     let (tune, preset) = (&config.tune, config.registration.preset);
     let space = Space::new(tune.protocol, tune.lidar, preset, start, hardware);
-    TuneSearch { config, bench: Bench { dataset: &TOWN, sensors: &SENSORS }, space, start, stop }
+    TuneSearch {
+        config,
+        bench: Bench { dataset: &TOWN, sensors: &SENSORS },
+        space,
+        start,
+        warm_starts: Vec::new(),
+        stop,
+    }
 }
 
 /// The start with so much power, µW: a choice.

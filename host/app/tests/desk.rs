@@ -146,6 +146,60 @@ fn every_command_begins_with_what_a_run_tuned() {
 }
 
 #[test]
+fn a_search_begins_at_the_best_of_its_start_and_what_was_tuned_elsewhere() {
+    let fixture = Fixture::new();
+    fixture.tune(&["--protocol=default", "--fix=lidar.power=60"]);
+    let elsewhere = fs::canonicalize(fixture.path(RUN)).expect("a run");
+    fixture.write("dark.json", r#"{"parameters": {"lidar.power": 0.03, "lidar.timing": "cfd"}}"#);
+    let starts = ["--warm-start", "dark.json", "--warm-start", elsewhere.to_str().expect("UTF-8")];
+    let dim = ["--set=lidar.power=0.02", "--objective=error", "--tune=lidar.power=0.01..100,log"];
+    fixture.tune(&[&dim[..], &starts].concat());
+    let found = result(&fixture);
+    assert_eq!(found["default"]["lidar.power"], 0.02, "the start is what is compared with");
+    let finalists = found["finalists"].as_array().expect("finalists");
+    let fitness = |origin: &str| {
+        let one = finalists.iter().find(|one| one["origin"] == origin).expect(origin);
+        one["fitness"].as_f64().expect("a number")
+    };
+    assert!(fitness("warm start 2") < fitness("start"));
+    assert!(fitness("warm start 2") < fitness("warm start 1"));
+    // Registration is searched first, with the sensor as the better one has it.
+    let first = &generations(&fixture)[0];
+    assert_eq!(first["stage"], "registration");
+    for candidate in first["candidates"].as_array().expect("candidates") {
+        assert_eq!(candidate["values"]["lidar.power"], 60.0);
+    }
+    // The run has them itself: nothing of where they came from is asked for again.
+    fs::remove_file(fixture.path("dark.json")).expect("a file");
+    fs::remove_dir_all(elsewhere).expect("a folder");
+    fixture.succeed(&["tune", "-q", "--resume", RUN, "--generations", "6"]);
+    assert!(generations(&fixture).len() > found["generations"].as_u64().expect("a count") as usize);
+}
+
+#[test]
+fn a_warm_start_that_is_none_is_refused_before_anything_is_made() {
+    let fixture = Fixture::new();
+    fixture.write("axis.json", r#"{"parameters": {"lidar.powr": 1}}"#);
+    fixture.write("count.json", r#"{"parameters": {"lidar.shots": 1.5}}"#);
+    fixture.write("text.json", r#"{"parameters": {"lidar.power": "much"}}"#);
+    fixture.write("good.json", r#"{"parameters": {"lidar.power": 10}}"#);
+    let table: [(&[&str], &[&str]); 6] = [
+        (&["--warm-start=none.json"], &["cannot read none.json"]),
+        (&["--warm-start=axis.json"], &["tune.warm_starts, 1", "unknown parameter `lidar.powr`"]),
+        (
+            &["--warm-start=good.json", "--warm-start=count.json"],
+            &["tune.warm_starts, 2", "lidar.shots = 1.5 must be a whole number"],
+        ),
+        (&["--warm-start=text.json"], &["text.json", "lidar.power = \"much\" must be a number"]),
+        (&["--set=tune.warm_starts=[{\"lidar.power\" = nan}]"], &["lidar.power = NaN", "finite"]),
+        (&["--warm-start=good.json", "--strategy=paper"], &["tune.warm_starts = 1", "one start"]),
+    ];
+    for (flags, parts) in table {
+        fixture.refuses(&[&["tune", "-c", "small.toml"], flags].concat(), parts);
+    }
+}
+
+#[test]
 fn what_is_fixed_or_bounded_stays_so_where_a_pulse_has_too_much_energy() {
     let fixture = Fixture::new();
     let width = "--tune=lidar.pulse_width=5..20";

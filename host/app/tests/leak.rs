@@ -47,7 +47,14 @@ fn of<'a>(config: &'a RunConfig, dataset: &'a Dataset, sensors: &'a Sensors) -> 
     let start = Parameters::start(config, &config.hardware()).expect("a start");
     let (tune, preset) = (&config.tune, config.registration.preset);
     let space = Space::new(tune.protocol, tune.lidar, preset, start, config.hardware());
-    TuneSearch { config, bench: Bench { dataset, sensors }, space, start, stop: &NEVER }
+    TuneSearch {
+        config,
+        bench: Bench { dataset, sensors },
+        space,
+        start,
+        warm_starts: Vec::new(),
+        stop: &NEVER,
+    }
 }
 
 /// What a search leaves: its journal and its choice, to the byte.

@@ -1,16 +1,12 @@
 //! `echoloop evaluate`.
 
-use std::collections::BTreeMap;
 use std::fmt::Display;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
-use echoloop_files::{MOST_TEXT, read_text, shown, text_from};
-use serde::Deserialize;
-use serde_json::Value;
 
 use super::axis_flags::AxisFlags;
-use super::candidate::number;
+use super::candidate::candidate_values;
 use super::common::{Setup, on_threads};
 use super::exit::{self, Failure};
 use super::method_choice::MethodChoice;
@@ -55,16 +51,10 @@ pub(crate) struct EvaluateArgs {
     require_recall: Option<f64>,
 }
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Candidate {
-    parameters: BTreeMap<String, Value>,
-}
-
 pub(super) fn run(args: &EvaluateArgs) -> Result<(), Failure> {
     let own = args.method.overrides().into_iter().chain(args.axes.overrides()?);
     let config = args.setup.source.load(own.collect())?;
-    let values = values(args)?;
+    let values = args.candidate.as_deref().map(candidate_values).transpose()?.unwrap_or_default();
     on_threads(args.setup.common.threads, || judge(args, config, &values))?
 }
 
@@ -84,29 +74,6 @@ impl EvaluateArgs {
             None => Failure::usage(problem),
         }
     }
-}
-
-fn values(args: &EvaluateArgs) -> Result<Values, Failure> {
-    let Some(path) = &args.candidate else { return Ok(Values::new()) };
-    let candidate: Candidate = parse(path, &read(path)?)?;
-    let value = |(name, given): (String, Value)| {
-        number(&name, &given).map(|value| (name, value)).map_err(|problem| args.refused(problem))
-    };
-    candidate.parameters.into_iter().map(value).collect()
-}
-
-fn read(path: &Path) -> Result<String, Failure> {
-    let fail = |error| Failure::usage(format!("cannot read {}: {error}", path.display()));
-    let is_stdin = path == Path::new("-");
-    if is_stdin { text_from(std::io::stdin(), MOST_TEXT) } else { read_text(path, MOST_TEXT) }
-        .map_err(fail)
-}
-
-fn parse<'a, T: Deserialize<'a>>(path: &Path, text: &'a str) -> Result<T, Failure> {
-    let fail = |error: serde_json::Error| {
-        Failure::usage(format!("{}: {}", path.display(), shown(&error.to_string())))
-    };
-    serde_json::from_str(text).map_err(fail)
 }
 
 fn judge(args: &EvaluateArgs, config: RunConfig, values: &Values) -> Result<(), Failure> {

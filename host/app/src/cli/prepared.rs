@@ -44,6 +44,7 @@ pub(super) struct Met {
     pub(super) config: RunConfig,
     /// Where the configuration starts.
     pub(super) start: Parameters,
+    warm_starts: Vec<Parameters>,
     space: Space,
     /// As the sensor says.
     pub(super) hardware: Hardware,
@@ -64,7 +65,8 @@ impl Met {
         let (hardware, sensor) = (identity.hardware, described(&sensors, &identity));
         let start = Parameters::start(&config, &hardware).map_err(Failure::usage)?;
         let space = space(&config, start, hardware)?;
-        Ok(Self { config, start, space, hardware, sensors, sensor })
+        let warm_starts = warm_starts(&config, &space)?;
+        Ok(Self { config, start, warm_starts, space, hardware, sensors, sensor })
     }
 
     /// Traces the scans.
@@ -76,8 +78,8 @@ impl Met {
 
     /// Takes scans that were traced before.
     pub(super) fn with(self, dataset: Dataset) -> Prepared {
-        let Self { config, start, space, hardware, sensors, sensor } = self;
-        Prepared { config, dataset, start, space, hardware, sensors, sensor }
+        let Self { config, start, warm_starts, space, hardware, sensors, sensor } = self;
+        Prepared { config, dataset, start, warm_starts, space, hardware, sensors, sensor }
     }
 
     /// Registrations that a search takes about: those of its stages, and some at the end of each.
@@ -101,6 +103,8 @@ pub(super) struct Prepared {
     pub(super) config: RunConfig,
     pub(super) dataset: Dataset,
     pub(super) start: Parameters,
+    /// Where a search may begin instead.
+    warm_starts: Vec<Parameters>,
     /// What a search of this configuration moves.
     pub(super) space: Space,
     /// As the sensor says.
@@ -134,8 +138,14 @@ impl Prepared {
     }
 
     pub(super) fn search<'a>(&'a self, stop: &'a AtomicBool) -> TuneSearch<'a> {
-        let (start, space) = (self.start, self.space.clone());
-        TuneSearch { config: &self.config, bench: self.bench(), space, start, stop }
+        TuneSearch {
+            config: &self.config,
+            bench: self.bench(),
+            space: self.space.clone(),
+            start: self.start,
+            warm_starts: self.warm_starts.clone(),
+            stop,
+        }
     }
 }
 
@@ -148,6 +158,16 @@ pub(super) fn space(
     let (tune, preset) = (&config.tune, config.registration.preset);
     let space = Space::new(tune.protocol, tune.lidar, preset, start, hardware);
     space.with_own(&tune.axes).map_err(Failure::usage)
+}
+
+/// The warm starts of a configuration, as this search's parameters.
+fn warm_starts(config: &RunConfig, space: &Space) -> Result<Vec<Parameters>, Failure> {
+    let each = config.tune.warm_starts.iter().enumerate();
+    each.map(|(i, values)| {
+        let refused = |error| Failure::usage(format!("tune.warm_starts, {}: {error}", i + 1));
+        space.warm_start(values, config).map_err(refused)
+    })
+    .collect()
 }
 
 /// Reads `--require-recall`.

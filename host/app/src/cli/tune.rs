@@ -8,6 +8,7 @@ use echoloop_dsp::ScanPattern;
 use echoloop_keys::{Kind, Must};
 
 use super::axis_flags::AxisFlags;
+use super::candidate::candidate_values;
 use super::common::{Setup, on_threads};
 use super::exit::{self, Failure, print};
 use super::figures::print_table;
@@ -19,6 +20,7 @@ use super::progress::Progress;
 use super::report::write_page;
 use super::shown_pair::write_clouds;
 use super::table_format::{TableFormat, csv};
+use super::tuned_run::tuned_values;
 use crate::desk::judged;
 use crate::experiment::about::About;
 use crate::experiment::compare::Comparison;
@@ -74,6 +76,11 @@ pub(crate) struct TuneArgs {
     /// Candidates a generation; 0: as many as there are parameters.
     #[arg(long, value_name = "N", value_parser = number_of::<u32>("tune.population"))]
     population: Option<u32>,
+    /// Where the search may begin, too: at what a run tuned, or at the parameters of a JSON file as
+    /// `evaluate --candidate` has them. It begins at the best on the training pairs. May be given
+    /// again.
+    #[arg(long, value_name = "RUN|FILE")]
+    warm_start: Vec<PathBuf>,
     /// Then search for a front of error against a cost of a scan [default cost: energy].
     #[arg(long, value_name = "COST", num_args = 0..=1, default_missing_value = "energy")]
     pareto: Option<CostKind>,
@@ -91,7 +98,7 @@ pub(crate) struct TuneArgs {
         conflicts_with_all = [
             "config", "run", "set", "scene", "seed", "method", "mode", "refine", "strategy",
             "objective", "minimise", "at_most_error", "protocol", "lidar", "preset", "tune", "fix",
-            "population", "pareto", "points", "runs",
+            "population", "pareto", "points", "runs", "warm_start",
         ],
     )]
     resume: Option<PathBuf>,
@@ -134,9 +141,20 @@ impl TuneArgs {
         flag("registration.preset", self.preset.map(toml_name));
         flag("tune.generations", self.generations.map(|n| i64::from(n).into()));
         flag("tune.population", self.population.map(|n| i64::from(n).into()));
+        let warm_starts = self.warm_starts()?;
+        flag("tune.warm_starts", (!warm_starts.is_empty()).then(|| warm_starts.into()));
         flag("front.cost", self.pareto.map(toml_name));
         flag("front.points", self.points.map(|n| i64::from(n).into()));
         self.setup.source.load(own)
+    }
+
+    /// What `--warm-start` names, each as a table.
+    fn warm_starts(&self) -> Result<Vec<toml::Value>, Failure> {
+        let table = |path: &PathBuf| {
+            let values = if path.is_dir() { tuned_values(path) } else { candidate_values(path) }?;
+            toml::Value::try_from(values).map_err(Failure::run)
+        };
+        self.warm_start.iter().map(table).collect()
     }
 
     /// A run's configuration with more generations, where they are asked for.

@@ -1,5 +1,6 @@
 //! What a run tuned, as a configuration to begin with.
 
+use std::fmt::Display;
 use std::path::Path;
 
 use echoloop_files::{read_text, shown};
@@ -22,10 +23,17 @@ struct Earlier {
 /// The configuration of a run, starting with the parameters that it tuned.
 pub(super) fn tuned_config(run: &Path) -> Result<RunConfig, Failure> {
     let config = load(Some(&run.join(CONFIG)), &[]).map_err(Failure::usage)?;
+    let values = tuned_values(run)?;
+    let hardware = config.hardware();
+    let start = Parameters::start(&config, &hardware).map_err(Failure::usage)?;
+    let refused = |error| of_result(&run.join(RESULT), &error);
+    let tuned = start.with_values(&values, &config, &hardware).map_err(refused)?;
+    Ok(tuned.as_start_of(&config))
+}
+
+/// The parameters that a run tuned, by name.
+pub(super) fn tuned_values(run: &Path) -> Result<Values, Failure> {
     let path = run.join(RESULT);
-    let named = |problem: &dyn std::fmt::Display| {
-        Failure::usage(format!("{}: {}", path.display(), shown(&problem.to_string())))
-    };
     let text = read_text(&path, MOST_RESULT).map_err(|error| {
         Failure::usage(format!(
             "cannot read {}: {error} (a run that was interrupted goes on with `echoloop tune \
@@ -33,9 +41,11 @@ pub(super) fn tuned_config(run: &Path) -> Result<RunConfig, Failure> {
             path.display()
         ))
     })?;
-    let earlier: Earlier = serde_json::from_str(&text).map_err(|error| named(&error))?;
-    let hardware = config.hardware();
-    let start = Parameters::start(&config, &hardware).map_err(Failure::usage)?;
-    let tuned = start.with_values(&earlier.tuned, &config, &hardware).map_err(|e| named(&e))?;
-    Ok(tuned.as_start_of(&config))
+    let earlier: Earlier = serde_json::from_str(&text).map_err(|error| of_result(&path, &error))?;
+    Ok(earlier.tuned)
+}
+
+/// What is wrong with a run's result.
+fn of_result(path: &Path, problem: &impl Display) -> Failure {
+    Failure::usage(format!("{}: {}", path.display(), shown(&problem.to_string())))
 }

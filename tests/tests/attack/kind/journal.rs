@@ -91,7 +91,14 @@ impl Subject {
         let start = Parameters::start(&self.config, &HARDWARE).expect("a start");
         let space = Space::new(tune.protocol, tune.lidar, preset, start, HARDWARE);
         let bench = Bench { dataset: &self.dataset, sensors: &self.sensors };
-        TuneSearch { config: &self.config, bench, space, start, stop: &NEVER }
+        TuneSearch {
+            config: &self.config,
+            bench,
+            space,
+            start,
+            warm_starts: Vec::new(),
+            stop: &NEVER,
+        }
     }
 
     /// The search that nothing happens to.

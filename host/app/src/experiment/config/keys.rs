@@ -5,6 +5,7 @@ use echoloop_frontend::{Receiver, Weather};
 use echoloop_keys::{Key, Kind, Must};
 
 use super::registration::OWN_KEYS;
+use super::tune::WARM_STARTS;
 use super::{
     DataConfig, DetectorConfig, EmitterConfig, FrontConfig, Motion, ScannerConfig, SceneConfig,
     TuneConfig, Weights,
@@ -19,7 +20,7 @@ const RUN: &[Key] = &[Key {
 }];
 
 /// A section with a key for each parameter of a search.
-const AXES: &[Key] = &[Key {
+const AXES: Key = Key {
     name: "tune.axes",
     unit: "",
     kind: Kind::Text,
@@ -27,7 +28,9 @@ const AXES: &[Key] = &[Key {
         "of a parameter, as lidar.power: fixed, free, or bounds as 1..100 or 1..100,log",
     ),
     help: "Which parameters are searched, and how far, where that is not as usual.",
-}];
+};
+
+const OF_PARAMETERS: &[Key] = &[AXES, WARM_STARTS];
 
 /// The keys, in the order of the file.
 pub fn keys() -> impl Iterator<Item = &'static Key> {
@@ -41,7 +44,7 @@ pub fn keys() -> impl Iterator<Item = &'static Key> {
         OWN_KEYS,
         TuneConfig::KEYS,
         Weights::KEYS,
-        AXES,
+        OF_PARAMETERS,
         FrontConfig::KEYS,
         Receiver::KEYS,
         Weather::KEYS,

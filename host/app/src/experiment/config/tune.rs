@@ -1,6 +1,8 @@
 //! `[tune]`: how to search.
 
-use echoloop_keys::{Must, Refused, section};
+use std::collections::BTreeMap;
+
+use echoloop_keys::{Key, Kind, Must, Refused, section};
 use serde::{Deserialize, Serialize};
 
 use super::axes::OwnAxes;
@@ -59,8 +61,21 @@ section! {
         /// Which parameters are searched, and how far, where that is not as usual.
         #[serde(skip_serializing_if = "OwnAxes::is_empty")]
         pub axes: OwnAxes,
+        /// Parameters by name, each set of them one that the search may begin at instead of the
+        /// start.
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        pub warm_starts: Vec<BTreeMap<String, f64>>,
     }
 }
+
+/// Tables with a key for each parameter that is to begin elsewhere.
+pub(super) const WARM_STARTS: Key = Key {
+    name: "tune.warm_starts",
+    unit: "",
+    kind: Kind::Text,
+    must: Must::Read("tables of parameters by name, as [{\"lidar.power\" = 5}]"),
+    help: "Where the search may begin, too, as tuned elsewhere: the best on the training pairs.",
+};
 
 impl Default for TuneConfig {
     fn default() -> Self {
@@ -89,6 +104,7 @@ impl TuneConfig {
             at_most_error: 1.2,
             weights: Weights::default(),
             axes: OwnAxes::default(),
+            warm_starts: Vec::new(),
         };
         match strategy {
             Strategy::Fast => fast,
@@ -131,6 +147,10 @@ impl TuneConfig {
                 }
                 _ => {}
             }
+        }
+        if !self.warm_starts.is_empty() && self.strategy == Strategy::Paper {
+            let expected = "none with tune.strategy = paper, which has one start";
+            return Err(WARM_STARTS.refused(self.warm_starts.len(), expected));
         }
         self.weights.check_keys()
     }

@@ -38,6 +38,14 @@ pub enum ValueError {
         /// Its value.
         value: f64,
     },
+    /// No number to begin at.
+    #[error("{name} = {value} must be finite")]
+    NotFinite {
+        /// The parameter.
+        name: String,
+        /// Its value.
+        value: f64,
+    },
     /// Not a setting of the chosen method.
     #[error("registration.{key} is no setting of {method}")]
     NotOfMethod {

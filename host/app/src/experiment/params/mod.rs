@@ -257,6 +257,41 @@ impl Space {
             .collect()
     }
 
+    /// Where a search may begin instead: at named values of its axes, brought within their bounds
+    /// and the joint constraints as a candidate is. All else stays where it starts.
+    ///
+    /// # Errors
+    ///
+    /// [`ValueError`] names the first that is no parameter, not finite or no whole number.
+    pub fn warm_start<'a>(
+        &self,
+        values: &Values,
+        ranges: impl Into<Ranges<'a>>,
+    ) -> Result<Parameters, ValueError> {
+        let ranges = ranges.into();
+        let mut point = self.start_point();
+        for (given, &value) in values {
+            let name = &theta_reg::current_name(given);
+            let known = self.start.values(ranges);
+            let is_lidar = name.strip_prefix("lidar.").and_then(ParameterId::by_name).is_some();
+            if !(is_lidar || known.contains_key(name)) {
+                let known: Vec<String> = known.into_keys().collect();
+                return Err(ValueError::Unknown(shown(given), known.join(", ")));
+            }
+            if !value.is_finite() {
+                return Err(ValueError::NotFinite { name: name.clone(), value });
+            }
+            if is_whole(name) && value.fract() != 0.0 {
+                return Err(ValueError::Fraction { name: name.clone(), value });
+            }
+            let mut axes = self.axes.iter().zip(&mut point);
+            if let Some((axis, coordinate)) = axes.find(|(axis, _)| axis.name == name) {
+                *coordinate = axis.to_cube(value);
+            }
+        }
+        Ok(self.parameters(&point).0)
+    }
+
     /// What is not searched stays where it starts, what is searched within its bounds.
     fn limits(&self) -> Limits {
         let settings = &self.start.settings;

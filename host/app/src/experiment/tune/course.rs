@@ -110,7 +110,8 @@ impl<'a> Course<'a> {
         Ok(self.tuned(parameters, origin, vec![finalist], optimizer.as_ref(), &[]))
     }
 
-    /// Searches one after the other, each from the winner of the one before.
+    /// Searches one after the other, each from the winner of the one before, the first from the
+    /// best of start and warm starts.
     fn fast(&mut self) -> Result<Tuned, TuneError> {
         let search = self.search;
         let stages = search.stages();
@@ -122,6 +123,13 @@ impl<'a> Course<'a> {
             self.turns = harder_oftener(&self.losses_of_start());
         }
         let mut winners = vec![at];
+        if !stages.is_empty() && !search.warm_starts.is_empty() {
+            let each = search.warm_starts.iter().enumerate();
+            let warm = each.map(|(i, who)| race.enter(format!("warm start {}", i + 1), *who));
+            let warm = warm.collect();
+            at = self.winner(&mut race, at, warm)?;
+            winners.push(at);
+        }
         let mut last = None;
         for (number, stage) in stages.iter().enumerate() {
             let base = search.space.point(race.parameters(at));

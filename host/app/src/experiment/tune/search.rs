@@ -122,6 +122,8 @@ pub struct TuneSearch<'a> {
     pub space: Space,
     /// Where it starts.
     pub start: Parameters,
+    /// Where it may begin instead, if that is better.
+    pub warm_starts: Vec<Parameters>,
     /// Set from outside to stop.
     pub stop: &'a AtomicBool,
 }
