@@ -10,6 +10,7 @@ mod cell;
 mod front;
 mod record;
 mod table;
+mod warm;
 
 use std::fs;
 use std::path::Path;
@@ -87,7 +88,9 @@ impl Study {
         for (number, cell) in left.iter().enumerate() {
             eprintln!("{} of {}: {cell}", number + 1, left.len());
             let line = |result: &Value| Line::new(cell.clone(), stamp()?, result);
-            match measured(&cell.to_string(), cell.arguments(), line) {
+            let made = arguments(cell, record)
+                .and_then(|arguments| measured(&cell.to_string(), arguments, line));
+            match made {
                 Ok(line) => append(record, &line)?,
                 Err(error) => failed.push(format!("{cell}: {error:#}")),
             }
@@ -125,14 +128,18 @@ impl Study {
                 for method in chosen(&self.method) {
                     for scene in chosen(&self.scene) {
                         for strategy in chosen(&self.strategy) {
-                            cells.extend(chosen(&self.protocol).into_iter().map(|protocol| Cell {
+                            let cell = |protocol| Cell {
                                 strategy,
                                 protocol,
                                 method,
                                 scene,
                                 condition,
                                 seed,
-                            }));
+                            };
+                            // A warm start in its own towns would say nothing of others.
+                            if strategy != Strategy::Warm || seed != warm::SEED {
+                                cells.extend(chosen(&self.protocol).into_iter().map(cell));
+                            }
                         }
                     }
                 }
@@ -140,6 +147,16 @@ impl Study {
         }
         cells
     }
+}
+
+/// What `echoloop tune` is told of a cell.
+fn arguments(cell: &Cell, record: &Path) -> Result<Vec<String>> {
+    let mut arguments = cell.arguments();
+    if cell.strategy == Strategy::Warm {
+        let folder = built(&workspace()?).join("study/warm");
+        arguments.extend(warm::flags(cell, &lines(record)?, &folder)?);
+    }
+    Ok(arguments)
 }
 
 /// The values asked for, or all.

@@ -1,6 +1,8 @@
 //! The record: a line for each cell that is done.
 
-use anyhow::{Result, anyhow};
+use std::collections::BTreeMap;
+
+use anyhow::{Context, Result, anyhow};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -21,6 +23,9 @@ pub(super) struct Line {
     pub(super) registrations: u64,
     /// What was chosen: a finalist's origin.
     pub(super) origin: String,
+    /// The parameters chosen, by name; older lines do not have them.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub(super) parameters: BTreeMap<String, f64>,
     /// The start on the held-out pairs.
     pub(super) start: Judged,
     /// What was tuned.
@@ -52,6 +57,8 @@ impl Line {
                 .as_u64()
                 .ok_or_else(|| missing("registrations"))?,
             origin: result["origin"].as_str().ok_or_else(|| missing("origin"))?.to_owned(),
+            parameters: serde_json::from_value(result["tuned"].clone())
+                .context("the result's parameters")?,
             start: Judged::new(&result["default_summary"]).ok_or_else(|| missing("start"))?,
             tuned: Judged::new(&result["tuned_summary"]).ok_or_else(|| missing("tuned"))?,
         })
@@ -121,7 +128,7 @@ mod tests {
             })
         };
         let result = json!({
-            "registrations": 7, "origin": "start",
+            "registrations": 7, "origin": "start", "tuned": {"lidar.power": 75.0},
             "default_summary": summary(1.0), "tuned_summary": summary(0.01),
         });
         let line = Line::new(cell(3), "abc".into(), &result).unwrap();

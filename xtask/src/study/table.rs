@@ -52,7 +52,9 @@ fn rows(text: &mut String, scene: Scene, lines: &[&Line]) {
             |line: &&&Line| (line.cell.strategy, line.cell.protocol) == (strategy, protocol);
         lines.iter().filter(is_asked).copied().collect()
     };
-    for strategy in [Strategy::Paper, Strategy::Short, Strategy::Fast, Strategy::Thrift] {
+    for strategy in
+        [Strategy::Paper, Strategy::Short, Strategy::Warm, Strategy::Fast, Strategy::Thrift]
+    {
         for protocol in [Protocol::Lidar, Protocol::Registration, Protocol::Joint] {
             let runs = of(strategy, protocol);
             if runs.is_empty() {
@@ -70,8 +72,8 @@ fn rows(text: &mut String, scene: Scene, lines: &[&Line]) {
             };
             let half = |half| (protocol == Protocol::Joint).then(|| beside(strategy, half))?;
             // One that searched for the least energy was not after the paper's error.
-            let is_for_error = matches!(strategy, Strategy::Fast | Strategy::Short);
-            let papers = || is_for_error.then(|| beside(Strategy::Paper, protocol))?;
+            let is_beside = !matches!(strategy, Strategy::Paper | Strategy::Thrift);
+            let papers = || is_beside.then(|| beside(Strategy::Paper, protocol))?;
             let gains = [
                 against(&runs, |line| Some(&line.start)),
                 half(Protocol::Registration),
@@ -157,7 +159,15 @@ mod tests {
             seed,
         };
         let (made, origin) = ("today".into(), "start".into());
-        Line { cell, made, registrations: 900, origin, start: judged(start), tuned: judged(tuned) }
+        Line {
+            cell,
+            made,
+            registrations: 900,
+            origin,
+            parameters: BTreeMap::new(),
+            start: judged(start),
+            tuned: judged(tuned),
+        }
     }
 
     #[test]
