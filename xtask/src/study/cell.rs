@@ -105,23 +105,15 @@ impl Cell {
 
 impl Strategy {
     fn arguments(self) -> Vec<String> {
+        let short = |generations| {
+            let few = ["--set=tune.pairs_per_generation=1", "--set=tune.shortlist=1"];
+            ["--strategy=fast", "--objective=error", generations, few[0], few[1]]
+        };
         // The lowest error is asked for, so that what is compared is what was searched for.
         let arguments: &[&str] = match self {
             Self::Fast => &["--strategy=fast", "--objective=error"],
-            Self::Short => &[
-                "--strategy=fast",
-                "--objective=error",
-                "--generations=22",
-                "--set=tune.pairs_per_generation=1",
-                "--set=tune.shortlist=1",
-            ],
-            Self::Warm => &[
-                "--strategy=fast",
-                "--objective=error",
-                "--generations=18",
-                "--set=tune.pairs_per_generation=1",
-                "--set=tune.shortlist=1",
-            ],
+            Self::Short => &short("--generations=22"),
+            Self::Warm => &short("--generations=18"),
             Self::Paper => &["--strategy=paper", "--objective=error"],
             Self::Thrift => &["--strategy=fast", "--minimise=energy", "--at-most-error=1.2x"],
         };

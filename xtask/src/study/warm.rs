@@ -23,7 +23,10 @@ pub(super) fn flags(cell: &Cell, lines: &[Line], folder: &Path) -> Result<Vec<St
     let flag = |&scene: &Scene| {
         let tuned = source(cell, scene);
         let line = lines.iter().find(|line| line.cell == tuned && !line.parameters.is_empty());
-        let line = line.with_context(|| format!("the record has no parameters of {tuned}"))?;
+        let line = line.with_context(|| {
+            let ask = format!("--strategy fast --protocol joint --seed {SEED}");
+            format!("no parameters of {tuned}: run cargo xtask study {ask} before")
+        })?;
         let path = folder.join(format!("{}-{scene}.json", cell.method));
         fs::write(&path, json!({ "parameters": line.parameters }).to_string())
             .with_context(|| format!("cannot write {}", path.display()))?;
@@ -50,11 +53,13 @@ mod tests {
         let asked = Cell {
             strategy: Strategy::Warm,
             method,
+            protocol: Protocol::Joint,
+            scene: Scene::Structured,
+            condition: Condition::Fog,
             seed: 3,
-            ..source_of(method, Scene::Structured)
         };
         let line = |scene: Scene| Line {
-            cell: source_of(method, scene),
+            cell: source(&asked, scene),
             made: String::new(),
             registrations: 1,
             origin: String::new(),
@@ -69,13 +74,8 @@ mod tests {
         let path = flags[2].strip_prefix("--warm-start=").unwrap();
         assert!(path.ends_with("gicp-unstructured.json"), "{path}");
         assert_eq!(fs::read_to_string(path).unwrap(), r#"{"parameters":{"lidar.power":2.0}}"#);
-        lines.remove(1);
+        lines[1].parameters.clear();
         let error = super::flags(&asked, &lines, folder.path()).unwrap_err().to_string();
         assert!(error.contains("fast joint gicp semi-structured clear seed 1"), "{error}");
-    }
-
-    fn source_of(method: Method, scene: Scene) -> Cell {
-        let (strategy, protocol) = (Strategy::Fast, Protocol::Joint);
-        Cell { strategy, protocol, method, scene, condition: Condition::Clear, seed: SEED }
     }
 }
