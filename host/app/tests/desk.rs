@@ -169,6 +169,11 @@ fn a_search_begins_at_the_best_of_its_start_and_what_was_tuned_elsewhere() {
     for candidate in first["candidates"].as_array().expect("candidates") {
         assert_eq!(candidate["values"]["lidar.power"], 60.0);
     }
+    // Who begins with what this run tuned has nothing of where it came from.
+    let gicp = ["evaluate", "-q", "--run", RUN, "--method", "gicp"];
+    fixture.succeed(&gicp);
+    let tuned = fixture.succeed(&["config", "--run", RUN]);
+    assert!(!tuned.stdout.contains("warm_starts"), "{}", tuned.stdout);
     // The run has them itself: nothing of where they came from is asked for again.
     fs::remove_file(fixture.path("dark.json")).expect("a file");
     fs::remove_dir_all(elsewhere).expect("a folder");
@@ -183,13 +188,14 @@ fn a_warm_start_that_is_none_is_refused_before_anything_is_made() {
     fixture.write("count.json", r#"{"parameters": {"lidar.shots": 1.5}}"#);
     fixture.write("text.json", r#"{"parameters": {"lidar.power": "much"}}"#);
     fixture.write("good.json", r#"{"parameters": {"lidar.power": 10}}"#);
-    let table: [(&[&str], &[&str]); 6] = [
+    let table: [(&[&str], &[&str]); 7] = [
         (&["--warm-start=none.json"], &["cannot read none.json"]),
         (&["--warm-start=axis.json"], &["tune.warm_starts, 1", "unknown parameter `lidar.powr`"]),
         (
             &["--warm-start=good.json", "--warm-start=count.json"],
             &["tune.warm_starts, 2", "lidar.shots = 1.5 must be a whole number"],
         ),
+        (&["--warm-start=-", "--warm-start=-"], &["standard input can be read once"]),
         (&["--warm-start=text.json"], &["text.json", "lidar.power = \"much\" must be a number"]),
         (&["--set=tune.warm_starts=[{\"lidar.power\" = nan}]"], &["lidar.power = NaN", "finite"]),
         (&["--warm-start=good.json", "--strategy=paper"], &["tune.warm_starts = 1", "one start"]),

@@ -15,7 +15,7 @@ use super::figures::print_table;
 use super::interrupt::stop_on_interrupt;
 use super::method_choice::{MethodChoice, toml_name};
 use super::number::{flag, number_of, read};
-use super::prepared::{Prepared, percent, require_recall};
+use super::prepared::{Met, Prepared, percent, require_recall};
 use super::progress::Progress;
 use super::report::write_page;
 use super::shown_pair::write_clouds;
@@ -77,8 +77,8 @@ pub(crate) struct TuneArgs {
     #[arg(long, value_name = "N", value_parser = number_of::<u32>("tune.population"))]
     population: Option<u32>,
     /// Where the search may begin, too: at what a run tuned, or at the parameters of a JSON file as
-    /// `evaluate --candidate` has them. It begins at the best on the training pairs. May be given
-    /// again.
+    /// `evaluate --candidate` has them; - is standard input. It begins at the best on the training
+    /// pairs. May be given again.
     #[arg(long, value_name = "RUN|FILE")]
     warm_start: Vec<PathBuf>,
     /// Then search for a front of error against a cost of a scan [default cost: energy].
@@ -150,6 +150,9 @@ impl TuneArgs {
 
     /// What `--warm-start` names, each as a table.
     fn warm_starts(&self) -> Result<Vec<toml::Value>, Failure> {
+        if self.warm_start.iter().filter(|path| path.as_os_str() == "-").count() > 1 {
+            return Err(Failure::usage("--warm-start -: standard input can be read once"));
+        }
         let table = |path: &PathBuf| {
             let values = if path.is_dir() { tuned_values(path) } else { candidate_values(path) }?;
             toml::Value::try_from(values).map_err(Failure::run)
@@ -199,7 +202,9 @@ fn tune(
         RunFolder::check(&runs)?;
     }
     // What cannot run leaves no folder, and `latest` where it was.
-    let prepared = Prepared::new(config, &args.setup.sensor, &progress)?;
+    let met = Met::new(config, &args.setup.sensor, &progress)?;
+    let warm_starts = met.warm_starts()?;
+    let prepared = Prepared { warm_starts, ..met.traced(&progress)? };
     let folder = resumed.map_or_else(|| new_folder(&runs, &prepared.config), Ok)?;
     let search = prepared.search(stop);
     let (mut journal, done) = match &begun {

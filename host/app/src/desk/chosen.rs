@@ -64,6 +64,9 @@ fn origin(result: &RunResult, last: &Generation) -> String {
         "lidar alone" => {
             format!("the choice is the tuned sensor with the start’s registration, which {raced}")
         }
+        warm if warm.starts_with("warm start ") => {
+            format!("the choice is what was tuned elsewhere ({warm}), which {raced}")
+        }
         mean if mean.ends_with(", mean") => {
             format!("the choice is the mean of an earlier search ({mean}), which {raced}")
         }
@@ -142,5 +145,7 @@ mod tests {
         assert!(told("start", [99.0, 99.0, 99.0], [0.0; 3]).is_empty());
         let start = told("start", [99.0, 10.0, 50.0], [0.1; 3]);
         assert!(start[0].contains("the choice is the start itself"), "{start:?}");
+        let warm = told("warm start 2", [99.0, 10.0, 50.0], [0.1; 3]);
+        assert!(warm[0].contains("was tuned elsewhere (warm start 2), which won"), "{warm:?}");
     }
 }

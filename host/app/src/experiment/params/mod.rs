@@ -89,6 +89,7 @@ impl Parameters {
         let mut config = config.clone();
         config.lidar.0 = self.settings;
         config.tune.extended_to = None; // a run that starts here has gone nowhere yet
+        config.tune.warm_starts.clear(); // what they had to give is in these
         for axis in self.registration_axes(&config) {
             let key = axis.name.strip_prefix(theta_reg::SECTION).unwrap_or(axis.name);
             if let Some(value) = self.registration.get(axis.name) {
@@ -155,13 +156,17 @@ impl Parameters {
             if !(is_finite_lidar || axes.iter().any(|axis| axis.name == name))
                 || !self.set(name, value)
             {
-                let known: Vec<String> = self.values(ranges).into_keys().collect();
-                return Err(ValueError::Unknown(shown(given), known.join(", ")));
+                return Err(self.unknown(given, ranges));
             }
         }
         self.settings.check(hardware)?;
         self.registration.check()?;
         Ok(self)
+    }
+
+    fn unknown(&self, given: &str, ranges: Ranges<'_>) -> ValueError {
+        let known: Vec<String> = self.values(ranges).into_keys().collect();
+        ValueError::Unknown(shown(given), known.join(", "))
     }
 }
 
@@ -269,14 +274,13 @@ impl Space {
         ranges: impl Into<Ranges<'a>>,
     ) -> Result<Parameters, ValueError> {
         let ranges = ranges.into();
-        let mut point = self.start_point();
-        for (given, &value) in values {
-            let name = &theta_reg::current_name(given);
-            let known = self.start.values(ranges);
-            let is_lidar = name.strip_prefix("lidar.").and_then(ParameterId::by_name).is_some();
-            if !(is_lidar || known.contains_key(name)) {
-                let known: Vec<String> = known.into_keys().collect();
-                return Err(ValueError::Unknown(shown(given), known.join(", ")));
+        let current = |(name, &value): (&String, &f64)| (theta_reg::current_name(name), value);
+        let values: Values = values.iter().map(current).collect();
+        let registration = self.start.registration_axes(ranges);
+        for (name, &value) in &values {
+            let lidar = name.strip_prefix("lidar.").and_then(ParameterId::by_name);
+            if lidar.is_none() && !registration.iter().any(|axis| axis.name == name) {
+                return Err(self.start.unknown(name, ranges));
             }
             if !value.is_finite() {
                 return Err(ValueError::NotFinite { name: name.clone(), value });
@@ -284,9 +288,11 @@ impl Space {
             if is_whole(name) && value.fract() != 0.0 {
                 return Err(ValueError::Fraction { name: name.clone(), value });
             }
-            let mut axes = self.axes.iter().zip(&mut point);
-            if let Some((axis, coordinate)) = axes.find(|(axis, _)| axis.name == name) {
-                *coordinate = axis.to_cube(value);
+        }
+        let mut point = self.start_point();
+        for (axis, coordinate) in self.axes.iter().zip(&mut point) {
+            if let Some(value) = effective(&values, axis.name) {
+                *coordinate = axis.to_cube(value.clamp(axis.min, axis.max));
             }
         }
         Ok(self.parameters(&point).0)
@@ -376,6 +382,36 @@ mod tests {
         assert_eq!(count(Protocol::Lidar), 8);
         assert_eq!(count(Protocol::Registration), 8);
         assert_eq!(count(Protocol::Joint), 16);
+    }
+
+    #[test]
+    fn a_warm_start_is_brought_within_bounds_and_constraints_and_moves_nothing_else() {
+        let config = RunConfig::default();
+        let preset = config.registration.preset;
+        let start = Parameters::start(&config, &Hardware::REFERENCE).unwrap();
+        let new = |protocol, lidar| Space::new(protocol, lidar, preset, start, Hardware::REFERENCE);
+        let joint = new(Protocol::Joint, LidarPreset::Full);
+        let at = |space: &Space, values: &[(&str, f64)]| {
+            let values = values.iter().map(|&(name, value)| (name.to_owned(), value)).collect();
+            space.warm_start(&values, &config).unwrap()
+        };
+        // 100 W for 20 ns is more than a pulse may have; below an axis is its least value.
+        let far = [("lidar.power", 1e9), ("lidar.pulse_width", 20.0), ("lidar.shots", -2.0)];
+        let found = at(&joint, &[&far[..], &[("registration.voxel_m", -1.0)]].concat());
+        assert_eq!(found.settings.check(&Hardware::REFERENCE), Ok(()));
+        assert_eq!(found.registration.check(), Ok(()));
+        assert_eq!(found.get("lidar.shots"), Some(1.0));
+        let voxel = joint.axes().iter().find(|axis| axis.name == "registration.voxel_m").unwrap();
+        assert_eq!(found.get("registration.voxel_m"), Some(voxel.min));
+        // What followed the pulse where it was tuned follows that pulse.
+        let wide = at(&joint, &[("lidar.pulse_width", 8.0)]);
+        let (usual, _) = joint.parameters(&joint.start_point());
+        assert!(wide.settings.min_separation_mm > usual.settings.min_separation_mm, "{wide:?}");
+        // Half a search takes its half.
+        let half = new(Protocol::Registration, LidarPreset::Full);
+        let found = at(&half, &[("lidar.power", 20.0), ("registration.voxel_m", 0.5)]);
+        assert_eq!(found.settings, start.settings);
+        assert!((found.get("registration.voxel_m").unwrap() - 0.5).abs() < 1e-12);
     }
 
     #[test]

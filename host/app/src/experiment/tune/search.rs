@@ -80,7 +80,8 @@ impl Observer for Silent {}
 /// One of those that were judged on all training pairs at the end.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Finalist {
-    /// Where it comes from: `start`, a stage's `mean`, or generation and candidate.
+    /// Where it comes from: `start`, `warm start N`, a stage's `mean`, generation and candidate, or
+    /// `lidar alone`.
     pub origin: String,
     /// Its parameters.
     #[serde(serialize_with = "written_values")]
