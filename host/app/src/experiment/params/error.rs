@@ -38,7 +38,7 @@ pub enum ValueError {
         /// Its value.
         value: f64,
     },
-    /// No number to begin at.
+    /// Not a number, or without bound.
     #[error("{name} = {value} must be finite")]
     NotFinite {
         /// The parameter.

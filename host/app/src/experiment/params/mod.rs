@@ -144,29 +144,39 @@ impl Parameters {
     ) -> Result<Self, ValueError> {
         let ranges = ranges.into();
         let axes = self.registration_axes(ranges);
-        for (given, &value) in values {
-            let name = &theta_reg::current_name(given);
+        let values = self.recognised(values, &axes)?;
+        for (name, &value) in &values {
             if let Some(axis) = axes.iter().find(|axis| axis.name == name) {
                 axis.require(value)?;
             }
-            let is_finite_lidar = name.starts_with("lidar.") && value.is_finite();
-            if is_finite_lidar && value.fract() != 0.0 && is_whole(name) {
-                return Err(ValueError::Fraction { name: name.clone(), value });
-            }
-            if !(is_finite_lidar || axes.iter().any(|axis| axis.name == name))
-                || !self.set(name, value)
-            {
-                return Err(self.unknown(given, ranges));
-            }
+            self.set(name, value);
         }
         self.settings.check(hardware)?;
         self.registration.check()?;
         Ok(self)
     }
 
-    fn unknown(&self, given: &str, ranges: Ranges<'_>) -> ValueError {
-        let known: Vec<String> = self.values(ranges).into_keys().collect();
-        ValueError::Unknown(shown(given), known.join(", "))
+    /// Named values by their current names, each of a parameter of the sensor or of `registration`,
+    /// finite, and whole where it must be.
+    fn recognised(&self, values: &Values, registration: &[Axis]) -> Result<Values, ValueError> {
+        let named = values.iter().map(|(given, &value)| {
+            let name = theta_reg::current_name(given);
+            let id = name.strip_prefix("lidar.").and_then(ParameterId::by_name);
+            if id.is_none() && !registration.iter().any(|axis| axis.name == name) {
+                let sensor = PARAMETERS.iter().map(|p| format!("lidar.{}", p.name));
+                let own = registration.iter().map(|axis| axis.name.to_owned());
+                let known: Vec<String> = sensor.chain(own).collect();
+                return Err(ValueError::Unknown(shown(given), known.join(", ")));
+            }
+            if !value.is_finite() {
+                return Err(ValueError::NotFinite { name, value });
+            }
+            if is_whole(&name) && value.fract() != 0.0 {
+                return Err(ValueError::Fraction { name, value });
+            }
+            Ok((name, value))
+        });
+        named.collect()
     }
 }
 
@@ -273,22 +283,7 @@ impl Space {
         values: &Values,
         ranges: impl Into<Ranges<'a>>,
     ) -> Result<Parameters, ValueError> {
-        let ranges = ranges.into();
-        let current = |(name, &value): (&String, &f64)| (theta_reg::current_name(name), value);
-        let values: Values = values.iter().map(current).collect();
-        let registration = self.start.registration_axes(ranges);
-        for (name, &value) in &values {
-            let lidar = name.strip_prefix("lidar.").and_then(ParameterId::by_name);
-            if lidar.is_none() && !registration.iter().any(|axis| axis.name == name) {
-                return Err(self.start.unknown(name, ranges));
-            }
-            if !value.is_finite() {
-                return Err(ValueError::NotFinite { name: name.clone(), value });
-            }
-            if is_whole(name) && value.fract() != 0.0 {
-                return Err(ValueError::Fraction { name: name.clone(), value });
-            }
-        }
+        let values = self.start.recognised(values, &self.start.registration_axes(ranges))?;
         let mut point = self.start_point();
         for (axis, coordinate) in self.axes.iter().zip(&mut point) {
             if let Some(value) = effective(&values, axis.name) {
@@ -554,11 +549,15 @@ mod tests {
             );
             assert_eq!(half.err() == Some(fraction), !is_real, "{name}");
         }
-        assert!(with("registration.voxel_m", f64::NAN).is_err());
+        for name in ["registration.voxel_m", "lidar.power"] {
+            for value in [f64::NAN, f64::INFINITY] {
+                let expected = format!("{name} = {value} must be finite");
+                assert_eq!(with(name, value).unwrap_err(), expected);
+            }
+        }
         let mac = space_of(Method::Mac, Protocol::Joint).start;
         let former = Values::from([("registration.max_stretch_m".to_owned(), 0.3)]);
         let mac = mac.with_values(&former, Preset::Outdoor, &Hardware::REFERENCE).unwrap();
         assert_eq!(mac.get("registration.length_tolerance_m"), Some(0.3));
-        assert!(with("lidar.power", f64::NAN).is_err());
     }
 }
