@@ -141,6 +141,13 @@ impl Cell {
         self.ablation.is_none() && self.by_hand.is_none()
     }
 
+    /// Where its search is trained, when that is not where it is judged: a configuration whose
+    /// training pairs are taken. `config` is the cell's own.
+    pub fn trained_in(&self, config: &RunConfig) -> Option<RunConfig> {
+        let switch = self.ablation.filter(|_| self.is_searched())?;
+        switch.trained_in(config, self.scene)
+    }
+
     /// The cell without its switch.
     pub fn plain(&self) -> Self {
         Self { ablation: None, ..*self }
@@ -256,11 +263,12 @@ mod tests {
         for &ablation in Ablation::value_variants() {
             let cell = Cell { ablation: Some(ablation), ..plain };
             let config = cell.config(&base).unwrap();
-            let trained_in = ablation.trained_in(&config, cell.scene);
+            let trained_in = cell.trained_in(&config);
             assert!(config != usual || trained_in.is_some(), "{ablation:?} switches nothing");
+            assert_eq!(cell.untuned().trained_in(&config), None, "it has no search");
             assert_eq!(cell.plain(), plain);
         }
-        let other = Ablation::OtherKind.trained_in(&usual, plain.scene).unwrap();
-        assert_eq!(other.scene.source, "structured");
+        let other = Cell { ablation: Some(Ablation::OtherKind), ..plain };
+        assert_eq!(other.trained_in(&usual).unwrap().scene.source, "structured");
     }
 }

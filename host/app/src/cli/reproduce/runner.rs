@@ -208,8 +208,7 @@ impl<'a> Runner<'a> {
     /// The pairs of a cell; where it is trained elsewhere, the training pairs are from there.
     fn scans(&mut self, cell: &Cell, config: &RunConfig) -> Result<Dataset, Failure> {
         let dataset = self.traced(config)?;
-        let elsewhere = cell.ablation.and_then(|of| of.trained_in(config, cell.scene));
-        match elsewhere {
+        match cell.trained_in(config) {
             Some(other) => Ok(Dataset { train: self.traced(&other)?.train, ..dataset }),
             None => Ok(dataset),
         }
@@ -274,7 +273,6 @@ struct Chosen<'a> {
 fn record(cell: &Cell, prepared: &Prepared, chosen: &Chosen<'_>, summary: Summary) -> Record {
     let (config, [generations, registrations]) = (&prepared.config, chosen.searched);
     let text = toml::to_string(config).unwrap_or_default();
-    let elsewhere = cell.ablation.and_then(|switch| switch.trained_in(config, cell.scene));
     Record {
         format: Record::FORMAT,
         cell: *cell,
@@ -282,7 +280,7 @@ fn record(cell: &Cell, prepared: &Prepared, chosen: &Chosen<'_>, summary: Summar
         version: env!("CARGO_PKG_VERSION").into(),
         build: build(),
         configuration: Checksum::of(&[text.as_bytes()]).to_string(),
-        trained_in: elsewhere.as_ref().filter(|_| cell.is_searched()).map(TrainedIn::from),
+        trained_in: cell.trained_in(config).as_ref().map(TrainedIn::from),
         content: Content::of(config, &prepared.dataset),
         origin: chosen.origin.to_owned(),
         generations,
