@@ -319,6 +319,27 @@ fn switches_make_a_second_table_beside_the_cells_without_them() {
 }
 
 #[test]
+fn a_warm_start_of_the_cells_races_in_each_search_and_what_is_none_fails_its_cell() {
+    let fixture = Fixture::new();
+    let dim = ["--set", "lidar.power=0.02", "--protocol", "joint", "--runs", "table"];
+    let warm = r#"tune.warm_starts=[{"lidar.power" = 60.0, "registration.kernel_width" = 0.1}]"#;
+    let asked = small(&[&dim[..], &["--method", "icp,mac", "--set", warm]].concat());
+    let output = fixture.run(&asked);
+    // MAC has no kernel.
+    assert_eq!(output.code, Some(1), "{}", output.stderr);
+    let refused = "tune.warm_starts, 1: unknown parameter `registration.kernel_width`";
+    assert!(output.stderr.contains(refused), "{}", output.stderr);
+    let run = "table/runs/outdoor-fast-joint-icp-structured/result.json";
+    let result: Value = serde_json::from_slice(&fixture.bytes(run)).expect("a result");
+    let finalists = result["finalists"].as_array().expect("finalists");
+    let fitness = |origin: &str| {
+        let one = finalists.iter().find(|one| one["origin"] == origin).expect(origin);
+        one["fitness"].as_f64().expect("a number")
+    };
+    assert!(fitness("warm start 1") < fitness("start"), "the start has no light");
+}
+
+#[test]
 fn what_the_cells_set_themselves_is_refused_with_the_flag_for_it() {
     let fixture = Fixture::new();
     for (set, flag) in [

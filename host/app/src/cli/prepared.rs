@@ -44,6 +44,7 @@ pub(super) struct Met {
     pub(super) config: RunConfig,
     /// Where the configuration starts.
     pub(super) start: Parameters,
+    warm_starts: Vec<Parameters>,
     space: Space,
     /// As the sensor says.
     pub(super) hardware: Hardware,
@@ -52,7 +53,7 @@ pub(super) struct Met {
 }
 
 impl Met {
-    /// Meets the sensor, checks the start against its hardware.
+    /// Meets the sensor, checks the start against its hardware, and the warm starts.
     pub(super) fn new(
         config: RunConfig,
         choice: &SensorChoice,
@@ -64,17 +65,8 @@ impl Met {
         let (hardware, sensor) = (identity.hardware, described(&sensors, &identity));
         let start = Parameters::start(&config, &hardware).map_err(Failure::usage)?;
         let space = space(&config, start, hardware)?;
-        Ok(Self { config, start, space, hardware, sensors, sensor })
-    }
-
-    /// The warm starts of the configuration, as parameters of its search.
-    pub(super) fn warm_starts(&self) -> Result<Vec<Parameters>, Failure> {
-        let each = self.config.tune.warm_starts.iter().enumerate();
-        each.map(|(i, values)| {
-            let refused = |error| Failure::usage(format!("tune.warm_starts, {}: {error}", i + 1));
-            self.space.warm_start(values, &self.config).map_err(refused)
-        })
-        .collect()
+        let warm_starts = warm_starts(&config, &space)?;
+        Ok(Self { config, start, warm_starts, space, hardware, sensors, sensor })
     }
 
     /// Traces the scans.
@@ -86,8 +78,7 @@ impl Met {
 
     /// Takes scans that were traced before.
     pub(super) fn with(self, dataset: Dataset) -> Prepared {
-        let Self { config, start, space, hardware, sensors, sensor } = self;
-        let warm_starts = Vec::new();
+        let Self { config, start, warm_starts, space, hardware, sensors, sensor } = self;
         Prepared { config, dataset, start, warm_starts, space, hardware, sensors, sensor }
     }
 
@@ -112,8 +103,8 @@ pub(super) struct Prepared {
     pub(super) config: RunConfig,
     pub(super) dataset: Dataset,
     pub(super) start: Parameters,
-    /// Where a search may begin instead; none, unless whoever searches sees to it.
-    pub(super) warm_starts: Vec<Parameters>,
+    /// Where a search may begin instead.
+    warm_starts: Vec<Parameters>,
     /// What a search of this configuration moves.
     pub(super) space: Space,
     /// As the sensor says.
@@ -167,6 +158,16 @@ pub(super) fn space(
     let (tune, preset) = (&config.tune, config.registration.preset);
     let space = Space::new(tune.protocol, tune.lidar, preset, start, hardware);
     space.with_own(&tune.axes).map_err(Failure::usage)
+}
+
+/// The warm starts of a configuration, as parameters of its search.
+fn warm_starts(config: &RunConfig, space: &Space) -> Result<Vec<Parameters>, Failure> {
+    let each = config.tune.warm_starts.iter().enumerate();
+    each.map(|(i, values)| {
+        let refused = |error| Failure::usage(format!("tune.warm_starts, {}: {error}", i + 1));
+        space.warm_start(values, config).map_err(refused)
+    })
+    .collect()
 }
 
 /// Reads `--require-recall`.
