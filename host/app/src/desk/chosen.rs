@@ -3,6 +3,7 @@
 use crate::experiment::journal::Generation;
 use crate::experiment::params::{choices, effective};
 use crate::experiment::run::{AxisRecord, RunResult};
+use crate::experiment::tune::Origin;
 
 /// A sentence for each parameter whose chosen value is not within one standard deviation of where
 /// the search ended, and where the choice comes from; nothing where all are.
@@ -59,34 +60,28 @@ fn outside(
 fn origin(result: &RunResult, last: &Generation) -> String {
     let raced = "won the race on the training pairs, where what the search had passed runs as well \
                  as where it ended";
-    match result.origin.as_str() {
-        "start" => format!("the choice is the start itself, which {raced}"),
-        "lidar alone" => {
+    let written = &result.origin;
+    match Origin::read(written) {
+        Some(Origin::Start) => format!("the choice is the start itself, which {raced}"),
+        Some(Origin::LidarAlone) => {
             format!("the choice is the tuned sensor with the start’s registration, which {raced}")
         }
-        warm if warm.starts_with("warm start ") => {
-            format!("the choice is what was tuned elsewhere ({warm}), which {raced}")
+        Some(Origin::WarmStart(_)) => {
+            format!("the choice is what was tuned elsewhere ({written}), which {raced}")
         }
-        mean if mean.ends_with(", mean") => {
-            format!("the choice is the mean of an earlier search ({mean}), which {raced}")
+        Some(Origin::Mean { .. }) => {
+            format!("the choice is the mean of an earlier search ({written}), which {raced}")
         }
-        candidate => match generation_of(candidate) {
-            Some(number) if number < last.generation => format!(
-                "the choice is an early candidate ({candidate}; the search went on to generation \
-                 {}), which {raced}",
-                last.generation
-            ),
-            _ => format!(
-                "the choice is a single candidate ({candidate}), drawn from the band but not bound \
-                 to it, which {raced}"
-            ),
-        },
+        Some(Origin::Candidate { generation, .. }) if generation < last.generation => format!(
+            "the choice is an early candidate ({written}; the search went on to generation {}), \
+             which {raced}",
+            last.generation
+        ),
+        Some(Origin::Candidate { .. }) | None => format!(
+            "the choice is a single candidate ({written}), drawn from the band but not bound to \
+             it, which {raced}"
+        ),
     }
-}
-
-/// The number in `joint, generation 12, candidate 3`.
-fn generation_of(origin: &str) -> Option<u32> {
-    origin.split(", ").find_map(|part| part.strip_prefix("generation ")?.parse().ok())
 }
 
 /// Three digits.

@@ -13,6 +13,7 @@ use crate::experiment::objective;
 use crate::experiment::params::{self, effective};
 use crate::experiment::preset::ErrorMean;
 use crate::experiment::run::{AxisRecord, Background, RunResult, StageRecord};
+use crate::experiment::tune::Origin;
 use crate::report::{
     self, Bar, CloudLayer, Convergence, Correlation, Costs, EvaluationRow, EvaluationTable,
     FrontDot, Identity, PairClouds, PairError, ParameterTrace, PoseError, Report, RowKind,
@@ -157,7 +158,7 @@ fn convergence(run: &FinishedRun, generations: &[Generation]) -> Convergence {
             .result
             .finalists
             .iter()
-            .find(|f| f.origin == "start")
+            .find(|f| Origin::read(&f.origin) == Some(Origin::Start))
             .map(|f| f.fitness),
         fitness_name: fitness_name(&run.config.tune),
         ..Convergence::default()

@@ -8,6 +8,7 @@
 
 mod course;
 mod judge;
+mod origin;
 mod price;
 mod race;
 mod replay;
@@ -20,6 +21,7 @@ use echoloop_cmaes::Constants;
 #[cfg(doc)]
 use crate::experiment::preset::Strategy;
 pub use judge::Judge;
+pub use origin::Origin;
 pub(super) use price::mean_cost;
 pub use search::{Finalist, Observer, Silent, TuneError, TuneSearch, Tuned};
 pub use stage::{Stage, stages};

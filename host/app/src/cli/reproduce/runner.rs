@@ -21,7 +21,7 @@ use crate::experiment::journal::{Generation, Journal};
 use crate::experiment::params::Parameters;
 use crate::experiment::preset::Protocol;
 use crate::experiment::run::{HISTORY, RunFolder, RunResult};
-use crate::experiment::tune::{Observer, TuneSearch, Tuned};
+use crate::experiment::tune::{Observer, Origin, TuneSearch, Tuned};
 use crate::reproduce::{Base, Cell, Folder, Record, Times, Took, TrainedIn};
 
 /// Returns of all scans that are kept: more than so many, and the oldest scans go.
@@ -151,7 +151,8 @@ impl<'a> Runner<'a> {
         let search = prepared.search(self.stop);
         let summary = search.judge(&search.start, &Steps(self.progress))?;
         let made = summary.pairs;
-        let start = Chosen { parameters: &search.start, origin: "start", searched: [0; 2] };
+        let origin = &Origin::Start.to_string();
+        let start = Chosen { parameters: &search.start, origin, searched: [0; 2] };
         Ok((record(cell, prepared, &start, summary), made))
     }
 

@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use echoloop_cmaes::{CmaEs, CmaEsConfig};
 
 use super::CONSTANTS;
+use super::origin::Origin;
 use super::price::{Price, mean_cost};
 use super::race::Race;
 use super::replay::difference;
@@ -101,7 +102,7 @@ impl<'a> Course<'a> {
         }
         let origin = origin(generation, i);
         let finalist = Finalist {
-            origin: origin.clone(),
+            origin: origin.to_string(),
             values: best.values.clone(),
             fitness: best.fitness,
             pairs: best.errors.len(),
@@ -116,7 +117,7 @@ impl<'a> Course<'a> {
         let search = self.search;
         let stages = search.stages();
         let mut race = Race::new(search);
-        let mut at = race.enter("start".into(), search.start);
+        let mut at = race.enter(Origin::Start, search.start);
         if !stages.is_empty() {
             self.winner(&mut race, at, Vec::new())?;
             self.price.start = race.judged(at).to_vec();
@@ -125,7 +126,7 @@ impl<'a> Course<'a> {
         let mut winners = vec![at];
         if !stages.is_empty() && !search.warm_starts.is_empty() {
             let each = search.warm_starts.iter().enumerate();
-            let warm = each.map(|(i, who)| race.enter(format!("warm start {}", i + 1), *who));
+            let warm = each.map(|(i, who)| race.enter(Origin::WarmStart(i + 1), *who));
             let warm = warm.collect();
             at = self.winner(&mut race, at, warm)?;
             winners.push(at);
@@ -145,7 +146,7 @@ impl<'a> Course<'a> {
             last = Some(optimizer);
         }
         self.ends()?;
-        let origin = race.origin(at).to_owned();
+        let origin = race.origin(at).clone();
         let (parameters, finalists) = (*race.parameters(at), race.finalists(&self.price));
         Ok(self.tuned(parameters, origin, finalists, last.as_ref(), &race.errors()))
     }
@@ -157,10 +158,10 @@ impl<'a> Course<'a> {
         stages: &[Stage],
         race: &Race<'_>,
         at: usize,
-    ) -> Option<(String, Parameters)> {
+    ) -> Option<(Origin, Parameters)> {
         let start = self.search.start;
         let settings = race.parameters(at).settings;
-        (stages.len() > 1).then(|| ("lidar alone".to_owned(), Parameters { settings, ..start }))
+        (stages.len() > 1).then_some((Origin::LidarAlone, Parameters { settings, ..start }))
     }
 
     fn losses_of_start(&self) -> Vec<f64> {
@@ -196,13 +197,13 @@ impl<'a> Course<'a> {
     }
 
     fn untuned(&mut self) -> Tuned {
-        self.tuned(self.search.start, "start".into(), Vec::new(), None, &[])
+        self.tuned(self.search.start, Origin::Start, Vec::new(), None, &[])
     }
 
     fn tuned(
         &mut self,
         parameters: Parameters,
-        origin: String,
+        origin: Origin,
         finalists: Vec<Finalist>,
         optimizer: Option<&CmaEs>,
         raced: &[&PairError],
@@ -212,7 +213,7 @@ impl<'a> Course<'a> {
         let searched = generations.iter().map(|g| g.candidates.len() * g.pairs.len());
         Tuned {
             parameters,
-            origin,
+            origin: origin.to_string(),
             finalists,
             registrations: searched.sum::<usize>() + raced.len(),
             nothing_found,
@@ -358,7 +359,7 @@ impl<'a> Course<'a> {
         stage: &Stage,
         optimizer: &CmaEs,
         base: &[f64],
-    ) -> Vec<(String, Parameters)> {
+    ) -> Vec<(Origin, Parameters)> {
         let space = &self.search.space;
         // The first half of the search was still on its way.
         let own = stage.generations as usize / 2;
@@ -368,7 +369,8 @@ impl<'a> Course<'a> {
         best.sort_by(|a, b| a.0.total_cmp(&b.0));
         best.truncate(self.search.config.tune.shortlist);
         let mean = stage.expanded(optimizer.mean(), base);
-        let mut entrants = vec![(format!("{}, mean", stage.name), space.parameters(&mean).0)];
+        let stage = stage.name.to_owned();
+        let mut entrants = vec![(Origin::Mean { stage }, space.parameters(&mean).0)];
         entrants.extend(best.into_iter().map(|(_, generation, i)| {
             (origin(generation, i), space.parameters(&generation.candidates[i].point).0)
         }));
@@ -401,6 +403,7 @@ fn harder_oftener(losses: &[f64]) -> Vec<f64> {
 /// How much oftener the hardest training pair is drawn than the easiest.
 const HARDEST: f64 = 3.0;
 
-fn origin(generation: &Generation, candidate: usize) -> String {
-    format!("{}, generation {}, candidate {candidate}", generation.stage, generation.generation)
+fn origin(generation: &Generation, candidate: usize) -> Origin {
+    let stage = generation.stage.clone();
+    Origin::Candidate { stage, generation: generation.generation, candidate }
 }

@@ -7,6 +7,7 @@
 //! registrations fail often nobody is behind beyond doubt for long, so the farther the race the
 //! fewer may go on (successive halving: Jamieson and Talwalkar, AISTATS 2016).
 
+use super::origin::Origin;
 use super::price::{Judged, Price, mean_cost, standard_error};
 use super::search::{Finalist, TuneSearch};
 use super::tasks::{Crew, Task};
@@ -34,7 +35,7 @@ const GO_ON: [(usize, usize); 3] = [(20, 8), (40, 4), (60, 2)];
 /// One who could win.
 #[derive(Clone, Debug)]
 struct Runner {
-    origin: String,
+    origin: Origin,
     parameters: Parameters,
     /// On the first pairs, as many as it has seen.
     judged: Vec<Judged>,
@@ -52,7 +53,7 @@ impl<'a> Race<'a> {
     }
 
     /// Enters parameters; of those that are in already the number they have.
-    pub(super) fn enter(&mut self, origin: String, parameters: Parameters) -> usize {
+    pub(super) fn enter(&mut self, origin: Origin, parameters: Parameters) -> usize {
         match self.runners.iter().position(|runner| runner.parameters == parameters) {
             Some(number) => number,
             None => {
@@ -154,7 +155,7 @@ impl<'a> Race<'a> {
         Some(standard_errors_behind(&own, &best))
     }
 
-    pub(super) fn origin(&self, i: usize) -> &str {
+    pub(super) fn origin(&self, i: usize) -> &Origin {
         &self.runners[i].origin
     }
 
@@ -173,7 +174,7 @@ impl<'a> Race<'a> {
         let judged = each.filter(|(_, runner)| !runner.judged.is_empty());
         let mut finalists: Vec<Finalist> = judged
             .map(|(i, runner)| Finalist {
-                origin: runner.origin.clone(),
+                origin: runner.origin.to_string(),
                 values: self.search.searched_values(&runner.parameters),
                 fitness: self.fitness(i, runner.judged.len(), price),
                 pairs: runner.judged.len(),

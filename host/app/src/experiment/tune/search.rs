@@ -80,8 +80,7 @@ impl Observer for Silent {}
 /// One of those that were judged on all training pairs at the end.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Finalist {
-    /// Where it comes from: `start`, `warm start N`, a stage's `mean`, generation and candidate, or
-    /// `lidar alone`.
+    /// Where it comes from: an [`Origin`](super::Origin), written.
     pub origin: String,
     /// Its parameters.
     #[serde(serialize_with = "written_values")]
@@ -97,7 +96,7 @@ pub struct Finalist {
 pub struct Tuned {
     /// The parameters chosen.
     pub parameters: Parameters,
-    /// Where they come from.
+    /// Where they come from: an [`Origin`](super::Origin), written.
     pub origin: String,
     /// All that were in the choice, best first.
     pub finalists: Vec<Finalist>,
