@@ -36,9 +36,14 @@ impl Near<'_> {
     /// b at a sample, Q1.15.
     #[inline(always)]
     pub fn rest(&self, n: usize) -> i16 {
+        self.rest_of(self.ramp.gain(n))
+    }
+
+    /// b where the gain is g, Q1.15.
+    #[inline(always)]
+    fn rest_of(&self, gain: u32) -> i16 {
         let black = self.config.black;
-        let above =
-            (i64::from(i32::from(self.ambient) - black) * i64::from(self.ramp.gain(n))) >> 24;
+        let above = (i64::from(i32::from(self.ambient) - black) * i64::from(gain)) >> 24;
         (black + above as i32).clamp(-0x8000, 0x7fff) as i16
     }
 
@@ -51,8 +56,16 @@ impl Near<'_> {
         let samples = samples.start.min(end)..end;
         let codes = codes.get(samples.clone()).unwrap_or_default();
         let x = x.get_mut(samples.clone()).unwrap_or_default();
-        for (n, (&code, x)) in samples.zip(codes.iter().zip(x)) {
-            *x = baseline::of(code, clip_code, code_shift, self.rest(n));
+        let of = |code, gain| baseline::of(code, clip_code, code_shift, self.rest_of(gain));
+        let gains = self.ramp.kept(samples.clone());
+        for (&gain, (&code, x)) in gains.iter().zip(codes.iter().zip(&mut *x)) {
+            *x = of(code, gain);
+        }
+        let beyond = samples.start + gains.len()..samples.end;
+        let codes = codes.get(gains.len()..).unwrap_or_default();
+        let x = x.get_mut(gains.len()..).unwrap_or_default();
+        for (n, (&code, x)) in beyond.zip(codes.iter().zip(x)) {
+            *x = of(code, self.ramp.gain(n));
         }
     }
 

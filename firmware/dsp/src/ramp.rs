@@ -5,6 +5,9 @@
               codes below 2²³: products below 2⁶³; shifts are bounded"
 )]
 
+use core::ops::Range;
+
+use crate::limits::MAX_GAINS;
 use crate::settings::Settings;
 
 /// The near gain: linear in dB over range, full from its end on.
@@ -30,12 +33,14 @@ use crate::settings::Settings;
 /// 2^f is within 1.5 × 10⁻⁴. A gain that rises as R² would shift every echo by another distance,
 /// 0.304 (cW/2)²/R behind a matched filter; this one shifts them alike, and `z` not at all.
 /// Derived in `docs/detector.md`, A gain that rises with range.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Ramp {
     /// Octaves a sample, Q0.32.
     slope: u32,
     /// Q16.16 samples.
     end: i32,
+    /// g at each of the first samples, Q.24.
+    gains: [u32; MAX_GAINS],
 }
 
 /// 1 in Q.24.
@@ -60,7 +65,13 @@ impl Ramp {
         let rising_mm =
             i64::from(settings.gain_range_mm).clamp(0, 1 << 16) - i64::from(range_min_mm);
         let end = ((rising_mm.max(0) << 40) / step.max(1)).min(FARTHEST) as i32;
-        (slope > 0 && end > 0).then_some(Self { slope: slope.min(u32::MAX.into()) as u32, end })
+        if slope <= 0 || end <= 0 {
+            return None;
+        }
+        let slope = slope.min(u32::MAX.into()) as u32;
+        let mut ramp = Self { slope, end, gains: [0; MAX_GAINS] };
+        ramp.gains = core::array::from_fn(|n| ramp.worked_out(n));
+        Some(ramp)
     }
 
     /// Samples before its end.
@@ -90,6 +101,17 @@ impl Ramp {
     /// g at a sample, Q.24.
     #[inline(always)]
     pub fn gain(&self, n: usize) -> u32 {
+        self.gains.get(n).copied().unwrap_or_else(|| self.worked_out(n))
+    }
+
+    /// g at those of some samples that it is kept for: the first of them, none, or all.
+    pub fn kept(&self, samples: Range<usize>) -> &[u32] {
+        let end = samples.end.min(self.gains.len());
+        self.gains.get(samples.start.min(end)..end).unwrap_or_default()
+    }
+
+    #[inline(always)]
+    fn worked_out(&self, n: usize) -> u32 {
         power(-self.below(n))
     }
 }
@@ -116,4 +138,28 @@ fn high(a: u32, b: u32) -> u32 {
 pub fn levelled(x: i32, octaves: i32) -> i16 {
     let level = (i64::from(x) * i64::from(power(octaves))) >> 24; // within 2³¹
     (level as i32).clamp(-0x8000, 0x7fff) as i16
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gain_is_the_same_whether_it_is_kept_or_worked_out() {
+        let settings =
+            Settings { gain_slope_mdb_m: 900, gain_range_mm: 65_000, ..Settings::default() };
+        let ramp = Ramp::new(&settings, 1_000, 1 << 28).unwrap();
+        let far = MAX_GAINS + 100;
+        assert!(ramp.samples() > far, "it rises beyond what is kept: {}", ramp.samples());
+        assert!((1..far).all(|n| ramp.gain(n) == power(-ramp.below(n))));
+        for (samples, kept) in [
+            (0..far, 0..MAX_GAINS),
+            (7..9, 7..9),
+            (MAX_GAINS - 1..far, MAX_GAINS - 1..MAX_GAINS),
+            (far..far + 1, 0..0),
+        ] {
+            let expected = kept.map(|n| power(-ramp.below(n)));
+            assert!(ramp.kept(samples).iter().copied().eq(expected));
+        }
+    }
 }
