@@ -5,6 +5,7 @@ mod fixture;
 
 use std::fs;
 use std::io::{BufRead, BufReader, Write};
+use std::path::Path;
 use std::process::Stdio;
 
 use fixture::{CommandOutput, Fixture};
@@ -179,6 +180,28 @@ fn a_search_begins_at_the_best_of_its_start_and_what_was_tuned_elsewhere() {
     fs::remove_dir_all(elsewhere).expect("a folder");
     fixture.succeed(&["tune", "-q", "--resume", RUN, "--generations", "6"]);
     assert!(generations(&fixture).len() > found["generations"].as_u64().expect("a count") as usize);
+}
+
+#[test]
+fn what_the_examples_have_tuned_is_a_candidate_and_a_warm_start() {
+    let fixture = Fixture::new();
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/tuned");
+    let files = ["structured", "semi-structured", "unstructured"]
+        .map(|kind| folder.join(format!("icp-{kind}.json")).to_string_lossy().into_owned());
+    for file in &files {
+        let judged = ["evaluate", "-q", "--json", "-c", "small.toml", "--candidate", file];
+        let judged = fixture.succeed(&judged).json();
+        let given: Value = serde_json::from_slice(&fs::read(file).expect("a file")).expect("JSON");
+        let power_w = &given["parameters"]["lidar.power"];
+        assert_eq!(&judged["parameters"]["lidar.power"], power_w, "{file}");
+    }
+    let starts: Vec<&str> = files.iter().flat_map(|file| ["--warm-start", file.as_str()]).collect();
+    fixture.tune(&[&["--generations=1"], &starts[..]].concat());
+    let found = result(&fixture);
+    let raced = |origin: String| {
+        found["finalists"].as_array().expect("finalists").iter().any(|one| one["origin"] == origin)
+    };
+    assert!((1..=3).all(|number| raced(format!("warm start {number}"))), "{}", found["finalists"]);
 }
 
 #[test]
