@@ -11,7 +11,8 @@ pub const PRE_TRIGGER: usize = 128;
 pub const MAX_CODES: usize = PRE_TRIGGER + MAX_SAMPLES;
 
 /// Gains of a [`Ramp`](crate::ramp::Ramp) that are kept, one a sample, instead of being worked out
-/// for every waveform again: 10 kB that a PC has, and a microcontroller wants for its waveforms.
+/// for every waveform again: 10 kB that a PC has, and a microcontroller wants for its waveforms. A
+/// 64-bit processor is taken for one that has them.
 pub const MAX_GAINS: usize = if cfg!(target_pointer_width = "64") { MAX_SAMPLES } else { 0 };
 
 /// Taps a template may hold: 20 ns at 3.02 GS/s need 121.

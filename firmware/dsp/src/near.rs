@@ -98,3 +98,39 @@ impl Near<'_> {
         Threshold { sigma, ambient: self.rest(at), ..*threshold }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hardware::Hardware;
+    use crate::limits::MAX_GAINS;
+    use crate::settings::Settings;
+
+    const LEN: usize = MAX_GAINS + 100;
+
+    #[test]
+    fn each_sample_rests_on_its_own_gain_wherever_some_begin_and_end() {
+        let settings =
+            Settings { gain_slope_mdb_m: 900, gain_range_mm: 65_000, ..Settings::default() };
+        let config = DetectorConfig::new(&Settings::default(), &Hardware::REFERENCE).unwrap();
+        let ramp = Ramp::new(&settings, 1_000, 1 << 28).unwrap();
+        let near = Near { ramp: &ramp, config: &config, ambient: 3_000 };
+        assert!(ramp.samples() > LEN, "it rises beyond what is kept");
+        let codes: [u16; LEN] = core::array::from_fn(|n| (n * 37 % 4096) as u16);
+        let last = MAX_GAINS.saturating_sub(1);
+        for samples in [0..LEN, last..LEN, LEN - 9..LEN, 5..5, 9..7, LEN - 3..LEN + 9, LEN..LEN + 1]
+        {
+            for short in [0, 4] {
+                let mut x = [i16::MAX; LEN];
+                let x = &mut x[short..];
+                near.remove_baseline(&codes, samples.clone(), x);
+                for (n, &x) in x.iter().enumerate() {
+                    let (clip, shift) = (config.clip_code, config.code_shift);
+                    let alone = baseline::of(codes[n], clip, shift, near.rest(n));
+                    let expected = if samples.contains(&n) { alone } else { i16::MAX };
+                    assert_eq!(x, expected, "{n} of {samples:?}, {short} short");
+                }
+            }
+        }
+    }
+}
