@@ -321,7 +321,7 @@ fn switches_make_a_second_table_beside_the_cells_without_them() {
 #[test]
 fn a_warm_start_of_the_cells_races_in_each_search_and_what_is_none_fails_its_cell() {
     let fixture = Fixture::new();
-    let dim = ["--set", "lidar.power=0.02", "--protocol", "joint", "--runs", "table"];
+    let dim = ["--set", "lidar.power=0.02", "--protocol", "default,joint", "--runs", "table"];
     let warm = r#"tune.warm_starts=[{"lidar.power" = 60.0, "registration.kernel_width" = 0.1}]"#;
     let asked = small(&[&dim[..], &["--method", "icp,mac", "--set", warm]].concat());
     let output = fixture.run(&asked);
@@ -329,6 +329,18 @@ fn a_warm_start_of_the_cells_races_in_each_search_and_what_is_none_fails_its_cel
     assert_eq!(output.code, Some(1), "{}", output.stderr);
     let refused = "tune.warm_starts, 1: unknown parameter `registration.kernel_width`";
     assert!(output.stderr.contains(refused), "{}", output.stderr);
+    let mut done: Vec<_> = fs::read_dir(fixture.path("table/cells"))
+        .expect("cells")
+        .map(|cell| cell.expect("a cell").file_name().into_string().expect("UTF-8"))
+        .collect();
+    done.sort();
+    let expected = [
+        "outdoor-default-icp-structured.json",
+        "outdoor-default-mac-structured.json",
+        "outdoor-fast-joint-icp-structured.json",
+        "outdoor-fast-joint-mac-structured.failed",
+    ];
+    assert_eq!(done, expected, "what is not searched takes no warm start");
     let run = "table/runs/outdoor-fast-joint-icp-structured/result.json";
     let result: Value = serde_json::from_slice(&fixture.bytes(run)).expect("a result");
     let finalists = result["finalists"].as_array().expect("finalists");

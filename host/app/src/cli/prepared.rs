@@ -44,6 +44,7 @@ pub(super) struct Met {
     pub(super) config: RunConfig,
     /// Where the configuration starts.
     pub(super) start: Parameters,
+    /// Where a search may begin instead; none, unless it is to be searched.
     warm_starts: Vec<Parameters>,
     space: Space,
     /// As the sensor says.
@@ -53,7 +54,7 @@ pub(super) struct Met {
 }
 
 impl Met {
-    /// Meets the sensor, checks the start against its hardware, and the warm starts.
+    /// Meets the sensor, checks the start against its hardware.
     pub(super) fn new(
         config: RunConfig,
         choice: &SensorChoice,
@@ -65,8 +66,18 @@ impl Met {
         let (hardware, sensor) = (identity.hardware, described(&sensors, &identity));
         let start = Parameters::start(&config, &hardware).map_err(Failure::usage)?;
         let space = space(&config, start, hardware)?;
-        let warm_starts = warm_starts(&config, &space)?;
-        Ok(Self { config, start, warm_starts, space, hardware, sensors, sensor })
+        Ok(Self { config, start, warm_starts: Vec::new(), space, hardware, sensors, sensor })
+    }
+
+    /// The same, to be searched: with the configuration's warm starts, which only a search takes.
+    pub(super) fn to_be_searched(self) -> Result<Self, Failure> {
+        let each = self.config.tune.warm_starts.iter().enumerate();
+        let taken = each.map(|(i, values)| {
+            let refused = |error| Failure::usage(format!("tune.warm_starts, {}: {error}", i + 1));
+            self.space.warm_start(values, &self.config).map_err(refused)
+        });
+        let warm_starts = taken.collect::<Result<_, _>>()?;
+        Ok(Self { warm_starts, ..self })
     }
 
     /// Traces the scans.
@@ -88,7 +99,8 @@ impl Met {
         let stages = stages(tune, &self.space, pairs);
         let raced = if tune.strategy == Strategy::Fast { tune.shortlist + 2 } else { 0 };
         let of_stages: usize = stages.iter().map(Stage::registrations).sum();
-        of_stages + stages.len() * raced * pairs
+        let warm = if stages.is_empty() { 0 } else { self.warm_starts.len() };
+        of_stages + (stages.len() * raced + warm) * pairs
     }
 }
 
@@ -103,7 +115,7 @@ pub(super) struct Prepared {
     pub(super) config: RunConfig,
     pub(super) dataset: Dataset,
     pub(super) start: Parameters,
-    /// Where a search may begin instead.
+    /// Where a search may begin instead; none, unless it was met to be searched.
     warm_starts: Vec<Parameters>,
     /// What a search of this configuration moves.
     pub(super) space: Space,
@@ -158,16 +170,6 @@ pub(super) fn space(
     let (tune, preset) = (&config.tune, config.registration.preset);
     let space = Space::new(tune.protocol, tune.lidar, preset, start, hardware);
     space.with_own(&tune.axes).map_err(Failure::usage)
-}
-
-/// The warm starts of a configuration, as parameters of its search.
-fn warm_starts(config: &RunConfig, space: &Space) -> Result<Vec<Parameters>, Failure> {
-    let each = config.tune.warm_starts.iter().enumerate();
-    each.map(|(i, values)| {
-        let refused = |error| Failure::usage(format!("tune.warm_starts, {}: {error}", i + 1));
-        space.warm_start(values, config).map_err(refused)
-    })
-    .collect()
 }
 
 /// Reads `--require-recall`.

@@ -15,7 +15,7 @@ use super::figures::print_table;
 use super::interrupt::stop_on_interrupt;
 use super::method_choice::{MethodChoice, toml_name};
 use super::number::{flag, number_of, read};
-use super::prepared::{Prepared, percent, require_recall};
+use super::prepared::{Met, Prepared, percent, require_recall};
 use super::progress::Progress;
 use super::report::write_page;
 use super::shown_pair::write_clouds;
@@ -202,7 +202,8 @@ fn tune(
         RunFolder::check(&runs)?;
     }
     // What cannot run leaves no folder, and `latest` where it was.
-    let prepared = Prepared::new(config, &args.setup.sensor, &progress)?;
+    let met = Met::new(config, &args.setup.sensor, &progress)?.to_be_searched()?;
+    let prepared = met.traced(&progress)?;
     let folder = resumed.map_or_else(|| new_folder(&runs, &prepared.config), Ok)?;
     let search = prepared.search(stop);
     let (mut journal, done) = match &begun {

@@ -73,7 +73,7 @@ impl Ablation {
 
     /// Where it is trained, when that is not where it is tested: a configuration whose training
     /// pairs are taken. Its held-out pairs are as few as leave it its towns.
-    pub fn trained_in(self, config: &RunConfig, scene: Scene) -> Option<RunConfig> {
+    pub(super) fn trained_in(self, config: &RunConfig, scene: Scene) -> Option<RunConfig> {
         let mut other = config.clone();
         match self {
             Self::OtherTown => {
