@@ -77,10 +77,11 @@ fn origin(result: &RunResult, last: &Generation) -> String {
              which {raced}",
             last.generation
         ),
-        Some(Origin::Candidate { .. }) | None => format!(
+        Some(Origin::Candidate { .. }) => format!(
             "the choice is a single candidate ({written}), drawn from the band but not bound to \
              it, which {raced}"
         ),
+        None => format!("the choice is {written}, which {raced}"),
     }
 }
 

@@ -29,7 +29,7 @@ pub struct Record {
     pub trained_in: Option<TrainedIn>,
     /// Checksums of the scene, the front end and every scan.
     pub content: Content,
-    /// Where the parameters come from: `start`, or generation and candidate.
+    /// Where the parameters come from: an [`Origin`](crate::experiment::tune::Origin), written.
     pub origin: String,
     /// Generations searched.
     pub generations: usize,

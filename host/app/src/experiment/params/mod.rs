@@ -134,8 +134,8 @@ impl Parameters {
     ///
     /// # Errors
     ///
-    /// [`ValueError`] names the first that is unknown, out of range or refused by the joint
-    /// constraints.
+    /// [`ValueError`] names the first that is unknown, not finite or no whole number; then the
+    /// first out of range; then what the joint constraints refuse.
     pub fn with_values<'a>(
         mut self,
         values: &Values,
@@ -144,7 +144,7 @@ impl Parameters {
     ) -> Result<Self, ValueError> {
         let ranges = ranges.into();
         let axes = self.registration_axes(ranges);
-        let values = self.recognised(values, &axes)?;
+        let values = recognised(values, &axes)?;
         for (name, &value) in &values {
             if let Some(axis) = axes.iter().find(|axis| axis.name == name) {
                 axis.require(value)?;
@@ -155,29 +155,29 @@ impl Parameters {
         self.registration.check()?;
         Ok(self)
     }
+}
 
-    /// Named values by their current names, each of a parameter of the sensor or of `registration`,
-    /// finite, and whole where it must be.
-    fn recognised(&self, values: &Values, registration: &[Axis]) -> Result<Values, ValueError> {
-        let named = values.iter().map(|(given, &value)| {
-            let name = theta_reg::current_name(given);
-            let id = name.strip_prefix("lidar.").and_then(ParameterId::by_name);
-            if id.is_none() && !registration.iter().any(|axis| axis.name == name) {
-                let sensor = PARAMETERS.iter().map(|p| format!("lidar.{}", p.name));
-                let own = registration.iter().map(|axis| axis.name.to_owned());
-                let known: Vec<String> = sensor.chain(own).collect();
-                return Err(ValueError::Unknown(shown(given), known.join(", ")));
-            }
-            if !value.is_finite() {
-                return Err(ValueError::NotFinite { name, value });
-            }
-            if is_whole(&name) && value.fract() != 0.0 {
-                return Err(ValueError::Fraction { name, value });
-            }
-            Ok((name, value))
-        });
-        named.collect()
-    }
+/// Named values by their current names, each of a parameter of the sensor or of `registration`,
+/// finite, and whole where it must be.
+fn recognised(values: &Values, registration: &[Axis]) -> Result<Values, ValueError> {
+    let named = values.iter().map(|(given, &value)| {
+        let name = theta_reg::current_name(given);
+        let id = name.strip_prefix("lidar.").and_then(ParameterId::by_name);
+        if id.is_none() && !registration.iter().any(|axis| axis.name == name) {
+            let sensor = PARAMETERS.iter().map(|p| format!("lidar.{}", p.name));
+            let own = registration.iter().map(|axis| axis.name.to_owned());
+            let known: Vec<String> = sensor.chain(own).collect();
+            return Err(ValueError::Unknown(shown(given), known.join(", ")));
+        }
+        if !value.is_finite() {
+            return Err(ValueError::NotFinite { name, value });
+        }
+        if is_whole(&name) && value.fract() != 0.0 {
+            return Err(ValueError::Fraction { name, value });
+        }
+        Ok((name, value))
+    });
+    named.collect()
 }
 
 /// Whether the parameter of that name takes whole numbers only.
@@ -283,7 +283,7 @@ impl Space {
         values: &Values,
         ranges: impl Into<Ranges<'a>>,
     ) -> Result<Parameters, ValueError> {
-        let values = self.start.recognised(values, &self.start.registration_axes(ranges))?;
+        let values = recognised(values, &self.start.registration_axes(ranges))?;
         let mut point = self.start_point();
         for (axis, coordinate) in self.axes.iter().zip(&mut point) {
             if let Some(value) = effective(&values, axis.name) {

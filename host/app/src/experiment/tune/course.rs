@@ -369,8 +369,8 @@ impl<'a> Course<'a> {
         best.sort_by(|a, b| a.0.total_cmp(&b.0));
         best.truncate(self.search.config.tune.shortlist);
         let mean = stage.expanded(optimizer.mean(), base);
-        let stage = stage.name.to_owned();
-        let mut entrants = vec![(Origin::Mean { stage }, space.parameters(&mean).0)];
+        let of_mean = Origin::Mean { stage: stage.name.to_owned() };
+        let mut entrants = vec![(of_mean, space.parameters(&mean).0)];
         entrants.extend(best.into_iter().map(|(_, generation, i)| {
             (origin(generation, i), space.parameters(&generation.candidates[i].point).0)
         }));

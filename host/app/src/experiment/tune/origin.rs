@@ -1,4 +1,4 @@
-//! Where a choice comes from: what a run searched, and what it did not have to search.
+//! Where a choice comes from, and how files write it.
 
 use std::fmt;
 
