@@ -118,8 +118,9 @@ mod tests {
         assert!(ramp.samples() > LEN, "it rises beyond what is kept");
         let codes: [u16; LEN] = core::array::from_fn(|n| (n * 37 % 4096) as u16);
         let last = MAX_GAINS.saturating_sub(1);
-        for samples in [0..LEN, last..LEN, LEN - 9..LEN, 5..5, 9..7, LEN - 3..LEN + 9, LEN..LEN + 1]
-        {
+        let backwards = Range { start: 9, end: 7 };
+        let cut = [0..LEN, last..LEN, LEN - 9..LEN, LEN - 3..LEN + 9, LEN..LEN + 1];
+        for samples in cut.into_iter().chain([5..5, backwards]) {
             for short in [0, 4] {
                 let mut x = [i16::MAX; LEN];
                 let x = &mut x[short..];

@@ -70,7 +70,7 @@ impl Met {
     }
 
     /// The same, to be searched: with the configuration's warm starts, which only a search takes.
-    pub(super) fn to_be_searched(self) -> Result<Self, Failure> {
+    pub(super) fn for_a_search(self) -> Result<Self, Failure> {
         let each = self.config.tune.warm_starts.iter().enumerate();
         let taken = each.map(|(i, values)| {
             let refused = |error| Failure::usage(format!("tune.warm_starts, {}: {error}", i + 1));

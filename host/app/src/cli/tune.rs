@@ -202,7 +202,7 @@ fn tune(
         RunFolder::check(&runs)?;
     }
     // What cannot run leaves no folder, and `latest` where it was.
-    let met = Met::new(config, &args.setup.sensor, &progress)?.to_be_searched()?;
+    let met = Met::new(config, &args.setup.sensor, &progress)?.for_a_search()?;
     let prepared = met.traced(&progress)?;
     let folder = resumed.map_or_else(|| new_folder(&runs, &prepared.config), Ok)?;
     let search = prepared.search(stop);

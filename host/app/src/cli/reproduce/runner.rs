@@ -121,7 +121,7 @@ impl<'a> Runner<'a> {
     fn met(&self, cell: &Cell) -> Result<Met, Failure> {
         let config = cell.config(self.base).map_err(Failure::usage)?;
         let met = Met::new(config, &SensorChoice::in_process(), &Progress::new(true))?;
-        if cell.is_searched() { met.to_be_searched() } else { Ok(met) }
+        if cell.is_searched() { met.for_a_search() } else { Ok(met) }
     }
 
     /// Everything that a cell needs.
