@@ -154,8 +154,8 @@ fn a_board_on_a_line_is_heard_as_the_emulated_one_is_from_its_first_word() {
     fixture.succeed(&[&ask[..], &far].concat());
     let [near, far] = ["near.txt", "far.txt"].map(|name| fixture.read(name));
     assert!(near.contains("QEMU") && near.contains("echoloop-sensor"), "{near}");
-    // Whoever calls while a board starts, on a line or emulated, is heard from the middle of a frame
-    // on: what is left of it is dropped, for its bytes or for its checksum.
+    // Whoever calls while a board starts, on a line or emulated, is heard from the middle of a
+    // frame on: what is left of it is dropped, for its bytes or for its checksum.
     let of = |log: &str| -> (Vec<String>, Vec<String>) {
         log.lines().map(str::to_owned).partition(|line| line.contains(" warn  frame dropped: "))
     };

@@ -214,19 +214,20 @@ fn an_emulator_that_dies_is_a_lost_sensor_and_no_end_of_the_command_leaves_anyth
             .spawn()
             .expect("echoloop starts");
         let deadline = Instant::now() + Duration::from_secs(60);
-        let started = loop {
-            let found = children(child.id());
-            if found.iter().any(is_emulator)
-                && (command[0] != "tune" || fixture.path("runs/latest/history.jsonl").exists())
-            {
-                break found;
+        let (started, emulators, folders) = loop {
+            let started = children(child.id());
+            let emulators: Vec<u32> = started.iter().copied().filter(is_emulator).collect();
+            let folders: Vec<PathBuf> = emulators.iter().filter_map(|&id| folder_of(id)).collect();
+            // An emulator just forked has no command line of its own yet.
+            let all_have_one =
+                folders.len() == emulators.len() && folders.iter().all(|f| f.exists());
+            let is_tuning = fixture.path("runs/latest/history.jsonl").exists();
+            if !emulators.is_empty() && all_have_one && (command[0] != "tune" || is_tuning) {
+                break (started, emulators, folders);
             }
-            assert!(Instant::now() < deadline, "no emulator was started");
+            assert!(Instant::now() < deadline, "no emulator was started in a folder of its own");
             std::thread::sleep(Duration::from_millis(20));
         };
-        let emulators: Vec<u32> = started.iter().copied().filter(is_emulator).collect();
-        let folders: Vec<PathBuf> = emulators.iter().filter_map(|&id| folder_of(id)).collect();
-        assert!(folders.iter().all(|folder| folder.exists()) && folders.len() == emulators.len());
         let whom = if to_child { emulators } else { vec![child.id()] };
         for id in whom {
             let _ = std::process::Command::new("kill").args([signal, &id.to_string()]).status();
