@@ -18,7 +18,7 @@ const MADE: [&str; 3] = ["runs/latest/report.html", "my_sensor.toml", "tuned.tom
 const COLUMNS: usize = 100;
 
 /// The one source with wider lines: its raw strings are JavaScript, a statement a line.
-const SCRIPTED: &str = "host/app/tests/report.rs";
+const SCRIPTED: &str = "host/app/tests/command/report.rs";
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").canonicalize().expect("the workspace")

@@ -1,8 +1,6 @@
 //! A browser without a window, to open pages in. Without Chromium it says so loudly; with `CI` set,
 //! that is a failure.
 
-#![allow(dead_code)] // each test file uses what it needs
-
 use std::path::{Path, PathBuf};
 use std::process::Command;
 

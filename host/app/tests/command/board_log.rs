@@ -3,10 +3,6 @@
 //!
 //! The frames are those of the emulated STM32F405, whose image `cargo xtask firmware` builds.
 //! Without it or QEMU these tests are skipped aloud; where `CI` is set, they fail.
-#![cfg(unix)]
-
-mod board;
-mod fixture;
 
 use std::fs;
 use std::io::{BufRead, BufReader, Write};
@@ -15,14 +11,14 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use board::{Board, end, run, start, terminals};
+use crate::board::{Board, end, run, start, terminals};
+use crate::fixture::{CommandOutput, Fixture};
 use echoloop_dsp::{Hardware, ScanPattern, Settings};
 use echoloop_host::experiment::config::RunConfig;
 use echoloop_host::link::client::{Client, RetryPolicy};
 use echoloop_host::link::defmt_log;
 use echoloop_host::link::sensor::Model;
 use echoloop_sim::qemu::{Machine, Qemu, QemuOptions, check_installed};
-use fixture::{CommandOutput, Fixture};
 
 /// A board's log: the image that wrote it, and its frames.
 struct Log {

@@ -2,20 +2,17 @@
 //!
 //! `cargo xtask firmware` builds the image. Without it or QEMU these tests are skipped aloud; where
 //! `CI` is set, they fail.
-#![cfg(unix)]
-
-mod fixture;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
+use crate::fixture::{CommandOutput, Fixture};
 use echoloop_dsp::{Hardware, ScanPattern};
 use echoloop_host::experiment::config::RunConfig;
 use echoloop_host::link::sensor::Model;
 use echoloop_sim::qemu::{Machine, Qemu, QemuOptions, check_installed};
-use fixture::{CommandOutput, Fixture};
 
 /// The image, if it can be run.
 fn image() -> Option<String> {

@@ -1,14 +1,12 @@
 //! `echoloop pairs`: what it writes is what `evaluate` registers, and all of it or nothing.
 
-mod fixture;
-
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 
+use crate::fixture::Fixture;
 use echoloop_registration::cloud::read_cloud;
 use echoloop_registration::pose::{frobenius_error, read_pose, relative};
-use fixture::Fixture;
 
 const NUMBERED: [&str; 5] = [
     "source.ply",

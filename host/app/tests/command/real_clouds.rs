@@ -1,11 +1,9 @@
 //! What was tuned, on clouds from files: those that a cell itself was judged on give the cell's own
 //! errors, and a list that cannot be read is refused by name.
 
-mod fixture;
-
 use std::collections::BTreeSet;
 
-use fixture::Fixture;
+use crate::fixture::Fixture;
 use serde_json::Value;
 
 const SHARED: [&str; 12] = [

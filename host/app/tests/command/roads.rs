@@ -1,8 +1,6 @@
 //! `echoloop roads` and towns on roads: what they print and write, and what they refuse.
 
-mod fixture;
-
-use fixture::Fixture;
+use crate::fixture::Fixture;
 
 /// A straight road of 40 m.
 const STRAIGHT: &str = r#"<OpenDRIVE><header revMajor="1" revMinor="4"/>

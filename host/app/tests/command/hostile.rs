@@ -1,12 +1,9 @@
 //! Files and command lines that nobody means well with: few words, exit code 2, and an end.
-#![cfg(unix)]
-
-mod fixture;
 
 use std::fs::{self, OpenOptions};
 use std::process::{Command, Stdio};
 
-use fixture::Fixture;
+use crate::fixture::Fixture;
 
 const TRIANGLE: &str = "v 0 0 0\nv 9 0 0\nv 0 9 0\nf 1 2 3\n";
 const POSE: [&str; 7] = ["--pose", "1", "1", "1", "0", "0", "0"];

@@ -1,14 +1,12 @@
 //! Who tunes chooses the axes, goes on with what is finished, begins with what was tuned, and
 //! brings an optimiser of their own.
 
-mod fixture;
-
 use std::fs;
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
 use std::process::Stdio;
 
-use fixture::{CommandOutput, Fixture};
+use crate::fixture::{CommandOutput, Fixture};
 use serde_json::{Value, json};
 
 const RUN: &str = "runs/latest";

@@ -1,11 +1,8 @@
 //! `echoloop report` and `echoloop compare`: runs that are over, told from their folders alone.
 
-mod browser;
-mod fixture;
-
 use std::fs;
 
-use fixture::Fixture;
+use crate::fixture::Fixture;
 use serde_json::Value;
 
 const RUN: &str = "runs/0001-yard-icp-joint";
@@ -217,7 +214,7 @@ fn runs_stand_side_by_side_with_differences_where_their_pairs_are_the_same() {
     assert_eq!(page.matches("<td data-head=\"Recall").count(), 3);
     assert!(compare(&["-o", "page.html"]).contains("recall"), "the table too");
     assert!(fixture.read("page.html") == page);
-    let Some(page) = browser::open("compared.html", &page, &[]) else { return };
+    let Some(page) = crate::browser::open("compared.html", &page, &[]) else { return };
     page.assert_no_complaints();
 }
 

@@ -1,13 +1,11 @@
 //! `echoloop echoes` on waveforms with known echoes, on files that are wrong, and on the records of
 //! others.
 
-mod fixture;
-
 use std::fs;
 use std::path::PathBuf;
 
+use crate::fixture::Fixture;
 use echoloop_needs::data;
-use fixture::Fixture;
 use serde_json::Value;
 
 /// Runs the command on rows and gives the lines it prints.

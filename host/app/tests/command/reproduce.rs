@@ -1,16 +1,14 @@
 //! The paper's table: an end by force loses nothing, other folders are left alone, one cell's
 //! failure is not the others', and nothing that is judged on reaches what is chosen.
 
-mod fixture;
-
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 use std::process::Stdio;
 use std::time::Duration;
 
+use crate::fixture::Fixture;
 use echoloop_host::experiment::journal::Journal;
-use fixture::Fixture;
 use serde_json::{Value, json};
 
 /// Cells that take a moment each.

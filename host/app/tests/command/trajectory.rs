@@ -1,12 +1,10 @@
 //! `scan` along poses, and where no pair of sensors fits.
 
-mod fixture;
-
 use std::fs;
 
+use crate::fixture::Fixture;
 use echoloop_registration::cloud::read_cloud;
 use echoloop_registration::pose::{read_trajectory, to_rows};
-use fixture::Fixture;
 
 const SCAN: [&str; 4] = ["scan", "-q", "-c", "small.toml"];
 

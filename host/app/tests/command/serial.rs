@@ -1,9 +1,5 @@
 //! A sensor on a serial line, over pairs of pseudo-terminals: the same echoes as in process, and an
 //! end in bounded time whatever becomes of the line.
-#![cfg(unix)]
-
-mod board;
-mod fixture;
 
 use std::io::{self, BufRead};
 use std::process::Child;
@@ -12,14 +8,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use board::{Board, ask_a_liar, end, end_within, run, start, succeed, terminals};
+use crate::board::{Board, ask_a_liar, end, end_within, run, start, succeed, terminals};
 
+use crate::fixture::Fixture;
 use echoloop_dsp::{BeamTable, Grid, Rosette, ScanPattern, Settings, Spinning, SpinningModel};
 use echoloop_host::experiment::seed::scan_noise;
 use echoloop_host::link::sensor::{Model, Port, Sensor, SensorError, View};
 use echoloop_host::link::transport::{Serial, Transport};
 use echoloop_link::{Command, Greeting, MAX_FRAME, encode};
-use fixture::Fixture;
 use serialport::TTYPort;
 
 #[test]

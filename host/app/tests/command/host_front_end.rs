@@ -1,9 +1,5 @@
 //! `--front-end host`: a board that has a link and a DSP, and no laser, closes the loop with the
 //! numbers of the sensor in process; so does a board that is simulated at the other end of a line.
-#![cfg(unix)]
-
-mod board;
-mod fixture;
 
 use std::io;
 use std::sync::Arc;
@@ -11,7 +7,8 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use board::{Board, ask_a_liar, ask_a_liar_about, end, run, start, succeed, terminals};
+use crate::board::{Board, ask_a_liar, ask_a_liar_about, end, run, start, succeed, terminals};
+use crate::fixture::Fixture;
 use echoloop_dsp::{Grid, Hardware, MAX_CODES, ScanPattern};
 use echoloop_host::experiment::config::{RunConfig, load};
 use echoloop_host::link::sensor::Model;
@@ -19,7 +16,6 @@ use echoloop_host::link::serve::serve;
 use echoloop_host::link::transport::{Serial, Transport};
 use echoloop_link::{Decoder, Greeting, MAX_FRAME, Report, Room, decode, encode};
 use echoloop_sim::board::PcSensor;
-use fixture::Fixture;
 use serialport::TTYPort;
 
 const HOST: [&str; 2] = ["--front-end", "host"];

@@ -1,11 +1,9 @@
 //! Scan patterns from the command line.
 
-mod fixture;
-
 use std::fmt::Write as _;
 use std::fs;
 
-use fixture::Fixture;
+use crate::fixture::Fixture;
 
 const HEADER: &str = "azimuth_deg,elevation_deg,time_s,channel\n";
 

@@ -1,16 +1,13 @@
 //! `echoloop scene`: its facts, its picture, and its page as a browser sees it. Without Chromium
 //! only the text is checked, loudly; with `CI` set, that is a failure.
 
-mod browser;
-mod fixture;
-
 use std::fs;
 use std::path::Path;
 use std::sync::LazyLock;
 
-use browser::{Opened, open};
+use crate::browser::{Opened, open};
+use crate::fixture::Fixture;
 use echoloop_needs::data;
-use fixture::Fixture;
 
 const EYES: &str = include_str!("scene/eyes.js");
 const LOOK: &str = include_str!("scene/look.js");

@@ -1,16 +1,13 @@
 //! The command as a user meets it: what it refuses and how it says so, what it leaves behind, and
 //! that an interrupted run goes on as if nothing had been.
 
-mod browser;
-mod fixture;
-
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
+use crate::fixture::{CommandOutput, Fixture, SMALL};
 use echoloop_needs::data;
-use fixture::{CommandOutput, Fixture, SMALL};
 use serde_json::Value;
 
 #[test]
@@ -572,7 +569,7 @@ fn a_search_of_all_fifteen_is_shown_with_the_names_of_choices_and_the_value_of_w
 
 /// Opens a run's report: both views show points, and the console stays silent.
 fn look_at(html: &str) {
-    let Some(page) = browser::open("run.html", html, &[]) else { return };
+    let Some(page) = crate::browser::open("run.html", html, &[]) else { return };
     page.assert_silent();
     for name in ["data-lit-before", "data-lit-after"] {
         assert!(page.pixels(name) > 500, "{name} is {}", page.pixels(name));

@@ -1,15 +1,13 @@
 //! CARLA's semantic scans of a yard, recorded by a sensor that drives through it, in every command.
 
-mod fixture;
-
 use std::fmt::Write;
 use std::fs;
 
+use crate::fixture::Fixture;
 use echoloop_registration::cloud::read_cloud;
 use echoloop_registration::pose::Pose;
 use echoloop_sim::import::{ImportOptions, load_scene};
 use echoloop_sim::raycast::Raycaster;
-use fixture::Fixture;
 use nalgebra::{Translation3, UnitQuaternion, Vector3};
 use serde_json::json;
 

@@ -1,7 +1,5 @@
 //! Boards on pseudo-terminals, and commands that are started beside them.
 
-#![allow(dead_code)] // each test file uses what it needs
-
 use std::io;
 use std::process::{Child, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -1,10 +1,8 @@
 //! Sets of pairs: kept in a file, as hard as is asked for.
 
-mod fixture;
-
+use crate::fixture::Fixture;
 use echoloop_host::experiment::config::load;
 use echoloop_host::experiment::dataset::Dataset;
-use fixture::Fixture;
 use serde_json::Value;
 
 fn stored(fixture: &Fixture) {

@@ -1,20 +1,16 @@
 //! The paper's figures: each curve, dot, colour and cloud is that of its cell, what is missing is
 //! said with the command that runs it, and a folder always gives the same bytes.
 
-mod browser;
-mod fixture;
-mod svg;
-
 use std::collections::BTreeMap;
 use std::fs;
 
+use crate::fixture::Fixture;
+use crate::svg::{line, log_value, number, of_class, panel, ticks};
 use echoloop_host::experiment::evaluate::Summary;
 use echoloop_host::experiment::objective::PairError;
 use echoloop_host::experiment::params::Values;
 use echoloop_host::reproduce::Record;
-use fixture::Fixture;
 use serde_json::{Value, json};
-use svg::{line, log_value, number, of_class, panel, ticks};
 
 /// Cells of a moment each, of which some pairs fail.
 const SMALL: [&str; 18] = [
@@ -424,7 +420,8 @@ fn at_400_pixels_no_figure_is_wider_than_the_page_and_no_text_lies_on_another() 
     fixture.succeed(&reproduce(&["--by-hand"]));
     let html = fixture.read("table/report.html");
     let text = serde_json::to_string(&html).expect("a string").replace("</", "<\\/");
-    let Some(page) = browser::open("figures.html", &NARROW.replace("PAGE", &text), &[]) else {
+    let Some(page) = crate::browser::open("figures.html", &NARROW.replace("PAGE", &text), &[])
+    else {
         return;
     };
     page.assert_no_complaints();

@@ -1,11 +1,9 @@
 //! The page as a browser sees it. Without Chromium only the text is checked, loudly; with `CI` set,
 //! that is a failure.
 
-mod browser;
-#[path = "report/synthetic.rs"]
 mod synthetic;
 
-use browser::open;
+use crate::browser::open;
 use echoloop_host::report::{CloudLayer, PoseError, Report};
 
 /// A view that works lights some ten thousand pixels; a camera that looks past the clouds lights

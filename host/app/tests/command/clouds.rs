@@ -1,14 +1,12 @@
 //! Clouds that commands write and read: with all that the sensor tells, in the format of the name,
 //! to a file or to standard output.
 
-mod fixture;
-
 use std::fs;
 use std::process::Command;
 
+use crate::fixture::{CommandOutput, Fixture};
 use echoloop_registration::cloud::attribute::{ATTRIBUTES, Attribute, COLUMN, ECHO, RING, TIME};
 use echoloop_registration::cloud::{CloudFormat, Recorded, read_cloud, read_recorded};
-use fixture::{CommandOutput, Fixture};
 
 const SCAN: [&str; 4] = ["scan", "-q", "-c", "small.toml"];
 
