@@ -175,7 +175,7 @@ fn on_target(waveforms: u32) -> Result<()> {
 /// Built as the tests are, so that numbers that overflow panic.
 fn storm(frames: u64, seed: u64) -> Result<()> {
     let mut command = cargo_command()?;
-    command.args(["test", "--package", "echoloop-tests", "--test", "link_fuzz", "a_storm_of"]);
+    command.args(["test", "--package", "echoloop-tests", "--test", "link", "a_storm_of"]);
     command.args(["--", "--nocapture"]);
     command.env("ECHOLOOP_FRAMES", frames.to_string());
     succeed(command.env("ECHOLOOP_SEED", seed.to_string()))

@@ -224,7 +224,7 @@ pub type Overlapping = Vec<u16, MAX_CANDIDATES>;
 /// there.
 ///
 /// Two equal sin² echoes of S = 50 come apart from 1.14·cτ/2 on at 0.5, 1 and 2 GS/s
-/// (`tests/tests/limits.rs`).
+/// (`tests/tests/detector/limits.rs`).
 #[derive(Clone, Copy, Debug)]
 pub struct Splitter<'a> {
     /// The sharper filter.

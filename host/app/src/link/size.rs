@@ -27,6 +27,6 @@ pub fn scan_bits(scan: &[Echoes], settings_hash: u32) -> u64 {
 
 fn bytes(sequence: u16, message: &impl Message) -> u64 {
     let mut frame = [0; MAX_FRAME];
-    // Every message of a scan fits: tests/tests/wire.rs fills the fullest.
+    // Every message of a scan fits: tests/tests/link/wire.rs fills the fullest.
     encode(sequence, message, &mut frame).map_or(0, |frame| frame.len() as u64)
 }

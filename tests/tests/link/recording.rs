@@ -1,5 +1,4 @@
 //! A conversation that was recorded is the same bytes when it is said again.
-#![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::time::Duration;
 

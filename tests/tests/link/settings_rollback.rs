@@ -1,5 +1,4 @@
 //! Settings on trial, as a host meets them: kept when it says so, gone when it does not.
-#![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::time::Duration;
 

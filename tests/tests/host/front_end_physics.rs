@@ -2,7 +2,6 @@
 //! effect of every switch.
 //!
 //! All Monte Carlo is seeded; bounds say how many standard errors they are.
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
 
 use std::f64::consts::PI;
 use std::sync::Arc;

@@ -4,7 +4,6 @@
 //! within a bound. Time is the line's, so that no load of this machine counts.
 //!
 //! `cargo xtask storm` sends ten million: `ECHOLOOP_FRAMES`, and `ECHOLOOP_SEED` for others.
-#![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::collections::HashMap;
 use std::time::{Duration, Instant};

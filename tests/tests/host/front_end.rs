@@ -1,6 +1,5 @@
 //! A front end that fails: the sensor says so, never fires with half a set of settings, and
 //! recovers at the next request.
-#![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::cell::RefCell;
 use std::collections::VecDeque;

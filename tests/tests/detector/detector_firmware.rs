@@ -2,8 +2,6 @@
 //! detector's default features, on three processors in QEMU: a debugger plays DMA.
 //!
 //! `cargo xtask firmware` builds it.
-#![cfg(unix)]
-#![allow(clippy::unwrap_used, reason = "tests")]
 
 use echoloop_dsp::{
     Echo, Echoes, Flags, Hardware, MAX_ECHOES, Pipeline, ScanPattern, Scratch, Settings,

@@ -1,5 +1,4 @@
 //! The bytes on the link: frozen, documented, and distrusted until their checksum holds.
-#![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::io;
 use std::time::Duration;
@@ -137,7 +136,7 @@ fn hello_reply() -> Report {
 
 #[test]
 fn the_document_s_worked_bytes_are_those_of_the_code() {
-    let document = include_str!("../../firmware/link/WIRE.md");
+    let document = include_str!("../../../firmware/link/WIRE.md");
     for (name, bytes) in examples() {
         let line = format!("`{name}`: `{}`", hex(&bytes));
         assert!(document.contains(&line), "WIRE.md should have\n{line}");
@@ -146,7 +145,7 @@ fn the_document_s_worked_bytes_are_those_of_the_code() {
 
 #[test]
 fn the_document_works_through_nothing_that_is_not_so() {
-    let document = include_str!("../../firmware/link/WIRE.md");
+    let document = include_str!("../../../firmware/link/WIRE.md");
     let worked = document.split("## Worked bytes").nth(1).unwrap();
     let examples = examples();
     let lines = worked
@@ -167,7 +166,7 @@ fn the_document_works_through_nothing_that_is_not_so() {
 fn a_changed_schema_needs_a_changed_protocol() {
     // To change a message: append, raise PROTOCOL, and write both new values here and in WIRE.md.
     assert_eq!((PROTOCOL, SCHEMA), (10, 0x0e4f_4b89_50ed_4804), "the schema is {SCHEMA:#018x}");
-    let document = include_str!("../../firmware/link/WIRE.md");
+    let document = include_str!("../../../firmware/link/WIRE.md");
     assert!(document.contains(&format!("{SCHEMA:#018x}")));
 }
 

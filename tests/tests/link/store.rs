@@ -1,6 +1,5 @@
 //! Settings that outlive the power, wherever it goes: the old ones or the new, never neither, never
 //! a mix.
-#![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::time::Duration;
 

@@ -3,8 +3,8 @@
 //! The truth is what was made: two shapes of known heights, one of them 1.2 to 100 times the other,
 //! both above the clip level, in the reference receiver's noise. The lower one is 1.05 to 4 times
 //! the level: beyond, a hard pulse's edges fall between samples, and a ratio near 1 is in no
-//! sample. `cargo test -p echoloop-tests --test strongest -- --nocapture` prints how many are
-//! wrong, by the ratio too.
+//! sample. `cargo test -p echoloop-tests --test detector strongest:: -- --nocapture` prints
+//! how many are wrong, by the ratio too.
 
 use std::f64::consts::PI;
 use std::fmt;

@@ -1,5 +1,4 @@
 //! The fuzz targets' bodies, on bytes that nobody chose and on every input that fuzzing kept.
-#![allow(clippy::unwrap_used, reason = "tests")]
 
 use echoloop_tests::harness::{self, corpus};
 use echoloop_tests::readers::READERS;

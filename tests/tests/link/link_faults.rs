@@ -1,6 +1,5 @@
 //! A line that loses, changes, repeats and cuts what it carries: nothing wrong is ever committed,
 //! and nothing hangs.
-#![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::cell::RefCell;
 use std::io;

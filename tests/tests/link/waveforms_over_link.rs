@@ -1,6 +1,5 @@
 //! Waveforms that go to a sensor over its link: its echoes are those of the sensor that has the
 //! front end itself, whatever becomes of the line.
-#![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::cell::RefCell;
 use std::collections::VecDeque;

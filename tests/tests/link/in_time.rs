@@ -1,6 +1,5 @@
 //! The sensor against the clock: a shot is under way while the one before it is worked on, and
 //! scans that take longer than their deadline are counted.
-#![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::cell::RefCell;
 use std::rc::Rc;

@@ -2,8 +2,8 @@
 //! beside plain local maxima.
 //!
 //! ```sh
-//! ECHOLOOP_INSTRUMENTS=3000..3040 cargo test -p echoloop-tests --release --test instruments -- \
-//!     --nocapture
+//! ECHOLOOP_INSTRUMENTS=3000..3040 cargo test -p echoloop-tests --release --test detector \
+//!     instruments:: -- --nocapture
 //! ```
 //!
 //! prints the tables of docs/waveforms.md. Seeds below 100 were looked at while the constants were
