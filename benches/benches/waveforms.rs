@@ -75,7 +75,7 @@ fn pipeline(c: &mut Criterion) {
     let builds: [(&str, Build); 3] = [
         ("baseline/1024", process_baseline),
         ("v3 as compiled/1024", process_compiled),
-        ("v3/1024", process),
+        ("fastest/1024", process),
     ];
     for (name, build) in builds {
         group.bench_function(name, |b| {
@@ -95,7 +95,7 @@ fn front_end(c: &mut Criterion) {
     let mut group = c.benchmark_group("front_end");
     group.throughput(Throughput::Elements(SAMPLES as u64));
     for (name, build) in
-        [("baseline/1024", synthesise_baseline as Synthesise), ("v3/1024", synthesise)]
+        [("baseline/1024", synthesise_baseline as Synthesise), ("fastest/1024", synthesise)]
     {
         let mut beam = 0;
         group.bench_function(name, |b| {

@@ -11,6 +11,7 @@
 //! | processor | loops |
 //! |---|---|
 //! | x86-64-v3 | `x86`: the same source compiled once more, and what AVX2 does better by hand |
+//! | … with AVX-512 and its VNNI | the filter, 128 outputs at a time |
 //! | Armv7E-M, Armv8-M with the DSP extension | `dual_multiply`: two samples an instruction |
 //! | Armv8.1-M with MVE (`-C target-cpu=cortex-m55`) | `mve`: eight samples an instruction |
 //! | any other | [`echoloop_dsp::loops::Portable`], [`echoloop_dsp::loops::Scalar`] |

@@ -15,8 +15,9 @@
 //! ```
 //!
 //! The second build is for x86-64-v3 (AVX2). Rust contracts no multiplication with an addition on
-//! its own, so both builds give the same bits. AVX-512 is left alone on purpose: LLVM's code for it
-//! has been slower on loops like ours.
+//! its own, so both builds give the same bits. For AVX-512 nothing is compiled once more: LLVM's
+//! code for it has been slower on loops like ours. A loop in intrinsics may ask for it by
+//! [`has_avx512`].
 //!
 //! The crate `multiversion` does more, for more processors. It names the features at each function,
 //! hides the plain build that our tests compare with, and does not help where a loop is written in
@@ -33,6 +34,25 @@ pub fn has_v3() -> bool {
             && std::arch::is_x86_feature_detected!("bmi1")
             && std::arch::is_x86_feature_detected!("bmi2")
             && std::arch::is_x86_feature_detected!("lzcnt")
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    {
+        false
+    }
+}
+
+/// Whether this processor runs loops in intrinsics of AVX-512: `avx512f,avx512bw,avx512vnni`.
+///
+/// All three have come together since 2019 (Cascade Lake, Zen 4). What has them runs x86-64-v3,
+/// too.
+#[inline]
+pub fn has_avx512() -> bool {
+    #[cfg(target_arch = "x86_64")]
+    {
+        has_v3()
+            && std::arch::is_x86_feature_detected!("avx512f")
+            && std::arch::is_x86_feature_detected!("avx512bw")
+            && std::arch::is_x86_feature_detected!("avx512vnni")
     }
     #[cfg(not(target_arch = "x86_64"))]
     {
@@ -70,10 +90,11 @@ impl V3 {
 
 /// Declares functions that run the build of their body which suits the processor.
 ///
-/// | form | build for x86-64-v3 |
+/// | form | build beside the plain one |
 /// |---|---|
 /// | `fn f(x: T) -> R = body;` | `body` once more, which must be `#[inline(always)]` |
 /// | `fn f(x: T) -> R = body, v3: other;` | `other`, a safe function with [`has_v3`]'s features |
+/// | `… = body, v3: other, avx512: wide;` | also `wide`, a safe one with [`has_avx512`]'s |
 ///
 /// The plain build is `body` itself: tests compare with it.
 #[macro_export]
@@ -81,10 +102,11 @@ macro_rules! dispatch {
     ($(
         $(#[$attribute:meta])*
         $visibility:vis fn $name:ident($($argument:ident: $type:ty),* $(,)?) $(-> $result:ty)?
-            = $body:path $(, v3: $other:path)?;
+            = $body:path $(, v3: $other:path $(, avx512: $wide:path)?)?;
     )*) => {$(
         $(#[$attribute])*
         $visibility fn $name($($argument: $type),*) $(-> $result)? {
+            $crate::return_wide!([$($($wide)?)?] [$($result)?] $($argument: $type),*);
             #[cfg(target_arch = "x86_64")]
             if $crate::has_v3() {
                 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
@@ -97,6 +119,24 @@ macro_rules! dispatch {
             $body($($argument),*)
         }
     )*};
+}
+
+/// Returns what a path gives where there is AVX-512; without one goes on.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! return_wide {
+    ([$wide:path] [$($result:ty)?] $($argument:ident: $type:ty),*) => {
+        #[cfg(target_arch = "x86_64")]
+        if $crate::has_avx512() {
+            #[target_feature(enable = "avx512f,avx512bw,avx512vnni")]
+            fn avx512($($argument: $type),*) $(-> $result)? {
+                $wide($($argument),*)
+            }
+            // SAFETY: the features that it is compiled for have just been found.
+            return unsafe { avx512($($argument),*) };
+        }
+    };
+    ([] $($rest:tt)*) => {};
 }
 
 /// The first of one or two paths.
@@ -113,7 +153,7 @@ macro_rules! one_of {
 
 #[cfg(test)]
 mod tests {
-    use super::has_v3;
+    use super::{has_avx512, has_v3};
 
     #[inline(always)]
     fn plain(values: &[u32]) -> (u32, bool) {
@@ -126,9 +166,16 @@ mod tests {
         (values.iter().sum(), true)
     }
 
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx512f,avx512bw,avx512vnni")]
+    fn wide(values: &[u32]) -> (u32, bool) {
+        (values.iter().sum::<u32>() + 1, true)
+    }
+
     dispatch! {
         fn compiled_twice(values: &[u32]) -> (u32, bool) = plain;
         fn written_twice(values: &[u32]) -> (u32, bool) = plain, v3: vectors;
+        fn written_thrice(values: &[u32]) -> (u32, bool) = plain, v3: vectors, avx512: wide;
     }
 
     #[test]
@@ -136,5 +183,6 @@ mod tests {
         let values = [1, 2, 3];
         assert_eq!(compiled_twice(&values), (6, false));
         assert_eq!(written_twice(&values), (6, has_v3()));
+        assert_eq!(written_thrice(&values), (6 + u32::from(has_avx512()), has_v3()));
     }
 }

@@ -14,6 +14,10 @@ use std::path::PathBuf;
 /// Where `CI` is set: what is missing there is a failure.
 pub fn missing(what: &str) {
     assert!(env::var_os("CI").is_none(), "missing, and this is CI: {what}");
+    say_skipped(what);
+}
+
+fn say_skipped(what: &str) {
     // The harness keeps what a passing test prints, but not what it writes.
     let _ = writeln!(std::io::stderr(), "SKIPPED: {what}");
 }
@@ -55,11 +59,22 @@ pub fn avx2(has_avx2: bool) -> bool {
     has_avx2
 }
 
+/// Whether the processor has AVX-512; where it has not, says what was not run. That is no failure
+/// anywhere, as many processors have none: what is written for it is then not used.
+pub fn avx512(has_avx512: bool) -> bool {
+    if !has_avx512 {
+        say_skipped("this processor has no AVX-512, so what is written for it was not run");
+    }
+    has_avx512
+}
+
 #[cfg(test)]
 mod tests {
     use std::process::{Command, Output};
 
     use super::*;
+
+    const DATA: &str = "tests::a_test_that_lacks_its_data";
 
     /// Run by [`left_out`] only: alone it would say something that is not so.
     #[test]
@@ -69,17 +84,24 @@ mod tests {
         assert!(!avx2(false));
     }
 
-    /// The test above in a process of its own, with `CI` or without.
-    fn left_out(ci: Option<&str>) -> Output {
+    /// As above.
+    #[test]
+    #[ignore = "a part of the tests below"]
+    fn a_test_for_avx512() {
+        assert!(!avx512(false));
+    }
+
+    /// A test above in a process of its own, with `CI` or without.
+    fn left_out(test: &str, ci: Option<&str>) -> Output {
         let mut command = Command::new(env::current_exe().expect("this program"));
-        command.args(["--exact", "--ignored", "tests::a_test_that_lacks_its_data"]);
+        command.args(["--exact", "--ignored", test]);
         command.env_remove("ECHOLOOP_DATA").env_remove("CI").envs(ci.map(|value| ("CI", value)));
         command.output().expect("this program runs")
     }
 
     #[test]
     fn what_is_left_out_is_seen_although_the_test_passes() {
-        let output = left_out(None);
+        let output = left_out(DATA, None);
         let seen = String::from_utf8_lossy(&output.stderr);
         assert!(output.status.success(), "{seen}");
         for word in ["SKIPPED: ECHOLOOP_DATA is not set, so nothing", "SKIPPED: this processor"] {
@@ -89,9 +111,17 @@ mod tests {
 
     #[test]
     fn in_ci_it_is_a_failure() {
-        let output = left_out(Some("true"));
+        let output = left_out(DATA, Some("true"));
         assert!(!output.status.success());
         let said = String::from_utf8_lossy(&output.stdout);
         assert!(said.contains("missing, and this is CI"), "{said}");
+    }
+
+    #[test]
+    fn without_avx512_it_is_said_and_no_failure_even_in_ci() {
+        let output = left_out("tests::a_test_for_avx512", Some("true"));
+        let seen = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{seen}");
+        assert!(seen.contains("SKIPPED: this processor has no AVX-512"), "{seen}");
     }
 }

@@ -1,4 +1,4 @@
-//! The pipeline for AVX2 against the plain one, bit for bit, on a million waveforms.
+//! The pipeline for vector units against the plain one, bit for bit, on a million waveforms.
 //!
 //! Every 64th is drawn by [`vectors::case`] with settings of its own; the others are pieces of it,
 //! mostly short, bent in ways that no echo bends: reversed, trembling, with other levels, cut in

@@ -1,4 +1,4 @@
-//! The DSP for x86-64-v3 (AVX2), chosen when it runs.
+//! The DSP for x86-64-v3 (AVX2), chosen when it runs; its filter by AVX-512 where there is any.
 //!
 //! LLVM vectorises the loops over the samples as they stand; what a vector unit does better in
 //! another way is said by hand: the filter in multiply-adds of pairs (`filter`), the order
@@ -7,9 +7,11 @@
 //! once more by themselves (`near`).
 
 mod filter;
+mod groups;
 mod near;
 mod order_statistics;
 mod peaks;
+mod wide_filter;
 
 use core::ops::Range;
 
