@@ -7,6 +7,8 @@ mod atoms;
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+#[cfg(target_arch = "x86_64")]
+mod blocks;
 mod key;
 
 use echoloop_dispatch::dispatch;

@@ -9,6 +9,7 @@ use core::arch::x86_64::{
 };
 
 use super::atoms::{COARSE, FINE, PER_SIGMA, WEIGHTS};
+use super::blocks::{counters, fill};
 use super::key::{Key, MIX, STEP};
 
 /// Numbers computed at a time.
@@ -18,27 +19,14 @@ const LANES: usize = 8;
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
 pub(super) fn normals(key: Key, z: &mut [f32]) {
     let tables = Tables::new();
-    let (blocks, rest) = z.as_chunks_mut::<LANES>();
-    let mut spread = counters();
+    let first = counters::<LANES>();
+    // SAFETY: 32 bytes are read of an array of 32.
+    let mut spread = unsafe { _mm256_loadu_si256(first.as_ptr().cast()) };
     let step = _mm256_set1_epi32(STEP.wrapping_mul(LANES as u32).cast_signed());
-    for block in blocks {
+    fill(z, |block| {
         tables.normals(word(key, spread), block);
         spread = _mm256_add_epi32(spread, step);
-    }
-    if !rest.is_empty() {
-        let mut last = [0.0; LANES];
-        tables.normals(word(key, spread), &mut last);
-        rest.copy_from_slice(&last[..rest.len()]);
-    }
-}
-
-/// The first counters, spread.
-#[inline]
-#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-fn counters() -> __m256i {
-    let spread: [u32; LANES] = std::array::from_fn(|n| (n as u32).wrapping_mul(STEP));
-    // SAFETY: 32 bytes are read of an array of 32.
-    unsafe { _mm256_loadu_si256(spread.as_ptr().cast()) }
+    });
 }
 
 /// [`Key::word`] of counters that are spread.
