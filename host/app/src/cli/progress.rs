@@ -77,17 +77,47 @@ impl Observer for Progress {
     }
 
     fn generation(&self, generation: &Generation, of: u32) {
-        let fitness = || generation.candidates.iter().map(|c| c.fitness);
-        let best = fitness().fold(f64::INFINITY, f64::min);
-        self.say(&format!(
-            "generation {:>2}/{of}  best {best:.4}  median {:.4}  sigma {:.3}",
-            generation.generation + 1,
-            median(fitness()),
-            generation.sigma
-        ));
+        self.say(&told(generation, of));
     }
 
     fn stage(&self, name: &str, registrations: usize) {
         self.begin(name, registrations as u64);
+    }
+}
+
+fn told(generation: &Generation, of: u32) -> String {
+    let fitness = || generation.candidates.iter().map(|c| c.fitness);
+    let best = fitness().fold(f64::INFINITY, f64::min);
+    // NSGA-II, which searches a front, draws from no distribution: no mean and no step size.
+    let sigma = match generation.mean.is_empty() {
+        true => String::new(),
+        false => format!("  sigma {:.3}", generation.sigma),
+    };
+    format!(
+        "generation {:>2}/{of}  best {best:.4}  median {:.4}{sigma}",
+        generation.generation + 1,
+        median(fitness()),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_step_size_is_told_of_a_generation_that_has_one() {
+        let search = Generation {
+            generation: 8,
+            stage: "joint".into(),
+            pairs: vec![0],
+            mean: vec![0.5],
+            deviations: vec![0.1],
+            sigma: 0.1234,
+            candidates: Vec::new(),
+        };
+        let front = Generation { stage: "front".into(), mean: Vec::new(), ..search.clone() };
+        assert!(told(&search, 20).starts_with("generation  9/20  best"), "{}", told(&search, 20));
+        assert!(told(&search, 20).ends_with("  sigma 0.123"), "{}", told(&search, 20));
+        assert!(!told(&front, 20).contains("sigma"), "{}", told(&front, 20));
     }
 }
