@@ -88,7 +88,7 @@ impl Observer for Progress {
 fn told(generation: &Generation, of: u32) -> String {
     let fitness = || generation.candidates.iter().map(|c| c.fitness);
     let best = fitness().fold(f64::INFINITY, f64::min);
-    // NSGA-II, which searches a front, draws from no distribution: no mean and no step size.
+    // Of a front there is neither a mean nor a step size.
     let sigma = match generation.mean.is_empty() {
         true => String::new(),
         false => format!("  sigma {:.3}", generation.sigma),

@@ -102,15 +102,16 @@ impl CandidateRecord {
 pub struct Generation {
     /// Its number, from 0.
     pub generation: u32,
-    /// The search that it is of: `registration`, `lidar` or `joint`.
+    /// The search that it is of: `registration`, `lidar`, `joint` or `front`.
     pub stage: String,
     /// The training pairs it saw.
     pub pairs: Vec<usize>,
-    /// Middle of the distribution that its candidates were drawn from, in the cube.
+    /// Middle of the distribution that its candidates were drawn from, in the cube; empty of a
+    /// front, whose search draws from none.
     pub mean: Vec<f64>,
-    /// Standard deviations of that distribution, in the cube.
+    /// Standard deviations of that distribution, in the cube; empty likewise.
     pub deviations: Vec<f64>,
-    /// Its step size.
+    /// Its step size; 0 likewise.
     pub sigma: f64,
     /// Its candidates.
     pub candidates: Vec<CandidateRecord>,
