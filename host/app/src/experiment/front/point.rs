@@ -88,6 +88,10 @@ impl Front {
         let said = |point: &FrontPoint| {
             point.comparison.at_cost(self.cost, &self.default.cost, &point.mark.cost)
         };
+        if self.default.recall_pct == 0.0 {
+            let pairs = self.pairs;
+            return format!("not told, for it registers none of {pairs} pairs, as a blind sensor");
+        }
         let Some(cheapest) = self.cheapest_as_good() else {
             return "no point errs as little as the default".into();
         };
@@ -168,5 +172,11 @@ mod tests {
             vec![judged(1.0, 0.1, 0.0), judged(1.0, 0.1, 0.0), judged(1e-3, 0.2, 0.0)],
         );
         assert_eq!(none.verdict(), "no point errs as little as the default");
+        let (nothing, mut summary) = judged(1.0, 1.0, 0.0);
+        summary.recall_pct = 0.0;
+        let blind = (nothing, summary);
+        let dark = judged(1e-9, 1.0, 0.0);
+        let front = Front::new(CostKind::Energy, 1.0, vec![blind.clone(), blind, dark]);
+        assert!(front.verdict().contains("registers none of 40 pairs"), "{}", front.verdict());
     }
 }
