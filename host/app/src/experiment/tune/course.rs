@@ -361,9 +361,9 @@ impl<'a> Course<'a> {
         base: &[f64],
     ) -> Vec<(Origin, Parameters)> {
         let space = &self.search.space;
-        // The first half of the search was still on its way.
-        let own = stage.generations as usize / 2;
-        let late = &self.generations[self.generations.len().saturating_sub(own)..];
+        // The first half of the search was still on its way; one may have ended early.
+        let own = self.generations.iter().filter(|generation| generation.stage == stage.name);
+        let late = &self.generations[self.generations.len() - own.count() / 2..];
         let mut best: Vec<(f64, &Generation, usize)> = late.iter().filter_map(best_of).collect();
         best.reverse(); // the later generations first among equals
         best.sort_by(|a, b| a.0.total_cmp(&b.0));
