@@ -28,5 +28,5 @@ pub use stage::{Stage, stages};
 pub(super) use tasks::{Crew, Task};
 
 /// The optimiser's constants: those that all records were made with. Its default, pycma's, need
-/// some 3 % less where there are as many axes as here.
+/// some 3 % less where there are as many axes as here, up to 7 % where there are five.
 pub(crate) const CONSTANTS: Constants = Constants::Tutorial;
