@@ -79,7 +79,8 @@ impl From<TuneError> for Failure {
             TuneError::Optimizer(_)
             | TuneError::Front(_)
             | TuneError::Diverged { .. }
-            | TuneError::NothingFound { .. } => Self::usage(error),
+            | TuneError::NothingFound { .. }
+            | TuneError::NothingToKeep { .. } => Self::usage(error),
             TuneError::Interrupted { .. } => Self::new(INTERRUPTED, error),
         }
     }

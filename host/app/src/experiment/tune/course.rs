@@ -12,7 +12,7 @@ use super::replay::difference;
 use super::search::{Finalist, Observer, TuneError, TuneSearch, Tuned};
 use super::stage::Stage;
 use super::tasks::{Crew, Task};
-use crate::experiment::evaluate::median;
+use crate::experiment::evaluate::{median, succeeds};
 use crate::experiment::journal::{CandidateRecord, Generation, Journal};
 use crate::experiment::objective::{PairError, Worth};
 use crate::experiment::params::Parameters;
@@ -121,6 +121,7 @@ impl<'a> Course<'a> {
         if !stages.is_empty() {
             self.winner(&mut race, at, Vec::new())?;
             self.price.start = race.judged(at).to_vec();
+            self.expect_something_to_keep()?;
             self.turns = harder_oftener(&self.losses_of_start());
         }
         let mut winners = vec![at];
@@ -162,6 +163,17 @@ impl<'a> Course<'a> {
         let start = self.search.start;
         let settings = race.parameters(at).settings;
         (stages.len() > 1).then_some((Origin::LidarAlone, Parameters { settings, ..start }))
+    }
+
+    /// Where a cost is to be least the start must find something: a sensor that is blind is no worse
+    /// than one that finds nothing, and costs less.
+    fn expect_something_to_keep(&self) -> Result<(), TuneError> {
+        let (start, config) = (&self.price.start, self.search.config);
+        let finds = start.iter().any(|judged| succeeds(&judged.error, &config.data));
+        match config.tune.minimise {
+            Some(_) if !finds => Err(TuneError::NothingToKeep { pairs: start.len() }),
+            _ => Ok(()),
+        }
     }
 
     fn losses_of_start(&self) -> Vec<f64> {

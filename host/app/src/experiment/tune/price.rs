@@ -58,6 +58,15 @@ impl Price<'_> {
         })
     }
 
+    /// Whether errors are beyond the limit within which a cost is to be least. In a search the
+    /// penalty shows the way back; nothing that pays it is to be chosen.
+    pub(super) fn is_beyond_the_limit(&self, errors: &[PairError]) -> bool {
+        let worth = || Worth::from(self.tune).of(errors);
+        self.tune.minimise.is_some()
+            && !self.start.is_empty()
+            && self.penalty(errors, worth()) > 1.0
+    }
+
     /// 1 within the limit, more the farther beyond.
     fn penalty(&self, errors: &[PairError], worth: f64) -> f64 {
         let of_start: Vec<PairError> =
@@ -163,6 +172,9 @@ mod tests {
         assert!(close(fitness(0.0144, 0.04, 0.1), 0.1), "1.2 times as much");
         assert!(fitness(0.02, 0.08, 0.1) > 0.1 * 50.0, "twice as much");
         assert!(fitness(0.0001, 0.6, 0.1) > 0.9, "a pair is lost");
+        assert!(price.is_beyond_the_limit(&[error(0, 0.02), error(1, 0.08)]));
+        assert!(price.is_beyond_the_limit(&[error(0, 0.0001), error(1, 0.6)]));
+        assert!(!price.is_beyond_the_limit(&[error(0, 0.0143), error(1, 0.04)]));
         // Of a batch the start's errors on the same pairs count.
         let second = price.fitness(&[error(1, 0.048)], cost(0.1).as_ref());
         assert!(close(second, 0.1), "{second}");

@@ -7,6 +7,8 @@
 //! registrations fail often nobody is behind beyond doubt for long, so the farther the race the
 //! fewer may go on (successive halving: Jamieson and Talwalkar, AISTATS 2016).
 
+use std::cmp::Ordering;
+
 use super::origin::Origin;
 use super::price::{Judged, Price, mean_cost, standard_error};
 use super::search::{Finalist, TuneSearch};
@@ -116,16 +118,25 @@ impl<'a> Race<'a> {
         Ok(true)
     }
 
-    fn fitness(&self, i: usize, seen: usize, price: &Price<'_>) -> f64 {
-        let judged = &self.runners[i].judged[..seen];
-        let errors: Vec<PairError> = judged.iter().map(|judged| judged.error.clone()).collect();
-        price.fitness(&errors, mean_cost(judged).as_ref())
+    fn errors_of(&self, i: usize, seen: usize) -> Vec<PairError> {
+        self.runners[i].judged[..seen].iter().map(|judged| judged.error.clone()).collect()
     }
 
-    /// The one of least fitness; of equals the first.
-    fn leader(&self, left: &[usize], seen: usize, price: &Price<'_>) -> usize {
+    fn fitness(&self, i: usize, seen: usize, price: &Price<'_>) -> f64 {
+        price.fitness(&self.errors_of(i, seen), mean_cost(&self.runners[i].judged[..seen]).as_ref())
+    }
+
+    /// Who is better: whose error is within the limit, where there is one; of these the fitter.
+    fn better(&self, a: usize, b: usize, seen: usize, price: &Price<'_>) -> Ordering {
+        let is_beyond = |i: usize| price.is_beyond_the_limit(&self.errors_of(i, seen));
         let fitness = |i: usize| self.fitness(i, seen, price);
-        left.iter().copied().min_by(|&a, &b| fitness(a).total_cmp(&fitness(b))).unwrap_or_default()
+        is_beyond(a).cmp(&is_beyond(b)).then(fitness(a).total_cmp(&fitness(b)))
+    }
+
+    /// The best; of equals the first.
+    fn leader(&self, left: &[usize], seen: usize, price: &Price<'_>) -> usize {
+        let best = left.iter().copied().min_by(|&a, &b| self.better(a, b, seen, price));
+        best.unwrap_or_default()
     }
 
     /// Those who go on: of equals the first that were entered. Who has seen all pairs before stays:
@@ -135,8 +146,7 @@ impl<'a> Race<'a> {
         let (mut stay, mut others): (Vec<usize>, Vec<usize>) =
             left.iter().partition(|&&i| self.runners[i].judged.len() == all);
         others.retain(|&i| self.behind(i, leader, seen, price).is_none_or(|b| b <= BEHIND));
-        let fitness = |i: &usize| self.fitness(*i, seen, price);
-        others.sort_by(|a, b| fitness(a).total_cmp(&fitness(b)));
+        others.sort_by(|&a, &b| self.better(a, b, seen, price));
         others.truncate(most_after(seen));
         stay.append(&mut others);
         stay.sort_unstable();
@@ -170,18 +180,20 @@ impl<'a> Race<'a> {
 
     /// All who were judged: those first that saw most pairs, the best of them first.
     pub(super) fn finalists(&self, price: &Price<'_>) -> Vec<Finalist> {
-        let each = self.runners.iter().enumerate();
-        let judged = each.filter(|(_, runner)| !runner.judged.is_empty());
-        let mut finalists: Vec<Finalist> = judged
-            .map(|(i, runner)| Finalist {
-                origin: runner.origin.to_string(),
-                values: self.search.searched_values(&runner.parameters),
-                fitness: self.fitness(i, runner.judged.len(), price),
-                pairs: runner.judged.len(),
-            })
-            .collect();
-        finalists.sort_by(|a, b| b.pairs.cmp(&a.pairs).then(a.fitness.total_cmp(&b.fitness)));
-        finalists
+        let judged = |i: &usize| !self.runners[*i].judged.is_empty();
+        let mut order: Vec<usize> = (0..self.runners.len()).filter(judged).collect();
+        let seen = |i: usize| self.runners[i].judged.len();
+        order.sort_by(|&a, &b| {
+            let fewer = seen(b).cmp(&seen(a));
+            fewer.then_with(|| self.better(a, b, seen(a), price))
+        });
+        let finalist = |i: usize| Finalist {
+            origin: self.runners[i].origin.to_string(),
+            values: self.search.searched_values(&self.runners[i].parameters),
+            fitness: self.fitness(i, seen(i), price),
+            pairs: seen(i),
+        };
+        order.into_iter().map(finalist).collect()
     }
 }
 

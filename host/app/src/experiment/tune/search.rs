@@ -55,6 +55,16 @@ pub enum TuneError {
         /// Why the last of them stopped, as it is in the journal.
         stop: String,
     },
+    /// The start finds nothing, so no error can be held to a multiple of its.
+    #[error(
+        "minimise: expected a start that registers a training pair, found one that registers none \
+         of {pairs}, so that any error is within its limit; tune for the least error first, and \
+         begin there with `--run`"
+    )]
+    NothingToKeep {
+        /// How many training pairs there are.
+        pairs: usize,
+    },
     /// Someone asked to stop. What was done is in the journal.
     #[error("interrupted after {generations} generations")]
     Interrupted {
