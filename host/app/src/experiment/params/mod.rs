@@ -243,8 +243,8 @@ impl Space {
     }
 
     /// What the optimiser is told of an axis: a choice has names, in no order. Counts are rounded:
-    /// a margin is worth a few percent of the loss at most in as few generations, and where noise is
-    /// large nothing (benches/record/optimiser.md).
+    /// in as few generations a margin is worth a few percent of the loss at most, and nothing where
+    /// noise is large (benches/record/optimiser.md).
     pub fn coordinate(&self, axis: usize) -> Coordinate {
         let axis = &self.axes[axis];
         match axis.cells() {

@@ -165,8 +165,8 @@ impl<'a> Course<'a> {
         (stages.len() > 1).then_some((Origin::LidarAlone, Parameters { settings, ..start }))
     }
 
-    /// Where a cost is to be least the start must find something: a sensor that is blind is no worse
-    /// than one that finds nothing, and costs less.
+    /// Where a cost is to be least the start must find something: a blind sensor is no worse than
+    /// one that finds nothing, and costs less.
     fn expect_something_to_keep(&self) -> Result<(), TuneError> {
         let (start, config) = (&self.price.start, self.search.config);
         let finds = start.iter().any(|judged| succeeds(&judged.error, &config.data));
