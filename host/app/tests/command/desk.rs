@@ -401,3 +401,20 @@ fn a_table_has_a_row_for_each_pair_as_it_is_stored() {
     assert_eq!(evaluated.lines().count(), 1 + 3);
     assert!(evaluated.lines().nth(1).unwrap().starts_with("test,0,"), "{evaluated}");
 }
+
+#[test]
+fn one_axis_is_a_search_too_with_as_many_candidates_as_can_be_compared() {
+    for strategy in ["--strategy=fast", "--strategy=paper"] {
+        let fixture = Fixture::new();
+        let one = ["--protocol=default", "--tune=lidar.gain", "--population=0", strategy];
+        fixture.tune(&one);
+        for generation in generations(&fixture) {
+            assert_eq!(generation["candidates"].as_array().map(Vec::len), Some(2), "{strategy}");
+        }
+        let result = result(&fixture);
+        let (tuned, default) = (&result["tuned"], &result["default"]);
+        let all = tuned.as_object().expect("parameters");
+        let moved = all.iter().filter(|(name, value)| default[name.as_str()] != **value);
+        assert!(moved.into_iter().all(|(name, _)| name == "lidar.gain"), "{strategy}: {tuned}");
+    }
+}
