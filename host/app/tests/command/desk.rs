@@ -11,10 +11,6 @@ use serde_json::{Value, json};
 
 const RUN: &str = "runs/latest";
 
-fn result(fixture: &Fixture) -> Value {
-    serde_json::from_str(&fixture.read("runs/latest/result.json")).expect("a result")
-}
-
 /// Lines of a journal without the first: one a generation.
 fn generations(fixture: &Fixture) -> Vec<Value> {
     let text = fixture.read("runs/latest/history.jsonl");
@@ -43,7 +39,7 @@ fn only_the_axes_that_the_user_chose_are_moved_and_within_the_user_s_bounds() {
         assert_eq!(names, ["lidar.power", "registration.voxel_m"]);
         assert!((60.0..=80.0).contains(&values["lidar.power"].as_f64().unwrap()));
     }
-    let result = result(&fixture);
+    let result = fixture.result();
     assert_eq!(result["tuned"]["lidar.gain"], 3.0);
     assert_eq!(result["tuned"]["registration.max_pair_distance_m"], 0.7);
 }
@@ -81,14 +77,14 @@ fn a_finished_run_is_extended_to_what_it_would_have_been() {
         let after = generations(&extended);
         assert_eq!(after[..before.len()], before, "what was done is kept");
         assert!(after.len() > before.len(), "{strategy}");
-        assert_eq!(result(&extended)["generations"], after.len());
+        assert_eq!(extended.result()["generations"], after.len());
         // As if that many had been asked for; of several searches only the last goes on.
         let set = match strategy {
             "--strategy=paper" => "tune.generations=6",
             _ => "tune.extended_to=6",
         };
         whole.tune(&[strategy, "--set", set]);
-        let [mut a, mut b] = [&whole, &extended].map(result);
+        let [mut a, mut b] = [&whole, &extended].map(Fixture::result);
         assert_eq!(a["tuned"].take(), b["tuned"].take(), "{strategy}");
         let again = extended.succeed(&["tune", "-q", "--resume", RUN]);
         assert!(again.stdout.contains("recall"), "{}", again.stdout);
@@ -104,7 +100,7 @@ fn a_finished_run_is_extended_to_what_it_would_have_been() {
 fn every_command_begins_with_what_a_run_tuned() {
     let fixture = Fixture::new();
     fixture.tune(&["--fix=lidar.power=40", "--tune=lidar.shots"]);
-    let tuned = result(&fixture)["tuned"].clone();
+    let tuned = fixture.result()["tuned"].clone();
     let shown: Value = fixture.succeed(&["config", "--json", "--run", RUN]).json();
     assert_eq!(shown["lidar"]["power"], 40.0);
     assert_eq!(shown["lidar"]["shots"], tuned["lidar.shots"]);
@@ -113,7 +109,7 @@ fn every_command_begins_with_what_a_run_tuned() {
     assert_eq!(file, shown);
 
     let again = fixture.succeed(&["evaluate", "-q", "--json", "--run", RUN]).json();
-    assert_eq!(again["summary"], result(&fixture)["tuned_summary"]);
+    assert_eq!(again["summary"], fixture.result()["tuned_summary"]);
     let sensor = fixture.succeed(&["sensor", "--json", "--run", RUN]).json();
     assert_eq!(sensor["settings"]["power"], 40.0);
     fixture.succeed(&["scan", "-q", "--run", RUN, "-o", "a.ply"]);
@@ -137,8 +133,8 @@ fn every_command_begins_with_what_a_run_tuned() {
 
     // A warm start: what is tuned next begins where the run before ended.
     fixture.succeed(&["tune", "-q", "--run", RUN, "--seed", "5", "--generations", "1"]);
-    assert_eq!(result(&fixture)["default"], tuned);
-    assert_eq!(result(&fixture)["seed"], 5);
+    assert_eq!(fixture.result()["default"], tuned);
+    assert_eq!(fixture.result()["seed"], 5);
     let other = fixture.succeed(&["config", "--run", RUN, "--set", "registration.method=fgr"]);
     assert!(other.stderr.contains("so fgr starts at its own settings"), "{}", other.stderr);
     assert!(other.stdout.contains("power = 40"), "{}", other.stdout);
@@ -153,7 +149,7 @@ fn a_search_begins_at_the_best_of_its_start_and_what_was_tuned_elsewhere() {
     let starts = ["--warm-start", "dark.json", "--warm-start", elsewhere.to_str().expect("UTF-8")];
     let dim = ["--set=lidar.power=0.02", "--objective=error", "--tune=lidar.power=0.01..100,log"];
     fixture.tune(&[&dim[..], &starts].concat());
-    let found = result(&fixture);
+    let found = fixture.result();
     assert_eq!(found["default"]["lidar.power"], 0.02, "the start is what is compared with");
     let finalists = found["finalists"].as_array().expect("finalists");
     let fitness = |origin: &str| {
@@ -195,7 +191,7 @@ fn what_the_examples_have_tuned_is_a_candidate_and_a_warm_start() {
     }
     let starts: Vec<&str> = files.iter().flat_map(|file| ["--warm-start", file.as_str()]).collect();
     fixture.tune(&[&["--generations=1"], &starts[..]].concat());
-    let found = result(&fixture);
+    let found = fixture.result();
     let raced = |origin: String| {
         found["finalists"].as_array().expect("finalists").iter().any(|one| one["origin"] == origin)
     };
@@ -386,7 +382,7 @@ fn a_table_has_a_row_for_each_pair_as_it_is_stored() {
     let table = fixture.tune(&["--format=csv", "--protocol=default"]).stdout;
     let rows: Vec<Vec<&str>> = table.lines().map(|line| line.split(',').collect()).collect();
     assert_eq!(rows[0][..3], ["set", "pair", "translation_m"]);
-    let result = result(&fixture);
+    let result = fixture.result();
     let of = |set: &str, summary: &str| {
         let errors = result[summary]["errors"].as_array().unwrap();
         let own = rows.iter().filter(|row| row[0] == set);
@@ -411,7 +407,7 @@ fn one_axis_is_a_search_too_with_as_many_candidates_as_can_be_compared() {
         for generation in generations(&fixture) {
             assert_eq!(generation["candidates"].as_array().map(Vec::len), Some(2), "{strategy}");
         }
-        let result = result(&fixture);
+        let result = fixture.result();
         let (tuned, default) = (&result["tuned"], &result["default"]);
         let all = tuned.as_object().expect("parameters");
         let moved = all.iter().filter(|(name, value)| default[name.as_str()] != **value);

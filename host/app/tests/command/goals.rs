@@ -7,10 +7,6 @@ use serde_json::Value;
 
 const RUN: &str = "runs/latest";
 
-fn result(fixture: &Fixture) -> Value {
-    serde_json::from_str(&fixture.read("runs/latest/result.json")).expect("a result")
-}
-
 fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
 }
@@ -19,7 +15,7 @@ fn number(value: &Value) -> f64 {
 fn the_least_energy_is_the_cheapest_whose_error_is_within_the_limit() {
     let fixture = Fixture::new();
     fixture.tune(&["--minimise=energy", "--at-most-error=1.5x", "--generations=4"]);
-    let result = result(&fixture);
+    let result = fixture.result();
     let energy = |who: &str| number(&result[who]["cost"]["energy_j"]);
     let share = energy("tuned_summary") / energy("default_summary");
     assert!(share < 0.8, "{share} of the start's");
@@ -58,7 +54,7 @@ fn a_front_has_each_cost_once_and_goes_on_from_its_journal_to_the_same_points() 
     let few = few.iter().flat_map(|set| ["--set", set]);
     let points = ["--pareto=energy", "--points=5"];
     fixture.tune(&points.into_iter().chain(few).collect::<Vec<_>>());
-    let front = result(&fixture)["front"].clone();
+    let front = fixture.result()["front"].clone();
     let found = front["points"].as_array().expect("a list");
     assert!((2..=5).contains(&found.len()), "{front}");
     let energies: Vec<f64> = found.iter().map(|one| number(&one["cost"]["energy_j"])).collect();

@@ -61,10 +61,9 @@ impl Price<'_> {
     /// Whether errors are beyond the limit within which a cost is to be least. In a search the
     /// penalty shows the way back; nothing that pays it is to be chosen.
     pub(super) fn is_beyond_the_limit(&self, errors: &[PairError]) -> bool {
-        let worth = || Worth::from(self.tune).of(errors);
         self.tune.minimise.is_some()
             && !self.start.is_empty()
-            && self.penalty(errors, worth()) > 1.0
+            && self.penalty(errors, Worth::from(self.tune).of(errors)) > 1.0
     }
 
     /// 1 within the limit, more the farther beyond.

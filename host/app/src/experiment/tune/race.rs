@@ -118,19 +118,16 @@ impl<'a> Race<'a> {
         Ok(true)
     }
 
-    fn errors_of(&self, i: usize, seen: usize) -> Vec<PairError> {
-        self.runners[i].judged[..seen].iter().map(|judged| judged.error.clone()).collect()
+    /// Whether one is beyond the limit, where there is one, and its fitness.
+    fn standing(&self, i: usize, seen: usize, price: &Price<'_>) -> (bool, f64) {
+        let judged = &self.runners[i].judged[..seen];
+        let errors: Vec<PairError> = judged.iter().map(|judged| judged.error.clone()).collect();
+        let fitness = price.fitness(&errors, mean_cost(judged).as_ref());
+        (price.is_beyond_the_limit(&errors), fitness)
     }
 
-    fn fitness(&self, i: usize, seen: usize, price: &Price<'_>) -> f64 {
-        price.fitness(&self.errors_of(i, seen), mean_cost(&self.runners[i].judged[..seen]).as_ref())
-    }
-
-    /// Who is better: whose error is within the limit, where there is one; of these the fitter.
     fn better(&self, a: usize, b: usize, seen: usize, price: &Price<'_>) -> Ordering {
-        let is_beyond = |i: usize| price.is_beyond_the_limit(&self.errors_of(i, seen));
-        let fitness = |i: usize| self.fitness(i, seen, price);
-        is_beyond(a).cmp(&is_beyond(b)).then(fitness(a).total_cmp(&fitness(b)))
+        better(self.standing(a, seen, price), self.standing(b, seen, price))
     }
 
     /// The best; of equals the first.
@@ -180,21 +177,28 @@ impl<'a> Race<'a> {
 
     /// All who were judged: those first that saw most pairs, the best of them first.
     pub(super) fn finalists(&self, price: &Price<'_>) -> Vec<Finalist> {
-        let judged = |i: &usize| !self.runners[*i].judged.is_empty();
-        let mut order: Vec<usize> = (0..self.runners.len()).filter(judged).collect();
-        let seen = |i: usize| self.runners[i].judged.len();
-        order.sort_by(|&a, &b| {
-            let fewer = seen(b).cmp(&seen(a));
-            fewer.then_with(|| self.better(a, b, seen(a), price))
+        let each = self.runners.iter().enumerate();
+        let judged = each.filter(|(_, runner)| !runner.judged.is_empty());
+        let mut finalists: Vec<(bool, Finalist)> = judged
+            .map(|(i, runner)| {
+                let pairs = runner.judged.len();
+                let (is_beyond, fitness) = self.standing(i, pairs, price);
+                let origin = runner.origin.to_string();
+                let values = self.search.searched_values(&runner.parameters);
+                (is_beyond, Finalist { origin, values, fitness, pairs })
+            })
+            .collect();
+        finalists.sort_by(|(a_beyond, a), (b_beyond, b)| {
+            let order = better((*a_beyond, a.fitness), (*b_beyond, b.fitness));
+            b.pairs.cmp(&a.pairs).then(order)
         });
-        let finalist = |i: usize| Finalist {
-            origin: self.runners[i].origin.to_string(),
-            values: self.search.searched_values(&self.runners[i].parameters),
-            fitness: self.fitness(i, seen(i), price),
-            pairs: seen(i),
-        };
-        order.into_iter().map(finalist).collect()
+        finalists.into_iter().map(|(_, finalist)| finalist).collect()
     }
+}
+
+/// Whose standing is better comes first: who is within the limit, and of these the fitter.
+fn better(a: (bool, f64), b: (bool, f64)) -> Ordering {
+    a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
 }
 
 /// How many go on at most after so many pairs.
