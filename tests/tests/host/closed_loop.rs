@@ -122,17 +122,18 @@ fn one_thread_and_two_write_the_same_journal_and_choose_the_same() {
     assert_eq!(chosen_by_one, chosen_by_two);
     assert_eq!(
         one.iter().filter(|&&byte| byte == b'\n').count(),
-        1 + 3 + 2 + 2,
-        "a header, three generations of registration, two of the sensor, two of both"
+        1 + 3 + 3 + 2 + 2,
+        "a header, three generations of either half, two of the sensor again, two of both"
     );
 }
 
 #[test]
-fn the_fast_search_moves_registration_then_the_sensor_then_both() {
+fn the_fast_search_moves_either_half_alone_then_the_sensor_again_then_both() {
     let (_, tuned) = tuned(&config(&["tune.population=0"]), 2);
     let stages: Vec<&str> = tuned.generations.iter().map(|g| &*g.stage).collect();
-    let expected = [vec!["registration"; 3], vec!["lidar"; 2], vec!["joint"; 2]].concat();
-    assert_eq!(stages, expected);
+    let halves = [vec!["lidar alone"; 3], vec!["registration"; 3]].concat();
+    let beside = [vec!["lidar"; 2], vec!["joint"; 2]].concat();
+    assert_eq!(stages, [halves, beside].concat());
     let moved = |generation: &Generation| -> Vec<bool> {
         let first = &generation.candidates[0].point;
         let differs = |i: usize| generation.candidates.iter().any(|c| c.point[i] != first[i]);
@@ -143,7 +144,7 @@ fn the_fast_search_moves_registration_then_the_sensor_then_both() {
     for generation in &tuned.generations {
         let (own, size) = match &*generation.stage {
             "registration" => (sensor..both, 8),
-            "lidar" => (0..sensor, sensor),
+            "lidar alone" | "lidar" => (0..sensor, sensor),
             _ => (0..both, both),
         };
         assert_eq!(generation.candidates.len(), size, "{}", generation.stage);
@@ -196,7 +197,7 @@ fn every_registration_is_counted_and_nobody_is_raced_twice_on_a_pair() {
     assert_eq!(count.0.into_inner(), tuned.registrations);
     let raced: usize = tuned.finalists.iter().map(|f| f.pairs).sum();
     // Six candidates: of registration's three generations on all four pairs, else on two.
-    assert_eq!(tuned.registrations, 6 * (3 * 4 + 2 * 2 + 2 * 2) + raced);
+    assert_eq!(tuned.registrations, 6 * (3 * 2 + 3 * 4 + 2 * 2 + 2 * 2) + raced);
     let different: BTreeSet<String> =
         tuned.finalists.iter().map(|f| format!("{:?}", f.values)).collect();
     assert_eq!(different.len(), tuned.finalists.len());
@@ -222,24 +223,26 @@ fn what_scans_cost_is_recorded_where_it_counts_and_decides_between_equal_errors(
 }
 
 #[test]
-fn the_winners_of_the_halves_are_in_the_last_race() {
-    let config = config(&[]);
-    let (_, tuned) = tuned(&config, 2);
-    for stage in ["start", "registration", "lidar", "joint, mean"] {
-        assert!(tuned.finalists.iter().any(|f| f.origin.starts_with(stage)), "{stage}");
+fn each_half_is_searched_as_it_would_be_alone_and_its_winner_is_in_the_last_race() {
+    let whole = config(&[]);
+    let (_, both) = tuned(&whole, 2);
+    for (protocol, stage) in [("lidar", "lidar alone"), ("registration", "registration")] {
+        let half = config(&[&format!("tune.protocol={protocol}")]);
+        let (_, alone) = tuned(&half, 2);
+        let of_half = both.generations.iter().filter(|generation| generation.stage == stage);
+        let of_half: Vec<&Generation> = of_half.collect();
+        assert_eq!(of_half.len(), alone.generations.len(), "{stage}");
+        for (beside, alone) in of_half.into_iter().zip(&alone.generations) {
+            assert_eq!((&beside.pairs, beside.sigma), (&alone.pairs, alone.sigma), "{stage}");
+            for (beside, alone) in beside.candidates.iter().zip(&alone.candidates) {
+                assert_eq!(beside.errors, alone.errors, "{stage}");
+            }
+        }
+        let winner = search(&whole).searched_values(&alone.parameters);
+        let found = both.finalists.iter().find(|finalist| finalist.values == winner);
+        let pairs = found.map(|finalist| finalist.pairs);
+        assert_eq!(pairs, Some(whole.data.train_pairs), "{stage}: {winner:?}");
     }
-    // The sensor alone may be the winner of its search already: where registration's found nothing.
-    let search = search(&config);
-    let start = search.searched_values(&search.start);
-    let is_alone = |values: &Values| {
-        // A point of the cube gives a value back to its last bits.
-        let is_as_start = |section: &str| {
-            let mut own = start.iter().filter(|(name, _)| name.starts_with(section));
-            own.all(|(name, was)| (values[name] - was).abs() <= 1e-9 * was.abs())
-        };
-        is_as_start("registration.") && !is_as_start("lidar.")
-    };
-    assert!(tuned.finalists.iter().any(|f| is_alone(&f.values)), "the sensor alone");
 }
 
 #[test]

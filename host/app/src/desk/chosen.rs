@@ -63,9 +63,6 @@ fn origin(result: &RunResult, last: &Generation) -> String {
     let written = &result.origin;
     match Origin::read(written) {
         Some(Origin::Start) => format!("the choice is the start itself, which {raced}"),
-        Some(Origin::LidarAlone) => {
-            format!("the choice is the tuned sensor with the start’s registration, which {raced}")
-        }
         Some(Origin::WarmStart(_)) => {
             format!("the choice is what was tuned elsewhere ({written}), which {raced}")
         }

@@ -57,7 +57,8 @@ impl Protocol {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Strategy {
-    /// Registration on shared scans, the sensor, then both together, few pairs a generation.
+    /// Either half alone, the sensor beside registration's winner, then both together, few pairs a
+    /// generation.
     #[default]
     Fast,
     /// The paper's (Sec. 4.2): one search, all pairs, the plain mean of the errors.

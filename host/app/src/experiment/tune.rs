@@ -1,10 +1,10 @@
 //! The closed loop: candidates go to the sensor, scans come back, errors go to the optimiser.
 //!
-//! A run is one search or several ([`TuneSearch::stages`]), each from the winner of the one before.
-//! Under [`Strategy::Paper`] there is one, and its best candidate is the choice. Under
-//! [`Strategy::Fast`] registration's axes come first, on scans that all candidates share, then the
-//! sensor's, then all together; the winners of the halves meet those of the whole in a race on all
-//! training pairs.
+//! A run is one search or several ([`TuneSearch::stages`]). Under [`Strategy::Paper`] there is one,
+//! and its best candidate is the choice. Under [`Strategy::Fast`] each half is searched from the
+//! start, registration's on scans that all candidates share; then the sensor's axes from
+//! registration's winner, then all together. The winners of the halves meet those of the whole in a
+//! race on all training pairs.
 
 mod course;
 mod judge;

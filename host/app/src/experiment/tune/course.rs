@@ -87,8 +87,8 @@ impl<'a> Course<'a> {
     fn paper(&mut self) -> Result<Tuned, TuneError> {
         let start = self.search.space.start_point();
         let mut optimizer = None;
-        for (number, stage) in self.search.stages().iter().enumerate() {
-            optimizer = Some(self.walk(number, stage, &start)?);
+        for stage in &self.search.stages() {
+            optimizer = Some(self.walk(stage, &start)?);
         }
         self.ends()?;
         let candidates = self.generations.iter().flat_map(|generation| {
@@ -111,15 +111,15 @@ impl<'a> Course<'a> {
         Ok(self.tuned(parameters, origin, vec![finalist], optimizer.as_ref(), &[]))
     }
 
-    /// Searches one after the other, each from the winner of the one before, the first from the
-    /// best of start and warm starts.
+    /// The halves, each from the best of start and warm starts; then one search after the other,
+    /// each from the winner of the one before, the first from registration's.
     fn fast(&mut self) -> Result<Tuned, TuneError> {
         let search = self.search;
         let stages = search.stages();
-        let mut race = Race::new(search);
+        let mut race = Race::new(search.bench.dataset.train.len(), search.config.seed);
         let mut at = race.enter(Origin::Start, search.start);
         if !stages.is_empty() {
-            self.winner(&mut race, at, Vec::new())?;
+            self.winner(&mut race, at, Vec::new(), 1)?;
             self.price.start = race.judged(at).to_vec();
             self.expect_something_to_keep()?;
             self.turns = harder_oftener(&self.losses_of_start());
@@ -129,40 +129,51 @@ impl<'a> Course<'a> {
             let each = search.warm_starts.iter().enumerate();
             let warm = each.map(|(i, who)| race.enter(Origin::WarmStart(i + 1), *who));
             let warm = warm.collect();
-            at = self.winner(&mut race, at, warm)?;
+            at = self.winner(&mut race, at, warm, 1)?;
             winners.push(at);
         }
-        let mut last = None;
-        for (number, stage) in stages.iter().enumerate() {
-            let base = search.space.point(race.parameters(at));
-            let optimizer = self.walk(number, stage, &base)?;
-            let mut entrants = self.shortlist(stage, &optimizer, &base);
-            if number + 1 == stages.len() {
-                entrants.extend(self.half_alone(&stages, &race, at));
-            }
-            let mut runners = winners.clone();
-            runners.extend(entrants.into_iter().map(|(origin, who)| race.enter(origin, who)));
-            at = self.winner(&mut race, at, runners)?;
+        let (halves, beside): (Vec<Stage>, Vec<Stage>) =
+            stages.into_iter().partition(Stage::is_from_the_start);
+        let (begin, mut last) = (at, None);
+        let before = winners.clone();
+        for half in &halves {
+            let (runners, optimizer) = self.runners(half, &mut race, begin)?;
+            let runners = [&before[..], &runners].concat();
+            at = self.winner(&mut race, begin, runners, 1)?;
+            winners.push(at);
+            last = Some(optimizer);
+        }
+        // Of two halves registration's: that a sensor should change is what is to be shown.
+        let half = at;
+        for (number, stage) in beside.iter().enumerate() {
+            let (runners, optimizer) = self.runners(stage, &mut race, at)?;
+            let runners = [&winners[..], &runners].concat();
+            at = match number + 1 == beside.len() {
+                true => self.winner(&mut race, half, runners, beside.len() + halves.len() - 1)?,
+                false => self.winner(&mut race, at, runners, 1)?,
+            };
             winners.push(at);
             last = Some(optimizer);
         }
         self.ends()?;
         let origin = race.origin(at).clone();
-        let (parameters, finalists) = (*race.parameters(at), race.finalists(&self.price));
+        let values = |parameters: &Parameters| search.searched_values(parameters);
+        let (parameters, finalists) = (*race.parameters(at), race.finalists(&self.price, values));
         Ok(self.tuned(parameters, origin, finalists, last.as_ref(), &race.errors()))
     }
 
-    /// The sensor's settings of the last winner with registration's of the start: a half that no
-    /// search of its own has found.
-    fn half_alone(
-        &self,
-        stages: &[Stage],
-        race: &Race<'_>,
-        at: usize,
-    ) -> Option<(Origin, Parameters)> {
-        let start = self.search.start;
-        let settings = race.parameters(at).settings;
-        (stages.len() > 1).then_some((Origin::LidarAlone, Parameters { settings, ..start }))
+    /// Searches a stage from one of the race, and enters who could win.
+    fn runners(
+        &mut self,
+        stage: &Stage,
+        race: &mut Race,
+        from: usize,
+    ) -> Result<(Vec<usize>, CmaEs), TuneError> {
+        let base = self.search.space.point(race.parameters(from));
+        let optimizer = self.walk(stage, &base)?;
+        let entrants = self.shortlist(stage, &optimizer, &base);
+        let runners = entrants.into_iter().map(|(origin, who)| race.enter(origin, who)).collect();
+        Ok((runners, optimizer))
     }
 
     /// Where a cost is to be least the start must find something: a blind sensor is no worse than
@@ -181,16 +192,20 @@ impl<'a> Course<'a> {
         self.price.start.iter().map(|judged| worth.loss(&judged.error)).collect()
     }
 
-    /// Who wins: the holder, or one of the runners.
+    /// Who wins: the holder, or one of the runners, who come of so many searches. What one search
+    /// finds is alike, so by chance it is ahead once.
     fn winner(
         &self,
-        race: &mut Race<'_>,
+        race: &mut Race,
         holder: usize,
         runners: Vec<usize>,
+        searches: usize,
     ) -> Result<usize, TuneError> {
         let most = (1 + runners.len()) * self.search.bench.dataset.train.len();
         self.crew.observer.stage("choosing", most);
-        race.winner(holder, runners, &self.price, &self.crew)?.ok_or_else(|| self.interrupted())
+        let judge = |tasks: &[Task<'_>]| self.crew.judged(tasks);
+        let winner = race.winner(holder, runners, searches, &self.price, &judge)?;
+        winner.ok_or_else(|| self.interrupted())
     }
 
     fn interrupted(&self) -> TuneError {
@@ -249,15 +264,18 @@ impl<'a> Course<'a> {
 
     /// One stage's search from a point of the whole cube; generations that the journal has are
     /// compared with those that would be drawn now.
-    fn walk(&mut self, number: usize, stage: &Stage, base: &[f64]) -> Result<CmaEs, TuneError> {
+    fn walk(&mut self, stage: &Stage, base: &[f64]) -> Result<CmaEs, TuneError> {
         self.crew.observer.stage(stage.name, stage.registrations());
-        let mut optimizer = self.optimizer(number, stage, base)?;
-        while optimizer.stop().is_none() {
-            let (drawn, parameters) = self.draw(stage, &optimizer, base);
+        let mut optimizer = self.optimizer(stage, base)?;
+        for turn in stage.place.generations.. {
+            if optimizer.stop().is_some() {
+                break;
+            }
+            let (drawn, parameters) = self.draw(stage, turn, &optimizer, base);
             let generation = match self.ahead.pop_front() {
                 Some(found) => self.same(found, &drawn)?,
                 None => {
-                    let evaluated = self.evaluated(drawn, &parameters)?;
+                    let evaluated = self.evaluated(drawn, turn, &parameters)?;
                     self.journal.add(&evaluated)?;
                     evaluated
                 }
@@ -279,8 +297,9 @@ impl<'a> Course<'a> {
         }
     }
 
-    fn optimizer(&self, number: usize, stage: &Stage, base: &[f64]) -> Result<CmaEs, TuneError> {
-        let seed = derive(self.search.config.seed, Purpose::Search, number as u64);
+    fn optimizer(&self, stage: &Stage, base: &[f64]) -> Result<CmaEs, TuneError> {
+        let number = stage.place.searches.into();
+        let seed = derive(self.search.config.seed, Purpose::Search, number);
         let mut config = CmaEsConfig::unit_cube(stage.own(base), stage.sigma, seed);
         config.lambda = Some(stage.population);
         config.constants = CONSTANTS;
@@ -293,10 +312,11 @@ impl<'a> Course<'a> {
     }
 
     /// The next generation as far as it is known before a scan: without errors and fitness. And its
-    /// candidates' parameters.
+    /// candidates' parameters. `turn` is its number in its line of searches.
     fn draw(
         &self,
         stage: &Stage,
+        turn: u32,
         optimizer: &CmaEs,
         base: &[f64],
     ) -> (Generation, Vec<Parameters>) {
@@ -309,7 +329,7 @@ impl<'a> Course<'a> {
         let generation = Generation {
             generation: number as u32,
             stage: stage.name.to_owned(),
-            pairs: self.batch(number as u64, stage.pairs),
+            pairs: self.batch(turn.into(), stage.pairs),
             mean: stage.expanded(optimizer.mean(), base),
             deviations: stage.expanded(&optimizer.deviations(), &still),
             sigma: optimizer.sigma(),
@@ -322,15 +342,15 @@ impl<'a> Course<'a> {
     fn evaluated(
         &self,
         mut generation: Generation,
+        turn: u32,
         parameters: &[Parameters],
     ) -> Result<Generation, TuneError> {
         let config = &self.search.config.tune;
         let seed = self.search.config.seed;
-        let number = u64::from(generation.generation);
         let noise = |candidate: usize, pair: usize| {
             let own = if config.common_noise { 0 } else { candidate as u64 + 1 };
             // Each part has bits of its own, so no two registrations draw the same noise by chance.
-            derive(seed, Purpose::TrainNoise, number << 32 | (pair as u64) << 16 | own)
+            derive(seed, Purpose::TrainNoise, u64::from(turn) << 32 | (pair as u64) << 16 | own)
         };
         let each = parameters.iter().enumerate();
         let tasks: Vec<Task<'_>> = each

@@ -3,7 +3,6 @@
 use std::fmt;
 
 const START: &str = "start";
-const LIDAR_ALONE: &str = "lidar alone";
 const WARM_START: &str = "warm start ";
 const MEAN: &str = ", mean";
 
@@ -15,8 +14,6 @@ pub enum Origin {
     Start,
     /// What was tuned elsewhere, by its number among the warm starts, from 1.
     WarmStart(usize),
-    /// The sensor of the last winner with the start's registration.
-    LidarAlone,
     /// Where a stage's search ended.
     Mean {
         /// Its name.
@@ -38,7 +35,6 @@ impl fmt::Display for Origin {
         match self {
             Self::Start => f.write_str(START),
             Self::WarmStart(number) => write!(f, "{WARM_START}{number}"),
-            Self::LidarAlone => f.write_str(LIDAR_ALONE),
             Self::Mean { stage } => write!(f, "{stage}{MEAN}"),
             Self::Candidate { stage, generation, candidate } => {
                 write!(f, "{stage}, generation {generation}, candidate {candidate}")
@@ -58,7 +54,6 @@ impl Origin {
         }
         match text {
             START => Some(Self::Start),
-            LIDAR_ALONE => Some(Self::LidarAlone),
             _ => {
                 let (stage, rest) = text.split_once(", generation ")?;
                 let (generation, candidate) = rest.split_once(", candidate ")?;
@@ -82,7 +77,6 @@ mod tests {
         for (origin, text) in [
             (Origin::Start, "start"),
             (Origin::WarmStart(2), "warm start 2"),
-            (Origin::LidarAlone, "lidar alone"),
             (Origin::Mean { stage: stage() }, "registration, mean"),
             (
                 Origin::Candidate { stage: stage(), generation: 12, candidate: 0 },

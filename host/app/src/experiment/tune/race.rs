@@ -11,10 +11,10 @@ use std::cmp::Ordering;
 
 use super::origin::Origin;
 use super::price::{Judged, Price, mean_cost, standard_error};
-use super::search::{Finalist, TuneSearch};
-use super::tasks::{Crew, Task};
+use super::search::Finalist;
+use super::tasks::Task;
 use crate::experiment::objective::PairError;
-use crate::experiment::params::Parameters;
+use crate::experiment::params::{Parameters, Values};
 use crate::experiment::seed::{Purpose, derive};
 use crate::link::sensor::SensorError;
 
@@ -27,12 +27,16 @@ const FIRST_LOOK: usize = 10;
 /// Who is so many standard errors behind the leader falls out.
 const BEHIND: f64 = 2.5;
 
-/// Who is to follow the holder must be so many standard errors ahead of it: the best of many that
-/// are as good is ahead by about one, by chance.
+/// Who is to follow the holder must be so many standard errors ahead of it: one that is as good is
+/// so by chance in a case of six.
 const AHEAD: f64 = 1.0;
 
 /// How many go on at most once so many pairs have been seen.
 const GO_ON: [(usize, usize); 3] = [(20, 8), (40, 4), (60, 2)];
+
+/// Makes registrations, in their order; `None` when the search is to stop.
+pub(super) type Judge<'a> =
+    dyn Fn(&[Task<'_>]) -> Result<Option<Vec<Judged>>, SensorError> + Sync + 'a;
 
 /// One who could win.
 #[derive(Clone, Debug)]
@@ -44,14 +48,17 @@ struct Runner {
 }
 
 /// All who were ever entered, with what is known of them: nobody is judged twice on a pair.
-pub(super) struct Race<'a> {
-    search: &'a TuneSearch<'a>,
+pub(super) struct Race {
+    /// Training pairs.
+    all: usize,
+    /// Of the run: the noise of every pair is made of it.
+    seed: u64,
     runners: Vec<Runner>,
 }
 
-impl<'a> Race<'a> {
-    pub(super) fn new(search: &'a TuneSearch<'a>) -> Self {
-        Self { search, runners: Vec::new() }
+impl Race {
+    pub(super) fn new(all: usize, seed: u64) -> Self {
+        Self { all, seed, runners: Vec::new() }
     }
 
     /// Enters parameters; of those that are in already the number they have.
@@ -72,46 +79,52 @@ impl<'a> Race<'a> {
     }
 
     /// The best of some on all training pairs, by number; `None` when the search is to stop. The
-    /// holder, who won the race before, stays unless another is ahead of it.
+    /// holder, who won a race before, stays unless another is ahead of it: beyond chance, if so
+    /// many were no better.
     pub(super) fn winner(
         &mut self,
         holder: usize,
         mut left: Vec<usize>,
+        rivals: usize,
         price: &Price<'_>,
-        crew: &Crew<'_>,
+        judge: &Judge<'_>,
     ) -> Result<Option<usize>, SensorError> {
         left.push(holder);
         left.sort_unstable();
         left.dedup();
-        let all = self.search.bench.dataset.train.len();
-        let mut seen = FIRST_LOOK.min(all);
+        let mut seen = FIRST_LOOK.min(self.all);
         loop {
-            if !self.judge(&left, seen, crew)? {
+            if !self.judge(&left, seen, judge)? {
                 return Ok(None);
             }
             let leader = self.leader(&left, seen, price);
-            if seen == all {
-                let stays = self.behind(holder, leader, seen, price).is_some_and(|b| b <= AHEAD);
+            if seen == self.all {
+                let behind = self.behind(holder, leader, seen, price);
+                let stays = behind.is_some_and(|behind| !is_beyond_chance(behind, rivals));
                 return Ok(Some(if stays { holder } else { leader }));
             }
             left = self.go_on(&left, leader, seen, price);
-            seen = (seen + LEG).min(all);
+            seen = (seen + LEG).min(self.all);
         }
     }
 
     /// Sees to it that all of some have been judged on the first pairs; false: interrupted.
-    fn judge(&mut self, some: &[usize], seen: usize, crew: &Crew<'_>) -> Result<bool, SensorError> {
-        let seed = self.search.config.seed;
+    fn judge(
+        &mut self,
+        some: &[usize],
+        seen: usize,
+        judge: &Judge<'_>,
+    ) -> Result<bool, SensorError> {
         let mut tasks = Vec::new();
         for &i in some {
             let runner = &self.runners[i];
             tasks.extend((runner.judged.len()..seen).map(|pair| {
-                let noise = derive(seed, Purpose::ShortlistNoise, pair as u64);
+                let noise = derive(self.seed, Purpose::ShortlistNoise, pair as u64);
                 (i, Task { parameters: &runner.parameters, pair, noise })
             }));
         }
         let (whose, tasks): (Vec<usize>, Vec<Task<'_>>) = tasks.into_iter().unzip();
-        let Some(judged) = crew.judged(&tasks)? else { return Ok(false) };
+        let Some(judged) = judge(&tasks)? else { return Ok(false) };
         for (i, judged) in whose.into_iter().zip(judged) {
             self.runners[i].judged.push(judged);
         }
@@ -139,9 +152,8 @@ impl<'a> Race<'a> {
     /// Those who go on: of equals the first that were entered. Who has seen all pairs before stays:
     /// it costs nothing, and nobody wins who was not compared with it on all of them.
     fn go_on(&self, left: &[usize], leader: usize, seen: usize, price: &Price<'_>) -> Vec<usize> {
-        let all = self.search.bench.dataset.train.len();
         let (mut stay, mut others): (Vec<usize>, Vec<usize>) =
-            left.iter().partition(|&&i| self.runners[i].judged.len() == all);
+            left.iter().partition(|&&i| self.runners[i].judged.len() == self.all);
         others.retain(|&i| self.behind(i, leader, seen, price).is_none_or(|b| b <= BEHIND));
         others.sort_by(|&a, &b| self.better(a, b, seen, price));
         others.truncate(most_after(seen));
@@ -175,8 +187,13 @@ impl<'a> Race<'a> {
         &self.runners[i].judged
     }
 
-    /// All who were judged: those first that saw most pairs, the best of them first.
-    pub(super) fn finalists(&self, price: &Price<'_>) -> Vec<Finalist> {
+    /// All who were judged: those first that saw most pairs, the best of them first. `values` names
+    /// what was searched.
+    pub(super) fn finalists(
+        &self,
+        price: &Price<'_>,
+        values: impl Fn(&Parameters) -> Values,
+    ) -> Vec<Finalist> {
         let each = self.runners.iter().enumerate();
         let judged = each.filter(|(_, runner)| !runner.judged.is_empty());
         let mut finalists: Vec<(bool, Finalist)> = judged
@@ -184,7 +201,7 @@ impl<'a> Race<'a> {
                 let pairs = runner.judged.len();
                 let (is_beyond, fitness) = self.standing(i, pairs, price);
                 let origin = runner.origin.to_string();
-                let values = self.search.searched_values(&runner.parameters);
+                let values = values(&runner.parameters);
                 (is_beyond, Finalist { origin, values, fitness, pairs })
             })
             .collect();
@@ -214,6 +231,13 @@ fn standard_errors_behind(own: &[f64], best: &[f64]) -> f64 {
     if mean == 0.0 { 0.0 } else { mean / standard_error(own, best) }
 }
 
+/// Whether the best of so many who are no better than the holder is as seldom so many standard
+/// errors ahead of it as one alone is by [`AHEAD`] (Šidák, J. Am. Stat. Assoc. 62, 1967).
+fn is_beyond_chance(ahead: f64, rivals: usize) -> bool {
+    let below = |ahead: f64| 0.5 * libm::erfc(-ahead * std::f64::consts::FRAC_1_SQRT_2);
+    libm::pow(below(ahead), rivals as f64) > below(AHEAD)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -240,15 +264,25 @@ mod tests {
     }
 
     #[test]
-    fn one_that_is_as_good_as_the_holder_is_seldom_followed() {
+    fn the_best_of_several_that_are_as_good_as_the_holder_is_followed_as_seldom_as_one() {
         let mut random = Generator::new(11, 0);
-        let mut followed = 0;
-        for _ in 0..400 {
-            let holder = random.normals(100);
-            let is_ahead = |other: Vec<f64>| standard_errors_behind(&holder, &other) > AHEAD;
-            followed += usize::from(is_ahead(random.normals(100)));
+        let mut followed = |rivals: usize| {
+            let mut is_followed = || {
+                let holder = random.normals(100);
+                let ahead = |_| standard_errors_behind(&holder, &random.normals(100));
+                is_beyond_chance((0..rivals).map(ahead).fold(f64::MIN, f64::max), rivals)
+            };
+            (0..400).filter(|_| is_followed()).count()
+        };
+        // A standard normal variate is above 1 in 16 % of cases. Rivals of one holder are ahead of
+        // it together, so of several the best is so more seldom than if each had its own.
+        for (rivals, expected) in [(1, 40..90), (3, 30..90), (6, 25..90)] {
+            let followed = followed(rivals);
+            assert!(expected.contains(&followed), "{followed} of 400, best of {rivals}");
         }
-        // A standard normal variate is above 1 in 16 % of cases.
-        assert!((40..90).contains(&followed), "{followed} of 400");
+        assert!(is_beyond_chance(1.01, 1) && !is_beyond_chance(0.99, 1));
+        // 0.841^(1/3) = 0.944, which a standard normal variate is below at 1.59.
+        assert!(is_beyond_chance(1.60, 3) && !is_beyond_chance(1.58, 3));
+        assert!(is_beyond_chance(f64::INFINITY, 3));
     }
 }

@@ -4,11 +4,14 @@ use crate::experiment::config::TuneConfig;
 use crate::experiment::params::Space;
 use crate::experiment::preset::Strategy;
 
-/// One search of a run: some of the axes, from where the one before it ended.
+/// One search of a run: some of the axes, from the start or from where the one before it ended.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stage {
-    /// Its name in the journal: `registration`, `lidar` or `joint`.
+    /// Its name in the journal: `lidar alone`, `registration`, `lidar` or `joint`.
     pub name: &'static str,
+    /// Its place in its line. Those that begin at the start begin a line: so a half searched
+    /// beside the other draws, and finds, what it would by itself.
+    pub place: Place,
     /// The axes it moves, by number; the others stay where they are.
     pub axes: Vec<usize>,
     /// Generations.
@@ -21,7 +24,29 @@ pub struct Stage {
     pub sigma: f64,
 }
 
+/// Where a search stands in a line of searches, each of which goes on from the one before: what is
+/// drawn at random hangs on it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Place {
+    /// Searches before it.
+    pub searches: u32,
+    /// Their generations.
+    pub generations: u32,
+}
+
+impl Place {
+    /// The place of the search that goes on from one here.
+    fn after(self, generations: u32) -> Self {
+        Self { searches: self.searches + 1, generations: self.generations + generations }
+    }
+}
+
 impl Stage {
+    /// Whether it begins where the run does.
+    pub fn is_from_the_start(&self) -> bool {
+        self.place.searches == 0
+    }
+
     /// A point of the whole cube: this stage's coordinates, at `base` in all others.
     pub fn expanded(&self, coordinates: &[f64], base: &[f64]) -> Vec<f64> {
         let mut point = base.to_vec();
@@ -51,18 +76,24 @@ pub fn stages(config: &TuneConfig, space: &Space, train_pairs: usize) -> Vec<Sta
     let (generations, last) = (config.generations, config.last_generations());
     match config.strategy {
         _ if all.is_empty() => Vec::new(),
-        Strategy::Fast if is_joint => vec![
-            plan.stage("registration", registration, generations),
-            plan.stage("lidar", lidar, generations.div_ceil(2)),
-            plan.stage("joint", all, last.div_ceil(2)),
-        ],
+        Strategy::Fast if is_joint => {
+            let first = Place::default();
+            let second = first.after(generations);
+            let third = second.after(generations.div_ceil(2));
+            vec![
+                plan.stage("lidar alone", lidar.clone(), generations, first),
+                plan.stage("registration", registration, generations, first),
+                plan.stage("lidar", lidar, generations.div_ceil(2), second),
+                plan.stage("joint", all, last.div_ceil(2), third),
+            ]
+        }
         _ => {
             let name = match (lidar.is_empty(), registration.is_empty()) {
                 (false, true) => "lidar",
                 (true, false) => "registration",
                 _ => "joint",
             };
-            vec![plan.stage(name, all, last)]
+            vec![plan.stage(name, all, last, Place::default())]
         }
     }
 }
@@ -75,7 +106,7 @@ struct Plan<'a> {
 
 impl Plan<'_> {
     /// A stage of some of the axes.
-    fn stage(&self, name: &'static str, axes: Vec<usize>, generations: u32) -> Stage {
+    fn stage(&self, name: &'static str, axes: Vec<usize>, generations: u32, place: Place) -> Stage {
         let config = self.config;
         let scans_are_shared =
             axes.iter().all(|axis| self.space.registration_axes().contains(axis));
@@ -86,6 +117,7 @@ impl Plan<'_> {
         };
         Stage {
             name,
+            place,
             generations,
             population: self.population(axes.len()),
             pairs: pairs.min(self.train_pairs),
