@@ -7,7 +7,7 @@
 //! registrations fail often nobody is behind beyond doubt for long, so the farther the race the
 //! fewer may go on (successive halving: Jamieson and Talwalkar, AISTATS 2016).
 
-use std::cmp::Ordering;
+use std::cmp;
 
 use super::origin::Origin;
 use super::price::{Judged, Price, mean_cost, standard_error};
@@ -139,7 +139,7 @@ impl Race {
         (price.is_beyond_the_limit(&errors), fitness)
     }
 
-    fn better(&self, a: usize, b: usize, seen: usize, price: &Price<'_>) -> Ordering {
+    fn better(&self, a: usize, b: usize, seen: usize, price: &Price<'_>) -> cmp::Ordering {
         better(self.standing(a, seen, price), self.standing(b, seen, price))
     }
 
@@ -214,7 +214,7 @@ impl Race {
 }
 
 /// Whose standing is better comes first: who is within the limit, and of these the fitter.
-fn better(a: (bool, f64), b: (bool, f64)) -> Ordering {
+fn better(a: (bool, f64), b: (bool, f64)) -> cmp::Ordering {
     a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
 }
 
@@ -240,8 +240,13 @@ fn is_beyond_chance(ahead: f64, rivals: usize) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    use echoloop_dsp::Hardware;
     use echoloop_random::Generator;
+
+    use super::*;
+    use crate::experiment::config::{DataConfig, RunConfig, TuneConfig};
 
     #[test]
     fn the_farther_the_race_the_fewer_go_on() {
@@ -284,5 +289,130 @@ mod tests {
         // 0.841^(1/3) = 0.944, which a standard normal variate is below at 1.59.
         assert!(is_beyond_chance(1.60, 3) && !is_beyond_chance(1.58, 3));
         assert!(is_beyond_chance(f64::INFINITY, 3));
+    }
+
+    /// Training pairs of a race that comes to every rule.
+    const PAIRS: usize = 65;
+
+    /// One with so many normal neighbours, by which it is known here.
+    fn runner(number: u32) -> Parameters {
+        let config = RunConfig::default();
+        let mut parameters = Parameters::start(&config, &Hardware::REFERENCE).expect("a start");
+        assert!(parameters.set(NUMBER, f64::from(number)));
+        parameters
+    }
+
+    const NUMBER: &str = "registration.normal_neighbours";
+
+    /// A race in which every number more is so much more loss, and every pair differs by so much.
+    struct Staged {
+        step: f64,
+        spread: f64,
+        race: Race,
+        made: usize,
+    }
+
+    impl Staged {
+        fn new(step: f64, spread: f64) -> Self {
+            Self { step, spread, race: Race::new(PAIRS, 1), made: 0 }
+        }
+
+        fn enter(&mut self, numbers: impl IntoIterator<Item = u32>) -> Vec<usize> {
+            let enter = |number| self.race.enter(Origin::Start, runner(number));
+            numbers.into_iter().map(enter).collect()
+        }
+
+        fn winner(&mut self, holder: usize, runners: &[usize], rivals: usize) -> usize {
+            let (tune, data) = (TuneConfig::default(), DataConfig::default());
+            let price = Price { tune: &tune, data: &data, start: Vec::new() };
+            let (step, spread, made) = (self.step, self.spread, AtomicUsize::new(0));
+            let judge = |tasks: &[Task<'_>]| {
+                made.fetch_add(tasks.len(), Ordering::Relaxed);
+                let judged = |task: &Task<'_>| {
+                    let number = task.parameters.get(NUMBER).expect("a number");
+                    let own = Generator::from_key([task.noise, number as u64, 0, 0]).normals(1)[0];
+                    let frobenius = libm::exp(step * (number - 10.0) - 5.0 + spread * own);
+                    Judged { error: PairError { frobenius, ..error(task.pair) }, cost: None }
+                };
+                Ok(Some(tasks.iter().map(judged).collect()))
+            };
+            let winner = self.race.winner(holder, runners.to_vec(), rivals, &price, &judge);
+            self.made += made.into_inner();
+            winner.expect("a sensor").expect("nobody stops it")
+        }
+
+        fn pairs_seen(&self, runners: &[usize]) -> Vec<usize> {
+            runners.iter().map(|&i| self.race.judged(i).len()).collect()
+        }
+    }
+
+    fn error(pair: usize) -> PairError {
+        PairError {
+            pair,
+            translation_m: 0.0,
+            rotation_deg: 0.0,
+            frobenius: 1.0,
+            points: [100, 100],
+            stop: String::new(),
+            iterations: 1,
+        }
+    }
+
+    #[test]
+    fn who_is_behind_beyond_doubt_falls_out_at_the_next_look() {
+        // Behind by the spread of the difference, so by √n standard errors or so of n pairs: 2.5
+        // are had of 10 pairs as a rule; by a fifth of it, of many more.
+        let spread = 0.1;
+        let mut staged = Staged::new(spread * std::f64::consts::SQRT_2, spread);
+        let runners = staged.enter([10, 11, 14]);
+        assert_eq!(staged.winner(runners[0], &runners, 1), runners[0]);
+        assert_eq!(staged.pairs_seen(&runners), [65, 10, 10]);
+
+        let mut staged = Staged::new(0.3 * spread * std::f64::consts::SQRT_2, spread);
+        let runners = staged.enter([10, 11, 20]);
+        assert_eq!(staged.winner(runners[0], &runners, 1), runners[0]);
+        let [all, near, far] = staged.pairs_seen(&runners)[..] else { panic!("three") };
+        assert_eq!((all, far), (65, 10));
+        assert!(near > 10 && near % LEG == 0, "{near}");
+    }
+
+    #[test]
+    fn where_nobody_is_behind_beyond_doubt_ever_fewer_go_on() {
+        let mut staged = Staged::new(0.0, 1.0);
+        let runners = staged.enter(10..22);
+        staged.winner(runners[0], &runners, 1);
+        let seen = staged.pairs_seen(&runners);
+        // Of a dozen that are alike one or two fall out by chance besides.
+        let beyond = |pairs: usize| seen.iter().filter(|&&seen| seen > pairs).count();
+        assert_eq!([20, 40, 60].map(beyond), [8, 4, 2], "{seen:?}");
+    }
+
+    #[test]
+    fn who_has_seen_all_pairs_stays_in_and_is_not_judged_again() {
+        let mut staged = Staged::new(0.2, 0.1);
+        let worst = staged.enter([30])[0];
+        assert_eq!(staged.winner(worst, &[], 1), worst);
+        assert_eq!(staged.made, PAIRS);
+        let others = staged.enter([10, 20]);
+        assert_eq!(staged.winner(worst, &others, 1), others[0]);
+        assert_eq!(staged.pairs_seen(&others), [65, 10]);
+        assert_eq!(staged.made, 2 * PAIRS + 10);
+        // Equals of those who are in are the same runner.
+        assert_eq!(staged.enter([30, 10]), [worst, others[0]]);
+    }
+
+    #[test]
+    fn the_holder_stays_unless_another_is_ahead_beyond_the_chance_of_so_many() {
+        // Of 65 pairs the mean of a difference of 0.17 times its own spread is 1.4 standard errors.
+        let spread = 0.1;
+        let mut staged = Staged::new(0.17 * spread * std::f64::consts::SQRT_2, spread);
+        let [best, holder] = staged.enter([10, 11])[..] else { panic!("two") };
+        staged.winner(holder, &[best], 1);
+        let (tune, data) = (TuneConfig::default(), DataConfig::default());
+        let price = Price { tune: &tune, data: &data, start: Vec::new() };
+        let behind = staged.race.behind(holder, best, PAIRS, &price).expect("a mean");
+        assert!((1.0..1.59).contains(&behind), "{behind}: else this tests nothing");
+        assert_eq!(staged.winner(holder, &[best], 1), best);
+        assert_eq!(staged.winner(holder, &[best], 3), holder);
     }
 }
