@@ -224,6 +224,8 @@ fn what_scans_cost_is_recorded_where_it_counts_and_decides_between_equal_errors(
 
 #[test]
 fn each_half_is_searched_as_it_would_be_alone_and_its_winner_is_in_the_last_race() {
+    // A point of the cube gives a value back to its last bits.
+    let close = |a: f64, b: f64| (a - b).abs() <= 1e-6 * b.abs();
     let whole = config(&[]);
     let (_, both) = tuned(&whole, 2);
     for (protocol, stage) in [("lidar", "lidar alone"), ("registration", "registration")] {
@@ -233,13 +235,16 @@ fn each_half_is_searched_as_it_would_be_alone_and_its_winner_is_in_the_last_race
         let of_half: Vec<&Generation> = of_half.collect();
         assert_eq!(of_half.len(), alone.generations.len(), "{stage}");
         for (beside, alone) in of_half.into_iter().zip(&alone.generations) {
-            assert_eq!((&beside.pairs, beside.sigma), (&alone.pairs, alone.sigma), "{stage}");
+            assert_eq!(beside.pairs, alone.pairs, "{stage}");
+            assert!(close(beside.sigma, alone.sigma), "{stage}");
             for (beside, alone) in beside.candidates.iter().zip(&alone.candidates) {
-                assert_eq!(beside.errors, alone.errors, "{stage}");
+                assert_eq!(beside.settings, alone.settings, "{stage}");
+                assert!(close(beside.fitness, alone.fitness), "{stage}");
             }
         }
         let winner = search(&whole).searched_values(&alone.parameters);
-        let found = both.finalists.iter().find(|finalist| finalist.values == winner);
+        let is_winner = |values: &Values| values.iter().all(|(name, &v)| close(v, winner[name]));
+        let found = both.finalists.iter().find(|finalist| is_winner(&finalist.values));
         let pairs = found.map(|finalist| finalist.pairs);
         assert_eq!(pairs, Some(whole.data.train_pairs), "{stage}: {winner:?}");
     }
@@ -292,7 +297,7 @@ fn every_candidate_is_recorded_under_the_hash_by_which_the_sensor_calls_its_sett
     let search = search(&config);
     let mut sensor = Sensor::in_process(&Model::from(&config)).expect("a sensor");
     let candidates: Vec<_> = tuned.generations.iter().flat_map(|g| &g.candidates).collect();
-    assert_eq!(candidates.len(), 6 * (2 + 1 + 1));
+    assert_eq!(candidates.len(), 6 * (2 + 2 + 1 + 1));
     for candidate in &candidates {
         let mut by_name = search.start;
         for (name, value) in &candidate.values {
@@ -314,8 +319,12 @@ fn every_recorded_error_is_that_of_a_training_pair_with_its_own_noise() {
         let config = config(&[common, "tune.generations=2"]);
         let (_, tuned) = tuned(&config, 2);
         let search = search(&config);
-        for (g, generation) in (0..).zip(&tuned.generations) {
-            assert_eq!(generation.pairs.len(), if g < 2 { 4 } else { 2 });
+        // The sensor's half draws as it would alone, and so does what begins with registration's.
+        let turns = (0..2).chain(0..4);
+        assert_eq!(tuned.generations.len(), 6);
+        for (g, generation) in turns.zip(&tuned.generations) {
+            let is_shared = generation.stage == "registration";
+            assert_eq!(generation.pairs.len(), if is_shared { 4 } else { 2 });
             for (number, candidate) in (1..).zip(&generation.candidates) {
                 let parameters = search.space.parameters(&candidate.point).0;
                 let again = generation.pairs.iter().map(|&pair| {

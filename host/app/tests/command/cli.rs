@@ -674,7 +674,7 @@ fn a_candidate_is_judged_on_training_pairs_unless_the_test_pairs_are_asked_for()
 fn progress_on_a_pipe_is_plain_lines_and_quiet_is_silent() {
     let fixture = Fixture::new();
     let output = fixture.succeed(&["tune", "-c", "small.toml", "--generations", "1"]);
-    assert!(output.stderr.contains("generation  1/3"), "{}", output.stderr);
+    assert!(output.stderr.contains("generation  1/4"), "{}", output.stderr);
     assert!(
         !output.stderr.contains('\u{1b}') && !output.stderr.contains('\r'),
         "{:?}",
@@ -1002,7 +1002,7 @@ fn a_damaged_journal_is_kept_until_repair_which_finishes_the_run() {
     fixture.write(&history, cut);
     fs::remove_file(fixture.path(&result)).expect("removed");
     fixture
-        .refuses(&["tune", "--resume", folder], &["history.jsonl: line 5 is cut off", "--repair"]);
+        .refuses(&["tune", "--resume", folder], &["history.jsonl: line 7 is cut off", "--repair"]);
     fixture.succeed(&["tune", "-q", "--resume", folder, "--repair"]);
     assert!(
         fixture.read(&history) == whole && fixture.read(&result) == finished,

@@ -119,7 +119,7 @@ impl<'a> Course<'a> {
         let mut race = Race::new(search.bench.dataset.train.len(), search.config.seed);
         let mut at = race.enter(Origin::Start, search.start);
         if !stages.is_empty() {
-            self.winner(&mut race, at, Vec::new(), 1)?;
+            self.winner(&mut race, at, Vec::new())?;
             self.price.start = race.judged(at).to_vec();
             self.expect_something_to_keep()?;
             self.turns = harder_oftener(&self.losses_of_start());
@@ -129,7 +129,7 @@ impl<'a> Course<'a> {
             let each = search.warm_starts.iter().enumerate();
             let warm = each.map(|(i, who)| race.enter(Origin::WarmStart(i + 1), *who));
             let warm = warm.collect();
-            at = self.winner(&mut race, at, warm, 1)?;
+            at = self.winner(&mut race, at, warm)?;
             winners.push(at);
         }
         let (halves, beside): (Vec<Stage>, Vec<Stage>) =
@@ -139,7 +139,7 @@ impl<'a> Course<'a> {
         for half in &halves {
             let (runners, optimizer) = self.runners(half, &mut race, begin)?;
             let runners = [&before[..], &runners].concat();
-            at = self.winner(&mut race, begin, runners, 1)?;
+            at = self.winner(&mut race, begin, runners)?;
             winners.push(at);
             last = Some(optimizer);
         }
@@ -148,10 +148,8 @@ impl<'a> Course<'a> {
         for (number, stage) in beside.iter().enumerate() {
             let (runners, optimizer) = self.runners(stage, &mut race, at)?;
             let runners = [&winners[..], &runners].concat();
-            at = match number + 1 == beside.len() {
-                true => self.winner(&mut race, half, runners, beside.len() + halves.len() - 1)?,
-                false => self.winner(&mut race, at, runners, 1)?,
-            };
+            let is_last = number + 1 == beside.len();
+            at = self.winner(&mut race, if is_last { half } else { at }, runners)?;
             winners.push(at);
             last = Some(optimizer);
         }
@@ -192,19 +190,17 @@ impl<'a> Course<'a> {
         self.price.start.iter().map(|judged| worth.loss(&judged.error)).collect()
     }
 
-    /// Who wins: the holder, or one of the runners, who come of so many searches. What one search
-    /// finds is alike, so by chance it is ahead once.
+    /// Who wins: the holder, or one of the runners.
     fn winner(
         &self,
         race: &mut Race,
         holder: usize,
         runners: Vec<usize>,
-        searches: usize,
     ) -> Result<usize, TuneError> {
         let most = (1 + runners.len()) * self.search.bench.dataset.train.len();
         self.crew.observer.stage("choosing", most);
         let judge = |tasks: &[Task<'_>]| self.crew.judged(tasks);
-        let winner = race.winner(holder, runners, searches, &self.price, &judge)?;
+        let winner = race.winner(holder, runners, &self.price, &judge)?;
         winner.ok_or_else(|| self.interrupted())
     }
 

@@ -28,7 +28,9 @@ const FIRST_LOOK: usize = 10;
 const BEHIND: f64 = 2.5;
 
 /// Who is to follow the holder must be so many standard errors ahead of it: one that is as good is
-/// so by chance in a case of six.
+/// so by chance in a case of six, the best of several oftener. To ask of three the 1.59 that make
+/// up for it loses more than it keeps: the default run then stays with the sensor of the start, for
+/// 0.35 cm with all the light instead of 0.26 with a sixth of it.
 const AHEAD: f64 = 1.0;
 
 /// How many go on at most once so many pairs have been seen.
@@ -79,13 +81,11 @@ impl Race {
     }
 
     /// The best of some on all training pairs, by number; `None` when the search is to stop. The
-    /// holder, who won a race before, stays unless another is ahead of it: beyond chance, if so
-    /// many were no better.
+    /// holder, who won a race before, stays unless another is ahead of it.
     pub(super) fn winner(
         &mut self,
         holder: usize,
         mut left: Vec<usize>,
-        rivals: usize,
         price: &Price<'_>,
         judge: &Judge<'_>,
     ) -> Result<Option<usize>, SensorError> {
@@ -100,7 +100,7 @@ impl Race {
             let leader = self.leader(&left, seen, price);
             if seen == self.all {
                 let behind = self.behind(holder, leader, seen, price);
-                let stays = behind.is_some_and(|behind| !is_beyond_chance(behind, rivals));
+                let stays = behind.is_some_and(|behind| behind <= AHEAD);
                 return Ok(Some(if stays { holder } else { leader }));
             }
             left = self.go_on(&left, leader, seen, price);
@@ -231,13 +231,6 @@ fn standard_errors_behind(own: &[f64], best: &[f64]) -> f64 {
     if mean == 0.0 { 0.0 } else { mean / standard_error(own, best) }
 }
 
-/// Whether the best of so many who are no better than the holder is as seldom so many standard
-/// errors ahead of it as one alone is by [`AHEAD`] (Šidák, J. Am. Stat. Assoc. 62, 1967).
-fn is_beyond_chance(ahead: f64, rivals: usize) -> bool {
-    let below = |ahead: f64| 0.5 * libm::erfc(-ahead * std::f64::consts::FRAC_1_SQRT_2);
-    libm::pow(below(ahead), rivals as f64) > below(AHEAD)
-}
-
 #[cfg(test)]
 mod tests {
     use std::sync::atomic::{AtomicUsize, Ordering};
@@ -269,26 +262,16 @@ mod tests {
     }
 
     #[test]
-    fn the_best_of_several_that_are_as_good_as_the_holder_is_followed_as_seldom_as_one() {
+    fn one_that_is_as_good_as_the_holder_is_seldom_followed() {
         let mut random = Generator::new(11, 0);
-        let mut followed = |rivals: usize| {
-            let mut is_followed = || {
-                let holder = random.normals(100);
-                let ahead = |_| standard_errors_behind(&holder, &random.normals(100));
-                is_beyond_chance((0..rivals).map(ahead).fold(f64::MIN, f64::max), rivals)
-            };
-            (0..400).filter(|_| is_followed()).count()
-        };
-        // A standard normal variate is above 1 in 16 % of cases. Rivals of one holder are ahead of
-        // it together, so of several the best is so more seldom than if each had its own.
-        for (rivals, expected) in [(1, 40..90), (3, 30..90), (6, 25..90)] {
-            let followed = followed(rivals);
-            assert!(expected.contains(&followed), "{followed} of 400, best of {rivals}");
+        let mut followed = 0;
+        for _ in 0..400 {
+            let holder = random.normals(100);
+            let is_ahead = |other: Vec<f64>| standard_errors_behind(&holder, &other) > AHEAD;
+            followed += usize::from(is_ahead(random.normals(100)));
         }
-        assert!(is_beyond_chance(1.01, 1) && !is_beyond_chance(0.99, 1));
-        // 0.841^(1/3) = 0.944, which a standard normal variate is below at 1.59.
-        assert!(is_beyond_chance(1.60, 3) && !is_beyond_chance(1.58, 3));
-        assert!(is_beyond_chance(f64::INFINITY, 3));
+        // A standard normal variate is above 1 in 16 % of cases.
+        assert!((40..90).contains(&followed), "{followed} of 400");
     }
 
     /// Training pairs of a race that comes to every rule.
@@ -322,7 +305,7 @@ mod tests {
             numbers.into_iter().map(enter).collect()
         }
 
-        fn winner(&mut self, holder: usize, runners: &[usize], rivals: usize) -> usize {
+        fn winner(&mut self, holder: usize, runners: &[usize]) -> usize {
             let (tune, data) = (TuneConfig::default(), DataConfig::default());
             let price = Price { tune: &tune, data: &data, start: Vec::new() };
             let (step, spread, made) = (self.step, self.spread, AtomicUsize::new(0));
@@ -336,7 +319,7 @@ mod tests {
                 };
                 Ok(Some(tasks.iter().map(judged).collect()))
             };
-            let winner = self.race.winner(holder, runners.to_vec(), rivals, &price, &judge);
+            let winner = self.race.winner(holder, runners.to_vec(), &price, &judge);
             self.made += made.into_inner();
             winner.expect("a sensor").expect("nobody stops it")
         }
@@ -365,12 +348,12 @@ mod tests {
         let spread = 0.1;
         let mut staged = Staged::new(spread * std::f64::consts::SQRT_2, spread);
         let runners = staged.enter([10, 11, 14]);
-        assert_eq!(staged.winner(runners[0], &runners, 1), runners[0]);
+        assert_eq!(staged.winner(runners[0], &runners), runners[0]);
         assert_eq!(staged.pairs_seen(&runners), [65, 10, 10]);
 
         let mut staged = Staged::new(0.3 * spread * std::f64::consts::SQRT_2, spread);
         let runners = staged.enter([10, 11, 20]);
-        assert_eq!(staged.winner(runners[0], &runners, 1), runners[0]);
+        assert_eq!(staged.winner(runners[0], &runners), runners[0]);
         let [all, near, far] = staged.pairs_seen(&runners)[..] else { panic!("three") };
         assert_eq!((all, far), (65, 10));
         assert!(near > 10 && near % LEG == 0, "{near}");
@@ -380,7 +363,7 @@ mod tests {
     fn where_nobody_is_behind_beyond_doubt_ever_fewer_go_on() {
         let mut staged = Staged::new(0.0, 1.0);
         let runners = staged.enter(10..22);
-        staged.winner(runners[0], &runners, 1);
+        staged.winner(runners[0], &runners);
         let seen = staged.pairs_seen(&runners);
         // Of a dozen that are alike one or two fall out by chance besides.
         let beyond = |pairs: usize| seen.iter().filter(|&&seen| seen > pairs).count();
@@ -391,10 +374,10 @@ mod tests {
     fn who_has_seen_all_pairs_stays_in_and_is_not_judged_again() {
         let mut staged = Staged::new(0.2, 0.1);
         let worst = staged.enter([30])[0];
-        assert_eq!(staged.winner(worst, &[], 1), worst);
+        assert_eq!(staged.winner(worst, &[]), worst);
         assert_eq!(staged.made, PAIRS);
         let others = staged.enter([10, 20]);
-        assert_eq!(staged.winner(worst, &others, 1), others[0]);
+        assert_eq!(staged.winner(worst, &others), others[0]);
         assert_eq!(staged.pairs_seen(&others), [65, 10]);
         assert_eq!(staged.made, 2 * PAIRS + 10);
         // Equals of those who are in are the same runner.
@@ -402,17 +385,18 @@ mod tests {
     }
 
     #[test]
-    fn the_holder_stays_unless_another_is_ahead_beyond_the_chance_of_so_many() {
-        // Of 65 pairs the mean of a difference of 0.17 times its own spread is 1.4 standard errors.
-        let spread = 0.1;
-        let mut staged = Staged::new(0.17 * spread * std::f64::consts::SQRT_2, spread);
-        let [best, holder] = staged.enter([10, 11])[..] else { panic!("two") };
-        staged.winner(holder, &[best], 1);
+    fn the_holder_stays_unless_another_is_ahead_by_a_standard_error() {
         let (tune, data) = (TuneConfig::default(), DataConfig::default());
         let price = Price { tune: &tune, data: &data, start: Vec::new() };
-        let behind = staged.race.behind(holder, best, PAIRS, &price).expect("a mean");
-        assert!((1.0..1.59).contains(&behind), "{behind}: else this tests nothing");
-        assert_eq!(staged.winner(holder, &[best], 1), best);
-        assert_eq!(staged.winner(holder, &[best], 3), holder);
+        // Of 65 pairs the mean of a difference of 0.17 times its own spread is 1.4 standard errors.
+        let spread = 0.1;
+        for (step, ahead, followed) in [(0.17, 1.0..2.0, true), (0.07, 0.1..1.0, false)] {
+            let mut staged = Staged::new(step * spread * std::f64::consts::SQRT_2, spread);
+            let [best, holder] = staged.enter([10, 11])[..] else { panic!("two") };
+            let winner = staged.winner(holder, &[best]);
+            let behind = staged.race.behind(holder, best, PAIRS, &price).expect("a mean");
+            assert!(ahead.contains(&behind), "{behind}: else this tests nothing");
+            assert_eq!(winner, if followed { best } else { holder });
+        }
     }
 }
