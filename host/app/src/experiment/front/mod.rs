@@ -85,7 +85,7 @@ impl FrontSearch<'_> {
         let mut optimizer = self.replayed(&done)?;
         let mut generations = done;
         while optimizer.generation() < u64::from(total) {
-            let Some(generation) = self.generation(&optimizer, observer)? else {
+            let Some(generation) = self.generation(&optimizer, &generations, observer)? else {
                 return Err(TuneError::Interrupted { generations: generations.len() });
             };
             journal.add(&generation)?;
@@ -191,10 +191,11 @@ impl FrontSearch<'_> {
         (generation, parameters)
     }
 
-    /// Evaluates one generation. `None`: interrupted.
+    /// Evaluates one generation after others. `None`: interrupted.
     fn generation(
         &self,
         optimizer: &Pareto,
+        before: &[Generation],
         observer: &dyn Observer,
     ) -> Result<Option<Generation>, TuneError> {
         let (mut generation, parameters) = self.draw(optimizer);
@@ -210,13 +211,28 @@ impl FrontSearch<'_> {
             pair,
             noise: derive(seed, Purpose::FrontNoise, pair as u64),
         };
+        // Noise hangs on the pair alone, so who was there before would come out as it did.
+        let (mut new, mut asked) = (Vec::new(), Vec::new());
+        for (candidate, own) in generation.candidates.iter_mut().zip(&parameters) {
+            match same_before(candidate, own, before, &self.space) {
+                Some(known) => {
+                    known.errors.iter().for_each(|_| observer.evaluated());
+                    candidate.errors.clone_from(&known.errors);
+                    (candidate.fitness, candidate.cost) = (known.fitness, known.cost);
+                }
+                None => {
+                    new.push(candidate);
+                    asked.push(own);
+                }
+            }
+        }
         let pairs = &generation.pairs;
-        let each = parameters.iter();
+        let each = asked.into_iter();
         let tasks: Vec<Task<'_>> =
             each.flat_map(|own| pairs.iter().map(move |&pair| task(own, pair))).collect();
         let Some(judged) = crew.judged(&tasks)? else { return Ok(None) };
         let each = judged.chunks(pairs.len());
-        for (candidate, judged) in generation.candidates.iter_mut().zip(each) {
+        for (candidate, judged) in new.into_iter().zip(each) {
             candidate.errors = judged.iter().map(|judged| judged.error.clone()).collect();
             candidate.fitness = self.worth().of(&candidate.errors);
             candidate.cost = mean_cost(judged);
@@ -326,6 +342,18 @@ impl FrontSearch<'_> {
     }
 }
 
+/// The first candidate of generations before that had the same parameters: a child that nothing
+/// changed, or one changed by less than the sensor's steps.
+fn same_before<'a>(
+    drawn: &CandidateRecord,
+    own: &Parameters,
+    before: &'a [Generation],
+    space: &Space,
+) -> Option<&'a CandidateRecord> {
+    let mut all = before.iter().flat_map(|generation| &generation.candidates);
+    all.find(|c| c.settings == drawn.settings && space.parameters(&c.point).0 == *own)
+}
+
 /// Of what is no number, no number: it ranks last.
 fn logarithms(error: f64, cost: f64) -> Objectives {
     let error = if error < LEAST_ERROR { LEAST_ERROR } else { error };
@@ -376,6 +404,42 @@ mod tests {
         assert_eq!(front.len(), 5);
         let values: Vec<Objectives> = thinned(front, 4).iter().map(|raced| raced.values).collect();
         assert_eq!(values, [[1.0, 9.0], [2.1, 8.8], [5.0, 5.0], [9.0, 1.0]]);
+    }
+
+    #[test]
+    fn a_candidate_is_known_by_its_parameters_and_by_nothing_else() {
+        let config = RunConfig::default();
+        let start = Parameters::start(&config, &Hardware::REFERENCE).unwrap();
+        let (tune, preset) = (&config.tune, config.registration.preset);
+        let space = Space::new(tune.protocol, tune.lidar, preset, start, Hardware::REFERENCE);
+        let axis = |name: &str| space.axes().iter().position(|axis| axis.name == name).unwrap();
+        let at = |name: &str, change: f64| {
+            let mut point = space.start_point();
+            point[axis(name)] += change;
+            CandidateRecord::drawn(&space, point)
+        };
+        let generation = |candidates| Generation {
+            generation: 0,
+            stage: "front".into(),
+            pairs: vec![0],
+            mean: Vec::new(),
+            deviations: Vec::new(),
+            sigma: 0.0,
+            candidates,
+        };
+        let before = [
+            generation(vec![at("lidar.power", -0.1).1]),
+            generation(vec![at("lidar.power", -0.2).1, at("registration.voxel_m", -0.1).1]),
+        ];
+        let known = |(own, drawn): (Parameters, CandidateRecord)| {
+            same_before(&drawn, &own, &before, &space).map(|known| known.point.clone())
+        };
+        for (name, change) in [("lidar.power", -0.2), ("registration.voxel_m", -0.1)] {
+            assert_eq!(known(at(name, change)), Some(at(name, change).1.point), "{name}");
+            assert_eq!(known(at(name, change / 4.0)), None, "{name}");
+        }
+        // Less than a microwatt is the same power.
+        assert!(known(at("lidar.power", -0.1 - 1e-12)).is_some());
     }
 
     #[test]
