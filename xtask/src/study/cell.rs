@@ -32,7 +32,7 @@ choice! {
         /// As by default.
         Fast,
         /// As by default, on one pair a generation where that takes three, in fewer generations and
-        /// with a smaller race: less than a fifth of the paper's registrations.
+        /// with a smaller race: about a quarter of the paper's registrations.
         Short,
         /// The same in still fewer, which may begin at what `fast` tuned in each kind with seed 1.
         Warm,
