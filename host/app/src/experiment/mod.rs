@@ -45,7 +45,8 @@
 //! let folder = tempfile::tempdir()?;
 //! let mut journal = Journal::create(&folder.path().join("history.jsonl"), &search.header())?;
 //! let tuned = search.run(&mut journal, Vec::new(), &Silent)?;
-//! assert_eq!(tuned.generations.len(), 2 + 1 + 1); // registration, the sensor, both
+//! // The sensor, registration, the sensor beside that, both.
+//! assert_eq!(tuned.generations.len(), 2 + 2 + 1 + 1);
 //! let before = search.judge(&start, &Silent)?;
 //! let after = search.judge(&tuned.parameters, &Silent)?;
 //! println!("recall {:.0} % before, {:.0} % after", before.recall_pct, after.recall_pct);
