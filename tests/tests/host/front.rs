@@ -10,7 +10,7 @@ use echoloop_host::experiment::cost::CostKind;
 use echoloop_host::experiment::dataset::Dataset;
 use echoloop_host::experiment::evaluate::Summary;
 use echoloop_host::experiment::front::{Front, FrontPoint, FrontSearch};
-use echoloop_host::experiment::journal::{Generation, Journal};
+use echoloop_host::experiment::journal::{CandidateRecord, Generation, Journal};
 use echoloop_host::experiment::objective::Bench;
 use echoloop_host::experiment::params::{Parameters, Space};
 use echoloop_host::experiment::preset::PowerRange;
@@ -18,6 +18,9 @@ use echoloop_host::experiment::tune::{Observer, Silent, TuneError, TuneSearch};
 use echoloop_host::link::sensor::{Model, Sensors};
 
 const GENERATIONS: usize = 3;
+
+/// Of a choice.
+const POWER_UW: i32 = 20_000_000;
 
 static CONFIG: LazyLock<RunConfig> = LazyLock::new(|| {
     let small = [
@@ -122,6 +125,37 @@ fn a_front_is_the_same_on_any_number_of_threads_and_after_a_stop() {
 
     let other = found(&at("other"), 2, 30_000_000, &generations[..1]).expect_err("another search");
     assert!(matches!(other, TuneError::Diverged { generation: 0, .. }), "{other}");
+}
+
+#[test]
+fn a_candidate_that_comes_again_is_not_judged_again() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    let never = AtomicBool::new(false);
+    let search = search(&never);
+    let judged = judged(&search, POWER_UW);
+    let front = of_choice(&search, POWER_UW, &judged);
+    let read = |name: &str| {
+        let journal = Journal::resume(&at(name), &front.header(), false);
+        journal.expect("a journal").1
+    };
+    found(&at("whole"), 2, POWER_UW, &[]).expect("a front");
+    // What a registration would not say: who has it was not registered.
+    const MARK: &str = "of the journal";
+    let mut first = read("whole").swap_remove(0);
+    let errors = first.candidates.iter_mut().flat_map(|candidate| &mut candidate.errors);
+    errors.for_each(|error| error.stop = MARK.into());
+    found(&at("marked"), 2, POWER_UW, &[first]).expect("a front");
+    let marked = read("marked");
+    let parameters = |c: &CandidateRecord| front.space.parameters(&c.point).0;
+    let known: Vec<Parameters> = marked[0].candidates.iter().map(parameters).collect();
+    let mut again = 0;
+    for candidate in marked[1..].iter().flat_map(|generation| &generation.candidates) {
+        let is_known = known.contains(&parameters(candidate));
+        assert!(candidate.errors.iter().all(|error| (error.stop == MARK) == is_known));
+        again += usize::from(is_known);
+    }
+    assert!(again > 0, "none comes again");
 }
 
 #[test]
