@@ -21,7 +21,7 @@ use echoloop_host::experiment::params::{Parameters, Space, Values};
 use echoloop_host::experiment::preset::{ErrorMean, LidarPreset, PAPER_LIDAR, Preset, Protocol};
 use echoloop_host::experiment::scan_cloud::cloud_from_scan;
 use echoloop_host::experiment::seed::Purpose;
-use echoloop_host::experiment::tune::{Observer, Silent, TuneSearch, Tuned};
+use echoloop_host::experiment::tune::{Observer, Origin, Silent, TuneSearch, Tuned};
 use echoloop_host::link::client::{Client, ClientError, RetryPolicy};
 use echoloop_host::link::sensor::{Detector, Model, Sensor, SensorError, Sensors, View};
 use echoloop_host::link::transport::InProcess;
@@ -247,6 +247,27 @@ fn each_half_is_searched_as_it_would_be_alone_and_its_winner_is_in_the_last_race
         let found = both.finalists.iter().find(|finalist| is_winner(&finalist.values));
         let pairs = found.map(|finalist| finalist.pairs);
         assert_eq!(pairs, Some(whole.data.train_pairs), "{stage}: {winner:?}");
+    }
+}
+
+#[test]
+fn of_each_search_two_of_its_own_later_generations_are_in_the_race() {
+    let (_, tuned) = tuned(&config(&["tune.generations=4"]), 2);
+    for stage in ["lidar alone", "registration", "lidar", "joint"] {
+        let own = tuned.generations.iter().filter(|generation| generation.stage == stage);
+        let own: Vec<u32> = own.map(|generation| generation.generation).collect();
+        let late = &own[own.len() / 2..];
+        let mut raced = Vec::new();
+        for finalist in &tuned.finalists {
+            match Origin::read(&finalist.origin) {
+                Some(Origin::Candidate { stage: of, generation, .. }) if of == stage => {
+                    raced.push(generation);
+                }
+                _ => {}
+            }
+        }
+        assert!(raced.iter().all(|generation| late.contains(generation)), "{stage}: {raced:?}");
+        assert_eq!(raced.len(), late.len().min(2), "{stage}: {raced:?} of {own:?}");
     }
 }
 
