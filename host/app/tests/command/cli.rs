@@ -37,7 +37,7 @@ fn a_bad_configuration_file_is_refused_with_file_line_and_caret() {
 #[test]
 fn a_value_that_makes_no_sense_is_refused_by_name_everywhere() {
     let fixture = Fixture::new();
-    let table: [(&str, &[&str]); 35] = [
+    let table: [(&str, &[&str]); 39] = [
         ("lidar.powr=1", &["--set lidar.powr=1", "unknown field `powr`"]),
         ("optics.power=1", &["unknown field `optics`"]),
         ("lidar.power", &["a.b=value"]),
@@ -57,6 +57,7 @@ fn a_value_that_makes_no_sense_is_refused_by_name_everywhere() {
         ("data.baseline_m=-2", &["data.baseline_m = -2 must be 0 to 100"]),
         ("data.baseline_m=nan", &["data.baseline_m = NaN"]),
         ("data.train_pairs=0", &["data.train_pairs = 0"]),
+        ("data.test_pairs=0", &["data.test_pairs = 0"]),
         ("scanner.columns=0", &["scanner.columns = 0"]),
         ("scanner.pattern=os2", &["scanner.pattern = \"os2\" must be one of grid, raster, vlp-16"]),
         ("scanner.pattern=os1-64", &["scanner.rows = 16 must be left out"]),
@@ -70,6 +71,9 @@ fn a_value_that_makes_no_sense_is_refused_by_name_everywhere() {
         ("front.generations=0", &["front.generations = 0 must be 1 to 100000"]),
         ("front.pairs=0", &["front.pairs = 0 must be 1 to 10000"]),
         ("tune.weights.energy=-1", &["tune.weights.energy = -1 must be 0 to 10"]),
+        ("tune.weights.instructions=-1", &["tune.weights.instructions = -1 must be 0 to 10"]),
+        ("tune.weights.bits=-0.1", &["tune.weights.bits = -0.1 must be 0 to 10"]),
+        ("tune.weights.seconds=nan", &["tune.weights.seconds = NaN must be 0 to 10"]),
         ("tune.at_most_error=0.5", &["tune.at_most_error = 0.5 must be 1 to 100"]),
         ("tune.minimise=light", &["unknown variant `light`"]),
         ("tune.error_cap=-1", &["tune.error_cap = -1"]),
@@ -101,25 +105,32 @@ fn a_value_that_makes_no_sense_is_refused_by_name_everywhere() {
 
 #[test]
 fn a_search_whose_every_registration_finds_nothing_says_so_and_keeps_its_journal() {
-    for strategy in ["fast", "paper"] {
+    for (strategy, protocol, method, stop) in [
+        ("fast", "registration", "icp", "TooFewPairs"),
+        ("paper", "registration", "icp", "TooFewPairs"),
+        ("fast", "joint", "mac", "EmptyCloud"),
+        ("paper", "registration", "fgr", "TooFewMatches"),
+        ("fast", "lidar", "gicp", "EmptyCloud"),
+    ] {
         let fixture = Fixture::new();
         // So little light that no scan has a point.
         let dark = ["lidar.power=0.00001", "emitter.energy_limit_nj=0.001"];
         let dark = dark.iter().flat_map(|set| ["--set", set]);
-        let tune = ["tune", "-c", "small.toml", "-q", "--protocol", "registration"];
+        let tune = ["tune", "-c", "small.toml", "-q", "--protocol", protocol, "--method", method];
         let more = ["--strategy", strategy, "--generations", "2", "--runs", "runs"];
         let arguments: Vec<&str> = tune.into_iter().chain(more).chain(dark).collect();
         let output = fixture.run(&arguments);
-        assert_eq!(output.code, Some(2), "{strategy}: {}", output.stderr);
-        for part in ["none of the ", "found a motion", "TooFewPairs", "journal"] {
-            assert!(output.stderr.contains(part), "{strategy}: no {part:?}: {}", output.stderr);
+        let what = format!("{strategy} {protocol} {method}");
+        assert_eq!(output.code, Some(2), "{what}: {}", output.stderr);
+        for part in ["none of the ", "found a motion", stop, "journal"] {
+            assert!(output.stderr.contains(part), "{what}: no {part:?}: {}", output.stderr);
         }
-        assert!(!fixture.path("runs/latest/result.json").exists(), "{strategy}");
+        assert!(!fixture.path("runs/latest/result.json").exists(), "{what}");
         let journal = fixture.bytes("runs/latest/history.jsonl");
         let again = fixture.run(&["tune", "-q", "--resume", "runs/latest"]);
-        assert_eq!((again.code, &again.stderr), (Some(2), &output.stderr), "{strategy}");
-        assert!(journal.split(|byte| *byte == b'\n').count() > 2, "{strategy}: no generations");
-        assert!(fixture.bytes("runs/latest/history.jsonl") == journal, "{strategy}");
+        assert_eq!((again.code, &again.stderr), (Some(2), &output.stderr), "{what}");
+        assert!(journal.split(|byte| *byte == b'\n').count() > 2, "{what}: no generations");
+        assert!(fixture.bytes("runs/latest/history.jsonl") == journal, "{what}");
     }
 }
 
