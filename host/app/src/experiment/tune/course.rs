@@ -435,3 +435,17 @@ fn origin(generation: &Generation, candidate: usize) -> Origin {
     let stage = generation.stage.clone();
     Origin::Candidate { stage, generation: generation.generation, candidate }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_harder_a_pair_is_for_the_start_the_oftener_it_is_drawn() {
+        assert_eq!(harder_oftener(&[0.5, -2.0, 7.0]), [2.0, 1.0, HARDEST]);
+        let alike = harder_oftener(&[0.1; 5]);
+        assert!(alike.is_sorted() && (alike[0], alike[4]) == (1.0, HARDEST), "{alike:?}");
+        assert_eq!(harder_oftener(&[3.0]), [1.0]);
+        assert!(harder_oftener(&[]).is_empty());
+    }
+}
