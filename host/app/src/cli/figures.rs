@@ -27,7 +27,7 @@ pub(super) fn print_table(config: &RunConfig, result: &RunResult, space: &Space)
     for (_, name, summary) in judged(result) {
         println!("{name:<10} {}", row(summary));
     }
-    print_costs(&costs(result));
+    print_costs(&costs(result, config.tune.told_cost()));
     result.front.iter().for_each(print_front);
     if space.axes().is_empty() {
         return;

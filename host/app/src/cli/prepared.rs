@@ -8,6 +8,7 @@ use echoloop_keys::{Kind, Must};
 
 use super::choice::{SensorChoice, described, introduce};
 use super::exit::Failure;
+use super::method_choice::toml_name;
 use super::number::{flag, read};
 use super::progress::Progress;
 use crate::experiment::config::RunConfig;
@@ -71,6 +72,7 @@ impl Met {
 
     /// The same, to be searched: with the configuration's warm starts, which only a search takes.
     pub(super) fn for_a_search(self) -> Result<Self, Failure> {
+        self.expect_a_cost_that_changes()?;
         let each = self.config.tune.warm_starts.iter().enumerate();
         let taken = each.map(|(i, values)| {
             let refused = |error| Failure::usage(format!("tune.warm_starts, {}: {error}", i + 1));
@@ -78,6 +80,25 @@ impl Met {
         });
         let warm_starts = taken.collect::<Result<_, _>>()?;
         Ok(Self { warm_starts, ..self })
+    }
+
+    /// What is made small, or drawn, must hang on what is searched.
+    fn expect_a_cost_that_changes(&self) -> Result<(), Failure> {
+        let RunConfig { tune, front, .. } = &self.config;
+        for (key, cost) in [("tune.minimise", tune.minimise), ("front.cost", front.cost)] {
+            if let Some(cost) = cost.filter(|&cost| !self.space.changes(cost)) {
+                let by = match cost.changed_by() {
+                    [] => "a parameter of the sensor".to_owned(),
+                    some => some.join(" or "),
+                };
+                return Err(Failure::usage(format!(
+                    "{key} = {}: nothing that is searched changes it; expected {by} among what \
+                     is searched (--protocol, --tune)",
+                    toml_name(cost)
+                )));
+            }
+        }
+        Ok(())
     }
 
     /// Traces the scans.

@@ -145,7 +145,14 @@ impl TuneArgs {
         flag("tune.warm_starts", (!warm_starts.is_empty()).then(|| warm_starts.into()));
         flag("front.cost", self.pareto.map(toml_name));
         flag("front.points", self.points.map(|n| i64::from(n).into()));
-        self.setup.source.load(own)
+        let config = self.setup.source.load(own)?;
+        match self.at_most_error {
+            Some(times) if config.tune.minimise.is_none() => Err(Failure::usage(format!(
+                "--at-most-error {times}: expected with it what is to be made small, as \
+                 --minimise energy"
+            ))),
+            _ => Ok(config),
+        }
     }
 
     /// What `--warm-start` names, each as a table.

@@ -47,7 +47,7 @@ pub fn page(run: &FinishedRun) -> Result<Report, RunError> {
                 .collect(),
             success_within,
         },
-        costs: costs(result),
+        costs: costs(result, config.tune.told_cost()),
         front: result.front.as_ref().map(front_plot).unwrap_or_default(),
         convergence: convergence(run, &generations),
         parameters: traces(background, result, &generations),
@@ -362,8 +362,8 @@ fn front_plot(front: &Front) -> report::Front {
     }
 }
 
-/// What scans of the held-out pairs cost.
-pub fn costs(result: &RunResult) -> Costs {
+/// What scans of the held-out pairs cost, and what one of these costs comes to.
+pub fn costs(result: &RunResult, told: CostKind) -> Costs {
     let summaries = [("default", &result.default_summary), ("tuned", &result.tuned_summary)];
     let known: Vec<(&str, &ScanCost)> = summaries
         .into_iter()
@@ -371,7 +371,7 @@ pub fn costs(result: &RunResult) -> Costs {
         .collect();
     let [(_, before), (_, after)] = known[..] else { return Costs::default() };
     let cells = |cost| CostKind::ALL.map(|kind| kind.text(kind.of(cost))).to_vec();
-    let said = result.comparison.at_cost(CostKind::Energy, before, after);
+    let said = result.comparison.at_cost(told, before, after);
     let [low, high] = result.comparison.interval;
     let difference = result.comparison.difference;
     Costs {

@@ -161,6 +161,20 @@ fn a_flag_that_takes_no_such_number_says_which_it_takes_before_anything_is_trace
     ] {
         fixture.refuses(&[&[command][..], &NOWHERE, &[flag, value]].concat(), &[flag, expected]);
     }
+    for (flags, parts) in [
+        (&["--minimise=energy", "--strategy=paper"][..], &["tune.minimise = energy", "paper"][..]),
+        (&["--objective=weighted", "--strategy=paper"], &["tune.objective = weighted", "paper"]),
+        (&["--minimise=bits", "--protocol=registration"], &["tune.minimise", "of the sensor"]),
+        (&["--minimise=seconds"], &["tune.minimise", "lidar.shots"]),
+        (&["--pareto=seconds"], &["front.cost", "lidar.shots"]),
+        (
+            &["--pareto=energy", "--fix=lidar.power", "--fix=lidar.pulse_width"],
+            &["front.cost", "lidar.power or lidar.pulse_width"],
+        ),
+        (&["--at-most-error=1.5x"], &["--at-most-error 1.5", "--minimise"]),
+    ] {
+        fixture.refuses(&[&["tune"][..], &NOWHERE, flags].concat(), parts);
+    }
     let points = ["tune", "--pareto", "--points", "1"];
     fixture.refuses(&points, &["--points", "expected a whole number, 2 to 1000"]);
     fixture

@@ -1,11 +1,10 @@
 //! `[front]`: whether a front of error against a cost is searched for, and how.
 
-use echoloop_keys::{Must, Refused, section};
+use echoloop_keys::{Must, section};
 use serde::{Deserialize, Serialize};
 
 use super::choices::COSTS;
 use crate::experiment::cost::CostKind;
-use crate::experiment::preset::Protocol;
 
 section! {
     /// How to search for a front.
@@ -29,20 +28,5 @@ section! {
 impl Default for FrontConfig {
     fn default() -> Self {
         Self { cost: None, points: 24, population: 40, generations: 20, pairs: 5 }
-    }
-}
-
-impl FrontConfig {
-    pub(super) fn check(&self, protocol: Protocol) -> Result<(), Refused> {
-        let [cost, ..] = Self::KEYS else { return Ok(()) };
-        let sensors = matches!(protocol, Protocol::Lidar | Protocol::Joint);
-        match self.cost.filter(|_| !sensors) {
-            Some(kind) => Err(cost.refused(
-                kind.name(),
-                "left out unless tune.protocol is lidar or joint: only the sensor's parameters \
-                 cost",
-            )),
-            None => self.check_keys(),
-        }
     }
 }

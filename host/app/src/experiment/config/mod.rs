@@ -140,7 +140,7 @@ impl RunConfig {
         self.emitter.check_keys()?;
         self.data.check()?;
         self.tune.check()?;
-        self.front.check(self.tune.protocol)?;
+        self.front.check_keys()?;
         self.scene.check()
     }
 }

@@ -127,6 +127,11 @@ impl TuneConfig {
         self.extended_to.unwrap_or(self.generations)
     }
 
+    /// The cost that a choice is told by: the one that was to be made small, or energy.
+    pub fn told_cost(&self) -> CostKind {
+        self.minimise.unwrap_or_default()
+    }
+
     /// Whether it matters what a scan costs.
     pub fn counts_costs(&self) -> bool {
         self.objective == Objective::Weighted || self.minimise.is_some()
@@ -140,10 +145,15 @@ impl TuneConfig {
                 ("tune.extended_to", Some(to)) if to < self.generations => {
                     return Err(key.refused(to, "tune.generations to 100000"));
                 }
-                ("tune.objective", _) if self.counts_costs() && !knows_costs => {
-                    let name = format!("{:?}", self.objective).to_lowercase();
+                ("tune.objective", _) if self.objective == Objective::Weighted && !knows_costs => {
                     let expected = "error with tune.strategy = paper, which knows no costs";
-                    return Err(key.refused(name, expected));
+                    return Err(key.refused("weighted", expected));
+                }
+                ("tune.minimise", _) if !knows_costs => {
+                    if let Some(kind) = self.minimise {
+                        let expected = "left out with tune.strategy = paper, which knows no costs";
+                        return Err(key.refused(format!("{kind:?}").to_lowercase(), expected));
+                    }
                 }
                 _ => {}
             }

@@ -43,6 +43,16 @@ impl CostKind {
         }
     }
 
+    /// The parameters that it hangs on, by name; none: on any of the sensor's, for each may change
+    /// how many echoes there are.
+    pub fn changed_by(self) -> &'static [&'static str] {
+        match self {
+            Self::Energy => &["lidar.power", "lidar.pulse_width", "lidar.shots"],
+            Self::Seconds => &["lidar.shots"],
+            Self::Instructions | Self::Bits => &[],
+        }
+    }
+
     /// Its unit; empty for plain numbers.
     pub fn unit(self) -> &'static str {
         match self {

@@ -19,6 +19,7 @@ use echoloop_dsp::{Hardware, Kind, PARAMETERS, ParameterId, Settings};
 use echoloop_files::shown;
 
 use crate::experiment::config::RunConfig;
+use crate::experiment::cost::CostKind;
 use crate::experiment::preset::{LidarPreset, PowerRange, Preset, Protocol};
 
 pub use axis::{Axis, Scale};
@@ -213,6 +214,15 @@ impl Space {
             axes.extend(start.registration_axes(preset));
         }
         Self { axes, start, hardware }
+    }
+
+    /// Whether a cost hangs on what is searched.
+    pub fn changes(&self, cost: CostKind) -> bool {
+        let changed_by = cost.changed_by();
+        self.axes.iter().any(|axis| match changed_by {
+            [] => axis.name.starts_with("lidar."),
+            some => some.contains(&axis.name),
+        })
     }
 
     /// The same, with power taken as far as said.
