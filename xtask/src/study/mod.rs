@@ -31,7 +31,7 @@ const PAGE: &str = "docs/study.md";
 /// Which cells.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct Study {
-    /// Only these strategies.
+    /// Only these strategies [default: fast,paper].
     #[arg(long, value_delimiter = ',')]
     strategy: Vec<Strategy>,
     /// Only these protocols.
@@ -122,12 +122,16 @@ impl Study {
             [] => vec![Condition::Clear],
             some => some.to_vec(),
         };
+        let strategies = match &self.strategy[..] {
+            [] => vec![Strategy::Fast, Strategy::Paper],
+            some => some.to_vec(),
+        };
         let mut cells = Vec::new();
         for &seed in &self.seed {
             for condition in all(&self.condition) {
                 for method in chosen(&self.method) {
                     for scene in chosen(&self.scene) {
-                        for strategy in chosen(&self.strategy) {
+                        for &strategy in &strategies {
                             let cell = |protocol| Cell {
                                 strategy,
                                 protocol,
@@ -191,4 +195,42 @@ fn measured<T>(
     let line = line(&printed(&mut command)?)?;
     fs::remove_dir_all(&folder).with_context(|| format!("cannot remove {}", folder.display()))?;
     Ok(line)
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Parser)]
+    struct Asked {
+        #[command(flatten)]
+        study: Study,
+    }
+
+    fn cells(flags: &[&str]) -> Vec<Cell> {
+        Asked::parse_from([&["study"], flags].concat()).study.cells()
+    }
+
+    #[test]
+    fn all_of_it_is_every_search_of_clear_air_by_both_strategies_a_seed_after_the_other() {
+        let all = cells(&[]);
+        // Strategies, protocols, methods, kinds, seeds.
+        assert_eq!(all.len(), 2 * 3 * 4 * 3 * 5);
+        assert!(all.is_sorted_by_key(|cell| cell.seed));
+        assert!(all.iter().all(|cell| cell.condition == Condition::Clear));
+        let once: std::collections::BTreeSet<&Cell> = all.iter().collect();
+        assert_eq!(once.len(), all.len(), "one comes twice");
+    }
+
+    #[test]
+    fn a_part_is_what_was_asked_for_and_no_warm_start_is_of_its_own_towns() {
+        let asked = ["--strategy=warm", "--protocol=joint", "--method=icp", "--scene=structured"];
+        let seeds: Vec<u64> = cells(&asked).iter().map(|cell| cell.seed).collect();
+        assert_eq!(seeds, [2, 3, 4, 5]);
+        let fog = cells(&["--condition=fog", "--seed=2", "--method=mac", "--strategy=fast"]);
+        assert_eq!(fog.len(), 3 * 3);
+        assert!(fog.iter().all(|c| c.condition == Condition::Fog && c.method == Method::Mac));
+    }
 }

@@ -134,9 +134,15 @@ fn against<'a>(
 /// A difference of logarithms as a ratio.
 fn told(interval: Interval) -> String {
     let Interval { value, low, high } = interval;
-    let [value, low, high] = [value, low, high].map(f64::exp);
+    let [value, low, high] = [value, low, high].map(|logarithm| digits(logarithm.exp()));
     let doubt = if interval.holds(0.0) { "" } else { "**" };
-    format!("{doubt}× {value:.2}{doubt} ({low:.2} to {high:.2})")
+    format!("{doubt}× {value}{doubt} ({low} to {high})")
+}
+
+/// Two places, and two digits at least: a thousandth is not nothing.
+fn digits(ratio: f64) -> String {
+    let places = if ratio > 0.0 { (1.0 - ratio.log10().floor()).clamp(2.0, 9.0) } else { 2.0 };
+    format!("{ratio:.*}", places as usize)
 }
 
 #[cfg(test)]
@@ -168,6 +174,12 @@ mod tests {
             start: judged(start),
             tuned: judged(tuned),
         }
+    }
+
+    #[test]
+    fn a_ratio_has_two_places_and_more_where_it_is_small() {
+        let texts = [1.234, 0.5, 0.0949, 0.00123, 0.0].map(digits);
+        assert_eq!(texts, ["1.23", "0.50", "0.095", "0.0012", "0.00"]);
     }
 
     #[test]
