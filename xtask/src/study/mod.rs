@@ -31,8 +31,8 @@ const PAGE: &str = "docs/study.md";
 /// Which cells.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct Study {
-    /// Only these strategies [default: fast,paper].
-    #[arg(long, value_delimiter = ',')]
+    /// Only these strategies.
+    #[arg(long, value_delimiter = ',', default_value = "fast,paper")]
     strategy: Vec<Strategy>,
     /// Only these protocols.
     #[arg(long, value_delimiter = ',')]
@@ -43,8 +43,8 @@ pub(crate) struct Study {
     /// Only these kinds of scene.
     #[arg(long, value_delimiter = ',')]
     scene: Vec<Scene>,
-    /// Under these conditions [default: clear].
-    #[arg(long, value_delimiter = ',')]
+    /// Under these conditions.
+    #[arg(long, value_delimiter = ',', default_value = "clear")]
     condition: Vec<Condition>,
     /// Of these seeds; the towns of a seed are its own.
     #[arg(long, value_delimiter = ',', default_value = "1,2,3,4,5")]
@@ -118,20 +118,12 @@ impl Study {
 
     /// All cells asked for: a seed is done before the next begins.
     fn cells(&self) -> Vec<Cell> {
-        let all = |chosen: &[Condition]| match chosen {
-            [] => vec![Condition::Clear],
-            some => some.to_vec(),
-        };
-        let strategies = match &self.strategy[..] {
-            [] => vec![Strategy::Fast, Strategy::Paper],
-            some => some.to_vec(),
-        };
         let mut cells = Vec::new();
         for &seed in &self.seed {
-            for condition in all(&self.condition) {
+            for &condition in &self.condition {
                 for method in chosen(&self.method) {
                     for scene in chosen(&self.scene) {
-                        for &strategy in &strategies {
+                        for &strategy in &self.strategy {
                             let cell = |protocol| Cell {
                                 strategy,
                                 protocol,
