@@ -218,11 +218,10 @@ impl Space {
 
     /// Whether a cost hangs on what is searched.
     pub fn changes(&self, cost: CostKind) -> bool {
-        let changed_by = cost.changed_by();
-        self.axes.iter().any(|axis| match changed_by {
-            [] => axis.name.starts_with("lidar."),
-            some => some.contains(&axis.name),
-        })
+        match cost.changed_by() {
+            [] => !self.lidar_axes().is_empty(),
+            some => self.axes.iter().any(|axis| some.contains(&axis.name)),
+        }
     }
 
     /// The same, with power taken as far as said.
