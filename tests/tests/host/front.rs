@@ -106,19 +106,19 @@ fn found(
 fn a_front_is_the_same_on_any_number_of_threads_and_after_a_stop() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);
-    let (bytes, front) = found(&at("one"), 1, 20_000_000, &[]).expect("a front");
-    let (again, same) = found(&at("three"), 3, 20_000_000, &[]).expect("a front");
+    let (bytes, front) = found(&at("one"), 1, POWER_UW, &[]).expect("a front");
+    let (again, same) = found(&at("three"), 3, POWER_UW, &[]).expect("a front");
     assert!(bytes == again, "the journals differ");
     assert_eq!(front, same);
 
     let never = AtomicBool::new(false);
     let search = search(&never);
-    let header = of_choice(&search, 20_000_000, &judged(&search, 20_000_000)).header();
+    let header = of_choice(&search, POWER_UW, &judged(&search, POWER_UW)).header();
     let (_, generations) = Journal::resume(&at("one"), &header, false).expect("a journal");
     assert_eq!(generations.len(), GENERATIONS);
     for done in [1, GENERATIONS] {
         let name = format!("after {done}");
-        let resumed = found(&at(&name), 2, 20_000_000, &generations[..done]);
+        let resumed = found(&at(&name), 2, POWER_UW, &generations[..done]);
         let (again, same) = resumed.expect("a front");
         assert!(bytes == again && front == same, "after {done} generations");
     }
@@ -161,7 +161,7 @@ fn a_candidate_that_comes_again_is_not_judged_again() {
 #[test]
 fn a_front_has_its_ends_and_says_what_the_start_s_error_can_be_had_for() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (_, front) = found(&folder.path().join("a"), 2, 20_000_000, &[]).expect("a front");
+    let (_, front) = found(&folder.path().join("a"), 2, POWER_UW, &[]).expect("a front");
     assert!((2..=5).contains(&front.points.len()), "{} points", front.points.len());
     let energies: Vec<f64> = front.points.iter().map(|p| p.mark.cost.energy_j).collect();
     assert!(energies.is_sorted(), "{energies:?}");
@@ -187,8 +187,8 @@ fn a_search_that_is_stopped_keeps_what_is_done() {
     let folder = tempfile::tempdir().expect("a folder");
     let stop = AtomicBool::new(true);
     let search = search(&stop);
-    let judged = judged(&search, 20_000_000);
-    let front = of_choice(&search, 20_000_000, &judged);
+    let judged = judged(&search, POWER_UW);
+    let front = of_choice(&search, POWER_UW, &judged);
     let path = folder.path().join("a");
     let mut journal = Journal::create(&path, &front.header()).expect("a journal");
     let stopped = front.run(&mut journal, Vec::new(), &Silent).expect_err("nobody waits");
@@ -217,7 +217,7 @@ fn start_and_choice_are_not_judged_again_where_they_are_on_the_front() {
     let never = AtomicBool::new(false);
     let search = search(&never);
     // A choice that nothing dominates: a point of a front before.
-    let (_, front) = found(&at("before"), 2, 20_000_000, &[]).expect("a front");
+    let (_, front) = found(&at("before"), 2, POWER_UW, &[]).expect("a front");
     let mut on_both = 0;
     for (number, point) in front.points.iter().enumerate() {
         let tuned = search.start.with_values(&point.values, &*CONFIG, &Hardware::REFERENCE);
