@@ -81,7 +81,7 @@ fn search(config: &RunConfig) -> TuneSearch<'_> {
         HARDWARE,
     );
     let bench = Bench { dataset: &TOWN, sensors: &SENSORS };
-    TuneSearch { config, bench, space, start, warm_starts: Vec::new(), stop: &NEVER }
+    TuneSearch { config, bench, check: None, space, start, warm_starts: Vec::new(), stop: &NEVER }
 }
 
 /// A whole search on so many threads: its journal's bytes, and what it chose.

@@ -28,6 +28,7 @@ pub(super) fn print_table(config: &RunConfig, result: &RunResult, space: &Space)
         println!("{name:<10} {}", row(summary));
     }
     print_costs(&costs(result, config.tune.told_cost()));
+    result.check.iter().for_each(|check| println!("\nThe check: {check}."));
     result.front.iter().for_each(print_front);
     if space.axes().is_empty() {
         return;

@@ -111,7 +111,17 @@ impl Met {
     /// Takes scans that were traced before.
     pub(super) fn with(self, dataset: Dataset) -> Prepared {
         let Self { config, start, warm_starts, space, hardware, sensors, sensor } = self;
-        Prepared { config, dataset, start, warm_starts, space, hardware, sensors, sensor }
+        Prepared {
+            config,
+            dataset,
+            check: None,
+            start,
+            warm_starts,
+            space,
+            hardware,
+            sensors,
+            sensor,
+        }
     }
 
     /// Registrations that a search takes about: those of its stages, and some at the end of each.
@@ -121,7 +131,9 @@ impl Met {
         let raced = if tune.strategy == Strategy::Fast { tune.shortlist + 2 } else { 0 };
         let of_stages: usize = stages.iter().map(Stage::registrations).sum();
         let warm = if stages.is_empty() { 0 } else { self.warm_starts.len() };
-        of_stages + (stages.len() * raced + warm) * pairs
+        let check = usize::from(TuneSearch::is_checked(&stages, &self.config));
+        let check = check * 2 * self.config.data.check_pairs;
+        of_stages + (stages.len() * raced + warm) * pairs + check
     }
 }
 
@@ -131,10 +143,21 @@ pub(super) fn traced(config: &RunConfig, progress: &Progress) -> Result<Dataset,
     Dataset::build(config, &|fraction, what| progress.at_what(fraction, what))
 }
 
+/// Traces the scans of its check.
+pub(super) fn traced_for_check(
+    config: &RunConfig,
+    progress: &Progress,
+) -> Result<Option<Dataset>, DatasetError> {
+    progress.begin("scanning for the check", 1000);
+    Dataset::of_check(config, &|fraction, what| progress.at_what(fraction, what))
+}
+
 /// Everything a search needs, made from a configuration.
 pub(super) struct Prepared {
     pub(super) config: RunConfig,
     pub(super) dataset: Dataset,
+    /// Pairs that no search sees.
+    check: Option<Dataset>,
     pub(super) start: Parameters,
     /// Where a search may begin instead; none, unless it was met to be searched.
     warm_starts: Vec<Parameters>,
@@ -157,6 +180,26 @@ impl Prepared {
         Ok(Met::new(config, choice, progress)?.traced(progress)?)
     }
 
+    /// With the pairs of the check, where a search has use for them.
+    pub(super) fn with_check(self, progress: &Progress) -> Result<Self, DatasetError> {
+        let config = self.config.clone();
+        self.with_check_in(&config, progress)
+    }
+
+    /// The same, in the towns of another configuration, where it is tuned in those.
+    pub(super) fn with_check_in(
+        self,
+        config: &RunConfig,
+        progress: &Progress,
+    ) -> Result<Self, DatasetError> {
+        let stages = stages(&self.config.tune, &self.space, self.dataset.train.len());
+        let check = match TuneSearch::is_checked(&stages, &self.config) {
+            true => traced_for_check(config, progress)?,
+            false => None,
+        };
+        Ok(Self { check, ..self })
+    }
+
     pub(super) fn bench(&self) -> Bench<'_> {
         Bench { dataset: &self.dataset, sensors: &self.sensors }
     }
@@ -174,6 +217,7 @@ impl Prepared {
         TuneSearch {
             config: &self.config,
             bench: self.bench(),
+            check: self.check.as_ref(),
             space: self.space.clone(),
             start: self.start,
             warm_starts: self.warm_starts.clone(),

@@ -210,7 +210,7 @@ fn tune(
     }
     // What cannot run leaves no folder, and `latest` where it was.
     let met = Met::new(config, &args.setup.sensor, &progress)?.for_a_search()?;
-    let prepared = met.traced(&progress)?;
+    let prepared = met.traced(&progress)?.with_check(&progress)?;
     let folder = resumed.map_or_else(|| new_folder(&runs, &prepared.config), Ok)?;
     let search = prepared.search(stop);
     let (mut journal, done) = match &begun {
@@ -369,6 +369,7 @@ pub(super) fn result(prepared: &Prepared, tuned: &Tuned, judged: Judged) -> RunR
         default: prepared.start.values(&prepared.config),
         tuned: tuned.parameters.values(&prepared.config),
         finalists: tuned.finalists.clone(),
+        check: tuned.check,
         comparison: Comparison::new(
             &judged.before.errors,
             &judged.after.errors,

@@ -50,6 +50,7 @@ mod tests {
             default: Values::new(),
             tuned,
             finalists: Vec::new(),
+            check: None,
             plain_summary: None,
             default_summary: summary.clone(),
             tuned_summary: summary,

@@ -73,7 +73,7 @@ fn identity(run: &FinishedRun) -> Identity {
 
 fn facts(run: &FinishedRun, background: &Background) -> Vec<(String, String)> {
     let (config, result) = (&run.config, &run.result);
-    [
+    let usual = [
         ("Scene", format!("{}, {} triangles", result.scene, background.triangles)),
         ("Beams", background.beams.clone()),
         ("Protocol", result.protocol.clone()),
@@ -85,9 +85,9 @@ fn facts(run: &FinishedRun, background: &Background) -> Vec<(String, String)> {
         ("Searches", searches(&background.stages)),
         ("Seed", config.seed.to_string()),
         ("Chosen", result.origin.clone()),
-    ]
-    .map(|(name, value)| (name.to_owned(), value))
-    .to_vec()
+    ];
+    let check = result.check.map(|check| ("Checked", check.to_string()));
+    usual.into_iter().chain(check).map(|(name, value)| (name.to_owned(), value)).collect()
 }
 
 /// The stages of a search, one after the other.

@@ -1,6 +1,7 @@
 //! Pairs of scans to register: scene responses and true motions, traced once for every candidate to
 //! come.
 
+mod check;
 mod facts;
 mod held_out;
 mod motion;
@@ -167,11 +168,15 @@ pub fn pair_plan(config: &RunConfig, split: Split, count: usize, town: u64) -> P
 }
 
 /// A town's share of the pairs.
-pub fn share(config: &RunConfig, split: Split, (index, towns): (usize, usize)) -> usize {
-    let total = match split {
-        Split::Train => config.data.train_pairs,
-        Split::Test => config.data.test_pairs,
-    };
+pub fn share(config: &RunConfig, split: Split, town: (usize, usize)) -> usize {
+    match split {
+        Split::Train => share_of(config.data.train_pairs, town),
+        Split::Test => share_of(config.data.test_pairs, town),
+    }
+}
+
+/// The share of a town, by its number among so many.
+fn share_of(total: usize, (index, towns): (usize, usize)) -> usize {
     total / towns + usize::from(index < total % towns)
 }
 

@@ -39,6 +39,7 @@
 //!     bench: Bench { dataset: &dataset, sensors: &sensors },
 //!     space: Space::new(tune.protocol, tune.lidar, config.registration.preset, start, hardware),
 //!     start,
+//!     check: None,
 //!     warm_starts: Vec::new(),
 //!     stop: &AtomicBool::new(false),
 //! };

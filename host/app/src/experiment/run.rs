@@ -18,7 +18,7 @@ use crate::experiment::front::Front;
 #[cfg(doc)]
 use crate::experiment::params::ThetaReg;
 use crate::experiment::params::{Axis, Scale, Values, written_values};
-use crate::experiment::tune::{Finalist, Stage};
+use crate::experiment::tune::{Check, Finalist, Stage};
 
 /// Configuration of the run, every value.
 pub const CONFIG: &str = "config.toml";
@@ -81,6 +81,9 @@ pub struct RunResult {
     pub tuned: Values,
     /// The last choice, best first.
     pub finalists: Vec<Finalist>,
+    /// How the choice did on pairs that no search has seen, where that was asked.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub check: Option<Check>,
     /// The start's sensor with the plain method, where ours is not: [`ThetaReg::plain`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plain_summary: Option<Summary>,

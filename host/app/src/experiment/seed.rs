@@ -19,6 +19,8 @@ pub enum Purpose {
     Batch = 7,
     /// How the sensor shakes while it scans.
     Motion = 8,
+    /// Noise of the check of the last choice.
+    Check = 9,
     /// What the search for a front draws.
     Front = 16,
     /// Its noise.

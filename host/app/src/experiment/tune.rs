@@ -23,7 +23,7 @@ use crate::experiment::preset::Strategy;
 pub use judge::Judge;
 pub use origin::Origin;
 pub(super) use price::mean_cost;
-pub use search::{Finalist, Observer, Silent, TuneError, TuneSearch, Tuned};
+pub use search::{Check, Finalist, Observer, Silent, TuneError, TuneSearch, Tuned};
 pub use stage::{Stage, stages};
 pub(super) use tasks::{Crew, Task};
 

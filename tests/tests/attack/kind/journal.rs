@@ -96,6 +96,7 @@ impl Subject {
             bench,
             space,
             start,
+            check: None,
             warm_starts: Vec::new(),
             stop: &NEVER,
         }

@@ -128,7 +128,8 @@ impl<'a> Runner<'a> {
     fn prepared(&mut self, cell: &Cell) -> Result<Prepared, Failure> {
         let met = self.met(cell)?;
         let dataset = self.scans(cell, &met.config)?;
-        Ok(met.with(dataset))
+        let tuned_in = cell.trained_in(&met.config).unwrap_or_else(|| met.config.clone());
+        Ok(met.with(dataset).with_check_in(&tuned_in, self.progress)?)
     }
 
     /// What comes of a cell, the registrations that were made for it now, and the seconds.
@@ -244,6 +245,7 @@ fn traced_from(config: &RunConfig) -> String {
         motion: config.motion,
         ..usual
     };
+    of_scans.data.check_pairs = usual.data.check_pairs;
     of_scans.data.success_translation_m = usual.data.success_translation_m;
     of_scans.data.success_rotation_deg = usual.data.success_rotation_deg;
     toml::to_string(&of_scans).unwrap_or_default()

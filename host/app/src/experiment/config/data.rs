@@ -16,6 +16,10 @@ section! {
         test_pairs: usize, "pairs", Must::between(1.0, 1e4),
             "Pairs to judge on, from other viewpoints of the same towns: 10 m from any to tune on, \
              less where the place is under 100 m wide.";
+        check_pairs: usize, "pairs", Must::between(0.0, 1e4),
+            "More pairs like those to tune on, which no search sees: on them what both halves \
+             together found must do better than registration's half, or that is chosen. As many as \
+             `train_pairs`; 0, none, with the paper's strategy.";
         baseline_m: f64, "m", Must::between(0.0, 100.0),
             "Distance of a pair's scans, m: the paper's 2 for local methods, 5 for global ones.";
         train_baseline_factor: f64, "times", Must::between(1.0, 10.0),
@@ -49,6 +53,7 @@ impl Default for DataConfig {
         Self {
             train_pairs: 30,
             test_pairs: 40,
+            check_pairs: 30,
             baseline_m: 2.0,
             train_baseline_factor: 2.0,
             difficulty: 0.0,
@@ -108,6 +113,7 @@ impl DataConfig {
         match method.is_global() {
             true => Self {
                 train_pairs: 100,
+                check_pairs: 100,
                 baseline_m: 5.0,
                 train_baseline_factor: 1.0,
                 success_translation_m: 1.0,

@@ -27,11 +27,12 @@ pub struct ScanPair {
 }
 
 /// Numbers of a pair's viewpoints, from 1: those of the training pairs, two each, then those of the
-/// pairs to judge on. A scan alone is of viewpoint 1.
+/// pairs to judge on, then those of the check. A scan alone is of viewpoint 1.
 ///
 /// ```text
-/// training pair p   2p + 1                   2p + 2                     p = 0..
-/// held-out pair p   2·train_pairs + 2p + 1   2·train_pairs + 2p + 2
+/// training pair p   2p + 1                     2p + 2                     p = 0..
+/// held-out pair p   2·train_pairs + 2p + 1     2·train_pairs + 2p + 2
+/// of the check p    2·train_pairs + 2·test_pairs + 2p + 1, and the next
 /// ```
 pub fn viewpoints(place: usize) -> [u32; 2] {
     [1, 2].map(|scan| 2 * place as u32 + scan)

@@ -9,12 +9,12 @@ use super::origin::Origin;
 use super::price::{Price, mean_cost};
 use super::race::Race;
 use super::replay::difference;
-use super::search::{Finalist, Observer, TuneError, TuneSearch, Tuned};
+use super::search::{Check, Finalist, Observer, TuneError, TuneSearch, Tuned};
 use super::stage::Stage;
 use super::tasks::{Crew, Task};
 use crate::experiment::evaluate::{median, succeeds};
 use crate::experiment::journal::{CandidateRecord, Generation, Journal};
-use crate::experiment::objective::{PairError, Worth};
+use crate::experiment::objective::{Bench, PairError, Worth};
 use crate::experiment::params::Parameters;
 use crate::experiment::preset::Strategy;
 use crate::experiment::seed::{Purpose, derive};
@@ -146,18 +146,57 @@ impl<'a> Course<'a> {
         // Of two halves registration's: that a sensor should change is what is to be shown.
         let half = at;
         for (number, stage) in beside.iter().enumerate() {
+            let is_last = number + 1 == beside.len();
             let (runners, optimizer) = self.runners(stage, &mut race, at)?;
             let runners = [&winners[..], &runners].concat();
-            let is_last = number + 1 == beside.len();
             at = self.winner(&mut race, if is_last { half } else { at }, runners)?;
             winners.push(at);
             last = Some(optimizer);
         }
         self.ends()?;
+        let checked = match at == half {
+            true => None,
+            false => self.checked(&race, half, at)?,
+        };
+        let mut errors = race.errors();
+        errors.extend(checked.iter().flat_map(|(race, _)| race.errors()));
+        let check = checked.as_ref().map(|(_, check)| *check);
+        if check.is_some_and(|check| !check.holds) {
+            at = half;
+        }
         let origin = race.origin(at).clone();
         let values = |parameters: &Parameters| search.searched_values(parameters);
         let (parameters, finalists) = (*race.parameters(at), race.finalists(&self.price, values));
-        Ok(self.tuned(parameters, origin, finalists, last.as_ref(), &race.errors()))
+        Ok(Tuned { check, ..self.tuned(parameters, origin, finalists, last.as_ref(), &errors) })
+    }
+
+    /// Whether the choice stands on pairs that no search has seen: those of the races were seen by
+    /// the searches, and of several that are no better one is easily ahead on them. `None` without
+    /// such pairs, or where costs decide, which are exact.
+    fn checked(
+        &self,
+        race: &Race,
+        half: usize,
+        at: usize,
+    ) -> Result<Option<(Race, Check)>, TuneError> {
+        let (search, crew) = (self.search, &self.crew);
+        let Some(dataset) = search.check.filter(|_| search.config.tune.minimise.is_none()) else {
+            return Ok(None);
+        };
+        let bench = Bench { dataset, ..crew.bench };
+        let crew = Crew { bench, stop: crew.stop, observer: crew.observer, scanner: crew.scanner };
+        let pairs = dataset.train.len();
+        let mut last = Race::new(pairs, derive(search.config.seed, Purpose::Check, 0));
+        let [half, at] =
+            [half, at].map(|i| last.enter(race.origin(i).clone(), *race.parameters(i)));
+        // A holder has seen all pairs: it is who others are compared with.
+        self.winner_by(&crew, &mut last, half, Vec::new())?;
+        let winner = self.winner_by(&crew, &mut last, half, vec![at])?;
+        let seen = last.judged(at).len();
+        let ahead = last.behind(half, at, seen, &self.price).unwrap_or_default();
+        // Where every pair says the same it is infinite, which is no number of JSON.
+        let ahead = ahead.clamp(-99.0, 99.0);
+        Ok(Some((last, Check { pairs: seen, ahead, holds: winner == at })))
     }
 
     /// Searches a stage from one of the race, and enters who could win.
@@ -197,9 +236,20 @@ impl<'a> Course<'a> {
         holder: usize,
         runners: Vec<usize>,
     ) -> Result<usize, TuneError> {
-        let most = (1 + runners.len()) * self.search.bench.dataset.train.len();
-        self.crew.observer.stage("choosing", most);
-        let judge = |tasks: &[Task<'_>]| self.crew.judged(tasks);
+        self.winner_by(&self.crew, race, holder, runners)
+    }
+
+    /// The same, on the training pairs of a crew.
+    fn winner_by(
+        &self,
+        crew: &Crew<'_>,
+        race: &mut Race,
+        holder: usize,
+        runners: Vec<usize>,
+    ) -> Result<usize, TuneError> {
+        let most = (1 + runners.len()) * crew.bench.dataset.train.len();
+        crew.observer.stage("choosing", most);
+        let judge = |tasks: &[Task<'_>]| crew.judged(tasks);
         let winner = race.winner(holder, runners, &self.price, &judge)?;
         winner.ok_or_else(|| self.interrupted())
     }
@@ -240,6 +290,7 @@ impl<'a> Course<'a> {
             finalists,
             registrations: searched.sum::<usize>() + raced.len(),
             nothing_found,
+            check: None,
             correlations: optimizer.map(CmaEs::correlations).unwrap_or_default(),
             covariance_learned: optimizer.map_or(0.0, CmaEs::covariance_learned),
             generations,

@@ -164,7 +164,13 @@ impl Race {
 
     /// By how many standard errors one is behind the leader, by the paired differences of losses;
     /// `None` where fitness is no mean of losses.
-    fn behind(&self, i: usize, leader: usize, seen: usize, price: &Price<'_>) -> Option<f64> {
+    pub(super) fn behind(
+        &self,
+        i: usize,
+        leader: usize,
+        seen: usize,
+        price: &Price<'_>,
+    ) -> Option<f64> {
         let losses = |i: usize| -> Option<Vec<f64>> {
             let judged = &self.runners[i].judged[..seen];
             let cost = mean_cost(judged);

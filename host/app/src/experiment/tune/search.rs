@@ -1,5 +1,6 @@
 //! A search, what it needs and what comes of it.
 
+use std::fmt;
 use std::sync::atomic::AtomicBool;
 
 use serde::{Deserialize, Serialize};
@@ -9,6 +10,7 @@ use super::stage::{Stage, stages};
 use crate::experiment::config::RunConfig;
 use crate::experiment::content::{Content, build};
 use crate::experiment::cost::Scanner;
+use crate::experiment::dataset::Dataset;
 use crate::experiment::evaluate::{NoisyPairs, Summary, evaluate_and_cost};
 use crate::experiment::journal::{FORMAT, Generation, Header, JournalError};
 use crate::experiment::objective::Bench;
@@ -101,6 +103,29 @@ pub struct Finalist {
     pub pairs: usize,
 }
 
+/// How the choice did beside registration's winner on pairs that no search has seen.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Check {
+    /// Pairs that both were judged on: all, unless the choice fell behind before.
+    pub pairs: usize,
+    /// By how many standard errors the choice was ahead, pair by pair; 99 at most.
+    pub ahead: f64,
+    /// Whether that is enough; else registration's winner is what is chosen.
+    pub holds: bool,
+}
+
+impl fmt::Display for Check {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { pairs, ahead, holds } = self;
+        let end = if *holds { "stands" } else { "does not stand: registration's half is chosen" };
+        write!(
+            f,
+            "on {pairs} pairs that no search saw, the choice is {ahead:.1} standard errors ahead \
+             of registration's half alone and {end}"
+        )
+    }
+}
+
 /// The end of a search.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tuned {
@@ -110,9 +135,11 @@ pub struct Tuned {
     pub origin: String,
     /// All that were in the choice, best first.
     pub finalists: Vec<Finalist>,
+    /// What the last choice was held to; none where registration's winner was the choice.
+    pub check: Option<Check>,
     /// Every generation.
     pub generations: Vec<Generation>,
-    /// Registrations made, those of the race included.
+    /// Registrations made, those of the races included.
     pub registrations: usize,
     /// Why the last one stopped, if none found a motion and all errors are the initial guess's.
     pub nothing_found: Option<String>,
@@ -128,6 +155,8 @@ pub struct TuneSearch<'a> {
     pub config: &'a RunConfig,
     /// Pairs, receiver, hardware.
     pub bench: Bench<'a>,
+    /// Training pairs that no search sees, for the last choice: [`Dataset::of_check`].
+    pub check: Option<&'a Dataset>,
     /// The axes.
     pub space: Space,
     /// Where it starts.
@@ -155,6 +184,12 @@ impl TuneSearch<'_> {
             axes: self.space.axes().iter().map(|axis| axis.name.to_owned()).collect(),
             content: Content::of(self.config, self.bench.dataset),
         }
+    }
+
+    /// Whether a check has something to decide: where the sensor is searched besides registration,
+    /// and not for the least of a cost.
+    pub fn is_checked(stages: &[Stage], config: &RunConfig) -> bool {
+        stages.iter().any(|stage| !stage.is_from_the_start()) && config.tune.minimise.is_none()
     }
 
     /// Registrations that the stages take; a race takes some more.
