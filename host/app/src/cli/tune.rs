@@ -36,7 +36,7 @@ use crate::experiment::run::{
     AxisRecord, Background, CONFIG, FRONT, HISTORY, REPORT, RESULT, RunFolder, RunResult,
     StageRecord,
 };
-use crate::experiment::tune::{TuneError, TuneSearch, Tuned};
+use crate::experiment::tune::{Stage, TuneError, TuneSearch, Tuned};
 use crate::link::pattern::{described, size};
 use crate::said::say;
 
@@ -389,6 +389,7 @@ pub(super) fn background(search: &TuneSearch<'_>, tuned: &Tuned) -> Background {
     let pattern = dataset.beams.pattern();
     let stages = search.stages();
     let last = stages.last().map(|stage| stage.axes.clone()).unwrap_or_default();
+    let was_made = |stage: &&Stage| tuned.generations.iter().any(|g| g.stage == stage.name);
     Background {
         triangles: dataset.triangles,
         beams: match pattern {
@@ -396,7 +397,7 @@ pub(super) fn background(search: &TuneSearch<'_>, tuned: &Tuned) -> Background {
             _ => described(pattern),
         },
         places: dataset.test.iter().map(|pair| pair.place.clone()).collect(),
-        stages: stages.iter().map(StageRecord::from).collect(),
+        stages: stages.iter().filter(was_made).map(StageRecord::from).collect(),
         axes: axes.iter().map(AxisRecord::from).collect(),
         correlated: last.iter().map(|&axis| axes[axis].name.to_owned()).collect(),
         correlations: tuned.correlations.clone(),

@@ -147,11 +147,17 @@ impl<'a> Course<'a> {
         let half = at;
         for (number, stage) in beside.iter().enumerate() {
             let is_last = number + 1 == beside.len();
-            let (runners, optimizer) = self.runners(stage, &mut race, at)?;
-            let runners = [&winners[..], &runners].concat();
+            let mut runners = winners.clone();
+            // Where registration keeps what it began at the sensor was searched from there already.
+            if !is_last && half == begin {
+                self.total -= stage.generations;
+            } else {
+                let (own, optimizer) = self.runners(stage, &mut race, at)?;
+                runners.extend(own);
+                last = Some(optimizer);
+            }
             at = self.winner(&mut race, if is_last { half } else { at }, runners)?;
             winners.push(at);
-            last = Some(optimizer);
         }
         self.ends()?;
         let checked = match at == half {
