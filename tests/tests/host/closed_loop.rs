@@ -51,6 +51,10 @@ fn config(more: &[&str]) -> RunConfig {
     load(None, &overrides.collect::<Vec<_>>()).expect("a configuration")
 }
 
+/// With this seed registration's search finds better than its start, so that the sensor is searched
+/// again from there; and the last choice has another sensor than the start.
+const MOVING: &str = "seed=10";
+
 /// The paper's strategy, and only what makes it small that it leaves open.
 fn paper(more: &[&str]) -> RunConfig {
     let small =
@@ -115,7 +119,7 @@ fn shortlist_pairs(config: &RunConfig) -> NoisyPairs<'static> {
 
 #[test]
 fn one_thread_and_two_write_the_same_journal_and_choose_the_same() {
-    let config = config(&[]);
+    let config = config(&[MOVING]);
     let [(one, chosen_by_one), (two, chosen_by_two)] =
         [1, 2].map(|threads| tuned(&config, threads));
     assert!(one == two, "the journals differ");
@@ -129,7 +133,7 @@ fn one_thread_and_two_write_the_same_journal_and_choose_the_same() {
 
 #[test]
 fn the_fast_search_moves_either_half_alone_then_the_sensor_again_then_both() {
-    let (_, tuned) = tuned(&config(&["tune.population=0"]), 2);
+    let (_, tuned) = tuned(&config(&["tune.population=0", MOVING]), 2);
     let stages: Vec<&str> = tuned.generations.iter().map(|g| &*g.stage).collect();
     let halves = [vec!["lidar alone"; 3], vec!["registration"; 3]].concat();
     let beside = [vec!["lidar"; 2], vec!["joint"; 2]].concat();
@@ -188,7 +192,7 @@ impl Observer for Count {
 
 #[test]
 fn every_registration_is_counted_and_nobody_is_raced_twice_on_a_pair() {
-    let config = config(&[]);
+    let config = config(&[MOVING]);
     let (folder, search) = (tempfile::tempdir().expect("a folder"), search(&config));
     let path = folder.path().join("history.jsonl");
     let mut journal = Journal::create(&path, &search.header()).expect("a journal");
@@ -208,14 +212,13 @@ fn what_scans_cost_is_recorded_where_it_counts_and_decides_between_equal_errors(
     let error = tuned(&config(&["tune.objective=error", "tune.generations=1"]), 2).1;
     assert!(error.generations.iter().flat_map(|g| &g.candidates).all(|c| c.cost.is_none()));
     // All errors are the cap: what is left is energy.
-    let equal = ["tune.error_cap=1e-7", "tune.error_mean=arithmetic", "tune.weights.energy=1"];
-    let energy = tuned(&config(&equal), 2).1;
+    let energy = tuned(&config(&BY_ENERGY), 2).1;
     let energy_j = |p: &Parameters| {
         f64::from(p.settings.power_uw) * f64::from(p.settings.pulse_width_ps) * 1e-18
     };
     let start = search(&config(&[])).start;
     for candidate in energy.generations.iter().flat_map(|g| &g.candidates) {
-        let parameters = search(&config(&equal)).space.parameters(&candidate.point).0;
+        let parameters = search(&config(&BY_ENERGY)).space.parameters(&candidate.point).0;
         let ratio = energy_j(&parameters) / energy_j(&start);
         assert!((candidate.fitness / (1e-7 * ratio) - 1.0).abs() < 1e-9, "{}", candidate.fitness);
     }
@@ -226,10 +229,10 @@ fn what_scans_cost_is_recorded_where_it_counts_and_decides_between_equal_errors(
 fn each_half_is_searched_as_it_would_be_alone_and_its_winner_is_in_the_last_race() {
     // A point of the cube gives a value back to its last bits.
     let close = |a: f64, b: f64| (a - b).abs() <= 1e-6 * b.abs();
-    let whole = config(&[]);
+    let whole = config(&[MOVING]);
     let (_, both) = tuned(&whole, 2);
     for (protocol, stage) in [("lidar", "lidar alone"), ("registration", "registration")] {
-        let half = config(&[&format!("tune.protocol={protocol}")]);
+        let half = config(&[&format!("tune.protocol={protocol}"), MOVING]);
         let (_, alone) = tuned(&half, 2);
         let of_half = both.generations.iter().filter(|generation| generation.stage == stage);
         let of_half: Vec<&Generation> = of_half.collect();
@@ -250,9 +253,91 @@ fn each_half_is_searched_as_it_would_be_alone_and_its_winner_is_in_the_last_race
     }
 }
 
+/// A search whose choice is held to these pairs, and how many registrations it made.
+fn checked(config: &RunConfig, train: Vec<ScanPair>) -> (Tuned, usize) {
+    let check = Dataset { train, test: Vec::new(), ..TOWN.clone() };
+    let (folder, search) = (tempfile::tempdir().expect("a folder"), search(config));
+    let search = TuneSearch { check: Some(&check), ..search };
+    let path = folder.path().join("history.jsonl");
+    let mut journal = Journal::create(&path, &search.header()).expect("a journal");
+    let count = Count::default();
+    let tuned = search.run(&mut journal, Vec::new(), &count).expect("a search");
+    (tuned, count.0.into_inner())
+}
+
+/// All errors are the cap, so that energy alone decides: another sensor is always ahead.
+const BY_ENERGY: [&str; 3] =
+    ["tune.error_cap=1e-7", "tune.error_mean=arithmetic", "tune.weights.energy=1"];
+
+#[test]
+fn what_both_halves_found_stands_where_it_is_ahead_on_pairs_that_no_search_saw() {
+    let config = config(&BY_ENERGY);
+    let (_, unchecked) = tuned(&config, 2);
+    assert_eq!(unchecked.check, None);
+    let (found, made) = checked(&config, TOWN.test.clone());
+    assert_eq!((found.parameters, &found.origin), (unchecked.parameters, &unchecked.origin));
+    assert_eq!(found.finalists, unchecked.finalists, "who raced saw no pair more");
+    let check = found.check.expect("a check");
+    assert!(check.holds && check.ahead == 99.0 && check.pairs == 3, "{check:?}");
+    assert_eq!(found.registrations, unchecked.registrations + 2 * 3, "two on three pairs");
+    assert_eq!(found.registrations, made);
+}
+
+#[test]
+fn what_is_not_ahead_on_pairs_that_no_search_saw_makes_way_for_registrations_winner() {
+    let config = config(&["tune.objective=error", MOVING]);
+    let winner = tuned(&config, 2).1;
+    let half = ["tune.objective=error", "tune.protocol=registration", MOVING];
+    let half = tuned(&self::config(&half), 2).1;
+    assert_ne!(winner.parameters.settings, search(&config).start.settings, "else nothing to check");
+    // Where nothing comes back both err as the initial guess does.
+    let nothing = Arc::new(SceneResponse::empty(TOWN.test[0].first.len() as u32));
+    let mut blind = TOWN.test.clone();
+    blind.iter_mut().for_each(|p| (p.first, p.second) = (nothing.clone(), nothing.clone()));
+    let (found, made) = checked(&config, blind);
+    let check = found.check.expect("a check");
+    assert!(!check.holds && check.ahead == 0.0 && check.pairs == 3, "{check:?}");
+    assert_eq!(found.parameters.settings, search(&config).start.settings);
+    let search = search(&config);
+    let [found_axes, half_axes] =
+        [&found, &half].map(|tuned| search.space.point(&tuned.parameters));
+    for (found, half) in found_axes.iter().zip(&half_axes) {
+        assert!((found - half).abs() < 1e-9, "{found_axes:?}: {half_axes:?}");
+    }
+    assert_eq!((found.registrations, made), (winner.registrations + 2 * 3, found.registrations));
+}
+
+#[test]
+fn the_least_of_a_cost_is_held_to_no_check() {
+    let config = config(&["tune.minimise=energy", "tune.generations=1"]);
+    assert_eq!(checked(&config, TOWN.test.clone()).0.check, None);
+}
+
+#[test]
+fn where_registration_keeps_its_start_the_sensor_is_not_searched_from_there_again() {
+    let config = config(&BY_ENERGY);
+    let (journal, found) = tuned(&config, 2);
+    let mut stages: Vec<&str> = found.generations.iter().map(|g| g.stage.as_str()).collect();
+    stages.dedup();
+    assert_eq!(stages, ["lidar alone", "registration", "joint"], "nothing costs less light there");
+    // Both together are searched from the sensor's winner all the same.
+    let joint = found.generations.iter().find(|g| g.stage == "joint").expect("a search of both");
+    let start = search(&config).space.start_point();
+    let moved = joint.mean.iter().zip(&start).filter(|(a, b)| (*a - *b).abs() > 1e-9).count();
+    assert!(moved > 0, "{:?}", joint.mean);
+    // A journal without that search is gone on with.
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("history.jsonl");
+    std::fs::write(&path, journal).expect("a journal");
+    let search = search(&config);
+    let (mut journal, done) = Journal::resume(&path, &search.header(), false).expect("a journal");
+    let again = search.run(&mut journal, done, &Silent).expect("a search");
+    assert_eq!(again, found);
+}
+
 #[test]
 fn of_each_search_two_of_its_own_later_generations_are_in_the_race() {
-    let (_, tuned) = tuned(&config(&["tune.generations=4"]), 2);
+    let (_, tuned) = tuned(&config(&["tune.generations=4", MOVING]), 2);
     for stage in ["lidar alone", "registration", "lidar", "joint"] {
         let own = tuned.generations.iter().filter(|generation| generation.stage == stage);
         let own: Vec<u32> = own.map(|generation| generation.generation).collect();
