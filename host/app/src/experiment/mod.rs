@@ -33,21 +33,22 @@
 //! let (tune, hardware) = (&config.tune, config.hardware());
 //! let start = Parameters::start(&config, &hardware)?;
 //! let dataset = Dataset::build(&config, &|_, _| ())?;
+//! let check = Dataset::of_check(&config, &|_, _| ())?;
 //! let sensors = Sensors::in_process(Model::from(&config));
 //! let search = TuneSearch {
 //!     config: &config,
 //!     bench: Bench { dataset: &dataset, sensors: &sensors },
 //!     space: Space::new(tune.protocol, tune.lidar, config.registration.preset, start, hardware),
 //!     start,
-//!     check: None,
+//!     check: check.as_ref(),
 //!     warm_starts: Vec::new(),
 //!     stop: &AtomicBool::new(false),
 //! };
 //! let folder = tempfile::tempdir()?;
 //! let mut journal = Journal::create(&folder.path().join("history.jsonl"), &search.header())?;
 //! let tuned = search.run(&mut journal, Vec::new(), &Silent)?;
-//! // The sensor, registration, the sensor beside that, both.
-//! assert_eq!(tuned.generations.len(), 2 + 2 + 1 + 1);
+//! // The sensor, registration, both; before both the sensor again, had registration moved.
+//! assert_eq!(tuned.generations.len(), 2 + 2 + 1);
 //! let before = search.judge(&start, &Silent)?;
 //! let after = search.judge(&tuned.parameters, &Silent)?;
 //! println!("recall {:.0} % before, {:.0} % after", before.recall_pct, after.recall_pct);
