@@ -90,12 +90,16 @@ fn search(config: &RunConfig) -> TuneSearch<'_> {
 
 /// A whole search on so many threads: its journal's bytes, and what it chose.
 fn tuned(config: &RunConfig, threads: usize) -> (Vec<u8>, Tuned) {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+    pool.install(|| run(&search(config), &Silent))
+}
+
+/// A whole search with an observer: its journal's bytes, and what it chose.
+fn run(search: &TuneSearch<'_>, observer: &dyn Observer) -> (Vec<u8>, Tuned) {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("history.jsonl");
-    let search = search(config);
     let mut journal = Journal::create(&path, &search.header()).expect("a journal");
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-    let tuned = pool.install(|| search.run(&mut journal, Vec::new(), &Silent)).expect("a search");
+    let tuned = search.run(&mut journal, Vec::new(), observer).expect("a search");
     (std::fs::read(path).expect("a journal"), tuned)
 }
 
@@ -193,11 +197,8 @@ impl Observer for Count {
 #[test]
 fn every_registration_is_counted_and_nobody_is_raced_twice_on_a_pair() {
     let config = config(&[MOVING]);
-    let (folder, search) = (tempfile::tempdir().expect("a folder"), search(&config));
-    let path = folder.path().join("history.jsonl");
-    let mut journal = Journal::create(&path, &search.header()).expect("a journal");
     let count = Count::default();
-    let tuned = search.run(&mut journal, Vec::new(), &count).expect("a search");
+    let (_, tuned) = run(&search(&config), &count);
     assert_eq!(count.0.into_inner(), tuned.registrations);
     let raced: usize = tuned.finalists.iter().map(|f| f.pairs).sum();
     // Six candidates: of registration's three generations on all four pairs, else on two.
@@ -256,12 +257,8 @@ fn each_half_is_searched_as_it_would_be_alone_and_its_winner_is_in_the_last_race
 /// A search whose choice is held to these pairs, and how many registrations it made.
 fn checked(config: &RunConfig, train: Vec<ScanPair>) -> (Tuned, usize) {
     let check = Dataset { train, test: Vec::new(), ..TOWN.clone() };
-    let (folder, search) = (tempfile::tempdir().expect("a folder"), search(config));
-    let search = TuneSearch { check: Some(&check), ..search };
-    let path = folder.path().join("history.jsonl");
-    let mut journal = Journal::create(&path, &search.header()).expect("a journal");
     let count = Count::default();
-    let tuned = search.run(&mut journal, Vec::new(), &count).expect("a search");
+    let (_, tuned) = run(&TuneSearch { check: Some(&check), ..search(config) }, &count);
     (tuned, count.0.into_inner())
 }
 

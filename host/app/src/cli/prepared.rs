@@ -180,21 +180,16 @@ impl Prepared {
         Ok(Met::new(config, choice, progress)?.traced(progress)?)
     }
 
-    /// With the pairs of the check, where a search has use for them.
-    pub(super) fn with_check(self, progress: &Progress) -> Result<Self, DatasetError> {
-        let config = self.config.clone();
-        self.with_check_in(&config, progress)
-    }
-
-    /// The same, in the towns of another configuration, where it is tuned in those.
-    pub(super) fn with_check_in(
+    /// With the pairs of the check, where a search has use for them: of the configuration that it
+    /// is tuned in, where that is another.
+    pub(super) fn with_check(
         self,
-        config: &RunConfig,
+        tuned_in: Option<&RunConfig>,
         progress: &Progress,
     ) -> Result<Self, DatasetError> {
         let stages = stages(&self.config.tune, &self.space, self.dataset.train.len());
         let check = match TuneSearch::is_checked(&stages, &self.config) {
-            true => traced_for_check(config, progress)?,
+            true => traced_for_check(tuned_in.unwrap_or(&self.config), progress)?,
             false => None,
         };
         Ok(Self { check, ..self })

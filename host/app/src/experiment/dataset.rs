@@ -123,6 +123,12 @@ impl Dataset {
     }
 }
 
+/// Whether scans are traced, in as many places as are asked for: not stored, not recorded.
+fn is_traced(config: &RunConfig) -> bool {
+    let is_recording = matches!(Source::of(&config.scene.source), Source::Recording(_));
+    config.scene.stored.is_empty() && !is_recording
+}
+
 /// Seeds of the towns, no more towns than pairs.
 pub fn towns(config: &RunConfig) -> Vec<u64> {
     let mut towns = Source::of(&config.scene.source).seeds(&config.scene.towns);

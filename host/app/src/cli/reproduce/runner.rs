@@ -128,8 +128,8 @@ impl<'a> Runner<'a> {
     fn prepared(&mut self, cell: &Cell) -> Result<Prepared, Failure> {
         let met = self.met(cell)?;
         let dataset = self.scans(cell, &met.config)?;
-        let tuned_in = cell.trained_in(&met.config).unwrap_or_else(|| met.config.clone());
-        Ok(met.with(dataset).with_check_in(&tuned_in, self.progress)?)
+        let tuned_in = cell.trained_in(&met.config);
+        Ok(met.with(dataset).with_check(tuned_in.as_ref(), self.progress)?)
     }
 
     /// What comes of a cell, the registrations that were made for it now, and the seconds.

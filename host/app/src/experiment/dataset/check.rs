@@ -3,11 +3,10 @@
 use echoloop_sim::viewpoint::{Split, ViewpointError};
 
 use super::{
-    Dataset, DatasetError, pair_plan, place, poses, share, share_of, sight, towns, trace,
-    viewpoints,
+    Dataset, DatasetError, is_traced, pair_plan, place, poses, share, share_of, sight, towns,
+    trace, viewpoints,
 };
 use crate::experiment::config::RunConfig;
-use crate::experiment::source::Source;
 
 impl Dataset {
     /// A set of `data.check_pairs` training pairs that are not those of [`Self::build`], but the
@@ -24,8 +23,7 @@ impl Dataset {
         progress: &dyn Fn(f64, &str),
     ) -> Result<Option<Self>, DatasetError> {
         let asked = config.data.check_pairs;
-        let is_recording = matches!(Source::of(&config.scene.source), Source::Recording(_));
-        if asked == 0 || is_recording || !config.scene.stored.is_empty() {
+        if asked == 0 || !is_traced(config) {
             return Ok(None);
         }
         let beams = config.scanner.beams();

@@ -3,10 +3,10 @@
 use echoloop_sim::viewpoint::Split;
 
 use super::{
-    Dataset, DatasetError, pair_plan, place, poses, share, sight, towns, trace, viewpoints,
+    Dataset, DatasetError, is_traced, pair_plan, place, poses, share, sight, towns, trace,
+    viewpoints,
 };
 use crate::experiment::config::RunConfig;
-use crate::experiment::source::Source;
 
 impl Dataset {
     /// A set that has the held-out pair of that number alone, as [`Self::build`] has it at that
@@ -16,8 +16,7 @@ impl Dataset {
     ///
     /// [`DatasetError`].
     pub fn held_out(config: &RunConfig, index: usize) -> Result<Option<Self>, DatasetError> {
-        let is_recording = matches!(Source::of(&config.scene.source), Source::Recording(_));
-        if !config.scene.stored.is_empty() || is_recording {
+        if !is_traced(config) {
             let mut all = Self::build(config, &|_, _| ())?;
             let test = all.test.get(index).cloned().into_iter().collect();
             (all.train, all.test) = (Vec::new(), test);

@@ -186,7 +186,9 @@ impl<'a> Course<'a> {
         at: usize,
     ) -> Result<Option<(Race, Check)>, TuneError> {
         let (search, crew) = (self.search, &self.crew);
-        let Some(dataset) = search.check.filter(|_| search.config.tune.minimise.is_none()) else {
+        let Some(dataset) =
+            search.check.filter(|_| TuneSearch::is_checked(&search.stages(), search.config))
+        else {
             return Ok(None);
         };
         let bench = Bench { dataset, ..crew.bench };
