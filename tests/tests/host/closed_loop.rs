@@ -85,7 +85,7 @@ fn search(config: &RunConfig) -> TuneSearch<'_> {
         HARDWARE,
     );
     let bench = Bench { dataset: &TOWN, sensors: &SENSORS };
-    TuneSearch { config, bench, check: None, space, start, warm_starts: Vec::new(), stop: &NEVER }
+    TuneSearch { config, bench, space, start, warm_starts: Vec::new(), stop: &NEVER }
 }
 
 /// A whole search on so many threads: its journal's bytes, and what it chose.
@@ -255,10 +255,11 @@ fn each_half_is_searched_as_it_would_be_alone_and_its_winner_is_in_the_last_race
 }
 
 /// A search whose choice is held to these pairs, and how many registrations it made.
-fn checked(config: &RunConfig, train: Vec<ScanPair>) -> (Tuned, usize) {
-    let check = Dataset { train, test: Vec::new(), ..TOWN.clone() };
+fn checked(config: &RunConfig, check: Vec<ScanPair>) -> (Tuned, usize) {
+    let dataset = Dataset { check, ..TOWN.clone() };
+    let bench = Bench { dataset: &dataset, sensors: &SENSORS };
     let count = Count::default();
-    let (_, tuned) = run(&TuneSearch { check: Some(&check), ..search(config) }, &count);
+    let (_, tuned) = run(&TuneSearch { bench, ..search(config) }, &count);
     (tuned, count.0.into_inner())
 }
 
@@ -909,8 +910,8 @@ fn two_scans_of_a_yard_are_registered_to_the_motion_between_them() {
     };
     let first = pose([0.0, 0.0, 2.0], [0.5, -0.5, 10.0]);
     let look = |pose: &Pose| Arc::new(respond(&config, &place, pose, &beams));
-    let dataset =
-        Dataset { beams: beams.clone(), train: Vec::new(), test: Vec::new(), triangles: 0 };
+    let (train, test, check) = (Vec::new(), Vec::new(), Vec::new());
+    let dataset = Dataset { beams: beams.clone(), train, test, check, triangles: 0 };
     let sensors = Sensors::in_process(model(&config.receiver, pattern));
     let bench = Bench { dataset: &dataset, sensors: &sensors };
     for (shift, turn) in

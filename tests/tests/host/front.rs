@@ -53,7 +53,6 @@ fn search(stop: &AtomicBool) -> TuneSearch<'_> {
         bench: Bench { dataset: &TOWN, sensors: &SENSORS },
         space,
         start,
-        check: None,
         warm_starts: Vec::new(),
         stop,
     }

@@ -103,7 +103,19 @@ impl Met {
 
     /// Traces the scans.
     pub(super) fn traced(self, progress: &Progress) -> Result<Prepared, DatasetError> {
-        let dataset = traced(&self.config, progress)?;
+        self.traced_by(Dataset::build, progress)
+    }
+
+    /// Traces the scans, with those of the check where a search has use for them.
+    pub(super) fn traced_for_a_search(self, progress: &Progress) -> Result<Prepared, DatasetError> {
+        match self.is_checked() {
+            true => self.traced_by(Dataset::build_with_check, progress),
+            false => self.traced(progress),
+        }
+    }
+
+    fn traced_by(self, build: Build, progress: &Progress) -> Result<Prepared, DatasetError> {
+        let dataset = traced(build, &self.config, progress)?;
         progress.say(&Facts::new(&dataset).to_string());
         Ok(self.with(dataset))
     }
@@ -111,17 +123,7 @@ impl Met {
     /// Takes scans that were traced before.
     pub(super) fn with(self, dataset: Dataset) -> Prepared {
         let Self { config, start, warm_starts, space, hardware, sensors, sensor } = self;
-        Prepared {
-            config,
-            dataset,
-            check: None,
-            start,
-            warm_starts,
-            space,
-            hardware,
-            sensors,
-            sensor,
-        }
+        Prepared { config, dataset, start, warm_starts, space, hardware, sensors, sensor }
     }
 
     /// Registrations that a search takes about: those of its stages, and some at the end of each.
@@ -131,33 +133,33 @@ impl Met {
         let raced = if tune.strategy == Strategy::Fast { tune.shortlist + 2 } else { 0 };
         let of_stages: usize = stages.iter().map(Stage::registrations).sum();
         let warm = if stages.is_empty() { 0 } else { self.warm_starts.len() };
-        let check = usize::from(TuneSearch::is_checked(&stages, &self.config));
-        let check = check * 2 * self.config.data.check_pairs;
+        let check = usize::from(self.is_checked()) * 2 * self.config.data.check_pairs;
         of_stages + (stages.len() * raced + warm) * pairs + check
+    }
+
+    fn is_checked(&self) -> bool {
+        let stages = stages(&self.config.tune, &self.space, self.config.data.train_pairs);
+        TuneSearch::is_checked(&stages, &self.config)
     }
 }
 
-/// Traces the scans of a configuration.
-pub(super) fn traced(config: &RunConfig, progress: &Progress) -> Result<Dataset, DatasetError> {
-    progress.begin("scanning", 1000);
-    Dataset::build(config, &|fraction, what| progress.at_what(fraction, what))
-}
+/// [`Dataset::build`], or [`Dataset::build_with_check`].
+type Build = fn(&RunConfig, &dyn Fn(f64, &str)) -> Result<Dataset, DatasetError>;
 
-/// Traces the scans of its check.
-pub(super) fn traced_for_check(
+/// Traces the scans of a configuration.
+pub(super) fn traced(
+    build: Build,
     config: &RunConfig,
     progress: &Progress,
-) -> Result<Option<Dataset>, DatasetError> {
-    progress.begin("scanning for the check", 1000);
-    Dataset::of_check(config, &|fraction, what| progress.at_what(fraction, what))
+) -> Result<Dataset, DatasetError> {
+    progress.begin("scanning", 1000);
+    build(config, &|fraction, what| progress.at_what(fraction, what))
 }
 
 /// Everything a search needs, made from a configuration.
 pub(super) struct Prepared {
     pub(super) config: RunConfig,
     pub(super) dataset: Dataset,
-    /// Pairs that no search sees.
-    check: Option<Dataset>,
     pub(super) start: Parameters,
     /// Where a search may begin instead; none, unless it was met to be searched.
     warm_starts: Vec<Parameters>,
@@ -180,21 +182,6 @@ impl Prepared {
         Ok(Met::new(config, choice, progress)?.traced(progress)?)
     }
 
-    /// With the pairs of the check, where a search has use for them: of the configuration that it
-    /// is tuned in, where that is another.
-    pub(super) fn with_check(
-        self,
-        tuned_in: Option<&RunConfig>,
-        progress: &Progress,
-    ) -> Result<Self, DatasetError> {
-        let stages = stages(&self.config.tune, &self.space, self.dataset.train.len());
-        let check = match TuneSearch::is_checked(&stages, &self.config) {
-            true => traced_for_check(tuned_in.unwrap_or(&self.config), progress)?,
-            false => None,
-        };
-        Ok(Self { check, ..self })
-    }
-
     pub(super) fn bench(&self) -> Bench<'_> {
         Bench { dataset: &self.dataset, sensors: &self.sensors }
     }
@@ -212,7 +199,6 @@ impl Prepared {
         TuneSearch {
             config: &self.config,
             bench: self.bench(),
-            check: self.check.as_ref(),
             space: self.space.clone(),
             start: self.start,
             warm_starts: self.warm_starts.clone(),

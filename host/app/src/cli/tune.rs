@@ -210,7 +210,7 @@ fn tune(
     }
     // What cannot run leaves no folder, and `latest` where it was.
     let met = Met::new(config, &args.setup.sensor, &progress)?.for_a_search()?;
-    let prepared = met.traced(&progress)?.with_check(None, &progress)?;
+    let prepared = met.traced_for_a_search(&progress)?;
     let folder = resumed.map_or_else(|| new_folder(&runs, &prepared.config), Ok)?;
     let search = prepared.search(stop);
     let (mut journal, done) = match &begun {

@@ -87,7 +87,7 @@ fn front_end(model: &Model) -> Checksum {
 
 fn scans(dataset: &Dataset) -> Checksum {
     let mut sum = Running::new();
-    for pair in dataset.train.iter().chain(&dataset.test) {
+    for pair in dataset.pairs() {
         add_pair(&mut sum, pair);
     }
     sum.end()
@@ -125,6 +125,7 @@ mod tests {
     use std::fs;
 
     use super::*;
+    use crate::experiment::config::load;
 
     #[test]
     fn a_scene_s_file_its_materials_and_the_front_end_each_have_their_checksum() {
@@ -138,6 +139,7 @@ mod tests {
             beams: config.scanner.beams(),
             train: Vec::new(),
             test: Vec::new(),
+            check: Vec::new(),
             triangles: 0,
         };
         let before = Content::of(&config, &empty);
@@ -152,6 +154,18 @@ mod tests {
         config.scene.source = "structured".into();
         let generated = Content::of(&config, &empty);
         assert_eq!((generated.scene, generated.materials), (None, None));
+    }
+
+    #[test]
+    fn scans_of_the_check_are_among_what_a_journal_goes_on_with() {
+        let set = ["scanner.columns=8", "scanner.rows=4", "data.train_pairs=1"];
+        let set = set.into_iter().chain(["data.test_pairs=1", "data.check_pairs=1"]);
+        let set: Vec<_> = set.map(|text| text.parse().unwrap()).collect();
+        let config = load(None, &set).unwrap();
+        let mut found = Dataset::build_with_check(&config, &|_, _| ()).unwrap();
+        let before = Content::of(&config, &found).scans;
+        found.check[0].first = found.check[0].second.clone();
+        assert_ne!(Content::of(&config, &found).scans, before);
     }
 
     #[test]

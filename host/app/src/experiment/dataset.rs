@@ -1,7 +1,6 @@
 //! Pairs of scans to register: scene responses and true motions, traced once for every candidate to
 //! come.
 
-mod check;
 mod facts;
 mod held_out;
 mod motion;
@@ -80,6 +79,28 @@ impl Dataset {
     ///
     /// [`DatasetError`].
     pub fn build(config: &RunConfig, progress: &dyn Fn(f64, &str)) -> Result<Self, DatasetError> {
+        Self::of(config, 0, progress)
+    }
+
+    /// The same, and `data.check_pairs` of [`Self::check`]: the pairs that as many more training
+    /// pairs would have been. A town without room for its share of them gives none, and of pairs
+    /// that are stored or recorded there are no more.
+    ///
+    /// # Errors
+    ///
+    /// [`DatasetError`].
+    pub fn build_with_check(
+        config: &RunConfig,
+        progress: &dyn Fn(f64, &str),
+    ) -> Result<Self, DatasetError> {
+        Self::of(config, config.data.check_pairs, progress)
+    }
+
+    fn of(
+        config: &RunConfig,
+        check_pairs: usize,
+        progress: &dyn Fn(f64, &str),
+    ) -> Result<Self, DatasetError> {
         let beams = config.scanner.beams();
         if !config.scene.stored.is_empty() {
             return Ok(store::load_stored(Path::new(&config.scene.stored), config, beams)?);
@@ -87,39 +108,45 @@ impl Dataset {
         if let Source::Recording(folder) = Source::of(&config.scene.source) {
             return Ok(recording::load(&folder, config, beams, progress)?);
         }
-        let mut dataset = Self { beams, train: Vec::new(), test: Vec::new(), triangles: 0 };
+        let mut dataset = Self::empty(beams);
         let towns = towns(config);
-        let total = (config.data.train_pairs + config.data.test_pairs) as f64;
-        for (index, town) in towns.iter().enumerate() {
-            let place = place(config, *town)?;
+        let RunConfig { data, .. } = config;
+        let total = (data.train_pairs + data.test_pairs + check_pairs) as f64;
+        for (index, &town) in towns.iter().enumerate() {
+            let place = place(config, town)?;
             dataset.triangles += place.scene.mesh.triangles.len();
             let sight = sight(&place, &dataset.beams);
-            for split in [Split::Train, Split::Test] {
-                let done = |d: &Self| (d.train.len() + d.test.len()) as f64 / total;
+            let of_town = |pairs| share_of(pairs, (index, towns.len()));
+            let [train, test] = [data.train_pairs, data.test_pairs].map(of_town);
+            for (split, count, more) in
+                [(Split::Train, train, of_town(check_pairs)), (Split::Test, test, 0)]
+            {
+                let done = dataset.pairs().count() as f64 / total;
                 let looking = |found, tried| {
                     if tried % 100 == 0 {
-                        let text = format!("viewpoint {} after {tried} tries", found + 1);
-                        progress(done(&dataset), &text);
+                        progress(done, &format!("viewpoint {} after {tried} tries", found + 1));
                     }
                 };
-                let count = share(config, split, (index, towns.len()));
-                let plan = pair_plan(config, split, count, *town);
-                for pair in poses(config, &place, &sight, &plan, &looking)? {
-                    progress(done(&dataset), &place.scene.name);
-                    let number = match split {
-                        Split::Train => dataset.train.len(),
-                        Split::Test => config.data.train_pairs + dataset.test.len(),
+                let plan = pair_plan(config, split, count, town);
+                let planned = poses_and_more(config, &place, &sight, (&plan, more), &looking)?;
+                for (number, pair) in planned.iter().enumerate() {
+                    progress(dataset.pairs().count() as f64 / total, &place.scene.name);
+                    let (before, pairs) = match split {
+                        Split::Test => (data.train_pairs, &mut dataset.test),
+                        Split::Train if number < count => (0, &mut dataset.train),
+                        Split::Train => (data.train_pairs + data.test_pairs, &mut dataset.check),
                     };
-                    let pair = trace(config, &place, &pair, viewpoints(number), &dataset.beams);
-                    match split {
-                        Split::Train => dataset.train.push(pair),
-                        Split::Test => dataset.test.push(pair),
-                    }
+                    let numbers = viewpoints(before + pairs.len());
+                    pairs.push(trace(config, &place, pair, numbers, &dataset.beams));
                 }
             }
         }
         progress(1.0, "");
         Ok(dataset)
+    }
+
+    fn empty(beams: Beams) -> Self {
+        Self { beams, train: Vec::new(), test: Vec::new(), check: Vec::new(), triangles: 0 }
     }
 }
 
@@ -216,6 +243,25 @@ pub fn poses(
         .map_err(|source| DatasetError::Viewpoints { scene: place.scene.name.clone(), source })
 }
 
+/// The same, and as many more as are asked for, if there is room for them all.
+fn poses_and_more(
+    config: &RunConfig,
+    place: &Place,
+    sight: &Sight<'_>,
+    (plan, more): (&PairPlan, usize),
+    looking: &dyn Fn(usize, usize),
+) -> Result<Vec<PlannedPair>, DatasetError> {
+    let of = |count| poses(config, place, sight, &PairPlan { count, ..*plan }, looking);
+    match of(plan.count + more) {
+        Err(DatasetError::Viewpoints { source: ViewpointError::NoViewpoint { .. }, .. })
+            if more > 0 =>
+        {
+            of(plan.count)
+        }
+        found => found,
+    }
+}
+
 fn trace(
     config: &RunConfig,
     place: &Place,
@@ -288,4 +334,68 @@ fn response(
         &directions,
         &optics,
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiment::config::{Override, load};
+
+    fn config(more: &[&str]) -> RunConfig {
+        let few = ["scanner.columns=24", "scanner.rows=8", "data.train_pairs=4"];
+        let few = few.into_iter().chain(["data.test_pairs=3", "data.check_pairs=5"]);
+        let set: Vec<Override> =
+            few.chain(more.iter().copied()).map(|t| t.parse().unwrap()).collect();
+        load(None, &set).unwrap()
+    }
+
+    fn truths(pairs: &[ScanPair]) -> Vec<(String, Pose)> {
+        pairs.iter().map(|pair| (pair.place.clone(), pair.truth)).collect()
+    }
+
+    #[test]
+    fn pairs_of_the_check_are_those_that_more_training_pairs_would_have_been() {
+        let config = config(&["scene.towns=[1,2]"]);
+        let found = Dataset::build_with_check(&config, &|_, _| ()).unwrap();
+        let mut more = config.clone();
+        more.data.train_pairs = 9;
+        let more = Dataset::build(&more, &|_, _| ()).unwrap();
+        // Of 4, 2 are of each town; of 9, 5 and 4.
+        let all = truths(&more.train);
+        assert_eq!(truths(&found.check), [&all[2..5], &all[7..9]].concat());
+        let numbers: Vec<u32> = found.pairs().flat_map(|pair| pair.viewpoints).collect();
+        assert_eq!(numbers, (1..=2 * (4 + 3 + 5)).collect::<Vec<u32>>());
+    }
+
+    #[test]
+    fn a_check_changes_no_other_pair() {
+        let config = config(&[]);
+        let checked = Dataset::build_with_check(&config, &|_, _| ()).unwrap();
+        let plain = Dataset::build(&config, &|_, _| ()).unwrap();
+        assert_eq!((plain.check.len(), checked.check.len()), (0, 5));
+        assert_eq!(truths(&plain.train), truths(&checked.train));
+        assert_eq!(truths(&plain.test), truths(&checked.test));
+        assert_eq!(plain.triangles, checked.triangles);
+        assert!(plain.views().eq(checked.views().take(2 * (4 + 3))));
+    }
+
+    #[test]
+    fn a_town_without_room_for_more_pairs_gives_those_that_it_has_room_for() {
+        let mut config = config(&[]);
+        let town = towns(&config)[0];
+        let place = place(&config, town).unwrap();
+        let sight = sight(&place, &config.scanner.beams());
+        let plan = pair_plan(&config, Split::Train, 1, town);
+        let found = |config: &RunConfig, more| {
+            poses_and_more(config, &place, &sight, (&plan, more), &|_, _| ())
+        };
+        let first = found(&config, 0).unwrap();
+        assert_eq!(found(&config, 1).unwrap()[..1], first);
+        // Who shares as much as the first does is the first.
+        (config.data.least_overlap, config.data.most_overlap) =
+            (first[0].overlap, first[0].overlap);
+        assert_eq!(found(&config, 1).unwrap(), first);
+        config.data.most_overlap = 0.0;
+        assert!(found(&config, 1).is_err());
+    }
 }

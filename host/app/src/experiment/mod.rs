@@ -1,7 +1,7 @@
 //! What a run is: its configuration, its pairs of scans, the search and the judgement.
 //!
 //! 1. [`config::load`] makes a [`config::RunConfig`] from a file and single values.
-//! 2. [`dataset::Dataset::build`] traces every scan of every pair.
+//! 2. [`dataset::Dataset::build_with_check`] traces every scan of every pair.
 //! 3. [`objective::Bench`] puts pairs and sensors together. What it measures is f_opt of Eq. 4: two
 //!    scans through the sensor's link, a registration, an error.
 //! 4. [`params::Space`] is the cube that a search moves in; [`tune::TuneSearch::run`] searches it,
@@ -32,15 +32,13 @@
 //! let config = load(None, &overrides?)?;
 //! let (tune, hardware) = (&config.tune, config.hardware());
 //! let start = Parameters::start(&config, &hardware)?;
-//! let dataset = Dataset::build(&config, &|_, _| ())?;
-//! let check = Dataset::of_check(&config, &|_, _| ())?;
+//! let dataset = Dataset::build_with_check(&config, &|_, _| ())?;
 //! let sensors = Sensors::in_process(Model::from(&config));
 //! let search = TuneSearch {
 //!     config: &config,
 //!     bench: Bench { dataset: &dataset, sensors: &sensors },
 //!     space: Space::new(tune.protocol, tune.lidar, config.registration.preset, start, hardware),
 //!     start,
-//!     check: check.as_ref(),
 //!     warm_starts: Vec::new(),
 //!     stop: &AtomicBool::new(false),
 //! };

@@ -1250,13 +1250,13 @@ fn a_journal_that_vanishes_under_a_run_ends_it_and_is_kept() {
     assert!(fixture.bytes(&result) == finished);
 }
 
-/// The scene comes through a pipe, so that it is traced when the journal has gone.
+/// The scene comes through a pipe, so that it is traced when the journal has gone. It comes once:
+/// the pairs of the check are of the same.
 #[test]
 #[cfg(unix)]
 fn a_journal_that_vanishes_before_a_run_goes_on_is_missed() {
     let fixture = Fixture::new();
-    // Those of the check would be traced from the mesh once more.
-    fixture.succeed(&[&LONG[..], &["--set", "data.check_pairs=0"]].concat());
+    fixture.succeed(&LONG);
     let folder = "runs/0001-yard-icp-joint";
     let [mesh, history] = ["yard.obj".into(), format!("{folder}/history.jsonl")];
     let scene = fixture.bytes(&mesh);

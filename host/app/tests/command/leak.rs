@@ -52,7 +52,6 @@ fn of<'a>(config: &'a RunConfig, dataset: &'a Dataset, sensors: &'a Sensors) -> 
         bench: Bench { dataset, sensors },
         space,
         start,
-        check: None,
         warm_starts: Vec::new(),
         stop: &NEVER,
     }

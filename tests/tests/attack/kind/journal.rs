@@ -96,7 +96,6 @@ impl Subject {
             bench,
             space,
             start,
-            check: None,
             warm_starts: Vec::new(),
             stop: &NEVER,
         }

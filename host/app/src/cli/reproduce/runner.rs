@@ -128,8 +128,7 @@ impl<'a> Runner<'a> {
     fn prepared(&mut self, cell: &Cell) -> Result<Prepared, Failure> {
         let met = self.met(cell)?;
         let dataset = self.scans(cell, &met.config)?;
-        let tuned_in = cell.trained_in(&met.config);
-        Ok(met.with(dataset).with_check(tuned_in.as_ref(), self.progress)?)
+        Ok(met.with(dataset))
     }
 
     /// What comes of a cell, the registrations that were made for it now, and the seconds.
@@ -208,11 +207,14 @@ impl<'a> Runner<'a> {
         write_run(run, prepared, tuned, &result)
     }
 
-    /// The pairs of a cell; where it is trained elsewhere, the training pairs are from there.
+    /// The pairs of a cell; where it is trained elsewhere, all but those to judge on are from there.
     fn scans(&mut self, cell: &Cell, config: &RunConfig) -> Result<Dataset, Failure> {
         let dataset = self.traced(config)?;
         match cell.trained_in(config) {
-            Some(other) => Ok(Dataset { train: self.traced(&other)?.train, ..dataset }),
+            Some(other) => {
+                let Dataset { train, check, .. } = self.traced(&other)?;
+                Ok(Dataset { train, check, ..dataset })
+            }
             None => Ok(dataset),
         }
     }
@@ -223,7 +225,7 @@ impl<'a> Runner<'a> {
         if let Some((_, dataset)) = self.kept.iter().find(|(kept, _)| *kept == key) {
             return Ok(dataset.clone());
         }
-        let dataset = traced(config, self.progress)?;
+        let dataset = traced(Dataset::build_with_check, config, self.progress)?;
         self.kept.push((key, dataset.clone()));
         while self.kept.len() > 1 && returns(&self.kept) > MOST_RETURNS {
             self.kept.remove(0);
@@ -245,7 +247,6 @@ fn traced_from(config: &RunConfig) -> String {
         motion: config.motion,
         ..usual
     };
-    of_scans.data.check_pairs = usual.data.check_pairs;
     of_scans.data.success_translation_m = usual.data.success_translation_m;
     of_scans.data.success_rotation_deg = usual.data.success_rotation_deg;
     toml::to_string(&of_scans).unwrap_or_default()

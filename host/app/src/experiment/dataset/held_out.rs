@@ -46,7 +46,7 @@ impl Dataset {
         let numbers = viewpoints(config.data.train_pairs + index);
         let pair = planned.get(of_town).map(|pair| trace(config, &place, pair, numbers, &beams));
         let triangles = place.scene.mesh.triangles.len();
-        Ok(pair.map(|pair| Self { beams, train: Vec::new(), test: vec![pair], triangles }))
+        Ok(pair.map(|pair| Self { test: vec![pair], triangles, ..Self::empty(beams) }))
     }
 }
 

@@ -47,13 +47,20 @@ pub struct Dataset {
     pub train: Vec<ScanPair>,
     /// Pairs to judge on.
     pub test: Vec<ScanPair>,
+    /// Pairs for the last choice alone: of the training pairs' towns, and seen by no search.
+    pub check: Vec<ScanPair>,
     /// Triangles in all towns.
     pub triangles: usize,
 }
 
 impl Dataset {
+    /// All pairs, in the order of their viewpoints' numbers.
+    pub fn pairs(&self) -> impl Iterator<Item = &ScanPair> {
+        self.train.iter().chain(&self.test).chain(&self.check)
+    }
+
     /// What is seen from every viewpoint, in the order of their numbers.
     pub fn views(&self) -> impl Iterator<Item = &Arc<SceneResponse>> {
-        self.train.iter().chain(&self.test).flat_map(|pair| [&pair.first, &pair.second])
+        self.pairs().flat_map(|pair| [&pair.first, &pair.second])
     }
 }

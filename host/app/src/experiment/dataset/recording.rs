@@ -74,7 +74,7 @@ pub(super) fn load(
     let judge_on = test.iter().enumerate().map(|(number, &at)| pair(train.len() + number, at));
     let judge_on = judge_on.collect();
     progress(1.0, "");
-    Ok(Dataset { beams, train: tune_on, test: judge_on, triangles: 0 })
+    Ok(Dataset { beams, train: tune_on, test: judge_on, check: Vec::new(), triangles: 0 })
 }
 
 fn fail(path: &Path, what: impl Into<String>) -> RecordingError {

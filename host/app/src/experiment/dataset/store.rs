@@ -103,7 +103,9 @@ pub fn stored(config: &RunConfig, dataset: &Dataset) -> Result<Vec<u8>, String> 
     bytes.extend(length.to_le_bytes());
     bytes.extend(header);
     let mut body = ZlibEncoder::new(bytes, Compression::fast());
-    let written = dataset.views().try_for_each(|scan| write_scan(&mut body, scan));
+    let pairs = dataset.train.iter().chain(&dataset.test);
+    let mut scans = pairs.flat_map(|pair| [&pair.first, &pair.second]);
+    let written = scans.try_for_each(|scan| write_scan(&mut body, scan));
     let done = written.and_then(|()| body.finish()).map_err(|error| error.to_string());
     let mut bytes = done?;
     bytes.extend(Checksum::of(&[&bytes]).to_le_bytes());
@@ -258,7 +260,7 @@ fn read_pairs(header: Header, body: &[u8], file: u64, beams: Beams) -> Result<Da
     let judged_from = header.train.len();
     let (train, test) = (pairs(header.train, 0)?, pairs(header.test, judged_from)?);
     match body.read(&mut [0]) {
-        Ok(0) => Ok(Dataset { beams, train, test, triangles: header.triangles }),
+        Ok(0) => Ok(Dataset { beams, train, test, check: Vec::new(), triangles: header.triangles }),
         _ => Err("holds more than it says".into()),
     }
 }

@@ -201,6 +201,7 @@ impl FrontSearch<'_> {
         let (mut generation, parameters) = self.draw(optimizer);
         let crew = Crew {
             bench: self.search.bench,
+            pairs: &self.search.bench.dataset.train,
             stop: self.search.stop,
             observer,
             scanner: Some(self.search.scanner()),

@@ -14,7 +14,7 @@ use super::stage::Stage;
 use super::tasks::{Crew, Task};
 use crate::experiment::evaluate::{median, succeeds};
 use crate::experiment::journal::{CandidateRecord, Generation, Journal};
-use crate::experiment::objective::{Bench, PairError, Worth};
+use crate::experiment::objective::{PairError, Worth};
 use crate::experiment::params::Parameters;
 use crate::experiment::preset::Strategy;
 use crate::experiment::seed::{Purpose, derive};
@@ -61,8 +61,9 @@ impl<'a> Course<'a> {
         let config = search.config;
         let price = Price { tune: &config.tune, data: &config.data, start: Vec::new() };
         let scanner = config.tune.counts_costs().then(|| search.scanner());
-        let crew = Crew { bench: search.bench, stop: search.stop, observer, scanner };
-        let turns = vec![1.0; search.bench.dataset.train.len()];
+        let pairs = &search.bench.dataset.train;
+        let crew = Crew { bench: search.bench, pairs, stop: search.stop, observer, scanner };
+        let turns = vec![1.0; pairs.len()];
         let total = search.stages().iter().map(|stage| stage.generations).sum();
         Self {
             search,
@@ -185,16 +186,13 @@ impl<'a> Course<'a> {
         half: usize,
         at: usize,
     ) -> Result<Option<(Race, Check)>, TuneError> {
-        let (search, crew) = (self.search, &self.crew);
-        let Some(dataset) =
-            search.check.filter(|_| TuneSearch::is_checked(&search.stages(), search.config))
-        else {
+        let search = self.search;
+        let pairs = &search.bench.dataset.check[..];
+        if pairs.is_empty() || !TuneSearch::is_checked(&search.stages(), search.config) {
             return Ok(None);
-        };
-        let bench = Bench { dataset, ..crew.bench };
-        let crew = Crew { bench, stop: crew.stop, observer: crew.observer, scanner: crew.scanner };
-        let pairs = dataset.train.len();
-        let mut last = Race::new(pairs, derive(search.config.seed, Purpose::Check, 0));
+        }
+        let crew = Crew { pairs, ..self.crew };
+        let mut last = Race::new(pairs.len(), derive(search.config.seed, Purpose::Check, 0));
         let [half, at] =
             [half, at].map(|i| last.enter(race.origin(i).clone(), *race.parameters(i)));
         // A holder has seen all pairs: it is who others are compared with.
@@ -247,7 +245,7 @@ impl<'a> Course<'a> {
         self.winner_by(&self.crew, race, holder, runners)
     }
 
-    /// The same, on the training pairs of a crew.
+    /// The same, on the pairs of a crew.
     fn winner_by(
         &self,
         crew: &Crew<'_>,
@@ -255,7 +253,7 @@ impl<'a> Course<'a> {
         holder: usize,
         runners: Vec<usize>,
     ) -> Result<usize, TuneError> {
-        let most = (1 + runners.len()) * crew.bench.dataset.train.len();
+        let most = (1 + runners.len()) * crew.pairs.len();
         crew.observer.stage("choosing", most);
         let judge = |tasks: &[Task<'_>]| crew.judged(tasks);
         let winner = race.winner(holder, runners, &self.price, &judge)?;

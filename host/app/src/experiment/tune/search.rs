@@ -10,7 +10,6 @@ use super::stage::{Stage, stages};
 use crate::experiment::config::RunConfig;
 use crate::experiment::content::{Content, build};
 use crate::experiment::cost::Scanner;
-use crate::experiment::dataset::Dataset;
 use crate::experiment::evaluate::{NoisyPairs, Summary, evaluate_and_cost};
 use crate::experiment::journal::{FORMAT, Generation, Header, JournalError};
 use crate::experiment::objective::Bench;
@@ -155,8 +154,6 @@ pub struct TuneSearch<'a> {
     pub config: &'a RunConfig,
     /// Pairs, receiver, hardware.
     pub bench: Bench<'a>,
-    /// Training pairs that no search sees, for the last choice: [`Dataset::of_check`].
-    pub check: Option<&'a Dataset>,
     /// The axes.
     pub space: Space,
     /// Where it starts.

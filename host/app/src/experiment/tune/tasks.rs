@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use super::price::Judged;
 use super::search::Observer;
 use crate::experiment::cost::{ScanCost, Scanner};
+use crate::experiment::dataset::ScanPair;
 use crate::experiment::objective::Bench;
 use crate::experiment::params::Parameters;
 use crate::link::sensor::SensorError;
@@ -16,7 +17,7 @@ use crate::link::sensor::SensorError;
 pub(in crate::experiment) struct Task<'a> {
     /// What to scan and register with.
     pub parameters: &'a Parameters,
-    /// Index of the training pair.
+    /// Index of the pair among those of who makes it.
     pub pair: usize,
     /// Seed of the scans' noise.
     pub noise: u64,
@@ -25,6 +26,8 @@ pub(in crate::experiment) struct Task<'a> {
 /// Who makes them.
 pub(in crate::experiment) struct Crew<'a> {
     pub bench: Bench<'a>,
+    /// What is registered.
+    pub pairs: &'a [ScanPair],
     pub stop: &'a AtomicBool,
     pub observer: &'a dyn Observer,
     /// What scans are weighed with, where their costs matter.
@@ -60,8 +63,7 @@ impl Crew<'_> {
         if self.stop.load(Ordering::Relaxed) {
             return Ok(None);
         }
-        let scene = &self.bench.dataset.train[pair];
-        let scanned = self.bench.scan(&parameters.settings, pair, scene, noise)?;
+        let scanned = self.bench.scan(&parameters.settings, pair, &self.pairs[pair], noise)?;
         let cost = self.scanner.and_then(|scanner| {
             let weighed = |scan| scanner.cost(&parameters.settings, scan);
             ScanCost::mean(&scanned.scans.each_ref().map(|scan| weighed(scan)))

@@ -121,10 +121,8 @@ impl Board {
     }
 
     fn with(config: RunConfig, answers_left: usize) -> Self {
-        let dataset = Dataset::build(&config, &|_, _| ()).expect("a yard");
-        let check = Dataset::of_check(&config, &|_, _| ()).expect("a yard");
-        let views = dataset.views().chain(check.iter().flat_map(Dataset::views));
-        let views = views.map(Arc::clone).collect();
+        let dataset = Dataset::build_with_check(&config, &|_, _| ()).expect("a yard");
+        let views = dataset.views().map(Arc::clone).collect();
         let mut sensor =
             Viewpoints::new(&Model::from(&config), views, scan_noise(config.seed)).sensor();
         let (here, _plug, path) = terminals();
