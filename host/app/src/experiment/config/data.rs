@@ -18,8 +18,8 @@ section! {
              less where the place is under 100 m wide.";
         check_pairs: usize, "pairs", Must::between(0.0, 1e4),
             "More pairs like those to tune on, which no search sees: on them what both halves \
-             together found must do better than registration's half, or that is chosen. As many as \
-             `train_pairs`; 0, none, with the paper's strategy.";
+             together found must do better than registration's half, or that is chosen. Three times \
+             as many as `train_pairs`, 100 at most; 0, none, with the paper's strategy.";
         baseline_m: f64, "m", Must::between(0.0, 100.0),
             "Distance of a pair's scans, m: the paper's 2 for local methods, 5 for global ones.";
         train_baseline_factor: f64, "times", Must::between(1.0, 10.0),
@@ -53,7 +53,7 @@ impl Default for DataConfig {
         Self {
             train_pairs: 30,
             test_pairs: 40,
-            check_pairs: 30,
+            check_pairs: Self::usual_check_pairs(30),
             baseline_m: 2.0,
             train_baseline_factor: 2.0,
             difficulty: 0.0,
@@ -104,6 +104,14 @@ impl DataConfig {
         }
     }
 
+    /// Of a check where none are given. Resampled, the two runs of the study's seed 1 that gain
+    /// least by a sensor, 0.63 and 0.66 times the error, are one standard error ahead on 30 pairs in
+    /// 89 and 83 cases of 100, on 90 in 99; and one that is as good is in a case of six on any.
+    pub const fn usual_check_pairs(train_pairs: usize) -> usize {
+        let three_times = train_pairs.saturating_mul(3);
+        if three_times < 100 { three_times } else { 100 }
+    }
+
     /// As in the paper: local methods get scans 2 m apart and succeed within 0.5 m and 2.5°, global
     /// ones 5 m, 1 m and 5°. Global ones lose pairs whatever their settings: of 30 a search finds
     /// half, and what wins on those by chance loses on others, so they have more to tune on, and
@@ -113,7 +121,7 @@ impl DataConfig {
         match method.is_global() {
             true => Self {
                 train_pairs: 100,
-                check_pairs: 100,
+                check_pairs: Self::usual_check_pairs(100),
                 baseline_m: 5.0,
                 train_baseline_factor: 1.0,
                 success_translation_m: 1.0,

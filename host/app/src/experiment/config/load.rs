@@ -198,7 +198,8 @@ fn follow_method(config: &mut RunConfig, given: &toml::Table) {
         data.train_pairs = if is_paper { 10 } else { usual.train_pairs };
     }
     if !given.contains_key("check_pairs") {
-        data.check_pairs = if is_paper { 0 } else { data.train_pairs };
+        data.check_pairs =
+            if is_paper { 0 } else { DataConfig::usual_check_pairs(data.train_pairs) };
     }
     if is_paper && !given.contains_key("train_baseline_factor") {
         data.train_baseline_factor = 1.0;
