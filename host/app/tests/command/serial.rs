@@ -394,7 +394,7 @@ fn serve_is_the_other_end_until_interrupted() {
     let output = end(server);
     assert_eq!(output.code, Some(0), "{}", output.stderr);
     assert!(
-        output.stderr.contains(&format!("serving 22 viewpoints on {served}@921600 until ^C")),
+        output.stderr.contains(&format!("serving 38 viewpoints on {served}@921600 until ^C")),
         "{}",
         output.stderr
     );
