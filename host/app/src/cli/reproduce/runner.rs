@@ -207,7 +207,8 @@ impl<'a> Runner<'a> {
         write_run(run, prepared, tuned, &result)
     }
 
-    /// The pairs of a cell; where it is trained elsewhere, all but those to judge on are from there.
+    /// The pairs of a cell; where it is trained elsewhere, those to judge on
+    /// alone are its own.
     fn scans(&mut self, cell: &Cell, config: &RunConfig) -> Result<Dataset, Failure> {
         let dataset = self.traced(config)?;
         match cell.trained_in(config) {

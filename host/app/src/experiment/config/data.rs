@@ -18,8 +18,8 @@ section! {
              less where the place is under 100 m wide.";
         check_pairs: usize, "pairs", Must::between(0.0, 1e4),
             "More pairs like those to tune on, which no search sees: on them what both halves \
-             together found must do better than registration's half, or that is chosen. Three times \
-             as many as `train_pairs`, 100 at most; 0, none, with the paper's strategy.";
+             together found must do better than registration's half, or that is chosen. Three \
+             times as many as `train_pairs`, 100 at most; 0, none, with the paper's strategy.";
         baseline_m: f64, "m", Must::between(0.0, 100.0),
             "Distance of a pair's scans, m: the paper's 2 for local methods, 5 for global ones.";
         train_baseline_factor: f64, "times", Must::between(1.0, 10.0),
@@ -105,8 +105,8 @@ impl DataConfig {
     }
 
     /// Of a check where none are given. Resampled, the two runs of the study's seed 1 that gain
-    /// least by a sensor, 0.63 and 0.66 times the error, are one standard error ahead on 30 pairs in
-    /// 89 and 83 cases of 100, on 90 in 99; and one that is as good is in a case of six on any.
+    /// least by a sensor, 0.63 and 0.66 times the error, are one standard error ahead on 30 pairs
+    /// in 89 and 83 cases of 100, on 90 in 99; and one that is as good is in a case of six on any.
     pub const fn usual_check_pairs(train_pairs: usize) -> usize {
         let three_times = train_pairs.saturating_mul(3);
         if three_times < 100 { three_times } else { 100 }
