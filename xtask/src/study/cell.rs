@@ -106,16 +106,15 @@ impl Cell {
 impl Strategy {
     fn arguments(self) -> Vec<String> {
         let short = |generations| {
-            let few = ["tune.pairs_per_generation=1", "tune.shortlist=1", "data.check_pairs=30"];
-            let few = few.map(|set| format!("--set={set}"));
-            let own = ["--strategy=fast", "--objective=error", generations].map(str::to_owned);
-            [&own[..], &few].concat()
+            let few = ["--set=tune.pairs_per_generation=1", "--set=tune.shortlist=1"];
+            let check = "--set=data.check_pairs=30";
+            ["--strategy=fast", "--objective=error", generations, few[0], few[1], check]
         };
         // The lowest error is asked for, so that what is compared is what was searched for.
         let arguments: &[&str] = match self {
             Self::Fast => &["--strategy=fast", "--objective=error"],
-            Self::Short => return short("--generations=16"),
-            Self::Warm => return short("--generations=14"),
+            Self::Short => &short("--generations=16"),
+            Self::Warm => &short("--generations=14"),
             Self::Paper => &["--strategy=paper", "--objective=error"],
             Self::Thrift => &["--strategy=fast", "--minimise=energy", "--at-most-error=1.2x"],
         };

@@ -108,7 +108,7 @@ impl Met {
 
     /// Traces the scans, with those of the check where a search has use for them.
     pub(super) fn traced_for_a_search(self, progress: &Progress) -> Result<Prepared, DatasetError> {
-        match self.is_checked() {
+        match TuneSearch::is_checked(&self.stages(), &self.config) {
             true => self.traced_by(Dataset::build_with_check, progress),
             false => self.traced(progress),
         }
@@ -129,17 +129,18 @@ impl Met {
     /// Registrations that a search takes about: those of its stages, and some at the end of each.
     pub(super) fn registrations(&self) -> usize {
         let (tune, pairs) = (&self.config.tune, self.config.data.train_pairs);
-        let stages = stages(tune, &self.space, pairs);
+        let stages = self.stages();
         let raced = if tune.strategy == Strategy::Fast { tune.shortlist + 2 } else { 0 };
         let of_stages: usize = stages.iter().map(Stage::registrations).sum();
         let warm = if stages.is_empty() { 0 } else { self.warm_starts.len() };
-        let check = usize::from(self.is_checked()) * 2 * self.config.data.check_pairs;
+        let check = usize::from(TuneSearch::is_checked(&stages, &self.config))
+            * 2
+            * self.config.data.check_pairs;
         of_stages + (stages.len() * raced + warm) * pairs + check
     }
 
-    fn is_checked(&self) -> bool {
-        let stages = stages(&self.config.tune, &self.space, self.config.data.train_pairs);
-        TuneSearch::is_checked(&stages, &self.config)
+    fn stages(&self) -> Vec<Stage> {
+        stages(&self.config.tune, &self.space, self.config.data.train_pairs)
     }
 }
 

@@ -116,11 +116,9 @@ impl Dataset {
             let place = place(config, town)?;
             dataset.triangles += place.scene.mesh.triangles.len();
             let sight = sight(&place, &dataset.beams);
-            let of_town = |pairs| share_of(pairs, (index, towns.len()));
-            let [train, test] = [data.train_pairs, data.test_pairs].map(of_town);
-            for (split, count, more) in
-                [(Split::Train, train, of_town(check_pairs)), (Split::Test, test, 0)]
-            {
+            let at = (index, towns.len());
+            for (split, more) in [(Split::Train, share_of(check_pairs, at)), (Split::Test, 0)] {
+                let count = share(config, split, at);
                 let done = dataset.pairs().count() as f64 / total;
                 let looking = |found, tried| {
                     if tried % 100 == 0 {

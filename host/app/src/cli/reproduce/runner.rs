@@ -207,8 +207,7 @@ impl<'a> Runner<'a> {
         write_run(run, prepared, tuned, &result)
     }
 
-    /// The pairs of a cell; where it is trained elsewhere, those to judge on
-    /// alone are its own.
+    /// The pairs of a cell; where it is trained elsewhere, only those to judge on are its own.
     fn scans(&mut self, cell: &Cell, config: &RunConfig) -> Result<Dataset, Failure> {
         let dataset = self.traced(config)?;
         match cell.trained_in(config) {
