@@ -29,12 +29,12 @@ fn viewpoint(scene: &Scene, caster: &Raycaster, seed: u64) -> Option<Isometry3<f
     let plan = PairPlan {
         count: 1,
         baseline_m: config.data.baseline_m,
-        baseline_factor: 1.0,
         heading_range_deg: config.data.heading_range_deg,
         tilt_range_deg: config.data.tilt_range_deg,
         height_m: config.scanner.height_m,
         seed,
         split: Split::Test,
+        ..PairPlan::default()
     };
     Some(sample_pairs(scene, caster, &plan).ok()?.first()?.world_from_first)
 }

@@ -38,6 +38,8 @@ pub struct PairPlan {
     pub baseline_m: f64,
     /// Up to how many times as far apart some are: each throw has a distance between, drawn evenly.
     pub baseline_factor: f64,
+    /// So many pairs are thus thrown, the first; those after them are `baseline_m` apart.
+    pub farther: usize,
     /// The second sensor's heading, and the way to it, lie within ± this of the first's heading,
     /// degrees.
     pub heading_range_deg: f64,
@@ -57,6 +59,7 @@ impl Default for PairPlan {
             count: 10,
             baseline_m: 5.0,
             baseline_factor: 1.0,
+            farther: usize::MAX,
             heading_range_deg: 20.0,
             tilt_range_deg: 2.0,
             height_m: 2.0,
@@ -174,7 +177,7 @@ pub fn sample_pairs_aloud<T>(
     let mut search = PairSearch { later, ..search };
     let (mut pairs, mut attempts) = (Vec::new(), 0);
     while pairs.len() < plan.count && attempts < plan.patience(pairs.len()) {
-        let found = search.candidate();
+        let found = search.candidate(pairs.len());
         pairs.extend(found.and_then(|pair| search.accepted(accept(pair))));
         attempts += 1;
         progress(pairs.len(), attempts);
@@ -278,9 +281,9 @@ impl<'a> PairSearch<'a> {
         }
     }
 
-    /// One throw: a pair, or one more rejection.
-    fn candidate(&mut self) -> Option<PosePair> {
-        let draft = self.draw();
+    /// One throw, with so many pairs found: a pair, or one more rejection.
+    fn candidate(&mut self, found: usize) -> Option<PosePair> {
+        let draft = self.draw(found);
         let verdict = self.judge(&draft);
         let rejected = &mut self.rejected;
         match verdict {
@@ -300,12 +303,13 @@ impl<'a> PairSearch<'a> {
         made
     }
 
-    fn draw(&mut self) -> Draft {
+    /// With so many pairs found.
+    fn draw(&mut self, found: usize) -> Draft {
         let Placement { at: [x, y, _], heading_rad: heading } = self.place();
         let reach = self.plan.heading_range_deg.to_radians();
         let tilt = self.plan.tilt_range_deg.to_radians();
         let way = heading + self.rng.spread(reach);
-        let distance_m = self.distance_m();
+        let distance_m = self.distance_m(found);
         let step = [libm::cos(way), libm::sin(way)].map(|x| x * distance_m);
         Draft {
             places: [[x, y], [x + step[0], y + step[1]]],
@@ -328,9 +332,9 @@ impl<'a> PairSearch<'a> {
     }
 
     /// Nothing is drawn where all pairs are as far apart.
-    fn distance_m(&mut self) -> f64 {
-        let PairPlan { baseline_m, baseline_factor, .. } = *self.plan;
-        match baseline_factor > 1.0 {
+    fn distance_m(&mut self, found: usize) -> f64 {
+        let PairPlan { baseline_m, baseline_factor, farther, .. } = *self.plan;
+        match baseline_factor > 1.0 && found < farther {
             true => self.rng.range(baseline_m, baseline_factor * baseline_m),
             false => baseline_m,
         }

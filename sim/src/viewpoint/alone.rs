@@ -73,7 +73,7 @@ pub fn stand_alone(
     let mut search = PairSearch::new(scene, caster, plan, STREAM);
     for (footing, must_see) in WISHES {
         for _ in 0..ATTEMPTS {
-            let draft = search.draw();
+            let draft = search.draw(0);
             let at = draft.places[0];
             let Some(eye) = search.stand(scene, at, footing) else { continue };
             let seen = eye.map(|x| x as f32);

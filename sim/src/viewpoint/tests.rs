@@ -44,9 +44,14 @@ fn with_a_factor_baselines_lie_between_once_and_so_many_times_as_much() {
         flat(a.translation.vector.into(), b.translation.vector.into())
     };
     let pairs = sample_pairs(&scene, &caster, &plan).expect("viewpoints");
-    let apart: Vec<f64> = pairs.iter().map(apart).collect();
-    assert!(apart.iter().all(|distance| (2.0..=4.0).contains(distance)), "{apart:?}");
-    assert!(apart.iter().any(|d| *d < 2.7) && apart.iter().any(|d| *d > 3.3), "{apart:?}");
+    let all: Vec<f64> = pairs.iter().map(apart).collect();
+    assert!(all.iter().all(|distance| (2.0..=4.0).contains(distance)), "{all:?}");
+    assert!(all.iter().any(|d| *d < 2.7) && all.iter().any(|d| *d > 3.3), "{all:?}");
+    // The first of them alone, if that is asked.
+    let few = PairPlan { farther: 5, ..plan };
+    let few = sample_pairs(&scene, &caster, &few).expect("viewpoints");
+    assert_eq!(few[..5], pairs[..5]);
+    assert!(few[5..].iter().map(apart).all(|distance| (distance - 2.0).abs() < 1e-9));
     let nearer = PairPlan { baseline_factor: 0.9, ..plan };
     let error = sample_pairs(&scene, &caster, &nearer).expect_err("below 1");
     assert_eq!(error.to_string(), "baseline_factor is 0.9, which is no factor of 1 or more");

@@ -82,8 +82,8 @@ impl Dataset {
         Self::of(config, 0, progress)
     }
 
-    /// The same, and `data.check_pairs` of [`Self::check`]: the pairs that as many more training
-    /// pairs would have been. A town without room for its share of them gives none, and of pairs
+    /// The same, and `data.check_pairs` of [`Self::check`]: drawn on after the training pairs, but as
+    /// far apart as those to judge on. A town without room for its share of them gives none, and of pairs
     /// that are stored or recorded there are no more.
     ///
     /// # Errors
@@ -190,6 +190,7 @@ pub fn pair_plan(config: &RunConfig, split: Split, count: usize, town: u64) -> P
         count,
         baseline_m: data.hard_baseline_m(),
         baseline_factor,
+        farther: count, // those of the check, after them, are not
         heading_range_deg: data.hard_heading_range_deg(),
         tilt_range_deg: data.tilt_range_deg,
         height_m: config.scanner.height_m,
@@ -241,7 +242,8 @@ pub fn poses(
         .map_err(|source| DatasetError::Viewpoints { scene: place.scene.name.clone(), source })
 }
 
-/// The same, and as many more as are asked for, if there is room for them all.
+/// The same, and as many more as are asked for, if there is room for them all; these are no
+/// farther apart than the pairs to judge on.
 fn poses_and_more(
     config: &RunConfig,
     place: &Place,
@@ -351,9 +353,32 @@ mod tests {
         pairs.iter().map(|pair| (pair.place.clone(), pair.truth)).collect()
     }
 
+    /// How far apart the sensors of pairs stood, metres over ground.
+    fn apart_m(pairs: &[ScanPair]) -> Vec<f64> {
+        let apart = |pair: &ScanPair| {
+            let [a, b] = pair.world_from_sensor.map(|pose| pose.translation.vector.xy());
+            (a - b).norm()
+        };
+        pairs.iter().map(apart).collect()
+    }
+
     #[test]
-    fn pairs_of_the_check_are_those_that_more_training_pairs_would_have_been() {
+    fn pairs_of_the_check_are_as_far_apart_as_those_that_are_judged() {
         let config = config(&["scene.towns=[1,2]"]);
+        let found = Dataset::build_with_check(&config, &|_, _| ()).unwrap();
+        let is_as_asked = |apart: &f64| (apart - config.data.baseline_m).abs() < 1e-9;
+        assert!(apart_m(&found.check).iter().chain(&apart_m(&found.test)).all(is_as_asked));
+        assert!(!apart_m(&found.train).iter().any(is_as_asked));
+        // Of 5, 3 are of the first town.
+        let places: Vec<&str> = found.check.iter().map(|pair| pair.place.as_str()).collect();
+        assert_eq!(places, [0, 0, 0, 1, 1].map(|town: usize| found.train[2 * town].place.as_str()));
+        let numbers: Vec<u32> = found.pairs().flat_map(|pair| pair.viewpoints).collect();
+        assert_eq!(numbers, (1..=2 * (4 + 3 + 5)).collect::<Vec<u32>>());
+    }
+
+    #[test]
+    fn where_training_pairs_are_no_farther_apart_those_of_the_check_are_the_next_of_them() {
+        let config = config(&["scene.towns=[1,2]", "data.train_baseline_factor=1"]);
         let found = Dataset::build_with_check(&config, &|_, _| ()).unwrap();
         let mut more = config.clone();
         more.data.train_pairs = 9;
@@ -361,8 +386,6 @@ mod tests {
         // Of 4, 2 are of each town; of 9, 5 and 4.
         let all = truths(&more.train);
         assert_eq!(truths(&found.check), [&all[2..5], &all[7..9]].concat());
-        let numbers: Vec<u32> = found.pairs().flat_map(|pair| pair.viewpoints).collect();
-        assert_eq!(numbers, (1..=2 * (4 + 3 + 5)).collect::<Vec<u32>>());
     }
 
     #[test]

@@ -47,7 +47,8 @@ pub struct Dataset {
     pub train: Vec<ScanPair>,
     /// Pairs to judge on.
     pub test: Vec<ScanPair>,
-    /// Pairs for the last choice alone: of the training pairs' towns, and seen by no search.
+    /// Pairs for the last choice alone: of the training pairs' towns, seen by no search, and as far
+    /// apart as the pairs to judge on.
     pub check: Vec<ScanPair>,
     /// Triangles in all towns.
     pub triangles: usize,
