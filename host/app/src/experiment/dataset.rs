@@ -82,9 +82,9 @@ impl Dataset {
         Self::of(config, 0, progress)
     }
 
-    /// The same, and `data.check_pairs` of [`Self::check`]: drawn on after the training pairs, but as
-    /// far apart as those to judge on. A town without room for its share of them gives none, and of pairs
-    /// that are stored or recorded there are no more.
+    /// The same, and `data.check_pairs` of [`Self::check`]: drawn on after the training pairs, but
+    /// as far apart as those to judge on. A town without room for its share of them gives none, and
+    /// of pairs that are stored or recorded there are no more.
     ///
     /// # Errors
     ///
