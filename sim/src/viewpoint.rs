@@ -38,7 +38,7 @@ pub struct PairPlan {
     pub baseline_m: f64,
     /// Up to how many times as far apart some are: each throw has a distance between, drawn evenly.
     pub baseline_factor: f64,
-    /// So many pairs are thus thrown, the first; those after them are `baseline_m` apart.
+    /// How many pairs, the first, have such a distance; those after them are `baseline_m` apart.
     pub farther: usize,
     /// The second sensor's heading, and the way to it, lie within ± this of the first's heading,
     /// degrees.
@@ -331,7 +331,7 @@ impl<'a> PairSearch<'a> {
         Placement { at: [x - aside * sin, y + aside * cos, z], heading_rad }
     }
 
-    /// Nothing is drawn where all pairs are as far apart.
+    /// Nothing is drawn for a pair that is to be `baseline_m` apart.
     fn distance_m(&mut self, found: usize) -> f64 {
         let PairPlan { baseline_m, baseline_factor, farther, .. } = *self.plan;
         match baseline_factor > 1.0 && found < farther {
