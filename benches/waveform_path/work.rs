@@ -9,7 +9,7 @@ use echoloop_frontend::{
     Exposure, Receiver, ShotBuffers, noise_key, synthesise, synthesise_baseline,
 };
 use echoloop_kernels::{process, process_baseline};
-use echoloop_sim::board::analog_for;
+use echoloop_sensors::boards::pc::analog_for;
 
 use crate::result::Result;
 

@@ -1,15 +1,11 @@
-//! The world around the sensor: scenes, ray casting, the scanner, and the boards the firmware runs
-//! on.
+//! The world around the sensor: scenes, ray casting, the scanner.
 //!
 //! 1. [`scene::generate`] makes a place, [`import::load_scene`] reads one: triangles with
 //!    materials.
 //! 2. [`viewpoint::sample_pairs`] finds pairs of poses in it that a surveyor could scan from.
 //! 3. [`scanner::Scanner::scan`] traces every beam from a pose. The answer holds the place and
 //!    nothing of the sensor's settings.
-//! 4. [`board::PcSensor`] runs the sensor's application in this process behind a front end that
-//!    renders such answers; `qemu::Qemu` does the same with the image of a microcontroller.
-//!    [`shots::Shots`] drives such a front end alone, for a board that has none.
-//! 5. [`picture::draw`] shows a scene to people.
+//! 4. [`picture::draw`] shows a scene to people.
 //!
 //! ```
 //! use echoloop_sim::raycast::Raycaster;
@@ -29,16 +25,11 @@
 //! assert!((response.of(0)[0].range_m - 10.0).abs() < 1e-3);
 //! ```
 
-pub mod board;
 pub mod ideal;
 pub mod import;
-pub mod nor_flash;
 pub mod picture;
-#[cfg(unix)]
-pub mod qemu;
 pub mod raycast;
 pub mod roads;
 pub mod scanner;
 pub mod scene;
-pub mod shots;
 pub mod viewpoint;

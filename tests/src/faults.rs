@@ -5,7 +5,7 @@ use std::io;
 use std::time::Duration;
 
 use echoloop_frontend::{Analog, FrontEnd, Trigger};
-use echoloop_host::link::transport::Transport;
+use echoloop_sensors::transport::Transport;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 

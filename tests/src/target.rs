@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use object::{Object, ObjectSymbol};
 
-use echoloop_sim::qemu::{Machine, QemuOptions, check_installed};
+use echoloop_sensors::boards::qemu::{Machine, QemuOptions, check_installed};
 
 /// The workspace's root.
 pub fn workspace() -> PathBuf {

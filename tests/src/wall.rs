@@ -6,7 +6,7 @@ use echoloop_dsp::{Echo, Echoes, Pipeline, Scratch, Settings};
 use echoloop_frontend::{
     Analog, Exposure, Receiver, Return, ShotBuffers, Trigger, noise_key, synthesise,
 };
-use echoloop_sim::board::{analog_for, hardware_for};
+use echoloop_sensors::boards::pc::{analog_for, hardware_for};
 
 /// c/2, mm per ns.
 pub const MM_PER_NS: f64 = 149.896_229;

@@ -12,7 +12,7 @@ use echoloop_own_firmware::{Buffer, Detector, OwnBoard, Watchdog};
 use echoloop_sensor::App;
 use echoloop_sensor::afe::{adc, emitter};
 use echoloop_sensor::mailbox::{Registers, serve};
-use echoloop_sim::nor_flash::RamNorFlash;
+use echoloop_sensors::boards::nor_flash::RamNorFlash;
 use embedded_hal::spi::{ErrorKind, Operation, SpiDevice};
 
 /// A sin² pulse of 5 ns at 1 GS/s on an ambient level of 100 codes, its middle at sample 200.

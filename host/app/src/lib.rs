@@ -3,24 +3,20 @@
 //! | room | what it is for |
 //! |---|---|
 //! | [`experiment`] | configuration, pairs of scans, the search, the judgement |
-//! | [`link`] | the client of a sensor, what carries its bytes, the sensors behind it |
 //! | [`waveforms`] | echoes in what other instruments recorded |
 //! | [`report`] | a run as one HTML page: plain data in, a string out |
 //! | [`desk`] | runs that are over: read back from their folders, told, compared |
 //! | [`reproduce`] | the paper's table: its cells, what is kept of them, the table made of it |
 //! | [`cli`] | the program `echoloop` |
 //!
-//! `cli` uses all others, `experiment` uses `link`, `desk` uses `experiment` and `report`,
+//! `cli` uses all others, `desk` uses `experiment` and `report`,
 //! `reproduce` all three. Each room's page begins with its recipe.
 
 mod chance;
 pub mod cli;
 pub mod desk;
 pub mod experiment;
-pub mod link;
 pub mod report;
 pub mod reproduce;
-mod said;
 pub mod waveforms;
 
-pub use said::say;

@@ -6,6 +6,7 @@
 //! | [`folder_of`] | files beside a file |
 //! | [`check_lines`] | text whose lines are read one by one |
 //! | [`shown`], [`printable`] | what a message may repeat of a file |
+//! | [`say`] | messages on standard error |
 //! | [`ply`] | PLY, an element at a time |
 //! | [`Column`], [`attribute`] | what files say of a point beside its place |
 //!
@@ -17,8 +18,10 @@ mod bytes;
 mod column;
 pub mod ply;
 mod shown;
+pub mod stderr;
 
 pub use attribute::Attribute;
 pub use bytes::{MOST_TEXT, check_lines, folder_of, read_data, read_text, text_from};
 pub use column::{Column, Kind, eight};
+pub use stderr::say;
 pub use shown::{MOST_SHOWN, printable, shown, shown_most};

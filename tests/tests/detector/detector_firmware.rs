@@ -7,7 +7,7 @@ use echoloop_dsp::{
     Echo, Echoes, Flags, Hardware, MAX_ECHOES, Pipeline, ScanPattern, Scratch, Settings,
 };
 use echoloop_kernels::process_baseline;
-use echoloop_sim::qemu::{Machine, Qemu};
+use echoloop_sensors::boards::qemu::{Machine, Qemu};
 use echoloop_tests::faults::Target;
 use echoloop_tests::gdb::Gdb;
 use echoloop_tests::target::{machine_with, symbol};

@@ -12,7 +12,7 @@ use echoloop_frontend::{
     Analog, FrontEnd, Precipitation, Receiver, Return, SceneResponse, Trigger, WaveformFrontEnd,
     Weather,
 };
-use echoloop_sim::board::analog_for;
+use echoloop_sensors::boards::pc::analog_for;
 
 const BEAMS: u32 = 200;
 

@@ -9,7 +9,7 @@ use echoloop_dsp::{Hardware, ParameterId, Settings};
 use echoloop_frontend::SceneResponse;
 use echoloop_host::experiment::config::load;
 use echoloop_host::experiment::dataset::{Dataset, ScanPair};
-use echoloop_host::link::sensor::{Model, Sensors, View};
+use echoloop_sensors::sensor::{Model, Sensors, View};
 
 const KINDS: [&str; 3] = ["structured", "semi-structured", "unstructured"];
 const BEAMS: usize = 48 * 16;

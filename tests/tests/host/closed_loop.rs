@@ -22,12 +22,12 @@ use echoloop_host::experiment::preset::{ErrorMean, LidarPreset, PAPER_LIDAR, Pre
 use echoloop_host::experiment::scan_cloud::cloud_from_scan;
 use echoloop_host::experiment::seed::Purpose;
 use echoloop_host::experiment::tune::{Observer, Origin, Silent, TuneSearch, Tuned};
-use echoloop_host::link::client::{Client, ClientError, RetryPolicy};
-use echoloop_host::link::sensor::{Detector, Model, Sensor, SensorError, Sensors, View};
-use echoloop_host::link::transport::InProcess;
+use echoloop_sensors::client::{Client, ClientError, RetryPolicy};
+use echoloop_sensors::sensor::{Detector, Model, Sensor, SensorError, Sensors, View};
+use echoloop_sensors::transport::InProcess;
 use echoloop_link::settings_hash;
 use echoloop_registration::pose::{Pose, relative};
-use echoloop_sim::board::PcSensor;
+use echoloop_sensors::boards::pc::PcSensor;
 use echoloop_sim::raycast::Raycaster;
 use echoloop_sim::scene::{Material, Mesh, Scene};
 use nalgebra::{Vector2, Vector3};

@@ -15,7 +15,7 @@ use echoloop_host::experiment::objective::Bench;
 use echoloop_host::experiment::params::{Parameters, Space};
 use echoloop_host::experiment::preset::PowerRange;
 use echoloop_host::experiment::tune::{Observer, Silent, TuneError, TuneSearch};
-use echoloop_host::link::sensor::{Model, Sensors};
+use echoloop_sensors::sensor::{Model, Sensors};
 
 const GENERATIONS: usize = 3;
 

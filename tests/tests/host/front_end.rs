@@ -16,7 +16,7 @@ use echoloop_sensor::afe::{WRITE, adc, delay_fs, emitter, gain_full_fs, gain_slo
 use echoloop_sensor::app::LinkLost;
 use echoloop_sensor::mailbox::REGISTERS;
 use echoloop_sensor::{App, Board};
-use echoloop_sim::nor_flash::RamNorFlash;
+use echoloop_sensors::boards::nor_flash::RamNorFlash;
 use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
 use proptest::collection::vec;
 use proptest::prelude::{Strategy, any, prop_assert, prop_assert_eq, prop_oneof, proptest};

@@ -12,10 +12,10 @@ use echoloop_frontend::{Mode, Precipitation, Receiver, WaveformFrontEnd, Weather
 use echoloop_frontend::{Return, SceneResponse};
 use echoloop_host::experiment::config::{JitterPer, Motion, RunConfig, ScannerConfig};
 use echoloop_host::experiment::dataset::{Place, respond, respond_at};
-use echoloop_host::link::sensor::{Model, Sensor, View};
+use echoloop_sensors::sensor::{Model, Sensor, View};
 use echoloop_registration::pose::Pose;
 use echoloop_sensor::afe::delay_fs;
-use echoloop_sim::board::hardware_for;
+use echoloop_sensors::boards::pc::hardware_for;
 use echoloop_sim::raycast::Raycaster;
 use echoloop_sim::scanner::{BeamOptics, Scanner};
 use echoloop_sim::scene::{MATERIALS, Material, Mesh, Scene};

@@ -10,7 +10,7 @@ use echoloop_host::experiment::beam_list::BeamList;
 use echoloop_host::experiment::beams::Beams;
 use echoloop_host::experiment::config::{RunConfig, ScannerConfig};
 use echoloop_host::experiment::scan_cloud::{cloud_from_scan, recorded_from_scan};
-use echoloop_host::link::sensor::{Model, Sensor, View};
+use echoloop_sensors::sensor::{Model, Sensor, View};
 use nalgebra::Vector3;
 
 const SPINNING: [&str; 6] = ["vlp-16", "vlp-32c", "vls-128", "hdl-64e", "os1-64", "os1-128"];

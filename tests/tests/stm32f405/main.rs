@@ -17,7 +17,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use echoloop_dsp::Settings;
-use echoloop_host::link::client::{Client, ClientError, RetryPolicy};
+use echoloop_sensors::client::{Client, ClientError, RetryPolicy};
 use echoloop_link::{Command, Greeting, MAX_FRAME, Nack, Report, Times, encode, settings_hash};
 use echoloop_tests::faults::{Faulty, Rates};
 use echoloop_tests::gdb::Gdb;

@@ -11,10 +11,10 @@ use super::exit::Failure;
 use super::interrupt::end_on_interrupt;
 use super::method_choice::one_of;
 use super::progress::Progress;
-use crate::link::client::Identity;
-use crate::link::defmt_log::begin_file;
-use crate::link::pattern::described as beams_of;
-use crate::link::sensor::{
+use echoloop_sensors::client::Identity;
+use echoloop_sensors::defmt_log::begin_file;
+use echoloop_sensors::pattern::described as beams_of;
+use echoloop_sensors::sensor::{
     BoardLog, Detector, FrontEndAt, LogSource, Model, QemuOptions, SensorSpec, Sensors,
 };
 

@@ -10,7 +10,7 @@ use super::common::Common;
 use super::exit::{Failure, print, print_bytes};
 use super::method_choice::one_of;
 use crate::experiment::files::Output;
-use crate::said::say;
+use echoloop_files::say;
 
 /// Reads `--format`.
 pub(super) fn format_parser() -> impl TypedValueParser<Value = CloudFormat> {

@@ -10,7 +10,7 @@ use super::number::{self, THREADS, number_as};
 use super::tuned_run::tuned_config;
 use crate::experiment::config::{Override, RegistrationConfig, RunConfig, changed, load};
 use crate::experiment::dataset::stored_config;
-use crate::said::say;
+use echoloop_files::say;
 
 /// What every command takes.
 #[derive(Clone, Debug, Args)]

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use crate::said::say;
+use echoloop_files::say;
 use crate::waveforms::finder::EchoFinder;
 use clap::Args;
 use echoloop_dsp::peak::MAX_CANDIDATES;

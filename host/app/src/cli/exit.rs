@@ -10,9 +10,9 @@ use crate::experiment::dataset::DatasetError;
 use crate::experiment::files::FileError;
 use crate::experiment::journal::JournalError;
 use crate::experiment::tune::TuneError;
-use crate::link::client::ClientError;
-use crate::link::sensor::SensorError;
-use crate::said::{bounded, say};
+use echoloop_sensors::client::ClientError;
+use echoloop_sensors::sensor::SensorError;
+use echoloop_files::stderr::{bounded, say};
 
 /// What a shell says of a command that wrote to a closed pipe: 128 + SIGPIPE.
 pub const READER_GONE: u8 = 141;

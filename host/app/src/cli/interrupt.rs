@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::link::sensor::end_emulators;
+use echoloop_sensors::sensor::end_emulators;
 
 /// What a shell says of a command that ^C ended: 128 + SIGINT.
 pub(super) const INTERRUPTED: u8 = 130;

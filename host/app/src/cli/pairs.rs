@@ -20,7 +20,7 @@ use crate::experiment::config::RunConfig;
 use crate::experiment::dataset::{Facts, ScanPair};
 use crate::experiment::scan_cloud::recorded_from_scan;
 use crate::experiment::tune::Observer;
-use crate::link::sensor::View;
+use echoloop_sensors::sensor::View;
 use echoloop_registration::cloud::{CloudFormat, Recorded};
 use echoloop_registration::pose::{Pose, to_rows};
 

@@ -19,7 +19,7 @@ use crate::experiment::params::{Parameters, Space};
 use crate::experiment::preset::Strategy;
 use crate::experiment::seed::Purpose;
 use crate::experiment::tune::{Stage, TuneSearch, stages};
-use crate::link::sensor::{Model, Sensors};
+use echoloop_sensors::sensor::{Model, Sensors};
 
 /// Which pairs.
 #[derive(Clone, Copy, Debug, ValueEnum)]

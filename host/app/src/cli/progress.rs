@@ -10,7 +10,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use crate::experiment::evaluate::median;
 use crate::experiment::journal::Generation;
 use crate::experiment::tune::Observer;
-use crate::said::say;
+use echoloop_files::say;
 
 /// Shows how far the work is.
 pub(super) struct Progress {

@@ -17,7 +17,7 @@ use super::number::{flag, number_as, read};
 use super::progress::Progress;
 use crate::experiment::config::RunConfig;
 use crate::experiment::cost::{Processor, Scanner};
-use crate::link::sensor::{Model, View};
+use echoloop_sensors::sensor::{Model, View};
 
 /// Flags of `rate`.
 #[derive(Clone, Debug, Args)]

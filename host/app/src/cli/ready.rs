@@ -8,7 +8,7 @@ use super::exit::Failure;
 use crate::experiment::beams::Beams;
 use crate::experiment::config::RunConfig;
 use crate::experiment::params::Parameters;
-use crate::link::sensor::{Model, Sensors};
+use echoloop_sensors::sensor::{Model, Sensors};
 
 /// Sensors that were asked who they are.
 pub(super) struct Ready {

@@ -11,7 +11,7 @@ use super::method_choice::method_parser;
 use super::method_flags::MethodFlags;
 use super::tuned_run::tuned_config;
 use crate::experiment::params::{Parameters, written};
-use crate::said::say;
+use echoloop_files::say;
 use echoloop_registration::cloud::{
     Cloud, CloudError, CloudFormat, Dropped, Recorded, read_cloud, read_recorded, voxel,
 };

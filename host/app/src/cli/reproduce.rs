@@ -25,7 +25,7 @@ use crate::reproduce::{
     Ablation, Asked, Base, ByHand, Cell, Figures, Folder, FolderError, Plan, RealPair, RealRow,
     Scene, Table, TableMethod, judge_real, name_of, page, read_real_pairs,
 };
-use crate::said::say;
+use echoloop_files::say;
 use runner::Runner;
 
 /// Flags of `reproduce`.

@@ -9,7 +9,7 @@ use super::exit::Failure;
 use super::number::{flag, number_as};
 use crate::experiment::files::Output;
 use crate::report::ResponsePage;
-use crate::said::say;
+use echoloop_files::say;
 use crate::waveforms::response::{LEAST_ECHOES, Later, NoResponse, Response};
 use crate::waveforms::{Rows, read_waveforms};
 

@@ -26,7 +26,7 @@ use crate::experiment::dataset::{
 use crate::experiment::scan_cloud::recorded_from_scan;
 use crate::experiment::seed::scan_noise;
 use crate::experiment::source::Source;
-use crate::link::sensor::View;
+use echoloop_sensors::sensor::View;
 use echoloop_registration::cloud::{CloudFormat, Recorded};
 use echoloop_registration::pose::{Pose, to_rows};
 

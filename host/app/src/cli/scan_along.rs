@@ -18,7 +18,7 @@ use crate::experiment::dataset::{Place, place, respond_at};
 use crate::experiment::scan_cloud::recorded_from_scan;
 use crate::experiment::seed::scan_noise;
 use crate::experiment::tune::Observer;
-use crate::link::sensor::View;
+use echoloop_sensors::sensor::View;
 use echoloop_registration::cloud::{CloudFormat, Recorded};
 use echoloop_registration::pose::{Stamped, read_trajectory, to_rows};
 

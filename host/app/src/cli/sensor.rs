@@ -9,9 +9,9 @@ use super::common::{ConfigSource, Setup};
 use super::exit::{self, Failure};
 use super::parameter_table::choices;
 use crate::experiment::config::{Lidar, RunConfig};
-use crate::link::client::Identity;
-use crate::link::pattern::{described as beams_of, document};
-use crate::link::sensor::Model;
+use echoloop_sensors::client::Identity;
+use echoloop_sensors::pattern::{described as beams_of, document};
+use echoloop_sensors::sensor::Model;
 
 /// Flags of `sensor`.
 #[derive(Clone, Debug, Args)]

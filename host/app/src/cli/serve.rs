@@ -14,9 +14,9 @@ use super::progress::Progress;
 use crate::experiment::config::RunConfig;
 use crate::experiment::dataset::Dataset;
 use crate::experiment::seed::scan_noise;
-use crate::link::sensor::{Detector, Model, Port, SensorError};
-use crate::link::serve::{Viewpoints, serve};
-use crate::link::transport::Serial;
+use echoloop_sensors::sensor::{Detector, Model, Port, SensorError};
+use echoloop_sensors::serve::{Viewpoints, serve};
+use echoloop_sensors::transport::Serial;
 
 /// Flags of `serve`.
 #[derive(Clone, Debug, Args)]

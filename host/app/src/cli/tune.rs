@@ -37,8 +37,8 @@ use crate::experiment::run::{
     StageRecord,
 };
 use crate::experiment::tune::{Stage, TuneError, TuneSearch, Tuned};
-use crate::link::pattern::{described, size};
-use crate::said::say;
+use echoloop_sensors::pattern::{described, size};
+use echoloop_files::say;
 
 /// Flags of `tune`.
 #[derive(Clone, Debug, Args)]

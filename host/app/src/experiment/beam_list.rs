@@ -11,7 +11,7 @@ use csv::{ByteRecord, ReaderBuilder};
 use echoloop_dsp::BeamTable;
 use echoloop_files::{shown, shown_most};
 
-use crate::link::pattern::MOST_IN_ALL;
+use echoloop_sensors::pattern::MOST_IN_ALL;
 
 /// Beams of a list at most: a scan of an OS1-128 with 1024 columns.
 pub const MOST_LISTED: usize = MOST_IN_ALL as usize;

@@ -13,7 +13,7 @@ use crate::experiment::checksum::{Checksum, Running};
 use crate::experiment::config::RunConfig;
 use crate::experiment::dataset::{Dataset, ScanPair};
 use crate::experiment::source::Source;
-use crate::link::sensor::Model;
+use echoloop_sensors::sensor::Model;
 
 /// Checksums, each of 16 hexadecimal digits.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

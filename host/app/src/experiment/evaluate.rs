@@ -9,7 +9,7 @@ use crate::experiment::dataset::ScanPair;
 use crate::experiment::objective::{Bench, PairError, Registered};
 use crate::experiment::params::Parameters;
 use crate::experiment::seed::{Purpose, derive};
-use crate::link::sensor::SensorError;
+use echoloop_sensors::sensor::SensorError;
 
 /// How parameters did on a set of pairs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

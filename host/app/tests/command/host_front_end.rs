@@ -11,11 +11,11 @@ use crate::board::{Board, ask_a_liar, ask_a_liar_about, end, run, start, succeed
 use crate::fixture::Fixture;
 use echoloop_dsp::{Grid, Hardware, MAX_CODES, ScanPattern};
 use echoloop_host::experiment::config::{RunConfig, load};
-use echoloop_host::link::sensor::Model;
-use echoloop_host::link::serve::serve;
-use echoloop_host::link::transport::{Serial, Transport};
+use echoloop_sensors::sensor::Model;
+use echoloop_sensors::serve::serve;
+use echoloop_sensors::transport::{Serial, Transport};
 use echoloop_link::{Decoder, Greeting, MAX_FRAME, Report, Room, decode, encode};
-use echoloop_sim::board::PcSensor;
+use echoloop_sensors::boards::pc::PcSensor;
 use serialport::TTYPort;
 
 const HOST: [&str; 2] = ["--front-end", "host"];

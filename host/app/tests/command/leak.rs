@@ -13,11 +13,11 @@ use echoloop_host::experiment::objective::Bench;
 use echoloop_host::experiment::params::{Parameters, Space};
 use echoloop_host::experiment::seed::{Purpose, derive};
 use echoloop_host::experiment::tune::{Silent, TuneSearch};
-use echoloop_host::link::client::RetryPolicy;
-use echoloop_host::link::sensor::{Model, Sensor, SensorError, Sensors};
-use echoloop_host::link::serve::Viewpoints;
-use echoloop_host::link::transport::InProcess;
-use echoloop_sim::board::PcSensor;
+use echoloop_sensors::client::RetryPolicy;
+use echoloop_sensors::sensor::{Model, Sensor, SensorError, Sensors};
+use echoloop_sensors::serve::Viewpoints;
+use echoloop_sensors::transport::InProcess;
+use echoloop_sensors::boards::pc::PcSensor;
 
 const SMALL: [&str; 9] = [
     "scene.towns=[1]",

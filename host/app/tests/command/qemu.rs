@@ -11,8 +11,8 @@ use std::time::{Duration, Instant};
 use crate::fixture::{CommandOutput, Fixture};
 use echoloop_dsp::{Hardware, ScanPattern};
 use echoloop_host::experiment::config::RunConfig;
-use echoloop_host::link::sensor::Model;
-use echoloop_sim::qemu::{Machine, Qemu, QemuOptions, check_installed};
+use echoloop_sensors::sensor::Model;
+use echoloop_sensors::boards::qemu::{Machine, Qemu, QemuOptions, check_installed};
 
 /// The image, if it can be run.
 fn image() -> Option<String> {

@@ -13,8 +13,8 @@ use crate::board::{Board, ask_a_liar, end, end_within, run, start, succeed, term
 use crate::fixture::Fixture;
 use echoloop_dsp::{BeamTable, Grid, Rosette, ScanPattern, Settings, Spinning, SpinningModel};
 use echoloop_host::experiment::seed::scan_noise;
-use echoloop_host::link::sensor::{Model, Port, Sensor, SensorError, View};
-use echoloop_host::link::transport::{Serial, Transport};
+use echoloop_sensors::sensor::{Model, Port, Sensor, SensorError, View};
+use echoloop_sensors::transport::{Serial, Transport};
 use echoloop_link::{Command, Greeting, MAX_FRAME, encode};
 use serialport::TTYPort;
 

@@ -13,7 +13,7 @@ use echoloop_host::experiment::journal::{Generation, Journal};
 use echoloop_host::experiment::objective::Bench;
 use echoloop_host::experiment::params::{Parameters, Space};
 use echoloop_host::experiment::tune::{Silent, TuneSearch, Tuned};
-use echoloop_host::link::sensor::{Model, Sensors};
+use echoloop_sensors::sensor::{Model, Sensors};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 

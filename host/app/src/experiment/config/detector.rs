@@ -1,9 +1,9 @@
 //! `[detector]`: who finds the echoes.
 
-use echoloop_keys::{Must, Value, section};
+use echoloop_keys::{Must, section};
 use serde::{Deserialize, Serialize};
 
-use crate::link::sensor::Detector;
+use echoloop_sensors::sensor::Detector;
 
 section! {
     /// Who finds the echoes.
@@ -16,4 +16,3 @@ section! {
     }
 }
 
-impl Value for Detector {}

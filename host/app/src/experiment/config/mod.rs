@@ -21,10 +21,10 @@ use std::path::PathBuf;
 
 use echoloop_dsp::Hardware;
 use echoloop_frontend::{Receiver, Weather};
-use echoloop_sim::board::hardware_for;
+use echoloop_sensors::boards::pc::hardware_for;
 use serde::{Deserialize, Serialize};
 
-use crate::link::sensor::Model;
+use echoloop_sensors::sensor::Model;
 pub use axes::{AxisChoice, OwnAxes};
 pub use data::DataConfig;
 pub use detector::DetectorConfig;

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::error::RunConfigError;
 use crate::experiment::beam_list::{BeamList, MOST_LISTED};
 use crate::experiment::beams::Beams;
-use crate::link::pattern::MOST_BEAMS;
+use echoloop_sensors::pattern::MOST_BEAMS;
 
 section! {
     /// How the sensor looks around.

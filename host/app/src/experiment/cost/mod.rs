@@ -18,7 +18,7 @@ use echoloop_dsp::{Echoes, Hardware, ScanPattern, Settings};
 use echoloop_link::settings_hash;
 use serde::{Deserialize, Serialize};
 
-use crate::link::size::scan_bits;
+use echoloop_sensors::size::scan_bits;
 pub use kind::CostKind;
 pub use processor::Processor;
 use record::near_mm;

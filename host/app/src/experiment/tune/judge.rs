@@ -8,7 +8,7 @@ use crate::experiment::cost::Scanner;
 use crate::experiment::evaluate::{NoisyPairs, Summary, evaluate_and_cost};
 use crate::experiment::objective::Bench;
 use crate::experiment::params::Parameters;
-use crate::link::sensor::SensorError;
+use echoloop_sensors::sensor::SensorError;
 
 /// Judges candidates on the same pairs with the same noise, each time.
 pub struct Judge<'a> {

@@ -16,7 +16,7 @@ use super::tasks::Task;
 use crate::experiment::objective::PairError;
 use crate::experiment::params::{Parameters, Values};
 use crate::experiment::seed::{Purpose, derive};
-use crate::link::sensor::SensorError;
+use echoloop_sensors::sensor::SensorError;
 
 /// Pairs that all who are left are judged on before anybody falls out, and between two looks.
 const LEG: usize = 5;

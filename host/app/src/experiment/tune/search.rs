@@ -15,7 +15,7 @@ use crate::experiment::journal::{FORMAT, Generation, Header, JournalError};
 use crate::experiment::objective::Bench;
 use crate::experiment::params::{Parameters, Space, Values, written_values};
 use crate::experiment::seed::Purpose;
-use crate::link::sensor::SensorError;
+use echoloop_sensors::sensor::SensorError;
 
 /// Why a search did not end.
 #[derive(Debug, Error)]

@@ -10,7 +10,7 @@ use crate::experiment::cost::{ScanCost, Scanner};
 use crate::experiment::dataset::ScanPair;
 use crate::experiment::objective::Bench;
 use crate::experiment::params::Parameters;
-use crate::link::sensor::SensorError;
+use echoloop_sensors::sensor::SensorError;
 
 /// One registration to make.
 #[derive(Clone, Copy)]

@@ -11,9 +11,9 @@ use echoloop_dsp::{Hardware, MAX_CODES, ScanPattern, Settings};
 use echoloop_host::experiment::config::{RunConfig, load};
 use echoloop_host::experiment::dataset::Dataset;
 use echoloop_host::experiment::seed::scan_noise;
-use echoloop_host::link::sensor::{Model, Port};
-use echoloop_host::link::serve::{Viewpoints, serve};
-use echoloop_host::link::transport::{Serial, Transport};
+use echoloop_sensors::sensor::{Model, Port};
+use echoloop_sensors::serve::{Viewpoints, serve};
+use echoloop_sensors::transport::{Serial, Transport};
 use echoloop_link::{
     Command, Counters, Decoder, Greeting, MAX_FRAME, Nack, Report, Room, decode, encode,
     settings_hash,

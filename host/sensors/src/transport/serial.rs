@@ -8,7 +8,7 @@ use echoloop_link::MAX_FRAME;
 use serialport::{ClearBuffer, ErrorKind, SerialPort};
 
 use super::{LOOK_UP, Transport, send_until};
-use crate::link::client::RetryPolicy;
+use crate::client::RetryPolicy;
 
 /// A port as this system has it.
 #[cfg(unix)]

@@ -11,7 +11,7 @@ pub const MOST_BEAMS: [u16; 2] = [4096, 1024];
 pub const MOST_IN_ALL: u32 = 131_072;
 
 /// Whether there is memory for a scan.
-pub(crate) fn is_possible(pattern: &ScanPattern) -> bool {
+pub fn is_possible(pattern: &ScanPattern) -> bool {
     let [columns, rows] = MOST_BEAMS.map(|most| 1..=most);
     match pattern {
         ScanPattern::Grid(grid) | ScanPattern::Raster(grid) => {
@@ -25,7 +25,7 @@ pub(crate) fn is_possible(pattern: &ScanPattern) -> bool {
 }
 
 /// How many beams, as a message says it.
-pub(crate) fn size(pattern: &ScanPattern) -> String {
+pub fn size(pattern: &ScanPattern) -> String {
     match pattern {
         ScanPattern::Grid(grid) | ScanPattern::Raster(grid) => {
             format!("{} × {}", grid.columns, grid.rows)
@@ -36,7 +36,7 @@ pub(crate) fn size(pattern: &ScanPattern) -> String {
 }
 
 /// A pattern as a document has it: its fields, and which kind it is.
-pub(crate) fn document(pattern: &ScanPattern) -> Value {
+pub fn document(pattern: &ScanPattern) -> Value {
     let kind = match pattern {
         ScanPattern::Grid(_) => "grid",
         ScanPattern::Raster(_) => "raster",
@@ -52,7 +52,7 @@ pub(crate) fn document(pattern: &ScanPattern) -> Value {
 }
 
 /// A pattern in a few words.
-pub(crate) fn described(pattern: &ScanPattern) -> String {
+pub fn described(pattern: &ScanPattern) -> String {
     let grid = |grid: &Grid, how: &str| {
         let [azimuth, elevation] =
             [grid.azimuth_cdeg, grid.elevation_cdeg].map(|c| f64::from(c) / 100.0);

@@ -14,8 +14,8 @@ use echoloop_link::{
 };
 use thiserror::Error;
 
-use crate::link::pattern::{MOST_BEAMS, MOST_IN_ALL, is_possible, size};
-use crate::link::transport::Transport;
+use crate::pattern::{MOST_BEAMS, MOST_IN_ALL, is_possible, size};
+use crate::transport::Transport;
 pub use waveforms::Shoot;
 
 /// Why a sensor did not do what it was asked.

@@ -8,10 +8,10 @@ use std::time::Instant;
 use echoloop_dsp::{Hardware, ScanPattern};
 use echoloop_frontend::SceneResponse;
 use echoloop_frontend::{Analog, FrontEnd, ScanNoise, Trigger};
-use echoloop_sim::board::PcSensor;
+use crate::boards::pc::PcSensor;
 
-use crate::link::sensor::Model;
-use crate::link::transport::{LOOK_UP, Transport, send_until};
+use crate::sensor::Model;
+use crate::transport::{LOOK_UP, Transport, send_until};
 use echoloop_frontend::WaveformFrontEnd;
 
 /// Bytes that the sensor is given at once: about as many as one question for beams, so that

@@ -4,7 +4,7 @@
 //! The client is the same for all. What differs is how a sensor comes to look somewhere. A
 //! simulated one is given the scene. What a board on a serial line sees is not ours to choose: it
 //! is asked for the scan of a numbered viewpoint, and whoever turns it reads the number off the
-//! emitter's FRAME register. See [`crate::experiment::dataset::ScanPair::viewpoints`]. Any sensor
+//! emitter's FRAME register. Any sensor
 //! may instead be given the waveforms that a front end makes here: [`Sensor::fed`].
 
 mod board_log;
@@ -19,20 +19,21 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use echoloop_dsp::{Echoes, Hardware, ScanPattern, Settings};
 use echoloop_frontend::SceneResponse;
+use echoloop_keys::Value;
 use echoloop_link::{Noise, Room};
-use echoloop_sim::board::PcSensor;
-use echoloop_sim::shots::Shots;
+use crate::boards::pc::{PcSensor, hardware_for};
+use crate::boards::shots::Shots;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::link::client::{Client, ClientError, Identity, RetryPolicy};
-use crate::link::transport::{InProcess, Serial, Transport};
+use crate::client::{Client, ClientError, Identity, RetryPolicy};
+use crate::transport::{InProcess, Serial, Transport};
 use echoloop_frontend::{FrontEnd, Receiver, WaveformFrontEnd};
 
 pub use board_log::{BoardLog, LogSource, LogSourceError};
 pub use pool::Sensors;
 pub use qemu::QemuOptions;
-pub(crate) use qemu::end_emulators;
+pub use qemu::end_emulators;
 pub use spec::{FrontEndAt, Port, SensorSpec, SpecError};
 
 /// A line to a sensor, whichever.
@@ -95,6 +96,8 @@ pub enum Detector {
     Ideal,
 }
 
+impl Value for Detector {}
+
 impl Detector {
     /// A sensor whose echoes it finds.
     pub fn of<F: FrontEnd>(self, sensor: PcSensor<F>) -> PcSensor<F> {
@@ -119,6 +122,12 @@ pub struct Model {
 }
 
 impl Model {
+    /// The reference sensor with this receiver and this pattern.
+    pub fn new(receiver: Receiver, pattern: ScanPattern) -> Self {
+        let hardware = hardware_for(&receiver);
+        Self { receiver, pattern, hardware, detector: Detector::default() }
+    }
+
     /// Its front end, which sees nothing yet.
     pub fn front_end(&self) -> WaveformFrontEnd {
         WaveformFrontEnd::new(

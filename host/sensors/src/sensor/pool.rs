@@ -5,7 +5,7 @@ use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use super::board_log::BoardLog;
 use super::qemu::open_qemu;
 use super::{FrontEndAt, Model, QemuOptions, Sensor, SensorError, SensorSpec};
-use crate::link::client::{ClientError, Identity};
+use crate::client::{ClientError, Identity};
 
 type Open = dyn Fn() -> Result<Sensor, SensorError> + Send + Sync;
 
@@ -159,12 +159,14 @@ mod tests {
     use std::sync::Arc;
     use std::sync::atomic::{AtomicUsize, Ordering};
 
+    use echoloop_dsp::ScanPattern;
+    use echoloop_frontend::Receiver;
+
     use super::*;
-    use crate::experiment::config::RunConfig;
 
     /// Sensors of which `limit` may be open, and a count of those that have been.
     fn counted(limit: usize) -> (Sensors, Arc<AtomicUsize>) {
-        let (model, opened) = (Model::from(&RunConfig::default()), Arc::new(AtomicUsize::new(0)));
+        let (model, opened) = (Model::new(Receiver::default(), ScanPattern::default()), Arc::new(AtomicUsize::new(0)));
         let count = Arc::clone(&opened);
         let open = move || match count.fetch_add(1, Ordering::SeqCst) {
             9 => Err(SensorError::open("test", "unplugged")),

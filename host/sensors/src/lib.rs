@@ -7,25 +7,26 @@
 //! delay them.
 //!
 //! ```
-//! use echoloop_dsp::Settings;
-//! use echoloop_host::experiment::config::RunConfig;
-//! use echoloop_host::link::client::{Client, RetryPolicy};
-//! use echoloop_host::link::sensor::Model;
-//! use echoloop_host::link::transport::InProcess;
-//! use echoloop_sim::board::PcSensor;
+//! use echoloop_dsp::scan_pattern::Grid;
+//! use echoloop_dsp::{ScanPattern, Settings};
+//! use echoloop_frontend::Receiver;
+//! use echoloop_sensors::boards::pc::PcSensor;
+//! use echoloop_sensors::client::{Client, RetryPolicy};
+//! use echoloop_sensors::sensor::Model;
+//! use echoloop_sensors::transport::InProcess;
 //!
-//! let mut config = RunConfig::default();
-//! (config.scanner.columns, config.scanner.rows) = (Some(24), Some(8));
-//! let model = Model::from(&config);
+//! let pattern = ScanPattern::Grid(Grid { columns: 24, rows: 8, ..Grid::default() });
+//! let model = Model::new(Receiver::default(), pattern);
 //! let sensor = PcSensor::new(model.front_end(), model.pattern, model.hardware);
 //! let mut client = Client::connect(InProcess(sensor), RetryPolicy::default())?;
 //! client.configure(&Settings { power_uw: 20_000_000, ..Settings::default() })?;
 //! let beams = client.scan(1)?;
 //! assert_eq!(beams.len(), 24 * 8);
 //! assert!(beams.iter().all(|echoes| echoes.is_empty()), "there is nothing to see");
-//! # Ok::<(), echoloop_host::link::client::ClientError>(())
+//! # Ok::<(), echoloop_sensors::client::ClientError>(())
 //! ```
 
+pub mod boards;
 pub mod client;
 pub mod defmt_log;
 pub mod pattern;

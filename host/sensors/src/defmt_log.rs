@@ -108,7 +108,7 @@ pub fn decode(elf: &[u8], frames: &[u8]) -> Result<Vec<String>, LogError> {
 /// # Errors
 ///
 /// That it cannot be made, and why.
-pub(crate) fn begin_file(to: &Path) -> Result<(), String> {
+pub fn begin_file(to: &Path) -> Result<(), String> {
     if to == Path::new("-") {
         return Ok(());
     }

@@ -4,7 +4,7 @@ use std::io;
 use std::time::Duration;
 
 use echoloop_frontend::FrontEnd;
-use echoloop_sim::qemu::Qemu;
+use crate::boards::qemu::Qemu;
 
 use super::Transport;
 

@@ -3,7 +3,7 @@
 /// Their names; the first is the usual one.
 #[cfg(unix)]
 pub(super) fn boards() -> Vec<&'static str> {
-    echoloop_sim::qemu::Machine::ALL.map(echoloop_sim::qemu::Machine::name).to_vec()
+    crate::boards::qemu::Machine::ALL.map(crate::boards::qemu::Machine::name).to_vec()
 }
 
 /// None: QEMU is reached over Unix sockets.

@@ -1,9 +1,9 @@
-//! What is said on standard error.
+//! Messages on standard error.
 
 use std::fmt::Display;
 use std::io::Write;
 
-use echoloop_files::printable;
+use crate::printable;
 
 /// Characters of a message at most; paths alone may take four thousand each.
 const MOST_SAID: usize = 8192;
@@ -15,7 +15,7 @@ pub fn say(text: impl Display) {
 }
 
 /// A message without control characters but its line ends, cut where nobody reads on.
-pub(crate) fn bounded(text: &str) -> String {
+pub fn bounded(text: &str) -> String {
     let text = printable(text);
     match text.char_indices().nth(MOST_SAID) {
         Some((end, _)) => format!("{}…", &text[..end]),

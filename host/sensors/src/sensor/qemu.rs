@@ -15,7 +15,7 @@ pub struct QemuOptions {
 }
 
 #[cfg(unix)]
-pub(crate) use here::end_emulators;
+pub use here::end_emulators;
 #[cfg(unix)]
 pub(super) use here::open_qemu;
 
@@ -28,13 +28,13 @@ mod here {
     use std::sync::{Arc, Mutex};
     use std::time::Duration;
 
-    use echoloop_sim::qemu::{self, Machine, Qemu, QemuError};
+    use crate::boards::qemu::{self, Machine, Qemu, QemuError};
 
     use super::super::{FrontEndAt, Line, Model, Sensor, SensorError, SensorSpec, SharedFrontEnd};
     use super::QemuOptions;
-    use crate::link::client::RetryPolicy;
-    use crate::link::defmt_log::{self, write_lines};
-    use crate::link::transport::Transport;
+    use crate::client::RetryPolicy;
+    use crate::defmt_log::{self, write_lines};
+    use crate::transport::Transport;
 
     /// An emulated processor may be slow when others need this one.
     const RETRY_POLICY: RetryPolicy = RetryPolicy { timeout: Duration::from_secs(2), tries: 8 };
@@ -79,7 +79,7 @@ mod here {
     }
 
     /// Ends what a process that is about to exit would leave running.
-    pub(crate) fn end_emulators() {
+    pub fn end_emulators() {
         qemu::stop_all();
     }
 
@@ -120,7 +120,7 @@ mod here {
     impl Drop for Logged {
         fn drop(&mut self) {
             if let Err(error) = self.write() {
-                crate::said::say(format_args!(
+                echoloop_files::say(format_args!(
                     "warning: cannot write the sensor's log to {}: {error}",
                     self.to.display()
                 ));
@@ -130,7 +130,7 @@ mod here {
 }
 
 #[cfg(not(unix))]
-pub(crate) fn end_emulators() {}
+pub fn end_emulators() {}
 
 #[cfg(not(unix))]
 pub(super) fn open_qemu(

@@ -27,7 +27,7 @@ use memmap2::{MmapOptions, MmapRaw};
 use object::{Architecture, Object, ObjectSegment};
 use thiserror::Error;
 
-use crate::board::{read_analog, read_noise, read_trigger};
+use crate::boards::pc::{read_analog, read_noise, read_trigger};
 use echoloop_frontend::FrontEnd;
 use guard::Guard;
 

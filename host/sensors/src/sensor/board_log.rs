@@ -15,9 +15,9 @@ use std::time::{Duration, Instant};
 use thiserror::Error;
 
 use super::spec::{Port, SpecError};
-use crate::link::defmt_log::{Messages, begin_file, write_lines};
-use crate::link::transport::{Serial, Transport};
-use crate::said::say;
+use crate::defmt_log::{Messages, begin_file, write_lines};
+use crate::transport::{Serial, Transport};
+use echoloop_files::say;
 
 /// How long a debugger may take to answer a call.
 const CALL: Duration = Duration::from_secs(5);

@@ -15,7 +15,7 @@ use echoloop_link::{
 };
 
 use super::{Client, ClientError};
-use crate::link::transport::Transport;
+use crate::transport::Transport;
 
 /// Parts under way at most, whatever a sensor has room for: what follows a lost one has to leave
 /// the line before it is sent again.

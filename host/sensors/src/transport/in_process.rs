@@ -4,7 +4,7 @@ use std::io;
 use std::time::Duration;
 
 use echoloop_frontend::FrontEnd;
-use echoloop_sim::board::PcSensor;
+use crate::boards::pc::PcSensor;
 
 use super::Transport;
 
