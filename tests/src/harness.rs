@@ -18,8 +18,8 @@ use std::path::Path;
 use echoloop_dsp::loops::{Portable, Scalar};
 use echoloop_dsp::settings::PARAMETERS;
 use echoloop_dsp::{Grid, Hardware, Pipeline, ScanPattern, Scratch, Settings};
-use echoloop_host::waveforms::finder::{EchoFinder, FinderConfig, Pulse};
-use echoloop_host::waveforms::{Finder, Options, parse_waveforms};
+use echoloop_instruments::finder::{EchoFinder, FinderConfig, Pulse};
+use echoloop_instruments::{Finder, Options, parse_waveforms};
 use echoloop_link::{
     Command, Decoder, Greeting, MAX_FRAME, Message, Noise, PACKED_BYTES, Place, Report,
     SETTINGS_SCHEMA, Way, checksum, decode, encode, encode_for, settings_hash,
@@ -413,7 +413,7 @@ fn file(bytes: &[u8]) {
             times.is_sorted_by(|a, b| a < b)
                 && times.iter().all(|&t| t >= 0.0 && t < row.len() as f64)
         );
-        let finite = |echo: &echoloop_host::waveforms::Echo| {
+        let finite = |echo: &echoloop_instruments::Echo| {
             echo.amplitude.is_finite() && echo.width_ns.is_finite()
         };
         assert!(waveform.echoes.iter().all(finite));

@@ -20,7 +20,7 @@ use std::path::Path;
 
 use echoloop_host::experiment::config;
 use echoloop_host::experiment::journal::{sealed_lines, whole_generations};
-use echoloop_host::waveforms::{Response, parse_waveforms};
+use echoloop_instruments::{Response, parse_waveforms};
 use echoloop_registration::cloud::{CloudFormat, parse_cloud, parse_recorded};
 use echoloop_registration::pose::parse_pose;
 use echoloop_sim::import::{

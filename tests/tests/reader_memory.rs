@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use echoloop_host::experiment::config;
 use echoloop_host::experiment::journal::whole_generations;
-use echoloop_host::waveforms::parse_waveforms;
+use echoloop_instruments::parse_waveforms;
 use echoloop_registration::cloud::parse_recorded;
 use echoloop_registration::pose::parse_pose;
 use echoloop_sim::import::{Ground, ImportOptions, parse_scene};

@@ -3,7 +3,6 @@
 //! | room | what it is for |
 //! |---|---|
 //! | [`experiment`] | configuration, pairs of scans, the search, the judgement |
-//! | [`waveforms`] | echoes in what other instruments recorded |
 //! | [`report`] | a run as one HTML page: plain data in, a string out |
 //! | [`desk`] | runs that are over: read back from their folders, told, compared |
 //! | [`reproduce`] | the paper's table: its cells, what is kept of them, the table made of it |
@@ -12,11 +11,9 @@
 //! `cli` uses all others, `desk` uses `experiment` and `report`,
 //! `reproduce` all three. Each room's page begins with its recipe.
 
-mod chance;
 pub mod cli;
 pub mod desk;
 pub mod experiment;
 pub mod report;
 pub mod reproduce;
-pub mod waveforms;
 

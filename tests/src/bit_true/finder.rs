@@ -3,10 +3,10 @@
 //! Sums stay below 2⁵³ on the waveforms of the tests, so every number is exact.
 
 use echoloop_dsp::template::Template;
-use echoloop_host::waveforms::finder::components::SWEEPS;
-use echoloop_host::waveforms::finder::gaussian::TABLE;
-use echoloop_host::waveforms::finder::scale::WIDTHS;
-use echoloop_host::waveforms::finder::{FinderConfig, FoundEcho, Pulse, SHARPNESS};
+use echoloop_instruments::finder::components::SWEEPS;
+use echoloop_instruments::finder::gaussian::TABLE;
+use echoloop_instruments::finder::scale::WIDTHS;
+use echoloop_instruments::finder::{FinderConfig, FoundEcho, Pulse, SHARPNESS};
 
 use super::numbers::nearest;
 use super::split::{Sharpener, prominent_peaks};

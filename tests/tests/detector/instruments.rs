@@ -11,8 +11,8 @@
 
 use std::ops::Range;
 
-use echoloop_host::waveforms::response::LEAST_ECHOES;
-use echoloop_host::waveforms::{Finder, Options, Response};
+use echoloop_instruments::response::LEAST_ECHOES;
+use echoloop_instruments::{Finder, Options, Response};
 use echoloop_tests::instruments::{Instrument, KINDS, Kind, LocalMaxima, Record, Score};
 
 /// Records of an instrument, in the test and in the long version.

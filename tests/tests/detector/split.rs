@@ -7,7 +7,7 @@ use echoloop_dsp::loops::Portable;
 use echoloop_dsp::peak::{self, Peaks};
 use echoloop_dsp::split::{Overlapping, Sharpener, Splitter, prominent_peaks};
 use echoloop_dsp::template::Template;
-use echoloop_host::waveforms::finder::{EchoFinder, FinderConfig, Pulse, RINGS};
+use echoloop_instruments::finder::{EchoFinder, FinderConfig, Pulse, RINGS};
 use echoloop_tests::bit_true::{self, Peak};
 use echoloop_tests::vectors::{self, normal};
 use rand::RngExt;

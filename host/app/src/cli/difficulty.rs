@@ -14,7 +14,7 @@ use super::method_choice::MethodChoice;
 use super::number::{flag, number_of, read};
 use super::prepared::{Met, PairSet};
 use super::progress::Progress;
-use crate::chance::wilson;
+use echoloop_statistics::wilson;
 use crate::experiment::config::RunConfig;
 use crate::experiment::dataset::{DatasetError, Facts};
 use crate::experiment::evaluate::{evaluate, succeeds};

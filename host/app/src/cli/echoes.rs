@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use echoloop_files::say;
-use crate::waveforms::finder::EchoFinder;
+use echoloop_instruments::finder::EchoFinder;
 use clap::Args;
 use echoloop_dsp::peak::MAX_CANDIDATES;
 
@@ -12,7 +12,7 @@ use super::common::{Common, on_threads};
 use super::exit::{Failure, print};
 use super::number::{ANY, number_as};
 use super::response::{ResponseArgs, told};
-use crate::waveforms::{Finder, Options, Rows, Waveform, echoes, read_waveforms};
+use echoloop_instruments::{Finder, Options, Rows, Waveform, echoes, read_waveforms};
 
 /// Flags of `echoes`.
 #[derive(Clone, Debug, Args)]

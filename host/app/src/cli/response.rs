@@ -10,8 +10,8 @@ use super::number::{flag, number_as};
 use crate::experiment::files::Output;
 use crate::report::ResponsePage;
 use echoloop_files::say;
-use crate::waveforms::response::{LEAST_ECHOES, Later, NoResponse, Response};
-use crate::waveforms::{Rows, read_waveforms};
+use echoloop_instruments::response::{LEAST_ECHOES, Later, NoResponse, Response};
+use echoloop_instruments::{Rows, read_waveforms};
 
 /// Where the response comes from, and where it goes.
 #[derive(Clone, Debug, Args)]

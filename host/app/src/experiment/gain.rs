@@ -3,7 +3,7 @@
 
 use serde::Serialize;
 
-use crate::chance::{coin, wilson};
+use echoloop_statistics::{coin, wilson};
 use crate::experiment::compare::bootstrap;
 use crate::experiment::config::DataConfig;
 use crate::experiment::evaluate::{Summary, median, succeeds};

@@ -9,7 +9,7 @@ use super::data::{PairError, PoseError, Report};
 use super::format::{file_name, fixed, with_unit};
 use super::plot::{Caption, Chart, Drawn, Frame, Key, Px, Sample, chart, fine, legend};
 use super::theme::ink;
-use crate::chance::coin;
+use echoloop_statistics::coin;
 
 const SLOPES: Px = [900.0, 300.0];
 const CURVE: Px = [440.0, 270.0];

@@ -2,9 +2,9 @@
 
 use echoloop_dsp::{Flags, MAX_SAMPLES};
 
-use crate::waveforms::codes::Codes;
-use crate::waveforms::finder::baseline::Baseline;
-use crate::waveforms::finder::{EchoFinder, FinderConfig, samples};
+use crate::codes::Codes;
+use crate::finder::baseline::Baseline;
+use crate::finder::{EchoFinder, FinderConfig, samples};
 
 /// A record and its strongest echo.
 #[derive(Clone, Debug)]
@@ -75,7 +75,7 @@ fn beginning(codes: &Codes) -> &[u16] {
 
 /// Samples of a record without its ambient, and their noise, codes; both as its first
 /// [`MAX_SAMPLES`] have them.
-pub(in crate::waveforms) fn at_rest(codes: &Codes) -> (Vec<f64>, f64) {
+pub(in crate) fn at_rest(codes: &Codes) -> (Vec<f64>, f64) {
     let piece = beginning(codes);
     let baseline = Baseline::measure(piece, codes.shift, &mut vec![0; piece.len()]);
     let ambient = codes.of_height(baseline.ambient.into());

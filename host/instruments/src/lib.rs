@@ -11,7 +11,7 @@
 //! format, add a file beside `csv` and `npy`, and what tells it in [`read`].
 //!
 //! ```
-//! use echoloop_host::waveforms::{Finder, Options};
+//! use echoloop_instruments::{Finder, Options};
 //!
 //! // 200 samples of 1 ns: a pulse of 7 ns at 80 ns, over an ambient of 10.
 //! let pulse = |t: i32| 500.0 * (-f64::from((t - 80) * (t - 80)) / 18.0).exp();

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use super::curve::{Curve, PER_WIDTH};
 use super::model::Response;
-use crate::waveforms::read::WaveformError;
-use crate::waveforms::rows::Rows;
+use crate::read::WaveformError;
+use crate::rows::Rows;
 
 /// Points of a file at least and at most.
 const POINTS: std::ops::RangeInclusive<usize> = 5..=100_000;
@@ -124,7 +124,7 @@ fn resampled(given: &Curve, spreads: &[f64]) -> Response {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::waveforms::parse_waveforms;
+    use crate::parse_waveforms;
 
     fn read(text: &str) -> Result<Response, String> {
         let path = Path::new("response.csv");

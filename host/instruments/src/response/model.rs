@@ -5,9 +5,9 @@ use rayon::prelude::*;
 use super::curve::{Curve, Family};
 use super::estimate::{Estimate, LOBE, noise_at_rest};
 use super::strong::Strong;
-use crate::waveforms::codes::Codes;
-use crate::waveforms::finder::EchoFinder;
-use crate::waveforms::rows::{Rows, without_padding};
+use crate::codes::Codes;
+use crate::finder::EchoFinder;
+use crate::rows::{Rows, without_padding};
 
 /// Rows that are looked at, at most, evenly spaced: a recording of a million costs no more.
 const ROWS: usize = 2048;

@@ -4,7 +4,7 @@ use std::f64::consts::LN_2;
 
 /// Wilson's 95 % interval for a share `p` of `n`: it stays within 0 and 1 also for few pairs
 /// (J. Am. Stat. Assoc. 22, 1927). Of none, no numbers.
-pub(crate) fn wilson(p: f64, n: f64) -> [f64; 2] {
+pub fn wilson(p: f64, n: f64) -> [f64; 2] {
     const Z: f64 = 1.959_964;
     if n < 1.0 {
         return [f64::NAN; 2];
@@ -17,7 +17,7 @@ pub(crate) fn wilson(p: f64, n: f64) -> [f64; 2] {
 
 /// Probability that `a + b` throws of a fair coin fall at least as unevenly as `a` to `b`: of pairs
 /// that changed sides, McNemar's exact test.
-pub(crate) fn coin(a: usize, b: usize) -> f64 {
+pub fn coin(a: usize, b: usize) -> f64 {
     let factorial = |n: usize| libm::lgamma(n as f64 + 1.0);
     let n = a + b;
     let share = |k| factorial(n) - factorial(k) - factorial(n - k) - n as f64 * LN_2;
