@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use cpu::CpuTime;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use echoloop_host::experiment::config::RunConfig;
+use echoloop_closed_loop::config::RunConfig;
 use echoloop_sim::raycast::Raycaster;
 use echoloop_sim::scanner::{BeamOptics, Scanner, sub_rays};
 use echoloop_sim::scene::{Mesh, Scene, SceneKind, generate};

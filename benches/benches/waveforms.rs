@@ -16,10 +16,10 @@ use echoloop_frontend::{
     Receiver, ShotBuffers, WaveformFrontEnd, noise_key, synthesise, synthesise_baseline,
 };
 use echoloop_frontend::{Return, SceneResponse};
-use echoloop_sensors::client::{Client, RetryPolicy};
-use echoloop_sensors::transport::InProcess;
 use echoloop_kernels::{process, process_baseline, process_compiled};
 use echoloop_sensors::boards::pc::PcSensor;
+use echoloop_sensors::client::{Client, RetryPolicy};
+use echoloop_sensors::transport::InProcess;
 
 const SAMPLES: usize = 1024;
 

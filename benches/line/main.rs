@@ -31,10 +31,10 @@ mod measured {
     use clap::Parser;
     use echoloop_dsp::{Grid, ScanPattern, Settings};
     use echoloop_frontend::{Receiver, Return, SceneResponse};
+    use echoloop_sensors::boards::pc::{PcSensor, hardware_for};
     use echoloop_sensors::sensor::{Detector, Model, Sensor, View};
     use echoloop_sensors::serve::serve;
     use echoloop_sensors::transport::Serial;
-    use echoloop_sensors::boards::pc::{PcSensor, hardware_for};
 
     use crate::relay::{Ends, Relay};
 

@@ -20,7 +20,7 @@ use std::io::{BufRead, Write, stdin, stdout};
 use std::path::PathBuf;
 
 use clap::Parser;
-use echoloop_host::experiment::evaluate::median;
+use echoloop_closed_loop::evaluation::summary::median;
 use echoloop_registration::pose::{
     Pose, from_rows, read_pose, rotation_error_deg, translation_error_m,
 };

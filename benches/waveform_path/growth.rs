@@ -6,9 +6,9 @@ use std::time::Instant;
 use echoloop_dsp::{Grid, Hardware, ScanPattern, Settings};
 use echoloop_frontend::SceneResponse;
 use echoloop_frontend::{Receiver, WaveformFrontEnd};
+use echoloop_sensors::boards::pc::PcSensor;
 use echoloop_sensors::client::{Client, RetryPolicy};
 use echoloop_sensors::transport::InProcess;
-use echoloop_sensors::boards::pc::PcSensor;
 
 use crate::result::Result;
 use crate::work::{BATCH, Stage, returns, settings};

@@ -25,8 +25,8 @@ use echoloop_link::{
     SETTINGS_SCHEMA, Way, checksum, decode, encode, encode_for, settings_hash,
 };
 use echoloop_sensor::store::{MAGIC, forget, load, save};
-use echoloop_sensors::boards::pc::PcSensor;
 use echoloop_sensors::boards::nor_flash::RamNorFlash;
+use echoloop_sensors::boards::pc::PcSensor;
 use serde::ser::SerializeTuple;
 use serde::{Deserialize, Serialize, Serializer};
 

@@ -18,8 +18,8 @@
 use std::fmt::Display;
 use std::path::Path;
 
-use echoloop_host::experiment::config;
-use echoloop_host::experiment::journal::{sealed_lines, whole_generations};
+use echoloop_closed_loop::config;
+use echoloop_closed_loop::run_folder::journal::{sealed_lines, whole_generations};
 use echoloop_instruments::{Response, parse_waveforms};
 use echoloop_registration::cloud::{CloudFormat, parse_cloud, parse_recorded};
 use echoloop_registration::pose::parse_pose;

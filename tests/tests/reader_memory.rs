@@ -5,8 +5,8 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use echoloop_host::experiment::config;
-use echoloop_host::experiment::journal::whole_generations;
+use echoloop_closed_loop::config;
+use echoloop_closed_loop::run_folder::journal::whole_generations;
 use echoloop_instruments::parse_waveforms;
 use echoloop_registration::cloud::parse_recorded;
 use echoloop_registration::pose::parse_pose;

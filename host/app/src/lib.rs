@@ -2,7 +2,6 @@
 //!
 //! | room | what it is for |
 //! |---|---|
-//! | [`experiment`] | configuration, pairs of scans, the search, the judgement |
 //! | [`report`] | a run as one HTML page: plain data in, a string out |
 //! | [`desk`] | runs that are over: read back from their folders, told, compared |
 //! | [`reproduce`] | the paper's table: its cells, what is kept of them, the table made of it |
@@ -13,7 +12,5 @@
 
 pub mod cli;
 pub mod desk;
-pub mod experiment;
 pub mod report;
 pub mod reproduce;
-

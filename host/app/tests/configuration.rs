@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use echoloop_host::experiment::config::load;
-use echoloop_host::experiment::explained::{Explained, explained, said};
+use echoloop_closed_loop::config::key_reference::{Explained, explained, said};
+use echoloop_closed_loop::config::load;
 use echoloop_registration::setting;
 
 const BEGIN: &str = "<!-- written by `cargo test -p echoloop-host --test configuration`, \

@@ -23,5 +23,5 @@ pub mod stderr;
 pub use attribute::Attribute;
 pub use bytes::{MOST_TEXT, check_lines, folder_of, read_data, read_text, text_from};
 pub use column::{Column, Kind, eight};
-pub use stderr::say;
 pub use shown::{MOST_SHOWN, printable, shown, shown_most};
+pub use stderr::say;

@@ -5,10 +5,10 @@ use std::io;
 use std::sync::Arc;
 use std::time::Instant;
 
+use crate::boards::pc::PcSensor;
 use echoloop_dsp::{Hardware, ScanPattern};
 use echoloop_frontend::SceneResponse;
 use echoloop_frontend::{Analog, FrontEnd, ScanNoise, Trigger};
-use crate::boards::pc::PcSensor;
 
 use crate::sensor::Model;
 use crate::transport::{LOOK_UP, Transport, send_until};

@@ -5,10 +5,10 @@
 
 use std::sync::Arc;
 
+use echoloop_closed_loop::config::load;
+use echoloop_closed_loop::dataset::{Dataset, ScanPair};
 use echoloop_dsp::{Hardware, ParameterId, Settings};
 use echoloop_frontend::SceneResponse;
-use echoloop_host::experiment::config::load;
-use echoloop_host::experiment::dataset::{Dataset, ScanPair};
 use echoloop_sensors::sensor::{Model, Sensors, View};
 
 const KINDS: [&str; 3] = ["structured", "semi-structured", "unstructured"];

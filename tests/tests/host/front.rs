@@ -4,17 +4,17 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::sync::{LazyLock, Mutex};
 
+use echoloop_closed_loop::config::preset::PowerRange;
+use echoloop_closed_loop::config::{RunConfig, load};
+use echoloop_closed_loop::cost::CostKind;
+use echoloop_closed_loop::dataset::Dataset;
+use echoloop_closed_loop::evaluation::objective::Bench;
+use echoloop_closed_loop::evaluation::summary::Summary;
+use echoloop_closed_loop::front::{Front, FrontPoint, FrontSearch};
+use echoloop_closed_loop::parameters::{Parameters, Space};
+use echoloop_closed_loop::run_folder::journal::{CandidateRecord, Generation, Journal};
+use echoloop_closed_loop::search::{Observer, Silent, TuneError, TuneSearch};
 use echoloop_dsp::Hardware;
-use echoloop_host::experiment::config::{RunConfig, load};
-use echoloop_host::experiment::cost::CostKind;
-use echoloop_host::experiment::dataset::Dataset;
-use echoloop_host::experiment::evaluate::Summary;
-use echoloop_host::experiment::front::{Front, FrontPoint, FrontSearch};
-use echoloop_host::experiment::journal::{CandidateRecord, Generation, Journal};
-use echoloop_host::experiment::objective::Bench;
-use echoloop_host::experiment::params::{Parameters, Space};
-use echoloop_host::experiment::preset::PowerRange;
-use echoloop_host::experiment::tune::{Observer, Silent, TuneError, TuneSearch};
 use echoloop_sensors::sensor::{Model, Sensors};
 
 const GENERATIONS: usize = 3;

@@ -6,16 +6,16 @@
 use std::f64::consts::PI;
 use std::sync::Arc;
 
+use echoloop_closed_loop::config::{JitterPer, Motion, RunConfig, ScannerConfig};
+use echoloop_closed_loop::dataset::{Place, respond, respond_at};
 use echoloop_dsp::{Echo, Hardware, Pipeline, Scratch, Settings};
 use echoloop_frontend::{Analog, FrontEnd, Trigger};
 use echoloop_frontend::{Mode, Precipitation, Receiver, WaveformFrontEnd, Weather, litl};
 use echoloop_frontend::{Return, SceneResponse};
-use echoloop_host::experiment::config::{JitterPer, Motion, RunConfig, ScannerConfig};
-use echoloop_host::experiment::dataset::{Place, respond, respond_at};
-use echoloop_sensors::sensor::{Model, Sensor, View};
 use echoloop_registration::pose::Pose;
 use echoloop_sensor::afe::delay_fs;
 use echoloop_sensors::boards::pc::hardware_for;
+use echoloop_sensors::sensor::{Model, Sensor, View};
 use echoloop_sim::raycast::Raycaster;
 use echoloop_sim::scanner::{BeamOptics, Scanner};
 use echoloop_sim::scene::{MATERIALS, Material, Mesh, Scene};

@@ -4,12 +4,12 @@ use std::collections::HashSet;
 use std::f32::consts::PI;
 use std::sync::Arc;
 
+use echoloop_closed_loop::beams::Beams;
+use echoloop_closed_loop::beams::list::BeamList;
+use echoloop_closed_loop::config::{RunConfig, ScannerConfig};
+use echoloop_closed_loop::evaluation::scan_cloud::{cloud_from_scan, recorded_from_scan};
 use echoloop_dsp::{Echo, Grid, ScanPattern, Settings};
 use echoloop_frontend::{Return, SceneResponse};
-use echoloop_host::experiment::beam_list::BeamList;
-use echoloop_host::experiment::beams::Beams;
-use echoloop_host::experiment::config::{RunConfig, ScannerConfig};
-use echoloop_host::experiment::scan_cloud::{cloud_from_scan, recorded_from_scan};
 use echoloop_sensors::sensor::{Model, Sensor, View};
 use nalgebra::Vector3;
 

@@ -9,16 +9,16 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
 use echoloop_dsp::{Echoes, Grid, Hardware, Pipeline, ScanPattern, Scratch, Settings};
-use echoloop_sensors::client::{Client, RetryPolicy};
-use echoloop_sensors::transport::InProcess;
 use echoloop_link::{
     Command, Decoder, Greeting, MAX_FRAME, Report, Room, Times, decode, encode, settings_hash,
 };
 use echoloop_sensor::afe::{adc, emitter};
 use echoloop_sensor::mailbox::{Registers, serve};
 use echoloop_sensor::{App, Board};
-use echoloop_sensors::boards::pc::PcSensor;
 use echoloop_sensors::boards::nor_flash::RamNorFlash;
+use echoloop_sensors::boards::pc::PcSensor;
+use echoloop_sensors::client::{Client, RetryPolicy};
+use echoloop_sensors::transport::InProcess;
 use echoloop_tests::faults::Target;
 use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
 

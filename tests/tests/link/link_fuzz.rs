@@ -9,12 +9,12 @@ use std::collections::HashMap;
 use std::time::{Duration, Instant};
 
 use echoloop_dsp::{Grid, Hardware, ScanPattern, Settings};
-use echoloop_sensors::client::{Client, ClientError, RetryPolicy};
-use echoloop_sensors::transport::InProcess;
 use echoloop_link::Nack;
 use echoloop_sensor::store;
-use echoloop_sensors::boards::pc::PcSensor;
 use echoloop_sensors::boards::nor_flash::RamNorFlash;
+use echoloop_sensors::boards::pc::PcSensor;
+use echoloop_sensors::client::{Client, ClientError, RetryPolicy};
+use echoloop_sensors::transport::InProcess;
 use echoloop_tests::faults::{Faulty, Rates, Target};
 use echoloop_tests::vectors;
 use rand::RngExt;

@@ -3,10 +3,10 @@
 use std::time::Duration;
 
 use echoloop_dsp::{Grid, Hardware, ScanPattern, Settings};
+use echoloop_sensors::boards::pc::PcSensor;
 use echoloop_sensors::client::{Client, RetryPolicy};
 use echoloop_sensors::size::scan_bits;
 use echoloop_sensors::transport::{Conversation, Direction, InProcess, Recording};
-use echoloop_sensors::boards::pc::PcSensor;
 use echoloop_tests::faults::Target;
 
 fn sensor() -> InProcess<Target> {

@@ -3,9 +3,9 @@
 use std::time::Duration;
 
 use echoloop_dsp::{Grid, Hardware, ScanPattern, Settings};
+use echoloop_sensors::boards::pc::PcSensor;
 use echoloop_sensors::client::{Client, ClientError, RetryPolicy};
 use echoloop_sensors::transport::InProcess;
-use echoloop_sensors::boards::pc::PcSensor;
 use echoloop_tests::faults::{Faulty, Rates, Target};
 
 type Host = Client<Faulty<InProcess<Target>>>;

@@ -5,12 +5,12 @@ use std::time::Duration;
 
 use echoloop_dsp::settings::PARAMETERS;
 use echoloop_dsp::{Grid, Hardware, ScanPattern, Settings};
-use echoloop_sensors::client::{Client, ClientError, RetryPolicy};
-use echoloop_sensors::transport::InProcess;
 use echoloop_link::{Nack, SETTINGS_SCHEMA, checksum};
 use echoloop_sensor::store::{MAGIC, RECORD, Saved, StoreError, forget, load, save};
-use echoloop_sensors::boards::pc::PcSensor;
 use echoloop_sensors::boards::nor_flash::RamNorFlash;
+use echoloop_sensors::boards::pc::PcSensor;
+use echoloop_sensors::client::{Client, ClientError, RetryPolicy};
+use echoloop_sensors::transport::InProcess;
 use echoloop_tests::faults::Target;
 use echoloop_tests::vectors;
 use embedded_storage::nor_flash::NorFlash;

@@ -11,17 +11,17 @@ use std::time::Duration;
 
 use echoloop_dsp::{Echoes, Grid, Hardware, MAX_CODES, ScanPattern, Settings};
 use echoloop_frontend::{Receiver, Return, SceneResponse};
-use echoloop_sensors::client::{Client, ClientError, RetryPolicy};
-use echoloop_sensors::sensor::{Detector, Line, Model, Sensor, View};
-use echoloop_sensors::transport::{InProcess, Transport};
 use echoloop_link::packed::pack;
 use echoloop_link::{
     Command, Decoder, Greeting, MAX_FRAME, Nack, Place, Report, Room, decode, encode,
 };
 use echoloop_sensor::{App, Board};
-use echoloop_sensors::boards::pc::{PcSensor, hardware_for};
 use echoloop_sensors::boards::nor_flash::RamNorFlash;
+use echoloop_sensors::boards::pc::{PcSensor, hardware_for};
 use echoloop_sensors::boards::shots::Shots;
+use echoloop_sensors::client::{Client, ClientError, RetryPolicy};
+use echoloop_sensors::sensor::{Detector, Line, Model, Sensor, View};
+use echoloop_sensors::transport::{InProcess, Transport};
 use echoloop_tests::faults::{Faulty, Rates};
 use echoloop_tests::vectors;
 use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};

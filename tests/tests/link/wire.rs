@@ -8,14 +8,14 @@ use echoloop_dsp::{
     BeamTable, Echo, Echoes, Flags, Grid, Hardware, ParameterId, Reason, Refusal, Rosette,
     ScanPattern, Settings, Spinning, SpinningModel,
 };
-use echoloop_sensors::client::{Client, ClientError, RetryPolicy};
-use echoloop_sensors::transport::Transport;
 use echoloop_link::{
     BEAMS_PER_REPORT, Command, Counters, Decoder, FrameError, Greeting, MAX_FRAME, MAX_PAYLOAD,
     Message, Nack, Noise, PACKED_BYTES, PROTOCOL, Place, Report, Room, SCHEMA, Times, Way, decode,
     encode, encode_for, settings_hash,
 };
 use echoloop_sensors::boards::pc::PcSensor;
+use echoloop_sensors::client::{Client, ClientError, RetryPolicy};
+use echoloop_sensors::transport::Transport;
 use echoloop_tests::faults::Target;
 use echoloop_tests::vectors;
 use proptest::collection::vec;

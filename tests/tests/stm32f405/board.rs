@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use echoloop_dsp::{Hardware, ScanPattern, Settings};
-use echoloop_sensors::client::{Client, RetryPolicy};
-use echoloop_sensors::defmt_log;
 use echoloop_link::{Decoder, Report, decode};
 use echoloop_sensors::boards::qemu::{Machine, Qemu, QemuOptions};
+use echoloop_sensors::client::{Client, RetryPolicy};
+use echoloop_sensors::defmt_log;
 use echoloop_tests::faults::Target;
 use echoloop_tests::gdb::Gdb;
 use echoloop_tests::target::machine;

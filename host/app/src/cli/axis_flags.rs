@@ -4,7 +4,7 @@ use clap::Args;
 use echoloop_files::shown;
 
 use super::exit::Failure;
-use crate::experiment::config::{AxisChoice, Override};
+use echoloop_closed_loop::config::{AxisChoice, Override};
 
 /// Flags of commands that search, or serve a search.
 #[derive(Clone, Debug, Default, Args)]

@@ -8,7 +8,7 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::exit::Failure;
-use crate::experiment::params::{Values, choices};
+use echoloop_closed_loop::parameters::{Values, choices};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]

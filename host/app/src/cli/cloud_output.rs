@@ -9,7 +9,7 @@ use echoloop_registration::cloud::{CloudFormat, Recorded};
 use super::common::Common;
 use super::exit::{Failure, print, print_bytes};
 use super::method_choice::one_of;
-use crate::experiment::files::Output;
+use echoloop_closed_loop::run_folder::files::Output;
 use echoloop_files::say;
 
 /// Reads `--format`.

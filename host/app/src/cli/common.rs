@@ -8,8 +8,8 @@ use super::choice::SensorChoice;
 use super::exit::Failure;
 use super::number::{self, THREADS, number_as};
 use super::tuned_run::tuned_config;
-use crate::experiment::config::{Override, RegistrationConfig, RunConfig, changed, load};
-use crate::experiment::dataset::stored_config;
+use echoloop_closed_loop::config::{Override, RegistrationConfig, RunConfig, changed, load};
+use echoloop_closed_loop::dataset::stored_config;
 use echoloop_files::say;
 
 /// What every command takes.
@@ -87,8 +87,9 @@ fn start_of(run: &Path, overrides: &[Override]) -> Result<RunConfig, Failure> {
     let asked = overrides.iter().rev().find_map(|change| change.text_of("registration.method"));
     let was = config.registration.method.name();
     if let Some(method) = asked.filter(|method| *method != was) {
-        config.registration =
-            RegistrationConfig { preset: config.registration.preset, ..Default::default() };
+        let preset = config.registration.preset;
+        config.registration = RegistrationConfig::default();
+        config.registration.preset = preset;
         config.tune.axes.forget("registration.");
         say(format_args!("{}: of {was}, so {method} starts at its own settings", run.display()));
     }

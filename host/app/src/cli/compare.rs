@@ -8,9 +8,9 @@ use super::exit::{self, Failure, print};
 use super::report::is_standard_output;
 use super::table_format::{TableFormat, aligned};
 use crate::desk::{Against, Compared, ComparedRun, FinishedRun, compared, runs_page};
-use crate::experiment::cost::CostKind;
-use crate::experiment::files::Output;
-use crate::experiment::gain::{Difference, Estimate, Figures};
+use echoloop_closed_loop::cost::CostKind;
+use echoloop_closed_loop::evaluation::gain::{Difference, Estimate, Figures};
+use echoloop_closed_loop::run_folder::files::Output;
 
 /// Flags of `compare`.
 #[derive(Clone, Debug, Args)]

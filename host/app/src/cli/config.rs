@@ -7,9 +7,9 @@ use super::common::{Common, ConfigSource};
 use super::exit::{self, Failure, print};
 use super::parameter_table::{parameter_json, parameter_table};
 use super::prepared::space;
-use crate::experiment::config::RunConfig;
-use crate::experiment::explained::{Explained, explained, said};
-use crate::experiment::params::Parameters;
+use echoloop_closed_loop::config::RunConfig;
+use echoloop_closed_loop::config::key_reference::{Explained, explained, said};
+use echoloop_closed_loop::parameters::Parameters;
 
 /// Flags of `config`.
 #[derive(Clone, Debug, Args)]

@@ -14,11 +14,11 @@ use super::method_choice::MethodChoice;
 use super::number::{flag, number_of, read};
 use super::prepared::{Met, PairSet};
 use super::progress::Progress;
+use echoloop_closed_loop::config::RunConfig;
+use echoloop_closed_loop::dataset::{DatasetError, Facts};
+use echoloop_closed_loop::evaluation::summary::{evaluate, succeeds};
+use echoloop_closed_loop::search::Observer;
 use echoloop_statistics::wilson;
-use crate::experiment::config::RunConfig;
-use crate::experiment::dataset::{DatasetError, Facts};
-use crate::experiment::evaluate::{evaluate, succeeds};
-use crate::experiment::tune::Observer;
 
 /// Difficulties tried, in steps of so much, up to the most that the key takes.
 const STEP: f64 = 0.5;

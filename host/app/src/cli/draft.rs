@@ -7,7 +7,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::exit::Failure;
 use super::interrupt::INTERRUPTED;
-use crate::experiment::files::{FileError, file_error, make_folders, replace, sync_folder_of};
+use echoloop_closed_loop::run_folder::files::{
+    FileError, file_error, make_folders, replace, sync_folder_of,
+};
 
 /// Goes on with work for a draft until ^C was heard.
 pub(super) fn go_on(stop: &AtomicBool) -> Result<(), Failure> {

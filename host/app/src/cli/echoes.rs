@@ -3,10 +3,10 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use echoloop_files::say;
-use echoloop_instruments::finder::EchoFinder;
 use clap::Args;
 use echoloop_dsp::peak::MAX_CANDIDATES;
+use echoloop_files::say;
+use echoloop_instruments::finder::EchoFinder;
 
 use super::common::{Common, on_threads};
 use super::exit::{Failure, print};

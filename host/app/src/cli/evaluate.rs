@@ -14,12 +14,12 @@ use super::prepared::{Met, PairSet, Prepared, percent, require_recall};
 use super::progress::Progress;
 use super::stream;
 use super::table_format::{TableFormat, csv};
-use crate::experiment::config::RunConfig;
-use crate::experiment::cost::CostKind;
-use crate::experiment::dataset::Facts;
-use crate::experiment::evaluate::{Summary, evaluate_and_cost};
-use crate::experiment::params::{Values, written_values};
-use crate::experiment::tune::Observer;
+use echoloop_closed_loop::config::RunConfig;
+use echoloop_closed_loop::cost::CostKind;
+use echoloop_closed_loop::dataset::Facts;
+use echoloop_closed_loop::evaluation::summary::{Summary, evaluate_and_cost};
+use echoloop_closed_loop::parameters::{Values, written_values};
+use echoloop_closed_loop::search::Observer;
 
 /// Flags of `evaluate`.
 #[derive(Clone, Debug, Args)]

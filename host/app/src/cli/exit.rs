@@ -6,13 +6,13 @@ use std::io::{ErrorKind, Write};
 use serde::Serialize;
 
 use super::interrupt::{INTERRUPTED, end_the_process, is_ending};
-use crate::experiment::dataset::DatasetError;
-use crate::experiment::files::FileError;
-use crate::experiment::journal::JournalError;
-use crate::experiment::tune::TuneError;
+use echoloop_closed_loop::dataset::DatasetError;
+use echoloop_closed_loop::run_folder::files::FileError;
+use echoloop_closed_loop::run_folder::journal::JournalError;
+use echoloop_closed_loop::search::TuneError;
+use echoloop_files::stderr::{bounded, say};
 use echoloop_sensors::client::ClientError;
 use echoloop_sensors::sensor::SensorError;
-use echoloop_files::stderr::{bounded, say};
 
 /// What a shell says of a command that wrote to a closed pipe: 128 + SIGPIPE.
 pub const READER_GONE: u8 = 141;

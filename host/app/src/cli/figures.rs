@@ -1,12 +1,12 @@
 //! The tables that a run ends with.
 
 use crate::desk::{costs, judged};
-use crate::experiment::config::RunConfig;
-use crate::experiment::evaluate::Summary;
-use crate::experiment::front::{Front, Mark};
-use crate::experiment::params::{self, Axis, Space, effective};
-use crate::experiment::run::RunResult;
 use crate::report::Costs;
+use echoloop_closed_loop::config::RunConfig;
+use echoloop_closed_loop::evaluation::summary::Summary;
+use echoloop_closed_loop::front::{Front, Mark};
+use echoloop_closed_loop::parameters::{self, Axis, Space, effective};
+use echoloop_closed_loop::run_folder::run::RunResult;
 
 /// Default against tuned, and what was changed.
 pub(super) fn print_table(config: &RunConfig, result: &RunResult, space: &Space) {
@@ -107,12 +107,12 @@ fn mark_row(name: &str, front: &Front, mark: &Mark, against: &str) -> String {
 /// A value as the table has it: a choice by name, a number so that it reads back as itself.
 fn shown(name: &str, value: Option<f64>) -> String {
     let Some(value) = value else { return "–".into() };
-    let choice = params::choices(name).get(value as usize);
+    let choice = parameters::choices(name).get(value as usize);
     choice.map_or_else(|| value.to_string(), |&choice| choice.to_owned())
 }
 
 fn range(axis: &Axis) -> String {
-    match params::choices(axis.name) {
+    match parameters::choices(axis.name) {
         [] => format!("{} to {}", axis.min, axis.max),
         names => names.join(", "),
     }

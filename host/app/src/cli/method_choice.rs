@@ -3,7 +3,7 @@
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
-use crate::experiment::config::{FgrMode, Method, Override};
+use echoloop_closed_loop::config::{FgrMode, Method, Override};
 
 /// What `--mode` is.
 pub(super) const MODE_HELP: &str =

@@ -53,7 +53,7 @@ use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
 use echoloop_files::shown;
 
-use crate::experiment::preset::Preset;
+use echoloop_closed_loop::config::preset::Preset;
 use echoloop_registration::Method;
 
 pub use exit::{Failure, READER_GONE, report_failure};

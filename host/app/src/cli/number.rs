@@ -5,7 +5,7 @@ use std::str::FromStr;
 use clap::builder::{StringValueParser, TypedValueParser};
 use echoloop_keys::{Key, Kind, Must, Value};
 
-use crate::experiment::config::key;
+use echoloop_closed_loop::config::key;
 
 /// A flag's bound, where it is no key of the configuration.
 pub(super) const fn flag(kind: Kind, must: Must) -> Key {

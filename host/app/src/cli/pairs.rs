@@ -16,13 +16,13 @@ use super::interrupt::stop_on_interrupt;
 use super::method_choice::MethodChoice;
 use super::prepared::{PairSet, Prepared};
 use super::progress::Progress;
-use crate::experiment::config::RunConfig;
-use crate::experiment::dataset::{Facts, ScanPair};
-use crate::experiment::scan_cloud::recorded_from_scan;
-use crate::experiment::tune::Observer;
-use echoloop_sensors::sensor::View;
+use echoloop_closed_loop::config::RunConfig;
+use echoloop_closed_loop::dataset::{Facts, ScanPair};
+use echoloop_closed_loop::evaluation::scan_cloud::recorded_from_scan;
+use echoloop_closed_loop::search::Observer;
 use echoloop_registration::cloud::{CloudFormat, Recorded};
 use echoloop_registration::pose::{Pose, to_rows};
+use echoloop_sensors::sensor::View;
 
 /// Flags of `pairs`.
 #[derive(Clone, Debug, Args)]

@@ -3,8 +3,8 @@
 use echoloop_dsp::{Kind, Parameter};
 use echoloop_registration::Method;
 
-use crate::experiment::params::{axes, written};
-use crate::experiment::preset::Preset;
+use echoloop_closed_loop::config::preset::Preset;
+use echoloop_closed_loop::parameters::{axes, written};
 
 /// A row of the parameter table, in units.
 struct Row {

@@ -11,14 +11,14 @@ use super::exit::Failure;
 use super::method_choice::toml_name;
 use super::number::{flag, read};
 use super::progress::Progress;
-use crate::experiment::config::RunConfig;
-use crate::experiment::dataset::{Dataset, DatasetError, Facts};
-use crate::experiment::evaluate::{NoisyPairs, Summary};
-use crate::experiment::objective::Bench;
-use crate::experiment::params::{Parameters, Space};
-use crate::experiment::preset::Strategy;
-use crate::experiment::seed::Purpose;
-use crate::experiment::tune::{Stage, TuneSearch, stages};
+use echoloop_closed_loop::config::RunConfig;
+use echoloop_closed_loop::config::preset::Strategy;
+use echoloop_closed_loop::dataset::{Dataset, DatasetError, Facts};
+use echoloop_closed_loop::evaluation::objective::Bench;
+use echoloop_closed_loop::evaluation::summary::{NoisyPairs, Summary};
+use echoloop_closed_loop::parameters::{Parameters, Space};
+use echoloop_closed_loop::search::{Stage, TuneSearch, stages};
+use echoloop_closed_loop::seed::Purpose;
 use echoloop_sensors::sensor::{Model, Sensors};
 
 /// Which pairs.

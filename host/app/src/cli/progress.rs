@@ -7,9 +7,9 @@ use std::time::Duration;
 use echoloop_files::shown;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use crate::experiment::evaluate::median;
-use crate::experiment::journal::Generation;
-use crate::experiment::tune::Observer;
+use echoloop_closed_loop::evaluation::summary::median;
+use echoloop_closed_loop::run_folder::journal::Generation;
+use echoloop_closed_loop::search::Observer;
 use echoloop_files::say;
 
 /// Shows how far the work is.

@@ -15,8 +15,8 @@ use super::common::Setup;
 use super::exit::{self, Failure};
 use super::number::{flag, number_as, read};
 use super::progress::Progress;
-use crate::experiment::config::RunConfig;
-use crate::experiment::cost::{Processor, Scanner};
+use echoloop_closed_loop::config::RunConfig;
+use echoloop_closed_loop::cost::{Processor, Scanner};
 use echoloop_sensors::sensor::{Model, View};
 
 /// Flags of `rate`.

@@ -5,9 +5,9 @@ use echoloop_dsp::Settings;
 use super::choice::{described, hold_to};
 use super::common::Setup;
 use super::exit::Failure;
-use crate::experiment::beams::Beams;
-use crate::experiment::config::RunConfig;
-use crate::experiment::params::Parameters;
+use echoloop_closed_loop::beams::Beams;
+use echoloop_closed_loop::config::RunConfig;
+use echoloop_closed_loop::parameters::Parameters;
 use echoloop_sensors::sensor::{Model, Sensors};
 
 /// Sensors that were asked who they are.

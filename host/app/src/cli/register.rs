@@ -10,7 +10,7 @@ use super::exit::Failure;
 use super::method_choice::method_parser;
 use super::method_flags::MethodFlags;
 use super::tuned_run::tuned_config;
-use crate::experiment::params::{Parameters, written};
+use echoloop_closed_loop::parameters::{Parameters, written};
 use echoloop_files::say;
 use echoloop_registration::cloud::{
     Cloud, CloudError, CloudFormat, Dropped, Recorded, read_cloud, read_recorded, voxel,

@@ -6,9 +6,11 @@ use clap::Args;
 
 use super::exit::{Failure, print};
 use crate::desk::{FinishedRun, RunError, page};
-use crate::experiment::files::{Output, PART, beside, is_free_for_a_file, make_folders, replace};
-use crate::experiment::run::{REPORT, RESULT, RunFolder};
 use crate::report::{Figure, Report};
+use echoloop_closed_loop::run_folder::files::{
+    Output, PART, beside, is_free_for_a_file, make_folders, replace,
+};
+use echoloop_closed_loop::run_folder::run::{REPORT, RESULT, RunFolder};
 
 /// Flags of `report`.
 #[derive(Clone, Debug, Args)]

@@ -11,8 +11,8 @@ use serde_json::{Value, json};
 use super::common::Common;
 use super::exit::{self, Failure};
 use super::number::{flag, read};
-use crate::experiment::files::Output;
-use crate::experiment::source::Source;
+use echoloop_closed_loop::dataset::source::Source;
+use echoloop_closed_loop::run_folder::files::Output;
 
 /// From waypoint to waypoint, metres, where nothing is given.
 const STEP_M: f64 = 2.0;

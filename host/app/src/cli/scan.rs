@@ -18,17 +18,17 @@ use super::exit::{self, Failure};
 use super::progress::Progress;
 use super::ready::Ready;
 use super::scan_along::{Along, scan_along};
-use crate::experiment::beams::Beams;
-use crate::experiment::config::RunConfig;
-use crate::experiment::dataset::{
+use echoloop_closed_loop::beams::Beams;
+use echoloop_closed_loop::config::RunConfig;
+use echoloop_closed_loop::dataset::source::Source;
+use echoloop_closed_loop::dataset::{
     Dataset, DatasetError, Place, pair_plan, place, poses, respond, sight,
 };
-use crate::experiment::scan_cloud::recorded_from_scan;
-use crate::experiment::seed::scan_noise;
-use crate::experiment::source::Source;
-use echoloop_sensors::sensor::View;
+use echoloop_closed_loop::evaluation::scan_cloud::recorded_from_scan;
+use echoloop_closed_loop::seed::scan_noise;
 use echoloop_registration::cloud::{CloudFormat, Recorded};
 use echoloop_registration::pose::{Pose, to_rows};
+use echoloop_sensors::sensor::View;
 
 /// Flags of `scan`.
 #[derive(Clone, Debug, Args)]
@@ -239,7 +239,7 @@ fn nowhere(scene: &Scene, source: ViewpointError) -> Failure {
 fn told(args: &ScanArgs, scan: &Scan) -> Result<String, Failure> {
     let points = &scan.recorded.cloud.points;
     let ranges: Vec<f64> = points.iter().map(|p| f64::from(p.coords.norm())).collect();
-    let median_m = crate::experiment::evaluate::median(ranges.iter().copied());
+    let median_m = echoloop_closed_loop::evaluation::summary::median(ranges.iter().copied());
     let farthest_m = ranges.iter().copied().fold(0.0, f64::max);
     let (settings, beams, points) = (format!("{:#010x}", scan.settings), scan.beams, ranges.len());
     if args.setup.common.json {

@@ -13,14 +13,14 @@ use super::exit::{self, Failure, print};
 use super::interrupt::stop_on_interrupt;
 use super::progress::Progress;
 use super::ready::Ready;
-use crate::experiment::config::RunConfig;
-use crate::experiment::dataset::{Place, place, respond_at};
-use crate::experiment::scan_cloud::recorded_from_scan;
-use crate::experiment::seed::scan_noise;
-use crate::experiment::tune::Observer;
-use echoloop_sensors::sensor::View;
+use echoloop_closed_loop::config::RunConfig;
+use echoloop_closed_loop::dataset::{Place, place, respond_at};
+use echoloop_closed_loop::evaluation::scan_cloud::recorded_from_scan;
+use echoloop_closed_loop::search::Observer;
+use echoloop_closed_loop::seed::scan_noise;
 use echoloop_registration::cloud::{CloudFormat, Recorded};
 use echoloop_registration::pose::{Stamped, read_trajectory, to_rows};
+use echoloop_sensors::sensor::View;
 
 /// Scans that are made before they are written, so that a long way takes no more memory.
 const AT_A_TIME: usize = 16;

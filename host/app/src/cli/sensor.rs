@@ -8,7 +8,7 @@ use super::choice::described;
 use super::common::{ConfigSource, Setup};
 use super::exit::{self, Failure};
 use super::parameter_table::choices;
-use crate::experiment::config::{Lidar, RunConfig};
+use echoloop_closed_loop::config::{Lidar, RunConfig};
 use echoloop_sensors::client::Identity;
 use echoloop_sensors::pattern::{described as beams_of, document};
 use echoloop_sensors::sensor::Model;

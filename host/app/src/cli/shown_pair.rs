@@ -5,10 +5,10 @@ use echoloop_registration::cloud::{Cloud, CloudFormat};
 
 use super::exit::Failure;
 use super::prepared::Prepared;
-use crate::experiment::objective::Registered;
-use crate::experiment::params::Parameters;
-use crate::experiment::run::{AFTER, BEFORE, RunFolder, RunResult};
-use crate::experiment::seed::{Purpose, derive};
+use echoloop_closed_loop::evaluation::objective::Registered;
+use echoloop_closed_loop::parameters::Parameters;
+use echoloop_closed_loop::run_folder::run::{AFTER, BEFORE, RunFolder, RunResult};
+use echoloop_closed_loop::seed::{Purpose, derive};
 
 /// Registers the shown pair both ways, and writes both as PLY.
 pub(super) fn write_clouds(

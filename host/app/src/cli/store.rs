@@ -10,9 +10,9 @@ use super::exit::{self, Failure};
 use super::method_choice::MethodChoice;
 use super::prepared::Prepared;
 use super::progress::Progress;
-use crate::experiment::config::RunConfig;
-use crate::experiment::dataset::{Facts, stored};
-use crate::experiment::files::Output;
+use echoloop_closed_loop::config::RunConfig;
+use echoloop_closed_loop::dataset::{Facts, stored};
+use echoloop_closed_loop::run_folder::files::Output;
 
 /// Flags of `store`.
 #[derive(Clone, Debug, Args)]

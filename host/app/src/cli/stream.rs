@@ -14,10 +14,10 @@ use super::candidate::number;
 use super::exit::{Failure, print};
 use super::prepared::{PairSet, Prepared};
 use super::progress::Progress;
-use crate::experiment::params::{
+use echoloop_closed_loop::parameters::{
     Axis, Parameters, Scale, ValueError, Values, choices, written, written_values,
 };
-use crate::experiment::tune::{Judge, Observer};
+use echoloop_closed_loop::search::{Judge, Observer};
 
 /// A line of the stream, but for its `id`, which may be anything and comes back with the answer.
 #[derive(Deserialize)]

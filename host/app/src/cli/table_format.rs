@@ -4,8 +4,8 @@ use clap::ValueEnum;
 use serde::Serialize;
 
 use super::exit::Failure;
-use crate::experiment::evaluate::Summary;
-use crate::experiment::objective::PairError;
+use echoloop_closed_loop::evaluation::objective::PairError;
+use echoloop_closed_loop::evaluation::summary::Summary;
 
 /// How tables are printed for programs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

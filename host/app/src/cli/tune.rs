@@ -22,23 +22,25 @@ use super::shown_pair::write_clouds;
 use super::table_format::{TableFormat, csv};
 use super::tuned_run::tuned_values;
 use crate::desk::judged;
-use crate::experiment::about::About;
-use crate::experiment::compare::Comparison;
-use crate::experiment::config::{Override, RunConfig, default_runs_folder, key, load};
-use crate::experiment::cost::CostKind;
-use crate::experiment::evaluate::Summary;
-use crate::experiment::files::FileError;
-use crate::experiment::front::{Front, FrontSearch};
-use crate::experiment::journal::{Generation, Journal};
-use crate::experiment::params::Parameters;
-use crate::experiment::preset::{LidarPreset, Objective, PowerRange, Preset, Protocol, Strategy};
-use crate::experiment::run::{
+use echoloop_closed_loop::config::preset::{
+    LidarPreset, Objective, PowerRange, Preset, Protocol, Strategy,
+};
+use echoloop_closed_loop::config::{Override, RunConfig, default_runs_folder, key, load};
+use echoloop_closed_loop::cost::CostKind;
+use echoloop_closed_loop::evaluation::compare::Comparison;
+use echoloop_closed_loop::evaluation::summary::Summary;
+use echoloop_closed_loop::front::{Front, FrontSearch};
+use echoloop_closed_loop::parameters::Parameters;
+use echoloop_closed_loop::run_folder::files::FileError;
+use echoloop_closed_loop::run_folder::journal::{Generation, Journal};
+use echoloop_closed_loop::run_folder::provenance::About;
+use echoloop_closed_loop::run_folder::run::{
     AxisRecord, Background, CONFIG, FRONT, HISTORY, REPORT, RESULT, RunFolder, RunResult,
     StageRecord,
 };
-use crate::experiment::tune::{Stage, TuneError, TuneSearch, Tuned};
-use echoloop_sensors::pattern::{described, size};
+use echoloop_closed_loop::search::{Stage, TuneError, TuneSearch, Tuned};
 use echoloop_files::say;
+use echoloop_sensors::pattern::{described, size};
 
 /// Flags of `tune`.
 #[derive(Clone, Debug, Args)]

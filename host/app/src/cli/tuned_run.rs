@@ -7,9 +7,9 @@ use echoloop_files::{read_text, shown};
 use serde::Deserialize;
 
 use super::exit::Failure;
-use crate::experiment::config::{RunConfig, load};
-use crate::experiment::params::{Parameters, Values};
-use crate::experiment::run::{CONFIG, RESULT};
+use echoloop_closed_loop::config::{RunConfig, load};
+use echoloop_closed_loop::parameters::{Parameters, Values};
+use echoloop_closed_loop::run_folder::run::{CONFIG, RESULT};
 
 /// Bytes that are read at most of a run's result, of which one part is kept.
 const MOST_RESULT: u64 = 16 << 20;

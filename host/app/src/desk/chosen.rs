@@ -1,9 +1,9 @@
 //! Why the chosen point may lie outside the search's last band, parameter by parameter.
 
-use crate::experiment::journal::Generation;
-use crate::experiment::params::{choices, effective};
-use crate::experiment::run::{AxisRecord, RunResult};
-use crate::experiment::tune::Origin;
+use echoloop_closed_loop::parameters::{choices, effective};
+use echoloop_closed_loop::run_folder::journal::Generation;
+use echoloop_closed_loop::run_folder::run::{AxisRecord, RunResult};
+use echoloop_closed_loop::search::Origin;
 
 /// A sentence for each parameter whose chosen value is not within one standard deviation of where
 /// the search ended, and where the choice comes from; nothing where all are.
@@ -90,7 +90,7 @@ fn three(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::experiment::params::Scale;
+    use echoloop_closed_loop::parameters::Scale;
 
     fn axis(name: &str, scale: Scale) -> AxisRecord {
         AxisRecord { name: name.into(), unit: "m".into(), scale, min: 1.0, max: 100.0 }

@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use serde::{Serialize, Serializer};
 
 use super::folder::FinishedRun;
-use crate::experiment::cost::ScanCost;
-use crate::experiment::gain::{Difference, Estimate, Figures};
-use crate::experiment::params::{choices, written};
+use echoloop_closed_loop::cost::ScanCost;
+use echoloop_closed_loop::evaluation::gain::{Difference, Estimate, Figures};
+use echoloop_closed_loop::parameters::{choices, written};
 
 /// Runs beside the first.
 #[derive(Clone, Debug, Serialize)]
@@ -180,8 +180,8 @@ mod tests {
 
     use super::*;
     use crate::desk::tests::result;
-    use crate::experiment::about::About;
-    use crate::experiment::config::RunConfig;
+    use echoloop_closed_loop::config::RunConfig;
+    use echoloop_closed_loop::run_folder::provenance::About;
 
     fn run(seed: u64, power: f64) -> FinishedRun {
         let config = RunConfig { seed, ..RunConfig::default() };

@@ -9,11 +9,11 @@ use serde::Deserialize;
 use serde_json::Value;
 use thiserror::Error;
 
-use crate::experiment::about::About;
-use crate::experiment::config::{DataConfig, RegistrationConfig, TuneConfig};
-use crate::experiment::files::FileError;
-use crate::experiment::journal::{Generation, Header, Journal, JournalError};
-use crate::experiment::run::{
+use echoloop_closed_loop::config::{DataConfig, RegistrationConfig, TuneConfig};
+use echoloop_closed_loop::run_folder::files::FileError;
+use echoloop_closed_loop::run_folder::journal::{Generation, Header, Journal, JournalError};
+use echoloop_closed_loop::run_folder::provenance::About;
+use echoloop_closed_loop::run_folder::run::{
     AFTER, AxisRecord, BEFORE, Background, CONFIG, HISTORY, RESULT, RESULT_FORMAT, RunResult,
 };
 
@@ -169,7 +169,7 @@ impl FinishedRun {
     /// [`RunError::File`].
     pub fn clouds(&self) -> Result<[[Cloud; 2]; 2], RunError> {
         let RunResult { default_summary, tuned_summary, .. } = &self.result;
-        let points = |errors: &[crate::experiment::objective::PairError]| {
+        let points = |errors: &[echoloop_closed_loop::evaluation::objective::PairError]| {
             let shown = errors.iter().find(|error| error.pair == self.shown_pair());
             shown.map_or([0; 2], |error| error.points)
         };

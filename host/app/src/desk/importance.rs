@@ -15,10 +15,10 @@
 use echoloop_random::Generator;
 
 use super::surrogate::{Kind, Sample, Surrogate, centred};
-use crate::experiment::compare::bootstrap;
-use crate::experiment::journal::Generation;
-use crate::experiment::params::{Values, choices, effective};
-use crate::experiment::run::AxisRecord;
+use echoloop_closed_loop::evaluation::compare::bootstrap;
+use echoloop_closed_loop::parameters::{Values, choices, effective};
+use echoloop_closed_loop::run_folder::journal::Generation;
+use echoloop_closed_loop::run_folder::run::AxisRecord;
 
 /// Times that values are dealt anew.
 const DEALS: u64 = 8;
@@ -294,8 +294,8 @@ fn places(cells: Option<usize>) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::experiment::journal::CandidateRecord;
-    use crate::experiment::params::Scale;
+    use echoloop_closed_loop::parameters::Scale;
+    use echoloop_closed_loop::run_folder::journal::CandidateRecord;
 
     fn axes() -> Vec<AxisRecord> {
         ["a", "b", "c", "d"]

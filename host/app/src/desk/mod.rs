@@ -19,12 +19,12 @@ pub use runs_page::runs_page;
 
 #[cfg(test)]
 mod tests {
-    use crate::experiment::compare::Comparison;
-    use crate::experiment::config::DataConfig;
-    use crate::experiment::evaluate::Summary;
-    use crate::experiment::objective::PairError;
-    use crate::experiment::params::Values;
-    use crate::experiment::run::RunResult;
+    use echoloop_closed_loop::config::DataConfig;
+    use echoloop_closed_loop::evaluation::compare::Comparison;
+    use echoloop_closed_loop::evaluation::objective::PairError;
+    use echoloop_closed_loop::evaluation::summary::Summary;
+    use echoloop_closed_loop::parameters::Values;
+    use echoloop_closed_loop::run_folder::run::RunResult;
 
     /// A result whose figures are of no matter.
     pub(super) fn result(origin: &str, tuned: Values) -> RunResult {

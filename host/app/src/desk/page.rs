@@ -3,21 +3,21 @@
 use super::chosen::explained;
 use super::folder::{FinishedRun, Known, RunError};
 use super::importance::{Importance, Share, Slice};
-use crate::experiment::config::{DataConfig, FgrMode, TuneConfig};
-use crate::experiment::cost::{CostKind, ScanCost};
-use crate::experiment::evaluate::{Summary, median};
-use crate::experiment::front::{Front, Mark};
-use crate::experiment::gain::{Difference, Estimate, Figures};
-use crate::experiment::journal::Generation;
-use crate::experiment::objective;
-use crate::experiment::params::{self, effective};
-use crate::experiment::preset::ErrorMean;
-use crate::experiment::run::{AxisRecord, Background, RunResult, StageRecord};
-use crate::experiment::tune::Origin;
 use crate::report::{
     self, Bar, CloudLayer, Convergence, Correlation, Costs, EvaluationRow, EvaluationTable,
     FrontDot, Identity, PairClouds, PairError, ParameterTrace, PoseError, Report, RowKind,
 };
+use echoloop_closed_loop::config::preset::ErrorMean;
+use echoloop_closed_loop::config::{DataConfig, FgrMode, TuneConfig};
+use echoloop_closed_loop::cost::{CostKind, ScanCost};
+use echoloop_closed_loop::evaluation::gain::{Difference, Estimate, Figures};
+use echoloop_closed_loop::evaluation::objective;
+use echoloop_closed_loop::evaluation::summary::{Summary, median};
+use echoloop_closed_loop::front::{Front, Mark};
+use echoloop_closed_loop::parameters::{self, effective};
+use echoloop_closed_loop::run_folder::journal::Generation;
+use echoloop_closed_loop::run_folder::run::{AxisRecord, Background, RunResult, StageRecord};
+use echoloop_closed_loop::search::Origin;
 use echoloop_registration::cloud::Cloud;
 
 /// The page of a run, from its folder alone.
@@ -61,7 +61,7 @@ pub fn page(run: &FinishedRun) -> Result<Report, RunError> {
 
 /// Who made the run, when, how, and with which configuration.
 fn identity(run: &FinishedRun) -> Identity {
-    let session = |session: &crate::experiment::about::Session| {
+    let session = |session: &echoloop_closed_loop::run_folder::provenance::Session| {
         let build = session.build.clone().unwrap_or_else(|| "unknown".into());
         [session.begun.clone(), session.version.clone(), build, session.command.clone()]
     };
@@ -196,7 +196,8 @@ fn traces(
     result: &RunResult,
     generations: &[Generation],
 ) -> Vec<ParameterTrace> {
-    let value = |values: &params::Values, name: &str| effective(values, name).unwrap_or(f64::NAN);
+    let value =
+        |values: &parameters::Values, name: &str| effective(values, name).unwrap_or(f64::NAN);
     let axes = background.axes.iter().enumerate();
     axes.map(|(i, record)| {
         let axis = record.axis();
@@ -210,8 +211,8 @@ fn traces(
             unit: record.unit.clone(),
             min: axis.min,
             max: axis.max,
-            log: axis.scale == params::Scale::Log,
-            choices: params::choices(&record.name),
+            log: axis.scale == parameters::Scale::Log,
+            choices: parameters::choices(&record.name),
             default: value(&result.default, &record.name),
             tuned: value(&result.tuned, &record.name),
             mean: at(0.0),
@@ -275,8 +276,8 @@ fn drawn_slice(slice: Slice, axes: &[AxisRecord], result: &RunResult) -> report:
     report::Slice {
         name: record.name.clone(),
         unit: record.unit.clone(),
-        log: record.scale == params::Scale::Log,
-        choices: params::choices(&record.name),
+        log: record.scale == parameters::Scale::Log,
+        choices: parameters::choices(&record.name),
         at: slice.at,
         ratio: slice.ratio,
         band: slice.band,

@@ -2,8 +2,8 @@
 
 use super::compared::{Against, Compared, ComparedRun};
 use super::page::evaluation_row;
-use crate::experiment::cost::CostKind;
 use crate::report::{Costs, DifferingTable, EvaluationRow, EvaluationTable, RowKind, RunsPage};
+use echoloop_closed_loop::cost::CostKind;
 
 /// The page of runs that were put side by side.
 pub fn runs_page(compared: &Compared) -> RunsPage {

@@ -4,7 +4,7 @@ use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
 use super::axes::{Scene, name_of};
-use crate::experiment::config::{Override, RunConfig};
+use echoloop_closed_loop::config::{Override, RunConfig};
 
 /// What is switched in a cell, and nothing else.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
@@ -106,7 +106,7 @@ mod tests {
     use super::super::cell::{Base, Cell};
     use super::super::plan::Plan;
     use super::*;
-    use crate::experiment::preset::{Preset, Protocol, Strategy};
+    use echoloop_closed_loop::config::preset::{Preset, Protocol, Strategy};
 
     fn settings(ablation: Option<Ablation>) -> BTreeMap<String, String> {
         let cell = Cell {

@@ -6,7 +6,7 @@ use super::ablation::Ablation;
 use super::axes::{Scene, TableMethod};
 use super::by_hand::ByHand;
 use super::cell::Cell;
-use crate::experiment::preset::{Preset, Protocol, Strategy};
+use echoloop_closed_loop::config::preset::{Preset, Protocol, Strategy};
 
 /// Which cells are wanted; of an axis without any all.
 #[derive(Clone, Debug, Default)]
@@ -107,7 +107,7 @@ mod tests {
 
     use super::super::cell::Base;
     use super::*;
-    use crate::experiment::params::Parameters;
+    use echoloop_closed_loop::parameters::Parameters;
 
     #[test]
     fn the_whole_table_has_each_cell_once_and_nothing_tuned_once_a_method_kind_and_range() {

@@ -3,7 +3,7 @@
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
-use crate::experiment::config::{FgrMode, Method, Override};
+use echoloop_closed_loop::config::{FgrMode, Method, Override};
 
 /// A method of the table. FGR has two rows: what Open3D runs is not what was published.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]

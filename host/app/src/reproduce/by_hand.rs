@@ -16,8 +16,8 @@ use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
 use super::axes::TableMethod;
-use crate::experiment::config::Override;
-use crate::experiment::preset::Preset;
+use echoloop_closed_loop::config::Override;
+use echoloop_closed_loop::config::preset::Preset;
 
 /// A case of Fig. 1. All are of [`Self::METHOD`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]

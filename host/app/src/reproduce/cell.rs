@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 use super::ablation::Ablation;
 use super::axes::{Scene, TableMethod, name_of};
 use super::by_hand::ByHand;
-use crate::experiment::config::{LoadError, Override, RunConfig, load};
-use crate::experiment::preset::{Preset, Protocol, Strategy};
+use echoloop_closed_loop::config::preset::{Preset, Protocol, Strategy};
+use echoloop_closed_loop::config::{LoadError, Override, RunConfig, load};
 
 /// One figure of the table: what was tuned, of which method, where, and how.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -213,7 +213,7 @@ mod tests {
     use clap::ValueEnum;
 
     use super::*;
-    use crate::experiment::config::{FgrMode, Method};
+    use echoloop_closed_loop::config::{FgrMode, Method};
 
     #[test]
     fn a_cell_is_a_run_of_its_method_s_pairs_and_bounds() {

@@ -6,7 +6,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use super::cell::Cell;
-use crate::experiment::preset::Protocol;
+use echoloop_closed_loop::config::preset::Protocol;
 
 /// How long cells took, by their files' names.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -75,7 +75,7 @@ impl Times {
 mod tests {
     use super::super::axes::{Scene, TableMethod};
     use super::*;
-    use crate::experiment::preset::{Preset, Strategy};
+    use echoloop_closed_loop::config::preset::{Preset, Strategy};
 
     #[test]
     fn a_search_is_estimated_by_its_like_and_before_that_by_its_start() {

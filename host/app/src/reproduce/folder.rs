@@ -23,7 +23,7 @@ use super::cell::Cell;
 use super::estimate::Times;
 use super::plan::Plan;
 use super::record::Record;
-use crate::experiment::files::{FileError, Lock, file_error, make_folders, replace};
+use echoloop_closed_loop::run_folder::files::{FileError, Lock, file_error, make_folders, replace};
 
 const PLAN: &str = "plan.json";
 const CELLS: &str = "cells";
@@ -279,7 +279,7 @@ fn read<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, FileError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::experiment::config::RunConfig;
+    use echoloop_closed_loop::config::RunConfig;
 
     fn plan(seed: u64) -> Plan {
         Plan::new(&RunConfig { seed, ..RunConfig::default() }, false)

@@ -7,10 +7,10 @@ use serde::Serialize;
 
 use super::cell::Cell;
 use super::record::Record;
-use crate::experiment::compare::bootstrap;
-use crate::experiment::evaluate::succeeds;
-use crate::experiment::gain::Estimate;
-use crate::experiment::objective::PairError;
+use echoloop_closed_loop::evaluation::compare::bootstrap;
+use echoloop_closed_loop::evaluation::gain::Estimate;
+use echoloop_closed_loop::evaluation::objective::PairError;
+use echoloop_closed_loop::evaluation::summary::succeeds;
 
 /// No error counts for less in a ratio, m: a tenth of a millimetre.
 const LEAST_M: f64 = 1e-4;
@@ -84,12 +84,12 @@ fn beside(joint: &Record, other: &Record) -> Option<Paired> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::experiment::config::DataConfig;
-    use crate::experiment::content::Content;
-    use crate::experiment::evaluate::Summary;
-    use crate::experiment::params::Values;
-    use crate::experiment::preset::{Preset, Protocol, Strategy};
     use crate::reproduce::{Scene, TableMethod};
+    use echoloop_closed_loop::config::DataConfig;
+    use echoloop_closed_loop::config::preset::{Preset, Protocol, Strategy};
+    use echoloop_closed_loop::dataset::fingerprint::Content;
+    use echoloop_closed_loop::evaluation::summary::Summary;
+    use echoloop_closed_loop::parameters::Values;
 
     fn record(protocol: Protocol, errors_m: &[f64]) -> Record {
         let error = |(pair, &translation_m): (usize, &f64)| PairError {

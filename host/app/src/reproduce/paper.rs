@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::axes::{Scene, TableMethod};
-use crate::experiment::preset::Protocol;
+use echoloop_closed_loop::config::preset::Protocol;
 
 /// A cell of it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

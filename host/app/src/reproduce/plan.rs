@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 use super::cell::Cell;
 use super::record::Record;
 use crate::desk::flatten;
-use crate::experiment::checksum::Checksum;
-use crate::experiment::config::RunConfig;
-use crate::experiment::content::build;
+use echoloop_closed_loop::checksum::Checksum;
+use echoloop_closed_loop::config::RunConfig;
+use echoloop_closed_loop::dataset::fingerprint::build;
 
 /// What all cells of a folder share.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -17,11 +17,11 @@ use thiserror::Error;
 use super::axes::{TableMethod, name_of};
 use super::cell::{Base, Cell, tuned};
 use super::folder::Folder;
-use crate::experiment::checksum::Checksum;
-use crate::experiment::config::{DataConfig, LoadError};
-use crate::experiment::files::{FileError, file_error};
-use crate::experiment::params::{Parameters, ThetaReg, ValueError};
-use crate::experiment::preset::{Preset, Protocol, Strategy};
+use echoloop_closed_loop::checksum::Checksum;
+use echoloop_closed_loop::config::preset::{Preset, Protocol, Strategy};
+use echoloop_closed_loop::config::{DataConfig, LoadError};
+use echoloop_closed_loop::parameters::{Parameters, ThetaReg, ValueError};
+use echoloop_closed_loop::run_folder::files::{FileError, file_error};
 
 /// Why real clouds cannot be judged on.
 #[derive(Debug, Error)]

@@ -3,10 +3,10 @@
 use serde::{Deserialize, Serialize};
 
 use super::cell::Cell;
-use crate::experiment::config::{DataConfig, RunConfig};
-use crate::experiment::content::Content;
-use crate::experiment::evaluate::Summary;
-use crate::experiment::params::{Values, written_values};
+use echoloop_closed_loop::config::{DataConfig, RunConfig};
+use echoloop_closed_loop::dataset::fingerprint::Content;
+use echoloop_closed_loop::evaluation::summary::Summary;
+use echoloop_closed_loop::parameters::{Values, written_values};
 
 /// A cell that is done.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -29,7 +29,7 @@ pub struct Record {
     pub trained_in: Option<TrainedIn>,
     /// Checksums of the scene, the front end and every scan.
     pub content: Content,
-    /// Where the parameters come from: an [`Origin`](crate::experiment::tune::Origin), written.
+    /// Where the parameters come from: an [`Origin`](echoloop_closed_loop::search::Origin), written.
     pub origin: String,
     /// Generations searched.
     pub generations: usize,

@@ -10,10 +10,10 @@ use super::paper::{PaperFigures, paper};
 use super::plan::Plan;
 use super::real::RealRow;
 use super::record::{Record, TrainedIn};
-use crate::experiment::content::Content;
-use crate::experiment::gain::{Estimate, Figures};
-use crate::experiment::params::{Values, written_values};
-use crate::experiment::preset::{Preset, Protocol, Strategy};
+use echoloop_closed_loop::config::preset::{Preset, Protocol, Strategy};
+use echoloop_closed_loop::dataset::fingerprint::Content;
+use echoloop_closed_loop::evaluation::gain::{Estimate, Figures};
+use echoloop_closed_loop::parameters::{Values, written_values};
 
 /// The table of a folder's cells. No times, no paths: equal cells give equal tables.
 #[derive(Clone, Debug, Serialize)]
@@ -237,9 +237,9 @@ fn is_best_or_holds(own: Estimate, best: f64, more_is_better: bool) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::experiment::config::DataConfig;
-    use crate::experiment::evaluate::Summary;
-    use crate::experiment::objective::PairError;
+    use echoloop_closed_loop::config::DataConfig;
+    use echoloop_closed_loop::evaluation::objective::PairError;
+    use echoloop_closed_loop::evaluation::summary::Summary;
 
     fn figures(errors_m: &[f64]) -> Figures<Estimate> {
         let error = |(pair, &translation_m): (usize, &f64)| PairError {

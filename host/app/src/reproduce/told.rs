@@ -4,8 +4,8 @@ use super::axes::name_of;
 use super::paired::Paired;
 use super::paper::PaperFigures;
 use super::table::{Row, Table, Verdict};
-use crate::experiment::gain::{Estimate, Figures};
-use crate::experiment::preset::{Preset, Protocol, Strategy};
+use echoloop_closed_loop::config::preset::{Preset, Protocol, Strategy};
+use echoloop_closed_loop::evaluation::gain::{Estimate, Figures};
 
 /// A figure of the table: how it is read, its unit, and units of it in one of ours.
 pub struct Figure {

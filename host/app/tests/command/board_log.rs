@@ -13,12 +13,12 @@ use std::time::{Duration, Instant};
 
 use crate::board::{Board, end, run, start, terminals};
 use crate::fixture::{CommandOutput, Fixture};
+use echoloop_closed_loop::config::RunConfig;
 use echoloop_dsp::{Hardware, ScanPattern, Settings};
-use echoloop_host::experiment::config::RunConfig;
+use echoloop_sensors::boards::qemu::{Machine, Qemu, QemuOptions, check_installed};
 use echoloop_sensors::client::{Client, RetryPolicy};
 use echoloop_sensors::defmt_log;
 use echoloop_sensors::sensor::Model;
-use echoloop_sensors::boards::qemu::{Machine, Qemu, QemuOptions, check_installed};
 
 /// A board's log: the image that wrote it, and its frames.
 struct Log {

@@ -6,9 +6,9 @@ use std::fs;
 
 use crate::fixture::Fixture;
 use crate::svg::{line, log_value, number, of_class, panel, ticks};
-use echoloop_host::experiment::evaluate::Summary;
-use echoloop_host::experiment::objective::PairError;
-use echoloop_host::experiment::params::Values;
+use echoloop_closed_loop::evaluation::objective::PairError;
+use echoloop_closed_loop::evaluation::summary::Summary;
+use echoloop_closed_loop::parameters::Values;
 use echoloop_host::reproduce::Record;
 use serde_json::{Value, json};
 

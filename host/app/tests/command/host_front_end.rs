@@ -9,13 +9,13 @@ use std::time::{Duration, Instant};
 
 use crate::board::{Board, ask_a_liar, ask_a_liar_about, end, run, start, succeed, terminals};
 use crate::fixture::Fixture;
+use echoloop_closed_loop::config::{RunConfig, load};
 use echoloop_dsp::{Grid, Hardware, MAX_CODES, ScanPattern};
-use echoloop_host::experiment::config::{RunConfig, load};
+use echoloop_link::{Decoder, Greeting, MAX_FRAME, Report, Room, decode, encode};
+use echoloop_sensors::boards::pc::PcSensor;
 use echoloop_sensors::sensor::Model;
 use echoloop_sensors::serve::serve;
 use echoloop_sensors::transport::{Serial, Transport};
-use echoloop_link::{Decoder, Greeting, MAX_FRAME, Report, Room, decode, encode};
-use echoloop_sensors::boards::pc::PcSensor;
 use serialport::TTYPort;
 
 const HOST: [&str; 2] = ["--front-end", "host"];

@@ -5,19 +5,19 @@ use std::collections::BTreeSet;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 
+use echoloop_closed_loop::config::{Override, RunConfig, load};
+use echoloop_closed_loop::dataset::{Dataset, ScanPair};
+use echoloop_closed_loop::evaluation::objective::Bench;
+use echoloop_closed_loop::parameters::{Parameters, Space};
+use echoloop_closed_loop::run_folder::journal::Journal;
+use echoloop_closed_loop::search::{Silent, TuneSearch};
+use echoloop_closed_loop::seed::{Purpose, derive};
 use echoloop_frontend::{Analog, FrontEnd, ScanNoise, SceneResponse, Trigger};
-use echoloop_host::experiment::config::{Override, RunConfig, load};
-use echoloop_host::experiment::dataset::{Dataset, ScanPair};
-use echoloop_host::experiment::journal::Journal;
-use echoloop_host::experiment::objective::Bench;
-use echoloop_host::experiment::params::{Parameters, Space};
-use echoloop_host::experiment::seed::{Purpose, derive};
-use echoloop_host::experiment::tune::{Silent, TuneSearch};
+use echoloop_sensors::boards::pc::PcSensor;
 use echoloop_sensors::client::RetryPolicy;
 use echoloop_sensors::sensor::{Model, Sensor, SensorError, Sensors};
 use echoloop_sensors::serve::Viewpoints;
 use echoloop_sensors::transport::InProcess;
-use echoloop_sensors::boards::pc::PcSensor;
 
 const SMALL: [&str; 9] = [
     "scene.towns=[1]",

@@ -9,10 +9,10 @@ use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 use crate::fixture::{CommandOutput, Fixture};
+use echoloop_closed_loop::config::RunConfig;
 use echoloop_dsp::{Hardware, ScanPattern};
-use echoloop_host::experiment::config::RunConfig;
-use echoloop_sensors::sensor::Model;
 use echoloop_sensors::boards::qemu::{Machine, Qemu, QemuOptions, check_installed};
+use echoloop_sensors::sensor::Model;
 
 /// The image, if it can be run.
 fn image() -> Option<String> {

@@ -8,7 +8,7 @@ use std::process::Stdio;
 use std::time::Duration;
 
 use crate::fixture::Fixture;
-use echoloop_host::experiment::journal::Journal;
+use echoloop_closed_loop::run_folder::journal::Journal;
 use serde_json::{Value, json};
 
 /// Cells that take a moment each.

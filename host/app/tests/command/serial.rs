@@ -11,11 +11,11 @@ use std::time::{Duration, Instant};
 use crate::board::{Board, ask_a_liar, end, end_within, run, start, succeed, terminals};
 
 use crate::fixture::Fixture;
+use echoloop_closed_loop::seed::scan_noise;
 use echoloop_dsp::{BeamTable, Grid, Rosette, ScanPattern, Settings, Spinning, SpinningModel};
-use echoloop_host::experiment::seed::scan_noise;
+use echoloop_link::{Command, Greeting, MAX_FRAME, encode};
 use echoloop_sensors::sensor::{Model, Port, Sensor, SensorError, View};
 use echoloop_sensors::transport::{Serial, Transport};
-use echoloop_link::{Command, Greeting, MAX_FRAME, encode};
 use serialport::TTYPort;
 
 #[test]

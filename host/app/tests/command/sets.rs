@@ -1,8 +1,8 @@
 //! Sets of pairs: kept in a file, as hard as is asked for.
 
 use crate::fixture::Fixture;
-use echoloop_host::experiment::config::load;
-use echoloop_host::experiment::dataset::Dataset;
+use echoloop_closed_loop::config::load;
+use echoloop_closed_loop::dataset::Dataset;
 use serde_json::Value;
 
 fn stored(fixture: &Fixture) {

@@ -29,15 +29,15 @@ const VALLEY: f64 = 0.05;
 
 /// A top of a record: samples and codes.
 #[derive(Clone, Copy, Debug)]
-pub(in crate) struct Candidate {
-    pub(in crate) time: f64,
-    pub(in crate) height: f64,
-    pub(in crate) width: f64,
+pub(crate) struct Candidate {
+    pub(crate) time: f64,
+    pub(crate) height: f64,
+    pub(crate) width: f64,
 }
 
 /// What became of a top.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate) enum Verdict {
+pub(crate) enum Verdict {
     /// An echo.
     Echo,
     /// An echo, and others' tops are its own: the time and width of all together, samples.
@@ -53,10 +53,10 @@ pub(in crate) enum Verdict {
 
 /// A record: samples without ambient, codes of `unit`, whose own noise is `sigma` codes.
 #[derive(Clone, Copy, Debug)]
-pub(in crate) struct Record<'a> {
-    pub(in crate) x: &'a [f64],
-    pub(in crate) sigma: f64,
-    pub(in crate) unit: f64,
+pub(crate) struct Record<'a> {
+    pub(crate) x: &'a [f64],
+    pub(crate) sigma: f64,
+    pub(crate) unit: f64,
 }
 
 impl Response {
@@ -78,11 +78,7 @@ impl Response {
     /// σ and σ_A are the noise of a sample and of a height; k grows from 0 to 1 with the surface.
     /// A top that goes leaves its light to its neighbours. The lowest go first, because what two
     /// wrong ones explain together looks necessary only to each of them.
-    pub(in crate) fn explain(
-        &self,
-        record: &Record<'_>,
-        candidates: &[Candidate],
-    ) -> Vec<Verdict> {
+    pub(crate) fn explain(&self, record: &Record<'_>, candidates: &[Candidate]) -> Vec<Verdict> {
         if candidates.len() < 2 || record.x.is_empty() {
             return vec![Verdict::Echo; candidates.len()];
         }

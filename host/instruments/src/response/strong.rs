@@ -75,7 +75,7 @@ fn beginning(codes: &Codes) -> &[u16] {
 
 /// Samples of a record without its ambient, and their noise, codes; both as its first
 /// [`MAX_SAMPLES`] have them.
-pub(in crate) fn at_rest(codes: &Codes) -> (Vec<f64>, f64) {
+pub(crate) fn at_rest(codes: &Codes) -> (Vec<f64>, f64) {
     let piece = beginning(codes);
     let baseline = Baseline::measure(piece, codes.shift, &mut vec![0; piece.len()]);
     let ambient = codes.of_height(baseline.ambient.into());

@@ -16,8 +16,8 @@ use echoloop_sensor::mailbox::{self, Registers};
 use echoloop_sensor::{App, Board};
 use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
 
-use echoloop_sim::ideal::{IdealDetector, Shots};
 use crate::boards::nor_flash::RamNorFlash;
+use echoloop_sim::ideal::{IdealDetector, Shots};
 
 /// Which shot the laser driver's registers say.
 pub fn read_trigger(emitter: &impl Fn(u8) -> u32) -> Trigger {

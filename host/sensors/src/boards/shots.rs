@@ -5,8 +5,8 @@ use echoloop_frontend::FrontEnd;
 use echoloop_sensor::Board;
 use echoloop_sensor::afe::{self, AfeError};
 
-use crate::boards::pc::PcBoard;
 use crate::boards::nor_flash::RamNorFlash;
+use crate::boards::pc::PcBoard;
 
 /// The shots that a sensor's program would fire, by the same drivers and registers.
 pub struct Shots<F> {

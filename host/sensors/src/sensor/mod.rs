@@ -17,12 +17,12 @@ use std::fmt::Display;
 use std::io;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use crate::boards::pc::{PcSensor, hardware_for};
+use crate::boards::shots::Shots;
 use echoloop_dsp::{Echoes, Hardware, ScanPattern, Settings};
 use echoloop_frontend::SceneResponse;
 use echoloop_keys::Value;
 use echoloop_link::{Noise, Room};
-use crate::boards::pc::{PcSensor, hardware_for};
-use crate::boards::shots::Shots;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 

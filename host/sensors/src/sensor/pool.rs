@@ -166,7 +166,10 @@ mod tests {
 
     /// Sensors of which `limit` may be open, and a count of those that have been.
     fn counted(limit: usize) -> (Sensors, Arc<AtomicUsize>) {
-        let (model, opened) = (Model::new(Receiver::default(), ScanPattern::default()), Arc::new(AtomicUsize::new(0)));
+        let (model, opened) = (
+            Model::new(Receiver::default(), ScanPattern::default()),
+            Arc::new(AtomicUsize::new(0)),
+        );
         let count = Arc::clone(&opened);
         let open = move || match count.fetch_add(1, Ordering::SeqCst) {
             9 => Err(SensorError::open("test", "unplugged")),

@@ -3,8 +3,8 @@
 use std::io;
 use std::time::Duration;
 
-use echoloop_frontend::FrontEnd;
 use crate::boards::qemu::Qemu;
+use echoloop_frontend::FrontEnd;
 
 use super::Transport;
 

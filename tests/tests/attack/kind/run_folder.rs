@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::LazyLock;
 
-use echoloop_host::experiment::files::Output;
-use echoloop_host::experiment::run::RunFolder;
+use echoloop_closed_loop::run_folder::files::Output;
+use echoloop_closed_loop::run_folder::run::RunFolder;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use tempfile::TempDir;

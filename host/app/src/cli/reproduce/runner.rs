@@ -11,18 +11,18 @@ use super::super::interrupt::INTERRUPTED;
 use super::super::prepared::{Met, Prepared, traced};
 use super::super::progress::Progress;
 use super::super::tune::{Judged, background, result, write_run};
-use crate::experiment::about::About;
-use crate::experiment::checksum::Checksum;
-use crate::experiment::config::RunConfig;
-use crate::experiment::content::{Content, build};
-use crate::experiment::dataset::Dataset;
-use crate::experiment::evaluate::Summary;
-use crate::experiment::journal::{Generation, Journal};
-use crate::experiment::params::Parameters;
-use crate::experiment::preset::Protocol;
-use crate::experiment::run::{HISTORY, RunFolder, RunResult};
-use crate::experiment::tune::{Observer, Origin, TuneSearch, Tuned};
 use crate::reproduce::{Base, Cell, Folder, Record, Times, Took, TrainedIn};
+use echoloop_closed_loop::checksum::Checksum;
+use echoloop_closed_loop::config::RunConfig;
+use echoloop_closed_loop::config::preset::Protocol;
+use echoloop_closed_loop::dataset::Dataset;
+use echoloop_closed_loop::dataset::fingerprint::{Content, build};
+use echoloop_closed_loop::evaluation::summary::Summary;
+use echoloop_closed_loop::parameters::Parameters;
+use echoloop_closed_loop::run_folder::journal::{Generation, Journal};
+use echoloop_closed_loop::run_folder::provenance::About;
+use echoloop_closed_loop::run_folder::run::{HISTORY, RunFolder, RunResult};
+use echoloop_closed_loop::search::{Observer, Origin, TuneSearch, Tuned};
 
 /// Returns of all scans that are kept: more than so many, and the oldest scans go.
 const MOST_RETURNS: usize = 120_000_000;
@@ -308,8 +308,8 @@ impl Observer for Steps<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::experiment::preset::{Preset, Strategy};
     use crate::reproduce::{Ablation, Scene, TableMethod};
+    use echoloop_closed_loop::config::preset::{Preset, Strategy};
 
     #[test]
     fn cells_share_scans_unless_place_distance_or_scanner_differ() {

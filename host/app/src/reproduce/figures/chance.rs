@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use echoloop_cmaes::{CmaEs, CmaEsConfig, Coordinate};
 use echoloop_random::{Generator, derive};
 
-use crate::experiment::tune::CONSTANTS;
+use echoloop_closed_loop::search::CONSTANTS;
 
 /// Searches that are told chance instead of errors.
 const SEARCHES: u64 = 32;

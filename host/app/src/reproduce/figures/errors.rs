@@ -6,10 +6,10 @@ use super::super::record::Record;
 use super::cells::Cells;
 use super::missing::Missing;
 use super::search::Search;
-use crate::experiment::config::DataConfig;
-use crate::experiment::objective::PairError;
-use crate::experiment::preset::Protocol;
 use crate::report::{Panel, PanelDrawing, Plate, Series, ShareCurve, Shares};
+use echoloop_closed_loop::config::DataConfig;
+use echoloop_closed_loop::config::preset::Protocol;
+use echoloop_closed_loop::evaluation::objective::PairError;
 
 /// A part of a pose error.
 pub(super) struct Part {

@@ -7,10 +7,10 @@ use super::chance::{BlindSearch, Chance};
 use super::missing::Missing;
 use super::search::Search;
 use crate::desk::FinishedRun;
-use crate::experiment::params::choices;
-use crate::experiment::preset::Strategy;
-use crate::experiment::run::Background;
 use crate::report::{Correlation, Moved, Panel, PanelDrawing, Plate, fixed, significant};
+use echoloop_closed_loop::config::preset::Strategy;
+use echoloop_closed_loop::parameters::choices;
+use echoloop_closed_loop::run_folder::run::Background;
 
 /// More parameters than there are at all: a file that says so is none of ours.
 const MOST_NAMES: usize = 100;

@@ -6,8 +6,8 @@ use super::super::record::Record;
 use super::cells::Cells;
 use super::missing::Missing;
 use super::search::Search;
-use crate::experiment::evaluate::median;
 use crate::report::{Overlay, Panel, PanelDrawing, Plate, fixed};
+use echoloop_closed_loop::evaluation::summary::median;
 use echoloop_registration::cloud::Cloud;
 use echoloop_registration::pose::{Pose, rotation_error_deg, translation_error_m};
 

@@ -3,7 +3,7 @@
 use super::super::axes::{Scene, TableMethod, name_of};
 use super::super::cell::Cell;
 use super::super::told;
-use crate::experiment::preset::{Preset, Protocol, Strategy};
+use echoloop_closed_loop::config::preset::{Preset, Protocol, Strategy};
 
 /// The cells of one range and strategy, with those of the start.
 #[derive(Clone, Debug)]

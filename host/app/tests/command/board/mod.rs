@@ -7,17 +7,17 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use echoloop_closed_loop::config::{RunConfig, load};
+use echoloop_closed_loop::dataset::Dataset;
+use echoloop_closed_loop::seed::scan_noise;
 use echoloop_dsp::{Hardware, MAX_CODES, ScanPattern, Settings};
-use echoloop_host::experiment::config::{RunConfig, load};
-use echoloop_host::experiment::dataset::Dataset;
-use echoloop_host::experiment::seed::scan_noise;
-use echoloop_sensors::sensor::{Model, Port};
-use echoloop_sensors::serve::{Viewpoints, serve};
-use echoloop_sensors::transport::{Serial, Transport};
 use echoloop_link::{
     Command, Counters, Decoder, Greeting, MAX_FRAME, Nack, Report, Room, decode, encode,
     settings_hash,
 };
+use echoloop_sensors::sensor::{Model, Port};
+use echoloop_sensors::serve::{Viewpoints, serve};
+use echoloop_sensors::transport::{Serial, Transport};
 use serialport::{SerialPort, TTYPort};
 
 use crate::fixture::{CommandOutput, Fixture};

@@ -1,0 +1,32 @@
+//! `[front]`: whether a front of error against a cost is searched for, and how.
+
+use echoloop_keys::{Must, section};
+use serde::{Deserialize, Serialize};
+
+use super::choices::COSTS;
+use crate::cost::CostKind;
+
+section! {
+    /// How to search for a front.
+    #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct FrontConfig in "front" {
+        #[serde(skip_serializing_if = "Option::is_none")]
+        cost: Option<CostKind>, "", Must::Name(&COSTS),
+            "Against which cost. Left out: there is no front.";
+        points: usize, "points", Must::between(2.0, 1000.0),
+            "Points of the front at most.";
+        population: usize, "candidates", Must::between(4.0, 1e4),
+            "Candidates a generation.";
+        generations: u32, "generations", Must::between(1.0, 1e5),
+            "Generations.";
+        pairs: usize, "pairs", Must::between(1.0, 1e4),
+            "Training pairs that a candidate sees: the same for all, in the same noise.";
+    }
+}
+
+impl Default for FrontConfig {
+    fn default() -> Self {
+        Self { cost: None, points: 24, population: 40, generations: 20, pairs: 5 }
+    }
+}

@@ -1,0 +1,436 @@
+//! Every key of a configuration, explained: what it is, its unit, what it must be, its default.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use echoloop_dsp::{Kind, PARAMETERS, Parameter};
+use echoloop_keys::{Key, Must};
+use echoloop_registration::{Kind as SettingKind, Method, SETTINGS, Setting};
+use serde::Serialize;
+use toml::Value;
+
+use super::preset::{Preset, Strategy};
+use super::{LoadError, Override, RunConfig, ScannerConfig, keys, load, meaning};
+use crate::parameters::{Axis, Ranges, ThetaReg};
+
+/// A key, explained.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Explained {
+    /// Section and key.
+    pub key: String,
+    /// Its unit; empty for what has none.
+    pub unit: &'static str,
+    /// What it must be.
+    pub must: String,
+    /// The least it may be, where it is a number between two.
+    pub min: Option<f64>,
+    /// The greatest it may be.
+    pub max: Option<f64>,
+    /// What a choice chooses from.
+    pub choices: Vec<&'static str>,
+    /// The default; `None`: it is left out.
+    pub default: Option<Value>,
+    /// Its value in the configuration at hand.
+    pub value: Option<Value>,
+    /// Other defaults, and what they go with.
+    pub other_defaults: Vec<OtherDefault>,
+    /// What it is.
+    pub help: &'static str,
+}
+
+/// A default that goes with other choices.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct OtherDefault {
+    /// The choices, any of them: `registration.method = "fgr"`.
+    pub with: Vec<String>,
+    /// The default; `None`: it is left out.
+    pub default: Option<Value>,
+}
+
+/// A value as a file has it.
+pub fn said(value: Option<&Value>) -> String {
+    value.map_or_else(|| "left out".to_owned(), Value::to_string)
+}
+
+/// As in `5.0 with registration.method = "fgr", "mac"`.
+impl fmt::Display for OtherDefault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut keys: Vec<(&str, Vec<&str>)> = Vec::new();
+        for (key, name) in self.with.iter().filter_map(|choice| choice.split_once(" = ")) {
+            match keys.iter_mut().find(|(known, _)| *known == key) {
+                Some((_, names)) => names.push(name),
+                None => keys.push((key, vec![name])),
+            }
+        }
+        let each = keys.iter().map(|(key, names)| format!("{key} = {}", names.join(", ")));
+        let with = each.collect::<Vec<_>>().join("; ");
+        write!(f, "{} with {with}", said(self.default.as_ref()))
+    }
+}
+
+/// Values by key; those that are left out have none.
+type ValuesByKey = BTreeMap<String, Value>;
+
+/// Explains every key, in the order of the file, with the defaults of the configuration's method,
+/// preset, strategy and pattern.
+///
+/// # Errors
+///
+/// [`LoadError`] when the configuration's own choices do not go together.
+pub fn explained(config: &RunConfig) -> Result<Vec<Explained>, LoadError> {
+    let choices = [
+        ("registration.method", config.registration.method.name().to_owned()),
+        ("registration.preset", preset_name(config.registration.preset).to_owned()),
+        ("tune.strategy", config.tune.strategy.name().to_owned()),
+        ("scanner.pattern", config.scanner.pattern.clone()),
+    ];
+    let default = values(&with(&choices)?);
+    let others = others(&choices)?;
+    let now = values(config);
+    let explain = |row: Row| {
+        let usual = default.get(&row.key).cloned();
+        Explained {
+            other_defaults: other_defaults(&row.key, usual.as_ref(), &others),
+            value: now.get(&row.key).cloned(),
+            default: usual,
+            unit: row.unit,
+            must: row.must,
+            min: row.range.map(|[min, _]| min),
+            max: row.range.map(|[_, max]| max).filter(|max| max.is_finite()),
+            choices: row.choices,
+            help: row.help,
+            key: row.key,
+        }
+    };
+    Ok(rows(config).into_iter().map(explain).collect())
+}
+
+fn preset_name(preset: Preset) -> &'static str {
+    match preset {
+        Preset::Outdoor => "outdoor",
+        Preset::Paper => "paper",
+    }
+}
+
+/// The default configuration with some choices made.
+fn with(choices: &[(&str, String)]) -> Result<RunConfig, LoadError> {
+    let made: Vec<Override> =
+        choices.iter().map(|(key, name)| Override::flag(key, name.as_str())).collect();
+    load(None, &made)
+}
+
+/// The defaults with each other choice of a method, a strategy and a pattern, by its key and name.
+fn others(choices: &[(&str, String); 4]) -> Result<Vec<(String, ValuesByKey)>, LoadError> {
+    let names: [(usize, Vec<&str>); 3] = [
+        (0, Method::ALL.map(Method::name).to_vec()),
+        (2, [Strategy::Fast, Strategy::Paper].map(Strategy::name).to_vec()),
+        (3, ScannerConfig::patterns().collect()),
+    ];
+    let mut found = Vec::new();
+    for (at, names) in names {
+        for name in names.into_iter().filter(|name| *name != choices[at].1) {
+            let mut other = choices.clone();
+            other[at].1 = name.to_owned();
+            found.push((format!("{} = {name:?}", other[at].0), values(&with(&other)?)));
+        }
+    }
+    Ok(found)
+}
+
+/// The other defaults of a key, each once; of a choice itself none.
+fn other_defaults(
+    key: &str,
+    usual: Option<&Value>,
+    others: &[(String, ValuesByKey)],
+) -> Vec<OtherDefault> {
+    let mut found: Vec<OtherDefault> = Vec::new();
+    for (choice, values) in others {
+        let default = values.get(key);
+        if default == usual || choice.starts_with(&format!("{key} =")) {
+            continue;
+        }
+        match found.iter_mut().find(|other| other.default.as_ref() == default) {
+            Some(other) => other.with.push(choice.clone()),
+            None => {
+                found.push(OtherDefault { with: vec![choice.clone()], default: default.cloned() });
+            }
+        }
+    }
+    found
+}
+
+/// Every value of a configuration, with the settings of its method, given or not.
+fn values(config: &RunConfig) -> ValuesByKey {
+    let mut values = ValuesByKey::new();
+    if let Ok(table) = toml::Table::try_from(config) {
+        flatten("", &table, &mut values);
+    }
+    let own = [
+        ("registration.mode", config.registration.mode.name().into()),
+        ("registration.refine", config.registration.refine.into()),
+    ];
+    values.extend(own.map(|(key, value): (&str, Value)| (key.to_owned(), value)));
+    let axes = Ranges::from(config).of_registration(config.registration.method);
+    let Ok(theta) = ThetaReg::start(&config.registration, &axes) else { return values };
+    let of_method = SETTINGS.iter().filter_map(|setting| {
+        let value = theta.get(setting.path)?;
+        let is_count = setting.kind == SettingKind::Count;
+        let value = if is_count { (value as i64).into() } else { value.into() };
+        Some((setting.path.to_owned(), value))
+    });
+    values.extend(of_method);
+    values
+}
+
+fn flatten(prefix: &str, table: &toml::Table, values: &mut ValuesByKey) {
+    for (key, value) in table {
+        match value {
+            Value::Table(table) => flatten(&format!("{prefix}{key}."), table, values),
+            value => drop(values.insert(format!("{prefix}{key}"), value.clone())),
+        }
+    }
+}
+
+/// What the tables say of a key.
+struct Row {
+    key: String,
+    unit: &'static str,
+    must: String,
+    range: Option<[f64; 2]>,
+    choices: Vec<&'static str>,
+    help: &'static str,
+}
+
+/// Every row, section by section, as the file has them.
+fn rows(config: &RunConfig) -> Vec<Row> {
+    let mut rows: Vec<Row> = Vec::new();
+    for key in keys() {
+        if key.name == "registration.method" {
+            rows.extend(PARAMETERS.iter().map(of_lidar));
+        }
+        rows.push(of_key(key));
+        if key.name == "registration.refine" {
+            rows.extend(SETTINGS.iter().map(|setting| of_setting(setting, config)));
+        }
+    }
+    rows
+}
+
+fn of_key(key: &Key) -> Row {
+    let range = match key.must.ranges()[..] {
+        [(None, range)] if !matches!(key.must, Must::Count(..)) => {
+            Some([range.least, range.greatest])
+        }
+        _ => None,
+    };
+    let choices = if let Must::Name(names) = key.must { names.to_vec() } else { Vec::new() };
+    let (name, must) = (key.name.to_owned(), key.expected());
+    Row { key: name, unit: key.unit, must, range, choices, help: key.help }
+}
+
+fn of_lidar(parameter: &Parameter) -> Row {
+    let [min, max] = [parameter.min, parameter.max].map(|code| parameter.to_unit(code));
+    let (must, choices) = match parameter.kind {
+        Kind::Choice { names } => (format!("one of {}", names.join(", ")), names.to_vec()),
+        Kind::PowerOfTwo => (format!("{min} to {max}, a power of two"), Vec::new()),
+        Kind::Integer => (format!("{min} to {max}, whole"), Vec::new()),
+        Kind::Real { .. } => (format!("{min} to {max}"), Vec::new()),
+    };
+    Row {
+        key: format!("lidar.{}", parameter.name),
+        unit: parameter.unit,
+        must,
+        range: choices.is_empty().then_some([min, max]),
+        choices,
+        help: meaning(parameter.id),
+    }
+}
+
+/// A setting of registration. One that the method's search knows must lie where the search may go.
+fn of_setting(setting: &Setting, config: &RunConfig) -> Row {
+    let axes = Ranges::from(config).of_registration(config.registration.method);
+    let is_bounded = |axis: &Axis| axis.name == setting.path && axis.max.is_finite();
+    let axis = axes.into_iter().find(is_bounded);
+    let bounds = setting.bounds();
+    let must = match &axis {
+        Some(axis) => format!("{} to {} in a run; {bounds}", axis.min, axis.max),
+        None => bounds,
+    };
+    Row {
+        key: setting.path.to_owned(),
+        unit: setting.unit,
+        must,
+        range: axis.map(|axis| [axis.min, axis.max]),
+        choices: Vec::new(),
+        help: setting.help,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::key;
+    use crate::parameters::Parameters;
+
+    /// What must be set beside a key for its bound to matter.
+    fn beside(key: &str, when: Option<&str>) -> Vec<&'static str> {
+        match (key, when) {
+            ("tune.extended_to", _) => vec!["tune.generations=1"],
+            ("scanner.beams", _) => vec!["scanner.pattern=livox-mid-40"],
+            (_, Some("in fog")) => vec!["weather.kind=fog"],
+            (_, Some("in rain")) => vec!["weather.kind=rain"],
+            (_, Some("in snow")) => vec!["weather.kind=wet-snow"],
+            _ => Vec::new(),
+        }
+    }
+
+    fn loaded(sets: &[String]) -> Result<RunConfig, String> {
+        let overrides: Vec<Override> = sets.iter().map(|set| set.parse().unwrap()).collect();
+        load(None, &overrides).map_err(|error| error.to_string())
+    }
+
+    fn default_rows() -> Vec<Explained> {
+        explained(&load(None, &[]).unwrap()).unwrap()
+    }
+
+    #[test]
+    fn every_key_of_the_default_configuration_is_explained_once() {
+        let rows = default_rows();
+        let named = |name: &str| rows.iter().filter(|row| row.key == name).count();
+        let mut values = ValuesByKey::new();
+        flatten("", &toml::Table::try_from(RunConfig::default()).unwrap(), &mut values);
+        for key in values.keys() {
+            assert_eq!(named(key), 1, "{key}");
+        }
+        for row in &rows {
+            assert_eq!(named(&row.key), 1, "{}", row.key);
+            assert!(row.help.ends_with('.') && row.help.len() > 8, "{}: {}", row.key, row.help);
+            assert!(!row.must.is_empty(), "{}", row.key);
+            // Each is a key: an unknown one is another error.
+            let said = loaded(&[format!("{}=!", row.key)]);
+            assert!(!format!("{said:?}").contains("unknown field"), "{}: {said:?}", row.key);
+        }
+    }
+
+    #[test]
+    fn a_default_that_is_said_is_the_configuration_s() {
+        let usual = load(None, &[]).unwrap();
+        for row in default_rows() {
+            assert_eq!(row.value, row.default, "{}", row.key);
+            let Some(default) = row.default else { continue };
+            let given = loaded(&[format!("{}={default}", row.key)]).unwrap();
+            let start = |config: &RunConfig| Parameters::start(config, &config.hardware()).unwrap();
+            assert_eq!(start(&given), start(&usual), "{}", row.key);
+            let without =
+                |config: RunConfig| RunConfig { registration: usual.registration, ..config };
+            assert_eq!(without(given), usual, "{}", row.key);
+        }
+        let of = |name: &str| default_rows().into_iter().find(|row| row.key == name).unwrap();
+        assert_eq!(of("data.baseline_m").default, Some(Value::Float(2.0)));
+        let global = OtherDefault {
+            with: ["fgr", "mac", "auto"]
+                .map(|name| format!("registration.method = {name:?}"))
+                .into(),
+            default: Some(Value::Float(5.0)),
+        };
+        assert_eq!(of("data.baseline_m").other_defaults, [global]);
+        assert_eq!(of("tune.pairs_per_generation").other_defaults[0].default, Some(0.into()));
+        assert_eq!(of("front.cost").default, None);
+    }
+
+    #[test]
+    fn a_bound_that_is_said_is_the_one_that_is_enforced() {
+        let mut stepped = 0;
+        for row in default_rows() {
+            let own = key(&row.key);
+            let whole = row.default.as_ref().is_some_and(Value::is_integer)
+                || own.is_some_and(|key| key.kind == echoloop_keys::Kind::Whole);
+            let count = match own.map(|key| key.kind) {
+                Some(echoloop_keys::Kind::Numbers(count)) => count,
+                _ => 1,
+            };
+            let text = |number: f64| match count {
+                1 if whole => format!("{number}"),
+                1 => format!("{number:?}"),
+                _ => format!("[{}]", vec![format!("{number:?}"); count].join(", ")),
+            };
+            let tried = |number: f64, when| {
+                let mut sets: Vec<String> =
+                    beside(&row.key, when).into_iter().map(str::to_owned).collect();
+                sets.push(format!("{}={}", row.key, text(number)));
+                let config = loaded(&sets)?;
+                let start = Parameters::start(&config, &config.hardware());
+                start.map(drop).map_err(|error| error.to_string())
+            };
+            let ranges = match own {
+                Some(key) if !matches!(key.must, Must::Count(..)) => key.must.ranges(),
+                Some(_) => Vec::new(),
+                None => {
+                    let range = row.min.zip(row.max);
+                    let range = range.map(|(min, max)| (None, echoloop_keys::Range::new(min, max)));
+                    range.into_iter().collect()
+                }
+            };
+            // A parameter of the sensor is read in its wire unit: half of one is no step.
+            let code = PARAMETERS.iter().find(|p| row.key == format!("lidar.{}", p.name));
+            let step = code.map_or(1.0, |p| 1.0 / f64::from(p.codes_per_unit));
+            for (when, range) in ranges {
+                let (below, above) = match whole || code.is_some() {
+                    true => (range.least - step, range.greatest + step),
+                    false => (range.least.next_down(), range.greatest.next_up()),
+                };
+                let below = if range.is_open { range.least } else { below };
+                let outside = [below, above, f64::NAN].into_iter().filter(|n| n.is_finite());
+                for number in outside.chain((!whole).then_some(f64::NAN)) {
+                    if own.is_some_and(|key| key.must.holds(number)) && when.is_none() {
+                        continue; // 0, which means something
+                    }
+                    let said = tried(number, when).unwrap_err();
+                    let name = row.key.rsplit('.').next().unwrap();
+                    assert!(said.contains(name), "{} {number}: {said}", row.key);
+                    stepped += 1;
+                }
+                let inside = [range.least, range.greatest];
+                for number in inside.into_iter().filter(|n| n.is_finite() && !range.is_open) {
+                    let is_ours = |said: &String| said.contains(&format!("{} = ", row.key));
+                    let said = tried(number, when);
+                    assert!(!said.as_ref().is_err_and(is_ours), "{} {number}: {said:?}", row.key);
+                }
+            }
+        }
+        assert!(stepped > 150, "{stepped}");
+    }
+
+    #[test]
+    fn a_choice_that_is_said_is_one_and_there_is_no_other() {
+        let mut seen = 0;
+        for row in default_rows().into_iter().filter(|row| !row.choices.is_empty()) {
+            let is_read = |name: &str| loaded(&[format!("{}={name}", row.key)]);
+            for name in &row.choices {
+                let said = is_read(name);
+                assert!(!said.as_ref().is_err_and(|s| s.contains("unknown variant")), "{said:?}");
+                seen += 1;
+            }
+            let said = is_read("conjured").unwrap_err();
+            let names = said.matches('`').count() / 2;
+            assert!(row.choices.iter().all(|name| said.contains(name)), "{}: {said}", row.key);
+            if said.contains("unknown variant") {
+                assert_eq!(names, row.choices.len() + 1, "{}: {said}", row.key);
+            }
+        }
+        assert!(seen > 40, "{seen}");
+    }
+
+    #[test]
+    fn the_defaults_are_those_of_the_method_at_hand_and_the_value_is_what_is_set() {
+        let config = loaded(&["registration.method=mac".into(), "data.baseline_m=3".into()]);
+        let rows = explained(&config.unwrap()).unwrap();
+        let of = |name: &str| rows.iter().find(|row| row.key == name).unwrap();
+        let baseline = of("data.baseline_m");
+        assert_eq!(baseline.default, Some(Value::Float(5.0)));
+        assert_eq!(baseline.value, Some(Value::Float(3.0)));
+        assert_eq!(of("registration.least_clique").default, Some(Value::Integer(3)));
+        assert_eq!(of("registration.kernel_width").default, None);
+        assert!(of("registration.voxel_m").must.starts_with("0.05 to 1 in a run; "));
+    }
+}

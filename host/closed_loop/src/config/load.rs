@@ -1,0 +1,457 @@
+//! Reading configuration, and saying exactly what is wrong with it.
+
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use echoloop_files::{MOST_SHOWN, MOST_TEXT, printable, read_text, shown, shown_most};
+use echoloop_keys::{Key, Kind};
+use thiserror::Error;
+
+use super::keys::{key, keys};
+use super::{DataConfig, RunConfig, RunConfigError, TuneConfig};
+use crate::config::preset::Strategy;
+
+/// Why there is no configuration.
+#[derive(Debug, Error)]
+pub enum LoadError {
+    /// The file cannot be read.
+    #[error("cannot read {}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The file is no configuration; the text has line and caret.
+    #[error("{}: {message}", path.display())]
+    Parse {
+        /// The file.
+        path: PathBuf,
+        /// What, where.
+        message: String,
+    },
+    /// A `--set` is none.
+    #[error("in {text}: {message}")]
+    Override {
+        /// As given.
+        text: String,
+        /// What.
+        message: String,
+    },
+    /// A value makes no sense.
+    #[error("{0}")]
+    Value(#[from] RunConfigError),
+}
+
+/// One `a.b=v` of the command line.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Override {
+    text: String,
+    keys: Vec<String>,
+    value: toml::Value,
+}
+
+/// Names that a key is made of at most: the configuration is two deep, and each is a call deep.
+const MOST_KEYS: usize = 8;
+
+impl FromStr for Override {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (path, value) = text.split_once('=').ok_or("expected a.b=value")?;
+        let keys: Vec<String> = path.trim().split('.').map(str::to_owned).collect();
+        if keys.iter().any(String::is_empty) {
+            return Err("expected a.b=value, with a name before and after each dot".into());
+        }
+        if keys.len() > MOST_KEYS {
+            return Err(format!("expected a.b=value, found {} names before =", keys.len()));
+        }
+        let text = format!("--set {}", shown(text));
+        Ok(Self { text, keys, value: parse_value(value.trim()) })
+    }
+}
+
+impl Override {
+    /// An override made by a flag.
+    pub fn flag(path: &str, value: impl Into<toml::Value>) -> Self {
+        let value = value.into();
+        Self {
+            text: format!("--set {}", shown(&format!("{path}={value}"))),
+            keys: path.split('.').map(str::to_owned).collect(),
+            value,
+        }
+    }
+
+    /// The same, called as the user wrote it.
+    #[must_use]
+    pub fn written(self, text: &str) -> Self {
+        Self { text: shown(text), ..self }
+    }
+
+    /// The text that it gives a key of that path.
+    pub fn text_of(&self, path: &str) -> Option<&str> {
+        let is_it = self.keys.iter().map(String::as_str).eq(path.split('.'));
+        self.value.as_str().filter(|_| is_it)
+    }
+
+    /// The path that it sets.
+    pub fn path(&self) -> String {
+        self.keys.join(".")
+    }
+
+    /// The key it sets in a section.
+    pub fn key(&self, section: &str) -> Option<&str> {
+        match self.keys.as_slice() {
+            [first, key] if first == section => Some(key),
+            _ => None,
+        }
+    }
+
+    /// What its key takes, of one that takes numbers.
+    fn wanted(&self) -> Option<String> {
+        let key = key(&self.keys.join(".")).filter(|key| takes_numbers(key))?;
+        Some(format!("expected {}", key.wanted()))
+    }
+
+    fn insert(&self, table: &mut toml::Table) -> Result<(), String> {
+        let Some((last, parents)) = self.keys.split_last() else { return Ok(()) };
+        let mut table = table;
+        for key in parents {
+            let entry =
+                table.entry(key.clone()).or_insert_with(|| toml::Value::Table(toml::Table::new()));
+            let no_table = || format!("`{}` is a value, not a section", shown(key));
+            table = entry.as_table_mut().ok_or_else(no_table)?;
+        }
+        table.insert(last.clone(), self.value.clone());
+        Ok(())
+    }
+}
+
+/// A TOML value where it is one, else a string: `--set scene.source=structured` needs no quotes.
+fn parse_value(text: &str) -> toml::Value {
+    toml::from_str::<toml::Table>(&format!("v = {text}"))
+        .ok()
+        .and_then(|mut table| table.remove("v"))
+        .unwrap_or_else(|| toml::Value::String(text.to_owned()))
+}
+
+/// Reads a file, if given, and lays the overrides over it, one by one.
+///
+/// # Errors
+///
+/// [`LoadError`] names file, line and key, or the override at fault.
+pub fn load(path: Option<&Path>, overrides: &[Override]) -> Result<RunConfig, LoadError> {
+    let table = match path {
+        Some(path) => read(path)?,
+        None => toml::Table::new(),
+    };
+    laid_over(table, overrides)
+}
+
+/// A configuration with overrides laid over it, one by one.
+///
+/// # Errors
+///
+/// [`LoadError`] names the override at fault.
+pub fn changed(config: &RunConfig, overrides: &[Override]) -> Result<RunConfig, LoadError> {
+    let table = toml::Table::try_from(config)
+        .map_err(|error| LoadError::Override { text: String::new(), message: error.to_string() })?;
+    laid_over(table, overrides)
+}
+
+fn laid_over(mut table: toml::Table, overrides: &[Override]) -> Result<RunConfig, LoadError> {
+    for change in overrides {
+        let fail = |message: String| LoadError::Override { text: change.text.clone(), message };
+        change.insert(&mut table).map_err(fail)?;
+        // Each is checked as it is laid down, so that the error is its own.
+        let read = table.clone().try_into::<RunConfig>();
+        read.map_err(|error| fail(change.wanted().unwrap_or_else(|| message(&error))))?;
+    }
+    let section = |name: &str| table.get(name).and_then(toml::Value::as_table).cloned();
+    let (data, tune) = (section("data").unwrap_or_default(), section("tune").unwrap_or_default());
+    let mut config: RunConfig = table.try_into().map_err(|error: toml::de::Error| {
+        LoadError::Override { text: String::new(), message: message(&error) }
+    })?;
+    follow_method(&mut config, &data);
+    follow_strategy(&mut config, tune)?;
+    config.check()?;
+    Ok(config)
+}
+
+/// What is left out of `[data]` and hangs on the method, see [`DataConfig::for_method`], and on the
+/// strategy.
+fn follow_method(config: &mut RunConfig, given: &toml::Table) {
+    let usual = DataConfig::for_method(config.registration.method);
+    let data = &mut config.data;
+    for (key, slot, value) in [
+        ("baseline_m", &mut data.baseline_m, usual.baseline_m),
+        ("train_baseline_factor", &mut data.train_baseline_factor, usual.train_baseline_factor),
+        ("success_translation_m", &mut data.success_translation_m, usual.success_translation_m),
+        ("success_rotation_deg", &mut data.success_rotation_deg, usual.success_rotation_deg),
+    ] {
+        if !given.contains_key(key) {
+            *slot = value;
+        }
+    }
+    let is_paper = config.tune.strategy == Strategy::Paper; // Sec. 4.1
+    if !given.contains_key("train_pairs") {
+        data.train_pairs = if is_paper { 10 } else { usual.train_pairs };
+    }
+    if !given.contains_key("check_pairs") {
+        data.check_pairs =
+            if is_paper { 0 } else { DataConfig::usual_check_pairs(data.train_pairs) };
+    }
+    if is_paper && !given.contains_key("train_baseline_factor") {
+        data.train_baseline_factor = 1.0;
+    }
+}
+
+/// What is left out of `[tune]` and hangs on the strategy: see [`TuneConfig::for_strategy`].
+fn follow_strategy(config: &mut RunConfig, given: toml::Table) -> Result<(), LoadError> {
+    let fail = |message: String| LoadError::Override { text: "tune".into(), message };
+    let usual = TuneConfig::for_strategy(config.tune.strategy);
+    let mut tune = toml::Table::try_from(usual).map_err(|error| fail(error.to_string()))?;
+    tune.extend(given);
+    config.tune = tune.try_into().map_err(|error| fail(message(&error)))?;
+    Ok(())
+}
+
+/// The file's table, after its text has been taken for a [`RunConfig`]: errors then show the line.
+fn read(path: &Path) -> Result<toml::Table, LoadError> {
+    let text = read_text(path, MOST_TEXT)
+        .map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
+    let fail = |message| LoadError::Parse { path: path.to_owned(), message };
+    parse(&text).map_err(|problem| fail(problem + &wanted(&text).unwrap_or_default()))?;
+    toml::from_str(&text).map_err(|error| fail(told(&error)))
+}
+
+/// Of its key a reader's message says the type alone, `usize`: what it takes is said here.
+fn takes_numbers(key: &Key) -> bool {
+    !matches!(key.kind, Kind::Text)
+}
+
+/// Which key of a file takes no such value, and what it takes.
+fn wanted(text: &str) -> Option<String> {
+    let table: toml::Table = toml::from_str(text).ok()?;
+    let is_wrong = |key: &&Key| {
+        let path: Vec<String> = key.name.split('.').map(str::to_owned).collect();
+        let at = |value: &toml::Value, key: &String| value.as_table()?.get(key).cloned();
+        let whole = toml::Value::Table(table.clone());
+        let Some(value) = path.iter().try_fold(whole, |value, key| at(&value, key)) else {
+            return false;
+        };
+        let (mut alone, change) = (toml::Table::new(), Override::flag(key.name, value));
+        change.insert(&mut alone).is_ok() && alone.try_into::<RunConfig>().is_err()
+    };
+    let key = keys().filter(|key| takes_numbers(key)).find(is_wrong)?;
+    Some(format!("\n{}: expected {}", key.name, key.wanted()))
+}
+
+/// The configuration of a text, unchecked.
+///
+/// # Errors
+///
+/// What is wrong: line, column and, where they are short, the line itself with a caret below.
+pub fn parse(text: &str) -> Result<RunConfig, String> {
+    toml::from_str(text).map_err(|error| told(&error))
+}
+
+/// The text of a configuration.
+///
+/// # Errors
+///
+/// [`toml::ser::Error`], of numbers that TOML does not have.
+pub fn written(config: &RunConfig) -> Result<String, toml::ser::Error> {
+    toml::to_string(config)
+}
+
+/// What is wrong with the line at fault above it, unless that is too long to be looked at.
+fn told(error: &toml::de::Error) -> String {
+    let text = error.to_string();
+    let is_excerpt = |line: &&str| line.contains(" | ");
+    let is_long = |line: &str| line.chars().nth(MOST_SHOWN).is_some();
+    let place = text.lines().next().unwrap_or_default();
+    match text.lines().filter(is_excerpt).any(is_long) || is_long(place) {
+        true => format!("{}\n{}", shown(place), message(error)),
+        false => {
+            let excerpt = text.rsplit_once(error.message()).map_or(place, |(before, _)| before);
+            printable(excerpt) + &message(error)
+        }
+    }
+}
+
+/// What is wrong, without its place. The list of what there may be is ours, and long; what stands
+/// there instead is the file's.
+fn message(error: &toml::de::Error) -> String {
+    const EXPECTED: &str = "`, expected ";
+    match error.message().rsplit_once(EXPECTED) {
+        Some((found, ours)) => shown(found) + EXPECTED + &shown_most(ours, 2_000),
+        None => shown(error.message()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn global_methods_get_scans_farther_apart_unless_told_otherwise() {
+        let data = |texts: &[&str]| set(texts).unwrap().data;
+        assert_eq!(data(&["registration.method=icp"]), DataConfig::default());
+        let global = data(&["registration.method=mac"]);
+        assert_eq!(
+            (global.baseline_m, global.success_translation_m, global.success_rotation_deg),
+            (5.0, 1.0, 5.0)
+        );
+        let own = data(&["data.baseline_m=3", "registration.method=fgr"]);
+        assert_eq!((own.baseline_m, own.success_translation_m), (3.0, 1.0));
+    }
+
+    #[test]
+    fn pairs_to_tune_on_lie_as_far_apart_as_the_others_in_the_paper_s_way_alone() {
+        let factor = |texts: &[&str]| set(texts).unwrap().data.train_baseline_factor;
+        assert_eq!(factor(&[]), 2.0);
+        assert_eq!(factor(&["tune.strategy=paper"]), 1.0);
+        assert_eq!(factor(&["tune.strategy=paper", "data.train_baseline_factor=1.5"]), 1.5);
+    }
+
+    fn set(texts: &[&str]) -> Result<RunConfig, LoadError> {
+        let overrides: Vec<Override> = texts.iter().map(|t| t.parse().unwrap()).collect();
+        load(None, &overrides)
+    }
+
+    fn file(text: &str) -> Result<RunConfig, String> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.toml");
+        std::fs::write(&path, text).unwrap();
+        load(Some(&path), &[]).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn the_effective_configuration_reads_back_as_itself() {
+        let config =
+            set(&["lidar.power=50", "scene.source=unstructured", "registration.voxel_m=0.2"])
+                .unwrap();
+        let text = toml::to_string(&config).unwrap();
+        assert_eq!(file(&text).unwrap(), config);
+    }
+
+    #[test]
+    fn a_misspelt_key_is_shown_with_its_line_and_a_caret() {
+        let error = file("seed = 1\n[lidar]\npowr = 3\n").unwrap_err();
+        assert!(
+            error.contains("line 3")
+                && error.contains("^^^^")
+                && error.contains("unknown field `powr`"),
+            "{error}"
+        );
+        let error = file("[tune]\ngeneration = 3\n").unwrap_err();
+        assert!(
+            error.contains("line 2") && error.contains("unknown field `generation`"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn a_message_repeats_no_long_line_and_no_escapes() {
+        for text in [
+            "x".repeat(500_000) + "\x1b[31m\n",
+            format!("seed = 1\nname = \"{}\"", "\u{1b}".repeat(300)),
+            format!("[lidar]\npower = \"{}\"", "x".repeat(100_000)),
+            format!("\"{}\x7f\" = 3", "x".repeat(100_000)),
+        ] {
+            let said = file(&text).unwrap_err();
+            assert!(said.len() < 3_000 && !said.contains('\x1b'), "{} bytes: {said}", said.len());
+            assert!(said.contains("line "), "{said}");
+        }
+    }
+
+    #[test]
+    fn a_key_of_many_names_is_refused() {
+        for names in [9, 60_000] {
+            let text = vec!["a"; names].join(".") + "=1";
+            let said = text.parse::<Override>().unwrap_err();
+            assert_eq!(said, format!("expected a.b=value, found {names} names before ="));
+            assert!(file(&text).is_err());
+        }
+        let deep = format!("seed={}", "[".repeat(60_000));
+        assert!(set(&[&deep]).unwrap_err().to_string().len() < 1_000);
+        assert!(file(&deep).is_err());
+    }
+
+    #[test]
+    fn a_value_out_of_range_is_shown_where_it_stands() {
+        let error = file("[lidar]\npower = 500\n").unwrap_err();
+        assert!(error.contains("line 2") && error.contains("above its maximum 100 W"), "{error}");
+        for (text, part) in [
+            ("[lidar]\npower = nan", "must be finite"),
+            ("[lidar]\npower = -3", "below its minimum 0.00001 W"),
+            ("[lidar]\nwaveform_resolution = 800.5", "must be a whole number"),
+            ("[lidar]\ntiming = \"late\"", "rising-edge"),
+            ("[lidar]\ntiming = 3", "invalid type"),
+            ("[data]\ntrain_pairs = -1", "line 2"),
+            ("[data]\nbaseline_m = nan", "data.baseline_m = NaN must be 0 to 100"),
+            ("[receiver]\nadc_bits = 99", "receiver.adc_bits = 99 must be 8 to 14"),
+            ("[tune]\nsigma = 0", "tune.sigma = 0 must be above 0"),
+        ] {
+            let error = file(text).unwrap_err();
+            assert!(error.contains(part), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    fn a_number_of_the_wrong_kind_is_told_the_key_and_its_bound() {
+        for (set, expected) in [
+            ("data.train_pairs=-1", "expected a whole number, 1 to 10000"),
+            ("data.train_pairs=1180591620717411303424", "expected a whole number, 1 to 10000"),
+            ("tune.population=1.5", "expected a whole number, 0 (automatic) or 2 to 10000"),
+            ("scanner.columns=70000", "expected a whole number, 1 to 4096"),
+            ("data.baseline_m=far", "expected a number, 0 to 100"),
+            ("seed=-1", "expected a whole number, 0 or more, below 2^63"),
+            ("scene.towns=3", "expected a list, as [1, 2, 3], of 1 to 100 seeds"),
+            ("motion.linear_m_s=[1, 2]", "expected three numbers, -100 to 100"),
+            ("tune.common_noise=1", "expected true or false"),
+        ] {
+            let said = self::set(&[set]).unwrap_err().to_string();
+            assert_eq!(said, format!("in --set {set}: {expected}"));
+        }
+        let said = file("[tune.weights]\nbits = 1\n[data]\ntrain_pairs = 1.5\n").unwrap_err();
+        assert!(said.contains("line 4") && said.contains('^'), "{said}");
+        assert!(
+            said.ends_with("\ndata.train_pairs: expected a whole number, 1 to 10000"),
+            "{said}"
+        );
+    }
+
+    #[test]
+    fn an_override_at_fault_is_named() {
+        let error = set(&["tune.generations=5", "lidar.powr=1"]).unwrap_err().to_string();
+        assert!(error.starts_with("in --set lidar.powr=1: unknown field `powr`"), "{error}");
+        assert!("lidar.power".parse::<Override>().is_err());
+        assert!("a..b=1".parse::<Override>().is_err());
+    }
+
+    #[test]
+    fn a_long_key_or_list_is_not_repeated_whole() {
+        let long = "k".repeat(5_000);
+        let mut table = toml::Table::from_iter([(long.clone(), 1.into())]);
+        let change: Override = format!("{long}.a=1").parse().unwrap();
+        let said = change.insert(&mut table).unwrap_err();
+        assert!(said.contains("is a value, not a section") && said.len() < 300, "{said}");
+        let towns = vec!["1"; 50_000].join(",");
+        let said = file(&format!("[scene]\ntowns = [{towns}]\n")).unwrap_err();
+        assert!(said.contains("scene.towns = [1, 1,") && said.len() < 500, "{said}");
+    }
+
+    #[test]
+    fn an_override_leaves_the_rest_of_the_file_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.toml");
+        std::fs::write(&path, "seed = 9\n[lidar]\npower = 20\ngain = 3\n").unwrap();
+        let config = load(Some(&path), &["lidar.power=30".parse().unwrap()]).unwrap();
+        assert_eq!(
+            (config.seed, config.lidar.0.power_uw, config.lidar.0.gain_cdb),
+            (9, 30_000_000, 300)
+        );
+    }
+}

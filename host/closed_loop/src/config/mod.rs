@@ -1,0 +1,191 @@
+//! The configuration of a run: TOML file, then `--set a.b=v`, then flags; unknown keys are errors.
+
+mod axes;
+mod choices;
+mod data;
+mod detector;
+mod emitter;
+mod error;
+mod front;
+pub mod key_reference;
+mod keys;
+mod lidar;
+mod load;
+mod motion;
+pub mod preset;
+mod registration;
+mod scanner;
+mod scene;
+mod tune;
+mod weights;
+
+use std::path::PathBuf;
+
+use echoloop_dsp::Hardware;
+use echoloop_frontend::{Receiver, Weather};
+use echoloop_sensors::boards::pc::hardware_for;
+use serde::{Deserialize, Serialize};
+
+pub use axes::{AxisChoice, OwnAxes};
+pub use data::DataConfig;
+pub use detector::DetectorConfig;
+pub use echoloop_registration::{FgrMode, Method};
+use echoloop_sensors::sensor::Model;
+pub use emitter::EmitterConfig;
+pub use error::RunConfigError;
+pub use front::FrontConfig;
+pub use keys::{key, keys};
+pub use lidar::{Lidar, meaning};
+pub use load::{LoadError, Override, changed, load, parse, written};
+pub use motion::{JitterPer, Motion};
+pub use registration::RegistrationConfig;
+pub use scanner::ScannerConfig;
+pub use scene::SceneConfig;
+pub use tune::TuneConfig;
+pub use weights::Weights;
+
+/// Everything a run depends on. The same configuration gives the same result, on any number of
+/// threads.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RunConfig {
+    /// Decides every random choice.
+    pub seed: u64,
+    /// Where to scan.
+    pub scene: SceneConfig,
+    /// How the sensor looks around.
+    pub scanner: ScannerConfig,
+    /// What the laser may emit.
+    pub emitter: EmitterConfig,
+    /// Who finds the echoes.
+    pub detector: DetectorConfig,
+    /// Which pairs of scans to register.
+    pub data: DataConfig,
+    /// Θ_lidar to start from.
+    pub lidar: Lidar,
+    /// Θ_reg to start from.
+    pub registration: RegistrationConfig,
+    /// How to search.
+    pub tune: TuneConfig,
+    /// Whether and how to search for a front of error against a cost.
+    pub front: FrontConfig,
+    /// Optics, detector and converter.
+    pub receiver: Receiver,
+    /// What is in the air.
+    pub weather: Weather,
+    /// How the sensor moves while it scans.
+    pub motion: Motion,
+}
+
+impl Default for RunConfig {
+    fn default() -> Self {
+        Self {
+            seed: 1,
+            scene: SceneConfig::default(),
+            scanner: ScannerConfig::default(),
+            emitter: EmitterConfig::default(),
+            detector: DetectorConfig::default(),
+            data: DataConfig::default(),
+            lidar: Lidar::default(),
+            registration: RegistrationConfig::default(),
+            tune: TuneConfig::default(),
+            front: FrontConfig::default(),
+            receiver: Receiver::default(),
+            weather: Weather::default(),
+            motion: Motion::default(),
+        }
+    }
+}
+
+/// The sensor of a configuration.
+impl From<&RunConfig> for Model {
+    fn from(config: &RunConfig) -> Self {
+        Self {
+            receiver: config.front_end(),
+            pattern: config.scanner.pattern(),
+            hardware: config.hardware(),
+            detector: config.detector.kind,
+        }
+    }
+}
+
+impl RunConfig {
+    /// The receiver in this weather and with this scanner's channels: all that a front end is made
+    /// of.
+    pub fn front_end(&self) -> Receiver {
+        let list = self.scanner.list();
+        Receiver {
+            weather: self.weather,
+            rows: self.scanner.pattern().channels(),
+            channels: list.map(|list| list.channels()).unwrap_or_default(),
+            ..self.receiver.clone()
+        }
+    }
+
+    /// What the hardware of a sensor of this configuration fixes.
+    pub fn hardware(&self) -> Hardware {
+        let energy_limit_pj = (self.emitter.energy_limit_nj * 1e3).round() as u32; // `as` saturates
+        Hardware { energy_limit_pj, ..hardware_for(&self.receiver) }
+    }
+
+    /// Checks every value that its own type does not.
+    ///
+    /// # Errors
+    ///
+    /// [`RunConfigError`] names the first key out of bounds.
+    pub fn check(&self) -> Result<(), RunConfigError> {
+        self.receiver.check()?;
+        self.weather.check()?;
+        self.motion.check_keys()?;
+        self.scanner.check()?;
+        self.scanner.check_times(self.motion.duration_s)?;
+        self.emitter.check_keys()?;
+        self.data.check()?;
+        self.tune.check()?;
+        self.front.check_keys()?;
+        self.scene.check()
+    }
+}
+
+/// Where a run's files go.
+pub fn default_runs_folder() -> PathBuf {
+    PathBuf::from("runs")
+}
+
+#[cfg(test)]
+mod tests {
+    use echoloop_dsp::{PARAMETERS, ParameterId};
+
+    use super::*;
+
+    #[test]
+    fn the_energy_limit_of_the_hardware_is_the_configured_one() {
+        let mut config = RunConfig::default();
+        assert_eq!(config.hardware(), Hardware::REFERENCE);
+        config.emitter.energy_limit_nj = 512.5;
+        assert_eq!(config.hardware(), Hardware { energy_limit_pj: 512_500, ..Hardware::REFERENCE });
+    }
+
+    #[test]
+    fn every_energy_limit_leaves_each_pulse_width_a_power_and_the_greatest_all() {
+        let of = |id: ParameterId| &PARAMETERS[id as usize];
+        let (power, width) = (of(ParameterId::Power), of(ParameterId::PulseWidth));
+        let with = |energy_limit_nj| RunConfig {
+            emitter: EmitterConfig { energy_limit_nj },
+            ..RunConfig::default()
+        };
+        let picojoules = |code| power.to_unit(code) * width.to_unit(width.max) * 1e3;
+        let bounds = [power.min, power.max].map(|code| picojoules(code).ceil() / 1e3);
+        assert_eq!(bounds, [0.001, 2000.0]);
+        for limit_nj in bounds {
+            with(limit_nj).check().unwrap();
+        }
+        for limit_nj in [0.0, -1.0, 0.0009, 2000.1, f64::NAN, f64::INFINITY] {
+            let problem = with(limit_nj).check().unwrap_err().to_string();
+            assert_eq!(
+                problem,
+                format!("emitter.energy_limit_nj = {limit_nj} must be 0.001 to 2000")
+            );
+        }
+    }
+}

@@ -1,0 +1,364 @@
+//! `[scanner]`: how the sensor looks around.
+
+use std::path::Path;
+use std::sync::{Arc, OnceLock};
+
+use echoloop_dsp::{Grid, Rosette, ScanPattern, Spinning, SpinningModel};
+use echoloop_files::shown;
+use echoloop_keys::{Must, Refused, section};
+use serde::{Deserialize, Serialize};
+
+use super::error::RunConfigError;
+use crate::beams::Beams;
+use crate::beams::list::{BeamList, MOST_LISTED};
+use echoloop_sensors::pattern::MOST_BEAMS;
+
+section! {
+    /// How the sensor looks around.
+    ///
+    /// What does not apply to the pattern is absent, and refused when it is given.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(from = "Given")]
+    pub struct ScannerConfig in "scanner" {
+        pattern: String, "", Must::Read("one of grid, raster, vlp-16, vlp-32c, vls-128, hdl-64e, \
+             os1-64, os1-128, livox-mid-40, or a table as FILE.csv"),
+            "Where the beams point: `grid`, `raster`, a sensor (`vlp-16`, `vlp-32c`, `vls-128`, \
+             `hdl-64e`, `os1-64`, `os1-128`, `livox-mid-40`), or a table: FILE.csv.";
+        #[serde(skip_serializing_if = "Option::is_none")]
+        columns: Option<u16>, "beams", Must::between(1.0, MOST_BEAMS[0] as f64),
+            "Beams along azimuth: of a grid, a raster, a turn of a spinning sensor.";
+        #[serde(skip_serializing_if = "Option::is_none")]
+        rows: Option<u16>, "beams", Must::between(1.0, MOST_BEAMS[1] as f64),
+            "Beams along elevation, of a grid or a raster.";
+        #[serde(skip_serializing_if = "Option::is_none")]
+        azimuth_deg: Option<f64>, "°", Must::between(0.01, 360.0),
+            "Full azimuth range of a grid or a raster, degrees.";
+        #[serde(skip_serializing_if = "Option::is_none")]
+        elevation_deg: Option<f64>, "°", Must::between(0.01, 180.0),
+            "Full elevation range of a grid or a raster, degrees.";
+        #[serde(skip_serializing_if = "Option::is_none")]
+        beams: Option<u32>, "beams", Must::between(1.0, MOST_LISTED as f64),
+            "Beams of a scan, of a rosette (`livox-mid-40`).";
+        height_m: f64, "m", Must::between(0.1, 100.0),
+            "Height above the ground, m.";
+    }
+    beside {
+        /// The table, once it is read.
+        #[serde(skip)]
+        list: Read,
+    }
+}
+
+/// What a file says; what it leaves out follows the pattern.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct Given {
+    pattern: String,
+    columns: Option<u16>,
+    rows: Option<u16>,
+    azimuth_deg: Option<f64>,
+    elevation_deg: Option<f64>,
+    beams: Option<u32>,
+    height_m: f64,
+}
+
+impl Default for Given {
+    fn default() -> Self {
+        Self {
+            pattern: "grid".into(),
+            columns: None,
+            rows: None,
+            azimuth_deg: None,
+            elevation_deg: None,
+            beams: None,
+            height_m: 2.0,
+        }
+    }
+}
+
+impl From<Given> for ScannerConfig {
+    fn from(given: Given) -> Self {
+        let Given { pattern, columns, rows, azimuth_deg, elevation_deg, beams, height_m } = given;
+        let kind = Kind::of(&pattern);
+        let grid = matches!(kind, Some(Kind::Grid | Kind::Raster));
+        let usual = |value: f64| grid.then_some(value);
+        Self {
+            columns: columns.or(kind.and_then(Kind::usual_columns)),
+            rows: rows.or(grid.then_some(64)),
+            azimuth_deg: azimuth_deg.or(usual(180.0)),
+            elevation_deg: elevation_deg.or(usual(180.0)),
+            beams: beams.or((kind == Some(Kind::Rosette)).then_some(Rosette::MID_40.beams)),
+            height_m,
+            list: Read::default(),
+            pattern,
+        }
+    }
+}
+
+impl Default for ScannerConfig {
+    fn default() -> Self {
+        Given::default().into()
+    }
+}
+
+/// A table, read when it is asked for first: a run's configuration can be looked at without. Which
+/// table it is, the hash in the pattern says; here any is as good as any other.
+#[derive(Clone, Debug, Default)]
+struct Read(OnceLock<Result<Arc<BeamList>, String>>);
+
+impl PartialEq for Read {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
+}
+
+/// What `scanner.pattern` names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Grid,
+    Raster,
+    Spinning(SpinningModel),
+    Rosette,
+    Table,
+}
+
+/// Every name of a pattern that is no file's.
+const NAMED: [(&str, Kind); 9] = [
+    ("grid", Kind::Grid),
+    ("raster", Kind::Raster),
+    ("vlp-16", Kind::Spinning(SpinningModel::Vlp16)),
+    ("vlp-32c", Kind::Spinning(SpinningModel::Vlp32c)),
+    ("vls-128", Kind::Spinning(SpinningModel::Vls128)),
+    ("hdl-64e", Kind::Spinning(SpinningModel::Hdl64e)),
+    ("os1-64", Kind::Spinning(SpinningModel::Os1x64)),
+    ("os1-128", Kind::Spinning(SpinningModel::Os1x128)),
+    ("livox-mid-40", Kind::Rosette),
+];
+
+impl Kind {
+    fn of(pattern: &str) -> Option<Self> {
+        let named = NAMED.iter().find(|(name, _)| *name == pattern).map(|(_, kind)| *kind);
+        let is_table = Path::new(pattern).extension().is_some_and(|end| end == "csv");
+        named.or(is_table.then_some(Self::Table))
+    }
+
+    /// Columns: the paper's grid; a turn at 10 Hz, by the manuals: a round of 55.296 µs (VLP), of
+    /// 53.3 µs (VLS), 0.1728° (HDL), 1024 (OS1).
+    fn usual_columns(self) -> Option<u16> {
+        match self {
+            Self::Grid | Self::Raster => Some(192),
+            Self::Spinning(SpinningModel::Vlp16 | SpinningModel::Vlp32c) => Some(1808),
+            Self::Spinning(SpinningModel::Vls128) => Some(1876),
+            Self::Spinning(SpinningModel::Hdl64e) => Some(2083),
+            Self::Spinning(SpinningModel::Os1x64 | SpinningModel::Os1x128) => Some(1024),
+            Self::Rosette | Self::Table => None,
+        }
+    }
+}
+
+impl ScannerConfig {
+    /// A pattern with all that it leaves open as usual.
+    pub fn of(pattern: &str) -> Self {
+        Given { pattern: pattern.into(), ..Given::default() }.into()
+    }
+
+    /// Every pattern that has a name.
+    pub fn patterns() -> impl Iterator<Item = &'static str> {
+        NAMED.iter().map(|(name, _)| *name)
+    }
+
+    /// The firmware's form. Of what [`super::RunConfig::check`] refuses, one without beams.
+    pub fn pattern(&self) -> ScanPattern {
+        match Kind::of(&self.pattern) {
+            Some(Kind::Grid) => ScanPattern::Grid(self.grid()),
+            Some(Kind::Raster) => ScanPattern::Raster(self.grid()),
+            Some(Kind::Spinning(model)) => {
+                ScanPattern::Spinning(Spinning { model, columns: self.columns.unwrap_or(0) })
+            }
+            Some(Kind::Rosette) => {
+                let beams = self.beams.unwrap_or(0);
+                ScanPattern::Rosette(Rosette { beams, ..Rosette::MID_40 })
+            }
+            Some(Kind::Table) | None => {
+                ScanPattern::Table(self.list().map(|list| list.name()).unwrap_or_default())
+            }
+        }
+    }
+
+    /// Its beams.
+    pub fn beams(&self) -> Beams {
+        match self.list() {
+            Some(list) => Beams::of_list(Arc::clone(list)),
+            None => Beams::new(self.pattern()),
+        }
+    }
+
+    /// The table, of a pattern that is one.
+    pub fn list(&self) -> Option<&Arc<BeamList>> {
+        self.read().as_ref().ok()
+    }
+
+    fn read(&self) -> &Result<Arc<BeamList>, String> {
+        let read = || match Kind::of(&self.pattern) {
+            Some(Kind::Table) => BeamList::read(Path::new(&self.pattern)).map(Arc::new),
+            _ => Err("it is no table".into()),
+        };
+        self.list.0.get_or_init(read)
+    }
+
+    fn grid(&self) -> Grid {
+        let centi = |degrees: Option<f64>| (degrees.unwrap_or(0.0) * 100.0).round() as u16;
+        Grid {
+            columns: self.columns.unwrap_or(0),
+            rows: self.rows.unwrap_or(0),
+            azimuth_cdeg: centi(self.azimuth_deg),
+            elevation_cdeg: centi(self.elevation_deg),
+        }
+    }
+
+    /// Checks all but the table's times, which hang on the scan's.
+    pub(super) fn check(&self) -> Result<(), RunConfigError> {
+        let Some(kind) = Kind::of(&self.pattern) else { return Err(self.unknown().into()) };
+        self.check_what_applies(kind)?;
+        self.check_keys()?;
+        match (kind, self.read()) {
+            (Kind::Table, Err(reason)) => Err(self.table(reason)),
+            _ => Ok(()),
+        }
+    }
+
+    fn unknown(&self) -> Refused {
+        let key = &Self::KEYS[0];
+        key.refused(format_args!("{:?}", shown(&self.pattern)), key.must)
+    }
+
+    fn table(&self, reason: &str) -> RunConfigError {
+        RunConfigError::Table { path: shown(&self.pattern), reason: reason.to_owned() }
+    }
+
+    /// No beam of a table after the end of a scan that takes its time.
+    pub(super) fn check_times(&self, duration_s: f64) -> Result<(), RunConfigError> {
+        let Some(list) = self.list().filter(|_| duration_s > 0.0) else { return Ok(()) };
+        let (latest_ns, line) = list.latest;
+        match latest_ns as f64 / 1e9 {
+            latest if latest > duration_s => Err(self.table(&format!(
+                "line {line}: time_s = {latest} must be within motion.duration_s = {duration_s}"
+            ))),
+            _ => Ok(()),
+        }
+    }
+
+    /// Refuses what the pattern has no use for, and a pattern without what it needs.
+    fn check_what_applies(&self, kind: Kind) -> Result<(), Refused> {
+        let grid = matches!(kind, Kind::Grid | Kind::Raster);
+        let columns = grid || matches!(kind, Kind::Spinning(_));
+        let given = [
+            (self.columns.map(f64::from), columns),
+            (self.rows.map(f64::from), grid),
+            (self.azimuth_deg, grid),
+            (self.elevation_deg, grid),
+            (self.beams.map(f64::from), kind == Kind::Rosette),
+        ];
+        for (key, (value, applies)) in Self::KEYS[1..].iter().zip(given) {
+            match value {
+                Some(value) if !applies => {
+                    let expected = format!("left out: a pattern {:?} has none", self.pattern);
+                    return Err(key.refused(value, expected));
+                }
+                None if applies => return Err(key.refused("none", key.must)),
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(text: &str) -> ScannerConfig {
+        toml::from_str(text).unwrap()
+    }
+
+    fn fault(text: &str) -> String {
+        of(text).check().unwrap_err().to_string()
+    }
+
+    #[test]
+    fn every_name_is_a_pattern_with_the_beams_of_its_sensor_at_10_hz() {
+        let beams = NAMED.map(|(name, _)| {
+            let scanner = ScannerConfig::of(name);
+            scanner.check().unwrap();
+            assert_eq!(of(&toml::to_string(&scanner).unwrap()), scanner);
+            (name, scanner.pattern().beams())
+        });
+        let expected = [
+            ("grid", 12_288),
+            ("raster", 12_288),
+            ("vlp-16", 28_928),
+            ("vlp-32c", 57_856),
+            ("vls-128", 240_128),
+            ("hdl-64e", 133_312),
+            ("os1-64", 65_536),
+            ("os1-128", 131_072),
+            ("livox-mid-40", 10_000),
+        ];
+        assert_eq!(beams, expected);
+    }
+
+    #[test]
+    fn the_key_names_every_pattern() {
+        let names = NAMED.map(|(name, _)| name).join(", ");
+        let expected = format!("one of {names}, or a table as FILE.csv");
+        assert_eq!(ScannerConfig::KEYS[0].must.to_string(), expected);
+        let named = |name| ScannerConfig::KEYS[0].help.contains(&format!("`{name}`"));
+        assert!(NAMED.iter().all(|(name, _)| named(name)));
+    }
+
+    #[test]
+    fn what_a_pattern_has_no_use_for_is_refused_by_name() {
+        for (text, said) in [
+            ("pattern = \"os1-64\"\nrows = 64", "scanner.rows = 64 must be left out"),
+            ("pattern = \"os1-64\"\nazimuth_deg = 90", "scanner.azimuth_deg = 90 must be left out"),
+            ("pattern = \"livox-mid-40\"\ncolumns = 9", "scanner.columns = 9 must be left out"),
+            (
+                "pattern = \"a.csv\"\nelevation_deg = 9",
+                "scanner.elevation_deg = 9 must be left out",
+            ),
+            ("beams = 5", "scanner.beams = 5 must be left out: a pattern \"grid\" has none"),
+            ("pattern = \"os1-64\"\ncolumns = 4097", "scanner.columns = 4097 must be 1 to 4096"),
+            ("pattern = \"livox-mid-40\"\nbeams = 0", "scanner.beams = 0 must be 1 to 131072"),
+            ("pattern = \"raster\"\nrows = 0", "scanner.rows = 0 must be 1 to 1024"),
+            ("azimuth_deg = nan", "scanner.azimuth_deg = NaN must be 0.01 to 360"),
+            ("pattern = \"os2\"", "scanner.pattern = \"os2\" must be one of grid, raster, vlp-16"),
+        ] {
+            let fault = fault(text);
+            assert!(fault.starts_with(said), "{text}: {fault}");
+        }
+    }
+
+    #[test]
+    fn a_table_is_read_once_and_is_refused_with_its_name_and_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("mine.csv");
+        let name = path.to_string_lossy().into_owned();
+        let said = ScannerConfig::of(&name).check().unwrap_err().to_string();
+        assert!(said.contains("mine.csv: cannot be read"), "{said}");
+        let header = "azimuth_deg,elevation_deg,time_s,channel\n";
+        std::fs::write(&path, header.to_owned() + "1,2,0,0\n3,x,0,0\n").unwrap();
+        let said = ScannerConfig::of(&name).check().unwrap_err().to_string();
+        assert!(said.ends_with("mine.csv: line 3: elevation_deg = x must be -90 to 90"), "{said}");
+        std::fs::write(&path, header.to_owned() + "1,2,0.2,0\n3,4,0,5\n").unwrap();
+        let scanner = ScannerConfig::of(&name);
+        scanner.check().unwrap();
+        std::fs::remove_file(&path).unwrap();
+        let ScanPattern::Table(table) = scanner.pattern() else { panic!("a table") };
+        assert_eq!((table.beams, table.channels), (2, 6));
+        scanner.check_times(0.0).unwrap();
+        scanner.check_times(0.2).unwrap();
+        let said = scanner.check_times(0.1).unwrap_err().to_string();
+        let expected = "line 2: time_s = 0.2 must be within motion.duration_s = 0.1";
+        assert!(said.ends_with(expected), "{said}");
+    }
+}

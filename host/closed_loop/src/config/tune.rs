@@ -1,0 +1,167 @@
+//! `[tune]`: how to search.
+
+use std::collections::BTreeMap;
+
+use echoloop_keys::{Key, Kind, Must, Refused, section};
+use serde::{Deserialize, Serialize};
+
+use super::axes::OwnAxes;
+use super::choices::COSTS;
+use super::weights::Weights;
+use crate::config::preset::{ErrorMean, LidarPreset, Objective, Protocol, Strategy};
+use crate::cost::CostKind;
+
+section! {
+    /// How to search.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct TuneConfig in "tune" {
+        strategy: Strategy, "", Must::Name(&["fast", "paper"]),
+            "How to search: what is left out below follows it.";
+        protocol: Protocol, "", Must::Name(&["default", "lidar", "registration", "joint"]),
+            "What is tuned: nothing, the sensor, registration, or both.";
+        lidar: LidarPreset, "", Must::Name(&["usual", "paper", "full"]),
+            "Which of the sensor's parameters are tuned: `usual`, ten, the `paper`'s eight, or \
+             `full`, all of them.";
+        generations: u32, "generations", Must::between(1.0, 1e5),
+            "Generations of the search.";
+        #[serde(skip_serializing_if = "Option::is_none")]
+        extended_to: Option<u32>, "generations", Must::between(1.0, 1e5),
+            "Of a run that was extended: as many of the last search as if there were these \
+             generations.";
+        population: usize, "candidates", Must::zero_or("automatic", 2.0, 1e4),
+            "Candidates a generation; 0: as many as there are parameters, as in the paper.";
+        pairs_per_generation: usize, "pairs", Must::at_least(0.0),
+            "Training pairs a generation sees, drawn anew each time and shared by its candidates; \
+             0: all, as in the paper.";
+        error_mean: ErrorMean, "", Must::Name(&["arithmetic", "geometric"]),
+            "How the errors of a candidate's pairs are put together: `arithmetic`, as in the \
+             paper, or `geometric`.";
+        error_cap: f64, "", Must::at_least(0.0),
+            "No pair counts for more than this, ‖T_est − T*‖_F; 0: no cap, as in the paper.";
+        common_noise: bool, "", Must::FLAG,
+            "Whether the candidates of a generation meet the same noise.";
+        sigma: f64, "of the cube", Must::above(0.0, 1.0),
+            "Start of the step size, in the unit cube.";
+        shortlist: usize, "candidates", Must::between(0.0, 1000.0),
+            "Candidates judged again on all training pairs at the end, besides the mean and the \
+             start.";
+        objective: Objective, "", Must::Name(&["error", "weighted"]),
+            "What is made small: the `error` alone, or `weighted`, also what a scan costs.";
+        #[serde(skip_serializing_if = "Option::is_none")]
+        minimise: Option<CostKind>, "", Must::Name(&COSTS),
+            "Instead of either the least of this cost, at an error as by `at_most_error`.";
+        at_most_error: f64, "times", Must::between(1.0, 100.0),
+            "With `minimise`: no more than so many times the start's error, on ten pairs or more \
+             with one standard error on top, and no more pairs lost.";
+    }
+    beside {
+        /// What costs count when they are weighted.
+        pub weights: Weights,
+        /// Which parameters are searched, and how far, where that is not as usual.
+        #[serde(skip_serializing_if = "OwnAxes::is_empty")]
+        pub axes: OwnAxes,
+        /// Parameters by name, each set of them one that the search may begin at instead of the
+        /// start.
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        pub warm_starts: Vec<BTreeMap<String, f64>>,
+    }
+}
+
+/// Tables with a key for each parameter that is to begin elsewhere.
+pub(super) const WARM_STARTS: Key = Key {
+    name: "tune.warm_starts",
+    unit: "",
+    kind: Kind::Text,
+    must: Must::Read("tables of parameters by name, as [{\"lidar.power\" = 5}]"),
+    help: "Where the search may begin, too, as tuned elsewhere: the best on the training pairs.",
+};
+
+impl Default for TuneConfig {
+    fn default() -> Self {
+        Self::for_strategy(Strategy::default())
+    }
+}
+
+impl TuneConfig {
+    /// What a strategy does unless it is told otherwise.
+    pub fn for_strategy(strategy: Strategy) -> Self {
+        let fast = Self {
+            strategy,
+            protocol: Protocol::Joint,
+            lidar: LidarPreset::Usual,
+            generations: 30,
+            extended_to: None,
+            population: 0,
+            pairs_per_generation: 3,
+            error_mean: ErrorMean::Geometric,
+            error_cap: 1.0,
+            common_noise: true,
+            sigma: 0.2,
+            shortlist: 4,
+            objective: Objective::Weighted,
+            minimise: None,
+            at_most_error: 1.2,
+            weights: Weights::default(),
+            axes: OwnAxes::default(),
+            warm_starts: Vec::new(),
+        };
+        match strategy {
+            Strategy::Fast => fast,
+            Strategy::Paper => Self {
+                lidar: LidarPreset::Paper,
+                generations: 30,
+                pairs_per_generation: 0,
+                error_mean: ErrorMean::Arithmetic,
+                error_cap: 0.0,
+                common_noise: false,
+                shortlist: 0,
+                objective: Objective::Error,
+                ..fast
+            },
+        }
+    }
+
+    /// Generations of the last search, before it is given its share of them.
+    pub fn last_generations(&self) -> u32 {
+        self.extended_to.unwrap_or(self.generations)
+    }
+
+    /// The cost that a choice is told by: the one that was to be made small, or energy.
+    pub fn told_cost(&self) -> CostKind {
+        self.minimise.unwrap_or_default()
+    }
+
+    /// Whether it matters what a scan costs.
+    pub fn counts_costs(&self) -> bool {
+        self.objective == Objective::Weighted || self.minimise.is_some()
+    }
+
+    pub(super) fn check(&self) -> Result<(), Refused> {
+        self.check_keys()?;
+        let knows_costs = self.strategy != Strategy::Paper;
+        for key in Self::KEYS {
+            match (key.name, self.extended_to) {
+                ("tune.extended_to", Some(to)) if to < self.generations => {
+                    return Err(key.refused(to, "tune.generations to 100000"));
+                }
+                ("tune.objective", _) if self.objective == Objective::Weighted && !knows_costs => {
+                    let expected = "error with tune.strategy = paper, which knows no costs";
+                    return Err(key.refused("weighted", expected));
+                }
+                ("tune.minimise", _) if !knows_costs => {
+                    if let Some(kind) = self.minimise {
+                        let expected = "left out with tune.strategy = paper, which knows no costs";
+                        return Err(key.refused(format!("{kind:?}").to_lowercase(), expected));
+                    }
+                }
+                _ => {}
+            }
+        }
+        if !self.warm_starts.is_empty() && self.strategy == Strategy::Paper {
+            let expected = "none with tune.strategy = paper, which has one start";
+            return Err(WARM_STARTS.refused(self.warm_starts.len(), expected));
+        }
+        self.weights.check_keys()
+    }
+}

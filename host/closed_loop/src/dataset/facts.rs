@@ -1,0 +1,86 @@
+//! What a set of pairs is like.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use super::pairs::{Dataset, ScanPair};
+use crate::evaluation::summary::median;
+use echoloop_registration::pose::Pose;
+
+/// What a set of pairs is like.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Facts {
+    /// Of the pairs to tune on.
+    pub train: Overlaps,
+    /// Of the pairs to judge on.
+    pub test: Overlaps,
+    /// Least distance between a viewpoint to tune on and one to judge on in the same town, m; none
+    /// where no town has both.
+    pub least_apart_m: Option<f64>,
+}
+
+/// How much of what either scan of a pair sees the other sees, too.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Overlaps {
+    /// Pairs.
+    pub pairs: usize,
+    /// The least, the lowest tenth, the median, the highest tenth, the most; of no pair 0.
+    pub overlap: [f64; 5],
+}
+
+impl Facts {
+    /// Of the pairs of a run.
+    pub fn new(dataset: &Dataset) -> Self {
+        let Dataset { train, test, .. } = dataset;
+        let apart = |a: &ScanPair| {
+            let same_place = test.iter().filter(|b| b.place == a.place);
+            same_place
+                .map(|b| apart_m(&a.world_from_sensor, &b.world_from_sensor))
+                .min_by(f64::total_cmp)
+        };
+        Self {
+            train: Overlaps::new(train.iter().map(|pair| pair.overlap)),
+            test: Overlaps::new(test.iter().map(|pair| pair.overlap)),
+            least_apart_m: train.iter().filter_map(apart).min_by(f64::total_cmp),
+        }
+    }
+}
+
+impl Overlaps {
+    /// Of pairs that share so much.
+    pub fn new(overlaps: impl Iterator<Item = f64>) -> Self {
+        let mut sorted: Vec<f64> = overlaps.collect();
+        sorted.sort_by(f64::total_cmp);
+        let at = |share: f64| {
+            let index = (share * sorted.len().saturating_sub(1) as f64).round() as usize;
+            sorted.get(index).copied().unwrap_or(0.0)
+        };
+        let middle = if sorted.is_empty() { 0.0 } else { median(sorted.iter().copied()) };
+        Self { pairs: sorted.len(), overlap: [at(0.0), at(0.1), middle, at(0.9), at(1.0)] }
+    }
+}
+
+/// Least distance between viewpoints of two pairs, seen from above, m.
+pub fn apart_m(a: &[Pose; 2], b: &[Pose; 2]) -> f64 {
+    let flat =
+        |from: &Pose, to: &Pose| (from.translation.vector.xy() - to.translation.vector.xy()).norm();
+    let of = |from: &Pose| b.iter().map(|to| flat(from, to)).fold(f64::INFINITY, f64::min);
+    a.iter().map(of).fold(f64::INFINITY, f64::min)
+}
+
+/// `30 pairs to tune on, overlap 0.52 to 0.91, median 0.74; 40 to judge on, …; at least 10.3 m
+/// between them`.
+impl fmt::Display for Facts {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let told = |overlaps: &Overlaps, to: &str| {
+            let Overlaps { pairs, overlap: [least, _, median, _, most] } = overlaps;
+            format!("{pairs} pairs to {to} on, overlap {least:.2} to {most:.2}, median {median:.2}")
+        };
+        write!(f, "{}; {}", told(&self.train, "tune"), told(&self.test, "judge"))?;
+        match self.least_apart_m {
+            Some(least_m) => write!(f, "; at least {least_m:.1} m between them"),
+            None => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,176 @@
+//! What a search is made of besides its configuration, as checksums: its numbers go on only from
+//! the same.
+
+use std::path::Path;
+use std::sync::OnceLock;
+
+use echoloop_frontend::SceneResponse;
+use echoloop_registration::pose::to_rows;
+use echoloop_sim::import::{Libraries, library_files};
+use serde::{Deserialize, Serialize};
+
+use crate::checksum::{Checksum, Running};
+use crate::config::RunConfig;
+use crate::dataset::source::Source;
+use crate::dataset::{Dataset, ScanPair};
+use echoloop_sensors::sensor::Model;
+
+/// Checksums, each of 16 hexadecimal digits.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Content {
+    /// Of the scene's file; none of a generated scene.
+    pub scene: Option<String>,
+    /// Of the files of materials that an OBJ names.
+    pub materials: Option<String>,
+    /// Of the sensor's front end, scan pattern and hardware: what shapes its waveforms.
+    pub front_end: String,
+    /// Of every scan's returns, and of the true motions.
+    pub scans: String,
+}
+
+/// The files that a scene is read from, as checksums.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SceneFiles {
+    /// As [`Content::scene`].
+    pub scene: Option<String>,
+    /// As [`Content::materials`].
+    pub materials: Option<String>,
+}
+
+impl SceneFiles {
+    /// As they are now; none of a file that is not there.
+    pub fn of(config: &RunConfig) -> Self {
+        let files = Source::of(&config.scene.source).files();
+        let libraries = config.scene.import().map(|options| options.libraries).unwrap_or_default();
+        let sums = files.iter().filter_map(|file| Checksum::of_file(file).ok());
+        let sums: Vec<String> = sums.map(|sum| sum.to_string()).collect();
+        let scene = match &sums[..] {
+            [] | [_] => sums.into_iter().next(),
+            _ => Some(Checksum::of(&[sums.concat().as_bytes()]).to_string()),
+        };
+        let materials = files.first().and_then(|file| materials(file, libraries));
+        Self { scene, materials: materials.map(|sum| sum.to_string()) }
+    }
+}
+
+impl Content {
+    /// What a configuration and its traced scans come to.
+    pub fn of(config: &RunConfig, dataset: &Dataset) -> Self {
+        let SceneFiles { scene, materials } = SceneFiles::of(config);
+        Self {
+            scene,
+            materials,
+            front_end: front_end(&Model::from(config)).to_string(),
+            scans: scans(dataset).to_string(),
+        }
+    }
+}
+
+/// The checksum of the program's own file; none where a system does not let it be read.
+pub fn build() -> Option<String> {
+    static BUILD: OnceLock<Option<String>> = OnceLock::new();
+    let own = || {
+        // Where there is this name, it leads to the program that runs, be its file replaced or not.
+        let linux = Path::new("/proc/self/exe");
+        let path = if linux.exists() { linux.to_owned() } else { std::env::current_exe().ok()? };
+        Checksum::of_file(&path).ok().map(|sum| sum.to_string())
+    };
+    BUILD.get_or_init(own).clone()
+}
+
+fn front_end(model: &Model) -> Checksum {
+    // Every field with every digit.
+    Checksum::of(&[format!("{model:?}").as_bytes()])
+}
+
+fn scans(dataset: &Dataset) -> Checksum {
+    let mut sum = Running::new();
+    for pair in dataset.pairs() {
+        add_pair(&mut sum, pair);
+    }
+    sum.end()
+}
+
+fn add_pair(sum: &mut Running, pair: &ScanPair) {
+    to_rows(&pair.truth).iter().for_each(|number| sum.add(&number.to_bits().to_le_bytes()));
+    pair.viewpoints.iter().for_each(|number| sum.add(&number.to_le_bytes()));
+    [&pair.first, &pair.second].into_iter().for_each(|scan| add_scan(sum, scan));
+}
+
+fn add_scan(sum: &mut Running, scan: &SceneResponse) {
+    scan.beams.iter().for_each(|beam| sum.add(&beam.to_le_bytes()));
+    for back in &scan.returns {
+        sum.add(&back.range_m.to_bits().to_le_bytes());
+        sum.add(&back.strength_per_m2.to_bits().to_le_bytes());
+    }
+}
+
+/// Of the material libraries that are read with an OBJ, in their order; none without any, and none
+/// of a pipe, which has nothing more to say.
+fn materials(scene: &Path, libraries: Libraries) -> Option<Checksum> {
+    if !scene.is_file() {
+        return None;
+    }
+    let sums: String = library_files(scene, libraries)
+        .iter()
+        .map(|path| Checksum::of_file(path).map_or_else(|_| "none".into(), |sum| sum.to_string()))
+        .collect();
+    (!sums.is_empty()).then(|| Checksum::of(&[sums.as_bytes()]))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+    use crate::config::load;
+
+    #[test]
+    fn a_scene_s_file_its_materials_and_the_front_end_each_have_their_checksum() {
+        let folder = tempfile::tempdir().unwrap();
+        let [obj, mtl] = ["yard.obj", "yard.mtl"].map(|name| folder.path().join(name));
+        fs::write(&obj, "mtllib yard.mtl\nv 0 0 0\n").unwrap();
+        fs::write(&mtl, "newmtl a\n").unwrap();
+        let mut config = RunConfig::default();
+        config.scene.source = obj.to_string_lossy().into_owned();
+        let empty = Dataset {
+            beams: config.scanner.beams(),
+            train: Vec::new(),
+            test: Vec::new(),
+            check: Vec::new(),
+            triangles: 0,
+        };
+        let before = Content::of(&config, &empty);
+        fs::write(&mtl, "newmtl b\n").unwrap();
+        let other_material = Content::of(&config, &empty);
+        assert_eq!(other_material.scene, before.scene);
+        assert_ne!(other_material.materials, before.materials);
+        fs::write(&obj, "mtllib yard.mtl\nv 0 0 1\n").unwrap();
+        assert_ne!(Content::of(&config, &empty).scene, before.scene);
+        config.receiver.aperture_mm += 1e-9;
+        assert_ne!(Content::of(&config, &empty).front_end, before.front_end);
+        config.scene.source = "structured".into();
+        let generated = Content::of(&config, &empty);
+        assert_eq!((generated.scene, generated.materials), (None, None));
+    }
+
+    #[test]
+    fn scans_of_the_check_are_among_what_a_journal_goes_on_with() {
+        let set = ["scanner.columns=8", "scanner.rows=4", "data.train_pairs=1"];
+        let set = set.into_iter().chain(["data.test_pairs=1", "data.check_pairs=1"]);
+        let set: Vec<_> = set.map(|text| text.parse().unwrap()).collect();
+        let config = load(None, &set).unwrap();
+        let mut found = Dataset::build_with_check(&config, &|_, _| ()).unwrap();
+        let before = Content::of(&config, &found).scans;
+        found.check[0].first = found.check[0].second.clone();
+        assert_ne!(Content::of(&config, &found).scans, before);
+    }
+
+    #[test]
+    fn the_program_knows_its_own_file() {
+        let of_file = Checksum::of_file(&std::env::current_exe().unwrap()).unwrap();
+        assert_eq!(build(), Some(of_file.to_string()));
+    }
+}

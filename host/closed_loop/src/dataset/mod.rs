@@ -1,0 +1,425 @@
+//! Pairs of scans to register: scene responses and true motions, traced once for every candidate to
+//! come.
+
+mod facts;
+pub mod fingerprint;
+mod held_out;
+mod motion;
+mod pairs;
+mod recording;
+pub mod source;
+mod store;
+pub mod survey;
+
+use std::path::Path;
+use std::sync::Arc;
+
+use echoloop_frontend::SceneResponse;
+use echoloop_sim::raycast::Raycaster;
+use echoloop_sim::scanner::{BeamOptics, Scanner};
+use echoloop_sim::scene::{Material, Scene};
+use echoloop_sim::viewpoint::{
+    PairPlan, PosePair, Sight, Split, ViewpointError, sample_pairs_aloud,
+};
+use thiserror::Error;
+
+use crate::beams::Beams;
+use crate::config::RunConfig;
+use crate::dataset::source::{Source, SourceError};
+use crate::seed::{Purpose, derive};
+use echoloop_registration::pose::{Pose, relative};
+pub use facts::{Facts, Overlaps, apart_m};
+use motion::Path as MotionPath;
+pub use pairs::{Dataset, ScanPair, viewpoints};
+pub use recording::RecordingError;
+pub use store::{StoreError, stored, stored_config};
+
+/// Why there are no pairs.
+#[derive(Debug, Error)]
+pub enum DatasetError {
+    /// There is no scene.
+    #[error(transparent)]
+    Source(#[from] SourceError),
+    /// Stored pairs cannot be used.
+    #[error("scene.stored: {0}")]
+    Stored(#[from] StoreError),
+    /// Recorded scans cannot be used.
+    #[error("scene.source: {0}")]
+    Recording(#[from] RecordingError),
+    /// Nowhere to stand.
+    #[error("{scene}: {source}")]
+    Viewpoints {
+        /// The scene.
+        scene: String,
+        /// Why.
+        source: ViewpointError,
+    },
+}
+
+/// A scene ready to be scanned.
+pub struct Place {
+    /// The scene.
+    pub scene: Scene,
+    /// Its ray caster.
+    pub caster: Raycaster,
+    /// That of the second scan of a pair, where something moves between them.
+    pub later: Option<Raycaster>,
+}
+
+impl Place {
+    /// As the first scan of a pair finds it, and as the second does.
+    pub fn casters(&self) -> [&Raycaster; 2] {
+        [&self.caster, self.later.as_ref().unwrap_or(&self.caster)]
+    }
+}
+
+impl Dataset {
+    /// Makes or loads the scenes, finds viewpoints, traces every scan; or reads them, where
+    /// `scene.stored` names a file or `scene.source` a folder of recorded scans. `progress` hears a
+    /// fraction of 1 and what is done.
+    ///
+    /// # Errors
+    ///
+    /// [`DatasetError`].
+    pub fn build(config: &RunConfig, progress: &dyn Fn(f64, &str)) -> Result<Self, DatasetError> {
+        Self::of(config, 0, progress)
+    }
+
+    /// The same, and `data.check_pairs` of [`Self::check`]: drawn on after the training pairs, but
+    /// as far apart as those to judge on. A town without room for its share of them gives none, and
+    /// of pairs that are stored or recorded there are no more.
+    ///
+    /// # Errors
+    ///
+    /// [`DatasetError`].
+    pub fn build_with_check(
+        config: &RunConfig,
+        progress: &dyn Fn(f64, &str),
+    ) -> Result<Self, DatasetError> {
+        Self::of(config, config.data.check_pairs, progress)
+    }
+
+    fn of(
+        config: &RunConfig,
+        check_pairs: usize,
+        progress: &dyn Fn(f64, &str),
+    ) -> Result<Self, DatasetError> {
+        let beams = config.scanner.beams();
+        if !config.scene.stored.is_empty() {
+            return Ok(store::load_stored(Path::new(&config.scene.stored), config, beams)?);
+        }
+        if let Source::Recording(folder) = Source::of(&config.scene.source) {
+            return Ok(recording::load(&folder, config, beams, progress)?);
+        }
+        let mut dataset = Self::empty(beams);
+        let towns = towns(config);
+        let RunConfig { data, .. } = config;
+        let total = (data.train_pairs + data.test_pairs + check_pairs) as f64;
+        for (index, &town) in towns.iter().enumerate() {
+            let place = place(config, town)?;
+            dataset.triangles += place.scene.mesh.triangles.len();
+            let sight = sight(&place, &dataset.beams);
+            let at = (index, towns.len());
+            for (split, more) in [(Split::Train, share_of(check_pairs, at)), (Split::Test, 0)] {
+                let count = share(config, split, at);
+                let done = dataset.pairs().count() as f64 / total;
+                let looking = |found, tried| {
+                    if tried % 100 == 0 {
+                        progress(done, &format!("viewpoint {} after {tried} tries", found + 1));
+                    }
+                };
+                let plan = pair_plan(config, split, count, town);
+                let planned = poses_and_more(config, &place, &sight, (&plan, more), &looking)?;
+                for (number, pair) in planned.iter().enumerate() {
+                    progress(dataset.pairs().count() as f64 / total, &place.scene.name);
+                    let (before, pairs) = match split {
+                        Split::Test => (data.train_pairs, &mut dataset.test),
+                        Split::Train if number < count => (0, &mut dataset.train),
+                        Split::Train => (data.train_pairs + data.test_pairs, &mut dataset.check),
+                    };
+                    let numbers = viewpoints(before + pairs.len());
+                    pairs.push(trace(config, &place, pair, numbers, &dataset.beams));
+                }
+            }
+        }
+        progress(1.0, "");
+        Ok(dataset)
+    }
+
+    fn empty(beams: Beams) -> Self {
+        Self { beams, train: Vec::new(), test: Vec::new(), check: Vec::new(), triangles: 0 }
+    }
+}
+
+/// Whether scans are traced, in as many places as are asked for: not stored, not recorded.
+fn is_traced(config: &RunConfig) -> bool {
+    let is_recording = matches!(Source::of(&config.scene.source), Source::Recording(_));
+    config.scene.stored.is_empty() && !is_recording
+}
+
+/// Seeds of the towns, no more towns than pairs.
+pub fn towns(config: &RunConfig) -> Vec<u64> {
+    let mut towns = Source::of(&config.scene.source).seeds(&config.scene.towns);
+    towns.truncate(config.data.train_pairs.min(config.data.test_pairs).max(1));
+    towns
+}
+
+/// Makes or loads one town.
+///
+/// # Errors
+///
+/// [`DatasetError`].
+pub fn place(config: &RunConfig, town: u64) -> Result<Place, DatasetError> {
+    let scene = Source::of(&config.scene.source).scene(&config.scene, town)?;
+    let caster = Raycaster::new(&scene);
+    let later = scene.mesh_after(config.data.interval_s).map(|mesh| Raycaster::from_mesh(&mesh));
+    Ok(Place { scene, caster, later })
+}
+
+/// What the scanner of these beams can see of a place.
+pub fn sight<'a>(place: &'a Place, beams: &Beams) -> Sight<'a> {
+    let directions: Vec<[f32; 3]> = beams.directions(1).iter().map(|&d| d.into()).collect();
+    Sight::new(&place.caster, &directions)
+}
+
+/// So many pairs of a town, as a configuration has them.
+pub fn pair_plan(config: &RunConfig, split: Split, count: usize, town: u64) -> PairPlan {
+    let data = &config.data;
+    let (purpose, baseline_factor) = match split {
+        Split::Train => (Purpose::TrainPoses, data.train_baseline_factor),
+        Split::Test => (Purpose::TestPoses, 1.0),
+    };
+    PairPlan {
+        count,
+        baseline_m: data.hard_baseline_m(),
+        baseline_factor,
+        farther: count, // those of the check, after them, are not
+        heading_range_deg: data.hard_heading_range_deg(),
+        tilt_range_deg: data.tilt_range_deg,
+        height_m: config.scanner.height_m,
+        seed: derive(config.seed, purpose, town),
+        split,
+    }
+}
+
+/// A town's share of the pairs.
+pub fn share(config: &RunConfig, split: Split, town: (usize, usize)) -> usize {
+    match split {
+        Split::Train => share_of(config.data.train_pairs, town),
+        Split::Test => share_of(config.data.test_pairs, town),
+    }
+}
+
+/// The share of a town, by its number among so many.
+fn share_of(total: usize, (index, towns): (usize, usize)) -> usize {
+    total / towns + usize::from(index < total % towns)
+}
+
+/// Where the two scans of a pair are to be made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlannedPair {
+    /// The poses.
+    pub poses: PosePair,
+    /// Share of what either scanner sees that the other sees, too.
+    pub overlap: f64,
+}
+
+/// Pairs of a town as a plan wants them, which share as much as the configuration says. `looking`
+/// hears how many there are and how many candidates were tried.
+///
+/// # Errors
+///
+/// [`DatasetError::Viewpoints`].
+pub fn poses(
+    config: &RunConfig,
+    place: &Place,
+    sight: &Sight<'_>,
+    plan: &PairPlan,
+    looking: &dyn Fn(usize, usize),
+) -> Result<Vec<PlannedPair>, DatasetError> {
+    let accept = |poses: PosePair| {
+        let overlap = sight.overlap(&poses);
+        config.data.wants(overlap).then_some(PlannedPair { poses, overlap })
+    };
+    sample_pairs_aloud(&place.scene, place.casters(), plan, &accept, looking)
+        .map_err(|source| DatasetError::Viewpoints { scene: place.scene.name.clone(), source })
+}
+
+/// The same, and as many more as are asked for, if there is room for them all; these are no
+/// farther apart than the pairs to judge on.
+fn poses_and_more(
+    config: &RunConfig,
+    place: &Place,
+    sight: &Sight<'_>,
+    (plan, more): (&PairPlan, usize),
+    looking: &dyn Fn(usize, usize),
+) -> Result<Vec<PlannedPair>, DatasetError> {
+    let of = |count| poses(config, place, sight, &PairPlan { count, ..*plan }, looking);
+    match of(plan.count + more) {
+        Err(DatasetError::Viewpoints { source: ViewpointError::NoViewpoint { .. }, .. })
+            if more > 0 =>
+        {
+            of(plan.count)
+        }
+        found => found,
+    }
+}
+
+fn trace(
+    config: &RunConfig,
+    place: &Place,
+    planned: &PlannedPair,
+    viewpoints: [u32; 2],
+    beams: &Beams,
+) -> ScanPair {
+    let pair = &planned.poses;
+    let truth = relative(&pair.world_from_first, &pair.world_from_second);
+    let [first, later] = place.casters();
+    let look = |caster, pose, viewpoint| {
+        Arc::new(response(config, (caster, &place.scene.materials), pose, viewpoint, beams))
+    };
+    ScanPair {
+        place: place.scene.name.clone(),
+        truth,
+        world_from_sensor: [pair.world_from_first, pair.world_from_second],
+        first: look(first, &pair.world_from_first, viewpoints[0]),
+        second: look(later, &pair.world_from_second, viewpoints[1]),
+        viewpoints,
+        overlap: planned.overlap,
+    }
+}
+
+/// What a scan alone sees from a pose: of viewpoint 1.
+pub fn respond(
+    config: &RunConfig,
+    place: &Place,
+    world_from_sensor: &Pose,
+    beams: &Beams,
+) -> SceneResponse {
+    respond_at(config, place, world_from_sensor, 1, beams)
+}
+
+/// What the scan of a viewpoint sees; of a sensor that moves, the pose is that of the middle of the
+/// scan.
+pub fn respond_at(
+    config: &RunConfig,
+    place: &Place,
+    world_from_sensor: &Pose,
+    viewpoint: u32,
+    beams: &Beams,
+) -> SceneResponse {
+    let world = (&place.caster, &place.scene.materials[..]);
+    response(config, world, world_from_sensor, viewpoint, beams)
+}
+
+fn response(
+    config: &RunConfig,
+    (caster, materials): (&Raycaster, &[Material]),
+    world_from_sensor: &Pose,
+    viewpoint: u32,
+    beams: &Beams,
+) -> SceneResponse {
+    let optics = BeamOptics {
+        divergence_mrad: config.receiver.divergence_mrad,
+        subrays: config.receiver.subrays,
+    };
+    let directions = beams.directions(viewpoint);
+    let directions: Vec<[f32; 3]> = directions.iter().map(|&d| d.into()).collect();
+    if config.motion.is_still() {
+        return Scanner::scan(caster, materials, world_from_sensor, &directions, &optics);
+    }
+    let seed = derive(config.seed, Purpose::Motion, viewpoint.into());
+    let path = MotionPath::new(&config.motion, beams, *world_from_sensor, seed);
+    Scanner::scan_moving(
+        caster,
+        materials,
+        |beam| path.world_from_sensor(beam),
+        &directions,
+        &optics,
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::{Override, load};
+
+    fn config(more: &[&str]) -> RunConfig {
+        let few = ["scanner.columns=24", "scanner.rows=8", "data.train_pairs=4"];
+        let few = few.into_iter().chain(["data.test_pairs=3", "data.check_pairs=5"]);
+        let set: Vec<Override> =
+            few.chain(more.iter().copied()).map(|t| t.parse().unwrap()).collect();
+        load(None, &set).unwrap()
+    }
+
+    fn truths(pairs: &[ScanPair]) -> Vec<(String, Pose)> {
+        pairs.iter().map(|pair| (pair.place.clone(), pair.truth)).collect()
+    }
+
+    /// How far apart the sensors of pairs stood, metres over ground.
+    fn apart_m(pairs: &[ScanPair]) -> Vec<f64> {
+        let apart = |pair: &ScanPair| {
+            let [a, b] = pair.world_from_sensor.map(|pose| pose.translation.vector.xy());
+            (a - b).norm()
+        };
+        pairs.iter().map(apart).collect()
+    }
+
+    #[test]
+    fn pairs_of_the_check_are_as_far_apart_as_those_that_are_judged() {
+        let config = config(&["scene.towns=[1,2]"]);
+        let found = Dataset::build_with_check(&config, &|_, _| ()).unwrap();
+        let is_as_asked = |apart: &f64| (apart - config.data.baseline_m).abs() < 1e-9;
+        assert!(apart_m(&found.check).iter().chain(&apart_m(&found.test)).all(is_as_asked));
+        assert!(!apart_m(&found.train).iter().any(is_as_asked));
+        // Of 5, 3 are of the first town.
+        let places: Vec<&str> = found.check.iter().map(|pair| pair.place.as_str()).collect();
+        assert_eq!(places, [0, 0, 0, 1, 1].map(|town: usize| found.train[2 * town].place.as_str()));
+        let numbers: Vec<u32> = found.pairs().flat_map(|pair| pair.viewpoints).collect();
+        assert_eq!(numbers, (1..=2 * (4 + 3 + 5)).collect::<Vec<u32>>());
+    }
+
+    #[test]
+    fn where_training_pairs_are_no_farther_apart_those_of_the_check_are_the_next_of_them() {
+        let config = config(&["scene.towns=[1,2]", "data.train_baseline_factor=1"]);
+        let found = Dataset::build_with_check(&config, &|_, _| ()).unwrap();
+        let mut more = config.clone();
+        more.data.train_pairs = 9;
+        let more = Dataset::build(&more, &|_, _| ()).unwrap();
+        // Of 4, 2 are of each town; of 9, 5 and 4.
+        let all = truths(&more.train);
+        assert_eq!(truths(&found.check), [&all[2..5], &all[7..9]].concat());
+    }
+
+    #[test]
+    fn a_check_changes_no_other_pair() {
+        let config = config(&[]);
+        let checked = Dataset::build_with_check(&config, &|_, _| ()).unwrap();
+        let plain = Dataset::build(&config, &|_, _| ()).unwrap();
+        assert_eq!((plain.check.len(), checked.check.len()), (0, 5));
+        assert_eq!(truths(&plain.train), truths(&checked.train));
+        assert_eq!(truths(&plain.test), truths(&checked.test));
+        assert_eq!(plain.triangles, checked.triangles);
+        assert!(plain.views().eq(checked.views().take(2 * (4 + 3))));
+    }
+
+    #[test]
+    fn a_town_without_room_for_more_pairs_gives_those_that_it_has_room_for() {
+        let mut config = config(&[]);
+        let town = towns(&config)[0];
+        let place = place(&config, town).unwrap();
+        let sight = sight(&place, &config.scanner.beams());
+        let plan = pair_plan(&config, Split::Train, 1, town);
+        let found = |config: &RunConfig, more| {
+            poses_and_more(config, &place, &sight, (&plan, more), &|_, _| ())
+        };
+        let first = found(&config, 0).unwrap();
+        assert_eq!(found(&config, 1).unwrap()[..1], first);
+        // Who shares as much as the first does is the first.
+        (config.data.least_overlap, config.data.most_overlap) =
+            (first[0].overlap, first[0].overlap);
+        assert_eq!(found(&config, 1).unwrap(), first);
+        config.data.most_overlap = 0.0;
+        assert!(found(&config, 1).is_err());
+    }
+}

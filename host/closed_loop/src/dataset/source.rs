@@ -1,0 +1,155 @@
+//! What `scene.source` names: a kind of place, one of the nine towns, a road network, a mesh,
+//! recorded scans.
+
+use std::path::{Path, PathBuf};
+
+use echoloop_files::shown;
+use echoloop_sim::import::{ImportError, load_scene};
+use echoloop_sim::scene::{Scene, SceneKind, Town, TownError, build_town, generate, load_town};
+use thiserror::Error;
+
+use crate::config::{RunConfigError, SceneConfig};
+
+/// Why there is no scene.
+#[derive(Debug, Error)]
+pub enum SourceError {
+    /// Neither a name nor a file.
+    #[error(
+        "scene.source = {0:?} is neither structured, semi-structured, unstructured, one of the \
+         nine towns ({towns}), the three of a kind (structured-towns) nor a file that exists",
+        towns = Town::ALL.map(Town::name).join(", ")
+    )]
+    Unknown(String),
+    /// Recorded scans cannot be scanned.
+    #[error("scene.source = {0:?} is a folder of recorded scans, which have no surfaces to scan")]
+    Recorded(String),
+    /// The mesh cannot be used.
+    #[error(transparent)]
+    Import(#[from] ImportError),
+    /// The town cannot be built.
+    #[error(transparent)]
+    Town(#[from] TownError),
+    /// A key of `[scene]` is out of bounds.
+    #[error(transparent)]
+    Config(#[from] RunConfigError),
+}
+
+/// Where a scene comes from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Source {
+    /// A place is made from a seed.
+    Kind(SceneKind),
+    /// One of the nine.
+    Town(Town),
+    /// The three of a kind, among which pairs are shared out.
+    Towns(SceneKind),
+    /// A town is built on an OpenDRIVE file's roads.
+    Roads(PathBuf),
+    /// A mesh.
+    Mesh(PathBuf),
+    /// A folder of recorded scans: there are no surfaces, and no other places to scan from.
+    Recording(PathBuf),
+}
+
+impl Source {
+    /// Reads `scene.source`. What is no name is a file, there or not, or a folder that is there.
+    pub fn of(source: &str) -> Self {
+        if let Ok(kind) = source.parse() {
+            return Self::Kind(kind);
+        }
+        if let Ok(town) = source.parse() {
+            return Self::Town(town);
+        }
+        if let Some(kind) = source.strip_suffix("-towns").and_then(|kind| kind.parse().ok()) {
+            return Self::Towns(kind);
+        }
+        let path = PathBuf::from(source);
+        if path.is_dir() {
+            return Self::Recording(path);
+        }
+        let is_network = path.extension().is_some_and(|end| end.eq_ignore_ascii_case("xodr"));
+        if is_network { Self::Roads(path) } else { Self::Mesh(path) }
+    }
+
+    /// The files it stands on.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let data = data_folder();
+        let of_town = |town: Town| town.file(data.as_deref());
+        match self {
+            Self::Kind(_) | Self::Recording(_) => Vec::new(),
+            Self::Town(town) => of_town(*town).into_iter().collect(),
+            Self::Towns(kind) => Town::of_kind(*kind).into_iter().filter_map(of_town).collect(),
+            Self::Roads(path) | Self::Mesh(path) => vec![path.clone()],
+        }
+    }
+
+    /// The first of [`Source::files`].
+    pub fn file(&self) -> Option<PathBuf> {
+        self.files().into_iter().next()
+    }
+
+    /// What the pairs are shared out among, as seeds: `towns` of what is made from them, the
+    /// numbers of the towns of a kind; else there is one.
+    pub fn seeds(&self, towns: &[u64]) -> Vec<u64> {
+        match self {
+            Self::Kind(_) => towns.to_vec(),
+            Self::Towns(_) => vec![1, 2, 3],
+            _ => towns[..towns.len().min(1)].to_vec(),
+        }
+    }
+
+    /// Makes or loads the scene; `town` is the seed of what is generated, or a number of
+    /// [`Source::seeds`].
+    ///
+    /// # Errors
+    ///
+    /// [`SourceError`].
+    pub fn scene(&self, config: &SceneConfig, town: u64) -> Result<Scene, SourceError> {
+        match self {
+            Self::Kind(kind) => Ok(generate(*kind, town)),
+            Self::Town(town) => Ok(build_town(*town, data_folder().as_deref())?),
+            Self::Towns(kind) => {
+                let [first, second, third] = Town::of_kind(*kind);
+                let of_kind = match town {
+                    2 => second,
+                    3 => third,
+                    _ => first,
+                };
+                Self::Town(of_kind).scene(config, town)
+            }
+            Self::Roads(path) => Ok(load_town(path, config.dressing()?, town)?),
+            Self::Mesh(path) => {
+                let looks_like_a_file = path.extension().is_some() || path.exists();
+                if !looks_like_a_file {
+                    return Err(SourceError::Unknown(shown(&config.source)));
+                }
+                Ok(load_scene(path, &config.import()?)?)
+            }
+            Self::Recording(_) => Err(SourceError::Recorded(shown(&config.source))),
+        }
+    }
+}
+
+/// Where CARLA's files lie, of the towns that stand on its roads.
+fn data_folder() -> Option<PathBuf> {
+    std::env::var_os("ECHOLOOP_DATA").map(|folder| Path::new(&folder).to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_is_a_kind_or_a_town_and_anything_else_a_file() {
+        assert_eq!(Source::of("structured"), Source::Kind(SceneKind::Structured));
+        assert_eq!(Source::of("rocky-valley"), Source::Town(Town::RockyValley));
+        assert_eq!(Source::of("a/Town04.XODR"), Source::Roads("a/Town04.XODR".into()));
+        assert_eq!(Source::of("yard.obj"), Source::Mesh("yard.obj".into()));
+        assert_eq!(Source::of("structured-towns"), Source::Towns(SceneKind::Structured));
+        assert_eq!(Source::of("rocky-valley").files(), Vec::<PathBuf>::new());
+        assert_eq!(Source::of("yard.obj").files(), [PathBuf::from("yard.obj")]);
+        assert_eq!(Source::of("structured").seeds(&[4, 9]), [4, 9]);
+        assert_eq!(Source::of("unstructured-towns").seeds(&[4]), [1, 2, 3]);
+        assert_eq!(Source::of("yard.obj").seeds(&[4, 9]), [4]);
+    }
+}

@@ -1,0 +1,576 @@
+//! Pairs in a file: traced once, read in a moment.
+//!
+//! ```text
+//! "ECHOPAIR"  version: u32  header's bytes: u32  header: JSON  body: zlib  CRC-64/XZ of all before
+//! ```
+//!
+//! Little endian. The header has the configuration that the pairs were traced with, checksums of
+//! the files of their scene, and of each pair its place, poses and how many returns there are. The
+//! body has the scans, first and second of each pair to tune on and then of each to judge on: a
+//! count of returns a beam (u16), then all ranges, then all strengths (f32), of each four bytes the
+//! first of all numbers, then the second of all, and so on: exponents are much alike, and pack
+//! better side by side.
+
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use echoloop_files::{read_data, shown};
+use echoloop_frontend::{Return, SceneResponse};
+use flate2::Compression;
+use flate2::read::ZlibDecoder;
+use flate2::write::ZlibEncoder;
+use nalgebra::{Quaternion, Translation3, UnitQuaternion};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::pairs::{Dataset, ScanPair, viewpoints};
+use crate::beams::Beams;
+use crate::checksum::Checksum;
+use crate::config::{RunConfig, parse, written};
+use crate::dataset::fingerprint::SceneFiles;
+use crate::dataset::source::Source;
+use echoloop_registration::pose::{Pose, relative};
+
+const MAGIC: &[u8; 8] = b"ECHOPAIR";
+/// Pairs of another version are traced anew. It rises with the format, and when the same
+/// configuration makes other scenes.
+const VERSION: u32 = 2;
+const PREFIX: usize = 16;
+const SUFFIX: usize = 8;
+/// What is read takes at most so many times the file, and [`ROOM`].
+const MOST_GROWTH: u64 = 8;
+const ROOM: u64 = 64 << 20;
+/// Returns of a scan at most: of 131,072 beams with 225 sub-rays each.
+const MOST_RETURNS: u64 = 131_072 * 225;
+
+/// A file of pairs that cannot be used.
+#[derive(Debug, Error)]
+#[error("{}: {what}", path.display())]
+pub struct StoreError {
+    path: PathBuf,
+    what: String,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Header {
+    /// TOML.
+    config: String,
+    files: SceneFiles,
+    pattern: String,
+    triangles: usize,
+    train: Vec<Head>,
+    test: Vec<Head>,
+}
+
+/// A pair without its returns.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Head {
+    place: String,
+    world_from_sensor: [Placed; 2],
+    overlap: f64,
+    /// Returns of both scans.
+    returns: [u64; 2],
+}
+
+/// A pose to the last bit: x, y, z, m, then the rotation's i, j, k, w.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+struct Placed([f64; 7]);
+
+/// Pairs as a file's bytes.
+///
+/// # Errors
+///
+/// What cannot be written down.
+pub fn stored(config: &RunConfig, dataset: &Dataset) -> Result<Vec<u8>, String> {
+    if matches!(Source::of(&config.scene.source), Source::Recording(_)) {
+        return Err("recorded scans need no store: they are read as fast".into());
+    }
+    let header = Header {
+        config: written(config).map_err(|error| error.to_string())?,
+        files: SceneFiles::of(config),
+        pattern: pattern(&dataset.beams),
+        triangles: dataset.triangles,
+        train: dataset.train.iter().map(Head::new).collect(),
+        test: dataset.test.iter().map(Head::new).collect(),
+    };
+    let header = serde_json::to_vec(&header).map_err(|error| error.to_string())?;
+    let length = u32::try_from(header.len()).map_err(|_| "too many pairs for a file")?;
+    let mut bytes = MAGIC.to_vec();
+    bytes.extend(VERSION.to_le_bytes());
+    bytes.extend(length.to_le_bytes());
+    bytes.extend(header);
+    let mut body = ZlibEncoder::new(bytes, Compression::fast());
+    let pairs = dataset.train.iter().chain(&dataset.test);
+    let mut scans = pairs.flat_map(|pair| [&pair.first, &pair.second]);
+    let written = scans.try_for_each(|scan| write_scan(&mut body, scan));
+    let done = written.and_then(|()| body.finish()).map_err(|error| error.to_string());
+    let mut bytes = done?;
+    bytes.extend(Checksum::of(&[&bytes]).to_le_bytes());
+    Ok(bytes)
+}
+
+/// The configuration that the pairs of a file were traced with.
+///
+/// # Errors
+///
+/// [`StoreError`].
+pub fn stored_config(path: &Path) -> Result<RunConfig, StoreError> {
+    let fail = |what: String| StoreError { path: path.to_owned(), what };
+    let bytes = read_data(path).map_err(|error| fail(format!("cannot be read: {error}")))?;
+    let (header, _) = open(&bytes).map_err(fail)?;
+    parse(&header.config).map_err(|error| fail(shown(&error)))
+}
+
+/// The pairs of a file, which must be those of the configuration.
+///
+/// # Errors
+///
+/// [`StoreError`] says what is wrong with the file, or which key differs from its.
+pub(super) fn load_stored(
+    path: &Path,
+    config: &RunConfig,
+    beams: Beams,
+) -> Result<Dataset, StoreError> {
+    let fail = |what: String| StoreError { path: path.to_owned(), what };
+    let bytes = read_data(path).map_err(|error| fail(format!("cannot be read: {error}")))?;
+    let (header, body) = open(&bytes).map_err(fail)?;
+    let traced_with = parse(&header.config).map_err(|error| fail(shown(&error)))?;
+    same(&traced_with, config).map_err(fail)?;
+    if header.pattern != pattern(&beams) {
+        return Err(fail("its beams are not those of scanner.pattern any more".into()));
+    }
+    same_files(&header.files, &SceneFiles::of(config)).map_err(fail)?;
+    let (train, test) = (header.train.len(), header.test.len());
+    if (train, test) != (config.data.train_pairs, config.data.test_pairs) {
+        return Err(fail(format!(
+            "holds {train} and {test} pairs, not those of its configuration"
+        )));
+    }
+    read_pairs(header, body, bytes.len() as u64, beams).map_err(fail)
+}
+
+/// The pattern, of a table with what is in it.
+fn pattern(beams: &Beams) -> String {
+    format!("{:?}", beams.pattern())
+}
+
+/// Header and body of a file that is whole.
+fn open(bytes: &[u8]) -> Result<(Header, &[u8]), String> {
+    let no_pairs = || "no file of pairs (of `echoloop store`)".to_owned();
+    let number = |from: usize| -> Option<u32> {
+        Some(u32::from_le_bytes(bytes.get(from..from + 4)?.try_into().ok()?))
+    };
+    if !bytes.starts_with(MAGIC) {
+        return Err(no_pairs());
+    }
+    let (version, length) = number(8).zip(number(12)).ok_or_else(no_pairs)?;
+    if version != VERSION {
+        return Err(format!("of version {version}, expected {VERSION}: store the pairs anew"));
+    }
+    let cut = || "cut short or damaged: its checksum is another".to_owned();
+    let (content, sum) = bytes.split_last_chunk::<SUFFIX>().ok_or_else(cut)?;
+    if Checksum::of(&[content]).to_le_bytes() != *sum {
+        return Err(cut());
+    }
+    let rest = content.get(PREFIX..).ok_or_else(cut)?;
+    let (header, body) = rest.split_at_checked(length as usize).ok_or_else(cut)?;
+    let header = serde_json::from_slice(header);
+    Ok((header.map_err(|error| format!("header: {}", shown(&error.to_string())))?, body))
+}
+
+/// Refuses pairs that are not those of a configuration, by the first key that differs.
+fn same(stored: &RunConfig, now: &RunConfig) -> Result<(), String> {
+    let told = |config: &RunConfig| toml::Table::try_from(shaping(config));
+    let (Ok(stored), Ok(now)) = (told(stored), told(now)) else {
+        return Err("holds a configuration that cannot be written".into());
+    };
+    match difference("", &toml::Value::Table(stored), &toml::Value::Table(now)) {
+        None => Ok(()),
+        Some((key, stored, now)) => Err(format!(
+            "its pairs have {key} = {}, and {} is asked for: trace anew without scene.stored, or \
+             leave the key as it is there",
+            shown(&stored),
+            shown(&now)
+        )),
+    }
+}
+
+/// Refuses pairs of a scene whose files have changed. A file that is not there any more is not
+/// needed.
+fn same_files(stored: &SceneFiles, now: &SceneFiles) -> Result<(), String> {
+    let differ = |stored: &Option<String>, now: &Option<String>| now.is_some() && stored != now;
+    if differ(&stored.scene, &now.scene) || differ(&stored.materials, &now.materials) {
+        return Err("its pairs are of a scene whose files have changed: store them anew".into());
+    }
+    Ok(())
+}
+
+/// A configuration with everything else than what shapes pairs as it is by default.
+fn shaping(config: &RunConfig) -> RunConfig {
+    let usual = RunConfig::default();
+    let mut own = RunConfig {
+        seed: config.seed,
+        scene: config.scene.clone(),
+        scanner: config.scanner.clone(),
+        data: config.data,
+        motion: config.motion,
+        ..usual.clone()
+    };
+    own.scene.stored = String::new();
+    own.data.success_translation_m = usual.data.success_translation_m;
+    own.data.success_rotation_deg = usual.data.success_rotation_deg;
+    own.receiver.divergence_mrad = config.receiver.divergence_mrad;
+    own.receiver.subrays = config.receiver.subrays;
+    own
+}
+
+/// The first key that differs, with both values; of one that is missing nothing.
+fn difference(
+    path: &str,
+    stored: &toml::Value,
+    now: &toml::Value,
+) -> Option<(String, String, String)> {
+    if let (toml::Value::Table(stored), toml::Value::Table(now)) = (stored, now) {
+        let keys = stored.keys().chain(now.keys().filter(|key| !stored.contains_key(*key)));
+        let none = toml::Value::String(String::new());
+        return keys.into_iter().find_map(|key| {
+            let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
+            difference(&path, stored.get(key).unwrap_or(&none), now.get(key).unwrap_or(&none))
+        });
+    }
+    (stored != now).then(|| (path.to_owned(), stored.to_string(), now.to_string()))
+}
+
+fn read_pairs(header: Header, body: &[u8], file: u64, beams: Beams) -> Result<Dataset, String> {
+    let heads = || header.train.iter().chain(&header.test);
+    let (count, of_beams) = (heads().count() as u64, u64::from(beams.pattern().beams()));
+    let returns = heads().flat_map(|head| head.returns).map(|n| n.min(MOST_RETURNS + 1));
+    let size = 2 * count * 2 * of_beams + 8 * returns.sum::<u64>();
+    if size > MOST_GROWTH * file + ROOM {
+        return Err("says that it holds far more than its size".into());
+    }
+    let mut body = ZlibDecoder::new(body);
+    let mut pairs = |heads: Vec<Head>, first: usize| -> Result<Vec<ScanPair>, String> {
+        let numbered = (first..).zip(heads);
+        numbered.map(|(number, head)| head.with(number, &mut body, of_beams as usize)).collect()
+    };
+    let judged_from = header.train.len();
+    let (train, test) = (pairs(header.train, 0)?, pairs(header.test, judged_from)?);
+    match body.read(&mut [0]) {
+        Ok(0) => Ok(Dataset { beams, train, test, check: Vec::new(), triangles: header.triangles }),
+        _ => Err("holds more than it says".into()),
+    }
+}
+
+impl Head {
+    fn new(pair: &ScanPair) -> Self {
+        let returns = |scan: &SceneResponse| scan.returns.len() as u64;
+        Self {
+            place: pair.place.clone(),
+            world_from_sensor: pair.world_from_sensor.map(Placed::from),
+            overlap: pair.overlap,
+            returns: [returns(&pair.first), returns(&pair.second)],
+        }
+    }
+
+    fn with(self, number: usize, body: &mut impl Read, beams: usize) -> Result<ScanPair, String> {
+        if !(0.0..=1.0).contains(&self.overlap) || self.place.contains(char::is_control) {
+            return Err("holds a pair that is none".into());
+        }
+        let [first, second] = self.returns.map(|returns| read_scan(body, beams, returns));
+        let [from_first, from_second] = self.world_from_sensor.map(Placed::pose);
+        let world_from_sensor = [from_first?, from_second?];
+        Ok(ScanPair {
+            place: self.place,
+            truth: relative(&world_from_sensor[0], &world_from_sensor[1]),
+            world_from_sensor,
+            first: Arc::new(first?),
+            second: Arc::new(second?),
+            viewpoints: viewpoints(number),
+            overlap: self.overlap,
+        })
+    }
+}
+
+impl From<Pose> for Placed {
+    fn from(pose: Pose) -> Self {
+        let ([x, y, z], turn) = (pose.translation.vector.into(), pose.rotation.coords);
+        Self([x, y, z, turn.x, turn.y, turn.z, turn.w])
+    }
+}
+
+impl Placed {
+    fn pose(self) -> Result<Pose, String> {
+        let Self([x, y, z, i, j, k, w]) = self;
+        let turn = Quaternion::new(w, i, j, k);
+        match self.0.iter().all(|v| v.is_finite()) && (turn.norm() - 1.0).abs() < 1e-6 {
+            true => Ok(Pose::from_parts(
+                Translation3::new(x, y, z),
+                UnitQuaternion::new_unchecked(turn), // to the bit, as it was
+            )),
+            false => Err("holds a pose that is none".into()),
+        }
+    }
+}
+
+fn write_scan(body: &mut impl Write, scan: &SceneResponse) -> std::io::Result<()> {
+    let counts = scan.beams.windows(2).map(|pair| (pair[1] - pair[0]) as u16);
+    body.write_all(&counts.flat_map(u16::to_le_bytes).collect::<Vec<u8>>())?;
+    body.write_all(&planes(scan.returns.iter().map(|one| one.range_m)))?;
+    body.write_all(&planes(scan.returns.iter().map(|one| one.strength_per_m2)))
+}
+
+fn read_scan(body: &mut impl Read, beams: usize, returns: u64) -> Result<SceneResponse, String> {
+    let cut = || "holds less than it says".to_owned();
+    let count = usize::try_from(returns).ok().filter(|_| returns <= MOST_RETURNS);
+    let count = count.ok_or("says that it holds more returns than a scan has")?;
+    let mut take = |bytes: usize| -> Result<Vec<u8>, String> {
+        let mut taken = Vec::new();
+        let read = body.by_ref().take(bytes as u64).read_to_end(&mut taken);
+        read.ok().filter(|&read| read == bytes).map(|_| taken).ok_or_else(cut)
+    };
+    let counts = take(2 * beams)?;
+    let ends = counts.as_chunks().0.iter().scan(0_u64, |end, count| {
+        *end += u64::from(u16::from_le_bytes(*count));
+        Some(*end)
+    });
+    let ends: Vec<u64> = std::iter::once(0).chain(ends).collect();
+    if ends.last() != Some(&returns) {
+        return Err("holds beams whose returns are not as many as it says".into());
+    }
+    let beams = ends.iter().map(|&end| end as u32).collect(); // no more than there are returns
+    let (ranges, strengths) = (take(4 * count)?, take(4 * count)?);
+    let each = numbers(&ranges).zip(numbers(&strengths));
+    let returns = each.map(|(range_m, strength_per_m2)| Return { range_m, strength_per_m2 });
+    let scan = SceneResponse { beams, returns: returns.collect() };
+    is_sound(&scan).then_some(scan).ok_or_else(|| "holds a return that is none".into())
+}
+
+/// Ranges rise within a beam; all numbers are finite, and no return is without strength.
+fn is_sound(scan: &SceneResponse) -> bool {
+    let number = |one: &Return| {
+        (0.0..f32::INFINITY).contains(&one.range_m)
+            && one.strength_per_m2 > 0.0
+            && one.strength_per_m2.is_finite()
+    };
+    let rise = |beam| scan.of(beam).is_sorted_by(|a, b| a.range_m <= b.range_m);
+    scan.returns.iter().all(number) && (0..scan.len()).all(rise)
+}
+
+/// The first bytes of all numbers, then the second, the third, the fourth.
+fn planes(values: impl Iterator<Item = f32>) -> Vec<u8> {
+    let values: Vec<[u8; 4]> = values.map(f32::to_le_bytes).collect();
+    (0..4).flat_map(|plane| values.iter().map(move |bytes| bytes[plane])).collect()
+}
+
+fn numbers(planes: &[u8]) -> impl Iterator<Item = f32> {
+    let count = planes.len() / 4;
+    (0..count).map(move |i| f32::from_le_bytes([0, 1, 2, 3].map(|plane| planes[plane * count + i])))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn config(more: &[&str]) -> RunConfig {
+        let sets = [
+            "scene.towns=[1]",
+            "scanner.columns=24",
+            "scanner.rows=8",
+            "data.train_pairs=2",
+            "data.test_pairs=1",
+        ];
+        let overrides: Vec<_> = sets.iter().chain(more).map(|set| set.parse().unwrap()).collect();
+        crate::config::load(None, &overrides).unwrap()
+    }
+
+    fn load(bytes: &[u8], config: &RunConfig) -> Result<Dataset, String> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.pairs");
+        std::fs::write(&path, bytes).unwrap();
+        let told = |error: StoreError| error.to_string().replace(&path.display().to_string(), "F");
+        load_stored(&path, config, config.scanner.beams()).map_err(told)
+    }
+
+    /// With another checksum, as after a change on purpose.
+    fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
+        bytes.truncate(bytes.len() - SUFFIX);
+        let sum = Checksum::of(&[&bytes]).to_le_bytes();
+        bytes.extend(sum);
+        bytes
+    }
+
+    #[test]
+    fn pairs_come_back_to_the_bit() {
+        let config = config(&[]);
+        let traced = Dataset::build(&config, &|_, _| ()).unwrap();
+        let bytes = stored(&config, &traced).unwrap();
+        let back = load(&bytes, &config).unwrap();
+        let told = |set: &Dataset| format!("{:?} {:?} {}", set.train, set.test, set.triangles);
+        assert_eq!(told(&back), told(&traced));
+        let bits = |set: &Dataset| {
+            set.train.iter().map(|pair| Placed::from(pair.truth).0.map(f64::to_bits)).collect()
+        };
+        let (own, found): (Vec<_>, Vec<_>) = (bits(&traced), bits(&back));
+        assert_eq!(own, found);
+    }
+
+    #[test]
+    fn pairs_of_another_configuration_are_refused_by_the_key_that_differs() {
+        let own = config(&[]);
+        let bytes = stored(&own, &Dataset::build(&own, &|_, _| ()).unwrap()).unwrap();
+        for (set, key) in [
+            ("data.baseline_m=3", "data.baseline_m = 2.0, and 3.0"),
+            ("seed=9", "seed = 1, and 9"),
+            ("scanner.rows=9", "scanner.rows = 8, and 9"),
+            ("receiver.subrays=3", "receiver.subrays = 5, and 3"),
+            ("scene.source=unstructured", "scene.source = \"structured\", and \"unstructured\""),
+        ] {
+            let said = load(&bytes, &config(&[set])).unwrap_err();
+            assert!(said.contains(key), "{said}");
+        }
+        // What shapes no pair may differ.
+        for set in ["lidar.power=9", "data.success_translation_m=2", "weather.kind=fog"] {
+            assert!(load(&bytes, &config(&[set])).is_ok(), "{set}");
+        }
+    }
+
+    #[test]
+    fn a_file_that_is_cut_changed_of_another_version_or_none_is_refused() {
+        let own = config(&[]);
+        let bytes = stored(&own, &Dataset::build(&own, &|_, _| ()).unwrap()).unwrap();
+        for length in [0, 7, 12, 15, 16, 40, bytes.len() / 2, bytes.len() - 1] {
+            assert!(load(&bytes[..length], &own).is_err(), "{length} bytes");
+        }
+        let mut changed = bytes.clone();
+        changed[bytes.len() / 2] ^= 1;
+        assert!(load(&changed, &own).unwrap_err().contains("checksum"));
+        let mut later = bytes.clone();
+        later[8] = 3;
+        assert_eq!(
+            load(&later, &own).unwrap_err(),
+            "F: of version 3, expected 2: store the pairs anew"
+        );
+        assert_eq!(load(b"ply\n", &own).unwrap_err(), "F: no file of pairs (of `echoloop store`)");
+    }
+
+    #[test]
+    fn a_file_that_lies_about_itself_is_refused() {
+        let own = config(&[]);
+        let dataset = Dataset::build(&own, &|_, _| ()).unwrap();
+        let bytes = stored(&own, &dataset).unwrap();
+        let changed = |from: &str, to: &str| {
+            assert_eq!(from.len(), to.len());
+            let at = bytes.windows(from.len()).position(|part| part == from.as_bytes()).unwrap();
+            let mut changed = bytes.clone();
+            changed[at..at + to.len()].copy_from_slice(to.as_bytes());
+            load(&sealed(changed), &own)
+        };
+        let count = format!("\"returns\":[{}", dataset.train[0].first.returns.len());
+        let more = count.replace("[1", "[9").replace("[2", "[8").replace("[3", "[7");
+        assert_ne!(count, more);
+        assert!(changed(&count, &more).unwrap_err().contains("returns"));
+        assert!(changed("\"triangles\"", "\"quadrangle").is_err());
+        let mut header = bytes.clone();
+        header[12..16].copy_from_slice(&u32::MAX.to_le_bytes());
+        assert!(load(&sealed(header), &own).is_err());
+    }
+
+    /// The bytes with another header, and another body if there is one.
+    fn rewritten(bytes: &[u8], change: impl FnOnce(&mut Header), body: Option<Vec<u8>>) -> Vec<u8> {
+        let (mut header, own) = open(bytes).unwrap();
+        change(&mut header);
+        let text = serde_json::to_vec(&header).unwrap();
+        let length = (text.len() as u32).to_le_bytes();
+        let body = body.map_or_else(
+            || own.to_vec(),
+            |body| {
+                let mut packed = ZlibEncoder::new(Vec::new(), Compression::fast());
+                packed.write_all(&body).unwrap();
+                packed.finish().unwrap()
+            },
+        );
+        sealed([&bytes[..12], &length, &text, &body, &[0; SUFFIX]].concat())
+    }
+
+    #[test]
+    fn a_file_whose_checksum_is_right_and_whose_content_is_not_is_refused() {
+        let own = config(&[]);
+        let bytes = stored(&own, &Dataset::build(&own, &|_, _| ()).unwrap()).unwrap();
+        let said = |change: fn(&mut Header), body: Option<Vec<u8>>| {
+            load(&rewritten(&bytes, change, body), &own).unwrap_err()
+        };
+        assert!(load(&rewritten(&bytes, |_| (), None), &own).is_ok());
+        let none = said(|header| header.train.clear(), None);
+        assert_eq!(none, "F: holds 0 and 1 pairs, not those of its configuration");
+        for change in [
+            |header: &mut Header| header.train[0].overlap = -5.0,
+            |header: &mut Header| header.train[0].overlap = 1.5,
+            |header: &mut Header| header.test[0].place = "a\u{1b}[2J".into(),
+        ] {
+            assert_eq!(said(change, None), "F: holds a pair that is none");
+        }
+        let turned = |header: &mut Header| header.train[0].world_from_sensor[1].0[6] = 9.0;
+        assert_eq!(said(turned, None), "F: holds a pose that is none");
+    }
+
+    #[test]
+    fn counts_of_returns_that_add_up_past_what_a_scan_has_are_refused() {
+        let own = config(&["scanner.columns=512", "scanner.rows=256"]);
+        let mut small = Dataset::build(&config(&[]), &|_, _| ()).unwrap();
+        small.beams = own.scanner.beams();
+        let bytes = stored(&own, &small).unwrap();
+        // 2³² + 1 in all, which is 1 in 32 bits.
+        let mut left = (1_u64 << 32) + 1;
+        let mut counts = Vec::new();
+        for _ in 0..512 * 256 {
+            let count = left.min(u64::from(u16::MAX));
+            counts.extend((count as u16).to_le_bytes());
+            left -= count;
+        }
+        let one = [&5.0_f32.to_le_bytes()[..], &1e-6_f32.to_le_bytes()].concat();
+        let no_returns = vec![0; 2 * 512 * 256];
+        let body = [counts, one, no_returns.repeat(5)].concat();
+        let change = |header: &mut Header| {
+            let heads = header.train.iter_mut().chain(&mut header.test);
+            heads.for_each(|head| head.returns = [0, 0]);
+            header.train[0].returns = [1, 0];
+        };
+        let said = load(&rewritten(&bytes, change, Some(body)), &own).unwrap_err();
+        assert_eq!(said, "F: holds beams whose returns are not as many as it says");
+    }
+
+    #[test]
+    fn pairs_of_a_file_that_has_changed_are_refused_and_of_one_that_is_gone_are_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let scene = folder.path().join("pillars.obj");
+        // A floor, and pillars on it.
+        let write = |height: f64| {
+            let mut text = "v -60 -60 0\nv 60 -60 0\nv 60 60 0\nv -60 60 0\nf 1 2 3 4\n".to_owned();
+            for at in 0..36 {
+                let (x, y) = (16 * (at % 6) - 40, 16 * (at / 6) - 40);
+                for (u, v) in [(x, y), (x + 3, y), (x + 3, y + 3), (x, y + 3)] {
+                    text += &format!("v {u} {v} 0\nv {u} {v} {height}\n");
+                }
+                let corner = |k: i32| 5 + 8 * at + 2 * (k % 4);
+                for k in 0..4 {
+                    let (a, b) = (corner(k), corner(k + 1));
+                    text += &format!("f {a} {b} {} {}\n", b + 1, a + 1);
+                }
+            }
+            std::fs::write(&scene, text).unwrap();
+        };
+        write(8.0);
+        let own = config(&[&format!("scene.source={}", scene.display())]);
+        let bytes = stored(&own, &Dataset::build(&own, &|_, _| ()).unwrap()).unwrap();
+        assert!(load(&bytes, &own).is_ok());
+        write(8.5);
+        let said = load(&bytes, &own).unwrap_err();
+        assert!(said.contains("files have changed"), "{said}");
+        std::fs::remove_file(&scene).unwrap();
+        assert!(load(&bytes, &own).is_ok());
+    }
+}

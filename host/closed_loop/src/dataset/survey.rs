@@ -1,0 +1,231 @@
+//! A town and where its pairs stand, with nothing scanned.
+
+use echoloop_sim::scene::Scene;
+use echoloop_sim::viewpoint::Split;
+
+use crate::checksum::{Checksum, Running};
+use crate::config::RunConfig;
+use crate::dataset::source::Source;
+use crate::dataset::{
+    DatasetError, Overlaps, Place, PlannedPair, apart_m, pair_plan, place, poses, share, sight,
+    towns, viewpoints,
+};
+use echoloop_registration::pose::{Pose, relative, to_rows};
+
+/// A town of a configuration.
+pub struct Survey {
+    /// The town.
+    pub place: Place,
+    /// The seed that it hangs on: none of a mesh, nor of one of the nine towns.
+    pub town: Option<u64>,
+    /// How many towns the configuration has.
+    pub towns: usize,
+    /// Its pairs: those to tune on, then those to judge on.
+    pub pairs: Vec<SurveyedPair>,
+    /// Why there are no pairs to tune on or to judge on: the place has too few viewpoints.
+    pub missing: Vec<DatasetError>,
+}
+
+/// A pair as a run has it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurveyedPair {
+    /// Which pairs it is one of.
+    pub split: Split,
+    /// Its number among those of all towns, from 0, as in `pairs.json`.
+    pub number: usize,
+    /// The numbers of its viewpoints: see [`viewpoints`].
+    pub viewpoints: [u32; 2],
+    /// Where the sensor stands, first and second.
+    pub world_from_sensor: [Pose; 2],
+    /// The share of what either sensor sees that the other sees, too.
+    pub overlap: f64,
+}
+
+impl SurveyedPair {
+    /// From the first sensor to the second, metres.
+    pub fn baseline_m(&self) -> f64 {
+        self.truth().translation.vector.norm()
+    }
+
+    /// By how much the second is turned against the first, degrees.
+    pub fn turn_deg(&self) -> f64 {
+        self.truth().rotation.angle().to_degrees()
+    }
+
+    fn truth(&self) -> Pose {
+        relative(&self.world_from_sensor[0], &self.world_from_sensor[1])
+    }
+}
+
+impl Survey {
+    /// Makes or loads a town of the configuration, by its place among them, and finds its pairs.
+    /// `looking` hears how many pairs there are and how many candidates were tried.
+    ///
+    /// # Errors
+    ///
+    /// [`DatasetError`] when there is no such scene; that no pair fits in it is told in
+    /// [`Survey::missing`].
+    pub fn of(
+        config: &RunConfig,
+        index: usize,
+        looking: &dyn Fn(usize, usize),
+    ) -> Result<Self, DatasetError> {
+        let (seeds, is_generated) = (towns(config), is_generated(config));
+        let town = seeds.get(index).copied().unwrap_or_default();
+        let place = place(config, town)?;
+        let (mut pairs, mut missing) = (Vec::new(), Vec::new());
+        let sight = sight(&place, &config.scanner.beams());
+        for split in [Split::Train, Split::Test] {
+            let count = share(config, split, (index, seeds.len()));
+            let plan = pair_plan(config, split, count, town);
+            match poses(config, &place, &sight, &plan, looking) {
+                Ok(found) => {
+                    pairs.extend(numbered(config, split, (index, seeds.len()), &found));
+                }
+                Err(error @ DatasetError::Viewpoints { .. }) => missing.push(error),
+                Err(error) => return Err(error),
+            }
+        }
+        let town = is_generated.then_some(town);
+        Ok(Self { place, town, towns: seeds.len(), pairs, missing })
+    }
+
+    /// The pairs to tune on, or those to judge on.
+    pub fn of_split(&self, split: Split) -> impl Iterator<Item = &SurveyedPair> {
+        self.pairs.iter().filter(move |pair| pair.split == split)
+    }
+
+    /// How much the pairs to tune on, or those to judge on, share.
+    pub fn overlaps(&self, split: Split) -> Overlaps {
+        Overlaps::new(self.of_split(split).map(|pair| pair.overlap))
+    }
+
+    /// From a pair to the nearest viewpoint of the other split, metres; none without any.
+    pub fn nearest_other_m(&self, pair: &SurveyedPair) -> Option<f64> {
+        let others = self.pairs.iter().filter(|other| other.split != pair.split);
+        others
+            .map(|other| apart_m(&pair.world_from_sensor, &other.world_from_sensor))
+            .min_by(f64::total_cmp)
+    }
+
+    /// The least distance between a viewpoint to tune on and one to judge on, metres.
+    pub fn least_apart_m(&self) -> Option<f64> {
+        let train = self.of_split(Split::Train);
+        train.filter_map(|pair| self.nearest_other_m(pair)).min_by(f64::total_cmp)
+    }
+
+    /// Of every corner, triangle and material that it has, and of the poses of all pairs.
+    pub fn checksums(&self) -> [Checksum; 2] {
+        let mut poses = Running::new();
+        for pose in self.pairs.iter().flat_map(|pair| &pair.world_from_sensor) {
+            to_rows(pose).iter().for_each(|number| poses.add(&number.to_bits().to_le_bytes()));
+        }
+        [of_scene(&self.place.scene), poses.end()]
+    }
+}
+
+fn is_generated(config: &RunConfig) -> bool {
+    matches!(Source::of(&config.scene.source), Source::Kind(_) | Source::Roads(_))
+}
+
+/// The pairs of one town with their numbers among those of all.
+fn numbered(
+    config: &RunConfig,
+    split: Split,
+    (index, towns): (usize, usize),
+    found: &[PlannedPair],
+) -> impl Iterator<Item = SurveyedPair> {
+    let before: usize = (0..index).map(|other| share(config, split, (other, towns))).sum();
+    let trained = if split == Split::Train { 0 } else { config.data.train_pairs };
+    found.iter().enumerate().map(move |(k, &PlannedPair { poses, overlap })| SurveyedPair {
+        split,
+        number: before + k,
+        viewpoints: viewpoints(trained + before + k),
+        world_from_sensor: [poses.world_from_first, poses.world_from_second],
+        overlap,
+    })
+}
+
+fn of_scene(scene: &Scene) -> Checksum {
+    let mut sum = Running::new();
+    let mesh = &scene.mesh;
+    let words = mesh.vertices.iter().flatten().map(|x| x.to_bits());
+    words.chain(mesh.triangles.iter().flatten().copied()).for_each(|w| sum.add(&w.to_le_bytes()));
+    sum.add(&mesh.materials);
+    // Those that are there: a longer table changes nothing.
+    let is_used = |row: usize| mesh.materials.iter().any(|&material| usize::from(material) == row);
+    for (_, material) in scene.materials.iter().enumerate().filter(|(row, _)| is_used(*row)) {
+        sum.add(material.name.as_bytes());
+        let numbers = [material.reflectance_905nm, material.specular_f0, material.roughness];
+        numbers.iter().for_each(|number| sum.add(&number.to_bits().to_le_bytes()));
+    }
+    sum.end()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::load;
+    use crate::dataset::Dataset;
+
+    fn config(more: &[&str]) -> RunConfig {
+        let small = [
+            "scene.towns=[4,9]",
+            "scanner.columns=8",
+            "scanner.rows=4",
+            "data.train_pairs=3",
+            "data.test_pairs=5",
+        ];
+        let overrides = small.iter().chain(more).map(|text| text.parse().expect("an override"));
+        load(None, &overrides.collect::<Vec<_>>()).expect("a configuration")
+    }
+
+    fn survey(config: &RunConfig, index: usize) -> Survey {
+        Survey::of(config, index, &|_, _| ()).expect("a town")
+    }
+
+    #[test]
+    fn the_towns_pairs_together_are_those_of_a_run_with_their_numbers() {
+        let config = config(&[]);
+        let dataset = Dataset::build(&config, &|_, _| ()).expect("pairs");
+        let surveys = [0, 1].map(|index| survey(&config, index));
+        for (split, pairs) in [(Split::Train, &dataset.train), (Split::Test, &dataset.test)] {
+            let found: Vec<_> = surveys.iter().flat_map(|s| s.of_split(split)).collect();
+            assert_eq!(found.len(), pairs.len());
+            for (number, (found, pair)) in found.into_iter().zip(pairs).enumerate() {
+                assert_eq!((found.number, found.viewpoints), (number, pair.viewpoints));
+                assert_eq!(found.world_from_sensor, pair.world_from_sensor);
+                assert_eq!(found.overlap, pair.overlap);
+                assert!((found.baseline_m() - pair.truth.translation.vector.norm()).abs() < 1e-12);
+            }
+        }
+        assert_eq!(surveys.map(|s| (s.town, s.towns)), [(Some(4), 2), (Some(9), 2)]);
+    }
+
+    #[test]
+    fn the_least_distance_is_that_of_the_nearest_viewpoints_of_both_splits() {
+        let survey = survey(&config(&[]), 0);
+        let at = |split: Split| -> Vec<_> {
+            let poses = survey.of_split(split).flat_map(|pair| pair.world_from_sensor);
+            poses.map(|pose| pose.translation.vector.xy()).collect()
+        };
+        let mut least = f64::INFINITY;
+        for a in at(Split::Train) {
+            at(Split::Test).iter().for_each(|b| least = least.min((a - b).norm()));
+        }
+        assert_eq!(survey.least_apart_m(), Some(least));
+        assert!(least >= 10.0, "{least} m");
+    }
+
+    #[test]
+    fn another_seed_moves_the_pairs_alone_and_another_town_both() {
+        let sums = |more: &[&str]| survey(&config(more), 0).checksums();
+        let [scene, pairs] = sums(&[]);
+        assert_eq!(sums(&[]), [scene, pairs]);
+        let other_seed = sums(&["seed=2"]);
+        assert_eq!(other_seed[0], scene);
+        assert_ne!(other_seed[1], pairs);
+        let other_town = sums(&["scene.towns=[5,9]"]);
+        assert!(other_town[0] != scene && other_town[1] != pairs);
+    }
+}

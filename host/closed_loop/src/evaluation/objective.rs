@@ -1,0 +1,265 @@
+//! What a candidate is worth: two scans through the sensor, a registration, an error.
+
+use echoloop_dsp::{Echoes, Hardware, Settings};
+use serde::{Deserialize, Serialize};
+
+use crate::config::TuneConfig;
+use crate::config::preset::ErrorMean;
+use crate::cost::Scanner;
+use crate::dataset::{Dataset, ScanPair};
+use crate::evaluation::scan_cloud::cloud_from_scan;
+use crate::parameters::{Parameters, ThetaReg};
+use echoloop_registration::cloud::Cloud;
+use echoloop_registration::pose::{Pose, frobenius_error, rotation_error_deg, translation_error_m};
+use echoloop_registration::{Outcome, StopReason};
+use echoloop_sensors::client::ClientError;
+use echoloop_sensors::sensor::{Sensor, SensorError, Sensors, View};
+
+/// How one pair came out.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PairError {
+    /// Index of the pair in its set.
+    pub pair: usize,
+    /// e_t of Eq. 7, m.
+    pub translation_m: f64,
+    /// e_R of Eq. 7, degrees.
+    pub rotation_deg: f64,
+    /// ‖T_est − T*‖_F of Eq. 3.
+    pub frobenius: f64,
+    /// Points of both clouds.
+    pub points: [usize; 2],
+    /// Why the registration ended.
+    pub stop: String,
+    /// Its iterations.
+    pub iterations: usize,
+}
+
+impl PairError {
+    /// Whether no motion was found, so that the error is the initial guess's: for want of points,
+    /// pairs or matches, or of settings that can run.
+    pub fn is_of_no_motion(&self) -> bool {
+        let of_nothing = [
+            StopReason::EmptyCloud,
+            StopReason::TooFewPairs,
+            StopReason::TooFewMatches,
+            StopReason::BadSettings,
+        ];
+        of_nothing.iter().any(|reason| reason.name() == self.stop)
+    }
+}
+
+/// A pair's clouds and the motion found, for those who want to look.
+#[derive(Clone, Debug)]
+pub struct Registered {
+    /// How it came out.
+    pub error: PairError,
+    /// First and second cloud, each in its sensor's frame.
+    pub clouds: [Cloud; 2],
+    /// The motion found.
+    pub first_from_second: Pose,
+    /// First and second scan, as they came over the link.
+    pub scans: [Vec<Echoes>; 2],
+}
+
+/// What every evaluation shares.
+#[derive(Clone, Copy)]
+pub struct Bench<'a> {
+    /// The pairs and the scan pattern.
+    pub dataset: &'a Dataset,
+    /// The sensors to scan with.
+    pub sensors: &'a Sensors,
+}
+
+/// A pair, as one set of settings scanned it.
+#[derive(Clone, Debug)]
+pub struct Scanned {
+    /// First and second scan, as they came over the link.
+    pub scans: [Vec<Echoes>; 2],
+    /// First and second cloud, each in its sensor's frame.
+    pub clouds: [Cloud; 2],
+    /// Index of the pair in its set.
+    pub pair: usize,
+    /// T*: `first_from_second`.
+    pub truth: Pose,
+}
+
+impl Bench<'_> {
+    /// f_opt of Eq. 4: both scans of a pair with one set of parameters, registered from the
+    /// identity (which global methods do not look at).
+    ///
+    /// # Errors
+    ///
+    /// [`SensorError`] when the sensor does not do its part.
+    pub fn register(
+        &self,
+        parameters: &Parameters,
+        index: usize,
+        pair: &ScanPair,
+        noise_seed: u64,
+    ) -> Result<Registered, SensorError> {
+        let scanned = self.scan(&parameters.settings, index, pair, noise_seed)?;
+        let (error, first_from_second) = scanned.register(&parameters.registration);
+        let Scanned { scans, clouds, .. } = scanned;
+        Ok(Registered { error, clouds, first_from_second, scans })
+    }
+
+    /// Both scans of a pair. The settings reach the sensor over the link, and every echo comes back
+    /// over it.
+    ///
+    /// # Errors
+    ///
+    /// [`SensorError`] when the sensor does not do its part.
+    pub fn scan(
+        &self,
+        settings: &Settings,
+        index: usize,
+        pair: &ScanPair,
+        noise_seed: u64,
+    ) -> Result<Scanned, SensorError> {
+        let scans = self.sensors.with(|sensor| scan_pair(sensor, settings, pair, noise_seed))?;
+        let clouds = [0, 1].map(|i| self.cloud(&scans[i], pair.viewpoints[i]));
+        Ok(Scanned { scans, clouds, pair: index, truth: pair.truth })
+    }
+
+    /// What costs hang on: a hardware, the pattern that is scanned with, and the time that a
+    /// configuration gives a scan, s.
+    pub fn scanner(&self, hardware: Hardware, duration_s: f64) -> Scanner {
+        Scanner::new(hardware, self.dataset.beams.pattern(), duration_s)
+    }
+
+    /// The points of the scan of a viewpoint, sensor frame.
+    pub fn cloud(&self, scan: &[Echoes], viewpoint: u32) -> Cloud {
+        cloud_from_scan(scan, &self.dataset.beams.directions(viewpoint))
+    }
+}
+
+impl Scanned {
+    /// How a registration comes out, from the identity, and the motion found.
+    ///
+    /// One that finds nothing counts as the identity, its initial guess.
+    pub fn register(&self, registration: &ThetaReg) -> (PairError, Pose) {
+        let [first, second] = &self.clouds;
+        let initial = Pose::identity();
+        let outcome = match registration.build() {
+            Ok(method) => method.register(first, second, &initial),
+            Err(_) => Outcome::nothing(&initial, StopReason::BadSettings),
+        };
+        let points = [first.points.len(), second.points.len()];
+        (pair_error(self.pair, &outcome, &self.truth, points), outcome.target_from_source)
+    }
+}
+
+/// Both scans of a pair with one set of settings.
+fn scan_pair(
+    sensor: &mut Sensor,
+    settings: &Settings,
+    pair: &ScanPair,
+    noise_seed: u64,
+) -> Result<[Vec<Echoes>; 2], ClientError> {
+    let [first, second] = pair.viewpoints;
+    sensor.configure(settings)?;
+    Ok([
+        sensor.scan(&View { scene: &pair.first, noise_seed, scan: 1, viewpoint: first })?,
+        sensor.scan(&View { scene: &pair.second, noise_seed, scan: 2, viewpoint: second })?,
+    ])
+}
+
+fn pair_error(pair: usize, outcome: &Outcome, truth: &Pose, points: [usize; 2]) -> PairError {
+    let estimate = &outcome.target_from_source;
+    PairError {
+        pair,
+        translation_m: translation_error_m(estimate, truth),
+        rotation_deg: rotation_error_deg(estimate, truth),
+        frobenius: frobenius_error(estimate, truth),
+        points,
+        stop: outcome.stop.name().to_owned(),
+        iterations: outcome.iterations,
+    }
+}
+
+/// No error counts for less in a geometric mean, ‖T_est − T*‖_F: a tenth of a millimetre.
+const LEAST: f64 = 1e-4;
+
+/// What errors are worth: smaller is better.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Worth {
+    /// How they are put together.
+    pub mean: ErrorMean,
+    /// None counts for more than this; 0: no cap (Eq. 3).
+    pub cap: f64,
+}
+
+impl From<&TuneConfig> for Worth {
+    fn from(tune: &TuneConfig) -> Self {
+        Self { mean: tune.error_mean, cap: tune.error_cap }
+    }
+}
+
+impl Worth {
+    /// Fitness: the mean of ‖T_est − T*‖_F, each at most the cap.
+    pub fn of(&self, errors: &[PairError]) -> f64 {
+        let mean = errors.iter().map(|error| self.loss(error)).sum::<f64>() / errors.len() as f64;
+        match self.mean {
+            ErrorMean::Arithmetic => mean,
+            ErrorMean::Geometric => libm::exp(mean),
+        }
+    }
+
+    /// One pair's part in the mean: its error, or the logarithm.
+    pub fn loss(&self, error: &PairError) -> f64 {
+        let cap = if self.cap > 0.0 { self.cap } else { f64::INFINITY };
+        let capped = error.frobenius.min(cap);
+        match self.mean {
+            ErrorMean::Arithmetic => capped,
+            ErrorMean::Geometric => libm::log(capped.max(LEAST)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn errors(frobenius: &[f64]) -> Vec<PairError> {
+        let error = |(pair, &frobenius): (usize, &f64)| PairError {
+            pair,
+            translation_m: 0.1,
+            rotation_deg: 7.0,
+            frobenius,
+            points: [100, 200],
+            stop: String::new(),
+            iterations: 1,
+        };
+        frobenius.iter().enumerate().map(error).collect()
+    }
+
+    #[test]
+    fn a_candidate_is_worth_the_mean_of_its_errors_each_no_more_than_the_cap() {
+        let table: [(&[f64], f64, f64); 7] = [
+            (&[0.5, 3.0, 100.0], 2.0, 1.5),
+            (&[0.5, 3.0, 100.0], 0.0, 34.5), // no cap
+            (&[0.5, 3.0, 100.0], 200.0, 34.5),
+            (&[0.5, 3.0, 100.0], 0.25, 0.25),
+            (&[0.5, 3.0, 100.0], 3.0, 6.5 / 3.0),
+            (&[0.125], 1.0, 0.125),
+            (&[7.0], 1.0, 1.0),
+        ];
+        for (frobenius, cap, expected) in table {
+            let worth = Worth { mean: ErrorMean::Arithmetic, cap };
+            assert_eq!(worth.of(&errors(frobenius)), expected, "{frobenius:?}, cap {cap}");
+        }
+    }
+
+    #[test]
+    fn in_a_geometric_mean_each_pair_counts_by_its_ratio_and_none_for_nothing() {
+        let worth = |cap, frobenius: &[f64]| {
+            Worth { mean: ErrorMean::Geometric, cap }.of(&errors(frobenius))
+        };
+        let close = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-12;
+        assert!(close(worth(0.0, &[0.01, 1.0]), 0.1));
+        assert!(close(worth(0.0, &[0.005, 1.0]), worth(0.0, &[0.01, 0.5])));
+        assert!(close(worth(0.25, &[0.01, 9.0]), 0.05)); // 9 counts as the cap
+        assert!(close(worth(1.0, &[0.0, 1.0]), 0.01)); // and nothing for less than 1e-4
+    }
+}

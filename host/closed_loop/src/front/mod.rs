@@ -1,0 +1,452 @@
+//! A front of error against a cost: for every cost the least error that was found.
+//!
+//! 1. NSGA-II ([`echoloop_cmaes::Pareto`]) searches from the start and from what a search before
+//!    chose, on some of the training pairs. It sees logarithms of both, which spreads points evenly
+//!    over decades.
+//! 2. The best of all candidates, with start and choice among them, are judged on all training
+//!    pairs. What nothing dominates there is the front.
+//! 3. Its points are judged on the held-out pairs, which choose nothing.
+
+mod point;
+
+use std::collections::BTreeSet;
+use std::sync::atomic::Ordering;
+
+use echoloop_cmaes::{Objectives, Pareto, ParetoConfig, dominates, sorted_by_crowding};
+use echoloop_random::Generator;
+
+use crate::config::preset::ErrorMean;
+use crate::cost::CostKind;
+use crate::evaluation::objective::Worth;
+use crate::evaluation::summary::{NoisyPairs, Summary, evaluate_and_cost};
+use crate::parameters::{Parameters, Space, Values};
+use crate::run_folder::journal::{CandidateRecord, Generation, Header, Journal};
+use crate::search::{Crew, Observer, Task, TuneError, TuneSearch, mean_cost};
+use crate::seed::{Purpose, derive};
+pub use point::{Front, FrontPoint, Mark};
+
+/// A search for a front, ready to run.
+pub struct FrontSearch<'a> {
+    /// The search before: configuration, pairs, sensors, start.
+    pub search: &'a TuneSearch<'a>,
+    /// The axes, with power as far as the sensor goes.
+    pub space: Space,
+    /// What the search before chose.
+    pub tuned: Parameters,
+    /// Start and choice on the held-out pairs, which the search before has judged.
+    pub judged: [&'a Summary; 2],
+    /// The second objective.
+    pub cost: CostKind,
+}
+
+/// Errors of less than this, ‖T − T*‖_F, are all the same: no pair is registered so well.
+const LEAST_ERROR: f64 = 1e-9;
+
+/// How many times as many as there are points on the front are judged on all training pairs at
+/// once, and how often more are if too few stay.
+const RACED: usize = 2;
+const RACES: usize = 3;
+
+/// How far down its axis the power of the first candidates goes: 75 W to 0.6 mW.
+const LADDER: f64 = 0.75;
+
+/// A candidate on all training pairs.
+struct Raced {
+    parameters: Parameters,
+    values: Objectives,
+}
+
+impl FrontSearch<'_> {
+    /// The first line of this search's journal.
+    pub fn header(&self) -> Header {
+        let axes = self.space.axes().iter().map(|axis| axis.name.to_owned()).collect();
+        Header { axes, ..self.search.header() }
+    }
+
+    /// Registrations of the search, without those of the races.
+    pub fn registrations(&self) -> usize {
+        let front = self.search.config.front;
+        front.generations as usize * front.population * self.pairs().len()
+    }
+
+    /// Searches, writing each generation to the journal. `done` are generations that the journal
+    /// already has.
+    ///
+    /// # Errors
+    ///
+    /// [`TuneError`]; whatever happens, the journal holds every whole generation.
+    pub fn run(
+        &self,
+        journal: &mut Journal,
+        done: Vec<Generation>,
+        observer: &dyn Observer,
+    ) -> Result<Front, TuneError> {
+        let total = self.search.config.front.generations;
+        let mut optimizer = self.replayed(&done)?;
+        let mut generations = done;
+        while optimizer.generation() < u64::from(total) {
+            let Some(generation) = self.generation(&optimizer, &generations, observer)? else {
+                return Err(TuneError::Interrupted { generations: generations.len() });
+            };
+            journal.add(&generation)?;
+            self.tell(&mut optimizer, &generation);
+            observer.generation(&generation, total);
+            generations.push(generation);
+        }
+        let chosen = self.race(&generations, observer)?;
+        self.judged(chosen, &generations, observer)
+    }
+
+    fn optimizer(&self) -> Result<Pareto, TuneError> {
+        let seed = derive(self.search.config.seed, Purpose::Front, 0);
+        let population = self.search.config.front.population;
+        let (starts, dimension) = (self.starts(seed, population), self.space.axes().len());
+        Ok(Pareto::new(ParetoConfig { starts, dimension, population, seed })?)
+    }
+
+    /// The first candidates: start and choice in turns, drawn ever farther towards a point
+    /// anywhere; where energy counts, with ever less power besides.
+    fn starts(&self, seed: u64, population: usize) -> Vec<Vec<f64>> {
+        let bases = [self.search.start, self.tuned].map(|base| self.space.point(&base));
+        let start = |i: usize| {
+            let share = (i / 2) as f64 / (population / 2).max(1) as f64;
+            let mut random = Generator::from_key([seed, i as u64, 0, 0]);
+            let drawn = |(axis, &own): (usize, &f64)| {
+                let any = random.unit();
+                match self.is_power(axis) && self.cost == CostKind::Energy {
+                    true => own * (1.0 - LADDER * share),
+                    false => own + 0.5 * share * (any - own),
+                }
+            };
+            bases[i % 2].iter().enumerate().map(drawn).collect()
+        };
+        (0..population).map(start).collect()
+    }
+
+    fn is_power(&self, axis: usize) -> bool {
+        self.space.axes()[axis].name == "lidar.power"
+    }
+
+    /// Some of the training pairs, the same throughout, ascending.
+    fn pairs(&self) -> Vec<usize> {
+        let all = self.search.bench.dataset.train.len();
+        let seed = derive(self.search.config.seed, Purpose::Front, 1);
+        let mut pairs: Vec<usize> = (0..all).collect();
+        pairs.sort_by_key(|&i| derive(seed, Purpose::Batch, i as u64));
+        pairs.truncate(self.search.config.front.pairs);
+        pairs.sort_unstable();
+        pairs
+    }
+
+    /// The optimiser after generations that a journal has.
+    fn replayed(&self, done: &[Generation]) -> Result<Pareto, TuneError> {
+        let mut optimizer = self.optimizer()?;
+        for (number, generation) in done.iter().enumerate() {
+            if let Some(field) = self.difference(&optimizer, generation) {
+                return Err(TuneError::Diverged { generation: number, field: field.into() });
+            }
+            self.tell(&mut optimizer, generation);
+        }
+        Ok(optimizer)
+    }
+
+    /// Where a generation of the journal first differs from the one that would be written now. Only
+    /// errors and costs are not known now; what is made of the errors is.
+    fn difference(&self, optimizer: &Pareto, found: &Generation) -> Option<&'static str> {
+        let (drawn, _) = self.draw(optimizer);
+        let own = self.worth();
+        let same = |read: fn(&CandidateRecord) -> (&Vec<f64>, u32)| {
+            found.candidates.iter().map(read).eq(drawn.candidates.iter().map(read))
+        };
+        let worth = |c: &CandidateRecord| c.fitness == own.of(&c.errors);
+        let seen = |c: &CandidateRecord| c.errors.iter().map(|error| &error.pair).eq(&drawn.pairs);
+        let ended = optimizer.generation() >= u64::from(self.search.config.front.generations);
+        let fields = [
+            ("generation", !ended && found.generation == drawn.generation),
+            ("pairs", found.pairs == drawn.pairs),
+            ("candidates", same(|c| (&c.point, c.settings))),
+            ("errors", found.candidates.iter().all(seen)),
+            ("fitness", found.candidates.iter().all(worth)),
+            ("cost", found.candidates.iter().all(|c| c.cost.is_some())),
+        ];
+        fields.into_iter().find(|(_, same)| !same).map(|(field, _)| field)
+    }
+
+    /// The next generation as far as it is known before a scan, and its candidates' parameters.
+    fn draw(&self, optimizer: &Pareto) -> (Generation, Vec<Parameters>) {
+        let (parameters, candidates) = optimizer
+            .ask()
+            .into_iter()
+            .map(|point| CandidateRecord::drawn(&self.space, point))
+            .unzip();
+        let generation = Generation {
+            generation: optimizer.generation() as u32,
+            stage: "front".into(),
+            pairs: self.pairs(),
+            mean: Vec::new(),
+            deviations: Vec::new(),
+            sigma: 0.0,
+            candidates,
+        };
+        (generation, parameters)
+    }
+
+    /// Evaluates one generation after others. `None`: interrupted.
+    fn generation(
+        &self,
+        optimizer: &Pareto,
+        before: &[Generation],
+        observer: &dyn Observer,
+    ) -> Result<Option<Generation>, TuneError> {
+        let (mut generation, parameters) = self.draw(optimizer);
+        let crew = Crew {
+            bench: self.search.bench,
+            pairs: &self.search.bench.dataset.train,
+            stop: self.search.stop,
+            observer,
+            scanner: Some(self.search.scanner()),
+        };
+        let seed = self.search.config.seed;
+        let task = |parameters, pair| Task {
+            parameters,
+            pair,
+            noise: derive(seed, Purpose::FrontNoise, pair as u64),
+        };
+        // Noise hangs on the pair alone, so who was there before would come out as it did.
+        let (mut new, mut asked) = (Vec::new(), Vec::new());
+        for (candidate, own) in generation.candidates.iter_mut().zip(&parameters) {
+            match same_before(candidate, own, before, &self.space) {
+                Some(known) => {
+                    known.errors.iter().for_each(|_| observer.evaluated());
+                    candidate.errors.clone_from(&known.errors);
+                    (candidate.fitness, candidate.cost) = (known.fitness, known.cost);
+                }
+                None => {
+                    new.push(candidate);
+                    asked.push(own);
+                }
+            }
+        }
+        let pairs = &generation.pairs;
+        let each = asked.into_iter();
+        let tasks: Vec<Task<'_>> =
+            each.flat_map(|own| pairs.iter().map(move |&pair| task(own, pair))).collect();
+        let Some(judged) = crew.judged(&tasks)? else { return Ok(None) };
+        let each = judged.chunks(pairs.len());
+        for (candidate, judged) in new.into_iter().zip(each) {
+            candidate.errors = judged.iter().map(|judged| judged.error.clone()).collect();
+            candidate.fitness = self.worth().of(&candidate.errors);
+            candidate.cost = mean_cost(judged);
+        }
+        Ok(Some(generation))
+    }
+
+    /// The plain mean, whatever the search before took: what the front is drawn with.
+    fn worth(&self) -> Worth {
+        Worth { mean: ErrorMean::Arithmetic, cap: self.search.config.tune.error_cap }
+    }
+
+    fn tell(&self, optimizer: &mut Pareto, generation: &Generation) {
+        let values: Vec<Objectives> =
+            generation.candidates.iter().map(|candidate| self.values(candidate)).collect();
+        // There is a candidate for each that was asked for: drawn here, or compared with what was.
+        let _ = optimizer.tell(&values);
+    }
+
+    fn values(&self, candidate: &CandidateRecord) -> Objectives {
+        let cost = candidate.cost.map_or(f64::NAN, |cost| self.cost.of(&cost));
+        logarithms(candidate.fitness, cost)
+    }
+
+    /// Judges the best of all candidates on all training pairs, with start and choice among them;
+    /// those that nothing dominates, the loneliest of them where they are too many.
+    fn race(
+        &self,
+        generations: &[Generation],
+        observer: &dyn Observer,
+    ) -> Result<Vec<Parameters>, TuneError> {
+        let most = self.search.config.front.points;
+        let mut waiting = self.entrants(generations).into_iter();
+        let mut raced = Vec::new();
+        for race in 0..RACES {
+            let count = if race == 0 { RACED * most + 2 } else { most };
+            let entrants: Vec<Parameters> = waiting.by_ref().take(count).collect();
+            let pairs = self.search.bench.dataset.train.len();
+            observer.stage("racing", entrants.len() * pairs);
+            for parameters in entrants {
+                raced.push(self.raced(parameters, generations.len(), observer)?);
+            }
+            if front_of(&raced).len() >= most {
+                break;
+            }
+        }
+        Ok(thinned(front_of(&raced), most).into_iter().map(|raced| raced.parameters).collect())
+    }
+
+    /// Start, choice, then every candidate, best first and each once.
+    fn entrants(&self, generations: &[Generation]) -> Vec<Parameters> {
+        let candidates: Vec<&CandidateRecord> =
+            generations.iter().flat_map(|generation| &generation.candidates).collect();
+        let values: Vec<Objectives> = candidates.iter().map(|c| self.values(c)).collect();
+        let best = sorted_by_crowding(&values).into_iter();
+        let best = best.map(|i| self.space.parameters(&candidates[i].point).0);
+        let mut seen = BTreeSet::new();
+        let all = [self.search.start, self.tuned].into_iter().chain(best);
+        all.filter(|parameters| seen.insert(format!("{parameters:?}"))).collect()
+    }
+
+    fn raced(
+        &self,
+        parameters: Parameters,
+        generations: usize,
+        observer: &dyn Observer,
+    ) -> Result<Raced, TuneError> {
+        if self.search.stop.load(Ordering::Relaxed) {
+            return Err(TuneError::Interrupted { generations });
+        }
+        let config = self.search.config;
+        let pairs = &self.search.bench.dataset.train;
+        let noisy = NoisyPairs { pairs, seed: config.seed, purpose: Purpose::ShortlistNoise };
+        let (bench, done) = (&self.search.bench, || observer.evaluated());
+        let scanner = self.search.scanner();
+        let summary = evaluate_and_cost(bench, &parameters, &noisy, &scanner, &config.data, &done)?;
+        let cost = summary.cost.map_or(f64::NAN, |cost| self.cost.of(&cost));
+        Ok(Raced { parameters, values: logarithms(self.worth().of(&summary.errors), cost) })
+    }
+
+    /// The front on the held-out pairs.
+    fn judged(
+        &self,
+        chosen: Vec<Parameters>,
+        generations: &[Generation],
+        observer: &dyn Observer,
+    ) -> Result<Front, TuneError> {
+        let values = |parameters: &Parameters| parameters.values(self.search.config);
+        let known = [self.search.start, self.tuned].into_iter().zip(self.judged);
+        let known: Vec<(Parameters, &Summary)> = known.collect();
+        let of_known = |own: &Parameters| known.iter().find(|(other, _)| other == own);
+        let rest = chosen.iter().filter(|own| of_known(own).is_none()).count();
+        observer.stage("judging front", rest * self.search.bench.dataset.test.len());
+        let mut judged: Vec<(Values, Summary)> =
+            known.iter().map(|(own, summary)| (values(own), (*summary).clone())).collect();
+        for parameters in &chosen {
+            if self.search.stop.load(Ordering::Relaxed) {
+                return Err(TuneError::Interrupted { generations: generations.len() });
+            }
+            let summary = match of_known(parameters) {
+                Some((_, summary)) => (*summary).clone(),
+                None => self.search.judge(parameters, observer)?,
+            };
+            judged.push((values(parameters), summary));
+        }
+        Ok(Front::new(self.cost, self.search.config.tune.error_cap, judged))
+    }
+}
+
+/// The first candidate of generations before that had the same parameters: a child that nothing
+/// changed, or one changed by less than the sensor's steps.
+fn same_before<'a>(
+    drawn: &CandidateRecord,
+    own: &Parameters,
+    before: &'a [Generation],
+    space: &Space,
+) -> Option<&'a CandidateRecord> {
+    let mut all = before.iter().flat_map(|generation| &generation.candidates);
+    all.find(|c| c.settings == drawn.settings && space.parameters(&c.point).0 == *own)
+}
+
+/// Of what is no number, no number: it ranks last.
+fn logarithms(error: f64, cost: f64) -> Objectives {
+    let error = if error < LEAST_ERROR { LEAST_ERROR } else { error };
+    [libm::log(error), libm::log(cost)]
+}
+
+/// What nothing dominates; of those that come out alike, which differ in what nothing reads, the
+/// first.
+fn front_of(raced: &[Raced]) -> Vec<&Raced> {
+    let is_free = |own: &Raced| !raced.iter().any(|other| dominates(other.values, own.values));
+    let is_first = |i: usize| raced[..i].iter().all(|other| other.values != raced[i].values);
+    let each = raced.iter().enumerate();
+    each.filter(|&(i, own)| is_first(i) && is_free(own)).map(|(_, own)| own).collect()
+}
+
+/// At most so many, without those that stand closest to others, one after the other.
+fn thinned(mut front: Vec<&Raced>, most: usize) -> Vec<&Raced> {
+    while front.len() > most {
+        let values: Vec<Objectives> = front.iter().map(|raced| raced.values).collect();
+        let Some(closest) = sorted_by_crowding(&values).pop() else { break };
+        front.remove(closest);
+    }
+    front
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::RunConfig;
+    use echoloop_dsp::Hardware;
+
+    #[test]
+    fn a_front_is_what_nothing_dominates_and_loses_its_closest_first() {
+        let start = Parameters::start(&RunConfig::default(), &Hardware::REFERENCE).unwrap();
+        let raced = |values| Raced { parameters: start, values };
+        let all: Vec<Raced> = [
+            [1.0, 9.0],
+            [2.0, 8.9], // beside the next
+            [2.1, 8.8],
+            [3.0, 9.5], // dominated
+            [5.0, 5.0],
+            [5.0, 5.0], // the same again
+            [9.0, 1.0],
+        ]
+        .map(raced)
+        .into();
+        let front = front_of(&all);
+        assert_eq!(front.len(), 5);
+        let values: Vec<Objectives> = thinned(front, 4).iter().map(|raced| raced.values).collect();
+        assert_eq!(values, [[1.0, 9.0], [2.1, 8.8], [5.0, 5.0], [9.0, 1.0]]);
+    }
+
+    #[test]
+    fn a_candidate_is_known_by_its_parameters_and_by_nothing_else() {
+        let config = RunConfig::default();
+        let start = Parameters::start(&config, &Hardware::REFERENCE).unwrap();
+        let (tune, preset) = (&config.tune, config.registration.preset);
+        let space = Space::new(tune.protocol, tune.lidar, preset, start, Hardware::REFERENCE);
+        let axis = |name: &str| space.axes().iter().position(|axis| axis.name == name).unwrap();
+        let at = |name: &str, change: f64| {
+            let mut point = space.start_point();
+            point[axis(name)] += change;
+            CandidateRecord::drawn(&space, point)
+        };
+        let generation = |candidates| Generation {
+            generation: 0,
+            stage: "front".into(),
+            pairs: vec![0],
+            mean: Vec::new(),
+            deviations: Vec::new(),
+            sigma: 0.0,
+            candidates,
+        };
+        let before = [
+            generation(vec![at("lidar.power", -0.1).1]),
+            generation(vec![at("lidar.power", -0.2).1, at("registration.voxel_m", -0.1).1]),
+        ];
+        let known = |(own, drawn): (Parameters, CandidateRecord)| {
+            same_before(&drawn, &own, &before, &space).map(|known| known.point.clone())
+        };
+        for (name, change) in [("lidar.power", -0.2), ("registration.voxel_m", -0.1)] {
+            assert_eq!(known(at(name, change)), Some(at(name, change).1.point), "{name}");
+            assert_eq!(known(at(name, change / 4.0)), None, "{name}");
+        }
+        // Less than a microwatt is the same power.
+        assert!(known(at("lidar.power", -0.1 - 1e-12)).is_some());
+    }
+
+    #[test]
+    fn logarithms_bear_an_error_of_nothing_and_keep_what_is_no_number() {
+        assert!(logarithms(0.0, 1.0)[0].is_finite());
+        assert!(logarithms(f64::NAN, 1.0)[0].is_nan());
+        assert!(!logarithms(0.1, f64::NAN)[1].is_finite());
+    }
+}

@@ -1,0 +1,68 @@
+//! What parameters may be: a preset's ranges, and those of `[tune.axes]`.
+
+use echoloop_registration::config::Spacing;
+use echoloop_registration::{Method, setting};
+
+use super::axis::Axis;
+use super::theta_reg;
+use crate::config::preset::Preset;
+use crate::config::{AxisChoice, OwnAxes, RunConfig};
+
+/// Which ranges parameters have: a preset's, and what the user has of its own.
+#[derive(Clone, Copy, Debug)]
+pub struct Ranges<'a> {
+    preset: Preset,
+    own: Option<&'a OwnAxes>,
+}
+
+impl From<Preset> for Ranges<'static> {
+    fn from(preset: Preset) -> Self {
+        Self { preset, own: None }
+    }
+}
+
+impl<'a> From<&'a RunConfig> for Ranges<'a> {
+    fn from(config: &'a RunConfig) -> Self {
+        Self { preset: config.registration.preset, own: Some(&config.tune.axes) }
+    }
+}
+
+impl Ranges<'_> {
+    /// The preset.
+    pub fn preset(&self) -> Preset {
+        self.preset
+    }
+
+    /// What registration's parameters may be: a fixed one all that its method takes, which the
+    /// method says itself.
+    pub fn of_registration(&self, method: Method) -> Vec<Axis> {
+        let mut axes = theta_reg::axes(method, self.preset);
+        let Some(own) = self.own else { return axes };
+        for (name, choice) in own.iter() {
+            let at = axes.iter().position(|axis| axis.name == name);
+            let free = || free_setting(name, method);
+            match (choice, at) {
+                (AxisChoice::Fixed, Some(at)) => {
+                    (axes[at].min, axes[at].max) = (f64::NEG_INFINITY, f64::INFINITY);
+                }
+                (AxisChoice::Within { min, max, .. }, Some(at)) => {
+                    (axes[at].min, axes[at].max) = (min, max);
+                }
+                (AxisChoice::Within { min, max, .. }, None) => {
+                    axes.extend(free().map(|axis| Axis { min, max, ..axis }));
+                }
+                _ => {}
+            }
+        }
+        axes
+    }
+}
+
+/// An axis of a setting that no preset searches, still without a range.
+pub(super) fn free_setting(name: &str, method: Method) -> Option<Axis> {
+    let key = name.strip_prefix(theta_reg::SECTION)?;
+    let setting = setting(key).filter(|setting| setting.of(method).is_some())?;
+    let scale = if theta_reg::is_count(key) { Spacing::Whole } else { Spacing::Linear };
+    let (min, max, default) = (f64::NEG_INFINITY, f64::INFINITY, f64::NAN);
+    Some(Axis { name: setting.path, unit: setting.unit, scale: scale.into(), min, max, default })
+}

@@ -1,0 +1,759 @@
+//! The record of a search: one JSON line a generation, enough to go on from.
+//!
+//! The first line says what the search was; each further line is a generation with every candidate,
+//! its values, its errors and its fitness. The optimiser's state is a function of what it was told,
+//! so a resumed search tells it again.
+//!
+//! ```text
+//! {"journal":2, …,"check":"995dc9bbdf1939fa"}      line 1
+//! {"generation":0, …,"check":"…"}                  line 2
+//! ```
+//!
+//! A line's last member is the checksum of the checksum before it and of the line up to it, so that
+//! a line that is changed, lost, doubled, moved or of another run shows. A generation is on the
+//! disk before the search goes on: [`Journal::add`] returns once the system says so.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Read, Seek, Write};
+use std::path::{Path, PathBuf};
+
+use echoloop_files::shown;
+use echoloop_link::settings_hash;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use thiserror::Error;
+
+use crate::checksum::Checksum;
+use crate::cost::ScanCost;
+use crate::dataset::fingerprint::Content;
+use crate::evaluation::objective::PairError;
+use crate::parameters::{Parameters, Space, Values, written_values};
+use crate::run_folder::files::{
+    FileError, PART, begin_part, beside, file_error, is_at, open_own, replace, settle_part,
+    sync_folder_of,
+};
+
+/// First line: what the search was.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Header {
+    /// Version of this format.
+    pub journal: u32,
+    /// Version of the program.
+    pub program: String,
+    /// Checksum of the program's file, where it can be read.
+    pub build: Option<String>,
+    /// Schema of the link, hexadecimal.
+    pub link_schema: String,
+    /// The whole configuration.
+    pub config: Value,
+    /// The axes searched, in the cube's order.
+    pub axes: Vec<String>,
+    /// What was scanned, and with what.
+    pub content: Content,
+}
+
+/// Version of the journal's format. Lines of format 1 had no checksums, those of format 2 no stage.
+pub const FORMAT: u32 = 3;
+
+/// One candidate.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CandidateRecord {
+    /// Its point in the unit cube.
+    pub point: Vec<f64>,
+    /// The searched parameters in their units.
+    #[serde(serialize_with = "written_values")]
+    pub values: Values,
+    /// Settings that a joint constraint changed.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub repaired: Vec<String>,
+    /// Hash of its settings, as the sensor named them.
+    pub settings: u32,
+    /// How each pair of the generation came out.
+    pub errors: Vec<PairError>,
+    /// What the optimiser was told.
+    pub fitness: f64,
+    /// What a scan costs, where that is told as well.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cost: Option<ScanCost>,
+}
+
+impl CandidateRecord {
+    /// What is known of the candidate at a point before a scan, and its parameters.
+    pub fn drawn(space: &Space, point: Vec<f64>) -> (Parameters, Self) {
+        let (parameters, repaired) = space.parameters(&point);
+        let record = Self {
+            point,
+            values: space.values(&parameters),
+            repaired: repaired.into_iter().map(str::to_owned).collect(),
+            settings: settings_hash(&parameters.settings),
+            errors: Vec::new(),
+            fitness: f64::NAN,
+            cost: None,
+        };
+        (parameters, record)
+    }
+}
+
+/// One generation.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Generation {
+    /// Its number, from 0.
+    pub generation: u32,
+    /// The search that it is of: `registration`, `lidar`, `joint` or `front`.
+    pub stage: String,
+    /// The training pairs it saw.
+    pub pairs: Vec<usize>,
+    /// Middle of the distribution that its candidates were drawn from, in the cube; empty of a
+    /// front, whose search draws from none.
+    pub mean: Vec<f64>,
+    /// Standard deviations of that distribution, in the cube; empty likewise.
+    pub deviations: Vec<f64>,
+    /// Its step size; 0 likewise.
+    pub sigma: f64,
+    /// Its candidates.
+    pub candidates: Vec<CandidateRecord>,
+}
+
+/// Why a journal cannot be used.
+#[derive(Debug, Error)]
+pub enum JournalError {
+    /// No access.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// A line is damaged.
+    #[error(
+        "{}: line {line} is {what}; the {whole} generations before it are whole (--repair keeps \
+         them and goes on, and leaves a copy of the damaged file)",
+        path.display()
+    )]
+    Damaged {
+        /// The journal.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+        /// What is wrong.
+        what: String,
+        /// Whole generations before it.
+        whole: usize,
+    },
+    /// It belongs to another search.
+    #[error("{}: {what}", path.display())]
+    Other {
+        /// The journal.
+        path: PathBuf,
+        /// How it differs.
+        what: String,
+    },
+    /// It is not the file any more that this search writes.
+    #[error("{}: somebody removed, replaced or changed it during the run; {kept}", path.display())]
+    Lost {
+        /// The journal.
+        path: PathBuf,
+        /// Where its lines are now.
+        kept: String,
+    },
+}
+
+/// An open journal.
+#[derive(Debug)]
+pub struct Journal {
+    path: PathBuf,
+    file: File,
+    /// Of the last line.
+    check: String,
+    /// Bytes of whole lines.
+    length: u64,
+}
+
+impl Journal {
+    /// Begins a journal. It has its first line or is not there.
+    ///
+    /// # Errors
+    ///
+    /// [`JournalError::File`]; an existing journal is never overwritten.
+    pub fn create(path: &Path, header: &Header) -> Result<Self, JournalError> {
+        if fs::symlink_metadata(path).is_ok() {
+            return Err(file_error("begin", path)(io::ErrorKind::AlreadyExists.into()).into());
+        }
+        let part = beside(path, PART);
+        let file = begin_part(&part)?;
+        let check = String::new();
+        let mut journal = Self { path: part.clone(), file, check, length: 0 };
+        journal.write_line(header)?;
+        settle_part(&journal.file, &part, path)?;
+        Ok(Self { path: path.to_owned(), ..journal })
+    }
+
+    /// Sees whether there is a journal to go on with, before any work: whole, or to be repaired.
+    ///
+    /// # Errors
+    ///
+    /// [`JournalError`] of what can be told from the journal alone.
+    pub fn check(path: &Path, repair: bool) -> Result<(), JournalError> {
+        match read(path)? {
+            _ if repair => Ok(()),
+            bytes => parse(path, &bytes)?.damage.map_or(Ok(()), Err),
+        }
+    }
+
+    /// What is in a whole journal, to look at.
+    ///
+    /// # Errors
+    ///
+    /// [`JournalError`]; of a damaged line its number.
+    pub fn read(path: &Path) -> Result<(Header, Vec<Generation>), JournalError> {
+        let found = parse(path, &read(path)?)?;
+        found.damage.map_or(Ok((found.header, found.generations)), Err)
+    }
+
+    /// Opens a journal to go on with it.
+    ///
+    /// # Errors
+    ///
+    /// [`JournalError`]; of a damaged line its number. With `repair`, the damaged rest is dropped
+    /// and a damaged first line written anew, if the line after it says that it was this one.
+    /// Before that, the whole file is copied beside itself.
+    pub fn resume(
+        path: &Path,
+        header: &Header,
+        repair: bool,
+    ) -> Result<(Self, Vec<Generation>), JournalError> {
+        let bytes = read(path)?;
+        let found = match parse(path, &bytes) {
+            Err(error) if repair => beheaded(path, &bytes, header).ok_or(error)?,
+            found => found?,
+        };
+        agree(path, &found.header, header)?;
+        if let Some(error) = found.damage {
+            if !repair {
+                return Err(error);
+            }
+            keep_copy(path, &bytes)?;
+            replace(path, &found.whole)?;
+        }
+        let mut file = open_own(path, OpenOptions::new().read(true).write(true))?;
+        let length = file.seek(io::SeekFrom::End(0)).map_err(file_error("read", path))?;
+        Ok((Self { path: path.to_owned(), file, check: found.check, length }, found.generations))
+    }
+
+    /// Adds a generation: one line, on the disk when this returns.
+    ///
+    /// # Errors
+    ///
+    /// [`JournalError`]; the lines before it stay whole.
+    pub fn add(&mut self, generation: &Generation) -> Result<(), JournalError> {
+        self.confirm()?;
+        self.write_line(generation)
+    }
+
+    /// Sees that the journal is where it was, as long as it was.
+    ///
+    /// # Errors
+    ///
+    /// [`JournalError::Lost`] says where its lines are now.
+    pub fn confirm(&mut self) -> Result<(), JournalError> {
+        let length = self.file.metadata().map_err(file_error("look at", &self.path))?.len();
+        if is_at(&self.file, &self.path) && length == self.length {
+            return Ok(());
+        }
+        let kept = match self.rescue() {
+            Ok(path) => format!(
+                "its lines are kept in {}: put that in its place and go on with `echoloop tune \
+                 --resume`",
+                path.display()
+            ),
+            Err(error) => format!("its lines could not be kept: {error}"),
+        };
+        Err(JournalError::Lost { path: self.path.clone(), kept })
+    }
+
+    /// Copies the file that is still open, though perhaps under no name, beside its place.
+    fn rescue(&mut self) -> io::Result<PathBuf> {
+        let mut lines = Vec::new();
+        self.file.rewind()?;
+        self.file.read_to_end(&mut lines)?;
+        copy_beside(&lines, &self.path, ".rescued")
+    }
+
+    fn write_line(&mut self, value: &impl Serialize) -> Result<(), JournalError> {
+        let (line, check) = sealed(&self.check, value)
+            .map_err(|error| file_error("write", &self.path)(error.into()))?;
+        if let Err(error) = self.file.write_all(&line).and_then(|()| self.file.sync_data()) {
+            let _ = self.file.set_len(self.length); // of a full disk: no half line
+            return Err(file_error("write", &self.path)(error).into());
+        }
+        self.check = check;
+        self.length += line.len() as u64;
+        Ok(())
+    }
+}
+
+/// What stands before a line's checksum, and after it.
+const SEAL: (&[u8], &[u8]) = (b",\"check\":\"", b"\"}\n");
+
+/// Bytes of a header at most; a configuration has [`echoloop_files::MOST_TEXT`], and a document of
+/// it takes up to twenty times as many.
+const MOST_HEADER: usize = 2 << 20;
+
+/// Digits of a checksum.
+const DIGITS: usize = 16;
+
+/// A line with its checksum, and that alone.
+fn sealed(before: &str, value: &impl Serialize) -> serde_json::Result<(Vec<u8>, String)> {
+    Ok(sealed_line(before, serde_json::to_vec(value)?))
+}
+
+fn sealed_line(before: &str, mut line: Vec<u8>) -> (Vec<u8>, String) {
+    line.pop(); // the brace that closes it
+    let check = Checksum::of(&[before.as_bytes(), &line]).to_string();
+    for piece in [SEAL.0, check.as_bytes(), SEAL.1] {
+        line.extend(piece);
+    }
+    (line, check)
+}
+
+/// Any lines as a journal whose checksums are right, to try its reader with.
+pub fn sealed_lines<'a>(lines: impl Iterator<Item = &'a [u8]>) -> Vec<u8> {
+    let (mut journal, mut before) = (Vec::new(), String::new());
+    for line in lines {
+        let (line, check) = sealed_line(&before, line.to_vec());
+        journal.extend(line);
+        before = check;
+    }
+    journal
+}
+
+/// How many whole generations are in a journal's bytes.
+///
+/// # Errors
+///
+/// [`JournalError`] when its first line is no header.
+pub fn whole_generations(bytes: &[u8]) -> Result<usize, JournalError> {
+    parse(Path::new("any"), bytes).map(|found| found.generations.len())
+}
+
+/// The JSON of a whole line and its checksum; or what is wrong with the line.
+fn unsealed(before: &str, line: &[u8]) -> Result<(Vec<u8>, String), String> {
+    if !line.ends_with(b"\n") {
+        return Err(format!("cut off after {} bytes", line.len()));
+    }
+    let parts = line.strip_suffix(SEAL.1).and_then(|line| line.split_last_chunk::<DIGITS>());
+    let parts = parts.and_then(|(rest, check)| Some((rest.strip_suffix(SEAL.0)?, check)));
+    let (body, check) = parts.ok_or("without a checksum at its end")?;
+    let computed = Checksum::of(&[before.as_bytes(), body]).to_string();
+    if computed.as_bytes() != check {
+        return Err("damaged, or not the one that followed the line before it: \
+                    its checksum differs"
+            .into());
+    }
+    Ok(([body, b"}"].concat(), computed))
+}
+
+/// Makes a file beside a path, `.ending`, or `.ending-2` and so on: never one that is there.
+fn free_file(path: &Path, ending: &str) -> io::Result<(PathBuf, File)> {
+    let mut number = 1;
+    loop {
+        let ending = if number == 1 { ending.to_owned() } else { format!("{ending}-{number}") };
+        let free = beside(path, &ending);
+        match OpenOptions::new().write(true).create_new(true).open(&free) {
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => number += 1,
+            opened => return opened.map(|file| (free, file)),
+        }
+    }
+}
+
+/// Writes a copy under a free name beside a path.
+fn copy_beside(bytes: &[u8], path: &Path, ending: &str) -> io::Result<PathBuf> {
+    let (free, mut copy) = free_file(path, ending)?;
+    copy.write_all(bytes)?;
+    copy.sync_all()?;
+    Ok(free)
+}
+
+/// Copies a damaged journal: a second repair keeps the copy of the first.
+fn keep_copy(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
+    copy_beside(bytes, path, ".damaged").map_err(file_error("copy", path))?;
+    sync_folder_of(path)
+}
+
+/// What is in a journal.
+#[derive(Default)]
+struct Found {
+    header: Header,
+    generations: Vec<Generation>,
+    /// Of the last whole line.
+    check: String,
+    /// The whole lines.
+    whole: Vec<u8>,
+    /// Of the first line that is not whole.
+    damage: Option<JournalError>,
+}
+
+/// A journal's bytes.
+fn read(path: &Path) -> Result<Vec<u8>, FileError> {
+    let mut bytes = Vec::new();
+    let mut file = open_own(path, OpenOptions::new().read(true))?;
+    file.read_to_end(&mut bytes).map_err(file_error("read", path))?;
+    Ok(bytes)
+}
+
+fn parse(path: &Path, bytes: &[u8]) -> Result<Found, JournalError> {
+    let mut lines = bytes.split_inclusive(|&byte| byte == b'\n');
+    let first = lines.next().ok_or_else(|| headless(path, "missing: the file is empty"))?;
+    let (header, check) = head(path, first)?;
+    let mut found = Found { header, check, whole: first.to_vec(), ..Found::default() };
+    found.damage = lines.find_map(|line| found.take(line).err()).map(|what| {
+        let whole = found.generations.len();
+        JournalError::Damaged { path: path.to_owned(), line: whole + 2, what, whole }
+    });
+    Ok(found)
+}
+
+/// What is in a journal of which the first line is damaged, and a line further on follows the one
+/// expected: its checksum says so.
+fn beheaded(path: &Path, bytes: &[u8], expected: &Header) -> Option<Found> {
+    let (whole, check) = sealed("", expected).ok()?;
+    let mut lines = bytes.split_inclusive(|&byte| byte == b'\n');
+    let mut found = Found { header: expected.clone(), check, whole, ..Found::default() };
+    lines.find(|line| found.take(line).is_ok())?;
+    lines.find(|line| found.take(line).is_err());
+    let what = "damaged".to_owned();
+    found.damage = Some(JournalError::Damaged { path: path.to_owned(), line: 1, what, whole: 0 });
+    Some(found)
+}
+
+/// The header and its checksum.
+fn head(path: &Path, line: &[u8]) -> Result<(Header, String), JournalError> {
+    if line.len() > MOST_HEADER {
+        return Err(headless(path, &format!("longer than {} MB", MOST_HEADER >> 20)));
+    }
+    let format = serde_json::from_slice::<Value>(line).ok();
+    let format = format.as_ref().and_then(|header| header.get("journal")?.as_u64());
+    if let Some(other) = format.filter(|format| *format != u64::from(FORMAT)) {
+        let what = format!(
+            "of journal format {other}, and this program goes on with format {FORMAT} alone, which \
+             has checksums"
+        );
+        return Err(headless(path, &what));
+    }
+    let (json, check) = unsealed("", line).map_err(|what| headless(path, &what))?;
+    let header = serde_json::from_slice(&json).map_err(|error| {
+        headless(path, &format!("no journal header ({})", shown(&error.to_string())))
+    })?;
+    Ok((header, check))
+}
+
+impl Found {
+    /// Takes the next line, or says what is wrong with it.
+    fn take(&mut self, line: &[u8]) -> Result<(), String> {
+        let (json, check) = unsealed(&self.check, line)?;
+        let generation: Generation = serde_json::from_slice(&json)
+            .map_err(|error| format!("no generation ({})", shown(&error.to_string())))?;
+        let (number, expected) = (generation.generation, self.generations.len());
+        if number as usize != expected {
+            return Err(format!("generation {number} where {expected} was expected"));
+        }
+        self.generations.push(generation);
+        self.check = check;
+        self.whole.extend(line);
+        Ok(())
+    }
+}
+
+/// Without its first line a journal tells nothing; only who knows what it was can repair it.
+fn headless(path: &Path, what: &str) -> JournalError {
+    let what = format!(
+        "line 1 is {what}; if it was this search's, --repair writes it anew and goes on, else \
+         {BEGIN_ANEW}"
+    );
+    JournalError::Other { path: path.to_owned(), what }
+}
+
+const BEGIN_ANEW: &str = "begin anew with `echoloop tune --config` and the run's config.toml";
+
+/// A search may only go on as it began.
+fn agree(path: &Path, found: &Header, expected: &Header) -> Result<(), JournalError> {
+    let json = |header: &Header| {
+        // How far a run was extended says where it ends, and nothing of what is in the journal.
+        let mut header = header.clone();
+        if let Some(tune) = header.config.get_mut("tune").and_then(Value::as_object_mut) {
+            tune.remove("extended_to");
+        }
+        serde_json::to_value(header).map_err(|error| file_error("compare", path)(error.into()))
+    };
+    let Some((field, was, is)) = difference("", &json(found)?, &json(expected)?) else {
+        return Ok(());
+    };
+    let advice = match field.split('.').next() {
+        Some("config" | "axes" | "population") => {
+            "written with another configuration; resume with the run's own config.toml".to_owned()
+        }
+        Some("content") => {
+            format!("what is scanned has changed since: put it back, or {BEGIN_ANEW}")
+        }
+        _ => format!("written by another build, whose numbers would not go on; {BEGIN_ANEW}"),
+    };
+    let [field, was, is] = [field, was, is].map(|text| shown(&text));
+    let what = format!("line 1: {field} is {was} there and {is} now: {advice}");
+    Err(JournalError::Other { path: path.to_owned(), what })
+}
+
+/// Where two documents first differ, and what stands there.
+fn difference(field: &str, a: &Value, b: &Value) -> Option<(String, String, String)> {
+    let name = |key: &str| match field {
+        "" => key.to_owned(),
+        _ => format!("{field}.{key}"),
+    };
+    match (a, b) {
+        (Value::Object(a), Value::Object(b)) => {
+            let null = Value::Null;
+            let keys = a.keys().chain(b.keys().filter(|key| !a.contains_key(*key)));
+            keys.map(|key| (key, a.get(key).unwrap_or(&null), b.get(key).unwrap_or(&null)))
+                .find_map(|(key, a, b)| difference(&name(key), a, b))
+        }
+        _ if a == b => None,
+        _ => Some((field.to_owned(), a.to_string(), b.to_string())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn header() -> Header {
+        Header {
+            journal: FORMAT,
+            program: "echoloop 0".into(),
+            build: Some("b0".into()),
+            link_schema: "0x1".into(),
+            axes: vec!["lidar.power".into()],
+            config: serde_json::json!({"seed": 1}),
+            content: Content::default(),
+        }
+    }
+
+    fn generation(number: u32) -> Generation {
+        let candidate = CandidateRecord {
+            point: vec![0.1 + 0.2],
+            values: Values::from([("lidar.power".into(), 1.0 / 3.0)]),
+            repaired: vec![],
+            settings: 7,
+            errors: vec![],
+            fitness: 1e-300,
+            cost: None,
+        };
+        Generation {
+            generation: number,
+            stage: "joint".into(),
+            pairs: vec![1, 2],
+            mean: vec![0.5],
+            deviations: vec![0.2],
+            sigma: 0.2,
+            candidates: vec![candidate.clone(), candidate],
+        }
+    }
+
+    fn written(folder: &Path) -> PathBuf {
+        let path = folder.join("history.jsonl");
+        let mut journal = Journal::create(&path, &header()).unwrap();
+        (0..3).for_each(|i| journal.add(&generation(i)).unwrap());
+        path
+    }
+
+    #[test]
+    fn what_was_written_reads_back_bit_for_bit_and_goes_on() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = written(folder.path());
+        let (mut journal, generations) = Journal::resume(&path, &header(), false).unwrap();
+        assert_eq!(generations, [generation(0), generation(1), generation(2)]);
+        journal.add(&generation(3)).unwrap();
+        assert_eq!(Journal::resume(&path, &header(), false).unwrap().1.len(), 4);
+    }
+
+    #[test]
+    fn a_journal_is_never_overwritten() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = written(folder.path());
+        assert!(matches!(Journal::create(&path, &header()), Err(JournalError::File(_))));
+    }
+
+    #[test]
+    fn a_cut_line_is_named_and_nothing_is_touched_without_repair() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = written(folder.path());
+        let whole = fs::read(&path).unwrap();
+        let cut = &whole[..whole.len() - 20];
+        fs::write(&path, cut).unwrap();
+        let error = Journal::resume(&path, &header(), false).unwrap_err().to_string();
+        assert!(
+            error.contains("line 4 is cut off") && error.contains("the 2 generations before it"),
+            "{error}"
+        );
+        assert_eq!(fs::read(&path).unwrap(), cut);
+        let (_, generations) = Journal::resume(&path, &header(), true).unwrap();
+        assert_eq!(generations.len(), 2);
+        assert_eq!(fs::read(folder.path().join("history.jsonl.damaged")).unwrap(), cut);
+        assert!(Journal::resume(&path, &header(), false).is_ok());
+    }
+
+    #[test]
+    fn a_journal_of_another_search_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = written(folder.path());
+        let refused = |other: Header, parts: [&str; 2]| {
+            let error = Journal::resume(&path, &other, true).unwrap_err().to_string();
+            assert!(parts.iter().all(|part| error.contains(part)), "{error}");
+        };
+        refused(
+            Header { config: serde_json::json!({"seed": 2}), ..header() },
+            ["line 1: config.seed is 1 there and 2 now", "another configuration"],
+        );
+        refused(
+            Header { axes: vec!["lidar.energy".into()], ..header() },
+            [r#"line 1: axes is ["lidar.power"] there"#, "another configuration"],
+        );
+        let content = Content { scans: "5".into(), ..Content::default() };
+        refused(Header { content, ..header() }, ["line 1: content.scans", "put it back"]);
+        refused(
+            Header { build: None, ..header() },
+            [r#"line 1: build is "b0" there and null now"#, "another build"],
+        );
+        let long = serde_json::json!({"seed": 1, "scene": "x".repeat(5_000)});
+        let error = Journal::resume(&path, &Header { config: long, ..header() }, true);
+        let error = error.unwrap_err().to_string();
+        assert!(error.contains("config.scene is null there") && error.len() < 1_000, "{error}");
+        fs::write(&path, b"").unwrap();
+        assert!(
+            Journal::resume(&path, &header(), false).unwrap_err().to_string().contains("empty")
+        );
+    }
+
+    /// The journal's lines.
+    fn lines(path: &Path) -> Vec<String> {
+        let text = fs::read_to_string(path).unwrap();
+        text.split_inclusive('\n').map(str::to_owned).collect()
+    }
+
+    #[test]
+    fn whichever_bit_is_flipped_only_the_lines_before_it_are_believed() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = written(folder.path());
+        let whole = fs::read(&path).unwrap();
+        for bit in 0..8 * whole.len() {
+            let mut bytes = whole.clone();
+            bytes[bit / 8] ^= 1 << (bit % 8);
+            let line = whole[..bit / 8].iter().filter(|&&byte| byte == b'\n').count();
+            match parse(&path, &bytes) {
+                Err(_) => assert_eq!(line, 0, "bit {bit}"),
+                Ok(found) => {
+                    assert!(found.damage.is_some() && line > 0, "bit {bit}");
+                    assert_eq!(found.generations.len(), line - 1, "bit {bit}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn lines_that_are_lost_doubled_swapped_or_of_another_run_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = written(folder.path());
+        let [head, a, b, c] = <[String; 4]>::try_from(lines(&path)).unwrap();
+        // Another run of the same search, on a sensor whose noise is real.
+        let other_path = folder.path().join("other.jsonl");
+        let mut other = Journal::create(&other_path, &header()).unwrap();
+        let mut noisy = generation(0);
+        noisy.candidates[0].fitness = 2e-300;
+        other.add(&noisy).unwrap();
+        other.add(&generation(1)).unwrap();
+        let foreign = lines(&other_path)[2].clone();
+        for (damaged, line) in [
+            ([&head, &b, &c, ""], 2),
+            ([&head, &a, &c, ""], 3),
+            ([&head, &a, &a, &b], 3),
+            ([&head, &b, &a, &c], 2),
+            ([&head, &a, &foreign, &c], 3),
+            ([&head, &a, "\n", &b], 3),
+        ] {
+            fs::write(&path, damaged.concat()).unwrap();
+            let error = Journal::resume(&path, &header(), false).unwrap_err().to_string();
+            assert!(error.contains(&format!("line {line} is ")), "{line}: {error}");
+        }
+    }
+
+    #[test]
+    fn a_damaged_first_line_is_written_anew_where_the_next_line_says_what_it_was() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = written(folder.path());
+        let whole = fs::read(&path).unwrap();
+        for damage in [&b"*"[..], b"\n", b"\n\n"] {
+            let mut bytes = whole.clone();
+            bytes.splice(30..30 + damage.len(), damage.iter().copied());
+            fs::write(&path, &bytes).unwrap();
+            assert!(Journal::resume(&path, &header(), false).is_err());
+            let other = Header { program: "another".into(), ..header() };
+            assert!(Journal::resume(&path, &other, true).is_err());
+            assert_eq!(fs::read(&path).unwrap(), bytes);
+            assert_eq!(Journal::resume(&path, &header(), true).unwrap().1.len(), 3);
+            assert_eq!(fs::read(&path).unwrap(), whole);
+        }
+    }
+
+    #[test]
+    fn a_journal_without_checksums_says_what_to_do() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("history.jsonl");
+        fs::write(&path, "{\"journal\":1,\"program\":\"echoloop 0\"}\n").unwrap();
+        let error = Journal::resume(&path, &header(), true).unwrap_err().to_string();
+        for part in ["line 1 is of journal format 1", "begin anew with `echoloop tune --config`"] {
+            assert!(error.contains(part), "{error}");
+        }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_journal_that_is_removed_replaced_or_changed_under_a_run_is_noticed_and_kept() {
+        type Change = fn(&Path);
+        let changes: [Change; 3] = [
+            |path| fs::remove_file(path).unwrap(),
+            |path| {
+                fs::copy(path, path.with_extension("copy")).unwrap();
+                fs::rename(path.with_extension("copy"), path).unwrap();
+            },
+            |path| {
+                let mut file = OpenOptions::new().append(true).open(path).unwrap();
+                file.write_all(b"{}\n").unwrap();
+            },
+        ];
+        for change in changes {
+            let folder = tempfile::tempdir().unwrap();
+            let path = written(folder.path());
+            let (mut journal, _) = Journal::resume(&path, &header(), false).unwrap();
+            change(&path);
+            let error = journal.add(&generation(3)).unwrap_err();
+            assert!(matches!(error, JournalError::Lost { .. }), "{error}");
+            let kept = folder.path().join("history.jsonl.rescued");
+            assert!(error.to_string().contains("history.jsonl.rescued"), "{error}");
+            assert_eq!(Journal::resume(&kept, &header(), true).unwrap().1.len(), 3);
+        }
+    }
+
+    #[test]
+    fn a_first_line_beyond_any_configuration_is_refused_unread() {
+        let long = [&b"{\"journal\":"[..], &b"[".repeat(MOST_HEADER)].concat();
+        let error = whole_generations(&long).unwrap_err().to_string();
+        assert!(error.contains("line 1 is longer than 2 MB"), "{error}");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_journal_that_is_a_link_is_not_gone_on_with() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, link) = (written(folder.path()), folder.path().join("link"));
+        std::os::unix::fs::symlink(path, &link).unwrap();
+        let error = Journal::resume(&link, &header(), true).unwrap_err().to_string();
+        assert!(error.contains("a link is in the way"), "{error}");
+    }
+}

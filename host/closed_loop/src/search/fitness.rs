@@ -1,0 +1,203 @@
+//! What a candidate is worth: its error, and what its scans cost, beside the start's.
+
+use crate::config::preset::ErrorMean;
+use crate::config::{DataConfig, TuneConfig};
+use crate::cost::ScanCost;
+use crate::evaluation::objective::{PairError, Worth};
+use crate::evaluation::summary::succeeds;
+
+/// One registration: how it came out, and what a scan of it cost, where that matters.
+#[derive(Clone, Debug)]
+pub(crate) struct Judged {
+    pub error: PairError,
+    pub cost: Option<ScanCost>,
+}
+
+/// By what power an error beyond the limit counts: a tenth too much more than doubles the cost.
+const BEYOND: f64 = 8.0;
+
+/// So many standard errors above its mean an error is held to the limit, once there are so many
+/// pairs to tell them from: the cheapest of many that are near the limit is there by luck.
+const SURE: f64 = 1.0;
+const TOLD_BY: usize = 10;
+
+/// What a pair counts that the start finds and a candidate loses.
+const LOST: f64 = 10.0;
+
+/// Prices candidates against the start.
+pub(super) struct Price<'a> {
+    pub tune: &'a TuneConfig,
+    pub data: &'a DataConfig,
+    /// The start on every training pair; none where no cost counts.
+    pub start: Vec<Judged>,
+}
+
+impl Price<'_> {
+    /// Fitness of errors and of the mean cost of their scans: smaller is better.
+    pub(super) fn fitness(&self, errors: &[PairError], cost: Option<&ScanCost>) -> f64 {
+        let worth = Worth::from(self.tune).of(errors);
+        let Some((cost, start)) = cost.zip(self.start_cost()) else { return worth };
+        match self.tune.minimise {
+            Some(kind) => kind.of(cost) / kind.of(&start) * self.penalty(errors, worth),
+            None => worth * self.tune.weights.factor(cost, &start),
+        }
+    }
+
+    /// What one pair adds to the mean that fitness is, so that candidates can be compared pair by
+    /// pair; `None` where fitness is no mean.
+    pub(super) fn loss(&self, error: &PairError, cost: Option<&ScanCost>) -> Option<f64> {
+        let loss = Worth::from(self.tune).loss(error);
+        let factor = match (cost.zip(self.start_cost()), self.tune.minimise) {
+            (None, _) => return Some(loss),
+            (Some(_), Some(_)) => return None,
+            (Some((cost, start)), None) => self.tune.weights.factor(cost, &start),
+        };
+        Some(match self.tune.error_mean {
+            ErrorMean::Arithmetic => loss * factor,
+            ErrorMean::Geometric => loss + libm::log(factor),
+        })
+    }
+
+    /// Whether errors are beyond the limit within which a cost is to be least. In a search the
+    /// penalty shows the way back; nothing that pays it is to be chosen.
+    pub(super) fn is_beyond_the_limit(&self, errors: &[PairError]) -> bool {
+        self.tune.minimise.is_some()
+            && !self.start.is_empty()
+            && self.penalty(errors, Worth::from(self.tune).of(errors)) > 1.0
+    }
+
+    /// 1 within the limit, more the farther beyond.
+    fn penalty(&self, errors: &[PairError], worth: f64) -> f64 {
+        let of_start: Vec<PairError> =
+            errors.iter().filter_map(|e| Some(self.start.get(e.pair)?.error.clone())).collect();
+        let lost = |errors: &[PairError]| errors.iter().filter(|e| !succeeds(e, self.data)).count();
+        let more_lost = lost(errors).saturating_sub(lost(&of_start)) as i32;
+        let ratio = self.at_most(errors, &of_start, worth / Worth::from(self.tune).of(&of_start));
+        libm::pow((ratio / self.tune.at_most_error).max(1.0), BEYOND) * LOST.powi(more_lost)
+    }
+
+    /// What the ratio of two means over the same pairs is at most, as far as so many tell.
+    fn at_most(&self, errors: &[PairError], of_start: &[PairError], ratio: f64) -> f64 {
+        if errors.len() < TOLD_BY || errors.len() != of_start.len() {
+            return ratio;
+        }
+        let worth = Worth::from(self.tune);
+        let losses = |errors: &[PairError]| -> Vec<f64> {
+            errors.iter().map(|error| worth.loss(error)).collect()
+        };
+        let above = SURE * standard_error(&losses(errors), &losses(of_start));
+        match self.tune.error_mean {
+            ErrorMean::Arithmetic => ratio + above / worth.of(of_start),
+            ErrorMean::Geometric => ratio * libm::exp(above),
+        }
+    }
+
+    fn start_cost(&self) -> Option<ScanCost> {
+        mean_cost(&self.start)
+    }
+}
+
+/// Of the mean of the paired differences of two's losses.
+pub(super) fn standard_error(own: &[f64], other: &[f64]) -> f64 {
+    let differences: Vec<f64> = own.iter().zip(other).map(|(a, b)| a - b).collect();
+    let count = differences.len() as f64;
+    let mean = differences.iter().sum::<f64>() / count;
+    let squares = differences.iter().map(|d| (d - mean) * (d - mean)).sum::<f64>();
+    (squares / (count - 1.0).max(1.0) / count).sqrt()
+}
+
+/// The mean cost of some; `None` where none was weighed.
+pub(crate) fn mean_cost(judged: &[Judged]) -> Option<ScanCost> {
+    let costs: Vec<ScanCost> = judged.iter().filter_map(|judged| judged.cost).collect();
+    ScanCost::mean(&costs)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cost::CostKind;
+
+    fn error(pair: usize, translation_m: f64) -> PairError {
+        PairError {
+            pair,
+            translation_m,
+            rotation_deg: 0.0,
+            frobenius: translation_m,
+            points: [100, 100],
+            stop: String::new(),
+            iterations: 1,
+        }
+    }
+
+    fn cost(energy_j: f64) -> Option<ScanCost> {
+        Some(ScanCost { energy_j, instructions: 1.0, bits: 1.0, seconds: 1.0 })
+    }
+
+    /// The start errs by 1 cm and 4 cm and takes 1 J.
+    fn start() -> Vec<Judged> {
+        [0.01, 0.04]
+            .into_iter()
+            .enumerate()
+            .map(|(i, e)| Judged { error: error(i, e), cost: cost(1.0) })
+            .collect()
+    }
+
+    fn close(a: f64, b: f64) -> bool {
+        (a / b - 1.0).abs() < 1e-9
+    }
+
+    #[test]
+    fn weighted_a_hundredth_of_the_light_is_worth_a_fifth_of_the_error() {
+        let (tune, data) = (TuneConfig::default(), DataConfig::default());
+        let price = Price { tune: &tune, data: &data, start: start() };
+        let errors = [error(0, 0.01), error(1, 0.04)];
+        let fitness = price.fitness(&errors, cost(0.01).as_ref());
+        assert!(close(fitness, 0.02 * 0.01f64.powf(0.05)), "{fitness}");
+        let losses: f64 = errors.iter().filter_map(|e| price.loss(e, cost(0.01).as_ref())).sum();
+        assert!(close((losses / 2.0).exp(), fitness), "the mean of the losses is the fitness");
+        assert!(close(price.fitness(&errors, None), 0.02));
+    }
+
+    #[test]
+    fn the_least_energy_wins_as_long_as_the_error_is_within_the_limit_and_no_pair_is_lost() {
+        let tune = TuneConfig { minimise: Some(CostKind::Energy), ..TuneConfig::default() };
+        let data = DataConfig::default();
+        let price = Price { tune: &tune, data: &data, start: start() };
+        let fitness = |first: f64, second: f64, energy: f64| {
+            price.fitness(&[error(0, first), error(1, second)], cost(energy).as_ref())
+        };
+        assert!(close(fitness(0.01, 0.04, 0.1), 0.1));
+        assert!(close(fitness(0.001, 0.002, 0.1), 0.1), "what is better is no cheaper");
+        assert!(close(fitness(0.0144, 0.04, 0.1), 0.1), "1.2 times as much");
+        assert!(fitness(0.02, 0.08, 0.1) > 0.1 * 50.0, "twice as much");
+        assert!(fitness(0.0001, 0.6, 0.1) > 0.9, "a pair is lost");
+        assert!(price.is_beyond_the_limit(&[error(0, 0.02), error(1, 0.08)]));
+        assert!(price.is_beyond_the_limit(&[error(0, 0.0001), error(1, 0.6)]));
+        assert!(!price.is_beyond_the_limit(&[error(0, 0.0143), error(1, 0.04)]));
+        // Of a batch the start's errors on the same pairs count.
+        let second = price.fitness(&[error(1, 0.048)], cost(0.1).as_ref());
+        assert!(close(second, 0.1), "{second}");
+        assert_eq!(price.loss(&error(0, 0.01), cost(0.1).as_ref()), None);
+    }
+
+    #[test]
+    fn many_pairs_hold_the_error_to_the_limit_with_its_own_doubt() {
+        let data = DataConfig::default();
+        // Both means are just below 1.2.
+        for (mean, low) in [(ErrorMean::Geometric, 0.7), (ErrorMean::Arithmetic, 0.35)] {
+            let minimise = Some(CostKind::Energy);
+            let tune = TuneConfig { minimise, error_mean: mean, ..TuneConfig::default() };
+            let start = (0..16).map(|i| Judged { error: error(i, 0.02), cost: cost(1.0) });
+            let price = Price { tune: &tune, data: &data, start: start.collect() };
+            let fitness = |pairs: usize, factors: [f64; 2]| {
+                let own = |i: usize| error(i, 0.02 * factors[i % 2]);
+                price.fitness(&(0..pairs).map(own).collect::<Vec<_>>(), cost(0.1).as_ref())
+            };
+            // The same on every pair leaves no doubt; twice as much on half of them and less on the
+            // others does, where there are pairs enough to tell.
+            assert!(close(fitness(16, [1.19, 1.19]), 0.1), "{mean:?}");
+            assert!(close(fitness(8, [2.0, low]), 0.1), "{mean:?}");
+            assert!(fitness(16, [2.0, low]) > 0.11, "{mean:?}");
+        }
+    }
+}

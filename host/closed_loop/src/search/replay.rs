@@ -1,0 +1,134 @@
+//! Whether a journal's generations are those that a search would write now.
+
+use super::fitness::Price;
+use crate::run_folder::journal::{CandidateRecord, Generation};
+
+/// Where a generation of the journal first differs from the one that would be written now, bit for
+/// bit. Only the errors of the pairs are not known now; what is made of them is.
+///
+/// A search's start hangs on more than its configuration: on the defaults of this version. The same
+/// header would else go on from candidates that were never asked for.
+pub(super) fn difference(
+    found: &Generation,
+    drawn: &Generation,
+    price: &Price<'_>,
+) -> Option<String> {
+    let fields = [
+        ("generation", found.generation == drawn.generation),
+        ("stage", found.stage == drawn.stage),
+        ("pairs", found.pairs == drawn.pairs),
+        ("mean", found.mean == drawn.mean),
+        ("deviations", found.deviations == drawn.deviations),
+        ("sigma", found.sigma == drawn.sigma),
+        ("candidates", found.candidates.len() == drawn.candidates.len()),
+    ];
+    if let Some((field, _)) = fields.into_iter().find(|(_, same)| !same) {
+        return Some(field.to_owned());
+    }
+    let candidates = found.candidates.iter().zip(&drawn.candidates).enumerate();
+    candidates.into_iter().find_map(|(i, (found, asked))| {
+        let field = candidate_difference(found, asked, &drawn.pairs, price)?;
+        Some(format!("candidates[{i}].{field}"))
+    })
+}
+
+fn candidate_difference(
+    found: &CandidateRecord,
+    asked: &CandidateRecord,
+    pairs: &[usize],
+    price: &Price<'_>,
+) -> Option<&'static str> {
+    let fields = [
+        ("point", found.point == asked.point),
+        ("values", found.values == asked.values),
+        ("repaired", found.repaired == asked.repaired),
+        ("settings", found.settings == asked.settings),
+        ("errors", found.errors.iter().map(|error| &error.pair).eq(pairs)),
+        ("fitness", found.fitness == price.fitness(&found.errors, found.cost.as_ref())),
+    ];
+    fields.into_iter().find(|(_, same)| !same).map(|(field, _)| field)
+}
+
+#[cfg(test)]
+mod tests {
+    use echoloop_cmaes::{CmaEs, CmaEsConfig};
+
+    use super::*;
+    use crate::config::preset::ErrorMean;
+    use crate::config::preset::Objective;
+    use crate::config::{DataConfig, TuneConfig};
+    use crate::evaluation::objective::PairError;
+    use crate::parameters::Values;
+
+    fn search(start: f64) -> CmaEs {
+        CmaEs::new(CmaEsConfig::unit_cube(vec![start; 3], 0.2, 1)).unwrap()
+    }
+
+    /// A generation of two pairs, with the errors that a search would have written.
+    fn written(optimizer: &CmaEs) -> Generation {
+        let error = |pair| PairError {
+            pair,
+            translation_m: 0.1,
+            rotation_deg: 0.1,
+            frobenius: pair as f64,
+            points: [100, 100],
+            stop: String::new(),
+            iterations: 1,
+        };
+        let record = |point| CandidateRecord {
+            point,
+            values: Values::from([("lidar.power".into(), 5.0)]),
+            repaired: Vec::new(),
+            settings: 7,
+            errors: vec![error(1), error(4)],
+            fitness: 2.0, // capped at 3
+            cost: None,
+        };
+        Generation {
+            generation: optimizer.generation() as u32,
+            stage: "joint".into(),
+            pairs: vec![1, 4],
+            mean: optimizer.mean().to_vec(),
+            deviations: optimizer.deviations(),
+            sigma: optimizer.sigma(),
+            candidates: optimizer.ask().into_iter().map(|c| record(c.phenotype)).collect(),
+        }
+    }
+
+    #[test]
+    fn a_search_goes_on_only_from_what_it_would_have_written_itself() {
+        let tune = TuneConfig {
+            error_mean: ErrorMean::Arithmetic,
+            error_cap: 3.0,
+            objective: Objective::Error,
+            ..TuneConfig::default()
+        };
+        let price = Price { tune: &tune, data: &DataConfig::default(), start: Vec::new() };
+        let drawn = written(&search(0.5));
+        assert_eq!(difference(&written(&search(0.5)), &drawn, &price), None);
+        assert_eq!(difference(&written(&search(0.6)), &drawn, &price).unwrap(), "mean");
+        type Change = fn(&mut Generation);
+        let changes: [(&str, Change); 15] = [
+            ("generation", |g| g.generation += 1),
+            ("stage", |g| g.stage.push('s')),
+            ("pairs", |g| g.pairs.reverse()),
+            ("mean", |g| g.mean.clear()),
+            ("deviations", |g| g.deviations[0] *= 1.0 + 1e-15),
+            ("sigma", |g| g.sigma = 1e308),
+            ("candidates", |g| g.candidates.clear()),
+            ("candidates[0].point", |g| g.candidates.reverse()),
+            ("candidates[2].point", |g| g.candidates[2].point[1] *= 1.0 + 1e-15),
+            ("candidates[1].values", |g| g.candidates[1].values.clear()),
+            ("candidates[1].repaired", |g| g.candidates[1].repaired.push("gain".into())),
+            ("candidates[1].settings", |g| g.candidates[1].settings ^= 1),
+            ("candidates[0].errors", |g| g.candidates[0].errors.truncate(1)),
+            ("candidates[0].fitness", |g| g.candidates[0].errors[0].frobenius = 1.5),
+            ("candidates[0].fitness", |g| g.candidates[0].fitness = -1e300),
+        ];
+        for (field, change) in changes {
+            let mut found = written(&search(0.5));
+            change(&mut found);
+            assert_eq!(difference(&found, &drawn, &price).as_deref(), Some(field));
+        }
+    }
+}
