@@ -2,8 +2,6 @@
 //!
 //! | room | what it is for |
 //! |---|---|
-//! | [`report`] | a run as one HTML page: plain data in, a string out |
-//! | [`desk`] | runs that are over: read back from their folders, told, compared |
 //! | [`reproduce`] | the paper's table: its cells, what is kept of them, the table made of it |
 //! | [`cli`] | the program `echoloop` |
 //!
@@ -11,6 +9,3 @@
 //! `reproduce` all three. Each room's page begins with its recipe.
 
 pub mod cli;
-pub mod desk;
-pub mod report;
-pub mod reproduce;

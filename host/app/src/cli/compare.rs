@@ -7,10 +7,12 @@ use clap::Args;
 use super::exit::{self, Failure, print};
 use super::report::is_standard_output;
 use super::table_format::{TableFormat, aligned};
-use crate::desk::{Against, Compared, ComparedRun, FinishedRun, compared, runs_page};
 use echoloop_closed_loop::cost::CostKind;
 use echoloop_closed_loop::evaluation::gain::{Difference, Estimate, Figures};
 use echoloop_closed_loop::run_folder::files::Output;
+use echoloop_report::finished_runs::{
+    Against, Compared, ComparedRun, FinishedRun, compared, runs_page,
+};
 
 /// Flags of `compare`.
 #[derive(Clone, Debug, Args)]

@@ -1,12 +1,12 @@
 //! The tables that a run ends with.
 
-use crate::desk::{costs, judged};
-use crate::report::Costs;
 use echoloop_closed_loop::config::RunConfig;
 use echoloop_closed_loop::evaluation::summary::Summary;
 use echoloop_closed_loop::front::{Front, Mark};
 use echoloop_closed_loop::parameters::{self, Axis, Space, effective};
 use echoloop_closed_loop::run_folder::run::RunResult;
+use echoloop_report::Costs;
+use echoloop_report::finished_runs::{costs, judged};
 
 /// Default against tuned, and what was changed.
 pub(super) fn print_table(config: &RunConfig, result: &RunResult, space: &Space) {

@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::exit::{Failure, print};
-use crate::desk::{FinishedRun, RunError, page};
-use crate::report::{Figure, Report};
 use echoloop_closed_loop::run_folder::files::{
     Output, PART, beside, is_free_for_a_file, make_folders, replace,
 };
 use echoloop_closed_loop::run_folder::run::{REPORT, RESULT, RunFolder};
+use echoloop_report::finished_runs::{FinishedRun, RunError, page};
+use echoloop_report::{Figure, Report};
 
 /// Flags of `report`.
 #[derive(Clone, Debug, Args)]

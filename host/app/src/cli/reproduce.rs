@@ -17,15 +17,15 @@ use super::interrupt::stop_on_interrupt;
 use super::number::{number_of, seed};
 use super::progress::Progress;
 use super::report::{is_standard_output, write_figures};
-use crate::reproduce::{
-    Ablation, Asked, Base, ByHand, Cell, Figures, Folder, FolderError, Plan, RealPair, RealRow,
-    Scene, Table, TableMethod, judge_real, name_of, page, read_real_pairs,
-};
 use echoloop_closed_loop::config::preset::{Preset, Protocol, Strategy};
 use echoloop_closed_loop::config::{Override, default_runs_folder};
 use echoloop_closed_loop::run_folder::files::Output;
 use echoloop_closed_loop::search::Observer;
 use echoloop_files::say;
+use echoloop_study::{
+    Ablation, Asked, Base, ByHand, Cell, Figures, Folder, FolderError, Plan, RealPair, RealRow,
+    Scene, Table, TableMethod, judge_real, name_of, page, read_real_pairs,
+};
 use runner::Runner;
 
 /// Flags of `reproduce`.

@@ -7,11 +7,11 @@ use echoloop_keys::{Kind, Must};
 
 use super::exit::Failure;
 use super::number::{flag, number_as};
-use crate::report::ResponsePage;
 use echoloop_closed_loop::run_folder::files::Output;
 use echoloop_files::say;
 use echoloop_instruments::response::{LEAST_ECHOES, Later, NoResponse, Response};
 use echoloop_instruments::{Rows, read_waveforms};
+use echoloop_report::ResponsePage;
 
 /// Where the response comes from, and where it goes.
 #[derive(Clone, Debug, Args)]

@@ -15,12 +15,12 @@ use super::exit::{self, Failure, print};
 use super::number::{flag, number_as};
 use super::progress::Progress;
 use super::report::is_standard_output;
-use crate::report::{ScenePage, ShownPair, fixed, grouped, picture_png};
 use echoloop_closed_loop::checksum::Checksum;
 use echoloop_closed_loop::config::RunConfig;
 use echoloop_closed_loop::dataset::survey::{Survey, SurveyedPair};
 use echoloop_closed_loop::dataset::{Overlaps, towns};
 use echoloop_closed_loop::run_folder::files::Output;
+use echoloop_report::{ScenePage, ShownPair, fixed, grouped, picture_png};
 
 /// Flags of `scene`.
 #[derive(Clone, Debug, Args)]

@@ -21,7 +21,6 @@ use super::report::write_page;
 use super::shown_pair::write_clouds;
 use super::table_format::{TableFormat, csv};
 use super::tuned_run::tuned_values;
-use crate::desk::judged;
 use echoloop_closed_loop::config::preset::{
     LidarPreset, Objective, PowerRange, Preset, Protocol, Strategy,
 };
@@ -40,6 +39,7 @@ use echoloop_closed_loop::run_folder::run::{
 };
 use echoloop_closed_loop::search::{Stage, TuneError, TuneSearch, Tuned};
 use echoloop_files::say;
+use echoloop_report::finished_runs::judged;
 use echoloop_sensors::pattern::{described, size};
 
 /// Flags of `tune`.

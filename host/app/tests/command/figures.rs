@@ -9,7 +9,7 @@ use crate::svg::{line, log_value, number, of_class, panel, ticks};
 use echoloop_closed_loop::evaluation::objective::PairError;
 use echoloop_closed_loop::evaluation::summary::Summary;
 use echoloop_closed_loop::parameters::Values;
-use echoloop_host::reproduce::Record;
+use echoloop_study::Record;
 use serde_json::{Value, json};
 
 /// Cells of a moment each, of which some pairs fail.

@@ -4,7 +4,7 @@
 mod synthetic;
 
 use crate::browser::open;
-use echoloop_host::report::{CloudLayer, PoseError, Report};
+use echoloop_report::{CloudLayer, PoseError, Report};
 
 /// A view that works lights some ten thousand pixels; a camera that looks past the clouds lights
 /// none.

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use super::super::exit::Failure;
 use super::overlays::overlays;
-use crate::reproduce::{Cells, Figures, Folder, Table, figures};
 use echoloop_closed_loop::run_folder::files::{Output, file_error};
+use echoloop_study::{Cells, Figures, Folder, Table, figures};
 
 /// All figures of a table's cells.
 pub(super) fn drawn(folder: &Folder, table: &Table) -> Figures {

@@ -3,11 +3,11 @@
 use std::fmt::{Display, Write as _};
 
 use super::written::real_figures;
-use crate::reproduce::{
+use echoloop_closed_loop::config::preset::Protocol;
+use echoloop_study::{
     FIGURES, RealRow, Row, Scene, Table, TableMethod, name_of, paper, remarks, search, subtitle,
     tuned, tuned_by,
 };
-use echoloop_closed_loop::config::preset::Protocol;
 
 /// A `tabular` for each range and search: translation, rotation and recall as in the paper's table,
 /// the best of a method and kind bold, the paper's own in grey below; then one of cases set by

@@ -6,9 +6,6 @@ use super::super::choice::SensorChoice;
 use super::super::exit::Failure;
 use super::super::prepared::Met;
 use super::super::progress::Progress;
-use crate::reproduce::{
-    Cell, Cells, Folder, LaidOn, Record, Seen, SeenPair, configuration, shown_pair,
-};
 use echoloop_closed_loop::config::{RunConfig, load};
 use echoloop_closed_loop::dataset::{Dataset, ScanPair};
 use echoloop_closed_loop::evaluation::objective::{Bench, PairError, Registered};
@@ -16,6 +13,9 @@ use echoloop_closed_loop::parameters::Parameters;
 use echoloop_closed_loop::run_folder::run::{CONFIG, TUNED};
 use echoloop_closed_loop::seed::{Purpose, derive};
 use echoloop_registration::pose::Pose;
+use echoloop_study::{
+    Cell, Cells, Folder, LaidOn, Record, Seen, SeenPair, configuration, shown_pair,
+};
 
 /// A pair of each cell where both were tuned. What cannot be shown is said, and no failure: the
 /// table has no need of it.

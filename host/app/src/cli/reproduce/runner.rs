@@ -11,7 +11,6 @@ use super::super::interrupt::INTERRUPTED;
 use super::super::prepared::{Met, Prepared, traced};
 use super::super::progress::Progress;
 use super::super::tune::{Judged, background, result, write_run};
-use crate::reproduce::{Base, Cell, Folder, Record, Times, Took, TrainedIn};
 use echoloop_closed_loop::checksum::Checksum;
 use echoloop_closed_loop::config::RunConfig;
 use echoloop_closed_loop::config::preset::Protocol;
@@ -23,6 +22,7 @@ use echoloop_closed_loop::run_folder::journal::{Generation, Journal};
 use echoloop_closed_loop::run_folder::provenance::About;
 use echoloop_closed_loop::run_folder::run::{HISTORY, RunFolder, RunResult};
 use echoloop_closed_loop::search::{Observer, Origin, TuneSearch, Tuned};
+use echoloop_study::{Base, Cell, Folder, Record, Times, Took, TrainedIn};
 
 /// Returns of all scans that are kept: more than so many, and the oldest scans go.
 const MOST_RETURNS: usize = 120_000_000;
@@ -308,8 +308,8 @@ impl Observer for Steps<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::reproduce::{Ablation, Scene, TableMethod};
     use echoloop_closed_loop::config::preset::{Preset, Strategy};
+    use echoloop_study::{Ablation, Scene, TableMethod};
 
     #[test]
     fn cells_share_scans_unless_place_distance_or_scanner_differ() {

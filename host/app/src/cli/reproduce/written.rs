@@ -4,11 +4,11 @@ use std::fmt::Write as _;
 
 use super::super::exit::Failure;
 use super::super::table_format::aligned;
-use crate::reproduce::{
+use echoloop_closed_loop::config::preset::{Preset, Protocol, Strategy};
+use echoloop_study::{
     Cell, FIGURES, Paired, RealRow, Row, Table, absent, name_of, real_lines, remarks, search,
     subtitle, tuned, tuned_by,
 };
-use echoloop_closed_loop::config::preset::{Preset, Protocol, Strategy};
 
 /// To read: a table for each range and search, then what has to be known.
 pub(super) fn text(table: &Table) -> String {

@@ -3,12 +3,12 @@
 
 use std::cmp::Ordering;
 
-use echoloop_host::report::{
+use echoloop_random::Generator;
+use echoloop_report::{
     Bar, CloudLayer, Convergence, Correlation, Costs, Difference, EvaluationRow, EvaluationTable,
     Front, FrontDot, Identity, Importance, PairClouds, PairError, ParameterTrace, PoseError,
     Report, RowKind, Slice,
 };
-use echoloop_random::Generator;
 
 const GENERATIONS: usize = 30;
 

@@ -6,10 +6,10 @@ use serde::{Deserialize, Serialize};
 
 use super::cell::Cell;
 use super::record::Record;
-use crate::desk::flatten;
 use echoloop_closed_loop::checksum::Checksum;
 use echoloop_closed_loop::config::RunConfig;
 use echoloop_closed_loop::dataset::fingerprint::build;
+use echoloop_report::finished_runs::flatten;
 
 /// What all cells of a folder share.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -95,7 +95,7 @@ fn text(value: &Option<String>) -> String {
 }
 
 /// The checksum of a configuration, every value.
-pub(crate) fn configuration(config: &RunConfig) -> String {
+pub fn configuration(config: &RunConfig) -> String {
     Checksum::of(&[toml::to_string(config).unwrap_or_default().as_bytes()]).to_string()
 }
 

@@ -5,13 +5,13 @@ use super::cell::{Cell, tuned};
 use super::figures::Figures;
 use super::real::{RealRow, real_lines};
 use super::table::{Row, Table};
-use super::told::{self, FIGURES};
-use crate::report::{FigureCell, FigureRow, FigureTable, TablesPage};
+use super::wording::{self, FIGURES};
+use echoloop_report::{FigureCell, FigureRow, FigureTable, TablesPage};
 
 /// The page of a table and its figures.
 pub fn page(table: &Table, figures: Figures) -> TablesPage {
     let searches = table.searches().into_iter().map(|(ranges, strategy)| FigureTable {
-        title: told::search(ranges, strategy),
+        title: wording::search(ranges, strategy),
         lead: "Each figure with its 95 % interval, and the paper's below.".into(),
         heads: heads("Method, scene, what was tuned"),
         rows: table.of_search(ranges, strategy).into_iter().map(row).collect(),
@@ -46,9 +46,9 @@ pub fn page(table: &Table, figures: Figures) -> TablesPage {
     }
     TablesPage {
         title: "Echoloop: the paper's Table 1".into(),
-        subtitle: told::subtitle(table),
+        subtitle: wording::subtitle(table),
         facts: facts(table),
-        remarks: told::remarks(table).into_iter().chain(figures.left_out).collect(),
+        remarks: wording::remarks(table).into_iter().chain(figures.left_out).collect(),
         tables,
         plates: figures.plates,
     }
@@ -140,7 +140,7 @@ fn cells(row: &Row, beside: &dyn Fn(usize) -> String) -> Vec<FigureCell> {
             beside: beside(i),
         },
         None => FigureCell {
-            value: told::absent(row).into(),
+            value: wording::absent(row).into(),
             within: row.error.clone().unwrap_or_default(),
             beside: beside(i),
         },

@@ -21,7 +21,7 @@ pub use cells::Cells;
 pub use overlays::{LaidOn, Seen, SeenPair, shown_pair};
 pub use search::Search;
 
-use crate::report::Plate;
+use echoloop_report::Plate;
 use missing::Missing;
 
 /// Figures, and those that could not be drawn.

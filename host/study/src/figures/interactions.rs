@@ -6,11 +6,11 @@ use super::cells::Cells;
 use super::chance::{BlindSearch, Chance};
 use super::missing::Missing;
 use super::search::Search;
-use crate::desk::FinishedRun;
-use crate::report::{Correlation, Moved, Panel, PanelDrawing, Plate, fixed, significant};
 use echoloop_closed_loop::config::preset::Strategy;
 use echoloop_closed_loop::parameters::choices;
 use echoloop_closed_loop::run_folder::run::Background;
+use echoloop_report::finished_runs::FinishedRun;
+use echoloop_report::{Correlation, Moved, Panel, PanelDrawing, Plate, fixed, significant};
 
 /// More parameters than there are at all: a file that says so is none of ours.
 const MOST_NAMES: usize = 100;

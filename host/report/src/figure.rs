@@ -177,7 +177,7 @@ static OPTIONS: LazyLock<Options<'static>> = LazyLock::new(|| {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::{PairError, PoseError, Report};
+    use crate::{PairError, PoseError, Report};
 
     #[test]
     fn the_rules_for_drawings_have_every_class_and_no_variable() {

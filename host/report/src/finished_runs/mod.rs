@@ -11,7 +11,7 @@ mod page;
 mod runs_page;
 mod surrogate;
 
-pub(crate) use compared::flatten;
+pub use compared::flatten;
 pub use compared::{Against, Compared, ComparedRun, compared};
 pub use folder::{FinishedRun, Known, RunError};
 pub use page::{costs, judged, page};

@@ -84,7 +84,7 @@ fn beside(joint: &Record, other: &Record) -> Option<Paired> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::reproduce::{Scene, TableMethod};
+    use crate::{Scene, TableMethod};
     use echoloop_closed_loop::config::DataConfig;
     use echoloop_closed_loop::config::preset::{Preset, Protocol, Strategy};
     use echoloop_closed_loop::dataset::fingerprint::Content;

@@ -41,7 +41,7 @@ pub(super) fn file_name(name: &str) -> String {
 }
 
 /// `value` with a fixed number of decimals and a true minus sign.
-pub(crate) fn fixed(value: f64, decimals: usize) -> String {
+pub fn fixed(value: f64, decimals: usize) -> String {
     if !value.is_finite() {
         return NONE.to_owned();
     }
@@ -64,7 +64,7 @@ pub(super) fn signed(value: f64, decimals: usize) -> String {
 }
 
 /// Three significant digits without trailing zeros; powers of ten only far from one.
-pub(crate) fn significant(value: f64) -> String {
+pub fn significant(value: f64) -> String {
     if !value.is_finite() || value == 0.0 {
         return fixed(value, 0);
     }
@@ -107,7 +107,7 @@ pub(super) fn base64(bytes: &[u8]) -> String {
 }
 
 /// A count with commas, as 516,048.
-pub(crate) fn grouped(count: usize) -> String {
+pub fn grouped(count: usize) -> String {
     let digits = count.to_string();
     let comma = |k: usize| k > 0 && (digits.len() - k).is_multiple_of(3);
     digits

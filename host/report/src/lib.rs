@@ -19,6 +19,7 @@ mod data;
 mod error;
 mod evaluation;
 mod figure;
+pub mod finished_runs;
 mod format;
 mod front;
 mod identity;
@@ -52,7 +53,7 @@ pub use data::{
 };
 pub use error::ReportError;
 pub use figure::Figure;
-pub(crate) use format::{fixed, grouped, significant};
+pub use format::{fixed, grouped, significant};
 pub use overlay::Overlay;
 pub use picture::picture_png;
 pub use plates::{Panel, PanelDrawing, Plate};

@@ -3,9 +3,9 @@
 use super::chosen::explained;
 use super::folder::{FinishedRun, Known, RunError};
 use super::importance::{Importance, Share, Slice};
-use crate::report::{
-    self, Bar, CloudLayer, Convergence, Correlation, Costs, EvaluationRow, EvaluationTable,
-    FrontDot, Identity, PairClouds, PairError, ParameterTrace, PoseError, Report, RowKind,
+use crate::{
+    Bar, CloudLayer, Convergence, Correlation, Costs, EvaluationRow, EvaluationTable, FrontDot,
+    Identity, PairClouds, PairError, ParameterTrace, PoseError, Report, RowKind,
 };
 use echoloop_closed_loop::config::preset::ErrorMean;
 use echoloop_closed_loop::config::{DataConfig, FgrMode, TuneConfig};
@@ -120,7 +120,7 @@ pub(super) fn evaluation_row(
     gain: Option<Figures<Difference>>,
 ) -> EvaluationRow {
     let interval = |estimate: Estimate, scale: f64| estimate.interval.map(|end| scale * end);
-    let difference = |found: Difference, scale: f64| report::Difference {
+    let difference = |found: Difference, scale: f64| crate::Difference {
         value: scale * found.estimate.value,
         interval: interval(found.estimate, scale),
         is_shown: found.is_shown,
@@ -228,17 +228,17 @@ fn importance(
     background: &Background,
     result: &RunResult,
     generations: &[Generation],
-) -> report::Importance {
+) -> crate::Importance {
     let axes = &background.axes;
     let chosen = explained(result, axes, generations);
     if axes.is_empty() {
-        return report::Importance::default();
+        return crate::Importance::default();
     }
     match Importance::of(generations, axes, &result.tuned) {
         Importance::Silent(verdict) => {
-            report::Importance { verdict, chosen, ..report::Importance::default() }
+            crate::Importance { verdict, chosen, ..crate::Importance::default() }
         }
-        Importance::Told { of, predicted, axes: shares, slices } => report::Importance {
+        Importance::Told { of, predicted, axes: shares, slices } => crate::Importance {
             verdict: verdict(of, &predicted, axes.len() - shares.len()),
             bars: shares.iter().map(|(axis, share)| bar(&axes[*axis], share)).collect(),
             slices: slices.into_iter().map(|slice| drawn_slice(slice, axes, result)).collect(),
@@ -271,9 +271,9 @@ fn bar(axis: &AxisRecord, share: &Share) -> Bar {
     Bar { name: axis.name.clone(), value, interval, is_shown: interval[0] > 0.0 }
 }
 
-fn drawn_slice(slice: Slice, axes: &[AxisRecord], result: &RunResult) -> report::Slice {
+fn drawn_slice(slice: Slice, axes: &[AxisRecord], result: &RunResult) -> crate::Slice {
     let record = &axes[slice.axis];
-    report::Slice {
+    crate::Slice {
         name: record.name.clone(),
         unit: record.unit.clone(),
         log: record.scale == parameters::Scale::Log,
@@ -336,7 +336,7 @@ fn pair_clouds(run: &FinishedRun, background: &Background) -> Result<PairClouds,
 }
 
 /// The front as the report draws it.
-fn front_plot(front: &Front) -> report::Front {
+fn front_plot(front: &Front) -> crate::Front {
     let dot = |mark: &Mark, against_default: &str| FrontDot {
         cost: front.cost.of(&mark.cost),
         cost_text: front.cost.text(front.cost.of(&mark.cost)),
@@ -350,7 +350,7 @@ fn front_plot(front: &Front) -> report::Front {
         "" => String::new(),
         unit => format!(", {unit}"),
     };
-    report::Front {
+    crate::Front {
         name: front.cost.name().into(),
         axis: format!("{}{unit}", front.cost.title()),
         verdict: format!(

@@ -84,7 +84,7 @@ fn origin(result: &RunResult, last: &Generation) -> String {
 
 /// Three digits.
 fn three(value: f64) -> String {
-    crate::report::significant(value)
+    crate::significant(value)
 }
 
 #[cfg(test)]
@@ -111,7 +111,7 @@ mod tests {
     fn told(origin: &str, tuned: [f64; 3], deviations: [f64; 3]) -> Vec<String> {
         let axes = [axis("a", Scale::Log), axis("b", Scale::Log), axis("c", Scale::Integer)];
         let names = axes.iter().map(|axis| axis.name.clone());
-        let result = crate::desk::tests::result(origin, names.zip(tuned).collect());
+        let result = crate::finished_runs::tests::result(origin, names.zip(tuned).collect());
         explained(&result, &axes, &[last(deviations)])
     }
 

@@ -2,7 +2,7 @@
 
 use super::super::axes::{Scene, TableMethod, name_of};
 use super::super::cell::Cell;
-use super::super::told;
+use super::super::wording;
 use echoloop_closed_loop::config::preset::{Preset, Protocol, Strategy};
 
 /// The cells of one range and strategy, with those of the start.
@@ -25,7 +25,7 @@ impl Search {
 
     /// In words.
     pub(super) fn told(&self) -> String {
-        told::search(self.ranges, self.strategy)
+        wording::search(self.ranges, self.strategy)
     }
 
     /// Its methods, each once.

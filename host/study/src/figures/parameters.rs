@@ -6,10 +6,10 @@ use super::cells::Cells;
 use super::errors::series;
 use super::missing::Missing;
 use super::search::Search;
-use crate::report::{ChosenLane, ChosenRange, Panel, PanelDrawing, Plate};
 use echoloop_closed_loop::config::preset::Protocol;
 use echoloop_closed_loop::parameters::{Scale, choices, effective};
 use echoloop_closed_loop::run_folder::run::AxisRecord;
+use echoloop_report::{ChosenLane, ChosenRange, Panel, PanelDrawing, Plate};
 
 /// A figure for each method, or why there is none.
 pub(super) fn plates(

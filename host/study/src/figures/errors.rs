@@ -6,10 +6,10 @@ use super::super::record::Record;
 use super::cells::Cells;
 use super::missing::Missing;
 use super::search::Search;
-use crate::report::{Panel, PanelDrawing, Plate, Series, ShareCurve, Shares};
 use echoloop_closed_loop::config::DataConfig;
 use echoloop_closed_loop::config::preset::Protocol;
 use echoloop_closed_loop::evaluation::objective::PairError;
+use echoloop_report::{Panel, PanelDrawing, Plate, Series, ShareCurve, Shares};
 
 /// A part of a pose error.
 pub(super) struct Part {

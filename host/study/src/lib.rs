@@ -10,7 +10,6 @@
 //! Nothing here scans: the command line runs the cells.
 
 mod ablation;
-mod asked;
 mod axes;
 mod by_hand;
 mod cell;
@@ -23,11 +22,11 @@ mod paper;
 mod plan;
 mod real;
 mod record;
+mod selection;
 mod table;
-mod told;
+mod wording;
 
 pub use ablation::Ablation;
-pub use asked::Asked;
 pub use axes::{Scene, TableMethod, name_of};
 pub use by_hand::ByHand;
 pub use cell::{Base, Cell, tuned, tuned_by};
@@ -38,8 +37,9 @@ pub use page::page;
 pub use paired::Paired;
 pub use paper::{PaperFigures, paper};
 pub use plan::Plan;
-pub(crate) use plan::configuration;
+pub use plan::configuration;
 pub use real::{RealError, RealPair, RealRow, judge_real, read_real_pairs, real_lines};
 pub use record::{Record, TrainedIn};
+pub use selection::Asked;
 pub use table::{Made, Row, Table, Verdict};
-pub use told::{FIGURES, Figure, absent, remarks, search, subtitle};
+pub use wording::{FIGURES, Figure, absent, remarks, search, subtitle};

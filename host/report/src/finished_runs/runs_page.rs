@@ -2,7 +2,7 @@
 
 use super::compared::{Against, Compared, ComparedRun};
 use super::page::evaluation_row;
-use crate::report::{Costs, DifferingTable, EvaluationRow, EvaluationTable, RowKind, RunsPage};
+use crate::{Costs, DifferingTable, EvaluationRow, EvaluationTable, RowKind, RunsPage};
 use echoloop_closed_loop::cost::CostKind;
 
 /// The page of runs that were put side by side.

@@ -1,13 +1,13 @@
 //! What a folder has of the cells that figures are drawn from.
 
-use super::super::asked::Asked;
 use super::super::cell::Cell;
 use super::super::folder::Folder;
 use super::super::plan::Plan;
 use super::super::record::Record;
+use super::super::selection::Asked;
 use super::super::table::Table;
 use super::search::Search;
-use crate::desk::{FinishedRun, RunError};
+use echoloop_report::finished_runs::{FinishedRun, RunError};
 
 /// Records of cells that are done, and runs of their searches.
 #[derive(Clone, Debug)]

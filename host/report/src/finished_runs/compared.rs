@@ -134,7 +134,7 @@ fn other_pairs(run: &FinishedRun, first: &FinishedRun) -> Option<String> {
 }
 
 /// Keys, with the section before the dot, and their values.
-pub(crate) type Settings = BTreeMap<String, String>;
+pub(super) type Settings = BTreeMap<String, String>;
 
 fn settings(run: &FinishedRun) -> Settings {
     let table: toml::Table = run.config_text.parse().unwrap_or_default();
@@ -144,7 +144,7 @@ fn settings(run: &FinishedRun) -> Settings {
 }
 
 /// Lays the keys of a table down, each with its section before the dot.
-pub(crate) fn flatten(section: &str, table: &toml::Table, settings: &mut Settings) {
+pub fn flatten(section: &str, table: &toml::Table, settings: &mut Settings) {
     for (key, value) in table {
         let name = if section.is_empty() { key.clone() } else { format!("{section}.{key}") };
         match value {
@@ -179,7 +179,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::desk::tests::result;
+    use crate::finished_runs::tests::result;
     use echoloop_closed_loop::config::RunConfig;
     use echoloop_closed_loop::run_folder::provenance::About;
 
