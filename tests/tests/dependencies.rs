@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Each crate of ours, its folder, and those of ours that it may name in its dependencies.
-const ALLOWED: [(&str, &str, &[&str]); 25] = [
+const ALLOWED: [(&str, &str, &[&str]); 31] = [
     ("echoloop-dsp", "firmware/dsp", &[]),
     ("echoloop-dispatch", "host/dispatch", &[]),
     ("echoloop-random", "host/random", &["echoloop-dispatch"]),
@@ -47,21 +47,86 @@ const ALLOWED: [(&str, &str, &[&str]); 25] = [
             "echoloop-dsp",
             "echoloop-files",
             "echoloop-frontend",
+            "echoloop-needs",
+            "echoloop-random",
+        ],
+    ),
+    (
+        "echoloop-sensors",
+        "host/sensors",
+        &[
+            "echoloop-dsp",
+            "echoloop-files",
+            "echoloop-frontend",
             "echoloop-kernels",
+            "echoloop-keys",
+            "echoloop-link",
+            "echoloop-sensor",
+            "echoloop-sim",
+        ],
+    ),
+    ("echoloop-statistics", "host/statistics", &[]),
+    (
+        "echoloop-instruments",
+        "host/instruments",
+        &["echoloop-dsp", "echoloop-files", "echoloop-random"],
+    ),
+    (
+        "echoloop-closed-loop",
+        "host/closed_loop",
+        &[
+            "echoloop-cmaes",
+            "echoloop-dsp",
+            "echoloop-files",
+            "echoloop-frontend",
+            "echoloop-keys",
             "echoloop-link",
             "echoloop-needs",
             "echoloop-random",
-            "echoloop-sensor",
+            "echoloop-registration",
+            "echoloop-sensors",
+            "echoloop-sim",
+            "echoloop-statistics",
         ],
     ),
-    ("echoloop-host", "host/app", LIBRARIES),
+    (
+        "echoloop-report",
+        "host/report",
+        &[
+            "echoloop-closed-loop",
+            "echoloop-files",
+            "echoloop-random",
+            "echoloop-registration",
+            "echoloop-sim",
+            "echoloop-statistics",
+        ],
+    ),
+    (
+        "echoloop-study",
+        "host/study",
+        &[
+            "echoloop-closed-loop",
+            "echoloop-cmaes",
+            "echoloop-files",
+            "echoloop-random",
+            "echoloop-registration",
+            "echoloop-report",
+        ],
+    ),
+    ("echoloop-app", "host/app", LIBRARIES),
     ("echoloop-tests", "tests", PROGRAM),
     ("echoloop-benches", "benches", PROGRAM),
     ("echoloop-examples", "examples", PROGRAM),
     (
         "echoloop-own-firmware",
         "examples/own_firmware",
-        &["echoloop-dsp", "echoloop-kernels", "echoloop-link", "echoloop-sensor", "echoloop-sim"],
+        &[
+            "echoloop-dsp",
+            "echoloop-kernels",
+            "echoloop-link",
+            "echoloop-sensor",
+            "echoloop-sensors",
+        ],
     ),
     (
         "echoloop-detector-firmware",
@@ -80,37 +145,49 @@ const PART: &[&str] = &["echoloop-dsp", "echoloop-part", "echoloop-restarts", "e
 
 /// What the program is made of, and what its tests need.
 const LIBRARIES: &[&str] = &[
+    "echoloop-closed-loop",
     "echoloop-cmaes",
     "echoloop-dispatch",
     "echoloop-dsp",
     "echoloop-files",
     "echoloop-frontend",
+    "echoloop-instruments",
     "echoloop-kernels",
     "echoloop-keys",
     "echoloop-link",
     "echoloop-needs",
     "echoloop-random",
     "echoloop-registration",
+    "echoloop-report",
     "echoloop-sensor",
+    "echoloop-sensors",
     "echoloop-sim",
+    "echoloop-statistics",
+    "echoloop-study",
 ];
 
 /// The same and the program's own library.
 const PROGRAM: &[&str] = &[
+    "echoloop-app",
+    "echoloop-closed-loop",
     "echoloop-cmaes",
     "echoloop-dispatch",
     "echoloop-dsp",
     "echoloop-files",
     "echoloop-frontend",
-    "echoloop-host",
+    "echoloop-instruments",
     "echoloop-kernels",
     "echoloop-keys",
     "echoloop-link",
     "echoloop-needs",
     "echoloop-random",
     "echoloop-registration",
+    "echoloop-report",
     "echoloop-sensor",
+    "echoloop-sensors",
     "echoloop-sim",
+    "echoloop-statistics",
+    "echoloop-study",
 ];
 
 /// The crates that run on a microcontroller.
@@ -229,7 +306,7 @@ fn every_member_of_the_workspace_is_in_the_table() {
 fn the_libraries_bring_neither_the_program_nor_its_command_line() {
     for package in ["echoloop-registration", "echoloop-cmaes", "echoloop-frontend"] {
         let unwanted =
-            ["clap", "indicatif", "echoloop-dsp", "echoloop-link", "echoloop-sim", "echoloop-host"];
+            ["clap", "indicatif", "echoloop-dsp", "echoloop-link", "echoloop-sim", "echoloop-app"];
         let built = built_into(package, None);
         let found = built.iter().map(|line| name(line)).find(|name| unwanted.contains(name));
         assert_eq!(found, None, "{package} is built with it");
@@ -351,8 +428,8 @@ fn names_of(cell: &str) -> BTreeSet<String> {
     match cell.trim() {
         "" => BTreeSet::new(),
         "all libraries" => libraries.collect(),
-        "all libraries and `echoloop-host`" => {
-            libraries.chain(["echoloop-host".to_owned()]).collect()
+        "all libraries and `echoloop-app`" => {
+            libraries.chain(["echoloop-app".to_owned()]).collect()
         }
         names => names.split(", ").map(|name| format!("echoloop-{name}")).collect(),
     }

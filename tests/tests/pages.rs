@@ -210,7 +210,7 @@ fn every_echoloop_command_of_the_pages_is_understood() {
             else {
                 continue;
             };
-            let result = echoloop_host::cli::matches_of(words(command));
+            let result = echoloop_app::matches_of(words(command));
             assert!(result.is_ok(), "{page}: {line}\n{}", result.unwrap_err());
             seen += 1;
         }
@@ -232,10 +232,10 @@ fn every_echoloop_command_in_a_code_span_is_understood() {
     for (page, text) in pages() {
         for span in echoloop_spans(&text) {
             let words = words(span.trim_end_matches('…'));
-            let command = echoloop_host::cli::command();
+            let command = echoloop_app::command();
             // A subcommand's name alone stands for it, whatever it needs.
             let named = words.len() == 2 && command.find_subcommand(words[1]).is_some();
-            let result = echoloop_host::cli::matches_of(&words);
+            let result = echoloop_app::matches_of(&words);
             assert!(named || result.is_ok(), "{page}: `{span}`\n{}", result.unwrap_err());
             seen += 1;
         }

@@ -101,7 +101,7 @@ pub(crate) fn run(asked: &Patterns) -> Result<()> {
     let root = workspace()?;
     let record = root.join(RECORD);
     if !asked.page {
-        cargo(["build", "--release", "--package", "echoloop-host", "--bin", "echoloop"])?;
+        cargo(["build", "--release", "--package", "echoloop-app", "--bin", "echoloop"])?;
         let mut done: Vec<Line> = lines(&record)?;
         for run in PATTERNS.into_iter().filter(|name| asked.has(name)).flat_map(all_of) {
             let is_done = done.iter().any(|line| line.asked == run);

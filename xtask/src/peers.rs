@@ -81,7 +81,7 @@ fn registration(peers: Peers) -> Result<()> {
         "build",
         "--release",
         "--package",
-        "echoloop-host",
+        "echoloop-app",
         "--package",
         "echoloop-benches",
         "--bin",

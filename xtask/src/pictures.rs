@@ -21,7 +21,7 @@ pub(crate) fn run() -> Result<()> {
     std::fs::create_dir_all(workspace()?.join(FOLDER))?;
     for (scene, width) in SCENES {
         let file = format!("{FOLDER}/{scene}.png");
-        let build = ["run", "--quiet", "--package", "echoloop-host", "--bin", "echoloop", "--"];
+        let build = ["run", "--quiet", "--package", "echoloop-app", "--bin", "echoloop", "--"];
         let draw = ["scene", scene, "--quiet", "--picture", &file, "--width", width];
         cargo([&build[..], &draw].concat())?;
     }

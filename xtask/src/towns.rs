@@ -36,7 +36,7 @@ const PAIRS: [&str; 2] = ["data.train_pairs=10", "data.test_pairs=100"];
 ///
 /// When a set cannot be made or read, or the page not be written.
 pub(crate) fn run() -> Result<()> {
-    cargo(["build", "--release", "--package", "echoloop-host", "--bin", "echoloop"])?;
+    cargo(["build", "--release", "--package", "echoloop-app", "--bin", "echoloop"])?;
     let folder = built(&workspace()?).join("towns");
     std::fs::create_dir_all(&folder).with_context(|| format!("{}", folder.display()))?;
     let mut rows = String::new();

@@ -36,7 +36,7 @@
 //! # }
 //! ```
 //!
-//! A host does not do this by hand: `Client` in the crate `echoloop-host` (host/app/src/link) says
+//! A host does not do this by hand: `Client` in the crate `echoloop-app` (host/app/src/link) says
 //! hello, asks again when no answer comes, and reads whole scans, over any `Transport`.
 //!
 //! | module | holds |

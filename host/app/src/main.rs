@@ -2,8 +2,8 @@
 
 use std::process::ExitCode;
 
+use echoloop_app::{Cli, READER_GONE, report_failure};
 use echoloop_files::say;
-use echoloop_host::cli::{Cli, READER_GONE, report_failure};
 
 /// `println!` panics where it cannot write. To a closed pipe, `echoloop config | head -1`, the
 /// command ends quietly, as others do; elsewhere, as on a full disk, it says so and fails.

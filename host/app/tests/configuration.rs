@@ -7,7 +7,7 @@ use echoloop_closed_loop::config::key_reference::{Explained, explained, said};
 use echoloop_closed_loop::config::load;
 use echoloop_registration::setting;
 
-const BEGIN: &str = "<!-- written by `cargo test -p echoloop-host --test configuration`, \
+const BEGIN: &str = "<!-- written by `cargo test -p echoloop-app --test configuration`, \
     ECHOLOOP_WRITE_DOCS=1 -->\n";
 const END: &str = "<!-- end of the keys -->\n";
 

@@ -22,7 +22,7 @@
 //! use echoloop_closed_loop::evaluation::objective::Bench;
 //! use echoloop_closed_loop::parameters::{Parameters, Space};
 //! use echoloop_closed_loop::search::{Silent, TuneSearch};
-//! use echoloop_host::link::sensor::{Model, Sensors};
+//! use echoloop_sensors::sensor::{Model, Sensors};
 //!
 //! let small = [
 //!     "scene.towns=[1]", "scanner.columns=24", "scanner.rows=8", "data.train_pairs=1",

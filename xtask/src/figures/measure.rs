@@ -16,7 +16,7 @@ use crate::{cost, firmware};
 /// Runs each; what cannot be run on this machine is skipped aloud.
 pub(super) fn all(root: &Path, runs: &[&Run]) -> Result<BTreeMap<String, Value>> {
     if runs.iter().any(|run| run.kind == Kind::Echoloop) {
-        cargo(["build", "--release", "--package", "echoloop-host", "--bin", "echoloop"])?;
+        cargo(["build", "--release", "--package", "echoloop-app", "--bin", "echoloop"])?;
     }
     let mut measured = BTreeMap::new();
     for run in runs {

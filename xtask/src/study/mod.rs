@@ -68,7 +68,7 @@ pub(crate) fn run(asked: &Study) -> Result<()> {
     let (record, fronts) = (root.join(RECORD), root.join(FRONTS));
     let mut ended = Ok(());
     if !asked.page {
-        cargo(["build", "--release", "--package", "echoloop-host", "--bin", "echoloop"])?;
+        cargo(["build", "--release", "--package", "echoloop-app", "--bin", "echoloop"])?;
         match asked.front {
             true => asked.run_fronts(&fronts)?,
             false => ended = asked.run_cells(&record),

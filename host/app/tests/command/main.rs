@@ -1,6 +1,6 @@
 //! The command, its pages and the boards it talks to, as one program: cargo links each it is given
 //! with everything we have, which took longer than most of these tests. One file alone:
-//! `cargo test -p echoloop-host --test command qemu::`.
+//! `cargo test -p echoloop-app --test command qemu::`.
 
 #[cfg(unix)]
 mod board;

@@ -7,12 +7,12 @@ use std::sync::atomic::AtomicBool;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
+use super::atomic_folder::{Draft, check_free, go_on};
 use super::common::Setup;
-use super::draft::{Draft, check_free, go_on};
+use super::configured_sensor::Ready;
 use super::exit::{self, Failure, print};
 use super::interrupt::stop_on_interrupt;
 use super::progress::Progress;
-use super::ready::Ready;
 use echoloop_closed_loop::config::RunConfig;
 use echoloop_closed_loop::dataset::{Place, place, respond_at};
 use echoloop_closed_loop::evaluation::scan_cloud::recorded_from_scan;

@@ -14,9 +14,9 @@ use nalgebra::{Translation3, UnitQuaternion};
 
 use super::cloud_output::{CloudOutput, format_parser, tell, wrote};
 use super::common::{Setup, on_threads};
+use super::configured_sensor::Ready;
 use super::exit::{self, Failure};
 use super::progress::Progress;
-use super::ready::Ready;
 use super::scan_along::{Along, scan_along};
 use echoloop_closed_loop::beams::Beams;
 use echoloop_closed_loop::config::RunConfig;

@@ -8,9 +8,9 @@ use clap::{Args, ValueHint};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
+use super::atomic_folder::{Draft, check_free, go_on};
 use super::cloud_output::format_parser;
 use super::common::{Setup, on_threads};
-use super::draft::{Draft, check_free, go_on};
 use super::exit::{self, Failure};
 use super::interrupt::stop_on_interrupt;
 use super::method_choice::MethodChoice;

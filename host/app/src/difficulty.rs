@@ -6,8 +6,8 @@ use clap::Args;
 use echoloop_keys::{Kind, Must};
 use serde_json::json;
 
+use super::atomic_folder::go_on;
 use super::common::{Setup, on_threads};
-use super::draft::go_on;
 use super::exit::{self, Failure};
 use super::interrupt::stop_on_interrupt;
 use super::method_choice::MethodChoice;
