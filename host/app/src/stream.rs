@@ -193,7 +193,7 @@ fn judged(prepared: &Prepared, judge: &Judge<'_>, asked: &Asked) -> Result<Value
     let values = asked.parameters.values(&prepared.config);
     let parameters =
         written_values(&values, serde_json::value::Serializer).map_err(Failure::run)?;
-    let (summary, fitness) = judge.judged(&asked.parameters)?;
+    let (summary, fitness) = judge.evaluate(&asked.parameters)?;
     let mut answer = json!({ "fitness": fitness, "parameters": parameters, "summary": summary });
     if !asked.repaired.is_empty() {
         answer["repaired"] = json!(asked.repaired);

@@ -21,7 +21,7 @@ use crate::evaluation::objective::Worth;
 use crate::evaluation::summary::{NoisyPairs, Summary, evaluate_and_cost};
 use crate::parameters::{Parameters, Space, Values};
 use crate::run_folder::journal::{CandidateRecord, Generation, Header, Journal};
-use crate::search::{Crew, Observer, Task, TuneError, TuneSearch, mean_cost};
+use crate::search::{Evaluator, Observer, Task, TuneError, TuneSearch, mean_cost};
 use crate::seed::{Purpose, derive};
 pub use point::{Front, FrontPoint, Mark};
 
@@ -199,7 +199,7 @@ impl FrontSearch<'_> {
         observer: &dyn Observer,
     ) -> Result<Option<Generation>, TuneError> {
         let (mut generation, parameters) = self.draw(optimizer);
-        let crew = Crew {
+        let evaluator = Evaluator {
             bench: self.search.bench,
             pairs: &self.search.bench.dataset.train,
             stop: self.search.stop,
@@ -231,7 +231,7 @@ impl FrontSearch<'_> {
         let each = asked.into_iter();
         let tasks: Vec<Task<'_>> =
             each.flat_map(|own| pairs.iter().map(move |&pair| task(own, pair))).collect();
-        let Some(judged) = crew.judged(&tasks)? else { return Ok(None) };
+        let Some(judged) = evaluator.evaluate(&tasks)? else { return Ok(None) };
         let each = judged.chunks(pairs.len());
         for (candidate, judged) in new.into_iter().zip(each) {
             candidate.errors = judged.iter().map(|judged| judged.error.clone()).collect();

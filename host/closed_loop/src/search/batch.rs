@@ -1,10 +1,10 @@
-//! Registrations by the dozen: every pair is scanned once for all who share settings and noise.
+//! Evaluation of many registrations: a pair is scanned once for all that share settings and noise.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use rayon::prelude::*;
 
-use super::fitness::Judged;
+use super::fitness::PairResult;
 use super::tune_search::Observer;
 use crate::cost::{ScanCost, Scanner};
 use crate::dataset::ScanPair;
@@ -15,47 +15,50 @@ use echoloop_sensors::sensor::SensorError;
 /// One registration to make.
 #[derive(Clone, Copy)]
 pub(crate) struct Task<'a> {
-    /// What to scan and register with.
+    /// Settings of sensor and registration.
     pub parameters: &'a Parameters,
-    /// Index of the pair among those of who makes it.
+    /// Index of the pair among the evaluator's.
     pub pair: usize,
-    /// Seed of the scans' noise.
+    /// Seed of the noise of both scans.
     pub noise: u64,
 }
 
-/// Who makes them.
-pub(crate) struct Crew<'a> {
+/// Scans and registers pairs on the threads of the pool.
+pub(crate) struct Evaluator<'a> {
     pub bench: Bench<'a>,
-    /// What is registered.
+    /// Pairs to register.
     pub pairs: &'a [ScanPair],
     pub stop: &'a AtomicBool,
     pub observer: &'a dyn Observer,
-    /// What scans are weighed with, where their costs matter.
+    /// Cost model of a scan, where costs count.
     pub scanner: Option<Scanner>,
 }
 
-impl Crew<'_> {
-    /// How they come out, in the tasks' order; `None` when the search is to stop.
+impl Evaluator<'_> {
+    /// Results in the order of the tasks; `None` when interrupted.
     ///
-    /// A scan is a function of settings, pair and noise, and a registration one of the clouds and
-    /// its own settings: what two tasks have in common is done once, and the errors are the same.
-    pub(crate) fn judged(&self, tasks: &[Task<'_>]) -> Result<Option<Vec<Judged>>, SensorError> {
+    /// A scan is a function of settings, pair and noise; a registration is one of the clouds and
+    /// its own settings. A scan or registration that several tasks share is made once.
+    pub(crate) fn evaluate(
+        &self,
+        tasks: &[Task<'_>],
+    ) -> Result<Option<Vec<PairResult>>, SensorError> {
         let groups = grouped(tasks.len(), |a, b| is_same_scan(&tasks[a], &tasks[b]));
         let done = groups.par_iter().map(|group| self.group(tasks, group));
         let Some(done) = done.collect::<Result<Option<Vec<_>>, SensorError>>()? else {
             return Ok(None);
         };
-        let mut judged: Vec<(usize, Judged)> = done.into_iter().flatten().collect();
-        judged.sort_by_key(|(task, _)| *task);
-        Ok(Some(judged.into_iter().map(|(_, judged)| judged).collect()))
+        let mut results: Vec<(usize, PairResult)> = done.into_iter().flatten().collect();
+        results.sort_by_key(|(task, _)| *task);
+        Ok(Some(results.into_iter().map(|(_, result)| result).collect()))
     }
 
-    /// Tasks of one scan.
+    /// Results of the tasks that share one scan, by index of the task.
     fn group(
         &self,
         tasks: &[Task<'_>],
         group: &[usize],
-    ) -> Result<Option<Vec<(usize, Judged)>>, SensorError> {
+    ) -> Result<Option<Vec<(usize, PairResult)>>, SensorError> {
         let Task { parameters, pair, noise } = tasks[group[0]];
         if self.stop.load(Ordering::Relaxed) {
             return Ok(None);
@@ -73,8 +76,8 @@ impl Crew<'_> {
             }
             let (error, _) = scanned.register(registration(same[0]));
             same.iter().for_each(|_| self.observer.evaluated());
-            let judged = Judged { error, cost };
-            Some(same.iter().map(|&i| (group[i], judged.clone())).collect::<Vec<_>>())
+            let result = PairResult { error, cost };
+            Some(same.iter().map(|&i| (group[i], result.clone())).collect::<Vec<_>>())
         });
         let done: Option<Vec<_>> = done.collect();
         Ok(done.map(|done| done.into_iter().flatten().collect()))
@@ -85,7 +88,7 @@ fn is_same_scan(a: &Task<'_>, b: &Task<'_>) -> bool {
     a.pair == b.pair && a.noise == b.noise && a.parameters.settings == b.parameters.settings
 }
 
-/// The numbers below `count` in groups of those that are the same, in order of their first.
+/// Indices below `count`, grouped by equality, groups in the order of their first index.
 fn grouped(count: usize, is_same: impl Fn(usize, usize) -> bool) -> Vec<Vec<usize>> {
     let mut groups: Vec<Vec<usize>> = Vec::new();
     for i in 0..count {

@@ -1,8 +1,8 @@
-//! What a candidate of another's search is worth: as a search of ours would tell its optimiser.
+//! Fitness of the candidates of an outside search, as a search here would tell its optimiser.
 
 use echoloop_dsp::Hardware;
 
-use super::fitness::{Judged, Price};
+use super::fitness::{Fitness, PairResult};
 use crate::config::RunConfig;
 use crate::cost::Scanner;
 use crate::evaluation::objective::Bench;
@@ -10,17 +10,17 @@ use crate::evaluation::summary::{NoisyPairs, Summary, evaluate_and_cost};
 use crate::parameters::Parameters;
 use echoloop_sensors::sensor::SensorError;
 
-/// Judges candidates on the same pairs with the same noise, each time.
+/// Judge of outside candidates: every one on the same pairs with the same noise.
 pub struct Judge<'a> {
     config: &'a RunConfig,
     bench: Bench<'a>,
     scanner: Scanner,
     pairs: NoisyPairs<'a>,
-    price: Price<'a>,
+    fitness: Fitness<'a>,
 }
 
 impl<'a> Judge<'a> {
-    /// Judges the start, which costs are compared with. `done` hears of each pair.
+    /// Judges the start, with which costs are compared. `done` is called after each pair.
     ///
     /// # Errors
     ///
@@ -34,35 +34,34 @@ impl<'a> Judge<'a> {
         done: &(dyn Fn() + Sync),
     ) -> Result<Self, SensorError> {
         let scanner = bench.scanner(hardware, config.motion.duration_s);
-        let price = Price { tune: &config.tune, data: &config.data, start: Vec::new() };
-        let mut judge = Self { config, bench, scanner, pairs, price };
-        // Without the start's, no cost counts.
+        let fitness = Fitness { tune: &config.tune, data: &config.data, start: Vec::new() };
+        let mut judge = Self { config, bench, scanner, pairs, fitness };
         if config.tune.counts_costs() {
-            let (summary, _) = judge.judged_aloud(start, done)?;
+            let (summary, _) = judge.evaluate_with(start, done)?;
             let cost = summary.cost;
-            let judged = |error| Judged { error, cost };
-            judge.price.start = summary.errors.into_iter().map(judged).collect();
+            let result = |error| PairResult { error, cost };
+            judge.fitness.start = summary.errors.into_iter().map(result).collect();
         }
         Ok(judge)
     }
 
-    /// How a candidate comes out, and the number that a search would make small.
+    /// Summary of a candidate over all pairs, and the fitness that a search would minimise.
     ///
     /// # Errors
     ///
     /// [`SensorError`].
-    pub fn judged(&self, candidate: &Parameters) -> Result<(Summary, f64), SensorError> {
-        self.judged_aloud(candidate, &|| ())
+    pub fn evaluate(&self, candidate: &Parameters) -> Result<(Summary, f64), SensorError> {
+        self.evaluate_with(candidate, &|| ())
     }
 
-    fn judged_aloud(
+    fn evaluate_with(
         &self,
         candidate: &Parameters,
         done: &(dyn Fn() + Sync),
     ) -> Result<(Summary, f64), SensorError> {
-        let Self { config, bench, scanner, pairs, price } = self;
+        let Self { config, bench, scanner, pairs, fitness } = self;
         let summary = evaluate_and_cost(bench, candidate, pairs, scanner, &config.data, done)?;
-        let fitness = price.fitness(&summary.errors, summary.cost.as_ref());
-        Ok((summary, fitness))
+        let value = fitness.of(&summary.errors, summary.cost.as_ref());
+        Ok((summary, value))
     }
 }

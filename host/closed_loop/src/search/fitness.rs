@@ -1,4 +1,4 @@
-//! What a candidate is worth: its error, and what its scans cost, beside the start's.
+//! Fitness of a candidate: its error, and the cost of its scans beside the start's.
 
 use crate::config::preset::ErrorMean;
 use crate::config::{DataConfig, TuneConfig};
@@ -6,35 +6,37 @@ use crate::cost::ScanCost;
 use crate::evaluation::objective::{PairError, Worth};
 use crate::evaluation::summary::succeeds;
 
-/// One registration: how it came out, and what a scan of it cost, where that matters.
+/// Result of one registration: its error, and the cost of a scan where costs count.
 #[derive(Clone, Debug)]
-pub(crate) struct Judged {
+pub(crate) struct PairResult {
     pub error: PairError,
     pub cost: Option<ScanCost>,
 }
 
-/// By what power an error beyond the limit counts: a tenth too much more than doubles the cost.
+/// Exponent of the penalty beyond the error limit: 10 % too much more than doubles the cost.
 const BEYOND: f64 = 8.0;
 
-/// So many standard errors above its mean an error is held to the limit, once there are so many
-/// pairs to tell them from: the cheapest of many that are near the limit is there by luck.
+/// Standard errors added to a mean error before it is held to the limit: the cheapest of many
+/// candidates near the limit is there by luck.
 const SURE: f64 = 1.0;
-const TOLD_BY: usize = 10;
 
-/// What a pair counts that the start finds and a candidate loses.
+/// Least number of pairs from which a standard error is estimated.
+const LEAST_PAIRS: usize = 10;
+
+/// Penalty factor of a pair that the start registers and a candidate does not.
 const LOST: f64 = 10.0;
 
-/// Prices candidates against the start.
-pub(super) struct Price<'a> {
+/// Fitness of candidates, relative to the start where costs count.
+pub(super) struct Fitness<'a> {
     pub tune: &'a TuneConfig,
     pub data: &'a DataConfig,
-    /// The start on every training pair; none where no cost counts.
-    pub start: Vec<Judged>,
+    /// Results of the start on every training pair; empty where no cost counts.
+    pub start: Vec<PairResult>,
 }
 
-impl Price<'_> {
+impl Fitness<'_> {
     /// Fitness of errors and of the mean cost of their scans: smaller is better.
-    pub(super) fn fitness(&self, errors: &[PairError], cost: Option<&ScanCost>) -> f64 {
+    pub(super) fn of(&self, errors: &[PairError], cost: Option<&ScanCost>) -> f64 {
         let worth = Worth::from(self.tune).of(errors);
         let Some((cost, start)) = cost.zip(self.start_cost()) else { return worth };
         match self.tune.minimise {
@@ -43,8 +45,8 @@ impl Price<'_> {
         }
     }
 
-    /// What one pair adds to the mean that fitness is, so that candidates can be compared pair by
-    /// pair; `None` where fitness is no mean.
+    /// Loss of one pair, whose mean is the fitness, so that candidates can be compared pair by
+    /// pair; `None` where fitness is not a mean of losses.
     pub(super) fn loss(&self, error: &PairError, cost: Option<&ScanCost>) -> Option<f64> {
         let loss = Worth::from(self.tune).loss(error);
         let factor = match (cost.zip(self.start_cost()), self.tune.minimise) {
@@ -58,15 +60,15 @@ impl Price<'_> {
         })
     }
 
-    /// Whether errors are beyond the limit within which a cost is to be least. In a search the
-    /// penalty shows the way back; nothing that pays it is to be chosen.
+    /// True when errors exceed the limit under which a cost is minimised. During a search the
+    /// penalty shows the way back; a candidate that pays it may not be chosen.
     pub(super) fn is_beyond_the_limit(&self, errors: &[PairError]) -> bool {
         self.tune.minimise.is_some()
             && !self.start.is_empty()
             && self.penalty(errors, Worth::from(self.tune).of(errors)) > 1.0
     }
 
-    /// 1 within the limit, more the farther beyond.
+    /// Penalty factor: 1 within the limit, growing beyond it.
     fn penalty(&self, errors: &[PairError], worth: f64) -> f64 {
         let of_start: Vec<PairError> =
             errors.iter().filter_map(|e| Some(self.start.get(e.pair)?.error.clone())).collect();
@@ -76,9 +78,9 @@ impl Price<'_> {
         libm::pow((ratio / self.tune.at_most_error).max(1.0), BEYOND) * LOST.powi(more_lost)
     }
 
-    /// What the ratio of two means over the same pairs is at most, as far as so many tell.
+    /// Upper bound of the ratio of two means over the same pairs, [`SURE`] standard errors up.
     fn at_most(&self, errors: &[PairError], of_start: &[PairError], ratio: f64) -> f64 {
-        if errors.len() < TOLD_BY || errors.len() != of_start.len() {
+        if errors.len() < LEAST_PAIRS || errors.len() != of_start.len() {
             return ratio;
         }
         let worth = Worth::from(self.tune);
@@ -97,7 +99,7 @@ impl Price<'_> {
     }
 }
 
-/// Of the mean of the paired differences of two's losses.
+/// Standard error of the mean of the paired differences of two lists of losses.
 pub(super) fn standard_error(own: &[f64], other: &[f64]) -> f64 {
     let differences: Vec<f64> = own.iter().zip(other).map(|(a, b)| a - b).collect();
     let count = differences.len() as f64;
@@ -106,9 +108,9 @@ pub(super) fn standard_error(own: &[f64], other: &[f64]) -> f64 {
     (squares / (count - 1.0).max(1.0) / count).sqrt()
 }
 
-/// The mean cost of some; `None` where none was weighed.
-pub(crate) fn mean_cost(judged: &[Judged]) -> Option<ScanCost> {
-    let costs: Vec<ScanCost> = judged.iter().filter_map(|judged| judged.cost).collect();
+/// Mean cost of the scans; `None` where none was measured.
+pub(crate) fn mean_cost(results: &[PairResult]) -> Option<ScanCost> {
+    let costs: Vec<ScanCost> = results.iter().filter_map(|result| result.cost).collect();
     ScanCost::mean(&costs)
 }
 
@@ -134,11 +136,11 @@ mod tests {
     }
 
     /// The start errs by 1 cm and 4 cm and takes 1 J.
-    fn start() -> Vec<Judged> {
+    fn start() -> Vec<PairResult> {
         [0.01, 0.04]
             .into_iter()
             .enumerate()
-            .map(|(i, e)| Judged { error: error(i, e), cost: cost(1.0) })
+            .map(|(i, e)| PairResult { error: error(i, e), cost: cost(1.0) })
             .collect()
     }
 
@@ -149,35 +151,35 @@ mod tests {
     #[test]
     fn weighted_a_hundredth_of_the_light_is_worth_a_fifth_of_the_error() {
         let (tune, data) = (TuneConfig::default(), DataConfig::default());
-        let price = Price { tune: &tune, data: &data, start: start() };
+        let measure = Fitness { tune: &tune, data: &data, start: start() };
         let errors = [error(0, 0.01), error(1, 0.04)];
-        let fitness = price.fitness(&errors, cost(0.01).as_ref());
+        let fitness = measure.of(&errors, cost(0.01).as_ref());
         assert!(close(fitness, 0.02 * 0.01f64.powf(0.05)), "{fitness}");
-        let losses: f64 = errors.iter().filter_map(|e| price.loss(e, cost(0.01).as_ref())).sum();
+        let losses: f64 = errors.iter().filter_map(|e| measure.loss(e, cost(0.01).as_ref())).sum();
         assert!(close((losses / 2.0).exp(), fitness), "the mean of the losses is the fitness");
-        assert!(close(price.fitness(&errors, None), 0.02));
+        assert!(close(measure.of(&errors, None), 0.02));
     }
 
     #[test]
     fn the_least_energy_wins_as_long_as_the_error_is_within_the_limit_and_no_pair_is_lost() {
         let tune = TuneConfig { minimise: Some(CostKind::Energy), ..TuneConfig::default() };
         let data = DataConfig::default();
-        let price = Price { tune: &tune, data: &data, start: start() };
+        let measure = Fitness { tune: &tune, data: &data, start: start() };
         let fitness = |first: f64, second: f64, energy: f64| {
-            price.fitness(&[error(0, first), error(1, second)], cost(energy).as_ref())
+            measure.of(&[error(0, first), error(1, second)], cost(energy).as_ref())
         };
         assert!(close(fitness(0.01, 0.04, 0.1), 0.1));
         assert!(close(fitness(0.001, 0.002, 0.1), 0.1), "what is better is no cheaper");
         assert!(close(fitness(0.0144, 0.04, 0.1), 0.1), "1.2 times as much");
         assert!(fitness(0.02, 0.08, 0.1) > 0.1 * 50.0, "twice as much");
         assert!(fitness(0.0001, 0.6, 0.1) > 0.9, "a pair is lost");
-        assert!(price.is_beyond_the_limit(&[error(0, 0.02), error(1, 0.08)]));
-        assert!(price.is_beyond_the_limit(&[error(0, 0.0001), error(1, 0.6)]));
-        assert!(!price.is_beyond_the_limit(&[error(0, 0.0143), error(1, 0.04)]));
+        assert!(measure.is_beyond_the_limit(&[error(0, 0.02), error(1, 0.08)]));
+        assert!(measure.is_beyond_the_limit(&[error(0, 0.0001), error(1, 0.6)]));
+        assert!(!measure.is_beyond_the_limit(&[error(0, 0.0143), error(1, 0.04)]));
         // Of a batch the start's errors on the same pairs count.
-        let second = price.fitness(&[error(1, 0.048)], cost(0.1).as_ref());
+        let second = measure.of(&[error(1, 0.048)], cost(0.1).as_ref());
         assert!(close(second, 0.1), "{second}");
-        assert_eq!(price.loss(&error(0, 0.01), cost(0.1).as_ref()), None);
+        assert_eq!(measure.loss(&error(0, 0.01), cost(0.1).as_ref()), None);
     }
 
     #[test]
@@ -187,11 +189,11 @@ mod tests {
         for (mean, low) in [(ErrorMean::Geometric, 0.7), (ErrorMean::Arithmetic, 0.35)] {
             let minimise = Some(CostKind::Energy);
             let tune = TuneConfig { minimise, error_mean: mean, ..TuneConfig::default() };
-            let start = (0..16).map(|i| Judged { error: error(i, 0.02), cost: cost(1.0) });
-            let price = Price { tune: &tune, data: &data, start: start.collect() };
+            let start = (0..16).map(|i| PairResult { error: error(i, 0.02), cost: cost(1.0) });
+            let measure = Fitness { tune: &tune, data: &data, start: start.collect() };
             let fitness = |pairs: usize, factors: [f64; 2]| {
                 let own = |i: usize| error(i, 0.02 * factors[i % 2]);
-                price.fitness(&(0..pairs).map(own).collect::<Vec<_>>(), cost(0.1).as_ref())
+                measure.of(&(0..pairs).map(own).collect::<Vec<_>>(), cost(0.1).as_ref())
             };
             // The same on every pair leaves no doubt; twice as much on half of them and less on the
             // others does, where there are pairs enough to tell.

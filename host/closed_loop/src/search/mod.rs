@@ -1,32 +1,43 @@
-//! The closed loop: candidates go to the sensor, scans come back, errors go to the optimiser.
+//! The search: stages of the closed loop, and the choice among their winners.
 //!
-//! A run is one search or several ([`TuneSearch::stages`]). Under [`Strategy::Paper`] there is one,
-//! and its best candidate is the choice. Under [`Strategy::Fast`] each half is searched from the
-//! start, registration's on scans that all candidates share; then the sensor's axes from
-//! registration's winner, then all together. The winners of the halves meet those of the whole in a
-//! race on all training pairs.
+//! | file | holds |
+//! |---|---|
+//! | `closed_loop.rs` | the loop of Sec. 4.2: ask, scan, register, tell, stop |
+//! | `generation.rs` | one generation: candidates, pairs, evaluation |
+//! | `strategies.rs` | order of the stages, and the choice at the end |
+//! | `stage.rs` | axes, generations and pairs of each stage |
+//! | `final_selection.rs` | finalists compared pair by pair on all training pairs |
+//!
+//! Under [`Strategy::Paper`] there is one stage, and its best candidate is the choice. Under
+//! [`Strategy::Fast`] each protocol part is searched from the start, registration's on scans that
+//! all candidates share; then the sensor's axes from registration's winner; then all axes. The
+//! winners meet in the final selection, and the choice is checked on pairs that no search has seen.
 
 mod batch;
+mod closed_loop;
 mod external_candidate;
 mod final_selection;
 mod fitness;
+mod generation;
 mod origin;
 mod replay;
-mod search_loop;
+mod search_run;
+mod shortlist;
 mod stage;
+mod strategies;
 mod tune_search;
 
 use echoloop_cmaes::Constants;
 
 #[cfg(doc)]
 use crate::config::preset::Strategy;
-pub(super) use batch::{Crew, Task};
+pub(super) use batch::{Evaluator, Task};
 pub use external_candidate::Judge;
 pub(super) use fitness::mean_cost;
 pub use origin::Origin;
 pub use stage::{Stage, stages};
 pub use tune_search::{Check, Finalist, Observer, Silent, TuneError, TuneSearch, Tuned};
 
-/// The optimiser's constants: those that all records were made with. Its default, pycma's, need
-/// some 3 % less where there are as many axes as here, up to 7 % where there are five.
+/// Constants of the optimiser, with which all records were made. Its defaults, pycma's, need some
+/// 3 % fewer evaluations with as many axes as here, up to 7 % with five.
 pub const CONSTANTS: Constants = Constants::Tutorial;

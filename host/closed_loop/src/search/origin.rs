@@ -1,31 +1,33 @@
-//! Where a choice comes from, and how files write it.
+//! Origin of parameters, and its form in files.
 
 use std::fmt;
+
+use crate::run_folder::journal::Generation;
 
 const START: &str = "start";
 const WARM_START: &str = "warm start ";
 const MEAN: &str = ", mean";
 
-/// Where parameters come from. Files have it as text, by [`Display`](fmt::Display) and
+/// Origin of parameters. Files hold it as text, by [`Display`](fmt::Display) and
 /// [`Origin::read`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Origin {
-    /// Where the search started.
+    /// The start of the search.
     Start,
-    /// What was tuned elsewhere, by its number among the warm starts, from 1.
+    /// Parameters tuned elsewhere, by their number among the warm starts, from 1.
     WarmStart(usize),
-    /// Where a stage's search ended.
+    /// The optimiser's mean at the end of a stage.
     Mean {
-        /// Its name.
+        /// Name of the stage.
         stage: String,
     },
-    /// What a stage tried.
+    /// A candidate of a stage.
     Candidate {
-        /// Its name.
+        /// Name of the stage.
         stage: String,
-        /// The generation, of all stages.
+        /// Number of the generation among those of all stages.
         generation: u32,
-        /// The candidate, from 0.
+        /// Index of the candidate within its generation, from 0.
         candidate: usize,
     },
 }
@@ -44,7 +46,13 @@ impl fmt::Display for Origin {
 }
 
 impl Origin {
-    /// Reads what was written; `None` where it is of no such form.
+    /// Origin of a candidate of a generation.
+    pub(super) fn of(generation: &Generation, candidate: usize) -> Self {
+        let stage = generation.stage.clone();
+        Self::Candidate { stage, generation: generation.generation, candidate }
+    }
+
+    /// Reads the text form; `None` for any other text.
     pub fn read(text: &str) -> Option<Self> {
         if let Some(stage) = text.strip_suffix(MEAN) {
             return Some(Self::Mean { stage: stage.to_owned() });
@@ -72,7 +80,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_written_is_read_again_and_anything_else_is_none() {
+    fn an_origin_is_read_back_from_its_text_and_other_text_is_none() {
         let stage = || "registration".to_owned();
         for (origin, text) in [
             (Origin::Start, "start"),

@@ -1,17 +1,18 @@
-//! Whether a journal's generations are those that a search would write now.
+//! Comparison of a journal's generations with those that a search would write now.
 
-use super::fitness::Price;
+use super::fitness::Fitness;
 use crate::run_folder::journal::{CandidateRecord, Generation};
 
-/// Where a generation of the journal first differs from the one that would be written now, bit for
-/// bit. Only the errors of the pairs are not known now; what is made of them is.
+/// First field in which a generation of the journal differs, bit for bit, from the one that would
+/// be written now. The errors of the pairs are taken from the journal; the fitness made of them is
+/// compared.
 ///
-/// A search's start hangs on more than its configuration: on the defaults of this version. The same
-/// header would else go on from candidates that were never asked for.
+/// A search's start depends on the defaults of this version besides its configuration, so equal
+/// headers do not suffice.
 pub(super) fn difference(
     found: &Generation,
     drawn: &Generation,
-    price: &Price<'_>,
+    fitness: &Fitness<'_>,
 ) -> Option<String> {
     let fields = [
         ("generation", found.generation == drawn.generation),
@@ -27,7 +28,7 @@ pub(super) fn difference(
     }
     let candidates = found.candidates.iter().zip(&drawn.candidates).enumerate();
     candidates.into_iter().find_map(|(i, (found, asked))| {
-        let field = candidate_difference(found, asked, &drawn.pairs, price)?;
+        let field = candidate_difference(found, asked, &drawn.pairs, fitness)?;
         Some(format!("candidates[{i}].{field}"))
     })
 }
@@ -36,7 +37,7 @@ fn candidate_difference(
     found: &CandidateRecord,
     asked: &CandidateRecord,
     pairs: &[usize],
-    price: &Price<'_>,
+    fitness: &Fitness<'_>,
 ) -> Option<&'static str> {
     let fields = [
         ("point", found.point == asked.point),
@@ -44,7 +45,7 @@ fn candidate_difference(
         ("repaired", found.repaired == asked.repaired),
         ("settings", found.settings == asked.settings),
         ("errors", found.errors.iter().map(|error| &error.pair).eq(pairs)),
-        ("fitness", found.fitness == price.fitness(&found.errors, found.cost.as_ref())),
+        ("fitness", found.fitness == fitness.of(&found.errors, found.cost.as_ref())),
     ];
     fields.into_iter().find(|(_, same)| !same).map(|(field, _)| field)
 }
@@ -103,10 +104,10 @@ mod tests {
             objective: Objective::Error,
             ..TuneConfig::default()
         };
-        let price = Price { tune: &tune, data: &DataConfig::default(), start: Vec::new() };
+        let fitness = Fitness { tune: &tune, data: &DataConfig::default(), start: Vec::new() };
         let drawn = written(&search(0.5));
-        assert_eq!(difference(&written(&search(0.5)), &drawn, &price), None);
-        assert_eq!(difference(&written(&search(0.6)), &drawn, &price).unwrap(), "mean");
+        assert_eq!(difference(&written(&search(0.5)), &drawn, &fitness), None);
+        assert_eq!(difference(&written(&search(0.6)), &drawn, &fitness).unwrap(), "mean");
         type Change = fn(&mut Generation);
         let changes: [(&str, Change); 15] = [
             ("generation", |g| g.generation += 1),
@@ -128,7 +129,7 @@ mod tests {
         for (field, change) in changes {
             let mut found = written(&search(0.5));
             change(&mut found);
-            assert_eq!(difference(&found, &drawn, &price).as_deref(), Some(field));
+            assert_eq!(difference(&found, &drawn, &fitness).as_deref(), Some(field));
         }
     }
 }

@@ -1,53 +1,53 @@
-//! What is searched after what.
+//! Order of the search stages.
 
 use crate::config::TuneConfig;
 use crate::config::preset::Strategy;
 use crate::parameters::Space;
 
-/// One search of a run: some of the axes, from the start or from where the one before it ended.
+/// One search of a run: some axes, from the start or from the winner so far.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stage {
-    /// Its name in the journal: `lidar alone`, `registration`, `lidar` or `joint`.
+    /// Name in the journal: `lidar alone`, `registration`, `lidar` or `joint`.
     pub name: &'static str,
-    /// Its place in its line. Those that begin at the start begin a line: so a half searched
-    /// beside the other draws, and finds, what it would by itself.
+    /// Place in its line of stages. A stage from the start begins a line, so that a protocol part
+    /// searched beside the other draws, and finds, the same as by itself.
     pub place: Place,
-    /// The axes it moves, by number; the others stay where they are.
+    /// Indices of the axes that it moves; the others keep their values.
     pub axes: Vec<usize>,
-    /// Generations.
+    /// Number of generations.
     pub generations: u32,
-    /// Candidates a generation.
+    /// Candidates per generation.
     pub population: usize,
-    /// Training pairs a generation sees.
+    /// Training pairs per generation.
     pub pairs: usize,
-    /// Start of the step size, in the unit cube.
+    /// Initial step size in the unit cube.
     pub sigma: f64,
 }
 
-/// Where a search stands in a line of searches, each of which goes on from the one before: what is
-/// drawn at random hangs on it.
+/// Place of a stage in a line of stages, each of which continues from the one before. Seeds of
+/// random draws follow from it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Place {
-    /// Searches before it.
+    /// Stages before it.
     pub searches: u32,
-    /// Their generations.
+    /// Generations of the stages before it.
     pub generations: u32,
 }
 
 impl Place {
-    /// The place of the search that goes on from one here.
+    /// Place of the stage that continues from this one.
     fn after(self, generations: u32) -> Self {
         Self { searches: self.searches + 1, generations: self.generations + generations }
     }
 }
 
 impl Stage {
-    /// Whether it begins where the run does.
+    /// True when the stage begins at the start of the run.
     pub fn is_from_the_start(&self) -> bool {
         self.place.searches == 0
     }
 
-    /// A point of the whole cube: this stage's coordinates, at `base` in all others.
+    /// Point of the whole cube with this stage's coordinates, and those of `base` elsewhere.
     pub fn expanded(&self, coordinates: &[f64], base: &[f64]) -> Vec<f64> {
         let mut point = base.to_vec();
         for (&axis, &coordinate) in self.axes.iter().zip(coordinates) {
@@ -56,18 +56,18 @@ impl Stage {
         point
     }
 
-    /// This stage's coordinates of a point of the whole cube.
+    /// Coordinates of this stage's axes in a point of the whole cube.
     pub fn own(&self, point: &[f64]) -> Vec<f64> {
         self.axes.iter().map(|&axis| point[axis]).collect()
     }
 
-    /// Registrations it takes.
+    /// Registrations of the stage.
     pub fn registrations(&self) -> usize {
         self.generations as usize * self.population * self.pairs
     }
 }
 
-/// The searches of a run on so many training pairs.
+/// Stages of a run on `train_pairs` training pairs.
 pub fn stages(config: &TuneConfig, space: &Space, train_pairs: usize) -> Vec<Stage> {
     let plan = Plan { config, space, train_pairs };
     let (lidar, registration) = (space.lidar_axes(), space.registration_axes());
@@ -105,7 +105,7 @@ struct Plan<'a> {
 }
 
 impl Plan<'_> {
-    /// A stage of some of the axes.
+    /// A stage that moves `axes`.
     fn stage(&self, name: &'static str, axes: Vec<usize>, generations: u32, place: Place) -> Stage {
         let config = self.config;
         let scans_are_shared =
@@ -126,7 +126,7 @@ impl Plan<'_> {
         }
     }
 
-    /// λ as configured; else as many as there are axes (Sec. 4.2).
+    /// λ as configured; by default the number of axes (Sec. 4.2).
     fn population(&self, axes: usize) -> usize {
         match self.config.population {
             0 => axes.max(2),

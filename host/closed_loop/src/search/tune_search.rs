@@ -1,4 +1,4 @@
-//! A search, what it needs and what comes of it.
+//! A search: its inputs, its observers, its errors and its result.
 
 use std::fmt;
 use std::sync::atomic::AtomicBool;
@@ -17,7 +17,7 @@ use crate::run_folder::journal::{FORMAT, Generation, Header, JournalError};
 use crate::seed::Purpose;
 use echoloop_sensors::sensor::SensorError;
 
-/// Why a search did not end.
+/// Reason that a search did not finish.
 #[derive(Debug, Error)]
 pub enum TuneError {
     /// The sensor failed.
@@ -32,41 +32,41 @@ pub enum TuneError {
     /// The search for a front cannot run.
     #[error("the search for a front: {0}")]
     Front(#[from] echoloop_cmaes::ParetoConfigError),
-    /// The journal's candidates are not those that this search asks for.
+    /// The journal's candidates differ from those that this search asks for.
     #[error(
         "line {} of the journal is not of this search: its {field} is not what the configuration \
          gives in this version; begin anew with `echoloop tune --config` and the run's config.toml",
         generation + 2
     )]
     Diverged {
-        /// The generation, which has a line after the header's.
+        /// Number of the generation; its line follows the header's.
         generation: usize,
-        /// What differs first.
+        /// First field that differs.
         field: String,
     },
-    /// There was nothing to choose by.
+    /// No registration of the search found a motion.
     #[error(
         "none of the {registrations} registrations of the search found a motion, the last for \
          this: {stop}; so nothing can be chosen. The journal is kept; look at what is scanned \
          with `echoloop scan` and this configuration"
     )]
     NothingFound {
-        /// How many there were.
+        /// Registrations made.
         registrations: usize,
-        /// Why the last of them stopped, as it is in the journal.
+        /// Stop reason of the last of them, as in the journal.
         stop: String,
     },
-    /// The start finds nothing, so no error can be held to a multiple of its.
+    /// The start registers no pair, so no error can be held to a multiple of its error.
     #[error(
         "minimise: expected a start that registers a training pair, found one that registers none \
          of {pairs}, so that any error is within its limit; tune for the least error first, and \
          begin there with `--run`"
     )]
     NothingToKeep {
-        /// How many training pairs there are.
+        /// Number of training pairs.
         pairs: usize,
     },
-    /// Someone asked to stop. What was done is in the journal.
+    /// Interrupted; the journal holds each whole generation.
     #[error("interrupted after {generations} generations")]
     Interrupted {
         /// Whole generations in the journal.
@@ -74,42 +74,42 @@ pub enum TuneError {
     },
 }
 
-/// Hears how far a search is.
+/// Observer of the progress of a search.
 pub trait Observer: Sync {
     /// A registration is done.
     fn evaluated(&self) {}
     /// A generation is done.
     fn generation(&self, _generation: &Generation, _of: u32) {}
-    /// Another part of the work begins, with so many registrations.
+    /// Another part of the work begins, of `registrations` registrations.
     fn stage(&self, _name: &str, _registrations: usize) {}
 }
 
-/// An observer that hears nothing.
+/// Observer that ignores everything.
 pub struct Silent;
 impl Observer for Silent {}
 
-/// One of those that were judged on all training pairs at the end.
+/// A candidate of the final selection.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Finalist {
-    /// Where it comes from: an [`Origin`](super::Origin), written.
+    /// Its [`Origin`](super::Origin) as text.
     pub origin: String,
     /// Its parameters.
     #[serde(serialize_with = "written_values")]
     pub values: Values,
-    /// Its fitness on the training pairs that it was judged on.
+    /// Fitness on the training pairs that it was evaluated on.
     pub fitness: f64,
-    /// How many those are: all, unless it fell behind before.
+    /// Number of those pairs: all, unless it was eliminated before.
     pub pairs: usize,
 }
 
-/// How the choice did beside registration's winner on pairs that no search has seen.
+/// Comparison of the choice with registration's winner on pairs that no search has seen.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Check {
-    /// Pairs that both were judged on: all, unless the choice fell behind before.
+    /// Pairs that both were evaluated on: all, unless the choice was eliminated before.
     pub pairs: usize,
-    /// By how many standard errors the choice was ahead, pair by pair; 99 at most.
+    /// Lead of the choice in standard errors of the paired difference; 99 at most.
     pub ahead: f64,
-    /// Whether that is enough; else registration's winner is what is chosen.
+    /// True when the choice stands; else registration's winner is chosen.
     pub holds: bool,
 }
 
@@ -125,26 +125,26 @@ impl fmt::Display for Check {
     }
 }
 
-/// The end of a search.
+/// Result of a search.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tuned {
     /// The parameters chosen.
     pub parameters: Parameters,
-    /// Where they come from: an [`Origin`](super::Origin), written.
+    /// Their [`Origin`](super::Origin) as text.
     pub origin: String,
-    /// All that were in the choice, best first.
+    /// Candidates of the final selection, best first.
     pub finalists: Vec<Finalist>,
-    /// What the last choice was held to; none where registration's winner was the choice.
+    /// Check of the choice on unseen pairs; none where registration's winner is the choice.
     pub check: Option<Check>,
     /// Every generation.
     pub generations: Vec<Generation>,
-    /// Registrations made, those of the races included.
+    /// Registrations made, including those of the final selection.
     pub registrations: usize,
-    /// Why the last one stopped, if none found a motion and all errors are the initial guess's.
+    /// Stop reason of the last registration, if none found a motion.
     pub nothing_found: Option<String>,
-    /// Correlations of the last stage's axes at its end.
+    /// Correlations of the last stage's axes at its end, `[axes][axes]`.
     pub correlations: Vec<Vec<f64>>,
-    /// How much of them can have been learned, 0 to 1.
+    /// Share of the covariance that can have been learned, 0 to 1.
     pub covariance_learned: f64,
 }
 
@@ -152,25 +152,25 @@ pub struct Tuned {
 pub struct TuneSearch<'a> {
     /// The configuration.
     pub config: &'a RunConfig,
-    /// Pairs, receiver, hardware.
+    /// Pairs and sensors.
     pub bench: Bench<'a>,
     /// The axes.
     pub space: Space,
-    /// Where it starts.
+    /// Start of the search.
     pub start: Parameters,
-    /// Where it may begin instead, if that is better.
+    /// Parameters to begin at instead, where they are better.
     pub warm_starts: Vec<Parameters>,
-    /// Set from outside to stop.
+    /// Set from outside to interrupt.
     pub stop: &'a AtomicBool,
 }
 
 impl TuneSearch<'_> {
-    /// The searches of this run, in their order; none when there is nothing to search.
+    /// Stages of this run in their order; none when there is nothing to search.
     pub fn stages(&self) -> Vec<Stage> {
         stages(&self.config.tune, &self.space, self.bench.dataset.train.len())
     }
 
-    /// The first line of this search's journal.
+    /// Header of this search's journal.
     pub fn header(&self) -> Header {
         Header {
             journal: FORMAT,
@@ -183,28 +183,28 @@ impl TuneSearch<'_> {
         }
     }
 
-    /// Whether a check has something to decide: where the sensor is searched besides registration,
-    /// and not for the least of a cost.
+    /// True when the choice is checked on unseen pairs: where the sensor is searched besides
+    /// registration, and no cost is minimised.
     pub fn is_checked(stages: &[Stage], config: &RunConfig) -> bool {
         stages.iter().any(|stage| !stage.is_from_the_start()) && config.tune.minimise.is_none()
     }
 
-    /// Registrations that the stages take; a race takes some more.
+    /// Registrations of the stages; the final selection takes some more.
     pub fn registrations(&self) -> usize {
         self.stages().iter().map(Stage::registrations).sum()
     }
 
-    /// The searched parameters by name.
+    /// Searched parameters by name.
     pub fn searched_values(&self, parameters: &Parameters) -> Values {
         self.space.values(parameters)
     }
 
-    /// What the costs of its scans hang on.
+    /// Cost model of its scans.
     pub fn scanner(&self) -> Scanner {
         self.bench.scanner(self.config.hardware(), self.config.motion.duration_s)
     }
 
-    /// Judges parameters on the held-out pairs.
+    /// Evaluates parameters on the held-out pairs.
     ///
     /// # Errors
     ///
