@@ -1,15 +1,15 @@
 //! PLY files.
 
-use super::Cloud;
-use super::layout::Layout;
-use super::recorded::{Keep, Recorded};
+use crate::Cloud;
+use crate::layout::Layout;
+use crate::recorded::{Keep, Recorded};
 use echoloop_files::attribute::is_attribute;
 use echoloop_files::ply::{self, Body, Points};
 use echoloop_files::{Column, Kind, shown};
 use nalgebra::Point3;
 
 /// The vertices of a PLY file, or what was expected of it.
-pub(super) fn parse(bytes: &[u8], keep: Keep) -> Result<Recorded, String> {
+pub(crate) fn parse(bytes: &[u8], keep: Keep) -> Result<Recorded, String> {
     vertices(bytes, keep).map_err(|what| format!("expected a PLY file: {what}"))
 }
 
@@ -39,7 +39,7 @@ fn cloud(points: Points) -> Cloud {
 
 /// Little-endian binary, one element `vertex`. PLY has no whole numbers of 8 bytes: they become
 /// `double`.
-pub(super) const LAYOUT: Layout = Layout {
+pub(crate) const LAYOUT: Layout = Layout {
     normals: ["nx", "ny", "nz"],
     kind: |kind| match kind {
         Kind::I64 | Kind::U64 => Kind::F64,

@@ -8,9 +8,9 @@ use echoloop_files::{Column, Kind, check_lines, eight, shown};
 use nalgebra::Point3;
 use pcd_rs::{DataKind, DynReader, DynRecord, Field, FieldDef, PcdMeta, ValueKind};
 
-use super::layout::Layout;
-use super::recorded::{Keep, Recorded};
-use super::{Cloud, lzf};
+use crate::layout::Layout;
+use crate::recorded::{Keep, Recorded};
+use crate::{Cloud, lzf};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 
@@ -20,7 +20,7 @@ const LZF_GROWTH: u64 = 88;
 const MOST_HEADER: usize = 1 << 20;
 
 /// What a PCD file says of its points, or what was expected of it.
-pub(super) fn parse(bytes: &[u8], keep: Keep) -> Result<Recorded, String> {
+pub(crate) fn parse(bytes: &[u8], keep: Keep) -> Result<Recorded, String> {
     let expected =
         |error: pcd_rs::Error| format!("expected a PCD file: {}", shown(&error.to_string()));
     let mut cursor = Cursor::new(&bytes[..bytes.len().min(MOST_HEADER)]);
@@ -316,7 +316,7 @@ fn number(field: &Field) -> Option<[u8; 8]> {
 }
 
 /// Binary, unorganized, seen from the origin. PCL calls normals so.
-pub(super) const LAYOUT: Layout =
+pub(crate) const LAYOUT: Layout =
     Layout { normals: ["normal_x", "normal_y", "normal_z"], kind: |kind| kind, header };
 
 fn header(columns: &[Column], count: usize) -> String {

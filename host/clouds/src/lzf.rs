@@ -18,7 +18,7 @@ const PIECE: usize = 64 << 10;
 /// # Errors
 ///
 /// When the data are no LZF, or unpack to another length.
-pub(super) fn unpack(
+pub(crate) fn unpack(
     packed: &[u8],
     length: u64,
     mut take: impl FnMut(u64, &[u8]),

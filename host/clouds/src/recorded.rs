@@ -4,16 +4,16 @@ use echoloop_files::attribute::RANGE_SD;
 use echoloop_files::{Column, Kind};
 use nalgebra::Vector3;
 
-use super::{Cloud, Dropped};
 use crate::pose::Pose;
+use crate::{Cloud, Dropped};
 
 /// Names that normals have in files: PLY's, and PCL's in PCD.
-pub(super) const NORMALS: [[&str; 3]; 2] =
+pub(crate) const NORMALS: [[&str; 3]; 2] =
     [["nx", "ny", "nz"], ["normal_x", "normal_y", "normal_z"]];
 
 /// How much of a file is wanted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Keep {
+pub(crate) enum Keep {
     /// What a [`Cloud`] holds.
     Points,
     /// All that is said of each point.
@@ -36,7 +36,7 @@ pub struct Recorded {
 
 impl Recorded {
     /// A cloud of which no more is known.
-    pub(super) fn of(cloud: Cloud) -> Self {
+    pub(crate) fn of(cloud: Cloud) -> Self {
         Self { cloud, ..Self::default() }
     }
 
@@ -65,7 +65,7 @@ impl Recorded {
     }
 
     /// What is wrong with the σ_R of a point that is an echo, if anything is.
-    pub(super) fn check_sds(&self) -> Result<(), String> {
+    pub(crate) fn check_sds(&self) -> Result<(), String> {
         let sds = self.cloud.range_sd_m.iter().flatten().enumerate();
         let wrong = sds.zip(self.cloud.valid()).find(|((_, sd), is_valid)| {
             *is_valid && !(sd.is_finite() && **sd >= 0.0) // its sign may be that of -0

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use echoloop_files::Column;
 
-use super::layout::Layout;
-use super::{Cloud, CloudError, pcd, ply};
+use crate::layout::Layout;
+use crate::{Cloud, CloudError, pcd, ply};
 
 /// A format that clouds are written in, always binary and little endian.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -396,8 +396,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::cloud::kdtree::KdTree;
-    use crate::cloud::tests::scanned::{nearest_first, tree};
+    use crate::geometry::kdtree::KdTree;
+    use crate::geometry::scanned::{nearest_first, tree};
 
     /// A full scan: the nearest, of equally near ones the first, and the squared distance of the
     /// second.

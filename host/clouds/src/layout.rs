@@ -6,22 +6,22 @@ use echoloop_files::attribute::RANGE_SD;
 use echoloop_files::{Column, Kind};
 use nalgebra::Vector3;
 
-use super::Cloud;
-use super::recorded::NORMALS;
+use crate::Cloud;
+use crate::recorded::NORMALS;
 
 /// How a format has the columns of a cloud.
-pub(super) struct Layout {
+pub(crate) struct Layout {
     /// What it calls the parts of a normal.
-    pub(super) normals: [&'static str; 3],
+    pub(crate) normals: [&'static str; 3],
     /// The kind it has for numbers of a kind.
-    pub(super) kind: fn(Kind) -> Kind,
+    pub(crate) kind: fn(Kind) -> Kind,
     /// What stands before so many records of these columns.
-    pub(super) header: fn(&[Column], usize) -> String,
+    pub(crate) header: fn(&[Column], usize) -> String,
 }
 
 impl Layout {
     /// A whole file: x, y, z, the normals, σ_R, and the other columns.
-    pub(super) fn bytes(&self, cloud: &Cloud, others: &[Column]) -> Vec<u8> {
+    pub(crate) fn bytes(&self, cloud: &Cloud, others: &[Column]) -> Vec<u8> {
         let columns = self.columns(cloud, others);
         let count = cloud.points.len();
         let mut bytes = (self.header)(&columns, count).into_bytes();

@@ -19,7 +19,7 @@ const LONGEST_LINE: usize = 256;
 /// ```
 ///
 /// What follows the points (vertices, normals, colours) is ignored.
-pub(super) fn parse(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
+pub(crate) fn parse(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
     let mut rest = bytes;
     let version = line(&mut rest)?;
     if !version.starts_with("# vtk DataFile Version") {

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::Dropped;
+use crate::Dropped;
 
 /// Why a file gives no cloud.
 #[derive(Debug, thiserror::Error)]

@@ -295,8 +295,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::cloud::kdtree::KdTree;
-    use crate::cloud::tests::scanned::nearest_first;
+    use crate::geometry::kdtree::KdTree;
+    use crate::geometry::scanned::nearest_first;
 
     /// Coordinates on a coarse lattice (many ties and duplicates), anywhere, and on a line.
     fn points() -> impl Strategy<Value = Vec<[f32; 3]>> {

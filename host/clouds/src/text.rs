@@ -4,11 +4,11 @@ use echoloop_files::attribute::INTENSITY;
 use echoloop_files::shown_most;
 use nalgebra::Point3;
 
-use super::Cloud;
-use super::recorded::{Keep, Recorded};
+use crate::Cloud;
+use crate::recorded::{Keep, Recorded};
 
 /// The points of a KITTI scan: x, y, z, intensity as little-endian `f32`, 16 bytes a point.
-pub(super) fn parse_kitti(bytes: &[u8], keep: Keep) -> Result<Recorded, String> {
+pub(crate) fn parse_kitti(bytes: &[u8], keep: Keep) -> Result<Recorded, String> {
     let (records, rest) = bytes.as_chunks::<16>();
     if !rest.is_empty() {
         return Err(format!(
@@ -30,7 +30,7 @@ pub(super) fn parse_kitti(bytes: &[u8], keep: Keep) -> Result<Recorded, String> 
 ///
 /// Lines that are empty or begin with `#` or `//` are skipped. The first line may name the columns,
 /// then x, y, z are taken from there; else they are the first three.
-pub(super) fn parse_text(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
+pub(crate) fn parse_text(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
     let text =
         std::str::from_utf8(bytes).map_err(|error| format!("expected text in UTF-8: {error}"))?;
     let mut lines = text

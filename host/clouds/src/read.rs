@@ -5,9 +5,9 @@ use std::path::Path;
 use echoloop_files::read_data;
 use nalgebra::Point3;
 
-use super::error::CloudError;
-use super::recorded::{Keep, Recorded};
-use super::{Cloud, Dropped, pcd, ply, text, vtk};
+use crate::error::CloudError;
+use crate::recorded::{Keep, Recorded};
+use crate::{Cloud, Dropped, pcd, ply, text, vtk};
 
 /// Reads points in metres from PLY (ASCII or binary, any numeric type), PCD (all three encodings),
 /// legacy VTK polydata (ASCII or binary), KITTI `.bin` (x y z intensity, little-endian `f32`) or
@@ -103,7 +103,7 @@ mod tests {
     use echoloop_files::Column;
     use echoloop_files::attribute::{ATTRIBUTES, Attribute, RING};
 
-    use crate::cloud::{CloudFormat, write_cloud};
+    use crate::{CloudFormat, write_cloud};
 
     fn read(name: &str, content: &[u8]) -> Result<(Cloud, Dropped), CloudError> {
         let folder = tempfile::tempdir().unwrap();

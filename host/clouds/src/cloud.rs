@@ -1,31 +1,6 @@
-//! Point clouds: files, voxels, neighbours, normals.
-
-pub(crate) mod box_tree;
-pub mod eigen;
-mod error;
-mod format;
-pub mod kdtree;
-mod layout;
-mod lzf;
-mod nearest;
-pub mod neighbours;
-pub mod normals;
-mod pcd;
-mod ply;
-pub(crate) mod quantile;
-mod read;
-mod recorded;
-mod text;
-pub mod voxel;
-mod vtk;
+//! Points, and what is known of each.
 
 use nalgebra::{Point3, Vector3};
-
-pub use echoloop_files::{Column, Kind, attribute};
-pub use error::CloudError;
-pub use format::{CloudFormat, write_cloud};
-pub use read::{parse_cloud, parse_recorded, read_cloud, read_recorded};
-pub use recorded::Recorded;
 
 /// Points in metres, in the frame of the sensor that saw them: the sensor is at the origin.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -60,7 +35,7 @@ impl Cloud {
     }
 
     /// Of each point, whether it is an echo.
-    fn valid(&self) -> Vec<bool> {
+    pub(crate) fn valid(&self) -> Vec<bool> {
         self.points.iter().map(|point| is_finite(point) && !is_at_origin(point)).collect()
     }
 }
@@ -99,7 +74,7 @@ impl std::fmt::Display for Dropped {
 }
 
 /// Whether all coordinates are finite.
-pub(crate) fn is_finite(point: &Point3<f32>) -> bool {
+pub fn is_finite(point: &Point3<f32>) -> bool {
     point.coords.iter().all(|v| v.is_finite())
 }
 
@@ -110,8 +85,6 @@ fn is_at_origin(point: &Point3<f32>) -> bool {
 
 #[cfg(test)]
 mod tests {
-    pub(super) mod scanned;
-
     use super::*;
 
     #[test]
