@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 
 use echoloop_files::attribute::RANGE_SD;
-use echoloop_files::{Column, Kind};
+use echoloop_files::{Column, NumberType};
 use nalgebra::Vector3;
 
 use crate::Cloud;
@@ -14,7 +14,7 @@ pub(crate) struct Layout {
     /// What it calls the parts of a normal.
     pub(crate) normals: [&'static str; 3],
     /// The kind it has for numbers of a kind.
-    pub(crate) kind: fn(Kind) -> Kind,
+    pub(crate) kind: fn(NumberType) -> NumberType,
     /// What stands before so many records of these columns.
     pub(crate) header: fn(&[Column], usize) -> String,
 }
@@ -66,7 +66,7 @@ fn vectors<'a>(
     vectors: impl Iterator<Item = &'a Vector3<f32>> + Clone,
 ) -> Vec<Column> {
     let column = |(axis, name): (usize, &str)| {
-        let mut column = Column::new(name, Kind::F32, count);
+        let mut column = Column::new(name, NumberType::F32, count);
         vectors.clone().for_each(|vector| column.push(vector[axis].into()));
         column
     };

@@ -14,7 +14,7 @@ mod text;
 mod vtk;
 
 pub use cloud::{Cloud, Dropped, is_finite};
-pub use echoloop_files::{Column, Kind, attribute};
+pub use echoloop_files::{Column, NumberType, attribute};
 pub use error::CloudError;
 pub use format::{CloudFormat, write_cloud};
 pub use pose::Pose;

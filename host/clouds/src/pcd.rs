@@ -4,7 +4,7 @@
 use std::io::Cursor;
 
 use echoloop_files::attribute::{RANGE_SD, is_attribute};
-use echoloop_files::{Column, Kind, check_lines, eight, shown};
+use echoloop_files::{Column, NumberType, check_lines, eight, one_line};
 use nalgebra::Point3;
 use pcd_rs::{DataKind, DynReader, DynRecord, Field, FieldDef, PcdMeta, ValueKind};
 
@@ -22,7 +22,7 @@ const MOST_HEADER: usize = 1 << 20;
 /// What a PCD file says of its points, or what was expected of it.
 pub(crate) fn parse(bytes: &[u8], keep: Keep) -> Result<Recorded, String> {
     let expected =
-        |error: pcd_rs::Error| format!("expected a PCD file: {}", shown(&error.to_string()));
+        |error: pcd_rs::Error| format!("expected a PCD file: {}", one_line(&error.to_string()));
     let mut cursor = Cursor::new(&bytes[..bytes.len().min(MOST_HEADER)]);
     let meta = PcdMeta::from_reader(&mut cursor).map_err(expected)?;
     let data = &bytes[cursor.position() as usize..];
@@ -91,7 +91,7 @@ fn check_packed(needed: Option<u64>, data: &[u8]) -> Result<(), String> {
 struct Wanted {
     /// What it is.
     name: String,
-    kind: Kind,
+    kind: NumberType,
     /// Its place in a record of pcd-rs, which leaves padding out.
     place: usize,
     /// Where it lies in a record of the file, and in unpacked data, bytes.
@@ -113,7 +113,7 @@ enum Goes {
 
 impl Goes {
     /// Bytes that a number takes once it is read.
-    fn size(self, kind: Kind) -> usize {
+    fn size(self, kind: NumberType) -> usize {
         match self {
             Self::Axis(_) | Self::RangeSd => size_of::<f32>(),
             Self::Column(_) => kind.size(),
@@ -165,18 +165,18 @@ fn goes(def: &FieldDef, keep: Keep, columns: usize) -> Result<Option<Goes>, Stri
     })
 }
 
-fn kind(kind: ValueKind) -> Kind {
+fn kind(kind: ValueKind) -> NumberType {
     match kind {
-        ValueKind::I8 => Kind::I8,
-        ValueKind::U8 => Kind::U8,
-        ValueKind::I16 => Kind::I16,
-        ValueKind::U16 => Kind::U16,
-        ValueKind::I32 => Kind::I32,
-        ValueKind::U32 => Kind::U32,
-        ValueKind::I64 => Kind::I64,
-        ValueKind::U64 => Kind::U64,
-        ValueKind::F32 => Kind::F32,
-        ValueKind::F64 => Kind::F64,
+        ValueKind::I8 => NumberType::I8,
+        ValueKind::U8 => NumberType::U8,
+        ValueKind::I16 => NumberType::I16,
+        ValueKind::U16 => NumberType::U16,
+        ValueKind::I32 => NumberType::I32,
+        ValueKind::U32 => NumberType::U32,
+        ValueKind::I64 => NumberType::I64,
+        ValueKind::U64 => NumberType::U64,
+        ValueKind::F32 => NumberType::F32,
+        ValueKind::F64 => NumberType::F64,
     }
 }
 
@@ -221,7 +221,7 @@ impl Read {
     ) -> Result<(), String> {
         for field in fields {
             let number = record.0.get(field.place).and_then(number);
-            let none = || format!("expected a number in the PCD field {:?}", shown(&field.name));
+            let none = || format!("expected a number in the PCD field {:?}", one_line(&field.name));
             let number = number.ok_or_else(none)?;
             self.put(field, point, number);
         }
@@ -251,7 +251,7 @@ impl Read {
     fn recorded(self, meta: &PcdMeta, keep: Keep) -> Recorded {
         let cloud = Cloud { range_sd_m: self.range_sds, ..Cloud::new(self.points) };
         let many = |def: &&FieldDef| def.count != 1 && !def.is_padding() && keep == Keep::All;
-        let left_out = meta.field_defs.iter().filter(many).map(|def| shown(&def.name)).collect();
+        let left_out = meta.field_defs.iter().filter(many).map(|def| one_line(&def.name)).collect();
         Recorded { cloud, columns: self.columns, left_out }
     }
 }
@@ -336,11 +336,11 @@ fn header(columns: &[Column], count: usize) -> String {
     .concat()
 }
 
-fn letter(kind: Kind) -> &'static str {
+fn letter(kind: NumberType) -> &'static str {
     match kind {
-        Kind::I8 | Kind::I16 | Kind::I32 | Kind::I64 => "I",
-        Kind::U8 | Kind::U16 | Kind::U32 | Kind::U64 => "U",
-        Kind::F32 | Kind::F64 => "F",
+        NumberType::I8 | NumberType::I16 | NumberType::I32 | NumberType::I64 => "I",
+        NumberType::U8 | NumberType::U16 | NumberType::U32 | NumberType::U64 => "U",
+        NumberType::F32 | NumberType::F64 => "F",
     }
 }
 
@@ -410,7 +410,7 @@ mod tests {
             Point3::new((f64::from(29_999 % 977) * 0.37) as f32, 9_999.0, 1.5)
         );
         let [intensity] = &ours.columns[..] else { panic!("{:?}", ours.columns.len()) };
-        assert_eq!((intensity.name.as_str(), intensity.kind()), ("intensity", Kind::U16));
+        assert_eq!((intensity.name.as_str(), intensity.kind()), ("intensity", NumberType::U16));
         assert!(intensity.values().all(|v| v == 7.0) && intensity.len() == 30_000);
         assert_eq!(ours.left_out, ["normal"]);
         assert_eq!(parse(&bytes, Keep::Points).unwrap().columns, []);

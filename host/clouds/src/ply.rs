@@ -5,7 +5,7 @@ use crate::layout::Layout;
 use crate::recorded::{Keep, Recorded};
 use echoloop_files::attribute::is_attribute;
 use echoloop_files::ply::{self, Body, Points};
-use echoloop_files::{Column, Kind, shown};
+use echoloop_files::{Column, NumberType, one_line};
 use nalgebra::Point3;
 
 /// The vertices of a PLY file, or what was expected of it.
@@ -28,7 +28,7 @@ fn vertices(bytes: &[u8], keep: Keep) -> Result<Recorded, String> {
         Keep::Points => (body.points(vertex)?, Vec::new()),
         Keep::All => body.points_and_columns(vertex)?,
     };
-    let left_out = ply::lists(vertex).map(shown).collect();
+    let left_out = ply::lists(vertex).map(one_line).collect();
     Ok(Recorded { cloud: cloud(points), columns, left_out })
 }
 
@@ -42,7 +42,7 @@ fn cloud(points: Points) -> Cloud {
 pub(crate) const LAYOUT: Layout = Layout {
     normals: ["nx", "ny", "nz"],
     kind: |kind| match kind {
-        Kind::I64 | Kind::U64 => Kind::F64,
+        NumberType::I64 | NumberType::U64 => NumberType::F64,
         kind => kind,
     },
     header,
@@ -57,15 +57,15 @@ fn header(columns: &[Column], count: usize) -> String {
 }
 
 /// The first names of PLY, but for `ushort`, which Open3D skips: it reads its other name alone.
-fn name(kind: Kind) -> &'static str {
+fn name(kind: NumberType) -> &'static str {
     match kind {
-        Kind::I8 => "char",
-        Kind::U8 => "uchar",
-        Kind::I16 => "short",
-        Kind::U16 => "uint16",
-        Kind::I32 => "int",
-        Kind::U32 => "uint",
-        Kind::F32 => "float",
-        Kind::F64 | Kind::I64 | Kind::U64 => "double",
+        NumberType::I8 => "char",
+        NumberType::U8 => "uchar",
+        NumberType::I16 => "short",
+        NumberType::U16 => "uint16",
+        NumberType::I32 => "int",
+        NumberType::U32 => "uint",
+        NumberType::F32 => "float",
+        NumberType::F64 | NumberType::I64 | NumberType::U64 => "double",
     }
 }

@@ -1,7 +1,7 @@
 //! A cloud as a file has it, with all that is known of each point.
 
 use echoloop_files::attribute::RANGE_SD;
-use echoloop_files::{Column, Kind};
+use echoloop_files::{Column, NumberType};
 use nalgebra::Vector3;
 
 use crate::pose::Pose;
@@ -87,7 +87,8 @@ fn turn(
     turned: impl Fn(Vector3<f64>) -> Vector3<f64>,
 ) -> Option<()> {
     let place = |name: &str| {
-        let is_it = |c: &Column| c.name == name && matches!(c.kind(), Kind::F32 | Kind::F64);
+        let is_it =
+            |c: &Column| c.name == name && matches!(c.kind(), NumberType::F32 | NumberType::F64);
         columns.iter().position(is_it)
     };
     let places = [place(names[0])?, place(names[1])?, place(names[2])?];
@@ -110,7 +111,7 @@ mod tests {
     use super::*;
 
     fn column(name: &str, values: &[f64]) -> Column {
-        let mut column = Column::new(name, Kind::F32, values.len());
+        let mut column = Column::new(name, NumberType::F32, values.len());
         values.iter().for_each(|value| column.push(*value));
         column
     }

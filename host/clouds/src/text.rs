@@ -1,7 +1,7 @@
 //! KITTI's binary scans, and points as text.
 
 use echoloop_files::attribute::INTENSITY;
-use echoloop_files::shown_most;
+use echoloop_files::one_line_of;
 use nalgebra::Point3;
 
 use crate::Cloud;
@@ -61,7 +61,7 @@ fn words(line: &str) -> impl Iterator<Item = &str> {
 
 /// Enough of a line to recognise it.
 fn start(line: &str) -> String {
-    shown_most(line, 60)
+    one_line_of(line, 60)
 }
 
 fn columns(line: &str) -> Option<[usize; 3]> {

@@ -1,6 +1,6 @@
 //! Legacy VTK files: the points of polygonal data, as libpointmatcher writes its clouds.
 
-use echoloop_files::shown;
+use echoloop_files::one_line;
 use nalgebra::Point3;
 
 /// Lines of the header may be this long (VTK's own limit), so that a file of another kind is not
@@ -23,7 +23,7 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
     let mut rest = bytes;
     let version = line(&mut rest)?;
     if !version.starts_with("# vtk DataFile Version") {
-        let version = shown(version);
+        let version = one_line(version);
         return Err(format!("expected \"# vtk DataFile Version\" first, found {version:?}"));
     }
     line(&mut rest)?; // the title says nothing
@@ -34,7 +34,7 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
         "ASCII" => ascii(rest, count),
         "BINARY" => binary(rest, count, scalar),
         _ => {
-            let encoding = shown(encoding);
+            let encoding = one_line(encoding);
             Err(format!("expected ASCII or BINARY in the VTK header, found {encoding:?}"))
         }
     }
@@ -72,7 +72,7 @@ fn expect(rest: &mut &[u8], expected: &str) -> Result<(), String> {
     match found.split_whitespace().eq(expected.split_whitespace()) {
         true => Ok(()),
         false => {
-            let found = shown(found);
+            let found = one_line(found);
             Err(format!("expected {expected:?} in the VTK header, found {found:?}"))
         }
     }
@@ -81,7 +81,7 @@ fn expect(rest: &mut &[u8], expected: &str) -> Result<(), String> {
 fn points_line(rest: &mut &[u8]) -> Result<(usize, Scalar), String> {
     let found = filled_line(rest)?;
     let fail = || {
-        let found = shown(found);
+        let found = one_line(found);
         format!("expected \"POINTS\", a count, and \"float\" or \"double\", found {found:?}")
     };
     let words: Vec<&str> = found.split_whitespace().collect();

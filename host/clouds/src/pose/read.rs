@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use echoloop_files::{MOST_TEXT, read_text, shown};
+use echoloop_files::{MOST_TEXT, one_line, read_text};
 use serde_json::Value;
 
 use super::{NotRigid, Pose, from_rows};
@@ -155,7 +155,7 @@ fn numbers(path: &Path, text: &str) -> Result<Vec<f64>, PoseError> {
             word.parse().map_err(|_| PoseError::Number {
                 path: path.into(),
                 line: line + 1,
-                word: shown(word),
+                word: one_line(word),
             })
         })
         .collect()

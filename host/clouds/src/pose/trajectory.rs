@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use echoloop_files::{MOST_TEXT, read_text, shown};
+use echoloop_files::{MOST_TEXT, one_line, read_text};
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
 
 use super::{Pose, from_rows};
@@ -92,7 +92,7 @@ fn parse_line(line: usize, text: &str) -> Result<Stamped, String> {
     let words = text.split(|c: char| c.is_whitespace() || c == ',').filter(|word| !word.is_empty());
     let number = |word: &str| match word.parse::<f64>() {
         Ok(number) if number.is_finite() => Ok(number),
-        _ => Err(format!("expected a finite number, found {:?}", shown(word))),
+        _ => Err(format!("expected a finite number, found {:?}", one_line(word))),
     };
     let numbers = words.map(number).collect::<Result<Vec<f64>, String>>()?;
     match numbers[..] {
