@@ -1,4 +1,4 @@
-//! PLY files.
+//! PLY: reading the vertices, and the layout for writing.
 
 use crate::Cloud;
 use crate::layout::Layout;
@@ -8,12 +8,12 @@ use echoloop_files::ply::{self, Body, Points};
 use echoloop_files::{Column, NumberType, one_line};
 use nalgebra::Point3;
 
-/// The vertices of a PLY file, or what was expected of it.
+/// Reads the vertices of a PLY file; the error says what was expected.
 pub(crate) fn parse(bytes: &[u8], keep: Keep) -> Result<Recorded, String> {
     vertices(bytes, keep).map_err(|what| format!("expected a PLY file: {what}"))
 }
 
-/// What follows the vertices is not looked at.
+/// Elements after the vertices are not read.
 fn vertices(bytes: &[u8], keep: Keep) -> Result<Recorded, String> {
     let (header, reader) = ply::header(bytes)?;
     let vertex = ply::vertex(&header)?;
@@ -37,7 +37,7 @@ fn cloud(points: Points) -> Cloud {
     Cloud { range_sd_m: points.range_sds, ..Cloud::new(at) }
 }
 
-/// Little-endian binary, one element `vertex`. PLY has no whole numbers of 8 bytes: they become
+/// Little-endian binary, one element `vertex`. PLY has no integers of 8 bytes: they become
 /// `double`.
 pub(crate) const LAYOUT: Layout = Layout {
     normals: ["nx", "ny", "nz"],
@@ -56,7 +56,7 @@ fn header(columns: &[Column], count: usize) -> String {
     )
 }
 
-/// The first names of PLY, but for `ushort`, which Open3D skips: it reads its other name alone.
+/// PLY's older type names, except for `ushort`: Open3D reads only `uint16`.
 fn name(kind: NumberType) -> &'static str {
     match kind {
         NumberType::I8 => "char",

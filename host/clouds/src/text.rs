@@ -1,4 +1,4 @@
-//! KITTI's binary scans, and points as text.
+//! Reading KITTI's binary scans, and points as text.
 
 use echoloop_files::attribute::INTENSITY;
 use echoloop_files::one_line_of;
@@ -7,7 +7,7 @@ use nalgebra::Point3;
 use crate::Cloud;
 use crate::recorded::{Keep, Recorded};
 
-/// The points of a KITTI scan: x, y, z, intensity as little-endian `f32`, 16 bytes a point.
+/// Reads a KITTI scan: x, y, z, intensity as little-endian `f32`, 16 bytes per point.
 pub(crate) fn parse_kitti(bytes: &[u8], keep: Keep) -> Result<Recorded, String> {
     let (records, rest) = bytes.as_chunks::<16>();
     if !rest.is_empty() {
@@ -26,10 +26,10 @@ pub(crate) fn parse_kitti(bytes: &[u8], keep: Keep) -> Result<Recorded, String> 
     Ok(recorded)
 }
 
-/// The points of a text file: a point a line, parted by blanks, commas or semicolons.
+/// Reads a text file: one point per line, numbers separated by blanks, commas or semicolons.
 ///
-/// Lines that are empty or begin with `#` or `//` are skipped. The first line may name the columns,
-/// then x, y, z are taken from there; else they are the first three.
+/// Empty lines and lines that begin with `#` or `//` are skipped. x, y, z are the first three
+/// numbers, unless the first line names the columns.
 pub(crate) fn parse_text(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
     let text =
         std::str::from_utf8(bytes).map_err(|error| format!("expected text in UTF-8: {error}"))?;
@@ -59,7 +59,7 @@ fn words(line: &str) -> impl Iterator<Item = &str> {
     line.split(|c: char| c.is_whitespace() || c == ',' || c == ';').filter(|word| !word.is_empty())
 }
 
-/// Enough of a line to recognise it.
+/// The first characters of a line, enough to recognise it.
 fn start(line: &str) -> String {
     one_line_of(line, 60)
 }

@@ -1,13 +1,13 @@
-//! Legacy VTK files: the points of polygonal data, as libpointmatcher writes its clouds.
+//! Reading legacy VTK polydata, the format of libpointmatcher's clouds.
 
 use echoloop_files::one_line;
 use nalgebra::Point3;
 
-/// Lines of the header may be this long (VTK's own limit), so that a file of another kind is not
-/// searched to its end.
+/// Most bytes of a header line (VTK's own limit). A file of another format is not searched to its
+/// end.
 const LONGEST_LINE: usize = 256;
 
-/// The points of a legacy VTK file, or what was expected of it.
+/// Reads the points of a legacy VTK file; the error says what was expected.
 ///
 /// ```text
 /// # vtk DataFile Version 3.0
@@ -18,7 +18,7 @@ const LONGEST_LINE: usize = 256;
 /// x y z x y z …               binary: big-endian
 /// ```
 ///
-/// What follows the points (vertices, normals, colours) is ignored.
+/// Everything after the points (vertices, normals, colours) is ignored.
 pub(crate) fn parse(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
     let mut rest = bytes;
     let version = line(&mut rest)?;
@@ -26,7 +26,7 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
         let version = one_line(version);
         return Err(format!("expected \"# vtk DataFile Version\" first, found {version:?}"));
     }
-    line(&mut rest)?; // the title says nothing
+    line(&mut rest)?; // the title
     let encoding = line(&mut rest)?;
     expect(&mut rest, "DATASET POLYDATA")?;
     let (count, scalar) = points_line(&mut rest)?;
@@ -40,15 +40,14 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
     }
 }
 
-/// What a coordinate is.
+/// The type of a coordinate.
 #[derive(Clone, Copy)]
 enum Scalar {
     Float,
     Double,
 }
 
-/// The next line, without blanks at its ends; the first line of binary data is no text, and is
-/// never asked for.
+/// The next line of the header, trimmed.
 fn line<'a>(rest: &mut &'a [u8]) -> Result<&'a str, String> {
     let end = rest.iter().take(LONGEST_LINE).position(|&byte| byte == b'\n');
     let end = end.ok_or("expected a line of a VTK header")?;
@@ -94,8 +93,7 @@ fn points_line(rest: &mut &[u8]) -> Result<(usize, Scalar), String> {
     Ok((count.parse().map_err(|_| fail())?, scalar))
 }
 
-/// Words are read as they come: a count that lies is found out before anything of its size is
-/// allocated.
+/// Reads word by word and allocates as it goes: a wrong count in the header costs no memory.
 fn ascii(rest: &[u8], count: usize) -> Result<Vec<Point3<f32>>, String> {
     let mut words = rest.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
     let mut points = Vec::new();
@@ -131,7 +129,7 @@ fn binary(rest: &[u8], count: usize, scalar: Scalar) -> Result<Vec<Point3<f32>>,
     })
 }
 
-/// Every three numbers of `WORD` bytes are a point.
+/// Points of three numbers, each of `WORD` bytes.
 fn points<const WORD: usize>(data: &[u8], number: impl Fn([u8; WORD]) -> f32) -> Vec<Point3<f32>> {
     let (words, _) = data.as_chunks::<WORD>();
     let (points, _) = words.as_chunks::<3>();
