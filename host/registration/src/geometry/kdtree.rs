@@ -1,54 +1,52 @@
-//! Neighbours in space, by `kiddo`.
+//! The points nearest to any place, among points that do not change.
 
-use std::num::NonZero;
-
-use kiddo::SquaredEuclidean;
-use kiddo::immutable::float::kdtree::ImmutableKdTree;
+use echoloop_dispatch::dispatch;
 use nalgebra::Point3;
 
-/// Points in a leaf of the tree.
-const LEAF: usize = 32;
+use super::box_tree::{BoxTree, LaneKernel, Nearer, Portable, WIDE, order, ordered};
 
-/// A k-d tree over points that does not change. A point's index is its place in the input.
+/// A k-d tree over points that do not change. The index of a point is its place in the input.
+///
+/// Of points equally far from a query, the one with the lower index counts as nearer.
 #[derive(Clone, Debug)]
 pub struct KdTree {
-    /// Absent over no points, which `kiddo` does not build.
-    tree: Option<ImmutableKdTree<f32, u32, 3, LEAF>>,
+    tree: BoxTree,
+    /// Index in the input of each point of the tree.
+    order: Vec<u32>,
     points: Vec<Point3<f32>>,
 }
 
 impl KdTree {
     /// Builds the tree. Points must be finite and fewer than 2³².
     pub fn new(points: &[Point3<f32>]) -> Self {
-        let coordinates: Vec<[f32; 3]> = points.iter().map(|p| p.coords.into()).collect();
-        let tree = (!points.is_empty()).then(|| ImmutableKdTree::new_from_slice(&coordinates));
-        Self { tree, points: points.to_vec() }
+        let order = order(points);
+        Self { tree: BoxTree::new(ordered(points, &order)), order, points: points.to_vec() }
     }
 
-    /// The points, in the order they came.
+    /// The points, in the order of the input.
     pub fn points(&self) -> &[Point3<f32>] {
         &self.points
     }
 
-    /// How many points there are.
+    /// Count of the points.
     pub fn len(&self) -> usize {
         self.points.len()
     }
 
-    /// Whether there are none.
+    /// True when there are no points.
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
     }
 
-    /// The nearest point strictly within `radius_m`; absent when there is none.
+    /// Index of the nearest point strictly within `radius_m`.
     pub fn nearest(&self, query: &Point3<f32>, radius_m: f32) -> Option<u32> {
-        let mut found = Vec::new();
-        self.within(query, radius_m, 1, &mut found);
-        found.first().map(|near| near.1)
+        let mut nearest = Nearest { order: &self.order, near: None, limit: squared(radius_m) };
+        search_nearest(&self.tree, query, &mut nearest);
+        nearest.near.map(|near| near.1)
     }
 
-    /// The nearest points strictly within `radius_m`, `max` at most, nearest first: pairs of
-    /// squared distance and index. A point of the tree finds itself. `found` is emptied first.
+    /// The nearest points strictly within `radius_m`, at most `max`, nearest first: pairs of
+    /// squared distance, m², and index. A point of the tree finds itself. `found` is emptied first.
     pub fn within(
         &self,
         query: &Point3<f32>,
@@ -57,16 +55,120 @@ impl KdTree {
         found: &mut Vec<(f32, u32)>,
     ) {
         found.clear();
-        let (Some(tree), Some(max)) = (&self.tree, NonZero::new(max.min(self.len()))) else {
-            return;
-        };
-        if radius_m > 0.0 {
-            let (query, squared): ([f32; 3], _) = (query.coords.into(), radius_m * radius_m);
-            // Room for `max` is reserved for every query: above, it is no more than there can be.
-            let near = tree
-                .nearest_n_within_exclusive::<SquaredEuclidean>(&query, squared, max, true, false);
-            found.extend(near.into_iter().map(|neighbour| (neighbour.distance, neighbour.item)));
+        if max > 0 {
+            let limit = squared(radius_m);
+            let mut nearest = NearestSome { order: &self.order, found, max, limit };
+            search_some(&self.tree, query, &mut nearest);
         }
+    }
+}
+
+/// The greatest squared distance strictly within a radius; negative for none.
+fn squared(radius_m: f32) -> f32 {
+    if radius_m > 0.0 { (radius_m * radius_m).next_down() } else { -1.0 }
+}
+
+/// The nearest point so far.
+struct Nearest<'a> {
+    order: &'a [u32],
+    /// Squared distance and index.
+    near: Option<(f32, u32)>,
+    limit: f32,
+}
+
+impl Nearer for Nearest<'_> {
+    #[inline(always)]
+    fn limit(&self) -> f32 {
+        self.limit
+    }
+
+    #[inline(always)]
+    fn scan(&mut self, kernel: impl LaneKernel, leaf: usize, squared: &[f32; WIDE]) {
+        for near in within(kernel, self.order, leaf, squared, self.limit) {
+            if self.near.is_none_or(|best| near < best) {
+                (self.near, self.limit) = (Some(near), near.0);
+            }
+        }
+    }
+}
+
+/// The `max` nearest points so far, nearest first.
+struct NearestSome<'a> {
+    order: &'a [u32],
+    found: &'a mut Vec<(f32, u32)>,
+    max: usize,
+    limit: f32,
+}
+
+impl Nearer for NearestSome<'_> {
+    #[inline(always)]
+    fn limit(&self) -> f32 {
+        self.limit
+    }
+
+    #[inline(always)]
+    fn scan(&mut self, kernel: impl LaneKernel, leaf: usize, squared: &[f32; WIDE]) {
+        for near in within(kernel, self.order, leaf, squared, self.limit) {
+            let place = self.found.partition_point(|other| *other < near);
+            self.found.insert(place, near);
+            self.found.truncate(self.max);
+            if let Some(farthest) = self.found.get(self.max - 1) {
+                self.limit = farthest.0;
+            }
+        }
+    }
+}
+
+/// Squared distance and index of the points of a leaf that are within a limit.
+#[inline(always)]
+fn within(
+    kernel: impl LaneKernel,
+    order: &[u32],
+    leaf: usize,
+    squared: &[f32; WIDE],
+    limit: f32,
+) -> impl Iterator<Item = (f32, u32)> {
+    let mut near = kernel.at_most(squared, limit);
+    std::iter::from_fn(move || {
+        let lane = (near != 0).then(|| near.trailing_zeros() as usize)?;
+        near &= near - 1;
+        // Lanes without a point are at infinity, which no limit reaches.
+        Some((*squared.get(lane)?, *order.get(leaf * WIDE + lane)?))
+    })
+}
+
+dispatch! {
+    fn search_nearest(tree: &BoxTree, query: &Point3<f32>, found: &mut Nearest)
+        = nearest_plain, v3: v3::nearest;
+    fn search_some(tree: &BoxTree, query: &Point3<f32>, found: &mut NearestSome)
+        = some_plain, v3: v3::some;
+}
+
+#[inline(always)]
+fn nearest_plain(tree: &BoxTree, query: &Point3<f32>, found: &mut Nearest) {
+    tree.search(Portable, query, found);
+}
+
+#[inline(always)]
+fn some_plain(tree: &BoxTree, query: &Point3<f32>, found: &mut NearestSome) {
+    tree.search(Portable, query, found);
+}
+
+#[cfg(target_arch = "x86_64")]
+mod v3 {
+    use echoloop_dispatch::V3;
+    use nalgebra::Point3;
+
+    use super::{BoxTree, Nearest, NearestSome};
+
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
+    pub(super) fn nearest(tree: &BoxTree, query: &Point3<f32>, found: &mut Nearest) {
+        tree.search(V3::here(), query, found);
+    }
+
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
+    pub(super) fn some(tree: &BoxTree, query: &Point3<f32>, found: &mut NearestSome) {
+        tree.search(V3::here(), query, found);
     }
 }
 
@@ -76,6 +178,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::geometry::kiddo_tree::KiddoTree;
+    use crate::geometry::scanned::nearest_first;
 
     fn points(raw: &[[f32; 3]]) -> Vec<Point3<f32>> {
         raw.iter().map(|&p| p.into()).collect()
@@ -89,35 +193,43 @@ mod tests {
         )
     }
 
-    /// Squared distances within the radius, ascending.
-    fn brute(tree: &KdTree, query: &Point3<f32>, radius: f32) -> Vec<f32> {
-        let mut all: Vec<f32> = tree.points().iter().map(|p| (p - query).norm_squared()).collect();
-        all.retain(|d| *d < radius * radius);
-        all.sort_by(f32::total_cmp);
-        all
-    }
-
-    fn near(a: f32, b: f32) -> bool {
-        (a - b).abs() <= 1e-5 * a.abs().max(1e-6)
-    }
-
     proptest! {
         #[test]
-        fn neighbours_are_as_near_as_a_full_scan_s(
+        fn neighbours_are_a_full_scan_s_and_as_near_as_kiddo_s(
             raw in prop_oneof![
                 lattice(), prop::collection::vec(prop::array::uniform3(-9.0f32..9.0), 0..400)
             ],
             query in prop::array::uniform3(-4i8..4),
             radius in 0.1f32..20.0,
-            max in 1usize..40,
+            max in 0usize..40,
         ) {
             let tree = KdTree::new(&points(&raw));
             let query = query.map(|v| f32::from(v) + 0.125).into();
-            let expected = brute(&tree, &query, radius);
-            let mut found = Vec::new();
+            let mut expected = nearest_first(tree.points(), &query, radius);
+            prop_assert_eq!(tree.nearest(&query, radius), expected.first().map(|near| near.1));
+            expected.truncate(max);
+            let (mut found, mut theirs) = (Vec::new(), Vec::new());
             tree.within(&query, radius, max, &mut found);
-            prop_assert_eq!(found.len(), expected.len().min(max));
-            prop_assert!(found.iter().zip(&expected).all(|(a, b)| near(a.0, *b)));
+            prop_assert_eq!(&found, &expected);
+            KiddoTree::new(tree.points()).within(&query, radius, max, &mut theirs);
+            // Of equally near points kiddo takes any, so distances alone are compared.
+            let distances = |found: &[(f32, u32)]| found.iter().map(|f| f.0).collect::<Vec<_>>();
+            prop_assert_eq!(distances(&found), distances(&theirs));
+        }
+
+        #[test]
+        fn both_builds_find_the_same(raw in lattice(), max in 1usize..40) {
+            let tree = KdTree::new(&points(&raw));
+            let query = Point3::new(0.125, 0.0, -0.25);
+            let (mut some, mut plain) = (Vec::new(), Vec::new());
+            tree.within(&query, 3.0, max, &mut some);
+            let limit = squared(3.0);
+            let mut found = NearestSome { order: &tree.order, found: &mut plain, max, limit };
+            some_plain(&tree.tree, &query, &mut found);
+            prop_assert_eq!(&some, &plain);
+            let mut found = Nearest { order: &tree.order, near: None, limit };
+            nearest_plain(&tree.tree, &query, &mut found);
+            prop_assert_eq!(tree.nearest(&query, 3.0), found.near.map(|near| near.1));
         }
     }
 

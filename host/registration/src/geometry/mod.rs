@@ -3,6 +3,8 @@
 pub(crate) mod box_tree;
 pub mod eigen;
 pub mod kdtree;
+#[cfg(test)]
+mod kiddo_tree;
 mod nearest;
 pub mod neighbours;
 pub mod normals;
