@@ -1,24 +1,24 @@
-//! A whole file, bounded.
+//! Reading a whole file within a bound.
 
 use std::fs::File;
 use std::io::{Error, ErrorKind, Read, Result};
 use std::path::Path;
 
-/// Bytes that are read at most of a file that people write: a configuration, a pose, a candidate. A
-/// table of it takes up to 100 times as many.
+/// Most bytes of a file written by hand: a configuration, a pose, a candidate. A TOML table of it
+/// takes up to 100 times as many.
 pub const MOST_TEXT: u64 = 512 << 10;
 
-/// Bytes that are read at most of a pipe, which has no size that could be asked for.
+/// Most bytes read from a pipe, whose size nobody knows.
 const MOST_PIPED: u64 = 4 << 30;
 
-/// Bytes of a line at most, where a line's words are listed before they are read.
+/// Most bytes of a line, for readers that list the words of a line before they read them.
 const MOST_LINE: usize = 4 << 20;
 
 /// Refuses text with a line of more than 4 MB.
 ///
 /// # Errors
 ///
-/// That there is one.
+/// A message, when there is such a line.
 pub fn check_lines(text: &[u8]) -> std::result::Result<(), String> {
     match text.split(|&byte| byte == b'\n').any(|line| line.len() > MOST_LINE) {
         true => Err(format!("a line is longer than {} MB", MOST_LINE >> 20)),
@@ -26,12 +26,12 @@ pub fn check_lines(text: &[u8]) -> std::result::Result<(), String> {
     }
 }
 
-/// Reads a file of data: a regular one whole, a pipe up to 4 GB, a device up to [`MOST_TEXT`], for
-/// some never end.
+/// Reads a file of data: a regular file whole, a pipe up to 4 GB, a device up to [`MOST_TEXT`],
+/// because some devices never end.
 ///
 /// # Errors
 ///
-/// What the system says; [`ErrorKind::FileTooLarge`] when there is more.
+/// The system's error; [`ErrorKind::FileTooLarge`] when there is more.
 pub fn read_data(path: &Path) -> Result<Vec<u8>> {
     let mut file = File::open(path)?;
     let most = match file.metadata()?.file_type() {
@@ -46,21 +46,21 @@ pub fn read_data(path: &Path) -> Result<Vec<u8>> {
     read_most(file, most)
 }
 
-/// Reads text of at most so many bytes, [`MOST_TEXT`] as a rule.
+/// Reads UTF-8 text of at most `most` bytes, usually [`MOST_TEXT`].
 ///
 /// # Errors
 ///
-/// What the system says; [`ErrorKind::FileTooLarge`] when there is more;
-/// [`ErrorKind::InvalidData`] when it is no UTF-8.
+/// The system's error; [`ErrorKind::FileTooLarge`] when there is more;
+/// [`ErrorKind::InvalidData`] when it is not UTF-8.
 pub fn read_text(path: &Path, most: u64) -> Result<String> {
     text_from(File::open(path)?, most)
 }
 
-/// As [`read_text`], from what is open: standard input.
+/// [`read_text`] from an open reader, such as standard input.
 ///
 /// # Errors
 ///
-/// As of [`read_text`].
+/// As for [`read_text`].
 pub fn text_from(from: impl Read, most: u64) -> Result<String> {
     let bytes = read_most(from, most)?;
     let not_text = |error: std::string::FromUtf8Error| {
@@ -82,7 +82,7 @@ fn read_most(from: impl Read, most: u64) -> Result<Vec<u8>> {
     }
 }
 
-/// The folder that a path lies in; of a mere name, the one of the process.
+/// The folder of a file; of a bare file name, the current folder.
 #[must_use]
 pub fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mere_name_lies_in_the_folder_of_the_process() {
+    fn a_bare_name_lies_in_the_current_folder() {
         for (path, folder) in [("a", "."), ("b/a", "b"), ("/a", "/"), ("./a", ".")] {
             assert_eq!(folder_of(Path::new(path)), Path::new(folder), "{path}");
         }

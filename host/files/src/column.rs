@@ -1,23 +1,23 @@
-//! What a file says of each of its points beside the place, a column a name.
+//! A column: one number of each point, with the bits that the file has.
 
-/// How a file has a number.
+/// The type of a number in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
-    /// Whole, signed, a byte.
+pub enum NumberType {
+    /// Signed integer, 1 byte.
     I8,
-    /// Whole, a byte.
+    /// Unsigned integer, 1 byte.
     U8,
-    /// Whole, signed, 2 bytes.
+    /// Signed integer, 2 bytes.
     I16,
-    /// Whole, 2 bytes.
+    /// Unsigned integer, 2 bytes.
     U16,
-    /// Whole, signed, 4 bytes.
+    /// Signed integer, 4 bytes.
     I32,
-    /// Whole, 4 bytes.
+    /// Unsigned integer, 4 bytes.
     U32,
-    /// Whole, signed, 8 bytes.
+    /// Signed integer, 8 bytes.
     I64,
-    /// Whole, 8 bytes.
+    /// Unsigned integer, 8 bytes.
     U64,
     /// IEEE 754, 4 bytes.
     F32,
@@ -25,8 +25,8 @@ pub enum Kind {
     F64,
 }
 
-impl Kind {
-    /// Bytes of a number.
+impl NumberType {
+    /// Bytes of one number.
     #[must_use]
     pub fn size(self) -> usize {
         match self {
@@ -37,7 +37,7 @@ impl Kind {
         }
     }
 
-    /// A number from its little-endian bytes, the first of eight.
+    /// The number in the first bytes of eight, little endian.
     #[must_use]
     pub fn value(self, bytes: [u8; 8]) -> f64 {
         let [a, b, c, d, ..] = bytes;
@@ -55,7 +55,7 @@ impl Kind {
         }
     }
 
-    /// A number as its little-endian bytes, the first of eight; of a whole kind the nearest it has.
+    /// The little-endian bytes of a number, first of eight; an integer type rounds and saturates.
     #[must_use]
     pub fn bytes(self, value: f64) -> [u8; 8] {
         let whole = value.round();
@@ -74,27 +74,27 @@ impl Kind {
     }
 }
 
-/// A number's bytes, and zeros up to eight.
+/// The bytes of a number, then zeros up to eight.
 pub fn eight<const N: usize>(bytes: [u8; N]) -> [u8; 8] {
     let mut eight = [0; 8];
     eight[..N].copy_from_slice(&bytes);
     eight
 }
 
-/// A number of each point, as a file has them: whatever it means, its bits stay as they are.
+/// One number of each point, under the name that a file has for it. Bits stay as they are.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Column {
-    /// What the file calls it.
+    /// Its name in the file.
     pub name: String,
-    kind: Kind,
-    /// Little endian, number after number.
+    kind: NumberType,
+    /// The numbers one after the other, little endian.
     bytes: Vec<u8>,
 }
 
 impl Column {
-    /// One without numbers yet, and room for so many.
+    /// An empty column with room for `room` numbers.
     #[must_use]
-    pub fn new(name: &str, kind: Kind, room: usize) -> Self {
+    pub fn new(name: &str, kind: NumberType, room: usize) -> Self {
         Self { name: name.into(), kind, bytes: Vec::with_capacity(room * kind.size()) }
     }
 
@@ -105,25 +105,25 @@ impl Column {
         self
     }
 
-    /// How its numbers are kept.
+    /// The type of its numbers.
     #[must_use]
-    pub fn kind(&self) -> Kind {
+    pub fn kind(&self) -> NumberType {
         self.kind
     }
 
-    /// How many numbers it has.
+    /// Count of its numbers.
     #[must_use]
     pub fn len(&self) -> usize {
         self.bytes.len() / self.kind.size()
     }
 
-    /// Whether it has none.
+    /// True when it has no numbers.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.bytes.is_empty()
     }
 
-    /// Its numbers; of 8 whole bytes the nearest.
+    /// Its numbers. Integers of 8 bytes are rounded to the nearest `f64`.
     pub fn values(&self) -> impl ExactSizeIterator<Item = f64> {
         self.parts().map(|part| {
             let mut bytes = [0; 8];
@@ -137,22 +137,22 @@ impl Column {
         self.bytes.chunks_exact(self.kind.size())
     }
 
-    /// Adds a number; of a whole kind the nearest it has.
+    /// Adds a number; an integer type rounds and saturates.
     pub fn push(&mut self, value: f64) {
         self.push_number(self.kind.bytes(value));
     }
 
-    /// Adds the number of its kind whose little-endian bytes come first.
+    /// Adds the number whose little-endian bytes come first.
     pub fn push_number(&mut self, bytes: [u8; 8]) {
         self.push_bytes(&bytes[..self.kind.size()]);
     }
 
-    /// Adds numbers of its kind, little endian, or a part of one.
+    /// Adds the little-endian bytes of numbers; a number may come in parts.
     pub fn push_bytes(&mut self, bytes: &[u8]) {
         self.bytes.extend_from_slice(bytes);
     }
 
-    /// Leaves out the numbers that are not to be kept.
+    /// Keeps the numbers for which `keep` is true.
     pub fn retain(&mut self, keep: &[bool]) {
         let size = self.kind.size();
         let mut at = 0;
@@ -162,9 +162,9 @@ impl Column {
         });
     }
 
-    /// The same numbers in another kind.
+    /// The same numbers as another type.
     #[must_use]
-    pub fn to_kind(&self, kind: Kind) -> Self {
+    pub fn to_kind(&self, kind: NumberType) -> Self {
         let mut column = Self::new(&self.name, kind, self.len());
         self.values().for_each(|value| column.push(value));
         column
@@ -175,35 +175,35 @@ impl Column {
 mod tests {
     use super::*;
 
-    const KINDS: [Kind; 10] = [
-        Kind::I8,
-        Kind::U8,
-        Kind::I16,
-        Kind::U16,
-        Kind::I32,
-        Kind::U32,
-        Kind::I64,
-        Kind::U64,
-        Kind::F32,
-        Kind::F64,
+    const TYPES: [NumberType; 10] = [
+        NumberType::I8,
+        NumberType::U8,
+        NumberType::I16,
+        NumberType::U16,
+        NumberType::I32,
+        NumberType::U32,
+        NumberType::I64,
+        NumberType::U64,
+        NumberType::F32,
+        NumberType::F64,
     ];
 
     #[test]
-    fn every_kind_gives_its_numbers_back_and_the_nearest_of_what_it_lacks() {
-        for kind in KINDS {
+    fn every_type_returns_its_numbers_and_rounds_and_saturates_others() {
+        for kind in TYPES {
             let mut column = Column::new("a", kind, 3);
             [0.0, 7.0, 100.0].into_iter().for_each(|value| column.push(value));
             assert_eq!(column.values().collect::<Vec<_>>(), [0.0, 7.0, 100.0], "{kind:?}");
             assert_eq!((column.len(), column.parts().len()), (3, 3), "{kind:?}");
             column.retain(&[true, false, true]);
             assert_eq!(column.values().collect::<Vec<_>>(), [0.0, 100.0], "{kind:?}");
-            assert_eq!(column.to_kind(Kind::F64).values().collect::<Vec<_>>(), [0.0, 100.0]);
+            assert_eq!(column.to_kind(NumberType::F64).values().collect::<Vec<_>>(), [0.0, 100.0]);
         }
-        let nearest = |kind: Kind, value| kind.value(kind.bytes(value));
-        assert_eq!(nearest(Kind::U8, -3.0), 0.0);
-        assert_eq!(nearest(Kind::U8, 3.6), 4.0);
-        assert_eq!(nearest(Kind::U16, 1e9), 65_535.0);
-        assert_eq!(nearest(Kind::I8, -1e9), -128.0);
-        assert_eq!(nearest(Kind::F32, 0.1), f64::from(0.1_f32));
+        let nearest = |kind: NumberType, value| kind.value(kind.bytes(value));
+        assert_eq!(nearest(NumberType::U8, -3.0), 0.0);
+        assert_eq!(nearest(NumberType::U8, 3.6), 4.0);
+        assert_eq!(nearest(NumberType::U16, 1e9), 65_535.0);
+        assert_eq!(nearest(NumberType::I8, -1e9), -128.0);
+        assert_eq!(nearest(NumberType::F32, 0.1), f64::from(0.1_f32));
     }
 }

@@ -1,27 +1,32 @@
-//! What readers of files share, whoever wrote the file.
+//! Reading files that anybody may have written: bounded memory, short refusals, PLY, and columns of
+//! numbers.
 //!
-//! | item | for |
+//! | to | take |
 //! |---|---|
-//! | [`read_data`], [`read_text`], [`text_from`] | a whole file, within a bound |
-//! | [`folder_of`] | files beside a file |
-//! | [`check_lines`] | text whose lines are read one by one |
-//! | [`shown`], [`printable`] | what a message may repeat of a file |
-//! | [`say`] | messages on standard error |
-//! | [`ply`] | PLY, an element at a time |
-//! | [`Column`], [`attribute`] | what files say of a point beside its place |
+//! | read a whole file within a bound | [`read_data`], [`read_text`], [`text_from`] |
+//! | find files beside a file | [`folder_of`] |
+//! | refuse text with a line that is too long | [`check_lines`] |
+//! | quote a file in a message | [`one_line`], [`printable`] |
+//! | write to standard error | [`say`] |
+//! | read PLY, an element at a time | [`ply`] |
+//! | keep numbers of each point | [`Column`], [`attribute`] |
 //!
-//! A reader takes no more memory than 8 times its file and 64 MB, and says what is wrong with a
-//! file in few words: a file may be of any size, end anywhere and hold escapes of a terminal.
+//! A file may have any size, end anywhere, and hold the escape sequences of a terminal. So a reader
+//! takes at most 8 times the file's size plus 64 MB, and a message repeats at most [`MAX_LINE`]
+//! printable characters of a file.
 
 pub mod attribute;
 mod bytes;
 mod column;
 pub mod ply;
-mod shown;
+mod printable;
 pub mod stderr;
 
 pub use attribute::Attribute;
 pub use bytes::{MOST_TEXT, check_lines, folder_of, read_data, read_text, text_from};
-pub use column::{Column, Kind, eight};
-pub use shown::{MOST_SHOWN, printable, shown, shown_most};
+pub use column::{Column, NumberType, eight};
+pub use printable::{MAX_LINE, one_line, one_line_of, printable};
 pub use stderr::say;
+
+// Former names, until all crates use those above.
+pub use printable::{MAX_LINE as MOST_SHOWN, one_line as shown, one_line_of as shown_most};

@@ -1,8 +1,8 @@
-//! PLY, a few elements at a time: what nobody asks for takes no memory.
+//! Reading PLY, a batch of elements at a time: elements that nobody asks for take no memory.
 //!
-//! ply-rs-bw reads header and elements. What it does not look at is checked before: that a header
-//! ends, that its names are its own, that the data can be as many as it says, that a line of text
-//! is no file of its own.
+//! ply-rs-bw reads header and elements. Checked here first, because it does not: the header ends,
+//! no name stands twice, the data are long enough for the counts, no line of text is longer than
+//! 4 MB.
 
 use std::collections::HashSet;
 
@@ -13,25 +13,25 @@ use ply_rs_bw::ply::{
 };
 
 use crate::attribute::RANGE_SD;
-use crate::{Column, Kind, check_lines, eight, shown};
+use crate::{Column, NumberType, check_lines, eight, one_line};
 
-/// Bytes of a header at most.
+/// Most bytes of a header.
 const MOST_HEADER: usize = 1 << 20;
 /// Elements read at a time.
 const BATCH: usize = 1024;
 
-/// The data after a header, read so far as its elements have been.
+/// The data after a header, read up to where its elements have been taken.
 #[derive(Debug)]
 pub struct Body<'a> {
     header: &'a Header,
     reader: Reader<&'a [u8]>,
 }
 
-/// Reads a header; gives it and where the data begin.
+/// Reads a header; returns it and a reader at the first byte of the data.
 ///
 /// # Errors
 ///
-/// What is wrong: no PLY, a header without an end, a name that stands twice.
+/// A message: not a PLY file, a header without an end, or a name that stands twice.
 pub fn header(bytes: &[u8]) -> Result<(Header, Reader<&[u8]>), String> {
     check_names(&bytes[..bytes.len().min(MOST_HEADER)])?;
     let mut reader = Reader::new(bytes);
@@ -40,13 +40,13 @@ pub fn header(bytes: &[u8]) -> Result<(Header, Reader<&[u8]>), String> {
 }
 
 impl<'a> Body<'a> {
-    /// The data of a header, after the counts of its elements up to the one named have been held
-    /// against their size; all elements when it has none of that name.
+    /// The data after a header. Counts of the elements are checked against the size of the data, up
+    /// to the element named `last`, or all if there is none of that name.
     ///
     /// # Errors
     ///
-    /// What is wrong: an element without properties, more elements than there are data for, a line
-    /// longer than 4 MB.
+    /// A message: an element without properties, too few bytes for the elements, or a line longer
+    /// than 4 MB.
     pub fn new(
         header: &'a Header,
         reader: Reader<&'a [u8]>,
@@ -62,11 +62,11 @@ impl<'a> Body<'a> {
         Ok(Self { header, reader })
     }
 
-    /// Hands over the elements of the next kind one by one. Kinds come in the header's order.
+    /// Passes each item of the next element to `take`. Elements come in the order of the header.
     ///
     /// # Errors
     ///
-    /// What is wrong with the data, or what `take` says.
+    /// A message about the data, or the error of `take`.
     pub fn read<E: PropertyAccess, F: From<String>>(
         &mut self,
         element: &ElementDef,
@@ -83,29 +83,29 @@ impl<'a> Body<'a> {
         Ok(())
     }
 
-    /// Passes over the elements of the next kind.
+    /// Skips the next element.
     ///
     /// # Errors
     ///
-    /// What is wrong with the data.
+    /// A message about the data.
     pub fn skip(&mut self, element: &ElementDef) -> Result<(), String> {
         self.read(element, |Skipped| Ok(()))
     }
 
-    /// The vertices, which must be the next kind.
+    /// Reads the vertices, which must be the next element.
     ///
     /// # Errors
     ///
-    /// What is wrong with the data.
+    /// A message about the data.
     pub fn vertices(&mut self, element: &ElementDef) -> Result<Vec<[f32; 3]>, String> {
         Ok(self.points(element)?.at)
     }
 
-    /// As [`Self::vertices`], with each one's `range_sd` if they have it.
+    /// [`Self::vertices`] with the `range_sd` of each, if the file has it.
     ///
     /// # Errors
     ///
-    /// What is wrong with the data.
+    /// A message about the data.
     pub fn points(&mut self, element: &ElementDef) -> Result<Points, String> {
         let mut points = Points::of(element);
         self.read(element, |vertex: Vertex| {
@@ -115,11 +115,11 @@ impl<'a> Body<'a> {
         Ok(points)
     }
 
-    /// As [`Self::points`], with everything else that is said of each, but lists.
+    /// [`Self::points`] with a column for every other property that is no list.
     ///
     /// # Errors
     ///
-    /// What is wrong with the data.
+    /// A message about the data.
     pub fn points_and_columns(
         &mut self,
         element: &ElementDef,
@@ -135,11 +135,11 @@ impl<'a> Body<'a> {
     }
 }
 
-/// The vertices' part of a header.
+/// The element `vertex` of a header.
 ///
 /// # Errors
 ///
-/// When there is none, or it lacks one of x, y and z.
+/// A message, when there is none or it lacks x, y or z.
 pub fn vertex(header: &Header) -> Result<&ElementDef, String> {
     let element = header.elements.get("vertex").ok_or("expected an `element vertex`")?;
     let is_scalar = |axis: &&str| {
@@ -154,7 +154,7 @@ pub fn vertex(header: &Header) -> Result<&ElementDef, String> {
     }
 }
 
-/// What nobody asks for.
+/// An element of which nothing is kept.
 struct Skipped;
 
 impl PropertyAccess for Skipped {
@@ -165,23 +165,23 @@ impl PropertyAccess for Skipped {
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// Names of the vertices' lists, of which nothing is read.
+/// Names of the lists among the vertex properties, which are not read.
 pub fn lists(vertex: &ElementDef) -> impl Iterator<Item = &str> {
     let properties = vertex.properties.values();
     properties.filter(|p| scalar(&p.data_type).is_none()).map(|p| p.name.as_str())
 }
 
-/// Vertices as a sensor's points.
+/// The vertices of a file as points of a sensor.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Points {
-    /// x, y and z of each.
+    /// Coordinates x, y, z of each.
     pub at: Vec<[f32; 3]>,
-    /// The [`RANGE_SD`] of each, if they have it.
+    /// The [`RANGE_SD`] of each, if the file has it.
     pub range_sds: Option<Vec<f32>>,
 }
 
 impl Points {
-    /// Room for the vertices, whose count has been held against the file's size.
+    /// Room for the vertices. Their count has been checked against the size of the file.
     fn of(element: &ElementDef) -> Self {
         let has_sds = element.properties.contains_key(RANGE_SD.name);
         let range_sds = has_sds.then(|| Vec::with_capacity(element.count));
@@ -194,7 +194,7 @@ impl Points {
     }
 }
 
-/// Room for what is said of the vertices beside [`Points`].
+/// An empty column for each property that is neither in [`Points`] nor a list.
 fn columns(element: &ElementDef) -> Vec<Column> {
     let properties = element.properties.values().filter(|p| !is_of_points(&p.name));
     let column = |p: &PropertyDef| Some(Column::new(&p.name, scalar(&p.data_type)?, element.count));
@@ -205,22 +205,22 @@ fn is_of_points(name: &str) -> bool {
     AXES.contains(&name) || name == RANGE_SD.name
 }
 
-/// The kind of a property of one number.
-fn scalar(property: &PropertyType) -> Option<Kind> {
+/// The type of a property of one number; None for a list.
+fn scalar(property: &PropertyType) -> Option<NumberType> {
     let PropertyType::Scalar(scalar) = property else { return None };
     Some(match scalar {
-        ScalarType::Char => Kind::I8,
-        ScalarType::UChar => Kind::U8,
-        ScalarType::Short => Kind::I16,
-        ScalarType::UShort => Kind::U16,
-        ScalarType::Int => Kind::I32,
-        ScalarType::UInt => Kind::U32,
-        ScalarType::Float => Kind::F32,
-        ScalarType::Double => Kind::F64,
+        ScalarType::Char => NumberType::I8,
+        ScalarType::UChar => NumberType::U8,
+        ScalarType::Short => NumberType::I16,
+        ScalarType::UShort => NumberType::U16,
+        ScalarType::Int => NumberType::I32,
+        ScalarType::UInt => NumberType::U32,
+        ScalarType::Float => NumberType::F32,
+        ScalarType::Double => NumberType::F64,
     })
 }
 
-/// The bytes of a number, little endian; of a list nothing.
+/// The little-endian bytes of a number; None for a list.
 fn number(property: &Property) -> Option<[u8; 8]> {
     Some(match property {
         Property::Char(v) => eight(v.to_le_bytes()),
@@ -235,7 +235,7 @@ fn number(property: &Property) -> Option<[u8; 8]> {
     })
 }
 
-/// A vertex: whatever else it has is passed over.
+/// The coordinates and the `range_sd` of a vertex; other properties are ignored.
 struct Vertex {
     at: [f32; 3],
     range_sd: Option<f32>,
@@ -262,7 +262,7 @@ impl PropertyAccess for Vertex {
     }
 }
 
-/// A vertex with whatever else it has, in the header's order.
+/// A vertex and its other properties, in the order of the header.
 struct WholeVertex {
     vertex: Vertex,
     others: Vec<Property>,
@@ -283,21 +283,22 @@ impl PropertyAccess for WholeVertex {
 }
 
 fn malformed(error: ParseError) -> String {
-    shown(&error.to_string())
+    one_line(&error.to_string())
 }
 
-/// The parser counts within its batch, so the end of a file is told here.
+/// The message for an early end of the file names the count of the header: the parser knows only
+/// that of its batch.
 fn ended(error: &ParseError, element: &ElementDef) -> String {
     match error.kind() {
         std::io::ErrorKind::UnexpectedEof => {
             format!("end of file before the last of {} elements {:?}", element.count, element.name)
         }
-        _ => shown(&error.to_string()),
+        _ => one_line(&error.to_string()),
     }
 }
 
-/// Every name stands once: elements in the file, properties in their element. The parser keeps the
-/// last of a name, at the place of the first: all numbers after it would be others'.
+/// Refuses a name that stands twice, of elements in the file or of properties in an element. The
+/// parser would keep the last one at the place of the first, and shift all numbers between.
 fn check_names(start: &[u8]) -> Result<(), String> {
     let (mut elements, mut properties) = (HashSet::new(), HashSet::new());
     for line in start.split(|&byte| byte == b'\n' || byte == b'\r') {
@@ -313,17 +314,17 @@ fn check_names(start: &[u8]) -> Result<(), String> {
             _ => continue,
         };
         if !names.insert(name) {
-            let name = shown(&String::from_utf8_lossy(name));
+            let name = one_line(&String::from_utf8_lossy(name));
             return Err(format!("its header names {name:?} twice"));
         }
     }
     match start.len() {
         MOST_HEADER => Err(format!("no end_header in its first {} MB", MOST_HEADER >> 20)),
-        _ => Ok(()), // the parser says what is missing
+        _ => Ok(()), // the parser refuses a header without an end
     }
 }
 
-/// A header may promise any number of elements; the file's size says how many there can be.
+/// Refuses a header that promises more elements than the data can hold.
 fn check_counts<'h>(
     elements: impl Iterator<Item = &'h ElementDef>,
     encoding: Encoding,
@@ -332,7 +333,7 @@ fn check_counts<'h>(
     let mut needed = 0_usize;
     for element in elements {
         if element.properties.is_empty() && element.count > 0 {
-            let name = shown(&element.name);
+            let name = one_line(&element.name);
             return Err(format!("expected properties of the element {name:?}"));
         }
         let each = element.properties.values().map(|p| least_size(&p.data_type, encoding));
@@ -347,7 +348,7 @@ fn check_counts<'h>(
     Ok(())
 }
 
-/// Fewest bytes a property can take.
+/// Fewest bytes that a property can take.
 fn least_size(kind: &PropertyType, encoding: Encoding) -> usize {
     let (PropertyType::Scalar(scalar) | PropertyType::List(scalar, _)) = kind;
     match scalar {

@@ -2,14 +2,14 @@
 
 use rayon::prelude::*;
 
-use crate::cloud::Cloud;
 use crate::global::matched;
 use crate::overlap::{Overlap, Scene};
-use crate::pose::Pose;
 use crate::{
     AutoConfig, ConfigError, FeatureConfig, Gicp, GicpConfig, Icp, IcpConfig, Mac, MacConfig,
     Outcome, Registration, Source, StopReason, Suggestions, Target,
 };
+use echoloop_clouds::Cloud;
+use echoloop_clouds::Pose;
 
 /// The voxels of the features, over the finest: what is described at 0.8 m is a door, at 2.5 m a
 /// house, and sparse scans know only houses.

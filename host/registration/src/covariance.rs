@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix6, Vector6};
 
-use crate::pose::Pose;
+use echoloop_clouds::Pose;
 
 /// Covariance of the error of a motion `target_from_source`: turns in rad, shifts in m.
 ///

@@ -6,8 +6,8 @@ use self::plane_to_plane::PlaneToPlane;
 use super::icp::descent::Descent;
 use super::icp::pairing::Moving;
 use super::{ConfigError, GicpConfig, IcpConfig, Outcome, Registration, Target};
-use crate::cloud::Cloud;
-use crate::pose::Pose;
+use echoloop_clouds::Cloud;
+use echoloop_clouds::Pose;
 
 /// Generalised ICP (Segal, Haehnel and Thrun, "Generalized-ICP", RSS 2009): both clouds are
 /// surfaces, and a pair weighs by the uncertainty of its two planes.

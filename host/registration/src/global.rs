@@ -2,7 +2,7 @@
 
 use super::features::{Described, PointPair, matching, pairs};
 use super::{FeatureConfig, StopReason};
-use crate::cloud::Cloud;
+use echoloop_clouds::Cloud;
 
 /// Thins and describes the target and the source.
 ///

@@ -15,8 +15,8 @@ use self::descent::Descent;
 use self::pairing::Moving;
 use super::normal_equations::NormalEquations;
 use super::{ConfigError, IcpConfig, Outcome, Registration, Source, Target};
-use crate::cloud::Cloud;
-use crate::pose::Pose;
+use echoloop_clouds::Cloud;
+use echoloop_clouds::Pose;
 
 /// Point-to-plane ICP: pair each point with the nearest, step to the least squares, repeat.
 ///

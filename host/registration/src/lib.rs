@@ -52,6 +52,7 @@ mod correspondences;
 pub mod covariance;
 pub mod features;
 pub mod fgr;
+pub mod geometry;
 pub mod gicp;
 pub mod global;
 pub mod icp;
@@ -61,7 +62,6 @@ pub mod normal_equations;
 pub mod observability;
 mod outcome;
 pub mod overlap;
-pub mod pose;
 pub mod prepared;
 pub mod refine;
 mod registration;
@@ -78,6 +78,8 @@ pub use config::{
     Kind, MacConfig, Method, MethodConfig, SETTINGS, Setting, setting,
 };
 pub use covariance::Covariance;
+pub use echoloop_clouds as clouds;
+pub use echoloop_clouds::{Cloud, Pose, pose};
 pub use fgr::Fgr;
 pub use gicp::Gicp;
 pub use icp::Icp;

@@ -280,7 +280,7 @@ mod tests {
     use nalgebra::{Translation3, UnitQuaternion};
 
     use super::*;
-    use crate::pose::Pose;
+    use echoloop_clouds::Pose;
 
     // Literals of Open3D (MIT), cpp/tests/t/pipelines/registration/TransformationEstimation.cpp.
     // Its normals are not of length 1.

@@ -1,8 +1,8 @@
 //! What a registration found, how good it is, and why it ended.
 
 use crate::overlap::Overlap;
-use crate::pose::Pose;
 use crate::{Covariance, Observability, PrepareError};
+use echoloop_clouds::Pose;
 
 /// What a registration found, and how good it is.
 #[derive(Clone, Debug, PartialEq)]

@@ -3,10 +3,11 @@
 use nalgebra::{Point3, Vector3};
 
 use super::{Convention, GicpConfig, IcpConfig};
-use crate::cloud::box_tree::{self, BoxTree};
-use crate::cloud::quantile::quantile;
-use crate::cloud::voxel::VoxelError;
-use crate::cloud::{Cloud, normals, voxel};
+use crate::geometry::box_tree::{self, BoxTree};
+use crate::geometry::quantile::quantile;
+use crate::geometry::voxel::VoxelError;
+use crate::geometry::{normals, voxel};
+use echoloop_clouds::Cloud;
 
 /// Why a cloud cannot be prepared.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]

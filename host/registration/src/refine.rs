@@ -1,8 +1,8 @@
 //! A global method, refined by a local one.
 
 use super::{Outcome, Registration, StopReason};
-use crate::cloud::Cloud;
-use crate::pose::Pose;
+use echoloop_clouds::Cloud;
+use echoloop_clouds::Pose;
 
 /// Runs a global method, then a local one from the motion it found.
 ///

@@ -1,8 +1,8 @@
 //! What every method is: two clouds and a start in, an outcome out.
 
 use crate::Outcome;
-use crate::cloud::Cloud;
-use crate::pose::Pose;
+use echoloop_clouds::Cloud;
+use echoloop_clouds::Pose;
 
 /// Finds the motion that lays `source` on `target`: `f_reg` of Eq. 2.
 pub trait Registration: Send + Sync {

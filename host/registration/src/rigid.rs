@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Matrix4, Quaternion, UnitQuaternion, Vector3, Vector4};
 
 use super::features::PointPair;
-use crate::pose::Pose;
+use echoloop_clouds::Pose;
 
 /// Pairs determine a motion when there are so many that no two coincide and not all lie on a line.
 const LEAST_PAIRS: usize = 3;
@@ -106,7 +106,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::pose::{frobenius_error, rotation_error_deg};
+    use echoloop_clouds::pose::{frobenius_error, rotation_error_deg};
 
     fn moved(points: &[[f64; 3]], truth: &Pose) -> Vec<PointPair> {
         points
@@ -152,7 +152,7 @@ mod tests {
                 (pair, *w)
             });
             if let Some(found) = rigid(pairs) {
-                prop_assert!(crate::pose::to_rows(&found).iter().all(|v| v.is_finite()));
+                prop_assert!(echoloop_clouds::pose::to_rows(&found).iter().all(|v| v.is_finite()));
             }
         }
 

@@ -8,9 +8,10 @@ use super::{
     AutoConfig, FeatureConfig, FgrConfig, FgrMode, GicpConfig, IcpConfig, MacConfig, Method,
     MethodConfig,
 };
-use crate::cloud::kdtree::KdTree;
-use crate::cloud::quantile::quantile;
-use crate::cloud::{Cloud, is_finite, voxel};
+use crate::geometry::kdtree::KdTree;
+use crate::geometry::quantile::quantile;
+use crate::geometry::voxel;
+use echoloop_clouds::{Cloud, is_finite};
 
 /// Voxels across the radius of a cloud.
 const VOXELS_A_RADIUS: f64 = 80.0;

@@ -7,8 +7,10 @@ use rand_chacha::ChaCha8Rng;
 
 use super::suggest::{suggest_gicp, suggest_refinement};
 use super::*;
-use crate::cloud::{Cloud, read_cloud};
-use crate::pose::{Pose, read_pose, relative, rotation_error_deg, to_rows, translation_error_m};
+use echoloop_clouds::pose::{
+    Pose, read_pose, relative, rotation_error_deg, to_rows, translation_error_m,
+};
+use echoloop_clouds::{Cloud, read_cloud};
 
 fn pose(shift: [f64; 3], turn: [f64; 3]) -> Pose {
     Pose::new(shift.into(), turn.into())

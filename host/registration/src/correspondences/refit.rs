@@ -2,8 +2,8 @@
 
 use super::residuals::Residuals;
 use crate::features::PointPair;
-use crate::pose::Pose;
 use crate::rigid::rigid;
+use echoloop_clouds::Pose;
 
 /// When a refit ends, other than by its count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -86,7 +86,7 @@ fn fit(pairs: &[PointPair], from: &Pose, width_m: f64) -> Option<Pose> {
 mod tests {
     use super::super::Inliers;
     use super::*;
-    use crate::pose::translation_error_m;
+    use echoloop_clouds::pose::translation_error_m;
 
     /// A bent grid moved 10 m along x, and a match that is 30 m off.
     fn pairs() -> Vec<PointPair> {

@@ -3,7 +3,7 @@
 use nalgebra::{Rotation3, Vector3};
 
 use crate::features::PointPair;
-use crate::pose::Pose;
+use echoloop_clouds::Pose;
 
 /// A motion, ready to be held to many matches.
 #[derive(Clone, Copy, Debug)]

@@ -3,10 +3,11 @@
 use nalgebra::{Point3, Vector3};
 
 use super::{Features, fpfh};
-use crate::cloud::neighbours::Neighbours;
-use crate::cloud::{Cloud, normals};
+use crate::geometry::neighbours::Neighbours;
+use crate::geometry::normals;
 use crate::prepared::thinned;
 use crate::{Convention, FeatureConfig, PrepareError};
+use echoloop_clouds::Cloud;
 
 /// A thinned cloud, with a normal and a feature a point.
 #[derive(Clone, Debug)]

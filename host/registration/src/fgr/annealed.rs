@@ -3,8 +3,8 @@
 use super::tuples::Passed;
 use crate::correspondences::Residuals;
 use crate::features::PointPair;
-use crate::pose::Pose;
 use crate::rigid::rigid;
+use echoloop_clouds::Pose;
 
 /// μ falls by this in four iterations, as published, evenly.
 const DIVISION: f64 = 1.4;

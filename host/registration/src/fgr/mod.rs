@@ -14,9 +14,9 @@ use super::features::{PointPair, matching, pairs};
 use super::{
     ConfigError, Consensus, FgrConfig, FgrMode, Outcome, Registration, StopReason, global,
 };
-use crate::cloud::Cloud;
 use crate::correspondences::{Inliers, LengthBounds, Refit, Until};
-use crate::pose::Pose;
+use echoloop_clouds::Cloud;
+use echoloop_clouds::Pose;
 
 /// Fewer matches determine no motion.
 const LEAST_MATCHES: usize = 3;

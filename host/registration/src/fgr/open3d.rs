@@ -5,7 +5,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::features::PointPair;
-use crate::pose::Pose;
+use echoloop_clouds::Pose;
 
 /// Draws of the tuple test, a match.
 const DRAWS: usize = 100;
@@ -144,7 +144,7 @@ fn step(source: &[Vector3<f64>], target: &[Vector3<f64>], mu: f64) -> Option<Pos
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::pose::{frobenius_error, from_rows};
+    use echoloop_clouds::pose::{frobenius_error, from_rows};
 
     /// Rows of numbers: 60 pairs, then Open3D's 4×4 results by rows, one a line.
     const ORACLE: &str = include_str!("../../tests/data/fgr_open3d.txt");

@@ -6,7 +6,7 @@ use rand::{RngExt, SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
-use crate::pose::{rotation_error_deg, to_rows, translation_error_m};
+use echoloop_clouds::pose::{rotation_error_deg, to_rows, translation_error_m};
 
 fn fgr() -> Fgr {
     Fgr::new(FgrConfig::outdoor()).unwrap()

@@ -5,8 +5,8 @@ use super::kernel::Kernel;
 use super::pairing::{Found, Moving, Placed, sum_pairs};
 use super::step::Step;
 use super::uncertainty::covariance;
-use crate::pose::Pose;
 use crate::{IcpConfig, Observability, Outcome, StopReason, Target};
+use echoloop_clouds::Pose;
 
 /// Unknowns of a motion: fewer pairs cannot determine it.
 const UNKNOWNS: usize = 6;

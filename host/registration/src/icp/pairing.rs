@@ -10,9 +10,9 @@ use super::kernel::Kernel;
 use super::normals::Normals;
 use super::pairs::{CHUNK, Pairs};
 use crate::Target;
-use crate::cloud::box_tree::{BoxTree, LaneKernel, Portable};
-use crate::pose::Pose;
+use crate::geometry::box_tree::{BoxTree, LaneKernel, Portable};
 use crate::prepared::RangeNoise;
+use echoloop_clouds::Pose;
 
 /// Rounding of `f32` distances, relative, with room: a match within this of a tie is searched anew.
 const ROUNDING: f32 = 1e-6;
@@ -258,8 +258,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::cloud::Cloud;
     use crate::{IcpConfig, Source};
+    use echoloop_clouds::Cloud;
 
     fn nearest(tree: &BoxTree, at: &Point3<f32>, reach_m: f32) -> Option<u32> {
         tree.nearest(Portable, at, reach_m, 0.0).index

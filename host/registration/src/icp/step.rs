@@ -1,6 +1,6 @@
 //! What a least squares comes to.
 
-use crate::pose::Pose;
+use echoloop_clouds::Pose;
 
 /// A small motion in the target's frame.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -4,8 +4,8 @@ use rayon::prelude::*;
 
 use super::score::Scorer;
 use crate::features::PointPair;
-use crate::pose::Pose;
 use crate::rigid::rigid;
+use echoloop_clouds::Pose;
 
 /// A motion and what all matches say to it.
 #[derive(Clone, Copy, Debug, PartialEq)]

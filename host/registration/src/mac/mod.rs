@@ -21,9 +21,9 @@ use score::{Scorer, exact_score};
 use super::features::PointPair;
 use super::global::matched;
 use super::{ConfigError, Consensus, MacConfig, Outcome, Registration, StopReason};
-use crate::cloud::Cloud;
 use crate::correspondences::{Inliers, LengthBounds, Refit, Refitted, Until, within};
-use crate::pose::Pose;
+use echoloop_clouds::Cloud;
+use echoloop_clouds::Pose;
 
 /// A motion has six unknowns, a match determines three, and two leave a turn open.
 const LEAST_MATCHES: usize = 3;

@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::correspondences::{Centroids, Columns, Residuals};
 use crate::features::PointPair;
-use crate::pose::Pose;
+use echoloop_clouds::Pose;
 
 /// Matches taken at a time: one 256-bit vector of `f32`.
 const LANES: usize = 8;

@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::*;
 use crate::correspondences::length_difference_m;
-use crate::pose::{read_pose, rotation_error_deg};
+use echoloop_clouds::pose::{read_pose, rotation_error_deg};
 
 fn random_point(rng: &mut ChaCha8Rng, half_m: f64) -> Point3<f64> {
     Point3::from([0; 3].map(|_| rng.random_range(-half_m..half_m)))
@@ -189,7 +189,7 @@ proptest! {
         let pairs: Vec<PointPair> = points.iter().map(pair).collect();
         let outcome = outdoor().solve(&pairs);
         prop_assert!(
-            crate::pose::to_rows(&outcome.target_from_source).iter().all(|v| v.is_finite())
+            echoloop_clouds::pose::to_rows(&outcome.target_from_source).iter().all(|v| v.is_finite())
         );
     }
 }

@@ -1,9 +1,9 @@
 //! Any method, and a second opinion on what it found.
 
 use super::Scene;
-use crate::cloud::Cloud;
-use crate::pose::Pose;
 use crate::{Outcome, PrepareError, Registration, StopReason};
+use echoloop_clouds::Cloud;
+use echoloop_clouds::Pose;
 
 /// Runs a method, then asks the scans whether they bear its motion out.
 ///

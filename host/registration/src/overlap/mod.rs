@@ -22,11 +22,12 @@ use rayon::prelude::*;
 
 pub use self::confirmed::Confirmed;
 use self::range_image::RangeImage;
-use crate::cloud::kdtree::KdTree;
-use crate::cloud::{Cloud, normals};
-use crate::pose::Pose;
+use crate::geometry::kdtree::KdTree;
+use crate::geometry::normals;
 use crate::prepared::thinned;
 use crate::{Convention, PrepareError};
+use echoloop_clouds::Cloud;
+use echoloop_clouds::Pose;
 
 /// Voxels in the radius of normals, and how many neighbours make one.
 const NORMAL_VOXELS: f64 = 4.0;

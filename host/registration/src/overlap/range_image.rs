@@ -4,7 +4,7 @@ use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 use nalgebra::Point3;
 
-use crate::cloud::is_finite;
+use echoloop_clouds::is_finite;
 
 /// The nearest range seen in each direction and the eight around it; nothing where no echo came
 /// back, which is no proof of open space: it may have been too dark.

@@ -7,7 +7,7 @@ use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
 use super::{DIMENSIONS, Features};
-use crate::cloud::neighbours::Neighbours;
+use crate::geometry::neighbours::Neighbours;
 use pair::{BINS, Facing, LANES, PairBins, PairLanes};
 
 /// What the numbers of a histogram add up to.

@@ -4,7 +4,7 @@ use nalgebra::{Point3, Vector3};
 use proptest::prelude::*;
 
 use super::*;
-use crate::cloud::normals;
+use crate::geometry::normals;
 
 fn unit(v: [f32; 3]) -> Vector3<f32> {
     Vector3::from(v).try_normalize(1e-3).unwrap_or_default()

@@ -1,4 +1,4 @@
-//! LZF, the compression of PCD: runs of bytes, and copies of what came up to 8 kB before.
+//! LZF, the compression of PCD: literal bytes, and copies from up to 8 kB back.
 //!
 //! ```text
 //! 000nnnnn                         n + 1 bytes follow
@@ -6,19 +6,19 @@
 //! 111ooooo nnnnnnnn oooooooo       n + 9 bytes from o + 1 back
 //! ```
 //!
-//! Unpacked piece by piece: 3 bytes may become 264, and of a cloud three columns are wanted.
+//! Unpacked piece by piece, because 3 bytes may become 264 and a cloud needs few of the columns.
 
-/// How far back a copy reaches, bytes.
+/// Farthest a copy reaches back, bytes.
 const REACH: usize = 8192;
-/// Bytes that are handed over at a time, about.
+/// Bytes of a piece, about.
 const PIECE: usize = 64 << 10;
 
-/// Unpacks `length` bytes; `take` gets them in order, with the place of each piece's first.
+/// Unpacks `length` bytes. `take` gets them in order, each piece with the index of its first byte.
 ///
 /// # Errors
 ///
-/// When the data are no LZF, or unpack to another length.
-pub(super) fn unpack(
+/// A message, when the data are not LZF or unpack to another length.
+pub(crate) fn unpack(
     packed: &[u8],
     length: u64,
     mut take: impl FnMut(u64, &[u8]),
@@ -40,7 +40,7 @@ pub(super) fn unpack(
     }
 }
 
-/// What one control byte says, done; gives what follows it.
+/// Carries out one control byte; returns the input after it, or None if it is not LZF.
 fn run<'a>(control: u8, rest: &'a [u8], out: &mut Vec<u8>) -> Option<&'a [u8]> {
     if control < 32 {
         let (literal, rest) = rest.split_at_checked(usize::from(control) + 1)?;
@@ -55,7 +55,7 @@ fn run<'a>(control: u8, rest: &'a [u8], out: &mut Vec<u8>) -> Option<&'a [u8]> {
     let (&low, rest) = rest.split_first()?;
     let back = (usize::from(control & 0x1f) << 8) + usize::from(low) + 1;
     let from = out.len().checked_sub(back)?;
-    // Byte by byte: a copy may reach into itself.
+    // Byte by byte: a copy may overlap its own output.
     for i in from..from + length {
         out.push(out[i]);
     }

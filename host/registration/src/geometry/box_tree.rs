@@ -135,33 +135,43 @@ impl BoxTree {
         radius_m: f32,
         slack_m: f32,
     ) -> Found {
-        let query = [query.x, query.y, query.z];
         let mut best = Best::within(radius_m, slack_m);
+        self.search(kernel, query, &mut best);
+        best.found()
+    }
+
+    /// Walks to the leaves within the limit of `found`, the nearest first, and shows it their
+    /// points.
+    #[inline(always)]
+    pub(super) fn search(
+        &self,
+        kernel: impl LaneKernel,
+        query: &Point3<f32>,
+        found: &mut impl Nearer,
+    ) {
+        let query = [query.x, query.y, query.z];
         let root = self.levels.last().and_then(|level| level.first());
-        // What is not a number compares with nothing, and so would find everything.
-        let Some(root) = root.filter(|_| query.iter().all(|v| v.is_finite())) else {
-            return best.found();
-        };
+        // Every comparison with NaN is false, so a query of NaN would find everything.
+        let Some(root) = root.filter(|_| query.iter().all(|v| v.is_finite())) else { return };
         let top = self.levels.len() - 1;
         let mut path = [Node::NONE; MOST_LEVELS];
         path[top] = Node::open(0, root, &query);
         let mut level = top;
         while let Some(node) = path.get_mut(level).filter(|_| level <= top) {
-            let Some(lane) = node.next(kernel, best.limit) else {
+            let Some(lane) = node.next(kernel, found.limit()) else {
                 level += 1;
                 continue;
             };
             let child = node.index * WIDE + lane;
             if level == 0 {
                 if let Some(leaf) = self.leaves.get(child) {
-                    best.scan(kernel, child, &leaf.squared_to(&query));
+                    found.scan(kernel, child, &leaf.squared_to(&query));
                 }
             } else if let Some(boxes) = self.levels[level - 1].get(child) {
                 level -= 1;
                 path[level] = Node::open(child, boxes, &query);
             }
         }
-        best.found()
     }
 
     /// The same, without the tree.
@@ -209,6 +219,15 @@ impl BoxTree {
             }
         }
     }
+}
+
+/// The points nearest to a query so far, as a search shows them leaf by leaf.
+pub(super) trait Nearer {
+    /// Points beyond this squared distance, m², are not needed any more.
+    fn limit(&self) -> f32;
+
+    /// Takes the points of a leaf, which come as their squared distances, m².
+    fn scan(&mut self, kernel: impl LaneKernel, leaf: usize, squared: &[f32; WIDE]);
 }
 
 /// A node on the way from the root, and which of its children are still to be seen.
@@ -264,22 +283,6 @@ impl Best {
         Self { index: None, squared, limit: squared, slack_m }
     }
 
-    /// Takes the points of a leaf.
-    #[inline(always)]
-    fn scan(&mut self, kernel: impl LaneKernel, leaf: usize, squared: &[f32; WIDE]) {
-        let mut near = kernel.at_most(squared, self.limit);
-        let before = self.squared;
-        while near != 0 {
-            let lane = near.trailing_zeros() as usize % WIDE;
-            near &= near - 1;
-            self.take((leaf * WIDE + lane) as u32, squared[lane]);
-        }
-        if self.squared < before {
-            let reach = self.squared.sqrt() + self.slack_m;
-            self.limit = smaller(self.limit, reach * reach);
-        }
-    }
-
     #[inline(always)]
     fn take(&mut self, index: u32, squared: f32) {
         let nearer = squared < self.squared
@@ -293,6 +296,28 @@ impl Best {
 
     fn found(&self) -> Found {
         Found { index: self.index, others_squared_m2: self.limit }
+    }
+}
+
+impl Nearer for Best {
+    #[inline(always)]
+    fn limit(&self) -> f32 {
+        self.limit
+    }
+
+    #[inline(always)]
+    fn scan(&mut self, kernel: impl LaneKernel, leaf: usize, squared: &[f32; WIDE]) {
+        let mut near = kernel.at_most(squared, self.limit);
+        let before = self.squared;
+        while near != 0 {
+            let lane = near.trailing_zeros() as usize % WIDE;
+            near &= near - 1;
+            self.take((leaf * WIDE + lane) as u32, squared[lane]);
+        }
+        if self.squared < before {
+            let reach = self.squared.sqrt() + self.slack_m;
+            self.limit = smaller(self.limit, reach * reach);
+        }
     }
 }
 
@@ -396,8 +421,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::cloud::kdtree::KdTree;
-    use crate::cloud::tests::scanned::{nearest_first, tree};
+    use crate::geometry::kiddo_tree::KiddoTree;
+    use crate::geometry::scanned::{nearest_first, tree};
 
     /// A full scan: the nearest, of equally near ones the first, and the squared distance of the
     /// second.
@@ -438,13 +463,13 @@ mod tests {
         }
 
         #[test]
-        fn the_nearest_is_as_near_as_the_k_d_tree_s(
+        fn the_nearest_is_as_near_as_kiddo_s(
             raw in cloud(),
             query in prop::array::uniform3(-9.0f32..9.0),
             radius_m in 0.1f32..20.0,
         ) {
             let (tree, query) = (tree(&raw), query.into());
-            let theirs = KdTree::new(tree.points()).nearest(&query, radius_m);
+            let theirs = KiddoTree::new(tree.points()).nearest(&query, radius_m);
             let ours = tree.nearest(Portable, &query, radius_m, 0.0).index;
             let distance = |index: Option<u32>| {
                 index.map(|index| (tree.points()[index as usize] - query).norm())

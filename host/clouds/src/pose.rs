@@ -1,4 +1,4 @@
-//! Poses: what one frame looks like from another, and how far an estimate is from the truth.
+//! Poses and trajectories from files, and the error of an estimated pose.
 
 mod read;
 mod trajectory;
@@ -8,10 +8,10 @@ use nalgebra::{Isometry3, Matrix3, Matrix4, Rotation3, Translation3, UnitQuatern
 pub use read::{PoseError, parse_pose, read_pose};
 pub use trajectory::{Stamped, TrajectoryError, parse_trajectory, read_trajectory};
 
-/// A rigid motion. A variable of this type says what it maps: `target_from_source`.
+/// A rigid motion. Its variables are called by what they map: `target_from_source`.
 pub type Pose = Isometry3<f64>;
 
-/// A rotation read from a file may miss `RᵀR = I` by this much: six printed digits, with room.
+/// Largest entry of `RᵀR - I` allowed in a rotation from a file: six printed digits, with room.
 const RIGID_TOLERANCE: f64 = 1e-3;
 
 /// Why a 4×4 matrix is not a rigid motion.
@@ -23,46 +23,46 @@ pub enum NotRigid {
     /// The last row is not 0 0 0 1.
     #[error("the last row of the matrix is not 0 0 0 1")]
     LastRow,
-    /// The rotation misses `RᵀR = I` by this much.
+    /// The largest entry of `RᵀR - I`.
     #[error("the rotation is not orthonormal: RᵀR is {0:.3e} from the identity")]
     NotOrthonormal(f64),
-    /// The rotation mirrors.
+    /// The determinant of the rotation is negative.
     #[error("the rotation mirrors: its determinant is negative")]
     Mirrors,
 }
 
-/// The truth of a pair, from the poses of its scans: `first_from_second`.
+/// The true motion between two scans, `first_from_second`, from their poses.
 ///
 /// ```text
 /// first_from_second = world_from_first⁻¹ · world_from_second
 /// ```
 ///
-/// The paper writes `P_i · P_j⁻¹`. That is the same only when its `P` maps the world to the sensor
-/// (`P = world_from_sensor⁻¹`); ours map the sensor to the world.
+/// The paper writes `P_i · P_j⁻¹`. That is the same only if its `P` maps the world to the sensor
+/// (`P = world_from_sensor⁻¹`); here poses map the sensor to the world.
 pub fn relative(world_from_first: &Pose, world_from_second: &Pose) -> Pose {
     world_from_first.inv_mul(world_from_second)
 }
 
-/// Distance between the two translations, in metres.
+/// Distance between two translations, m.
 pub fn translation_error_m(estimate: &Pose, truth: &Pose) -> f64 {
     (estimate.translation.vector - truth.translation.vector).norm()
 }
 
-/// Angle between the two rotations, in degrees, 0 to 180: Eq. 7.
+/// Angle between two rotations, degrees, 0 to 180: Eq. 7 of the paper.
 ///
 /// ```text
 /// arccos( (tr(R_estᵀ R*) - 1) / 2 ) = 2 · atan2( |q_xyz|, |q_w| )      q of R_estᵀ R*
 /// ```
 ///
-/// The arccosine loses half the digits near 0 (1e-8 rad at best) and needs a clamp; the arctangent
-/// does neither.
+/// Near 0 the arccosine loses half of the digits (1e-8 rad at best), and it needs a clamp. The
+/// arctangent has neither fault.
 pub fn rotation_error_deg(estimate: &Pose, truth: &Pose) -> f64 {
     let between = estimate.rotation.inverse() * truth.rotation;
     let half = between.imag().norm().atan2(between.w.abs());
     (2.0 * half).to_degrees()
 }
 
-/// `‖T_est - T*‖_F` over the 4×4 matrices: Eq. 3. It adds metres to sines, as the paper does.
+/// `‖T_est - T*‖_F` of the 4×4 matrices: Eq. 3 of the paper. It adds metres to sines.
 pub fn frobenius_error(estimate: &Pose, truth: &Pose) -> f64 {
     (estimate.to_homogeneous() - truth.to_homogeneous()).norm()
 }
@@ -73,11 +73,11 @@ pub fn to_rows(pose: &Pose) -> [f64; 16] {
     std::array::from_fn(|i| matrix[(i / 4, i % 4)])
 }
 
-/// The pose of a 4×4 matrix, row by row. A rotation within 1e-3 of orthonormal is made exact.
+/// The pose of a 4×4 matrix, row by row. A rotation within 1e-3 of orthonormal is made orthonormal.
 ///
 /// # Errors
 ///
-/// [`NotRigid`] says which property of a rigid motion is missing.
+/// [`NotRigid`] names the missing property of a rigid motion.
 pub fn from_rows(rows: &[f64; 16]) -> Result<Pose, NotRigid> {
     if rows.iter().any(|v| !v.is_finite()) {
         return Err(NotRigid::NotFinite);

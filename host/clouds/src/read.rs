@@ -1,90 +1,75 @@
-//! Reads a cloud by the extension of its file.
+//! Reading a cloud: the extension of the file tells the format.
 
 use std::path::Path;
 
 use echoloop_files::read_data;
-use nalgebra::Point3;
 
-use super::error::CloudError;
-use super::recorded::{Keep, Recorded};
-use super::{Cloud, Dropped, pcd, ply, text, vtk};
+use crate::error::CloudError;
+use crate::format::{Format, READ};
+use crate::recorded::{Keep, Recorded};
+use crate::{Cloud, Dropped};
 
-/// Reads points in metres from PLY (ASCII or binary, any numeric type), PCD (all three encodings),
-/// legacy VTK polydata (ASCII or binary), KITTI `.bin` (x y z intensity, little-endian `f32`) or
-/// text (x y z first, or where a header line names them).
+/// Reads the points of a file, in metres, and their σ_R.
 ///
-/// The `range_sd` of a PLY or a PCD is kept as [`Cloud::range_sd_m`]. All else is ignored, a PCD
-/// viewpoint too: [`read_recorded`] keeps it. Coordinates become `f32`: shift map
-/// coordinates before, for at 500 km that is 3 cm. Points that are no echo are left out and
-/// counted.
+/// PLY and PCD may have a `range_sd`, which becomes [`Cloud::range_sd_m`]. Everything else is
+/// ignored, the viewpoint of a PCD too; [`read_recorded`] keeps the columns. Coordinates become
+/// `f32`, which at 500 km is a step of 3 cm: shift map coordinates before. Points that are no echo
+/// are left out and counted.
 ///
 /// # Errors
 ///
-/// [`CloudError`] names the file and what was expected of it; a file without echoes is an error
-/// too.
+/// [`CloudError`] names the file and what was expected of it. A file without an echo is an error.
 pub fn read_cloud(path: &Path) -> Result<(Cloud, Dropped), CloudError> {
     read(path, Keep::Points).map(|(recorded, dropped)| (recorded.cloud, dropped))
 }
 
-/// As [`read_cloud`], with everything that a PLY or a PCD says of each point, and KITTI's
+/// Reads the points of a file with everything that a PLY or a PCD says of each, and KITTI's
 /// intensity.
 ///
 /// # Errors
 ///
-/// As of [`read_cloud`].
+/// As for [`read_cloud`].
 pub fn read_recorded(path: &Path) -> Result<(Recorded, Dropped), CloudError> {
     read(path, Keep::All)
 }
 
-/// What [`read_cloud`] makes of a file's bytes; `path` tells the format.
+/// [`read_cloud`] of bytes in memory; the extension of `path` tells the format.
 ///
 /// # Errors
 ///
-/// As of [`read_cloud`].
+/// As for [`read_cloud`].
 pub fn parse_cloud(path: &Path, bytes: &[u8]) -> Result<(Cloud, Dropped), CloudError> {
-    let (recorded, dropped) = checked(path, parser(path)?(bytes, Keep::Points))?;
+    let format = format_of(path)?;
+    let (recorded, dropped) = checked(path, (format.read)(bytes, Keep::Points))?;
     Ok((recorded.cloud, dropped))
 }
 
-/// What [`read_recorded`] makes of a file's bytes; `path` tells the format.
+/// [`read_recorded`] of bytes in memory; the extension of `path` tells the format.
 ///
 /// # Errors
 ///
-/// As of [`read_cloud`].
+/// As for [`read_cloud`].
 pub fn parse_recorded(path: &Path, bytes: &[u8]) -> Result<(Recorded, Dropped), CloudError> {
-    checked(path, parser(path)?(bytes, Keep::All))
+    let format = format_of(path)?;
+    checked(path, (format.read)(bytes, Keep::All))
 }
-
-/// What is wanted of a file, or what was expected of its bytes.
-type Read = Result<Recorded, String>;
-
-/// Reads a file's bytes.
-type Parse = fn(&[u8], Keep) -> Read;
 
 fn read(path: &Path, keep: Keep) -> Result<(Recorded, Dropped), CloudError> {
-    let parse = parser(path)?;
+    // Before the file is opened: a wrong extension is refused whatever the file holds.
+    let format = format_of(path)?;
     let bytes = read_data(path).map_err(|source| CloudError::Io { path: path.into(), source })?;
-    checked(path, parse(&bytes, keep))
+    checked(path, (format.read)(&bytes, keep))
 }
 
-fn parser(path: &Path) -> Result<Parse, CloudError> {
-    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
-    Ok(match extension.to_ascii_lowercase().as_str() {
-        "ply" => ply::parse,
-        "pcd" => pcd::parse,
-        "vtk" => |bytes, _| vtk::parse(bytes).map(bare),
-        "bin" => text::parse_kitti,
-        "xyz" | "txt" | "asc" | "csv" => |bytes, _| text::parse_text(bytes).map(bare),
-        _ => return Err(CloudError::Extension { path: path.into() }),
-    })
+fn format_of(path: &Path) -> Result<&'static Format, CloudError> {
+    let extension = path.extension().unwrap_or_default();
+    let has =
+        |format: &&Format| format.extensions.iter().any(|e| extension.eq_ignore_ascii_case(e));
+    READ.iter().find(has).ok_or_else(|| CloudError::Extension { path: path.into() })
 }
 
-/// Points of which no more is known.
-fn bare(points: Vec<Point3<f32>>) -> Recorded {
-    Recorded::of(Cloud::new(points))
-}
-
-fn checked(path: &Path, read: Read) -> Result<(Recorded, Dropped), CloudError> {
+/// Leaves out points that are no echo. Refuses a cloud with a bad σ_R, or without an echo.
+fn checked(path: &Path, read: Result<Recorded, String>) -> Result<(Recorded, Dropped), CloudError> {
     let problem = |problem| CloudError::Format { path: path.into(), problem };
     let mut recorded = read.map_err(problem)?;
     recorded.check_sds().map_err(problem)?;
@@ -98,12 +83,11 @@ fn checked(path: &Path, read: Read) -> Result<(Recorded, Dropped), CloudError> {
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
-
     use super::*;
     use echoloop_files::Column;
     use echoloop_files::attribute::{ATTRIBUTES, Attribute, RING};
 
-    use crate::cloud::{CloudFormat, write_cloud};
+    use crate::{CloudFormat, write_cloud};
 
     fn read(name: &str, content: &[u8]) -> Result<(Cloud, Dropped), CloudError> {
         let folder = tempfile::tempdir().unwrap();

@@ -2,17 +2,17 @@
 
 use nalgebra::Point3;
 
-use crate::cloud::box_tree::{BoxTree, order, ordered};
+use crate::geometry::box_tree::{BoxTree, order, ordered};
 
 /// The tree of some points.
-pub(in crate::cloud) fn tree(raw: &[[f32; 3]]) -> BoxTree {
+pub(in crate::geometry) fn tree(raw: &[[f32; 3]]) -> BoxTree {
     let points: Vec<Point3<f32>> = raw.iter().map(|&p| p.into()).collect();
     BoxTree::new(ordered(&points, &order(&points)))
 }
 
 /// Squared distance, m², and index of each point strictly within a radius, the nearest first, of
 /// equally near ones the first.
-pub(in crate::cloud) fn nearest_first(
+pub(in crate::geometry) fn nearest_first(
     points: &[Point3<f32>],
     query: &Point3<f32>,
     radius_m: f32,

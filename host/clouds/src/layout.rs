@@ -1,27 +1,27 @@
-//! Points and what is known of them as records, which both formats write one after the other.
+//! Writing a cloud as a header and binary records, one per point: PLY and PCD.
 
 use std::collections::HashSet;
 
 use echoloop_files::attribute::RANGE_SD;
-use echoloop_files::{Column, Kind};
+use echoloop_files::{Column, NumberType};
 use nalgebra::Vector3;
 
-use super::Cloud;
-use super::recorded::NORMALS;
+use crate::Cloud;
+use crate::recorded::NORMALS;
 
-/// How a format has the columns of a cloud.
-pub(super) struct Layout {
-    /// What it calls the parts of a normal.
-    pub(super) normals: [&'static str; 3],
-    /// The kind it has for numbers of a kind.
-    pub(super) kind: fn(Kind) -> Kind,
-    /// What stands before so many records of these columns.
-    pub(super) header: fn(&[Column], usize) -> String,
+/// The choices of a format that is a header and binary records.
+pub(crate) struct Layout {
+    /// Names of the components of a normal.
+    pub(crate) normals: [&'static str; 3],
+    /// The type in which it stores numbers of a type.
+    pub(crate) kind: fn(NumberType) -> NumberType,
+    /// The header for these columns and this count of records.
+    pub(crate) header: fn(&[Column], usize) -> String,
 }
 
 impl Layout {
-    /// A whole file: x, y, z, the normals, σ_R, and the other columns.
-    pub(super) fn bytes(&self, cloud: &Cloud, others: &[Column]) -> Vec<u8> {
+    /// A whole file: x, y, z, the normals, σ_R, then the other columns.
+    pub(crate) fn bytes(&self, cloud: &Cloud, others: &[Column]) -> Vec<u8> {
         let columns = self.columns(cloud, others);
         let count = cloud.points.len();
         let mut bytes = (self.header)(&columns, count).into_bytes();
@@ -34,7 +34,7 @@ impl Layout {
         bytes
     }
 
-    /// All columns under names of their own. A column of another length is none of this cloud.
+    /// All columns, under unique names. A column of another length does not belong to the cloud.
     fn columns(&self, cloud: &Cloud, others: &[Column]) -> Vec<Column> {
         let count = cloud.points.len();
         let mut columns = vectors(["x", "y", "z"], count, cloud.points.iter().map(|p| &p.coords));
@@ -50,7 +50,7 @@ impl Layout {
         columns
     }
 
-    /// A column of this format: the others' names for normals are its own.
+    /// The column with a name and a type of this format. Normals get its own names.
     fn renamed(&self, other: &Column) -> Column {
         let axis = NORMALS.iter().find_map(|names| names.iter().position(|n| *n == other.name));
         let name = axis.map_or_else(|| plain(&other.name), |axis| self.normals[axis].to_owned());
@@ -66,14 +66,14 @@ fn vectors<'a>(
     vectors: impl Iterator<Item = &'a Vector3<f32>> + Clone,
 ) -> Vec<Column> {
     let column = |(axis, name): (usize, &str)| {
-        let mut column = Column::new(name, Kind::F32, count);
+        let mut column = Column::new(name, NumberType::F32, count);
         vectors.clone().for_each(|vector| column.push(vector[axis].into()));
         column
     };
     names.into_iter().enumerate().map(column).collect()
 }
 
-/// A name that both headers take: one word of letters, digits, `_` and `-`.
+/// A name that is allowed in both headers: one word of letters, digits, `_` and `-`.
 fn plain(name: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
     let name: String = name.chars().map(|c| if is_plain(c) { c } else { '_' }).collect();
@@ -83,7 +83,7 @@ fn plain(name: &str) -> String {
     }
 }
 
-/// Names that stand twice end otherwise the second time; `_` alone is PCD's for no field.
+/// Appends `_` to a name until it is unique. `_` alone is taken: in PCD it means padding.
 fn make_unique(columns: &mut [Column]) {
     let mut taken = HashSet::from(["_".to_owned()]);
     for column in columns {

@@ -3,7 +3,7 @@
 use echoloop_dispatch::dispatch;
 use nalgebra::{Point3, Vector3};
 
-use super::{Cloud, is_finite};
+use echoloop_clouds::{Cloud, is_finite};
 
 /// Why a cloud cannot be cut into voxels.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]

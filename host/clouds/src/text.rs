@@ -1,14 +1,14 @@
-//! KITTI's binary scans, and points as text.
+//! Reading KITTI's binary scans, and points as text.
 
 use echoloop_files::attribute::INTENSITY;
-use echoloop_files::shown_most;
+use echoloop_files::one_line_of;
 use nalgebra::Point3;
 
-use super::Cloud;
-use super::recorded::{Keep, Recorded};
+use crate::Cloud;
+use crate::recorded::{Keep, Recorded};
 
-/// The points of a KITTI scan: x, y, z, intensity as little-endian `f32`, 16 bytes a point.
-pub(super) fn parse_kitti(bytes: &[u8], keep: Keep) -> Result<Recorded, String> {
+/// Reads a KITTI scan: x, y, z, intensity as little-endian `f32`, 16 bytes per point.
+pub(crate) fn parse_kitti(bytes: &[u8], keep: Keep) -> Result<Recorded, String> {
     let (records, rest) = bytes.as_chunks::<16>();
     if !rest.is_empty() {
         return Err(format!(
@@ -26,11 +26,11 @@ pub(super) fn parse_kitti(bytes: &[u8], keep: Keep) -> Result<Recorded, String> 
     Ok(recorded)
 }
 
-/// The points of a text file: a point a line, parted by blanks, commas or semicolons.
+/// Reads a text file: one point per line, numbers separated by blanks, commas or semicolons.
 ///
-/// Lines that are empty or begin with `#` or `//` are skipped. The first line may name the columns,
-/// then x, y, z are taken from there; else they are the first three.
-pub(super) fn parse_text(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
+/// Empty lines and lines that begin with `#` or `//` are skipped. x, y, z are the first three
+/// numbers, unless the first line names the columns.
+pub(crate) fn parse_text(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
     let text =
         std::str::from_utf8(bytes).map_err(|error| format!("expected text in UTF-8: {error}"))?;
     let mut lines = text
@@ -59,9 +59,9 @@ fn words(line: &str) -> impl Iterator<Item = &str> {
     line.split(|c: char| c.is_whitespace() || c == ',' || c == ';').filter(|word| !word.is_empty())
 }
 
-/// Enough of a line to recognise it.
+/// The first characters of a line, enough to recognise it.
 fn start(line: &str) -> String {
-    shown_most(line, 60)
+    one_line_of(line, 60)
 }
 
 fn columns(line: &str) -> Option<[usize; 3]> {

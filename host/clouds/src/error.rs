@@ -1,10 +1,11 @@
-//! Why a file gives no cloud.
+//! Reasons why a file gives no cloud.
 
 use std::path::PathBuf;
 
-use super::Dropped;
+use crate::Dropped;
+use crate::format::{CloudFormat, read_extensions};
 
-/// Why a file gives no cloud.
+/// Why a cloud could not be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum CloudError {
     /// The file cannot be read or written.
@@ -12,25 +13,22 @@ pub enum CloudError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The operating system's error.
         source: std::io::Error,
     },
-    /// The extension names no format we read.
-    #[error(
-        "{}: expected a .ply, .pcd, .vtk, .bin (KITTI), .xyz, .txt, .asc or .csv file",
-        path.display()
-    )]
+    /// The extension names no format that is read.
+    #[error("{}: expected a {} file", path.display(), read_extensions())]
     Extension {
         /// The file.
         path: PathBuf,
     },
-    /// The extension names no format we write.
-    #[error("{}: expected a name that ends in .ply or .pcd", path.display())]
+    /// The extension names no format that is written.
+    #[error("{}: expected a name that ends in {}", path.display(), CloudFormat::extensions())]
     Output {
         /// The file.
         path: PathBuf,
     },
-    /// The content is not what the format asks for.
+    /// The content breaks the rules of its format.
     #[error("{}: {problem}", path.display())]
     Format {
         /// The file.
@@ -38,12 +36,12 @@ pub enum CloudError {
         /// What was expected, and what was found.
         problem: String,
     },
-    /// The file is in order but holds no echo.
+    /// The file is valid but holds no echo.
     #[error("{}: expected at least one point, found none ({dropped})", path.display())]
     Empty {
         /// The file.
         path: PathBuf,
-        /// Points that were no echo.
+        /// Points left out because they are no echo.
         dropped: Dropped,
     },
 }

@@ -295,8 +295,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::cloud::kdtree::KdTree;
-    use crate::cloud::tests::scanned::nearest_first;
+    use crate::geometry::kiddo_tree::KiddoTree;
+    use crate::geometry::scanned::nearest_first;
 
     /// Coordinates on a coarse lattice (many ties and duplicates), anywhere, and on a line.
     fn points() -> impl Strategy<Value = Vec<[f32; 3]>> {
@@ -343,7 +343,7 @@ mod tests {
         ) {
             let points: Vec<Point3<f32>> = raw.iter().map(|&p| p.into()).collect();
             let (all, tree) =
-                (Neighbours::within(&points, f64::from(radius), max), KdTree::new(&points));
+                (Neighbours::within(&points, f64::from(radius), max), KiddoTree::new(&points));
             let mut found = Vec::new();
             for (i, query) in points.iter().enumerate() {
                 tree.within(query, radius, max, &mut found);

@@ -221,7 +221,7 @@ mod tests {
     use nalgebra::Point3;
     use proptest::prelude::*;
 
-    use super::super::tests::scanned::{nearest_first, tree};
+    use super::super::scanned::{nearest_first, tree};
     use super::*;
 
     /// Coordinates on a coarse lattice (many ties and duplicates), anywhere, on a line, and a few

@@ -7,7 +7,7 @@ use super::box_tree::{self, BoxTree, WIDE};
 use super::eigen::{eberly, eigenvalues, eigenvector};
 use super::nearest::Nearest;
 use super::neighbours::Neighbours;
-use super::{Cloud, is_finite};
+use echoloop_clouds::{Cloud, is_finite};
 
 /// Neighbours on a line have no normal: the middle eigenvalue must exceed the largest times this (1
 /// % in length).

@@ -1,19 +1,19 @@
-//! PLY files.
+//! PLY: reading the vertices, and the layout for writing.
 
-use super::Cloud;
-use super::layout::Layout;
-use super::recorded::{Keep, Recorded};
+use crate::Cloud;
+use crate::layout::Layout;
+use crate::recorded::{Keep, Recorded};
 use echoloop_files::attribute::is_attribute;
 use echoloop_files::ply::{self, Body, Points};
-use echoloop_files::{Column, Kind, shown};
+use echoloop_files::{Column, NumberType, one_line};
 use nalgebra::Point3;
 
-/// The vertices of a PLY file, or what was expected of it.
-pub(super) fn parse(bytes: &[u8], keep: Keep) -> Result<Recorded, String> {
+/// Reads the vertices of a PLY file; the error says what was expected.
+pub(crate) fn parse(bytes: &[u8], keep: Keep) -> Result<Recorded, String> {
     vertices(bytes, keep).map_err(|what| format!("expected a PLY file: {what}"))
 }
 
-/// What follows the vertices is not looked at.
+/// Elements after the vertices are not read.
 fn vertices(bytes: &[u8], keep: Keep) -> Result<Recorded, String> {
     let (header, reader) = ply::header(bytes)?;
     let vertex = ply::vertex(&header)?;
@@ -28,7 +28,7 @@ fn vertices(bytes: &[u8], keep: Keep) -> Result<Recorded, String> {
         Keep::Points => (body.points(vertex)?, Vec::new()),
         Keep::All => body.points_and_columns(vertex)?,
     };
-    let left_out = ply::lists(vertex).map(shown).collect();
+    let left_out = ply::lists(vertex).map(one_line).collect();
     Ok(Recorded { cloud: cloud(points), columns, left_out })
 }
 
@@ -37,12 +37,12 @@ fn cloud(points: Points) -> Cloud {
     Cloud { range_sd_m: points.range_sds, ..Cloud::new(at) }
 }
 
-/// Little-endian binary, one element `vertex`. PLY has no whole numbers of 8 bytes: they become
+/// Little-endian binary, one element `vertex`. PLY has no integers of 8 bytes: they become
 /// `double`.
-pub(super) const LAYOUT: Layout = Layout {
+pub(crate) const LAYOUT: Layout = Layout {
     normals: ["nx", "ny", "nz"],
     kind: |kind| match kind {
-        Kind::I64 | Kind::U64 => Kind::F64,
+        NumberType::I64 | NumberType::U64 => NumberType::F64,
         kind => kind,
     },
     header,
@@ -56,16 +56,16 @@ fn header(columns: &[Column], count: usize) -> String {
     )
 }
 
-/// The first names of PLY, but for `ushort`, which Open3D skips: it reads its other name alone.
-fn name(kind: Kind) -> &'static str {
+/// PLY's older type names, except for `ushort`: Open3D reads only `uint16`.
+fn name(kind: NumberType) -> &'static str {
     match kind {
-        Kind::I8 => "char",
-        Kind::U8 => "uchar",
-        Kind::I16 => "short",
-        Kind::U16 => "uint16",
-        Kind::I32 => "int",
-        Kind::U32 => "uint",
-        Kind::F32 => "float",
-        Kind::F64 | Kind::I64 | Kind::U64 => "double",
+        NumberType::I8 => "char",
+        NumberType::U8 => "uchar",
+        NumberType::I16 => "short",
+        NumberType::U16 => "uint16",
+        NumberType::I32 => "int",
+        NumberType::U32 => "uint",
+        NumberType::F32 => "float",
+        NumberType::F64 | NumberType::I64 | NumberType::U64 => "double",
     }
 }

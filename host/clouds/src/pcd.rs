@@ -1,28 +1,30 @@
-//! PCD files. pcd-rs reads them, but for compressed data: it unpacks all columns, twice, of which a
-//! file of 1 MB may have 88.
+//! PCD: reading by pcd-rs, and the layout for writing.
+//!
+//! Compressed data are unpacked here. pcd-rs unpacks every column, twice, and a file of 1 MB may
+//! unpack to 88 MB.
 
 use std::io::Cursor;
 
 use echoloop_files::attribute::{RANGE_SD, is_attribute};
-use echoloop_files::{Column, Kind, check_lines, eight, shown};
+use echoloop_files::{Column, NumberType, check_lines, eight, one_line};
 use nalgebra::Point3;
 use pcd_rs::{DataKind, DynReader, DynRecord, Field, FieldDef, PcdMeta, ValueKind};
 
-use super::layout::Layout;
-use super::recorded::{Keep, Recorded};
-use super::{Cloud, lzf};
+use crate::layout::Layout;
+use crate::recorded::{Keep, Recorded};
+use crate::{Cloud, lzf};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// The most an LZF stream can grow: 264 bytes for 3.
+/// Most bytes that one byte of LZF can unpack to: 264 for 3.
 const LZF_GROWTH: u64 = 88;
-/// Bytes of a header at most.
+/// Most bytes of a header.
 const MOST_HEADER: usize = 1 << 20;
 
-/// What a PCD file says of its points, or what was expected of it.
-pub(super) fn parse(bytes: &[u8], keep: Keep) -> Result<Recorded, String> {
+/// Reads a PCD file; the error says what was expected.
+pub(crate) fn parse(bytes: &[u8], keep: Keep) -> Result<Recorded, String> {
     let expected =
-        |error: pcd_rs::Error| format!("expected a PCD file: {}", shown(&error.to_string()));
+        |error: pcd_rs::Error| format!("expected a PCD file: {}", one_line(&error.to_string()));
     let mut cursor = Cursor::new(&bytes[..bytes.len().min(MOST_HEADER)]);
     let meta = PcdMeta::from_reader(&mut cursor).map_err(expected)?;
     let data = &bytes[cursor.position() as usize..];
@@ -42,7 +44,7 @@ pub(super) fn parse(bytes: &[u8], keep: Keep) -> Result<Recorded, String> {
     Ok(read.recorded(&meta, keep))
 }
 
-/// A header may ask for any number of points; the file's size says how many there can be.
+/// Refuses a header that promises more points than the data can hold.
 fn check_size(meta: &PcdMeta, data: &[u8]) -> Result<(), String> {
     let points = meta.num_points;
     let fields = || meta.field_defs.iter();
@@ -53,7 +55,7 @@ fn check_size(meta: &PcdMeta, data: &[u8]) -> Result<(), String> {
     let needed = record.and_then(|record| record.checked_mul(points));
     let found = data.len() as u64;
     let has = match meta.data {
-        DataKind::Ascii => found + 1, // the last line may lack its end
+        DataKind::Ascii => found + 1, // the last line may lack its line end
         DataKind::Binary => found,
         DataKind::BinaryCompressed => return check_packed(needed, data),
     };
@@ -63,12 +65,12 @@ fn check_size(meta: &PcdMeta, data: &[u8]) -> Result<(), String> {
     Ok(())
 }
 
-/// Bytes of a record of checked binary data.
+/// Bytes of a record of binary data, whose size has been checked.
 fn record_size(meta: &PcdMeta) -> usize {
     meta.field_defs.iter().map(|def| def.kind.byte_size() * def.count as usize).sum()
 }
 
-/// The two sizes before compressed data must agree with the file and with the header.
+/// Checks the two sizes before compressed data against the file and the header.
 fn check_packed(needed: Option<u64>, data: &[u8]) -> Result<(), String> {
     let word = |at: usize| {
         data.get(at..at + 4).and_then(|w| w.try_into().ok()).map(u32::from_le_bytes).map(u64::from)
@@ -87,33 +89,33 @@ fn check_packed(needed: Option<u64>, data: &[u8]) -> Result<(), String> {
     Ok(())
 }
 
-/// A field of which every number is taken.
+/// A field whose numbers are kept.
 struct Wanted {
-    /// What it is.
     name: String,
-    kind: Kind,
-    /// Its place in a record of pcd-rs, which leaves padding out.
+    kind: NumberType,
+    /// Index in a record of pcd-rs, which leaves padding out.
     place: usize,
-    /// Where it lies in a record of the file, and in unpacked data, bytes.
+    /// Byte offset in a record of the file.
     offset: usize,
+    /// Byte offset of its first number in unpacked data, which are stored field by field.
     start: u64,
     goes: Goes,
 }
 
-/// Where the numbers of a field go.
+/// The destination of the numbers of a field.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Goes {
-    /// To an axis of the points.
+    /// An axis of the points.
     Axis(usize),
-    /// To σ_R.
+    /// σ_R.
     RangeSd,
-    /// To a column of their own.
+    /// The column of that index.
     Column(usize),
 }
 
 impl Goes {
-    /// Bytes that a number takes once it is read.
-    fn size(self, kind: Kind) -> usize {
+    /// Bytes of memory per number.
+    fn size(self, kind: NumberType) -> usize {
         match self {
             Self::Axis(_) | Self::RangeSd => size_of::<f32>(),
             Self::Column(_) => kind.size(),
@@ -121,7 +123,7 @@ impl Goes {
     }
 }
 
-/// The fields that are wanted, in the file's order.
+/// The fields to keep, in the order of the file.
 fn fields(meta: &PcdMeta, keep: Keep) -> Result<Vec<Wanted>, String> {
     let (mut fields, mut columns) = (Vec::<Wanted>::new(), 0);
     let (mut place, mut offset) = (0, 0_u64);
@@ -134,7 +136,7 @@ fn fields(meta: &PcdMeta, keep: Keep) -> Result<Vec<Wanted>, String> {
         }
         place += usize::from(!def.is_padding());
         let size = def.count.saturating_mul(def.kind.byte_size() as u64);
-        offset = offset.saturating_add(size); // without points a count may be any
+        offset = offset.saturating_add(size); // with no points, any count passes check_size
     }
     match AXES.iter().enumerate().find(|(axis, _)| !has(&fields, Goes::Axis(*axis))) {
         Some((_, axis)) => Err(format!("expected a field {axis:?} in the PCD header")),
@@ -146,7 +148,7 @@ fn has(fields: &[Wanted], goes: Goes) -> bool {
     fields.iter().any(|field| field.goes == goes)
 }
 
-/// Where a field goes, after so many columns; of one that is not wanted nothing.
+/// The destination of a field after `columns` columns; None when it is not kept.
 fn goes(def: &FieldDef, keep: Keep, columns: usize) -> Result<Option<Goes>, String> {
     let axis = AXES.iter().position(|axis| *axis == def.name);
     if def.count != 1 {
@@ -165,22 +167,22 @@ fn goes(def: &FieldDef, keep: Keep, columns: usize) -> Result<Option<Goes>, Stri
     })
 }
 
-fn kind(kind: ValueKind) -> Kind {
+fn kind(kind: ValueKind) -> NumberType {
     match kind {
-        ValueKind::I8 => Kind::I8,
-        ValueKind::U8 => Kind::U8,
-        ValueKind::I16 => Kind::I16,
-        ValueKind::U16 => Kind::U16,
-        ValueKind::I32 => Kind::I32,
-        ValueKind::U32 => Kind::U32,
-        ValueKind::I64 => Kind::I64,
-        ValueKind::U64 => Kind::U64,
-        ValueKind::F32 => Kind::F32,
-        ValueKind::F64 => Kind::F64,
+        ValueKind::I8 => NumberType::I8,
+        ValueKind::U8 => NumberType::U8,
+        ValueKind::I16 => NumberType::I16,
+        ValueKind::U16 => NumberType::U16,
+        ValueKind::I32 => NumberType::I32,
+        ValueKind::U32 => NumberType::U32,
+        ValueKind::I64 => NumberType::I64,
+        ValueKind::U64 => NumberType::U64,
+        ValueKind::F32 => NumberType::F32,
+        ValueKind::F64 => NumberType::F64,
     }
 }
 
-/// What has been read.
+/// The numbers read so far.
 struct Read {
     points: Vec<Point3<f32>>,
     range_sds: Option<Vec<f32>>,
@@ -188,7 +190,7 @@ struct Read {
 }
 
 impl Read {
-    /// Room for what the fields say of all points, whose number has been held against the file.
+    /// Room for the fields of all points. Their count has been checked against the file.
     fn new(fields: &[Wanted], meta: &PcdMeta, length: usize) -> Result<Self, String> {
         let each: usize = fields.iter().map(|field| field.goes.size(field.kind)).sum();
         check_growth(meta.num_points.saturating_mul(each as u64), length as u64)?;
@@ -202,7 +204,7 @@ impl Read {
         })
     }
 
-    /// Takes a field's number of a point; columns take them in order.
+    /// Stores the number of a field at a point. Columns must get their points in order.
     fn put(&mut self, field: &Wanted, point: usize, bytes: [u8; 8]) {
         let number = || field.kind.value(bytes) as f32;
         match field.goes {
@@ -212,7 +214,7 @@ impl Read {
         }
     }
 
-    /// Takes the fields of a line.
+    /// Stores the fields of a line of text.
     fn push_text(
         &mut self,
         fields: &[Wanted],
@@ -221,14 +223,14 @@ impl Read {
     ) -> Result<(), String> {
         for field in fields {
             let number = record.0.get(field.place).and_then(number);
-            let none = || format!("expected a number in the PCD field {:?}", shown(&field.name));
+            let none = || format!("expected a number in the PCD field {:?}", one_line(&field.name));
             let number = number.ok_or_else(none)?;
             self.put(field, point, number);
         }
         Ok(())
     }
 
-    /// Takes records, which have been counted.
+    /// Stores binary records, whose count has been checked.
     fn push_binary(&mut self, fields: &[Wanted], record: usize, data: &[u8]) {
         for (point, record) in data.chunks_exact(record).take(self.points.len()).enumerate() {
             for field in fields {
@@ -237,7 +239,7 @@ impl Read {
         }
     }
 
-    /// Takes compressed data, whose sizes have been checked: one field after the other.
+    /// Stores compressed data, whose sizes have been checked: one field after the other.
     fn push_packed(&mut self, fields: &[Wanted], data: &[u8]) -> Result<(), String> {
         let word =
             |at: usize| data[at..at + 4].iter().rev().fold(0, |sum, b| sum << 8 | usize::from(*b));
@@ -251,13 +253,13 @@ impl Read {
     fn recorded(self, meta: &PcdMeta, keep: Keep) -> Recorded {
         let cloud = Cloud { range_sd_m: self.range_sds, ..Cloud::new(self.points) };
         let many = |def: &&FieldDef| def.count != 1 && !def.is_padding() && keep == Keep::All;
-        let left_out = meta.field_defs.iter().filter(many).map(|def| shown(&def.name)).collect();
+        let left_out = meta.field_defs.iter().filter(many).map(|def| one_line(&def.name)).collect();
         Recorded { cloud, columns: self.columns, left_out }
     }
 }
 
-/// What is read takes no more than 6 times the file and 48 MB: no cloud that somebody measured is
-/// packed so well.
+/// Refuses a file whose numbers would take more than 6 times its size plus 48 MB. No measured cloud
+/// compresses that well.
 fn check_growth(read: u64, file: u64) -> Result<(), String> {
     match read > file.saturating_mul(6).saturating_add(48 << 20) {
         true => Err(format!("expected at most 6 times its size in points, found {read} bytes")),
@@ -265,14 +267,14 @@ fn check_growth(read: u64, file: u64) -> Result<(), String> {
     }
 }
 
-/// A field of unpacked data, and a number of which a part came.
+/// A field of unpacked data, and the bytes of its number so far.
 struct Part<'f> {
     field: &'f Wanted,
     number: [u8; 8],
 }
 
 impl Part<'_> {
-    /// Takes its part of a piece that begins at `at`.
+    /// Stores the numbers of its field in a piece that begins at byte `at`.
     fn take(&mut self, at: u64, piece: &[u8], read: &mut Read) {
         let size = self.field.kind.size();
         let end = self.field.start + (size * read.points.len()) as u64;
@@ -286,14 +288,14 @@ impl Part<'_> {
     }
 }
 
-/// Up to eight bytes, and zeros.
+/// Up to eight bytes, then zeros.
 fn padded(bytes: &[u8]) -> [u8; 8] {
     let mut eight = [0; 8];
     eight[..bytes.len()].copy_from_slice(bytes);
     eight
 }
 
-/// The bytes of the one number of a field, little endian.
+/// The little-endian bytes of a field of one number; None for several.
 fn number(field: &Field) -> Option<[u8; 8]> {
     fn only<T: Copy, const N: usize>(values: &[T], bytes: fn(T) -> [u8; N]) -> Option<[u8; 8]> {
         match values {
@@ -315,8 +317,8 @@ fn number(field: &Field) -> Option<[u8; 8]> {
     }
 }
 
-/// Binary, unorganized, seen from the origin. PCL calls normals so.
-pub(super) const LAYOUT: Layout =
+/// Binary, unorganized, viewpoint at the origin. Normals have the names of PCL.
+pub(crate) const LAYOUT: Layout =
     Layout { normals: ["normal_x", "normal_y", "normal_z"], kind: |kind| kind, header };
 
 fn header(columns: &[Column], count: usize) -> String {
@@ -336,11 +338,11 @@ fn header(columns: &[Column], count: usize) -> String {
     .concat()
 }
 
-fn letter(kind: Kind) -> &'static str {
+fn letter(kind: NumberType) -> &'static str {
     match kind {
-        Kind::I8 | Kind::I16 | Kind::I32 | Kind::I64 => "I",
-        Kind::U8 | Kind::U16 | Kind::U32 | Kind::U64 => "U",
-        Kind::F32 | Kind::F64 => "F",
+        NumberType::I8 | NumberType::I16 | NumberType::I32 | NumberType::I64 => "I",
+        NumberType::U8 | NumberType::U16 | NumberType::U32 | NumberType::U64 => "U",
+        NumberType::F32 | NumberType::F64 => "F",
     }
 }
 
@@ -410,7 +412,7 @@ mod tests {
             Point3::new((f64::from(29_999 % 977) * 0.37) as f32, 9_999.0, 1.5)
         );
         let [intensity] = &ours.columns[..] else { panic!("{:?}", ours.columns.len()) };
-        assert_eq!((intensity.name.as_str(), intensity.kind()), ("intensity", Kind::U16));
+        assert_eq!((intensity.name.as_str(), intensity.kind()), ("intensity", NumberType::U16));
         assert!(intensity.values().all(|v| v == 7.0) && intensity.len() == 30_000);
         assert_eq!(ours.left_out, ["normal"]);
         assert_eq!(parse(&bytes, Keep::Points).unwrap().columns, []);

@@ -1,42 +1,17 @@
-//! Point clouds: files, voxels, neighbours, normals.
-
-pub(crate) mod box_tree;
-pub mod eigen;
-mod error;
-mod format;
-pub mod kdtree;
-mod layout;
-mod lzf;
-mod nearest;
-pub mod neighbours;
-pub mod normals;
-mod pcd;
-mod ply;
-pub(crate) mod quantile;
-mod read;
-mod recorded;
-mod text;
-pub mod voxel;
-mod vtk;
+//! A point cloud, and which of its points are echoes.
 
 use nalgebra::{Point3, Vector3};
 
-pub use echoloop_files::{Column, Kind, attribute};
-pub use error::CloudError;
-pub use format::{CloudFormat, write_cloud};
-pub use read::{parse_cloud, parse_recorded, read_cloud, read_recorded};
-pub use recorded::Recorded;
-
-/// Points in metres, in the frame of the sensor that saw them: the sensor is at the origin.
+/// A point cloud in the frame of its sensor, which is at the origin. Lengths in metres.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Cloud {
-    /// Where the echoes are, `[n]`.
+    /// Coordinates of the echoes, `[n]`.
     pub points: Vec<Point3<f32>>,
-    /// One normal a point, `[n]`: of length 1, or zero where the surface has no direction. Absent
+    /// Normal of each point, `[n]`: of length 1, or zero where the surface has no direction. None
     /// until estimated.
     pub normals: Option<Vec<Vector3<f32>>>,
-    /// Standard deviation of each point's range, m, `[n]`, as the sensor tells it (σ_R): finite, 0
-    /// or more. Absent where it tells nothing.
+    /// Standard deviation σ_R of each point's range, m, `[n]`: finite, 0 or more. None when the sensor
+    /// does not report it.
     pub range_sd_m: Option<Vec<f32>>,
 }
 
@@ -46,7 +21,7 @@ impl Cloud {
         Self { points, normals: None, range_sd_m: None }
     }
 
-    /// Removes points that are no echo, and says how many.
+    /// Removes points that are no echo, and counts them.
     pub fn drop_invalid(&mut self) -> Dropped {
         let mut dropped = Dropped::default();
         self.points.iter().for_each(|point| dropped.count(point));
@@ -59,8 +34,8 @@ impl Cloud {
         dropped
     }
 
-    /// Of each point, whether it is an echo.
-    fn valid(&self) -> Vec<bool> {
+    /// True for each point that is an echo.
+    pub(crate) fn valid(&self) -> Vec<bool> {
         self.points.iter().map(|point| is_finite(point) && !is_at_origin(point)).collect()
     }
 }
@@ -70,22 +45,22 @@ fn retain<T>(values: &mut Vec<T>, keep: &[bool]) {
     values.retain(|_| kept.next().unwrap_or(true));
 }
 
-/// How many points were left out because they are no echo.
+/// Counts of the points left out because they are no echo.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Dropped {
-    /// A coordinate was infinite or not a number.
+    /// Points with a coordinate that is infinite or not a number.
     pub non_finite: usize,
-    /// The range was zero, which sensors write where nothing came back.
+    /// Points at range zero, which sensors write where no echo came back.
     pub at_origin: usize,
 }
 
 impl Dropped {
-    /// All points left out.
+    /// Count of all points left out.
     pub fn total(&self) -> usize {
         self.non_finite + self.at_origin
     }
 
-    /// Counts the point if it is no echo.
+    /// Counts a point that is no echo.
     fn count(&mut self, point: &Point3<f32>) {
         self.non_finite += usize::from(!is_finite(point));
         self.at_origin += usize::from(is_at_origin(point));
@@ -98,24 +73,22 @@ impl std::fmt::Display for Dropped {
     }
 }
 
-/// Whether all coordinates are finite.
-pub(crate) fn is_finite(point: &Point3<f32>) -> bool {
+/// True when all coordinates are finite.
+pub fn is_finite(point: &Point3<f32>) -> bool {
     point.coords.iter().all(|v| v.is_finite())
 }
 
-/// Whether the range is zero.
+/// True when the range is zero.
 fn is_at_origin(point: &Point3<f32>) -> bool {
     point.coords == Vector3::zeros()
 }
 
 #[cfg(test)]
 mod tests {
-    pub(super) mod scanned;
-
     use super::*;
 
     #[test]
-    fn points_that_are_no_echo_are_counted_and_removed_with_all_that_is_known_of_them() {
+    fn points_that_are_no_echo_are_counted_and_removed_with_their_normals_and_deviations() {
         let points = vec![
             Point3::new(1.0, 2.0, 3.0),
             Point3::new(f32::NAN, 0.0, 0.0),

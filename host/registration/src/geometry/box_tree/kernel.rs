@@ -1,7 +1,7 @@
 //! Comparisons of eight numbers.
 
 /// As many as a vector of AVX2 holds.
-pub(in crate::cloud) const WIDE: usize = 8;
+pub(in crate::geometry) const WIDE: usize = 8;
 
 /// What a processor compares eight numbers with.
 pub(crate) trait LaneKernel: Copy {

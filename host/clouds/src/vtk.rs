@@ -1,13 +1,13 @@
-//! Legacy VTK files: the points of polygonal data, as libpointmatcher writes its clouds.
+//! Reading legacy VTK polydata, the format of libpointmatcher's clouds.
 
-use echoloop_files::shown;
+use echoloop_files::one_line;
 use nalgebra::Point3;
 
-/// Lines of the header may be this long (VTK's own limit), so that a file of another kind is not
-/// searched to its end.
+/// Most bytes of a header line (VTK's own limit). A file of another format is not searched to its
+/// end.
 const LONGEST_LINE: usize = 256;
 
-/// The points of a legacy VTK file, or what was expected of it.
+/// Reads the points of a legacy VTK file; the error says what was expected.
 ///
 /// ```text
 /// # vtk DataFile Version 3.0
@@ -18,15 +18,15 @@ const LONGEST_LINE: usize = 256;
 /// x y z x y z …               binary: big-endian
 /// ```
 ///
-/// What follows the points (vertices, normals, colours) is ignored.
-pub(super) fn parse(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
+/// Everything after the points (vertices, normals, colours) is ignored.
+pub(crate) fn parse(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
     let mut rest = bytes;
     let version = line(&mut rest)?;
     if !version.starts_with("# vtk DataFile Version") {
-        let version = shown(version);
+        let version = one_line(version);
         return Err(format!("expected \"# vtk DataFile Version\" first, found {version:?}"));
     }
-    line(&mut rest)?; // the title says nothing
+    line(&mut rest)?; // the title
     let encoding = line(&mut rest)?;
     expect(&mut rest, "DATASET POLYDATA")?;
     let (count, scalar) = points_line(&mut rest)?;
@@ -34,21 +34,20 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
         "ASCII" => ascii(rest, count),
         "BINARY" => binary(rest, count, scalar),
         _ => {
-            let encoding = shown(encoding);
+            let encoding = one_line(encoding);
             Err(format!("expected ASCII or BINARY in the VTK header, found {encoding:?}"))
         }
     }
 }
 
-/// What a coordinate is.
+/// The type of a coordinate.
 #[derive(Clone, Copy)]
 enum Scalar {
     Float,
     Double,
 }
 
-/// The next line, without blanks at its ends; the first line of binary data is no text, and is
-/// never asked for.
+/// The next line of the header, trimmed.
 fn line<'a>(rest: &mut &'a [u8]) -> Result<&'a str, String> {
     let end = rest.iter().take(LONGEST_LINE).position(|&byte| byte == b'\n');
     let end = end.ok_or("expected a line of a VTK header")?;
@@ -72,7 +71,7 @@ fn expect(rest: &mut &[u8], expected: &str) -> Result<(), String> {
     match found.split_whitespace().eq(expected.split_whitespace()) {
         true => Ok(()),
         false => {
-            let found = shown(found);
+            let found = one_line(found);
             Err(format!("expected {expected:?} in the VTK header, found {found:?}"))
         }
     }
@@ -81,7 +80,7 @@ fn expect(rest: &mut &[u8], expected: &str) -> Result<(), String> {
 fn points_line(rest: &mut &[u8]) -> Result<(usize, Scalar), String> {
     let found = filled_line(rest)?;
     let fail = || {
-        let found = shown(found);
+        let found = one_line(found);
         format!("expected \"POINTS\", a count, and \"float\" or \"double\", found {found:?}")
     };
     let words: Vec<&str> = found.split_whitespace().collect();
@@ -94,8 +93,7 @@ fn points_line(rest: &mut &[u8]) -> Result<(usize, Scalar), String> {
     Ok((count.parse().map_err(|_| fail())?, scalar))
 }
 
-/// Words are read as they come: a count that lies is found out before anything of its size is
-/// allocated.
+/// Reads word by word and allocates as it goes: a wrong count in the header costs no memory.
 fn ascii(rest: &[u8], count: usize) -> Result<Vec<Point3<f32>>, String> {
     let mut words = rest.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
     let mut points = Vec::new();
@@ -131,7 +129,7 @@ fn binary(rest: &[u8], count: usize, scalar: Scalar) -> Result<Vec<Point3<f32>>,
     })
 }
 
-/// Every three numbers of `WORD` bytes are a point.
+/// Points of three numbers, each of `WORD` bytes.
 fn points<const WORD: usize>(data: &[u8], number: impl Fn([u8; WORD]) -> f32) -> Vec<Point3<f32>> {
     let (words, _) = data.as_chunks::<WORD>();
     let (points, _) = words.as_chunks::<3>();

@@ -1,19 +1,19 @@
-//! A motion from a file.
+//! Reading a pose from a file.
 
 use std::path::{Path, PathBuf};
 
-use echoloop_files::{MOST_TEXT, read_text, shown};
+use echoloop_files::{MOST_TEXT, one_line, read_text};
 use serde_json::Value;
 
 use super::{NotRigid, Pose, from_rows};
 
-/// The key that holds the motion in a document of ours.
+/// The key of the motion in a JSON document.
 const KEY: &str = "target_from_source";
 
-/// The row that a KITTI row leaves out.
+/// The fourth row of the matrix, which KITTI leaves out.
 const LAST_ROW: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
 
-/// Why a file holds no [`Pose`].
+/// Why a [`Pose`] could not be read.
 #[derive(Debug, thiserror::Error)]
 pub enum PoseError {
     /// The file cannot be read.
@@ -21,7 +21,7 @@ pub enum PoseError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The operating system's error.
         source: std::io::Error,
     },
     /// A word is not a number.
@@ -43,23 +43,23 @@ pub enum PoseError {
     Count {
         /// The file.
         path: PathBuf,
-        /// How many numbers there are.
+        /// Count of the numbers.
         found: usize,
     },
-    /// What begins as JSON does not go on so.
+    /// The file begins like JSON but is not valid JSON.
     #[error("{}: expected a JSON document with {KEY}, found no JSON: {source}", path.display())]
     Json {
         /// The file.
         path: PathBuf,
-        /// What is wrong, and where.
+        /// The error of the JSON parser, with its place.
         source: serde_json::Error,
     },
-    /// The document has no motion where it should be.
+    /// The document has no 4×4 matrix under its key.
     #[error("{}: found {found}, expected {KEY} with 4 rows of 4 numbers", path.display())]
     Document {
         /// The file.
         path: PathBuf,
-        /// What the document has instead.
+        /// What was found instead.
         found: String,
     },
     /// The matrix is not a rigid motion.
@@ -67,34 +67,34 @@ pub enum PoseError {
     Rigid {
         /// The file.
         path: PathBuf,
-        /// What is wrong with the matrix.
+        /// The property that the matrix lacks.
         reason: NotRigid,
     },
 }
 
-/// Reads a motion, rows first, in any of three forms:
+/// Reads a pose, row by row, in one of three forms:
 ///
-/// - a JSON document with `target_from_source`, four rows of four numbers, whatever else it holds:
-///   what `echoloop register --json` writes;
-/// - sixteen numbers, a 4×4 matrix, parted by blanks, commas or line ends;
-/// - twelve numbers, the upper three rows of it: a line of KITTI's `poses/NN.txt`.
+/// - JSON that has `target_from_source`, four rows of four numbers, as `echoloop register --json`
+///   writes it; other keys are ignored;
+/// - sixteen numbers, a 4×4 matrix, separated by blanks, commas or line ends;
+/// - twelve numbers, its upper three rows: a line of KITTI's `poses/NN.txt`.
 ///
-/// A rotation within 1e-3 of orthonormal is made exact ([`from_rows`]).
+/// A rotation within 1e-3 of orthonormal is made orthonormal ([`from_rows`]).
 ///
 /// # Errors
 ///
-/// [`PoseError`] names the file, what it holds, and what was expected.
+/// [`PoseError`] names the file, what was found, and what was expected.
 pub fn read_pose(path: &Path) -> Result<Pose, PoseError> {
     let text =
         read_text(path, MOST_TEXT).map_err(|source| PoseError::Io { path: path.into(), source })?;
     parse_pose(path, &text)
 }
 
-/// What [`read_pose`] makes of a file's text; `path` is for messages.
+/// [`read_pose`] of text in memory; `path` is for messages.
 ///
 /// # Errors
 ///
-/// As of [`read_pose`].
+/// As for [`read_pose`].
 pub fn parse_pose(path: &Path, text: &str) -> Result<Pose, PoseError> {
     let is_json = text.trim_start().starts_with(['{', '[']);
     let rows = if is_json { document(path, text) } else { matrix(path, text) }?;
@@ -108,7 +108,7 @@ fn document(path: &Path, text: &str) -> Result<[f64; 16], PoseError> {
     motion.and_then(rows).map_err(|found| PoseError::Document { path: path.into(), found })
 }
 
-/// Four rows of four numbers, one after the other; else what there is instead.
+/// Four rows of four numbers; the error says what was found instead.
 fn rows(motion: &Value) -> Result<[f64; 16], String> {
     let rows = motion.as_array().ok_or_else(|| format!("{KEY} that is {}", kind(motion)))?;
     let mut all = Vec::new();
@@ -123,7 +123,7 @@ fn rows(motion: &Value) -> Result<[f64; 16], String> {
     all.try_into().map_err(|_| format!("{} × 4 numbers", rows.len()))
 }
 
-/// What a value is, in words.
+/// The type of a JSON value, in words.
 fn kind(value: &Value) -> &'static str {
     match value {
         Value::Null => "null",
@@ -155,7 +155,7 @@ fn numbers(path: &Path, text: &str) -> Result<Vec<f64>, PoseError> {
             word.parse().map_err(|_| PoseError::Number {
                 path: path.into(),
                 line: line + 1,
-                word: shown(word),
+                word: one_line(word),
             })
         })
         .collect()

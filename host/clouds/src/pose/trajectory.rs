@@ -1,27 +1,27 @@
-//! Poses one after the other, from a file.
+//! Reading a trajectory from a file.
 
 use std::path::{Path, PathBuf};
 
-use echoloop_files::{MOST_TEXT, read_text, shown};
+use echoloop_files::{MOST_TEXT, one_line, read_text};
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
 
 use super::{Pose, from_rows};
 
-/// A quaternion's length may be off by this.
+/// Largest difference of a quaternion's length from 1.
 const UNIT_TOLERANCE: f64 = 1e-3;
 
-/// A pose, and when the sensor was there.
+/// A pose of a trajectory, and its time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stamped {
     /// Line of the file, from 1.
     pub line: usize,
-    /// In s; none in a KITTI row.
+    /// Time, s; None in KITTI's files.
     pub time_s: Option<f64>,
     /// `world_from_sensor`.
     pub pose: Pose,
 }
 
-/// Why a file holds no trajectory.
+/// Why a trajectory could not be read.
 #[derive(Debug, thiserror::Error)]
 pub enum TrajectoryError {
     /// The file cannot be read.
@@ -29,10 +29,10 @@ pub enum TrajectoryError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The operating system's error.
         source: std::io::Error,
     },
-    /// A line is no pose.
+    /// A line holds no pose.
     #[error("{}:{line}: {reason}", path.display())]
     Line {
         /// The file.
@@ -42,7 +42,7 @@ pub enum TrajectoryError {
         /// What was found, and what was expected.
         reason: String,
     },
-    /// There is no pose.
+    /// The file holds no pose.
     #[error(
         "{}: no pose, expected lines of 8 numbers (TUM: time x y z qx qy qz qw) or 12 (KITTI)",
         path.display()
@@ -53,27 +53,29 @@ pub enum TrajectoryError {
     },
 }
 
-/// Reads poses, one a line, all in one of two forms:
+/// Reads poses, one per line, all in the same one of two forms:
 ///
-/// - TUM: `time x y z qx qy qz qw`, s and m, times rising, the quaternion of length 1 within 1e-3;
-/// - KITTI: the upper three rows of a 4×4 matrix, as [`read_pose`](super::read_pose) takes them.
+/// - TUM: `time x y z qx qy qz qw`, s and m, with rising times and a quaternion of length 1 within
+///   1e-3;
+/// - KITTI: the upper three rows of a 4×4 matrix, as in [`read_pose`](super::read_pose).
 ///
-/// Numbers are parted by blanks or commas; empty lines and what begins with `#` are passed over.
+/// Numbers are separated by blanks or commas. Empty lines and lines that begin with `#` are
+/// skipped.
 ///
 /// # Errors
 ///
-/// [`TrajectoryError`] names the file, the line, what it holds, and what was expected.
+/// [`TrajectoryError`] names the file, the line, what was found, and what was expected.
 pub fn read_trajectory(path: &Path) -> Result<Vec<Stamped>, TrajectoryError> {
     let text = read_text(path, MOST_TEXT)
         .map_err(|source| TrajectoryError::Io { path: path.into(), source })?;
     parse_trajectory(path, &text)
 }
 
-/// What [`read_trajectory`] makes of a file's text; `path` is for messages.
+/// [`read_trajectory`] of text in memory; `path` is for messages.
 ///
 /// # Errors
 ///
-/// As of [`read_trajectory`].
+/// As for [`read_trajectory`].
 pub fn parse_trajectory(path: &Path, text: &str) -> Result<Vec<Stamped>, TrajectoryError> {
     let mut poses: Vec<Stamped> = Vec::new();
     for (line, text) in (1..).zip(text.lines()) {
@@ -92,7 +94,7 @@ fn parse_line(line: usize, text: &str) -> Result<Stamped, String> {
     let words = text.split(|c: char| c.is_whitespace() || c == ',').filter(|word| !word.is_empty());
     let number = |word: &str| match word.parse::<f64>() {
         Ok(number) if number.is_finite() => Ok(number),
-        _ => Err(format!("expected a finite number, found {:?}", shown(word))),
+        _ => Err(format!("expected a finite number, found {:?}", one_line(word))),
     };
     let numbers = words.map(number).collect::<Result<Vec<f64>, String>>()?;
     match numbers[..] {
@@ -117,7 +119,7 @@ fn parse_line(line: usize, text: &str) -> Result<Stamped, String> {
     }
 }
 
-/// Whether a pose may come after another.
+/// Refuses a pose whose time does not rise, or whose form differs from the last one's.
 fn follows(last: Option<&Stamped>, next: Stamped) -> Result<Stamped, String> {
     match last.map(|last| (last.time_s, next.time_s)) {
         Some((Some(last), Some(next))) if next <= last => {

@@ -1,46 +1,45 @@
-//! A cloud as a file has it, with all that is known of each point.
+//! A cloud with everything that its file says of each point.
 
 use echoloop_files::attribute::RANGE_SD;
-use echoloop_files::{Column, Kind};
+use echoloop_files::{Column, NumberType};
 use nalgebra::Vector3;
 
-use super::{Cloud, Dropped};
 use crate::pose::Pose;
+use crate::{Cloud, Dropped};
 
-/// Names that normals have in files: PLY's, and PCL's in PCD.
-pub(super) const NORMALS: [[&str; 3]; 2] =
+/// Names of normals in files: those of PLY, and those of PCL in PCD.
+pub(crate) const NORMALS: [[&str; 3]; 2] =
     [["nx", "ny", "nz"], ["normal_x", "normal_y", "normal_z"]];
 
-/// How much of a file is wanted.
+/// The part of a file to keep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Keep {
-    /// What a [`Cloud`] holds.
+pub(crate) enum Keep {
+    /// The fields of a [`Cloud`].
     Points,
-    /// All that is said of each point.
+    /// Everything that is said of each point.
     All,
 }
 
 /// A cloud with everything else that its file says of each point.
 ///
-/// Registration looks at [`Self::cloud`] alone. The columns follow the points: what is left out of
-/// the cloud goes from them too. Voxels keep none.
+/// Points that are removed from the cloud are removed from the columns too.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recorded {
     /// The points, with their σ_R if the file has it.
     pub cloud: Cloud,
-    /// Whatever else has one number a point, each as long as the cloud.
+    /// Everything else that has one number per point; each column is as long as the cloud.
     pub columns: Vec<Column>,
-    /// Names of what has more than one number a point, which is not read.
+    /// Names of the fields with several numbers per point, which are not read.
     pub left_out: Vec<String>,
 }
 
 impl Recorded {
-    /// A cloud of which no more is known.
-    pub(super) fn of(cloud: Cloud) -> Self {
+    /// A cloud without columns.
+    pub(crate) fn of(cloud: Cloud) -> Self {
         Self { cloud, ..Self::default() }
     }
 
-    /// Removes points that are no echo, and says how many.
+    /// Removes points that are no echo, and counts them.
     pub fn drop_invalid(&mut self) -> Dropped {
         let keep = self.cloud.valid();
         let dropped = self.cloud.drop_invalid();
@@ -50,8 +49,8 @@ impl Recorded {
         dropped
     }
 
-    /// Moves the points, and turns their normals. What else is known of a point stays as it is:
-    /// σ_R is that along the beam, which now begins where the sensor has gone.
+    /// Moves the points and turns their normals, those among the columns too. Other columns stay:
+    /// σ_R is along the beam, and the beam moves with the points.
     pub fn transform(&mut self, to_from_here: &Pose) {
         let cloud = &mut self.cloud;
         cloud.points.iter_mut().for_each(|p| *p = (to_from_here * p.cast::<f64>()).cast());
@@ -64,11 +63,11 @@ impl Recorded {
         }
     }
 
-    /// What is wrong with the σ_R of a point that is an echo, if anything is.
-    pub(super) fn check_sds(&self) -> Result<(), String> {
+    /// Refuses a σ_R that is negative or not finite, at a point that is an echo.
+    pub(crate) fn check_sds(&self) -> Result<(), String> {
         let sds = self.cloud.range_sd_m.iter().flatten().enumerate();
         let wrong = sds.zip(self.cloud.valid()).find(|((_, sd), is_valid)| {
-            *is_valid && !(sd.is_finite() && **sd >= 0.0) // its sign may be that of -0
+            *is_valid && !(sd.is_finite() && **sd >= 0.0) // -0 is allowed
         });
         match wrong {
             Some(((point, sd), _)) => Err(format!(
@@ -80,14 +79,15 @@ impl Recorded {
     }
 }
 
-/// Turns three columns that are a vector, if all are there.
+/// Turns the three columns of a vector; None when one is missing.
 fn turn(
     columns: &mut [Column],
     names: [&str; 3],
     turned: impl Fn(Vector3<f64>) -> Vector3<f64>,
 ) -> Option<()> {
     let place = |name: &str| {
-        let is_it = |c: &Column| c.name == name && matches!(c.kind(), Kind::F32 | Kind::F64);
+        let is_it =
+            |c: &Column| c.name == name && matches!(c.kind(), NumberType::F32 | NumberType::F64);
         columns.iter().position(is_it)
     };
     let places = [place(names[0])?, place(names[1])?, place(names[2])?];
@@ -110,13 +110,13 @@ mod tests {
     use super::*;
 
     fn column(name: &str, values: &[f64]) -> Column {
-        let mut column = Column::new(name, Kind::F32, values.len());
+        let mut column = Column::new(name, NumberType::F32, values.len());
         values.iter().for_each(|value| column.push(*value));
         column
     }
 
     #[test]
-    fn what_is_known_of_a_point_goes_with_it_and_a_bad_sd_counts_only_on_an_echo() {
+    fn columns_lose_the_points_of_the_cloud_and_a_bad_sd_counts_only_on_an_echo() {
         let points = vec![[f32::NAN; 3].into(), [1.0, 2.0, 3.0].into(), [0.0; 3].into()];
         let range_sd_m = Some(vec![f32::NAN, 0.1, -1.0]);
         let ring = RING.column([4.0, 5.0, 6.0].into_iter());
@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn a_motion_moves_points_and_turns_normals_and_leaves_the_rest() {
+    fn transform_moves_points_and_turns_normals_and_leaves_the_rest() {
         let mut recorded = Recorded::of(Cloud::new(vec![[1.0, 0.0, 0.0].into()]));
         recorded.columns = vec![
             column("normal_x", &[1.0]),

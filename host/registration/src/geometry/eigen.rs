@@ -44,7 +44,7 @@ pub(super) mod eberly {
     /// which Open3D follows: from the eigenvalue farthest from the middle one its vector, then the
     /// middle one's in the plane across it, then their product. Vectors come with the sign that
     /// this leaves.
-    pub(in crate::cloud) fn least(a: &Matrix3<f64>) -> Vector3<f64> {
+    pub(in crate::geometry) fn least(a: &Matrix3<f64>) -> Vector3<f64> {
         let scale = a.max();
         if scale == 0.0 || !scale.is_finite() {
             return Vector3::zeros();

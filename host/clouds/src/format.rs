@@ -1,0 +1,177 @@
+//! The file formats of clouds, one row each: reading, writing, refusals and help follow from it.
+
+use std::path::Path;
+
+use echoloop_files::Column;
+use nalgebra::Point3;
+
+use crate::recorded::{Keep, Recorded};
+use crate::{Cloud, CloudError, pcd, ply, text, vtk};
+
+/// A format that clouds are read from.
+pub(crate) struct Format {
+    /// Extensions of its files, in lower case.
+    pub(crate) extensions: &'static [&'static str],
+    /// Its name, where the extension does not tell.
+    pub(crate) known_as: &'static str,
+    /// The cloud in the bytes of a file, or what was expected of them.
+    pub(crate) read: fn(&[u8], Keep) -> Result<Recorded, String>,
+}
+
+/// Declares [`CloudFormat`] and the tables of all formats.
+macro_rules! formats {
+    (
+        written { $(
+            $(#[$doc:meta])*
+            $variant:ident: $name:literal, $summary:literal,
+            read: $read:expr, write: $write:expr;
+        )+ }
+        only read { $( [$($extension:literal),+], $known_as:literal, read: $only_read:expr; )+ }
+    ) => {
+        /// A format that clouds are written in, always binary and little endian.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum CloudFormat {
+            $($(#[$doc])* $variant,)+
+        }
+
+        impl CloudFormat {
+            /// All of them.
+            pub const ALL: [Self; [$($name),+].len()] = [$(Self::$variant),+];
+
+            /// The name of the format, which is also the extension of its files.
+            #[must_use]
+            pub fn name(self) -> &'static str {
+                match self { $(Self::$variant => $name,)+ }
+            }
+
+            /// A line of help.
+            #[must_use]
+            pub fn summary(self) -> &'static str {
+                match self { $(Self::$variant => $summary,)+ }
+            }
+
+            fn write(self) -> fn(&Cloud, &[Column]) -> Vec<u8> {
+                match self { $(Self::$variant => $write,)+ }
+            }
+        }
+
+        /// Formats that are read, those that are also written first.
+        pub(crate) const READ: &[Format] = &[
+            $(Format { extensions: &[$name], known_as: "", read: $read },)+
+            $(Format {
+                extensions: &[$($extension),+], known_as: $known_as, read: $only_read,
+            },)+
+        ];
+    };
+}
+
+// To add a format: its file, a row here, and its row in the table of lib.rs.
+formats! {
+    written {
+        /// Stanford polygon format with one element, `vertex`.
+        Ply: "ply", "binary PLY, an element `vertex`",
+            read: ply::parse, write: |cloud, columns| ply::LAYOUT.bytes(cloud, columns);
+        /// Point Cloud Library, version 0.7. Unorganized, because beams without an echo are left
+        /// out.
+        Pcd: "pcd", "binary PCD 0.7, unorganized",
+            read: pcd::parse, write: |cloud, columns| pcd::LAYOUT.bytes(cloud, columns);
+    }
+    only read {
+        ["vtk"], "", read: |bytes, _| vtk::parse(bytes).map(points_alone);
+        ["bin"], "KITTI", read: text::parse_kitti;
+        ["xyz", "txt", "asc", "csv"], "",
+            read: |bytes, _| text::parse_text(bytes).map(points_alone);
+    }
+}
+
+impl CloudFormat {
+    /// The format that a file's extension names, in upper or lower case.
+    #[must_use]
+    pub fn of(path: &Path) -> Option<Self> {
+        let extension = path.extension()?;
+        Self::ALL.into_iter().find(|format| extension.eq_ignore_ascii_case(format.name()))
+    }
+
+    /// The extensions that [`Self::of`] knows, for a message: ".ply or .pcd".
+    #[must_use]
+    pub fn extensions() -> String {
+        alternatives(Self::ALL.iter().map(|format| format!(".{}", format.name())).collect())
+    }
+
+    /// A whole file: `x y z` in m, normals and `range_sd` if the cloud has them, and the columns.
+    ///
+    /// A column whose length is not the cloud's is left out. A name that is not allowed in a
+    /// header, or that is taken already, is changed. PLY has no integers of 8 bytes: they become
+    /// `double`.
+    #[must_use]
+    pub fn bytes(self, cloud: &Cloud, columns: &[Column]) -> Vec<u8> {
+        self.write()(cloud, columns)
+    }
+}
+
+/// Extensions of all formats that are read, for a message.
+pub(crate) fn read_extensions() -> String {
+    let named = |format: &Format| {
+        let note = match format.known_as {
+            "" => String::new(),
+            name => format!(" ({name})"),
+        };
+        format.extensions.iter().map(move |extension| format!(".{extension}{note}"))
+    };
+    alternatives(READ.iter().flat_map(named).collect())
+}
+
+/// "a, b or c".
+fn alternatives(mut words: Vec<String>) -> String {
+    let last = words.pop().unwrap_or_default();
+    if words.is_empty() { last } else { format!("{} or {last}", words.join(", ")) }
+}
+
+fn points_alone(points: Vec<Point3<f32>>) -> Recorded {
+    Recorded::of(Cloud::new(points))
+}
+
+/// Writes a cloud in the format that the file's extension names.
+///
+/// # Errors
+///
+/// [`CloudError::Output`] when the extension names no format, [`CloudError::Io`] when the file
+/// cannot be written.
+pub fn write_cloud(path: &Path, cloud: &Cloud) -> Result<(), CloudError> {
+    write(path, cloud, &[])
+}
+
+/// Writes a cloud and its columns in the format that the file's extension names.
+///
+/// # Errors
+///
+/// As for [`write_cloud`].
+pub fn write_recorded(path: &Path, recorded: &Recorded) -> Result<(), CloudError> {
+    write(path, &recorded.cloud, &recorded.columns)
+}
+
+fn write(path: &Path, cloud: &Cloud, columns: &[Column]) -> Result<(), CloudError> {
+    let format = CloudFormat::of(path).ok_or_else(|| CloudError::Output { path: path.into() })?;
+    std::fs::write(path, format.bytes(cloud, columns))
+        .map_err(|source| CloudError::Io { path: path.into(), source })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn refusals_name_every_extension() {
+        assert_eq!(CloudFormat::extensions(), ".ply or .pcd");
+        let read = ".ply, .pcd, .vtk, .bin (KITTI), .xyz, .txt, .asc or .csv";
+        assert_eq!(read_extensions(), read);
+    }
+
+    #[test]
+    fn the_front_page_lists_every_extension() {
+        let page = include_str!("lib.rs");
+        for extension in READ.iter().flat_map(|format| format.extensions) {
+            assert!(page.contains(&format!("`.{extension}`")), "{extension}");
+        }
+    }
+}
