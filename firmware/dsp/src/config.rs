@@ -1,16 +1,16 @@
 //! From settings to what the stages read: done once, when new settings are committed.
 
-use crate::choice::{AmbientEstimator, EchoChoice, TimingMethod};
-use crate::fine_config::FineConfig;
-use crate::hardware::{Hardware, SPEED_OF_LIGHT_M_S, sample_period_fs};
-use crate::height::FARTHEST;
-use crate::pulse::Pulse;
-use crate::ramp::Ramp;
-use crate::refusal::Refusal;
+use crate::clipped::fine_config::FineConfig;
+use crate::clipped::height::FARTHEST;
+use crate::clipped::pulse::Pulse;
+use crate::rising_gain::ramp::Ramp;
 use crate::settings::Settings;
-use crate::split::Sharpener;
-use crate::template::{Template, half_length, samples_per_width};
-use crate::timing::Timing;
+use crate::settings::choice::{AmbientEstimator, EchoChoice, TimingMethod};
+use crate::settings::hardware::{Hardware, SPEED_OF_LIGHT_M_S, sample_period_fs};
+use crate::settings::refusal::Refusal;
+use crate::stages::split::Sharpener;
+use crate::stages::template::{Template, half_length, samples_per_width};
+use crate::stages::timing::Timing;
 
 /// Everything the stages read, derived from one [`Settings`].
 ///
@@ -220,7 +220,7 @@ impl DetectorConfig {
         self.sharpener.as_ref()
     }
 
-    /// κ, Q0.32: see [`Noise`](crate::noise::Noise).
+    /// κ, Q0.32: see [`Noise`](crate::stages::noise::Noise).
     pub fn shot_noise(&self) -> u32 {
         self.shot_noise
     }
@@ -251,7 +251,7 @@ impl DetectorConfig {
     }
 }
 
-/// How the codes of several shots become those of one waveform: [`crate::accumulate`].
+/// How the codes of several shots become those of one waveform: [`crate::stages::accumulate`].
 struct Sum {
     shots: u32,
     shift: u32,

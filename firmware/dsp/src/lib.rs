@@ -62,41 +62,26 @@
 )]
 #![cfg_attr(test, allow(clippy::arithmetic_side_effects, clippy::indexing_slicing))]
 
-pub mod accumulate;
-pub mod baseline;
-mod check;
-pub mod choice;
+mod clipped;
 pub mod config;
-pub mod detect;
-pub mod echo;
-pub mod edges;
-pub mod filter;
-pub mod fine;
-mod fine_config;
-pub mod flags;
-pub mod hardware;
-pub mod height;
-pub mod lagrange;
 pub mod limits;
 pub mod loops;
-pub mod near;
-pub mod noise;
-pub mod peak;
 pub mod pipeline;
-pub mod pulse;
 pub mod q;
-pub mod ramp;
-pub mod reason;
-pub mod refine;
-pub mod refusal;
+mod rising_gain;
 pub mod scan_pattern;
 pub mod settings;
-pub mod split;
-pub mod statistics;
-pub mod template;
-pub mod timing;
+mod stages;
 
-pub use check::{Choices, pulse_energy_pj};
+// One level of names for users, whatever folder a file is in.
+pub use clipped::{edges, fine, height, pulse};
+pub use rising_gain::{near, ramp};
+pub use settings::{choice, hardware, reason, refusal};
+pub use stages::{
+    accumulate, baseline, detect, echo, filter, flags, lagrange, noise, peak, refine, split,
+    statistics, template, timing,
+};
+
 pub use choice::{AmbientEstimator, DenoiseFilter, EchoChoice, TimingMethod};
 pub use config::DetectorConfig;
 pub use echo::{Echo, Echoes};
@@ -112,4 +97,5 @@ pub use scan_pattern::grid::Grid;
 pub use scan_pattern::rosette::Rosette;
 pub use scan_pattern::spinning::{Spinning, SpinningModel};
 pub use scan_pattern::table::BeamTable;
+pub use settings::check::{Choices, pulse_energy_pj};
 pub use settings::{Kind, PARAMETERS, Parameter, ParameterId, Settings};

@@ -3,10 +3,10 @@
 
 use core::ops::Range;
 
-use crate::near::Near;
-use crate::peak::Peaks;
-use crate::statistics::{OrderStatistics, Statistics};
-use crate::{baseline, detect, filter, statistics};
+use crate::rising_gain::near::Near;
+use crate::stages::peak::Peaks;
+use crate::stages::statistics::{OrderStatistics, Statistics};
+use crate::stages::{baseline, detect, filter, statistics};
 
 /// What takes nearly all of the time. Every method is plain Rust unless a processor knows better.
 ///

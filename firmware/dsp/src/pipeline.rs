@@ -2,23 +2,23 @@
 
 use core::ops::Range;
 
-use crate::accumulate::Accumulator;
+use crate::clipped::fine::Fine;
 use crate::config::DetectorConfig;
-use crate::detect::Threshold;
-use crate::echo::{Echo, Echoes};
-use crate::filter::{self, PADDING};
-use crate::fine::Fine;
-use crate::hardware::Hardware;
 use crate::limits::{MAX_SAMPLES, MAX_TAPS};
 use crate::loops::SampleLoops;
-use crate::near::Near;
-use crate::noise::Noise;
-use crate::peak::{Peak, Peaks};
-use crate::refine::{Chosen, Refined, Refiner, Waveform};
-use crate::refusal::Refusal;
+use crate::rising_gain::near::Near;
 use crate::settings::Settings;
-use crate::split::{Overlapping, Sharpener, Splitter};
-use crate::statistics::Statistics;
+use crate::settings::hardware::Hardware;
+use crate::settings::refusal::Refusal;
+use crate::stages::accumulate::Accumulator;
+use crate::stages::detect::Threshold;
+use crate::stages::echo::{Echo, Echoes};
+use crate::stages::filter::{self, PADDING};
+use crate::stages::noise::Noise;
+use crate::stages::peak::{Peak, Peaks};
+use crate::stages::refine::{Chosen, Refined, Refiner, Waveform};
+use crate::stages::split::{Overlapping, Sharpener, Splitter};
+use crate::stages::statistics::Statistics;
 
 /// Working memory of one waveform and its shots: about 30 kB, reused for every waveform.
 ///
@@ -116,8 +116,8 @@ impl Pipeline {
 
     /// Finds the echoes of one waveform of ADC codes, which come after [`DetectorConfig::codes`] −
     /// [`DetectorConfig::samples`] of before the trigger and are, with several shots, those of
-    /// [`Accumulator::read`](crate::accumulate::Accumulator::read). Samples beyond [`MAX_SAMPLES`]
-    /// are ignored; none give none.
+    /// [`Accumulator::read`](crate::stages::accumulate::Accumulator::read). Samples beyond
+    /// [`MAX_SAMPLES`] are ignored; none give none.
     ///
     /// `loops` does the loops over every sample ([`Portable`](crate::loops::Portable)
     /// everywhere). Inlined into its caller, so that a board may compile the whole for the vector

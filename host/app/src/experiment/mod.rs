@@ -8,10 +8,10 @@
 //!    writing each generation to a [`journal::Journal`].
 //! 5. [`tune::TuneSearch::judge`] says what parameters are worth on pairs that no search saw.
 //!
-//! A new parameter of the sensor is a row of the firmware's table (`firmware/dsp/src/settings.rs`),
-//! one of a method a row of `host/registration/src/config/table.rs`; both then are axes of the
-//! cube. A new key of a configuration is a row of its section in
-//! [`config`], and [`explained::explained`] then says what it is.
+//! A new parameter of the sensor is a row of the firmware's table
+//! (`firmware/dsp/src/settings/parameters.rs`), one of a method a row of
+//! `host/registration/src/config/table.rs`; both then are axes of the cube. A new key
+//! of a configuration is a row of its section in [`config`], and [`explained::explained`] then says what it is.
 //!
 //! ```
 //! use std::sync::atomic::AtomicBool;

@@ -5,8 +5,8 @@
               at most 2³¹, σ at most 2¹⁹; divisors are at least 1"
 )]
 
-use crate::noise::Noise;
-use crate::pulse::Pulse;
+use crate::clipped::pulse::Pulse;
+use crate::stages::noise::Noise;
 
 /// What the edges of a clipped pulse say.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -7,7 +7,7 @@ pub mod rosette;
 pub mod spinning;
 pub mod table;
 
-use crate::echo::Echo;
+use crate::stages::echo::Echo;
 use grid::Grid;
 use rosette::Rosette;
 use spinning::Spinning;

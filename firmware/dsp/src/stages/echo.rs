@@ -3,13 +3,13 @@
 use fixed::types::{U1F15, U6F10, U8F8, U12F4, U24F8};
 use heapless::Vec;
 
+use crate::clipped::edges;
 use crate::config::DetectorConfig;
-use crate::detect::Threshold;
-use crate::edges;
-use crate::flags::Flags;
 use crate::limits::MAX_ECHOES;
 use crate::q::{divide_round, saturate_u16, shift_round};
-use crate::refine::Refined;
+use crate::stages::detect::Threshold;
+use crate::stages::flags::Flags;
+use crate::stages::refine::Refined;
 
 /// One echo.
 ///
@@ -21,7 +21,8 @@ use crate::refine::Refined;
 /// snr          = height / σ_y                   both after the filter: what k is compared with
 /// ```
 ///
-/// v is the near gain at the echo ([`crate::ramp`]); amplitude is as converted, v in it.
+/// v is the near gain at the echo ([`crate::rising_gain::ramp`]); amplitude is as converted, v in
+/// it.
 ///
 /// | field | unit | format |
 /// |---|---|---|

@@ -1,10 +1,10 @@
 //! What a filter does to the time of an echo: how far the noise shifts it, and by how much each
 //! method is wrong.
 
-use crate::choice::TimingMethod;
-use crate::lagrange::interpolation;
 use crate::limits::MAX_TAPS;
-use crate::template::Template;
+use crate::settings::choice::TimingMethod;
+use crate::stages::lagrange::interpolation;
+use crate::stages::template::Template;
 
 /// Constants of the timing stage, derived once with the settings.
 ///
@@ -206,7 +206,7 @@ impl Filtered<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::choice::DenoiseFilter;
+    use crate::settings::choice::DenoiseFilter;
 
     const PERIODS_FS: [u32; 4] = [2_000_000, 992_354, 500_000, 330_780];
 

@@ -3,9 +3,9 @@
 use heapless::Vec;
 use micromath::F32Ext;
 
-use crate::choice::DenoiseFilter;
 use crate::limits::MAX_TAPS;
 use crate::q::{shift_round, sqrt_floor};
+use crate::settings::choice::DenoiseFilter;
 
 /// A symmetric filter, and what it does to amplitudes and noise.
 ///

@@ -1,6 +1,6 @@
 //! Noise of a sample, which grows with the light.
 
-use crate::statistics::Statistics;
+use crate::stages::statistics::Statistics;
 
 /// σ of the amplifier and the ambient light, and how much signal adds.
 ///

@@ -1,9 +1,9 @@
 //! Whether settings can run: each against the table, then against one another and the hardware.
 
-use crate::choice::{AmbientEstimator, DenoiseFilter, EchoChoice, TimingMethod};
-use crate::hardware::{Hardware, sample_period_fs};
-use crate::reason::Reason;
-use crate::refusal::Refusal;
+use crate::settings::choice::{AmbientEstimator, DenoiseFilter, EchoChoice, TimingMethod};
+use crate::settings::hardware::{Hardware, sample_period_fs};
+use crate::settings::reason::Reason;
+use crate::settings::refusal::Refusal;
 use crate::settings::{PARAMETERS, ParameterId, Settings};
 
 /// The choices of some settings.

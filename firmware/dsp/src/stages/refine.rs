@@ -9,19 +9,19 @@ use core::ops::Range;
 
 use heapless::Vec;
 
-use crate::choice::TimingMethod;
+use crate::clipped::edges::{EdgeFit, Edges, Run};
+use crate::clipped::fine::Fine;
+use crate::clipped::height::Height;
 use crate::config::DetectorConfig;
-use crate::detect::{self, Threshold, hysteresis};
-use crate::edges::{EdgeFit, Edges, Run};
-use crate::fine::Fine;
-use crate::flags::Flags;
-use crate::height::Height;
-use crate::lagrange::interpolation;
 use crate::limits::MAX_ECHOES;
-use crate::near::Near;
-use crate::noise::Noise;
-use crate::peak::{Candidate, Candidates, Peak};
 use crate::q::{divide_round, shift_round};
+use crate::rising_gain::near::Near;
+use crate::settings::choice::TimingMethod;
+use crate::stages::detect::{self, Threshold, hysteresis};
+use crate::stages::flags::Flags;
+use crate::stages::lagrange::interpolation;
+use crate::stages::noise::Noise;
+use crate::stages::peak::{Candidate, Candidates, Peak};
 
 /// A peak between samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -96,7 +96,7 @@ impl Refiner<'_> {
     /// The highest `z[j]`, j = −o..o, is z₀: of equals the sample itself (j = 0), else the first;
     /// with o = 1, j is 0. A denominator of 0 makes δ 0. K is the last sample inside the pulse on
     /// either side of its middle; gain, β, the share of the shot noise in σ(A) and z are
-    /// [`Timing`](crate::timing::Timing)'s.
+    /// [`Timing`](crate::stages::timing::Timing)'s.
     ///
     /// Against the same method in real numbers, 12 bits, noise of 4 codes or more: within 4, 1 and
     /// 0.6 mm at SNR 5, 20 and 100. Why each step is as it is: `docs/detector.md`, Sub-sample time.
@@ -203,7 +203,7 @@ impl Refiner<'_> {
     }
 
     /// Whether a peak may hide others: it is not clipped, and its width at half height exceeds
-    /// [`Timing`](crate::timing::Timing)'s w or ends in a valley.
+    /// [`Timing`](crate::stages::timing::Timing)'s w or ends in a valley.
     pub fn may_overlap(&self, peak: Peak) -> bool {
         let half = i32::from(peak.height) >> 1;
         let (left, right) = (self.crossing(peak, half, -1), self.crossing(peak, half, 1));

@@ -4,9 +4,9 @@
     reason = "counts are at most 2400, codes below 2¹⁷, shifts at most 11: below 2²⁹; divisors ≥ 1"
 )]
 
-use crate::choice::AmbientEstimator;
 use crate::limits::MAX_SAMPLES;
 use crate::q::shift_round;
+use crate::settings::choice::AmbientEstimator;
 
 /// Where a waveform rests and how much it trembles.
 ///

@@ -8,12 +8,12 @@
 
 use core::ops::Range;
 
-use crate::baseline;
 use crate::config::DetectorConfig;
-use crate::detect::Threshold;
-use crate::noise::Noise;
 use crate::q::shift_round;
-use crate::ramp::{Ramp, levelled};
+use crate::rising_gain::ramp::{Ramp, levelled};
+use crate::stages::baseline;
+use crate::stages::detect::Threshold;
+use crate::stages::noise::Noise;
 
 /// A waveform whose gain rises, and what it rests on.
 #[derive(Clone, Copy, Debug)]
@@ -102,9 +102,9 @@ impl Near<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::hardware::Hardware;
     use crate::limits::MAX_GAINS;
     use crate::settings::Settings;
+    use crate::settings::hardware::Hardware;
 
     const LEN: usize = MAX_GAINS + 100;
 

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use crate::reason::Reason;
+use crate::settings::reason::Reason;
 use crate::settings::{Kind, Parameter, ParameterId};
 
 /// One refused field. The sensor keeps the settings it had.

@@ -9,11 +9,11 @@ use core::ops::Range;
 
 use heapless::Vec;
 
-use crate::filter;
 use crate::limits::MAX_TAPS;
-use crate::peak::{MAX_CANDIDATES, Peak, Peaks};
 use crate::q::{shift_round, sqrt_floor};
-use crate::template::Template;
+use crate::stages::filter;
+use crate::stages::peak::{MAX_CANDIDATES, Peak, Peaks};
+use crate::stages::template::Template;
 
 /// Filter taps narrower than the pulse, less a share of their own second difference.
 ///

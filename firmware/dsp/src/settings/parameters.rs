@@ -7,10 +7,10 @@
 
 use core::fmt;
 
-use crate::accumulate::LANES;
-use crate::choice::{AmbientEstimator, DenoiseFilter, Dither, EchoChoice, TimingMethod};
 use crate::limits::PRE_TRIGGER;
-use crate::reason::Reason;
+use crate::settings::choice::{AmbientEstimator, DenoiseFilter, Dither, EchoChoice, TimingMethod};
+use crate::settings::reason::Reason;
+use crate::stages::accumulate::LANES;
 
 /// How a parameter's values lie.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -2,12 +2,12 @@
 
 use heapless::Vec;
 
-use crate::choice::EchoChoice;
 use crate::config::DetectorConfig;
 use crate::limits::{MAX_ECHOES, MAX_SAMPLES};
-use crate::peak::{Candidate, Candidates, Peak, Peaks};
 use crate::q::shift_round;
-use crate::statistics::Statistics;
+use crate::settings::choice::EchoChoice;
+use crate::stages::peak::{Candidate, Candidates, Peak, Peaks};
+use crate::stages::statistics::Statistics;
 
 /// Detection threshold and what it rests on.
 ///
@@ -73,8 +73,9 @@ enum State {
 /// ```
 ///
 /// T/2 is rounded down. The sample that ends a climb is the first valley, or idle at once. A climb
-/// that the waveform cuts off counts. Of more than [`MAX_CANDIDATES`](crate::peak::MAX_CANDIDATES)
-/// peaks the strongest stay, of equals the first.
+/// that the waveform cuts off counts. Of more than
+/// [`MAX_CANDIDATES`](crate::stages::peak::MAX_CANDIDATES) peaks the strongest stay, of equals the
+/// first.
 ///
 /// `reaches` says whether any of some values is at or above the threshold, as [`reaches`] does:
 /// where none is, their steps are left out.
@@ -242,7 +243,7 @@ pub fn choose(mut found: Candidates, count: usize, choice: EchoChoice) -> Vec<Pe
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::peak::MAX_CANDIDATES;
+    use crate::stages::peak::MAX_CANDIDATES;
 
     fn find(y: &[i16], threshold: i16) -> Peaks {
         let mut found = Peaks::new();

@@ -4,12 +4,12 @@
     reason = "samples below 2400·4, times 2³¹, sums of lanes 2¹⁸ with shifts up to 7"
 )]
 
-use crate::accumulate::{Accumulator, LANES};
-use crate::edges::{EdgeFit, Edges, Run};
-use crate::fine_config::FineConfig;
-use crate::near::Near;
-use crate::noise::Noise;
-use crate::ramp::levelled;
+use crate::clipped::edges::{EdgeFit, Edges, Run};
+use crate::clipped::fine_config::FineConfig;
+use crate::rising_gain::near::Near;
+use crate::rising_gain::ramp::levelled;
+use crate::stages::accumulate::{Accumulator, LANES};
+use crate::stages::noise::Noise;
 
 /// Finer samples that are looked at: a run with what lies beside it. A longer one is timed by the
 /// sum of its shots.

@@ -5,8 +5,8 @@
               below 2¹⁷; with the clamps stated products stay below 2⁶³; divisors are at least 1"
 )]
 
-use crate::edges::{EdgeFit, MAX_AMPLITUDE, Run};
-use crate::ramp::{Ramp, power};
+use crate::clipped::edges::{EdgeFit, MAX_AMPLITUDE, Run};
+use crate::rising_gain::ramp::{Ramp, power};
 
 /// Compares clipped echoes by what still shows: how wide the run is, and how fast its sides fall.
 ///

@@ -4,7 +4,7 @@
     reason = "widths are below 2¹⁵ ps, shots at most 16, codes below 2¹⁵: products below 2⁴⁰"
 )]
 
-use crate::pulse::Pulse;
+use crate::clipped::pulse::Pulse;
 use crate::settings::Settings;
 
 /// The longest pulse width that [`Pulse`] holds, samples.
