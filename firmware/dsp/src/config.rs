@@ -1,6 +1,6 @@
 //! From settings to what the stages read: done once, when new settings are committed.
 
-use crate::clipped::fine_config::FineConfig;
+use crate::clipped::dithered_config::DitheredConfig;
 use crate::clipped::height::FARTHEST;
 use crate::clipped::pulse::Pulse;
 use crate::rising_gain::ramp::Ramp;
@@ -49,7 +49,7 @@ pub struct DetectorConfig {
     /// What no light reads, Q1.15.
     pub(crate) black: i32,
     /// What dithered shots are read with; `None` where they are not.
-    pub(crate) fine: Option<FineConfig>,
+    pub(crate) dithered: Option<DitheredConfig>,
     /// The emitted pulse.
     pub(crate) pulse: Pulse,
     /// Samples on either side of a pulse's middle, strictly inside it.
@@ -119,7 +119,7 @@ impl DetectorConfig {
             shot_code_shift: hardware.code_shift(),
             clip_code: clip_code(settings, sum.full_scale),
             black: black(settings),
-            fine: FineConfig::new(
+            dithered: DitheredConfig::new(
                 settings,
                 period_fs,
                 hardware.full_scale_code(),

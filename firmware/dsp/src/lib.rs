@@ -33,7 +33,7 @@
 //! | thresholds, peaks | [`detect`] | `y` | candidates |
 //! | overlapping echoes | [`split`] | `x`, candidates | candidates |
 //! | which are kept | [`detect`], [`height`] | candidates | at most four |
-//! | sub-sample time | [`refine`], [`edges`], [`fine`] | `y` at a candidate | time, height, width |
+//! | sub-sample time | [`refine`], [`edges`], [`dithered_edges`] | a candidate | time, width |
 //! | range, amplitude, SNR | [`echo`] | the refined peak | [`Echo`] |
 //!
 //! [`Settings`] is what a user may set, with its one table [`PARAMETERS`]; [`DetectorConfig`] is
@@ -74,7 +74,7 @@ pub mod settings;
 mod stages;
 
 // One level of names for users, whatever folder a file is in.
-pub use clipped::{edges, fine, height, pulse};
+pub use clipped::{dithered_edges, edges, height, pulse};
 pub use rising_gain::{near, ramp};
 pub use settings::{choice, hardware, reason, refusal};
 pub use stages::{

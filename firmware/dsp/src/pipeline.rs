@@ -2,7 +2,7 @@
 
 use core::ops::Range;
 
-use crate::clipped::fine::Fine;
+use crate::clipped::dithered_edges::DitheredEdges;
 use crate::config::DetectorConfig;
 use crate::limits::{MAX_SAMPLES, MAX_TAPS};
 use crate::loops::SampleLoops;
@@ -335,17 +335,18 @@ impl Pipeline {
         let Conditions { threshold, noise, near, level, dithered } = seen;
         let config = &self.config;
         let y = scratch.y.get(..codes.len()).unwrap_or_default();
-        let fine = config.fine.as_ref().filter(|_| dithered).map(|fine| Fine {
-            config: fine,
-            shots: &scratch.shots,
-            before: config.pre_trigger,
-            samples: codes.len(),
-            ambient: threshold.ambient,
-            noise,
-            level: near.zip(level),
-        });
+        let dithered =
+            config.dithered.as_ref().filter(|_| dithered).map(|read_with| DitheredEdges {
+                config: read_with,
+                shots: &scratch.shots,
+                before: config.pre_trigger,
+                samples: codes.len(),
+                ambient: threshold.ambient,
+                noise,
+                level: near.zip(level),
+            });
         let waveform = Waveform { codes, x: scratch.x(), y };
-        Refiner { config, waveform, threshold, noise, fine, near, level }
+        Refiner { config, waveform, threshold, noise, dithered, near, level }
     }
 
     /// Adds the peaks that broad ones hide; returns which those are. A sharpened sample costs as

@@ -1,7 +1,7 @@
 //! Echoes that saturate the ADC: time and height from the edges, which are still in range.
 
+pub(crate) mod dithered_config;
+pub mod dithered_edges;
 pub mod edges;
-pub mod fine;
-pub(crate) mod fine_config;
 pub mod height;
 pub mod pulse;

@@ -21,7 +21,8 @@ pub const LANES: usize = 4;
 /// | `code` | codes of b' bits: nearest, ties up, saturating | integers in `u16` | `[N]` |
 ///
 /// Signal grows with m, noise with √m, the ADC's steps stay: averaging white noise of σ ≥ ½ code
-/// gains √m to the last bit that 14 of them hold. Lanes stay apart for [`crate::clipped::fine`].
+/// gains √m to the last bit that 14 of them hold. Lanes stay apart for
+/// [`crate::clipped::dithered_edges`].
 #[derive(Clone, Debug)]
 pub struct Accumulator {
     lanes: [[u16; LANES]; MAX_CODES],

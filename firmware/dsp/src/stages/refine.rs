@@ -9,8 +9,8 @@ use core::ops::Range;
 
 use heapless::Vec;
 
+use crate::clipped::dithered_edges::DitheredEdges;
 use crate::clipped::edges::{EdgeFit, Edges, Run};
-use crate::clipped::fine::Fine;
 use crate::clipped::height::Height;
 use crate::config::DetectorConfig;
 use crate::limits::MAX_ECHOES;
@@ -66,7 +66,7 @@ pub struct Refiner<'a> {
     /// The noise of its samples.
     pub noise: &'a Noise,
     /// Its shots, where they were dithered.
-    pub fine: Option<Fine<'a>>,
+    pub dithered: Option<DitheredEdges<'a>>,
     /// Its near gain. What is refined before its end has been made level: `x` and `y` are, and
     /// threshold and noise are those of there.
     pub near: Option<Near<'a>>,
@@ -89,7 +89,7 @@ impl Refiner<'_> {
     /// |---|---|---|
     /// | parabola | s + (j + δ)/o, nearest | gain · σ(A) / A |
     /// | walk-corrected | the same less β·⌊δ (1 − 4δ²)⌋, nearest, in δ | as parabola |
-    /// | … clipped | [`Fine`]'s or [`EdgeFit`]'s, else ⌊(left + right)/2⌋ | its, else as parabola |
+    /// | … clipped | [`DitheredEdges`], [`EdgeFit`], else ⌊(left + right)/2⌋ | theirs, or as parabola |
     /// | CFD | where f rises to half of the height, plus z | as parabola |
     /// | rising edge | where f rises to T, plus z | σ(level/g) · r / the rise of f |
     ///
@@ -249,8 +249,8 @@ impl Refiner<'_> {
     #[inline(always)]
     fn time_by_edges(&self, run: Run, middle: i64, refined: &mut Refined) {
         refined.flags |= Flags::WALK_CORRECTED;
-        let fine = self.fine.as_ref().and_then(|fine| fine.fit(run));
-        match fine.or_else(|| self.edge_fit(self.threshold.ambient).fit(self.waveform.x, run)) {
+        let dithered = self.dithered.as_ref().and_then(|edges| edges.fit(run));
+        match dithered.or_else(|| self.edge_fit(self.threshold.ambient).fit(self.waveform.x, run)) {
             Some(Edges { time, amplitude, sigma }) => {
                 (refined.time, refined.amplitude, refined.sigma) = (time, amplitude, sigma);
             }

@@ -170,7 +170,7 @@ impl Made<'_> {
             waveform,
             threshold,
             noise: &noise,
-            fine: None,
+            dithered: None,
             near: None,
             level: None,
         };

@@ -4,8 +4,8 @@
     reason = "samples below 2400·4, times 2³¹, sums of lanes 2¹⁸ with shifts up to 7"
 )]
 
+use crate::clipped::dithered_config::DitheredConfig;
 use crate::clipped::edges::{EdgeFit, Edges, Run};
-use crate::clipped::fine_config::FineConfig;
 use crate::rising_gain::near::Near;
 use crate::rising_gain::ramp::levelled;
 use crate::stages::accumulate::{Accumulator, LANES};
@@ -13,16 +13,16 @@ use crate::stages::noise::Noise;
 
 /// Finer samples that are looked at: a run with what lies beside it. A longer one is timed by the
 /// sum of its shots.
-pub const FINE_SAMPLES: usize = 512;
+pub const MAX_FINER_SAMPLES: usize = 512;
 
 /// Samples of the waveform on either side of a run that are looked at.
 const BESIDE: usize = 4;
 
 /// The shots of a waveform.
 #[derive(Clone, Copy, Debug)]
-pub struct Fine<'a> {
+pub struct DitheredEdges<'a> {
     /// What they are read with.
-    pub config: &'a FineConfig,
+    pub config: &'a DitheredConfig,
     /// Themselves.
     pub shots: &'a Accumulator,
     /// Samples before the trigger, which come first.
@@ -37,9 +37,10 @@ pub struct Fine<'a> {
     pub level: Option<(Near<'a>, usize)>,
 }
 
-impl Fine<'_> {
+impl DitheredEdges<'_> {
     /// Fits the edges of a run of clipped samples; `None` where it is longer than
-    /// [`FINE_SAMPLES`] hold, or touches an end, or where its middle is not clipped in all phases.
+    /// [`MAX_FINER_SAMPLES`] hold, or touches an end, or where its middle is not clipped in all
+    /// phases.
     ///
     /// | name | value | format |
     /// |---|---|---|
@@ -54,7 +55,7 @@ impl Fine<'_> {
         let log2 = config.phases_log2;
         let first = run.first.checked_sub(BESIDE)? << log2;
         let end = (run.last + BESIDE + 1).min(self.samples) << log2;
-        let mut buffer = [0i16; FINE_SAMPLES];
+        let mut buffer = [0i16; MAX_FINER_SAMPLES];
         let x = buffer.get_mut(..end.checked_sub(first)?)?;
         for (x, j) in x.iter_mut().zip(first..) {
             *x = self.level(j, self.in_q15(self.sum(j).min(config.clip)));

@@ -18,7 +18,7 @@ const MOST_SAMPLES: u64 = 127;
 /// x[nP + k] of shots k, k + P, …: a waveform of P times the rate, at (j − (P − 1)/2)/P samples
 /// ```
 #[derive(Clone, Debug)]
-pub struct FineConfig {
+pub struct DitheredConfig {
     /// log₂ P.
     pub(crate) phases_log2: u32,
     /// log₂ of the shots of a phase.
@@ -31,7 +31,7 @@ pub struct FineConfig {
     pub(crate) pulse: Pulse,
 }
 
-impl FineConfig {
+impl DitheredConfig {
     /// `None` where shots are not dithered, or where a pulse's width is more than 127 of the finer
     /// samples, which need no help. `full_scale` is the code of one shot there.
     pub(crate) fn new(
