@@ -5,7 +5,7 @@ use crate::clipped::height::FARTHEST;
 use crate::clipped::pulse::Pulse;
 use crate::rising_gain::ramp::Ramp;
 use crate::settings::Settings;
-use crate::settings::choice::{AmbientEstimator, EchoChoice, TimingMethod};
+use crate::settings::choice::Choices;
 use crate::settings::hardware::{Hardware, SPEED_OF_LIGHT_M_S, sample_period_fs};
 use crate::settings::refusal::Refusal;
 use crate::stages::split::Sharpener;
@@ -54,10 +54,8 @@ pub struct DetectorConfig {
     pub(crate) pulse: Pulse,
     /// Samples on either side of a pulse's middle, strictly inside it.
     pub(crate) reach: usize,
-    /// Which ambient estimator.
-    pub(crate) ambient: AmbientEstimator,
-    /// Which timing method.
-    pub(crate) method: TimingMethod,
+    /// Methods that the settings choose.
+    pub(crate) choices: Choices,
     pub(crate) timing: Timing,
     /// Finds echoes that hide in others; `None` where one is asked for.
     pub(crate) sharpener: Option<Sharpener>,
@@ -73,7 +71,6 @@ pub struct DetectorConfig {
     /// Smallest distance of two candidates, samples.
     pub(crate) min_separation: u32,
     pub(crate) echoes: usize,
-    pub(crate) echo_choice: EchoChoice,
     /// Sample period.
     pub(crate) sample_period_fs: u32,
     /// Range of sample 0, 1/256 mm.
@@ -131,15 +128,13 @@ impl DetectorConfig {
             template,
             pulse: Pulse::new(width_ps, period_fs),
             reach: half_length(samples_per_width),
-            ambient: choices.ambient,
-            method: choices.timing,
+            choices,
             shot_noise: shot_noise(settings, hardware),
             reflectivity_scale: reflectivity_scale(settings, hardware),
             snr_threshold: (settings.snr_threshold_milli as u32 * 256 + 500) / 1000,
             upsampling_log2,
             min_separation: min_separation(settings, range_step),
             echoes: settings.echoes as usize,
-            echo_choice: choices.echoes,
             sample_period_fs: period_fs,
             range_origin: i64::from(hardware.range_min_mm) * 256,
             range_step,
@@ -205,9 +200,9 @@ impl DetectorConfig {
         self.min_separation
     }
 
-    /// Which echoes are kept.
-    pub fn echo_choice(&self) -> EchoChoice {
-        self.echo_choice
+    /// Methods that the settings choose.
+    pub fn choices(&self) -> &Choices {
+        &self.choices
     }
 
     /// The timing stage's constants.

@@ -82,7 +82,7 @@ pub use stages::{
     statistics, template, timing,
 };
 
-pub use choice::{AmbientEstimator, DenoiseFilter, EchoChoice, TimingMethod};
+pub use choice::{AmbientEstimator, Choices, DenoiseFilter, EchoChoice, TimingMethod};
 pub use config::DetectorConfig;
 pub use echo::{Echo, Echoes};
 pub use flags::Flags;
@@ -97,5 +97,5 @@ pub use scan_pattern::grid::Grid;
 pub use scan_pattern::rosette::Rosette;
 pub use scan_pattern::spinning::{Spinning, SpinningModel};
 pub use scan_pattern::table::BeamTable;
-pub use settings::check::{Choices, pulse_energy_pj};
+pub use settings::check::pulse_energy_pj;
 pub use settings::{Kind, PARAMETERS, Parameter, ParameterId, Settings};

@@ -1,23 +1,9 @@
 //! Whether settings can run: each against the table, then against one another and the hardware.
 
-use crate::settings::choice::{AmbientEstimator, DenoiseFilter, EchoChoice, TimingMethod};
 use crate::settings::hardware::{Hardware, sample_period_fs};
 use crate::settings::reason::Reason;
 use crate::settings::refusal::Refusal;
 use crate::settings::{PARAMETERS, ParameterId, Settings};
-
-/// The choices of some settings.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Choices {
-    /// Denoise filter.
-    pub denoise: DenoiseFilter,
-    /// Ambient estimator.
-    pub ambient: AmbientEstimator,
-    /// Timing method.
-    pub timing: TimingMethod,
-    /// Which echoes are kept.
-    pub echoes: EchoChoice,
-}
 
 /// W ≥ 2.5 samples, so the sample period is at most 1000 fs / 2.5 for each picosecond of W.
 const PERIOD_FS_PER_WIDTH_PS: u32 = 400;
@@ -63,29 +49,6 @@ impl ParameterId {
 }
 
 impl Settings {
-    /// Every number that stands for a choice as that choice.
-    ///
-    /// # Errors
-    ///
-    /// [`Refusal`] of the first that stands for none.
-    pub fn choices(&self) -> Result<Choices, Refusal> {
-        Ok(Choices {
-            denoise: self.choice(ParameterId::Denoise, DenoiseFilter::from_code)?,
-            ambient: self.choice(ParameterId::Ambient, AmbientEstimator::from_code)?,
-            timing: self.choice(ParameterId::Timing, TimingMethod::from_code)?,
-            echoes: self.choice(ParameterId::EchoChoice, EchoChoice::from_code)?,
-        })
-    }
-
-    fn choice<T>(
-        &self,
-        field: ParameterId,
-        from_code: impl FnOnce(i32) -> Option<T>,
-    ) -> Result<T, Refusal> {
-        let value = self.get(field).unwrap_or_default();
-        from_code(value).ok_or(Refusal { field, value, reason: Reason::NotAChoice })
-    }
-
     /// Checks S > N, every field against the table, then pulse energy, sampling and the
     /// gain's ramp.
     ///
@@ -167,13 +130,6 @@ mod tests {
             assert_eq!(with(pulse_width_ps).check_sampling(&hardware), Ok(()));
             assert!(with(pulse_width_ps - 1).check_sampling(&hardware).is_err());
         }
-    }
-
-    #[test]
-    fn a_number_that_stands_for_no_choice_is_refused() {
-        assert_eq!(Settings::default().choices().unwrap().denoise, DenoiseFilter::Matched);
-        let settings = Settings { timing: 4, ..Settings::default() };
-        assert_eq!(settings.choices().unwrap_err().field, ParameterId::Timing);
     }
 
     #[test]

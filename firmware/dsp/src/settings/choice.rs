@@ -1,11 +1,40 @@
-//! What may be chosen: enums, each converted once from the number that is on the wire.
+//! Settings that choose between methods: one enum each, decoded once from the number on the wire.
+//!
+//! A new choice is an enum in the call of `choices!` here and its row in the call of `parameters!`
+//! in `parameters.rs`; a stage reads it from [`DetectorConfig::choices`].
+//!
+//! [`DetectorConfig::choices`]: crate::DetectorConfig::choices
 
-/// An enum whose variants are numbered from 0, in the order of the wire, with a name each.
+use crate::settings::reason::Reason;
+use crate::settings::refusal::Refusal;
+use crate::settings::{ParameterId, Settings};
+
+/// Declares an enum for each choice, its variants numbered from 0 in the order of the wire and each
+/// with its name, and [`Choices`], which has a field for each of them.
 macro_rules! choices {
     ($(
         $(#[$attribute:meta])*
-        $choice:ident { $($(#[$variant_attribute:meta])* $variant:ident = $name:literal,)* }
-    )*) => {$(
+        $field:ident: $choice:ident of $id:ident {
+            $($(#[$variant_attribute:meta])* $variant:ident = $name:literal,)*
+        }
+    )*) => {
+        /// The choices of a set of settings, decoded.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub struct Choices {
+            $($(#[$attribute])* pub $field: $choice,)*
+        }
+
+        impl Settings {
+            /// Decodes every choice.
+            ///
+            /// # Errors
+            ///
+            /// [`Refusal`] of the first number that stands for no choice.
+            pub fn choices(&self) -> Result<Choices, Refusal> {
+                Ok(Choices { $($field: self.choice(ParameterId::$id, $choice::from_code)?,)* })
+            }
+        }
+    $(
         $(#[$attribute])*
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum $choice {
@@ -16,15 +45,15 @@ macro_rules! choices {
             /// Every choice by rising code.
             pub const ALL: &[Self] = &[$(Self::$variant),*];
 
-            /// Their names in configuration files and messages, in that order.
+            /// Their names in configuration files and messages, in the same order.
             pub const NAMES: &[&str] = &[$($name),*];
 
-            /// The number that stands for it in [`Settings`](crate::Settings).
+            /// Number that stands for it in [`Settings`].
             pub const fn code(self) -> i32 {
                 self as i32
             }
 
-            /// The choice of a number; `None` where there is none of that number.
+            /// The choice with this number; `None` where no choice has it.
             pub fn from_code(code: i32) -> Option<Self> {
                 usize::try_from(code).ok().and_then(|code| Self::ALL.get(code)).copied()
             }
@@ -32,18 +61,29 @@ macro_rules! choices {
     )*};
 }
 
+impl Settings {
+    fn choice<T>(
+        &self,
+        field: ParameterId,
+        from_code: impl FnOnce(i32) -> Option<T>,
+    ) -> Result<T, Refusal> {
+        let value = self.get(field).unwrap_or_default();
+        from_code(value).ok_or(Refusal { field, value, reason: Reason::NotAChoice })
+    }
+}
+
 choices! {
-    /// What smooths the waveform before peaks are sought.
-    DenoiseFilter {
-        /// Nothing.
+    /// Filter that smooths the waveform before the search for peaks.
+    denoise: DenoiseFilter of Denoise {
+        /// No filter.
         None = "none",
         /// A Gaussian half as wide as the pulse.
         Gaussian = "gaussian",
         /// The emitted pulse itself.
         Matched = "matched",
     }
-    /// What the waveform's zero is.
-    AmbientEstimator {
+    /// Estimator of the ambient light, the waveform's zero.
+    ambient: AmbientEstimator of Ambient {
         /// The median of the waveform.
         Median = "median",
         /// The mean of the samples before the trigger.
@@ -51,26 +91,26 @@ choices! {
         /// The black level.
         None = "none",
     }
-    /// What of an echo is timed.
-    TimingMethod {
-        /// Where it rises to the threshold.
+    /// Point of an echo that its time is taken from.
+    timing: TimingMethod of Timing {
+        /// The crossing of the threshold on its rising edge.
         RisingEdge = "rising-edge",
         /// Its top, by a parabola.
         Parabola = "parabola",
-        /// Where it rises to half of its height.
+        /// The crossing of half its height on its rising edge.
         ConstantFraction = "cfd",
         /// Its top without the parabola's bias, or its edges when it is clipped.
         WalkCorrected = "walk-corrected",
     }
-    /// Whether the shots of a beam begin at different moments of a sample period.
-    Dither {
-        /// All at one.
+    /// Dither of the shots of a beam against the sampling clock.
+    dither: Dither of Dither {
+        /// All shots begin at the same moment of a sample period.
         Off = "off",
-        /// At two or four, as there are shots.
+        /// Shots begin at two or four moments of a sample period, as many as there are shots.
         On = "on",
     }
-    /// Which echoes are kept when there are more than asked for.
-    EchoChoice {
+    /// Rule for which echoes are kept when there are more than asked for.
+    echoes: EchoChoice of EchoChoice {
         /// The strongest.
         Strongest = "strongest",
         /// The nearest.
@@ -93,5 +133,12 @@ mod tests {
         for code in [i32::MIN, -1, 4, i32::MAX] {
             assert_eq!(TimingMethod::from_code(code), None);
         }
+    }
+
+    #[test]
+    fn a_number_that_stands_for_no_choice_is_refused() {
+        assert_eq!(Settings::default().choices().unwrap().denoise, DenoiseFilter::Matched);
+        let settings = Settings { timing: 4, ..Settings::default() };
+        assert_eq!(settings.choices().unwrap_err().field, ParameterId::Timing);
     }
 }

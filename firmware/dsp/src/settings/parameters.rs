@@ -187,9 +187,20 @@ impl Field for Option<i32> {
 const REAL: Kind = Kind::Real { log: false };
 const LOG: Kind = Kind::Real { log: true };
 
-/// The code of the last of some choices.
-const fn last(names: &[&str]) -> i32 {
-    (names.len() as i32).saturating_sub(1)
+/// Row of a choice, to be completed by its name and the stage it acts in.
+const fn choice(names: &'static [&'static str], default: i32) -> Parameter {
+    Parameter {
+        id: ParameterId::Power, // replaced by the row's own
+        name: "",
+        symbol: "",
+        unit: "",
+        kind: Kind::Choice { names },
+        codes_per_unit: 1,
+        min: 0,
+        max: (names.len() as i32).saturating_sub(1),
+        default: Some(default),
+        acts_in: "",
+    }
 }
 
 parameters! {
@@ -245,22 +256,18 @@ parameters! {
     }
     /// Denoise filter: the code of a [`DenoiseFilter`].
     denoise: i32, Denoise {
-        name: "denoise", symbol: "", unit: "", kind: Kind::Choice { names: DenoiseFilter::NAMES },
-        codes_per_unit: 1, min: 0, max: last(DenoiseFilter::NAMES),
-        default: Some(DenoiseFilter::Matched.code()), acts_in: "DSP filter",
+        name: "denoise", acts_in: "DSP filter",
+        ..choice(DenoiseFilter::NAMES, DenoiseFilter::Matched.code())
     }
     /// Ambient estimator: the code of an [`AmbientEstimator`].
     ambient: i32, Ambient {
-        name: "ambient", symbol: "", unit: "",
-        kind: Kind::Choice { names: AmbientEstimator::NAMES },
-        codes_per_unit: 1, min: 0, max: last(AmbientEstimator::NAMES),
-        default: Some(AmbientEstimator::Median.code()), acts_in: "DSP baseline",
+        name: "ambient", acts_in: "DSP baseline",
+        ..choice(AmbientEstimator::NAMES, AmbientEstimator::Median.code())
     }
     /// Timing method: the code of a [`TimingMethod`].
     timing: i32, Timing {
-        name: "timing", symbol: "", unit: "", kind: Kind::Choice { names: TimingMethod::NAMES },
-        codes_per_unit: 1, min: 0, max: last(TimingMethod::NAMES),
-        default: Some(TimingMethod::WalkCorrected.code()), acts_in: "DSP timing",
+        name: "timing", acts_in: "DSP timing",
+        ..choice(TimingMethod::NAMES, TimingMethod::WalkCorrected.code())
     }
     /// Minimum echo separation ΔR, mm; `None` follows the pulse: 1.14·cW/2.
     min_separation_mm: Option<i32>, MinSeparation {
@@ -274,9 +281,8 @@ parameters! {
     }
     /// Which echoes are kept: the code of an [`EchoChoice`].
     echo_choice: i32, EchoChoice {
-        name: "echo_choice", symbol: "", unit: "", kind: Kind::Choice { names: EchoChoice::NAMES },
-        codes_per_unit: 1, min: 0, max: last(EchoChoice::NAMES),
-        default: Some(EchoChoice::Strongest.code()), acts_in: "DSP peaks",
+        name: "echo_choice", acts_in: "DSP peaks",
+        ..choice(EchoChoice::NAMES, EchoChoice::Strongest.code())
     }
     /// Black level, ppm of ADC full scale: what the converter reads of no current.
     black_level_ppm: i32, BlackLevel {
@@ -285,9 +291,8 @@ parameters! {
     }
     /// Whether shots are dithered against the sampling clock: the code of a [`Dither`].
     dither: i32, Dither {
-        name: "dither", symbol: "", unit: "", kind: Kind::Choice { names: Dither::NAMES },
-        codes_per_unit: 1, min: 0, max: last(Dither::NAMES),
-        default: Some(Dither::Off.code()), acts_in: "ADC clock, DSP timing",
+        name: "dither", acts_in: "ADC clock, DSP timing",
+        ..choice(Dither::NAMES, Dither::Off.code())
     }
     /// By how much the gain rises with range up to where it is full, 0.001 dB/m; 0: it is full
     /// everywhere.

@@ -106,7 +106,7 @@ impl Refiner<'_> {
         let half = i32::from(peak.height) >> 1;
         let (left, right) = (self.crossing(peak, half, -1), self.crossing(peak, half, 1));
         let clipped = self.clipped_run(peak);
-        let corrects = config.method == TimingMethod::WalkCorrected;
+        let corrects = config.choices.timing == TimingMethod::WalkCorrected;
         let bias = if corrects && clipped.is_none() { config.timing.bias().into() } else { 0 };
         let start = i64::from(peak.index);
         let vertex = vertex(&f, start, config.reach, config.upsampling_log2, bias);
@@ -119,7 +119,7 @@ impl Refiner<'_> {
             sigma: self.sigma_of_top(amplitude),
             flags: left.flags | right.flags,
         };
-        match (config.method, clipped) {
+        match (config.choices.timing, clipped) {
             (TimingMethod::WalkCorrected, Some(run)) => {
                 // The amplitude becomes that of the edges, too.
                 self.time_by_edges(run, (left.time + right.time) >> 1, &mut refined);
@@ -154,7 +154,7 @@ impl Refiner<'_> {
         }
         let mut candidates = self.candidates(peaks);
         detect::separate(&mut candidates, config.min_separation);
-        detect::choose(candidates, config.echoes, config.echo_choice)
+        detect::choose(candidates, config.echoes, config.choices.echoes)
     }
 
     /// Peaks with the strength of their echoes: [`Height`] of a clipped one, else its amplitude.
@@ -277,7 +277,7 @@ impl Refiner<'_> {
         let rise = (high - low).max(1);
         let fraction = (((level - low) << 16).div_euclid(rise)).clamp(0, 1 << 16);
         refined.time = (below << 16) + fraction + config.timing.offset();
-        if config.method == TimingMethod::ConstantFraction {
+        if config.choices.timing == TimingMethod::ConstantFraction {
             return; // its σ is the timing constants'
         }
         let at_level = self.noise.of(config.template.amplitude(shift_round(level, 8) as i32));
