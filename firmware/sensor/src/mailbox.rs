@@ -19,7 +19,7 @@
 //! A shot: the sensor writes the registers, then the doorbell; the world fills the buffer, then
 //! answers with the doorbell's number. Each side writes its own words only, so no lock is needed.
 
-use echoloop_dsp::{BeamTable, Grid, Hardware, Rosette, ScanPattern, Spinning, SpinningModel};
+use echoloop_dsp::{Hardware, ScanPattern, scan_pattern};
 use embedded_hal::spi::{ErrorKind, Operation};
 
 use crate::afe::WRITE;
@@ -52,14 +52,11 @@ pub const FLASH_BLOCK: usize = 4096;
 pub const BYTES: usize = 0x8000;
 
 /// Words of the straps: those of the hardware, then those of the pattern.
-pub const STRAP_WORDS: usize = 6 + PATTERN_WORDS;
-
-/// Words of a pattern: its kind's number, and up to six more.
-const PATTERN_WORDS: usize = 7;
+pub const STRAP_WORDS: usize = 6 + scan_pattern::WORDS;
 
 /// What a board's maker sets once: the words at [`STRAPS`].
 pub fn straps(hardware: &Hardware, pattern: &ScanPattern) -> [u32; STRAP_WORDS] {
-    let [kind, a, b, c, d, e, f] = pattern_words(pattern);
+    let [kind, a, b, c, d, e, f] = pattern.to_words();
     [
         hardware.adc_bits,
         hardware.range_min_mm,
@@ -75,53 +72,6 @@ pub fn straps(hardware: &Hardware, pattern: &ScanPattern) -> [u32; STRAP_WORDS] 
         e,
         f,
     ]
-}
-
-fn pattern_words(pattern: &ScanPattern) -> [u32; PATTERN_WORDS] {
-    let grid = |kind, grid: &Grid| {
-        let Grid { columns, rows, azimuth_cdeg, elevation_cdeg } = *grid;
-        let [columns, rows] = [columns, rows].map(u32::from);
-        [kind, columns, rows, azimuth_cdeg.into(), elevation_cdeg.into(), 0, 0]
-    };
-    match pattern {
-        ScanPattern::Grid(g) => grid(0, g),
-        ScanPattern::Raster(g) => grid(1, g),
-        ScanPattern::Spinning(Spinning { model, columns }) => {
-            [2, *model as u32, (*columns).into(), 0, 0, 0, 0]
-        }
-        ScanPattern::Rosette(Rosette { beams, rate_hz, rotors_rpm, bends_cdeg }) => {
-            let [first, second] = rotors_rpm.map(i32::cast_unsigned);
-            let [a, b] = bends_cdeg.map(u32::from);
-            [3, *beams, *rate_hz, first, second, a, b]
-        }
-        ScanPattern::Table(BeamTable { beams, channels, hash }) => {
-            [4, *beams, (*channels).into(), *hash, 0, 0, 0]
-        }
-    }
-}
-
-fn read_pattern([kind, a, b, c, d, e, f]: [u32; PATTERN_WORDS]) -> Option<ScanPattern> {
-    let short = |word: u32| u16::try_from(word).ok();
-    let grid = || {
-        let (azimuth_cdeg, elevation_cdeg) = (short(c)?, short(d)?);
-        Some(Grid { columns: short(a)?, rows: short(b)?, azimuth_cdeg, elevation_cdeg })
-    };
-    Some(match kind {
-        0 => ScanPattern::Grid(grid()?),
-        1 => ScanPattern::Raster(grid()?),
-        2 => {
-            let model = *SpinningModel::ALL.get(a as usize)?;
-            ScanPattern::Spinning(Spinning { model, columns: short(b)? })
-        }
-        3 => ScanPattern::Rosette(Rosette {
-            beams: a,
-            rate_hz: b,
-            rotors_rpm: [c, d].map(u32::cast_signed),
-            bends_cdeg: [short(e)?, short(f)?],
-        }),
-        4 => ScanPattern::Table(BeamTable { beams: a, channels: short(b)?, hash: c }),
-        _ => return None,
-    })
 }
 
 /// The straps read back; `None` when they make no sensor.
@@ -143,7 +93,7 @@ pub fn read_straps(words: [u32; STRAP_WORDS]) -> Option<(Hardware, ScanPattern)>
         unit_echo_milli,
         shot_noise_ppm,
     };
-    let pattern = read_pattern(view)?;
+    let pattern = ScanPattern::from_words(view)?;
     let works =
         (8..=14).contains(&adc_bits) && range_min_mm < range_max_mm && range_max_mm < 1_000_000;
     works.then_some((hardware, pattern))
@@ -192,6 +142,8 @@ pub fn serve(
 
 #[cfg(test)]
 mod tests {
+    use echoloop_dsp::{BeamTable, Grid, Rosette, Spinning, SpinningModel};
+
     use super::*;
 
     #[test]

@@ -3,6 +3,7 @@
 use core::f32::consts::PI;
 
 use super::angle::unit;
+use super::{Fields, short};
 
 /// A grid of beams, uniform in azimuth and elevation, in the sensor's frame: x ahead, y left, z up.
 ///
@@ -57,6 +58,17 @@ impl Grid {
         let azimuth = angle_rad(column, self.columns, self.azimuth_cdeg);
         let elevation = angle_rad(row, self.rows, self.elevation_cdeg);
         unit(azimuth, elevation)
+    }
+
+    pub(super) fn to_words(self) -> Fields {
+        let Self { columns, rows, azimuth_cdeg, elevation_cdeg } = self;
+        let [a, b, c, d] = [columns, rows, azimuth_cdeg, elevation_cdeg].map(u32::from);
+        [a, b, c, d, 0, 0]
+    }
+
+    pub(super) fn from_words([a, b, c, d, ..]: Fields) -> Option<Self> {
+        let (azimuth_cdeg, elevation_cdeg) = (short(c)?, short(d)?);
+        Some(Self { columns: short(a)?, rows: short(b)?, azimuth_cdeg, elevation_cdeg })
     }
 }
 

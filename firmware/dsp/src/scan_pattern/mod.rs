@@ -37,7 +37,45 @@ impl Default for ScanPattern {
     }
 }
 
+/// Words that a pattern's own fields take at most.
+const FIELDS: usize = 6;
+
+/// Words that hold any pattern: the number of its kind, then its fields.
+pub const WORDS: usize = 1 + FIELDS;
+
+/// Fields of a pattern as words, zeros after them.
+type Fields = [u32; FIELDS];
+
+/// A field of 16 bits; `None` where the word holds more.
+fn short(word: u32) -> Option<u16> {
+    word.try_into().ok()
+}
+
 impl ScanPattern {
+    /// The pattern as words, for memory that a sensor shares with its host.
+    pub fn to_words(&self) -> [u32; WORDS] {
+        let (kind, [a, b, c, d, e, f]) = match self {
+            Self::Grid(grid) => (0, grid.to_words()),
+            Self::Raster(grid) => (1, grid.to_words()),
+            Self::Spinning(spinning) => (2, spinning.to_words()),
+            Self::Rosette(rosette) => (3, rosette.to_words()),
+            Self::Table(table) => (4, table.to_words()),
+        };
+        [kind, a, b, c, d, e, f]
+    }
+
+    /// The pattern that [`ScanPattern::to_words`] wrote; `None` where the words are no pattern.
+    pub fn from_words([kind, fields @ ..]: [u32; WORDS]) -> Option<Self> {
+        Some(match kind {
+            0 => Self::Grid(Grid::from_words(fields)?),
+            1 => Self::Raster(Grid::from_words(fields)?),
+            2 => Self::Spinning(Spinning::from_words(fields)?),
+            3 => Self::Rosette(Rosette::from_words(fields)?),
+            4 => Self::Table(BeamTable::from_words(fields)?),
+            _ => return None,
+        })
+    }
+
     /// Number of beams of a scan.
     pub fn beams(&self) -> u32 {
         match self {

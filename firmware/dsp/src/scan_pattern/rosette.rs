@@ -2,6 +2,8 @@
 
 use core::f32::consts::{PI, TAU};
 
+use super::{Fields, short};
+
 /// Two prisms that turn against each other, each of which bends the beam by its angle: what Livox
 /// publishes of its sensors (Liu, Wang, Zhang, "Low-Cost Retina-Like Robotic Lidars Based on
 /// Incommensurable Scanning", IEEE/ASME Trans. Mechatronics 27, 2022).
@@ -56,6 +58,17 @@ impl Rosette {
         // sin(off)/off, which is 1 to f32 below this.
         let side = if off > 1e-4 { libm::sinf(off) / off } else { 1.0 };
         [libm::cosf(off), y * side, z * side]
+    }
+
+    pub(super) fn to_words(self) -> Fields {
+        let [first, second] = self.rotors_rpm.map(i32::cast_unsigned);
+        let [a, b] = self.bends_cdeg.map(u32::from);
+        [self.beams, self.rate_hz, first, second, a, b]
+    }
+
+    pub(super) fn from_words([beams, rate_hz, first, second, a, b]: Fields) -> Option<Self> {
+        let rotors_rpm = [first, second].map(u32::cast_signed);
+        Some(Self { beams, rate_hz, rotors_rpm, bends_cdeg: [short(a)?, short(b)?] })
     }
 }
 

@@ -4,6 +4,7 @@ use core::f32::consts::{PI, TAU};
 
 use super::angle::unit;
 use super::lasers::{HDL_64E, Laser, OS1_64, OS1_128, VLP_16, VLP_32C, VLS_128};
+use super::{Fields, short};
 
 /// A sensor whose lasers are known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -132,6 +133,15 @@ impl Spinning {
         let heading = TAU * (more as f32 - less as f32) / whole as f32;
         let beside = if self.model.offsets_are_clockwise() { -rad(azimuth) } else { rad(azimuth) };
         unit(heading + beside, rad(elevation))
+    }
+
+    pub(super) fn to_words(self) -> Fields {
+        [self.model as u32, self.columns.into(), 0, 0, 0, 0]
+    }
+
+    pub(super) fn from_words([model, columns, ..]: Fields) -> Option<Self> {
+        let model = *SpinningModel::ALL.get(model as usize)?;
+        Some(Self { model, columns: short(columns)? })
     }
 }
 

@@ -1,5 +1,7 @@
 //! Beams that somebody listed.
 
+use super::{Fields, short};
+
 /// The name of a list of beams. The list itself stays with whoever made it: what a sensor and a
 /// host have to agree on is its hash.
 ///
@@ -15,4 +17,14 @@ pub struct BeamTable {
     pub channels: u16,
     /// Hash of the list.
     pub hash: u32,
+}
+
+impl BeamTable {
+    pub(super) fn to_words(self) -> Fields {
+        [self.beams, self.channels.into(), self.hash, 0, 0, 0]
+    }
+
+    pub(super) fn from_words([beams, channels, hash, ..]: Fields) -> Option<Self> {
+        Some(Self { beams, channels: short(channels)?, hash })
+    }
 }
