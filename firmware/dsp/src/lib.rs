@@ -32,14 +32,15 @@
 //! | matched filter | [`filter`] | `x` | `y`, Q1.15 |
 //! | thresholds, peaks | [`detect`] | `y` | candidates |
 //! | overlapping echoes | [`split`] | `x`, candidates | candidates |
-//! | which are kept | [`detect`], [`height`] | candidates | at most four |
+//! | choice of echoes | [`detect`], [`height`] | candidates | at most four |
 //! | sub-sample time | [`refine`], [`edges`], [`dithered_edges`] | a candidate | time, width |
 //! | range, amplitude, SNR | [`echo`] | the refined peak | [`Echo`] |
 //!
-//! [`Settings`] is what a user may set, with its one table [`PARAMETERS`]; [`DetectorConfig`] is
-//! what the stages read, derived from it once; [`Pipeline`] runs them, with the loops over every
-//! sample behind [`SampleLoops`]. Every format and rounding rule is stated at its stage, and a
-//! model in `f64` in the tests follows it bit for bit. Derivations are in `docs/detector.md`.
+//! [`Settings`] holds all that a user may set; its one table is [`PARAMETERS`]. [`DetectorConfig`]
+//! holds the constants of the stages, derived from the settings once. [`Pipeline`] runs the stages;
+//! the loops over every sample are behind [`SampleLoops`]. Every format and rounding rule is stated
+//! at its stage, and a model in `f64` in the tests follows it bit for bit. Derivations are in
+//! `docs/detector.md`.
 //!
 //! | feature | brings | for |
 //! |---|---|---|
@@ -51,8 +52,7 @@
 //! same.
 #![no_std]
 #![forbid(unsafe_code)]
-// No input reaches a panic, in any build: what cannot be proven by a type is proven by a bound,
-// next to it.
+// No input reaches a panic, in any build: the proof is a type, or a bound stated beside the code.
 #![warn(
     clippy::arithmetic_side_effects,
     clippy::expect_used,

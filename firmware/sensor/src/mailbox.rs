@@ -1,22 +1,22 @@
-//! The front end of an emulated board: a page of memory that the sensor and the world share.
+//! Mailbox: page of memory that an emulated board shares with its world, in place of a front end.
 //!
-//! Where a real board has a laser driver and a converter behind SPI, a converter's DMA buffer and a
-//! flash chip, an emulator maps one file into the sensor's memory. This is its layout; all words
-//! are little endian.
+//! A real board has a laser driver and a converter behind SPI, a DMA buffer of the converter and a
+//! flash chip. For an emulated board, the emulator maps one file into the sensor's memory, with
+//! this layout; all words are little endian.
 //!
-//! | offset | what | written by |
+//! | offset | content | written by |
 //! |---|---|---|
 //! | 0x000 | [`MAGIC`] | world, before the sensor starts |
 //! | 0x004 | doorbell: shots fired so far, wrapping | sensor |
 //! | 0x008 | shots whose samples are in the buffer | world |
-//! | 0x00C | run: what the world asks a measuring image to do | world |
+//! | 0x00C | run: command of the world to a measuring image | world |
 //! | 0x040 | straps: [`Hardware`], [`ScanPattern`]: 13 words | world, before the sensor starts |
 //! | 0x080 | laser driver, sixteen registers | sensor; register 0 by the world |
 //! | 0x0C0 | amplifier and converter, sixteen registers | sensor; register 0 by the world |
 //! | 0x1000 | DMA buffer: codes, u16 | world |
 //! | 0x4000 | flash, [`FLASH_BYTES`] | sensor |
 //!
-//! A shot: the sensor writes the registers, then the doorbell; the world fills the buffer, then
+//! For a shot the sensor writes the registers, then the doorbell; the world fills the buffer, then
 //! answers with the doorbell's number. Each side writes its own words only, so no lock is needed.
 
 use echoloop_dsp::{Hardware, ScanPattern, scan_pattern};
@@ -30,7 +30,7 @@ pub const MAGIC: u32 = u32::from_le_bytes(*b"ECMB");
 pub const DOORBELL: usize = 0x004;
 /// Offset of the answer to the doorbell.
 pub const ANSWER: usize = 0x008;
-/// Offset of the word that tells a measuring image what to do.
+/// Offset of the command to a measuring image.
 pub const RUN: usize = 0x00C;
 /// Offset of the straps.
 pub const STRAPS: usize = 0x040;
@@ -38,23 +38,23 @@ pub const STRAPS: usize = 0x040;
 pub const EMITTER: usize = 0x080;
 /// Offset of the amplifier's and converter's registers.
 pub const ADC: usize = 0x0C0;
-/// Registers of a device.
+/// Number of registers of a device.
 pub const REGISTERS: usize = 16;
 /// Offset of the DMA buffer.
 pub const CODES: usize = 0x1000;
 /// Offset of the flash.
 pub const FLASH: usize = 0x4000;
-/// Bytes of the flash: two blocks.
+/// Size of the flash in bytes: two blocks.
 pub const FLASH_BYTES: usize = 2 * FLASH_BLOCK;
-/// Bytes that are erased at a time.
+/// Size of a block, which is erased at a time, in bytes.
 pub const FLASH_BLOCK: usize = 4096;
-/// Bytes of the whole mailbox.
+/// Size of the mailbox in bytes.
 pub const BYTES: usize = 0x8000;
 
-/// Words of the straps: those of the hardware, then those of the pattern.
+/// Number of words of the straps: those of the hardware, then those of the pattern.
 pub const STRAP_WORDS: usize = 6 + scan_pattern::WORDS;
 
-/// What a board's maker sets once: the words at [`STRAPS`].
+/// Straps, which the board's maker sets once: the words at [`STRAPS`].
 pub fn straps(hardware: &Hardware, pattern: &ScanPattern) -> [u32; STRAP_WORDS] {
     let [kind, a, b, c, d, e, f] = pattern.to_words();
     [
@@ -74,7 +74,7 @@ pub fn straps(hardware: &Hardware, pattern: &ScanPattern) -> [u32; STRAP_WORDS] 
     ]
 }
 
-/// The straps read back; `None` when they make no sensor.
+/// Reads the straps; `None` when they describe no possible sensor.
 pub fn read_straps(words: [u32; STRAP_WORDS]) -> Option<(Hardware, ScanPattern)> {
     let [
         adc_bits,
@@ -99,21 +99,21 @@ pub fn read_straps(words: [u32; STRAP_WORDS]) -> Option<(Hardware, ScanPattern)>
     works.then_some((hardware, pattern))
 }
 
-/// The registers of an emulated SPI device.
+/// Registers of an emulated SPI device.
 pub trait Registers {
-    /// What a register holds; 0 where there is none.
+    /// Value of a register; 0 where there is none.
     fn get(&self, register: u8) -> u32;
-    /// Sets a register; nothing where there is none. Register 0, the device's identity, is never
-    /// set.
+    /// Sets a register; does nothing where there is none. Register 0, the device's identity, is
+    /// never set.
     fn set(&mut self, register: u8, value: u32);
 }
 
-/// Does what a transaction of [`crate::afe`] asks of a device: one byte of address (bit 7: write),
-/// four of value.
+/// Performs a transaction of [`crate::afe`] on a device: one byte of address (bit 7: write), four
+/// of value.
 ///
 /// # Errors
 ///
-/// What the driver never says.
+/// [`ErrorKind::Other`] for a transaction that the driver never makes.
 pub fn serve(
     device: &mut impl Registers,
     operations: &mut [Operation<'_, u8>],

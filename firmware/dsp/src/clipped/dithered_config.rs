@@ -1,4 +1,4 @@
-//! What dithered shots are read with, derived once with the settings.
+//! Constants for reading dithered shots, derived once with the settings.
 #![expect(
     clippy::arithmetic_side_effects,
     reason = "widths are below 2¹⁵ ps, shots at most 16, codes below 2¹⁵: products below 2⁴⁰"
@@ -7,10 +7,10 @@
 use crate::clipped::pulse::Pulse;
 use crate::settings::Settings;
 
-/// The longest pulse width that [`Pulse`] holds, samples.
+/// Longest pulse width that [`Pulse`] holds, samples.
 const MOST_SAMPLES: u64 = 127;
 
-/// What dithered shots are read with.
+/// Constants for reading dithered shots.
 ///
 /// ```text
 /// P         phases: as many as shots, at most 4
@@ -23,17 +23,18 @@ pub struct DitheredConfig {
     pub(crate) phases_log2: u32,
     /// log₂ of the shots of a phase.
     pub(crate) shots_log2: u32,
-    /// Left shift that brings a code of one shot to Q1.15.
+    /// Left shift that brings a code of a single shot to Q1.15.
     pub(crate) code_shift: u32,
-    /// Sums of a phase at or above it are saturated.
+    /// Lowest saturated sum of a phase.
     pub(crate) clip: u16,
     /// The pulse at P times the rate.
     pub(crate) pulse: Pulse,
 }
 
 impl DitheredConfig {
-    /// `None` where shots are not dithered, or where a pulse's width is more than 127 of the finer
-    /// samples, which need no help. `full_scale` is the code of one shot there.
+    /// Derives the constants. `None` where shots are not dithered, or where the pulse is wider than
+    /// 127 of the finer samples: such a pulse is sampled finely enough. `full_scale` is the code of
+    /// one shot at full scale.
     pub(crate) fn new(
         settings: &Settings,
         period_fs: u32,

@@ -1,4 +1,4 @@
-//! The edges of clipped echoes, read from shots that were dithered against the sampling clock.
+//! Edges of clipped echoes, read from shots that were dithered against the sampling clock.
 #![expect(
     clippy::arithmetic_side_effects,
     reason = "samples below 2400·4, times 2³¹, sums of lanes 2¹⁸ with shifts up to 7"
@@ -11,36 +11,35 @@ use crate::rising_gain::ramp::levelled;
 use crate::stages::accumulate::{Accumulator, LANES};
 use crate::stages::noise::Noise;
 
-/// Finer samples that are looked at: a run with what lies beside it. A longer one is timed by the
-/// sum of its shots.
+/// Most finer samples of a run and of the samples beside it. A longer run is timed from the sum of
+/// its shots.
 pub const MAX_FINER_SAMPLES: usize = 512;
 
-/// Samples of the waveform on either side of a run that are looked at.
+/// Samples of the waveform that are read on either side of a run.
 const BESIDE: usize = 4;
 
-/// The shots of a waveform.
+/// Dithered shots of a waveform, and what their edges are read with.
 #[derive(Clone, Copy, Debug)]
 pub struct DitheredEdges<'a> {
-    /// What they are read with.
+    /// Constants for reading the shots.
     pub config: &'a DitheredConfig,
-    /// Themselves.
+    /// The shots, summed by phase.
     pub shots: &'a Accumulator,
-    /// Samples before the trigger, which come first.
+    /// Number of samples before the trigger, which come first.
     pub before: usize,
-    /// Samples of the waveform.
+    /// Number of samples of the waveform.
     pub samples: usize,
-    /// What the baseline removed, Q1.15.
+    /// Ambient light that the baseline removed, Q1.15.
     pub ambient: i16,
-    /// Of a sample of the waveform.
+    /// Noise of a sample of the waveform.
     pub noise: &'a Noise,
-    /// Where the gain rises: how, and the sample whose gain all are given.
+    /// Near gain, and the sample whose gain all samples are brought to, where the gain rises.
     pub level: Option<(Near<'a>, usize)>,
 }
 
 impl DitheredEdges<'_> {
-    /// Fits the edges of a run of clipped samples; `None` where it is longer than
-    /// [`MAX_FINER_SAMPLES`] hold, or touches an end, or where its middle is not clipped in all
-    /// phases.
+    /// Fits the edges of a run of clipped samples. `None` where the run is longer than
+    /// [`MAX_FINER_SAMPLES`] or touches an end, or where its middle is not clipped in all phases.
     ///
     /// | name | value | format |
     /// |---|---|---|
@@ -69,7 +68,7 @@ impl DitheredEdges<'_> {
         Some(Edges { time: twice >> (log2 + 1), sigma: edges.sigma >> log2, ..edges })
     }
 
-    /// A finer sample without its baseline, as if it had the gain of the echo.
+    /// Finer sample without its baseline, as if it had the gain of the echo.
     fn level(&self, j: usize, value: i64) -> i16 {
         let log2 = self.config.phases_log2;
         let Some((near, at)) = self.level else {
@@ -81,7 +80,7 @@ impl DitheredEdges<'_> {
         levelled(above as i32, octaves) // below 2²³
     }
 
-    /// The run of clipped finer samples around one of them.
+    /// Run of clipped finer samples around sample `middle`.
     fn clipped(&self, middle: usize, within: core::ops::Range<usize>) -> Option<Run> {
         let clips = |&j: &usize| self.sum(j) >= self.config.clip;
         let middle = Some(middle).filter(clips)?;
@@ -90,7 +89,7 @@ impl DitheredEdges<'_> {
         Some(Run { first, last })
     }
 
-    /// Codes of the shots of a finer sample.
+    /// Sum of the codes of a finer sample's shots.
     fn sum(&self, j: usize) -> u16 {
         let lanes = self.shots.lanes(self.before + (j >> self.config.phases_log2));
         let phase = j & ((1 << self.config.phases_log2) - 1);

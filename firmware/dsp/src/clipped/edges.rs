@@ -1,4 +1,4 @@
-//! When a clipped echo came, and how high it would have been: from what its edges still show.
+//! Time and height of a clipped echo, from the edges that are not clipped.
 #![expect(
     clippy::arithmetic_side_effects,
     reason = "samples are Q1.15, times within 2400 samples 2²⁸, of a pulse 2²³, p and its slope \
@@ -8,27 +8,27 @@
 use crate::clipped::pulse::Pulse;
 use crate::stages::noise::Noise;
 
-/// What the edges of a clipped pulse say.
+/// Time and amplitude that the edges of a clipped pulse give.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Edges {
-    /// Its middle, Q16.16 samples since sample 0.
+    /// Middle of the pulse, Q16.16 samples since sample 0.
     pub time: i64,
-    /// Its amplitude as if nothing had clipped it, Q1.15, at most [`MAX_AMPLITUDE`].
+    /// Amplitude of the pulse as if it were not clipped, Q1.15, at most [`MAX_AMPLITUDE`].
     pub amplitude: i64,
     /// σ of the time, Q16.16 samples.
     pub sigma: u32,
 }
 
-/// Amplitudes are told up to 1024 of full scale.
+/// Highest amplitude that is estimated: 1024 times full scale.
 pub const MAX_AMPLITUDE: i64 = 1 << 25;
 
-/// Pairs of samples, nearest first, that the edges are read from.
+/// Number of pairs of samples that the edges are read from, nearest first.
 const EDGE: usize = 3;
 
-/// Bisection stops at this width, 2⁻⁵ samples; within it a straight line is good to 2⁻¹².
+/// Width at which bisection stops, 2⁻⁵ samples; within it a straight line is good to 2⁻¹².
 const RESOLUTION: i64 = 1 << 11;
 
-/// No time is told better than to 2⁻¹⁰ samples.
+/// Lowest σ of a time, 2⁻¹⁰ samples.
 const LEAST_SIGMA: i64 = 1 << 6;
 
 /// Fits the emitted pulse to the edges of a run of clipped samples.
@@ -56,20 +56,20 @@ const LEAST_SIGMA: i64 = 1 << 6;
 /// at least one LSB. Derived, with a figure, in `docs/detector.md`, The edges of a clipped echo.
 #[derive(Clone, Copy, Debug)]
 pub struct EdgeFit<'a> {
-    /// The emitted pulse.
+    /// Emitted pulse.
     pub pulse: &'a Pulse,
     /// Noise of a sample.
     pub noise: &'a Noise,
-    /// S without baseline, Q1.15, at least 1.
+    /// Saturation level S without baseline, Q1.15, at least 1.
     pub level: i64,
 }
 
-/// A run of clipped samples: the indices of its first and last.
+/// Run of clipped samples: the indices of its first and last sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Run {
-    /// The first.
+    /// Index of the first sample.
     pub first: usize,
-    /// The last.
+    /// Index of the last sample.
     pub last: usize,
 }
 
@@ -86,7 +86,7 @@ impl EdgeFit<'_> {
         let nearest = self.pair(x, run, 1)?;
         let solved = self.solve(&nearest);
         let (mut sum, mut weights) = (0, weight(&solved));
-        // On to the last pair before one of which not both values show.
+        // Pairs count as long as both values show.
         let farther = (2..=EDGE).map_while(|i| self.pair(x, run, i)).take_while(Pair::both_show);
         for pair in farther.take(if nearest.both_show() { EDGE } else { 0 }) {
             let farther = self.solve(&pair);
@@ -106,14 +106,14 @@ impl EdgeFit<'_> {
         })
     }
 
-    /// The amplitude of [`Self::fit`] alone: one pair says it.
+    /// Amplitude of [`Self::fit`] alone, which the nearest pair gives.
     #[inline(never)]
     pub fn amplitude(&self, x: &[i16], run: Run) -> Option<i64> {
         let solved = self.solve(&self.pair(x, run, 1)?);
         Some(solved.amplitude.max(self.level).min(MAX_AMPLITUDE))
     }
 
-    /// The samples `i` before the run and `i` after it.
+    /// Pair of samples `i` before the run and `i` after it; a value that noise hides is 0.
     fn pair(&self, x: &[i16], run: Run, i: usize) -> Option<Pair> {
         let (left, right) = (run.first.checked_sub(i)?, run.last.checked_add(i)?);
         let hides = |v: i16| self.noise.hides(v.into());
@@ -136,7 +136,8 @@ impl EdgeFit<'_> {
         solved
     }
 
-    /// Both edges show: x is the root of F(x) = v_l p(D − x) − v_r p(x), which falls.
+    /// Solves a pair of which both values show: x is the root of F(x) = v_l p(D − x) − v_r p(x),
+    /// which falls.
     ///
     /// Bisected in max(0, D − ⌊L/2⌋) ..= min(D, ⌊L/2⌋) to 2⁻⁵ samples, then by a line: low +
     /// (high − low) a / (a − b) with a = max(F(low), 0), b = min(F(high), 0), F in Q17.45, a and
@@ -178,7 +179,7 @@ impl EdgeFit<'_> {
         ((shift << 16) / (stiffness.max(1) as u64)).min(1 << 24) as i64
     }
 
-    /// One edge shows, between two bounds: A = v / p(x).
+    /// Solves a pair of which one value shows, between two bounds: A = v / p(x).
     ///
     /// ```text
     /// x from max(D, 0) / (1 + √(h/v)) to (D + 1) / (1 + √(level/v)),  two thirds of the way
@@ -197,7 +198,8 @@ impl EdgeFit<'_> {
         }
     }
 
-    /// Both edges fall between two samples: A = level / p((1 + D/2)/2).
+    /// Solves a pair of which no value shows, as both edges fall between two samples: A = level /
+    /// p((1 + D/2)/2).
     ///
     /// ```text
     /// x = D/2,  t = √(h/level)·(1 + D/2)               1 + D/2 within 1/16 ..= 2
@@ -220,14 +222,14 @@ fn weight(solved: &Solved) -> i64 {
     ((1 << 40) / (solved.sigma * solved.sigma).max(1)).max(1)
 }
 
-/// A sample of each edge: their indices and values, 0 where noise hides them.
+/// A sample of each edge: indices, and values, which are 0 where noise hides them.
 struct Pair {
     left: i64,
     right: i64,
     values: (i64, i64),
 }
 
-/// x of the left sample, A, σ of x.
+/// Solution for a pair: x of the left sample, A, σ of x.
 struct Solved {
     x: i64,
     amplitude: i64,

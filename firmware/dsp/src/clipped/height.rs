@@ -1,4 +1,4 @@
-//! How high a clipped echo would have been, hard or soft: what echoes are compared by.
+//! Height of a clipped echo as if it were not clipped, by which echoes are compared.
 #![expect(
     clippy::arithmetic_side_effects,
     reason = "indices and widths are at most 2400 samples, ranges 2²¹ of 1/256 samples, a level \
@@ -8,7 +8,8 @@
 use crate::clipped::edges::{EdgeFit, MAX_AMPLITUDE, Run};
 use crate::rising_gain::ramp::{Ramp, power};
 
-/// Compares clipped echoes by what still shows: how wide the run is, and how fast its sides fall.
+/// Estimates the height of a clipped echo from the width of its run and from how fast its sides
+/// fall. The echo is hard (the emitted pulse) or soft (spread in range, as from fog).
 ///
 /// ```text
 /// e      from the end of the run to where x falls below level/4
@@ -19,9 +20,9 @@ use crate::rising_gain::ramp::{Ramp, power};
 /// air    (u₁ + max(u₁ − u₄, 0) (R₁ − R₀)/(R₄ − R₁)) / R₀²       u = v R²
 /// ```
 ///
-/// A soft echo is wider at a quarter of the level than a hard one of that run, so of both models
-/// the lower holds. The air before the sensor is softer still on its far side only: `v R²` falls
-/// slowly along it, and a line through two of its places, drawn to where it began, gives `v` there.
+/// A soft echo is wider at a quarter of the level than a hard one of the same run, so the lower of
+/// both models holds. The air before the sensor is softer still on its far side only: `v R²` falls
+/// slowly along it, and a line through two of its points, drawn to where it began, gives `v` there.
 /// It counts as air where the run begins within a pulse of the window's first sample, or of the
 /// first that the receiver sees, and `u₁ ≤ 2 u₄`. Where the gain rises, u₄ is less by the gain at
 /// R₁ over that at R₄, and the height more by the gain at the middle of the run over that at R₁.
@@ -40,28 +41,29 @@ use crate::rising_gain::ramp::{Ramp, power};
 /// | height | `level` to [`MAX_AMPLITUDE`] | Q1.15 |
 ///
 /// Another dip than that of noise ends the side without an e; the air then takes the dip's lowest
-/// sample for R₄.
-/// Without an e on either side it is the hard one, which is `level` where the run touches an end.
-/// Derived, and compared with the truth, in `docs/detector.md`, The strongest of clipped echoes.
+/// sample for R₄. Without an e on either side the height is the hard one: `level` where the run
+/// touches an end. Derived, and compared with the truth, in `docs/detector.md`, The strongest of
+/// clipped echoes.
 #[derive(Clone, Copy, Debug)]
 pub struct Height<'a> {
-    /// Reads the edges of hard echoes.
+    /// Fit of the edges of hard echoes.
     pub edges: EdgeFit<'a>,
-    /// The lowest saturated code.
+    /// Lowest saturated code.
     pub clip_code: u16,
-    /// Codes.
+    /// Codes of the waveform.
     pub codes: &'a [u16],
-    /// Without baseline, Q1.15.
+    /// Samples without baseline, Q1.15.
     pub x: &'a [i16],
     /// Range of sample 0 in samples, Q16.16, at most [`FARTHEST`].
     pub origin: i64,
-    /// From sample 0 to where the receiver begins to see the beam, Q16.16 samples.
+    /// Distance from sample 0 to where the receiver begins to see the beam, Q16.16 samples.
     pub blind: i64,
-    /// The near gain.
+    /// Near gain.
     pub ramp: Option<&'a Ramp>,
 }
 
-/// Beyond this a window begins too far away for the air before it to matter: 4096 samples, Q16.16.
+/// Farthest beginning of a window, 4096 samples, Q16.16: beyond it the air before the window does
+/// not matter.
 pub const FARTHEST: i64 = 1 << 28;
 
 const ONE: i64 = 1 << 16;
@@ -69,18 +71,18 @@ const ONE: i64 = 1 << 16;
 /// Bits of the exponent of a soft echo's height.
 const FINE: u32 = 12;
 
-/// What lies beside a run.
+/// Samples beside a run.
 struct Side {
-    /// Samples by which the run goes on.
+    /// Samples by which the run goes on beyond a dip of noise.
     longer: usize,
     /// e, Q16.16.
     fall: Option<i64>,
-    /// The lowest sample, up to where the side ends: samples from the run's end, value.
+    /// Lowest sample up to where the side ends: its distance from the run's end, its value.
     lowest: Option<(usize, i64)>,
 }
 
 impl Height<'_> {
-    /// The height of the echo that clipped these samples, Q1.15.
+    /// Height of the echo that clipped these samples, Q1.15.
     #[inline(never)]
     pub fn of(&self, run: Run) -> u32 {
         let left = self.side(|steps| run.first.checked_sub(steps));
@@ -93,7 +95,7 @@ impl Height<'_> {
         height.max(self.edges.level).min(MAX_AMPLITUDE) as u32
     }
 
-    /// Looks along one side; `at` gives the sample so many steps outwards.
+    /// Follows one side of the run; `at` gives the index of the sample that many steps outwards.
     fn side(&self, at: impl Fn(usize) -> Option<usize>) -> Side {
         let level = self.edges.level;
         let quarter = level >> 2;
@@ -127,7 +129,7 @@ impl Height<'_> {
         side
     }
 
-    /// A hard echo's height.
+    /// Height of a hard echo.
     fn hard(&self, run: Run) -> i64 {
         let Self { edges, x, .. } = *self;
         let width = edges.pulse.width();
@@ -144,7 +146,7 @@ impl Height<'_> {
         edges.amplitude(x, run).map_or(edges.level, |amplitude| amplitude.min(most))
     }
 
-    /// A soft echo's height.
+    /// Height of a soft echo.
     fn soft(&self, run: Run, fall: i64) -> i64 {
         let samples = (run.last - run.first + 1) as i64;
         let fall = fall >> 8;
@@ -156,7 +158,7 @@ impl Height<'_> {
         ((self.edges.level * mantissa) << (exponent >> FINE)) >> FINE
     }
 
-    /// The height of the air before the sensor; `None` of anything else.
+    /// Height of the air before the sensor; `None` for anything else.
     fn air(&self, run: Run, right: &Side) -> Option<i64> {
         let Self { edges: EdgeFit { pulse, level, .. }, origin, blind, .. } = *self;
         let first = (run.first as i64) << 16;
@@ -186,8 +188,8 @@ impl Height<'_> {
         Some(self.at_gain_of(height, end + ONE / 2 - origin, middle))
     }
 
-    /// A value seen at one time as it would have been at an earlier one, rounded down; Q16.16
-    /// samples.
+    /// Value seen at one time as it would be at the gain of an earlier time, rounded down; times in
+    /// Q16.16 samples.
     fn at_gain_of(&self, value: i64, at: i64, earlier: i64) -> i64 {
         let Some(ramp) = self.ramp else { return value };
         // Times lie within the waveform, or a pulse beyond it.
@@ -196,7 +198,7 @@ impl Height<'_> {
     }
 }
 
-/// Of both sides.
+/// Mean e of both sides; the shorter where one is more than twice the other.
 fn mean(left: Option<i64>, right: Option<i64>) -> Option<i64> {
     match (left, right) {
         (Some(left), Some(right)) if left.max(right) <= 2 * left.min(right) => {

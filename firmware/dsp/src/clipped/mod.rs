@@ -1,4 +1,4 @@
-//! Echoes that saturate the ADC: time and height from the edges, which are still in range.
+//! Echoes that saturate the ADC: their time and height come from the edges, which are not clipped.
 
 pub(crate) mod dithered_config;
 pub mod dithered_edges;

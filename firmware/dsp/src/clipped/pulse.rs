@@ -1,4 +1,4 @@
-//! The emitted pulse, at any time: what the edges of a clipped echo are read with.
+//! Emitted pulse as a function of time, which the edges of a clipped echo are compared with.
 #![expect(
     clippy::arithmetic_side_effects,
     reason = "times within the pulse are below 2²³, a pulse is at least 2³, a phase at most 2²⁴, \
@@ -7,7 +7,7 @@
 
 use crate::q::divide_round;
 
-/// The sin² pulse of one width at one sample period.
+/// Emitted sin² pulse, for a width and a sample period.
 ///
 /// ```text
 /// p(u) = sin²(π u / L),  0 ≤ u ≤ L = 2 W f_s       u in samples since the pulse began; 0 outside
@@ -39,8 +39,7 @@ pub const ONE: i64 = 1 << 30;
 const PI: i64 = 3_373_259_426;
 
 impl Pulse {
-    /// The pulse of a full width at half maximum. Shorter than a sixteenth of a sample counts as
-    /// that, longer than 127 as 127.
+    /// Pulse of this full width at half maximum, held to 1/16 to 127 samples.
     pub fn new(width_ps: u32, sample_period_fs: u32) -> Self {
         let samples =
             divide_round((i64::from(width_ps) * 1000) << 16, i64::from(sample_period_fs.max(1)));
@@ -49,7 +48,7 @@ impl Pulse {
         Self { width, per_length: (1 << 40) / length, turn: divide_round(PI << 2, 2 * width) }
     }
 
-    /// W f_s: the full width at half maximum, which is half the length. Q16.16 samples.
+    /// W f_s, the full width at half maximum, which is half the length: Q16.16 samples.
     pub fn width(&self) -> i64 {
         self.width
     }

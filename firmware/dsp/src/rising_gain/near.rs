@@ -1,4 +1,4 @@
-//! Waveforms whose gain rises with range: what their samples rest on, and echoes as if the gain had
+//! Waveforms whose gain rises with range: baseline of each sample, and echoes as if the gain had
 //! not risen under them.
 #![expect(
     clippy::arithmetic_side_effects,
@@ -15,31 +15,31 @@ use crate::stages::baseline;
 use crate::stages::detect::Threshold;
 use crate::stages::noise::Noise;
 
-/// A waveform whose gain rises, and what it rests on.
+/// Waveform whose gain rises, with its ambient light.
 #[derive(Clone, Copy, Debug)]
 pub struct Near<'a> {
-    /// Its gain.
+    /// Gain over range.
     pub ramp: &'a Ramp,
-    /// What the stages read.
+    /// Constants of the stages.
     pub config: &'a DetectorConfig,
-    /// What a sample of full gain rests on, Q1.15.
+    /// Ambient light at full gain, Q1.15.
     pub ambient: i16,
 }
 
 impl Near<'_> {
-    /// Whether an echo at a sample may have some of its pulse before the ramp's end: twice as many
-    /// samples beyond that as lie on either side of a pulse's middle.
+    /// True when part of the pulse of an echo at sample `n` may lie before the ramp's end: `n` is
+    /// less than 2K samples beyond it, K samples being on either side of a pulse's middle.
     pub fn holds(&self, n: usize) -> bool {
         n < self.ramp.samples().saturating_add(2 * self.config.reach)
     }
 
-    /// b at a sample, Q1.15.
+    /// Baseline b at a sample, Q1.15.
     #[inline(always)]
     pub fn rest(&self, n: usize) -> i16 {
         self.rest_of(self.ramp.gain(n))
     }
 
-    /// b where the gain is g, Q1.15.
+    /// Baseline b at gain g, Q1.15.
     #[inline(always)]
     fn rest_of(&self, gain: u32) -> i16 {
         let black = self.config.black;
@@ -47,7 +47,7 @@ impl Near<'_> {
         (black + above as i32).clamp(-0x8000, 0x7fff) as i16
     }
 
-    /// x of some samples. The portable form of
+    /// Writes x of a range of samples. The portable form of
     /// [`SampleLoops::remove_near_baseline`](crate::SampleLoops::remove_near_baseline).
     #[inline(always)]
     pub fn remove_baseline(&self, codes: &[u16], samples: Range<usize>, x: &mut [i16]) {
@@ -69,7 +69,7 @@ impl Near<'_> {
         }
     }
 
-    /// z of some samples, which are x, around an echo at `at`. The portable form of
+    /// Turns x into z for a range of samples around an echo at `at`. The portable form of
     /// [`SampleLoops::level`](crate::SampleLoops::level).
     #[inline(always)]
     pub fn level(&self, at: usize, samples: Range<usize>, x: &mut [i16]) {
@@ -81,9 +81,9 @@ impl Near<'_> {
         }
     }
 
-    /// The noise of an echo at a sample: σ̂ and κ times g, σ̂ at least that of rounding to codes of
-    /// one shot, 74/2⁸ of one; rounded down. Where noise is less than a code all shots are rounded
-    /// alike.
+    /// Noise of an echo at a sample: σ̂ and κ times g, rounded down. σ̂ is at least the noise of
+    /// rounding one shot to codes, 74/2⁸ of a code: where noise is below a code all shots are
+    /// rounded alike, and averaging does not help.
     pub fn noise(&self, at: usize, noise: &Noise) -> Noise {
         let gain = u64::from(self.ramp.gain(at));
         let rounding = (74 << (self.config.shot_code_shift + 4)) >> 8;
@@ -91,7 +91,7 @@ impl Near<'_> {
         Noise { sigma: part(noise.sigma).max(rounding).min(noise.sigma), shot: part(noise.shot) }
     }
 
-    /// The threshold of an echo at a sample, whose level stays that of full gain.
+    /// Threshold of an echo at a sample; its level stays that of full gain.
     pub fn threshold(&self, at: usize, noise: &Noise, threshold: &Threshold) -> Threshold {
         let noise_gain = i64::from(self.config.template.noise_gain());
         let sigma = shift_round(i64::from(noise.sigma) * noise_gain, 15) as u32;

@@ -1,4 +1,4 @@
-//! A gain that rises with range, taken back out of the samples around an echo.
+//! Gain that rises with range, and its removal from the samples around an echo.
 #![expect(
     clippy::arithmetic_side_effects,
     reason = "exponents are below 2²³, gains at most 2²⁴, ratios below 2³², samples and sums of \
@@ -10,12 +10,12 @@ use core::ops::Range;
 use crate::limits::MAX_GAINS;
 use crate::settings::Settings;
 
-/// The near gain: linear in dB over range, full from its end on.
+/// Near gain: linear in dB over range up to its end, full from there on.
 ///
 /// ```text
 /// e(n) = max(0, slope · (end − n))              octaves below full gain, n in samples
 /// g(n) = 2^(−e(n))
-/// b(n) = black + g(n) (ambient − black)         what a sample rests on
+/// b(n) = black + g(n) (ambient − black)         baseline of a sample
 /// x[n] = min(code[n], S) − b(n)                 before the filter
 /// z[n] = x[n] g(n₀)/g(n)                        around an echo at n₀: as if all had its gain
 /// ```
@@ -35,28 +35,30 @@ use crate::settings::Settings;
 /// Derived in `docs/detector.md`, A gain that rises with range.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Ramp {
-    /// Octaves a sample, Q0.32.
+    /// Slope in octaves a sample, Q0.32.
     slope: u32,
-    /// Q16.16 samples.
+    /// End of the ramp, Q16.16 samples.
     end: i32,
-    /// g at each of the first samples, Q.24.
+    /// g of the first samples, Q.24.
     gains: [u32; MAX_GAINS],
 }
 
 /// 1 in Q.24.
 const ONE: u32 = 1 << 24;
 
-/// The greatest exponent, Q16.
+/// Highest exponent, Q16.
 const MOST: u32 = 63 << 16;
 
-/// It ends here at the farthest: 4096 samples, Q16.16.
+/// Farthest end of the ramp: 4096 samples, Q16.16.
 const FARTHEST: i64 = 1 << 28;
 
-/// log₂10/20 octaves a dB, over 10⁶ · 2²⁴ / 2³², times 2³⁰.
+/// Factor from mdB/m times 2⁻²⁴ mm to octaves in Q0.32: log₂10/20 octaves a dB, over 10⁶ · 2²⁴ /
+/// 2³², times 2³⁰.
 const OCTAVES: i64 = 45_656;
 
 impl Ramp {
-    /// `None` where the gain is the same everywhere; `step` is a sample's range, 2⁻²⁴ mm.
+    /// Ramp of these settings; `None` where the gain is the same everywhere. `step` is the range
+    /// per sample, 2⁻²⁴ mm.
     pub fn new(settings: &Settings, range_min_mm: u32, step: i64) -> Option<Self> {
         let slope = (i64::from(settings.gain_slope_mdb_m).clamp(0, 1 << 10)
             * step.clamp(0, 1 << 36)
@@ -74,25 +76,26 @@ impl Ramp {
         Some(ramp)
     }
 
-    /// Samples before its end.
+    /// Number of samples before the ramp's end.
     pub fn samples(&self) -> usize {
         ((self.end + 0xffff) >> 16) as usize
     }
 
-    /// e at a time, Q16.16 samples: octaves, Q6.16.
+    /// e at a time in Q16.16 samples: octaves below full gain, Q6.16.
     #[inline(always)]
     pub fn octaves(&self, time: i32) -> i32 {
         let before = (self.end - time).max(0) as u32;
         high(self.slope, before).min(MOST) as i32
     }
 
-    /// e at a sample: octaves, Q6.16.
+    /// e at a sample: octaves below full gain, Q6.16.
     #[inline(always)]
     pub fn below(&self, n: usize) -> i32 {
         self.octaves((n as i32) << 16)
     }
 
-    /// A height seen at a sample over g there: Q1.15, rounded down, saturating.
+    /// Height at full gain of a height seen at a sample: divided by g there, Q1.15, rounded down,
+    /// saturating.
     pub fn at_full_gain(&self, height: u32, n: usize) -> u32 {
         let full = u64::from(height) * u64::from(power(self.below(n)));
         (full >> 24).min(u32::MAX.into()) as u32
@@ -104,7 +107,7 @@ impl Ramp {
         self.gains.get(n).copied().unwrap_or_else(|| self.worked_out(n))
     }
 
-    /// g at those of some samples that it is kept for: the first of them, none, or all.
+    /// Stored gains g of a range of samples: of its first ones, of all, or of none.
     #[inline(always)]
     pub fn kept(&self, samples: Range<usize>) -> &[u32] {
         let end = samples.end.min(self.gains.len());
@@ -128,13 +131,13 @@ pub fn power(x: i32) -> u32 {
     }
 }
 
-/// The upper word of a product: one instruction, where all of it takes more.
+/// Upper word of a product: one instruction, where the whole product takes more.
 #[inline(always)]
 fn high(a: u32, b: u32) -> u32 {
     ((u64::from(a) * u64::from(b)) >> 32) as u32
 }
 
-/// A sample, below 2²³, times 2^octaves, rounded down: Q1.15, saturating.
+/// Sample, below 2²³, times 2^octaves: Q1.15, rounded down, saturating.
 #[inline(always)]
 pub fn levelled(x: i32, octaves: i32) -> i16 {
     let level = (i64::from(x) * i64::from(power(octaves))) >> 24; // within 2³¹

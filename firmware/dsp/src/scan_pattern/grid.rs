@@ -1,11 +1,11 @@
-//! Beams that are uniform in azimuth and elevation.
+//! Grid of beams, uniform in azimuth and elevation.
 
 use core::f32::consts::PI;
 
 use super::angle::unit;
 use super::{Fields, short};
 
-/// A grid of beams, uniform in azimuth and elevation, in the sensor's frame: x ahead, y left, z up.
+/// Grid of beams, uniform in azimuth and elevation, in the sensor's frame: x ahead, y left, z up.
 ///
 /// The beam of a column and a row points to azimuth `(column + ½) · Δaz − az/2` (towards y
 /// positive) and elevation `(row + ½) · Δel − el/2`. The paper's sensor sees ±90° in both
@@ -14,9 +14,9 @@ use super::{Fields, short};
 #[cfg_attr(feature = "wire", derive(serde::Serialize, serde::Deserialize, postcard_schema::Schema))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Grid {
-    /// Beams along azimuth.
+    /// Number of beams along azimuth.
     pub columns: u16,
-    /// Beams along elevation.
+    /// Number of beams along elevation.
     pub rows: u16,
     /// Full azimuth range, 0.01°.
     pub azimuth_cdeg: u16,

@@ -1,4 +1,6 @@
-//! Where beams point, and the points that echoes come from.
+//! Scan patterns: directions of the beams, and points that echoes come from.
+//!
+//! A new pattern is a file in this folder, and its variant and match arms here.
 
 mod angle;
 pub mod grid;
@@ -13,20 +15,20 @@ use rosette::Rosette;
 use spinning::Spinning;
 use table::BeamTable;
 
-/// Where the beams of a scan point, in the sensor's frame: x ahead, y left, z up.
+/// Directions of the beams of a scan, in the sensor's frame: x ahead, y left, z up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "wire", derive(serde::Serialize, serde::Deserialize, postcard_schema::Schema))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ScanPattern {
-    /// A grid, column by column: beam `column · rows + row`.
+    /// Grid, column by column: beam `column · rows + row`.
     Grid(Grid),
-    /// The same beams line by line, to and fro, with one laser.
+    /// Beams of a grid line by line, to and fro, with one laser.
     Raster(Grid),
-    /// A turn of a spinning sensor.
+    /// Turn of a spinning sensor.
     Spinning(Spinning),
-    /// A rosette that goes on from scan to scan.
+    /// Rosette that goes on from scan to scan.
     Rosette(Rosette),
-    /// A list that this program knows by its hash only.
+    /// List of beams that this program knows by its hash only.
     Table(BeamTable),
 }
 
@@ -86,7 +88,7 @@ impl ScanPattern {
         }
     }
 
-    /// Lasers, each with a receiver of its own: rows of a grid, lasers of a head.
+    /// Number of lasers, each with a receiver of its own: rows of a grid, lasers of a head.
     pub fn channels(&self) -> u16 {
         match self {
             Self::Grid(grid) => grid.rows,
@@ -96,8 +98,8 @@ impl ScanPattern {
         }
     }
 
-    /// Unit vector of a beam of a scan: x, y, z. `None` of a table, and of a beam that there is
-    /// not. Scans are alike but for a rosette's.
+    /// Unit vector of a beam of a scan: x, y, z. `None` for a table, and for a beam that does not
+    /// exist. All scans are alike except those of a rosette.
     pub fn unit(&self, scan: u32, beam: u32) -> Option<[f32; 3]> {
         let unit = match self {
             _ if beam >= self.beams() => return None,
@@ -110,21 +112,21 @@ impl ScanPattern {
         Some(unit)
     }
 
-    /// The point that an echo of a beam comes from, m: x, y, z; `None` as of [`ScanPattern::unit`].
+    /// Point that an echo of a beam comes from, m: x, y, z. `None` as for [`ScanPattern::unit`].
     ///
-    /// Within 10⁻⁶ of the range of the exact one: 0.12 mm at 120 m.
+    /// It is within 10⁻⁶ of the range of the exact point: 0.12 mm at 120 m.
     pub fn xyz_m(&self, scan: u32, beam: u32, echo: &Echo) -> Option<[f32; 3]> {
         let range_m = echo.range as f32 / 256e3;
         Some(self.unit(scan, beam)?.map(|part| part * range_m))
     }
 
-    /// [`ScanPattern::unit`] as a vector to reckon with.
+    /// [`ScanPattern::unit`] as a vector of nalgebra.
     #[cfg(feature = "nalgebra")]
     pub fn direction(&self, scan: u32, beam: u32) -> Option<nalgebra::Vector3<f32>> {
         self.unit(scan, beam).map(nalgebra::Vector3::from)
     }
 
-    /// [`ScanPattern::xyz_m`] as a point to move.
+    /// [`ScanPattern::xyz_m`] as a point of nalgebra.
     #[cfg(feature = "nalgebra")]
     pub fn point_m(&self, scan: u32, beam: u32, echo: &Echo) -> Option<nalgebra::Point3<f32>> {
         self.xyz_m(scan, beam, echo).map(nalgebra::Point3::from)

@@ -1,9 +1,9 @@
-//! Beams that somebody listed.
+//! Table of beams, known by its hash.
 
 use super::{Fields, short};
 
-/// The name of a list of beams. The list itself stays with whoever made it: what a sensor and a
-/// host have to agree on is its hash.
+/// Name of a list of beams. The list itself stays with its maker: sensor and host agree on its
+/// hash.
 ///
 /// The hash is the CRC-32C of the beams one after the other, each 18 bytes, little endian: azimuth
 /// i32 and elevation i32 in 10⁻⁶ degrees, time u64 in ns, channel u16.
@@ -11,7 +11,7 @@ use super::{Fields, short};
 #[cfg_attr(feature = "wire", derive(serde::Serialize, serde::Deserialize, postcard_schema::Schema))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct BeamTable {
-    /// Beams of a scan, 131,072 at most.
+    /// Number of beams of a scan, at most 131,072.
     pub beams: u32,
     /// One more than the highest channel.
     pub channels: u16,

@@ -1,4 +1,4 @@
-//! Whether settings can run: each against the table, then against one another and the hardware.
+//! Checks of settings: each value against the table, then against other settings and the hardware.
 
 use crate::settings::hardware::{Hardware, sample_period_fs};
 use crate::settings::reason::Reason;
@@ -18,26 +18,26 @@ pub const fn pulse_energy_pj(power_uw: i32, width_ps: i32) -> u32 {
 }
 
 impl Hardware {
-    /// The greatest power, µW, that a pulse of this width may have.
+    /// Highest power, µW, that a pulse of this width may have.
     pub fn strongest_power_uw(&self, width_ps: i32) -> i32 {
         let limit = u64::from(self.energy_limit_pj).saturating_mul(1_000_000);
         let power_uw = limit.checked_div(width_ps.max(0) as u64);
         power_uw.and_then(|power_uw| power_uw.try_into().ok()).unwrap_or(i32::MAX)
     }
 
-    /// The shortest pulse that so many bins sample often enough, ps.
+    /// Shortest pulse that this many bins sample often enough, ps.
     pub const fn shortest_pulse_ps(&self, bins: i32) -> i32 {
         sample_period_fs(bins as u32, self).div_ceil(PERIOD_FS_PER_WIDTH_PS) as i32
     }
 
-    /// The middle of the window, mm: the gain must be full by there.
+    /// Middle of the window, mm: the gain must be full from there on.
     pub const fn middle_mm(&self) -> u32 {
         self.range_min_mm.midpoint(self.range_max_mm)
     }
 }
 
 impl ParameterId {
-    /// Whether a value of this field is in its range.
+    /// Checks that a value of this field is in range.
     ///
     /// # Errors
     ///
@@ -56,7 +56,7 @@ impl Settings {
     ///
     /// The first [`Refusal`], in that order.
     pub fn check(&self, hardware: &Hardware) -> Result<(), Refusal> {
-        self.check_saturation()?; // first: it says more than either field's range
+        self.check_saturation()?; // first: its message says more than that of either field's range
         for parameter in &PARAMETERS {
             if let Some(value) = self.get(parameter.id) {
                 parameter.id.check(value)?;

@@ -1,9 +1,9 @@
-//! What the sensor is built of.
+//! Hardware of the sensor: converter, range window, emitter, receiver.
 
 /// Speed of light, m/s.
 pub const SPEED_OF_LIGHT_M_S: u64 = 299_792_458;
 
-/// What the sensor's hardware fixes: no setting changes it.
+/// Constants of the sensor's hardware: no setting changes them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "wire", derive(serde::Serialize, serde::Deserialize, postcard_schema::Schema))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -14,18 +14,18 @@ pub struct Hardware {
     pub range_min_mm: u32,
     /// Range one window after it, mm.
     pub range_max_mm: u32,
-    /// Greatest pulse energy, pJ.
+    /// Highest pulse energy, pJ.
     pub energy_limit_pj: u32,
     /// Amplitude of the echo of a white Lambertian surface square to the beam at 1 m, at 1 W and 0
-    /// dB: 1/1000 of full scale. What reflectivity is measured with.
+    /// dB: 1/1000 of full scale. Reflectivity is measured against it.
     pub unit_echo_milli: u32,
-    /// Variance that a signal of full scale adds to the noise at 0 dB: ppm of full scale squared.
-    /// Shot noise.
+    /// Shot noise: variance that a signal of full scale adds to the noise at 0 dB, ppm of full
+    /// scale squared.
     pub shot_noise_ppm: u32,
 }
 
 impl Hardware {
-    /// The reference sensor: 12 bits, 1 to 120 m, 400 nJ, and the receiver of the link budget.
+    /// Reference sensor: 12 bits, 1 to 120 m, 400 nJ, and the receiver of the link budget.
     pub const REFERENCE: Self = Self {
         adc_bits: 12,
         range_min_mm: 1_000,
@@ -35,7 +35,7 @@ impl Hardware {
         shot_noise_ppm: 928,
     };
 
-    /// The largest code, full scale.
+    /// Largest code, full scale.
     pub const fn full_scale_code(&self) -> u16 {
         0x7fff >> self.code_shift()
     }

@@ -1,4 +1,4 @@
-//! Θ_lidar: what may be set, and the one table of names, units, ranges and defaults.
+//! Θ_lidar, the settings of the sensor, and their one table of names, units, ranges and defaults.
 //!
 //! The optimiser's unit cube, the link's checks, the command line's help and the documentation all
 //! come from [`PARAMETERS`]. Values travel as integers in a *wire unit* fine enough for every use
@@ -12,21 +12,21 @@ use crate::settings::choice::{AmbientEstimator, DenoiseFilter, Dither, EchoChoic
 use crate::settings::reason::Reason;
 use crate::stages::accumulate::LANES;
 
-/// How a parameter's values lie.
+/// Kind of values that a parameter takes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kind {
-    /// Any value of the range.
+    /// Any value in range.
     Real {
-        /// Searched on a logarithmic scale.
+        /// True when the search is on a logarithmic scale.
         log: bool,
     },
-    /// Whole numbers of the range.
+    /// Whole numbers in range.
     Integer,
     /// 1, 2, 4, … up to the maximum.
     PowerOfTwo,
     /// One of several methods; the value is the index of its name.
     Choice {
-        /// Their names.
+        /// Names of the methods.
         names: &'static [&'static str],
     },
 }
@@ -34,35 +34,36 @@ pub enum Kind {
 /// A row of [`PARAMETERS`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parameter {
-    /// The field it describes.
+    /// Field of [`Settings`] that the row describes.
     pub id: ParameterId,
-    /// Its name in configuration files and messages.
+    /// Name in configuration files and messages.
     pub name: &'static str,
-    /// Its symbol in the paper.
+    /// Symbol in the paper.
     pub symbol: &'static str,
-    /// Its unit; empty for plain numbers.
+    /// Unit; empty for plain numbers.
     pub unit: &'static str,
-    /// How its values lie.
+    /// Kind of values.
     pub kind: Kind,
     /// Wire units per unit.
     pub codes_per_unit: i32,
-    /// The least value, in wire units.
+    /// Lowest value, in wire units.
     pub min: i32,
-    /// The greatest value, in wire units.
+    /// Highest value, in wire units.
     pub max: i32,
-    /// The default, in wire units; `None` where it follows other settings.
+    /// Default, in wire units; `None` where it follows other settings.
     pub default: Option<i32>,
-    /// Where it acts, in a few words.
+    /// Parts of the sensor that it acts in, in a few words.
     pub acts_in: &'static str,
 }
 
 impl Parameter {
-    /// A wire value in the parameter's unit.
+    /// Converts a wire value to the parameter's unit.
     pub fn to_unit(&self, code: i32) -> f64 {
         f64::from(code) / f64::from(self.codes_per_unit)
     }
 
-    /// The nearest wire value; saturates, and NaN becomes `i32::MIN`, which every range refuses.
+    /// Converts a value to the nearest wire value; saturates. NaN becomes `i32::MIN`, which every
+    /// range refuses.
     pub fn to_code(&self, value: f64) -> i32 {
         if value.is_nan() {
             return i32::MIN;
@@ -72,11 +73,11 @@ impl Parameter {
         nearest as i32 // `as` saturates
     }
 
-    /// Whether the value is in range.
+    /// Checks that a wire value is in range.
     ///
     /// # Errors
     ///
-    /// What is wrong, with the bound.
+    /// [`Reason`] with the bound.
     pub fn check(&self, value: i32) -> Result<(), Reason> {
         match self.kind {
             Kind::Choice { names } if value < 0 || value as usize >= names.len() => {
@@ -94,13 +95,13 @@ fn is_power_of_two(value: i32) -> bool {
     u32::try_from(value).is_ok_and(u32::is_power_of_two)
 }
 
-/// The table of Θ_lidar, each parameter once: field, identifier, and its row of [`PARAMETERS`].
+/// Declares each parameter once: its field, its identifier and its row of [`PARAMETERS`].
 ///
-/// A field of `i32` is always set; one of `Option<i32>` may follow other settings. Rows are only
-/// ever appended: their order is that of the wire.
+/// A field of `i32` is always set; a field of `Option<i32>` may follow other settings. Rows are
+/// only ever appended: the wire has the same order.
 macro_rules! parameters {
     ($($(#[$doc:meta])* $field:ident: $value:ty, $id:ident { $($row:tt)* })*) => {
-        /// One whole set of sensor settings, in wire units. It is taken or refused whole.
+        /// Whole set of sensor settings, in wire units. It is taken or refused whole.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         #[cfg_attr(
             feature = "wire",
@@ -111,8 +112,8 @@ macro_rules! parameters {
             $($(#[$doc])* pub $field: $value,)*
         }
 
-        /// Names one field of [`Settings`]. Variants are only ever appended: their order is on the
-        /// wire.
+        /// Identifier of a field of [`Settings`]. Variants are only ever appended: the wire carries
+        /// their numbers.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
         #[cfg_attr(
             feature = "wire",
@@ -123,20 +124,20 @@ macro_rules! parameters {
             $($(#[$doc])* $id,)*
         }
 
-        /// The parameter table: every name, unit, range and default of Θ_lidar, once.
+        /// Table of the parameters: every name, unit, range and default of Θ_lidar, once.
         pub const PARAMETERS: [Parameter; [$(ParameterId::$id),*].len()] =
             [$(Parameter { id: ParameterId::$id, $($row)* }),*];
 
         impl Settings {
-            /// The value of one field, in wire units; `None` where it follows other settings.
+            /// Value of a field, in wire units; `None` where it follows other settings.
             pub fn get(&self, id: ParameterId) -> Option<i32> {
                 match id {
                     $(ParameterId::$id => self.$field.value(),)*
                 }
             }
 
-            /// Sets one field, in wire units. `None` returns a field to following others; where it
-            /// cannot follow, nothing happens.
+            /// Sets a field, in wire units. `None` lets the field follow other settings; a field
+            /// that cannot follow keeps its value.
             pub fn set(&mut self, id: ParameterId, value: Option<i32>) {
                 match id {
                     $(ParameterId::$id => self.$field.set(value),)*
@@ -156,13 +157,13 @@ macro_rules! parameters {
     };
 }
 
-/// A field of [`Settings`].
+/// Field of [`Settings`].
 trait Field {
     fn value(&self) -> Option<i32>;
     fn set(&mut self, value: Option<i32>);
 }
 
-/// Always set.
+/// Field that is always set.
 impl Field for i32 {
     fn value(&self) -> Option<i32> {
         Some(*self)
@@ -173,7 +174,7 @@ impl Field for i32 {
     }
 }
 
-/// Follows other settings while it is `None`.
+/// Field that follows other settings while it is `None`.
 impl Field for Option<i32> {
     fn value(&self) -> Option<i32> {
         *self
@@ -204,7 +205,7 @@ const fn choice(names: &'static [&'static str], default: i32) -> Parameter {
 }
 
 parameters! {
-    /// Peak laser power P, µW. At the least nothing is detected, whatever else is set.
+    /// Peak laser power P, µW. At the lowest nothing is detected, whatever else is set.
     power_uw: i32, Power {
         name: "power", symbol: "P", unit: "W", kind: LOG,
         codes_per_unit: 1_000_000, min: 10, max: 100_000_000, default: Some(75_000_000),
@@ -279,23 +280,22 @@ parameters! {
         name: "echoes", symbol: "E", unit: "", kind: Kind::Integer,
         codes_per_unit: 1, min: 1, max: 4, default: Some(1), acts_in: "DSP peaks",
     }
-    /// Which echoes are kept: the code of an [`EchoChoice`].
+    /// Rule for the echoes that are kept: the code of an [`EchoChoice`].
     echo_choice: i32, EchoChoice {
         name: "echo_choice", acts_in: "DSP peaks",
         ..choice(EchoChoice::NAMES, EchoChoice::Strongest.code())
     }
-    /// Black level, ppm of ADC full scale: what the converter reads of no current.
+    /// Black level, ppm of ADC full scale: the converter's reading at no current.
     black_level_ppm: i32, BlackLevel {
         name: "black_level", symbol: "", unit: "of full scale", kind: REAL,
         codes_per_unit: 1_000_000, min: 0, max: 40_000, default: Some(0), acts_in: "front end",
     }
-    /// Whether shots are dithered against the sampling clock: the code of a [`Dither`].
+    /// Dither of the shots against the sampling clock: the code of a [`Dither`].
     dither: i32, Dither {
         name: "dither", acts_in: "ADC clock, DSP timing",
         ..choice(Dither::NAMES, Dither::Off.code())
     }
-    /// By how much the gain rises with range up to where it is full, 0.001 dB/m; 0: it is full
-    /// everywhere.
+    /// Slope of the gain over range up to where it is full, 0.001 dB/m; 0: it is full everywhere.
     gain_slope_mdb_m: i32, GainSlope {
         name: "gain_slope", symbol: "", unit: "dB/m", kind: REAL,
         codes_per_unit: 1000, min: 0, max: 1_000, default: Some(0), acts_in: "front end, DSP",
@@ -315,12 +315,12 @@ parameters! {
 }
 
 impl ParameterId {
-    /// Its row of the table.
+    /// Row of the table for this identifier.
     pub fn parameter(self) -> &'static Parameter {
         PARAMETERS.get(self as usize).unwrap_or(&PARAMETERS[0]) // a row each: never out of bounds
     }
 
-    /// The parameter of that name.
+    /// Identifier of the parameter with this name.
     pub fn by_name(name: &str) -> Option<Self> {
         PARAMETERS.iter().find(|p| p.name == name).map(|p| p.id)
     }
@@ -340,14 +340,14 @@ impl Settings {
         self.min_separation_mm.unwrap_or(i32::try_from(following).unwrap_or(i32::MAX))
     }
 
-    /// How many moments of a sample period the shots of a beam begin at: 1, 2 or 4.
+    /// Number of moments within a sample period at which shots of a beam begin: 1, 2 or 4.
     pub fn phases(&self) -> u32 {
         let dithered = self.dither == Dither::On.code();
         if dithered { (self.shots as u32).clamp(1, LANES as u32) } else { 1 }
     }
 
-    /// How much later than others a shot is sampled, fs: (2 (k mod P) + 1 − P)/(2P) of the period,
-    /// rounded towards 0.
+    /// Delay of a shot's samples against the mean of all shots, fs: (2 (k mod P) + 1 − P)/(2P) of
+    /// the period, rounded towards 0.
     #[expect(
         clippy::arithmetic_side_effects,
         reason = "phases are 1 to 4: the product is below 2³⁵, divisors are not 0"
@@ -358,7 +358,7 @@ impl Settings {
         (i64::from(period_fs) * twice / (2 * phases)) as i32
     }
 
-    /// Samples before the trigger that the ambient estimator reads.
+    /// Number of samples before the trigger that the ambient estimator reads.
     pub fn pre_trigger_samples(&self) -> u32 {
         if self.ambient == AmbientEstimator::PreTrigger.code() { PRE_TRIGGER as u32 } else { 0 }
     }

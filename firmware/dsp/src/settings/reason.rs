@@ -1,42 +1,43 @@
-//! What can be wrong with a value of a setting.
+//! Reasons why a value of a setting is refused.
 
-/// What is wrong with a value. Bounds are in the field's wire unit unless said otherwise.
+/// Reason why a value is refused. Bounds are in the field's wire unit unless said otherwise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "wire", derive(serde::Serialize, serde::Deserialize, postcard_schema::Schema))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Reason {
-    /// Below the least value.
+    /// The value is below the lowest.
     BelowMinimum {
-        /// The least value.
+        /// Lowest value.
         minimum: i32,
     },
-    /// Above the greatest value.
+    /// The value is above the highest.
     AboveMaximum {
-        /// The greatest value.
+        /// Highest value.
         maximum: i32,
     },
-    /// None of the values this field takes.
+    /// The value is none of those that the field takes.
     NotAChoice,
-    /// Pulse energy, power × width, in picojoules.
+    /// The pulse energy, power × width, is above the limit. Both in picojoules.
     EnergyAboveLimit {
-        /// Energy asked for.
+        /// Energy that was asked for.
         energy_pj: u32,
-        /// The emitter's limit.
+        /// Limit of the emitter.
         limit_pj: u32,
     },
-    /// The saturation level must lie above the noise floor. Both in ppm of full scale.
+    /// The saturation level is not above the noise floor. Both in ppm of full scale.
     SaturationNotAboveFloor {
-        /// The noise floor.
+        /// Noise floor.
         floor_ppm: i32,
     },
-    /// Fewer than 2.5 samples per pulse width.
+    /// The pulse width spans fewer than 2.5 samples.
     Undersampled {
-        /// The sample period the resolution gives.
+        /// Sample period that the resolution gives.
         sample_period_fs: u32,
     },
-    /// Noise is measured where the gain is full, which must be half of the window at least.
+    /// The gain is full only beyond the middle of the window. Noise is measured where it is full,
+    /// which must be at least half of the window.
     BeyondMiddle {
-        /// The middle of the window, mm.
+        /// Middle of the window, mm.
         middle_mm: u32,
     },
 }

@@ -1,20 +1,20 @@
-//! Why a setting was refused: the field and the bound, so that whoever asked can mend it.
+//! Refusal of a setting, with field, value and bound, so that the sender can mend it.
 
 use core::fmt;
 
 use crate::settings::reason::Reason;
 use crate::settings::{Kind, Parameter, ParameterId};
 
-/// One refused field. The sensor keeps the settings it had.
+/// Refused field of a set of settings. The sensor keeps the settings it had.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "wire", derive(serde::Serialize, serde::Deserialize, postcard_schema::Schema))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Refusal {
-    /// The field at fault.
+    /// Field at fault.
     pub field: ParameterId,
-    /// The value that was asked for, in the field's wire unit.
+    /// Value that was asked for, in the field's wire unit.
     pub value: i32,
-    /// What is wrong with it.
+    /// Reason of the refusal.
     pub reason: Reason,
 }
 
@@ -55,7 +55,7 @@ impl fmt::Display for Refusal {
 
 impl core::error::Error for Refusal {}
 
-/// A wire value as people read it: scaled, with its unit, or its choice's name.
+/// Prints a wire value for people: scaled, with its unit, or as the name of the choice.
 struct InUnit<'a>(&'a Parameter, i32);
 
 impl fmt::Display for InUnit<'_> {
@@ -74,7 +74,7 @@ impl fmt::Display for InUnit<'_> {
     }
 }
 
-/// The values there are.
+/// Prints all values that a parameter takes.
 struct Choices<'a>(&'a Parameter);
 
 impl fmt::Display for Choices<'_> {

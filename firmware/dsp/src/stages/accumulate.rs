@@ -1,11 +1,11 @@
-//! Several shots of a beam become one waveform.
+//! Accumulation: several shots of a beam become one waveform.
 
 use crate::limits::MAX_CODES;
 
-/// Lanes that shots are summed in by turns.
+/// Number of lanes; shots are added to them in turn.
 pub const LANES: usize = 4;
 
-/// Sums of codes, 20 kB.
+/// Sums of the codes of several shots, 20 kB.
 ///
 /// ```text
 /// Λ_k[n]  = Σ code_m[n]  over m mod 4 = k       m of 1, 2, 4, 8 or 16 shots
@@ -26,7 +26,7 @@ pub const LANES: usize = 4;
 #[derive(Clone, Debug)]
 pub struct Accumulator {
     lanes: [[u16; LANES]; MAX_CODES],
-    /// Shots added since number 0.
+    /// Number of shots added since shot 0.
     added: u32,
 }
 
@@ -37,12 +37,12 @@ impl Default for Accumulator {
 }
 
 impl Accumulator {
-    /// Nothing yet.
+    /// Accumulator without shots.
     pub const fn new() -> Self {
         Self { lanes: [[0; LANES]; MAX_CODES], added: 0 }
     }
 
-    /// Adds a shot; number 0 begins anew. Codes beyond [`MAX_CODES`] are ignored.
+    /// Adds a shot; shot 0 clears the sums first. Codes beyond [`MAX_CODES`] are ignored.
     pub fn add(&mut self, shot: u32, codes: &[u16]) {
         let turn = shot as usize % LANES;
         for (lanes, &code) in self.lanes.iter_mut().zip(codes) {
@@ -56,7 +56,7 @@ impl Accumulator {
         self.added = if shot == 0 { 1 } else { self.added.saturating_add(1) };
     }
 
-    /// Reads the sums, divided by `2^shift`, into as many codes as there is room for.
+    /// Writes the sums, divided by `2^shift`, to `codes`, as many as it holds.
     pub fn read(&self, shift: u32, codes: &mut [u16]) {
         let half = (1u32 << shift.min(31)) >> 1;
         for (code, lanes) in codes.iter_mut().zip(&self.lanes) {
@@ -65,12 +65,12 @@ impl Accumulator {
         }
     }
 
-    /// The sums of a sample by lane.
+    /// Sums of a sample by lane.
     pub fn lanes(&self, sample: usize) -> [u16; LANES] {
         self.lanes.get(sample).copied().unwrap_or_default()
     }
 
-    /// Whether as many shots have been added since the last time this was asked.
+    /// True when exactly `shots` shots have been added since the last call.
     pub fn take(&mut self, shots: u32) -> bool {
         core::mem::take(&mut self.added) == shots
     }

@@ -13,8 +13,8 @@
 /// | `a` | ambient | Q1.15, saturating | scalar |
 /// | `x` | fraction of full scale | Q1.15, saturating | `[N]` |
 ///
-/// Exact: nothing is rounded, and with b ≤ 14 and S within full scale nothing saturates; a shifted
-/// code beyond wraps. The portable form of
+/// Exact: nothing is rounded, and with b ≤ 14 and S within full scale nothing saturates. A shifted
+/// code beyond full scale wraps. The portable form of
 /// [`SampleLoops::remove_baseline`](crate::SampleLoops::remove_baseline).
 #[inline(always)]
 pub fn remove(codes: &[u16], clip_code: u16, shift: u32, ambient: i16, x: &mut [i16]) {

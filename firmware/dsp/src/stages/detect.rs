@@ -9,7 +9,7 @@ use crate::settings::choice::EchoChoice;
 use crate::stages::peak::{Candidate, Candidates, Peak, Peaks};
 use crate::stages::statistics::Statistics;
 
-/// Detection threshold and what it rests on.
+/// Detection threshold, with the noise and the ambient light it is derived from.
 ///
 /// ```text
 /// σ_y = σ̂ · r              noise after the filter
@@ -22,19 +22,19 @@ use crate::stages::statistics::Statistics;
 /// | `k` | SNR threshold | Q8.8 |
 /// | `T` | threshold on `y`, nearest, at most 1 − 2⁻¹⁵ | Q1.15 |
 ///
-/// N and k are the paper's two thresholds (Sec. 3.2): the larger rules.
+/// N and k are the paper's two thresholds (Sec. 3.2): the higher one counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Threshold {
     /// σ_y, Q13.19.
     pub sigma: u32,
     /// T, Q1.15.
     pub level: i16,
-    /// What the baseline removed, Q1.15.
+    /// Ambient light that the baseline removed, Q1.15.
     pub ambient: i16,
 }
 
 impl Threshold {
-    /// The threshold for a waveform with these statistics.
+    /// Threshold for a waveform with these statistics.
     #[expect(
         clippy::arithmetic_side_effects,
         reason = "σ below 2³², r at most 2¹⁵, k below 2¹¹: products below 2⁴⁷"
@@ -48,11 +48,11 @@ impl Threshold {
     }
 }
 
-/// How far `y` must fall from a peak, or rise from a valley, to count: half the threshold and a
-/// sixteenth of the height, whichever is more, both rounded down to whole LSB.
+/// Fall from a peak, or rise from a valley, that separates two peaks of `y`: half the threshold or
+/// a sixteenth of the height, whichever is more, both rounded down to whole LSB.
 ///
-/// Noise alone makes no second peak on an echo, shot noise included; two equal echoes split once
-/// the valley between them is a sixteenth deep.
+/// Noise, shot noise included, makes no second peak on an echo; two equal echoes split once the
+/// valley between them is a sixteenth deep.
 #[inline(always)]
 pub fn hysteresis(height: i16, threshold: i16) -> i16 {
     (threshold >> 1).max(height >> 4)
@@ -72,13 +72,13 @@ enum State {
 /// falling  y < valley: the new valley;   y < T/2 → idle;   y ≥ T and y > valley + h(y) → rising
 /// ```
 ///
-/// T/2 is rounded down. The sample that ends a climb is the first valley, or idle at once. A climb
-/// that the waveform cuts off counts. Of more than
-/// [`MAX_CANDIDATES`](crate::stages::peak::MAX_CANDIDATES) peaks the strongest stay, of equals the
+/// T/2 is rounded down. The sample that ends a climb is the first valley, or makes the state idle
+/// at once. A climb that the end of the waveform cuts off counts. Of more than
+/// [`MAX_CANDIDATES`](crate::stages::peak::MAX_CANDIDATES) peaks the highest stay, of equals the
 /// first.
 ///
-/// `reaches` says whether any of some values is at or above the threshold, as [`reaches`] does:
-/// where none is, their steps are left out.
+/// `reaches` is true when any of the given values is at or above the threshold, as [`reaches`] is;
+/// blocks for which it is false are skipped.
 #[inline(always)]
 #[expect(
     clippy::arithmetic_side_effects,
@@ -101,8 +101,9 @@ pub fn peaks(reaches: impl Fn(&[i16]) -> bool, y: &[i16], threshold: i16, found:
     }
 }
 
-/// [`peaks`] from hill to hill, for processors that find the next sample that reaches the threshold
-/// faster than they step there: `first_reaching` gives its index among the values, if there is one.
+/// [`peaks`] from hill to hill, for processors that find the next sample at or above the threshold
+/// faster than they step there. `first_reaching` returns the index of the first such value, if
+/// there is one.
 #[inline(always)]
 #[expect(clippy::arithmetic_side_effects, reason = "indices of values of y, which lies in memory")]
 pub fn peaks_of_hills(
@@ -119,7 +120,7 @@ pub fn peaks_of_hills(
 }
 
 /// Finds the peaks of one hill: from `first`, a value at or above the threshold, until [`peaks`]
-/// would be idle again. Returns where that is.
+/// would be idle again. Returns the index of the sample after it.
 #[inline(always)]
 #[expect(clippy::arithmetic_side_effects, reason = "indices of values of y, which lies in memory")]
 fn hill(y: &[i16], first: usize, threshold: i16, found: &mut Peaks) -> usize {
@@ -136,14 +137,14 @@ fn hill(y: &[i16], first: usize, threshold: i16, found: &mut Peaks) -> usize {
     y.len()
 }
 
-/// Whether any value reaches the threshold. Looks at all of them, which vectorises; stopping early
-/// would not. The portable form of [`SampleLoops::reaches`](crate::SampleLoops::reaches).
+/// True when any value is at or above the threshold. Reads all of them, which vectorises; stopping
+/// early would not. The portable form of [`SampleLoops::reaches`](crate::SampleLoops::reaches).
 #[inline(always)]
 pub fn reaches(values: &[i16], threshold: i16) -> bool {
     values.iter().fold(false, |any, &v| any | (v >= threshold))
 }
 
-/// Samples skipped at a time while nothing is near the threshold.
+/// Number of samples that are skipped at a time while none reaches the threshold.
 const BLOCK: usize = 32;
 
 const _: () = assert!(MAX_SAMPLES <= u16::MAX as usize);
@@ -180,7 +181,7 @@ fn fallen(valley: i16, threshold: i16) -> State {
     if valley < threshold >> 1 { State::Idle } else { State::Falling(valley) }
 }
 
-/// Adds a peak; when there is no room, the weakest of all goes (of equals, the last).
+/// Adds a peak; when there is no room, the lowest of all is dropped (of equals, the last).
 fn insert(found: &mut Peaks, peak: Peak) {
     if found.push(peak).is_ok() {
         return;
@@ -209,12 +210,12 @@ pub fn separate(found: &mut Candidates, min_separation: u32) {
     found.retain(|c| kept.contains(c));
 }
 
-/// The strongest, of equals the first.
+/// Strongest candidate, of equals the first.
 fn strongest(found: &[Candidate]) -> Option<Candidate> {
     found.iter().copied().reduce(|a, b| if b.strength > a.strength { b } else { a })
 }
 
-/// Removes and returns the one that is picked.
+/// Removes and returns the candidate that `pick` chooses.
 fn take(
     found: &mut Candidates,
     pick: impl Fn(&[Candidate]) -> Option<Candidate>,
@@ -224,7 +225,7 @@ fn take(
     Some(picked)
 }
 
-/// The peaks that become echoes: at most `count`, the strongest, first or last, in that order.
+/// Peaks that become echoes: at most `count`, chosen and ordered by `choice`.
 pub fn choose(mut found: Candidates, count: usize, choice: EchoChoice) -> Vec<Peak, MAX_ECHOES> {
     let pick = |found: &[Candidate]| match choice {
         EchoChoice::First => found.first().copied(),

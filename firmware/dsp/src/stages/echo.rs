@@ -1,4 +1,4 @@
-//! What the sensor reports of a waveform.
+//! Echo, as the sensor reports it.
 
 use fixed::types::{U1F15, U6F10, U8F8, U12F4, U24F8};
 use heapless::Vec;
@@ -11,7 +11,7 @@ use crate::stages::detect::Threshold;
 use crate::stages::flags::Flags;
 use crate::stages::refine::Refined;
 
-/// One echo.
+/// Echo of a waveform.
 ///
 /// ```text
 /// range        = origin + time · step
@@ -49,7 +49,7 @@ pub struct Echo {
     pub deviation: u16,
     /// Reflectivity, U6.10.
     pub reflectivity: u16,
-    /// What to know about it.
+    /// Remarks on the echo.
     pub flags: Flags,
 }
 
@@ -74,19 +74,19 @@ impl Echo {
         U12F4::from_bits(self.width)
     }
 
-    /// Height over σ after the filter.
+    /// SNR: height over σ, both after the filter.
     pub fn snr_ratio(&self) -> U8F8 {
         U8F8::from_bits(self.snr)
     }
 
-    /// σ of the range in millimetres, as the noise and the method allow; 255.996 means at least
+    /// σ of the range in millimetres, from the noise and the timing method; 255.996 means at least
     /// that.
     pub fn deviation_mm(&self) -> U8F8 {
         U8F8::from_bits(self.deviation)
     }
 
-    /// Reflectivity: 1 is white and square to the beam. Of a saturated echo it is told by the edges
-    /// when these time it (walk-corrected), else a lower bound.
+    /// Reflectivity: 1 is white and square to the beam. For a saturated echo it comes from the
+    /// edges if these time it (walk-corrected); else it is a lower bound.
     pub fn reflectivity_ratio(&self) -> U6F10 {
         U6F10::from_bits(self.reflectivity)
     }
@@ -131,7 +131,7 @@ fn width(config: &DetectorConfig, width: i64) -> u16 {
     saturate_u16(divide_round(width * i64::from(config.sample_period_fs), 1_000_000 << 12))
 }
 
-/// A R² / (U P G ξ v), R in whole mm, rounded down; v that at a sample.
+/// A R² / (U P G ξ v), R in whole mm, rounded down; v is the near gain at sample `index`.
 #[expect(
     clippy::arithmetic_side_effects,
     reason = "R² is below 2⁴⁸, ξ at least 2¹², the product of two u64 below 2¹²⁸ − 2⁶⁴"
@@ -152,7 +152,7 @@ fn reflectivity(config: &DetectorConfig, amplitude: i64, index: usize, range: u3
 /// ξ = 1, Q16.
 const FULL: u32 = 1 << 16;
 
-/// ξ: 0 up to nine tenths of `full_mm`, 1 from there on, linear between. Q16, rounded down, at
+/// ξ: 0 up to nine tenths of `full_mm`, 1 from `full_mm` on, linear between. Q16, rounded down, at
 /// least 1/16.
 #[expect(clippy::arithmetic_side_effects, reason = "mm of a range below 2¹⁵: times 2¹⁶ below 2³²")]
 fn overlap(full_mm: u32, range_mm: u32) -> u32 {
@@ -170,7 +170,7 @@ fn snr(height: i32, sigma: u32) -> u16 {
     saturate_u16((i64::from(height) << 12) / i64::from(sigma.max(1)))
 }
 
-/// The echoes of one waveform.
+/// Echoes of one waveform.
 pub type Echoes = Vec<Echo, MAX_ECHOES>;
 
 #[cfg(feature = "defmt")]

@@ -4,10 +4,10 @@ use fixed::types::I1F15;
 
 use crate::q::shift_round;
 
-/// Outputs computed at a time.
+/// Number of outputs computed at a time.
 pub const BLOCK: usize = 16;
 
-/// Zeros the last block may read past the end of the waveform and its template.
+/// Number of zeros that the last block may read beyond the waveform and its template.
 pub const PADDING: usize = 2 * BLOCK;
 
 /// Correlates a waveform with a symmetric template of the emitted pulse.

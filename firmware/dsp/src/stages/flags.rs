@@ -1,22 +1,22 @@
-//! What to know about an echo.
+//! Remarks on an echo, as flags.
 
 use core::ops::{BitOr, BitOrAssign};
 
-/// A set of remarks on an echo. Bits are only ever appended: they are on the wire.
+/// Set of remarks on an echo. Bits are only ever appended: they are on the wire.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "wire", derive(serde::Serialize, serde::Deserialize, postcard_schema::Schema))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Flags(pub u8);
 
 impl Flags {
-    /// Nothing to remark.
+    /// No remark.
     pub const NONE: Self = Self(0);
     /// A code of the echo reached the saturation level: the amplitude is a lower bound.
     pub const SATURATED: Self = Self(1);
-    /// The valley to a neighbour lies above half the height, or the neighbour leaves none: time and
-    /// width are biased.
+    /// The valley to a neighbour is above half the height, or there is no valley: time and width
+    /// are biased.
     pub const MERGED: Self = Self(2);
-    /// Less than a quarter above the threshold.
+    /// The echo is less than a quarter above the threshold.
     pub const LOW_CONFIDENCE: Self = Self(4);
     /// The time comes from the two edges instead of the top.
     pub const WALK_CORRECTED: Self = Self(8);
@@ -27,7 +27,7 @@ impl Flags {
     pub const NAMES: [&str; 5] =
         ["saturated", "merged", "low-confidence", "walk-corrected", "truncated"];
 
-    /// Whether every flag of `other` is set.
+    /// True when every flag of `other` is set.
     pub fn contains(self, other: Self) -> bool {
         self.0 & other.0 == other.0
     }

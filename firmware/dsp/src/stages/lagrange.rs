@@ -1,8 +1,8 @@
 //! Interpolation between samples.
 #![expect(clippy::arithmetic_side_effects, reason = "`log2` is at most 3: phases are below 8")]
 
-/// The weights of samples −3..=4 that interpolate at `j / 2^log2` after a sample; `None` on a
-/// sample. `log2` is at most 3.
+/// Weights of samples −3..=4 that interpolate at `j / 2^log2` after a sample; `None` on a sample.
+/// `log2` is at most 3.
 pub fn interpolation(j: i64, log2: u32) -> Option<&'static [i16; 8]> {
     let phase = (j & ((1 << log2) - 1)) << (3 - log2);
     (phase as usize).checked_sub(1).and_then(|row| LAGRANGE.get(row))

@@ -1,5 +1,5 @@
-//! Stages of the detector, each a file with its equation, formats and rounding: shots are added up,
-//! their noise is measured, the filter runs, peaks are found, split and refined, and become echoes.
+//! Stages of the detector, each a file with its equation, formats and rounding. Their order is in
+//! [`Pipeline::process`](crate::Pipeline::process).
 
 pub mod accumulate;
 pub mod baseline;

@@ -1,8 +1,8 @@
-//! Noise of a sample, which grows with the light.
+//! Noise of a sample, which grows with the signal.
 
 use crate::stages::statistics::Statistics;
 
-/// σ of the amplifier and the ambient light, and how much signal adds.
+/// Noise of amplifier and ambient light, and shot noise of the signal.
 ///
 /// ```text
 /// σ(v)² = σ̂² + κ v          κ = shot noise at 0 dB · 10^(G/20) / m
@@ -25,7 +25,7 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// The noise of a waveform with these statistics.
+    /// Noise of a waveform with these statistics.
     pub fn new(statistics: &Statistics, shot: u32) -> Self {
         Self { sigma: statistics.sigma, shot }
     }
@@ -35,9 +35,9 @@ impl Noise {
         self.with(value, 1 << 15)
     }
 
-    /// The value that is 3 σ of itself, the highest that noise hides: v = (9κ + √(81κ² + 36σ̂²)) /
-    /// 2. Q1.15, rounded down from Q13.19; κ in Q0.19, rounded down, the root rounded down, its
-    /// square saturating.
+    /// Highest value that noise hides, which is 3 σ of itself: v = (9κ + √(81κ² + 36σ̂²)) / 2.
+    /// Q1.15, rounded down from Q13.19; κ in Q0.19, rounded down, the root rounded down, its square
+    /// saturating.
     #[expect(clippy::arithmetic_side_effects, reason = "κ in Q0.19 is below 2¹⁹, a root below 2³²")]
     pub fn hidden(&self) -> i64 {
         let shot = u64::from(self.shot >> 13);
@@ -46,19 +46,19 @@ impl Noise {
         ((9 * shot + square.isqrt()) >> 5) as i64
     }
 
-    /// Whether a value is no higher than 3 σ(v): (16 v)² ≤ 9 σ(v)², both Q13.38 and exact (a σ² of
-    /// 2⁶⁴/9 or more hides all).
+    /// True when noise hides a value, v ≤ 3 σ(v): (16 v)² ≤ 9 σ(v)², both Q13.38 and exact (a σ² of
+    /// 2⁶⁴/9 or more hides every value).
     pub fn hides(&self, value: i64) -> bool {
         let height = (value.clamp(0, 0xffff) as u64) << 4;
         height.saturating_mul(height) <= self.variance(value, 1 << 15).saturating_mul(9)
     }
 
-    /// σ of as much, when only a share (Q1.15, at most 1) of the shot noise counts.
+    /// σ(v) when only a share (Q1.15, at most 1) of the shot noise counts, Q13.19.
     pub fn with(&self, value: i64, share: u32) -> u32 {
         self.variance(value, share).isqrt() as u32
     }
 
-    /// σ² of as much, when only a share (Q1.15) of the shot noise counts: Q13.38, saturating.
+    /// σ(v)² when only a share (Q1.15) of the shot noise counts: Q13.38, saturating.
     #[expect(
         clippy::arithmetic_side_effects,
         reason = "κ 2³², v at most 2¹⁶, a share at most 2¹⁵: 2⁶³; σ̂² below 2⁶⁴"

@@ -1,25 +1,25 @@
-//! A local maximum of a waveform, and a list of them.
+//! Peak of a waveform, and lists of peaks.
 
 use heapless::Vec;
 
-/// Candidates held at a time; when more turn up, the weakest goes.
+/// Most candidates held at a time; when there are more, the weakest is dropped.
 pub const MAX_CANDIDATES: usize = 32;
 
-/// A local maximum of the filter's output.
+/// Local maximum of the filter's output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Peak {
-    /// The sample, the first of a plateau.
+    /// Index of the sample, the first of a plateau.
     pub index: u16,
-    /// The output there, Q1.15.
+    /// Output of the filter there, Q1.15.
     pub height: i16,
 }
 
-/// A peak, and how strong its echo is.
+/// Peak with the strength of its echo.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Candidate {
     /// The peak.
     pub peak: Peak,
-    /// Amplitude of the echo as if nothing had clipped it, Q1.15.
+    /// Amplitude of the echo as if it were not clipped, Q1.15.
     pub strength: u32,
 }
 

@@ -23,7 +23,7 @@ use crate::stages::lagrange::interpolation;
 use crate::stages::noise::Noise;
 use crate::stages::peak::{Candidate, Candidates, Peak};
 
-/// A peak between samples.
+/// Peak with its time between samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Refined {
     /// Time since sample 0, Q16.16 samples.
@@ -32,7 +32,7 @@ pub struct Refined {
     pub height: i32,
     /// Width at half height, Q16.16 samples.
     pub width: i64,
-    /// Amplitude of the pulse over ambient, as if nothing had clipped it, Q1.15; at least 1.
+    /// Amplitude of the pulse over ambient as if it were not clipped, Q1.15; at least 1.
     pub amplitude: i64,
     /// σ of the time, Q16.16 samples.
     pub sigma: u32,
@@ -40,42 +40,42 @@ pub struct Refined {
     pub flags: Flags,
 }
 
-/// A waveform in its three forms, all as long.
+/// Waveform in its three forms, all of the same length.
 #[derive(Clone, Copy, Debug)]
 pub struct Waveform<'a> {
-    /// Codes.
+    /// Codes of the ADC.
     pub codes: &'a [u16],
-    /// Clipped, without baseline, Q1.15.
+    /// Samples, clipped and without baseline, Q1.15.
     pub x: &'a [i16],
-    /// Filtered, Q1.15.
+    /// Output of the filter, Q1.15.
     pub y: &'a [i16],
 }
 
-/// The peaks that become echoes.
+/// Peaks that become echoes.
 pub type Chosen = Vec<Peak, MAX_ECHOES>;
 
-/// What refining looks at.
+/// Refines the peaks of a waveform: everything that it reads.
 #[derive(Clone, Copy, Debug)]
 pub struct Refiner<'a> {
-    /// What the stages read.
+    /// Constants of the stages.
     pub config: &'a DetectorConfig,
-    /// The waveform.
+    /// Waveform whose peaks are refined.
     pub waveform: Waveform<'a>,
-    /// The threshold that its peaks reached.
+    /// Threshold that the peaks reached.
     pub threshold: &'a Threshold,
-    /// The noise of its samples.
+    /// Noise of the samples.
     pub noise: &'a Noise,
-    /// Its shots, where they were dithered.
+    /// Shots of the waveform, where they were dithered.
     pub dithered: Option<DitheredEdges<'a>>,
-    /// Its near gain. What is refined before its end has been made level: `x` and `y` are, and
-    /// threshold and noise are those of there.
+    /// Near gain. Before a peak in front of the ramp's end is refined, the samples of `x` and `y`
+    /// around it are brought to its gain; `threshold` and `noise` are then those at the peak.
     pub near: Option<Near<'a>>,
-    /// The sample whose gain those around it have been given.
+    /// Sample whose gain the samples around it have been brought to.
     pub level: Option<usize>,
 }
 
 impl Refiner<'_> {
-    /// Refines one peak of `y`; `f` is the filter's output before it was rounded, Q9.23, 0 outside.
+    /// Refines a peak of `y`; `f` is the filter's output before rounding, Q9.23, 0 outside.
     ///
     /// ```text
     /// s      = index, moved later one sample at a time while f rises, at most K times
@@ -89,7 +89,7 @@ impl Refiner<'_> {
     /// |---|---|---|
     /// | parabola | s + (j + δ)/o, nearest | gain · σ(A) / A |
     /// | walk-corrected | the same less β·⌊δ (1 − 4δ²)⌋, nearest, in δ | as parabola |
-    /// | … clipped | [`DitheredEdges`], [`EdgeFit`], else ⌊(left + right)/2⌋ | theirs, or as parabola |
+    /// | … clipped | [`DitheredEdges`], [`EdgeFit`] or ⌊(left + right)/2⌋ | theirs, or parabola's |
     /// | CFD | where f rises to half of the height, plus z | as parabola |
     /// | rising edge | where f rises to T, plus z | σ(level/g) · r / the rise of f |
     ///
@@ -99,7 +99,8 @@ impl Refiner<'_> {
     /// [`Timing`](crate::stages::timing::Timing)'s.
     ///
     /// Against the same method in real numbers, 12 bits, noise of 4 codes or more: within 4, 1 and
-    /// 0.6 mm at SNR 5, 20 and 100. Why each step is as it is: `docs/detector.md`, Sub-sample time.
+    /// 0.6 mm at SNR 5, 20 and 100. The reason for each step is in `docs/detector.md`, Sub-sample
+    /// time.
     #[inline(never)]
     pub fn refine(&self, f: impl Fn(i64) -> i64, peak: Peak) -> Refined {
         let config = self.config;
@@ -121,7 +122,7 @@ impl Refiner<'_> {
         };
         match (config.choices.timing, clipped) {
             (TimingMethod::WalkCorrected, Some(run)) => {
-                // The amplitude becomes that of the edges, too.
+                // Sets time, amplitude and σ.
                 self.time_by_edges(run, (left.time + right.time) >> 1, &mut refined);
             }
             (TimingMethod::ConstantFraction, _) => {
@@ -137,13 +138,13 @@ impl Refiner<'_> {
         }
         let walks = clipped.is_some() && !corrects;
         if walks || refined.flags.contains(Flags::TRUNCATED) {
-            refined.sigma = u32::MAX; // it is not known
+            refined.sigma = u32::MAX; // unknown: the time of these is biased
         }
         refined
     }
 
-    /// The peaks that become echoes, in their order: apart by the least separation, as many as are
-    /// asked for. One alone is compared with nothing.
+    /// Peaks that become echoes, in their order: at least the minimum separation apart, at most as
+    /// many as asked for. A single peak is chosen at once.
     #[inline(never)]
     pub fn chosen(&self, peaks: &[Peak]) -> Chosen {
         let config = self.config;
@@ -157,7 +158,7 @@ impl Refiner<'_> {
         detect::choose(candidates, config.echoes, config.choices.echoes)
     }
 
-    /// Peaks with the strength of their echoes: [`Height`] of a clipped one, else its amplitude.
+    /// Peaks with the strength of their echoes: [`Height`] of a clipped peak, else its amplitude.
     pub fn candidates(&self, peaks: &[Peak]) -> Candidates {
         let mut candidates = Candidates::new();
         for &peak in peaks {
@@ -193,8 +194,8 @@ impl Refiner<'_> {
         .of(run)
     }
 
-    /// The samples that refining a peak reads: those of its run, or its index, and on either side
-    /// as many as filter and pulse reach, and 16.
+    /// Range of samples that refining a peak reads: its clipped run, or its index, and on either
+    /// side the reach of filter and pulse plus 16.
     pub fn around(&self, peak: Peak) -> Range<usize> {
         let index = peak.index.into();
         let run = self.clipped_run(peak).unwrap_or(Run { first: index, last: index });
@@ -202,8 +203,8 @@ impl Refiner<'_> {
         run.first.saturating_sub(beside)..run.last + beside + 1
     }
 
-    /// Whether a peak may hide others: it is not clipped, and its width at half height exceeds
-    /// [`Timing`](crate::stages::timing::Timing)'s w or ends in a valley.
+    /// True when a peak may hide others: it is not clipped, and its width at half height exceeds w
+    /// of [`Timing`](crate::stages::timing::Timing) or ends in a valley.
     pub fn may_overlap(&self, peak: Peak) -> bool {
         let half = i32::from(peak.height) >> 1;
         let (left, right) = (self.crossing(peak, half, -1), self.crossing(peak, half, 1));
@@ -212,10 +213,10 @@ impl Refiner<'_> {
             && self.clipped_run(peak).is_none()
     }
 
-    /// Times a peak that another hid by the parabola through the sharper filter's output `f`
-    /// (Q9.23) instead, without correction for bias; it is merged. A clipped one stays as it was. σ
-    /// is twice as great, for the sharper filter's noise, and W f_s/32 (rounded down) more, for
-    /// what the other shifts it by: saturating.
+    /// Times a peak that was hidden in another anew, by the parabola through the sharper filter's
+    /// output `f` (Q9.23), without correction for bias, and marks it as merged. A clipped peak
+    /// keeps its time. σ is doubled, for the sharper filter's noise, and grows by W f_s/32 (rounded
+    /// down), for the shift by the other echo: saturating.
     pub fn sharpen(&self, f: impl Fn(i64) -> i64, peak: Peak, refined: &mut Refined) {
         let config = self.config;
         let overlap = (config.pulse.width() >> 5) as u32;
@@ -236,7 +237,8 @@ impl Refiner<'_> {
         (scaled / amplitude.max(1) as u64).min(u32::MAX.into()) as u32
     }
 
-    /// Reads edges. Their level is the clip code in Q1.15 less the ambient, at least 2⁻¹⁵.
+    /// Fit of the edges of clipped echoes. The level is the clip code in Q1.15 less the ambient, at
+    /// least 2⁻¹⁵.
     fn edge_fit(&self, ambient: i16) -> EdgeFit<'_> {
         let Self { config, noise, .. } = *self;
         let clip = i64::from(config.clip_code) << config.code_shift;
@@ -244,8 +246,8 @@ impl Refiner<'_> {
         EdgeFit { pulse: &config.pulse, noise, level }
     }
 
-    /// Takes time, amplitude and σ from the edges of a clipped run; where they say nothing, the
-    /// time from the middle between the crossings.
+    /// Takes time, amplitude and σ from the edges of a clipped run; without edges, the time from
+    /// the middle between the crossings.
     #[inline(always)]
     fn time_by_edges(&self, run: Run, middle: i64, refined: &mut Refined) {
         refined.flags |= Flags::WALK_CORRECTED;
@@ -258,13 +260,13 @@ impl Refiner<'_> {
         }
     }
 
-    /// Takes the time from where `f` rises to `level` (Q9.23).
+    /// Takes the time from the crossing at which `f` rises to `level` (Q9.23).
     ///
-    /// It rises there between the samples where `y`, seen from the index on earlier samples, falls
-    /// below the level (rounded to Q1.15, no higher than the peak): at the first of them plus
-    /// (level − f)/(rise of f), a fraction of 0 to 1, rounded down, the rise at least 2⁻²³. Where
-    /// that meets a valley or the end, the time is there plus z, σ the parabola's, the flags the
-    /// echo's. σ(level/g) · r is rounded down to Q13.19 before it is divided by the rise.
+    /// Going to earlier samples from the index, `y` falls below the level (rounded to Q1.15, no
+    /// higher than the peak) between two samples. The crossing is at the earlier of them plus
+    /// (level − f)/(rise of f): a fraction of 0 to 1, rounded down, with a rise of at least 2⁻²³.
+    /// If a valley or the end comes first, the time is there plus z, σ is the parabola's, and the
+    /// echo is flagged. σ(level/g) · r is rounded down to Q13.19 before it is divided by the rise.
     #[inline(never)]
     fn time_by_rise(&self, f: &impl Fn(i64) -> i64, peak: Peak, level: i64, refined: &mut Refined) {
         let config = self.config;
@@ -278,7 +280,7 @@ impl Refiner<'_> {
         let fraction = (((level - low) << 16).div_euclid(rise)).clamp(0, 1 << 16);
         refined.time = (below << 16) + fraction + config.timing.offset();
         if config.choices.timing == TimingMethod::ConstantFraction {
-            return; // its σ is the timing constants'
+            return; // σ stays that of `sigma_of_top`: its gain is the crossing's
         }
         let at_level = self.noise.of(config.template.amplitude(shift_round(level, 8) as i32));
         let noise_gain = u64::from(config.template.noise_gain());
@@ -286,8 +288,9 @@ impl Refiner<'_> {
         refined.sigma = ((filtered << 20) / rise as u64).min(u32::MAX.into()) as u32;
     }
 
-    /// The run of clipped samples, at the saturation level or above, that holds the one nearest to
-    /// the peak, if one lies within ⌈K/2⌉; of two as near the earlier.
+    /// Run of clipped samples that contains the clipped sample nearest to the peak, of two equally
+    /// near the earlier; `None` where none lies within ⌈K/2⌉. Clipped is a code at or above the
+    /// saturation level.
     fn clipped_run(&self, peak: Peak) -> Option<Run> {
         let (config, codes) = (self.config, self.waveform.codes);
         let reach = config.reach.div_ceil(2);
@@ -312,13 +315,14 @@ struct Vertex {
     height: i32,
 }
 
-/// Samples of `f` on each side of the summit that interpolation reads; without upsampling, one.
+/// Number of samples of `f` on either side of the summit that interpolation reads; without
+/// upsampling it is one.
 const MARGIN: i64 = 5;
 
-/// `f` around the summit, the summit in the middle.
+/// Values of `f` around the summit, which is in the middle.
 type Around = [i64; 2 * MARGIN as usize + 1];
 
-/// Parabola through the highest interpolated value and its neighbours.
+/// Vertex of the parabola through the highest interpolated value and its neighbours.
 fn vertex(
     f: impl Fn(i64) -> i64,
     start: i64,
@@ -357,8 +361,8 @@ fn vertex(
     Vertex { time, height: shift_round(height, 8) as i32 }
 }
 
-/// Where a climb of at most `most` samples to earlier ones ends: what was found before a rising
-/// gain was taken out lies late.
+/// Index at which a climb to earlier samples, at most `most` of them, ends: a peak that was found
+/// before the rising gain was removed lies late.
 fn earliest(f: impl Fn(i64) -> i64, start: i64, most: usize) -> i64 {
     let mut at = start;
     for _ in 0..most {
@@ -370,15 +374,15 @@ fn earliest(f: impl Fn(i64) -> i64, start: i64, most: usize) -> i64 {
     at
 }
 
-/// A summit of `f`, its height and that of the sample after it.
+/// Summit of `f`, its height, and the height of the sample after it.
 struct Climb {
     summit: i64,
     height: i64,
     next: i64,
 }
 
-/// Up `f` from `start`, at most `reach` samples. Only later: a peak is the first sample of its
-/// plateau of `y`, so `f` is lower before it.
+/// Climbs `f` from `start` to later samples, at most `reach` of them. Earlier ones are lower: a
+/// peak is the first sample of its plateau of `y`.
 fn climb(f: impl Fn(i64) -> i64, start: i64, reach: usize) -> Climb {
     let mut at = Climb { summit: start, height: f(start), next: f(start + 1) };
     for _ in 0..reach {
@@ -390,7 +394,8 @@ fn climb(f: impl Fn(i64) -> i64, start: i64, reach: usize) -> Climb {
     at
 }
 
-/// `f` at `j / 2^log2` from the summit, Q9.23: a polynomial through the eight samples around.
+/// `f` interpolated at `j / 2^log2` from the summit, Q9.23, by a polynomial through the eight
+/// samples around.
 fn interpolate(around: &Around, j: i64, log2: u32) -> i64 {
     let sample = |offset: i64| {
         usize::try_from(MARGIN + offset).ok().and_then(|i| around.get(i)).map_or(0, |&v| v)
@@ -403,16 +408,16 @@ fn interpolate(around: &Around, j: i64, log2: u32) -> i64 {
 
 struct Crossing {
     time: i64,
-    /// The sample below the level, if there is one.
+    /// Index of the sample below the level, if there is one.
     below: Option<i64>,
     flags: Flags,
 }
 
-/// Where `y` falls below a level, going `direction` from the peak: linear between samples, Q16.16,
-/// the fraction of a sample rounded down, towards the peak.
+/// Crossing at which `y`, going in `direction` from the peak, falls below a level: linear between
+/// samples, Q16.16, the fraction of a sample rounded down, towards the peak.
 ///
-/// Ends early in the valley (of equals the one nearest to the peak) before a neighbour that rises
-/// by more than the peak's [`hysteresis`] ([`Flags::MERGED`]) or at the last sample
+/// It ends early in the valley (of equals the one nearest to the peak) before a neighbour that
+/// rises by more than the peak's [`hysteresis`] ([`Flags::MERGED`]), or at the last sample
 /// ([`Flags::TRUNCATED`]).
 fn crossing(y: &[i16], peak: Peak, level: i32, threshold: i16, direction: i64) -> Crossing {
     let rise = i32::from(hysteresis(peak.height, threshold));

@@ -1,4 +1,4 @@
-//! Peaks that hide in a broader one: a sharper filter, and how far a peak must stand out of it.
+//! Peaks hidden in a broader one, found by a sharper filter.
 #![expect(
     clippy::arithmetic_side_effects,
     reason = "taps and samples are Q1.15 with Σ abs(s) ≤ 1: sums within 2³⁰; 64ths below 2⁸ of \
@@ -15,7 +15,7 @@ use crate::stages::filter;
 use crate::stages::peak::{MAX_CANDIDATES, Peak, Peaks};
 use crate::stages::template::Template;
 
-/// Filter taps narrower than the pulse, less a share of their own second difference.
+/// Sharper filter: taps narrower than the pulse, less a share of their own second difference.
 ///
 /// ```text
 /// s[k] = ((64 + 2L)·h[k] − L·(h[k − q] + h[k + q])) / (64 + 4L)    towards zero; |k| ≤ K + q
@@ -37,7 +37,7 @@ use crate::stages::template::Template;
 /// horns of at most about L/200 of its height from it: less than [`prominence`] asks for.
 #[derive(Clone, Debug)]
 pub struct Sharpener {
-    /// The taps and one zero.
+    /// Taps and one zero.
     taps: Vec<i16, { MAX_TAPS + 1 }>,
     lag: usize,
     noise_gain: u16,
@@ -46,11 +46,12 @@ pub struct Sharpener {
 /// L on the sensor, 64ths.
 pub const SENSOR_SHARPNESS: i32 = 8;
 
-/// Multiples of the sharpened noise that a peak must stand out by on the sensor.
+/// Prominence that the sensor asks of a peak, in multiples of the sharpened noise.
 pub const SENSOR_PROMINENCE_SIGMAS: u32 = 5;
 
 impl Sharpener {
-    /// Sharpens by `strength` 64ths at a lag of `lag` samples after smoothing with `narrow`.
+    /// Sharpener that smooths with `narrow` and sharpens by `strength` 64ths at a lag of `lag`
+    /// samples.
     pub fn new(narrow: &Template, lag: usize, strength: i32) -> Self {
         let strength = strength.clamp(0, 64);
         let lag = lag.clamp(1, (MAX_TAPS / 2 - narrow.half().min(MAX_TAPS / 2)).max(1));
@@ -65,24 +66,25 @@ impl Sharpener {
         Self { taps, lag, noise_gain: sqrt_floor(energy) as u16 }
     }
 
-    /// The sensor's: half the emitted pulse's width, half of it as the lag, [`SENSOR_SHARPNESS`].
+    /// Sharpener of the sensor: half the emitted pulse's width, half a width as the lag,
+    /// [`SENSOR_SHARPNESS`].
     pub fn for_pulse(width_ps: u32, sample_period_fs: u32) -> Self {
         let narrow = Template::sin_squared(width_ps / 2, sample_period_fs);
         let half_width = u64::from(width_ps) * 500 / u64::from(sample_period_fs.max(1));
         Self::new(&narrow, half_width as usize, SENSOR_SHARPNESS)
     }
 
-    /// The taps and one zero, so that they go in pairs.
+    /// Taps and one zero, so that they can be read in pairs.
     pub fn taps_in_pairs(&self) -> &[i16] {
         &self.taps
     }
 
-    /// The taps, centre in the middle.
+    /// Taps, centre in the middle.
     pub fn taps(&self) -> &[i16] {
         self.taps.split_last().map_or(&[], |(_, taps)| taps)
     }
 
-    /// Taps on either side of the centre.
+    /// Number of taps on either side of the centre.
     pub fn half(&self) -> usize {
         self.taps().len() / 2
     }
@@ -102,7 +104,7 @@ impl Sharpener {
         shift_round(i64::from(sigma) * i64::from(self.noise_gain), 15) as u32
     }
 
-    /// One sharpened sample before it is rounded to Q1.15: Q9.23, nearest; 0 outside `x`.
+    /// Sharpened sample before it is rounded to Q1.15: Q9.23, nearest; 0 outside `x`.
     pub fn exact(&self, x: &[i16], n: i64) -> i64 {
         if usize::try_from(n).ok().is_none_or(|n| n >= x.len()) {
             return 0;
@@ -114,7 +116,7 @@ impl Sharpener {
         shift_round(sum.into(), 7)
     }
 
-    /// One sharpened sample, Q1.15: `round(Σ s[k] · x[n + k])`, x = 0 outside.
+    /// Sharpened sample, Q1.15: `round(Σ s[k] · x[n + k])`, x = 0 outside.
     pub fn at(&self, x: &[i16], n: usize) -> i16 {
         let taps = self.taps().iter().zip(n as isize - self.half() as isize..);
         let sample =
@@ -140,10 +142,10 @@ fn sharpened_tap(narrow: &Template, k: isize, lag: isize, strength: i32) -> i16 
 /// falling  v < valley: the new valley;     v > valley + prominence(v) → rising
 /// ```
 ///
-/// Begins rising, at the first sample. That sample and the last one are no peaks, for the top may
-/// lie outside; one that the end cuts off before it fell far enough counts once it fell at all. A
-/// peak is the first sample of its plateau. Of more than [`MAX_CANDIDATES`] the highest stay, of
-/// equals the first.
+/// The state is rising at the first sample. First and last sample are no peaks, because the top may
+/// lie outside. A peak that the end cuts off before `values` fell far enough counts if they fell at
+/// all. A peak is the first sample of its plateau. Of more than [`MAX_CANDIDATES`] the highest
+/// stay, of equals the first.
 pub fn prominent_peaks(
     values: impl IntoIterator<Item = i16>,
     first: usize,
@@ -179,7 +181,8 @@ pub fn prominent_peaks(
     }
 }
 
-/// Adds a peak that is high enough; when there is no room, the lowest goes (of equals, the last).
+/// Adds a peak that is high enough; when there is no room, the lowest is dropped (of equals, the
+/// last).
 fn keep(peak: Peak, first: usize, level: i16, found: &mut Peaks) {
     if peak.height < level || usize::from(peak.index) == first || found.push(peak).is_ok() {
         return;
@@ -191,8 +194,8 @@ fn keep(peak: Peak, first: usize, level: i16, found: &mut Peaks) {
     }
 }
 
-/// How far a peak must stand out on the sensor: [`SENSOR_PROMINENCE_SIGMAS`] σ_s and a sixteenth of
-/// its height, whichever is more, both rounded down to whole LSB.
+/// Prominence that the sensor asks of a peak: [`SENSOR_PROMINENCE_SIGMAS`] σ_s or a sixteenth of
+/// the height, whichever is more, both rounded down to whole LSB.
 ///
 /// The sixteenth keeps an echo of a slanted or rough surface whole, however quiet the receiver.
 pub fn prominence(height: i16, sigma: u32) -> i32 {
@@ -200,16 +203,16 @@ pub fn prominence(height: i16, sigma: u32) -> i32 {
         .max(((u64::from(sigma) * u64::from(SENSOR_PROMINENCE_SIGMAS)) >> 4) as i32)
 }
 
-/// Indices of peaks that others hid.
+/// Indices of peaks that were hidden in others.
 pub type Overlapping = Vec<u16, MAX_CANDIDATES>;
 
-/// Puts in place of each coarse peak the peaks that the sharpener finds under it, if there are two
-/// or more.
+/// Replaces each coarse peak by the peaks that the sharpener finds under it, if there are two or
+/// more.
 ///
 /// | name | meaning | format |
 /// |---|---|---|
 /// | `x` | waveform without ambient | Q1.15 |
-/// | `y` | output of the denoise filter, which the coarse peaks are of | Q1.15 |
+/// | `y` | output of the denoise filter, with the coarse peaks | Q1.15 |
 /// | `sigma` | σ̂ of x | Q13.19 |
 /// | `level` | T on y | Q1.15 |
 /// | `coarse` | peaks of y by rising index | |
@@ -220,18 +223,18 @@ pub type Overlapping = Vec<u16, MAX_CANDIDATES>;
 /// reaches T. Work is bounded: 8q + 7 sharpened samples a coarse peak. Of more than
 /// [`MAX_CANDIDATES`] peaks the first stay.
 ///
-/// `overlapping` becomes the indices of those that came in place of another: `y` need not top out
-/// there.
+/// `overlapping` becomes the indices of the peaks that replaced another: `y` need not have a
+/// maximum there.
 ///
 /// Two equal sin² echoes of S = 50 come apart from 1.14·cτ/2 on at 0.5, 1 and 2 GS/s
 /// (`tests/tests/detector/limits.rs`).
 #[derive(Clone, Copy, Debug)]
 pub struct Splitter<'a> {
-    /// The sharper filter.
+    /// Sharper filter.
     pub sharpener: &'a Sharpener,
-    /// The waveform without ambient, Q1.15.
+    /// Waveform without ambient, Q1.15.
     pub x: &'a [i16],
-    /// The denoise filter's output, Q1.15.
+    /// Output of the denoise filter, Q1.15.
     pub y: &'a [i16],
     /// σ̂ of x, Q13.19.
     pub sigma: u32,
@@ -240,7 +243,7 @@ pub struct Splitter<'a> {
 }
 
 impl Splitter<'_> {
-    /// The peaks with those that broad ones hid.
+    /// Peaks, with those that were hidden in broad ones.
     pub fn split(
         &self,
         coarse: &Peaks,

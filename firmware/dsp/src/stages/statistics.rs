@@ -8,7 +8,7 @@ use crate::limits::MAX_SAMPLES;
 use crate::q::shift_round;
 use crate::settings::choice::AmbientEstimator;
 
-/// Where a waveform rests and how much it trembles.
+/// Ambient light and noise of a waveform.
 ///
 /// ```text
 /// m   = median code: the smallest with  #{x ≤ m} ≥ ⌈N/2⌉
@@ -48,9 +48,9 @@ const MAD_TO_SIGMA: u64 = 24_291;
 const MAD_EXTRA_BITS: u32 = 4;
 
 impl Statistics {
-    /// Measures a waveform of codes, of which an ADC gives `15 − shift` bits. `order_statistics`
-    /// finds median and deviation of at least one code, the ADC's largest being its second
-    /// argument: [`by_counting`] or anything that gives the same.
+    /// Measures a waveform of codes of `15 − shift` bits. `order_statistics` finds median and
+    /// deviation of at least one code; its second argument is the ADC's largest code. It is
+    /// [`by_counting`] or anything that gives the same result.
     #[inline(always)]
     pub fn measure(
         codes: &[u16],
@@ -65,7 +65,7 @@ impl Statistics {
         Self::from_order_statistics(&order_statistics(codes, top), codes.len() as u32, shift)
     }
 
-    /// With the ambient of another estimator.
+    /// The same noise with the ambient light of another estimator.
     ///
     /// ```text
     /// a = Σ x / n over the n samples before the trigger    Q1.15, rounded down; n = 0: median
@@ -109,7 +109,7 @@ impl Statistics {
         }
     }
 
-    /// The ambient as the baseline removes it: Q1.15, saturating.
+    /// Ambient light as the baseline removes it: Q1.15, saturating.
     pub fn ambient_q15(&self) -> i16 {
         self.ambient.clamp(-0x8000, 0x7fff) as i16
     }
@@ -124,7 +124,7 @@ pub struct OrderStatistics {
     pub deviation: OrderStatistic,
 }
 
-/// The smallest value v with `#{≤ v} ≥ ⌈N/2⌉`.
+/// Smallest value v with `#{≤ v} ≥ ⌈N/2⌉`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct OrderStatistic {
     /// v.
@@ -135,11 +135,11 @@ pub struct OrderStatistic {
     pub at: u32,
 }
 
-/// Both by counting how many codes lie in an interval, over and over: the counts vectorise.
+/// Median and deviation by repeated counts of the codes in an interval: counts vectorise.
 ///
-/// `codes` hold 1 to [`MAX_SAMPLES`] samples; `top` is the largest code of the ADC, where the
-/// search first looks no further. `guess` only saves time: where the last waveform's statistics
-/// lay, these lie nearby.
+/// `codes` hold 1 to [`MAX_SAMPLES`] samples; `top` is the largest code of the ADC, at which the
+/// search begins at the highest. `guess` only saves time: statistics lie near those of the last
+/// waveform.
 #[inline(always)]
 pub fn by_counting(codes: &[u16], top: u16, guess: &Statistics) -> OrderStatistics {
     let half = codes.len().div_ceil(2) as u32;
@@ -150,10 +150,10 @@ pub fn by_counting(codes: &[u16], top: u16, guess: &Statistics) -> OrderStatisti
     OrderStatistics { median, deviation: order_statistic(near, half, guess.deviation, top) }
 }
 
-/// Codes the histogram spans, the guess in its middle.
+/// Number of codes that the histogram spans, with the guess in its middle.
 pub const BINS: usize = 128;
 
-/// Both from one pass, while median and deviation lie within a histogram around the guess; else
+/// Median and deviation in one pass, if both lie within a histogram around the guess; else
 /// [`by_counting`].
 #[inline(always)]
 pub fn by_histogram(codes: &[u16], top: u16, guess: &Statistics) -> OrderStatistics {
@@ -175,7 +175,8 @@ pub fn by_histogram_of(
         .unwrap_or_else(|| by_counting(codes, top, guess))
 }
 
-/// Adds one to `counts[code − first]` for every code within; returns how many lie below `first`.
+/// Adds one to `counts[code − first]` for every code within; returns the number of codes below
+/// `first`.
 #[inline(always)]
 pub fn count(codes: &[u16], first: u16, counts: &mut [u16; BINS]) -> u32 {
     let mut below = 0;
@@ -188,7 +189,8 @@ pub fn count(codes: &[u16], first: u16, counts: &mut [u16; BINS]) -> u32 {
     below
 }
 
-/// The ranks, if they lie inside. `below` codes lie below `first`, the code of bin 0.
+/// Median and deviation, if both lie inside the histogram. `below` codes lie below `first`, the
+/// code of bin 0.
 fn read_histogram(
     counts: &[u16; BINS],
     first: u16,
@@ -217,7 +219,7 @@ fn read_histogram(
     })
 }
 
-/// The bin in which the count reaches `half`, and the count up to its end. Whole eights first,
+/// Bin in which the count reaches `half`, and the count up to its end. Eight bins at a time first,
 /// which is faster.
 fn middle(counts: &[u16; BINS], below: u32, half: u32) -> Option<(usize, u32)> {
     let (mut first, mut up_to) = (0, below);
@@ -244,9 +246,9 @@ fn grouped(rank: &OrderStatistic, n: u32, shift: u32) -> i32 {
     (i32::from(rank.value) << shift) - (1 << (shift - 1)) + offset as i32
 }
 
-/// Samples whose code lies in `low..=high`, at most [`MAX_SAMPLES`] of them.
+/// Number of codes in `low..=high`, among at most [`MAX_SAMPLES`].
 ///
-/// A plain sum in 16 bits, which vectorises.
+/// It is a plain sum in 16 bits, which vectorises.
 #[inline(always)]
 fn count_within(codes: &[u16], low: i32, high: i32) -> u32 {
     const { assert!(MAX_SAMPLES <= u16::MAX as usize) };
@@ -261,10 +263,10 @@ fn count_within(codes: &[u16], low: i32, high: i32) -> u32 {
     u32::from(count)
 }
 
-/// The smallest value whose cumulative count reaches `rank`, with the counts below it and at it.
+/// Smallest value whose cumulative count reaches `rank`, with the counts below it and at it.
 ///
-/// Gallops out from the guess, then bisects: with a good guess two or three counts, with none
-/// twelve.
+/// Gallops out from the guess, then bisects: two or three counts with a good guess, twelve without
+/// one.
 #[inline(always)]
 fn order_statistic(
     cumulative: impl Fn(i32) -> u32,

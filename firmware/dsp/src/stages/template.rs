@@ -1,4 +1,4 @@
-//! The denoise filter's taps.
+//! Taps of the denoise filter.
 
 use heapless::Vec;
 use micromath::F32Ext;
@@ -7,7 +7,7 @@ use crate::limits::MAX_TAPS;
 use crate::q::{shift_round, sqrt_floor};
 use crate::settings::choice::DenoiseFilter;
 
-/// A symmetric filter, and what it does to amplitudes and noise.
+/// Symmetric filter, with its gains for amplitudes and noise.
 ///
 /// ```text
 /// p(t) = sin²(πt / 2τ) = (1 + cos(π u / τ)) / 2,   u = t − τ,  |u| < τ = W      the emitted pulse
@@ -27,12 +27,13 @@ use crate::settings::choice::DenoiseFilter;
 /// | `r` | Q1.15, rounded down, of the `h` in Q1.15 | scalar |
 ///
 /// An amplitude is `height · 1/g`, nearest. The cosine is micromath's (error below 1.1 × 10⁻³), in
-/// `f32` without fused multiply-add: the same taps on every machine. (Called as `F32Ext::cos`:
-/// where std is in the build, `x.cos()` would silently be std's.) One half is computed and
-/// mirrored: the taps are symmetric to the bit, so a symmetric echo has no bias in time.
+/// `f32` without fused multiply-add: the same taps on every machine. (It is called as
+/// `F32Ext::cos`: where std is in the build, `x.cos()` would silently be std's.) One half is
+/// computed and mirrored: the taps are symmetric to the bit, so a symmetric echo has no bias in
+/// time.
 #[derive(Clone, Debug)]
 pub struct Template {
-    /// The taps and one zero.
+    /// Taps and one zero.
     taps: Vec<i16, { MAX_TAPS + 1 }>,
     peak_gain: u16,
     inverse_gain: u16,
@@ -40,14 +41,14 @@ pub struct Template {
 }
 
 impl Template {
-    /// The matched filter: the sin² pulse of a full width at half maximum, sampled with a period.
-    /// Widths that need more than [`MAX_TAPS`] taps are cut to them; no accepted setting does.
+    /// Matched filter: the sin² pulse of a full width at half maximum, sampled with a period. A
+    /// pulse that needs more than [`MAX_TAPS`] taps is cut; no accepted setting needs more.
     pub fn sin_squared(width_ps: u32, sample_period_fs: u32) -> Self {
         let width = samples_per_width(width_ps, sample_period_fs);
         Self::sampled(width, half_length(width), |k| pulse(k, width))
     }
 
-    /// The filter that is chosen, for that pulse.
+    /// Chosen filter for the pulse.
     pub fn new(filter: DenoiseFilter, width_ps: u32, sample_period_fs: u32) -> Self {
         let width = samples_per_width(width_ps, sample_period_fs);
         match filter {
@@ -60,7 +61,7 @@ impl Template {
         }
     }
 
-    /// `shape` at −half..=half samples from its middle, scaled to add up to 1.
+    /// Taps from `shape` at −half..=half samples from its middle, scaled to add up to 1.
     #[expect(clippy::arithmetic_side_effects, reason = "half is at most half of MAX_TAPS")]
     fn sampled(width: f32, half: usize, shape: impl Fn(usize) -> f32) -> Self {
         let mut sum = shape(0);
@@ -92,17 +93,17 @@ impl Template {
         }
     }
 
-    /// The taps, Q1.15, centre in the middle.
+    /// Taps, Q1.15, centre in the middle.
     pub fn taps(&self) -> &[i16] {
         self.taps.split_last().map_or(&[], |(_, taps)| taps)
     }
 
-    /// The taps and one zero, so that they go in pairs.
+    /// Taps and one zero, so that they can be read in pairs.
     pub fn taps_in_pairs(&self) -> &[i16] {
         &self.taps
     }
 
-    /// Taps on either side of the centre.
+    /// Number of taps on either side of the centre.
     pub fn half(&self) -> usize {
         self.taps().len() / 2
     }
@@ -117,24 +118,24 @@ impl Template {
         self.noise_gain
     }
 
-    /// The amplitude whose filtered height is `height`, both Q1.15: `round(height / g)`.
+    /// Amplitude whose filtered height is `height`, both Q1.15: `round(height / g)`.
     #[expect(clippy::arithmetic_side_effects, reason = "2³¹ · 2¹⁶ is below 2⁶²")]
     pub fn amplitude(&self, height: i32) -> i64 {
         shift_round(i64::from(height) * i64::from(self.inverse_gain), 14)
     }
 }
 
-/// W f_s.
+/// Pulse width in samples, W f_s.
 pub fn samples_per_width(width_ps: u32, sample_period_fs: u32) -> f32 {
     width_ps as f32 * 1000.0 / sample_period_fs as f32
 }
 
-/// The pulse, `k` samples from its middle, |k| ≤ [`half_length`].
+/// Pulse at `k` samples from its middle, |k| ≤ [`half_length`].
 fn pulse(k: usize, width: f32) -> f32 {
     0.5 + 0.5 * F32Ext::cos(core::f32::consts::PI * k as f32 / width)
 }
 
-/// K: the last sample strictly inside the pulse.
+/// K: last sample strictly inside the pulse, counted from its middle.
 pub fn half_length(samples_per_width: f32) -> usize {
     let end = F32Ext::ceil(samples_per_width) as i32;
     end.saturating_sub(1).clamp(0, (MAX_TAPS / 2) as i32) as usize

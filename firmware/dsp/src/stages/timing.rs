@@ -1,5 +1,5 @@
-//! What a filter does to the time of an echo: how far the noise shifts it, and by how much each
-//! method is wrong.
+//! Constants of the timing methods: effect of the noise on the time of an echo, and bias of each
+//! method.
 
 use crate::limits::MAX_TAPS;
 use crate::settings::choice::TimingMethod;
@@ -10,9 +10,9 @@ use crate::stages::template::Template;
 ///
 /// ```text
 /// r(t) = Σ h[k] p(t − k)                   an echo of height 1 after the filter, t from its middle
-/// top:  d[k] = Σ_t ℓ[t] (h[k+t] − h[k−t])·o/2          what noise does to the slope there
+/// top:  d[k] = Σ_t ℓ[t] (h[k+t] − h[k−t])·o/2          effect of noise on the slope there
 ///       slope = (2 r(0) − r(1/o) − r(−1/o)) o² / (1 − β)
-/// CFD:  d[k] = h(k − z) − h(k)/2           what it does to the crossing and to the fraction
+/// CFD:  d[k] = h(k − z) − h(k)/2           effect of noise on the crossing and the fraction
 ///       slope = r(z − ½) − r(z + ½)
 /// gain = √Σ d² / slope                     σ of the time over σ/A of a sample, in samples
 /// q    = Σ d² p / Σ d²                     share of the top's shot noise that shifts the time
@@ -29,8 +29,8 @@ use crate::stages::template::Template;
 /// | `q`, `β` | Q1.15, nearest |
 /// | `w`, `z` | Q16.16 samples, nearest |
 ///
-/// Computed in `f32`: `q` and `z` are within 10⁻⁴; of a top's slope and of `β` 10⁻⁶ (o W f_s)² is
-/// lost. Derived in `docs/detector.md`, What noise does to the time.
+/// Computed in `f32`: `q` and `z` are within 10⁻⁴; a top's slope and `β` within 10⁻⁶ (o W f_s)².
+/// Derived in `docs/detector.md`, What noise does to the time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timing {
     gain: u32,
@@ -41,8 +41,7 @@ pub struct Timing {
 }
 
 impl Timing {
-    /// The constants for a filter, a pulse of so many samples a width, an upsampling ratio and a
-    /// method.
+    /// Constants for a filter, a pulse width in samples, an upsampling ratio and a method.
     pub fn new(
         template: &Template,
         samples_per_width: f32,
@@ -76,12 +75,12 @@ impl Timing {
         }
     }
 
-    /// σ of the time of an unclipped top over σ/A of a sample: Q16.16 samples.
+    /// Gain: σ of the time of an unclipped echo over σ/A of a sample, Q16.16 samples.
     pub fn gain(&self) -> u32 {
         self.gain
     }
 
-    /// Share of the top's shot noise that shifts the time, Q1.15.
+    /// q, share of the top's shot noise that shifts the time, Q1.15.
     pub fn shot_share(&self) -> u32 {
         self.shot_share
     }
@@ -91,23 +90,23 @@ impl Timing {
         self.bias
     }
 
-    /// w, Q16.16 samples.
+    /// w, width at half height from which an echo may hide others, Q16.16 samples.
     pub fn broad(&self) -> i64 {
         self.broad
     }
 
-    /// From an edge's crossing to the middle of the echo, Q16.16 samples.
+    /// z, from an edge's crossing to the middle of the echo, Q16.16 samples.
     pub fn offset(&self) -> i64 {
         self.offset
     }
 }
 
-/// `as` saturates, and NaN is 0.
+/// Nearest integer: `as` saturates, and NaN is 0.
 fn nearest(value: f32) -> u32 {
     libm::roundf(value) as u32
 }
 
-/// An echo after the filter.
+/// Echo after the filter.
 struct Filtered<'a> {
     template: &'a Template,
     /// W f_s.
@@ -115,13 +114,13 @@ struct Filtered<'a> {
 }
 
 impl Filtered<'_> {
-    /// The pulse, `u` samples from its middle.
+    /// Pulse at `u` samples from its middle.
     fn pulse(&self, u: f32) -> f32 {
         let inside = libm::fabsf(u) < self.width;
         if inside { 0.5 + 0.5 * libm::cosf(core::f32::consts::PI * u / self.width) } else { 0.0 }
     }
 
-    /// Taps and their distances from the middle.
+    /// Distances of the taps from the middle, and the taps.
     fn taps(&self) -> impl Iterator<Item = (f32, f32)> {
         let half = self.template.half() as f32;
         let tap = |h: i16| f32::from(h) / 32768.0;
@@ -133,8 +132,8 @@ impl Filtered<'_> {
         self.taps().map(|(k, h)| h * self.pulse(t - k)).sum()
     }
 
-    /// `r(t − s) − r(t + s)` and `r(t − s) − 2 r(t) + r(t + s)`: by products of sines, because in
-    /// `f32` the top's own values differ in their last digits only.
+    /// `r(t − s) − r(t + s)` and `r(t − s) − 2 r(t) + r(t + s)`, by products of sines: near the top
+    /// the values of r differ in the last digits of `f32` only.
     fn differences(&self, t: f32, s: f32) -> (f32, f32) {
         let turn = core::f32::consts::PI / self.width;
         let (sine, half) = (libm::sinf(turn * s), libm::sinf(0.5 * turn * s));
@@ -150,7 +149,7 @@ impl Filtered<'_> {
         })
     }
 
-    /// h, linear between taps, 0 beyond them.
+    /// h at any place, linear between taps, 0 beyond them.
     fn tap(&self, k: f32) -> f32 {
         let place = k + self.template.half() as f32;
         let whole = libm::floorf(place);
@@ -161,7 +160,7 @@ impl Filtered<'_> {
         tap(whole) + (place - whole) * (tap(whole + 1.0) - tap(whole))
     }
 
-    /// Half of what `h` rises from k − 1/o to k + 1/o, interpolated as the stage does it.
+    /// Half of the rise of `h` from k − 1/o to k + 1/o, interpolated as in the stage.
     fn slope_between(&self, k: f32, log2: u32) -> f32 {
         let rise = |t: f32| 0.5 * (self.tap(k + t) - self.tap(k - t));
         match interpolation(1, log2) {
@@ -191,7 +190,7 @@ impl Filtered<'_> {
         }
     }
 
-    /// Where r falls to half its height, by bisection.
+    /// Half the width of r at half its height, by bisection.
     fn half_width(&self) -> f32 {
         let half = 0.5 * self.at(0.0);
         let (mut inside, mut outside) = (0.0, 2.0 * self.width);
