@@ -1,8 +1,7 @@
 //! Drivers of the analog front end: laser driver and converter, each behind SPI.
 //!
 //! Both speak registers: one byte of address (bit 7: write), four bytes of value, most significant
-//! first. Settings are written and read back; a register that does not hold what was written is a
-//! fault.
+//! first. Settings are written and read back; a register that reads another value is a fault.
 
 use echoloop_dsp::hardware::{Hardware, SPEED_OF_LIGHT_M_S, sample_period_fs};
 use echoloop_dsp::settings::Settings;
@@ -77,7 +76,7 @@ pub enum AfeError {
         /// Content of the ID register.
         id: u32,
     },
-    /// A register does not hold what was written.
+    /// A register reads another value than was written.
     Verify {
         /// Address of the register.
         register: u8,

@@ -18,7 +18,7 @@ pub const MAX_FINER_SAMPLES: usize = 512;
 /// Samples of the waveform that are read on either side of a run.
 const BESIDE: usize = 4;
 
-/// Dithered shots of a waveform, and what their edges are read with.
+/// Dithered shots of a waveform, and the constants for reading their edges.
 #[derive(Clone, Copy, Debug)]
 pub struct DitheredEdges<'a> {
     /// Constants for reading the shots.

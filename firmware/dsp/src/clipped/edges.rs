@@ -136,7 +136,7 @@ impl EdgeFit<'_> {
         solved
     }
 
-    /// Solves a pair of which both values show: x is the root of F(x) = v_l p(D − x) − v_r p(x),
+    /// Solves a pair in which both values show: x is the root of F(x) = v_l p(D − x) − v_r p(x),
     /// which falls.
     ///
     /// Bisected in max(0, D − ⌊L/2⌋) ..= min(D, ⌊L/2⌋) to 2⁻⁵ samples, then by a line: low +
@@ -179,7 +179,7 @@ impl EdgeFit<'_> {
         ((shift << 16) / (stiffness.max(1) as u64)).min(1 << 24) as i64
     }
 
-    /// Solves a pair of which one value shows, between two bounds: A = v / p(x).
+    /// Solves a pair in which one value shows, between two bounds: A = v / p(x).
     ///
     /// ```text
     /// x from max(D, 0) / (1 + √(h/v)) to (D + 1) / (1 + √(level/v)),  two thirds of the way
@@ -198,7 +198,7 @@ impl EdgeFit<'_> {
         }
     }
 
-    /// Solves a pair of which no value shows, as both edges fall between two samples: A = level /
+    /// Solves a pair in which no value shows, as both edges fall between two samples: A = level /
     /// p((1 + D/2)/2).
     ///
     /// ```text

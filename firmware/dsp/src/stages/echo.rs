@@ -18,7 +18,7 @@ use crate::stages::refine::Refined;
 /// amplitude    = height / g                     a lower bound when saturated
 /// deviation    = σ of the time · step
 /// reflectivity = A R² / (U P G ξ v)             of a Lambertian surface square to the beam
-/// snr          = height / σ_y                   both after the filter: what k is compared with
+/// snr          = height / σ_y                   both after the filter, to be compared with k
 /// ```
 ///
 /// v is the near gain at the echo ([`crate::rising_gain::ramp`]); amplitude is as converted, v in

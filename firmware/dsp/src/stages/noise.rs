@@ -10,7 +10,7 @@ use crate::stages::statistics::Statistics;
 ///
 /// | name | meaning | format |
 /// |---|---|---|
-/// | `v` | signal, negative counts as 0, what is above 2 − 2⁻¹⁵ as that | Q1.15 |
+/// | `v` | signal, clamped to 0 to 2 − 2⁻¹⁵ | Q1.15 |
 /// | `σ̂` | from the waveform | Q13.19 |
 /// | `κ` | full scale² per full scale | Q0.32 |
 /// | `κ v` | rounded down, once with its share where only a share counts | Q13.38 |

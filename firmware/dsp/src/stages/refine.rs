@@ -54,7 +54,7 @@ pub struct Waveform<'a> {
 /// Peaks that become echoes.
 pub type Chosen = Vec<Peak, MAX_ECHOES>;
 
-/// Refines the peaks of a waveform: everything that it reads.
+/// Refiner of a waveform's peaks, with all that it reads.
 #[derive(Clone, Copy, Debug)]
 pub struct Refiner<'a> {
     /// Constants of the stages.

@@ -25,7 +25,7 @@ use crate::stages::template::Template;
 /// | name | meaning | format |
 /// |---|---|---|
 /// | `h` | the taps of a pulse of 2K + 1 taps, narrower than the emitted one | Q1.15 |
-/// | `q` | lag, about half the pulse; at least 1, at most what [`MAX_TAPS`] leaves | samples |
+/// | `q` | lag, about half the pulse; at least 1, with at most [`MAX_TAPS`] taps | samples |
 /// | `L` | share of the second difference that is taken off | 64ths, at most 64 |
 /// | `s` | sharpener, Σ abs(s) ≤ 1 because Σ abs(h) ≤ 1 | Q1.15 |
 /// | `r` | of the `s` in Q1.15, rounded down | Q1.15 |
