@@ -1,15 +1,13 @@
-//! Chooses board and linker script from the target, and from the processor where a target has
-//! several.
+//! Chooses board and linker script by the target, and by the processor where a target has several.
 //!
-//! The linker looks for `memory.x` in the folder it is started in before all others, and cargo
-//! starts it in the workspace's root: the root's `memory.x`, the reference board's, always wins. So
-//! boards with another memory map get a whole script of their own under another name, and never
-//! include a `memory.x`.
+//! The linker looks for `memory.x` first in the folder that it is started in. Cargo starts it in
+//! the workspace's root, so the `memory.x` there, the reference board's, always wins. Boards with
+//! another memory map have a whole script under another name, which includes no `memory.x`.
 
 use std::env;
 use std::path::Path;
 
-/// Boards, and what builds for them.
+/// Boards, and the targets built for each.
 const BOARDS: [(&str, &[&str]); 4] = [
     (
         "mps2",
@@ -35,7 +33,7 @@ fn main() {
     println!("cargo:rustc-check-cfg=cfg(board, values(\"mps2\", \"an505\", \"an547\", \"virt\"))");
     let variable = |name: &str| env::var(name).unwrap_or_default();
     if variable("CARGO_CFG_TARGET_OS") != "none" {
-        return; // on a PC the image is a program that says how to build it
+        return; // on a PC the program only prints how to build the image
     }
     let arguments = variable("CARGO_ENCODED_RUSTFLAGS");
     let is_cortex_m55 = arguments.split('\x1f').any(|a| a.ends_with("target-cpu=cortex-m55"));

@@ -1,5 +1,5 @@
-//! The linker's arguments: a script of its own, because a `memory.x`, which cortex-m-rt's reads, is
-//! taken from the folder that cargo is started in: in the workspace, the emulated boards'.
+//! Linker arguments. The part has a script of its own: cortex-m-rt's reads `memory.x`, and the
+//! linker would take the one of the folder that cargo is started in, which is the emulated boards'.
 
 use std::env;
 use std::path::Path;
@@ -10,7 +10,7 @@ fn main() {
     println!("cargo:rerun-if-changed=../image/link/sections.x");
     println!("cargo:rustc-check-cfg=cfg(nrf52840)");
     let variable = |name: &str| env::var(name).unwrap_or_default();
-    // A Cortex-M0 or M33 is another part: this one's programs then say what to build for.
+    // A Cortex-M0 or M33 is another part; for it the program only prints how to build the image.
     if variable("TARGET") != "thumbv7em-none-eabihf" {
         return;
     }

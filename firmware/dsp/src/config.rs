@@ -1,18 +1,18 @@
-//! From settings to what the stages read: done once, when new settings are committed.
+//! Constants of the stages, derived from the settings once, when new settings are committed.
 
-use crate::choice::{AmbientEstimator, EchoChoice, TimingMethod};
-use crate::fine_config::FineConfig;
-use crate::hardware::{Hardware, SPEED_OF_LIGHT_M_S, sample_period_fs};
-use crate::height::FARTHEST;
-use crate::pulse::Pulse;
-use crate::ramp::Ramp;
-use crate::refusal::Refusal;
+use crate::clipped::dithered_config::DitheredConfig;
+use crate::clipped::height::FARTHEST;
+use crate::clipped::pulse::Pulse;
+use crate::rising_gain::ramp::Ramp;
 use crate::settings::Settings;
-use crate::split::Sharpener;
-use crate::template::{Template, half_length, samples_per_width};
-use crate::timing::Timing;
+use crate::settings::choice::Choices;
+use crate::settings::hardware::{Hardware, SPEED_OF_LIGHT_M_S, sample_period_fs};
+use crate::settings::refusal::Refusal;
+use crate::stages::split::Sharpener;
+use crate::stages::template::{Template, half_length, samples_per_width};
+use crate::stages::timing::Timing;
 
-/// Everything the stages read, derived from one [`Settings`].
+/// Constants of all stages, derived from [`Settings`] and [`Hardware`].
 ///
 /// | constant | value | format |
 /// |---|---|---|
@@ -30,7 +30,7 @@ use crate::timing::Timing;
 /// | ΔR, follows the pulse | W · 170.88 µm/ps | µm, rounded down |
 /// | minimum separation | ΔR over the range step | samples, rounded down, at least 1 |
 ///
-/// U is the unit echo. What is computed in `f32` is within 3 × 10⁻⁶. The reflectivity scale is ρ in
+/// U is the unit echo. Values computed in `f32` are within 3 × 10⁻⁶. The reflectivity scale is ρ in
 /// Q6.10 per Q1.15 of amplitude and mm² of range, with 64 more fraction bits.
 #[derive(Clone, Debug)]
 pub struct DetectorConfig {
@@ -39,27 +39,25 @@ pub struct DetectorConfig {
     pub(crate) shots: u32,
     /// Right shift of the sum of shots.
     pub(crate) sum_shift: u32,
-    /// Left shift that brings a code, after the shots are added up, to Q1.15.
+    /// Left shift that brings a code to Q1.15 after the shots are added up.
     pub(crate) code_shift: u32,
-    /// Left shift that brings a code of one shot to Q1.15.
+    /// Left shift that brings a code of a single shot to Q1.15.
     pub(crate) shot_code_shift: u32,
-    /// Codes at or above it are saturated.
+    /// Lowest saturated code.
     pub(crate) clip_code: u16,
     pub(crate) template: Template,
-    /// What no light reads, Q1.15.
+    /// Level without light, Q1.15.
     pub(crate) black: i32,
-    /// What dithered shots are read with; `None` where they are not.
-    pub(crate) fine: Option<FineConfig>,
+    /// Constants for reading dithered shots; `None` where shots are not dithered.
+    pub(crate) dithered: Option<DitheredConfig>,
     /// The emitted pulse.
     pub(crate) pulse: Pulse,
-    /// Samples on either side of a pulse's middle, strictly inside it.
+    /// Samples on either side of a pulse's middle that lie strictly inside the pulse.
     pub(crate) reach: usize,
-    /// Which ambient estimator.
-    pub(crate) ambient: AmbientEstimator,
-    /// Which timing method.
-    pub(crate) method: TimingMethod,
+    /// Methods that the settings choose.
+    pub(crate) choices: Choices,
     pub(crate) timing: Timing,
-    /// Finds echoes that hide in others; `None` where one is asked for.
+    /// Filter that finds echoes hidden in others; `None` where a single echo is asked for.
     pub(crate) sharpener: Option<Sharpener>,
     /// κ, Q0.32.
     pub(crate) shot_noise: u32,
@@ -70,23 +68,22 @@ pub struct DetectorConfig {
     /// k, Q8.8.
     pub(crate) snr_threshold: u32,
     pub(crate) upsampling_log2: u32,
-    /// Smallest distance of two candidates, samples.
+    /// Smallest distance between two candidates, samples.
     pub(crate) min_separation: u32,
     pub(crate) echoes: usize,
-    pub(crate) echo_choice: EchoChoice,
     /// Sample period.
     pub(crate) sample_period_fs: u32,
     /// Range of sample 0, 1/256 mm.
     pub(crate) range_origin: i64,
-    /// Range per sample, 1/256 mm, 16 more fraction bits.
+    /// Range per sample, 1/256 mm with 16 more fraction bits.
     pub(crate) range_step: i64,
     /// Range of sample 0 in samples, Q16.16.
     pub(crate) origin_samples: i64,
-    /// The near gain; `None` where it is full everywhere.
+    /// Near gain; `None` where the gain is full everywhere.
     pub(crate) ramp: Option<Ramp>,
     /// Range from which the receiver sees the whole beam, mm.
     pub(crate) overlap_mm: u32,
-    /// From sample 0 to where it begins to see the beam, Q16.16 samples.
+    /// Distance from sample 0 to where the receiver begins to see the beam, Q16.16 samples.
     pub(crate) blind: i64,
 }
 
@@ -95,7 +92,7 @@ impl DetectorConfig {
     ///
     /// # Errors
     ///
-    /// [`Refusal`] of the first field that [`Settings::check`] does not take.
+    /// [`Refusal`] of the first field that [`Settings::check`] does not accept.
     #[expect(
         clippy::arithmetic_side_effects,
         reason = "k is checked: below 2¹³; 2³² mm are below 2⁴⁰ / 256"
@@ -119,7 +116,7 @@ impl DetectorConfig {
             shot_code_shift: hardware.code_shift(),
             clip_code: clip_code(settings, sum.full_scale),
             black: black(settings),
-            fine: FineConfig::new(
+            dithered: DitheredConfig::new(
                 settings,
                 period_fs,
                 hardware.full_scale_code(),
@@ -131,15 +128,13 @@ impl DetectorConfig {
             template,
             pulse: Pulse::new(width_ps, period_fs),
             reach: half_length(samples_per_width),
-            ambient: choices.ambient,
-            method: choices.timing,
+            choices,
             shot_noise: shot_noise(settings, hardware),
             reflectivity_scale: reflectivity_scale(settings, hardware),
             snr_threshold: (settings.snr_threshold_milli as u32 * 256 + 500) / 1000,
             upsampling_log2,
             min_separation: min_separation(settings, range_step),
             echoes: settings.echoes as usize,
-            echo_choice: choices.echoes,
             sample_period_fs: period_fs,
             range_origin: i64::from(hardware.range_min_mm) * 256,
             range_step,
@@ -150,17 +145,17 @@ impl DetectorConfig {
         })
     }
 
-    /// Samples of a waveform.
+    /// Number of samples of a waveform.
     pub fn samples(&self) -> usize {
         self.samples
     }
 
-    /// Samples of a shot: those before the trigger, then the waveform's.
+    /// Number of samples of a shot: those before the trigger and the waveform's.
     pub fn codes(&self) -> usize {
         self.pre_trigger.saturating_add(self.samples)
     }
 
-    /// Shots that are added up for one waveform.
+    /// Number of shots that are added up for one waveform.
     pub fn shots(&self) -> u32 {
         self.shots
     }
@@ -170,7 +165,7 @@ impl DetectorConfig {
         self.sum_shift
     }
 
-    /// Left shift that brings a code, after the shots are added up, to Q1.15.
+    /// Left shift that brings a code to Q1.15 after the shots are added up.
     pub fn code_shift(&self) -> u32 {
         self.code_shift
     }
@@ -180,17 +175,17 @@ impl DetectorConfig {
         self.sample_period_fs
     }
 
-    /// The matched filter's taps and gains.
+    /// Taps and gains of the denoise filter.
     pub fn template(&self) -> &Template {
         &self.template
     }
 
-    /// The lowest saturated code.
+    /// Lowest saturated code.
     pub fn clip_code(&self) -> u16 {
         self.clip_code
     }
 
-    /// What no light reads, Q1.15.
+    /// Level without light, Q1.15.
     pub fn black(&self) -> i32 {
         self.black
     }
@@ -200,27 +195,27 @@ impl DetectorConfig {
         self.floor
     }
 
-    /// Smallest distance of two candidates, samples.
+    /// Smallest distance between two candidates, samples.
     pub fn min_separation(&self) -> u32 {
         self.min_separation
     }
 
-    /// Which echoes are kept.
-    pub fn echo_choice(&self) -> EchoChoice {
-        self.echo_choice
+    /// Methods that the settings choose.
+    pub fn choices(&self) -> &Choices {
+        &self.choices
     }
 
-    /// The timing stage's constants.
+    /// Constants of the timing stage.
     pub fn timing(&self) -> &Timing {
         &self.timing
     }
 
-    /// What finds echoes that hide in others; `None` where one is asked for.
+    /// Filter that finds echoes hidden in others; `None` where a single echo is asked for.
     pub fn sharpener(&self) -> Option<&Sharpener> {
         self.sharpener.as_ref()
     }
 
-    /// κ, Q0.32: see [`Noise`](crate::noise::Noise).
+    /// κ, Q0.32: see [`Noise`](crate::stages::noise::Noise).
     pub fn shot_noise(&self) -> u32 {
         self.shot_noise
     }
@@ -240,23 +235,24 @@ impl DetectorConfig {
         self.origin_samples
     }
 
-    /// A height seen at a sample over the near gain there: Q1.15, rounded down, saturating.
+    /// Height at full gain of a height seen at sample `n`: divided by the near gain there, Q1.15,
+    /// rounded down, saturating.
     pub(crate) fn at_full_gain(&self, height: u32, n: usize) -> u32 {
         self.ramp.as_ref().map_or(height, |ramp| ramp.at_full_gain(height, n))
     }
 
-    /// The near gain; `None` where it is full everywhere.
+    /// Near gain; `None` where the gain is full everywhere.
     pub fn ramp(&self) -> Option<&Ramp> {
         self.ramp.as_ref()
     }
 }
 
-/// How the codes of several shots become those of one waveform: [`crate::accumulate`].
+/// Constants for adding the shots of a waveform up: [`crate::stages::accumulate`].
 struct Sum {
     shots: u32,
     shift: u32,
     code_shift: u32,
-    /// The code of as many shots at full scale.
+    /// Code of the sum when all shots are at full scale.
     full_scale: u32,
 }
 
@@ -275,13 +271,13 @@ impl Sum {
     }
 }
 
-/// S as a code: the nearest, full scale at most.
+/// S as a code, nearest, at most full scale.
 #[expect(clippy::arithmetic_side_effects, reason = "S is checked: 10⁶ ppm of a code below 2¹⁵")]
 fn clip_code(settings: &Settings, full_scale: u32) -> u16 {
     ((settings.saturation_ppm as u64 * u64::from(full_scale) + 500_000) / 1_000_000) as u16
 }
 
-/// The black level of any number of shots.
+/// Black level in Q1.15, the same for any number of shots.
 #[expect(clippy::arithmetic_side_effects, reason = "checked: below 10⁶ ppm of 2¹⁵")]
 fn black(settings: &Settings) -> i32 {
     ((i64::from(settings.black_level_ppm) * 32_768 + 500_000) / 1_000_000) as i32
@@ -292,8 +288,8 @@ fn gain(settings: &Settings) -> f32 {
     libm::exp2f(settings.gain_cdb as f32 * (core::f32::consts::LOG2_10 / 2_000.0))
 }
 
-/// κ: gain scales a current's variance by its square and full scale in that current by itself; m
-/// shots share it.
+/// κ. Gain scales the variance by its square and full scale, as a current, by its inverse: κ is in
+/// proportion to the gain. Averaging m shots divides it by m.
 fn shot_noise(settings: &Settings, hardware: &Hardware) -> u32 {
     let kappa = hardware.shot_noise_ppm as f32 * 1e-6 * gain(settings) / settings.shots as f32;
     libm::roundf(kappa * 4_294_967_296.0) as u32 // `as` saturates
@@ -308,7 +304,8 @@ fn reflectivity_scale(settings: &Settings, hardware: &Hardware) -> u64 {
     libm::roundf(per_square_m * (1e-6 / 32.0) * TWO_TO_64) as u64 // `as` saturates
 }
 
-/// N is an amplitude; the filter scales amplitudes by its peak gain.
+/// Noise floor on the filter's output. N is an amplitude; the filter scales amplitudes by its peak
+/// gain.
 #[expect(
     clippy::arithmetic_side_effects,
     reason = "N is checked: below 10⁶ ppm of a gain below 2¹⁵"
@@ -318,29 +315,29 @@ fn scaled_floor(settings: &Settings, template: &Template) -> i32 {
         as i32
 }
 
-/// c/2 per sample: fs × m/s = 10⁻¹² mm, times 256 × 2¹⁶ / 2.
+/// Range per sample, c/2 times the period: fs × m/s = 10⁻¹² mm, times 256 × 2¹⁶ / 2.
 #[expect(clippy::arithmetic_side_effects, reason = "2³² · 2²⁹ · 2²³ is below 2¹²⁸")]
 fn range_step(period_fs: u32) -> i64 {
     let scaled = (u128::from(period_fs) * u128::from(SPEED_OF_LIGHT_M_S)) << 23;
     ((scaled + 500_000_000_000) / 1_000_000_000_000) as i64
 }
 
-/// R_min in samples: 2⁻²⁴ mm over 2⁻²⁴ mm.
+/// R_min in samples: both ranges are in 2⁻²⁴ mm.
 #[expect(clippy::arithmetic_side_effects, reason = "2³² mm · 2⁴⁰ is below 2⁷³")]
 fn origin_samples(hardware: &Hardware, range_step: i64) -> i64 {
     let origin = u128::from(hardware.range_min_mm) << 40;
     (origin / range_step.max(1) as u128).min(FARTHEST as u128) as i64
 }
 
-/// 0.9 of the overlap's range less R_min, at least 0, in samples.
+/// Samples before the receiver sees the beam: 0.9 of the overlap's range less R_min, at least 0.
 #[expect(clippy::arithmetic_side_effects, reason = "checked: below 2¹⁵ mm, times 2⁴⁰")]
 fn blind(settings: &Settings, hardware: &Hardware, range_step: i64) -> i64 {
     let begins_mm = i64::from(settings.overlap_mm) * 9 / 10;
     ((begins_mm - i64::from(hardware.range_min_mm)).max(0) << 40) / range_step.max(1)
 }
 
-/// ΔR in samples, rounded down, so that echoes ΔR apart stay two, at least 1; 1.14·cW/2 when it
-/// follows the pulse.
+/// ΔR in samples, at least 1; 1.14·cW/2 when it follows the pulse. Rounded down, so that echoes ΔR
+/// apart stay two.
 #[expect(
     clippy::arithmetic_side_effects,
     reason = "ΔR and W are checked: below 4 m; so is a step, 1.2 m at most: W spans 2.5 samples"

@@ -32,14 +32,15 @@
 //! | matched filter | [`filter`] | `x` | `y`, Q1.15 |
 //! | thresholds, peaks | [`detect`] | `y` | candidates |
 //! | overlapping echoes | [`split`] | `x`, candidates | candidates |
-//! | which are kept | [`detect`], [`height`] | candidates | at most four |
-//! | sub-sample time | [`refine`], [`edges`], [`fine`] | `y` at a candidate | time, height, width |
+//! | choice of echoes | [`detect`], [`height`] | candidates | at most four |
+//! | sub-sample time | [`refine`], [`edges`], [`dithered_edges`] | a candidate | time, width |
 //! | range, amplitude, SNR | [`echo`] | the refined peak | [`Echo`] |
 //!
-//! [`Settings`] is what a user may set, with its one table [`PARAMETERS`]; [`DetectorConfig`] is
-//! what the stages read, derived from it once; [`Pipeline`] runs them, with the loops over every
-//! sample behind [`SampleLoops`]. Every format and rounding rule is stated at its stage, and a
-//! model in `f64` in the tests follows it bit for bit. Derivations are in `docs/detector.md`.
+//! [`Settings`] holds all that a user may set; its one table is [`PARAMETERS`]. [`DetectorConfig`]
+//! holds the constants of the stages, derived from the settings once. [`Pipeline`] runs the stages;
+//! the loops over every sample are behind [`SampleLoops`]. Every format and rounding rule is stated
+//! at its stage, and a model in `f64` in the tests follows it bit for bit. Derivations are in
+//! `docs/detector.md`.
 //!
 //! | feature | brings | for |
 //! |---|---|---|
@@ -51,8 +52,7 @@
 //! same.
 #![no_std]
 #![forbid(unsafe_code)]
-// No input reaches a panic, in any build: what cannot be proven by a type is proven by a bound,
-// next to it.
+// No input reaches a panic, in any build: the proof is a type, or a bound stated beside the code.
 #![warn(
     clippy::arithmetic_side_effects,
     clippy::expect_used,
@@ -62,42 +62,27 @@
 )]
 #![cfg_attr(test, allow(clippy::arithmetic_side_effects, clippy::indexing_slicing))]
 
-pub mod accumulate;
-pub mod baseline;
-mod check;
-pub mod choice;
+mod clipped;
 pub mod config;
-pub mod detect;
-pub mod echo;
-pub mod edges;
-pub mod filter;
-pub mod fine;
-mod fine_config;
-pub mod flags;
-pub mod hardware;
-pub mod height;
-pub mod lagrange;
 pub mod limits;
 pub mod loops;
-pub mod near;
-pub mod noise;
-pub mod peak;
 pub mod pipeline;
-pub mod pulse;
 pub mod q;
-pub mod ramp;
-pub mod reason;
-pub mod refine;
-pub mod refusal;
+mod rising_gain;
 pub mod scan_pattern;
 pub mod settings;
-pub mod split;
-pub mod statistics;
-pub mod template;
-pub mod timing;
+mod stages;
 
-pub use check::{Choices, pulse_energy_pj};
-pub use choice::{AmbientEstimator, DenoiseFilter, EchoChoice, TimingMethod};
+// One level of names for users, whatever folder a file is in.
+pub use clipped::{dithered_edges, edges, height, pulse};
+pub use rising_gain::{near, ramp};
+pub use settings::{choice, hardware, reason, refusal};
+pub use stages::{
+    accumulate, baseline, detect, echo, filter, flags, lagrange, noise, peak, refine, split,
+    statistics, template, timing,
+};
+
+pub use choice::{AmbientEstimator, Choices, DenoiseFilter, EchoChoice, TimingMethod};
 pub use config::DetectorConfig;
 pub use echo::{Echo, Echoes};
 pub use flags::Flags;
@@ -112,4 +97,5 @@ pub use scan_pattern::grid::Grid;
 pub use scan_pattern::rosette::Rosette;
 pub use scan_pattern::spinning::{Spinning, SpinningModel};
 pub use scan_pattern::table::BeamTable;
+pub use settings::check::pulse_energy_pj;
 pub use settings::{Kind, PARAMETERS, Parameter, ParameterId, Settings};

@@ -1,22 +1,22 @@
-//! How much a waveform holds: what every buffer of the detector is sized by.
+//! Largest waveform, template and number of echoes: the sizes of the detector's buffers.
 
-/// Samples a waveform may hold: the widest waveform resolution of
+/// Most samples of a waveform: the highest waveform resolution in
 /// [`PARAMETERS`](crate::PARAMETERS).
 pub const MAX_SAMPLES: usize = 2400;
 
-/// Samples that are taken before the trigger, when the ambient light is measured there.
+/// Samples before the trigger, taken when the ambient light is measured there.
 pub const PRE_TRIGGER: usize = 128;
 
-/// Samples of a shot: those before the trigger and the waveform.
+/// Most samples of a shot: those before the trigger and the waveform's.
 pub const MAX_CODES: usize = PRE_TRIGGER + MAX_SAMPLES;
 
-/// Gains of a [`Ramp`](crate::ramp::Ramp) that are kept, one a sample, instead of being worked out
-/// for every waveform again: 10 kB that a PC has, and a microcontroller wants for its waveforms. A
-/// 64-bit processor is taken for one that has them.
+/// Gains that a [`Ramp`](crate::rising_gain::ramp::Ramp) stores, one a sample, instead of computing
+/// them for every waveform: 10 kB, which a PC has and a microcontroller needs for its waveforms. A
+/// 64-bit processor counts as a PC.
 pub const MAX_GAINS: usize = if cfg!(target_pointer_width = "64") { MAX_SAMPLES } else { 0 };
 
-/// Taps a template may hold: 20 ns at 3.02 GS/s need 121.
+/// Most taps of a template: 20 ns at 3.02 GS/s need 121.
 pub const MAX_TAPS: usize = 127;
 
-/// Echoes a waveform may yield.
+/// Most echoes of a waveform.
 pub const MAX_ECHOES: usize = 4;

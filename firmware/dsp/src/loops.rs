@@ -1,20 +1,20 @@
-//! The loops over every sample, and those that a near gain adds, which processors do in their own
-//! ways.
+//! Loops over every sample, and those that a near gain adds: each processor may have its own.
 
 use core::ops::Range;
 
-use crate::near::Near;
-use crate::peak::Peaks;
-use crate::statistics::{OrderStatistics, Statistics};
-use crate::{baseline, detect, filter, statistics};
+use crate::rising_gain::near::Near;
+use crate::stages::peak::Peaks;
+use crate::stages::statistics::{OrderStatistics, Statistics};
+use crate::stages::{baseline, detect, filter, statistics};
 
-/// What takes nearly all of the time. Every method is plain Rust unless a processor knows better.
+/// Loops that take nearly all of the time. Each method is plain Rust unless a processor overrides
+/// it.
 ///
 /// Every implementation must equal [`Portable`] bit for bit, whatever the input: sums are exact, so
 /// only speed can differ.
 pub trait SampleLoops: Copy {
-    /// Median and median absolute deviation: [`statistics::by_counting`] or anything that gives the
-    /// same.
+    /// Median and median absolute deviation: [`statistics::by_counting`], or anything that gives
+    /// the same result.
     #[inline(always)]
     fn order_statistics(self, codes: &[u16], top: u16, guess: &Statistics) -> OrderStatistics {
         statistics::by_counting(codes, top, guess)
@@ -39,8 +39,8 @@ pub trait SampleLoops: Copy {
         baseline::remove(codes, clip_code, shift, ambient, x);
     }
 
-    /// [`Near::remove_baseline`]. Neither this nor what else a near gain needs is inlined: most
-    /// waveforms have none.
+    /// [`Near::remove_baseline`]. The loops of a near gain are not inlined: most waveforms have
+    /// none.
     #[inline(never)]
     fn remove_near_baseline(
         self,
@@ -64,8 +64,9 @@ pub trait SampleLoops: Copy {
         filter::correlate(taps, padded, y);
     }
 
-    /// [`Self::correlate`] of any number of outputs: those beyond whole blocks come from one of
-    /// their own. `padded` holds them, the taps and one [`filter::BLOCK`] more.
+    /// [`Self::correlate`] for any number of outputs: those beyond whole blocks come from a block
+    /// of their own. `padded` holds as many samples as outputs and taps, and one [`filter::BLOCK`]
+    /// more.
     #[inline(never)]
     fn correlate_all(self, taps: &[i16], padded: &[i16], y: &mut [i16]) {
         self.correlate(taps, padded, y);
@@ -87,7 +88,7 @@ pub trait SampleLoops: Copy {
         detect::reaches(values, threshold)
     }
 
-    /// [`detect::peaks`], for processors that know more than [`Self::reaches`].
+    /// [`detect::peaks`]; a processor overrides it when it can do more than [`Self::reaches`].
     #[inline(always)]
     fn peaks(self, y: &[i16], threshold: i16, found: &mut Peaks) {
         detect::peaks(move |values| self.reaches(values, threshold), y, threshold, found);
@@ -100,8 +101,8 @@ pub struct Portable;
 
 impl SampleLoops for Portable {}
 
-/// Plain Rust for processors that take one sample at a time: one pass for both order statistics
-/// instead of several.
+/// Plain Rust for processors that take one sample at a time: a single pass for both order
+/// statistics instead of several.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Scalar;
 

@@ -1,31 +1,31 @@
-//! The stages in a row.
+//! Pipeline: the stages in order, from codes to echoes.
 
 use core::ops::Range;
 
-use crate::accumulate::Accumulator;
+use crate::clipped::dithered_edges::DitheredEdges;
 use crate::config::DetectorConfig;
-use crate::detect::Threshold;
-use crate::echo::{Echo, Echoes};
-use crate::filter::{self, PADDING};
-use crate::fine::Fine;
-use crate::hardware::Hardware;
 use crate::limits::{MAX_SAMPLES, MAX_TAPS};
 use crate::loops::SampleLoops;
-use crate::near::Near;
-use crate::noise::Noise;
-use crate::peak::{Peak, Peaks};
-use crate::refine::{Chosen, Refined, Refiner, Waveform};
-use crate::refusal::Refusal;
+use crate::rising_gain::near::Near;
 use crate::settings::Settings;
-use crate::split::{Overlapping, Sharpener, Splitter};
-use crate::statistics::Statistics;
+use crate::settings::hardware::Hardware;
+use crate::settings::refusal::Refusal;
+use crate::stages::accumulate::Accumulator;
+use crate::stages::detect::Threshold;
+use crate::stages::echo::{Echo, Echoes};
+use crate::stages::filter::{self, PADDING};
+use crate::stages::noise::Noise;
+use crate::stages::peak::{Peak, Peaks};
+use crate::stages::refine::{Chosen, Refined, Refiner, Waveform};
+use crate::stages::split::{Overlapping, Sharpener, Splitter};
+use crate::stages::statistics::Statistics;
 
-/// Working memory of one waveform and its shots: about 30 kB, reused for every waveform.
+/// Working memory for a waveform and its shots: about 30 kB, reused for every waveform.
 ///
-/// What it holds between waveforms saves time but never changes a result.
+/// The contents left from the waveform before save time but never change a result.
 #[derive(Clone, Debug)]
 pub struct Scratch {
-    /// x with zeros around it: `half` before, the rest behind.
+    /// x with zeros around it: half a template before, the rest behind.
     padded: [i16; MAX_SAMPLES + MAX_TAPS + PADDING],
     y: [i16; MAX_SAMPLES],
     peaks: Peaks,
@@ -54,13 +54,13 @@ impl Scratch {
         }
     }
 
-    /// Where several shots become one waveform. Dithered ones are read once more from there by the
-    /// [`Pipeline::process`] that follows.
+    /// Accumulator of the shots of a waveform. The [`Pipeline::process`] that follows reads
+    /// dithered shots from it once more.
     pub fn shots(&mut self) -> &mut Accumulator {
         &mut self.shots
     }
 
-    /// Ambient and noise of the last waveform.
+    /// Ambient light and noise of the last waveform.
     pub fn statistics(&self) -> &Statistics {
         &self.statistics
     }
@@ -81,15 +81,15 @@ impl Scratch {
     }
 }
 
-/// What an echo is refined under.
+/// Threshold, noise and gain that an echo is refined with.
 #[derive(Clone, Copy)]
 struct Conditions<'a> {
     threshold: &'a Threshold,
     noise: &'a Noise,
     near: Option<Near<'a>>,
-    /// The sample whose gain those around it have been given.
+    /// Sample whose gain the samples around it have been brought to.
     level: Option<usize>,
-    /// The shots are there one by one.
+    /// True when the accumulator holds all shots of the waveform.
     dithered: bool,
 }
 
@@ -109,19 +109,19 @@ impl Pipeline {
         Ok(Self { config: DetectorConfig::new(settings, hardware)? })
     }
 
-    /// What the stages read.
+    /// Constants of the stages.
     pub fn config(&self) -> &DetectorConfig {
         &self.config
     }
 
-    /// Finds the echoes of one waveform of ADC codes, which come after [`DetectorConfig::codes`] −
-    /// [`DetectorConfig::samples`] of before the trigger and are, with several shots, those of
-    /// [`Accumulator::read`](crate::accumulate::Accumulator::read). Samples beyond [`MAX_SAMPLES`]
-    /// are ignored; none give none.
+    /// Finds the echoes of one waveform. `codes` begins with the [`DetectorConfig::codes`] −
+    /// [`DetectorConfig::samples`] codes before the trigger; with several shots all codes come from
+    /// [`Accumulator::read`](crate::stages::accumulate::Accumulator::read). Samples beyond
+    /// [`MAX_SAMPLES`] are ignored; an empty waveform has no echo.
     ///
-    /// `loops` does the loops over every sample ([`Portable`](crate::loops::Portable)
-    /// everywhere). Inlined into its caller, so that a board may compile the whole for the vector
-    /// unit it has found at run time.
+    /// `loops` runs the loops over every sample; [`Portable`](crate::loops::Portable) works
+    /// everywhere. Inlined into its caller, so that a board can compile all of it for the vector
+    /// unit that it has found at run time.
     #[inline(always)]
     pub fn process(&self, loops: impl SampleLoops, codes: &[u16], scratch: &mut Scratch) -> Echoes {
         let config = &self.config;
@@ -129,7 +129,7 @@ impl Pipeline {
         let codes = codes.get(..MAX_SAMPLES).unwrap_or(codes);
         let statistics = loops
             .statistics(self.of_full_gain(codes), config.code_shift, &scratch.statistics)
-            .with_ambient(config.ambient, before, config.code_shift, config.black);
+            .with_ambient(config.choices.ambient, before, config.code_shift, config.black);
         scratch.statistics = statistics;
         self.filter(loops, codes, &statistics, scratch);
         let dithered = scratch.shots.take(config.shots);
@@ -142,14 +142,15 @@ impl Pipeline {
         self.report(loops, codes, scratch, &threshold, dithered)
     }
 
-    /// The samples that ambient and noise are measured from; all where none has full gain.
+    /// Samples that ambient and noise are measured from: those of full gain, or all where there are
+    /// none.
     #[inline(never)]
     fn of_full_gain<'a>(&self, codes: &'a [u16]) -> &'a [u16] {
         let full = self.config.ramp.as_ref().and_then(|ramp| codes.get(ramp.samples()..));
         full.filter(|full| !full.is_empty()).unwrap_or(codes)
     }
 
-    /// Baseline and matched filter: `scratch.y[..codes.len()]`.
+    /// Removes the baseline and filters, into `scratch.y[..codes.len()]`.
     #[inline(always)]
     fn filter(
         &self,
@@ -180,13 +181,13 @@ impl Pipeline {
         loops.correlate(config.template.taps_in_pairs(), &scratch.padded, y);
     }
 
-    /// The near gain of a waveform with this ambient.
+    /// Near gain of a waveform with this ambient light.
     fn near(&self, ambient: i16) -> Option<Near<'_>> {
         let config = &self.config;
         config.ramp.as_ref().map(|ramp| Near { ramp, config, ambient })
     }
 
-    /// From candidates to echoes. Rarely more than a few: not inlined.
+    /// Turns candidates into echoes. Not inlined: there are rarely more than a few.
     #[inline(never)]
     fn report(
         &self,
@@ -219,7 +220,7 @@ impl Pipeline {
         echoes
     }
 
-    /// Each in the conditions of its own, where the gain rises.
+    /// Echoes where the gain rises, each with threshold, noise and gain of its own.
     #[inline(never)]
     fn echoes_of_rising_gain(
         &self,
@@ -244,7 +245,7 @@ impl Pipeline {
         echoes
     }
 
-    /// The peaks that become echoes, and the indices of those that others hide.
+    /// Peaks that become echoes, and indices of those hidden in others.
     #[inline(always)]
     fn choose(&self, refiner: &Refiner<'_>, peaks: &Peaks) -> (Chosen, Overlapping) {
         let Some(sharpener) = &self.config.sharpener else {
@@ -255,8 +256,8 @@ impl Pipeline {
         (refiner.chosen(&peaks), overlapping)
     }
 
-    /// An echo before the ramp's end, from samples that are made level around it, and as they were
-    /// behind it.
+    /// Echo before the ramp's end. The samples around it are brought to one gain and filtered
+    /// again, then put back as they were.
     fn near_echo(
         &self,
         loops: impl SampleLoops,
@@ -279,7 +280,7 @@ impl Pipeline {
         echo
     }
 
-    /// y of the samples whose taps all lie within some of x.
+    /// Filters again where all taps lie within the range `x`.
     fn filter_again(&self, loops: impl SampleLoops, x: Range<usize>, scratch: &mut Scratch) {
         let template = &self.config.template;
         let (start, end) = scratch.filled;
@@ -295,7 +296,7 @@ impl Pipeline {
         loops.correlate_all(template.taps_in_pairs(), padded, y);
     }
 
-    /// The first sample of a peak's plateau in y, at most K samples earlier.
+    /// Peak moved to the first sample of its plateau in y, at most K samples earlier.
     fn summit(&self, scratch: &Scratch, peak: Peak) -> Peak {
         let height = |n: u16| scratch.y.get(usize::from(n)).copied().unwrap_or(0);
         let mut index = peak.index;
@@ -335,22 +336,23 @@ impl Pipeline {
         let Conditions { threshold, noise, near, level, dithered } = seen;
         let config = &self.config;
         let y = scratch.y.get(..codes.len()).unwrap_or_default();
-        let fine = config.fine.as_ref().filter(|_| dithered).map(|fine| Fine {
-            config: fine,
-            shots: &scratch.shots,
-            before: config.pre_trigger,
-            samples: codes.len(),
-            ambient: threshold.ambient,
-            noise,
-            level: near.zip(level),
-        });
+        let dithered =
+            config.dithered.as_ref().filter(|_| dithered).map(|read_with| DitheredEdges {
+                config: read_with,
+                shots: &scratch.shots,
+                before: config.pre_trigger,
+                samples: codes.len(),
+                ambient: threshold.ambient,
+                noise,
+                level: near.zip(level),
+            });
         let waveform = Waveform { codes, x: scratch.x(), y };
-        Refiner { config, waveform, threshold, noise, fine, near, level }
+        Refiner { config, waveform, threshold, noise, dithered, near, level }
     }
 
-    /// Adds the peaks that broad ones hide; returns which those are. A sharpened sample costs as
-    /// much as a filtered one, so narrow echoes are left alone; so are clipped ones, whose flat
-    /// tops have horns behind the sharpener.
+    /// Adds the peaks hidden in broad ones and returns their indices. A sharpened sample costs as
+    /// much as a filtered one, so narrow echoes are skipped; so are clipped ones, because the
+    /// sharpener gives a flat top horns.
     #[inline(never)]
     fn split(sharpener: &Sharpener, refiner: &Refiner<'_>, peaks: &mut Peaks) -> Overlapping {
         let Waveform { x, y, .. } = refiner.waveform;

@@ -1,4 +1,4 @@
-//! Rounding, in one place.
+//! Fixed-point formats, and rounding in one place.
 //!
 //! | format | holds | one LSB |
 //! |---|---|---|
@@ -12,8 +12,7 @@
 //! Every right shift and division rounds to nearest, ties towards +∞, unless its stage says
 //! otherwise.
 
-/// `round(value / 2^shift)`, ties up. `shift` is 1 to 62, the value at most half of what `i64`
-/// holds.
+/// `round(value / 2^shift)`, ties up. `shift` is 1 to 62, `value` at most half the range of `i64`.
 #[inline(always)]
 #[expect(clippy::arithmetic_side_effects, reason = "half of i64's range and 2^61 fit in it")]
 pub const fn shift_round(value: i64, shift: u32) -> i64 {

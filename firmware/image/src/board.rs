@@ -1,4 +1,4 @@
-//! The boards: where things lie, and the sensor's [`Board`] over them.
+//! Emulated boards: their memory maps, and the sensor's [`Board`] over them.
 
 use echoloop_dsp::{Echoes, Hardware, Pipeline, ScanPattern, Scratch};
 use echoloop_sensor::{Board, mailbox};
@@ -10,8 +10,8 @@ use crate::idle::Idle;
 use crate::uart::{Port, Uart};
 use crate::watchdog::Watchdog;
 
-/// Arm MPS2 with application note 385 (Cortex-M3), 386 (Cortex-M4F) or 500 (Cortex-M7): one map but
-/// for the PSRAM.
+/// Arm MPS2 with application note 385 (Cortex-M3), 386 (Cortex-M4F) or 500 (Cortex-M7). The maps
+/// differ only in the PSRAM.
 #[cfg(board = "mps2")]
 mod map {
     use crate::clock::Counter;
@@ -22,18 +22,18 @@ mod map {
     pub(super) type Link = crate::uart::Cmsdk;
     pub(super) type Log = crate::uart::Cmsdk;
 
-    // SAFETY: UART0, and nothing of Rust's.
+    // SAFETY: UART0; no Rust object is there.
     pub(super) const LINK: Block = unsafe { Block::new(0x4000_4000, 0x1000) };
-    // SAFETY: UART1, and nothing of Rust's.
+    // SAFETY: UART1; no Rust object is there.
     pub(super) const LOG: Block = unsafe { Block::new(0x4000_5000, 0x1000) };
-    // SAFETY: the watchdog, and nothing of Rust's.
+    // SAFETY: the watchdog; no Rust object is there.
     pub(super) const WATCHDOG: Option<Block> = Some(unsafe { Block::new(0x4000_8000, 0x1000) });
-    /// Its clock.
+    /// Clock of the watchdog.
     pub(super) const WATCHDOG_HZ: u32 = 25_000_000;
-    // SAFETY: timer 0, and nothing of Rust's.
+    // SAFETY: timer 0; no Rust object is there.
     const TIMER: Block = unsafe { Block::new(0x4000_0000, 0x1000) };
-    /// A byte has come on UART0.
-    // SAFETY: the board has it.
+    /// Interrupt of a byte received on UART0.
+    // SAFETY: the board has this interrupt.
     pub(super) const LINK_INTERRUPT: InterruptLine = unsafe { InterruptLine::new(0) };
     // SAFETY: the processor's identity register.
     const CPU_ID: Block = unsafe { Block::new(0xE000_ED00, 4) };
@@ -62,18 +62,18 @@ mod map {
     pub(super) type Link = crate::uart::Cmsdk;
     pub(super) type Log = crate::uart::Cmsdk;
 
-    // SAFETY: UART0, and nothing of Rust's.
+    // SAFETY: UART0; no Rust object is there.
     pub(super) const LINK: Block = unsafe { Block::new(0x5020_0000, 0x1000) };
-    // SAFETY: UART1, and nothing of Rust's.
+    // SAFETY: UART1; no Rust object is there.
     pub(super) const LOG: Block = unsafe { Block::new(0x5020_1000, 0x1000) };
-    // SAFETY: the secure watchdog, and nothing of Rust's.
+    // SAFETY: the secure watchdog; no Rust object is there.
     pub(super) const WATCHDOG: Option<Block> = Some(unsafe { Block::new(0x5008_1000, 0x1000) });
-    /// Its clock.
+    /// Clock of the watchdog.
     pub(super) const WATCHDOG_HZ: u32 = 20_000_000;
-    // SAFETY: timer 0, and nothing of Rust's.
+    // SAFETY: timer 0; no Rust object is there.
     const TIMER: Block = unsafe { Block::new(0x5000_0000, 0x1000) };
-    /// A byte has come on UART0.
-    // SAFETY: the board has it.
+    /// Interrupt of a byte received on UART0.
+    // SAFETY: the board has this interrupt.
     pub(super) const LINK_INTERRUPT: InterruptLine = unsafe { InterruptLine::new(32) };
 
     pub(super) fn counter() -> Counter {
@@ -97,20 +97,20 @@ mod map {
     pub(super) type Link = crate::uart::Cmsdk;
     pub(super) type Log = crate::uart::Cmsdk;
 
-    // SAFETY: UART0, and nothing of Rust's.
+    // SAFETY: UART0; no Rust object is there.
     pub(super) const LINK: Block = unsafe { Block::new(0x5930_3000, 0x1000) };
-    // SAFETY: UART1, and nothing of Rust's.
+    // SAFETY: UART1; no Rust object is there.
     pub(super) const LOG: Block = unsafe { Block::new(0x5930_4000, 0x1000) };
-    // SAFETY: the watchdog of the slow clock, and nothing of Rust's.
+    // SAFETY: the watchdog of the slow clock; no Rust object is there.
     pub(super) const WATCHDOG: Option<Block> = Some(unsafe { Block::new(0x5802_E000, 0x1000) });
-    /// That clock.
+    /// Slow clock.
     pub(super) const WATCHDOG_HZ: u32 = 32_768;
-    // SAFETY: the system's counter, and nothing of Rust's.
+    // SAFETY: the system's counter; no Rust object is there.
     const COUNTER: Block = unsafe { Block::new(0x5810_0000, 0x1000) };
-    // SAFETY: timer 0, which reads that counter, and nothing of Rust's.
+    // SAFETY: timer 0, which reads that counter; no Rust object is there.
     const TIMER: Block = unsafe { Block::new(0x5800_0000, 0x1000) };
-    /// A byte has come on UART0.
-    // SAFETY: the board has it.
+    /// Interrupt of a byte received on UART0.
+    // SAFETY: the board has this interrupt.
     pub(super) const LINK_INTERRUPT: InterruptLine = unsafe { InterruptLine::new(33) };
 
     pub(super) fn counter() -> Counter {
@@ -126,8 +126,8 @@ mod map {
     }
 }
 
-/// QEMU's virt machine, 32-bit RISC-V. It has one serial port, so the log goes into the void, and
-/// no watchdog.
+/// QEMU's virt machine, 32-bit RISC-V. It has one serial port, so the log is dropped, and no
+/// watchdog.
 #[cfg(board = "virt")]
 mod map {
     use crate::clock::Counter;
@@ -138,14 +138,14 @@ mod map {
     pub(super) type Link = crate::uart::Ns16550;
     pub(super) type Log = crate::uart::Void;
 
-    // SAFETY: the serial port, and nothing of Rust's.
+    // SAFETY: the serial port; no Rust object is there.
     pub(super) const LINK: Block = unsafe { Block::new(0x1000_0000, 8) };
     pub(super) const LOG: Block = LINK;
     pub(super) const WATCHDOG: Option<Block> = None;
     pub(super) const WATCHDOG_HZ: u32 = 0;
-    // SAFETY: mtime, the lower half, and nothing of Rust's.
+    // SAFETY: the lower half of mtime; no Rust object is there.
     const MTIME: Block = unsafe { Block::new(0x0200_BFF8, 4) };
-    // SAFETY: the board has it.
+    // SAFETY: the board has this interrupt.
     pub(super) const LINK_INTERRUPT: InterruptLine = unsafe { InterruptLine::new(10) };
 
     pub(super) fn counter() -> Counter {
@@ -158,25 +158,25 @@ mod map {
     }
 }
 
-/// What the maps keep free for it.
+/// Size of the PSRAM that the maps keep free for the mailbox.
 const PSRAM_BYTES: usize = 16 << 20;
 const _: () = assert!(mailbox::BYTES <= PSRAM_BYTES);
 
-/// Where the log goes.
+/// Port of the log.
 pub fn log_port() -> impl Port {
     map::Log::new(map::LOG)
 }
 
-/// The link's port, for an image that has no link.
+/// Port of the link, for an image that prints text instead.
 pub fn text_port() -> impl Port {
     map::Link::new(map::LINK)
 }
 
-/// Watchdog period in ticks: 4 s, because an emulator's clock runs on while the emulator is kept
-/// from running. After one period the board hangs in its interrupt, after two it restarts.
+/// Watchdog period in ticks: 4 s, because an emulator's clock runs on while the emulator is not
+/// scheduled. After one period the board hangs in its interrupt, after two it restarts.
 const WATCHDOG_TICKS: u32 = 4 * map::WATCHDOG_HZ;
 
-/// An emulated board: real serial ports and watchdog, and a front end in shared memory.
+/// Emulated board: the machine's serial ports and watchdog, and a front end in shared memory.
 pub struct EmulatedBoard {
     hardware: Hardware,
     pattern: ScanPattern,
@@ -190,7 +190,8 @@ pub struct EmulatedBoard {
 }
 
 impl EmulatedBoard {
-    /// The board this runs on; `None` without a front end or straps, and on later calls.
+    /// Takes the board that the program runs on; `None` without a front end or straps, and on later
+    /// calls.
     pub fn take() -> Option<Self> {
         let restarts = echoloop_restarts::count()?;
         let front_end = FrontEnd::new(map::psram())?;
@@ -203,7 +204,7 @@ impl EmulatedBoard {
         Some(Self { hardware, pattern, front_end, flash, link, watchdog, clock, restarts, idle })
     }
 
-    /// Sleeps until a byte comes on the link, or some milliseconds.
+    /// Sleeps until a byte comes on the link, or for some milliseconds.
     pub fn idle(&mut self) {
         let link = &mut self.link.0;
         self.idle.sleep(|| link.clear_interrupt());

@@ -1,8 +1,8 @@
-//! A clock of microseconds from a counter of ticks.
+//! Clock of microseconds, from a counter of ticks.
 
 use crate::mmio::Block;
 
-/// A counter that runs on: one word, up or down, over all 32 bits.
+/// Counter of ticks: one word that counts up or down through all 32 bits.
 #[derive(Clone, Copy)]
 pub struct Counter {
     block: Block,
@@ -12,7 +12,7 @@ pub struct Counter {
 }
 
 impl Counter {
-    /// A word that counts up.
+    /// Counter of a word that counts up.
     pub const fn up(block: Block, offset: usize, ticks_per_us: u32) -> Self {
         Self { block, offset, down: false, ticks_per_us }
     }
@@ -35,22 +35,22 @@ impl Counter {
     }
 }
 
-/// Microseconds, as long as somebody looks before the counter has gone round: 171 s at 25 MHz.
+/// Clock of microseconds. It must be read before the counter has gone round: 171 s at 25 MHz.
 pub struct Clock {
     counter: Counter,
     ticks: u32,
-    /// Ticks that make no microsecond yet.
+    /// Ticks that are not a whole microsecond yet.
     rest: u32,
     us: u32,
 }
 
 impl Clock {
-    /// A clock that begins at 0.
+    /// Clock that begins at 0.
     pub fn new(counter: Counter) -> Self {
         Self { ticks: counter.ticks(), counter, rest: 0, us: 0 }
     }
 
-    /// Now, wrapping.
+    /// Microseconds since the clock began, wrapping.
     pub fn now_us(&mut self) -> u32 {
         let ticks = self.counter.ticks();
         let since = ticks.wrapping_sub(self.ticks).saturating_add(self.rest);

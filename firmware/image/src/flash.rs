@@ -1,4 +1,4 @@
-//! NOR flash in the mailbox: bits go from one to zero, a block at a time back to one.
+//! NOR flash in the mailbox: writes turn bits to zero, an erase turns a block to ones.
 
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash, check_erase, check_read, check_write,
@@ -6,14 +6,14 @@ use embedded_storage::nor_flash::{
 
 use crate::mmio::Block;
 
-/// The flash. Memory keeps what a flash would: a word once written can only lose more bits.
+/// Flash in memory that behaves as flash: a write can only turn ones to zeros.
 pub struct Flash(Block);
 
 /// Bytes of a word.
 const WORD: usize = 4;
 
 impl Flash {
-    /// The flash in a block of memory.
+    /// Flash in a block of memory.
     pub fn new(block: Block) -> Self {
         Self(block)
     }

@@ -1,4 +1,4 @@
-//! The front end of an emulated board, behind the traits of a real one: SPI devices, a converter's
+//! Front end of an emulated board, behind the traits of a real one: SPI devices, a converter's
 //! buffer, flash.
 
 use echoloop_dsp::{Hardware, ScanPattern};
@@ -7,7 +7,7 @@ use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
 
 use crate::mmio::Block;
 
-/// An SPI device whose registers lie in the mailbox.
+/// SPI device whose registers are in the mailbox.
 pub struct Device(Block);
 
 impl mailbox::Registers for Device {
@@ -30,22 +30,22 @@ impl SpiDevice for Device {
     }
 }
 
-/// The mailbox of [`echoloop_sensor::mailbox`].
+/// Front end in the mailbox of [`echoloop_sensor::mailbox`].
 pub struct FrontEnd {
     page: Block,
-    /// The laser driver.
+    /// Laser driver.
     pub emitter: Device,
-    /// The amplifier and converter.
+    /// Amplifier and converter.
     pub adc: Device,
     fired: u32,
 }
 
-/// Spells, and looks a spell, before a shot counts as lost: some seconds in an emulator, whose
-/// front end is a program that may be kept from running; a converter takes microseconds.
+/// Rounds, and reads per round, until a shot counts as lost. They take some seconds in an emulator,
+/// because its front end is a program that may not be scheduled; a converter takes microseconds.
 const SHOT_TIMEOUT: (u32, u32) = (400, 1_000_000);
 
 impl FrontEnd {
-    /// The front end in a page of memory; `None` where nobody put one.
+    /// Front end in a page of memory; `None` where there is no mailbox.
     pub fn new(page: Block) -> Option<Self> {
         if page.read(0) != mailbox::MAGIC {
             return None;
@@ -55,27 +55,27 @@ impl FrontEnd {
         Some(Self { page, emitter, adc, fired: page.read(mailbox::DOORBELL) })
     }
 
-    /// What the board's maker set.
+    /// Hardware and pattern that the board's maker set.
     pub fn straps(&self) -> Option<(Hardware, ScanPattern)> {
         let straps = self.page.part(mailbox::STRAPS, 4 * mailbox::STRAP_WORDS);
         mailbox::read_straps(core::array::from_fn(|i| straps.read(i << 2)))
     }
 
-    /// The flash.
+    /// Memory of the flash.
     pub fn flash(&self) -> Block {
         self.page.part(mailbox::FLASH, mailbox::FLASH_BYTES)
     }
 
-    /// Rings for the shot whose registers are written.
+    /// Rings the doorbell for the shot whose registers are written.
     pub fn ring(&mut self) {
         self.fired = self.fired.wrapping_add(1);
         publish();
         self.page.write(mailbox::DOORBELL, self.fired);
     }
 
-    /// Waits for the shot rung for last, and copies its samples out. False: nobody answered.
+    /// Waits for the last shot and copies its samples out. False when no answer came.
     ///
-    /// The wait has an end, so `waiting` may feed the watchdog meanwhile.
+    /// The wait is bounded, so `waiting` may feed the watchdog meanwhile.
     pub fn samples(&mut self, codes: &mut [u16], waiting: impl Fn()) -> bool {
         let (spells, turns) = SHOT_TIMEOUT;
         let answered = (0..spells).any(|_| {
@@ -92,7 +92,7 @@ impl FrontEnd {
     }
 }
 
-/// What was written before is seen before what is written after.
+/// Orders memory accesses: those before are seen before those after.
 fn publish() {
     core::sync::atomic::fence(core::sync::atomic::Ordering::SeqCst);
 }

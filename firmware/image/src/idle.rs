@@ -1,26 +1,26 @@
-//! Sleep until a byte or a tick comes. Interrupts stay masked: a pending one wakes the processor,
-//! and no handler runs.
+//! Sleep until a byte or a tick comes. Interrupts stay masked: a pending one wakes the processor
+//! without running a handler.
 
 #[cfg(target_arch = "arm")]
 pub use arm::Idle;
 #[cfg(not(target_arch = "arm"))]
 pub use spin::Idle;
 
-/// An interrupt line of the processor.
+/// Interrupt line of the processor.
 #[derive(Clone, Copy)]
 pub struct InterruptLine(u16);
 
 impl InterruptLine {
-    /// The line of a number.
+    /// Line with this number.
     ///
     /// # Safety
     ///
-    /// The processor must have it.
+    /// The processor must have this line.
     pub const unsafe fn new(number: u16) -> Self {
         Self(number)
     }
 
-    /// Its number.
+    /// Number of the line.
     pub const fn number(self) -> u16 {
         self.0
     }
@@ -34,17 +34,18 @@ mod arm {
 
     use super::InterruptLine;
 
-    /// Ticks of the processor's clock between wake-ups, at which the watchdog is fed: some 10 ms.
+    /// Ticks of the processor's clock between wake-ups, after which the watchdog is fed: some 10
+    /// ms.
     const TICKS: u32 = 250_000;
 
-    // SAFETY: who made it promised that the line exists, and its number never changes.
+    // SAFETY: the caller of `new` promised that the line exists, and its number never changes.
     unsafe impl InterruptNumber for InterruptLine {
         fn number(self) -> u16 {
             self.0
         }
     }
 
-    /// Sleep that a byte on the link ends, or a tick.
+    /// Sleep that a byte on the link or a tick ends.
     pub struct Idle {
         link: InterruptLine,
     }
@@ -61,8 +62,7 @@ mod arm {
             Some(Self { link })
         }
 
-        /// Sleeps. What woke the processor is no longer pending afterwards; whoever calls looks
-        /// what has come.
+        /// Sleeps. Afterwards no interrupt is pending; the caller checks for a byte.
         pub fn sleep(&self, clear_link: impl FnOnce()) {
             cortex_m::asm::wfi();
             SCB::clear_pendst();
@@ -84,7 +84,7 @@ mod arm {
 mod spin {
     use super::InterruptLine;
 
-    /// No sleep: turns until something comes.
+    /// No sleep: the caller polls.
     pub struct Idle;
 
     impl Idle {
@@ -93,7 +93,7 @@ mod spin {
             Some(Self)
         }
 
-        /// One turn.
+        /// Returns at once.
         pub fn sleep(&self, clear_link: impl FnOnce()) {
             core::hint::spin_loop();
             clear_link();

@@ -1,9 +1,7 @@
-//! What images for microcontrollers share: start-up, drivers, and the DSP's inner loops in their
-//! instructions.
+//! Common part of the images for emulated microcontrollers: drivers, log, sleep, panic handler.
 //!
-//! Unsafe code lives here and nowhere else in the firmware: in accesses to registers and to what
-//! survives a restart, in the log, in the sleep, in the inner loops, and in the exit of the program
-//! that counts.
+//! Unsafe code is in accesses to registers, in the log, in the sleep, and in the exit of the
+//! measuring program.
 #![cfg(target_os = "none")]
 #![no_std]
 #![warn(
@@ -24,7 +22,7 @@ pub mod mmio;
 pub mod uart;
 pub mod watchdog;
 
-/// Says why and does nothing more; a watchdog that runs restarts the board.
+/// Logs the reason and stops; a running watchdog restarts the board.
 pub fn stop(why: &str) -> ! {
     defmt::error!("{=str}", why);
     loop {
@@ -32,8 +30,7 @@ pub fn stop(why: &str) -> ! {
     }
 }
 
-/// Nothing in an image reaches it: `cargo xtask firmware` looks for it there and fails when it
-/// finds it.
+/// No code in an image reaches it: `cargo xtask firmware` fails when it finds it there.
 #[panic_handler]
 fn panicked(_: &core::panic::PanicInfo<'_>) -> ! {
     stop("panic")

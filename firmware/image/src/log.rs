@@ -1,4 +1,4 @@
-//! The log: defmt's frames on a serial port of their own, never the link's.
+//! Log: defmt's frames on a serial port of their own, never the link's.
 
 use core::cell::UnsafeCell;
 use core::sync::atomic::{AtomicU32, Ordering};
@@ -17,12 +17,13 @@ unsafe impl Sync for Encoder {}
 
 static ENCODER: Encoder = Encoder(UnsafeCell::new(defmt::Encoder::new()));
 
-/// Messages so far, in place of a clock: the same conversation writes the same log.
+/// Number of messages so far, used as timestamp instead of a clock: the same conversation writes
+/// the same log.
 static MESSAGES: AtomicU32 = AtomicU32::new(0);
 
 defmt::timestamp!("{=u32}", {
     let number = MESSAGES.load(Ordering::Relaxed);
-    // One core, no handlers: nobody comes in between.
+    // There is one core and no handler, so nothing comes in between.
     MESSAGES.store(number.wrapping_add(1), Ordering::Relaxed);
     number
 });

@@ -1,4 +1,4 @@
-//! The sensor's program for a microcontroller: `cargo xtask firmware` builds it.
+//! Program of the sensor for emulated microcontrollers; `cargo xtask firmware` builds it.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(all(target_os = "none", target_arch = "arm"))]

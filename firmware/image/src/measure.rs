@@ -1,14 +1,14 @@
-//! What an image needs that measures: a counter of instructions, a line of text, an end.
+//! Parts of a measuring image: a counter of instructions, text output, an exit.
 
 use core::fmt;
 
 use crate::uart::Port;
 
-/// Instructions that `run` takes, once, while the emulator's clock counts instructions (QEMU:
-/// `-icount shift=6`).
+/// Number of instructions that a call of `run` takes, if the emulator's clock counts instructions
+/// (QEMU: `-icount shift=6`).
 ///
-/// Exact and the same every time, but for the resolution of the clock; `run` takes less than ten
-/// million.
+/// It is exact to the resolution of the clock and the same every time; `run` must take less than
+/// ten million.
 pub fn instructions(run: impl FnOnce()) -> u32 {
     let start = clock::now();
     run();
@@ -16,27 +16,27 @@ pub fn instructions(run: impl FnOnce()) -> u32 {
     clock::instructions(ticks)
 }
 
-/// Arm's SysTick, the processor's clock divided by nothing: 64 ns an instruction.
+/// Arm's SysTick at the undivided clock of the processor; an instruction takes 64 ns.
 #[cfg(target_arch = "arm")]
 mod clock {
     use crate::mmio::Block;
 
-    // SAFETY: SysTick's registers, and nothing of Rust's.
+    // SAFETY: SysTick's registers; no Rust object is there.
     const SYS_TICK: Block = unsafe { Block::new(0xE000_E010, 16) };
     const CONTROL: usize = 0;
     const RELOAD: usize = 4;
     const VALUE: usize = 8;
     const LARGEST: u32 = 0x00ff_ffff;
-    /// On, by the processor's clock, no interrupt.
+    /// Value of CONTROL: on, by the processor's clock, without interrupt.
     const ON: u32 = 0b101;
 
-    /// The processor's clock.
+    /// Clock of the processor.
     const MHZ: u64 = match () {
         () if cfg!(board = "an505") => 20,
         () if cfg!(board = "an547") => 32,
         () => 25,
     };
-    /// What the emulator lets an instruction take.
+    /// Time that the emulator gives an instruction.
     const INSTRUCTION_NS: u64 = 64;
 
     pub(super) fn now() -> u32 {
@@ -50,14 +50,14 @@ mod clock {
         start.wrapping_sub(SYS_TICK.read(VALUE)) & LARGEST
     }
 
-    /// The nearest.
+    /// Number of instructions, nearest, that take this many ticks.
     pub(super) fn instructions(ticks: u32) -> u32 {
         const THOUSAND: u64 = INSTRUCTION_NS * MHZ; // ticks of a thousand instructions
         (u64::from(ticks).saturating_mul(1_000).saturating_add(THOUSAND / 2) / THOUSAND) as u32
     }
 }
 
-/// RISC-V counts instructions itself.
+/// RISC-V's own counter of instructions.
 #[cfg(target_arch = "riscv32")]
 mod clock {
     pub(super) fn now() -> u32 {
@@ -80,7 +80,7 @@ mod clock {
 pub struct Text(());
 
 impl Text {
-    /// The port, as the emulator starts it. To be called where nothing else uses it.
+    /// Port as the emulator starts it. Nothing else may use it.
     pub fn new() -> Self {
         Self(())
     }
@@ -100,14 +100,14 @@ impl fmt::Write for Text {
     }
 }
 
-/// Ends the emulator: with success or not.
+/// Ends the emulator, with success or failure.
 #[cfg(target_arch = "arm")]
 pub fn end(success: bool) -> ! {
     const EXIT_EXTENDED: u32 = 0x20;
     const APPLICATION_EXIT: u32 = 0x2_0026;
     let reason = [APPLICATION_EXIT, u32::from(!success)];
-    // SAFETY: semihosting reads the two words and does not return. Without a host it is a fault,
-    // which ends the program too.
+    // SAFETY: semihosting reads the two words and does not return. Without a host it faults, which
+    // ends the program too.
     unsafe {
         core::arch::asm!(
             "bkpt 0xab",
@@ -121,10 +121,10 @@ pub fn end(success: bool) -> ! {
     }
 }
 
-/// Ends the emulator: with success or not.
+/// Ends the emulator, with success or failure.
 #[cfg(target_arch = "riscv32")]
 pub fn end(success: bool) -> ! {
-    // SAFETY: the virt machine's test device, and nothing of Rust's.
+    // SAFETY: the virt machine's test device; no Rust object is there.
     let device = unsafe { crate::mmio::Block::new(0x0010_0000, 4) };
     device.write(0, if success { 0x5555 } else { 0x1_3333 });
     loop {

@@ -1,8 +1,8 @@
-//! Memory that is more than memory: the one place where addresses become accesses.
+//! Memory-mapped registers and shared memory: the only place where addresses become accesses.
 
 use core::ptr;
 
-/// A block of 32-bit registers, or memory shared with someone else.
+/// Block of 32-bit registers, or of memory shared with the emulator's host.
 #[derive(Clone, Copy, Debug)]
 pub struct Block {
     base: usize,
@@ -10,32 +10,32 @@ pub struct Block {
 }
 
 impl Block {
-    /// The block at an address.
+    /// Block at an address.
     ///
     /// # Safety
     ///
-    /// All of `base..base + bytes` must be such memory, word aligned, of which no Rust object is
-    /// part, for as long as the program runs.
+    /// All of `base..base + bytes` must be such memory, word aligned and without any Rust object,
+    /// as long as the program runs.
     pub const unsafe fn new(base: usize, bytes: usize) -> Self {
         Self { base, bytes }
     }
 
-    /// Part of it; empty when it would not lie within.
+    /// Part of the block; empty when it would not lie within.
     pub const fn part(&self, offset: usize, bytes: usize) -> Self {
         let within = offset <= self.bytes && bytes <= self.bytes.wrapping_sub(offset);
         Self { base: self.base.wrapping_add(offset), bytes: if within { bytes } else { 0 } }
     }
 
-    /// Its length in bytes.
+    /// Length in bytes.
     pub const fn bytes(&self) -> usize {
         self.bytes
     }
 
-    /// A word; 0 outside and where misaligned.
+    /// Reads a word; 0 outside and where misaligned.
     #[inline(always)]
     pub fn read(&self, offset: usize) -> u32 {
         match self.address(offset, 4) {
-            // SAFETY: aligned and within the block, which `new` was promised is readable.
+            // SAFETY: aligned and within the block, which is readable by the promise to `new`.
             Some(address) => unsafe { ptr::read_volatile(address as *const u32) },
             None => 0,
         }
@@ -45,17 +45,17 @@ impl Block {
     #[inline(always)]
     pub fn write(&self, offset: usize, value: u32) {
         if let Some(address) = self.address(offset, 4) {
-            // SAFETY: aligned and within the block, which `new` was promised is writable and
-            // nobody's object.
+            // SAFETY: aligned and within the block, which is writable and holds no Rust object by
+            // the promise to `new`.
             unsafe { ptr::write_volatile(address as *mut u32, value) };
         }
     }
 
-    /// A byte; 0 outside.
+    /// Reads a byte; 0 outside.
     #[inline(always)]
     pub fn read_byte(&self, offset: usize) -> u8 {
         match self.address(offset, 1) {
-            // SAFETY: within the block, which `new` was promised is readable.
+            // SAFETY: within the block, which is readable by the promise to `new`.
             Some(address) => unsafe { ptr::read_volatile(address as *const u8) },
             None => 0,
         }
@@ -65,7 +65,8 @@ impl Block {
     #[inline(always)]
     pub fn write_byte(&self, offset: usize, value: u8) {
         if let Some(address) = self.address(offset, 1) {
-            // SAFETY: within the block, which `new` was promised is writable and nobody's object.
+            // SAFETY: within the block, which is writable and holds no Rust object by the promise
+            // to `new`.
             unsafe { ptr::write_volatile(address as *mut u8, value) };
         }
     }
@@ -80,7 +81,8 @@ impl Block {
         }
     }
 
-    /// `size` is a power of two.
+    /// Address of `size` bytes at an offset, if they lie within and are aligned. `size` is a power
+    /// of two.
     #[inline(always)]
     const fn address(&self, offset: usize, size: usize) -> Option<usize> {
         let within = size <= self.bytes && offset <= self.bytes.wrapping_sub(size);

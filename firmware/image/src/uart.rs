@@ -6,20 +6,20 @@ use embedded_io::{ErrorType, Read, ReadReady, Write};
 
 use crate::mmio::Block;
 
-/// One byte at a time, either way.
+/// Serial port that receives and sends single bytes.
 pub trait Port {
-    /// A byte, if one has come.
+    /// Returns a received byte, if there is one.
     fn receive(&mut self) -> Option<u8>;
-    /// Whether one has come.
+    /// True when a byte has been received.
     fn has_received(&mut self) -> bool;
     /// Waits for room and sends a byte.
     fn send(&mut self, byte: u8);
-    /// Takes the interrupt back that a received byte has raised.
+    /// Clears the interrupt that a received byte has raised.
     fn clear_interrupt(&mut self) {}
 }
 
-/// A port as `embedded-io` sees it. A real board would receive by interrupt or DMA: here the
-/// emulator holds bytes back.
+/// Port with the traits of `embedded-io`. A real board would receive by interrupt or DMA; the
+/// emulator holds bytes back instead.
 pub struct Uart<P>(pub P);
 
 impl<P> ErrorType for Uart<P> {
@@ -52,7 +52,7 @@ impl<P: Port> Write for Uart<P> {
     }
 }
 
-/// The serial port of Arm's Cortex-M system design kit.
+/// Serial port of Arm's Cortex-M system design kit.
 #[derive(Clone, Copy)]
 pub struct Cmsdk(Block);
 
@@ -64,7 +64,7 @@ impl Cmsdk {
     const DIVIDER: usize = 0x10;
     const RECEIVED: u32 = 0b10;
 
-    /// The port, on, at the fastest rate.
+    /// Switches the port on, at the fastest rate.
     pub fn new(block: Block) -> Self {
         block.write(Self::DIVIDER, 16);
         block.write(Self::CONTROL, 0b1011); // transmitter, receiver and its interrupt
@@ -91,14 +91,14 @@ impl Port for Cmsdk {
     }
 }
 
-/// The 16550, with byte-wide registers read as parts of words.
+/// 16550, with byte-wide registers.
 #[derive(Clone, Copy)]
 pub struct Ns16550(Block);
 
 impl Ns16550 {
     const LINE_STATUS: usize = 5;
 
-    /// The port, as the emulator starts it.
+    /// Port as the emulator starts it.
     pub fn new(block: Block) -> Self {
         Self(block)
     }
@@ -119,12 +119,12 @@ impl Port for Ns16550 {
     }
 }
 
-/// A port to which nothing is connected.
+/// Port to which nothing is connected.
 #[derive(Clone, Copy)]
 pub struct Void;
 
 impl Void {
-    /// The port that is none.
+    /// Port without a device; the block is not used.
     pub fn new(_: Block) -> Self {
         Self
     }

@@ -1,9 +1,9 @@
-//! The watchdog.
+//! Watchdog of the emulated Arm boards.
 
 use crate::mmio::Block;
 
-/// The watchdog of Arm's Cortex-M system design kit: when it has not been fed for twice its period,
-/// it restarts the board.
+/// Watchdog of Arm's Cortex-M system design kit. It restarts the board when it has not been fed for
+/// two periods.
 #[derive(Clone, Copy)]
 pub struct Watchdog(Block);
 
@@ -13,10 +13,10 @@ impl Watchdog {
     const CLEAR: usize = 0x00C;
     const LOCK: usize = 0xC00;
     const UNLOCK: u32 = 0x1ACC_E551;
-    /// Interrupt and restart.
+    /// Value of CONTROL: interrupt and restart are on.
     const ON: u32 = 0b11;
 
-    /// Starts it.
+    /// Starts the watchdog.
     pub fn start(block: Block, period_ticks: u32) -> Self {
         block.write(Self::LOCK, Self::UNLOCK);
         block.write(Self::LOAD, period_ticks);
@@ -24,7 +24,7 @@ impl Watchdog {
         Self(block)
     }
 
-    /// Starts the period anew.
+    /// Restarts the period.
     pub fn feed(&self) {
         self.0.write(Self::CLEAR, 1);
     }

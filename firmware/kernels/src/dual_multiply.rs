@@ -1,4 +1,4 @@
-//! Two samples at a time, for Armv7E-M and for Armv8-M with the DSP extension.
+//! Loops for Armv7E-M and for Armv8-M with the DSP extension: two samples at a time.
 
 use echoloop_dsp::loops::Portable;
 use echoloop_dsp::statistics::{self, BINS, OrderStatistics, Statistics, by_histogram_of};
@@ -6,7 +6,7 @@ use echoloop_dsp::{SampleLoops, filter};
 
 core::arch::global_asm!(include_str!("dual_multiply.s"), options(raw));
 
-// What each reads, writes and expects is said in dual_multiply.s.
+// dual_multiply.s states the memory that each reads and writes, and its conditions.
 unsafe extern "C" {
     fn echoloop_correlate(
         taps: *const i16,
@@ -27,9 +27,9 @@ unsafe extern "C" {
     fn echoloop_count(codes: *const u16, eights: usize, firsts: u32, counts: *mut u16) -> u32;
 }
 
-/// The loops in dual multiplications and packed halfwords. Equal to [`Portable`] bit for bit.
+/// Loops in dual multiplications and packed halfwords. Equal to [`Portable`] bit for bit.
 ///
-/// The assembly takes whole blocks; what is left, and arguments beyond what it expects, go to the
+/// The assembly takes whole blocks. The rest, and arguments that it does not allow, go to the
 /// portable form.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct DualMultiply;
@@ -59,7 +59,7 @@ impl SampleLoops for DualMultiply {
         if !eights.is_empty() {
             let (from, to) = (eights.as_ptr().cast(), x_eights.as_mut_ptr().cast());
             let (clips, ambients) = (twice(clip_code), twice(ambient as u16));
-            // SAFETY: both hold as many eights, at least one.
+            // SAFETY: both hold this many eights, at least one.
             unsafe { echoloop_remove_baseline(from, to, eights.len(), clips, ambients, shift) };
         }
         Portable.remove_baseline(codes, clip_code, shift, ambient, x);
@@ -74,8 +74,8 @@ impl SampleLoops for DualMultiply {
         let sixteens =
             (padded.len().saturating_sub(taps.len()) / filter::BLOCK).min(y.len() / filter::BLOCK);
         if sixteens > 0 {
-            // SAFETY: `y` holds 16·sixteens, `padded` as many and the taps', `taps` 2·pairs; pairs,
-            // sixteens ≥ 1.
+            // SAFETY: `y` holds 16·sixteens samples, `padded` 16·sixteens + 2·pairs, `taps`
+            // 2·pairs; pairs, sixteens ≥ 1.
             unsafe {
                 echoloop_correlate(
                     taps.as_ptr(),
@@ -90,14 +90,14 @@ impl SampleLoops for DualMultiply {
 
     #[inline(always)]
     fn reaches(self, values: &[i16], threshold: i16) -> bool {
-        // SAFETY: `values` holds as many as it says.
+        // SAFETY: the length is that of `values`.
         unsafe { echoloop_reaches(values.as_ptr(), values.len(), twice(threshold as u16)) != 0 }
     }
 }
 
-/// [`statistics::count`]: codes from `first` up into bins; returns how many lie below. `first` is
-/// at most 2^16 − 128; of one beyond, low codes are counted as high ones, and no other memory is
-/// touched.
+/// [`statistics::count`]: sorts codes from `first` up into bins and returns the number below.
+/// `first` is at most 2^16 − 128; beyond that low codes are counted as high ones, but no other
+/// memory is touched.
 #[inline(always)]
 pub fn count(codes: &[u16], first: u16, counts: &mut [u16; BINS]) -> u32 {
     const { assert!(BINS == 128) };
@@ -112,7 +112,7 @@ pub fn count(codes: &[u16], first: u16, counts: &mut [u16; BINS]) -> u32 {
     below.wrapping_add(statistics::count(codes, first, counts))
 }
 
-/// A halfword in both halves.
+/// Word with a halfword in both halves.
 #[inline(always)]
 fn twice(halfword: u16) -> u32 {
     u32::from(halfword) << 16 | u32::from(halfword)

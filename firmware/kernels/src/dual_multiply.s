@@ -1,7 +1,7 @@
 @ The inner loops for Armv7E-M and Armv8-M with the DSP extension: two samples in a register.
 @
 @ C calling convention. Pointers need only a sample's alignment: LDR and STR of a word take any address on these processors
-@ (LDM and LDRD do not). Nothing is read or written but the elements named. `.cfi` lines say how deep the stack goes.
+@ (LDM and LDRD do not). Only the elements named are read or written. `.cfi` lines state the depth of the stack.
 
     .syntax unified
     .arch   armv7e-m            @ stable Rust cannot switch the extension on; in Armv8-M main it is the same
@@ -32,7 +32,7 @@ tap     .req r11
 fours   .req r12
 pairs   .req lr
 
-@ One pair of taps. `s0`..`s3`: what the sums start from.
+@ One pair of taps. `s0`..`s3`: start values of the sums.
 .macro echoloop_step even, next, s0=sum0, s1=sum1, s2=sum2, s3=sum3
     ldr     tap, [taps], #4
     smlad   sum0, tap, \even, \s0
@@ -163,7 +163,7 @@ echoloop_remove_baseline:
 
 @ u32 echoloop_reaches(const i16 *values, usize count, u32 thresholds)
 @
-@ Whether any of values[0 .. count] reaches the threshold: not 0 if so. `thresholds` holds it twice.
+@ Returns not 0 when any of values[0 .. count] reaches the threshold. `thresholds` holds it twice.
 
     .section .text.echoloop_reaches, "ax", %progbits
     .global echoloop_reaches
@@ -199,7 +199,7 @@ echoloop_reaches:
 
 @ u32 echoloop_count(const u16 *codes, usize eights, u32 firsts, u16 *counts)
 @
-@ Adds one to counts[code − first] for each of codes[0 .. 8·eights] within first .. first + 128, and returns how many lie below.
+@ Adds one to counts[code − first] for each of codes[0 .. 8·eights] within first .. first + 128, and returns the number of codes below first.
 @ eights ≥ 1, first + 128 ≤ 2^16, `firsts` holds first twice. Touches counts[0 .. 128] only.
 
 .macro echoloop_count_one

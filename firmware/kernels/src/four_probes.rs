@@ -1,12 +1,13 @@
-//! Order statistics for processors that count below four bounds in one pass.
+//! Order statistics by searches with four probes, for processors that count below four bounds in
+//! one pass.
 
 use echoloop_dsp::statistics::{OrderStatistic, OrderStatistics, Statistics};
 
-/// What [`echoloop_dsp::statistics::by_counting`] gives, bit for bit, of n ≥ 1 codes.
+/// Order statistics of n ≥ 1 codes, equal to [`echoloop_dsp::statistics::by_counting`] bit for bit.
 ///
-/// `at_most` counts the codes at most each of four rising bounds, `within` those so far from a
-/// median: none below 0, all n at 0xffff. With a good guess one pass finds the median and one the
-/// deviation.
+/// `at_most` counts the codes up to each of four rising bounds, `within` those up to each of four
+/// distances from a median: none below 0, all n at 0xffff. With a good guess one pass finds the
+/// median and one the deviation.
 #[inline(always)]
 pub(crate) fn order_statistics(
     n: u32,
@@ -23,10 +24,10 @@ pub(crate) fn order_statistics(
     OrderStatistics { median, deviation }
 }
 
-/// The smallest value whose cumulative count reaches ⌈n/2⌉, with the counts below it and at it.
+/// Smallest value whose cumulative count reaches ⌈n/2⌉, with the counts below it and at it.
 ///
-/// Four probes at a time: around the guess, then outwards in growing strides until the value is
-/// enclosed, then at fifths.
+/// Probes four values at a time: around the guess, then outwards in growing strides until the value
+/// is enclosed, then at fifths.
 #[inline(always)]
 fn search(
     cumulative: impl Fn([i32; 4]) -> [u32; 4],

@@ -1,4 +1,4 @@
-//! The detector's loops over samples in a processor's own instructions.
+//! Loops of the detector over samples, in a processor's own instructions.
 //!
 //! ```
 //! use echoloop_dsp::{Hardware, Pipeline, Scratch, Settings};
@@ -10,7 +10,7 @@
 //!
 //! | processor | loops |
 //! |---|---|
-//! | x86-64-v3 | `x86`: the same source compiled once more, and what AVX2 does better by hand |
+//! | x86-64-v3 | `x86`: the same source compiled once more, and loops by hand for AVX2 |
 //! | … with AVX-512 and its VNNI | the filter, 128 outputs at a time |
 //! | Armv7E-M, Armv8-M with the DSP extension | `dual_multiply`: two samples an instruction |
 //! | Armv8.1-M with MVE (`-C target-cpu=cortex-m55`) | `mve`: eight samples an instruction |
@@ -41,31 +41,31 @@ pub use mve::Mve;
 #[cfg(target_arch = "x86_64")]
 pub use x86::{process, process_compiled};
 
-/// The fastest loops of a microcontroller.
+/// Fastest loops of this microcontroller.
 #[cfg(mve)]
 pub type Fastest = Mve;
 
-/// The fastest loops of a microcontroller.
+/// Fastest loops of this microcontroller.
 #[cfg(dual_multiply)]
 pub type Fastest = DualMultiply;
 
-/// The fastest loops of a microcontroller.
+/// Fastest loops of this microcontroller.
 #[cfg(not(any(dual_multiply, mve)))]
 pub type Fastest = echoloop_dsp::loops::Scalar;
 
-/// The fastest loops of a microcontroller.
+/// Fastest loops of this microcontroller.
 #[cfg(mve)]
 pub const FASTEST: Fastest = Mve;
 
-/// The fastest loops of a microcontroller.
+/// Fastest loops of this microcontroller.
 #[cfg(dual_multiply)]
 pub const FASTEST: Fastest = DualMultiply;
 
-/// The fastest loops of a microcontroller.
+/// Fastest loops of this microcontroller.
 #[cfg(not(any(dual_multiply, mve)))]
 pub const FASTEST: Fastest = echoloop_dsp::loops::Scalar;
 
-/// What [`FASTEST`] is made of, as benches/record/cost.md has it; `None` where it is plain Rust.
+/// Name of [`FASTEST`] in benches/record/cost.md; `None` where it is plain Rust.
 pub const OWN_INSTRUCTIONS: Option<&str> = if cfg!(mve) {
     Some("mve")
 } else if cfg!(dual_multiply) {
@@ -80,7 +80,7 @@ pub fn process_baseline(pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratc
     pipeline.process(Portable, codes, scratch)
 }
 
-/// [`Pipeline::process`]; this processor has no loops of its own on a PC.
+/// [`Pipeline::process`]; there are no loops by hand for this processor on a PC.
 #[cfg(not(target_arch = "x86_64"))]
 pub fn process(pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Echoes {
     process_baseline(pipeline, codes, scratch)

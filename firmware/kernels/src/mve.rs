@@ -1,4 +1,4 @@
-//! Eight samples at a time, for Armv8.1-M with the vector extension (MVE, "Helium").
+//! Loops for Armv8.1-M with the vector extension (MVE, "Helium"): eight samples at a time.
 
 use echoloop_dsp::loops::Portable;
 use echoloop_dsp::peak::Peaks;
@@ -9,7 +9,7 @@ use crate::four_probes;
 
 core::arch::global_asm!(include_str!("mve.s"), options(raw));
 
-// What each reads, writes and expects is said in mve.s.
+// mve.s states the memory that each reads and writes, and its conditions.
 unsafe extern "C" {
     fn echoloop_correlate_short(
         taps: *const i16,
@@ -29,19 +29,19 @@ unsafe extern "C" {
     fn echoloop_first_reaching(values: *const i16, count: usize, threshold: i32) -> usize;
 }
 
-/// The loops in vectors of eight samples. Equal to [`Portable`] bit for bit.
+/// Loops in vectors of eight samples. Equal to [`Portable`] bit for bit.
 ///
-/// What is not said here the compiler vectorises as it stands.
+/// The compiler vectorises the other loops as they are.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Mve;
 
-/// Samples of a vector.
+/// Number of samples of a vector.
 const LANES: usize = 8;
 
-// A block is two vectors: what `correlate` promises the assembly counts on it.
+// A block is two vectors: the promises of `correlate` to the assembly depend on it.
 const _: () = assert!(filter::BLOCK == 2 * LANES);
 
-/// Vectors that the longest template fills, and one lane.
+/// Number of vectors that the longest template and one more lane fill.
 const MAX_VECTORS: usize = MAX_TAPS / LANES + 1;
 
 impl SampleLoops for Mve {
@@ -56,25 +56,25 @@ impl SampleLoops for Mve {
     fn correlate(self, taps: &[i16], padded: &[i16], y: &mut [i16]) {
         // A last tap of zero needs no lane.
         let used = taps.strip_suffix(&[0]).unwrap_or(taps);
-        let vectors = used.len() / LANES + 1; // a lane more than taps
+        let vectors = used.len() / LANES + 1; // one lane more than there are taps
         let blocks =
             (padded.len().saturating_sub(taps.len()) / filter::BLOCK).min(y.len() / filter::BLOCK);
-        // Vectors of samples reach further than taps.
+        // Vectors of samples reach further than the taps.
         let whole = blocks.min((padded.len() / LANES).saturating_sub(vectors.max(2)) / 2);
         if whole == 0 || vectors > MAX_VECTORS {
             return Portable.correlate(taps, padded, y);
         }
         let (x, to, eights) = (padded.as_ptr(), y.as_mut_ptr(), 2 * whole);
         if vectors <= 2 {
-            // SAFETY: `y` holds 16·whole ≥ 16, `padded` as many and 16 more; 15 taps at most.
+            // SAFETY: `y` holds 16·whole ≥ 16 samples, `padded` 16 more; there are at most 15 taps.
             unsafe { echoloop_correlate_short(used.as_ptr(), used.len(), x, to, eights) };
         } else {
             let mut later = [0; LANES * MAX_VECTORS + 1];
             if let Some(places) = later.get_mut(1..=used.len()) {
                 places.copy_from_slice(used);
             }
-            // SAFETY: as above, with 8·vectors more; the taps have a zero before them, and zeros to
-            // the end of their vectors and one beyond.
+            // SAFETY: as above, with 8·vectors more in `padded`; before the taps there is a zero,
+            // and after them zeros to the end of their vectors and one beyond.
             unsafe { echoloop_correlate_long(later.as_ptr(), x, to, eights, vectors) };
         }
         if whole < blocks {
@@ -95,11 +95,11 @@ impl SampleLoops for Mve {
     }
 }
 
-/// How many codes lie within each of four distances from a centre; within a negative one, none.
+/// Number of codes within each of four distances from a centre; none within a negative one.
 #[inline(always)]
 fn count_within(codes: &[u16], centre: u16, bounds: [i32; 4]) -> [u32; 4] {
     let mut above = bounds.map(|bound| bound.clamp(0, 0xffff) as u32);
-    // SAFETY: `codes` holds as many as it says, `above` four below 2^16.
+    // SAFETY: the length is that of `codes`; `above` holds four numbers below 2^16.
     unsafe { echoloop_count_above(codes.as_ptr(), codes.len(), centre.into(), above.as_mut_ptr()) };
     let mut within = [0; 4];
     for ((within, above), bound) in within.iter_mut().zip(above).zip(bounds) {
@@ -108,10 +108,10 @@ fn count_within(codes: &[u16], centre: u16, bounds: [i32; 4]) -> [u32; 4] {
     within
 }
 
-/// The index of the first value that is not below `threshold`.
+/// Index of the first value that is not below `threshold`.
 #[inline(always)]
 fn first_reaching(values: &[i16], threshold: i16) -> Option<usize> {
-    // SAFETY: `values` holds as many as it says.
+    // SAFETY: the length is that of `values`.
     let first = unsafe { echoloop_first_reaching(values.as_ptr(), values.len(), threshold.into()) };
     (first < values.len()).then_some(first)
 }

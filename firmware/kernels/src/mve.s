@@ -2,9 +2,9 @@
 @ register.
 @
 @ C calling convention. Pointers need only a sample's alignment: VLDRH and VSTRH ask for no more.
-@ Nothing is read or written but the elements named. `.cfi` lines say how deep the stack goes.
-@ Beats of loads and of multiplications can overlap, so they take turns. QEMU counts LE and LETP as
-@ an instruction each time.
+@ Only the elements named are read or written. `.cfi` lines state the depth of the stack. Beats of
+@ loads and of multiplications can overlap, so they take turns. QEMU counts LE and LETP as an
+@ instruction each time.
 
     .syntax unified
     .cpu    cortex-m55          @ whatever processor the crate is compiled for
@@ -163,8 +163,8 @@ echoloop_correlate_long:
 
 @ void echoloop_count_above(const u16 *codes, usize count, u32 centre, u32 *bounds)
 @
-@ Replaces each of bounds[0 .. 4], all below 2^16, by how many of codes[0 .. count] lie further
-@ from the centre than it.
+@ Replaces each of bounds[0 .. 4], all below 2^16, by the number of codes[0 .. count] that lie
+@ further from the centre than that bound.
 
     .section .text.echoloop_count_above, "ax", %progbits
     .global echoloop_count_above
@@ -204,8 +204,8 @@ echoloop_count_above:
 
 @ usize echoloop_first_reaching(const i16 *values, usize count, i32 threshold)
 @
-@ The index of the first of values[0 .. count] that is not below the threshold; `count` where all
-@ are.
+@ Returns the index of the first of values[0 .. count] that is not below the threshold; `count` when
+@ all are below.
 
     .section .text.echoloop_first_reaching, "ax", %progbits
     .global echoloop_first_reaching

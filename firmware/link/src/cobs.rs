@@ -1,12 +1,13 @@
-//! Consistent overhead byte stuffing, without an index: what cannot go out of bounds needs no check
-//! that panics.
+//! Consistent overhead byte stuffing (COBS), by iterators: without an index there is no bounds
+//! check that could panic.
 //!
-//! A code byte n stands for the n − 1 bytes that follow it and a zero; but n = 255 stands for no
-//! zero, and neither does the last code.
+//! A code byte n stands for the n − 1 bytes that follow it and a zero. The codes 255 and the last
+//! one stand for no zero.
 
 use core::cell::Cell;
 
-/// Writes `source` to `target` without zeros; how many bytes. `None` when it does not fit.
+/// Writes `source` to `target` without zeros and returns the number of bytes; `None` when it does
+/// not fit.
 pub(crate) fn encode(source: &[u8], target: &mut [u8]) -> Option<usize> {
     let room = target.len();
     let mut target = target.iter_mut();
@@ -22,14 +23,14 @@ pub(crate) fn encode(source: &[u8], target: &mut [u8]) -> Option<usize> {
             *code = 1;
         } else {
             *target.next()? = byte;
-            *code = code.wrapping_add(1); // full at 255, above
+            *code = code.wrapping_add(1); // never beyond 255: a full block has just ended, above
         }
     }
     Some(room.wrapping_sub(target.len()))
 }
 
-/// Undoes [`encode`] in place; how many bytes are left. `None` of bytes that it never makes, a zero
-/// among them.
+/// Undoes [`encode`] in place and returns the number of bytes; `None` for bytes that [`encode`]
+/// never makes, such as a zero.
 pub(crate) fn decode_in_place(bytes: &mut [u8]) -> Option<usize> {
     let cells = Cell::from_mut(bytes).as_slice_of_cells();
     let mut source = cells.iter().map(Cell::get);

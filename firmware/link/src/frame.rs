@@ -1,4 +1,4 @@
-//! Frames: COBS, CRC-32C, sequence numbers, and which way they go.
+//! Frames: COBS, CRC-32C, sequence numbers, and the way they go.
 
 use core::fmt;
 
@@ -7,23 +7,23 @@ use serde::{Deserialize, Serialize};
 
 use crate::cobs;
 
-/// Bytes that are summed at a time, each by a table of 1 kB: one on a microcontroller. The sum is
+/// Bytes that are summed at a time, each with a table of 1 kB: one on a microcontroller. The sum is
 /// the same.
 const AT_A_TIME: usize = if cfg!(target_os = "none") { 1 } else { 16 };
 
 static CRC: Crc<u32, Table<AT_A_TIME>> = Crc::<u32, Table<AT_A_TIME>>::new(&CRC_32_ISCSI);
 
-/// Bytes a frame carries at most: sequence, body and checksum.
+/// Most bytes that a frame carries: sequence, body and checksum.
 pub const MAX_PAYLOAD: usize = 2816;
 
-/// Bytes a frame takes on the wire at most: COBS adds one in 254, zeros stand at both ends.
+/// Most bytes of a frame on the wire: COBS adds one in 254, and there is a zero at both ends.
 pub const MAX_FRAME: usize = MAX_PAYLOAD + MAX_PAYLOAD.div_ceil(254) + 2;
 
-/// Which way a frame goes.
+/// Way that a frame goes.
 ///
-/// It costs no byte: the checksum of what goes to the host is complemented. So an end that hears
-/// itself, on a line that echoes, knows its own frames and takes none of them for the other's;
-/// damage turns one into the other as seldom as it passes the checksum.
+/// It costs no byte: the checksum of a frame to the host is complemented. An end that hears itself,
+/// on a line that echoes, thus recognises its own frames. Damage turns one way into the other as
+/// rarely as it passes the checksum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Way {
@@ -34,7 +34,7 @@ pub enum Way {
 }
 
 impl Way {
-    /// What the checksum is exclusively or-ed with.
+    /// Mask of this way, by which the checksum is exclusive-ored.
     const fn mark(self) -> u32 {
         match self {
             Self::ToSensor => 0,
@@ -43,30 +43,30 @@ impl Way {
     }
 }
 
-/// What a frame may hold.
+/// Message that a frame may hold.
 pub trait Message: Serialize {
-    /// The way it goes.
+    /// Way that the message goes.
     const WAY: Way;
 }
 
-/// What is wrong with a frame.
+/// Error of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum FrameError {
-    /// Longer than [`MAX_PAYLOAD`].
+    /// The frame is longer than [`MAX_PAYLOAD`].
     TooLong,
-    /// Not COBS.
+    /// The bytes are not COBS.
     Cobs,
     /// The checksum does not match, or there is no room for one.
     Crc,
-    /// Not a message of this schema, or bytes are left over.
+    /// The body is no message of this schema, or bytes are left over.
     Body {
-        /// The sequence number, which the checksum vouches for.
+        /// Sequence number, which the checksum covers.
         sequence: u16,
     },
-    /// Whole, and on its way to the other end: the line gives back what was sent.
+    /// The frame is whole but goes to the other end: the line returned it.
     Echo {
-        /// Its sequence number.
+        /// Sequence number of the frame.
         sequence: u16,
     },
 }
@@ -89,12 +89,12 @@ impl fmt::Display for FrameError {
 
 impl core::error::Error for FrameError {}
 
-/// CRC-32C (Castagnoli): over everything a frame carries, before any of it is believed.
+/// CRC-32C (Castagnoli) over sequence and body, checked before either is used.
 pub fn checksum(bytes: &[u8]) -> u32 {
     CRC.checksum(bytes)
 }
 
-/// Writes one frame, delimiters included, and returns it.
+/// Writes a frame, delimiters included, and returns it.
 ///
 /// # Errors
 ///
@@ -107,8 +107,8 @@ pub fn encode<'a, T: Message>(
     encode_for(T::WAY, sequence, body, frame)
 }
 
-/// As [`encode`], marked as going another way than its message does: so a sensor answers a hello
-/// that is not its own, which sensors and hosts before protocol 10 can read.
+/// As [`encode`], but marked with a given way. A sensor marks its answer to a hello of another
+/// protocol as going to the sensor, because hosts before protocol 10 can read only that.
 ///
 /// # Errors
 ///
@@ -128,7 +128,7 @@ pub fn encode_for<'a>(
     frame.get(..inner.saturating_add(2)).ok_or(FrameError::TooLong)
 }
 
-/// Sequence, body and checksum, one after the other.
+/// Writes sequence, body and checksum one after the other.
 fn fill<'a>(
     way: Way,
     sequence: u16,
@@ -143,12 +143,12 @@ fn fill<'a>(
     payload.get(..end.checked_add(4)?)
 }
 
-/// Reads what stood between two delimiters, in place: sequence number and message.
+/// Decodes the bytes between two delimiters in place: sequence number and message.
 ///
 /// # Errors
 ///
-/// [`FrameError`]; nothing of a frame is looked at before its checksum holds, and nothing may be
-/// left over after its body.
+/// [`FrameError`]. The checksum is verified before sequence or body is read, and no byte may be
+/// left over after the body.
 pub fn decode<'a, T: Message + Deserialize<'a>>(
     frame: &'a mut [u8],
 ) -> Result<(u16, T), FrameError> {
@@ -159,7 +159,7 @@ pub fn decode<'a, T: Message + Deserialize<'a>>(
     message(body).map(|message| (sequence, message)).ok_or(FrameError::Body { sequence })
 }
 
-/// The message that a body is, and nothing more.
+/// Message that a body holds; `None` when bytes are left over.
 pub fn message<'a, T: Deserialize<'a>>(body: &'a [u8]) -> Option<T> {
     postcard::take_from_bytes(body)
         .ok()
@@ -167,12 +167,11 @@ pub fn message<'a, T: Deserialize<'a>>(body: &'a [u8]) -> Option<T> {
         .map(|(message, _)| message)
 }
 
-/// Reads what stood between two delimiters, in place: the way it goes, sequence number and body, of
-/// whatever schema.
+/// Opens the bytes between two delimiters in place: way, sequence number, and body of any schema.
 ///
 /// # Errors
 ///
-/// [`FrameError`]; nothing of a frame is looked at before its checksum holds.
+/// [`FrameError`]. The checksum is verified before sequence or body is read.
 pub fn open(frame: &mut [u8]) -> Result<(Way, u16, &[u8]), FrameError> {
     let length = cobs::decode_in_place(frame).ok_or(FrameError::Cobs)?;
     let payload = frame.get(..length).ok_or(FrameError::Cobs)?;
@@ -185,8 +184,8 @@ pub fn open(frame: &mut [u8]) -> Result<(Way, u16, &[u8]), FrameError> {
 
 /// Collects bytes into frames.
 ///
-/// A frame ends at a zero. After an overflow everything up to the next zero is thrown away, so that
-/// the tail of an over-long frame is never taken for a frame of its own.
+/// A frame ends at a zero. After an overflow all bytes up to the next zero are dropped, so that the
+/// tail of a frame that is too long is never taken for a frame of its own.
 #[derive(Clone, Debug)]
 pub struct Decoder {
     buffer: [u8; MAX_FRAME],
@@ -201,13 +200,13 @@ impl Default for Decoder {
 }
 
 impl Decoder {
-    /// Nothing collected yet.
+    /// Decoder that has collected nothing yet.
     pub const fn new() -> Self {
         Self { buffer: [0; MAX_FRAME], length: 0, skipping: false }
     }
 
-    /// Takes one byte. At the end of a frame, gives its bytes to be [`decode`]d; an empty frame
-    /// (two zeros in a row) is none.
+    /// Takes one byte. At the end of a frame it returns the bytes, for [`decode`]; two zeros in a
+    /// row are no frame.
     pub fn push(&mut self, byte: u8) -> Option<Result<&mut [u8], FrameError>> {
         if byte == 0 {
             return self.finish();

@@ -36,19 +36,19 @@
 //! # }
 //! ```
 //!
-//! A host does not do this by hand: `Client` in the crate `echoloop-app` (host/app/src/link) says
-//! hello, asks again when no answer comes, and reads whole scans, over any `Transport`.
+//! A host need not do this by hand: `Client` in the crate `echoloop-sensors` (host/sensors) says
+//! hello, repeats a command when no answer comes, and reads whole scans, over any `Transport`.
 //!
 //! | module | holds |
 //! |---|---|
 //! | [`frame`] | `00 · COBS(sequence · postcard body · CRC-32C) · 00`: made and read |
-//! | [`message`] | what the bodies may be |
+//! | [`message`] | the bodies: commands and reports |
 //! | [`packed`] | codes of a converter without gaps |
 //! | [`session`] | the sensor's side of the conversation |
 //!
 //! Slices in, slices out: no I/O, no clock, no allocation, the same code on both sides. WIRE.md,
-//! beside the sources, has the format with worked bytes. Nothing here panics, whatever arrives: no
-//! index, no unchecked sum, and lints that keep it so.
+//! beside the sources, has the format with worked bytes. No input makes this code panic: there is
+//! no index and no unchecked sum, and lints keep it so.
 #![no_std]
 #![forbid(unsafe_code)]
 #![warn(

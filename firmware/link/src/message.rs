@@ -1,7 +1,7 @@
-//! What host and sensor say to each other.
+//! Messages between host and sensor.
 //!
-//! Bodies are postcard, so positions are the format: variants and fields are only ever appended,
-//! and [`SCHEMA`] makes two builds that disagree refuse each other at hello.
+//! Bodies are postcard, which identifies fields and variants by their position: both are only ever
+//! appended. Two builds with different [`SCHEMA`]s refuse each other at hello.
 
 use echoloop_dsp::{Echoes, Hardware, PARAMETERS, Refusal, ScanPattern, Settings};
 use heapless::{String, Vec};
@@ -11,43 +11,43 @@ use serde::{Deserialize, Serialize};
 
 use crate::frame::{Message, Way, checksum};
 
-/// First bytes of every greeting.
+/// First bytes of a greeting.
 pub const MAGIC: [u8; 4] = *b"ECHO";
 
-/// Version of the conversation: what commands mean, beyond their bytes.
+/// Version of the conversation: the meaning of commands, beyond their bytes.
 pub const PROTOCOL: u16 = 10;
 
-/// Hash of the bytes' layout: FNV-1a over names and types of every message, computed when compiled.
+/// Hash of the layout of all messages: FNV-1a over their names and types, computed at compile time.
 pub const SCHEMA: u64 =
     u64::from_le_bytes(Key::for_path::<(Command<'static>, Report)>("echoloop/link").to_bytes());
 
-/// Hash of the layout of [`Settings`] alone, as [`SCHEMA`]: what is stored is only read by firmware
-/// that lays it out the same.
+/// Hash of the layout of [`Settings`] alone, computed as [`SCHEMA`]. Stored settings are read only
+/// by firmware with the same layout.
 pub const SETTINGS_SCHEMA: u64 =
     u64::from_le_bytes(Key::for_path::<Settings>("echoloop/settings").to_bytes());
 
-/// Beams a [`Report::Beams`] holds at most: with four echoes each they fill a frame.
+/// Most beams of a [`Report::Beams`]: with four echoes each they fill a frame.
 pub const BEAMS_PER_REPORT: usize = 32;
 
-/// Bytes of codes that a [`Command::Waveforms`] holds at most: with the widest numbers before them
-/// they fill a frame.
+/// Most bytes of codes of a [`Command::Waveforms`]: after the longest numbers they fill a frame.
 pub const PACKED_BYTES: usize = 2790;
 
-/// From host to sensor. Every command is idempotent: said twice, it answers twice and acts once.
+/// Command from host to sensor. Every command is idempotent: sent twice, it is answered twice and
+/// acts once.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub enum Command<'a> {
-    /// Opens a session. Everything else before it is answered with [`Nack::NotReady`].
+    /// Opens a session. Any other command before it is answered with [`Nack::NotReady`].
     Hello(Greeting),
-    /// Checks a whole set of settings and holds it ready. Nothing changes yet.
+    /// Checks a whole set of settings and stages it. Nothing changes yet.
     Stage(Settings),
     /// Makes the staged settings the active ones, at the next frame boundary.
     Commit {
-        /// What [`Report::Staged`] answered.
+        /// Hash from [`Report::Staged`].
         hash: u32,
-        /// The generation this one follows: compare and swap.
+        /// Generation that this commit follows: compare and swap.
         base_generation: u32,
-        /// Frames within which a [`Command::Confirm`] has to come, or the settings before it
-        /// return; 0: none has to.
+        /// Number of frames within which a [`Command::Confirm`] has to come, or the settings before
+        /// return; 0: no confirmation is needed.
         confirm_within: u16,
     },
     /// Asks for the active settings.
@@ -56,59 +56,59 @@ pub enum Command<'a> {
     ReadBeams {
         /// Number of the scan; a new number is a frame boundary.
         frame: u32,
-        /// First beam.
+        /// Index of the first beam.
         first: u32,
-        /// How many.
+        /// Number of beams.
         count: u16,
     },
-    /// Asks how the link has been.
+    /// Asks for the counters of the link.
     ReadCounters,
     /// Ends the trial of the active settings: they stay.
     Confirm {
-        /// Their generation.
+        /// Generation of the settings.
         generation: u32,
     },
-    /// Makes the active settings those of the next start. Apart from commit, because flash wears.
+    /// Saves the active settings for the next start. Separate from commit, because flash wears.
     Save {
-        /// Their hash.
+        /// Hash of the settings.
         hash: u32,
     },
-    /// Drops what is saved: the next start has the defaults.
+    /// Erases the saved settings: the next start has the defaults.
     Forget,
-    /// Asks what room there is for [`Command::Waveforms`].
+    /// Asks for the room for [`Command::Waveforms`].
     ReadRoom,
-    /// As [`Command::ReadBeams`], and says what noise a front end that is simulated adds.
+    /// As [`Command::ReadBeams`], with the noise that a simulated front end adds.
     ReadNoisyBeams {
         /// Number of the scan; a new number is a frame boundary.
         frame: u32,
-        /// First beam.
+        /// Index of the first beam.
         first: u32,
-        /// How many.
+        /// Number of beams.
         count: u16,
-        /// What decides the noise.
+        /// Scan and seed that decide the noise.
         noise: Noise,
     },
-    /// Codes of a converter that the host has: a part of scan `frame`, which is all its beams one
-    /// after the other, of each all its shots, of each all its samples, those before the trigger
-    /// first. Answered with [`Report::Beams`], of the beams whose last code is among them.
+    /// Part of the codes of scan `frame`, from a converter of the host. A scan is all its beams one
+    /// after the other, a beam all its shots, a shot all its samples, those before the trigger
+    /// first. Answered with [`Report::Beams`] for the beams whose last code is in this part.
     ///
-    /// A part goes on where the one before it ended, else it is a [`Nack::Awaited`]; but one that
-    /// begins with a beam is always taken, and that beam is begun anew.
+    /// A part must continue where the one before it ended, else the answer is [`Nack::Awaited`]. A
+    /// part that begins with a beam is always accepted, and restarts that beam.
     Waveforms {
         /// Number of the scan; a new number is a frame boundary.
         frame: u32,
-        /// Of the first code.
+        /// Place of the first code.
         from: Place,
-        /// The codes, [`crate::packed`] at the converter's bits.
+        /// Codes, [`crate::packed`] at the converter's bits.
         #[serde(borrow)]
         packed: &'a [u8],
     },
-    /// Says how long a scan may take, and begins to count anew; answered with [`Report::Times`].
+    /// Sets the deadline of a scan and restarts the counts; answered with [`Report::Times`].
     SetDeadline {
-        /// As long may the sensor be busy for a scan, µs; 0: as long as it likes.
+        /// Longest time that the sensor may be busy for a scan, µs; 0: no limit.
         scan_us: u32,
     },
-    /// Asks how long scans have taken.
+    /// Asks for the times that scans have taken.
     ReadTimes,
 }
 
@@ -116,118 +116,118 @@ impl Message for Command<'_> {
     const WAY: Way = Way::ToSensor;
 }
 
-/// What decides the noise of a scan, beside beam and shot.
+/// Scan number and seed that, beside beam and shot, decide the noise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Noise {
-    /// Which scan it is, where that is not the number that the sensor's viewpoint goes by: the
-    /// first or the second of a pair.
+    /// Number of the scan for the noise, such as first or second of a pair, where it differs from
+    /// the number that selects the viewpoint.
     pub scan: u32,
     /// Seed of the random numbers.
     pub seed: u64,
 }
 
-/// Where in a scan a code lies.
+/// Place of a code within a scan.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, Schema,
 )]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Place {
-    /// The beam.
+    /// Index of the beam.
     pub beam: u32,
-    /// Of the shots that are added up for the beam, the how manieth, from 0.
+    /// Index of this shot among the shots added up for the beam, from 0.
     pub shot: u16,
-    /// The sample, counted from the first before the trigger.
+    /// Index of the sample, counted from the first before the trigger.
     pub sample: u16,
 }
 
 impl Place {
-    /// Where a beam begins.
+    /// Place at which a beam begins.
     pub const fn of_beam(beam: u32) -> Self {
         Self { beam, shot: 0, sample: 0 }
     }
 
-    /// Whether a beam begins there.
+    /// True when a beam begins at this place.
     pub fn begins_beam(&self) -> bool {
         (self.shot, self.sample) == (0, 0)
     }
 }
 
-/// From sensor to host: the answer to the command of the same sequence number.
+/// Report from sensor to host: the answer to the command of the same sequence number.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 #[allow(
     clippy::large_enum_variant,
     reason = "lives for one frame, and there is no heap to box it on"
 )]
 pub enum Report {
-    /// The sensor's greeting, and what it is.
+    /// Greeting and description of the sensor.
     Hello {
-        /// Its magic, protocol and schema.
+        /// Magic, protocol and schema of the sensor.
         greeting: Greeting,
         /// Name and version of the firmware.
         build: String<32>,
-        /// What its hardware fixes.
+        /// Constants of the hardware.
         hardware: Hardware,
-        /// Where its beams point.
+        /// Scan pattern.
         pattern: ScanPattern,
     },
-    /// The command was understood and not carried out.
+    /// The command was understood but not carried out.
     Nack(Nack),
-    /// The settings were not taken; the old ones stay.
+    /// The settings were refused; the old ones stay.
     Refused(Refusal),
-    /// The settings are held ready.
+    /// The settings are staged.
     Staged {
-        /// Their hash, which commits them.
+        /// Hash of the settings, which commits them.
         hash: u32,
     },
-    /// The settings are active, or will be from the next frame on.
+    /// The settings are active, now or from the next frame on.
     Committed {
-        /// Their generation.
+        /// Generation of the settings.
         generation: u32,
-        /// Their hash.
+        /// Hash of the settings.
         hash: u32,
     },
     /// The active settings.
     Settings {
-        /// Their generation.
+        /// Generation of the settings.
         generation: u32,
-        /// Their hash.
+        /// Hash of the settings.
         hash: u32,
-        /// Themselves.
+        /// The settings.
         settings: Settings,
     },
     /// Echoes of consecutive beams.
     Beams {
         /// Number of the scan.
         frame: u32,
-        /// The first beam.
+        /// Index of the first beam.
         first: u32,
-        /// Generation of the settings that made them.
+        /// Generation of the settings that the beams were measured with.
         generation: u32,
         /// Hash of those settings.
         hash: u32,
-        /// The echoes, beam by beam.
+        /// Echoes of each beam.
         beams: Vec<Echoes, BEAMS_PER_REPORT>,
     },
-    /// How the link has been.
+    /// Counters of the link.
     Counters(Counters),
     /// The active settings stay.
     Confirmed {
-        /// Their generation.
+        /// Generation of the settings.
         generation: u32,
     },
-    /// The active settings are those of the next start.
+    /// The active settings are saved for the next start.
     Saved {
-        /// Their hash.
+        /// Hash of the settings.
         hash: u32,
-        /// How many sets have been saved since there were none, modulo 2³².
+        /// Number of sets saved since there was none, modulo 2³².
         revision: u32,
     },
     /// Nothing is saved.
     Forgotten,
-    /// The room for [`Command::Waveforms`].
+    /// Room for [`Command::Waveforms`].
     Room(Room),
-    /// How long scans have taken.
+    /// Times that scans have taken.
     Times(Times),
 }
 
@@ -235,42 +235,42 @@ impl Message for Report {
     const WAY: Way = Way::ToHost;
 }
 
-/// How long whole scans have taken the sensor since its deadline was set, or since it started.
+/// Times that whole scans have taken since the deadline was set, or since the sensor started.
 ///
-/// The time of a scan is what the sensor was busy for it: for each command that asks for beams or
-/// brings waveforms, from when it was understood to the last byte of its answer. What the host
-/// takes in between is not part of it; what it asks for twice counts twice. A scan of which beams
-/// were never asked for is none.
+/// The time of a scan is the time that the sensor was busy with it: for each command that asks for
+/// beams or brings waveforms, from decoding the command to the last byte of its answer. The host's
+/// time between commands is not part of it; a repeated command counts again. A scan counts once all
+/// its beams have been measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Times {
-    /// Whether the board has a clock; without one nothing is timed.
+    /// True when the board has a clock; without one nothing is timed.
     pub clock: bool,
-    /// As set, µs; 0: none.
+    /// Deadline as set, µs; 0: none.
     pub deadline_us: u32,
-    /// Scans that were timed.
+    /// Number of scans that were timed.
     pub scans: u32,
-    /// Those that took longer than the deadline.
+    /// Number of scans that took longer than the deadline.
     pub late: u32,
-    /// Time of the newest, µs.
+    /// Time of the newest scan, µs.
     pub last_us: u32,
-    /// Time of the slowest, µs.
+    /// Time of the slowest scan, µs.
     pub longest_us: u32,
 }
 
-/// What room a sensor has for waveforms that come over the link.
+/// Room of a sensor for waveforms that come over the link.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Room {
-    /// Codes that a shot may have.
+    /// Most codes of a shot.
     pub codes: u32,
-    /// Frames that may be under way without an answer: the one that is worked on, and those that
-    /// the link holds meanwhile.
+    /// Most frames under way without an answer: the one being worked on, and those that the link
+    /// holds meanwhile.
     pub frames: u16,
 }
 
-/// Who speaks, and which language. Its bytes never change: magic, then protocol and schema in fixed
-/// little endian.
+/// Greeting: identifies Echoloop, its protocol and its schema. Its layout never changes: magic,
+/// then protocol and schema in fixed little endian.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Greeting {
@@ -285,11 +285,11 @@ pub struct Greeting {
 }
 
 impl Greeting {
-    /// This build's.
+    /// Greeting of this build.
     pub const OURS: Self = Self { magic: MAGIC, protocol: PROTOCOL, schema: SCHEMA };
 
-    /// The greeting at the head of a hello's answer, of whatever schema the rest is. `None`: the
-    /// body is no such answer.
+    /// Reads the greeting at the head of the answer to a hello, whatever the schema of the rest.
+    /// `None` when the body is no such answer.
     pub fn from_answer(body: &[u8]) -> Option<Self> {
         const HELLO: u8 = 0;
         let rest = body.split_first().filter(|(variant, _)| **variant == HELLO)?.1;
@@ -298,55 +298,55 @@ impl Greeting {
     }
 }
 
-/// Why a command was not carried out.
+/// Reason why a command was not carried out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Nack {
-    /// No matching hello has been said.
+    /// No matching hello has come.
     NotReady,
-    /// The frame's checksum held but its body is no command of this schema.
+    /// The frame's checksum is right but its body is no command of this schema.
     Unintelligible,
-    /// Commit of a hash other than the staged one (0: nothing is staged).
+    /// The commit names another hash than the staged one.
     NotStaged {
-        /// Hash of what is staged.
+        /// Hash of the staged settings; 0: nothing is staged.
         staged: u32,
     },
-    /// Commit on top of a generation other than the newest, or confirmation of one other than the
-    /// active.
+    /// The commit follows another generation than the newest, or the confirmation names another
+    /// than the active one.
     WrongGeneration {
-        /// That one.
+        /// Newest or active generation.
         generation: u32,
     },
     /// The beams asked for do not exist or are too many for one report.
     NoSuchBeams {
-        /// Beams of a scan.
+        /// Number of beams of a scan.
         beams: u32,
     },
     /// The front end did not answer on its bus.
     FrontEnd,
-    /// Save of settings other than the active ones.
+    /// The save names other settings than the active ones.
     NotActive {
-        /// Hash of the active ones.
+        /// Hash of the active settings.
         hash: u32,
     },
-    /// Save of settings that are on trial.
+    /// The settings to be saved are on trial.
     OnTrial,
-    /// The settings could not be stored; what was saved before still is.
+    /// The settings could not be stored; those saved before are still there.
     Storage,
-    /// Hello that was numbered just behind the newest command, as one that other commands have
-    /// overtaken is. A new session begins with a number after it.
+    /// The hello is numbered just before the newest command, as if other commands had overtaken it.
+    /// A new session must begin with a number after the newest.
     Overtaken {
-        /// Of the newest command.
+        /// Number of the newest command.
         newest: u16,
     },
-    /// Codes that do not follow those before them: some were lost, or have been taken.
+    /// The codes do not continue those before them: some were lost, or came twice.
     Awaited {
-        /// Where the sensor goes on; it begins any beam anew, too.
+        /// Place at which the sensor goes on; it also accepts the beginning of any beam.
         place: Place,
     },
 }
 
-/// How the link and the sensor have been since the sensor started.
+/// Counters of link and sensor since the sensor started.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Counters {
@@ -366,13 +366,14 @@ pub struct Counters {
     pub stale: u32,
     /// Trials that ended with the settings before them.
     pub rollbacks: u32,
-    /// Starts since power came on, but for the first: by the watchdog.
+    /// Starts since power came on, except the first: by the watchdog.
     pub restarts: u32,
-    /// Whole frames that go to the host: the line gives the sensor its own back.
+    /// Whole frames that go to the host: the line returned the sensor's own.
     pub echoes: u32,
 }
 
-/// CRC-32C of the settings' postcard bytes: what a commit and every scan name them by. Never 0.
+/// Hash of settings, the CRC-32C of their postcard bytes, by which commits and scans name them.
+/// Never 0.
 pub fn settings_hash(settings: &Settings) -> u32 {
     let mut bytes = [0; 6 * PARAMETERS.len()]; // 5 bytes a field, and 1 where it is an option
     let bytes = postcard::to_slice(settings, &mut bytes).map_or(&[][..], |bytes| bytes);

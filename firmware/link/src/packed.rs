@@ -1,4 +1,4 @@
-//! Codes of a converter without gaps between them.
+//! Packed codes: those of a converter, without gaps between them.
 //!
 //! ```text
 //! byte[j]  = bits 8j to 8j + 7 of the row;  code[k] = bits k·b to k·b + b − 1, the lowest first
@@ -11,17 +11,18 @@
 //! | `code` | as the converter gives it; higher bits are cut off | `[N]` |
 //! | `byte` | the last one is filled up with zeros | `[⌈N·b/8⌉]` |
 //!
-//! What fills the last byte up is less than a code, so the bytes say how many codes there are. Any
-//! other width counts as the nearest.
+//! The padding of the last byte is shorter than a code, so the number of bytes gives the number of
+//! codes. A width outside of 8 to 14 counts as the nearest.
 
 use core::slice;
 
-/// Codes that so many bytes hold.
+/// Number of codes that this many bytes hold.
 pub fn codes_in(bytes: usize, bits: u32) -> usize {
     bytes.saturating_mul(8).checked_div(width(bits) as usize).unwrap_or(0)
 }
 
-/// Writes codes to the first bytes of `target`; how many. `None` when they do not fit.
+/// Packs codes into the first bytes of `target` and returns the number of bytes; `None` when they
+/// do not fit.
 pub fn pack(codes: &[u16], bits: u32, target: &mut [u8]) -> Option<usize> {
     let (room, bits) = (target.len(), width(bits));
     let mut target = target.iter_mut();
@@ -40,12 +41,12 @@ pub fn pack(codes: &[u16], bits: u32, target: &mut [u8]) -> Option<usize> {
     Some(room.wrapping_sub(target.len()))
 }
 
-/// The codes that bytes hold.
+/// Iterates over the codes that bytes hold.
 pub fn unpack(bytes: &[u8], bits: u32) -> Codes<'_> {
     Codes { bytes: bytes.iter(), bits: width(bits), word: 0, held: 0 }
 }
 
-/// See [`unpack`].
+/// Iterator of [`unpack`].
 #[derive(Clone, Debug)]
 pub struct Codes<'a> {
     bytes: slice::Iter<'a, u8>,
@@ -55,11 +56,11 @@ pub struct Codes<'a> {
 }
 
 impl Codes<'_> {
-    /// Fills places with the next codes, the first ones first; how many, which is fewer than places
-    /// only when the bytes are used up.
+    /// Fills `places` with the next codes in order and returns their number, which is smaller than
+    /// that of `places` only when the bytes are used up.
     pub fn fill(&mut self, places: &mut [u16]) -> usize {
         let mut filled = 0;
-        // Half a byte may be held, from a code before: one code later none is.
+        // Half a byte of the last code may be held: one code later, none is.
         if self.held > 0 {
             filled = self.fill_one_by_one(places, 1);
         }
@@ -71,7 +72,8 @@ impl Codes<'_> {
         filled.saturating_add(self.fill_one_by_one(rest, rest.len()))
     }
 
-    /// Two codes of twelve bits from three bytes, while there are both: a sixth of the time.
+    /// Unpacks two codes of twelve bits from three bytes, as long as there are both: it takes a
+    /// sixth of the time.
     fn fill_pairs(&mut self, places: &mut [u16]) -> usize {
         let (pairs, _) = places.as_chunks_mut::<2>();
         let (threes, _) = self.bytes.as_slice().as_chunks::<3>();

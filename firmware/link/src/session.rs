@@ -8,38 +8,38 @@ use crate::message::{
     BEAMS_PER_REPORT, Command, Counters, Greeting, Nack, Noise, Place, Report, settings_hash,
 };
 
-/// Settings with the name they go by.
+/// Settings with generation and hash, by which they are named.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Version {
     generation: u32,
     hash: u32,
     settings: Settings,
-    /// As committed: how many frames their trial lasts, 0 without.
+    /// Number of frames of their trial as committed; 0: no trial.
     confirm_within: u16,
 }
 
-/// A trial of the active settings.
+/// Trial of the active settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Trial {
-    /// Frames left to confirm in; never 0.
+    /// Number of frames left to confirm in; never 0.
     left: u16,
-    /// What returns otherwise.
+    /// Settings that return without a confirmation.
     good: Settings,
 }
 
-/// The scan being read. It stays open until its last beam has been sent and something else is
-/// asked, so that the last beams may be asked again.
+/// Scan being read. It stays open until its last beam has been sent and another command comes, so
+/// that the last beams can be asked for again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Frame {
     number: u32,
     complete: bool,
-    /// Beams measured from the first on, without a gap.
+    /// Number of beams measured from the first on, without a gap.
     measured: u32,
-    /// Whether any beam had an echo.
+    /// True when any beam had an echo.
     seen: bool,
 }
 
-/// What a command asks of the sensor.
+/// Action that a command asks of the sensor.
 #[derive(Clone, Debug, PartialEq)]
 #[allow(
     clippy::large_enum_variant,
@@ -52,52 +52,53 @@ pub enum Answer<'a> {
     Measure {
         /// Number of the scan.
         frame: u32,
-        /// First beam.
+        /// Index of the first beam.
         first: u32,
-        /// How many, 1 to [`BEAMS_PER_REPORT`].
+        /// Number of beams, 1 to [`BEAMS_PER_REPORT`].
         count: u16,
-        /// What decides the noise of a front end that is simulated, if the host says so.
+        /// Scan and seed that decide the noise of a simulated front end, if the host gave them.
         noise: Option<Noise>,
     },
-    /// Take these codes for those of the active settings' shots, tell [`Session::measured`] which
-    /// beams they complete, and send those beams.
+    /// Take these codes as those of shots with the active settings, tell [`Session::measured`] the
+    /// beams that they complete, and send those beams.
     Take {
         /// Number of the scan.
         frame: u32,
-        /// Of the first code. There is such a beam.
+        /// Place of the first code. The beam exists.
         from: Place,
-        /// The codes.
+        /// Codes.
         packed: &'a [u8],
     },
-    /// Say what room there is for waveforms.
+    /// Report the room for waveforms.
     TellRoom,
-    /// Hold scans to so many µs from now on, 0: to nothing, and say so.
+    /// Set the deadline of scans, and report it.
     SetDeadline {
-        /// As long may the sensor be busy for a scan.
+        /// Longest time that the sensor may be busy for a scan, µs; 0: no limit.
         scan_us: u32,
     },
-    /// Say how long scans have taken.
+    /// Report the times that scans have taken.
     TellTimes,
-    /// Store these settings, which go by this hash, unless they are what is stored.
+    /// Store these settings, unless they are stored already.
     Save {
-        /// The active settings.
+        /// Active settings.
         settings: Settings,
-        /// Their hash.
+        /// Hash of the settings.
         hash: u32,
     },
-    /// Drop what is stored.
+    /// Erase the stored settings.
     Forget,
 }
 
-/// State of the conversation. Settings are whole in it: staged, active, or waiting for the frame to
-/// end.
+/// State of the conversation. It holds whole sets of settings: staged, active, or waiting for the
+/// frame to end.
 ///
 /// Invariants, from start to start:
 ///
 /// * the active settings passed [`Settings::check`];
 /// * they change only between frames;
-/// * a generation names one set of settings for ever: those that return from a trial get a new one;
-/// * what is saved is active and not on trial.
+/// * a generation always names the same set of settings: those that return after a trial get a new
+///   one;
+/// * only active settings that are not on trial are saved.
 #[derive(Clone, Debug)]
 pub struct Session {
     hardware: Hardware,
@@ -106,20 +107,20 @@ pub struct Session {
     ready: bool,
     staged: Option<Settings>,
     active: Version,
-    /// Whether, and for how long, the active settings are on trial.
+    /// Trial of the active settings, if they are on trial.
     trial: Option<Trial>,
-    /// Committed while a frame was open; takes its place when the frame ends.
+    /// Settings committed while a frame was open; they become active when it ends.
     pending: Option<Version>,
     frame: Option<Frame>,
-    /// Scans begun, wrapping.
+    /// Number of scans begun, wrapping.
     begun: u32,
-    /// How the link has been.
+    /// Counters of the link.
     pub counters: Counters,
 }
 
 impl Session {
-    /// A sensor that starts with these settings as generation 0, or with the defaults when they do
-    /// not pass.
+    /// Session of a sensor that starts with these settings as generation 0, or with the defaults
+    /// when they do not pass the check.
     pub fn new(
         hardware: Hardware,
         pattern: ScanPattern,
@@ -148,7 +149,7 @@ impl Session {
         }
     }
 
-    /// The active settings.
+    /// Active settings.
     pub fn settings(&self) -> &Settings {
         &self.active.settings
     }
@@ -158,23 +159,23 @@ impl Session {
         (self.active.generation, self.active.hash)
     }
 
-    /// Whether the active settings are on trial.
+    /// True when the active settings are on trial.
     pub fn on_trial(&self) -> bool {
         self.trial.is_some()
     }
 
-    /// Whether a matching hello has been said.
+    /// True when a matching hello has come.
     pub fn is_open(&self) -> bool {
         self.ready
     }
 
-    /// The how manieth scan is open, from 1, wrapping, and whether all its beams have been
-    /// measured. A scan that another session asks for under the same number is another scan.
+    /// Count of the open scan since the start, from 1, wrapping, and true when all its beams have
+    /// been measured. A scan that another session asks for under the same number counts anew.
     pub fn open_scan(&self) -> Option<(u32, bool)> {
         self.frame.map(|frame| (self.begun, frame.measured == self.pattern.beams()))
     }
 
-    /// Takes one command.
+    /// Handles a command.
     pub fn handle<'a>(&mut self, command: Command<'a>) -> Answer<'a> {
         if let Command::Hello(greeting) = command {
             return Answer::Report(self.hello(greeting));
@@ -207,7 +208,7 @@ impl Session {
         }
     }
 
-    /// Hears what was measured for an [`Answer::Measure`] or an [`Answer::Take`]: a trial needs
+    /// Records the beams measured for an [`Answer::Measure`] or an [`Answer::Take`]: a trial needs
     /// echoes.
     pub fn measured(&mut self, first: u32, beams: &[Echoes]) {
         let Some(frame) = &mut self.frame else { return };
@@ -221,9 +222,9 @@ impl Session {
         }
     }
 
-    /// Our greeting in any case; the session opens only when theirs is the same. Whatever scan was
-    /// open is over, so that what was committed during it is what the new session reads; whatever
-    /// was on trial has nobody left to confirm it.
+    /// Answers with our greeting in any case; the session opens only when theirs is the same. An
+    /// open scan ends, so that the new session reads the settings committed during it. A trial ends
+    /// too: its host is gone and cannot confirm it.
     fn hello(&mut self, theirs: Greeting) -> Report {
         self.ready = theirs == Greeting::OURS;
         self.staged = None;
@@ -253,8 +254,8 @@ impl Session {
         }
     }
 
-    /// Compare and swap. A commit that has already happened is answered again, so that a host may
-    /// repeat it.
+    /// Commits by compare and swap. A commit that has already happened is answered again, so that a
+    /// host can repeat it.
     fn commit(&mut self, hash: u32, base_generation: u32, confirm_within: u16) -> Report {
         let newest = self.pending.unwrap_or(self.active);
         let generation = base_generation.wrapping_add(1);
@@ -280,8 +281,8 @@ impl Session {
         Report::Committed { generation, hash }
     }
 
-    /// The host's word that the active settings work. Said again it is answered again, and of
-    /// settings that are not on trial it is true already.
+    /// Ends the trial of the active settings, which stay. A repeated confirmation is answered
+    /// again; settings that are not on trial count as confirmed.
     fn confirm(&mut self, generation: u32) -> Report {
         if generation != self.active.generation {
             return Report::Nack(Nack::WrongGeneration { generation: self.active.generation });
@@ -330,7 +331,7 @@ impl Session {
         Answer::Take { frame: number, from, packed }
     }
 
-    /// The open frame goes on, or one begins.
+    /// Continues the open frame, or begins one.
     fn open_frame(&mut self, number: u32) -> &mut Frame {
         if self.frame.is_none() {
             self.begun = self.begun.wrapping_add(1);
@@ -339,8 +340,9 @@ impl Session {
         self.frame.get_or_insert(begun)
     }
 
-    /// A frame boundary: what was committed during the frame takes its place, and a trial is
-    /// judged. A confirmation is heard before the frame it follows is.
+    /// Ends the open frame if the command is beyond it: settings committed during the frame become
+    /// active, and a trial is judged. A confirmation is handled before the frame that it follows
+    /// ends.
     fn end_frame_before(&mut self, command: &Command<'_>) {
         let Some(open) = self.frame else { return };
         let ends = match command {
@@ -363,7 +365,8 @@ impl Session {
         }
     }
 
-    /// Settings on trial that another commit replaces are never the good ones.
+    /// Makes settings active. If they replace settings on trial, a rollback returns to those before
+    /// both.
     fn activate(&mut self, version: Version) {
         let good = self.trial.map_or(self.active.settings, |trial| trial.good);
         self.active = version;
@@ -371,7 +374,7 @@ impl Session {
             (version.confirm_within > 0).then_some(Trial { left: version.confirm_within, good });
     }
 
-    /// A trial is over when its frames are, or when one whole frame has no echo.
+    /// Ends a trial after its last frame, or after a whole frame without an echo.
     fn judge(&mut self, frame: Frame) {
         let Some(trial) = &mut self.trial else { return };
         trial.left = trial.left.saturating_sub(1);
@@ -381,7 +384,7 @@ impl Session {
         }
     }
 
-    /// Back to the last good settings, under a name of their own.
+    /// Returns to the last good settings, under a new generation.
     fn roll_back(&mut self) {
         let Some(Trial { good: settings, .. }) = self.trial.take() else { return };
         let generation = self.active.generation.wrapping_add(1);

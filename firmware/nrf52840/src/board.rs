@@ -1,6 +1,6 @@
-//! The board: what the part has.
+//! Board of the nRF52840, and its start.
 //!
-//! | what | where |
+//! | function | part of the nRF52840 |
 //! |---|---|
 //! | link | UART0: P0.06 sends, P0.08 receives, 1,000,000 baud |
 //! | log | RTT |
@@ -8,8 +8,7 @@
 //! | clock of the scans' times | timer 0 |
 //! | front end | none: the host sends the waveforms (`--front-end host`) |
 //!
-//! The link's pins are those that the development kit (PCA10056) leads to its debugger's serial
-//! port.
+//! The development kit (PCA10056) connects the link's pins to its debugger's serial port.
 
 use echoloop_part::board::Bare;
 use nrf52840_hal::clocks::Clocks;
@@ -23,19 +22,19 @@ use crate::log::LOG;
 use crate::times::{self, Microseconds};
 use crate::watchdog::Watchdog;
 
-/// An nRF52840 with a serial line.
+/// nRF52840 with a serial line.
 pub type Nrf52840 = Bare<Sender, Flash<Controller>, Watchdog, Microseconds>;
 
-/// The board this runs on, its clocks, port and watchdog started; `None` on later calls, and where
-/// a watchdog runs that a program before this one has set up otherwise.
+/// Takes the board that the program runs on and starts its clocks, port and watchdog; `None` on
+/// later calls, and when an earlier program has left a watchdog running that is set up differently.
 pub fn take() -> Option<Nrf52840> {
     let restarts = echoloop_restarts::count()?;
     let part = Peripherals::take()?;
     leave_debugger_in(&part.UICR);
-    // The radio's crystal, which every module has: by the part's own oscillator, within some
-    // per cent, a serial line would not work.
+    // The radio's crystal, which every module has. The part's own oscillator is off by some per
+    // cent, with which a serial line would not work.
     let _running = Clocks::new(part.CLOCK).enable_ext_hfosc();
-    // Instructions from flash without waits where they were run before.
+    // The cache gives instructions that ran before without waits for the flash.
     part.NVMC.icachecnf.write(|w| w.cacheen().enabled());
     LOG.start(None);
     let pins = p0::Parts::new(part.P0);
@@ -47,14 +46,15 @@ pub fn take() -> Option<Nrf52840> {
     Some(Bare::new(link, store, watchdog, clock, restarts))
 }
 
-/// Later revisions of the part shut a debugger out after each reset until the program lets it in.
-/// This one does where the tool that flashed it has opened the access port for good (errata 249).
+/// Lets the debugger in. Later revisions of the part lock it out after each reset until the program
+/// lets it in; this program does if the tool that flashed it has opened the access port permanently
+/// (errata 249).
 fn leave_debugger_in(configuration: &UICR) {
     const OPEN: u32 = 0x5A;
-    /// APPROTECT.DISABLE, which the crate of the registers does not know.
+    /// APPROTECT.DISABLE, which the register crate does not have.
     const DISABLE: *mut u32 = 0x4000_0558 as *mut u32;
     if configuration.approtect.read().bits() & 0xFF == OPEN {
-        // SAFETY: a register of nobody else's; earlier revisions have nothing there.
+        // SAFETY: nothing else uses this register; earlier revisions have none there.
         unsafe { DISABLE.write_volatile(OPEN) };
     }
 }

@@ -1,4 +1,4 @@
-//! The part's own flash controller and array.
+//! Flash controller and array of the part, for the flash driver.
 
 use core::ptr;
 
@@ -6,7 +6,7 @@ use nrf52840_hal::pac::NVMC;
 
 use crate::flash::{Access, Interface, OFFSET, PAGE, PAGES};
 
-/// The controller: whoever has it has the settings' pages, too.
+/// Flash controller. Its owner also owns the settings' pages.
 pub struct Controller(pub(crate) NVMC);
 
 impl Interface for Controller {
@@ -20,13 +20,13 @@ impl Interface for Controller {
             Access::Write => w.wen().wen(),
             Access::Erase => w.wen().een(),
         });
-        // Before what it allows begins.
+        // The setting must take effect before the access that it allows.
         cortex_m::asm::dsb();
     }
 
     fn erase_page(&mut self, offset: u32) {
         if place(offset).is_some() {
-            // SAFETY: a page of the settings', where the linker puts no object.
+            // SAFETY: a page of the settings; the linker puts no object there.
             self.0.erasepage().write(|w| unsafe { w.bits(offset) });
         }
     }
@@ -38,13 +38,13 @@ impl Interface for Controller {
 
     fn set_word(&mut self, offset: u32, word: u32) {
         if let Some(place) = place(offset) {
-            // SAFETY: aligned and in the settings' pages, where the linker puts no object.
+            // SAFETY: aligned and in the settings' pages; the linker puts no object there.
             unsafe { ptr::write_volatile(place, word) };
         }
     }
 }
 
-/// A word of the settings' pages. The array begins at address 0.
+/// Address of a word of the settings' pages. The array begins at address 0.
 fn place(offset: u32) -> Option<*mut u32> {
     let pages = OFFSET..OFFSET + PAGES * PAGE;
     let within = pages.contains(&offset) && offset.is_multiple_of(4);

@@ -1,72 +1,74 @@
-//! Two pages of the flash as the settings' store (nRF52840 Product Specification, 4.3).
+//! Flash driver: two pages as the settings' store (nRF52840 Product Specification, 4.3).
 //!
-//! 4 KB each: a slot of [`echoloop_sensor::store`] each, and nobody else's (`link/nrf52840.x`). An
-//! erase takes 85 ms at most. A page stands 10,000 erases, so 20,000 saves of settings that differ;
-//! saving what is saved already erases nothing. Between two erases each word is written once.
+//! The pages, of 4 KB, hold a slot of [`echoloop_sensor::store`] each and nothing else
+//! (`link/nrf52840.x`). An erase takes at most 85 ms. A page withstands 10,000 erases, so 20,000
+//! saves of settings that differ; saving the same settings again erases nothing. Between two erases
+//! each word is written once.
 //!
 //! While the flash is erased or written the processor waits for its next instruction, interrupts
-//! included: what comes on the link then is lost. The host waits for the answer to its save, or
+//! included, so bytes that come on the link are lost. The host waits for the answer to its save, or
 //! asks again.
 //!
-//! This is not the HAL's driver: that one indexes its array, which can panic, and writes it as
-//! memory, where the compiler may leave writes out.
+//! The HAL's driver is not used: it indexes its array, which can panic, and writes it as memory, so
+//! that the compiler may drop writes.
 
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash, check_erase, check_read, check_write,
 };
 
-/// Bytes of a page.
+/// Size of a page in bytes.
 pub const PAGE: u32 = 4 << 10;
-/// How many pages there are.
+/// Number of pages.
 pub const PAGES: u32 = 2;
-/// Where the first one begins, from the flash's beginning.
+/// Offset of the first page from the beginning of the flash.
 pub const OFFSET: u32 = 0xF_2000;
-/// Erases that a page stands.
+/// Number of erases that a page withstands.
 pub const ENDURANCE: u32 = 10_000;
 
-/// Bytes of a word.
+/// Size of a word in bytes.
 const WORD: usize = 4;
 
-/// What the controller lets be done to the flash (register CONFIG).
+/// Access to the flash that the controller allows (register CONFIG).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
-    /// Reading alone.
+    /// Reading only.
     Read,
-    /// Words may be written: bits go from one to zero.
+    /// Writing of words: bits go from one to zero.
     Write,
-    /// Pages may be erased.
+    /// Erasing of pages.
     Erase,
 }
 
-/// The controller (NVMC), and the array behind it.
+/// Flash controller (NVMC), and the array behind it.
 pub trait Interface {
-    /// Whether it is done with what it was told (READY).
+    /// True when no operation is under way (READY).
     fn is_ready(&self) -> bool;
-    /// Sets what may be done (CONFIG).
+    /// Sets the allowed access (CONFIG).
     fn allow(&mut self, access: Access);
-    /// Begins to erase the page at a distance in bytes from the array's beginning (ERASEPAGE).
+    /// Begins to erase the page at an offset in bytes (ERASEPAGE).
     fn erase_page(&mut self, offset: u32);
-    /// A word of the array, by its distance in bytes from the array's beginning: a multiple of 4.
+    /// Reads a word of the array at an offset in bytes, a multiple of 4.
     fn word(&self, offset: u32) -> u32;
-    /// Writes one.
+    /// Writes a word of the array.
     fn set_word(&mut self, offset: u32, word: u32);
 }
 
-/// The settings' pages.
+/// Flash of the settings: both pages.
 pub struct Flash<I>(I);
 
 impl<I: Interface> Flash<I> {
-    /// Over an interface of nobody else's.
+    /// Flash over an interface that nothing else uses.
     pub fn new(interface: I) -> Self {
         Self(interface)
     }
 
-    /// The interface.
+    /// Interface of the flash.
     pub fn interface_mut(&mut self) -> &mut I {
         &mut self.0
     }
 
-    /// Does one thing after the other to the flash, which is read only before and after.
+    /// Runs an operation for each step with the given access; before and after, the flash is
+    /// read-only.
     fn with<T>(&mut self, access: Access, steps: impl Iterator<Item = T>, run: fn(&mut I, T)) {
         self.wait();
         self.0.allow(access);
@@ -77,7 +79,8 @@ impl<I: Interface> Flash<I> {
         self.0.allow(Access::Read);
     }
 
-    /// The controller ends each operation by itself, and the watchdog runs.
+    /// Waits for the end of an operation. The controller ends each by itself; if it does not, the
+    /// watchdog restarts the board.
     fn wait(&self) {
         while !self.0.is_ready() {}
     }

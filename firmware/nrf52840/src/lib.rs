@@ -1,13 +1,13 @@
-//! The sensor on a microcontroller on sale: nRF52840, a Cortex-M4F of 64 MHz with 1 MB of flash.
+//! Sensor on a microcontroller on sale: nRF52840, a Cortex-M4F of 64 MHz with 1 MB of flash.
 //!
 //! ```sh
 //! cargo xtask firmware --target thumbv7em-none-eabihf      # builds, measures and checks it
 //! ```
 //!
-//! Clocks, pins, timers and watchdog are nrf52840-hal's. Board, ring, log and sleep are those of
-//! the STM32F405's image too ([`echoloop_part`]). QEMU has no model of this part, so nothing has
-//! run the image: it is built, linked and measured, and the flash's driver is tested against a
-//! model of its controller (`firmware/nrf52840/tests/flash.rs`).
+//! Clocks, pins, timers and watchdog are nrf52840-hal's. Board, ring, log and sleep are shared with
+//! the STM32F405's image ([`echoloop_part`]). QEMU has no model of this part, so the image has
+//! never run: it is built, linked and measured, and the flash driver is tested against a model of
+//! its controller (`firmware/nrf52840/tests/flash.rs`).
 #![no_std]
 #![warn(
     clippy::indexing_slicing,

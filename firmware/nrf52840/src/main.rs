@@ -1,4 +1,4 @@
-//! The sensor's program for an nRF52840: `cargo xtask firmware` builds it.
+//! Program of the sensor for an nRF52840; `cargo xtask firmware` builds it.
 #![cfg_attr(nrf52840, no_std, no_main)]
 
 #[cfg(nrf52840)]
@@ -17,8 +17,8 @@ fn start() -> ! {
     }
 }
 
-/// Nothing but the log's start reaches it, by a constant of its own alone: `cargo xtask firmware`
-/// looks for anything else that does.
+/// Only the start of the log can reach it, depending on its constants alone; `cargo xtask firmware`
+/// fails on any other path to it.
 #[cfg(nrf52840)]
 #[panic_handler]
 fn panicked(_: &core::panic::PanicInfo<'_>) -> ! {

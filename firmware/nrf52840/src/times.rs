@@ -1,19 +1,19 @@
-//! Timers: the clock of the scans' times, and the tick that wakes the processor.
+//! Timers: the clock that times scans, and the tick that wakes the processor.
 
 use cortex_m::peripheral::NVIC;
 use echoloop_part::board::Clock;
 use nrf52840_hal::pac::{Interrupt, TIMER0, TIMER1, interrupt};
 use nrf52840_hal::timer::{Periodic, Timer};
 
-/// Microseconds between wake-ups, at which the watchdog is fed. The processor's own tick stands
-/// still while this part sleeps.
+/// Microseconds between wake-ups, after which the watchdog is fed. The processor's own tick stops
+/// while this part sleeps.
 const TICK_US: u32 = 50_000;
 
-/// A clock of microseconds: timer 0, which has 32 bits.
+/// Clock of microseconds: timer 0, which has 32 bits.
 pub struct Microseconds(Timer<TIMER0, Periodic>);
 
 impl Microseconds {
-    /// Starts it.
+    /// Starts the clock.
     pub(crate) fn start(timer: TIMER0) -> Self {
         let mut timer = Timer::periodic(timer);
         timer.start(u32::MAX);
@@ -22,8 +22,8 @@ impl Microseconds {
 }
 
 impl Clock for Microseconds {
-    /// Wraps after 71 minutes, where it leaves out one microsecond: the HAL begins anew at a count
-    /// that it compares with.
+    /// Wraps after 71 minutes and skips a microsecond there: the HAL restarts at the count that it
+    /// compares with.
     fn now_us(&self) -> u32 {
         self.0.read()
     }
@@ -34,16 +34,16 @@ pub(crate) fn start_tick(timer: TIMER1) {
     let mut timer = Timer::periodic(timer);
     timer.enable_interrupt();
     timer.start(TICK_US);
-    // SAFETY: what the handler touches is the timer's, which is running.
+    // SAFETY: the handler uses only the timer, which is running.
     unsafe { NVIC::unmask(Interrupt::TIMER1) };
 }
 
-/// It wakes the processor, and does nothing else.
+/// Tick, which only wakes the processor.
 #[interrupt]
 fn TIMER1() {
-    // SAFETY: nobody else touches the timer once it runs.
+    // SAFETY: nothing else uses the timer once it runs.
     let timer = unsafe { &*TIMER1::ptr() };
     timer.events_compare[0].reset();
-    // Read back, so that the event is gone before the handler is: it would come twice.
+    // Read back, so that the event is cleared before the handler returns: else it would come twice.
     let _ = timer.events_compare[0].read();
 }

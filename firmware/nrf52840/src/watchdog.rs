@@ -1,5 +1,5 @@
-//! The watchdog. It runs by the part's own slow oscillator, also while the processor sleeps, and
-//! stands still while a debugger holds the processor.
+//! Watchdog. It runs by the part's own slow oscillator, also while the processor sleeps, and stops
+//! while a debugger halts the processor.
 
 use nrf52840_hal::clocks::LFCLK_FREQ;
 use nrf52840_hal::pac::WDT;
@@ -7,15 +7,15 @@ use nrf52840_hal::wdt::count::One;
 use nrf52840_hal::wdt::handles::Hdl0;
 use nrf52840_hal::wdt::{self, WatchdogHandle};
 
-/// Seconds, many times the longest between two calls that feed it: the erase of a page, 85 ms.
+/// Period in seconds: many times the longest time between two feeds, the erase of a page, 85 ms.
 const PERIOD_S: u32 = 2;
 
-/// A watchdog that runs: nothing stops it.
+/// Watchdog that runs: nothing stops it.
 pub struct Watchdog(WatchdogHandle<Hdl0>);
 
 impl Watchdog {
-    /// Starts it, or takes over one that a reset has left running. `None`: it is set up otherwise,
-    /// and restarts the board once more when it is not fed.
+    /// Starts the watchdog, or takes over one that a reset has left running. `None` when that one
+    /// is set up differently; unfed, it restarts the board once more.
     pub(crate) fn start(watchdog: WDT) -> Option<Self> {
         let ticks = PERIOD_S * LFCLK_FREQ;
         let parts = match wdt::Watchdog::try_new(watchdog) {

@@ -1,4 +1,4 @@
-//! The settings' store over the part's flash controller, modelled: no emulator has one.
+//! Tests of the settings' store over a model of the part's flash controller: no emulator has one.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::cell::Cell;
@@ -12,28 +12,28 @@ use rand_chacha::ChaCha8Rng;
 
 const HARDWARE: Hardware = Hardware::REFERENCE;
 
-/// What is modelled: a page before the settings', theirs, and one behind.
+/// Beginning of the model: a page before the settings', theirs, and one behind.
 const START: usize = (OFFSET - PAGE) as usize;
 const BYTES: usize = ((PAGES + 2) * PAGE) as usize;
 
-/// The controller and the pages around the settings' (Product Specification, 4.3), with a power
-/// that may go at any moment.
+/// Controller and the pages around the settings' (Product Specification, 4.3). The power can fail
+/// at any moment.
 struct Model {
     array: Vec<u8>,
-    /// Erases of each page, and writes of each word since the last one.
+    /// Number of erases of each page, and of writes to each word since the last erase.
     erased: [u32; 4],
     written: Vec<u8>,
     access: Access,
-    /// Looks at READY until the operation is done.
+    /// Number of reads of READY until the operation is done.
     busy: Cell<u32>,
-    /// Words and pages until the power goes.
+    /// Number of words and pages until the power fails.
     left: Option<usize>,
     off: bool,
     tear: ChaCha8Rng,
 }
 
 impl Model {
-    /// With somebody's bytes around two erased pages.
+    /// Model with other bytes around two erased pages.
     fn new() -> Self {
         let mut tear = ChaCha8Rng::seed_from_u64(52_840);
         let mut array = vec![0; BYTES];
@@ -61,7 +61,7 @@ impl Model {
         self.busy.set(0);
     }
 
-    /// Begins a page or a word: whether it ends whole, or torn.
+    /// Begins a page or a word: true when it ends whole, false when it is torn.
     fn step(&mut self) -> bool {
         self.busy.set(3);
         match &mut self.left {
@@ -134,7 +134,7 @@ fn set(i: i32) -> Settings {
     Settings { gain_cdb: i, ..Settings::default() }
 }
 
-/// A flash that was saved to `times` times.
+/// Flash after `times` saves.
 fn worn(times: i32) -> Flash<Model> {
     let mut flash = Flash::new(Model::new());
     for i in 1..=times {

@@ -1,8 +1,8 @@
-//! The board as it is sold: a processor, a serial line, flash and a watchdog, without laser and
+//! Board as it is sold: a processor, a serial line, flash and a watchdog, without laser and
 //! converter.
 //!
-//! The host sends the waveforms (`--front-end host`). Who builds a front end has a
-//! [`Board`] of their own, with this one's parts in it.
+//! The host sends the waveforms (`--front-end host`). A board with a front end needs its own
+//! [`Board`], which can use the parts of this one.
 
 use echoloop_dsp::{Echoes, Hardware, Pipeline, ScanPattern, Scratch};
 use echoloop_sensor::Board;
@@ -11,19 +11,19 @@ use embedded_storage::nor_flash::NorFlash;
 
 use crate::link::{HELD, Link, Port};
 
-/// Restarts the board when it was not fed for its period.
+/// Watchdog that restarts the board when it was not fed for its period.
 pub trait Watchdog {
-    /// Begins the period anew.
+    /// Restarts the period.
     fn feed(&mut self);
 }
 
-/// A clock that runs.
+/// Clock that runs.
 pub trait Clock {
     /// Microseconds since any moment, wrapping.
     fn now_us(&self) -> u32;
 }
 
-/// A board without a front end: of a port, a store, a watchdog and a clock.
+/// Board without a front end: a link, a store, a watchdog and a clock.
 pub struct Bare<P, S, W, C> {
     front_end: FrontEnd,
     link: Link<P>,
@@ -34,13 +34,13 @@ pub struct Bare<P, S, W, C> {
 }
 
 impl<P, S, W, C> Bare<P, S, W, C> {
-    /// A board of these parts, which was restarted so often.
+    /// Board of these parts; `restarts` is the number of restarts since the power came on.
     pub fn new(link: Link<P>, store: S, watchdog: W, clock: C, restarts: u32) -> Self {
         Self { front_end: FrontEnd, link, store, watchdog, clock, restarts }
     }
 
-    /// Sleeps until a byte comes on the link, or another interrupt: a tick, after which the
-    /// watchdog is fed.
+    /// Sleeps until a byte comes on the link, or until another interrupt, such as the tick after
+    /// which the watchdog is fed.
     #[cfg(all(target_arch = "arm", target_os = "none"))]
     pub fn idle(&mut self) {
         crate::sleep_unless(|| self.link.has_received());
@@ -51,7 +51,7 @@ impl<P, S, W, C> Bare<P, S, W, C> {
     }
 }
 
-/// In the place of laser driver, amplifier and converter: nobody answers.
+/// Missing front end: every transaction fails.
 pub struct FrontEnd;
 
 impl ErrorType for FrontEnd {

@@ -1,8 +1,8 @@
-//! What the sensor's images for microcontrollers on sale share: the board without a front end, the
-//! link's receiving side, the log, and the sleep.
+//! Common part of the sensor's images for microcontrollers on sale: the board without a front end,
+//! the link's receiving side, the log, and the sleep.
 //!
-//! A part's own crate brings its clocks, pins, interrupts, flash and watchdog: `firmware/stm32f4`,
-//! `firmware/nrf52840`.
+//! The crate of each microcontroller adds clocks, pins, interrupts, flash and watchdog:
+//! `firmware/stm32f4`, `firmware/nrf52840`.
 #![no_std]
 #![warn(
     clippy::indexing_slicing,
@@ -17,20 +17,20 @@ pub mod link;
 pub mod log;
 pub mod ring;
 
-/// Sleeps until an interrupt, unless there is something to do already.
+/// Sleeps until an interrupt, unless `is_awake` finds that there is something to do.
 #[cfg(all(target_arch = "arm", target_os = "none"))]
 fn sleep_unless(is_awake: impl FnOnce() -> bool) {
-    // Masked, so that a byte that comes after the look wakes the processor and is not slept over:
-    // it is taken when the mask goes.
+    // Interrupts are masked, so that a byte that comes after the check still wakes the processor;
+    // its handler runs when the mask is removed.
     cortex_m::interrupt::disable();
     if !is_awake() {
         cortex_m::asm::wfi();
     }
-    // SAFETY: no section is under way that this would cut short.
+    // SAFETY: no critical section is open that this would end.
     unsafe { cortex_m::interrupt::enable() };
 }
 
-/// Says why and does nothing more; the watchdog, once it runs, restarts the board.
+/// Logs the reason and stops; the watchdog, if it runs, restarts the board.
 #[cfg(all(target_arch = "arm", target_os = "none"))]
 pub fn stop(why: &str) -> ! {
     defmt::error!("{=str}", why);

@@ -1,8 +1,8 @@
-//! The link: a port whose interrupt puts each byte that comes into a ring.
+//! Link: a port whose interrupt puts each received byte into a ring.
 //!
-//! The program empties the ring between commands. What may come meanwhile is bounded by the
-//! protocol, not by time: a host has as many frames under way as the board says, and these say two.
-//! So the ring takes the longest frame twice, even if the program takes nothing out.
+//! The program empties the ring between commands. The protocol, not time, bounds the number of
+//! bytes that come meanwhile: a host has at most as many frames under way as the board allows,
+//! which is two here. So the ring holds two of the longest frames.
 
 use core::convert::Infallible;
 use core::sync::atomic::{AtomicU32, Ordering};
@@ -12,48 +12,49 @@ use embedded_io::{ErrorType, Read, ReadReady, Write};
 
 use crate::ring::Ring;
 
-/// Bytes of the ring.
+/// Size of the ring in bytes.
 pub const RING: usize = (2 * MAX_FRAME).next_power_of_two();
 
-/// Bytes that are kept while the program works on a frame of the longest.
+/// Number of bytes that are buffered while the program works on one of the longest frames.
 pub const HELD: usize = RING - MAX_FRAME;
 
-/// The sending side of a serial port.
+/// Sending side of a serial port.
 pub trait Port {
-    /// Sends a byte; waits for room before, or until it is out afterwards.
+    /// Sends a byte; waits for room before it, or until it is out after it.
     fn send(&mut self, byte: u8);
 }
 
-/// A port that there is not.
+/// Port that does not exist.
 impl Port for Infallible {
     fn send(&mut self, _: u8) {
         match *self {}
     }
 }
 
-/// From a port's interrupt to the program.
+/// Bytes on their way from a port's interrupt to the program.
 pub struct Received {
     ring: Ring<RING>,
-    /// How often bytes were lost: one while the ring was full, or any the port was not asked for.
+    /// Number of losses: a byte while the ring was full, or bytes that the port lost itself.
     lost: AtomicU32,
 }
 
 impl Received {
-    /// Nothing yet.
+    /// Empty ring.
     pub const fn new() -> Self {
         Self { ring: Ring::new(), lost: AtomicU32::new(0) }
     }
 
-    /// Takes a byte that has come. For the interrupt alone.
+    /// Takes a received byte. Only the interrupt may call it.
     pub fn push(&self, byte: u8) {
         if !self.ring.push(byte) {
             self.lose();
         }
     }
 
-    /// Counts that the port lost bytes; how many it does not say. For the interrupt alone.
+    /// Counts a loss of bytes by the port, which does not say how many. Only the interrupt may call
+    /// it.
     pub fn lose(&self) {
-        // Only the interrupt writes it.
+        // No swap is needed: only the interrupt writes it.
         self.lost.store(self.lost.load(Ordering::Relaxed).wrapping_add(1), Ordering::Relaxed);
     }
 }
@@ -64,26 +65,26 @@ impl Default for Received {
     }
 }
 
-/// The link's two directions.
+/// Link: both directions of a port.
 pub struct Link<P> {
     port: P,
     received: &'static Received,
-    /// Of the losses, those that the log has told.
+    /// Number of losses that have been logged.
     told: u32,
 }
 
 impl<P> Link<P> {
-    /// The link over a port, and what its interrupt receives.
+    /// Link over a port and the bytes that its interrupt receives.
     pub fn new(port: P, received: &'static Received) -> Self {
         Self { port, received, told: 0 }
     }
 
-    /// Whether a byte waits.
+    /// True when a byte waits.
     pub fn has_received(&self) -> bool {
         !self.received.ring.is_empty()
     }
 
-    /// How often bytes were lost since this was last asked.
+    /// Number of losses since the last call.
     pub fn lost(&mut self) -> u32 {
         let lost = self.received.lost.load(Ordering::Relaxed);
         lost.wrapping_sub(core::mem::replace(&mut self.told, lost))

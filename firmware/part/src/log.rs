@@ -1,4 +1,4 @@
-//! Log messages (defmt) to the debugger, by RTT, and to a serial port, for who has none.
+//! Log messages (defmt) to the debugger, by RTT, and to a serial port, for use without a debugger.
 //!
 //! An image makes a [`Log`] its `#[defmt::global_logger]`, and [`number`] its timestamp.
 
@@ -9,7 +9,7 @@ use rtt_target::{UpChannel, rtt_init};
 
 use crate::link::Port;
 
-/// The log's frames on their way: nowhere until [`start`](Self::start).
+/// Log, which drops its frames until [`start`](Self::start).
 pub struct Log<P>(UnsafeCell<(defmt::Encoder, Sinks<P>)>);
 
 // SAFETY: defmt calls the logger's functions between `acquire` and `release` only. Nothing logs
@@ -22,7 +22,8 @@ struct Sinks<P> {
 }
 
 impl<P: Port> Sinks<P> {
-    /// A debugger that does not read, or is not there, never holds the program up.
+    /// Sends bytes to both. A debugger that does not read, or is missing, never holds the program
+    /// up.
     fn send(&mut self, bytes: &[u8]) {
         if let Some(debugger) = &mut self.debugger {
             debugger.write(bytes);
@@ -34,13 +35,13 @@ impl<P: Port> Sinks<P> {
 }
 
 impl<P: Port> Log<P> {
-    /// A log that goes nowhere yet.
+    /// Log that is not started.
     pub const fn new() -> Self {
         Self(UnsafeCell::new((defmt::Encoder::new(), Sinks { debugger: None, port: None })))
     }
 
-    /// Sends what follows to the debugger, and to a port where there is one. To be called once, and
-    /// not from an interrupt.
+    /// Sends the following messages to the debugger, and to a port if there is one. Must be called
+    /// once, and not from an interrupt.
     pub fn start(&self, port: Option<P>) {
         let debugger = Some(debugger());
         // SAFETY: no message is under way, as for `Sync`.
@@ -51,29 +52,29 @@ impl<P: Port> Log<P> {
     ///
     /// # Safety
     ///
-    /// For defmt's logger alone.
+    /// Only defmt's logger may call it.
     pub unsafe fn acquire(&self) {
         // SAFETY: as for `Sync`.
         let (encoder, sinks) = unsafe { &mut *self.0.get() };
         encoder.start_frame(|bytes| sinks.send(bytes));
     }
 
-    /// Goes on with it.
+    /// Continues the message.
     ///
     /// # Safety
     ///
-    /// For defmt's logger alone.
+    /// Only defmt's logger may call it.
     pub unsafe fn write(&self, bytes: &[u8]) {
         // SAFETY: as for `Sync`.
         let (encoder, sinks) = unsafe { &mut *self.0.get() };
         encoder.write(bytes, |bytes| sinks.send(bytes));
     }
 
-    /// Ends it.
+    /// Ends the message.
     ///
     /// # Safety
     ///
-    /// For defmt's logger alone.
+    /// Only defmt's logger may call it.
     pub unsafe fn release(&self) {
         // SAFETY: as for `Sync`.
         let (encoder, sinks) = unsafe { &mut *self.0.get() };
@@ -87,19 +88,20 @@ impl<P: Port> Default for Log<P> {
     }
 }
 
-/// Opens the debugger's channel. rtt-target panics when it is called twice: a function of its own,
-/// which the board's start calls once, so that the check for panics can tell.
+/// Opens the debugger's channel. rtt-target panics when it is called twice. This is a function of
+/// its own, called once at the board's start, so that the check for panics can recognise it.
 #[inline(never)]
 fn debugger() -> UpChannel {
     // probe-rs decodes a channel of this name.
     rtt_init! { up: { 0: { size: 1024, name: "defmt" } } }.up.0
 }
 
-/// Messages so far, in place of a clock: the same conversation writes the same log.
+/// Number of messages so far, used as timestamp instead of a clock: the same conversation writes
+/// the same log.
 pub fn number() -> u32 {
     static MESSAGES: AtomicU32 = AtomicU32::new(0);
     let number = MESSAGES.load(Ordering::Relaxed);
-    // One core, and no interrupt logs: nobody comes in between.
+    // There is one core and no interrupt logs, so nothing comes in between.
     MESSAGES.store(number.wrapping_add(1), Ordering::Relaxed);
     number
 }

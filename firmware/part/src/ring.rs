@@ -1,11 +1,11 @@
-//! Bytes from an interrupt to the program: one writes, one reads, nobody waits.
+//! Ring buffer for bytes from an interrupt to the program: one writer, one reader, no waiting.
 //!
-//! heapless has such a queue, too. Its two ends do not know its length while they are compiled, so
-//! each byte would take a division in the interrupt, and a panic for a length of none.
+//! heapless has such a queue too. Its two ends do not know its length at compile time, so each byte
+//! would cost a division in the interrupt, and there would be a panic for length zero.
 
 use core::sync::atomic::{AtomicU8, AtomicUsize, Ordering};
 
-/// A ring of `N` bytes, a power of two.
+/// Ring of `N` bytes, a power of two.
 ///
 /// ```
 /// use echoloop_part::ring::Ring;
@@ -16,16 +16,16 @@ use core::sync::atomic::{AtomicU8, AtomicUsize, Ordering};
 /// ```
 pub struct Ring<const N: usize> {
     bytes: [AtomicU8; N],
-    /// Bytes that ever went in and out, wrapping: each is written by one side alone.
+    /// Number of bytes that ever went in and out, wrapping. Only one side writes each.
     pushed: AtomicUsize,
     popped: AtomicUsize,
 }
 
 impl<const N: usize> Ring<N> {
-    /// The bits of a count that are a place.
+    /// Mask of the bits of a count that are an index.
     const PLACE: usize = N.wrapping_sub(1);
 
-    /// An empty one.
+    /// Empty ring.
     pub const fn new() -> Self {
         const { assert!(N.is_power_of_two(), "so that counts wrap where places do") };
         Self {
@@ -35,7 +35,7 @@ impl<const N: usize> Ring<N> {
         }
     }
 
-    /// Takes a byte in; false when there is no room. For one side alone.
+    /// Adds a byte; false when there is no room. Only the writing side may call it.
     pub fn push(&self, byte: u8) -> bool {
         let pushed = self.pushed.load(Ordering::Relaxed);
         let waiting = pushed.wrapping_sub(self.popped.load(Ordering::Acquire));
@@ -47,7 +47,7 @@ impl<const N: usize> Ring<N> {
         true
     }
 
-    /// Gives the oldest byte out. For the other side alone.
+    /// Removes and returns the oldest byte. Only the reading side may call it.
     pub fn pop(&self) -> Option<u8> {
         let popped = self.popped.load(Ordering::Relaxed);
         if self.is_empty() {
@@ -58,7 +58,7 @@ impl<const N: usize> Ring<N> {
         Some(byte)
     }
 
-    /// Whether no byte waits.
+    /// True when no byte waits.
     pub fn is_empty(&self) -> bool {
         self.pushed.load(Ordering::Acquire) == self.popped.load(Ordering::Relaxed)
     }

@@ -1,4 +1,4 @@
-//! The link's ring between an interrupt and the program, here two threads.
+//! Ring of the link between an interrupt and the program, here two threads.
 
 use std::thread;
 

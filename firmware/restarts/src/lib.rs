@@ -1,4 +1,5 @@
-//! Restarts since the power came on, counted in memory that neither a restart nor start-up touches.
+//! Number of restarts since the power came on, counted in memory that neither a restart nor
+//! start-up changes.
 //!
 //! ```
 //! let restarts = echoloop_restarts::count().expect("the first call");
@@ -6,8 +7,8 @@
 //! assert_eq!(echoloop_restarts::count(), None, "this start has been counted");
 //! ```
 //!
-//! The linker's script must keep `.uninit` in RAM and out of what start-up fills, as cortex-m-rt's
-//! and riscv-rt's do.
+//! The linker script must keep `.uninit` in RAM and outside the sections that start-up fills, as
+//! cortex-m-rt's and riscv-rt's do.
 #![no_std]
 #![warn(clippy::undocumented_unsafe_blocks)]
 
@@ -15,7 +16,7 @@ use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
 use core::sync::atomic::{AtomicBool, Ordering};
 
-/// Words that neither start-up nor a restart touches.
+/// Words that neither start-up nor a restart changes.
 #[repr(transparent)]
 struct Survivors(UnsafeCell<MaybeUninit<[u32; 2]>>);
 
@@ -26,23 +27,25 @@ unsafe impl Sync for Survivors {}
 #[cfg_attr(target_os = "none", unsafe(link_section = ".uninit.restarts"))]
 static SURVIVORS: Survivors = Survivors(UnsafeCell::new(MaybeUninit::zeroed()));
 
-/// Says that the second word counts.
+/// First word when the second one is a count; any other value means that the power has just come
+/// on.
 const COUNTING: u32 = 0x5741_5443;
 
-/// Whether this start has been counted.
+/// True when this start has been counted.
 static COUNTED: AtomicBool = AtomicBool::new(false);
 
-/// Restarts since the power came on, this start included when it is one; `None` on later calls. Not
-/// to be called from an interrupt.
+/// Number of restarts since the power came on, including this start if it is one; `None` on later
+/// calls. Must not be called from an interrupt.
 pub fn count() -> Option<u32> {
-    // A load and a store: a Cortex-M0 has no swap, and nothing comes in between.
+    // A load and a store instead of a swap, which a Cortex-M0 does not have; nothing comes in
+    // between.
     if COUNTED.load(Ordering::Relaxed) {
         return None;
     }
     COUNTED.store(true, Ordering::Relaxed);
     let words = SURVIVORS.0.get().cast::<u32>();
-    // SAFETY: two aligned words of a static that nothing else accesses; volatile, so that whatever
-    // they hold is a value.
+    // SAFETY: two aligned words of a static that nothing else accesses. The reads are volatile, so
+    // that any content of uninitialised memory is a value.
     unsafe {
         let restarts = match words.read_volatile() {
             COUNTING => words.add(1).read_volatile().wrapping_add(1),

@@ -1,8 +1,7 @@
 //! Drivers of the analog front end: laser driver and converter, each behind SPI.
 //!
 //! Both speak registers: one byte of address (bit 7: write), four bytes of value, most significant
-//! first. Settings are written and read back; a register that does not hold what was written is a
-//! fault.
+//! first. Settings are written and read back; a register that reads another value is a fault.
 
 use echoloop_dsp::hardware::{Hardware, SPEED_OF_LIGHT_M_S, sample_period_fs};
 use echoloop_dsp::settings::Settings;
@@ -26,19 +25,19 @@ pub mod emitter {
     pub const FRAME: u8 = 3;
     /// Beam to fire at; writing it fires.
     pub const FIRE: u8 = 4;
-    /// Of the shots that are added up for one beam, the one that fires next, from 0.
+    /// Index, among the shots added up for the beam, of the shot that fires next, from 0.
     pub const SHOT: u8 = 5;
-    /// Range from which the receiver sees the whole beam, mm: how far the emitter is tilted towards
-    /// it.
+    /// Range from which the receiver sees the whole beam, mm; the tilt of the emitter towards the
+    /// receiver sets it.
     pub const OVERLAP: u8 = 6;
-    /// Number of the scan that decides the noise of a simulated front end, together with the seed;
-    /// 0: FRAME does, and a seed of its own.
+    /// Number of the scan that, with the seed, decides the noise of a simulated front end; 0: FRAME
+    /// decides it, with a seed of the front end's own.
     pub const NOISE_SCAN: u8 = 7;
-    /// Seed of that noise, the lower half.
+    /// Lower half of the seed of that noise.
     pub const NOISE_SEED_LOW: u8 = 8;
-    /// Seed of that noise, the upper half.
+    /// Upper half of the seed of that noise.
     pub const NOISE_SEED_HIGH: u8 = 9;
-    /// What [`ID`] reads.
+    /// Value that [`ID`] reads.
     pub const ID_VALUE: u32 = 0xEC40_0001;
 }
 
@@ -50,23 +49,23 @@ pub mod adc {
     pub const GAIN: u8 = 1;
     /// Clock divider: sample period, fs.
     pub const SAMPLE_PERIOD: u8 = 2;
-    /// From the trigger to sample 0, fs.
+    /// Time from the trigger to sample 0, fs.
     pub const DELAY: u8 = 3;
-    /// Samples of the window.
+    /// Number of samples of the window.
     pub const SAMPLES: u8 = 4;
-    /// Samples taken just before the trigger, which come before the window's.
+    /// Number of samples just before the trigger, which come before the window's.
     pub const PRE_TRIGGER: u8 = 5;
-    /// What is added before conversion, ppm of full scale.
+    /// Level added before conversion, ppm of full scale.
     pub const BLACK_LEVEL: u8 = 6;
-    /// By how much the gain rises after a shot, 10⁻⁶ dB/ns, until it is full.
+    /// Slope of the gain after a shot, up to full gain, 10⁻⁶ dB/ns.
     pub const GAIN_SLOPE: u8 = 7;
-    /// From the trigger to when the gain is full, fs. Before the trigger it is full.
+    /// Time from the trigger to full gain, fs. Before the trigger the gain is full.
     pub const GAIN_FULL: u8 = 8;
-    /// What [`ID`] reads.
+    /// Value that [`ID`] reads.
     pub const ID_VALUE: u32 = 0xEC41_0001;
 }
 
-/// What can go wrong on a bus.
+/// Error of the front end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum AfeError {
@@ -74,25 +73,25 @@ pub enum AfeError {
     Bus,
     /// Another device answers, or none.
     WrongDevice {
-        /// What its ID register read.
+        /// Content of the ID register.
         id: u32,
     },
-    /// A register does not hold what was written.
+    /// A register reads another value than was written.
     Verify {
-        /// Its address.
+        /// Address of the register.
         register: u8,
     },
 }
 
-/// Trigger to sample 0.
+/// Time from the trigger to sample 0, fs.
 pub fn delay_fs(settings: &Settings, hardware: &Hardware) -> u32 {
     echo_fs(settings, hardware.range_min_mm)
 }
 
-/// Trigger to the echo of a range: there and back, and half a pulse, because an echo's time is its
-/// middle.
+/// Time from the trigger to the echo from a range, fs: there and back, and half a pulse, because
+/// the time of an echo is its middle.
 fn echo_fs(settings: &Settings, range_mm: u32) -> u32 {
-    // mm / (m/s) is ms; 10¹² fs are one. The register holds it up to 600 m; what saturates is far
+    // mm / (m/s) is ms, and one is 10¹² fs. The register holds it up to 600 m; sums saturate far
     // beyond.
     let there_and_back = u64::from(range_mm).saturating_mul(2_000_000_000_000);
     let flight = there_and_back.saturating_add(SPEED_OF_LIGHT_M_S / 2) / SPEED_OF_LIGHT_M_S;
@@ -106,17 +105,17 @@ pub fn gain_slope(settings: &Settings) -> u32 {
     (slope.saturating_add(1_000_000) / 2_000_000) as u32
 }
 
-/// Trigger to when the gain is full, fs.
+/// Time from the trigger to full gain, fs.
 pub fn gain_full_fs(settings: &Settings) -> u32 {
     echo_fs(settings, settings.gain_range_mm.max(0) as u32)
 }
 
-/// Writes a whole set of settings to both of a board's devices.
+/// Writes a whole set of settings to both devices of a board.
 ///
 /// # Errors
 ///
-/// [`AfeError`]; what was written before it stays written, so the caller should not go on with
-/// either set.
+/// [`AfeError`]. Registers written before it keep their new values, so the devices match neither
+/// the old settings nor the new.
 pub fn apply(settings: &Settings, board: &mut impl Board) -> Result<(), AfeError> {
     let hardware = board.hardware();
     let spi = board.emitter();
@@ -137,17 +136,17 @@ pub fn apply(settings: &Settings, board: &mut impl Board) -> Result<(), AfeError
     write_verified(spi, adc::SAMPLES, settings.bins as u32)
 }
 
-/// Tells the emitter which scan begins.
+/// Tells the emitter the number of the scan that begins.
 ///
 /// # Errors
 ///
-/// [`AfeError`] when the bus fails or the register does not hold.
+/// [`AfeError`] when the bus fails or the register does not hold the number.
 pub fn begin_frame(emitter_spi: &mut impl SpiDevice, frame: u32) -> Result<(), AfeError> {
     write_verified(emitter_spi, emitter::FRAME, frame)
 }
 
-/// Tells the emitter what decides the noise of the scan that begins, which concerns a front end
-/// that is simulated alone: what one that is not holds there does not matter.
+/// Tells the emitter the scan and the seed that decide the noise. Only a simulated front end uses
+/// them: they are not read back, because a real one need not have these registers.
 ///
 /// # Errors
 ///
@@ -161,8 +160,8 @@ pub fn name_noise(emitter_spi: &mut impl SpiDevice, noise: Option<Noise>) -> Res
     write(emitter_spi, emitter::NOISE_SEED_HIGH, (seed >> 32) as u32)
 }
 
-/// Fires one shot of those that are added up for a beam: numbers it where there are several, and
-/// delays its window where shots are dithered.
+/// Fires a shot of a beam: numbers it where there are several, and delays its window where shots
+/// are dithered.
 ///
 /// # Errors
 ///

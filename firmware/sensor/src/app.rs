@@ -1,4 +1,4 @@
-//! The application: takes bytes off the link, answers every whole frame.
+//! Application: takes bytes from the link and answers every whole frame.
 
 use echoloop_dsp::{MAX_CODES, Scratch, Settings};
 use echoloop_link::{Command, Decoder, MAX_FRAME, Noise, Session, decode};
@@ -13,32 +13,32 @@ use crate::store;
 /// Name and version of this firmware.
 pub const BUILD: &str = concat!("echoloop-sensor ", env!("CARGO_PKG_VERSION"));
 
-/// How far ahead of the newest command the next may be numbered. A host counts on when it gives a
-/// command up; after so many it has to say hello.
+/// Highest distance of a command's number ahead of the newest. A host counts on when it gives a
+/// command up; after that many it has to say hello.
 pub const MAX_SKIPPED: u16 = 256;
 
-/// How far behind the newest command a hello counts as overtaken: were it taken, it would end a
-/// trial, and other overtaken commands could act after it. A new host that begins there by chance
-/// is told so.
+/// Highest distance of a hello's number behind the newest command at which the hello counts as
+/// overtaken. If it were accepted, it would end a trial, and other overtaken commands could act
+/// after it. A new host that begins there by chance is told so.
 pub const MAX_LATE_HELLO: u16 = 64;
 
-/// The link is gone.
+/// Error: the link cannot be read or written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct LinkLost;
 
-/// The sensor.
+/// Sensor: a board, and the state of conversation and DSP.
 pub struct App<B> {
     pub(crate) board: B,
     pub(crate) session: Session,
     decoder: Decoder,
-    /// Of the newest command taken; `None` until there is one.
+    /// Number of the newest command taken; `None` until there is one.
     pub(crate) sequence: Option<u16>,
-    /// `None` until the active settings were needed.
+    /// DSP for the active settings; `None` until it is needed.
     pub(crate) configured: Option<Configured>,
-    /// The scan that the front end knows of.
+    /// Scan that the front end has been told of.
     pub(crate) frame: Option<(u32, Option<Noise>)>,
-    /// The waveform that is coming over the link.
+    /// Waveform that is coming over the link.
     pub(crate) intake: Option<Intake>,
     pub(crate) stopwatch: Stopwatch,
     pub(crate) scratch: Scratch,
@@ -47,8 +47,8 @@ pub struct App<B> {
 }
 
 impl<B: Board> App<B> {
-    /// A sensor with the settings that were saved, or the defaults; the front end is set when it is
-    /// first needed.
+    /// Sensor with the saved settings, or the defaults. The front end is set when it is first
+    /// needed.
     pub fn new(mut board: B) -> Self {
         let hardware = board.hardware();
         let settings = store::load(board.store(), &hardware)
@@ -70,23 +70,23 @@ impl<B: Board> App<B> {
         }
     }
 
-    /// The board, for those who put something on it.
+    /// Board of the sensor.
     pub fn board_mut(&mut self) -> &mut B {
         &mut self.board
     }
 
-    /// The conversation's state.
+    /// State of the conversation.
     pub fn session(&self) -> &Session {
         &self.session
     }
 
-    /// Takes what has arrived and answers every whole frame. Returns when nothing is left to read.
-    /// Feeds the watchdog at every turn, even when nothing has arrived.
+    /// Takes the bytes that have arrived and answers every whole frame. Returns when no byte is
+    /// left to read. Feeds the watchdog on every turn, even when no byte has arrived.
     ///
     /// # Errors
     ///
     /// [`LinkLost`] when the link cannot be read or written; the sensor's state is as before the
-    /// frame at hand.
+    /// current frame.
     pub fn poll(&mut self) -> Result<(), LinkLost> {
         let mut chunk = [0; 64];
         self.board.feed_watchdog();
@@ -103,16 +103,17 @@ impl<B: Board> App<B> {
         Ok(())
     }
 
-    // Its own frame, as has `answer`: inlined into `main`, whose frame holds the whole sensor,
-    // every spilled value lies beyond the reach of a short load, and the image grows by 10 to 20 %.
+    // Not inlined, like `answer`. Inlined into `main`, whose stack frame holds the whole sensor,
+    // every spilled value would lie beyond the reach of a short load, and the image would grow by
+    // 10 to 20 %.
     #[inline(never)]
     fn take_byte(&mut self, byte: u8) -> Result<(), LinkLost> {
         match self.decoder.push(byte) {
             None => Ok(()),
-            // A copy: its waveforms are read while all else here is written.
+            // A copy: the waveforms in the frame are read while the rest of `self` is written.
             Some(Ok(frame)) => match Vec::from_slice(frame) {
                 Ok(frame) => self.take_frame(frame),
-                Err(_) => Ok(()), // a decoder's frames fit
+                Err(_) => Ok(()), // never: a decoder's frames fit
             },
             Some(Err(error)) => self.take_bad_frame(error),
         }

@@ -1,4 +1,4 @@
-//! The sensor program: implement [`Board`] for the hardware, hand it to an [`App`], and poll.
+//! Program of the sensor: implement [`Board`] for the hardware, give it to an [`App`], and poll.
 //!
 //! ```
 //! use echoloop_sensor::{App, Board, app::LinkLost};
@@ -13,22 +13,22 @@
 //! }
 //! ```
 //!
-//! One application, three lives: on a microcontroller (`echoloop-image`, firmware/image), the same
-//! image in QEMU, and in process on a PC (`PcSensor` in `echoloop-sim`). Only the board differs.
+//! The same application runs on a microcontroller (`echoloop-image`, firmware/image), in QEMU, and
+//! in process on a PC (`PcSensor` in `echoloop-sim`). Only the board differs.
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`board`] | what the application needs of the hardware |
+//! | [`board`] | interface that the application needs of the hardware |
 //! | [`app`] | bytes in, answers out |
-//! | `program` | what a command does: front end and DSP at work |
+//! | `program` | actions of the commands: drive the front end, run the DSP |
 //! | `waveforms` | codes that come over the link, where the board has no front end |
-//! | `stopwatch` | how long scans take, and which are late |
+//! | `stopwatch` | times of scans, and their deadline |
 //! | [`afe`] | laser driver, amplifier and converter, by their registers |
-//! | [`store`] | the settings of the next start, in NOR flash |
+//! | [`store`] | settings saved for the next start, in NOR flash |
 //! | [`mailbox`] | the front end of an emulated board, as shared memory |
 //!
-//! Nothing here panics, whatever arrives or is stored: no index, no unchecked sum, and lints that
-//! keep it so.
+//! No input and no stored byte makes this code panic: there is no index and no unchecked sum, and
+//! lints keep it so.
 #![no_std]
 #![forbid(unsafe_code)]
 #![warn(

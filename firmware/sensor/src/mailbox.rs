@@ -1,25 +1,25 @@
-//! The front end of an emulated board: a page of memory that the sensor and the world share.
+//! Mailbox: page of memory that an emulated board shares with its world, in place of a front end.
 //!
-//! Where a real board has a laser driver and a converter behind SPI, a converter's DMA buffer and a
-//! flash chip, an emulator maps one file into the sensor's memory. This is its layout; all words
-//! are little endian.
+//! A real board has a laser driver and a converter behind SPI, a DMA buffer of the converter and a
+//! flash chip. For an emulated board, the emulator maps one file into the sensor's memory, with
+//! this layout; all words are little endian.
 //!
-//! | offset | what | written by |
+//! | offset | content | written by |
 //! |---|---|---|
 //! | 0x000 | [`MAGIC`] | world, before the sensor starts |
 //! | 0x004 | doorbell: shots fired so far, wrapping | sensor |
 //! | 0x008 | shots whose samples are in the buffer | world |
-//! | 0x00C | run: what the world asks a measuring image to do | world |
+//! | 0x00C | run: command of the world to a measuring image | world |
 //! | 0x040 | straps: [`Hardware`], [`ScanPattern`]: 13 words | world, before the sensor starts |
 //! | 0x080 | laser driver, sixteen registers | sensor; register 0 by the world |
 //! | 0x0C0 | amplifier and converter, sixteen registers | sensor; register 0 by the world |
 //! | 0x1000 | DMA buffer: codes, u16 | world |
 //! | 0x4000 | flash, [`FLASH_BYTES`] | sensor |
 //!
-//! A shot: the sensor writes the registers, then the doorbell; the world fills the buffer, then
+//! For a shot the sensor writes the registers, then the doorbell; the world fills the buffer, then
 //! answers with the doorbell's number. Each side writes its own words only, so no lock is needed.
 
-use echoloop_dsp::{BeamTable, Grid, Hardware, Rosette, ScanPattern, Spinning, SpinningModel};
+use echoloop_dsp::{Hardware, ScanPattern, scan_pattern};
 use embedded_hal::spi::{ErrorKind, Operation};
 
 use crate::afe::WRITE;
@@ -30,7 +30,7 @@ pub const MAGIC: u32 = u32::from_le_bytes(*b"ECMB");
 pub const DOORBELL: usize = 0x004;
 /// Offset of the answer to the doorbell.
 pub const ANSWER: usize = 0x008;
-/// Offset of the word that tells a measuring image what to do.
+/// Offset of the command to a measuring image.
 pub const RUN: usize = 0x00C;
 /// Offset of the straps.
 pub const STRAPS: usize = 0x040;
@@ -38,28 +38,25 @@ pub const STRAPS: usize = 0x040;
 pub const EMITTER: usize = 0x080;
 /// Offset of the amplifier's and converter's registers.
 pub const ADC: usize = 0x0C0;
-/// Registers of a device.
+/// Number of registers of a device.
 pub const REGISTERS: usize = 16;
 /// Offset of the DMA buffer.
 pub const CODES: usize = 0x1000;
 /// Offset of the flash.
 pub const FLASH: usize = 0x4000;
-/// Bytes of the flash: two blocks.
+/// Size of the flash in bytes: two blocks.
 pub const FLASH_BYTES: usize = 2 * FLASH_BLOCK;
-/// Bytes that are erased at a time.
+/// Size of a block, which is erased at a time, in bytes.
 pub const FLASH_BLOCK: usize = 4096;
-/// Bytes of the whole mailbox.
+/// Size of the mailbox in bytes.
 pub const BYTES: usize = 0x8000;
 
-/// Words of the straps: those of the hardware, then those of the pattern.
-pub const STRAP_WORDS: usize = 6 + PATTERN_WORDS;
+/// Number of words of the straps: those of the hardware, then those of the pattern.
+pub const STRAP_WORDS: usize = 6 + scan_pattern::WORDS;
 
-/// Words of a pattern: its kind's number, and up to six more.
-const PATTERN_WORDS: usize = 7;
-
-/// What a board's maker sets once: the words at [`STRAPS`].
+/// Straps, which the board's maker sets once: the words at [`STRAPS`].
 pub fn straps(hardware: &Hardware, pattern: &ScanPattern) -> [u32; STRAP_WORDS] {
-    let [kind, a, b, c, d, e, f] = pattern_words(pattern);
+    let [kind, a, b, c, d, e, f] = pattern.to_words();
     [
         hardware.adc_bits,
         hardware.range_min_mm,
@@ -77,54 +74,7 @@ pub fn straps(hardware: &Hardware, pattern: &ScanPattern) -> [u32; STRAP_WORDS] 
     ]
 }
 
-fn pattern_words(pattern: &ScanPattern) -> [u32; PATTERN_WORDS] {
-    let grid = |kind, grid: &Grid| {
-        let Grid { columns, rows, azimuth_cdeg, elevation_cdeg } = *grid;
-        let [columns, rows] = [columns, rows].map(u32::from);
-        [kind, columns, rows, azimuth_cdeg.into(), elevation_cdeg.into(), 0, 0]
-    };
-    match pattern {
-        ScanPattern::Grid(g) => grid(0, g),
-        ScanPattern::Raster(g) => grid(1, g),
-        ScanPattern::Spinning(Spinning { model, columns }) => {
-            [2, *model as u32, (*columns).into(), 0, 0, 0, 0]
-        }
-        ScanPattern::Rosette(Rosette { beams, rate_hz, rotors_rpm, bends_cdeg }) => {
-            let [first, second] = rotors_rpm.map(i32::cast_unsigned);
-            let [a, b] = bends_cdeg.map(u32::from);
-            [3, *beams, *rate_hz, first, second, a, b]
-        }
-        ScanPattern::Table(BeamTable { beams, channels, hash }) => {
-            [4, *beams, (*channels).into(), *hash, 0, 0, 0]
-        }
-    }
-}
-
-fn read_pattern([kind, a, b, c, d, e, f]: [u32; PATTERN_WORDS]) -> Option<ScanPattern> {
-    let short = |word: u32| u16::try_from(word).ok();
-    let grid = || {
-        let (azimuth_cdeg, elevation_cdeg) = (short(c)?, short(d)?);
-        Some(Grid { columns: short(a)?, rows: short(b)?, azimuth_cdeg, elevation_cdeg })
-    };
-    Some(match kind {
-        0 => ScanPattern::Grid(grid()?),
-        1 => ScanPattern::Raster(grid()?),
-        2 => {
-            let model = *SpinningModel::ALL.get(a as usize)?;
-            ScanPattern::Spinning(Spinning { model, columns: short(b)? })
-        }
-        3 => ScanPattern::Rosette(Rosette {
-            beams: a,
-            rate_hz: b,
-            rotors_rpm: [c, d].map(u32::cast_signed),
-            bends_cdeg: [short(e)?, short(f)?],
-        }),
-        4 => ScanPattern::Table(BeamTable { beams: a, channels: short(b)?, hash: c }),
-        _ => return None,
-    })
-}
-
-/// The straps read back; `None` when they make no sensor.
+/// Reads the straps; `None` when they describe no possible sensor.
 pub fn read_straps(words: [u32; STRAP_WORDS]) -> Option<(Hardware, ScanPattern)> {
     let [
         adc_bits,
@@ -143,27 +93,27 @@ pub fn read_straps(words: [u32; STRAP_WORDS]) -> Option<(Hardware, ScanPattern)>
         unit_echo_milli,
         shot_noise_ppm,
     };
-    let pattern = read_pattern(view)?;
+    let pattern = ScanPattern::from_words(view)?;
     let works =
         (8..=14).contains(&adc_bits) && range_min_mm < range_max_mm && range_max_mm < 1_000_000;
     works.then_some((hardware, pattern))
 }
 
-/// The registers of an emulated SPI device.
+/// Registers of an emulated SPI device.
 pub trait Registers {
-    /// What a register holds; 0 where there is none.
+    /// Value of a register; 0 where there is none.
     fn get(&self, register: u8) -> u32;
-    /// Sets a register; nothing where there is none. Register 0, the device's identity, is never
-    /// set.
+    /// Sets a register; does nothing where there is none. Register 0, the device's identity, is
+    /// never set.
     fn set(&mut self, register: u8, value: u32);
 }
 
-/// Does what a transaction of [`crate::afe`] asks of a device: one byte of address (bit 7: write),
-/// four of value.
+/// Performs a transaction of [`crate::afe`] on a device: one byte of address (bit 7: write), four
+/// of value.
 ///
 /// # Errors
 ///
-/// What the driver never says.
+/// [`ErrorKind::Other`] for a transaction that the driver never makes.
 pub fn serve(
     device: &mut impl Registers,
     operations: &mut [Operation<'_, u8>],
@@ -192,6 +142,8 @@ pub fn serve(
 
 #[cfg(test)]
 mod tests {
+    use echoloop_dsp::{BeamTable, Grid, Rosette, Spinning, SpinningModel};
+
     use super::*;
 
     #[test]

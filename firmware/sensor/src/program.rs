@@ -1,4 +1,4 @@
-//! What the sensor does: takes commands, drives the front end, runs the DSP, answers.
+//! Actions of the commands: the sensor drives the front end, runs the DSP, and answers.
 
 use echoloop_dsp::{Echoes, MAX_CODES, Pipeline, Settings};
 use echoloop_link::{
@@ -29,7 +29,7 @@ impl<B: Board> App<B> {
         Ok(())
     }
 
-    /// The beams of a scan, on the line now, have been worked on since then.
+    /// Times the beams of a scan: they have just been sent, and work on them began at `began_us`.
     fn time(&mut self, report: &Report, began_us: Option<u32>) {
         if let (Report::Beams { .. }, Some((scan, whole))) = (report, self.session.open_scan())
             && let (Some(began_us), Some(now_us)) = (began_us, self.board.now_us())
@@ -38,9 +38,9 @@ impl<B: Board> App<B> {
         }
     }
 
-    /// The number of the newest command, when this one was overtaken by it or is of an earlier
-    /// session: its host has given it up, so it must not act now, nor make what follows look old. A
-    /// hello begins anew, unless it is one of those just overtaken.
+    /// Number of the newest command, if this command was overtaken by it or is from an earlier
+    /// session. Its host has given it up, so it must neither act now nor make the commands that
+    /// follow look old. A hello begins a new session, unless it is just behind the newest command.
     fn overtaken(&self, sequence: u16, command: &Command<'_>) -> Option<u16> {
         self.sequence.filter(|newest| match command {
             Command::Hello(Greeting::OURS) => {
@@ -51,7 +51,7 @@ impl<B: Board> App<B> {
         })
     }
 
-    /// It is counted; only a hello is answered, which may be a new host's.
+    /// Counts an overtaken command; only a hello is answered, because it may be a new host's.
     fn take_stale(
         &mut self,
         sequence: u16,
@@ -65,7 +65,7 @@ impl<B: Board> App<B> {
         }
     }
 
-    /// A broken frame is counted and never acted on; only an intact one of another schema can be
+    /// Counts a bad frame, which never acts. Only an intact frame of another schema can be
     /// answered.
     pub(crate) fn take_bad_frame(&mut self, error: FrameError) -> Result<(), LinkLost> {
         #[cfg(feature = "defmt")]
@@ -76,7 +76,8 @@ impl<B: Board> App<B> {
             FrameError::Cobs => &mut counters.cobs_failures,
             FrameError::TooLong => &mut counters.overflows,
             FrameError::Body { .. } => &mut counters.unintelligible,
-            // Its own, given back. An answer to it would come back, too, and so on.
+            // The sensor's own frame, returned by the line. An answer would be returned too,
+            // without end.
             FrameError::Echo { .. } => &mut counters.echoes,
         };
         *counter = counter.wrapping_add(1);
@@ -88,7 +89,7 @@ impl<B: Board> App<B> {
         }
     }
 
-    /// Does what a command asks for.
+    /// Carries out a command.
     #[inline(never)]
     fn answer(&mut self, command: Command<'_>) -> Report {
         match self.session.handle(command) {
@@ -132,8 +133,9 @@ impl<B: Board> App<B> {
         Report::Times(self.stopwatch.times(self.board.now_us().is_some()))
     }
 
-    /// Fires the beams and reports their echoes under the name of the settings that made them.
-    // Its own frame, with the one list of echoes there is beside the report that it goes into.
+    /// Fires the beams and reports their echoes, named by the settings that they were measured
+    /// with.
+    // Not inlined: its stack frame holds the only list of echoes beside the report that takes it.
     #[inline(never)]
     fn measure(&mut self, scan: (u32, Option<Noise>), first: u32, count: u16) -> Report {
         let mut beams: Vec<Echoes, BEAMS_PER_REPORT> = Vec::new();
@@ -150,7 +152,7 @@ impl<B: Board> App<B> {
         count: u16,
         beams: &mut Vec<Echoes, BEAMS_PER_REPORT>,
     ) -> Result<(), AfeError> {
-        self.intake = None; // its memory is needed
+        self.intake = None; // its memory, the codes, is needed
         self.configure()?;
         self.set_front_end()?;
         self.begin_scan(scan)?;
@@ -161,7 +163,7 @@ impl<B: Board> App<B> {
             self.board.feed_watchdog();
             for shot in 0..shots {
                 self.take_samples()?;
-                // The converter has the next shot while this one is worked on.
+                // The converter takes the next shot while the program works on this one.
                 if let Some((beam, shot)) = shot_after(beam, shot, shots, end) {
                     self.fire(beam, shot)?;
                 }
@@ -173,7 +175,7 @@ impl<B: Board> App<B> {
         Ok(())
     }
 
-    /// Tells the front end of a scan that it does not know of.
+    /// Tells the front end of a scan, unless it has been told.
     fn begin_scan(&mut self, scan: (u32, Option<Noise>)) -> Result<(), AfeError> {
         if self.frame == Some(scan) {
             return Ok(());
@@ -185,7 +187,7 @@ impl<B: Board> App<B> {
         Ok(())
     }
 
-    /// Echoes under the name of the settings that made them.
+    /// Report of echoes, named by the settings that they were measured with.
     pub(crate) fn measured(
         &mut self,
         frame: u32,
@@ -197,7 +199,7 @@ impl<B: Board> App<B> {
         Report::Beams { frame, first, generation, hash, beams }
     }
 
-    /// Begins a shot.
+    /// Fires a shot.
     fn fire(&mut self, beam: u32, shot: u32) -> Result<(), AfeError> {
         let Some(Configured { settings, .. }) = &self.configured else {
             return Err(AfeError::Bus);
@@ -207,14 +209,14 @@ impl<B: Board> App<B> {
         Ok(())
     }
 
-    /// Waits for the codes of the shot that is under way.
+    /// Waits for the codes of the last shot.
     fn take_samples(&mut self) -> Result<(), AfeError> {
         let codes = self.configured.as_ref().map_or(0, |c| c.pipeline.config().codes());
         let codes = self.codes.get_mut(..codes).ok_or(AfeError::Bus)?;
         if self.board.samples(codes) { Ok(()) } else { Err(AfeError::Bus) }
     }
 
-    /// A shot's codes are all there: where several make a waveform, they are added up.
+    /// Adds the codes of a whole shot up, where several make a waveform.
     pub(crate) fn end_shot(&mut self, shot: u32) {
         let Some(Configured { pipeline, .. }) = &self.configured else { return };
         let config = pipeline.config();
@@ -224,7 +226,7 @@ impl<B: Board> App<B> {
         }
     }
 
-    /// The echoes of the beam whose shots are all there; `None` without settings.
+    /// Detects the echoes of a beam whose shots are all there; `None` without settings.
     pub(crate) fn detect(&mut self) -> Option<Echoes> {
         let Configured { pipeline, .. } = self.configured.as_ref()?;
         let config = pipeline.config();
@@ -235,7 +237,7 @@ impl<B: Board> App<B> {
         Some(self.board.detect(pipeline, codes, &mut self.scratch))
     }
 
-    /// Brings the DSP to the active settings; the front end has still those before.
+    /// Configures the DSP for the active settings; the front end still has the ones before.
     pub(crate) fn configure(&mut self) -> Result<(), AfeError> {
         let settings = *self.session.settings();
         if self.configured.as_ref().is_some_and(|c| c.settings == settings) {
@@ -251,7 +253,7 @@ impl<B: Board> App<B> {
         Ok(())
     }
 
-    /// Brings the front end to the settings that the DSP has.
+    /// Sets the front end to the settings of the DSP.
     fn set_front_end(&mut self) -> Result<(), AfeError> {
         let Some(configured) = self.configured.as_mut().filter(|c| !c.front_end_set) else {
             return Ok(());
@@ -261,7 +263,8 @@ impl<B: Board> App<B> {
         Ok(())
     }
 
-    /// Start anew next time: what the front end holds is not known.
+    /// Reports a failure of the front end. Its registers are unknown now, so it is set anew next
+    /// time.
     fn front_end_failed(&mut self) -> Report {
         self.configured = None;
         self.frame = None;
@@ -269,8 +272,9 @@ impl<B: Board> App<B> {
     }
 
     fn send(&mut self, sequence: u16, report: &Report) -> Result<(), LinkLost> {
-        // Every report fits: beams are bounded by BEAMS_PER_REPORT, which a test fills.
-        // Whoever said another hello may be older than the mark, and must read why it is refused.
+        // Every report fits: a test encodes the longest, of BEAMS_PER_REPORT beams. A host whose
+        // hello did not match may be older than the mark of the way, and must be able to read the
+        // refusal.
         let way = match report {
             Report::Hello { .. } if !self.session.is_open() => Way::ToSensor,
             _ => Report::WAY,
@@ -283,7 +287,7 @@ impl<B: Board> App<B> {
     }
 }
 
-/// The beam and the shot that come after these, of so many shots a beam, up to beam `end`.
+/// Beam and shot that follow these, with `shots` shots a beam, up to beam `end`.
 fn shot_after(beam: u32, shot: u32, shots: u32, end: u32) -> Option<(u32, u32)> {
     let (next_shot, next_beam) = (shot.saturating_add(1), beam.saturating_add(1));
     match next_shot < shots {
@@ -292,7 +296,7 @@ fn shot_after(beam: u32, shot: u32, shots: u32, end: u32) -> Option<(u32, u32)> 
     }
 }
 
-/// [`Write::write_all`], but for its panic when the link takes nothing.
+/// [`Write::write_all`] without its panic when the link takes no byte.
 fn write_all(link: &mut impl Write, mut bytes: &[u8]) -> Result<(), LinkLost> {
     while !bytes.is_empty() {
         let taken = link.write(bytes).map_err(|_| LinkLost)?;

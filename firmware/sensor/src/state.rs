@@ -1,18 +1,18 @@
-//! What the sensor knows between two frames of its link.
+//! State of the sensor between two frames of its link.
 
 use echoloop_dsp::{Pipeline, Settings};
 use echoloop_link::Place;
 
-/// What one set of settings turned into, and whose it is.
+/// Settings, and the pipeline configured for them.
 pub(crate) struct Configured {
     pub(crate) settings: Settings,
     pub(crate) pipeline: Pipeline,
-    /// The front end has taken the settings.
+    /// True when the front end has the settings.
     pub(crate) front_end_set: bool,
 }
 
-/// How far the row of a scan has come. The shot at hand lies in the sensor's codes, the shots
-/// before it in its sums.
+/// Progress of a scan whose codes come over the link. The current shot is in the sensor's codes,
+/// the shots before it in its sums.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Intake {
     pub(crate) frame: u32,

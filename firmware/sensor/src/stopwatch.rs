@@ -1,36 +1,37 @@
-//! Whether scans are done in time.
+//! Times of scans, and their deadline.
 
 use echoloop_link::Times;
 
-/// Adds up how long the sensor is busy for each scan.
+/// Adds up the time that the sensor is busy with each scan.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Stopwatch {
     times: Times,
     scan: Option<Scan>,
 }
 
-/// The scan that is being timed.
+/// Scan that is being timed.
 #[derive(Clone, Copy, Debug)]
 struct Scan {
-    /// The how manieth since the start.
+    /// Count of the scan since the start.
     number: u32,
     busy_us: u32,
-    /// It has been counted: beams that are asked for again are no scan of their own.
+    /// True when the scan has been counted: beams that are asked for again are no new scan.
     counted: bool,
 }
 
 impl Stopwatch {
-    /// Begins anew, with a deadline in µs; 0: without.
+    /// Restarts with a deadline in µs; 0: none.
     pub(crate) fn set_deadline(&mut self, deadline_us: u32) {
         *self = Self { times: Times { deadline_us, ..Times::default() }, scan: None };
     }
 
-    /// How long scans have taken. `clock`: whether the board has one.
+    /// Times that scans have taken. `clock` is true when the board has one.
     pub(crate) fn times(&self, clock: bool) -> Times {
         Times { clock, ..self.times }
     }
 
-    /// The sensor was busy so long for a scan, which is `whole` with that.
+    /// Adds time that the sensor was busy with a scan; `whole` is true when all its beams are
+    /// measured.
     pub(crate) fn add(&mut self, number: u32, busy_us: u32, whole: bool) {
         let begun = Scan { number, busy_us: 0, counted: false };
         let mut scan = self.scan.filter(|scan| scan.number == number).unwrap_or(begun);

@@ -1,9 +1,9 @@
-//! Settings that outlive the power: two slots in flash, one of which is whole at every moment.
+//! Store of the saved settings: two slots in flash, one of which is whole at any moment.
 //!
-//! Each slot is as many erase blocks as a record takes; the first begins where the flash does, the
-//! second follows. Numbers are little endian.
+//! A slot takes as many erase blocks as a record needs; the first slot is at the beginning of the
+//! flash, the second follows. Numbers are little endian.
 //!
-//! | offset | bytes | what |
+//! | offset | bytes | content |
 //! |---|---|---|
 //! | 0 | 4 | magic "EsET" |
 //! | 4 | 8 | hash of the layout of [`Settings`], [`SETTINGS_SCHEMA`] |
@@ -15,10 +15,10 @@
 //!
 //! The *newest* slot is the one with the greater revision (modulo 2³²) of those whose magic, hash
 //! and checksum hold and whose settings pass [`Settings::check`] on this hardware. [`save`] writes
-//! the other: erase, everything but the words of the magic, those words, and then reads all of it
-//! back. Where the power goes before the last word, there is no magic; so a start finds the old
-//! settings or the new. A slot that cannot be read, as torn words with error correction cannot,
-//! counts as empty.
+//! the other slot: it erases it, writes all but the words of the magic, then those words, and reads
+//! all of it back. If power fails before the last word, there is no magic, so a start finds the old
+//! settings or the new. A slot that cannot be read counts as empty, such as one with a torn word
+//! under error correction.
 
 use core::fmt;
 use core::marker::PhantomData;
@@ -30,35 +30,35 @@ use embedded_storage::nor_flash::NorFlash;
 /// First bytes of a record.
 pub const MAGIC: [u8; 4] = *b"EsET";
 
-/// Bytes of a record, with all that may follow it: what is written and read at once.
+/// Bytes of a record, padding included: they are written and read at once.
 pub const RECORD: usize = 128;
 
-/// Bytes before the settings.
+/// Number of bytes before the settings.
 const HEADER: usize = 20;
 
-/// What a slot holds.
+/// Content of a slot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Saved {
-    /// How many sets have been saved since there were none, modulo 2³².
+    /// Number of sets saved since there was none, modulo 2³².
     pub revision: u32,
-    /// They pass the check on the hardware they were read for.
+    /// Settings, which pass the check on the hardware that they were read for.
     pub settings: Settings,
 }
 
-/// Why settings were not saved. What was saved before still is.
+/// Reason why settings were not saved. Those saved before are still there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum StoreError {
-    /// There is no room for two slots. Both in bytes.
+    /// The flash has no room for two slots. Both in bytes.
     TooSmall {
-        /// What the flash has.
+        /// Size of the flash.
         capacity: usize,
-        /// What two slots take.
+        /// Size of two slots.
         needed: usize,
     },
-    /// The flash refused to be erased, written or read.
+    /// The flash failed to erase, write or read.
     Flash,
-    /// The flash does not hold what was written.
+    /// The flash does not hold the bytes that were written.
     Verify,
 }
 
@@ -76,18 +76,18 @@ impl fmt::Display for StoreError {
 
 impl core::error::Error for StoreError {}
 
-/// What the next start begins with, if anything.
+/// Reads the saved settings, if there are any.
 pub fn load<S: NorFlash>(flash: &mut S, hardware: &Hardware) -> Option<Saved> {
     newest(flash, hardware).map(|(_, saved)| saved)
 }
 
-/// Makes these settings what the next start begins with; their revision. What is saved already is
-/// not written again: flash wears.
+/// Saves settings for the next start and returns their revision. Settings that are saved already
+/// are not written again: flash wears.
 ///
 /// # Errors
 ///
-/// [`StoreError`]; the next start then begins with what it would have begun with before, or, when
-/// all but the check of the flash succeeded, with these.
+/// [`StoreError`]. The next start then has the settings saved before, or these if only the check of
+/// the flash failed.
 pub fn save<S: NorFlash>(
     flash: &mut S,
     hardware: &Hardware,
@@ -107,8 +107,8 @@ pub fn save<S: NorFlash>(
     Ok(revision)
 }
 
-/// Makes the next start begin with nothing. The older slot goes first, so that the power going
-/// between leaves the newest, not the one before it.
+/// Erases the saved settings. The older slot is erased first, so that a power failure in between
+/// leaves the newest settings, not the ones before.
 ///
 /// # Errors
 ///
@@ -123,7 +123,7 @@ pub fn forget<S: NorFlash>(flash: &mut S, hardware: &Hardware) -> Result<(), Sto
     Ok(())
 }
 
-/// The newest slot and what it holds.
+/// Newest slot and its content.
 fn newest<S: NorFlash>(flash: &mut S, hardware: &Hardware) -> Option<(Slot, Saved)> {
     let mut read = |slot: Slot| Some((slot, parse(&slot.read(flash)?, hardware)?));
     match (read(Slot::First), read(Slot::Second)) {
@@ -135,7 +135,7 @@ fn newest<S: NorFlash>(flash: &mut S, hardware: &Hardware) -> Option<(Slot, Save
     }
 }
 
-/// The bytes of a record; ones follow it.
+/// Bytes of a record, followed by ones.
 fn record(revision: u32, settings: &Settings) -> Option<[u8; RECORD]> {
     let mut bytes = [0xFF; RECORD];
     let (header, room) = bytes.split_first_chunk_mut::<HEADER>()?;
@@ -150,7 +150,7 @@ fn record(revision: u32, settings: &Settings) -> Option<[u8; RECORD]> {
     Some(bytes)
 }
 
-/// What a record says, if all of it holds.
+/// Content of a record, if magic, hash, checksum and settings are valid.
 fn parse(bytes: &[u8; RECORD], hardware: &Hardware) -> Option<Saved> {
     let (magic, rest) = bytes.split_first_chunk::<4>()?;
     let (schema, rest) = rest.split_first_chunk::<8>()?;
@@ -170,22 +170,22 @@ fn parse(bytes: &[u8; RECORD], hardware: &Hardware) -> Option<Saved> {
     }
 }
 
-/// One of the two places.
+/// One of the two slots.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Slot {
     First,
     Second,
 }
 
-/// Sizes that follow from those of the flash.
+/// Sizes of slots, derived from the flash.
 struct Geometry<S>(PhantomData<S>);
 
 impl<S: NorFlash> Geometry<S> {
-    /// Bytes of a slot: whole erase blocks.
+    /// Size of a slot: whole erase blocks.
     const SLOT: usize = RECORD.next_multiple_of(S::ERASE_SIZE);
-    /// Bytes of the words that hold the magic.
+    /// Size of the words that hold the magic.
     const HEAD: usize = MAGIC.len().next_multiple_of(S::WRITE_SIZE);
-    /// Both offsets and both ends, for flashes whose words a record is whole ones of.
+    /// Offsets of both slots, and the end. A record must be whole words of the flash.
     const OFFSETS: [u32; 3] = {
         assert!(RECORD.is_multiple_of(S::WRITE_SIZE) && RECORD.is_multiple_of(S::READ_SIZE));
         assert!(Self::SLOT <= 1 << 30);
@@ -201,7 +201,7 @@ impl Slot {
         }
     }
 
-    /// Where it begins and ends.
+    /// Offsets at which the slot begins and ends.
     fn place<S: NorFlash>(self) -> (u32, u32) {
         let [first, second, end] = Geometry::<S>::OFFSETS;
         match self {
@@ -226,7 +226,7 @@ impl Slot {
         self.verify(flash, &[0xFF; RECORD])
     }
 
-    /// The words of the magic last: a record without them is none.
+    /// Writes a record, the words of the magic last: without them it is no record.
     fn write<S: NorFlash>(self, flash: &mut S, bytes: &[u8; RECORD]) -> Result<(), StoreError> {
         self.erase(flash)?;
         let (from, _) = self.place::<S>();

@@ -1,5 +1,5 @@
-//! Waveforms that come over the link, in the place of a converter's: a scan is one row of codes,
-//! which comes in parts.
+//! Waveforms that come over the link instead of from a converter: the codes of a scan come in
+//! parts.
 
 use echoloop_dsp::{Echoes, PARAMETERS, ParameterId};
 use echoloop_link::packed::{self, Codes};
@@ -10,19 +10,19 @@ use crate::app::App;
 use crate::board::Board;
 use crate::state::Intake;
 
-/// Fewest samples of a shot.
+/// Lowest number of samples of a shot.
 #[expect(clippy::indexing_slicing, reason = "when it is compiled")]
 const FEWEST: usize = PARAMETERS[ParameterId::WaveformResolution as usize].min as usize;
 
-// A code has 8 bits or more: the beams that end in a frame fit a report.
+// A code has at least 8 bits: the beams that end in a frame fit a report.
 const _: () = assert!(MAX_PAYLOAD / FEWEST < BEAMS_PER_REPORT);
 
 impl<B: Board> App<B> {
-    /// Takes a part of a scan; the echoes of the beams that end in it.
+    /// Takes a part of a scan and reports the echoes of the beams that end in it.
     ///
-    /// A part that does not follow the last one changes nothing, so that one that comes twice does
-    /// no harm. A beam may be begun anew: its echoes are the same again.
-    // Its own frame, as has `measure`.
+    /// A part that does not continue the last one changes nothing, so a part that comes twice does
+    /// no harm. A beam may be restarted: its echoes are the same again.
+    // Not inlined, like `measure`.
     #[inline(never)]
     pub(crate) fn take_codes(&mut self, frame: u32, from: Place, packed: &[u8]) -> Report {
         if let Err(reason) = self.go_on(frame, from, packed) {
@@ -39,7 +39,7 @@ impl<B: Board> App<B> {
         self.measured(frame, from.beam, beams)
     }
 
-    /// Sees that a part follows, or begins a beam anew.
+    /// Checks that a part continues the last one or restarts a beam.
     fn go_on(&mut self, frame: u32, from: Place, packed: &[u8]) -> Result<(), Nack> {
         self.configure().map_err(|_| Nack::FrontEnd)?;
         let here = Intake { frame, next: from };
@@ -51,7 +51,7 @@ impl<B: Board> App<B> {
         Ok(())
     }
 
-    /// Fills up the shot at hand; its number. `None`: there are not codes enough.
+    /// Fills the current shot and returns its number; `None` when there are not enough codes.
     fn take_shot(&mut self, codes: &mut Codes<'_>) -> Option<u32> {
         let (samples, next) = (self.samples()?, &mut self.intake.as_mut()?.next);
         let missing = self.codes.get_mut(usize::from(next.sample)..samples)?;
@@ -60,7 +60,7 @@ impl<B: Board> App<B> {
         (filled == missing.len()).then_some(next.shot.into())
     }
 
-    /// Ends a shot, and with its last one a beam: its echoes.
+    /// Ends a shot; returns the echoes of the beam when it was the last one.
     fn end_beam_with(&mut self, shot: u32) -> Option<Echoes> {
         self.end_shot(shot);
         let last = shot.saturating_add(1) >= self.shots()?;
@@ -72,23 +72,23 @@ impl<B: Board> App<B> {
         if last { self.detect() } else { None }
     }
 
-    /// Codes of a shot.
+    /// Number of codes of a shot.
     fn samples(&self) -> Option<usize> {
         self.configured.as_ref().map(|c| c.pipeline.config().codes())
     }
 
-    /// Shots of a beam.
+    /// Number of shots of a beam.
     fn shots(&self) -> Option<u32> {
         self.configured.as_ref().map(|c| c.pipeline.config().shots())
     }
 
-    /// Where the row goes on; of another scan, where its beam begins.
+    /// Place at which the codes continue; in another scan, the beginning of its beam.
     fn awaited(&self, frame: u32, from: Place) -> Place {
         let here = self.intake.filter(|intake| intake.frame == frame);
         here.map_or(Place::of_beam(from.beam), |intake| intake.next)
     }
 
-    /// A part must end within the scan.
+    /// Checks that a part ends within the scan.
     fn hold_to_the_scan(&self, from: Place, packed: &[u8]) -> Result<(), Nack> {
         let (Some(samples), Some(shots)) = (self.samples(), self.shots()) else {
             return Err(Nack::FrontEnd);

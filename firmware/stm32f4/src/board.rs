@@ -1,6 +1,6 @@
-//! The board: what the part has, and the [`Board`] over it.
+//! Board of the STM32F405, and its start.
 //!
-//! | what | where |
+//! | function | part of the STM32F405 |
 //! |---|---|
 //! | link | USART1: PA9 sends, PA10 receives, 921,600 baud |
 //! | log | RTT, and USART2: PA2 sends, 921,600 baud |
@@ -26,14 +26,14 @@ use crate::store::Store;
 use crate::watchdog::Watchdog;
 use crate::{clock, link};
 
-/// Cycles between wake-ups, at which the watchdog is fed: 50 ms at 168 MHz.
+/// Cycles between wake-ups, after which the watchdog is fed: 50 ms at 168 MHz.
 const TICK: u32 = 8_400_000;
 
-/// An STM32F405 with two serial lines.
+/// STM32F405 with two serial lines.
 pub type Stm32f405 = Bare<Sender<USART1>, Store, Watchdog, Microseconds>;
 
-/// The board this runs on, its clocks, ports and watchdog started; `None` on later calls, and where
-/// a port or the emulator's file cannot be had.
+/// Takes the board that the program runs on and starts its clocks, ports and watchdog; `None` on
+/// later calls, and without a port or the emulator's file.
 pub fn take() -> Option<Stm32f405> {
     let restarts = echoloop_restarts::count()?;
     let mut core = cortex_m::Peripherals::take()?;
@@ -57,7 +57,7 @@ pub fn take() -> Option<Stm32f405> {
     } else {
         let watchdog = IndependentWatchdog::new(part.IWDG);
         watchdog.stop_on_debug(&part.DBGMCU, true);
-        // A probe reads RTT while the processor sleeps, too.
+        // Lets a probe read RTT while the processor sleeps, too.
         part.DBGMCU.cr().modify(|_, w| w.dbg_sleep().set_bit());
         (Store::Flash(Flash::new(Registers(part.FLASH))), Watchdog::start(watchdog))
     };

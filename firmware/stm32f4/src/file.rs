@@ -1,7 +1,7 @@
-//! In the emulator: the settings' sectors in a file beside its log, by semihosting.
+//! Settings' sectors in the emulator: a file beside its log, by semihosting.
 //!
-//! The file is there before the emulator starts, of ones where nothing was saved. A word is written
-//! as flash would: it can only lose bits.
+//! The file exists before the emulator starts, filled with ones where nothing was saved. Words are
+//! written as in flash: a write can only turn ones to zeros.
 
 use cortex_m_semihosting::{nr, syscall};
 use embedded_storage::nor_flash::{
@@ -10,21 +10,21 @@ use embedded_storage::nor_flash::{
 
 use crate::flash::{SECTOR, SECTORS};
 
-/// Its name, in the folder that the emulator runs in.
+/// Name of the file, in the folder that the emulator runs in.
 const NAME: &[u8] = b"flash.bin\0";
-/// Read and write what is there, byte by byte: "r+b".
+/// Mode "r+b": reads and writes an existing file as bytes.
 const MODE: usize = 3;
-/// Bytes of a word.
+/// Size of a word in bytes.
 const WORD: usize = 4;
-/// Ones, written at a time.
+/// Ones of an erase, written at a time.
 const ERASED: [u8; 1024] = [0xFF; 1024];
 
-/// The file, open.
+/// Open file.
 pub struct File(usize);
 
 impl File {
-    /// Opens it; `None` where there is none. Only to be called where somebody answers semihosting:
-    /// elsewhere it is a fault.
+    /// Opens the file; `None` where there is none. Must be called only under semihosting: elsewhere
+    /// it faults.
     pub(crate) fn open() -> Option<Self> {
         let length = NAME.len().saturating_sub(1);
         // SAFETY: the call reads a name of that length, which ends in a zero.
@@ -39,18 +39,18 @@ impl File {
 
     fn read_at(&self, at: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
         self.seek(at)?;
-        // SAFETY: the call writes as many bytes to where there are as many.
+        // SAFETY: the call writes as many bytes as the slice has.
         done(unsafe { syscall(nr::READ, &[self.0, bytes.as_mut_ptr() as usize, bytes.len()]) })
     }
 
     fn write_at(&self, at: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
         self.seek(at)?;
-        // SAFETY: the call reads as many bytes from where there are as many.
+        // SAFETY: the call reads as many bytes as the slice has.
         done(unsafe { syscall(nr::WRITE, &[self.0, bytes.as_ptr() as usize, bytes.len()]) })
     }
 }
 
-/// What a call answers that did all.
+/// Result of a call, which answers 0 when it has done all.
 fn done(answer: usize) -> Result<(), NorFlashErrorKind> {
     if answer == 0 { Ok(()) } else { Err(NorFlashErrorKind::Other) }
 }

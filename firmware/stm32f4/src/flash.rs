@@ -1,38 +1,38 @@
-//! Two sectors of the flash as the settings' store (RM0090, chapter 3).
+//! Flash driver: two sectors as the settings' store (RM0090, chapter 3).
 //!
-//! Sectors 1 and 2, of 16 KB each: a slot of [`echoloop_sensor::store`] each, and nobody else's
-//! (`link/stm32f405.x`). An erase takes 250 ms, at most 500 ms; of a sector of 128 KB it would take
-//! a second or two. A sector stands 10,000 erases (DS8626), so 20,000 saves of settings that
-//! differ; saving what is saved already erases nothing.
+//! Sectors 1 and 2, of 16 KB each, hold a slot of [`echoloop_sensor::store`] each and nothing else
+//! (`link/stm32f405.x`). An erase takes 250 ms, at most 500 ms; in a sector of 128 KB it would take
+//! one or two seconds. A sector withstands 10,000 erases (DS8626), so 20,000 saves of settings that
+//! differ; saving the same settings again erases nothing.
 //!
 //! While the flash is erased or written the processor waits for its next instruction, interrupts
-//! included: what comes on the link then is lost. The host waits for the answer to its save, or
+//! included, so bytes that come on the link are lost. The host waits for the answer to its save, or
 //! asks again.
 //!
-//! This is not the HAL's driver: that one panics where the flash stays locked, never clears an
-//! error, so that one spoils all that follows, and leaves old bytes in the data cache. Words of 32
-//! bits want 2.7 V or more at the part.
+//! The HAL's driver is not used: it panics when the flash stays locked, never clears an error, so
+//! that one error makes all later operations fail, and leaves old bytes in the data cache. Words of
+//! 32 bits need at least 2.7 V at the part.
 
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash, check_erase, check_read,
     check_write,
 };
 
-/// Bytes of each of the sectors.
+/// Size of each sector in bytes.
 pub const SECTOR: u32 = 16 << 10;
-/// Number of the first one.
+/// Number of the first sector.
 pub const FIRST_SECTOR: u32 = 1;
-/// How many there are.
+/// Number of sectors.
 pub const SECTORS: u32 = 2;
-/// Where the first one begins, from the flash's beginning.
+/// Offset of the first sector from the beginning of the flash.
 pub const OFFSET: u32 = FIRST_SECTOR * SECTOR;
-/// Erases that a sector stands.
+/// Number of erases that a sector withstands.
 pub const ENDURANCE: u32 = 10_000;
 
-/// Bytes of a word.
+/// Size of a word in bytes.
 const WORD: usize = 4;
 
-/// A register of the flash interface.
+/// Register of the flash interface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Register {
     /// Access control: wait states, caches.
@@ -45,35 +45,35 @@ pub enum Register {
     Cr,
 }
 
-/// The interface, and the array behind it.
+/// Flash interface, and the array behind it.
 pub trait Interface {
-    /// What a register holds.
+    /// Reads a register.
     fn get(&self, register: Register) -> u32;
     /// Sets a register.
     fn set(&mut self, register: Register, value: u32);
-    /// A word of the array, by its distance in bytes from the array's beginning: a multiple of 4.
+    /// Reads a word of the array at an offset in bytes, a multiple of 4.
     fn word(&self, offset: u32) -> u32;
-    /// Writes one.
+    /// Writes a word of the array.
     fn set_word(&mut self, offset: u32, word: u32);
 }
 
 /// Bits of [`Register::Acr`].
 pub mod acr {
-    /// The data cache is on.
+    /// Switches the data cache on.
     pub const DCEN: u32 = 1 << 10;
-    /// Empties it while it is off.
+    /// Empties the data cache while it is off.
     pub const DCRST: u32 = 1 << 12;
 }
 
-/// What [`Register::Keyr`] takes, one after the other.
+/// Keys that unlock the flash, written to [`Register::Keyr`] one after the other.
 pub const KEYS: [u32; 2] = [0x4567_0123, 0xCDEF_89AB];
 
 /// Bits of [`Register::Sr`].
 pub mod sr {
-    /// The end of an operation, and what may have gone wrong: operation, protection, alignment,
-    /// parallelism, sequence. A one written takes each back.
+    /// End of an operation, and errors: operation, protection, alignment, parallelism, sequence.
+    /// Writing a one clears a flag.
     pub const FLAGS: u32 = 0b1111_0011;
-    /// Those that are errors.
+    /// Flags that are errors.
     pub const ERRORS: u32 = 0b1111_0010;
     /// An operation is under way.
     pub const BSY: u32 = 1 << 16;
@@ -81,28 +81,28 @@ pub mod sr {
 
 /// Bits of [`Register::Cr`].
 pub mod cr {
-    /// Words may be written.
+    /// Allows writing of words.
     pub const PG: u32 = 1 << 0;
-    /// A sector is to be erased.
+    /// Selects the erase of a sector.
     pub const SER: u32 = 1 << 1;
-    /// The sector's number goes here.
+    /// Position of the sector's number.
     pub const SNB: u32 = 3;
-    /// 32 bits at a time.
+    /// Writes 32 bits at a time.
     pub const PSIZE_32: u32 = 0b10 << 8;
-    /// Begins to erase.
+    /// Starts the erase.
     pub const STRT: u32 = 1 << 16;
-    /// Nothing above can be changed until the keys were written.
+    /// Locks the register until the keys are written.
     pub const LOCK: u32 = 1 << 31;
 }
 
-/// Why the flash did not do what it was told.
+/// Error of the flash.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FlashError {
-    /// Not these places, or not so many bytes.
+    /// Address out of range, or length not a multiple of the word.
     Place(NorFlashErrorKind),
-    /// The keys did not open it.
+    /// The keys did not unlock the flash.
     Locked,
-    /// The status register's errors.
+    /// Error flags of the status register.
     Status(u32),
 }
 
@@ -115,21 +115,21 @@ impl NorFlashError for FlashError {
     }
 }
 
-/// The settings' sectors.
+/// Flash of the settings: both sectors.
 pub struct Flash<I>(I);
 
 impl<I: Interface> Flash<I> {
-    /// Over an interface of nobody else's.
+    /// Flash over an interface that nothing else uses.
     pub fn new(interface: I) -> Self {
         Self(interface)
     }
 
-    /// The interface.
+    /// Interface of the flash.
     pub fn interface_mut(&mut self) -> &mut I {
         &mut self.0
     }
 
-    /// Opens the flash, does something, closes it, and forgets what the data cache held.
+    /// Unlocks the flash, runs an operation, locks it again, and empties the data cache.
     fn open<T>(
         &mut self,
         run: impl FnOnce(&mut Self) -> Result<T, FlashError>,
@@ -141,7 +141,7 @@ impl<I: Interface> Flash<I> {
         if self.is_locked() {
             return Err(FlashError::Locked);
         }
-        self.0.set(Register::Sr, sr::FLAGS); // of those before
+        self.0.set(Register::Sr, sr::FLAGS); // clears the flags of earlier operations
         let done = run(self);
         self.0.set(Register::Cr, cr::LOCK);
         self.empty_cache();
@@ -152,12 +152,13 @@ impl<I: Interface> Flash<I> {
         self.0.get(Register::Cr) & cr::LOCK != 0
     }
 
-    /// The part ends each operation by itself, and the watchdog runs.
+    /// Waits for the end of an operation. The part ends each by itself; if it does not, the
+    /// watchdog restarts the board.
     fn wait(&self) {
         while self.0.get(Register::Sr) & sr::BSY != 0 {}
     }
 
-    /// Waits, and says what the operation before came to.
+    /// Waits for the end of an operation and returns its errors.
     fn done(&self) -> Result<(), FlashError> {
         self.wait();
         match self.0.get(Register::Sr) & sr::ERRORS {
@@ -166,7 +167,8 @@ impl<I: Interface> Flash<I> {
         }
     }
 
-    /// The cache goes on with old bytes otherwise. It empties only while it is off.
+    /// Empties the data cache, which would otherwise return old bytes. This works only while it is
+    /// off.
     fn empty_cache(&mut self) {
         let acr = self.0.get(Register::Acr);
         self.0.set(Register::Acr, acr & !acr::DCEN);

@@ -1,4 +1,4 @@
-//! The sensor's program for an STM32F405: `cargo xtask firmware` builds it.
+//! Program of the sensor for an STM32F405; `cargo xtask firmware` builds it.
 #![cfg_attr(stm32f405, no_std, no_main)]
 
 #[cfg(stm32f405)]
@@ -17,8 +17,8 @@ fn start() -> ! {
     }
 }
 
-/// Nothing but the clocks' and the log's start reaches it, by constants of theirs alone: `cargo
-/// xtask firmware` looks for anything else that does.
+/// Only the start of clocks and log can reach it, depending on their constants alone; `cargo xtask
+/// firmware` fails on any other path to it.
 #[cfg(stm32f405)]
 #[panic_handler]
 fn panicked(_: &core::panic::PanicInfo<'_>) -> ! {

@@ -1,4 +1,4 @@
-//! The part's own flash interface and array.
+//! Flash interface and array of the part, for the flash driver.
 
 use core::ptr;
 
@@ -6,27 +6,27 @@ use stm32f4xx_hal::pac::FLASH;
 
 use crate::flash::{Interface, Register};
 
-/// Where the array lies.
+/// Address of the array.
 const ARRAY: usize = 0x0800_0000;
-/// Its bytes.
+/// Size of the array in bytes.
 const BYTES: u32 = 1 << 20;
 
-/// The flash interface: whoever has it has the array's settings, too.
+/// Flash interface. Its owner also owns the settings' sectors of the array.
 pub struct Registers(pub(crate) FLASH);
 
 impl Interface for Registers {
     fn get(&self, register: Register) -> u32 {
         match register {
             Register::Acr => self.0.acr().read().bits(),
-            Register::Keyr => 0, // is written only
+            Register::Keyr => 0, // write-only
             Register::Sr => self.0.sr().read().bits(),
             Register::Cr => self.0.cr().read().bits(),
         }
     }
 
     fn set(&mut self, register: Register, value: u32) {
-        // SAFETY: any bits may be written to these four: what they do is to the flash, of which the
-        // driver above changes the settings' sectors alone, and to its caches.
+        // SAFETY: any bits may be written to these four registers. They act on the flash, of which
+        // the driver changes the settings' sectors only, and on its caches.
         unsafe {
             match register {
                 Register::Acr => self.0.acr().write(|w| w.bits(value)),
@@ -44,14 +44,14 @@ impl Interface for Registers {
 
     fn set_word(&mut self, offset: u32, word: u32) {
         if let Some(place) = place(offset) {
-            // SAFETY: aligned and within the array; the linker puts no object into the settings'
-            // sectors, and elsewhere the driver does not write.
+            // SAFETY: aligned and within the array. The linker puts no object into the settings'
+            // sectors, and the driver writes nowhere else.
             unsafe { ptr::write_volatile(place, word) };
         }
     }
 }
 
-/// A word of the array.
+/// Address of a word of the array.
 fn place(offset: u32) -> Option<*mut u32> {
     let within = offset < BYTES && offset.is_multiple_of(4);
     within.then_some(ARRAY.wrapping_add(offset as usize) as *mut u32)

@@ -1,4 +1,4 @@
-//! The settings' store: the part's flash, or the emulator's file.
+//! Store of the settings: the part's flash, or the emulator's file.
 
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
@@ -8,11 +8,11 @@ use crate::file::File;
 use crate::flash::{Flash, SECTOR, SECTORS};
 use crate::registers::Registers;
 
-/// Two sectors that keep what they hold without power.
+/// Two sectors that keep their content without power.
 pub enum Store {
-    /// On the part.
+    /// Flash, on the part.
     Flash(Flash<Registers>),
-    /// In the emulator.
+    /// File, in the emulator.
     File(File),
 }
 

@@ -1,17 +1,17 @@
-//! What a run is: its configuration, its pairs of scans, the search and the judgement.
+//! The closed loop: configuration, pairs of scans, the search, the evaluation.
 //!
 //! 1. [`config::load`] makes a [`config::RunConfig`] from a file and single values.
 //! 2. [`dataset::Dataset::build_with_check`] traces every scan of every pair.
-//! 3. [`evaluation::objective::Bench`] puts pairs and sensors together. What it measures is f_opt of Eq. 4: two
-//!    scans through the sensor's link, a registration, an error.
-//! 4. [`parameters::Space`] is the cube that a search moves in; [`search::TuneSearch::run`] searches it,
-//!    writing each generation to a [`run_folder::journal::Journal`].
-//! 5. [`search::TuneSearch::judge`] says what parameters are worth on pairs that no search saw.
+//! 3. [`evaluation::objective::Bench`] puts pairs and sensors together and evaluates f_opt of Eq. 4:
+//!    two scans through the sensor's link, a registration, an error.
+//! 4. [`parameters::Space`] is the unit cube of the search. [`search::TuneSearch::run`] searches it
+//!    and writes each generation to a [`run_folder::journal::Journal`].
+//! 5. [`search::TuneSearch::judge`] evaluates parameters on pairs that no search saw.
 //!
-//! A new parameter of the sensor is a row of the firmware's table (`firmware/dsp/src/settings.rs`),
-//! one of a method a row of `host/registration/src/config/table.rs`; both then are axes of the
-//! cube. A new key of a configuration is a row of its section in
-//! [`config`], and [`config::key_reference::explained`] then says what it is.
+//! A new parameter of the sensor is a row of `firmware/dsp/src/settings/parameters.rs`, one of a
+//! method a row of `host/registration/src/config/table.rs`; both then are axes of the cube. A new
+//! key of a configuration is a row of its section in [`config`];
+//! [`config::key_reference::explained`] then explains it.
 //!
 //! ```
 //! use std::sync::atomic::AtomicBool;

@@ -499,7 +499,7 @@ fn refined_peaks_equal_their_models() {
                 waveform,
                 threshold: &threshold,
                 noise: &noise,
-                fine: None,
+                dithered: None,
                 near,
                 level: near.map(|_| usize::from(peak.index)),
             };

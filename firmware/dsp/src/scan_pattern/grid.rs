@@ -1,10 +1,11 @@
-//! Beams that are uniform in azimuth and elevation.
+//! Grid of beams, uniform in azimuth and elevation.
 
 use core::f32::consts::PI;
 
 use super::angle::unit;
+use super::{Fields, short};
 
-/// A grid of beams, uniform in azimuth and elevation, in the sensor's frame: x ahead, y left, z up.
+/// Grid of beams, uniform in azimuth and elevation, in the sensor's frame: x ahead, y left, z up.
 ///
 /// The beam of a column and a row points to azimuth `(column + ½) · Δaz − az/2` (towards y
 /// positive) and elevation `(row + ½) · Δel − el/2`. The paper's sensor sees ±90° in both
@@ -13,9 +14,9 @@ use super::angle::unit;
 #[cfg_attr(feature = "wire", derive(serde::Serialize, serde::Deserialize, postcard_schema::Schema))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Grid {
-    /// Beams along azimuth.
+    /// Number of beams along azimuth.
     pub columns: u16,
-    /// Beams along elevation.
+    /// Number of beams along elevation.
     pub rows: u16,
     /// Full azimuth range, 0.01°.
     pub azimuth_cdeg: u16,
@@ -57,6 +58,17 @@ impl Grid {
         let azimuth = angle_rad(column, self.columns, self.azimuth_cdeg);
         let elevation = angle_rad(row, self.rows, self.elevation_cdeg);
         unit(azimuth, elevation)
+    }
+
+    pub(super) fn to_words(self) -> Fields {
+        let Self { columns, rows, azimuth_cdeg, elevation_cdeg } = self;
+        let [a, b, c, d] = [columns, rows, azimuth_cdeg, elevation_cdeg].map(u32::from);
+        [a, b, c, d, 0, 0]
+    }
+
+    pub(super) fn from_words([a, b, c, d, ..]: Fields) -> Option<Self> {
+        let (azimuth_cdeg, elevation_cdeg) = (short(c)?, short(d)?);
+        Some(Self { columns: short(a)?, rows: short(b)?, azimuth_cdeg, elevation_cdeg })
     }
 }
 

@@ -1,15 +1,14 @@
-//! Where the lasers of spinning sensors point.
+//! Directions of the lasers of spinning sensors.
 //!
 //! `[elevation, azimuth]` of each laser in 0.0001°, in the maker's order; elevation up. Azimuth has
 //! the maker's own sign: see [`super::spinning`].
 //!
-//! Of the Velodyne sensors: ros-drivers/velodyne, commit 29abd0e1, `velodyne_pointcloud/params`
-//! (BSD 3-clause). Of the Ouster sensors: ouster-lidar/ouster-sdk, commit 46b7bcee,
-//! `tests/metadata` (BSD 3-clause), one unit of each. The HDL-64E is the calibration of one S3; its
-//! lasers' offsets of millimetres are left out, as are the Ouster's circles of 12 to 16 mm from
-//! which beams leave.
+//! Velodyne's tables are from ros-drivers/velodyne, commit 29abd0e1, `velodyne_pointcloud/params`
+//! (BSD 3-clause). Ouster's are from ouster-lidar/ouster-sdk, commit 46b7bcee, `tests/metadata`
+//! (BSD 3-clause), one unit of each. The HDL-64E is the calibration of one S3; its lasers' offsets
+//! of millimetres are left out, as are the Ouster's circles of 12 to 16 mm from which beams leave.
 
-/// A laser: elevation, azimuth beside the head's; 0.0001°.
+/// Laser: elevation, azimuth against the head's; 0.0001°.
 pub type Laser = [i32; 2];
 
 /// Velodyne VLP-16.

@@ -1,45 +1,47 @@
-//! A rosette that does not repeat.
+//! Rosette of two prisms, which does not repeat from scan to scan.
 
 use core::f32::consts::{PI, TAU};
 
-/// Two prisms that turn against each other, each of which bends the beam by its angle: what Livox
-/// publishes of its sensors (Liu, Wang, Zhang, "Low-Cost Retina-Like Robotic Lidars Based on
-/// Incommensurable Scanning", IEEE/ASME Trans. Mechatronics 27, 2022).
+use super::{Fields, short};
+
+/// Rosette: two prisms turn against each other, and each bends the beam by its angle. After Liu,
+/// Wang, Zhang (Livox), "Low-Cost Retina-Like Robotic Lidars Based on Incommensurable Scanning",
+/// IEEE/ASME Trans. Mechatronics 27, 2022.
 ///
 /// ```text
 /// k = scan · beams + beam + ½        φᵢ = 2π · rotorᵢ/60 · k/rate
 /// v = Σ bendᵢ · (cos φᵢ, sin φᵢ)     the beam leaves at |v| from x, towards v in y and z
 /// ```
 ///
-/// The curve goes on from scan to scan. To first order in the bends: the prisms' glass is not
-/// traced.
+/// The curve goes on from scan to scan. It is exact to first order in the bends: rays are not
+/// traced through the glass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "wire", derive(serde::Serialize, serde::Deserialize, postcard_schema::Schema))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Rosette {
-    /// Beams of a scan.
+    /// Number of beams of a scan.
     pub beams: u32,
-    /// Beams a second, along the curve.
+    /// Number of beams a second, along the curve.
     pub rate_hz: u32,
-    /// Turns of the prisms, rpm; counter-clockwise seen from behind is positive.
+    /// Speed of each prism, rpm; counter-clockwise seen from behind is positive.
     pub rotors_rpm: [i32; 2],
-    /// What each bends, 0.01°.
+    /// Angle that each prism bends the beam by, 0.01°.
     pub bends_cdeg: [u16; 2],
 }
 
 impl Rosette {
-    /// Livox Mid-40: 38.4° across, prisms at 7294 and −4664 rpm, 100,000 beams a second, here 0.1 s
-    /// of them. Its curve closes after 30 s: 300 scans.
+    /// Livox Mid-40: 38.4° across, prisms at 7294 and −4664 rpm, 100,000 beams a second, scans of
+    /// 0.1 s. Its curve closes after 30 s, 300 scans.
     pub const MID_40: Self =
         Self { beams: 10_000, rate_hz: 100_000, rotors_rpm: [7294, -4664], bends_cdeg: [960, 960] };
 
-    /// Turns of a prism at a beam, modulo 1, exact: numerator and denominator.
+    /// Turns of a prism up to a beam, modulo 1, exact: numerator and denominator.
     ///
     /// `rpm · (2 · (scan · beams + beam) + 1) / (120 · rate)`.
     pub fn turn(&self, rotor_rpm: i32, scan: u32, beam: u32) -> [i64; 2] {
         let whole = i64::from(self.rate_hz.max(1)).saturating_mul(120);
         let before = i64::from(scan).saturating_mul(self.beams.into());
-        // 2⁶³ halves of beams are further than a program runs.
+        // Saturates after 2⁶³ half beams, which no program reaches.
         let halves = before.saturating_add(beam.into()).saturating_mul(2).saturating_add(1);
         let halves = halves.checked_rem_euclid(whole).unwrap_or(0);
         let turns = halves.saturating_mul(rotor_rpm.into());
@@ -53,9 +55,20 @@ impl Rosette {
         let ([a_y, a_z], [b_y, b_z]) = (arm(a, first), arm(b, second));
         let [y, z] = [a_y + b_y, a_z + b_z];
         let off = libm::sqrtf(y * y + z * z);
-        // sin(off)/off, which is 1 to f32 below this.
+        // sin(off)/off, which rounds to 1 in f32 below this.
         let side = if off > 1e-4 { libm::sinf(off) / off } else { 1.0 };
         [libm::cosf(off), y * side, z * side]
+    }
+
+    pub(super) fn to_words(self) -> Fields {
+        let [first, second] = self.rotors_rpm.map(i32::cast_unsigned);
+        let [a, b] = self.bends_cdeg.map(u32::from);
+        [self.beams, self.rate_hz, first, second, a, b]
+    }
+
+    pub(super) fn from_words([beams, rate_hz, first, second, a, b]: Fields) -> Option<Self> {
+        let rotors_rpm = [first, second].map(u32::cast_signed);
+        Some(Self { beams, rate_hz, rotors_rpm, bends_cdeg: [short(a)?, short(b)?] })
     }
 }
 

@@ -1,11 +1,12 @@
-//! Sensors whose head turns.
+//! Spinning sensors.
 
 use core::f32::consts::{PI, TAU};
 
 use super::angle::unit;
 use super::lasers::{HDL_64E, Laser, OS1_64, OS1_128, VLP_16, VLP_32C, VLS_128};
+use super::{Fields, short};
 
-/// A sensor whose lasers are known.
+/// Model of a spinning sensor whose lasers are known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "wire", derive(serde::Serialize, serde::Deserialize, postcard_schema::Schema))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -25,11 +26,11 @@ pub enum SpinningModel {
 }
 
 impl SpinningModel {
-    /// Every one, by its number.
+    /// Every model, in the order of the numbers on the wire.
     pub const ALL: [Self; 6] =
         [Self::Vlp16, Self::Vlp32c, Self::Vls128, Self::Hdl64e, Self::Os1x64, Self::Os1x128];
 
-    /// Its lasers, in the maker's order.
+    /// Lasers of the model, in the maker's order.
     pub fn lasers(self) -> &'static [Laser] {
         match self {
             Self::Vlp16 => &VLP_16,
@@ -41,22 +42,22 @@ impl SpinningModel {
         }
     }
 
-    /// Whether azimuth beside the head's counts clockwise, as Ouster's does; Velodyne's counts the
-    /// other way (`cos(rotation − correction)`, `y = −sin(…)` in its driver). Either head turns
-    /// clockwise, seen from above.
+    /// True when a laser's azimuth against the head's counts clockwise, as Ouster's does;
+    /// Velodyne's counts the other way (`cos(rotation − correction)`, `y = −sin(…)` in its driver).
+    /// Both heads turn clockwise, seen from above.
     pub fn offsets_are_clockwise(self) -> bool {
         matches!(self, Self::Os1x64 | Self::Os1x128)
     }
 
-    /// Whether the turn begins behind: Ouster's encoder counts from the connector, away from which
-    /// x points. Velodyne's begins ahead.
+    /// True when the turn begins behind: Ouster's encoder counts from the connector, and x points
+    /// away from it. Velodyne's turn begins ahead.
     pub fn begins_behind(self) -> bool {
         matches!(self, Self::Os1x64 | Self::Os1x128)
     }
 
-    /// Slots that a column's time is made of: VLP-16 and VLP-32C 24 of 2.304 µs, VLS-128 20 of
+    /// Number of time slots of a column: VLP-16 and VLP-32C have 24 of 2.304 µs, VLS-128 20 of
     /// 2.665 µs (their manuals and drivers). All lasers of an OS1 fire at once; so do the HDL-64E's
-    /// here, of which no times are published with its table.
+    /// here, because its table gives no times.
     pub fn slots(self) -> u32 {
         match self {
             Self::Vlp16 | Self::Vlp32c => 24,
@@ -65,8 +66,8 @@ impl SpinningModel {
         }
     }
 
-    /// The slot in which a laser fires: VLP-16 one after the other, VLP-32C in twos, VLS-128 in
-    /// eights with a slot of rest after the first eight eights.
+    /// Slot in which a laser fires. VLP-16 fires one laser after the other, VLP-32C two at a time,
+    /// VLS-128 eight at a time with an empty slot after the first 64.
     pub fn slot(self, laser: u32) -> u32 {
         match self {
             Self::Vlp16 => laser,
@@ -77,22 +78,22 @@ impl SpinningModel {
     }
 }
 
-/// A scan of a spinning sensor: one turn, as many columns as it is divided into.
+/// Scan of a spinning sensor: one turn, divided into columns.
 ///
-/// Beam `column · lasers + laser`. It is fired at `(column · slots + slot + ½) / (columns · slots)`
-/// of the scan, and the head has then turned by as much of 360°, clockwise.
+/// Its beams are numbered `column · lasers + laser`. A beam is fired at `(column · slots + slot +
+/// ½) / (columns · slots)` of the scan, and the head has then turned by as much of 360°, clockwise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "wire", derive(serde::Serialize, serde::Deserialize, postcard_schema::Schema))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Spinning {
-    /// Which.
+    /// Model of the sensor.
     pub model: SpinningModel,
-    /// Columns a turn.
+    /// Number of columns a turn.
     pub columns: u16,
 }
 
 impl Spinning {
-    /// Lasers.
+    /// Number of lasers.
     pub fn lasers(&self) -> u16 {
         self.model.lasers().len() as u16 // 128 at most
     }
@@ -108,7 +109,7 @@ impl Spinning {
         [beam.checked_div(lasers).unwrap_or(0), beam.checked_rem(lasers).unwrap_or(0)]
     }
 
-    /// When a beam is fired, as a fraction of the scan: numerator and denominator.
+    /// Time at which a beam is fired, as a fraction of the scan: numerator and denominator.
     pub fn time(&self, beam: u32) -> [u32; 2] {
         let [column, laser] = self.column_and_laser(beam);
         let slots = self.model.slots();
@@ -132,6 +133,15 @@ impl Spinning {
         let heading = TAU * (more as f32 - less as f32) / whole as f32;
         let beside = if self.model.offsets_are_clockwise() { -rad(azimuth) } else { rad(azimuth) };
         unit(heading + beside, rad(elevation))
+    }
+
+    pub(super) fn to_words(self) -> Fields {
+        [self.model as u32, self.columns.into(), 0, 0, 0, 0]
+    }
+
+    pub(super) fn from_words([model, columns, ..]: Fields) -> Option<Self> {
+        let model = *SpinningModel::ALL.get(model as usize)?;
+        Some(Self { model, columns: short(columns)? })
     }
 }
 

@@ -1,7 +1,9 @@
-//! Beams that somebody listed.
+//! Table of beams, known by its hash.
 
-/// The name of a list of beams. The list itself stays with whoever made it: what a sensor and a
-/// host have to agree on is its hash.
+use super::{Fields, short};
+
+/// Name of a list of beams. The list itself stays with its maker: sensor and host agree on its
+/// hash.
 ///
 /// The hash is the CRC-32C of the beams one after the other, each 18 bytes, little endian: azimuth
 /// i32 and elevation i32 in 10⁻⁶ degrees, time u64 in ns, channel u16.
@@ -9,10 +11,20 @@
 #[cfg_attr(feature = "wire", derive(serde::Serialize, serde::Deserialize, postcard_schema::Schema))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct BeamTable {
-    /// Beams of a scan, 131,072 at most.
+    /// Number of beams of a scan, at most 131,072.
     pub beams: u32,
     /// One more than the highest channel.
     pub channels: u16,
     /// Hash of the list.
     pub hash: u32,
+}
+
+impl BeamTable {
+    pub(super) fn to_words(self) -> Fields {
+        [self.beams, self.channels.into(), self.hash, 0, 0, 0]
+    }
+
+    pub(super) fn from_words([beams, channels, hash, ..]: Fields) -> Option<Self> {
+        Some(Self { beams, channels: short(channels)?, hash })
+    }
 }

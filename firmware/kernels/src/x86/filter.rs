@@ -1,4 +1,4 @@
-//! The matched filter with multiply-adds of pairs, of AVX2 and, where there is more, of AVX-512.
+//! Matched filter with multiply-adds of pairs, by AVX2 and, where it exists, AVX-512.
 
 use core::arch::x86_64::{
     __m256i, _mm256_add_epi32, _mm256_blend_epi16, _mm256_loadu_si256, _mm256_madd_epi16,
@@ -11,10 +11,11 @@ use echoloop_dsp::filter::{self, BLOCK};
 use super::groups::in_groups;
 use super::wide_filter;
 
-/// Blocks of outputs computed at a time: as many as there are registers for their sums.
+/// Number of blocks of outputs computed at a time: there are registers for that many sums.
 const BLOCKS: usize = 4;
 
-/// [`filter::correlate`], bit for bit: 128 outputs at a time where there is AVX-512, 64, then 16.
+/// [`filter::correlate`], bit for bit: 128 outputs at a time where there is AVX-512, then 64, then
+/// 16.
 ///
 /// Per pair of taps and 16 outputs one load of x and two `vpmaddwd`:
 ///
@@ -23,8 +24,8 @@ const BLOCKS: usize = 4;
 /// y[n + 1] += h[2j−1]·x[n+2j] + h[2j]·x[n+2j+1]        h[−1] = 0
 /// ```
 ///
-/// The second needs the last tap to be zero. Where Σ abs(h) < 1, sums cannot round to +1, and
-/// nothing has to saturate. Other taps go to the portable form.
+/// The second line needs the last tap to be zero. If Σ abs(h) < 1, sums cannot round to +1, and no
+/// saturation is needed. Other taps go to the portable form.
 #[inline]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
 pub(super) fn correlate(taps: &[i16], padded: &[i16], y: &mut [i16]) {
@@ -32,11 +33,11 @@ pub(super) fn correlate(taps: &[i16], padded: &[i16], y: &mut [i16]) {
     unsafe { correlate_by(has_avx512(), taps, padded, y) }
 }
 
-/// [`correlate`], by AVX-512 too if `wide`.
+/// [`correlate`], with AVX-512 too if `wide`.
 ///
 /// # Safety
 ///
-/// `wide` only where [`has_avx512`] says yes.
+/// `wide` may be true only where [`has_avx512`] is.
 #[inline]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
 unsafe fn correlate_by(wide: bool, taps: &[i16], padded: &[i16], y: &mut [i16]) {
@@ -56,7 +57,7 @@ unsafe fn correlate_by(wide: bool, taps: &[i16], padded: &[i16], y: &mut [i16]) 
     }
 }
 
-/// All groups of `B` blocks that `padded` and `y` hold; returns how many outputs they are.
+/// Filters all groups of `B` blocks that `padded` and `y` hold; returns the number of outputs.
 ///
 /// # Safety
 ///
@@ -68,7 +69,7 @@ unsafe fn blocks<const B: usize>(taps: &[i16], padded: &[i16], y: &mut [i16]) ->
     in_groups(B * BLOCK, taps, padded, y, |x, y| unsafe { group::<B>(taps, x, y) })
 }
 
-/// `B` blocks of outputs.
+/// Filters `B` blocks of outputs.
 ///
 /// # Safety
 ///
@@ -81,8 +82,8 @@ unsafe fn group<const B: usize>(taps: &[i16], x: *const i16, y: *mut i16) {
     let (mut even, mut odd) = ([half_lsb; B], [half_lsb; B]);
     let mut add = |j: usize, of_even: __m256i, of_odd: __m256i| {
         for b in 0..B {
-            // SAFETY: the last sample read is 2·(taps/2 − 1) + 16·(B − 1) + 15, below what the
-            // caller vouches for.
+            // SAFETY: the last sample read is 2·(taps/2 − 1) + 16·(B − 1) + 15, which the caller
+            // vouches for.
             let x = unsafe { _mm256_loadu_si256(x.add(2 * j + BLOCK * b).cast()) };
             even[b] = _mm256_add_epi32(even[b], _mm256_madd_epi16(x, of_even));
             odd[b] = _mm256_add_epi32(odd[b], _mm256_madd_epi16(x, of_odd));
@@ -97,8 +98,8 @@ unsafe fn group<const B: usize>(taps: &[i16], x: *const i16, y: *mut i16) {
         }
     }
     for b in 0..B {
-        // Bits 15 to 30 are the rounded output: of the even ones into the low half of a lane, of
-        // the odd ones into the high.
+        // Bits 15 to 30 are the rounded output: even outputs go to the low half of a lane, odd ones
+        // to the high half.
         let rounded = _mm256_blend_epi16::<0xaa>(
             _mm256_srli_epi32::<15>(even[b]),
             _mm256_slli_epi32::<1>(odd[b]),
@@ -108,7 +109,7 @@ unsafe fn group<const B: usize>(taps: &[i16], x: *const i16, y: *mut i16) {
     }
 }
 
-/// A tap and the next in every lane: one broadcasting load.
+/// A tap and the next one in every lane: one broadcasting load.
 ///
 /// # Safety
 ///
@@ -162,7 +163,7 @@ mod tests {
                 true => [i16::MIN, i16::MAX][usize::from(rng.random::<bool>())],
                 false => rng.random(),
             };
-            // Sometimes fewer samples than outputs hang on, and room that is no whole block.
+            // Sometimes fewer samples than the outputs need, and room that is no whole block.
             let missing = if i % 5 == 0 { rng.random_range(0..PADDING + 300) } else { 0 };
             let given = (samples + count + PADDING).saturating_sub(missing);
             let room = if i % 7 == 0 { samples } else { samples.next_multiple_of(BLOCK) };

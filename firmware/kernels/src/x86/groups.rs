@@ -1,8 +1,8 @@
-//! Outputs of a filter, as many at a time as registers hold.
+//! Groups of outputs of a filter, of the length that registers hold.
 
 /// Calls `group` for each `length` outputs that `padded` and `y` hold, with a pointer to the
-/// `taps.len() + length` samples that they hang on and one to room for them; returns how many
-/// outputs there were.
+/// `taps.len() + length` samples that they depend on and one to room for them; returns the number
+/// of outputs.
 #[inline(always)]
 pub(super) fn in_groups(
     length: usize,

@@ -1,10 +1,10 @@
-//! The DSP for x86-64-v3 (AVX2), chosen when it runs; its filter by AVX-512 where there is any.
+//! DSP for x86-64-v3 (AVX2), chosen at run time; the filter uses AVX-512 where it exists.
 //!
-//! LLVM vectorises the loops over the samples as they stand; what a vector unit does better in
-//! another way is said by hand: the filter in multiply-adds of pairs (`filter`), the order
-//! statistics in bytes, four counts a pass (`order_statistics`), the search for peaks from hill to
-//! hill (`peaks`). The loops of a near gain, which are not inlined into the pipeline, are compiled
-//! once more by themselves (`near`).
+//! LLVM vectorises most loops over the samples as they are. Three are written by hand, because a
+//! vector unit does better another way: the filter in multiply-adds of pairs (`filter`), the order
+//! statistics in bytes, four counts a pass (`order_statistics`), and the search for peaks from hill
+//! to hill (`peaks`). The loops of a near gain, which are not inlined into the pipeline, are
+//! compiled once more for AVX2 (`near`).
 
 mod filter;
 mod groups;
@@ -26,12 +26,13 @@ use echoloop_dsp::{Echoes, Pipeline, Scratch};
 use crate::process_baseline;
 
 dispatch! {
-    /// [`Pipeline::process`], the fastest build this processor runs.
+    /// [`Pipeline::process`] in the fastest build that this processor runs.
     pub fn process(pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Echoes
         = process_baseline, v3: process_v3;
 
-    /// [`Pipeline::process`] without the loops written by hand: x86-64-v3 as the compiler
-    /// vectorises it, those of a near gain for the baseline; all for it where there is no v3.
+    /// [`Pipeline::process`] without the loops written by hand: as the compiler vectorises it for
+    /// x86-64-v3, with the loops of a near gain for the baseline; all for the baseline where there
+    /// is no v3.
     ///
     /// For benchmarks and tests: slower than [`process()`], same bytes.
     pub fn process_compiled(pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Echoes
@@ -43,7 +44,7 @@ fn process_v3(pipeline: &Pipeline, codes: &[u16], scratch: &mut Scratch) -> Echo
     pipeline.process(Avx2(V3::here()), codes, scratch)
 }
 
-/// The loops that are said by hand, and those of a near gain.
+/// Loops written by hand, and those of a near gain.
 #[derive(Clone, Copy)]
 struct Avx2(V3);
 

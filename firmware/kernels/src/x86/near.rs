@@ -1,4 +1,4 @@
-//! What a waveform of rising gain rests on, and its samples as if the gain did not rise.
+//! Loops of a rising gain, compiled for AVX2: baseline removal, and samples brought to one gain.
 
 use core::ops::Range;
 

@@ -1,4 +1,4 @@
-//! Median and median absolute deviation, four counts a pass, over bytes.
+//! Median and median absolute deviation by counts over bytes, four counts a pass.
 
 use core::arch::x86_64::{
     __m256i, _mm_add_epi64, _mm_cvtsi128_si64, _mm_unpackhi_epi64, _mm256_abs_epi8,
@@ -14,19 +14,19 @@ use echoloop_dsp::statistics::{OrderStatistics, Statistics};
 
 use crate::four_probes;
 
-/// Samples a register holds as bytes.
+/// Number of samples that a register holds as bytes.
 const LANES: usize = 32;
 
-/// Registers a waveform fills.
+/// Number of registers that a waveform fills.
 const REGISTERS: usize = MAX_SAMPLES.div_ceil(LANES);
 
 const _: () = assert!(REGISTERS <= u8::MAX as usize, "a byte counts one sample of every register");
 
-/// What [`echoloop_dsp::statistics::by_counting`] gives, bit for bit, of 1 to [`MAX_SAMPLES`]
-/// codes.
+/// Order statistics of 1 to [`MAX_SAMPLES`] codes, equal to
+/// [`echoloop_dsp::statistics::by_counting`] bit for bit.
 ///
 /// The codes are written once as their distance from the guessed median, a byte each. Most noise
-/// fits; where it does not, or where a bound lies too far away, the codes themselves are counted.
+/// fits; if it does not, or if a bound is too far away, the codes themselves are counted.
 #[inline]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
 pub(super) fn order_statistics(codes: &[u16], guess: &Statistics) -> OrderStatistics {
@@ -37,11 +37,11 @@ pub(super) fn order_statistics(codes: &[u16], guess: &Statistics) -> OrderStatis
     four_probes::order_statistics(codes.len() as u32, guess, at_most, within)
 }
 
-/// A waveform, and its distances from a centre in bytes.
+/// Waveform, with the distances of its codes from a centre in bytes.
 struct Near<'a> {
     codes: &'a [u16],
     centre: i32,
-    /// `code − centre`, −128 and 127 standing for all beyond. What is left of the last register
+    /// `code − centre`; −128 and 127 stand for all values beyond. The rest of the last register
     /// holds 127.
     bytes: &'a [__m256i],
 }
@@ -85,7 +85,7 @@ impl<'a> Near<'a> {
     fn within(&self, median: u16, bounds: [i32; 4]) -> [u32; 4] {
         let m = i32::from(median);
         let relative = m - self.centre;
-        // What stands for all beyond must be further from m than the last bound.
+        // The bytes that stand for all values beyond must be further from m than the last bound.
         if self.fills_up()
             && bounds[0] >= -128
             && bounds[3] >= 0
@@ -100,13 +100,13 @@ impl<'a> Near<'a> {
         }
     }
 
-    /// Whether the codes that fill the last register up, 0xffff, have become 127.
+    /// True when the codes that pad the last register, 0xffff, have become 127.
     #[inline(always)]
     fn fills_up(&self) -> bool {
         self.centre <= 0xffff - 127
     }
 
-    /// How many `of(byte)` are at most each bound, −128..=126.
+    /// Number of `of(byte)` that are at most each bound, −128..=126.
     #[inline]
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
     fn count(&self, bounds: [i32; 4], of: impl Fn(__m256i) -> __m256i) -> [u32; 4] {
@@ -127,10 +127,11 @@ impl<'a> Near<'a> {
 #[inline]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
 fn narrow(codes: &[u16; LANES], centre: u16) -> __m256i {
-    // Codes are unsigned, saturation is signed: both sides of the difference are moved down by 2¹⁵.
+    // Codes are unsigned but saturation is signed: both sides of the difference are moved down by
+    // 2¹⁵.
     let sign = _mm256_set1_epi16(i16::MIN);
     let centre = _mm256_set1_epi16((centre ^ 0x8000) as i16);
-    // SAFETY: both halves of 32 codes are read; no alignment is asked for.
+    // SAFETY: both halves of 32 codes are read; the loads need no alignment.
     let halves = unsafe {
         [
             _mm256_loadu_si256(codes.as_ptr().cast()),
@@ -139,10 +140,10 @@ fn narrow(codes: &[u16; LANES], centre: u16) -> __m256i {
     };
     let [first, second] =
         halves.map(|half| _mm256_subs_epi16(_mm256_xor_si256(half, sign), centre));
-    _mm256_packs_epi16(first, second) // not in order, which does not count
+    _mm256_packs_epi16(first, second) // not in order, which does not matter for counts
 }
 
-/// The sums of 32 bytes each, below 2¹⁶: all four in one register, 16 bits apart.
+/// Sums of 32 bytes each, below 2¹⁶: all four in one register, 16 bits apart.
 #[inline]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
 fn sums(bytes: [__m256i; 4]) -> [u32; 4] {
@@ -155,7 +156,7 @@ fn sums(bytes: [__m256i; 4]) -> [u32; 4] {
     [0, 16, 32, 48].map(|shift| u32::from((all >> shift) as u16))
 }
 
-/// How many codes lie within each interval, ends included.
+/// Number of codes within each interval, ends included.
 #[inline(never)]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
 fn count_wide(codes: &[u16], intervals: [(i32, i32); 4]) -> [u32; 4] {

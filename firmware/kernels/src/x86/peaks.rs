@@ -1,18 +1,18 @@
-//! Where a waveform first reaches its threshold.
+//! Search for the first sample that reaches the threshold.
 
 use core::arch::x86_64::{
     _mm256_cmpgt_epi16, _mm256_loadu_si256, _mm256_movemask_epi8, _mm256_packs_epi16,
     _mm256_permute4x64_epi64, _mm256_set1_epi16,
 };
 
-/// The index of the first value that is not below `threshold`: 32 at a time.
+/// Index of the first value that is not below `threshold`, reading 32 at a time.
 #[inline]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
 pub(super) fn first_reaching(values: &[i16], threshold: i16) -> Option<usize> {
     let (blocks, rest) = values.as_chunks::<32>();
     let limit = _mm256_set1_epi16(threshold);
     for (i, block) in blocks.iter().enumerate() {
-        // SAFETY: both halves of 32 values are read; no alignment is asked for.
+        // SAFETY: both halves of 32 values are read; the loads need no alignment.
         let (first, second) = unsafe {
             (
                 _mm256_loadu_si256(block.as_ptr().cast()),
@@ -21,7 +21,7 @@ pub(super) fn first_reaching(values: &[i16], threshold: i16) -> Option<usize> {
         };
         let below =
             _mm256_packs_epi16(_mm256_cmpgt_epi16(limit, first), _mm256_cmpgt_epi16(limit, second));
-        // Packing works within 128-bit lanes: the middle two quarters change places.
+        // Packing works within 128-bit lanes, so the middle two quarters have to change places.
         let below = _mm256_movemask_epi8(_mm256_permute4x64_epi64::<0b11_01_10_00>(below)) as u32;
         if below != u32::MAX {
             return Some(32 * i + below.trailing_ones() as usize);

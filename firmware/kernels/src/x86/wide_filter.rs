@@ -1,4 +1,4 @@
-//! The matched filter with the multiply-adds of AVX-512, which add up in the same instruction.
+//! Matched filter with the multiply-adds of AVX-512, which multiply and add up in one instruction.
 
 use core::arch::x86_64::{
     __m512i, _mm512_dpwssd_epi32, _mm512_loadu_si512, _mm512_mask_blend_epi16, _mm512_set1_epi32,
@@ -7,19 +7,20 @@ use core::arch::x86_64::{
 
 use super::groups::in_groups;
 
-/// Outputs that a register holds.
+/// Number of outputs that a register holds.
 const LANES: usize = 32;
 
-/// Registers of outputs computed at a time: fewer leave a multiply-add waiting for the last one.
+/// Number of registers of outputs computed at a time: with fewer, a multiply-add waits for the last
+/// one.
 const REGISTERS: usize = 4;
 
-/// The odd lanes of 16 bits.
+/// Mask of the odd lanes of 16 bits.
 const ODD: u32 = 0xaaaa_aaaa;
 
-/// All groups of 128 outputs that `padded` and `y` hold; returns how many outputs they are.
+/// Filters all groups of 128 outputs that `padded` and `y` hold; returns the number of outputs.
 ///
-/// As `filter` has it, which says for what taps: sums are exact, so that it does not matter that
-/// they are added up in another instruction.
+/// Equal to `filter` bit for bit, for the taps that are described there: sums are exact, so the
+/// order of additions does not matter.
 ///
 /// # Safety
 ///
@@ -31,7 +32,7 @@ pub(super) unsafe fn blocks(taps: &[i16], padded: &[i16], y: &mut [i16]) -> usiz
     in_groups(REGISTERS * LANES, taps, padded, y, |x, y| unsafe { group(taps, x, y) })
 }
 
-/// 128 outputs.
+/// Filters 128 outputs.
 ///
 /// # Safety
 ///
@@ -44,8 +45,7 @@ unsafe fn group(taps: &[i16], x: *const i16, y: *mut i16) {
     let (mut even, mut odd) = ([half_lsb; REGISTERS], [half_lsb; REGISTERS]);
     let mut add = |j: usize, of_even: __m512i, of_odd: __m512i| {
         for r in 0..REGISTERS {
-            // SAFETY: the last sample read is 2·(taps/2 − 1) + 127, below what the caller vouches
-            // for.
+            // SAFETY: the last sample read is 2·(taps/2 − 1) + 127, which the caller vouches for.
             let x = unsafe { _mm512_loadu_si512(x.add(2 * j + LANES * r).cast()) };
             even[r] = _mm512_dpwssd_epi32(even[r], x, of_even);
             odd[r] = _mm512_dpwssd_epi32(odd[r], x, of_odd);
@@ -67,7 +67,7 @@ unsafe fn group(taps: &[i16], x: *const i16, y: *mut i16) {
     }
 }
 
-/// A tap and the next in every lane.
+/// A tap and the next one in every lane.
 ///
 /// # Safety
 ///

@@ -1,5 +1,5 @@
-//! The settings' store over the part's flash interface, modelled register by register: no emulator
-//! has one.
+//! Tests of the settings' store over a model of the part's flash interface, register by register:
+//! no emulator has one.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 mod model;
@@ -16,14 +16,14 @@ use model::Model;
 
 const HARDWARE: Hardware = Hardware::REFERENCE;
 
-/// The part's own flash, as the processor sees it.
+/// Address of the part's flash.
 const ARRAY: u64 = 0x0800_0000;
 
 fn set(i: i32) -> Settings {
     Settings { gain_cdb: i, ..Settings::default() }
 }
 
-/// A flash that was saved to `times` times.
+/// Flash after `times` saves.
 fn worn(times: i32) -> Flash<Model> {
     let mut flash = Flash::new(Model::new());
     for i in 1..=times {
@@ -132,7 +132,7 @@ fn places_outside_of_the_two_sectors_are_refused() {
     assert_eq!((flash.interface_mut().erased, flash.interface_mut().written), ([0; 5], 0));
 }
 
-/// Regions of the linker's script: names, and addresses within.
+/// Regions of the linker script: names, and addresses within.
 fn regions(script: &str) -> Vec<(&str, Range<u64>)> {
     let lines = script.lines().filter_map(|line| line.split_once(": ORIGIN = 0x"));
     lines

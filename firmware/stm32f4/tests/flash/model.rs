@@ -1,5 +1,5 @@
-//! The flash interface of an STM32F405 and the first sectors behind it, register by register
-//! (RM0090, chapter 3), with a power that may go at any moment.
+//! Model of the flash interface of an STM32F405 and the first sectors behind it, register by
+//! register (RM0090, chapter 3). Its power can fail at any moment.
 
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
@@ -8,15 +8,16 @@ use echoloop_stm32f4::flash::{Interface, Register};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Sectors 0 to 4: four of 16 KB and one of 64 KB.
+/// Offsets of sectors 0 to 4, four of 16 KB and one of 64 KB, and their end.
 const STARTS: [usize; 6] = [0, 16 << 10, 32 << 10, 48 << 10, 64 << 10, 128 << 10];
-/// Bytes of a line of the data cache.
+/// Size of a line of the data cache in bytes.
 const LINE: usize = 16;
 
-/// What the key register wants, one after the other.
+/// Keys that unlock the flash, one after the other.
 const KEYS: [u32; 2] = [0x4567_0123, 0xCDEF_89AB];
 
-/// The registers' bits, here once more: the driver's are not taken at their word.
+/// Bits of the registers, written once more: a model with the driver's constants would not find an
+/// error in them.
 mod acr {
     pub(super) const DCEN: u32 = 1 << 10;
     pub(super) const DCRST: u32 = 1 << 12;
@@ -28,7 +29,7 @@ mod sr {
     pub(super) const ALIGNMENT: u32 = 1 << 5;
     pub(super) const PARALLELISM: u32 = 1 << 6;
     pub(super) const SEQUENCE: u32 = 1 << 7;
-    /// Those that a one takes back, the end of an operation included.
+    /// Flags that a one clears, including the end of an operation.
     pub(super) const FLAGS: u32 = 1 | OPERATION | PROTECTION | ALIGNMENT | PARALLELISM | SEQUENCE;
     pub(super) const BSY: u32 = 1 << 16;
 }
@@ -36,42 +37,43 @@ mod sr {
 mod cr {
     pub(super) const PG: u32 = 1 << 0;
     pub(super) const SER: u32 = 1 << 1;
-    /// A sector's number.
+    /// Number of a sector.
     pub(super) const SNB: u32 = 0b1111 << 3;
     pub(super) const PSIZE: u32 = 0b11 << 8;
-    /// Words of 32 bits, for which the part has voltage enough.
+    /// Words of 32 bits, for which the part's voltage is high enough.
     pub(super) const PSIZE_32: u32 = 0b10 << 8;
     pub(super) const STRT: u32 = 1 << 16;
     pub(super) const LOCK: u32 = 1 << 31;
 }
 
-/// The part, as its flash is seen by a program.
+/// Part with the flash that a program sees.
 #[derive(Clone)]
 pub(crate) struct Model {
     pub(crate) array: Vec<u8>,
-    /// Erases of each sector since it was new.
+    /// Number of erases of each sector since it was new.
     pub(crate) erased: [u32; 5],
-    /// Words written since it was new.
+    /// Number of words written since it was new.
     pub(crate) written: usize,
-    /// Nothing may be changed.
+    /// True when the flash is protected from changes.
     pub(crate) protected: bool,
     acr: u32,
     sr: u32,
     cr: u32,
-    /// Keys given; `None`: a wrong one, so that nothing opens it before the next reset.
+    /// Number of keys given; `None` after a wrong one, when nothing unlocks the flash before the
+    /// next reset.
     keys: Option<usize>,
-    /// Looks at the status register until the operation is done.
+    /// Number of reads of the status register until the operation is done.
     busy: Cell<u32>,
     cache: RefCell<BTreeMap<usize, [u8; LINE]>>,
-    /// Words and sectors until the power goes.
+    /// Number of words and sectors until the power fails.
     left: Option<usize>,
     off: bool,
     tear: ChaCha8Rng,
 }
 
 impl Model {
-    /// With program and constants everywhere but in the erased sectors 1 and 2; caches on, as the
-    /// HAL's clocks leave them.
+    /// Part with program and constants everywhere but in the erased sectors 1 and 2; caches are on,
+    /// as the HAL's clocks leave them.
     pub(crate) fn new() -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(405);
         let mut array: Vec<u8> = (0..STARTS[5]).map(|_| rng.random()).collect();
@@ -93,13 +95,13 @@ impl Model {
         }
     }
 
-    /// The power goes after that many more words and sectors, in the middle of the next.
+    /// Lets the power fail after this many more words and sectors, in the middle of the next.
     pub(crate) fn cut_after(&mut self, steps: usize, seed: u64) {
         self.left = Some(steps);
         self.tear = ChaCha8Rng::seed_from_u64(seed);
     }
 
-    /// The power is back, for good.
+    /// Switches the power on for good.
     pub(crate) fn switch_on(&mut self) {
         (self.left, self.off) = (None, false);
         (self.sr, self.cr, self.keys) = (0, cr::LOCK, Some(0));
@@ -111,17 +113,17 @@ impl Model {
         self.cr & cr::LOCK != 0
     }
 
-    /// A wrong key, as a program before this one may have left it.
+    /// Writes a wrong key, as an earlier program may have done.
     pub(crate) fn jam(&mut self) {
         self.set(Register::Keyr, 1);
     }
 
-    /// An error that an operation of somebody else left behind.
+    /// Sets an error that another operation left behind.
     pub(crate) fn leave_error(&mut self) {
         self.sr |= sr::SEQUENCE;
     }
 
-    /// One word or sector: whether it is done whole, or torn.
+    /// Begins a word or a sector: true when it is done whole, false when it is torn.
     fn step(&mut self) -> bool {
         self.busy.set(3);
         match &mut self.left {
@@ -182,7 +184,7 @@ impl Interface for Model {
             Register::Acr => self.acr,
             Register::Keyr => 0,
             Register::Cr => self.cr,
-            // A program without power reads nothing; this lets the driver end.
+            // A program without power reads nothing; this value lets the driver end.
             Register::Sr if self.off => sr::OPERATION,
             Register::Sr => {
                 let busy = self.busy.get();

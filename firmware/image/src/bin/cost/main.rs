@@ -1,4 +1,4 @@
-//! Counts the instructions of every stage, after checking that the kernels agree:
+//! Program that counts the instructions of every stage, after checking that the kernels agree;
 //! `cargo xtask cost` builds and runs it.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 

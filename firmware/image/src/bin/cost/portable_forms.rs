@@ -1,5 +1,4 @@
-//! The fastest kernel against its portable form, on what they should expect and on what they should
-//! not.
+//! Comparison of the fastest kernel with its portable form, on allowed and on extreme inputs.
 
 use echoloop_dsp::loops::{Portable, Scalar};
 use echoloop_dsp::peak::Peaks;
@@ -12,7 +11,7 @@ use crate::waveforms::{CASES, Case, Random};
 const LOOPS: u32 = 4_000;
 const PIPELINES: u32 = 60;
 
-/// How many comparisons were equal: all of them, or what differed.
+/// Number of comparisons when all were equal, else the loop that differed.
 pub(crate) fn agree() -> Result<u32, &'static str> {
     for seed in 0..LOOPS {
         let mut random = Random::new(seed);
@@ -33,7 +32,7 @@ pub(crate) fn agree() -> Result<u32, &'static str> {
     Ok(6 * LOOPS + waveforms)
 }
 
-/// Codes of one kind: any, all extreme, narrow, or narrow with a few wild ones.
+/// Fills codes with one kind: any, all extreme, 12 bits, narrow, or narrow with a few wild ones.
 fn fill(codes: &mut [u16], random: &mut Random) {
     let kind = random.below(5);
     let base = random.below(0x10000);
@@ -50,7 +49,7 @@ fn fill(codes: &mut [u16], random: &mut Random) {
     }
 }
 
-/// Q1.15 of one kind: any, or all extreme.
+/// Fills Q1.15 values with one kind: all extreme, small, or any.
 fn fill_q15(values: &mut [i16], random: &mut Random) {
     let kind = random.below(3);
     for value in values {
@@ -103,7 +102,7 @@ fn filters_agree(random: &mut Random) -> bool {
     ours == portable
 }
 
-/// Any taps with Σ|h| ≤ 1: spread out, or all in one.
+/// Fills taps with Σ|h| ≤ 1: spread out, or all in one.
 fn fill_taps(taps: &mut [i16], random: &mut Random) {
     let mut left = 0x7fff;
     let share = if random.below(4) == 0 { 0x8000 } else { 0x10000 / (taps.len() as u32 + 1) };
@@ -132,7 +131,7 @@ fn thresholds_agree(random: &mut Random) -> bool {
         .all(|threshold| FASTEST.reaches(values, threshold) == Portable.reaches(values, threshold))
 }
 
-/// Hills of any steepness: noise that is held for some samples.
+/// Compares peaks of hills of any steepness: noise that is held for some samples.
 fn peaks_agree(random: &mut Random) -> bool {
     let mut values = [0; 150];
     fill_q15(&mut values, random);
@@ -150,7 +149,7 @@ fn peaks_agree(random: &mut Random) -> bool {
     })
 }
 
-/// Bins and what lies behind them.
+/// Compares the bins, and checks that memory behind them is not changed.
 fn counts_agree(random: &mut Random) -> bool {
     use echoloop_dsp::statistics::{self, BINS};
     let first = random.below(0x10000 - BINS as u32) as u16;
@@ -191,7 +190,7 @@ fn order_statistics_agree(random: &mut Random) -> bool {
         && Scalar.order_statistics(codes, 0xfff, &guess) == portable
 }
 
-/// Waveforms that some settings gave the same echoes of.
+/// Compares whole pipelines; returns the number of waveforms compared.
 fn pipelines_agree(random: &mut Random) -> Result<u32, &'static str> {
     let settings = Settings {
         power_uw: 5_000_000,
@@ -222,7 +221,7 @@ fn pipelines_agree(random: &mut Random) -> Result<u32, &'static str> {
     Ok(8)
 }
 
-/// One, when a waveform with echoes, near noise as the sensor sees it, gives the same ones.
+/// Compares the echoes of a realistic waveform; returns 1, the number of waveforms compared.
 fn echoes_agree(case: &Case) -> Result<u32, &'static str> {
     let pipeline =
         Pipeline::new(&case.settings(), &case.hardware()).map_err(|_| "settings refused")?;

@@ -1,4 +1,4 @@
-//! Instructions of every stage, one after the other, as the pipeline calls them.
+//! Instructions of every stage, in the order in which the pipeline calls them.
 
 use core::cell::Cell;
 use core::fmt::Write;
@@ -21,7 +21,7 @@ use echoloop_kernels::{FASTEST, OWN_INSTRUCTIONS};
 
 use crate::waveforms::{CASES, Case};
 
-/// Runs that are counted together.
+/// Number of runs that are counted together.
 const RUNS: u32 = 8;
 
 pub(crate) fn count(text: &mut Text) -> Result<(), &'static str> {
@@ -67,7 +67,8 @@ fn count_with(
     let report = match (made.peaks.is_empty(), config.ramp()) {
         (true, _) => 0,
         (false, None) => per_run(|| drop(black_box(made.report()))),
-        // Its samples change under it: what the other stages leave of the pipeline.
+        // A near gain changes the samples during the report, so it cannot be repeated: the count is
+        // the pipeline's less that of the other stages.
         (false, Some(_)) => pipeline_count.saturating_sub(spent.get()),
     };
     line("report", report)?;
@@ -79,8 +80,8 @@ fn count_with(
     if same { Ok(()) } else { Err("the stages are not the pipeline") }
 }
 
-/// What several shots cost before they are one waveform: adding one, and reading their sum. They
-/// are no stages of the pipeline, and the same in every kernel.
+/// Counts adding a shot and reading the sum of several. Both come before the pipeline and are the
+/// same in every kernel.
 fn count_shots(
     name: &str,
     config: &DetectorConfig,
@@ -100,8 +101,8 @@ fn count_shots(
     Ok(())
 }
 
-/// The stages that look at every sample, each with its line; `padded` and `y` are left as they fill
-/// them. Inlined, as in the pipeline.
+/// Runs and counts the stages over every sample; `padded` and `y` keep their results. Inlined, as
+/// in the pipeline.
 #[inline(always)]
 fn over_samples(
     loops: impl SampleLoops,
@@ -141,10 +142,10 @@ fn over_samples(
     Ok((statistics, threshold, peaks))
 }
 
-/// Samples with zeros around them.
+/// Samples, with zeros around them.
 type Padded = [i16; MAX_SAMPLES + MAX_TAPS + PADDING];
 
-/// What those stages have made of a waveform.
+/// Results of those stages for a waveform.
 struct Made<'a> {
     config: &'a DetectorConfig,
     codes: &'a [u16],
@@ -156,7 +157,7 @@ struct Made<'a> {
 }
 
 impl Made<'_> {
-    /// From candidates to echoes, as the pipeline does it.
+    /// Turns candidates into echoes, as the pipeline does.
     #[inline(always)]
     fn report(&self) -> Echoes {
         let Self { config, codes, padded, y, statistics, threshold, .. } = self;
@@ -170,7 +171,7 @@ impl Made<'_> {
             waveform,
             threshold,
             noise: &noise,
-            fine: None,
+            dithered: None,
             near: None,
             level: None,
         };
@@ -183,8 +184,8 @@ impl Made<'_> {
     }
 }
 
-/// Instructions of a run after the first, without the loop around it. (The first finds where the
-/// statistics lie.)
+/// Instructions of a run after the first, without the loop around it. The first run finds the
+/// statistics without a guess and costs more.
 #[inline(always)]
 fn per_run(mut run: impl FnMut()) -> u32 {
     run();

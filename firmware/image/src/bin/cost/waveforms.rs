@@ -1,4 +1,4 @@
-//! Waveforms and settings to measure with, in integers: the same everywhere.
+//! Waveforms and settings to measure with, in integers, so that they are the same everywhere.
 
 use echoloop_dsp::{Hardware, MAX_SAMPLES, Settings};
 
@@ -18,32 +18,32 @@ impl Random {
         self.0
     }
 
-    /// 0 to `end` − 1.
+    /// Random number from 0 to `end` − 1.
     pub(crate) fn below(&mut self, end: u32) -> u32 {
         ((u64::from(self.next()) * u64::from(end)) >> 32) as u32
     }
 
-    /// About normal: σ = 4, the sum of three of 0..8.
+    /// About normal noise with σ = 4: the sum of three numbers of 0..8.
     fn noise(&mut self) -> i32 {
         (0..3).map(|_| self.below(8) as i32).sum::<i32>() - 10
     }
 }
 
-/// What is measured: settings, and the echoes of the waveform.
+/// Case that is measured: settings, and the echoes of the waveform.
 pub(crate) struct Case {
     pub(crate) name: &'static str,
     pub(crate) samples: usize,
     range_mm: u32,
     pulse_width_ps: i32,
     gain_slope_mdb_m: i32,
-    /// Echoes kept at most.
+    /// Most echoes that are kept.
     keeps: i32,
-    /// Amplitudes in codes; they lie evenly over the waveform.
+    /// Amplitudes of the echoes in codes; the echoes are spread evenly over the waveform.
     pub(crate) echoes: &'static [i32],
 }
 
-/// A sample is a nanosecond, to within 1 %; where there are 2400 a third of one. Some echoes reach
-/// full scale.
+/// A sample takes a nanosecond, to within 1 %; in the case of 2400 samples, a third of one. Some
+/// echoes reach full scale.
 pub(crate) const CASES: [Case; 8] = [
     Case {
         name: "800x12 noise",
@@ -121,7 +121,7 @@ pub(crate) const CASES: [Case; 8] = [
 
 const AMBIENT: i32 = 200;
 
-/// Codes, and as a setting: what no gain scales.
+/// Black level, which no gain scales: in codes, and as a setting.
 const BLACK: (i32, i32) = (160, 39_063);
 
 impl Case {
@@ -130,7 +130,7 @@ impl Case {
         Hardware { range_max_mm: reference.range_min_mm + self.range_mm, ..reference }
     }
 
-    /// The default settings but for size, pulse, and how many echoes are kept.
+    /// Default settings except for size, pulse, near gain and number of echoes kept.
     pub(crate) fn settings(&self) -> Settings {
         Settings {
             power_uw: 30_000_000,
@@ -143,7 +143,7 @@ impl Case {
         }
     }
 
-    /// Codes of 12 bits: ambient light, noise, and echoes `half` + 1 samples wide.
+    /// Waveform of 12-bit codes: ambient light, noise, and echoes `half` + 1 samples wide.
     pub(crate) fn waveform(&self, half: usize) -> [u16; MAX_SAMPLES] {
         let mut random = Random::new(1);
         let spacing = self.samples / (self.echoes.len() + 1);
