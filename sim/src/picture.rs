@@ -4,19 +4,19 @@
 //! A picture shows where things are and of what they are made, by [`colour`]. It is no measurement:
 //! what the sensor gets back at 905 nm is [`crate::scene::Material::backscatter`].
 
+mod camera;
 mod colour;
-mod eye;
-mod light;
+mod shading;
 
 use rayon::prelude::*;
 
 use crate::raycast::Raycaster;
 use crate::scene::Scene;
 
+use camera::Eye;
+pub use camera::{PITCH_RAD, YAW_RAD, shown_box};
 pub use colour::colour;
-use eye::Eye;
-pub use eye::{PITCH_RAD, YAW_RAD, shown_box};
-use light::{Sight, encoded, mean};
+use shading::{Sight, encoded, mean};
 
 /// Pixels that share a packet of rays: the nearer rays are, the faster they are cast.
 const TOGETHER: usize = 4;

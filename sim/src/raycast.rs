@@ -3,7 +3,7 @@
 mod frustum;
 mod packet;
 mod triangle;
-mod wide;
+mod wide_bvh;
 
 use std::time::Duration;
 
@@ -16,7 +16,7 @@ use frustum::DEPTH;
 use packet::{LANES, Meeting, nearest, nearest_alone};
 use triangle::{Triangle, cos_incidence};
 pub(crate) use triangle::{difference, dot};
-use wide::{Wide, widen};
+use wide_bvh::{Wide, widen};
 
 /// One triangle a leaf: eight of them are told apart by their boxes at once, so that larger leaves
 /// gain 5 % in a scan and lose as much of a build as a scan takes. The library's medium build takes

@@ -7,14 +7,14 @@ use crate::raycast::Raycaster;
 use crate::scene::{Placement, Scene};
 use echoloop_random::Generator;
 
-mod alone;
 mod ground;
 mod overlap;
+mod single_viewpoint;
 mod split;
 
-pub use alone::{Footing, Standpoint, stand_alone, stands_aloft};
 use ground::GroundMap;
 pub use overlap::Sight;
+pub use single_viewpoint::{Footing, Standpoint, stand_alone, stands_aloft};
 pub use split::Split;
 use split::Territory;
 

@@ -3,9 +3,9 @@
 mod fault;
 mod gltf;
 mod ground;
-mod library;
 mod obj;
 mod ply;
+mod referenced_files;
 mod semantic;
 mod stl;
 
@@ -18,8 +18,8 @@ use fault::Fault;
 
 use crate::scene::{MATERIALS, Mesh, MeshFault, Scene, Surface};
 pub use ground::Plane;
-use library::Shelf;
-pub use library::{Libraries, surfaces as library_surfaces};
+use referenced_files::Shelf;
+pub use referenced_files::{Libraries, surfaces as library_surfaces};
 pub use semantic::{Seen, Tags, parse_semantic};
 
 /// What lies under an imported place.

@@ -8,7 +8,7 @@ use std::borrow::Cow;
 use std::collections::HashMap;
 
 use super::fault::Fault;
-use super::library::keyword;
+use super::referenced_files::keyword;
 use crate::scene::{Mesh, MeshFault, Surface};
 use echoloop_files::shown;
 

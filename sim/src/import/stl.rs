@@ -7,8 +7,8 @@
 use echoloop_files::shown;
 
 use super::fault::Fault;
-use super::library::keyword;
 use super::obj::three;
+use super::referenced_files::keyword;
 use crate::scene::{Mesh, Surface};
 
 /// Header of a binary file, with the number of its triangles.

@@ -1,6 +1,6 @@
 //! Which boxes any of some rays from one place may enter.
 
-use super::wide::{Child, WIDTH, Wide};
+use super::wide_bvh::{Child, WIDTH, Wide};
 
 /// More than what rounding does to where a ray enters a box, as a part of the distance: four
 /// operations of 2⁻²⁴ each.

@@ -8,7 +8,7 @@ use echoloop_dispatch::dispatch;
 
 use super::frustum::{DEPTH, Frustum, Pending, Rays, larger, smaller};
 use super::triangle::{Sheared, Triangle, axes, steepest};
-use super::wide::{Child, Wide};
+use super::wide_bvh::{Child, Wide};
 
 /// Rays at a time: as many as a beam has by default, 25, and what fills vectors.
 pub(super) const LANES: usize = 32;

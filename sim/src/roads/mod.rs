@@ -15,19 +15,19 @@
 //! point may differ in the last of its 24 bits between machines, and is therefore rounded to a
 //! quarter of a millimetre. What lies within a last bit of a half step would still differ.
 
-mod document;
-mod drawn;
+mod continuity;
 mod fault;
-mod holes;
 mod network;
-mod plan;
+mod opendrive_records;
+mod opendrive_writer;
 mod profile;
+mod street_plan;
 mod waypoint;
 
-pub use drawn::draw_network;
 pub use fault::{RoadFault, RoadsError};
 pub use network::{Lane, LaneKind, Prop, RoadNetwork, Sign, SignKind, load_network, parse_network};
-pub use plan::NetworkStyle;
+pub use opendrive_writer::draw_network;
+pub use street_plan::NetworkStyle;
 pub use waypoint::Waypoint;
 
 #[cfg(test)]

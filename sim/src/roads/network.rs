@@ -6,8 +6,8 @@ use std::path::Path;
 use echoloop_files::{read_data, shown};
 use xodr::{LaneType, Layer, Shape, Warning};
 
-use super::document;
 use super::fault::{RoadFault, RoadsError};
+use super::opendrive_records;
 use super::profile::Profile;
 
 /// A network reaches no farther from its origin, metres: there points of 32 bits are rounded by
@@ -182,7 +182,7 @@ impl RoadNetwork {
     ///
     /// [`RoadFault`].
     pub fn parse(name: &str, text: &str) -> Result<Self, RoadFault> {
-        let (profiles, mut remarks) = document::profiles(text)?;
+        let (profiles, mut remarks) = opendrive_records::profiles(text)?;
         let (source, found) = xodr::load_str_with_provenance(text)
             .map_err(|error| RoadFault::Format(shown(&error.to_string())))?;
         for warning in found.warnings.iter().filter(|warning| !warning.is_ignored()) {

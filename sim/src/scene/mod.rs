@@ -4,7 +4,7 @@ mod landscape;
 mod material;
 mod mesh;
 mod mover;
-mod nine;
+mod named_towns;
 mod parts;
 mod semi_structured;
 mod structured;
@@ -20,7 +20,7 @@ use thiserror::Error;
 pub use material::{MATERIALS, Material, Surface};
 pub use mesh::{Mesh, MeshFault};
 pub use mover::{Mover, Placement};
-pub use nine::{Town, TownError, UnknownTown, build_town, load_town};
+pub use named_towns::{Town, TownError, UnknownTown, build_town, load_town};
 
 /// Something to scan, and where to stand in it.
 #[derive(Clone, Debug, PartialEq)]

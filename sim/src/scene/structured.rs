@@ -1,13 +1,13 @@
 //! A town: a grid of streets between blocks of terraced houses.
 
 mod kerb;
-mod town;
+mod street_grid;
 
 use super::mesh::Mesh;
 use super::parts::Builder;
 use echoloop_random::Generator;
 use kerb::Kerb;
-use town::{HALF_M, Town};
+use street_grid::{HALF_M, Town};
 
 /// Viewpoints keep this far from its edge, metres.
 const RIM_M: f64 = 10.0;

@@ -1,6 +1,6 @@
 //! A forest on hills: dense woods with a floor of litter, clearings, a track that winds through.
 
-use super::wild::Wild;
+use super::planting::Wild;
 use crate::scene::material::Surface;
 use crate::scene::parts::grove::{fallen_trunk, stump, wild_tree};
 use crate::scene::parts::plants::{bush, tuft};

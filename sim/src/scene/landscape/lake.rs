@@ -1,6 +1,6 @@
 //! The shore of a lake: water, a beach, reeds, trees behind, a jetty.
 
-use super::wild::{HALF_M, Wild};
+use super::planting::{HALF_M, Wild};
 use crate::scene::material::Surface;
 use crate::scene::parts::grove::{fallen_trunk, wild_tree};
 use crate::scene::parts::plants::{bush, tuft};

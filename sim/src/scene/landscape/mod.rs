@@ -2,13 +2,13 @@
 
 mod forest;
 mod lake;
+mod planting;
 mod valley;
-mod wild;
 
 use super::mesh::Mesh;
 use super::parts::Builder;
 use echoloop_random::Generator;
-use wild::{HALF_M, Wild};
+use planting::{HALF_M, Wild};
 
 /// What the country is like.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

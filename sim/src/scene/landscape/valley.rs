@@ -1,6 +1,6 @@
 //! A rocky valley: a dry bed of gravel between slopes that rise in steps, boulders at their feet.
 
-use super::wild::Wild;
+use super::planting::Wild;
 use crate::scene::material::Surface;
 use crate::scene::parts::grove::wild_tree;
 use crate::scene::parts::plants::{bush, tuft};

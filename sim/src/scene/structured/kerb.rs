@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use super::town::{Ground, HALF_M, Street, Town};
+use super::street_grid::{Ground, HALF_M, Street, Town};
 use crate::scene::parts::dwelling::street_tree;
 use crate::scene::parts::street::{bench, bin, bollard, lamp, sign};
 use crate::scene::parts::vehicle::car;

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use super::site::Site;
+use super::cover_raster::Site;
 use crate::scene::material::Surface;
 use crate::scene::parts::{Builder, Point};
 use crate::scene::value_noise::{Noise, ramp};

@@ -1,11 +1,11 @@
 //! Towns on road networks: roads, the ground between them, houses along them, what stands and
 //! drives there.
 
-mod front;
+mod cover_raster;
 mod ground;
-mod place;
+mod layout;
 mod quarter;
-mod site;
+mod road_edge;
 mod suburb;
 mod surface;
 mod traffic;
@@ -15,9 +15,9 @@ use super::mesh::Mesh;
 use super::parts::Builder;
 use crate::roads::RoadNetwork;
 use echoloop_random::Generator;
-use place::Place;
+use layout::Place;
 
-pub(crate) use place::Dress;
+pub(crate) use layout::Dress;
 
 /// Viewpoints may lie where a place goes: smallest and largest (x, y), metres.
 pub(crate) type Area = ([f32; 2], [f32; 2]);

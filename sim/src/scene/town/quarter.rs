@@ -2,7 +2,7 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use super::place::{Place, Plant};
+use super::layout::{Place, Plant};
 use crate::scene::parts::dwelling::{shed, town_house};
 use crate::scene::parts::house::House;
 use crate::scene::parts::street::{lamp, sign};

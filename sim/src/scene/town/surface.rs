@@ -1,6 +1,6 @@
 //! Roads as faces: lanes, kerbs, the sides of what stands above the ground, paint.
 
-use super::site::{Cover, KERB_M, Site, flat, mix, pieces};
+use super::cover_raster::{Cover, KERB_M, Site, flat, mix, pieces};
 use crate::roads::{Lane, LaneKind, Prop, RoadNetwork};
 use crate::scene::material::Surface;
 use crate::scene::parts::{Builder, Point, add};

@@ -4,7 +4,7 @@ use crate::roads::{LaneKind, NetworkStyle, draw_network, load_network};
 use crate::scene::material::Surface;
 use crate::scene::mover::Placement;
 use crate::scene::parts::{Frame, Point};
-use site::{Cover, Site};
+use cover_raster::{Cover, Site};
 
 fn ours(style: NetworkStyle, seed: u64) -> RoadNetwork {
     RoadNetwork::parse("ours", &draw_network(style, seed)).expect("a network of ours")
@@ -79,7 +79,7 @@ fn ground_meets_roads_and_never_shows_through_them() {
         let (mut seen, mut off, mut beside) = (0, 0, 0);
         for lane in network.lanes().iter().filter(|lane| lane.kind == LaneKind::Driving) {
             for [left, right] in &lane.ribs {
-                let at = site::mix(*left, *right, 0.5);
+                let at = cover_raster::mix(*left, *right, 0.5);
                 let (height, material) = down(at).expect("a road");
                 // Where roads of a crossing overlap, some of Town07's lie half a metre apart.
                 let is_off = (height - at[2]).abs() > 0.05;
@@ -149,14 +149,15 @@ fn vehicles_drive_on_along_roads_and_never_into_each_other() {
             assert!(50 * off < 5 * now.len(), "{name}: {off} of {} off the road", 5 * now.len());
             for (k, one) in now.iter().enumerate() {
                 let others = now[..k].as_flattened();
-                let nearest = one.iter().flat_map(|a| others.iter().map(|b| site::flat(*a, *b)));
+                let nearest =
+                    one.iter().flat_map(|a| others.iter().map(|b| cover_raster::flat(*a, *b)));
                 let nearest = nearest.fold(f64::INFINITY, f64::min);
                 assert!(nearest > 1.8, "{name}: {nearest} m apart after {seconds} s");
             }
         }
         let far = |mover: &&Mover| {
             let to = mover.after(0.5).expect("a place").at;
-            site::flat(mover.way[0].at, to) > 2.0
+            cover_raster::flat(mover.way[0].at, to) > 2.0
         };
         let far = town.movers.iter().filter(far).count();
         assert!(10 * far > 9 * town.movers.len(), "{name}: {far} of {}", town.movers.len());

@@ -2,8 +2,8 @@
 
 use std::f64::consts::PI;
 
-use super::place::Place;
-use super::site::{Cover, flat};
+use super::cover_raster::{Cover, flat};
+use super::layout::Place;
 use crate::roads::{Lane, LaneKind, RoadNetwork, Sign, SignKind, Waypoint};
 use crate::scene::material::Surface;
 use crate::scene::mover::{Mover, Placement, STEP_M};

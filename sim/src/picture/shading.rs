@@ -2,8 +2,8 @@
 
 use std::array::from_fn;
 
+use super::camera::Eye;
 use super::colour::colour;
-use super::eye::Eye;
 use crate::raycast::{Hit, Raycaster};
 use crate::scene::{Mesh, Scene};
 

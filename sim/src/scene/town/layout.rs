@@ -1,8 +1,8 @@
 //! A town while it is built: its ground, what is taken of it, and what is yet to be planted.
 
-use super::front::Front;
+use super::cover_raster::{Cover, Site};
 use super::ground::Ground;
-use super::site::{Cover, Site};
+use super::road_edge::Front;
 use crate::roads::RoadNetwork;
 use crate::scene::material::Surface;
 use crate::scene::parts::dwelling::{garden_tree, street_tree};

@@ -6,8 +6,8 @@ use std::collections::HashSet;
 use echoloop_files::shown;
 use roxmltree::{Document, Node};
 
+use super::continuity;
 use super::fault::RoadFault;
-use super::holes;
 use super::profile::{Cubic, Curve, Geometry, Profile, Section};
 
 /// Bytes of a file at most. CARLA's towns have 1 to 20 MB.
@@ -99,7 +99,7 @@ pub(super) fn profiles(text: &str) -> Result<(Vec<Profile>, Vec<String>), RoadFa
     });
     let profiles: Vec<Profile> = profiles.collect::<Result<_, _>>()?;
     check_work(&profiles)?;
-    profiles.iter().try_for_each(holes::check)?;
+    profiles.iter().try_for_each(continuity::check)?;
     Ok((profiles, lost_links(root, &roads)))
 }
 

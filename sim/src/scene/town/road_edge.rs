@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::site::flat;
+use super::cover_raster::flat;
 use crate::roads::{Lane, LaneKind, RoadNetwork};
 use crate::scene::parts::{Frame, Point};
 

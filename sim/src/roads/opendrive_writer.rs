@@ -7,7 +7,7 @@
 use std::f64::consts::PI;
 use std::fmt::Write;
 
-use super::plan::{Manner, NetworkStyle, Plan, out};
+use super::street_plan::{Manner, NetworkStyle, Plan, out};
 
 /// A place and a heading, radians.
 #[derive(Clone, Copy, Debug)]
