@@ -41,4 +41,5 @@ pub mod roads;
 pub mod scanner;
 pub mod scene;
 pub mod shots;
+mod vector;
 pub mod viewpoint;

@@ -16,10 +16,10 @@ use obvhs::bvh2::builder::build_bvh2;
 use obvhs::{Boundable, BvhBuildParams};
 
 use crate::scene::{Mesh, Scene};
+use crate::vector::{dot, sub};
 use frustum::DEPTH;
 use packet::{LANES, LeafHit, nearest, nearest_single};
 use triangle::{Triangle, cos_incidence};
-pub(crate) use triangle::{difference, dot};
 use wide_bvh::{WideNode, widen};
 
 /// One triangle a leaf: eight leaves are told apart by their boxes at once. Larger leaves make a
@@ -135,7 +135,7 @@ impl Raycaster {
     /// True when no surface lies between two points, metres.
     #[must_use]
     pub fn sees(&self, from: [f32; 3], to: [f32; 3]) -> bool {
-        let way = difference(to, from);
+        let way = sub(to, from);
         let distance = dot(way, way).sqrt();
         distance == 0.0 || self.cast_within(from, way.map(|x| x / distance), distance).is_none()
     }
@@ -158,6 +158,15 @@ mod tests {
 
     fn point(rng: &mut Generator, half: f64) -> [f32; 3] {
         std::array::from_fn(|_| rng.spread(half) as f32)
+    }
+
+    fn unit(way: [f32; 3]) -> [f32; 3] {
+        way.map(|x| x / dot(way, way).sqrt())
+    }
+
+    /// Direction near `aim`: each component differs by `width` at most before it is scaled.
+    fn near(rng: &mut Generator, aim: [f64; 3], width: f64) -> [f32; 3] {
+        unit(std::array::from_fn(|i| (aim[i] + rng.spread(width)) as f32))
     }
 
     /// A sphere of flat faces with shared corners, radius 10 m.
@@ -228,10 +237,7 @@ mod tests {
             for _ in 0..100 {
                 let origin = point(&mut rng, 2.0);
                 let aim = [1.0, 0.3 * rng.spread(1.0), 0.3 * rng.spread(1.0)];
-                let rays: [[f32; 3]; 25] = std::array::from_fn(|_| {
-                    let way: [f32; 3] = std::array::from_fn(|i| (aim[i] + rng.spread(0.02)) as f32);
-                    way.map(|x| x / dot(way, way).sqrt())
-                });
+                let rays: [[f32; 3]; 25] = std::array::from_fn(|_| near(&mut rng, aim, 0.02));
                 let found = caster.cast_beam(origin, &rays);
                 for (hit, &ray) in found.iter().zip(&rays) {
                     let expected = brute_force(&mesh, origin, ray);
@@ -252,10 +258,7 @@ mod tests {
             let caster = Raycaster::from_mesh(&mesh);
             let origin = [rng.spread(20.0) as f32, rng.spread(20.0) as f32, 12.0];
             let aim = [rng.spread(1.0), rng.spread(1.0), -0.2];
-            let rays: [[f32; 3]; 25] = std::array::from_fn(|_| {
-                let way: [f32; 3] = std::array::from_fn(|i| (aim[i] + rng.spread(0.002)) as f32);
-                way.map(|x| x / dot(way, way).sqrt())
-            });
+            let rays: [[f32; 3]; 25] = std::array::from_fn(|_| near(&mut rng, aim, 0.002));
             let found = caster.cast_beam(origin, &rays);
             assert!(found.iter().any(Option::is_some));
             for (hit, ray) in found.iter().zip(rays) {
@@ -295,11 +298,7 @@ mod tests {
             // From nearly parallel rays to rays all round; full and partial packets.
             let (origin, axis) = (point(&mut rng, 12.0), rng.direction());
             let width = [1e-3, 1e-2, 0.3, 3.0][k % 4];
-            let mut ray = || {
-                let way: [f32; 3] = std::array::from_fn(|i| (axis[i] + rng.spread(width)) as f32);
-                way.map(|x| x / dot(way, way).sqrt())
-            };
-            let rays: Vec<[f32; 3]> = (0..k % 35).map(|_| ray()).collect();
+            let rays: Vec<[f32; 3]> = (0..k % 35).map(|_| near(&mut rng, axis, width)).collect();
             let alone: Vec<Option<Hit>> = rays.iter().map(|&r| caster.cast(origin, r)).collect();
             assert_eq!(caster.cast_beam(origin, &rays), alone);
             hits += alone.iter().flatten().count();
@@ -316,10 +315,7 @@ mod tests {
         for _ in 0..2000 {
             let origin = point(&mut rng, 2.0);
             let aim = [1.0, 0.3 * rng.spread(1.0), 0.3 * rng.spread(1.0)];
-            let rays: [[f32; 3]; 25] = std::array::from_fn(|_| {
-                let way: [f32; 3] = std::array::from_fn(|i| (aim[i] + rng.spread(0.02)) as f32);
-                way.map(|x| x / dot(way, way).sqrt())
-            });
+            let rays: [[f32; 3]; 25] = std::array::from_fn(|_| near(&mut rng, aim, 0.02));
             let alone = rays.map(|ray| caster.cast(origin, ray));
             assert_eq!(caster.cast_beam(origin, &rays), alone);
         }
@@ -336,8 +332,7 @@ mod tests {
                 let [a, b, _] = mesh.corners(rng.index(mesh.triangles.len()));
                 let target =
                     if k % 2 == 0 { a } else { std::array::from_fn(|i| 0.5 * (a[i] + b[i])) };
-                let way = difference(target, origin);
-                way.map(|x| x / dot(way, way).sqrt())
+                unit(sub(target, origin))
             });
             for (hit, ray) in caster.cast_beam(origin, &rays).iter().zip(rays) {
                 assert_eq!(*hit, caster.cast(origin, ray));
@@ -360,8 +355,7 @@ mod tests {
                 let [a, b, _] = mesh.corners(rng.index(mesh.triangles.len()));
                 let target =
                     if k % 4 == 1 { a } else { std::array::from_fn(|i| 0.5 * (a[i] + b[i])) };
-                let way = difference(target, origin);
-                way.map(|x| x / dot(way, way).sqrt())
+                unit(sub(target, origin))
             };
             assert!(
                 caster.cast(origin, direction).is_some(),

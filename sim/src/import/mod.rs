@@ -1,5 +1,6 @@
 //! Import of meshes: PLY, OBJ, glTF and STL files become scenes.
 
+mod fan;
 mod fault;
 mod gltf;
 mod ground;

@@ -7,6 +7,7 @@
 use std::borrow::Cow;
 use std::collections::HashMap;
 
+use super::fan::Fan;
 use super::fault::Fault;
 use super::referenced_files::keyword;
 use crate::scene::{Mesh, MeshFault, Surface};
@@ -111,18 +112,13 @@ impl Reader {
 
     /// Adds a polygon as a fan from its first corner.
     fn face(&mut self, words: &str) -> Result<(), Fault> {
-        let (mut first, mut last, mut count) = (0, 0, 0_usize);
+        let mut fan = Fan::default();
         for word in words.split_whitespace() {
             let corner = self.corner(word)?;
-            match count {
-                0 => first = corner,
-                1 => {}
-                _ => self.mesh.triangles.push([first, last, corner]),
-            }
-            (last, count) = (corner, count + 1);
+            self.mesh.triangles.extend(fan.push(corner));
         }
-        if count < 3 {
-            let face = self.faces;
+        if fan.count < 3 {
+            let (face, count) = (self.faces, fan.count);
             return Err(Fault::Format(format!(
                 "face {face} has {count} corners, expected three or more vertex numbers"
             )));

@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use echoloop_files::ply::{self, Body};
 use ply_rs_bw::ply::{ElementDef, Header, Property, PropertyAccess, PropertyAccessResult};
 
+use super::fan::Fan;
 use super::fault::Fault;
 use crate::scene::{Mesh, MeshFault, Surface};
 
@@ -81,7 +82,8 @@ impl PropertyAccess for Vertex {
     }
 }
 
-fn integer(value: &Property) -> Option<i64> {
+/// Value of an integer property.
+pub(super) fn integer(value: &Property) -> Option<i64> {
     Some(match *value {
         Property::Char(v) => v.into(),
         Property::UChar(v) => v.into(),
@@ -227,19 +229,14 @@ fn face_surface(face: &Face, parts: &HashMap<i64, Surface>, labels: &Labels) -> 
 
 /// Adds a polygon as a fan from its first corner.
 fn add(mesh: &mut Mesh, face: &Face, number: usize, vertices: usize) -> Result<(), Fault> {
-    let (mut first, mut last, mut count) = (0, 0, 0_usize);
+    let mut fan = Fan::default();
     for index in face.corners.as_ref().and_then(integers).into_iter().flatten() {
         let corner = u32::try_from(index).ok().filter(|&i| (i as usize) < vertices);
         let corner = corner.ok_or(MeshFault::IndexOutOfRange { face: number, index, vertices })?;
-        match count {
-            0 => first = corner,
-            1 => {}
-            _ => mesh.triangles.push([first, last, corner]),
-        }
-        (last, count) = (corner, count + 1);
+        mesh.triangles.extend(fan.push(corner));
     }
-    match count {
-        0..3 => {
+    match fan.count {
+        count @ 0..3 => {
             Err(Fault::Format(format!("face {number} has {count} corners, expected three or more")))
         }
         _ => Ok(()),

@@ -14,6 +14,7 @@ use echoloop_files::ply::{self, Body};
 use echoloop_frontend::Return;
 use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
 
+use super::ply::integer;
 use crate::scanner::backscattered;
 use crate::scene::{MATERIALS, Material, Surface};
 
@@ -163,24 +164,12 @@ impl PropertyAccess for LabelledPoint {
     fn set_property(&mut self, name: &str, value: Property) -> PropertyAccessResult {
         let axis = ["x", "y", "z"].iter().position(|axis| *axis == name);
         match (axis, name) {
-            (None, "ObjTag") => self.tag = whole(&value),
+            (None, "ObjTag") => self.tag = integer(&value).and_then(|tag| tag.try_into().ok()),
             (None, "CosAngle") => self.cos_angle = value.to_f32_lossy().unwrap_or(f32::NAN),
             (Some(axis), _) => self.at[axis] = value.to_f32_lossy().unwrap_or(f32::NAN),
             _ => return PropertyAccessResult::Ignored,
         }
         PropertyAccessResult::Set
-    }
-}
-
-fn whole(value: &Property) -> Option<u32> {
-    match *value {
-        Property::UChar(v) => Some(v.into()),
-        Property::UShort(v) => Some(v.into()),
-        Property::UInt(v) => Some(v),
-        Property::Char(v) => v.try_into().ok(),
-        Property::Short(v) => v.try_into().ok(),
-        Property::Int(v) => v.try_into().ok(),
-        _ => None,
     }
 }
 

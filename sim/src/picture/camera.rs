@@ -3,6 +3,7 @@
 use std::array::from_fn;
 
 use crate::scene::Scene;
+use crate::vector::dot;
 
 /// Azimuth of the camera from the middle of the scene, radians: south-south-west.
 pub const YAW_RAD: f64 = -2.05;
@@ -77,10 +78,6 @@ impl Camera {
         let length = dot(way, way).sqrt();
         way.map(|part| (part / length) as f32)
     }
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use super::camera::Camera;
 use super::colour::colour;
 use crate::raycast::{Hit, Raycaster};
 use crate::scene::{Mesh, Scene};
+use crate::vector::{cross, dot, mix, sub};
 
 /// Red, green and blue in linear light.
 pub(super) type Linear = [f32; 3];
@@ -62,7 +63,7 @@ impl<'a> Shader<'a> {
     fn of_surface(&self, hit: &Hit, direction: [f32; 3]) -> Linear {
         let normal = facing(self.mesh.corners(hit.triangle as usize), direction);
         let towards_sun = dot(normal, self.sun).max(0.0);
-        // Start off the surface, by more than the rounding of f32, so that it casts no shadow on itself.
+        // Start off the surface, by more than f32 rounds, so that it casts no shadow on itself.
         let off_m = 1e-3 + 1e-5 * hit.range_m;
         let at = from_fn(|i| self.from[i] + hit.range_m * direction[i] + off_m * normal[i]);
         let is_lit = towards_sun > 0.0 && self.caster.cast(at, self.sun).is_none();
@@ -71,14 +72,13 @@ impl<'a> Shader<'a> {
         let seen: Linear =
             from_fn(|i| own[i] * (sun * SUN[i] + up * SKY[i] + (1.0 - up) * GROUND[i]));
         let haze = (HAZE * hit.range_m / self.distance_m).min(1.0);
-        from_fn(|i| seen[i] + haze * (HORIZON[i] - seen[i]))
+        mix(seen, HORIZON, haze)
     }
 }
 
 /// Unit normal of a triangle on the side a ray comes from; up for a triangle without area.
 fn facing([a, b, c]: [[f32; 3]; 3], direction: [f32; 3]) -> [f32; 3] {
-    let (e, f): ([f32; 3], [f32; 3]) = (from_fn(|i| b[i] - a[i]), from_fn(|i| c[i] - a[i]));
-    let normal = [e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]];
+    let normal = cross(sub(b, a), sub(c, a));
     let length = dot(normal, normal).sqrt();
     if length == 0.0 {
         return [0.0, 0.0, 1.0];
@@ -90,7 +90,7 @@ fn facing([a, b, c]: [[f32; 3]; 3], direction: [f32; 3]) -> [f32; 3] {
 /// Colour of the sky from the horizon up; below the horizon as at it.
 fn sky(direction: [f32; 3]) -> Linear {
     let height = (0.5 + direction[2]).clamp(0.0, 1.0);
-    from_fn(|i| HORIZON[i] + height * (ZENITH[i] - HORIZON[i]))
+    mix(HORIZON, ZENITH, height)
 }
 
 /// Mean of some colours.
@@ -114,10 +114,6 @@ pub(super) fn encoded(light: Linear) -> [u8; 3] {
         };
         (255.0 * level).round() as u8
     })
-}
-
-fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 #[cfg(test)]

@@ -20,7 +20,7 @@ pub(super) trait Rays {
 /// Bounds of rays from one place.
 ///
 /// ```text
-/// enter = max over axes of near · 1/d_max     near, far: sides of a box in the order the rays reach them
+/// enter = max over axes of near · 1/d_max     near, far: sides of a box as the rays reach them
 /// leave = min over axes of far · 1/d_min      d: the directions' components along the axis
 /// ```
 ///

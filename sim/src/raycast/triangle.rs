@@ -1,5 +1,7 @@
 //! Watertight intersection of a ray and a triangle.
 
+use crate::vector::{cross, dot, sub};
+
 /// Triangle of the hierarchy.
 #[derive(Clone, Copy)]
 pub(super) struct Triangle {
@@ -38,7 +40,7 @@ impl ShearedRay {
         let mut edges =
             [c[0] * b[1] - c[1] * b[0], a[0] * c[1] - a[1] * c[0], b[0] * a[1] - b[1] * a[0]];
         if edges.contains(&0.0) {
-            // On an edge as far as f32 can tell: exact products give both neighbours the same answer.
+            // On an edge as far as f32 can tell: exact products give both neighbours one answer.
             let exact = |p: [f32; 3], q: [f32; 3]| {
                 (f64::from(p[0]) * f64::from(q[1]) - f64::from(p[1]) * f64::from(q[0])) as f32
             };
@@ -75,16 +77,7 @@ pub(super) fn dominant_axis(direction: [f32; 3]) -> usize {
 }
 
 pub(super) fn cos_incidence(&[a, b, c]: &[[f32; 3]; 3], direction: [f32; 3]) -> f32 {
-    let (e, f) = (difference(b, a), difference(c, a));
-    let normal = [e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]];
+    let normal = cross(sub(b, a), sub(c, a));
     let length = (dot(normal, normal) * dot(direction, direction)).sqrt();
     if length > 0.0 { (dot(normal, direction) / length).abs().min(1.0) } else { 0.0 }
-}
-
-pub(crate) fn difference(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
-    std::array::from_fn(|i| a[i] - b[i])
-}
-
-pub(crate) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

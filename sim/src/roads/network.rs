@@ -8,7 +8,7 @@ use xodr::{LaneType, Layer, Shape, Warning};
 
 use super::fault::{RoadFault, RoadsError};
 use super::opendrive_records;
-use super::profile::Profile;
+use super::profile::{Profile, placed};
 
 /// Largest distance from the origin, metres: there 32-bit points are rounded to 2 mm.
 const MAX_REACH_M: f64 = 50_000.0;
@@ -407,8 +407,10 @@ fn foot([x, y, z]: [f64; 3], heading: f64, extent: &xodr::Extent) -> Option<Vec<
         _ => return None,
     }
     .map(|size| 0.5 * f64::from(size));
-    let (cos, sin) = (libm::cos(heading), libm::sin(heading));
-    let corner = |u: f64, v: f64| [x + cos * u - sin * v, y + sin * u + cos * v, z];
+    let corner = |u: f64, v: f64| {
+        let [x, y] = placed([x, y], heading, [u, v]);
+        [x, y, z]
+    };
     Some(vec![
         corner(-along, -across),
         corner(along, -across),

@@ -8,7 +8,7 @@ use roxmltree::{Document, Node};
 
 use super::continuity;
 use super::fault::RoadFault;
-use super::profile::{Cubic, Curve, Geometry, Profile, Section};
+use super::profile::{Cubic, Curve, Geometry, Profile, Section, placed};
 
 /// Bytes of a file, at most. CARLA's towns have 1 to 20 MB.
 const MAX_BYTES: usize = 64 << 20;
@@ -339,9 +339,8 @@ fn geometry(road: Node<'_, '_>, node: Node<'_, '_>) -> Result<Geometry, RoadFaul
     }
     let shape = node.children().find(|child| child.is_element() && !child.has_tag_name("userData"));
     let shape = shape.ok_or_else(|| RoadFault::of(id(road), "a <geometry> has no shape"))?;
-    let (curve, [u, v]) = curve(road, shape, length_m)?;
-    let (cos, sin) = (libm::cos(heading_rad), libm::sin(heading_rad));
-    let at = [x + cos * u - sin * v, y + sin * u + cos * v];
+    let (curve, start) = curve(road, shape, length_m)?;
+    let at = placed([x, y], heading_rad, start);
     Ok(Geometry { s, at, heading_rad, length_m, curve })
 }
 

@@ -7,6 +7,7 @@
 use std::f64::consts::PI;
 use std::fmt::Write;
 
+use super::profile::{placed, slope_of};
 use super::street_plan::{NetworkStyle, Plan, StyleParameters, arm_direction};
 
 /// Point with a heading, radians.
@@ -19,9 +20,7 @@ struct RoadEnd {
 impl RoadEnd {
     /// Point moved ahead and to the left, metres.
     fn moved(&self, ahead: f64, left: f64) -> Self {
-        let (cos, sin) = (libm::cos(self.heading), libm::sin(self.heading));
-        let at = [self.at[0] + cos * ahead - sin * left, self.at[1] + sin * ahead + cos * left];
-        Self { at, ..*self }
+        Self { at: placed(self.at, self.heading, [ahead, left]), ..*self }
     }
 
     fn turned(&self) -> Self {
@@ -60,8 +59,8 @@ fn length(u: [f64; 3], v: [f64; 3]) -> f64 {
     const STEPS: u32 = 128;
     let rate = |k: u32| {
         let p = f64::from(k) / f64::from(STEPS);
-        let of = |[b, c, d]: [f64; 3]| b + p * (2.0 * c + p * 3.0 * d);
-        (of(u) * of(u) + of(v) * of(v)).sqrt()
+        let (du, dv) = (slope_of(u, p), slope_of(v, p));
+        (du * du + dv * dv).sqrt()
     };
     let weight = |k: u32| if k == 0 || k == STEPS { 1.0 } else { f64::from(2 + 2 * (k % 2)) };
     (0..=STEPS).map(|k| weight(k) * rate(k)).sum::<f64>() / (3.0 * f64::from(STEPS))

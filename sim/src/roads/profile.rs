@@ -24,13 +24,12 @@ impl Cubic {
         let root = (c * c - 3.0 * b * d).sqrt();
         let level = [-0.5 * b / c, (-c - root) / (3.0 * d), (-c + root) / (3.0 * d)];
         let within = level.into_iter().filter(|x| (0.0..=length).contains(x));
-        let values = within.chain([0.0, length]).map(|x| a + x * (b + x * (c + x * d)));
+        let values = within.chain([0.0, length]).map(|x| a + value_of([b, c, d], x));
         values.fold(f64::INFINITY, f64::min)
     }
 
     fn slope(&self, s: f64) -> f64 {
-        let x = s - self.s;
-        self.b + x * (2.0 * self.c + x * 3.0 * self.d)
+        slope_of([self.b, self.c, self.d], s - self.s)
     }
 }
 
@@ -69,7 +68,14 @@ pub(super) struct Geometry {
     pub(super) curve: Curve,
 }
 
-fn slope_of([b, c, d]: [f64; 3], x: f64) -> f64 {
+/// World coordinates of a point `[u, v]` in a frame at `[x, y]`.
+pub(super) fn placed([x, y]: [f64; 2], heading_rad: f64, [u, v]: [f64; 2]) -> [f64; 2] {
+    let (cos, sin) = (libm::cos(heading_rad), libm::sin(heading_rad));
+    [x + cos * u - sin * v, y + sin * u + cos * v]
+}
+
+/// Slope of `b·x + c·x² + d·x³`.
+pub(super) fn slope_of([b, c, d]: [f64; 3], x: f64) -> f64 {
     b + x * (2.0 * c + x * 3.0 * d)
 }
 
@@ -95,8 +101,7 @@ impl Geometry {
             }
             Curve::ParamPoly3 { u, v, most } => (value_of(u, most), value_of(v, most)),
         };
-        let (cos, sin) = (libm::cos(self.heading_rad), libm::sin(self.heading_rad));
-        [self.at[0] + cos * u - sin * v, self.at[1] + sin * u + cos * v]
+        placed(self.at, self.heading_rad, [u, v])
     }
 
     /// Approximate length of a parametric curve, never too long, metres; other shapes have the
@@ -132,6 +137,7 @@ impl Geometry {
     }
 }
 
+/// `b·x + c·x² + d·x³`.
 fn value_of([b, c, d]: [f64; 3], x: f64) -> f64 {
     x * (b + x * (c + x * d))
 }

@@ -2,6 +2,8 @@
 
 use thiserror::Error;
 
+use crate::vector::{cross, dot, sub};
+
 /// Triangles in metres, z up, right-handed.
 ///
 /// Faces count from both sides, so winding carries no meaning.
@@ -97,10 +99,8 @@ impl Mesh {
     #[must_use]
     pub fn area_m2(&self, triangle: usize) -> f64 {
         let [a, b, c] = self.corners(triangle).map(|p| p.map(f64::from));
-        let e: [f64; 3] = std::array::from_fn(|i| b[i] - a[i]);
-        let f: [f64; 3] = std::array::from_fn(|i| c[i] - a[i]);
-        let n = [e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]];
-        0.5 * (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt()
+        let normal = cross(sub(b, a), sub(c, a));
+        0.5 * dot(normal, normal).sqrt()
     }
 
     /// Adds another mesh to this one.

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::mesh::Mesh;
+use crate::vector::mix;
 
 /// Distance between the places of a path, metres.
 pub(crate) const STEP_M: f64 = 1.0;
@@ -37,7 +38,7 @@ impl Mover {
         let (from, to) = (self.way[k], self.way[(k + 1).min(last)]);
         let turn = turned(to.heading_rad - from.heading_rad);
         Some(Placement {
-            at: std::array::from_fn(|i| from.at[i] + part * (to.at[i] - from.at[i])),
+            at: mix(from.at, to.at, part),
             heading_rad: from.heading_rad + part * turn,
         })
     }

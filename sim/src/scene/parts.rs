@@ -12,6 +12,8 @@ pub(crate) mod vehicle;
 
 use super::material::Surface;
 use super::mesh::Mesh;
+use crate::vector::dot;
+pub(crate) use crate::vector::{cross, sub};
 
 /// A point, metres.
 pub(crate) type Point = [f64; 3];
@@ -20,21 +22,13 @@ pub(crate) fn add(a: Point, b: Point) -> Point {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
-pub(crate) fn sub(a: Point, b: Point) -> Point {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
 pub(crate) fn scale(a: Point, s: f64) -> Point {
     a.map(|x| x * s)
 }
 
-pub(crate) fn cross(a: Point, b: Point) -> Point {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
 /// Unit vector; the x axis for the zero vector.
 pub(crate) fn unit(a: Point) -> Point {
-    let length = (a[0] * a[0] + a[1] * a[1] + a[2] * a[2]).sqrt();
+    let length = dot(a, a).sqrt();
     if length > 0.0 { scale(a, 1.0 / length) } else { [1.0, 0.0, 0.0] }
 }
 

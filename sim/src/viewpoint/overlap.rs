@@ -3,7 +3,8 @@
 use nalgebra::{Isometry3, Vector3};
 
 use super::PosePair;
-use crate::raycast::{Raycaster, difference, dot};
+use crate::raycast::Raycaster;
+use crate::vector::{dot, sub};
 
 /// Beams that are traced at most: enough for a share within 2 %.
 const MAX_BEAMS: usize = 1000;
@@ -67,7 +68,7 @@ impl<'a> Sight<'a> {
 
     fn sees(&self, world_from_sensor: &Isometry3<f64>, point: [f32; 3]) -> bool {
         let eye: [f32; 3] = world_from_sensor.translation.vector.cast::<f32>().into();
-        let way = difference(point, eye);
+        let way = sub(point, eye);
         let range_m = dot(way, way).sqrt();
         let before_m = range_m - BEFORE_M - BEFORE_SHARE * range_m;
         if before_m <= 0.0 {

@@ -2,6 +2,7 @@
 
 use super::plants::{Broadleaf, conifer};
 use super::{Builder, Point, Surface, add, unit};
+use crate::vector::mix;
 use echoloop_random::Generator;
 
 /// Tree with a height between two, metres; a share of them are conifers.
@@ -42,7 +43,7 @@ pub(crate) fn fallen_trunk(
     b.tube((add(foot, lift), radius), (add(end, lift), 0.6 * radius), 12, Surface::Bark);
     for k in 1..6 {
         let t = f64::from(k) / 6.0;
-        let at: Point = std::array::from_fn(|i| foot[i] + t * (end[i] - foot[i]) + lift[i]);
+        let at = add(mix(foot, end, t), lift);
         let up = rng.direction();
         let twig = unit([up[0], up[1], up[2].abs() + 0.2]);
         let tip = add(at, twig.map(|x| x * rng.range(0.4, 1.2)));

@@ -2,6 +2,7 @@
 
 use crate::roads::{Lane, LaneKind, RoadNetwork};
 use crate::scene::parts::{Frame, Point};
+use crate::vector::mix;
 
 /// Height of a kerb, metres.
 pub(super) const KERB_M: f64 = 0.13;
@@ -68,9 +69,19 @@ pub(super) fn flat(a: Point, b: Point) -> f64 {
     ((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1])).sqrt()
 }
 
-/// Linear interpolation.
-pub(super) fn mix(a: Point, b: Point, t: f64) -> Point {
-    std::array::from_fn(|i| a[i] + (b[i] - a[i]) * t)
+/// Cells to the left, right, below and above a cell of a raster of `[columns, rows]`.
+pub(super) fn neighbours(
+    [columns, rows]: [usize; 2],
+    cell: usize,
+) -> impl Iterator<Item = usize> + use<> {
+    let (i, j) = (cell % columns, cell / columns);
+    let sides = [
+        (i > 0).then(|| cell - 1),
+        (i + 1 < columns).then_some(cell + 1),
+        (j > 0).then(|| cell - columns),
+        (j + 1 < rows).then_some(cell + columns),
+    ];
+    sides.into_iter().flatten()
 }
 
 /// Cover, height and occupation of each cell.
@@ -152,7 +163,7 @@ impl CoverRaster {
             let (mut gap, mut next) = (vec![start], 0);
             seen[start] = true;
             while next < gap.len() {
-                for beside in self.beside(gap[next]) {
+                for beside in neighbours(self.size, gap[next]) {
                     if !seen[beside] && self.cover[beside] == Cover::Open {
                         seen[beside] = true;
                         gap.push(beside);
@@ -164,18 +175,6 @@ impl CoverRaster {
                 gap.into_iter().for_each(|cell| self.cover[cell] = Cover::Infill);
             }
         }
-    }
-
-    fn beside(&self, cell: usize) -> impl Iterator<Item = usize> + use<> {
-        let [columns, rows] = self.size;
-        let (i, j) = (cell % columns, cell / columns);
-        let sides = [
-            (i > 0).then(|| cell - 1),
-            (i + 1 < columns).then_some(cell + 1),
-            (j > 0).then(|| cell - columns),
-            (j + 1 < rows).then_some(cell + columns),
-        ];
-        sides.into_iter().flatten()
     }
 
     pub(super) fn cover(&self, at: [f64; 2]) -> Cover {

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use super::cover_raster::CoverRaster;
+use super::cover_raster::{CoverRaster, neighbours};
 use crate::scene::material::Surface;
 use crate::scene::parts::{Builder, Point};
 use crate::scene::value_noise::{Noise, ramp};
@@ -71,27 +71,15 @@ impl Ground {
         known
     }
 
-    fn beside(&self, k: usize) -> impl Iterator<Item = usize> + use<> {
-        let [columns, rows] = self.size;
-        let (i, j) = (k % columns, k / columns);
-        let sides = [
-            (i > 0).then(|| k - 1),
-            (i + 1 < columns).then_some(k + 1),
-            (j > 0).then(|| k - columns),
-            (j + 1 < rows).then_some(k + columns),
-        ];
-        sides.into_iter().flatten()
-    }
-
     /// Fills heights from the roads outward: each is the mean of its known neighbours.
     fn fill(&mut self, known: &[bool]) {
         let mut queue: VecDeque<usize> = (0..known.len()).filter(|k| known[*k]).collect();
         while let Some(k) = queue.pop_front() {
-            for beside in self.beside(k) {
+            for beside in neighbours(self.size, k) {
                 if !self.heights_m[beside].is_nan() {
                     continue;
                 }
-                let around = self.beside(beside).map(|n| self.heights_m[n]);
+                let around = neighbours(self.size, beside).map(|n| self.heights_m[n]);
                 let (sum, count) = around
                     .filter(|h| !h.is_nan())
                     .fold((0.0, 0), |(sum, count), h| (sum + h, count + 1));
@@ -106,8 +94,7 @@ impl Ground {
     fn even_out(&mut self, known: &[bool]) {
         for _ in 0..SWEEPS {
             for k in (0..known.len()).filter(|k| !known[*k]) {
-                let (sum, count) = self
-                    .beside(k)
+                let (sum, count) = neighbours(self.size, k)
                     .fold((0.0, 0), |(sum, count), n| (sum + self.heights_m[n], count + 1));
                 self.heights_m[k] = sum / f64::from(count.max(1));
             }

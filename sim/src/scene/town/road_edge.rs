@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use super::cover_raster::flat;
 use crate::roads::{Lane, LaneKind, RoadNetwork};
 use crate::scene::parts::{Frame, Point};
+use crate::vector::mix;
 
 /// Edge of one side of a road outside crossings.
 pub(super) struct RoadEdge {
@@ -61,7 +62,7 @@ impl RoadEdge {
         let (p, q) = (self.points[k - 1], self.points[k]);
         let long = (self.along_m[k] - self.along_m[k - 1]).max(1e-9);
         let t = (along_m - self.along_m[k - 1]) / long;
-        let at: Point = std::array::from_fn(|i| p[i] + (q[i] - p[i]) * t);
+        let at = mix(p, q, t);
         let ahead = [(q[0] - p[0]) / long, (q[1] - p[1]) / long];
         let out = [-self.side * ahead[1], self.side * ahead[0]];
         Frame::new(at, libm::atan2(-out[0], out[1]))

@@ -1,9 +1,10 @@
 //! Surfaces of roads: lanes, kerbs, sides, paint.
 
-use super::cover_raster::{Cover, CoverRaster, KERB_M, flat, mix, pieces};
+use super::cover_raster::{Cover, CoverRaster, KERB_M, flat, pieces};
 use crate::roads::{Lane, LaneKind, Prop, RoadNetwork};
 use crate::scene::material::Surface;
 use crate::scene::parts::{Builder, Point, add};
+use crate::vector::mix;
 
 /// Height of paint above its road, metres.
 const PAINT_M: f64 = 0.004;

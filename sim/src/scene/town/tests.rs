@@ -79,7 +79,7 @@ fn ground_meets_roads_and_never_shows_through_them() {
         let (mut seen, mut off, mut beside) = (0, 0, 0);
         for lane in network.lanes().iter().filter(|lane| lane.kind == LaneKind::Driving) {
             for [left, right] in &lane.ribs {
-                let at = cover_raster::mix(*left, *right, 0.5);
+                let at = crate::vector::mix(*left, *right, 0.5);
                 let (height, material) = down(at).expect("a road");
                 // Overlapping roads in crossings of Town07 differ by up to half a metre in height.
                 let is_off = (height - at[2]).abs() > 0.05;
