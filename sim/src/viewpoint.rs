@@ -100,7 +100,7 @@ pub struct Rejections {
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum ViewpointError {
     /// The plan cannot be satisfied in any place.
-    #[error("{field} is {value}, which is no {expected}")]
+    #[error("{field} is {value}, expected {expected}")]
     BadPlan {
         /// The field of [`PairPlan`].
         field: &'static str,
@@ -204,25 +204,25 @@ impl PairPlan {
 
     fn check(&self) -> Result<(), ViewpointError> {
         let rules = [
-            ("baseline_m", self.baseline_m, self.baseline_m >= 0.0, "distance in metres"),
+            ("baseline_m", self.baseline_m, self.baseline_m >= 0.0, "a distance in metres"),
             (
                 "baseline_factor",
                 self.baseline_factor,
                 self.baseline_factor >= 1.0,
-                "factor of 1 or more",
+                "a factor of 1 or more",
             ),
-            ("height_m", self.height_m, self.height_m > 0.0, "height in metres"),
+            ("height_m", self.height_m, self.height_m > 0.0, "a height in metres"),
             (
                 "heading_range_deg",
                 self.heading_range_deg,
                 (0.0..=180.0).contains(&self.heading_range_deg),
-                "angle of 0 to 180 degrees",
+                "an angle of 0 to 180 degrees",
             ),
             (
                 "tilt_range_deg",
                 self.tilt_range_deg,
                 (0.0..=45.0).contains(&self.tilt_range_deg),
-                "angle of 0 to 45 degrees",
+                "an angle of 0 to 45 degrees",
             ),
         ];
         match rules.into_iter().find(|(_, value, holds, _)| !holds || !value.is_finite()) {

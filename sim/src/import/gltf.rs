@@ -46,7 +46,9 @@ pub(super) fn read(bytes: &[u8], open: &mut OpenFile<'_>, default: Surface) -> R
     while let Some(place) = pending.pop() {
         if std::mem::replace(&mut shown[place.node.index()], true) {
             let node = place.node.index();
-            return Err(Fault::Format(format!("node {node} has two parents or is its own")));
+            return Err(Fault::Format(format!(
+                "node {node} has two parents or is its own ancestor"
+            )));
         }
         pending.extend(place.children());
         reader.show(&place)?;
@@ -239,7 +241,7 @@ impl Reader {
             > self.most
         {
             let most = self.most;
-            return Err(Fault::Format(format!("it shows more than {most} vertices and triangles")));
+            return Err(Fault::Format(format!("it has more than {most} vertices and triangles")));
         }
         let first = self.mesh.vertices.len() as u32;
         let vertices = (0..points.count).map(|at| {

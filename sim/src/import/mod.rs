@@ -77,7 +77,7 @@ pub enum ImportError {
         source: std::io::Error,
     },
     /// Its extension is none of the formats'.
-    #[error("{} is no .ply, .obj, .gltf, .glb or .stl file", path.display())]
+    #[error("{} is not a .ply, .obj, .gltf, .glb or .stl file", path.display())]
     UnknownFormat {
         /// The file.
         path: PathBuf,

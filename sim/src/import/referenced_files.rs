@@ -108,8 +108,8 @@ impl<'a> ReferencedFiles<'a> {
         let outside_folder = || {
             let name = shown(name);
             Err(format!(
-                "{what} {name:?} lies in another folder than the mesh: it is read with \
-                 scene.libraries = \"anywhere\", and with \"none\" no library is"
+                "{what} {name:?} lies in another folder than the mesh: scene.libraries = \
+                 \"anywhere\" reads it, and \"none\" reads no library"
             ))
         };
         let is_below = |part| matches!(part, Component::Normal(_) | Component::CurDir);

@@ -84,7 +84,7 @@ fn a_malformed_file_is_refused_by_name_and_reason() {
         ("none.gltf", r#"{"asset":{"version":"2.0"}}"#.into(), "no faces"),
         ("text.gltf", "hello".into(), "is not a glTF mesh: expected value at line 1"),
         ("cut.glb", "glTF\u{2}\0\0\0".into(), "its header is cut short"),
-        ("mesh.fbx", "solid\n".into(), "is no .ply, .obj, .gltf, .glb or .stl file"),
+        ("mesh.fbx", "solid\n".into(), "is not a .ply, .obj, .gltf, .glb or .stl file"),
     ];
     for (name, content, reason) in table {
         let error = load(name, content.as_bytes()).expect_err(name).to_string();
@@ -289,7 +289,7 @@ fn a_plane_that_is_no_ground_is_refused() {
         [f64::INFINITY, 0.0, 0.0],
     ] {
         let said = load(bad[0], bad[1], bad[2]).expect_err("no ground").to_string();
-        assert!(said.contains("must rise by 1 m a metre at most"), "{said}");
+        assert!(said.contains("must rise by at most 1 m per metre"), "{said}");
     }
     let scene = load(0.5, -1.0, -5000.0).expect("steep, but ground");
     assert!(scene.mesh.vertices.iter().flatten().all(|x| x.is_finite()));

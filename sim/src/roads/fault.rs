@@ -62,7 +62,7 @@ pub enum RoadsError {
         source: std::io::Error,
     },
     /// The file is no road network that can be built.
-    #[error("{} is no OpenDRIVE road network: {fault}", path.display())]
+    #[error("{} is not an OpenDRIVE road network: {fault}", path.display())]
     Malformed {
         /// The file.
         path: PathBuf,

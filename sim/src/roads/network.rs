@@ -169,7 +169,7 @@ pub fn load_network(path: &Path) -> Result<RoadNetwork, RoadsError> {
 pub fn parse_network(path: &Path, bytes: &[u8]) -> Result<RoadNetwork, RoadsError> {
     let name = path.file_stem().map_or_else(String::new, |stem| shown(&stem.to_string_lossy()));
     let text = std::str::from_utf8(bytes)
-        .map_err(|error| RoadFault::Format(format!("it is no text in UTF-8: {error}")));
+        .map_err(|error| RoadFault::Format(format!("it is not UTF-8 text: {error}")));
     text.and_then(|text| RoadNetwork::parse(&name, text))
         .map_err(|fault| RoadsError::Malformed { path: path.into(), fault })
 }

@@ -137,7 +137,7 @@ fn check_work(profiles: &[Profile]) -> Result<(), RoadFault> {
         let rounds = turn_rad / std::f64::consts::TAU;
         // More pieces may turn more: each takes bytes of the file.
         if rounds > MAX_ROUNDS.max(profile.geometries.len() as f64) {
-            let what = format!("it goes round {rounds:.0} times, more than {MAX_ROUNDS:.0}");
+            let what = format!("it makes {rounds:.0} full turns, more than {MAX_ROUNDS:.0}");
             return Err(RoadFault::of(&profile.id, what));
         }
         let sections = 0..profile.sections.len();

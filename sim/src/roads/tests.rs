@@ -215,7 +215,7 @@ fn a_broken_network_is_refused_by_road_and_fault() {
             straight()
                 .replace("length=\"40\"", "length=\"1e5\"")
                 .replace("<line/>", "<arc curvature=\"1\"/>"),
-            "road 7: it goes round 15915 times, more than 100",
+            "road 7: it makes 15915 full turns, more than 100",
         ),
         (
             straight()
@@ -300,7 +300,7 @@ fn a_broken_network_is_refused_by_road_and_fault() {
     ];
     for (text, expected) in cases {
         let said = parse(&text).expect_err(expected);
-        let start = format!("some/town.xodr is no OpenDRIVE road network: {expected}");
+        let start = format!("some/town.xodr is not an OpenDRIVE road network: {expected}");
         assert!(said.starts_with(&start), "{said}\n{start}");
     }
 }

@@ -165,9 +165,8 @@ pub struct UnknownTown;
 pub enum TownError {
     /// The file of its roads is missing.
     #[error(
-        "{town} stands on CARLA's roads, and {} is not there: ECHOLOOP_DATA names the folder in \
-         which carla_xodr/{file} lies; it is from {ORIGIN}, or give any road network: --scene \
-         FILE.xodr",
+        "{town} needs CARLA's roads, and {} is missing: set ECHOLOOP_DATA to the folder with \
+         carla_xodr/{file} (from {ORIGIN}), or use any road network: --scene FILE.xodr",
         found.as_ref().map_or_else(|| file.to_string(), |path| path.display().to_string())
     )]
     NoFile {
@@ -297,7 +296,7 @@ mod tests {
         );
         let empty = tempfile::tempdir().expect("a folder");
         let said = build_town(Town::Town01, Some(empty.path())).expect_err("no file").to_string();
-        assert!(said.contains("carla_xodr/Town01.xodr is not there"), "{said}");
+        assert!(said.contains("carla_xodr/Town01.xodr is missing"), "{said}");
     }
 
     #[test]

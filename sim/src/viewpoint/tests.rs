@@ -54,7 +54,7 @@ fn with_a_factor_baselines_lie_between_one_and_the_factor_times_the_least() {
     assert!(few[5..].iter().map(apart).all(|distance| (distance - 2.0).abs() < 1e-9));
     let nearer = PairPlan { baseline_factor: 0.9, ..plan };
     let error = sample_pairs(&scene, &caster, &nearer).expect_err("below 1");
-    assert_eq!(error.to_string(), "baseline_factor is 0.9, which is no factor of 1 or more");
+    assert_eq!(error.to_string(), "baseline_factor is 0.9, expected a factor of 1 or more");
 }
 
 #[test]
@@ -153,7 +153,7 @@ fn a_senseless_plan_names_its_field() {
     let scene = generate(SceneKind::Structured, 1);
     let plan = PairPlan { baseline_m: f64::NAN, ..PairPlan::default() };
     let error = sample_pairs(&scene, &Raycaster::new(&scene), &plan).expect_err("no baseline");
-    assert_eq!(error.to_string(), "baseline_m is NaN, which is no distance in metres");
+    assert_eq!(error.to_string(), "baseline_m is NaN, expected a distance in metres");
 }
 
 fn mesh_scene(vertices: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>) -> Scene {
