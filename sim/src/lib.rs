@@ -1,15 +1,15 @@
 //! The world around the sensor: scenes, ray casting, the scanner, and the boards the firmware runs
 //! on.
 //!
-//! 1. [`scene::generate`] makes a place, [`import::load_scene`] reads one: triangles with
+//! 1. [`scene::generate`] generates a place, [`import::load_scene`] reads one: triangles with
 //!    materials.
 //! 2. [`viewpoint::sample_pairs`] finds pairs of poses in it that a surveyor could scan from.
-//! 3. [`scanner::Scanner::scan`] traces every beam from a pose. The answer holds the place and
-//!    nothing of the sensor's settings.
+//! 3. [`scanner::Scanner::scan`] traces every beam from a pose. The returns depend on the place, and
+//!    not on the settings of the sensor.
 //! 4. [`board::PcSensor`] runs the sensor's application in this process behind a front end that
 //!    renders such answers; `qemu::Qemu` does the same with the image of a microcontroller.
 //!    [`shots::Shots`] drives such a front end alone, for a board that has none.
-//! 5. [`picture::draw`] shows a scene to people.
+//! 5. [`picture::draw`] draws a picture of a scene.
 //!
 //! ```
 //! use echoloop_sim::raycast::Raycaster;
